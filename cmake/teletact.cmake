@@ -1,0 +1,44 @@
+# Shared by every CMakeLists.txt: compile options and one function per kind of target.
+
+add_library(teletact_options INTERFACE)
+target_compile_options(teletact_options INTERFACE -Wall -Wextra $<$<BOOL:${TELETACT_WERROR}>:-Werror>)
+if(TELETACT_NATIVE)
+  target_compile_options(teletact_options INTERFACE -march=native)
+endif()
+if(TELETACT_SANITIZE)
+  target_compile_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE} -fno-omit-frame-pointer)
+  target_link_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE})
+endif()
+target_include_directories(teletact_options INTERFACE ${PROJECT_SOURCE_DIR})
+
+# One static library per folder: teletact_module(service/device LIBRARIES ...) -> service_device,
+# made of every .cpp in that folder.
+function(teletact_module folder)
+  cmake_parse_arguments(arg "" "" "LIBRARIES" ${ARGN})
+  string(REPLACE "/" "_" name ${folder})
+  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.cpp)
+  if(sources)
+    add_library(${name} STATIC ${sources})
+    target_link_libraries(${name} PUBLIC teletact_options ${arg_LIBRARIES})
+  else()
+    add_library(${name} INTERFACE)
+    target_link_libraries(${name} INTERFACE teletact_options ${arg_LIBRARIES})
+  endif()
+endfunction()
+
+# One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest
+# entry each, with its own OpenCL kernel cache. LABELS go to ctest.
+function(teletact_tests folder)
+  cmake_parse_arguments(arg "" "" "LIBRARIES;LABELS" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${folder}/*_test.cpp)
+  if(NOT sources)
+    return()
+  endif()
+  string(REPLACE "/" "_" name ${folder})
+  add_executable(${name}_test ${sources})
+  target_link_libraries(${name}_test PRIVATE teletact_options tests_support ${arg_LIBRARIES} GTest::gtest GTest::gtest_main)
+  add_test(NAME ${name} COMMAND ${name}_test)
+  file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/pocl-cache/${name})
+  set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "${arg_LABELS}"
+    ENVIRONMENT "POCL_CACHE_DIR=${PROJECT_BINARY_DIR}/pocl-cache/${name};LSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tests/support/lsan.supp;TELETACT_SOURCE_DIR=${PROJECT_SOURCE_DIR};TELETACT_BINARY_DIR=${PROJECT_BINARY_DIR}")
+endfunction()

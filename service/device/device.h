@@ -1,0 +1,187 @@
+// OpenCL behind one small door: choosing a device, building kernels with a disk cache, buffers, launches,
+// profiling. The only folder that knows cl::; everything above speaks of arrays and kernels.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace teletact::service {
+
+// Failure of the OpenCL runtime or a missing device; what() is one line a person can act on.
+struct DeviceError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+enum class Precision { kFloat, kDouble };  // the `real` of a kernel program
+
+struct DeviceInfo {
+  std::size_t index = 0;  // position in list_devices()
+  std::string name, vendor, platform, version, driver_version;
+  bool has_double = false;
+  std::uint32_t compute_units = 0;
+  std::uint64_t global_memory_bytes = 0, max_allocation_bytes = 0;
+};
+
+// Every OpenCL device of every platform; empty when there is none. Checks first what PoCL needs to survive
+// (a writable kernel cache folder, /proc and /sys) and throws DeviceError naming it.
+std::vector<DeviceInfo> list_devices();
+
+// Build parameters of a kernel program, passed as -DNAME=VALUE.
+using Defines = std::map<std::string, std::string>;
+
+class Context;      // the cl:: objects of one device, shared
+struct RawBuffer;   // cl::Buffer
+struct RawKernel;   // cl::Kernel and its queue
+struct RawProgram;  // cl::Program
+
+// n items of T in device memory. Movable, not copyable. Reads and writes go through the queue.
+template <class T>
+class Array {
+ public:
+  Array() = default;
+  std::size_t size() const { return size_; }
+  std::size_t bytes() const { return size_ * sizeof(T); }
+  explicit operator bool() const { return raw_ != nullptr; }
+
+ private:
+  friend class Queue;
+  friend class Kernel;
+  std::shared_ptr<RawBuffer> raw_;
+  std::size_t size_ = 0;
+};
+
+// Work sizes of a launch. The global size is rounded up to a multiple of the local one: kernels check bounds.
+struct Range {
+  std::array<std::size_t, 3> global{1, 1, 1};
+  std::array<std::size_t, 3> local{1, 1, 1};
+};
+
+// Local memory argument of a kernel.
+struct Local {
+  std::size_t bytes = 0;
+};
+
+// One kernel on one queue; not thread-safe (it holds its arguments).
+class Kernel {
+ public:
+  Kernel() = default;
+  // Sets the arguments in order and enqueues; returns at once. Arguments: Array<T>, Local, arithmetic values
+  // of exactly the kernel's type (int, float, double, unsigned, std::uint64_t ...).
+  template <class... Args>
+  void operator()(const Range& range, const Args&... args) {
+    unsigned index = 0;
+    (set(index++, args), ...);
+    launch(range);
+  }
+
+ private:
+  friend class Queue;
+  template <class T>
+  void set(unsigned index, const Array<T>& array) {
+    set_buffer(index, array.raw_.get());
+  }
+  void set(unsigned index, const Local& local) { set_bytes(index, nullptr, local.bytes); }
+  template <class T>
+    requires std::is_arithmetic_v<T>
+  void set(unsigned index, const T& value) {
+    set_bytes(index, &value, sizeof(T));
+  }
+  void set_buffer(unsigned index, const RawBuffer* buffer);
+  void set_bytes(unsigned index, const void* data, std::size_t bytes);
+  void launch(const Range& range);
+  std::shared_ptr<RawKernel> raw_;
+};
+
+// Seconds and launches per kernel name, when profiling is on.
+struct KernelTime {
+  std::string name;
+  std::uint64_t launches = 0;
+  double seconds = 0;
+};
+
+// An in-order command queue. One thread at a time. Several queues may work on one device.
+class Queue {
+ public:
+  Queue() = default;
+  template <class T>
+  Array<T> array(std::size_t size) const {  // uninitialised
+    Array<T> a;
+    a.raw_ = allocate(size * sizeof(T));
+    a.size_ = size;
+    return a;
+  }
+  template <class T>
+  Array<T> array(const std::vector<T>& host) const {
+    Array<T> a = array<T>(host.size());
+    write(a, host.data(), host.size());
+    return a;
+  }
+  // Blocking copies of `count` items from item `offset` on.
+  template <class T>
+  void write(Array<T>& a, const T* host, std::size_t count, std::size_t offset = 0) const {
+    write_bytes(*a.raw_, host, count * sizeof(T), offset * sizeof(T));
+  }
+  template <class T>
+  void read(const Array<T>& a, T* host, std::size_t count, std::size_t offset = 0) const {
+    read_bytes(*a.raw_, host, count * sizeof(T), offset * sizeof(T));
+  }
+  template <class T>
+  std::vector<T> read(const Array<T>& a) const {
+    std::vector<T> host(a.size());
+    read(a, host.data(), host.size());
+    return host;
+  }
+  template <class T>
+  void copy(const Array<T>& from, Array<T>& to) const {
+    copy_bytes(*from.raw_, *to.raw_, from.bytes());
+  }
+  template <class T>
+  void fill_zero(Array<T>& a) const {
+    zero_bytes(*a.raw_, a.bytes());
+  }
+  // Kernel `name` of program `source` (file name in kernels/, without .cl), built at most once for each
+  // (source, precision, defines) on this device, from the disk cache where possible.
+  Kernel kernel(std::string_view source, std::string_view name, Precision precision, const Defines& = {}) const;
+  void finish() const;
+  std::vector<KernelTime> profile() const;  // empty unless opened with profiling
+  const DeviceInfo& info() const;
+  bool supports(Precision precision) const;
+
+ private:
+  friend class Device;
+  std::shared_ptr<RawBuffer> allocate(std::size_t bytes) const;
+  void write_bytes(RawBuffer&, const void*, std::size_t bytes, std::size_t offset) const;
+  void read_bytes(const RawBuffer&, void*, std::size_t bytes, std::size_t offset) const;
+  void copy_bytes(const RawBuffer&, RawBuffer&, std::size_t bytes) const;
+  void zero_bytes(RawBuffer&, std::size_t bytes) const;
+  struct State;
+  std::shared_ptr<State> state_;
+};
+
+struct DeviceOptions {
+  std::string select;            // "" = first GPU, else first device; a number = index; else part of the name
+  std::string kernel_directory;  // "" = embedded sources; else read .cl files from there (development)
+  std::string cache_directory;   // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
+  bool profiling = false;
+  int niceness = 0;  // of the runtime's worker threads (PoCL), so that touch runs before imaging
+};
+
+// One opened device. Thread-safe.
+class Device {
+ public:
+  static std::shared_ptr<Device> open(const DeviceOptions& = {});
+  Queue queue() const;
+  const DeviceInfo& info() const;
+
+ private:
+  std::shared_ptr<Context> context_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,47 @@
+// Ultrasound RF frames and what the imaging plane makes of them, on the image grid.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace teletact::service {
+
+// One RF frame: sample k of A-line l at samples[k + sample_count * l] (axial fastest).
+struct RfFrame {
+  std::size_t sample_count = 0, line_count = 0;
+  std::vector<float> samples;
+};
+
+enum class DisplacementFrame { kLab, kProbe };  // LAB: far side rests; PROBE: probe face rests (theory, Axes)
+
+struct AcquisitionGeometry {
+  double center_frequency_hz = 0, sampling_frequency_hz = 0;
+  double sound_speed_m_s = 1540;
+  double line_pitch_m = 0;
+  double first_sample_depth_m = 0;  // depth of sample 0
+  DisplacementFrame frame = DisplacementFrame::kProbe;
+  double sample_pitch_m() const { return sound_speed_m_s / (2 * sampling_frequency_hz); }
+};
+
+// Force sensor of the probe: resisting force (N, > 0 in compression) over the probe's contact area. Absent:
+// the modulus is relative (T3).
+struct ProbeForce {
+  double force_n = 0;
+  double contact_area_m2 = 0;
+};
+
+// The image grid: node (i, j) at (origin_x + i dx, origin_y + j dy), x fastest; x from the first A-line's
+// left border (window coordinates), y depth.
+struct ImageGrid {
+  std::size_t nx = 0, ny = 0;
+  double origin_x_m = 0, origin_y_m = 0, dx_m = 0, dy_m = 0;
+  std::size_t size() const { return nx * ny; }
+};
+
+// One scalar per node of an image grid.
+using Field = std::vector<float>;
+
+}  // namespace teletact::service

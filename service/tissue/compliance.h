@@ -1,0 +1,33 @@
+// Surface compliance (T4.2): displacement of the nodes of one touched line under unit nodal forces on that
+// line, everything else condensed. Two ways give the same numbers: layer-by-layer elimination on the host
+// (condensed, the fast path) and device PCG (columns on demand).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <span>
+
+namespace teletact::service {
+
+// Solver report of the solves behind some columns; the direct elimination reports zero iterations.
+struct SolveReport {
+  std::size_t iterations = 0;       // the most of any column
+  double true_residual = 0;         // ||f - K u|| / ||f||, recomputed, the worst column
+  double recursive_residual = 0;    // the solver's own recurrence
+  double relative_error = 0;        // estimate of the relative error of a force made from them
+  bool converged = true;
+  const char* reason = "direct";    // why it stopped
+};
+
+// Columns of the compliance of one line. Rows and columns are ordered
+// [u_x of node 0, u_y of node 0, u_x of node 1, ...] over the nodes asked for.
+class Compliance {
+ public:
+  virtual ~Compliance() = default;
+  // Compliance (m per N/m, plane strain: force per metre of thickness) among `nodes`, indices along the line
+  // (grid columns i), strictly increasing. Size 2n x 2n, symmetric positive definite.
+  // Throws std::out_of_range for a node that this compliance does not serve.
+  virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
+};
+
+}  // namespace teletact::service
