@@ -53,8 +53,9 @@ struct ContactAnswer {
 
 // Solves the unilateral contact for one pose: U = min over p_y >= 0 of the complementary energy on the nodes
 // of the patch. Throws std::out_of_range when the tip reaches beyond the columns the model can be touched on,
-// std::invalid_argument (field named) for an unusable fingertip or pose, e.g. an indentation deeper than the tissue
-// below the line.
-ContactAnswer solve_contact(const TissueModel&, std::size_t line, Compliance&, const Fingertip&, const ContactPose&);
+// std::invalid_argument (field named) for an unusable fingertip or pose, e.g. an indentation deeper than the
+// tissue below the line.
+ContactAnswer solve_contact(const TissueModel&, std::size_t line, Compliance&, const Fingertip&,
+                            const ContactPose&);
 
 }  // namespace teletact::service

@@ -89,10 +89,8 @@ class Kernel {
   }
   void set(unsigned index, const Local& local) { set_bytes(index, nullptr, local.bytes); }
   template <class T>
-    requires std::is_arithmetic_v<T>
-  void set(unsigned index, const T& value) {
-    set_bytes(index, &value, sizeof(T));
-  }
+  requires std::is_arithmetic_v<T>
+  void set(unsigned index, const T& value) { set_bytes(index, &value, sizeof(T)); }
   void set_buffer(unsigned index, const RawBuffer* buffer);
   void set_bytes(unsigned index, const void* data, std::size_t bytes);
   void launch(const Range& range);
@@ -148,7 +146,8 @@ class Queue {
   }
   // Kernel `name` of program `source` (file name in kernels/, without .cl), built at most once for each
   // (source, precision, defines) on this device, from the disk cache where possible.
-  Kernel kernel(std::string_view source, std::string_view name, Precision precision, const Defines& = {}) const;
+  Kernel kernel(std::string_view source, std::string_view name, Precision precision,
+                const Defines& = {}) const;
   void finish() const;
   std::vector<KernelTime> profile() const;  // empty unless opened with profiling
   const DeviceInfo& info() const;

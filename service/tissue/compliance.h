@@ -11,12 +11,12 @@ namespace teletact::service {
 
 // Solver report of the solves behind some columns; the direct elimination reports zero iterations.
 struct SolveReport {
-  std::size_t iterations = 0;       // the most of any column
-  double true_residual = 0;         // ||f - K u|| / ||f||, recomputed, the worst column
-  double recursive_residual = 0;    // the solver's own recurrence
-  double relative_error = 0;        // estimate of the relative error of a force made from them
+  std::size_t iterations = 0;     // the most of any column
+  double true_residual = 0;       // ||f - K u|| / ||f||, recomputed, the worst column
+  double recursive_residual = 0;  // the solver's own recurrence
+  double relative_error = 0;      // estimate of the relative error of a force made from them
   bool converged = true;
-  const char* reason = "direct";    // why it stopped
+  const char* reason = "direct";  // why it stopped
 };
 
 // Columns of the compliance of one line. Rows and columns are ordered

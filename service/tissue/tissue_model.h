@@ -13,8 +13,9 @@ namespace teletact::service {
 class Device;
 
 struct TissueModelOptions {
-  double touch_begin_m = 0, touch_end_m = 0;  // grid columns that a finger can reach: compliance is kept there
-  double thickness_m = 0.010;                 // out-of-plane contact width of the finger (T: axes)
+  double touch_begin_m = 0,
+         touch_end_m = 0;      // grid columns that a finger can reach: compliance is kept there
+  double thickness_m = 0.010;  // out-of-plane contact width of the finger (T: axes)
 };
 
 // Grid, material and supports with the compliance of its lines. Thread-safe; the surface line is condensed in
