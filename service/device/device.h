@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 namespace teletact::service {
@@ -36,10 +37,9 @@ std::vector<DeviceInfo> list_devices();
 // Build parameters of a kernel program, passed as -DNAME=VALUE.
 using Defines = std::map<std::string, std::string>;
 
-class Context;      // the cl:: objects of one device, shared
-struct RawBuffer;   // cl::Buffer
-struct RawKernel;   // cl::Kernel and its queue
-struct RawProgram;  // cl::Program
+class Context;     // the cl:: objects of one device, shared
+struct RawBuffer;  // cl::Buffer
+struct RawKernel;  // cl::Kernel and its queue
 
 // n items of T in device memory. Movable, not copyable. Reads and writes go through the queue.
 template <class T>
@@ -58,6 +58,7 @@ class Array {
 };
 
 // Work sizes of a launch. The global size is rounded up to a multiple of the local one: kernels check bounds.
+// Sizes left out, as in {{n}, {64}}, are 1; nothing is launched when global[0] is 0.
 struct Range {
   std::array<std::size_t, 3> global{1, 1, 1};
   std::array<std::size_t, 3> local{1, 1, 1};
@@ -169,7 +170,9 @@ struct DeviceOptions {
   std::string kernel_directory;  // "" = embedded sources; else read .cl files from there (development)
   std::string cache_directory;   // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
   bool profiling = false;
-  int niceness = 0;  // of the runtime's worker threads (PoCL), so that touch runs before imaging
+  // Nice value of the runtime's worker threads (PoCL), so that touch runs before imaging. PoCL starts them at
+  // the process's first use of OpenCL, list_devices() included: it takes effect only when this is that.
+  int niceness = 0;
 };
 
 // One opened device. Thread-safe.

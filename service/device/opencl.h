@@ -1,0 +1,68 @@
+// The cl:: objects behind device.h. Private to service/device.
+#pragma once
+
+#define CL_HPP_TARGET_OPENCL_VERSION 300
+#define CL_HPP_MINIMUM_OPENCL_VERSION 300
+#define CL_HPP_ENABLE_EXCEPTIONS
+#include <CL/opencl.hpp>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "service/device/device.h"
+
+namespace teletact::service {
+
+struct RawBuffer {
+  cl::Buffer buffer;
+  std::size_t bytes = 0;
+};
+
+// Launches of one queue that profiling has not yet summed up. Used by the queue's thread only.
+struct LaunchLog {
+  bool enabled = false;
+  std::vector<std::pair<std::string, cl::Event>> pending;
+  std::map<std::string, KernelTime> totals;
+  void collect();  // waits for the pending launches and adds them to the totals
+};
+
+struct RawKernel {
+  cl::Kernel kernel;
+  cl::CommandQueue queue;
+  std::shared_ptr<LaunchLog> log;
+  std::string name;
+};
+
+// One device opened by the process: its programs are built at most once each.
+class Context {
+ public:
+  Context(cl::Device, DeviceInfo, DeviceOptions);
+  const DeviceInfo& info() const { return info_; }
+  const DeviceOptions& options() const { return options_; }
+  const cl::Context& cl() const { return context_; }
+  const cl::Device& device() const { return device_; }
+  // A new cl::Kernel. Thread-safe: OpenCL's kernel creation is not, everywhere.
+  cl::Kernel kernel(const std::string& source, const std::string& name, Precision, const Defines&);
+
+ private:
+  cl::Device device_;
+  DeviceInfo info_;
+  DeviceOptions options_;
+  cl::Context context_;
+  std::mutex mutex_;
+  std::map<std::string, cl::Program> programs_;  // by source name, precision and defines
+};
+
+// Runs `call`; turns a cl::Error into a DeviceError that says what was being done.
+template <class Call>
+auto guarded(const std::string& doing, Call&& call) {
+  try {
+    return call();
+  } catch (const cl::Error& e) {
+    throw DeviceError(doing + ": OpenCL error " + std::to_string(e.err()) + " in " + e.what());
+  }
+}
+
+}  // namespace teletact::service

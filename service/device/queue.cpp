@@ -1,0 +1,149 @@
+// Buffers, copies, launches and their profile.
+#include "service/device/queue.h"
+
+#include <algorithm>
+
+namespace teletact::service {
+namespace {
+
+// Launches kept before the profile is summed up.
+constexpr std::size_t kPendingLaunches = 4096;
+
+void check_range(const RawBuffer& buffer, std::size_t bytes, std::size_t offset) {
+  if (offset > buffer.bytes || bytes > buffer.bytes - offset)
+    throw DeviceError("copy of " + std::to_string(bytes) + " bytes at " + std::to_string(offset) +
+                      " exceeds a buffer of " + std::to_string(buffer.bytes));
+}
+
+}  // namespace
+
+void LaunchLog::collect() {
+  for (auto& [name, event] : pending) {
+    event.wait();
+    KernelTime& total = totals[name];
+    total.name = name;
+    ++total.launches;
+    total.seconds += 1e-9 * static_cast<double>(event.getProfilingInfo<CL_PROFILING_COMMAND_END>() -
+                                                event.getProfilingInfo<CL_PROFILING_COMMAND_START>());
+  }
+  pending.clear();
+}
+
+void Kernel::set_buffer(unsigned index, const RawBuffer* buffer) {
+  if (!raw_) throw DeviceError("launch of a kernel that was never built");
+  if (!buffer)
+    throw DeviceError("argument " + std::to_string(index) + " of kernel " + raw_->name + " is no array");
+  guarded("argument " + std::to_string(index) + " of kernel " + raw_->name,
+          [&] { raw_->kernel.setArg(index, buffer->buffer); });
+}
+
+void Kernel::set_bytes(unsigned index, const void* data, std::size_t bytes) {
+  if (!raw_) throw DeviceError("launch of a kernel that was never built");
+  guarded("argument " + std::to_string(index) + " of kernel " + raw_->name,
+          [&] { raw_->kernel.setArg(index, bytes, data); });
+}
+
+void Kernel::launch(const Range& range) {
+  if (!raw_) throw DeviceError("launch of a kernel that was never built");
+  if (range.global[0] == 0) return;
+  std::array<std::size_t, 3> global{}, local{};
+  for (std::size_t d = 0; d < 3; ++d) {
+    local[d] = std::max<std::size_t>(1, range.local[d]);
+    global[d] = (std::max<std::size_t>(1, range.global[d]) + local[d] - 1) / local[d] * local[d];
+  }
+  guarded("launch of kernel " + raw_->name, [&] {
+    cl::Event event;
+    raw_->queue.enqueueNDRangeKernel(
+        raw_->kernel, cl::NullRange, cl::NDRange(global[0], global[1], global[2]),
+        cl::NDRange(local[0], local[1], local[2]), nullptr, raw_->log->enabled ? &event : nullptr);
+    if (!raw_->log->enabled) return;
+    raw_->log->pending.emplace_back(raw_->name, event);
+    if (raw_->log->pending.size() >= kPendingLaunches) raw_->log->collect();
+  });
+}
+
+Queue::State::State(std::shared_ptr<Context> shared)
+    : context(std::move(shared)), log(std::make_shared<LaunchLog>()) {
+  log->enabled = context->options().profiling;
+  queue = guarded("creating a queue on " + context->info().name, [&] {
+    return cl::CommandQueue(context->cl(), context->device(),
+                            log->enabled ? cl::QueueProperties::Profiling : cl::QueueProperties::None);
+  });
+}
+
+Kernel Queue::kernel(std::string_view source, std::string_view name, Precision precision,
+                     const Defines& defines) const {
+  Kernel kernel;
+  kernel.raw_ = std::make_shared<RawKernel>();
+  kernel.raw_->kernel = state_->context->kernel(std::string(source), std::string(name), precision, defines);
+  kernel.raw_->queue = state_->queue;
+  kernel.raw_->log = state_->log;
+  kernel.raw_->name = name;
+  return kernel;
+}
+
+std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes) const {
+  const DeviceInfo& info = state_->context->info();
+  if (bytes > info.max_allocation_bytes)
+    throw DeviceError("an array of " + std::to_string(bytes) + " bytes exceeds the " +
+                      std::to_string(info.max_allocation_bytes) + " that " + info.name + " can hold in one");
+  auto raw = std::make_shared<RawBuffer>();
+  raw->bytes = bytes;
+  raw->buffer = guarded("allocating " + std::to_string(bytes) + " bytes on " + info.name, [&] {
+    return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE, std::max<std::size_t>(bytes, 1));
+  });
+  return raw;
+}
+
+void Queue::write_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, std::size_t offset) const {
+  check_range(buffer, bytes, offset);
+  if (bytes == 0) return;
+  guarded("writing to the device",
+          [&] { state_->queue.enqueueWriteBuffer(buffer.buffer, CL_TRUE, offset, bytes, host); });
+}
+
+void Queue::read_bytes(const RawBuffer& buffer, void* host, std::size_t bytes, std::size_t offset) const {
+  check_range(buffer, bytes, offset);
+  if (bytes == 0) return;
+  guarded("reading from the device",
+          [&] { state_->queue.enqueueReadBuffer(buffer.buffer, CL_TRUE, offset, bytes, host); });
+}
+
+void Queue::copy_bytes(const RawBuffer& from, RawBuffer& to, std::size_t bytes) const {
+  check_range(from, bytes, 0);
+  check_range(to, bytes, 0);
+  if (bytes == 0) return;
+  guarded("copying on the device",
+          [&] { state_->queue.enqueueCopyBuffer(from.buffer, to.buffer, 0, 0, bytes); });
+}
+
+void Queue::zero_bytes(RawBuffer& buffer, std::size_t bytes) const {
+  if (bytes == 0) return;
+  guarded("filling on the device", [&] {
+    if (bytes % 4 == 0)
+      state_->queue.enqueueFillBuffer(buffer.buffer, cl_uint{0}, 0, bytes);
+    else
+      state_->queue.enqueueFillBuffer(buffer.buffer, cl_uchar{0}, 0, bytes);
+  });
+}
+
+void Queue::finish() const {
+  guarded("waiting for the device", [&] { state_->queue.finish(); });
+}
+
+std::vector<KernelTime> Queue::profile() const {
+  guarded("profiling", [&] { state_->log->collect(); });
+  std::vector<KernelTime> times;
+  for (const auto& [name, time] : state_->log->totals) times.push_back(time);
+  return times;
+}
+
+const DeviceInfo& Queue::info() const {
+  return state_->context->info();
+}
+
+bool Queue::supports(Precision precision) const {
+  return precision == Precision::kFloat || info().has_double;
+}
+
+}  // namespace teletact::service

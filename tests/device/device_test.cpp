@@ -1,0 +1,251 @@
+// The door to OpenCL: choosing, building, caching, copying, failing with words.
+#include "service/device/device.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <thread>
+
+#include "service/device/program.h"
+
+namespace teletact::service {
+namespace {
+
+namespace fs = std::filesystem;
+
+const fs::path kSourceKernels = fs::path(__FILE__).parent_path() / "../../kernels";
+
+constexpr const char* kScale = R"(
+#include "factor.clh"
+#ifndef SHIFT
+#define SHIFT 0
+#endif
+// y = factor x + SHIFT, one item per entry
+kernel void scale(global const real* restrict x, global real* restrict y, const int n, local real* scratch) {
+  const int i = get_global_id(0);
+  if (i >= n) return;
+  y[i] = factor() * x[i] + SHIFT;
+}
+)";
+
+// A folder of kernels that is removed at the end.
+class Device_ : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string folder = (fs::temp_directory_path() / "teletact-device-XXXXXX").string();
+    ASSERT_NE(mkdtemp(folder.data()), nullptr);
+    folder_ = folder;
+    fs::create_directory(folder_ / "kernels");
+    fs::copy(kSourceKernels / "real.clh", folder_ / "kernels");
+    put("factor.clh", "real factor() { return 2; }\n");
+    put("scale.cl", kScale);
+    options_.kernel_directory = (folder_ / "kernels").string();
+    options_.cache_directory = (folder_ / "cache").string();
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  void put(const std::string& name, const std::string& text) {
+    std::ofstream(folder_ / "kernels" / name) << text;
+  }
+  std::vector<fs::path> cached() const {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(folder_ / "cache")) files.push_back(entry.path());
+    return files;
+  }
+  template <class T>
+  static std::vector<T> scaled(const Device& device, const Defines& defines = {}) {
+    const Queue queue = device.queue();
+    Kernel kernel = queue.kernel("scale", "scale",
+                                 std::is_same_v<T, double> ? Precision::kDouble : Precision::kFloat, defines);
+    const auto x = queue.array(std::vector<T>{1, 2, 3, 4, 5});
+    auto y = queue.array<T>(5);
+    queue.fill_zero(y);
+    kernel({{5}, {4}}, x, y, 5, Local{16});
+    return queue.read(y);
+  }
+  fs::path folder_;
+  DeviceOptions options_;
+};
+
+TEST_F(Device_, ListHasTheOpenedDevice) {
+  const auto device = Device::open(options_);
+  const auto all = list_devices();
+  ASSERT_FALSE(all.empty());
+  ASSERT_LT(device->info().index, all.size());
+  EXPECT_EQ(all[device->info().index].name, device->info().name);
+  EXPECT_GT(device->info().max_allocation_bytes, 0u);
+}
+
+TEST_F(Device_, IsChosenByIndexAndByPartOfItsName) {
+  const std::string name = list_devices().at(0).name;
+  options_.select = "0";
+  EXPECT_EQ(Device::open(options_)->info().index, 0u);
+  options_.select = name.substr(1, 5);
+  for (char& c : options_.select) c = static_cast<char>(std::toupper(c));
+  EXPECT_NE(Device::open(options_), nullptr);
+}
+
+TEST_F(Device_, MissingDeviceIsAnErrorThatListsWhatThereIs) {
+  for (const char* select : {"no such device", "17"}) {
+    options_.select = select;
+    try {
+      Device::open(options_);
+      FAIL() << "opened";
+    } catch (const DeviceError& e) {
+      EXPECT_NE(std::string(e.what()).find(select), std::string::npos) << e.what();
+      EXPECT_NE(std::string(e.what()).find("[0]"), std::string::npos) << e.what();
+    }
+  }
+}
+
+TEST_F(Device_, KernelRunsInBothPrecisionsPastARaggedEnd) {
+  const auto device = Device::open(options_);
+  EXPECT_EQ(scaled<float>(*device), (std::vector<float>{2, 4, 6, 8, 10}));
+  if (!device->info().has_double) GTEST_SKIP() << "device without double precision";
+  EXPECT_EQ(scaled<double>(*device, {{"SHIFT", "3"}}), (std::vector<double>{5, 7, 9, 11, 13}));
+}
+
+TEST_F(Device_, SecondOpeningUsesTheDiskCache) {
+  scaled<float>(*Device::open(options_));
+  ASSERT_EQ(cached().size(), 1u);
+  const auto written = fs::last_write_time(cached()[0]);
+  EXPECT_EQ(scaled<float>(*Device::open(options_)).at(4), 10.f);
+  ASSERT_EQ(cached().size(), 1u);
+  EXPECT_EQ(fs::last_write_time(cached()[0]), written);
+}
+
+TEST_F(Device_, CorruptCacheEntryIsAMissAndIsReplaced) {
+  scaled<float>(*Device::open(options_));
+  const fs::path entry = cached().at(0);
+  const auto size = fs::file_size(entry);
+  fs::resize_file(entry, size / 2);
+  EXPECT_EQ(scaled<float>(*Device::open(options_)).at(4), 10.f);
+  EXPECT_EQ(fs::file_size(entry), size);
+  std::fstream(entry, std::ios::in | std::ios::out | std::ios::binary).seekp(static_cast<long>(size) - 9)
+      << "rubbish";
+  EXPECT_EQ(scaled<float>(*Device::open(options_)).at(4), 10.f);
+}
+
+TEST_F(Device_, ChangedIncludeIsAnotherProgram) {
+  EXPECT_EQ(scaled<float>(*Device::open(options_)).at(0), 2.f);
+  put("factor.clh", "real factor() { return 7; }\n");
+  EXPECT_EQ(scaled<float>(*Device::open(options_)).at(0), 7.f);
+  EXPECT_EQ(cached().size(), 2u);
+}
+
+TEST_F(Device_, UnwritableCacheOnlyCostsTime) {
+  put("../cache", "a file where a folder should be");
+  EXPECT_EQ(scaled<float>(*Device::open(options_)).at(4), 10.f);
+  options_.cache_directory = "none";
+  EXPECT_EQ(scaled<float>(*Device::open(options_)).at(4), 10.f);
+}
+
+TEST_F(Device_, BuildFailureNamesProgramFileAndReason) {
+  put("scale.cl", "kernel void scale(global real* y) { y[0] = nonsense; }\n");
+  const Queue queue = Device::open(options_)->queue();
+  try {
+    queue.kernel("scale", "scale", Precision::kFloat);
+    FAIL() << "built";
+  } catch (const DeviceError& e) {
+    const std::string what = e.what();
+    EXPECT_NE(what.find("scale.cl"), std::string::npos) << what;
+    EXPECT_NE(what.find("nonsense"), std::string::npos) << what;
+    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+  }
+  EXPECT_THROW(queue.kernel("absent", "absent", Precision::kFloat), DeviceError);
+}
+
+TEST_F(Device_, TooLargeAnArrayIsRefused) {
+  const Queue queue = Device::open(options_)->queue();
+  EXPECT_THROW(queue.array<double>(std::size_t{1} << 55), DeviceError);
+}
+
+TEST_F(Device_, CopiesBeyondTheEndAreRefused) {
+  const Queue queue = Device::open(options_)->queue();
+  auto a = queue.array(std::vector<int>{1, 2, 3});
+  std::vector<int> host(3);
+  EXPECT_THROW(queue.read(a, host.data(), 3, 1), DeviceError);
+  EXPECT_THROW(queue.write(a, host.data(), 4), DeviceError);
+  queue.read(a, host.data(), 2, 1);
+  EXPECT_EQ(host, (std::vector<int>{2, 3, 0}));
+  auto b = queue.array<int>(3);
+  queue.copy(a, b);
+  EXPECT_EQ(queue.read(b), (std::vector<int>{1, 2, 3}));
+}
+
+TEST_F(Device_, ManyThreadsBuildAndLaunchTheSameKernel) {
+  const auto device = Device::open(options_);
+  std::vector<std::vector<float>> answers(4);
+  std::vector<std::thread> threads;
+  for (auto& answer : answers) threads.emplace_back([&] { answer = scaled<float>(*device); });
+  for (auto& thread : threads) thread.join();
+  for (const auto& answer : answers) EXPECT_EQ(answer, (std::vector<float>{2, 4, 6, 8, 10}));
+}
+
+TEST_F(Device_, ProfileCountsLaunchesByName) {
+  options_.profiling = true;
+  const Queue queue = Device::open(options_)->queue();
+  Kernel kernel = queue.kernel("scale", "scale", Precision::kFloat);
+  auto x = queue.array<float>(64), y = queue.array<float>(64);
+  for (int i = 0; i < 3; ++i) kernel({{64}, {64}}, x, y, 64, Local{4});
+  const auto times = queue.profile();
+  ASSERT_EQ(times.size(), 1u);
+  EXPECT_EQ(times[0].name, "scale");
+  EXPECT_EQ(times[0].launches, 3u);
+  EXPECT_GT(times[0].seconds, 0);
+}
+
+// Each in a process of its own: the environment must be judged before the first OpenCL call.
+void expect_failure_mentions(const char* variable, const std::string& value, const char* mention) {
+  setenv(variable, value.c_str(), 1);
+  try {
+    list_devices();
+  } catch (const DeviceError& e) {
+    if (std::string(e.what()).find(mention) != std::string::npos) std::exit(42);
+  }
+  std::exit(1);
+}
+
+TEST_F(Device_, UnwritableKernelCacheIsNamedWithItsRemedy) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  put("../file", "");
+  const std::string blocked = (folder_ / "file" / "cache").string();
+  EXPECT_EXIT(expect_failure_mentions("POCL_CACHE_DIR", blocked, "POCL_CACHE_DIR"),
+              testing::ExitedWithCode(42), "");
+}
+
+TEST_F(Device_, WorkersInheritTheNiceValueAndTheCallerKeepsItsOwn) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto check = [this] {
+    const int own = getpriority(PRIO_PROCESS, 0);
+    options_.niceness = own + 5;
+    const auto device = Device::open(options_);
+    if (device->info().platform != "Portable Computing Language") std::exit(42);
+    std::size_t nice = 0;
+    for (const auto& task : fs::directory_iterator("/proc/self/task"))
+      nice += getpriority(PRIO_PROCESS, static_cast<id_t>(std::stoi(task.path().filename()))) == own + 5;
+    std::exit(getpriority(PRIO_PROCESS, 0) == own && nice >= 1 ? 42 : 1);
+  };
+  EXPECT_EXIT(check(), testing::ExitedWithCode(42), "");
+}
+
+TEST(Program, EveryIncludeAppearsOnce) {
+  const std::string source = program_source("empty", [] {
+    std::string folder = (fs::temp_directory_path() / "teletact-program-XXXXXX").string();
+    EXPECT_NE(mkdtemp(folder.data()), nullptr);
+    std::ofstream(folder + "/real.clh") << "typedef float real;\n";
+    std::ofstream(folder + "/a.clh") << "int a;\n";
+    std::ofstream(folder + "/empty.cl") << "#include \"real.clh\"\n#include \"a.clh\"\n#include \"a.clh\"\n";
+    return folder;
+  }());
+  EXPECT_EQ(source.find("typedef"), source.rfind("typedef"));
+  EXPECT_EQ(source.find("int a;"), source.rfind("int a;"));
+  EXPECT_NE(source.find("#line 3 \"empty.cl\""), std::string::npos) << source;
+}
+
+}  // namespace
+}  // namespace teletact::service
