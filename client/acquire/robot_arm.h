@@ -1,0 +1,71 @@
+// The simulated robot arm that carries the probe: pure kinematics on times that the caller gives.
+//
+// One acquisition is a chain of straight moves, each with a trapezoidal speed profile that starts and ends at
+// rest: sideways (lifted clear of the skin), down to first contact, [pre frame], compress, [post frame],
+// lift. Frames exist only at the ticks of the scanner's frame rate, counted from time 0.
+#pragma once
+
+#include <vector>
+
+namespace teletact::client {
+
+struct ArmLimits {
+  double speed_m_s = 0.3;
+  double acceleration_m_s2 = 3.0;
+  double lift_m = 0.002;    // clearance between probe face and skin while moving sideways
+  double settle_s = 0.005;  // rest before a frame may be taken
+  double frame_rate_hz = 50;
+};
+
+// Duration (s) of a rest-to-rest move over |distance_m| with a trapezoidal (or triangular) speed profile.
+double move_duration_s(double distance_m, double speed_m_s, double acceleration_m_s2);
+
+// Share of the way, 0 .. 1, done `elapsed_s` after the start of such a move.
+double move_progress(double elapsed_s, double distance_m, double speed_m_s, double acceleration_m_s2);
+
+// When each step of one acquisition ends, seconds on the caller's clock.
+struct ArmSchedule {
+  double begin_s = 0;
+  double above_s = 0;    // lateral move ended
+  double contact_s = 0;  // probe face on the skin
+  double pre_frame_s = 0;
+  double compressed_s = 0;
+  double post_frame_s = 0;
+  double lifted_s = 0;  // free for the next move
+};
+
+struct ArmPose {
+  double window_x_m = 0;  // left border of the probe's footprint, scene x
+  double depth_m = 0;     // of the probe face: -lift when lifted, 0 at contact, > 0 in compression
+};
+
+class RobotArm {
+ public:
+  // The arm rests lifted at `window_x_m` from time `now_s`. Throws std::invalid_argument on limits <= 0.
+  RobotArm(const ArmLimits& limits, double window_x_m, double now_s);
+
+  // Plans the acquisition of the window at `window_x_m` with compression `compression_m` > 0, beginning at
+  // `now_s` or when the last one has lifted, whichever is later. Lateral moves are made lifted only.
+  ArmSchedule acquire(double window_x_m, double compression_m, double now_s);
+
+  // Where the probe is at `time_s`, over everything planned since the last acquisition began.
+  ArmPose pose(double time_s) const;
+
+  double window_x_m() const { return rest_.window_x_m; }  // after all that is planned
+  double free_s() const { return free_s_; }
+
+ private:
+  struct Move {
+    double begin_s, end_s;
+    ArmPose from, to;
+  };
+  void move_to(const ArmPose& target, double begin_s);
+  double next_frame_s(double not_before_s) const;
+
+  ArmLimits limits_;
+  ArmPose rest_;   // at the end of the last planned move
+  double free_s_;  // when that is
+  std::vector<Move> moves_;
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,55 @@
+#include "client/acquire/window_planner.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace teletact::client {
+
+WindowPlanner::WindowPlanner(const PlannerOptions& options, double start_x_m, int direction)
+    : options_(options), x_m_(start_x_m), direction_(direction < 0 ? -1 : 1) {
+  if (options.window_count == 0)
+    throw std::invalid_argument("planner: the tissue is narrower than one window");
+  if (!(options.window_width_m > 0)) throw std::invalid_argument("planner: the window width must be above 0");
+}
+
+std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
+                                               const std::vector<WindowKnowledge>& windows, double now_s) {
+  if (finger.present) {
+    x_m_ = finger.x_m;
+    if (std::abs(finger.velocity_m_s) > options_.still_m_s) direction_ = finger.velocity_m_s < 0 ? -1 : 1;
+  }
+  const std::vector<std::size_t> path = path_ahead(options_.lookahead);
+  for (std::size_t window : path)
+    if (!windows.at(window).acquired_s && windows[window].frames_left > 0) return window;
+  if (!finger.present) return std::nullopt;  // nothing grows stale before anybody touches
+  // A renewal may not delay a window that the finger has never seen, so all that lies ahead must be known.
+  for (std::size_t window : path_ahead(options_.window_count))
+    if (!windows[window].acquired_s && windows[window].frames_left > 0) return std::nullopt;
+  // The finger's own window is left alone: the model under a pressed finger changes only when it has to.
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    const WindowKnowledge& window = windows[path[i]];
+    if (window.acquired_s && window.frames_left > 0 && now_s - *window.acquired_s > options_.refresh_after_s)
+      return path[i];
+  }
+  return std::nullopt;
+}
+
+std::size_t WindowPlanner::window_at(double x_m) const {
+  const double index = std::floor(x_m / options_.window_width_m);
+  return static_cast<std::size_t>(std::clamp(index, 0.0, static_cast<double>(options_.window_count - 1)));
+}
+
+std::vector<std::size_t> WindowPlanner::path_ahead(std::size_t lookahead) const {
+  std::vector<std::size_t> path{window_at(x_m_)};
+  const auto last = static_cast<std::ptrdiff_t>(options_.window_count) - 1;
+  auto window = static_cast<std::ptrdiff_t>(path.front());
+  for (std::size_t i = 0; i < lookahead; ++i) {
+    window += direction_;
+    if (window < 0 || window > last) break;
+    path.push_back(static_cast<std::size_t>(window));
+  }
+  return path;
+}
+
+}  // namespace teletact::client

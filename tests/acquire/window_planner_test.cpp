@@ -1,0 +1,158 @@
+#include "client/acquire/window_planner.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include "client/acquire/robot_arm.h"
+
+namespace teletact::client {
+namespace {
+
+PlannerOptions five_windows() {
+  PlannerOptions options;
+  options.window_count = 5;
+  return options;
+}
+
+std::vector<WindowKnowledge> unknown(std::size_t count) {
+  return std::vector<WindowKnowledge>(count, {{}, 100});
+}
+
+TEST(WindowPlanner, TakesTheFingersOwnWindowFirstThenThoseAhead) {
+  WindowPlanner planner(five_windows(), 0.15, +1);
+  auto windows = unknown(5);
+  const FingerMotion finger{true, 0.15, 0.12};
+  for (std::size_t expected : {2u, 3u, 4u}) {
+    const auto next = planner.next(finger, windows, 0.0);
+    ASSERT_TRUE(next);
+    EXPECT_EQ(*next, expected);
+    windows[*next].acquired_s = 0.0;
+  }
+  EXPECT_FALSE(planner.next(finger, windows, 0.5));  // what lies behind is not asked for
+}
+
+TEST(WindowPlanner, FollowsTheDirectionOfMotionAndKeepsItWhileTheFingerRests) {
+  WindowPlanner planner(five_windows(), 0.15, +1);
+  auto windows = unknown(5);
+  windows[2].acquired_s = 0.0;
+  EXPECT_EQ(planner.next({true, 0.15, -0.12}, windows, 0.0), 1u);
+  EXPECT_EQ(planner.next({true, 0.15, 0.0}, windows, 0.0), 1u);
+  EXPECT_EQ(planner.next({true, 0.15, 0.12}, windows, 0.0), 3u);
+}
+
+TEST(WindowPlanner, PreparesTheStartBeforeAnybodyTouchesAndThenWaits) {
+  WindowPlanner planner(five_windows(), 0.03, +1);
+  auto windows = unknown(5);
+  for (std::size_t expected : {0u, 1u, 2u}) {
+    const auto next = planner.next({}, windows, 0.0);
+    ASSERT_TRUE(next);
+    EXPECT_EQ(*next, expected);
+    windows[*next].acquired_s = 0.0;
+  }
+  EXPECT_FALSE(planner.next({}, windows, 1000.0));
+}
+
+TEST(WindowPlanner, UnknownComesBeforeStale) {
+  WindowPlanner planner(five_windows(), 0.03, +1);
+  auto windows = unknown(5);
+  windows[0].acquired_s = windows[1].acquired_s = 0.0;
+  EXPECT_EQ(planner.next({true, 0.03, 0.12}, windows, 10.0), 2u);
+  windows[2].acquired_s = 10.0;
+  // Windows 3 and 4 lie beyond the lookahead, but a renewal would delay them.
+  EXPECT_FALSE(planner.next({true, 0.03, 0.12}, windows, 10.0));
+  windows[3].acquired_s = windows[4].acquired_s = 10.0;
+  EXPECT_EQ(planner.next({true, 0.03, 0.12}, windows, 10.0), 1u);
+}
+
+TEST(WindowPlanner, NeverRenewsTheModelUnderTheFinger) {
+  WindowPlanner planner(five_windows(), 0.27, +1);
+  auto windows = unknown(5);
+  for (auto& window : windows) window.acquired_s = 0.0;
+  EXPECT_FALSE(planner.next({true, 0.27, 0.12}, windows, 100.0));  // the last window, moving on
+}
+
+TEST(WindowPlanner, AsksForNothingThatTheSourceCannotDeliver) {
+  WindowPlanner planner(five_windows(), 0.03, +1);
+  auto windows = unknown(5);
+  windows[0].frames_left = 0;
+  EXPECT_EQ(planner.next({true, 0.03, 0.12}, windows, 0.0), 1u);
+}
+
+TEST(WindowPlanner, FingersOutsideTheTissueBelongToTheOuterWindows) {
+  const WindowPlanner planner(five_windows(), 0, 1);
+  EXPECT_EQ(planner.window_at(-1.0), 0u);
+  EXPECT_EQ(planner.window_at(0.0599), 0u);
+  EXPECT_EQ(planner.window_at(0.06), 1u);
+  EXPECT_EQ(planner.window_at(0.3), 4u);
+  EXPECT_EQ(planner.window_at(7.0), 4u);
+}
+
+TEST(WindowPlanner, RefusesATissueWithoutWindows) {
+  PlannerOptions none;
+  none.window_count = 0;
+  EXPECT_THROW(WindowPlanner(none, 0, 1), std::invalid_argument);
+}
+
+// The claim of (T1): planner and arm together, on simulated time, keep ahead of a finger that sweeps to and
+// fro at 120 mm/s, with a service that publishes `compute_s` after the post frame.
+struct Sweep {
+  std::size_t acquired = 0;
+  double least_slack_s =
+      std::numeric_limits<double>::infinity();  // finger's arrival minus publication, first visits
+  bool arrived_at_unknown = false;
+};
+
+Sweep sweep(double compute_s, std::size_t lookahead) {
+  PlannerOptions options = five_windows();
+  options.lookahead = lookahead;
+  const double speed = 0.12, left = 0.03, right = 0.27;
+  WindowPlanner planner(options, left, +1);
+  RobotArm arm({}, 0.0, 0.0);
+  auto windows = unknown(5);
+  std::vector<double> first_published(5, std::numeric_limits<double>::infinity());
+  std::vector<char> visited(5, 0);
+  Sweep result;
+  double start = -1;
+  for (double t = 0; start < 0 || t < start + 10; t += 0.005) {
+    const bool touching = start >= 0 && t >= start;
+    const double way = touching ? std::fmod((t - start) * speed, 2 * (right - left)) : 0;
+    const bool out = way < right - left;
+    const double x = out ? left + way : right - (way - (right - left));
+    const FingerMotion finger{touching, x, !touching ? 0 : (out ? speed : -speed)};
+    if (t >= arm.free_s()) {
+      if (const auto next = planner.next(finger, windows, t)) {
+        const ArmSchedule schedule = arm.acquire(planner.window_x_m(*next), 0.00045, t);
+        windows[*next].acquired_s = schedule.post_frame_s;
+        first_published[*next] = std::min(first_published[*next], schedule.post_frame_s + compute_s);
+        ++result.acquired;
+      } else if (start < 0) {
+        start = t + compute_s;  // all that the start needs is known: the operator may begin
+      }
+    }
+    if (!touching) continue;
+    const std::size_t here = planner.window_at(x);
+    if (!std::exchange(visited[here], char{1}))
+      result.least_slack_s = std::min(result.least_slack_s, t - first_published[here]);
+    if (t < first_published[here]) result.arrived_at_unknown = true;
+  }
+  return result;
+}
+
+TEST(WindowPlanner, ArmAndPlannerStayAheadOfAFingerAt120MillimetresPerSecond) {
+  const Sweep run = sweep(0.45, 2);
+  EXPECT_FALSE(run.arrived_at_unknown);
+  EXPECT_GE(run.least_slack_s, 0.0);
+  EXPECT_GE(run.acquired, 14u);  // windows are renewed on every pass
+}
+
+TEST(WindowPlanner, OneWindowOfLookaheadWouldStall) {
+  EXPECT_TRUE(sweep(0.45, 1).arrived_at_unknown);
+}
+
+}  // namespace
+}  // namespace teletact::client
