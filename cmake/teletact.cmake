@@ -4,7 +4,7 @@ add_library(teletact_options INTERFACE)
 target_compile_options(teletact_options INTERFACE -Wall -Wextra $<$<BOOL:${TELETACT_WERROR}>:-Werror>)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # GCC 12's own AVX-512 headers set it off inside Eigen (GCC bug 105593).
-  target_compile_options(teletact_options INTERFACE -Wno-maybe-uninitialized)
+  target_compile_options(teletact_options INTERFACE -Wno-uninitialized -Wno-maybe-uninitialized)
 endif()
 if(TELETACT_NATIVE)
   target_compile_options(teletact_options INTERFACE -march=native)
