@@ -1,0 +1,99 @@
+#include "client/acquire/estimate_client.h"
+
+#include <algorithm>
+#include <chrono>
+#include <thread>
+
+#include "client/link/channel.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  // the contract's largest chunk
+constexpr auto kCallDeadline = std::chrono::seconds(120);  // a slow device estimates large frames for seconds
+constexpr double kFirstBackoffS = 0.05, kLastBackoffS = 0.5;
+
+using Stream = grpc::ClientReaderWriter<v1::EstimateRequest, v1::EstimateResponse>;
+
+// False when the service has ended the call; Finish then says why.
+bool send(Stream& stream, const v1::EstimateRequest& request, const EstimateCallbacks& callbacks) {
+  if (callbacks.request) callbacks.request(request);
+  return stream.Write(request);
+}
+
+bool send_frame(Stream& stream, v1::FrameKind kind, const std::string& bytes,
+                const EstimateCallbacks& callbacks) {
+  v1::EstimateRequest request;
+  for (std::size_t offset = 0; offset < bytes.size(); offset += kChunkBytes) {
+    v1::FrameChunk& chunk = *request.mutable_chunk();
+    chunk.set_frame(kind);
+    chunk.set_offset_bytes(offset);
+    chunk.set_data(bytes.substr(offset, kChunkBytes));
+    if (!send(stream, request, callbacks)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::int64_t monotonic_ns() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
+}
+
+void throw_status(const char* call, const grpc::Status& status) {
+  throw ServiceError(status.error_code(), std::string(call) + ": " + describe(status));
+}
+
+EstimateClient::EstimateClient(const std::shared_ptr<grpc::Channel>& channel, double retry_for_s)
+    : stub_(v1::Elastography::NewStub(channel)), retry_for_s_(retry_for_s) {}
+
+EstimateOutcome EstimateClient::estimate(const v1::Acquisition& acquisition, const std::string& pre,
+                                         const std::string& post, const EstimateCallbacks& callbacks,
+                                         const std::atomic<bool>& stop) {
+  const std::int64_t give_up_ns = monotonic_ns() + static_cast<std::int64_t>(retry_for_s_ * 1e9);
+  double backoff_s = kFirstBackoffS;
+  EstimateOutcome outcome;
+  while (true) {
+    ++outcome.attempts;
+    const grpc::Status status = attempt(acquisition, pre, post, callbacks, outcome);
+    if (status.ok()) return outcome;
+    if (status.error_code() != grpc::StatusCode::UNAVAILABLE || monotonic_ns() > give_up_ns)
+      throw_status("Estimate", status);
+    if (stop) throw ServiceError(grpc::StatusCode::CANCELLED, "Estimate: stopped");
+    std::this_thread::sleep_for(std::chrono::duration<double>(backoff_s));
+    backoff_s = std::min(2 * backoff_s, kLastBackoffS);
+  }
+}
+
+grpc::Status EstimateClient::attempt(const v1::Acquisition& acquisition, const std::string& pre,
+                                     const std::string& post, const EstimateCallbacks& callbacks,
+                                     EstimateOutcome& outcome) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
+  const auto stream = stub_->Estimate(&context);
+  v1::EstimateRequest first;
+  *first.mutable_acquisition() = acquisition;
+  if (send(*stream, first, callbacks) && send_frame(*stream, v1::FRAME_KIND_PRE, pre, callbacks) &&
+      send_frame(*stream, v1::FRAME_KIND_POST, post, callbacks))
+    stream->WritesDone();
+  outcome.last_byte_ns = monotonic_ns();
+  outcome.maps.clear();
+  bool summarised = false;
+  v1::EstimateResponse response;
+  while (stream->Read(&response)) {
+    if (callbacks.response) callbacks.response(response);
+    if (response.has_map()) outcome.maps.push_back(response.map().map());
+    if (response.has_summary()) {
+      outcome.published_ns = monotonic_ns();
+      outcome.summary = response.summary();
+      summarised = true;
+    }
+  }
+  const grpc::Status status = stream->Finish();
+  if (status.ok() && !summarised)
+    return {grpc::StatusCode::INTERNAL, "the service ended the call without a summary"};
+  return status;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,94 @@
+#include "client/acquire/finger_watch.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "client/acquire/estimate_client.h"
+#include "client/link/channel.h"
+
+namespace teletact::client {
+namespace {
+constexpr auto kReconnectAfter = std::chrono::milliseconds(100);
+constexpr double kExtrapolateAtMostS = 0.1;
+}  // namespace
+
+FingerWatch::FingerWatch(const std::shared_ptr<grpc::Channel>& channel, std::string scene_id)
+    : stub_(v1::Palpation::NewStub(channel)), scene_id_(std::move(scene_id)), thread_([this] { follow(); }) {}
+
+FingerWatch::~FingerWatch() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    if (context_) context_->TryCancel();
+  }
+  thread_.join();
+}
+
+FingerMotion FingerWatch::motion(std::int64_t now_ns) const {
+  const std::lock_guard lock(mutex_);
+  FingerMotion motion = newest_;
+  if (motion.present) {
+    const double age_s = std::clamp((now_ns - arrived_ns_) * 1e-9, 0.0, kExtrapolateAtMostS);
+    motion.x_m += motion.velocity_m_s * age_s;
+  }
+  return motion;
+}
+
+bool FingerWatch::seen() const {
+  const std::lock_guard lock(mutex_);
+  return seen_;
+}
+
+std::optional<std::int64_t> FingerWatch::gone_since_ns() const {
+  const std::lock_guard lock(mutex_);
+  return gone_since_ns_;
+}
+
+std::string FingerWatch::failure() const {
+  const std::lock_guard lock(mutex_);
+  return failure_;
+}
+
+void FingerWatch::follow() {
+  while (read_stream()) std::this_thread::sleep_for(kReconnectAfter);
+}
+
+bool FingerWatch::read_stream() {
+  const auto context = std::make_shared<grpc::ClientContext>();
+  {
+    const std::lock_guard lock(mutex_);
+    if (stopping_) return false;
+    context_ = context;
+  }
+  v1::WatchFingerRequest request;
+  request.set_scene_id(scene_id_);
+  const auto stream = stub_->WatchFinger(context.get(), request);
+  v1::FingerState state;
+  while (stream->Read(&state)) store(state);
+  const grpc::Status status = stream->Finish();
+  const std::lock_guard lock(mutex_);
+  context_.reset();
+  // A finger that cannot be seen is not away: the session waits for the service to come back.
+  newest_.velocity_m_s = 0;
+  if (stopping_) return false;
+  if (status.ok() || status.error_code() == grpc::StatusCode::UNAVAILABLE) return true;
+  failure_ = "WatchFinger: " + describe(status);
+  return false;
+}
+
+void FingerWatch::store(const v1::FingerState& state) {
+  const std::int64_t now_ns = monotonic_ns();
+  const std::lock_guard lock(mutex_);
+  newest_.present = state.present();
+  if (state.position_m_size() > 0) newest_.x_m = state.position_m(0);
+  newest_.velocity_m_s = state.velocity_m_s_size() > 0 ? state.velocity_m_s(0) : 0;
+  arrived_ns_ = now_ns;
+  seen_ = seen_ || state.present();
+  if (state.present())
+    gone_since_ns_.reset();
+  else if (seen_ && !gone_since_ns_)
+    gone_since_ns_ = now_ns;
+}
+
+}  // namespace teletact::client

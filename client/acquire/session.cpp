@@ -1,0 +1,186 @@
+#include "client/acquire/session.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <utility>
+
+namespace teletact::client {
+namespace {
+
+constexpr double kLookEveryS = 0.005;  // how often an idle arm looks at the finger
+constexpr double kNapS = 0.05;         // longest sleep between looks at `stop`
+
+PlannerOptions planner_for(const FrameSource& source, PlannerOptions options) {
+  options.window_count = source.window_count();
+  options.window_width_m = source.window_width_m();
+  return options;
+}
+
+}  // namespace
+
+AcquireSession::AcquireSession(const std::shared_ptr<grpc::Channel>& channel, FrameSource& source,
+                               const AcquireOptions& options, AcquireObserver observer)
+    : source_(source),
+      options_(options),
+      observer_(std::move(observer)),
+      planner_(planner_for(source, options.planner), options.start_x_m, options.start_direction),
+      epoch_ns_(monotonic_ns()),
+      arm_(options.arm, planner_.window_x_m(planner_.window_at(options.start_x_m)), 0),
+      client_(channel, options.retry_for_s),
+      finger_(channel, options.scene_id),
+      acquired_s_(source.window_count()),
+      passes_(source.window_count(), 0),
+      uploader_([this] { upload_loop(); }) {}
+
+AcquireSession::~AcquireSession() {
+  {
+    const std::lock_guard lock(mutex_);
+    closing_ = true;
+    abandon_ = true;
+    changed_.notify_all();
+  }
+  if (uploader_.joinable()) uploader_.join();
+}
+
+AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
+  const std::int64_t begin_ns = monotonic_ns();
+  bool ready = false;
+  while (!stop && !finished(begin_ns)) {
+    rethrow_failure();
+    const auto next = planner_.next(finger_.motion(monotonic_ns()), knowledge(), now_s());
+    if (next) {
+      acquire(*next, stop);
+      continue;
+    }
+    if (!ready && idle()) {
+      ready = true;
+      if (observer_.ready) observer_.ready();
+    }
+    sleep_until(now_s() + kLookEveryS, stop);
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    closing_ = true;
+    if (stop) abandon_ = true;
+    changed_.notify_all();
+  }
+  uploader_.join();
+  if (!stop) rethrow_failure();
+  for (std::size_t k = 0; k < acquired_s_.size(); ++k) result_.exhausted += source_.frames_left(k) == 0;
+  return result_;
+}
+
+// One acquisition in real time: the frames are handed over at the post frame's tick and the arm lifts while
+// they travel.
+void AcquireSession::acquire(std::size_t window, const std::atomic<bool>& stop) {
+  Upload upload{{}, window, {}};
+  upload.timing.set_window_x_m(planner_.window_x_m(window));
+  upload.timing.set_asked_ns(monotonic_ns());
+  const ArmSchedule schedule = arm_.acquire(planner_.window_x_m(window), source_.compression_m(), now_s());
+  {
+    const std::lock_guard lock(mutex_);
+    acquired_s_[window] = schedule.post_frame_s;
+    upload.timing.set_pass(passes_[window]++);
+  }
+  upload.pair = source_.take(window);
+  sleep_until(schedule.post_frame_s, stop);
+  if (stop) return;
+  upload.timing.set_acquired_ns(monotonic_ns());
+  upload.timing.set_force_n(upload.pair.acquisition.probe_force().force_n());
+  queue(std::move(upload), stop);
+  sleep_until(schedule.lifted_s, stop);
+}
+
+void AcquireSession::queue(Upload upload, const std::atomic<bool>& stop) {
+  std::unique_lock lock(mutex_);
+  while (queue_.size() >= kMaxQueuedUploads && !stop && !failure_)
+    changed_.wait_for(lock, std::chrono::duration<double>(kNapS));
+  queue_.push_back(std::move(upload));
+  changed_.notify_all();
+}
+
+void AcquireSession::upload_loop() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [this] { return closing_ || !queue_.empty(); });
+    if (abandon_ || failure_ || queue_.empty()) return;
+    Upload upload = std::move(queue_.front());
+    queue_.pop_front();
+    uploading_ = true;
+    lock.unlock();
+    std::exception_ptr failure;
+    try {
+      upload_one(std::move(upload));
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    lock.lock();
+    uploading_ = false;
+    failure_ = failure;
+    changed_.notify_all();
+  }
+}
+
+void AcquireSession::upload_one(Upload upload) {
+  upload.pair.acquisition.mutable_publish()->set_scene_id(options_.scene_id);
+  upload.pair.acquisition.mutable_publish()->set_window_x_m(upload.timing.window_x_m());
+  EstimateCallbacks callbacks;
+  callbacks.request = [this](const v1::EstimateRequest& request) {
+    if (request.has_acquisition()) ++calls_;  // a repeated call is a call of its own
+    if (observer_.request) observer_.request(calls_, request);
+  };
+  if (observer_.response)
+    callbacks.response = [this](const v1::EstimateResponse& response) {
+      observer_.response(calls_, response);
+    };
+  try {
+    const EstimateOutcome outcome =
+        client_.estimate(upload.pair.acquisition, upload.pair.pre, upload.pair.post, callbacks, abandon_);
+    upload.timing.set_last_byte_ns(outcome.last_byte_ns);
+    upload.timing.set_published_ns(outcome.published_ns);
+    if (observer_.window) observer_.window(calls_, upload.timing, outcome.summary);
+    const std::lock_guard lock(mutex_);
+    result_.windows.push_back(upload.timing);
+  } catch (const ServiceError& error) {
+    // A pair that cannot be tracked is a fact of ultrasound: the window stays unknown and is acquired again.
+    if (error.code != grpc::StatusCode::FAILED_PRECONDITION) throw;
+    if (observer_.note) observer_.note(error.what());
+    const std::lock_guard lock(mutex_);
+    acquired_s_[upload.window].reset();
+    ++result_.untracked;
+  }
+}
+
+bool AcquireSession::finished(std::int64_t begin_ns) {
+  const std::string failure = finger_.failure();
+  if (!failure.empty()) throw ServiceError(grpc::StatusCode::ABORTED, failure);
+  const std::int64_t now = monotonic_ns();
+  if (options_.duration_s > 0 && (now - begin_ns) * 1e-9 >= options_.duration_s) return true;
+  const auto gone = finger_.gone_since_ns();
+  return options_.until_finger_leaves && gone && (now - *gone) * 1e-9 >= options_.finger_gone_s;
+}
+
+bool AcquireSession::idle() {
+  const std::lock_guard lock(mutex_);
+  return queue_.empty() && !uploading_;
+}
+
+void AcquireSession::rethrow_failure() {
+  const std::lock_guard lock(mutex_);
+  if (failure_) std::rethrow_exception(failure_);
+}
+
+std::vector<WindowKnowledge> AcquireSession::knowledge() {
+  const std::lock_guard lock(mutex_);
+  std::vector<WindowKnowledge> windows(acquired_s_.size());
+  for (std::size_t k = 0; k < windows.size(); ++k) windows[k] = {acquired_s_[k], source_.frames_left(k)};
+  return windows;
+}
+
+void AcquireSession::sleep_until(double time_s, const std::atomic<bool>& stop) const {
+  for (double left = time_s - now_s(); left > 0 && !stop; left = time_s - now_s())
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::min(left, kNapS)));
+}
+
+}  // namespace teletact::client

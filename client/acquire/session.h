@@ -1,0 +1,115 @@
+// The patient side at work: follows the finger, plans windows, moves the arm, takes frames and uploads them.
+//
+// Two threads besides the caller's: FingerWatch, and one uploader, so that the arm moves on while the service
+// computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits.
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/acquire/estimate_client.h"
+#include "client/acquire/finger_watch.h"
+#include "client/acquire/frame_source.h"
+#include "client/acquire/robot_arm.h"
+#include "client/acquire/window_planner.h"
+#include "teletact/v1/recording.pb.h"
+
+namespace teletact::client {
+
+struct AcquireOptions {
+  std::string scene_id;
+  ArmLimits arm;
+  PlannerOptions planner;   // window count and width come from the source
+  double start_x_m = 0.03;  // where the finger is expected first
+  int start_direction = 1;
+  bool until_finger_leaves = false;
+  double finger_gone_s = 0.5;  // a finger away that long has left
+  double duration_s = 0;       // 0: no limit
+  double retry_for_s = 10;
+};
+
+// What happens, as it happens; every member optional. The calls come from the uploader's thread, `ready` and
+// `note` from any.
+struct AcquireObserver {
+  std::function<void(std::uint32_t call, const teletact::v1::EstimateRequest&)> request;
+  std::function<void(std::uint32_t call, const teletact::v1::EstimateResponse&)> response;
+  std::function<void(std::uint32_t call, const teletact::v1::WindowTiming&,
+                     const teletact::v1::EstimateSummary&)>
+      window;
+  std::function<void()> ready;                   // what the finger needs first is published
+  std::function<void(const std::string&)> note;  // one line for people
+};
+
+struct AcquireResult {
+  std::vector<teletact::v1::WindowTiming> windows;  // published, in order
+  std::size_t untracked = 0;                        // pairs that the service could not track
+  std::size_t exhausted = 0;                        // windows whose prepared frames are used up
+};
+
+class AcquireSession {
+ public:
+  static constexpr std::size_t kMaxQueuedUploads = 2;
+
+  // The scene must exist. `source` outlives the session.
+  AcquireSession(const std::shared_ptr<grpc::Channel>& channel, FrameSource& source,
+                 const AcquireOptions& options, AcquireObserver observer);
+  ~AcquireSession();
+
+  // Works until the finger has left, the duration is over or `stop` is set. Throws ServiceError when the
+  // service refuses a call or stays unavailable.
+  AcquireResult run(const std::atomic<bool>& stop);
+
+ private:
+  struct Upload {
+    RfPair pair;
+    std::size_t window;
+    teletact::v1::WindowTiming timing;
+  };
+
+  void acquire(std::size_t window, const std::atomic<bool>& stop);
+  void queue(Upload upload, const std::atomic<bool>& stop);
+  void upload_loop();
+  void upload_one(Upload upload);
+  bool finished(std::int64_t begin_ns);
+  bool idle();
+  void rethrow_failure();
+  std::vector<WindowKnowledge> knowledge();
+  double now_s() const { return (monotonic_ns() - epoch_ns_) * 1e-9; }
+  void sleep_until(double time_s, const std::atomic<bool>& stop) const;
+
+  FrameSource& source_;
+  AcquireOptions options_;
+  AcquireObserver observer_;
+  WindowPlanner planner_;
+  std::int64_t epoch_ns_;  // time 0 of the arm and of the scanner's ticks
+  RobotArm arm_;
+  EstimateClient client_;
+  FingerWatch finger_;
+
+  std::uint32_t calls_ = 0;  // the uploader's alone
+
+  std::mutex mutex_;  // guards all below
+  std::condition_variable changed_;
+  std::deque<Upload> queue_;
+  bool uploading_ = false, closing_ = false;
+  std::vector<std::optional<double>> acquired_s_;
+  std::vector<std::uint32_t> passes_;
+  std::exception_ptr failure_;
+  AcquireResult result_;
+  std::atomic<bool> abandon_{false};
+  std::thread uploader_;
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,180 @@
+// A service in the test's own process that speaks the contract without computing anything: it checks what
+// clients send, answers what the test tells it to, and keeps what it saw.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "teletact/v1/elastography.grpc.pb.h"
+#include "teletact/v1/palpation.grpc.pb.h"
+
+namespace teletact::test {
+
+class FakeElastography final : public v1::Elastography::Service {
+ public:
+  std::atomic<int> unavailable_calls{0};  // the next n calls fail so
+  std::atomic<int> untracked_calls{0};    // the next n calls fail with FAILED_PRECONDITION
+  std::atomic<int> compute_ms{0};
+
+  struct Call {
+    v1::Acquisition acquisition;
+    std::string pre, post;
+    std::size_t largest_chunk = 0;
+  };
+  std::vector<Call> calls() const {
+    const std::lock_guard lock(mutex_);
+    return calls_;
+  }
+
+  grpc::Status Estimate(
+      grpc::ServerContext*,
+      grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>* stream) override {
+    if (unavailable_calls.fetch_sub(1) > 0) return {grpc::StatusCode::UNAVAILABLE, "draining"};
+    unavailable_calls = 0;
+    Call call;
+    v1::EstimateRequest request;
+    while (stream->Read(&request)) {
+      if (request.has_acquisition()) call.acquisition = request.acquisition();
+      if (!request.has_chunk()) continue;
+      const v1::FrameChunk& chunk = request.chunk();
+      std::string& frame = chunk.frame() == v1::FRAME_KIND_PRE ? call.pre : call.post;
+      if (chunk.offset_bytes() != frame.size())
+        return {grpc::StatusCode::INVALID_ARGUMENT, "chunk.offset_bytes does not continue the frame"};
+      call.largest_chunk = std::max(call.largest_chunk, chunk.data().size());
+      frame += chunk.data();
+    }
+    if (untracked_calls.fetch_sub(1) > 0)
+      return {grpc::StatusCode::FAILED_PRECONDITION, "could not be tracked"};
+    untracked_calls = 0;
+    std::this_thread::sleep_for(std::chrono::milliseconds(compute_ms));
+    v1::EstimateResponse response;
+    response.mutable_progress()->set_stage(v1::ESTIMATE_STAGE_RECEIVED);
+    stream->Write(response);
+    {
+      const std::lock_guard lock(mutex_);
+      calls_.push_back(call);
+      v1::EstimateSummary& summary = *response.mutable_summary();
+      summary.set_modulus_absolute(call.acquisition.has_probe_force());
+      summary.set_scene_id(call.acquisition.publish().scene_id());
+      summary.set_window_id(static_cast<std::uint64_t>(call.acquisition.publish().window_x_m() / 0.06 + 0.5) +
+                            1);
+      summary.set_scene_version(calls_.size());
+      summary.set_received_to_published_s(compute_ms * 1e-3);
+    }
+    stream->Write(response);
+    return grpc::Status::OK;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<Call> calls_;
+};
+
+class FakePalpation final : public v1::Palpation::Service {
+ public:
+  // What WatchFinger tells from now on.
+  void set_finger(bool present, double x_m, double velocity_m_s) {
+    const std::lock_guard lock(mutex_);
+    finger_.set_present(present);
+    finger_.mutable_position_m()->Clear();
+    finger_.add_position_m(x_m);
+    finger_.add_position_m(0);
+    finger_.mutable_velocity_m_s()->Clear();
+    finger_.add_velocity_m_s(velocity_m_s);
+    finger_.add_velocity_m_s(0);
+    ++changes_;
+    changed_.notify_all();
+  }
+
+  grpc::Status CreateScene(grpc::ServerContext*, const v1::CreateSceneRequest* request,
+                           v1::Scene* scene) override {
+    const std::lock_guard lock(mutex_);
+    const auto [it, fresh] = scenes_.try_emplace(request->scene_id());
+    if (!fresh) return {grpc::StatusCode::ALREADY_EXISTS, "scene_id is taken"};
+    it->second.set_scene_id(request->scene_id());
+    *it->second.mutable_geometry() = request->geometry();
+    *scene = it->second;
+    return grpc::Status::OK;
+  }
+
+  grpc::Status GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request, v1::Scene* scene) override {
+    const std::lock_guard lock(mutex_);
+    const auto it = scenes_.find(request->scene_id());
+    if (it == scenes_.end()) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    *scene = it->second;
+    return grpc::Status::OK;
+  }
+
+  grpc::Status WatchFinger(grpc::ServerContext* context, const v1::WatchFingerRequest* request,
+                           grpc::ServerWriter<v1::FingerState>* writer) override {
+    std::unique_lock lock(mutex_);
+    if (!scenes_.count(request->scene_id())) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    for (std::uint64_t seen = 0; !context->IsCancelled();) {
+      changed_.wait_for(lock, std::chrono::milliseconds(20), [&] { return changes_ != seen; });
+      if (changes_ == seen) continue;
+      seen = changes_;
+      const v1::FingerState state = finger_;
+      lock.unlock();
+      if (!writer->Write(state)) return grpc::Status::OK;
+      lock.lock();
+    }
+    return grpc::Status::OK;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::uint64_t changes_ = 1;  // a watcher hears of the first state at once
+  v1::FingerState finger_;
+  std::map<std::string, v1::Scene> scenes_;
+};
+
+// Both on a socket of their own, for as long as this lives.
+class FakeServer {
+ public:
+  FakeServer() {
+    char folder[] = "/tmp/tt-fake-XXXXXX";
+    if (mkdtemp(folder) == nullptr) throw std::runtime_error("mkdtemp failed");
+    folder_ = folder;
+    address_ = "unix:" + folder_ + "/s";
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort(address_, grpc::InsecureServerCredentials());
+    builder.RegisterService(&elastography);
+    builder.RegisterService(&palpation);
+    server_ = builder.BuildAndStart();
+    if (!server_) throw std::runtime_error("cannot listen on " + address_);
+  }
+  ~FakeServer() {
+    server_->Shutdown(std::chrono::system_clock::now());
+    unlink((folder_ + "/s").c_str());
+    rmdir(folder_.c_str());
+  }
+
+  const std::string& address() const { return address_; }
+  void create_scene(const std::string& id) {
+    v1::CreateSceneRequest request;
+    request.set_scene_id(id);
+    v1::Scene scene;
+    palpation.CreateScene(nullptr, &request, &scene);
+  }
+
+  FakeElastography elastography;
+  FakePalpation palpation;
+
+ private:
+  std::string folder_, address_;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+}  // namespace teletact::test
