@@ -2,10 +2,12 @@
 
 #include <matio.h>
 
-#include <algorithm>
+#include <array>
 #include <cstdint>
+#include <fstream>
 #include <memory>
 #include <mutex>
+#include <string_view>
 
 namespace teletact::client {
 
@@ -31,6 +33,26 @@ struct FreeVariable {
 };
 using Mat = std::unique_ptr<mat_t, CloseMat>;
 using Variable = std::unique_ptr<matvar_t, FreeVariable>;
+
+// matio fills what a truncated v5 file lacks with whatever lay in memory and reports success, so the chain of
+// top-level elements (128-byte header, then tags of type and size) is walked here first: it must end where
+// the file ends.
+void refuse_truncated_v5(const std::filesystem::path& path, std::size_t file_bytes) {
+  std::ifstream in(path, std::ios::binary);
+  std::array<char, 128> head{};
+  in.read(head.data(), head.size());
+  if (!in || std::string_view(head.data(), 10) != "MATLAB 5.0") return;  // v7.3: HDF5 checks its own length
+  const bool swapped = head[126] == 'M';
+  std::uint64_t at = head.size();
+  while (at < file_bytes) {
+    std::array<std::uint32_t, 2> tag{};
+    in.seekg(static_cast<std::streamoff>(at));
+    in.read(reinterpret_cast<char*>(tag.data()), sizeof tag);
+    if (!in) break;
+    at += sizeof tag + (swapped ? __builtin_bswap32(tag[1]) : tag[1]);
+  }
+  if (at != file_bytes) throw FileError(path, "is truncated or damaged; copy or export it again");
+}
 
 std::string names_in(mat_t* mat) {
   std::size_t count = 0;
@@ -127,11 +149,14 @@ void gather_any(const matvar_t& v, AxialAxis axial, std::size_t rows, std::size_
 
 MatFrames read_mat(const std::filesystem::path& path, const std::string& variable, AxialAxis axial) {
   const std::size_t file_bytes = readable_file_size(path);
+  refuse_truncated_v5(path, file_bytes);
   const std::lock_guard lock(matio_mutex);
   Mat_LogInitFunc("teletact", keep_complaint);
   matio_complaint.clear();
   const Mat mat(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
   if (!mat) throw FileError(path, "is no MATLAB file or is damaged; save it with -v7 or -v7.3");
+  if (Mat_GetVersion(mat.get()) == MAT_FT_MAT4)
+    throw FileError(path, "is of MATLAB version 4 or damaged; save it with -v7 or -v7.3");
   const Variable read(Mat_VarReadInfo(mat.get(), variable.c_str()));
   if (!read) {
     const std::string present = names_in(mat.get());

@@ -1,0 +1,141 @@
+#include "client/files/matfile.h"
+
+#include <gtest/gtest.h>
+#include <matio.h>
+
+#include <array>
+#include <filesystem>
+
+#include "tests/files/temporary_folder.h"
+
+namespace teletact::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Kind {
+  const char* name;
+  mat_ft version;
+  matio_compression compression;
+};
+
+void PrintTo(const Kind& kind, std::ostream* out) {
+  *out << kind.name;
+}
+
+template <class T>
+void add(mat_t* mat, const char* name, matio_classes c, matio_types t, std::vector<std::size_t> dims,
+         std::vector<T> data, matio_compression compression, int options = 0) {
+  matvar_t* v = Mat_VarCreate(name, c, t, static_cast<int>(dims.size()), dims.data(), data.data(), options);
+  ASSERT_EQ(Mat_VarWrite(mat, v, compression), 0) << name;
+  Mat_VarFree(v);
+}
+
+// rf(sample, line) = 100 sample + line, 301 x 4, as double and int16; and things that are no RF.
+void write_example(const fs::path& path, const Kind& kind) {
+  mat_t* mat = Mat_CreateVer(path.c_str(), nullptr, kind.version);
+  ASSERT_NE(mat, nullptr);
+  std::vector<double> rf(301 * 4);
+  std::vector<std::int16_t> shorts(rf.size());
+  for (std::size_t l = 0; l < 4; ++l)
+    for (std::size_t k = 0; k < 301; ++k) {
+      rf[k + 301 * l] = 100.0 * static_cast<double>(k) + static_cast<double>(l);
+      shorts[k + 301 * l] = static_cast<std::int16_t>(rf[k + 301 * l]);
+    }
+  add(mat, "rf", MAT_C_DOUBLE, MAT_T_DOUBLE, {301, 4}, rf, kind.compression);
+  add(mat, "rf16", MAT_C_INT16, MAT_T_INT16, {7, 43, 4}, shorts, kind.compression);
+  add(mat, "name", MAT_C_CHAR, MAT_T_UINT8, {1, 3}, std::vector<char>{'a', 'b', 'c'}, kind.compression);
+  mat_complex_split_t iq{rf.data(), rf.data()};
+  std::array<std::size_t, 2> dims{301, 4};
+  matvar_t* v = Mat_VarCreate("iq", MAT_C_DOUBLE, MAT_T_DOUBLE, 2, dims.data(), &iq, MAT_F_COMPLEX);
+  ASSERT_EQ(Mat_VarWrite(mat, v, kind.compression), 0);
+  Mat_VarFree(v);
+  Mat_Close(mat);
+}
+
+std::string message_of(const fs::path& path, const std::string& variable) {
+  try {
+    read_mat(path, variable, AxialAxis::kRows);
+  } catch (const FileError& error) {
+    EXPECT_NE(std::string(error.what()).find(path.string()), std::string::npos);
+    return error.what();
+  }
+  return "no error";
+}
+
+class MatFile : public testing::TestWithParam<Kind> {};
+
+TEST_P(MatFile, ReadsRowsAndColumnsAsAxial) {
+  const TemporaryFolder folder;
+  write_example(folder / "a.mat", GetParam());
+  const MatFrames rows = read_mat(folder / "a.mat", "rf", AxialAxis::kRows);
+  ASSERT_EQ(rows.sample_count, 301u);
+  ASSERT_EQ(rows.line_count, 4u);
+  EXPECT_EQ(rows.frame_count, 1u);
+  for (std::size_t l = 0; l < 4; ++l)
+    for (std::size_t k = 0; k < 301; ++k)
+      ASSERT_EQ(rows.samples[k + 301 * l], 100.0f * static_cast<float>(k) + static_cast<float>(l));
+  const MatFrames columns = read_mat(folder / "a.mat", "rf", AxialAxis::kColumns);
+  ASSERT_EQ(columns.sample_count, 4u);
+  ASSERT_EQ(columns.line_count, 301u);
+  EXPECT_EQ(columns.samples[2 + 4 * 9], 902.0f);
+}
+
+TEST_P(MatFile, ReadsFramesOfShorts) {
+  const TemporaryFolder folder;
+  write_example(folder / "a.mat", GetParam());
+  const MatFrames f = read_mat(folder / "a.mat", "rf16", AxialAxis::kRows);
+  EXPECT_EQ(f.frame_count, 4u);
+  EXPECT_EQ(f.samples[3 + 7 * (2 + 43 * 1)], static_cast<float>(static_cast<std::int16_t>(100 * 17 + 1)));
+}
+
+TEST_P(MatFile, NamesTheVariablesThatAreThere) {
+  const TemporaryFolder folder;
+  write_example(folder / "a.mat", GetParam());
+  const std::string message = message_of(folder / "a.mat", "RF");
+  for (const char* expected : {"'RF'", "rf", "rf16", "name", "iq"})
+    EXPECT_NE(message.find(expected), std::string::npos) << message;
+  EXPECT_NE(message_of(folder / "a.mat", "iq").find("complex"), std::string::npos);
+  EXPECT_NE(message_of(folder / "a.mat", "name").find("not numeric"), std::string::npos);
+}
+
+TEST_P(MatFile, RefusesTruncatedFiles) {
+  const TemporaryFolder folder;
+  write_example(folder / "a.mat", GetParam());
+  const std::string whole = content_of(folder / "a.mat");
+  for (const double part : {.0, .01, .1, .4, .6}) {
+    put_content(folder / "cut.mat",
+                whole.substr(0, static_cast<std::size_t>(part * static_cast<double>(whole.size()))));
+    const std::string message = message_of(folder / "cut.mat", "iq");
+    EXPECT_NE(message, "no error") << part;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Versions, MatFile,
+                         testing::Values(Kind{"v5", MAT_FT_MAT5, MAT_COMPRESSION_NONE},
+                                         Kind{"v7", MAT_FT_MAT5, MAT_COMPRESSION_ZLIB},
+                                         Kind{"v73", MAT_FT_MAT73, MAT_COMPRESSION_NONE}),
+                         [](const auto& info) { return info.param.name; });
+
+TEST(MatFile, RefusesASingleVariableCutAnywhere) {
+  const TemporaryFolder folder;
+  mat_t* mat = Mat_CreateVer((folder / "a.mat").c_str(), nullptr, MAT_FT_MAT5);
+  ASSERT_NE(mat, nullptr);
+  add(mat, "rf", MAT_C_DOUBLE, MAT_T_DOUBLE, {50, 40}, std::vector<double>(2000, 3.5), MAT_COMPRESSION_NONE);
+  Mat_Close(mat);
+  const std::string whole = content_of(folder / "a.mat");
+  for (std::size_t bytes = 0; bytes < whole.size() - 8; bytes += 997) {
+    put_content(folder / "cut.mat", whole.substr(0, bytes));
+    EXPECT_NE(message_of(folder / "cut.mat", "rf"), "no error") << bytes << " of " << whole.size();
+  }
+}
+
+TEST(MatFile, RefusesWhatIsNoMatlabFile) {
+  const TemporaryFolder folder;
+  EXPECT_NE(message_of(folder / "absent.mat", "rf").find("does not exist"), std::string::npos);
+  put_content(folder / "noise.mat", std::string(5000, 'x'));
+  EXPECT_NE(message_of(folder / "noise.mat", "rf").find("MATLAB"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace teletact::client
