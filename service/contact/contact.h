@@ -32,7 +32,7 @@ struct ContactPose {
 struct NodalPressure {
   double x_m = 0;          // undeformed position of the node on the line
   double pressure_pa = 0;  // >= 0 pushes into the tissue
-  double traction_pa = 0;  // tangential (stuck)
+  double traction_pa = 0;  // tangential (stuck), on the tissue along +x
 };
 
 enum class ContactState { kNoContact, kContact };
@@ -45,17 +45,37 @@ struct ContactAnswer {
   std::array<double, 4> tangent_n_m{};
   double energy_j = 0;                  // U(pose)
   std::vector<NodalPressure> pressure;  // active nodes only
-  double largest_strain = 0;            // indentation over contact size or depth, what T4.5 flags above 0.15
-  bool strain_beyond_linear = false;    // largest_strain > 0.15
+  // The larger of indentation over the tissue's depth below the line and 0.38 (1 + nu) p / E, p the mean
+  // pressure over the contact's width and E the modulus there: the peak strain below a Hertzian line contact
+  // (largest shear 0.30 p_max, p_max = 4/pi p). What T4.5 flags above 0.15.
+  double largest_strain = 0;
+  bool strain_beyond_linear = false;  // largest_strain > 0.15
   std::size_t active_set_changes = 0;
   SolveReport solve;
 };
 
-// Solves the unilateral contact for one pose: U = min over p_y >= 0 of the complementary energy on the nodes
-// of the patch. Throws std::out_of_range when the tip reaches beyond the columns the model can be touched on,
+// How the candidates of the unilateral contact are chosen; the answer does not depend on it.
+struct ContactOptions {
+  // Nodes whose gap to the tip is smaller than this fraction of the indentation may touch (tissue bulges
+  // beside the tip); the range grows by itself while its outermost node touches.
+  double candidate_margin = 0.25;
+};
+
+// Solves the contact for one pose from one energy (T4.5), per metre of thickness:
+//   U(pose) = max over p_y >= 0, p_x of  p^T w(pose) - 1/2 p^T (S + C(pose)) p,   S the line's compliance.
+// Frictionless: p_y alone, C = 0. Stuck: every overlapped node (w_i > 0) is tied to its place sideways by a
+// spring of compliance C_i = 0.01 S_xx,ii (1 mm / w_i)^2 on the tangential diagonal: rigid to 1 % at 1 mm of
+// overlap, vanishing with its first derivative as the overlap does, so that U stays conservative and its
+// gradient continuous. Gaps w_i of node i at d = x_i - X (positive: overlap):
+//   rounded tip  indentation - d^2 / (2 radius);   flat punch  indentation - max(0, |d| - half_width)^2 / (2
+//   radius)
+// Node: one constraint b^T u = indentation with weights b (hat function or Gaussian footprint), U =
+// indentation^2 / (2 b^T S b); stuck: b^T u_x = 0 too. F = -dU/dpose by the envelope theorem; the tangent is
+// the exact second derivative at the active set. All are multiplied by the model's thickness. Throws
+// std::out_of_range when the tip overlaps the line beyond the columns the model can be touched on,
 // std::invalid_argument (field named) for an unusable fingertip or pose, e.g. an indentation deeper than the
-// tissue below the line.
+// tissue below the line, std::domain_error when no finite answer exists.
 ContactAnswer solve_contact(const TissueModel&, std::size_t line, Compliance&, const Fingertip&,
-                            const ContactPose&);
+                            const ContactPose&, const ContactOptions& = {});
 
 }  // namespace teletact::service

@@ -1,6 +1,7 @@
 // The model that is touched: immutable once made, shared by any number of touch streams.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -13,27 +14,39 @@ namespace teletact::service {
 class Device;
 
 struct TissueModelOptions {
-  double touch_begin_m = 0,
-         touch_end_m = 0;      // grid columns that a finger can reach: compliance is kept there
-  double thickness_m = 0.010;  // out-of-plane contact width of the finger (T: axes)
+  // Columns of nodes within [touch_begin_m, touch_end_m] can be touched: compliance is kept among them alone.
+  // A tip needs a node under all of its overlap, so reach past the window by the tip's half width. Both zero:
+  // every free column.
+  double touch_begin_m = 0, touch_end_m = 0;
+  double thickness_m = 0.010;  // out-of-plane contact width of the finger (T: axes), > 0
+};
+
+// Grid columns, both ends included.
+struct ColumnRange {
+  std::size_t first = 0, last = 0;
 };
 
 // Grid, material and supports with the compliance of its lines. Thread-safe; the surface line is condensed in
-// the constructor, interior lines (T4.4) on first use.
+// the constructor (unless it is fixed), interior lines (T4.4) on first use, which costs two elimination
+// sweeps once and one dense inverse per line.
 class TissueModel {
  public:
+  // Throws std::invalid_argument naming the field: unusable grid or material, no fixed edge (a free body), no
+  // touchable column, thickness not positive.
   TissueModel(TissueGrid, Material, Supports, TissueModelOptions);
   ~TissueModel();
   const TissueGrid& grid() const { return grid_; }
   const Material& material() const { return material_; }
   const Supports& supports() const { return supports_; }
   const TissueModelOptions& options() const { return options_; }
+  ColumnRange touchable_columns() const { return touchable_; }
   // The condensed compliance of grid row `line` (0 = the natural surface). Throws std::out_of_range when the
   // row is fixed or absent.
   std::shared_ptr<Compliance> condensed(std::size_t line) const;
   // The same by preconditioned conjugate gradients on `device`, columns computed when asked for and kept.
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device) const;
-  // Young's modulus of the element row below the line at column i's neighbourhood, for scales.
+  // Young's modulus of the elements beside `column` just below the line (above it on the last one): their
+  // mean.
   double modulus_near_pa(std::size_t column, std::size_t line) const;
 
  private:
@@ -41,6 +54,7 @@ class TissueModel {
   Material material_;
   Supports supports_;
   TissueModelOptions options_;
+  ColumnRange touchable_;
   struct Lines;
   std::unique_ptr<Lines> lines_;
 };

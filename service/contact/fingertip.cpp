@@ -1,0 +1,125 @@
+#include "service/contact/fingertip.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace teletact::service {
+namespace {
+
+constexpr double kGaussianReach = 7;  // standard deviations; what is cut off is 2e-11 of the peak
+
+void require_positive(double value, const char* field) {
+  if (!(value > 0) || !std::isfinite(value)) {
+    throw std::invalid_argument(std::string("fingertip.") + field + " is " + std::to_string(value) +
+                                "; give a finite length above 0 m");
+  }
+}
+
+// Distance beyond the flat part, with sign.
+double beyond_flat(const Fingertip& tip, double distance_m) {
+  const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
+  return std::copysign(std::max(0.0, std::abs(distance_m) - flat), distance_m);
+}
+
+Footprint hat_function(double x_m, std::span<const double> grid, ColumnRange columns) {
+  Footprint f;
+  if (columns.first == columns.last) {
+    f.first = columns.first;
+    f.weights.setZero(1, 3);
+    f.weights(0, 0) = 1;
+    return f;
+  }
+  const auto begin = grid.begin() + columns.first, end = grid.begin() + columns.last;
+  const std::size_t right =
+      std::size_t(std::clamp(std::upper_bound(begin, end, x_m), begin + 1, end) - grid.begin());
+  const std::size_t left = right - 1;
+  const double h = grid[right] - grid[left], t = (x_m - grid[left]) / h;
+  constexpr double kAtNode = 1e-9;
+  const bool at_left = t < kAtNode && left > columns.first;
+  const bool at_right = t > 1 - kAtNode && right < columns.last;
+  f.first = at_left ? left - 1 : left;
+  f.weights.setZero(at_left || at_right ? 3 : 2, 3);
+  const Eigen::Index l = at_left ? 1 : 0;
+  f.weights(l, 0) = 1 - t;
+  f.weights(l + 1, 0) = t;
+  // Slopes of the two elements beside the node, averaged where X lies on it.
+  const double share = at_left || at_right ? 0.5 : 1;
+  f.weights(l, 1) -= share / h;
+  f.weights(l + 1, 1) += share / h;
+  if (at_left || at_right) {
+    const std::size_t a = at_left ? left - 1 : right;
+    const double beside = grid[a + 1] - grid[a];
+    f.weights(Eigen::Index(a - f.first), 1) -= share / beside;
+    f.weights(Eigen::Index(a - f.first) + 1, 1) += share / beside;
+  }
+  return f;
+}
+
+Footprint gaussian(double sigma, double x_m, std::span<const double> grid, ColumnRange columns) {
+  const auto begin = grid.begin() + columns.first, end = grid.begin() + columns.last + 1;
+  const auto low = std::lower_bound(begin, end, x_m - kGaussianReach * sigma);
+  const auto high = std::upper_bound(low, end, x_m + kGaussianReach * sigma);
+  Footprint f;
+  f.first = std::size_t(low - grid.begin());
+  const Eigen::Index n = high - low;
+  f.weights.setZero(n, 3);
+  double widest = 0;
+  Eigen::Array3d sum = Eigen::Array3d::Zero();  // of g, g', g''
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const double d = low[k] - x_m, s2 = sigma * sigma;
+    const double width = tributary_width_m(grid, f.first + std::size_t(k));
+    const double g = width * std::exp(-d * d / (2 * s2));
+    f.weights.row(k) << g, g * d / s2, g * (d * d / s2 - 1) / s2;
+    sum += f.weights.row(k).transpose().array();
+    widest = std::max(widest, width);
+  }
+  if (n < 3 || sigma < 0.5 * widest) {
+    throw std::invalid_argument("fingertip.footprint_m is " + std::to_string(sigma) +
+                                ", below half of the node spacing here; use 0 (hat function) or at least " +
+                                std::to_string(0.5 * widest));
+  }
+  // b = g / G;  b' = (g' - b G') / G;  b'' = (g'' - 2 b' G' - b G'') / G.
+  f.weights.col(0) /= sum[0];
+  f.weights.col(1) = (f.weights.col(1) - f.weights.col(0) * sum[1]) / sum[0];
+  f.weights.col(2) = (f.weights.col(2) - 2 * f.weights.col(1) * sum[1] - f.weights.col(0) * sum[2]) / sum[0];
+  return f;
+}
+
+}  // namespace
+
+void validate(const Fingertip& tip) {
+  if (tip.shape == FingertipShape::kNode) {
+    if (!(tip.footprint_m >= 0) || !std::isfinite(tip.footprint_m)) {
+      throw std::invalid_argument("fingertip.footprint_m is " + std::to_string(tip.footprint_m) +
+                                  "; give 0 (hat function) or a standard deviation in metres");
+    }
+    return;
+  }
+  require_positive(tip.radius_m, "radius_m");
+  if (tip.shape == FingertipShape::kFlatPunch) require_positive(tip.half_width_m, "half_width_m");
+}
+
+Overlap overlap(const Fingertip& tip, const ContactPose& pose, double x_m) {
+  const double d = beyond_flat(tip, x_m - pose.x_m);
+  return {pose.indentation_m - d * d / (2 * tip.radius_m), d / tip.radius_m,
+          d == 0 && tip.shape == FingertipShape::kFlatPunch ? 0 : -1 / tip.radius_m};
+}
+
+double reach_m(const Fingertip& tip, double indentation_m, double margin_m) {
+  const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
+  return flat + std::sqrt(2 * tip.radius_m * std::max(0.0, indentation_m + margin_m));
+}
+
+Footprint footprint(const Fingertip& tip, double x_m, std::span<const double> grid_x_m, ColumnRange columns) {
+  return tip.footprint_m > 0 ? gaussian(tip.footprint_m, x_m, grid_x_m, columns)
+                             : hat_function(x_m, grid_x_m, columns);
+}
+
+double tributary_width_m(std::span<const double> grid_x_m, std::size_t i) {
+  const std::size_t left = i > 0 ? i - 1 : 0, right = std::min(i + 1, grid_x_m.size() - 1);
+  return (grid_x_m[right] - grid_x_m[left]) / 2;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,98 @@
+#include "service/tissue/grid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace teletact::service {
+namespace {
+
+void require(bool condition, const std::string& message) {
+  if (!condition) throw std::invalid_argument(message);
+}
+
+void validate_coordinates(const std::vector<double>& coordinates, const char* field) {
+  const std::string name = std::string("grid.") + field;
+  require(coordinates.size() >= 2, name + ": needs at least 2 lines of nodes, has " +
+                                       std::to_string(coordinates.size()) + "; add lines");
+  for (std::size_t k = 0; k < coordinates.size(); ++k) {
+    require(std::isfinite(coordinates[k]),
+            name + "[" + std::to_string(k) + "] is not finite; give every coordinate in metres");
+    require(k == 0 || coordinates[k] > coordinates[k - 1],
+            name + "[" + std::to_string(k) + "] does not exceed the one before it; sort the lines and drop " +
+                "repeated ones");
+  }
+}
+
+// Steps that grow from `fine` by `ratio` up to `coarse`, scaled down so that they end exactly at `length`.
+std::vector<double> growing_steps(double length, double fine, double coarse, double ratio) {
+  std::vector<double> steps;
+  double sum = 0, step = fine;
+  while (sum < length * (1 - 1e-12)) {
+    step = std::min(step * ratio, coarse);
+    steps.push_back(step);
+    sum += step;
+  }
+  for (double& s : steps) s *= length / sum;
+  return steps;
+}
+
+}  // namespace
+
+void validate(const TissueGrid& grid) {
+  validate_coordinates(grid.x_m, "x_m");
+  validate_coordinates(grid.y_m, "y_m");
+  require(grid.y_m.front() == 0,
+          "grid.y_m[0] is " + std::to_string(grid.y_m.front()) + "; depth starts at 0, the natural surface");
+}
+
+void validate(const TissueGrid& grid, const Material& material) {
+  validate(grid);
+  require(material.poisson_ratio >= 0 && material.poisson_ratio < 0.5,
+          "material.poisson_ratio is " + std::to_string(material.poisson_ratio) +
+              "; give 0 <= nu < 0.5, for nearly incompressible tissue for example 0.49");
+  require(material.youngs_modulus_pa.size() == grid.elements(),
+          "material.youngs_modulus_pa has " + std::to_string(material.youngs_modulus_pa.size()) +
+              " values for " + std::to_string(grid.elements()) + " elements; give one per element");
+  for (std::size_t e = 0; e < material.youngs_modulus_pa.size(); ++e) {
+    const double modulus = material.youngs_modulus_pa[e];
+    require(std::isfinite(modulus) && modulus > 0, "material.youngs_modulus_pa[" + std::to_string(e) +
+                                                       "] is " + std::to_string(modulus) +
+                                                       "; every element needs a finite modulus above 0 Pa");
+  }
+}
+
+std::vector<double> uniform_coordinates(double begin_m, double end_m, std::size_t count) {
+  require(std::isfinite(begin_m) && std::isfinite(end_m) && end_m > begin_m,
+          "uniform_coordinates: end_m must exceed begin_m");
+  require(count >= 1, "uniform_coordinates: count must be at least 1");
+  std::vector<double> coordinates(count + 1);
+  const double length = end_m - begin_m;
+  for (std::size_t k = 0; k <= count; ++k) coordinates[k] = begin_m + length * double(k) / double(count);
+  coordinates.back() = end_m;
+  return coordinates;
+}
+
+std::vector<double> graded_coordinates(double begin_m, double end_m, double fine_begin_m, double fine_end_m,
+                                       double fine_m, double coarse_m, double ratio) {
+  require(begin_m <= fine_begin_m && fine_begin_m < fine_end_m && fine_end_m <= end_m,
+          "graded_coordinates: the fine range must lie inside [begin_m, end_m]");
+  require(fine_m > 0 && coarse_m >= fine_m && std::isfinite(coarse_m),
+          "graded_coordinates: spacings must be positive, coarse_m not below fine_m");
+  require(ratio > 1 && std::isfinite(ratio), "graded_coordinates: ratio must exceed 1");
+  std::vector<double> coordinates{begin_m};
+  std::vector<double> left = growing_steps(fine_begin_m - begin_m, fine_m, coarse_m, ratio);
+  std::reverse(left.begin(), left.end());
+  for (double step : left) coordinates.push_back(coordinates.back() + step);
+  coordinates.back() = fine_begin_m;  // exact, whatever was rounded on the way
+  const double cells = std::max(1.0, std::round((fine_end_m - fine_begin_m) / fine_m));
+  const auto fine = uniform_coordinates(fine_begin_m, fine_end_m, std::size_t(cells));
+  coordinates.insert(coordinates.end(), fine.begin() + 1, fine.end());
+  const std::vector<double> right = growing_steps(end_m - fine_end_m, fine_m, coarse_m, ratio);
+  for (double step : right) coordinates.push_back(coordinates.back() + step);
+  coordinates.back() = end_m;
+  return coordinates;
+}
+
+}  // namespace teletact::service

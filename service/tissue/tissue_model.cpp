@@ -1,0 +1,147 @@
+#include "service/tissue/tissue_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+
+#include "service/tissue/condensation.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+// Position of column `i` of the grid among the degrees of freedom kept, or throws.
+std::size_t position_of(std::size_t column, ColumnRange kept) {
+  if (column < kept.first || column > kept.last) {
+    throw std::out_of_range("compliance: column " + std::to_string(column) +
+                            " is outside the touchable ones, " + std::to_string(kept.first) + " to " +
+                            std::to_string(kept.last));
+  }
+  return column - kept.first;
+}
+
+class CondensedLine final : public Compliance {
+ public:
+  // `stiffness`: the line's Schur complement over the free columns from `first_free` on.
+  CondensedLine(MatrixXd stiffness, std::size_t first_free, ColumnRange touchable) : columns_(touchable) {
+    const double largest_stiffness = stiffness.diagonal().maxCoeff();
+    invert_symmetric(stiffness);
+    const Index begin = 2 * Index(touchable.first - first_free);
+    const Index size = 2 * Index(touchable.last - touchable.first + 1);
+    compliance_ = stiffness.block(begin, begin, size, size).selfadjointView<Eigen::Lower>();
+    if (!compliance_.allFinite()) throw std::domain_error("condensation: the compliance is not finite");
+    // Rounding of an exact elimination: eps times a lower bound of the condition number.
+    rounding_ = std::numeric_limits<double>::epsilon() * largest_stiffness *
+                compliance_.diagonal().maxCoeff() * double(stiffness.rows());
+  }
+
+  MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override {
+    const Index n = Index(nodes.size());
+    std::vector<Index> at(nodes.size());
+    for (Index a = 0; a < n; ++a) at[a] = 2 * Index(position_of(nodes[a], columns_));
+    MatrixXd s(2 * n, 2 * n);
+    for (Index b = 0; b < n; ++b) {
+      for (Index a = 0; a < n; ++a) s.block<2, 2>(2 * a, 2 * b) = compliance_.block<2, 2>(at[a], at[b]);
+    }
+    if (report) {
+      *report = SolveReport{};
+      report->relative_error = rounding_;
+    }
+    return s;
+  }
+
+ private:
+  ColumnRange columns_;
+  MatrixXd compliance_;
+  double rounding_ = 0;
+};
+
+ColumnRange touchable_columns(const TissueGrid& grid, const LayeredStiffness& layers,
+                              const TissueModelOptions& options) {
+  ColumnRange range{layers.first_column(), layers.last_column()};
+  const double begin = options.touch_begin_m, end = options.touch_end_m;
+  if (begin == 0 && end == 0) return range;
+  if (!std::isfinite(begin) || !std::isfinite(end) || begin > end) {
+    throw std::invalid_argument(
+        "options.touch_begin_m and touch_end_m must be finite and in order; both 0 keeps every column");
+  }
+  const double slack = 1e-9 * (grid.x_m.back() - grid.x_m.front());
+  while (range.first <= range.last && grid.x_m[range.first] < begin - slack) ++range.first;
+  while (range.last > range.first && grid.x_m[range.last] > end + slack) --range.last;
+  if (range.first > range.last || grid.x_m[range.last] > end + slack) {
+    throw std::invalid_argument("options.touch_begin_m ... touch_end_m, " + std::to_string(begin) + " to " +
+                                std::to_string(end) + ", holds no free column of nodes; widen it");
+  }
+  return range;
+}
+
+}  // namespace
+
+struct TissueModel::Lines {
+  Lines(const TissueGrid& grid, const Material& material, const Supports& supports)
+      : layers(grid, material, supports), condensed(grid.ny()), once(grid.ny()) {}
+
+  LayeredStiffness layers;
+  std::vector<std::shared_ptr<Compliance>> condensed;  // by line; null until asked for
+  std::vector<std::once_flag> once;                    // one per line
+  std::once_flag swept;
+  std::vector<MatrixXd> stiffness;  // Schur complement of every free line; consumed line by line
+};
+
+TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, TissueModelOptions options)
+    : grid_(std::move(grid)),
+      material_(std::move(material)),
+      supports_(supports),
+      options_(options),
+      lines_(std::make_unique<Lines>(grid_, material_, supports_)) {
+  if (!(options_.thickness_m > 0) || !std::isfinite(options_.thickness_m)) {
+    throw std::invalid_argument("options.thickness_m is " + std::to_string(options_.thickness_m) +
+                                "; give the out-of-plane contact width in metres, above 0");
+  }
+  touchable_ = teletact::service::touchable_columns(grid_, lines_->layers, options_);
+  if (lines_->layers.first_line() == 0) condensed(0);
+}
+
+TissueModel::~TissueModel() = default;
+
+std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
+  Lines& lines = *lines_;
+  const LayeredStiffness& layers = lines.layers;
+  if (line < layers.first_line() || line > layers.last_line()) {
+    throw std::out_of_range(
+        "line " + std::to_string(line) + " cannot be touched: it is fixed or absent; lines " +
+        std::to_string(layers.first_line()) + " to " + std::to_string(layers.last_line()) + " can");
+  }
+  std::call_once(lines.once[line], [&] {
+    MatrixXd stiffness;
+    if (line == 0) {
+      stiffness = layers.eliminated_below(0);
+    } else {
+      std::call_once(lines.swept, [&] { lines.stiffness = layers.condensed_lines(); });
+      stiffness = std::move(lines.stiffness[line - layers.first_line()]);  // used once, then freed
+      if (stiffness.size() == 0)
+        throw std::domain_error("line " + std::to_string(line) + ": condensation failed");
+    }
+    lines.condensed[line] =
+        std::make_shared<CondensedLine>(std::move(stiffness), layers.first_column(), touchable_);
+  });
+  return lines.condensed[line];
+}
+
+double TissueModel::modulus_near_pa(std::size_t column, std::size_t line) const {
+  if (column >= grid_.nx() || line >= grid_.ny()) {
+    throw std::out_of_range("modulus_near_pa: column or line outside the grid");
+  }
+  const std::size_t row = std::min(line, grid_.ny() - 2);
+  const std::size_t left = column > 0 ? column - 1 : 0, right = std::min(column, grid_.nx() - 2);
+  return (material_.youngs_modulus_pa[grid_.element(left, row)] +
+          material_.youngs_modulus_pa[grid_.element(right, row)]) /
+         2;
+}
+
+}  // namespace teletact::service

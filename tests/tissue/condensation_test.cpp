@@ -1,0 +1,215 @@
+#include "service/tissue/condensation.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/SparseCholesky>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <thread>
+
+#include "service/tissue/element.h"
+#include "service/tissue/tissue_model.h"
+#include "tests/reference/elasticity.h"
+#include "tests/tissue/tissue_cases.h"
+
+namespace teletact {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using service::EdgeSupport;
+using service::Material;
+using service::Supports;
+using service::TissueGrid;
+using service::TissueModel;
+
+// B K^-1 B^T over the given columns of a line, by a sparse factor of the reference assembly.
+MatrixXd reference_compliance(const TissueGrid& grid, const Material& material, const Supports& supports,
+                              std::size_t line, const std::vector<std::size_t>& columns) {
+  const auto k =
+      reference::with_fixed(reference::assemble(grid, material), reference::fixed_dofs(grid, supports));
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(k);
+  MatrixXd s(Index(2 * columns.size()), Index(2 * columns.size()));
+  for (std::size_t b = 0; b < 2 * columns.size(); ++b) {
+    VectorXd f = VectorXd::Zero(k.rows());
+    f[Index(2 * grid.node(columns[b / 2], line) + b % 2)] = 1;
+    const VectorXd u = factor.solve(f);
+    for (std::size_t a = 0; a < 2 * columns.size(); ++a) {
+      s(Index(a), Index(b)) = u[Index(2 * grid.node(columns[a / 2], line) + a % 2)];
+    }
+  }
+  return s;
+}
+
+double relative_difference(const MatrixXd& a, const MatrixXd& b) {
+  return (a - b).cwiseAbs().maxCoeff() / b.cwiseAbs().maxCoeff();
+}
+
+std::vector<std::size_t> range(std::size_t first, std::size_t last) {
+  std::vector<std::size_t> v(last - first + 1);
+  std::iota(v.begin(), v.end(), first);
+  return v;
+}
+
+TEST(Element, ClosedFormEqualsQuadrature) {
+  for (double nu : {0.0, 0.3, 0.49, 0.4999}) {
+    const auto product = service::element_stiffness(2e-3, 7e-3, 12e3, nu);
+    const auto quadrature =
+        reference::element_matrix(2e-3, 7e-3, 12e3, nu, reference::Integration::kSelectiveReduced);
+    EXPECT_LE(relative_difference(product, quadrature), 1e-13) << nu;
+  }
+}
+
+TEST(Condensation, SymmetricInverseOfAwkwardSizes) {
+  for (Index n : {1, 2, 7, 32, 33, 65, 101, 222}) {
+    const MatrixXd random = MatrixXd::Random(n, n);
+    const MatrixXd a = random * random.transpose() + 0.1 * double(n) * MatrixXd::Identity(n, n);
+    MatrixXd inverse = a;
+    service::invert_symmetric(inverse);
+    const MatrixXd full = inverse.selfadjointView<Eigen::Lower>();
+    EXPECT_LE((full * a - MatrixXd::Identity(n, n)).cwiseAbs().maxCoeff(), 1e-12) << n;
+  }
+}
+
+TEST(Condensation, IndefiniteMatrixIsRefused) {
+  for (Index n : {3, 70}) {
+    MatrixXd a = MatrixXd::Identity(n, n);
+    a(n - 2, n - 2) = -1;
+    EXPECT_THROW(service::invert_symmetric(a), std::domain_error);
+    a(n - 2, n - 2) = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THROW(service::invert_symmetric(a), std::domain_error);
+  }
+}
+
+TEST(Condensation, EveryLineEqualsSparseFactor) {
+  const TissueGrid grid = tests::uneven_grid(17, 9);
+  for (double nu : {0.3, 0.495, 0.4999}) {
+    const Material material = tests::scattered(grid, 100, nu);
+    const TissueModel model(grid, material, Supports{}, {});
+    const auto columns = range(0, grid.nx() - 1);
+    for (std::size_t line = 0; line + 1 < grid.ny(); ++line) {
+      const MatrixXd expected = reference_compliance(grid, material, Supports{}, line, columns);
+      service::SolveReport report;
+      const MatrixXd s = model.condensed(line)->among(columns, &report);
+      EXPECT_LE(relative_difference(s, expected), 1e-10) << "line " << line << " nu " << nu;
+      EXPECT_LE(relative_difference(s, expected), report.relative_error) << "line " << line << " nu " << nu;
+      EXPECT_LE(report.relative_error, 1e-8);
+      EXPECT_LE(relative_difference(s, s.transpose()), 1e-15);
+      EXPECT_EQ(Eigen::LLT<MatrixXd>(s).info(), Eigen::Success);
+    }
+  }
+}
+
+TEST(Condensation, AnyEdgeMayBeFixed) {
+  const TissueGrid grid = tests::uneven_grid(11, 8);
+  const Material material = tests::scattered(grid, 10, 0.49);
+  for (int mask = 1; mask < 16; ++mask) {
+    const auto edge = [&](int bit) { return mask & bit ? EdgeSupport::kFixed : EdgeSupport::kFree; };
+    const Supports supports{edge(1), edge(2), edge(4), edge(8)};
+    const TissueModel model(grid, material, supports, {});
+    const service::ColumnRange touchable = model.touchable_columns();
+    EXPECT_EQ(touchable.first, mask & 4 ? 1u : 0u);
+    EXPECT_EQ(touchable.last, grid.nx() - (mask & 8 ? 2u : 1u));
+    const auto columns = range(touchable.first, touchable.last);
+    for (std::size_t line : {0u, 3u, 7u}) {
+      const bool fixed = (line == 0 && (mask & 1)) || (line == 7 && (mask & 2));
+      if (fixed) {
+        EXPECT_THROW(model.condensed(line), std::out_of_range);
+        continue;
+      }
+      const MatrixXd expected = reference_compliance(grid, material, supports, line, columns);
+      EXPECT_LE(relative_difference(model.condensed(line)->among(columns, nullptr), expected), 1e-10)
+          << "mask " << mask << " line " << line;
+    }
+  }
+}
+
+TEST(TissueModel, ComplianceIsKeptAmongTouchableColumnsAlone) {
+  const TissueGrid grid = tests::uniform_grid(21, 6);
+  const Material material = tests::inclusion(grid, 10, 0.49);
+  const TissueModel model(grid, material, Supports{}, {.touch_begin_m = 0.005, .touch_end_m = 0.0121});
+  EXPECT_EQ(model.touchable_columns().first, 5u);
+  EXPECT_EQ(model.touchable_columns().last, 12u);
+  const std::vector<std::size_t> nodes{5, 8, 12};
+  for (std::size_t line : {0u, 2u}) {
+    EXPECT_LE(relative_difference(model.condensed(line)->among(nodes, nullptr),
+                                  reference_compliance(grid, material, Supports{}, line, nodes)),
+              1e-11);
+    EXPECT_THROW(model.condensed(line)->among(std::vector<std::size_t>{4, 5}, nullptr), std::out_of_range);
+    EXPECT_THROW(model.condensed(line)->among(std::vector<std::size_t>{13}, nullptr), std::out_of_range);
+  }
+  EXPECT_THROW(model.condensed(5), std::out_of_range);  // the fixed bottom
+  EXPECT_THROW(model.condensed(60), std::out_of_range);
+}
+
+TEST(TissueModel, LinesAreCondensedOnceAmongManyThreads) {
+  const TissueGrid grid = tests::uniform_grid(21, 11);
+  const Material material = tests::inclusion(grid, 10, 0.49);
+  const TissueModel model(grid, material, Supports{}, {});
+  std::vector<service::Compliance*> seen(40);
+  std::vector<std::thread> threads;
+  for (std::size_t t = 0; t < 4; ++t) {
+    threads.emplace_back([&, t] {
+      for (std::size_t line = 0; line < 10; ++line) seen[10 * t + line] = model.condensed(line).get();
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (std::size_t line = 0; line < 10; ++line) {
+    EXPECT_NE(seen[line], nullptr);
+    for (std::size_t t = 1; t < 4; ++t) EXPECT_EQ(seen[10 * t + line], seen[line]);
+  }
+}
+
+template <class Make>
+std::string message_of(Make&& make) {
+  try {
+    make();
+  } catch (const std::invalid_argument& e) {
+    return e.what();
+  }
+  return "nothing thrown";
+}
+
+TEST(TissueModel, UnusableInputIsRefusedByName) {
+  const TissueGrid grid = tests::uniform_grid(5, 4);
+  const Material good = tests::inclusion(grid, 10, 0.49);
+  const auto refusal = [&](TissueGrid g, Material m, Supports s, service::TissueModelOptions o) {
+    return message_of([&] { TissueModel(std::move(g), std::move(m), s, o); });
+  };
+  const auto expect_names = [](const std::string& message, const std::string& field) {
+    EXPECT_NE(message.find(field), std::string::npos) << message << " does not name " << field;
+  };
+  for (double modulus :
+       {0.0, -1e4, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    Material bad = good;
+    bad.youngs_modulus_pa[7] = modulus;
+    expect_names(refusal(grid, bad, {}, {}), "material.youngs_modulus_pa[7]");
+  }
+  for (double nu : {-0.1, 0.5, 0.7, std::numeric_limits<double>::quiet_NaN()}) {
+    Material bad = good;
+    bad.poisson_ratio = nu;
+    expect_names(refusal(grid, bad, {}, {}), "material.poisson_ratio");
+  }
+  Material few = good;
+  few.youngs_modulus_pa.pop_back();
+  expect_names(refusal(grid, few, {}, {}), "material.youngs_modulus_pa");
+  TissueGrid bad_grid = grid;
+  bad_grid.x_m[2] = bad_grid.x_m[1];
+  expect_names(refusal(bad_grid, good, {}, {}), "grid.x_m[2]");
+  bad_grid = grid;
+  bad_grid.y_m[0] = -1e-3;
+  expect_names(refusal(bad_grid, good, {}, {}), "grid.y_m[0]");
+  const Supports free_body{EdgeSupport::kFree, EdgeSupport::kFree, EdgeSupport::kFree, EdgeSupport::kFree};
+  expect_names(refusal(grid, good, free_body, {}), "supports");
+  expect_names(refusal(grid, good, {}, {.thickness_m = 0}), "options.thickness_m");
+  expect_names(refusal(grid, good, {}, {.touch_begin_m = 0.0011, .touch_end_m = 0.0019}),
+               "options.touch_begin_m");
+  expect_names(refusal(grid, good, {}, {.touch_begin_m = 0.003, .touch_end_m = 0.001}),
+               "options.touch_begin_m");
+}
+
+}  // namespace
+}  // namespace teletact
