@@ -1,6 +1,7 @@
 #include "service/contact/contact.h"
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -21,6 +22,7 @@ using Eigen::VectorXd;
 constexpr double kLargestLinearStrain = 0.15;  // T4.5
 constexpr double kTieShare = 0.01;             // tie compliance over S_xx,ii ...
 constexpr double kTieOverlapM = 1e-3;          // ... at this overlap
+constexpr int kTieOrder = 3;                   // C_i = kTieShare S_xx,ii (kTieOverlapM / w_i)^kTieOrder
 constexpr double kTieNegligible = 1e12;        // ties softer than this times S_xx,ii carry nothing
 
 // U and its derivatives by the pose (X, indentation), per metre of thickness.
@@ -139,10 +141,12 @@ Patch make_patch(Compliance& compliance, const Fingertip& tip, const ContactPose
   const MatrixXd s = compliance.among(patch.nodes, &report);
   std::vector<Index> unknowns;
   for (Index k = 0; tip.friction == Friction::kStuck && k < n; ++k) {
-    const double w = patch.overlaps[std::size_t(k)].w_m, ratio = kTieOverlapM / w;
-    if (w <= 0 || kTieShare * ratio * ratio > kTieNegligible) continue;
+    const double w = patch.overlaps[std::size_t(k)].w_m;
+    if (w <= 0) continue;
+    const double share = kTieShare * std::pow(kTieOverlapM / w, kTieOrder);
+    if (share > kTieNegligible) continue;
     patch.tied.push_back(k);
-    patch.tie.push_back(kTieShare * s(2 * k, 2 * k) * kTieOverlapM * kTieOverlapM);
+    patch.tie.push_back(share * s(2 * k, 2 * k));
     unknowns.push_back(2 * k);
   }
   const Index tied = Index(patch.tied.size());
@@ -151,8 +155,7 @@ Patch make_patch(Compliance& compliance, const Fingertip& tip, const ContactPose
   patch.programme.w = VectorXd::Zero(tied + n);
   patch.programme.unilateral = n;
   for (Index t = 0; t < tied; ++t) {
-    const double w = patch.overlaps[std::size_t(patch.tied[std::size_t(t)])].w_m;
-    patch.programme.a(t, t) += patch.tie[std::size_t(t)] / (w * w);
+    patch.programme.a(t, t) += patch.tie[std::size_t(t)];
   }
   for (Index k = 0; k < n; ++k) patch.programme.w[tied + k] = patch.overlaps[std::size_t(k)].w_m;
   return patch;
@@ -178,11 +181,12 @@ Energy energy_of(const Patch& patch, const ActiveSetSolution& s) {
       energy.hessian(0, 0) += p * o.curvature_1_m;
       continue;
     }
-    const double tie = patch.tie[std::size_t(unknown)], w3 = o.w_m * o.w_m * o.w_m;  // C = tie / w^2
-    v.row(row) = (2 * tie / w3 * p) * w_q;
-    energy.gradient += (tie / w3 * p * p) * w_q;
-    energy.hessian -= (3 * tie / (w3 * o.w_m) * p * p) * w_q * w_q.transpose();
-    energy.hessian(0, 0) += tie / w3 * p * p * o.curvature_1_m;
+    // C = c w^-m: dC/dw = -m C / w, d2C/dw2 = m (m + 1) C / w^2.
+    const double slope = -kTieOrder * patch.tie[std::size_t(unknown)] / o.w_m;
+    v.row(row) = (-slope * p) * w_q;
+    energy.gradient -= (slope / 2 * p * p) * w_q;
+    energy.hessian += ((kTieOrder + 1) * slope / (2 * o.w_m) * p * p) * w_q * w_q.transpose();
+    energy.hessian(0, 0) -= slope / 2 * p * p * o.curvature_1_m;
   }
   const Eigen::MatrixX2d half = s.factor.matrixL().solve(v);
   energy.hessian += half.transpose() * half;

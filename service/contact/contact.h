@@ -64,9 +64,9 @@ struct ContactOptions {
 // Solves the contact for one pose from one energy (T4.5), per metre of thickness:
 //   U(pose) = max over p_y >= 0, p_x of  p^T w(pose) - 1/2 p^T (S + C(pose)) p,   S the line's compliance.
 // Frictionless: p_y alone, C = 0. Stuck: every overlapped node (w_i > 0) is tied to its place sideways by a
-// spring of compliance C_i = 0.01 S_xx,ii (1 mm / w_i)^2 on the tangential diagonal: rigid to 1 % at 1 mm of
-// overlap, vanishing with its first derivative as the overlap does, so that U stays conservative and its
-// gradient continuous. Gaps w_i of node i at d = x_i - X (positive: overlap):
+// spring of compliance C_i = 0.01 S_xx,ii (1 mm / w_i)^3 on the tangential diagonal: rigid to 1 % at 1 mm of
+// overlap, vanishing with its first two derivatives as the overlap does, so that force and tangent have no
+// jump where a node enters. Gaps w_i of node i at d = x_i - X (positive: overlap):
 //   rounded tip  indentation - d^2 / (2 radius);   flat punch  indentation - max(0, |d| - half_width)^2 / (2
 //   radius)
 // Node: one constraint b^T u = indentation with weights b (hat function or Gaussian footprint), U =

@@ -25,19 +25,29 @@ std::size_t position_of(std::size_t column, ColumnRange kept) {
   return column - kept.first;
 }
 
+// Relative error that rounding leaves in an exact elimination: eps times a bound of the line's condition
+// number, and what the cancelled bulk stiffness adds (eliminating nearly incompressible layers cancels lambda
+// down to the shear that remains, twice: measured errors follow (lambda / mu)^2 eps).
+double rounding_error(double largest_stiffness, double largest_compliance, std::size_t dofs,
+                      double poisson_ratio) {
+  const double bulk_over_shear = 2 * poisson_ratio / (1 - 2 * poisson_ratio);
+  const double condition = largest_stiffness * largest_compliance * double(dofs);
+  return 16 * std::numeric_limits<double>::epsilon() * (condition + bulk_over_shear * bulk_over_shear);
+}
+
 class CondensedLine final : public Compliance {
  public:
   // `stiffness`: the line's Schur complement over the free columns from `first_free` on.
-  CondensedLine(MatrixXd stiffness, std::size_t first_free, ColumnRange touchable) : columns_(touchable) {
+  CondensedLine(MatrixXd stiffness, std::size_t first_free, ColumnRange touchable, std::size_t dofs,
+                double poisson_ratio)
+      : columns_(touchable) {
     const double largest_stiffness = stiffness.diagonal().maxCoeff();
     invert_symmetric(stiffness);
     const Index begin = 2 * Index(touchable.first - first_free);
     const Index size = 2 * Index(touchable.last - touchable.first + 1);
     compliance_ = stiffness.block(begin, begin, size, size).selfadjointView<Eigen::Lower>();
     if (!compliance_.allFinite()) throw std::domain_error("condensation: the compliance is not finite");
-    // Rounding of an exact elimination: eps times a lower bound of the condition number.
-    rounding_ = std::numeric_limits<double>::epsilon() * largest_stiffness *
-                compliance_.diagonal().maxCoeff() * double(stiffness.rows());
+    rounding_ = rounding_error(largest_stiffness, compliance_.diagonal().maxCoeff(), dofs, poisson_ratio);
   }
 
   MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override {
@@ -57,8 +67,8 @@ class CondensedLine final : public Compliance {
 
  private:
   ColumnRange columns_;
-  MatrixXd compliance_;
   double rounding_ = 0;
+  MatrixXd compliance_;
 };
 
 ColumnRange touchable_columns(const TissueGrid& grid, const LayeredStiffness& layers,
@@ -127,8 +137,8 @@ std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
       if (stiffness.size() == 0)
         throw std::domain_error("line " + std::to_string(line) + ": condensation failed");
     }
-    lines.condensed[line] =
-        std::make_shared<CondensedLine>(std::move(stiffness), layers.first_column(), touchable_);
+    lines.condensed[line] = std::make_shared<CondensedLine>(
+        std::move(stiffness), layers.first_column(), touchable_, grid_.dofs(), material_.poisson_ratio);
   });
   return lines.condensed[line];
 }
