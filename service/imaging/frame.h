@@ -39,9 +39,17 @@ struct ImageGrid {
   std::size_t nx = 0, ny = 0;
   double origin_x_m = 0, origin_y_m = 0, dx_m = 0, dy_m = 0;
   std::size_t size() const { return nx * ny; }
+  bool operator==(const ImageGrid&) const = default;
 };
 
 // One scalar per node of an image grid.
 using Field = std::vector<float>;
+
+// Where the window [window_x_m, window_x_m + lines * pitch) lies in its tissue: [0, width_m] x [0, depth_m],
+// y = 0 at the probe face, bonded below, free sides (T4).
+struct TissueExtent {
+  double width_m = 0, depth_m = 0, window_x_m = 0;
+  double poisson_ratio = 0.49;  // 0 <= nu < 0.5
+};
 
 }  // namespace teletact::service

@@ -1,0 +1,264 @@
+// Displacement from a pair of RF frames (T2): post(x + u) = pre(x).
+//
+// Images are padded: sample k of A-line l lies at image[origin + l * stride + k], zeros all around far enough
+// for every window and lag, so that no kernel checks bounds on a load. A sample grid places node (i, j) at
+// A-line first_line + i * line_step and sample first_sample + j * sample_step, node index i + nx j.
+// Displacement fields are float2: x in A-lines (lateral), y in samples (axial).
+// Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
+
+#ifndef WORK_GROUP  // work-items of a group, all kernels of this file
+#define WORK_GROUP 32
+#endif
+#ifndef MEDIAN_RADIUS_MAX  // largest radius of median_filter, in nodes
+#define MEDIAN_RADIUS_MAX 2
+#endif
+
+float sum8(const float8 v) {
+  const float4 h = v.lo + v.hi;
+  return h.x + h.y + h.z + h.w;
+}
+
+// Position of the largest of three equally spaced values by a parabola, in (-1/2, 1/2). Biased (T2.2): only a
+// start for Gauss-Newton.
+float parabola(const float before, const float peak, const float after) {
+  const float curvature = before - 2.0f * peak + after;
+  return curvature < -1e-6f ? clamp(0.5f * (before - after) / curvature, -0.5f, 0.5f) : 0.0f;
+}
+
+// Bilinear value at (column, row) of a field on an nx x ny grid, held constant outside.
+float2 field_at(__global const float2* restrict field, const int nx, const int ny, const float column,
+                const float row) {
+  const float c = clamp(column, 0.0f, (float)(nx - 1)), r = clamp(row, 0.0f, (float)(ny - 1));
+  const int i = min((int)c, max(nx - 2, 0)), j = min((int)r, max(ny - 2, 0));
+  const int right = nx > 1 ? 1 : 0, below = ny > 1 ? nx : 0;
+  const float s = c - (float)i, t = r - (float)j;
+  __global const float2* const p = field + i + nx * j;
+  return (1.0f - t) * ((1.0f - s) * p[0] + s * p[right]) + t * ((1.0f - s) * p[below] + s * p[below + right]);
+}
+
+// Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x one lateral lag per
+// work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n, lateral
+// lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
+// -half_axial..half_axial with every sample_stride-th sample (decimation: the products stay clear of DC). Per
+// item and window sample: 1 vector load, 32 flops.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
+    __global const float* restrict pre, __global const float* restrict post, __global float* restrict out,
+    const int nx, const int ny, const int first_line, const int line_step, const int first_sample,
+    const int sample_step, const int origin, const int stride, const int half_axial, const int half_lateral,
+    const int sample_stride, const int first_lag, const int chunks, const int first_lateral,
+    const int lateral_step, const int lateral_count) {
+  const int id = get_global_id(0);
+  if (id >= nx * ny * lateral_count * chunks) return;
+  const int chunk = id % chunks, m = (id / chunks) % lateral_count, node = id / (chunks * lateral_count);
+  const int line = first_line + (node % nx) * line_step;
+  const int sample = first_sample + (node / nx) * sample_step;
+  const int lag = first_lag + 8 * chunk, lateral = first_lateral + m * lateral_step;
+  float pre_energy = 0.0f;
+  float8 post_energy = 0.0f, product = 0.0f;
+  for (int l = -half_lateral; l <= half_lateral; ++l) {
+    __global const float* const a = pre + origin + (line + l) * stride + sample;
+    __global const float* const b = post + origin + (line + l + lateral) * stride + sample + lag;
+    for (int k = -half_axial; k <= half_axial; k += sample_stride) {
+      const float p = a[k];
+      const float8 q = vload8(0, b + k);
+      pre_energy = fma(p, p, pre_energy);
+      product = fma((float8)(p), q, product);
+      post_energy = fma(q, q, post_energy);
+    }
+  }
+  vstore8(product * rsqrt(fmax(pre_energy * post_energy, (float8)(1e-20f))), id, out);
+}
+
+// The peak of ncc() with one chunk of axial lags, lateral_step 1: adds its sub-sample position to `field`.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc_peak(
+    __global const float* restrict volume, __global const float2* restrict field,
+    __global float2* restrict out, __global float* restrict peak, const int nodes, const int first_lag,
+    const int first_lateral, const int lateral_count) {
+  const int node = get_global_id(0);
+  if (node >= nodes) return;
+  __global const float* const v = volume + node * lateral_count * 8;
+  int best = 0;
+  for (int n = 1; n < lateral_count * 8; ++n) best = v[n] > v[best] ? n : best;
+  const int lag = best % 8, m = best / 8;
+  const float axial = lag > 0 && lag < 7 ? parabola(v[best - 1], v[best], v[best + 1]) : 0.0f;
+  const float lateral = m > 0 && m < lateral_count - 1 ? parabola(v[best - 8], v[best], v[best + 8]) : 0.0f;
+  out[node] = field[node] + (float2)((float)(first_lateral + m) + lateral, (float)(first_lag + lag) + axial);
+  peak[node] = v[best];
+}
+
+// Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes.
+// Axially `taps` (windowed sinc, `phases` + 1 rows of 8, row p for a fraction p / phases, rows blended
+// linearly), laterally cubic (Keys). Writes either the warped frame (pair = 0), or the mean of pre and warped
+// post to `a` and their difference pre - warped to `b` (pair = 1). One item per sample; 4 vector loads, ~110
+// flops.
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void warp(
+    __global const float* restrict pre, __global const float* restrict post,
+    __global const float2* restrict field, __global const float* restrict taps, __global float* restrict a,
+    __global float* restrict b, const int pair, const int phases, const int line_count,
+    const int sample_count, const int nx, const int ny, const int first_line, const int line_step,
+    const int first_sample, const int sample_step, const int origin, const int stride) {
+  const int k = get_global_id(0), l = get_global_id(1);
+  if (k >= sample_count) return;
+  const float2 u = field_at(field, nx, ny, (float)(l - first_line) / (float)line_step,
+                            (float)(k - first_sample) / (float)sample_step);
+  const float x = (float)l + u.x, whole_x = floor(x), s = x - whole_x;
+  const float whole_u = floor(u.y), t = (u.y - whole_u) * (float)phases;
+  const int line = (int)whole_x, sample = k + (int)whole_u;
+  const int at = origin + l * stride + k;
+  float value = 0.0f;
+  if (line >= 0 && line < line_count && sample >= 0 && sample < sample_count) {
+    const float4 w = (float4)(((-0.5f * s + 1.0f) * s - 0.5f) * s, (1.5f * s - 2.5f) * s * s + 1.0f,
+                              ((-1.5f * s + 2.0f) * s + 0.5f) * s, (0.5f * s - 0.5f) * s * s);
+    __global const float* const p = post + origin + line * stride + sample - 3;
+    const float8 blended = w.x * vload8(0, p - stride) + w.y * vload8(0, p) + w.z * vload8(0, p + stride) +
+                           w.w * vload8(0, p + 2 * stride);
+    const int phase = min((int)t, phases - 1);
+    const float8 t0 = vload8(phase, taps), t1 = vload8(phase + 1, taps);
+    value = sum8(blended * (t0 + (t - (float)phase) * (t1 - t0)));
+  }
+  if (pair) {
+    const float p = pre[at];
+    a[at] = 0.5f * (p + value);
+    b[at] = p - value;
+  } else {
+    a[at] = value;
+  }
+}
+
+// One Gauss-Newton step (T2.2) on the window around each node: minimises sum (difference - grad(mean) . du)^2
+// and adds du to the field, limited to `axial_limit` samples and `lateral_limit` lines; correlation of pre
+// and warped post over the same window, -1 where the step hit its axial limit, -2 where the window has no
+// texture. Window: 8 * chunks samples x (2 half_lateral + 1) lines, axial weights `taper` (8 * chunks). Per 8
+// samples: 8 vector loads, ~240 flops.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void gauss_newton(
+    __global const float* restrict mean, __global const float* restrict difference,
+    __global const float2* restrict field, __global const float* restrict taper,
+    __global float2* restrict out, __global float* restrict correlation, const int nx, const int ny,
+    const int first_line, const int line_step, const int first_sample, const int sample_step,
+    const int origin, const int stride, const int chunks, const int half_lateral, const float axial_limit,
+    const float lateral_limit) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int line = first_line + (node % nx) * line_step;
+  const int start = origin + first_sample + (node / nx) * sample_step - 4 * chunks;
+  float8 gyy = 0.0f, gxx = 0.0f, gxy = 0.0f, gyd = 0.0f, gxd = 0.0f, ss = 0.0f, sd = 0.0f, dd = 0.0f;
+  for (int l = -half_lateral; l <= half_lateral; ++l) {
+    __global const float* const s = mean + start + (line + l) * stride;
+    __global const float* const d = difference + start + (line + l) * stride;
+    for (int c = 0; c < 8 * chunks; c += 8) {
+      const float8 w = vload8(0, taper + c), m = vload8(0, s + c), e = vload8(0, d + c);
+      const float8 gy = (2.0f / 3.0f) * (vload8(0, s + c + 1) - vload8(0, s + c - 1)) -
+                        (1.0f / 12.0f) * (vload8(0, s + c + 2) - vload8(0, s + c - 2));
+      const float8 gx = 0.5f * (vload8(0, s + c + stride) - vload8(0, s + c - stride));
+      const float8 wgy = w * gy, wgx = w * gx, wm = w * m, we = w * e;
+      gyy = fma(wgy, gy, gyy);
+      gxx = fma(wgx, gx, gxx);
+      gxy = fma(wgx, gy, gxy);
+      gyd = fma(wgy, e, gyd);
+      gxd = fma(wgx, e, gxd);
+      ss = fma(wm, m, ss);
+      sd = fma(wm, e, sd);
+      dd = fma(we, e, dd);
+    }
+  }
+  const float yy = sum8(gyy), xx = 1.02f * sum8(gxx), xy = sum8(gxy), yd = sum8(gyd), xd = sum8(gxd);
+  const float determinant = yy * xx - xy * xy;
+  const bool textured = determinant > 1e-4f * yy * xx && yy > 1e-20f;
+  const float2 du = textured ? (float2)(yy * xd - xy * yd, xx * yd - xy * xd) / determinant : (float2)(0.0f);
+  const float quarter = 0.25f * sum8(dd), s2 = sum8(ss), cross = sum8(sd);
+  const float energy = (s2 + quarter + cross) * (s2 + quarter - cross);
+  out[node] = field[node] +
+              (float2)(clamp(du.x, -lateral_limit, lateral_limit), clamp(du.y, -axial_limit, axial_limit));
+  correlation[node] =
+      textured && fabs(du.y) <= axial_limit ? (s2 - quarter) * rsqrt(fmax(energy, 1e-30f)) : -2.0f;
+}
+
+// Median of the sorted prefix v[0..count).
+float median_of(const float* v, const int count) {
+  return 0.5f * (v[(count - 1) / 2] + v[count / 2]);
+}
+
+// Cures peak hops between levels. Looks at the correction field - prediction, which is free of the strain's
+// gradient: where it is further than the tolerance (lines, samples) from the median over the trusted
+// neighbours (correlation >= threshold, radius in nodes), or the node itself is not trusted, the median takes
+// its place; deviation = axial distance from the median. Without trusted neighbours the prediction stands,
+// deviation = inf.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void median_filter(
+    __global const float2* restrict field, __global const float2* restrict prediction,
+    __global const float* restrict correlation, __global float2* restrict out,
+    __global float* restrict deviation, const int nx, const int ny, const int radius, const float threshold,
+    const float lateral_tolerance, const float axial_tolerance) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  float x[(2 * MEDIAN_RADIUS_MAX + 1) * (2 * MEDIAN_RADIUS_MAX + 1)];
+  float y[(2 * MEDIAN_RADIUS_MAX + 1) * (2 * MEDIAN_RADIUS_MAX + 1)];
+  int count = 0;
+  for (int n = max(j - radius, 0); n <= min(j + radius, ny - 1); ++n)
+    for (int m = max(i - radius, 0); m <= min(i + radius, nx - 1); ++m) {
+      if (!(correlation[m + nx * n] >= threshold)) continue;
+      const float2 v = field[m + nx * n] - prediction[m + nx * n];
+      int p = count, q = count;
+      for (; p > 0 && x[p - 1] > v.x; --p) x[p] = x[p - 1];
+      for (; q > 0 && y[q - 1] > v.y; --q) y[q] = y[q - 1];
+      x[p] = v.x;
+      y[q] = v.y;
+      ++count;
+    }
+  if (count < 3) {
+    out[node] = prediction[node];
+    deviation[node] = INFINITY;
+    return;
+  }
+  const float2 own = field[node] - prediction[node];
+  const float2 median = (float2)(median_of(x, count), median_of(y, count)), off = fabs(own - median);
+  const bool trusted = correlation[node] >= threshold;
+  out[node] = prediction[node] + (float2)(trusted && off.x <= lateral_tolerance ? own.x : median.x,
+                                          trusted && off.y <= axial_tolerance ? own.y : median.y);
+  deviation[node] = off.y;
+}
+
+// Binomial 3 x 3 smoothing, the border held: the field that the next warp uses.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void smooth(
+    __global const float2* restrict field, __global float2* restrict out, const int nx, const int ny) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  float2 sum = 0.0f;
+  for (int n = -1; n <= 1; ++n)
+    for (int m = -1; m <= 1; ++m) {
+      // Linear extrapolation outside keeps a uniform strain unchanged: mirror the increment, not the value.
+      const int ci = clamp(i + m, 0, nx - 1), cj = clamp(j + n, 0, ny - 1);
+      const int oi = clamp(i - m, 0, nx - 1), oj = clamp(j - n, 0, ny - 1);
+      const bool outside = ci != i + m || cj != j + n;
+      const float2 v = outside ? 2.0f * field[node] - field[oi + nx * oj] : field[ci + nx * cj];
+      sum += (float)((2 - abs(m)) * (2 - abs(n))) / 16.0f * v;
+    }
+  out[node] = sum;
+}
+
+// A field from one sample grid onto another (bilinear, held constant outside).
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void resample(
+    __global const float2* restrict from, __global float2* restrict to, const int from_nx, const int from_ny,
+    const int from_first_line, const int from_line_step, const int from_first_sample,
+    const int from_sample_step, const int nx, const int ny, const int first_line, const int line_step,
+    const int first_sample, const int sample_step) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int line = first_line + (node % nx) * line_step, sample = first_sample + (node / nx) * sample_step;
+  to[node] = field_at(from, from_nx, from_ny, (float)(line - from_first_line) / (float)from_line_step,
+                      (float)(sample - from_first_sample) / (float)from_sample_step);
+}
+
+// What the image grid reports: displacement in metres and whether it can be trusted: correlation and
+// deviation from the median (samples) within their limits.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void report(
+    __global const float2* restrict field, __global const float* restrict correlation,
+    __global const float* restrict deviation, __global float2* restrict field_m,
+    __global uchar* restrict trusted, const int nodes, const float line_pitch_m, const float sample_pitch_m,
+    const float threshold, const float axial_tolerance) {
+  const int node = get_global_id(0);
+  if (node >= nodes) return;
+  field_m[node] = field[node] * (float2)(line_pitch_m, sample_pitch_m);
+  trusted[node] = correlation[node] >= threshold && deviation[node] <= axial_tolerance ? 1 : 0;
+}

@@ -1,0 +1,60 @@
+// Strain by least squares (T2.4): a plane is fitted to both displacement components over a kernel of
+// (2 half_columns + 1) x (2 half_rows + 1) nodes, trusted nodes only; its slopes are the strain tensor.
+//   u_x ~ a + b x + c y, u_y ~ d + e x + f y;  eps_xx = b, eps_yy = f, eps_xy = (c + e) / 2
+// Node (i, j) has index i + nx j. field: metres (x lateral, y axial). Per node and kernel node: 13 bytes, ~20
+// flops.
+
+#ifndef WORK_GROUP
+#define WORK_GROUP 32
+#endif
+
+// strain[node] = (eps_xx, eps_yy, eps_xy, rms residual of u_y in metres); all NaN and trusted_out = 0 where
+// less than `least_fraction` of the kernel's nodes inside the grid are trusted or they do not span a plane.
+// trusted_out = 0 also where the residual exceeds `residual_limit_m` or the node itself is not trusted.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
+    __global const float2* restrict field, __global const uchar* restrict trusted,
+    __global float4* restrict strain_out, __global uchar* restrict trusted_out, const int nx, const int ny,
+    const float dx_m, const float dy_m, const int half_columns, const int half_rows,
+    const float least_fraction, const float residual_limit_m) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  const int left = max(i - half_columns, 0), right = min(i + half_columns, nx - 1);
+  const int upper = max(j - half_rows, 0), lower = min(j + half_rows, ny - 1);
+  const float2 origin = field[node];  // differences keep float accurate for large rigid motion
+  float n = 0.0f, sx = 0.0f, sy = 0.0f, sxx = 0.0f, sxy = 0.0f, syy = 0.0f, uu = 0.0f;
+  float2 u = 0.0f, xu = 0.0f, yu = 0.0f;
+  for (int r = upper; r <= lower; ++r)
+    for (int c = left; c <= right; ++c) {
+      const float w = (float)trusted[c + nx * r];
+      const float2 v = w * (field[c + nx * r] - origin);
+      const float x = (float)(c - i), y = (float)(r - j);
+      n += w;
+      sx += w * x;
+      sy += w * y;
+      sxx += w * x * x;
+      sxy += w * x * y;
+      syy += w * y * y;
+      u += v;
+      xu += x * v;
+      yu += y * v;
+      uu += v.y * v.y;
+    }
+  const float inside = (float)((right - left + 1) * (lower - upper + 1));
+  // Normal equations of the slopes after elimination of the constant.
+  const float count = fmax(n, 1.0f);
+  const float cxx = sxx - sx * sx / count, cxy = sxy - sx * sy / count, cyy = syy - sy * sy / count;
+  const float2 bx = xu - sx / count * u, by = yu - sy / count * u;
+  const float determinant = cxx * cyy - cxy * cxy;
+  if (n < least_fraction * inside || n < 4.0f || determinant <= 0.05f * cxx * cyy || cxx * cyy <= 0.0f) {
+    strain_out[node] = (float4)(NAN);
+    trusted_out[node] = 0;
+    return;
+  }
+  const float2 slope_x = (cyy * bx - cxy * by) / determinant, slope_y = (cxx * by - cxy * bx) / determinant;
+  const float squares = uu - u.y * u.y / count - slope_x.y * bx.y - slope_y.y * by.y;
+  const float residual = sqrt(fmax(squares, 0.0f) / count);
+  strain_out[node] =
+      (float4)(slope_x.x / dx_m, slope_y.y / dy_m, 0.5f * (slope_y.x / dy_m + slope_x.y / dx_m), residual);
+  trusted_out[node] = trusted[node] && residual <= residual_limit_m ? 1 : 0;
+}

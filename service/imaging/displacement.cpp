@@ -1,0 +1,247 @@
+#include "service/imaging/displacement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "service/imaging/interpolation.h"
+#include "service/imaging/path_search.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr std::size_t kGroup = 32;  // WORK_GROUP of displacement.cl
+constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
+constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
+constexpr int kCoarseDecimation = 2;                           // of the samples of the coarse window
+constexpr float kSlopeCost = 0.02f;  // correlation that one sample of lag change per coarse step is worth
+constexpr int kFineLags = 8, kFineFirstLag = -4;
+constexpr double kTaperFraction = 0.5;  // part of the axial window that its cosine edges take
+
+int steps(double length_m, double step_m) {
+  return std::max(1, static_cast<int>(std::lround(length_m / step_m)));
+}
+int half_width(double window_m, double step_m) {
+  return std::max(1, static_cast<int>(std::lround(window_m / 2 / step_m)));
+}
+
+// Cosine-tapered axial weights of a window of `size` samples.
+std::vector<float> taper(int size) {
+  std::vector<float> weights(static_cast<std::size_t>(size));
+  const double edge = std::max(1.0, kTaperFraction / 2 * size);
+  for (int k = 0; k < size; ++k) {
+    const double inside = std::min({1.0, (k + 0.5) / edge, (size - k - 0.5) / edge});
+    weights[static_cast<std::size_t>(k)] = static_cast<float>(std::pow(std::sin(inside * M_PI / 2), 2));
+  }
+  return weights;
+}
+
+void require(bool condition, const char* message) {
+  if (!condition) throw std::invalid_argument(message);
+}
+
+void validate(const DisplacementOptions& o) {
+  require(o.max_strain > 0 && o.max_strain <= 0.2, "max_strain: must be above 0 and at most 0.2");
+  require(o.lateral_search_m >= 0 && o.lateral_search_m <= 5e-3, "lateral_search_m: must be 0 to 5e-3 m");
+  require(o.grid_dx_m > 0 && o.grid_dy_m > 0, "grid_dx_m, grid_dy_m: must be above 0 m");
+  require(o.window_axial_m > 0 && o.window_axial_m <= 0.02 && o.window_lateral_m > 0 &&
+              o.window_lateral_m <= 0.02,
+          "window_axial_m, window_lateral_m: must be above 0 and at most 0.02 m");
+  require(o.coarse_window_axial_m > 0 && o.coarse_window_axial_m <= 0.02 && o.coarse_window_lateral_m > 0 &&
+              o.coarse_window_lateral_m <= 0.02,
+          "coarse_window_axial_m, coarse_window_lateral_m: must be above 0 and at most 0.02 m");
+  require(o.refinements >= 1 && o.refinements <= 20, "refinements: must be 1 to 20");
+}
+
+}  // namespace
+
+struct DisplacementEstimator::Kernels {
+  explicit Kernels(const Queue& q) {
+    const auto build = [&](const char* name) { return q.kernel("displacement", name, Precision::kFloat); };
+    ncc = build("ncc"), ncc_peak = build("ncc_peak"), warp = build("warp"),
+    gauss_newton = build("gauss_newton");
+    median_filter = build("median_filter"), smooth = build("smooth"), resample = build("resample");
+    report = build("report");
+  }
+  Kernel ncc, ncc_peak, warp, gauss_newton, median_filter, smooth, resample, report;
+};
+
+// Sizes and buffers of one geometry.
+struct DisplacementEstimator::Workspace {
+  Workspace(const Queue& q, const RfFrame& frame, const AcquisitionGeometry& geometry,
+            const DisplacementOptions& o);
+  bool serves(const RfFrame& frame, const AcquisitionGeometry& g) const {
+    return static_cast<int>(frame.sample_count) == samples && static_cast<int>(frame.line_count) == lines &&
+           g.sample_pitch_m() == sample_pitch_m && g.line_pitch_m == line_pitch_m &&
+           g.center_frequency_hz == center_frequency_hz && g.first_sample_depth_m == first_sample_depth_m;
+  }
+
+  int samples, lines;
+  double sample_pitch_m, line_pitch_m, center_frequency_hz, first_sample_depth_m;
+  float period;  // of the carrier, samples
+  int coarse_half_axial, coarse_half_lateral, coarse_lateral_step, coarse_chunks, coarse_first_lag;
+  int half_axial, half_lateral, lateral_reach, window_chunks;
+  SampleGrid coarse, fine, image;
+  Padding pad;
+  Array<float> pre, post, mean, difference;  // padded images; `mean` also holds a warped post
+  Array<float> taps, weights;
+  Array<float> coarse_volume, fine_volume;
+  Array<float> field, candidate, filtered, correlation, deviation;  // fields: 2 per node of the largest grid
+  Array<float> field_m;
+  Array<std::uint8_t> trusted;
+};
+
+DisplacementEstimator::Workspace::Workspace(const Queue& q, const RfFrame& frame,
+                                            const AcquisitionGeometry& g, const DisplacementOptions& o)
+    : samples(static_cast<int>(frame.sample_count)),
+      lines(static_cast<int>(frame.line_count)),
+      sample_pitch_m(g.sample_pitch_m()),
+      line_pitch_m(g.line_pitch_m),
+      center_frequency_hz(g.center_frequency_hz),
+      first_sample_depth_m(g.first_sample_depth_m),
+      period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)) {
+  const double dy = sample_pitch_m, dx = line_pitch_m;
+  coarse = centred_grid(frame, std::max(steps(kCoarseStepLateralM, dx), lines / kMostCoarseColumns),
+                        std::max(steps(kCoarseStepAxialM, dy), samples / kMostCoarseRows));
+  fine = centred_grid(frame, steps(kFineStepM, dx), steps(kFineStepM, dy));
+  image = centred_grid(frame, steps(o.grid_dx_m, dx), steps(o.grid_dy_m, dy));
+  coarse_half_axial = half_width(o.coarse_window_axial_m, dy);
+  coarse_half_lateral = half_width(o.coarse_window_lateral_m, dx);
+  coarse_lateral_step = steps(o.lateral_search_m / 2, dx);
+  const double deepest_m = first_sample_depth_m + samples * dy;
+  const int most_lag = std::min(samples, static_cast<int>(std::ceil(o.max_strain * deepest_m / dy)) + 4);
+  coarse_chunks = 2 * ((most_lag + 7) / 8);
+  coarse_first_lag = -4 * coarse_chunks;
+  half_axial = half_width(o.window_axial_m, dy);
+  half_lateral = half_width(o.window_lateral_m, dx);
+  lateral_reach = static_cast<int>(std::ceil(o.lateral_search_m / dx));
+  window_chunks = std::max(1, (2 * half_axial + 4) / 8);
+  pad = padding(frame, 4 * coarse_chunks + 4 * window_chunks + coarse_half_axial + half_axial + 16,
+                std::max(coarse_half_lateral + coarse_lateral_step, half_lateral + lateral_reach) + 3);
+  pre = q.array<float>(pad.total), post = q.array<float>(pad.total);
+  mean = q.array<float>(pad.total), difference = q.array<float>(pad.total);
+  q.fill_zero(mean);
+  q.fill_zero(difference);
+  taps = q.array(interpolation_taps());
+  weights = q.array(taper(8 * window_chunks));
+  coarse_volume = q.array<float>(std::size_t(coarse.nodes()) * 3 * 8 * coarse_chunks);
+  fine_volume = q.array<float>(std::size_t(fine.nodes()) * (2 * lateral_reach + 1) * kFineLags);
+  const auto nodes = std::size_t(std::max({coarse.nodes(), fine.nodes(), image.nodes()}));
+  field = q.array<float>(2 * nodes), candidate = q.array<float>(2 * nodes),
+  filtered = q.array<float>(2 * nodes);
+  correlation = q.array<float>(std::size_t(image.nodes()) > nodes ? image.nodes() : nodes);
+  deviation = q.array<float>(nodes);
+  field_m = q.array<float>(2 * std::size_t(image.nodes()));
+  trusted = q.array<std::uint8_t>(std::size_t(image.nodes()));
+}
+
+DisplacementEstimator::DisplacementEstimator(Queue queue, DisplacementOptions options)
+    : queue_(std::move(queue)), options_(options) {
+  validate(options_);
+  kernels_ = std::make_unique<Kernels>(queue_);
+}
+
+DisplacementEstimator::~DisplacementEstimator() = default;
+
+namespace {
+
+Range over(int nodes) {
+  return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
+}
+
+}  // namespace
+
+// Level 1: `field` on the coarse grid, lateral 0.
+void DisplacementEstimator::search_coarse(const std::function<void()>& between) {
+  Workspace& w = *work_;
+  const SampleGrid& g = w.coarse;
+  const int lateral_count = 3, lag_count = 8 * w.coarse_chunks;
+  kernels_->ncc(over(g.nodes() * lateral_count * w.coarse_chunks), w.pre, w.post, w.coarse_volume, g.nx, g.ny,
+                g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride,
+                w.coarse_half_axial, w.coarse_half_lateral, kCoarseDecimation, w.coarse_first_lag,
+                w.coarse_chunks, -w.coarse_lateral_step, w.coarse_lateral_step, lateral_count);
+  const LagVolume volume{g.nx, g.ny, lateral_count, lag_count, queue_.read(w.coarse_volume)};
+  if (between) between();
+  const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
+    return static_cast<int>(std::ceil(options_.max_strain * length_m / w.sample_pitch_m)) + 1;
+  };
+  const std::vector<float> path = find_paths(volume, reach(g.sample_step * w.sample_pitch_m),
+                                             reach(g.line_step * w.line_pitch_m), kSlopeCost);
+  std::vector<float> field(2 * path.size(), 0.0f);
+  for (std::size_t n = 0; n < path.size(); ++n)
+    field[2 * n + 1] = path[n] + static_cast<float>(w.coarse_first_lag);
+  queue_.write(w.candidate, field.data(), field.size());
+  kernels_->smooth(over(g.nodes()), w.candidate, w.field, g.nx, g.ny);
+}
+
+// Level 2: `field` from the coarse onto the fine grid.
+void DisplacementEstimator::search_fine() {
+  Workspace& w = *work_;
+  const SampleGrid &c = w.coarse, &g = w.fine;
+  const int lateral_count = 2 * w.lateral_reach + 1;
+  const int pair = 0;
+  kernels_->warp({{std::size_t(w.samples), std::size_t(w.lines), 1}, {64, 1, 1}}, w.pre, w.post, w.field,
+                 w.taps, w.mean, w.difference, pair, kInterpolationPhases, w.lines, w.samples, c.nx, c.ny,
+                 c.first_line, c.line_step, c.first_sample, c.sample_step, w.pad.origin, w.pad.stride);
+  kernels_->ncc(over(g.nodes() * lateral_count), w.pre, w.mean, w.fine_volume, g.nx, g.ny, g.first_line,
+                g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride, w.half_axial,
+                w.half_lateral, 1, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count);
+  kernels_->resample(over(g.nodes()), w.field, w.filtered, c.nx, c.ny, c.first_line, c.line_step,
+                     c.first_sample, c.sample_step, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
+                     g.sample_step);
+  kernels_->ncc_peak(over(g.nodes()), w.fine_volume, w.filtered, w.candidate, w.correlation, g.nodes(),
+                     kFineFirstLag, -w.lateral_reach, lateral_count);
+  const auto threshold = static_cast<float>(options_.trusted_correlation - 0.2);
+  kernels_->median_filter(over(g.nodes()), w.candidate, w.filtered, w.correlation, w.field, w.deviation, g.nx,
+                          g.ny, 2, threshold, 0.5f, 0.15f * w.period);
+  kernels_->smooth(over(g.nodes()), w.field, w.candidate, g.nx, g.ny);
+  kernels_->smooth(over(g.nodes()), w.candidate, w.field, g.nx, g.ny);
+}
+
+// Level 3: `filtered`, `correlation`, `deviation` on the image grid from `field` on the fine grid.
+void DisplacementEstimator::refine() {
+  Workspace& w = *work_;
+  const SampleGrid &f = w.fine, &g = w.image;
+  const int pair = 1;
+  const auto threshold = static_cast<float>(options_.trusted_correlation);
+  const auto tolerance = static_cast<float>(options_.outlier_distance_m / w.sample_pitch_m);
+  kernels_->resample(over(g.nodes()), w.field, w.candidate, f.nx, f.ny, f.first_line, f.line_step,
+                     f.first_sample, f.sample_step, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
+                     g.sample_step);
+  std::swap(w.field, w.candidate);
+  for (int n = 0; n < options_.refinements; ++n) {
+    if (n > 0) kernels_->smooth(over(g.nodes()), w.filtered, w.field, g.nx, g.ny);
+    kernels_->warp({{std::size_t(w.samples), std::size_t(w.lines), 1}, {64, 1, 1}}, w.pre, w.post, w.field,
+                   w.taps, w.mean, w.difference, pair, kInterpolationPhases, w.lines, w.samples, g.nx, g.ny,
+                   g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride);
+    kernels_->gauss_newton(over(g.nodes()), w.mean, w.difference, w.field, w.weights, w.candidate,
+                           w.correlation, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
+                           g.sample_step, w.pad.origin, w.pad.stride, w.window_chunks, w.half_lateral,
+                           0.25f * w.period, 1.0f);
+    kernels_->median_filter(over(g.nodes()), w.candidate, w.field, w.correlation, w.filtered, w.deviation,
+                            g.nx, g.ny, 2, threshold, 0.25f, tolerance);
+  }
+}
+
+DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
+                                                     const AcquisitionGeometry& geometry,
+                                                     const std::function<void()>& between) {
+  if (!work_ || !work_->serves(pre, geometry))
+    work_ = std::make_unique<Workspace>(queue_, pre, geometry, options_);
+  Workspace& w = *work_;
+  queue_.write(w.pre, padded(pre, w.pad).data(), w.pad.total);
+  queue_.write(w.post, padded(post, w.pad).data(), w.pad.total);
+  search_coarse(between);
+  search_fine();
+  if (between) between();
+  refine();
+  kernels_->report(over(w.image.nodes()), w.filtered, w.correlation, w.deviation, w.field_m, w.trusted,
+                   w.image.nodes(), static_cast<float>(w.line_pitch_m), static_cast<float>(w.sample_pitch_m),
+                   static_cast<float>(options_.trusted_correlation),
+                   static_cast<float>(options_.outlier_distance_m / w.sample_pitch_m));
+  return {w.image, w.field_m, w.correlation, w.trusted};
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,64 @@
+// Displacement of tissue between two RF frames (T2): post(x + u) = pre(x), on OpenCL
+// (kernels/displacement.cl).
+//
+// Coarse to fine, each level companding post with the displacement of the one before:
+//   1. normalised cross-correlation over all axial lags that the largest strain allows, 1 mm x 2 mm nodes;
+//      paths that neighbours can reach (find_paths) cure peak hops before they happen;
+//   2. search of a quarter period axially and of the whole lateral range around that, 1 mm x 1 mm nodes;
+//   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid.
+// Between the levels outliers give way to the median of their neighbours.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "service/device/device.h"
+#include "service/imaging/frame.h"
+#include "service/imaging/sample_grid.h"
+
+namespace teletact::service {
+
+struct DisplacementOptions {
+  double max_strain = 0.05;                        // magnitude; bounds the axial search
+  double lateral_search_m = 0.8e-3;                // magnitude
+  double grid_dx_m = 0.45e-3, grid_dy_m = 0.4e-3;  // image grid, rounded to whole lines and samples
+  double window_axial_m = 1.6e-3, window_lateral_m = 1.2e-3;  // of the search and of Gauss-Newton
+  double coarse_window_axial_m = 1.0e-3, coarse_window_lateral_m = 2.0e-3;
+  int refinements = 3;                // Gauss-Newton steps, each with its own warp
+  double trusted_correlation = 0.7;   // below it a node is not trusted
+  double outlier_distance_m = 12e-6;  // from the median of the neighbours' corrections, axially
+};
+
+// On the device, index i + nx j.
+struct DisplacementEstimate {
+  SampleGrid grid;
+  Array<float> field_m;         // 2 per node: lateral, axial
+  Array<float> correlation;     // of pre and motion-compensated post, -1 .. 1; -2: no texture
+  Array<std::uint8_t> trusted;  // correlation and deviation from the neighbours within their limits
+};
+
+// Not thread-safe: one queue, buffers kept for the next pair of the same geometry.
+class DisplacementEstimator {
+ public:
+  // Throws std::invalid_argument for unusable options.
+  DisplacementEstimator(Queue, DisplacementOptions);
+  ~DisplacementEstimator();
+  // `pre`, `post`, `geometry` as validate() accepts them. `between` is called between the levels; what it
+  // throws passes through. The result's arrays are overwritten by the next call.
+  DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
+                                const std::function<void()>& between = {});
+
+ private:
+  struct Workspace;
+  struct Kernels;
+  void search_coarse(const std::function<void()>& between);
+  void search_fine();
+  void refine();
+
+  Queue queue_;
+  DisplacementOptions options_;
+  std::unique_ptr<Kernels> kernels_;
+  std::unique_ptr<Workspace> work_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,157 @@
+#include "service/imaging/estimate.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <string>
+#include <utility>
+
+namespace teletact::service {
+namespace {
+
+constexpr float kUntextured = -1.5f;  // correlations below mean that the window has no texture
+constexpr double kLeastTexturedFraction = 0.1;
+
+class StageClock {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    return std::chrono::duration<double>(now - std::exchange(start_, now)).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// Component c of `stride` interleaved ones.
+Field component(const std::vector<float>& interleaved, std::size_t stride, std::size_t c) {
+  Field field(interleaved.size() / stride);
+  for (std::size_t n = 0; n < field.size(); ++n) field[n] = interleaved[stride * n + c];
+  return field;
+}
+
+// Any textured frame; `stretch` moves its samples apart, so that the pair shows strain.
+RfFrame texture(std::size_t samples, std::size_t lines, double stretch) {
+  RfFrame frame{samples, lines, std::vector<float>(samples * lines)};
+  for (std::size_t l = 0; l < lines; ++l) {
+    std::mt19937 generator(static_cast<unsigned>(l / 2));
+    std::uniform_real_distribution<double> phase(0, 2 * std::numbers::pi);
+    const double phases[] = {phase(generator), phase(generator), phase(generator)};
+    for (std::size_t k = 0; k < samples; ++k) {
+      const double at = (1 + stretch) * static_cast<double>(k);
+      frame.samples[k + samples * l] = static_cast<float>(
+          std::sin(1.0 * at + phases[0]) + std::sin(1.17 * at + phases[1]) + std::sin(0.86 * at + phases[2]));
+    }
+  }
+  return frame;
+}
+
+}  // namespace
+
+Elastography::Elastography(std::shared_ptr<Device> device, ElastographyOptions options)
+    : queue_(device->queue()),
+      options_(options),
+      displacement_(queue_, options.displacement),
+      strain_(queue_, options.strain),
+      modulus_(make_reference_stress(queue_, options.modulus)) {
+  if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
+    throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
+}
+
+void Elastography::warm() {
+  // Launches of more than 65535 items are compiled apart from smaller ones: a small and a full-sized frame.
+  for (const auto& [samples, lines] : {std::pair<std::size_t, std::size_t>{256, 16}, {2078, 256}}) {
+    AcquisitionGeometry geometry;
+    geometry.center_frequency_hz = 7.3e6;
+    geometry.sampling_frequency_hz = 40e6;
+    geometry.line_pitch_m = 0.235e-3;
+    const double width_m = static_cast<double>(lines) * geometry.line_pitch_m;
+    const RfFrame pre = texture(samples, lines, 0), post = texture(samples, lines, 0.01);
+    try {
+      estimate(pre, post, geometry, std::nullopt, {width_m, 0.040, 0, 0.49});
+    } catch (const TrackingError&) {  // the texture need not be tissue: every kernel before has run
+    }
+  }
+  queue_.finish();
+}
+
+void Elastography::judge_tracking(Estimate& e) const {
+  std::vector<float> textured;
+  std::copy_if(e.correlation.begin(), e.correlation.end(), std::back_inserter(textured),
+               [](float c) { return c > kUntextured; });
+  if (static_cast<double>(textured.size()) < kLeastTexturedFraction * static_cast<double>(e.grid.size()))
+    throw TrackingError(TrackingError::Reason::kNoSignal,
+                        "pre, post: " + std::to_string(textured.size()) + " of " +
+                            std::to_string(e.grid.size()) +
+                            " nodes show any echo; check the gain and the probe's contact");
+  const auto middle = textured.begin() + static_cast<std::ptrdiff_t>(textured.size() / 2);
+  std::nth_element(textured.begin(), middle, textured.end());
+  e.median_correlation = *middle;
+  if (!(e.median_correlation >= options_.least_median_correlation))
+    throw TrackingError(
+        TrackingError::Reason::kDecorrelated,
+        "pre, post: median correlation " + std::to_string(e.median_correlation) + " is below " +
+            std::to_string(options_.least_median_correlation) +
+            "; the frames are unrelated, or strained beyond max_strain, or moved out of plane: take the "
+            "pair again with less motion");
+}
+
+Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry,
+                                const std::optional<ProbeForce>& force, const TissueExtent& tissue,
+                                const std::function<void(Stage)>& progress,
+                                const std::function<bool()>& cancelled) {
+  validate(pre, post, geometry);
+  const auto go_on = [&] {
+    if (cancelled && cancelled()) throw EstimateCancelled();
+  };
+  const auto ended = [&](Stage stage) {
+    if (progress) progress(stage);
+    go_on();
+  };
+  StageClock clock;
+  Estimate e;
+
+  const DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, go_on);
+  e.grid = image_grid(displacement.grid, geometry);
+  const std::vector<float> field = queue_.read(displacement.field_m);
+  e.lateral_displacement = component(field, 2, 0);
+  e.axial_displacement = component(field, 2, 1);
+  e.correlation = queue_.read(displacement.correlation);
+  e.correlation.resize(e.grid.size());
+  e.displacement_valid = queue_.read(displacement.trusted);
+  judge_tracking(e);
+  e.displacement_s = clock.lap();
+  ended(Stage::kDisplacement);
+
+  const StrainEstimate strain = strain_.estimate(displacement, e.grid);
+  const std::vector<float> tensor = queue_.read(strain.tensor);
+  e.lateral_strain = component(tensor, 4, 0);
+  e.axial_strain = component(tensor, 4, 1);
+  e.shear_strain = component(tensor, 4, 2);
+  e.strain_valid = queue_.read(strain.trusted);
+  e.strain_s = clock.lap();
+  ended(Stage::kStrain);
+
+  try {
+    const double window_width_m = static_cast<double>(pre.line_count) * geometry.line_pitch_m;
+    const ModulusEstimate modulus =
+        modulus_->estimate({e.grid, displacement, strain, window_width_m, tissue, force});
+    e.youngs_modulus = modulus.youngs_modulus;
+    e.modulus_absolute = modulus.absolute;
+    e.background_modulus = modulus.background;
+    e.mean_axial_strain = modulus.mean_axial_strain;
+  } catch (const NoCompression& refusal) {
+    throw TrackingError(TrackingError::Reason::kNoCompression, std::string("pre, post: ") + refusal.what());
+  }
+  e.valid.resize(e.grid.size());
+  for (std::size_t n = 0; n < e.valid.size(); ++n) e.valid[n] = std::isfinite(e.youngs_modulus[n]) ? 1 : 0;
+  e.valid_fraction =
+      static_cast<double>(std::count(e.valid.begin(), e.valid.end(), 1)) / static_cast<double>(e.grid.size());
+  e.modulus_s = clock.lap();
+  ended(Stage::kModulus);
+  return e;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,84 @@
+// The imaging plane in one call: RF pair -> displacement -> strain -> Young's modulus.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include "service/device/device.h"
+#include "service/imaging/displacement.h"
+#include "service/imaging/frame.h"
+#include "service/imaging/modulus.h"
+#include "service/imaging/strain.h"
+
+namespace teletact::service {
+
+struct ElastographyOptions {
+  DisplacementOptions displacement;
+  StrainOptions strain;
+  ReferenceStressOptions modulus;
+  double least_median_correlation = 0.6;  // of the textured nodes; below it the pair is refused
+};
+
+enum class Stage { kDisplacement, kStrain, kModulus };
+
+// The pair cannot be tracked; what() says why and what to do.
+struct TrackingError : std::runtime_error {
+  enum class Reason { kNoSignal, kDecorrelated, kNoCompression };
+  TrackingError(Reason why, const std::string& what) : std::runtime_error(what), reason(why) {}
+  Reason reason;
+};
+
+// `cancelled` said so.
+struct EstimateCancelled : std::runtime_error {
+  EstimateCancelled() : std::runtime_error("the estimate was cancelled") {}
+};
+
+// Every field has grid.size() values, index i + nx j. A number of a node with valid = 0 is not to be used;
+// youngs_modulus is NaN exactly there.
+struct Estimate {
+  ImageGrid grid;
+  Field axial_displacement, lateral_displacement;    // m, in the frame named by the geometry
+  Field axial_strain, lateral_strain, shear_strain;  // tensor components; NaN where not determined
+  Field correlation;                                 // of pre and motion-compensated post
+  std::vector<std::uint8_t> displacement_valid;      // displacement trusted
+  std::vector<std::uint8_t> strain_valid;            // displacement and strain trusted
+  std::vector<std::uint8_t> valid;                   // and the modulus
+  Field youngs_modulus;                              // Pa, or relative (median 1)
+  bool modulus_absolute = false;
+  double median_correlation = 0;  // of the textured nodes
+  double valid_fraction = 0;      // of the nodes
+  double mean_axial_strain = 0;   // median over the trusted nodes, negative in compression
+  double background_modulus = 0;  // median over the valid nodes, Pa or 1
+  double displacement_s = 0, strain_s = 0, modulus_s = 0;
+};
+
+// Not thread-safe: one queue and its buffers, kept for the next pair.
+class Elastography {
+ public:
+  // Throws DeviceError; std::invalid_argument for unusable options.
+  Elastography(std::shared_ptr<Device>, ElastographyOptions = {});
+
+  // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
+  void warm();
+
+  // `progress` is called when a stage has ended; `cancelled` is asked between and within stages.
+  // Throws std::invalid_argument (field and remedy named), TrackingError, EstimateCancelled.
+  Estimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
+                    const std::optional<ProbeForce>&, const TissueExtent&,
+                    const std::function<void(Stage)>& progress = {},
+                    const std::function<bool()>& cancelled = {});
+
+ private:
+  void judge_tracking(Estimate&) const;
+  Queue queue_;
+  ElastographyOptions options_;
+  DisplacementEstimator displacement_;
+  StrainEstimator strain_;
+  std::unique_ptr<ModulusMethod> modulus_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,122 @@
+#include "service/imaging/modulus.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "service/imaging/homogeneous.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr std::size_t kGroup = 32;  // WORK_GROUP of modulus.cl
+
+double median(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+void validate(const std::optional<ProbeForce>& force) {
+  if (!force) return;
+  if (!(force->force_n > 0 && std::isfinite(force->force_n)))
+    throw std::invalid_argument(
+        "force_n: must be above 0 N, the rise of the probe's force between pre and post");
+  if (!(force->contact_area_m2 > 0 && std::isfinite(force->contact_area_m2)))
+    throw std::invalid_argument("contact_area_m2: must be above 0 m2, the probe's face on the tissue");
+}
+
+class ReferenceStress : public ModulusMethod {
+ public:
+  ReferenceStress(Queue queue, ReferenceStressOptions options)
+      : queue_(std::move(queue)),
+        options_(options),
+        ratio_(queue_.kernel("modulus", "reference_stress", Precision::kFloat)),
+        median_(queue_.kernel("modulus", "modulus_median", Precision::kFloat)) {
+    if (!(options_.least_strain > 0)) throw std::invalid_argument("least_strain: must be above 0");
+    if (!(options_.range > 1)) throw std::invalid_argument("range: must be above 1");
+    if (options_.median_radius < 1 || options_.median_radius > 2)
+      throw std::invalid_argument("median_radius: must be 1 or 2 nodes");
+  }
+
+  ModulusEstimate estimate(const ModulusInput& in) override {
+    validate(in.force);
+    const auto response = cache_.get(in.tissue, in.window_width_m, in.grid);
+    ModulusEstimate out;
+    // eps_yy ~ amplitude * eps_hom over most of the window, so E ~ E_background where that holds.
+    const double amplitude = this->amplitude(in, *response, out.mean_axial_strain);
+    double scale = 1;
+    if (in.force) {  // E_background = (P / P_hom) E_hom / amplitude, P per metre of thickness, E_hom = 1 Pa
+      const double force_n_per_m = in.force->force_n / in.force->contact_area_m2 * in.window_width_m;
+      scale = force_n_per_m / (response->force_n_per_m * std::abs(amplitude));
+      out.absolute = true;
+    }
+    out.youngs_modulus = map(in, *response, amplitude, scale);
+    normalise(out);
+    return out;
+  }
+
+ private:
+  // Median of eps_yy / eps_hom over the trusted nodes.
+  double amplitude(const ModulusInput& in, const HomogeneousResponse& response,
+                   double& mean_axial_strain) const {
+    const std::vector<float> tensor = queue_.read(in.strain.tensor);
+    const std::vector<std::uint8_t> trusted = queue_.read(in.strain.trusted);
+    std::vector<float> ratios, axial;
+    for (std::size_t n = 0; n < trusted.size(); ++n) {
+      if (!trusted[n] || !std::isfinite(response.axial_strain[n])) continue;
+      axial.push_back(tensor[4 * n + 1]);
+      ratios.push_back(tensor[4 * n + 1] / response.axial_strain[n]);
+    }
+    if (axial.empty())
+      throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
+    mean_axial_strain = median(axial);
+    if (std::abs(mean_axial_strain) < options_.least_strain)
+      throw NoCompression("the median axial strain is " + std::to_string(100 * mean_axial_strain) +
+                          " %, less than " + std::to_string(100 * options_.least_strain) +
+                          " %: press further between the frames");
+    return median(ratios);
+  }
+
+  Field map(const ModulusInput& in, const HomogeneousResponse& response, double amplitude, double scale) {
+    const Array<float> reference = queue_.array(response.axial_strain);
+    const Array<float> raw = queue_.array<float>(in.grid.size()),
+                       smooth = queue_.array<float>(in.grid.size());
+    const auto nx = static_cast<int>(in.grid.nx), ny = static_cast<int>(in.grid.ny);
+    const double rows = (options_.near_field_m - in.grid.origin_y_m) / in.grid.dy_m;
+    const int first_row = std::max(0, static_cast<int>(std::ceil(rows)));
+    const Range range{{in.grid.size(), 1, 1}, {kGroup, 1, 1}};
+    ratio_(range, in.strain.tensor, in.strain.trusted, reference, raw, nx, ny, static_cast<float>(amplitude),
+           static_cast<float>(scale), static_cast<float>(options_.least_strain),
+           static_cast<float>(options_.range), first_row);
+    median_(range, raw, smooth, nx, ny, options_.median_radius);
+    return queue_.read(smooth);
+  }
+
+  // The median over what is said; a relative map is divided by it.
+  static void normalise(ModulusEstimate& out) {
+    std::vector<float> said;
+    std::copy_if(out.youngs_modulus.begin(), out.youngs_modulus.end(), std::back_inserter(said),
+                 [](float e) { return std::isfinite(e); });
+    if (said.empty())
+      throw NoCompression("no node of the modulus map can be trusted; press further between the frames");
+    out.background = median(said);
+    if (out.absolute) return;
+    for (float& e : out.youngs_modulus) e /= static_cast<float>(out.background);
+    out.background = 1;
+  }
+
+  Queue queue_;
+  ReferenceStressOptions options_;
+  Kernel ratio_, median_;
+  HomogeneousCache cache_;
+};
+
+}  // namespace
+
+std::unique_ptr<ModulusMethod> make_reference_stress(Queue queue, ReferenceStressOptions options) {
+  return std::make_unique<ReferenceStress>(std::move(queue), options);
+}
+
+}  // namespace teletact::service
