@@ -1,0 +1,45 @@
+// The one small interface to a haptic device. read() and write() are called from the servo thread at 1 kHz:
+// they neither allocate nor throw. Axes are the scene's: x lateral, y into the tissue; 1:1 with the device's
+// travel.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "client/haptic/profiles.h"
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+struct DeviceReading {
+  ToolPose pose;
+  bool resume_pressed = false;  // the operator asks for force (a button)
+  bool held_at_border = false;  // the operator waits at the border of what is covered
+};
+
+// What the operator is shown at each tick. A device with a screen may draw it; the simulated hand looks at
+// it.
+struct OperatorView {
+  bool force_on = false;    // state ENABLED
+  bool link_alive = false;  // answers arrive
+  bool covered = false;     // the finger is over something that can be touched
+  double covered_begin_m = 0;
+  double covered_end_m = 0;
+  double surface_m = 0;
+};
+
+class HapticDevice {
+ public:
+  virtual ~HapticDevice() = default;
+  virtual const DeviceProfile& profile() const noexcept = 0;
+  // Throws std::runtime_error, naming the device, when it cannot be opened.
+  virtual void open() = 0;
+  virtual void close() noexcept = 0;
+  // False: the device did not answer.
+  virtual bool read(std::int64_t now_ns, DeviceReading& reading) noexcept = 0;
+  // Newtons on the finger; false: the device did not take it.
+  virtual bool write(const Vector2& force_n) noexcept = 0;
+  virtual void show(const OperatorView&) noexcept {}
+};
+
+}  // namespace teletact::client

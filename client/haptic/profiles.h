@@ -1,0 +1,31 @@
+// Devices by name (T5.7). Force, stiffness, damping and workspace are T5.7's; apparent mass, friction and
+// resolution of those that T5.7 does not list are the makers' data sheets'.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/render/force_limits.h"
+
+namespace teletact::client {
+
+struct DeviceProfile {
+  std::string name;
+  double largest_force_n = 0;
+  double largest_stiffness_n_m = 0;
+  double largest_damping_n_s_m = 0;
+  double workspace_radius_m = 0;
+  double apparent_mass_kg = 0;
+  double friction_n = 0;
+  double resolution_m = 0;
+  // A full-scale force may come or go within 25 ms: slow beside the motors, quick beside the 100 ms in which
+  // silence fades, and above what the stiffest wall asks of a finger at 120 mm/s.
+  double largest_slew_n_s() const { return 40 * largest_force_n; }
+  ForceLimits limits() const;
+};
+
+const std::vector<DeviceProfile>& device_profiles();
+// Throws std::invalid_argument listing the known names.
+const DeviceProfile& device_profile(const std::string& name);
+
+}  // namespace teletact::client

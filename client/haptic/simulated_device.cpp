@@ -1,0 +1,76 @@
+#include "client/haptic/simulated_device.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace teletact::client {
+
+SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options)
+    : options_(options), hand_(options.hand) {}
+
+void SimulatedDevice::open() {
+  exact_ = ToolPose{hand_.target_m(), Vector2::Zero()};
+  read_ = exact_;
+  force_n_.setZero();
+  open_ = true;
+  started_ = false;
+}
+
+void SimulatedDevice::close() noexcept {
+  force_n_.setZero();
+  open_ = false;
+}
+
+double SimulatedDevice::kinetic_energy_j() const noexcept {
+  const double mass_kg = options_.profile.apparent_mass_kg + options_.hand.mass_kg;
+  return 0.5 * mass_kg * exact_.velocity_m_s.squaredNorm();
+}
+
+// One sub-step: m dv/dt = F_hand + F_device - b v - F_friction; friction stops the mass rather than turning
+// it.
+void SimulatedDevice::integrate(double dt_s) noexcept {
+  const double mass_kg = options_.profile.apparent_mass_kg + options_.hand.mass_kg;
+  const Vector2 force_n = hand_.force(exact_.position_m, exact_.velocity_m_s) + force_n_ -
+                          options_.damping_n_s_m * exact_.velocity_m_s;
+  Vector2 velocity_m_s = exact_.velocity_m_s + dt_s / mass_kg * force_n;
+  const double friction_m_s = dt_s / mass_kg * options_.profile.friction_n;
+  const double speed_m_s = velocity_m_s.norm();
+  velocity_m_s *= speed_m_s > friction_m_s ? 1 - friction_m_s / speed_m_s : 0.0;
+  exact_.velocity_m_s = velocity_m_s;
+  exact_.position_m += dt_s * velocity_m_s;
+}
+
+bool SimulatedDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
+  if (!open_) return false;
+  if (!started_) last_ns_ = now_ns;
+  started_ = true;
+  const double elapsed_s =
+      std::clamp(1e-9 * static_cast<double>(now_ns - last_ns_), 0.0, options_.longest_gap_s);
+  last_ns_ = now_ns;
+  if (elapsed_s > 0) {
+    const int steps = std::max(1, static_cast<int>(std::lround(elapsed_s / options_.substep_s)));
+    const double dt_s = elapsed_s / steps;
+    for (int step = 0; step < steps; ++step) {
+      hand_.intend(view_, exact_.position_m, dt_s);
+      integrate(dt_s);
+    }
+    const double resolution_m = options_.profile.resolution_m;
+    const Vector2 quantised_m = (exact_.position_m / resolution_m).array().round() * resolution_m;
+    // Velocity as a controller gets it: differences of quantised positions through a first-order filter.
+    const double weight = elapsed_s / (elapsed_s + options_.velocity_filter_s);
+    read_.velocity_m_s += weight * ((quantised_m - read_.position_m) / elapsed_s - read_.velocity_m_s);
+    read_.position_m = quantised_m;
+  }
+  reading.pose = read_;
+  reading.held_at_border = hand_.held_at_border();
+  reading.resume_pressed = hand_.resume_pressed();
+  return true;
+}
+
+bool SimulatedDevice::write(const Vector2& force_n) noexcept {
+  if (!open_ || !force_n.allFinite()) return false;
+  force_n_ = cap_magnitude(force_n, options_.profile.largest_force_n);
+  return true;
+}
+
+}  // namespace teletact::client

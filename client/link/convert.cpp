@@ -1,0 +1,80 @@
+#include "client/link/convert.h"
+
+namespace teletact::client {
+namespace {
+
+Vector2 plane(const google::protobuf::RepeatedField<double>& xyz) {
+  return {xyz.Get(0), xyz.Get(1)};
+}
+
+void add(const Vector2& vector, google::protobuf::RepeatedField<double>* xyz) {
+  xyz->Add(vector.x());
+  xyz->Add(vector.y());
+  xyz->Add(0);
+}
+
+}  // namespace
+
+std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double surface_m, double period_s,
+                                           std::int64_t received_ns) {
+  ServoAnswer out;
+  out.received_ns = received_ns;
+  out.period_s = period_s;
+  out.covered_begin_m = answer.covered_begin_m();
+  out.covered_end_m = answer.covered_end_m();
+  ForceSample& sample = out.sample;
+  sample.sequence = answer.sequence();
+  sample.pose_time_s = 1e-9 * static_cast<double>(answer.pose_stamp().monotonic_ns());
+  sample.surface_m = surface_m;
+  if (answer.position_m_size() < 2) return std::nullopt;
+  sample.position_m = plane(answer.position_m());
+
+  const v1::TouchStatus status = answer.status();
+  out.has_force = status != v1::TOUCH_STATUS_FAILED && status != v1::TOUCH_STATUS_UNSPECIFIED;
+  out.covered = status != v1::TOUCH_STATUS_NOT_COVERED;
+  if (!out.has_force || !out.covered) return out;
+  if (answer.force_n_size() < 2) return std::nullopt;
+  sample.force_n = plane(answer.force_n());
+  sample.contact = !sample.force_n.isZero(0);
+  constexpr int kStride = 3;  // 3x3 row-major
+  if (answer.tangent_n_m_size() == kStride * kStride) {
+    for (int row = 0; row < 2; ++row) {
+      for (int column = 0; column < 2; ++column) {
+        sample.tangent_n_m(row, column) = answer.tangent_n_m(kStride * row + column);
+      }
+    }
+  } else if (sample.contact) {
+    return std::nullopt;
+  }
+  return out;
+}
+
+v1::TouchRequest to_request(const ServoPose& pose, std::uint64_t sequence, std::uint64_t acknowledged,
+                            std::uint64_t instance) {
+  v1::TouchRequest request;
+  v1::ContactPose& out = *request.mutable_pose();
+  out.set_sequence(sequence);
+  out.set_acknowledged(acknowledged);
+  out.mutable_stamp()->set_monotonic_ns(pose.time_ns);
+  out.mutable_stamp()->set_instance(instance);
+  add(pose.pose.position_m, out.mutable_position_m());
+  add(pose.pose.velocity_m_s, out.mutable_velocity_m_s());
+  return request;
+}
+
+v1::RecordEntry to_record(const ServoTick& tick) {
+  v1::RecordEntry entry;
+  entry.set_monotonic_ns(tick.time_ns);
+  v1::ServoSample& sample = *entry.mutable_servo();
+  add(tick.pose.position_m, sample.mutable_position_m());
+  add(tick.pose.velocity_m_s, sample.mutable_velocity_m_s());
+  add(tick.force_n, sample.mutable_force_n());
+  sample.set_state(static_cast<std::uint32_t>(tick.state));
+  sample.set_lateness_s(tick.lateness_s);
+  sample.set_sequence(static_cast<std::uint32_t>(tick.sequence));
+  sample.set_at_border(tick.held_at_border);
+  sample.set_model_age_s(tick.model_age_s);
+  return entry;
+}
+
+}  // namespace teletact::client

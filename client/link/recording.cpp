@@ -1,0 +1,144 @@
+#include "client/link/recording.h"
+
+#include <fcntl.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl.h>
+#include <google/protobuf/util/delimited_message_util.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+
+namespace teletact::client {
+namespace {
+
+namespace util = google::protobuf::util;
+namespace io = google::protobuf::io;
+
+constexpr std::uint32_t kMaxEntryBytes = std::uint32_t{1} << 30;
+
+}  // namespace
+
+RecordWriter::RecordWriter(const std::string& path, const v1::RecordHeader& header)
+    : path_(path), file_(path, std::ios::binary | std::ios::trunc) {
+  v1::RecordEntry first;
+  *first.mutable_header() = header;
+  if (!file_ || !util::SerializeDelimitedToOstream(first, &file_) || !file_.flush()) {
+    throw std::runtime_error("cannot write the recording '" + path + "': " + std::strerror(errno) +
+                             "; choose another file with --record");
+  }
+  thread_ = std::thread([this] { run(); });
+}
+
+RecordWriter::~RecordWriter() {
+  try {
+    close();
+  } catch (const std::exception&) {
+  }
+}
+
+void RecordWriter::append(v1::RecordEntry entry) {
+  const std::size_t bytes = entry.ByteSizeLong();
+  std::unique_lock lock(mutex_);
+  if (closing_ || failed_ || queued_bytes_ + bytes > kMaxQueuedBytes) {
+    ++dropped_;
+    return;
+  }
+  push(std::move(entry), bytes);
+}
+
+void RecordWriter::append_waiting(v1::RecordEntry entry) {
+  const std::size_t bytes = entry.ByteSizeLong();
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] {
+    return closing_ || failed_ || queue_.empty() || queued_bytes_ + bytes <= kMaxQueuedBytes;
+  });
+  if (closing_ || failed_) {
+    ++dropped_;
+    return;
+  }
+  push(std::move(entry), bytes);
+}
+
+void RecordWriter::push(v1::RecordEntry entry, std::size_t bytes) {
+  queued_bytes_ += bytes;
+  queue_.push_back(std::move(entry));
+  changed_.notify_all();
+}
+
+void RecordWriter::run() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [this] { return closing_ || !queue_.empty(); });
+    if (queue_.empty()) return;
+    const v1::RecordEntry entry = std::move(queue_.front());
+    queue_.pop_front();
+    lock.unlock();
+    const bool written = util::SerializeDelimitedToOstream(entry, &file_);
+    lock.lock();
+    queued_bytes_ -= entry.ByteSizeLong();
+    if (!written || !file_) {
+      failed_ = true;
+      queue_.clear();
+      queued_bytes_ = 0;
+    }
+    changed_.notify_all();
+  }
+}
+
+void RecordWriter::close() {
+  {
+    std::lock_guard lock(mutex_);
+    closing_ = true;
+    changed_.notify_all();
+  }
+  if (!thread_.joinable()) return;
+  thread_.join();
+  file_.close();
+  if (failed_ || !file_) {
+    throw std::runtime_error("the recording '" + path_ + "' is incomplete: writing failed (disk full?)");
+  }
+}
+
+struct RecordReader::Stream {
+  explicit Stream(int descriptor) : file(descriptor) { file.SetCloseOnDelete(true); }
+  io::FileInputStream file;
+};
+
+RecordReader::RecordReader(const std::string& path) : path_(path) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) {
+    throw std::runtime_error("cannot read the recording '" + path + "': " + std::strerror(errno));
+  }
+  stream_ = std::make_unique<Stream>(descriptor);
+  std::optional<v1::RecordEntry> first;
+  try {
+    first = next();
+  } catch (const std::runtime_error&) {
+  }
+  if (!first || !first->has_header()) {
+    throw std::runtime_error("'" + path + "' is no recording of teletact-client (touch or acquire --record)");
+  }
+  header_ = first->header();
+}
+
+RecordReader::~RecordReader() = default;
+
+std::optional<v1::RecordEntry> RecordReader::next() {
+  // A coded stream per entry: its limit counts the bytes of one entry, not those of the file.
+  io::CodedInputStream coded(&stream_->file);
+  std::uint32_t bytes = 0;
+  if (!coded.ReadVarint32(&bytes)) return std::nullopt;
+  if (bytes > kMaxEntryBytes) throw std::runtime_error("the recording '" + path_ + "' is damaged");
+  std::string body;
+  if (!coded.ReadString(&body, static_cast<int>(bytes))) {
+    truncated_ = true;
+    return std::nullopt;
+  }
+  v1::RecordEntry entry;
+  if (!entry.ParseFromString(body)) throw std::runtime_error("the recording '" + path_ + "' is damaged");
+  return entry;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,76 @@
+// Recordings (proto/teletact/v1/recording.proto): length-delimited RecordEntry messages, header first.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "teletact/v1/recording.pb.h"
+
+namespace teletact::client {
+
+// Writes entries on a thread of its own, so that neither the servo nor the link ever waits for a disk.
+class RecordWriter {
+ public:
+  static constexpr std::size_t kMaxQueuedBytes = std::size_t{256} << 20;
+
+  // Creates the file and writes the header. Throws std::runtime_error, naming the file, when it cannot.
+  RecordWriter(const std::string& path, const v1::RecordHeader& header);
+  ~RecordWriter();  // as close(), errors swallowed
+  RecordWriter(const RecordWriter&) = delete;
+  RecordWriter& operator=(const RecordWriter&) = delete;
+
+  // Takes the entry, or drops and counts it when kMaxQueuedBytes wait for the disk. Never blocks on the disk.
+  void append(v1::RecordEntry entry);
+  // Takes the entry; waits while kMaxQueuedBytes wait for the disk. For senders that may wait.
+  void append_waiting(v1::RecordEntry entry);
+  // Writes what is queued and closes. Throws std::runtime_error when anything could not be written.
+  void close();
+  std::uint64_t dropped() const { return dropped_.load(); }
+
+ private:
+  void run();
+  void push(v1::RecordEntry entry, std::size_t bytes);
+
+  std::string path_;
+  std::ofstream file_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<v1::RecordEntry> queue_;
+  std::size_t queued_bytes_ = 0;
+  bool closing_ = false;
+  bool failed_ = false;
+  std::atomic<std::uint64_t> dropped_{0};
+  std::thread thread_;
+};
+
+class RecordReader {
+ public:
+  // Throws std::runtime_error when the file cannot be read or does not start with a header.
+  explicit RecordReader(const std::string& path);
+  ~RecordReader();
+  RecordReader(const RecordReader&) = delete;
+  RecordReader& operator=(const RecordReader&) = delete;
+
+  const v1::RecordHeader& header() const { return header_; }
+  // The next entry after the header; none at the end. Throws std::runtime_error on a damaged entry. A last
+  // entry cut short (the writer was killed) ends the recording and sets truncated().
+  std::optional<v1::RecordEntry> next();
+  bool truncated() const { return truncated_; }
+
+ private:
+  struct Stream;
+  std::string path_;
+  std::unique_ptr<Stream> stream_;
+  v1::RecordHeader header_;
+  bool truncated_ = false;
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,263 @@
+#include "client/link/touch_link.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <random>
+
+#include "client/link/channel.h"
+#include "client/link/convert.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kConnectWaitS = 0.25;            // per try; then look whether to stop
+constexpr double kRetryS = 0.1;                   // between streams that the service refused
+constexpr std::size_t kMaxLatencies = 4'000'000;  // more than an hour at 1 kHz
+
+std::uint64_t random_number() {
+  std::random_device random;
+  return (std::uint64_t{random()} << 32) | random();
+}
+
+std::int64_t to_ns(double seconds) {
+  return std::llround(seconds * 1e9);
+}
+
+std::chrono::steady_clock::duration duration(std::int64_t ns) {
+  return std::chrono::nanoseconds(ns);
+}
+
+}  // namespace
+
+TouchLink::TouchLink(TouchLinkOptions options, LatestSlot<ServoPose>& poses, LatestSlot<ServoAnswer>& answers,
+                     Clock& clock)
+    : options_(std::move(options)),
+      poses_(poses),
+      answers_(answers),
+      clock_(clock),
+      instance_(random_number()) {
+  if (options_.open.session_id().empty()) {
+    options_.open.set_session_id("touch-" + std::to_string(instance_ % 1'000'000'000));
+  }
+}
+
+TouchLink::~TouchLink() {
+  stop();
+}
+
+void TouchLink::start() {
+  thread_ = std::thread([this] { run(); });
+}
+
+void TouchLink::stop() {
+  {
+    std::lock_guard lock(mutex_);
+    stopping_ = true;
+    changed_.notify_all();
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+TouchLinkStats TouchLink::stats() const {
+  std::lock_guard lock(mutex_);
+  return stats_;
+}
+
+std::string TouchLink::failure() const {
+  std::lock_guard lock(mutex_);
+  return failure_;
+}
+
+void TouchLink::pause(double wait_s) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, duration(to_ns(wait_s)), [this] { return stopping_; });
+}
+
+void TouchLink::run() {
+  const auto stopping = [this] {
+    std::lock_guard lock(mutex_);
+    return stopping_;
+  };
+  while (!stopping()) {
+    // A new channel each time: an old one may hold on to a half-open connection or a long backoff.
+    const auto channel = make_channel(options_.address);
+    while (!stopping() && !wait_connected(*channel, kConnectWaitS)) {
+    }
+    if (stopping()) return;
+    const auto stub = v1::Palpation::NewStub(channel);
+    const grpc::Status status = serve(*stub);
+    if (stopping()) return;
+    if (!should_retry(status)) return;
+    pause(kRetryS);
+  }
+}
+
+bool TouchLink::should_retry(const grpc::Status& status) {
+  std::lock_guard lock(mutex_);
+  const auto code = status.error_code();
+  const bool refused =
+      code == grpc::StatusCode::INVALID_ARGUMENT || code == grpc::StatusCode::UNIMPLEMENTED ||
+      code == grpc::StatusCode::PERMISSION_DENIED || code == grpc::StatusCode::UNAUTHENTICATED;
+  // A scene that was there once may come back: a restarted service reads its state first.
+  const bool unknown = code == grpc::StatusCode::NOT_FOUND && stats_.streams == 0;
+  if (refused || unknown) {
+    failure_ = describe(status);
+    changed_.notify_all();
+    return false;
+  }
+  spdlog::warn("touch stream ended ({}), opening it again", describe(status));
+  return true;
+}
+
+grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
+  grpc::ClientContext context;
+  const auto stream = stub.Touch(&context);
+  {
+    std::lock_guard lock(mutex_);
+    shared_ = Shared();
+    shared_.heard_ns = clock_.now_ns();
+    shared_.answered_sequence = sequence_;
+    ++call_;
+  }
+  v1::TouchRequest open;
+  *open.mutable_open() = options_.open;
+  v1::RecordEntry entry;
+  *entry.mutable_touch_request() = open;
+  record(std::move(entry), clock_.now_ns());
+  if (stream->Write(open)) {
+    std::thread reader([this, &stream] { read(*stream); });
+    write(*stream, context);
+    reader.join();
+  }
+  return stream->Finish();
+}
+
+void TouchLink::read(Stream& stream) {
+  v1::TouchResponse response;
+  while (stream.Read(&response)) {
+    const std::int64_t now_ns = clock_.now_ns();
+    if (response.has_opened()) take_opened(response.opened());
+    if (response.has_answer()) take_answer(response.answer(), now_ns);
+    v1::RecordEntry entry;
+    *entry.mutable_touch_response() = response;
+    record(std::move(entry), now_ns);
+  }
+  std::lock_guard lock(mutex_);
+  shared_.ended = true;
+  changed_.notify_all();
+}
+
+void TouchLink::take_opened(const v1::TouchOpened& opened) {
+  std::lock_guard lock(mutex_);
+  shared_.opened = true;
+  shared_.heard_ns = clock_.now_ns();
+  credit_ = std::max(opened.credit(), 1U);
+  stats_.period_s = opened.period_s();
+  stats_.line_y_m = opened.line_y_m();
+  ++stats_.streams;
+  if (opened.instance() != service_instance_) {
+    if (service_instance_ != 0) spdlog::warn("the service was restarted");
+    service_instance_ = opened.instance();
+    ++stats_.instances;
+  }
+  if (stats_.streams > 1) spdlog::info("touch stream open again");
+  changed_.notify_all();
+}
+
+void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns) {
+  std::lock_guard lock(mutex_);
+  shared_.heard_ns = received_ns;
+  shared_.acknowledged = answer.answer();
+  ++stats_.answers;
+  const auto converted = to_servo_answer(answer, stats_.line_y_m, stats_.period_s, received_ns);
+  const bool ours = answer.pose_stamp().instance() == instance_ && answer.sequence() <= sequence_;
+  if (!converted || !ours) {
+    ++stats_.dropped;
+    changed_.notify_all();
+    return;
+  }
+  shared_.answered_sequence = std::max(shared_.answered_sequence, answer.sequence());
+  if (!converted->has_force) ++stats_.failed;
+  if (!converted->covered) ++stats_.not_covered;
+  if (converted->sample.position_m != last_position_m_) {
+    ++stats_.distinct;
+    if (stats_.latencies_s.size() < kMaxLatencies) {
+      stats_.latencies_s.push_back(1e-9 *
+                                   static_cast<double>(received_ns - answer.pose_stamp().monotonic_ns()));
+    }
+  }
+  last_position_m_ = converted->sample.position_m;
+  stats_.last_version = answer.model_version();
+  stats_.last_answer_s = 1e-9 * static_cast<double>(received_ns);
+  if (stats_.first_answer_s == 0) stats_.first_answer_s = stats_.last_answer_s;
+  answers_.put(*converted);
+  changed_.notify_all();
+}
+
+// True when a pose may be sent now; false when the stream is over (or dead).
+bool TouchLink::wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns) {
+  const std::int64_t heartbeat_ns = next_ns + to_ns(kHeartbeatS);
+  while (true) {
+    if (stopping_ || shared_.ended) return false;
+    const std::int64_t now_ns = clock_.now_ns();
+    const double dead_s =
+        shared_.opened ? std::max(options_.dead_s, 10 * stats_.period_s) : options_.open_wait_s;
+    const std::int64_t dead_ns = shared_.heard_ns + to_ns(dead_s);
+    if (now_ns >= dead_ns) return false;
+    std::int64_t wake_ns = dead_ns;
+    if (shared_.opened) {
+      const bool has_credit = sequence_ - shared_.answered_sequence < credit_;
+      const std::int64_t send_ns = has_credit ? next_ns : heartbeat_ns;
+      if (now_ns >= send_ns) return true;
+      wake_ns = std::min(wake_ns, send_ns);
+    }
+    changed_.wait_for(lock, duration(wake_ns - now_ns));
+  }
+}
+
+void TouchLink::write(Stream& stream, grpc::ClientContext& context) {
+  ServoPose pose;
+  bool has_pose = false;
+  std::int64_t next_ns = clock_.now_ns();
+  std::unique_lock lock(mutex_);
+  while (wait_to_send(lock, next_ns)) {
+    const std::int64_t now_ns = clock_.now_ns();
+    const std::int64_t period_ns = to_ns(std::max(stats_.period_s, 0.001));
+    has_pose = poses_.take(pose) || has_pose;
+    if (!has_pose) {
+      next_ns = now_ns + period_ns;
+      continue;
+    }
+    // Keeps the average rate when a wake-up is late, without bursts.
+    next_ns = std::max(next_ns + period_ns, now_ns + period_ns / 2);
+    const v1::TouchRequest request = to_request(pose, ++sequence_, shared_.acknowledged, instance_);
+    ++stats_.poses;
+    lock.unlock();
+    v1::RecordEntry entry;
+    *entry.mutable_touch_request() = request;
+    record(std::move(entry), now_ns);
+    const bool written = stream.Write(request);
+    lock.lock();
+    if (!written) break;
+  }
+  const bool alive = stopping_ && !shared_.ended;
+  lock.unlock();
+  if (alive) stream.WritesDone();
+  // Ends the reader too; on a stream that has ended it changes nothing.
+  context.TryCancel();
+}
+
+void TouchLink::record(v1::RecordEntry entry, std::int64_t now_ns) {
+  if (options_.recorder == nullptr) return;
+  entry.set_monotonic_ns(now_ns);
+  {
+    std::lock_guard lock(mutex_);
+    entry.set_call(call_);
+  }
+  options_.recorder->append(std::move(entry));
+}
+
+}  // namespace teletact::client

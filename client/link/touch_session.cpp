@@ -1,0 +1,182 @@
+#include "client/link/touch_session.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <stdexcept>
+#include <thread>
+
+#include "client/link/channel.h"
+#include "client/link/convert.h"
+#include "client/render/hold_renderer.h"
+#include "client/render/kalman_renderer.h"
+
+namespace teletact::client {
+namespace {
+
+using Seconds = std::chrono::duration<double>;
+
+std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_period_s) {
+  KalmanOptions options;
+  options.servo_period_s = servo_period_s;
+  options.use_tangent = name != "kalman-force";
+  if (name == "kalman" || name == "kalman-force") return std::make_unique<KalmanRenderer>(options);
+  if (name == "hold") return std::make_unique<HoldRenderer>();
+  throw std::invalid_argument("unknown renderer '" + name + "'; known: kalman, kalman-force, hold");
+}
+
+// The scene with something to touch, waited for up to `wait_s`.
+v1::Scene wait_for_scene(const TouchSessionOptions& options, const std::atomic<bool>& stop) {
+  const double connect_s = std::max(options.wait_s, 2.0);
+  const auto deadline = std::chrono::steady_clock::now() + Seconds(connect_s);
+  const auto channel = make_channel(options.address);
+  constexpr double kTryS = 0.2;
+  bool connected = false;
+  while (!stop && !connected && std::chrono::steady_clock::now() < deadline) {
+    connected = wait_connected(*channel, kTryS);
+  }
+  if (!connected) {
+    throw std::runtime_error("no service at " + options.address +
+                             "; start one with 'teletact-service serve --listen " + options.address + "'");
+  }
+  const auto stub = v1::Palpation::NewStub(channel);
+  const auto scene_deadline = std::chrono::steady_clock::now() + Seconds(options.wait_s);
+  while (true) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(5));
+    v1::GetSceneRequest request;
+    request.set_scene_id(options.open.scene_id());
+    v1::Scene scene;
+    const grpc::Status status = stub->GetScene(&context, request, &scene);
+    if (status.ok() && std::any_of(scene.windows().begin(), scene.windows().end(),
+                                   [](const v1::Window& window) { return window.touchable(); })) {
+      return scene;
+    }
+    if (stop || std::chrono::steady_clock::now() >= scene_deadline) {
+      if (status.ok()) {
+        throw std::runtime_error("scene '" + options.open.scene_id() +
+                                 "' has no window to touch yet; acquire one, or wait for it with --wait-s");
+      }
+      throw std::runtime_error("cannot touch scene '" + options.open.scene_id() + "': " + describe(status));
+    }
+    std::this_thread::sleep_for(Seconds(kTryS / 2));
+  }
+}
+
+HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) {
+  constexpr double kInsideM = 0.008;  // the tip's own reach
+  double begin_m = 1e300;
+  double end_m = -1e300;
+  for (const v1::Window& window : scene.windows()) {
+    if (!window.touchable()) continue;
+    begin_m = std::min(begin_m, window.begin_m() + kInsideM);
+    end_m = std::max(end_m, window.end_m() - kInsideM);
+  }
+  HandOptions hand = options.hand;
+  hand.begin_m = options.begin_m.value_or(begin_m);
+  hand.end_m = options.end_m.value_or(end_m);
+  if (!(hand.end_m > hand.begin_m)) {
+    throw std::invalid_argument("the sweep ends (" + std::to_string(hand.end_m) + " m) before it begins (" +
+                                std::to_string(hand.begin_m) + " m); set --begin-m and --end-m");
+  }
+  return hand;
+}
+
+std::unique_ptr<RecordWriter> open_recording(const TouchSessionOptions& options) {
+  if (options.record_path.empty()) return nullptr;
+  v1::RecordHeader header;
+  header.set_kind("touch");
+  header.set_client("teletact-client");
+  header.set_service(options.address);
+  header.set_scene_id(options.open.scene_id());
+  header.set_unix_time_s(
+      std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch())
+          .count());
+  for (const std::string& argument : options.arguments) header.add_arguments(argument);
+  return std::make_unique<RecordWriter>(options.record_path, header);
+}
+
+// Empties the servo's telemetry into the statistics, the log and the recording.
+void drain(ServoLoop& servo, TickStatistics& statistics, RecordWriter* recorder) {
+  ServoTick tick;
+  while (servo.telemetry().pop(tick)) {
+    if (statistics.add(tick)) {
+      const bool trouble = tick.reason == StateReason::kSilence || tick.state == ServoState::kFault;
+      spdlog::log(trouble ? spdlog::level::warn : spdlog::level::info, "servo {}: {}", name(tick.state),
+                  describe(tick.reason));
+    }
+    if (recorder != nullptr) recorder->append(to_record(tick));
+  }
+}
+
+bool finished(const TouchSessionOptions& options, const Hand& hand, const TickStatistics& statistics) {
+  if (options.passes > 0 && hand.passes() >= options.passes) return true;
+  return options.duration_s > 0 && statistics.enabled_s() >= options.duration_s;
+}
+
+}  // namespace
+
+TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop) {
+  if (options.device != "simulated") {
+    throw std::invalid_argument("unknown device '" + options.device + "'; known: simulated");
+  }
+  ServoOptions servo_options;
+  const DeviceProfile& profile = device_profile(options.profile);
+  servo_options.chain.limits = profile.limits();
+  const auto renderer = make_renderer(options.renderer, servo_options.period_s);
+  const v1::Scene scene = wait_for_scene(options, stop);
+  SimulatedDeviceOptions device_options;
+  device_options.profile = profile;
+  device_options.hand = hand_on(scene, options);
+  SimulatedDevice device(device_options);
+  const auto recorder = open_recording(options);
+  device.open();
+
+  MonotonicClock clock;
+  const auto servo = std::make_unique<ServoLoop>(device, *renderer, clock, servo_options);
+  TouchLinkOptions link_options;
+  link_options.address = options.address;
+  link_options.open = options.open;
+  link_options.recorder = recorder.get();
+  TouchLink link(link_options, servo->poses(), servo->answers(), clock);
+
+  TouchSummary summary;
+  std::atomic<bool> servo_stop{false};
+  std::atomic<bool> servo_started{false};
+  std::thread servo_thread([&] {
+    if (options.real_time) summary.real_time = ask_for_real_time();
+    servo_started.store(true, std::memory_order_release);
+    servo->run(servo_stop);
+  });
+  link.start();
+  bool told = false;
+  while (!stop && link.failure().empty() && !finished(options, device.hand(), summary.ticks)) {
+    std::this_thread::sleep_for(Seconds(0.02));
+    drain(*servo, summary.ticks, recorder.get());
+    if (!told && servo_started.load(std::memory_order_acquire) && options.real_time) {
+      spdlog::info("servo: {}", summary.real_time.text);
+      told = true;
+    }
+  }
+  // The force goes first, while the link still answers; then the link.
+  servo_stop = true;
+  servo_thread.join();
+  link.stop();
+  device.close();
+  drain(*servo, summary.ticks, recorder.get());
+  summary.link = link.stats();
+  summary.overruns = servo->overruns();
+  summary.rejected_answers = servo->rejected_answers();
+  summary.telemetry_dropped = servo->telemetry().dropped();
+  summary.passes = device.hand().passes();
+  if (recorder) {
+    summary.record_dropped = recorder->dropped();
+    recorder->close();
+  }
+  if (!link.failure().empty()) throw std::runtime_error("touching ended: " + link.failure());
+  return summary;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,50 @@
+// One session of touching: device, renderer, servo thread, link and recording, wired together. What
+// `teletact-client touch` runs.
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/haptic/simulated_device.h"
+#include "client/link/touch_link.h"
+#include "client/servo/realtime.h"
+#include "client/servo/tick_statistics.h"
+
+namespace teletact::client {
+
+struct TouchSessionOptions {
+  std::string address;
+  v1::TouchOpen open;
+  std::string device = "simulated";
+  std::string profile = "premium-1.5";
+  std::string renderer = "kalman";  // kalman, kalman-force, hold
+  HandOptions hand;                 // begin and end: see below
+  std::optional<double> begin_m;    // of the sweep; absent: what is covered at the start, 8 mm inside
+  std::optional<double> end_m;
+  unsigned passes = 0;      // end after so many sweeps; 0 = no limit
+  double duration_s = 0;    // end after so long with force on; 0 = no limit
+  double wait_s = 0;        // for the service, the scene and its first window
+  std::string record_path;  // empty: no recording
+  std::vector<std::string> arguments;
+  bool real_time = true;  // ask for SCHED_FIFO and locked memory
+};
+
+struct TouchSummary {
+  TickStatistics ticks;
+  TouchLinkStats link;
+  RealTime real_time;
+  std::uint64_t overruns = 0;
+  std::uint64_t rejected_answers = 0;
+  std::uint64_t telemetry_dropped = 0;
+  std::uint64_t record_dropped = 0;
+  unsigned passes = 0;
+};
+
+// Runs until passes or duration are reached, `stop` is set, or the link gives up. Throws std::runtime_error
+// or std::invalid_argument with one line for the user: no service, unknown scene, nothing touchable, unknown
+// device, profile or renderer, unwritable recording.
+TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop);
+
+}  // namespace teletact::client

@@ -1,0 +1,56 @@
+// The safety chain, in the order of design.md: silence, model age, finite, stiffness cap, passivity, slew,
+// magnitude, velocity; and the start-up ramp. Whatever comes in, what goes out is finite, |F| <= F_max and
+// |F(n) - F(n-1)| <= slew x dt.
+#pragma once
+
+#include "client/render/force_limits.h"
+#include "client/render/passivity.h"
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+struct ForceChainOptions {
+  ForceLimits limits;
+  double model_age_limit_s = 0.25;  // older: DEGRADED, and faded to nothing at twice that
+  double start_ramp_s = 0.5;
+  double longest_dt_s = 0.002;  // a tick that comes later than this slews no further
+};
+
+struct ForceChainInput {
+  Rendered rendered;
+  ToolPose pose;
+  double surface_m = 0;
+  bool on = false;         // state ENABLED: else the force slews to zero
+  double enabled_s = 0;    // since the state became ENABLED
+  double silence_s = 0;    // since the last answer arrived
+  double model_age_s = 0;  // since the pose behind the answer was sampled
+  double period_s = 0;     // negotiated between answers
+  double dt_s = 0.001;     // since the last tick
+};
+
+struct ForceChainOutput {
+  Vector2 force_n = Vector2::Zero();
+  double damping_n_s_m = 0;  // added by the passivity controller
+  double energy_j = 0;       // the passivity observer's
+  double silence_gain = 1;
+  bool degraded = false;    // model age past its limit
+  bool not_finite = false;  // what was rendered was no number: fault
+  bool too_fast = false;    // the device runs away: fault
+};
+
+class ForceChain {
+ public:
+  explicit ForceChain(const ForceChainOptions& options);
+  ForceChainOutput apply(const ForceChainInput& input) noexcept;
+  // What the device last took, for the slew: the chain's own output unless the device was closed meanwhile.
+  const Vector2& last_force_n() const noexcept { return last_force_n_; }
+
+ private:
+  Vector2 wanted(const ForceChainInput& input, ForceChainOutput& output) noexcept;
+
+  ForceChainOptions options_;
+  PassivityController passivity_;
+  Vector2 last_force_n_ = Vector2::Zero();
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,54 @@
+#include "client/render/force_limits.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace teletact::client {
+namespace {
+
+// 1 up to `full`, linear to 0 at `none`; NaN gives 0.
+double falling(double value, double full, double none) noexcept {
+  if (value <= full) return 1;
+  if (value < none) return (none - value) / (none - full);
+  return 0;
+}
+
+}  // namespace
+
+SilenceLimits silence_limits(double negotiated_period_s) noexcept {
+  constexpr double kShortestFadeS = 0.05;
+  constexpr double kLongestZeroS = 0.5;
+  SilenceLimits limits;
+  const double period_s = std::isfinite(negotiated_period_s) ? negotiated_period_s : 0;
+  limits.fade_s = std::clamp(2 * period_s, kShortestFadeS, kLongestZeroS / 2);
+  limits.zero_s = std::min(3 * limits.fade_s, kLongestZeroS);
+  return limits;
+}
+
+double silence_gain(double silence_s, const SilenceLimits& limits) noexcept {
+  return falling(silence_s, limits.fade_s, limits.zero_s);
+}
+
+double age_gain(double model_age_s, double limit_s) noexcept {
+  return falling(model_age_s, limit_s, 2 * limit_s);
+}
+
+double start_gain(double enabled_s, double ramp_s) noexcept {
+  return enabled_s >= ramp_s ? 1 : std::clamp(enabled_s / ramp_s, 0.0, 1.0);
+}
+
+Vector2 cap_stiffness(const Vector2& force_n, double indentation_m, double stiffness_n_m) noexcept {
+  return cap_magnitude(force_n, stiffness_n_m * std::max(indentation_m, 0.0));
+}
+
+Vector2 cap_magnitude(const Vector2& force_n, double largest_n) noexcept {
+  // stableNorm: the square of a hostile but finite force may overflow.
+  const double magnitude_n = force_n.stableNorm();
+  return magnitude_n > largest_n ? Vector2(force_n / magnitude_n * largest_n) : force_n;
+}
+
+Vector2 cap_slew(const Vector2& force_n, const Vector2& previous_n, double slew_n_s, double dt_s) noexcept {
+  return previous_n + cap_magnitude(force_n - previous_n, slew_n_s * dt_s);
+}
+
+}  // namespace teletact::client

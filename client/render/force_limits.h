@@ -1,0 +1,45 @@
+// The limits that stand between a rendered force and a device, as pure functions. The order in which they are
+// applied is force_chain.h's.
+#pragma once
+
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+// What a device may be asked for (a profile of T5.7, see haptic/profiles.h).
+struct ForceLimits {
+  double largest_force_n = 3.3;
+  double largest_stiffness_n_m = 700;
+  double largest_damping_n_s_m = 5;
+  double largest_slew_n_s = 130;
+  double largest_speed_m_s = 1.0;  // faster than any exploring hand: the device runs away
+  double friction_n = 0;           // Coulomb friction of the mechanism: dissipates, never generates
+};
+
+// When silence since the last answer starts to fade the force, and when it is zero: past max(50 ms, 2
+// periods), zero past three times that but at most 0.5 s. A period over 125 ms fades from 0.25 s on.
+struct SilenceLimits {
+  double fade_s = 0.05;
+  double zero_s = 0.15;
+};
+SilenceLimits silence_limits(double negotiated_period_s) noexcept;
+
+// 1 while fresh, falling linearly to 0 from fade_s to zero_s; 0 for NaN.
+double silence_gain(double silence_s, const SilenceLimits&) noexcept;
+
+// 1 up to `limit_s`, falling linearly to 0 at twice that; 0 for NaN. Above the limit the answer is DEGRADED.
+double age_gain(double model_age_s, double limit_s) noexcept;
+
+// 0 at the start, 1 after `ramp_s`.
+double start_gain(double enabled_s, double ramp_s) noexcept;
+
+// |force| <= stiffness x indentation; zero outside of the tissue.
+Vector2 cap_stiffness(const Vector2& force_n, double indentation_m, double stiffness_n_m) noexcept;
+
+// |force| <= largest, its direction kept.
+Vector2 cap_magnitude(const Vector2& force_n, double largest_n) noexcept;
+
+// The force nearest to `force_n` within slew x dt of `previous_n`.
+Vector2 cap_slew(const Vector2& force_n, const Vector2& previous_n, double slew_n_s, double dt_s) noexcept;
+
+}  // namespace teletact::client

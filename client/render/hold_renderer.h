@@ -1,0 +1,20 @@
+// Zero-order hold: the newest streamed force, unchanged until the next. The common peer whose passivity bound
+// is T5.1/T5.2; it steps at every update, and lags by the age of the answer.
+#pragma once
+
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+class HoldRenderer final : public Renderer {
+ public:
+  const char* name() const noexcept override { return "hold"; }
+  void reset() noexcept override { *this = HoldRenderer(); }
+  void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
+  Rendered render(const ToolPose& pose, double time_s) noexcept override;
+
+ private:
+  Rendered held_;
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,89 @@
+// Kalman-filtered local contact model (T5.4), extended to the plane and to a finger that moves sideways.
+//
+// Resistance r = -force on the finger, indentation d = y - surface. The local model is
+//     r_i(x, d) = d * ( k_i + g_ix (x - x_a) + g_id (d - d_a) ),   i = lateral, push,
+// a secant stiffness k_i (N/m) at the anchor pose (x_a, d_a) and its gradient (N/m per m). It is the
+// first-order expansion of the streamed force, F_0 + T (p - p_0), written so that it vanishes with the
+// indentation: no force is left outside the tissue, and the lateral part, which keeps the work of a
+// press-slide-release loop zero (T4.5), vanishes with it.
+//
+// State per channel [k, g_x, g_d], one covariance for both (same measurement rows, same noise). Measurements
+// of an answer, all at the pose that it was computed for:
+//     r_i            = d_0 k_i                    (force)
+//     d r_i / d d    = k_i + d_0 g_id             (tangent)
+//     d r_i / d x    = d_0 g_ix                   (tangent)
+// Between poses k moves by the gradient (the anchor moves with the finger), and all states walk with Q dt.
+// With `use_tangent` off the gradients are held at zero and this is the paper's one-state filter [k].
+//
+// Model updates are continuous: the difference between the old and the new model at the tool is added to k
+// and decays exponentially, with a time constant chosen so that no servo period passes more than
+// `largest_jump` of the force. It scales with the indentation, so it too ends at the surface.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+struct KalmanOptions {
+  bool use_tangent = true;
+  // Random walk, per square root of a second. Tissue under a finger at 120 mm/s changes its stiffness by half
+  // within some 30 ms, so the walk is wide beside the noise: FE forces carry no sensor noise.
+  double stiffness_walk_n_m = 500;
+  double gradient_walk_n_m2 = 1.5e5;
+  // Measurement noise: linearisation and solver error, a share of the value and a floor.
+  double force_noise_share = 0.005;
+  double force_noise_n = 0.002;
+  double tangent_noise_share = 0.05;
+  double tangent_noise_n_m = 2;
+  // An answer is an outlier when its force innovation exceeds this many standard deviations ...
+  double gate_sigma = 6;
+  int outliers_in_a_row = 3;  // ... unless this many come in a row: then the tissue has changed
+  // Trust in the gradient: how far from the anchor the expansion goes, and what k may become by it.
+  double reach_m = 0.003;
+  double largest_growth = 3;
+  // Blend of model updates.
+  double servo_period_s = 0.001;
+  double largest_jump = 0.07;  // of the force, per servo period (T5.4)
+  double shortest_blend_s = 0.004;
+};
+
+class KalmanRenderer final : public Renderer {
+ public:
+  explicit KalmanRenderer(const KalmanOptions& options = {}) : options_(options) {}
+  const char* name() const noexcept override { return "kalman"; }
+  void reset() noexcept override;
+  void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
+  Rendered render(const ToolPose& pose, double time_s) noexcept override;
+
+  const Eigen::Matrix3d& covariance() const noexcept { return covariance_; }
+  std::uint64_t outliers() const noexcept { return outliers_; }
+
+ private:
+  using State = Eigen::Matrix<double, 3, 2>;  // rows k, g_x, g_d; columns lateral, push
+
+  void predict(double x_m, double indentation_m, double time_s) noexcept;
+  bool measure(const Eigen::Vector3d& row, const Vector2& value, double variance, bool gated) noexcept;
+  void forget(double x_m, double indentation_m, double time_s) noexcept;
+  Vector2 stiffness_at(double x_m, double indentation_m) const noexcept;
+  Vector2 blend_at(double time_s) const noexcept;
+  void start_blend(const Vector2& before_n_m, const ToolPose& pose, double time_s) noexcept;
+
+  KalmanOptions options_;
+  State state_ = State::Zero();
+  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
+  bool known_ = false;  // an answer in contact has been seen
+  double anchor_x_m_ = 0;
+  double anchor_indentation_m_ = 0;
+  double anchor_time_s_ = 0;
+  double surface_m_ = 0;
+  double gain_ = 0;
+  Vector2 offset_n_m_ = Vector2::Zero();
+  double offset_time_s_ = 0;
+  double blend_s_ = 1;
+  int consecutive_outliers_ = 0;
+  std::uint64_t outliers_ = 0;
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,34 @@
+#include "client/render/passivity.h"
+
+#include <algorithm>
+
+namespace teletact::client {
+
+void PassivityController::reset() noexcept {
+  *this = PassivityController(options_);
+}
+
+void PassivityController::observe(const Vector2& position_m, const Vector2& written_force_n,
+                                  bool contact) noexcept {
+  if (!started_) last_position_m_ = position_m;
+  started_ = true;
+  const Vector2 step_m = position_m - last_position_m_;
+  last_position_m_ = position_m;
+  // E(n) = E(n-1) - f(n-1) . dp + f_c |dp|
+  energy_j_ += -written_force_n.dot(step_m);
+  if (contact) energy_j_ += options_.friction_n * step_m.norm();
+  energy_j_ = std::min(energy_j_, contact ? options_.largest_reserve_j : 0.0);
+}
+
+Vector2 PassivityController::damping_force(const Vector2& velocity_m_s, double dt_s) noexcept {
+  damping_n_s_m_ = 0;
+  const double speed_squared = velocity_m_s.squaredNorm();
+  constexpr double kStandstill = 1e-10;  // (m/s)^2: no damping can take energy from a finger at rest
+  if (energy_j_ >= 0 || speed_squared < kStandstill || dt_s <= 0) return Vector2::Zero();
+  // alpha = -E / (T v^2); what the clamp leaves stays in E for the next ticks, and the force written (limits
+  // included) is accounted by the next observe().
+  damping_n_s_m_ = std::min(-energy_j_ / (dt_s * speed_squared), options_.largest_damping_n_s_m);
+  return -damping_n_s_m_ * velocity_m_s;
+}
+
+}  // namespace teletact::client

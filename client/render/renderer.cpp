@@ -1,0 +1,12 @@
+#include "client/render/renderer.h"
+
+#include <cmath>
+
+namespace teletact::client {
+
+bool is_finite(const ForceSample& sample) noexcept {
+  return std::isfinite(sample.pose_time_s) && sample.position_m.allFinite() && sample.force_n.allFinite() &&
+         sample.tangent_n_m.allFinite() && std::isfinite(sample.surface_m);
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,50 @@
+// What a renderer is: from the service's answers, a few hundred a second, to a force at every servo tick.
+// Pure and allocation-free: no clock, no thread, no gRPC; time is an argument.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+namespace teletact::client {
+
+using Vector2 = Eigen::Vector2d;  // [x lateral, y into the tissue], scene coordinates
+
+// The tool at one servo tick.
+struct ToolPose {
+  Vector2 position_m = Vector2::Zero();
+  Vector2 velocity_m_s = Vector2::Zero();
+};
+
+// One answer of the service: a force and the pose that it was computed for (T5.4: kept paired).
+struct ForceSample {
+  std::uint64_t sequence = 0;                             // of that pose
+  double pose_time_s = 0;                                 // when that pose was sampled, servo clock
+  Vector2 position_m = Vector2::Zero();                   // that pose
+  Vector2 force_n = Vector2::Zero();                      // on the finger: y < 0 for a push
+  Eigen::Matrix2d tangent_n_m = Eigen::Matrix2d::Zero();  // d force / d position
+  double surface_m = 0;                                   // y of the undeformed touched line
+  bool contact = false;                                   // false: the finger was not in contact, force zero
+};
+
+struct Rendered {
+  Vector2 force_n = Vector2::Zero();  // on the finger
+  double stiffness_n_m = 0;           // along the push: resistance over indentation
+  double variance = 0;                // of that stiffness, (N/m)^2; 0 when the renderer keeps none
+  double gain = 0;                    // of the last update: how much of the innovation was believed, 0 .. 1
+};
+
+class Renderer {
+ public:
+  virtual ~Renderer() = default;
+  virtual const char* name() const noexcept = 0;
+  virtual void reset() noexcept = 0;
+  // A new answer, `pose` and `time_s` being those of this tick. Samples must be finite, in order.
+  virtual void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept = 0;
+  // The force at `pose` now.
+  virtual Rendered render(const ToolPose& pose, double time_s) noexcept = 0;
+};
+
+// Finite in every field that a renderer reads.
+bool is_finite(const ForceSample&) noexcept;
+
+}  // namespace teletact::client

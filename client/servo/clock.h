@@ -1,0 +1,34 @@
+// Time, injected: the servo and its tests differ in nothing else.
+#pragma once
+
+#include <cstdint>
+
+namespace teletact::client {
+
+class Clock {
+ public:
+  virtual ~Clock() = default;
+  virtual std::int64_t now_ns() noexcept = 0;
+  virtual void sleep_until_ns(std::int64_t time_ns) noexcept = 0;
+};
+
+// CLOCK_MONOTONIC, absolute-time sleep.
+class MonotonicClock final : public Clock {
+ public:
+  std::int64_t now_ns() noexcept override;
+  void sleep_until_ns(std::int64_t time_ns) noexcept override;
+};
+
+// Moves only when told to; sleeping jumps to the end of the sleep, plus `wake_late_ns`.
+class ManualClock final : public Clock {
+ public:
+  std::int64_t now_ns() noexcept override { return time_ns; }
+  void sleep_until_ns(std::int64_t until_ns) noexcept override {
+    if (until_ns > time_ns) time_ns = until_ns;
+    time_ns += wake_late_ns;
+  }
+  std::int64_t time_ns = 1'000'000'000;
+  std::int64_t wake_late_ns = 0;
+};
+
+}  // namespace teletact::client

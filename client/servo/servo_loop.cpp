@@ -1,0 +1,141 @@
+#include "client/servo/servo_loop.h"
+
+#include <cmath>
+
+namespace teletact::client {
+namespace {
+
+double seconds(std::int64_t ns) noexcept {
+  return 1e-9 * static_cast<double>(ns);
+}
+
+// Silence and age before anything has arrived: longer than any limit.
+constexpr double kForeverS = 1e9;
+
+}  // namespace
+
+ServoLoop::ServoLoop(HapticDevice& device, Renderer& renderer, Clock& clock, const ServoOptions& options)
+    : device_(device), renderer_(renderer), clock_(clock), options_(options), chain_(options.chain) {}
+
+void ServoLoop::run(const std::atomic<bool>& stop) noexcept {
+  const auto period_ns = static_cast<std::int64_t>(std::llround(options_.period_s * 1e9));
+  std::int64_t due_ns = clock_.now_ns() + period_ns;
+  while (true) {
+    clock_.sleep_until_ns(due_ns);
+    tick(due_ns);
+    if (stop.load(std::memory_order_relaxed)) {
+      request_disable();
+      if (states_.state() != ServoState::kEnabled && chain_.last_force_n().norm() == 0) break;
+    }
+    const std::int64_t done_ns = clock_.now_ns();
+    due_ns += period_ns;
+    last_slack_s_ = seconds(due_ns - done_ns);
+    // Ticks that are past are not made up for: the device wants the newest force, not each of them.
+    while (due_ns < done_ns) due_ns += period_ns;
+  }
+}
+
+void ServoLoop::tick(std::int64_t due_ns) noexcept {
+  const std::int64_t now_ns = clock_.now_ns();
+  // read
+  bool device_ok = device_.read(now_ns, reading_);
+  poses_.put({reading_.pose, now_ns});
+  take_answer(now_ns);
+  // render
+  const Rendered rendered = renderer_.render(reading_.pose, seconds(now_ns));
+  // limit, and check finite
+  const ForceChainOutput limited = chain_.apply(chain_input(rendered, now_ns));
+  // write
+  device_ok = device_.write(limited.force_n) && device_ok;
+  states_.step(state_inputs(limited, device_ok), now_ns);
+  publish(rendered, limited, now_ns, due_ns);
+  show();
+  last_ns_ = now_ns;
+}
+
+void ServoLoop::take_answer(std::int64_t now_ns) noexcept {
+  if (answers_.take(incoming_)) {
+    const bool in_order = !answered_ || incoming_.sample.sequence > answer_.sample.sequence;
+    const bool from_past = incoming_.sample.pose_time_s <= seconds(now_ns);
+    if (is_finite(incoming_.sample) && in_order && from_past) {
+      answer_ = incoming_;
+      answered_ = true;
+      if (answer_.has_force) {
+        renderer_.update(answer_.sample, reading_.pose, seconds(now_ns));
+        has_force_ = true;
+        force_sequence_ = answer_.sample.sequence;
+        force_time_s_ = answer_.sample.pose_time_s;
+      }
+    } else {
+      rejected_.fetch_add(1, std::memory_order_relaxed);
+    }
+  }
+  silence_s_ = answered_ ? seconds(now_ns - answer_.received_ns) : kForeverS;
+  model_age_s_ = has_force_ ? seconds(now_ns) - force_time_s_ : kForeverS;
+}
+
+ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t now_ns) noexcept {
+  ForceChainInput input;
+  input.rendered = rendered;
+  input.pose = reading_.pose;
+  input.surface_m = answer_.sample.surface_m;
+  input.on = states_.state() == ServoState::kEnabled;
+  input.enabled_s = seconds(now_ns - states_.since_ns());
+  input.silence_s = silence_s_;
+  input.model_age_s = model_age_s_;
+  input.period_s = answer_.period_s;
+  input.dt_s = last_ns_ == 0 ? options_.period_s : seconds(now_ns - last_ns_);
+  return input;
+}
+
+StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device_ok) noexcept {
+  StateInputs inputs;
+  inputs.device_ok = device_ok;
+  inputs.finite = !limited.not_finite;
+  inputs.too_fast = limited.too_fast;
+  inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
+  inputs.silence_is_zero = limited.silence_gain <= 0;
+  inputs.out_of_contact = reading_.pose.position_m.y() < answer_.sample.surface_m - options_.clearance_m;
+  inputs.resume = resume_.exchange(false) || reading_.resume_pressed;
+  inputs.pause = pause_.exchange(false);
+  inputs.disable = disable_.exchange(false);
+  return inputs;
+}
+
+void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limited, std::int64_t now_ns,
+                        std::int64_t due_ns) noexcept {
+  ServoTick tick;
+  tick.time_ns = now_ns;
+  tick.pose = reading_.pose;
+  tick.force_n = limited.force_n;
+  tick.state = states_.state();
+  tick.reason = states_.reason();
+  tick.sequence = force_sequence_;
+  tick.lateness_s = seconds(tick.time_ns - due_ns);
+  tick.slack_s = last_slack_s_;
+  tick.silence_s = silence_s_;
+  tick.model_age_s = model_age_s_;
+  tick.stiffness_n_m = rendered.stiffness_n_m;
+  tick.stiffness_variance = rendered.variance;
+  tick.gain = rendered.gain;
+  tick.energy_j = limited.energy_j;
+  tick.damping_n_s_m = limited.damping_n_s_m;
+  tick.held_at_border = reading_.held_at_border;
+  tick.degraded = limited.degraded;
+  ticks_.fetch_add(1, std::memory_order_relaxed);
+  if (tick.lateness_s > options_.overrun_s) overruns_.fetch_add(1, std::memory_order_relaxed);
+  telemetry_.push(tick);
+}
+
+void ServoLoop::show() noexcept {
+  OperatorView view;
+  view.force_on = states_.state() == ServoState::kEnabled;
+  view.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
+  view.covered = answered_ && answer_.covered;
+  view.covered_begin_m = answer_.covered_begin_m;
+  view.covered_end_m = answer_.covered_end_m;
+  view.surface_m = answer_.sample.surface_m;
+  device_.show(view);
+}
+
+}  // namespace teletact::client

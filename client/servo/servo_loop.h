@@ -1,0 +1,127 @@
+// The 1 kHz loop: read, render, limit, check finite, write. Nothing in it allocates, locks, logs or throws.
+//
+// Threads: tick()/run() on the servo thread. The link's thread puts answers and takes poses; any one other
+// thread drains the telemetry; requests may come from any thread.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "client/haptic/haptic_device.h"
+#include "client/render/force_chain.h"
+#include "client/render/renderer.h"
+#include "client/servo/clock.h"
+#include "client/servo/latest_slot.h"
+#include "client/servo/ring.h"
+#include "client/servo/states.h"
+
+namespace teletact::client {
+
+// An answer as the link hands it to the servo.
+struct ServoAnswer {
+  ForceSample sample;
+  bool has_force = true;  // false: the service could not compute one; the link is alive all the same
+  bool covered = false;   // a window covers the pose
+  double covered_begin_m = 0;
+  double covered_end_m = 0;
+  std::int64_t received_ns = 0;  // servo clock
+  double period_s = 0;           // negotiated for the stream
+};
+
+// The newest pose, for the link.
+struct ServoPose {
+  ToolPose pose;
+  std::int64_t time_ns = 0;
+};
+
+// One tick, for telemetry and recordings.
+struct ServoTick {
+  std::int64_t time_ns = 0;  // when it woke and read the device
+  ToolPose pose;
+  Vector2 force_n = Vector2::Zero();  // written
+  ServoState state = ServoState::kDisabled;
+  StateReason reason = StateReason::kStart;
+  std::uint64_t sequence = 0;  // of the pose behind the force
+  double lateness_s = 0;       // how late this tick woke
+  double slack_s = 0;          // left of the last period when its work was done
+  double silence_s = 0;
+  double model_age_s = 0;
+  double stiffness_n_m = 0;  // rendered along the push
+  double stiffness_variance = 0;
+  double gain = 0;
+  double energy_j = 0;       // the passivity observer's
+  double damping_n_s_m = 0;  // the passivity controller's
+  bool held_at_border = false;
+  bool degraded = false;
+};
+
+struct ServoOptions {
+  double period_s = 0.001;
+  double overrun_s = 0.001;     // woken later than this is an overrun
+  double clearance_m = 0.0005;  // out of contact: this far above the surface
+  ForceChainOptions chain;
+};
+
+class ServoLoop {
+ public:
+  static constexpr std::size_t kTelemetryTicks = 8192;
+
+  // Borrows all three; the device is open.
+  ServoLoop(HapticDevice& device, Renderer& renderer, Clock& clock, const ServoOptions& options);
+
+  // Ticks until `stop`, then slews the force to zero and writes it.
+  void run(const std::atomic<bool>& stop) noexcept;
+  // One tick that was due at `due_ns`.
+  void tick(std::int64_t due_ns) noexcept;
+
+  LatestSlot<ServoAnswer>& answers() noexcept { return answers_; }  // written by the link
+  LatestSlot<ServoPose>& poses() noexcept { return poses_; }        // read by the link
+  Ring<ServoTick, kTelemetryTicks>& telemetry() noexcept { return telemetry_; }
+
+  void request_resume() noexcept { resume_.store(true); }
+  void request_pause() noexcept { pause_.store(true); }
+  void request_disable() noexcept { disable_.store(true); }
+
+  std::uint64_t ticks() const noexcept { return ticks_.load(std::memory_order_relaxed); }
+  std::uint64_t overruns() const noexcept { return overruns_.load(std::memory_order_relaxed); }
+  std::uint64_t rejected_answers() const noexcept { return rejected_.load(std::memory_order_relaxed); }
+
+ private:
+  void take_answer(std::int64_t now_ns) noexcept;
+  ForceChainInput chain_input(const Rendered& rendered, std::int64_t now_ns) noexcept;
+  StateInputs state_inputs(const ForceChainOutput& limited, bool device_ok) noexcept;
+  void publish(const Rendered& rendered, const ForceChainOutput& limited, std::int64_t now_ns,
+               std::int64_t due_ns) noexcept;
+  void show() noexcept;
+
+  HapticDevice& device_;
+  Renderer& renderer_;
+  Clock& clock_;
+  ServoOptions options_;
+  ForceChain chain_;
+  StateMachine states_;
+
+  LatestSlot<ServoAnswer> answers_;
+  LatestSlot<ServoPose> poses_;
+  Ring<ServoTick, kTelemetryTicks> telemetry_;
+  std::atomic<bool> resume_{false};
+  std::atomic<bool> pause_{false};
+  std::atomic<bool> disable_{false};
+  std::atomic<std::uint64_t> ticks_{0};
+  std::atomic<std::uint64_t> overruns_{0};
+  std::atomic<std::uint64_t> rejected_{0};
+
+  DeviceReading reading_;
+  ServoAnswer answer_;  // newest that arrived
+  ServoAnswer incoming_;
+  bool answered_ = false;   // any answer yet
+  bool has_force_ = false;  // any with a force
+  std::uint64_t force_sequence_ = 0;
+  double force_time_s_ = 0;  // of the pose behind the newest force
+  double silence_s_ = 0;
+  double model_age_s_ = 0;
+  double last_slack_s_ = 0;
+  std::int64_t last_ns_ = 0;
+};
+
+}  // namespace teletact::client

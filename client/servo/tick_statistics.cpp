@@ -1,0 +1,64 @@
+#include "client/servo/tick_statistics.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace teletact::client {
+
+void StallCounter::add(double time_s, bool held) noexcept {
+  if (held && !held_) {
+    begin_s_ = last_s_ = time_s;
+    counted_ = false;
+  } else if (held_) {
+    // The tick that is free again still ends the hold: it was held until now.
+    if (!counted_ && time_s - begin_s_ > kShortestS) {
+      counted_ = true;
+      ++count_;
+      seconds_ += time_s - begin_s_;
+    } else if (counted_) {
+      seconds_ += time_s - last_s_;
+    }
+    last_s_ = time_s;
+  }
+  held_ = held;
+}
+
+double percentile(std::vector<double>& values, double share) {
+  if (values.empty()) return 0;
+  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(values.size())));
+  const auto index = std::clamp<std::size_t>(rank, 1, values.size()) - 1;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index), values.end());
+  return values[index];
+}
+
+bool TickStatistics::add(const ServoTick& tick) {
+  const bool changed = ticks_ == 0 || tick.state != last_.state || tick.reason != last_.reason;
+  if (ticks_ == 0) first_ns_ = tick.time_ns;
+  const double time_s = 1e-9 * static_cast<double>(tick.time_ns - first_ns_);
+  if (ticks_ > 0) {
+    const double step_s = 1e-9 * static_cast<double>(tick.time_ns - last_.time_ns);
+    if (last_.state == ServoState::kEnabled) {
+      enabled_s_ += step_s;
+      if (last_.degraded) degraded_s_ += step_s;
+    }
+    smallest_slack_s_ = std::min(smallest_slack_s_, tick.slack_s);
+  }
+  if (changed) changes_.push_back({time_s, tick.state, tick.reason});
+  stalls_.add(time_s, tick.held_at_border);
+  largest_force_n_ = std::max(largest_force_n_, tick.force_n.norm());
+  lateness_s_.push_back(tick.lateness_s);
+  last_ = tick;
+  ++ticks_;
+  return changed;
+}
+
+double TickStatistics::duration_s() const noexcept {
+  return ticks_ == 0 ? 0 : 1e-9 * static_cast<double>(last_.time_ns - first_ns_);
+}
+
+double TickStatistics::rate_hz() const noexcept {
+  const double duration = duration_s();
+  return duration > 0 ? static_cast<double>(ticks_ - 1) / duration : 0;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,66 @@
+// What the ticks of a session add up to. Fed by the thread that drains the telemetry.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "client/servo/servo_loop.h"
+
+namespace teletact::client {
+
+// A stall is the hand held for longer than 1 ms at the border of what is covered.
+class StallCounter {
+ public:
+  static constexpr double kShortestS = 0.001;
+  void add(double time_s, bool held) noexcept;
+  std::uint64_t count() const noexcept { return count_; }
+  double seconds() const noexcept { return seconds_; }  // held, of the stalls counted
+
+ private:
+  bool held_ = false;
+  bool counted_ = false;
+  double begin_s_ = 0;
+  double last_s_ = 0;
+  std::uint64_t count_ = 0;
+  double seconds_ = 0;
+};
+
+// The value below which `share` (0 .. 1) of the values lie; 0 of none. Reorders them.
+double percentile(std::vector<double>& values, double share);
+
+struct StateChange {
+  double time_s = 0;  // since the first tick
+  ServoState state = ServoState::kDisabled;
+  StateReason reason = StateReason::kStart;
+};
+
+class TickStatistics {
+ public:
+  // True when the state or its reason differs from the tick before.
+  bool add(const ServoTick& tick);
+
+  std::uint64_t ticks() const noexcept { return ticks_; }
+  double duration_s() const noexcept;
+  double rate_hz() const noexcept;
+  double enabled_s() const noexcept { return enabled_s_; }
+  double degraded_s() const noexcept { return degraded_s_; }  // while ENABLED
+  double largest_force_n() const noexcept { return largest_force_n_; }
+  double smallest_slack_s() const noexcept { return smallest_slack_s_; }
+  const StallCounter& stalls() const noexcept { return stalls_; }
+  std::vector<double>& lateness_s() noexcept { return lateness_s_; }
+  const std::vector<StateChange>& changes() const noexcept { return changes_; }
+
+ private:
+  std::uint64_t ticks_ = 0;
+  std::int64_t first_ns_ = 0;
+  ServoTick last_;
+  double enabled_s_ = 0;
+  double degraded_s_ = 0;
+  double largest_force_n_ = 0;
+  double smallest_slack_s_ = 1e9;
+  StallCounter stalls_;
+  std::vector<double> lateness_s_;
+  std::vector<StateChange> changes_;
+};
+
+}  // namespace teletact::client

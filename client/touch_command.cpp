@@ -1,0 +1,217 @@
+// teletact-client touch: the operator side.
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "client/commands.h"
+#include "client/link/touch_session.h"
+
+namespace teletact::client {
+namespace {
+
+std::atomic<bool> interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
+
+void interrupt(int) {
+  interrupted.store(true);
+}
+
+struct Arguments {
+  TouchSessionOptions session;
+  std::string tip = "rounded";
+  std::string path = "auto";
+  std::string json_path;
+  double tip_radius_m = 0;
+  double tip_half_width_m = 0;
+  double tip_footprint_m = 0;
+  bool stuck = false;
+  std::string scene_id;
+  double line_y_m = 0;
+  double period_s = 0.002;
+  unsigned credit = 2;
+};
+
+v1::TouchOpen to_open(const Arguments& arguments) {
+  v1::TouchOpen open;
+  open.set_scene_id(arguments.scene_id);
+  v1::Fingertip& tip = *open.mutable_fingertip();
+  tip.set_shape(arguments.tip == "rounded" ? v1::FINGERTIP_SHAPE_ROUNDED_TIP
+                : arguments.tip == "punch" ? v1::FINGERTIP_SHAPE_FLAT_PUNCH
+                                           : v1::FINGERTIP_SHAPE_NODE);
+  tip.set_stuck(arguments.stuck);
+  tip.set_radius_m(arguments.tip_radius_m);
+  tip.set_half_width_m(arguments.tip_half_width_m);
+  tip.set_footprint_m(arguments.tip_footprint_m);
+  open.set_line_y_m(arguments.line_y_m);
+  open.set_path(arguments.path == "compliance" ? v1::SOLVE_PATH_COMPLIANCE
+                : arguments.path == "pcg"      ? v1::SOLVE_PATH_PCG
+                                               : v1::SOLVE_PATH_UNSPECIFIED);
+  open.set_credit(arguments.credit);
+  open.set_period_s(arguments.period_s);
+  return open;
+}
+
+double touch_rate_hz(const TouchLinkStats& link) {
+  const double span_s = link.last_answer_s - link.first_answer_s;
+  return span_s > 0 ? static_cast<double>(link.distinct) / span_s : 0;
+}
+
+nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
+  TickStatistics& ticks = summary.ticks;
+  TouchLinkStats& link = summary.link;
+  nlohmann::json changes = nlohmann::json::array();
+  for (const StateChange& change : ticks.changes()) {
+    changes.push_back(
+        {{"time_s", change.time_s}, {"state", name(change.state)}, {"reason", describe(change.reason)}});
+  }
+  return {
+      {"scene", arguments.scene_id},
+      {"renderer", arguments.session.renderer},
+      {"profile", arguments.session.profile},
+      {"duration_s", ticks.duration_s()},
+      {"enabled_s", ticks.enabled_s()},
+      {"passes", summary.passes},
+      {"touch_rate_hz", touch_rate_hz(link)},
+      {"touch_latency_s",
+       {{"p50", percentile(link.latencies_s, 0.5)},
+        {"p99", percentile(link.latencies_s, 0.99)},
+        {"max", percentile(link.latencies_s, 1)}}},
+      {"servo",
+       {{"rate_hz", ticks.rate_hz()},
+        {"ticks", ticks.ticks()},
+        {"overruns", summary.overruns},
+        {"lateness_s_p50", percentile(ticks.lateness_s(), 0.5)},
+        {"lateness_s_p99", percentile(ticks.lateness_s(), 0.99)},
+        {"lateness_s_max", percentile(ticks.lateness_s(), 1)},
+        {"slack_s_min", ticks.smallest_slack_s()},
+        {"scheduling", summary.real_time.text}}},
+      {"stalls", {{"count", ticks.stalls().count()}, {"s", ticks.stalls().seconds()}}},
+      {"largest_force_n", ticks.largest_force_n()},
+      {"degraded_s", ticks.degraded_s()},
+      {"states", changes},
+      {"link",
+       {{"poses", link.poses},
+        {"answers", link.answers},
+        {"distinct", link.distinct},
+        {"not_covered", link.not_covered},
+        {"failed", link.failed},
+        {"dropped", link.dropped},
+        {"rejected", summary.rejected_answers},
+        {"streams", link.streams},
+        {"service_instances", link.instances},
+        {"period_s", link.period_s},
+        {"line_y_m", link.line_y_m},
+        {"last_version", link.last_version}}},
+      {"telemetry_dropped", summary.telemetry_dropped},
+      {"record_dropped", summary.record_dropped},
+  };
+}
+
+void print(const nlohmann::json& json) {
+  const auto ms = [](const nlohmann::json& seconds) { return 1e3 * seconds.get<double>(); };
+  const auto& latency = json["touch_latency_s"];
+  const auto& servo = json["servo"];
+  std::printf("touched scene %s for %.1f s, %u passes\n", json["scene"].get<std::string>().c_str(),
+              json["enabled_s"].get<double>(), json["passes"].get<unsigned>());
+  std::printf("  answers   %.0f /s with distinct poses, latency p50 %.2f ms, p99 %.2f ms, max %.2f ms\n",
+              json["touch_rate_hz"].get<double>(), ms(latency["p50"]), ms(latency["p99"]),
+              ms(latency["max"]));
+  std::printf("  servo     %.1f Hz, %lu overruns (> 1 ms late), lateness p99 %.3f ms, max %.3f ms; %s\n",
+              servo["rate_hz"].get<double>(), servo["overruns"].get<unsigned long>(),
+              ms(servo["lateness_s_p99"]), ms(servo["lateness_s_max"]),
+              servo["scheduling"].get<std::string>().c_str());
+  std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
+              json["stalls"]["s"].get<double>());
+  std::printf("  force     largest %.3f N; degraded %.3f s; %lu streams\n",
+              json["largest_force_n"].get<double>(), json["degraded_s"].get<double>(),
+              json["link"]["streams"].get<unsigned long>());
+}
+
+void run(Arguments arguments) {
+  auto logger = spdlog::get("touch");
+  if (!logger) logger = spdlog::stderr_color_mt("touch");
+  spdlog::set_default_logger(logger);
+  std::ofstream json_file;
+  if (!arguments.json_path.empty()) {
+    json_file.open(arguments.json_path);
+    if (!json_file)
+      throw CommandError("cannot write '" + arguments.json_path + "'; choose another file with --json");
+  }
+  arguments.session.open = to_open(arguments);
+  interrupted = false;
+  struct sigaction action {};
+  action.sa_handler = interrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  TouchSummary summary;
+  try {
+    summary = run_touch_session(arguments.session, interrupted);
+  } catch (const std::exception& error) {
+    throw CommandError(error.what());
+  }
+  const nlohmann::json json = to_json(arguments, summary);
+  print(json);
+  if (json_file.is_open() && !(json_file << json.dump(2) << '\n').flush()) {
+    throw CommandError("cannot write '" + arguments.json_path + "'; choose another file with --json");
+  }
+}
+
+void add_tip_options(CLI::App& command, Arguments& arguments) {
+  command.add_option("--tip", arguments.tip, "fingertip: rounded, punch or node")
+      ->check(CLI::IsMember({"rounded", "punch", "node"}));
+  command.add_option("--tip-radius-m", arguments.tip_radius_m,
+                     "radius of the tip, or of a punch's edges (0.008)");
+  command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part (0.004)");
+  command.add_option("--tip-footprint-m", arguments.tip_footprint_m,
+                     "node: Gaussian footprint, 0 = one node");
+  command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
+  command.add_option("--line-y-m", arguments.line_y_m, "depth of the touched line, 0 = the surface");
+  command.add_option("--path", arguments.path, "auto, compliance or pcg")
+      ->check(CLI::IsMember({"auto", "compliance", "pcg"}));
+}
+
+void add_hand_options(CLI::App& command, TouchSessionOptions& session) {
+  command.add_option("--indentation-m", session.hand.indentation_m, "mean indentation of the hand")
+      ->check(CLI::Range(1e-4, 0.05));
+  command.add_option("--speed-m-s", session.hand.speed_m_s, "of the sweep")->check(CLI::Range(0.001, 0.5));
+  command.add_option("--begin-m", session.begin_m, "sweep from here (default: what is covered at the start)");
+  command.add_option("--end-m", session.end_m, "sweep to here");
+  command.add_option("--hand-mass-kg", session.hand.mass_kg)->check(CLI::Range(0.01, 0.2));
+  command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m)->check(CLI::Range(2.0, 10.0));
+  command.add_option("--hand-stiffness-n-m", session.hand.stiffness_n_m)->check(CLI::Range(200.0, 1000.0));
+  command.add_option("--passes", session.passes, "end after so many sweeps");
+  command.add_option("--duration-s", session.duration_s, "end after so long with force on");
+}
+
+}  // namespace
+
+void add_touch_command(CLI::App& app) {
+  const auto arguments = std::make_shared<Arguments>();
+  TouchSessionOptions& session = arguments->session;
+  CLI::App& command = *app.add_subcommand("touch", "operator side: feel a scene of a running service");
+  command.add_option("--service", session.address, "unix:/path or host:port")->required();
+  command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
+  command.add_option("--device", session.device, "haptic device: simulated (default)");
+  command.add_option("--profile", session.profile, "premium-1.5 (default), premium-3.0, omni or touch");
+  command.add_option("--renderer", session.renderer, "kalman (default), kalman-force or hold")
+      ->check(CLI::IsMember({"kalman", "kalman-force", "hold"}));
+  command.add_option("--record", session.record_path,
+                     "keep poses, answers and every servo tick in this file");
+  command.add_option("--json", arguments->json_path, "write the summary to this file");
+  command.add_option("--period-s", arguments->period_s, "wish between answers")
+      ->check(CLI::Range(0.001, 1.0));
+  command.add_option("--credit", arguments->credit, "answers in flight")->check(CLI::Range(1, 8));
+  command.add_option("--wait-s", session.wait_s,
+                     "wait so long for the service, the scene and its first window");
+  add_tip_options(command, *arguments);
+  add_hand_options(command, session);
+  command.callback([arguments] { run(*arguments); });
+}
+
+}  // namespace teletact::client
