@@ -1,0 +1,115 @@
+#include "client/patient/mesh.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace teletact::client {
+
+namespace {
+
+constexpr double kFineDepth = 0.025, kBelowInclusion = 0.002, kGrowth = 1.15;
+constexpr double kMostNodes = 4e6;
+
+std::vector<double> depth_lines(const Tissue& tissue, double spacing_m) {
+  double fine = kFineDepth;
+  for (const Inclusion& i : tissue.inclusions)
+    fine = std::max(fine, i.y_m + i.diameter_m / 2 + kBelowInclusion);
+  fine = std::min(fine, tissue.depth_m);
+  std::size_t count = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(fine / spacing_m)));
+  if (fine == tissue.depth_m) {
+    std::vector<double> lines(count + 1);
+    for (std::size_t k = 0; k <= count; ++k)
+      lines[k] = tissue.depth_m * static_cast<double>(k) / static_cast<double>(count);
+    return lines;
+  }
+  std::vector<double> lines;
+  for (std::size_t k = 0; k <= count; ++k) lines.push_back(spacing_m * static_cast<double>(k));
+  for (double step = spacing_m; lines.back() < tissue.depth_m;) {
+    step = std::min(step * kGrowth, 2 * spacing_m);
+    lines.push_back(lines.back() + step);
+  }
+  // Stretch the coarse part so that it ends at the bottom.
+  const double begin = lines[count], scale = (tissue.depth_m - begin) / (lines.back() - begin);
+  for (std::size_t k = count + 1; k < lines.size(); ++k) lines[k] = begin + (lines[k] - begin) * scale;
+  return lines;
+}
+
+double mean_modulus(const Tissue& tissue, double x0, double x1, double y0, double y1) {
+  constexpr int kPoints = 5;
+  double sum = 0;
+  for (int b = 0; b < kPoints; ++b)
+    for (int a = 0; a < kPoints; ++a)
+      sum += tissue.true_modulus(x0 + (x1 - x0) * (a + .5) / kPoints, y0 + (y1 - y0) * (b + .5) / kPoints);
+  return sum / (kPoints * kPoints);
+}
+
+}  // namespace
+
+PatientMesh make_mesh(const Tissue& tissue, double spacing_m) {
+  if (!(spacing_m > 0) || tissue.width_m / spacing_m * (tissue.depth_m / spacing_m) > kMostNodes)
+    throw TissueError(
+        "tissue.width_m, tissue.depth_m: too large for a mesh of the given spacing; reduce them");
+  PatientMesh mesh;
+  mesh.poisson_ratio = tissue.poisson_ratio;
+  const auto columns =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(tissue.width_m / spacing_m)));
+  for (std::size_t i = 0; i <= columns; ++i)
+    mesh.x_m.push_back(tissue.width_m * static_cast<double>(i) / static_cast<double>(columns));
+  mesh.y_m = depth_lines(tissue, spacing_m);
+  for (std::size_t j = 0; j + 1 < mesh.ny(); ++j)
+    for (std::size_t i = 0; i < columns; ++i)
+      mesh.youngs_modulus_pa.push_back(
+          mean_modulus(tissue, mesh.x_m[i], mesh.x_m[i + 1], mesh.y_m[j], mesh.y_m[j + 1]));
+  return mesh;
+}
+
+std::array<double, 64> element_stiffness(double dx_m, double dy_m, double poisson_ratio) {
+  const double mu = 1 / (2 * (1 + poisson_ratio));
+  const double lambda = poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
+  std::array<double, 64> k{};
+  // Adds weight (2 mu eps:eps) or weight lambda (div u)^2 at the point (s, t) of the unit square.
+  const auto add = [&](double s, double t, double weight, bool volumetric) {
+    const std::array<double, 4> gx{-(1 - t) / dx_m, (1 - t) / dx_m, -t / dx_m, t / dx_m};
+    const std::array<double, 4> gy{-(1 - s) / dy_m, -s / dy_m, (1 - s) / dy_m, s / dy_m};
+    for (std::size_t a = 0; a < 4; ++a)
+      for (std::size_t b = 0; b < 4; ++b) {
+        double* row = &k[16 * a + 2 * b];
+        if (volumetric) {
+          row[0] += weight * lambda * gx[a] * gx[b], row[1] += weight * lambda * gx[a] * gy[b];
+          row[8] += weight * lambda * gy[a] * gx[b], row[9] += weight * lambda * gy[a] * gy[b];
+        } else {  // 2 eps:eps = 2 ux,x vx,x + 2 uy,y vy,y + (ux,y + uy,x)(vx,y + vy,x)
+          row[0] += weight * mu * (2 * gx[a] * gx[b] + gy[a] * gy[b]), row[1] += weight * mu * gy[a] * gx[b];
+          row[8] += weight * mu * gx[a] * gy[b], row[9] += weight * mu * (2 * gy[a] * gy[b] + gx[a] * gx[b]);
+        }
+      }
+  };
+  const double g = .5 / std::sqrt(3.0), area = dx_m * dy_m;
+  for (const double t : {.5 - g, .5 + g})
+    for (const double s : {.5 - g, .5 + g}) add(s, t, area / 4, false);
+  add(.5, .5, area, true);
+  return k;
+}
+
+DisplacementField::DisplacementField(const PatientMesh& mesh, std::vector<double> u)
+    : x_m_(mesh.x_m), y_m_(mesh.y_m), u_(std::move(u)) {
+  if (u_.size() != 2 * x_m_.size() * y_m_.size())
+    throw std::invalid_argument("DisplacementField: u does not fit the mesh");
+}
+
+DisplacementField::Vector DisplacementField::at(double x_m, double y_m) const {
+  const std::size_t nx = x_m_.size(), ny = y_m_.size();
+  const double x = std::clamp(x_m, x_m_.front(), x_m_.back()), y = std::clamp(y_m, 0.0, y_m_.back());
+  const double across = x / x_m_.back() * static_cast<double>(nx - 1);  // columns are equally spaced
+  const std::size_t i = std::min(nx - 2, static_cast<std::size_t>(across));
+  const auto above = std::upper_bound(y_m_.begin(), y_m_.end(), y);
+  const std::size_t j = std::min<std::size_t>(ny - 2, static_cast<std::size_t>(above - y_m_.begin()) - 1);
+  const double s = across - static_cast<double>(i), t = (y - y_m_[j]) / (y_m_[j + 1] - y_m_[j]);
+  const double* left = &u_[2 * (j + ny * i)];
+  const double* right = left + 2 * ny;
+  const auto mix = [&](std::size_t c) {
+    return (1 - s) * ((1 - t) * left[c] + t * left[c + 2]) + s * ((1 - t) * right[c] + t * right[c + 2]);
+  };
+  return {mix(0), mix(1)};
+}
+
+}  // namespace teletact::client

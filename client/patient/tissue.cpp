@@ -1,0 +1,75 @@
+#include "client/patient/tissue.h"
+
+#include <cmath>
+
+namespace teletact::client {
+
+namespace {
+
+void require(bool ok, const std::string& key, const std::string& rule, double value) {
+  if (ok) return;
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  throw TissueError(key + " = " + text + ": must be " + rule);
+}
+
+void in_range(const std::string& key, double value, double low, double high) {
+  char rule[80];
+  std::snprintf(rule, sizeof rule, "from %.4g to %.4g", low, high);
+  require(value >= low && value <= high, key, rule, value);
+}
+
+void validate_inclusion(const Tissue& t, const Inclusion& inclusion, std::size_t index) {
+  const std::string key = "inclusion[" + std::to_string(index) + "].";
+  in_range(key + "diameter_m", inclusion.diameter_m, 5e-4, 1);
+  in_range(key + "contrast", inclusion.contrast, .01, 1000);
+  in_range(key + "position_m[0]", inclusion.x_m, 0, t.width_m);
+  in_range(key + "position_m[1]", inclusion.y_m, 0, t.depth_m);
+}
+
+void validate_probe(const Tissue& t) {
+  const Probe& p = t.probe;
+  in_range("probe.width_m", p.width_m, 2e-3, t.width_m);
+  in_range("probe.lines", static_cast<double>(p.lines), 8, 2048);
+  in_range("probe.elevation_m", p.elevation_m, 1e-4, 1);
+  require(p.compression_m > 0 && p.compression_m <= .1 * t.depth_m, "probe.compression_m",
+          "more than 0 and at most a tenth of tissue.depth_m (linear elasticity)", p.compression_m);
+  in_range("probe.force_noise_relative", p.force_noise_relative, 0, .5);
+  in_range("probe.force_noise_n", p.force_noise_n, 0, 10);
+}
+
+void validate_ultrasound(const Ultrasound& u) {
+  in_range("ultrasound.center_frequency_hz", u.center_frequency_hz, 1e5, 1e8);
+  in_range("ultrasound.bandwidth", u.bandwidth, .05, 1.5);
+  require(std::isfinite(u.sampling_frequency_hz) && u.sampling_frequency_hz <= 1e9 &&
+              u.sampling_frequency_hz >= 2 * u.center_frequency_hz * (1 + u.bandwidth),
+          "ultrasound.sampling_frequency_hz", "at least 2 center_frequency_hz (1 + bandwidth), at most 1e9",
+          u.sampling_frequency_hz);
+  in_range("ultrasound.sound_speed_m_s", u.sound_speed_m_s, 1000, 2500);
+  in_range("ultrasound.f_number", u.f_number, .5, 10);
+  in_range("ultrasound.snr_db", u.snr_db, -20, 200);
+  in_range("ultrasound.correlation", u.correlation, 0, 1);
+}
+
+}  // namespace
+
+double Tissue::true_modulus(double x_m, double y_m) const {
+  double modulus = youngs_modulus_pa;
+  for (const Inclusion& i : inclusions)
+    if (std::hypot(x_m - i.x_m, y_m - i.y_m) <= i.diameter_m / 2) modulus = youngs_modulus_pa * i.contrast;
+  return modulus;
+}
+
+void validate(const Tissue& t) {
+  in_range("tissue.width_m", t.width_m, 5e-3, 2);
+  in_range("tissue.depth_m", t.depth_m, 2e-3, .3);
+  in_range("tissue.youngs_modulus_pa", t.youngs_modulus_pa, 1, 1e9);
+  require(t.poisson_ratio >= 0 && t.poisson_ratio <= .4999, "tissue.poisson_ratio", "from 0 to 0.4999",
+          t.poisson_ratio);
+  in_range("tissue.thickness_m", t.thickness_m, 1e-4, 1);
+  for (std::size_t i = 0; i < t.inclusions.size(); ++i) validate_inclusion(t, t.inclusions[i], i);
+  validate_probe(t);
+  validate_ultrasound(t.ultrasound);
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,86 @@
+// What the simulated patient is made of: a tissue file, its checks, its true modulus, and random patients.
+// Axes as in theory: x from the tissue's left surface corner, y depth. The tissue is 0 <= x <= width_m,
+// 0 <= y <= depth_m, bonded below, free at its sides.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace teletact::client {
+
+// One line for the user, naming the key (and the file when there is one) and the remedy.
+struct TissueError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// A stiff or soft disc with a sharp border: modulus = contrast times the background's inside it.
+struct Inclusion {
+  double x_m = 0, y_m = 0;  // centre
+  double diameter_m = 0;
+  double contrast = 1;
+};
+
+// The probe: flat, rigid, frictionless, `lines` A-lines across its width; its force sensor.
+struct Probe {
+  double width_m = 0.060;
+  std::size_t lines = 256;
+  double elevation_m = 0.010;     // out-of-plane length of its face: contact area = width x elevation
+  double compression_m = 0.0004;  // pressed between pre and post frame; in a file also as compression_strain
+  double force_noise_relative = 0.01;  // standard deviation of the sensor: of the force ...
+  double force_noise_n = 0.002;        // ... and in N; independent, added
+  double line_pitch_m() const { return width_m / static_cast<double>(lines); }
+  double contact_area_m2() const { return width_m * elevation_m; }
+};
+
+// T2.7. bandwidth is the -6 dB full width of the (Gaussian) pulse-echo spectrum over the centre frequency.
+struct Ultrasound {
+  double center_frequency_hz = 7.3e6;
+  double bandwidth = 0.6;
+  double sampling_frequency_hz = 40e6;
+  double sound_speed_m_s = 1540;
+  double f_number = 2;        // lateral FWHM = wavelength x f_number
+  double snr_db = 30;         // RMS of the speckle over RMS of the noise
+  double correlation = 0.99;  // between pre and post speckle, 1 = the same scatterers
+  double wavelength_m() const { return sound_speed_m_s / center_frequency_hz; }
+  double sample_pitch_m() const { return sound_speed_m_s / (2 * sampling_frequency_hz); }
+};
+
+struct Tissue {
+  double width_m = 0.300, depth_m = 0.040;
+  double youngs_modulus_pa = 10e3;  // of the background
+  double poisson_ratio = 0.49;
+  double thickness_m = 0.010;  // out-of-plane contact width of the finger (theory, Axes)
+  std::vector<Inclusion> inclusions;
+  Probe probe;
+  Ultrasound ultrasound;
+  std::uint64_t seed = 1;  // of scatterers, noise and sensor
+
+  // Young's modulus (Pa) at a point; where discs overlap the later one counts.
+  double true_modulus(double x_m, double y_m) const;
+};
+
+// Throws TissueError naming the key.
+void validate(const Tissue& tissue);
+
+// Reads a TOML tissue file; every key is optional (defaults above), an unknown one is an error. Keys:
+//   seed; [tissue] width_m, depth_m, youngs_modulus_pa, poisson_ratio, thickness_m;
+//   [[inclusion]] position_m = [x, y], diameter_m, contrast;
+//   [probe] width_m, lines, elevation_m, compression_m or compression_strain (of depth_m),
+//           force_noise_relative, force_noise_n;
+//   [ultrasound] center_frequency_hz, bandwidth, sampling_frequency_hz, sound_speed_m_s, f_number, snr_db,
+//                correlation
+Tissue read_tissue(const std::filesystem::path& path);
+Tissue parse_tissue(const std::string& toml, const std::string& name = "tissue");
+
+// Writes a file that read_tissue gives back exactly. Throws FileError.
+void write_tissue(const std::filesystem::path& path, const Tissue& tissue);
+
+// A patient of 300 x 40 mm with 3 to 5 hidden inclusions: contrast 3 to 10, diameter 8 to 15 mm, wholly
+// within 25 mm of the surface, borders >= 15 mm apart, of different size, depth and contrast; one lies across
+// a border of two 60 mm windows (x = 60 k mm). The same seed gives the same patient.
+Tissue random_tissue(std::uint64_t seed);
+
+}  // namespace teletact::client
