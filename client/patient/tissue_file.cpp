@@ -2,6 +2,8 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <initializer_list>
@@ -131,6 +133,12 @@ Tissue tissue_of(const toml::table& file) {
   return t;
 }
 
+// The shortest digits that read back as the same number.
+std::string digits(double value) {
+  std::array<char, 32> text;
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
+}
+
 }  // namespace
 
 Tissue parse_tissue(const std::string& text, const std::string& name) {
@@ -156,26 +164,40 @@ Tissue read_tissue(const std::filesystem::path& path) {
 }
 
 void write_tissue(const std::filesystem::path& path, const Tissue& t) {
-  std::ostringstream out;
-  out.precision(17);
-  out << "# A simulated patient; lengths in metres, moduli in Pa.\nseed = " << t.seed
-      << "\n\n[tissue]\nwidth_m = " << t.width_m << "\ndepth_m = " << t.depth_m
-      << "\nyoungs_modulus_pa = " << t.youngs_modulus_pa << "\npoisson_ratio = " << t.poisson_ratio
-      << "\nthickness_m = " << t.thickness_m << "\n";
-  for (const Inclusion& i : t.inclusions)
-    out << "\n[[inclusion]]\nposition_m = [" << i.x_m << ", " << i.y_m << "]\ndiameter_m = " << i.diameter_m
-        << "\ncontrast = " << i.contrast << "\n";
-  const Probe& p = t.probe;
-  out << "\n[probe]\nwidth_m = " << p.width_m << "\nlines = " << p.lines
-      << "\nelevation_m = " << p.elevation_m << "\ncompression_m = " << p.compression_m
-      << "\nforce_noise_relative = " << p.force_noise_relative << "\nforce_noise_n = " << p.force_noise_n
-      << "\n";
-  const Ultrasound& u = t.ultrasound;
-  out << "\n[ultrasound]\ncenter_frequency_hz = " << u.center_frequency_hz << "\nbandwidth = " << u.bandwidth
-      << "\nsampling_frequency_hz = " << u.sampling_frequency_hz
-      << "\nsound_speed_m_s = " << u.sound_speed_m_s << "\nf_number = " << u.f_number
-      << "\nsnr_db = " << u.snr_db << "\ncorrelation = " << u.correlation << "\n";
-  write_file(path, out.str());
+  std::string out = "# A simulated patient; lengths in metres, moduli in Pa.\n";
+  const auto section = [&](const std::string& header) { out += "\n" + header + "\n"; };
+  const auto key = [&](const char* name, double value) {
+    out += std::string(name) + " = " + digits(value) + "\n";
+  };
+  out += "seed = " + std::to_string(t.seed) + "\n";
+  section("[tissue]");
+  key("width_m", t.width_m);
+  key("depth_m", t.depth_m);
+  key("youngs_modulus_pa", t.youngs_modulus_pa);
+  key("poisson_ratio", t.poisson_ratio);
+  key("thickness_m", t.thickness_m);
+  for (const Inclusion& i : t.inclusions) {
+    section("[[inclusion]]");
+    out += "position_m = [" + digits(i.x_m) + ", " + digits(i.y_m) + "]\n";
+    key("diameter_m", i.diameter_m);
+    key("contrast", i.contrast);
+  }
+  section("[probe]");
+  key("width_m", t.probe.width_m);
+  out += "lines = " + std::to_string(t.probe.lines) + "\n";
+  key("elevation_m", t.probe.elevation_m);
+  key("compression_m", t.probe.compression_m);
+  key("force_noise_relative", t.probe.force_noise_relative);
+  key("force_noise_n", t.probe.force_noise_n);
+  section("[ultrasound]");
+  key("center_frequency_hz", t.ultrasound.center_frequency_hz);
+  key("bandwidth", t.ultrasound.bandwidth);
+  key("sampling_frequency_hz", t.ultrasound.sampling_frequency_hz);
+  key("sound_speed_m_s", t.ultrasound.sound_speed_m_s);
+  key("f_number", t.ultrasound.f_number);
+  key("snr_db", t.ultrasound.snr_db);
+  key("correlation", t.ultrasound.correlation);
+  write_file(path, out);
 }
 
 }  // namespace teletact::client
