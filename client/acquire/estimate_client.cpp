@@ -34,6 +34,17 @@ bool send_frame(Stream& stream, v1::FrameKind kind, const std::string& bytes,
   return true;
 }
 
+void read_all(Stream& stream, const EstimateCallbacks& callbacks, EstimateOutcome& outcome) {
+  v1::EstimateResponse response;
+  while (stream.Read(&response)) {
+    if (callbacks.response) callbacks.response(response);
+    if (response.has_map()) outcome.maps.push_back(response.map().map());
+    if (!response.has_summary()) continue;
+    outcome.published_ns = monotonic_ns();
+    outcome.summary = response.summary();
+  }
+}
+
 }  // namespace
 
 std::int64_t monotonic_ns() {
@@ -74,24 +85,18 @@ grpc::Status EstimateClient::attempt(const v1::Acquisition& acquisition, const s
   const auto stream = stub_->Estimate(&context);
   v1::EstimateRequest first;
   *first.mutable_acquisition() = acquisition;
+  outcome.maps.clear();
+  outcome.published_ns = 0;
+  // Read while writing: a service that refuses early stops reading, and only a pending read hears of it at
+  // once.
+  std::thread reader([&] { read_all(*stream, callbacks, outcome); });
   if (send(*stream, first, callbacks) && send_frame(*stream, v1::FRAME_KIND_PRE, pre, callbacks) &&
       send_frame(*stream, v1::FRAME_KIND_POST, post, callbacks))
     stream->WritesDone();
   outcome.last_byte_ns = monotonic_ns();
-  outcome.maps.clear();
-  bool summarised = false;
-  v1::EstimateResponse response;
-  while (stream->Read(&response)) {
-    if (callbacks.response) callbacks.response(response);
-    if (response.has_map()) outcome.maps.push_back(response.map().map());
-    if (response.has_summary()) {
-      outcome.published_ns = monotonic_ns();
-      outcome.summary = response.summary();
-      summarised = true;
-    }
-  }
+  reader.join();
   const grpc::Status status = stream->Finish();
-  if (status.ok() && !summarised)
+  if (status.ok() && outcome.published_ns == 0)
     return {grpc::StatusCode::INTERNAL, "the service ended the call without a summary"};
   return status;
 }

@@ -35,7 +35,9 @@ struct EstimateOutcome {
   unsigned attempts = 0;
 };
 
-struct EstimateCallbacks {  // all optional; called from the thread that called estimate()
+// All optional. `request` comes from the thread that called estimate(), `response` from another one; both end
+// before estimate() returns.
+struct EstimateCallbacks {
   std::function<void(const teletact::v1::EstimateRequest&)> request;
   std::function<void(const teletact::v1::EstimateResponse&)> response;
 };

@@ -150,6 +150,8 @@ class FakeServer {
     address_ = "unix:" + folder_ + "/s";
     grpc::ServerBuilder builder;
     builder.AddListeningPort(address_, grpc::InsecureServerCredentials());
+    // A synchronous server's idle thread notices a shutdown only when its wait ends: 10 s by default.
+    builder.SetSyncServerOption(grpc::ServerBuilder::CQ_TIMEOUT_MSEC, 100);
     builder.RegisterService(&elastography);
     builder.RegisterService(&palpation);
     server_ = builder.BuildAndStart();
