@@ -25,29 +25,30 @@ std::size_t position_of(std::size_t column, ColumnRange kept) {
   return column - kept.first;
 }
 
-// Relative error that rounding leaves in an exact elimination: eps times a bound of the line's condition
-// number, and what the cancelled bulk stiffness adds (eliminating nearly incompressible layers cancels lambda
-// down to the shear that remains, twice: measured errors follow (lambda / mu)^2 eps).
-double rounding_error(double largest_stiffness, double largest_compliance, std::size_t dofs,
-                      double poisson_ratio) {
-  const double bulk_over_shear = 2 * poisson_ratio / (1 - 2 * poisson_ratio);
-  const double condition = largest_stiffness * largest_compliance * double(dofs);
-  return 16 * std::numeric_limits<double>::epsilon() * (condition + bulk_over_shear * bulk_over_shear);
+// Relative error that rounding leaves in an exact elimination: eps times a bound of the condition number
+// (stiffest element against softest node), and what cancelling the bulk stiffness of nearly incompressible
+// layers down to the shear that remains adds: measured errors follow (lambda / mu)^2 eps.
+double rounding_error(const Material& material, double largest_compliance, std::size_t dofs) {
+  const double nu = material.poisson_ratio, bulk_over_shear = 2 * nu / (1 - 2 * nu);
+  const double modulus =
+      *std::max_element(material.youngs_modulus_pa.begin(), material.youngs_modulus_pa.end());
+  const double condition =
+      modulus / (2 * (1 + nu)) * (2 + bulk_over_shear) * largest_compliance * double(dofs);
+  return 4 * std::numeric_limits<double>::epsilon() * (condition + 4 * bulk_over_shear * bulk_over_shear);
 }
 
 class CondensedLine final : public Compliance {
  public:
   // `stiffness`: the line's Schur complement over the free columns from `first_free` on.
-  CondensedLine(MatrixXd stiffness, std::size_t first_free, ColumnRange touchable, std::size_t dofs,
-                double poisson_ratio)
+  CondensedLine(MatrixXd stiffness, std::size_t first_free, ColumnRange touchable, const Material& material,
+                std::size_t dofs)
       : columns_(touchable) {
-    const double largest_stiffness = stiffness.diagonal().maxCoeff();
     invert_symmetric(stiffness);
     const Index begin = 2 * Index(touchable.first - first_free);
     const Index size = 2 * Index(touchable.last - touchable.first + 1);
     compliance_ = stiffness.block(begin, begin, size, size).selfadjointView<Eigen::Lower>();
     if (!compliance_.allFinite()) throw std::domain_error("condensation: the compliance is not finite");
-    rounding_ = rounding_error(largest_stiffness, compliance_.diagonal().maxCoeff(), dofs, poisson_ratio);
+    rounding_ = rounding_error(material, compliance_.diagonal().maxCoeff(), dofs);
   }
 
   MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override {
@@ -137,8 +138,8 @@ std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
       if (stiffness.size() == 0)
         throw std::domain_error("line " + std::to_string(line) + ": condensation failed");
     }
-    lines.condensed[line] = std::make_shared<CondensedLine>(
-        std::move(stiffness), layers.first_column(), touchable_, grid_.dofs(), material_.poisson_ratio);
+    lines.condensed[line] = std::make_shared<CondensedLine>(std::move(stiffness), layers.first_column(),
+                                                            touchable_, material_, grid_.dofs());
   });
   return lines.condensed[line];
 }

@@ -1,0 +1,338 @@
+// The contact as a function of the pose: one energy, its gradient, its continuity, what it refuses.
+#include "service/contact/contact.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "tests/tissue/tissue_cases.h"
+
+namespace teletact {
+namespace {
+
+using service::ContactAnswer;
+using service::ContactOptions;
+using service::ContactPose;
+using service::ContactState;
+using service::Fingertip;
+using service::FingertipShape;
+using service::Friction;
+using service::Material;
+using service::TissueGrid;
+using service::TissueModel;
+
+// 60 x 40 mm with an inclusion of contrast 5 at 16 mm depth, 1 mm nodes.
+const TissueModel& inclusion_model() {
+  static const TissueGrid grid = tests::uniform_grid(61, 41);
+  static const TissueModel model(grid, tests::inclusion(grid, 5, 0.49), {}, {});
+  return model;
+}
+
+const TissueModel& homogeneous_model() {
+  static const TissueGrid grid = tests::uniform_grid(121, 41);
+  static const TissueModel model(grid, tests::inclusion(grid, 1, 0.49), {}, {});
+  return model;
+}
+
+struct Kind {
+  const char* name;
+  Fingertip tip;
+};
+
+std::vector<Kind> smooth_kinds() {
+  std::vector<Kind> kinds;
+  for (Friction friction : {Friction::kFrictionless, Friction::kStuck}) {
+    const bool stuck = friction == Friction::kStuck;
+    kinds.push_back({stuck ? "stuck footprint" : "footprint",
+                     {.shape = FingertipShape::kNode, .friction = friction, .footprint_m = 1e-3}});
+    kinds.push_back({stuck ? "stuck punch" : "punch",
+                     {.shape = FingertipShape::kFlatPunch,
+                      .friction = friction,
+                      .radius_m = 2e-3,
+                      .half_width_m = 4e-3}});
+    kinds.push_back(
+        {stuck ? "stuck tip" : "tip", {.shape = FingertipShape::kRoundedTip, .friction = friction}});
+  }
+  return kinds;
+}
+
+ContactAnswer press(const TissueModel& model, const Fingertip& tip, double x_m, double indentation_m,
+                    std::size_t line = 0, const ContactOptions& options = {}) {
+  return service::solve_contact(model, line, *model.condensed(line), tip, {x_m, indentation_m}, options);
+}
+
+TEST(Contact, ForceIsGradientOfEnergy) {
+  constexpr double kStep = 1e-7;
+  for (const Kind& kind : smooth_kinds()) {
+    for (double x : {0.02034, 0.02571, 0.03118}) {
+      for (double d : {0.0007, 0.0021, 0.0043}) {
+        for (std::size_t line : {0u, 7u}) {
+          const auto energy = [&](double dx, double dd) {
+            return press(inclusion_model(), kind.tip, x + dx, d + dd, line).energy_j;
+          };
+          const ContactAnswer answer = press(inclusion_model(), kind.tip, x, d, line);
+          const double fx = -(energy(kStep, 0) - energy(-kStep, 0)) / (2 * kStep);
+          const double fy = -(energy(0, kStep) - energy(0, -kStep)) / (2 * kStep);
+          const double tolerance = 1e-6 * std::abs(answer.force_n[1]);
+          EXPECT_NEAR(answer.force_n[0], fx, tolerance) << kind.name << " x " << x << " d " << d;
+          EXPECT_NEAR(answer.force_n[1], fy, tolerance) << kind.name << " x " << x << " d " << d;
+          EXPECT_LE(answer.force_n[1], 0);
+          EXPECT_GE(answer.energy_j, 0);
+        }
+      }
+    }
+  }
+}
+
+TEST(Contact, TangentIsDerivativeOfForceAndSymmetric) {
+  constexpr double kStep = 1e-8;
+  for (const Kind& kind : smooth_kinds()) {
+    for (double x : {0.02034, 0.02571, 0.03118}) {
+      for (double d : {0.0007, 0.0021, 0.0043}) {
+        const ContactAnswer answer = press(inclusion_model(), kind.tip, x, d);
+        const auto right = press(inclusion_model(), kind.tip, x + kStep, d),
+                   left = press(inclusion_model(), kind.tip, x - kStep, d);
+        const auto deep = press(inclusion_model(), kind.tip, x, d + kStep),
+                   high = press(inclusion_model(), kind.tip, x, d - kStep);
+        const double tolerance = 1e-5 * std::abs(answer.tangent_n_m[3]);
+        for (int component = 0; component < 2; ++component) {
+          EXPECT_NEAR(answer.tangent_n_m[2 * component],
+                      (right.force_n[component] - left.force_n[component]) / (2 * kStep), tolerance)
+              << kind.name << " x " << x << " d " << d;
+          EXPECT_NEAR(answer.tangent_n_m[2 * component + 1],
+                      (deep.force_n[component] - high.force_n[component]) / (2 * kStep), tolerance)
+              << kind.name << " x " << x << " d " << d;
+        }
+        EXPECT_EQ(answer.tangent_n_m[1], answer.tangent_n_m[2]);
+        EXPECT_LE(answer.tangent_n_m[3], 0);
+      }
+    }
+  }
+}
+
+// Work of the force along a straight path by Gauss-Legendre with 3 points per step, in `steps` steps.
+double work_along(const TissueModel& model, const Fingertip& tip, ContactPose from, ContactPose to,
+                  int steps) {
+  const std::array<double, 3> points{0.5 - std::sqrt(0.15), 0.5, 0.5 + std::sqrt(0.15)};
+  const std::array<double, 3> weights{5.0 / 18, 8.0 / 18, 5.0 / 18};
+  double work = 0;
+  for (int k = 0; k < steps; ++k) {
+    for (int p = 0; p < 3; ++p) {
+      const double t = (k + points[p]) / steps;
+      const auto answer = press(model, tip, from.x_m + t * (to.x_m - from.x_m),
+                                from.indentation_m + t * (to.indentation_m - from.indentation_m));
+      work += weights[p] / steps *
+              (answer.force_n[0] * (to.x_m - from.x_m) +
+               answer.force_n[1] * (to.indentation_m - from.indentation_m));
+    }
+  }
+  return work;
+}
+
+TEST(Contact, ClosedLoopDoesNoWork) {
+  // Press beside the inclusion, slide onto it, release: an active wall would have made energy.
+  for (const Kind& kind : smooth_kinds()) {
+    const ContactPose a{0.0152, -1e-5}, b{0.0152, 3e-3}, c{0.0274, 3e-3}, d{0.0274, -1e-5};
+    const double press_work = work_along(inclusion_model(), kind.tip, a, b, 3000);
+    const double slide_work = work_along(inclusion_model(), kind.tip, b, c, 6000);
+    const double release_work = work_along(inclusion_model(), kind.tip, c, d, 3000);
+    const double moved = std::abs(press_work) + std::abs(release_work) + std::abs(slide_work);
+    EXPECT_LE(std::abs(press_work + slide_work + release_work), 1e-6 * moved) << kind.name;
+    EXPECT_GE(std::abs(slide_work), 1e-3 * moved) << kind.name;  // the lateral force matters here
+  }
+}
+
+TEST(Contact, ForceIsContinuousBetweenNodes) {
+  for (const Kind& kind : smooth_kinds()) {
+    constexpr double kStep = 2e-6;
+    double largest = 0;
+    ContactAnswer last = press(inclusion_model(), kind.tip, 0.024, 3e-3);
+    const double scale = std::abs(last.force_n[1]);
+    for (int k = 1; k <= 1500; ++k) {
+      const ContactAnswer next = press(inclusion_model(), kind.tip, 0.024 + k * kStep, 3e-3);
+      largest =
+          std::max(largest, std::hypot(next.force_n[0] - last.force_n[0], next.force_n[1] - last.force_n[1]));
+      last = next;
+    }
+    EXPECT_LE(largest, 1e-3 * scale) << kind.name;  // a step of 2 um: a jump would be percents
+  }
+}
+
+// Variation of force over indentation while the finger crosses one node spacing of homogeneous tissue.
+double ripple(const Fingertip& tip, double indentation_m) {
+  double low = std::numeric_limits<double>::infinity(), high = 0;
+  for (int k = 0; k <= 100; ++k) {
+    const double force = -press(homogeneous_model(), tip, 0.060 + 1e-5 * k, indentation_m).force_n[1];
+    low = std::min(low, force);
+    high = std::max(high, force);
+  }
+  return high / low - 1;
+}
+
+TEST(Contact, StiffnessRippleBetweenNodesIsSmall) {
+  const auto expect_ripple = [](const char* name, const Fingertip& tip, double indentation_m, double limit) {
+    const double measured = ripple(tip, indentation_m);
+    printf("stiffness ripple, %s at %.0f mm: %.3f %%\n", name, 1e3 * indentation_m, 100 * measured);
+    EXPECT_LE(measured, limit) << name;
+  };
+  expect_ripple("footprint of one spacing", {.shape = FingertipShape::kNode, .footprint_m = 1e-3}, 2e-3,
+                0.001);
+  expect_ripple("rounded tip", {}, 1e-3, 0.02);
+  expect_ripple("rounded tip", {}, 2e-3, 0.005);
+  expect_ripple("rounded tip", {}, 4e-3, 0.005);
+  expect_ripple("punch", {.shape = FingertipShape::kFlatPunch, .radius_m = 2e-3}, 2e-3, 0.01);
+  expect_ripple("stuck tip", {.friction = Friction::kStuck}, 4e-3, 0.01);
+  // Why the paper's single node is for T6.3 alone: stiff on the node, soft between two.
+  const double hat = ripple({.shape = FingertipShape::kNode}, 2e-3);
+  printf("stiffness ripple, hat function: %.1f %%\n", 100 * hat);
+  EXPECT_GE(hat, 0.1);
+}
+
+TEST(Contact, AnswerDoesNotDependOnTheCandidates) {
+  for (const Kind& kind : smooth_kinds()) {
+    if (kind.tip.shape == FingertipShape::kNode) continue;
+    for (double d : {0.0005, 0.0021, 0.0043}) {
+      const ContactAnswer few = press(inclusion_model(), kind.tip, 0.0257, d, 0, {.candidate_margin = 0});
+      const ContactAnswer usual = press(inclusion_model(), kind.tip, 0.0257, d);
+      const ContactAnswer all = press(inclusion_model(), kind.tip, 0.0257, d, 0, {.candidate_margin = 1e3});
+      for (const ContactAnswer* other : {&few, &all}) {
+        EXPECT_NEAR(other->energy_j, usual.energy_j, 1e-13 * usual.energy_j) << kind.name;
+        EXPECT_NEAR(other->force_n[0], usual.force_n[0], 1e-11 * std::abs(usual.force_n[1])) << kind.name;
+        EXPECT_NEAR(other->force_n[1], usual.force_n[1], 1e-11 * std::abs(usual.force_n[1])) << kind.name;
+      }
+    }
+  }
+}
+
+TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
+  const auto& grid = inclusion_model().grid();
+  const ContactAnswer answer = press(inclusion_model(), {}, 0.0257, 0.004);
+  EXPECT_EQ(answer.state, ContactState::kContact);
+  EXPECT_GE(answer.pressure.size(), 5u);
+  double force = 0;
+  for (const auto& p : answer.pressure) {
+    EXPECT_GE(p.pressure_pa, 0);
+    EXPECT_EQ(p.traction_pa, 0);
+    force += p.pressure_pa * (grid.x_m[1] - grid.x_m[0]) * inclusion_model().options().thickness_m;
+  }
+  EXPECT_NEAR(force, -answer.force_n[1], 1e-12 * force);
+}
+
+TEST(Contact, ThicknessMultipliesForceEnergyAndTangent) {
+  const TissueGrid grid = tests::uniform_grid(31, 16);
+  const Material material = tests::inclusion(grid, 5, 0.49);
+  const TissueModel thin(grid, material, {}, {.thickness_m = 0.010}),
+      thick(grid, material, {}, {.thickness_m = 0.025});
+  const auto a = press(thin, {}, 0.0143, 0.002), b = press(thick, {}, 0.0143, 0.002);
+  EXPECT_NEAR(b.energy_j, 2.5 * a.energy_j, 1e-12 * b.energy_j);
+  for (int k = 0; k < 2; ++k) EXPECT_NEAR(b.force_n[k], 2.5 * a.force_n[k], 1e-12 * std::abs(b.force_n[1]));
+  for (int k = 0; k < 4; ++k)
+    EXPECT_NEAR(b.tangent_n_m[k], 2.5 * a.tangent_n_m[k], 1e-12 * std::abs(b.tangent_n_m[3]));
+  EXPECT_EQ(a.largest_strain, b.largest_strain);
+}
+
+TEST(Contact, StuckIsStifferThanFrictionless) {
+  for (FingertipShape shape :
+       {FingertipShape::kNode, FingertipShape::kFlatPunch, FingertipShape::kRoundedTip}) {
+    Fingertip tip{.shape = shape, .footprint_m = shape == FingertipShape::kNode ? 1e-3 : 0};
+    const double free = press(inclusion_model(), tip, 0.0262, 0.003).energy_j;
+    tip.friction = Friction::kStuck;
+    EXPECT_GE(press(inclusion_model(), tip, 0.0262, 0.003).energy_j, free * (1 - 1e-12));
+  }
+}
+
+// A line load on a half plane spreads like Hertz says: contact half width a with p_max = E* a / 2R. A layer
+// 10 a deep is close to it.
+TEST(Contact, PressureIsHertzianInDeepTissue) {
+  TissueGrid grid;
+  grid.x_m = service::graded_coordinates(-0.1, 0.1, -0.006, 0.006, 2.5e-4, 0.005, 1.2);
+  grid.y_m = service::graded_coordinates(0, 0.1, 0, 0.004, 2.5e-4, 0.005, 1.2);
+  const double nu = 0.45;
+  const TissueModel model(grid, {std::vector<double>(grid.elements(), 1e4), nu}, {}, {});
+  const double radius = 0.02, modulus = 1e4 / (1 - nu * nu);
+  const ContactAnswer answer = press(model, {.radius_m = radius}, 0, 0.002);
+  // From the force: a^2 = 4 P' R / (pi E*), P' = F / thickness.
+  const double line_load = -answer.force_n[1] / model.options().thickness_m;
+  const double half_width = std::sqrt(4 * line_load * radius / (std::numbers::pi * modulus));
+  double peak = 0;
+  for (const auto& p : answer.pressure) peak = std::max(peak, p.pressure_pa);
+  EXPECT_NEAR(peak, modulus * half_width / (2 * radius), 0.02 * peak);
+  EXPECT_NEAR(answer.pressure.back().x_m, half_width, 3e-4);
+}
+
+TEST(Contact, StrainBeyondLinearElasticityIsFlagged) {
+  const ContactAnswer light = press(homogeneous_model(), {}, 0.06, 0.001),
+                      deep = press(homogeneous_model(), {}, 0.06, 0.012);
+  EXPECT_FALSE(light.strain_beyond_linear);
+  EXPECT_TRUE(deep.strain_beyond_linear);
+  EXPECT_GE(deep.largest_strain, 0.012 / 0.040);
+}
+
+TEST(Contact, AboveTheSurfaceThereIsNoForce) {
+  for (const Kind& kind : smooth_kinds()) {
+    for (double d : {-0.1, -1e-6, 0.0}) {
+      const ContactAnswer answer = press(inclusion_model(), kind.tip, 0.0257, d);
+      EXPECT_EQ(answer.state, ContactState::kNoContact);
+      EXPECT_EQ(answer.force_n[0], 0);
+      EXPECT_EQ(answer.force_n[1], 0);
+      EXPECT_EQ(answer.energy_j, 0);
+      EXPECT_TRUE(answer.pressure.empty());
+    }
+    const ContactAnswer touching = press(inclusion_model(), kind.tip, 0.0257, 1e-9);
+    EXPECT_LE(std::abs(touching.force_n[1]), 1e-5) << kind.name;  // no first-contact spike
+  }
+}
+
+template <class Exception>
+std::string refusal(const Fingertip& tip, double x_m, double indentation_m, std::size_t line = 0) {
+  try {
+    service::solve_contact(inclusion_model(), line, *inclusion_model().condensed(0), tip,
+                           {x_m, indentation_m});
+  } catch (const Exception& e) {
+    return e.what();
+  }
+  return "nothing thrown";
+}
+
+TEST(Contact, UnusablePoseOrTipIsRefusedByName) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  using Invalid = std::invalid_argument;
+  const auto names = [](const std::string& message, const char* field) {
+    EXPECT_NE(message.find(field), std::string::npos) << message << " does not name " << field;
+  };
+  names(refusal<Invalid>({}, nan, 0.001), "pose.x_m");
+  names(refusal<Invalid>({}, 0.03, nan), "pose.indentation_m");
+  names(refusal<Invalid>({}, 0.03, std::numeric_limits<double>::infinity()), "pose.indentation_m");
+  names(refusal<Invalid>({}, 0.03, 0.041), "pose.indentation_m");
+  names(refusal<Invalid>({.radius_m = 0}, 0.03, 0.001), "fingertip.radius_m");
+  names(refusal<Invalid>({.radius_m = nan}, 0.03, 0.001), "fingertip.radius_m");
+  names(refusal<Invalid>({.shape = FingertipShape::kFlatPunch, .half_width_m = -1}, 0.03, 0.001),
+        "fingertip.half_width_m");
+  names(refusal<Invalid>({.shape = FingertipShape::kNode, .footprint_m = nan}, 0.03, 0.001),
+        "fingertip.footprint_m");
+  names(refusal<Invalid>({.shape = FingertipShape::kNode, .footprint_m = 1e-4}, 0.03, 0.001),
+        "fingertip.footprint_m");
+  names(refusal<std::out_of_range>({}, -0.002, 0.001), "pose.x_m");
+  names(refusal<std::out_of_range>({}, 0.0605, 0.001), "pose.x_m");
+  names(refusal<std::out_of_range>({.shape = FingertipShape::kNode}, 0.0605, 0.001), "pose.x_m");
+  names(refusal<std::out_of_range>({}, 0.03, 0.001, 60), "line");
+}
+
+TEST(Contact, TipMustOverlapTouchableNodesAlone) {
+  const TissueGrid grid = tests::uniform_grid(41, 21);
+  const TissueModel model(grid, tests::inclusion(grid, 5, 0.49), {},
+                          {.touch_begin_m = 0.010, .touch_end_m = 0.030});
+  EXPECT_EQ(press(model, {}, 0.020, 0.002).state, ContactState::kContact);
+  EXPECT_THROW(press(model, {}, 0.012, 0.002), std::out_of_range);
+  EXPECT_THROW(press(model, {}, 0.028, 0.002), std::out_of_range);
+  EXPECT_EQ(press(model, {}, 0.012, 0.0001).state, ContactState::kContact);  // overlaps 1.3 mm on each side
+}
+
+}  // namespace
+}  // namespace teletact
