@@ -218,22 +218,19 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void median_fil
   deviation[node] = off.y;
 }
 
-// Binomial 3 x 3 smoothing, the border held: the field that the next warp uses.
+// Binomial 3 x 3 smoothing: the field that the next warp uses. At the border only pairs of opposite
+// neighbours that both exist take part, so that uniform strain passes unchanged.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void smooth(
     __global const float2* restrict field, __global float2* restrict out, const int nx, const int ny) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
-  float2 sum = 0.0f;
-  for (int n = -1; n <= 1; ++n)
-    for (int m = -1; m <= 1; ++m) {
-      // Linear extrapolation outside keeps a uniform strain unchanged: mirror the increment, not the value.
-      const int ci = clamp(i + m, 0, nx - 1), cj = clamp(j + n, 0, ny - 1);
-      const int oi = clamp(i - m, 0, nx - 1), oj = clamp(j - n, 0, ny - 1);
-      const bool outside = ci != i + m || cj != j + n;
-      const float2 v = outside ? 2.0f * field[node] - field[oi + nx * oj] : field[ci + nx * cj];
-      sum += (float)((2 - abs(m)) * (2 - abs(n))) / 16.0f * v;
-    }
+  const int columns = min(min(i, nx - 1 - i), 1), rows = min(min(j, ny - 1 - j), 1);
+  const float2 own = field[node];
+  float2 sum = own;
+  for (int n = -rows; n <= rows; ++n)
+    for (int m = -columns; m <= columns; ++m)
+      sum += (float)((2 - abs(m)) * (2 - abs(n))) / 16.0f * (field[node + m + nx * n] - own);
   out[node] = sum;
 }
 

@@ -46,7 +46,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
   const float cxx = sxx - sx * sx / count, cxy = sxy - sx * sy / count, cyy = syy - sy * sy / count;
   const float2 bx = xu - sx / count * u, by = yu - sy / count * u;
   const float determinant = cxx * cyy - cxy * cxy;
-  if (n < least_fraction * inside || n < 4.0f || determinant <= 0.05f * cxx * cyy || cxx * cyy <= 0.0f) {
+  if (n < least_fraction * inside - 1e-3f || n < 4.0f || determinant <= 0.05f * cxx * cyy ||
+      cxx * cyy <= 0.0f) {
     strain_out[node] = (float4)(NAN);
     trusted_out[node] = 0;
     return;

@@ -1,0 +1,183 @@
+// The imaging plane in one call: what it promises and what it refuses.
+#include "service/imaging/estimate.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "service/imaging/homogeneous.h"
+#include "tests/imaging/imaging_device.h"
+#include "tests/imaging/speckle.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr double kStrain = -0.012;
+constexpr std::size_t kSamples = 1039, kLines = 85;  // 20 x 20 mm
+
+Elastography& elastography() {
+  static Elastography e(imaging_device());
+  return e;
+}
+
+const Speckle& tissue() {
+  static const Speckle speckle = [] {
+    SpeckleOptions options;
+    options.samples = kSamples;
+    options.lines = kLines;
+    options.snr_db = 30;
+    options.correlation = 0.99;
+    return Speckle(options);
+  }();
+  return speckle;
+}
+
+RfFrame still() {
+  static const RfFrame frame = tissue().frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
+  return frame;
+}
+
+RfFrame pressed() {
+  static const RfFrame frame = tissue().frame(
+      [](double, double y) {
+        return std::pair{0.0, kStrain * y};
+      },
+      2);
+  return frame;
+}
+
+double width_m() {
+  return kLines * speckle_geometry().line_pitch_m;
+}
+// nu = 0: uniform strain is the exact solution, so that the map must be uniform.
+TissueExtent slab() {
+  return {width_m(), 0.020, 0, 0.0};
+}
+ProbeForce force(double modulus_pa) {
+  return {modulus_pa * -kStrain * width_m() * 0.010, width_m() * 0.010};
+}
+
+TEST(Elastography, UniformTissueGetsItsModulus) {
+  const Estimate e = elastography().estimate(still(), pressed(), speckle_geometry(), force(10e3), slab());
+  EXPECT_TRUE(e.modulus_absolute);
+  EXPECT_NEAR(e.background_modulus, 10e3, 150);
+  EXPECT_NEAR(e.mean_axial_strain, kStrain, 1e-4);
+  EXPECT_GE(e.median_correlation, 0.95);
+  EXPECT_GE(e.valid_fraction, 0.85);
+  std::size_t off = 0;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    EXPECT_EQ(e.valid[n] != 0, std::isfinite(e.youngs_modulus[n]));
+    EXPECT_LE(e.valid[n], e.strain_valid[n]);
+    EXPECT_LE(e.strain_valid[n], e.displacement_valid[n]);
+    off += e.valid[n] && std::abs(e.youngs_modulus[n] - 10e3) > 1.5e3;
+  }
+  EXPECT_LE(off, e.grid.size() / 50);
+}
+
+TEST(Elastography, WithoutForceTheModulusIsRelative) {
+  const Estimate e = elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab());
+  EXPECT_FALSE(e.modulus_absolute);
+  EXPECT_EQ(e.background_modulus, 1);
+}
+
+TEST(Elastography, StagesEndInOrder) {
+  std::vector<Stage> stages;
+  elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(),
+                          [&](Stage s) { stages.push_back(s); });
+  EXPECT_EQ(stages, (std::vector{Stage::kDisplacement, Stage::kStrain, Stage::kModulus}));
+}
+
+TEST(Elastography, CancelledWorkStops) {
+  int asked = 0;
+  const auto second = [&] { return ++asked >= 2; };
+  EXPECT_THROW(
+      elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(), {}, second),
+      EstimateCancelled);
+  EXPECT_EQ(asked, 2);
+}
+
+TrackingError::Reason refusal(const RfFrame& pre, const RfFrame& post) {
+  try {
+    elastography().estimate(pre, post, speckle_geometry(), std::nullopt, slab());
+  } catch (const TrackingError& e) {
+    return e.reason;
+  }
+  throw std::logic_error("the pair was not refused");
+}
+
+TEST(Elastography, UnrelatedFramesAreRefused) {
+  SpeckleOptions options;
+  options.samples = kSamples;
+  options.lines = kLines;
+  options.seed = 99;
+  const RfFrame other = Speckle(options).frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
+  EXPECT_EQ(refusal(still(), other), TrackingError::Reason::kDecorrelated);
+}
+
+TEST(Elastography, FramesWithoutCompressionAreRefused) {
+  EXPECT_EQ(refusal(still(), still()), TrackingError::Reason::kNoCompression);
+}
+
+TEST(Elastography, SilentFramesAreRefused) {
+  const RfFrame silent{kSamples, kLines, std::vector<float>(kSamples * kLines, 0.0f)};
+  EXPECT_EQ(refusal(silent, silent), TrackingError::Reason::kNoSignal);
+}
+
+// The message of the refusal, which must name the field.
+std::string invalid(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry,
+                    const std::optional<ProbeForce>& force = std::nullopt,
+                    const TissueExtent& extent = slab()) {
+  try {
+    elastography().estimate(pre, post, geometry, force, extent);
+  } catch (const std::invalid_argument& e) {
+    return e.what();
+  }
+  return "not refused";
+}
+
+TEST(Elastography, RefusesBadGeometryByItsField) {
+  const auto with = [](auto&& change) {
+    AcquisitionGeometry g = speckle_geometry();
+    change(g);
+    return invalid(still(), pressed(), g);
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_NE(with([](auto& g) { g.sampling_frequency_hz = 0; }).find("sampling_frequency_hz"),
+            std::string::npos);
+  EXPECT_NE(with([](auto& g) { g.sampling_frequency_hz = 14e6; }).find("sampling_frequency_hz"),
+            std::string::npos);
+  EXPECT_NE(with([=](auto& g) { g.center_frequency_hz = nan; }).find("center_frequency_hz"),
+            std::string::npos);
+  EXPECT_NE(with([](auto& g) { g.line_pitch_m = 0; }).find("line_pitch_m"), std::string::npos);
+  EXPECT_NE(with([](auto& g) { g.sound_speed_m_s = 1.54; }).find("sound_speed_m_s"), std::string::npos);
+  EXPECT_NE(with([](auto& g) { g.first_sample_depth_m = -1; }).find("first_sample_depth_m"),
+            std::string::npos);
+}
+
+TEST(Elastography, RefusesBadFramesByTheirField) {
+  RfFrame nan = pressed(), infinite = pressed(), shorter = pressed(), truncated = pressed(), tiny{8, 2, {}};
+  nan.samples[1000] = std::numeric_limits<float>::quiet_NaN();
+  infinite.samples.back() = std::numeric_limits<float>::infinity();
+  shorter.sample_count -= 1;
+  truncated.samples.pop_back();
+  tiny.samples.resize(16);
+  const AcquisitionGeometry g = speckle_geometry();
+  EXPECT_NE(invalid(still(), nan, g).find("post.samples"), std::string::npos);
+  EXPECT_NE(invalid(infinite, pressed(), g).find("pre.samples"), std::string::npos);
+  EXPECT_NE(invalid(still(), shorter, g).find("post"), std::string::npos);
+  EXPECT_NE(invalid(still(), truncated, g).find("post.samples"), std::string::npos);
+  EXPECT_NE(invalid(tiny, tiny, g).find("sample_count"), std::string::npos);
+}
+
+TEST(Elastography, RefusesBadForceAndTissueByTheirField) {
+  const AcquisitionGeometry g = speckle_geometry();
+  TissueExtent outside = slab();
+  outside.window_x_m = 0.005;
+  EXPECT_NE(invalid(still(), pressed(), g, ProbeForce{0, 1e-4}).find("force_n"), std::string::npos);
+  EXPECT_NE(invalid(still(), pressed(), g, std::nullopt, outside).find("window_x_m"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace teletact::service

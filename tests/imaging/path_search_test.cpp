@@ -1,0 +1,45 @@
+#include "service/imaging/path_search.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace teletact::service {
+namespace {
+
+// True peaks on a slope of 2 lags per row; one node in three shows a higher false peak six lags away.
+LagVolume hopping(int nx, int ny) {
+  LagVolume v{nx, ny, 2, 64, {}};
+  v.correlation.assign(static_cast<std::size_t>(nx * ny * 2 * 64), 0.0f);
+  for (int node = 0; node < nx * ny; ++node) {
+    const int truth = 10 + 2 * (node / nx);
+    float* const c = v.correlation.data() + 128 * node + (node % 2 ? 64 : 0);  // either lateral lag
+    c[truth] = 0.8f;
+    c[truth - 1] = 0.5f;
+    c[truth + 1] = 0.5f;
+    if (node % 3 == 0) c[truth + 6] = 0.95f;
+  }
+  return v;
+}
+
+TEST(PathSearch, FollowsTheReachablePeakNotTheHighest) {
+  const int nx = 5, ny = 19;
+  const std::vector<float> path = find_paths(hopping(nx, ny), 3, 3, 0.02f);
+  ASSERT_EQ(path.size(), static_cast<std::size_t>(nx * ny));
+  for (int node = 0; node < nx * ny; ++node) EXPECT_NEAR(path[node], 10 + 2 * (node / nx), 0.5) << node;
+}
+
+TEST(PathSearch, CrossesSilenceOnTheSlopeOfItsNeighbours) {
+  LagVolume v = hopping(4, 15);
+  for (std::size_t n = 4 * 7 * 128; n < 4 * 8 * 128; ++n) v.correlation[n] = 0;
+  const std::vector<float> path = find_paths(v, 3, 3, 0.02f);
+  for (int i = 0; i < 4; ++i) EXPECT_NEAR(path[4 * 7 + i], 24, 2.01);
+}
+
+TEST(PathSearch, OneNodeIsItsOwnPath) {
+  LagVolume v{1, 1, 1, 8, {0, 0.1f, 0.2f, 0.6f, 0.2f, 0, 0, 0}};
+  EXPECT_NEAR(find_paths(v, 2, 2, 0.02f).at(0), 3, 1e-6);
+}
+
+}  // namespace
+}  // namespace teletact::service

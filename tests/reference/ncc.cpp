@@ -1,0 +1,79 @@
+#include "tests/reference/ncc.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace teletact::reference {
+namespace {
+
+double kaiser_sinc(double distance) {
+  constexpr double kBeta = 5, kHalfWidth = 4;
+  const double inside = 1 - distance * distance / (kHalfWidth * kHalfWidth);
+  if (inside <= 0) return 0;
+  const double angle = std::numbers::pi * distance;
+  const double sinc = angle == 0 ? 1 : std::sin(angle) / angle;
+  return sinc * std::cyl_bessel_i(0.0, kBeta * std::sqrt(inside)) / std::cyl_bessel_i(0.0, kBeta);
+}
+
+// Keys' cubic convolution, a = -1/2.
+double keys(double distance) {
+  const double d = std::abs(distance);
+  if (d < 1) return 1.5 * d * d * d - 2.5 * d * d + 1;
+  return d < 2 ? -0.5 * d * d * d + 2.5 * d * d - 4 * d + 2 : 0;
+}
+
+}  // namespace
+
+double normalised_cross_correlation(const RfImage& pre, const RfImage& post, int sample, int line,
+                                    const Window& window, int axial_lag, int lateral_lag) {
+  double aa = 0, bb = 0, ab = 0;
+  for (int l = -window.half_lateral; l <= window.half_lateral; ++l)
+    for (int k = -window.half_axial; k <= window.half_axial; k += window.stride) {
+      const double a = pre.at(sample + k, line + l);
+      const double b = post.at(sample + k + axial_lag, line + l + lateral_lag);
+      aa += a * a;
+      bb += b * b;
+      ab += a * b;
+    }
+  return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
+}
+
+double interpolate(const RfImage& post, int sample, int line, const Shift& u) {
+  const double y = sample + u.samples, x = line + u.lines;
+  const int k0 = static_cast<int>(std::floor(y)), l0 = static_cast<int>(std::floor(x));
+  if (k0 < 0 || k0 >= post.samples || l0 < 0 || l0 >= post.lines) return 0;
+  double value = 0, sum = 0;
+  for (int k = k0 - 3; k <= k0 + 4; ++k) {
+    const double tap = kaiser_sinc(k - y);
+    sum += tap;
+    for (int l = l0 - 1; l <= l0 + 2; ++l) value += tap * keys(l - x) * post.at(k, l);
+  }
+  return value / sum;
+}
+
+GaussNewtonStep gauss_newton_step(const RfImage& mean, const RfImage& difference, int sample, int line,
+                                  const std::vector<double>& taper, int half_lateral) {
+  double yy = 0, xx = 0, xy = 0, yd = 0, xd = 0, aa = 0, bb = 0, ab = 0;
+  const int size = static_cast<int>(taper.size());
+  for (int l = line - half_lateral; l <= line + half_lateral; ++l)
+    for (int n = 0; n < size; ++n) {
+      const int k = sample - size / 2 + n;
+      const double w = taper[static_cast<std::size_t>(n)], m = mean.at(k, l), d = difference.at(k, l);
+      const double gy =
+          (8 * (mean.at(k + 1, l) - mean.at(k - 1, l)) - (mean.at(k + 2, l) - mean.at(k - 2, l))) / 12;
+      const double gx = (mean.at(k, l + 1) - mean.at(k, l - 1)) / 2;
+      const double pre = m + d / 2, post = m - d / 2;
+      yy += w * gy * gy;
+      xx += 1.02 * w * gx * gx;
+      xy += w * gx * gy;
+      yd += w * gy * d;
+      xd += w * gx * d;
+      aa += w * pre * pre;
+      bb += w * post * post;
+      ab += w * pre * post;
+    }
+  const double determinant = yy * xx - xy * xy;
+  return {{(yy * xd - xy * yd) / determinant, (xx * yd - xy * xd) / determinant}, ab / std::sqrt(aa * bb)};
+}
+
+}  // namespace teletact::reference
