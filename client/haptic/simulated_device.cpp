@@ -8,9 +8,14 @@ namespace teletact::client {
 SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options)
     : options_(options), hand_(options.hand) {}
 
+Vector2 SimulatedDevice::quantised(const Vector2& position_m) const noexcept {
+  const double resolution_m = options_.profile.resolution_m;
+  return (position_m / resolution_m).array().round() * resolution_m;
+}
+
 void SimulatedDevice::open() {
   exact_ = ToolPose{hand_.target_m(), Vector2::Zero()};
-  read_ = exact_;
+  read_ = ToolPose{quantised(exact_.position_m), Vector2::Zero()};
   force_n_.setZero();
   open_ = true;
   started_ = false;
@@ -54,8 +59,7 @@ bool SimulatedDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept
       hand_.intend(view_, exact_.position_m, dt_s);
       integrate(dt_s);
     }
-    const double resolution_m = options_.profile.resolution_m;
-    const Vector2 quantised_m = (exact_.position_m / resolution_m).array().round() * resolution_m;
+    const Vector2 quantised_m = quantised(exact_.position_m);
     // Velocity as a controller gets it: differences of quantised positions through a first-order filter.
     const double weight = elapsed_s / (elapsed_s + options_.velocity_filter_s);
     read_.velocity_m_s += weight * ((quantised_m - read_.position_m) / elapsed_s - read_.velocity_m_s);

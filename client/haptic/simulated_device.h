@@ -40,6 +40,7 @@ class SimulatedDevice final : public HapticDevice {
 
  private:
   void integrate(double dt_s) noexcept;
+  Vector2 quantised(const Vector2& position_m) const noexcept;
 
   SimulatedDeviceOptions options_;
   Hand hand_;

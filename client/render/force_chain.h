@@ -46,7 +46,7 @@ class ForceChain {
   const Vector2& last_force_n() const noexcept { return last_force_n_; }
 
  private:
-  Vector2 wanted(const ForceChainInput& input, ForceChainOutput& output) noexcept;
+  Vector2 wanted(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
 
   ForceChainOptions options_;
   PassivityController passivity_;

@@ -34,7 +34,8 @@ double age_gain(double model_age_s, double limit_s) noexcept {
 }
 
 double start_gain(double enabled_s, double ramp_s) noexcept {
-  return enabled_s >= ramp_s ? 1 : std::clamp(enabled_s / ramp_s, 0.0, 1.0);
+  if (!(enabled_s > 0)) return 0;  // NaN too
+  return std::min(enabled_s / ramp_s, 1.0);
 }
 
 Vector2 cap_stiffness(const Vector2& force_n, double indentation_m, double stiffness_n_m) noexcept {

@@ -30,7 +30,7 @@ double silence_gain(double silence_s, const SilenceLimits&) noexcept;
 // 1 up to `limit_s`, falling linearly to 0 at twice that; 0 for NaN. Above the limit the answer is DEGRADED.
 double age_gain(double model_age_s, double limit_s) noexcept;
 
-// 0 at the start, 1 after `ramp_s`.
+// 0 at the start, 1 after `ramp_s`; 0 for NaN.
 double start_gain(double enabled_s, double ramp_s) noexcept;
 
 // |force| <= stiffness x indentation; zero outside of the tissue.

@@ -126,11 +126,12 @@ void KalmanRenderer::start_blend(const Vector2& before_n_m, const ToolPose& pose
   if (indentation_m <= 0) return;
   const Vector2 after_n_m = stiffness_at(pose.position_m.x(), indentation_m);
   offset_n_m_ = before_n_m - after_n_m;
-  const double scale_n_m = std::max(before_n_m.norm(), after_n_m.norm());
-  if (scale_n_m > 0) {
-    const double slowest = options_.servo_period_s * offset_n_m_.norm() / (options_.largest_jump * scale_n_m);
-    blend_s_ = std::max(blend_s_, slowest);
-  }
+  // The first tick passes T / blend of the offset: no more than a share of the smaller force, or what nobody
+  // feels.
+  const double smaller_n = indentation_m * std::min(before_n_m.norm(), after_n_m.norm());
+  const double allowed_n = std::max(options_.largest_jump * smaller_n, options_.unfelt_jump_n);
+  const double slowest_s = options_.servo_period_s * indentation_m * offset_n_m_.norm() / allowed_n;
+  blend_s_ = std::clamp(slowest_s, options_.shortest_blend_s, options_.longest_blend_s);
 }
 
 Rendered KalmanRenderer::render(const ToolPose& pose, double time_s) noexcept {

@@ -45,8 +45,10 @@ struct KalmanOptions {
   double largest_growth = 3;
   // Blend of model updates.
   double servo_period_s = 0.001;
-  double largest_jump = 0.07;  // of the force, per servo period (T5.4)
+  double largest_jump = 0.07;    // of the force, per servo period (T5.4)
+  double unfelt_jump_n = 0.005;  // so that a first contact does not take for ever
   double shortest_blend_s = 0.004;
+  double longest_blend_s = 0.06;
 };
 
 class KalmanRenderer final : public Renderer {

@@ -16,8 +16,8 @@ void PassivityController::observe(const Vector2& position_m, const Vector2& writ
   last_position_m_ = position_m;
   // E(n) = E(n-1) - f(n-1) . dp + f_c |dp|
   energy_j_ += -written_force_n.dot(step_m);
-  if (contact) energy_j_ += options_.friction_n * step_m.norm();
-  energy_j_ = std::min(energy_j_, contact ? options_.largest_reserve_j : 0.0);
+  if (contact) energy_j_ += options_.friction_n * step_m.stableNorm();
+  energy_j_ = std::clamp(energy_j_, -options_.largest_debt_j, contact ? options_.largest_reserve_j : 0.0);
 }
 
 Vector2 PassivityController::damping_force(const Vector2& velocity_m_s, double dt_s) noexcept {

@@ -20,6 +20,8 @@ class PassivityController {
     double friction_n = 0;
     // Dissipation is not saved up beyond this: an observer with a large reserve notices generation late.
     double largest_reserve_j = 0.02;
+    // Nor is a debt kept beyond what a device can have given: damping has to end.
+    double largest_debt_j = 0.1;
   };
   explicit PassivityController(const Options& options) : options_(options) {}
 

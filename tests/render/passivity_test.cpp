@@ -1,0 +1,75 @@
+#include "client/render/passivity.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace teletact::client {
+namespace {
+
+// A mass on a spring whose force is 12 ms old: an active environment (T5.2). Returns the largest amplitude of
+// the last of eight seconds.
+double amplitude(bool controlled, double* generated_j = nullptr) {
+  constexpr double kStiffness = 300, kMass = 0.1, kDamping = 0.5, kPeriod = 0.001;
+  constexpr int kDelay = 12, kSubsteps = 20;
+  PassivityController controller({.largest_damping_n_s_m = 20});
+  double history[kDelay] = {};
+  double x = 0.004, v = 0, f = 0, largest = 0, worst = 0;
+  for (int n = 0; n < 8000; ++n) {
+    controller.observe({0, x}, {0, f}, true);
+    worst = std::min(worst, controller.energy_j());
+    const double delayed = history[n % kDelay];
+    history[n % kDelay] = -kStiffness * x;
+    f = delayed;
+    if (controlled) f += controller.damping_force({0, v}, kPeriod).y();
+    for (int s = 0; s < kSubsteps; ++s) {
+      v += kPeriod / kSubsteps / kMass * (f - kDamping * v);
+      x += kPeriod / kSubsteps * v;
+    }
+    if (n > 7000) largest = std::max(largest, std::abs(x));
+    if (!(std::abs(x) < 1)) return INFINITY;
+  }
+  if (generated_j != nullptr) *generated_j = -worst;
+  return largest;
+}
+
+TEST(Passivity, ControllerTakesBackWhatADelayedSpringGenerates) {
+  EXPECT_GT(amplitude(false), 0.5);  // without it the same spring runs away
+  double generated_j = NAN;
+  EXPECT_LE(amplitude(true, &generated_j), 0.004);
+  EXPECT_LE(generated_j, 0.5 * 300 * 0.004 * 0.004);
+}
+
+TEST(Passivity, AnIdealSpringIsLeftAlone) {
+  PassivityController controller({});
+  double stored = 0;
+  for (int n = 0; n <= 2000; ++n) {
+    // Force at the middle of the step: exact for a spring.
+    const double x = 0.004 * std::sin(n * 0.01), middle = 0.004 * std::sin((n - 0.5) * 0.01);
+    controller.observe({0, x}, {0, -200 * middle}, true);
+    EXPECT_EQ(controller.damping_force({0, 0.1}, 0.001).norm(), 0) << n << " " << controller.energy_j();
+    stored = std::max(stored, controller.energy_j());
+  }
+  EXPECT_NEAR(stored, 0.5 * 200 * 0.004 * 0.004, 1e-6);
+}
+
+TEST(Passivity, DampingIsClampedToTheDevice) {
+  PassivityController controller({.largest_damping_n_s_m = 5});
+  controller.observe({0, 0}, {0, 0}, true);
+  controller.observe({0, 0.01}, {0, 10}, true);  // the display pushed along the motion: 0.1 J generated
+  EXPECT_NEAR(controller.energy_j(), -0.1, 1e-12);
+  const Vector2 force = controller.damping_force({0, 0.1}, 0.001);
+  EXPECT_NEAR(force.y(), -0.5, 1e-12);
+}
+
+TEST(Passivity, DissipationIsForgottenOffContact) {
+  PassivityController controller({});
+  controller.observe({0, 0}, {0, 0}, true);
+  controller.observe({0, 0.001}, {0, -5}, true);
+  EXPECT_GT(controller.energy_j(), 0);
+  controller.observe({0, -0.001}, {0, 0}, false);
+  EXPECT_EQ(controller.energy_j(), 0);
+}
+
+}  // namespace
+}  // namespace teletact::client

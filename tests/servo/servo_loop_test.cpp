@@ -1,0 +1,400 @@
+#include "client/servo/servo_loop.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <new>
+#include <thread>
+
+#include "client/haptic/simulated_device.h"
+#include "client/render/hold_renderer.h"
+#include "client/render/kalman_renderer.h"
+#include "client/servo/tick_statistics.h"
+#include "tests/render/analytic_tissue.h"
+
+namespace {
+thread_local bool counting = false;
+thread_local std::size_t allocations = 0;
+}  // namespace
+
+void* operator new(std::size_t bytes) {
+  if (counting) ++allocations;
+  if (void* memory = std::malloc(bytes)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+
+namespace teletact::client {
+namespace {
+
+// A device that stands where the test puts it and keeps the force it was given.
+class StillDevice final : public HapticDevice {
+ public:
+  const DeviceProfile& profile() const noexcept override { return device_profile("premium-1.5"); }
+  void open() override {}
+  void close() noexcept override {}
+  bool read(std::int64_t, DeviceReading& out) noexcept override {
+    out = reading;
+    return ok;
+  }
+  bool write(const Vector2& force_n) noexcept override {
+    force = force_n;
+    return ok;
+  }
+  DeviceReading reading;
+  Vector2 force = Vector2::Zero();
+  bool ok = true;
+};
+
+class ServoTest : public ::testing::Test {
+ protected:
+  ServoTest() { options.chain.limits = device.profile().limits(); }
+
+  void put_finger(double y_m) { device.reading.pose.position_m = Vector2(0.02, y_m); }
+
+  // Ticks for so long; answers every 3 ms unless silent.
+  void run(double seconds) {
+    for (int n = 0; n < seconds * 1000 - 0.5; ++n) {
+      clock.time_ns += 1'000'000;
+      if (!silent && n % 3 == 0) {
+        ServoAnswer answer;
+        const double now_s = 1e-9 * static_cast<double>(clock.time_ns);
+        answer.sample = tissue.answer(device.reading.pose.position_m, now_s, ++sequence);
+        answer.received_ns = clock.time_ns;
+        answer.covered = true;
+        answer.covered_end_m = 0.1;
+        answer.period_s = 0.002;
+        servo->answers().put(answer);
+      }
+      servo->tick(clock.time_ns);
+      ServoTick tick;
+      while (servo->telemetry().pop(tick)) {
+        largest_step_n = std::max(largest_step_n, (tick.force_n - last.force_n).norm());
+        last = tick;
+      }
+    }
+  }
+
+  void enable() {
+    put_finger(-0.003);
+    run(0.05);
+    servo->request_resume();
+    run(0.002);
+    ASSERT_EQ(last.state, ServoState::kEnabled);
+  }
+
+  ServoOptions options;
+  StillDevice device;
+  ManualClock clock;
+  KalmanRenderer renderer;
+  test::AnalyticTissue tissue;
+  std::unique_ptr<ServoLoop> servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
+  bool silent = false;
+  std::uint64_t sequence = 0;
+  ServoTick last;
+  double largest_step_n = 0;
+};
+
+TEST_F(ServoTest, StartsDisabledAndWithoutForce) {
+  put_finger(0.004);
+  run(0.2);
+  EXPECT_EQ(last.state, ServoState::kDisabled);
+  EXPECT_EQ(device.force.norm(), 0);
+}
+
+TEST_F(ServoTest, IsEnabledOnlyOutOfContactAndForgetsTheWish) {
+  put_finger(0.004);
+  run(0.05);
+  servo->request_resume();
+  run(0.05);
+  EXPECT_EQ(last.state, ServoState::kDisabled);
+  put_finger(-0.003);  // a wish not granted is not kept
+  run(0.05);
+  EXPECT_EQ(last.state, ServoState::kDisabled);
+  enable();
+}
+
+TEST_F(ServoTest, IsNotEnabledWithoutAnswers) {
+  silent = true;
+  put_finger(-0.003);
+  servo->request_resume();
+  run(0.1);
+  EXPECT_EQ(last.state, ServoState::kDisabled);
+}
+
+TEST_F(ServoTest, RendersTheTissueAfterTheRamp) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  const Vector2 truth = tissue.answer({0.02, 0.004}).force_n;
+  EXPECT_LE((device.force - truth).norm(), 0.01 * truth.norm());
+  EXPECT_GT(truth.norm(), 0.5);
+}
+
+TEST_F(ServoTest, SilenceWhilePressedFadesToZeroWithin150Milliseconds) {
+  // GIVEN a finger pressed, WHEN the service dies
+  enable();
+  put_finger(0.004);
+  run(1);
+  const double pressed_n = device.force.norm();
+  silent = true;
+  largest_step_n = 0;
+  // THEN the force is whole for 50 ms, zero after 150 ms, without a step, and the state says why
+  run(0.045);
+  EXPECT_NEAR(device.force.norm(), pressed_n, 1e-3 * pressed_n);
+  run(0.05);
+  EXPECT_LT(device.force.norm(), 0.7 * pressed_n);
+  EXPECT_EQ(last.state, ServoState::kEnabled);
+  run(0.057);
+  EXPECT_EQ(device.force.norm(), 0);
+  EXPECT_EQ(last.state, ServoState::kPaused);
+  EXPECT_EQ(last.reason, StateReason::kSilence);
+  EXPECT_LE(largest_step_n, options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);
+}
+
+TEST_F(ServoTest, ForceReturnsOnlyWhenResumedOutOfContact) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  silent = true;
+  run(0.3);
+  // GIVEN answers again while the finger is still in the tissue
+  silent = false;
+  run(0.5);
+  EXPECT_EQ(device.force.norm(), 0);
+  servo->request_resume();
+  run(0.1);
+  EXPECT_EQ(last.state, ServoState::kPaused);
+  EXPECT_EQ(device.force.norm(), 0);
+  // WHEN it is lifted and the operator resumes THEN force comes back, with the ramp
+  put_finger(-0.003);
+  run(0.1);
+  EXPECT_EQ(last.state, ServoState::kPaused);
+  servo->request_resume();
+  run(0.01);
+  EXPECT_EQ(last.state, ServoState::kEnabled);
+  put_finger(0.004);
+  run(0.1);
+  const double ramping_n = device.force.norm();
+  run(1);
+  EXPECT_LT(ramping_n, 0.4 * device.force.norm());
+  EXPECT_GT(device.force.norm(), 0.5);
+}
+
+TEST_F(ServoTest, DeviceLostIsAFault) {
+  enable();
+  device.ok = false;
+  run(0.002);
+  EXPECT_EQ(last.state, ServoState::kFault);
+  EXPECT_EQ(last.reason, StateReason::kDeviceLost);
+}
+
+TEST_F(ServoTest, RunawayIsAFaultAndSlewsToZero) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  largest_step_n = 0;
+  device.reading.pose.velocity_m_s = Vector2(3, 0);
+  run(0.1);
+  EXPECT_EQ(last.state, ServoState::kFault);
+  EXPECT_EQ(last.reason, StateReason::kTooFast);
+  EXPECT_EQ(device.force.norm(), 0);
+  EXPECT_LE(largest_step_n, options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);
+}
+
+TEST_F(ServoTest, BadAnswersAreRejectedAndDoNotCountAsLife) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  silent = true;
+  for (int n = 0; n < 300; ++n) {
+    ServoAnswer answer;
+    answer.received_ns = clock.time_ns;
+    answer.sample = tissue.answer({0.02, 0.004}, 1e-9 * static_cast<double>(clock.time_ns), sequence + 1 + n);
+    if (n % 3 == 0) answer.sample.force_n.x() = NAN;
+    if (n % 3 == 1) answer.sample.sequence = 1;        // out of order
+    if (n % 3 == 2) answer.sample.pose_time_s += 100;  // of the future
+    servo->answers().put(answer);
+    run(0.001);
+  }
+  EXPECT_EQ(servo->rejected_answers(), 300u);
+  EXPECT_EQ(last.state, ServoState::kPaused);
+  EXPECT_EQ(device.force.norm(), 0);
+}
+
+TEST_F(ServoTest, PauseAndDisableAreObeyed) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  servo->request_pause();
+  run(0.1);
+  EXPECT_EQ(last.state, ServoState::kPaused);
+  EXPECT_EQ(device.force.norm(), 0);
+  servo->request_disable();
+  run(0.01);
+  EXPECT_EQ(last.state, ServoState::kDisabled);
+}
+
+TEST_F(ServoTest, CountsOverrunsAndKeepsItsPhase) {
+  std::atomic<bool> stop{false};
+  // WHEN every wake-up is 1.5 ms late, ticks that are past are skipped, not made up for
+  clock.wake_late_ns = 1'500'000;
+  const std::int64_t begin_ns = clock.time_ns;
+  stop = true;
+  servo->run(stop);
+  EXPECT_EQ(servo->ticks(), 1u);
+  EXPECT_EQ(servo->overruns(), 1u);
+  EXPECT_EQ(clock.time_ns - begin_ns, 2'500'000);
+}
+
+TEST_F(ServoTest, StoppingSlewsTheForceToZeroFirst) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  EXPECT_GT(device.force.norm(), 0.5);
+  std::atomic<bool> stop{true};
+  servo->run(stop);
+  EXPECT_EQ(device.force.norm(), 0);
+  ServoTick tick;
+  while (servo->telemetry().pop(tick)) {
+    EXPECT_LE((tick.force_n - last.force_n).norm(), options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);
+    last = tick;
+  }
+}
+
+TEST_F(ServoTest, AllocatesNothingInTheLoop) {
+  enable();
+  put_finger(0.004);
+  counting = true;
+  allocations = 0;
+  run(0.5);
+  counting = false;
+  EXPECT_EQ(allocations, 0u);
+}
+
+// The whole operator side on simulated time: device, hand, Kalman, chain; answers 4 ms old at 250 Hz.
+TEST(ServoWithHand, FeelsTheTissueWhileExploring) {
+  SimulatedDeviceOptions device_options;
+  device_options.profile = device_profile("premium-1.5");
+  device_options.hand.begin_m = 0.01;
+  device_options.hand.end_m = 0.11;
+  SimulatedDevice device(device_options);
+  device.open();
+  KalmanRenderer renderer;
+  ManualClock clock;
+  ServoOptions options;
+  options.chain.limits = device.profile().limits();
+  const auto servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
+  const test::AnalyticTissue tissue;
+  std::uint64_t sequence = 0;
+  ServoAnswer on_the_way;
+  std::vector<double> errors;
+  TickStatistics statistics;
+  for (int n = 0; n < 8000; ++n) {
+    clock.time_ns += 1'000'000;
+    if (n % 4 == 0) {
+      on_the_way.received_ns = clock.time_ns;
+      if (n > 0) servo->answers().put(on_the_way);
+      ServoPose pose;
+      servo->poses().take(pose);
+      on_the_way.sample =
+          tissue.answer(pose.pose.position_m, 1e-9 * static_cast<double>(pose.time_ns), ++sequence);
+      on_the_way.covered = true;
+      on_the_way.covered_begin_m = 0;
+      on_the_way.covered_end_m = 0.12;
+    }
+    servo->tick(clock.time_ns);
+    ServoTick tick;
+    while (servo->telemetry().pop(tick)) {
+      statistics.add(tick);
+      const Vector2 truth = tissue.answer(device.exact().position_m).force_n;
+      if (n > 3000 && truth.norm() > 0.05) errors.push_back((tick.force_n - truth).norm() / truth.norm());
+    }
+  }
+  ASSERT_GT(errors.size(), 4000u);
+  EXPECT_LE(percentile(errors, 0.5), 0.03);
+  EXPECT_LE(percentile(errors, 0.95), 0.10);
+  EXPECT_EQ(statistics.stalls().count(), 0u);
+  EXPECT_GE(device.hand().passes(), 5u);
+  std::printf("[ felt  ] force error median %.4f, p95 %.4f, max %.4f; %u passes\n", percentile(errors, 0.5),
+              percentile(errors, 0.95), percentile(errors, 1), device.hand().passes());
+}
+
+TEST(StallCounter, CountsHoldsLongerThanAMillisecond) {
+  StallCounter stalls;
+  const auto hold = [&](double from_s, double to_s) {
+    for (double t = from_s - 0.0005; t < to_s + 0.0006; t += 0.0005) {
+      stalls.add(t, t > from_s - 1e-9 && t < to_s - 1e-9);
+    }
+  };
+  hold(1, 1.001);  // exactly 1 ms: no stall
+  EXPECT_EQ(stalls.count(), 0u);
+  hold(2, 2.1);
+  hold(3, 3.002);
+  EXPECT_EQ(stalls.count(), 2u);
+  EXPECT_NEAR(stalls.seconds(), 0.102, 1e-3);
+}
+
+TEST(Percentile, IsTheSmallestValueThatCoversTheShare) {
+  std::vector<double> values = {5, 1, 4, 2, 3};
+  EXPECT_EQ(percentile(values, 0.5), 3);
+  EXPECT_EQ(percentile(values, 0.99), 5);
+  EXPECT_EQ(percentile(values, 0), 1);
+  std::vector<double> none;
+  EXPECT_EQ(percentile(none, 0.5), 0);
+}
+
+TEST(LatestSlot, TheNewestValueWins) {
+  LatestSlot<int> slot;
+  int value = -1;
+  EXPECT_FALSE(slot.take(value));
+  slot.put(1);
+  slot.put(2);
+  EXPECT_TRUE(slot.take(value));
+  EXPECT_EQ(value, 2);
+  EXPECT_FALSE(slot.take(value));
+}
+
+TEST(LatestSlot, NoValueIsTornBetweenThreads) {
+  struct Wide {
+    std::uint64_t words[16] = {};
+  };
+  LatestSlot<Wide> slot;
+  constexpr std::uint64_t kCount = 200000;
+  std::thread writer([&] {
+    Wide wide;
+    for (std::uint64_t n = 1; n <= kCount; ++n) {
+      for (auto& word : wide.words) word = n;
+      slot.put(wide);
+    }
+  });
+  std::uint64_t last = 0;
+  while (last < kCount) {
+    Wide wide;
+    if (!slot.take(wide)) continue;
+    for (const auto word : wide.words) ASSERT_EQ(word, wide.words[0]);
+    ASSERT_GT(wide.words[0], last);
+    last = wide.words[0];
+  }
+  writer.join();
+}
+
+TEST(Ring, DropsAndCountsWhatDoesNotFit) {
+  Ring<int, 4> ring;
+  for (int n = 0; n < 6; ++n) ring.push(n);
+  EXPECT_EQ(ring.dropped(), 2u);
+  int value = -1;
+  for (int n = 0; n < 4; ++n) {
+    EXPECT_TRUE(ring.pop(value));
+    EXPECT_EQ(value, n);
+  }
+  EXPECT_FALSE(ring.pop(value));
+}
+
+}  // namespace
+}  // namespace teletact::client
