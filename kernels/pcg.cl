@@ -1,0 +1,157 @@
+// Preconditioned conjugate gradients on many right-hand sides at once, every scalar on the device. Vectors:
+// [right-hand side][node] of real2. Scalars: [field][right-hand side].
+
+// Fields of the scalars; the host reads RR, ESTIMATE and SCALE and writes INITIAL and ABSOLUTE.
+#define RZ 0  // r . z
+#define ALPHA 1
+#define BETA 2
+#define DECREASE 3  // sum of alpha rz: how much the squared energy norm of the error has fallen
+#define WORK 4      // load . x, x the correction found so far
+#define RR 5        // r . r
+#define ESTIMATE 6  // of the squared energy norm of the error
+#define SCALE 7     // squared energy norm of the whole solution
+#define INITIAL 8   // that of the initial guess
+#define ABSOLUTE 9  // stop when ESTIMATE falls below this
+#define RR_START 10
+
+// States, as in service/solver/pcg.h (StopReason).
+#define RUNNING 0
+#define CONVERGED 1
+#define INDEFINITE 3
+#define NOT_FINITE 4
+
+// Two inner products at once, a.b and c.d: each item sums one chunk of nodes. Items: (chunk, right-hand
+// side). partial: [2][right-hand side][chunk]. Reads 8 reals and takes 8 flops per node.
+kernel void dot_two(global const real2* restrict a, global const real2* restrict b,
+                    global const real2* restrict c, global const real2* restrict d,
+                    global accum* restrict partial, const int nodes, const int chunk, const int chunks,
+                    const int rhs) {
+  const int n = get_global_id(0), q = get_global_id(1);
+  if (n >= chunks) return;
+  const int begin = q * nodes + n * chunk, end = q * nodes + min((n + 1) * chunk, nodes);
+  real2 first = (real2)(0), second = (real2)(0);
+  for (int m = begin; m < end; ++m) {
+    first += a[m] * b[m];
+    second += c[m] * d[m];
+  }
+  partial[q * chunks + n] = first.x + first.y;
+  partial[(rhs + q) * chunks + n] = second.x + second.y;
+}
+
+accum sum_of(global const accum* restrict partial, const int chunks) {
+  accum sum = 0;
+  for (int n = 0; n < chunks; ++n) sum += partial[n];
+  return sum;
+}
+
+// rz, rr of the start; x = 0. Items: right-hand sides, here and below.
+kernel void pcg_begin(global const accum* restrict partial, global real* restrict scalars,
+                      global int* restrict state, const int chunks, const int rhs) {
+  const int q = get_global_id(0);
+  if (q >= rhs) return;
+  const real rz = sum_of(partial + q * chunks, chunks), rr = sum_of(partial + (rhs + q) * chunks, chunks);
+  scalars[RZ * rhs + q] = rz;
+  scalars[RR * rhs + q] = rr;
+  scalars[RR_START * rhs + q] = rr;
+  scalars[BETA * rhs + q] = 0;
+  scalars[DECREASE * rhs + q] = 0;
+  scalars[WORK * rhs + q] = 0;
+  scalars[ESTIMATE * rhs + q] = 0;
+  scalars[SCALE * rhs + q] = scalars[INITIAL * rhs + q];
+  state[q] = !isfinite(rz) || !isfinite(rr) ? NOT_FINITE
+             : rr == 0                      ? CONVERGED
+             : rz <= 0                      ? INDEFINITE
+                                            : RUNNING;
+  state[rhs + q] = 0;
+}
+
+// alpha = r.z / p.Ap, after dot_two(p, Ap, p, load). terms, alphas: [iteration][right-hand side].
+kernel void pcg_alpha(global const accum* restrict partial, global real* restrict scalars,
+                      global int* restrict state, global real* restrict terms, global real* restrict alphas,
+                      const int iteration, const int chunks, const int rhs) {
+  const int q = get_global_id(0);
+  if (q >= rhs) return;
+  const real curvature = sum_of(partial + q * chunks, chunks);
+  const real work = sum_of(partial + (rhs + q) * chunks, chunks);
+  const real rz = scalars[RZ * rhs + q];
+  if (state[q] == RUNNING && !isfinite(curvature)) state[q] = NOT_FINITE;
+  if (state[q] == RUNNING && curvature <= 0) state[q] = INDEFINITE;
+  const bool running = state[q] == RUNNING;
+  const real alpha = running ? rz / curvature : 0;
+  const real term = alpha * rz;
+  scalars[ALPHA * rhs + q] = alpha;
+  scalars[DECREASE * rhs + q] += term;
+  scalars[WORK * rhs + q] += running ? alpha * work : 0;
+  terms[iteration * rhs + q] = term;
+  alphas[iteration * rhs + q] = alpha;
+  if (running) state[rhs + q] = iteration + 1;
+}
+
+// x += alpha p, r -= alpha Ap; a stopped right-hand side (alpha = 0) keeps its values whatever p holds.
+// Items: (node, right-hand side).
+kernel void pcg_update(global const real* restrict scalars, global const real2* restrict p,
+                       global const real2* restrict ap, global real2* restrict x, global real2* restrict r,
+                       const int nodes, const int rhs) {
+  const int n = get_global_id(0), q = get_global_id(1);
+  if (n >= nodes) return;
+  const real alpha = scalars[ALPHA * rhs + q];
+  const int at = q * nodes + n;
+  x[at] = alpha == 0 ? x[at] : x[at] + alpha * p[at];
+  r[at] = alpha == 0 ? r[at] : r[at] - alpha * ap[at];
+}
+
+// Squared energy norm of the error after `iteration` (Hestenes-Stiefel; Strakos and Tichy 2002): the sum of
+// the last `delay` terms is the error `delay` steps ago less the error now. It stands for the error now when
+// that fell by half; where it falls slower, the rest is extrapolated from the sum before.
+real error_estimate(global const real* restrict terms, const int iteration, const int delay, const int q,
+                    const int rhs) {
+  real now = 0, before = 0;
+  for (int k = 0; k < delay; ++k) {
+    now += terms[(iteration - k) * rhs + q];
+    before += terms[(iteration - delay - k) * rhs + q];
+  }
+  const real ratio = min(now / before, REAL(0.99));
+  return now * max(REAL(1.0), ratio / (1 - ratio));
+}
+
+// beta = (r.z)_new / (r.z)_old and the decision to stop, after dot_two(r, z, r, r).
+kernel void pcg_beta(global const accum* restrict partial, global real* restrict scalars,
+                     global int* restrict state, global const real* restrict terms,
+                     global real* restrict betas, const int iteration, const int delay,
+                     const real squared_tolerance, const real squared_residual_tolerance, const int chunks,
+                     const int rhs) {
+  const int q = get_global_id(0);
+  if (q >= rhs) return;
+  const real rz = sum_of(partial + q * chunks, chunks), rr = sum_of(partial + (rhs + q) * chunks, chunks);
+  const bool running = state[q] == RUNNING;
+  const real beta = running ? rz / scalars[RZ * rhs + q] : 0;
+  betas[iteration * rhs + q] = beta;
+  scalars[BETA * rhs + q] = beta;
+  if (!running) return;
+  const real scale = scalars[INITIAL * rhs + q] + 2 * scalars[WORK * rhs + q] - scalars[DECREASE * rhs + q];
+  const real estimate = rr == 0                      ? 0
+                        : iteration + 1 >= 2 * delay ? error_estimate(terms, iteration, delay, q, rhs)
+                                                     : INFINITY;
+  scalars[RZ * rhs + q] = rz;
+  scalars[RR * rhs + q] = rr;
+  scalars[SCALE * rhs + q] = scale;
+  scalars[ESTIMATE * rhs + q] = estimate;
+  const bool small_error = estimate <= max(squared_tolerance * scale, scalars[ABSOLUTE * rhs + q]);
+  const bool small_residual = rr <= squared_residual_tolerance * scalars[RR_START * rhs + q];
+  if (!isfinite(rz) || !isfinite(rr))
+    state[q] = NOT_FINITE;
+  else if (small_error || small_residual)
+    state[q] = CONVERGED;
+  else if (rz <= 0)
+    state[q] = INDEFINITE;
+}
+
+// p = z + beta p; beta = 0 at the start, where p holds nothing. Items: (node, right-hand side).
+kernel void pcg_direction(global const real* restrict scalars, global const real2* restrict z,
+                          global real2* restrict p, const int nodes, const int rhs) {
+  const int n = get_global_id(0), q = get_global_id(1);
+  if (n >= nodes) return;
+  const real beta = scalars[BETA * rhs + q];
+  const int at = q * nodes + n;
+  p[at] = beta == 0 ? z[at] : z[at] + beta * p[at];
+}

@@ -1,0 +1,65 @@
+// Geometric multigrid on a structured grid of nodes with two unknowns each: one V-cycle, a symmetric positive
+// definite preconditioner for conjugate gradients.
+//
+// Levels: every second node line plus the last (NodeLines). Transfers: P bilinear by coordinates, restriction
+// P^T. Coarse operators: P^T A P on the device. Smoother: Chebyshev polynomial in D^-1 A, D the 2x2 node
+// blocks, before and after: it is its own transpose in the A inner product, so the cycle is symmetric.
+// Coarsest level: exact, by a dense inverse computed in double on the host.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "service/solver/linear_operator.h"
+#include "service/solver/node_lines.h"
+
+namespace teletact::service {
+
+struct MultigridOptions {
+  unsigned smoothing_steps = 3;      // degree of the Chebyshev polynomial, >= 1
+  double smoothing_range = 30;       // it damps eigenvalues of D^-1 A in [largest / this, largest]
+  std::size_t coarsest_nodes = 100;  // a level of at most so many nodes is solved exactly
+};
+
+template <class T>
+class Multigrid : public LinearOperator<T> {
+ public:
+  Multigrid(const Queue&, const NodeLines&, const MultigridOptions& = {});
+  ~Multigrid() override;
+  // Sets the finest operator, [9][ny][nx] blocks of 4 (kernels/stencil.clh), symmetric, constrained unknowns
+  // as the identity, and computes the rest. Throws std::invalid_argument when the operator is found not to be
+  // positive definite. S: double where the device has it, else float. free: [node][2], 1 or 0 for a
+  // constrained unknown.
+  template <class S>
+  void set_operator(const Array<S>& stencil, const std::vector<std::uint8_t>& free);
+  // z = M r for the first `count` vectors; r must vanish on constrained unknowns. Grows its vectors on first
+  // use of a larger count.
+  void apply(const Array<T>& r, Array<T>& z, std::size_t count) override;
+  std::size_t levels() const;
+  // Bound used for the largest eigenvalue of D^-1 A on a level that smooths.
+  double eigenvalue_bound(std::size_t level) const;
+  // The finest stencil in the working precision.
+  std::shared_ptr<const Array<T>> stencil() const;
+
+ private:
+  struct Level;
+  struct Kernels;
+  void cycle(std::size_t level, const Array<T>& r, Array<T>& z, std::size_t count);
+  void smooth(Level&, const Array<T>& r, Array<T>*& at, Array<T>*& spare, std::size_t count, bool from_zero);
+  template <class S>
+  Array<T> converted(const Array<S>& from) const;
+  template <class S>
+  void set_level(std::size_t level, const Array<S>& stencil, const std::vector<std::uint8_t>& free);
+  void bound_eigenvalues(Level&);
+  void invert_coarsest(const std::vector<double>& stencil);
+  void reserve(std::size_t count);
+  Queue queue_;
+  MultigridOptions options_;
+  std::unique_ptr<Kernels> kernels_;
+  std::vector<std::unique_ptr<Level>> levels_;
+  Array<T> inverse_;  // of the coarsest level, dense
+  std::size_t reserved_ = 0;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,28 @@
+// Lines of nodes in one direction and their coarsening: every second line plus the last, so that any number
+// of lines at any spacing works.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace teletact::service {
+
+// Strictly increasing coordinates of the node lines, >= 2 each.
+struct NodeLines {
+  std::vector<double> x, y;
+  std::size_t nodes() const { return x.size() * y.size(); }
+};
+
+// Linear interpolation between the lines of a fine and a coarse level.
+struct LineTransfer {
+  std::vector<double> coarse;  // coordinates of the coarse lines
+  std::vector<int> at;         // fine line of each coarse line
+  std::vector<double> around;  // for each coarse line: weights of the fine lines just before and after it
+  std::vector<int> left;       // coarse line at or before each fine line
+  std::vector<double> weight;  // of coarse line left + 1 in each fine line
+};
+
+// Keeps all lines when there are too few to thin out (3 or fewer).
+LineTransfer coarsen(const std::vector<double>& fine);
+
+}  // namespace teletact::service

@@ -1,0 +1,182 @@
+#include "service/solver/pcg.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "service/solver/ritz.h"
+
+namespace teletact::service {
+namespace {
+
+// Fields of the scalars, as in kernels/pcg.cl.
+enum Field : std::size_t { kDecrease = 3, kRr = 5, kEstimate = 6, kScale = 7, kInitial = 8, kAbsolute = 9 };
+constexpr std::size_t kFields = 11;
+
+// Nodes that one work item sums, and the most partial sums of one right-hand side.
+constexpr std::size_t kSmallestChunk = 32, kMostChunks = 1024;
+
+constexpr std::size_t kLocal = 64;  // work-group size over nodes
+
+}  // namespace
+
+const char* to_string(StopReason reason) {
+  switch (reason) {
+    case StopReason::kRunning:
+      return "running";
+    case StopReason::kConverged:
+      return "converged";
+    case StopReason::kIterationLimit:
+      return "iteration limit";
+    case StopReason::kIndefinite:
+      return "not positive definite";
+    case StopReason::kNotFinite:
+      return "not finite";
+  }
+  return "unknown";
+}
+
+template <class T>
+Pcg<T>::Pcg(const Queue& queue, std::size_t unknowns, std::size_t count, const PcgOptions& options)
+    : queue_(queue), options_(options), nodes_(unknowns / 2), capacity_(count) {
+  if (options.max_iterations == 0 || options.delay == 0 || options.look_every == 0)
+    throw std::invalid_argument("PcgOptions: max_iterations, delay and look_every must be at least 1");
+  chunk_ = std::max(kSmallestChunk, (nodes_ + kMostChunks - 1) / kMostChunks);
+  chunks_ = (nodes_ + chunk_ - 1) / chunk_;
+  const auto get = [&](const char* name) { return queue.kernel("pcg", name, precision_of<T>); };
+  dot_ = get("dot_two");
+  begin_ = get("pcg_begin");
+  alpha_ = get("pcg_alpha");
+  update_ = get("pcg_update");
+  beta_ = get("pcg_beta");
+  direction_ = get("pcg_direction");
+  for (Array<T>* a : {&z_, &p_, &ap_}) *a = queue.array<T>(unknowns * count);
+  partial_ = queue.array<T>(2 * chunks_ * count);
+  scalars_ = queue.array<T>(kFields * count);
+  state_ = queue.array<int>(2 * count);
+}
+
+// Partial sums of a.b and c.d.
+template <class T>
+void Pcg<T>::dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, const Array<T>& d,
+                     std::size_t count) {
+  dot_({{chunks_, count}, {16}}, a, b, c, d, partial_, static_cast<int>(nodes_), static_cast<int>(chunk_),
+       static_cast<int>(chunks_), static_cast<int>(count));
+}
+
+template <class T>
+void Pcg<T>::begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T>& r, Array<T>& x,
+                   const std::vector<double>& initial_energy, const std::vector<double>& absolute_error) {
+  if (history_ < options_.max_iterations) {
+    history_ = options_.max_iterations;
+    for (Array<T>* a : {&terms_, &alphas_, &betas_}) *a = queue_.array<T>(history_ * capacity_);
+  }
+  std::vector<T> scalars(kFields * count, T{0});
+  for (std::size_t q = 0; q < count; ++q) {
+    if (!initial_energy.empty()) scalars[kInitial * count + q] = static_cast<T>(initial_energy[q]);
+    if (!absolute_error.empty())
+      scalars[kAbsolute * count + q] = static_cast<T>(absolute_error[q] * absolute_error[q]);
+  }
+  queue_.write(scalars_, scalars.data(), scalars.size());
+  queue_.fill_zero(x);
+  preconditioner.apply(r, z_, count);
+  dot_two(r, z_, r, r, count);
+  begin_({{count}, {1}}, partial_, scalars_, state_, static_cast<int>(chunks_), static_cast<int>(count));
+  direction_({{nodes_, count}, {kLocal}}, scalars_, z_, p_, static_cast<int>(nodes_),
+             static_cast<int>(count));
+}
+
+template <class T>
+void Pcg<T>::iterate(LinearOperator<T>& a, LinearOperator<T>& preconditioner, std::size_t iteration,
+                     std::size_t count, Array<T>& r, const Array<T>& load, Array<T>& x) {
+  const Range each{{count}, {1}}, all{{nodes_, count}, {kLocal}};
+  const int k = static_cast<int>(iteration), rhs = static_cast<int>(count);
+  const int nodes = static_cast<int>(nodes_), chunks = static_cast<int>(chunks_);
+  // alpha = r.z / p.Ap
+  a.apply(p_, ap_, count);
+  dot_two(p_, ap_, p_, load, count);
+  alpha_(each, partial_, scalars_, state_, terms_, alphas_, k, chunks, rhs);
+  // x += alpha p, r -= alpha A p
+  update_(all, scalars_, p_, ap_, x, r, nodes, rhs);
+  // z = M r
+  preconditioner.apply(r, z_, count);
+  // beta = (r.z)_new / (r.z)_old, and whether to stop
+  dot_two(r, z_, r, r, count);
+  beta_(each, partial_, scalars_, state_, terms_, betas_, k, static_cast<int>(options_.delay),
+        static_cast<T>(options_.relative_error * options_.relative_error),
+        static_cast<T>(options_.relative_residual * options_.relative_residual), chunks, rhs);
+  // p = z + beta p
+  direction_(all, scalars_, z_, p_, nodes, rhs);
+}
+
+template <class T>
+bool Pcg<T>::running(std::size_t count) const {
+  std::vector<int> state(count);
+  queue_.read(state_, state.data(), count);
+  return std::any_of(state.begin(), state.end(),
+                     [](int s) { return s == static_cast<int>(StopReason::kRunning); });
+}
+
+template <class T>
+std::vector<PcgResult> Pcg<T>::solve(LinearOperator<T>& a, LinearOperator<T>& preconditioner,
+                                     std::size_t count, Array<T>& r, const Array<T>& load, Array<T>& x,
+                                     const std::vector<double>& initial_energy,
+                                     const std::vector<double>& absolute_error) {
+  if (count == 0) return {};
+  if (count > capacity_) throw std::invalid_argument("Pcg: more right-hand sides than it was made for");
+  begin(preconditioner, count, r, x, initial_energy, absolute_error);
+  std::size_t k = 0;
+  while (k < options_.max_iterations) {
+    iterate(a, preconditioner, k, count, r, load, x);
+    ++k;
+    if (k % options_.look_every == 0 && !running(count)) break;
+  }
+  return results(count, k);
+}
+
+template <class T>
+std::vector<PcgResult> Pcg<T>::results(std::size_t count, std::size_t iterations) const {
+  std::vector<T> scalars(kFields * count), alphas(iterations * count), betas(iterations * count);
+  std::vector<int> state(2 * count);
+  queue_.read(scalars_, scalars.data(), scalars.size());
+  queue_.read(state_, state.data(), state.size());
+  queue_.read(alphas_, alphas.data(), alphas.size());
+  queue_.read(betas_, betas.data(), betas.size());
+  std::vector<PcgResult> results(count);
+  for (std::size_t q = 0; q < count; ++q) {
+    PcgResult& result = results[q];
+    result.reason = static_cast<StopReason>(state[q]);
+    if (result.reason == StopReason::kRunning) result.reason = StopReason::kIterationLimit;
+    result.iterations = static_cast<std::size_t>(state[count + q]);
+    const auto field = [&](Field f) { return static_cast<double>(scalars[f * count + q]); };
+    result.recursive_residual = std::sqrt(field(kRr));
+    result.squared_error = field(kEstimate);
+    result.squared_energy = field(kScale);
+    result.squared_decrease = field(kDecrease);
+    Lanczos lanczos;
+    for (std::size_t k = 0; k < result.iterations; ++k) {
+      lanczos.alpha.push_back(static_cast<double>(alphas[k * count + q]));
+      lanczos.beta.push_back(static_cast<double>(betas[k * count + q]));
+    }
+    result.smallest_eigenvalue = smallest_ritz_value(lanczos);
+  }
+  return results;
+}
+
+template <class T>
+std::vector<double> Pcg<T>::preconditioned_norm(LinearOperator<T>& preconditioner, std::size_t count,
+                                                const Array<T>& r) {
+  preconditioner.apply(r, z_, count);
+  dot_two(r, z_, r, r, count);
+  std::vector<T> partial(chunks_ * count);
+  queue_.read(partial_, partial.data(), partial.size());
+  std::vector<double> norms(count);
+  for (std::size_t q = 0; q < count; ++q)
+    for (std::size_t n = 0; n < chunks_; ++n) norms[q] += static_cast<double>(partial[q * chunks_ + n]);
+  return norms;
+}
+
+template class Pcg<float>;
+template class Pcg<double>;
+
+}  // namespace teletact::service

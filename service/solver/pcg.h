@@ -1,0 +1,77 @@
+// Preconditioned conjugate gradients for many right-hand sides at once on a device. All scalars stay there,
+// the decision to stop too; the host only looks now and then whether any right-hand side still runs.
+//
+// Solves A x = r from x = 0: the caller forms the residual r of its initial guess in the precision it wants
+// and adds the correction x (see ElasticitySolver for restarts in double around a float Pcg).
+//
+// Stopping: near nu = 1/2 a small residual is no small error, so what is bounded is the energy norm of the
+// error, ||e||_A, estimated from the terms alpha_k r_k.z_k with a delay (Hestenes and Stiefel 1952; Strakos
+// and Tichy 2002), relative to that of the whole solution u = guess + x,
+//   ||u||_A^2 = ||guess||_A^2 + 2 load.x - ||x||_A^2.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "service/solver/linear_operator.h"
+
+namespace teletact::service {
+
+enum class StopReason { kRunning, kConverged, kIterationLimit, kIndefinite, kNotFinite };
+const char* to_string(StopReason);
+
+struct PcgOptions {
+  double relative_error = 1e-7;      // ||e||_A / ||u||_A to reach; 0 = not a criterion
+  double relative_residual = 0;      // ||r|| / ||r_0|| to reach instead; 0 = not a criterion
+  std::size_t max_iterations = 500;  // > 0
+  std::size_t delay = 3;             // iterations that the error estimate looks back; it needs twice as many
+  std::size_t look_every = 4;        // iterations between two looks at the states
+};
+
+// Of one right-hand side. The estimates are those of the iteration that stopped it.
+struct PcgResult {
+  StopReason reason = StopReason::kRunning;
+  std::size_t iterations = 0;
+  double recursive_residual = 0;   // ||r|| by the recurrence
+  double squared_error = 0;        // estimate of ||e||_A^2; infinite before 2 delay iterations
+  double squared_energy = 0;       // ||u||_A^2
+  double squared_decrease = 0;     // ||x||_A^2: what the squared error was at the start, less squared_error
+  double smallest_eigenvalue = 0;  // of M A, the smallest Ritz value (an upper bound); 0 without iterations
+};
+
+template <class T>
+class Pcg {
+ public:
+  // unknowns: entries of one vector, even. Preallocates for `count` right-hand sides.
+  Pcg(const Queue&, std::size_t unknowns, std::size_t count, const PcgOptions& = {});
+  // r: in, right-hand sides; out, recursive residuals. x: out. load: the load part of r, for ||u||_A. Both
+  // zero on constrained unknowns. initial_energy: ||guess||_A^2 each; absolute_error: an error ||e||_A that
+  // is small enough too, each; both may be empty (zeros). Zero right-hand sides converge at once.
+  std::vector<PcgResult> solve(LinearOperator<T>& a, LinearOperator<T>& preconditioner, std::size_t count,
+                               Array<T>& r, const Array<T>& load, Array<T>& x,
+                               const std::vector<double>& initial_energy = {},
+                               const std::vector<double>& absolute_error = {});
+  // r . M r for each of `count` vectors; z is left with M r.
+  std::vector<double> preconditioned_norm(LinearOperator<T>& preconditioner, std::size_t count,
+                                          const Array<T>& r);
+  std::size_t capacity() const { return capacity_; }
+  PcgOptions& options() { return options_; }
+
+ private:
+  void begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T>& r, Array<T>& x,
+             const std::vector<double>& initial_energy, const std::vector<double>& absolute_error);
+  void iterate(LinearOperator<T>& a, LinearOperator<T>& preconditioner, std::size_t iteration,
+               std::size_t count, Array<T>& r, const Array<T>& load, Array<T>& x);
+  std::vector<PcgResult> results(std::size_t count, std::size_t iterations) const;
+  void dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, const Array<T>& d, std::size_t count);
+  bool running(std::size_t count) const;
+  Queue queue_;
+  PcgOptions options_;
+  std::size_t nodes_, capacity_, chunk_, chunks_, history_ = 0;
+  Kernel dot_, begin_, alpha_, update_, beta_, direction_;
+  Array<T> z_, p_, ap_, partial_, scalars_;
+  Array<T> terms_, alphas_, betas_;  // [iteration][right-hand side]
+  Array<int> state_;                 // [state, iterations][right-hand side]
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,113 @@
+#include "service/tissue/elasticity.h"
+
+#include <algorithm>
+
+#include "service/tissue/element.h"
+
+namespace teletact::service {
+namespace {
+
+template <class T>
+std::vector<T> steps(const std::vector<double>& coordinates) {
+  std::vector<T> out;
+  for (std::size_t k = 0; k + 1 < coordinates.size(); ++k)
+    out.push_back(static_cast<T>(coordinates[k + 1] - coordinates[k]));
+  return out;
+}
+
+}  // namespace
+
+LameRatios lame_ratios(double nu) {
+  return {0.5 / (1 + nu), nu / ((1 + nu) * (1 - 2 * nu))};
+}
+
+std::vector<std::uint8_t> free_unknowns(const TissueGrid& grid, const Supports& supports) {
+  std::vector<std::uint8_t> free(grid.dofs(), 1);
+  for (std::size_t j = 0; j < grid.ny(); ++j)
+    for (std::size_t i = 0; i < grid.nx(); ++i) {
+      const bool fixed = (j == 0 && supports.top == EdgeSupport::kFixed) ||
+                         (j + 1 == grid.ny() && supports.bottom == EdgeSupport::kFixed) ||
+                         (i == 0 && supports.left == EdgeSupport::kFixed) ||
+                         (i + 1 == grid.nx() && supports.right == EdgeSupport::kFixed);
+      if (fixed) free[2 * grid.node(i, j)] = free[2 * grid.node(i, j) + 1] = 0;
+    }
+  return free;
+}
+
+void apply_on_host(const TissueGrid& grid, const Material& material, std::size_t count,
+                   std::span<const double> x, std::span<double> y) {
+  using Vector8 = Eigen::Matrix<double, 8, 1>;
+  std::fill(y.begin(), y.begin() + static_cast<std::ptrdiff_t>(count * grid.dofs()), 0.0);
+  for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
+      const auto stiffness =
+          element_stiffness(grid.x_m[i + 1] - grid.x_m[i], grid.y_m[j + 1] - grid.y_m[j],
+                            material.youngs_modulus_pa[grid.element(i, j)], material.poisson_ratio);
+      // Its nodes lie in two pairs of neighbours: four consecutive unknowns each.
+      const std::size_t top = 2 * grid.node(i, j), bottom = 2 * grid.node(i, j + 1);
+      for (std::size_t q = 0; q < count; ++q) {
+        const std::size_t base = q * grid.dofs();
+        Vector8 u;
+        for (std::size_t c = 0; c < 4; ++c) {
+          u[static_cast<Eigen::Index>(c)] = x[base + top + c];
+          u[static_cast<Eigen::Index>(c) + 4] = x[base + bottom + c];
+        }
+        const Vector8 force = stiffness * u;
+        for (std::size_t c = 0; c < 4; ++c) {
+          y[base + top + c] += force[static_cast<Eigen::Index>(c)];
+          y[base + bottom + c] += force[static_cast<Eigen::Index>(c) + 4];
+        }
+      }
+    }
+}
+
+template <class T>
+Elasticity<T>::Elasticity(const Queue& queue, const TissueGrid& grid, const std::vector<std::uint8_t>& free)
+    : queue_(queue),
+      nx_(grid.nx()),
+      ny_(grid.ny()),
+      modulus_(queue.array<T>(grid.elements())),
+      width_(queue.array(steps<T>(grid.x_m))),
+      height_(queue.array(steps<T>(grid.y_m))),
+      free_(queue.array(std::vector<T>(free.begin(), free.end()))),
+      apply_(queue.kernel("elasticity", "elasticity_apply", precision_of<T>)),
+      stencil_(queue.kernel("elasticity", "elasticity_stencil", precision_of<T>)) {}
+
+template <class T>
+void Elasticity<T>::set_material(const Material& material, double reference_pa) {
+  std::vector<T> modulus;
+  for (const double e : material.youngs_modulus_pa) modulus.push_back(static_cast<T>(e / reference_pa));
+  queue_.write(modulus_, modulus.data(), modulus.size());
+  const LameRatios lame = lame_ratios(material.poisson_ratio);
+  mu_per_e_ = static_cast<T>(lame.mu_per_e);
+  lambda_per_e_ = static_cast<T>(lame.lambda_per_e);
+}
+
+template <class T>
+void Elasticity<T>::launch(const Array<T>& x, Array<T>& y, std::size_t count, int constrain) {
+  apply_(grid_range(nx_, ny_, count), x, y, modulus_, width_, height_, free_, mu_per_e_, lambda_per_e_,
+         constrain, static_cast<int>(nx_), static_cast<int>(ny_));
+}
+
+template <class T>
+void Elasticity<T>::apply(const Array<T>& x, Array<T>& y, std::size_t count) {
+  launch(x, y, count, 1);
+}
+
+template <class T>
+void Elasticity<T>::apply_unconstrained(const Array<T>& x, Array<T>& y, std::size_t count) {
+  launch(x, y, count, 0);
+}
+
+template <class T>
+Array<T> Elasticity<T>::stencil() {
+  auto stencil = queue_.array<T>(36 * nx_ * ny_);
+  stencil_(grid_range(nx_, ny_, 9), stencil, modulus_, width_, height_, free_, mu_per_e_, lambda_per_e_,
+           static_cast<int>(nx_), static_cast<int>(ny_));
+  return stencil;
+}
+
+template class Elasticity<float>;
+template class Elasticity<double>;
+
+}  // namespace teletact::service

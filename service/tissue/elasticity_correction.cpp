@@ -1,0 +1,117 @@
+#include "service/tissue/elasticity_correction.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "service/solver/multigrid.h"
+
+namespace teletact::service {
+namespace {
+
+template <class T>
+class Correction : public ElasticityCorrection {
+ public:
+  Correction(const Queue& queue, const TissueGrid& grid, const std::vector<std::uint8_t>& free,
+             std::size_t capacity, const PcgOptions& options)
+      : queue_(queue),
+        grid_(grid),
+        free_(free),
+        operator_(queue, grid, free),
+        multigrid_(queue, {grid.x_m, grid.y_m}),
+        pcg_(queue, grid.dofs(), capacity, options) {
+    for (Array<T>* a : {&r_, &load_, &x_}) *a = queue.array<T>(capacity * grid.dofs());
+  }
+
+  void set_material(const Material& material, double reference_pa) override {
+    reference_pa_ = reference_pa;
+    operator_.set_material(material, reference_pa);
+    if constexpr (std::is_same_v<T, float>) {
+      if (queue_.supports(Precision::kDouble)) {
+        Elasticity<double> exact(queue_, grid_, free_);
+        exact.set_material(material, reference_pa);
+        return multigrid_.set_operator(exact.stencil(), free_);
+      }
+    }
+    multigrid_.set_operator(operator_.stencil(), free_);
+  }
+
+  std::vector<PcgResult> solve(const Problem& problem, std::span<double> correction,
+                               std::span<double> recursive) override {
+    const std::vector<double> scale = scales(problem.count, problem.residual);
+    write(problem.residual, scale, r_);
+    write(problem.load, scale, load_);
+    // With K = E_ref K' and r = scale r': x = scale / E_ref x', energies scale^2 / E_ref times those of x'.
+    std::vector<double> energy = problem.initial_energy, error = problem.absolute_error;
+    for (std::size_t q = 0; q < energy.size(); ++q) energy[q] *= reference_pa_ / (scale[q] * scale[q]);
+    for (std::size_t q = 0; q < error.size(); ++q) error[q] *= std::sqrt(reference_pa_) / scale[q];
+    pcg_.options().relative_error = problem.relative_error;
+    std::vector<PcgResult> results =
+        pcg_.solve(operator_, multigrid_, problem.count, r_, load_, x_, energy, error);
+    for (std::size_t q = 0; q < problem.count; ++q) {
+      const double squared = scale[q] * scale[q] / reference_pa_;
+      results[q].recursive_residual *= scale[q];
+      for (double* value :
+           {&results[q].squared_error, &results[q].squared_energy, &results[q].squared_decrease})
+        *value *= squared;
+    }
+    read(x_, scale, 1 / reference_pa_, correction);
+    read(r_, scale, 1, recursive);
+    return results;
+  }
+
+  std::vector<double> norm(std::size_t count, std::span<const double> residual) override {
+    const std::vector<double> scale = scales(count, residual);
+    write(residual, scale, r_);
+    std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, r_);
+    for (std::size_t q = 0; q < count; ++q)
+      norms[q] = std::sqrt(std::max(norms[q], 0.0) / reference_pa_) * scale[q];
+    return norms;
+  }
+
+ private:
+  // Largest entry of each vector; 1 for a zero vector.
+  std::vector<double> scales(std::size_t count, std::span<const double> vectors) const {
+    std::vector<double> scale(count, 0);
+    for (std::size_t q = 0; q < count; ++q)
+      for (std::size_t n = 0; n < grid_.dofs(); ++n)
+        scale[q] = std::max(scale[q], std::abs(vectors[q * grid_.dofs() + n]));
+    for (double& s : scale)
+      if (!(s > 0)) s = 1;
+    return scale;
+  }
+  void write(std::span<const double> from, const std::vector<double>& scale, Array<T>& to) {
+    host_.resize(scale.size() * grid_.dofs());
+    for (std::size_t n = 0; n < host_.size(); ++n)
+      host_[n] = static_cast<T>(from[n] / scale[n / grid_.dofs()]);
+    queue_.write(to, host_.data(), host_.size());
+  }
+  void read(const Array<T>& from, const std::vector<double>& scale, double factor, std::span<double> to) {
+    host_.resize(scale.size() * grid_.dofs());
+    queue_.read(from, host_.data(), host_.size());
+    for (std::size_t n = 0; n < host_.size(); ++n) to[n] = host_[n] * factor * scale[n / grid_.dofs()];
+  }
+
+  Queue queue_;
+  TissueGrid grid_;
+  std::vector<std::uint8_t> free_;
+  Elasticity<T> operator_;
+  Multigrid<T> multigrid_;
+  Pcg<T> pcg_;
+  Array<T> r_, load_, x_;
+  std::vector<T> host_;
+  double reference_pa_ = 1;
+};
+
+}  // namespace
+
+std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision precision, const Queue& queue,
+                                                                 const TissueGrid& grid,
+                                                                 const std::vector<std::uint8_t>& free,
+                                                                 std::size_t capacity,
+                                                                 const PcgOptions& options) {
+  if (precision == Precision::kDouble)
+    return std::make_unique<Correction<double>>(queue, grid, free, capacity, options);
+  return std::make_unique<Correction<float>>(queue, grid, free, capacity, options);
+}
+
+}  // namespace teletact::service

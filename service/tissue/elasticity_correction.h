@@ -1,0 +1,39 @@
+// One run of conjugate gradients for ElasticitySolver: a residual in double goes in, a correction in double
+// comes out, the work is done in T on numbers scaled to its range. Private to service/tissue.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "service/solver/pcg.h"
+#include "service/tissue/elasticity.h"
+
+namespace teletact::service {
+
+class ElasticityCorrection {
+ public:
+  virtual ~ElasticityCorrection() = default;
+  virtual void set_material(const Material&, double reference_pa) = 0;
+  // What a run needs of each right-hand side, [count][dof] or [count]; loads and residuals (N/m) vanish on
+  // constrained unknowns.
+  struct Problem {
+    std::size_t count = 0;
+    std::span<const double> residual, load;
+    std::vector<double> initial_energy, absolute_error;  // J/m and its square root, see Pcg
+    double relative_error = 0;
+  };
+  // Solves K x = residual. correction: x (m); recursive: residuals left by the recurrence (N/m), both out.
+  // Energies in the results are in J/m, residual norms in N/m.
+  virtual std::vector<PcgResult> solve(const Problem&, std::span<double> correction,
+                                       std::span<double> recursive) = 0;
+  // (r . M r)^(1/2) of residuals r (N/m): with the smallest eigenvalue of M K, a bound of ||K^-1 r||_K.
+  virtual std::vector<double> norm(std::size_t count, std::span<const double> residual) = 0;
+};
+
+// Capacity: the most right-hand sides of one run.
+std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision, const Queue&, const TissueGrid&,
+                                                                 const std::vector<std::uint8_t>& free,
+                                                                 std::size_t capacity, const PcgOptions&);
+
+}  // namespace teletact::service

@@ -1,0 +1,327 @@
+// Outer loop: residuals in double, corrections by conjugate gradients in the working precision.
+//
+// Error of the answer, in the energy norm: what conjugate gradients say is left, ||e_cg||, and what their
+// rounding added without their noticing: the gap g between the true and the recursive residual, whose error
+// ||K^-1 g||_K <= (g . M g / smallest eigenvalue of M K)^(1/2).
+#include "service/tissue/elasticity_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "service/tissue/elasticity_correction.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr std::size_t kBatch = 32;           // right-hand sides solved at once
+constexpr std::size_t kMostPasses = 12;      // of refinement
+constexpr double kPassReduction = 1e-4;      // of the error in one pass of refinement, within float's reach
+constexpr double kNegligibleEnergy = 1e-20;  // of the first guess's: a solution without strain
+
+// State of one right-hand side.
+struct Column {
+  double load_norm = 0;  // of the load and of what the prescribed displacements act with
+  double first_energy = 0;
+  double energy = 0;                                       // u . K u, J/m
+  double error = std::numeric_limits<double>::infinity();  // bound, energy norm
+  double true_residual = 0, recursive_residual = 0;
+  std::size_t iterations = 0;
+  StopReason reason = StopReason::kRunning;
+  double relative_error() const {
+    const double norm = std::sqrt(std::max(energy, kNegligibleEnergy * first_energy));
+    if (error == 0) return 0;
+    return std::isfinite(error / norm) ? error / norm : std::numeric_limits<double>::infinity();
+  }
+};
+
+double norm(std::span<const double> v) {
+  double sum = 0;
+  for (const double x : v) sum += x * x;
+  return std::sqrt(sum);
+}
+
+bool finite(std::span<const double> v) {
+  return std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
+}
+
+void require(bool condition, const std::string& message) {
+  if (!condition) throw std::invalid_argument(message);
+}
+
+}  // namespace
+
+struct ElasticitySolver::Core {
+  Core(const std::shared_ptr<Device>&, TissueGrid, const Supports&, ElasticitySolverOptions);
+  void reserve(std::size_t count);
+  std::vector<double> forces(std::size_t count, std::span<const double> displacement);
+  void check(std::size_t count, std::span<const double> loads, std::span<const double> prescribed,
+             std::span<const double> displacement) const;
+  std::vector<Column> solve(std::size_t count, std::span<const double> loads,
+                            std::span<const double> prescribed, std::span<double> u);
+  std::vector<double> masked_loads(std::size_t count, std::span<const double> loads) const;
+  std::vector<double> right_hand_norms(std::size_t count, const std::vector<double>& load,
+                                       std::span<const double> u);
+  void refresh(std::size_t count, std::span<const double> load, std::span<const double> u,
+               std::vector<double>& residual, std::vector<Column>& columns);
+  void run(std::size_t count, bool first, const std::vector<double>& load, std::span<double> u,
+           std::vector<double>& residual, std::vector<Column>& columns);
+  SolveReport report(const std::vector<Column>&) const;
+  std::span<const double> column(std::span<const double> v, std::size_t q) const {
+    return v.subspan(q * grid.dofs(), grid.dofs());
+  }
+
+  TissueGrid grid;
+  ElasticitySolverOptions options;
+  Queue queue;
+  std::vector<std::uint8_t> free;
+  Material material;
+  double reference_pa = 1;
+  double smallest_eigenvalue = 0;  // of M K, the least seen with this material
+  std::size_t capacity = 0;
+  std::unique_ptr<Elasticity<double>> exact;  // none on a device without double
+  Array<double> exact_u, exact_f;
+  std::unique_ptr<ElasticityCorrection> correction;
+};
+
+ElasticitySolver::Core::Core(const std::shared_ptr<Device>& device, TissueGrid tissue,
+                             const Supports& supports, ElasticitySolverOptions wanted)
+    : grid(std::move(tissue)), options(std::move(wanted)), queue(device->queue()) {
+  validate(grid);
+  require(options.relative_error >= 0 && std::isfinite(options.relative_error),
+          "relative_error must be 0 (default) or positive");
+  require(options.max_iterations > 0, "max_iterations must be at least 1");
+  require(options.prescribed.empty() || options.prescribed.size() == grid.dofs(),
+          "prescribed must have one entry per degree of freedom (" + std::to_string(grid.dofs()) + ")");
+  if (options.relative_error == 0)
+    options.relative_error = options.precision == SolvePrecision::kFloat ? 6e-4 : 1e-7;
+  if (options.precision == SolvePrecision::kDouble && !queue.supports(Precision::kDouble))
+    throw DeviceError("device " + queue.info().name + " has no double precision: choose refined");
+  free = free_unknowns(grid, supports);
+  for (std::size_t n = 0; n < options.prescribed.size(); ++n)
+    if (options.prescribed[n]) free[n] = 0;
+  require(std::count(free.begin(), free.end(), 0) >= 3,
+          "supports: nothing holds the tissue; fix an edge or prescribe displacements");
+  if (queue.supports(Precision::kDouble)) exact = std::make_unique<Elasticity<double>>(queue, grid, free);
+}
+
+void ElasticitySolver::Core::reserve(std::size_t count) {
+  if (count <= capacity) return;
+  capacity = count;
+  PcgOptions pcg;
+  pcg.max_iterations = options.max_iterations;
+  const Precision inner =
+      options.precision == SolvePrecision::kDouble ? Precision::kDouble : Precision::kFloat;
+  correction = make_elasticity_correction(inner, queue, grid, free, capacity, pcg);
+  correction->set_material(material, reference_pa);
+  if (!exact) return;
+  exact_u = queue.array<double>(capacity * grid.dofs());
+  exact_f = queue.array<double>(capacity * grid.dofs());
+}
+
+// K u in double.
+std::vector<double> ElasticitySolver::Core::forces(std::size_t count, std::span<const double> u) {
+  const std::size_t size = count * grid.dofs();
+  std::vector<double> force(size);
+  if (!exact) {
+    apply_on_host(grid, material, count, u, force);
+    return force;
+  }
+  queue.write(exact_u, u.data(), size);
+  exact->apply_unconstrained(exact_u, exact_f, count);
+  queue.read(exact_f, force.data(), size);
+  for (double& f : force) f *= reference_pa;
+  return force;
+}
+
+void ElasticitySolver::Core::check(std::size_t count, std::span<const double> loads,
+                                   std::span<const double> prescribed, std::span<const double> u) const {
+  require(!material.youngs_modulus_pa.empty(), "set_material must come before a solve");
+  const std::string size = std::to_string(count * grid.dofs()) + " entries (count x degrees of freedom)";
+  require(loads.empty() || loads.size() == count * grid.dofs(), "loads must have " + size);
+  require(prescribed.empty() || prescribed.size() == count * grid.dofs(), "prescribed must have " + size);
+  require(u.size() == count * grid.dofs(), "displacement must have " + size);
+  require(finite(loads), "loads hold a value that is not finite");
+  require(finite(prescribed), "prescribed displacements hold a value that is not finite");
+  require(finite(u), "displacement: the initial guess holds a value that is not finite");
+}
+
+std::vector<double> ElasticitySolver::Core::masked_loads(std::size_t count,
+                                                         std::span<const double> loads) const {
+  std::vector<double> masked(count * grid.dofs(), 0.0);
+  for (std::size_t n = 0; n < loads.size(); ++n) masked[n] = free[n % grid.dofs()] ? loads[n] : 0;
+  return masked;
+}
+
+// ||f - K u_prescribed|| on the free unknowns, whatever the initial guess.
+std::vector<double> ElasticitySolver::Core::right_hand_norms(std::size_t count,
+                                                             const std::vector<double>& load,
+                                                             std::span<const double> u) {
+  std::vector<double> held(count * grid.dofs()), right = load;
+  bool any = false;
+  for (std::size_t n = 0; n < held.size(); ++n) {
+    held[n] = free[n % grid.dofs()] ? 0 : u[n];
+    any = any || held[n] != 0;
+  }
+  if (any) {
+    const std::vector<double> force = forces(count, held);
+    for (std::size_t n = 0; n < right.size(); ++n) right[n] -= free[n % grid.dofs()] ? force[n] : 0;
+  }
+  std::vector<double> norms;
+  for (std::size_t q = 0; q < count; ++q) norms.push_back(norm(column(right, q)));
+  return norms;
+}
+
+// Residuals f - K u and energies u . K u of the present answer.
+void ElasticitySolver::Core::refresh(std::size_t count, std::span<const double> load,
+                                     std::span<const double> u, std::vector<double>& residual,
+                                     std::vector<Column>& columns) {
+  const std::vector<double> force = forces(count, u);
+  for (std::size_t n = 0; n < residual.size(); ++n)
+    residual[n] = free[n % grid.dofs()] ? load[n] - force[n] : 0;
+  for (std::size_t q = 0; q < count; ++q) {
+    const auto a = column(u, q), f = column(force, q);
+    columns[q].energy = std::inner_product(a.begin(), a.end(), f.begin(), 0.0);
+    columns[q].true_residual = norm(column(residual, q));
+  }
+}
+
+// One run of conjugate gradients from the present answer, and what is then known of its error.
+void ElasticitySolver::Core::run(std::size_t count, bool first, const std::vector<double>& load,
+                                 std::span<double> u, std::vector<double>& residual,
+                                 std::vector<Column>& columns) {
+  // Half of the error is left to rounding.
+  ElasticityCorrection::Problem problem{count, residual, load, {}, {}, options.relative_error / 2};
+  if (options.precision == SolvePrecision::kRefined) {
+    // Reduce the error itself; or stop at half of what is wanted, once the energy of the solution is known.
+    problem.load = residual;
+    problem.relative_error = std::max(kPassReduction, options.relative_error);
+    for (const Column& c : columns)
+      problem.absolute_error.push_back(
+          first ? 0 : options.relative_error / 2 * std::sqrt(std::max(c.energy, 0.0)));
+  } else {
+    for (const Column& c : columns) problem.initial_energy.push_back(c.energy);
+  }
+  std::vector<double> x(residual.size()), gap(residual.size());
+  const std::vector<PcgResult> results = correction->solve(problem, x, gap);
+  for (std::size_t n = 0; n < u.size(); ++n) u[n] += x[n];
+  refresh(count, load, u, residual, columns);
+  for (std::size_t n = 0; n < gap.size(); ++n) gap[n] = residual[n] - gap[n];
+  const std::vector<double> gap_norm = correction->norm(count, gap);
+  for (const PcgResult& r : results)
+    if (r.iterations > 0 && (smallest_eigenvalue == 0 || r.smallest_eigenvalue < smallest_eigenvalue))
+      smallest_eigenvalue = r.smallest_eigenvalue;
+  for (std::size_t q = 0; q < count; ++q) {
+    const double rounding = gap_norm[q] == 0 ? 0 : gap_norm[q] / std::sqrt(smallest_eigenvalue);
+    columns[q].error = std::sqrt(results[q].squared_error) + rounding;
+    columns[q].recursive_residual = results[q].recursive_residual;
+    columns[q].iterations += results[q].iterations;
+    columns[q].reason = results[q].reason;
+  }
+}
+
+std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<const double> loads,
+                                                  std::span<const double> prescribed, std::span<double> u) {
+  reserve(count);
+  for (std::size_t n = 0; n < u.size(); ++n)
+    if (const std::size_t dof = n % grid.dofs(); !free[dof]) {
+      const bool given = !options.prescribed.empty() && options.prescribed[dof] && !prescribed.empty();
+      u[n] = given ? prescribed[n] : 0;
+    }
+  const std::vector<double> load = masked_loads(count, loads);
+  const std::vector<double> norms = right_hand_norms(count, load, u);
+  std::vector<Column> columns(count);
+  std::vector<double> residual(count * grid.dofs());
+  refresh(count, load, u, residual, columns);
+  for (std::size_t q = 0; q < count; ++q) {
+    columns[q].load_norm = norms[q];
+    columns[q].first_energy = columns[q].energy;
+  }
+  double last = std::numeric_limits<double>::infinity();
+  for (std::size_t pass = 0; pass < kMostPasses; ++pass) {
+    run(count, pass == 0, load, u, residual, columns);
+    double worst = 0;
+    bool sound = true;
+    for (const Column& c : columns) {
+      worst = std::max(worst, c.relative_error());
+      sound = sound && c.reason == StopReason::kConverged;
+    }
+    // Done, beyond help, or no longer improving.
+    if (options.precision != SolvePrecision::kRefined || worst <= options.relative_error || !sound) break;
+    if (!(worst < last / 2)) break;
+    last = worst;
+  }
+  return columns;
+}
+
+SolveReport ElasticitySolver::Core::report(const std::vector<Column>& columns) const {
+  SolveReport report;
+  report.reason = to_string(StopReason::kConverged);
+  for (const Column& c : columns) {
+    const double scale = c.load_norm > 0 ? c.load_norm : 1;
+    report.iterations = std::max(report.iterations, c.iterations);
+    report.true_residual = std::max(report.true_residual, c.true_residual / scale);
+    report.recursive_residual = std::max(report.recursive_residual, c.recursive_residual / scale);
+    report.relative_error = std::max(report.relative_error, c.relative_error());
+    if (c.reason != StopReason::kConverged) {
+      report.converged = false;
+      report.reason = to_string(c.reason);
+    } else if (!(c.relative_error() <= options.relative_error) && report.converged) {
+      report.converged = false;
+      report.reason = "rounding of the working precision";
+    }
+  }
+  return report;
+}
+
+ElasticitySolver::ElasticitySolver(const std::shared_ptr<Device>& device, TissueGrid grid, Supports supports,
+                                   ElasticitySolverOptions options)
+    : core_(std::make_unique<Core>(device, std::move(grid), supports, std::move(options))) {}
+
+ElasticitySolver::~ElasticitySolver() = default;
+
+void ElasticitySolver::set_material(const Material& material) {
+  validate(core_->grid, material);
+  const std::vector<double>& e = material.youngs_modulus_pa;
+  core_->material = material;
+  core_->reference_pa = std::accumulate(e.begin(), e.end(), 0.0) / static_cast<double>(e.size());
+  core_->smallest_eigenvalue = 0;
+  if (core_->exact) core_->exact->set_material(material, core_->reference_pa);
+  if (core_->correction) core_->correction->set_material(material, core_->reference_pa);
+}
+
+SolveReport ElasticitySolver::solve(std::size_t count, std::span<const double> loads,
+                                    std::span<const double> prescribed, std::span<double> displacement) {
+  core_->check(count, loads, prescribed, displacement);
+  std::vector<Column> all;
+  const std::size_t dofs = core_->grid.dofs();
+  for (std::size_t begin = 0; begin < count; begin += kBatch) {
+    const std::size_t batch = std::min(kBatch, count - begin);
+    const auto part = [&](std::span<const double> v) {
+      return v.empty() ? v : v.subspan(begin * dofs, batch * dofs);
+    };
+    const auto columns =
+        core_->solve(batch, part(loads), part(prescribed), displacement.subspan(begin * dofs, batch * dofs));
+    all.insert(all.end(), columns.begin(), columns.end());
+  }
+  return core_->report(all);
+}
+
+std::vector<double> ElasticitySolver::nodal_forces(std::size_t count, std::span<const double> displacement) {
+  core_->check(count, {}, {}, displacement);
+  core_->reserve(std::min(count, kBatch));
+  std::vector<double> all;
+  const std::size_t dofs = core_->grid.dofs();
+  for (std::size_t begin = 0; begin < count; begin += kBatch) {
+    const std::size_t batch = std::min(kBatch, count - begin);
+    const auto force = core_->forces(batch, displacement.subspan(begin * dofs, batch * dofs));
+    all.insert(all.end(), force.begin(), force.end());
+  }
+  return all;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,58 @@
+// K u = f on a tissue grid by multigrid-preconditioned conjugate gradients on a device (T4): for whatever
+// does not go through the condensed compliance.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "service/device/device.h"
+#include "service/tissue/compliance.h"
+#include "service/tissue/grid.h"
+
+namespace teletact::service {
+
+// kRefined: float inside, residuals in double (on the host where the device has none): the accuracy of
+// kDouble.
+enum class SolvePrecision { kFloat, kDouble, kRefined };
+
+struct ElasticitySolverOptions {
+  SolvePrecision precision = SolvePrecision::kRefined;
+  // Energy norm of the error relative to that of the solution; 0 = 1e-7, for kFloat 6e-4. Forces and
+  // compliances are at least as good: |C_ij error| <= relative_error sqrt(C_ii C_jj).
+  double relative_error = 0;
+  std::size_t max_iterations = 500;      // of one conjugate gradient run
+  std::vector<std::uint8_t> prescribed;  // [dof], 1 where the displacement is prescribed, besides the
+                                         // supports; empty = nowhere
+};
+
+// One thread at a time; it has a queue of its own. Solves are done in batches of 32 right-hand sides.
+class ElasticitySolver {
+ public:
+  // Throws std::invalid_argument (field named) for an unusable grid or options, and when nothing at all is
+  // held; DeviceError when the device cannot do what is asked.
+  ElasticitySolver(const std::shared_ptr<Device>&, TissueGrid, Supports, ElasticitySolverOptions = {});
+  ~ElasticitySolver();
+  // Before the first solve, and again for another material. Throws std::invalid_argument (field named).
+  void set_material(const Material&);
+  // Solves for `count` right-hand sides.
+  //   loads: [count][dof] nodal forces per metre of thickness (N/m); empty = none
+  //   prescribed: [count][dof] displacements (m), read where `options.prescribed` says so; empty = zero
+  //   displacement: [count][dof] (m), in: initial guess (zeros if unknown), out: the solution
+  // The report holds the worst column: relative_error bounds ||error|| / ||solution|| in the energy norm with
+  // the rounding of the precision used; converged is false, and reason says why, when the tolerance was not
+  // reached. Throws std::invalid_argument for sizes that do not fit or values that are not finite.
+  SolveReport solve(std::size_t count, std::span<const double> loads, std::span<const double> prescribed,
+                    std::span<double> displacement);
+  // K u for all unknowns, [count][dof] (N/m): where a displacement is prescribed or supported, this less the
+  // load there is the reaction, the force that holds it.
+  std::vector<double> nodal_forces(std::size_t count, std::span<const double> displacement);
+
+ private:
+  struct Core;
+  std::unique_ptr<Core> core_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,252 @@
+// K u = f on the device against a sparse factor in double of the independently assembled K.
+#include "service/tissue/elasticity_solver.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/SparseCholesky>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "service/tissue/elasticity.h"
+#include "tests/reference/elasticity.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::VectorXd;
+
+std::shared_ptr<Device> device() {
+  static const std::shared_ptr<Device> opened = Device::open();
+  return opened;
+}
+
+// Uneven lines, stretched elements, odd and even sizes.
+TissueGrid uneven_grid() {
+  return {graded_coordinates(0, 0.05, 0.015, 0.03, 0.001, 0.006, 1.3), uniform_coordinates(0, 0.02, 17)};
+}
+
+Material inclusion(const TissueGrid& grid, double nu, double contrast) {
+  Material material{std::vector<double>(grid.elements(), 10e3), nu};
+  for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
+      const double x = grid.x_m[i] - 0.5 * grid.x_m.back(), y = grid.y_m[j] - 0.5 * grid.y_m.back();
+      if (std::hypot(x, y) < 0.3 * grid.y_m.back())
+        material.youngs_modulus_pa[grid.element(i, j)] *= contrast;
+    }
+  return material;
+}
+
+// Exact answer with the given unknowns held at the values that u holds there.
+VectorXd exact(const TissueGrid& grid, const Material& material, const std::vector<std::uint8_t>& free,
+               const VectorXd& load, VectorXd u) {
+  const Eigen::SparseMatrix<double> k = reference::assemble(grid, material);
+  std::vector<std::size_t> held;
+  for (std::size_t n = 0; n < free.size(); ++n) {
+    if (free[n]) u[static_cast<Eigen::Index>(n)] = 0;
+    if (!free[n]) held.push_back(n);
+  }
+  VectorXd right = load - k * u;
+  for (const std::size_t n : held) right[static_cast<Eigen::Index>(n)] = 0;
+  const Eigen::SparseMatrix<double> fixed = reference::with_fixed(k, held);
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(fixed);
+  return u + factor.solve(right);
+}
+
+double energy_error(const TissueGrid& grid, const Material& material, const VectorXd& u,
+                    const VectorXd& truth) {
+  const Eigen::SparseMatrix<double> k = reference::assemble(grid, material);
+  const VectorXd e = u - truth;
+  return std::sqrt(e.dot(k * e) / truth.dot(k * truth));
+}
+
+// Unit nodal forces, in y and in x by turns, on `count` surface nodes.
+std::vector<double> unit_loads(const TissueGrid& grid, std::size_t count) {
+  std::vector<double> loads(count * grid.dofs());
+  for (std::size_t q = 0; q < count; ++q)
+    loads[q * grid.dofs() + 2 * grid.node((q + 1) * grid.nx() / (count + 1), 0) + (q + 1) % 2] = 1;
+  return loads;
+}
+
+VectorXd vector(const std::vector<double>& all, std::size_t q, std::size_t dofs) {
+  return Eigen::Map<const VectorXd>(all.data() + q * dofs, static_cast<Eigen::Index>(dofs));
+}
+
+class InPrecision : public testing::TestWithParam<SolvePrecision> {
+ protected:
+  void SetUp() override {
+    if (GetParam() == SolvePrecision::kDouble && !device()->info().has_double)
+      GTEST_SKIP() << "device without double precision";
+  }
+  ElasticitySolverOptions options() const {
+    ElasticitySolverOptions o;
+    o.precision = GetParam();
+    return o;
+  }
+  double goal() const { return GetParam() == SolvePrecision::kFloat ? 1e-3 : 1e-7; }
+};
+
+TEST_P(InPrecision, AnswersLieWithinTheReportedErrorOfTheExactOnes) {
+  const TissueGrid grid = uneven_grid();
+  ElasticitySolver solver(device(), grid, {}, options());
+  for (const double nu : {0.3, 0.49, 0.495})
+    for (const double contrast : {1.0, 100.0}) {
+      const Material material = inclusion(grid, nu, contrast);
+      solver.set_material(material);
+      const std::size_t count = 3;
+      const std::vector<double> loads = unit_loads(grid, count);
+      std::vector<double> u(count * grid.dofs());
+      const SolveReport report = solver.solve(count, loads, {}, u);
+      EXPECT_TRUE(report.converged) << report.reason << " nu " << nu << " error " << report.relative_error;
+      EXPECT_LE(report.relative_error, goal());
+      for (std::size_t q = 0; q < count; ++q) {
+        const VectorXd truth = exact(grid, material, free_unknowns(grid, {}), vector(loads, q, grid.dofs()),
+                                     VectorXd::Zero(static_cast<Eigen::Index>(grid.dofs())));
+        EXPECT_LE(energy_error(grid, material, vector(u, q, grid.dofs()), truth), report.relative_error)
+            << "nu " << nu << " contrast " << contrast << " iterations " << report.iterations;
+      }
+    }
+}
+
+TEST_P(InPrecision, PrescribedDisplacementsAndTheirReactionsAreExact) {
+  const TissueGrid grid = uneven_grid();
+  const Material material = inclusion(grid, 0.49, 5);
+  ElasticitySolverOptions wanted = options();
+  wanted.prescribed.assign(grid.dofs(), 0);
+  std::vector<double> values(grid.dofs(), 0.0), u(grid.dofs(), 0.0);
+  for (std::size_t i = 8; i < 18; ++i) {  // a frictionless probe pressed 1 mm
+    wanted.prescribed[2 * grid.node(i, 0) + 1] = 1;
+    values[2 * grid.node(i, 0) + 1] = 1e-3;
+  }
+  ElasticitySolver solver(device(), grid, {}, wanted);
+  solver.set_material(material);
+  const SolveReport report = solver.solve(1, {}, values, u);
+  EXPECT_TRUE(report.converged) << report.reason << " " << report.relative_error;
+  std::vector<std::uint8_t> free = free_unknowns(grid, {});
+  for (std::size_t n = 0; n < free.size(); ++n) free[n] = free[n] && !wanted.prescribed[n];
+  const VectorXd truth = exact(grid, material, free, VectorXd::Zero(static_cast<Eigen::Index>(grid.dofs())),
+                               vector(values, 0, grid.dofs()));
+  EXPECT_LE(energy_error(grid, material, vector(u, 0, grid.dofs()), truth), report.relative_error);
+  const std::vector<double> force = solver.nodal_forces(1, u);
+  double total = 0, exact_total = 0;
+  const VectorXd exact_force = reference::assemble(grid, material) * truth;
+  for (std::size_t n = 0; n < free.size(); ++n)
+    if (wanted.prescribed[n]) {
+      total += force[n];
+      exact_total += exact_force[static_cast<Eigen::Index>(n)];
+    }
+  EXPECT_GT(exact_total, 0);
+  EXPECT_NEAR(total / exact_total, 1, goal());
+}
+
+TEST_P(InPrecision, WarmStartFromTheAnswerTakesFewerIterations) {
+  const TissueGrid grid = uneven_grid();
+  ElasticitySolver solver(device(), grid, {}, options());
+  solver.set_material(inclusion(grid, 0.49, 5));
+  const std::vector<double> loads = unit_loads(grid, 1);
+  std::vector<double> u(grid.dofs());
+  const SolveReport cold = solver.solve(1, loads, {}, u);
+  solver.set_material(inclusion(grid, 0.49, 5.02));
+  const std::vector<double> guess = u;
+  const SolveReport warm = solver.solve(1, loads, {}, u);
+  EXPECT_TRUE(warm.converged) << warm.reason;
+  EXPECT_LT(warm.iterations, cold.iterations);
+  EXPECT_NE(guess, u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Elasticity, InPrecision,
+                         testing::Values(SolvePrecision::kFloat, SolvePrecision::kDouble,
+                                         SolvePrecision::kRefined),
+                         [](const auto& info) {
+                           return std::string(info.param == SolvePrecision::kFloat    ? "Float"
+                                              : info.param == SolvePrecision::kDouble ? "Double"
+                                                                                      : "Refined");
+                         });
+
+TEST(ElasticitySolver, RefinementReachesResidualsFarBelowFloat) {
+  const TissueGrid grid = uneven_grid();
+  ElasticitySolverOptions options;
+  options.relative_error = 1e-10;
+  ElasticitySolver solver(device(), grid, {}, options);
+  solver.set_material(inclusion(grid, 0.49, 10));
+  std::vector<double> u(2 * grid.dofs());
+  const SolveReport report = solver.solve(2, unit_loads(grid, 2), {}, u);
+  EXPECT_TRUE(report.converged) << report.reason;
+  EXPECT_LE(report.true_residual, 1e-9);
+}
+
+TEST(ElasticitySolver, ManyRightHandSidesAnswerAsOneByOne) {
+  const TissueGrid grid = uneven_grid();
+  ElasticitySolver solver(device(), grid, {});
+  solver.set_material(inclusion(grid, 0.49, 10));
+  const std::size_t count = 35;  // more than a batch
+  const std::vector<double> loads = unit_loads(grid, count);
+  std::vector<double> all(count * grid.dofs());
+  EXPECT_TRUE(solver.solve(count, loads, {}, all).converged);
+  for (const std::size_t q : {std::size_t{0}, std::size_t{31}, std::size_t{34}}) {
+    std::vector<double> one(grid.dofs());
+    const std::span<const double> load(loads.data() + q * grid.dofs(), grid.dofs());
+    EXPECT_TRUE(solver.solve(1, load, {}, one).converged);
+    const VectorXd a = vector(all, q, grid.dofs()), b = vector(one, 0, grid.dofs());
+    EXPECT_LE((a - b).lpNorm<Eigen::Infinity>(), 1e-6 * b.lpNorm<Eigen::Infinity>()) << q;
+  }
+}
+
+TEST(ElasticitySolver, NothingPressedNothingMoves) {
+  const TissueGrid grid = uneven_grid();
+  ElasticitySolver solver(device(), grid, {});
+  solver.set_material(inclusion(grid, 0.49, 10));
+  std::vector<double> u(grid.dofs());
+  const SolveReport report = solver.solve(1, {}, {}, u);
+  EXPECT_TRUE(report.converged);
+  EXPECT_EQ(report.relative_error, 0);
+  EXPECT_EQ(u, std::vector<double>(grid.dofs(), 0.0));
+}
+
+TEST(ElasticitySolver, RigidMotionOfAllEdgesIsFollowedWithoutForce) {
+  const TissueGrid grid = uneven_grid();
+  ElasticitySolverOptions options;
+  options.prescribed.assign(grid.dofs(), 0);
+  std::vector<double> values(grid.dofs());
+  const auto rigid = [&](std::size_t i, std::size_t j, int c) {
+    return c == 0 ? 1e-3 - 0.1 * grid.y_m[j] : 2e-3 + 0.1 * grid.x_m[i];
+  };
+  for (std::size_t j = 0; j < grid.ny(); ++j)
+    for (std::size_t i = 0; i < grid.nx(); ++i)
+      for (int c = 0; c < 2; ++c) {
+        const std::size_t dof = 2 * grid.node(i, j) + static_cast<std::size_t>(c);
+        options.prescribed[dof] = i == 0 || j == 0 || i + 1 == grid.nx() || j + 1 == grid.ny();
+        values[dof] = rigid(i, j, c);
+      }
+  ElasticitySolver solver(device(), grid, {EdgeSupport::kFree, EdgeSupport::kFree}, options);
+  solver.set_material(inclusion(grid, 0.495, 10));
+  std::vector<double> u(grid.dofs());
+  solver.solve(1, {}, values, u);
+  for (std::size_t n = 0; n < u.size(); ++n) EXPECT_NEAR(u[n], values[n], 1e-9) << n;
+}
+
+TEST(ElasticitySolver, BadInputIsRefusedByName) {
+  const TissueGrid grid = uneven_grid();
+  const auto message = [](auto&& call) {
+    try {
+      call();
+    } catch (const std::invalid_argument& e) {
+      return std::string(e.what());
+    }
+    return std::string("accepted");
+  };
+  const Supports floating{EdgeSupport::kFree, EdgeSupport::kFree};
+  EXPECT_NE(message([&] { ElasticitySolver(device(), grid, floating); }).find("supports"), std::string::npos);
+  ElasticitySolver solver(device(), grid, {});
+  std::vector<double> u(grid.dofs()), loads(grid.dofs());
+  EXPECT_NE(message([&] { solver.solve(1, loads, {}, u); }).find("set_material"), std::string::npos);
+  solver.set_material(inclusion(grid, 0.49, 1));
+  EXPECT_NE(message([&] { solver.solve(2, loads, {}, u); }).find("loads"), std::string::npos);
+  loads[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_NE(message([&] { solver.solve(1, loads, {}, u); }).find("loads"), std::string::npos);
+  EXPECT_NE(message([&] { solver.set_material(inclusion(grid, 0.5, 1)); }).find("poisson"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace teletact::service
