@@ -1,0 +1,177 @@
+// teletact-service: the solver service on a compute node.
+#include <grpc/support/log.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <toml++/toml.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "service/device/device.h"
+#include "service/rpc/server.h"
+
+namespace {
+
+using namespace teletact::service;
+
+struct ServeOptions {
+  ServerOptions server;
+  DeviceOptions device;
+  std::filesystem::path config;
+  std::string log_level = "info";
+};
+
+// Values of the configuration file, for what the command line leaves out. The keys are the flags' names with
+// '_' for '-'; any other key is an error.
+void read_config(const CLI::App& command, ServeOptions& options) {
+  if (options.config.empty()) return;
+  toml::table table;
+  try {
+    table = toml::parse_file(options.config.string());
+  } catch (const toml::parse_error& error) {
+    throw std::runtime_error("--config " + options.config.string() + ": " + std::string(error.description()) +
+                             ", line " + std::to_string(error.source().begin.line));
+  }
+  for (const auto& [key, node] : table) {
+    const std::string name(key.str());
+    std::string flag = "--" + name;
+    std::replace(flag.begin(), flag.end(), '_', '-');
+    const auto wrong_type = [&](const char* type) {
+      throw std::runtime_error("--config " + options.config.string() + ": " + name + " must be " + type);
+    };
+    const auto text = [&](auto& to) {
+      const auto value = node.value<std::string>();
+      if (!value) wrong_type("a string");
+      if (command.count(flag) == 0) to = *value;
+    };
+    if (name == "listen")
+      text(options.server.listen.listen);
+    else if (name == "device")
+      text(options.device.select);
+    else if (name == "state")
+      text(options.server.state_directory);
+    else if (name == "kernel_directory")
+      text(options.device.kernel_directory);
+    else if (name == "tls_certificate")
+      text(options.server.listen.tls_certificate);
+    else if (name == "tls_key")
+      text(options.server.listen.tls_key);
+    else if (name == "log_level")
+      text(options.log_level);
+    else if (name == "allow_insecure_remote") {
+      if (!node.is_boolean()) wrong_type("true or false");
+      if (command.count(flag) == 0) options.server.listen.allow_insecure_remote = *node.value<bool>();
+    } else {
+      throw std::runtime_error("--config " + options.config.string() + ": unknown key \"" + name + "\"");
+    }
+  }
+}
+
+void start_logging(const std::string& level) {
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("teletact"));
+  spdlog::set_pattern("time=%Y-%m-%dT%H:%M:%S.%fZ level=%l %v", spdlog::pattern_time_type::utc);
+  const auto parsed = spdlog::level::from_str(level);
+  if (parsed == spdlog::level::off && level != "off")
+    throw std::runtime_error("--log-level " + level + ": one of trace, debug, info, warn, error, off");
+  spdlog::set_level(parsed);
+  // gRPC tells every failed bind in several lines; we tell it in one.
+  gpr_set_log_function(
+      [](gpr_log_func_args* args) { spdlog::debug("event=grpc message=\"{}\"", args->message); });
+}
+
+void serve(const CLI::App& command, ServeOptions options) {
+  const auto begun = std::chrono::steady_clock::now();
+  read_config(command, options);
+  start_logging(options.log_level);
+  std::signal(SIGPIPE, SIG_IGN);
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals,
+                  nullptr);           // before any thread: all inherit it, sigwait below takes them
+  constexpr int kDeviceNiceness = 5;  // kernels run below touch
+  options.device.niceness = kDeviceNiceness;
+  const auto device = Device::open(options.device);
+  Server server(device, options.server);
+  server.make_ready();
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
+  std::printf("teletact-service: serving on %s, device %s, ready in %.2f s\n", server.address().c_str(),
+              device->info().name.c_str(), took.count());
+  std::fflush(stdout);
+  int signal = 0;
+  sigwait(&signals, &signal);
+  spdlog::info("event=signal signal={}", signal);
+  server.drain();
+}
+
+void print_devices(bool as_json) {
+  const auto devices = list_devices();
+  if (devices.empty())
+    throw DeviceError("no OpenCL device; install one, for example apt install pocl-opencl-icd");
+  nlohmann::json all = nlohmann::json::array();
+  for (const DeviceInfo& d : devices) {
+    all.push_back({{"index", d.index},
+                   {"name", d.name},
+                   {"vendor", d.vendor},
+                   {"platform", d.platform},
+                   {"version", d.version},
+                   {"driver_version", d.driver_version},
+                   {"has_double", d.has_double},
+                   {"compute_units", d.compute_units},
+                   {"global_memory_bytes", d.global_memory_bytes}});
+    if (!as_json)
+      std::printf("%zu  %s (%s, %s), %u compute units, %.1f GB, %s\n", d.index, d.name.c_str(),
+                  d.platform.c_str(), d.driver_version.c_str(), d.compute_units,
+                  double(d.global_memory_bytes) * 1e-9, d.has_double ? "double" : "float only");
+  }
+  if (as_json) std::printf("%s\n", all.dump(2).c_str());
+}
+
+void add_serve(CLI::App& app, ServeOptions& o) {
+  CLI::App* command = app.add_subcommand("serve", "Serve elastography and palpation until SIGTERM or SIGINT");
+  command->add_option("--listen", o.server.listen.listen, "HOST:PORT or unix:/path")->capture_default_str();
+  command->add_option("--device", o.device.select, "index or part of the name of an OpenCL device");
+  command->add_option("--state", o.server.state_directory, "folder in which scenes survive the service");
+  command->add_option("--config", o.config, "TOML file with these options, '_' for '-'");
+  command->add_option("--kernel-directory", o.device.kernel_directory,
+                      "read .cl files from there (development)");
+  command->add_flag("--allow-insecure-remote", o.server.listen.allow_insecure_remote,
+                    "listen beyond this machine without encryption");
+  command->add_option("--tls-certificate", o.server.listen.tls_certificate, "PEM certificate chain");
+  command->add_option("--tls-key", o.server.listen.tls_key, "PEM private key");
+  command->add_option("--log-level", o.log_level, "trace, debug, info, warn, error or off")
+      ->capture_default_str();
+  command->callback([command, &o] { serve(*command, o); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("teletact-service: turns ultrasound into tissue that can be touched from afar",
+               "teletact-service");
+  app.set_version_flag("--version", "teletact-service " TELETACT_VERSION);
+  app.require_subcommand(1);
+  ServeOptions options;
+  add_serve(app, options);
+  bool as_json = false;
+  CLI::App* devices = app.add_subcommand("devices", "List the OpenCL devices");
+  devices->add_flag("--json", as_json, "as JSON");
+  devices->callback([&as_json] { print_devices(as_json); });
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "teletact-service: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}

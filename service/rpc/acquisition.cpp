@@ -1,0 +1,213 @@
+#include "service/rpc/acquisition.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+
+#include "service/rpc/convert.h"
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+const std::vector<std::string>& map_names() {
+  static const std::vector<std::string> names{
+      "axial_displacement", "lateral_displacement", "axial_strain", "lateral_strain",
+      "shear_strain",       "correlation",          "valid",        "youngs_modulus"};
+  return names;
+}
+
+std::size_t EstimateRequest::frame_bytes() const {
+  return sample_count * line_count * bytes_per_item(dtype);
+}
+
+namespace {
+
+template <class T>
+void require_between(const char* field, T value, T least, T most, const char* remedy) {
+  if (value >= least && value <= most) return;  // false for NaN
+  throw std::invalid_argument(
+      fmt::format("acquisition.{}: {} is not within [{}, {}]; {}", field, value, least, most, remedy));
+}
+
+void check_frame_size(const v1::Acquisition& in, std::uint64_t most_frame_bytes) {
+  const std::size_t item = bytes_per_item(in.dtype());
+  if (in.dtype() != v1::DATA_TYPE_INT16 && in.dtype() != v1::DATA_TYPE_FLOAT32)
+    throw std::invalid_argument("acquisition.dtype: must be INT16 or FLOAT32");
+  const auto bytes = static_cast<unsigned __int128>(in.sample_count()) * in.line_count() * item;
+  if (bytes > most_frame_bytes)
+    throw Error(
+        ErrorKind::kExhausted,
+        fmt::format(
+            "acquisition.sample_count, acquisition.line_count: {} x {} samples are more than the {} bytes "
+            "a frame may have; crop the frame",
+            in.sample_count(), in.line_count(), most_frame_bytes));
+  require_between("sample_count", in.sample_count(), 64U, 16384U, "give the samples of one A-line");
+  require_between("line_count", in.line_count(), 8U, 2048U, "give the number of A-lines");
+}
+
+AcquisitionGeometry acquisition_geometry(const v1::Acquisition& in) {
+  AcquisitionGeometry g;
+  g.center_frequency_hz = in.center_frequency_hz();
+  g.sampling_frequency_hz = in.sampling_frequency_hz();
+  g.sound_speed_m_s = in.sound_speed_m_s();
+  g.line_pitch_m = in.line_pitch_m();
+  g.first_sample_depth_m = in.first_sample_depth_m();
+  require_between("center_frequency_hz", g.center_frequency_hz, 1e5, 1e8,
+                  "give the transducer's centre frequency");
+  if (!(g.sampling_frequency_hz > 2 * g.center_frequency_hz) || !std::isfinite(g.sampling_frequency_hz))
+    throw std::invalid_argument(fmt::format(
+        "acquisition.sampling_frequency_hz: {} is not > 2 x center_frequency_hz; give the digitiser's rate",
+        g.sampling_frequency_hz));
+  require_between("sound_speed_m_s", g.sound_speed_m_s, 1000.0, 2500.0, "soft tissue is about 1540");
+  require_between("line_pitch_m", g.line_pitch_m, 1e-5, 5e-3, "give the distance of two A-lines in metres");
+  require_between("first_sample_depth_m", g.first_sample_depth_m, 0.0, 0.3,
+                  "give the depth of the first sample in metres");
+  switch (in.displacement_frame()) {
+    case v1::DISPLACEMENT_FRAME_LAB:
+      g.frame = DisplacementFrame::kLab;
+      break;
+    case v1::DISPLACEMENT_FRAME_PROBE:
+      g.frame = DisplacementFrame::kProbe;
+      break;
+    default:
+      throw std::invalid_argument(
+          "acquisition.displacement_frame: must be stated; LAB where the far side rests, PROBE where the "
+          "probe face rests");
+  }
+  return g;
+}
+
+TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request) {
+  TissueExtent tissue;
+  const AcquisitionGeometry& g = request.geometry;
+  const double frame_end_m =
+      g.first_sample_depth_m + g.sample_pitch_m() * static_cast<double>(request.sample_count);
+  tissue.depth_m = request.scene ? request.scene->geometry().depth_m : frame_end_m;
+  if (in.tissue_depth_m() != 0) tissue.depth_m = in.tissue_depth_m();
+  tissue.poisson_ratio = request.scene ? request.scene->geometry().poisson_ratio : 0.49;
+  if (in.poisson_ratio() != 0) tissue.poisson_ratio = in.poisson_ratio();
+  require_between("tissue_depth_m", tissue.depth_m, 1e-3, 1.0,
+                  "give the depth of the fixed far side in metres");
+  if (!(tissue.poisson_ratio >= 0 && tissue.poisson_ratio < 0.5))
+    throw std::invalid_argument(
+        fmt::format("acquisition.poisson_ratio: {} is not within [0, 0.5); soft tissue is about 0.49",
+                    tissue.poisson_ratio));
+  const double width_m = request.window_width_m();
+  if (request.scene) {
+    tissue.width_m = request.scene->geometry().width_m;
+    tissue.window_x_m = request.window_x_m;
+  } else {
+    tissue.width_m = in.tissue_width_m() != 0 ? in.tissue_width_m() : width_m;
+    require_between("tissue_width_m", tissue.width_m, width_m, 10.0,
+                    "the tissue is at least as wide as the window");
+    tissue.window_x_m = (tissue.width_m - width_m) / 2;
+  }
+  return tissue;
+}
+
+std::optional<ProbeForce> force_of(const v1::Acquisition& in) {
+  if (!in.has_probe_force()) return std::nullopt;
+  const ProbeForce force{in.probe_force().force_n(), in.probe_force().contact_area_m2()};
+  require_between("probe_force.force_n", force.force_n, 1e-6, 1e4,
+                  "give the sensor's change from pre to post, > 0 in compression");
+  require_between("probe_force.contact_area_m2", force.contact_area_m2, 1e-8, 1.0,
+                  "give the area of the probe's face that touches");
+  return force;
+}
+
+}  // namespace
+
+EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
+                             std::uint64_t most_frame_bytes) {
+  check_frame_size(in, most_frame_bytes);
+  EstimateRequest request;
+  request.sample_count = in.sample_count();
+  request.line_count = in.line_count();
+  request.dtype = in.dtype();
+  request.geometry = acquisition_geometry(in);
+  request.force = force_of(in);
+  if (in.modulus_method() != v1::MODULUS_METHOD_UNSPECIFIED &&
+      in.modulus_method() != v1::MODULUS_METHOD_REFERENCE_STRESS)
+    throw std::invalid_argument("acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS");
+  if (in.max_strain() != 0) request.max_strain = in.max_strain();
+  require_between("max_strain", request.max_strain, 1e-3, 0.2, "leave it out for 0.05");
+  for (const std::string& map : in.maps())
+    if (std::find(map_names().begin(), map_names().end(), map) == map_names().end())
+      throw std::invalid_argument(
+          fmt::format("acquisition.maps: \"{}\" is unknown; one of {}", map, fmt::join(map_names(), ", ")));
+  request.maps =
+      in.maps().empty() ? map_names() : std::vector<std::string>(in.maps().begin(), in.maps().end());
+  if (in.has_publish()) {
+    request.scene = scenes.find(in.publish().scene_id());
+    request.window_x_m = in.publish().window_x_m();
+    request.scene->check_window(request.window_x_m, request.window_x_m + request.window_width_m());
+    if (!request.force)
+      throw std::invalid_argument(
+          "acquisition.probe_force: missing; without it the modulus is relative and nothing can be "
+          "published");
+  }
+  request.tissue = tissue_of(in, request);
+  return request;
+}
+
+FrameUpload::FrameUpload(const EstimateRequest& request, std::size_t most_chunk_bytes)
+    : samples_(request.sample_count),
+      lines_(request.line_count),
+      frame_bytes_(request.frame_bytes()),
+      most_chunk_bytes_(most_chunk_bytes),
+      dtype_(request.dtype) {}
+
+void FrameUpload::add(const v1::FrameChunk& chunk) {
+  if (chunk.frame() != v1::FRAME_KIND_PRE && chunk.frame() != v1::FRAME_KIND_POST)
+    throw std::invalid_argument("chunk.frame: must be PRE or POST");
+  std::string& frame = chunk.frame() == v1::FRAME_KIND_PRE ? pre_ : post_;
+  if (chunk.data().size() > most_chunk_bytes_)
+    throw std::invalid_argument(
+        fmt::format("chunk.data: {} bytes, at most {} per chunk", chunk.data().size(), most_chunk_bytes_));
+  if (chunk.offset_bytes() != frame.size())
+    throw std::invalid_argument(
+        fmt::format("chunk.offset_bytes: {}, but {} bytes of the frame have come; send the chunks "
+                    "in order",
+                    chunk.offset_bytes(), frame.size()));
+  if (frame.size() + chunk.data().size() > frame_bytes_)
+    throw std::invalid_argument(
+        fmt::format("chunk.data: more than the {} bytes that sample_count x line_count declare; "
+                    "both frames must be of that size",
+                    frame_bytes_));
+  frame += chunk.data();
+}
+
+std::pair<RfFrame, RfFrame> FrameUpload::finish() {
+  RfFrame pre = frame("pre", pre_);
+  return {std::move(pre), frame("post", post_)};
+}
+
+RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
+  if (bytes.size() != frame_bytes_)
+    throw std::invalid_argument(
+        fmt::format("chunk.data: the {} frame has {} of {} bytes; send the rest before closing", name,
+                    bytes.size(), frame_bytes_));
+  RfFrame frame{samples_, lines_, std::vector<float>(samples_ * lines_)};
+  if (dtype_ == v1::DATA_TYPE_FLOAT32) {
+    std::memcpy(frame.samples.data(), bytes.data(), bytes.size());
+  } else {
+    std::vector<std::int16_t> values(frame.samples.size());
+    std::memcpy(values.data(), bytes.data(), bytes.size());
+    std::copy(values.begin(), values.end(), frame.samples.begin());
+  }
+  const auto bad =
+      std::find_if(frame.samples.begin(), frame.samples.end(), [](float s) { return !std::isfinite(s); });
+  if (bad != frame.samples.end()) {
+    const auto at = static_cast<std::size_t>(bad - frame.samples.begin());
+    throw std::invalid_argument(
+        fmt::format("chunk.data: sample {} of A-line {} of the {} frame is not finite; replace or crop it",
+                    at % samples_, at / samples_, name));
+  }
+  bytes = {};  // the copy is no longer needed
+  return frame;
+}
+
+}  // namespace teletact::service

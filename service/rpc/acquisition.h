@@ -1,0 +1,56 @@
+// What a client says about its RF pair, checked, and the pair itself as its chunks come in.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "service/imaging/frame.h"
+#include "service/scene/scenes.h"
+#include "teletact/v1/elastography.pb.h"
+
+namespace teletact::service {
+
+namespace v1 = ::teletact::v1;
+
+constexpr double kDefaultMaxStrain = 0.05;
+// Names of the maps that an estimate gives.
+const std::vector<std::string>& map_names();
+
+struct EstimateRequest {
+  std::size_t sample_count = 0, line_count = 0;
+  v1::DataType dtype = v1::DATA_TYPE_UNSPECIFIED;
+  AcquisitionGeometry geometry;
+  std::optional<ProbeForce> force;
+  TissueExtent tissue;
+  double max_strain = kDefaultMaxStrain;
+  std::shared_ptr<Scene> scene;  // null: nothing is published
+  double window_x_m = 0;
+  std::vector<std::string> maps;
+  double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
+  std::size_t frame_bytes() const;
+};
+
+// Throws std::invalid_argument (field named), Error(kNotFound | kExhausted | kPrecondition); allocates
+// nothing that the client sized.
+EstimateRequest request_from(const v1::Acquisition&, const Scenes&, std::uint64_t most_frame_bytes);
+
+// Puts the chunks of both frames together.
+class FrameUpload {
+ public:
+  FrameUpload(const EstimateRequest&, std::size_t most_chunk_bytes);
+  // Throws std::invalid_argument for a chunk that does not continue its frame or has too many bytes.
+  void add(const v1::FrameChunk&);
+  // Pre and post. Throws std::invalid_argument when bytes are missing or a sample is not finite.
+  std::pair<RfFrame, RfFrame> finish();
+
+ private:
+  RfFrame frame(const char* name, std::string& bytes) const;
+  std::size_t samples_, lines_, frame_bytes_, most_chunk_bytes_;
+  v1::DataType dtype_;
+  std::string pre_, post_;
+};
+
+}  // namespace teletact::service

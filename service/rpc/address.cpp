@@ -1,0 +1,105 @@
+#include "service/rpc/address.h"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+
+namespace teletact::service {
+
+namespace {
+
+constexpr std::size_t kLongestSocketPath = sizeof(sockaddr_un::sun_path) - 1;  // 107
+
+[[noreturn]] void refuse(const ListenOptions& o, const std::string& why) {
+  throw std::runtime_error(fmt::format("--listen {}: {}", o.listen, why));
+}
+
+std::string prepare_socket(const ListenOptions& o, const std::string& path) {
+  if (path.empty()) refuse(o, "give the socket's path, unix:/run/teletact.sock");
+  if (path.size() > kLongestSocketPath)
+    refuse(o, fmt::format("the path has {} bytes, a Unix socket's may have {}; choose a shorter one",
+                          path.size(), kLongestSocketPath));
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
+  const int file = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (file < 0) refuse(o, std::strerror(errno));
+  const int rc = ::connect(file, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
+  const int error = errno;
+  ::close(file);
+  if (rc == 0) refuse(o, "address in use: another service answers there");
+  std::error_code ignored;
+  if (error == ECONNREFUSED) {
+    if (!std::filesystem::is_socket(path, ignored))
+      refuse(o, "exists and is not a socket; choose another path");
+    std::filesystem::remove(path, ignored);  // left over by a service that was killed
+  } else if (error != ENOENT) {
+    refuse(o, std::strerror(error));
+  } else if (!std::filesystem::is_directory(std::filesystem::absolute(path).parent_path(), ignored)) {
+    refuse(o, "the socket's folder does not exist");
+  }
+  return "unix:" + path;
+}
+
+bool loopback(const std::string& host) {
+  if (host == "localhost") return true;
+  in_addr v4{};
+  in6_addr v6{};
+  if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == 127;
+  return inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
+}
+
+std::string read_pem(const char* flag, const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in || text.find("-----BEGIN") == std::string::npos)
+    throw std::runtime_error(fmt::format("{} {}: cannot be read as PEM", flag, path.string()));
+  return text;
+}
+
+bool encrypted(const ListenOptions& o) {
+  return !o.tls_certificate.empty();
+}
+
+}  // namespace
+
+std::string prepare_address(const ListenOptions& o) {
+  if (o.tls_certificate.empty() != o.tls_key.empty())
+    throw std::runtime_error("--tls-certificate and --tls-key: give both or none");
+  if (o.listen.starts_with("unix:")) {
+    std::string path = o.listen.substr(5);
+    if (path.starts_with("//")) path.erase(0, 2);  // unix:///run/x.sock
+    return prepare_socket(o, path);
+  }
+  const std::size_t colon = o.listen.rfind(':');
+  if (colon == std::string::npos || colon == 0) refuse(o, "give HOST:PORT or unix:/path");
+  std::string host = o.listen.substr(0, colon);
+  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  unsigned port = 0;
+  const char* const end = o.listen.data() + o.listen.size();
+  const auto parsed = std::from_chars(o.listen.data() + colon + 1, end, port);
+  if (parsed.ec != std::errc() || parsed.ptr != end || port > 65535) refuse(o, "the port must be 0 to 65535");
+  if (!loopback(host) && !encrypted(o) && !o.allow_insecure_remote)
+    refuse(o,
+           "reachable from other machines without encryption; give --tls-certificate and --tls-key, or "
+           "--allow-insecure-remote if the network is trusted");
+  return o.listen;
+}
+
+std::shared_ptr<grpc::ServerCredentials> credentials_of(const ListenOptions& o) {
+  if (!encrypted(o)) return grpc::InsecureServerCredentials();
+  grpc::SslServerCredentialsOptions options;
+  options.pem_key_cert_pairs.push_back(
+      {read_pem("--tls-key", o.tls_key), read_pem("--tls-certificate", o.tls_certificate)});
+  return grpc::SslServerCredentials(options);
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,290 @@
+#include "service/rpc/convert.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+std::size_t bytes_per_item(v1::DataType dtype) {
+  switch (dtype) {
+    case v1::DATA_TYPE_INT16:
+      return 2;
+    case v1::DATA_TYPE_FLOAT32:
+      return 4;
+    case v1::DATA_TYPE_FLOAT64:
+      return 8;
+    case v1::DATA_TYPE_UINT8:
+      return 1;
+    default:
+      return 0;
+  }
+}
+
+std::size_t checked_items(const char* field, const v1::Array& array) {
+  const std::size_t item = bytes_per_item(array.dtype());
+  if (item == 0)
+    throw std::invalid_argument(
+        fmt::format("{}.dtype: unspecified; state how the bytes are to be read", field));
+  unsigned __int128 items = 1;
+  for (const std::uint32_t size : array.shape()) {
+    items *= size;
+    if (items > array.data().size()) break;
+  }
+  if (array.shape().empty() || items * item != array.data().size())
+    throw std::invalid_argument(
+        fmt::format("{}.data: {} bytes do not fill its shape; send product(shape) x {} bytes", field,
+                    array.data().size(), item));
+  return static_cast<std::size_t>(items);
+}
+
+SceneGeometry geometry_from(const v1::SceneGeometry& in) {
+  if (in.size_m_size() != 2)
+    throw std::invalid_argument(fmt::format(
+        "geometry.size_m: {} values, this service models [width, depth]; give two", in.size_m_size()));
+  SceneGeometry g;
+  g.width_m = in.size_m(0);
+  g.depth_m = in.size_m(1);
+  if (in.has_poisson_ratio() || in.poisson_ratio() != 0) g.poisson_ratio = in.poisson_ratio();
+  if (in.thickness_m() != 0) g.thickness_m = in.thickness_m();
+  const auto edge = [](bool fixed) { return fixed ? EdgeSupport::kFixed : EdgeSupport::kFree; };
+  g.supports = {edge(in.fixed_top()), edge(!in.free_bottom()), edge(in.fixed_left()), edge(in.fixed_right())};
+  validate(g);
+  return g;
+}
+
+ExplicitModulus modulus_from(const v1::ModulusMap& in, std::size_t most_elements) {
+  const v1::Array& array = in.youngs_modulus_pa();
+  if (in.x_m_size() < 2 || in.y_m_size() < 2)
+    throw std::invalid_argument("modulus.x_m, modulus.y_m: give at least 2 node coordinates each");
+  const std::size_t columns = static_cast<std::size_t>(in.x_m_size()) - 1,
+                    rows = static_cast<std::size_t>(in.y_m_size()) - 1;
+  if (rows > most_elements / columns)
+    throw Error(ErrorKind::kExhausted,
+                fmt::format("modulus: {} x {} elements, at most {} are allowed; use a coarser grid", columns,
+                            rows, most_elements));
+  if (array.shape_size() != 2 || array.shape(0) != rows || array.shape(1) != columns)
+    throw std::invalid_argument(fmt::format(
+        "modulus.youngs_modulus_pa.shape: must be [len(y_m) - 1, len(x_m) - 1] = [{}, {}]", rows, columns));
+  const std::size_t items = checked_items("modulus.youngs_modulus_pa", array);
+  ExplicitModulus e;
+  e.x_m.assign(in.x_m().begin(), in.x_m().end());
+  e.y_m.assign(in.y_m().begin(), in.y_m().end());
+  e.youngs_modulus_pa.resize(items);
+  if (array.dtype() == v1::DATA_TYPE_FLOAT64) {
+    std::memcpy(e.youngs_modulus_pa.data(), array.data().data(), items * sizeof(double));
+  } else if (array.dtype() == v1::DATA_TYPE_FLOAT32) {
+    std::vector<float> values(items);
+    std::memcpy(values.data(), array.data().data(), items * sizeof(float));
+    e.youngs_modulus_pa.assign(values.begin(), values.end());
+  } else {
+    throw std::invalid_argument("modulus.youngs_modulus_pa.dtype: must be FLOAT32 or FLOAT64");
+  }
+  return e;
+}
+
+namespace {
+
+void geometry_to(const SceneGeometry& g, v1::SceneGeometry* out) {
+  const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };
+  out->add_size_m(g.width_m);
+  out->add_size_m(g.depth_m);
+  out->set_poisson_ratio(g.poisson_ratio);
+  out->set_has_poisson_ratio(true);
+  out->set_thickness_m(g.thickness_m);
+  out->set_fixed_top(fixed(g.supports.top));
+  out->set_free_bottom(!fixed(g.supports.bottom));
+  out->set_fixed_left(fixed(g.supports.left));
+  out->set_fixed_right(fixed(g.supports.right));
+}
+
+// The uniform cells on which a scene is shown.
+struct CellView {
+  std::size_t nx = 0, ny = 0;
+  double cell_x_m = 0, cell_y_m = 0;
+  std::vector<float> modulus_pa;
+  std::vector<std::uint8_t> valid;
+};
+
+CellView view_of(const StitchedMap& map) {
+  CellView view{map.nx(), map.ny(), map.cell_x_m(), map.cell_y_m(), map.youngs_modulus_pa(), {}};
+  for (const CellState state : map.states()) view.valid.push_back(state == CellState::kMeasured);
+  return view;
+}
+
+// Each cell shows the element that its centre lies in.
+CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
+  const StitchedMap cells(g);
+  CellView view{cells.nx(), cells.ny(), cells.cell_x_m(), cells.cell_y_m(), {}, {}};
+  const auto element_at = [](const std::vector<double>& nodes_m, double at_m) {
+    const auto after = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
+    return static_cast<std::size_t>(after - nodes_m.begin()) - 1;
+  };
+  for (std::size_t j = 0; j < view.ny; ++j) {
+    const std::size_t row = element_at(e.y_m, (static_cast<double>(j) + 0.5) * view.cell_y_m);
+    for (std::size_t i = 0; i < view.nx; ++i) {
+      const std::size_t column = element_at(e.x_m, (static_cast<double>(i) + 0.5) * view.cell_x_m);
+      view.modulus_pa.push_back(static_cast<float>(e.youngs_modulus_pa[column + (e.x_m.size() - 1) * row]));
+    }
+  }
+  view.valid.assign(view.modulus_pa.size(), 1);
+  return view;
+}
+
+template <class T>
+void map_to(const CellView& view, const char* name, const char* unit, v1::DataType dtype,
+            const std::vector<T>& values, v1::Map* out) {
+  out->set_name(name);
+  out->set_unit(unit);
+  v1::Grid* grid = out->mutable_grid();
+  grid->add_size(static_cast<std::uint32_t>(view.nx)), grid->add_size(static_cast<std::uint32_t>(view.ny));
+  grid->add_origin_m(view.cell_x_m / 2), grid->add_origin_m(view.cell_y_m / 2);
+  grid->add_spacing_m(view.cell_x_m), grid->add_spacing_m(view.cell_y_m);
+  v1::Array* array = out->mutable_values();
+  array->set_dtype(dtype);
+  array->add_shape(static_cast<std::uint32_t>(view.ny)),
+      array->add_shape(static_cast<std::uint32_t>(view.nx));
+  array->set_data(values.data(), values.size() * sizeof(T));
+}
+
+}  // namespace
+
+void scene_to(const Scene& scene, v1::SceneView wanted, v1::Scene* out) {
+  const auto snapshot = scene.snapshot();
+  out->set_scene_id(scene.id());
+  geometry_to(scene.geometry(), out->mutable_geometry());
+  out->set_version(snapshot->version);
+  for (const auto& window : snapshot->windows) {
+    v1::Window* w = out->add_windows();
+    w->set_window_id(window->id);
+    w->set_version(window->version);
+    w->set_begin_m(window->begin_m);
+    w->set_end_m(window->end_m);
+    w->set_touchable(window->model != nullptr);
+  }
+  if (wanted != v1::SCENE_VIEW_FULL) return;
+  const CellView view = scene.explicit_modulus() ? view_of(*scene.explicit_modulus(), scene.geometry())
+                                                 : view_of(*snapshot->map);
+  map_to(view, "youngs_modulus", "Pa", v1::DATA_TYPE_FLOAT32, view.modulus_pa, out->mutable_youngs_modulus());
+  map_to(view, "valid", "1", v1::DATA_TYPE_UINT8, view.valid, out->mutable_valid());
+}
+
+TouchOptions touch_options_from(const v1::TouchOpen& in) {
+  TouchOptions options;
+  Fingertip& tip = options.fingertip;
+  switch (in.fingertip().shape()) {
+    case v1::FINGERTIP_SHAPE_UNSPECIFIED:
+    case v1::FINGERTIP_SHAPE_ROUNDED_TIP:
+      tip.shape = FingertipShape::kRoundedTip;
+      break;
+    case v1::FINGERTIP_SHAPE_NODE:
+      tip.shape = FingertipShape::kNode;
+      break;
+    case v1::FINGERTIP_SHAPE_FLAT_PUNCH:
+      tip.shape = FingertipShape::kFlatPunch;
+      break;
+    default:
+      throw std::invalid_argument("open.fingertip.shape: unknown; use NODE, FLAT_PUNCH or ROUNDED_TIP");
+  }
+  tip.friction = in.fingertip().stuck() ? Friction::kStuck : Friction::kFrictionless;
+  if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();
+  if (in.fingertip().half_width_m() != 0) tip.half_width_m = in.fingertip().half_width_m();
+  tip.footprint_m = in.fingertip().footprint_m();
+  options.line_y_m = in.line_y_m();
+  switch (in.path()) {
+    case v1::SOLVE_PATH_UNSPECIFIED:
+      options.path = SolvePath::kAuto;
+      break;
+    case v1::SOLVE_PATH_COMPLIANCE:
+      options.path = SolvePath::kCompliance;
+      break;
+    case v1::SOLVE_PATH_PCG:
+      options.path = SolvePath::kPcg;
+      break;
+    default:
+      throw std::invalid_argument("open.path: unknown; leave it out, or use COMPLIANCE or PCG");
+  }
+  return options;
+}
+
+std::array<double, 3> vector_from(const char* field, const google::protobuf::RepeatedField<double>& in,
+                                  bool may_be_empty) {
+  std::array<double, 3> out{};
+  if (in.empty() && may_be_empty) return out;
+  if (in.size() != 2 && in.size() != 3)
+    throw std::invalid_argument(fmt::format("{}: {} values; give [x, y] or [x, y, z]", field, in.size()));
+  for (int k = 0; k < in.size(); ++k) {
+    if (!std::isfinite(in.Get(k)))
+      throw std::invalid_argument(fmt::format("{}[{}]: not finite; send numbers in SI units", field, k));
+    out[static_cast<std::size_t>(k)] = in.Get(k);
+  }
+  return out;
+}
+
+namespace {
+
+v1::TouchStatus status_to(TouchStatus status) {
+  switch (status) {
+    case TouchStatus::kOk:
+      return v1::TOUCH_STATUS_OK;
+    case TouchStatus::kNotCovered:
+      return v1::TOUCH_STATUS_NOT_COVERED;
+    case TouchStatus::kDegraded:
+      return v1::TOUCH_STATUS_DEGRADED;
+    case TouchStatus::kFailed:
+      return v1::TOUCH_STATUS_FAILED;
+  }
+  return v1::TOUCH_STATUS_UNSPECIFIED;
+}
+
+v1::SolvePath path_to(SolvePath path) {
+  switch (path) {
+    case SolvePath::kAuto:
+      return v1::SOLVE_PATH_UNSPECIFIED;
+    case SolvePath::kCompliance:
+      return v1::SOLVE_PATH_COMPLIANCE;
+    case SolvePath::kPcg:
+      return v1::SOLVE_PATH_PCG;
+  }
+  return v1::SOLVE_PATH_UNSPECIFIED;
+}
+
+}  // namespace
+
+void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
+  const ContactAnswer& c = in.contact;
+  out->set_status(status_to(in.status));
+  for (const double force_n : {c.force_n[0], c.force_n[1], 0.0}) out->add_force_n(force_n);
+  const auto& t = c.tangent_n_m;
+  for (const double k : {t[0], t[1], 0.0, t[2], t[3], 0.0, 0.0, 0.0, 0.0}) out->add_tangent_n_m(k);
+  out->set_energy_j(c.energy_j);
+  for (const NodalPressure& node : c.pressure) {
+    v1::NodalPressure* p = out->add_pressure();
+    p->set_x_m(node.x_m);
+    p->set_pressure_pa(node.pressure_pa);
+    p->set_traction_pa(node.traction_pa);
+  }
+  out->set_window_id(in.window_id);
+  out->set_model_version(in.model_version);
+  out->set_path(path_to(in.path));
+  if (in.path != SolvePath::kAuto) {
+    v1::SolveReport* solve = out->mutable_solve();
+    solve->set_iterations(static_cast<std::uint32_t>(c.solve.iterations));
+    solve->set_true_residual(c.solve.true_residual);
+    solve->set_recursive_residual(c.solve.recursive_residual);
+    solve->set_relative_force_error(c.solve.relative_error);
+    solve->set_reason(c.solve.reason);
+    solve->set_converged(c.solve.converged);
+  }
+  out->set_largest_strain(c.largest_strain);
+  out->set_warning(in.warning);
+  out->set_covered_begin_m(in.covered.begin_m);
+  out->set_covered_end_m(in.covered.end_m);
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,32 @@
+// proto <-> domain for scenes and touch. Everything that comes in is checked before anything is allocated for
+// it; std::invalid_argument names the field as the contract does and says what to do.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "service/scene/scene.h"
+#include "service/scene/touch_session.h"
+#include "teletact/v1/palpation.pb.h"
+
+namespace teletact::service {
+
+namespace v1 = ::teletact::v1;
+
+// Product of the shape, checked against the bytes and the dtype's size. Throws std::invalid_argument.
+std::size_t checked_items(const char* field, const v1::Array&);
+std::size_t bytes_per_item(v1::DataType);
+
+SceneGeometry geometry_from(const v1::SceneGeometry&);
+// `most_elements`: beyond it Error(kExhausted), before the values are read.
+ExplicitModulus modulus_from(const v1::ModulusMap&, std::size_t most_elements);
+void scene_to(const Scene&, v1::SceneView, v1::Scene*);
+
+TouchOptions touch_options_from(const v1::TouchOpen&);
+// [x, y] or [x, y, z]; what is absent is zero. Throws std::invalid_argument.
+std::array<double, 3> vector_from(const char* field, const google::protobuf::RepeatedField<double>&,
+                                  bool may_be_empty);
+// Fills status, force, tangent, pressure, window, solve report; the caller adds sequence and stamps.
+void answer_to(const TouchAnswer&, v1::TouchAnswer*);
+
+}  // namespace teletact::service

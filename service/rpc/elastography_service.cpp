@@ -1,0 +1,271 @@
+#include "service/rpc/elastography_service.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+
+#include "service/rpc/status.h"
+#include "service/rpc/wait.h"
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Stream = grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>;
+
+double seconds_since(Clock::time_point then) {
+  return std::chrono::duration<double>(Clock::now() - then).count();
+}
+
+v1::EstimateStage stage_to(Stage stage) {
+  switch (stage) {
+    case Stage::kDisplacement:
+      return v1::ESTIMATE_STAGE_DISPLACEMENT;
+    case Stage::kStrain:
+      return v1::ESTIMATE_STAGE_STRAIN;
+    case Stage::kModulus:
+      return v1::ESTIMATE_STAGE_MODULUS;
+  }
+  return v1::ESTIMATE_STAGE_UNSPECIFIED;
+}
+
+void write_progress(Stream& stream, v1::EstimateStage stage, double elapsed_s) {
+  v1::EstimateResponse response;
+  response.mutable_progress()->set_stage(stage);
+  response.mutable_progress()->set_elapsed_s(elapsed_s);
+  stream.Write(response);
+}
+
+// Progress from the imaging worker to the handler, which alone writes: a client that does not read must not
+// hold up imaging. At most one entry per stage.
+class Progress {
+ public:
+  struct Step {
+    v1::EstimateStage stage;
+    double elapsed_s;
+  };
+  void ended(v1::EstimateStage stage, double elapsed_s) {
+    {
+      const std::lock_guard lock(mutex_);
+      steps_.push_back({stage, elapsed_s});
+    }
+    changed_.notify_one();
+  }
+  void finished() {
+    {
+      const std::lock_guard lock(mutex_);
+      finished_ = true;
+    }
+    changed_.notify_one();
+  }
+  // The next step; empty after finished() or when nothing came for a while.
+  std::optional<Step> next(bool& finished) {
+    constexpr std::chrono::milliseconds kLook{20};
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, kLook, [this] { return finished_ || !steps_.empty(); });
+    finished = finished_ && steps_.empty();
+    if (steps_.empty()) return std::nullopt;
+    const Step step = steps_.front();
+    steps_.pop_front();
+    return step;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Step> steps_;
+  bool finished_ = false;
+};
+
+// Says that the work has ended, however it ends.
+struct Finisher {
+  Progress& progress;
+  ~Finisher() { progress.finished(); }
+};
+
+void map_to(const Estimate& e, const std::string& name, v1::Map* out) {
+  out->set_name(name);
+  v1::Grid* grid = out->mutable_grid();
+  grid->add_size(static_cast<std::uint32_t>(e.grid.nx)),
+      grid->add_size(static_cast<std::uint32_t>(e.grid.ny));
+  grid->add_origin_m(e.grid.origin_x_m), grid->add_origin_m(e.grid.origin_y_m);
+  grid->add_spacing_m(e.grid.dx_m), grid->add_spacing_m(e.grid.dy_m);
+  v1::Array* array = out->mutable_values();
+  array->add_shape(static_cast<std::uint32_t>(e.grid.ny)),
+      array->add_shape(static_cast<std::uint32_t>(e.grid.nx));
+  const auto fill = [&](const Field& field, const char* unit) {
+    out->set_unit(unit);
+    array->set_dtype(v1::DATA_TYPE_FLOAT32);
+    array->set_data(field.data(), field.size() * sizeof(float));
+  };
+  if (name == "axial_displacement") return fill(e.axial_displacement, "m");
+  if (name == "lateral_displacement") return fill(e.lateral_displacement, "m");
+  if (name == "axial_strain") return fill(e.axial_strain, "1");
+  if (name == "lateral_strain") return fill(e.lateral_strain, "1");
+  if (name == "shear_strain") return fill(e.shear_strain, "1");
+  if (name == "correlation") return fill(e.correlation, "1");
+  if (name == "youngs_modulus") return fill(e.youngs_modulus, e.modulus_absolute ? "Pa" : "1");
+  out->set_unit("1");  // valid
+  array->set_dtype(v1::DATA_TYPE_UINT8);
+  array->set_data(e.valid.data(), e.valid.size());
+}
+
+}  // namespace
+
+// Everything the worker needs; it may outlive the handler.
+struct ElastographyService::Job {
+  EstimateRequest request;
+  RfFrame pre, post;
+  Clock::time_point received;
+  Progress progress;
+  Abandoned abandoned = not_abandoned();
+};
+
+struct ElastographyService::Outcome {
+  teletact::service::Estimate estimate;
+  std::optional<Published> published;
+  double publish_s = 0, received_to_published_s = 0, queued_s = 0;
+};
+
+ElastographyService::ElastographyService(Core& core) : core_(core) {}
+
+void ElastographyService::warm() {
+  core_.scenes.worker()
+      .run([this] {
+        engine_ = std::make_unique<Elastography>(core_.device);
+        engine_->warm();
+      })
+      .get();
+}
+
+Elastography& ElastographyService::engine_for(double max_strain) {
+  if (max_strain == kDefaultMaxStrain) return *engine_;
+  if (!other_engine_ || other_max_strain_ != max_strain) {
+    ElastographyOptions options;
+    options.displacement.max_strain = max_strain;
+    other_engine_ = std::make_unique<Elastography>(core_.device, options);
+    other_max_strain_ = max_strain;
+  }
+  return *other_engine_;
+}
+
+ElastographyService::Outcome ElastographyService::work(Job& job) {
+  const Finisher finisher{job.progress};
+  const auto cancelled = [&job] { return job.abandoned->load(); };
+  if (cancelled()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
+  const EstimateRequest& r = job.request;
+  Outcome outcome;
+  outcome.queued_s = seconds_since(job.received);
+  try {
+    outcome.estimate =
+        engine_for(r.max_strain)
+            .estimate(
+                job.pre, job.post, r.geometry, r.force, r.tissue,
+                [&job](Stage stage) { job.progress.ended(stage_to(stage), seconds_since(job.received)); },
+                cancelled);
+  } catch (const TrackingError& error) {
+    throw Error(ErrorKind::kPrecondition, error.what());
+  } catch (const EstimateCancelled& error) {
+    throw Error(ErrorKind::kCancelled, error.what());
+  }
+  if (!r.scene) return outcome;
+  const auto begun = Clock::now();
+  const WindowEstimate window{r.window_x_m, r.window_width_m(), outcome.estimate.grid,
+                              outcome.estimate.youngs_modulus, outcome.estimate.valid};
+  outcome.published = core_.scenes.publish(r.scene, window, cancelled);
+  outcome.publish_s = seconds_since(begun);
+  outcome.received_to_published_s = seconds_since(job.received);
+  job.progress.ended(v1::ESTIMATE_STAGE_PUBLISHED, outcome.received_to_published_s);
+  return outcome;
+}
+
+namespace {
+
+// Reads the whole upload. Throws; nothing is kept then.
+EstimateRequest receive(Stream& stream, Core& core, Calls::Ticket& ticket,
+                        std::pair<RfFrame, RfFrame>& frames) {
+  v1::EstimateRequest message;
+  if (!stream.Read(&message) || !message.has_acquisition())
+    throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
+  EstimateRequest request = request_from(message.acquisition(), core.scenes, Core::kMostFrameBytes);
+  FrameUpload upload(request, Core::kMostChunkBytes);
+  while (stream.Read(&message)) {
+    ticket.active();
+    if (!message.has_chunk())
+      throw std::invalid_argument("chunk: after the acquisition only chunks may follow");
+    upload.add(message.chunk());
+  }
+  frames = upload.finish();
+  return request;
+}
+
+void summary_to(const Estimate& e, v1::EstimateSummary* out) {
+  out->set_modulus_absolute(e.modulus_absolute);
+  out->set_median_correlation(e.median_correlation);
+  out->set_valid_fraction(e.valid_fraction);
+  out->set_mean_axial_strain(e.mean_axial_strain);
+  out->set_background_modulus_pa(e.background_modulus);
+}
+
+}  // namespace
+
+grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream* stream) {
+  return guarded([&] {
+    // A stalled upload is cut; one that has arrived is finished within the drain's time.
+    const auto ticket = core_.calls.enter(CallKind::kEstimate, {}, [context] { context->TryCancel(); });
+    auto job = std::make_shared<Job>();
+    std::pair<RfFrame, RfFrame> frames;
+    try {
+      job->request = receive(*stream, core_, *ticket, frames);
+    } catch (const std::exception& error) {
+      spdlog::info("event=estimate_refused call={} peer={} error=\"{}\"", ticket->id(), context->peer(),
+                   error.what());
+      throw;
+    }
+    if (context->IsCancelled()) throw Error(ErrorKind::kCancelled, "the upload was cut");
+    job->received = Clock::now();
+    job->pre = std::move(frames.first), job->post = std::move(frames.second);
+    write_progress(*stream, v1::ESTIMATE_STAGE_RECEIVED, 0);
+    auto future = core_.scenes.worker().run([this, job] { return work(*job); });
+    for (bool finished = false; !finished;) {
+      ticket->active();
+      if (const auto step = job->progress.next(finished))
+        write_progress(*stream, step->stage, step->elapsed_s);
+      if (context->IsCancelled()) break;
+    }
+    const Outcome outcome = wait_for(future, *context, job->abandoned);
+    v1::EstimateResponse response;
+    for (const std::string& name : job->request.maps) {
+      map_to(outcome.estimate, name, response.mutable_map()->mutable_map());
+      stream->Write(response);
+      response.Clear();
+    }
+    v1::EstimateSummary* summary = response.mutable_summary();
+    summary_to(outcome.estimate, summary);
+    if (outcome.published) {
+      summary->set_scene_id(job->request.scene->id());
+      summary->set_window_id(outcome.published->window_id);
+      summary->set_scene_version(outcome.published->version);
+      summary->set_received_to_published_s(outcome.received_to_published_s);
+    }
+    const auto stage = [summary](const char* name, double s) {
+      v1::StageTime* time = summary->add_stages();
+      time->set_stage(name), time->set_seconds(s);
+    };
+    stage("queued", outcome.queued_s), stage("displacement", outcome.estimate.displacement_s);
+    stage("strain", outcome.estimate.strain_s), stage("modulus", outcome.estimate.modulus_s);
+    if (outcome.published) stage("publish", outcome.publish_s);
+    stream->Write(response);
+    spdlog::info("event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} elapsed_s={:.4f}",
+                 ticket->id(), context->peer(), outcome.estimate.valid_fraction,
+                 outcome.estimate.median_correlation, seconds_since(job->received));
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace teletact::service

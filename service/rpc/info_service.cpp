@@ -1,0 +1,30 @@
+#include "service/rpc/info_service.h"
+
+namespace teletact::service {
+
+grpc::Status InfoService::GetInfo(grpc::ServerContext*, const v1::GetInfoRequest*,
+                                  v1::GetInfoResponse* response) {
+  response->set_api_version("v1");
+  response->set_build(TELETACT_VERSION);
+  response->set_instance(core_.instance);
+  const DeviceInfo& device = core_.device->info();
+  v1::Device* out = response->mutable_device();
+  out->set_name(device.name);
+  out->set_vendor(device.vendor);
+  out->set_platform(device.platform);
+  out->set_driver_version(device.driver_version);
+  out->set_has_double(device.has_double);
+  out->set_compute_units(device.compute_units);
+  out->set_global_memory_bytes(device.global_memory_bytes);
+  v1::Limits* limits = response->mutable_limits();
+  limits->set_max_frame_bytes(Core::kMostFrameBytes);
+  limits->set_max_scene_elements(static_cast<std::uint32_t>(core_.scenes.limits().most_elements));
+  limits->set_max_scenes(static_cast<std::uint32_t>(core_.scenes.limits().most_scenes));
+  limits->set_max_touch_rate_hz(Core::kMostTouchesPerSecond);
+  response->set_uptime_ns(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now() - core_.started)
+          .count());
+  return grpc::Status::OK;
+}
+
+}  // namespace teletact::service

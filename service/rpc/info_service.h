@@ -1,0 +1,20 @@
+// What is running here.
+#pragma once
+
+#include "service/rpc/core.h"
+#include "teletact/v1/info.grpc.pb.h"
+
+namespace teletact::service {
+
+namespace v1 = ::teletact::v1;
+
+class InfoService final : public v1::Info::Service {
+ public:
+  explicit InfoService(Core& core) : core_(core) {}
+  grpc::Status GetInfo(grpc::ServerContext*, const v1::GetInfoRequest*, v1::GetInfoResponse*) override;
+
+ private:
+  Core& core_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,107 @@
+#include "service/rpc/server.h"
+
+#include <fmt/format.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/resource_quota.h>
+#include <grpcpp/server_builder.h>
+#include <spdlog/spdlog.h>
+
+#include <random>
+#include <stdexcept>
+
+#include "service/rpc/elastography_service.h"
+#include "service/rpc/info_service.h"
+#include "service/rpc/palpation_service.h"
+
+namespace teletact::service {
+
+namespace {
+
+constexpr int kMostMessageBytes = 2 << 20;  // a chunk of 1 MiB, a modulus map of 65536 doubles, and envelopes
+constexpr int kMostThreads = 256;           // of synchronous calls
+constexpr int kKeepaliveTimeMs = 10'000, kKeepaliveTimeoutMs = 5'000, kLeastPingIntervalMs = 5'000;
+
+const char* const kServices[] = {"teletact.v1.Info", "teletact.v1.Elastography", "teletact.v1.Palpation"};
+
+std::uint64_t random_instance() {
+  std::random_device device;
+  return (static_cast<std::uint64_t>(device()) << 32 | device()) | 1;  // never 0
+}
+
+void set_limits(grpc::ServerBuilder& builder) {
+  builder.SetMaxReceiveMessageSize(kMostMessageBytes);
+  builder.SetMaxSendMessageSize(-1);  // maps are as large as the frames that were allowed in
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveTimeMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kLeastPingIntervalMs);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  grpc::ResourceQuota quota("teletact");
+  quota.SetMaxThreads(kMostThreads);
+  builder.SetResourceQuota(quota);
+}
+
+}  // namespace
+
+Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
+  const std::string address = prepare_address(options.listen);
+  const auto credentials = credentials_of(options.listen);
+  core_ = std::make_unique<Core>(std::move(device), random_instance(), options.state_directory);
+  elastography_ = std::make_unique<ElastographyService>(*core_);
+  info_ = std::make_unique<InfoService>(*core_);
+  palpation_ = std::make_unique<PalpationService>(*core_);
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::ServerBuilder builder;
+  set_limits(builder);
+  int port = 0;
+  builder.AddListeningPort(address, credentials, &port);
+  builder.RegisterService(elastography_.get());
+  builder.RegisterService(info_.get());
+  builder.RegisterService(palpation_.get());
+  server_ = builder.BuildAndStart();
+  if (!server_)
+    throw std::runtime_error(
+        fmt::format("--listen {}: cannot listen there; the address is in use or not this machine's (or the "
+                    "TLS files do not fit)",
+                    options.listen.listen));
+  set_health(false);
+  address_ = address;
+  if (!address.starts_with("unix:"))
+    address_ = address.substr(0, address.rfind(':') + 1) + std::to_string(port);
+}
+
+Server::~Server() {
+  drain();
+}
+
+void Server::set_health(bool serving) {
+  auto* health = server_->GetHealthCheckService();
+  for (const char* name : kServices) health->SetServingStatus(name, serving);
+  health->SetServingStatus("", serving);
+}
+
+void Server::make_ready() {
+  core_->scenes.restore();
+  elastography_->warm();
+  core_->calls.open();
+  set_health(true);
+}
+
+void Server::drain() {
+  if (drained_) return;
+  drained_ = true;
+  const std::size_t open = core_->calls.count();
+  spdlog::info("event=drain calls={}", open);
+  server_->GetHealthCheckService()->Shutdown();
+  core_->calls.drain();
+  server_->Shutdown(std::chrono::system_clock::now() + kDrain);
+  server_->Wait();
+  core_->calls.wait_until_none(Calls::Clock::now() + kDrain);
+  core_->scenes.worker().stop();  // its jobs use the services, which are destroyed first
+  spdlog::info("event=drained");
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,52 @@
+// The service as one object: what main.cpp runs and the tests start in their own process.
+#pragma once
+
+#include <grpcpp/server.h>
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "service/rpc/address.h"
+#include "service/rpc/core.h"
+
+namespace teletact::service {
+
+class ElastographyService;
+class InfoService;
+class PalpationService;
+
+struct ServerOptions {
+  ListenOptions listen;
+  std::filesystem::path state_directory;  // empty: scenes end with the process
+};
+
+class Server {
+ public:
+  // Told streams get this long to end by themselves, then they are cancelled.
+  static constexpr std::chrono::seconds kDrain{3};
+
+  // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address or a state folder
+  // that cannot be used.
+  Server(std::shared_ptr<Device>, const ServerOptions&);
+  ~Server();  // drains
+  // Restores the scenes, warms the kernels, then health is SERVING.
+  void make_ready();
+  // Health NOT_SERVING, streams told (UNAVAILABLE), then closed; returns within kDrain and a little.
+  void drain();
+  const std::string& address() const { return address_; }
+  Core& core() { return *core_; }
+
+ private:
+  void set_health(bool serving);
+  std::unique_ptr<Core> core_;
+  std::unique_ptr<ElastographyService> elastography_;
+  std::unique_ptr<InfoService> info_;
+  std::unique_ptr<PalpationService> palpation_;
+  std::unique_ptr<grpc::Server> server_;
+  std::string address_;
+  bool drained_ = false;
+};
+
+}  // namespace teletact::service

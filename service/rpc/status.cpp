@@ -1,0 +1,55 @@
+#include "service/rpc/status.h"
+
+#include <spdlog/spdlog.h>
+
+#include <new>
+#include <stdexcept>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+grpc::StatusCode code_of(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::kNotFound:
+      return grpc::StatusCode::NOT_FOUND;
+    case ErrorKind::kAlreadyExists:
+      return grpc::StatusCode::ALREADY_EXISTS;
+    case ErrorKind::kExhausted:
+      return grpc::StatusCode::RESOURCE_EXHAUSTED;
+    case ErrorKind::kPrecondition:
+      return grpc::StatusCode::FAILED_PRECONDITION;
+    case ErrorKind::kAborted:
+      return grpc::StatusCode::ABORTED;
+    case ErrorKind::kUnavailable:
+      return grpc::StatusCode::UNAVAILABLE;
+    case ErrorKind::kCancelled:
+      return grpc::StatusCode::CANCELLED;
+    case ErrorKind::kDeadline:
+      return grpc::StatusCode::DEADLINE_EXCEEDED;
+  }
+  return grpc::StatusCode::INTERNAL;
+}
+
+}  // namespace
+
+grpc::Status status_of(std::exception_ptr error) noexcept {
+  try {
+    std::rethrow_exception(error);
+  } catch (const Error& e) {
+    return {code_of(e.kind), e.what()};
+  } catch (const std::invalid_argument& e) {
+    return {grpc::StatusCode::INVALID_ARGUMENT, e.what()};
+  } catch (const std::bad_alloc&) {
+    return {grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory; send a smaller request"};
+  } catch (const std::exception& e) {
+    spdlog::error("event=internal_error error=\"{}\"", e.what());
+    return {grpc::StatusCode::INTERNAL, e.what()};
+  } catch (...) {
+    return {grpc::StatusCode::INTERNAL, "unknown failure"};
+  }
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,208 @@
+#include "service/rpc/touch_reactor.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+
+#include "service/rpc/convert.h"
+#include "service/rpc/status.h"
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+// How long an ending stream waits for its last write, which is small and needs no reader's help, before the
+// call is cancelled instead.
+constexpr std::chrono::seconds kLastWrite{1};
+
+std::chrono::steady_clock::duration period_from(double wished_s) {
+  if (wished_s == 0) wished_s = TouchReactor::kDefaultPeriodS;
+  if (!(wished_s > 0 && wished_s <= TouchReactor::kLongestPeriodS))
+    throw std::invalid_argument(fmt::format("open.period_s: {} is not within (0, {}]; leave it out for {} s",
+                                            wished_s, TouchReactor::kLongestPeriodS,
+                                            TouchReactor::kDefaultPeriodS));
+  return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+      std::chrono::duration<double>(std::max(wished_s, 1 / Core::kMostTouchesPerSecond)));
+}
+
+}  // namespace
+
+TouchReactor::TouchReactor(Core& core, grpc::CallbackServerContext* context)
+    : core_(core), context_(context) {
+  const grpc::Status entered = guarded([&] {
+    ticket_ = core_.calls.enter(
+        CallKind::kTouch,
+        [this] {
+          end({grpc::StatusCode::UNAVAILABLE, "the service is shutting down; connect again later"});
+        },
+        [this] {
+          end({grpc::StatusCode::DEADLINE_EXCEEDED,
+               fmt::format("no pose for {} s; open a new stream", Calls::kIdle.count())});
+        });
+    return grpc::Status::OK;
+  });
+  if (entered.ok())
+    StartRead(&request_);
+  else
+    Finish(entered);
+}
+
+void TouchReactor::end(grpc::Status status) {
+  {
+    const std::lock_guard lock(ending_);
+    if (status_) return;
+    status_ = std::move(status);
+    if (!thread_.joinable()) {  // not opened yet: nobody else will
+      Finish(*status_);
+      return;
+    }
+  }
+  stop_ = true;
+  inbox_.wake();
+}
+
+void TouchReactor::OnReadDone(bool ok) {
+  if (!ok) return end(grpc::Status::OK);  // the client has closed its side
+  const grpc::Status taken = guarded([&] {
+    ticket_->active();
+    if (request_.has_open())
+      open(request_.open());
+    else if (request_.has_pose())
+      take_pose(request_.pose());
+    else
+      throw std::invalid_argument("kind: empty request; send open, then pose");
+    return grpc::Status::OK;
+  });
+  if (!taken.ok()) return end(taken);
+  StartRead(&request_);
+}
+
+void TouchReactor::open(const v1::TouchOpen& open) {
+  if (session_) throw std::invalid_argument("open: sent twice; send poses, or open another stream");
+  credit_ = open.credit() == 0 ? 1 : open.credit();
+  if (credit_ > kMostCredit)
+    throw std::invalid_argument(fmt::format("open.credit: {} is more than {}", credit_, kMostCredit));
+  period_ = period_from(open.period_s());
+  name_ = open.session_id().substr(0, 64);
+  auto scene = core_.scenes.find(open.scene_id());
+  session_ = std::make_unique<TouchSession>(scene, touch_options_from(open), core_.device);
+  deletion_callback_ = scene->on_deleted([this] {
+    end({grpc::StatusCode::ABORTED, fmt::format("scene {} was deleted", session_->scene()->id())});
+  });
+  spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}",
+               ticket_->id(), name_, scene->id(), context_->peer(), credit_,
+               std::chrono::duration<double>(period_).count());
+  const std::lock_guard lock(ending_);
+  if (!status_) thread_ = std::thread([this] { solve_and_write(); });
+}
+
+void TouchReactor::take_pose(const v1::ContactPose& pose) {
+  const auto arrived = Clock::now();
+  if (!session_) throw std::invalid_argument("open: the first message of a touch stream must be open");
+  if (pose.sequence() <= last_sequence_)
+    throw std::invalid_argument(
+        fmt::format("pose.sequence: {} after {}; must increase", pose.sequence(), last_sequence_));
+  if (pose.acknowledged() > written_ || pose.acknowledged() < acknowledged_)
+    throw std::invalid_argument(
+        fmt::format("pose.acknowledged: {}, but {} answers were sent and {} acknowledged",
+                    pose.acknowledged(), written_.load(), acknowledged_.load()));
+  const auto position_m = vector_from("pose.position_m", pose.position_m(), false);
+  const auto velocity_m_s = vector_from("pose.velocity_m_s", pose.velocity_m_s(), true);
+  session_->check_pose(position_m[0], position_m[1]);
+  last_sequence_ = pose.sequence();
+  acknowledged_ = pose.acknowledged();
+  session_->scene()->finger().arrive(position_m, velocity_m_s, monotonic_ns(arrived));
+  ++poses_;
+  poses_lost_ += inbox_.put({pose, arrived});
+}
+
+void TouchReactor::solve_and_write() {
+  const auto stopped = [this] { return stop_.load(); };
+  const auto may_write = [this] { return !writing_ && written_ - acknowledged_ < credit_; };
+  write_opened();
+  auto due = Clock::now();
+  while (!stop_) {
+    inbox_.wait(due, stopped);  // keep the period; poses that come meanwhile replace each other
+    const auto pose = inbox_.take(Clock::now() + Calls::kIdle, may_write, stopped);
+    if (!pose) continue;
+    // A late pose is caught up with over one period, no more.
+    due = std::max(due, Clock::now() - period_) + period_;
+    const grpc::Status answered = guarded([&] {
+      write_answer(*pose);
+      return grpc::Status::OK;
+    });
+    if (!answered.ok()) end(answered);
+  }
+  const auto written = [this] { return !writing_.load(); };
+  if (!inbox_.wait(Clock::now() + kLastWrite, written)) {
+    context_->TryCancel();
+    inbox_.wait(Clock::time_point::max(), written);
+  }
+  const std::lock_guard lock(ending_);
+  Finish(*status_);  // last: OnDone may follow at once
+}
+
+void TouchReactor::write_opened() {
+  v1::TouchOpened* opened = response_.mutable_opened();
+  const double finger_x_m = session_->scene()->finger().now().position_m[0];
+  const Covered covered = session_->scene()->snapshot()->covered_around(finger_x_m);
+  opened->set_period_s(std::chrono::duration<double>(period_).count());
+  opened->set_credit(credit_);
+  opened->set_instance(core_.instance);
+  opened->set_line_y_m(session_->line_y_m());
+  opened->set_covered_begin_m(covered.begin_m);
+  opened->set_covered_end_m(covered.end_m);
+  write();
+}
+
+void TouchReactor::write_answer(const Pose& pose) {
+  const auto begun = Clock::now();
+  const TouchAnswer solved = session_->solve(pose.pose.position_m(0), pose.pose.position_m(1));
+  const auto solved_at = Clock::now();
+  v1::TouchAnswer* answer = response_.mutable_answer();  // replaces `opened`
+  answer->Clear();
+  answer_to(solved, answer);
+  answer->set_answer(written_ + 1);
+  answer->set_sequence(pose.pose.sequence());
+  *answer->mutable_pose_stamp() = pose.pose.stamp();
+  *answer->mutable_position_m() = pose.pose.position_m();
+  answer->set_compute_ns((solved_at - begun).count());
+  answer->set_queued_ns((begun - pose.arrived).count());
+  answer->mutable_answer_stamp()->set_monotonic_ns(monotonic_ns());
+  answer->mutable_answer_stamp()->set_instance(core_.instance);
+  ++written_;  // before the write: its acknowledgement may be quicker than we are
+  write();
+}
+
+void TouchReactor::write() {
+  writing_ = true;
+  StartWrite(&response_);
+}
+
+void TouchReactor::OnWriteDone(bool ok) {
+  writing_ = false;
+  inbox_.wake();
+  if (!ok) end(grpc::Status::CANCELLED);
+}
+
+void TouchReactor::OnCancel() {
+  end(grpc::Status::CANCELLED);
+}
+
+void TouchReactor::OnDone() {
+  if (thread_.joinable()) thread_.join();
+  if (session_) {
+    session_->scene()->forget(deletion_callback_);
+    spdlog::info(
+        "event=touch_closed stream={} session=\"{}\" scene={} poses={} poses_replaced={} answers={} code={}",
+        ticket_->id(), name_, session_->scene()->id(), poses_, poses_lost_, written_.load(),
+        static_cast<int>(status_->error_code()));
+  }
+  session_.reset();
+  const auto ticket = std::move(ticket_);  // counted until nothing of the stream is left
+  delete this;
+}
+
+}  // namespace teletact::service

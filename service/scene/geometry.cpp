@@ -1,0 +1,37 @@
+#include "service/scene/geometry.h"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+namespace teletact::service {
+
+namespace {
+
+void require_between(const char* field, double value, double least, double most, const char* remedy) {
+  if (value >= least && value <= most) return;  // false for NaN
+  throw std::invalid_argument(
+      fmt::format("{}: {} is not within [{}, {}]; {}", field, value, least, most, remedy));
+}
+
+}  // namespace
+
+void validate(const SceneGeometry& g) {
+  require_between("geometry.size_m[0]", g.width_m, kSmallestSceneM, kWidestSceneM,
+                  "give the tissue's width in metres");
+  require_between("geometry.size_m[1]", g.depth_m, kSmallestSceneM, kDeepestSceneM,
+                  "give the tissue's depth in metres");
+  if (!(g.poisson_ratio >= 0 && g.poisson_ratio < 0.5))
+    throw std::invalid_argument(fmt::format(
+        "geometry.poisson_ratio: {} is not within [0, 0.5); soft tissue is about 0.49", g.poisson_ratio));
+  require_between("geometry.thickness_m", g.thickness_m, 1e-4, 1.0,
+                  "give the finger's out-of-plane contact width in metres");
+  const Supports& s = g.supports;
+  const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };
+  if (!fixed(s.top) && !fixed(s.bottom) && !fixed(s.left) && !fixed(s.right))
+    throw std::invalid_argument(
+        "geometry.free_bottom: no edge is held, so the tissue would float away; fix the bottom or another "
+        "edge");
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,22 @@
+// The piece of tissue that a scene stands for: 0 <= x <= width, 0 <= y <= depth, plane strain (T4).
+#pragma once
+
+#include "service/tissue/grid.h"
+
+namespace teletact::service {
+
+struct SceneGeometry {
+  double width_m = 0, depth_m = 0;
+  double poisson_ratio = 0.49;
+  double thickness_m = 0.010;  // out-of-plane contact width of the finger
+  Supports supports;
+};
+
+constexpr double kSmallestSceneM = 0.002;
+constexpr double kWidestSceneM = 2.0;
+constexpr double kDeepestSceneM = 0.3;
+
+// Throws std::invalid_argument naming the field of SceneGeometry and what it may be.
+void validate(const SceneGeometry&);
+
+}  // namespace teletact::service

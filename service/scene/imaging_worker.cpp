@@ -1,0 +1,61 @@
+#include "service/scene/imaging_worker.h"
+
+#include <spdlog/spdlog.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+ImagingWorker::ImagingWorker() : thread_([this] { work(); }) {}
+
+ImagingWorker::~ImagingWorker() {
+  stop();
+}
+
+void ImagingWorker::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+  const std::lock_guard lock(mutex_);
+  urgent_.clear(), background_.clear();  // their futures tell who waits
+}
+
+void ImagingWorker::post(JobUrgency urgency, std::function<void()> job) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (stop_) return;  // the job's future says so
+    if (urgency == JobUrgency::kUrgent && urgent_.size() >= kMostUrgentJobs)
+      throw Error(ErrorKind::kExhausted, "too much imaging work is waiting; try again shortly");
+    (urgency == JobUrgency::kUrgent ? urgent_ : background_).push_back(std::move(job));
+  }
+  changed_.notify_one();
+}
+
+void ImagingWorker::work() {
+  // Linux gives each thread its own nice value.
+  if (setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness) != 0)
+    spdlog::warn("event=niceness_refused thread=imaging errno={}", errno);
+  for (;;) {
+    std::function<void()> job;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return stop_ || !urgent_.empty() || !background_.empty(); });
+      if (stop_) return;
+      auto& queue = urgent_.empty() ? background_ : urgent_;
+      job = std::move(queue.front());
+      queue.pop_front();
+    }
+    try {
+      job();
+    } catch (const std::exception& error) {
+      spdlog::error("event=imaging_job_failed error=\"{}\"", error.what());
+    }
+  }
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,303 @@
+#include "service/scene/scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+VersionCounter::VersionCounter(StateStore* store)
+    : store_(store),
+      next_(store ? store->first_version() : 1),
+      reserved_(store ? next_ + StateStore::kVersionBlock : UINT64_MAX) {}
+
+std::uint64_t VersionCounter::next() {
+  const std::lock_guard lock(mutex_);
+  if (next_ >= reserved_) {
+    store_->reserve_versions(reserved_ + StateStore::kVersionBlock);
+    reserved_ += StateStore::kVersionBlock;
+  }
+  return next_++;
+}
+
+std::shared_ptr<const WindowModel> SceneSnapshot::window_at(double x_m, std::uint64_t current,
+                                                            double hysteresis_m) const {
+  std::shared_ptr<const WindowModel> best;
+  double best_margin_m = -1;
+  for (const auto& window : windows) {
+    if (x_m < window->begin_m || x_m >= window->end_m) continue;
+    const double margin_m = std::min(x_m - window->begin_m, window->end_m - x_m);
+    if (margin_m > best_margin_m) best = window, best_margin_m = margin_m;
+  }
+  if (!best) return nullptr;
+  for (const auto& window : windows)
+    if (window->id == current && x_m >= window->begin_m - hysteresis_m && x_m < window->end_m + hysteresis_m)
+      return window;
+  return best;
+}
+
+Covered SceneSnapshot::covered_around(double x_m) const {
+  constexpr double kAdjoiningM = 1e-6;  // rounding of positions and widths
+  Covered covered{x_m, x_m};
+  bool inside = false;
+  double begin_m = 0, end_m = 0;
+  for (const auto& window : windows) {
+    if (windows.front() == window || window->begin_m > end_m + kAdjoiningM)
+      begin_m = window->begin_m, end_m = begin_m;
+    end_m = std::max(end_m, window->end_m);
+    inside = x_m >= begin_m && x_m < end_m;
+    if (inside) covered = {begin_m, end_m};
+  }
+  return covered;
+}
+
+Scene::Scene(std::string id, const SceneGeometry& geometry, std::shared_ptr<VersionCounter> versions)
+    : id_(std::move(id)),
+      geometry_(geometry),
+      lines_m_(strip_lines(geometry)),
+      versions_(std::move(versions)) {
+  auto empty = std::make_shared<SceneSnapshot>();
+  empty->map = std::make_shared<const StitchedMap>(geometry_);
+  snapshot_ = empty;
+}
+
+namespace {
+
+std::shared_ptr<const TissueModel> explicit_model(const SceneGeometry& geometry, const ExplicitModulus& e) {
+  TissueModelOptions options;
+  options.touch_begin_m = e.x_m.front();
+  options.touch_end_m = e.x_m.back();
+  options.thickness_m = geometry.thickness_m;
+  return std::make_shared<const TissueModel>(TissueGrid{e.x_m, e.y_m},
+                                             Material{e.youngs_modulus_pa, geometry.poisson_ratio},
+                                             geometry.supports, options);
+}
+
+}  // namespace
+
+Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modulus,
+             std::shared_ptr<VersionCounter> versions)
+    : id_(std::move(id)),
+      geometry_(geometry),
+      explicit_(std::move(modulus)),
+      lines_m_(explicit_->y_m),
+      versions_(std::move(versions)),
+      next_window_id_(2) {
+  auto window = std::make_shared<WindowModel>();
+  window->id = 1;
+  window->begin_m = explicit_->x_m.front();
+  // The last column belongs to the tissue too.
+  window->end_m = std::nextafter(explicit_->x_m.back(), HUGE_VAL);
+  window->model = explicit_model(geometry_, *explicit_);
+  window->version = versions_->next();
+  auto snapshot = std::make_shared<SceneSnapshot>();
+  snapshot->version = window->version;
+  snapshot->windows.push_back(std::move(window));
+  snapshot_ = snapshot;
+}
+
+Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions)
+    : id_(record.id),
+      geometry_(record.geometry),
+      explicit_(record.explicit_modulus),
+      lines_m_(explicit_ ? explicit_->y_m : strip_lines(geometry_)),
+      versions_(std::move(versions)),
+      next_window_id_(record.next_window_id) {
+  auto snapshot = std::make_shared<SceneSnapshot>();
+  snapshot->version = record.version;
+  if (!explicit_) {
+    auto map = std::make_shared<StitchedMap>(geometry_);
+    map->restore(record.map_modulus_pa, record.map_states);
+    snapshot->map = map;
+  }
+  for (const WindowRecord& kept : record.windows) {
+    auto window = std::make_shared<WindowModel>();
+    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr};
+    window->model = explicit_ ? explicit_model(geometry_, *explicit_)
+                              : build_strip(geometry_, *snapshot->map, kept.begin_m, kept.end_m, strip_);
+    snapshot->windows.push_back(std::move(window));
+  }
+  snapshot_ = snapshot;
+}
+
+std::shared_ptr<const SceneSnapshot> Scene::snapshot() const {
+  const std::lock_guard lock(swap_);
+  return snapshot_;
+}
+
+void Scene::swap_in(std::shared_ptr<SceneSnapshot> next) {
+  std::shared_ptr<const SceneSnapshot> old = std::move(next);  // destroyed outside the lock
+  const std::lock_guard lock(swap_);
+  snapshot_.swap(old);
+}
+
+std::size_t Scene::line_near(double y_m) const {
+  if (!(y_m >= 0 && y_m <= geometry_.depth_m))
+    throw std::invalid_argument(fmt::format(
+        "open.line_y_m: {} is outside the tissue; give a depth within [0, {}] m", y_m, geometry_.depth_m));
+  std::size_t nearest = 0;
+  for (std::size_t j = 1; j < lines_m_.size(); ++j)
+    if (std::abs(lines_m_[j] - y_m) < std::abs(lines_m_[nearest] - y_m)) nearest = j;
+  const bool held = (nearest == 0 && geometry_.supports.top == EdgeSupport::kFixed) ||
+                    (nearest + 1 == lines_m_.size() && geometry_.supports.bottom == EdgeSupport::kFixed);
+  if (held)
+    throw std::invalid_argument(fmt::format(
+        "open.line_y_m: the line at {} m is held by a support and cannot be touched; give another depth",
+        lines_m_[nearest]));
+  return nearest;
+}
+
+void Scene::check_window(double begin_m, double end_m) const {
+  if (explicit_)
+    throw Error(
+        ErrorKind::kPrecondition,
+        fmt::format("publish.scene_id: scene {} was made from an explicit modulus and takes no windows; "
+                    "create one without",
+                    id_));
+  if (!std::isfinite(begin_m) || !std::isfinite(end_m) || begin_m < -kOverhangM || end_m <= begin_m ||
+      end_m > geometry_.width_m + kOverhangM)
+    throw std::invalid_argument(
+        fmt::format("publish.window_x_m: the window [{}, {}) m is not within the tissue, [0, {}] m; "
+                    "move the window or make the scene wider",
+                    begin_m, end_m, geometry_.width_m));
+}
+
+std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double begin_m, double end_m) const {
+  auto model = build_strip(geometry_, map, begin_m, end_m, strip_);
+  std::set<std::size_t> lines;
+  {
+    const std::lock_guard lock(users_);
+    lines.insert(lines_in_use_.begin(), lines_in_use_.end());
+  }
+  for (const std::size_t line : lines) model->condensed(line);
+  return model;
+}
+
+Published Scene::publish(const WindowEstimate& estimate, const std::function<bool()>& cancelled) {
+  const double end_of_estimate_m = estimate.window_x_m + estimate.width_m;
+  check_window(estimate.window_x_m, end_of_estimate_m);
+  const std::lock_guard lock(publishing_);
+  const auto old = snapshot();
+  auto map = std::make_shared<StitchedMap>(*old->map);
+  map->paste(estimate);
+
+  auto window = std::make_shared<WindowModel>();
+  window->begin_m = std::max(0.0, estimate.window_x_m);
+  window->end_m = std::min(geometry_.width_m, end_of_estimate_m);
+  auto next = std::make_shared<SceneSnapshot>();
+  for (const auto& other : old->windows) {
+    const bool same = std::abs(other->begin_m - window->begin_m) < kSameWindowM;
+    if (same) window->id = other->id;
+    const bool hidden =
+        other->begin_m >= window->begin_m - kSameWindowM && other->end_m <= window->end_m + kSameWindowM;
+    if (!same && !hidden) next->windows.push_back(other);
+  }
+  if (next->windows.size() >= kMostWindows)
+    throw Error(ErrorKind::kExhausted,
+                fmt::format("publish: scene {} has {} windows already; delete the scene or "
+                            "publish at the windows' places",
+                            id_, kMostWindows));
+  if (window->id == 0) window->id = next_window_id_;
+  const auto check = [&] {
+    if (deleted()) throw Error(ErrorKind::kAborted, fmt::format("scene {} was deleted", id_));
+    if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
+  };
+  check();
+  window->model = build(*map, window->begin_m, window->end_m);
+  check();
+  window->version = versions_->next();
+  next_window_id_ = std::max(next_window_id_, window->id + 1);
+  next->version = window->version;
+  next->map = map;
+  next->windows.push_back(window);
+  std::sort(next->windows.begin(), next->windows.end(),
+            [](const auto& a, const auto& b) { return a->begin_m < b->begin_m; });
+  mark_stale_around(*window, *next);
+  swap_in(next);
+  return {window->id, window->version};
+}
+
+void Scene::mark_stale_around(const WindowModel& published, const SceneSnapshot& snapshot) {
+  stale_.erase(published.id);
+  for (const auto& other : snapshot.windows)
+    if (other->id != published.id && other->begin_m - strip_.context_m < published.end_m &&
+        other->end_m + strip_.context_m > published.begin_m)
+      stale_.insert(other->id);
+}
+
+bool Scene::refresh_stale_window() {
+  const std::lock_guard lock(publishing_);
+  const auto old = snapshot();
+  const double finger_x_m = finger_.now().position_m[0];
+  std::shared_ptr<const WindowModel> nearest;
+  double nearest_m = HUGE_VAL;
+  for (const auto& window : old->windows) {
+    const double away_m = std::abs(0.5 * (window->begin_m + window->end_m) - finger_x_m);
+    if (stale_.contains(window->id) && away_m < nearest_m) nearest = window, nearest_m = away_m;
+  }
+  if (!nearest || deleted()) {
+    stale_.clear();
+    return false;
+  }
+  stale_.erase(nearest->id);
+  auto fresh = std::make_shared<WindowModel>(*nearest);
+  fresh->model = build(*old->map, nearest->begin_m, nearest->end_m);
+  fresh->version = versions_->next();
+  auto next = std::make_shared<SceneSnapshot>(*old);
+  next->version = fresh->version;
+  std::replace(next->windows.begin(), next->windows.end(), nearest,
+               std::shared_ptr<const WindowModel>(fresh));
+  swap_in(next);
+  return !stale_.empty();
+}
+
+void Scene::use_line(std::size_t line) {
+  const std::lock_guard lock(users_);
+  lines_in_use_.insert(line);
+}
+
+void Scene::leave_line(std::size_t line) {
+  const std::lock_guard lock(users_);
+  if (const auto found = lines_in_use_.find(line); found != lines_in_use_.end()) lines_in_use_.erase(found);
+}
+
+SceneRecord Scene::record() const {
+  const auto now = snapshot();
+  SceneRecord record;
+  record.id = id_;
+  record.geometry = geometry_;
+  record.version = now->version;
+  record.explicit_modulus = explicit_;
+  if (now->map) record.map_modulus_pa = now->map->youngs_modulus_pa(), record.map_states = now->map->states();
+  for (const auto& w : now->windows) {
+    record.windows.push_back({w->id, w->version, w->begin_m, w->end_m});
+    record.next_window_id = std::max(record.next_window_id, w->id + 1);
+  }
+  return record;
+}
+
+void Scene::mark_deleted() {
+  {
+    const std::lock_guard lock(users_);
+    deleted_ = true;
+    for (const auto& [key, callback] : on_deleted_) callback();
+  }
+  finger_.wake();
+}
+
+std::uint64_t Scene::on_deleted(std::function<void()> callback) {
+  const std::lock_guard lock(users_);
+  on_deleted_.emplace(next_callback_, std::move(callback));
+  return next_callback_++;
+}
+
+void Scene::forget(std::uint64_t callback) {
+  const std::lock_guard lock(users_);
+  on_deleted_.erase(callback);
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,136 @@
+// One piece of tissue in one frame of coordinates: x from its left surface corner, y depth.
+//
+// What can be touched is an immutable snapshot behind a shared pointer: touch streams take it, imaging swaps
+// a newer one in, nobody waits. Publishing a window makes the next version; versions are never reused.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "service/scene/finger.h"
+#include "service/scene/geometry.h"
+#include "service/scene/state_store.h"
+#include "service/scene/stitched_map.h"
+#include "service/scene/strip.h"
+#include "service/tissue/tissue_model.h"
+
+namespace teletact::service {
+
+// Hands out versions, on disk first when there is a store. Shared by all scenes, so that a scene made again
+// under an old name does not repeat versions either. Thread-safe.
+class VersionCounter {
+ public:
+  explicit VersionCounter(StateStore* store);
+  std::uint64_t next();
+
+ private:
+  std::mutex mutex_;
+  StateStore* store_;
+  std::uint64_t next_, reserved_;
+};
+
+struct WindowModel {
+  std::uint64_t id = 0, version = 0;  // scene version that published it last
+  double begin_m = 0, end_m = 0;      // the finger is here: [begin, end)
+  std::shared_ptr<const TissueModel> model;
+};
+
+struct Covered {
+  double begin_m = 0, end_m = 0;
+};
+
+struct SceneSnapshot {
+  std::uint64_t version = 0;                                // 0 = nothing published
+  std::vector<std::shared_ptr<const WindowModel>> windows;  // by begin_m
+  std::shared_ptr<const StitchedMap> map;                   // null for a scene made from an explicit modulus
+
+  // The window for a finger at x: `current` (0 = none) as long as the finger is within `hysteresis_m` of it,
+  // else the covering window whose border is farthest. Null where no window covers x.
+  std::shared_ptr<const WindowModel> window_at(double x_m, std::uint64_t current, double hysteresis_m) const;
+  // The union of adjoining windows around x; empty (begin = end = x) where none covers it.
+  Covered covered_around(double x_m) const;
+};
+
+struct Published {
+  std::uint64_t window_id = 0, version = 0;
+};
+
+class Scene {
+ public:
+  static constexpr std::size_t kMostWindows = 256;
+  static constexpr double kSameWindowM = 0.001;  // begins closer than this are the same window
+  static constexpr double kOverhangM = 0.001;    // a window may stick out of the tissue by this much
+
+  Scene(std::string id, const SceneGeometry&, std::shared_ptr<VersionCounter>);
+  // Touchable at once, on exactly this grid. Throws std::invalid_argument (field named).
+  Scene(std::string id, const SceneGeometry&, ExplicitModulus, std::shared_ptr<VersionCounter>);
+  // As it was kept; builds its models.
+  Scene(const SceneRecord&, std::shared_ptr<VersionCounter>);
+
+  const std::string& id() const { return id_; }
+  const SceneGeometry& geometry() const { return geometry_; }
+  const std::optional<ExplicitModulus>& explicit_modulus() const { return explicit_; }
+  std::shared_ptr<const SceneSnapshot> snapshot() const;
+  FingerBoard& finger() { return finger_; }
+  // Node coordinates of the lines that can be touched, the same in every window.
+  const std::vector<double>& lines_m() const { return lines_m_; }
+  // The line nearest to y. Throws std::invalid_argument when it is held by a support.
+  std::size_t line_near(double y_m) const;
+
+  // Throws std::invalid_argument or Error(kPrecondition) when [begin, end) cannot be published.
+  void check_window(double begin_m, double end_m) const;
+  // Stitches the estimate in, builds its window's model and swaps both in. `cancelled` is asked between the
+  // steps. Windows whose context changed are left for refresh_stale_window(). Nothing changes when it throws.
+  Published publish(const WindowEstimate&, const std::function<bool()>& cancelled);
+  // Rebuilds the stale window nearest to the finger with its present context, so that the force does not jump
+  // when the finger is handed over. False when none is stale.
+  bool refresh_stale_window();
+
+  // Touch streams name the interior lines that they use; new models are condensed on them before they are
+  // swapped in, so that a touch never waits for that.
+  void use_line(std::size_t line);
+  void leave_line(std::size_t line);
+
+  SceneRecord record() const;
+
+  bool deleted() const { return deleted_.load(); }
+  void mark_deleted();  // calls every on_deleted callback
+  std::uint64_t on_deleted(std::function<void()>);
+  void forget(std::uint64_t callback);
+
+ private:
+  std::shared_ptr<const TissueModel> build(const StitchedMap&, double begin_m, double end_m) const;
+  void swap_in(std::shared_ptr<SceneSnapshot>);
+  void mark_stale_around(const WindowModel& published, const SceneSnapshot&);
+
+  const std::string id_;
+  const SceneGeometry geometry_;
+  const std::optional<ExplicitModulus> explicit_;
+  const std::vector<double> lines_m_;
+  const StripOptions strip_;
+  const std::shared_ptr<VersionCounter> versions_;
+  FingerBoard finger_;
+
+  std::mutex publishing_;  // one publication at a time; guards next_window_id_ and stale_
+  std::uint64_t next_window_id_ = 1;
+  std::set<std::uint64_t> stale_;
+
+  mutable std::mutex swap_;  // held for a pointer's copy only
+  std::shared_ptr<const SceneSnapshot> snapshot_;
+
+  mutable std::mutex users_;
+  std::multiset<std::size_t> lines_in_use_;
+  std::map<std::uint64_t, std::function<void()>> on_deleted_;
+  std::uint64_t next_callback_ = 1;
+  std::atomic<bool> deleted_{false};
+};
+
+}  // namespace teletact::service

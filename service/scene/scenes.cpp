@@ -1,0 +1,187 @@
+#include "service/scene/scenes.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+constexpr std::size_t kLongestId = 64;
+
+void check_id(const std::string& id) {
+  const bool plain = std::all_of(id.begin(), id.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+  if (!plain || id.size() > kLongestId)
+    throw std::invalid_argument(fmt::format(
+        "scene_id: must be 1 to {} letters, digits, '_' or '-'; leave it empty to have one chosen",
+        kLongestId));
+}
+
+std::string random_id() {
+  std::random_device device;
+  return fmt::format("scene-{:08x}", device());
+}
+
+void check_axis(const char* field, const std::vector<double>& nodes_m, double length_m, std::size_t most) {
+  if (nodes_m.size() < 2 || nodes_m.size() > most)
+    throw std::invalid_argument(fmt::format("{}: {} nodes, must be 2 to {}", field, nodes_m.size(), most));
+  for (std::size_t k = 0; k + 1 < nodes_m.size(); ++k)
+    if (!(nodes_m[k + 1] > nodes_m[k]))
+      throw std::invalid_argument(fmt::format("{}[{}]: nodes must be finite and increase", field, k + 1));
+  const double slack_m = 1e-6 * length_m;
+  if (!(std::abs(nodes_m.front()) <= slack_m && std::abs(nodes_m.back() - length_m) <= slack_m))
+    throw std::invalid_argument(
+        fmt::format("{}: runs from {} to {} m, must run from 0 to the scene's size, {} m", field,
+                    nodes_m.front(), nodes_m.back(), length_m));
+}
+
+void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, const SceneLimits& limits) {
+  check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.most_columns);
+  check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.most_elements + 1);
+  const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1);
+  if (elements > limits.most_elements)
+    throw Error(ErrorKind::kExhausted,
+                fmt::format("modulus: {} elements, at most {} are allowed; use a coarser grid", elements,
+                            limits.most_elements));
+  if (e.youngs_modulus_pa.size() != elements)
+    throw std::invalid_argument(fmt::format("modulus.youngs_modulus_pa: {} values for {} elements",
+                                            e.youngs_modulus_pa.size(), elements));
+  for (std::size_t n = 0; n < elements; ++n)
+    if (!(e.youngs_modulus_pa[n] > 0) || !std::isfinite(e.youngs_modulus_pa[n]))
+      throw std::invalid_argument(
+          fmt::format("modulus.youngs_modulus_pa[{}]: {} Pa; a modulus must be finite and > 0", n,
+                      e.youngs_modulus_pa[n]));
+}
+
+}  // namespace
+
+Scenes::Scenes(const std::filesystem::path& state_directory, SceneLimits limits) : limits_(limits) {
+  if (!state_directory.empty()) store_ = std::make_unique<StateStore>(state_directory);
+  versions_ = std::make_shared<VersionCounter>(store_.get());
+}
+
+Scenes::~Scenes() = default;
+
+void Scenes::restore() {
+  if (!store_) return;
+  for (const SceneRecord& record : store_->load()) try {
+      auto scene = std::make_shared<Scene>(record, versions_);
+      const std::lock_guard lock(mutex_);
+      scenes_[record.id] = scene;
+      spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
+                   record.windows.size());
+    } catch (const std::exception& error) {
+      store_->set_aside(record.id, error.what());
+    }
+}
+
+std::shared_ptr<Scene> Scenes::create(const std::string& wanted_id, const SceneGeometry& geometry,
+                                      std::optional<ExplicitModulus> modulus) {
+  check_id(wanted_id);
+  validate(geometry);
+  if (modulus) check_modulus(*modulus, geometry, limits_);
+  std::string id = wanted_id;
+  {
+    const std::lock_guard lock(mutex_);
+    while (id.empty()) {
+      id = random_id();
+      if (scenes_.contains(id) || being_made_.contains(id)) id.clear();
+    }
+    if (scenes_.contains(id) || being_made_.contains(id))
+      throw Error(ErrorKind::kAlreadyExists,
+                  fmt::format("scene_id: {} is taken; delete that scene or choose another id", id));
+    if (scenes_.size() + being_made_.size() >= limits_.most_scenes)
+      throw Error(ErrorKind::kExhausted,
+                  fmt::format("{} scenes exist, no more are allowed; delete one", limits_.most_scenes));
+    being_made_.insert(id);
+  }
+  std::shared_ptr<Scene> scene;
+  try {
+    scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), versions_)
+                    : std::make_shared<Scene>(id, geometry, versions_);
+    keep(scene);
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    being_made_.erase(id);
+    throw;
+  }
+  const std::lock_guard lock(mutex_);
+  being_made_.erase(id);
+  scenes_[id] = scene;
+  spdlog::info("event=scene_created scene={} version={} width_m={} depth_m={}", id,
+               scene->snapshot()->version, geometry.width_m, geometry.depth_m);
+  return scene;
+}
+
+std::shared_ptr<Scene> Scenes::find(const std::string& id) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = scenes_.find(id);
+  if (found == scenes_.end())
+    throw Error(ErrorKind::kNotFound,
+                fmt::format("scene_id: no scene \"{}\" here; ListScenes names them", id));
+  return found->second;
+}
+
+std::vector<std::shared_ptr<Scene>> Scenes::list() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::shared_ptr<Scene>> all;
+  for (const auto& [id, scene] : scenes_) all.push_back(scene);
+  return all;
+}
+
+void Scenes::remove(const std::string& id) {
+  const std::lock_guard disk(disk_);  // nobody makes or keeps a scene of this name meanwhile
+  const auto scene = find(id);
+  scene->mark_deleted();
+  if (store_) store_->remove(id);
+  const std::lock_guard lock(mutex_);
+  scenes_.erase(id);
+  spdlog::info("event=scene_deleted scene={}", id);
+}
+
+void Scenes::keep(const std::shared_ptr<Scene>& scene) {
+  const std::lock_guard lock(disk_);
+  if (store_ && !scene->deleted()) store_->save(scene->record());
+}
+
+Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
+                          const std::function<bool()>& cancelled) {
+  const Published published = scene->publish(estimate, cancelled);
+  spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
+               scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
+  refresh_later(scene);
+  return published;
+}
+
+void Scenes::refresh_later(const std::shared_ptr<Scene>& scene) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!refreshing_.insert(scene.get()).second) return;  // the job that waits will see the newest
+  }
+  worker_.post(JobUrgency::kBackground, [this, scene] {
+    {
+      const std::lock_guard lock(mutex_);
+      refreshing_.erase(scene.get());
+    }
+    // One window per job: a new estimate goes before the rest.
+    const bool more = scene->refresh_stale_window();
+    try {
+      keep(scene);
+    } catch (const std::exception& error) {
+      // The disk may be full: touch goes on, the state on disk stays the one before.
+      spdlog::error("event=state_not_kept scene={} error=\"{}\"", scene->id(), error.what());
+    }
+    if (more) refresh_later(scene);
+  });
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,58 @@
+// All scenes of the service: made, found, kept on disk, deleted. Thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "service/scene/imaging_worker.h"
+#include "service/scene/scene.h"
+
+namespace teletact::service {
+
+struct SceneLimits {
+  std::size_t most_scenes = 64;
+  std::size_t most_elements = 65536;  // of an explicit modulus map
+  std::size_t most_columns = 513;     // nodes per line of it: condensation costs their cube
+};
+
+class Scenes {
+ public:
+  // `state_directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used.
+  explicit Scenes(const std::filesystem::path& state_directory, SceneLimits = {});
+  ~Scenes();
+
+  // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside.
+  void restore();
+
+  // `id` empty: chosen here. Throws std::invalid_argument (field named), Error(kAlreadyExists | kExhausted).
+  std::shared_ptr<Scene> create(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>);
+  std::shared_ptr<Scene> find(const std::string& id) const;  // Error(kNotFound)
+  std::vector<std::shared_ptr<Scene>> list() const;
+  void remove(const std::string& id);  // Error(kNotFound)
+
+  // On the imaging worker: publishes, then keeps the scene and refreshes its neighbours in the background.
+  Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&,
+                    const std::function<bool()>& cancelled);
+  ImagingWorker& worker() { return worker_; }
+  const SceneLimits& limits() const { return limits_; }
+
+ private:
+  void keep(const std::shared_ptr<Scene>&);
+  void refresh_later(const std::shared_ptr<Scene>&);
+  const SceneLimits limits_;
+  std::unique_ptr<StateStore> store_;
+  std::shared_ptr<VersionCounter> versions_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<Scene>> scenes_;
+  std::set<std::string> being_made_;   // ids taken while their models are built
+  std::set<const Scene*> refreshing_;  // a background job waits for them
+  std::mutex disk_;
+  ImagingWorker worker_;  // last: its jobs use all of the above
+};
+
+}  // namespace teletact::service

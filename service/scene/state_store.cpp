@@ -1,0 +1,238 @@
+#include "service/scene/state_store.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstring>
+#include <ctime>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <stdexcept>
+
+namespace teletact::service {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+constexpr int kFormat = 1;
+
+[[noreturn]] void fail(const fs::path& path, const char* what) {
+  throw std::runtime_error(fmt::format("state {}: {}: {}", path.string(), what, std::strerror(errno)));
+}
+
+void sync_folder(const fs::path& folder) {
+  const int file = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (file < 0) fail(folder, "cannot open");
+  const int rc = ::fsync(file);
+  ::close(file);
+  if (rc != 0) fail(folder, "cannot sync");
+}
+
+// Beside its place, synced, renamed, the folder synced.
+void write_file(const fs::path& path, std::span<const char> bytes) {
+  const fs::path temporary = path.string() + ".tmp";
+  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0) fail(temporary, "cannot write");
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t wrote = ::write(file, bytes.data() + done, bytes.size() - done);
+    if (wrote <= 0) {
+      ::close(file);
+      fail(temporary, "cannot write");
+    }
+    done += static_cast<std::size_t>(wrote);
+  }
+  const int synced = ::fsync(file);
+  ::close(file);
+  if (synced != 0) fail(temporary, "cannot sync");
+  if (::rename(temporary.c_str(), path.c_str()) != 0) fail(path, "cannot rename");
+  sync_folder(path.parent_path());
+}
+
+std::string read_file(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw std::runtime_error(fmt::format("{} is missing or unreadable", path.filename().string()));
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// FNV-1a, 64 bit: tells a damaged file from a whole one.
+std::string checksum(std::string_view bytes) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  return fmt::format("{:016x}", hash);
+}
+
+template <class T>
+void append(std::string& out, const std::vector<T>& values) {
+  out.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+template <class T>
+std::vector<T> take(std::string_view& in, std::size_t count) {
+  if (count > in.size() / sizeof(T)) throw std::runtime_error("the map file is too short");
+  std::vector<T> values(count);
+  std::memcpy(values.data(), in.data(), count * sizeof(T));
+  in.remove_prefix(count * sizeof(T));
+  return values;
+}
+
+json to_json(const SceneGeometry& g) {
+  const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };
+  return {{"width_m", g.width_m},
+          {"depth_m", g.depth_m},
+          {"poisson_ratio", g.poisson_ratio},
+          {"thickness_m", g.thickness_m},
+          {"fixed_top", fixed(g.supports.top)},
+          {"fixed_bottom", fixed(g.supports.bottom)},
+          {"fixed_left", fixed(g.supports.left)},
+          {"fixed_right", fixed(g.supports.right)}};
+}
+
+SceneGeometry geometry_from(const json& j) {
+  const auto edge = [&j](const char* key) {
+    return j.at(key).get<bool>() ? EdgeSupport::kFixed : EdgeSupport::kFree;
+  };
+  SceneGeometry g;
+  g.width_m = j.at("width_m");
+  g.depth_m = j.at("depth_m");
+  g.poisson_ratio = j.at("poisson_ratio");
+  g.thickness_m = j.at("thickness_m");
+  g.supports = {edge("fixed_top"), edge("fixed_bottom"), edge("fixed_left"), edge("fixed_right")};
+  validate(g);
+  return g;
+}
+
+}  // namespace
+
+StateStore::StateStore(fs::path directory) : directory_(std::move(directory)) {
+  std::error_code error;
+  fs::create_directories(directory_ / "scenes", error);
+  if (error)
+    throw std::runtime_error(
+        fmt::format("state {}: cannot make the folder: {}", directory_.string(), error.message()));
+  lock_file_ = ::open((directory_ / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (lock_file_ < 0) fail(directory_, "cannot write");
+  if (::flock(lock_file_, LOCK_EX | LOCK_NB) != 0) {
+    ::close(lock_file_);
+    throw std::runtime_error(
+        fmt::format("state {}: in use by another teletact-service", directory_.string()));
+  }
+  const fs::path versions = directory_ / "versions.json";
+  try {
+    if (fs::exists(versions)) first_version_ = json::parse(read_file(versions)).at("first_unused");
+  } catch (const std::exception& e) {
+    // Go on far beyond what any scene can have used.
+    first_version_ = static_cast<std::uint64_t>(std::time(nullptr)) * kVersionBlock;
+    spdlog::error("event=state_versions_unreadable error=\"{}\" continuing_at={}", e.what(), first_version_);
+  }
+  reserve_versions(first_version_ + kVersionBlock);
+}
+
+StateStore::~StateStore() {
+  if (lock_file_ >= 0) ::close(lock_file_);
+}
+
+void StateStore::reserve_versions(std::uint64_t limit) {
+  write_file(directory_ / "versions.json", json{{"first_unused", limit}}.dump());
+}
+
+void StateStore::save(const SceneRecord& record) {
+  const fs::path folder = directory_ / "scenes" / record.id;
+  fs::create_directories(folder);
+  std::string raw;
+  json scene{{"format", kFormat},
+             {"scene_id", record.id},
+             {"geometry", to_json(record.geometry)},
+             {"version", record.version},
+             {"next_window_id", record.next_window_id},
+             {"windows", json::array()}};
+  for (const WindowRecord& w : record.windows)
+    scene["windows"].push_back(
+        {{"id", w.id}, {"version", w.version}, {"begin_m", w.begin_m}, {"end_m", w.end_m}});
+  if (record.explicit_modulus) {
+    const ExplicitModulus& e = *record.explicit_modulus;
+    scene["explicit_nodes"] = {e.x_m.size(), e.y_m.size()};
+    append(raw, e.x_m), append(raw, e.y_m), append(raw, e.youngs_modulus_pa);
+  } else {
+    append(raw, record.map_modulus_pa), append(raw, record.map_states);
+    scene["cells"] = record.map_modulus_pa.size();
+  }
+  const std::string name = fmt::format("map-{}.raw", record.version);
+  write_file(folder / name, raw);
+  scene["map"] = {{"file", name}, {"checksum", checksum(raw)}};
+  write_file(folder / "scene.json", scene.dump(1));
+  for (const auto& entry : fs::directory_iterator(folder))  // what scene.json no longer names
+    if (entry.path().filename() != name && entry.path().filename() != "scene.json") fs::remove(entry.path());
+}
+
+SceneRecord StateStore::load_scene(const fs::path& folder) const {
+  const json scene = json::parse(read_file(folder / "scene.json"));
+  if (scene.at("format") != kFormat) throw std::runtime_error("unknown format");
+  SceneRecord record;
+  record.id = scene.at("scene_id");
+  if (record.id != folder.filename()) throw std::runtime_error("scene_id is not the folder's name");
+  record.geometry = geometry_from(scene.at("geometry"));
+  record.version = scene.at("version");
+  record.next_window_id = scene.at("next_window_id");
+  for (const json& w : scene.at("windows"))
+    record.windows.push_back({w.at("id"), w.at("version"), w.at("begin_m"), w.at("end_m")});
+  const fs::path name = scene.at("map").at("file").get<std::string>();
+  if (name.has_parent_path()) throw std::runtime_error("map.file is not a plain name");
+  const std::string raw = read_file(folder / name);
+  if (checksum(raw) != scene.at("map").at("checksum").get<std::string>())
+    throw std::runtime_error("the map file does not match its checksum");
+  std::string_view rest = raw;
+  if (scene.contains("explicit_nodes")) {
+    const std::size_t nx = scene["explicit_nodes"].at(0), ny = scene["explicit_nodes"].at(1);
+    if (nx < 2 || ny < 2) throw std::runtime_error("explicit_nodes: at least 2 x 2");
+    record.explicit_modulus = ExplicitModulus{take<double>(rest, nx), take<double>(rest, ny),
+                                              take<double>(rest, (nx - 1) * (ny - 1))};
+  } else {
+    record.map_modulus_pa = take<float>(rest, scene.at("cells"));
+    record.map_states = take<CellState>(rest, scene.at("cells"));
+  }
+  return record;
+}
+
+void StateStore::set_aside(const std::string& id, const std::string& why) {
+  const fs::path folder = directory_ / "scenes" / id;
+  const fs::path to =
+      directory_ / "set-aside" / fmt::format("{}-{}", id, static_cast<std::int64_t>(std::time(nullptr)));
+  std::error_code error;
+  fs::create_directories(to.parent_path(), error);
+  fs::rename(folder, to, error);
+  spdlog::error("event=state_set_aside scene={} error=\"{}\" moved_to=\"{}\" moved={}", id, why, to.string(),
+                !error);
+}
+
+std::vector<SceneRecord> StateStore::load() {
+  std::vector<SceneRecord> records;
+  std::vector<fs::path> folders;
+  for (const auto& entry : fs::directory_iterator(directory_ / "scenes")) folders.push_back(entry.path());
+  std::sort(folders.begin(), folders.end());
+  for (const fs::path& folder : folders) try {
+      records.push_back(load_scene(folder));
+    } catch (const std::exception& e) {
+      set_aside(folder.filename().string(), e.what());
+    }
+  return records;
+}
+
+void StateStore::remove(const std::string& id) {
+  // Out of the way in one step, then away.
+  const fs::path gone = directory_ / ("deleted-" + id);
+  std::error_code error;
+  fs::remove_all(gone, error);
+  fs::rename(directory_ / "scenes" / id, gone, error);
+  if (!error) sync_folder(directory_ / "scenes");
+  fs::remove_all(gone, error);
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,230 @@
+#include "service/scene/stitched_map.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+struct Span {
+  std::size_t begin = 0, end = 0;  // [begin, end)
+  std::size_t size() const { return end - begin; }
+};
+
+// Image nodes along one axis that lie in [from, to); the nearest one when none does.
+Span nodes_within(double from_m, double to_m, double origin_m, double spacing_m, std::size_t count) {
+  const double last = static_cast<double>(count - 1);
+  const double first_index = std::ceil((from_m - origin_m) / spacing_m - 1e-9);
+  const double end_index = std::ceil((to_m - origin_m) / spacing_m - 1e-9);
+  const auto clip = [last](double index) { return static_cast<std::size_t>(std::clamp(index, 0.0, last)); };
+  if (end_index > first_index && first_index <= last && end_index > 0)
+    return {clip(first_index), clip(end_index - 1) + 1};
+  const std::size_t nearest = clip(std::round((0.5 * (from_m + to_m) - origin_m) / spacing_m));
+  return {nearest, nearest + 1};
+}
+
+bool usable(float modulus_pa, std::uint8_t valid) {
+  return valid != 0 && std::isfinite(modulus_pa) && modulus_pa > 0;
+}
+
+double median_modulus_pa(const WindowEstimate& w) {
+  std::vector<float> values;
+  for (std::size_t n = 0; n < w.youngs_modulus_pa.size(); ++n)
+    if (usable(w.youngs_modulus_pa[n], w.valid[n])) values.push_back(w.youngs_modulus_pa[n]);
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Harmonic mean of the usable image nodes in a cell, 0 when fewer than half of them are.
+float cell_modulus_pa(const WindowEstimate& w, Span columns, Span rows, double median_pa) {
+  double inverse_sum = 0;
+  std::size_t used = 0;
+  for (std::size_t j = rows.begin; j < rows.end; ++j)
+    for (std::size_t i = columns.begin; i < columns.end; ++i) {
+      const std::size_t n = i + w.grid.nx * j;
+      const float modulus_pa = w.youngs_modulus_pa[n];
+      if (!usable(modulus_pa, w.valid[n]) || modulus_pa > median_pa * StitchedMap::kLargestContrast ||
+          modulus_pa < median_pa / StitchedMap::kLargestContrast)
+        continue;
+      inverse_sum += 1 / static_cast<double>(modulus_pa);
+      ++used;
+    }
+  return 2 * used >= columns.size() * rows.size() && used > 0 ? static_cast<float>(used / inverse_sum) : 0.0F;
+}
+
+// Fills the zeros of an nx x ny patch: each pass gives every empty cell next to known ones the mean of their
+// log E, so that passes grow outwards by one cell.
+void extend_in_log(std::vector<float>& modulus_pa, std::size_t nx, std::size_t ny) {
+  std::vector<std::size_t> empty;
+  for (std::size_t n = 0; n < modulus_pa.size(); ++n)
+    if (modulus_pa[n] == 0) empty.push_back(n);
+  while (!empty.empty()) {
+    std::vector<std::pair<std::size_t, float>> grown;
+    std::vector<std::size_t> left;
+    for (const std::size_t n : empty) {
+      const std::size_t i = n % nx, j = n / nx;
+      double log_sum = 0;
+      int known = 0;
+      const auto look = [&](bool inside, std::size_t neighbour) {
+        if (!inside || modulus_pa[neighbour] == 0) return;
+        log_sum += std::log(static_cast<double>(modulus_pa[neighbour]));
+        ++known;
+      };
+      look(i > 0, n - 1), look(i + 1 < nx, n + 1), look(j > 0, n - nx), look(j + 1 < ny, n + nx);
+      if (known > 0)
+        grown.emplace_back(n, static_cast<float>(std::exp(log_sum / known)));
+      else
+        left.push_back(n);
+    }
+    if (grown.empty()) throw std::logic_error("extend_in_log: no known cell to extend from");
+    for (const auto& [n, value] : grown) modulus_pa[n] = value;
+    empty.swap(left);
+  }
+}
+
+void check_sizes(const WindowEstimate& w) {
+  const ImageGrid& g = w.grid;
+  if (g.nx < 1 || g.ny < 1 || !(g.dx_m > 0) || !(g.dy_m > 0))
+    throw std::invalid_argument("window.grid: needs at least one node and a positive spacing");
+  if (w.youngs_modulus_pa.size() != g.size() || w.valid.size() != g.size())
+    throw std::invalid_argument(
+        fmt::format("window.youngs_modulus_pa: {} values and {} flags for {} image nodes",
+                    w.youngs_modulus_pa.size(), w.valid.size(), g.size()));
+}
+
+std::size_t cells_over(double length_m) {
+  return std::max<std::size_t>(1, static_cast<std::size_t>(std::llround(length_m / StitchedMap::kCellM)));
+}
+
+}  // namespace
+
+StitchedMap::StitchedMap(const SceneGeometry& geometry)
+    : nx_(cells_over(geometry.width_m)),
+      ny_(cells_over(geometry.depth_m)),
+      cell_x_m_(geometry.width_m / static_cast<double>(nx_)),
+      cell_y_m_(geometry.depth_m / static_cast<double>(ny_)),
+      modulus_pa_(nx_ * ny_, 0.0F),
+      states_(nx_ * ny_, CellState::kUnknown) {
+  index_columns();
+}
+
+std::size_t StitchedMap::column(double x_m) const {
+  return static_cast<std::size_t>(std::clamp(x_m / cell_x_m_, 0.0, static_cast<double>(nx_ - 1)));
+}
+
+void StitchedMap::paste(const WindowEstimate& w) {
+  check_sizes(w);
+  // Columns whose centre the window covers.
+  const auto centre_index = [this](double x_m) {
+    return static_cast<std::size_t>(
+        std::clamp(std::ceil(x_m / cell_x_m_ - 0.5 - 1e-9), 0.0, static_cast<double>(nx_)));
+  };
+  const Span columns{centre_index(w.window_x_m), centre_index(w.window_x_m + w.width_m)};
+  if (columns.end <= columns.begin)
+    throw std::invalid_argument("window.window_x_m: the window covers nothing of the tissue");
+  const double median_pa = median_modulus_pa(w);
+  std::vector<float> patch(columns.size() * ny_);
+  std::size_t measured = 0, in_image = 0;
+  const double image_end_m = w.grid.origin_y_m + w.grid.dy_m * static_cast<double>(w.grid.ny - 1);
+  for (std::size_t j = 0; j < ny_; ++j) {
+    const double y_m = cell_y_m_ * static_cast<double>(j);
+    if (y_m + cell_y_m_ < w.grid.origin_y_m || y_m > image_end_m) continue;  // above or below the image
+    const Span rows = nodes_within(y_m, y_m + cell_y_m_, w.grid.origin_y_m, w.grid.dy_m, w.grid.ny);
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const double x_m = cell_x_m_ * static_cast<double>(columns.begin + i) - w.window_x_m;
+      const Span nodes = nodes_within(x_m, x_m + cell_x_m_, w.grid.origin_x_m, w.grid.dx_m, w.grid.nx);
+      float& cell = patch[i + columns.size() * j];
+      cell = cell_modulus_pa(w, nodes, rows, median_pa);
+      measured += cell > 0;
+      ++in_image;
+    }
+  }
+  if (measured == 0 || static_cast<double>(measured) < kLeastMeasuredShare * static_cast<double>(in_image))
+    throw Error(
+        ErrorKind::kPrecondition,
+        fmt::format("only {} of the window's {} cells have a valid modulus (at least {:.0f} % are needed); "
+                    "acquire the window again",
+                    measured, in_image, 100 * kLeastMeasuredShare));
+  std::vector<float> extended = patch;
+  extend_in_log(extended, columns.size(), ny_);
+  for (std::size_t j = 0; j < ny_; ++j)
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const std::size_t from = i + columns.size() * j, to = columns.begin + i + nx_ * j;
+      modulus_pa_[to] = extended[from];
+      states_[to] = patch[from] > 0 ? CellState::kMeasured : CellState::kExtended;
+    }
+  index_columns();
+}
+
+void StitchedMap::index_columns() {
+  constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+  std::vector<std::size_t> left(nx_, kNone), right(nx_, kNone);
+  const auto known = [this](std::size_t i) { return states_[i] != CellState::kUnknown; };
+  for (std::size_t i = 0; i < nx_; ++i) left[i] = known(i) ? i : (i > 0 ? left[i - 1] : kNone);
+  for (std::size_t i = nx_; i-- > 0;) right[i] = known(i) ? i : (i + 1 < nx_ ? right[i + 1] : kNone);
+  source_column_.assign(nx_, kNone);
+  for (std::size_t i = 0; i < nx_; ++i) {
+    const bool take_left = right[i] == kNone || (left[i] != kNone && i - left[i] <= right[i] - i);
+    source_column_[i] = take_left ? left[i] : right[i];
+  }
+  const std::size_t rows = std::min(ny_, static_cast<std::size_t>(std::ceil(kFeltDepthM / cell_y_m_)));
+  measured_share_.assign(nx_, 0.0F);
+  for (std::size_t j = 0; j < rows; ++j)
+    for (std::size_t i = 0; i < nx_; ++i)
+      if (states_[i + nx_ * j] == CellState::kMeasured) measured_share_[i] += 1.0F / static_cast<float>(rows);
+}
+
+double StitchedMap::mean_modulus_pa(double x0_m, double x1_m, double y0_m, double y1_m) const {
+  const auto row = [this](double y_m) {
+    return static_cast<std::size_t>(std::clamp(y_m / cell_y_m_, 0.0, static_cast<double>(ny_ - 1)));
+  };
+  double inverse_sum = 0, area = 0;
+  for (std::size_t j = row(y0_m); j <= row(y1_m); ++j) {
+    const double top_m = cell_y_m_ * static_cast<double>(j);
+    const double height = std::min(y1_m, top_m + cell_y_m_) - std::max(y0_m, top_m);
+    if (height <= 0) continue;
+    for (std::size_t i = column(x0_m); i <= column(x1_m); ++i) {
+      const double left_m = cell_x_m_ * static_cast<double>(i);
+      const double width = std::min(x1_m, left_m + cell_x_m_) - std::max(x0_m, left_m);
+      if (width <= 0) continue;
+      if (source_column_[i] >= nx_) throw std::logic_error("mean_modulus_pa: nothing is published yet");
+      inverse_sum += width * height / static_cast<double>(modulus_pa_[source_column_[i] + nx_ * j]);
+      area += width * height;
+    }
+  }
+  return area / inverse_sum;
+}
+
+double StitchedMap::measured_share(double x0_m, double x1_m) const {
+  double sum = 0;
+  const std::size_t first = column(x0_m), last = column(x1_m);
+  for (std::size_t i = first; i <= last; ++i) sum += static_cast<double>(measured_share_[i]);
+  return sum / static_cast<double>(last - first + 1);
+}
+
+void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states) {
+  if (youngs_modulus_pa.size() != nx_ * ny_ || states.size() != nx_ * ny_)
+    throw std::invalid_argument(
+        fmt::format("map: {} cells kept, {} expected", youngs_modulus_pa.size(), nx_ * ny_));
+  for (std::size_t n = 0; n < states.size(); ++n) {
+    if (states[n] > CellState::kMeasured) throw std::invalid_argument("map: unknown cell state");
+    const bool positive = std::isfinite(youngs_modulus_pa[n]) && youngs_modulus_pa[n] > 0;
+    if (states[n] != CellState::kUnknown && !positive)
+      throw std::invalid_argument(
+          fmt::format("map: modulus {} Pa of cell {} is not positive", youngs_modulus_pa[n], n));
+  }
+  modulus_pa_ = std::move(youngs_modulus_pa);
+  states_ = std::move(states);
+  index_columns();
+}
+
+}  // namespace teletact::service

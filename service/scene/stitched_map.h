@@ -1,0 +1,75 @@
+// Young's modulus of a scene, stitched from its windows onto uniform cells of about 0.5 mm.
+//
+// A cell is kMeasured where at least half of the image nodes in it are valid; its modulus is their harmonic
+// mean, because what was measured is strain, E = sigma / eps, and the mean strain is the unbiased one.
+// Invalid cells of a published window are kExtended: grown layer by layer from the measured ones, each the
+// geometric mean (mean of log E) of its neighbours that are known already. Where windows overlap the newest
+// counts.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "service/imaging/frame.h"
+#include "service/scene/geometry.h"
+
+namespace teletact::service {
+
+// What elastography hands over: E and its validity on the image grid, window coordinates (x = 0 at
+// window_x_m of the scene, y = 0 at the probe face).
+struct WindowEstimate {
+  double window_x_m = 0;  // left border in the scene
+  double width_m = 0;     // the window covers [window_x_m, window_x_m + width_m)
+  ImageGrid grid;
+  Field youngs_modulus_pa;
+  std::vector<std::uint8_t> valid;
+};
+
+enum class CellState : std::uint8_t { kUnknown = 0, kExtended = 1, kMeasured = 2 };
+
+class StitchedMap {
+ public:
+  static constexpr double kCellM = 0.0005;
+  // A window is refused when less than this share of its cells was measured.
+  static constexpr double kLeastMeasuredShare = 0.2;
+  // Pixels further than this factor from the window's median are taken as invalid.
+  static constexpr double kLargestContrast = 100;
+  // Depth over which measured_share() looks: what a finger feels.
+  static constexpr double kFeltDepthM = 0.025;
+
+  explicit StitchedMap(const SceneGeometry&);
+
+  // Writes one window's cells. Throws std::invalid_argument for sizes that do not fit, Error(kPrecondition)
+  // when too little of it is valid; the map is unchanged then.
+  void paste(const WindowEstimate&);
+
+  // Harmonic mean of E (Pa) over [x0, x1] x [y0, y1] (m). Columns never published take the nearest published
+  // one. Throws std::logic_error when nothing is published.
+  double mean_modulus_pa(double x0_m, double x1_m, double y0_m, double y1_m) const;
+  // Share of measured cells, down to kFeltDepthM, in [x0, x1]; 0 where unknown.
+  double measured_share(double x0_m, double x1_m) const;
+
+  std::size_t nx() const { return nx_; }
+  std::size_t ny() const { return ny_; }
+  double cell_x_m() const { return cell_x_m_; }
+  double cell_y_m() const { return cell_y_m_; }
+  // Cell (i, j) at i + nx j; 0 Pa where unknown.
+  const std::vector<float>& youngs_modulus_pa() const { return modulus_pa_; }
+  const std::vector<CellState>& states() const { return states_; }
+  // Restores what the two accessors above gave. Throws std::invalid_argument when it does not fit or a
+  // known cell is not a finite positive modulus.
+  void restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states);
+
+ private:
+  std::size_t column(double x_m) const;
+  void index_columns();
+  std::size_t nx_, ny_;
+  double cell_x_m_, cell_y_m_;
+  std::vector<float> modulus_pa_;
+  std::vector<CellState> states_;
+  std::vector<std::size_t> source_column_;  // nearest published column
+  std::vector<float> measured_share_;       // per column
+};
+
+}  // namespace teletact::service

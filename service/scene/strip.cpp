@@ -1,0 +1,61 @@
+#include "service/scene/strip.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace teletact::service {
+
+namespace {
+
+constexpr double kColumnGrowth = 1.3, kLineGrowth = 1.15;
+
+struct Range {
+  double begin_m, end_m;
+};
+
+Range widened(const SceneGeometry& g, double begin_m, double end_m, double by_m) {
+  return {std::max(0.0, begin_m - by_m), std::min(g.width_m, end_m + by_m)};
+}
+
+}  // namespace
+
+std::vector<double> strip_lines(const SceneGeometry& g, const StripOptions& o) {
+  if (g.depth_m <= o.fine_depth_m + o.coarse_line_m)
+    return uniform_coordinates(
+        0, g.depth_m, std::max<std::size_t>(1, std::llround(std::ceil(g.depth_m / o.fine_m - 1e-9))));
+  return graded_coordinates(0, g.depth_m, 0, o.fine_depth_m, o.fine_m, o.coarse_line_m, kLineGrowth);
+}
+
+std::vector<double> strip_columns(const SceneGeometry& g, double begin_m, double end_m,
+                                  const StripOptions& o) {
+  const Range reach = widened(g, begin_m, end_m, o.hysteresis_m + o.finger_reach_m);
+  // On the scene's lattice of fine columns.
+  const double fine_begin_m = std::max(0.0, std::floor(reach.begin_m / o.fine_m + 1e-9) * o.fine_m);
+  const double fine_end_m = std::min(g.width_m, std::ceil(reach.end_m / o.fine_m - 1e-9) * o.fine_m);
+  const Range strip = widened(g, begin_m, end_m, o.context_m);
+  return graded_coordinates(std::min(strip.begin_m, fine_begin_m), std::max(strip.end_m, fine_end_m),
+                            fine_begin_m, fine_end_m, o.fine_m, o.coarse_m, kColumnGrowth);
+}
+
+std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const StitchedMap& map, double begin_m,
+                                               double end_m, const StripOptions& o) {
+  TissueGrid grid{strip_columns(g, begin_m, end_m, o), strip_lines(g, o)};
+  Material material;
+  material.poisson_ratio = g.poisson_ratio;
+  material.youngs_modulus_pa.reserve(grid.elements());
+  for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid.nx(); ++i)
+      material.youngs_modulus_pa.push_back(
+          map.mean_modulus_pa(grid.x_m[i], grid.x_m[i + 1], grid.y_m[j], grid.y_m[j + 1]));
+  Supports supports = g.supports;
+  if (grid.x_m.front() > 0) supports.left = EdgeSupport::kFree;
+  if (grid.x_m.back() < g.width_m) supports.right = EdgeSupport::kFree;
+  const Range reach = widened(g, begin_m, end_m, o.hysteresis_m + o.finger_reach_m);
+  TissueModelOptions options;
+  options.touch_begin_m = reach.begin_m;
+  options.touch_end_m = reach.end_m;
+  options.thickness_m = g.thickness_m;
+  return std::make_shared<const TissueModel>(std::move(grid), std::move(material), supports, options);
+}
+
+}  // namespace teletact::service

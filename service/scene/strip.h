@@ -1,0 +1,37 @@
+// The strip of tissue that a window is touched on (T4): the window with context on each side, on a graded
+// grid. Fine columns (1 mm) lie on one lattice of the whole scene, so that the strips of two windows have the
+// same nodes under a finger that is handed over from one to the other.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "service/scene/geometry.h"
+#include "service/scene/stitched_map.h"
+#include "service/tissue/tissue_model.h"
+
+namespace teletact::service {
+
+struct StripOptions {
+  double fine_m = 0.001;          // columns under the finger; lines down to fine_depth_m
+  double coarse_m = 0.008;        // columns far away
+  double hysteresis_m = 0.002;    // the finger may leave its window by this much before it is handed over
+  double finger_reach_m = 0.014;  // half of the widest contact
+  double context_m = 0.060;       // tissue on each side of the window
+  double fine_depth_m = 0.022;
+  double coarse_line_m = 0.002;  // distance of lines at depth
+};
+
+// Node coordinates of the lines (y), the same for every strip of a scene.
+std::vector<double> strip_lines(const SceneGeometry&, const StripOptions& = {});
+// Node coordinates of the columns (x) of the strip for the window [begin, end).
+std::vector<double> strip_columns(const SceneGeometry&, double begin_m, double end_m,
+                                  const StripOptions& = {});
+
+// The tissue model of the window [begin, end): element modulus = harmonic mean over the map's cells (series
+// model: exact for layers across the load, and unbiased for strain noise); edges of the strip inside the
+// tissue are free, edges on the tissue's border as in the geometry.
+std::shared_ptr<const TissueModel> build_strip(const SceneGeometry&, const StitchedMap&, double begin_m,
+                                               double end_m, const StripOptions& = {});
+
+}  // namespace teletact::service

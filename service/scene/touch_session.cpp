@@ -1,0 +1,137 @@
+#include "service/scene/touch_session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace teletact::service {
+
+namespace {
+
+void check_length(const char* field, double value_m, double least_m) {
+  if (value_m >= least_m && value_m <= TouchSession::kWidestReachM) return;
+  throw std::invalid_argument(
+      fmt::format("{}: {} m is not within [{}, {}]", field, value_m, least_m, TouchSession::kWidestReachM));
+}
+
+void check_fingertip(const Fingertip& tip) {
+  switch (tip.shape) {
+    case FingertipShape::kNode:
+      // A Gaussian is cut at three standard deviations or so.
+      if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= TouchSession::kWidestReachM))
+        throw std::invalid_argument(fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]",
+                                                tip.footprint_m, TouchSession::kWidestReachM / 3));
+      return;
+    case FingertipShape::kFlatPunch:
+      check_length("open.fingertip.half_width_m", tip.half_width_m, 1e-4);
+      check_length("open.fingertip.radius_m", tip.radius_m, 0);
+      return;
+    case FingertipShape::kRoundedTip:
+      check_length("open.fingertip.radius_m", tip.radius_m, 1e-4);
+      return;
+  }
+}
+
+bool finite(const ContactAnswer& c) {
+  const auto all = [](const auto& values) {
+    return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
+  };
+  return all(c.force_n) && all(c.tangent_n_m) && std::isfinite(c.energy_j);
+}
+
+}  // namespace
+
+TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, std::shared_ptr<Device> device)
+    : scene_(std::move(scene)),
+      options_(options),
+      device_(std::move(device)),
+      line_(scene_->line_near(options.line_y_m)) {
+  check_fingertip(options_.fingertip);
+  scene_->use_line(line_);
+  scene_->finger().attach();
+}
+
+TouchSession::~TouchSession() {
+  scene_->finger().detach();
+  scene_->leave_line(line_);
+}
+
+double TouchSession::line_y_m() const {
+  return scene_->lines_m()[line_];
+}
+
+void TouchSession::check_pose(double x_m, double y_m) const {
+  const SceneGeometry& g = scene_->geometry();
+  if (!std::isfinite(x_m) || !std::isfinite(y_m))
+    throw std::invalid_argument("pose.position_m: not finite; send numbers in metres");
+  if (x_m < 0 || x_m > g.width_m)
+    throw std::invalid_argument(
+        fmt::format("pose.position_m[0]: {} m is beside the tissue; stay within [0, {}] m", x_m, g.width_m));
+  if (y_m >= g.depth_m)
+    throw std::invalid_argument(
+        fmt::format("pose.position_m[1]: {} m is deeper than the tissue, which is {} m; lift the finger", y_m,
+                    g.depth_m));
+}
+
+TouchAnswer TouchSession::solve(double x_m, double y_m) {
+  check_pose(x_m, y_m);
+  TouchAnswer answer;
+  const auto snapshot = scene_->snapshot();
+  answer.covered = snapshot->covered_around(x_m);
+  const auto window = snapshot->window_at(x_m, window_ ? window_->id : 0, kHysteresisM);
+  if (!window) {
+    window_.reset(), compliance_.reset();
+    answer.status = TouchStatus::kNotCovered;
+    answer.path = SolvePath::kAuto;
+    return answer;
+  }
+  if (window != window_) window_ = window, compliance_.reset();
+  answer.window_id = window->id;
+  answer.model_version = window->version;
+  try {
+    solve_contact_into(answer, *window, x_m, y_m);
+    judge(answer, *snapshot, x_m);
+  } catch (const std::exception& error) {  // the model's or the solver's limits, not the client's fault
+    answer.contact = {};
+    answer.status = TouchStatus::kFailed;
+    answer.warning = error.what();
+  }
+  return answer;
+}
+
+void TouchSession::solve_contact_into(TouchAnswer& answer, const WindowModel& window, double x_m,
+                                      double y_m) {
+  answer.path = options_.path == SolvePath::kPcg ? SolvePath::kPcg : SolvePath::kCompliance;
+  if (!compliance_)
+    compliance_ = answer.path == SolvePath::kPcg ? window.model->iterative(line_, device_)
+                                                 : window.model->condensed(line_);
+  answer.contact =
+      solve_contact(*window.model, line_, *compliance_, options_.fingertip, {x_m, y_m - line_y_m()});
+  if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
+}
+
+void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, double x_m) const {
+  const ContactAnswer& c = answer.contact;
+  if (!finite(c)) throw std::runtime_error("the contact solve gave a force that is not finite");
+  if (c.state == ContactState::kNoContact) return;
+  const auto degraded = [&answer](std::string why) {
+    answer.status = TouchStatus::kDegraded;
+    answer.warning = std::move(why);
+  };
+  const double measured =
+      snapshot.map ? snapshot.map->measured_share(x_m - kWidestReachM / 2, x_m + kWidestReachM / 2) : 1;
+  if (!c.solve.converged || !(c.solve.relative_error <= kTrustedForceError))
+    degraded(fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
+                         c.solve.relative_error));
+  else if (measured < kTrustedShare)
+    degraded(fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
+                         100 * measured));
+  else if (c.strain_beyond_linear)
+    // Said, but no reason to fade the force: it is the linear model's, and it is continuous.
+    answer.warning =
+        fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain);
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,71 @@
+// One finger on one scene: picks the window, solves the contact, never throws for what the tissue does.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "service/contact/contact.h"
+#include "service/scene/scene.h"
+
+namespace teletact::service {
+
+class Device;
+
+enum class SolvePath { kAuto, kCompliance, kPcg };
+enum class TouchStatus { kOk, kNotCovered, kDegraded, kFailed };
+
+struct TouchOptions {
+  Fingertip fingertip;
+  double line_y_m = 0;
+  SolvePath path = SolvePath::kAuto;
+};
+
+struct TouchAnswer {
+  TouchStatus status = TouchStatus::kOk;
+  ContactAnswer contact;                    // zero force unless kOk or kDegraded
+  SolvePath path = SolvePath::kCompliance;  // used; kAuto where nothing had to be solved
+  std::uint64_t window_id = 0, model_version = 0;
+  Covered covered;
+  std::string warning;
+};
+
+// Not thread-safe: one thread solves. Shows its finger on the scene's board while it lives.
+class TouchSession {
+ public:
+  static constexpr double kHysteresisM = 0.002;
+  static constexpr double kWidestReachM = 0.014;  // half of the widest contact; strips are fine that far
+  // A window whose cells under the finger were measured for less than this share is not trusted.
+  static constexpr double kTrustedShare = 0.5;
+  // Force error beyond which an answer is not trusted: that of a float solver.
+  static constexpr double kTrustedForceError = 2e-3;
+
+  // Throws std::invalid_argument (field named) for an unusable fingertip or line.
+  TouchSession(std::shared_ptr<Scene>, TouchOptions, std::shared_ptr<Device>);
+  ~TouchSession();
+  TouchSession(const TouchSession&) = delete;
+  TouchSession& operator=(const TouchSession&) = delete;
+
+  double line_y_m() const;
+  const std::shared_ptr<Scene>& scene() const { return scene_; }
+
+  // Throws std::invalid_argument naming the field for a pose that is not finite, beside the tissue or deeper
+  // than it. Thread-safe.
+  void check_pose(double x_m, double y_m) const;
+  // Throws as check_pose. Everything else is an answer: NOT_COVERED, FAILED with zero force, DEGRADED with a
+  // warning.
+  TouchAnswer solve(double x_m, double y_m);
+
+ private:
+  void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
+  void judge(TouchAnswer&, const SceneSnapshot&, double x_m) const;
+  const std::shared_ptr<Scene> scene_;
+  const TouchOptions options_;
+  const std::shared_ptr<Device> device_;
+  std::size_t line_;
+  std::shared_ptr<const WindowModel> window_;  // under the finger
+  std::shared_ptr<Compliance> compliance_;     // of window_'s line
+};
+
+}  // namespace teletact::service
