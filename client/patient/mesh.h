@@ -21,7 +21,7 @@ struct PatientMesh {
 };
 
 // Squares of `spacing_m` down to 2 mm below the deepest inclusion (at least 25 mm), below that growing to
-// twice as tall. Throws TissueError when that makes more nodes than a patient may have.
+// twice as tall. Throws TissueError when its factor would need more than 4 GB.
 PatientMesh make_mesh(const Tissue& tissue, double spacing_m);
 
 // Stiffness of a dx x dy rectangle of unit Young's modulus, plane strain: 2 mu eps:eps by 2 x 2 Gauss points,

@@ -1,0 +1,141 @@
+#include "client/patient/tissue.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "client/files/file_io.h"
+
+namespace teletact::client {
+namespace {
+
+std::string message_of(const std::string& toml) {
+  try {
+    parse_tissue(toml, "t.toml");
+  } catch (const TissueError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(TissueFile, EmptyFileIsTheDefaultTissue) {
+  const Tissue t = parse_tissue("");
+  EXPECT_EQ(t.width_m, .3);
+  EXPECT_EQ(t.depth_m, .04);
+  EXPECT_EQ(t.youngs_modulus_pa, 10e3);
+  EXPECT_EQ(t.poisson_ratio, .49);
+  EXPECT_DOUBLE_EQ(t.probe.compression_m, .0004);
+  EXPECT_TRUE(t.inclusions.empty());
+}
+
+TEST(TissueFile, ReadsBackWhatWasWritten) {
+  const auto path =
+      std::filesystem::temp_directory_path() / ("teletact-tissue-" + std::to_string(::getpid()) + ".toml");
+  Tissue t = random_tissue(7);
+  t.probe.lines = 192;
+  t.ultrasound.snr_db = 1.0 / 3;
+  t.probe.compression_m = .00123;
+  write_tissue(path, t);
+  const Tissue read = read_tissue(path);
+  std::filesystem::remove(path);
+  ASSERT_EQ(read.inclusions.size(), t.inclusions.size());
+  for (std::size_t i = 0; i < t.inclusions.size(); ++i) {
+    EXPECT_EQ(read.inclusions[i].x_m, t.inclusions[i].x_m);
+    EXPECT_EQ(read.inclusions[i].y_m, t.inclusions[i].y_m);
+    EXPECT_EQ(read.inclusions[i].diameter_m, t.inclusions[i].diameter_m);
+    EXPECT_EQ(read.inclusions[i].contrast, t.inclusions[i].contrast);
+  }
+  EXPECT_EQ(read.seed, 7u);
+  EXPECT_EQ(read.probe.lines, 192u);
+  EXPECT_EQ(read.probe.compression_m, t.probe.compression_m);
+  EXPECT_EQ(read.ultrasound.snr_db, t.ultrasound.snr_db);
+  EXPECT_EQ(read.ultrasound.sampling_frequency_hz, 40e6);
+}
+
+TEST(TissueFile, EachErrorNamesItsKey) {
+  struct Case {
+    const char *toml, *key, *word;
+  };
+  for (const Case& c :
+       {Case{"sead = 1", "sead", "unknown"},
+        {"[tissue]\nwidth = 0.3", "tissue.width", "width_m"},
+        {"[probe]\nlines = 12.5", "probe.lines", "whole"},
+        {"[probe]\nlines = -1", "probe.lines", "whole"},
+        {"[probe]\ncompression_m = 1e-3\ncompression_strain = 0.01", "probe.compression_strain", "both"},
+        {"[probe]\ncompression_strain = 0.5", "probe.compression_m", "tenth"},
+        {"[probe]\nwidth_m = 0.5", "probe.width_m", "must be"},
+        {"[tissue]\npoisson_ratio = 0.5", "tissue.poisson_ratio", "0.4999"},
+        {"[tissue]\nyoungs_modulus_pa = -1", "tissue.youngs_modulus_pa", "must be"},
+        {"[tissue]\ndepth_m = nan", "tissue.depth_m", "number"},
+        {"[tissue]\ndepth_m = \"4\"", "tissue.depth_m", "number"},
+        {"tissue = 3", "tissue", "table"},
+        {"inclusion = 3", "inclusion", "list"},
+        {"[[inclusion]]\ndiameter_m = 0.01\ncontrast = 3", "inclusion[0].position_m", "missing"},
+        {"[[inclusion]]\nposition_m = [1]\ndiameter_m = 0.01\ncontrast = 3", "inclusion[0].position_m",
+         "[x, y]"},
+        {"[[inclusion]]\nposition_m = [1, 0]\ndiameter_m = 0.01\ncontrast = 3", "inclusion[0].position_m[0]",
+         "must be"},
+        {"[[inclusion]]\nposition_m = [0.1, 0.01]\ndiameter_m = 0.01\ncontrast = 0", "inclusion[0].contrast",
+         "must be"},
+        {"[ultrasound]\nsampling_frequency_hz = 1e7", "ultrasound.sampling_frequency_hz", "at least"},
+        {"[ultrasound]\ncorrelation = 1.2", "ultrasound.correlation", "must be"},
+        {"[tissue\n", "t.toml:1", "TOML"}}) {
+    const std::string message = message_of(c.toml);
+    EXPECT_NE(message.find(c.key), std::string::npos) << c.toml << " -> " << message;
+    EXPECT_NE(message.find(c.word), std::string::npos) << c.toml << " -> " << message;
+    EXPECT_NE(message.find("t.toml"), std::string::npos);
+  }
+  EXPECT_THROW(read_tissue("/nonexistent/t.toml"), FileError);
+}
+
+TEST(Tissue, TrueModulusIsASharpDisc) {
+  Tissue t;
+  t.inclusions = {{.1, .02, .01, 5}};
+  EXPECT_EQ(t.true_modulus(.1, .02), 50e3);
+  EXPECT_EQ(t.true_modulus(.1049, .02), 50e3);
+  EXPECT_EQ(t.true_modulus(.1051, .02), 10e3);
+}
+
+TEST(RandomTissue, KeepsItsRulesForEverySeed) {
+  std::set<std::size_t> counts;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    const Tissue t = random_tissue(seed);
+    EXPECT_NO_THROW(validate(t));
+    counts.insert(t.inclusions.size());
+    ASSERT_GE(t.inclusions.size(), 3u);
+    int across = 0;
+    for (std::size_t a = 0; a < t.inclusions.size(); ++a) {
+      const Inclusion& i = t.inclusions[a];
+      const double r = i.diameter_m / 2;
+      EXPECT_GE(i.diameter_m, .008);
+      EXPECT_LE(i.diameter_m, .015);
+      EXPECT_GE(i.contrast, 3);
+      EXPECT_LE(i.contrast, 10);
+      EXPECT_GT(i.y_m - r, 0);
+      EXPECT_LE(i.y_m + r, .025 + 1e-12);
+      EXPECT_GT(i.x_m - r, 0);
+      EXPECT_LT(i.x_m + r, t.width_m);
+      for (int k = 1; k <= 4; ++k) across += std::abs(i.x_m - .06 * k) < r;
+      for (std::size_t b = 0; b < a; ++b) {
+        const Inclusion& o = t.inclusions[b];
+        EXPECT_GE(std::hypot(i.x_m - o.x_m, i.y_m - o.y_m) - r - o.diameter_m / 2, .015) << seed;
+        EXPECT_NE(i.diameter_m, o.diameter_m);
+        EXPECT_NE(i.contrast, o.contrast);
+        EXPECT_NE(i.y_m, o.y_m);
+      }
+    }
+    EXPECT_EQ(across, 1) << seed;
+  }
+  EXPECT_EQ(counts, (std::set<std::size_t>{3, 4, 5}));
+}
+
+TEST(RandomTissue, SameSeedSamePatient) {
+  EXPECT_EQ(random_tissue(3).inclusions[1].x_m, random_tissue(3).inclusions[1].x_m);
+  EXPECT_NE(random_tissue(3).inclusions[1].x_m, random_tissue(4).inclusions[1].x_m);
+}
+
+}  // namespace
+}  // namespace teletact::client
