@@ -1,6 +1,6 @@
-// Surface compliance (T4.2): displacement of the nodes of one touched line under unit nodal forces on that
-// line, everything else condensed. Two ways give the same numbers: layer-by-layer elimination on the host
-// (condensed, the fast path) and device PCG (columns on demand).
+// Compliance of one touched line (T4.2): displacement of its nodes under unit nodal forces on it, everything
+// else condensed. Two ways give the same numbers: layer-by-layer elimination on the host (condensed, the fast
+// path) and device PCG (columns on demand).
 #pragma once
 
 #include <Eigen/Core>
@@ -14,20 +14,24 @@ struct SolveReport {
   std::size_t iterations = 0;     // the most of any column
   double true_residual = 0;       // ||f - K u|| / ||f||, recomputed, the worst column
   double recursive_residual = 0;  // the solver's own recurrence
-  double relative_error = 0;      // estimate of the relative error of a force made from them
+  // Of a compliance C: |C_ij error| <= relative_error sqrt(C_ii C_jj). Of a contact answer: what its force
+  // may be off by because of that, over the force.
+  double relative_error = 0;
   bool converged = true;
   const char* reason = "direct";  // why it stopped
 };
 
-// Columns of the compliance of one line. Rows and columns are ordered
-// [u_x of node 0, u_y of node 0, u_x of node 1, ...] over the nodes asked for.
+// Thread-safe.
 class Compliance {
  public:
   virtual ~Compliance() = default;
   // Compliance (m per N/m, plane strain: force per metre of thickness) among `nodes`, indices along the line
-  // (grid columns i), strictly increasing. Size 2n x 2n, symmetric positive definite.
+  // (grid columns i), strictly increasing. Rows and columns are ordered [u_x of node 0, u_y of node 0, u_x of
+  // node 1, ...]; size 2n x 2n, symmetric positive definite. `report` may be null.
   // Throws std::out_of_range for a node that this compliance does not serve.
   virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
+  // Its axial part alone, [u_y of node 0, u_y of node 1, ...], n x n: all that frictionless contact asks for.
+  virtual Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
 };
 
 }  // namespace teletact::service

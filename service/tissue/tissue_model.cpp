@@ -3,27 +3,20 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "service/tissue/condensation.h"
+#include "service/tissue/iterative_line.h"
 
 namespace teletact::service {
 namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-
-// Position of column `i` of the grid among the degrees of freedom kept, or throws.
-std::size_t position_of(std::size_t column, ColumnRange kept) {
-  if (column < kept.first || column > kept.last) {
-    throw std::out_of_range("compliance: column " + std::to_string(column) +
-                            " is outside the touchable ones, " + std::to_string(kept.first) + " to " +
-                            std::to_string(kept.last));
-  }
-  return column - kept.first;
-}
 
 // Relative error that rounding leaves in an exact elimination: eps times a bound of the condition number
 // (stiffest element against softest node), and what cancelling the bulk stiffness of nearly incompressible
@@ -53,20 +46,38 @@ class CondensedLine final : public Compliance {
 
   MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override {
     const Index n = Index(nodes.size());
-    std::vector<Index> at(nodes.size());
-    for (Index a = 0; a < n; ++a) at[a] = 2 * Index(position_of(nodes[a], columns_));
+    const std::vector<Index> at = positions(nodes);
     MatrixXd s(2 * n, 2 * n);
     for (Index b = 0; b < n; ++b) {
       for (Index a = 0; a < n; ++a) s.block<2, 2>(2 * a, 2 * b) = compliance_.block<2, 2>(at[a], at[b]);
     }
-    if (report) {
-      *report = SolveReport{};
-      report->relative_error = rounding_;
+    state(report);
+    return s;
+  }
+
+  MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override {
+    const Index n = Index(nodes.size());
+    const std::vector<Index> at = positions(nodes);
+    MatrixXd s(n, n);
+    for (Index b = 0; b < n; ++b) {
+      for (Index a = 0; a < n; ++a) s(a, b) = compliance_(at[a] + 1, at[b] + 1);
     }
+    state(report);
     return s;
   }
 
  private:
+  std::vector<Index> positions(std::span<const std::size_t> nodes) const {
+    std::vector<Index> at(nodes.size());
+    for (std::size_t a = 0; a < nodes.size(); ++a) at[a] = 2 * Index(position_among(nodes[a], columns_));
+    return at;
+  }
+  void state(SolveReport* report) const {
+    if (!report) return;
+    *report = SolveReport{};
+    report->relative_error = rounding_;
+  }
+
   ColumnRange columns_;
   double rounding_ = 0;
   MatrixXd compliance_;
@@ -93,6 +104,15 @@ ColumnRange touchable_columns(const TissueGrid& grid, const LayeredStiffness& la
 
 }  // namespace
 
+std::size_t position_among(std::size_t column, ColumnRange range) {
+  if (column < range.first || column > range.last) {
+    throw std::out_of_range("compliance: column " + std::to_string(column) +
+                            " is outside the touchable ones, " + std::to_string(range.first) + " to " +
+                            std::to_string(range.last));
+  }
+  return column - range.first;
+}
+
 struct TissueModel::Lines {
   Lines(const TissueGrid& grid, const Material& material, const Supports& supports)
       : layers(grid, material, supports), condensed(grid.ny()), once(grid.ny()) {}
@@ -102,6 +122,10 @@ struct TissueModel::Lines {
   std::vector<std::once_flag> once;                    // one per line
   std::once_flag swept;
   std::vector<MatrixXd> stiffness;  // Schur complement of every free line; consumed line by line
+
+  std::mutex iterative_mutex;  // of the two maps
+  std::map<std::shared_ptr<Device>, std::shared_ptr<SharedSolver>> solvers;
+  std::map<std::pair<std::size_t, std::shared_ptr<Device>>, std::shared_ptr<Compliance>> iterative;
 };
 
 TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, TissueModelOptions options)
@@ -120,14 +144,18 @@ TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, 
 
 TissueModel::~TissueModel() = default;
 
+void TissueModel::check_free(std::size_t line) const {
+  const LayeredStiffness& layers = lines_->layers;
+  if (line >= layers.first_line() && line <= layers.last_line()) return;
+  throw std::out_of_range(
+      "line " + std::to_string(line) + " cannot be touched: it is fixed or absent; lines " +
+      std::to_string(layers.first_line()) + " to " + std::to_string(layers.last_line()) + " can");
+}
+
 std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
+  check_free(line);
   Lines& lines = *lines_;
   const LayeredStiffness& layers = lines.layers;
-  if (line < layers.first_line() || line > layers.last_line()) {
-    throw std::out_of_range(
-        "line " + std::to_string(line) + " cannot be touched: it is fixed or absent; lines " +
-        std::to_string(layers.first_line()) + " to " + std::to_string(layers.last_line()) + " can");
-  }
   std::call_once(lines.once[line], [&] {
     MatrixXd stiffness;
     if (line == 0) {
@@ -142,6 +170,26 @@ std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
                                                             touchable_, material_, grid_.dofs());
   });
   return lines.condensed[line];
+}
+
+std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line,
+                                                   const std::shared_ptr<Device>& device) const {
+  check_free(line);
+  const std::lock_guard lock(lines_->iterative_mutex);
+  std::shared_ptr<SharedSolver>& solver = lines_->solvers[device];
+  if (!solver) {
+    solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_, ElasticitySolverOptions{});
+  }
+  std::shared_ptr<Compliance>& compliance = lines_->iterative[{line, device}];
+  if (!compliance) compliance = std::make_shared<IterativeLine>(solver, grid_, line, touchable_);
+  return compliance;
+}
+
+std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line, const std::shared_ptr<Device>& device,
+                                                   const ElasticitySolverOptions& options) const {
+  check_free(line);
+  auto solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_, options);
+  return std::make_shared<IterativeLine>(std::move(solver), grid_, line, touchable_);
 }
 
 double TissueModel::modulus_near_pa(std::size_t column, std::size_t line) const {

@@ -12,6 +12,7 @@
 namespace teletact::service {
 
 class Device;
+struct ElasticitySolverOptions;
 
 struct TissueModelOptions {
   // Columns of nodes within [touch_begin_m, touch_end_m] can be touched: compliance is kept among them alone.
@@ -25,6 +26,8 @@ struct TissueModelOptions {
 struct ColumnRange {
   std::size_t first = 0, last = 0;
 };
+// Position of `column` in the range; throws std::out_of_range when it is outside.
+std::size_t position_among(std::size_t column, ColumnRange);
 
 // Grid, material and supports with the compliance of its lines. Thread-safe; the surface line is condensed in
 // the constructor (unless it is fixed), interior lines (T4.4) on first use, which costs two elimination
@@ -43,13 +46,20 @@ class TissueModel {
   // The condensed compliance of grid row `line` (0 = the natural surface). Throws std::out_of_range when the
   // row is fixed or absent.
   std::shared_ptr<Compliance> condensed(std::size_t line) const;
-  // The same by preconditioned conjugate gradients on `device`, columns computed when asked for and kept.
+  // The same by preconditioned conjugate gradients on `device`, columns computed when asked for. The model
+  // keeps one for each line and device with the default options, so that the columns are kept too; with
+  // options of its own it is a new one. Throws std::out_of_range as above, DeviceError when the device cannot
+  // do it.
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device) const;
+  std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device,
+                                        const ElasticitySolverOptions&) const;
   // Young's modulus of the elements beside `column` just below the line (above it on the last one): their
   // mean.
   double modulus_near_pa(std::size_t column, std::size_t line) const;
 
  private:
+  void check_free(std::size_t line) const;
+
   TissueGrid grid_;
   Material material_;
   Supports supports_;

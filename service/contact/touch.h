@@ -1,0 +1,41 @@
+// What the two kinds of contact solve have in common: the energy and its derivatives by the pose (T4.5).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "service/contact/contact.h"
+
+namespace teletact::service {
+
+// U and its derivatives by the pose (X, indentation), per metre of thickness.
+struct Energy {
+  double value = 0;
+  Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d hessian = Eigen::Matrix2d::Zero();
+};
+
+// Where the tip touches: nodal forces (N/m), what the pressure and the strain are made from.
+struct Touch {
+  Energy energy;
+  double amplification = 0;  // of the compliance's relative error in the force
+  std::vector<std::size_t> nodes;
+  Eigen::VectorXd normal, tangential;
+  std::size_t changes = 0;
+};
+
+// Error of the gradient g of U over its size, for a unit relative error of A (|dA_ij| <= sqrt(A_ii A_jj)): to
+// first order dg_q = -(A^-1 v_q)^T dA p. Columns of `sensitivity`: A^-1 v_q, v_q = w_q - A_q p.
+double amplification(const Eigen::MatrixX2d& sensitivity, const Eigen::VectorXd& p,
+                     const Eigen::VectorXd& diagonal, const Eigen::Vector2d& gradient);
+
+// One node, hat function or footprint: U = max over f of f^T d - 1/2 f^T A(X) f with A = B^T S B, B the
+// weights, d = (0, indentation).
+Touch touch_node(const TissueModel&, Compliance&, const Fingertip&, const ContactPose&, SolveReport&);
+
+// Punch or rounded tip: unilateral contact of a patch of nodes. No nodes where nothing touches.
+Touch touch_patch(const TissueModel&, Compliance&, const Fingertip&, const ContactPose&,
+                  const ContactOptions&, SolveReport&);
+
+}  // namespace teletact::service

@@ -1,0 +1,58 @@
+// Compliance of one line by conjugate gradients on a device: one solve per unit nodal force, when first asked
+// for.
+//
+// With u_j the answer to the unit force f_j and r_j = f_j - K u_j its residual, C_ij is taken as
+//   f_i . u_j + u_i . r_j,
+// which is symmetric and off by -(e_i . K e_j) alone: by the product of two errors instead of one. A solve to
+// 3e-4 in float thus gives compliances to about 1e-7.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "service/tissue/compliance.h"
+#include "service/tissue/elasticity_solver.h"
+#include "service/tissue/tissue_model.h"
+
+namespace teletact::service {
+
+// One solver for all lines of a model, used by one thread at a time.
+struct SharedSolver {
+  SharedSolver(const std::shared_ptr<Device>& device, const TissueGrid& grid, const Supports& supports,
+               const Material& material, const ElasticitySolverOptions& options)
+      : solver(device, grid, supports, options) {
+    solver.set_material(material);
+  }
+  std::mutex mutex;
+  ElasticitySolver solver;
+};
+
+// Keeps 8 bytes per degree of freedom of the grid for every column asked for.
+class IterativeLine final : public Compliance {
+ public:
+  IterativeLine(std::shared_ptr<SharedSolver>, const TissueGrid&, std::size_t line, ColumnRange touchable);
+  Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override;
+  Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override;
+
+ private:
+  // A unit force on one degree of freedom of the line.
+  struct Column {
+    bool solved = false;
+    Eigen::VectorXf displacement, residual;  // [dof of the grid]
+    SolveReport report;
+  };
+  Eigen::MatrixXd between(const std::vector<std::size_t>& unknowns, SolveReport* report);
+  void solve_missing(const std::vector<std::size_t>& unknowns);
+  void add_to_compliance(std::size_t unknown, std::span<const double> displacement);
+  std::size_t grid_dof(std::size_t unknown) const { return first_dof_ + unknown; }
+
+  std::shared_ptr<SharedSolver> shared_;
+  std::size_t dofs_, first_dof_;  // of the grid; of the first touchable node of the line
+  ColumnRange touchable_;
+  std::mutex mutex_;
+  std::vector<Column> columns_;  // by unknown: 2 (column - touchable.first) + component
+  Eigen::MatrixXd compliance_;   // where both columns are solved
+};
+
+}  // namespace teletact::service
