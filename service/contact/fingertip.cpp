@@ -8,7 +8,7 @@
 namespace teletact::service {
 namespace {
 
-constexpr double kGaussianReach = 7;  // standard deviations; what is cut off is 2e-11 of the peak
+constexpr double kGaussianReach = 8;  // standard deviations; what is cut off is 1e-14 of the peak
 
 void require_positive(double value, const char* field) {
   if (!(value > 0) || !std::isfinite(value)) {

@@ -10,6 +10,9 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
+constexpr double kFloatRounding = 1e-6;    // of a dot product as long as the grid
+constexpr double kDoubleRounding = 1e-11;  // of the displacements themselves
+
 void merge(const SolveReport& one, SolveReport& worst) {
   worst.iterations = std::max(worst.iterations, one.iterations);
   worst.true_residual = std::max(worst.true_residual, one.true_residual);
@@ -70,7 +73,9 @@ void IterativeLine::solve_missing(const std::vector<std::size_t>& unknowns) {
     report = shared_->solver.solve(missing.size(), loads, {}, displacement);
     force = shared_->solver.nodal_forces(missing.size(), displacement);
   }
-  report.relative_error *= report.relative_error;  // the error left is the product of two
+  // The product of two errors is left, and what keeping u and r in float does to the correction by u . r.
+  report.relative_error *= report.relative_error + kFloatRounding;
+  report.relative_error += kDoubleRounding;
   for (std::size_t q = 0; q < missing.size(); ++q) {
     Column& column = columns_[missing[q]];
     column.report = report;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "tests/reference/elasticity.h"
 #include "tests/reference/kkt.h"
@@ -28,11 +29,11 @@ Index dof(const TouchedTissue& tissue, std::size_t column, int component) {
   return Index(2 * tissue.grid.node(column, tissue.line)) + component;
 }
 
-// Height of the tip's surface above its lowest point, d beside its centre.
-double tip_height_m(const Fingertip& tip, double d) {
+// Height of the tip's surface above its lowest point, d beside its centre, and its slope.
+std::pair<double, double> tip_surface(const Fingertip& tip, double d) {
   const double beyond =
       tip.shape == FingertipShape::kFlatPunch ? std::max(0.0, std::abs(d) - tip.half_width_m) : std::abs(d);
-  return beyond * beyond / (2 * tip.radius_m);
+  return {beyond * beyond / (2 * tip.radius_m), std::copysign(beyond / tip.radius_m, d)};
 }
 
 // Displacement and multipliers under B u = w, K holding supports and springs.
@@ -55,31 +56,38 @@ MatrixXd axial_rows(const TouchedTissue& tissue, const std::vector<std::size_t>&
 // --- one node
 // -------------------------------------------------------------------------------------------------
 
-VectorXd node_weights(const TouchedTissue& tissue, const Fingertip& tip, double x) {
+// Weights of the nodes under a single-node tip at x, and their derivatives by x.
+struct Weights {
+  VectorXd value, slope;
+};
+
+Weights node_weights(const TouchedTissue& tissue, const Fingertip& tip, double x) {
   const auto& grid = tissue.grid.x_m;
-  VectorXd b = VectorXd::Zero(Index(grid.size()));
+  VectorXd g = VectorXd::Zero(Index(grid.size())), dg = g;
   for (std::size_t i = 0; i < grid.size(); ++i) {
     const double left = i > 0 ? grid[i] - grid[i - 1] : 0,
                  right = i + 1 < grid.size() ? grid[i + 1] - grid[i] : 0;
-    const double d = x - grid[i];
-    if (tip.footprint_m > 0) {
+    const double d = x - grid[i], variance = tip.footprint_m * tip.footprint_m;
+    if (variance > 0) {
       // The trapezoidal rule's weight of the node times the Gaussian.
-      b[Index(i)] = (left + right) / 2 * std::exp(-d * d / (2 * tip.footprint_m * tip.footprint_m));
+      g[Index(i)] = (left + right) / 2 * std::exp(-d * d / (2 * variance));
+      dg[Index(i)] = -d / variance * g[Index(i)];
     } else if (d <= 0 && d >= -left) {
-      b[Index(i)] = left > 0 ? 1 + d / left : 1;
+      g[Index(i)] = left > 0 ? 1 + d / left : 1;
+      dg[Index(i)] = left > 0 ? 1 / left : 0;
     } else if (d > 0 && d <= right) {
-      b[Index(i)] = 1 - d / right;
+      g[Index(i)] = 1 - d / right;
+      dg[Index(i)] = -1 / right;
     }
   }
-  return b / b.sum();
+  return {g / g.sum(), (dg - g * (dg.sum() / g.sum())) / g.sum()};
 }
 
 ContactSolution touch_node(const TouchedTissue& tissue, const Eigen::SparseMatrix<double>& k,
                            const Factor& factor, const Fingertip& tip, const ContactPose& pose,
                            KktMethod method) {
   const bool stuck = tip.friction == Friction::kStuck;
-  const auto rows = [&](double x) {
-    const VectorXd weights = node_weights(tissue, tip, x);
+  const auto rows = [&](const VectorXd& weights) {
     MatrixXd b = MatrixXd::Zero(stuck ? 2 : 1, Index(tissue.grid.dofs()));
     for (std::size_t i = 0; i < tissue.grid.nx(); ++i) {
       b(0, dof(tissue, i, 1)) = weights[Index(i)];
@@ -87,19 +95,17 @@ ContactSolution touch_node(const TouchedTissue& tissue, const Eigen::SparseMatri
     }
     return b;
   };
+  const Weights weights = node_weights(tissue, tip, pose.x_m);
   VectorXd w = VectorXd::Zero(stuck ? 2 : 1);
   w[0] = pose.indentation_m;
-  const KktSolution solution = constrained(k, factor, rows(pose.x_m), w, method);
+  const KktSolution solution = constrained(k, factor, rows(weights.value), w, method);
   // Moving the constraint over the deformed tissue: dU/dX = lambda^T (dB/dX) u.
-  constexpr double kStepM = 1e-8;
-  const MatrixXd moved = (rows(pose.x_m + kStepM) - rows(pose.x_m - kStepM)) / (2 * kStepM);
   ContactSolution result;
-  result.force_n = {-tissue.thickness_m * solution.lambda.dot(moved * solution.x),
+  result.force_n = {-tissue.thickness_m * solution.lambda.dot(rows(weights.slope) * solution.x),
                     tissue.thickness_m * solution.lambda[0]};
   result.energy_j = tissue.thickness_m * solution.x.dot(k * solution.x) / 2;
-  const VectorXd weights = node_weights(tissue, tip, pose.x_m);
   for (std::size_t i = 0; i < tissue.grid.nx(); ++i) {
-    if (weights[Index(i)] > 0) result.columns.push_back(i);
+    if (weights.value[Index(i)] > 0) result.columns.push_back(i);
   }
   result.multiplier_n_m = solution.lambda;
   result.displacement_m = solution.x;
@@ -171,9 +177,9 @@ ContactSolution touch_tip(const TouchedTissue& tissue, const Eigen::SparseMatrix
   const auto& x = tissue.grid.x_m;
   VectorXd w(Index(x.size())), slope(Index(x.size()));  // overlap and its derivative by X
   for (std::size_t i = 0; i < x.size(); ++i) {
-    const double d = x[i] - pose.x_m, step = 1e-7;
-    w[Index(i)] = pose.indentation_m - tip_height_m(tip, d);
-    slope[Index(i)] = (tip_height_m(tip, d + step) - tip_height_m(tip, d - step)) / (2 * step);
+    const auto [height, rise] = tip_surface(tip, x[i] - pose.x_m);
+    w[Index(i)] = pose.indentation_m - height;
+    slope[Index(i)] = rise;
   }
   Eigen::SparseMatrix<double> k = free_k;
   VectorXd tie = VectorXd::Zero(w.size());
