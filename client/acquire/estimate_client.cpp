@@ -87,14 +87,12 @@ grpc::Status EstimateClient::attempt(const v1::Acquisition& acquisition, const s
   *first.mutable_acquisition() = acquisition;
   outcome.maps.clear();
   outcome.published_ns = 0;
-  // Read while writing: a service that refuses early stops reading, and only a pending read hears of it at
-  // once.
-  std::thread reader([&] { read_all(*stream, callbacks, outcome); });
+  // A service that refuses early resets the stream, which ends the writing too.
   if (send(*stream, first, callbacks) && send_frame(*stream, v1::FRAME_KIND_PRE, pre, callbacks) &&
       send_frame(*stream, v1::FRAME_KIND_POST, post, callbacks))
     stream->WritesDone();
   outcome.last_byte_ns = monotonic_ns();
-  reader.join();
+  read_all(*stream, callbacks, outcome);
   const grpc::Status status = stream->Finish();
   if (status.ok() && outcome.published_ns == 0)
     return {grpc::StatusCode::INTERNAL, "the service ended the call without a summary"};

@@ -35,9 +35,7 @@ struct EstimateOutcome {
   unsigned attempts = 0;
 };
 
-// All optional. `request` comes from the thread that called estimate(), `response` from another one; both end
-// before estimate() returns.
-struct EstimateCallbacks {
+struct EstimateCallbacks {  // all optional; called from the thread that called estimate()
   std::function<void(const teletact::v1::EstimateRequest&)> request;
   std::function<void(const teletact::v1::EstimateResponse&)> response;
 };

@@ -9,7 +9,7 @@
 namespace teletact::client {
 
 // One window before and after compression, as it goes over the wire.
-struct RfPair {
+struct FramePair {
   teletact::v1::Acquisition acquisition;  // all but `publish`
   std::string pre, post;                  // line after line, axial fastest, of acquisition.dtype()
 };
@@ -23,7 +23,7 @@ class FrameSource {
   virtual double compression_m() const = 0;  // > 0, what the arm presses between pre and post
   virtual std::size_t frames_left(std::size_t window) const = 0;
   // The next pair of that window; each comes once. Throws std::out_of_range when none is left.
-  virtual RfPair take(std::size_t window) = 0;
+  virtual FramePair take(std::size_t window) = 0;
 };
 
 }  // namespace teletact::client

@@ -73,7 +73,7 @@ class AcquireSession {
 
  private:
   struct Upload {
-    RfPair pair;
+    FramePair pair;
     std::size_t window;
     teletact::v1::WindowTiming timing;
   };

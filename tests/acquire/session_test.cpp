@@ -23,10 +23,10 @@ class NumberedFrames final : public FrameSource {
   double window_width_m() const override { return 0.06; }
   double compression_m() const override { return 0.00045; }
   std::size_t frames_left(std::size_t window) const override { return left_.at(window); }
-  RfPair take(std::size_t window) override {
+  FramePair take(std::size_t window) override {
     if (left_.at(window) == 0) throw std::out_of_range("no frames left");
     --left_[window];
-    RfPair pair;
+    FramePair pair;
     pair.acquisition.set_sample_count(kSamples);
     pair.acquisition.set_line_count(kLines);
     pair.acquisition.set_dtype(v1::DATA_TYPE_FLOAT32);
@@ -43,7 +43,7 @@ class NumberedFrames final : public FrameSource {
 TEST(EstimateClient, SendsBothFramesWholeInChunksOfAtMostOneMebibyte) {
   test::FakeServer server;
   NumberedFrames frames(1, 1);
-  const RfPair pair = frames.take(0);
+  const FramePair pair = frames.take(0);
   EstimateClient client(make_channel(server.address()));
   const auto outcome = client.estimate(pair.acquisition, pair.pre, pair.post, {}, false);
   const auto calls = server.elastography.calls();
@@ -59,7 +59,7 @@ TEST(EstimateClient, SendsBothFramesWholeInChunksOfAtMostOneMebibyte) {
 TEST(EstimateClient, TriesAgainWhileTheServiceIsUnavailableAndOnlyThen) {
   test::FakeServer server;
   NumberedFrames frames(1, 1);
-  const RfPair pair = frames.take(0);
+  const FramePair pair = frames.take(0);
   EstimateClient client(make_channel(server.address()), 5);
   server.elastography.unavailable_calls = 2;
   EXPECT_EQ(client.estimate(pair.acquisition, pair.pre, pair.post, {}, false).attempts, 3u);
@@ -76,7 +76,7 @@ TEST(EstimateClient, TriesAgainWhileTheServiceIsUnavailableAndOnlyThen) {
 TEST(EstimateClient, GivesUpOnAServiceThatNeverComes) {
   EstimateClient client(make_channel("unix:/tmp/teletact-nobody-listens-here"), 0.2);
   NumberedFrames frames(1, 1);
-  const RfPair pair = frames.take(0);
+  const FramePair pair = frames.take(0);
   try {
     client.estimate(pair.acquisition, pair.pre, pair.post, {}, false);
     FAIL();
