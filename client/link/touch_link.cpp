@@ -98,17 +98,21 @@ void TouchLink::run() {
 bool TouchLink::should_retry(const grpc::Status& status) {
   std::lock_guard lock(mutex_);
   const auto code = status.error_code();
-  const bool refused =
-      code == grpc::StatusCode::INVALID_ARGUMENT || code == grpc::StatusCode::UNIMPLEMENTED ||
-      code == grpc::StatusCode::PERMISSION_DENIED || code == grpc::StatusCode::UNAUTHENTICATED;
-  // A scene that was there once may come back: a restarted service reads its state first.
-  const bool unknown = code == grpc::StatusCode::NOT_FOUND && stats_.streams == 0;
-  if (refused || unknown) {
+  const bool refused = code == grpc::StatusCode::INVALID_ARGUMENT || code == grpc::StatusCode::NOT_FOUND ||
+                       code == grpc::StatusCode::UNIMPLEMENTED ||
+                       code == grpc::StatusCode::PERMISSION_DENIED ||
+                       code == grpc::StatusCode::UNAUTHENTICATED;
+  // What was accepted once may be again: a restarted service reads its scenes first, and a pose that it
+  // refused (beside the tissue) is over as soon as the finger is back; meanwhile silence takes the force
+  // away.
+  if (refused && stats_.streams == 0) {
     failure_ = describe(status);
     changed_.notify_all();
     return false;
   }
-  spdlog::warn("touch stream ended ({}), opening it again", describe(status));
+  const std::string reason = describe(status);
+  if (reason != last_reason_) spdlog::warn("touch stream ended ({}), opening it again", reason);
+  last_reason_ = reason;
   return true;
 }
 
@@ -121,6 +125,7 @@ grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
     shared_.heard_ns = clock_.now_ns();
     shared_.answered_sequence = sequence_;
     ++call_;
+    gave_up_ = false;
   }
   v1::TouchRequest open;
   *open.mutable_open() = options_.open;
@@ -132,7 +137,9 @@ grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
     write(*stream, context);
     reader.join();
   }
-  return stream->Finish();
+  const grpc::Status status = stream->Finish();
+  std::lock_guard lock(mutex_);
+  return gave_up_ ? grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "the service says nothing") : status;
 }
 
 void TouchLink::read(Stream& stream) {
@@ -163,7 +170,7 @@ void TouchLink::take_opened(const v1::TouchOpened& opened) {
     service_instance_ = opened.instance();
     ++stats_.instances;
   }
-  if (stats_.streams > 1) spdlog::info("touch stream open again");
+  if (stats_.streams > 1) spdlog::info("touch stream open again, line at y = {:.4f} m", opened.line_y_m());
   changed_.notify_all();
 }
 
@@ -219,20 +226,25 @@ bool TouchLink::wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t ne
 }
 
 void TouchLink::write(Stream& stream, grpc::ClientContext& context) {
+  constexpr std::int64_t kLookAgainNs = 250'000;  // for the servo's next pose
   ServoPose pose;
   bool has_pose = false;
   std::int64_t next_ns = clock_.now_ns();
+  std::int64_t sent_ns = 0;
   std::unique_lock lock(mutex_);
   while (wait_to_send(lock, next_ns)) {
     const std::int64_t now_ns = clock_.now_ns();
-    const std::int64_t period_ns = to_ns(std::max(stats_.period_s, 0.001));
-    has_pose = poses_.take(pose) || has_pose;
-    if (!has_pose) {
-      next_ns = now_ns + period_ns;
+    const bool fresh = poses_.take(pose);
+    has_pose = has_pose || fresh;
+    // The same pose twice tells the service nothing, unless as a heartbeat.
+    if (!has_pose || (!fresh && now_ns - sent_ns < to_ns(kHeartbeatS))) {
+      next_ns = now_ns + kLookAgainNs;
       continue;
     }
     // Keeps the average rate when a wake-up is late, without bursts.
+    const std::int64_t period_ns = to_ns(std::max(stats_.period_s, 0.001));
     next_ns = std::max(next_ns + period_ns, now_ns + period_ns / 2);
+    sent_ns = now_ns;
     const v1::TouchRequest request = to_request(pose, ++sequence_, shared_.acknowledged, instance_);
     ++stats_.poses;
     lock.unlock();
@@ -241,13 +253,11 @@ void TouchLink::write(Stream& stream, grpc::ClientContext& context) {
     record(std::move(entry), now_ns);
     const bool written = stream.Write(request);
     lock.lock();
-    if (!written) break;
+    if (!written) return;  // the stream has ended; the reader learns of it too, and Finish() says why
   }
-  const bool alive = stopping_ && !shared_.ended;
-  lock.unlock();
-  if (alive) stream.WritesDone();
-  // Ends the reader too; on a stream that has ended it changes nothing.
-  context.TryCancel();
+  if (shared_.ended) return;
+  gave_up_ = !stopping_;
+  context.TryCancel();  // ends the reader
 }
 
 void TouchLink::record(v1::RecordEntry entry, std::int64_t now_ns) {

@@ -97,7 +97,9 @@ class TouchLink {
   Shared shared_;
   TouchLinkStats stats_;
   std::string failure_;
+  std::string last_reason_;  // why the last stream ended: said once, not ten times a second
   bool stopping_ = false;
+  bool gave_up_ = false;  // on the current stream, for its silence
   std::uint64_t service_instance_ = 0;
   std::uint64_t sequence_ = 0;  // never starts again, so that the servo can tell old from new
   std::uint32_t call_ = 0;      // stream attempts, for recordings

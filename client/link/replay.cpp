@@ -1,0 +1,339 @@
+#include "client/link/replay.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "client/link/channel.h"
+#include "teletact/v1/elastography.grpc.pb.h"
+#include "teletact/v1/palpation.grpc.pb.h"
+
+namespace teletact::client {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+// The requests and responses of one stream or call.
+struct Call {
+  std::vector<v1::RecordEntry> requests;
+  std::vector<v1::RecordEntry> responses;
+};
+
+[[noreturn]] void fail(const char* what, const grpc::Status& status) {
+  throw std::runtime_error(std::string(what) + " was refused: " + describe(status));
+}
+
+// Reads the calls one after the other: a recording of RF does not fit into memory as a whole. Entries of
+// different calls do not interleave but for the last responses of the one before.
+class CallReader {
+ public:
+  CallReader(const std::string& path) : reader_(path) {}
+  RecordReader& reader() { return reader_; }
+
+  std::optional<Call> next() {
+    while (!ended_ && calls_.size() < 2) {
+      auto entry = reader_.next();
+      if (!entry) {
+        ended_ = true;
+      } else if (entry->has_touch_request() || entry->has_estimate_request()) {
+        calls_[entry->call()].requests.push_back(std::move(*entry));
+      } else if (entry->has_touch_response() || entry->has_estimate_response()) {
+        calls_[entry->call()].responses.push_back(std::move(*entry));
+      }
+    }
+    if (calls_.empty()) return std::nullopt;
+    Call call = std::move(calls_.begin()->second);
+    calls_.erase(calls_.begin());
+    return call;
+  }
+
+ private:
+  RecordReader reader_;
+  std::map<std::uint32_t, Call> calls_;
+  bool ended_ = false;
+};
+
+// Waits until the moment that `recorded_ns` was at in the recording.
+class Pace {
+ public:
+  explicit Pace(double speed) : speed_(speed) {}
+  void wait(std::int64_t recorded_ns) {
+    if (!started_) {
+      begin_ = SteadyClock::now();
+      begin_ns_ = recorded_ns;
+      started_ = true;
+    }
+    if (speed_ <= 0) return;
+    const double elapsed_ns = static_cast<double>(recorded_ns - begin_ns_) / speed_;
+    std::this_thread::sleep_until(begin_ + std::chrono::nanoseconds(std::llround(elapsed_ns)));
+  }
+
+ private:
+  double speed_;
+  bool started_ = false;
+  SteadyClock::time_point begin_;
+  std::int64_t begin_ns_ = 0;
+};
+
+class Player {
+ public:
+  Player(const ReplayOptions& options, const std::atomic<bool>& stop);
+  ReplayReport play();
+
+ private:
+  void play_touch(const Call& call);
+  void compare(const v1::TouchAnswer& answer, const v1::TouchAnswer& recorded);
+  void play_estimate(const Call& call);
+  void compare(const v1::Map& map, const v1::Map& recorded);
+  void keep(const v1::TouchRequest& request);
+  void keep(const v1::TouchResponse& response);
+  void keep(const v1::EstimateRequest& request);
+  void keep(const v1::EstimateResponse& response);
+  void keep(v1::RecordEntry entry);
+  void need_scene(const std::string& scene_id);
+
+  const ReplayOptions& options_;
+  const std::atomic<bool>& stop_;
+  CallReader calls_;
+  Pace pace_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<RecordWriter> recorder_;
+  ReplayReport report_;
+};
+
+Player::Player(const ReplayOptions& options, const std::atomic<bool>& stop)
+    : options_(options), stop_(stop), calls_(options.path), pace_(options.speed) {
+  report_.kind = calls_.reader().header().kind();
+  channel_ = make_channel(options.address);
+  constexpr double kConnectS = 2;
+  if (!wait_connected(*channel_, kConnectS)) {
+    throw std::runtime_error("no service at " + options.address +
+                             "; start one with 'teletact-service serve --listen " + options.address + "'");
+  }
+  const std::string& recorded_scene = calls_.reader().header().scene_id();
+  need_scene(options.scene_id.empty() ? recorded_scene : options.scene_id);
+  if (!options.record_path.empty()) {
+    v1::RecordHeader header = calls_.reader().header();
+    header.set_service(options.address);
+    if (!options.scene_id.empty()) header.set_scene_id(options.scene_id);
+    recorder_ = std::make_unique<RecordWriter>(options.record_path, header);
+  }
+}
+
+// A touch needs a scene with its windows. Frames need at least an empty one: it is made as it was recorded.
+void Player::need_scene(const std::string& scene_id) {
+  const auto stub = v1::Palpation::NewStub(channel_);
+  v1::GetSceneRequest request;
+  request.set_scene_id(scene_id);
+  v1::Scene scene;
+  grpc::ClientContext context;
+  const grpc::Status status = stub->GetScene(&context, request, &scene);
+  if (status.ok()) return;
+  if (report_.kind != "acquire" || status.error_code() != grpc::StatusCode::NOT_FOUND) {
+    throw std::runtime_error("cannot replay into scene '" + scene_id + "': " + describe(status));
+  }
+  RecordReader reader(options_.path);
+  while (const auto entry = reader.next()) {
+    if (!entry->has_scene()) continue;
+    v1::CreateSceneRequest create;
+    create.set_scene_id(scene_id);
+    *create.mutable_geometry() = entry->scene().geometry();
+    grpc::ClientContext create_context;
+    const grpc::Status created = stub->CreateScene(&create_context, create, &scene);
+    if (!created.ok()) fail("creating the scene", created);
+    return;
+  }
+  throw std::runtime_error("scene '" + scene_id +
+                           "' is unknown, and the recording holds none to make it from; " +
+                           "name one with --scene");
+}
+
+ReplayReport Player::play() {
+  while (!stop_) {
+    const auto call = calls_.next();
+    if (!call) break;
+    if (call->requests.empty()) continue;
+    ++report_.calls;
+    if (report_.kind == "acquire") {
+      play_estimate(*call);
+    } else {
+      play_touch(*call);
+    }
+  }
+  report_.truncated = calls_.reader().truncated();
+  if (recorder_) recorder_->close();
+  return report_;
+}
+
+// In step: a pose, its answer, the next pose. At recorded speed nothing is lost by it, and faster than that
+// no pose is overtaken, so every recorded answer finds its partner.
+void Player::play_touch(const Call& call) {
+  std::map<std::uint64_t, const v1::TouchAnswer*> recorded;
+  for (const v1::RecordEntry& entry : call.responses) {
+    const v1::TouchResponse& response = entry.touch_response();
+    if (response.has_answer()) recorded[response.answer().sequence()] = &response.answer();
+  }
+  const auto stub = v1::Palpation::NewStub(channel_);
+  grpc::ClientContext context;
+  const auto stream = stub->Touch(&context);
+  std::uint64_t acknowledged = 0;
+  v1::TouchResponse response;
+  bool open = true;
+  for (const v1::RecordEntry& entry : call.requests) {
+    if (stop_) break;
+    v1::TouchRequest request = entry.touch_request();
+    if (request.has_open() && !options_.scene_id.empty()) {
+      request.mutable_open()->set_scene_id(options_.scene_id);
+    }
+    if (request.has_pose()) request.mutable_pose()->set_acknowledged(acknowledged);
+    pace_.wait(entry.monotonic_ns());
+    keep(request);
+    open = stream->Write(request) && stream->Read(&response);
+    if (!open) break;
+    keep(response);
+    if (!response.has_answer()) continue;
+    ++report_.requests;
+    acknowledged = response.answer().answer();
+    const auto partner = recorded.find(response.answer().sequence());
+    if (partner != recorded.end()) compare(response.answer(), *partner->second);
+  }
+  if (open) context.TryCancel();
+  const grpc::Status status = stream->Finish();
+  if (!open) fail("the touch stream", status);
+}
+
+void Player::compare(const v1::TouchAnswer& answer, const v1::TouchAnswer& recorded) {
+  ++report_.compared;
+  if (answer.status() != recorded.status() || answer.force_n_size() != recorded.force_n_size()) {
+    ++report_.not_alike;
+    return;
+  }
+  double squared = 0, force = 0;
+  for (int axis = 0; axis < answer.force_n_size(); ++axis) {
+    squared += std::pow(answer.force_n(axis) - recorded.force_n(axis), 2);
+    force += std::pow(recorded.force_n(axis), 2);
+  }
+  if (!(std::sqrt(squared) <= report_.largest_force_difference_n)) {
+    report_.largest_force_difference_n = std::sqrt(squared);
+    report_.recorded_force_n = std::sqrt(force);
+    report_.largest_at_x_m = recorded.position_m_size() > 0 ? recorded.position_m(0) : 0;
+  }
+}
+
+void Player::play_estimate(const Call& call) {
+  std::map<std::string, const v1::Map*> recorded;
+  for (const v1::RecordEntry& entry : call.responses) {
+    const v1::EstimateResponse& response = entry.estimate_response();
+    if (response.has_map()) recorded[response.map().map().name()] = &response.map().map();
+  }
+  const auto stub = v1::Elastography::NewStub(channel_);
+  grpc::ClientContext context;
+  const auto stream = stub->Estimate(&context);
+  for (const v1::RecordEntry& entry : call.requests) {
+    if (stop_) break;
+    v1::EstimateRequest request = entry.estimate_request();
+    if (request.has_acquisition() && request.acquisition().has_publish() && !options_.scene_id.empty()) {
+      request.mutable_acquisition()->mutable_publish()->set_scene_id(options_.scene_id);
+    }
+    pace_.wait(entry.monotonic_ns());
+    keep(request);
+    if (!stream->Write(request)) break;
+  }
+  if (stop_) context.TryCancel();
+  stream->WritesDone();
+  v1::EstimateResponse response;
+  while (stream->Read(&response)) {
+    keep(response);
+    if (!response.has_map()) continue;
+    const auto partner = recorded.find(response.map().map().name());
+    if (partner != recorded.end()) compare(response.map().map(), *partner->second);
+  }
+  const grpc::Status status = stream->Finish();
+  if (!status.ok() && !stop_) fail("an Estimate call", status);
+  ++report_.requests;
+}
+
+template <typename Value>
+double largest_difference(const std::string& a, const std::string& b) {
+  double difference = 0, scale = 0;
+  for (std::size_t offset = 0; offset + sizeof(Value) <= a.size(); offset += sizeof(Value)) {
+    Value x, y;
+    std::memcpy(&x, a.data() + offset, sizeof(Value));
+    std::memcpy(&y, b.data() + offset, sizeof(Value));
+    const double gap = std::abs(static_cast<double>(x) - static_cast<double>(y));
+    // Where both have no value they agree; where one has, they do not.
+    if (std::isnan(gap) && std::isnan(static_cast<double>(x)) != std::isnan(static_cast<double>(y)))
+      return INFINITY;
+    if (!std::isnan(gap)) difference = std::max(difference, gap);
+    if (std::isfinite(static_cast<double>(y))) scale = std::max(scale, std::abs(static_cast<double>(y)));
+  }
+  return difference == 0 ? 0 : difference / scale;
+}
+
+void Player::compare(const v1::Map& map, const v1::Map& recorded) {
+  ++report_.compared;
+  const v1::Array& a = map.values();
+  const v1::Array& b = recorded.values();
+  if (a.dtype() != b.dtype() || a.data().size() != b.data().size()) {
+    ++report_.not_alike;
+    return;
+  }
+  double difference = 0;
+  if (a.dtype() == v1::DATA_TYPE_FLOAT32) difference = largest_difference<float>(a.data(), b.data());
+  if (a.dtype() == v1::DATA_TYPE_FLOAT64) difference = largest_difference<double>(a.data(), b.data());
+  if (a.dtype() == v1::DATA_TYPE_UINT8) difference = largest_difference<std::uint8_t>(a.data(), b.data());
+  if (a.dtype() == v1::DATA_TYPE_INT16) difference = largest_difference<std::int16_t>(a.data(), b.data());
+  if (!(difference <= report_.largest_map_difference)) {
+    report_.largest_map_difference = difference;
+    report_.largest_map = map.name();
+  }
+}
+
+void Player::keep(v1::RecordEntry entry) {
+  entry.set_monotonic_ns(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(SteadyClock::now().time_since_epoch()).count());
+  entry.set_call(static_cast<std::uint32_t>(report_.calls));
+  recorder_->append_waiting(std::move(entry));
+}
+
+void Player::keep(const v1::TouchRequest& request) {
+  if (!recorder_) return;
+  v1::RecordEntry entry;
+  *entry.mutable_touch_request() = request;
+  keep(std::move(entry));
+}
+
+void Player::keep(const v1::TouchResponse& response) {
+  if (!recorder_) return;
+  v1::RecordEntry entry;
+  *entry.mutable_touch_response() = response;
+  keep(std::move(entry));
+}
+
+void Player::keep(const v1::EstimateRequest& request) {
+  if (!recorder_) return;
+  v1::RecordEntry entry;
+  *entry.mutable_estimate_request() = request;
+  keep(std::move(entry));
+}
+
+void Player::keep(const v1::EstimateResponse& response) {
+  if (!recorder_) return;
+  v1::RecordEntry entry;
+  *entry.mutable_estimate_response() = response;
+  keep(std::move(entry));
+}
+
+}  // namespace
+
+ReplayReport replay(const ReplayOptions& options, const std::atomic<bool>& stop) {
+  return Player(options, stop).play();
+}
+
+}  // namespace teletact::client

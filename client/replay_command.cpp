@@ -1,0 +1,60 @@
+// teletact-client replay: plays a recording again and says how far the answers differ.
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+
+#include "client/commands.h"
+#include "client/link/replay.h"
+
+namespace teletact::client {
+namespace {
+
+std::atomic<bool> interrupted{false};
+
+void interrupt(int) {
+  interrupted.store(true);
+}
+
+void print(const ReplayOptions& options, const ReplayReport& report) {
+  std::printf("replayed %s (%s): %lu calls, %lu %s, %lu answers compared, %lu not alike%s\n",
+              options.path.c_str(), report.kind.c_str(), report.calls, report.requests,
+              report.kind == "acquire" ? "RF pairs" : "poses", report.compared, report.not_alike,
+              report.truncated ? "; the recording was cut short" : "");
+  if (report.kind == "acquire") {
+    std::printf("  largest difference %.3g of the map's largest value (%s)\n", report.largest_map_difference,
+                report.largest_map.empty() ? "none" : report.largest_map.c_str());
+  } else {
+    std::printf("  largest force difference %.3g N, of %.3g N at x = %.4f m\n",
+                report.largest_force_difference_n, report.recorded_force_n, report.largest_at_x_m);
+  }
+}
+
+void run(const ReplayOptions& options) {
+  interrupted = false;
+  struct sigaction action {};
+  action.sa_handler = interrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  try {
+    print(options, replay(options, interrupted));
+  } catch (const std::exception& error) {
+    throw CommandError(error.what());
+  }
+}
+
+}  // namespace
+
+void add_replay_command(CLI::App& app) {
+  const auto options = std::make_shared<ReplayOptions>();
+  CLI::App& command = *app.add_subcommand("replay", "play a recording of touch or acquire again");
+  command.add_option("file", options->path, "written by touch --record or acquire --record")->required();
+  command.add_option("--service", options->address, "unix:/path or host:port")->required();
+  command.add_option("--scene", options->scene_id, "play into this scene instead of the recorded one");
+  command.add_option("--speed", options->speed, "of the recorded timing; 0 = as fast as the service answers")
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--record", options->record_path, "record the replay");
+  command.callback([options] { run(*options); });
+}
+
+}  // namespace teletact::client

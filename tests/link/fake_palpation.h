@@ -1,0 +1,209 @@
+// A Palpation service over analytic tissue, in this process, that can be slow, silent or killed, and that
+// keeps account of what the client sends.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "teletact/v1/palpation.grpc.pb.h"
+#include "tests/render/analytic_tissue.h"
+
+namespace teletact::client::test {
+
+struct FakeAccount {
+  std::uint64_t streams = 0;
+  std::uint64_t poses = 0;
+  std::uint64_t answers = 0;
+  std::uint64_t most_unacknowledged = 0;  // answers, as the client's poses acknowledge them
+  std::uint64_t most_unanswered = 0;      // poses in flight
+  std::uint64_t disorder = 0;             // poses whose sequence did not increase, over all streams
+  std::uint64_t wrong_acknowledgements = 0;
+  double oldest_pose_s = 0;  // age of a pose when it arrived
+  std::string session;
+  bool session_kept = true;
+};
+
+class FakePalpation final : public v1::Palpation::Service {
+ public:
+  explicit FakePalpation(std::string address) : address_(std::move(address)) {}
+  ~FakePalpation() override { kill(); }
+
+  void serve() {
+    grpc::ServerBuilder builder;
+    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+    builder.AddListeningPort(address_, grpc::InsecureServerCredentials());
+    builder.RegisterService(this);
+    stopping_ = false;
+    ++instance_;
+    server_ = builder.BuildAndStart();
+  }
+  // As kill -9 looks to the client: streams are cut.
+  void kill() {
+    if (!server_) return;
+    {
+      std::lock_guard lock(mutex_);
+      stopping_ = true;
+      changed_.notify_all();
+    }
+    server_->Shutdown(std::chrono::system_clock::now());
+    server_->Wait();
+    server_.reset();
+  }
+
+  FakeAccount account() {
+    std::lock_guard lock(mutex_);
+    return account_;
+  }
+  // Waits until `met` holds for the account; false after `seconds`.
+  bool wait_until(const std::function<bool(const FakeAccount&)>& met, double seconds = 10) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return met(account_); });
+  }
+
+  std::atomic<bool> silent{false};  // reads, never answers
+  std::atomic<bool> scene_known{true};
+  std::atomic<double> compute_s{0};  // per answer
+  std::atomic<unsigned> credit{2};
+  AnalyticTissue tissue;
+
+  grpc::Status GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request, v1::Scene* scene) override {
+    if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene '" + request->scene_id() + "' is unknown"};
+    scene->set_scene_id(request->scene_id());
+    v1::Window& window = *scene->add_windows();
+    window.set_end_m(0.12);
+    window.set_touchable(true);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status Touch(grpc::ServerContext* context,
+                     grpc::ServerReaderWriter<v1::TouchResponse, v1::TouchRequest>* stream) override {
+    v1::TouchRequest request;
+    if (!stream->Read(&request) || !request.has_open()) return {grpc::StatusCode::INVALID_ARGUMENT, "open"};
+    if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    begin_stream(request.open());
+    v1::TouchResponse opened;
+    opened.mutable_opened()->set_period_s(std::max(request.open().period_s(), 0.001));
+    opened.mutable_opened()->set_credit(credit);
+    opened.mutable_opened()->set_instance(instance_);
+    stream->Write(opened);
+    Mailbox mailbox;
+    std::thread reader([&] {
+      v1::TouchRequest next;
+      while (stream->Read(&next)) receive(next.pose(), mailbox);
+      std::lock_guard lock(mutex_);
+      mailbox.closed = true;
+      changed_.notify_all();
+    });
+    while (answer_next(*stream, mailbox)) {
+    }
+    // Unblocks the reader whatever ended the loop.
+    context->TryCancel();
+    reader.join();
+    return {grpc::StatusCode::UNAVAILABLE, "the service is shutting down"};
+  }
+
+ private:
+  struct Mailbox {
+    v1::ContactPose pose;
+    bool fresh = false;
+    bool closed = false;
+    std::uint64_t answers = 0, acknowledged = 0, answered_sequence = 0, first_sequence = 0;
+  };
+
+  void begin_stream(const v1::TouchOpen& open) {
+    std::lock_guard lock(mutex_);
+    ++account_.streams;
+    if (!account_.session.empty() && account_.session != open.session_id()) account_.session_kept = false;
+    account_.session = open.session_id();
+    changed_.notify_all();
+  }
+
+  void receive(const v1::ContactPose& pose, Mailbox& mailbox) {
+    const auto now_ns = std::chrono::steady_clock::now().time_since_epoch().count();
+    std::lock_guard lock(mutex_);
+    ++account_.poses;
+    if (pose.sequence() <= last_sequence_) ++account_.disorder;
+    last_sequence_ = pose.sequence();
+    if (mailbox.first_sequence == 0)
+      mailbox.answered_sequence = (mailbox.first_sequence = pose.sequence()) - 1;
+    if (pose.acknowledged() > mailbox.answers || pose.acknowledged() < mailbox.acknowledged) {
+      ++account_.wrong_acknowledgements;
+    }
+    mailbox.acknowledged = pose.acknowledged();
+    account_.most_unanswered =
+        std::max(account_.most_unanswered, pose.sequence() - mailbox.answered_sequence);
+    account_.oldest_pose_s =
+        std::max(account_.oldest_pose_s, 1e-9 * double(now_ns - pose.stamp().monotonic_ns()));
+    mailbox.pose = pose;
+    mailbox.fresh = true;
+    changed_.notify_all();
+  }
+
+  bool answer_next(grpc::ServerReaderWriter<v1::TouchResponse, v1::TouchRequest>& stream, Mailbox& mailbox) {
+    v1::TouchResponse response;
+    v1::TouchAnswer& answer = *response.mutable_answer();
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] {
+        const bool may = mailbox.fresh && !silent && mailbox.answers - mailbox.acknowledged < credit;
+        return stopping_ || mailbox.closed || may;
+      });
+      if (stopping_ || mailbox.closed) return false;
+      mailbox.fresh = false;
+      fill(mailbox.pose, answer);
+      answer.set_answer(mailbox.answers + 1);
+    }
+    if (compute_s > 0) std::this_thread::sleep_for(std::chrono::duration<double>(compute_s.load()));
+    {
+      std::lock_guard lock(mutex_);
+      ++mailbox.answers;
+      ++account_.answers;
+      account_.most_unacknowledged =
+          std::max(account_.most_unacknowledged, mailbox.answers - mailbox.acknowledged);
+      mailbox.answered_sequence = answer.sequence();
+      changed_.notify_all();
+    }
+    return stream.Write(response);
+  }
+
+  void fill(const v1::ContactPose& pose, v1::TouchAnswer& answer) const {
+    const ForceSample sample = tissue.answer({pose.position_m(0), pose.position_m(1)});
+    answer.set_sequence(pose.sequence());
+    *answer.mutable_pose_stamp() = pose.stamp();
+    *answer.mutable_position_m() = pose.position_m();
+    answer.set_status(v1::TOUCH_STATUS_OK);
+    for (const double force : {sample.force_n.x(), sample.force_n.y(), 0.0}) answer.add_force_n(force);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        answer.add_tangent_n_m(row < 2 && column < 2 ? sample.tangent_n_m(row, column) : 0);
+      }
+    }
+    answer.set_covered_end_m(0.12);
+    answer.set_model_version(1);
+  }
+
+  std::string address_;
+  std::unique_ptr<grpc::Server> server_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  FakeAccount account_;
+  bool stopping_ = false;
+  std::uint64_t last_sequence_ = 0;
+  std::atomic<std::uint64_t> instance_{100};
+};
+
+// A socket of its own per test.
+inline std::string socket_address(const char* test) {
+  return "unix:/tmp/teletact-" + std::to_string(::getpid()) + "-" + test;
+}
+
+}  // namespace teletact::client::test

@@ -1,0 +1,84 @@
+#include "client/link/recording.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+
+namespace teletact::client {
+namespace {
+
+class RecordingTest : public ::testing::Test {
+ protected:
+  RecordingTest() : path_("/tmp/teletact-recording-" + std::to_string(::getpid())) {}
+  ~RecordingTest() override { std::remove(path_.c_str()); }
+
+  void write(int entries, std::size_t chunk_bytes = 0) {
+    v1::RecordHeader header;
+    header.set_kind("touch");
+    header.set_scene_id("s");
+    RecordWriter writer(path_, header);
+    for (int n = 0; n < entries; ++n) {
+      v1::RecordEntry entry;
+      entry.set_monotonic_ns(n);
+      if (chunk_bytes > 0) {
+        entry.mutable_estimate_request()->mutable_chunk()->set_data(std::string(chunk_bytes, char(n)));
+      } else {
+        entry.mutable_servo()->set_sequence(static_cast<std::uint32_t>(n));
+      }
+      writer.append_waiting(std::move(entry));
+    }
+    writer.close();
+    EXPECT_EQ(writer.dropped(), 0u);
+  }
+
+  std::string path_;
+};
+
+TEST_F(RecordingTest, ComesBackAsItWasWritten) {
+  write(5000);
+  RecordReader reader(path_);
+  EXPECT_EQ(reader.header().kind(), "touch");
+  EXPECT_EQ(reader.header().scene_id(), "s");
+  int count = 0;
+  while (const auto entry = reader.next()) {
+    EXPECT_EQ(entry->monotonic_ns(), count);
+    EXPECT_EQ(entry->servo().sequence(), static_cast<std::uint32_t>(count));
+    ++count;
+  }
+  EXPECT_EQ(count, 5000);
+  EXPECT_FALSE(reader.truncated());
+}
+
+TEST_F(RecordingTest, LargeEntriesComeBack) {
+  write(90, 1 << 20);
+  RecordReader reader(path_);
+  int count = 0;
+  while (const auto entry = reader.next()) {
+    EXPECT_EQ(entry->estimate_request().chunk().data(), std::string(1 << 20, char(count++)));
+  }
+  EXPECT_EQ(count, 90);
+}
+
+TEST_F(RecordingTest, ACutRecordingEndsBeforeTheCut) {
+  write(100);
+  std::filesystem::resize_file(path_, std::filesystem::file_size(path_) - 3);
+  RecordReader reader(path_);
+  int count = 0;
+  while (reader.next()) ++count;
+  EXPECT_EQ(count, 99);
+  EXPECT_TRUE(reader.truncated());
+}
+
+TEST_F(RecordingTest, SaysWhatIsWrong) {
+  EXPECT_THROW(RecordWriter("/nonexistent/file", {}), std::runtime_error);
+  EXPECT_THROW(RecordReader("/nonexistent/file"), std::runtime_error);
+  std::FILE* file = std::fopen(path_.c_str(), "w");
+  std::fputs("this is no recording", file);
+  std::fclose(file);
+  EXPECT_THROW(RecordReader reader(path_), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace teletact::client
