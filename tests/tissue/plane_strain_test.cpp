@@ -5,11 +5,10 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <cmath>
-#include <functional>
-#include <numbers>
 
 #include "tests/reference/elasticity.h"
 #include "tests/reference/kkt.h"
+#include "tests/tissue/fields.h"
 #include "tests/tissue/tissue_cases.h"
 
 namespace teletact {
@@ -23,18 +22,8 @@ using reference::Integration;
 using service::Material;
 using service::Supports;
 using service::TissueGrid;
-
-constexpr double kPi = std::numbers::pi;
-
-VectorXd nodal(const TissueGrid& grid, const std::function<Vector2d(double, double)>& field) {
-  VectorXd u(Index(grid.dofs()));
-  for (std::size_t j = 0; j < grid.ny(); ++j) {
-    for (std::size_t i = 0; i < grid.nx(); ++i) {
-      u.segment<2>(Index(2 * grid.node(i, j))) = field(grid.x_m[i], grid.y_m[j]);
-    }
-  }
-  return u;
-}
+using tests::Manufactured;
+using tests::nodal;
 
 TEST(PlaneStrain, PatchTestOnUnevenGrid) {
   const TissueGrid grid = tests::uneven_grid(9, 7);
@@ -83,30 +72,11 @@ TEST(PlaneStrain, StiffnessIsSymmetric) {
   EXPECT_LE((k - k.transpose()).cwiseAbs().maxCoeff(), 1e-15 * k.cwiseAbs().maxCoeff());
 }
 
-// u = 1 mm sin(pi x / L) sin(pi y / L) (1, -1/2), zero on all edges, and the body force that it needs.
-struct Manufactured {
-  double length = 0.04, mu = 0, lambda = 0;
-  Vector2d displacement(double x, double y) const {
-    const double s = std::sin(kPi * x / length) * std::sin(kPi * y / length);
-    return 1e-3 * Vector2d(s, -0.5 * s);
-  }
-  // -div sigma = -(mu lap u + (lambda + mu) grad div u)
-  Vector2d force(double x, double y) const {
-    const double q = kPi / length;
-    const double ss = std::sin(q * x) * std::sin(q * y), cc = std::cos(q * x) * std::cos(q * y);
-    const double a = 1e-3, b = -0.5e-3;
-    const double div_x = q * q * (-a * ss + b * cc), div_y = q * q * (a * cc - b * ss);
-    return {2 * mu * q * q * a * ss - (lambda + mu) * div_x, 2 * mu * q * q * b * ss - (lambda + mu) * div_y};
-  }
-};
-
 // Largest and root-mean-square nodal error of the manufactured solution, over its largest value.
 std::pair<double, double> manufactured_error(std::size_t cells, double nu) {
-  Manufactured exact;
+  const Manufactured exact(1e4, nu);
   const TissueGrid grid = tests::uniform_grid(cells + 1, cells + 1, exact.length / double(cells));
   const Material material = tests::inclusion(grid, 1, nu);
-  exact.mu = 1e4 / (2 * (1 + nu));
-  exact.lambda = 2 * exact.mu * nu / (1 - 2 * nu);
   const service::Supports all{service::EdgeSupport::kFixed, service::EdgeSupport::kFixed,
                               service::EdgeSupport::kFixed, service::EdgeSupport::kFixed};
   VectorXd load = reference::body_load(grid, [&](double x, double y) { return exact.force(x, y); });
