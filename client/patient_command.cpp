@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 struct PatientOptions {
   std::string tissue_file, write_tissue_file, out, frame = "PROBE";
-  std::uint64_t seed = 1;
+  std::int64_t seed = 1;  // as TOML holds it
   bool seed_given = false;
   std::vector<std::string> windows{"all"};
 };
@@ -29,9 +29,9 @@ struct PatientOptions {
 constexpr double kTruthSpacing = 0.00025;  // of the truth maps
 
 Tissue tissue_for(const PatientOptions& options) {
-  if (options.tissue_file.empty()) return random_tissue(options.seed);
+  if (options.tissue_file.empty()) return random_tissue(static_cast<std::uint64_t>(options.seed));
   Tissue tissue = read_tissue(options.tissue_file);
-  if (options.seed_given) tissue.seed = options.seed;
+  if (options.seed_given) tissue.seed = static_cast<std::uint64_t>(options.seed);
   return tissue;
 }
 
@@ -168,7 +168,8 @@ void add_patient_command(CLI::App& app) {
   auto options = std::make_shared<PatientOptions>();
   CLI::App* command = app.add_subcommand("patient", "Simulate RF pairs of a tissue, with their truth");
   command->add_option("--tissue", options->tissue_file, "Tissue file (TOML); otherwise a random patient");
-  command->add_option("--seed", options->seed, "Random patient, or fresh scatterers and noise for --tissue");
+  command->add_option("--seed", options->seed, "Random patient, or fresh scatterers and noise for --tissue")
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--write-tissue", options->write_tissue_file, "Also write the tissue as a file");
   command->add_option("--window-x-m", options->windows, "Left borders of the windows (m), or all")
       ->expected(1, 64);
