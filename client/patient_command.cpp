@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -169,7 +170,7 @@ void add_patient_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand("patient", "Simulate RF pairs of a tissue, with their truth");
   command->add_option("--tissue", options->tissue_file, "Tissue file (TOML); otherwise a random patient");
   command->add_option("--seed", options->seed, "Random patient, or fresh scatterers and noise for --tissue")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max()));
   command->add_option("--write-tissue", options->write_tissue_file, "Also write the tissue as a file");
   command->add_option("--window-x-m", options->windows, "Left borders of the windows (m), or all")
       ->expected(1, 64);
