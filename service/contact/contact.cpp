@@ -16,6 +16,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kLargestLinearStrain = 0.15;  // T4.5
+constexpr double kPeakStrain = 0.48;           // of (1 + nu) p / E, see ContactAnswer::largest_strain
 
 void validate(const TissueModel& model, std::size_t line, const ContactPose& pose) {
   if (line >= model.grid().ny()) throw std::out_of_range("line " + std::to_string(line) + " is absent");
@@ -76,8 +77,9 @@ double largest_strain(const TissueModel& model, std::size_t line, const ContactP
   const double depth = model.grid().y_m.back() - model.grid().y_m[line];
   const double layer = pose.indentation_m / depth;
   if (!(force > 0)) return layer;
-  const double hertz = 0.38 * (1 + model.material().poisson_ratio) * (force / width) / (stiffness / force);
-  return std::max(layer, hertz);
+  const double local =
+      kPeakStrain * (1 + model.material().poisson_ratio) * (force / width) / (stiffness / force);
+  return std::max(layer, local);
 }
 
 void check_finite(const ContactAnswer& answer) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/reference/contact.h"
 #include "tests/tissue/tissue_cases.h"
 
 namespace teletact {
@@ -264,6 +265,53 @@ TEST(Contact, PressureIsHertzianInDeepTissue) {
   for (const auto& p : answer.pressure) peak = std::max(peak, p.pressure_pa);
   EXPECT_NEAR(peak, modulus * half_width / (2 * radius), 0.02 * peak);
   EXPECT_NEAR(answer.pressure.back().x_m, half_width, 3e-4);
+}
+
+// Largest principal strain at the element centres of a displacement field.
+double peak_strain(const TissueGrid& grid, const Eigen::VectorXd& displacement) {
+  double peak = 0;
+  for (std::size_t j = 0; j + 1 < grid.ny(); ++j) {
+    for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
+      const auto u = [&](std::size_t a, std::size_t b) -> Eigen::Vector2d {
+        return displacement.segment<2>(Eigen::Index(2 * grid.node(i + a, j + b)));
+      };
+      const Eigen::Vector2d by_x =
+          (u(1, 0) + u(1, 1) - u(0, 0) - u(0, 1)) / (2 * (grid.x_m[i + 1] - grid.x_m[i]));
+      const Eigen::Vector2d by_y =
+          (u(0, 1) + u(1, 1) - u(0, 0) - u(1, 0)) / (2 * (grid.y_m[j + 1] - grid.y_m[j]));
+      const double mean = (by_x[0] + by_y[1]) / 2;
+      peak = std::max(peak, std::abs(mean) + std::hypot((by_x[0] - by_y[1]) / 2, (by_x[1] + by_y[0]) / 2));
+    }
+  }
+  return peak;
+}
+
+TEST(Contact, LargestStrainIsThatOfTheField) {
+  const TissueGrid grid = tests::uniform_grid(101, 41);
+  const Material material = tests::inclusion(grid, 1, 0.49);
+  const TissueModel model(grid, material, {}, {});
+  for (double radius : {0.004, 0.008, 0.016}) {
+    for (double d : {0.001, 0.002, 0.004}) {
+      const Fingertip tip{.radius_m = radius};
+      const auto field = reference::touch({grid, material, {}, 0, 0.01}, tip, {0.050, d},
+                                          reference::KktMethod::kSparseFactor);
+      EXPECT_NEAR(press(model, tip, 0.050, d).largest_strain / peak_strain(grid, field.displacement_m), 1,
+                  0.2)
+          << "radius " << radius << " indentation " << d;
+    }
+  }
+}
+
+TEST(Contact, StiffnessConvergesWithTheMesh) {
+  std::vector<double> stiffness;
+  for (std::size_t refine : {1u, 2u, 4u}) {
+    const TissueGrid grid = tests::uniform_grid(40 * refine + 1, 20 * refine + 1, 2e-3 / double(refine));
+    const TissueModel model(grid, tests::inclusion(grid, 1, 0.49), {}, {});
+    stiffness.push_back(-press(model, {}, 0.0403, 0.004).force_n[1] / 0.004);
+  }
+  printf("rounded tip at 2, 1, 0.5 mm nodes: %.2f %.2f %.2f N/m\n", stiffness[0], stiffness[1], stiffness[2]);
+  EXPECT_LE(std::abs(stiffness[2] - stiffness[1]), 0.5 * std::abs(stiffness[1] - stiffness[0]));
+  EXPECT_LE(std::abs(stiffness[2] / stiffness[1] - 1), 0.01);
 }
 
 TEST(Contact, StrainBeyondLinearElasticityIsFlagged) {
