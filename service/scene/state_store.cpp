@@ -126,7 +126,8 @@ StateStore::StateStore(fs::path directory) : directory_(std::move(directory)) {
   }
   const fs::path versions = directory_ / "versions.json";
   try {
-    if (fs::exists(versions)) first_version_ = json::parse(read_file(versions)).at("first_unused");
+    if (fs::exists(versions) || !fs::is_empty(directory_ / "scenes"))
+      first_version_ = json::parse(read_file(versions)).at("first_unused");
   } catch (const std::exception& e) {
     // Go on far beyond what any scene can have used.
     first_version_ = static_cast<std::uint64_t>(std::time(nullptr)) * kVersionBlock;

@@ -1,0 +1,151 @@
+#include "service/scene/scene.h"
+
+#include <gtest/gtest.h>
+
+#include "service/scene/errors.h"
+#include "service/scene/touch_session.h"
+#include "tests/scene/windows.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr double kWidthM = 0.120, kDepthM = 0.030, kWindowM = 0.030;
+
+class SceneWithWindows : public testing::Test {
+ protected:
+  Published publish(double x_m, double modulus_pa = 10e3) {
+    return scene.publish(window_of(homogeneous(modulus_pa), x_m, kWindowM, kDepthM), {});
+  }
+  Scene scene{"s", tissue(kWidthM, kDepthM), versions()};
+};
+
+TEST_F(SceneWithWindows, EachPublicationIsTheNextVersion) {
+  EXPECT_EQ(scene.snapshot()->version, 0U);
+  const Published a = publish(0), b = publish(0.03), again = publish(0);
+  EXPECT_GT(a.version, 0U);
+  EXPECT_GT(b.version, a.version);
+  EXPECT_GT(again.version, b.version);
+  EXPECT_NE(a.window_id, b.window_id);
+  EXPECT_EQ(again.window_id, a.window_id);
+  EXPECT_EQ(scene.snapshot()->windows.size(), 2U);
+}
+
+TEST_F(SceneWithWindows, PublishedSnapshotNeverChanges) {
+  publish(0);
+  const auto before = scene.snapshot();
+  const double modulus_pa = before->windows[0]->model->material().youngs_modulus_pa[0];
+  publish(0, 40e3);
+  EXPECT_EQ(before->windows.size(), 1U);
+  EXPECT_EQ(before->windows[0]->model->material().youngs_modulus_pa[0], modulus_pa);
+  EXPECT_NEAR(scene.snapshot()->windows[0]->model->material().youngs_modulus_pa[0], 40e3, 1);
+}
+
+TEST_F(SceneWithWindows, FingerKeepsItsWindowForTwoMillimetres) {
+  const auto a = publish(0).window_id, b = publish(0.03).window_id;
+  const auto at = [&](double x_m, std::uint64_t current) {
+    return scene.snapshot()->window_at(x_m, current, 0.002)->id;
+  };
+  EXPECT_EQ(at(0.0299, 0), a);
+  EXPECT_EQ(at(0.0301, 0), b);
+  EXPECT_EQ(at(0.0319, a), a);
+  EXPECT_EQ(at(0.0321, a), b);
+  EXPECT_EQ(at(0.0281, b), b);
+  EXPECT_EQ(at(0.0279, b), a);
+}
+
+TEST_F(SceneWithWindows, NothingIsCoveredBesideTheWindows) {
+  EXPECT_EQ(scene.snapshot()->window_at(0.01, 0, 0.002), nullptr);
+  const auto a = publish(0.03).window_id;
+  EXPECT_EQ(scene.snapshot()->window_at(0.0299, a, 0.002), nullptr);  // no hysteresis into the unknown
+  EXPECT_EQ(scene.snapshot()->window_at(0.0601, a, 0.002), nullptr);
+  EXPECT_NE(scene.snapshot()->window_at(0.03, a, 0.002), nullptr);
+}
+
+TEST_F(SceneWithWindows, AdjoiningWindowsAreOneCoveredRange) {
+  publish(0.03), publish(0), publish(0.09);
+  const auto snapshot = scene.snapshot();
+  EXPECT_NEAR(snapshot->covered_around(0.01).begin_m, 0, 1e-9);
+  EXPECT_NEAR(snapshot->covered_around(0.01).end_m, 0.06, 1e-9);
+  EXPECT_NEAR(snapshot->covered_around(0.1).begin_m, 0.09, 1e-9);
+  EXPECT_EQ(snapshot->covered_around(0.07).begin_m, snapshot->covered_around(0.07).end_m);
+  publish(0.06);
+  EXPECT_NEAR(scene.snapshot()->covered_around(0.01).end_m, 0.12, 1e-9);
+}
+
+TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
+  const Published a = publish(0, 10e3);
+  publish(0.03, 40e3);
+  const auto stale = scene.snapshot();
+  while (scene.refresh_stale_window()) {
+  }
+  const auto fresh = scene.snapshot();
+  EXPECT_EQ(fresh->windows[0]->id, a.window_id);
+  EXPECT_GT(fresh->windows[0]->version, stale->windows[0]->version);
+  EXPECT_EQ(fresh->version, fresh->windows[0]->version);
+  const auto modulus_at = [](const SceneSnapshot& s, double x_m) {
+    const TissueModel& model = *s.windows[0]->model;
+    std::size_t i = 0;
+    while (model.grid().x_m[i + 1] < x_m) ++i;
+    return model.material().youngs_modulus_pa[i];
+  };
+  EXPECT_NEAR(modulus_at(*stale, 0.0405), 10e3, 1);
+  EXPECT_NEAR(modulus_at(*fresh, 0.0405), 40e3, 1);
+  EXPECT_FALSE(scene.refresh_stale_window());
+  EXPECT_EQ(scene.snapshot(), fresh);
+}
+
+TEST_F(SceneWithWindows, WindowThatHidesOthersReplacesThem) {
+  publish(0.03), publish(0.06);
+  scene.publish(window_of(homogeneous(20e3), 0.02, 0.08, kDepthM), {});
+  EXPECT_EQ(scene.snapshot()->windows.size(), 1U);
+}
+
+TEST_F(SceneWithWindows, CancelledPublicationChangesNothing) {
+  publish(0);
+  const auto before = scene.snapshot();
+  EXPECT_THROW(scene.publish(window_of(homogeneous(1e3), 0, kWindowM, kDepthM), [] { return true; }), Error);
+  scene.mark_deleted();
+  EXPECT_THROW(publish(0.03), Error);
+  EXPECT_EQ(scene.snapshot(), before);
+}
+
+TEST_F(SceneWithWindows, WindowOutsideTheTissueIsRefused) {
+  for (const double x_m : {-0.01, 0.1, 5.0, -1e300, std::nan("")})
+    EXPECT_THROW(publish(x_m), std::invalid_argument) << x_m;
+}
+
+TEST_F(SceneWithWindows, LineThatIsHeldCannotBeTouched) {
+  EXPECT_EQ(scene.line_near(0.0004), 0U);
+  EXPECT_THROW(scene.line_near(kDepthM), std::invalid_argument);
+  EXPECT_THROW(scene.line_near(-0.01), std::invalid_argument);
+  EXPECT_THROW(scene.line_near(std::nan("")), std::invalid_argument);
+}
+
+TEST_F(SceneWithWindows, DeletionTellsWhoAsked) {
+  int told = 0;
+  const auto first = scene.on_deleted([&] { ++told; });
+  scene.on_deleted([&] { told += 10; });
+  scene.forget(first);
+  scene.mark_deleted();
+  EXPECT_EQ(told, 10);
+  EXPECT_TRUE(scene.deleted());
+}
+
+TEST(FingerBoard, ShowsTheNewestFinger) {
+  FingerBoard board;
+  EXPECT_FALSE(board.now().present);
+  board.attach(), board.attach();
+  board.arrive({1, 2, 3}, {4, 5, 6}, 7);
+  const Finger finger = board.newer_than(0, FingerBoard::Clock::now());
+  EXPECT_TRUE(finger.present);
+  EXPECT_EQ(finger.position_m[0], 1);
+  EXPECT_EQ(finger.stamp_ns, 7);
+  EXPECT_EQ(board.newer_than(finger.generation, FingerBoard::Clock::now()).generation, finger.generation);
+  board.detach();
+  EXPECT_TRUE(board.now().present);
+  board.detach();
+  EXPECT_FALSE(board.now().present);
+}
+
+}  // namespace
+}  // namespace teletact::service

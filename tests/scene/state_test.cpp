@@ -1,0 +1,185 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "service/scene/errors.h"
+#include "service/scene/scenes.h"
+#include "service/scene/touch_session.h"
+#include "tests/scene/windows.h"
+
+namespace teletact::service {
+namespace {
+
+namespace fs = std::filesystem;
+
+class StateOnDisk : public testing::Test {
+ protected:
+  StateOnDisk() {
+    static int count = 0;
+    directory = fs::temp_directory_path() /
+                ("teletact-state-" + std::to_string(getpid()) + "-" + std::to_string(count++));
+  }
+  ~StateOnDisk() override { fs::remove_all(directory); }
+
+  // Publishes and waits until its background work is done: the worker takes jobs in order.
+  static Published publish(Scenes& scenes, const std::string& id, double x_m, double modulus_pa) {
+    const auto scene = scenes.find(id);
+    const Published published =
+        scenes.publish(scene, window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03), {});
+    settle(scenes);
+    return published;
+  }
+  static void settle(Scenes& scenes) {
+    for (int k = 0; k < 4; ++k) {  // each round may post the next neighbour
+      std::promise<void> done;
+      scenes.worker().post(JobUrgency::kBackground, [&] { done.set_value(); });
+      done.get_future().get();
+    }
+  }
+  static double force_n(Scenes& scenes, const std::string& id, double x_m) {
+    TouchSession session(scenes.find(id), {}, nullptr);
+    return session.solve(x_m, 0.003).contact.force_n[1];
+  }
+  fs::path directory;
+};
+
+TEST_F(StateOnDisk, ScenesSurviveWithTheirForceAndVersionsGoOn) {
+  double before_n = 0, explicit_n = 0;
+  std::uint64_t version = 0, window = 0;
+  ExplicitModulus e{uniform_coordinates(0, 0.06, 30), uniform_coordinates(0, 0.02, 10),
+                    std::vector<double>(300, 7e3)};
+  {
+    Scenes scenes(directory);
+    scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+    scenes.create("b", tissue(0.06, 0.02), e);
+    publish(scenes, "a", 0.03, 10e3);
+    window = publish(scenes, "a", 0.06, 20e3).window_id;
+    version = scenes.find("a")->snapshot()->version;
+    before_n = force_n(scenes, "a", 0.05);
+    explicit_n = force_n(scenes, "b", 0.03);
+  }
+  Scenes scenes(directory);
+  scenes.restore();
+  ASSERT_EQ(scenes.list().size(), 2U);
+  EXPECT_EQ(scenes.find("a")->snapshot()->version, version);
+  EXPECT_EQ(scenes.find("a")->snapshot()->windows.size(), 2U);
+  EXPECT_NEAR(force_n(scenes, "a", 0.05), before_n, 1e-9);
+  EXPECT_NEAR(force_n(scenes, "b", 0.03), explicit_n, 1e-9);
+  const Published next = publish(scenes, "a", 0.09, 10e3);
+  EXPECT_GT(next.version, version);
+  EXPECT_GT(next.window_id, window);
+}
+
+TEST_F(StateOnDisk, VersionsAreNotReusedAfterDeletionOrLoss) {
+  std::uint64_t version = 0;
+  {
+    Scenes scenes(directory);
+    scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+    version = publish(scenes, "a", 0.03, 10e3).version;
+    scenes.remove("a");
+    EXPECT_THROW(scenes.find("a"), Error);
+    scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+    const auto again = publish(scenes, "a", 0.03, 10e3).version;
+    EXPECT_GT(again, version);
+    version = again;
+  }
+  fs::remove_all(directory / "scenes");  // as if it had died before it wrote them
+  Scenes scenes(directory);
+  scenes.restore();
+  scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+  EXPECT_GT(publish(scenes, "a", 0.03, 10e3).version, version);
+}
+
+TEST_F(StateOnDisk, DamagedSceneIsSetAsideAndTheOthersLive) {
+  {
+    Scenes scenes(directory);
+    for (const char* id : {"cut-map", "flipped-map", "bad-json", "no-map", "whole"}) {
+      scenes.create(id, tissue(0.12, 0.03), std::nullopt);
+      publish(scenes, id, 0.03, 10e3);
+    }
+  }
+  const auto map_of = [&](const char* id) {
+    for (const auto& entry : fs::directory_iterator(directory / "scenes" / id))
+      if (entry.path().extension() == ".raw") return entry.path();
+    return fs::path();
+  };
+  fs::resize_file(map_of("cut-map"), 100);
+  std::fstream(map_of("flipped-map"), std::ios::in | std::ios::out | std::ios::binary)
+      .seekp(1000)
+      .put('\xff')
+      .put('\x7f');
+  std::ofstream(directory / "scenes" / "bad-json" / "scene.json") << "{ \"format\": 1, ";
+  fs::remove(map_of("no-map"));
+  std::ofstream(directory / "versions.json") << "rubbish";
+  Scenes scenes(directory);
+  scenes.restore();
+  ASSERT_EQ(scenes.list().size(), 1U);
+  EXPECT_EQ(scenes.list()[0]->id(), "whole");
+  EXPECT_GT(publish(scenes, "whole", 0.06, 10e3).version,
+            scenes.find("whole")->snapshot()->windows[0]->version - 1);
+  std::size_t aside = 0;
+  for ([[maybe_unused]] const auto& entry : fs::directory_iterator(directory / "set-aside")) ++aside;
+  EXPECT_EQ(aside, 4U);
+}
+
+TEST_F(StateOnDisk, DirectoryThatCannotBeWrittenOrIsTakenIsOneClearLine) {
+  std::ofstream(directory.string()) << "a file";
+  EXPECT_THROW(Scenes{directory}, std::runtime_error);
+  fs::remove(directory);
+  Scenes first(directory);
+  try {
+    Scenes second(directory);
+    FAIL() << "two services share a state";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("in use"), std::string::npos);
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+  }
+}
+
+TEST(Scenes, IdsAndLimitsAreChecked) {
+  Scenes scenes({}, {3, 100, 20});
+  EXPECT_THROW(scenes.create("../x", tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
+  EXPECT_THROW(scenes.create(std::string(65, 'a'), tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
+  scenes.create("a", tissue(0.1, 0.03), std::nullopt);
+  EXPECT_THROW(scenes.create("a", tissue(0.1, 0.03), std::nullopt), Error);
+  const auto chosen = scenes.create("", tissue(0.1, 0.03), std::nullopt);
+  EXPECT_NE(chosen->id(), "");
+  ExplicitModulus e{uniform_coordinates(0, 0.1, 15), uniform_coordinates(0, 0.03, 10),
+                    std::vector<double>(150, 1e4)};
+  EXPECT_THROW(scenes.create("b", tissue(0.1, 0.03), e), Error);  // 150 elements of 100
+  scenes.create("c", tissue(0.1, 0.03), std::nullopt);
+  EXPECT_THROW(scenes.create("d", tissue(0.1, 0.03), std::nullopt), Error);
+  scenes.remove("c");
+  EXPECT_THROW(scenes.remove("c"), Error);
+}
+
+TEST(Scenes, ModulusAndGeometryAreChecked) {
+  Scenes scenes({});
+  const auto refused = [&](SceneGeometry g, ExplicitModulus e) {
+    EXPECT_THROW(scenes.create("x", g, e), std::invalid_argument);
+    EXPECT_TRUE(scenes.list().empty());
+  };
+  const ExplicitModulus good{uniform_coordinates(0, 0.1, 5), uniform_coordinates(0, 0.03, 3),
+                             std::vector<double>(15, 1e4)};
+  for (const double modulus_pa : {-1.0, 0.0, std::nan(""), HUGE_VAL}) {
+    ExplicitModulus e = good;
+    e.youngs_modulus_pa[7] = modulus_pa;
+    refused(tissue(0.1, 0.03), e);
+  }
+  ExplicitModulus e = good;
+  e.x_m[2] = e.x_m[1];
+  refused(tissue(0.1, 0.03), e);
+  refused(tissue(0.2, 0.03), good);  // does not span it
+  for (const double nu : {0.5, -0.1, 0.7, std::nan("")}) {
+    SceneGeometry g = tissue(0.1, 0.03);
+    g.poisson_ratio = nu;
+    refused(g, good);
+  }
+  SceneGeometry floating = tissue(0.1, 0.03);
+  floating.supports.bottom = EdgeSupport::kFree;
+  refused(floating, good);
+}
+
+}  // namespace
+}  // namespace teletact::service
