@@ -1,0 +1,206 @@
+#include "client/acquire/map_output.h"
+
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+
+#include "client/files/png.h"
+#include "client/files/vti.h"
+
+namespace teletact::client {
+namespace {
+
+// What goes into one file.
+struct Group {
+  const char* file;
+  std::vector<const char*> maps;
+};
+
+const std::vector<Group> kGroups{{"displacement", {"axial_displacement", "lateral_displacement"}},
+                                 {"strain", {"axial_strain", "lateral_strain", "shear_strain"}},
+                                 {"correlation", {"correlation"}},
+                                 {"modulus", {"youngs_modulus"}}};
+
+// How a map's numbers are shown: in a unit that people read.
+struct Shown {
+  std::string unit;
+  double factor;
+};
+
+Shown shown(const v1::Map& map) {
+  if (map.unit() == "Pa") return {"kPa", 1e-3};
+  if (map.unit() == "m") return {"um", 1e6};
+  if (map.name().find("strain") != std::string::npos) return {"%", 100};
+  return {map.unit() == "1" ? "" : map.unit(), 1};
+}
+
+template <class T>
+void convert(const std::string& bytes, std::vector<float>& out) {
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    T value;
+    std::memcpy(&value, bytes.data() + i * sizeof(T), sizeof(T));
+    out[i] = static_cast<float>(value);
+  }
+}
+
+std::size_t item_bytes(v1::DataType type) {
+  switch (type) {
+    case v1::DATA_TYPE_INT16:
+      return 2;
+    case v1::DATA_TYPE_FLOAT32:
+      return 4;
+    case v1::DATA_TYPE_FLOAT64:
+      return 8;
+    case v1::DATA_TYPE_UINT8:
+      return 1;
+    default:
+      throw std::runtime_error("the service sent a map of unknown data type");
+  }
+}
+
+const v1::Map* find_map(const std::vector<v1::Map>& maps, const std::string& name) {
+  for (const v1::Map& map : maps)
+    if (map.name() == name) return &map;
+  return nullptr;
+}
+
+VtiGrid vti_grid(const v1::Grid& grid) {
+  VtiGrid out;
+  for (int axis = 0; axis < grid.size_size() && axis < 3; ++axis) {
+    out.size[axis] = grid.size(axis);
+    out.origin_m[axis] = grid.origin_m(axis);
+    out.spacing_m[axis] = grid.spacing_m(axis);
+  }
+  return out;
+}
+
+Panel panel_of(const v1::Map& map, const std::vector<float>& valid) {
+  Panel panel;
+  const Shown how = shown(map);
+  panel.title = map.name();
+  for (char& c : panel.title)
+    if (c == '_') c = ' ';
+  panel.nx = map.grid().size(0);
+  panel.ny = map.grid().size(1);
+  panel.origin_x_m = map.grid().origin_m(0);
+  panel.origin_y_m = map.grid().origin_m(1);
+  panel.dx_m = map.grid().spacing_m(0);
+  panel.dy_m = map.grid().spacing_m(1);
+  panel.values = values_of(map);
+  panel.unit = how.unit;
+  panel.factor = how.factor;
+  if (valid.size() == panel.values.size() && map.name() != "correlation")
+    for (std::size_t i = 0; i < valid.size(); ++i)
+      if (valid[i] == 0) panel.values[i] = std::numeric_limits<float>::quiet_NaN();
+  return panel;
+}
+
+nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOutcome& outcome) {
+  const v1::EstimateSummary& summary = outcome.summary;
+  nlohmann::json stages = nlohmann::json::object();
+  for (const v1::StageTime& stage : summary.stages()) stages[stage.stage() + "_s"] = stage.seconds();
+  nlohmann::json json{
+      {"modulus",
+       {{"absolute", summary.modulus_absolute()},
+        {"background", summary.background_modulus_pa()},
+        {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"}}},
+      {"median_correlation", summary.median_correlation()},
+      {"valid_fraction", summary.valid_fraction()},
+      {"mean_axial_strain", summary.mean_axial_strain()},
+      {"stages", stages},
+      {"acquisition",
+       {{"sample_count", acquisition.sample_count()},
+        {"line_count", acquisition.line_count()},
+        {"center_frequency_hz", acquisition.center_frequency_hz()},
+        {"sampling_frequency_hz", acquisition.sampling_frequency_hz()},
+        {"sound_speed_m_s", acquisition.sound_speed_m_s()},
+        {"line_pitch_m", acquisition.line_pitch_m()},
+        {"first_sample_depth_m", acquisition.first_sample_depth_m()},
+        {"frame", acquisition.displacement_frame() == v1::DISPLACEMENT_FRAME_LAB ? "LAB" : "PROBE"}}}};
+  if (acquisition.has_probe_force())
+    json["acquisition"]["probe_force"] = {{"force_n", acquisition.probe_force().force_n()},
+                                          {"contact_area_m2", acquisition.probe_force().contact_area_m2()}};
+  if (!outcome.maps.empty()) {
+    const v1::Grid& grid = outcome.maps.front().grid();
+    json["grid"] = {{"size", std::vector<std::uint32_t>(grid.size().begin(), grid.size().end())},
+                    {"origin_m", std::vector<double>(grid.origin_m().begin(), grid.origin_m().end())},
+                    {"spacing_m", std::vector<double>(grid.spacing_m().begin(), grid.spacing_m().end())}};
+  }
+  return json;
+}
+
+}  // namespace
+
+void require_writable_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error)
+    throw FileError(folder, "cannot be created (" + error.message() + "); give another folder with --out");
+  const std::filesystem::path probe = folder / ".teletact-writable";
+  const bool written = static_cast<bool>(std::ofstream(probe) << 'x' << std::flush);
+  std::filesystem::remove(probe, error);
+  if (!written) throw FileError(folder, "cannot be written; give another folder with --out");
+}
+
+std::vector<float> values_of(const v1::Map& map) {
+  std::size_t points = 1;
+  for (const std::uint32_t size : map.grid().size()) points *= size;
+  const v1::Array& array = map.values();
+  if (map.grid().size_size() < 2 || array.data().size() != points * item_bytes(array.dtype()))
+    throw std::runtime_error("the service sent map '" + map.name() + "' that does not fill its grid");
+  std::vector<float> out(points);
+  switch (array.dtype()) {
+    case v1::DATA_TYPE_INT16:
+      convert<std::int16_t>(array.data(), out);
+      break;
+    case v1::DATA_TYPE_FLOAT32:
+      convert<float>(array.data(), out);
+      break;
+    case v1::DATA_TYPE_FLOAT64:
+      convert<double>(array.data(), out);
+      break;
+    default:
+      convert<std::uint8_t>(array.data(), out);
+      break;
+  }
+  return out;
+}
+
+std::vector<std::string> write_estimate(const std::filesystem::path& folder,
+                                        const v1::Acquisition& acquisition, const EstimateOutcome& outcome) {
+  const v1::Map* valid_map = find_map(outcome.maps, "valid");
+  const std::vector<float> valid = valid_map ? values_of(*valid_map) : std::vector<float>{};
+  std::vector<std::string> written;
+  for (const Group& group : kGroups) {
+    std::vector<VtiArray> arrays;
+    std::vector<Panel> panels;
+    std::optional<VtiGrid> grid;
+    for (const char* name : group.maps) {
+      const v1::Map* map = find_map(outcome.maps, name);
+      if (map == nullptr) continue;
+      grid = vti_grid(map->grid());
+      arrays.push_back({map->name(), values_of(*map), 1});
+      panels.push_back(panel_of(*map, valid));
+    }
+    if (!grid) continue;
+    if (valid.size() == grid->points()) {
+      arrays.push_back({"valid", std::vector<std::uint8_t>(valid.begin(), valid.end()), 1});
+    }
+    const std::string file = group.file;
+    write_vti(folder / (file + ".vti"), *grid, arrays);
+    write_png(folder / (file + ".png"), panels);
+    written.push_back(file + ".vti");
+    written.push_back(file + ".png");
+  }
+  nlohmann::json json = summary_json(acquisition, outcome);
+  json["files"] = written;
+  write_file(folder / "estimate.json", json.dump(2) + "\n");
+  written.push_back("estimate.json");
+  return written;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,27 @@
+// The service's maps on disk: VTI for ParaView, PNG to look at, estimate.json with the figures.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "client/acquire/estimate_client.h"
+
+namespace teletact::client {
+
+// Creates the folder and proves that it can be written, before anything is computed for it. Throws FileError
+// with one line that says what is wrong.
+void require_writable_folder(const std::filesystem::path& folder);
+
+// The values of a map as float, x fastest, whatever type they travelled in. Throws std::runtime_error when
+// the array does not fill its grid.
+std::vector<float> values_of(const teletact::v1::Map& map);
+
+// Writes displacement, strain, correlation and modulus as .vti and .png (nodes that are not valid are grey in
+// the pictures and keep their value in the files, beside the array `valid`), and estimate.json. Returns the
+// names of the files written. Throws FileError.
+std::vector<std::string> write_estimate(const std::filesystem::path& folder,
+                                        const teletact::v1::Acquisition& acquisition,
+                                        const EstimateOutcome& outcome);
+
+}  // namespace teletact::client

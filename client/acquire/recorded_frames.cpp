@@ -1,0 +1,170 @@
+#include "client/acquire/recorded_frames.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "client/files/matfile.h"
+#include "client/files/metaimage.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kSpacingTolerance = 0.01;
+
+// One frame as its file gives it.
+struct Frame {
+  std::size_t sample_count = 0, line_count = 0;
+  std::string bytes;
+  v1::DataType dtype = v1::DATA_TYPE_FLOAT32;
+  std::optional<double> line_pitch_m, first_sample_depth_m;
+};
+
+bool differ(double a, double b) {
+  return !(std::abs(a - b) <= kSpacingTolerance * std::abs(b));
+}
+
+template <class T>
+std::string bytes_of(const std::vector<T>& samples) {
+  return {reinterpret_cast<const char*>(samples.data()), samples.size() * sizeof(T)};
+}
+
+Frame read_mha_frame(const std::filesystem::path& path, const RecordedFrameOptions& options) {
+  const MetaImage image = read_metaimage(path);
+  if (image.channels != 1 || image.size.size() < 2 || (image.size.size() > 2 && image.size[2] != 1))
+    throw FrameInputError(path.string() + ": RF must be one 2-D image of samples x A-lines; split the file");
+  Frame frame;
+  frame.sample_count = image.size[0];
+  frame.line_count = image.size[1];
+  if (image.type == ElementType::kInt16) {
+    frame.dtype = v1::DATA_TYPE_INT16;
+    frame.bytes = bytes_of(image.as<std::int16_t>());
+  } else {
+    frame.bytes = bytes_of(image.as<float>());
+  }
+  const double unit_m = options.spacing_unit == "mm" ? 1e-3 : 1;
+  if (image.spacing.size() >= 2) {
+    check_sample_spacing(image.spacing[0] * unit_m, options.sound_speed_m_s, options.sampling_frequency_hz,
+                         path.string());
+    frame.line_pitch_m = image.spacing[1] * unit_m;
+  }
+  if (!image.origin.empty()) frame.first_sample_depth_m = image.origin[0] * unit_m;
+  return frame;
+}
+
+Frame read_mat_frame(const std::filesystem::path& path, std::optional<std::size_t> index,
+                     const char* index_option, const RecordedFrameOptions& options) {
+  if (options.variable.empty())
+    throw FrameInputError("give --variable: which variable of the .mat file holds RF");
+  if (options.axial_axis.empty())
+    throw FrameInputError(
+        "give --axial-axis rows|columns: a .mat file does not say along which axis depth runs");
+  const AxialAxis axis = options.axial_axis == "rows" ? AxialAxis::kRows : AxialAxis::kColumns;
+  MatFrames frames = read_mat(path, options.variable, axis);
+  if (frames.frame_count > 1 && !index)
+    throw FrameInputError(
+        fmt::format("give {}: {} holds {} frames", index_option, path.string(), frames.frame_count));
+  const std::size_t which = index.value_or(0);
+  if (which >= frames.frame_count)
+    throw FrameInputError(fmt::format("{} {}: {} holds frames 0 to {}", index_option, which, path.string(),
+                                      frames.frame_count - 1));
+  const std::size_t values = frames.sample_count * frames.line_count;
+  Frame frame;
+  frame.sample_count = frames.sample_count;
+  frame.line_count = frames.line_count;
+  frame.bytes.assign(reinterpret_cast<const char*>(frames.samples.data() + which * values),
+                     values * sizeof(float));
+  return frame;
+}
+
+Frame read_frame(const std::filesystem::path& path, std::optional<std::size_t> index,
+                 const char* index_option, const RecordedFrameOptions& options) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (extension == ".mha") return read_mha_frame(path, options);
+  if (extension == ".mat") return read_mat_frame(path, index, index_option, options);
+  throw FrameInputError(path.string() + ": not a .mha or .mat file; convert it to one of them");
+}
+
+double line_pitch_of(const Frame& pre, const RecordedFrameOptions& options) {
+  if (!options.line_pitch_m && !pre.line_pitch_m)
+    throw FrameInputError("give --line-pitch-m: the file has no lateral spacing");
+  if (options.line_pitch_m && pre.line_pitch_m && differ(*options.line_pitch_m, *pre.line_pitch_m))
+    throw FrameInputError(
+        fmt::format("--line-pitch-m {:.6g} contradicts {}, which states {:.6g} m; leave it out, or "
+                    "correct the file",
+                    *options.line_pitch_m, options.pre.string(), *pre.line_pitch_m));
+  return pre.line_pitch_m ? *pre.line_pitch_m : *options.line_pitch_m;
+}
+
+// What must be known before any file is opened.
+void check_options(const RecordedFrameOptions& options) {
+  const auto positive = [](double value, const char* option) {
+    if (!(value > 0) || !std::isfinite(value))
+      throw FrameInputError(fmt::format("give {}: it must be a number above 0", option));
+  };
+  positive(options.center_frequency_hz, "--center-frequency-hz");
+  positive(options.sampling_frequency_hz, "--sampling-frequency-hz");
+  positive(options.sound_speed_m_s, "--sound-speed-m-s");
+  if (options.line_pitch_m) positive(*options.line_pitch_m, "--line-pitch-m");
+  if (options.frame != "LAB" && options.frame != "PROBE")
+    throw FrameInputError(
+        "give --frame LAB (the far side rests, displacement largest at the top) or PROBE (the probe face "
+        "rests, zero "
+        "at the top)");
+  if (options.force_n.has_value() != options.contact_area_m2.has_value())
+    throw FrameInputError(options.force_n ? "give --contact-area-m2 with --force-n, or neither"
+                                          : "give --force-n with --contact-area-m2, or neither");
+}
+
+}  // namespace
+
+void check_sample_spacing(double stated_m, double sound_speed_m_s, double sampling_frequency_hz,
+                          const std::string& file) {
+  const double expected_m = sound_speed_m_s / (2 * sampling_frequency_hz);
+  if (!differ(stated_m, expected_m)) return;
+  const bool millimetres = !differ(stated_m * 1e-3, expected_m);
+  throw FrameInputError(fmt::format(
+      "{}: its axial spacing {:.6g} m contradicts c / (2 fs) = {:.6g} m; {}", file, stated_m, expected_m,
+      millimetres ? "it looks like millimetres: give --spacing-unit mm"
+                  : "correct --sampling-frequency-hz, --sound-speed-m-s or the file"));
+}
+
+FramePair read_recorded_frames(const RecordedFrameOptions& options) {
+  check_options(options);
+  Frame pre = read_frame(options.pre, options.pre_frame, "--pre-frame", options);
+  Frame post = read_frame(options.post, options.post_frame, "--post-frame", options);
+  if (pre.sample_count != post.sample_count || pre.line_count != post.line_count)
+    throw FrameInputError(fmt::format("--pre has {} samples x {} lines, --post {} x {}: they must be equal",
+                                      pre.sample_count, pre.line_count, post.sample_count, post.line_count));
+  if (pre.dtype != post.dtype) throw FrameInputError("--pre and --post must hold samples of the same type");
+  if (pre.line_pitch_m && post.line_pitch_m && differ(*post.line_pitch_m, *pre.line_pitch_m))
+    throw FrameInputError("--pre and --post state different lateral spacings");
+  FramePair pair;
+  v1::Acquisition& acquisition = pair.acquisition;
+  acquisition.set_sample_count(static_cast<std::uint32_t>(pre.sample_count));
+  acquisition.set_line_count(static_cast<std::uint32_t>(pre.line_count));
+  acquisition.set_dtype(pre.dtype);
+  acquisition.set_center_frequency_hz(options.center_frequency_hz);
+  acquisition.set_sampling_frequency_hz(options.sampling_frequency_hz);
+  acquisition.set_sound_speed_m_s(options.sound_speed_m_s);
+  acquisition.set_line_pitch_m(line_pitch_of(pre, options));
+  acquisition.set_first_sample_depth_m(pre.first_sample_depth_m.value_or(0));
+  acquisition.set_displacement_frame(options.frame == "LAB" ? v1::DISPLACEMENT_FRAME_LAB
+                                                            : v1::DISPLACEMENT_FRAME_PROBE);
+  acquisition.set_max_strain(options.max_strain);
+  acquisition.set_poisson_ratio(options.poisson_ratio);
+  acquisition.set_tissue_depth_m(options.tissue_depth_m);
+  if (options.force_n) {
+    acquisition.mutable_probe_force()->set_force_n(*options.force_n);
+    acquisition.mutable_probe_force()->set_contact_area_m2(*options.contact_area_m2);
+  }
+  pair.pre = std::move(pre.bytes);
+  pair.post = std::move(post.bytes);
+  return pair;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,40 @@
+// Recorded RF from files: two frames and their geometry, ready to upload. Geometry comes from the file where
+// it has it; what is missing is asked for by name; what contradicts is refused.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "client/acquire/frame_source.h"
+
+namespace teletact::client {
+
+// One line for the user, naming the option that helps.
+struct FrameInputError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct RecordedFrameOptions {
+  std::filesystem::path pre, post;  // .mha (MetaImage), .mat (MATLAB v5, v7.3)
+  double center_frequency_hz = 0, sampling_frequency_hz = 0, sound_speed_m_s = 1540;
+  std::optional<double> line_pitch_m;
+  std::string frame;  // "LAB" or "PROBE"
+  std::optional<double> force_n, contact_area_m2;
+  std::string variable;                                          // .mat: name of the RF variable
+  std::string axial_axis;                                        // .mat: "rows" or "columns"
+  std::optional<std::size_t> pre_frame, post_frame;              // .mat with several frames: which, from 0
+  std::string spacing_unit = "m";                                // of the MetaImage header: "m" or "mm"
+  double max_strain = 0, poisson_ratio = 0, tissue_depth_m = 0;  // 0: the service's default
+};
+
+// Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.
+FramePair read_recorded_frames(const RecordedFrameOptions& options);
+
+// The spacing of samples (m) that `stated_m` contradicts by more than 1 % is c / (2 fs): throws
+// FrameInputError with a hint where the value looks like millimetres.
+void check_sample_spacing(double stated_m, double sound_speed_m_s, double sampling_frequency_hz,
+                          const std::string& file);
+
+}  // namespace teletact::client

@@ -1,0 +1,233 @@
+// teletact-client acquire: the patient side.
+#include <grpcpp/client_context.h>
+
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "client/acquire/session.h"
+#include "client/acquire/simulated_source.h"
+#include "client/commands.h"
+#include "client/files/file_io.h"
+#include "client/link/channel.h"
+#include "client/link/recording.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kConnectWaitS = 10;
+
+std::atomic<bool> interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
+
+void interrupt(int) {
+  interrupted.store(true);
+}
+
+struct Arguments {
+  std::string address, tissue_path, save_tissue_path, record_path, ready_path;
+  std::optional<std::uint64_t> seed;
+  std::size_t passes = 5;
+  unsigned threads = 0;
+  bool record_rf = false;
+  AcquireOptions acquire;
+};
+
+Tissue tissue_of(const Arguments& arguments) {
+  if (!arguments.tissue_path.empty()) return read_tissue(arguments.tissue_path);
+  return random_tissue(*arguments.seed);
+}
+
+// Creates the scene, or goes on with one that has the tissue's size.
+void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, const Tissue& tissue) {
+  v1::CreateSceneRequest request;
+  request.set_scene_id(scene_id);
+  v1::SceneGeometry& geometry = *request.mutable_geometry();
+  geometry.add_size_m(tissue.width_m);
+  geometry.add_size_m(tissue.depth_m);
+  geometry.set_poisson_ratio(tissue.poisson_ratio);
+  geometry.set_has_poisson_ratio(true);
+  geometry.set_thickness_m(tissue.thickness_m);
+  v1::Scene scene;
+  grpc::ClientContext create;
+  const grpc::Status status = palpation.CreateScene(&create, request, &scene);
+  if (status.ok()) return;
+  if (status.error_code() != grpc::StatusCode::ALREADY_EXISTS) throw_status("CreateScene", status);
+  v1::GetSceneRequest get;
+  get.set_scene_id(scene_id);
+  grpc::ClientContext again;
+  if (const grpc::Status got = palpation.GetScene(&again, get, &scene); !got.ok())
+    throw_status("GetScene", got);
+  for (int axis = 0; axis < 2; ++axis)
+    if (scene.geometry().size_m_size() < 2 ||
+        std::abs(scene.geometry().size_m(axis) - geometry.size_m(axis)) > 1e-9)
+      throw CommandError("--scene " + scene_id + ": it exists with another size; choose another scene");
+  std::fprintf(stderr, "scene %s exists: going on with it\n", scene_id.c_str());
+}
+
+// Everything that the recording gets, in one place; calls come from several threads.
+class Recorder {
+ public:
+  explicit Recorder(const Arguments& arguments) : with_rf_(arguments.record_rf) {
+    if (arguments.record_path.empty()) return;
+    v1::RecordHeader header;
+    header.set_kind("acquire");
+    header.set_client("teletact-client");
+    header.set_service(arguments.address);
+    header.set_scene_id(arguments.acquire.scene_id);
+    header.set_unix_time_s(std::time(nullptr));
+    writer_.emplace(arguments.record_path, header);
+  }
+  void request(std::uint32_t call, const v1::EstimateRequest& request) {
+    if (!with_rf_) return;
+    v1::RecordEntry entry;
+    *entry.mutable_estimate_request() = request;
+    append(call, std::move(entry));
+  }
+  void response(std::uint32_t call, const v1::EstimateResponse& response) {
+    if (response.has_map() && !with_rf_) return;  // maps belong to a recording that can be replayed
+    v1::RecordEntry entry;
+    *entry.mutable_estimate_response() = response;
+    append(call, std::move(entry));
+  }
+  void window(std::uint32_t call, const v1::WindowTiming& timing) {
+    v1::RecordEntry entry;
+    *entry.mutable_window() = timing;
+    append(call, std::move(entry));
+  }
+  void close(const v1::Scene& scene) {
+    if (!writer_) return;
+    v1::RecordEntry entry;
+    *entry.mutable_scene() = scene;
+    append(0, std::move(entry));
+    writer_->close();
+  }
+  bool recording() const { return writer_.has_value(); }
+
+ private:
+  void append(std::uint32_t call, v1::RecordEntry entry) {
+    if (!writer_) return;
+    entry.set_monotonic_ns(monotonic_ns());
+    entry.set_call(call);
+    writer_->append_waiting(std::move(entry));
+  }
+  std::optional<RecordWriter> writer_;
+  bool with_rf_;
+};
+
+AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
+  AcquireObserver observer;
+  observer.request = [&recorder](auto call, const auto& request) { recorder.request(call, request); };
+  observer.response = [&recorder](auto call, const auto& response) { recorder.response(call, response); };
+  observer.window = [&recorder](auto call, const v1::WindowTiming& timing,
+                                const v1::EstimateSummary& summary) {
+    recorder.window(call, timing);
+    std::printf(
+        "window %3.0f mm  pass %u  asked to published %.0f ms, service %.0f ms, background %.2f kPa\n",
+        timing.window_x_m() * 1e3, timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6,
+        summary.received_to_published_s() * 1e3, summary.background_modulus_pa() * 1e-3);
+    std::fflush(stdout);
+  };
+  observer.note = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
+  observer.ready = [&arguments] {
+    if (arguments.ready_path.empty()) return;
+    if (!(std::ofstream(arguments.ready_path) << "ready\n" << std::flush))
+      std::fprintf(stderr, "cannot write --ready-file %s\n", arguments.ready_path.c_str());
+  };
+  return observer;
+}
+
+SimulatedSource prepare(const Tissue& tissue, const Arguments& arguments) {
+  std::fprintf(stderr, "solving the patient's tissue (%.0f x %.0f mm, %zu inclusions)\n",
+               tissue.width_m * 1e3, tissue.depth_m * 1e3, tissue.inclusions.size());
+  const Patient patient(tissue);
+  return SimulatedSource(patient, arguments.passes, arguments.threads,
+                         [&](std::size_t done, std::size_t total) {
+                           std::fprintf(stderr, "simulated RF of %zu of %zu windows, %zu passes each\n", done,
+                                        total, arguments.passes);
+                         });
+}
+
+void catch_signals() {
+  interrupted = false;
+  struct sigaction action {};
+  action.sa_handler = interrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+void run(const Arguments& arguments) {
+  if (arguments.tissue_path.empty() == !arguments.seed)
+    throw CommandError("give either --tissue FILE or --seed N");
+  const Tissue tissue = tissue_of(arguments);
+  if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
+  const auto channel = make_channel(arguments.address);
+  if (!wait_connected(*channel, kConnectWaitS))
+    throw CommandError("--service " + arguments.address +
+                       ": nobody answers; is teletact-service running there?");
+  const auto palpation = v1::Palpation::NewStub(channel);
+  open_scene(*palpation, arguments.acquire.scene_id, tissue);
+  Recorder recorder(arguments);
+  SimulatedSource source = prepare(tissue, arguments);
+  catch_signals();
+  AcquireSession session(channel, source, arguments.acquire, observe(arguments, recorder));
+  const AcquireResult result = session.run(interrupted);
+  std::printf("%zu windows published, %zu pairs not tracked, %zu windows without frames left\n",
+              result.windows.size(), result.untracked, result.exhausted);
+  if (!recorder.recording()) return;
+  v1::GetSceneRequest get;
+  get.set_scene_id(arguments.acquire.scene_id);
+  get.set_view(v1::SCENE_VIEW_FULL);
+  v1::Scene scene;
+  grpc::ClientContext context;
+  if (const grpc::Status status = palpation->GetScene(&context, get, &scene); !status.ok())
+    throw_status("GetScene", status);
+  recorder.close(scene);
+}
+
+}  // namespace
+
+void add_acquire_command(CLI::App& app) {
+  const auto arguments = std::make_shared<Arguments>();
+  AcquireOptions& acquire = arguments->acquire;
+  CLI::App& command =
+      *app.add_subcommand("acquire", "patient side: probe, arm and RF upload (a simulated patient)");
+  command.add_option("--service", arguments->address, "unix:/path or host:port")->required();
+  command.add_option("--scene", acquire.scene_id, "scene to publish into; created with the tissue's size")
+      ->required();
+  command.add_option("--tissue", arguments->tissue_path, "tissue file (TOML)");
+  command.add_option("--seed", arguments->seed,
+                     "a random patient with hidden inclusions instead of --tissue");
+  command.add_option("--save-tissue", arguments->save_tissue_path, "write the tissue, the truth for report");
+  command.add_option("--passes-prepared", arguments->passes, "RF pairs simulated for each window beforehand")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command.add_option("--threads", arguments->threads, "for the simulation; 0 = one per processor");
+  command.add_option("--record", arguments->record_path,
+                     "keep timings, summaries and the final scene in this file");
+  command.add_flag("--record-rf", arguments->record_rf,
+                   "keep RF and maps too, so that replay can play them again");
+  command.add_option("--ready-file", arguments->ready_path, "created once the first windows can be touched");
+  command.add_flag("--until-finger-leaves", acquire.until_finger_leaves,
+                   "end when the finger has come and gone");
+  command.add_option("--duration-s", acquire.duration_s, "end after so long")->check(CLI::PositiveNumber);
+  command.add_option("--start-x-m", acquire.start_x_m, "where the finger is expected first")
+      ->capture_default_str();
+  command.add_option("--start-direction", acquire.start_direction, "1 or -1: where it will go first")
+      ->check(CLI::IsMember({1, -1}));
+  command.add_option("--lookahead", acquire.planner.lookahead, "windows acquired ahead of the finger")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  command.add_option("--refresh-after-s", acquire.planner.refresh_after_s, "older windows are acquired anew")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.callback([arguments] { run(*arguments); });
+}
+
+}  // namespace teletact::client

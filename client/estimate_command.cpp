@@ -1,0 +1,105 @@
+// teletact-client estimate: recorded frames -> displacement, strain, correlation and modulus on disk.
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "client/acquire/map_output.h"
+#include "client/acquire/recorded_frames.h"
+#include "client/commands.h"
+#include "client/link/channel.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kConnectWaitS = 10;
+
+struct Arguments {
+  std::string address, out;
+  RecordedFrameOptions frames;
+};
+
+const char* stage_name(v1::EstimateStage stage) {
+  switch (stage) {
+    case v1::ESTIMATE_STAGE_RECEIVED:
+      return "received";
+    case v1::ESTIMATE_STAGE_DISPLACEMENT:
+      return "displacement";
+    case v1::ESTIMATE_STAGE_STRAIN:
+      return "strain";
+    case v1::ESTIMATE_STAGE_MODULUS:
+      return "modulus";
+    case v1::ESTIMATE_STAGE_PUBLISHED:
+      return "published";
+    default:
+      return "working";
+  }
+}
+
+void run(const Arguments& arguments) {
+  require_writable_folder(arguments.out);
+  const FramePair pair = read_recorded_frames(arguments.frames);
+  const auto channel = make_channel(arguments.address);
+  if (!wait_connected(*channel, kConnectWaitS))
+    throw CommandError("--service " + arguments.address +
+                       ": nobody answers; is teletact-service running there?");
+  EstimateCallbacks callbacks;
+  callbacks.response = [](const v1::EstimateResponse& response) {
+    if (response.has_progress())
+      std::fprintf(stderr, "%6.2f s  %s\n", response.progress().elapsed_s(),
+                   stage_name(response.progress().stage()));
+  };
+  EstimateClient client(channel);
+  const EstimateOutcome outcome = client.estimate(pair.acquisition, pair.pre, pair.post, callbacks, false);
+  const auto files = write_estimate(arguments.out, pair.acquisition, outcome);
+  const v1::EstimateSummary& summary = outcome.summary;
+  std::printf("%u x %u samples: median correlation %.3f, valid %.1f %%, mean axial strain %.3f %%, ",
+              pair.acquisition.sample_count(), pair.acquisition.line_count(), summary.median_correlation(),
+              100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
+  if (summary.modulus_absolute())
+    std::printf("background %.2f kPa\n", summary.background_modulus_pa() * 1e-3);
+  else
+    std::printf("modulus relative to the background (no force given)\n");
+  std::printf("%zu files in %s\n", files.size(), arguments.out.c_str());
+}
+
+void add_file_options(CLI::App& command, RecordedFrameOptions& frames) {
+  command.add_option("--pre", frames.pre, "frame before compression: .mha or .mat")->required();
+  command.add_option("--post", frames.post, "frame after compression")->required();
+  command.add_option("--variable", frames.variable, ".mat: name of the RF variable");
+  command.add_option("--axial-axis", frames.axial_axis, ".mat: depth runs along rows or columns")
+      ->check(CLI::IsMember({"rows", "columns"}));
+  command.add_option("--pre-frame", frames.pre_frame, ".mat with several frames: which one, from 0");
+  command.add_option("--post-frame", frames.post_frame, ".mat with several frames: which one, from 0");
+  command.add_option("--spacing-unit", frames.spacing_unit, ".mha: unit of the header's spacing and offset")
+      ->check(CLI::IsMember({"m", "mm"}))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void add_estimate_command(CLI::App& app) {
+  const auto arguments = std::make_shared<Arguments>();
+  RecordedFrameOptions& frames = arguments->frames;
+  CLI::App& command =
+      *app.add_subcommand("estimate", "recorded RF frames -> displacement, strain, modulus on disk");
+  command.add_option("--service", arguments->address, "unix:/path or host:port")->required();
+  add_file_options(command, frames);
+  command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
+  command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz, "of the RF")->required();
+  command.add_option("--sound-speed-m-s", frames.sound_speed_m_s, "in the tissue")->capture_default_str();
+  command.add_option("--line-pitch-m", frames.line_pitch_m,
+                     "distance of two A-lines, where the file has none");
+  command.add_option("--frame", frames.frame, "LAB: the far side rests; PROBE: the probe face rests");
+  command.add_option("--force-n", frames.force_n,
+                     "resisting force on the probe, change between pre and post");
+  command.add_option("--contact-area-m2", frames.contact_area_m2,
+                     "of the probe; with the force the modulus is in Pa");
+  command.add_option("--max-strain", frames.max_strain, "largest strain magnitude to search for (0.05)");
+  command.add_option("--poisson-ratio", frames.poisson_ratio, "0 .. 0.5 (0.49)");
+  command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)");
+  command.add_option("--out", arguments->out, "folder for the results")->required();
+  command.callback([arguments] { run(*arguments); });
+}
+
+}  // namespace teletact::client
