@@ -88,12 +88,15 @@ kernel void prolong_add(global const real2* restrict coarse, global real2* restr
 }
 
 // The coarsest level: z = inverse r with the dense inverse of all its unknowns. Items: (unknown, right-hand
-// side). The inverse is symmetric, so item n reads column n.
+// side), each a row of it; four partial sums, so that the row is read in vectors.
 kernel void dense_apply(global const real* restrict inverse, global const real* restrict r,
                         global real* restrict z, const int unknowns) {
   const int n = get_global_id(0), base = get_global_id(1) * unknowns;
   if (n >= unknowns) return;
-  real sum = 0;
-  for (int m = 0; m < unknowns; ++m) sum += inverse[m * unknowns + n] * r[base + m];
+  global const real* row = inverse + n * unknowns;
+  real4 sums = (real4)(0);
+  for (int m = 0; m < unknowns / 4; ++m) sums += vload4(m, row) * vload4(m, r + base);
+  real sum = (sums.x + sums.y) + (sums.z + sums.w);
+  for (int m = unknowns / 4 * 4; m < unknowns; ++m) sum += row[m] * r[base + m];
   z[base + n] = sum;
 }

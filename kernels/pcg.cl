@@ -101,16 +101,20 @@ kernel void pcg_update(global const real* restrict scalars, global const real2* 
 }
 
 // Squared energy norm of the error after `iteration` (Hestenes-Stiefel; Strakos and Tichy 2002): the sum of
-// the last `delay` terms is the error `delay` steps ago less the error now. It stands for the error now when
-// that fell by half; where it falls slower, the rest is extrapolated from the sum before.
-real error_estimate(global const real* restrict terms, const int iteration, const int delay, const int q,
-                    const int rhs) {
-  real now = 0, before = 0;
+// the last `delay` terms is the error `delay` steps ago less the error now. Sums over three such windows say
+// how fast it falls (the slower of two ratios), and from that how much is left now: the geometric rest, but
+// never taken for less than the last sum. A slow run falls by fits and starts: the windows grow with it.
+real error_estimate(global const real* restrict terms, const int iteration, const int least_delay,
+                    const int q, const int rhs) {
+  const int delay = max(least_delay, (iteration + 1) / 8);
+  real now = 0, before = 0, first = 0;
   for (int k = 0; k < delay; ++k) {
     now += terms[(iteration - k) * rhs + q];
     before += terms[(iteration - delay - k) * rhs + q];
+    const int oldest = iteration - 2 * delay - k;
+    first += oldest >= 0 ? terms[oldest * rhs + q] : 0;
   }
-  const real ratio = min(now / before, REAL(0.99));
+  const real ratio = min(max(now / before, first > 0 ? before / first : 0), REAL(0.99));
   return now * max(REAL(1.0), ratio / (1 - ratio));
 }
 

@@ -166,9 +166,10 @@ class Queue {
 };
 
 struct DeviceOptions {
-  std::string select;            // "" = first GPU, else first device; a number = index; else part of the name
-  std::string kernel_directory;  // "" = embedded sources; else read .cl files from there (development)
-  std::string cache_directory;   // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
+  std::string select = {};  // "" = first GPU, else first device; a number = index; else part of the name
+  std::string kernel_directory = {};  // "" = embedded sources; else read .cl files from there (development)
+  std::string cache_directory =
+      {};  // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
   bool profiling = false;
   // Nice value of the runtime's worker threads (PoCL), so that touch runs before imaging. PoCL starts them at
   // the process's first use of OpenCL, list_devices() included: it takes effect only when this is that.

@@ -64,7 +64,7 @@ template <class T>
 struct Multigrid<T>::Level {
   NodeLines lines;
   int nx = 0, ny = 0;
-  LineTransfer to_coarse_x, to_coarse_y;  // empty on the coarsest level
+  GridTransfer to_coarse;
   std::unique_ptr<LineArrays<T>> x, y;
   Array<T> free;
   std::shared_ptr<Array<T>> stencil;
@@ -95,18 +95,17 @@ template <class T>
 Multigrid<T>::Multigrid(const Queue& queue, const NodeLines& lines, const MultigridOptions& options)
     : queue_(queue), options_(options), kernels_(std::make_unique<Kernels>(queue)) {
   NodeLines current = lines;
-  for (;;) {
+  for (double spacing = smallest_spacing(lines);; spacing *= 2) {
     auto level = std::make_unique<Level>();
     level->lines = current;
     level->nx = static_cast<int>(current.x.size());
     level->ny = static_cast<int>(current.y.size());
-    level->to_coarse_x = coarsen(current.x);
-    level->to_coarse_y = coarsen(current.y);
-    NodeLines coarse{level->to_coarse_x.coarse, level->to_coarse_y.coarse};
+    level->to_coarse = coarsen(current, spacing);
+    NodeLines coarse{level->to_coarse.x.coarse, level->to_coarse.y.coarse};
     const bool last = current.nodes() <= options.coarsest_nodes || coarse.nodes() == current.nodes();
     if (!last) {
-      level->x = std::make_unique<LineArrays<T>>(queue, level->to_coarse_x);
-      level->y = std::make_unique<LineArrays<T>>(queue, level->to_coarse_y);
+      level->x = std::make_unique<LineArrays<T>>(queue, level->to_coarse.x);
+      level->y = std::make_unique<LineArrays<T>>(queue, level->to_coarse.y);
     }
     levels_.push_back(std::move(level));
     if (last) break;
@@ -170,8 +169,8 @@ void Multigrid<T>::set_level(std::size_t index, const Array<S>& stencil,
   bound_eigenvalues(level);
   // A_c = P^T A P
   const Level& next = *levels_[index + 1];
-  const auto coarse_free = coarse_mask(free, level.to_coarse_x, level.to_coarse_y);
-  const LineArrays<S> x(queue_, level.to_coarse_x), y(queue_, level.to_coarse_y);
+  const auto coarse_free = coarse_mask(free, level.to_coarse.x, level.to_coarse.y);
+  const LineArrays<S> x(queue_, level.to_coarse.x), y(queue_, level.to_coarse.y);
   auto coarse = queue_.array<S>(36 * next.nodes());
   queue_.kernel("galerkin", "galerkin_product", precision_of<S>)(
       grid_range(next.lines.x.size(), next.lines.y.size(), 9), stencil, coarse, x.at, y.at, x.left, x.weight,

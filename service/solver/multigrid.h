@@ -1,10 +1,11 @@
 // Geometric multigrid on a structured grid of nodes with two unknowns each: one V-cycle, a symmetric positive
 // definite preconditioner for conjugate gradients.
 //
-// Levels: every second node line plus the last (NodeLines). Transfers: P bilinear by coordinates, restriction
-// P^T. Coarse operators: P^T A P on the device. Smoother: Chebyshev polynomial in D^-1 A, D the 2x2 node
-// blocks, before and after: it is its own transpose in the A inner product, so the cycle is symmetric.
-// Coarsest level: exact, by a dense inverse computed in double on the host.
+// Levels: every second line is dropped, across the short side of stretched elements first (NodeLines).
+// Transfers: P bilinear by coordinates, restriction P^T. Coarse operators: P^T A P on the device. Smoother:
+// Chebyshev polynomial in D^-1 A, D the 2x2 node blocks, before and after: it is its own transpose in the A
+// inner product, so the cycle is symmetric. Coarsest level: exact, by a dense inverse computed in double on
+// the host.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +18,7 @@
 namespace teletact::service {
 
 struct MultigridOptions {
-  unsigned smoothing_steps = 3;      // degree of the Chebyshev polynomial, >= 1
+  unsigned smoothing_steps = 4;      // degree of the Chebyshev polynomial, >= 1
   double smoothing_range = 30;       // it damps eigenvalues of D^-1 A in [largest / this, largest]
   std::size_t coarsest_nodes = 100;  // a level of at most so many nodes is solved exactly
 };

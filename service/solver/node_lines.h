@@ -22,7 +22,20 @@ struct LineTransfer {
   std::vector<double> weight;  // of coarse line left + 1 in each fine line
 };
 
-// Keeps all lines when there are too few to thin out (3 or fewer).
-LineTransfer coarsen(const std::vector<double>& fine);
+// Drops every second line as long as the interval left by it does not exceed `widest`: where lines already
+// lie far apart, all are kept.
+LineTransfer coarsen(const std::vector<double>& fine, double widest);
+
+// The next coarser level in both directions. `spacing` is the fine level's nominal distance of lines, doubled
+// until something coarsens; intervals grow to at most kWidestInterval times it. So stretched elements are
+// coarsened across their short side first, until they are square: point smoothers fail on stretched ones.
+struct GridTransfer {
+  LineTransfer x, y;
+};
+GridTransfer coarsen(const NodeLines& fine, double& spacing);
+constexpr double kWidestInterval = 3;
+
+// Smallest distance between neighbouring lines of either direction.
+double smallest_spacing(const NodeLines&);
 
 }  // namespace teletact::service

@@ -7,11 +7,15 @@
 namespace teletact::service {
 namespace {
 
+// (size, 1 / size) of each interval.
 template <class T>
-std::vector<T> steps(const std::vector<double>& coordinates) {
+std::vector<T> intervals(const std::vector<double>& coordinates) {
   std::vector<T> out;
-  for (std::size_t k = 0; k + 1 < coordinates.size(); ++k)
-    out.push_back(static_cast<T>(coordinates[k + 1] - coordinates[k]));
+  for (std::size_t k = 0; k + 1 < coordinates.size(); ++k) {
+    const double size = coordinates[k + 1] - coordinates[k];
+    out.push_back(static_cast<T>(size));
+    out.push_back(static_cast<T>(1 / size));
+  }
   return out;
 }
 
@@ -67,8 +71,8 @@ Elasticity<T>::Elasticity(const Queue& queue, const TissueGrid& grid, const std:
       nx_(grid.nx()),
       ny_(grid.ny()),
       modulus_(queue.array<T>(grid.elements())),
-      width_(queue.array(steps<T>(grid.x_m))),
-      height_(queue.array(steps<T>(grid.y_m))),
+      width_(queue.array(intervals<T>(grid.x_m))),
+      height_(queue.array(intervals<T>(grid.y_m))),
       free_(queue.array(std::vector<T>(free.begin(), free.end()))),
       apply_(queue.kernel("elasticity", "elasticity_apply", precision_of<T>)),
       stencil_(queue.kernel("elasticity", "elasticity_stencil", precision_of<T>)) {}

@@ -1,0 +1,215 @@
+// Every multigrid kernel against plain double loops (dense matrices), and the cycle's symmetry.
+#include "service/solver/multigrid.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <limits>
+
+#include "service/solver/chebyshev.h"
+#include "service/solver/stencil.h"
+#include "tests/solver/block_stencil.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::MatrixXd;
+
+// Uneven node lines in [0, count).
+std::vector<double> uneven(std::size_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(0, 0.6);
+  std::vector<double> lines;
+  for (std::size_t i = 0; i < count; ++i) lines.push_back(static_cast<double>(i) + uniform(random));
+  return lines;
+}
+
+template <class T>
+class Multigrid_ : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!queue_.supports(precision_of<T>)) GTEST_SKIP() << "device without double precision";
+  }
+  static double eps() { return std::numeric_limits<T>::epsilon(); }
+  Queue queue_ = test_device()->queue();
+};
+using Types = testing::Types<float, double>;
+TYPED_TEST_SUITE(Multigrid_, Types);
+
+double largest(const MatrixXd& m) {
+  return m.allFinite() ? m.template lpNorm<Eigen::Infinity>() : 1e300;
+}
+
+TYPED_TEST(Multigrid_, ProductAndResidualMatchPlainLoops) {
+  using T = TypeParam;
+  for (const auto& [nx, ny] : {std::pair{2, 2}, {3, 7}, {17, 16}, {67, 5}}) {
+    const BlockStencil s = random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 10, 1);
+    const MatrixXd x = random_vectors(s, 3, 2), r = random_vectors(s, 3, 3), expected = s.dense() * x;
+    auto blocks = std::make_shared<Array<T>>(this->queue_.array(s.as<T>()));
+    StencilOperator<T> a(this->queue_, blocks, s.nx, s.ny);
+    auto dx = upload<T>(this->queue_, x), dr = upload<T>(this->queue_, r), y = upload<T>(this->queue_, x);
+    a.apply(dx, y, 3);
+    const double tolerance = 50 * this->eps() * largest(expected);
+    EXPECT_LE(largest(download(this->queue_, y, 3) - expected), tolerance) << nx << "x" << ny;
+    this->queue_.kernel("multigrid", "stencil_residual", precision_of<T>)(grid_range(s.nx, s.ny, 3), *blocks,
+                                                                          dr, dx, y, nx, ny);
+    EXPECT_LE(largest(download(this->queue_, y, 3) - (r - expected)), tolerance);
+  }
+}
+
+TYPED_TEST(Multigrid_, SmootherStepsMatchPlainLoops) {
+  using T = TypeParam;
+  const BlockStencil s = random_stencil(19, 6, 10, 4);
+  const MatrixXd a = s.dense(), r = random_vectors(s, 2, 5);
+  MatrixXd inverse = MatrixXd::Zero(a.rows(), a.cols());
+  for (Eigen::Index n = 0; n < a.rows(); n += 2) inverse.block<2, 2>(n, n) = a.block<2, 2>(n, n).inverse();
+  auto blocks = this->queue_.array(s.as<T>()), inverse_blocks = this->queue_.template array<T>(4 * s.nodes());
+  this->queue_.kernel("galerkin", "invert_diagonal", precision_of<T>)(
+      {{s.nodes()}, {64}}, blocks, inverse_blocks, static_cast<int>(s.nodes()));
+  auto dr = upload<T>(this->queue_, r), d = upload<T>(this->queue_, r), z = upload<T>(this->queue_, r),
+       z2 = upload<T>(this->queue_, r);
+  const Range range = grid_range(s.nx, s.ny, 2);
+  this->queue_.kernel("multigrid", "smooth_first", precision_of<T>)(range, inverse_blocks, dr, d, z, T(0.4),
+                                                                    19, 6);
+  this->queue_.kernel("multigrid", "smooth_step", precision_of<T>)(range, blocks, inverse_blocks, dr, z, d,
+                                                                   z2, T(0.3), T(0.7), 19, 6);
+  const MatrixXd d1 = 0.4 * inverse * r, d2 = 0.3 * d1 + 0.7 * inverse * (r - a * d1), expected = d1 + d2;
+  EXPECT_LE(largest(download(this->queue_, d, 2) - d2), 200 * this->eps() * largest(d2));
+  EXPECT_LE(largest(download(this->queue_, z2, 2) - expected), 200 * this->eps() * largest(expected));
+}
+
+// P as a dense matrix, constrained unknowns masked.
+MatrixXd interpolation(const GridTransfer& t, const std::vector<std::uint8_t>& fine_free,
+                       const std::vector<std::uint8_t>& coarse_free) {
+  const std::size_t nx = t.x.left.size(), coarse_nx = t.x.at.size();
+  MatrixXd p = MatrixXd::Zero(static_cast<Eigen::Index>(fine_free.size()),
+                              static_cast<Eigen::Index>(coarse_free.size()));
+  const auto weight = [](const LineTransfer& line, std::size_t fine, std::size_t coarse) {
+    const auto left = static_cast<std::size_t>(line.left[fine]);
+    return left == coarse ? 1 - line.weight[fine] : left + 1 == coarse ? line.weight[fine] : 0;
+  };
+  for (std::size_t f = 0; f < fine_free.size(); ++f)
+    for (std::size_t c = f % 2; c < coarse_free.size(); c += 2)
+      if (fine_free[f] && coarse_free[c])
+        p(static_cast<Eigen::Index>(f), static_cast<Eigen::Index>(c)) =
+            weight(t.x, f / 2 % nx, c / 2 % coarse_nx) * weight(t.y, f / 2 / nx, c / 2 / coarse_nx);
+  return p;
+}
+
+template <class T>
+Array<T> values(const Queue& queue, const auto& v) {
+  return queue.array(std::vector<T>(v.begin(), v.end()));
+}
+
+TYPED_TEST(Multigrid_, TransfersAndCoarseOperatorMatchTheDenseTripleProduct) {
+  using T = TypeParam;
+  const Queue& queue = this->queue_;
+  const BlockStencil s = random_stencil(14, 9, 10, 6);
+  double spacing = 1;
+  const GridTransfer t = coarsen(NodeLines{uneven(14, 1), uneven(9, 2)}, spacing);
+  const int cx = static_cast<int>(t.x.at.size()), cy = static_cast<int>(t.y.at.size());
+  ASSERT_LT(cx, 14);
+  BlockStencil coarse{t.x.at.size(), t.y.at.size(), {}, {}};
+  for (const int j : t.y.at)
+    for (const int i : t.x.at)
+      for (int c = 0; c < 2; ++c)
+        coarse.free.push_back(s.free[static_cast<std::size_t>(2 * (i + 14 * j) + c)]);
+  const MatrixXd p = interpolation(t, s.free, coarse.free);
+  const auto fine_free = values<T>(queue, s.free), coarse_free = values<T>(queue, coarse.free);
+  const auto at_x = queue.array(t.x.at), at_y = queue.array(t.y.at), left_x = queue.array(t.x.left),
+             left_y = queue.array(t.y.left);
+  const auto weight_x = values<T>(queue, t.x.weight), weight_y = values<T>(queue, t.y.weight);
+  // P, P^T
+  const MatrixXd f = random_vectors(s, 2, 7), c = random_vectors(coarse, 2, 8);
+  auto df = upload<T>(queue, f), dc = upload<T>(queue, c), out = upload<T>(queue, c);
+  queue.kernel("multigrid", "restrict_residual", precision_of<T>)(
+      grid_range(coarse.nx, coarse.ny, 2), df, out, at_x, values<T>(queue, t.x.around), at_y,
+      values<T>(queue, t.y.around), coarse_free, 14, 9, cx, cy);
+  EXPECT_LE(largest(download(queue, out, 2) - p.transpose() * f), 50 * this->eps());
+  queue.kernel("multigrid", "prolong_add", precision_of<T>)(
+      grid_range(s.nx, s.ny, 2), dc, df, left_x, weight_x, left_y, weight_y, fine_free, 14, 9, cx, cy);
+  EXPECT_LE(largest(download(queue, df, 2) - (f + p * c)), 50 * this->eps());
+  // P^T A P
+  auto product = queue.template array<T>(36 * coarse.nodes());
+  queue.kernel("galerkin", "galerkin_product", precision_of<T>)(
+      grid_range(coarse.nx, coarse.ny, 9), queue.array(s.as<T>()), product, at_x, at_y, left_x, weight_x,
+      left_y, weight_y, fine_free, coarse_free, 14, 9, cx, cy);
+  const std::vector<T> host = queue.read(product);
+  coarse.blocks.assign(host.begin(), host.end());
+  MatrixXd expected = p.transpose() * s.dense() * p;
+  for (std::size_t n = 0; n < coarse.free.size(); ++n)
+    if (!coarse.free[n]) expected(static_cast<Eigen::Index>(n), static_cast<Eigen::Index>(n)) = 1;
+  EXPECT_LE(largest(coarse.dense() - expected), 200 * this->eps() * largest(expected));
+}
+
+TYPED_TEST(Multigrid_, CycleIsSymmetricAndPositiveDefinite) {
+  using T = TypeParam;
+  for (const auto& [nx, ny] : {std::pair{12, 31}, {33, 33}, {40, 27}}) {
+    const BlockStencil s = random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 100, 9);
+    Multigrid<T> m(this->queue_, {uneven(s.nx, 3), uneven(s.ny, 4)});
+    ASSERT_GE(m.levels(), 2u);
+    m.set_operator(this->queue_.array(s.as<T>()), s.free);
+    const std::size_t count = 6;
+    const MatrixXd x = random_vectors(s, count, 10);
+    auto dx = upload<T>(this->queue_, x), z = upload<T>(this->queue_, x);
+    m.apply(dx, z, count);
+    const MatrixXd gram = x.transpose() * download(this->queue_, z, count);
+    EXPECT_LE(largest(gram - gram.transpose()), 500 * this->eps() * largest(gram)) << nx << "x" << ny;
+    EXPECT_GT(Eigen::SelfAdjointEigenSolver<MatrixXd>(gram + gram.transpose()).eigenvalues().minCoeff(), 0);
+  }
+}
+
+TYPED_TEST(Multigrid_, SmallGridIsSolvedExactly) {
+  using T = TypeParam;
+  const BlockStencil s = random_stencil(9, 10, 10, 11);
+  Multigrid<T> m(this->queue_, {uneven(9, 5), uneven(10, 6)});
+  ASSERT_EQ(m.levels(), 1u);
+  m.set_operator(this->queue_.array(s.as<T>()), s.free);
+  const MatrixXd b = random_vectors(s, 2, 12), expected = s.dense().llt().solve(b);
+  auto db = upload<T>(this->queue_, b), z = upload<T>(this->queue_, b);
+  m.apply(db, z, 2);
+  EXPECT_LE(largest(download(this->queue_, z, 2) - expected), 1e3 * this->eps() * largest(expected));
+}
+
+TYPED_TEST(Multigrid_, EigenvalueBoundHoldsAndIsTight) {
+  using T = TypeParam;
+  const BlockStencil s = random_stencil(15, 14, 10, 13);
+  Multigrid<T> m(this->queue_, {uneven(15, 5), uneven(14, 6)});
+  m.set_operator(this->queue_.array(s.as<T>()), s.free);
+  const MatrixXd a = s.dense();
+  MatrixXd d = MatrixXd::Zero(a.rows(), a.cols());
+  for (Eigen::Index n = 0; n < a.rows(); n += 2) d.block<2, 2>(n, n) = a.block<2, 2>(n, n);
+  const double truth = Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(a, d, Eigen::EigenvaluesOnly)
+                           .eigenvalues()
+                           .maxCoeff();
+  EXPECT_GE(m.eigenvalue_bound(0), truth);
+  EXPECT_LE(m.eigenvalue_bound(0), 1.2 * truth);
+}
+
+TEST(Multigrid, OperatorThatIsNotPositiveDefiniteIsRefused) {
+  BlockStencil s = random_stencil(15, 14, 10, 14);
+  for (double& value : s.blocks) value = -value;
+  Multigrid<float> m(test_device()->queue(), {uneven(15, 5), uneven(14, 6)});
+  EXPECT_THROW(m.set_operator(test_device()->queue().array(s.as<float>()), s.free), std::invalid_argument);
+}
+
+TEST(Chebyshev, PolynomialIsSmallOnItsInterval) {
+  // Error polynomial of z -> z + ... for the scalar problem a z = 1, at many a.
+  const double highest = 4;
+  for (const unsigned steps : {1u, 2u, 3u, 4u}) {
+    const auto coefficients = chebyshev_steps(highest / 10, highest, steps);
+    ASSERT_EQ(coefficients.size(), steps);
+    double worst = 0;
+    for (double a = highest / 10; a <= highest; a += 0.01) {
+      double z = 0, d = 0;
+      for (const auto& c : coefficients) z += d = c.old_direction * d + c.new_residual * (1 - a * z);
+      worst = std::max(worst, std::abs(1 - a * z));
+    }
+    // 1 / T_k((b + a) / (b - a))
+    const double bound = 1 / std::cosh(steps * std::acosh((1 + 0.1) / (1 - 0.1)));
+    EXPECT_LE(worst, bound * (1 + 1e-9)) << steps;
+  }
+}
+
+}  // namespace
+}  // namespace teletact::service
