@@ -101,6 +101,7 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
         {"distinct", link.distinct},
         {"not_covered", link.not_covered},
         {"failed", link.failed},
+        {"degraded", link.degraded},
         {"dropped", link.dropped},
         {"rejected", summary.rejected_answers},
         {"streams", link.streams},

@@ -6,7 +6,7 @@
 namespace teletact::client {
 
 Hand::Hand(const HandOptions& options) : options_(options) {
-  target_m_ = Vector2(options.begin_m, -options.hover_m);
+  target_m_ = Vector2(options.start_m, -options.hover_m);
 }
 
 Vector2 Hand::force(const Vector2& position_m, const Vector2& velocity_m_s) const noexcept {

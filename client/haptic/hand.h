@@ -22,6 +22,7 @@ struct HandOptions {
   double speed_m_s = 0.12;
   double begin_m = 0;  // sweeps between these
   double end_m = 0.06;
+  double start_m = 0;              // presses down first here, then sweeps towards `end_m`
   double acceleration_m_s2 = 2.0;  // turnarounds and stops
   double approach_m_s = 0.03;      // pressing and lifting
   double hover_m = 0.005;          // height above the surface when not pressing
@@ -31,7 +32,7 @@ struct HandOptions {
 
 class Hand {
  public:
-  // Starts at `begin_m`, hovering over y = 0.
+  // Starts at `start_m`, hovering over y = 0.
   explicit Hand(const HandOptions& options);
 
   // Moves the intent on by dt under what the operator sees and feels.

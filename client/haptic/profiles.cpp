@@ -1,8 +1,15 @@
 #include "client/haptic/profiles.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 namespace teletact::client {
+
+double DeviceProfile::largest_slew_n_s() const {
+  constexpr double kFullScalePerS = 12;
+  constexpr double kFingerMS = 0.15;
+  return std::max(kFullScalePerS * largest_force_n, kFingerMS * largest_stiffness_n_m);
+}
 
 ForceLimits DeviceProfile::limits() const {
   ForceLimits limits;

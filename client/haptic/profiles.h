@@ -18,9 +18,9 @@ struct DeviceProfile {
   double apparent_mass_kg = 0;
   double friction_n = 0;
   double resolution_m = 0;
-  // A full-scale force may come or go within 25 ms: slow beside the motors, quick beside the 100 ms in which
-  // silence fades, and above what the stiffest wall asks of a finger at 120 mm/s.
-  double largest_slew_n_s() const { return 40 * largest_force_n; }
+  // Enough for full-scale silence to fade in its 100 ms, and for the stiffest wall under a finger at 150
+  // mm/s; no more, since whatever goes wrong reaches the hand at this rate.
+  double largest_slew_n_s() const;
   ForceLimits limits() const;
 };
 

@@ -188,6 +188,8 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   }
   shared_.answered_sequence = std::max(shared_.answered_sequence, answer.sequence());
   if (!converted->has_force) ++stats_.failed;
+  if (answer.status() == v1::TOUCH_STATUS_DEGRADED) ++stats_.degraded;
+  log_warning(answer, received_ns);
   if (!converted->covered) ++stats_.not_covered;
   if (converted->sample.position_m != last_position_m_) {
     ++stats_.distinct;
@@ -202,6 +204,19 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   if (stats_.first_answer_s == 0) stats_.first_answer_s = stats_.last_answer_s;
   answers_.put(*converted);
   changed_.notify_all();
+}
+
+// What is not trusted is said once a second at most; what is only remarkable (status OK) once.
+void TouchLink::log_warning(const v1::TouchAnswer& answer, std::int64_t received_ns) {
+  constexpr std::int64_t kEveryNs = 1'000'000'000;
+  if (answer.warning().empty()) return;
+  if (answer.status() == v1::TOUCH_STATUS_OK) {
+    if (!remarked_) spdlog::info("the service remarks: {}", answer.warning());
+    remarked_ = true;
+  } else if (received_ns - warned_ns_ >= kEveryNs) {
+    spdlog::warn("the service warns: {}", answer.warning());
+    warned_ns_ = received_ns;
+  }
 }
 
 // True when a pose may be sent now; false when the stream is over (or dead).

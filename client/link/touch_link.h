@@ -36,6 +36,7 @@ struct TouchLinkStats {
   std::uint64_t distinct = 0;  // of them, to a pose at another position than the answer before
   std::uint64_t not_covered = 0;
   std::uint64_t failed = 0;         // status FAILED
+  std::uint64_t degraded = 0;       // status DEGRADED
   std::uint64_t dropped = 0;        // malformed or foreign answers
   std::uint64_t streams = 0;        // opened, the first included
   std::uint64_t instances = 0;      // service processes seen
@@ -82,6 +83,7 @@ class TouchLink {
   bool wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns);
   void take_opened(const v1::TouchOpened& opened);
   void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
+  void log_warning(const v1::TouchAnswer& answer, std::int64_t received_ns);
   void record(v1::RecordEntry entry, std::int64_t now_ns);
   bool should_retry(const grpc::Status& status);
   void pause(double wait_s);
@@ -97,6 +99,8 @@ class TouchLink {
   Shared shared_;
   TouchLinkStats stats_;
   std::string failure_;
+  std::int64_t warned_ns_ = -1'000'000'000;  // when an answer's warning was logged last
+  bool remarked_ = false;
   std::string last_reason_;  // why the last stream ended: said once, not ten times a second
   bool stopping_ = false;
   bool gave_up_ = false;  // on the current stream, for its silence

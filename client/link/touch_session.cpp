@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <stdexcept>
 #include <thread>
@@ -80,6 +81,17 @@ HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) 
   if (!(hand.end_m > hand.begin_m)) {
     throw std::invalid_argument("the sweep ends (" + std::to_string(hand.end_m) + " m) before it begins (" +
                                 std::to_string(hand.begin_m) + " m); set --begin-m and --end-m");
+  }
+  // The first press is where something can be touched already: at the beginning, or as near to it as can be.
+  double nearest_m = 1e300;
+  for (const v1::Window& window : scene.windows()) {
+    if (!window.touchable()) continue;
+    const double inside_m = std::min(kInsideM, (window.end_m() - window.begin_m()) / 2);
+    const double start_m = std::clamp(hand.begin_m, window.begin_m() + inside_m, window.end_m() - inside_m);
+    if (std::abs(start_m - hand.begin_m) < nearest_m) {
+      nearest_m = std::abs(start_m - hand.begin_m);
+      hand.start_m = start_m;
+    }
   }
   return hand;
 }

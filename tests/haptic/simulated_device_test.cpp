@@ -12,7 +12,7 @@ namespace {
 SimulatedDeviceOptions options() {
   SimulatedDeviceOptions options;
   options.profile = device_profile("premium-1.5");
-  options.hand.begin_m = 0.01;
+  options.hand.begin_m = options.hand.start_m = 0.01;
   options.hand.end_m = 0.11;
   return options;
 }

@@ -53,7 +53,10 @@ class StillDevice final : public HapticDevice {
 
 class ServoTest : public ::testing::Test {
  protected:
-  ServoTest() { options.chain.limits = device.profile().limits(); }
+  ServoTest() {
+    options.chain.limits = device.profile().limits();
+    servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
+  }
 
   void put_finger(double y_m) { device.reading.pose.position_m = Vector2(0.02, y_m); }
 
@@ -93,7 +96,7 @@ class ServoTest : public ::testing::Test {
   ManualClock clock;
   KalmanRenderer renderer;
   test::AnalyticTissue tissue;
-  std::unique_ptr<ServoLoop> servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
+  std::unique_ptr<ServoLoop> servo;
   bool silent = false;
   std::uint64_t sequence = 0;
   ServoTick last;
@@ -281,7 +284,7 @@ TEST_F(ServoTest, AllocatesNothingInTheLoop) {
 TEST(ServoWithHand, FeelsTheTissueWhileExploring) {
   SimulatedDeviceOptions device_options;
   device_options.profile = device_profile("premium-1.5");
-  device_options.hand.begin_m = 0.01;
+  device_options.hand.begin_m = device_options.hand.start_m = 0.01;
   device_options.hand.end_m = 0.11;
   SimulatedDevice device(device_options);
   device.open();
