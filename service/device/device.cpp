@@ -101,7 +101,8 @@ std::shared_ptr<Context> open_context(const DeviceOptions& options) {
     try {
       if (options.niceness > 0) setpriority(PRIO_PROCESS, 0, options.niceness);
       const std::vector<Found> all = find_devices();
-      const Found& found = choose(all, options.select);
+      Found found = choose(all, options.select);
+      found.info.has_double = found.info.has_double && !options.hide_double;
       context = std::make_shared<Context>(found.device, found.info, options);
     } catch (...) {
       failure = std::current_exception();

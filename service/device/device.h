@@ -171,6 +171,7 @@ struct DeviceOptions {
   std::string cache_directory =
       {};  // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
   bool profiling = false;
+  bool hide_double = false;  // treat the device as one without double precision, as tests must
   // Nice value of the runtime's worker threads (PoCL), so that touch runs before imaging. PoCL starts them at
   // the process's first use of OpenCL, list_devices() included: it takes effect only when this is that.
   int niceness = 0;

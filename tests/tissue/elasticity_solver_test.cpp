@@ -175,6 +175,27 @@ TEST(ElasticitySolver, RefinementReachesResidualsFarBelowFloat) {
   EXPECT_LE(report.true_residual, 1e-9);
 }
 
+TEST(ElasticitySolver, DeviceWithoutDoubleIsRefinedFromTheHost) {
+  DeviceOptions hidden;
+  hidden.hide_double = true;
+  const auto single = Device::open(hidden);
+  const TissueGrid grid = uneven_grid();
+  const std::vector<double> loads = unit_loads(grid, 2);
+  std::vector<std::vector<double>> answers;
+  for (const auto& on : {single, device()}) {
+    ElasticitySolver solver(on, grid, {});
+    solver.set_material(inclusion(grid, 0.495, 100));
+    std::vector<double>& u = answers.emplace_back(2 * grid.dofs());
+    const SolveReport report = solver.solve(2, loads, {}, u);
+    EXPECT_TRUE(report.converged) << report.reason << " " << report.relative_error;
+  }
+  const VectorXd a = vector(answers[0], 0, 2 * grid.dofs()), b = vector(answers[1], 0, 2 * grid.dofs());
+  EXPECT_LE((a - b).lpNorm<Eigen::Infinity>(), 1e-6 * b.lpNorm<Eigen::Infinity>());
+  ElasticitySolverOptions in_double;
+  in_double.precision = SolvePrecision::kDouble;
+  EXPECT_THROW(ElasticitySolver(single, grid, {}, in_double), DeviceError);
+}
+
 TEST(ElasticitySolver, ManyRightHandSidesAnswerAsOneByOne) {
   const TissueGrid grid = uneven_grid();
   ElasticitySolver solver(device(), grid, {});
