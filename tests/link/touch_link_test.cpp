@@ -242,6 +242,65 @@ TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
   std::remove(options.record_path.c_str());
 }
 
+// The service is killed while the finger presses, and comes back.
+TEST(TouchSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
+  FakePalpation service(test::socket_address("pressed"));
+  service.serve();
+  TouchSessionOptions options;
+  options.address = test::socket_address("pressed");
+  options.open.set_scene_id("s");
+  options.open.set_period_s(0.002);
+  options.duration_s = 2.5;
+  options.real_time = false;
+  options.record_path = "/tmp/teletact-pressed-" + std::to_string(::getpid());
+  const std::atomic<bool> stop{false};
+  TouchSummary summary;
+  std::thread session([&] { summary = run_touch_session(options, stop); });
+  ASSERT_TRUE(service.wait_until(answers_at_least(500)));  // a second: pressed and sweeping
+  service.kill();
+  std::this_thread::sleep_for(std::chrono::milliseconds(400));
+  service.serve();
+  session.join();
+
+  std::int64_t paused_ns = 0, last_answer_ns = 0, answer_before_ns = 0;
+  double last_x_n = 0, last_y_n = 0, last_s = 0, at_kill_n = 0, worst = 0;
+  RecordReader reader(options.record_path);
+  while (const auto entry = reader.next()) {
+    if (entry->has_touch_response() && paused_ns == 0) last_answer_ns = entry->monotonic_ns();
+    if (!entry->has_servo()) continue;
+    const v1::ServoSample& servo = entry->servo();
+    const double force_n = std::hypot(servo.force_n(0), servo.force_n(1));
+    const double now_s = 1e-9 * static_cast<double>(entry->monotonic_ns());
+    if (last_s > 0) {
+      const double allowed_n =
+          device_profile(options.profile).largest_slew_n_s() * std::min(now_s - last_s, 0.002);
+      worst =
+          std::max(worst, std::hypot(servo.force_n(0) - last_x_n, servo.force_n(1) - last_y_n) - allowed_n);
+    }
+    last_x_n = servo.force_n(0);
+    last_y_n = servo.force_n(1);
+    last_s = now_s;
+    if (servo.state() == 2 && paused_ns == 0) {
+      paused_ns = entry->monotonic_ns();
+      answer_before_ns = last_answer_ns;
+      EXPECT_EQ(force_n, 0);
+    }
+    if (paused_ns == 0) at_kill_n = std::max(at_kill_n, force_n);
+  }
+  EXPECT_GT(at_kill_n, 0.3);
+  ASSERT_GT(paused_ns, 0);
+  EXPECT_LE(1e-9 * static_cast<double>(paused_ns - answer_before_ns),
+            0.16);  // and a late tick of a busy machine
+  EXPECT_LE(worst, 1e-9);
+  // PAUSED for silence, then ENABLED again and pressed to the end.
+  const auto& changes = summary.ticks.changes();
+  ASSERT_GE(changes.size(), 4u);
+  EXPECT_EQ(changes[2].reason, StateReason::kSilence);
+  EXPECT_EQ(changes[3].state, ServoState::kEnabled);
+  EXPECT_EQ(summary.link.streams, 2u);
+  std::remove(options.record_path.c_str());
+}
+
 TEST(TouchSession, SaysWhatIsWrong) {
   const std::atomic<bool> stop{false};
   TouchSessionOptions options;
