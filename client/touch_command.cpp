@@ -173,7 +173,8 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
                      "node: Gaussian footprint, 0 = one node");
   command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
   command.add_option("--line-y-m", arguments.line_y_m, "depth of the touched line, 0 = the surface");
-  command.add_option("--path", arguments.path, "auto, compliance or pcg")
+  command
+      .add_option("--path", arguments.path, "auto, compliance or pcg (slow: ask for a --period-s to match)")
       ->check(CLI::IsMember({"auto", "compliance", "pcg"}));
 }
 
