@@ -290,7 +290,7 @@ TEST(TouchSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
   EXPECT_GT(at_kill_n, 0.3);
   ASSERT_GT(paused_ns, 0);
   EXPECT_LE(1e-9 * static_cast<double>(paused_ns - answer_before_ns),
-            0.16);  // and a late tick of a busy machine
+            0.18);  // and a late tick of a busy machine
   EXPECT_LE(worst, 1e-9);
   // PAUSED for silence, then ENABLED again and pressed to the end.
   const auto& changes = summary.ticks.changes();
