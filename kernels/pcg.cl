@@ -14,6 +14,13 @@
 #define ABSOLUTE 9  // stop when ESTIMATE falls below this
 #define RR_START 10
 
+// r . r relative to its start below which going on only meets rounding, and underflow in float.
+#if TELETACT_DOUBLE
+#define RESIDUAL_FLOOR 1e-50
+#else
+#define RESIDUAL_FLOOR 1e-24f
+#endif
+
 // States, as in service/solver/pcg.h (StopReason).
 #define RUNNING 0
 #define CONVERGED 1
@@ -133,7 +140,10 @@ kernel void pcg_beta(global const accum* restrict partial, global real* restrict
   scalars[BETA * rhs + q] = beta;
   if (!running) return;
   const real scale = scalars[INITIAL * rhs + q] + 2 * scalars[WORK * rhs + q] - scalars[DECREASE * rhs + q];
+  // Solved to the last digit before there were enough terms to estimate from (tiny problems).
+  const bool exhausted = rr <= RESIDUAL_FLOOR * scalars[RR_START * rhs + q];
   const real estimate = rr == 0                      ? 0
+                        : exhausted                  ? terms[iteration * rhs + q]
                         : iteration + 1 >= 2 * delay ? error_estimate(terms, iteration, delay, q, rhs)
                                                      : INFINITY;
   scalars[RZ * rhs + q] = rz;
@@ -144,7 +154,7 @@ kernel void pcg_beta(global const accum* restrict partial, global real* restrict
   const bool small_residual = rr <= squared_residual_tolerance * scalars[RR_START * rhs + q];
   if (!isfinite(rz) || !isfinite(rr))
     state[q] = NOT_FINITE;
-  else if (small_error || small_residual)
+  else if (exhausted || small_error || small_residual)
     state[q] = CONVERGED;
   else if (rz <= 0)
     state[q] = INDEFINITE;

@@ -175,6 +175,23 @@ TEST(ElasticitySolver, RefinementReachesResidualsFarBelowFloat) {
   EXPECT_LE(report.true_residual, 1e-9);
 }
 
+TEST(ElasticitySolver, TinyGridsAreSolvedToTheLastDigit) {
+  for (const TissueGrid& grid : {TissueGrid{{0, 0.01}, {0, 0.01}}, TissueGrid{{0, 0.01, 0.013}, {0, 0.002}}})
+    for (const double nu : {0.0, 0.3, 0.495}) {
+      ElasticitySolverOptions options;
+      options.relative_error = 1e-12;
+      ElasticitySolver solver(device(), grid, {}, options);
+      const Material material{std::vector<double>(grid.elements(), 1e4), nu};
+      solver.set_material(material);
+      std::vector<double> u(grid.dofs()), load = unit_loads(grid, 1);
+      const SolveReport report = solver.solve(1, load, {}, u);
+      EXPECT_TRUE(report.converged) << report.reason << " " << report.relative_error;
+      const VectorXd truth = exact(grid, material, free_unknowns(grid, {}), vector(load, 0, grid.dofs()),
+                                   VectorXd::Zero(static_cast<Eigen::Index>(grid.dofs())));
+      EXPECT_LE(energy_error(grid, material, vector(u, 0, grid.dofs()), truth), 1e-11) << nu;
+    }
+}
+
 TEST(ElasticitySolver, DeviceWithoutDoubleIsRefinedFromTheHost) {
   DeviceOptions hidden;
   hidden.hide_double = true;
