@@ -17,6 +17,7 @@
 #include "client/files/file_io.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
+#include "teletact/v1/info.grpc.pb.h"
 
 namespace teletact::client {
 namespace {
@@ -71,6 +72,14 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
   std::fprintf(stderr, "scene %s exists: going on with it\n", scene_id.c_str());
 }
 
+v1::GetInfoResponse get_info(const std::shared_ptr<grpc::Channel>& channel) {
+  v1::GetInfoResponse info;
+  grpc::ClientContext context;
+  const grpc::Status status = v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
+  if (!status.ok()) throw_status("GetInfo", status);
+  return info;
+}
+
 // Everything that the recording gets, in one place; calls come from several threads.
 class Recorder {
  public:
@@ -100,6 +109,11 @@ class Recorder {
     v1::RecordEntry entry;
     *entry.mutable_window() = timing;
     append(call, std::move(entry));
+  }
+  void info(const v1::GetInfoResponse& info) {
+    v1::RecordEntry entry;
+    *entry.mutable_info() = info;
+    append(0, std::move(entry));
   }
   void close(const v1::Scene& scene) {
     if (!writer_) return;
@@ -174,6 +188,7 @@ void run(const Arguments& arguments) {
   const auto palpation = v1::Palpation::NewStub(channel);
   open_scene(*palpation, arguments.acquire.scene_id, tissue);
   Recorder recorder(arguments);
+  recorder.info(get_info(channel));
   SimulatedSource source = prepare(tissue, arguments);
   catch_signals();
   AcquireSession session(channel, source, arguments.acquire, observe(arguments, recorder));

@@ -1,0 +1,81 @@
+#include "client/report/force_error.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <stdexcept>
+#include <thread>
+
+#include "client/servo/tick_statistics.h"
+
+namespace teletact::client {
+namespace {
+
+// The ticks to compare, one per `every_s`, outside the start ramps; from the first contact to the last.
+std::vector<TouchTick> path_of(const std::vector<TouchTick>& ticks, const ForceErrorOptions& options) {
+  const auto touches = [](const TouchTick& tick) { return tick.enabled && tick.indentation_m > 0; };
+  const auto first = std::find_if(ticks.begin(), ticks.end(), touches);
+  const auto last = std::find_if(ticks.rbegin(), ticks.rend(), touches).base();
+  std::vector<TouchTick> path;
+  bool was_enabled = false;
+  double enabled_since_s = 0, next_s = 0;
+  for (auto tick = ticks.begin(); tick < last; ++tick) {
+    if (tick->enabled && !was_enabled) enabled_since_s = tick->time_s;
+    was_enabled = tick->enabled;
+    const bool in_ramp = tick->enabled && tick->time_s < enabled_since_s + options.start_ramp_s;
+    if (tick < first || in_ramp || tick->time_s < next_s) continue;
+    next_s = tick->time_s + options.every_s;
+    path.push_back(*tick);
+  }
+  return path;
+}
+
+ForceSamplePoint compare(const Patient& patient, const Finger& finger, const TouchTick& tick,
+                         const ForceErrorOptions& options) {
+  ForceSamplePoint point;
+  point.time_s = tick.time_s;
+  point.x_m = tick.x_m;
+  point.indentation_m = tick.indentation_m;
+  point.felt_n = -tick.force_y_n;
+  if (tick.indentation_m <= 0 || tick.x_m < 0 || tick.x_m > patient.tissue().width_m) return point;
+  const TouchForce truth = patient.touch(finger, tick.x_m, tick.indentation_m);
+  point.true_n = -truth.force_n[1];
+  const double size = std::hypot(truth.force_n[0], truth.force_n[1]);
+  point.judged = tick.enabled && size > options.least_force_n;
+  if (point.judged)
+    point.relative_error =
+        std::hypot(tick.force_x_n - truth.force_n[0], tick.force_y_n - truth.force_n[1]) / size;
+  return point;
+}
+
+}  // namespace
+
+ForceError force_error(const Patient& patient, const TouchRecord& record, const ForceErrorOptions& options) {
+  if (record.line_y_m > patient.mesh().y_m.at(1) / 2)
+    throw std::runtime_error("an interior line was touched; the true force is known for the surface");
+  const std::vector<TouchTick> path = path_of(record.ticks, options);
+  ForceError result;
+  result.samples.resize(path.size());
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (std::size_t i = next++; i < path.size(); i = next++)
+      result.samples[i] = compare(patient, record.finger, path[i], options);
+  };
+  std::vector<std::thread> workers;
+  const unsigned count =
+      options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+  for (unsigned i = 0; i < count; ++i) workers.emplace_back(work);
+  for (std::thread& worker : workers) worker.join();
+  std::vector<double> errors;
+  for (const ForceSamplePoint& point : result.samples)
+    if (point.judged) errors.push_back(point.relative_error);
+  if (errors.empty())
+    throw std::runtime_error("the finger never felt the tissue: there is no force to judge");
+  result.judged = errors.size();
+  result.coverage = static_cast<double>(errors.size()) / static_cast<double>(path.size());
+  result.median = percentile(errors, 0.5);
+  result.p95 = percentile(errors, 0.95);
+  return result;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,36 @@
+// The force that was felt against the force of the true tissue at the same pose of the same fingertip.
+#pragma once
+
+#include <vector>
+
+#include "client/patient/patient.h"
+#include "client/report/session_record.h"
+
+namespace teletact::client {
+
+struct ForceErrorOptions {
+  double every_s = 0.01;        // the path is sampled so often
+  double start_ramp_s = 0.5;    // after force comes on it is ramped: not judged
+  double least_force_n = 0.05;  // relative errors are taken where the true force exceeds this
+  unsigned threads = 0;         // 0: one per processor
+};
+
+struct ForceSamplePoint {
+  double time_s = 0, x_m = 0, indentation_m = 0;
+  double felt_n = 0, true_n = 0;  // along the push, > 0 resisting
+  double relative_error = 0;      // |felt - true| / |true|, both as vectors; only where judged
+  bool judged = false;
+};
+
+struct ForceError {
+  double median = 0, p95 = 0;
+  double coverage = 0;  // judged / all samples from the first touch to the last, start ramps left out
+  std::size_t judged = 0;
+  std::vector<ForceSamplePoint> samples;
+};
+
+// Throws std::runtime_error when nothing of the path can be judged, or when an interior line was touched.
+ForceError force_error(const Patient& patient, const TouchRecord& record,
+                       const ForceErrorOptions& options = {});
+
+}  // namespace teletact::client

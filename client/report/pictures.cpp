@@ -1,0 +1,126 @@
+#include "client/report/pictures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
+#include <limits>
+#include <stdexcept>
+
+#include "client/files/png.h"
+
+namespace teletact::client {
+namespace {
+
+// Runs gnuplot on a script that comes through its standard input.
+void plot(const std::filesystem::path& file, const std::string& size, const std::string& script) {
+  const std::string whole = fmt::format(
+      "set terminal pngcairo size {} font 'sans,11'\nset output '{}'\nset grid lc rgb '#dddddd'\nset key top "
+      "right\n{}",
+      size, file.string(), script);
+  FILE* pipe = popen("gnuplot", "w");
+  if (pipe == nullptr) throw std::runtime_error("gnuplot could not be started; install gnuplot-nox");
+  const bool written = std::fwrite(whole.data(), 1, whole.size(), pipe) == whole.size();
+  const int status = pclose(pipe);
+  if (!written || status != 0)
+    throw std::runtime_error(file.string() + ": gnuplot failed; is gnuplot-nox installed?");
+}
+
+// Counts per bin of a logarithmic histogram, as gnuplot data "centre count"; values in ms.
+std::string histogram(const std::string& name, const std::vector<double>& values_s) {
+  constexpr double kLowestMs = 0.01, kBinsPerDecade = 20;
+  constexpr int kBins = 100;  // up to 1 s
+  std::vector<std::size_t> counts(kBins, 0);
+  for (const double value_s : values_s) {
+    const double bin = kBinsPerDecade * std::log10(std::max(value_s * 1e3, kLowestMs) / kLowestMs);
+    ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, kBins - 1.0))];
+  }
+  std::string out = "$" + name + " << EOD\n";
+  for (int k = 0; k < kBins; ++k)
+    out += fmt::format("{:.6g} {}\n", kLowestMs * std::pow(10, (k + 0.5) / kBinsPerDecade), counts[k]);
+  return out + "EOD\n";
+}
+
+std::vector<double> differences(const std::vector<double>& times_s) {
+  std::vector<double> out;
+  for (std::size_t k = 1; k < times_s.size(); ++k) out.push_back(times_s[k] - times_s[k - 1]);
+  return out;
+}
+
+}  // namespace
+
+void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const ModulusGrid& estimated) {
+  Panel truth;
+  truth.title = "true Young's modulus";
+  truth.nx = estimated.nx;
+  truth.ny = estimated.ny;
+  truth.origin_x_m = estimated.x0_m;
+  truth.origin_y_m = estimated.y0_m;
+  truth.dx_m = estimated.dx_m;
+  truth.dy_m = estimated.dy_m;
+  truth.unit = "kPa";
+  truth.factor = 1e-3;
+  truth.low = 0;
+  double highest = 0;
+  for (std::size_t j = 0; j < truth.ny; ++j)
+    for (std::size_t i = 0; i < truth.nx; ++i) {
+      truth.values.push_back(static_cast<float>(tissue.true_modulus(estimated.x(i), estimated.y(j))));
+      highest = std::max<double>(highest, truth.values.back());
+    }
+  truth.high = highest;
+  Panel estimate = truth;
+  estimate.title = "estimated Young's modulus";
+  estimate.values = estimated.pa;
+  PictureOptions options;
+  options.columns = 1;
+  options.panel_width = 900;
+  write_png(file, std::vector<Panel>{truth, estimate}, options);
+}
+
+void draw_force(const std::filesystem::path& file, const ForceError& force) {
+  std::string script = "$data << EOD\n";
+  const double begin_s = force.samples.empty() ? 0 : force.samples.front().time_s;
+  for (const ForceSamplePoint& p : force.samples)
+    script +=
+        fmt::format("{:.4f} {:.3f} {:.5f} {:.5f}\n", p.time_s - begin_s, p.x_m * 1e3, p.felt_n, p.true_n);
+  script +=
+      "EOD\n"
+      "set multiplot layout 2,1\n"
+      "set ylabel 'force (N)'\nset yrange [0:*]\n"
+      "set xlabel 'position along the surface (mm)'\n"
+      "plot $data using 2:4 with points pt 7 ps 0.3 lc rgb '#999999' title 'true tissue', "
+      "$data using 2:3 with points pt 7 ps 0.3 lc rgb '#c03020' title 'felt'\n"
+      "set xlabel 'time (s)'\n"
+      "plot $data using 1:4 with lines lw 3 lc rgb '#999999' title 'true tissue', "
+      "$data using 1:3 with lines lc rgb '#c03020' title 'felt'\n"
+      "unset multiplot\n";
+  plot(file, "1100,800", script);
+}
+
+void draw_latency(const std::filesystem::path& file, const TouchRecord& touch) {
+  std::vector<double> latency_s;
+  for (const TouchAnswerTime& answer : touch.answers) latency_s.push_back(answer.latency_s);
+  plot(file, "800,500",
+       histogram("latency", latency_s) +
+           "set logscale x\nset xlabel 'pose sampled to answer received (ms)'\nset ylabel 'answers'\nset "
+           "xrange "
+           "[0.1:1000]\nset style fill solid 0.6\nplot $latency using 1:2 with boxes lc rgb '#3060a0' "
+           "notitle\n");
+}
+
+void draw_periods(const std::filesystem::path& file, const TouchRecord& touch) {
+  std::vector<double> ticks_s, answers_s;
+  for (const TouchTick& tick : touch.ticks) ticks_s.push_back(tick.time_s);
+  for (const TouchAnswerTime& answer : touch.answers) answers_s.push_back(answer.arrived_s);
+  plot(file, "800,700",
+       histogram("servo", differences(ticks_s)) + histogram("answers", differences(answers_s)) +
+           "set multiplot layout 2,1\nset logscale xy\nset xrange [0.05:1000]\nset yrange [0.5:*]\n"
+           "set style fill solid 0.6\nset xlabel 'servo period (ms)'\nset ylabel 'ticks'\n"
+           "plot $servo using 1:2 with boxes lc rgb '#3060a0' notitle\n"
+           "set xlabel 'between answers (ms)'\nset ylabel 'answers'\n"
+           "plot $answers using 1:2 with boxes lc rgb '#3060a0' notitle\nunset multiplot\n");
+}
+
+}  // namespace teletact::client

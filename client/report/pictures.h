@@ -1,0 +1,23 @@
+// Pictures of a session: modulus.png (true above estimated), force.png (felt and true along the path),
+// latency.png and periods.png (histograms).
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "client/report/force_error.h"
+#include "client/report/inclusions.h"
+#include "client/report/session_record.h"
+
+namespace teletact::client {
+
+// True and estimated modulus on the same grid and in the same colours. Throws FileError.
+void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const ModulusGrid& estimated);
+
+// Needs gnuplot (package gnuplot-nox). Throws std::runtime_error, naming it, when it is missing or fails.
+void draw_force(const std::filesystem::path& file, const ForceError& force);
+void draw_latency(const std::filesystem::path& file, const TouchRecord& touch);
+void draw_periods(const std::filesystem::path& file, const TouchRecord& touch);
+
+}  // namespace teletact::client

@@ -1,0 +1,100 @@
+#include "client/report/session_record.h"
+
+#include <map>
+#include <stdexcept>
+
+#include "client/link/recording.h"
+#include "client/servo/states.h"
+
+namespace teletact::client {
+namespace {
+
+void require_kind(const RecordReader& reader, const std::string& path, const char* kind, const char* option) {
+  if (reader.header().kind() != kind)
+    throw std::runtime_error(path + ": a recording of '" + reader.header().kind() + "', not of '" + kind +
+                             "'; give " + option + " the file of teletact-client " + kind + " --record");
+}
+
+Finger finger_of(const v1::Fingertip& tip) {
+  Finger finger;
+  if (tip.shape() == v1::FINGERTIP_SHAPE_NODE) finger.shape = FingerShape::kNode;
+  if (tip.shape() == v1::FINGERTIP_SHAPE_FLAT_PUNCH) finger.shape = FingerShape::kFlatPunch;
+  if (tip.radius_m() > 0) finger.radius_m = tip.radius_m();
+  if (tip.half_width_m() > 0) finger.half_width_m = tip.half_width_m();
+  finger.footprint_m = tip.footprint_m();
+  return finger;
+}
+
+TouchTick tick_of(const v1::ServoSample& sample, double time_s, double line_y_m) {
+  if (sample.position_m_size() < 2 || sample.force_n_size() < 2)
+    throw std::runtime_error("the touch recording holds a servo sample without position or force");
+  TouchTick tick;
+  tick.time_s = time_s;
+  tick.x_m = sample.position_m(0);
+  tick.indentation_m = sample.position_m(1) - line_y_m;
+  tick.force_x_n = sample.force_n(0);
+  tick.force_y_n = sample.force_n(1);
+  tick.lateness_s = sample.lateness_s();
+  tick.enabled = sample.state() == static_cast<std::uint32_t>(ServoState::kEnabled);
+  tick.at_border = sample.at_border();
+  return tick;
+}
+
+void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, TouchRecord& record) {
+  record.not_covered += answer.status() == v1::TOUCH_STATUS_NOT_COVERED;
+  record.degraded += answer.status() == v1::TOUCH_STATUS_DEGRADED;
+  record.failed += answer.status() == v1::TOUCH_STATUS_FAILED;
+  record.answers.push_back({entry.monotonic_ns() * 1e-9,
+                            (entry.monotonic_ns() - answer.pose_stamp().monotonic_ns()) * 1e-9,
+                            answer.sequence(), entry.call()});
+}
+
+}  // namespace
+
+TouchRecord read_touch_record(const std::string& path) {
+  RecordReader reader(path);
+  require_kind(reader, path, "touch", "--touch-record");
+  TouchRecord record;
+  record.scene_id = reader.header().scene_id();
+  while (const auto entry = reader.next()) {
+    if (entry->has_touch_request() && entry->touch_request().has_open()) {
+      const v1::TouchOpen& open = entry->touch_request().open();
+      record.finger = finger_of(open.fingertip());
+      if (open.fingertip().stuck())
+        throw std::runtime_error(
+            path + ": touched with a sticking tip; the true force is known for a frictionless one");
+    }
+    if (entry->has_touch_response() && entry->touch_response().has_opened())
+      record.line_y_m = entry->touch_response().opened().line_y_m();
+    if (entry->has_touch_response() && entry->touch_response().has_answer())
+      add_answer(entry->touch_response().answer(), *entry, record);
+    if (entry->has_servo())
+      record.ticks.push_back(tick_of(entry->servo(), entry->monotonic_ns() * 1e-9, record.line_y_m));
+  }
+  if (record.ticks.empty())
+    throw std::runtime_error(path + ": holds no servo samples; touch again with --record");
+  return record;
+}
+
+AcquireRecord read_acquire_record(const std::string& path) {
+  RecordReader reader(path);
+  require_kind(reader, path, "acquire", "--acquire-record");
+  AcquireRecord record;
+  record.scene_id = reader.header().scene_id();
+  std::map<std::uint32_t, double> received_to_published_s;  // by call
+  while (const auto entry = reader.next()) {
+    if (entry->has_estimate_response() && entry->estimate_response().has_summary())
+      received_to_published_s[entry->call()] = entry->estimate_response().summary().received_to_published_s();
+    if (entry->has_window()) {
+      const v1::WindowTiming& timing = entry->window();
+      record.windows.push_back({timing.window_x_m(), timing.published_ns() * 1e-9,
+                                (timing.published_ns() - timing.asked_ns()) * 1e-9,
+                                received_to_published_s[entry->call()]});
+    }
+    if (entry->has_scene()) record.scene = entry->scene();
+    if (entry->has_info()) record.info = entry->info();
+  }
+  return record;
+}
+
+}  // namespace teletact::client

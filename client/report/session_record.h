@@ -1,0 +1,57 @@
+// What a touch and an acquire recording of one session say, as plain series; times are CLOCK_MONOTONIC
+// seconds of the machine that recorded, so both recordings must come from the same machine (and boot) to be
+// related.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/patient/patient.h"
+#include "teletact/v1/recording.pb.h"
+
+namespace teletact::client {
+
+struct TouchTick {
+  double time_s = 0;
+  double x_m = 0, indentation_m = 0;    // of the device's tip; indentation from the touched line
+  double force_x_n = 0, force_y_n = 0;  // written to the device
+  double lateness_s = 0;
+  bool enabled = false;
+  bool at_border = false;
+};
+
+struct TouchAnswerTime {
+  double arrived_s = 0;
+  double latency_s = 0;        // since the pose was sampled
+  std::uint64_t sequence = 0;  // of the pose; per stream
+  std::uint32_t stream = 0;
+};
+
+struct TouchRecord {
+  Finger finger;
+  double line_y_m = 0;
+  std::string scene_id;
+  std::vector<TouchTick> ticks;
+  std::vector<TouchAnswerTime> answers;
+  std::uint64_t not_covered = 0, degraded = 0, failed = 0;
+};
+
+struct AcquiredWindow {
+  double x_m = 0, published_s = 0;
+  double request_s = 0;                // asked for to published
+  double received_to_published_s = 0;  // as the service measured it
+};
+
+struct AcquireRecord {
+  std::string scene_id;
+  std::vector<AcquiredWindow> windows;
+  std::optional<teletact::v1::Scene> scene;           // as it stood at the end
+  std::optional<teletact::v1::GetInfoResponse> info;  // what ran at the other end
+};
+
+// Both throw std::runtime_error with one line: unreadable, damaged, or of the other kind.
+TouchRecord read_touch_record(const std::string& path);
+AcquireRecord read_acquire_record(const std::string& path);
+
+}  // namespace teletact::client

@@ -1,0 +1,240 @@
+#include "client/report/summary.h"
+
+#include <fmt/format.h>
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include "client/servo/tick_statistics.h"
+
+namespace teletact::client {
+namespace {
+
+using nlohmann::json;
+
+// Promised in the project's acceptance, for two processor cores.
+constexpr double kWindowS = 0.5, kTouchRateHz = 200, kTouchLatencyS = 0.010;
+constexpr double kForceMedian = 0.10, kForceP95 = 0.30, kForceCoverage = 0.90;
+constexpr double kLeastContrast = 3, kLeastDiameterM = 0.008, kDeepestM = 0.025;
+constexpr double kOverrunS = 0.001;
+
+json quantiles(std::vector<double> values, const char* middle_name, double middle) {
+  if (values.empty()) throw std::runtime_error("nothing was recorded that could be summarised");
+  return {{"p50", percentile(values, 0.5)},
+          {middle_name, percentile(values, middle)},
+          {"max", percentile(values, 1)}};
+}
+
+// Windows published between the first and the last touch answer.
+std::vector<AcquiredWindow> while_touching(const AcquireRecord& acquire, const TouchRecord& touch) {
+  if (touch.answers.empty()) throw std::runtime_error("the touch recording holds no answers");
+  std::vector<AcquiredWindow> windows;
+  for (const AcquiredWindow& window : acquire.windows)
+    if (window.published_s >= touch.answers.front().arrived_s &&
+        window.published_s <= touch.answers.back().arrived_s)
+      windows.push_back(window);
+  return windows;
+}
+
+json window_figures(const AcquireRecord& acquire, const TouchRecord& touch) {
+  std::vector<AcquiredWindow> windows = while_touching(acquire, touch);
+  const std::size_t count = windows.size();
+  if (windows.empty()) windows = acquire.windows;  // all were acquired beforehand
+  std::vector<double> compute_s, request_s;
+  for (const AcquiredWindow& window : windows) {
+    compute_s.push_back(window.received_to_published_s);
+    request_s.push_back(window.request_s);
+  }
+  return {{"windows", acquire.windows.size()},
+          {"windows_while_touching", count},
+          {"window_s", quantiles(compute_s, "p95", 0.95)},
+          {"window_request_s", quantiles(request_s, "p95", 0.95)}};
+}
+
+json touch_figures(const TouchRecord& touch) {
+  std::vector<double> latency_s;
+  std::set<std::pair<std::uint32_t, std::uint64_t>> poses;
+  for (const TouchAnswerTime& answer : touch.answers) {
+    latency_s.push_back(answer.latency_s);
+    poses.insert({answer.stream, answer.sequence});
+  }
+  const double span_s = touch.answers.back().arrived_s - touch.answers.front().arrived_s;
+  StallCounter stalls;
+  for (const TouchTick& tick : touch.ticks) stalls.add(tick.time_s, tick.at_border);
+  return {{"touch_rate_hz", span_s > 0 ? static_cast<double>(poses.size() - 1) / span_s : 0},
+          {"touch_latency_s", quantiles(latency_s, "p99", 0.99)},
+          {"stalls", {{"count", stalls.count()}, {"s", stalls.seconds()}}},
+          {"answers",
+           {{"count", touch.answers.size()},
+            {"not_covered", touch.not_covered},
+            {"degraded", touch.degraded},
+            {"failed", touch.failed}}}};
+}
+
+json servo_figures(const TouchRecord& touch) {
+  std::vector<double> lateness_s;
+  for (const TouchTick& tick : touch.ticks) lateness_s.push_back(tick.lateness_s);
+  const double span_s = touch.ticks.back().time_s - touch.ticks.front().time_s;
+  const auto overruns =
+      std::count_if(lateness_s.begin(), lateness_s.end(), [](double s) { return s > kOverrunS; });
+  return {{"rate_hz", span_s > 0 ? static_cast<double>(touch.ticks.size() - 1) / span_s : 0},
+          {"overruns", overruns},
+          {"lateness_s_p99", percentile(lateness_s, 0.99)}};
+}
+
+json inclusion_json(const Inclusion& truth, const InclusionReport& report, int match) {
+  json out{{"position_m", {truth.x_m, truth.y_m}},
+           {"diameter_m", truth.diameter_m},
+           {"contrast", truth.contrast},
+           {"found", match >= 0}};
+  if (match < 0) return out;
+  const FoundInclusion& found = report.found[static_cast<std::size_t>(match)];
+  out["distance_m"] = std::hypot(truth.x_m - found.x_m, truth.y_m - found.y_m);
+  return out;
+}
+
+json inclusion_figures(const Tissue& tissue, const InclusionReport& report) {
+  json truth = json::array(), found = json::array(), spurious = json::array();
+  std::size_t missed = 0;
+  for (std::size_t t = 0; t < tissue.inclusions.size(); ++t) {
+    const Inclusion& inclusion = tissue.inclusions[t];
+    truth.push_back(inclusion_json(inclusion, report, report.match[t]));
+    const bool promised = inclusion.contrast >= kLeastContrast && inclusion.diameter_m >= kLeastDiameterM &&
+                          inclusion.y_m - inclusion.diameter_m / 2 <= kDeepestM;
+    missed += promised && report.match[t] < 0;
+  }
+  const auto as_json = [](const FoundInclusion& f) {
+    return json{{"position_m", {f.x_m, f.y_m}}, {"diameter_m", f.diameter_m}, {"contrast", f.contrast}};
+  };
+  for (const FoundInclusion& f : report.found) found.push_back(as_json(f));
+  for (const std::size_t f : report.spurious) spurious.push_back(as_json(report.found[f]));
+  return {{"true", truth},
+          {"found", found},
+          {"false", spurious},
+          {"missed", missed},
+          {"background_pa", report.background_pa},
+          {"true_background_pa", tissue.youngs_modulus_pa}};
+}
+
+json device_figures(const AcquireRecord& acquire) {
+  if (!acquire.info) return nullptr;
+  const v1::Device& device = acquire.info->device();
+  return {{"name", device.name()},
+          {"vendor", device.vendor()},
+          {"platform", device.platform()},
+          {"driver_version", device.driver_version()},
+          {"has_double", device.has_double()},
+          {"compute_units", device.compute_units()}};
+}
+
+}  // namespace
+
+ModulusGrid measured_modulus(const AcquireRecord& record) {
+  if (!record.scene || record.scene->youngs_modulus().grid().size_size() < 2)
+    throw std::runtime_error("the acquire recording holds no final scene; was it cut short?");
+  const v1::Map& map = record.scene->youngs_modulus();
+  ModulusGrid grid;
+  grid.nx = map.grid().size(0);
+  grid.ny = map.grid().size(1);
+  grid.x0_m = map.grid().origin_m(0);
+  grid.y0_m = map.grid().origin_m(1);
+  grid.dx_m = map.grid().spacing_m(0);
+  grid.dy_m = map.grid().spacing_m(1);
+  grid.pa.resize(grid.nx * grid.ny);
+  const std::string& valid = record.scene->valid().values().data();
+  if (map.values().dtype() != v1::DATA_TYPE_FLOAT32 || map.values().data().size() != 4 * grid.pa.size() ||
+      valid.size() != grid.pa.size())
+    throw std::runtime_error("the scene's modulus map does not fill its grid");
+  std::copy_n(map.values().data().data(), map.values().data().size(),
+              reinterpret_cast<char*>(grid.pa.data()));
+  for (std::size_t k = 0; k < grid.pa.size(); ++k)
+    if (valid[k] == 0) grid.pa[k] = std::numeric_limits<float>::quiet_NaN();
+  return grid;
+}
+
+json summarise(const Tissue& tissue, const TouchRecord& touch, const AcquireRecord& acquire,
+               const ForceError& force, const InclusionReport& inclusions,
+               const std::string& client_version) {
+  json summary = window_figures(acquire, touch);
+  summary.update(touch_figures(touch));
+  summary["servo"] = servo_figures(touch);
+  summary["force_error"] = {{"median", force.median},
+                            {"p95", force.p95},
+                            {"coverage", force.coverage},
+                            {"samples", force.judged},
+                            {"excluded", "the start ramp of the force, and true forces of 0.05 N or less"}};
+  summary["inclusions"] = inclusion_figures(tissue, inclusions);
+  summary["device"] = device_figures(acquire);
+  summary["versions"] = {{"client", client_version},
+                         {"service", acquire.info ? json(acquire.info->build()) : json(nullptr)},
+                         {"api", acquire.info ? json(acquire.info->api_version()) : json(nullptr)},
+                         {"grpc", grpc::Version()},
+                         {"compiler", __VERSION__}};
+  summary["targets"] = json::array();
+  for (const Target& target : targets_of(summary))
+    summary["targets"].push_back({{"name", target.name},
+                                  {"value", target.value},
+                                  {"target", target.target},
+                                  {"unit", target.unit},
+                                  {"met", target.met()}});
+  return summary;
+}
+
+std::vector<Target> targets_of(const json& s) {
+  const json& inclusions = s.at("inclusions");
+  return {
+      {"stalls", s.at("stalls").at("count").get<double>(), 0, "1"},
+      {"window_s p95", s.at("window_s").at("p95").get<double>(), kWindowS, "s"},
+      {"touch_rate_hz", s.at("touch_rate_hz").get<double>(), kTouchRateHz, "Hz", false},
+      {"touch_latency_s p99", s.at("touch_latency_s").at("p99").get<double>(), kTouchLatencyS, "s"},
+      {"inclusions missed", inclusions.at("missed").get<double>(), 0, "1"},
+      {"inclusions invented", static_cast<double>(inclusions.at("false").size()), 0, "1"},
+      {"force_error median", s.at("force_error").at("median").get<double>(), kForceMedian, "1"},
+      {"force_error p95", s.at("force_error").at("p95").get<double>(), kForceP95, "1"},
+      {"force_error coverage", s.at("force_error").at("coverage").get<double>(), kForceCoverage, "1", false}};
+}
+
+std::string readable(const json& s) {
+  const auto ms = [](const json& seconds) { return 1e3 * seconds.get<double>(); };
+  const auto percent = [](const json& share) { return 100 * share.get<double>(); };
+  const json &window = s["window_s"], &request = s["window_request_s"], &latency = s["touch_latency_s"];
+  const json &servo = s["servo"], &force = s["force_error"], &inclusions = s["inclusions"];
+  std::string out = fmt::format(
+      "windows       {} published, {} of them while touching; {} stalls, {:.3f} s\n"
+      "window        received to published p50 {:.0f} ms, p95 {:.0f} ms, max {:.0f} ms; asked for to "
+      "published p95 "
+      "{:.0f} ms\n"
+      "touch         {:.0f} answers/s; latency p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms\n"
+      "servo         {:.1f} Hz, {} overruns, lateness p99 {:.3f} ms\n"
+      "force error   median {:.1f} %, p95 {:.1f} %, over {:.1f} % of the path\n",
+      s["windows"].get<int>(), s["windows_while_touching"].get<int>(), s["stalls"]["count"].get<int>(),
+      s["stalls"]["s"].get<double>(), ms(window["p50"]), ms(window["p95"]), ms(window["max"]),
+      ms(request["p95"]), s["touch_rate_hz"].get<double>(), ms(latency["p50"]), ms(latency["p99"]),
+      ms(latency["max"]), servo["rate_hz"].get<double>(), servo["overruns"].get<int>(),
+      ms(servo["lateness_s_p99"]), percent(force["median"]), percent(force["p95"]),
+      percent(force["coverage"]));
+  for (const json& truth : inclusions["true"])
+    out +=
+        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, diameter {:4.1f} mm, contrast {:4.1f}: {}\n",
+                    ms(truth["position_m"][0]), ms(truth["position_m"][1]), ms(truth["diameter_m"]),
+                    truth["contrast"].get<double>(),
+                    truth["found"].get<bool>() ? fmt::format("found, {:.1f} mm off", ms(truth["distance_m"]))
+                                               : std::string("MISSED"));
+  for (const json& wrong : inclusions["false"])
+    out +=
+        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, contrast {:.1f}: INVENTED\n",
+                    ms(wrong["position_m"][0]), ms(wrong["position_m"][1]), wrong["contrast"].get<double>());
+  for (const json& target : s["targets"])
+    if (!target["met"].get<bool>())
+      out += fmt::format("NOT MET       {}: {:.4g} instead of {:.4g} {}\n", target["name"].get<std::string>(),
+                         target["value"].get<double>(), target["target"].get<double>(),
+                         target["unit"].get<std::string>() == "1" ? "" : target["unit"].get<std::string>());
+  return out;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,41 @@
+// summary.json of a session: what was measured, in SI units, against what the project promises.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "client/report/force_error.h"
+#include "client/report/inclusions.h"
+#include "client/report/session_record.h"
+
+namespace teletact::client {
+
+// One figure that the project promises.
+struct Target {
+  std::string name;
+  double value = 0, target = 0;
+  std::string unit;
+  bool at_most = true;                                                      // else at least
+  bool met() const { return at_most ? value <= target : value >= target; }  // false for NaN
+};
+
+// The scene's stitched modulus; values that were not measured are NaN. Throws std::runtime_error when the
+// recording holds no scene.
+ModulusGrid measured_modulus(const AcquireRecord& record);
+
+// Keys: windows, stalls {count, s}, window_s {p50, p95, max}, window_request_s, touch_rate_hz,
+// touch_latency_s {p50, p99, max}, servo {rate_hz, overruns, lateness_s_p99}, force_error {median, p95,
+// coverage}, inclusions {true, found, false}, device, versions, targets. window_s and window_request_s are of
+// the windows published while touching went on (`windows_while_touching`).
+nlohmann::json summarise(const Tissue& tissue, const TouchRecord& touch, const AcquireRecord& acquire,
+                         const ForceError& force, const InclusionReport& inclusions,
+                         const std::string& client_version);
+
+// The promised figures of a summary (issue's acceptance), also written into it as `targets`.
+std::vector<Target> targets_of(const nlohmann::json& summary);
+
+// A table for people.
+std::string readable(const nlohmann::json& summary);
+
+}  // namespace teletact::client
