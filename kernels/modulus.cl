@@ -1,4 +1,4 @@
-// Young's modulus by the reference stress (T3.1): E = (P / P_hom) E_hom eps_hom / eps_yy.
+// Young's modulus by the reference stress (T3.1): E = (P / P_ref) E_ref eps_ref / eps_yy.
 
 #ifndef WORK_GROUP
 #define WORK_GROUP 32
@@ -7,18 +7,18 @@
 #define MEDIAN_RADIUS_MAX 2
 #endif
 
-// modulus = scale * ratio, ratio = amplitude * reference_strain / eps_yy; amplitude makes its median 1. NaN
+// modulus = scale * ratio, ratio = amplitude * (E_ref eps_ref) / eps_yy; amplitude makes its median 1. NaN
 // where nothing may be said: the node is not trusted, above row `first_row` (near field), |eps_yy| <
 // least_strain, of the wrong sign, or the ratio outside [1 / range, range]. strain: (eps_xx, eps_yy, eps_xy,
 // residual). 25 bytes, 5 flops per node.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void reference_stress(
     __global const float4* restrict strain, __global const uchar* restrict trusted,
-    __global const float* restrict reference_strain, __global float* restrict modulus, const int nx,
-    const int ny, const float amplitude, const float scale, const float least_strain, const float range,
+    __global const float* restrict stress, __global float* restrict modulus, const int nx, const int ny,
+    const float amplitude, const float scale, const float least_strain, const float range,
     const int first_row) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
-  const float own = strain[node].y, ratio = amplitude * reference_strain[node] / own;
+  const float own = strain[node].y, ratio = amplitude * stress[node] / own;
   const bool said = trusted[node] && node / nx >= first_row && fabs(own) >= least_strain && ratio <= range &&
                     ratio >= 1.0f / range;
   modulus[node] = said ? scale * ratio : NAN;

@@ -98,47 +98,35 @@ void Elastography::judge_tracking(Estimate& e) const {
             "pair again with less motion");
 }
 
-Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry,
-                                const std::optional<ProbeForce>& force, const TissueExtent& tissue,
-                                const std::function<void(Stage)>& progress,
-                                const std::function<bool()>& cancelled) {
-  validate(pre, post, geometry);
-  const auto go_on = [&] {
-    if (cancelled && cancelled()) throw EstimateCancelled();
-  };
-  const auto ended = [&](Stage stage) {
-    if (progress) progress(stage);
-    go_on();
-  };
-  StageClock clock;
-  Estimate e;
-
-  const DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, go_on);
+DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const RfFrame& post,
+                                         const AcquisitionGeometry& geometry,
+                                         const std::function<void()>& go_on) {
+  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, go_on);
   e.grid = image_grid(displacement.grid, geometry);
   const std::vector<float> field = queue_.read(displacement.field_m);
   e.lateral_displacement = component(field, 2, 0);
   e.axial_displacement = component(field, 2, 1);
-  e.correlation = queue_.read(displacement.correlation);
   e.correlation.resize(e.grid.size());
+  queue_.read(displacement.correlation, e.correlation.data(), e.correlation.size());
   e.displacement_valid = queue_.read(displacement.trusted);
   judge_tracking(e);
-  e.displacement_s = clock.lap();
-  ended(Stage::kDisplacement);
+  return displacement;
+}
 
-  const StrainEstimate strain = strain_.estimate(displacement, e.grid);
+StrainEstimate Elastography::differentiate(Estimate& e, const DisplacementEstimate& displacement) {
+  StrainEstimate strain = strain_.estimate(displacement, e.grid);
   const std::vector<float> tensor = queue_.read(strain.tensor);
   e.lateral_strain = component(tensor, 4, 0);
   e.axial_strain = component(tensor, 4, 1);
   e.shear_strain = component(tensor, 4, 2);
   e.strain_valid = queue_.read(strain.trusted);
-  e.strain_s = clock.lap();
-  ended(Stage::kStrain);
+  return strain;
+}
 
+void Elastography::find_modulus(Estimate& e, const ModulusInput& input) {
   try {
-    const double window_width_m = static_cast<double>(pre.line_count) * geometry.line_pitch_m;
-    const ModulusEstimate modulus =
-        modulus_->estimate({e.grid, displacement, strain, window_width_m, tissue, force});
-    e.youngs_modulus = modulus.youngs_modulus;
+    ModulusEstimate modulus = modulus_->estimate(input);
+    e.youngs_modulus = std::move(modulus.youngs_modulus);
     e.modulus_absolute = modulus.absolute;
     e.background_modulus = modulus.background;
     e.mean_axial_strain = modulus.mean_axial_strain;
@@ -147,10 +135,32 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const A
   }
   e.valid.resize(e.grid.size());
   for (std::size_t n = 0; n < e.valid.size(); ++n) e.valid[n] = std::isfinite(e.youngs_modulus[n]) ? 1 : 0;
-  e.valid_fraction =
-      static_cast<double>(std::count(e.valid.begin(), e.valid.end(), 1)) / static_cast<double>(e.grid.size());
-  e.modulus_s = clock.lap();
-  ended(Stage::kModulus);
+  const auto valid = std::count(e.valid.begin(), e.valid.end(), std::uint8_t{1});
+  e.valid_fraction = static_cast<double>(valid) / static_cast<double>(e.grid.size());
+}
+
+Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry,
+                                const std::optional<ProbeForce>& force, const TissueExtent& tissue,
+                                const std::function<void(Stage)>& progress,
+                                const std::function<bool()>& cancelled, const KnownModulus& known) {
+  validate(pre, post, geometry);
+  const auto go_on = [&] {
+    if (cancelled && cancelled()) throw EstimateCancelled();
+  };
+  StageClock clock;
+  Estimate e;
+  const auto ended = [&](Stage stage, double& seconds) {
+    seconds = clock.lap();
+    if (progress) progress(stage);
+    go_on();
+  };
+  const DisplacementEstimate displacement = track(e, pre, post, geometry, go_on);
+  ended(Stage::kDisplacement, e.displacement_s);
+  const StrainEstimate strain = differentiate(e, displacement);
+  ended(Stage::kStrain, e.strain_s);
+  const double window_width_m = static_cast<double>(pre.line_count) * geometry.line_pitch_m;
+  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known});
+  ended(Stage::kModulus, e.modulus_s);
   return e;
 }
 

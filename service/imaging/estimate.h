@@ -65,15 +65,21 @@ class Elastography {
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
   void warm();
 
-  // `progress` is called when a stage has ended; `cancelled` is asked between and within stages.
-  // Throws std::invalid_argument (field and remedy named), TrackingError, EstimateCancelled.
+  // `known`: the modulus beside the window, from its neighbours, if there are any. `progress` is called when
+  // a stage has ended; `cancelled` is asked between and within stages. Throws std::invalid_argument (field
+  // and remedy named), TrackingError, EstimateCancelled.
   Estimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
                     const std::optional<ProbeForce>&, const TissueExtent&,
                     const std::function<void(Stage)>& progress = {},
-                    const std::function<bool()>& cancelled = {});
+                    const std::function<bool()>& cancelled = {}, const KnownModulus& known = {});
 
  private:
+  DisplacementEstimate track(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
+                             const std::function<void()>& go_on);
   void judge_tracking(Estimate&) const;
+  StrainEstimate differentiate(Estimate&, const DisplacementEstimate&);
+  void find_modulus(Estimate&, const ModulusInput&);
+
   Queue queue_;
   ElastographyOptions options_;
   DisplacementEstimator displacement_;

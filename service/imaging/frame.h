@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -51,5 +52,9 @@ struct TissueExtent {
   double width_m = 0, depth_m = 0, window_x_m = 0;
   double poisson_ratio = 0.49;  // 0 <= nu < 0.5
 };
+
+// Young's modulus (Pa) already known beside the window, at x_m (tissue coordinates) and depth y_m; NaN where
+// unknown. What lies beyond the window's borders draws stress to itself and so shows in the window.
+using KnownModulus = std::function<double(double x_m, double y_m)>;
 
 }  // namespace teletact::service

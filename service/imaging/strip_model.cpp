@@ -1,0 +1,306 @@
+// K u = 0 on the unknowns, u_y = 1 on the surface under the probe, u = 0 on the bottom. With u_p the
+// prescribed part, K_uu u_u = -K_up u_p, and the force is the energy's derivative: P = u^T K u (unit push).
+#include "service/imaging/strip_model.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "service/tissue/element.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr double kContextM = 0.200, kFineM = 1e-3, kCoarseM = 25e-3, kGrowth = 1.35;
+constexpr double kMirrorM = 0.020, kMatchM = 0.004;
+constexpr double kSlackM = 1e-6;  // rounding of a window that ends with its tissue
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr int kAtRest = -1, kPushed = -2;
+
+struct Context {
+  double left_m, right_m;
+};
+
+Context context(const TissueExtent& t, double window_width_m) {
+  if (!(t.depth_m > 1e-3 && t.depth_m < 1))
+    throw std::invalid_argument("depth_m: must be above 1e-3 m and below 1 m");
+  if (!(t.width_m > 0 && t.width_m < 100))
+    throw std::invalid_argument("width_m: must be above 0 m and below 100 m");
+  if (!(t.poisson_ratio >= 0 && t.poisson_ratio < 0.5))
+    throw std::invalid_argument("poisson_ratio: must be 0 <= nu < 0.5; tissue is about 0.49");
+  const double right = t.width_m - t.window_x_m - window_width_m;
+  if (!(t.window_x_m >= -kSlackM && right >= -kSlackM))
+    throw std::invalid_argument("window_x_m: the window [" + std::to_string(t.window_x_m) + ", " +
+                                std::to_string(t.window_x_m + window_width_m) +
+                                ") m is not inside the tissue [0, " + std::to_string(t.width_m) + "] m");
+  return {std::clamp(t.window_x_m, 0.0, kContextM), std::clamp(right, 0.0, kContextM)};
+}
+
+TissueGrid strip(const Context& c, double depth_m, double window_width_m) {
+  TissueGrid grid;
+  grid.x_m =
+      graded_coordinates(-c.left_m, window_width_m + c.right_m, 0, window_width_m, kFineM, kCoarseM, kGrowth);
+  const double rows = std::clamp(std::ceil(depth_m / kFineM), 4.0, 200.0);
+  grid.y_m = uniform_coordinates(0, depth_m, static_cast<std::size_t>(rows));
+  return grid;
+}
+
+// Degrees of freedom of element (i, j) in the order of element_stiffness().
+std::array<std::size_t, 8> element_dofs(const TissueGrid& g, std::size_t i, std::size_t j) {
+  const std::size_t nodes[] = {g.node(i, j), g.node(i + 1, j), g.node(i, j + 1), g.node(i + 1, j + 1)};
+  std::array<std::size_t, 8> dofs{};
+  for (std::size_t r = 0; r < 8; ++r) dofs[r] = 2 * nodes[r / 2] + r % 2;
+  return dofs;
+}
+
+struct Position {
+  std::size_t cell;
+  double fraction;  // towards cell + 1
+};
+
+// Between the centres of the intervals of `coordinates`, held outside the first and last centre.
+Position between_centres(const std::vector<double>& coordinates, double at) {
+  const auto cells = static_cast<std::ptrdiff_t>(coordinates.size()) - 1;
+  const auto centre = [&](std::size_t c) { return 0.5 * (coordinates[c] + coordinates[c + 1]); };
+  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
+  auto c = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(upper - 1, 0, cells - 1));
+  if (at < centre(c) && c > 0) --c;
+  if (c + 1 >= static_cast<std::size_t>(cells)) return {c - 1, 1.0};
+  return {c, std::clamp((at - centre(c)) / (centre(c + 1) - centre(c)), 0.0, 1.0)};
+}
+
+}  // namespace
+
+StripModel::StripModel(const TissueExtent& tissue, double window_width_m)
+    : grid_(strip(context(tissue, window_width_m), tissue.depth_m, window_width_m)),
+      window_x_m_(tissue.window_x_m),
+      window_width_m_(window_width_m) {
+  const double height = grid_.y_m[1] - grid_.y_m[0];
+  for (std::size_t i = 0; i + 1 < grid_.nx(); ++i)
+    element_.push_back(element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, 1.0, tissue.poisson_ratio));
+  number_unknowns(window_width_m);
+  lay_out();
+  factor_.analyzePattern(stiffness_);
+}
+
+void StripModel::number_unknowns(double window_width_m) {
+  unknown_.assign(grid_.dofs(), 0);
+  for (std::size_t i = 0; i < grid_.nx(); ++i) {
+    const std::size_t bottom = grid_.node(i, grid_.ny() - 1);
+    unknown_[2 * bottom] = unknown_[2 * bottom + 1] = kAtRest;
+    if (grid_.x_m[i] >= -kSlackM && grid_.x_m[i] <= window_width_m + kSlackM)
+      unknown_[2 * grid_.node(i, 0) + 1] = kPushed;
+  }
+  for (int& u : unknown_)
+    if (u == 0) u = unknown_count_++;
+}
+
+// The pattern of the stiffness, and where each element adds to it.
+void StripModel::lay_out() {
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(64 * grid_.elements());
+  const auto each = [&](auto&& visit) {
+    for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+      for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+        const auto dofs = element_dofs(grid_, i, j);
+        for (const std::size_t r : dofs)
+          for (const std::size_t c : dofs) visit(unknown_[r], unknown_[c]);
+      }
+  };
+  each([&](int r, int c) {
+    if (r >= 0 && c >= 0) entries.emplace_back(r, c, 1.0);
+  });
+  stiffness_.resize(unknown_count_, unknown_count_);
+  stiffness_.setFromTriplets(entries.begin(), entries.end());
+  slot_.reserve(64 * grid_.elements());
+  each([&](int r, int c) {
+    slot_.push_back(r >= 0 && c >= 0 ? static_cast<int>(&stiffness_.coeffRef(r, c) - stiffness_.valuePtr())
+                                     : -1);
+  });
+}
+
+// K_uu = sum E_e K_e and the load of the push (T4.6: K is linear in E).
+void StripModel::fill(const std::vector<double>& youngs_modulus_pa) {
+  std::fill_n(stiffness_.valuePtr(), stiffness_.nonZeros(), 0.0);
+  load_.setZero(unknown_count_);
+  const int* slot = slot_.data();
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+      const auto dofs = element_dofs(grid_, i, j);
+      const double modulus = youngs_modulus_pa[grid_.element(i, j)];
+      for (int r = 0; r < 8; ++r)
+        for (int c = 0; c < 8; ++c, ++slot) {
+          const double k = modulus * element_[i](r, c);
+          const int row = unknown_[dofs[static_cast<std::size_t>(r)]],
+                    column = unknown_[dofs[static_cast<std::size_t>(c)]];
+          if (*slot >= 0) stiffness_.valuePtr()[*slot] += k;
+          if (row >= 0 && column == kPushed) load_[row] -= k;
+        }
+    }
+}
+
+StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
+  if (youngs_modulus_pa.size() != grid_.elements())
+    throw std::invalid_argument("youngs_modulus_pa: one value per element of the strip");
+  fill(youngs_modulus_pa);
+  factor_.factorize(stiffness_);
+  if (factor_.info() != Eigen::Success)
+    throw std::runtime_error("the stiffness of the strip under the probe is not positive definite");
+  const Eigen::VectorXd unknowns = factor_.solve(load_);
+  const auto displacement = [&](std::size_t dof) {
+    const int u = unknown_[dof];
+    return u >= 0 ? unknowns[u] : u == kPushed ? 1.0 : 0.0;
+  };
+  StripResponse out;
+  out.stress.resize(grid_.elements());
+  const double height = grid_.y_m[1] - grid_.y_m[0];
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+      const auto dofs = element_dofs(grid_, i, j);
+      Eigen::Matrix<double, 8, 1> u;
+      for (int r = 0; r < 8; ++r) u[r] = displacement(dofs[static_cast<std::size_t>(r)]);
+      const double modulus = youngs_modulus_pa[grid_.element(i, j)];
+      out.stress[grid_.element(i, j)] = modulus * (u[5] + u[7] - u[1] - u[3]) / (2 * height);
+      out.force_n_per_m += modulus * u.dot(element_[i] * u);
+    }
+  return out;
+}
+
+Field StripModel::on_image(const std::vector<double>& element_values, const ImageGrid& image) const {
+  Field field(image.size(), std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t j = 0; j < image.ny; ++j) {
+    const double y = image.origin_y_m + static_cast<double>(j) * image.dy_m;
+    if (y > grid_.y_m.back()) continue;
+    const Position v = between_centres(grid_.y_m, y);
+    for (std::size_t i = 0; i < image.nx; ++i) {
+      const Position h = between_centres(grid_.x_m, image.origin_x_m + static_cast<double>(i) * image.dx_m);
+      const auto at = [&](std::size_t a, std::size_t b) {
+        return element_values[grid_.element(h.cell + a, v.cell + b)];
+      };
+      field[i + image.nx * j] =
+          static_cast<float>((1 - v.fraction) * ((1 - h.fraction) * at(0, 0) + h.fraction * at(1, 0)) +
+                             v.fraction * ((1 - h.fraction) * at(0, 1) + h.fraction * at(1, 1)));
+    }
+  }
+  return field;
+}
+
+namespace {
+
+// Cells without a value take the mean of those beside them that have one, from the rim inwards.
+void spread(std::vector<double>& values, std::vector<int>& counts, std::size_t nx, std::size_t ny) {
+  for (bool missing = true, found = true; missing && found;) {
+    missing = found = false;
+    const std::vector<int> before = counts;
+    for (std::size_t n = 0; n < nx * ny; ++n) {
+      if (before[n]) continue;
+      const std::size_t i = n % nx, j = n / nx;
+      double sum = 0;
+      int beside = 0;
+      const auto add = [&](std::size_t m) {
+        if (before[m]) sum += values[m], ++beside;
+      };
+      if (i > 0) add(n - 1);
+      if (i + 1 < nx) add(n + 1);
+      if (j > 0) add(n - nx);
+      if (j + 1 < ny) add(n + nx);
+      missing = true;
+      if (!beside) continue;
+      found = true;
+      values[n] = sum / beside;
+      counts[n] = 1;
+    }
+  }
+}
+
+std::size_t cell_of(const std::vector<double>& coordinates, double at) {
+  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
+  return static_cast<std::size_t>(
+      std::clamp<std::ptrdiff_t>(upper - 1, 0, static_cast<std::ptrdiff_t>(coordinates.size()) - 2));
+}
+
+}  // namespace
+
+std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const ImageGrid& image,
+                                            double background, const KnownModulus& known) const {
+  const std::size_t first = cell_of(grid_.x_m, kSlackM), last = cell_of(grid_.x_m, window_width_m_ - kSlackM);
+  const std::size_t nx = last - first + 1, ny = grid_.ny() - 1;
+  std::vector<double> logarithm(nx * ny, 0.0);
+  std::vector<int> counts(nx * ny, 0);
+  for (std::size_t n = 0; n < image.size(); ++n) {
+    const double y = image.origin_y_m + static_cast<double>(n / image.nx) * image.dy_m;
+    if (!std::isfinite(youngs_modulus[n]) || y > grid_.y_m.back()) continue;
+    const double x = image.origin_x_m + static_cast<double>(n % image.nx) * image.dx_m;
+    const std::size_t i = std::clamp(cell_of(grid_.x_m, x), first, last) - first;
+    const std::size_t cell = i + nx * cell_of(grid_.y_m, y);
+    logarithm[cell] += std::log(youngs_modulus[n]);
+    ++counts[cell];
+  }
+  for (std::size_t n = 0; n < logarithm.size(); ++n) logarithm[n] /= std::max(1, counts[n]);
+  spread(logarithm, counts, nx, ny);
+  const auto own = [&](double x, std::size_t j) {  // logarithm inside the window
+    return logarithm[std::clamp(cell_of(grid_.x_m, x), first, last) - first + nx * j];
+  };
+  std::vector<double> out(grid_.elements());
+  for (const bool left : {true, false}) {
+    const double shift = known ? matching_shift(known, left, own) : 0.0;
+    for (std::size_t j = 0; j < ny; ++j)
+      for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+        const double x = 0.5 * (grid_.x_m[i] + grid_.x_m[i + 1]), y = 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]);
+        if ((x < window_width_m_ / 2) != left) continue;
+        const bool beside = x < 0 || x > window_width_m_;
+        const double told = beside && known ? known(window_x_m_ + x, y) : kUnknown;
+        const double mirrored = x < 0 ? -x : x > window_width_m_ ? 2 * window_width_m_ - x : x;
+        const bool near =
+            std::abs(mirrored - x) <= 2 * kMirrorM && mirrored >= 0 && mirrored <= window_width_m_;
+        out[grid_.element(i, j)] = told > 0 && std::isfinite(told) ? told * std::exp(shift)
+                                   : near                          ? std::exp(own(mirrored, j))
+                                                                   : background;
+      }
+  }
+  return out;
+}
+
+// What is known beside the window has its own error of scale, a few percent, which the border would turn into
+// false stiffness: log of the factor that makes it meet the window's own map at this border, the median over
+// depth.
+double StripModel::matching_shift(const KnownModulus& known, bool left,
+                                  const std::function<double(double, std::size_t)>& own) const {
+  std::vector<double> shifts;
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+    for (double distance = 0.5 * kFineM; distance < kMatchM; distance += kFineM) {
+      const double outside = left ? -distance : window_width_m_ + distance;
+      const double inside = left ? distance : window_width_m_ - distance;
+      const double told = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));
+      if (told > 0 && std::isfinite(told)) shifts.push_back(own(inside, j) - std::log(told));
+    }
+  if (shifts.empty()) return 0;
+  const auto middle = shifts.begin() + static_cast<std::ptrdiff_t>(shifts.size() / 2);
+  std::nth_element(shifts.begin(), middle, shifts.end());
+  return *middle;
+}
+
+std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, double window_width_m) {
+  const Context c = context(tissue, window_width_m);
+  const auto same = [&](const Kept& k) {
+    return std::abs(k.window_x_m - tissue.window_x_m) < kSlackM &&
+           std::abs(k.right_m - c.right_m) < kSlackM && k.depth_m == tissue.depth_m &&
+           k.poisson_ratio == tissue.poisson_ratio && k.width_m == window_width_m;
+  };
+  const auto found = std::find_if(kept_.begin(), kept_.end(), same);
+  if (found != kept_.end()) {
+    kept_.splice(kept_.begin(), kept_, found);
+    return found->entry;
+  }
+  auto entry = std::shared_ptr<Entry>(new Entry{StripModel(tissue, window_width_m), {}});
+  entry->homogeneous = entry->model.solve(std::vector<double>(entry->model.grid().elements(), 1.0));
+  kept_.push_front(
+      {tissue.window_x_m, c.right_m, tissue.depth_m, tissue.poisson_ratio, window_width_m, entry});
+  if (kept_.size() > kMost) kept_.pop_back();
+  return entry;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,83 @@
+// The tissue under the probe as a forward model (T3.1): what a modulus map would have shown. Plane strain, Q1
+// (T4).
+#pragma once
+
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
+#include <cstddef>
+#include <functional>
+#include <list>
+#include <memory>
+#include <vector>
+
+#include "service/imaging/frame.h"
+#include "service/tissue/grid.h"
+
+namespace teletact::service {
+
+// What the probe does when it pushes its face down by 1 m (linear, so any unit).
+struct StripResponse {
+  std::vector<double> stress;  // E eps_yy at the centre of every element, Pa (< 0); eps_yy where E = 1
+  double force_n_per_m = 0;    // on the probe per metre of thickness, > 0
+};
+
+// The strip of a window with 60 mm of context on each side, cut at the tissue's sides; bottom bonded, sides
+// free, u_y prescribed on the surface under the whole window, frictionless. Elements of 1 mm under the probe,
+// growing sideways from it. A host sparse factor: at this size (some 4000 nodes) it beats an iteration
+// (T4.8).
+class StripModel {
+ public:
+  // Throws std::invalid_argument naming the field of the extent.
+  StripModel(const TissueExtent&, double window_width_m);
+  const TissueGrid& grid() const { return grid_; }  // window coordinates: x_m from -left to width + right
+  // Young's modulus (Pa) of every element, > 0. Not thread-safe.
+  StripResponse solve(const std::vector<double>& youngs_modulus_pa);
+  // Values of the elements at the nodes of an image grid, bilinear between centres; NaN below the tissue.
+  Field on_image(const std::vector<double>& element_values, const ImageGrid&) const;
+  // Young's modulus of every element from a map that has NaN where nothing is said: geometric mean over the
+  // element, neighbours where the map says nothing. Beside the window: `known` (may be empty; scaled to meet
+  // the map at the border), else the map mirrored over 20 mm (an inclusion across the border goes on behind
+  // it), else `background`.
+  std::vector<double> on_elements(const Field& youngs_modulus, const ImageGrid&, double background,
+                                  const KnownModulus& known = {}) const;
+
+ private:
+  using Sparse = Eigen::SparseMatrix<double>;
+  void number_unknowns(double window_width_m);
+  void lay_out();
+  double matching_shift(const KnownModulus&, bool left,
+                        const std::function<double(double, std::size_t)>& own) const;
+  void fill(const std::vector<double>& youngs_modulus_pa);
+
+  TissueGrid grid_;
+  double window_x_m_, window_width_m_;
+  std::vector<Eigen::Matrix<double, 8, 8>> element_;  // K_e of 1 Pa, one per column of elements
+  std::vector<int> unknown_;                          // per degree of freedom; -1 at rest, -2 pushed by 1
+  int unknown_count_ = 0;
+  Sparse stiffness_;       // of the unknowns
+  Eigen::VectorXd load_;   // of the prescribed displacement
+  std::vector<int> slot_;  // [element][row][column] -> value of stiffness_, -1 where there is none
+  Eigen::SimplicialLLT<Sparse> factor_;
+};
+
+// Models of the latest geometries with their response to homogeneous tissue of 1 Pa. Windows with the same
+// context share one. Not thread-safe.
+class StripCache {
+ public:
+  struct Entry {
+    StripModel model;
+    StripResponse homogeneous;
+  };
+  // Throws as StripModel. The entry lives as long as it is held or among the latest kMost.
+  std::shared_ptr<Entry> get(const TissueExtent&, double window_width_m);
+  static constexpr std::size_t kMost = 32;
+
+ private:
+  struct Kept {
+    double window_x_m, right_m, depth_m, poisson_ratio, width_m;
+    std::shared_ptr<Entry> entry;
+  };
+  std::list<Kept> kept_;  // latest used first
+};
+
+}  // namespace teletact::service
