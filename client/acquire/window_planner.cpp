@@ -24,13 +24,14 @@ std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
     if (!windows.at(window).acquired_s && windows[window].frames_left > 0) return window;
   if (!finger.present) return std::nullopt;  // nothing grows stale before anybody touches
   // A renewal may not delay a window that the finger has never seen, so all that lies ahead must be known.
-  for (std::size_t window : path_ahead(options_.window_count))
+  const std::vector<std::size_t> all_ahead = path_ahead(options_.window_count);
+  for (std::size_t window : all_ahead)
     if (!windows[window].acquired_s && windows[window].frames_left > 0) return std::nullopt;
-  // The finger's own window is left alone: the model under a pressed finger changes only when it has to.
-  for (std::size_t i = 1; i < path.size(); ++i) {
-    const WindowKnowledge& window = windows[path[i]];
-    if (window.acquired_s && window.frames_left > 0 && now_s - *window.acquired_s > options_.refresh_after_s)
-      return path[i];
+  for (std::size_t i = 1; i < all_ahead.size(); ++i) {
+    const WindowKnowledge& window = windows[all_ahead[i]];
+    const bool stale = window.acquired_s && now_s - *window.acquired_s > options_.refresh_after_s;
+    if (stale && window.frames_left > 0 && arrival_s(finger, all_ahead[i]) > options_.renewal_lead_s)
+      return all_ahead[i];
   }
   return std::nullopt;
 }
@@ -38,6 +39,11 @@ std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
 std::size_t WindowPlanner::window_at(double x_m) const {
   const double index = std::floor(x_m / options_.window_width_m);
   return static_cast<std::size_t>(std::clamp(index, 0.0, static_cast<double>(options_.window_count - 1)));
+}
+
+double WindowPlanner::arrival_s(const FingerMotion& finger, std::size_t window) const {
+  const double border_m = window_x_m(direction_ > 0 ? window : window + 1);
+  return std::abs(border_m - finger.x_m) / std::max(std::abs(finger.velocity_m_s), options_.still_m_s);
 }
 
 std::vector<std::size_t> WindowPlanner::path_ahead(std::size_t lookahead) const {

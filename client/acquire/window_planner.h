@@ -17,7 +17,10 @@ struct PlannerOptions {
   double window_width_m = 0.06;
   std::size_t lookahead = 2;     // windows ahead of the finger's own
   double refresh_after_s = 1.0;  // a window older than this is acquired anew when the finger comes towards it
-  double still_m_s = 0.01;       // slower than this the finger has no direction: the last one holds
+  // A renewal must be ready before the finger arrives: the model under it changes only when it has to. About
+  // what the arm and the service need from asking to publishing.
+  double renewal_lead_s = 0.7;
+  double still_m_s = 0.01;  // slower than this the finger has no direction: the last one holds
 };
 
 struct FingerMotion {
@@ -49,7 +52,8 @@ class WindowPlanner {
   const PlannerOptions& options() const { return options_; }
 
  private:
-  std::vector<std::size_t> path_ahead(std::size_t lookahead) const;  // the finger's own window first
+  double arrival_s(const FingerMotion& finger, std::size_t window) const;  // until the finger enters it
+  std::vector<std::size_t> path_ahead(std::size_t lookahead) const;        // the finger's own window first
 
   PlannerOptions options_;
   double x_m_;

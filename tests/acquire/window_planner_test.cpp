@@ -66,14 +66,19 @@ TEST(WindowPlanner, UnknownComesBeforeStale) {
   // Windows 3 and 4 lie beyond the lookahead, but a renewal would delay them.
   EXPECT_FALSE(planner.next({true, 0.03, 0.12}, windows, 10.0));
   windows[3].acquired_s = windows[4].acquired_s = 10.0;
-  EXPECT_EQ(planner.next({true, 0.03, 0.12}, windows, 10.0), 1u);
+  EXPECT_EQ(planner.next({true, 0.03, 0.02}, windows, 10.0), 1u);
 }
 
-TEST(WindowPlanner, NeverRenewsTheModelUnderTheFinger) {
+TEST(WindowPlanner, RenewsOnlyWhatIsReadyBeforeTheFingerArrives) {
   WindowPlanner planner(five_windows(), 0.27, +1);
   auto windows = unknown(5);
   for (auto& window : windows) window.acquired_s = 0.0;
-  EXPECT_FALSE(planner.next({true, 0.27, 0.12}, windows, 100.0));  // the last window, moving on
+  EXPECT_FALSE(planner.next({true, 0.27, 0.12}, windows, 100.0));  // its own window is left alone
+  // At 120 mm/s window 3 is 0.33 s away from x = 0.14, window 4 0.83 s.
+  EXPECT_EQ(planner.next({true, 0.14, 0.12}, windows, 100.0), 4u);
+  // At 0.175 both are too close; going back, the finger is far enough from window 0 only.
+  EXPECT_FALSE(planner.next({true, 0.175, 0.12}, windows, 100.0));
+  EXPECT_EQ(planner.next({true, 0.16, -0.12}, windows, 100.0), 0u);
 }
 
 TEST(WindowPlanner, AsksForNothingThatTheSourceCannotDeliver) {
