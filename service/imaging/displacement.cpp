@@ -17,6 +17,8 @@ constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStep
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kCoarseDecimation = 2;                           // of the samples of the coarse window
 constexpr float kSlopeCost = 0.02f;  // correlation that one sample of lag change per coarse step is worth
+constexpr int kCoarseLaterals =
+    3;  // lateral lags of the coarse search: -1, 0, 1 times half the lateral range
 constexpr int kFineLags = 8, kFineFirstLag = -4;
 constexpr double kTaperFraction = 0.5;  // part of the axial window that its cosine edges take
 
@@ -72,6 +74,8 @@ struct DisplacementEstimator::Kernels {
 struct DisplacementEstimator::Workspace {
   Workspace(const Queue& q, const RfFrame& frame, const AcquisitionGeometry& geometry,
             const DisplacementOptions& o);
+  void measure(const RfFrame&, const DisplacementOptions&);
+  void allocate(const Queue&, const RfFrame&);
   bool serves(const RfFrame& frame, const AcquisitionGeometry& g) const {
     return static_cast<int>(frame.sample_count) == samples && static_cast<int>(frame.line_count) == lines &&
            g.sample_pitch_m() == sample_pitch_m && g.line_pitch_m == line_pitch_m &&
@@ -102,36 +106,44 @@ DisplacementEstimator::Workspace::Workspace(const Queue& q, const RfFrame& frame
       center_frequency_hz(g.center_frequency_hz),
       first_sample_depth_m(g.first_sample_depth_m),
       period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)) {
+  measure(frame, o);
+  allocate(q, frame);
+}
+
+void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const DisplacementOptions& o) {
   const double dy = sample_pitch_m, dx = line_pitch_m;
   coarse = centred_grid(frame, std::max(steps(kCoarseStepLateralM, dx), lines / kMostCoarseColumns),
                         std::max(steps(kCoarseStepAxialM, dy), samples / kMostCoarseRows));
   fine = centred_grid(frame, steps(kFineStepM, dx), steps(kFineStepM, dy));
   image = centred_grid(frame, steps(o.grid_dx_m, dx), steps(o.grid_dy_m, dy));
-  coarse_half_axial = half_width(o.coarse_window_axial_m, dy);
-  coarse_half_lateral = half_width(o.coarse_window_lateral_m, dx);
-  coarse_lateral_step = steps(o.lateral_search_m / 2, dx);
+  coarse_half_axial = std::min(half_width(o.coarse_window_axial_m, dy), samples / 2);
+  coarse_half_lateral = std::min(half_width(o.coarse_window_lateral_m, dx), lines / 2);
+  coarse_lateral_step = std::min(steps(o.lateral_search_m / 2, dx), lines);
   const double deepest_m = first_sample_depth_m + samples * dy;
-  const int most_lag = std::min(samples, static_cast<int>(std::ceil(o.max_strain * deepest_m / dy)) + 4);
+  const int most_lag =
+      static_cast<int>(std::min<double>(samples, std::ceil(o.max_strain * deepest_m / dy) + 4));
   coarse_chunks = 2 * ((most_lag + 7) / 8);
   coarse_first_lag = -4 * coarse_chunks;
-  half_axial = half_width(o.window_axial_m, dy);
-  half_lateral = half_width(o.window_lateral_m, dx);
-  lateral_reach = static_cast<int>(std::ceil(o.lateral_search_m / dx));
+  half_axial = std::min(half_width(o.window_axial_m, dy), samples / 2);
+  half_lateral = std::min(half_width(o.window_lateral_m, dx), lines / 2);
+  lateral_reach = std::min(static_cast<int>(std::ceil(o.lateral_search_m / dx)), lines);
   window_chunks = std::max(1, (2 * half_axial + 4) / 8);
+}
+
+void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& frame) {
   pad = padding(frame, 4 * coarse_chunks + 4 * window_chunks + coarse_half_axial + half_axial + 16,
                 std::max(coarse_half_lateral + coarse_lateral_step, half_lateral + lateral_reach) + 3);
-  pre = q.array<float>(pad.total), post = q.array<float>(pad.total);
-  mean = q.array<float>(pad.total), difference = q.array<float>(pad.total);
-  q.fill_zero(mean);
-  q.fill_zero(difference);
+  for (Array<float>* image_array : {&pre, &post, &mean, &difference}) {
+    *image_array = q.array<float>(pad.total);
+    q.fill_zero(*image_array);
+  }
   taps = q.array(interpolation_taps());
   weights = q.array(taper(8 * window_chunks));
-  coarse_volume = q.array<float>(std::size_t(coarse.nodes()) * 3 * 8 * coarse_chunks);
+  coarse_volume = q.array<float>(std::size_t(coarse.nodes()) * kCoarseLaterals * 8 * coarse_chunks);
   fine_volume = q.array<float>(std::size_t(fine.nodes()) * (2 * lateral_reach + 1) * kFineLags);
   const auto nodes = std::size_t(std::max({coarse.nodes(), fine.nodes(), image.nodes()}));
-  field = q.array<float>(2 * nodes), candidate = q.array<float>(2 * nodes),
-  filtered = q.array<float>(2 * nodes);
-  correlation = q.array<float>(std::size_t(image.nodes()) > nodes ? image.nodes() : nodes);
+  for (Array<float>* array : {&field, &candidate, &filtered}) *array = q.array<float>(2 * nodes);
+  correlation = q.array<float>(nodes);
   deviation = q.array<float>(nodes);
   field_m = q.array<float>(2 * std::size_t(image.nodes()));
   trusted = q.array<std::uint8_t>(std::size_t(image.nodes()));
@@ -157,7 +169,7 @@ Range over(int nodes) {
 void DisplacementEstimator::search_coarse(const std::function<void()>& between) {
   Workspace& w = *work_;
   const SampleGrid& g = w.coarse;
-  const int lateral_count = 3, lag_count = 8 * w.coarse_chunks;
+  const int lateral_count = kCoarseLaterals, lag_count = 8 * w.coarse_chunks;
   kernels_->ncc(over(g.nodes() * lateral_count * w.coarse_chunks), w.pre, w.post, w.coarse_volume, g.nx, g.ny,
                 g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride,
                 w.coarse_half_axial, w.coarse_half_lateral, kCoarseDecimation, w.coarse_first_lag,

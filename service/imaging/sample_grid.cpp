@@ -39,14 +39,14 @@ void check_size(const RfFrame& pre, const RfFrame& post) {
 void check_geometry(const AcquisitionGeometry& g) {
   if (!(g.center_frequency_hz > 0 && g.center_frequency_hz < 1e9))
     refuse("center_frequency_hz: must be above 0 Hz, the transmitted centre frequency");
-  if (!(g.sampling_frequency_hz > 0 && g.sampling_frequency_hz < 1e10))
-    refuse("sampling_frequency_hz: must be above 0 Hz, the rate of the RF samples");
+  if (!(g.sampling_frequency_hz > 0 && g.sampling_frequency_hz <= 5e8))
+    refuse("sampling_frequency_hz: must be above 0 and at most 5e8 Hz, the rate of the RF samples");
   if (!(g.sampling_frequency_hz > 2 * g.center_frequency_hz))
     refuse("sampling_frequency_hz: must exceed twice center_frequency_hz; give RF, not demodulated data");
   if (!(g.sound_speed_m_s >= 1000 && g.sound_speed_m_s <= 2500))
     refuse("sound_speed_m_s: must be 1000 to 2500 m/s (soft tissue: 1540)");
-  if (!(g.line_pitch_m > 1e-6 && g.line_pitch_m < 0.01))
-    refuse("line_pitch_m: must be above 1e-6 m and below 0.01 m, the distance between A-lines in metres");
+  if (!(g.line_pitch_m >= 1e-5 && g.line_pitch_m <= 0.01))
+    refuse("line_pitch_m: must be 1e-5 to 0.01 m, the distance between A-lines");
   if (!(g.first_sample_depth_m >= 0 && g.first_sample_depth_m < 1))
     refuse("first_sample_depth_m: must be 0 m or more and below 1 m");
 }

@@ -224,58 +224,65 @@ std::size_t cell_of(const std::vector<double>& coordinates, double at) {
 
 }  // namespace
 
-std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const ImageGrid& image,
-                                            double background, const KnownModulus& known) const {
-  const std::size_t first = cell_of(grid_.x_m, kSlackM), last = cell_of(grid_.x_m, window_width_m_ - kSlackM);
-  const std::size_t nx = last - first + 1, ny = grid_.ny() - 1;
-  std::vector<double> logarithm(nx * ny, 0.0);
+// The map's logarithm on the elements under the probe.
+StripModel::WindowMap StripModel::window_map(const Field& youngs_modulus, const ImageGrid& image) const {
+  WindowMap map;
+  map.first = cell_of(grid_.x_m, kSlackM);
+  map.last = cell_of(grid_.x_m, window_width_m_ - kSlackM);
+  const std::size_t nx = map.last - map.first + 1, ny = grid_.ny() - 1;
+  map.logarithm.assign(nx * ny, 0.0);
   std::vector<int> counts(nx * ny, 0);
   for (std::size_t n = 0; n < image.size(); ++n) {
     const double y = image.origin_y_m + static_cast<double>(n / image.nx) * image.dy_m;
     if (!std::isfinite(youngs_modulus[n]) || y > grid_.y_m.back()) continue;
     const double x = image.origin_x_m + static_cast<double>(n % image.nx) * image.dx_m;
-    const std::size_t i = std::clamp(cell_of(grid_.x_m, x), first, last) - first;
+    const std::size_t i = std::clamp(cell_of(grid_.x_m, x), map.first, map.last) - map.first;
     const std::size_t cell = i + nx * cell_of(grid_.y_m, y);
-    logarithm[cell] += std::log(youngs_modulus[n]);
+    map.logarithm[cell] += std::log(youngs_modulus[n]);
     ++counts[cell];
   }
-  for (std::size_t n = 0; n < logarithm.size(); ++n) logarithm[n] /= std::max(1, counts[n]);
-  spread(logarithm, counts, nx, ny);
-  const auto own = [&](double x, std::size_t j) {  // logarithm inside the window
-    return logarithm[std::clamp(cell_of(grid_.x_m, x), first, last) - first + nx * j];
-  };
+  for (std::size_t n = 0; n < counts.size(); ++n) map.logarithm[n] /= std::max(1, counts[n]);
+  spread(map.logarithm, counts, nx, ny);
+  return map;
+}
+
+double StripModel::logarithm_at(const WindowMap& map, double x_m, std::size_t row) const {
+  const std::size_t column = std::clamp(cell_of(grid_.x_m, x_m), map.first, map.last) - map.first;
+  return map.logarithm[column + (map.last - map.first + 1) * row];
+}
+
+std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const ImageGrid& image,
+                                            double background, const KnownModulus& known) const {
+  const WindowMap map = window_map(youngs_modulus, image);
+  const double left = known ? std::exp(matching_shift(known, true, map)) : 1;
+  const double right = known ? std::exp(matching_shift(known, false, map)) : 1;
   std::vector<double> out(grid_.elements());
-  for (const bool left : {true, false}) {
-    const double shift = known ? matching_shift(known, left, own) : 0.0;
-    for (std::size_t j = 0; j < ny; ++j)
-      for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
-        const double x = 0.5 * (grid_.x_m[i] + grid_.x_m[i + 1]), y = 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]);
-        if ((x < window_width_m_ / 2) != left) continue;
-        const bool beside = x < 0 || x > window_width_m_;
-        const double told = beside && known ? known(window_x_m_ + x, y) : kUnknown;
-        const double mirrored = x < 0 ? -x : x > window_width_m_ ? 2 * window_width_m_ - x : x;
-        const bool near =
-            std::abs(mirrored - x) <= 2 * kMirrorM && mirrored >= 0 && mirrored <= window_width_m_;
-        out[grid_.element(i, j)] = told > 0 && std::isfinite(told) ? told * std::exp(shift)
-                                   : near                          ? std::exp(own(mirrored, j))
-                                                                   : background;
-      }
-  }
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+      const double x = 0.5 * (grid_.x_m[i] + grid_.x_m[i + 1]), y = 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]);
+      const bool beside = x < 0 || x > window_width_m_;
+      const double told = beside && known ? known(window_x_m_ + x, y) : kUnknown;
+      const double mirrored = x < 0 ? -x : x > window_width_m_ ? 2 * window_width_m_ - x : x;
+      const bool near =
+          std::abs(mirrored - x) <= 2 * kMirrorM && mirrored >= 0 && mirrored <= window_width_m_;
+      out[grid_.element(i, j)] = told > 0 && std::isfinite(told) ? told * (x < 0 ? left : right)
+                                 : near                          ? std::exp(logarithm_at(map, mirrored, j))
+                                                                 : background;
+    }
   return out;
 }
 
 // What is known beside the window has its own error of scale, a few percent, which the border would turn into
 // false stiffness: log of the factor that makes it meet the window's own map at this border, the median over
 // depth.
-double StripModel::matching_shift(const KnownModulus& known, bool left,
-                                  const std::function<double(double, std::size_t)>& own) const {
+double StripModel::matching_shift(const KnownModulus& known, bool left, const WindowMap& map) const {
   std::vector<double> shifts;
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
     for (double distance = 0.5 * kFineM; distance < kMatchM; distance += kFineM) {
       const double outside = left ? -distance : window_width_m_ + distance;
       const double inside = left ? distance : window_width_m_ - distance;
       const double told = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));
-      if (told > 0 && std::isfinite(told)) shifts.push_back(own(inside, j) - std::log(told));
+      if (told > 0 && std::isfinite(told)) shifts.push_back(logarithm_at(map, inside, j) - std::log(told));
     }
   if (shifts.empty()) return 0;
   const auto middle = shifts.begin() + static_cast<std::ptrdiff_t>(shifts.size() / 2);

@@ -5,7 +5,6 @@
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <cstddef>
-#include <functional>
 #include <list>
 #include <memory>
 #include <vector>
@@ -45,8 +44,13 @@ class StripModel {
   using Sparse = Eigen::SparseMatrix<double>;
   void number_unknowns(double window_width_m);
   void lay_out();
-  double matching_shift(const KnownModulus&, bool left,
-                        const std::function<double(double, std::size_t)>& own) const;
+  struct WindowMap {
+    std::size_t first = 0, last = 0;  // columns of elements under the probe
+    std::vector<double> logarithm;    // of Young's modulus, [row][column - first]
+  };
+  WindowMap window_map(const Field& youngs_modulus, const ImageGrid&) const;
+  double logarithm_at(const WindowMap&, double x_m, std::size_t row) const;
+  double matching_shift(const KnownModulus&, bool left, const WindowMap&) const;
   void fill(const std::vector<double>& youngs_modulus_pa);
 
   TissueGrid grid_;
