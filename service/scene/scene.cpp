@@ -222,10 +222,12 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
 }
 
 void Scene::mark_stale_around(const WindowModel& published, const SceneSnapshot& snapshot) {
+  constexpr double kRoundingM = 1e-6;
+  const double near_m = strip_.refresh_m - kRoundingM;
   stale_.erase(published.id);
   for (const auto& other : snapshot.windows)
-    if (other->id != published.id && other->begin_m - strip_.context_m < published.end_m &&
-        other->end_m + strip_.context_m > published.begin_m)
+    if (other->id != published.id && other->begin_m - near_m < published.end_m &&
+        other->end_m + near_m > published.begin_m)
       stale_.insert(other->id);
 }
 

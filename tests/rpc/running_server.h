@@ -1,0 +1,162 @@
+// A server in this process on a Unix socket, and clients that speak to it as others would.
+#pragma once
+
+#include <grpcpp/create_channel.h>
+#include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "service/rpc/server.h"
+#include "teletact/v1/elastography.grpc.pb.h"
+#include "teletact/v1/info.grpc.pb.h"
+#include "teletact/v1/palpation.grpc.pb.h"
+
+namespace teletact::service {
+
+namespace v1 = ::teletact::v1;
+
+// One opened device for all tests: opening and compiling costs more than the tests.
+inline const std::shared_ptr<Device>& rpc_device() {
+  static const std::shared_ptr<Device> device = [] {
+    spdlog::set_level(spdlog::level::off);
+    DeviceOptions options;
+    options.niceness = 5;
+    return Device::open(options);
+  }();
+  return device;
+}
+
+class RunningServer {
+ public:
+  explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "") {
+    static int count = 0;
+    folder_ = std::filesystem::temp_directory_path() /
+              ("teletact-rpc-" + std::to_string(getpid()) + "-" + std::to_string(count++));
+    std::filesystem::create_directories(folder_);
+    ServerOptions options;
+    options.listen.listen = listen.empty() ? "unix:" + (folder_ / "s").string() : listen;
+    options.state_directory = state;
+    server_ = std::make_unique<Server>(rpc_device(), options);
+  }
+  ~RunningServer() {
+    server_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+  Server& operator*() { return *server_; }
+  Server* operator->() { return server_.get(); }
+  // A connection of its own, as another process would have.
+  std::shared_ptr<grpc::Channel> channel() const {
+    grpc::ChannelArguments arguments;
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+    arguments.SetMaxReceiveMessageSize(-1);
+    return grpc::CreateCustomChannel(server_->address(), grpc::InsecureChannelCredentials(), arguments);
+  }
+
+ private:
+  std::filesystem::path folder_;
+  std::unique_ptr<Server> server_;
+};
+
+inline void set_deadline(grpc::ClientContext& context, double seconds = 20) {
+  context.set_deadline(std::chrono::system_clock::now() +
+                       std::chrono::milliseconds(std::llround(1000 * seconds)));
+}
+
+// A request for a scene of uniform modulus on 2 mm elements, touchable at once.
+inline v1::CreateSceneRequest uniform_scene(const std::string& id, double modulus_pa = 10e3,
+                                            double width_m = 0.1, double depth_m = 0.04) {
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  request.mutable_geometry()->add_size_m(width_m);
+  request.mutable_geometry()->add_size_m(depth_m);
+  const int columns = static_cast<int>(std::lround(width_m / 0.002)),
+            rows = static_cast<int>(std::lround(depth_m / 0.002));
+  v1::ModulusMap* map = request.mutable_modulus();
+  for (int i = 0; i <= columns; ++i) map->add_x_m(width_m * i / columns);
+  for (int j = 0; j <= rows; ++j) map->add_y_m(depth_m * j / rows);
+  const std::vector<float> values(static_cast<std::size_t>(columns * rows), static_cast<float>(modulus_pa));
+  map->mutable_youngs_modulus_pa()->set_dtype(v1::DATA_TYPE_FLOAT32);
+  map->mutable_youngs_modulus_pa()->add_shape(static_cast<unsigned>(rows));
+  map->mutable_youngs_modulus_pa()->add_shape(static_cast<unsigned>(columns));
+  map->mutable_youngs_modulus_pa()->set_data(values.data(), values.size() * sizeof(float));
+  return request;
+}
+
+// A touch stream, driven one message at a time.
+class Toucher {
+ public:
+  Toucher(const std::shared_ptr<grpc::Channel>& channel, const v1::TouchOpen& open)
+      : stub_(v1::Palpation::NewStub(channel)) {
+    set_deadline(context_);
+    stream_ = stub_->Touch(&context_);
+    v1::TouchRequest request;
+    *request.mutable_open() = open;
+    stream_->Write(request);
+  }
+  Toucher(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene)
+      : Toucher(channel, open_on(scene)) {}
+  ~Toucher() { context_.TryCancel(); }
+
+  static v1::TouchOpen open_on(const std::string& scene) {
+    v1::TouchOpen open;
+    open.set_scene_id(scene);
+    open.set_period_s(0.001);
+    return open;
+  }
+  // False when the stream has ended.
+  bool opened(v1::TouchOpened* out = nullptr) {
+    v1::TouchResponse response;
+    if (!stream_->Read(&response)) return false;
+    if (out) *out = response.opened();
+    return response.has_opened();
+  }
+  bool send(double x_m, double y_m) {
+    v1::TouchRequest request;
+    request.mutable_pose()->add_position_m(x_m);
+    request.mutable_pose()->add_position_m(y_m);
+    return send(request);
+  }
+  bool send(v1::TouchRequest& request) {
+    v1::ContactPose* pose = request.mutable_pose();
+    if (pose->sequence() == 0) pose->set_sequence(++sequence_);
+    pose->set_acknowledged(acknowledge_ ? read_ : 0);
+    return stream_->Write(request);
+  }
+  bool send_as_is(const v1::TouchRequest& request) { return stream_->Write(request); }
+  bool read(v1::TouchAnswer* answer) {
+    v1::TouchResponse response;
+    if (!stream_->Read(&response)) return false;
+    *answer = response.answer();
+    read_ = answer->answer();
+    return response.has_answer();
+  }
+  // One pose and its answer; false when the stream has ended.
+  bool touch(double x_m, double y_m, v1::TouchAnswer* answer) { return send(x_m, y_m) && read(answer); }
+  // Half-closes; `unread` counts the answers that were still to come.
+  grpc::Status finish(std::size_t* unread = nullptr) {
+    stream_->WritesDone();
+    v1::TouchResponse rest;
+    std::size_t count = 0;
+    while (stream_->Read(&rest)) ++count;
+    if (unread) *unread = count;
+    return stream_->Finish();
+  }
+  void stop_acknowledging() { acknowledge_ = false; }
+  std::uint64_t sequence() const { return sequence_; }
+  grpc::ClientContext& context() { return context_; }
+
+ private:
+  std::unique_ptr<v1::Palpation::Stub> stub_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::TouchRequest, v1::TouchResponse>> stream_;
+  std::uint64_t sequence_ = 0, read_ = 0;
+  bool acknowledge_ = true;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,184 @@
+#include <sys/socket.h>
+#include <sys/un.h>
+
+#include <grpcpp/impl/codegen/client_unary_call.h>
+#include <grpcpp/support/byte_buffer.h>
+
+#include <fstream>
+
+#include "tests/rpc/running_server.h"
+
+namespace teletact::service {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string why_refused(const std::string& listen, bool allow_insecure_remote = false) {
+  ListenOptions options;
+  options.listen = listen;
+  options.allow_insecure_remote = allow_insecure_remote;
+  try {
+    prepare_address(options);
+    return "";
+  } catch (const std::runtime_error& error) {
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+    return error.what();
+  }
+}
+
+TEST(Address, RemoteWithoutEncryptionIsRefusedUnlessAskedForByName) {
+  for (const char* address : {"0.0.0.0:50051", "192.168.1.7:50051", "[::]:50051", "node7:50051"}) {
+    EXPECT_NE(why_refused(address).find("--allow-insecure-remote"), std::string::npos) << address;
+    EXPECT_EQ(why_refused(address, true), "") << address;
+  }
+  for (const char* address : {"127.0.0.1:0", "127.9.9.9:1", "localhost:50051", "[::1]:50051"})
+    EXPECT_EQ(why_refused(address), "") << address;
+}
+
+TEST(Address, MalformedOnesAreRefused) {
+  for (const char* address : {"", "127.0.0.1", ":50051", "127.0.0.1:", "127.0.0.1:x", "127.0.0.1:65536",
+                              "127.0.0.1:-1", "unix:", "unix:/no/such/folder/s"})
+    EXPECT_NE(why_refused(address), "") << address;
+  EXPECT_NE(why_refused("unix:/tmp/" + std::string(103, 'x')).find("107"), std::string::npos);
+  EXPECT_EQ(why_refused("unix:/tmp/" + std::string(102, 'x')), "");
+  ListenOptions half;
+  half.tls_certificate = "cert.pem";
+  EXPECT_THROW(prepare_address(half), std::runtime_error);
+}
+
+TEST(Address, LiveSocketIsNotStolenAndADeadOneIsReplaced) {
+  RunningServer first;
+  const std::string address = first->address(), path = address.substr(5);
+  EXPECT_NE(why_refused(address).find("in use"), std::string::npos);
+  EXPECT_THROW(RunningServer second(address), std::runtime_error);
+  EXPECT_TRUE(fs::is_socket(path));
+  const std::string dead = path + "-dead", file = path + "-file";
+  sockaddr_un bound{};
+  bound.sun_family = AF_UNIX;
+  dead.copy(bound.sun_path, sizeof(bound.sun_path) - 1);
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  ASSERT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&bound), sizeof(bound)), 0);
+  ::close(fd);
+  ASSERT_TRUE(fs::is_socket(dead));
+  EXPECT_EQ(why_refused("unix:" + dead), "");
+  EXPECT_FALSE(fs::exists(dead));
+  std::ofstream(file) << "precious";
+  EXPECT_NE(why_refused("unix:" + file), "");
+  EXPECT_TRUE(fs::exists(file));
+}
+
+TEST(Address, BusyPortIsOneClearLine) {
+  RunningServer first("127.0.0.1:0");
+  try {
+    RunningServer second(first->address());
+    FAIL() << "two servers share a port";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("in use"), std::string::npos);
+  }
+}
+
+// grpc.health.v1.Health/Check by hand: HealthCheckRequest{service = 1}, HealthCheckResponse{status = 1}.
+int health_of(const RunningServer& server, const std::string& service) {
+  std::string request;
+  if (!service.empty()) request = std::string("\x0a") + static_cast<char>(service.size()) + service;
+  grpc::ClientContext context;
+  set_deadline(context);
+  grpc::ByteBuffer out;
+  grpc::Slice slice(request);
+  grpc::ByteBuffer in(&slice, 1);
+  grpc::internal::RpcMethod method("/grpc.health.v1.Health/Check", grpc::internal::RpcMethod::NORMAL_RPC);
+  const auto channel = server.channel();
+  const grpc::Status status = grpc::internal::BlockingUnaryCall(channel.get(), method, &context, in, &out);
+  if (!status.ok()) return -static_cast<int>(status.error_code());
+  std::vector<grpc::Slice> slices;
+  out.Dump(&slices);
+  std::string bytes;
+  for (const auto& s : slices) bytes.append(reinterpret_cast<const char*>(s.begin()), s.size());
+  return bytes.size() >= 2 ? bytes[1] : 0;
+}
+
+TEST(Server, HealthIsPerServiceAndServingOnlyWhenReady) {
+  constexpr int kServing = 1, kNotServing = 2, kNotFound = -5;
+  RunningServer server;
+  for (const char* service : {"", "teletact.v1.Palpation", "teletact.v1.Elastography", "teletact.v1.Info"})
+    EXPECT_EQ(health_of(server, service), kNotServing) << service;
+  v1::ListScenesResponse scenes;
+  grpc::ClientContext early;
+  EXPECT_EQ(v1::Palpation::NewStub(server.channel())->ListScenes(&early, {}, &scenes).error_code(),
+            grpc::StatusCode::UNAVAILABLE);
+  server->make_ready();
+  for (const char* service : {"", "teletact.v1.Palpation", "teletact.v1.Elastography", "teletact.v1.Info"})
+    EXPECT_EQ(health_of(server, service), kServing) << service;
+  EXPECT_EQ(health_of(server, "teletact.v1.Nothing"), kNotFound);
+}
+
+TEST(Server, SaysWhatItIs) {
+  RunningServer server("127.0.0.1:0");
+  grpc::ClientContext context;
+  v1::GetInfoResponse info;
+  ASSERT_TRUE(v1::Info::NewStub(server.channel())->GetInfo(&context, {}, &info).ok());
+  EXPECT_EQ(info.api_version(), "v1");
+  EXPECT_NE(info.build(), "");
+  EXPECT_NE(info.instance(), 0U);
+  EXPECT_EQ(info.device().name(), rpc_device()->info().name);
+  EXPECT_GT(info.limits().max_frame_bytes(), 0U);
+  EXPECT_GT(info.uptime_ns(), 0);
+}
+
+TEST(Server, DrainTellsTheStreamsAndEndsSoon) {
+  RunningServer server;
+  server->make_ready();
+  const auto channel = server.channel();
+  const auto stub = v1::Palpation::NewStub(channel);
+  grpc::ClientContext creating, watching;
+  v1::Scene scene;
+  ASSERT_TRUE(stub->CreateScene(&creating, uniform_scene("s"), &scene).ok());
+  Toucher busy(channel, "s"), silent(channel, "s");
+  ASSERT_TRUE(busy.opened() && silent.opened());
+  silent.stop_acknowledging();
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(busy.touch(0.05, 0.002, &answer) && silent.touch(0.05, 0.002, &answer));
+  v1::WatchFingerRequest watch;
+  watch.set_scene_id("s");
+  const auto finger = stub->WatchFinger(&watching, watch);
+  v1::FingerState state;
+  ASSERT_TRUE(finger->Read(&state));
+  const auto begun = std::chrono::steady_clock::now();
+  server->drain();
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(2));
+  EXPECT_EQ(busy.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(silent.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  while (finger->Read(&state)) {
+  }
+  EXPECT_EQ(finger->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
+TEST(Server, ScenesSurviveItWithANewInstance) {
+  const fs::path state = fs::temp_directory_path() / ("teletact-rpc-state-" + std::to_string(getpid()));
+  std::uint64_t version = 0;
+  std::uint64_t instance = 0;
+  for (const bool again : {false, true}) {
+    RunningServer server("", state);
+    server->make_ready();
+    const auto channel = server.channel();
+    const auto stub = v1::Palpation::NewStub(channel);
+    v1::Scene scene;
+    if (!again) {
+      grpc::ClientContext context;
+      ASSERT_TRUE(stub->CreateScene(&context, uniform_scene("s"), &scene).ok());
+      version = scene.version();
+    }
+    Toucher toucher(channel, "s");
+    v1::TouchOpened opened;
+    ASSERT_TRUE(toucher.opened(&opened));
+    v1::TouchAnswer answer;
+    ASSERT_TRUE(toucher.touch(0.05, 0.002, &answer));
+    EXPECT_EQ(answer.model_version(), version);
+    EXPECT_NE(opened.instance(), instance);
+    instance = opened.instance();
+  }
+  fs::remove_all(state);
+}
+
+}  // namespace
+}  // namespace teletact::service
