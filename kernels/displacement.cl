@@ -9,6 +9,9 @@
 #ifndef WORK_GROUP  // work-items of a group, all kernels of this file
 #define WORK_GROUP 32
 #endif
+#ifndef WARP_RUN  // consecutive samples of one work-item of warp
+#define WARP_RUN 16
+#endif
 #ifndef MEDIAN_RADIUS_MAX  // largest radius of median_filter, in nodes
 #define MEDIAN_RADIUS_MAX 2
 #endif
@@ -90,39 +93,50 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc_peak(
 // Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes.
 // Axially `taps` (windowed sinc, `phases` + 1 rows of 8, row p for a fraction p / phases, rows blended
 // linearly), laterally cubic (Keys). Writes either the warped frame (pair = 0), or the mean of pre and warped
-// post to `a` and their difference pre - warped to `b` (pair = 1). One item per sample; 4 vector loads, ~110
-// flops.
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void warp(
+// post to `a` and their difference pre - warped to `b` (pair = 1). One item per WARP_RUN samples of a line,
+// which share the lateral part of u; per sample 6 vector loads, ~110 flops.
+__kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     __global const float* restrict pre, __global const float* restrict post,
     __global const float2* restrict field, __global const float* restrict taps, __global float* restrict a,
     __global float* restrict b, const int pair, const int phases, const int line_count,
     const int sample_count, const int nx, const int ny, const int first_line, const int line_step,
     const int first_sample, const int sample_step, const int origin, const int stride) {
-  const int k = get_global_id(0), l = get_global_id(1);
-  if (k >= sample_count) return;
-  const float2 u = field_at(field, nx, ny, (float)(l - first_line) / (float)line_step,
-                            (float)(k - first_sample) / (float)sample_step);
-  const float x = (float)l + u.x, whole_x = floor(x), s = x - whole_x;
-  const float whole_u = floor(u.y), t = (u.y - whole_u) * (float)phases;
-  const int line = (int)whole_x, sample = k + (int)whole_u;
-  const int at = origin + l * stride + k;
-  float value = 0.0f;
-  if (line >= 0 && line < line_count && sample >= 0 && sample < sample_count) {
-    const float4 w = (float4)(((-0.5f * s + 1.0f) * s - 0.5f) * s, (1.5f * s - 2.5f) * s * s + 1.0f,
-                              ((-1.5f * s + 2.0f) * s + 0.5f) * s, (0.5f * s - 0.5f) * s * s);
-    __global const float* const p = post + origin + line * stride + sample - 3;
-    const float8 blended = w.x * vload8(0, p - stride) + w.y * vload8(0, p) + w.z * vload8(0, p + stride) +
-                           w.w * vload8(0, p + 2 * stride);
-    const int phase = min((int)t, phases - 1);
-    const float8 t0 = vload8(phase, taps), t1 = vload8(phase + 1, taps);
-    value = sum8(blended * (t0 + (t - (float)phase) * (t1 - t0)));
-  }
-  if (pair) {
-    const float p = pre[at];
-    a[at] = 0.5f * (p + value);
-    b[at] = p - value;
-  } else {
-    a[at] = value;
+  const int start = get_global_id(0) * WARP_RUN, l = get_global_id(1);
+  const int end = min(start + WARP_RUN, sample_count);
+  const float column = clamp((float)(l - first_line) / (float)line_step, 0.0f, (float)(nx - 1));
+  const int i = min((int)column, max(nx - 2, 0)), right = nx > 1 ? 1 : 0;
+  const float across = column - (float)i, rows_per_sample = 1.0f / (float)sample_step;
+  int row = -1;
+  float2 above = 0.0f, below = 0.0f;
+  for (int k = start; k < end; ++k) {
+    const float r = clamp((float)(k - first_sample) * rows_per_sample, 0.0f, (float)(ny - 1));
+    const int j = min((int)r, max(ny - 2, 0));
+    if (j != row) {
+      __global const float2* const p = field + i + nx * j;
+      __global const float2* const q = p + (ny > 1 ? nx : 0);
+      above = (1.0f - across) * p[0] + across * p[right];
+      below = (1.0f - across) * q[0] + across * q[right];
+      row = j;
+    }
+    const float2 u = above + (r - (float)j) * (below - above);
+    const float x = (float)l + u.x, whole_x = floor(x), s = x - whole_x;
+    const float whole_u = floor(u.y), t = (u.y - whole_u) * (float)phases;
+    const int line = (int)whole_x, sample = k + (int)whole_u;
+    const int at = origin + l * stride + k;
+    float value = 0.0f;
+    if (line >= 0 && line < line_count && sample >= 0 && sample < sample_count) {
+      __global const float* const p = post + origin + line * stride + sample - 3;
+      const float8 blended = ((-0.5f * s + 1.0f) * s - 0.5f) * s * vload8(0, p - stride) +
+                             ((1.5f * s - 2.5f) * s * s + 1.0f) * vload8(0, p) +
+                             ((-1.5f * s + 2.0f) * s + 0.5f) * s * vload8(0, p + stride) +
+                             (0.5f * s - 0.5f) * s * s * vload8(0, p + 2 * stride);
+      const int phase = min((int)t, phases - 1);
+      const float8 t0 = vload8(phase, taps), t1 = vload8(phase + 1, taps);
+      value = sum8(blended * (t0 + (t - (float)phase) * (t1 - t0)));
+    }
+    const float own = pre[at];
+    a[at] = pair ? 0.5f * (own + value) : value;
+    if (pair) b[at] = own - value;
   }
 }
 

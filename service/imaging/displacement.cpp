@@ -13,6 +13,7 @@ namespace teletact::service {
 namespace {
 
 constexpr std::size_t kGroup = 32;  // WORK_GROUP of displacement.cl
+constexpr int kWarpRun = 16;        // WARP_RUN of displacement.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kCoarseDecimation = 2;                           // of the samples of the coarse window
@@ -159,6 +160,12 @@ DisplacementEstimator::~DisplacementEstimator() = default;
 
 namespace {
 
+// One item per kWarpRun samples of a line.
+Range over_samples(int samples, int lines) {
+  const auto runs = static_cast<std::size_t>((samples + kWarpRun - 1) / kWarpRun);
+  return {{runs, static_cast<std::size_t>(lines), 1}, {16, 1, 1}};
+}
+
 Range over(int nodes) {
   return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
 }
@@ -194,9 +201,9 @@ void DisplacementEstimator::search_fine() {
   const SampleGrid &c = w.coarse, &g = w.fine;
   const int lateral_count = 2 * w.lateral_reach + 1;
   const int pair = 0;
-  kernels_->warp({{std::size_t(w.samples), std::size_t(w.lines), 1}, {64, 1, 1}}, w.pre, w.post, w.field,
-                 w.taps, w.mean, w.difference, pair, kInterpolationPhases, w.lines, w.samples, c.nx, c.ny,
-                 c.first_line, c.line_step, c.first_sample, c.sample_step, w.pad.origin, w.pad.stride);
+  kernels_->warp(over_samples(w.samples, w.lines), w.pre, w.post, w.field, w.taps, w.mean, w.difference, pair,
+                 kInterpolationPhases, w.lines, w.samples, c.nx, c.ny, c.first_line, c.line_step,
+                 c.first_sample, c.sample_step, w.pad.origin, w.pad.stride);
   kernels_->ncc(over(g.nodes() * lateral_count), w.pre, w.mean, w.fine_volume, g.nx, g.ny, g.first_line,
                 g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride, w.half_axial,
                 w.half_lateral, 1, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count);
@@ -225,9 +232,9 @@ void DisplacementEstimator::refine() {
   std::swap(w.field, w.candidate);
   for (int n = 0; n < options_.refinements; ++n) {
     if (n > 0) kernels_->smooth(over(g.nodes()), w.filtered, w.field, g.nx, g.ny);
-    kernels_->warp({{std::size_t(w.samples), std::size_t(w.lines), 1}, {64, 1, 1}}, w.pre, w.post, w.field,
-                   w.taps, w.mean, w.difference, pair, kInterpolationPhases, w.lines, w.samples, g.nx, g.ny,
-                   g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride);
+    kernels_->warp(over_samples(w.samples, w.lines), w.pre, w.post, w.field, w.taps, w.mean, w.difference,
+                   pair, kInterpolationPhases, w.lines, w.samples, g.nx, g.ny, g.first_line, g.line_step,
+                   g.first_sample, g.sample_step, w.pad.origin, w.pad.stride);
     kernels_->gauss_newton(over(g.nodes()), w.mean, w.difference, w.field, w.weights, w.candidate,
                            w.correlation, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
                            g.sample_step, w.pad.origin, w.pad.stride, w.window_chunks, w.half_lateral,

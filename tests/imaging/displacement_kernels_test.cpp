@@ -93,8 +93,8 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
   const int lines = static_cast<int>(pre_.line_count), samples = static_cast<int>(pre_.sample_count),
             pair = 1;
   Range range = kNoRange;
-  range.global = {pre_.sample_count, pre_.line_count, 1};
-  range.local = {64, 1, 1};
+  range.global = {(pre_.sample_count + 15) / 16, pre_.line_count, 1};
+  range.local = {16, 1, 1};
   kernel("warp")(range, pre_device_, post_device_, u, taps, mean, difference, pair, kInterpolationPhases,
                  lines, samples, grid.nx, grid.ny, grid.first_line, grid.line_step, grid.first_sample,
                  grid.sample_step, pad_.origin, pad_.stride);
