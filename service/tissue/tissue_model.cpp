@@ -27,7 +27,7 @@ double rounding_error(const Material& material, double largest_compliance, std::
       *std::max_element(material.youngs_modulus_pa.begin(), material.youngs_modulus_pa.end());
   const double condition =
       modulus / (2 * (1 + nu)) * (2 + bulk_over_shear) * largest_compliance * double(dofs);
-  return 4 * std::numeric_limits<double>::epsilon() * (condition + 4 * bulk_over_shear * bulk_over_shear);
+  return 16 * std::numeric_limits<double>::epsilon() * (condition + bulk_over_shear * bulk_over_shear);
 }
 
 class CondensedLine final : public Compliance {
