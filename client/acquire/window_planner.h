@@ -19,7 +19,7 @@ struct PlannerOptions {
   double refresh_after_s = 1.0;  // a window older than this is acquired anew when the finger comes towards it
   // A renewal must be ready before the finger arrives: the model under it changes only when it has to. About
   // what the arm and the service need from asking to publishing.
-  double renewal_lead_s = 0.7;
+  double renewal_lead_s = 0.5;
   double still_m_s = 0.01;  // slower than this the finger has no direction: the last one holds
 };
 
