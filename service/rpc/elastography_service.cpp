@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <tuple>
 
 #include "service/rpc/status.h"
 #include "service/rpc/wait.h"
@@ -16,7 +17,6 @@ namespace teletact::service {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using Stream = grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>;
 
 double seconds_since(Clock::time_point then) {
   return std::chrono::duration<double>(Clock::now() - then).count();
@@ -33,6 +33,8 @@ v1::EstimateStage stage_to(Stage stage) {
   }
   return v1::ESTIMATE_STAGE_UNSPECIFIED;
 }
+
+using Stream = grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>;
 
 void write_progress(Stream& stream, v1::EstimateStage stage, double elapsed_s) {
   v1::EstimateResponse response;
@@ -184,25 +186,23 @@ ElastographyService::Outcome ElastographyService::work(Job& job) {
   return outcome;
 }
 
-namespace {
-
 // Reads the whole upload. Throws; nothing is kept then.
-EstimateRequest receive(Stream& stream, Core& core, Calls::Ticket& ticket,
-                        std::pair<RfFrame, RfFrame>& frames) {
+void ElastographyService::receive(Stream& stream, Core& core, Calls::Ticket& ticket, Job& job) {
   v1::EstimateRequest message;
   if (!stream.Read(&message) || !message.has_acquisition())
     throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
-  EstimateRequest request = request_from(message.acquisition(), core.scenes, Core::kMostFrameBytes);
-  FrameUpload upload(request, Core::kMostChunkBytes);
+  job.request = request_from(message.acquisition(), core.scenes, Core::kMostFrameBytes);
+  FrameUpload upload(job.request, Core::kMostChunkBytes);
   while (stream.Read(&message)) {
     ticket.active();
     if (!message.has_chunk())
       throw std::invalid_argument("chunk: after the acquisition only chunks may follow");
     upload.add(message.chunk());
   }
-  frames = upload.finish();
-  return request;
+  std::tie(job.pre, job.post) = upload.finish();
 }
+
+namespace {
 
 void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_modulus_absolute(e.modulus_absolute);
@@ -212,16 +212,46 @@ void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_background_modulus_pa(e.background_modulus);
 }
 
+void add_stage(v1::EstimateSummary* summary, const char* name, double s) {
+  v1::StageTime* time = summary->add_stages();
+  time->set_stage(name);
+  time->set_seconds(s);
+}
+
 }  // namespace
+
+void ElastographyService::write_outcome(const Outcome& outcome, const EstimateRequest& request,
+                                        Stream& stream) {
+  const teletact::service::Estimate& e = outcome.estimate;
+  v1::EstimateResponse response;
+  for (const std::string& name : request.maps) {
+    map_to(e, name, response.mutable_map()->mutable_map());
+    stream.Write(response);
+    response.Clear();
+  }
+  v1::EstimateSummary* summary = response.mutable_summary();
+  summary_to(e, summary);
+  add_stage(summary, "queued", outcome.queued_s);
+  add_stage(summary, "displacement", e.displacement_s);
+  add_stage(summary, "strain", e.strain_s);
+  add_stage(summary, "modulus", e.modulus_s);
+  if (outcome.published) {
+    add_stage(summary, "publish", outcome.publish_s);
+    summary->set_scene_id(request.scene->id());
+    summary->set_window_id(outcome.published->window_id);
+    summary->set_scene_version(outcome.published->version);
+    summary->set_received_to_published_s(outcome.received_to_published_s);
+  }
+  stream.Write(response);
+}
 
 grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream* stream) {
   return guarded([&] {
     // A stalled upload is cut; one that has arrived is finished within the drain's time.
     const auto ticket = core_.calls.enter(CallKind::kEstimate, {}, [context] { context->TryCancel(); });
     auto job = std::make_shared<Job>();
-    std::pair<RfFrame, RfFrame> frames;
     try {
-      job->request = receive(*stream, core_, *ticket, frames);
+      receive(*stream, core_, *ticket, *job);
     } catch (const std::exception& error) {
       spdlog::info("event=estimate_refused call={} peer={} error=\"{}\"", ticket->id(), context->peer(),
                    error.what());
@@ -229,38 +259,15 @@ grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream*
     }
     if (context->IsCancelled()) throw Error(ErrorKind::kCancelled, "the upload was cut");
     job->received = Clock::now();
-    job->pre = std::move(frames.first), job->post = std::move(frames.second);
     write_progress(*stream, v1::ESTIMATE_STAGE_RECEIVED, 0);
     auto future = core_.scenes.worker().run([this, job] { return work(*job); });
-    for (bool finished = false; !finished;) {
+    for (bool finished = false; !finished && !context->IsCancelled();) {
       ticket->active();
       if (const auto step = job->progress.next(finished))
         write_progress(*stream, step->stage, step->elapsed_s);
-      if (context->IsCancelled()) break;
     }
     const Outcome outcome = wait_for(future, *context, job->abandoned);
-    v1::EstimateResponse response;
-    for (const std::string& name : job->request.maps) {
-      map_to(outcome.estimate, name, response.mutable_map()->mutable_map());
-      stream->Write(response);
-      response.Clear();
-    }
-    v1::EstimateSummary* summary = response.mutable_summary();
-    summary_to(outcome.estimate, summary);
-    if (outcome.published) {
-      summary->set_scene_id(job->request.scene->id());
-      summary->set_window_id(outcome.published->window_id);
-      summary->set_scene_version(outcome.published->version);
-      summary->set_received_to_published_s(outcome.received_to_published_s);
-    }
-    const auto stage = [summary](const char* name, double s) {
-      v1::StageTime* time = summary->add_stages();
-      time->set_stage(name), time->set_seconds(s);
-    };
-    stage("queued", outcome.queued_s), stage("displacement", outcome.estimate.displacement_s);
-    stage("strain", outcome.estimate.strain_s), stage("modulus", outcome.estimate.modulus_s);
-    if (outcome.published) stage("publish", outcome.publish_s);
-    stream->Write(response);
+    write_outcome(outcome, job->request, *stream);
     spdlog::info("event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} elapsed_s={:.4f}",
                  ticket->id(), context->peer(), outcome.estimate.valid_fraction,
                  outcome.estimate.median_correlation, seconds_since(job->received));

@@ -19,8 +19,11 @@ class ElastographyService final : public v1::Elastography::Service {
                         grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>*) override;
 
  private:
+  using Stream = grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>;
   struct Job;
   struct Outcome;
+  static void receive(Stream&, Core&, Calls::Ticket&, Job&);
+  static void write_outcome(const Outcome&, const EstimateRequest&, Stream&);
   // On the imaging worker.
   Outcome work(Job&);
   Elastography& engine_for(double max_strain);

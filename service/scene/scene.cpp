@@ -180,32 +180,19 @@ std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double b
 Published Scene::publish(const WindowEstimate& estimate, const std::function<bool()>& cancelled) {
   const double end_of_estimate_m = estimate.window_x_m + estimate.width_m;
   check_window(estimate.window_x_m, end_of_estimate_m);
-  const std::lock_guard lock(publishing_);
-  const auto old = snapshot();
-  auto map = std::make_shared<StitchedMap>(*old->map);
-  map->paste(estimate);
-
-  auto window = std::make_shared<WindowModel>();
-  window->begin_m = std::max(0.0, estimate.window_x_m);
-  window->end_m = std::min(geometry_.width_m, end_of_estimate_m);
-  auto next = std::make_shared<SceneSnapshot>();
-  for (const auto& other : old->windows) {
-    const bool same = std::abs(other->begin_m - window->begin_m) < kSameWindowM;
-    if (same) window->id = other->id;
-    const bool hidden =
-        other->begin_m >= window->begin_m - kSameWindowM && other->end_m <= window->end_m + kSameWindowM;
-    if (!same && !hidden) next->windows.push_back(other);
-  }
-  if (next->windows.size() >= kMostWindows)
-    throw Error(ErrorKind::kExhausted,
-                fmt::format("publish: scene {} has {} windows already; delete the scene or "
-                            "publish at the windows' places",
-                            id_, kMostWindows));
-  if (window->id == 0) window->id = next_window_id_;
   const auto check = [&] {
     if (deleted()) throw Error(ErrorKind::kAborted, fmt::format("scene {} was deleted", id_));
     if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
   };
+  const std::lock_guard lock(publishing_);
+  const auto old = snapshot();
+  auto map = std::make_shared<StitchedMap>(*old->map);
+  map->paste(estimate);
+  auto window = std::make_shared<WindowModel>();
+  window->begin_m = std::max(0.0, estimate.window_x_m);
+  window->end_m = std::min(geometry_.width_m, end_of_estimate_m);
+  auto next = std::make_shared<SceneSnapshot>();
+  next->windows = make_room(*old, *window);
   check();
   window->model = build(*map, window->begin_m, window->end_m);
   check();
@@ -219,6 +206,25 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   mark_stale_around(*window, *next);
   swap_in(next);
   return {window->id, window->version};
+}
+
+std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnapshot& old,
+                                                                 WindowModel& window) const {
+  std::vector<std::shared_ptr<const WindowModel>> others;
+  for (const auto& other : old.windows) {
+    const bool same = std::abs(other->begin_m - window.begin_m) < kSameWindowM;
+    if (same) window.id = other->id;
+    const bool hidden =
+        other->begin_m >= window.begin_m - kSameWindowM && other->end_m <= window.end_m + kSameWindowM;
+    if (!same && !hidden) others.push_back(other);
+  }
+  if (others.size() >= kMostWindows)
+    throw Error(ErrorKind::kExhausted,
+                fmt::format("publish: scene {} has {} windows already; delete the scene or "
+                            "publish at the windows' places",
+                            id_, kMostWindows));
+  if (window.id == 0) window.id = next_window_id_;
+  return others;
 }
 
 void Scene::mark_stale_around(const WindowModel& published, const SceneSnapshot& snapshot) {

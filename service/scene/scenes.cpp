@@ -69,7 +69,10 @@ Scenes::Scenes(const std::filesystem::path& state_directory, SceneLimits limits)
   versions_ = std::make_shared<VersionCounter>(store_.get());
 }
 
-Scenes::~Scenes() = default;
+Scenes::~Scenes() {
+  worker_.stop();
+  keeper_.finish();
+}
 
 void Scenes::restore() {
   if (!store_) return;
@@ -158,6 +161,7 @@ Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstim
   const Published published = scene->publish(estimate, cancelled);
   spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
                scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
+  keep_later(scene);
   refresh_later(scene);
   return published;
 }
@@ -174,13 +178,28 @@ void Scenes::refresh_later(const std::shared_ptr<Scene>& scene) {
     }
     // One window per job: a new estimate goes before the rest.
     const bool more = scene->refresh_stale_window();
+    keep_later(scene);
+    if (more) refresh_later(scene);
+  });
+}
+
+void Scenes::keep_later(const std::shared_ptr<Scene>& scene) {
+  if (!store_) return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!keeping_.insert(scene.get()).second) return;  // the job that waits will write the newest
+  }
+  keeper_.post(JobUrgency::kBackground, [this, scene] {
+    {
+      const std::lock_guard lock(mutex_);
+      keeping_.erase(scene.get());
+    }
     try {
       keep(scene);
     } catch (const std::exception& error) {
       // The disk may be full: touch goes on, the state on disk stays the one before.
       spdlog::error("event=state_not_kept scene={} error=\"{}\"", scene->id(), error.what());
     }
-    if (more) refresh_later(scene);
   });
 }
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "service/scene/imaging_worker.h"
+#include "service/scene/niced_worker.h"
 #include "service/scene/scene.h"
 
 namespace teletact::service {
@@ -24,7 +24,7 @@ class Scenes {
  public:
   // `state_directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used.
   explicit Scenes(const std::filesystem::path& state_directory, SceneLimits = {});
-  ~Scenes();
+  ~Scenes();  // writes what was published
 
   // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside.
   void restore();
@@ -35,24 +35,28 @@ class Scenes {
   std::vector<std::shared_ptr<Scene>> list() const;
   void remove(const std::string& id);  // Error(kNotFound)
 
-  // On the imaging worker: publishes, then keeps the scene and refreshes its neighbours in the background.
+  // On the imaging worker: publishes, then refreshes the neighbours and keeps the scene in the background.
   Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&,
                     const std::function<bool()>& cancelled);
-  ImagingWorker& worker() { return worker_; }
+  // The imaging worker.
+  NicedWorker& worker() { return worker_; }
   const SceneLimits& limits() const { return limits_; }
 
  private:
   void keep(const std::shared_ptr<Scene>&);
+  void keep_later(const std::shared_ptr<Scene>&);
   void refresh_later(const std::shared_ptr<Scene>&);
   const SceneLimits limits_;
   std::unique_ptr<StateStore> store_;
   std::shared_ptr<VersionCounter> versions_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Scene>> scenes_;
-  std::set<std::string> being_made_;   // ids taken while their models are built
-  std::set<const Scene*> refreshing_;  // a background job waits for them
+  std::set<std::string> being_made_;             // ids taken while their models are built
+  std::set<const Scene*> refreshing_, keeping_;  // a background job waits for them
   std::mutex disk_;
-  ImagingWorker worker_;  // last: its jobs use all of the above
+  // Last: their jobs use all of the above.
+  NicedWorker keeper_;  // writes state, so that a slow disk does not hold up imaging
+  NicedWorker worker_;
 };
 
 }  // namespace teletact::service

@@ -128,21 +128,35 @@ void StitchedMap::paste(const WindowEstimate& w) {
     return static_cast<std::size_t>(
         std::clamp(std::ceil(x_m / cell_x_m_ - 0.5 - 1e-9), 0.0, static_cast<double>(nx_)));
   };
-  const Span columns{centre_index(w.window_x_m), centre_index(w.window_x_m + w.width_m)};
-  if (columns.end <= columns.begin)
-    throw std::invalid_argument("window.window_x_m: the window covers nothing of the tissue");
+  const std::size_t begin = centre_index(w.window_x_m), end = centre_index(w.window_x_m + w.width_m);
+  if (end <= begin) throw std::invalid_argument("window.window_x_m: the window covers nothing of the tissue");
+  const std::size_t columns = end - begin;
+  const std::vector<float> measured = resample(w, begin, columns);
+  std::vector<float> extended = measured;
+  extend_in_log(extended, columns, ny_);
+  for (std::size_t j = 0; j < ny_; ++j)
+    for (std::size_t i = 0; i < columns; ++i) {
+      const std::size_t from = i + columns * j, to = begin + i + nx_ * j;
+      modulus_pa_[to] = extended[from];
+      states_[to] = measured[from] > 0 ? CellState::kMeasured : CellState::kExtended;
+    }
+  index_columns();
+}
+
+std::vector<float> StitchedMap::resample(const WindowEstimate& w, std::size_t first,
+                                         std::size_t columns) const {
   const double median_pa = median_modulus_pa(w);
-  std::vector<float> patch(columns.size() * ny_);
-  std::size_t measured = 0, in_image = 0;
   const double image_end_m = w.grid.origin_y_m + w.grid.dy_m * static_cast<double>(w.grid.ny - 1);
+  std::vector<float> cells(columns * ny_, 0.0F);
+  std::size_t measured = 0, in_image = 0;
   for (std::size_t j = 0; j < ny_; ++j) {
     const double y_m = cell_y_m_ * static_cast<double>(j);
     if (y_m + cell_y_m_ < w.grid.origin_y_m || y_m > image_end_m) continue;  // above or below the image
     const Span rows = nodes_within(y_m, y_m + cell_y_m_, w.grid.origin_y_m, w.grid.dy_m, w.grid.ny);
-    for (std::size_t i = 0; i < columns.size(); ++i) {
-      const double x_m = cell_x_m_ * static_cast<double>(columns.begin + i) - w.window_x_m;
+    for (std::size_t i = 0; i < columns; ++i) {
+      const double x_m = cell_x_m_ * static_cast<double>(first + i) - w.window_x_m;
       const Span nodes = nodes_within(x_m, x_m + cell_x_m_, w.grid.origin_x_m, w.grid.dx_m, w.grid.nx);
-      float& cell = patch[i + columns.size() * j];
+      float& cell = cells[i + columns * j];
       cell = cell_modulus_pa(w, nodes, rows, median_pa);
       measured += cell > 0;
       ++in_image;
@@ -154,15 +168,7 @@ void StitchedMap::paste(const WindowEstimate& w) {
         fmt::format("only {} of the window's {} cells have a valid modulus (at least {:.0f} % are needed); "
                     "acquire the window again",
                     measured, in_image, 100 * kLeastMeasuredShare));
-  std::vector<float> extended = patch;
-  extend_in_log(extended, columns.size(), ny_);
-  for (std::size_t j = 0; j < ny_; ++j)
-    for (std::size_t i = 0; i < columns.size(); ++i) {
-      const std::size_t from = i + columns.size() * j, to = columns.begin + i + nx_ * j;
-      modulus_pa_[to] = extended[from];
-      states_[to] = patch[from] > 0 ? CellState::kMeasured : CellState::kExtended;
-    }
-  index_columns();
+  return cells;
 }
 
 void StitchedMap::index_columns() {

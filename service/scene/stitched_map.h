@@ -63,6 +63,8 @@ class StitchedMap {
 
  private:
   std::size_t column(double x_m) const;
+  // The window's cells in columns [first, first + columns), 0 Pa where not measured.
+  std::vector<float> resample(const WindowEstimate&, std::size_t first, std::size_t columns) const;
   void index_columns();
   std::size_t nx_, ny_;
   double cell_x_m_, cell_y_m_;

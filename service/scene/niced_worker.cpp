@@ -1,4 +1,4 @@
-#include "service/scene/imaging_worker.h"
+#include "service/scene/niced_worker.h"
 
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
@@ -8,13 +8,13 @@
 
 namespace teletact::service {
 
-ImagingWorker::ImagingWorker() : thread_([this] { work(); }) {}
+NicedWorker::NicedWorker() : thread_([this] { work(); }) {}
 
-ImagingWorker::~ImagingWorker() {
+NicedWorker::~NicedWorker() {
   stop();
 }
 
-void ImagingWorker::stop() {
+void NicedWorker::stop() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
@@ -25,7 +25,17 @@ void ImagingWorker::stop() {
   urgent_.clear(), background_.clear();  // their futures tell who waits
 }
 
-void ImagingWorker::post(JobUrgency urgency, std::function<void()> job) {
+void NicedWorker::finish() {
+  {
+    const std::lock_guard lock(mutex_);
+    finish_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+  stop();
+}
+
+void NicedWorker::post(JobUrgency urgency, std::function<void()> job) {
   {
     const std::lock_guard lock(mutex_);
     if (stop_) return;  // the job's future says so
@@ -36,16 +46,16 @@ void ImagingWorker::post(JobUrgency urgency, std::function<void()> job) {
   changed_.notify_one();
 }
 
-void ImagingWorker::work() {
+void NicedWorker::work() {
   // Linux gives each thread its own nice value.
   if (setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness) != 0)
-    spdlog::warn("event=niceness_refused thread=imaging errno={}", errno);
+    spdlog::warn("event=niceness_refused errno={}", errno);
   for (;;) {
     std::function<void()> job;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return stop_ || !urgent_.empty() || !background_.empty(); });
-      if (stop_) return;
+      changed_.wait(lock, [this] { return stop_ || finish_ || !urgent_.empty() || !background_.empty(); });
+      if (stop_ || (urgent_.empty() && background_.empty())) return;
       auto& queue = urgent_.empty() ? background_ : urgent_;
       job = std::move(queue.front());
       queue.pop_front();
@@ -53,7 +63,7 @@ void ImagingWorker::work() {
     try {
       job();
     } catch (const std::exception& error) {
-      spdlog::error("event=imaging_job_failed error=\"{}\"", error.what());
+      spdlog::error("event=job_failed error=\"{}\"", error.what());
     }
   }
 }

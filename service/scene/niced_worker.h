@@ -16,18 +16,20 @@ namespace teletact::service {
 
 enum class JobUrgency { kUrgent, kBackground };  // background waits until nothing urgent is left
 
-class ImagingWorker {
+class NicedWorker {
  public:
   static constexpr int kNiceness = 10;
   static constexpr std::size_t kMostUrgentJobs = 64;  // waiting; background jobs are one per scene
 
-  ImagingWorker();
-  ~ImagingWorker();
-  ImagingWorker(const ImagingWorker&) = delete;
-  ImagingWorker& operator=(const ImagingWorker&) = delete;
+  NicedWorker();
+  ~NicedWorker();
+  NicedWorker(const NicedWorker&) = delete;
+  NicedWorker& operator=(const NicedWorker&) = delete;
 
   // Waits for the job that runs and drops those that wait; later ones are dropped too.
   void stop();
+  // Waits for every job posted so far, then stops.
+  void finish();
 
   // Throws Error(kExhausted) when kMostUrgentJobs wait already. An exception of `job` is logged.
   void post(JobUrgency, std::function<void()> job);
@@ -47,7 +49,7 @@ class ImagingWorker {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::function<void()>> urgent_, background_;
-  bool stop_ = false;
+  bool stop_ = false, finish_ = false;
   std::thread thread_;
 };
 
