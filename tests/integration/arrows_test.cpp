@@ -1,0 +1,104 @@
+// The dependency arrows of docs/architecture.md, read from the includes.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/integration/process.h"
+
+namespace teletact {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Include {
+  std::string file, folder, target;  // "service/rpc/x.cpp", "service/rpc", "service/scene/y.h" or <...>
+};
+
+std::vector<Include> includes_of(const std::string& side) {
+  const fs::path root = test::required_environment("TELETACT_SOURCE_DIR");
+  const std::regex pattern(R"re(^\s*#\s*include\s*[<"]([^>"]+)[>"])re");
+  std::vector<Include> includes;
+  for (const auto& entry : fs::recursive_directory_iterator(root / side)) {
+    const std::string extension = entry.path().extension().string();
+    if (extension != ".h" && extension != ".cpp") continue;
+    const std::string file = fs::relative(entry.path(), root).string();
+    std::ifstream text(entry.path());
+    std::smatch match;
+    for (std::string line; std::getline(text, line);)
+      if (std::regex_search(line, match, pattern))
+        includes.push_back({file, fs::path(file).parent_path().string(), match[1]});
+  }
+  return includes;
+}
+
+bool starts_with_any(const std::string& text, const std::vector<std::string>& prefixes) {
+  return std::any_of(prefixes.begin(), prefixes.end(),
+                     [&](const std::string& p) { return text.rfind(p, 0) == 0; });
+}
+
+const std::vector<std::string> kRpcHeaders{"grpc", "google/protobuf", "teletact/v1/"};
+const std::vector<std::string> kOpenClHeaders{"CL/", "OpenCL/"};
+
+TEST(Arrows, TheClientNeverIncludesTheServiceNorTheServiceTheClient) {
+  const auto client = includes_of("client"), service = includes_of("service");
+  ASSERT_GT(client.size(), 100u) << "the sources were not found";
+  ASSERT_GT(service.size(), 100u) << "the sources were not found";
+  for (const Include& i : client)
+    EXPECT_FALSE(starts_with_any(i.target, {"service/"})) << i.file << ": " << i.target;
+  for (const Include& i : service)
+    EXPECT_FALSE(starts_with_any(i.target, {"client/"})) << i.file << ": " << i.target;
+}
+
+TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
+  // rpc -> scene -> {imaging, contact} -> tissue -> solver -> device; kernels are text for device.
+  const std::map<std::string, std::set<std::string>> allowed{
+      {"device", {}},
+      {"solver", {"device"}},
+      {"tissue", {"solver", "device"}},
+      {"contact", {"tissue", "solver", "device"}},
+      {"imaging", {"tissue", "solver", "device"}},
+      {"scene", {"imaging", "contact", "tissue", "solver", "device"}},
+      {"rpc", {"scene", "imaging", "contact", "tissue", "solver", "device"}}};
+  for (const Include& i : includes_of("service")) {
+    if (i.folder == "service" || i.target.rfind("service/", 0) != 0) continue;  // main.cpp may use all
+    const std::string from = fs::path(i.folder).filename(), to = fs::path(i.target).parent_path().filename();
+    ASSERT_TRUE(allowed.count(from)) << "a module without a place: " << from;
+    EXPECT_TRUE(from == to || allowed.at(from).count(to)) << i.file << " includes " << i.target;
+  }
+}
+
+TEST(Arrows, OnlyDeviceIncludesOpenClAndOnlyRpcTheContract) {
+  for (const Include& i : includes_of("service")) {
+    if (i.folder != "service/device") {
+      EXPECT_FALSE(starts_with_any(i.target, kOpenClHeaders)) << i.file;
+    }
+    if (i.folder != "service/rpc" && i.folder != "service") {
+      EXPECT_FALSE(starts_with_any(i.target, kRpcHeaders)) << i.file << ": " << i.target;
+    }
+  }
+}
+
+TEST(Arrows, ServoRenderHapticPatientAndFilesKnowNeitherGrpcNorOpenCl) {
+  const std::vector<std::string> pure{"client/servo", "client/render", "client/haptic", "client/patient",
+                                      "client/files"};
+  const std::vector<std::string> networked{"client/link/", "client/acquire/", "client/report/"};
+  std::size_t seen = 0;
+  for (const Include& i : includes_of("client")) {
+    EXPECT_FALSE(starts_with_any(i.target, kOpenClHeaders)) << i.file;
+    if (!starts_with_any(i.folder, pure)) continue;
+    ++seen;
+    EXPECT_FALSE(starts_with_any(i.target, kRpcHeaders)) << i.file << ": " << i.target;
+    EXPECT_FALSE(starts_with_any(i.target, networked)) << i.file << ": " << i.target;
+  }
+  EXPECT_GT(seen, 50u);
+}
+
+}  // namespace
+}  // namespace teletact

@@ -1,0 +1,159 @@
+// Bad input to the commands: one clear line that names what is wrong and the remedy, and a non-zero exit.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "tests/integration/process.h"
+
+namespace teletact {
+namespace {
+
+using test::Environment;
+using test::Outcome;
+using test::TemporaryFolder;
+
+void write(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+// A MetaImage of 64 x 8 int16 samples with the given element spacing line (or none).
+std::string mha(const std::string& spacing) {
+  std::string text = "ObjectType = Image\nNDims = 2\nBinaryData = True\nBinaryDataByteOrderMSB = False\n";
+  if (!spacing.empty()) text += "ElementSpacing = " + spacing + "\n";
+  text += "DimSize = 64 8\nElementType = MET_SHORT\nElementDataFile = LOCAL\n";
+  return text + std::string(64 * 8 * 2, '\1');
+}
+
+void expect_one_clear_line(const Outcome& outcome, const std::vector<std::string>& words) {
+  EXPECT_GT(outcome.code, 0) << outcome.output;
+  EXPECT_LT(outcome.code, 126) << "crashed or was not found: " << outcome.output;
+  for (const std::string& word : words)
+    EXPECT_NE(outcome.output.find(word), std::string::npos) << "no '" << word << "' in: " << outcome.output;
+  const auto lines = std::count(outcome.output.begin(), outcome.output.end(), '\n');
+  EXPECT_EQ(lines, 1) << outcome.output;
+}
+
+class EstimateInput : public ::testing::Test {
+ protected:
+  Outcome estimate(const std::string& pre, const std::string& post, std::vector<std::string> more) {
+    std::vector<std::string> command{test::client_binary(),
+                                     "estimate",
+                                     "--service",
+                                     "unix:/tmp/tt-nobody",
+                                     "--pre",
+                                     pre,
+                                     "--post",
+                                     post,
+                                     "--center-frequency-hz",
+                                     "7.3e6",
+                                     "--sampling-frequency-hz",
+                                     "40e6"};
+    command.insert(command.end(), more.begin(), more.end());
+    return test::run(command, folder_ / "log");
+  }
+  std::vector<std::string> usual(std::vector<std::string> more = {}) {
+    more.insert(more.end(), {"--out", folder_ / "out", "--frame", "PROBE"});
+    return more;
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(EstimateInput, CorruptFilesAreNamed) {
+  write(folder_ / "a.mha", "ObjectType = Image\nNDims = 2\nDimSize = 64");
+  expect_one_clear_line(estimate(folder_ / "a.mha", folder_ / "a.mha", usual()), {"a.mha"});
+  write(folder_ / "b.mat", "MATLAB 5.0 MAT-file, or not");
+  expect_one_clear_line(
+      estimate(folder_ / "b.mat", folder_ / "b.mat", usual({"--variable", "rf", "--axial-axis", "rows"})),
+      {"b.mat"});
+  expect_one_clear_line(estimate(folder_ / "c.mha", folder_ / "c.mha", usual()), {"c.mha"});
+  write(folder_ / "d.png", "x");
+  expect_one_clear_line(estimate(folder_ / "d.png", folder_ / "d.png", usual()), {"d.png", ".mha"});
+}
+
+TEST_F(EstimateInput, WhatIsMissingIsAskedForByName) {
+  write(folder_ / "a.mha", mha(""));
+  const std::string a = folder_ / "a.mha";
+  expect_one_clear_line(estimate(a, a, usual()), {"give --line-pitch-m: the file has no lateral spacing"});
+  expect_one_clear_line(estimate(a, a, {"--out", folder_ / "out"}), {"--frame LAB", "PROBE"});
+  expect_one_clear_line(estimate(a, a, usual({"--force-n", "3"})), {"--contact-area-m2"});
+  write(folder_ / "b.mat", "x");
+  expect_one_clear_line(estimate(folder_ / "b.mat", folder_ / "b.mat", usual()), {"--variable"});
+  expect_one_clear_line(estimate(folder_ / "b.mat", folder_ / "b.mat", usual({"--variable", "rf"})),
+                        {"--axial-axis"});
+}
+
+TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
+  write(folder_ / "mm.mha", mha("0.01925 0.234"));
+  expect_one_clear_line(estimate(folder_ / "mm.mha", folder_ / "mm.mha", usual()),
+                        {"millimetres", "--spacing-unit mm"});
+  write(folder_ / "wrong.mha", mha("2.2e-5 0.000234"));
+  expect_one_clear_line(estimate(folder_ / "wrong.mha", folder_ / "wrong.mha", usual()),
+                        {"c / (2 fs)", "--sampling-frequency-hz"});
+  write(folder_ / "right.mha", mha("1.925e-5 0.000234"));
+  expect_one_clear_line(
+      estimate(folder_ / "right.mha", folder_ / "right.mha", usual({"--line-pitch-m", "0.0003"})),
+      {"--line-pitch-m", "contradicts"});
+}
+
+TEST_F(EstimateInput, AnOutputFolderThatCannotBeWrittenIsSaidBeforeAnythingElse) {
+  write(folder_ / "file", "not a folder");
+  expect_one_clear_line(
+      estimate("/nonexistent.mha", "/nonexistent.mha", {"--out", folder_ / "file/out", "--frame", "LAB"}),
+      {"file/out", "--out"});
+}
+
+TEST_F(EstimateInput, AServiceThatIsNotThereIsSaid) {
+  write(folder_ / "a.mha", mha("1.925e-5 0.000234"));
+  expect_one_clear_line(estimate(folder_ / "a.mha", folder_ / "a.mha", usual()),
+                        {"unix:/tmp/tt-nobody", "teletact-service"});
+}
+
+TEST(AcquireInput, NeedsATissueAndOneThatCanBeRead) {
+  TemporaryFolder folder;
+  const std::string client = test::client_binary();
+  expect_one_clear_line(
+      test::run({client, "acquire", "--service", "unix:/tmp/tt-nobody", "--scene", "s"}, folder / "log"),
+      {"--tissue", "--seed"});
+  write(folder / "t.toml", "[tissue]\nwidth = 3\n");
+  expect_one_clear_line(test::run({client, "acquire", "--service", "unix:/tmp/tt-nobody", "--scene", "s",
+                                   "--tissue", folder / "t.toml"},
+                                  folder / "log"),
+                        {"t.toml", "width"});
+}
+
+TEST(ReportInput, RecordingsMustBeWhatTheyAreSaidToBe) {
+  TemporaryFolder folder;
+  write(folder / "x.record", "nothing that was recorded");
+  expect_one_clear_line(
+      test::run({test::client_binary(), "report", "--tissue", folder / "t.toml", "--touch-record",
+                 folder / "x.record", "--acquire-record", folder / "x.record", "--out", folder / "out"},
+                folder / "log"),
+      {"x.record", "recording"});
+}
+
+TEST(ServiceInput, NoOpenClDeviceAndAnUnwritableKernelCacheAreSaid) {
+  TemporaryFolder folder;
+  const std::vector<std::string> serve{test::service_binary(), "serve", "--listen", "unix:" + (folder / "s")};
+  expect_one_clear_line(test::run(serve, folder / "log", {{"OCL_ICD_VENDORS", "/nonexistent"}}),
+                        {"OpenCL device"});
+  write(folder / "file", "not a folder");
+  expect_one_clear_line(test::run(serve, folder / "log", {{"POCL_CACHE_DIR", folder / "file/cache"}}),
+                        {"POCL_CACHE_DIR"});
+}
+
+TEST(ServiceInput, ABusySocketIsSaidAndItsOwnerServesOn) {
+  TemporaryFolder folder;
+  const std::vector<std::string> serve{test::service_binary(), "serve", "--listen", "unix:" + (folder / "s")};
+  test::Process owner(serve, folder / "owner.log");
+  ASSERT_TRUE(owner.says("serving on", 300)) << owner.output();
+  const Outcome second = test::run(serve, folder / "log", {}, 300);
+  EXPECT_GT(second.code, 0);
+  EXPECT_NE(second.output.find(folder / "s"), std::string::npos) << second.output;
+  EXPECT_TRUE(owner.running());
+  EXPECT_TRUE(std::filesystem::exists(folder / "s")) << "the second server took the first one's socket away";
+}
+
+}  // namespace
+}  // namespace teletact
