@@ -10,9 +10,11 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <variant>
 
 #include "service/device/device.h"
 #include "service/rpc/server.h"
@@ -28,49 +30,45 @@ struct ServeOptions {
   std::string log_level = "info";
 };
 
+toml::table parse_config(const std::filesystem::path& path) {
+  try {
+    return toml::parse_file(path.string());
+  } catch (const toml::parse_error& error) {
+    throw std::runtime_error("--config " + path.string() + ": " + std::string(error.description()) +
+                             ", line " + std::to_string(error.source().begin.line));
+  }
+}
+
 // Values of the configuration file, for what the command line leaves out. The keys are the flags' names with
 // '_' for '-'; any other key is an error.
 void read_config(const CLI::App& command, ServeOptions& options) {
   if (options.config.empty()) return;
-  toml::table table;
-  try {
-    table = toml::parse_file(options.config.string());
-  } catch (const toml::parse_error& error) {
-    throw std::runtime_error("--config " + options.config.string() + ": " + std::string(error.description()) +
-                             ", line " + std::to_string(error.source().begin.line));
-  }
-  for (const auto& [key, node] : table) {
-    const std::string name(key.str());
+  using Path = std::filesystem::path;
+  const std::map<std::string, std::variant<std::string*, Path*, bool*>> keys{
+      {"listen", &options.server.listen.listen},
+      {"device", &options.device.select},
+      {"state", &options.server.state_directory},
+      {"kernel_directory", &options.device.kernel_directory},
+      {"tls_certificate", &options.server.listen.tls_certificate},
+      {"tls_key", &options.server.listen.tls_key},
+      {"log_level", &options.log_level},
+      {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
+  for (const auto& [key, node] : parse_config(options.config)) {
+    const std::string name(key.str()), where = "--config " + options.config.string() + ": ";
+    const auto known = keys.find(name);
+    if (known == keys.end()) throw std::runtime_error(where + "unknown key \"" + name + "\"");
     std::string flag = "--" + name;
     std::replace(flag.begin(), flag.end(), '_', '-');
-    const auto wrong_type = [&](const char* type) {
-      throw std::runtime_error("--config " + options.config.string() + ": " + name + " must be " + type);
-    };
-    const auto text = [&](auto& to) {
-      const auto value = node.value<std::string>();
-      if (!value) wrong_type("a string");
-      if (command.count(flag) == 0) to = *value;
-    };
-    if (name == "listen")
-      text(options.server.listen.listen);
-    else if (name == "device")
-      text(options.device.select);
-    else if (name == "state")
-      text(options.server.state_directory);
-    else if (name == "kernel_directory")
-      text(options.device.kernel_directory);
-    else if (name == "tls_certificate")
-      text(options.server.listen.tls_certificate);
-    else if (name == "tls_key")
-      text(options.server.listen.tls_key);
-    else if (name == "log_level")
-      text(options.log_level);
-    else if (name == "allow_insecure_remote") {
-      if (!node.is_boolean()) wrong_type("true or false");
-      if (command.count(flag) == 0) options.server.listen.allow_insecure_remote = *node.value<bool>();
-    } else {
-      throw std::runtime_error("--config " + options.config.string() + ": unknown key \"" + name + "\"");
-    }
+    bool* const* const yes = std::get_if<bool*>(&known->second);
+    if (yes ? !node.is_boolean() : !node.is_string())
+      throw std::runtime_error(where + name + (yes ? " must be true or false" : " must be a string"));
+    if (command.count(flag) > 0) continue;  // the command line wins
+    if (yes)
+      **yes = *node.value<bool>();
+    else if (Path* const* path = std::get_if<Path*>(&known->second))
+      **path = *node.value<std::string>();
+    else
+      *std::get<std::string*>(known->second) = *node.value<std::string>();
   }
 }
 

@@ -177,6 +177,19 @@ std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double b
   return model;
 }
 
+namespace {
+
+// Whether the ranges together cover `wanted`, but for kSameWindowM at its ends.
+bool covers(std::vector<Covered> ranges, const Covered& wanted) {
+  std::sort(ranges.begin(), ranges.end(), [](const auto& a, const auto& b) { return a.begin_m < b.begin_m; });
+  double reached_m = wanted.begin_m;
+  for (const Covered& range : ranges)
+    if (range.begin_m <= reached_m + Scene::kSameWindowM) reached_m = std::max(reached_m, range.end_m);
+  return reached_m >= wanted.end_m - Scene::kSameWindowM;
+}
+
+}  // namespace
+
 Published Scene::publish(const WindowEstimate& estimate, const std::function<bool()>& cancelled) {
   const double end_of_estimate_m = estimate.window_x_m + estimate.width_m;
   check_window(estimate.window_x_m, end_of_estimate_m);
@@ -212,11 +225,20 @@ std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnap
                                                                  WindowModel& window) const {
   std::vector<std::shared_ptr<const WindowModel>> others;
   for (const auto& other : old.windows) {
-    const bool same = std::abs(other->begin_m - window.begin_m) < kSameWindowM;
-    if (same) window.id = other->id;
-    const bool hidden =
-        other->begin_m >= window.begin_m - kSameWindowM && other->end_m <= window.end_m + kSameWindowM;
-    if (!same && !hidden) others.push_back(other);
+    if (std::abs(other->begin_m - window.begin_m) < kSameWindowM)
+      window.id = other->id;
+    else
+      others.push_back(other);
+  }
+  // Oldest first, so that the newest stay where several passes of a probe overlap.
+  auto by_age = others;
+  std::sort(by_age.begin(), by_age.end(),
+            [](const auto& a, const auto& b) { return a->version < b->version; });
+  for (const auto& candidate : by_age) {
+    std::vector<Covered> rest{{window.begin_m, window.end_m}};
+    for (const auto& other : others)
+      if (other != candidate) rest.push_back({other->begin_m, other->end_m});
+    if (covers(std::move(rest), {candidate->begin_m, candidate->end_m})) std::erase(others, candidate);
   }
   if (others.size() >= kMostWindows)
     throw Error(ErrorKind::kExhausted,

@@ -108,7 +108,8 @@ class Scene {
 
  private:
   std::shared_ptr<const TissueModel> build(const StitchedMap&, double begin_m, double end_m) const;
-  // The windows that stay beside `window`, which gets its id: that of the one it replaces, or a new one.
+  // The windows that stay beside `window`: those that it and the others do not hide. It gets the id of the
+  // one whose place it takes, or a new one.
   std::vector<std::shared_ptr<const WindowModel>> make_room(const SceneSnapshot&, WindowModel& window) const;
   void swap_in(std::shared_ptr<SceneSnapshot>);
   void mark_stale_around(const WindowModel& published, const SceneSnapshot&);

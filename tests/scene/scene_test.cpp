@@ -100,6 +100,15 @@ TEST_F(SceneWithWindows, WindowThatHidesOthersReplacesThem) {
   EXPECT_EQ(scene.snapshot()->windows.size(), 1U);
 }
 
+TEST_F(SceneWithWindows, PassesOfAProbeThatIsNotPreciseDoNotPileUp) {
+  for (int pass = 0; pass < 12; ++pass)
+    for (int k = 0; k < 3; ++k) publish(0.03 * k + 0.0017 * ((5 * pass + k) % 7));
+  const auto snapshot = scene.snapshot();
+  EXPECT_LE(snapshot->windows.size(), 8U);
+  EXPECT_NEAR(snapshot->covered_around(0.05).begin_m, 0, 0.002);  // nothing that was covered is lost
+  EXPECT_NEAR(snapshot->covered_around(0.05).end_m, 0.1, 0.002);
+}
+
 TEST_F(SceneWithWindows, CancelledPublicationChangesNothing) {
   publish(0);
   const auto before = scene.snapshot();
