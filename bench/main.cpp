@@ -1,0 +1,23 @@
+// teletact-bench SUITE: measures, checks its answers first, and says whether the promises are met.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+
+#include "bench/suite.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("teletact-bench: measurements against promises; exit code 1 when one is not met",
+               "teletact-bench");
+  app.require_subcommand(1);
+  bool met = true;
+  teletact::bench::add_throughput_suite(app, met);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "teletact-bench: %s\n", error.what());
+    return 1;
+  }
+  return met ? 0 : 1;
+}

@@ -1,0 +1,80 @@
+#include "bench/suite.h"
+
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <thread>
+
+namespace teletact::bench {
+namespace {
+
+std::string processor_name() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);)
+    if (line.rfind("model name", 0) == 0) return line.substr(line.find(':') + 2);
+  return "unknown";
+}
+
+}  // namespace
+
+void add_common_options(CLI::App& command, SuiteOptions& options) {
+  command.add_option("--json", options.json, "write the figures to this file");
+  command.add_option("--out", options.out, "folder for pictures");
+  command.add_flag("--quick", options.quick, "short: to see that it works, not to quote");
+  command.add_option("--replot", options.replot,
+                     "draw the pictures of an earlier --json into --out; measures nothing");
+}
+
+nlohmann::json machine() {
+  utsname kernel{};
+  uname(&kernel);
+  const double memory =
+      static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
+  return {{"processor", processor_name()},
+          {"cores", std::thread::hardware_concurrency()},
+          {"memory_bytes", memory},
+          {"kernel", std::string(kernel.sysname) + " " + kernel.release},
+          {"compiler", __VERSION__}};
+}
+
+nlohmann::json quantiles(std::vector<double> seconds) {
+  if (seconds.empty()) throw BenchError("nothing was answered: there is nothing to report");
+  std::sort(seconds.begin(), seconds.end());
+  const auto at = [&](double share) {
+    const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(seconds.size())));
+    return seconds[std::max<std::size_t>(rank, 1) - 1];
+  };
+  return {{"count", seconds.size()}, {"p50", at(0.5)}, {"p95", at(0.95)}, {"p99", at(0.99)}, {"max", at(1)}};
+}
+
+bool finish(nlohmann::json& result, const std::vector<Target>& targets, const SuiteOptions& options) {
+  bool met = true;
+  result["machine"] = machine();
+  result["targets"] = nlohmann::json::array();
+  for (const Target& t : targets) {
+    met = met && t.met();
+    result["targets"].push_back(
+        {{"name", t.name}, {"value", t.value}, {"target", t.target}, {"unit", t.unit}, {"met", t.met()}});
+    std::printf("%-8s %s: %.4g, promised %s %.4g %s\n", t.met() ? "met" : "NOT MET", t.name.c_str(), t.value,
+                t.at_most ? "at most" : "at least", t.target, t.unit.c_str());
+  }
+  if (!options.json.empty() && !(std::ofstream(options.json) << result.dump(1) << '\n' << std::flush))
+    throw BenchError("cannot write --json " + options.json);
+  return met;
+}
+
+void plot(const std::filesystem::path& file, const std::string& script) {
+  const std::string whole = "set terminal pngcairo size 900,600 font 'sans,11'\nset output '" +
+                            file.string() + "'\nset grid lc rgb '#dddddd'\n" + script;
+  FILE* pipe = popen("gnuplot", "w");
+  if (pipe == nullptr) throw BenchError("gnuplot could not be started; install gnuplot-nox");
+  const bool written = std::fwrite(whole.data(), 1, whole.size(), pipe) == whole.size();
+  if (pclose(pipe) != 0 || !written)
+    throw BenchError(file.string() + ": gnuplot failed; is gnuplot-nox installed?");
+}
+
+}  // namespace teletact::bench

@@ -1,0 +1,55 @@
+// What every bench suite shares: its options, the promised figures, the machine, and its JSON.
+//
+// A suite checks its answers before it times, keeps raw figures in its JSON, and replots from that JSON
+// without running again (--replot).
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace teletact::bench {
+
+// One line for the user.
+struct BenchError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct SuiteOptions {
+  std::string json;  // write the result here
+  std::string out;   // folder for pictures
+  bool quick = false;
+  std::string replot;  // JSON of an earlier run: draw its pictures again, measure nothing
+};
+
+// One figure that the project promises; the exit code is 1 when one is not met.
+struct Target {
+  std::string name;
+  double value = 0, target = 0;
+  std::string unit;
+  bool at_most = true;
+  bool met() const { return at_most ? value <= target : value >= target; }  // false for NaN
+};
+
+// Adds --json, --out, --quick and --replot.
+void add_common_options(CLI::App& command, SuiteOptions& options);
+
+// Processor, cores, memory, kernel, compiler.
+nlohmann::json machine();
+
+// {count, p50, p95, p99, max} of seconds; throws BenchError when there are none.
+nlohmann::json quantiles(std::vector<double> seconds);
+
+// Adds machine, targets and their state, writes --json, prints the targets. Returns whether all were met.
+bool finish(nlohmann::json& result, const std::vector<Target>& targets, const SuiteOptions& options);
+
+// Runs gnuplot on `script`, writing `file`. Throws BenchError.
+void plot(const std::filesystem::path& file, const std::string& script);
+
+// Suites; each adds its subcommand and sets `met` when it has run.
+void add_throughput_suite(CLI::App& app, bool& met);
+
+}  // namespace teletact::bench

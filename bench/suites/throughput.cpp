@@ -1,0 +1,281 @@
+// teletact-bench throughput: touches per second and latency of a running service, closed and open loop.
+//
+// Before timing, answers are checked: on the suite's own scene against the dense reference (T4.1) of the same
+// grid and modulus; on a given scene, whose tissue is unknown here, the force against the slope of the energy
+// (T4.5).
+#include <fmt/format.h>
+#include <grpcpp/grpcpp.h>
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <thread>
+
+#include "bench/suite.h"
+#include "bench/touch_client.h"
+#include "client/link/channel.h"
+#include "teletact/v1/info.grpc.pb.h"
+#include "tests/reference/contact.h"
+
+namespace teletact::bench {
+namespace {
+
+using nlohmann::json;
+
+// What a single operator is promised on two processor cores.
+constexpr double kTouchesPerS = 200, kLatencyS = 0.010;
+constexpr double kForceTolerance = 2e-3;  // plain float's promise against the reference
+constexpr double kSlopeTolerance = 2e-2;  // central difference of the energy over 0.2 mm
+constexpr double kConnectWaitS = 5;
+constexpr const char* kOwnScene = "bench-throughput";
+
+struct Arguments {
+  SuiteOptions suite;
+  std::string address, scene_id;
+  unsigned clients = 1;
+  double duration_s = 5, open_loop_hz = 500;
+};
+
+// 120 x 40 mm, 2 mm elements, a stiffer block in the middle: the suite's own scene and its truth.
+reference::TouchedTissue own_tissue() {
+  reference::TouchedTissue tissue;
+  constexpr int kColumns = 60, kRows = 20;
+  for (int i = 0; i <= kColumns; ++i) tissue.grid.x_m.push_back(0.12 * i / kColumns);
+  for (int j = 0; j <= kRows; ++j) tissue.grid.y_m.push_back(0.04 * j / kRows);
+  tissue.material.youngs_modulus_pa.assign(tissue.grid.elements(), 10e3);
+  for (std::size_t j = 3; j < 8; ++j)
+    for (std::size_t i = 27; i < 32; ++i) tissue.material.youngs_modulus_pa[tissue.grid.element(i, j)] = 40e3;
+  return tissue;
+}
+
+void create_own_scene(v1::Palpation::Stub& stub, const reference::TouchedTissue& tissue) {
+  v1::DeleteSceneRequest old;
+  old.set_scene_id(kOwnScene);
+  v1::DeleteSceneResponse deleted;
+  grpc::ClientContext remove;
+  stub.DeleteScene(&remove, old, &deleted);  // of an earlier run; NOT_FOUND is fine
+  v1::CreateSceneRequest request;
+  request.set_scene_id(kOwnScene);
+  v1::SceneGeometry& geometry = *request.mutable_geometry();
+  geometry.add_size_m(tissue.grid.x_m.back());
+  geometry.add_size_m(tissue.grid.y_m.back());
+  geometry.set_poisson_ratio(tissue.material.poisson_ratio);
+  geometry.set_thickness_m(tissue.thickness_m);
+  v1::ModulusMap& map = *request.mutable_modulus();
+  map.mutable_x_m()->Add(tissue.grid.x_m.begin(), tissue.grid.x_m.end());
+  map.mutable_y_m()->Add(tissue.grid.y_m.begin(), tissue.grid.y_m.end());
+  v1::Array& array = *map.mutable_youngs_modulus_pa();
+  array.set_dtype(v1::DATA_TYPE_FLOAT64);
+  array.add_shape(static_cast<std::uint32_t>(tissue.grid.ny() - 1));
+  array.add_shape(static_cast<std::uint32_t>(tissue.grid.nx() - 1));
+  const auto& pa = tissue.material.youngs_modulus_pa;
+  array.set_data(std::string(reinterpret_cast<const char*>(pa.data()), pa.size() * sizeof(double)));
+  v1::Scene scene;
+  grpc::ClientContext context;
+  const grpc::Status status = stub.CreateScene(&context, request, &scene);
+  if (!status.ok()) throw BenchError("CreateScene: " + client::describe(status));
+}
+
+// Largest relative force error over a few poses.
+double check_against_reference(const std::shared_ptr<grpc::Channel>& channel,
+                               const reference::TouchedTissue& tissue, double indentation_m) {
+  double worst = 0;
+  for (const double x_m : {0.0311, 0.0587, 0.0764}) {
+    const auto expected =
+        reference::touch(tissue, {}, {x_m, indentation_m}, reference::KktMethod::kSparseFactor);
+    const v1::TouchAnswer answer = touch_once(channel, kOwnScene, x_m, indentation_m);
+    if (answer.force_n_size() < 2) throw BenchError("an answer without force: " + answer.warning());
+    const double error =
+        std::hypot(answer.force_n(0) - expected.force_n[0], answer.force_n(1) - expected.force_n[1]) /
+        std::hypot(expected.force_n[0], expected.force_n[1]);
+    if (!(error <= kForceTolerance))
+      throw BenchError(fmt::format(
+          "the force at x = {} m is off by {:.3g} of the reference: not worth timing", x_m, error));
+    worst = std::max(worst, error);
+  }
+  return worst;
+}
+
+// Largest relative difference of the force from -dU/dy.
+double check_energy_slope(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
+                          const LoadOptions& load) {
+  constexpr double kStepM = 1e-4;
+  double worst = 0;
+  for (const double share : {0.2, 0.5, 0.8}) {
+    const double x_m = load.begin_m + share * (load.end_m - load.begin_m);
+    const auto at = [&](double y_m) { return touch_once(channel, scene_id, x_m, y_m); };
+    const double slope =
+        (at(load.indentation_m + kStepM).energy_j() - at(load.indentation_m - kStepM).energy_j()) /
+        (2 * kStepM);
+    const v1::TouchAnswer answer = at(load.indentation_m);
+    if (answer.force_n_size() < 2) throw BenchError("an answer without force: " + answer.warning());
+    const double error = std::abs(-slope - answer.force_n(1)) / std::abs(slope);
+    if (!(error <= kSlopeTolerance))
+      throw BenchError(fmt::format(
+          "the force at x = {} m is off by {:.3g} of its energy's slope: not worth timing", x_m, error));
+    worst = std::max(worst, error);
+  }
+  return worst;
+}
+
+// The widest range that windows cover without a gap, 8 mm inside.
+LoadOptions load_over(v1::Palpation::Stub& stub, const std::string& scene_id) {
+  v1::GetSceneRequest request;
+  request.set_scene_id(scene_id);
+  v1::Scene scene;
+  grpc::ClientContext context;
+  const grpc::Status status = stub.GetScene(&context, request, &scene);
+  if (!status.ok()) throw BenchError("GetScene: " + client::describe(status));
+  constexpr double kInsideM = 0.008;
+  LoadOptions load;
+  load.scene_id = scene_id;
+  for (const v1::Window& window : scene.windows()) {
+    if (!window.touchable() || window.end_m() - window.begin_m() <= load.end_m - load.begin_m + 2 * kInsideM)
+      continue;
+    load.begin_m = window.begin_m() + kInsideM;
+    load.end_m = window.end_m() - kInsideM;
+  }
+  if (!(load.end_m > load.begin_m))
+    throw BenchError("--scene " + scene_id + ": nothing in it can be touched");
+  return load;
+}
+
+json measure(const Arguments& arguments, LoadOptions load, double rate_hz) {
+  load.rate_hz = rate_hz;
+  load.duration_s = arguments.suite.quick ? std::min(1.0, arguments.duration_s) : arguments.duration_s;
+  std::vector<LoadResult> results(arguments.clients);
+  std::vector<std::exception_ptr> failures(arguments.clients);
+  std::vector<std::thread> threads;
+  for (unsigned k = 0; k < arguments.clients; ++k)
+    threads.emplace_back([&, k] {
+      try {
+        results[k] = run_load(client::make_channel(arguments.address), load, k);
+      } catch (...) {
+        failures[k] = std::current_exception();
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const auto& failure : failures)
+    if (failure) std::rethrow_exception(failure);
+  json out{{"clients", json::array()}, {"rate_hz_per_client", rate_hz}};
+  std::vector<double> all;
+  double answers_per_s = 0;
+  for (const LoadResult& r : results) {
+    const double rate = static_cast<double>(r.answers) / r.elapsed_s;
+    answers_per_s += rate;
+    all.insert(all.end(), r.latency_s.begin(), r.latency_s.end());
+    out["clients"].push_back({{"poses", r.poses},
+                              {"answers", r.answers},
+                              {"without_force", r.without_force},
+                              {"answers_per_s", rate},
+                              {"latency_s", quantiles(r.latency_s)}});
+  }
+  out["answers_per_s"] = answers_per_s;
+  out["latency_s"] = quantiles(all);
+  out["latencies_s"] = std::move(all);
+  return out;
+}
+
+void draw(const json& result, const std::string& folder) {
+  std::filesystem::create_directories(folder);
+  std::string script;
+  for (const char* loop : {"closed_loop", "open_loop"}) {
+    std::vector<double> latency_s = result.at(loop).at("latencies_s");
+    std::sort(latency_s.begin(), latency_s.end());
+    script += fmt::format("${} << EOD\n", loop);
+    const std::size_t step = std::max<std::size_t>(1, latency_s.size() / 2000);
+    for (std::size_t k = 0; k < latency_s.size(); k += step)
+      script += fmt::format("{:.5f} {:.6f}\n", latency_s[k] * 1e3,
+                            (k + 0.5) / static_cast<double>(latency_s.size()));
+    script += "EOD\n";
+  }
+  plot(std::filesystem::path(folder) / "throughput.png",
+       script +
+           "set logscale x\nset xlabel 'latency (ms)'\nset ylabel 'share of the answers'\nset key bottom "
+           "right\n"
+           "plot $closed_loop with lines lw 2 title 'closed loop', $open_loop with lines lw 2 title 'open "
+           "loop'\n");
+}
+
+void print(const char* name, const json& loop) {
+  const json& l = loop["latency_s"];
+  std::printf("%-12s %8.0f answers/s  latency p50 %.3f ms  p95 %.3f ms  p99 %.3f ms  max %.3f ms\n", name,
+              loop["answers_per_s"].get<double>(), 1e3 * l["p50"].get<double>(), 1e3 * l["p95"].get<double>(),
+              1e3 * l["p99"].get<double>(), 1e3 * l["max"].get<double>());
+}
+
+json describe_service(const std::shared_ptr<grpc::Channel>& channel) {
+  v1::GetInfoResponse info;
+  grpc::ClientContext context;
+  const grpc::Status status = v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
+  if (!status.ok()) throw BenchError("GetInfo: " + client::describe(status));
+  return {{"build", info.build()},
+          {"api", info.api_version()},
+          {"device", info.device().name()},
+          {"driver_version", info.device().driver_version()},
+          {"grpc", grpc::Version()}};
+}
+
+bool run(const Arguments& arguments) {
+  if (!arguments.suite.replot.empty()) {
+    if (arguments.suite.out.empty()) throw BenchError("--replot needs --out");
+    std::ifstream file(arguments.suite.replot);
+    if (!file) throw BenchError("cannot read --replot " + arguments.suite.replot);
+    draw(json::parse(file), arguments.suite.out);
+    return true;
+  }
+  if (arguments.address.empty()) throw BenchError("give --service: the address of a running service");
+  const auto channel = client::make_channel(arguments.address);
+  if (!client::wait_connected(*channel, kConnectWaitS))
+    throw BenchError("--service " + arguments.address +
+                     ": nobody answers; is teletact-service running there?");
+  const auto stub = v1::Palpation::NewStub(channel);
+  json result{
+      {"suite", "throughput"}, {"service", describe_service(channel)}, {"clients", arguments.clients}};
+  const bool own = arguments.scene_id.empty();
+  const reference::TouchedTissue tissue = own_tissue();
+  if (own) create_own_scene(*stub, tissue);
+  const LoadOptions load = load_over(*stub, own ? kOwnScene : arguments.scene_id);
+  result["checked"] =
+      own ? json{{"against", "dense reference"},
+                 {"largest_relative_error", check_against_reference(channel, tissue, load.indentation_m)}}
+          : json{{"against", "slope of the energy"},
+                 {"largest_relative_error", check_energy_slope(channel, load.scene_id, load)}};
+  std::printf("answers checked against the %s: off by at most %.2g\n",
+              result["checked"]["against"].get<std::string>().c_str(),
+              result["checked"]["largest_relative_error"].get<double>());
+  result["closed_loop"] = measure(arguments, load, 0);
+  print("closed loop", result["closed_loop"]);
+  result["open_loop"] = measure(arguments, load, arguments.open_loop_hz);
+  print("open loop", result["open_loop"]);
+  const bool met =
+      finish(result,
+             {{"closed loop answers", result["closed_loop"]["answers_per_s"], kTouchesPerS, "1/s", false},
+              {"closed loop latency p99", result["closed_loop"]["latency_s"]["p99"], kLatencyS, "s"},
+              {"open loop latency p99", result["open_loop"]["latency_s"]["p99"], kLatencyS, "s"}},
+             arguments.suite);
+  if (!arguments.suite.out.empty()) draw(result, arguments.suite.out);
+  return met;
+}
+
+}  // namespace
+
+void add_throughput_suite(CLI::App& app, bool& met) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("throughput", "touches/s and latency of a running service");
+  command.add_option("--service", arguments->address, "unix:/path or host:port");
+  command.add_option("--scene", arguments->scene_id, "a scene to touch; without it the suite makes its own");
+  command.add_option("--clients", arguments->clients, "touch streams at once")->check(CLI::Range(1, 256));
+  command.add_option("--duration-s", arguments->duration_s, "of each loop")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command
+      .add_option("--open-loop-hz", arguments->open_loop_hz, "poses per second and client in the open loop")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  add_common_options(command, arguments->suite);
+  command.callback([arguments, &met] { met = run(*arguments); });
+}
+
+}  // namespace teletact::bench

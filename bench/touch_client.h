@@ -1,0 +1,40 @@
+// One touch stream as a load: closed loop (the next pose when the answer is there) or open loop (poses at a
+// fixed rate, whatever comes back).
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "teletact/v1/palpation.grpc.pb.h"
+
+namespace teletact::bench {
+
+struct LoadOptions {
+  std::string scene_id;
+  double begin_m = 0, end_m = 0;  // poses sweep to and fro between these
+  double indentation_m = 0.003;
+  double speed_m_s = 0.12;
+  double duration_s = 5;
+  double rate_hz = 0;  // poses per second; 0 = closed loop
+};
+
+struct LoadResult {
+  std::uint64_t poses = 0, answers = 0, without_force = 0;
+  double elapsed_s = 0;
+  // Closed loop: written to received. Open loop: since the pose was due, so that a stalled sender counts.
+  std::vector<double> latency_s;
+};
+
+// Runs one stream for options.duration_s. Throws BenchError when the service refuses or ends it.
+LoadResult run_load(const std::shared_ptr<grpc::Channel>& channel, const LoadOptions& options,
+                    unsigned client);
+
+// The answer to one pose, on a stream of its own.
+teletact::v1::TouchAnswer touch_once(const std::shared_ptr<grpc::Channel>& channel,
+                                     const std::string& scene_id, double x_m, double indentation_m);
+
+}  // namespace teletact::bench
