@@ -98,6 +98,8 @@ void add_estimate_command(CLI::App& app) {
   command.add_option("--max-strain", frames.max_strain, "largest strain magnitude to search for (0.05)");
   command.add_option("--poisson-ratio", frames.poisson_ratio, "0 .. 0.5 (0.49)");
   command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)");
+  command.add_option("--tissue-width-m", frames.tissue_width_m,
+                     "of the tissue that the probe stands on the middle of (the frame's width)");
   command.add_option("--out", arguments->out, "folder for the results")->required();
   command.callback([arguments] { run(*arguments); });
 }

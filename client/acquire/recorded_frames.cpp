@@ -158,6 +158,7 @@ FramePair read_recorded_frames(const RecordedFrameOptions& options) {
   acquisition.set_max_strain(options.max_strain);
   acquisition.set_poisson_ratio(options.poisson_ratio);
   acquisition.set_tissue_depth_m(options.tissue_depth_m);
+  acquisition.set_tissue_width_m(options.tissue_width_m);
   if (options.force_n) {
     acquisition.mutable_probe_force()->set_force_n(*options.force_n);
     acquisition.mutable_probe_force()->set_contact_area_m2(*options.contact_area_m2);

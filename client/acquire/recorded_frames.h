@@ -22,11 +22,12 @@ struct RecordedFrameOptions {
   std::optional<double> line_pitch_m;
   std::string frame;  // "LAB" or "PROBE"
   std::optional<double> force_n, contact_area_m2;
-  std::string variable;                                          // .mat: name of the RF variable
-  std::string axial_axis;                                        // .mat: "rows" or "columns"
-  std::optional<std::size_t> pre_frame, post_frame;              // .mat with several frames: which, from 0
-  std::string spacing_unit = "m";                                // of the MetaImage header: "m" or "mm"
-  double max_strain = 0, poisson_ratio = 0, tissue_depth_m = 0;  // 0: the service's default
+  std::string variable;                              // .mat: name of the RF variable
+  std::string axial_axis;                            // .mat: "rows" or "columns"
+  std::optional<std::size_t> pre_frame, post_frame;  // .mat with several frames: which, from 0
+  std::string spacing_unit = "m";                    // of the MetaImage header: "m" or "mm"
+  double max_strain = 0, poisson_ratio = 0, tissue_depth_m = 0,
+         tissue_width_m = 0;  // 0: the service's default
 };
 
 // Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.

@@ -82,8 +82,7 @@ Range range_of(const Panel& panel) {
                [](float v) { return std::isfinite(v); });
   if (finite.empty()) return {0, 1};
   const auto quantile = [&](double q) {
-    const auto at =
-        finite.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(finite.size() - 1) + .5);
+    const auto at = finite.begin() + std::lround(q * static_cast<double>(finite.size() - 1));
     std::nth_element(finite.begin(), at, finite.end());
     return static_cast<double>(*at);
   };
