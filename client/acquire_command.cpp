@@ -22,7 +22,7 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kConnectWaitS = 10;
+constexpr double kConnectWaitS = 3;
 
 std::atomic<bool> interrupted{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");

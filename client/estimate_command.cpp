@@ -12,7 +12,7 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kConnectWaitS = 10;
+constexpr double kConnectWaitS = 3;
 
 struct Arguments {
   std::string address, out;

@@ -49,6 +49,14 @@ v1::CreateSceneRequest explicit_scene() {
   return request;
 }
 
+void create_explicit_scene(const std::string& address) {
+  const auto stub = v1::Palpation::NewStub(client::make_channel(address));
+  grpc::ClientContext context;
+  v1::Scene scene;
+  const grpc::Status status = stub->CreateScene(&context, explicit_scene(), &scene);
+  ASSERT_TRUE(status.ok()) << client::describe(status);
+}
+
 // True once the finger of the scene is deeper than `depth_m`, within `seconds`.
 bool finger_presses(const std::string& address, double depth_m, double seconds) {
   const auto stub = v1::Palpation::NewStub(client::make_channel(address));
@@ -99,6 +107,65 @@ std::vector<std::string> touch_command(const std::string& address, const std::st
       "--begin-m",           "0.03",  "--end-m",   "0.09",  "--indentation-m", "0.004",   "--record", record};
 }
 
+// What the operator felt before, during and after the service was away.
+struct Felt {
+  double before_n = 0, worst_step = 0, zero_since_s = INFINITY, largest_after_n = 0;
+  bool enabled_again = false;
+};
+
+Felt felt(const Recording& recording, double killed_s) {
+  const double slew_n_s = client::device_profile("premium-1.5").limits().largest_slew_n_s;
+  Felt felt;
+  for (std::size_t k = 1; k < recording.ticks.size(); ++k) {
+    const Tick &tick = recording.ticks[k], &before = recording.ticks[k - 1];
+    const double step_n =
+        std::hypot(tick.force_n[0] - before.force_n[0], tick.force_n[1] - before.force_n[1]);
+    felt.worst_step =
+        std::max(felt.worst_step, step_n / (slew_n_s * std::max(tick.time_s - before.time_s, 0.001)));
+    const double since_kill_s = tick.time_s - killed_s;
+    if (since_kill_s < 0) felt.before_n = tick.size_n();
+    if (since_kill_s > 0 && tick.state == ServoState::kEnabled && before.state != ServoState::kEnabled) {
+      felt.enabled_again = true;
+      EXPECT_LT(tick.y_m, 0) << "force was given back in contact";
+      EXPECT_GT(since_kill_s, 0.5) << "force was given back while the service was away";
+    }
+    if (felt.enabled_again) {
+      felt.largest_after_n = std::max(felt.largest_after_n, tick.size_n());
+    } else if (since_kill_s > 0 && tick.size_n() == 0) {
+      felt.zero_since_s = std::min(felt.zero_since_s, tick.time_s);
+    } else if (since_kill_s > 0 && std::isfinite(felt.zero_since_s)) {
+      ADD_FAILURE() << tick.size_n() << " N " << since_kill_s << " s after the service was killed";
+    }
+  }
+  return felt;
+}
+
+// An answer may still have been under way when the service was killed.
+double silent_since_s(const Recording& recording, double killed_s) {
+  double since_s = killed_s;
+  for (const double t : recording.answers_s)
+    if (t < killed_s + 0.02) since_s = std::max(since_s, t);
+  return since_s;
+}
+
+void judge(const Recording& recording, double killed_s, double serving_s) {
+  constexpr double kTicksS = 0.002;  // the servo looks once per millisecond
+  const Felt operator_felt = felt(recording, killed_s);
+  EXPECT_GT(operator_felt.before_n, 0.1) << "the finger was not pressed when the service died";
+  EXPECT_LE(operator_felt.zero_since_s - silent_since_s(recording, killed_s), kZeroWithinS + kTicksS);
+  EXPECT_LE(operator_felt.worst_step, 1 + 1e-3) << "steps are in units of the slew limit";
+  EXPECT_TRUE(operator_felt.enabled_again);
+  EXPECT_GT(operator_felt.largest_after_n, 0.1) << "force did not return";
+  const auto answer = std::find_if(recording.answers_s.begin(), recording.answers_s.end(),
+                                   [&](double t) { return t > killed_s + kZeroWithinS; });
+  ASSERT_NE(answer, recording.answers_s.end());
+  EXPECT_LE(*answer - serving_s, kAnswersWithinS);
+  std::printf(
+      "force zero %.0f ms after the kill; answers %.2f s after serving; largest step %.2f of the slew "
+      "limit\n",
+      (operator_felt.zero_since_s - killed_s) * 1e3, *answer - serving_s, operator_felt.worst_step);
+}
+
 TEST(Restart, KilledWhilePressedTheForceFadesSaysWhyAndReturnsOnlyOutOfContact) {
   test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s");
@@ -106,13 +173,7 @@ TEST(Restart, KilledWhilePressedTheForceFadesSaysWhyAndReturnsOnlyOutOfContact) 
                                        folder / "state"};
   auto service = std::make_unique<test::Process>(serve, folder / "service1.log");
   ASSERT_TRUE(service->says("serving on", 300)) << service->output();
-  {
-    const auto stub = v1::Palpation::NewStub(client::make_channel(address));
-    grpc::ClientContext context;
-    v1::Scene scene;
-    const grpc::Status status = stub->CreateScene(&context, explicit_scene(), &scene);
-    ASSERT_TRUE(status.ok()) << client::describe(status);
-  }
+  create_explicit_scene(address);
   test::Process touch(touch_command(address, folder / "touch.record"), folder / "touch.log");
   ASSERT_TRUE(finger_presses(address, kPressedM, 30)) << touch.output();
   std::this_thread::sleep_for(std::chrono::milliseconds(800));  // past the start ramp
@@ -131,48 +192,7 @@ TEST(Restart, KilledWhilePressedTheForceFadesSaysWhyAndReturnsOnlyOutOfContact) 
       << "the client did not say why:\n"
       << touch.output();
 
-  const Recording recording = read(folder / "touch.record");
-  ASSERT_FALSE(recording.ticks.empty());
-  const double slew_n_s = client::device_profile("premium-1.5").limits().largest_slew_n_s;
-  double felt_before_n = 0, worst_step = 0, zero_since_s = INFINITY, largest_after_n = 0;
-  bool enabled_again = false;
-  for (std::size_t k = 1; k < recording.ticks.size(); ++k) {
-    const Tick &tick = recording.ticks[k], &before = recording.ticks[k - 1];
-    const double step_n =
-        std::hypot(tick.force_n[0] - before.force_n[0], tick.force_n[1] - before.force_n[1]);
-    worst_step = std::max(worst_step, step_n / (slew_n_s * std::max(tick.time_s - before.time_s, 0.001)));
-    if (tick.time_s < killed_s) felt_before_n = tick.size_n();
-    if (tick.time_s > killed_s && !enabled_again && tick.size_n() == 0)
-      zero_since_s = std::min(zero_since_s, tick.time_s);
-    if (tick.time_s > killed_s + kZeroWithinS + 0.02 && !enabled_again &&
-        tick.state != ServoState::kEnabled) {
-      EXPECT_EQ(tick.size_n(), 0) << tick.time_s - killed_s << " s after the service was killed";
-    }
-    if (tick.time_s > killed_s && tick.state == ServoState::kEnabled &&
-        before.state != ServoState::kEnabled) {
-      enabled_again = true;
-      EXPECT_LT(tick.y_m, 0) << "force was given back in contact";
-      EXPECT_GT(tick.time_s, killed_s + 0.5);
-    }
-    if (enabled_again) largest_after_n = std::max(largest_after_n, tick.size_n());
-  }
-  EXPECT_GT(felt_before_n, 0.1) << "the finger was not pressed when the service died";
-  // An answer may still have been under way, and the servo looks once per millisecond.
-  double silent_since_s = killed_s;
-  for (const double t : recording.answers_s)
-    if (t < killed_s + 0.02) silent_since_s = std::max(silent_since_s, t);
-  EXPECT_LE(zero_since_s - silent_since_s, kZeroWithinS + 0.002);
-  EXPECT_LE(worst_step, 1 + 1e-3) << "steps are in units of the slew limit";
-  EXPECT_TRUE(enabled_again);
-  EXPECT_GT(largest_after_n, 0.1) << "force did not return";
-  const auto answer = std::find_if(recording.answers_s.begin(), recording.answers_s.end(),
-                                   [&](double t) { return t > killed_s + kZeroWithinS; });
-  ASSERT_NE(answer, recording.answers_s.end());
-  EXPECT_LE(*answer - serving_s, kAnswersWithinS);
-  std::printf(
-      "force zero %.0f ms after the kill; answers %.2f s after serving; largest step %.2f of the slew "
-      "limit\n",
-      (zero_since_s - killed_s) * 1e3, *answer - serving_s, worst_step);
+  judge(read(folder / "touch.record"), killed_s, serving_s);
 }
 
 }  // namespace
