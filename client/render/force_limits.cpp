@@ -18,10 +18,13 @@ double falling(double value, double full, double none) noexcept {
 SilenceLimits silence_limits(double negotiated_period_s) noexcept {
   constexpr double kShortestFadeS = 0.05;
   constexpr double kLongestZeroS = 0.5;
+  // Silence is counted from an answer that left a little before the link broke, and the force is written on
+  // the tick after: zero comes this much before the limit, so that it holds however it is counted.
+  constexpr double kMarginS = 0.008;
   SilenceLimits limits;
   const double period_s = std::isfinite(negotiated_period_s) ? negotiated_period_s : 0;
   limits.fade_s = std::clamp(2 * period_s, kShortestFadeS, kLongestZeroS / 2);
-  limits.zero_s = std::min(3 * limits.fade_s, kLongestZeroS);
+  limits.zero_s = std::min(3 * limits.fade_s, kLongestZeroS) - kMarginS;
   return limits;
 }
 

@@ -32,17 +32,17 @@ double settle(ForceChain& chain, const ForceChainInput& input, int ticks = 1000)
 TEST(ForceLimits, SilenceFadesFromFiftyToHundredFiftyMilliseconds) {
   const SilenceLimits limits = silence_limits(0.002);
   EXPECT_DOUBLE_EQ(limits.fade_s, 0.05);
-  EXPECT_NEAR(limits.zero_s, 0.15, 1e-12);
+  EXPECT_LT(limits.zero_s, 0.15 - 0.005);  // a tick and the last answer's way are still to come
   EXPECT_EQ(silence_gain(0.05, limits), 1);
-  EXPECT_NEAR(silence_gain(0.1, limits), 0.5, 1e-12);
-  EXPECT_EQ(silence_gain(0.1501, limits), 0);
+  EXPECT_NEAR(silence_gain((limits.fade_s + limits.zero_s) / 2, limits), 0.5, 1e-12);
+  EXPECT_EQ(silence_gain(limits.zero_s, limits), 0);
   EXPECT_EQ(silence_gain(kNaN, limits), 0);
 }
 
 TEST(ForceLimits, SilenceScalesWithTheNegotiatedPeriodUpToHalfASecond) {
   EXPECT_DOUBLE_EQ(silence_limits(0.1).fade_s, 0.2);
-  EXPECT_DOUBLE_EQ(silence_limits(0.1).zero_s, 0.5);
-  EXPECT_DOUBLE_EQ(silence_limits(2).zero_s, 0.5);
+  EXPECT_NEAR(silence_limits(0.1).zero_s, 0.5, 0.01);
+  EXPECT_LT(silence_limits(2).zero_s, 0.5);
   EXPECT_LT(silence_limits(2).fade_s, silence_limits(2).zero_s);
   EXPECT_DOUBLE_EQ(silence_limits(kNaN).fade_s, 0.05);
 }
@@ -56,7 +56,7 @@ TEST(ForceChain, StaleForceFadesToZero) {
   ForceChain chain({});
   ForceChainInput input = pressed(0.6);
   settle(chain, input);
-  for (double silence = 0; silence <= 0.1501; silence += 0.001) {
+  for (double silence = 0; silence < 0.15; silence += 0.001) {
     input.silence_s = silence;
     chain.apply(input);
     if (silence < 0.05) {
@@ -72,7 +72,7 @@ TEST(ForceChain, EvenAForceBeyondTheCeilingIsZeroAtTheEndOfTheFade) {
   ForceChainInput input = pressed(1e6);
   input.pose.position_m.y() = 0.05;  // deep: the stiffness cap allows all of it
   EXPECT_NEAR(settle(chain, input), options.limits.largest_force_n, 1e-9);
-  for (double silence = 0; silence <= 0.1501; silence += 0.001) {
+  for (double silence = 0; silence < 0.15; silence += 0.001) {
     input.silence_s = silence;
     chain.apply(input);
   }
