@@ -44,9 +44,11 @@ void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, Tou
   record.not_covered += answer.status() == v1::TOUCH_STATUS_NOT_COVERED;
   record.degraded += answer.status() == v1::TOUCH_STATUS_DEGRADED;
   record.failed += answer.status() == v1::TOUCH_STATUS_FAILED;
+  if (answer.position_m_size() < 2)
+    throw std::runtime_error("the touch recording holds an answer without its pose");
   record.answers.push_back({entry.monotonic_ns() * 1e-9,
                             (entry.monotonic_ns() - answer.pose_stamp().monotonic_ns()) * 1e-9,
-                            answer.sequence(), entry.call()});
+                            answer.position_m(0), answer.position_m(1)});
 }
 
 }  // namespace

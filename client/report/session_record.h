@@ -23,9 +23,8 @@ struct TouchTick {
 
 struct TouchAnswerTime {
   double arrived_s = 0;
-  double latency_s = 0;        // since the pose was sampled
-  std::uint64_t sequence = 0;  // of the pose; per stream
-  std::uint32_t stream = 0;
+  double latency_s = 0;     // since the pose was sampled
+  double x_m = 0, y_m = 0;  // the pose that was answered
 };
 
 struct TouchRecord {

@@ -6,9 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 #include <stdexcept>
-#include <utility>
 
 #include "client/servo/tick_statistics.h"
 
@@ -56,21 +54,27 @@ json window_figures(const AcquireRecord& acquire, const TouchRecord& touch) {
           {"window_request_s", quantiles(request_s, "p95", 0.95)}};
 }
 
+// Answers to a pose at another place than the answer before; a resting finger counts once.
+std::size_t distinct_poses(const std::vector<TouchAnswerTime>& answers) {
+  std::size_t distinct = answers.empty() ? 0 : 1;
+  for (std::size_t k = 1; k < answers.size(); ++k)
+    distinct += answers[k].x_m != answers[k - 1].x_m || answers[k].y_m != answers[k - 1].y_m;
+  return distinct;
+}
+
 json touch_figures(const TouchRecord& touch) {
   std::vector<double> latency_s;
-  std::set<std::pair<std::uint32_t, std::uint64_t>> poses;
-  for (const TouchAnswerTime& answer : touch.answers) {
-    latency_s.push_back(answer.latency_s);
-    poses.insert({answer.stream, answer.sequence});
-  }
+  for (const TouchAnswerTime& answer : touch.answers) latency_s.push_back(answer.latency_s);
+  const std::size_t distinct = distinct_poses(touch.answers);
   const double span_s = touch.answers.back().arrived_s - touch.answers.front().arrived_s;
   StallCounter stalls;
   for (const TouchTick& tick : touch.ticks) stalls.add(tick.time_s, tick.at_border);
-  return {{"touch_rate_hz", span_s > 0 ? static_cast<double>(poses.size() - 1) / span_s : 0},
+  return {{"touch_rate_hz", span_s > 0 ? static_cast<double>(distinct - 1) / span_s : 0},
           {"touch_latency_s", quantiles(latency_s, "p99", 0.99)},
           {"stalls", {{"count", stalls.count()}, {"s", stalls.seconds()}}},
           {"answers",
            {{"count", touch.answers.size()},
+            {"distinct_poses", distinct},
             {"not_covered", touch.not_covered},
             {"degraded", touch.degraded},
             {"failed", touch.failed}}}};
@@ -94,6 +98,7 @@ json inclusion_json(const Inclusion& truth, const InclusionReport& report, int m
            {"found", match >= 0}};
   if (match < 0) return out;
   const FoundInclusion& found = report.found[static_cast<std::size_t>(match)];
+  out["found_contrast"] = found.contrast;
   out["distance_m"] = std::hypot(truth.x_m - found.x_m, truth.y_m - found.y_m);
   return out;
 }
@@ -130,6 +135,13 @@ json device_figures(const AcquireRecord& acquire) {
           {"driver_version", device.driver_version()},
           {"has_double", device.has_double()},
           {"compute_units", device.compute_units()}};
+}
+
+// After the true contrast: the found one and how far off it lies.
+std::string found_or_missed(const json& truth) {
+  if (!truth["found"].get<bool>()) return "MISSED";
+  return fmt::format("{:.1f} (true / found), {:.1f} mm off", truth["found_contrast"].get<double>(),
+                     1e3 * truth["distance_m"].get<double>());
 }
 
 }  // namespace
@@ -220,11 +232,9 @@ std::string readable(const json& s) {
       percent(force["coverage"]));
   for (const json& truth : inclusions["true"])
     out +=
-        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, diameter {:4.1f} mm, contrast {:4.1f}: {}\n",
+        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, diameter {:4.1f} mm: contrast {:.1f} / {}\n",
                     ms(truth["position_m"][0]), ms(truth["position_m"][1]), ms(truth["diameter_m"]),
-                    truth["contrast"].get<double>(),
-                    truth["found"].get<bool>() ? fmt::format("found, {:.1f} mm off", ms(truth["distance_m"]))
-                                               : std::string("MISSED"));
+                    truth["contrast"].get<double>(), found_or_missed(truth));
   for (const json& wrong : inclusions["false"])
     out +=
         fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, contrast {:.1f}: INVENTED\n",

@@ -1,0 +1,135 @@
+#include "client/report/summary.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace teletact::client {
+namespace {
+
+using nlohmann::json;
+
+constexpr double kBegin = 1000;  // when the first answer arrived, s
+
+// 1 s at 1 kHz; an answer every 4 ms with 2 ms of latency; the finger moves during the first half only.
+TouchRecord touch() {
+  TouchRecord record;
+  for (int k = 0; k <= 1000; ++k) {
+    TouchTick tick;
+    tick.time_s = kBegin + 0.001 * k;
+    tick.lateness_s = k % 100 == 0 ? 0.0015 : 0.00005;
+    tick.at_border = k >= 200 && k < 230;
+    record.ticks.push_back(tick);
+  }
+  for (int k = 0; k <= 250; ++k)
+    record.answers.push_back({kBegin + 0.004 * k, 0.002, 1e-4 * std::min(k, 125), 0.004});
+  return record;
+}
+
+AcquireRecord acquire() {
+  AcquireRecord record;
+  record.windows = {{0.00, kBegin - 1, 2.0, 0.9},  // before the touch: not what p95 is promised of
+                    {0.06, kBegin + 0.3, 0.6, 0.2},
+                    {0.12, kBegin + 0.6, 0.8, 0.4}};
+  return record;
+}
+
+Tissue tissue() {
+  Tissue tissue;
+  tissue.inclusions = {{0.05, 0.012, 0.010, 5.0}, {0.15, 0.012, 0.012, 4.0}};
+  return tissue;
+}
+
+InclusionReport one_found_one_missed_one_invented() {
+  InclusionReport report;
+  report.background_pa = 10e3;
+  report.found = {{0.051, 0.012, 0.009, 3.5}, {0.25, 0.02, 0.006, 1.8}};
+  report.match = {0, -1};
+  report.spurious = {1};
+  return report;
+}
+
+ForceError force() {
+  ForceError force;
+  force.median = 0.03;
+  force.p95 = 0.1;
+  force.coverage = 0.95;
+  force.judged = 100;
+  return force;
+}
+
+json summary() {
+  return summarise(tissue(), touch(), acquire(), force(), one_found_one_missed_one_invented(), "1.2.3");
+}
+
+const json& target(const json& summary, const std::string& name) {
+  for (const json& t : summary.at("targets"))
+    if (t.at("name") == name) return t;
+  throw std::runtime_error("no target " + name);
+}
+
+TEST(Summary, HasThePromisedKeys) {
+  const json s = summary();
+  for (const char* key : {"windows", "stalls", "window_s", "window_request_s", "touch_rate_hz",
+                          "touch_latency_s", "servo", "force_error", "inclusions", "device", "versions"})
+    EXPECT_TRUE(s.contains(key)) << key;
+  for (const char* key : {"count", "s"}) EXPECT_TRUE(s["stalls"].contains(key)) << key;
+  for (const char* key : {"p50", "p95", "max"}) {
+    EXPECT_TRUE(s["window_s"].contains(key)) << key;
+    EXPECT_TRUE(s["window_request_s"].contains(key)) << key;
+  }
+  for (const char* key : {"p50", "p99", "max"}) EXPECT_TRUE(s["touch_latency_s"].contains(key)) << key;
+  for (const char* key : {"rate_hz", "overruns", "lateness_s_p99"})
+    EXPECT_TRUE(s["servo"].contains(key)) << key;
+  for (const char* key : {"median", "p95", "coverage"}) EXPECT_TRUE(s["force_error"].contains(key)) << key;
+  for (const char* key : {"true", "found", "false"}) EXPECT_TRUE(s["inclusions"].contains(key)) << key;
+}
+
+TEST(Summary, ARestingFingerAddsNoTouches) {
+  const json s = summary();
+  EXPECT_NEAR(s["touch_rate_hz"].get<double>(), 125, 1e-6);  // 126 places in 1 s, not 251 answers
+  EXPECT_EQ(s["answers"]["count"].get<int>(), 251);
+  EXPECT_FALSE(target(s, "touch_rate_hz")["met"].get<bool>());
+}
+
+TEST(Summary, WindowsAreTimedWhileTouchingGoesOn) {
+  const json s = summary();
+  EXPECT_EQ(s["windows"].get<int>(), 3);
+  EXPECT_EQ(s["windows_while_touching"].get<int>(), 2);
+  EXPECT_NEAR(s["window_s"]["max"].get<double>(), 0.4, 1e-12);
+  EXPECT_NEAR(s["window_request_s"]["p50"].get<double>(), 0.6, 1e-12);
+}
+
+TEST(Summary, StallsAndOverrunsAreCountedFromTheTicks) {
+  const json s = summary();
+  EXPECT_EQ(s["stalls"]["count"].get<int>(), 1);
+  EXPECT_NEAR(s["stalls"]["s"].get<double>(), 0.030, 1e-9);
+  EXPECT_EQ(s["servo"]["overruns"].get<int>(), 11);
+  EXPECT_NEAR(s["servo"]["rate_hz"].get<double>(), 1000, 1e-6);
+  EXPECT_FALSE(target(s, "stalls")["met"].get<bool>());
+}
+
+TEST(Summary, SaysWhichInclusionsWereMissedAndInventedWithBothContrasts) {
+  const json s = summary();
+  EXPECT_EQ(s["inclusions"]["missed"].get<int>(), 1);
+  ASSERT_EQ(s["inclusions"]["false"].size(), 1u);
+  EXPECT_NEAR(s["inclusions"]["true"][0]["found_contrast"].get<double>(), 3.5, 1e-12);
+  EXPECT_NEAR(s["inclusions"]["true"][0]["distance_m"].get<double>(), 0.001, 1e-12);
+  EXPECT_FALSE(target(s, "inclusions missed")["met"].get<bool>());
+  EXPECT_FALSE(target(s, "inclusions invented")["met"].get<bool>());
+  const std::string table = readable(s);
+  for (const char* words : {"5.0 / 3.5 (true / found), 1.0 mm off", "4.0 / MISSED", "INVENTED", "NOT MET"})
+    EXPECT_NE(table.find(words), std::string::npos) << words << " is not in:\n" << table;
+}
+
+TEST(Summary, AFigureThatIsNoNumberIsNotMet) {
+  Target figure{"x", std::numeric_limits<double>::quiet_NaN(), 1, "s"};
+  EXPECT_FALSE(figure.met());
+  figure.at_most = false;
+  EXPECT_FALSE(figure.met());
+}
+
+}  // namespace
+}  // namespace teletact::client
