@@ -261,15 +261,29 @@ std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const I
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const double x = 0.5 * (grid_.x_m[i] + grid_.x_m[i + 1]), y = 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]);
       const bool beside = x < 0 || x > window_width_m_;
-      const double told = beside && known ? known(window_x_m_ + x, y) : kUnknown;
+      const double told = beside && known ? told_by(known, i, y) : kUnknown;
       const double mirrored = x < 0 ? -x : x > window_width_m_ ? 2 * window_width_m_ - x : x;
       const bool near =
           std::abs(mirrored - x) <= 2 * kMirrorM && mirrored >= 0 && mirrored <= window_width_m_;
-      out[grid_.element(i, j)] = told > 0 && std::isfinite(told) ? told * (x < 0 ? left : right)
-                                 : near                          ? std::exp(logarithm_at(map, mirrored, j))
-                                                                 : background;
+      out[grid_.element(i, j)] = std::isfinite(told) ? told * (x < 0 ? left : right)
+                                 : near              ? std::exp(logarithm_at(map, mirrored, j))
+                                                     : background;
     }
   return out;
+}
+
+// Geometric mean over the width of an element beside the window, which may be wider than an inclusion there;
+// NaN where nothing of it is known.
+double StripModel::told_by(const KnownModulus& known, std::size_t column, double y_m) const {
+  const double begin = grid_.x_m[column], width = grid_.x_m[column + 1] - begin;
+  const int samples = static_cast<int>(std::ceil(width / kFineM));
+  double sum = 0;
+  int count = 0;
+  for (int k = 0; k < samples; ++k) {
+    const double told = known(window_x_m_ + begin + width * (k + 0.5) / samples, y_m);
+    if (told > 0 && std::isfinite(told)) sum += std::log(told), ++count;
+  }
+  return count > 0 ? std::exp(sum / count) : kUnknown;
 }
 
 // What is known beside the window has its own error of scale, a few percent, which the border would turn into

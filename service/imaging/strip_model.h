@@ -20,9 +20,9 @@ struct StripResponse {
   double force_n_per_m = 0;    // on the probe per metre of thickness, > 0
 };
 
-// The strip of a window with 60 mm of context on each side, cut at the tissue's sides; bottom bonded, sides
-// free, u_y prescribed on the surface under the whole window, frictionless. Elements of 1 mm under the probe,
-// growing sideways from it. A host sparse factor: at this size (some 4000 nodes) it beats an iteration
+// The strip of a window with up to 200 mm of context on each side, cut at the tissue's sides; bottom bonded,
+// sides free, u_y prescribed on the surface under the whole window, frictionless. Elements of 1 mm under the
+// probe, growing sideways from it. A host sparse factor: at this size (some 4000 nodes) it beats an iteration
 // (T4.8).
 class StripModel {
  public:
@@ -50,6 +50,7 @@ class StripModel {
   };
   WindowMap window_map(const Field& youngs_modulus, const ImageGrid&) const;
   double logarithm_at(const WindowMap&, double x_m, std::size_t row) const;
+  double told_by(const KnownModulus&, std::size_t column, double y_m) const;
   double matching_shift(const KnownModulus&, bool left, const WindowMap&) const;
   void fill(const std::vector<double>& youngs_modulus_pa);
 

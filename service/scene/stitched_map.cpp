@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "service/scene/errors.h"
 
@@ -210,6 +212,14 @@ double StitchedMap::mean_modulus_pa(double x0_m, double x1_m, double y0_m, doubl
   return area / inverse_sum;
 }
 
+double StitchedMap::measured_modulus_pa(double x_m, double y_m) const {
+  const double i = std::floor(x_m / cell_x_m_), j = std::floor(y_m / cell_y_m_);
+  const bool inside = i >= 0 && j >= 0 && i < static_cast<double>(nx_) && j < static_cast<double>(ny_);
+  const std::size_t cell = inside ? static_cast<std::size_t>(i) + nx_ * static_cast<std::size_t>(j) : 0;
+  if (!inside || states_[cell] != CellState::kMeasured) return std::numeric_limits<double>::quiet_NaN();
+  return static_cast<double>(modulus_pa_[cell]);
+}
+
 double StitchedMap::measured_share(double x0_m, double x1_m) const {
   double sum = 0;
   const std::size_t first = column(x0_m), last = column(x1_m);
@@ -231,6 +241,11 @@ void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<Cell
   modulus_pa_ = std::move(youngs_modulus_pa);
   states_ = std::move(states);
   index_columns();
+}
+
+KnownModulus known_modulus(std::shared_ptr<const StitchedMap> map) {
+  if (!map) return {};
+  return [map = std::move(map)](double x_m, double y_m) { return map->measured_modulus_pa(x_m, y_m); };
 }
 
 }  // namespace teletact::service

@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "service/imaging/frame.h"
@@ -47,6 +48,8 @@ class StitchedMap {
   // Harmonic mean of E (Pa) over [x0, x1] x [y0, y1] (m). Columns never published take the nearest published
   // one. Throws std::logic_error when nothing is published.
   double mean_modulus_pa(double x0_m, double x1_m, double y0_m, double y1_m) const;
+  // Modulus (Pa) of the cell at (x, y) (m); NaN where none was measured and outside the tissue.
+  double measured_modulus_pa(double x_m, double y_m) const;
   // Share of measured cells, down to kFeltDepthM, in [x0, x1]; 0 where unknown.
   double measured_share(double x0_m, double x1_m) const;
 
@@ -73,5 +76,8 @@ class StitchedMap {
   std::vector<std::size_t> source_column_;  // nearest published column
   std::vector<float> measured_share_;       // per column
 };
+
+// What a window's neighbours tell about the tissue beside it; empty without a map.
+KnownModulus known_modulus(std::shared_ptr<const StitchedMap>);
 
 }  // namespace teletact::service
