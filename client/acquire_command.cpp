@@ -32,7 +32,7 @@ void interrupt(int) {
 }
 
 struct Arguments {
-  std::string address, tissue_path, save_tissue_path, record_path, ready_path;
+  std::string address, tls_ca, tissue_path, save_tissue_path, record_path, ready_path;
   std::optional<std::uint64_t> seed;
   std::size_t passes = 5;
   unsigned threads = 0;
@@ -181,10 +181,9 @@ void run(const Arguments& arguments) {
     throw CommandError("give either --tissue FILE or --seed N");
   const Tissue tissue = tissue_of(arguments);
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
-  const auto channel = make_channel(arguments.address);
+  const auto channel = make_channel(arguments.address, arguments.tls_ca);
   if (!wait_connected(*channel, kConnectWaitS))
-    throw CommandError("--service " + arguments.address +
-                       ": nobody answers; is teletact-service running there?");
+    throw CommandError(nobody_answers(arguments.address, arguments.tls_ca));
   const auto palpation = v1::Palpation::NewStub(channel);
   open_scene(*palpation, arguments.acquire.scene_id, tissue);
   Recorder recorder(arguments);
@@ -213,7 +212,7 @@ void add_acquire_command(CLI::App& app) {
   AcquireOptions& acquire = arguments->acquire;
   CLI::App& command =
       *app.add_subcommand("acquire", "patient side: probe, arm and RF upload (a simulated patient)");
-  command.add_option("--service", arguments->address, "unix:/path or host:port")->required();
+  add_service_options(command, arguments->address, arguments->tls_ca);
   command.add_option("--scene", acquire.scene_id, "scene to publish into; created with the tissue's size")
       ->required();
   command.add_option("--tissue", arguments->tissue_path, "tissue file (TOML)");

@@ -4,12 +4,16 @@
 
 #include <CLI/CLI.hpp>
 #include <stdexcept>
+#include <string>
 
 namespace teletact::client {
 
 struct CommandError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+// --service and --tls-ca; `tls_ca` becomes the file's text.
+void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca);
 
 void add_acquire_command(CLI::App& app);   // patient side: arm, frames, upload
 void add_estimate_command(CLI::App& app);  // recorded frames -> maps on disk

@@ -15,7 +15,7 @@ namespace {
 constexpr double kConnectWaitS = 3;
 
 struct Arguments {
-  std::string address, out;
+  std::string address, tls_ca, out;
   RecordedFrameOptions frames;
 };
 
@@ -39,10 +39,9 @@ const char* stage_name(v1::EstimateStage stage) {
 void run(const Arguments& arguments) {
   require_writable_folder(arguments.out);
   const FramePair pair = read_recorded_frames(arguments.frames);
-  const auto channel = make_channel(arguments.address);
+  const auto channel = make_channel(arguments.address, arguments.tls_ca);
   if (!wait_connected(*channel, kConnectWaitS))
-    throw CommandError("--service " + arguments.address +
-                       ": nobody answers; is teletact-service running there?");
+    throw CommandError(nobody_answers(arguments.address, arguments.tls_ca));
   EstimateCallbacks callbacks;
   callbacks.response = [](const v1::EstimateResponse& response) {
     if (response.has_progress())
@@ -83,7 +82,7 @@ void add_estimate_command(CLI::App& app) {
   RecordedFrameOptions& frames = arguments->frames;
   CLI::App& command =
       *app.add_subcommand("estimate", "recorded RF frames -> displacement, strain, modulus on disk");
-  command.add_option("--service", arguments->address, "unix:/path or host:port")->required();
+  add_service_options(command, arguments->address, arguments->tls_ca);
   add_file_options(command, frames);
   command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
   command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz, "of the RF")->required();

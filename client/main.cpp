@@ -3,6 +3,18 @@
 #include <exception>
 
 #include "client/commands.h"
+#include "client/link/channel.h"
+
+namespace teletact::client {
+
+void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca) {
+  command.add_option("--service", address, "unix:/path or host:port")->required();
+  command.add_option_function<std::string>(
+      "--tls-ca", [&tls_ca](const std::string& path) { tls_ca = read_tls_ca(path); },
+      "PEM certificate that signed the service's; without it nothing is encrypted");
+}
+
+}  // namespace teletact::client
 
 int main(int argc, char** argv) {
   using namespace teletact::client;

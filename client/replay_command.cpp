@@ -49,7 +49,7 @@ void add_replay_command(CLI::App& app) {
   const auto options = std::make_shared<ReplayOptions>();
   CLI::App& command = *app.add_subcommand("replay", "play a recording of touch or acquire again");
   command.add_option("file", options->path, "written by touch --record or acquire --record")->required();
-  command.add_option("--service", options->address, "unix:/path or host:port")->required();
+  add_service_options(command, options->address, options->tls_ca);
   command.add_option("--scene", options->scene_id, "play into this scene instead of the recorded one");
   command.add_option("--speed", options->speed, "of the recorded timing; 0 = as fast as the service answers")
       ->check(CLI::NonNegativeNumber);

@@ -197,7 +197,7 @@ void add_touch_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   TouchSessionOptions& session = arguments->session;
   CLI::App& command = *app.add_subcommand("touch", "operator side: feel a scene of a running service");
-  command.add_option("--service", session.address, "unix:/path or host:port")->required();
+  add_service_options(command, session.address, session.tls_ca);
   command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
   command.add_option("--device", session.device, "haptic device: simulated (default)");
   command.add_option("--profile", session.profile, "premium-1.5 (default), premium-3.0, omni or touch");

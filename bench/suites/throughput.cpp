@@ -32,7 +32,7 @@ constexpr const char* kOwnScene = "bench-throughput";
 
 struct Arguments {
   SuiteOptions suite;
-  std::string address, scene_id;
+  std::string address, tls_ca, scene_id;
   unsigned clients = 1;
   double duration_s = 5, open_loop_hz = 500;
 };
@@ -150,7 +150,7 @@ json measure(const Arguments& arguments, LoadOptions load, double rate_hz) {
   for (unsigned k = 0; k < arguments.clients; ++k)
     threads.emplace_back([&, k] {
       try {
-        results[k] = run_load(client::make_channel(arguments.address), load, k);
+        results[k] = run_load(client::make_channel(arguments.address, arguments.tls_ca), load, k);
       } catch (...) {
         failures[k] = std::current_exception();
       }
@@ -226,10 +226,9 @@ bool run(const Arguments& arguments) {
     return true;
   }
   if (arguments.address.empty()) throw BenchError("give --service: the address of a running service");
-  const auto channel = client::make_channel(arguments.address);
+  const auto channel = client::make_channel(arguments.address, arguments.tls_ca);
   if (!client::wait_connected(*channel, kConnectWaitS))
-    throw BenchError("--service " + arguments.address +
-                     ": nobody answers; is teletact-service running there?");
+    throw BenchError(client::nobody_answers(arguments.address, arguments.tls_ca));
   const auto stub = v1::Palpation::NewStub(channel);
   json result{
       {"suite", "throughput"}, {"service", describe_service(channel)}, {"clients", arguments.clients}};
@@ -265,6 +264,9 @@ void add_throughput_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("throughput", "touches/s and latency of a running service");
   command.add_option("--service", arguments->address, "unix:/path or host:port");
+  command.add_option_function<std::string>(
+      "--tls-ca", [arguments](const std::string& path) { arguments->tls_ca = client::read_tls_ca(path); },
+      "PEM certificate that signed the service's");
   command.add_option("--scene", arguments->scene_id, "a scene to touch; without it the suite makes its own");
   command.add_option("--clients", arguments->clients, "touch streams at once")->check(CLI::Range(1, 256));
   command.add_option("--duration-s", arguments->duration_s, "of each loop")

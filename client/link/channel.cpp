@@ -2,6 +2,9 @@
 
 #include <array>
 #include <chrono>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
 
 namespace teletact::client {
 namespace {
@@ -13,7 +16,7 @@ constexpr int kMaxMessageBytes = 256 << 20;
 
 }  // namespace
 
-std::shared_ptr<grpc::Channel> make_channel(const std::string& address) {
+std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstBackoffMs);
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kFirstBackoffMs);
@@ -21,7 +24,25 @@ std::shared_ptr<grpc::Channel> make_channel(const std::string& address) {
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  const auto credentials =
+      tls_ca.empty() ? grpc::InsecureChannelCredentials() : grpc::SslCredentials({tls_ca, "", ""});
+  return grpc::CreateCustomChannel(address, credentials, arguments);
+}
+
+std::string read_tls_ca(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (text.find("-----BEGIN CERTIFICATE") == std::string::npos)
+    throw std::runtime_error(
+        "--tls-ca " + path +
+        ": no PEM certificate can be read there; give the one that signed the service's");
+  return text;
+}
+
+std::string nobody_answers(const std::string& address, const std::string& tls_ca) {
+  return "no service at " + address + ": start one with 'teletact-service serve --listen " + address + "', " +
+         (tls_ca.empty() ? "or give --tls-ca if it serves TLS"
+                         : "with a certificate that --tls-ca signed for that name");
 }
 
 bool wait_connected(grpc::Channel& channel, double wait_s) {

@@ -110,11 +110,10 @@ class Player {
 Player::Player(const ReplayOptions& options, const std::atomic<bool>& stop)
     : options_(options), stop_(stop), calls_(options.path), pace_(options.speed) {
   report_.kind = calls_.reader().header().kind();
-  channel_ = make_channel(options.address);
+  channel_ = make_channel(options.address, options.tls_ca);
   constexpr double kConnectS = 2;
   if (!wait_connected(*channel_, kConnectS)) {
-    throw std::runtime_error("no service at " + options.address +
-                             "; start one with 'teletact-service serve --listen " + options.address + "'");
+    throw std::runtime_error(nobody_answers(options.address, options.tls_ca));
   }
   const std::string& recorded_scene = calls_.reader().header().scene_id();
   need_scene(options.scene_id.empty() ? recorded_scene : options.scene_id);

@@ -83,7 +83,7 @@ void TouchLink::run() {
   };
   while (!stopping()) {
     // A new channel each time: an old one may hold on to a half-open connection or a long backoff.
-    const auto channel = make_channel(options_.address);
+    const auto channel = make_channel(options_.address, options_.tls_ca);
     while (!stopping() && !wait_connected(*channel, kConnectWaitS)) {
     }
     if (stopping()) return;

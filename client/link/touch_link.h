@@ -24,6 +24,7 @@ namespace teletact::client {
 
 struct TouchLinkOptions {
   std::string address;
+  std::string tls_ca;  // PEM text; empty: not encrypted
   v1::TouchOpen open;  // session_id is chosen when empty
   double dead_s = 1.0;
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first

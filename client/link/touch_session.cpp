@@ -32,15 +32,14 @@ std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_pe
 v1::Scene wait_for_scene(const TouchSessionOptions& options, const std::atomic<bool>& stop) {
   const double connect_s = std::max(options.wait_s, 2.0);
   const auto deadline = std::chrono::steady_clock::now() + Seconds(connect_s);
-  const auto channel = make_channel(options.address);
+  const auto channel = make_channel(options.address, options.tls_ca);
   constexpr double kTryS = 0.2;
   bool connected = false;
   while (!stop && !connected && std::chrono::steady_clock::now() < deadline) {
     connected = wait_connected(*channel, kTryS);
   }
   if (!connected) {
-    throw std::runtime_error("no service at " + options.address +
-                             "; start one with 'teletact-service serve --listen " + options.address + "'");
+    throw std::runtime_error(nobody_answers(options.address, options.tls_ca));
   }
   const auto stub = v1::Palpation::NewStub(channel);
   const auto scene_deadline = std::chrono::steady_clock::now() + Seconds(options.wait_s);
@@ -150,6 +149,7 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   const auto servo = std::make_unique<ServoLoop>(device, *renderer, clock, servo_options);
   TouchLinkOptions link_options;
   link_options.address = options.address;
+  link_options.tls_ca = options.tls_ca;
   link_options.open = options.open;
   link_options.recorder = recorder.get();
   TouchLink link(link_options, servo->poses(), servo->answers(), clock);

@@ -16,6 +16,7 @@ namespace teletact::client {
 
 struct TouchSessionOptions {
   std::string address;
+  std::string tls_ca;  // PEM text; empty: not encrypted
   v1::TouchOpen open;
   std::string device = "simulated";
   std::string profile = "premium-1.5";
