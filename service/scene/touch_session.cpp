@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <vector>
+
+#include "service/contact/fingertip.h"
 
 namespace teletact::service {
 
@@ -32,6 +35,12 @@ void check_fingertip(const Fingertip& tip) {
       check_length("open.fingertip.radius_m", tip.radius_m, 1e-4);
       return;
   }
+}
+
+// Half of the width that a contact asks for.
+double touched_m(const Fingertip& tip, double indentation_m) {
+  if (tip.shape == FingertipShape::kNode) return 3 * tip.footprint_m;
+  return reach_m(tip, indentation_m, ContactOptions{}.candidate_margin * indentation_m);
 }
 
 bool finite(const ContactAnswer& c) {
@@ -101,14 +110,37 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
   return answer;
 }
 
+// Solves columns within `reach_m` of x, the nearest first, for no longer than about this; false when some are
+// left.
+bool TouchSession::prepare(const WindowModel& window, double x_m, double reach_m,
+                           std::chrono::milliseconds time) {
+  const auto until = std::chrono::steady_clock::now() + time;
+  const std::vector<double>& columns_m = window.model->grid().x_m;
+  const ColumnRange touchable = window.model->touchable_columns();
+  std::vector<std::size_t> nodes;
+  for (std::size_t i = touchable.first; i <= touchable.last; ++i)
+    if (std::abs(columns_m[i] - x_m) <= reach_m) nodes.push_back(i);
+  std::sort(nodes.begin(), nodes.end(), [&](std::size_t a, std::size_t b) {
+    return std::abs(columns_m[a] - x_m) < std::abs(columns_m[b] - x_m);
+  });
+  return compliance_->prepare(nodes, options_.fingertip.friction == Friction::kStuck, until);
+}
+
 void TouchSession::solve_contact_into(TouchAnswer& answer, const WindowModel& window, double x_m,
                                       double y_m) {
   answer.path = options_.path == SolvePath::kPcg ? SolvePath::kPcg : SolvePath::kCompliance;
   if (!compliance_)
     compliance_ = answer.path == SolvePath::kPcg ? window.model->iterative(line_, device_)
                                                  : window.model->condensed(line_);
-  answer.contact =
-      solve_contact(*window.model, line_, *compliance_, options_.fingertip, {x_m, y_m - line_y_m()});
+  const ContactPose pose{x_m, y_m - line_y_m()};
+  const bool by_pcg = answer.path == SolvePath::kPcg;
+  if (by_pcg && pose.indentation_m > 0 &&
+      !prepare(window, x_m, touched_m(options_.fingertip, pose.indentation_m), kLongestSolve))
+    throw std::runtime_error(
+        "columns of the contact are still being solved; hold the finger above, or use "
+        "the compliance");
+  answer.contact = solve_contact(*window.model, line_, *compliance_, options_.fingertip, pose);
+  if (by_pcg) prepare(window, x_m, kWidestReachM, kAhead);
   if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
 }
 

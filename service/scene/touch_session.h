@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -38,6 +39,9 @@ class TouchSession {
   static constexpr double kWidestReachM = 0.014;  // half of the widest contact; strips are fine that far
   // A window whose cells under the finger were measured for less than this share is not trusted.
   static constexpr double kTrustedShare = 0.5;
+  // By PCG: the longest that an answer waits for the columns of its contact (FAILED then; what is solved by
+  // then is kept), and what it spends after that on columns which the finger may touch next.
+  static constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
   // Force error beyond which an answer is not trusted: that of a float solver.
   static constexpr double kTrustedForceError = 2e-3;
 
@@ -58,6 +62,7 @@ class TouchSession {
   TouchAnswer solve(double x_m, double y_m);
 
  private:
+  bool prepare(const WindowModel&, double x_m, double reach_m, std::chrono::milliseconds);
   void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
   void judge(TouchAnswer&, const SceneSnapshot&, double x_m) const;
   const std::shared_ptr<Scene> scene_;

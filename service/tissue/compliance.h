@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <chrono>
 #include <cstddef>
 #include <span>
 
@@ -32,6 +33,13 @@ class Compliance {
   virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
   // Its axial part alone, [u_y of node 0, u_y of node 1, ...], n x n: all that frictionless contact asks for.
   virtual Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
+  // Gets ready what the two above will be asked for among `nodes` (in any order, the first ones first), in
+  // small steps of which none is begun after `until`; false when some is left. Columns that are ready stay
+  // so: this boxes the time of a solve, and is how it is given up.
+  virtual bool prepare(std::span<const std::size_t> /*nodes*/, bool /*tangential*/,
+                       std::chrono::steady_clock::time_point /*until*/) {
+    return true;
+  }
 };
 
 }  // namespace teletact::service

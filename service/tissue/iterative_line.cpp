@@ -10,6 +10,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
+constexpr std::size_t kStep = 2;           // columns of one step of prepare(): a batch is no cheaper
 constexpr double kFloatRounding = 1e-6;    // of a dot product as long as the grid
 constexpr double kDoubleRounding = 1e-11;  // of the displacements themselves
 
@@ -46,6 +47,26 @@ MatrixXd IterativeLine::axial_among(std::span<const std::size_t> nodes, SolveRep
   std::vector<std::size_t> unknowns;
   for (std::size_t node : nodes) unknowns.push_back(2 * position_among(node, touchable_) + 1);
   return between(unknowns, report);
+}
+
+bool IterativeLine::prepare(std::span<const std::size_t> nodes, bool tangential,
+                            std::chrono::steady_clock::time_point until) {
+  std::vector<std::size_t> unknowns;
+  for (const std::size_t node : nodes) {
+    const std::size_t axial = 2 * position_among(node, touchable_) + 1;
+    unknowns.push_back(axial);
+    if (tangential) unknowns.push_back(axial - 1);
+  }
+  for (std::size_t begin = 0; begin < unknowns.size();) {
+    const std::lock_guard lock(mutex_);
+    std::vector<std::size_t> step;
+    for (; begin < unknowns.size() && step.size() < kStep; ++begin)
+      if (!columns_[unknowns[begin]].solved) step.push_back(unknowns[begin]);
+    if (step.empty()) return true;
+    if (std::chrono::steady_clock::now() >= until) return false;
+    solve_missing(step);
+  }
+  return true;
 }
 
 MatrixXd IterativeLine::between(const std::vector<std::size_t>& unknowns, SolveReport* report) {

@@ -34,6 +34,8 @@ class IterativeLine final : public Compliance {
   IterativeLine(std::shared_ptr<SharedSolver>, const TissueGrid&, std::size_t line, ColumnRange touchable);
   Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override;
   Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override;
+  bool prepare(std::span<const std::size_t> nodes, bool tangential,
+               std::chrono::steady_clock::time_point until) override;
 
  private:
   // A unit force on one degree of freedom of the line.

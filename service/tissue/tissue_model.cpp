@@ -18,6 +18,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
+constexpr double kFloatPoissonRatio = 0.495;  // up to here float alone converges at any contrast tested
+
 // Relative error that rounding leaves in an exact elimination: eps times a bound of the condition number
 // (stiffest element against softest node), and what cancelling the bulk stiffness of nearly incompressible
 // layers down to the shear that remains adds: measured errors follow (lambda / mu)^2 eps.
@@ -178,7 +180,10 @@ std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line,
   const std::lock_guard lock(lines_->iterative_mutex);
   std::shared_ptr<SharedSolver>& solver = lines_->solvers[device];
   if (!solver) {
-    solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_, ElasticitySolverOptions{});
+    ElasticitySolverOptions options;
+    options.precision =
+        material_.poisson_ratio <= kFloatPoissonRatio ? SolvePrecision::kFloat : SolvePrecision::kRefined;
+    solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_, options);
   }
   std::shared_ptr<Compliance>& compliance = lines_->iterative[{line, device}];
   if (!compliance) compliance = std::make_shared<IterativeLine>(solver, grid_, line, touchable_);

@@ -47,9 +47,9 @@ class TissueModel {
   // row is fixed or absent.
   std::shared_ptr<Compliance> condensed(std::size_t line) const;
   // The same by preconditioned conjugate gradients on `device`, columns computed when asked for. The model
-  // keeps one for each line and device with the default options, so that the columns are kept too; with
-  // options of its own it is a new one. Throws std::out_of_range as above, DeviceError when the device cannot
-  // do it.
+  // keeps one for each line and device, solved in float up to nu = .495 (IterativeLine: the product of two
+  // errors is left) and refined beyond, so that the columns are kept too; with options of its own it is a new
+  // one. Throws std::out_of_range as above, DeviceError when the device cannot do it.
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device) const;
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device,
                                         const ElasticitySolverOptions&) const;

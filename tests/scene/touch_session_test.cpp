@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
+#include "service/device/device.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -155,6 +159,42 @@ TEST_F(Session, FollowsANewerModelAtTheSamePlace) {
   const TouchAnswer stiff = session.solve(0.06, 0.003);
   EXPECT_GT(stiff.model_version, soft.model_version);
   EXPECT_NEAR(stiff.contact.force_n[1] / soft.contact.force_n[1], 3, 1e-3);
+}
+
+TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
+  const auto device = Device::open();
+  TouchOptions options;
+  options.path = SolvePath::kPcg;
+  TouchSession by_pcg(scene, options, device), by_compliance(scene, {}, nullptr);
+  EXPECT_EQ(by_pcg.solve(0.06, -0.001).path, SolvePath::kAuto);  // compiles the kernels
+  TouchAnswer first;
+  double longest_s = 0;
+  for (int k = 0; k < 200; ++k) {  // pressed at once: all columns of the contact are missing
+    const auto begun = std::chrono::steady_clock::now();
+    first = by_pcg.solve(0.0603, 0.004);
+    longest_s =
+        std::max(longest_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
+    if (first.status != TouchStatus::kFailed) break;
+    EXPECT_EQ(first.contact.force_n[1], 0);
+    EXPECT_NE(first.warning.find("being solved"), std::string::npos) << first.warning;
+  }
+  std::printf("longest answer by PCG %.0f ms\n", 1e3 * longest_s);
+  EXPECT_LE(longest_s, 1);  // 0.2 s and one step, on a busy machine
+  EXPECT_EQ(first.status, TouchStatus::kOk) << first.warning;
+  EXPECT_EQ(first.path, SolvePath::kPcg);
+  EXPECT_GE(first.contact.solve.iterations, 1U);
+  const double want = by_compliance.solve(0.0603, 0.004).contact.force_n[1];
+  EXPECT_NEAR(first.contact.force_n[1], want, 1e-6 * std::abs(want));
+  // Enough answers later, the widest contact is there.
+  for (int k = 0; k < 20; ++k) by_pcg.solve(0.0603, -0.001);
+  const auto line = scene->snapshot()->windows.front()->model->iterative(0, device);
+  EXPECT_TRUE(line->prepare(std::vector<std::size_t>{}, false, {}));
+  std::vector<std::size_t> near;
+  const auto& x = scene->snapshot()->windows.front()->model->grid().x_m;
+  for (std::size_t i = 0; i < x.size(); ++i)
+    if (std::abs(x[i] - 0.0603) < TouchSession::kWidestReachM) near.push_back(i);
+  EXPECT_TRUE(line->prepare(near, false, {}));  // without time for any step
+  EXPECT_FALSE(line->prepare(near, true, {}));  // sideways nothing was asked for
 }
 
 TEST_F(Session, TouchesUnderTheSurface) {
