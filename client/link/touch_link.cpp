@@ -9,6 +9,7 @@
 
 #include "client/link/channel.h"
 #include "client/link/convert.h"
+#include "client/servo/realtime.h"
 
 namespace teletact::client {
 namespace {
@@ -77,6 +78,7 @@ void TouchLink::pause(double wait_s) {
 }
 
 void TouchLink::run() {
+  if (options_.real_time) ask_for_fifo(kLinkPriority);
   const auto stopping = [this] {
     std::lock_guard lock(mutex_);
     return stopping_;
@@ -133,7 +135,10 @@ grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
   *entry.mutable_touch_request() = open;
   record(std::move(entry), clock_.now_ns());
   if (stream->Write(open)) {
-    std::thread reader([this, &stream] { read(*stream); });
+    std::thread reader([this, &stream] {
+      if (options_.real_time) ask_for_fifo(kLinkPriority);
+      read(*stream);
+    });
     write(*stream, context);
     reader.join();
   }
