@@ -24,6 +24,16 @@ std::uint64_t VersionCounter::next() {
   return next_++;
 }
 
+void VersionCounter::used(std::uint64_t version) {
+  const std::lock_guard lock(mutex_);
+  if (version < next_) return;
+  if (store_ && version + 1 >= reserved_) {
+    store_->reserve_versions(version + 1 + StateStore::kVersionBlock);
+    reserved_ = version + 1 + StateStore::kVersionBlock;
+  }
+  next_ = version + 1;
+}
+
 std::shared_ptr<const WindowModel> SceneSnapshot::window_at(double x_m, std::uint64_t current,
                                                             double hysteresis_m) const {
   std::shared_ptr<const WindowModel> best;
@@ -273,10 +283,10 @@ bool Scene::refresh_stale_window() {
     stale_.clear();
     return false;
   }
-  stale_.erase(nearest->id);
   auto fresh = std::make_shared<WindowModel>(*nearest);
   fresh->model = build(*old->map, nearest->begin_m, nearest->end_m);
   fresh->version = versions_->next();
+  stale_.erase(nearest->id);  // not before: what fails stays stale
   auto next = std::make_shared<SceneSnapshot>(*old);
   next->version = fresh->version;
   std::replace(next->windows.begin(), next->windows.end(), nearest,
@@ -320,7 +330,12 @@ void Scene::mark_deleted() {
 }
 
 std::uint64_t Scene::on_deleted(std::function<void()> callback) {
-  const std::lock_guard lock(users_);
+  std::unique_lock lock(users_);
+  if (deleted_) {
+    lock.unlock();
+    callback();
+    return 0;
+  }
   on_deleted_.emplace(next_callback_, std::move(callback));
   return next_callback_++;
 }

@@ -30,6 +30,8 @@ class VersionCounter {
  public:
   explicit VersionCounter(StateStore* store);
   std::uint64_t next();
+  // `version` has been handed out, whatever the store says.
+  void used(std::uint64_t version);
 
  private:
   std::mutex mutex_;
@@ -103,6 +105,8 @@ class Scene {
 
   bool deleted() const { return deleted_.load(); }
   void mark_deleted();  // calls every on_deleted callback
+  // The callback is called once the scene is deleted, at once if it is already; forget() with the number
+  // given returns after a call in progress.
   std::uint64_t on_deleted(std::function<void()>);
   void forget(std::uint64_t callback);
 

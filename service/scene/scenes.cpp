@@ -77,6 +77,7 @@ Scenes::~Scenes() {
 void Scenes::restore() {
   if (!store_) return;
   for (const SceneRecord& record : store_->load()) try {
+      versions_->used(record.version);
       auto scene = std::make_shared<Scene>(record, versions_);
       const std::lock_guard lock(mutex_);
       scenes_[record.id] = scene;
@@ -130,7 +131,7 @@ std::shared_ptr<Scene> Scenes::find(const std::string& id) const {
   const auto found = scenes_.find(id);
   if (found == scenes_.end())
     throw Error(ErrorKind::kNotFound,
-                fmt::format("scene_id: no scene \"{}\" here; ListScenes names them", id));
+                fmt::format("scene_id: no scene \"{}\" here; ListScenes names them", shown(id)));
   return found->second;
 }
 
@@ -145,10 +146,12 @@ void Scenes::remove(const std::string& id) {
   const std::lock_guard disk(disk_);  // nobody makes or keeps a scene of this name meanwhile
   const auto scene = find(id);
   scene->mark_deleted();
-  if (store_) store_->remove(id);
-  const std::lock_guard lock(mutex_);
-  scenes_.erase(id);
+  {
+    const std::lock_guard lock(mutex_);
+    scenes_.erase(id);
+  }
   spdlog::info("event=scene_deleted scene={}", id);
+  if (store_) store_->remove(id);
 }
 
 void Scenes::keep(const std::shared_ptr<Scene>& scene) {

@@ -11,6 +11,7 @@
 #include <ctime>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <span>
 #include <stdexcept>
 
@@ -24,7 +25,8 @@ namespace {
 constexpr int kFormat = 1;
 
 [[noreturn]] void fail(const fs::path& path, const char* what) {
-  throw std::runtime_error(fmt::format("state {}: {}: {}", path.string(), what, std::strerror(errno)));
+  throw std::runtime_error(fmt::format("--state: {} {}: {}; give a folder that can be written", what,
+                                       path.string(), std::strerror(errno)));
 }
 
 void sync_folder(const fs::path& folder) {
@@ -83,6 +85,16 @@ std::vector<T> take(std::string_view& in, std::size_t count) {
   return values;
 }
 
+// Room for ever, and for adding blocks without overflow.
+constexpr std::uint64_t kLargestVersion = std::uint64_t{1} << 62;
+
+std::uint64_t read_version(const fs::path& versions) {
+  const json first = json::parse(read_file(versions)).at("first_unused");
+  if (!first.is_number_unsigned() || first == 0 || first > kLargestVersion)
+    throw std::runtime_error("first_unused is not a version: " + first.dump());
+  return first;
+}
+
 json to_json(const SceneGeometry& g) {
   const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };
   return {{"width_m", g.width_m},
@@ -109,25 +121,36 @@ SceneGeometry geometry_from(const json& j) {
   return g;
 }
 
+// What a whole file can still say wrong, after a hand has been at it. NaN fails too.
+void check(const SceneRecord& record) {
+  if (record.version > kLargestVersion) throw std::runtime_error("version: too large");
+  std::set<std::uint64_t> ids;
+  for (const WindowRecord& w : record.windows) {
+    const bool placed = w.begin_m >= 0 && w.begin_m < w.end_m && w.end_m <= 1.001 * record.geometry.width_m;
+    if (!placed || w.id == 0 || w.version > record.version || !ids.insert(w.id).second)
+      throw std::runtime_error(
+          fmt::format("windows: {} [{}, {}) m of version {} cannot be", w.id, w.begin_m, w.end_m, w.version));
+  }
+}
+
 }  // namespace
 
 StateStore::StateStore(fs::path directory) : directory_(std::move(directory)) {
   std::error_code error;
   fs::create_directories(directory_ / "scenes", error);
   if (error)
-    throw std::runtime_error(
-        fmt::format("state {}: cannot make the folder: {}", directory_.string(), error.message()));
+    throw std::runtime_error(fmt::format("--state: cannot make {}: {}; give a folder that can be written",
+                                         (directory_ / "scenes").string(), error.message()));
   lock_file_ = ::open((directory_ / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (lock_file_ < 0) fail(directory_, "cannot write");
   if (::flock(lock_file_, LOCK_EX | LOCK_NB) != 0) {
     ::close(lock_file_);
-    throw std::runtime_error(
-        fmt::format("state {}: in use by another teletact-service", directory_.string()));
+    throw std::runtime_error(fmt::format(
+        "--state: {} is in use by another teletact-service; give each its own folder", directory_.string()));
   }
   const fs::path versions = directory_ / "versions.json";
   try {
-    if (fs::exists(versions) || !fs::is_empty(directory_ / "scenes"))
-      first_version_ = json::parse(read_file(versions)).at("first_unused");
+    if (fs::exists(versions) || !fs::is_empty(directory_ / "scenes")) first_version_ = read_version(versions);
   } catch (const std::exception& e) {
     // Go on far beyond what any scene can have used.
     first_version_ = static_cast<std::uint64_t>(std::time(nullptr)) * kVersionBlock;
@@ -184,6 +207,7 @@ SceneRecord StateStore::load_scene(const fs::path& folder) const {
   record.next_window_id = scene.at("next_window_id");
   for (const json& w : scene.at("windows"))
     record.windows.push_back({w.at("id"), w.at("version"), w.at("begin_m"), w.at("end_m")});
+  check(record);
   const fs::path name = scene.at("map").at("file").get<std::string>();
   if (name.has_parent_path()) throw std::runtime_error("map.file is not a plain name");
   const std::string raw = read_file(folder / name);
@@ -231,8 +255,12 @@ void StateStore::remove(const std::string& id) {
   const fs::path gone = directory_ / ("deleted-" + id);
   std::error_code error;
   fs::remove_all(gone, error);
+  if (!fs::exists(directory_ / "scenes" / id)) return;
   fs::rename(directory_ / "scenes" / id, gone, error);
-  if (!error) sync_folder(directory_ / "scenes");
+  if (error)
+    throw std::runtime_error(fmt::format("--state: cannot delete {}: {}; it comes back with a restart",
+                                         (directory_ / "scenes" / id).string(), error.message()));
+  sync_folder(directory_ / "scenes");
   fs::remove_all(gone, error);
 }
 

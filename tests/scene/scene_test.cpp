@@ -138,6 +138,8 @@ TEST_F(SceneWithWindows, DeletionTellsWhoAsked) {
   scene.mark_deleted();
   EXPECT_EQ(told, 10);
   EXPECT_TRUE(scene.deleted());
+  scene.on_deleted([&] { told += 100; });  // a stream that opens just then must hear of it too
+  EXPECT_EQ(told, 110);
 }
 
 TEST(FingerBoard, ShowsTheNewestFinger) {

@@ -1,7 +1,13 @@
 #include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <thread>
 
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
@@ -121,6 +127,96 @@ TEST_F(StateOnDisk, DamagedSceneIsSetAsideAndTheOthersLive) {
   std::size_t aside = 0;
   for ([[maybe_unused]] const auto& entry : fs::directory_iterator(directory / "set-aside")) ++aside;
   EXPECT_EQ(aside, 4U);
+}
+
+// What the files may say when a hand has been at them, or a disk has lost the last writes.
+TEST_F(StateOnDisk, VersionsNeverGoBackWhateverTheFileSays) {
+  std::uint64_t last = 0;
+  for (const char* text :
+       {"{\"first_unused\": 3}", "{\"first_unused\": -5}", "{\"first_unused\": 1e300}", "{",
+        "{\"first_unused\": \"7\"}", "{\"first_unused\": 18446744073709551615}", ""}) {
+    Scenes scenes(directory);
+    scenes.restore();
+    if (scenes.list().empty()) scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+    const std::uint64_t version = publish(scenes, "a", 0.03, 10e3).version;
+    EXPECT_GT(version, last) << text;
+    last = scenes.find("a")->snapshot()->version;
+    std::ofstream(directory / "versions.json") << text;  // for the next round
+  }
+}
+
+TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
+  const std::vector<std::pair<const char*, nlohmann::json>> changes{
+      {"begin_m", -1.0},  {"end_m", 1e9},       {"begin_m", 0.119},   {"id", 0},
+      {"end_m", nullptr}, {"version", 1000000}, {"version", "latest"}};
+  {
+    Scenes scenes(directory);
+    for (std::size_t k = 0; k < changes.size(); ++k) {
+      scenes.create("s" + std::to_string(k), tissue(0.12, 0.03), std::nullopt);
+      publish(scenes, "s" + std::to_string(k), 0.03, 10e3);
+    }
+  }
+  for (std::size_t k = 0; k < changes.size(); ++k) {
+    const fs::path file = directory / "scenes" / ("s" + std::to_string(k)) / "scene.json";
+    nlohmann::json scene = nlohmann::json::parse(std::ifstream(file));
+    scene["windows"][0][changes[k].first] = changes[k].second;
+    std::ofstream(file) << scene;
+  }
+  Scenes scenes(directory);
+  scenes.restore();
+  EXPECT_TRUE(scenes.list().empty()) << scenes.list()[0]->id();
+}
+
+// A process that publishes until it is killed, and tells each version.
+[[noreturn]] void publish_until_killed(const fs::path& directory, int tell) {
+  spdlog::set_level(spdlog::level::off);
+  Scenes scenes(directory);
+  scenes.restore();
+  if (scenes.list().empty()) scenes.create("a", tissue(0.02, 0.01), std::nullopt);
+  for (int k = 0;; ++k) {
+    const auto scene = scenes.find("a");
+    const std::uint64_t version =
+        scenes.publish(scene, window_of(homogeneous(1e4), 0.002 * (k % 4), 0.01, 0.01), {}).version;
+    if (write(tell, &version, sizeof(version)) != sizeof(version)) std::_Exit(1);
+  }
+}
+
+TEST_F(StateOnDisk, KillsAtRandomMomentsNeitherRepeatAVersionNorLoseTheScene) {
+  std::mt19937 random(11);
+  std::uint64_t last = 0;
+  for (int round = 0; round < 12; ++round) {
+    int pipe_ends[2];
+    ASSERT_EQ(pipe(pipe_ends), 0);
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) publish_until_killed(directory, pipe_ends[1]);
+    close(pipe_ends[1]);
+    std::uint64_t version = 0;
+    const unsigned before_the_kill = 1 + random() % 5;  // publications, then within a later one's writing
+    unsigned told = 0;
+    const auto hear = [&] {
+      if (read(pipe_ends[0], &version, sizeof(version)) != sizeof(version)) return false;
+      EXPECT_GT(version, last);
+      last = std::max(last, version);
+      return ++told, true;
+    };
+    while (told < before_the_kill && hear()) {
+    }
+    std::this_thread::sleep_for(std::chrono::microseconds(random() % 60000));
+    kill(child, SIGKILL);
+    while (hear()) {
+    }
+    close(pipe_ends[0]);
+    int status = 0;
+    waitpid(child, &status, 0);
+    EXPECT_TRUE(WIFSIGNALED(status)) << "round " << round << ": it ended by itself";
+    EXPECT_GE(told, before_the_kill);
+  }
+  Scenes scenes(directory);
+  scenes.restore();
+  ASSERT_EQ(scenes.list().size(), 1U);
+  EXPECT_GT(scenes.list()[0]->snapshot()->version, 0U) << "nothing was written: the kills came too early";
+  EXPECT_FALSE(fs::exists(directory / "set-aside"));
 }
 
 TEST_F(StateOnDisk, DirectoryThatCannotBeWrittenOrIsTakenIsOneClearLine) {
