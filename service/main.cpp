@@ -9,8 +9,11 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
+#include <future>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
@@ -84,30 +87,53 @@ void start_logging(const std::string& level) {
       [](gpr_log_func_args* args) { spdlog::debug("event=grpc message=\"{}\"", args->message); });
 }
 
+// Blocked before there is any thread, so that all inherit it and only those who wait for them take them.
+sigset_t block_stop_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  return signals;
+}
+
+std::unique_ptr<Server> start(ServeOptions options) {
+  constexpr int kDeviceNiceness = 5;  // kernels run below touch
+  options.device.niceness = kDeviceNiceness;
+  auto server = std::make_unique<Server>(Device::open(options.device), options.server);
+  server->make_ready();
+  return server;
+}
+
+// Starting compiles kernels and restores scenes, for seconds that nothing can interrupt. A signal meanwhile
+// ends the process on the spot: nobody is served yet, and the state on disk is whole at every moment.
+std::unique_ptr<Server> start_unless_stopped(const ServeOptions& options, const sigset_t& signals) {
+  auto starting = std::async(std::launch::async, [&options] { return start(options); });
+  while (starting.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) {
+    const timespec now{};
+    const int signal = sigtimedwait(&signals, nullptr, &now);
+    if (signal <= 0) continue;
+    spdlog::info("event=stopped_while_starting signal={}", signal);
+    std::_Exit(0);
+  }
+  return starting.get();
+}
+
 void serve(const CLI::App& command, ServeOptions options) {
   const auto begun = std::chrono::steady_clock::now();
   read_config(command, options);
   start_logging(options.log_level);
   std::signal(SIGPIPE, SIG_IGN);
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &signals,
-                  nullptr);           // before any thread: all inherit it, sigwait below takes them
-  constexpr int kDeviceNiceness = 5;  // kernels run below touch
-  options.device.niceness = kDeviceNiceness;
-  const auto device = Device::open(options.device);
-  Server server(device, options.server);
-  server.make_ready();
+  const sigset_t signals = block_stop_signals();
+  const auto server = start_unless_stopped(options, signals);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
-  std::printf("teletact-service: serving on %s, device %s, ready in %.2f s\n", server.address().c_str(),
-              device->info().name.c_str(), took.count());
+  std::printf("teletact-service: serving on %s, device %s, ready in %.2f s\n", server->address().c_str(),
+              server->core().device->info().name.c_str(), took.count());
   std::fflush(stdout);
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("event=signal signal={}", signal);
-  server.drain();
+  server->drain();
 }
 
 void print_devices(bool as_json) {

@@ -35,13 +35,16 @@ bool pocl_is_installed() {
   return false;
 }
 
-// Where PoCL 3.1 keeps compiled kernels.
+// Where PoCL 3.1 keeps compiled kernels. It takes an empty HOME for the root folder.
 fs::path pocl_cache() {
-  if (const std::string set = environment("POCL_CACHE_DIR"); !set.empty()) return set;
+  if (const char* set = std::getenv("POCL_CACHE_DIR")) {
+    if (*set == 0)  // PoCL aborts
+      throw DeviceError("POCL_CACHE_DIR is set but empty: give a writable folder, or unset it");
+    return set;
+  }
   if (const std::string set = environment("XDG_CACHE_HOME"); !set.empty())
     return fs::path(set) / "pocl/kcache";
-  if (const std::string home = environment("HOME"); !home.empty())
-    return fs::path(home) / ".cache/pocl/kcache";
+  if (const char* home = std::getenv("HOME")) return std::string(home) + "/.cache/pocl/kcache";
   return "/tmp/pocl/kcache";
 }
 

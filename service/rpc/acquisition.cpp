@@ -165,8 +165,8 @@ void FrameUpload::add(const v1::FrameChunk& chunk) {
     throw std::invalid_argument("chunk.frame: must be PRE or POST");
   std::string& frame = chunk.frame() == v1::FRAME_KIND_PRE ? pre_ : post_;
   if (chunk.data().size() > most_chunk_bytes_)
-    throw std::invalid_argument(
-        fmt::format("chunk.data: {} bytes, at most {} per chunk", chunk.data().size(), most_chunk_bytes_));
+    throw std::invalid_argument(fmt::format("chunk.data: {} bytes, at most {} per chunk; send smaller ones",
+                                            chunk.data().size(), most_chunk_bytes_));
   if (chunk.offset_bytes() != frame.size())
     throw std::invalid_argument(
         fmt::format("chunk.offset_bytes: {}, but {} bytes of the frame have come; send the chunks "

@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <netdb.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -57,6 +58,25 @@ bool loopback(const std::string& host) {
   return inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
 }
 
+// Every address that the name stands for must be free: gRPC is content with one of them, and clients would
+// then find either service. What else is wrong with them, gRPC says.
+void require_free(const ListenOptions& o, const std::string& host, unsigned port) {
+  if (port == 0) return;
+  addrinfo hints{}, *all = nullptr;
+  hints.ai_socktype = SOCK_STREAM;
+  if (::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &all) != 0) return;
+  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> found(all, &::freeaddrinfo);
+  for (const addrinfo* a = found.get(); a != nullptr; a = a->ai_next) {
+    const int file = ::socket(a->ai_family, a->ai_socktype | SOCK_CLOEXEC, a->ai_protocol);
+    if (file < 0) continue;
+    const int yes = 1;  // as gRPC does: connections that linger from an earlier service are no hindrance
+    ::setsockopt(file, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    const bool taken = ::bind(file, a->ai_addr, a->ai_addrlen) != 0 && errno == EADDRINUSE;
+    ::close(file);
+    if (taken) refuse(o, "address in use: another process listens there; choose another port");
+  }
+}
+
 std::string read_pem(const char* flag, const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(in), {}};
@@ -91,6 +111,7 @@ std::string prepare_address(const ListenOptions& o) {
     refuse(o,
            "reachable from other machines without encryption; give --tls-certificate and --tls-key, or "
            "--allow-insecure-remote if the network is trusted");
+  require_free(o, host, port);
   return o.listen;
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -119,13 +120,20 @@ void map_to(const Estimate& e, const std::string& name, v1::Map* out) {
 
 }  // namespace
 
-// Everything the worker needs; it may outlive the handler.
+// Everything the worker needs; it may outlive the handler. Whoever claims the frames first uses them: the
+// worker when it begins, or a handler that gives up, which frees them. (Otherwise clients that upload and
+// cancel would fill the worker's queue with frames that nobody counts.)
 struct ElastographyService::Job {
   EstimateRequest request;
   RfFrame pre, post;
   Clock::time_point received;
   Progress progress;
   Abandoned abandoned = not_abandoned();
+  std::atomic<bool> claimed{false};
+  bool claim() { return !claimed.exchange(true); }
+  void drop_frames() {
+    if (claim()) pre = {}, post = {};
+  }
 };
 
 struct ElastographyService::Outcome {
@@ -159,7 +167,7 @@ Elastography& ElastographyService::engine_for(double max_strain) {
 ElastographyService::Outcome ElastographyService::work(Job& job) {
   const Finisher finisher{job.progress};
   const auto cancelled = [&job] { return job.abandoned->load(); };
-  if (cancelled()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
+  if (cancelled() || !job.claim()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
   const EstimateRequest& r = job.request;
   Outcome outcome;
   outcome.queued_s = seconds_since(job.received);
@@ -266,7 +274,14 @@ grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream*
       if (const auto step = job->progress.next(finished))
         write_progress(*stream, step->stage, step->elapsed_s);
     }
-    const Outcome outcome = wait_for(future, *context, job->abandoned);
+    const Outcome outcome = [&] {
+      try {
+        return wait_for(future, *context, job->abandoned);
+      } catch (...) {
+        job->drop_frames();
+        throw;
+      }
+    }();
     write_outcome(outcome, job->request, *stream);
     spdlog::info("event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} elapsed_s={:.4f}",
                  ticket->id(), context->peer(), outcome.estimate.valid_fraction,

@@ -83,9 +83,10 @@ void TouchReactor::open(const v1::TouchOpen& open) {
   if (session_) throw std::invalid_argument("open: sent twice; send poses, or open another stream");
   credit_ = open.credit() == 0 ? 1 : open.credit();
   if (credit_ > kMostCredit)
-    throw std::invalid_argument(fmt::format("open.credit: {} is more than {}", credit_, kMostCredit));
+    throw std::invalid_argument(fmt::format(
+        "open.credit: {} is more than {}; ask for fewer answers in flight", credit_, kMostCredit));
   period_ = period_from(open.period_s());
-  name_ = open.session_id().substr(0, 64);
+  name_ = shown(open.session_id());
   auto scene = core_.scenes.find(open.scene_id());
   session_ = std::make_unique<TouchSession>(scene, touch_options_from(open), core_.device);
   deletion_callback_ = scene->on_deleted([this] {
@@ -103,11 +104,12 @@ void TouchReactor::take_pose(const v1::ContactPose& pose) {
   if (!session_) throw std::invalid_argument("open: the first message of a touch stream must be open");
   if (pose.sequence() <= last_sequence_)
     throw std::invalid_argument(
-        fmt::format("pose.sequence: {} after {}; must increase", pose.sequence(), last_sequence_));
+        fmt::format("pose.sequence: {} after {}; count up from 1", pose.sequence(), last_sequence_));
   if (pose.acknowledged() > written_ || pose.acknowledged() < acknowledged_)
-    throw std::invalid_argument(
-        fmt::format("pose.acknowledged: {}, but {} answers were sent and {} acknowledged",
-                    pose.acknowledged(), written_.load(), acknowledged_.load()));
+    throw std::invalid_argument(fmt::format(
+        "pose.acknowledged: {}, but {} answers were sent and {} acknowledged; give the number of the "
+        "newest answer received",
+        pose.acknowledged(), written_.load(), acknowledged_.load()));
   const auto position_m = vector_from("pose.position_m", pose.position_m(), false);
   const auto velocity_m_s = vector_from("pose.velocity_m_s", pose.velocity_m_s(), true);
   session_->check_pose(position_m[0], position_m[1]);
@@ -201,7 +203,7 @@ void TouchReactor::OnDone() {
         static_cast<int>(status_->error_code()));
   }
   session_.reset();
-  const auto ticket = std::move(ticket_);  // counted until nothing of the stream is left
+  ticket_.reset();  // before the rest: waits until nobody who holds it is within end() any more
   delete this;
 }
 

@@ -91,9 +91,13 @@ class Elastographer {
     for (std::size_t at = 0; at < frame.size(); at += kChunk)
       if (!send(kind, at, frame.substr(at, kChunk))) return;
   }
+  void close() {
+    if (!std::exchange(closed_, true)) stream_->WritesDone();
+  }
+  bool read(v1::EstimateResponse* response) { return stream_->Read(response); }
   Outcome finish() {
     Outcome outcome;
-    stream_->WritesDone();
+    close();
     v1::EstimateResponse response;
     while (stream_->Read(&response)) {
       if (response.has_progress()) outcome.stages.push_back(response.progress().stage());
@@ -109,6 +113,7 @@ class Elastographer {
   std::unique_ptr<v1::Elastography::Stub> stub_;
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReaderWriter<v1::EstimateRequest, v1::EstimateResponse>> stream_;
+  bool closed_ = false;
 };
 
 // Touches all the time from a connection of its own, and keeps what it met.

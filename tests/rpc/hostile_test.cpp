@@ -1,0 +1,173 @@
+// Clients that mean no good, or are broken: what they can hold is bounded, and the others are served on.
+#include <fstream>
+#include <future>
+#include <vector>
+
+#include "tests/rpc/estimate_client.h"
+
+namespace teletact::service {
+namespace {
+
+std::size_t resident_bytes() {
+  std::size_t pages = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> pages >> resident;
+  return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+}
+
+class Hostile : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    server = std::make_unique<RunningServer>();
+    (*server)->make_ready();
+    grpc::ClientContext context;
+    v1::Scene scene;
+    ASSERT_TRUE(
+        v1::Palpation::NewStub(server->channel())->CreateScene(&context, uniform_scene("s"), &scene).ok());
+  }
+  static void TearDownTestSuite() { server.reset(); }
+  static void expect_all_calls_end() {
+    (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(20));
+    EXPECT_EQ((*server)->core().calls.count(), 0U);
+  }
+  static inline std::unique_ptr<RunningServer> server;
+};
+
+TEST_F(Hostile, ThousandsOfStreamsThatComeAndGoLeaveNothing) {
+  const auto channel = server->channel();
+  const std::size_t before = resident_bytes();
+  {
+    Bystander bystander(server->channel(), "s");
+    for (int k = 0; k < 2000; ++k) {
+      Toucher toucher(channel, "s");  // cancelled at once, opened or not
+      if (k % 3 == 0) toucher.opened();
+      if (k % 7 == 0) toucher.send(0.05, 0.002);
+    }
+    bystander.stop();
+    EXPECT_EQ(bystander.failures(), 0);
+  }
+  expect_all_calls_end();
+  EXPECT_LT(resident_bytes(), before + (std::size_t{64} << 20));
+}
+
+TEST_F(Hostile, FloodOfPosesThatNobodyReadsIsBounded) {
+  const std::size_t before = resident_bytes();
+  Bystander bystander(server->channel(), "s");
+  Toucher flood(server->channel(), "s");
+  ASSERT_TRUE(flood.opened());
+  flood.stop_acknowledging();
+  v1::TouchRequest request;
+  for (const double v : {0.05, 0.002}) request.mutable_pose()->add_position_m(v);
+  for (std::uint64_t k = 1; k <= 50'000; ++k) {
+    request.mutable_pose()->set_sequence(k);
+    ASSERT_TRUE(flood.send_as_is(request));
+  }
+  bystander.stop();
+  EXPECT_EQ(bystander.failures(), 0);
+  EXPECT_LT(resident_bytes(), before + (std::size_t{64} << 20));
+  std::size_t unread = 0;
+  EXPECT_TRUE(flood.finish(&unread).ok());
+  EXPECT_LE(unread, 1U);  // its credit
+}
+
+TEST_F(Hostile, HugeRepeatedFieldsAreRefusedByName) {
+  for (const bool velocity : {false, true}) {
+    Toucher toucher(server->channel(), "s");
+    ASSERT_TRUE(toucher.opened());
+    v1::TouchRequest request;
+    v1::ContactPose* pose = request.mutable_pose();
+    pose->set_sequence(1);
+    for (int k = 0; k < (velocity ? 2 : 200'000); ++k) pose->add_position_m(0.01);
+    for (int k = 0; k < (velocity ? 200'000 : 2); ++k) pose->add_velocity_m_s(0.01);
+    toucher.send_as_is(request);
+    const grpc::Status status = toucher.finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << status.error_message();
+    EXPECT_NE(status.error_message().find(velocity ? "velocity_m_s" : "position_m"), std::string::npos);
+  }
+}
+
+TEST_F(Hostile, AcknowledgementsOfAnswersThatWereNeverSentEndTheStream) {
+  for (const std::uint64_t acknowledged : {std::uint64_t{1}, std::uint64_t{1} << 40, UINT64_MAX}) {
+    Toucher toucher(server->channel(), "s");
+    ASSERT_TRUE(toucher.opened());
+    v1::TouchRequest request;
+    for (const double v : {0.05, 0.002}) request.mutable_pose()->add_position_m(v);
+    request.mutable_pose()->set_sequence(1);
+    request.mutable_pose()->set_acknowledged(acknowledged);
+    toucher.send_as_is(request);
+    const grpc::Status status = toucher.finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << acknowledged;
+    EXPECT_NE(status.error_message().find("pose.acknowledged"), std::string::npos) << status.error_message();
+  }
+}
+
+TEST_F(Hostile, UploadsThatAreGivenUpKeepNoFrames) {
+  // The worker is held; frames of 8 MiB that are waiting for it as 16 MiB of floats each.
+  constexpr std::size_t kCalls = 12, kBytes = std::size_t{2} * 2048 * 2048;
+  std::promise<void> release;
+  (*server)->core().scenes.worker().post(JobUrgency::kUrgent, [&] { release.get_future().wait(); });
+  const std::string frame(kBytes, '\1');
+  v1::Acquisition a = acquisition();
+  a.set_dtype(v1::DATA_TYPE_INT16);
+  a.set_sample_count(2048), a.set_line_count(2048);
+  a.set_line_pitch_m(1e-4);
+  const auto channel = server->channel();
+  std::size_t most = 0, first = 0;
+  for (std::size_t k = 0; k < kCalls; ++k) {
+    {
+      Elastographer call(channel);
+      call.send(a);
+      call.send_frame(v1::FRAME_KIND_PRE, frame);
+      call.send_frame(v1::FRAME_KIND_POST, frame);
+      call.close();
+      v1::EstimateResponse received;
+      EXPECT_TRUE(call.read(&received)) << call.finish().status.error_message();
+      EXPECT_EQ(received.progress().stage(), v1::ESTIMATE_STAGE_RECEIVED);
+      call.context().TryCancel();
+      call.finish();
+    }
+    expect_all_calls_end();
+    if (k == 1) first = resident_bytes();
+    most = std::max(most, resident_bytes());
+  }
+  release.set_value();
+  EXPECT_LT(most, first + 4 * 4 * kBytes);  // of (kCalls - 2) pairs, 4 kBytes each
+}
+
+TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
+  const auto channel = server->channel();
+  const auto stub = v1::Palpation::NewStub(channel);
+  v1::WatchFingerRequest request;
+  request.set_scene_id("s");
+  struct Watcher {
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReader<v1::FingerState>> stream;
+    ~Watcher() { context.TryCancel(); }
+  };
+  std::vector<std::unique_ptr<Watcher>> watchers;
+  v1::FingerState state;
+  for (std::size_t k = 0; k <= Calls::kMostWatchers; ++k) {
+    auto& watcher = *watchers.emplace_back(std::make_unique<Watcher>());
+    set_deadline(watcher.context);
+    watcher.stream = stub->WatchFinger(&watcher.context, request);
+    if (k < Calls::kMostWatchers)
+      ASSERT_TRUE(watcher.stream->Read(&state)) << k;
+    else
+      EXPECT_EQ(watcher.stream->Finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  }
+  std::vector<std::unique_ptr<Elastographer>> uploads;
+  for (std::size_t k = 0; k < Calls::kMostEstimates; ++k) {
+    uploads.push_back(std::make_unique<Elastographer>(channel));
+    uploads.back()->send(acquisition());
+  }
+  while ((*server)->core().calls.count() < Calls::kMostWatchers + Calls::kMostEstimates)
+    std::this_thread::yield();
+  Elastographer one_too_many(channel);
+  EXPECT_EQ(one_too_many.finish().status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  Toucher toucher(channel, "s");
+  v1::TouchAnswer answer;
+  EXPECT_TRUE(toucher.opened() && toucher.touch(0.05, 0.002, &answer));  // touch has places of its own
+  for (const auto& upload : uploads) upload->context().TryCancel(), upload->finish();
+}
+
+}  // namespace
+}  // namespace teletact::service
