@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <random>
 #include <string>
 
 #include "service/imaging/strip_model.h"
@@ -17,14 +19,14 @@ constexpr double kWidthM = 0.031;
 
 // Strain of homogeneous tissue, pushed by 0.4 mm.
 struct Homogeneous {
-  Homogeneous() {
+  explicit Homogeneous(const TissueExtent& extent = {0.200, 0.040, 0.080, 0.49}) : tissue(extent) {
     StripModel model(tissue, kWidthM);
     const StripResponse response = model.solve(std::vector<double>(model.grid().elements(), 1.0));
     force_n_per_m = response.force_n_per_m;
     for (const float strain : model.on_image(response.stress, kGrid)) {
       const float axial = 0.4e-3f * strain;
       tensor.insert(tensor.end(), {-axial, axial, 0, 0});
-      trusted.push_back(1);
+      trusted.push_back(std::isfinite(axial) ? 1 : 0);
     }
   }
   ModulusInput input(const Queue& queue, std::optional<ProbeForce> force) {
@@ -35,7 +37,7 @@ struct Homogeneous {
   ProbeForce force(double modulus_pa) const {
     return {modulus_pa * force_n_per_m * 0.4e-3 * 0.010, kWidthM * 0.010};
   }
-  TissueExtent tissue{0.200, 0.040, 0.080, 0.49};
+  TissueExtent tissue;
   double force_n_per_m = 0;
   std::vector<float> tensor;
   std::vector<std::uint8_t> trusted;
@@ -148,6 +150,86 @@ TEST(ReferenceStress, CorrectionsRecoverContrastAndBackground) {
   EXPECT_LE(inside.map[centre], 55e3);
   EXPECT_GE(inside.map[beside], 9.3e3);
   EXPECT_LE(inside.map[beside], 10.7e3);
+}
+
+ReferenceStressOptions corrected(int times) {
+  ReferenceStressOptions options;
+  options.corrections = times;
+  return options;
+}
+
+// Multiplies the strain by 1 + noise, smooth over about the 2 mm of a strain kernel.
+void add_noise(Homogeneous& h, double relative) {
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal(0, relative);
+  std::vector<double> white(kGrid.size()), smooth(kGrid.size());
+  for (double& w : white) w = normal(random);
+  constexpr int kHalf = 2;
+  for (int j = 0; j < int(kGrid.ny); ++j)
+    for (int i = 0; i < int(kGrid.nx); ++i) {
+      double sum = 0, count = 0;
+      for (int b = std::max(0, j - kHalf); b <= std::min(int(kGrid.ny) - 1, j + kHalf); ++b)
+        for (int a = std::max(0, i - kHalf); a <= std::min(int(kGrid.nx) - 1, i + kHalf); ++a)
+          sum += white[std::size_t(a) + kGrid.nx * std::size_t(b)], ++count;
+      smooth[std::size_t(i) + kGrid.nx * std::size_t(j)] = sum / std::sqrt(count);
+    }
+  for (std::size_t n = 0; n < kGrid.size(); ++n) h.tensor[4 * n + 1] *= static_cast<float>(1 + smooth[n]);
+}
+
+// The corrections are not a contraction: they get better, then slowly worse (T3.1), so they are few.
+TEST(ReferenceStress, CorrectionsStopNearTheirBestAndMoreDoNotRunAway) {
+  for (const double noise : {0.0, 0.05}) {
+    Inclusion inside(0.095);
+    add_noise(inside.h, noise);
+    std::vector<double> errors;
+    std::printf("noise %.2f: mean |log E error| after 0, 1, 2, 3, 5, 10, 20 corrections", noise);
+    for (const int times : {0, 1, 2, 3, 5, 10, 20}) {
+      errors.push_back(inside.error(corrected(times), {}));
+      std::printf(" %.3f", errors.back());
+    }
+    std::printf("\n");
+    EXPECT_EQ(inside.error({}, {}), errors[3]);  // 3 by default
+    EXPECT_LE(errors[3], 0.9 * errors[0]) << noise;
+    for (const double error : errors) EXPECT_LE(errors[3], 1.05 * error) << noise;
+    EXPECT_LE(errors.back(), 1.3 * errors[0]) << noise;
+  }
+}
+
+TEST(ReferenceStress, NoiseInventsNoInclusionAndKeepsTheScale) {
+  for (const double noise : {0.05, 0.10}) {
+    const Queue queue = imaging_device()->queue();
+    Homogeneous h;
+    add_noise(h, noise);
+    const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(12.5e3)));
+    EXPECT_NEAR(e.background, 12.5e3, 0.05 * 12.5e3) << noise;
+    double said = 0, stiff = 0;
+    for (const float modulus : e.youngs_modulus)
+      if (std::isfinite(modulus)) ++said, stiff += modulus > 1.5 * 12.5e3 || modulus < 12.5e3 / 1.5;
+    EXPECT_GE(said, 0.8 * 0.75 * double(kGrid.size()));
+    EXPECT_LE(stiff / said, 0.01) << noise;
+    std::printf("noise %.2f: background %.0f of 12500 Pa, beyond 1.5 times either way %.4f\n", noise,
+                e.background, stiff / said);
+  }
+}
+
+// The window at the tissue's end, all of the tissue, and tissue that ends above or below the image.
+TEST(ReferenceStress, ExtentsOfEveryKindGiveTheModulusOfHomogeneousTissue) {
+  const Queue queue = imaging_device()->queue();
+  for (const TissueExtent& extent : {TissueExtent{0.200, 0.040, 0, 0.49},
+                                     {0.200, 0.040, 0.200 - kWidthM, 0.49},
+                                     {kWidthM, 0.040, 0, 0.49},
+                                     {0.200, 0.025, 0.080, 0.49},
+                                     {0.200, 0.120, 0.080, 0.49},
+                                     {0.200, 0.040, 0.080, 0.0},
+                                     {0.200, 0.040, 0.080, 0.4999}}) {
+    Homogeneous h(extent);
+    const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(12.5e3)));
+    EXPECT_NEAR(e.background, 12.5e3, 0.01 * 12.5e3) << extent.depth_m << " " << extent.window_x_m;
+    for (std::size_t n = 0; n < kGrid.size(); ++n) {
+      const double y = kGrid.origin_y_m + static_cast<double>(n / kGrid.nx) * kGrid.dy_m;
+      EXPECT_TRUE(y <= extent.depth_m || std::isnan(e.youngs_modulus[n])) << n;
+    }
+  }
 }
 
 TEST(ReferenceStress, WhatIsKnownBesideTheWindowHelps) {
