@@ -179,6 +179,8 @@ void catch_signals() {
 void run(const Arguments& arguments) {
   if (arguments.tissue_path.empty() == !arguments.seed)
     throw CommandError("give either --tissue FILE or --seed N");
+  if (arguments.record_rf && arguments.record_path.empty())
+    throw CommandError("--record-rf keeps RF in the recording: give --record FILE too");
   const Tissue tissue = tissue_of(arguments);
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
   const auto channel = make_channel(arguments.address, arguments.tls_ca);
@@ -190,7 +192,9 @@ void run(const Arguments& arguments) {
   recorder.info(get_info(channel));
   SimulatedSource source = prepare(tissue, arguments);
   catch_signals();
-  AcquireSession session(channel, source, arguments.acquire, observe(arguments, recorder));
+  AcquireOptions options = arguments.acquire;
+  options.all_maps = arguments.record_rf;
+  AcquireSession session(channel, source, options, observe(arguments, recorder));
   const AcquireResult result = session.run(interrupted);
   std::printf("%zu windows published, %zu pairs not tracked, %zu windows without frames left\n",
               result.windows.size(), result.untracked, result.exhausted);

@@ -125,6 +125,7 @@ void AcquireSession::upload_loop() {
 void AcquireSession::upload_one(Upload upload) {
   upload.pair.acquisition.mutable_publish()->set_scene_id(options_.scene_id);
   upload.pair.acquisition.mutable_publish()->set_window_x_m(upload.timing.window_x_m());
+  if (options_.all_maps) upload.pair.acquisition.clear_maps();
   EstimateCallbacks callbacks;
   callbacks.request = [this](const v1::EstimateRequest& request) {
     if (request.has_acquisition()) ++calls_;  // a repeated call is a call of its own

@@ -38,6 +38,7 @@ struct AcquireOptions {
   double finger_gone_s = 0.5;  // a finger away that long has left
   double duration_s = 0;       // 0: no limit
   double retry_for_s = 10;
+  bool all_maps = false;  // ask for every map of every pair: for recordings
 };
 
 // What happens, as it happens; every member optional. The calls come from the uploader's thread, `ready` and

@@ -45,6 +45,8 @@ class CallReader {
         calls_[entry->call()].requests.push_back(std::move(*entry));
       } else if (entry->has_touch_response() || entry->has_estimate_response()) {
         calls_[entry->call()].responses.push_back(std::move(*entry));
+      } else if (entry->has_scene()) {
+        scene_ = entry->scene();
       }
     }
     if (calls_.empty()) return std::nullopt;
@@ -52,9 +54,12 @@ class CallReader {
     calls_.erase(calls_.begin());
     return call;
   }
+  // As it stood at the end of the recording; nothing before all calls are read, or where it was cut short.
+  const std::optional<v1::Scene>& scene() const { return scene_; }
 
  private:
   RecordReader reader_;
+  std::optional<v1::Scene> scene_;
   std::map<std::uint32_t, Call> calls_;
   bool ended_ = false;
 };
@@ -90,13 +95,14 @@ class Player {
   void play_touch(const Call& call);
   void compare(const v1::TouchAnswer& answer, const v1::TouchAnswer& recorded);
   void play_estimate(const Call& call);
-  void compare(const v1::Map& map, const v1::Map& recorded);
+  void compare(const v1::Map& map, const v1::Map& recorded, const std::string& name);
+  void compare_scene(const v1::Scene& recorded);
   void keep(const v1::TouchRequest& request);
   void keep(const v1::TouchResponse& response);
   void keep(const v1::EstimateRequest& request);
   void keep(const v1::EstimateResponse& response);
   void keep(v1::RecordEntry entry);
-  void need_scene(const std::string& scene_id);
+  void need_scene();
 
   const ReplayOptions& options_;
   const std::atomic<bool>& stop_;
@@ -104,6 +110,7 @@ class Player {
   Pace pace_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<RecordWriter> recorder_;
+  std::string scene_id_;
   ReplayReport report_;
 };
 
@@ -115,8 +122,8 @@ Player::Player(const ReplayOptions& options, const std::atomic<bool>& stop)
   if (!wait_connected(*channel_, kConnectS)) {
     throw std::runtime_error(nobody_answers(options.address, options.tls_ca));
   }
-  const std::string& recorded_scene = calls_.reader().header().scene_id();
-  need_scene(options.scene_id.empty() ? recorded_scene : options.scene_id);
+  scene_id_ = options.scene_id.empty() ? calls_.reader().header().scene_id() : options.scene_id;
+  need_scene();
   if (!options.record_path.empty()) {
     v1::RecordHeader header = calls_.reader().header();
     header.set_service(options.address);
@@ -126,29 +133,29 @@ Player::Player(const ReplayOptions& options, const std::atomic<bool>& stop)
 }
 
 // A touch needs a scene with its windows. Frames need at least an empty one: it is made as it was recorded.
-void Player::need_scene(const std::string& scene_id) {
+void Player::need_scene() {
   const auto stub = v1::Palpation::NewStub(channel_);
   v1::GetSceneRequest request;
-  request.set_scene_id(scene_id);
+  request.set_scene_id(scene_id_);
   v1::Scene scene;
   grpc::ClientContext context;
   const grpc::Status status = stub->GetScene(&context, request, &scene);
   if (status.ok()) return;
   if (report_.kind != "acquire" || status.error_code() != grpc::StatusCode::NOT_FOUND) {
-    throw std::runtime_error("cannot replay into scene '" + scene_id + "': " + describe(status));
+    throw std::runtime_error("cannot replay into scene '" + scene_id_ + "': " + describe(status));
   }
   RecordReader reader(options_.path);
   while (const auto entry = reader.next()) {
     if (!entry->has_scene()) continue;
     v1::CreateSceneRequest create;
-    create.set_scene_id(scene_id);
+    create.set_scene_id(scene_id_);
     *create.mutable_geometry() = entry->scene().geometry();
     grpc::ClientContext create_context;
     const grpc::Status created = stub->CreateScene(&create_context, create, &scene);
     if (!created.ok()) fail("creating the scene", created);
     return;
   }
-  throw std::runtime_error("scene '" + scene_id +
+  throw std::runtime_error("scene '" + scene_id_ +
                            "' is unknown, and the recording holds none to make it from; " +
                            "name one with --scene");
 }
@@ -165,7 +172,12 @@ ReplayReport Player::play() {
       play_touch(*call);
     }
   }
+  if (report_.calls == 0 && !stop_)
+    throw std::runtime_error(
+        "'" + options_.path + "' holds nothing to play; record with " +
+        (report_.kind == "acquire" ? "acquire --record FILE --record-rf" : "touch --record FILE"));
   report_.truncated = calls_.reader().truncated();
+  if (!stop_ && report_.kind == "acquire" && calls_.scene()) compare_scene(*calls_.scene());
   if (recorder_) recorder_->close();
   return report_;
 }
@@ -227,8 +239,10 @@ void Player::compare(const v1::TouchAnswer& answer, const v1::TouchAnswer& recor
 
 void Player::play_estimate(const Call& call) {
   std::map<std::string, const v1::Map*> recorded;
+  bool published = false;  // else the call failed when it was recorded, and may fail again
   for (const v1::RecordEntry& entry : call.responses) {
     const v1::EstimateResponse& response = entry.estimate_response();
+    published = published || response.has_summary();
     if (response.has_map()) recorded[response.map().map().name()] = &response.map().map();
   }
   const auto stub = v1::Elastography::NewStub(channel_);
@@ -251,10 +265,13 @@ void Player::play_estimate(const Call& call) {
     keep(response);
     if (!response.has_map()) continue;
     const auto partner = recorded.find(response.map().map().name());
-    if (partner != recorded.end()) compare(response.map().map(), *partner->second);
+    if (partner == recorded.end()) continue;
+    compare(response.map().map(), *partner->second, partner->first);
+    recorded.erase(partner);
   }
+  report_.not_alike += recorded.size();  // maps that did not come this time
   const grpc::Status status = stream->Finish();
-  if (!status.ok() && !stop_) fail("an Estimate call", status);
+  if (!status.ok() && published && !stop_) fail("an Estimate call", status);
   ++report_.requests;
 }
 
@@ -275,7 +292,20 @@ double largest_difference(const std::string& a, const std::string& b) {
   return difference == 0 ? 0 : difference / scale;
 }
 
-void Player::compare(const v1::Map& map, const v1::Map& recorded) {
+// What all windows together have become.
+void Player::compare_scene(const v1::Scene& recorded) {
+  v1::GetSceneRequest request;
+  request.set_scene_id(scene_id_);
+  request.set_view(v1::SCENE_VIEW_FULL);
+  v1::Scene scene;
+  grpc::ClientContext context;
+  const grpc::Status status = v1::Palpation::NewStub(channel_)->GetScene(&context, request, &scene);
+  if (!status.ok()) fail("reading the scene", status);
+  compare(scene.youngs_modulus(), recorded.youngs_modulus(), "the scene's modulus");
+  compare(scene.valid(), recorded.valid(), "the scene's validity");
+}
+
+void Player::compare(const v1::Map& map, const v1::Map& recorded, const std::string& name) {
   ++report_.compared;
   const v1::Array& a = map.values();
   const v1::Array& b = recorded.values();
@@ -290,7 +320,7 @@ void Player::compare(const v1::Map& map, const v1::Map& recorded) {
   if (a.dtype() == v1::DATA_TYPE_INT16) difference = largest_difference<std::int16_t>(a.data(), b.data());
   if (!(difference <= report_.largest_map_difference)) {
     report_.largest_map_difference = difference;
-    report_.largest_map = map.name();
+    report_.largest_map = name;
   }
 }
 

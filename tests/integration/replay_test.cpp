@@ -1,0 +1,100 @@
+// A session that was recorded, RF and all, plays again into a service that has never seen it: the same maps,
+// the same scene, and the same forces for the same poses.
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "client/link/replay.h"
+#include "tests/integration/process.h"
+
+namespace teletact {
+namespace {
+
+constexpr const char* kTissue =
+    "seed = 7\n"
+    "[tissue]\nwidth_m = 0.12\ndepth_m = 0.03\n"
+    "[[inclusion]]\nposition_m = [0.058, 0.011]\ndiameter_m = 0.01\ncontrast = 5.0\n";
+
+// Same device, same order of work: what remains is a restart's rounding, if any.
+constexpr double kMapTolerance = 1e-6, kForceToleranceN = 1e-6;
+
+struct Service {
+  explicit Service(const std::string& address, const std::string& log)
+      : process({test::service_binary(), "serve", "--listen", address}, log) {
+    if (!process.says("serving on", 300)) throw std::runtime_error(process.output());
+  }
+  test::Process process;
+};
+
+test::Outcome record_touch(const std::string& address, const test::TemporaryFolder& folder) {
+  return test::run({test::client_binary(), "touch", "--service", address, "--scene", "a", "--duration-s", "1",
+                    "--record", folder / "touch.record"},
+                   folder / "touch.log");
+}
+
+test::Outcome acquire(const std::string& address, const std::string& scene, const std::string& record,
+                      const test::TemporaryFolder& folder, const std::vector<std::string>& more) {
+  std::vector<std::string> command{test::client_binary(),
+                                   "acquire",
+                                   "--service",
+                                   address,
+                                   "--scene",
+                                   scene,
+                                   "--tissue",
+                                   folder / "t.toml",
+                                   "--passes-prepared",
+                                   "1",
+                                   "--duration-s",
+                                   "4",
+                                   "--record",
+                                   record};
+  command.insert(command.end(), more.begin(), more.end());
+  return test::run(command, folder / "acquire.log", {}, 120);
+}
+
+TEST(Replay, RfRebuildsTheSceneAndTheForcesInAFreshService) {
+  test::TemporaryFolder folder;
+  const std::string address = "unix:" + (folder / "s");
+  std::ofstream(folder / "t.toml") << kTissue;
+  auto service = std::make_unique<Service>(address, folder / "service1.log");
+  const test::Outcome acquired = acquire(address, "a", folder / "rf.record", folder, {"--record-rf"});
+  ASSERT_EQ(acquired.code, 0) << acquired.output;
+  const test::Outcome touched = record_touch(address, folder);
+  ASSERT_EQ(touched.code, 0) << touched.output;
+  service.reset();  // and with it everything that it knew
+  service = std::make_unique<Service>(address, folder / "service2.log");
+
+  const std::atomic<bool> stop{false};
+  client::ReplayOptions options;
+  options.address = address;
+  options.speed = 0;
+  options.path = folder / "rf.record";
+  const client::ReplayReport maps = client::replay(options, stop);
+  EXPECT_EQ(maps.calls, 2u) << "one per window";
+  EXPECT_EQ(maps.compared, 2u * 8u + 2u) << "eight maps of each pair, and the scene's two";
+  EXPECT_EQ(maps.not_alike, 0u);
+  EXPECT_LE(maps.largest_map_difference, kMapTolerance) << maps.largest_map;
+
+  options.path = folder / "touch.record";
+  const client::ReplayReport forces = client::replay(options, stop);
+  EXPECT_GE(forces.compared, 100u);
+  EXPECT_EQ(forces.not_alike, 0u);
+  EXPECT_LE(forces.largest_force_difference_n, kForceToleranceN);
+}
+
+TEST(Replay, ARecordingWithoutRfIsRefusedNotPlayedAsNothing) {
+  test::TemporaryFolder folder;
+  const std::string address = "unix:" + (folder / "s");
+  std::ofstream(folder / "t.toml") << kTissue;
+  const Service service(address, folder / "service.log");
+  const test::Outcome acquired = acquire(address, "b", folder / "no-rf.record", folder, {});
+  ASSERT_EQ(acquired.code, 0) << acquired.output;
+  const test::Outcome replayed =
+      test::run({test::client_binary(), "replay", folder / "no-rf.record", "--service", address},
+                folder / "replay.log");
+  EXPECT_EQ(replayed.code, 1);
+  EXPECT_NE(replayed.output.find("--record-rf"), std::string::npos) << replayed.output;
+}
+
+}  // namespace
+}  // namespace teletact
