@@ -36,6 +36,22 @@ const char* stage_name(v1::EstimateStage stage) {
   }
 }
 
+// A modulus in Pa hangs on how far the probe's stress spreads: an assumed tissue is said, not hidden.
+void warn_of_assumptions(const v1::Acquisition& acquisition) {
+  const TissueExtent tissue = tissue_extent(acquisition);
+  if (!acquisition.has_probe_force()) return;
+  if (tissue.width_assumed)
+    std::fprintf(stderr,
+                 "warning: --tissue-width-m is not given: the tissue is taken to end where the frame does "
+                 "(%.1f mm). In wider tissue the modulus then comes out too high, up to about twofold.\n",
+                 tissue.width_m * 1e3);
+  if (tissue.depth_assumed)
+    std::fprintf(stderr,
+                 "warning: --tissue-depth-m is not given: the fixed far side is taken to lie at the end of "
+                 "the frame (%.1f mm)\n",
+                 tissue.depth_m * 1e3);
+}
+
 void run(const Arguments& arguments) {
   require_writable_folder(arguments.out);
   const FramePair pair = read_recorded_frames(arguments.frames);
@@ -43,6 +59,7 @@ void run(const Arguments& arguments) {
   if (!wait_connected(*channel, kConnectWaitS))
     throw CommandError(nobody_answers(arguments.address, arguments.tls_ca));
   EstimateCallbacks callbacks;
+  warn_of_assumptions(pair.acquisition);
   callbacks.response = [](const v1::EstimateResponse& response) {
     if (response.has_progress())
       std::fprintf(stderr, "%6.2f s  %s\n", response.progress().elapsed_s(),
@@ -56,7 +73,9 @@ void run(const Arguments& arguments) {
               pair.acquisition.sample_count(), pair.acquisition.line_count(), summary.median_correlation(),
               100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
   if (summary.modulus_absolute())
-    std::printf("background %.2f kPa\n", summary.background_modulus_pa() * 1e-3);
+    std::printf(
+        "background %.2f kPa%s\n", summary.background_modulus_pa() * 1e-3,
+        tissue_extent(pair.acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
     std::printf("modulus relative to the background (no force given)\n");
   std::printf("%zu files in %s\n", files.size(), arguments.out.c_str());

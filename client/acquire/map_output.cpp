@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "client/acquire/recorded_frames.h"
 #include "client/files/png.h"
 #include "client/files/vti.h"
 
@@ -121,6 +122,11 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
         {"line_pitch_m", acquisition.line_pitch_m()},
         {"first_sample_depth_m", acquisition.first_sample_depth_m()},
         {"frame", acquisition.displacement_frame() == v1::DISPLACEMENT_FRAME_LAB ? "LAB" : "PROBE"}}}};
+  const TissueExtent tissue = tissue_extent(acquisition);
+  json["tissue"] = {{"width_m", tissue.width_m},
+                    {"width_assumed", tissue.width_assumed},
+                    {"depth_m", tissue.depth_m},
+                    {"depth_assumed", tissue.depth_assumed}};
   if (acquisition.has_probe_force())
     json["acquisition"]["probe_force"] = {{"force_n", acquisition.probe_force().force_n()},
                                           {"contact_area_m2", acquisition.probe_force().contact_area_m2()}};

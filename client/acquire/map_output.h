@@ -18,8 +18,8 @@ void require_writable_folder(const std::filesystem::path& folder);
 std::vector<float> values_of(const teletact::v1::Map& map);
 
 // Writes displacement, strain, correlation and modulus as .vti and .png (nodes that are not valid are grey in
-// the pictures and keep their value in the files, beside the array `valid`), and estimate.json. Returns the
-// names of the files written. Throws FileError.
+// the pictures and keep their value in the files, beside the array `valid`), and estimate.json, which also
+// says which tissue was assumed. Returns the names of the files written. Throws FileError.
 std::vector<std::string> write_estimate(const std::filesystem::path& folder,
                                         const teletact::v1::Acquisition& acquisition,
                                         const EstimateOutcome& outcome);

@@ -133,6 +133,17 @@ void check_sample_spacing(double stated_m, double sound_speed_m_s, double sampli
                   : "correct --sampling-frequency-hz, --sound-speed-m-s or the file"));
 }
 
+TissueExtent tissue_extent(const v1::Acquisition& acquisition) {
+  const double sample_pitch_m = acquisition.sound_speed_m_s() / (2 * acquisition.sampling_frequency_hz());
+  TissueExtent extent{acquisition.tissue_width_m(), acquisition.tissue_depth_m()};
+  extent.width_assumed = extent.width_m == 0;
+  extent.depth_assumed = extent.depth_m == 0;
+  if (extent.width_assumed) extent.width_m = acquisition.line_count() * acquisition.line_pitch_m();
+  if (extent.depth_assumed)
+    extent.depth_m = acquisition.first_sample_depth_m() + acquisition.sample_count() * sample_pitch_m;
+  return extent;
+}
+
 FramePair read_recorded_frames(const RecordedFrameOptions& options) {
   check_options(options);
   Frame pre = read_frame(options.pre, options.pre_frame, "--pre-frame", options);

@@ -33,6 +33,13 @@ struct RecordedFrameOptions {
 // Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.
 FramePair read_recorded_frames(const RecordedFrameOptions& options);
 
+// The tissue that the service takes for the reference stress: as stated in the request, or else the frame.
+struct TissueExtent {
+  double width_m = 0, depth_m = 0;
+  bool width_assumed = false, depth_assumed = false;
+};
+TissueExtent tissue_extent(const teletact::v1::Acquisition& acquisition);
+
 // The spacing of samples (m) that `stated_m` contradicts by more than 1 % is c / (2 fs): throws
 // FrameInputError with a hint where the value looks like millimetres.
 void check_sample_spacing(double stated_m, double sound_speed_m_s, double sampling_frequency_hz,
