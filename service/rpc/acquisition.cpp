@@ -119,6 +119,20 @@ std::optional<ProbeForce> force_of(const v1::Acquisition& in) {
 }
 
 }  // namespace
+// Each at most once: the answer is as large as what is asked for.
+std::vector<std::string> maps_from(const v1::Acquisition& in) {
+  std::vector<std::string> maps;
+  for (const std::string& map : in.maps()) {
+    if (std::find(map_names().begin(), map_names().end(), map) == map_names().end())
+      throw std::invalid_argument(fmt::format("acquisition.maps: \"{}\" is unknown; one of {}", shown(map),
+                                              fmt::join(map_names(), ", ")));
+    if (std::find(maps.begin(), maps.end(), map) != maps.end())
+      throw std::invalid_argument(fmt::format("acquisition.maps: \"{}\" twice; ask for it once", map));
+    maps.push_back(map);
+  }
+  return maps.empty() ? map_names() : maps;
+}
+
 
 EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
                              std::uint64_t most_frame_bytes) {
@@ -134,12 +148,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
     throw std::invalid_argument("acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS");
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
   require_between("max_strain", request.max_strain, 1e-3, 0.2, "leave it out for 0.05");
-  for (const std::string& map : in.maps())
-    if (std::find(map_names().begin(), map_names().end(), map) == map_names().end())
-      throw std::invalid_argument(
-          fmt::format("acquisition.maps: \"{}\" is unknown; one of {}", map, fmt::join(map_names(), ", ")));
-  request.maps =
-      in.maps().empty() ? map_names() : std::vector<std::string>(in.maps().begin(), in.maps().end());
+  request.maps = maps_from(in);
   if (in.has_publish()) {
     request.scene = scenes.find(in.publish().scene_id());
     request.window_x_m = in.publish().window_x_m();
