@@ -9,7 +9,6 @@
 
 #include "client/link/channel.h"
 #include "client/link/convert.h"
-#include "client/servo/realtime.h"
 
 namespace teletact::client {
 namespace {
@@ -78,7 +77,6 @@ void TouchLink::pause(double wait_s) {
 }
 
 void TouchLink::run() {
-  if (options_.real_time) ask_for_fifo(kLinkPriority);
   const auto stopping = [this] {
     std::lock_guard lock(mutex_);
     return stopping_;
@@ -135,10 +133,7 @@ grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
   *entry.mutable_touch_request() = open;
   record(std::move(entry), clock_.now_ns());
   if (stream->Write(open)) {
-    std::thread reader([this, &stream] {
-      if (options_.real_time) ask_for_fifo(kLinkPriority);
-      read(*stream);
-    });
+    std::thread reader([this, &stream] { read(*stream); });
     write(*stream, context);
     reader.join();
   }

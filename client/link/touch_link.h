@@ -29,9 +29,6 @@ struct TouchLinkOptions {
   double dead_s = 1.0;
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first
   RecordWriter* recorder = nullptr;
-  // Ask for SCHED_FIFO below the servo's: on a busy machine an ordinary reader wakes up to 100 ms late, and
-  // silence that long fades the force. Refusal is no error.
-  bool real_time = false;
 };
 
 struct TouchLinkStats {

@@ -152,7 +152,6 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   link_options.tls_ca = options.tls_ca;
   link_options.open = options.open;
   link_options.recorder = recorder.get();
-  link_options.real_time = options.real_time;
   TouchLink link(link_options, servo->poses(), servo->answers(), clock);
 
   TouchSummary summary;

@@ -29,7 +29,7 @@ struct TouchSessionOptions {
   double wait_s = 0;        // for the service, the scene and its first window
   std::string record_path;  // empty: no recording
   std::vector<std::string> arguments;
-  bool real_time = true;  // ask for SCHED_FIFO (servo and link) and locked memory
+  bool real_time = true;  // ask for SCHED_FIFO and locked memory
 };
 
 struct TouchSummary {

@@ -1,5 +1,6 @@
 #include "client/servo/realtime.h"
 
+#include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
 
@@ -8,16 +9,13 @@
 
 namespace teletact::client {
 
-int ask_for_fifo(int priority) noexcept {
-  sched_param parameters{};
-  parameters.sched_priority = priority;
-  // For this thread alone: gRPC starts helpers of its own from the threads that call it.
-  return sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0 ? 0 : errno;
-}
-
 RealTime ask_for_real_time() {
   RealTime granted;
-  const int fifo_error = ask_for_fifo(kServoPriority);
+  // Above ordinary threads, below the kernel's own interrupt threads (50).
+  constexpr int kPriority = 40;
+  sched_param parameters{};
+  parameters.sched_priority = kPriority;
+  const int fifo_error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
   granted.fifo = fifo_error == 0;
   // On fault: what the loop touches stays; the unused stacks of other threads take no memory.
   granted.locked = mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0;
