@@ -15,7 +15,8 @@ namespace teletact::service {
 namespace {
 
 constexpr double kContextM = 0.200, kFineM = 1e-3, kCoarseM = 25e-3, kGrowth = 1.35;
-constexpr double kMirrorM = 0.020, kMatchM = 0.004;
+constexpr double kMirrorM = 0.020;
+constexpr int kMatchCells = 4;    // on each side of a border
 constexpr double kSlackM = 1e-6;  // rounding of a window that ends with its tissue
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAtRest = -1, kPushed = -2;
@@ -292,7 +293,8 @@ double StripModel::told_by(const KnownModulus& known, std::size_t column, double
 double StripModel::matching_shift(const KnownModulus& known, bool left, const WindowMap& map) const {
   std::vector<double> shifts;
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
-    for (double distance = 0.5 * kFineM; distance < kMatchM; distance += kFineM) {
+    for (int k = 0; k < kMatchCells; ++k) {
+      const double distance = (k + 0.5) * kFineM;
       const double outside = left ? -distance : window_width_m_ + distance;
       const double inside = left ? distance : window_width_m_ - distance;
       const double told = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));

@@ -97,8 +97,9 @@ TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request
                     tissue.poisson_ratio));
   const double width_m = request.window_width_m();
   if (request.scene) {
-    tissue.width_m = request.scene->geometry().width_m;
-    tissue.window_x_m = request.window_x_m;
+    // A window may stick out of the scene by Scene::kOverhangM; the probe touches what is there.
+    tissue.width_m = std::max(request.scene->geometry().width_m, width_m);
+    tissue.window_x_m = std::clamp(request.window_x_m, 0.0, tissue.width_m - width_m);
   } else {
     tissue.width_m = in.tissue_width_m() != 0 ? in.tissue_width_m() : width_m;
     require_between("tissue_width_m", tissue.width_m, width_m, 10.0,
@@ -118,7 +119,6 @@ std::optional<ProbeForce> force_of(const v1::Acquisition& in) {
   return force;
 }
 
-}  // namespace
 // Each at most once: the answer is as large as what is asked for.
 std::vector<std::string> maps_from(const v1::Acquisition& in) {
   std::vector<std::string> maps;
@@ -133,6 +133,7 @@ std::vector<std::string> maps_from(const v1::Acquisition& in) {
   return maps.empty() ? map_names() : maps;
 }
 
+}  // namespace
 
 EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
                              std::uint64_t most_frame_bytes) {

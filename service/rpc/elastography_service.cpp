@@ -171,13 +171,15 @@ ElastographyService::Outcome ElastographyService::work(Job& job) {
   const EstimateRequest& r = job.request;
   Outcome outcome;
   outcome.queued_s = seconds_since(job.received);
+  // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
+  const KnownModulus known = r.scene ? known_modulus(r.scene->snapshot()->map) : KnownModulus{};
   try {
     outcome.estimate =
         engine_for(r.max_strain)
             .estimate(
                 job.pre, job.post, r.geometry, r.force, r.tissue,
                 [&job](Stage stage) { job.progress.ended(stage_to(stage), seconds_since(job.received)); },
-                cancelled);
+                cancelled, known);
   } catch (const TrackingError& error) {
     throw Error(ErrorKind::kPrecondition, error.what());
   } catch (const EstimateCancelled& error) {

@@ -8,6 +8,10 @@
 namespace teletact::reference {
 namespace {
 
+std::size_t index(int i, int j, int nx) {
+  return static_cast<std::size_t>(i) + static_cast<std::size_t>(nx) * static_cast<std::size_t>(j);
+}
+
 // Mean of the middle two of an even count.
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
@@ -20,13 +24,13 @@ template <class Visit>
 void around(int nx, int ny, int i, int j, int radius, Visit&& visit) {
   for (int n = j - radius; n <= j + radius; ++n)
     for (int m = i - radius; m <= i + radius; ++m)
-      if (m >= 0 && m < nx && n >= 0 && n < ny) visit(static_cast<std::size_t>(m + nx * n));
+      if (m >= 0 && m < nx && n >= 0 && n < ny) visit(index(m, n, nx));
 }
 
 // Own value and the weighted differences to the pairs of opposite neighbours that are both inside the grid.
 double smoothed(const std::vector<double>& v, int nx, int ny, int i, int j) {
   const auto inside = [&](int c, int r) { return c >= 0 && c < nx && r >= 0 && r < ny; };
-  const auto at = [&](int c, int r) { return v[static_cast<std::size_t>(c + nx * r)]; };
+  const auto at = [&](int c, int r) { return v[index(c, r, nx)]; };
   constexpr int kPairs[4][3] = {{1, 0, 2}, {0, 1, 2}, {1, 1, 1}, {1, -1, 1}};  // offset, weight of 16ths
   double sum = at(i, j);
   for (const auto& [m, n, weight] : kPairs)
@@ -71,7 +75,7 @@ VectorField smooth(const VectorField& field) {
   VectorField out = field;
   for (int j = 0; j < field.ny; ++j)
     for (int i = 0; i < field.nx; ++i) {
-      const auto node = static_cast<std::size_t>(i + field.nx * j);
+      const auto node = index(i, j, field.nx);
       out.lateral[node] = smoothed(field.lateral, field.nx, field.ny, i, j);
       out.axial[node] = smoothed(field.axial, field.nx, field.ny, i, j);
     }
@@ -84,7 +88,7 @@ double bilinear(const std::vector<double>& values, int nx, int ny, double column
   for (int j = 0; j < ny; ++j)
     for (int i = 0; i < nx; ++i) {  // hat functions
       const double weight = std::max(0.0, 1 - std::abs(c - i)) * std::max(0.0, 1 - std::abs(r - j));
-      sum += weight * values[static_cast<std::size_t>(i + nx * j)];
+      sum += weight * values[index(i, j, nx)];
     }
   return sum;
 }
@@ -107,7 +111,7 @@ std::vector<double> modulus_median(int nx, int ny, const std::vector<double>& mo
   std::vector<double> out(modulus.size(), std::numeric_limits<double>::quiet_NaN());
   for (int j = 0; j < ny; ++j)
     for (int i = 0; i < nx; ++i) {
-      const auto node = static_cast<std::size_t>(i + nx * j);
+      const auto node = index(i, j, nx);
       std::vector<double> said;
       std::size_t inside = 0;
       around(nx, ny, i, j, radius, [&](std::size_t n) {
