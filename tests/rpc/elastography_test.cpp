@@ -99,6 +99,13 @@ TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
   EXPECT_LT(answer.force_n(1), 0);
 }
 
+TEST_F(Estimates, WindowThatSticksOutOfTheSceneByHalfAMillimetreIsEstimated) {
+  const Outcome outcome = estimate(acquisition("scene", -0.0005), pair().pre, pair().post);
+  ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
+  EXPECT_EQ(scene().windows(0).begin_m(), 0);
+  EXPECT_GT(outcome.summary.background_modulus_pa(), 0);
+}
+
 TEST_F(Estimates, MapsAreGivenByNameAndRelativeWithoutAForce) {
   v1::Acquisition a = acquisition();
   a.clear_probe_force();
