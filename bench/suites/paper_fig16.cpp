@@ -92,15 +92,17 @@ void draw_lines(const json& figures, const std::filesystem::path& file) {
       script += fmt::format("{:.2f} {:.6f}\n", 1e3 * figures["x_m"][i].get<double>(),
                             line["stiffness_n_m"][i].get<double>() / largest);
     script += "EOD\n";
-    curves += fmt::format("{}$line{} with lines lw 2 title 'y = {:.0f} mm'", k == 0 ? "" : ", ", k,
+    curves += fmt::format("{}$line{} with lines lw 2 lc palette frac {:.3f} title 'y = {:.0f} mm'",
+                          k == 0 ? "" : ", ", k, static_cast<double>(k) / kLines,
                           1e3 * line["depth_m"].get<double>());
   }
-  plot(file, script +
-                 fmt::format("set title 'Touching under the surface (the paper''s Fig. 16), nu = {:.2f}'\n",
-                             figures["poisson_ratio"].get<double>()) +
-                 "set xlabel 'x (mm)'\nset ylabel 'stiffness over the largest'\nset yrange [0:1.05]\n"
-                 "set key outside right\nplot " +
-                 curves + "\n");
+  plot(file,
+       script +
+           fmt::format("set title 'Touching under the surface (the paper''s Fig. 16), nu = {:.2f}'\n",
+                       figures["poisson_ratio"].get<double>()) +
+           "set xlabel 'x (mm)'\nset ylabel 'stiffness over the largest'\nset yrange [0:1.05]\n"
+           "set key outside right\nunset colorbox\nset palette defined (0 '#bcd6ee', 1 '#08306b')\nplot " +
+           curves + "\n");
 }
 
 void draw_contrast(const json& figures, const std::filesystem::path& file) {

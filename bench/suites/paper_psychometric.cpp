@@ -226,22 +226,27 @@ void draw_fit(const json& one, const std::filesystem::path& file) {
 // Every experiment's interval, in the order of its estimate, about the truth.
 void draw_observers(const json& observers, const std::filesystem::path& file) {
   std::string script =
-      "set multiplot layout 1,3 title 'Simulated observers: 95 % intervals of the Weber fraction, "
-      "maximum likelihood'\nset xlabel 'experiment, in the order of its estimate'\nunset key\n";
+      "set multiplot layout 1,3 title '95 % intervals of the Weber fraction, each by one simulated "
+      "experiment (red: "
+      "misses the truth)'\nset xlabel 'share of the experiments'\nset xrange [0:1]\nset xtics 0.5\nunset "
+      "key\n";
   for (const json& row : observers["rows"]) {
     if (row["method"] != name_of(FitMethod::kMaximumLikelihood) || row["lapse_rate"] > 0) continue;
     std::vector<std::array<double, 3>> estimates = row["estimate_low_high"];
     std::sort(estimates.begin(), estimates.end());
     script += "$intervals << EOD\n";
     const double truth = row["weber_fraction"];
-    for (std::size_t k = 0; k < estimates.size(); ++k)
-      script += fmt::format("{} {} {} {} {}\n", k, estimates[k][0], estimates[k][1], estimates[k][2],
-                            estimates[k][1] <= truth && truth <= estimates[k][2] ? 1 : 7);
+    for (std::size_t k = 0; k < estimates.size(); ++k) {
+      const auto [estimate, low, high] = estimates[k];
+      script += fmt::format("{} {} {} {} {}\n", (k + 0.5) / static_cast<double>(estimates.size()), estimate,
+                            low, high - low, low <= truth && truth <= high ? "0xb0c4de" : "0xd62728");
+    }
     script += fmt::format(
-        "EOD\nset title '{:.2f}: {:.1f} % cover, bias {:+.4f}'\n"
-        "plot $intervals using 1:2:3:4:5 with yerrorbars pt 0 lc variable, {} with lines lw 2 lc rgb "
-        "'black'\n",
-        truth, 100 * row["coverage"].get<double>(), row["bias"].get<double>(), truth);
+        "EOD\nset title '{0:.2f}: {1:.1f} % cover, bias {2:+.4f}'\nset yrange [0:{3}]\n"
+        "plot $intervals using 1:3:(0):4:5 with vectors nohead lc rgb variable, $intervals using 1:2 with "
+        "lines lw 2 "
+        "lc rgb '#08306b', {0} with lines lw 2 lc rgb 'black'\n",
+        truth, 100 * row["coverage"].get<double>(), row["bias"].get<double>(), 2.2 * truth);
   }
   plot(file, script + "unset multiplot\n");
 }

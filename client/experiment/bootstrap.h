@@ -25,8 +25,8 @@ struct BootstrapResult {
   unsigned at_limit = 0;                     // resamples whose fit ended at a limit (they count)
 };
 
-// Throws std::invalid_argument naming the field, and for a fit at a limit, whose resamples would all end there
-// too: a narrow interval about nothing.
+// Throws std::invalid_argument naming the field, and for a fit at a limit, whose resamples would all end
+// there too: a narrow interval about nothing.
 BootstrapResult bootstrap(const std::vector<StimulusCount>&, const Fit&, const FitOptions&,
                           double background_n_m, const BootstrapOptions& = {});
 

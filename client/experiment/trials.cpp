@@ -59,6 +59,7 @@ std::vector<StimulusCount> count_answers(const std::vector<AnsweredTrial>& answe
     ++(answer.harder ? count.harder : count.not_harder);
   }
   std::vector<StimulusCount> out;
+  out.reserve(counts.size());
   for (const auto& [stimulus_n_m, count] : counts) out.push_back(count);
   return out;
 }

@@ -18,7 +18,8 @@ constexpr double kPrintedDigit = 0.0005;
 // Answers whose shares are as near to the function as `trials` of each stimulus can be.
 std::vector<StimulusCount> answers_of(const Weibull& function, unsigned trials) {
   std::vector<StimulusCount> counts;
-  for (double stimulus_n_m = 10; stimulus_n_m <= 50; stimulus_n_m += 2.5) {
+  for (int k = 0; k <= 16; ++k) {
+    const double stimulus_n_m = 10 + 2.5 * k;
     const auto harder =
         static_cast<unsigned>(std::lround(trials * probability_harder(function, stimulus_n_m)));
     counts.push_back({stimulus_n_m, harder, trials - harder});
