@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
                "teletact-bench");
   app.require_subcommand(1);
   bool met = true;
+  teletact::bench::add_paper_suite(app, met);
   teletact::bench::add_throughput_suite(app, met);
   try {
     app.parse(argc, argv);

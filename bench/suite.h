@@ -50,6 +50,7 @@ bool finish(nlohmann::json& result, const std::vector<Target>& targets, const Su
 void plot(const std::filesystem::path& file, const std::string& script);
 
 // Suites; each adds its subcommand and sets `met` when it has run.
+void add_paper_suite(CLI::App& app, bool& met);
 void add_throughput_suite(CLI::App& app, bool& met);
 
 }  // namespace teletact::bench

@@ -15,11 +15,12 @@ struct CommandError : std::runtime_error {
 // --service and --tls-ca; `tls_ca` becomes the file's text.
 void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca);
 
-void add_acquire_command(CLI::App& app);   // patient side: arm, frames, upload
-void add_estimate_command(CLI::App& app);  // recorded frames -> maps on disk
-void add_patient_command(CLI::App& app);   // simulated RF pairs with their truth
-void add_replay_command(CLI::App& app);    // plays a recording again
-void add_report_command(CLI::App& app);    // recordings + truth -> summary.json and pictures
-void add_touch_command(CLI::App& app);     // operator side: servo, device, link
+void add_acquire_command(CLI::App& app);     // patient side: arm, frames, upload
+void add_estimate_command(CLI::App& app);    // recorded frames -> maps on disk
+void add_experiment_command(CLI::App& app);  // psychophysics: method of constant stimuli and its fit
+void add_patient_command(CLI::App& app);     // simulated RF pairs with their truth
+void add_replay_command(CLI::App& app);      // plays a recording again
+void add_report_command(CLI::App& app);      // recordings + truth -> summary.json and pictures
+void add_touch_command(CLI::App& app);       // operator side: servo, device, link
 
 }  // namespace teletact::client

@@ -22,6 +22,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   add_acquire_command(app);
   add_estimate_command(app);
+  add_experiment_command(app);
   add_patient_command(app);
   add_replay_command(app);
   add_report_command(app);

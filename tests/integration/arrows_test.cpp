@@ -85,9 +85,9 @@ TEST(Arrows, OnlyDeviceIncludesOpenClAndOnlyRpcTheContract) {
   }
 }
 
-TEST(Arrows, ServoRenderHapticPatientAndFilesKnowNeitherGrpcNorOpenCl) {
-  const std::vector<std::string> pure{"client/servo", "client/render", "client/haptic", "client/patient",
-                                      "client/files"};
+TEST(Arrows, ServoRenderHapticPatientFilesAndExperimentKnowNeitherGrpcNorOpenCl) {
+  const std::vector<std::string> pure{"client/servo",   "client/render", "client/haptic",
+                                      "client/patient", "client/files",  "client/experiment"};
   const std::vector<std::string> networked{"client/link/", "client/acquire/", "client/report/"};
   std::size_t seen = 0;
   for (const Include& i : includes_of("client")) {

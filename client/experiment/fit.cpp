@@ -1,0 +1,147 @@
+#include "client/experiment/fit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "client/experiment/nelder_mead.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kThresholdReach = 10;  // beyond the outermost stimuli, as a factor
+constexpr double kBetaLeast = 0.05, kBetaMost = 200;
+// Of the simplex, in the logarithms of the parameters.
+constexpr double kTolerance = 1e-9, kNearTolerance = 1e-4, kFirstStep = 0.2, kNearFirstStep = 0.05;
+constexpr double kAtLimit = 1e-3;  // of the parameters' logarithms
+// A share of exactly 0 or 1 would have an infinite logarithm.
+constexpr double kProbabilityLeast = 1e-12;
+
+struct Limits {
+  double ln_threshold_least, ln_threshold_most, ln_beta_least, ln_beta_most, lapse_most;
+};
+
+Limits limits_of(const std::vector<StimulusCount>& counts, const FitOptions& options) {
+  double least = std::numeric_limits<double>::infinity(), most = 0;
+  for (const StimulusCount& count : counts) {
+    least = std::min(least, count.stimulus_n_m);
+    most = std::max(most, count.stimulus_n_m);
+  }
+  return {std::log(least / kThresholdReach), std::log(most * kThresholdReach), std::log(kBetaLeast),
+          std::log(kBetaMost), options.lapse_rate_most};
+}
+
+// Parameters of the search, (ln threshold, ln beta, lapse), clamped into the limits.
+struct Point {
+  Weibull function;
+  double outside = 0;  // distance from the limits
+};
+
+Point point_at(const Parameters& at, const Limits& limits) {
+  const double ln_threshold = std::clamp(at[0], limits.ln_threshold_least, limits.ln_threshold_most);
+  const double ln_beta = std::clamp(at[1], limits.ln_beta_least, limits.ln_beta_most);
+  const double lapse = std::clamp(at[2], 0.0, limits.lapse_most);
+  return {weibull_through(std::exp(ln_threshold), std::exp(ln_beta), lapse),
+          std::abs(at[0] - ln_threshold) + std::abs(at[1] - ln_beta) + std::abs(at[2] - lapse)};
+}
+
+double cost_of(const std::vector<StimulusCount>& counts, FitMethod method, const Weibull& function) {
+  double cost = 0;
+  for (const StimulusCount& count : counts) {
+    const double p = probability_harder(function, count.stimulus_n_m);
+    if (method == FitMethod::kLeastSquares) {
+      cost += (p - count.share_harder()) * (p - count.share_harder());
+    } else {
+      cost -= count.harder * std::log(std::max(p, kProbabilityLeast)) +
+              count.not_harder * std::log(std::max(1 - p, kProbabilityLeast));
+    }
+  }
+  return cost;
+}
+
+// The best of a coarse grid of thresholds and slopes.
+Weibull coarse_search(const std::vector<StimulusCount>& counts, const FitOptions& options) {
+  constexpr int kThresholds = 24;
+  constexpr std::array<double, 7> kBetas{0.7, 1.5, 3, 6, 12, 24, 48};
+  const Limits limits = limits_of(counts, options);
+  Weibull best;
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k <= kThresholds; ++k) {
+    const double share = static_cast<double>(k) / kThresholds;
+    const double threshold_n_m =
+        std::exp(limits.ln_threshold_least + share * (limits.ln_threshold_most - limits.ln_threshold_least));
+    for (const double beta : kBetas) {
+      const Weibull function = weibull_through(threshold_n_m, beta, options.lapse_rate_most / 2);
+      const double cost = cost_of(counts, options.method, function);
+      if (!(cost < least)) continue;
+      least = cost;
+      best = function;
+    }
+  }
+  return best;
+}
+
+Fit descend(const std::vector<StimulusCount>& counts, const FitOptions& options, const Weibull& start,
+            NelderMeadOptions search) {
+  const Limits limits = limits_of(counts, options);
+  const auto cost = [&](const Parameters& at) {
+    const Point point = point_at(at, limits);
+    return cost_of(counts, options.method, point.function) + point.outside;
+  };
+  const Parameters from{std::log(threshold_n_m(start)), std::log(start.beta), start.lapse_rate};
+  if (options.lapse_rate_most > 0) search.first_step = std::min(search.first_step, options.lapse_rate_most);
+  const NelderMeadResult found = nelder_mead(cost, from, options.lapse_rate_most > 0 ? 3 : 2, search);
+  const Point point = point_at(found.at, limits);
+  const double ln_threshold = std::log(threshold_n_m(point.function)),
+               ln_beta = std::log(point.function.beta);
+  Fit fit;
+  fit.function = point.function;
+  fit.cost = cost_of(counts, options.method, point.function);
+  fit.converged = found.converged;
+  fit.at_limit = ln_threshold < limits.ln_threshold_least + kAtLimit ||
+                 ln_threshold > limits.ln_threshold_most - kAtLimit ||
+                 ln_beta < limits.ln_beta_least + kAtLimit || ln_beta > limits.ln_beta_most - kAtLimit;
+  return fit;
+}
+
+// The stimuli that were presented.
+std::vector<StimulusCount> presented(const std::vector<StimulusCount>& counts, const FitOptions& options) {
+  if (!(options.lapse_rate_most >= 0 && options.lapse_rate_most <= 0.5))
+    throw std::invalid_argument("lapse_rate_most: give a share from 0 to 0.5");
+  if (options.lapse_rate_most > 0 && options.method == FitMethod::kLeastSquares)
+    throw std::invalid_argument("lapse_rate_most: lapses are fitted by maximum likelihood alone");
+  std::vector<StimulusCount> out;
+  for (const StimulusCount& count : counts) {
+    if (!(count.stimulus_n_m > 0) || !std::isfinite(count.stimulus_n_m))
+      throw std::invalid_argument("stimulus_n_m: give stiffness above zero");
+    if (count.trials() > 0) out.push_back(count);
+  }
+  if (out.size() < 2) throw std::invalid_argument("answers to at least two stimuli are needed for a fit");
+  return out;
+}
+
+}  // namespace
+
+const char* name_of(FitMethod method) {
+  return method == FitMethod::kLeastSquares ? "least squares" : "maximum likelihood";
+}
+
+Fit fit_weibull(const std::vector<StimulusCount>& counts, const FitOptions& options) {
+  const std::vector<StimulusCount> given = presented(counts, options);
+  const auto all = [&](unsigned StimulusCount::*none) {
+    return std::all_of(given.begin(), given.end(), [&](const StimulusCount& c) { return c.*none == 0; });
+  };
+  if (all(&StimulusCount::harder) || all(&StimulusCount::not_harder))
+    throw std::invalid_argument("every answer is the same: there is no threshold among these stimuli");
+  return descend(given, options, coarse_search(given, options), {kFirstStep, kTolerance});
+}
+
+Fit fit_weibull_near(const std::vector<StimulusCount>& counts, const FitOptions& options,
+                     const Weibull& start) {
+  return descend(presented(counts, options), options, start, {kNearFirstStep, kNearTolerance});
+}
+
+}  // namespace teletact::client

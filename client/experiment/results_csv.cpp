@@ -1,0 +1,81 @@
+#include "client/experiment/results_csv.h"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace teletact::client {
+namespace {
+
+constexpr const char* kHeader = "trial,background_n_m,stimulus_n_m,harder";
+
+// Reads one number and what ends it; false when there is none.
+template <typename T>
+bool take(const char*& at, const char* end, char closing, T& value) {
+  const auto [after, error] = std::from_chars(at, end, value);
+  if (error != std::errc()) return false;
+  at = after;
+  if (closing == '\0') return at == end;
+  return at != end && *at++ == closing;
+}
+
+bool parse(const std::string& line, std::size_t number, AnsweredTrial& answer) {
+  const char* at = line.data();
+  const char* end = at + line.size();
+  std::size_t trial = 0;
+  int harder = -1;
+  if (!take(at, end, ',', trial) || !take(at, end, ',', answer.trial.background_n_m) ||
+      !take(at, end, ',', answer.trial.stimulus_n_m) || !take(at, end, '\0', harder))
+    return false;
+  answer.harder = harder == 1;
+  const auto stiffness = [](double value) { return value > 0 && std::isfinite(value); };
+  return trial == number && (harder == 0 || harder == 1) && stiffness(answer.trial.background_n_m) &&
+         stiffness(answer.trial.stimulus_n_m);
+}
+
+}  // namespace
+
+ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& remark) : path_(path) {
+  if (std::filesystem::exists(path))
+    throw std::runtime_error(path.string() + " exists already; give a new name");
+  file_.open(path);
+  file_.precision(std::numeric_limits<double>::max_digits10);
+  file_ << "# " << remark << '\n' << kHeader << '\n' << std::flush;
+  if (!file_) throw std::runtime_error("cannot write " + path.string());
+}
+
+void ResultsCsv::add(const AnsweredTrial& answer) {
+  file_ << ++trials_ << ',' << answer.trial.background_n_m << ',' << answer.trial.stimulus_n_m << ','
+        << answer.harder << '\n'
+        << std::flush;
+  if (!file_)
+    throw std::runtime_error("cannot write " + path_.string() +
+                             ": is the disk full? The answers before trial " + std::to_string(trials_) +
+                             " are kept");
+}
+
+std::vector<AnsweredTrial> read_results_csv(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  if (!file) throw std::runtime_error("cannot read " + path.string());
+  std::vector<AnsweredTrial> answers;
+  bool header = false;
+  std::size_t number = 0;
+  for (std::string line; std::getline(file, line);) {
+    ++number;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (line.empty() || line.front() == '#') continue;
+    AnsweredTrial answer;
+    const bool good = header ? parse(line, answers.size() + 1, answer) : line == kHeader;
+    if (!good)
+      throw std::runtime_error(
+          path.string() + ", line " + std::to_string(number) + ": expected " +
+          (header ? "trial " + std::to_string(answers.size() + 1) + " as " : "the line ") + kHeader);
+    if (header) answers.push_back(answer);
+    header = true;
+  }
+  if (!header) throw std::runtime_error(path.string() + ": expected the line " + kHeader);
+  return answers;
+}
+
+}  // namespace teletact::client

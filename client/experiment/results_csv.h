@@ -1,0 +1,35 @@
+// The answers of an experiment as comma-separated values, one trial a line in the order they were asked:
+//
+//   # teletact experiment: seed 7, ...      any number of lines that begin with '#'
+//   trial,background_n_m,stimulus_n_m,harder
+//   1,25,32.5,1
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "client/experiment/trials.h"
+
+namespace teletact::client {
+
+// Writes every answer as it comes, so that an experiment that breaks off keeps what was answered.
+class ResultsCsv {
+ public:
+  // Throws std::runtime_error when the file exists already (answers of a person cannot be had again) or
+  // cannot be written. `remark`: one line.
+  ResultsCsv(const std::filesystem::path&, const std::string& remark);
+  // Throws std::runtime_error when it could not be written.
+  void add(const AnsweredTrial&);
+
+ private:
+  std::filesystem::path path_;
+  std::ofstream file_;
+  std::size_t trials_ = 0;
+};
+
+// Throws std::runtime_error naming the file and the line that is not as above.
+std::vector<AnsweredTrial> read_results_csv(const std::filesystem::path&);
+
+}  // namespace teletact::client

@@ -1,0 +1,67 @@
+#include "client/experiment/trials.h"
+
+#include <cmath>
+#include <map>
+#include <set>
+#include <stdexcept>
+
+namespace teletact::client {
+namespace {
+
+constexpr double kTrialsMost = 1e6;
+
+void require_stiffness(double value_n_m, const char* field) {
+  if (!(value_n_m > 0) || !std::isfinite(value_n_m))
+    throw std::invalid_argument(std::string(field) + ": give stiffness above zero, in N/m");
+}
+
+}  // namespace
+
+void validate(const ExperimentPlan& plan) {
+  require_stiffness(plan.background_n_m, "background_n_m");
+  for (const double s : plan.stimuli_n_m) require_stiffness(s, "stimuli_n_m");
+  const std::set<double> different(plan.stimuli_n_m.begin(), plan.stimuli_n_m.end());
+  if (different.size() < 2) throw std::invalid_argument("stimuli_n_m: give at least two");
+  if (different.size() != plan.stimuli_n_m.size())
+    throw std::invalid_argument("stimuli_n_m: one is given twice");
+  if (plan.trials_per_stimulus < 1) throw std::invalid_argument("trials_per_stimulus: give at least one");
+  if (static_cast<double>(plan.trials_per_stimulus) * static_cast<double>(different.size()) > kTrialsMost)
+    throw std::invalid_argument("trials_per_stimulus: more than a million trials in all");
+}
+
+std::vector<Trial> random_order(const ExperimentPlan& plan, Random& random) {
+  validate(plan);
+  std::vector<Trial> trials;
+  trials.reserve(plan.stimuli_n_m.size() * plan.trials_per_stimulus);
+  for (const double stimulus_n_m : plan.stimuli_n_m)
+    trials.insert(trials.end(), plan.trials_per_stimulus, {plan.background_n_m, stimulus_n_m});
+  random.shuffle(trials);
+  return trials;
+}
+
+std::vector<AnsweredTrial> run_experiment(const std::vector<Trial>& trials, const Observer& observer,
+                                          const std::function<void(const AnsweredTrial&)>& record) {
+  std::vector<AnsweredTrial> answers;
+  for (const Trial& trial : trials) {
+    const std::optional<bool> harder = observer(trial, answers.size() + 1, trials.size());
+    if (!harder) break;
+    answers.push_back({trial, *harder});
+    if (record) record(answers.back());
+  }
+  return answers;
+}
+
+std::vector<StimulusCount> count_answers(const std::vector<AnsweredTrial>& answers) {
+  std::map<double, StimulusCount> counts;
+  for (const AnsweredTrial& answer : answers) {
+    StimulusCount& count = counts[answer.trial.stimulus_n_m];
+    count.stimulus_n_m = answer.trial.stimulus_n_m;
+    ++(answer.harder ? count.harder : count.not_harder);
+  }
+  std::vector<StimulusCount> out;
+  out.reserve(counts.size());
+  for (const auto& [stimulus_n_m, count] : counts) out.push_back(count);
+  return out;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,157 @@
+// teletact-client experiment: the paper's question, "is the inclusion harder?" (T6.4), put to a simulated
+// observer or to a person, and its fit.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "client/commands.h"
+#include "client/experiment/bootstrap.h"
+#include "client/experiment/observer.h"
+#include "client/experiment/results_csv.h"
+
+namespace teletact::client {
+namespace {
+
+struct Arguments {
+  ExperimentPlan plan;
+  ObserverDescription observer;
+  bool person = false;
+  std::uint64_t seed = 1;
+  std::string csv, refit;
+  double lapse_rate_most = 0;
+  unsigned resamples = 1000;
+};
+
+std::string remark_of(const Arguments& arguments) {
+  const std::string who = arguments.person
+                              ? "a person"
+                              : fmt::format("simulated, Weber fraction {}, lapse rate {}, equality {}",
+                                            arguments.observer.weber_fraction, arguments.observer.lapse_rate,
+                                            arguments.observer.equality_fraction);
+  return fmt::format("teletact experiment: seed {}, {} trials of each stimulus; observer: {}", arguments.seed,
+                     arguments.plan.trials_per_stimulus, who);
+}
+
+// The order of the trials and the observer's chance come from one seed, but from generators of their own, so
+// that a person is asked in the same order.
+std::vector<AnsweredTrial> ask(const Arguments& arguments) {
+  Random random(arguments.seed);
+  const std::vector<Trial> trials = random_order(arguments.plan, random);
+  const Observer observer =
+      arguments.person
+          ? terminal_observer(std::cin, std::cout)
+          : simulated_observer(psychometric_function(arguments.observer, arguments.plan.background_n_m),
+                               random.seed());
+  if (arguments.csv.empty()) return run_experiment(trials, observer);
+  ResultsCsv csv(arguments.csv, remark_of(arguments));
+  return run_experiment(trials, observer, [&](const AnsweredTrial& answer) { csv.add(answer); });
+}
+
+void print_counts(const std::vector<StimulusCount>& counts) {
+  std::printf("\n  stimulus (N/m)   harder   not harder   share\n");
+  for (const StimulusCount& c : counts)
+    std::printf("  %14g   %6u   %10u   %5.3f\n", c.stimulus_n_m, c.harder, c.not_harder, c.share_harder());
+}
+
+void print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, double background_n_m,
+               const BootstrapOptions& options) {
+  const Fit fit = fit_weibull(counts, how);
+  std::printf("\n  %s\n", name_of(how.method));
+  if (fit.at_limit) {
+    std::printf(
+        "    these answers do not bound the curve: give more trials, or stimuli on both sides of the "
+        "threshold\n");
+    return;
+  }
+  const BootstrapResult spread = bootstrap(counts, fit, how, background_n_m, options);
+  const auto line = [](const char* name, double value, const Interval& interval) {
+    std::printf("    %-22s %8.3f   (%.3f to %.3f)\n", name, value, interval.low, interval.high);
+  };
+  line("alpha (N/m)", fit.function.alpha_n_m, spread.alpha_n_m);
+  line("beta", fit.function.beta, spread.beta);
+  line("Weber fraction", weber_fraction(fit.function, background_n_m), spread.weber_fraction);
+  std::printf("    %-22s %8.3f\n", "threshold (N/m)", threshold_n_m(fit.function));
+  if (how.lapse_rate_most > 0) std::printf("    %-22s %8.3f\n", "lapse rate", fit.function.lapse_rate);
+  if (spread.at_limit > 0)
+    std::printf("    in %u of %u resamples the answers did not bound the curve: more trials would help\n",
+                spread.at_limit, options.resamples);
+}
+
+// Answers of one file belong to one background.
+double background_of(const std::vector<AnsweredTrial>& answers) {
+  const double background_n_m = answers.front().trial.background_n_m;
+  for (const AnsweredTrial& answer : answers)
+    if (answer.trial.background_n_m != background_n_m)
+      throw CommandError("the trials have different backgrounds; a fit needs one");
+  return background_n_m;
+}
+
+void run(const Arguments& arguments) {
+  try {
+    const std::vector<AnsweredTrial> answers =
+        arguments.refit.empty() ? ask(arguments) : read_results_csv(arguments.refit);
+    if (answers.empty()) throw CommandError("no trial was answered: there is nothing to fit");
+    const double background_n_m = background_of(answers);
+    const std::vector<StimulusCount> counts = count_answers(answers);
+    std::printf("\n%zu trials, background %g N/m\n", answers.size(), background_n_m);
+    print_counts(counts);
+    const BootstrapOptions spread{arguments.resamples, 0.95, arguments.seed};
+    print_fit(counts, {FitMethod::kLeastSquares, 0}, background_n_m, spread);
+    print_fit(counts, {FitMethod::kMaximumLikelihood, arguments.lapse_rate_most}, background_n_m, spread);
+    std::printf("\n  in brackets: 95 %% intervals of the parametric bootstrap, %u resamples\n",
+                arguments.resamples);
+  } catch (const CommandError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw CommandError(error.what());
+  }
+}
+
+void add_observer_options(CLI::App& command, Arguments& arguments) {
+  auto* person =
+      command.add_flag("--person", arguments.person,
+                       "ask a person: each trial says which two stiffnesses to present, y or n is typed");
+  const auto simulated = [&](const char* name, double& value, const char* help) {
+    command.add_option(name, value, help)->capture_default_str()->excludes(person);
+  };
+  simulated("--weber-fraction", arguments.observer.weber_fraction, "of the simulated observer");
+  simulated("--lapse-rate", arguments.observer.lapse_rate, "share of trials that it answers by chance");
+  simulated("--equality-fraction", arguments.observer.equality_fraction,
+            "how far above the background it says harder half the time, as a fraction of it; 0 = no bias");
+}
+
+}  // namespace
+
+void add_experiment_command(CLI::App& app) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand(
+      "experiment",
+      "psychophysics by constant stimuli: \"is the second harder?\", with perfect stiffness (nothing between "
+      "the stated stimulus and the observer); prints Weibull fits and the Weber fraction");
+  add_observer_options(command, *arguments);
+  command.add_option("--background-n-m", arguments->plan.background_n_m, "felt first in every trial")
+      ->capture_default_str();
+  command
+      .add_option("--stimuli", arguments->plan.stimuli_n_m,
+                  "N/m, felt second; spread them about the threshold")
+      ->capture_default_str();
+  command.add_option("--trials", arguments->plan.trials_per_stimulus, "of each stimulus")
+      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of the order, the simulated observer and the bootstrap")
+      ->capture_default_str();
+  auto* csv = command.add_option("--csv", arguments->csv, "write every answer to this new file, as it comes");
+  command.add_option("--refit", arguments->refit, "ask nobody: fit the answers of an earlier --csv")
+      ->excludes(csv);
+  command
+      .add_option("--fit-lapse-rate-most", arguments->lapse_rate_most,
+                  "fit a lapse rate too, up to this (maximum likelihood alone); 0 = no lapses")
+      ->capture_default_str();
+  command.add_option("--resamples", arguments->resamples, "of the bootstrap")
+      ->check(CLI::Range(20, 100000))
+      ->capture_default_str();
+  command.callback([arguments] { run(*arguments); });
+}
+
+}  // namespace teletact::client
