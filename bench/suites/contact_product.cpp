@@ -55,6 +55,7 @@ json measure_strip(int repeats) {
   service::Material material{std::vector<double>(grid.elements(), 10e3), geometry.poisson_ratio};
   for (std::size_t e = 0; e < grid.elements(); e += 7) material.youngs_modulus_pa[e] = 100e3;
   std::vector<double> seconds;
+  seconds.reserve(static_cast<std::size_t>(repeats));
   for (int k = 0; k < repeats; ++k)
     seconds.push_back(seconds_of([&] { const TissueModel model(grid, material, geometry.supports, {}); }));
   return {{"columns", grid.nx()}, {"rows", grid.ny()}, {"ready_s", quantiles(seconds)}};
