@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
   bool met = true;
   teletact::bench::add_paper_suite(app, met);
   teletact::bench::add_throughput_suite(app, met);
+  teletact::bench::add_contact_suite(app, met);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

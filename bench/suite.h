@@ -52,5 +52,6 @@ void plot(const std::filesystem::path& file, const std::string& script);
 // Suites; each adds its subcommand and sets `met` when it has run.
 void add_paper_suite(CLI::App& app, bool& met);
 void add_throughput_suite(CLI::App& app, bool& met);
+void add_contact_suite(CLI::App& app, bool& met);
 
 }  // namespace teletact::bench

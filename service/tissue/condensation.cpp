@@ -1,7 +1,8 @@
 #include "service/tissue/condensation.h"
 
-#include <Eigen/Cholesky>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 
 #include "service/tissue/element.h"
@@ -12,7 +13,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr Index kSmallestSplit = 32;  // below it a plain Cholesky factor is faster than splitting further
+constexpr Index kLeaf = 32;  // below it a sweep in registers and L1 is faster than splitting further
 
 [[noreturn]] void not_positive_definite() {
   throw std::domain_error(
@@ -21,45 +22,109 @@ constexpr Index kSmallestSplit = 32;  // below it a plain Cholesky factor is fas
       "reduce the modulus contrast");
 }
 
+// By a Cholesky factor L, W = L^-T and W W^T, on a size known to the compiler (padded by zeros). A
+// Gauss-Jordan sweep loses a digit near nu = 1/2.
 void invert_small(Eigen::Ref<MatrixXd> a) {
-  const Eigen::LLT<MatrixXd, Eigen::Lower> factor(a);
-  if (factor.info() != Eigen::Success || !factor.matrixLLT().diagonal().allFinite()) not_positive_definite();
-  const MatrixXd inverse = factor.solve(MatrixXd::Identity(a.rows(), a.cols()));
-  a.triangularView<Eigen::Lower>() = inverse;
+  using Small = Eigen::Matrix<double, kLeaf, kLeaf>;
+  const Index n = a.rows();
+  Small l = Small::Zero(), w = Small::Zero();
+  l.topLeftCorner(n, n) = a.triangularView<Eigen::Lower>();
+  for (Index k = 0; k < n; ++k) {
+    const double pivot = l(k, k);
+    if (!(pivot > 0) || !std::isfinite(pivot)) not_positive_definite();
+    l.col(k) /= std::sqrt(pivot);
+    for (Index j = k + 1; j < n; ++j) l.col(j) -= l(j, k) * l.col(k);
+    // Row k of L W^T = I.
+    w(k, k) = 1;
+    for (Index j = 0; j < k; ++j) w.col(k) -= l(k, j) * w.col(j);
+    w.col(k) /= l(k, k);
+  }
+  for (Index j = 0; j < n; ++j) {
+    Eigen::Matrix<double, kLeaf, 1> column = Eigen::Matrix<double, kLeaf, 1>::Zero();
+    for (Index k = j; k < n; ++k) column += w(j, k) * w.col(k);
+    a.col(j).tail(n - j) = column.segment(j, n - j);
+  }
 }
 
 void copy_lower_to_upper(MatrixXd& a) {
-  a.triangularView<Eigen::StrictlyUpper>() = a.transpose();
-}
-
-// product.col(2i+a) = sum_k x.col(2(i-1)+k) band(2i+a, k), that is x E^T.
-MatrixXd times_transposed(const MatrixXd& x, const LineCoupling& e) {
-  const Index size = x.cols();
-  MatrixXd product = MatrixXd::Zero(x.rows(), size);
-  for (Index row = 0; row < size; ++row) {
-    const Index first = 2 * (row / 2) - 2;
-    for (Index k = 0; k < 6; ++k) {
-      const Index column = first + k;
-      if (column < 0 || column >= size) continue;
-      product.col(row) += e.band(row, k) * x.col(column);
-    }
+  constexpr Index kTile = 8;  // the two tiles of a pair stay in L1
+  const Index n = a.rows(), whole = n - n % kTile;
+  for (Index j = 0; j < whole; j += kTile) {
+    a.block<kTile, kTile>(j, j).triangularView<Eigen::StrictlyUpper>() =
+        a.block<kTile, kTile>(j, j).transpose().eval();
+    for (Index i = j + kTile; i < whole; i += kTile)
+      a.block<kTile, kTile>(j, i) = a.block<kTile, kTile>(i, j).transpose();
   }
-  return product;
+  const Index rest = n - whole;
+  a.topRightCorner(whole, rest) = a.bottomLeftCorner(rest, whole).transpose();
+  a.bottomRightCorner(rest, rest).triangularView<Eigen::StrictlyUpper>() =
+      a.bottomRightCorner(rest, rest).transpose().eval();
 }
 
-// Schur complement own - E neighbour^-1 E^T; destroys `neighbour`.
-MatrixXd eliminate(MatrixXd& neighbour, const MatrixXd& own, const LineCoupling& e) {
+// product = sign x E^T; only what lies on or below the 2x2 blocks of the diagonal where `lower_only`, and the
+// rest of `product` is left alone.
+void times_transposed(const MatrixXd& x, double sign, const LineCoupling& e, bool lower_only,
+                      MatrixXd& product) {
+  const Index size = x.cols();
+  for (Index column = 0; column < size; ++column) {
+    const Index node = column - column % 2, top = lower_only ? node : 0, rows = x.rows() - top;
+    const auto at = [&](Index k) { return x.col(node - 2 + k).tail(rows); };
+    const Eigen::Matrix<double, 1, 6> w = sign * e.band.row(column);
+    auto out = product.col(column).tail(rows);
+    if (node >= 2 && node + 4 <= size) {  // in one pass over memory
+      out = w[0] * at(0) + w[1] * at(1) + w[2] * at(2) + w[3] * at(3) + w[4] * at(4) + w[5] * at(5);
+      continue;
+    }
+    out.setZero();  // the outermost nodes have a neighbour on one side
+    for (Index k = 0; k < 6; ++k)
+      if (node - 2 + k >= 0 && node - 2 + k < size) out += w[k] * at(k);
+  }
+}
+
+// Matrices as large as a line's, kept from line to line: fresh ones cost as much in page faults as the work.
+struct Workspace {
+  explicit Workspace(Index size) : a(size, size), b(size, size) {}
+  MatrixXd a, b;
+};
+
+// change = -E neighbour^-1 E^T, its lower triangle; destroys `neighbour`, of which the lower triangle is
+// read.
+void eliminate(MatrixXd& neighbour, const LineCoupling& e, Workspace& w, MatrixXd& change) {
   invert_symmetric(neighbour);
   copy_lower_to_upper(neighbour);
-  const MatrixXd half = times_transposed(neighbour, e).transpose();  // E X, X symmetric
-  return own - times_transposed(half, e);
+  times_transposed(neighbour, 1, e, false, w.a);  // X E^T
+  w.b = w.a.transpose();                          // E X, X symmetric
+  times_transposed(w.b, -1, e, true, change);
 }
+
+// Stiffness of the elements of one row: linear in the modulus, so that equal neighbours share their
+// integration.
+class RowOfElements {
+ public:
+  RowOfElements(const TissueGrid& grid, const Material& material, std::size_t row)
+      : grid_(grid), material_(material), row_(row), height_m_(grid.y_m[row + 1] - grid.y_m[row]) {}
+  Eigen::Matrix<double, 8, 8> stiffness(std::size_t i) {
+    const double width_m = grid_.x_m[i + 1] - grid_.x_m[i];
+    if (width_m != width_m_) {
+      width_m_ = width_m;
+      unit_ = element_stiffness(width_m, height_m_, 1, material_.poisson_ratio);
+    }
+    return material_.youngs_modulus_pa[grid_.element(i, row_)] * unit_;
+  }
+
+ private:
+  const TissueGrid& grid_;
+  const Material& material_;
+  std::size_t row_;
+  double height_m_, width_m_ = 0;  // of the last one asked for
+  Eigen::Matrix<double, 8, 8> unit_;
+};
 
 }  // namespace
 
 void invert_symmetric(Eigen::Ref<MatrixXd> a) {
   const Index n = a.rows();
-  if (n <= kSmallestSplit) return invert_small(a);
+  if (n <= kLeaf) return invert_small(a);
   const Index n1 = n / 2, n2 = n - n1;
   // a = [A B^T; B C]. With X = A^-1, Y = B X, Z = (C - Y B^T)^-1:
   // a^-1 = [X + Y^T Z Y, .; -Z Y, Z].
@@ -111,12 +176,15 @@ LayeredStiffness::LayeredStiffness(const TissueGrid& grid, const Material& mater
 
 MatrixXd LayeredStiffness::own(std::size_t line) const {
   MatrixXd block = MatrixXd::Zero(size(), size());
+  add_own(line, block);
+  return block;
+}
+
+void LayeredStiffness::add_own(std::size_t line, MatrixXd& block) const {
   const auto add_row = [&](std::size_t row, int local) {  // element row; its top (0) or bottom (2) nodes
-    const double height = grid_.y_m[row + 1] - grid_.y_m[row];
+    RowOfElements elements(grid_, material_, row);
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
-      const auto k =
-          element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height,
-                            material_.youngs_modulus_pa[grid_.element(i, row)], material_.poisson_ratio);
+      const auto k = elements.stiffness(i);
       const bool left = i >= first_column_, right = i + 1 <= last_column_;
       const Index at = 2 * (Index(i) - Index(first_column_));
       if (left) block.block<2, 2>(at, at) += k.block<2, 2>(2 * local, 2 * local);
@@ -129,17 +197,14 @@ MatrixXd LayeredStiffness::own(std::size_t line) const {
   };
   if (line + 1 < grid_.ny()) add_row(line, 0);
   if (line > 0) add_row(line - 1, 2);
-  return block;
 }
 
 LineCoupling LayeredStiffness::coupling_below(std::size_t line) const {
   LineCoupling e;
   e.band.setZero(size(), 6);
-  const double height = grid_.y_m[line + 1] - grid_.y_m[line];
+  RowOfElements elements(grid_, material_, line);
   for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
-    const auto k =
-        element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height,
-                          material_.youngs_modulus_pa[grid_.element(i, line)], material_.poisson_ratio);
+    const auto k = elements.stiffness(i);
     const bool free_node[2] = {i >= first_column_, i + 1 <= last_column_};
     const Index at = 2 * (Index(i) - Index(first_column_));
     for (int top = 0; top < 2; ++top) {
@@ -153,25 +218,32 @@ LineCoupling LayeredStiffness::coupling_below(std::size_t line) const {
 }
 
 MatrixXd LayeredStiffness::eliminated_below(std::size_t line) const {
-  MatrixXd stiffness = own(last_line_);
+  MatrixXd stiffness = own(last_line_), next = MatrixXd::Zero(size(), size());
+  Workspace workspace(size());
   for (std::size_t j = last_line_; j-- > line;) {
-    stiffness = eliminate(stiffness, own(j), coupling_below(j));
+    eliminate(stiffness, coupling_below(j), workspace, next);
+    add_own(j, next);
+    stiffness.swap(next);
   }
   return stiffness;
 }
 
 std::vector<MatrixXd> LayeredStiffness::condensed_lines() const {
-  std::vector<MatrixXd> lines(last_line_ - first_line_ + 1);
+  std::vector<MatrixXd> lines(last_line_ - first_line_ + 1, MatrixXd::Zero(size(), size()));
+  Workspace workspace(size());
   lines.back() = own(last_line_);
+  MatrixXd below(size(), size());
   for (std::size_t j = last_line_; j-- > first_line_;) {
-    MatrixXd below = lines[j + 1 - first_line_];
-    lines[j - first_line_] = eliminate(below, own(j), coupling_below(j));
+    below = lines[j + 1 - first_line_];
+    eliminate(below, coupling_below(j), workspace, lines[j - first_line_]);
+    add_own(j, lines[j - first_line_]);
   }
-  MatrixXd above = own(first_line_);  // A_j, from the top down
+  MatrixXd above = own(first_line_), change = MatrixXd::Zero(size(), size());  // A_j, from the top down
   for (std::size_t j = first_line_ + 1; j <= last_line_; ++j) {
-    const MatrixXd own_block = own(j);
-    above = eliminate(above, own_block, coupling_below(j - 1).transposed());
-    lines[j - first_line_] += above - own_block;
+    eliminate(above, coupling_below(j - 1).transposed(), workspace, change);
+    lines[j - first_line_] += change;  // A_j - D_j
+    add_own(j, change);
+    above.swap(change);
   }
   return lines;
 }

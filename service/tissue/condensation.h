@@ -40,12 +40,13 @@ class LayeredStiffness {
   Eigen::Index size() const { return Eigen::Index(2 * (last_column_ - first_column_ + 1)); }
   Eigen::MatrixXd own(std::size_t line) const;          // D_j, size x size
   LineCoupling coupling_below(std::size_t line) const;  // E_j, line < last_line()
-  // B_j: the stiffness of `line` with all lines below it eliminated; both triangles.
+  // B_j: the stiffness of `line` with all lines below it eliminated; its lower triangle.
   Eigen::MatrixXd eliminated_below(std::size_t line) const;
-  // A_j + B_j - D_j of every free line, in order from first_line(): both sweeps at once.
+  // A_j + B_j - D_j of every free line, in order from first_line(): both sweeps at once; lower triangles.
   std::vector<Eigen::MatrixXd> condensed_lines() const;
 
  private:
+  void add_own(std::size_t line, Eigen::MatrixXd& block) const;
   const TissueGrid& grid_;
   const Material& material_;
   std::size_t first_line_ = 0, last_line_ = 0, first_column_ = 0, last_column_ = 0;

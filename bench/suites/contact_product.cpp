@@ -1,0 +1,183 @@
+// Figures of ours that have no rival: all touchable lines, the strip that the service builds, tangent, work
+// around a closed loop, ripple between nodes, and conjugate gradients under a moving finger.
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <memory>
+
+#include "bench/suites/contact.h"
+#include "service/scene/strip.h"
+#include "service/tissue/elasticity_solver.h"
+
+namespace teletact::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using nlohmann::json;
+using service::ContactAnswer;
+using service::ContactPose;
+using service::TissueModel;
+
+double seconds_of(auto&& work) {
+  const auto begin = Clock::now();
+  work();
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+TissueModel model_of(const reference::TouchedTissue& t) {
+  return {t.grid, t.material, t.supports, {.thickness_m = t.thickness_m}};
+}
+
+// Surface, then every interior line of the same model.
+json measure_lines(const ContactProblem& p, int repeats) {
+  std::vector<double> surface_s, interior_s;
+  for (int k = 0; k < repeats; ++k) {
+    std::unique_ptr<TissueModel> model;
+    surface_s.push_back(seconds_of([&] {
+      model = std::make_unique<TissueModel>(p.tissue.grid, p.tissue.material, p.tissue.supports,
+                                            service::TissueModelOptions{});
+    }));
+    interior_s.push_back(seconds_of([&] {
+      for (std::size_t line = 1; line + 1 < p.tissue.grid.ny(); ++line) model->condensed(line);
+    }));
+  }
+  return {{"surface_s", quantiles(surface_s)}, {"interior_lines_s", quantiles(interior_s)}};
+}
+
+// A window of 60 mm in tissue wide enough that its strip has all of its context on both sides.
+json measure_strip(int repeats) {
+  service::SceneGeometry geometry;
+  geometry.width_m = 0.260;
+  geometry.depth_m = 0.040;
+  constexpr double kBeginM = 0.100, kEndM = 0.160;
+  const service::TissueGrid grid{service::strip_columns(geometry, kBeginM, kEndM),
+                                 service::strip_lines(geometry)};
+  service::Material material{std::vector<double>(grid.elements(), 10e3), geometry.poisson_ratio};
+  for (std::size_t e = 0; e < grid.elements(); e += 7) material.youngs_modulus_pa[e] = 100e3;
+  std::vector<double> seconds;
+  seconds.reserve(static_cast<std::size_t>(repeats));
+  for (int k = 0; k < repeats; ++k)
+    seconds.push_back(seconds_of([&] { const TissueModel model(grid, material, geometry.supports, {}); }));
+  return {{"columns", grid.nx()}, {"rows", grid.ny()}, {"ready_s", quantiles(seconds)}};
+}
+
+// Largest difference of the tangent from the central difference of the force, over the largest entry.
+double tangent_error(const ContactProblem& p, const TissueModel& model) {
+  constexpr double kStepM = 1e-7;
+  const auto at = [&](double dx, double dy) {
+    return service::solve_contact(model, 0, *model.condensed(0), p.tip,
+                                  {p.pose.x_m + dx, p.pose.indentation_m + dy});
+  };
+  const auto tangent = at(0, 0).tangent_n_m;
+  const std::array<ContactAnswer, 4> moved{at(kStepM, 0), at(-kStepM, 0), at(0, kStepM), at(0, -kStepM)};
+  double worst = 0, scale = 0;
+  for (const double entry : tangent) scale = std::max(scale, std::abs(entry));
+  for (std::size_t row = 0; row < 2; ++row)
+    for (std::size_t column = 0; column < 2; ++column) {
+      const double slope =
+          (moved[2 * column].force_n[row] - moved[2 * column + 1].force_n[row]) / (2 * kStepM);
+      worst = std::max(worst, std::abs(slope - tangent[2 * row + column]) / scale);
+    }
+  return worst;
+}
+
+// Work of the force around press, slide, release and back above the tissue, over the energy moved:
+// trapezoidal rule with its end-point correction by the tangent.
+double loop_work(const ContactProblem& p, const TissueModel& model, int steps) {
+  constexpr double kSlideM = 0.010;
+  const double x0 = p.pose.x_m - kSlideM / 2, x1 = p.pose.x_m + kSlideM / 2, deep = p.pose.indentation_m;
+  double work = 0, energy = 0;
+  const auto leg = [&](ContactPose from, ContactPose to) {
+    const double hx = (to.x_m - from.x_m) / steps, hy = (to.indentation_m - from.indentation_m) / steps;
+    const auto along = [&](const ContactAnswer& a) {  // power, and its slope along the leg
+      return std::array{
+          a.force_n[0] * hx + a.force_n[1] * hy,
+          a.tangent_n_m[0] * hx * hx + 2 * a.tangent_n_m[1] * hx * hy + a.tangent_n_m[3] * hy * hy};
+    };
+    std::array<double, 2> last{};
+    for (int k = 0; k <= steps; ++k) {
+      const ContactAnswer a = service::solve_contact(model, 0, *model.condensed(0), p.tip,
+                                                     {from.x_m + k * hx, from.indentation_m + k * hy});
+      const auto now = along(a);
+      if (k > 0) work += (last[0] + now[0]) / 2 + (last[1] - now[1]) / 12;
+      last = now;
+      energy = std::max(energy, a.energy_j);
+    }
+  };
+  leg({x0, 0}, {x0, deep});
+  leg({x0, deep}, {x1, deep});
+  leg({x1, deep}, {x1, 0});
+  return std::abs(work) / energy;
+}
+
+// Spread of the stiffness over its mean while the finger moves from one node to the next, 2 mm deep in
+// homogeneous tissue: of force over indentation, and of the tangent.
+json ripple(const ContactProblem& p) {
+  constexpr int kPoses = 64;
+  constexpr double kDepthM = 0.002;
+  ContactCase homogeneous = p.of;
+  homogeneous.contrast = 1;
+  const TissueModel model = model_of(make_tissue(homogeneous));
+  const double spacing_m = p.tissue.grid.x_m[1], middle_m = p.tissue.grid.x_m[p.tissue.grid.nx() / 2];
+  std::array<double, 2> least{1e300, 1e300}, most{}, sum{};
+  for (int k = 0; k < kPoses; ++k) {
+    const ContactAnswer a = service::solve_contact(model, 0, *model.condensed(0), p.tip,
+                                                   {middle_m + spacing_m * k / kPoses, kDepthM});
+    const std::array stiffness{-a.force_n[1] / kDepthM, -a.tangent_n_m[3]};
+    for (std::size_t s = 0; s < 2; ++s) {
+      least[s] = std::min(least[s], stiffness[s]);
+      most[s] = std::max(most[s], stiffness[s]);
+      sum[s] += stiffness[s] / kPoses;
+    }
+  }
+  return {{"secant", (most[0] - least[0]) / sum[0]}, {"tangent", (most[1] - least[1]) / sum[1]}};
+}
+
+// Compliance columns by conjugate gradients, asked for as the finger moves 10 mm at 120 mm/s, 1000 poses/s:
+// the columns that the patch gains are solved for, the others kept.
+json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device>& device) {
+  constexpr double kStepM = 0.120 / 1000;
+  constexpr int kPoses = 83;
+  const TissueModel model = model_of(p.tissue);
+  service::ElasticitySolverOptions options;
+  options.relative_error = 1e-3;  // a compliance is off by the square of it
+  std::shared_ptr<service::Compliance> compliance;
+  const double begin_m = p.pose.x_m - kStepM * kPoses / 2;
+  const auto touch = [&](int k) {
+    return service::solve_contact(model, 0, *compliance, p.tip, {begin_m + k * kStepM, p.pose.indentation_m});
+  };
+  const double cold_s = seconds_of([&] {
+    compliance = model.iterative(0, device, options);
+    touch(0);
+  });
+  double spent_s = 0, worst = 0;
+  std::vector<double> seconds;
+  for (int k = 1; k <= kPoses; ++k) {
+    ContactAnswer a;
+    seconds.push_back(seconds_of([&] { a = touch(k); }));
+    spent_s += seconds.back();
+    const ContactAnswer exact = service::solve_contact(model, 0, *model.condensed(0), p.tip,
+                                                       {begin_m + k * kStepM, p.pose.indentation_m});
+    worst = std::max(worst, std::hypot(a.force_n[0] - exact.force_n[0], a.force_n[1] - exact.force_n[1]) /
+                                std::hypot(exact.force_n[0], exact.force_n[1]));
+  }
+  return {{"cold_s", cold_s},
+          {"warm_mean_s", spent_s / kPoses},
+          {"warm_s", quantiles(seconds)},
+          {"largest_force_error", worst}};
+}
+
+}  // namespace
+
+json measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>& device, bool quick) {
+  const TissueModel model = model_of(base.tissue);
+  const int repeats = quick ? 3 : 11;
+  return {{"lines", measure_lines(base, quick ? 2 : 5)},
+          {"strip", measure_strip(repeats)},
+          {"tangent_error", tangent_error(base, model)},
+          {"loop_work", loop_work(base, model, quick ? 1000 : 4000)},
+          {"ripple", ripple(base)},
+          {"path", measure_path(base, device)}};
+}
+
+}  // namespace teletact::bench
