@@ -13,6 +13,7 @@
 #include "service/rpc/elastography_service.h"
 #include "service/rpc/info_service.h"
 #include "service/rpc/palpation_service.h"
+#include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 
@@ -86,6 +87,7 @@ void Server::set_health(bool serving) {
 void Server::make_ready() {
   core_->scenes.restore();
   elastography_->warm();
+  warm_iterative(core_->device);
   core_->calls.open();
   set_health(true);
 }

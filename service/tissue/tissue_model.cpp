@@ -208,4 +208,18 @@ double TissueModel::modulus_near_pa(std::size_t column, std::size_t line) const 
          2;
 }
 
+void warm_iterative(const std::shared_ptr<Device>& device) {
+  constexpr std::size_t kColumns = 120, kLines = 33;
+  const TissueGrid grid{uniform_coordinates(0, 0.120, kColumns), uniform_coordinates(0, 0.040, kLines)};
+  for (const double poisson_ratio : {0.49, 0.499}) {  // float, and refined
+    const Material material{std::vector<double>(grid.elements(), 10e3), poisson_ratio};
+    const TissueModel model(grid, material, {}, {});
+    for (const std::size_t count : {1, 2}) {  // right-hand sides
+      std::vector<std::size_t> nodes(count);
+      for (std::size_t n = 0; n < count; ++n) nodes[n] = kColumns / 2 + 2 * n + count;
+      model.iterative(0, device)->axial_among(nodes, nullptr);
+    }
+  }
+}
+
 }  // namespace teletact::service

@@ -69,4 +69,8 @@ class TissueModel {
   std::unique_ptr<Lines> lines_;
 };
 
+// Compiles every kernel that iterative() uses, on a model of an ordinary strip's size: the first touch by PCG
+// must not wait for the compiler.
+void warm_iterative(const std::shared_ptr<Device>& device);
+
 }  // namespace teletact::service
