@@ -17,7 +17,7 @@ void interrupt(int) {
 }
 
 void print(const ReplayOptions& options, const ReplayReport& report) {
-  std::printf("replayed %s (%s): %lu calls, %lu %s, %lu answers compared, %lu not alike%s\n",
+  std::printf("replayed %s (%s): %lu calls, %lu %s, %lu answers compared, %lu of another status or size%s\n",
               options.path.c_str(), report.kind.c_str(), report.calls, report.requests,
               report.kind == "acquire" ? "RF pairs" : "poses", report.compared, report.not_alike,
               report.truncated ? "; the recording was cut short" : "");
@@ -25,8 +25,11 @@ void print(const ReplayOptions& options, const ReplayReport& report) {
     std::printf("  largest difference %.3g of the map's largest value (%s)\n", report.largest_map_difference,
                 report.largest_map.empty() ? "none" : report.largest_map.c_str());
   } else {
-    std::printf("  largest force difference %.3g N, of %.3g N at x = %.4f m\n",
-                report.largest_force_difference_n, report.recorded_force_n, report.largest_at_x_m);
+    if (report.largest_force_difference_n > 0)
+      std::printf("  largest force difference %.3g N, of %.3g N at x = %.4f m\n",
+                  report.largest_force_difference_n, report.recorded_force_n, report.largest_at_x_m);
+    else
+      std::printf("  every force as recorded\n");
   }
 }
 

@@ -29,7 +29,7 @@ struct Arguments {
   std::string json_path;
   double tip_radius_m = 0;
   double tip_half_width_m = 0;
-  double tip_footprint_m = 0;
+  double tip_footprint_m = 0.001;  // one node spacing: smooth between nodes (T4.5b)
   bool stuck = false;
   std::string scene_id;
   double line_y_m = 0;
@@ -169,8 +169,9 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
   command.add_option("--tip-radius-m", arguments.tip_radius_m,
                      "radius of the tip, or of a punch's edges (0.008)");
   command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part (0.004)");
-  command.add_option("--tip-footprint-m", arguments.tip_footprint_m,
-                     "node: Gaussian footprint, 0 = one node");
+  command.add_option(
+      "--tip-footprint-m", arguments.tip_footprint_m,
+      "node: Gaussian footprint (0.001); 0 = one node, as in the paper: lateral force jumps at nodes");
   command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
   command.add_option("--line-y-m", arguments.line_y_m, "depth of the touched line, 0 = the surface");
   command

@@ -41,8 +41,11 @@ void refuse_truncated_v5(const std::filesystem::path& path, std::size_t file_byt
   std::ifstream in(path, std::ios::binary);
   std::array<char, 128> head{};
   in.read(head.data(), head.size());
-  if (!in || std::string_view(head.data(), 10) != "MATLAB 5.0") return;  // v7.3: HDF5 checks its own length
-  const bool swapped = head[126] == 'M';
+  // The text before is free; bytes 124 to 127 hold version 0x0100 and the letters of the byte order. v7.3 is
+  // 0x0200: HDF5 checks its own length.
+  const bool swapped = head[126] == 'M' && head[127] == 'I';
+  const bool v5 = swapped ? head[124] == 1 && head[125] == 0 : head[124] == 0 && head[125] == 1;
+  if (!in || !v5) return;
   std::uint64_t at = head.size();
   while (at < file_bytes) {
     std::array<std::uint32_t, 2> tag{};
@@ -88,7 +91,9 @@ std::vector<std::size_t> checked_dimensions(const std::filesystem::path& path, c
   if (info.class_type == MAT_C_SPARSE) throw FileError(path, prefix + "is sparse; save full(" + name + ")");
   if (!is_numeric(info.class_type))
     throw FileError(
-        path, prefix + "is not numeric (a cell, struct or text); save its RF array as a variable of its own");
+        path, prefix +
+                  "cannot be read as numbers (a cell, struct or text, or a v7.3 file whose MATLAB_class is "
+                  "not as MATLAB writes it); save its RF array as a numeric variable of its own, v5 or v7.3");
   if (info.isComplex != 0) throw FileError(path, prefix + "is complex (IQ?); save real RF samples");
   if (info.rank < 2 || info.rank > 3)
     throw FileError(

@@ -96,7 +96,7 @@ TEST_P(MatFile, NamesTheVariablesThatAreThere) {
   for (const char* expected : {"'RF'", "rf", "rf16", "name", "iq"})
     EXPECT_NE(message.find(expected), std::string::npos) << message;
   EXPECT_NE(message_of(folder / "a.mat", "iq").find("complex"), std::string::npos);
-  EXPECT_NE(message_of(folder / "a.mat", "name").find("not numeric"), std::string::npos);
+  EXPECT_NE(message_of(folder / "a.mat", "name").find("cannot be read as numbers"), std::string::npos);
 }
 
 TEST_P(MatFile, RefusesTruncatedFiles) {
@@ -109,6 +109,18 @@ TEST_P(MatFile, RefusesTruncatedFiles) {
     const std::string message = message_of(folder / "cut.mat", "iq");
     EXPECT_NE(message, "no error") << part;
   }
+}
+
+TEST_P(MatFile, TheHeadersTextIsFreeTruncatedOrNot) {
+  if (GetParam().version != MAT_FT_MAT5) return;  // HDF5 has a header of its own
+  const TemporaryFolder folder;
+  write_example(folder / "a.mat", GetParam());
+  std::string whole = content_of(folder / "a.mat");
+  whole.replace(0, 24, "Made by a scanner's own ");
+  put_content(folder / "text.mat", whole);
+  EXPECT_EQ(read_mat(folder / "text.mat", "rf", AxialAxis::kRows).sample_count, 301u);
+  put_content(folder / "cut.mat", whole.substr(0, whole.size() / 3));
+  EXPECT_NE(message_of(folder / "cut.mat", "rf").find("truncated"), std::string::npos);
 }
 
 INSTANTIATE_TEST_SUITE_P(Versions, MatFile,

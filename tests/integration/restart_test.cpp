@@ -120,6 +120,7 @@ Felt felt(const Recording& recording, double killed_s) {
     const Tick &tick = recording.ticks[k], &before = recording.ticks[k - 1];
     const double step_n =
         std::hypot(tick.force_n[0] - before.force_n[0], tick.force_n[1] - before.force_n[1]);
+    EXPECT_TRUE(std::isfinite(step_n));
     felt.worst_step =
         std::max(felt.worst_step, step_n / (slew_n_s * std::max(tick.time_s - before.time_s, 0.001)));
     const double since_kill_s = tick.time_s - killed_s;

@@ -1,3 +1,4 @@
+// One fixture, every claim about the loop: longer than most, because splitting it would repeat the fixture.
 #include "client/servo/servo_loop.h"
 
 #include <gtest/gtest.h>
