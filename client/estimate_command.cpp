@@ -78,6 +78,10 @@ void run(const Arguments& arguments) {
         tissue_extent(pair.acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
     std::printf("modulus relative to the background (no force given)\n");
+  if (summary.mean_axial_strain() > 0)
+    std::fprintf(stderr,
+                 "warning: the tissue stretches from pre to post (strain %+.3f %%): are the two swapped?\n",
+                 100 * summary.mean_axial_strain());
   std::printf("%zu files in %s\n", files.size(), arguments.out.c_str());
 }
 
@@ -108,7 +112,8 @@ void add_estimate_command(CLI::App& app) {
   command.add_option("--sound-speed-m-s", frames.sound_speed_m_s, "in the tissue")->capture_default_str();
   command.add_option("--line-pitch-m", frames.line_pitch_m,
                      "distance of two A-lines, where the file has none");
-  command.add_option("--frame", frames.frame, "LAB: the far side rests; PROBE: the probe face rests");
+  command.add_option("--frame", frames.frame,
+                     "LAB: the far side rests; PROBE: the probe face rests (required)");
   command.add_option("--force-n", frames.force_n,
                      "resisting force on the probe, change between pre and post");
   command.add_option("--contact-area-m2", frames.contact_area_m2,

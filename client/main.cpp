@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
   add_patient_command(app);
   add_replay_command(app);
   add_report_command(app);
+  add_scenes_command(app);
   add_touch_command(app);
   try {
     app.parse(argc, argv);

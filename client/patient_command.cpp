@@ -174,7 +174,7 @@ void add_patient_command(CLI::App& app) {
   command->add_option("--write-tissue", options->write_tissue_file, "Also write the tissue as a file");
   command->add_option("--window-x-m", options->windows, "Left borders of the windows (m), or all")
       ->expected(1, 64);
-  command->add_option("--frame", options->frame, "Frame of the displacement")
+  command->add_option("--frame", options->frame, "Frame of the displacement (PROBE)")
       ->check(CLI::IsMember({"PROBE", "LAB"}));
   command->add_option("--out", options->out, "Folder for the .mha pairs, truth maps and truth.json")
       ->required();

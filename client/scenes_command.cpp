@@ -1,0 +1,66 @@
+// teletact-client scenes: what a service holds, and taking a scene away.
+#include <grpcpp/client_context.h>
+
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "client/commands.h"
+#include "client/link/channel.h"
+#include "teletact/v1/palpation.grpc.pb.h"
+
+namespace teletact::client {
+namespace {
+
+struct Arguments {
+  std::string address, tls_ca, remove;
+};
+
+void give_deadline(grpc::ClientContext& context) {
+  constexpr std::chrono::seconds kPatience{10};
+  context.set_deadline(std::chrono::system_clock::now() + kPatience);
+}
+
+void print(const v1::Scene& scene) {
+  std::printf("%s  %.3f x %.3f m, version %lu, %d windows:", scene.scene_id().c_str(),
+              scene.geometry().size_m(0), scene.geometry().size_m(1),
+              static_cast<unsigned long>(scene.version()), scene.windows_size());
+  for (const v1::Window& window : scene.windows())
+    std::printf(" [%.3f, %.3f)", window.begin_m(), window.end_m());
+  std::printf("\n");
+}
+
+void run(const Arguments& arguments) {
+  const auto stub = v1::Palpation::NewStub(make_channel(arguments.address, arguments.tls_ca));
+  grpc::ClientContext context;
+  give_deadline(context);
+  if (!arguments.remove.empty()) {
+    v1::DeleteSceneRequest request;
+    request.set_scene_id(arguments.remove);
+    v1::DeleteSceneResponse response;
+    const grpc::Status status = stub->DeleteScene(&context, request, &response);
+    if (!status.ok()) throw CommandError("cannot delete: " + describe(status));
+    std::printf("deleted %s\n", arguments.remove.c_str());
+    return;
+  }
+  v1::ListScenesResponse scenes;
+  const grpc::Status status = stub->ListScenes(&context, {}, &scenes);
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE)
+    throw CommandError(nobody_answers(arguments.address, arguments.tls_ca));
+  if (!status.ok()) throw CommandError("cannot list the scenes: " + describe(status));
+  for (const v1::Scene& scene : scenes.scenes()) print(scene);
+  if (scenes.scenes().empty()) std::printf("no scenes: acquire publishes one\n");
+}
+
+}  // namespace
+
+void add_scenes_command(CLI::App& app) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("scenes", "list the scenes of a service, or delete one");
+  add_service_options(command, arguments->address, arguments->tls_ca);
+  command.add_option("--delete", arguments->remove, "the scene to take away; open touch streams end with it");
+  command.callback([arguments] { run(*arguments); });
+}
+
+}  // namespace teletact::client
