@@ -2,6 +2,7 @@
 #include <limits>
 #include <vector>
 
+#include "tests/rpc/estimate_client.h"
 #include "tests/rpc/running_server.h"
 
 namespace teletact::service {
@@ -186,6 +187,7 @@ TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
 }
 
 TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
+  Bystander bystander(server->channel(), "uniform");
   const auto refused = [&](grpc::StatusCode code, const char* field, auto change) {
     v1::TouchOpen open = Toucher::open_on("uniform");
     change(open);
@@ -212,6 +214,9 @@ TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
   *again.mutable_open() = open;
   twice.send_as_is(again);
   expect_end(twice, INVALID_ARGUMENT, "open");
+  bystander.stop();
+  EXPECT_EQ(bystander.failures(), 0);
+  EXPECT_GT(bystander.answers(), 0U);
 }
 
 TEST_F(Palpation, PoseBeforeOpenIsRefused) {
@@ -288,6 +293,7 @@ TEST_F(Palpation, FingerIsWatched) {
 }
 
 TEST_F(Palpation, ScenesThatMakeNoSenseAreNamed) {
+  Bystander bystander(server->channel(), "uniform");
   using enum grpc::StatusCode;
   const auto changed = [](auto change) {
     v1::CreateSceneRequest request = uniform_scene("bad");
@@ -300,7 +306,8 @@ TEST_F(Palpation, ScenesThatMakeNoSenseAreNamed) {
       std::memcpy(data->data() + 40, &modulus_pa, sizeof(float));
     });
   };
-  for (const float modulus_pa : {-10.0F, 0.0F, std::numeric_limits<float>::quiet_NaN()})
+  for (const float modulus_pa :
+       {-10.0F, 0.0F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()})
     expect_refused(with_modulus(modulus_pa), INVALID_ARGUMENT, "modulus.youngs_modulus_pa[10]");
   expect_refused(changed([](auto& r) { r.mutable_geometry()->set_poisson_ratio(0.5); }), INVALID_ARGUMENT,
                  "geometry.poisson_ratio");
@@ -329,6 +336,9 @@ TEST_F(Palpation, ScenesThatMakeNoSenseAreNamed) {
   request.set_scene_id("bad");
   v1::Scene scene;
   EXPECT_EQ(stub->GetScene(&context, request, &scene).error_code(), NOT_FOUND);
+  bystander.stop();
+  EXPECT_EQ(bystander.failures(), 0);
+  EXPECT_GT(bystander.answers(), 0U);
 }
 
 TEST_F(Palpation, SceneIsReadBack) {
