@@ -59,7 +59,6 @@ class KalmanRenderer final : public Renderer {
   void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   Rendered render(const ToolPose& pose, double time_s) noexcept override;
 
-  const Eigen::Matrix3d& covariance() const noexcept { return covariance_; }
   std::uint64_t outliers() const noexcept { return outliers_; }
 
  private:
