@@ -202,7 +202,7 @@ void add_touch_command(CLI::App& app) {
   command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
   command.add_option("--device", session.device, "haptic device: simulated (default)");
   command.add_option("--profile", session.profile, "premium-1.5 (default), premium-3.0, omni or touch");
-  command.add_option("--renderer", session.renderer, "kalman (default), kalman-force or hold")
+  command.add_option("--renderer", session.renderer, "kalman (default), kalman-force, interpolate or hold")
       ->check(CLI::IsMember({"kalman", "kalman-force", "hold"}));
   command.add_option("--record", session.record_path,
                      "keep poses, answers and every servo tick in this file");

@@ -18,6 +18,7 @@ struct PaperExperiment {
 };
 
 PaperExperiment paper_psychometric();  // T6.4
+PaperExperiment paper_fig14();         // T6.1
 PaperExperiment paper_fig16();         // T6.3
 
 }  // namespace teletact::bench

@@ -8,6 +8,7 @@
 #include <cstdio>
 
 #include "bench/suites/paper.h"
+#include "bench/suites/paper_tissue.h"
 #include "service/contact/contact.h"
 
 namespace teletact::bench {
@@ -28,17 +29,6 @@ constexpr std::array<Expected, 2> kExpected{
     {{0.49, {1.191, 1.207, 1.207, 1.209, 1.219, 1.230, 1.256, 1.487, 2.763}},
      {0.30, {1.209, 1.256, 1.268, 1.271, 1.267, 1.257, 1.253, 1.340, 2.984}}}};
 
-// 100 x 100 mm, 50 x 10 elements, five times stiffer in columns 22 to 27 of the two lowest rows.
-service::TissueModel tissue(double poisson_ratio) {
-  service::TissueGrid grid{service::uniform_coordinates(0, 0.1, 50),
-                           service::uniform_coordinates(0, 0.1, 10)};
-  service::Material material{std::vector<double>(grid.elements(), 10e3), poisson_ratio};
-  for (const std::size_t row : {8u, 9u})
-    for (std::size_t column = 22; column < 28; ++column)
-      material.youngs_modulus_pa[grid.element(column, row)] = 50e3;
-  return {std::move(grid), std::move(material), {}, {}};
-}
-
 // Force over displacement of every node of the line, one pressed at a time and free to move sideways.
 std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t line) {
   const auto compliance = model.condensed(line);
@@ -52,7 +42,7 @@ std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t
 }
 
 json measure_at(const Expected& expected, std::vector<Target>& targets) {
-  const service::TissueModel model = tissue(expected.poisson_ratio);
+  const service::TissueModel model = paper_tissue(expected.poisson_ratio);
   json lines = json::array();
   double worst = 0;
   std::printf("\nnu = %.2f: contrast, expected, line\n", expected.poisson_ratio);

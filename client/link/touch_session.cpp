@@ -11,22 +11,12 @@
 
 #include "client/link/channel.h"
 #include "client/link/convert.h"
-#include "client/render/hold_renderer.h"
-#include "client/render/kalman_renderer.h"
+#include "client/render/renderers.h"
 
 namespace teletact::client {
 namespace {
 
 using Seconds = std::chrono::duration<double>;
-
-std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_period_s) {
-  KalmanOptions options;
-  options.servo_period_s = servo_period_s;
-  options.use_tangent = name != "kalman-force";
-  if (name == "kalman" || name == "kalman-force") return std::make_unique<KalmanRenderer>(options);
-  if (name == "hold") return std::make_unique<HoldRenderer>();
-  throw std::invalid_argument("unknown renderer '" + name + "'; known: kalman, kalman-force, hold");
-}
 
 // The scene with something to touch, waited for up to `wait_s`.
 v1::Scene wait_for_scene(const TouchSessionOptions& options, const std::atomic<bool>& stop) {

@@ -20,7 +20,7 @@ struct TouchSessionOptions {
   v1::TouchOpen open;
   std::string device = "simulated";
   std::string profile = "premium-1.5";
-  std::string renderer = "kalman";  // kalman, kalman-force, hold
+  std::string renderer = "kalman";  // kalman, kalman-force, interpolate, hold
   HandOptions hand;                 // begin and end: see below
   std::optional<double> begin_m;    // of the sweep; absent: what is covered at the start, 8 mm inside
   std::optional<double> end_m;

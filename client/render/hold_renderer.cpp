@@ -12,6 +12,8 @@ void HoldRenderer::update(const ForceSample& sample, const ToolPose&, double) no
   held_.force_n = sample.force_n;
   held_.stiffness_n_m = -sample.force_n.y() / indentation_m;
   held_.gain = 1;
+  variance_.add(held_.stiffness_n_m);
+  held_.variance = variance_.value();
 }
 
 Rendered HoldRenderer::render(const ToolPose&, double) noexcept {

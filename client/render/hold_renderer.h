@@ -2,6 +2,7 @@
 // is T5.1/T5.2; it steps at every update, and lags by the age of the answer.
 #pragma once
 
+#include "client/render/held_variance.h"
 #include "client/render/renderer.h"
 
 namespace teletact::client {
@@ -15,6 +16,7 @@ class HoldRenderer final : public Renderer {
 
  private:
   Rendered held_;
+  HeldVariance variance_;
 };
 
 }  // namespace teletact::client

@@ -47,7 +47,7 @@ struct KalmanOptions {
   double servo_period_s = 0.001;
   double largest_jump = 0.07;    // of the force, per servo period (T5.4)
   double unfelt_jump_n = 0.005;  // so that a first contact does not take for ever
-  double shortest_blend_s = 0.004;
+  double shortest_blend_s = 0.003;
   double longest_blend_s = 0.06;
 };
 

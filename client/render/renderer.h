@@ -29,7 +29,7 @@ struct ForceSample {
 struct Rendered {
   Vector2 force_n = Vector2::Zero();  // on the finger
   double stiffness_n_m = 0;           // along the push: resistance over indentation
-  double variance = 0;                // of that stiffness, (N/m)^2; 0 when the renderer keeps none
+  double variance = 0;                // of that stiffness, (N/m)^2; the lateral one's is the same
   double gain = 0;                    // of the last update: how much of the innovation was believed, 0 .. 1
 };
 

@@ -1,0 +1,45 @@
+#include "client/render/interpolating_renderer.h"
+
+#include <algorithm>
+
+namespace teletact::client {
+
+double InterpolatingRenderer::share(double time_s) const noexcept {
+  return period_s_ > 0 ? std::clamp((time_s - arrival_s_) / period_s_, 0.0, 1.0) : 1.0;
+}
+
+// f = f_1 + (f_2 - f_1) (t - t_2) / T
+InterpolatingRenderer::Value InterpolatingRenderer::value(double time_s) const noexcept {
+  const double way = share(time_s);
+  return {from_.force_n + way * (to_.force_n - from_.force_n),
+          from_.stiffness_n_m + way * (to_.stiffness_n_m - from_.stiffness_n_m)};
+}
+
+void InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, double time_s) noexcept {
+  constexpr double kSmallestIndentationM = 1e-6;
+  // After a pause the next answer is taken to come as soon as any: a longer way would only be older.
+  constexpr double kLongestPeriodS = 0.5;
+  const Value before = value(time_s);
+  to_ = Value();
+  if (sample.contact) {
+    const double indentation_m = std::max(sample.position_m.y() - sample.surface_m, kSmallestIndentationM);
+    to_ = {sample.force_n, -sample.force_n.y() / indentation_m};
+    variance_.add(to_.stiffness_n_m);
+  }
+  from_ = known_ ? before : to_;
+  if (known_) period_s_ = std::clamp(time_s - arrival_s_, 0.0, kLongestPeriodS);
+  arrival_s_ = time_s;
+  known_ = true;
+}
+
+Rendered InterpolatingRenderer::render(const ToolPose&, double time_s) noexcept {
+  const Value now = value(time_s);
+  return {
+      .force_n = now.force_n,
+      .stiffness_n_m = now.stiffness_n_m,
+      .variance = variance_.value(),
+      .gain = known_ ? share(time_s) : 0,
+  };
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,34 @@
+// Linear interpolation between the last two streamed forces (T5.3), the source paper's "common approach":
+// when an answer arrives the force starts from where it is and reaches the new one when the next is due. No
+// steps, at the price of one period of delay on top of the answer's age.
+#pragma once
+
+#include "client/render/held_variance.h"
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+class InterpolatingRenderer final : public Renderer {
+ public:
+  const char* name() const noexcept override { return "interpolate"; }
+  void reset() noexcept override { *this = InterpolatingRenderer(); }
+  void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
+  // The gain is the share of the newest answer in what is rendered: 0 on arrival, 1 a period later.
+  Rendered render(const ToolPose& pose, double time_s) noexcept override;
+
+ private:
+  struct Value {
+    Vector2 force_n = Vector2::Zero();
+    double stiffness_n_m = 0;
+  };
+  double share(double time_s) const noexcept;
+  Value value(double time_s) const noexcept;
+
+  Value from_, to_;
+  HeldVariance variance_;
+  bool known_ = false;
+  double arrival_s_ = 0;
+  double period_s_ = 0;  // between the last two arrivals
+};
+
+}  // namespace teletact::client

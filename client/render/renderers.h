@@ -1,0 +1,18 @@
+// Renderers by name.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+// kalman (force and tangent), kalman-force (the source paper's), interpolate, hold.
+const std::vector<std::string>& renderer_names();
+
+// Throws std::invalid_argument listing the known names.
+std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_period_s);
+
+}  // namespace teletact::client

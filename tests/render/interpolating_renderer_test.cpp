@@ -1,0 +1,92 @@
+#include "client/render/interpolating_renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "client/render/renderers.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kDepthM = 0.004;
+const ToolPose kTool{Vector2(0, kDepthM), Vector2::Zero()};
+
+ForceSample pressed(double force_n, double time_s) {
+  ForceSample sample;
+  sample.contact = true;
+  sample.pose_time_s = time_s;
+  sample.position_m = Vector2(0, kDepthM);
+  sample.force_n = Vector2(0, -force_n);
+  sample.tangent_n_m(1, 1) = -force_n / kDepthM;
+  return sample;
+}
+
+TEST(InterpolatingRenderer, GivenTwoAnswersWhenTheNextPeriodPassesThenTheForceIsOnTheLineBetweenThem) {
+  InterpolatingRenderer renderer;
+  renderer.update(pressed(1.0, 0), kTool, 0.00);
+  renderer.update(pressed(1.0, 0.02), kTool, 0.02);
+  renderer.update(pressed(2.0, 0.04), kTool, 0.04);
+  for (const double share : {0.0, 0.25, 0.5, 1.0, 3.0}) {
+    const Rendered rendered = renderer.render(kTool, 0.04 + 0.02 * share);
+    const double expected_n = 1 + std::min(share, 1.0);
+    EXPECT_NEAR(rendered.force_n.y(), -expected_n, 1e-12) << share;
+    EXPECT_NEAR(rendered.stiffness_n_m, expected_n / kDepthM, 1e-9) << share;
+    EXPECT_NEAR(rendered.gain, std::min(share, 1.0), 1e-12) << share;
+  }
+}
+
+TEST(InterpolatingRenderer, GivenARampWhenItIsSweptThenTheForceIsOnePeriodOld) {
+  InterpolatingRenderer renderer;
+  constexpr double kPeriodS = 0.02, kSlopeNS = 3;
+  for (int n = 0; n < 500; ++n) {
+    const double time_s = 0.001 * n;
+    if (n % 20 == 0) renderer.update(pressed(kSlopeNS * time_s, time_s), kTool, time_s);
+    if (n < 60) continue;
+    EXPECT_NEAR(-renderer.render(kTool, time_s).force_n.y(), kSlopeNS * (time_s - kPeriodS), 1e-9) << n;
+  }
+}
+
+TEST(InterpolatingRenderer, GivenAnAnswerBeforeTheLastWasReachedWhenItArrivesThenTheForceDoesNotStep) {
+  InterpolatingRenderer renderer;
+  renderer.update(pressed(1, 0), kTool, 0);
+  renderer.update(pressed(3, 0.02), kTool, 0.02);
+  const double before_n = renderer.render(kTool, 0.03).force_n.y();
+  renderer.update(pressed(0.5, 0.03), kTool, 0.03);
+  EXPECT_NEAR(renderer.render(kTool, 0.03).force_n.y(), before_n, 1e-12);
+}
+
+TEST(InterpolatingRenderer, GivenLostContactWhenAPeriodHasPassedThenTheForceIsZero) {
+  InterpolatingRenderer renderer;
+  renderer.update(pressed(1, 0), kTool, 0);
+  renderer.update({}, kTool, 0.02);
+  EXPECT_NEAR(renderer.render(kTool, 0.03).force_n.y(), -0.5, 1e-12);
+  EXPECT_EQ(renderer.render(kTool, 0.04).force_n.norm(), 0);
+}
+
+TEST(Renderers, EachIsMadeByItsNameAndReportsGainAndVariance) {
+  for (const std::string& name : renderer_names()) {
+    const auto renderer = make_renderer(name, 0.001);
+    EXPECT_EQ(renderer->render(kTool, 0).force_n.norm(), 0) << name;
+    // GIVEN a stiffness that changes from answer to answer, WHEN it was seen, THEN the variance tells of it
+    double time_s = 0;
+    for (int n = 0; n < 20; ++n, time_s += 0.01)
+      renderer->update(pressed(1 + 0.2 * (n % 2), time_s), kTool, time_s);
+    const Rendered rendered = renderer->render(kTool, time_s);
+    EXPECT_GT(rendered.gain, 0) << name;
+    EXPECT_LE(rendered.gain, 1) << name;
+    EXPECT_GT(rendered.variance, 0) << name;
+    EXPECT_TRUE(std::isfinite(rendered.variance)) << name;
+  }
+  EXPECT_THROW(make_renderer("mirror", 0.001), std::invalid_argument);
+}
+
+TEST(Renderers, HeldVarianceIsTheMeanSquareOfTheChanges) {
+  HeldVariance variance;
+  for (int n = 0; n < 200; ++n) variance.add(n % 2 == 0 ? 100 : 130);
+  EXPECT_NEAR(variance.value(), 900, 1e-6);
+}
+
+}  // namespace
+}  // namespace teletact::client
