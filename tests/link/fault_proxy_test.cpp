@@ -1,0 +1,209 @@
+// The fault proxy does what it says, on an echo service: the other tests lean on it.
+#include "tests/support/fault_proxy.h"
+
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstring>
+#include <optional>
+#include <vector>
+
+namespace teletact::test {
+namespace {
+
+double now_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// Sends back what it gets, on every connection.
+class Echo {
+ public:
+  Echo() {
+    listening_ = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    bind(listening_, reinterpret_cast<sockaddr*>(&address), size);
+    listen(listening_, 8);
+    getsockname(listening_, reinterpret_cast<sockaddr*>(&address), &size);
+    this->address = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+    thread_ = std::thread([this] { run(); });
+  }
+  ~Echo() {
+    stop_ = true;
+    thread_.join();
+  }
+  std::string address;
+
+ private:
+  void run() {
+    std::vector<pollfd> polled{{listening_, POLLIN, 0}};
+    while (!stop_) {
+      poll(polled.data(), polled.size(), 10);
+      const std::size_t count = polled.size();
+      if (polled[0].revents) polled.push_back({accept(listening_, nullptr, nullptr), POLLIN, 0});
+      for (std::size_t k = 1; k < count; ++k) {
+        if (!polled[k].revents) continue;
+        char buffer[65536];
+        const ssize_t got = read(polled[k].fd, buffer, sizeof buffer);
+        if (got <= 0 || send(polled[k].fd, buffer, static_cast<std::size_t>(got), MSG_NOSIGNAL) != got) {
+          close(polled[k].fd);
+          polled[k].fd = -1;
+        }
+      }
+    }
+    for (const pollfd& socket : polled) close(socket.fd);
+  }
+  int listening_ = -1;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+class Peer {
+ public:
+  explicit Peer(const std::string& address) {
+    socket_ = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    to.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(address.rfind(':') + 1))));
+    if (connect(socket_, reinterpret_cast<sockaddr*>(&to), sizeof to) != 0) ADD_FAILURE() << "connect";
+    const int on = 1;
+    setsockopt(socket_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  }
+  ~Peer() { close(socket_); }
+  void say(const std::string& text) {
+    ASSERT_EQ(send(socket_, text.data(), text.size(), 0), ssize_t(text.size()));
+  }
+  // `bytes` bytes within `seconds`; fewer when they do not come; none when the connection was cut.
+  std::optional<std::string> hear(std::size_t bytes, double seconds) {
+    const double end_s = now_s() + seconds;
+    std::string text;
+    while (text.size() < bytes) {
+      pollfd polled{socket_, POLLIN, 0};
+      if (poll(&polled, 1, std::max(0, int((end_s - now_s()) * 1e3))) == 0) return text;
+      char buffer[65536];
+      const ssize_t got = recv(socket_, buffer, sizeof buffer, 0);
+      if (got <= 0) return std::nullopt;
+      text.append(buffer, static_cast<std::size_t>(got));
+    }
+    return text;
+  }
+
+ private:
+  int socket_;
+};
+
+Faults both(const DirectionFaults& faults) {
+  return {faults, faults};
+}
+
+TEST(FaultProxy, PassesBytesOnUnharmed) {
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  Peer peer(proxy.address());
+  std::string text;
+  for (int k = 0; k < 100'000; ++k) text += static_cast<char>('a' + k % 23);
+  peer.say(text);
+  EXPECT_EQ(peer.hear(text.size(), 5), text);
+  EXPECT_EQ(proxy.bytes_up(), text.size());
+  EXPECT_EQ(proxy.bytes_down(), text.size());
+}
+
+TEST(FaultProxy, DelaysEachWayAndKeepsTheOrderUnderJitterAndLoss) {
+  Echo echo;
+  FaultProxy proxy(echo.address, 7);
+  proxy.play({.faults = both({.delay_s = 0.05})});
+  Peer peer(proxy.address());
+  double begin_s = now_s();
+  peer.say("x");
+  EXPECT_EQ(peer.hear(1, 2), "x");
+  EXPECT_GE(now_s() - begin_s, 0.1);
+  proxy.play({.faults = both({.jitter_s = 0.03, .loss_share = 0.2, .retransmission_s = 0.05})});
+  std::string sent;
+  begin_s = now_s();
+  for (int k = 0; k < 50; ++k) {
+    const std::string text = std::to_string(k) + ",";
+    sent += text;
+    peer.say(text);
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  EXPECT_EQ(peer.hear(sent.size(), 2), sent);
+  EXPECT_GE(now_s() - begin_s, 0.1 + 0.05);  // some were lost
+}
+
+TEST(FaultProxy, AStallHoldsEverythingThenLetsItPass) {
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  Peer peer(proxy.address());
+  peer.say("a");
+  EXPECT_EQ(peer.hear(1, 2), "a");
+  const double begin_s = now_s();
+  proxy.play({{.at_s = 0.05, .kind = FaultEvent::Kind::kStall, .seconds = 0.2}});
+  std::this_thread::sleep_for(std::chrono::milliseconds(80));
+  peer.say("bc");
+  EXPECT_EQ(peer.hear(2, 2), "bc");
+  EXPECT_GE(now_s() - begin_s, 0.25);
+}
+
+TEST(FaultProxy, ANewStreamOvertakesAHeldOne) {
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  Peer old(proxy.address());
+  old.say("a");
+  EXPECT_EQ(old.hear(1, 2), "a");
+  proxy.play({.kind = FaultEvent::Kind::kHold, .seconds = 0.3});
+  old.say("late");
+  Peer fresh(proxy.address());
+  fresh.say("early");
+  EXPECT_EQ(fresh.hear(5, 0.2), "early");
+  EXPECT_EQ(old.hear(4, 2), "late");
+}
+
+TEST(FaultProxy, HalfOpenSaysNothingAndResetCuts) {
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  Peer silent(proxy.address());
+  silent.say("a");
+  EXPECT_EQ(silent.hear(1, 2), "a");
+  proxy.play({.kind = FaultEvent::Kind::kHalfOpen});
+  silent.say("b");
+  EXPECT_EQ(silent.hear(1, 0.1), "");
+  Peer cut(proxy.address());
+  cut.say("c");
+  EXPECT_EQ(cut.hear(1, 2), "c");
+  proxy.play({.kind = FaultEvent::Kind::kReset});
+  EXPECT_EQ(cut.hear(1, 2), std::nullopt);
+  Peer again(proxy.address());
+  again.say("d");
+  EXPECT_EQ(again.hear(1, 2), "d");
+  EXPECT_EQ(proxy.connections(), 3u);
+}
+
+TEST(FaultProxy, LimitsBandwidth) {
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  proxy.play({.faults = {{.bandwidth_bytes_s = 200e3}, {}}});
+  Peer peer(proxy.address());
+  const double begin_s = now_s();
+  const std::string text(60'000, 'x');
+  peer.say(text);
+  EXPECT_EQ(peer.hear(text.size(), 5), text);
+  EXPECT_GE(now_s() - begin_s, 0.29);
+  EXPECT_LE(now_s() - begin_s, 1.5);
+}
+
+TEST(FaultProxy, AServiceThatIsNotThereIsAReset) {
+  FaultProxy proxy("unix:/nonexistent/socket");
+  Peer peer(proxy.address());
+  EXPECT_EQ(peer.hear(1, 2), std::nullopt);
+}
+
+}  // namespace
+}  // namespace teletact::test
