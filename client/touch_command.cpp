@@ -62,6 +62,12 @@ double touch_rate_hz(const TouchLinkStats& link) {
   return span_s > 0 ? static_cast<double>(link.distinct) / span_s : 0;
 }
 
+nlohmann::json quantiles(std::vector<double>& values_s) {
+  return {{"p50", percentile(values_s, 0.5)},
+          {"p99", percentile(values_s, 0.99)},
+          {"max", percentile(values_s, 1)}};
+}
+
 nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
   TickStatistics& ticks = summary.ticks;
   TouchLinkStats& link = summary.link;
@@ -78,10 +84,8 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
       {"enabled_s", ticks.enabled_s()},
       {"passes", summary.passes},
       {"touch_rate_hz", touch_rate_hz(link)},
-      {"touch_latency_s",
-       {{"p50", percentile(link.latencies_s, 0.5)},
-        {"p99", percentile(link.latencies_s, 0.99)},
-        {"max", percentile(link.latencies_s, 1)}}},
+      {"touch_latency_s", quantiles(link.latencies_s)},
+      {"model_age_s", quantiles(ticks.model_age_s())},
       {"servo",
        {{"rate_hz", ticks.rate_hz()},
         {"ticks", ticks.ticks()},
@@ -107,6 +111,9 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
         {"streams", link.streams},
         {"service_instances", link.instances},
         {"period_s", link.period_s},
+        {"round_trip_s", quantiles(link.round_trips_s)},
+        {"clock_offset_s", link.clock_offset_s},
+        {"clock_offset_error_s", link.clock_offset_error_s},
         {"line_y_m", link.line_y_m},
         {"last_version", link.last_version}}},
       {"telemetry_dropped", summary.telemetry_dropped},
@@ -127,6 +134,12 @@ void print(const nlohmann::json& json) {
               servo["rate_hz"].get<double>(), servo["overruns"].get<unsigned long>(),
               ms(servo["lateness_s_p99"]), ms(servo["lateness_s_max"]),
               servo["scheduling"].get<std::string>().c_str());
+  const auto& link = json["link"];
+  std::printf(
+      "  link      round trip p50 %.2f ms, p99 %.2f ms; its clock is %+.3f ms from ours, to %.3f ms; age of "
+      "what is felt p99 %.2f ms\n",
+      ms(link["round_trip_s"]["p50"]), ms(link["round_trip_s"]["p99"]), ms(link["clock_offset_s"]),
+      ms(link["clock_offset_error_s"]), ms(json["model_age_s"]["p99"]));
   std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
               json["stalls"]["s"].get<double>());
   std::printf("  force     largest %.3f N; degraded %.3f s; %lu streams\n",

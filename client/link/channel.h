@@ -3,16 +3,35 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <chrono>
+#include <deque>
 #include <memory>
 #include <string>
 
 namespace teletact::client {
 
-// `address` is "host:port" or "unix:/path". Connects lazily; backoff 50 to 200 ms. A channel shares no
-// subchannel (and so no backoff) with any other. With `tls_ca`, PEM text, the connection is encrypted and the
-// service must show a certificate that these authorities signed for the host's name ("localhost" for a Unix
-// socket); without it nothing is encrypted.
+// `address` is "host:port" or "unix:/path". Connects lazily; backoff 50 to 200 ms, 3 s per attempt. A channel
+// shares no subchannel (and so no backoff) with any other. With `tls_ca`, PEM text, the connection is
+// encrypted and the service must show a certificate that these authorities signed for the host's name
+// ("localhost" for a Unix socket); without it nothing is encrypted.
 std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca = "");
+
+// Reaches `address` over links that lose packets or say nothing: while an attempt hangs, another is started
+// beside it every kAttemptS, and the first that succeeds is taken. One attempt alone would wait out its
+// connect timeout, or TCP's own retries (1, 2, 4 s), after the link is back.
+class Connecting {
+ public:
+  static constexpr double kAttemptS = 0.2;
+  Connecting(std::string address, std::string tls_ca);
+  // A connected channel, or null when there is none after `wait_s`; then call again.
+  std::shared_ptr<grpc::Channel> wait(double wait_s);
+
+ private:
+  static constexpr std::size_t kMostAttempts = 15;  // each gets 3 s, enough for slow handshakes
+  std::string address_, tls_ca_;
+  std::deque<std::shared_ptr<grpc::Channel>> attempts_;
+  std::chrono::steady_clock::time_point next_attempt_{};
+};
 
 // The PEM text of --tls-ca FILE. Throws std::runtime_error with one line.
 std::string read_tls_ca(const std::string& path);

@@ -74,6 +74,9 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_sequence(static_cast<std::uint32_t>(tick.sequence));
   sample.set_at_border(tick.held_at_border);
   sample.set_model_age_s(tick.model_age_s);
+  sample.set_silence_s(tick.silence_s);
+  sample.set_round_trip_s(tick.round_trip_s);
+  sample.set_clock_offset_s(tick.clock_offset_s);
   return entry;
 }
 

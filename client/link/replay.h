@@ -12,7 +12,7 @@ namespace teletact::client {
 struct ReplayOptions {
   std::string path;
   std::string address;
-  std::string tls_ca;  // PEM text; empty: not encrypted
+  std::string tls_ca;       // PEM text; empty: not encrypted
   std::string scene_id;     // empty: the recorded one
   double speed = 1;         // of the recorded timing; 0 = as fast as the service answers
   std::string record_path;  // record the replay; empty: no

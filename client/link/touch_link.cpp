@@ -13,7 +13,7 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kConnectWaitS = 0.25;            // per try; then look whether to stop
+constexpr double kConnectWaitS = 0.05;            // per look at the attempts, and whether to stop
 constexpr double kRetryS = 0.1;                   // between streams that the service refused
 constexpr std::size_t kMaxLatencies = 4'000'000;  // more than an hour at 1 kHz
 
@@ -83,9 +83,9 @@ void TouchLink::run() {
   };
   while (!stopping()) {
     // A new channel each time: an old one may hold on to a half-open connection or a long backoff.
-    const auto channel = make_channel(options_.address, options_.tls_ca);
-    while (!stopping() && !wait_connected(*channel, kConnectWaitS)) {
-    }
+    Connecting connecting(options_.address, options_.tls_ca);
+    std::shared_ptr<grpc::Channel> channel;
+    while (!stopping() && !channel) channel = connecting.wait(kConnectWaitS);
     if (stopping()) return;
     const auto stub = v1::Palpation::NewStub(channel);
     const grpc::Status status = serve(*stub);
@@ -168,6 +168,7 @@ void TouchLink::take_opened(const v1::TouchOpened& opened) {
   if (opened.instance() != service_instance_) {
     if (service_instance_ != 0) spdlog::warn("the service was restarted");
     service_instance_ = opened.instance();
+    clock_offset_.reset();
     ++stats_.instances;
   }
   if (stats_.streams > 1) spdlog::info("touch stream open again, line at y = {:.4f} m", opened.line_y_m());
@@ -179,7 +180,7 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   shared_.heard_ns = received_ns;
   shared_.acknowledged = answer.answer();
   ++stats_.answers;
-  const auto converted = to_servo_answer(answer, stats_.line_y_m, stats_.period_s, received_ns);
+  auto converted = to_servo_answer(answer, stats_.line_y_m, stats_.period_s, received_ns);
   const bool ours = answer.pose_stamp().instance() == instance_ && answer.sequence() <= sequence_;
   if (!converted || !ours) {
     ++stats_.dropped;
@@ -187,6 +188,7 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
     return;
   }
   shared_.answered_sequence = std::max(shared_.answered_sequence, answer.sequence());
+  take_stamps(answer, *converted);
   if (!converted->has_force) ++stats_.failed;
   if (answer.status() == v1::TOUCH_STATUS_DEGRADED) ++stats_.degraded;
   log_warning(answer, received_ns);
@@ -204,6 +206,23 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   if (stats_.first_answer_s == 0) stats_.first_answer_s = stats_.last_answer_s;
   answers_.put(*converted);
   changed_.notify_all();
+}
+
+// The pose left at sent_ns_, came to the service `queued` and `compute` before its answer left there.
+void TouchLink::take_stamps(const v1::TouchAnswer& answer, ServoAnswer& converted) {
+  const std::int64_t left_ns = answer.answer_stamp().monotonic_ns();
+  const bool recent = sequence_ - answer.sequence() < sent_ns_.size();
+  if (answer.answer_stamp().instance() != service_instance_ || left_ns == 0 || !recent) return;
+  const std::int64_t stayed_ns = answer.queued_ns() + answer.compute_ns();
+  const std::int64_t sent_ns = sent_ns_[answer.sequence() % sent_ns_.size()];
+  const std::int64_t received_ns = converted.received_ns;
+  clock_offset_.add({sent_ns, left_ns - stayed_ns, left_ns, received_ns});
+  if (!clock_offset_.known()) return;
+  converted.round_trip_s = clock_offset_.round_trip_s();
+  converted.clock_offset_s = stats_.clock_offset_s = clock_offset_.offset_s(received_ns);
+  stats_.clock_offset_error_s = clock_offset_.error_s(received_ns);
+  if (stats_.round_trips_s.size() < kMaxLatencies)
+    stats_.round_trips_s.push_back(1e-9 * static_cast<double>(received_ns - sent_ns - stayed_ns));
 }
 
 // What is not trusted is said once a second at most; what is only remarkable (status OK) once.
@@ -226,7 +245,8 @@ bool TouchLink::wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t ne
     if (stopping_ || shared_.ended) return false;
     const std::int64_t now_ns = clock_.now_ns();
     const double dead_s =
-        shared_.opened ? std::max(options_.dead_s, 10 * stats_.period_s) : options_.open_wait_s;
+        shared_.opened ? std::max({options_.dead_s, 10 * stats_.period_s, 4 * clock_offset_.round_trip_s()})
+                       : options_.open_wait_s;
     const std::int64_t dead_ns = shared_.heard_ns + to_ns(dead_s);
     if (now_ns >= dead_ns) return false;
     std::int64_t wake_ns = dead_ns;
@@ -262,6 +282,7 @@ void TouchLink::write(Stream& stream, grpc::ClientContext& context) {
     sent_ns = now_ns;
     const v1::TouchRequest request = to_request(pose, ++sequence_, shared_.acknowledged, instance_);
     ++stats_.poses;
+    sent_ns_[sequence_ % sent_ns_.size()] = clock_.now_ns();
     lock.unlock();
     v1::RecordEntry entry;
     *entry.mutable_touch_request() = request;

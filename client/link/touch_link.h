@@ -3,10 +3,15 @@
 //
 // A pose is sent when fewer than `credit` poses are unanswered, at most one per negotiated period, and always
 // the newest: nothing queues. Each pose acknowledges the last answer. When answers stay away, a heartbeat
-// pose goes out every kHeartbeatS, so that the service works on a fresh pose once it can; after `dead_s` of
-// silence the stream counts as dead (half-open connections say nothing) and a new channel is made.
+// pose goes out every kHeartbeatS, so that the service works on a fresh pose once it can, and no proxy
+// between takes the stream for idle. After `dead_s` of silence (or ten periods, or four round trips, when
+// those are longer) the stream counts as dead, since half-open connections say nothing, and a new one is
+// made.
+//
+// Every answer also tells the round trip and the service's clock (servo/clock_offset.h).
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
@@ -17,6 +22,7 @@
 #include <vector>
 
 #include "client/link/recording.h"
+#include "client/servo/clock_offset.h"
 #include "client/servo/servo_loop.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
@@ -24,9 +30,9 @@ namespace teletact::client {
 
 struct TouchLinkOptions {
   std::string address;
-  std::string tls_ca;  // PEM text; empty: not encrypted
-  v1::TouchOpen open;  // session_id is chosen when empty
-  double dead_s = 1.0;
+  std::string tls_ca;        // PEM text; empty: not encrypted
+  v1::TouchOpen open;        // session_id is chosen when empty
+  double dead_s = 0.6;       // the force is long zero then: nothing is lost by opening a new stream
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first
   RecordWriter* recorder = nullptr;
 };
@@ -46,7 +52,10 @@ struct TouchLinkStats {
   double first_answer_s = 0;        // servo clock
   double last_answer_s = 0;
   double line_y_m = 0;
-  double period_s = 0;  // negotiated
+  double period_s = 0;                // negotiated
+  std::vector<double> round_trips_s;  // pose sent -> answer received, less what the service took
+  double clock_offset_s = 0;          // the service's clock minus ours, by the newest answer
+  double clock_offset_error_s = 0;    // at most
 };
 
 class TouchLink {
@@ -84,6 +93,7 @@ class TouchLink {
   bool wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns);
   void take_opened(const v1::TouchOpened& opened);
   void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
+  void take_stamps(const v1::TouchAnswer& answer, ServoAnswer& converted);
   void log_warning(const v1::TouchAnswer& answer, std::int64_t received_ns);
   void record(v1::RecordEntry entry, std::int64_t now_ns);
   bool should_retry(const grpc::Status& status);
@@ -106,8 +116,10 @@ class TouchLink {
   bool stopping_ = false;
   bool gave_up_ = false;  // on the current stream, for its silence
   std::uint64_t service_instance_ = 0;
-  std::uint64_t sequence_ = 0;  // never starts again, so that the servo can tell old from new
-  std::uint32_t call_ = 0;      // stream attempts, for recordings
+  ClockOffset clock_offset_;
+  std::array<std::int64_t, 64> sent_ns_{};  // of the last poses, by sequence modulo its size
+  std::uint64_t sequence_ = 0;              // never starts again, so that the servo can tell old from new
+  std::uint32_t call_ = 0;                  // stream attempts, for recordings
   std::uint32_t credit_ = 1;
   Vector2 last_position_m_{1e300, 1e300};
   std::thread thread_;

@@ -115,6 +115,8 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.slack_s = last_slack_s_;
   tick.silence_s = silence_s_;
   tick.model_age_s = model_age_s_;
+  tick.round_trip_s = answer_.round_trip_s;
+  tick.clock_offset_s = answer_.clock_offset_s;
   tick.stiffness_n_m = rendered.stiffness_n_m;
   tick.stiffness_variance = rendered.variance;
   tick.gain = rendered.gain;

@@ -26,6 +26,8 @@ struct ServoAnswer {
   double covered_end_m = 0;
   std::int64_t received_ns = 0;  // servo clock
   double period_s = 0;           // negotiated for the stream
+  double round_trip_s = 0;       // of the link, smoothed; 0: not known
+  double clock_offset_s = 0;     // the service's clock minus the servo's
 };
 
 // The newest pose, for the link.
@@ -46,6 +48,8 @@ struct ServoTick {
   double slack_s = 0;          // left of the last period when its work was done
   double silence_s = 0;
   double model_age_s = 0;
+  double round_trip_s = 0;  // of the link, as the newest answer knew it
+  double clock_offset_s = 0;
   double stiffness_n_m = 0;  // rendered along the push
   double stiffness_variance = 0;
   double gain = 0;

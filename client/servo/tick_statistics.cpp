@@ -47,6 +47,7 @@ bool TickStatistics::add(const ServoTick& tick) {
   stalls_.add(time_s, tick.held_at_border);
   largest_force_n_ = std::max(largest_force_n_, tick.force_n.norm());
   lateness_s_.push_back(tick.lateness_s);
+  if (tick.state == ServoState::kEnabled) model_age_s_.push_back(tick.model_age_s);
   last_ = tick;
   ++ticks_;
   return changed;

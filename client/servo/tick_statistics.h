@@ -48,6 +48,7 @@ class TickStatistics {
   double smallest_slack_s() const noexcept { return smallest_slack_s_; }
   const StallCounter& stalls() const noexcept { return stalls_; }
   std::vector<double>& lateness_s() noexcept { return lateness_s_; }
+  std::vector<double>& model_age_s() noexcept { return model_age_s_; }  // while ENABLED
   const std::vector<StateChange>& changes() const noexcept { return changes_; }
 
  private:
@@ -60,6 +61,7 @@ class TickStatistics {
   double smallest_slack_s_ = 1e9;
   StallCounter stalls_;
   std::vector<double> lateness_s_;
+  std::vector<double> model_age_s_;
   std::vector<StateChange> changes_;
 };
 

@@ -73,6 +73,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<bool> scene_known{true};
   std::atomic<double> compute_s{0};  // per answer
   std::atomic<unsigned> credit{2};
+  std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
   AnalyticTissue tissue;
 
   grpc::Status GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request, v1::Scene* scene) override {
@@ -114,6 +115,7 @@ class FakePalpation final : public v1::Palpation::Service {
  private:
   struct Mailbox {
     v1::ContactPose pose;
+    std::chrono::steady_clock::time_point arrived;
     bool fresh = false;
     bool closed = false;
     std::uint64_t answers = 0, acknowledged = 0, answered_sequence = 0, first_sequence = 0;
@@ -144,6 +146,7 @@ class FakePalpation final : public v1::Palpation::Service {
     account_.oldest_pose_s =
         std::max(account_.oldest_pose_s, 1e-9 * double(now_ns - pose.stamp().monotonic_ns()));
     mailbox.pose = pose;
+    mailbox.arrived = std::chrono::steady_clock::now();
     mailbox.fresh = true;
     changed_.notify_all();
   }
@@ -151,6 +154,7 @@ class FakePalpation final : public v1::Palpation::Service {
   bool answer_next(grpc::ServerReaderWriter<v1::TouchResponse, v1::TouchRequest>& stream, Mailbox& mailbox) {
     v1::TouchResponse response;
     v1::TouchAnswer& answer = *response.mutable_answer();
+    std::chrono::steady_clock::time_point arrived;
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [&] {
@@ -160,9 +164,15 @@ class FakePalpation final : public v1::Palpation::Service {
       if (stopping_ || mailbox.closed) return false;
       mailbox.fresh = false;
       fill(mailbox.pose, answer);
+      arrived = mailbox.arrived;
       answer.set_answer(mailbox.answers + 1);
     }
+    const auto begun = std::chrono::steady_clock::now();
     if (compute_s > 0) std::this_thread::sleep_for(std::chrono::duration<double>(compute_s.load()));
+    const auto left = std::chrono::steady_clock::now();
+    answer.set_queued_ns((begun - arrived).count());
+    answer.set_compute_ns((left - begun).count());
+    answer.mutable_answer_stamp()->set_monotonic_ns((left.time_since_epoch() + clock_ahead.load()).count());
     {
       std::lock_guard lock(mutex_);
       ++mailbox.answers;
@@ -188,6 +198,7 @@ class FakePalpation final : public v1::Palpation::Service {
       }
     }
     answer.set_covered_end_m(0.12);
+    answer.mutable_answer_stamp()->set_instance(instance_);
     answer.set_model_version(1);
   }
 

@@ -156,6 +156,27 @@ TEST(TouchLink, AStreamThatSaysNothingIsDead) {
   EXPECT_TRUE(service.wait_until(answers_at_least(before + 10), 5));
 }
 
+TEST(TouchLink, KnowsTheServicesClockAndTheRoundTrip) {
+  // GIVEN a service whose clock is 100 s ahead and that computes for 5 ms
+  FakePalpation service(test::socket_address("clock"));
+  service.clock_ahead = std::chrono::seconds(100);
+  service.compute_s = 0.005;
+  service.serve();
+  Operator person(test::socket_address("clock"));
+  ASSERT_TRUE(service.wait_until(answers_at_least(50)));
+  // THEN the offset is right within its own bound, and computing is no part of the round trip
+  const TouchLinkStats stats = person.link->stats();
+  EXPECT_LE(std::abs(stats.clock_offset_s - 100), stats.clock_offset_error_s);
+  EXPECT_LE(stats.clock_offset_error_s, 0.02);
+  ServoAnswer answer;
+  ASSERT_TRUE(person.answers.take(answer));
+  EXPECT_NEAR(answer.clock_offset_s, 100, 0.02);
+  EXPECT_GT(answer.round_trip_s, 0);
+  ASSERT_GE(stats.round_trips_s.size(), 49u);
+  auto round_trips_s = stats.round_trips_s;
+  EXPECT_LT(percentile(round_trips_s, 0.1), 0.005);
+}
+
 TEST(TouchLink, StopsAtOnceWithoutAService) {
   Operator person(test::socket_address("nobody"));
   EXPECT_EQ(person.link->stats().streams, 0u);
