@@ -90,11 +90,21 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc_peak(
   peak[node] = v[best];
 }
 
-// Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes.
-// Axially `taps` (windowed sinc, `phases` + 1 rows of 8, row p for a fraction p / phases, rows blended
-// linearly), laterally cubic (Keys). Writes either the warped frame (pair = 0), or the mean of pre and warped
-// post to `a` and their difference pre - warped to `b` (pair = 1). One item per WARP_RUN samples of a line,
-// which share the lateral part of u; per sample 6 vector loads, ~110 flops.
+// Row of the interpolation table at `fraction` (0 .. 1), blended between its phases.
+float8 taps_at(__global const float* restrict taps, const float fraction, const int phases) {
+  const float t = fraction * (float)phases;
+  const int phase = min((int)t, phases - 1);
+  const float8 t0 = vload8(phase, taps), t1 = vload8(phase + 1, taps);
+  return t0 + (t - (float)phase) * (t1 - t0);
+}
+
+// Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes, the
+// lateral part taken at the middle of each run of WARP_RUN samples. Both ways by `taps` (windowed sinc, `phases`
+// + 1 rows of 8, row p for a fraction p / phases). Writes either the warped frame (pair = 0), or the mean of
+// pre and warped post to `a` and their difference pre - warped to `b`, both zero where x + u lies outside the
+// frame (pair = 1). One item per run of a line: first the run's strip of post, interpolated laterally, then
+// its samples; per sample 4 vector loads, ~60 flops. |strain| <= 0.4 axially.
+#define STRIP (WARP_RUN + 16)
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     __global const float* restrict pre, __global const float* restrict post,
     __global const float2* restrict field, __global const float* restrict taps, __global float* restrict a,
@@ -103,38 +113,34 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     const int first_sample, const int sample_step, const int origin, const int stride) {
   const int start = get_global_id(0) * WARP_RUN, l = get_global_id(1);
   const int end = min(start + WARP_RUN, sample_count);
-  const float column = clamp((float)(l - first_line) / (float)line_step, 0.0f, (float)(nx - 1));
-  const int i = min((int)column, max(nx - 2, 0)), right = nx > 1 ? 1 : 0;
-  const float across = column - (float)i, rows_per_sample = 1.0f / (float)sample_step;
-  int row = -1;
-  float2 above = 0.0f, below = 0.0f;
+  const float column = (float)(l - first_line) / (float)line_step, rows_per_sample = 1.0f / (float)sample_step;
+  const float middle = (float)(start + WARP_RUN / 2 - first_sample) * rows_per_sample;
+  const float2 shift = field_at(field, nx, ny, column, middle);
+  const float x = (float)l + shift.x, whole_x = floor(x);
+  const int line = (int)whole_x, first = start + (int)floor(shift.y) - 7;
+  float strip[STRIP];
+  const bool inside = line >= 0 && line < line_count && first + STRIP > 0 && first < sample_count;
+  if (inside) {
+    float8 sums[STRIP / 8];
+    const float8 across = taps_at(taps, x - whole_x, phases);
+    const float* const weights = (const float*)&across;
+    for (int v = 0; v < STRIP / 8; ++v) sums[v] = 0.0f;
+    for (int n = 0; n < 8; ++n) {
+      const int from = line + n - 3;
+      if (from < 0 || from >= line_count) continue;
+      __global const float* const p = post + origin + from * stride + clamp(first, -STRIP, sample_count);
+      for (int v = 0; v < STRIP / 8; ++v) sums[v] = fma((float8)(weights[n]), vload8(v, p), sums[v]);
+    }
+    for (int v = 0; v < STRIP / 8; ++v) vstore8(sums[v], v, strip);
+  }
   for (int k = start; k < end; ++k) {
-    const float r = clamp((float)(k - first_sample) * rows_per_sample, 0.0f, (float)(ny - 1));
-    const int j = min((int)r, max(ny - 2, 0));
-    if (j != row) {
-      __global const float2* const p = field + i + nx * j;
-      __global const float2* const q = p + (ny > 1 ? nx : 0);
-      above = (1.0f - across) * p[0] + across * p[right];
-      below = (1.0f - across) * q[0] + across * q[right];
-      row = j;
-    }
-    const float2 u = above + (r - (float)j) * (below - above);
-    const float x = (float)l + u.x, whole_x = floor(x), s = x - whole_x;
-    const float whole_u = floor(u.y), t = (u.y - whole_u) * (float)phases;
-    const int line = (int)whole_x, sample = k + (int)whole_u;
-    const int at = origin + l * stride + k;
-    float value = 0.0f;
-    if (line >= 0 && line < line_count && sample >= 0 && sample < sample_count) {
-      __global const float* const p = post + origin + line * stride + sample - 3;
-      const float8 blended = ((-0.5f * s + 1.0f) * s - 0.5f) * s * vload8(0, p - stride) +
-                             ((1.5f * s - 2.5f) * s * s + 1.0f) * vload8(0, p) +
-                             ((-1.5f * s + 2.0f) * s + 0.5f) * s * vload8(0, p + stride) +
-                             (0.5f * s - 0.5f) * s * s * vload8(0, p + 2 * stride);
-      const int phase = min((int)t, phases - 1);
-      const float8 t0 = vload8(phase, taps), t1 = vload8(phase + 1, taps);
-      value = sum8(blended * (t0 + (t - (float)phase) * (t1 - t0)));
-    }
-    const float own = pre[at];
+    const float u = field_at(field, nx, ny, column, (float)(k - first_sample) * rows_per_sample).y;
+    const float whole_u = floor(u);
+    const int sample = k + (int)whole_u, at = origin + l * stride + k;
+    const int in_strip = sample - 3 - first;
+    const bool seen = inside && sample >= 0 && sample < sample_count && in_strip >= 0 && in_strip <= STRIP - 8;
+    const float value = seen ? sum8(vload8(0, strip + in_strip) * taps_at(taps, u - whole_u, phases)) : 0.0f;
+    const float own = seen || !pair ? pre[at] : 0.0f;
     a[at] = pair ? 0.5f * (own + value) : value;
     if (pair) b[at] = own - value;
   }

@@ -3,6 +3,7 @@
 //   u_x ~ a + b x + c y, u_y ~ d + e x + f y;  eps_xx = b, eps_yy = f, eps_xy = (c + e) / 2
 // Node (i, j) has index i + nx j. field: metres (x lateral, y axial). Per node and kernel node: 13 bytes, ~20
 // flops.
+#include "deviation.clh"
 
 #ifndef WORK_GROUP
 #define WORK_GROUP 32
@@ -58,4 +59,21 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
   strain_out[node] =
       (float4)(slope_x.x / dx_m, slope_y.y / dy_m, 0.5f * (slope_y.x / dy_m + slope_x.y / dx_m), residual);
   trusted_out[node] = trusted[node] && residual <= residual_limit_m ? 1 : 0;
+}
+
+// Standard deviations of (eps_xx, eps_yy, eps_xy) from the information of the place (deviation.clh; tables of the
+// slopes du_x/dx, du_x/dy, du_y/dx, du_y/dy); NaN where the strain is.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain_deviation(
+    __global const float2* restrict information, __global const float4* restrict strain,
+    __global const float* restrict tables, __global float* restrict deviation, const int nodes,
+    const float lateral_median, const float axial_median) {
+  const int node = get_global_id(0);
+  if (node >= nodes) return;
+  const float2 h = information[node];
+  const float lateral_down = deviation_at(tables + DEVIATION_ENTRIES, h.x, lateral_median);
+  const float axial_along = deviation_at(tables + 2 * DEVIATION_ENTRIES, h.y, axial_median);
+  const float3 found = (float3)(deviation_at(tables, h.x, lateral_median),
+                                deviation_at(tables + 3 * DEVIATION_ENTRIES, h.y, axial_median),
+                                0.5f * hypot(lateral_down, axial_along));
+  vstore3(isnan(strain[node].x) ? (float3)(NAN) : found, node, deviation);
 }

@@ -21,10 +21,14 @@ struct Group {
   std::vector<const char*> maps;
 };
 
-const std::vector<Group> kGroups{{"displacement", {"axial_displacement", "lateral_displacement"}},
-                                 {"strain", {"axial_strain", "lateral_strain", "shear_strain"}},
-                                 {"correlation", {"correlation"}},
-                                 {"modulus", {"youngs_modulus"}}};
+const std::vector<Group> kGroups{
+    {"displacement",
+     {"axial_displacement", "lateral_displacement", "axial_displacement_std", "lateral_displacement_std"}},
+    {"strain",
+     {"axial_strain", "lateral_strain", "shear_strain", "axial_strain_std", "lateral_strain_std",
+      "shear_strain_std"}},
+    {"correlation", {"correlation"}},
+    {"modulus", {"youngs_modulus"}}};
 
 // How a map's numbers are shown: in a unit that people read.
 struct Shown {

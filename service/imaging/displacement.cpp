@@ -19,7 +19,8 @@ constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the corr
 constexpr int kCoarseDecimation = 2;                           // of the samples of the coarse window
 constexpr float kSlopeCost = 0.02f;  // correlation that one sample of lag change per coarse step is worth
 constexpr int kCoarseLaterals =
-    3;  // lateral lags of the coarse search: -1, 0, 1 times half the lateral range
+    3;                            // lateral lags of the coarse search: -1, 0, 1 times half the lateral range
+constexpr int kFilterReach = 12;  // samples to each side of the matched filter
 constexpr int kFineLags = 8, kFineFirstLag = -4;
 constexpr double kTaperFraction = 0.5;  // part of the axial window that its cosine edges take
 
@@ -67,8 +68,9 @@ struct DisplacementEstimator::Kernels {
     gauss_newton = build("gauss_newton");
     median_filter = build("median_filter"), smooth = build("smooth"), resample = build("resample");
     report = build("report");
+    filter_lines = q.kernel("refinement", "filter_lines", Precision::kFloat);
   }
-  Kernel ncc, ncc_peak, warp, gauss_newton, median_filter, smooth, resample, report;
+  Kernel ncc, ncc_peak, warp, gauss_newton, median_filter, smooth, resample, report, filter_lines;
 };
 
 // Sizes and buffers of one geometry.
@@ -76,7 +78,7 @@ struct DisplacementEstimator::Workspace {
   Workspace(const Queue& q, const RfFrame& frame, const AcquisitionGeometry& geometry,
             const DisplacementOptions& o);
   void measure(const RfFrame&, const DisplacementOptions&);
-  void allocate(const Queue&, const RfFrame&);
+  void allocate(const Queue&, const RfFrame&, const DisplacementOptions&);
   bool serves(const RfFrame& frame, const AcquisitionGeometry& g) const {
     return static_cast<int>(frame.sample_count) == samples && static_cast<int>(frame.line_count) == lines &&
            g.sample_pitch_m() == sample_pitch_m && g.line_pitch_m == line_pitch_m &&
@@ -91,10 +93,14 @@ struct DisplacementEstimator::Workspace {
   SampleGrid coarse, fine, image;
   Padding pad;
   Array<float> pre, post, mean, difference;  // padded images; `mean` also holds a warped post
+  Array<float> filtered_pre, filtered_post;
+  std::unique_ptr<Refinement> refinement;
+  bool matched = false;  // the refinement works on the filtered frames
   Array<float> taps, weights;
   Array<float> coarse_volume, fine_volume;
   Array<float> field, candidate, filtered, correlation, deviation;  // fields: 2 per node of the largest grid
-  Array<float> field_m;
+  Array<float> field_m, std_m, information;
+  std::shared_ptr<const NoiseStructure> noise;
   Array<std::uint8_t> trusted;
 };
 
@@ -108,7 +114,7 @@ DisplacementEstimator::Workspace::Workspace(const Queue& q, const RfFrame& frame
       first_sample_depth_m(g.first_sample_depth_m),
       period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)) {
   measure(frame, o);
-  allocate(q, frame);
+  allocate(q, frame, o);
 }
 
 void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const DisplacementOptions& o) {
@@ -131,10 +137,11 @@ void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const Displ
   window_chunks = std::max(1, (2 * half_axial + 4) / 8);
 }
 
-void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& frame) {
+void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& frame,
+                                                const DisplacementOptions& o) {
   pad = padding(frame, 4 * coarse_chunks + 4 * window_chunks + coarse_half_axial + half_axial + 16,
                 std::max(coarse_half_lateral + coarse_lateral_step, half_lateral + lateral_reach) + 3);
-  for (Array<float>* image_array : {&pre, &post, &mean, &difference}) {
+  for (Array<float>* image_array : {&pre, &post, &mean, &difference, &filtered_pre, &filtered_post}) {
     *image_array = q.array<float>(pad.total);
     q.fill_zero(*image_array);
   }
@@ -146,8 +153,10 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
   for (Array<float>* array : {&field, &candidate, &filtered}) *array = q.array<float>(2 * nodes);
   correlation = q.array<float>(nodes);
   deviation = q.array<float>(nodes);
-  field_m = q.array<float>(2 * std::size_t(image.nodes()));
+  for (Array<float>* array : {&field_m, &std_m, &information})
+    *array = q.array<float>(2 * std::size_t(image.nodes()));
   trusted = q.array<std::uint8_t>(std::size_t(image.nodes()));
+  refinement = std::make_unique<Refinement>(q, o.regularisation, image, line_pitch_m, sample_pitch_m);
 }
 
 DisplacementEstimator::DisplacementEstimator(Queue queue, DisplacementOptions options)
@@ -200,10 +209,7 @@ void DisplacementEstimator::search_fine() {
   Workspace& w = *work_;
   const SampleGrid &c = w.coarse, &g = w.fine;
   const int lateral_count = 2 * w.lateral_reach + 1;
-  const int pair = 0;
-  kernels_->warp(over_samples(w.samples, w.lines), w.pre, w.post, w.field, w.taps, w.mean, w.difference, pair,
-                 kInterpolationPhases, w.lines, w.samples, c.nx, c.ny, c.first_line, c.line_step,
-                 c.first_sample, c.sample_step, w.pad.origin, w.pad.stride);
+  warp(c, false);
   kernels_->ncc(over(g.nodes() * lateral_count), w.pre, w.mean, w.fine_volume, g.nx, g.ny, g.first_line,
                 g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride, w.half_axial,
                 w.half_lateral, 1, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count);
@@ -223,25 +229,58 @@ void DisplacementEstimator::search_fine() {
 void DisplacementEstimator::refine() {
   Workspace& w = *work_;
   const SampleGrid &f = w.fine, &g = w.image;
-  const int pair = 1;
   const auto threshold = static_cast<float>(options_.trusted_correlation);
   const auto tolerance = static_cast<float>(options_.outlier_distance_m / w.sample_pitch_m);
   kernels_->resample(over(g.nodes()), w.field, w.candidate, f.nx, f.ny, f.first_line, f.line_step,
                      f.first_sample, f.sample_step, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
                      g.sample_step);
   std::swap(w.field, w.candidate);
+  const bool regularised = options_.method == RefinementMethod::kRegularised;
   for (int n = 0; n < options_.refinements; ++n) {
-    if (n > 0) kernels_->smooth(over(g.nodes()), w.filtered, w.field, g.nx, g.ny);
-    kernels_->warp(over_samples(w.samples, w.lines), w.pre, w.post, w.field, w.taps, w.mean, w.difference,
-                   pair, kInterpolationPhases, w.lines, w.samples, g.nx, g.ny, g.first_line, g.line_step,
-                   g.first_sample, g.sample_step, w.pad.origin, w.pad.stride);
-    kernels_->gauss_newton(over(g.nodes()), w.mean, w.difference, w.field, w.weights, w.candidate,
-                           w.correlation, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
-                           g.sample_step, w.pad.origin, w.pad.stride, w.window_chunks, w.half_lateral,
-                           0.25f * w.period, 1.0f);
+    if (n > 0 && regularised) std::swap(w.filtered, w.field);
+    if (n > 0 && !regularised) kernels_->smooth(over(g.nodes()), w.filtered, w.field, g.nx, g.ny);
+    warp(g, true);
+    const Autocorrelations a = w.refinement->measure({w.mean, w.difference, w.pad, w.samples, w.lines},
+                                                     n + 1 == options_.refinements, w.correlation);
+    if (regularised) {
+      w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period);
+    } else {
+      kernels_->gauss_newton(over(g.nodes()), w.mean, w.difference, w.field, w.weights, w.candidate,
+                             w.correlation, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
+                             g.sample_step, w.pad.origin, w.pad.stride, w.window_chunks, w.half_lateral,
+                             0.25f * w.period, 1.0f);
+    }
+    if (n + 2 == options_.refinements) filter_frames(a);
     kernels_->median_filter(over(g.nodes()), w.candidate, w.field, w.correlation, w.filtered, w.deviation,
                             g.nx, g.ny, 2, threshold, 0.25f, tolerance);
   }
+  if (regularised) {
+    w.noise = w.refinement->uncertainty(options_.refinements, w.information, w.std_m);
+  } else {
+    const WindowResponse window{(w.half_lateral + 0.5) / g.line_step, 4.0 * w.window_chunks / g.sample_step,
+                                options_.refinements};
+    w.noise = w.refinement->uncertainty(window, w.information, w.std_m);
+  }
+}
+
+void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {
+  Workspace& w = *work_;
+  const Array<float>&pre = w.matched ? w.filtered_pre : w.pre, &post = w.matched ? w.filtered_post : w.post;
+  kernels_->warp(over_samples(w.samples, w.lines), pre, post, w.field, w.taps, w.mean, w.difference,
+                 pair ? 1 : 0, kInterpolationPhases, w.lines, w.samples, g.nx, g.ny, g.first_line,
+                 g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride);
+}
+
+void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
+  Workspace& w = *work_;
+  const Array<float> taps = queue_.array(matched_filter(a, kFilterReach));
+  const Range range{{static_cast<std::size_t>(w.samples + 7) / 8, static_cast<std::size_t>(w.lines), 1},
+                    {16, 1, 1}};
+  kernels_->filter_lines(range, w.pre, w.filtered_pre, taps, kFilterReach, w.samples, w.pad.origin,
+                         w.pad.stride);
+  kernels_->filter_lines(range, w.post, w.filtered_post, taps, kFilterReach, w.samples, w.pad.origin,
+                         w.pad.stride);
+  w.matched = true;
 }
 
 DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
@@ -252,6 +291,7 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
   Workspace& w = *work_;
   queue_.write(w.pre, padded(pre, w.pad).data(), w.pad.total);
   queue_.write(w.post, padded(post, w.pad).data(), w.pad.total);
+  w.matched = false;
   search_coarse(between);
   search_fine();
   if (between) between();
@@ -260,7 +300,7 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
                    w.image.nodes(), static_cast<float>(w.line_pitch_m), static_cast<float>(w.sample_pitch_m),
                    static_cast<float>(options_.trusted_correlation),
                    static_cast<float>(options_.outlier_distance_m / w.sample_pitch_m));
-  return {w.image, w.field_m, w.correlation, w.trusted};
+  return {w.image, w.field_m, w.correlation, w.trusted, w.std_m, w.information, w.noise};
 }
 
 }  // namespace teletact::service

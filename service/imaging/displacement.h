@@ -5,8 +5,10 @@
 //   1. normalised cross-correlation over all axial lags that the largest strain allows, 1 mm x 2 mm nodes;
 //      paths that neighbours can reach (find_paths) cure peak hops before they happen;
 //   2. search of a quarter period axially and of the whole lateral range around that, 1 mm x 1 mm nodes;
-//   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid.
-// Between the levels outliers give way to the median of their neighbours.
+//   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid: regularised over the
+//      whole image (T2.3, refinement.h), or window by window without any regularisation.
+// Between the levels outliers give way to the median of their neighbours. The last step runs on frames passed
+// through the matched filter of noise_model.h.
 #pragma once
 
 #include <functional>
@@ -14,11 +16,16 @@
 
 #include "service/device/device.h"
 #include "service/imaging/frame.h"
+#include "service/imaging/refinement.h"
 #include "service/imaging/sample_grid.h"
 
 namespace teletact::service {
 
+enum class RefinementMethod { kRegularised, kWindowed };
+
 struct DisplacementOptions {
+  RefinementMethod method = RefinementMethod::kRegularised;
+  RegularisationOptions regularisation;
   double max_strain = 0.05;                        // magnitude; bounds the axial search
   double lateral_search_m = 0.8e-3;                // magnitude
   double grid_dx_m = 0.45e-3, grid_dy_m = 0.4e-3;  // image grid, rounded to whole lines and samples
@@ -32,9 +39,12 @@ struct DisplacementOptions {
 // On the device, index i + nx j.
 struct DisplacementEstimate {
   SampleGrid grid;
-  Array<float> field_m;         // 2 per node: lateral, axial
-  Array<float> correlation;     // of pre and motion-compensated post, -1 .. 1; -2: no texture
-  Array<std::uint8_t> trusted;  // correlation and deviation from the neighbours within their limits
+  Array<float> field_m;           // 2 per node: lateral, axial
+  Array<float> correlation;       // of pre and motion-compensated post, -1 .. 1; -2: no texture
+  Array<std::uint8_t> trusted;    // correlation and deviation from the neighbours within their limits
+  Array<float> std_m = {};        // standard deviation, 2 per node: lateral, axial
+  Array<float> information = {};  // 2 per node, of the place: what `noise` turns into standard deviations
+  std::shared_ptr<const NoiseStructure> noise = nullptr;
 };
 
 // Not thread-safe: one queue, buffers kept for the next pair of the same geometry.
@@ -54,6 +64,8 @@ class DisplacementEstimator {
   void search_coarse(const std::function<void()>& between);
   void search_fine();
   void refine();
+  void filter_frames(const Autocorrelations&);
+  void warp(const SampleGrid&, bool pair);
 
   Queue queue_;
   DisplacementOptions options_;

@@ -106,6 +106,9 @@ DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const 
   const std::vector<float> field = queue_.read(displacement.field_m);
   e.lateral_displacement = component(field, 2, 0);
   e.axial_displacement = component(field, 2, 1);
+  const std::vector<float> std_m = queue_.read(displacement.std_m);
+  e.lateral_displacement_std = component(std_m, 2, 0);
+  e.axial_displacement_std = component(std_m, 2, 1);
   e.correlation.resize(e.grid.size());
   queue_.read(displacement.correlation, e.correlation.data(), e.correlation.size());
   e.displacement_valid = queue_.read(displacement.trusted);
@@ -119,6 +122,10 @@ StrainEstimate Elastography::differentiate(Estimate& e, const DisplacementEstima
   e.lateral_strain = component(tensor, 4, 0);
   e.axial_strain = component(tensor, 4, 1);
   e.shear_strain = component(tensor, 4, 2);
+  const std::vector<float> std = queue_.read(strain.std);
+  e.lateral_strain_std = component(std, 3, 0);
+  e.axial_strain_std = component(std, 3, 1);
+  e.shear_strain_std = component(std, 3, 2);
   e.strain_valid = queue_.read(strain.trusted);
   return strain;
 }

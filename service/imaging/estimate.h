@@ -41,13 +41,15 @@ struct EstimateCancelled : std::runtime_error {
 // youngs_modulus is NaN exactly there.
 struct Estimate {
   ImageGrid grid;
-  Field axial_displacement, lateral_displacement;    // m, in the frame named by the geometry
-  Field axial_strain, lateral_strain, shear_strain;  // tensor components; NaN where not determined
-  Field correlation;                                 // of pre and motion-compensated post
-  std::vector<std::uint8_t> displacement_valid;      // displacement trusted
-  std::vector<std::uint8_t> strain_valid;            // displacement and strain trusted
-  std::vector<std::uint8_t> valid;                   // and the modulus
-  Field youngs_modulus;                              // Pa, or relative (median 1)
+  Field axial_displacement, lateral_displacement;          // m, in the frame named by the geometry
+  Field axial_strain, lateral_strain, shear_strain;        // tensor components; NaN where not determined
+  Field axial_displacement_std, lateral_displacement_std;  // m, standard deviations
+  Field axial_strain_std, lateral_strain_std, shear_strain_std;  // NaN where the strain is
+  Field correlation;                                             // of pre and motion-compensated post
+  std::vector<std::uint8_t> displacement_valid;                  // displacement trusted
+  std::vector<std::uint8_t> strain_valid;                        // displacement and strain trusted
+  std::vector<std::uint8_t> valid;                               // and the modulus
+  Field youngs_modulus;                                          // Pa, or relative (median 1)
   bool modulus_absolute = false;
   double median_correlation = 0;  // of the textured nodes
   double valid_fraction = 0;      // of the nodes

@@ -18,6 +18,9 @@ struct StrainOptions {
 struct StrainEstimate {
   Array<float> tensor;  // 4 per node: eps_xx, eps_yy, eps_xy, rms residual (m); NaN where not determined
   Array<std::uint8_t> trusted;  // displacement trusted, enough of the kernel too, residual within its limit
+  // 3 per node: standard deviations of eps_xx, eps_yy, eps_xy, from those of the displacement and how its
+  // errors hang together between nodes. NaN where the displacement came without any.
+  Array<float> std = {};
 };
 
 class StrainEstimator {
@@ -27,9 +30,11 @@ class StrainEstimator {
   StrainEstimate estimate(const DisplacementEstimate&, const ImageGrid&);
 
  private:
+  void propagate(const DisplacementEstimate&, const ImageGrid&, int half_columns, int half_rows,
+                 StrainEstimate&);
   Queue queue_;
   StrainOptions options_;
-  Kernel kernel_;
+  Kernel kernel_, deviation_;
 };
 
 }  // namespace teletact::service

@@ -13,9 +13,19 @@
 namespace teletact::service {
 
 const std::vector<std::string>& map_names() {
-  static const std::vector<std::string> names{
-      "axial_displacement", "lateral_displacement", "axial_strain", "lateral_strain",
-      "shear_strain",       "correlation",          "valid",        "youngs_modulus"};
+  static const std::vector<std::string> names{"axial_displacement",
+                                              "lateral_displacement",
+                                              "axial_displacement_std",
+                                              "lateral_displacement_std",
+                                              "axial_strain",
+                                              "lateral_strain",
+                                              "shear_strain",
+                                              "axial_strain_std",
+                                              "lateral_strain_std",
+                                              "shear_strain_std",
+                                              "correlation",
+                                              "valid",
+                                              "youngs_modulus"};
   return names;
 }
 

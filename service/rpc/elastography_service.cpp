@@ -108,6 +108,11 @@ void map_to(const Estimate& e, const std::string& name, v1::Map* out) {
   };
   if (name == "axial_displacement") return fill(e.axial_displacement, "m");
   if (name == "lateral_displacement") return fill(e.lateral_displacement, "m");
+  if (name == "axial_displacement_std") return fill(e.axial_displacement_std, "m");
+  if (name == "lateral_displacement_std") return fill(e.lateral_displacement_std, "m");
+  if (name == "axial_strain_std") return fill(e.axial_strain_std, "1");
+  if (name == "lateral_strain_std") return fill(e.lateral_strain_std, "1");
+  if (name == "shear_strain_std") return fill(e.shear_strain_std, "1");
   if (name == "axial_strain") return fill(e.axial_strain, "1");
   if (name == "lateral_strain") return fill(e.lateral_strain, "1");
   if (name == "shear_strain") return fill(e.shear_strain, "1");

@@ -15,13 +15,6 @@ double kaiser_sinc(double distance) {
   return sinc * std::cyl_bessel_i(0.0, kBeta * std::sqrt(inside)) / std::cyl_bessel_i(0.0, kBeta);
 }
 
-// Keys' cubic convolution, a = -1/2.
-double keys(double distance) {
-  const double d = std::abs(distance);
-  if (d < 1) return 1.5 * d * d * d - 2.5 * d * d + 1;
-  return d < 2 ? -0.5 * d * d * d + 2.5 * d * d - 4 * d + 2 : 0;
-}
-
 }  // namespace
 
 double normalised_cross_correlation(const RfImage& pre, const RfImage& post, int sample, int line,
@@ -43,11 +36,12 @@ double interpolate(const RfImage& post, int sample, int line, const Shift& u) {
   const int k0 = static_cast<int>(std::floor(y)), l0 = static_cast<int>(std::floor(x));
   if (k0 < 0 || k0 >= post.samples || l0 < 0 || l0 >= post.lines) return 0;
   double value = 0, sum = 0;
-  for (int k = k0 - 3; k <= k0 + 4; ++k) {
-    const double tap = kaiser_sinc(k - y);
-    sum += tap;
-    for (int l = l0 - 1; l <= l0 + 2; ++l) value += tap * keys(l - x) * post.at(k, l);
-  }
+  for (int k = k0 - 3; k <= k0 + 4; ++k)
+    for (int l = l0 - 3; l <= l0 + 4; ++l) {
+      const double tap = kaiser_sinc(k - y) * kaiser_sinc(l - x);
+      sum += tap;
+      value += tap * post.at(k, l);
+    }
   return value / sum;
 }
 

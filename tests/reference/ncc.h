@@ -35,8 +35,8 @@ struct Shift {
   double lines = 0, samples = 0;
 };
 
-// post(x + u(x)) at one sample: windowed sinc (Kaiser beta 5 over 8 samples, unit sum) axially, Keys' cubic
-// laterally; zero where the moved point lies outside the frame.
+// post(x + u(x)) at one sample: windowed sinc (Kaiser beta 5 over 8 samples or lines, unit sum) both
+// ways; zero where the moved point lies outside the frame.
 double interpolate(const RfImage& post, int sample, int line, const Shift& u);
 
 struct GaussNewtonStep {

@@ -1,0 +1,230 @@
+// Regularised refinement of a displacement field (T2.3) and what it needs to know of the noise.
+//
+// Images are padded as in displacement.cl: sample k of A-line l at image[origin + l * stride + k]. Node (i, j)
+// lies at A-line first_line + i line_step, sample first_sample + j sample_step, index node = i + nx j. Fields:
+// float2 per node, x in A-lines (lateral), y in samples (axial).
+
+#include "deviation.clh"
+
+#ifndef WORK_GROUP
+#define WORK_GROUP 32
+#endif
+#ifndef LAG_VECTORS  // autocorrelation(): axial lags 0 .. 8 LAG_VECTORS - 1
+#define LAG_VECTORS 4
+#endif
+
+float sum8(const float8 v) {
+  const float4 h = v.lo + v.hi;
+  return h.x + h.y + h.z + h.w;
+}
+
+// Autocorrelations of `mean` and `difference` at axial lags 0 .. 8 LAG_VECTORS - 1 and lateral lag q, summed
+// over every line_step-th line's samples [first, first + count). Items: (line n, q). out[((n laterals + q) 2 +
+// image) 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
+    __global const float* restrict mean, __global const float* restrict difference, __global float* restrict out,
+    const int first_line, const int line_step, const int laterals, const int first, const int count,
+    const int origin, const int stride) {
+  const int n = get_global_id(0), q = get_global_id(1);
+  __global const float* const m = mean + origin + (first_line + n * line_step) * stride + first;
+  __global const float* const d = difference + (m - mean);
+  float8 mm[LAG_VECTORS], dd[LAG_VECTORS];
+  for (int v = 0; v < LAG_VECTORS; ++v) mm[v] = dd[v] = (float8)(0.0f);
+  for (int k = 0; k < count; ++k)
+    for (int v = 0; v < LAG_VECTORS; ++v) {
+      mm[v] = fma((float8)(m[k]), vload8(v, m + q * stride + k), mm[v]);
+      dd[v] = fma((float8)(d[k]), vload8(v, d + q * stride + k), dd[v]);
+    }
+  __global float* const to = out + (n * laterals + q) * 16 * LAG_VECTORS;
+  for (int v = 0; v < LAG_VECTORS; ++v) {
+    vstore8(mm[v], v, to);
+    vstore8(dd[v], LAG_VECTORS + v, to);
+  }
+}
+
+// Symmetric axial filter: out(k) = taps[0] in(k) + sum_n taps[n] (in(k - n) + in(k + n)), n <= reach. Items:
+// (8 samples, line).
+__kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
+    __global const float* restrict in, __global float* restrict out, __global const float* restrict taps,
+    const int reach, const int sample_count, const int origin, const int stride) {
+  const int k = 8 * get_global_id(0), l = get_global_id(1);
+  if (k >= sample_count) return;
+  __global const float* const p = in + origin + l * stride + k;
+  float8 sum = taps[0] * vload8(0, p);
+  for (int n = 1; n <= reach; ++n) sum = fma((float8)(taps[n]), vload8(0, p - n) + vload8(0, p + n), sum);
+  __global float* const to = out + origin + l * stride + k;
+  if (k + 8 <= sample_count) {
+    vstore8(sum, 0, to);
+  } else {  // what lies behind the line's end stays zero
+    const float* const last = (const float*)&sum;
+    for (int n = 0; n < sample_count - k; ++n) to[n] = last[n];
+  }
+}
+
+// What a node's own pixels say about a correction du of its displacement. Pixels are shared between the nodes
+// by hat functions (axial weights `hat`, 8 chunks samples around the node; lateral 1 - |l| / line_step), so
+// that all nodes together use each pixel once: the sums are a likelihood. Robust: a pixel whose difference is
+// far beyond its node's noise weighs w = 1 / (1 + difference^2 / (CAUCHY^2 noise)) (IRLS; noise = 0: w = 1).
+// terms[node] = sum w hat (gx gx, gx gy, gy gy, gx d, gy d, mean^2, mean d, d^2), d the difference, g the
+// gradient of the mean: 7-point axially, 5-point laterally and none on the frame's two outermost lines.
+// pixels[node] = sum w hat over pixels that say anything. Per 8 pixels: 11 vector loads, ~300 flops.
+#define CAUCHY_SQUARED 9.0f
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void data_term(
+    __global const float* restrict mean, __global const float* restrict difference,
+    __global const float* restrict hat, __global const float* restrict noise, __global float8* restrict terms,
+    __global float* restrict pixels, const int nx, const int ny, const int first_line, const int line_step,
+    const int line_count, const int first_sample, const int sample_step, const int origin, const int stride,
+    const int chunks) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int line = first_line + (node % nx) * line_step;
+  const int start = origin + first_sample + (node / nx) * sample_step - 4 * chunks;
+  const float doubt = noise[node] > 0.0f ? 1.0f / (CAUCHY_SQUARED * noise[node]) : 0.0f;
+  float8 xx = 0.0f, xy = 0.0f, yy = 0.0f, xd = 0.0f, yd = 0.0f, mm = 0.0f, md = 0.0f, dd = 0.0f, ww = 0.0f;
+  for (int l = max(line - line_step + 1, 0); l <= min(line + line_step - 1, line_count - 1); ++l) {
+    const float across = 1.0f - (float)abs(l - line) / (float)line_step;
+    const float inside = l > 1 && l < line_count - 2 ? 1.0f : 0.0f;
+    __global const float* const s = mean + start + l * stride;
+    __global const float* const d = difference + start + l * stride;
+    for (int c = 0; c < 8 * chunks; c += 8) {
+      const float8 m = vload8(0, s + c), e = vload8(0, d + c);
+      const float8 w = across * vload8(0, hat + c) / (1.0f + doubt * e * e);
+      const float8 gy = 0.75f * (vload8(0, s + c + 1) - vload8(0, s + c - 1)) -
+                        0.15f * (vload8(0, s + c + 2) - vload8(0, s + c - 2)) +
+                        (1.0f / 60.0f) * (vload8(0, s + c + 3) - vload8(0, s + c - 3));
+      const float8 gx = inside * ((2.0f / 3.0f) * (vload8(0, s + c + stride) - vload8(0, s + c - stride)) -
+                                  (1.0f / 12.0f) * (vload8(0, s + c + 2 * stride) - vload8(0, s + c - 2 * stride)));
+      const float8 wgy = w * gy, wgx = w * gx, wm = w * m, we = w * e;
+      xx = fma(wgx, gx, xx);
+      xy = fma(wgx, gy, xy);
+      yy = fma(wgy, gy, yy);
+      xd = fma(wgx, e, xd);
+      yd = fma(wgy, e, yd);
+      mm = fma(wm, m, mm);
+      md = fma(wm, e, md);
+      dd = fma(we, e, dd);
+      ww += select((float8)(0.0f), w, isnotequal(m, (float8)(0.0f)));
+    }
+  }
+  terms[node] = (float8)(sum8(xx), sum8(xy), sum8(yy), sum8(xd), sum8(yd), sum8(mm), sum8(md), sum8(dd));
+  pixels[node] = sum8(ww);
+}
+
+// Sums of terms over (2 radius + 1)^2 nodes: correlation of pre and warped post (-2 where nothing is heard) and
+// noise, the mean squared difference per pixel. information: of the node's own pixels on its displacement, 1 /
+// variance, (lateral, axial): sensitivity^2 gg / (spread noise). model[2], model[3]: spread and sensitivity
+// (noise_model.h), lateral and axial.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_noise(
+    __global const float8* restrict terms, __global const float* restrict pixels,
+    __global const float2* restrict model, __global float* restrict correlation, __global float* restrict noise,
+    __global float2* restrict information, const int nx, const int ny, const int radius) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  float mm = 0.0f, md = 0.0f, dd = 0.0f, ww = 0.0f;
+  for (int n = max(j - radius, 0); n <= min(j + radius, ny - 1); ++n)
+    for (int m = max(i - radius, 0); m <= min(i + radius, nx - 1); ++m) {
+      const float8 t = terms[m + nx * n];
+      mm += t.s5;
+      md += t.s6;
+      dd += t.s7;
+      ww += pixels[m + nx * n];
+    }
+  const float energy = (mm + 0.25f * dd + md) * (mm + 0.25f * dd - md);
+  const bool textured = ww > 0.0f && energy > 1e-30f;
+  const float floor = 1e-8f * mm;  // of the noise, so that identical frames have finite information
+  correlation[node] = textured ? (mm - 0.25f * dd) * rsqrt(energy) : -2.0f;
+  noise[node] = textured ? (dd + floor) / ww : 0.0f;
+  information[node] = textured ? model[3] * model[3] * (float2)(terms[node].s0, terms[node].s2) /
+                                     (model[2] * noise[node])
+                               : (float2)(0.0f);
+}
+
+// Gradient of a field around each node, in field units per node step: (d/di of x, of y, d/dj of x, of y), the
+// mean over (2 radius_i + 1) x (2 radius_j + 1) nodes cut at the border. Exact for uniform strain everywhere.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_gradient(
+    __global const float2* restrict field, __global float4* restrict gradient, const int nx, const int ny,
+    const int radius_i, const int radius_j) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  const int left = max(i - radius_i, 0), right = min(i + radius_i, nx - 1);
+  const int upper = max(j - radius_j, 0), lower = min(j + radius_j, ny - 1);
+  float2 along = 0.0f, down = 0.0f;  // sums of differences between neighbours telescope
+  for (int n = upper; n <= lower; ++n) along += field[right + nx * n] - field[left + nx * n];
+  for (int m = left; m <= right; ++m) down += field[m + nx * lower] - field[m + nx * upper];
+  gradient[node] = (float4)(along / (float)(max(right - left, 1) * (lower - upper + 1)),
+                            down / (float)(max(lower - upper, 1) * (right - left + 1)));
+}
+
+// The system of one Gauss-Newton step: minimises over the correction v of `field` u
+//   sum over nodes  v.h v - 2 v.b  +  sum over edges  weight (difference of u + v  -  mean gradient)^2,
+// h the information of local_noise(), b = sensitivity gd / (spread noise). model: weight of edges along i, of
+// edges along j, spread and sensitivity, each lateral and axial. Writes the 9-point stencil (solver's
+// stencil.clh) and the right-hand side.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void assemble(
+    __global const float8* restrict terms, __global const float* restrict noise,
+    __global const float2* restrict information, __global const float2* restrict field,
+    __global const float4* restrict gradient, __global const float2* restrict model,
+    __global float4* restrict stencil, __global float2* restrict rhs, const int nx, const int ny) {
+  const int node = get_global_id(0), nodes = nx * ny;
+  if (node >= nodes) return;
+  const int i = node % nx, j = node / nx;
+  const float2 weight_along = model[0], weight_down = model[1], sensitivity = model[3];
+  const float8 t = terms[node];
+  const float2 gain = noise[node] > 0.0f ? sensitivity / (model[2] * noise[node]) : (float2)(0.0f);
+  const float cross = sqrt(gain.x * gain.y * sensitivity.x * sensitivity.y) * t.s1;
+  float2 sum = gain * (float2)(t.s3, t.s4);
+  float2 centre = information[node] + 1e-6f * (weight_along + weight_down);  // definite without any echo too
+  const float2 own = field[node];
+  const float4 slope = gradient[node];
+  for (int k = 0; k < 9; ++k) {
+    const int di = k % 3 - 1, dj = k / 3 - 1, to = node + di + nx * dj;
+    const bool edge = (di == 0) != (dj == 0) && i + di >= 0 && i + di < nx && j + dj >= 0 && j + dj < ny;
+    const float2 weight = edge ? (dj == 0 ? weight_along : weight_down) : (float2)(0.0f);
+    if (edge) {
+      const float4 mean = 0.5f * (slope + gradient[to]);
+      const float2 expected = dj == 0 ? (float)di * mean.lo : (float)dj * mean.hi;
+      centre += weight;
+      sum += weight * (field[to] - own - expected);
+    }
+    if (k != 4) stencil[k * nodes + node] = (float4)(-weight.x, 0.0f, 0.0f, -weight.y);
+  }
+  stencil[4 * nodes + node] = (float4)(centre.x, cross, cross, centre.y);
+  rhs[node] = sum;
+}
+
+// field + correction, limited to (lateral, axial).
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void correct(
+    __global const float2* restrict field, __global const float2* restrict correction,
+    __global float2* restrict out, const int nodes, const float lateral_limit, const float axial_limit) {
+  const int node = get_global_id(0);
+  const float2 limit = (float2)(lateral_limit, axial_limit);
+  if (node < nodes) out[node] = field[node] + clamp(correction[node], -limit, limit);
+}
+
+// What a displacement estimate can be trusted with: mean[node] = information averaged over the estimator's
+// footprint, (2 radius + 1) nodes of each direction and component (radii: lateral i, j, axial i, j), and from
+// it the standard deviation in metres (deviation.clh; tables lateral, axial).
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertainty(
+    __global const float2* restrict information, __global const float* restrict tables,
+    __global float2* restrict mean, __global float2* restrict deviation_m, const int nx, const int ny,
+    const int lateral_i, const int lateral_j, const int axial_i, const int axial_j, const float lateral_median,
+    const float axial_median, const float line_pitch_m, const float sample_pitch_m) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  const int reach_i = max(lateral_i, axial_i), reach_j = max(lateral_j, axial_j);
+  float2 sum = 0.0f, count = 0.0f;
+  for (int n = max(j - reach_j, 0); n <= min(j + reach_j, ny - 1); ++n)
+    for (int m = max(i - reach_i, 0); m <= min(i + reach_i, nx - 1); ++m) {
+      const int far_i = abs(m - i), far_j = abs(n - j);
+      const float2 w = (float2)(far_i <= lateral_i && far_j <= lateral_j, far_i <= axial_i && far_j <= axial_j);
+      sum += w * information[m + nx * n];
+      count += w;
+    }
+  const float2 h = sum / count;
+  mean[node] = h;
+  deviation_m[node] = (float2)(line_pitch_m * deviation_at(tables, h.x, lateral_median),
+                               sample_pitch_m * deviation_at(tables + DEVIATION_ENTRIES, h.y, axial_median));
+}

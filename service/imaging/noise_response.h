@@ -1,0 +1,58 @@
+// How the noise of a displacement estimate and of what is computed from it follows from the information that
+// the pixels hold: local Fourier analysis. The estimator is taken for a filter with the wave-number response
+// T(k) of a place where everything is as it is here, so that a linear functional with response S(k) has the
+// variance
+//   1 / (2 pi)^2  Int |S T|^2 / (h m) dk,
+// h the information of a node (1 / variance), m(k) the share of it that hat functions leave at wave number k
+// (neighbouring nodes share pixels). Wave numbers in radians per node. No boundary: a node at the border
+// has up to twice the variance.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <vector>
+
+namespace teletact::service {
+
+// Squared response at (along, down), both in [0, pi].
+using Response = std::function<double(double along, double down)>;
+
+// Regularised estimate after `steps` Gauss-Newton steps; weights of the edges as refinement.h.
+struct SmootherResponse {
+  double weight_along = 0, weight_down = 0;
+  int gradient_radius = 0, steps = 1;
+};
+
+// Unregularised estimate after `steps` Gauss-Newton steps on windows, each from the binomially smoothed field
+// of the one before: half the lengths of the window in node steps.
+struct WindowResponse {
+  double half_along = 0, half_down = 0;
+  int steps = 1;
+};
+
+// Standard deviation at the information median * 2^(n - kBelow), n = 0 .. kEntries - 1.
+struct DeviationTable {
+  static constexpr int kEntries = 32, kBelow = 20;
+  std::array<float, kEntries> deviation{};
+};
+
+class NoiseResponse {
+ public:
+  NoiseResponse() = default;
+  // median: information that the tables are centred on; line_step, sample_step: of the hat functions.
+  NoiseResponse(const SmootherResponse&, double median, int line_step, int sample_step);
+  NoiseResponse(const WindowResponse&, double median, int line_step, int sample_step);
+  // Of the functional with squared response `squared`.
+  DeviationTable table(const Response& squared) const;
+  double median() const { return median_; }
+
+ private:
+  double median_ = 1;
+  std::vector<double> power_;  // |T|^2 / (h m) of every entry and wave number
+};
+
+// Squared response of the slopes that a least-squares plane over (2 half_columns + 1) x (2 half_rows + 1)
+// nodes finds: along = true d/di, else d/dj, per node step.
+Response plane_slope(int half_columns, int half_rows, bool along);
+
+}  // namespace teletact::service
