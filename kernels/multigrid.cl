@@ -21,31 +21,44 @@ kernel void stencil_residual(global const real4* restrict a, global const real2*
   residual[at] = r[at] - stencil_times(a, z + base, i, j, nx, ny);
 }
 
-// First Chebyshev step from z = 0: d = c D^-1 r, z = d. D: 2x2 node blocks, inverse in `inverse`.
-kernel void smooth_first(global const real4* restrict inverse, global const real2* restrict r,
+// First Chebyshev step from z = 0: d = c M r, z = d. M: the stencil of the smoother (patches.cl).
+kernel void smooth_first(global const real4* restrict m, global const real2* restrict r,
                          global real2* restrict d, global real2* restrict z, const real c, const int nx,
                          const int ny) {
   const int i = get_global_id(0), j = get_global_id(1), nodes = nx * ny, base = get_global_id(2) * nodes;
   if (i >= nx || j >= ny) return;
-  const int node = i + nx * j, at = base + node;
-  const real2 step = c * block_times(inverse[node], r[at]);
+  const int at = base + i + nx * j;
+  const real2 step = c * stencil_times(m, r + base, i, j, nx, ny);
   d[at] = step;
   z[at] = step;
 }
 
-// Chebyshev step: d = c_old d + c_new D^-1 (r - A z), z_new = z + d.
-kernel void smooth_step(global const real4* restrict a, global const real4* restrict inverse,
-                        global const real2* restrict r, global const real2* restrict z,
-                        global real2* restrict d, global real2* restrict z_new, const real c_old,
+// Chebyshev step, after stencil_residual: d = c_old d + c_new M residual, z += d.
+kernel void smooth_step(global const real4* restrict m, global const real2* restrict residual,
+                        global real2* restrict d, global real2* restrict z, const real c_old,
                         const real c_new, const int nx, const int ny) {
   const int i = get_global_id(0), j = get_global_id(1), nodes = nx * ny, base = get_global_id(2) * nodes;
   if (i >= nx || j >= ny) return;
-  const int node = i + nx * j, at = base + node;
-  const real2 residual = r[at] - stencil_times(a, z + base, i, j, nx, ny);
+  const int at = base + i + nx * j;
   const real2 old = c_old == 0 ? (real2)(0) : c_old * d[at];  // a first step finds rubbish in d
-  const real2 step = old + c_new * block_times(inverse[node], residual);
+  const real2 step = old + c_new * stencil_times(m, residual + base, i, j, nx, ny);
   d[at] = step;
-  z_new[at] = z[at] + step;
+  z[at] += step;
+}
+
+// Solves for the node inside each coarse cell, all others held: z += D^-1 (r - A z) there. No two of them
+// couple. inverse: D^-1, D the nodes' own blocks. Items: (I, J, right-hand side) of coarse cells; nx, ny are
+// the fine level's, coarse_nx, coarse_ny the coarse level's nodes.
+kernel void relax_interior(global const real4* restrict a, global const real4* restrict inverse,
+                           global const real2* restrict r, global real2* restrict z,
+                           global const int* restrict at_x, global const int* restrict at_y, const int nx,
+                           const int ny, const int coarse_nx, const int coarse_ny) {
+  const int i = get_global_id(0), j = get_global_id(1), nodes = nx * ny, base = get_global_id(2) * nodes;
+  if (i >= coarse_nx - 1 || j >= coarse_ny - 1) return;
+  const int x = at_x[i] + 1, y = at_y[j] + 1, node = x + nx * y;
+  if (at_x[i + 1] == x || at_y[j + 1] == y) return;  // no line was dropped here
+  const real2 residual = r[base + node] - stencil_times(a, z + base, x, y, nx, ny);
+  z[base + node] += block_times(inverse[node], residual);
 }
 
 // Coarse = P^T fine, over coarse nodes. Coarse line I lies on fine line at[I]; the fine lines just before and

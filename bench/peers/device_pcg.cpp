@@ -1,5 +1,5 @@
 // Ours: multigrid-preconditioned conjugate gradients on the device, the nodes in contact prescribed. Set-up:
-// the stiffness on the device, the coarse operators, the smoother's bounds, all buffers. `tolerance`: the
+// the stiffness on the device, the smoother and the coarse operators, all buffers. `tolerance`: the
 // relative error in the energy norm that the solver is asked for.
 #include <optional>
 #include <stdexcept>

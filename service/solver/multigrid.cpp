@@ -1,21 +1,16 @@
 #include "service/solver/multigrid.h"
 
 #include <algorithm>
-#include <cmath>
-#include <random>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
 
 #include "service/solver/chebyshev.h"
 #include "service/solver/dense_inverse.h"
+#include "service/solver/patches.h"
 
 namespace teletact::service {
 namespace {
-
-// Power iterations for the largest eigenvalue, and what its estimate is multiplied by to bound it.
-constexpr unsigned kPowerIterations = 14;
-constexpr double kBoundMargin = 1.1;
 
 template <class T>
 std::vector<T> as(const std::vector<double>& values) {
@@ -52,12 +47,6 @@ std::vector<std::uint8_t> coarse_mask(const std::vector<std::uint8_t>& fine, con
   return coarse;
 }
 
-double dot(const auto& a, const auto& b) {
-  double sum = 0;
-  for (std::size_t n = 0; n < a.size(); ++n) sum += static_cast<double>(a[n]) * b[n];
-  return sum;
-}
-
 }  // namespace
 
 template <class T>
@@ -69,10 +58,9 @@ struct Multigrid<T>::Level {
   Array<T> free;
   std::shared_ptr<Array<T>> stencil;
   Array<T> inverse_diagonal;
-  std::vector<ChebyshevStep> steps;
-  double eigenvalue_bound = 0;
-  Array<T> direction, other, residual;  // d and second z of the smoother; r - A z
-  Array<T> r, z;                        // right-hand side and correction of this level, not on the finest
+  Array<T> smoother;             // M, a stencil too
+  Array<T> direction, residual;  // d of the smoother; r - A z
+  Array<T> r, z;                 // right-hand side and correction of this level, not on the finest
   std::size_t nodes() const { return lines.nodes(); }
 };
 
@@ -80,20 +68,22 @@ template <class T>
 struct Multigrid<T>::Kernels {
   explicit Kernels(const Queue& queue) {
     const auto get = [&](const char* name) { return queue.kernel("multigrid", name, precision_of<T>); };
-    apply = get("stencil_apply");
     residual = get("stencil_residual");
     first = get("smooth_first");
     step = get("smooth_step");
+    interior = get("relax_interior");
     restriction = get("restrict_residual");
     prolong = get("prolong_add");
     dense = get("dense_apply");
   }
-  Kernel apply, residual, first, step, restriction, prolong, dense;
+  Kernel residual, first, step, interior, restriction, prolong, dense;
 };
 
 template <class T>
 Multigrid<T>::Multigrid(const Queue& queue, const NodeLines& lines, const MultigridOptions& options)
-    : queue_(queue), options_(options), kernels_(std::make_unique<Kernels>(queue)) {
+    : queue_(queue), kernels_(std::make_unique<Kernels>(queue)) {
+  steps_ = chebyshev_steps(kLargestPatchEigenvalue / options.smoothing_range, kLargestPatchEigenvalue,
+                           std::max(1U, options.smoothing_steps));
   NodeLines current = lines;
   for (double spacing = smallest_spacing(lines);; spacing *= 2) {
     auto level = std::make_unique<Level>();
@@ -122,11 +112,6 @@ std::size_t Multigrid<T>::levels() const {
 }
 
 template <class T>
-double Multigrid<T>::eigenvalue_bound(std::size_t level) const {
-  return levels_.at(level)->eigenvalue_bound;
-}
-
-template <class T>
 std::shared_ptr<const Array<T>> Multigrid<T>::stencil() const {
   return levels_.front()->stencil;
 }
@@ -134,7 +119,10 @@ std::shared_ptr<const Array<T>> Multigrid<T>::stencil() const {
 template <class T>
 template <class S>
 void Multigrid<T>::set_operator(const Array<S>& stencil, const std::vector<std::uint8_t>& free) {
-  set_level(0, stencil, free);
+  Array<int> indefinite = queue_.array(std::vector<int>{0});
+  set_level(0, stencil, free, indefinite);
+  if (queue_.read(indefinite)[0])
+    throw std::invalid_argument("multigrid: the operator is not symmetric positive definite");
 }
 
 // `from` in the working precision.
@@ -153,55 +141,44 @@ Array<T> Multigrid<T>::converted(const Array<S>& from) const {
 template <class T>
 template <class S>
 void Multigrid<T>::set_level(std::size_t index, const Array<S>& stencil,
-                             const std::vector<std::uint8_t>& free) {
+                             const std::vector<std::uint8_t>& free, Array<int>& indefinite) {
   Level& level = *levels_[index];
   const std::size_t nodes = level.nodes();
+  if (index + 1 == levels_.size()) {
+    const std::vector<S> host = queue_.read(stencil);
+    return invert_coarsest({host.begin(), host.end()});
+  }
   auto inverse = queue_.array<S>(4 * nodes);
   queue_.kernel("galerkin", "invert_diagonal", precision_of<S>)({{nodes}, {64}}, stencil, inverse,
                                                                 static_cast<int>(nodes));
   level.free = mask_array<T>(queue_, free);
   level.stencil = std::make_shared<Array<T>>(converted(stencil));
   level.inverse_diagonal = converted(inverse);
-  if (index + 1 == levels_.size()) {
-    const std::vector<S> host = queue_.read(stencil);
-    return invert_coarsest({host.begin(), host.end()});
-  }
-  bound_eigenvalues(level);
-  // A_c = P^T A P
-  const Level& next = *levels_[index + 1];
+  level.smoother =
+      converted(inverse_patches(queue_, stencil, level.lines.x.size(), level.lines.y.size(), indefinite));
   const auto coarse_free = coarse_mask(free, level.to_coarse.x, level.to_coarse.y);
-  const LineArrays<S> x(queue_, level.to_coarse.x), y(queue_, level.to_coarse.y);
-  auto coarse = queue_.array<S>(36 * next.nodes());
-  queue_.kernel("galerkin", "galerkin_product", precision_of<S>)(
-      grid_range(next.lines.x.size(), next.lines.y.size(), 9), stencil, coarse, x.at, y.at, x.left, x.weight,
-      y.left, y.weight, mask_array<S>(queue_, free), mask_array<S>(queue_, coarse_free), level.nx, level.ny,
-      next.nx, next.ny);
-  set_level(index + 1, coarse, coarse_free);
+  levels_[index + 1]->free = mask_array<T>(queue_, coarse_free);
+  set_level(index + 1, coarse_operator(index, stencil, free, coarse_free), coarse_free, indefinite);
 }
 
-// Largest eigenvalue of D^-1 A by power iteration, as the Rayleigh quotient (A v, D^-1 A v) / (v, A v).
+// P^T A P
 template <class T>
-void Multigrid<T>::bound_eigenvalues(Level& level) {
-  std::mt19937 random(1);
-  std::uniform_real_distribution<double> uniform(-1, 1);
-  std::vector<T> start = queue_.read(level.free);
-  for (T& value : start) value *= static_cast<T>(uniform(random));
-  Array<T> v = queue_.array(start), av = queue_.array<T>(start.size()),
-           unused = queue_.array<T>(start.size());
-  const Range range = grid_range(level.lines.x.size(), level.lines.y.size(), 1);
-  for (unsigned k = 0;; ++k) {
-    kernels_->apply(range, *level.stencil, v, av, level.nx, level.ny);
-    if (k == kPowerIterations) break;
-    kernels_->first(range, level.inverse_diagonal, av, unused, v, T{1}, level.nx, level.ny);
-  }
-  const std::vector<T> before = queue_.read(v), product = queue_.read(av);
-  kernels_->first(range, level.inverse_diagonal, av, unused, v, T{1}, level.nx, level.ny);
-  const double largest = dot(product, queue_.read(v)) / dot(before, product);
-  if (!(largest > 0) || !std::isfinite(largest))
-    throw std::invalid_argument("multigrid: the operator is not symmetric positive definite");
-  level.eigenvalue_bound = kBoundMargin * largest;
-  level.steps = chebyshev_steps(level.eigenvalue_bound / options_.smoothing_range, level.eigenvalue_bound,
-                                std::max(1U, options_.smoothing_steps));
+template <class S>
+Array<S> Multigrid<T>::coarse_operator(std::size_t index, const Array<S>& stencil,
+                                       const std::vector<std::uint8_t>& free,
+                                       const std::vector<std::uint8_t>& coarse_free) const {
+  const Level &level = *levels_[index], &next = *levels_[index + 1];
+  const std::size_t nx = next.lines.x.size(), ny = next.lines.y.size();
+  const LineArrays<S> x(queue_, level.to_coarse.x), y(queue_, level.to_coarse.y);
+  const Array<S> fine_mask = mask_array<S>(queue_, free);
+  auto rows = queue_.array<S>(16 * (nx - 1) * (ny - 1)), coarse = queue_.array<S>(36 * nx * ny);
+  queue_.kernel("galerkin", "interior_rows", precision_of<S>)(grid_range(nx - 1, ny - 1, 1), stencil, rows,
+                                                              x.at, y.at, x.weight, y.weight, fine_mask,
+                                                              level.nx, level.ny, next.nx, next.ny);
+  queue_.kernel("galerkin", "galerkin_product", precision_of<S>)(
+      grid_range(nx, ny, 9), stencil, rows, coarse, x.at, y.at, x.left, x.weight, y.left, y.weight, fine_mask,
+      mask_array<S>(queue_, coarse_free), level.nx, level.ny, next.nx, next.ny);
+  return coarse;
 }
 
 template <class T>
@@ -228,7 +205,7 @@ void Multigrid<T>::reserve(std::size_t count) {
   for (std::size_t index = 0; index < levels_.size(); ++index) {
     Level& level = *levels_[index];
     const std::size_t size = 2 * level.nodes() * count;
-    for (Array<T>* a : {&level.direction, &level.other, &level.residual}) *a = queue_.array<T>(size);
+    for (Array<T>* a : {&level.direction, &level.residual}) *a = queue_.array<T>(size);
     if (index == 0) continue;
     level.r = queue_.array<T>(size);
     level.z = queue_.array<T>(size);
@@ -241,18 +218,28 @@ void Multigrid<T>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
   cycle(0, r, z, count);
 }
 
-// Polynomial smoothing of `*at`, which moves between the two arrays.
+// Polynomial smoothing of z.
 template <class T>
-void Multigrid<T>::smooth(Level& level, const Array<T>& r, Array<T>*& at, Array<T>*& spare, std::size_t count,
-                          bool from_zero) {
+void Multigrid<T>::smooth(Level& level, const Array<T>& r, Array<T>& z, std::size_t count, bool from_zero) {
   const Range range = grid_range(level.lines.x.size(), level.lines.y.size(), count);
   if (from_zero)
-    kernels_->first(range, level.inverse_diagonal, r, level.direction, *at,
-                    static_cast<T>(level.steps[0].new_residual), level.nx, level.ny);
-  for (std::size_t k = from_zero ? 1 : 0; k < level.steps.size(); ++k, std::swap(at, spare))
-    kernels_->step(range, *level.stencil, level.inverse_diagonal, r, *at, level.direction, *spare,
-                   static_cast<T>(level.steps[k].old_direction), static_cast<T>(level.steps[k].new_residual),
-                   level.nx, level.ny);
+    kernels_->first(range, level.smoother, r, level.direction, z, static_cast<T>(steps_[0].new_residual),
+                    level.nx, level.ny);
+  for (std::size_t k = from_zero ? 1 : 0; k < steps_.size(); ++k) {
+    kernels_->residual(range, *level.stencil, r, z, level.residual, level.nx, level.ny);
+    kernels_->step(range, level.smoother, level.residual, level.direction, z,
+                   static_cast<T>(steps_[k].old_direction), static_cast<T>(steps_[k].new_residual), level.nx,
+                   level.ny);
+  }
+}
+
+// Equilibrium of the nodes inside coarse cells: before and after bilinear transfers it makes them those of P.
+template <class T>
+void Multigrid<T>::relax_interior(const Level& level, const Level& next, const Array<T>& r, Array<T>& z,
+                                  std::size_t count) {
+  kernels_->interior(grid_range(next.lines.x.size() - 1, next.lines.y.size() - 1, count), *level.stencil,
+                     level.inverse_diagonal, r, z, level.x->at, level.y->at, level.nx, level.ny, next.nx,
+                     next.ny);
 }
 
 template <class T>
@@ -265,21 +252,21 @@ void Multigrid<T>::cycle(std::size_t index, const Array<T>& r, Array<T>& z, std:
   }
   Level& next = *levels_[index + 1];
   const Range fine = grid_range(level.lines.x.size(), level.lines.y.size(), count);
-  // Smoothing changes places 2 steps - 1 times, an odd number: begun in `other`, it ends in z.
-  Array<T>*at = &level.other, *spare = &z;
   // z = S r
-  smooth(level, r, at, spare, count, true);
+  smooth(level, r, z, count, true);
   // r_c = P^T (r - A z)
-  kernels_->residual(fine, *level.stencil, r, *at, level.residual, level.nx, level.ny);
+  relax_interior(level, next, r, z, count);
+  kernels_->residual(fine, *level.stencil, r, z, level.residual, level.nx, level.ny);
   kernels_->restriction(grid_range(next.lines.x.size(), next.lines.y.size(), count), level.residual, next.r,
                         level.x->at, level.x->around, level.y->at, level.y->around, next.free, level.nx,
                         level.ny, next.nx, next.ny);
   cycle(index + 1, next.r, next.z, count);
   // z += P z_c
-  kernels_->prolong(fine, next.z, *at, level.x->left, level.x->weight, level.y->left, level.y->weight,
+  kernels_->prolong(fine, next.z, z, level.x->left, level.x->weight, level.y->left, level.y->weight,
                     level.free, level.nx, level.ny, next.nx, next.ny);
+  relax_interior(level, next, r, z, count);
   // z += S^T (r - A z)
-  smooth(level, r, at, spare, count, false);
+  smooth(level, r, z, count, false);
 }
 
 template class Multigrid<float>;

@@ -2,24 +2,27 @@
 // definite preconditioner for conjugate gradients.
 //
 // Levels: every second line is dropped, across the short side of stretched elements first (NodeLines).
-// Transfers: P bilinear by coordinates, restriction P^T. Coarse operators: P^T A P on the device. Smoother:
-// Chebyshev polynomial in D^-1 A, D the 2x2 node blocks, before and after: it is its own transpose in the A
-// inner product, so the cycle is symmetric. Coarsest level: exact, by a dense inverse computed in double on
-// the host.
+// Transfers: P bilinear by coordinates on the coarse lines; the fine node inside a coarse cell is in
+// equilibrium with them, so that a coarse displacement without divergence stays one on the fine level
+// (Schoeberl 1999: what makes multigrid robust in nu). Restriction P^T. Coarse operators: P^T A P on the
+// device. Smoother: Chebyshev polynomial in M A, M the sum of inverse patches (patches.h), before and after:
+// it is its own transpose in the A inner product, so the cycle is symmetric. Coarsest level: exact, by a
+// dense inverse computed in double on the host.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <vector>
 
+#include "service/solver/chebyshev.h"
 #include "service/solver/linear_operator.h"
 #include "service/solver/node_lines.h"
 
 namespace teletact::service {
 
 struct MultigridOptions {
-  unsigned smoothing_steps = 4;      // degree of the Chebyshev polynomial, >= 1
-  double smoothing_range = 30;       // it damps eigenvalues of D^-1 A in [largest / this, largest]
+  unsigned smoothing_steps = 3;      // degree of the Chebyshev polynomial, >= 1
+  double smoothing_range = 10;       // it damps eigenvalues of M A in [largest / this, largest]
   std::size_t coarsest_nodes = 100;  // a level of at most so many nodes is solved exactly
 };
 
@@ -38,8 +41,6 @@ class Multigrid : public LinearOperator<T> {
   // use of a larger count.
   void apply(const Array<T>& r, Array<T>& z, std::size_t count) override;
   std::size_t levels() const;
-  // Bound used for the largest eigenvalue of D^-1 A on a level that smooths.
-  double eigenvalue_bound(std::size_t level) const;
   // The finest stencil in the working precision.
   std::shared_ptr<const Array<T>> stencil() const;
 
@@ -47,16 +48,20 @@ class Multigrid : public LinearOperator<T> {
   struct Level;
   struct Kernels;
   void cycle(std::size_t level, const Array<T>& r, Array<T>& z, std::size_t count);
-  void smooth(Level&, const Array<T>& r, Array<T>*& at, Array<T>*& spare, std::size_t count, bool from_zero);
+  void smooth(Level&, const Array<T>& r, Array<T>& z, std::size_t count, bool from_zero);
+  void relax_interior(const Level&, const Level& next, const Array<T>& r, Array<T>& z, std::size_t count);
   template <class S>
   Array<T> converted(const Array<S>& from) const;
   template <class S>
-  void set_level(std::size_t level, const Array<S>& stencil, const std::vector<std::uint8_t>& free);
-  void bound_eigenvalues(Level&);
+  void set_level(std::size_t level, const Array<S>& stencil, const std::vector<std::uint8_t>& free,
+                 Array<int>& indefinite);
+  template <class S>
+  Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const std::vector<std::uint8_t>& free,
+                           const std::vector<std::uint8_t>& coarse_free) const;
   void invert_coarsest(const std::vector<double>& stencil);
   void reserve(std::size_t count);
   Queue queue_;
-  MultigridOptions options_;
+  std::vector<ChebyshevStep> steps_;
   std::unique_ptr<Kernels> kernels_;
   std::vector<std::unique_ptr<Level>> levels_;
   Array<T> inverse_;  // of the coarsest level, dense

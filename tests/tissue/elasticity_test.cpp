@@ -223,10 +223,10 @@ std::size_t iterations(const TissueGrid& grid, double nu) {
 
 TEST(Elasticity, MultigridTakesTheIterationsOfT47) {
   const TissueGrid grid{uniform_coordinates(0, 0.08, 80), uniform_coordinates(0, 0.08, 80)};
-  // (nu, iterations with 2x2 node blocks)
-  for (const auto& [nu, expected] : {std::pair{0.3, 7.0}, {0.49, 18.0}, {0.495, 24.0}, {0.499, 45.0}}) {
+  // (nu, iterations: the best of T4.7 from nu = .49 on; with 2x2 node blocks 7, 18, 24, 45)
+  for (const auto& [nu, expected] : {std::pair{0.3, 7U}, {0.49, 10U}, {0.495, 13U}, {0.499, 23U}}) {
     const std::size_t count = iterations(grid, nu);
-    EXPECT_LE(static_cast<double>(count), 1.5 * expected) << nu;
+    EXPECT_LE(count, expected) << nu;
     RecordProperty("iterations_at_nu_" + std::to_string(nu), static_cast<int>(count));
   }
 }
