@@ -79,7 +79,7 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
   return {
       {"scene", arguments.scene_id},
       {"renderer", arguments.session.renderer},
-      {"profile", arguments.session.profile},
+      {"device", summary.device},
       {"duration_s", ticks.duration_s()},
       {"enabled_s", ticks.enabled_s()},
       {"passes", summary.passes},
@@ -213,8 +213,11 @@ void add_touch_command(CLI::App& app) {
   CLI::App& command = *app.add_subcommand("touch", "operator side: feel a scene of a running service");
   add_service_options(command, session.address, session.tls_ca);
   command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
-  command.add_option("--device", session.device, "haptic device: simulated (default)");
-  command.add_option("--profile", session.profile, "premium-1.5 (default), premium-3.0, omni or touch");
+  command.add_option("--device", session.device,
+                     "haptic device: simulated (default), plugin:FILE[,SETTINGS], inverse3[:ws://HOST:PORT], "
+                     "replay:RECORDING");
+  command.add_option("--profile", session.profile,
+                     "of a simulated or replayed device: premium-1.5 (default), premium-3.0, omni or touch");
   command.add_option("--renderer", session.renderer, "kalman (default), kalman-force, interpolate or hold")
       ->check(CLI::IsMember({"kalman", "kalman-force", "hold"}));
   command.add_option("--record", session.record_path,

@@ -40,6 +40,9 @@ class HapticDevice {
   // Newtons on the finger; false: the device did not take it.
   virtual bool write(const Vector2& force_n) noexcept = 0;
   virtual void show(const OperatorView&) noexcept {}
+  // The rest from any thread. Sweeps ended, of a device whose hand is simulated; and no more motion to come.
+  virtual unsigned passes() const noexcept { return 0; }
+  virtual bool ended() const noexcept { return false; }
 };
 
 }  // namespace teletact::client

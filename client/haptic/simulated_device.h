@@ -33,6 +33,8 @@ class SimulatedDevice final : public HapticDevice {
   bool write(const Vector2& force_n) noexcept override;
   void show(const OperatorView& view) noexcept override { view_ = view; }
 
+  unsigned passes() const noexcept override { return hand_.passes(); }
+
   const Hand& hand() const noexcept { return hand_; }
   // Exact state, for tests: the reading is quantised and filtered.
   const ToolPose& exact() const noexcept { return exact_; }

@@ -112,31 +112,26 @@ void drain(ServoLoop& servo, TickStatistics& statistics, RecordWriter* recorder)
   }
 }
 
-bool finished(const TouchSessionOptions& options, const Hand& hand, const TickStatistics& statistics) {
-  if (options.passes > 0 && hand.passes() >= options.passes) return true;
+bool finished(const TouchSessionOptions& options, const HapticDevice& device,
+              const TickStatistics& statistics) {
+  if (device.ended() || (options.passes > 0 && device.passes() >= options.passes)) return true;
   return options.duration_s > 0 && statistics.enabled_s() >= options.duration_s;
 }
 
 }  // namespace
 
 TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop) {
-  if (options.device != "simulated") {
-    throw std::invalid_argument("unknown device '" + options.device + "'; known: simulated");
-  }
   ServoOptions servo_options;
-  const DeviceProfile& profile = device_profile(options.profile);
-  servo_options.chain.limits = profile.limits();
   const auto renderer = make_renderer(options.renderer, servo_options.period_s);
   const v1::Scene scene = wait_for_scene(options, stop);
-  SimulatedDeviceOptions device_options;
-  device_options.profile = profile;
-  device_options.hand = hand_on(scene, options);
-  SimulatedDevice device(device_options);
+  // Before the recording, which may overwrite the one that is replayed.
+  const auto device = make_device({options.device, options.profile, hand_on(scene, options)});
+  device->open();
   const auto recorder = open_recording(options);
-  device.open();
+  servo_options.chain.limits = device->profile().limits();
 
   MonotonicClock clock;
-  const auto servo = std::make_unique<ServoLoop>(device, *renderer, clock, servo_options);
+  const auto servo = std::make_unique<ServoLoop>(*device, *renderer, clock, servo_options);
   TouchLinkOptions link_options;
   link_options.address = options.address;
   link_options.tls_ca = options.tls_ca;
@@ -154,7 +149,7 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   });
   link.start();
   bool told = false;
-  while (!stop && link.failure().empty() && !finished(options, device.hand(), summary.ticks)) {
+  while (!stop && link.failure().empty() && !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
     drain(*servo, summary.ticks, recorder.get());
     if (!told && servo_started.load(std::memory_order_acquire) && options.real_time) {
@@ -166,13 +161,14 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   servo_stop = true;
   servo_thread.join();
   link.stop();
-  device.close();
+  device->close();
   drain(*servo, summary.ticks, recorder.get());
   summary.link = link.stats();
   summary.overruns = servo->overruns();
   summary.rejected_answers = servo->rejected_answers();
   summary.telemetry_dropped = servo->telemetry().dropped();
-  summary.passes = device.hand().passes();
+  summary.passes = device->passes();
+  summary.device = device->profile().name;
   if (recorder) {
     summary.record_dropped = recorder->dropped();
     recorder->close();

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/haptic/simulated_device.h"
+#include "client/link/devices.h"
 #include "client/link/touch_link.h"
 #include "client/servo/realtime.h"
 #include "client/servo/tick_statistics.h"
@@ -18,11 +18,11 @@ struct TouchSessionOptions {
   std::string address;
   std::string tls_ca;  // PEM text; empty: not encrypted
   v1::TouchOpen open;
-  std::string device = "simulated";
-  std::string profile = "premium-1.5";
-  std::string renderer = "kalman";  // kalman, kalman-force, interpolate, hold
-  HandOptions hand;                 // begin and end: see below
-  std::optional<double> begin_m;    // of the sweep; absent: what is covered at the start, 8 mm inside
+  std::string device = "simulated";     // as devices.h reads it
+  std::string profile = "premium-1.5";  // of a simulated or replayed device
+  std::string renderer = "kalman";      // kalman, kalman-force, interpolate, hold
+  HandOptions hand;                     // of a simulated device; begin and end: see below
+  std::optional<double> begin_m;        // of the sweep; absent: what is covered at the start, 8 mm inside
   std::optional<double> end_m;
   unsigned passes = 0;      // end after so many sweeps; 0 = no limit
   double duration_s = 0;    // end after so long with force on; 0 = no limit
@@ -33,6 +33,7 @@ struct TouchSessionOptions {
 };
 
 struct TouchSummary {
+  std::string device;  // its profile's name
   TickStatistics ticks;
   TouchLinkStats link;
   RealTime real_time;
@@ -43,9 +44,9 @@ struct TouchSummary {
   unsigned passes = 0;
 };
 
-// Runs until passes or duration are reached, `stop` is set, or the link gives up. Throws std::runtime_error
-// or std::invalid_argument with one line for the user: no service, unknown scene, nothing touchable, unknown
-// device, profile or renderer, unwritable recording.
+// Runs until passes or duration are reached, a replayed motion is over, `stop` is set, or the link gives up.
+// Throws std::runtime_error or std::invalid_argument with one line for the user: no service, unknown scene,
+// nothing touchable, unknown device, profile or renderer, unwritable recording.
 TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace teletact::client

@@ -11,7 +11,7 @@
 #include "client/render/force_chain.h"
 #include "client/render/renderer.h"
 #include "client/servo/clock.h"
-#include "client/servo/latest_slot.h"
+#include "client/haptic/latest_slot.h"
 #include "client/servo/ring.h"
 #include "client/servo/states.h"
 

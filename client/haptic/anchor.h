@@ -1,0 +1,25 @@
+// Where a real device's frame lies in the scene: the point at which it is first read becomes `start_m`.
+#pragma once
+
+#include "client/render/renderer.h"
+
+namespace teletact::client {
+
+class Anchor {
+ public:
+  explicit Anchor(const Vector2& start_m) : start_m_(start_m) {}
+  void release() noexcept { held_ = false; }
+  // `device_m` is in metres along the scene's axes, from the device's own origin.
+  Vector2 to_scene(const Vector2& device_m) noexcept {
+    if (!held_) first_m_ = device_m;
+    held_ = true;
+    return start_m_ + (device_m - first_m_);
+  }
+
+ private:
+  Vector2 start_m_;
+  Vector2 first_m_ = Vector2::Zero();
+  bool held_ = false;
+};
+
+}  // namespace teletact::client

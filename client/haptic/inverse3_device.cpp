@@ -1,0 +1,185 @@
+#include "client/haptic/inverse3_device.h"
+
+#include <boost/asio/connect.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <stdexcept>
+
+#include "client/haptic/inverse3_protocol.h"
+
+namespace teletact::client {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace websocket = beast::websocket;
+using tcp = asio::ip::tcp;
+
+constexpr std::chrono::milliseconds kHandshake{1000}, kIdle{300}, kRetry{200};
+constexpr std::chrono::microseconds kExchange{500};  // a new force reaches the device this soon, at most
+
+std::int64_t now_ns() {
+  return std::chrono::steady_clock::now().time_since_epoch().count();
+}
+
+Eigen::Vector3d to_device(const Vector2& scene) {
+  return {scene.x(), 0, -scene.y()};
+}
+
+Vector2 to_scene(const Eigen::Vector3d& device) {
+  return {device.x(), -device.z()};
+}
+
+}  // namespace
+
+// One connection; every call waits for a stated time at most and throws std::exception when it fails.
+class Inverse3Device::Connection {
+ public:
+  explicit Connection(const WebSocketUrl& url) : socket_(context_) {
+    tcp::resolver resolver(context_);
+    const auto found = resolver.resolve(url.host, url.port);
+    auto& stream = beast::get_lowest_layer(socket_);
+    stream.expires_after(kHandshake);
+    wait([&](auto done) { stream.async_connect(found, [done](auto error, const auto&) { done(error); }); });
+    stream.expires_never();
+    stream.socket().set_option(tcp::no_delay(true));
+    socket_.set_option(websocket::stream_base::timeout{kHandshake, kIdle, false});
+    wait([&](auto done) { socket_.async_handshake(url.host + ":" + url.port, url.path, done); });
+    socket_.text(true);
+  }
+
+  std::string read() {
+    beast::flat_buffer buffer;
+    wait([&](auto done) { socket_.async_read(buffer, [done](auto error, std::size_t) { done(error); }); });
+    return beast::buffers_to_string(buffer.data());
+  }
+  void write(const std::string& text) {
+    wait([&](auto done) {
+      socket_.async_write(asio::buffer(text), [done](auto error, std::size_t) { done(error); });
+    });
+  }
+  void close() {
+    wait([&](auto done) { socket_.async_close(websocket::close_code::normal, done); });
+  }
+
+ private:
+  // Beast's timeouts end the operation. Its timer stays behind as work, so the context never runs dry.
+  template <typename Start>
+  void wait(Start&& start) {
+    beast::error_code result;
+    bool done = false;
+    start([&](beast::error_code error) {
+      result = error;
+      done = true;
+    });
+    context_.restart();
+    while (!done) context_.run_one();
+    if (result) throw beast::system_error(result);
+  }
+
+  asio::io_context context_;
+  websocket::stream<beast::tcp_stream> socket_;
+};
+
+Inverse3Device::Inverse3Device(const Inverse3Options& options) : options_(options), anchor_(options.start_m) {
+  parse_websocket_url(options_.url);
+}
+
+Inverse3Device::~Inverse3Device() {
+  close();
+}
+
+const DeviceProfile& Inverse3Device::profile() const noexcept {
+  // name, N, N/m, N s/m, workspace m; mass, friction and resolution are not known, and not counted on.
+  static const DeviceProfile profile{"inverse3", 4, 400, 4, 0.1, 0, 0, 0};
+  return profile;
+}
+
+void Inverse3Device::open() {
+  close();
+  stop_ = false;
+  heard_ = false;
+  trouble_ = "it says nothing";
+  anchor_.release();
+  thread_ = std::thread([this] { run(); });
+  std::unique_lock lock(mutex_);
+  const auto wait = std::chrono::duration<double>(options_.open_wait_s);
+  if (changed_.wait_for(lock, wait, [this] { return heard_; })) return;
+  const std::string trouble = trouble_;
+  lock.unlock();
+  close();
+  throw std::runtime_error(
+      "no Inverse3 at " + options_.url + ": " + trouble +
+      "; start the Haply Inverse Service there (Haply Hub), or give another address with "
+      "--device inverse3:ws://HOST:PORT");
+}
+
+void Inverse3Device::close() noexcept {
+  stop_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+bool Inverse3Device::read(std::int64_t, DeviceReading& reading) noexcept {
+  read_ns_ = now_ns();
+  states_.take(state_);
+  // Stale by the clock that stamped it, whatever clock the servo runs on.
+  if (static_cast<double>(read_ns_ - state_.received_ns) > kStaleS * 1e9) return false;
+  reading.pose.position_m = anchor_.to_scene(state_.position_m);
+  reading.pose.velocity_m_s = state_.velocity_m_s;
+  reading.resume_pressed = state_.pressed;
+  reading.held_at_border = false;
+  return true;
+}
+
+bool Inverse3Device::write(const Vector2& force_n) noexcept {
+  if (!force_n.allFinite()) return false;
+  forces_.put({force_n, read_ns_});
+  return true;
+}
+
+void Inverse3Device::tell(const std::string& trouble) {
+  const std::lock_guard lock(mutex_);
+  trouble_ = trouble;
+}
+
+void Inverse3Device::run() {
+  const WebSocketUrl url = parse_websocket_url(options_.url);
+  while (!stop_) {
+    try {
+      Connection connection(url);
+      exchange(connection);
+    } catch (const std::exception& error) {
+      tell(error.what());
+    }
+    if (!stop_) std::this_thread::sleep_for(kRetry);
+  }
+}
+
+// State in, force out, in turns; on the way out the last force is zero.
+void Inverse3Device::exchange(Connection& connection) {
+  Force force;
+  auto due = std::chrono::steady_clock::now();
+  for (bool first = true; true; first = false) {
+    const Inverse3State received = parse_inverse3(connection.read());
+    states_.put({to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, now_ns()});
+    if (first) {
+      const std::lock_guard lock(mutex_);
+      heard_ = true;
+      changed_.notify_all();
+    }
+    due = std::max(due + kExchange, std::chrono::steady_clock::now());
+    std::this_thread::sleep_until(due);
+    forces_.take(force);
+    const bool lives = static_cast<double>(now_ns() - force.written_ns) < kForceLivesS * 1e9;
+    const bool stopping = stop_;
+    const Vector2 sent_n = lives && !stopping ? force.force_n : Vector2(Vector2::Zero());
+    connection.write(inverse3_command(received.device_id, to_device(sent_n), first));
+    if (stopping) break;
+  }
+  connection.close();
+}
+
+}  // namespace teletact::client

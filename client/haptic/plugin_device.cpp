@@ -1,0 +1,119 @@
+#include "client/haptic/plugin_device.h"
+
+#include <dlfcn.h>
+
+#include <array>
+#include <filesystem>
+#include <stdexcept>
+#include <utility>
+
+namespace teletact::client {
+namespace {
+
+// As the C compiler lays out version 1: a library with a shorter table lacks a function.
+constexpr std::uint32_t kTableBytes = sizeof(teletact_device_plugin);
+
+const teletact_device_plugin* checked(const teletact_device_plugin* plugin, const std::string& who) {
+  if (plugin == nullptr) throw std::runtime_error(who + ": teletact_device_plugin_get() returned nothing");
+  if (plugin->abi != TELETACT_DEVICE_ABI)
+    throw std::runtime_error(who + " was built for version " + std::to_string(plugin->abi) +
+                             " of teletact_device.h, this client has version " +
+                             std::to_string(TELETACT_DEVICE_ABI) + "; build it again with this one's header");
+  if (plugin->struct_bytes < kTableBytes || plugin->name == nullptr || plugin->open == nullptr ||
+      plugin->read == nullptr || plugin->write == nullptr || plugin->close == nullptr)
+    throw std::runtime_error(who +
+                             ": its table lacks open, read, write, close or name; set struct_bytes to "
+                             "sizeof(teletact_device_plugin) and fill in all of them");
+  return plugin;
+}
+
+}  // namespace
+
+PluginDevice::PluginDevice(const std::string& path, std::string settings, const Vector2& start_m)
+    : path_(path), settings_(std::move(settings)), anchor_(start_m) {
+  const std::string who = "device plugin '" + path + "'";
+  // Absolute, or a plain name would be looked for among the system's libraries.
+  library_ = dlopen(std::filesystem::absolute(path).c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library_ == nullptr) throw std::runtime_error(who + " cannot be loaded: " + dlerror());
+  try {
+    using Get = const teletact_device_plugin* (*)();
+    const auto get = reinterpret_cast<Get>(dlsym(library_, "teletact_device_plugin_get"));
+    if (get == nullptr)
+      throw std::runtime_error(who +
+                               " is no device plugin: it does not export teletact_device_plugin_get "
+                               "(client/haptic/teletact_device.h)");
+    plugin_ = checked(get(), who);
+  } catch (...) {
+    dlclose(library_);
+    throw;
+  }
+}
+
+PluginDevice::~PluginDevice() {
+  close();
+  dlclose(library_);
+}
+
+void PluginDevice::check(const teletact_device_limits& limits) const {
+  const auto positive = [&](double value, const char* field) {
+    if (!(value > 0) || value > 1e6)
+      throw std::runtime_error("device plugin '" + path_ + "': limits." + field + " is " +
+                               std::to_string(value) + "; state what the device's data sheet says");
+  };
+  positive(limits.largest_force_n, "largest_force_n");
+  positive(limits.largest_stiffness_n_m, "largest_stiffness_n_m");
+  positive(limits.largest_damping_n_s_m, "largest_damping_n_s_m");
+  if (!(limits.friction_n >= 0))
+    throw std::runtime_error("device plugin '" + path_ +
+                             "': limits.friction_n is negative; give 0 if unknown");
+}
+
+void PluginDevice::open() {
+  close();
+  teletact_device_limits limits{};
+  std::array<char, 512> error{};
+  void* device = nullptr;
+  if (plugin_->open(settings_.c_str(), &device, &limits, error.data(), error.size() - 1) != 0)
+    throw std::runtime_error("device '" + std::string(plugin_->name) + "' (" + path_ + "): " +
+                             (error[0] != '\0' ? error.data() : "cannot be opened, and says no more"));
+  try {
+    check(limits);
+  } catch (...) {
+    plugin_->close(device);
+    throw;
+  }
+  device_ = device;
+  anchor_.release();
+  profile_ = {plugin_->name,
+              limits.largest_force_n,
+              limits.largest_stiffness_n_m,
+              limits.largest_damping_n_s_m,
+              limits.workspace_radius_m,
+              limits.apparent_mass_kg,
+              limits.friction_n,
+              limits.resolution_m};
+}
+
+void PluginDevice::close() noexcept {
+  if (device_ != nullptr) plugin_->close(device_);
+  device_ = nullptr;
+}
+
+bool PluginDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
+  if (device_ == nullptr) return false;
+  teletact_device_reading raw{};
+  if (plugin_->read(device_, now_ns, &raw) != 0) return false;
+  reading.pose.position_m = anchor_.to_scene({raw.position_m[0], raw.position_m[1]});
+  reading.pose.velocity_m_s = {raw.velocity_m_s[0], raw.velocity_m_s[1]};
+  reading.resume_pressed = raw.resume_pressed != 0;
+  reading.held_at_border = false;
+  return true;
+}
+
+bool PluginDevice::write(const Vector2& force_n) noexcept {
+  if (device_ == nullptr || !force_n.allFinite()) return false;
+  const std::array<double, 3> force = {force_n.x(), force_n.y(), 0};
+  return plugin_->write(device_, force.data()) == 0;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,38 @@
+// A device behind the C interface of teletact_device.h, loaded from a shared library.
+#pragma once
+
+#include <string>
+
+#include "client/haptic/anchor.h"
+#include "client/haptic/haptic_device.h"
+#include "client/haptic/teletact_device.h"
+
+namespace teletact::client {
+
+class PluginDevice final : public HapticDevice {
+ public:
+  // Loads `path`; `start_m`: where in the scene the device stands at first. Throws std::runtime_error when
+  // there is no such file, it is no device plugin, or it was built for another version of the interface.
+  PluginDevice(const std::string& path, std::string settings, const Vector2& start_m);
+  ~PluginDevice() override;
+  PluginDevice(const PluginDevice&) = delete;
+  PluginDevice& operator=(const PluginDevice&) = delete;
+
+  const DeviceProfile& profile() const noexcept override { return profile_; }  // after open()
+  void open() override;
+  void close() noexcept override;
+  bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
+  bool write(const Vector2& force_n) noexcept override;
+
+ private:
+  void check(const teletact_device_limits& limits) const;
+
+  std::string path_, settings_;
+  Anchor anchor_;
+  void* library_ = nullptr;
+  const teletact_device_plugin* plugin_ = nullptr;
+  void* device_ = nullptr;  // null: not open
+  DeviceProfile profile_;
+};
+
+}  // namespace teletact::client

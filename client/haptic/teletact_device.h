@@ -1,0 +1,76 @@
+/* The C interface between teletact and a haptic device that it does not know: what an adapter for a vendor's
+ * SDK implements, as a shared library that `teletact-client touch --device plugin:FILE` loads.
+ *
+ * The library exports one function, teletact_device_plugin_get(). plugins/template.c is an adapter to start
+ * from:
+ *
+ *     cc -shared -fPIC -I INCLUDE_DIR -o my_device.so my_device.c -lvendor
+ *
+ * Axes: x to the operator's right, y down (the direction that presses into the tissue), z towards the
+ * operator; metres, newtons, seconds. Any origin will do: where the device stands when it is first read
+ * becomes the point above the tissue at which a session begins.
+ *
+ * Threads: open and close are called from one thread, read and write from another, the servo's, 1000 times a
+ * second: these two may not wait, allocate, log or throw. A vendor's library that runs a loop of its own
+ * leaves its newest position in memory for read() and takes the newest force from there. */
+#ifndef TELETACT_DEVICE_H
+#define TELETACT_DEVICE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Goes up with every change that an older library would not survive. */
+#define TELETACT_DEVICE_ABI 1u
+
+/* What the device may be asked for. The first three must be > 0; 0 where the others are not known. */
+typedef struct teletact_device_limits {
+  double largest_force_n;
+  double largest_stiffness_n_m;
+  double largest_damping_n_s_m;
+  double workspace_radius_m;
+  double apparent_mass_kg;
+  double friction_n; /* Coulomb friction that is surely there: the passivity controller counts on it */
+  double resolution_m;
+} teletact_device_limits;
+
+typedef struct teletact_device_reading {
+  double position_m[3];
+  double velocity_m_s[3];
+  int32_t resume_pressed; /* not 0: the operator asks for force (a button) */
+} teletact_device_reading;
+
+typedef struct teletact_device_plugin {
+  uint32_t abi;          /* TELETACT_DEVICE_ABI */
+  uint32_t struct_bytes; /* sizeof(teletact_device_plugin) */
+  const char* name;      /* for people: "Vendor Model" */
+
+  /* Opens the device; `settings` is what stands behind the comma of plugin:FILE,SETTINGS, or "".
+   * Returns 0, with *device for the other calls and *limits filled in (it comes zeroed); else anything, with
+   * one line in `error` that says what to do. */
+  int (*open)(const char* settings, void** device, teletact_device_limits* limits, char* error,
+              size_t error_bytes);
+
+  /* The newest position and velocity; now_ns is CLOCK_MONOTONIC. Returns 0; anything else: the device does
+   * not answer, and the servo takes the force away. */
+  int (*read)(void* device, int64_t now_ns, teletact_device_reading* reading);
+
+  /* Force on the operator's hand, never above largest_force_n. Returns 0; anything else: not taken. The
+   * device holds it until the next call; after some 10 ms without one it should let go. */
+  int (*write)(void* device, const double force_n[3]);
+
+  /* Takes the force away and closes. */
+  void (*close)(void* device);
+} teletact_device_plugin;
+
+/* The one function that the library exports. What it returns lives as long as the library. */
+const teletact_device_plugin* teletact_device_plugin_get(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,24 @@
+// Haptic devices by what a person writes behind --device.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "client/haptic/hand.h"
+#include "client/haptic/haptic_device.h"
+
+namespace teletact::client {
+
+struct DeviceChoice {
+  // simulated | plugin:FILE[,SETTINGS] | inverse3[:URL] | replay:FILE
+  std::string device = "simulated";
+  std::string profile = "premium-1.5";  // of a simulated or a replayed device
+  HandOptions hand =
+      {};  // the simulated hand; other devices start above its start_m, hover_m over the surface
+};
+
+// Not opened yet. Throws std::invalid_argument or std::runtime_error with one line: an unknown device or
+// profile, a file that is missing or is not what it should be.
+std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice);
+
+}  // namespace teletact::client

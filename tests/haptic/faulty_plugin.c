@@ -1,0 +1,43 @@
+/* Adapters with one fault each, chosen by a definition: OLD_ABI, NO_LIMITS, NO_SYMBOL. */
+#include "client/haptic/teletact_device.h"
+
+static int open_it(const char* settings, void** device, teletact_device_limits* limits, char* error,
+                   size_t error_bytes) {
+  (void)settings, (void)error, (void)error_bytes;
+  static int something;
+  *device = &something;
+#ifndef NO_LIMITS
+  limits->largest_force_n = limits->largest_stiffness_n_m = limits->largest_damping_n_s_m = 1;
+#else
+  (void)limits;
+#endif
+  return 0;
+}
+static int read_it(void* device, int64_t now_ns, teletact_device_reading* reading) {
+  (void)device, (void)now_ns, (void)reading;
+  return 0;
+}
+static int write_it(void* device, const double force_n[3]) {
+  (void)device, (void)force_n;
+  return 0;
+}
+static void close_it(void* device) {
+  (void)device;
+}
+
+#ifdef OLD_ABI
+#define ABI (TELETACT_DEVICE_ABI + 7u)
+#else
+#define ABI TELETACT_DEVICE_ABI
+#endif
+
+#ifdef NO_SYMBOL
+const teletact_device_plugin* another_name(void);
+const teletact_device_plugin* another_name(void) {
+#else
+const teletact_device_plugin* teletact_device_plugin_get(void) {
+#endif
+  static const teletact_device_plugin plugin = {
+      ABI, sizeof(teletact_device_plugin), "faulty", open_it, read_it, write_it, close_it};
+  return &plugin;
+}

@@ -1,0 +1,79 @@
+#include "client/haptic/plugin_device.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+
+namespace teletact::client {
+namespace {
+
+std::string built(const std::string& file) {
+  const char* folder = std::getenv("TELETACT_BINARY_DIR");
+  if (folder == nullptr) throw std::runtime_error("TELETACT_BINARY_DIR is not set; run the tests with ctest");
+  return std::string(folder) + "/" + file;
+}
+const std::string kTemplate = "client/teletact_device_template.so";
+
+// What loading and opening it says; empty when it works.
+std::string complaint(const std::string& path, const std::string& settings = "") {
+  try {
+    PluginDevice device(path, settings, Vector2::Zero());
+    device.open();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(PluginDevice, TheTemplateIsOpenedReadWrittenAndClosed) {
+  PluginDevice device(built(kTemplate), "stiffness=100", {0.03, -0.005});
+  DeviceReading reading;
+  EXPECT_FALSE(device.read(1, reading)) << "read before it was opened";
+  EXPECT_FALSE(device.write({0, 0}));
+  device.open();
+  EXPECT_EQ(device.profile().name, "template");
+  EXPECT_EQ(device.profile().largest_force_n, 3.3);
+  EXPECT_GT(device.profile().limits().largest_slew_n_s, 0);
+  std::int64_t now_ns = 1'000'000'000;
+  // GIVEN where it stands at first THEN that is the start above the tissue
+  ASSERT_TRUE(device.read(now_ns, reading));
+  EXPECT_EQ(reading.pose.position_m, Vector2(0.03, -0.005));
+  // WHEN it is pushed by 1 N THEN its spring of 100 N/m gives way by 10 mm
+  for (int n = 0; n < 3000; ++n) {
+    ASSERT_TRUE(device.write({0, 1.0}));
+    ASSERT_TRUE(device.read(now_ns += 1'000'000, reading));
+  }
+  EXPECT_NEAR(reading.pose.position_m.y(), -0.005 + 0.010, 1e-5);
+  EXPECT_NEAR(reading.pose.position_m.x(), 0.03, 1e-9);
+  EXPECT_NEAR(reading.pose.velocity_m_s.norm(), 0, 1e-4);
+  EXPECT_FALSE(device.write({std::nan(""), 0}));
+  // Opened again it starts from where it stands then.
+  device.open();
+  ASSERT_TRUE(device.read(now_ns, reading));
+  EXPECT_EQ(reading.pose.position_m, Vector2(0.03, -0.005));
+  device.close();
+  EXPECT_FALSE(device.read(now_ns, reading));
+}
+
+TEST(PluginDevice, SaysWhatIsWrong) {
+  EXPECT_EQ(complaint(built(kTemplate)), "");
+  EXPECT_NE(complaint("/nonexistent/device.so").find("'/nonexistent/device.so' cannot be loaded"),
+            std::string::npos);
+  const std::string text_file = "/tmp/teletact-no-library-" + std::to_string(::getpid());
+  std::ofstream(text_file) << "no library";
+  EXPECT_NE(complaint(text_file).find("cannot be loaded"), std::string::npos);
+  std::remove(text_file.c_str());
+  EXPECT_NE(complaint(built("tests/plugin_no_symbol.so")).find("does not export teletact_device_plugin_get"),
+            std::string::npos);
+  const std::string old = complaint(built("tests/plugin_old_abi.so"));
+  EXPECT_NE(old.find("was built for version 8"), std::string::npos) << old;
+  EXPECT_NE(old.find("build it again"), std::string::npos) << old;
+  EXPECT_NE(complaint(built("tests/plugin_no_limits.so")).find("limits.largest_force_n"), std::string::npos);
+  EXPECT_NE(complaint(built(kTemplate), "stiffness=-3").find("give stiffness=N/m"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace teletact::client
