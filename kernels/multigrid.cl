@@ -21,29 +21,17 @@ kernel void stencil_residual(global const real4* restrict a, global const real2*
   residual[at] = r[at] - stencil_times(a, z + base, i, j, nx, ny);
 }
 
-// First Chebyshev step from z = 0: d = c M r, z = d. M: the stencil of the smoother (patches.cl).
-kernel void smooth_first(global const real4* restrict m, global const real2* restrict r,
-                         global real2* restrict d, global real2* restrict z, const real c, const int nx,
-                         const int ny) {
-  const int i = get_global_id(0), j = get_global_id(1), nodes = nx * ny, base = get_global_id(2) * nodes;
-  if (i >= nx || j >= ny) return;
-  const int at = base + i + nx * j;
-  const real2 step = c * stencil_times(m, r + base, i, j, nx, ny);
-  d[at] = step;
-  z[at] = step;
-}
-
-// Chebyshev step, after stencil_residual: d = c_old d + c_new M residual, z += d.
-kernel void smooth_step(global const real4* restrict m, global const real2* restrict residual,
-                        global real2* restrict d, global real2* restrict z, const real c_old,
-                        const real c_new, const int nx, const int ny) {
+// Chebyshev step: d = c_old d + c_new M residual, z += d; from_zero: z = d. M: the stencil of cells.cl.
+kernel void cell_step(global const real4* restrict m, global const real2* restrict residual,
+                      global real2* restrict d, global real2* restrict z, const real c_old, const real c_new,
+                      const int from_zero, const int nx, const int ny) {
   const int i = get_global_id(0), j = get_global_id(1), nodes = nx * ny, base = get_global_id(2) * nodes;
   if (i >= nx || j >= ny) return;
   const int at = base + i + nx * j;
   const real2 old = c_old == 0 ? (real2)(0) : c_old * d[at];  // a first step finds rubbish in d
   const real2 step = old + c_new * stencil_times(m, residual + base, i, j, nx, ny);
   d[at] = step;
-  z[at] += step;
+  z[at] = from_zero ? step : z[at] + step;
 }
 
 // Solves for the node inside each coarse cell, all others held: z += D^-1 (r - A z) there. No two of them

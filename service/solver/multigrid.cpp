@@ -6,8 +6,9 @@
 #include <utility>
 
 #include "service/solver/chebyshev.h"
+#include "service/solver/convert.h"
 #include "service/solver/dense_inverse.h"
-#include "service/solver/patches.h"
+#include "service/solver/smoother.h"
 
 namespace teletact::service {
 namespace {
@@ -58,7 +59,7 @@ struct Multigrid<T>::Level {
   Array<T> free;
   std::shared_ptr<Array<T>> stencil;
   Array<T> inverse_diagonal;
-  Array<T> smoother;             // M, a stencil too
+  std::unique_ptr<Smoother<T>> smoother;
   Array<T> direction, residual;  // d of the smoother; r - A z
   Array<T> r, z;                 // right-hand side and correction of this level, not on the finest
   std::size_t nodes() const { return lines.nodes(); }
@@ -69,28 +70,27 @@ struct Multigrid<T>::Kernels {
   explicit Kernels(const Queue& queue) {
     const auto get = [&](const char* name) { return queue.kernel("multigrid", name, precision_of<T>); };
     residual = get("stencil_residual");
-    first = get("smooth_first");
-    step = get("smooth_step");
     interior = get("relax_interior");
     restriction = get("restrict_residual");
     prolong = get("prolong_add");
     dense = get("dense_apply");
   }
-  Kernel residual, first, step, interior, restriction, prolong, dense;
+  Kernel residual, interior, restriction, prolong, dense;
 };
 
 template <class T>
 Multigrid<T>::Multigrid(const Queue& queue, const NodeLines& lines, const MultigridOptions& options)
-    : queue_(queue), kernels_(std::make_unique<Kernels>(queue)) {
-  steps_ = chebyshev_steps(kLargestPatchEigenvalue / options.smoothing_range, kLargestPatchEigenvalue,
-                           std::max(1U, options.smoothing_steps));
+    : queue_(queue), short_side_(short_side(lines)), kernels_(std::make_unique<Kernels>(queue)) {
+  const double largest = short_side_ == ShortSide::kNeither ? kLargestCellEigenvalue : kLargestLineEigenvalue;
+  steps_ = chebyshev_steps(largest / options.smoothing_range, largest, std::max(1U, options.smoothing_steps));
   NodeLines current = lines;
   for (double spacing = smallest_spacing(lines);; spacing *= 2) {
     auto level = std::make_unique<Level>();
     level->lines = current;
     level->nx = static_cast<int>(current.x.size());
     level->ny = static_cast<int>(current.y.size());
-    level->to_coarse = coarsen(current, spacing);
+    level->to_coarse =
+        short_side_ == ShortSide::kNeither ? coarsen(current, spacing) : coarsen_fully(current);
     NodeLines coarse{level->to_coarse.x.coarse, level->to_coarse.y.coarse};
     const bool last = current.nodes() <= options.coarsest_nodes || coarse.nodes() == current.nodes();
     if (!last) {
@@ -125,19 +125,6 @@ void Multigrid<T>::set_operator(const Array<S>& stencil, const std::vector<std::
     throw std::invalid_argument("multigrid: the operator is not symmetric positive definite");
 }
 
-// `from` in the working precision.
-template <class T>
-template <class S>
-Array<T> Multigrid<T>::converted(const Array<S>& from) const {
-  auto to = queue_.array<T>(from.size());
-  if constexpr (std::is_same_v<S, T>)
-    queue_.copy(from, to);
-  else
-    queue_.kernel("galerkin", "to_float", precision_of<S>)({{from.size()}, {64}}, from, to,
-                                                           static_cast<int>(from.size()));
-  return to;
-}
-
 template <class T>
 template <class S>
 void Multigrid<T>::set_level(std::size_t index, const Array<S>& stencil,
@@ -152,10 +139,13 @@ void Multigrid<T>::set_level(std::size_t index, const Array<S>& stencil,
   queue_.kernel("galerkin", "invert_diagonal", precision_of<S>)({{nodes}, {64}}, stencil, inverse,
                                                                 static_cast<int>(nodes));
   level.free = mask_array<T>(queue_, free);
-  level.stencil = std::make_shared<Array<T>>(converted(stencil));
-  level.inverse_diagonal = converted(inverse);
+  level.stencil = std::make_shared<Array<T>>(converted<T>(queue_, stencil));
+  level.inverse_diagonal = converted<T>(queue_, inverse);
+  const std::size_t nx = level.lines.x.size(), ny = level.lines.y.size();
   level.smoother =
-      converted(inverse_patches(queue_, stencil, level.lines.x.size(), level.lines.y.size(), indefinite));
+      short_side_ == ShortSide::kNeither
+          ? make_cell_smoother<T>(queue_, stencil, nx, ny, indefinite)
+          : make_line_smoother<T>(queue_, stencil, nx, ny, short_side_ == ShortSide::kX, indefinite);
   const auto coarse_free = coarse_mask(free, level.to_coarse.x, level.to_coarse.y);
   levels_[index + 1]->free = mask_array<T>(queue_, coarse_free);
   set_level(index + 1, coarse_operator(index, stencil, free, coarse_free), coarse_free, indefinite);
@@ -222,14 +212,10 @@ void Multigrid<T>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
 template <class T>
 void Multigrid<T>::smooth(Level& level, const Array<T>& r, Array<T>& z, std::size_t count, bool from_zero) {
   const Range range = grid_range(level.lines.x.size(), level.lines.y.size(), count);
-  if (from_zero)
-    kernels_->first(range, level.smoother, r, level.direction, z, static_cast<T>(steps_[0].new_residual),
-                    level.nx, level.ny);
-  for (std::size_t k = from_zero ? 1 : 0; k < steps_.size(); ++k) {
-    kernels_->residual(range, *level.stencil, r, z, level.residual, level.nx, level.ny);
-    kernels_->step(range, level.smoother, level.residual, level.direction, z,
-                   static_cast<T>(steps_[k].old_direction), static_cast<T>(steps_[k].new_residual), level.nx,
-                   level.ny);
+  for (std::size_t k = 0; k < steps_.size(); ++k) {
+    const bool first = from_zero && k == 0;  // the residual is r
+    if (!first) kernels_->residual(range, *level.stencil, r, z, level.residual, level.nx, level.ny);
+    level.smoother->step(first ? r : level.residual, level.direction, z, steps_[k], first, count);
   }
 }
 

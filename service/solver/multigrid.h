@@ -1,13 +1,16 @@
 // Geometric multigrid on a structured grid of nodes with two unknowns each: one V-cycle, a symmetric positive
 // definite preconditioner for conjugate gradients.
 //
-// Levels: every second line is dropped, across the short side of stretched elements first (NodeLines).
+// Levels: every second line is dropped. Where elements are stretched both ways, across their short side first
+// (NodeLines); where all are stretched one way, in both directions, and the smoother solves along the short
+// side.
 // Transfers: P bilinear by coordinates on the coarse lines; the fine node inside a coarse cell is in
 // equilibrium with them, so that a coarse displacement without divergence stays one on the fine level
 // (Schoeberl 1999: what makes multigrid robust in nu). Restriction P^T. Coarse operators: P^T A P on the
-// device. Smoother: Chebyshev polynomial in M A, M the sum of inverse patches (patches.h), before and after:
-// it is its own transpose in the A inner product, so the cycle is symmetric. Coarsest level: exact, by a
-// dense inverse computed in double on the host.
+// device.
+// Smoother: Chebyshev polynomial in M A (smoother.h), before and after: it is its own transpose in the A
+// inner product, so the cycle is symmetric. Coarsest level: exact, by a dense inverse computed in double on
+// the host.
 #pragma once
 
 #include <cstdint>
@@ -51,8 +54,6 @@ class Multigrid : public LinearOperator<T> {
   void smooth(Level&, const Array<T>& r, Array<T>& z, std::size_t count, bool from_zero);
   void relax_interior(const Level&, const Level& next, const Array<T>& r, Array<T>& z, std::size_t count);
   template <class S>
-  Array<T> converted(const Array<S>& from) const;
-  template <class S>
   void set_level(std::size_t level, const Array<S>& stencil, const std::vector<std::uint8_t>& free,
                  Array<int>& indefinite);
   template <class S>
@@ -61,6 +62,7 @@ class Multigrid : public LinearOperator<T> {
   void invert_coarsest(const std::vector<double>& stencil);
   void reserve(std::size_t count);
   Queue queue_;
+  ShortSide short_side_;
   std::vector<ChebyshevStep> steps_;
   std::unique_ptr<Kernels> kernels_;
   std::vector<std::unique_ptr<Level>> levels_;

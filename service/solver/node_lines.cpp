@@ -1,8 +1,23 @@
 #include "service/solver/node_lines.h"
 
 #include <algorithm>
+#include <limits>
+#include <utility>
 
 namespace teletact::service {
+namespace {
+
+// Least and most distance between neighbouring lines.
+std::pair<double, double> spacings(const std::vector<double>& lines) {
+  std::pair<double, double> found{lines[1] - lines[0], lines[1] - lines[0]};
+  for (std::size_t i = 1; i + 1 < lines.size(); ++i) {
+    found.first = std::min(found.first, lines[i + 1] - lines[i]);
+    found.second = std::max(found.second, lines[i + 1] - lines[i]);
+  }
+  return found;
+}
+
+}  // namespace
 
 LineTransfer coarsen(const std::vector<double>& fine, double widest) {
   LineTransfer t;
@@ -35,12 +50,20 @@ GridTransfer coarsen(const NodeLines& fine, double& spacing) {
   }
 }
 
+GridTransfer coarsen_fully(const NodeLines& fine) {
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  return {coarsen(fine.x, kAny), coarsen(fine.y, kAny)};
+}
+
+ShortSide short_side(const NodeLines& lines) {
+  const auto [least_x, most_x] = spacings(lines.x);
+  const auto [least_y, most_y] = spacings(lines.y);
+  const bool tall = most_y > kStretched * least_x, wide = most_x > kStretched * least_y;
+  return tall == wide ? ShortSide::kNeither : tall ? ShortSide::kX : ShortSide::kY;
+}
+
 double smallest_spacing(const NodeLines& lines) {
-  double smallest = lines.x[1] - lines.x[0];
-  for (const std::vector<double>* line : {&lines.x, &lines.y})
-    for (std::size_t i = 0; i + 1 < line->size(); ++i)
-      smallest = std::min(smallest, (*line)[i + 1] - (*line)[i]);
-  return smallest;
+  return std::min(spacings(lines.x).first, spacings(lines.y).first);
 }
 
 }  // namespace teletact::service

@@ -35,6 +35,15 @@ struct GridTransfer {
 GridTransfer coarsen(const NodeLines& fine, double& spacing);
 constexpr double kWidestInterval = 3;
 
+// Every second line of both directions, whatever the spacing.
+GridTransfer coarsen_fully(const NodeLines& fine);
+
+// Direction of the short side of elements, when some are stretched by more than kStretched one way and none
+// is the other way.
+enum class ShortSide { kNeither, kX, kY };
+ShortSide short_side(const NodeLines&);
+constexpr double kStretched = 2;
+
 // Smallest distance between neighbouring lines of either direction.
 double smallest_spacing(const NodeLines&);
 

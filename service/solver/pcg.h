@@ -24,7 +24,7 @@ struct PcgOptions {
   double relative_error = 1e-7;      // ||e||_A / ||u||_A to reach; 0 = not a criterion
   double relative_residual = 0;      // ||r|| / ||r_0|| to reach instead; 0 = not a criterion
   std::size_t max_iterations = 500;  // > 0
-  std::size_t delay = 3;             // iterations that the error estimate looks back; it needs twice as many
+  std::size_t delay = 2;             // iterations that the error estimate looks back; it needs twice as many
   std::size_t look_every = 4;        // iterations between two looks at the states
 };
 

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "service/solver/chebyshev.h"
-#include "service/solver/patches.h"
+#include "service/solver/smoother.h"
 #include "service/solver/stencil.h"
 #include "tests/solver/block_stencil.h"
 
@@ -58,39 +58,67 @@ TYPED_TEST(Multigrid_, ProductAndResidualMatchPlainLoops) {
   }
 }
 
-// Sum of the inverses of the operator on the four nodes of each cell.
-MatrixXd patch_sum(const BlockStencil& s) {
+// Sets of nodes that a smoother solves on: cells, rows (kX) or columns (kY) of cells.
+std::vector<std::vector<Eigen::Index>> node_sets(const BlockStencil& s, ShortSide along) {
+  const std::size_t width = along == ShortSide::kX ? s.nx : 2, height = along == ShortSide::kY ? s.ny : 2;
+  std::vector<std::vector<Eigen::Index>> sets;
+  for (std::size_t j = 0; j + height <= s.ny; ++j)
+    for (std::size_t i = 0; i + width <= s.nx; ++i) {
+      sets.emplace_back();
+      for (std::size_t p = 0; p < width * height; ++p)
+        for (std::size_t c = 0; c < 2; ++c)
+          sets.back().push_back(static_cast<Eigen::Index>(2 * (i + p % width + s.nx * (j + p / width)) + c));
+    }
+  return sets;
+}
+
+// Sum of the inverses of the operator on these sets.
+MatrixXd inverse_sum(const BlockStencil& s, ShortSide along) {
   const MatrixXd a = s.dense();
   MatrixXd m = MatrixXd::Zero(a.rows(), a.cols());
-  for (std::size_t j = 0; j + 1 < s.ny; ++j)
-    for (std::size_t i = 0; i + 1 < s.nx; ++i) {
-      std::vector<Eigen::Index> unknowns;
-      for (std::size_t p = 0; p < 4; ++p)
-        for (std::size_t c = 0; c < 2; ++c)
-          unknowns.push_back(static_cast<Eigen::Index>(2 * (i + p % 2 + s.nx * (j + p / 2)) + c));
-      m(unknowns, unknowns) += a(unknowns, unknowns).inverse();
-    }
+  for (const auto& set : node_sets(s, along)) m(set, set) += a(set, set).inverse();
   return m;
 }
 
+template <class T>
+std::unique_ptr<Smoother<T>> make_smoother(const Queue& queue, const BlockStencil& s, ShortSide along,
+                                           Array<int>& indefinite) {
+  const auto stencil = queue.array(s.as<T>());
+  if (along == ShortSide::kNeither) return make_cell_smoother<T>(queue, stencil, s.nx, s.ny, indefinite);
+  return make_line_smoother<T>(queue, stencil, s.nx, s.ny, along == ShortSide::kX, indefinite);
+}
+
+constexpr ShortSide kSmoothers[] = {ShortSide::kNeither, ShortSide::kX, ShortSide::kY};
+
 TYPED_TEST(Multigrid_, SmootherStepsMatchPlainLoops) {
   using T = TypeParam;
-  for (const auto& [nx, ny] : {std::pair{2, 2}, {2, 9}, {19, 6}}) {
-    const BlockStencil s = random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 10, 4);
-    const MatrixXd m = patch_sum(s), r = random_vectors(s, 2, 5), residual = random_vectors(s, 2, 6);
+  for (const auto& [nx, ny] : {std::pair{2, 2}, {2, 9}, {9, 2}, {19, 6}})
+    for (const ShortSide along : kSmoothers) {
+      const BlockStencil s =
+          random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 10, 4);
+      const MatrixXd m = inverse_sum(s, along), r = random_vectors(s, 2, 5), r2 = random_vectors(s, 2, 6);
+      auto indefinite = this->queue_.array(std::vector<int>{0});
+      const auto smoother = make_smoother<T>(this->queue_, s, along, indefinite);
+      EXPECT_EQ(this->queue_.read(indefinite)[0], 0);
+      const MatrixXd rubbish = MatrixXd::Constant(r.rows(), 2, std::numeric_limits<double>::quiet_NaN());
+      auto d = upload<T>(this->queue_, rubbish), z = upload<T>(this->queue_, rubbish);
+      smoother->step(upload<T>(this->queue_, r), d, z, {0, 0.4}, true, 2);
+      smoother->step(upload<T>(this->queue_, r2), d, z, {0.3, 0.7}, false, 2);
+      const MatrixXd d1 = 0.4 * m * r, d2 = 0.3 * d1 + 0.7 * m * r2, expected = d1 + d2;
+      EXPECT_LE(largest(download(this->queue_, d, 2) - d2), 2e3 * this->eps() * largest(d2))
+          << nx << "x" << ny;
+      EXPECT_LE(largest(download(this->queue_, z, 2) - expected), 2e3 * this->eps() * largest(expected));
+    }
+}
+
+TYPED_TEST(Multigrid_, SmootherTellsThatAnOperatorIsIndefinite) {
+  using T = TypeParam;
+  for (const ShortSide along : kSmoothers) {
+    BlockStencil s = random_stencil(7, 8, 10, 4);
+    s.blocks[4 * (4 * s.nodes() + 17)] = -1;
     auto indefinite = this->queue_.array(std::vector<int>{0});
-    const auto sum =
-        inverse_patches(this->queue_, this->queue_.array(s.template as<T>()), s.nx, s.ny, indefinite);
-    EXPECT_EQ(this->queue_.read(indefinite)[0], 0);
-    auto dr = upload<T>(this->queue_, r), d = upload<T>(this->queue_, r), z = upload<T>(this->queue_, r),
-         dresidual = upload<T>(this->queue_, residual);
-    const Range range = grid_range(s.nx, s.ny, 2);
-    this->queue_.kernel("multigrid", "smooth_first", precision_of<T>)(range, sum, dr, d, z, T(0.4), nx, ny);
-    this->queue_.kernel("multigrid", "smooth_step", precision_of<T>)(range, sum, dresidual, d, z, T(0.3),
-                                                                     T(0.7), nx, ny);
-    const MatrixXd d1 = 0.4 * m * r, d2 = 0.3 * d1 + 0.7 * m * residual, expected = d1 + d2;
-    EXPECT_LE(largest(download(this->queue_, d, 2) - d2), 2e3 * this->eps() * largest(d2)) << nx << "x" << ny;
-    EXPECT_LE(largest(download(this->queue_, z, 2) - expected), 2e3 * this->eps() * largest(expected));
+    make_smoother<T>(this->queue_, s, along, indefinite);
+    EXPECT_EQ(this->queue_.read(indefinite)[0], 1);
   }
 }
 
@@ -189,9 +217,12 @@ TYPED_TEST(Multigrid_, TransfersAndCoarseOperatorMatchTheDenseTripleProduct) {
 
 TYPED_TEST(Multigrid_, CycleIsSymmetricAndPositiveDefinite) {
   using T = TypeParam;
-  for (const auto& [nx, ny] : {std::pair{12, 31}, {33, 33}, {40, 27}}) {
+  for (const auto& [nx, ny, stretch] :
+       {std::tuple{12, 31, 1.0}, {33, 33, 1.0}, {40, 27, 1.0}, {21, 18, 20.0}, {21, 18, 0.05}}) {
     const BlockStencil s = random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 100, 9);
-    Multigrid<T> m(this->queue_, {uneven(s.nx, 3), uneven(s.ny, 4)});
+    NodeLines lines{uneven(s.nx, 3), uneven(s.ny, 4)};
+    for (double& y : lines.y) y *= stretch;
+    Multigrid<T> m(this->queue_, lines);
     ASSERT_GE(m.levels(), 2u);
     m.set_operator(this->queue_.array(s.as<T>()), s.free);
     const std::size_t count = 6;
@@ -216,15 +247,18 @@ TYPED_TEST(Multigrid_, SmallGridIsSolvedExactly) {
   EXPECT_LE(largest(download(this->queue_, z, 2) - expected), 1e3 * this->eps() * largest(expected));
 }
 
-TEST(Multigrid, EigenvalueBoundHoldsAndIsTight) {
+TEST(Multigrid, EigenvalueBoundsHoldAndAreTight) {
   const BlockStencil s = random_stencil(15, 14, 1000, 13);
   const MatrixXd a = s.dense(), root = a.llt().matrixL();
-  const double truth =
-      Eigen::SelfAdjointEigenSolver<MatrixXd>(root.transpose() * patch_sum(s) * root, Eigen::EigenvaluesOnly)
-          .eigenvalues()
-          .maxCoeff();
-  EXPECT_GE(kLargestPatchEigenvalue, truth);
-  EXPECT_LE(kLargestPatchEigenvalue, 2 * truth);
+  for (const ShortSide along : kSmoothers) {
+    const double truth = Eigen::SelfAdjointEigenSolver<MatrixXd>(
+                             root.transpose() * inverse_sum(s, along) * root, Eigen::EigenvaluesOnly)
+                             .eigenvalues()
+                             .maxCoeff();
+    const double bound = along == ShortSide::kNeither ? kLargestCellEigenvalue : kLargestLineEigenvalue;
+    EXPECT_GE(bound, truth);
+    EXPECT_LE(bound, 2 * truth);
+  }
 }
 
 TEST(Multigrid, OperatorThatIsNotPositiveDefiniteIsRefused) {

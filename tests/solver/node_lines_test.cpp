@@ -57,5 +57,16 @@ TEST(NodeLines, StretchedElementsAreCoarsenedAcrossTheirShortSide) {
   EXPECT_EQ(t.y.coarse.size(), 17u);
 }
 
+TEST(NodeLines, ShortSideIsToldWhereElementsAreStretchedOneWay) {
+  const std::vector<double> even{0, 1, 2, 3}, wide{0, 5, 10}, graded{0, 1, 6};
+  EXPECT_EQ(short_side({even, even}), ShortSide::kNeither);
+  EXPECT_EQ(short_side({even, wide}), ShortSide::kX);
+  EXPECT_EQ(short_side({graded, even}), ShortSide::kY);
+  EXPECT_EQ(short_side({graded, graded}), ShortSide::kNeither);  // both ways
+  const GridTransfer t = coarsen_fully({graded, even});
+  EXPECT_EQ(t.x.coarse, (std::vector<double>{0, 6}));
+  EXPECT_EQ(t.y.coarse, (std::vector<double>{0, 2, 3}));
+}
+
 }  // namespace
 }  // namespace teletact::service

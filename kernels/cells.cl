@@ -3,13 +3,13 @@
 // galerkin.cl.
 #include "stencil.clh"
 
-#define UNKNOWNS 8  // of a patch: node p = a + 2 b at (i + a, j + b), two each
+#define UNKNOWNS 8  // of a cell: node p = a + 2 b at (i + a, j + b), two each
 
 // Inverse of the operator on each cell's four nodes, by the sweep operator (Goodnight 1979). inverse:
-// [8 x 8][cell]. `indefinite` is set to 1 where a patch is not positive definite. Items: (i, j) of cells.
+// [8 x 8][cell]. `indefinite` is set to 1 where a cell is not positive definite. Items: (i, j) of cells.
 // Reads 64 and writes 64 reals, about 1000 flops.
-kernel void invert_patches(global const real4* restrict a, global real* restrict inverse,
-                           global int* restrict indefinite, const int nx, const int ny) {
+kernel void invert_cells(global const real4* restrict a, global real* restrict inverse,
+                         global int* restrict indefinite, const int nx, const int ny) {
   const int i = get_global_id(0), j = get_global_id(1);
   if (i >= nx - 1 || j >= ny - 1) return;
   const int nodes = nx * ny, cells = (nx - 1) * (ny - 1), cell = i + (nx - 1) * j;
@@ -42,9 +42,9 @@ kernel void invert_patches(global const real4* restrict a, global real* restrict
       inverse[(UNKNOWNS * row + column) * cells + cell] = -m[row][column];
 }
 
-// Stencil of the sum of the patches' inverses. Items: (i, j, block k); each sums over up to 4 cells.
-kernel void gather_patches(global const real* restrict inverse, global real4* restrict stencil, const int nx,
-                           const int ny) {
+// Stencil of the sum of these inverses. Items: (i, j, block k); each sums over up to 4 cells.
+kernel void gather_cells(global const real* restrict inverse, global real4* restrict stencil, const int nx,
+                         const int ny) {
   const int i = get_global_id(0), j = get_global_id(1), k = get_global_id(2);
   if (i >= nx || j >= ny) return;
   const int to_i = i + k % 3 - 1, to_j = j + k / 3 - 1, cells = (nx - 1) * (ny - 1);
