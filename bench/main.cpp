@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   bool met = true;
   teletact::bench::add_paper_suite(app, met);
+  teletact::bench::add_servo_suite(app, met);
   teletact::bench::add_throughput_suite(app, met);
   teletact::bench::add_contact_suite(app, met);
   try {

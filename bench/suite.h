@@ -51,6 +51,7 @@ void plot(const std::filesystem::path& file, const std::string& script);
 
 // Suites; each adds its subcommand and sets `met` when it has run.
 void add_paper_suite(CLI::App& app, bool& met);
+void add_servo_suite(CLI::App& app, bool& met);
 void add_throughput_suite(CLI::App& app, bool& met);
 void add_contact_suite(CLI::App& app, bool& met);
 

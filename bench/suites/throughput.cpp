@@ -12,11 +12,11 @@
 #include <memory>
 #include <thread>
 
+#include "bench/own_scene.h"
 #include "bench/suite.h"
 #include "bench/touch_client.h"
 #include "client/link/channel.h"
 #include "teletact/v1/info.grpc.pb.h"
-#include "tests/reference/contact.h"
 
 namespace teletact::bench {
 namespace {
@@ -25,7 +25,6 @@ using nlohmann::json;
 
 // What a single operator is promised on two processor cores.
 constexpr double kTouchesPerS = 200, kLatencyS = 0.010;
-constexpr double kForceTolerance = 2e-3;  // plain float's promise against the reference
 constexpr double kSlopeTolerance = 2e-2;  // central difference of the energy over 0.2 mm
 constexpr double kConnectWaitS = 5;
 constexpr const char* kOwnScene = "bench-throughput";
@@ -36,66 +35,6 @@ struct Arguments {
   unsigned clients = 1;
   double duration_s = 5, open_loop_hz = 500;
 };
-
-// 120 x 40 mm, 2 mm elements, a stiffer block in the middle: the suite's own scene and its truth.
-reference::TouchedTissue own_tissue() {
-  reference::TouchedTissue tissue;
-  constexpr int kColumns = 60, kRows = 20;
-  for (int i = 0; i <= kColumns; ++i) tissue.grid.x_m.push_back(0.12 * i / kColumns);
-  for (int j = 0; j <= kRows; ++j) tissue.grid.y_m.push_back(0.04 * j / kRows);
-  tissue.material.youngs_modulus_pa.assign(tissue.grid.elements(), 10e3);
-  for (std::size_t j = 3; j < 8; ++j)
-    for (std::size_t i = 27; i < 32; ++i) tissue.material.youngs_modulus_pa[tissue.grid.element(i, j)] = 40e3;
-  return tissue;
-}
-
-void create_own_scene(v1::Palpation::Stub& stub, const reference::TouchedTissue& tissue) {
-  v1::DeleteSceneRequest old;
-  old.set_scene_id(kOwnScene);
-  v1::DeleteSceneResponse deleted;
-  grpc::ClientContext remove;
-  stub.DeleteScene(&remove, old, &deleted);  // of an earlier run; NOT_FOUND is fine
-  v1::CreateSceneRequest request;
-  request.set_scene_id(kOwnScene);
-  v1::SceneGeometry& geometry = *request.mutable_geometry();
-  geometry.add_size_m(tissue.grid.x_m.back());
-  geometry.add_size_m(tissue.grid.y_m.back());
-  geometry.set_poisson_ratio(tissue.material.poisson_ratio);
-  geometry.set_thickness_m(tissue.thickness_m);
-  v1::ModulusMap& map = *request.mutable_modulus();
-  map.mutable_x_m()->Add(tissue.grid.x_m.begin(), tissue.grid.x_m.end());
-  map.mutable_y_m()->Add(tissue.grid.y_m.begin(), tissue.grid.y_m.end());
-  v1::Array& array = *map.mutable_youngs_modulus_pa();
-  array.set_dtype(v1::DATA_TYPE_FLOAT64);
-  array.add_shape(static_cast<std::uint32_t>(tissue.grid.ny() - 1));
-  array.add_shape(static_cast<std::uint32_t>(tissue.grid.nx() - 1));
-  const auto& pa = tissue.material.youngs_modulus_pa;
-  array.set_data(std::string(reinterpret_cast<const char*>(pa.data()), pa.size() * sizeof(double)));
-  v1::Scene scene;
-  grpc::ClientContext context;
-  const grpc::Status status = stub.CreateScene(&context, request, &scene);
-  if (!status.ok()) throw BenchError("CreateScene: " + client::describe(status));
-}
-
-// Largest relative force error over a few poses.
-double check_against_reference(const std::shared_ptr<grpc::Channel>& channel,
-                               const reference::TouchedTissue& tissue, double indentation_m) {
-  double worst = 0;
-  for (const double x_m : {0.0311, 0.0587, 0.0764}) {
-    const auto expected =
-        reference::touch(tissue, {}, {x_m, indentation_m}, reference::KktMethod::kSparseFactor);
-    const v1::TouchAnswer answer = touch_once(channel, kOwnScene, x_m, indentation_m);
-    if (answer.force_n_size() < 2) throw BenchError("an answer without force: " + answer.warning());
-    const double error =
-        std::hypot(answer.force_n(0) - expected.force_n[0], answer.force_n(1) - expected.force_n[1]) /
-        std::hypot(expected.force_n[0], expected.force_n[1]);
-    if (!(error <= kForceTolerance))
-      throw BenchError(fmt::format(
-          "the force at x = {} m is off by {:.3g} of the reference: not worth timing", x_m, error));
-    worst = std::max(worst, error);
-  }
-  return worst;
-}
 
 // Largest relative difference of the force from -dU/dy.
 double check_energy_slope(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
@@ -234,11 +173,12 @@ bool run(const Arguments& arguments) {
       {"suite", "throughput"}, {"service", describe_service(channel)}, {"clients", arguments.clients}};
   const bool own = arguments.scene_id.empty();
   const reference::TouchedTissue tissue = own_tissue();
-  if (own) create_own_scene(*stub, tissue);
+  if (own) create_own_scene(*stub, kOwnScene, tissue);
   const LoadOptions load = load_over(*stub, own ? kOwnScene : arguments.scene_id);
   result["checked"] =
       own ? json{{"against", "dense reference"},
-                 {"largest_relative_error", check_against_reference(channel, tissue, load.indentation_m)}}
+                 {"largest_relative_error",
+                  check_against_reference(channel, kOwnScene, tissue, load.indentation_m)}}
           : json{{"against", "slope of the energy"},
                  {"largest_relative_error", check_energy_slope(channel, load.scene_id, load)}};
   std::printf("answers checked against the %s: off by at most %.2g\n",

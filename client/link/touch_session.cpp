@@ -145,7 +145,9 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   std::thread servo_thread([&] {
     if (options.real_time) summary.real_time = ask_for_real_time();
     servo_started.store(true, std::memory_order_release);
+    options.servo_begins();
     servo->run(servo_stop);
+    options.servo_ended();
   });
   link.start();
   bool told = false;

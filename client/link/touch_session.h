@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,6 +31,9 @@ struct TouchSessionOptions {
   std::string record_path;  // empty: no recording
   std::vector<std::string> arguments;
   bool real_time = true;  // ask for SCHED_FIFO and locked memory
+  // Called on the servo's thread around its loop, by those who measure it.
+  std::function<void()> servo_begins = [] {};
+  std::function<void()> servo_ended = [] {};
 };
 
 struct TouchSummary {

@@ -41,7 +41,8 @@ bool TickStatistics::add(const ServoTick& tick) {
       enabled_s_ += step_s;
       if (last_.degraded) degraded_s_ += step_s;
     }
-    smallest_slack_s_ = std::min(smallest_slack_s_, tick.slack_s);
+    period_s_.push_back(step_s);
+    slack_s_.push_back(tick.slack_s);
   }
   if (changed) changes_.push_back({time_s, tick.state, tick.reason});
   stalls_.add(time_s, tick.held_at_border);

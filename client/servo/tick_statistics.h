@@ -45,9 +45,10 @@ class TickStatistics {
   double enabled_s() const noexcept { return enabled_s_; }
   double degraded_s() const noexcept { return degraded_s_; }  // while ENABLED
   double largest_force_n() const noexcept { return largest_force_n_; }
-  double smallest_slack_s() const noexcept { return smallest_slack_s_; }
   const StallCounter& stalls() const noexcept { return stalls_; }
   std::vector<double>& lateness_s() noexcept { return lateness_s_; }
+  std::vector<double>& period_s() noexcept { return period_s_; }        // from tick to tick
+  std::vector<double>& slack_s() noexcept { return slack_s_; }          // left of each period
   std::vector<double>& model_age_s() noexcept { return model_age_s_; }  // while ENABLED
   const std::vector<StateChange>& changes() const noexcept { return changes_; }
 
@@ -58,9 +59,10 @@ class TickStatistics {
   double enabled_s_ = 0;
   double degraded_s_ = 0;
   double largest_force_n_ = 0;
-  double smallest_slack_s_ = 1e9;
   StallCounter stalls_;
   std::vector<double> lateness_s_;
+  std::vector<double> period_s_;
+  std::vector<double> slack_s_;
   std::vector<double> model_age_s_;
   std::vector<StateChange> changes_;
 };

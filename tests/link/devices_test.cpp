@@ -6,7 +6,9 @@
 #include <cstdlib>
 
 #include "client/link/touch_session.h"
+#include "tests/haptic/inverse3_service.h"
 #include "tests/link/fake_palpation.h"
+#include "tests/support/allocation/allocation_count.h"
 
 namespace teletact::client {
 namespace {
@@ -23,13 +25,22 @@ std::string complaint(const std::string& device) {
   return "";
 }
 
+// What the servo's thread takes from the heap within its loop, over all sessions of a test.
+std::size_t allocations = 0;
+
 TouchSessionOptions session_options(const std::string& address) {
+  allocations = 0;
   TouchSessionOptions options;
   options.address = address;
   options.open.set_scene_id("s");
   options.open.set_period_s(0.002);
   options.open.set_credit(2);
   options.real_time = false;  // not for the threads of a test binary
+  options.servo_begins = [] { teletact::test::count_allocations(true); };
+  options.servo_ended = [] {
+    teletact::test::count_allocations(false);
+    allocations += teletact::test::counted_allocations();
+  };
   return options;
 }
 
@@ -62,6 +73,7 @@ TEST(Devices, ARecordedMotionIsFeltAgainAndEndsTheSession) {
   EXPECT_NEAR(replayed.ticks.largest_force_n(), recorded.ticks.largest_force_n(),
               0.1 * recorded.ticks.largest_force_n());
   EXPECT_EQ(replayed.device, "premium-1.5");
+  EXPECT_EQ(allocations, 0u);
   std::remove(options.record_path.c_str());
   EXPECT_NE(complaint(again.device), "");
 }
@@ -81,8 +93,41 @@ TEST(Devices, APluginIsTouchedWith) {
   stop = true;
   session.join();
   EXPECT_EQ(summary.device, "template");
+  EXPECT_EQ(allocations, 0u);
   EXPECT_EQ(summary.ticks.largest_force_n(), 0);
   for (const StateChange& change : summary.ticks.changes()) EXPECT_EQ(change.state, ServoState::kDisabled);
+}
+
+TEST(Devices, AnInverse3FeelsTheTissue) {
+  FakePalpation service(test::socket_address("inverse3"));
+  service.serve();
+  test::Inverse3Service inverse3;
+  inverse3.put_cursor({0, 0, 0.15}, {0, 0, 0});
+  TouchSessionOptions options = session_options(test::socket_address("inverse3"));
+  options.device = "inverse3:" + inverse3.url();
+  std::atomic<bool> stop{false};
+  TouchSummary summary;
+  std::thread session([&] { summary = run_touch_session(options, stop); });
+  // GIVEN it stands 5 mm above the tissue WHEN its button is pressed and it is pushed down by 9 mm
+  EXPECT_TRUE(service.wait_until([](const FakeAccount& account) { return account.answers > 5; }));
+  inverse3.pressed = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  inverse3.pressed = false;
+  for (int k = 1; k <= 90; ++k) {
+    inverse3.put_cursor({0, 0, 0.15 - 0.0001 * k}, {0, 0, -0.02});
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  inverse3.put_cursor({0, 0, 0.141}, {0, 0, 0});
+  std::this_thread::sleep_for(std::chrono::milliseconds(700));
+  // THEN it is pushed up by what tissue 4 mm deep pushes with
+  const double truth_n = -service.tissue.answer({0.008, 0.004}).force_n.y();
+  EXPECT_GT(truth_n, 0.3);
+  EXPECT_NEAR(inverse3.force_n().z(), truth_n, 0.05 * truth_n);
+  stop = true;
+  session.join();
+  EXPECT_EQ(inverse3.force_n().norm(), 0);
+  EXPECT_EQ(summary.device, "inverse3");
+  EXPECT_EQ(allocations, 0u);
 }
 
 }  // namespace

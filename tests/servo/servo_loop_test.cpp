@@ -3,8 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <new>
+#include <memory>
 #include <thread>
 
 #include "client/haptic/simulated_device.h"
@@ -12,23 +11,7 @@
 #include "client/render/kalman_renderer.h"
 #include "client/servo/tick_statistics.h"
 #include "tests/render/analytic_tissue.h"
-
-namespace {
-thread_local bool counting = false;
-thread_local std::size_t allocations = 0;
-}  // namespace
-
-void* operator new(std::size_t bytes) {
-  if (counting) ++allocations;
-  if (void* memory = std::malloc(bytes)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
+#include "tests/support/allocation/allocation_count.h"
 
 namespace teletact::client {
 namespace {
@@ -271,14 +254,26 @@ TEST_F(ServoTest, StoppingSlewsTheForceToZeroFirst) {
   }
 }
 
+TEST(AllocationCount, SeesOperatorNewAndEigen) {
+  teletact::test::count_allocations(true);
+  const auto number = std::make_unique<int>(3);
+  const Eigen::VectorXd vector = Eigen::VectorXd::Constant(10 + *number, 1.0);
+  teletact::test::count_allocations(false);
+  const std::vector<double> uncounted(10);
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  EXPECT_GE(teletact::test::counted_allocations(), 1u);
+#else
+  EXPECT_EQ(teletact::test::counted_allocations(), 2u) << vector.sum() << uncounted.size();
+#endif
+}
+
 TEST_F(ServoTest, AllocatesNothingInTheLoop) {
   enable();
   put_finger(0.004);
-  counting = true;
-  allocations = 0;
+  teletact::test::count_allocations(true);
   run(0.5);
-  counting = false;
-  EXPECT_EQ(allocations, 0u);
+  teletact::test::count_allocations(false);
+  EXPECT_EQ(teletact::test::counted_allocations(), 0u);
 }
 
 // The whole operator side on simulated time: device, hand, Kalman, chain; answers 4 ms old at 250 Hz.

@@ -1,0 +1,15 @@
+// Counts what a thread takes from the heap, by whatever way: malloc and its kin, operator new, Eigen. Linking
+// this library replaces the program's malloc by one that counts and hands on to glibc's (under a sanitizer,
+// which needs malloc for itself: operator new alone).
+#pragma once
+
+#include <cstddef>
+
+namespace teletact::test {
+
+// From now on, or no more, on the calling thread. Starting sets the count to zero.
+void count_allocations(bool on) noexcept;
+// Of the calling thread while it was counting.
+std::size_t counted_allocations() noexcept;
+
+}  // namespace teletact::test
