@@ -146,8 +146,28 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
   }
 }
 
+// A field averaged over a window of half-width (half_i, half_j) nodes, which may end between nodes. At the
+// border only pairs of opposite neighbours that both exist take part, so that uniform strain passes unchanged.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void window_mean(
+    __global const float2* restrict field, __global float2* restrict out, const int nx, const int ny,
+    const float half_i, const float half_j) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  const int columns = min(min(i, nx - 1 - i), (int)(half_i + 0.5f)), rows = min(min(j, ny - 1 - j), (int)(half_j + 0.5f));
+  float2 sum = 0.0f;
+  float weight = 0.0f;
+  for (int n = -rows; n <= rows; ++n)
+    for (int m = -columns; m <= columns; ++m) {
+      const float w = clamp(half_i + 0.5f - (float)abs(m), 0.0f, 1.0f) * clamp(half_j + 0.5f - (float)abs(n), 0.0f, 1.0f);
+      sum += w * field[node + m + nx * n];
+      weight += w;
+    }
+  out[node] = sum / weight;
+}
+
 // One Gauss-Newton step (T2.2) on the window around each node: minimises sum (difference - grad(mean) . du)^2
-// and adds du to the field, limited to `axial_limit` samples and `lateral_limit` lines; correlation of pre
+// and adds du to `field`, the displacement that the images were warped by, averaged over the window; limited to `axial_limit` samples and `lateral_limit` lines (0: axial alone); correlation of pre
 // and warped post over the same window, -1 where the step hit its axial limit, -2 where the window has no
 // texture. Window: 8 * chunks samples x (2 half_lateral + 1) lines, axial weights `taper` (8 * chunks). Per 8
 // samples: 8 vector loads, ~240 flops.
@@ -185,7 +205,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void gauss_newt
   const float yy = sum8(gyy), xx = 1.02f * sum8(gxx), xy = sum8(gxy), yd = sum8(gyd), xd = sum8(gxd);
   const float determinant = yy * xx - xy * xy;
   const bool textured = determinant > 1e-4f * yy * xx && yy > 1e-20f;
-  const float2 du = textured ? (float2)(yy * xd - xy * yd, xx * yd - xy * xd) / determinant : (float2)(0.0f);
+  const float2 both = (float2)(yy * xd - xy * yd, xx * yd - xy * xd) / determinant;
+  const float2 du = !textured ? (float2)(0.0f) : lateral_limit > 0.0f ? both : (float2)(0.0f, yd / yy);
   const float quarter = 0.25f * sum8(dd), s2 = sum8(ss), cross = sum8(sd);
   const float energy = (s2 + quarter + cross) * (s2 + quarter - cross);
   out[node] = field[node] +

@@ -42,16 +42,16 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
   }
 }
 
-// Symmetric axial filter: out(k) = taps[0] in(k) + sum_n taps[n] (in(k - n) + in(k + n)), n <= reach. Items:
-// (8 samples, line).
+// Symmetric filter: out(k) = taps[0] in(k) + sum_n taps[n] (in(k - n step) + in(k + n step)), n <= reach; step 1:
+// along the A-lines, `stride`: across them. Items: (8 samples, line).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
     __global const float* restrict in, __global float* restrict out, __global const float* restrict taps,
-    const int reach, const int sample_count, const int origin, const int stride) {
+    const int reach, const int step, const int sample_count, const int origin, const int stride) {
   const int k = 8 * get_global_id(0), l = get_global_id(1);
   if (k >= sample_count) return;
   __global const float* const p = in + origin + l * stride + k;
   float8 sum = taps[0] * vload8(0, p);
-  for (int n = 1; n <= reach; ++n) sum = fma((float8)(taps[n]), vload8(0, p - n) + vload8(0, p + n), sum);
+  for (int n = 1; n <= reach; ++n) sum = fma((float8)(taps[n]), vload8(0, p - n * step) + vload8(0, p + n * step), sum);
   __global float* const to = out + origin + l * stride + k;
   if (k + 8 <= sample_count) {
     vstore8(sum, 0, to);
@@ -131,7 +131,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_nois
       ww += pixels[m + nx * n];
     }
   const float energy = (mm + 0.25f * dd + md) * (mm + 0.25f * dd - md);
-  const bool textured = ww > 0.0f && energy > 1e-30f;
+  // A node that hears next to nothing itself says nothing, whatever its neighbours hear.
+  const bool textured = ww > 0.0f && energy > 1e-30f && terms[node].s5 > 1e-4f * mm;
   const float floor = 1e-8f * mm;  // of the noise, so that identical frames have finite information
   correlation[node] = textured ? (mm - 0.25f * dd) * rsqrt(energy) : -2.0f;
   noise[node] = textured ? (dd + floor) / ww : 0.0f;
@@ -203,28 +204,50 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void correct(
   if (node < nodes) out[node] = field[node] + clamp(correction[node], -limit, limit);
 }
 
+// How the edges pull each node of the final `field` away from where its pixels want it, information x
+// displacement: the gradient of the edges' part of assemble()'s functional.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_pull(
+    __global const float2* restrict field, __global const float4* restrict gradient,
+    __global const float2* restrict model, __global float2* restrict pull, const int nx, const int ny) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  const float2 own = field[node];
+  const float4 slope = gradient[node];
+  float2 sum = 0.0f;
+  if (i > 0) sum += model[0] * (field[node - 1] - own + 0.5f * (slope.lo + gradient[node - 1].lo));
+  if (i + 1 < nx) sum += model[0] * (field[node + 1] - own - 0.5f * (slope.lo + gradient[node + 1].lo));
+  if (j > 0) sum += model[1] * (field[node - nx] - own + 0.5f * (slope.hi + gradient[node - nx].hi));
+  if (j + 1 < ny) sum += model[1] * (field[node + nx] - own - 0.5f * (slope.hi + gradient[node + nx].hi));
+  pull[node] = sum;
+}
+
 // What a displacement estimate can be trusted with: mean[node] = information averaged over the estimator's
 // footprint, (2 radius + 1) nodes of each direction and component (radii: lateral i, j, axial i, j), and from
-// it the standard deviation in metres (deviation.clh; tables lateral, axial).
+// it the standard deviation in metres (deviation.clh; tables lateral, axial), the bias that the edges cause,
+// pull / information over the footprint, added in squares.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertainty(
-    __global const float2* restrict information, __global const float* restrict tables,
-    __global float2* restrict mean, __global float2* restrict deviation_m, const int nx, const int ny,
+    __global const float2* restrict information, __global const float2* restrict pull,
+    __global const float* restrict tables, __global float2* restrict mean, __global float2* restrict deviation_m, const int nx, const int ny,
     const int lateral_i, const int lateral_j, const int axial_i, const int axial_j, const float lateral_median,
     const float axial_median, const float line_pitch_m, const float sample_pitch_m) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
   const int reach_i = max(lateral_i, axial_i), reach_j = max(lateral_j, axial_j);
-  float2 sum = 0.0f, count = 0.0f;
+  float2 sum = 0.0f, pulls = 0.0f, count = 0.0f;
   for (int n = max(j - reach_j, 0); n <= min(j + reach_j, ny - 1); ++n)
     for (int m = max(i - reach_i, 0); m <= min(i + reach_i, nx - 1); ++m) {
       const int far_i = abs(m - i), far_j = abs(n - j);
       const float2 w = (float2)(far_i <= lateral_i && far_j <= lateral_j, far_i <= axial_i && far_j <= axial_j);
       sum += w * information[m + nx * n];
+      pulls += w * pull[m + nx * n];
       count += w;
     }
   const float2 h = sum / count;
   mean[node] = h;
-  deviation_m[node] = (float2)(line_pitch_m * deviation_at(tables, h.x, lateral_median),
-                               sample_pitch_m * deviation_at(tables + DEVIATION_ENTRIES, h.y, axial_median));
+  const float2 noise = (float2)(deviation_at(tables, h.x, lateral_median),
+                                deviation_at(tables + DEVIATION_ENTRIES, h.y, axial_median));
+  const float2 bias = pulls / fmax(sum, (float2)(1e-30f));
+  deviation_m[node] = (float2)(line_pitch_m, sample_pitch_m) * hypot(noise, bias);
 }

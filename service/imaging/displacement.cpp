@@ -19,10 +19,10 @@ constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the corr
 constexpr int kCoarseDecimation = 2;                           // of the samples of the coarse window
 constexpr float kSlopeCost = 0.02f;  // correlation that one sample of lag change per coarse step is worth
 constexpr int kCoarseLaterals =
-    3;                            // lateral lags of the coarse search: -1, 0, 1 times half the lateral range
-constexpr int kFilterReach = 12;  // samples to each side of the matched filter
+    3;  // lateral lags of the coarse search: -1, 0, 1 times half the lateral range
+constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
 constexpr int kFineLags = 8, kFineFirstLag = -4;
-constexpr double kTaperFraction = 0.5;  // part of the axial window that its cosine edges take
+constexpr double kTaperFraction = 0.1;  // part of the axial window that its cosine edges take
 
 int steps(double length_m, double step_m) {
   return std::max(1, static_cast<int>(std::lround(length_m / step_m)));
@@ -68,9 +68,11 @@ struct DisplacementEstimator::Kernels {
     gauss_newton = build("gauss_newton");
     median_filter = build("median_filter"), smooth = build("smooth"), resample = build("resample");
     report = build("report");
+    window_mean = build("window_mean");
     filter_lines = q.kernel("refinement", "filter_lines", Precision::kFloat);
   }
-  Kernel ncc, ncc_peak, warp, gauss_newton, median_filter, smooth, resample, report, filter_lines;
+  Kernel ncc, ncc_peak, warp, gauss_newton, median_filter, smooth, resample, report, window_mean,
+      filter_lines;
 };
 
 // Sizes and buffers of one geometry.
@@ -93,6 +95,11 @@ struct DisplacementEstimator::Workspace {
   SampleGrid coarse, fine, image;
   Padding pad;
   Array<float> pre, post, mean, difference;  // padded images; `mean` also holds a warped post
+  // The windows of Gauss-Newton; their tapered part counts half.
+  WindowResponse window() const {
+    return {(half_lateral + 0.5) / image.line_step,
+            (1 - kTaperFraction / 2) * 4.0 * window_chunks / image.sample_step};
+  }
   Array<float> filtered_pre, filtered_post;
   std::unique_ptr<Refinement> refinement;
   bool matched = false;  // the refinement works on the filtered frames
@@ -132,7 +139,7 @@ void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const Displ
   coarse_chunks = 2 * ((most_lag + 7) / 8);
   coarse_first_lag = -4 * coarse_chunks;
   half_axial = std::min(half_width(o.window_axial_m, dy), samples / 2);
-  half_lateral = std::min(half_width(o.window_lateral_m, dx), lines / 2);
+  half_lateral = std::min(static_cast<int>(std::lround(o.window_lateral_m / 2 / dx)), lines / 2);
   lateral_reach = std::min(static_cast<int>(std::ceil(o.lateral_search_m / dx)), lines);
   window_chunks = std::max(1, (2 * half_axial + 4) / 8);
 }
@@ -237,30 +244,36 @@ void DisplacementEstimator::refine() {
   std::swap(w.field, w.candidate);
   const bool regularised = options_.method == RefinementMethod::kRegularised;
   for (int n = 0; n < options_.refinements; ++n) {
+    const bool last = n + 1 == options_.refinements;
     if (n > 0 && regularised) std::swap(w.filtered, w.field);
     if (n > 0 && !regularised) kernels_->smooth(over(g.nodes()), w.filtered, w.field, g.nx, g.ny);
     warp(g, true);
-    const Autocorrelations a = w.refinement->measure({w.mean, w.difference, w.pad, w.samples, w.lines},
-                                                     n + 1 == options_.refinements, w.correlation);
-    if (regularised) {
+    const Autocorrelations a =
+        w.refinement->measure({w.mean, w.difference, w.pad, w.samples, w.lines}, last, w.correlation);
+    if (regularised)
       w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period);
-    } else {
-      kernels_->gauss_newton(over(g.nodes()), w.mean, w.difference, w.field, w.weights, w.candidate,
-                             w.correlation, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
-                             g.sample_step, w.pad.origin, w.pad.stride, w.window_chunks, w.half_lateral,
-                             0.25f * w.period, 1.0f);
-    }
+    else
+      fit_windows();
     if (n + 2 == options_.refinements) filter_frames(a);
     kernels_->median_filter(over(g.nodes()), w.candidate, w.field, w.correlation, w.filtered, w.deviation,
                             g.nx, g.ny, 2, threshold, 0.25f, tolerance);
   }
-  if (regularised) {
-    w.noise = w.refinement->uncertainty(options_.refinements, w.information, w.std_m);
-  } else {
-    const WindowResponse window{(w.half_lateral + 0.5) / g.line_step, 4.0 * w.window_chunks / g.sample_step,
-                                options_.refinements};
-    w.noise = w.refinement->uncertainty(window, w.information, w.std_m);
-  }
+  w.noise = regularised ? w.refinement->uncertainty(w.filtered, options_.refinements, w.information, w.std_m)
+                        : w.refinement->uncertainty(w.window(), w.information, w.std_m);
+}
+
+// `candidate` from `field`, each window by itself.
+void DisplacementEstimator::fit_windows() {
+  Workspace& w = *work_;
+  const SampleGrid& g = w.image;
+  const WindowResponse window = w.window();
+  const float lateral_limit = options_.lateral_search_m > 0 ? 1.0f : 0.0f;
+  kernels_->window_mean(over(g.nodes()), w.field, w.filtered, g.nx, g.ny,
+                        static_cast<float>(window.half_along), static_cast<float>(window.half_down));
+  kernels_->gauss_newton(over(g.nodes()), w.mean, w.difference, w.filtered, w.weights, w.candidate,
+                         w.correlation, g.nx, g.ny, g.first_line, g.line_step, g.first_sample, g.sample_step,
+                         w.pad.origin, w.pad.stride, w.window_chunks, w.half_lateral, 0.25f * w.period,
+                         lateral_limit);
 }
 
 void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {
@@ -273,13 +286,22 @@ void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {
 
 void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
   Workspace& w = *work_;
-  const Array<float> taps = queue_.array(matched_filter(a, kFilterReach));
+  MatchedFilter filter = matched_filter(a, kFilterSamples, kFilterLines);
+  if (!(options_.lateral_search_m > 0)) {  // each line by itself
+    filter.lateral.assign(kFilterLines + 1, 0.0f);
+    filter.lateral[0] = 1;
+  }
+  const Array<float> axial = queue_.array(filter.axial), lateral = queue_.array(filter.lateral);
   const Range range{{static_cast<std::size_t>(w.samples + 7) / 8, static_cast<std::size_t>(w.lines), 1},
                     {16, 1, 1}};
-  kernels_->filter_lines(range, w.pre, w.filtered_pre, taps, kFilterReach, w.samples, w.pad.origin,
-                         w.pad.stride);
-  kernels_->filter_lines(range, w.post, w.filtered_post, taps, kFilterReach, w.samples, w.pad.origin,
-                         w.pad.stride);
+  const auto both = [&](const Array<float>& from, Array<float>& to) {  // `mean` is free between two steps
+    kernels_->filter_lines(range, from, w.mean, axial, kFilterSamples, 1, w.samples, w.pad.origin,
+                           w.pad.stride);
+    kernels_->filter_lines(range, w.mean, to, lateral, kFilterLines, w.pad.stride, w.samples, w.pad.origin,
+                           w.pad.stride);
+  };
+  both(w.pre, w.filtered_pre);
+  both(w.post, w.filtered_post);
   w.matched = true;
 }
 

@@ -64,6 +64,7 @@ class DisplacementEstimator {
   void search_coarse(const std::function<void()>& between);
   void search_fine();
   void refine();
+  void fit_windows();
   void filter_frames(const Autocorrelations&);
   void warp(const SampleGrid&, bool pair);
 

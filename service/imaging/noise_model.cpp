@@ -12,8 +12,7 @@ namespace {
 // The gradients of data_term in refinement.cl.
 constexpr double kAxial[] = {-1.0 / 60, 0.15, -0.75, 0, 0.75, -0.15, 1.0 / 60};
 constexpr double kLateral[] = {1.0 / 12, -2.0 / 3, 0, 2.0 / 3, -1.0 / 12};
-constexpr double kPassEdge = 0.26, kStopEdge = 0.32;  // of the sampling frequency
-constexpr double kQuietest = 1e-3;                    // of a spectrum's peak: what lies below is not measured
+constexpr double kPassEdge = 0.30, kStopEdge = 0.36;  // of the sampling frequency
 
 // r at signed lags.
 class Lags {
@@ -42,12 +41,65 @@ class Lags {
   const std::vector<double>& r_;
 };
 
-double spectrum(const Autocorrelations& a, const std::vector<double>& r, double frequency) {
+// At `frequency` (of the sampling frequency), smoothed by a Blackman window over the lags.
+double spectrum(const std::vector<double>& r, double frequency) {
   double sum = r[0];
-  for (int k = 1; k < a.lags; ++k)
-    sum += (1 + std::cos(std::numbers::pi * k / a.lags)) * r[static_cast<std::size_t>(k)] *
-           std::cos(2 * std::numbers::pi * frequency * k);
+  for (std::size_t k = 1; k < r.size(); ++k) {
+    const double angle = std::numbers::pi * static_cast<double>(k) / static_cast<double>(r.size());
+    const double window = 0.42 + 0.5 * std::cos(angle) + 0.08 * std::cos(2 * angle);
+    sum += 2 * window * r[k] * std::cos(2 * std::numbers::pi * frequency * static_cast<double>(k));
+  }
   return sum;
+}
+
+struct Band {
+  double pass, stop;  // of the sampling frequency
+  double quietest;    // noise below this part of its peak is not believed
+};
+
+// Gain at `frequencies` + 1 frequencies from 0 to half the sampling frequency.
+std::vector<double> best_gain(const std::vector<double>& mean, const std::vector<double>& difference,
+                              int frequencies, const Band& band) {
+  std::vector<double> p, q, gain;
+  for (int n = 0; n <= frequencies; ++n) {
+    p.push_back(spectrum(mean, 0.5 * n / frequencies));
+    q.push_back(spectrum(difference, 0.5 * n / frequencies) / 4);
+  }
+  const double least_q = band.quietest * *std::max_element(q.begin(), q.end());
+  for (int n = 0; n <= frequencies; ++n) {
+    const auto at = static_cast<std::size_t>(n);
+    const double common = p[at] - q[at];
+    const double signal = p[at] > 0 && common > 0 ? common / (p[at] * std::max(q[at], least_q)) : 0;
+    const double pass = std::clamp((band.stop - 0.5 * n / frequencies) / (band.stop - band.pass), 0.0, 1.0);
+    gain.push_back(pass * std::sqrt(signal));
+  }
+  return gain;
+}
+
+// Symmetric taps 0 .. reach of a gain, unit gain at its peak.
+std::vector<float> taps_of(const std::vector<double>& gain, int reach) {
+  const int frequencies = static_cast<int>(gain.size()) - 1;
+  const double peak = *std::max_element(gain.begin(), gain.end());
+  std::vector<float> taps;
+  for (int k = 0; k <= reach; ++k) {
+    double sum = 0;
+    for (int n = 0; n <= frequencies; ++n)
+      sum += (n == 0 || n == frequencies ? 0.5 : 1.0) * gain[static_cast<std::size_t>(n)] *
+             std::cos(std::numbers::pi * n * k / frequencies);
+    const double window = 0.5 + 0.5 * std::cos(std::numbers::pi * k / (reach + 1));
+    taps.push_back(static_cast<float>(peak > 0 ? window * sum / (frequencies * peak) : (k == 0 ? 1.0 : 0.0)));
+  }
+  return taps;
+}
+
+constexpr Band kAxialBand{0.30, 0.36, 1e-2}, kLateralBand{0.38, 0.48, 0.3};  // within what interpolates well
+
+// The lags of one direction, none in the other.
+std::vector<double> lags_along(const Autocorrelations& a, const std::vector<double>& r, bool axial) {
+  std::vector<double> out;
+  for (int k = 0; k < (axial ? a.lags : a.laterals); ++k)
+    out.push_back(r[static_cast<std::size_t>(axial ? k : k * a.lags)]);
+  return out;
 }
 
 }  // namespace
@@ -70,35 +122,13 @@ NoiseModel noise_model(const Autocorrelations& a) {
   return model;
 }
 
-std::vector<float> matched_filter(const Autocorrelations& a, int reach) {
+MatchedFilter matched_filter(const Autocorrelations& a, int axial_reach, int lateral_reach) {
   constexpr int kFrequencies = 128;
-  std::vector<double> p(kFrequencies + 1), q(kFrequencies + 1);
-  const auto frequency = [](int n) { return 0.5 * n / kFrequencies; };
-  for (int n = 0; n <= kFrequencies; ++n) {
-    p[static_cast<std::size_t>(n)] = spectrum(a, a.mean, frequency(n));
-    q[static_cast<std::size_t>(n)] = spectrum(a, a.difference, frequency(n)) / 4;
-  }
-  const double least_p = kQuietest * *std::max_element(p.begin(), p.end());
-  const double least_q = kQuietest * *std::max_element(q.begin(), q.end());
-  std::vector<double> gain;
-  for (int n = 0; n <= kFrequencies; ++n) {
-    const double mean = std::max(p[static_cast<std::size_t>(n)], least_p),
-                 noise = std::max(q[static_cast<std::size_t>(n)], least_q);
-    const double pass = std::clamp((kStopEdge - frequency(n)) / (kStopEdge - kPassEdge), 0.0, 1.0);
-    gain.push_back(pass * std::sqrt(std::max(1 / noise - 1 / mean, 0.0)));
-  }
-  const double peak = *std::max_element(gain.begin(), gain.end());
-  std::vector<float> taps;
-  for (int k = 0; k <= reach; ++k) {
-    double sum = 0;
-    for (int n = 0; n <= kFrequencies; ++n)
-      sum += (n == 0 || n == kFrequencies ? 0.5 : 1.0) * gain[static_cast<std::size_t>(n)] *
-             std::cos(2 * std::numbers::pi * frequency(n) * k);
-    const double window = 0.5 + 0.5 * std::cos(std::numbers::pi * k / (reach + 1));
-    taps.push_back(
-        static_cast<float>(peak > 0 ? window * sum / (kFrequencies * peak) : (k == 0 ? 1.0 : 0.0)));
-  }
-  return taps;
+  const std::vector<double> axial =
+      best_gain(lags_along(a, a.mean, true), lags_along(a, a.difference, true), kFrequencies, kAxialBand);
+  const std::vector<double> lateral =
+      best_gain(lags_along(a, a.mean, false), lags_along(a, a.difference, false), kFrequencies, kLateralBand);
+  return {taps_of(axial, axial_reach), taps_of(lateral, lateral_reach)};
 }
 
 }  // namespace teletact::service

@@ -28,11 +28,15 @@ struct NoiseModel {
 
 NoiseModel noise_model(const Autocorrelations&);
 
-// Taps 0 .. reach of the symmetric axial filter whose output tracks best: the maximum-likelihood processor of
-// Knapp and Carter (1976, doi 10.1109/TASSP.1976.1162830) with measured spectra. With P and Q the spectra of
-// mean and difference / 2 its squared gain is 1 / Q - 1 / P: white noise where the signal is, nothing
-// elsewhere. No gain where the interpolation fails (above 0.32 of the sampling frequency). Unit gain at its
-// peak.
-std::vector<float> matched_filter(const Autocorrelations&, int reach);
+// Taps 0 .. reach of symmetric filters along and across the A-lines.
+struct MatchedFilter {
+  std::vector<float> axial, lateral;
+};
+
+// The filters whose output tracks best: the maximum-likelihood processor of Knapp and Carter (1976, doi
+// 10.1109/TASSP.1976.1162830) with measured spectra, one direction after the other. With P and Q the spectra
+// of mean and difference / 2 the squared gain is 1 / Q - 1 / P: white noise where the signal is, nothing
+// where there is none or where the interpolation fails. Unit gain at the peak.
+MatchedFilter matched_filter(const Autocorrelations&, int axial_reach, int lateral_reach);
 
 }  // namespace teletact::service

@@ -84,17 +84,11 @@ NoiseResponse::NoiseResponse(const SmootherResponse& s, double median, int line_
   }
 }
 
-// A step finds the window's mean of what the field before it lacks.
 NoiseResponse::NoiseResponse(const WindowResponse& w, double median, int line_step, int sample_step)
     : median_(median) {
   const std::vector<double> shares = hat_shares(line_step, sample_step);
-  const std::vector<double> squared = over_waves([&](double a, double d) {
-    const double window = sinc(a * w.half_along) * sinc(d * w.half_down);
-    const double smooth = 0.25 * (1 + std::cos(a)) * (1 + std::cos(d));
-    double t = window;
-    for (int step = 1; step < w.steps; ++step) t = window + (1 - window) * smooth * t;
-    return t * t;
-  });
+  const std::vector<double> squared = over_waves(
+      [&](double a, double d) { return std::pow(sinc(a * w.half_along) * sinc(d * w.half_down), 2); });
   for (int entry = 0; entry < DeviationTable::kEntries; ++entry)
     for (std::size_t n = 0; n < shares.size(); ++n)
       power_.push_back(squared[n] / (information(median, entry) * shares[n]));

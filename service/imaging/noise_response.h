@@ -23,11 +23,9 @@ struct SmootherResponse {
   int gradient_radius = 0, steps = 1;
 };
 
-// Unregularised estimate after `steps` Gauss-Newton steps on windows, each from the binomially smoothed field
-// of the one before: half the lengths of the window in node steps.
+// Unregularised estimate: mean over a window of these half lengths in node steps.
 struct WindowResponse {
   double half_along = 0, half_down = 0;
-  int steps = 1;
 };
 
 // Standard deviation at the information median * 2^(n - kBelow), n = 0 .. kEntries - 1.

@@ -40,9 +40,10 @@ struct Refinement::Kernels {
     const auto build = [&](const char* name) { return q.kernel("refinement", name, Precision::kFloat); };
     autocorrelation = build("autocorrelation"), data_term = build("data_term");
     local_noise = build("local_noise"), local_gradient = build("local_gradient");
-    assemble = build("assemble"), correct = build("correct"), uncertainty = build("uncertainty");
+    assemble = build("assemble"), correct = build("correct"), edge_pull = build("edge_pull");
+    uncertainty = build("uncertainty");
   }
-  Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, uncertainty;
+  Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, edge_pull, uncertainty;
 };
 
 Refinement::Refinement(const Queue& queue, const RegularisationOptions& options, const SampleGrid& grid,
@@ -72,7 +73,8 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
     hat.push_back(static_cast<float>(std::max(0.0, 1 - std::abs(k) / static_cast<double>(grid.sample_step))));
   hat_ = queue.array(hat);
   for (Array<float>* a : {&noise_, &pixels_}) *a = queue.array<float>(nodes);
-  for (Array<float>* a : {&rhs_, &load_, &correction_, &information_}) *a = queue.array<float>(2 * nodes);
+  for (Array<float>* a : {&rhs_, &load_, &pull_, &correction_, &information_})
+    *a = queue.array<float>(2 * nodes);
   terms_ = queue.array<float>(8 * nodes);
   gradient_ = queue.array<float>(4 * nodes);
   model_ = queue.array<float>(8);
@@ -163,7 +165,7 @@ void Refinement::precondition() {
 void Refinement::solve() {
   precondition();
   queue_.copy(rhs_, load_);
-  iterations_ = pcg_.solve(operator_, multigrid_, 1, rhs_, load_, correction_).front().iterations;
+  solved_ = pcg_.solve(operator_, multigrid_, 1, rhs_, load_, correction_).front();
 }
 
 void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit) {
@@ -174,7 +176,8 @@ void Refinement::step(const Array<float>& field, Array<float>& out, float latera
   kernels_->correct(over(grid_.nodes()), field, correction_, out, grid_.nodes(), lateral_limit, axial_limit);
 }
 
-std::shared_ptr<const NoiseStructure> Refinement::uncertainty(int steps, Array<float>& information,
+std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const Array<float>& field, int steps,
+                                                              Array<float>& information,
                                                               Array<float>& deviation_m) {
   auto noise = std::make_shared<NoiseStructure>();
   noise->unit_m = {line_pitch_m_, sample_pitch_m_};
@@ -185,6 +188,9 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(int steps, Array<f
     radii[2 * c] = std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / dx_m_)));
     radii[2 * c + 1] = std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / dy_m_)));
   }
+  const SampleGrid& g = grid_;
+  kernels_->local_gradient(over(g.nodes()), field, gradient_, g.nx, g.ny, kGradientRadius, kGradientRadius);
+  kernels_->edge_pull(over(g.nodes()), field, gradient_, model_, pull_, g.nx, g.ny);
   look_up(*noise, radii, information, deviation_m);
   return noise;
 }
@@ -198,6 +204,7 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const WindowRespon
     noise->response[c] = NoiseResponse(window, median_information(c), grid_.line_step, grid_.sample_step);
   const int i = static_cast<int>(std::lround(window.half_along)),
             j = static_cast<int>(std::lround(window.half_down));
+  queue_.fill_zero(pull_);
   look_up(*noise, {i, j, i, j}, information, deviation_m);
   return noise;
 }
@@ -209,8 +216,8 @@ void Refinement::look_up(const NoiseStructure& noise, const std::array<int, 4>& 
     const DeviationTable table = response.table([](double, double) { return 1.0; });
     tables.insert(tables.end(), table.deviation.begin(), table.deviation.end());
   }
-  kernels_->uncertainty(over(grid_.nodes()), information_, queue_.array(tables), information, deviation_m,
-                        grid_.nx, grid_.ny, radii[0], radii[1], radii[2], radii[3],
+  kernels_->uncertainty(over(grid_.nodes()), information_, pull_, queue_.array(tables), information,
+                        deviation_m, grid_.nx, grid_.ny, radii[0], radii[1], radii[2], radii[3],
                         static_cast<float>(noise.response[0].median()),
                         static_cast<float>(noise.response[1].median()), static_cast<float>(line_pitch_m_),
                         static_cast<float>(sample_pitch_m_));

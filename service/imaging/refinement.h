@@ -29,8 +29,8 @@ inline constexpr int kGradientRadius = 3;
 // length. Chosen from the data between the limits: the strain is taken to change by `strain_change` of its
 // own median magnitude over `change_length_m`, and the noise is what was measured.
 struct RegularisationOptions {
-  double strain_change = 0.15, change_length_m = 1e-3;
-  double shortest_m = 0.25e-3, longest_axial_m = 1.0e-3, longest_lateral_m = 2.5e-3;
+  double strain_change = 0.1, change_length_m = 1e-3;
+  double shortest_m = 0.25e-3, longest_axial_m = 1.0e-3, longest_lateral_m = 1.5e-3;
   double relative_residual = 1e-2;  // of the linear solve of each step
 };
 
@@ -56,14 +56,17 @@ class Refinement {
   // From what was measured last: out = field + correction, at most `lateral_limit` lines and `axial_limit`
   // samples.
   void step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit);
-  // Standard deviation (m) and information averaged over the estimator's footprint, 2 per node, after `steps`
-  // calls of step() that all measured such images, or of windows of this size instead.
-  std::shared_ptr<const NoiseStructure> uncertainty(int steps, Array<float>& information,
-                                                    Array<float>& deviation_m);
+  // Standard deviation (m) and information averaged over the estimator's footprint, 2 per node, of the final
+  // field after `steps` steps, the bias by smoothing included (regularised), or of windows of this size
+  // instead.
+  std::shared_ptr<const NoiseStructure> uncertainty(const Array<float>& field, int steps,
+                                                    Array<float>& information, Array<float>& deviation_m);
   std::shared_ptr<const NoiseStructure> uncertainty(const WindowResponse&, Array<float>& information,
                                                     Array<float>& deviation_m);
-  std::array<double, 2> smoothing_m() const { return smoothing_m_; }
-  std::size_t iterations() const { return iterations_; }  // of the last solve
+  // Of the last step, each lateral, axial: weights of the edges along i, of those along j, spread and
+  // sensitivity of the noise.
+  const std::vector<float>& model() const { return weights_; }
+  const PcgResult& solved() const { return solved_; }  // the last step's linear solve
 
  private:
   struct Kernels;
@@ -86,11 +89,12 @@ class Refinement {
   StencilOperator<float> operator_;
   NoiseModel noise_model_;
   std::array<double, 2> smoothing_m_{};
-  std::size_t iterations_ = 0;
+  PcgResult solved_;
   int chunks_ = 1;
   std::array<double, 4> preconditioned_{};  // balance that the preconditioner was made for
-  std::vector<float> weights_;              // as the kernels' model
-  Array<float> hat_, noise_, terms_, pixels_, gradient_, model_, rhs_, load_, correction_, information_;
+  std::vector<float> weights_;              // model()
+  Array<float> hat_, noise_, terms_, pixels_, gradient_, model_, rhs_, load_, correction_, information_,
+      pull_;
   Array<float> products_;
 };
 
