@@ -6,9 +6,9 @@
 
 namespace teletact::service {
 
-// Inverse of a symmetric positive definite n x n matrix, row-major, in place. An unknown whose pivot has sunk
-// below `smallest_pivot` of its diagonal (nothing holds it, or rounding ate it) is left out: its row and
-// column of the result are zero, the rest stays positive definite.
+// Inverse of a symmetric positive definite n x n matrix, row-major, in place; its lower triangle is read. An
+// unknown whose pivot has sunk below `smallest_pivot` of its diagonal (nothing holds it, or rounding ate it)
+// is left out: its row and column of the result are zero, the rest stays positive definite.
 void invert_symmetric(std::vector<double>& matrix, std::size_t n, double smallest_pivot = 1e-13);
 
 }  // namespace teletact::service

@@ -2,11 +2,39 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "service/solver/multigrid.h"
 
 namespace teletact::service {
 namespace {
+
+// z = E_ref K_old^-1 r, on the host.
+template <class T>
+class FactorPreconditioner final : public LinearOperator<T> {
+ public:
+  FactorPreconditioner(const Queue& queue, std::shared_ptr<const TissueFactor> factor, double reference_pa)
+      : queue_(queue), factor_(std::move(factor)), reference_pa_(reference_pa) {}
+  void apply(const Array<T>& r, Array<T>& z, std::size_t count) override {
+    const std::size_t dofs = factor_->free().size();
+    host_.resize(count * dofs);
+    queue_.read(r, host_.data(), host_.size());
+    std::vector<double> from(dofs), to(dofs);
+    for (auto column = host_.begin(); column != host_.end(); column += static_cast<std::ptrdiff_t>(dofs)) {
+      std::copy_n(column, dofs, from.begin());
+      factor_->solve(from, to);
+      std::transform(to.begin(), to.end(), column,
+                     [&](double value) { return static_cast<T>(reference_pa_ * value); });
+    }
+    queue_.write(z, host_.data(), host_.size());
+  }
+
+ private:
+  Queue queue_;
+  std::shared_ptr<const TissueFactor> factor_;
+  double reference_pa_;
+  std::vector<T> host_;
+};
 
 template <class T>
 class Correction : public ElasticityCorrection {
@@ -25,15 +53,12 @@ class Correction : public ElasticityCorrection {
   void set_material(const Material& material, double reference_pa) override {
     reference_pa_ = reference_pa;
     operator_.set_material(material, reference_pa);
-    if constexpr (std::is_same_v<T, float>) {
-      if (queue_.supports(Precision::kDouble)) {
-        Elasticity<double> exact(queue_, grid_, free_);
-        exact.set_material(material, reference_pa);
-        return multigrid_.set_operator(exact.stencil(), free_);
-      }
-    }
-    multigrid_.set_operator(operator_.stencil(), free_);
+    material_ = material;
+    multigrid_ready_ = false;
+    make_preconditioner();
   }
+
+  void use_factor(std::shared_ptr<const TissueFactor> factor) override { factor_ = std::move(factor); }
 
   std::vector<PcgResult> solve(const Problem& problem, std::span<double> correction,
                                std::span<double> recursive) override {
@@ -45,8 +70,9 @@ class Correction : public ElasticityCorrection {
     for (std::size_t q = 0; q < energy.size(); ++q) energy[q] *= reference_pa_ / (scale[q] * scale[q]);
     for (std::size_t q = 0; q < error.size(); ++q) error[q] *= std::sqrt(reference_pa_) / scale[q];
     pcg_.options().relative_error = problem.relative_error;
+    const auto preconditioner = make_preconditioner();
     std::vector<PcgResult> results =
-        pcg_.solve(operator_, multigrid_, problem.count, r_, load_, x_, energy, error);
+        pcg_.solve(operator_, *preconditioner, problem.count, r_, load_, x_, energy, error);
     for (std::size_t q = 0; q < problem.count; ++q) {
       const double squared = scale[q] * scale[q] / reference_pa_;
       results[q].recursive_residual *= scale[q];
@@ -62,13 +88,29 @@ class Correction : public ElasticityCorrection {
   std::vector<double> norm(std::size_t count, std::span<const double> residual) override {
     const std::vector<double> scale = scales(count, residual);
     write(residual, scale, r_);
-    std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, r_);
+    std::vector<double> norms = pcg_.preconditioned_norm(*make_preconditioner(), count, r_);
     for (std::size_t q = 0; q < count; ++q)
       norms[q] = std::sqrt(std::max(norms[q], 0.0) / reference_pa_) * scale[q];
     return norms;
   }
 
  private:
+  std::shared_ptr<LinearOperator<T>> make_preconditioner() {
+    if (factor_) return std::make_shared<FactorPreconditioner<T>>(queue_, factor_, reference_pa_);
+    if (!multigrid_ready_) set_multigrid();
+    multigrid_ready_ = true;
+    return {std::shared_ptr<void>(), &multigrid_};
+  }
+  void set_multigrid() {
+    if constexpr (std::is_same_v<T, float>) {
+      if (queue_.supports(Precision::kDouble)) {
+        Elasticity<double> exact(queue_, grid_, free_);
+        exact.set_material(material_, reference_pa_);
+        return multigrid_.set_operator(exact.stencil(), free_);
+      }
+    }
+    multigrid_.set_operator(operator_.stencil(), free_);
+  }
   // Largest entry of each vector; 1 for a zero vector.
   std::vector<double> scales(std::size_t count, std::span<const double> vectors) const {
     std::vector<double> scale(count, 0);
@@ -95,7 +137,10 @@ class Correction : public ElasticityCorrection {
   TissueGrid grid_;
   std::vector<std::uint8_t> free_;
   Elasticity<T> operator_;
+  Material material_;
   Multigrid<T> multigrid_;
+  bool multigrid_ready_ = false;
+  std::shared_ptr<const TissueFactor> factor_;
   Pcg<T> pcg_;
   Array<T> r_, load_, x_;
   std::vector<T> host_;
