@@ -6,6 +6,7 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
+#include <optional>
 #include <stdexcept>
 
 #include "client/haptic/inverse3_protocol.h"
@@ -69,15 +70,11 @@ class Inverse3Device::Connection {
   // Beast's timeouts end the operation. Its timer stays behind as work, so the context never runs dry.
   template <typename Start>
   void wait(Start&& start) {
-    beast::error_code result;
-    bool done = false;
-    start([&](beast::error_code error) {
-      result = error;
-      done = true;
-    });
+    std::optional<beast::error_code> result;
+    start([&](beast::error_code error) { result = error; });
     context_.restart();
-    while (!done) context_.run_one();
-    if (result) throw beast::system_error(result);
+    while (!result) context_.run_one();
+    if (*result) throw beast::system_error(*result);
   }
 
   asio::io_context context_;
