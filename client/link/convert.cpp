@@ -77,6 +77,7 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_silence_s(tick.silence_s);
   sample.set_round_trip_s(tick.round_trip_s);
   sample.set_clock_offset_s(tick.clock_offset_s);
+  sample.set_modulus_age_s(tick.modulus_age_s);
   return entry;
 }
 

@@ -221,6 +221,9 @@ void TouchLink::take_stamps(const v1::TouchAnswer& answer, ServoAnswer& converte
   converted.round_trip_s = clock_offset_.round_trip_s();
   converted.clock_offset_s = stats_.clock_offset_s = clock_offset_.offset_s(received_ns);
   stats_.clock_offset_error_s = clock_offset_.error_s(received_ns);
+  if (answer.model_stamp().instance() == service_instance_)
+    converted.modulus_time_s =
+        1e-9 * static_cast<double>(answer.model_stamp().monotonic_ns()) - converted.clock_offset_s;
   if (stats_.round_trips_s.size() < kMaxLatencies)
     stats_.round_trips_s.push_back(1e-9 * static_cast<double>(received_ns - sent_ns - stayed_ns));
 }

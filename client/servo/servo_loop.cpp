@@ -117,6 +117,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.model_age_s = model_age_s_;
   tick.round_trip_s = answer_.round_trip_s;
   tick.clock_offset_s = answer_.clock_offset_s;
+  tick.modulus_age_s = answer_.modulus_time_s > 0 ? seconds(now_ns) - answer_.modulus_time_s : 0;
   tick.stiffness_n_m = rendered.stiffness_n_m;
   tick.stiffness_variance = rendered.variance;
   tick.gain = rendered.gain;

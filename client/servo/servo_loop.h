@@ -8,10 +8,10 @@
 #include <cstdint>
 
 #include "client/haptic/haptic_device.h"
+#include "client/haptic/latest_slot.h"
 #include "client/render/force_chain.h"
 #include "client/render/renderer.h"
 #include "client/servo/clock.h"
-#include "client/haptic/latest_slot.h"
 #include "client/servo/ring.h"
 #include "client/servo/states.h"
 
@@ -28,6 +28,7 @@ struct ServoAnswer {
   double period_s = 0;           // negotiated for the stream
   double round_trip_s = 0;       // of the link, smoothed; 0: not known
   double clock_offset_s = 0;     // the service's clock minus the servo's
+  double modulus_time_s = 0;     // servo clock when the modulus under the finger came in; 0: not known
 };
 
 // The newest pose, for the link.
@@ -50,6 +51,7 @@ struct ServoTick {
   double model_age_s = 0;
   double round_trip_s = 0;  // of the link, as the newest answer knew it
   double clock_offset_s = 0;
+  double modulus_age_s = 0;  // since the modulus behind the newest answer came in; 0: not known
   double stiffness_n_m = 0;  // rendered along the push
   double stiffness_variance = 0;
   double gain = 0;

@@ -99,6 +99,7 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
       next_window_id_(2) {
   auto window = std::make_shared<WindowModel>();
   window->id = 1;
+  window->published = std::chrono::steady_clock::now();
   window->begin_m = explicit_->x_m.front();
   // The last column belongs to the tissue too.
   window->end_m = std::nextafter(explicit_->x_m.back(), HUGE_VAL);
@@ -126,7 +127,7 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
   }
   for (const WindowRecord& kept : record.windows) {
     auto window = std::make_shared<WindowModel>();
-    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr};
+    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr, {}};
     window->model = explicit_ ? explicit_model(geometry_, *explicit_)
                               : build_strip(geometry_, *snapshot->map, kept.begin_m, kept.end_m, strip_);
     snapshot->windows.push_back(std::move(window));
@@ -212,6 +213,7 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   auto map = std::make_shared<StitchedMap>(*old->map);
   map->paste(estimate);
   auto window = std::make_shared<WindowModel>();
+  window->published = std::chrono::steady_clock::now();
   window->begin_m = std::max(0.0, estimate.window_x_m);
   window->end_m = std::min(geometry_.width_m, end_of_estimate_m);
   auto next = std::make_shared<SceneSnapshot>();

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -43,6 +44,8 @@ struct WindowModel {
   std::uint64_t id = 0, version = 0;  // scene version that published it last
   double begin_m = 0, end_m = 0;      // the finger is here: [begin, end)
   std::shared_ptr<const TissueModel> model;
+  // When its modulus came in; the epoch where that is not known (read from disk after a restart).
+  std::chrono::steady_clock::time_point published{};
 };
 
 struct Covered {

@@ -99,6 +99,7 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
   if (window != window_) window_ = window, compliance_.reset();
   answer.window_id = window->id;
   answer.model_version = window->version;
+  answer.published = window->published;
   try {
     solve_contact_into(answer, *window, x_m, y_m);
     judge(answer, *snapshot, x_m);

@@ -28,6 +28,7 @@ struct TouchAnswer {
   ContactAnswer contact;                    // zero force unless kOk or kDegraded
   SolvePath path = SolvePath::kCompliance;  // used; kAuto where nothing had to be solved
   std::uint64_t window_id = 0, model_version = 0;
+  std::chrono::steady_clock::time_point published{};  // as the window's
   Covered covered;
   std::string warning;
 };

@@ -273,7 +273,8 @@ TEST_F(Faults, JitterAndLossBoundTheAgeAndDoNotLetLatencyGrow) {
   ASSERT_GT(last_s.size(), 10u);
   // Two ways of jitter and retransmission, and a pose that waited for a busy machine.
   EXPECT_LE(client::percentile(all_s, 1), 2 * (bad.jitter_s + bad.retransmission_s) + 0.3);
-  EXPECT_LE(client::percentile(last_s, 0.5), client::percentile(first_s, 0.5) + bad.jitter_s) << "latency grows";
+  EXPECT_LE(client::percentile(last_s, 0.5), client::percentile(first_s, 0.5) + bad.jitter_s)
+      << "latency grows";
   // Both clocks are this machine's: the offset is zero, and known to be to half of the quickest round trip.
   EXPECT_LE(std::abs(summary.link.clock_offset_s), summary.link.clock_offset_error_s);
   EXPECT_LE(summary.link.clock_offset_error_s, bad.jitter_s);

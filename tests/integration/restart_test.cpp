@@ -17,7 +17,7 @@ namespace {
 
 using client::ServoState;
 
-constexpr double kZeroWithinS = 0.150, kAnswersWithinS = 2.0, kPressedM = 0.002;
+constexpr double kZeroWithinS = 0.150, kAnswersWithinS = 1.0, kPressedM = 0.002;
 constexpr const char* kScene = "restart";
 
 std::vector<std::string> touch_command(const std::string& address, const std::string& record) {

@@ -73,6 +73,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<bool> scene_known{true};
   std::atomic<double> compute_s{0};  // per answer
   std::atomic<unsigned> credit{2};
+  static constexpr std::chrono::seconds kModulusAge{7};
   std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
   AnalyticTissue tissue;
 
@@ -173,6 +174,9 @@ class FakePalpation final : public v1::Palpation::Service {
     answer.set_queued_ns((begun - arrived).count());
     answer.set_compute_ns((left - begun).count());
     answer.mutable_answer_stamp()->set_monotonic_ns((left.time_since_epoch() + clock_ahead.load()).count());
+    answer.mutable_model_stamp()->set_instance(instance_);
+    answer.mutable_model_stamp()->set_monotonic_ns(
+        (left.time_since_epoch() + clock_ahead.load() - kModulusAge).count());
     {
       std::lock_guard lock(mutex_);
       ++mailbox.answers;

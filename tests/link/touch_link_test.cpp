@@ -172,6 +172,8 @@ TEST(TouchLink, KnowsTheServicesClockAndTheRoundTrip) {
   ASSERT_TRUE(person.answers.take(answer));
   EXPECT_NEAR(answer.clock_offset_s, 100, 0.02);
   EXPECT_GT(answer.round_trip_s, 0);
+  // ... and so the age of the modulus, stamped by that other clock, is known on ours.
+  EXPECT_NEAR(1e-9 * static_cast<double>(answer.received_ns) - answer.modulus_time_s, 7, 0.05);
   ASSERT_GE(stats.round_trips_s.size(), 49u);
   auto round_trips_s = stats.round_trips_s;
   EXPECT_LT(percentile(round_trips_s, 0.1), 0.005);

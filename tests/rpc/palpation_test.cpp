@@ -91,6 +91,9 @@ TEST_F(Palpation, AnswerCarriesThePoseItBelongsTo) {
   EXPECT_GE(answer.queued_ns(), 0);
   EXPECT_GT(answer.model_version(), 0U);
   EXPECT_EQ(answer.answer_stamp().instance(), opened.instance());
+  EXPECT_EQ(answer.model_stamp().instance(), opened.instance());
+  EXPECT_GT(answer.model_stamp().monotonic_ns(), 0);
+  EXPECT_LT(answer.model_stamp().monotonic_ns(), answer.answer_stamp().monotonic_ns());
   EXPECT_TRUE(toucher.finish().ok());
 }
 
