@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_servo_suite(app, met);
   teletact::bench::add_throughput_suite(app, met);
   teletact::bench::add_contact_suite(app, met);
+  teletact::bench::add_stability_suite(app, met);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -10,22 +10,37 @@ ForceChain::ForceChain(const ForceChainOptions& options)
       passivity_({.largest_damping_n_s_m = options.limits.largest_damping_n_s_m,
                   .friction_n = options.limits.friction_n}) {}
 
+// How far the model's age and the energy balance let the rendered force be trusted.
+void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept {
+  const double aged = age_gain(input.model_age_s, options_.model_age_limit_s);
+  const double energy_j = passivity_.energy_j();
+  indebted_ = energy_j < (indebted_ ? 0 : -options_.debt_limit_j);
+  if (!input.on) {
+    age_gain_ = aged;
+    debt_gain_ = 1;
+    indebted_ = false;
+  }
+  age_gain_ = std::min(aged, age_gain_ + options_.recover_1_s * dt_s);
+  debt_gain_ =
+      std::clamp(debt_gain_ + (indebted_ ? -options_.fade_1_s : options_.settle_1_s) * dt_s, 0.0, 1.0);
+  output.degraded = !(input.model_age_s <= options_.model_age_limit_s) || indebted_;
+}
+
 // The force before slew: zero unless enabled, finite and in contact.
 Vector2 ForceChain::wanted(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept {
   const ForceLimits& limits = options_.limits;
   // Silence, model age and the ramp scale the force and its ceiling alike, so that a force beyond the ceiling
   // fades with it and the slew limit can follow.
   output.silence_gain = silence_gain(input.silence_s, silence_limits(input.period_s));
-  output.degraded = !(input.model_age_s <= options_.model_age_limit_s);
-  const double gain = output.silence_gain * age_gain(input.model_age_s, options_.model_age_limit_s) *
-                      start_gain(input.enabled_s, options_.start_ramp_s);
+  const double gain = output.silence_gain * age_gain_ * start_gain(input.enabled_s, options_.start_ramp_s);
   const double ceiling_n = gain * limits.largest_force_n;
 
   output.not_finite = !input.rendered.force_n.allFinite();
   if (output.not_finite || !input.on) return Vector2::Zero();
   const double indentation_m = input.pose.position_m.y() - input.surface_m;
   Vector2 force_n = cap_stiffness(gain * input.rendered.force_n, indentation_m, limits.largest_stiffness_n_m);
-  force_n = cap_magnitude(force_n, ceiling_n);
+  force_n = debt_gain_ * cap_magnitude(force_n, ceiling_n);
+  // A debt fades what is rendered, not the damping that pays it.
   force_n += passivity_.damping_force(input.pose.velocity_m_s, dt_s);
   return cap_magnitude(force_n, ceiling_n);
 }
@@ -42,6 +57,7 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   } else {
     passivity_.observe(pose.position_m, last_force_n_, pose.position_m.y() > input.surface_m);
   }
+  judge(input, dt_s, output);
   const Vector2 wanted_n = output.not_finite ? Vector2(Vector2::Zero()) : wanted(input, dt_s, output);
   const ForceLimits& limits = options_.limits;
   Vector2 force_n = cap_slew(wanted_n, last_force_n_, limits.largest_slew_n_s, dt_s);

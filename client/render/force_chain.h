@@ -1,6 +1,7 @@
 // The safety chain, in the order of design.md: silence, model age, finite, stiffness cap, passivity, slew,
-// magnitude, velocity; and the start-up ramp. Whatever comes in, what goes out is finite, |F| <= F_max and
-// |F(n) - F(n-1)| <= slew x dt.
+// magnitude, velocity; and the start-up ramp. DEGRADED is a model past its age limit, or a display that has
+// given more energy than its controller could take back: both fade the force. Whatever comes in, what goes
+// out is finite, |F| <= F_max and |F(n) - F(n-1)| <= slew x dt.
 #pragma once
 
 #include "client/render/force_limits.h"
@@ -12,6 +13,14 @@ namespace teletact::client {
 struct ForceChainOptions {
   ForceLimits limits;
   double model_age_limit_s = 0.25;  // older: DEGRADED, and faded to nothing at twice that
+  // More energy generated than this, after the controller: DEGRADED, and faded until it is paid back. It is
+  // what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays below.
+  double debt_limit_j = 5e-3;
+  double fade_1_s = 5;    // how fast a debt fades the force
+  double settle_1_s = 2;  // how fast it returns once paid
+  // How fast trust comes back, after a debt or an old model: slower than answers come, or they would shake
+  // it.
+  double recover_1_s = 0.5;
   double start_ramp_s = 0.5;
   double longest_dt_s = 0.002;  // a tick that comes later than this slews no further
 };
@@ -33,7 +42,7 @@ struct ForceChainOutput {
   double damping_n_s_m = 0;  // added by the passivity controller
   double energy_j = 0;       // the passivity observer's
   double silence_gain = 1;
-  bool degraded = false;    // model age past its limit
+  bool degraded = false;    // model age past its limit, or energy generated past its
   bool not_finite = false;  // what was rendered was no number: fault
   bool too_fast = false;    // the device runs away: fault
 };
@@ -47,9 +56,13 @@ class ForceChain {
 
  private:
   Vector2 wanted(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
+  void judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
 
   ForceChainOptions options_;
   PassivityController passivity_;
+  double age_gain_ = 1;   // falls with the age, recovers slowly: answers that come in bursts do not shake
+  double debt_gain_ = 1;  // 1: no energy is owed
+  bool indebted_ = false;
   Vector2 last_force_n_ = Vector2::Zero();
 };
 

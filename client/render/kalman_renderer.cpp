@@ -12,6 +12,14 @@ constexpr double kSmallestIndentationM = 1e-4;
 constexpr double kUnknownStiffnessNM = 1e5;
 constexpr double kUnknownGradientNM2 = 1e7;
 
+// The offset up to `reach`, from there falling to nothing at four times it; sign kept.
+double trusted_offset(double offset_m, double reach_m) noexcept {
+  constexpr double kGivenUp = 3;  // times the reach
+  const double distance_m = std::abs(offset_m);
+  const double trusted_m = std::min(distance_m, std::max(reach_m - (distance_m - reach_m) / kGivenUp, 0.0));
+  return std::copysign(trusted_m, offset_m);
+}
+
 }  // namespace
 
 void KalmanRenderer::reset() noexcept {
@@ -42,9 +50,10 @@ void KalmanRenderer::predict(double x_m, double indentation_m, double time_s) no
   step(0, 2) = dd_m;
   state_ = (step * state_).eval();
   covariance_ = (step * covariance_ * step.transpose()).eval();
-  const double gradient = options_.use_tangent ? options_.gradient_walk_n_m2 : 0;
-  covariance_.diagonal() +=
-      dt_s * Eigen::Vector3d(options_.stiffness_walk_n_m, gradient, gradient).cwiseAbs2();
+  const double stiffness =
+      std::max(options_.stiffness_walk_share * state_(0, 1), options_.stiffness_walk_n_m);
+  const double gradient = options_.use_tangent ? options_.gradient_walk_1_m * stiffness : 0;
+  covariance_.diagonal() += dt_s * Eigen::Vector3d(stiffness, gradient, gradient).cwiseAbs2();
   anchor_x_m_ = x_m;
   anchor_indentation_m_ = indentation_m;
   anchor_time_s_ = std::max(time_s, anchor_time_s_);
@@ -104,7 +113,7 @@ void KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, dou
 
 Vector2 KalmanRenderer::stiffness_at(double x_m, double indentation_m) const noexcept {
   const double reach = options_.reach_m;
-  const double dx_m = std::clamp(x_m - anchor_x_m_, -reach, reach);
+  const double dx_m = trusted_offset(x_m - anchor_x_m_, reach);
   const double dd_m = std::clamp(indentation_m - anchor_indentation_m_, -reach, reach);
   Vector2 k = state_.row(0) + dx_m * state_.row(1) + dd_m * state_.row(2);
   const double largest = options_.largest_growth * std::max(state_(0, 1), 0.0);
@@ -114,10 +123,10 @@ Vector2 KalmanRenderer::stiffness_at(double x_m, double indentation_m) const noe
 }
 
 Vector2 KalmanRenderer::blend_at(double time_s) const noexcept {
-  return offset_n_m_ * std::exp(-std::max(time_s - offset_time_s_, 0.0) / blend_s_);
+  return offset_n_m_ * std::clamp(1 - (time_s - offset_time_s_) / blend_s_, 0.0, 1.0);
 }
 
-// The offset that keeps the force at the tool what it was, and a decay slow enough for `largest_jump`.
+// The offset that keeps the force at the tool what it was, and a ramp slow enough for `largest_jump`.
 void KalmanRenderer::start_blend(const Vector2& before_n_m, const ToolPose& pose, double time_s) noexcept {
   const double indentation_m = pose.position_m.y() - surface_m_;
   offset_n_m_.setZero();
@@ -126,7 +135,7 @@ void KalmanRenderer::start_blend(const Vector2& before_n_m, const ToolPose& pose
   if (indentation_m <= 0) return;
   const Vector2 after_n_m = stiffness_at(pose.position_m.x(), indentation_m);
   offset_n_m_ = before_n_m - after_n_m;
-  // The first tick passes T / blend of the offset: no more than a share of the smaller force, or what nobody
+  // Every tick passes T / blend of the offset: no more than a share of the smaller force, or what nobody
   // feels.
   const double smaller_n = indentation_m * std::min(before_n_m.norm(), after_n_m.norm());
   const double allowed_n = std::max(options_.largest_jump * smaller_n, options_.unfelt_jump_n);

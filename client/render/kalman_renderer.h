@@ -16,8 +16,8 @@
 // With `use_tangent` off the gradients are held at zero and this is the paper's one-state filter [k].
 //
 // Model updates are continuous: the difference between the old and the new model at the tool is added to k
-// and decays exponentially, with a time constant chosen so that no servo period passes more than
-// `largest_jump` of the force. It scales with the indentation, so it too ends at the surface.
+// and ramps to nothing, so slowly that no servo period passes more than `largest_jump`
+// of the force. It scales with the indentation, so it too ends at the surface.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,24 +30,27 @@ struct KalmanOptions {
   bool use_tangent = true;
   // Random walk, per square root of a second. Tissue under a finger at 120 mm/s changes its stiffness by half
   // within some 30 ms, so the walk is wide beside the noise: FE forces carry no sensor noise.
+  // Stiff tissue changes by more: the walk is the larger of a share of the stiffness and a floor.
+  double stiffness_walk_share = 3;
   double stiffness_walk_n_m = 500;
-  double gradient_walk_n_m2 = 1.5e5;
+  double gradient_walk_1_m = 300;  // of the gradient, per unit of the stiffness' walk
   // Measurement noise: linearisation and solver error, a share of the value and a floor.
   double force_noise_share = 0.005;
   double force_noise_n = 0.002;
-  double tangent_noise_share = 0.05;
-  double tangent_noise_n_m = 2;
+  double tangent_noise_share = 0.01;
+  double tangent_noise_n_m = 1;
   // An answer is an outlier when its force innovation exceeds this many standard deviations ...
   double gate_sigma = 6;
   int outliers_in_a_row = 3;  // ... unless this many come in a row: then the tissue has changed
-  // Trust in the gradient: how far from the anchor the expansion goes, and what k may become by it.
-  double reach_m = 0.003;
+  // Trust in the gradient: how far from the anchor the expansion goes, and what k may become by it. Sideways
+  // it is given up again over three times that: further away the stiffness of the anchor is the better guess.
+  double reach_m = 0.004;
   double largest_growth = 3;
   // Blend of model updates.
   double servo_period_s = 0.001;
   double largest_jump = 0.07;    // of the force, per servo period (T5.4)
   double unfelt_jump_n = 0.005;  // so that a first contact does not take for ever
-  double shortest_blend_s = 0.003;
+  double shortest_blend_s = 0.0015;
   double longest_blend_s = 0.06;
 };
 

@@ -2,11 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
-#include <random>
-
-#include "client/render/hold_renderer.h"
-#include "client/render/kalman_renderer.h"
 
 namespace teletact::client {
 namespace {
@@ -128,60 +125,56 @@ TEST(ForceChain, RunawayIsSaidNotStepped) {
   EXPECT_LE((output.force_n - before).norm(), options.limits.largest_slew_n_s * 0.001 + 1e-12);
 }
 
-// Any stream of answers whatever: bounded, finite, no step beyond the slew.
-TEST(ForceChain, BoundsHoldForAnyStream) {
-  std::mt19937_64 random(20240611);
-  std::uniform_real_distribution<double> uniform(-1, 1);
-  const auto wild = [&]() -> double {
-    switch (random() % 8) {
-      case 0:
-        return kNaN;
-      case 1:
-        return kInfinity * uniform(random);
-      case 2:
-        return 1e300 * uniform(random);
-      case 3:
-        return 0;
-      default:
-        return std::pow(10, 4 * uniform(random)) * uniform(random);
-    }
-  };
+// A display that pushes a finger which gives way: energy flows out of it.
+TEST(ForceChain, GivenEnergyGeneratedBeyondTheLimitWhenItIsNotPaidBackThenDegradedAndFaded) {
   ForceChainOptions options;
+  options.limits.largest_damping_n_s_m = 0;  // a controller that cannot help
   ForceChain chain(options);
-  KalmanRenderer kalman;
-  HoldRenderer hold;
-  const ForceLimits& limits = options.limits;
-  Vector2 last = Vector2::Zero();
-  for (int n = 0; n < 100000; ++n) {
-    const bool tame = random() % 2 == 0;
-    const auto number = [&](double scale) { return tame ? scale * uniform(random) : wild(); };
-    ForceSample sample;
-    sample.position_m = Vector2(number(0.1), number(0.01));
-    sample.force_n = Vector2(number(5), number(5));
-    sample.tangent_n_m << number(500), number(500), number(500), number(500);
-    sample.pose_time_s = number(10);
-    sample.contact = random() % 4 != 0;
-    ForceChainInput input;
-    input.pose.position_m = Vector2(uniform(random) * 0.1, uniform(random) * 0.02);
-    input.pose.velocity_m_s = Vector2(number(0.3), number(0.3));
-    if (random() % 50 == 0) input.pose.position_m.y() = wild();
-    Renderer& renderer = n % 2000 < 1000 ? static_cast<Renderer&>(kalman) : hold;
-    if (is_finite(sample)) renderer.update(sample, input.pose, 1e-3 * n);
-    input.rendered = renderer.render(input.pose, 1e-3 * n);
-    if (random() % 10 == 0) input.rendered.force_n = Vector2(wild(), wild());
-    input.on = random() % 10 != 0;
-    input.enabled_s = number(2);
-    input.silence_s = number(0.1);
-    input.model_age_s = number(0.3);
-    input.period_s = number(0.01);
-    input.dt_s = random() % 20 == 0 ? wild() : 0.001;
-    const Vector2 force = chain.apply(input).force_n;
-    ASSERT_TRUE(force.allFinite()) << n;
-    ASSERT_LE(force.norm(), limits.largest_force_n * (1 + 1e-12)) << n;
-    const double dt_s = std::isfinite(input.dt_s) ? std::clamp(input.dt_s, 0.0, 0.002) : 0;
-    ASSERT_LE((force - last).norm(), limits.largest_slew_n_s * dt_s + 1e-12) << n;
-    last = force;
+  ForceChainInput input = pressed(1.0);
+  input.pose.position_m.y() = 0.012;
+  settle(chain, input);
+  EXPECT_FALSE(chain.apply(input).degraded);
+  for (int n = 0; n < 8; ++n) {  // 1 mm outwards each
+    input.pose.position_m.y() = 0.012 - 0.001 * n;
+    chain.apply(input);
   }
+  EXPECT_TRUE(chain.apply(input).degraded);
+  EXPECT_EQ(settle(chain, input, 500), 0);
+  // WHEN friction has paid it back, THEN the force returns slowly
+  options.limits.friction_n = 0.2;
+  ForceChain rubbing(options);
+  input = pressed(1.0);
+  input.pose.position_m.y() = 0.012;
+  settle(rubbing, input);
+  for (int n = 0; n < 8; ++n) {
+    input.pose.position_m.y() = 0.012 - 0.001 * n;
+    input.rendered.force_n.y() = -3;
+    rubbing.apply(input);
+  }
+  ASSERT_TRUE(rubbing.apply(input).degraded);
+  input.rendered.force_n.y() = -1;
+  int ticks = 0;
+  for (; ticks < 5000 && rubbing.apply(input).degraded; ++ticks) input.pose.position_m.x() += 0.0001;
+  EXPECT_LT(ticks, 5000);
+  const double before_n = rubbing.last_force_n().norm();
+  rubbing.apply(input);
+  EXPECT_LE(rubbing.last_force_n().norm() - before_n, options.settle_1_s * 0.001 * 1.0 + 1e-9);
+  EXPECT_NEAR(settle(rubbing, input, 3000), 1, 1e-9);
+}
+
+TEST(ForceChain, GivenAModelThatIsTooOldNowAndThenWhenAnswersComeThenTheForceIsNotShaken) {
+  ForceChain chain({});
+  ForceChainInput input = pressed(1.0);
+  double low = 1e9, high = 0;
+  for (int n = 0; n < 5000; ++n) {
+    input.model_age_s = 0.2 + 0.001 * (n % 100);  // answers at 10 Hz, 200 ms old
+    chain.apply(input);
+    if (n < 3000) continue;
+    low = std::min(low, chain.last_force_n().norm());
+    high = std::max(high, chain.last_force_n().norm());
+  }
+  EXPECT_GT(low, 0.75);
+  EXPECT_LT(high / low, 1.07);
 }
 
 }  // namespace

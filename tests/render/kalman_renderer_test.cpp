@@ -83,8 +83,11 @@ TEST(KalmanRenderer, IsBetterThanHoldAndThanForceOnly) {
 
 TEST(KalmanRenderer, ConvergesToTheStiffnessUnderNoiseAndKnowsHowWell) {
   // GIVEN a filter told of small walk and of 2 % noise, WHEN 400 noisy answers of a spring arrive
-  KalmanOptions options{
-      .use_tangent = false, .stiffness_walk_n_m = 1, .force_noise_share = 0, .force_noise_n = 0.02};
+  KalmanOptions options{.use_tangent = false,
+                        .stiffness_walk_share = 0,
+                        .stiffness_walk_n_m = 1,
+                        .force_noise_share = 0,
+                        .force_noise_n = 0.02};
   KalmanRenderer kalman(options);
   std::mt19937 random(7);
   std::normal_distribution<double> noise(0, 0.02);
@@ -197,6 +200,20 @@ TEST(KalmanRenderer, PressSlideReleaseDoesNoWork) {
   to({0.060, 0.0}, 0.2);
   EXPECT_GT(stored_j, 1e-3);
   EXPECT_LE(std::abs(work_j), 0.04 * stored_j);
+}
+
+TEST(KalmanRenderer, GivenAnAnswerFarBehindWhenItIsRenderedThenItsGradientIsGivenUpContinuously) {
+  KalmanRenderer kalman;
+  const AnalyticTissue tissue;
+  const ForceSample answer = tissue.answer({0.025, 0.004});
+  kalman.update(answer, at(0.025, 0.004), 0);
+  const auto stiffness = [&](double x_m) { return kalman.render(at(x_m, 0.004), 1).stiffness_n_m; };
+  const double there = -answer.force_n.y() / 0.004;
+  // the inclusion's flank: near the answer its slope is followed, 20 mm on its stiffness is all that is known
+  EXPECT_GT(stiffness(0.028), 1.1 * there);
+  EXPECT_NEAR(stiffness(0.045), there, 1e-6 * there);
+  for (double x_m = 0.005; x_m < 0.05; x_m += 1e-5)
+    EXPECT_NEAR(stiffness(x_m), stiffness(x_m + 1e-5), 0.002 * there) << x_m;
 }
 
 TEST(HoldRenderer, HoldsTheLastForceAndDropsItOffContact) {

@@ -1,0 +1,50 @@
+#include "bench/stability/path.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace teletact::bench {
+
+HandPath::HandPath(const TrialOptions& options, double background_n_m) : sweep_m_(options.sweep_m) {
+  const double resisted = 1 + background_n_m / options.hand.stiffness_n_m;
+  depth_m_ = options.indentation_m * resisted;
+  // A light touch overcomes the device's friction.
+  touch_m_ =
+      options.light_touch ? kTouchM + options.device.friction_n / options.hand.stiffness_n_m : depth_m_;
+  // Each way down takes as long however deep the target goes for the resistance: the finger itself moves at
+  // kApproachMS.
+  touched_s_ = kHoverS + (kHoverM + std::min(touch_m_, options.indentation_m)) / kApproachMS;
+  pressing_s_ = touched_s_ + (options.light_touch ? kTouchS : 0);
+  pressed_s_ =
+      pressing_s_ + (options.indentation_m - std::min(touch_m_, options.indentation_m)) / kApproachMS;
+  begun_s_ = pressed_s_ + kPressedS;
+  stopped_s_ = begun_s_ + (sweep_m_ > 0 ? sweep_m_ / kSpeedMS + kSpeedMS / kAccelerationMS2 : 0);
+  end_s_ = stopped_s_ + options.rest_s;
+}
+
+double HandPath::depth(double time_s) const {
+  const auto share = [time_s](double from_s, double to_s) {
+    return to_s > from_s ? std::clamp((time_s - from_s) / (to_s - from_s), 0.0, 1.0) : 1.0;
+  };
+  return -kHoverM + share(kHoverS, touched_s_) * (kHoverM + touch_m_) +
+         share(pressing_s_, pressed_s_) * (depth_m_ - touch_m_);
+}
+
+double HandPath::along(double time_s) const {
+  if (sweep_m_ <= 0) return 0;
+  const double ramp_s = kSpeedMS / kAccelerationMS2, cruise_s = sweep_m_ / kSpeedMS - ramp_s;
+  const auto ramp_m = [](double s) { return kAccelerationMS2 * s * s / 2; };
+  const double t = std::clamp(time_s - begun_s_, 0.0, stopped_s_ - begun_s_);
+  const double left_s = std::clamp(stopped_s_ - begun_s_ - t, 0.0, ramp_s);
+  return ramp_m(std::min(t, ramp_s)) + kSpeedMS * std::clamp(t - ramp_s, 0.0, cruise_s) + ramp_m(ramp_s) -
+         ramp_m(left_s);
+}
+
+HandTarget HandPath::at(double time_s) const {
+  constexpr double kServoS = 0.001;
+  const auto place = [this](double s) { return Vector2(kBeginM + along(s), depth(s)); };
+  const Vector2 now_m = place(time_s);
+  return {now_m, (place(time_s + kServoS) - now_m) / kServoS};
+}
+
+}  // namespace teletact::bench

@@ -1,0 +1,51 @@
+// Tissue in closed form for stability trials: U(x, d) = 1/2 K(x) d^2, conservative as (T4.5) asks, so that
+// the stiffness felt is K(x) whatever the depth. Homogeneous, or with round inclusions along x whose middle
+// has the stated largest stiffness.
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+#include "client/render/renderer.h"
+
+namespace teletact::bench {
+
+enum class Scene { kHomogeneous, kInclusions };
+
+class StabilityTissue {
+ public:
+  static constexpr double kContrast = 3;
+  // K(x) is at most `largest_n_m`.
+  StabilityTissue(Scene scene, double largest_n_m)
+      : background_n_m_(scene == Scene::kHomogeneous ? largest_n_m : largest_n_m / kContrast) {
+    if (scene == Scene::kInclusions) centres_m_ = {0.03, 0.06, 0.09};
+  }
+  double background_n_m() const { return background_n_m_; }
+
+  client::ForceSample answer(const client::Vector2& position_m) const {
+    client::ForceSample sample;
+    sample.position_m = position_m;
+    const double d = position_m.y();
+    if (d <= 0) return sample;
+    double k = background_n_m_, slope = 0, bend = 0;  // K, K', K''
+    for (const double centre_m : centres_m_) {
+      const double u = (position_m.x() - centre_m) / kWidthM;
+      const double bump = (kContrast - 1) * background_n_m_ * std::exp(-u * u / 2);
+      k += bump;
+      slope -= u / kWidthM * bump;
+      bend += (u * u - 1) / (kWidthM * kWidthM) * bump;
+    }
+    sample.contact = true;
+    sample.force_n = {-slope * d * d / 2, -k * d};
+    sample.tangent_n_m << -bend * d * d / 2, -slope * d, -slope * d, -k;
+    return sample;
+  }
+  client::Vector2 force_n(const client::Vector2& position_m) const { return answer(position_m).force_n; }
+
+ private:
+  static constexpr double kWidthM = 0.005;  // standard deviation: 12 mm wide
+  double background_n_m_;
+  std::vector<double> centres_m_;
+};
+
+}  // namespace teletact::bench

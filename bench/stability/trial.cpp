@@ -1,0 +1,273 @@
+#include "bench/stability/trial.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "bench/stability/path.h"
+#include "client/render/renderers.h"
+#include "client/servo/servo_loop.h"
+
+namespace teletact::bench {
+namespace {
+
+using client::ForceSample;
+using client::ToolPose;
+
+constexpr double kServoS = 0.001;
+constexpr std::int64_t kServoNs = 1'000'000;
+constexpr std::size_t kLongestDelayTicks = 1024;
+
+std::size_t ticks_of(double seconds) {
+  return static_cast<std::size_t>(std::lround(seconds / kServoS));
+}
+
+// What a controller knows of the plant: positions to the device's resolution, velocity from their differences
+// through a first-order filter; an ideal display is read exactly.
+class Sensor {
+ public:
+  Sensor(double resolution_m, const Vector2& start_m) : resolution_m_(resolution_m) {
+    reading_.position_m = quantised(start_m);
+  }
+  const ToolPose& read(const Plant& plant) noexcept {
+    if (resolution_m_ <= 0) {
+      reading_ = {plant.position_m(), plant.velocity_m_s()};
+      return reading_;
+    }
+    constexpr double kFilterS = 0.002;
+    const Vector2 now_m = quantised(plant.position_m());
+    reading_.velocity_m_s +=
+        kServoS / (kServoS + kFilterS) * ((now_m - reading_.position_m) / kServoS - reading_.velocity_m_s);
+    reading_.position_m = now_m;
+    return reading_;
+  }
+
+ private:
+  Vector2 quantised(const Vector2& m) const {
+    return resolution_m_ > 0 ? Vector2((m / resolution_m_).array().round() * resolution_m_) : m;
+  }
+  double resolution_m_;
+  ToolPose reading_;
+};
+
+// The plant behind the product's device interface: what the servo writes is felt from then on.
+class TrialDevice final : public client::HapticDevice {
+ public:
+  explicit TrialDevice(const client::DeviceProfile& profile) : profile_(profile) {}
+  const client::DeviceProfile& profile() const noexcept override { return profile_; }
+  void open() override {}
+  void close() noexcept override {}
+  bool read(std::int64_t, client::DeviceReading& reading) noexcept override {
+    reading.pose = pose;
+    reading.resume_pressed = resume;
+    return true;
+  }
+  bool write(const Vector2& n) noexcept override {
+    force_n = n;
+    return true;
+  }
+  ToolPose pose;
+  bool resume = false;
+  Vector2 force_n = Vector2::Zero();
+
+ private:
+  client::DeviceProfile profile_;
+};
+
+// A renderer as it is, or in the servo loop with its safety chain.
+class Controller {
+ public:
+  explicit Controller(const TrialOptions& options)
+      : safe_(options.safe),
+        period_s_(options.update_s),
+        renderer_(client::make_renderer(options.renderer, kServoS)),
+        device_(options.device) {
+    if (!safe_) return;
+    client::ServoOptions servo;
+    servo.chain.limits = options.device.limits();
+    loop_ = std::make_unique<client::ServoLoop>(device_, *renderer_, clock_, servo);
+  }
+  Vector2 tick(const ToolPose& pose, const ForceSample* answer, double time_s) noexcept {
+    if (!safe_) {
+      if (answer != nullptr) renderer_->update(*answer, pose, time_s);
+      return renderer_->render(pose, time_s).force_n;
+    }
+    if (answer != nullptr) {
+      client::ServoAnswer incoming;
+      incoming.sample = *answer;
+      incoming.sample.pose_time_s += kStartS;
+      incoming.covered = true;
+      incoming.received_ns = clock_.time_ns;
+      incoming.period_s = period_s_;
+      loop_->answers().put(incoming);
+    }
+    device_.pose = pose;
+    device_.resume = time_s < HandPath::kHoverS;
+    loop_->tick(clock_.time_ns);
+    clock_.time_ns += kServoNs;
+    loop_->telemetry().pop(last);
+    return device_.force_n;
+  }
+  client::ServoTick last;
+
+ private:
+  static constexpr double kStartS = 1;  // the manual clock's
+  bool safe_;
+  double period_s_;
+  std::unique_ptr<client::Renderer> renderer_;
+  TrialDevice device_;
+  client::ManualClock clock_;
+  std::unique_ptr<client::ServoLoop> loop_;
+};
+
+// Poses that are on their way to becoming answers, in order.
+class Answers {
+ public:
+  Answers(const StabilityTissue& tissue, const TrialOptions& options)
+      : tissue_(tissue),
+        every_(std::max<std::size_t>(ticks_of(options.update_s), 1)),
+        late_(ticks_of(options.model_delay_s)) {}
+  // The answer that arrives at this tick, if one does.
+  const ForceSample* at(std::size_t tick, const ToolPose& pose) {
+    if (tick % every_ == 0) {
+      ForceSample& sample = waiting_[asked_ % waiting_.size()];
+      sample = tissue_.answer(pose.position_m);
+      sample.sequence = ++asked_;
+      sample.pose_time_s = kServoS * static_cast<double>(tick);
+    }
+    if (tick < late_ || (tick - late_) % every_ != 0) return nullptr;
+    return &(newest_ = waiting_[given_++ % waiting_.size()]);
+  }
+  const ForceSample& newest() const { return newest_; }
+
+ private:
+  const StabilityTissue& tissue_;
+  std::size_t every_, late_;
+  std::array<ForceSample, kLongestDelayTicks> waiting_;
+  std::size_t asked_ = 0, given_ = 0;
+  ForceSample newest_;
+};
+
+// Squares of the force error of what was written and of two exact models of the same age.
+struct ForceErrors {
+  double truth = 0, felt = 0, law = 0, tangent = 0;
+  void add(const StabilityTissue& tissue, const Plant& plant, const ToolPose& read, const ForceSample& newest,
+           const Vector2& written_n) {
+    const Vector2 truth_n = tissue.force_n(plant.position_m());
+    const Vector2 law_n = tissue.force_n({newest.position_m.x(), read.position_m.y()});
+    const Vector2 tangent_n = newest.force_n + newest.tangent_n_m * (read.position_m - newest.position_m);
+    truth += truth_n.squaredNorm();
+    felt += (written_n - truth_n).squaredNorm();
+    law += (law_n - truth_n).squaredNorm();
+    tangent += (tangent_n - truth_n).squaredNorm();
+  }
+  double relative(double squares) const { return truth > 0 ? std::sqrt(squares / truth) : 0; }
+};
+
+// Slowest and fastest place over the last half second.
+struct Swing {
+  Vector2 low = Vector2::Constant(std::numeric_limits<double>::infinity());
+  Vector2 high = Vector2::Constant(-std::numeric_limits<double>::infinity());
+  void add(const Vector2& position_m) {
+    low = low.cwiseMin(position_m);
+    high = high.cwiseMax(position_m);
+  }
+  double peak_to_peak_m() const { return (high - low).norm(); }
+};
+
+constexpr double kLostM = 0.05;       // this far from where it should be, nothing is left to simulate
+constexpr double kUnstableM = 0.004;  // a swing that a hand would not hold
+constexpr double kWatchedS = 0.5;
+
+Verdict judge(const TrialOptions& options, double swing_m) {
+  // What quantisation alone makes a hand tremble by, and what a hand still drifts by after its stop.
+  const double unfelt_m = 3 * options.device.resolution_m + 3e-5;
+  if (!(swing_m < kUnstableM)) return Verdict::kUnstable;
+  return swing_m < unfelt_m ? Verdict::kStable : Verdict::kLimitCycle;
+}
+
+void count_safety(const Controller& controller, TrialResult& result) {
+  if (controller.last.state != client::ServoState::kEnabled) return;
+  ++result.enabled_share;
+  if (controller.last.degraded) ++result.degraded_share;
+  if (controller.last.damping_n_s_m > 0) ++result.damping_share;
+}
+
+void finish(const TrialOptions& options, const ForceErrors& errors, double swing_m, TrialResult& result) {
+  result.swing_m = swing_m;
+  result.verdict = judge(options, swing_m);
+  result.force_error = errors.relative(errors.felt);
+  result.exact_law_error = errors.relative(errors.law);
+  result.exact_tangent_error = errors.relative(errors.tangent);
+  const double after_start =
+      static_cast<double>(result.ticks - std::min(result.ticks, ticks_of(HandPath::kHoverS)));
+  const double enabled = std::max(result.enabled_share, 1.0);
+  result.degraded_share /= enabled;
+  result.damping_share /= enabled;
+  result.enabled_share /= std::max(after_start, 1.0);
+}
+
+}  // namespace
+
+const char* to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kStable:
+      return "stable";
+    case Verdict::kLimitCycle:
+      return "limit cycle";
+    case Verdict::kUnstable:
+      return "unstable";
+  }
+  return "unknown";
+}
+
+client::DeviceProfile ideal_display() {
+  constexpr double kNone = 1e6;
+  return {"ideal", 1e3, kNone, 5, 1, 0, 0, 0};
+}
+
+TrialResult run_trial(const TrialOptions& options) {
+  const StabilityTissue tissue(options.scene, options.stiffness_n_m);
+  const HandPath path(options, tissue.background_n_m());
+  Plant plant({.mass_kg = options.device.apparent_mass_kg + options.hand.mass_kg,
+               .damping_n_s_m = options.damping_n_s_m,
+               .friction_n = options.device.friction_n,
+               .hand_stiffness_n_m = options.hand.stiffness_n_m,
+               .hand_damping_n_s_m = options.hand.damping_n_s_m,
+               .step_s = kServoS},
+              HandPath::start_m());
+  Sensor sensor(options.device.resolution_m, HandPath::start_m());
+  Controller controller(options);
+  Answers answers(tissue, options);
+  std::array<Vector2, kLongestDelayTicks> written_n;
+  written_n.fill(Vector2::Zero());
+  const std::size_t ticks = ticks_of(path.end_s()), late = ticks_of(options.force_delay_s);
+  ForceErrors errors;
+  Swing swing;
+  TrialResult result;
+  for (std::size_t tick = 0; tick < ticks; ++tick, ++result.ticks) {
+    const double time_s = kServoS * static_cast<double>(tick);
+    const ToolPose& pose = sensor.read(plant);
+    Vector2& newest_n = written_n[tick % written_n.size()];
+    newest_n = controller.tick(pose, answers.at(tick, pose), time_s);
+    const Vector2& felt_n = written_n[(tick + written_n.size() - late) % written_n.size()];
+    if (path.exploring(time_s)) errors.add(tissue, plant, pose, answers.newest(), felt_n);
+    const HandTarget target = path.at(time_s);
+    plant.step(felt_n, target);
+    if (options.safe && time_s >= HandPath::kHoverS) count_safety(controller, result);
+    result.generated_j = std::max(result.generated_j, -plant.port_energy_j());
+    result.stored_j = std::max(result.stored_j, plant.port_energy_j());
+    if (time_s >= path.end_s() - kWatchedS) swing.add(plant.position_m());
+    if (!((plant.position_m() - target.position_m).norm() <
+          kLostM + options.stiffness_n_m * options.indentation_m / options.hand.stiffness_n_m)) {
+      finish(options, errors, std::numeric_limits<double>::infinity(), result);
+      return result;
+    }
+  }
+  finish(options, errors, swing.peak_to_peak_m(), result);
+  return result;
+}
+
+}  // namespace teletact::bench

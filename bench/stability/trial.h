@@ -1,0 +1,58 @@
+// One stability trial: a hand presses, explores at 120 mm/s and stops, on a display that renders tissue from
+// answers which are late and few. Time is simulated; a second takes about a millisecond.
+#pragma once
+
+#include <string>
+
+#include "bench/stability/plant.h"
+#include "bench/stability/tissue.h"
+#include "client/haptic/profiles.h"
+
+namespace teletact::bench {
+
+// Mass, stiffness and damping of a hand (T5.7).
+struct HandProfile {
+  const char* name;
+  double mass_kg, damping_n_s_m, stiffness_n_m;
+};
+
+// A display without mass of its own, friction, resolution or limits: the servo alone bounds it.
+client::DeviceProfile ideal_display();
+
+struct TrialOptions {
+  std::string renderer = "kalman";
+  client::DeviceProfile device = ideal_display();
+  double damping_n_s_m = 0.5;  // of the display
+  HandProfile hand{"middle", 0.1, 5, 500};
+  Scene scene = Scene::kHomogeneous;
+  double stiffness_n_m = 500;    // largest of the scene
+  double update_s = 0.02;        // between answers
+  double model_delay_s = 0;      // from a pose to its answer
+  double force_delay_s = 0;      // from the renderer to the device
+  double indentation_m = 0.003;  // that the hand goes for
+  double sweep_m = 0.1;          // explored at 120 mm/s; 0: pressed alone
+  double rest_s = 1;             // at the end, watched
+  bool light_touch = true;       // before it presses, as fingers do; false: straight in
+  bool safe = false;             // through the servo loop with its whole safety chain
+};
+
+enum class Verdict { kStable, kLimitCycle, kUnstable };
+const char* to_string(Verdict);
+
+struct TrialResult {
+  Verdict verdict = Verdict::kStable;
+  double swing_m = 0;      // peak to peak over the last half second of rest
+  double generated_j = 0;  // most that the display, damping and friction included, has given in excess
+  double stored_j = 0;     // most that it has held
+  // RMS over the exploration in contact, over the RMS of the true force: of what was written, of the exact
+  // contact law of the place that the newest answer is of, and of that answer's exact force and tangent.
+  double force_error = 0, exact_law_error = 0, exact_tangent_error = 0;
+  double degraded_share = 0;  // of the ticks while ENABLED
+  double enabled_share = 0;   // of the ticks after the start
+  double damping_share = 0;   // of the ticks: the passivity controller at work
+  std::size_t ticks = 0;
+};
+
+TrialResult run_trial(const TrialOptions&);
+
+}  // namespace teletact::bench

@@ -1,0 +1,58 @@
+// teletact-bench stability: simulated displays and hands about the client's own renderers and servo loop.
+#include "bench/suites/stability.h"
+
+#include <fstream>
+#include <memory>
+
+namespace teletact::bench {
+namespace {
+
+using nlohmann::json;
+
+const std::vector<StabilityPart>& parts() {
+  static const std::vector<StabilityPart> all{stability_passivity(), stability_promise(), stability_chart(),
+                                              stability_fuzz()};
+  return all;
+}
+
+void draw(const json& result, const std::string& folder) {
+  std::filesystem::create_directories(folder);
+  for (const StabilityPart& part : parts())
+    if (part.draw != nullptr && result.contains(part.name)) part.draw(result[part.name], folder);
+}
+
+json read(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw BenchError("cannot read --replot " + path);
+  json result = json::parse(file, nullptr, false);
+  if (result.is_discarded() || result.value("suite", "") != "stability")
+    throw BenchError("--replot " + path + ": not the --json of this suite");
+  return result;
+}
+
+bool run(const SuiteOptions& options) {
+  if (!options.replot.empty()) {
+    if (options.out.empty()) throw BenchError("--replot needs --out");
+    draw(read(options.replot), options.out);
+    return true;
+  }
+  json result{{"suite", "stability"}, {"quick", options.quick}};
+  std::vector<Target> targets;
+  for (const StabilityPart& part : parts()) result[part.name] = part.measure(options.quick, targets);
+  const bool met = finish(result, targets, options);
+  if (!options.out.empty()) draw(result, options.out);
+  return met;
+}
+
+}  // namespace
+
+void add_stability_suite(CLI::App& app, bool& met) {
+  const auto options = std::make_shared<SuiteOptions>();
+  CLI::App& command = *app.add_subcommand(
+      "stability",
+      "where a touch is stable and passive: renderers against stiffness, rates, delays and devices");
+  add_common_options(command, *options);
+  command.callback([options, &met] { met = run(*options); });
+}
+
+}  // namespace teletact::bench

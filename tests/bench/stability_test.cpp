@@ -1,0 +1,112 @@
+// The stability suite's own parts: its plant against closed forms, its borders against (T5.2), its fuzzing.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "bench/stability/fuzz.h"
+#include "bench/stability/passivity_border.h"
+#include "bench/stability/plant.h"
+#include "bench/stability/trial.h"
+
+namespace teletact::bench {
+namespace {
+
+TEST(Plant, GivenAReleasedMassWhenItSwingsThenItFollowsTheClosedForm) {
+  PlantOptions options{
+      .mass_kg = 0.2, .damping_n_s_m = 0.3, .hand_stiffness_n_m = 500, .hand_damping_n_s_m = 2};
+  Plant plant(options, {0.01, -0.004});
+  for (int n = 0; n < 300; ++n) plant.step({0, 0}, {});
+  const double decay = 2.3 / 0.4, omega = std::sqrt(500 / 0.2 - decay * decay), t = 0.3;
+  const double shape = std::exp(-decay * t) * (std::cos(omega * t) + decay / omega * std::sin(omega * t));
+  EXPECT_NEAR(plant.position_m().x(), 0.01 * shape, 1e-9);
+  EXPECT_NEAR(plant.position_m().y(), -0.004 * shape, 1e-9);
+}
+
+TEST(Plant, GivenAnOverdampedMassWhenItsHandMovesThenItLagsByTheDisplaysShareOfTheDamping) {
+  PlantOptions options{
+      .mass_kg = 0.05, .damping_n_s_m = 20, .hand_stiffness_n_m = 400, .hand_damping_n_s_m = 5};
+  Plant plant(options, {0, 0});
+  for (int n = 0; n < 2000; ++n) plant.step({0, 0}, {{0.12 * 0.001 * n, 0}, {0.12, 0}});
+  EXPECT_NEAR(0.12 * 2 - plant.position_m().x(), 20 * 0.12 / 400, 1e-9);
+}
+
+TEST(Plant, GivenAConstantForceWhenItHasSettledThenThePortHoldsWhatWasPutIn) {
+  // Pressed to rest against 1 N: the hand has done F dx on the display, and b v^2 was dissipated on the way.
+  PlantOptions options{
+      .mass_kg = 0.1, .damping_n_s_m = 0.5, .hand_stiffness_n_m = 500, .hand_damping_n_s_m = 10};
+  Plant plant(options, {0, 0});
+  for (int n = 0; n < 3000; ++n) plant.step({0, -1}, {{0.01, 0.01}, {0, 0}});
+  EXPECT_NEAR(plant.position_m().y(), 0.01 - 1.0 / 500, 1e-9);
+  // Hand's spring: 1/2 k (r^2 - (r - x)^2) was released; its damper took part, mass none, the rest is the
+  // port's.
+  const double released_j = 0.5 * 500 * (2 * 1e-4 - std::pow(1.0 / 500, 2));
+  EXPECT_LT(plant.port_energy_j(), released_j);
+  EXPECT_GT(plant.port_energy_j(), 0.008 - 1e-9);
+}
+
+TEST(Plant, FrictionHoldsAMassThatIsPulledByLess) {
+  PlantOptions options{.friction_n = 0.2};
+  Plant plant(options, {0, 0});
+  for (int n = 0; n < 1000; ++n) plant.step({0.19, 0}, {});
+  EXPECT_EQ(plant.position_m().norm(), 0);
+  for (int n = 0; n < 3000; ++n) plant.step({0.7, 0}, {});
+  EXPECT_GT(plant.position_m().x(), (0.7 - 0.2) / 500 - 1e-6);
+  EXPECT_LT(plant.velocity_m_s().norm(), 1e-9);
+}
+
+TEST(PassivityBorder, TheWorstMotionIsWithinTwoPercentOfColgateFractionalDelaysIncluded) {
+  for (const double delay : {0.0, 0.1, 0.5, 0.9, 1.0, 2.3, 5.5, 10.7}) {
+    const ImposedMotion motion = worst_motion(delay, static_cast<std::size_t>(60 * (1 + delay)));
+    for (const double stiffness : {10.0, 1e4})
+      for (const double period : {0.001, 0.5}) {
+        const double bound = colgate_border_n_s_m(stiffness, period, delay * period);
+        EXPECT_NEAR(border_n_s_m(motion, stiffness, period, delay * period) / bound, 1, 0.02) << delay;
+      }
+  }
+}
+
+TEST(PassivityBorder, NoMotionCostsMoreThanTheWorst) {
+  for (const double delay : {0.0, 0.5, 2.3}) {
+    const double bound = colgate_border_n_s_m(300, 0.02, delay * 0.02);
+    for (const double samples : {4.0, 8.0, 20.0, 100.0})
+      EXPECT_LE(border_n_s_m(slow_sinusoid(samples, 400, delay), 300, 0.02, delay * 0.02),
+                bound * (1 + 1e-9));
+  }
+}
+
+TEST(PassivityBorder, ASlowSinusoidHidesAFractionalDelay) {
+  EXPECT_LT(border_n_s_m(slow_sinusoid(100, 400, 0.25), 300, 0.02, 0.005),
+            0.95 * colgate_border_n_s_m(300, 0.02, 0.005));
+}
+
+TEST(Trial, AHeldFiftyHertzForceShakesWhereTheKalmanFilterIsStill) {
+  TrialOptions options;
+  options.stiffness_n_m = 800;
+  options.renderer = "hold";
+  EXPECT_NE(run_trial(options).verdict, Verdict::kStable);
+  options.renderer = "kalman";
+  const TrialResult kalman = run_trial(options);
+  EXPECT_EQ(kalman.verdict, Verdict::kStable);
+  EXPECT_LT(kalman.force_error, 0.02);
+}
+
+TEST(Trial, GivenAHardTissueNotKnownYetWhenItIsPressedIntoThenTheEnergyIsSeenAndDegradedSaid) {
+  TrialOptions options;
+  options.stiffness_n_m = 3000;
+  options.model_delay_s = 0.1;
+  options.safe = true;
+  const TrialResult light = run_trial(options);
+  EXPECT_EQ(light.degraded_share, 0);
+  EXPECT_LT(light.generated_j, 1e-5);
+  options.light_touch = false;
+  EXPECT_GT(run_trial(options).degraded_share, 0);
+}
+
+TEST(ForceChain, BoundsHoldForAnyStreamOfAnswers) {
+  const FuzzResult result = fuzz_forces(200000, 20240611);
+  EXPECT_EQ(result.cases, 200000u);
+  EXPECT_EQ(result.violations(), 0u);
+}
+
+}  // namespace
+}  // namespace teletact::bench
