@@ -87,6 +87,7 @@ class Controller {
     if (!safe_) return;
     client::ServoOptions servo;
     servo.chain.limits = options.device.limits();
+    servo.chain.limits.damping_n_s_m = options.damping_n_s_m;
     loop_ = std::make_unique<client::ServoLoop>(device_, *renderer_, clock_, servo);
   }
   Vector2 tick(const ToolPose& pose, const ForceSample* answer, double time_s) noexcept {

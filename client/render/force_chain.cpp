@@ -8,7 +8,8 @@ namespace teletact::client {
 ForceChain::ForceChain(const ForceChainOptions& options)
     : options_(options),
       passivity_({.largest_damping_n_s_m = options.limits.largest_damping_n_s_m,
-                  .friction_n = options.limits.friction_n}) {}
+                  .friction_n = options.limits.friction_n,
+                  .mechanism_n_s_m = options.limits.damping_n_s_m}) {}
 
 // How far the model's age and the energy balance let the rendered force be trusted.
 void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept {
@@ -55,7 +56,7 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   } else if (!input.on) {
     passivity_.reset();
   } else {
-    passivity_.observe(pose.position_m, last_force_n_, pose.position_m.y() > input.surface_m);
+    passivity_.observe(pose.position_m, last_force_n_, pose.position_m.y() > input.surface_m, dt_s);
   }
   judge(input, dt_s, output);
   const Vector2 wanted_n = output.not_finite ? Vector2(Vector2::Zero()) : wanted(input, dt_s, output);

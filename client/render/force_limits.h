@@ -14,6 +14,7 @@ struct ForceLimits {
   double largest_slew_n_s = 130;
   double largest_speed_m_s = 1.0;  // faster than any exploring hand: the device runs away
   double friction_n = 0;           // Coulomb friction of the mechanism: dissipates, never generates
+  double damping_n_s_m = 0;        // viscous, of the mechanism, as far as it is known
 };
 
 // When silence since the last answer starts to fade the force, and when it is zero: past max(50 ms, 2

@@ -8,15 +8,19 @@ void PassivityController::reset() noexcept {
   *this = PassivityController(options_);
 }
 
-void PassivityController::observe(const Vector2& position_m, const Vector2& written_force_n,
-                                  bool contact) noexcept {
+void PassivityController::observe(const Vector2& position_m, const Vector2& written_force_n, bool contact,
+                                  double dt_s) noexcept {
   if (!started_) last_position_m_ = position_m;
   started_ = true;
   const Vector2 step_m = position_m - last_position_m_;
   last_position_m_ = position_m;
-  // E(n) = E(n-1) - f(n-1) . dp + f_c |dp|
+  // E(n) = E(n-1) - f(n-1) . dp + f_c |dp| + b |dp|^2 / T
   energy_j_ += -written_force_n.dot(step_m);
-  if (contact) energy_j_ += options_.friction_n * step_m.stableNorm();
+  if (contact) {
+    const double way_m = step_m.stableNorm();
+    energy_j_ += options_.friction_n * way_m;
+    if (dt_s > 0) energy_j_ += options_.mechanism_n_s_m * way_m * way_m / dt_s;
+  }
   energy_j_ = std::clamp(energy_j_, -options_.largest_debt_j, contact ? options_.largest_reserve_j : 0.0);
 }
 

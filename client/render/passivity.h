@@ -3,10 +3,10 @@
 // The observer adds up the work that the operator does on what is rendered,
 //     E(n) = E(n-1) - f(n-1) . (p(n) - p(n-1)),   f on the finger,
 // which is exact for a force held between ticks. What the mechanism's own Coulomb friction dissipates,
-// f_c |p(n) - p(n-1)|, counts for the budget: the pair of rendering and device has to be passive, not the
-// rendering alone. When E < 0 energy has been generated; damping alpha = -E / (T v^2) takes it back, clamped
-// to the device's. Off contact nothing is stored, so what was dissipated before is forgotten: each contact
-// pays for itself.
+// f_c |p(n) - p(n-1)|, and its own damping, b |p(n) - p(n-1)|^2 / T, count for the budget: the pair of
+// rendering and device has to be passive, not the rendering alone. When E < 0 energy has been generated;
+// damping alpha = -E / (T v^2) takes it back, clamped to the device's. Off contact nothing is stored, so what
+// was dissipated before is forgotten: each contact pays for itself.
 #pragma once
 
 #include "client/render/renderer.h"
@@ -18,6 +18,7 @@ class PassivityController {
   struct Options {
     double largest_damping_n_s_m = 5;
     double friction_n = 0;
+    double mechanism_n_s_m = 0;  // damping of the mechanism
     // Dissipation is not saved up beyond this: an observer with a large reserve notices generation late.
     double largest_reserve_j = 0.02;
     // Nor is a debt kept beyond what a device can have given: damping has to end.
@@ -28,7 +29,7 @@ class PassivityController {
   void reset() noexcept;
   // Call once per tick, before the new force is known: accounts for the step made under the last force
   // written.
-  void observe(const Vector2& position_m, const Vector2& written_force_n, bool contact) noexcept;
+  void observe(const Vector2& position_m, const Vector2& written_force_n, bool contact, double dt_s) noexcept;
   // The damping force to add for this tick, zero while passive.
   Vector2 damping_force(const Vector2& velocity_m_s, double dt_s) noexcept;
 

@@ -16,7 +16,7 @@ double amplitude(bool controlled, double* generated_j = nullptr) {
   double history[kDelay] = {};
   double x = 0.004, v = 0, f = 0, largest = 0, worst = 0;
   for (int n = 0; n < 8000; ++n) {
-    controller.observe({0, x}, {0, f}, true);
+    controller.observe({0, x}, {0, f}, true, 0.001);
     worst = std::min(worst, controller.energy_j());
     const double delayed = history[n % kDelay];
     history[n % kDelay] = -kStiffness * x;
@@ -46,7 +46,7 @@ TEST(Passivity, AnIdealSpringIsLeftAlone) {
   for (int n = 0; n <= 2000; ++n) {
     // Force at the middle of the step: exact for a spring.
     const double x = 0.004 * std::sin(n * 0.01), middle = 0.004 * std::sin((n - 0.5) * 0.01);
-    controller.observe({0, x}, {0, -200 * middle}, true);
+    controller.observe({0, x}, {0, -200 * middle}, true, 0.001);
     EXPECT_EQ(controller.damping_force({0, 0.1}, 0.001).norm(), 0) << n << " " << controller.energy_j();
     stored = std::max(stored, controller.energy_j());
   }
@@ -55,8 +55,9 @@ TEST(Passivity, AnIdealSpringIsLeftAlone) {
 
 TEST(Passivity, DampingIsClampedToTheDevice) {
   PassivityController controller({.largest_damping_n_s_m = 5});
-  controller.observe({0, 0}, {0, 0}, true);
-  controller.observe({0, 0.01}, {0, 10}, true);  // the display pushed along the motion: 0.1 J generated
+  controller.observe({0, 0}, {0, 0}, true, 0.001);
+  controller.observe({0, 0.01}, {0, 10}, true,
+                     0.001);  // the display pushed along the motion: 0.1 J generated
   EXPECT_NEAR(controller.energy_j(), -0.1, 1e-12);
   const Vector2 force = controller.damping_force({0, 0.1}, 0.001);
   EXPECT_NEAR(force.y(), -0.5, 1e-12);
@@ -64,11 +65,19 @@ TEST(Passivity, DampingIsClampedToTheDevice) {
 
 TEST(Passivity, DissipationIsForgottenOffContact) {
   PassivityController controller({});
-  controller.observe({0, 0}, {0, 0}, true);
-  controller.observe({0, 0.001}, {0, -5}, true);
+  controller.observe({0, 0}, {0, 0}, true, 0.001);
+  controller.observe({0, 0.001}, {0, -5}, true, 0.001);
   EXPECT_GT(controller.energy_j(), 0);
-  controller.observe({0, -0.001}, {0, 0}, false);
+  controller.observe({0, -0.001}, {0, 0}, false, 0.001);
   EXPECT_EQ(controller.energy_j(), 0);
+}
+
+TEST(Passivity, WhatTheMechanismDissipatesIsInTheBudget) {
+  PassivityController controller({.friction_n = 0.1, .mechanism_n_s_m = 2});
+  controller.observe({0, 0}, {0, 0}, true, 0.001);
+  // 0.2 mm in 1 ms under nothing: f_c |dp| + b |dp|^2 / T
+  controller.observe({0.0002, 0}, {0, 0}, true, 0.001);
+  EXPECT_NEAR(controller.energy_j(), 0.1 * 0.0002 + 2 * 4e-8 / 0.001, 1e-15);
 }
 
 }  // namespace
