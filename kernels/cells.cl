@@ -6,13 +6,13 @@
 #define UNKNOWNS 8  // of a cell: node p = a + 2 b at (i + a, j + b), two each
 
 // Inverse of the operator on each cell's four nodes, by the sweep operator (Goodnight 1979). inverse:
-// [8 x 8][cell]. `indefinite` is set to 1 where a cell is not positive definite. Items: (i, j) of cells.
+// [cell][8 x 8]. `indefinite` is set to 1 where a cell is not positive definite. Items: (i, j) of cells.
 // Reads 64 and writes 64 reals, about 1000 flops.
 kernel void invert_cells(global const real4* restrict a, global real* restrict inverse,
                          global int* restrict indefinite, const int nx, const int ny) {
   const int i = get_global_id(0), j = get_global_id(1);
   if (i >= nx - 1 || j >= ny - 1) return;
-  const int nodes = nx * ny, cells = (nx - 1) * (ny - 1), cell = i + (nx - 1) * j;
+  const int nodes = nx * ny, cell = i + (nx - 1) * j;
   real m[UNKNOWNS][UNKNOWNS];
   for (int p = 0; p < 4; ++p)
     for (int q = 0; q < 4; ++q) {
@@ -39,22 +39,24 @@ kernel void invert_cells(global const real4* restrict a, global real* restrict i
   }
   for (int row = 0; row < UNKNOWNS; ++row)
     for (int column = 0; column < UNKNOWNS; ++column)
-      inverse[(UNKNOWNS * row + column) * cells + cell] = -m[row][column];
+      inverse[UNKNOWNS * (UNKNOWNS * cell + row) + column] = -m[row][column];
 }
 
-// Stencil of the sum of these inverses. Items: (i, j, block k); each sums over up to 4 cells.
+// Stencil of the sum of these inverses. Items: (i, j); each reads 4 x 16 of the reals of up to 4 cells.
 kernel void gather_cells(global const real* restrict inverse, global real4* restrict stencil, const int nx,
                          const int ny) {
-  const int i = get_global_id(0), j = get_global_id(1), k = get_global_id(2);
+  const int i = get_global_id(0), j = get_global_id(1);
   if (i >= nx || j >= ny) return;
-  const int to_i = i + k % 3 - 1, to_j = j + k / 3 - 1, cells = (nx - 1) * (ny - 1);
-  real4 sum = (real4)(0);
-  // Cells (x, y) that hold both nodes.
-  for (int y = max(max(j, to_j) - 1, 0); y <= min(min(j, to_j), ny - 2); ++y)
-    for (int x = max(max(i, to_i) - 1, 0); x <= min(min(i, to_i), nx - 2); ++x) {
-      const int row = 2 * (i - x + 2 * (j - y)), column = 2 * (to_i - x + 2 * (to_j - y));
-      global const real* from = inverse + (UNKNOWNS * row + column) * cells + x + (nx - 1) * y;
-      sum += (real4)(from[0], from[cells], from[UNKNOWNS * cells], from[(UNKNOWNS + 1) * cells]);
+  real4 sum[9];
+  for (int k = 0; k < 9; ++k) sum[k] = (real4)(0);
+  // Cells (x, y) that hold the node, and their nodes q.
+  for (int y = max(j - 1, 0); y <= min(j, ny - 2); ++y)
+    for (int x = max(i - 1, 0); x <= min(i, nx - 2); ++x) {
+      const int p = i - x + 2 * (j - y);
+      global const real* row = inverse + UNKNOWNS * (UNKNOWNS * (x + (nx - 1) * y) + 2 * p);
+      for (int q = 0; q < 4; ++q)
+        sum[3 * (q / 2 - p / 2 + 1) + q % 2 - p % 2 + 1] +=
+            (real4)(row[2 * q], row[2 * q + 1], row[UNKNOWNS + 2 * q], row[UNKNOWNS + 2 * q + 1]);
     }
-  stencil[k * nx * ny + i + nx * j] = sum;
+  for (int k = 0; k < 9; ++k) stencil[k * nx * ny + i + nx * j] = sum[k];
 }

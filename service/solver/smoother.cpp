@@ -64,7 +64,7 @@ std::unique_ptr<Smoother<T>> make_cell_smoother(const Queue& queue, const Array<
   queue.kernel("cells", "invert_cells", precision_of<S>)(grid_range(nx - 1, ny - 1, 1), stencil, inverse,
                                                          indefinite, columns, rows);
   auto sum = queue.array<S>(36 * nx * ny);
-  queue.kernel("cells", "gather_cells", precision_of<S>)(grid_range(nx, ny, 9), inverse, sum, columns, rows);
+  queue.kernel("cells", "gather_cells", precision_of<S>)(grid_range(nx, ny, 1), inverse, sum, columns, rows);
   return std::make_unique<CellSmoother<T>>(queue, converted<T>(queue, sum), nx, ny);
 }
 
