@@ -178,12 +178,14 @@ void Scene::check_window(double begin_m, double end_m) const {
 }
 
 std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double begin_m, double end_m) const {
-  auto model = build_strip(geometry_, map, begin_m, end_m, strip_);
   std::set<std::size_t> lines;
   {
     const std::lock_guard lock(users_);
     lines.insert(lines_in_use_.begin(), lines_in_use_.end());
   }
+  StripOptions strip = strip_;
+  strip.interior_lines = !lines.empty() && *lines.rbegin() > 0;
+  auto model = build_strip(geometry_, map, begin_m, end_m, strip);
   for (const std::size_t line : lines) model->condensed(line);
   return model;
 }

@@ -55,6 +55,7 @@ std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const Sti
   options.touch_begin_m = reach.begin_m;
   options.touch_end_m = reach.end_m;
   options.thickness_m = g.thickness_m;
+  options.interior_lines = o.interior_lines;
   return std::make_shared<const TissueModel>(std::move(grid), std::move(material), supports, options);
 }
 

@@ -23,6 +23,7 @@ struct StripOptions {
   double refresh_m = 0.060;  // windows this near are rebuilt when a window changes
   double fine_depth_m = 0.022;
   double coarse_line_m = 0.002;  // distance of lines at depth
+  bool interior_lines = false;   // as in TissueModelOptions
 };
 
 // Node coordinates of the lines (y), the same for every strip of a scene.

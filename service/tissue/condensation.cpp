@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "service/tissue/element.h"
 
@@ -217,27 +218,24 @@ LineCoupling LayeredStiffness::coupling_below(std::size_t line) const {
   return e;
 }
 
-MatrixXd LayeredStiffness::eliminated_below(std::size_t line) const {
+MatrixXd LayeredStiffness::eliminated_below(std::vector<MatrixXd>* kept) const {
+  if (kept) kept->resize(last_line_ - first_line_ + 1);
   MatrixXd stiffness = own(last_line_), next = MatrixXd::Zero(size(), size());
   Workspace workspace(size());
-  for (std::size_t j = last_line_; j-- > line;) {
+  for (std::size_t j = last_line_; j-- > first_line_;) {
+    if (kept) (*kept)[j + 1 - first_line_] = stiffness;
     eliminate(stiffness, coupling_below(j), workspace, next);
     add_own(j, next);
     stiffness.swap(next);
   }
+  if (kept) kept->front() = stiffness;
   return stiffness;
 }
 
-std::vector<MatrixXd> LayeredStiffness::condensed_lines() const {
-  std::vector<MatrixXd> lines(last_line_ - first_line_ + 1, MatrixXd::Zero(size(), size()));
+std::vector<MatrixXd> LayeredStiffness::condensed_lines(std::vector<MatrixXd> below) const {
+  std::vector<MatrixXd> lines = std::move(below);
+  if (lines.empty()) eliminated_below(&lines);
   Workspace workspace(size());
-  lines.back() = own(last_line_);
-  MatrixXd below(size(), size());
-  for (std::size_t j = last_line_; j-- > first_line_;) {
-    below = lines[j + 1 - first_line_];
-    eliminate(below, coupling_below(j), workspace, lines[j - first_line_]);
-    add_own(j, lines[j - first_line_]);
-  }
   MatrixXd above = own(first_line_), change = MatrixXd::Zero(size(), size());  // A_j, from the top down
   for (std::size_t j = first_line_ + 1; j <= last_line_; ++j) {
     eliminate(above, coupling_below(j - 1).transposed(), workspace, change);

@@ -40,10 +40,12 @@ class LayeredStiffness {
   Eigen::Index size() const { return Eigen::Index(2 * (last_column_ - first_column_ + 1)); }
   Eigen::MatrixXd own(std::size_t line) const;          // D_j, size x size
   LineCoupling coupling_below(std::size_t line) const;  // E_j, line < last_line()
-  // B_j: the stiffness of `line` with all lines below it eliminated; its lower triangle.
-  Eigen::MatrixXd eliminated_below(std::size_t line) const;
-  // A_j + B_j - D_j of every free line, in order from first_line(): both sweeps at once; lower triangles.
-  std::vector<Eigen::MatrixXd> condensed_lines() const;
+  // B_j of the first free line: its stiffness with all lines below it eliminated; the lower triangle. `kept`
+  // (may be null) gets B_j of every free line, in order, for condensed_lines.
+  Eigen::MatrixXd eliminated_below(std::vector<Eigen::MatrixXd>* kept) const;
+  // A_j + B_j - D_j of every free line, in order from first_line(); lower triangles. `below`: B_j of every
+  // free line where they are known, else empty.
+  std::vector<Eigen::MatrixXd> condensed_lines(std::vector<Eigen::MatrixXd> below) const;
 
  private:
   void add_own(std::size_t line, Eigen::MatrixXd& block) const;

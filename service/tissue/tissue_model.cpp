@@ -122,6 +122,7 @@ struct TissueModel::Lines {
   LayeredStiffness layers;
   std::vector<std::shared_ptr<Compliance>> condensed;  // by line; null until asked for
   std::vector<std::once_flag> once;                    // one per line
+  std::vector<MatrixXd> below;  // of the surface's elimination, where interior lines are foreseen
   std::once_flag swept;
   std::vector<MatrixXd> stiffness;  // Schur complement of every free line; consumed line by line
 
@@ -161,9 +162,10 @@ std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
   std::call_once(lines.once[line], [&] {
     MatrixXd stiffness;
     if (line == 0) {
-      stiffness = layers.eliminated_below(0);
+      stiffness = layers.eliminated_below(options_.interior_lines ? &lines.below : nullptr);
     } else {
-      std::call_once(lines.swept, [&] { lines.stiffness = layers.condensed_lines(); });
+      std::call_once(lines.swept,
+                     [&] { lines.stiffness = layers.condensed_lines(std::move(lines.below)); });
       stiffness = std::move(lines.stiffness[line - layers.first_line()]);  // used once, then freed
       if (stiffness.size() == 0)
         throw std::domain_error("line " + std::to_string(line) + ": condensation failed");

@@ -20,6 +20,9 @@ struct TissueModelOptions {
   // every free column.
   double touch_begin_m = 0, touch_end_m = 0;
   double thickness_m = 0.010;  // out-of-plane contact width of the finger (T: axes), > 0
+  // Lines below the surface will be touched: keeps for them what the surface's elimination passes through,
+  // 32 nx^2 ny bytes until their first use, which then takes a third less time.
+  bool interior_lines = false;
 };
 
 // Grid columns, both ends included.
