@@ -107,7 +107,8 @@ reference::TouchedTissue make_tissue(const ContactCase& c) {
 }
 
 std::array<double, 2> ContactProblem::force_n(const VectorXd& multiplier_n_m) const {
-  return {tissue.thickness_m * multiplier_n_m.dot(slope), tissue.thickness_m * multiplier_n_m.sum()};
+  return {tissue.thickness_m * multiplier_n_m.dot(slope),
+          tissue.thickness_m * axial_share * multiplier_n_m.sum()};
 }
 
 double ContactProblem::force_error(const std::array<double, 2>& force) const {
@@ -138,9 +139,10 @@ ContactProblem make_problem(const ContactCase& c) {
     const std::size_t column = p.truth.columns[static_cast<std::size_t>(r)];
     const double d = grid.x_m[column] - p.pose.x_m;
     p.contact_dofs.push_back(2 * grid.node(column, 0) + 1);
-    p.overlap_m[r] = p.pose.indentation_m - d * d / (2 * p.tip.radius_m);
+    p.overlap_m[r] = p.truth.displacement_m[static_cast<Index>(p.contact_dofs.back())];
     p.slope[r] = d / p.tip.radius_m;
   }
+  p.axial_share = p.truth.force_n[1] / (p.tissue.thickness_m * p.truth.multiplier_n_m.sum());
   return p;
 }
 

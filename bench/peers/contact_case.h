@@ -43,7 +43,10 @@ struct ContactProblem {
   service::ContactPose pose;
   Eigen::SparseMatrix<double> stiffness;  // of every degree of freedom, supported ones as the identity
   std::vector<std::size_t> contact_dofs;  // axial degrees of freedom of the nodes in contact
-  Eigen::VectorXd overlap_m, slope;       // of each node in contact: what it is pressed by, and d/dX of it
+  // Of each node in contact: its axial displacement in the reference's answer, and the slope of the tip
+  // there.
+  Eigen::VectorXd overlap_m, slope;
+  double axial_share = 1;  // of the sum of the nodal forces in the axial force: the skin bears the rest
   reference::ContactSolution truth;
 
   // On the finger, from the multipliers of the nodes in contact (N/m, < 0 pushes the tissue).

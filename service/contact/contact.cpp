@@ -16,7 +16,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kLargestLinearStrain = 0.15;  // T4.5
-constexpr double kPeakStrain = 0.48;           // of (1 + nu) p / E, see ContactAnswer::largest_strain
+constexpr double kPeakStrain = 0.42;           // of (1 + nu) p / E, see ContactAnswer::largest_strain
 
 void validate(const TissueModel& model, std::size_t line, const ContactPose& pose) {
   if (line >= model.grid().ny()) throw std::out_of_range("line " + std::to_string(line) + " is absent");
@@ -66,19 +66,17 @@ void add_pressure(const TissueModel& model, const Touch& touch, ContactAnswer& a
 
 double largest_strain(const TissueModel& model, std::size_t line, const ContactPose& pose,
                       const Touch& touch) {
-  double force = 0, width = 0, stiffness = 0;  // stiffness: modulus weighted by the force that it bears
+  double force = 0, stiffness = 0;  // stiffness: modulus weighted by the force that it bears
   for (Index k = 0; k < touch.normal.size(); ++k) {
     if (!(touch.normal[k] > 0)) continue;
-    const std::size_t i = touch.nodes[std::size_t(k)];
     force += touch.normal[k];
-    width += tributary_width_m(model.grid().x_m, i);
-    stiffness += touch.normal[k] * model.modulus_near_pa(i, line);
+    stiffness += touch.normal[k] * model.modulus_near_pa(touch.nodes[std::size_t(k)], line);
   }
   const double depth = model.grid().y_m.back() - model.grid().y_m[line];
   const double layer = pose.indentation_m / depth;
   if (!(force > 0)) return layer;
   const double local =
-      kPeakStrain * (1 + model.material().poisson_ratio) * (force / width) / (stiffness / force);
+      kPeakStrain * (1 + model.material().poisson_ratio) * (force / touch.width_m) / (stiffness / force);
   return std::max(layer, local);
 }
 
@@ -112,7 +110,7 @@ ContactAnswer solve_contact(const TissueModel& model, std::size_t line, Complian
   const Touch touch = tip.shape == FingertipShape::kNode
                           ? touch_node(model, compliance, tip, pose, answer.solve)
                           : touch_patch(model, compliance, tip, pose, options, answer.solve);
-  answer.active_set_changes = touch.changes;
+  answer.iterations = touch.iterations;
   answer.solve.relative_error *= touch.amplification;
   if (touch.nodes.empty()) return answer;
   const double thickness = model.options().thickness_m;

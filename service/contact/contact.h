@@ -45,13 +45,13 @@ struct ContactAnswer {
   std::array<double, 4> tangent_n_m{};
   double energy_j = 0;                  // U(pose)
   std::vector<NodalPressure> pressure;  // active nodes only
-  // Peak principal strain in the tissue, about: 0.48 (1 + nu) p / E, p the mean pressure over the contact's
-  // width and E the modulus there, which is within a fifth of the finite-element field below tips of 4 to 16
-  // mm (Hertz on a half plane gives 0.38); at least indentation over the tissue's depth below the line. What
-  // T4.5 flags above 0.15.
+  // Peak principal strain in the tissue, about: 0.42 (1 + nu) p / E, p the mean pressure over the contact's
+  // effective width and E the modulus there, which is within a fifth of the finite-element field below tips
+  // of 4 to 16 mm (Hertz on a half plane gives 0.38); at least indentation over the tissue's depth below the
+  // line. What T4.5 flags above 0.15.
   double largest_strain = 0;
   bool strain_beyond_linear = false;  // largest_strain > 0.15
-  std::size_t active_set_changes = 0;
+  std::size_t iterations = 0;         // of the contact solve, Newton's
   SolveReport solve;
 };
 
@@ -63,7 +63,8 @@ struct ContactOptions {
 };
 
 // Solves the contact for one pose from one energy (T4.5), per metre of thickness:
-//   U(pose) = max over p_y >= 0, p_x of  p^T w(pose) - 1/2 p^T (S + C(pose)) p,   S the line's compliance.
+//   U(pose) = max over p_y >= 0, p_x of  p^T w(pose) - 1/2 p^T (S + C(pose)) p + W(p_y, pose),
+// S the line's compliance, W the tip's skin, which makes force and tangent smooth in the pose (skin.h).
 // Frictionless: p_y alone, C = 0. Stuck: every overlapped node (w_i > 0) is tied to its place sideways by a
 // spring of compliance C_i = 0.01 S_xx,ii (1 mm / w_i)^3 on the tangential diagonal: rigid to 1 % at 1 mm of
 // overlap, vanishing with its first two derivatives as the overlap does, so that force and tangent have no

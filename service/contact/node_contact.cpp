@@ -63,6 +63,10 @@ Touch touch_node(const TissueModel& model, Compliance& compliance, const Fingert
   const Vector2d largest(s.diagonal()(Eigen::seq(0, Eigen::last, 2)).maxCoeff(),
                          s.diagonal()(Eigen::seq(1, Eigen::last, 2)).maxCoeff());
   touch.amplification = amplification(inverse * v, f, largest, touch.energy.gradient);
+  for (Index k = 0; k < n; ++k) {
+    if (foot.weights(k, 0) > 0)
+      touch.width_m += tributary_width_m(model.grid().x_m, touch.nodes[std::size_t(k)]);
+  }
   touch.normal = foot.weights.col(0) * f[1];
   touch.tangential = foot.weights.col(0) * f[0];
   return touch;

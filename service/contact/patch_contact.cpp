@@ -3,8 +3,8 @@
 #include <cmath>
 #include <span>
 
-#include "service/contact/active_set.h"
 #include "service/contact/fingertip.h"
+#include "service/contact/patch_solver.h"
 #include "service/contact/touch.h"
 
 namespace teletact::service {
@@ -22,11 +22,12 @@ constexpr double kTieNegligible = 1e12;  // ties softer than this times S_xx,ii 
 
 // The unknown nodal forces of a patch: tangential ones of tied nodes first, then the normal ones.
 struct Patch {
-  std::vector<std::size_t> nodes;  // grid columns
-  std::vector<Overlap> overlaps;   // of each node
-  std::vector<Index> tied;         // positions in `nodes`
-  std::vector<double> tie;         // C_i of each tied node, m per N/m
-  ContactProgramme programme;
+  std::vector<std::size_t> nodes;   // grid columns
+  std::vector<Overlap> overlaps;    // of each node
+  std::vector<Index> tied;          // positions in `nodes`
+  std::vector<double> tie;          // C_i of each tied node, m per N/m
+  std::vector<SkinThickness> skin;  // of each node
+  PatchProgramme programme;
 };
 
 // A of the stuck contact: rows of the tied nodes' tangential forces, then of all normal ones.
@@ -62,29 +63,53 @@ Patch make_patch(Compliance& compliance, const Fingertip& tip, const ContactPose
   }
   const Index tied = Index(patch.tied.size());
   patch.programme.w = VectorXd::Zero(tied + n);
-  patch.programme.unilateral = n;
-  for (Index k = 0; k < n; ++k) patch.programme.w[tied + k] = patch.overlaps[std::size_t(k)].w_m;
+  for (Index k = 0; k < n; ++k) {
+    const std::size_t node = std::size_t(k);
+    patch.programme.w[tied + k] = patch.overlaps[node].w_m;
+    const double width_m = tributary_width_m(grid_x_m, patch.nodes[node]);
+    patch.skin.push_back(skin_thickness(tip, pose.indentation_m, width_m));
+    patch.programme.thickness_m.push_back(patch.skin.back().t_m);
+    patch.programme.stiffness.push_back(kSkinStiffness / patch.programme.a(tied + k, tied + k));
+  }
   return patch;
 }
 
-// Gradient p^T w_q - 1/2 p^T A_q p; second derivative at the active set
-// v_q^T A^-1 v_r + p^T w_qr - 1/2 p^T A_qr p with v_q = w_q - A_q p. A varies by its ties alone.
-void set_energy(const Patch& patch, const ActiveSetSolution& s, Touch& touch) {
+// About what a round tip is pressed by, scaled to the most energy along it.
+VectorXd first_guess(const Patch& patch, double indentation_m) {
+  constexpr double kEdge = 0.48;  // overlap over indentation where contact ends on a half plane
+  const PatchProgramme& q = patch.programme;
+  VectorXd p = VectorXd::Zero(q.w.size());
+  for (Index u = q.first_node(); u < p.size(); ++u)
+    p[u] = std::sqrt(std::max(0.0, q.w[u] / indentation_m - kEdge));
+  const double curvature = p.dot(q.a * p);
+  if (curvature > 0) p *= p.dot(q.w) / curvature;
+  return p;
+}
+
+// Gradient p^T w_q + W_t t_q - 1/2 p^T A_q p; second derivative v_q^T (A + D)^-1 v_r + p^T w_qr + W_tt t_q
+// t_r + W_t t_qr - 1/2 p^T A_qr p with v_q = w_q + g_t t_q - A_q p. A varies by its ties alone, the skin with
+// the indentation.
+void set_energy(const Patch& patch, const PatchSolution& s, Touch& touch) {
   Energy& energy = touch.energy;
   const Index tied = Index(patch.tied.size()), active = Index(s.active.size());
   Eigen::MatrixX2d v(active, 2);
+  energy.value = s.p.dot(patch.programme.w) - s.p.dot(patch.programme.a * s.p) / 2;
   for (Index row = 0; row < active; ++row) {
     const Index unknown = s.active[std::size_t(row)];
     const double p = s.p[unknown];
     const bool normal = unknown >= tied;
-    const Index node = normal ? unknown - tied : patch.tied[std::size_t(unknown)];
-    const Overlap& o = patch.overlaps[std::size_t(node)];
+    const std::size_t node = std::size_t(normal ? unknown - tied : patch.tied[std::size_t(unknown)]);
+    const Overlap& o = patch.overlaps[node];
     const Vector2d w_q(o.slope, 1);
     if (normal) {
-      v.row(row) = w_q;
-      energy.value += p * o.w_m / 2;
-      energy.gradient += p * w_q;
+      const SkinState& skin = s.skin[node];
+      const SkinThickness& t = patch.skin[node];
+      const SkinEnergy w = skin_energy(skin, p, patch.programme.stiffness[node], t.t_m);
+      v.row(row) = w_q + Vector2d(0, skin.gap_by_t * t.slope);
+      energy.value += w.w;
+      energy.gradient += p * w_q + Vector2d(0, w.by_t * t.slope);
       energy.hessian(0, 0) += p * o.curvature_1_m;
+      energy.hessian(1, 1) += w.by_t2 * t.slope * t.slope + w.by_t * t.curvature_1_m;
       continue;
     }
     // C = c w^-m: dC/dw = -m C / w, d2C/dw2 = m (m + 1) C / w^2.
@@ -94,10 +119,23 @@ void set_energy(const Patch& patch, const ActiveSetSolution& s, Touch& touch) {
     energy.hessian += ((kTieOrder + 1) * slope / (2 * o.w_m) * p * p) * w_q * w_q.transpose();
     energy.hessian(0, 0) -= slope / 2 * p * p * o.curvature_1_m;
   }
-  const Eigen::MatrixX2d sensitivity = s.factor.solve(v);
+  Eigen::MatrixX2d sensitivity = v;
+  s.factor.solve(sensitivity.col(0));
+  s.factor.solve(sensitivity.col(1));
   energy.hessian += v.transpose() * sensitivity;
   const VectorXd p = s.p(s.active), diagonal = patch.programme.a.diagonal()(s.active);
   touch.amplification = amplification(sensitivity, p, diagonal, energy.gradient);
+}
+
+// Width of evenly spread forces that have the same mean, weighted by themselves.
+double effective_width_m(const VectorXd& force, std::span<const std::size_t> nodes,
+                         std::span<const double> grid_x_m) {
+  double sum = 0, squares = 0;
+  for (Index k = 0; k < force.size(); ++k) {
+    sum += force[k];
+    squares += force[k] * force[k] / tributary_width_m(grid_x_m, nodes[std::size_t(k)]);
+  }
+  return squares > 0 ? sum * sum / squares : 0;
 }
 
 }  // namespace
@@ -116,17 +154,16 @@ Touch touch_patch(const TissueModel& model, Compliance& compliance, const Finger
     const ColumnRange columns{std::size_t(low - x.begin()), std::size_t(high - x.begin()) - 1};
     const Patch patch = make_patch(compliance, tip, pose, x, columns, report);
     const Index n = Index(patch.nodes.size()), tied = Index(patch.tied.size());
-    std::vector<bool> guess(std::size_t(tied + n));
-    for (Index k = 0; k < n; ++k) guess[std::size_t(tied + k)] = patch.overlaps[std::size_t(k)].w_m > 0;
-    const ActiveSetSolution s = solve_active_set(patch.programme, guess);
-    touch.changes += s.changes;
+    const PatchSolution s = solve_patch(patch.programme, first_guess(patch, pose.indentation_m));
+    touch.iterations += s.iterations;
     const bool grow_left = s.p[tied] > 0 && columns.first > all.first;
     const bool grow_right = s.p[tied + n - 1] > 0 && columns.last < all.last;
     if (grow_left || grow_right) continue;
-    if (s.active.empty()) return touch;
+    if (!(s.p.tail(n).maxCoeff() > 0)) return touch;
     set_energy(patch, s, touch);
     touch.nodes = patch.nodes;
     touch.normal = s.p.tail(n);
+    touch.width_m = effective_width_m(touch.normal, touch.nodes, x);
     touch.tangential = VectorXd::Zero(n);
     for (Index t = 0; t < tied; ++t) touch.tangential[patch.tied[std::size_t(t)]] = s.p[t];
     return touch;

@@ -22,7 +22,8 @@ struct Touch {
   double amplification = 0;  // of the compliance's relative error in the force
   std::vector<std::size_t> nodes;
   Eigen::VectorXd normal, tangential;
-  std::size_t changes = 0;
+  double width_m = 0;  // of the contact: what the mean pressure is made with
+  std::size_t iterations = 0;
 };
 
 // Error of the gradient g of U over its size, for a unit relative error of A (|dA_ij| <= sqrt(A_ii A_jj)): to
@@ -34,7 +35,8 @@ double amplification(const Eigen::MatrixX2d& sensitivity, const Eigen::VectorXd&
 // weights, d = (0, indentation).
 Touch touch_node(const TissueModel&, Compliance&, const Fingertip&, const ContactPose&, SolveReport&);
 
-// Punch or rounded tip: unilateral contact of a patch of nodes. No nodes where nothing touches.
+// Punch or rounded tip: unilateral contact of a patch of nodes under the tip's skin (skin.h). No nodes where
+// nothing touches.
 Touch touch_patch(const TissueModel&, Compliance&, const Fingertip&, const ContactPose&,
                   const ContactOptions&, SolveReport&);
 

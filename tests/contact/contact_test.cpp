@@ -222,7 +222,8 @@ TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
     EXPECT_EQ(p.traction_pa, 0);
     force += p.pressure_pa * (grid.x_m[1] - grid.x_m[0]) * inclusion_model().options().thickness_m;
   }
-  EXPECT_NEAR(force, -answer.force_n[1], 1e-12 * force);
+  // The skin that grows with the indentation bears a little on its own.
+  EXPECT_NEAR(force, -answer.force_n[1], 5e-3 * force);
 }
 
 TEST(Contact, ThicknessMultipliesForceEnergyAndTangent) {
@@ -264,7 +265,11 @@ TEST(Contact, PressureIsHertzianInDeepTissue) {
   double peak = 0;
   for (const auto& p : answer.pressure) peak = std::max(peak, p.pressure_pa);
   EXPECT_NEAR(peak, modulus * half_width / (2 * radius), 0.02 * peak);
-  EXPECT_NEAR(answer.pressure.back().x_m, half_width, 3e-4);
+  // sqrt(1 - x^2 / a^2) falls to a fifth of the peak at x = .98 a; the rest is the skin's.
+  double edge = 0;
+  for (const auto& p : answer.pressure)
+    if (p.pressure_pa > 0.2 * peak) edge = std::max(edge, p.x_m);
+  EXPECT_NEAR(edge, 0.98 * half_width, 3e-4);
 }
 
 // Largest principal strain at the element centres of a displacement field.

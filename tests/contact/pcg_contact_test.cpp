@@ -67,11 +67,12 @@ Worst worst_error(std::size_t rows, double nu, double contrast, std::size_t line
                               std::to_string(contrast) + " shape " + std::to_string(int(tip.shape)) +
                               " friction " + std::to_string(int(tip.friction));
     EXPECT_LE(error, precision == SolvePrecision::kFloat ? 2e-3 : 1e-6) << where;
-    EXPECT_LE(error, answer.solve.relative_error) << where;
+    constexpr double kReference = 1e-10;  // what the reference itself may be off by
+    EXPECT_LE(error, answer.solve.relative_error + kReference) << where;
     EXPECT_TRUE(answer.solve.converged) << where << ": " << answer.solve.reason;
     EXPECT_GE(answer.solve.iterations, 1u);
     worst.error = std::max(worst.error, error);
-    worst.over_stated = std::max(worst.over_stated, error / answer.solve.relative_error);
+    worst.over_stated = std::max(worst.over_stated, error / (answer.solve.relative_error + kReference));
   }
   return worst;
 }

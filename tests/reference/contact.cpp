@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "tests/reference/elasticity.h"
@@ -115,36 +116,6 @@ ContactSolution touch_node(const TouchedTissue& tissue, const Eigen::SparseMatri
 // --- punch and rounded tip
 // -------------------------------------------------------------------------------------
 
-// Exchange tension against penetration until neither is left.
-std::vector<std::size_t> find_active(const TouchedTissue& tissue, const Eigen::SparseMatrix<double>& k,
-                                     const Factor& factor, const VectorXd& w) {
-  std::vector<bool> in(tissue.grid.nx());
-  for (std::size_t i = 0; i < in.size(); ++i) in[i] = w[Index(i)] > 0;
-  for (int round = 0; round < 100; ++round) {
-    std::vector<std::size_t> active;
-    for (std::size_t i = 0; i < in.size(); ++i) {
-      if (in[i]) active.push_back(i);
-    }
-    VectorXd prescribed(Index(active.size()));
-    for (std::size_t r = 0; r < active.size(); ++r) prescribed[Index(r)] = w[Index(active[r])];
-    const KktSolution s =
-        constrained(k, factor, axial_rows(tissue, active), prescribed, KktMethod::kSparseFactor);
-    bool settled = true;
-    for (std::size_t r = 0; r < active.size(); ++r) {
-      if (s.lambda[Index(r)] > 0) in[active[r]] = settled = false;
-    }
-    if (!settled) continue;  // first let go of what pulls, then look for what is inside the tip
-    for (std::size_t i = 0; i < in.size(); ++i) {
-      if (!in[i] && s.x[dof(tissue, i, 1)] < w[Index(i)] - 1e-15) {
-        in[i] = true;
-        settled = false;
-      }
-    }
-    if (settled) return active;
-  }
-  throw std::logic_error("reference contact: the active set did not settle");
-}
-
 // Stiffness of the tangential tie of each column, N/m per metre of thickness.
 VectorXd tie_stiffness(const TouchedTissue& tissue, const Factor& factor, const VectorXd& w) {
   VectorXd stiffness = VectorXd::Zero(w.size());
@@ -159,15 +130,114 @@ VectorXd tie_stiffness(const TouchedTissue& tissue, const Factor& factor, const 
   return stiffness;
 }
 
-// Every node that does not touch is outside the tip, every one that does is pushed.
-void check_conditions(const TouchedTissue& tissue, const ContactSolution& result, const VectorXd& w) {
-  if (result.multiplier_n_m.size() > 0 && !(result.multiplier_n_m.maxCoeff() <= 0)) {
-    throw std::logic_error("reference contact: a node in contact pulls");
+// The tip's skin over one node: V(g) = b t^2 (-ln s - 3/2 + 2 s - s^2 / 2), s = g / t + 0.12 < 1, with
+// t = d h / (h + a), a half of the undeformed overlap, h the node's width, and b = 0.1 / S_yy.
+struct Skin {
+  double b = 0, t = 0, t_slope = 0;  // t_slope: dt/dd
+  double share(double gap) const { return gap / t + 0.12; }
+  double pressure(double gap) const {
+    const double s = share(gap);
+    return s < 1 ? b * t * (1 - s) * (1 - s) / s : 0;
   }
-  for (std::size_t i = 0; i < tissue.grid.nx(); ++i) {
-    if (!(result.displacement_m[dof(tissue, i, 1)] >= w[Index(i)] - 1e-11)) {
-      throw std::logic_error("reference contact: a node is inside the tip");
+  double energy(double gap) const {
+    const double s = share(gap);
+    return s < 1 ? b * t * t * (-std::log(s) - 1.5 + 2 * s - s * s / 2) : 0;
+  }
+  // dV/dt at constant gap: ds/dt = -gap / t^2.
+  double energy_by_thickness(double gap) const { return 2 * energy(gap) / t + pressure(gap) * gap / t; }
+};
+
+std::vector<Skin> make_skins(const TouchedTissue& tissue, const Factor& factor, const Fingertip& tip,
+                             double indentation, const VectorXd& w) {
+  const auto& x = tissue.grid.x_m;
+  const double round = std::sqrt(2 * tip.radius_m * indentation);
+  const double a = round + (tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0);
+  std::vector<Skin> skins(x.size());
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double h = (x[std::min(i + 1, x.size() - 1)] - x[i > 0 ? i - 1 : 0]) / 2;
+    skins[i].t = indentation * h / (h + a);
+    skins[i].t_slope = h / (h + a) - indentation * h / ((h + a) * (h + a)) * round / (2 * indentation);
+    if (w[Index(i)] < -2 * indentation) continue;  // far nodes are never asked for theirs
+    VectorXd unit = VectorXd::Zero(Index(tissue.grid.dofs()));
+    unit[dof(tissue, i, 1)] = 1;
+    skins[i].b = 0.1 / factor.solve(unit)[dof(tissue, i, 1)];
+  }
+  return skins;
+}
+
+// A displacement with no node inside the tip: all nodes that would be lie on it.
+VectorXd outside_of_tip(const TouchedTissue& tissue, const Eigen::SparseMatrix<double>& k,
+                        const Factor& factor, const VectorXd& w) {
+  std::vector<bool> on(tissue.grid.nx());
+  VectorXd u = VectorXd::Zero(k.rows());
+  for (bool inside = true; inside;) {
+    inside = false;
+    std::vector<std::size_t> columns;
+    for (std::size_t i = 0; i < on.size(); ++i) {
+      if (!on[i] && u[dof(tissue, i, 1)] < w[Index(i)]) on[i] = inside = true;
+      if (on[i]) columns.push_back(i);
     }
+    VectorXd prescribed(Index(columns.size()));
+    for (std::size_t r = 0; r < columns.size(); ++r) prescribed[Index(r)] = w[Index(columns[r])];
+    u = constrained(k, factor, axial_rows(tissue, columns), prescribed, KktMethod::kSparseFactor).x;
+  }
+  return u;
+}
+
+// Gap of every column by damped Newton steps on the displacement: 1/2 u^T K u + sum V(u_y - w).
+VectorXd find_gaps(const TouchedTissue& tissue, const Eigen::SparseMatrix<double>& k, const Factor& factor,
+                   const std::vector<Skin>& skins, const VectorXd& w) {
+  VectorXd u = outside_of_tip(tissue, k, factor, w);
+  const auto energy = [&](const VectorXd& at) {
+    double sum = at.dot(k * at) / 2;
+    for (Index i = 0; i < w.size(); ++i)
+      sum += skins[std::size_t(i)].energy(at[dof(tissue, std::size_t(i), 1)] - w[i]);
+    return sum;
+  };
+  Eigen::SparseMatrix<double> matrix;
+  for (int round = 0; round < 200; ++round) {
+    matrix = k;
+    VectorXd residual = -(k * u);
+    double largest = 0;  // of what the skins bear
+    for (Index i = 0; i < w.size(); ++i) {
+      const Index at = dof(tissue, std::size_t(i), 1);
+      const Skin& skin = skins[std::size_t(i)];
+      const double s = skin.share(u[at] - w[i]);
+      if (s >= 1) continue;
+      const double pressure = skin.pressure(u[at] - w[i]);
+      residual[at] += pressure;
+      largest = std::max(largest, pressure);
+      matrix.coeffRef(at, at) += skin.b * (1 / (s * s) - 1);
+    }
+    const VectorXd step = Factor(matrix).solve(residual);
+    double share = 1;  // stay inside of s > 0
+    for (Index i = 0; i < w.size(); ++i) {
+      const Index at = dof(tissue, std::size_t(i), 1);
+      const double room = u[at] - w[i] + 0.12 * skins[std::size_t(i)].t;
+      if (step[at] < 0) share = std::min(share, -0.5 * room / step[at]);
+    }
+    while (share > 1e-10 && energy(u + share * step) > energy(u) * (1 + 1e-13)) share /= 2;
+    u += share * step;
+    // Near s = 0 small steps alone say little.
+    if (step.lpNorm<Eigen::Infinity>() <= 1e-9 * u.lpNorm<Eigen::Infinity>() &&
+        residual.lpNorm<Eigen::Infinity>() <= 1e-8 * largest) {
+      VectorXd gaps(w.size());
+      for (Index i = 0; i < w.size(); ++i) gaps[i] = u[dof(tissue, std::size_t(i), 1)] - w[i];
+      return gaps;
+    }
+  }
+  throw std::logic_error("reference contact: Newton's method did not settle");
+}
+
+// What the multipliers of the prescribed gaps say must be what the skins bear there.
+void check_conditions(const ContactSolution& result, const std::vector<Skin>& skins, const VectorXd& gaps) {
+  const double scale = result.multiplier_n_m.lpNorm<Eigen::Infinity>();
+  for (std::size_t r = 0; r < result.columns.size(); ++r) {
+    const std::size_t i = result.columns[r];
+    const double off = skins[i].pressure(gaps[Index(i)]) + result.multiplier_n_m[Index(r)];
+    if (!(std::abs(off) <= 1e-6 * scale))
+      throw std::logic_error("reference contact: a node does not bear what its skin does, off by " +
+                             std::to_string(off / scale));
   }
 }
 
@@ -187,19 +257,30 @@ ContactSolution touch_tip(const TouchedTissue& tissue, const Eigen::SparseMatrix
   for (Index i = 0; i < w.size(); ++i)
     k.coeffRef(dof(tissue, std::size_t(i), 0), dof(tissue, std::size_t(i), 0)) += tie[i];
   const Factor factor(k);
+  const std::vector<Skin> skins = make_skins(tissue, free_factor, tip, pose.indentation_m, w);
+  const VectorXd gaps = find_gaps(tissue, k, factor, skins, w);
   ContactSolution result;
-  result.columns = find_active(tissue, k, factor, w);
+  for (Index i = 0; i < w.size(); ++i) {
+    if (skins[std::size_t(i)].share(gaps[i]) < 1) result.columns.push_back(std::size_t(i));
+  }
   VectorXd prescribed(Index(result.columns.size()));
-  for (Index r = 0; r < prescribed.size(); ++r) prescribed[r] = w[Index(result.columns[std::size_t(r)])];
+  for (Index r = 0; r < prescribed.size(); ++r) {
+    const Index i = Index(result.columns[std::size_t(r)]);
+    prescribed[r] = w[i] + gaps[i];
+  }
   const KktSolution s = constrained(k, factor, axial_rows(tissue, result.columns), prescribed, method);
   result.multiplier_n_m = s.lambda;
   result.displacement_m = s.x;
-  check_conditions(tissue, result, w);
-  // -dU/dX = sum lambda_i dw_i/dX - 1/2 sum dk_i/dw dw_i/dX u_x^2, and by the indentation with dw_i = 1.
-  double fx = 0, fy = 0;
+  check_conditions(result, skins, gaps);
+  // -dU/dX = sum lambda_i dw_i/dX - 1/2 sum dk_i/dw dw_i/dX u_x^2, and by the indentation with dw_i = 1 and
+  // the skins growing.
+  double fx = 0, fy = 0, skin_energy = 0;
   for (Index r = 0; r < s.lambda.size(); ++r) {
-    fx += s.lambda[r] * slope[Index(result.columns[std::size_t(r)])];
-    fy += s.lambda[r];
+    const Index i = Index(result.columns[std::size_t(r)]);
+    const Skin& skin = skins[std::size_t(i)];
+    fx += s.lambda[r] * slope[i];
+    fy += s.lambda[r] - skin.energy_by_thickness(gaps[i]) * skin.t_slope;
+    skin_energy += skin.energy(gaps[i]);
   }
   for (Index i = 0; i < w.size(); ++i) {
     if (tie[i] == 0) continue;
@@ -208,7 +289,7 @@ ContactSolution touch_tip(const TouchedTissue& tissue, const Eigen::SparseMatrix
     fy -= by_overlap;
   }
   result.force_n = {tissue.thickness_m * fx, tissue.thickness_m * fy};
-  result.energy_j = tissue.thickness_m * s.x.dot(k * s.x) / 2;
+  result.energy_j = tissue.thickness_m * (s.x.dot(k * s.x) / 2 + skin_energy);
   return result;
 }
 

@@ -1,8 +1,9 @@
-// Contact of a rigid fingertip in displacement form: strain energy minimised under u_y >= w on the touched
-// line,
-//   U(pose) = min over u of  1/2 u^T K u + 1/2 sum_i k_i(w_i) u_x,i^2   subject to B u >= w,
-// by an active set over the KKT system (T4.1). Nothing is shared with the product but the plain structs: the
-// product maximises the dual of this over a condensed compliance.
+// Contact of a fingertip in displacement form, by the KKT system (T4.1): a node tip prescribes B u = w; under
+// a punch or a rounded tip the energy
+//   U(pose) = min over u of  1/2 u^T K u + 1/2 sum_i k_i(w_i) u_x,i^2 + sum_i V(u_y,i - w_i)
+// with the springs k_i of the stuck contact and the tip's skin V is minimised first, and the gaps that it
+// leaves are what is prescribed. Nothing is shared with the product but the plain structs: the product
+// maximises the dual of this over a condensed compliance.
 #pragma once
 
 #include <Eigen/Core>
@@ -35,8 +36,8 @@ struct ContactSolution {
   Eigen::VectorXd displacement_m;
 };
 
-// Any node of the line may touch. Throws std::logic_error when the final KKT solution breaks a contact
-// condition (a node in tension, or inside the tip).
+// Any node of the line may touch. Throws std::logic_error when the multipliers of the final KKT solution are
+// not what the skins bear.
 ContactSolution touch(const TouchedTissue&, const service::Fingertip&, const service::ContactPose&,
                       KktMethod);
 
