@@ -69,9 +69,10 @@ void run(const Arguments& arguments) {
   const EstimateOutcome outcome = client.estimate(pair.acquisition, pair.pre, pair.post, callbacks, false);
   const auto files = write_estimate(arguments.out, pair.acquisition, outcome);
   const v1::EstimateSummary& summary = outcome.summary;
-  std::printf("%u x %u samples: median correlation %.3f, valid %.1f %%, mean axial strain %.3f %%, ",
-              pair.acquisition.sample_count(), pair.acquisition.line_count(), summary.median_correlation(),
-              100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
+  std::printf(
+      "%u x %u samples: quality %.2f, median correlation %.3f, valid %.1f %%, mean axial strain %.3f %%, ",
+      pair.acquisition.sample_count(), pair.acquisition.line_count(), summary.quality(),
+      summary.median_correlation(), 100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
   if (summary.modulus_absolute())
     std::printf(
         "background %.2f kPa%s\n", summary.background_modulus_pa() * 1e-3,

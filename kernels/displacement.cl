@@ -43,20 +43,26 @@ float2 field_at(__global const float2* restrict field, const int nx, const int n
 // Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x one lateral lag per
 // work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n, lateral
 // lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
-// -half_axial..half_axial with every sample_stride-th sample (decimation: the products stay clear of DC). Per
-// item and window sample: 1 vector load, 32 flops.
+// -half_axial..half_axial with every sample_stride-th sample (decimation: the products stay clear of DC). Lags
+// beyond least_reach + reach_slope * sample are not looked at: 0. Per item and window sample: 1 vector load, 32
+// flops.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
     __global const float* restrict pre, __global const float* restrict post, __global float* restrict out,
     const int nx, const int ny, const int first_line, const int line_step, const int first_sample,
     const int sample_step, const int origin, const int stride, const int half_axial, const int half_lateral,
     const int sample_stride, const int first_lag, const int chunks, const int first_lateral,
-    const int lateral_step, const int lateral_count) {
+    const int lateral_step, const int lateral_count, const float least_reach, const float reach_slope) {
   const int id = get_global_id(0);
   if (id >= nx * ny * lateral_count * chunks) return;
   const int chunk = id % chunks, m = (id / chunks) % lateral_count, node = id / (chunks * lateral_count);
   const int line = first_line + (node % nx) * line_step;
   const int sample = first_sample + (node / nx) * sample_step;
   const int lag = first_lag + 8 * chunk, lateral = first_lateral + m * lateral_step;
+  const float reach = least_reach + reach_slope * (float)sample;
+  if ((float)lag > reach || (float)(lag + 7) < -reach) {
+    vstore8((float8)(0.0f), id, out);
+    return;
+  }
   float pre_energy = 0.0f;
   float8 post_energy = 0.0f, product = 0.0f;
   for (int l = -half_lateral; l <= half_lateral; ++l) {

@@ -114,6 +114,7 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
         {"background", summary.background_modulus_pa()},
         {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"}}},
       {"median_correlation", summary.median_correlation()},
+      {"quality", summary.quality()},
       {"valid_fraction", summary.valid_fraction()},
       {"mean_axial_strain", summary.mean_axial_strain()},
       {"stages", stages},

@@ -16,11 +16,13 @@ constexpr std::size_t kGroup = 32;  // WORK_GROUP of displacement.cl
 constexpr int kWarpRun = 16;        // WARP_RUN of displacement.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
-constexpr int kCoarseDecimation = 2;                           // of the samples of the coarse window
+constexpr int kDecimation = 2;                                 // of the samples of the search windows
 constexpr float kSlopeCost = 0.02f;  // correlation that one sample of lag change per coarse step is worth
 constexpr int kCoarseLaterals =
     3;  // lateral lags of the coarse search: -1, 0, 1 times half the lateral range
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
+constexpr double kLeastPeriods = 4;                   // of the carrier in a coarse window
+constexpr int kSpareLags = 8;                         // beyond what the largest strain asks for
 constexpr int kFineLags = 8, kFineFirstLag = -4;
 constexpr double kTaperFraction = 0.1;  // part of the axial window that its cosine edges take
 
@@ -84,12 +86,15 @@ struct DisplacementEstimator::Workspace {
   bool serves(const RfFrame& frame, const AcquisitionGeometry& g) const {
     return static_cast<int>(frame.sample_count) == samples && static_cast<int>(frame.line_count) == lines &&
            g.sample_pitch_m() == sample_pitch_m && g.line_pitch_m == line_pitch_m &&
-           g.center_frequency_hz == center_frequency_hz && g.first_sample_depth_m == first_sample_depth_m;
+           g.center_frequency_hz == center_frequency_hz && g.first_sample_depth_m == first_sample_depth_m &&
+           g.frame == frame_kind;
   }
 
   int samples, lines;
   double sample_pitch_m, line_pitch_m, center_frequency_hz, first_sample_depth_m;
-  float period;  // of the carrier, samples
+  DisplacementFrame frame_kind;
+  float period;                            // of the carrier, samples
+  float least_reach = 0, reach_slope = 0;  // of the axial search, samples: least + slope * sample
   int coarse_half_axial, coarse_half_lateral, coarse_lateral_step, coarse_chunks, coarse_first_lag;
   int half_axial, half_lateral, lateral_reach, window_chunks;
   SampleGrid coarse, fine, image;
@@ -119,6 +124,7 @@ DisplacementEstimator::Workspace::Workspace(const Queue& q, const RfFrame& frame
       line_pitch_m(g.line_pitch_m),
       center_frequency_hz(g.center_frequency_hz),
       first_sample_depth_m(g.first_sample_depth_m),
+      frame_kind(g.frame),
       period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)) {
   measure(frame, o);
   allocate(q, frame, o);
@@ -130,12 +136,20 @@ void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const Displ
                         std::max(steps(kCoarseStepAxialM, dy), samples / kMostCoarseRows));
   fine = centred_grid(frame, steps(kFineStepM, dx), steps(kFineStepM, dy));
   image = centred_grid(frame, steps(o.grid_dx_m, dx), steps(o.grid_dy_m, dy));
-  coarse_half_axial = std::min(half_width(o.coarse_window_axial_m, dy), samples / 2);
+  // Under the largest strain the echoes of one window may not move apart by more than half a period.
+  const double widest_m = std::max(kLeastPeriods, 0.5 / o.max_strain) * period * dy;
+  coarse_half_axial = std::min(half_width(std::min(o.coarse_window_axial_m, widest_m), dy), samples / 2);
   coarse_half_lateral = std::min(half_width(o.coarse_window_lateral_m, dx), lines / 2);
   coarse_lateral_step = std::min(steps(o.lateral_search_m / 2, dx), lines);
+  // The probe's face at rest, nothing moves further than the strain over the depth above it; else the deepest
+  // sample's reach holds everywhere.
   const double deepest_m = first_sample_depth_m + samples * dy;
+  const bool probe_rests = frame_kind == DisplacementFrame::kProbe;
+  const double least_m = o.max_strain * (probe_rests ? first_sample_depth_m : deepest_m);
+  least_reach = static_cast<float>(least_m / dy + kSpareLags);
+  reach_slope = static_cast<float>(probe_rests ? o.max_strain : 0.0);
   const int most_lag =
-      static_cast<int>(std::min<double>(samples, std::ceil(o.max_strain * deepest_m / dy) + 4));
+      static_cast<int>(std::min<double>(samples, std::ceil(o.max_strain * deepest_m / dy) + kSpareLags));
   coarse_chunks = 2 * ((most_lag + 7) / 8);
   coarse_first_lag = -4 * coarse_chunks;
   half_axial = std::min(half_width(o.window_axial_m, dy), samples / 2);
@@ -195,8 +209,8 @@ void DisplacementEstimator::search_coarse(const std::function<void()>& between) 
   const int lateral_count = kCoarseLaterals, lag_count = 8 * w.coarse_chunks;
   kernels_->ncc(over(g.nodes() * lateral_count * w.coarse_chunks), w.pre, w.post, w.coarse_volume, g.nx, g.ny,
                 g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride,
-                w.coarse_half_axial, w.coarse_half_lateral, kCoarseDecimation, w.coarse_first_lag,
-                w.coarse_chunks, -w.coarse_lateral_step, w.coarse_lateral_step, lateral_count);
+                w.coarse_half_axial, w.coarse_half_lateral, kDecimation, w.coarse_first_lag, w.coarse_chunks,
+                -w.coarse_lateral_step, w.coarse_lateral_step, lateral_count, w.least_reach, w.reach_slope);
   const LagVolume volume{g.nx, g.ny, lateral_count, lag_count, queue_.read(w.coarse_volume)};
   if (between) between();
   const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
@@ -219,7 +233,8 @@ void DisplacementEstimator::search_fine() {
   warp(c, false);
   kernels_->ncc(over(g.nodes() * lateral_count), w.pre, w.mean, w.fine_volume, g.nx, g.ny, g.first_line,
                 g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride, w.half_axial,
-                w.half_lateral, 1, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count);
+                w.half_lateral, kDecimation, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count, 8.0f,
+                0.0f);
   kernels_->resample(over(g.nodes()), w.field, w.filtered, c.nx, c.ny, c.first_line, c.line_step,
                      c.first_sample, c.sample_step, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
                      g.sample_step);

@@ -11,8 +11,9 @@
 namespace teletact::service {
 namespace {
 
-constexpr float kUntextured = -1.5f;  // correlations below mean that the window has no texture
-constexpr double kLeastTexturedFraction = 0.1;
+// Before a pair is called decorrelated it is searched once more over so many times the strain, up to the
+// largest that can be asked for.
+constexpr double kWiderSearch = 2, kWidestStrain = 0.2;
 
 class StageClock {
  public:
@@ -77,25 +78,25 @@ void Elastography::warm() {
   queue_.finish();
 }
 
-void Elastography::judge_tracking(Estimate& e) const {
-  std::vector<float> textured;
-  std::copy_if(e.correlation.begin(), e.correlation.end(), std::back_inserter(textured),
-               [](float c) { return c > kUntextured; });
-  if (static_cast<double>(textured.size()) < kLeastTexturedFraction * static_cast<double>(e.grid.size()))
-    throw TrackingError(TrackingError::Reason::kNoSignal,
-                        "pre, post: " + std::to_string(textured.size()) + " of " +
-                            std::to_string(e.grid.size()) +
-                            " nodes show any echo; check the gain and the probe's contact");
-  const auto middle = textured.begin() + static_cast<std::ptrdiff_t>(textured.size() / 2);
-  std::nth_element(textured.begin(), middle, textured.end());
-  e.median_correlation = *middle;
-  if (!(e.median_correlation >= options_.least_median_correlation))
-    throw TrackingError(
-        TrackingError::Reason::kDecorrelated,
-        "pre, post: median correlation " + std::to_string(e.median_correlation) + " is below " +
-            std::to_string(options_.least_median_correlation) +
-            "; the frames are unrelated, or strained beyond max_strain, or moved out of plane: take the "
-            "pair again with less motion");
+void Elastography::judge_tracking(Estimate& e, const RfFrame& pre, const RfFrame& post,
+                                  const AcquisitionGeometry& geometry, const std::function<void()>& go_on) {
+  e.median_correlation = median_correlation(e.correlation);
+  if (e.median_correlation >= options_.least_median_correlation) return;
+  const std::string found = "pre, post: median correlation " + std::to_string(e.median_correlation) +
+                            " is below " + std::to_string(options_.least_median_correlation);
+  DisplacementOptions wider = options_.displacement;
+  wider.max_strain = std::min(kWidestStrain, kWiderSearch * wider.max_strain);
+  const DisplacementEstimate again =
+      DisplacementEstimator(queue_, wider).estimate(pre, post, geometry, go_on);
+  if (median_correlation(queue_.read(again.correlation)) >= options_.least_median_correlation)
+    throw TrackingError(TrackingError::Reason::kBeyondSearch,
+                        found + ", but the pair can be tracked with max_strain " +
+                            std::to_string(wider.max_strain) + ": it is strained beyond max_strain " +
+                            std::to_string(options_.displacement.max_strain) +
+                            "; compress less, or raise it");
+  throw TrackingError(TrackingError::Reason::kDecorrelated,
+                      found + "; the frames are unrelated, or moved out of plane, or strained beyond " +
+                          std::to_string(wider.max_strain) + ": take the pair again with less motion");
 }
 
 DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const RfFrame& post,
@@ -112,7 +113,7 @@ DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const 
   e.correlation.resize(e.grid.size());
   queue_.read(displacement.correlation, e.correlation.data(), e.correlation.size());
   e.displacement_valid = queue_.read(displacement.trusted);
-  judge_tracking(e);
+  judge_tracking(e, pre, post, geometry, go_on);
   return displacement;
 }
 
@@ -127,6 +128,7 @@ StrainEstimate Elastography::differentiate(Estimate& e, const DisplacementEstima
   e.axial_strain_std = component(std, 3, 1);
   e.shear_strain_std = component(std, 3, 2);
   e.strain_valid = queue_.read(strain.trusted);
+  e.quality = pair_quality(e.axial_strain, e.axial_strain_std, e.strain_valid);
   return strain;
 }
 

@@ -13,6 +13,7 @@
 #include "service/imaging/frame.h"
 #include "service/imaging/modulus.h"
 #include "service/imaging/strain.h"
+#include "service/imaging/tracking_quality.h"
 
 namespace teletact::service {
 
@@ -24,13 +25,6 @@ struct ElastographyOptions {
 };
 
 enum class Stage { kDisplacement, kStrain, kModulus };
-
-// The pair cannot be tracked; what() says why and what to do.
-struct TrackingError : std::runtime_error {
-  enum class Reason { kNoSignal, kDecorrelated, kNoCompression };
-  TrackingError(Reason why, const std::string& what) : std::runtime_error(what), reason(why) {}
-  Reason reason;
-};
 
 // `cancelled` said so.
 struct EstimateCancelled : std::runtime_error {
@@ -52,6 +46,7 @@ struct Estimate {
   Field youngs_modulus;                                          // Pa, or relative (median 1)
   bool modulus_absolute = false;
   double median_correlation = 0;  // of the textured nodes
+  double quality = 0;             // of the pair, 0 to 1 (tracking_quality.h)
   double valid_fraction = 0;      // of the nodes
   double mean_axial_strain = 0;   // median over the trusted nodes, negative in compression
   double background_modulus = 0;  // median over the valid nodes, Pa or 1
@@ -78,7 +73,8 @@ class Elastography {
  private:
   DisplacementEstimate track(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
                              const std::function<void()>& go_on);
-  void judge_tracking(Estimate&) const;
+  void judge_tracking(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
+                      const std::function<void()>& go_on);
   StrainEstimate differentiate(Estimate&, const DisplacementEstimate&);
   void find_modulus(Estimate&, const ModulusInput&);
 

@@ -16,7 +16,8 @@ struct RfFrame {
   std::vector<float> samples;
 };
 
-enum class DisplacementFrame { kLab, kProbe };  // LAB: far side rests; PROBE: probe face rests (theory, Axes)
+// LAB: far side rests; PROBE: probe face rests (theory, Axes): it bounds how far each depth can have moved.
+enum class DisplacementFrame { kLab, kProbe };
 
 struct AcquisitionGeometry {
   double center_frequency_hz = 0, sampling_frequency_hz = 0;

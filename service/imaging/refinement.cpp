@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kGroup = 32;        // WORK_GROUP of refinement.cl
 constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTORS of refinement.cl
 constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
-constexpr double kSameBalance = 2;        // factor within which a preconditioner serves another system
+constexpr double kSameBalance = 10;       // factor within which a preconditioner serves another system
 constexpr int kMostFootprint = 6;         // nodes to each side over which information is averaged
 constexpr int kMostNoiseLines = 20;       // that the autocorrelations are taken from
 constexpr double kLeastStrain = 1e-4;     // strain below which the prior does not narrow any more

@@ -222,6 +222,7 @@ namespace {
 void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_modulus_absolute(e.modulus_absolute);
   out->set_median_correlation(e.median_correlation);
+  out->set_quality(e.quality);
   out->set_valid_fraction(e.valid_fraction);
   out->set_mean_axial_strain(e.mean_axial_strain);
   out->set_background_modulus_pa(e.background_modulus);

@@ -9,6 +9,7 @@
 
 #include "service/imaging/estimate.h"
 #include "tests/data/recorded_pairs.h"
+#include "tests/reference/ncc.h"
 
 namespace teletact::service {
 namespace {
@@ -19,8 +20,10 @@ namespace {
     GTEST_SKIP() << "no " << (data_folder() / name) << ": these data may not be redistributed"; \
   }
 
-Estimate estimate(const RecordedPair& pair, double depth_m) {
-  Elastography elastography(Device::open());
+Estimate estimate(const RecordedPair& pair, double depth_m, const StrainOptions& strain = {}) {
+  ElastographyOptions options;
+  options.strain = strain;
+  Elastography elastography(Device::open(), options);
   const double width_m = static_cast<double>(pair.pre.line_count) * pair.geometry.line_pitch_m;
   return elastography.estimate(pair.pre, pair.post, pair.geometry, std::nullopt,
                                {width_m, depth_m, 0, 0.495});
@@ -69,7 +72,9 @@ class Truth {
 TEST(SimulatedInclusion, AxialDisplacementMeetsTheTruth) {
   SKIP_WITHOUT_DATA("simulated-inclusion");
   const RecordedPair pair = simulated_inclusion();
-  const Estimate e = estimate(pair, 0.050);
+  StrainOptions kernel;
+  kernel.kernel_axial_m = 1.5e-3;
+  const Estimate e = estimate(pair, 0.050, kernel);
   const auto folder = data_folder() / "simulated-inclusion";
   const Truth displacement(folder / "truth_displacement.mha", 2e-3),
       strain(folder / "truth_strain.mha", 2e-3);
@@ -93,63 +98,199 @@ TEST(SimulatedInclusion, AxialDisplacementMeetsTheTruth) {
   const double count = static_cast<double>(errors.size());
   ASSERT_GT(count, 1000);
   const double median = errors[errors.size() / 2], p95 = errors[errors.size() * 95 / 100];
-  const double wrong =
-      static_cast<double>(errors.end() - std::upper_bound(errors.begin(), errors.end(), 40e-6));
   std::printf(
-      "simulated-inclusion: valid %.3f, axial |error| median %.2f p95 %.2f max %.2f um, RMSE %.2f um; wrong "
-      "by > 40 um "
-      "%.4f; lateral RMSE %.1f um; axial strain RMSE %.3f %% strain\n",
+      "simulated-inclusion: valid %.3f, axial |error| median %.2f p95 %.2f max %.2f um, RMSE %.2f um; "
+      "lateral "
+      "RMSE %.1f um; axial strain RMSE (1.5 mm) %.3f %% strain\n",
       count / inside, 1e6 * median, 1e6 * p95, 1e6 * errors.back(), 1e6 * std::sqrt(axial / count),
-      wrong / count, 1e6 * std::sqrt(lateral / count), 100 * std::sqrt(strain_squares / strain_count));
-  EXPECT_GE(count / inside, 0.90);
+      1e6 * std::sqrt(lateral / count), 100 * std::sqrt(strain_squares / strain_count));
+  EXPECT_GE(count / inside, 0.95);
   // The image grid leaves nothing of that interior out.
   EXPECT_GE(inside * e.grid.dx_m * e.grid.dy_m, 0.97 * displacement.area_m2());
-  EXPECT_LE(median, 2e-6);
-  EXPECT_LE(p95, 30e-6);
-  EXPECT_LE(wrong / count, 0.01);
+  EXPECT_LE(std::sqrt(axial / count), 2.5e-6);
+  EXPECT_LE(p95, 5e-6);
+  EXPECT_LE(errors.back(), 20e-6);
+  EXPECT_LE(std::sqrt(lateral / count), 22e-6);
+  EXPECT_GE(strain_count / inside, 0.95);
+  EXPECT_LE(std::sqrt(strain_squares / strain_count), 0.2e-2);
+}
+
+// Axial strain of a method on an image grid; NaN where it says nothing.
+struct StrainImage {
+  ImageGrid grid;
+  std::vector<double> strain;
+};
+
+StrainImage strain_image(const Queue& queue, const DisplacementEstimate& d, const ImageGrid& grid,
+                         double kernel_axial_m, double kernel_lateral_m) {
+  StrainOptions options;
+  options.kernel_axial_m = kernel_axial_m;
+  options.kernel_lateral_m = kernel_lateral_m;
+  options.residual_limit_m = 1;  // the same chance for every method: nothing is hidden
+  const StrainEstimate s = StrainEstimator(queue, options).estimate(d, grid);
+  const std::vector<float> tensor = queue.read(s.tensor);
+  StrainImage image{grid, {}};
+  for (std::size_t n = 0; n < grid.size(); ++n) image.strain.push_back(tensor[4 * n + 1]);
+  return image;
 }
 
 struct WindowStatistics {
   double mean = 0, variance = 0, valid = 0;
 };
 
-// Axial strain over samples x lines of the README.
-WindowStatistics window(const Estimate& e, const AcquisitionGeometry& g, double s0, double s1, double l0,
+// Over samples x lines of the README.
+WindowStatistics window(const StrainImage& e, const AcquisitionGeometry& g, double s0, double s1, double l0,
                         double l1) {
   double sum = 0, squares = 0, count = 0, all = 0;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
-    const double sample = y_of(e, n) / g.sample_pitch_m(), line = x_of(e, n) / g.line_pitch_m - 0.5;
+    const double y = e.grid.origin_y_m + static_cast<double>(n / e.grid.nx) * e.grid.dy_m;
+    const double x = e.grid.origin_x_m + static_cast<double>(n % e.grid.nx) * e.grid.dx_m;
+    const double sample = y / g.sample_pitch_m(), line = x / g.line_pitch_m - 0.5;
     if (sample < s0 || sample > s1 || line < l0 || line > l1) continue;
     ++all;
-    if (!e.strain_valid[n]) continue;
+    if (!std::isfinite(e.strain[n])) continue;
     ++count;
-    sum += e.axial_strain[n];
-    squares += std::pow(e.axial_strain[n], 2);
+    sum += e.strain[n];
+    squares += e.strain[n] * e.strain[n];
   }
   const double mean = sum / count;
   return {mean, squares / count - mean * mean, count / all};
 }
 
-TEST(PhantomS2000, StrainRatioAndCoverage) {
+struct PhantomFigures {
+  double background = 0, inclusion = 0, snre = 0, cnre = 0, edge_m = 0, valid = 0;
+};
+
+// Lateral distance (m) from the inclusion's middle outwards (direction -1 or 1) between 20 % and 80 % of the
+// way from its strain to the background's on that side, in the mean profile over the README's depth window.
+double edge_width(const StrainImage& e, const AcquisitionGeometry& g, int direction, double inclusion,
+                  double background) {
+  const auto profile = [&](double line) {
+    return window(e, g, 1790, 1900, line - 0.5 * e.grid.dx_m / g.line_pitch_m,
+                  line + 0.499 * e.grid.dx_m / g.line_pitch_m)
+        .mean;
+  };
+  const double step = direction * e.grid.dx_m / g.line_pitch_m;
+  double found[2] = {std::nan(""), std::nan("")};
+  for (int level = 0; level < 2; ++level) {
+    const double wanted = level ? 0.8 : 0.2;
+    for (double line = 160; line > 90 && line < 230 && std::isnan(found[level]); line += step) {
+      const double here = (profile(line) - inclusion) / (background - inclusion);
+      const double next = (profile(line + step) - inclusion) / (background - inclusion);
+      if (here <= wanted && next > wanted) found[level] = line + step * (wanted - here) / (next - here);
+    }
+  }
+  return std::abs(found[1] - found[0]) * g.line_pitch_m;
+}
+
+PhantomFigures figures(const StrainImage& e, const AcquisitionGeometry& g) {
+  const WindowStatistics target = window(e, g, 1790, 1900, 145, 175), left = window(e, g, 1790, 1900, 30, 90),
+                         right = window(e, g, 1790, 1900, 230, 290),
+                         uniform = window(e, g, 900, 1300, 60, 250);
+  const double background = 0.5 * (left.mean + right.mean), variance = 0.5 * (left.variance + right.variance);
+  return {background,
+          target.mean,
+          std::abs(uniform.mean) / std::sqrt(uniform.variance),
+          std::sqrt(2 * std::pow(background - target.mean, 2) / (variance + target.variance)),
+          0.5 * (edge_width(e, g, -1, target.mean, left.mean) + edge_width(e, g, 1, target.mean, right.mean)),
+          window(e, g, 300, 1e9, -1, 1e9).valid};
+}
+
+// Plain NCC of the README: 121 samples x 7 lines, whole search range, parabolic peak, 5 x 5 median, on the
+// nodes of `grid` that the figures need.
+std::vector<float> plain_ncc(const RecordedPair& pair, const SampleGrid& grid) {
+  const auto image = [](const RfFrame& f) {
+    return reference::RfImage{static_cast<int>(f.sample_count),
+                              static_cast<int>(f.line_count),
+                              {f.samples.begin(), f.samples.end()}};
+  };
+  const reference::RfImage pre = image(pair.pre), post = image(pair.post);
+  std::vector<float> field(2 * static_cast<std::size_t>(grid.nodes()), std::nanf(""));
+  const auto needed = [](int sample) {
+    return (sample > 700 && sample < 1500) || (sample > 1650 && sample < 2040);
+  };
+  for (int node = 0; node < grid.nodes(); ++node) {
+    const int sample = grid.first_sample + node / grid.nx * grid.sample_step,
+              line = grid.first_line + node % grid.nx * grid.line_step;
+    if (needed(sample)) {
+      const reference::Shift u = reference::ncc_peak(pre, post, sample, line, {60, 3, 1}, {-45, 5}, {-3, 3});
+      field[2 * static_cast<std::size_t>(node)] = static_cast<float>(u.lines * pair.geometry.line_pitch_m);
+      field[2 * static_cast<std::size_t>(node) + 1] =
+          static_cast<float>(u.samples * pair.geometry.sample_pitch_m());
+    }
+  }
+  return field;
+}
+
+// Axial component, 5 x 5 nodes; NaN stays.
+std::vector<float> median_filtered(const std::vector<float>& field, const SampleGrid& grid) {
+  std::vector<float> out = field;
+  for (int j = 2; j + 2 < grid.ny; ++j)
+    for (int i = 2; i + 2 < grid.nx; ++i) {
+      std::vector<float> around;
+      for (int n = -2; n <= 2; ++n)
+        for (int m = -2; m <= 2; ++m)
+          around.push_back(field[2 * static_cast<std::size_t>(i + m + grid.nx * (j + n)) + 1]);
+      if (std::any_of(around.begin(), around.end(), [](float u) { return std::isnan(u); })) continue;
+      std::nth_element(around.begin(), around.begin() + 12, around.end());
+      out[2 * static_cast<std::size_t>(i + grid.nx * j) + 1] = around[12];
+    }
+  return out;
+}
+
+void print(const char* method, const PhantomFigures& f) {
+  std::printf(
+      "phantom-s2000, %s: background %.3f %%, inclusion %.3f %%, SNRe %.1f, CNRe (Rivaz) %.2f, edge %.2f "
+      "mm\n",
+      method, 100 * f.background, 100 * f.inclusion, f.snre, f.cnre, 1e3 * f.edge_m);
+}
+
+// SNRe and CNRe at least twice plain NCC's at the same edge width, at most 2 mm: NCC's kernel across the
+// lines grows until its edge is as wide as ours.
+TEST(PhantomS2000, TwiceAsClearAsPlainNccAtTheSameEdge) {
+  SKIP_WITHOUT_DATA("phantom-s2000");
+  const RecordedPair pair = phantom_s2000();
+  const Queue queue = Device::open()->queue();
+  DisplacementEstimator estimator(queue, {});
+  const DisplacementEstimate ours = estimator.estimate(pair.pre, pair.post, pair.geometry);
+  const ImageGrid grid = image_grid(ours.grid, pair.geometry);
+  const PhantomFigures best = figures(strain_image(queue, ours, grid, 2.5e-3, 2.0e-3), pair.geometry);
+  print("ours", best);
+
+  DisplacementEstimate ncc{ours.grid, {}, {}, {}};
+  const std::vector<float> field = median_filtered(plain_ncc(pair, ours.grid), ours.grid);
+  std::vector<std::uint8_t> known;
+  std::vector<float> finite;
+  for (std::size_t n = 0; n < grid.size(); ++n) known.push_back(std::isnan(field[2 * n]) ? 0 : 1);
+  for (const float u : field) finite.push_back(std::isnan(u) ? 0 : u);
+  ncc.field_m = queue.array(finite);
+  ncc.trusted = queue.array(known);
+  PhantomFigures plain;
+  for (double lateral_m = 1.0e-3; lateral_m < 6e-3; lateral_m += 0.5e-3) {
+    const PhantomFigures next = figures(strain_image(queue, ncc, grid, 2.5e-3, lateral_m), pair.geometry);
+    print("plain NCC", next);
+    if (next.edge_m > best.edge_m && plain.edge_m > 0) break;
+    plain = next;
+  }
+  EXPECT_LE(best.edge_m, 2e-3);
+  EXPECT_LE(plain.edge_m, 1.05 * best.edge_m + 0.1e-3);
+  EXPECT_GE(best.snre, 2 * plain.snre);
+  EXPECT_GE(best.cnre, 2 * plain.cnre);
+  EXPECT_GE(best.background / best.inclusion, 1.35);
+  EXPECT_LE(best.background / best.inclusion, 1.70);
+}
+
+TEST(PhantomS2000, NearlyAllOfTheTissueIsValid) {
   SKIP_WITHOUT_DATA("phantom-s2000");
   const RecordedPair pair = phantom_s2000();
   const Estimate e = estimate(pair, 0.060);
-  const WindowStatistics target = window(e, pair.geometry, 1790, 1900, 145, 175);
-  const WindowStatistics left = window(e, pair.geometry, 1790, 1900, 30, 90);
-  const WindowStatistics right = window(e, pair.geometry, 1790, 1900, 230, 290);
-  const WindowStatistics uniform = window(e, pair.geometry, 900, 1300, 60, 250);
-  const WindowStatistics tissue = window(e, pair.geometry, 300, 1e9, -1, 1e9);
-  const double background = 0.5 * (left.mean + right.mean), variance = 0.5 * (left.variance + right.variance);
-  const double ratio = background / target.mean;
-  const double cnre = std::sqrt(2 * std::pow(background - target.mean, 2) / (variance + target.variance));
-  std::printf(
-      "phantom-s2000: background %.3f %% : inclusion %.3f %% = %.3f; valid %.3f of the tissue; SNRe %.1f, "
-      "CNRe (Rivaz) %.2f\n",
-      100 * background, 100 * target.mean, ratio, tissue.valid,
-      std::abs(uniform.mean) / std::sqrt(uniform.variance), cnre);
-  EXPECT_GE(ratio, 1.35);
-  EXPECT_LE(ratio, 1.70);
-  EXPECT_GE(tissue.valid, 0.85);
+  double tissue = 0, valid = 0;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    if (y_of(e, n) < 300 * pair.geometry.sample_pitch_m()) continue;
+    ++tissue, valid += e.strain_valid[n];
+  }
+  EXPECT_GE(valid / tissue, 0.95);
+  EXPECT_GE(e.quality, 0.9);
 }
 
 }  // namespace

@@ -37,13 +37,15 @@ struct Errors {
 constexpr double kBorderM = 1e-3;
 
 Errors track(const SpeckleOptions& speckle_options, const Motion& motion,
-             const DisplacementOptions& options = {}) {
+             const DisplacementOptions& options = {}, DisplacementFrame frame = DisplacementFrame::kProbe) {
   const Speckle speckle(speckle_options);
   const RfFrame pre = speckle.frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
   const RfFrame post = speckle.frame(motion, 2);
   const Queue queue = imaging_device()->queue();
   DisplacementEstimator estimator(queue, options);
-  const DisplacementEstimate estimate = estimator.estimate(pre, post, speckle.geometry());
+  AcquisitionGeometry geometry = speckle.geometry();
+  geometry.frame = frame;
+  const DisplacementEstimate estimate = estimator.estimate(pre, post, geometry);
   const ImageGrid grid = image_grid(estimate.grid, speckle.geometry());
   const std::vector<float> field = queue.read(estimate.field_m);
   const std::vector<std::uint8_t> trusted = queue.read(estimate.trusted);
@@ -74,7 +76,12 @@ Motion uniform_strain(double strain, double offset_m) {
 TEST(Displacement, FindsRigidSubSampleShiftsWithoutBias) {
   const double sample = speckle_geometry().sample_pitch_m();
   for (const double shift : {0.0, 0.125, 0.5, 0.8, 3.3, -7.6}) {
-    const Errors e = track({}, [=](double, double) { return std::pair{0.0, shift * sample}; });
+    const Errors e = track(
+        {},
+        [=](double, double) {
+          return std::pair{0.0, shift * sample};
+        },
+        {}, DisplacementFrame::kLab);
     EXPECT_GE(e.trusted_fraction, 0.99) << shift;
     EXPECT_LE(std::abs(e.bias_axial()), 0.05e-6) << shift;
     EXPECT_LE(e.quantile_axial(1), 0.3e-6) << shift;
@@ -97,7 +104,7 @@ TEST(Displacement, FindsTheLabFrameAsWellAsTheProbeFrame) {
   SpeckleOptions speckle;
   speckle.samples = 1500;
   const double depth = 1500 * speckle_geometry().sample_pitch_m();
-  const Errors e = track(speckle, uniform_strain(-0.03, 0.03 * depth));
+  const Errors e = track(speckle, uniform_strain(-0.03, 0.03 * depth), {}, DisplacementFrame::kLab);
   EXPECT_GE(e.trusted_fraction, 0.97);
   EXPECT_LE(e.quantile_axial(0.95), 2e-6);
 }

@@ -65,6 +65,8 @@ TEST(Elastography, UniformTissueGetsItsModulus) {
   EXPECT_NEAR(e.mean_axial_strain, kStrain, 1e-4);
   EXPECT_GE(e.median_correlation, 0.95);
   EXPECT_GE(e.valid_fraction, 0.85);
+  EXPECT_GE(e.quality, 0.9);
+  EXPECT_LE(e.quality, 1);
   std::size_t off = 0;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
     EXPECT_EQ(e.valid[n] != 0, std::isfinite(e.youngs_modulus[n]));
@@ -113,6 +115,79 @@ TEST(Elastography, UnrelatedFramesAreRefused) {
   options.seed = 99;
   const RfFrame other = Speckle(options).frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
   EXPECT_EQ(refusal(still(), other), TrackingError::Reason::kDecorrelated);
+}
+
+TEST(Elastography, CompressionBeyondTheSearchIsRefusedWithTheRemedy) {
+  const RfFrame far = tissue().frame([](double, double y) { return std::pair{0.0, -0.09 * y}; }, 2);
+  EXPECT_EQ(refusal(still(), far), TrackingError::Reason::kBeyondSearch);
+  ElastographyOptions wide;
+  wide.displacement.max_strain = 0.1;
+  const Estimate e =
+      Elastography(imaging_device(), wide).estimate(still(), far, speckle_geometry(), std::nullopt, slab());
+  EXPECT_NEAR(e.mean_axial_strain, -0.09, 0.002);
+  EXPECT_GE(e.quality, 0.8);
+}
+
+// A patch whose scatterers were replaced (blood, out-of-plane motion) is masked and its error is said to be
+// large.
+TEST(Elastography, DecorrelatedPatchIsMasked) {
+  SpeckleOptions options;
+  options.samples = kSamples;
+  options.lines = kLines;
+  options.seed = 99;
+  const RfFrame other = Speckle(options).frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
+  RfFrame post = pressed();
+  const auto patch = [](double sample, double line) {
+    return std::hypot(sample - 520, (line - 42) * 12.2) < 200;
+  };
+  for (std::size_t l = 0; l < kLines; ++l)
+    for (std::size_t k = 0; k < kSamples; ++k)
+      if (patch(static_cast<double>(k), static_cast<double>(l)))
+        post.samples[k + kSamples * l] = other.samples[k + kSamples * l];
+  const Estimate e = elastography().estimate(still(), post, speckle_geometry(), std::nullopt, slab());
+  const Estimate whole =
+      elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab());
+  EXPECT_LT(e.quality, whole.quality);
+  double inside = 0, wrong = 0, outside = 0, lost = 0, doubted = 0;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    const double y = e.grid.origin_y_m + static_cast<double>(n / e.grid.nx) * e.grid.dy_m;
+    const double x = e.grid.origin_x_m + static_cast<double>(n % e.grid.nx) * e.grid.dx_m;
+    const double r =
+        std::hypot(y - 520 * speckle_geometry().sample_pitch_m(), x - 42.5 * speckle_geometry().line_pitch_m);
+    if (r < 2.3e-3) {
+      ++inside, wrong += e.valid[n];
+      doubted += e.axial_displacement_std[n] > 5 * whole.axial_displacement_std[n];
+    } else if (r > 6e-3 && whole.valid[n]) {
+      ++outside, lost += !e.valid[n];
+    }
+  }
+  EXPECT_LE(wrong, 0.02 * inside);
+  EXPECT_GE(doubted, 0.8 * inside);
+  EXPECT_LE(lost, 0.05 * outside);
+}
+
+// Cysts and shadows: nothing is heard, so nothing is said.
+TEST(Elastography, ShadowIsMasked) {
+  RfFrame pre = still(), post = pressed();
+  for (std::size_t l = 30; l < 50; ++l)
+    for (std::size_t k = 400; k < kSamples; ++k)
+      pre.samples[k + kSamples * l] = post.samples[k + kSamples * l] = 0;
+  const Estimate e = elastography().estimate(pre, post, speckle_geometry(), std::nullopt, slab());
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    const double line = (e.grid.origin_x_m + static_cast<double>(n % e.grid.nx) * e.grid.dx_m) /
+                            speckle_geometry().line_pitch_m -
+                        0.5;
+    const double sample = (e.grid.origin_y_m + static_cast<double>(n / e.grid.nx) * e.grid.dy_m) /
+                          speckle_geometry().sample_pitch_m();
+    if (line > 35 && line < 45 && sample > 450) {
+      EXPECT_EQ(e.valid[n], 0) << line << " " << sample;
+    }
+  }
+}
+
+TEST(Elastography, SwappedFramesShowAsExtension) {
+  const Estimate e = elastography().estimate(pressed(), still(), speckle_geometry(), std::nullopt, slab());
+  EXPECT_NEAR(e.mean_axial_strain, -kStrain, 2e-4);
 }
 
 TEST(Elastography, FramesWithoutCompressionAreRefused) {

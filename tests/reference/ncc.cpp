@@ -31,6 +31,24 @@ double normalised_cross_correlation(const RfImage& pre, const RfImage& post, int
   return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
 }
 
+Shift ncc_peak(const RfImage& pre, const RfImage& post, int sample, int line, const Window& window,
+               const std::array<int, 2>& axial, const std::array<int, 2>& lateral) {
+  const auto correlation = [&](int k, int l) {
+    return normalised_cross_correlation(pre, post, sample, line, window, k, l);
+  };
+  int best_k = axial[0], best_l = lateral[0];
+  double best = -2;
+  for (int l = lateral[0]; l <= lateral[1]; ++l)
+    for (int k = axial[0]; k <= axial[1]; ++k)
+      if (const double c = correlation(k, l); c > best) best = c, best_k = k, best_l = l;
+  const auto fraction = [&](double before, double after) {
+    const double curvature = before - 2 * best + after;
+    return curvature < 0 ? 0.5 * (before - after) / curvature : 0;
+  };
+  return {best_l + fraction(correlation(best_k, best_l - 1), correlation(best_k, best_l + 1)),
+          best_k + fraction(correlation(best_k - 1, best_l), correlation(best_k + 1, best_l))};
+}
+
 double interpolate(const RfImage& post, int sample, int line, const Shift& u) {
   const double y = sample + u.samples, x = line + u.lines;
   const int k0 = static_cast<int>(std::floor(y)), l0 = static_cast<int>(std::floor(x));

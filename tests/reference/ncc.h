@@ -35,6 +35,11 @@ struct Shift {
   double lines = 0, samples = 0;
 };
 
+// Position of the largest correlation over all lags of both ranges (first, last), each coordinate refined by
+// a parabola through the peak and its neighbours (biased, T2.2).
+Shift ncc_peak(const RfImage& pre, const RfImage& post, int sample, int line, const Window&,
+               const std::array<int, 2>& axial, const std::array<int, 2>& lateral);
+
 // post(x + u(x)) at one sample: windowed sinc (Kaiser beta 5 over 8 samples or lines, unit sum) both
 // ways; zero where the moved point lies outside the frame.
 double interpolate(const RfImage& post, int sample, int line, const Shift& u);
