@@ -79,14 +79,17 @@ std::unique_ptr<Smoother<T>> make_line_smoother(const Queue& queue, const Array<
   return std::make_unique<LineSmoother<T>>(queue, converted<T>(queue, factor), nx, ny, along_x);
 }
 
-#define TELETACT_INSTANTIATE(T, S)                                                                           \
-  template std::unique_ptr<Smoother<T>> make_cell_smoother<T, S>(const Queue&, const Array<S>&, std::size_t, \
-                                                                 std::size_t, Array<int>&);                  \
-  template std::unique_ptr<Smoother<T>> make_line_smoother<T, S>(const Queue&, const Array<S>&, std::size_t, \
-                                                                 std::size_t, bool, Array<int>&);
-TELETACT_INSTANTIATE(float, float)
-TELETACT_INSTANTIATE(float, double)
-TELETACT_INSTANTIATE(double, double)
-#undef TELETACT_INSTANTIATE
+template std::unique_ptr<Smoother<float>> make_cell_smoother(const Queue&, const Array<float>&, std::size_t,
+                                                             std::size_t, Array<int>&);
+template std::unique_ptr<Smoother<float>> make_line_smoother(const Queue&, const Array<float>&, std::size_t,
+                                                             std::size_t, bool, Array<int>&);
+template std::unique_ptr<Smoother<float>> make_cell_smoother(const Queue&, const Array<double>&, std::size_t,
+                                                             std::size_t, Array<int>&);
+template std::unique_ptr<Smoother<float>> make_line_smoother(const Queue&, const Array<double>&, std::size_t,
+                                                             std::size_t, bool, Array<int>&);
+template std::unique_ptr<Smoother<double>> make_cell_smoother(const Queue&, const Array<double>&, std::size_t,
+                                                              std::size_t, Array<int>&);
+template std::unique_ptr<Smoother<double>> make_line_smoother(const Queue&, const Array<double>&, std::size_t,
+                                                              std::size_t, bool, Array<int>&);
 
 }  // namespace teletact::service
