@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <stdexcept>
-#include <string>
 
 #include "service/contact/contact.h"
 #include "tests/reference/contact.h"
@@ -34,18 +33,20 @@ double force_error(const TissueModel& model, const Fingertip& tip, const Contact
          std::hypot(expected.force_n[0], expected.force_n[1]);
 }
 
-TEST(ContactLimits, ContrastOf1e8IsAnsweredWithinWhatItStatesOrRefused) {
+TEST(ContactLimits, ContrastOf1e8IsAnsweredWithinWhatItStates) {
   const TissueGrid grid = tests::uniform_grid(21, 11);
-  for (double nu : {0.3, 0.49, 0.4999}) {
-    try {
-      const TissueModel model(grid, tests::scattered(grid, 1e8, nu), {}, {});
-      const ContactPose pose{0.0103, 0.002};
-      const double error = force_error(model, {}, pose), stated = press(model, {}, pose).solve.relative_error;
-      EXPECT_LE(error, stated) << "nu " << nu;
-    } catch (const std::domain_error& refused) {
-      EXPECT_NE(std::string(refused.what()).find("contrast"), std::string::npos) << refused.what();
-    }
+  for (double nu : {0.3, 0.49}) {
+    const TissueModel model(grid, tests::scattered(grid, 1e8, nu), {}, {});
+    const ContactPose pose{0.0103, 0.002};
+    EXPECT_LE(force_error(model, {}, pose), press(model, {}, pose).solve.relative_error) << "nu " << nu;
   }
+}
+
+// Where double precision ends, the reference's too.
+TEST(ContactLimits, AnswersThatCannotBeTrustedSaySo) {
+  const TissueGrid grid = tests::uniform_grid(21, 11);
+  const TissueModel model(grid, tests::scattered(grid, 1e8, 0.4999), {}, {});
+  EXPECT_GE(press(model, {}, {0.0103, 0.002}).solve.relative_error, 0.1);
 }
 
 TEST(ContactLimits, GridOfOneElementIsTouched) {
