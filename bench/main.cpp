@@ -4,6 +4,7 @@
 #include <exception>
 
 #include "bench/suite.h"
+#include "bench/suites/exploration.h"
 
 int main(int argc, char** argv) {
   CLI::App app("teletact-bench: measurements against promises; exit code 1 when one is not met",
@@ -15,6 +16,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_throughput_suite(app, met);
   teletact::bench::add_contact_suite(app, met);
   teletact::bench::add_stability_suite(app, met);
+  teletact::bench::add_exploration_suite(app, met);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -59,7 +59,8 @@ void create_own_scene(v1::Palpation::Stub& stub, const std::string& scene_id,
 double check_against_reference(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
                                const reference::TouchedTissue& tissue, double indentation_m) {
   double worst = 0;
-  for (const double x_m : {0.0311, 0.0587, 0.0764}) {
+  for (const double share : {0.2592, 0.4892, 0.6367}) {
+    const double x_m = share * tissue.grid.x_m.back();
     const auto expected =
         reference::touch(tissue, {}, {x_m, indentation_m}, reference::KktMethod::kSparseFactor);
     const v1::TouchAnswer answer = touch_once(channel, scene_id, x_m, indentation_m);

@@ -1,4 +1,4 @@
-// teletact-bench paper fig14|fig16|psychometric|all: the paper's experiments again, ours beside theirs.
+// teletact-bench paper fig14|fig15|fig16|psychometric|all: the paper's experiments again, ours beside theirs.
 #include "bench/suites/paper.h"
 
 #include <fmt/format.h>
@@ -18,7 +18,8 @@ struct Arguments {
 };
 
 const std::vector<PaperExperiment>& experiments() {
-  static const std::vector<PaperExperiment> all{paper_fig14(), paper_fig16(), paper_psychometric()};
+  static const std::vector<PaperExperiment> all{paper_fig14(), paper_fig15(), paper_fig16(),
+                                                paper_psychometric()};
   return all;
 }
 
@@ -61,10 +62,10 @@ void add_paper_suite(CLI::App& app, bool& met) {
   std::vector<std::string> names{"all"};
   for (const PaperExperiment& experiment : experiments()) names.emplace_back(experiment.name);
   command
-      .add_option(
-          "experiment", arguments->experiment,
-          "fig14: what the Kalman filter does to the stiffness (T6.1); fig16: touching under the surface "
-          "(T6.3); psychometric: the fits of its tables and simulated observers (T6.4)")
+      .add_option("experiment", arguments->experiment,
+                  "fig14: what the Kalman filter does to the stiffness (T6.1); fig15: time to solve and "
+                  "communicate (T6.2); fig16: touching under the surface "
+                  "(T6.3); psychometric: the fits of its tables and simulated observers (T6.4)")
       ->check(CLI::IsMember(names))
       ->capture_default_str();
   add_common_options(command, arguments->suite);

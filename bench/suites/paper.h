@@ -19,6 +19,7 @@ struct PaperExperiment {
 
 PaperExperiment paper_psychometric();  // T6.4
 PaperExperiment paper_fig14();         // T6.1
+PaperExperiment paper_fig15();         // T6.2
 PaperExperiment paper_fig16();         // T6.3
 
 }  // namespace teletact::bench

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "bench/stability/felt.h"
 #include "bench/stability/fuzz.h"
 #include "bench/stability/passivity_border.h"
 #include "bench/stability/plant.h"
@@ -100,6 +101,16 @@ TEST(Trial, GivenAHardTissueNotKnownYetWhenItIsPressedIntoThenTheEnergyIsSeenAnd
   EXPECT_LT(light.generated_j, 1e-5);
   options.light_touch = false;
   EXPECT_GT(run_trial(options).degraded_share, 0);
+}
+
+TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNotAtAll) {
+  for (const char* renderer : {"kalman", "kalman-force"})
+    for (const double stimulus_n_m : {15.0, 25.0, 30.0, 45.0}) {
+      const auto felt = felt_stiffness({.renderer = renderer}, 25, stimulus_n_m, 5);
+      ASSERT_EQ(felt.size(), 5u);
+      for (const double felt_n_m : felt)
+        EXPECT_NEAR(felt_n_m, stimulus_n_m, 0.1 * std::abs(stimulus_n_m - 25) + 0.1) << renderer;
+    }
 }
 
 TEST(ForceChain, BoundsHoldForAnyStreamOfAnswers) {

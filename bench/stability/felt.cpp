@@ -1,0 +1,112 @@
+#include "bench/stability/felt.h"
+
+#include <cmath>
+#include <deque>
+
+#include "client/haptic/profiles.h"
+#include "client/render/force_chain.h"
+#include "client/render/renderers.h"
+
+namespace teletact::bench {
+namespace {
+
+using client::ForceSample;
+using client::ToolPose;
+using client::Vector2;
+
+constexpr double kServoS = 0.001;
+constexpr double kCentreM = 0.06, kHalfWidthM = 0.01, kEdgeM = 0.0015, kWayM = 0.09;
+constexpr double kJudgedM = 0.01;
+constexpr double kBackgroundBeginM = 0.03, kBackgroundEndM = 0.045;
+
+// U = 1/2 K(x) d^2 with K a plateau between two logistic edges.
+struct Inclusion {
+  double background_n_m, stimulus_n_m;
+  ForceSample answer(const Vector2& position_m) const {
+    const auto edge = [](double u_m) { return 1 / (1 + std::exp(-u_m / kEdgeM)); };
+    const double in = edge(position_m.x() - kCentreM + kHalfWidthM);
+    const double out = edge(position_m.x() - kCentreM - kHalfWidthM);
+    const double step_n_m = stimulus_n_m - background_n_m;
+    const double slope_in = in * (1 - in) / kEdgeM, slope_out = out * (1 - out) / kEdgeM;
+    const double k = background_n_m + step_n_m * (in - out);
+    const double slope = step_n_m * (slope_in - slope_out);
+    const double bend = step_n_m * (slope_in * (1 - 2 * in) - slope_out * (1 - 2 * out)) / kEdgeM;
+    ForceSample sample;
+    sample.position_m = position_m;
+    const double d = position_m.y();
+    if (d <= 0) return sample;
+    sample.contact = true;
+    sample.force_n = {-slope * d * d / 2, -k * d};
+    sample.tangent_n_m << -bend * d * d / 2, -slope * d, -slope * d, -k;
+    return sample;
+  }
+};
+
+struct Mean {
+  double sum = 0, count = 0;
+  void add(double value) { sum += value, ++count; }
+  double value() const { return sum / count; }
+};
+
+// The mean over `length` neighbours that is furthest from `reference`.
+double most_different(const std::vector<double>& values, std::size_t length, double reference) {
+  double sum = 0, found = reference;
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    sum += values[n];
+    if (n >= length) sum -= values[n - length];
+    if (n + 1 < length) continue;
+    const double mean = sum / static_cast<double>(length);
+    if (std::abs(mean - reference) > std::abs(found - reference)) found = mean;
+  }
+  return found;
+}
+
+double one_pass(const FeltOptions& o, const Inclusion& tissue, double share) {
+  const auto renderer = client::make_renderer(o.renderer, kServoS);
+  client::ForceChainOptions chain_options;
+  chain_options.limits = client::device_profile("premium-1.5").limits();
+  client::ForceChain chain(chain_options);
+  std::deque<ForceSample> on_the_way;
+  double next_s = share * o.update_s;
+  Mean background;
+  std::vector<double> felt;
+  for (int tick = 0; tick * kServoS * o.speed_m_s < kWayM; ++tick) {
+    const double time_s = tick * kServoS;
+    const double sway = 1 + 0.1 * std::sin(2 * M_PI * (3 * time_s + share));
+    const Vector2 exact_m(o.speed_m_s * time_s, o.indentation_m * sway);
+    const ToolPose pose{(exact_m / o.resolution_m).array().round() * o.resolution_m, {o.speed_m_s, 0}};
+    if (time_s >= next_s) {
+      on_the_way.push_back(tissue.answer(pose.position_m));
+      on_the_way.back().pose_time_s = time_s;
+      next_s += o.update_s;
+    }
+    while (!on_the_way.empty() && on_the_way.front().pose_time_s + o.model_delay_s <= time_s) {
+      renderer->update(on_the_way.front(), pose, time_s);
+      on_the_way.pop_front();
+    }
+    client::ForceChainInput input;
+    input.rendered = renderer->render(pose, time_s);
+    input.pose = pose;
+    input.on = true;
+    input.enabled_s = 10;
+    input.model_age_s = o.model_delay_s;
+    input.period_s = o.update_s;
+    const double felt_n_m = -chain.apply(input).force_n.y() / exact_m.y();
+    if (exact_m.x() > kBackgroundEndM) felt.push_back(felt_n_m);
+    if (exact_m.x() > kBackgroundBeginM && exact_m.x() <= kBackgroundEndM) background.add(felt_n_m);
+  }
+  const auto judged = static_cast<std::size_t>(std::lround(kJudgedM / (o.speed_m_s * kServoS)));
+  return tissue.background_n_m * most_different(felt, judged, background.value()) / background.value();
+}
+
+}  // namespace
+
+std::vector<double> felt_stiffness(const FeltOptions& options, double background_n_m, double stimulus_n_m,
+                                   unsigned passes) {
+  std::vector<double> felt;
+  for (unsigned pass = 0; pass < passes; ++pass)
+    felt.push_back(one_pass(options, {background_n_m, stimulus_n_m}, (pass + 0.5) / passes));
+  return felt;
+}
+
+}  // namespace teletact::bench
