@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_contact_suite(app, met);
   teletact::bench::add_stability_suite(app, met);
   teletact::bench::add_exploration_suite(app, met);
+  teletact::bench::add_elastography_suite(app, met);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -55,5 +55,6 @@ void add_servo_suite(CLI::App& app, bool& met);
 void add_throughput_suite(CLI::App& app, bool& met);
 void add_contact_suite(CLI::App& app, bool& met);
 void add_stability_suite(CLI::App& app, bool& met);
+void add_elastography_suite(CLI::App& app, bool& met);
 
 }  // namespace teletact::bench

@@ -6,33 +6,13 @@
 #include <functional>
 #include <map>
 
+#include "bench/curves.h"
 #include "bench/suites/contact.h"
 
 namespace teletact::bench {
 namespace {
 
 using nlohmann::json;
-
-struct Curve {
-  std::string title;
-  bool ours = false, line = true;
-  std::vector<double> x{}, y{};
-};
-
-// Data blocks and one plot command; ours are drawn thicker.
-std::string script_of(const std::vector<Curve>& curves, const std::string& settings) {
-  std::string data, command = "plot ";
-  for (std::size_t c = 0; c < curves.size(); ++c) {
-    data += fmt::format("$c{} << EOD\n", c);
-    for (std::size_t k = 0; k < curves[c].x.size(); ++k)
-      data += fmt::format("{:.8g} {:.8g}\n", curves[c].x[k], curves[c].y[k]);
-    data += "EOD\n";
-    command += fmt::format("{}$c{} with {} lw {} pt {} ps 1.2 title '{}'", c > 0 ? ", " : "", c,
-                           curves[c].line ? "linespoints" : "points", curves[c].ours ? 3 : 1, c + 4,
-                           curves[c].title);
-  }
-  return data + settings + command + "\n";
-}
 
 bool in_sweep(const json& of_case, const std::string& sweep) {
   const json& names = of_case.at("sweeps");

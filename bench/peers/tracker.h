@@ -1,0 +1,58 @@
+// Displacement trackers of others, each from its publication, in double precision on one thread of the host;
+// and what they share with ours: the same image grid, search range and windows.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "service/imaging/displacement.h"
+#include "service/imaging/frame.h"
+
+namespace teletact::bench {
+
+// Nodes i + nx j of the image grid.
+struct Track {
+  service::ImageGrid grid;
+  std::vector<double> axial_m;
+  std::vector<double> lateral_m;  // empty: the method does not say
+  std::vector<double> std_m;      // of axial_m; empty: the method does not say
+  std::vector<double> correlation;
+  std::vector<std::uint8_t> valid;  // correlation above TrackerOptions::least_correlation
+};
+
+// The product's defaults, for all.
+struct TrackerOptions {
+  double max_strain = service::DisplacementOptions{}.max_strain;  // the axial search: max_strain * depth
+  double lateral_search_m = service::DisplacementOptions{}.lateral_search_m;
+  double grid_dx_m = service::DisplacementOptions{}.grid_dx_m;
+  double grid_dy_m = service::DisplacementOptions{}.grid_dy_m;
+  double window_axial_m = service::DisplacementOptions{}.window_axial_m;
+  double window_lateral_m = service::DisplacementOptions{}.window_lateral_m;
+  double least_correlation = service::DisplacementOptions{}.trusted_correlation;
+};
+
+class Tracker {
+ public:
+  virtual ~Tracker() = default;
+  virtual std::string name() const = 0;
+  virtual bool ours() const { return false; }
+  virtual Track track(const service::RfFrame& pre, const service::RfFrame& post,
+                      const service::AcquisitionGeometry&) = 0;
+};
+
+// Normalised cross-correlation over the whole search range, parabolic peak (T2.1); sums shared between
+// windows as by Luo & Konofagou 2010, doi 10.1109/TUFFC.2010.1554.
+std::unique_ptr<Tracker> make_ncc_tracker(TrackerOptions = {});
+// Multi-level block matching, Shi & Varghese 2007, doi 10.1088/0031-9155/52/2/006: envelope first, RF in the
+// end.
+std::unique_ptr<Tracker> make_block_matcher(TrackerOptions = {});
+// Dynamic programming (Rivaz et al. 2008, doi 10.1109/TMI.2008.917243), then GLUE (Hashemi & Rivaz 2017,
+// doi 10.1109/TUFFC.2017.2717933): one regularised system over all samples of the image.
+std::unique_ptr<Tracker> make_glue_tracker(TrackerOptions = {});
+// Phase of the 2-D autocorrelation (Loupas et al. 1995, doi 10.1109/58.393110), followed down each line from
+// the probe's face (Pesavento et al. 1999, doi 10.1109/58.796111).
+std::unique_ptr<Tracker> make_loupas_tracker(TrackerOptions = {});
+
+}  // namespace teletact::bench

@@ -1,0 +1,203 @@
+// What the chart holds the product to. A figure that this run has no method or no case for is left out.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "bench/phantoms/metrics.h"
+#include "bench/suites/elastography.h"
+
+namespace teletact::bench {
+namespace {
+
+using nlohmann::json;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// The default estimator of this run, and the one without regularisation.
+const json& default_of(const json& methods) {
+  return methods.at(0);
+}
+const json* windowed_of(const json& methods) {
+  for (const json& m : methods)
+    if (m.at("method") == "ours, windowed") return &m;
+  return nullptr;
+}
+
+const json& middle_of(const json& result) {
+  for (const json& c : result.at("conditions"))
+    if (on_curve(c, "middle")) return c;
+  throw BenchError("the chart has no middle");
+}
+
+void add_rigid(const json& rigid, std::vector<Target>& targets) {
+  const json* windowed = windowed_of(rigid.at("methods"));
+  if (windowed == nullptr) return;
+  double squares = 0, bias = 0;
+  for (const json& phase : windowed->at("phases")) {
+    squares += std::pow(number(phase.at("rmse_m")), 2);
+    bias = std::max(bias, std::abs(number(phase.at("bias_m"))));
+  }
+  const double rmse_m = std::sqrt(squares / static_cast<double>(windowed->at("phases").size()));
+  const double bound_m = number(rigid.at("bound_m")) / std::sqrt(number(rigid.at("independent_lines")));
+  targets.push_back({"1a. RMSE of a rigid shift over the bound of its window", rmse_m / bound_m, 1.2, ""});
+  targets.push_back({"1a. bias of a rigid shift, the largest of all phases", 1e6 * bias, 0.1, "um"});
+}
+
+void add_calibration(const json& result, std::vector<Target>& targets) {
+  double least = kNan, most = kNan;
+  for (const json& c : result.at("conditions"))
+    for (const char* where : {"std_inside", "std_outside"}) {
+      const double z = median_of(over_seeds(default_of(c.at("methods")), where));
+      least = std::fmin(least, z), most = std::fmax(most, z);
+    }
+  if (std::isnan(least)) return;  // it states no standard deviation
+  targets.push_back(
+      {"1b. standardised errors' deviation, the least of all conditions", least, 0.8, "", false});
+  targets.push_back({"1b. standardised errors' deviation, the most of all conditions", most, 1.2, ""});
+}
+
+// How ours stands to one peer at one condition, paired by seed.
+struct Comparison {
+  double ours = kNan, peer = kNan;
+  bool above = false, below = false;  // below: beyond the 95 % interval of the difference
+};
+
+Comparison compare(const json& ours, const json& peer, double edge_m) {
+  const auto a = matched_over_seeds(ours, "snre", edge_m), b = matched_over_seeds(peer, "snre", edge_m);
+  std::vector<double> differences, x, y;
+  for (std::size_t k = 0; k < std::min(a.size(), b.size()); ++k) {
+    const double peers = std::isfinite(b[k]) ? b[k] : 0;  // a peer that says nothing is not above
+    const double own = std::isfinite(a[k]) ? a[k] : 0;
+    x.push_back(own), y.push_back(peers), differences.push_back(own - peers);
+  }
+  const Interval d = interval95(differences);
+  return {interval95(x).mean, interval95(y).mean, d.mean > 0,
+          d.mean + (std::isfinite(d.half_width) ? d.half_width : 0) < 0};
+}
+
+bool is_filter_point(const json& c) {
+  return on_curve(c, "strain") || on_curve(c, "snr") || on_curve(c, "correlation");
+}
+
+void add_strain_filter(const json& result, std::vector<Target>& targets) {
+  double points = 0, above = 0, below = 0;
+  std::vector<std::pair<double, double>> curve;  // strain, SNRe
+  for (const json& c : result.at("conditions")) {
+    if (!is_filter_point(c)) continue;
+    const json& ours = default_of(c.at("methods"));
+    bool above_all = true;
+    for (const json& m : c.at("methods")) {
+      if (m.at("ours").get<bool>()) continue;
+      const Comparison with = compare(ours, m, result.at("edge_m"));
+      above_all &= with.above;
+      below += with.below;
+    }
+    ++points;
+    above += above_all;
+    if (on_curve(c, "strain"))
+      curve.emplace_back(c.at("case").at("strain"),
+                         interval95(matched_over_seeds(ours, "snre", result.at("edge_m"))).mean);
+  }
+  targets.push_back(
+      {"3. points where SNRe at the same edge width is above every peer's", above / points, 0.8, "", false});
+  targets.push_back({"3. points where a peer is above beyond the 95 % interval", below, 0, ""});
+  std::sort(curve.begin(), curve.end());
+  double peak = kNan;
+  for (const auto& [strain, snre] : curve) peak = std::fmax(peak, snre);
+  targets.push_back(
+      {"3. band pass: SNRe at the least strain over its peak", curve.front().second / peak, 0.5, ""});
+  targets.push_back(
+      {"3. band pass: SNRe at the largest strain over its peak", curve.back().second / peak, 0.999, ""});
+}
+
+// Medians of ratios, seed by seed, over the conditions of the filter.
+void add_speed(const json& result, std::vector<Target>& targets) {
+  const json& methods = middle_of(result).at("methods");
+  for (std::size_t m = 0; m < methods.size(); ++m) {
+    if (methods[m].at("ours").get<bool>()) continue;
+    std::vector<double> time, error;
+    for (const json& c : result.at("conditions")) {
+      if (!is_filter_point(c)) continue;
+      const json &ours = default_of(c.at("methods")).at("seeds"), &peer = c.at("methods")[m].at("seeds");
+      for (std::size_t k = 0; k < ours.size(); ++k) {
+        time.push_back(number(ours[k].at("seconds")) / number(peer[k].at("seconds")));
+        error.push_back(number(ours[k].at("axial_rmse_m")) / number(peer[k].at("axial_rmse_m")));
+      }
+    }
+    error.erase(std::remove_if(error.begin(), error.end(), [](double e) { return std::isnan(e); }),
+                error.end());
+    const std::string name = methods[m].at("method");
+    targets.push_back({"6. displacement time over " + name + "'s", median_of(time), 1, ""});
+    targets.push_back({"6. axial RMSE over " + name + "'s", median_of(error), 1, ""});
+  }
+}
+
+// Where a method does not work any more, in the order of the questions.
+std::string failure(const json& m, double edge_m) {
+  const double valid = median_of(over_seeds(m, "valid_fraction")),
+               hops = median_of(over_seeds(m, "hop_fraction"));
+  if (!(hops <= 0.01)) return "hops to a wrong peak";
+  if (!(valid >= 0.9)) return "loses correlation";
+  std::vector<double> snre;
+  for (const double s : matched_over_seeds(m, "snre", edge_m))
+    if (std::isfinite(s)) snre.push_back(s);
+  if (snre.empty()) return "is not as sharp as the edge width compared at";
+  if (!(median_of(snre) >= 3)) return "SNRe below 3";
+  return {};
+}
+
+}  // namespace
+
+double number(const json& value) {
+  return value.is_null() ? kNan : value.get<double>();
+}
+
+bool on_curve(const json& condition, const std::string& factor) {
+  const json& factors = condition.at("factors");
+  return std::find(factors.begin(), factors.end(), factor) != factors.end();
+}
+
+double at_edge(const json& method, const json& seed, const char* figure, double edge_m) {
+  const json& edges = method.at("edges");
+  for (std::size_t k = 0; k + 1 < edges.size(); ++k) {
+    const double a = number(edges[k].at("axial_m")), b = number(edges[k + 1].at("axial_m"));
+    if (!(a <= edge_m && edge_m < b)) continue;
+    const double t = (edge_m - a) / (b - a);
+    return std::exp((1 - t) * std::log(number(seed.at(figure)[k])) +
+                    t * std::log(number(seed.at(figure)[k + 1])));
+  }
+  return kNan;
+}
+
+std::vector<double> over_seeds(const json& method, const char* figure) {
+  std::vector<double> values;
+  for (const json& seed : method.at("seeds"))
+    if (const double v = number(seed.at(figure)); std::isfinite(v)) values.push_back(v);
+  return values;
+}
+
+std::vector<double> matched_over_seeds(const json& method, const char* figure, double edge_m) {
+  std::vector<double> values;
+  for (const json& seed : method.at("seeds")) values.push_back(at_edge(method, seed, figure, edge_m));
+  return values;
+}
+
+json failures(const json& result) {
+  json out = json::array();
+  for (const json& c : result.at("conditions"))
+    for (const json& m : c.at("methods"))
+      if (const std::string why = failure(m, result.at("edge_m")); !why.empty())
+        out.push_back({{"method", m.at("method")}, {"case", c.at("case")}, {"why", why}});
+  return out;
+}
+
+std::vector<Target> elastography_targets(const json& result) {
+  std::vector<Target> targets;
+  add_rigid(result.at("rigid"), targets);
+  add_calibration(result, targets);
+  add_strain_filter(result, targets);
+  add_speed(result, targets);
+  return targets;
+}
+
+}  // namespace teletact::bench

@@ -1,0 +1,49 @@
+#include <cmath>
+
+#include "bench/suites/elastography.h"
+#include "service/imaging/displacement.h"
+
+namespace teletact::bench {
+namespace {
+
+class OurTracker : public Tracker {
+ public:
+  OurTracker(service::Queue queue, std::string name, const service::DisplacementOptions& options)
+      : queue_(std::move(queue)), estimator_(queue_, options), name_(std::move(name)) {}
+  std::string name() const override { return name_; }
+  bool ours() const override { return true; }
+  Track track(const service::RfFrame& pre, const service::RfFrame& post,
+              const service::AcquisitionGeometry& geometry) override {
+    const service::DisplacementEstimate e = estimator_.estimate(pre, post, geometry);
+    const std::vector<float> field = queue_.read(e.field_m);
+    Track t;
+    t.grid = service::image_grid(e.grid, geometry);
+    for (std::size_t n = 0; n < t.grid.size(); ++n) {
+      t.lateral_m.push_back(field[2 * n]);
+      t.axial_m.push_back(field[2 * n + 1]);
+    }
+    t.valid = queue_.read(e.trusted);
+    t.valid.resize(t.grid.size());
+    return t;
+  }
+
+ private:
+  service::Queue queue_;
+  service::DisplacementEstimator estimator_;
+  std::string name_;
+};
+
+}  // namespace
+
+std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>& device) {
+  std::vector<std::unique_ptr<Tracker>> all;
+  all.push_back(
+      std::make_unique<OurTracker>(device->queue(), "ours, windowed", service::DisplacementOptions{}));
+  all.push_back(make_ncc_tracker());
+  all.push_back(make_block_matcher());
+  all.push_back(make_glue_tracker());
+  all.push_back(make_loupas_tracker());
+  return all;
+}
+
+}  // namespace teletact::bench
