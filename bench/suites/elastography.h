@@ -24,7 +24,7 @@ namespace teletact::bench {
 constexpr double kKernelLateralM = 2.0e-3;  // of the strain, for all
 // Axial lengths of the strain kernel, odd numbers of nodes.
 std::vector<double> strain_kernels_m();
-constexpr double kEdgeM = 1.5e-3;  // the edge width at which SNRe and CNRe are compared
+constexpr double kEdgeM = 2.0e-3;  // the edge width at which SNRe and CNRe are compared
 
 // A phantom and the curves that it lies on: "middle", "strain", "snr", "correlation", "contrast", "diameter".
 struct Condition {

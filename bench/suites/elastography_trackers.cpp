@@ -24,6 +24,8 @@ class OurTracker : public Tracker {
     }
     t.valid = queue_.read(e.trusted);
     t.valid.resize(t.grid.size());
+    const std::vector<float> std_m = queue_.read(e.std_m);
+    for (std::size_t n = 0; n < t.grid.size(); ++n) t.std_m.push_back(std_m[2 * n + 1]);
     return t;
   }
 
@@ -37,8 +39,10 @@ class OurTracker : public Tracker {
 
 std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>& device) {
   std::vector<std::unique_ptr<Tracker>> all;
-  all.push_back(
-      std::make_unique<OurTracker>(device->queue(), "ours, windowed", service::DisplacementOptions{}));
+  service::DisplacementOptions windowed;
+  windowed.method = service::RefinementMethod::kWindowed;
+  all.push_back(std::make_unique<OurTracker>(device->queue(), "ours", service::DisplacementOptions{}));
+  all.push_back(std::make_unique<OurTracker>(device->queue(), "ours, windowed", windowed));
   all.push_back(make_ncc_tracker());
   all.push_back(make_block_matcher());
   all.push_back(make_glue_tracker());
