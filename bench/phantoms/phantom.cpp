@@ -36,6 +36,7 @@ Phantom phantom_of(const client::Tissue& t, const client::ProbeState& probe, cli
   p.geometry.line_pitch_m = pair.geometry.line_pitch_m;
   p.tissue = {t.width_m, t.depth_m, probe.window_x_m, t.poisson_ratio};
   p.force_n = probe.force_n;
+  p.sensed_force_n = client::sensed_force(t.probe, probe.force_n, seed);
   p.contact_area_m2 = probe.contact_area_m2;
   p.field = probe.field;
   p.rest_m = probe.compression_m;

@@ -34,7 +34,8 @@ struct Phantom {
   service::RfFrame pre, post;
   service::AcquisitionGeometry geometry;
   service::TissueExtent tissue;
-  double force_n = 0, contact_area_m2 = 0;                                    // the true force of the probe
+  double force_n = 0, contact_area_m2 = 0;  // the true force of the probe
+  double sensed_force_n = 0;                // what its sensor says (1 % and 2 mN)
   double inclusion_x_m = 0, inclusion_y_m = 0, diameter_m = 0, contrast = 1;  // window coordinates
 
   std::shared_ptr<const client::DisplacementField> field;  // LAB

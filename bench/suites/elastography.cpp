@@ -41,6 +41,9 @@ bool run(const SuiteOptions& options) {
   result["rigid"] = measure_rigid(trackers, options.quick);
   result["conditions"] = measure_conditions(trackers, options.quick, result["images"]);
   result["failures"] = failures(result);
+  result["modulus"] = measure_modulus(device, options.quick);
+  result["stages"] = measure_stages(device, options.quick);
+  print_stages(result["stages"]);
   const bool met = finish(result, elastography_targets(result), options);
   if (!options.out.empty()) draw_elastography(result, options.out);
   return met;

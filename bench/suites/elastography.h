@@ -8,8 +8,14 @@
 //       snre: [per kernel], cnre: [...], strain_rmse: [...]}]}]}]
 //   rigid: {bound_m, methods: [{method, ours, phases: [{shift_m, rmse_m, bias_m}]}]}
 //   images: {grid, truth, methods: [{method, strain}]}: of the middle's first seed
+//   modulus: {background_pa, cases: [{contrast, diameter_m, methods: [{method, ours, image, seeds: [{seconds,
+//     contrast, dice, background_pa, ...} | {failed}]}]}]}
+//   stages: {plane: {displacement_s: {p50, ...}, ...}, devices: [{device, bytes_s, flops_s, kernels:
+//   [{kernel,
+//     seconds, launches, bytes, flops, of_limit}]}]}
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -42,6 +48,15 @@ nlohmann::json measure_conditions(const std::vector<std::unique_ptr<Tracker>>&, 
 // Acceptance 1: rigid shifts in parts of a sample.
 nlohmann::json measure_rigid(const std::vector<std::unique_ptr<Tracker>>&, bool quick);
 
+// Acceptance 4.
+nlohmann::json measure_modulus(const std::shared_ptr<service::Device>&, bool quick);
+void add_modulus_targets(const nlohmann::json& modulus, std::vector<Target>&);
+void draw_modulus(const nlohmann::json& result, const std::filesystem::path& folder);
+
+// Acceptance 6.
+nlohmann::json measure_stages(const std::shared_ptr<service::Device>&, bool quick);
+void print_stages(const nlohmann::json& stages);
+
 // Figures of a seed by the edge width instead of by the kernel: the kernels on both sides of `edge_m`, linear
 // in the logarithm; NaN where the method does not come so sharp or so smooth with these kernels.
 double at_edge(const nlohmann::json& method, const nlohmann::json& seed, const char* figure, double edge_m);
@@ -56,6 +71,14 @@ bool on_curve(const nlohmann::json& condition, const std::string& factor);
 std::vector<Target> elastography_targets(const nlohmann::json& result);
 // Where each method stops working along each factor: one line each.
 nlohmann::json failures(const nlohmann::json& result);
+
+struct NamedImage {
+  std::string title;
+  nlohmann::json values;  // of every node, null for none
+};
+// In rows of three, x and y in mm; values times `scale`, `settings` of gnuplot.
+void draw_images(const nlohmann::json& grid, const std::vector<NamedImage>&, double scale,
+                 const std::string& settings, const std::filesystem::path& file);
 
 void draw_elastography(const nlohmann::json& result, const std::string& folder);
 

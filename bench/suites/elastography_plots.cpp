@@ -165,37 +165,41 @@ void draw_rigid(const json& rigid, const std::filesystem::path& folder) {
 }
 
 // The strain images of all methods beside the truth.
-void draw_images(const json& images, const std::filesystem::path& folder) {
-  const json& g = images.at("grid");
+void draw_strain(const json& images, const std::filesystem::path& folder) {
+  std::vector<NamedImage> all{{"truth", images.at("truth")}};
+  for (const json& m : images.at("methods")) all.push_back({m.at("method"), m.at("strain")});
+  draw_images(images.at("grid"), all, -100, "set cbrange [0:2]\nset cblabel 'compression (%)'\n",
+              folder / "elastography_strain.png");
+}
+
+}  // namespace
+
+void draw_images(const json& g, const std::vector<NamedImage>& images, double scale,
+                 const std::string& settings, const std::filesystem::path& file) {
   const auto nx = g.at("nx").get<std::size_t>();
-  const std::size_t count = images.at("methods").size() + 1, columns = 3, rows = (count + 2) / 3;
+  const std::size_t rows = (images.size() + 2) / 3;
   std::string script = fmt::format("set terminal pngcairo size 1200,{} font 'sans,10'\nset output '{}'\n",
-                                   300 * rows, (folder / "elastography_strain.png").string());
-  const auto block = [&](std::size_t k, const json& values) {
+                                   300 * rows, file.string());
+  for (std::size_t k = 0; k < images.size(); ++k) {
     script += fmt::format("$i{} << EOD\n", k);
-    for (std::size_t n = 0; n < values.size(); ++n) {
+    for (std::size_t n = 0; n < images[k].values.size(); ++n) {
       if (n > 0 && n % nx == 0) script += "\n";
       script +=
           fmt::format("{:.4g} {:.4g} {:.4g}\n",
                       1e3 * (number(g.at("origin_x_m")) + static_cast<double>(n % nx) * number(g.at("dx_m"))),
                       1e3 * (number(g.at("origin_y_m")) + static_cast<double>(n / nx) * number(g.at("dy_m"))),
-                      values[n].is_null() ? std::nan("") : -100 * values[n].get<double>());
+                      scale * number(images[k].values[n]));
     }
     script += "EOD\n";
-  };
-  block(0, images.at("truth"));
-  for (std::size_t k = 1; k < count; ++k) block(k, images.at("methods")[k - 1].at("strain"));
+  }
   script += fmt::format(
-      "set multiplot layout {},{}\nset yrange [40:0]\nset xrange [0:60]\nset size ratio -1\n"
-      "set palette rgbformulae 33,13,10\nset cbrange [0:2]\nset cblabel 'compression (%)'\n",
-      rows, columns);
-  for (std::size_t k = 0; k < count; ++k)
-    script += fmt::format("set title '{}'\nplot $i{} using 1:2:3 with image notitle\n",
-                          k == 0 ? "truth" : images.at("methods")[k - 1].at("method").get<std::string>(), k);
-  plot(folder / "elastography_strain.png", script + "unset multiplot\n");
+      "set multiplot layout {},3\nset yrange [40:0]\nset xrange [0:60]\nset size ratio -1\n"
+      "set palette rgbformulae 33,13,10\n{}",
+      rows, settings);
+  for (std::size_t k = 0; k < images.size(); ++k)
+    script += fmt::format("set title '{}'\nplot $i{} using 1:2:3 with image notitle\n", images[k].title, k);
+  plot(file, script + "unset multiplot\n");
 }
-
-}  // namespace
 
 void draw_elastography(const json& result, const std::string& to) {
   const std::filesystem::path folder(to);
@@ -203,7 +207,8 @@ void draw_elastography(const json& result, const std::string& to) {
   for (const Factor& factor : kFactors) draw_factor(result, factor, folder);
   draw_trades(result, folder);
   draw_rigid(result.at("rigid"), folder);
-  draw_images(result.at("images"), folder);
+  draw_strain(result.at("images"), folder);
+  draw_modulus(result, folder);
 }
 
 }  // namespace teletact::bench

@@ -132,6 +132,11 @@ void add_speed(const json& result, std::vector<Target>& targets) {
   }
 }
 
+void add_plane(const json& plane, std::vector<Target>& targets) {
+  targets.push_back({"6. displacement, strain and modulus beside a touch stream, median",
+                     1e3 * number(plane.at("total_s").at("p50")), 150, "ms"});
+}
+
 // Where a method does not work any more, in the order of the questions.
 std::string failure(const json& m, double edge_m) {
   const double valid = median_of(over_seeds(m, "valid_fraction")),
@@ -196,7 +201,9 @@ std::vector<Target> elastography_targets(const json& result) {
   add_rigid(result.at("rigid"), targets);
   add_calibration(result, targets);
   add_strain_filter(result, targets);
+  add_modulus_targets(result.at("modulus"), targets);
   add_speed(result, targets);
+  add_plane(result.at("stages").at("plane"), targets);
   return targets;
 }
 

@@ -1,0 +1,37 @@
+// Modulus methods of others, each from its publication, in double precision on one thread of the host.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bench/peers/tracker.h"
+#include "service/imaging/frame.h"
+
+namespace teletact::bench {
+
+// What ours are given too.
+struct ModulusProblem {
+  const Track& track;                 // ours
+  const std::vector<double>& strain;  // axial, at the nodes of the track; NaN where not determined
+  double window_width_m = 0, window_depth_m = 0;
+  service::TissueExtent tissue;
+  service::ProbeForce force;
+};
+
+class ModulusPeer {
+ public:
+  virtual ~ModulusPeer() = default;
+  virtual std::string name() const = 0;
+  // Young's modulus (Pa) at the nodes, NaN where nothing can be said.
+  virtual std::vector<float> estimate(const ModulusProblem&) = 0;
+};
+
+// E = mean pressure / strain (T3.0; Ophir et al. 1991, doi 10.1177/016173469101300201), median over 5 x 5
+// nodes.
+std::unique_ptr<ModulusPeer> make_inverse_strain();
+// Gauss-Newton on the logarithm of the modulus of 3 mm patches, its Jacobian by finite differences: Kallel &
+// Bertrand 1996, doi 10.1109/42.500139. Plane strain.
+std::unique_ptr<ModulusPeer> make_gauss_newton();
+
+}  // namespace teletact::bench

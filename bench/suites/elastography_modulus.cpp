@@ -1,0 +1,173 @@
+// Acceptance 4: the modulus by ours and others' methods from the same displacement; 1 % compression, 30 dB,
+// rho .99, a probe of 60 mm in the middle of tissue 160 mm wide.
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <stdexcept>
+
+#include "bench/peers/modulus_peer.h"
+#include "bench/peers/rf_nodes.h"
+#include "bench/phantoms/metrics.h"
+#include "bench/suites/elastography.h"
+#include "service/imaging/modulus.h"
+
+namespace teletact::bench {
+namespace {
+
+using nlohmann::json;
+
+constexpr double kTissueWidthM = 0.160;
+constexpr std::uint64_t kSeeds = 20, kQuickSeeds = 2;
+constexpr std::uint64_t kSlowSeeds = 2;    // of a peer that takes seconds
+constexpr double kStrainKernelM = 2.0e-3;  // of 1/strain
+
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+// One phantom, tracked by ours; what every method starts from.
+struct Tracked {
+  Phantom phantom;
+  service::DisplacementEstimate displacement;
+  service::StrainEstimate strain;
+  Track track;
+  double displacement_s = 0, strain_s = 0, window_width_m = 0;
+};
+
+struct Method {
+  std::string name;
+  bool ours = false;
+  std::uint64_t most_seeds = kSeeds;
+  std::function<std::vector<float>(const Tracked&)> estimate;
+};
+
+class Imaging {
+ public:
+  explicit Imaging(const std::shared_ptr<service::Device>& device)
+      : queue_(device->queue()), displacement_(queue_, {}), strain_(queue_, {}) {}
+
+  Tracked track(Phantom p) {
+    Tracked t;
+    auto begin = std::chrono::steady_clock::now();
+    t.displacement = displacement_.estimate(p.pre, p.post, p.geometry);
+    const std::vector<float> field = queue_.read(t.displacement.field_m);
+    t.displacement_s = seconds_since(begin);
+    t.track.grid = service::image_grid(t.displacement.grid, p.geometry);
+    begin = std::chrono::steady_clock::now();
+    t.strain = strain_.estimate(t.displacement, t.track.grid);
+    queue_.finish();
+    t.strain_s = seconds_since(begin);
+    for (std::size_t n = 0; n < t.track.grid.size(); ++n) {
+      t.track.lateral_m.push_back(field[2 * n]);
+      t.track.axial_m.push_back(field[2 * n + 1]);
+    }
+    t.track.valid = queue_.read(t.displacement.trusted);
+    t.track.valid.resize(t.track.grid.size());
+    t.window_width_m = static_cast<double>(p.pre.line_count) * p.geometry.line_pitch_m;
+    t.phantom = std::move(p);
+    return t;
+  }
+
+  const service::Queue& queue() const { return queue_; }
+
+ private:
+  service::Queue queue_;
+  service::DisplacementEstimator displacement_;
+  service::StrainEstimator strain_;
+};
+
+Method ours(const std::string& name, std::shared_ptr<service::ModulusMethod> method) {
+  return {name, true, kSeeds, [method](const Tracked& t) {
+            const service::ProbeForce force{t.phantom.sensed_force_n, t.phantom.contact_area_m2};
+            return method
+                ->estimate(
+                    {t.track.grid, t.displacement, t.strain, t.window_width_m, t.phantom.tissue, force, {}})
+                .youngs_modulus;
+          }};
+}
+
+Method theirs(std::shared_ptr<ModulusPeer> peer, std::uint64_t most_seeds) {
+  return {peer->name(), false, most_seeds, [peer](const Tracked& t) {
+            const std::vector<double> strain = axial_strain(t.track, kStrainKernelM, kKernelLateralM);
+            return peer->estimate({t.track,
+                                   strain,
+                                   t.window_width_m,
+                                   t.phantom.tissue.depth_m,
+                                   t.phantom.tissue,
+                                   {t.phantom.sensed_force_n, t.phantom.contact_area_m2}});
+          }};
+}
+
+std::vector<Method> methods(const service::Queue& queue) {
+  std::vector<Method> all;
+  all.push_back(ours("ours, reference stress", service::make_reference_stress(queue, {})));
+  all.push_back(theirs(make_inverse_strain(), kSeeds));
+  all.push_back(theirs(make_gauss_newton(), kSlowSeeds));
+  return all;
+}
+
+std::vector<PhantomCase> cases(bool quick) {
+  std::vector<PhantomCase> all;
+  for (const double diameter_m : quick ? std::vector{10e-3} : std::vector{8e-3, 15e-3})
+    for (const double contrast : quick ? std::vector{3.0, 10.0} : std::vector{2.0, 3.0, 5.0, 10.0})
+      all.push_back({.contrast = contrast, .diameter_m = diameter_m, .tissue_width_m = kTissueWidthM});
+  return all;
+}
+
+json describe(const Tracked& t, const std::vector<float>& modulus, double seconds) {
+  const ModulusQuality q = modulus_quality(modulus, t.track.grid, t.phantom);
+  return {{"seconds", seconds},
+          {"displacement_s", t.displacement_s},
+          {"strain_s", t.strain_s},
+          {"contrast", q.contrast},
+          {"dice", q.dice},
+          {"background_pa", q.background},
+          {"valid_fraction", q.valid_fraction}};
+}
+
+json image_of(const std::vector<float>& modulus) {
+  json out = json::array();
+  for (const float e : modulus) out.push_back(std::isfinite(e) ? json(std::round(e)) : json());
+  return out;
+}
+
+}  // namespace
+
+json measure_modulus(const std::shared_ptr<service::Device>& device, bool quick) {
+  Imaging imaging(device);
+  const std::vector<Method> all = methods(imaging.queue());
+  const std::vector<PhantomCase> of = cases(quick);
+  json out{{"cases", json::array()}, {"background_pa", client::Tissue{}.youngs_modulus_pa}};
+  for (const PhantomCase& c : of) {
+    json row{{"contrast", c.contrast}, {"diameter_m", c.diameter_m}, {"methods", json::array()}};
+    for (const Method& m : all)
+      row["methods"].push_back({{"method", m.name}, {"ours", m.ours}, {"seeds", json::array()}});
+    out["cases"].push_back(std::move(row));
+  }
+  Phantoms phantoms;
+  const std::uint64_t seeds = quick ? kQuickSeeds : kSeeds;
+  for (std::size_t c = 0; c < of.size(); ++c)
+    for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+      const Tracked t = imaging.track(phantoms.make(of[c], 1000 + seed));
+      for (std::size_t m = 0; m < all.size(); ++m) {
+        if (seed > all[m].most_seeds || (quick && seed > 1 && all[m].most_seeds < kSeeds)) continue;
+        json& method = out["cases"][c]["methods"][m];
+        if (seed == 1 && all[m].ours) all[m].estimate(t);  // a first launch compiles
+        const auto begin = std::chrono::steady_clock::now();
+        try {
+          const std::vector<float> modulus = all[m].estimate(t);
+          method["seeds"].push_back(describe(t, modulus, seconds_since(begin)));
+          if (seed == 1) method["image"] = image_of(modulus);
+        } catch (const std::exception& error) {  // a method that breaks down is a result
+          method["seeds"].push_back({{"failed", error.what()}});
+        }
+      }
+      std::printf("modulus: case %zu of %zu, seed %llu of %llu  \r", c + 1, of.size(),
+                  static_cast<unsigned long long>(seed), static_cast<unsigned long long>(seeds));
+      std::fflush(stdout);
+    }
+  return out;
+}
+
+}  // namespace teletact::bench

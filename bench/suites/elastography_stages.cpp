@@ -1,0 +1,223 @@
+// Acceptance 6: the time of the imaging plane while a finger is answered beside it, and for every OpenCL
+// device the time of every kernel with the bytes that it must move and the flops that it does, against what
+// the device can.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <thread>
+
+#include "bench/peers/contact_case.h"
+#include "bench/peers/rf_nodes.h"
+#include "bench/phantoms/metrics.h"
+#include "bench/suites/elastography.h"
+#include "service/contact/contact.h"
+#include "service/imaging/estimate.h"
+#include "service/tissue/tissue_model.h"
+
+namespace teletact::bench {
+namespace {
+
+using nlohmann::json;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+double at_best(int repeats, const std::function<void()>& once) {
+  double least = 1e300;
+  for (int k = 0; k <= repeats; ++k) {  // the first compiles
+    const auto begin = Clock::now();
+    once();
+    if (k > 0) least = std::min(least, seconds_since(begin));
+  }
+  return least;
+}
+
+struct Ceiling {
+  double bytes_s = 0, flops_s = 0;
+};
+
+Ceiling measure_ceiling(const service::Queue& queue) {
+  constexpr std::size_t kVectors = std::size_t{1} << 20, kItems = 1 << 14;  // 32 MiB an array
+  constexpr int kChains = 8, kSteps = 4096, kRepeats = 5;                   // CHAINS of roofline.cl
+  const auto a = queue.array<float>(8 * kVectors);
+  auto b = queue.array<float>(8 * kVectors), c = queue.array<float>(8 * kVectors);
+  queue.fill_zero(b), queue.fill_zero(c);
+  auto triad = queue.kernel("roofline", "triad", service::Precision::kFloat);
+  auto chains = queue.kernel("roofline", "multiply_add", service::Precision::kFloat);
+  const double triad_s = at_best(kRepeats, [&] {
+    triad({{kVectors}, {64}}, b, c, a, 0.5f, static_cast<int>(kVectors));
+    queue.finish();
+  });
+  const double chains_s = at_best(kRepeats, [&] {
+    chains({{kItems}, {64}}, a, 0.999f, kSteps);
+    queue.finish();
+  });
+  return {3.0 * 32 * kVectors / triad_s, 16.0 * kChains * kSteps * kItems / chains_s};
+}
+
+// Of one launch, from the comments of the kernels; bytes: every array once.
+struct Work {
+  double bytes = 0, flops = 0;
+};
+
+std::map<std::string, Work> work_of(const Phantom& p) {
+  const service::DisplacementOptions o;
+  const Nodes fine(p.pre, p.geometry, 1e-3, 1e-3), coarse(p.pre, p.geometry, 2e-3, 1e-3),
+      image(p.pre, p.geometry, o.grid_dx_m, o.grid_dy_m);
+  const double pixels = static_cast<double>(p.pre.samples.size()), nodes = image.grid.nodes();
+  const auto window = coarse.window(o.coarse_window_axial_m, o.coarse_window_lateral_m),
+             search = fine.window(o.window_axial_m, o.window_lateral_m);
+  const double chunks = 2 * std::ceil((o.max_strain * p.tissue.depth_m / coarse.sample_m + 4) / 8);
+  const double laterals = 2 * std::ceil(o.lateral_search_m / fine.line_m) + 1;
+  const double coarse_items = coarse.grid.nodes() * 3 * chunks, fine_items = fine.grid.nodes() * laterals;
+  const auto samples_of = [](const reference::Window& w, int stride) {
+    return (2.0 * w.half_axial / stride + 1) * (2 * w.half_lateral + 1);
+  };
+  const double hat = std::ceil(image.grid.sample_step / 4.0) * (2 * image.grid.line_step - 1);
+  const double kernel = 5 * 7;  // nodes of a strain kernel, about
+  return {                      // the mean of the coarse and the fine launch
+          {"ncc",
+           {(4 * pixels * 4 + 32 * (coarse_items + fine_items)) / 2,
+            32 * (coarse_items * samples_of(window, 2) + fine_items * samples_of(search, 1)) / 2}},
+          {"warp", {16 * pixels, 60 * pixels}},
+          {"filter_lines", {8 * pixels, 65 * pixels}},
+          {"data_term", {8 * pixels, 300 * hat * nodes}},
+          {"strain", {26 * nodes, 20 * kernel * nodes}},
+          {"median_filter", {28 * nodes, 0}}};
+}
+
+json kernels_of(const service::Queue& queue, const std::map<std::string, Work>& work, const Ceiling& ceiling,
+                int pairs) {
+  json rows = json::array();
+  std::vector<service::KernelTime> times = queue.profile();
+  std::sort(times.begin(), times.end(), [](const auto& a, const auto& b) { return a.seconds > b.seconds; });
+  for (const service::KernelTime& t : times) {
+    const double seconds = t.seconds / pairs, launches = static_cast<double>(t.launches) / pairs;
+    json row{{"kernel", t.name}, {"seconds", seconds}, {"launches", launches}};
+    if (const auto found = work.find(t.name); found != work.end()) {
+      const Work& w = found->second;
+      const double memory_s = launches * w.bytes / ceiling.bytes_s,
+                   arithmetic_s = launches * w.flops / ceiling.flops_s;
+      row["bytes"] = launches * w.bytes;
+      row["flops"] = launches * w.flops;
+      row["bound"] = memory_s > arithmetic_s ? "memory" : "arithmetic";
+      row["of_limit"] = std::max(memory_s, arithmetic_s) / seconds;  // 1: at the limit
+    }
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+json measure_device(const service::DeviceInfo& info, const Phantom& p, bool quick) {
+  service::DeviceOptions options;
+  options.select = std::to_string(info.index);
+  const Ceiling ceiling = measure_ceiling(service::Device::open(options)->queue());
+  options.profiling = true;
+  const service::Queue queue = service::Device::open(options)->queue();
+  service::DisplacementEstimator displacement(queue, {});
+  service::StrainEstimator strain(queue, {});
+  const int pairs = quick ? 2 : 10;
+  for (int k = 0; k < pairs; ++k) {
+    const service::DisplacementEstimate e = displacement.estimate(p.pre, p.post, p.geometry);
+    strain.estimate(e, service::image_grid(e.grid, p.geometry));
+    queue.finish();
+  }
+  return {{"device", info.name},
+          {"bytes_s", ceiling.bytes_s},
+          {"flops_s", ceiling.flops_s},
+          {"kernels", kernels_of(queue, work_of(p), ceiling, pairs)}};
+}
+
+// A finger that slides over a condensed surface and is answered kRateHz times a second, on a thread of its
+// own.
+class Finger {
+ public:
+  Finger() : tissue_(make_tissue({})), model_(tissue_.grid, tissue_.material, tissue_.supports, {}) {
+    compliance_ = model_.condensed(0);
+    thread_ = std::thread([this] { slide(); });
+  }
+  ~Finger() { stop(); }
+  // Seconds from when an answer was due to when it was there.
+  const std::vector<double>& stop() {
+    stopped_ = true;
+    if (thread_.joinable()) thread_.join();
+    return latency_s_;
+  }
+
+ private:
+  static constexpr double kRateHz = 500;
+  void slide() {
+    const auto begin = Clock::now();
+    for (int k = 0; !stopped_; ++k) {
+      const auto due =
+          begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(k / kRateHz));
+      std::this_thread::sleep_until(due);
+      const double x_m = 0.030 + 0.010 * std::sin(0.012 * k);
+      service::solve_contact(model_, 0, *compliance_, {}, {x_m, 0.002});
+      latency_s_.push_back(std::chrono::duration<double>(Clock::now() - due).count());
+    }
+  }
+  reference::TouchedTissue tissue_;
+  service::TissueModel model_;
+  std::shared_ptr<service::Compliance> compliance_;
+  std::atomic<bool> stopped_{false};
+  std::vector<double> latency_s_;
+  std::thread thread_;
+};
+
+json measure_plane(const std::shared_ptr<service::Device>& device, const Phantom& p, bool quick) {
+  service::Elastography elastography(device);
+  elastography.warm();
+  const service::ProbeForce force{p.sensed_force_n, p.contact_area_m2};
+  std::vector<double> displacement, strain, modulus, total;
+  Finger finger;
+  for (int k = 0; k < (quick ? 5 : 31); ++k) {
+    const auto begin = Clock::now();
+    const service::Estimate e = elastography.estimate(p.pre, p.post, p.geometry, force, p.tissue);
+    total.push_back(seconds_since(begin));
+    displacement.push_back(e.displacement_s), strain.push_back(e.strain_s), modulus.push_back(e.modulus_s);
+  }
+  return {{"displacement_s", quantiles(displacement)},
+          {"strain_s", quantiles(strain)},
+          {"modulus_s", quantiles(modulus)},
+          {"total_s", quantiles(total)},
+          {"touch_latency_s", quantiles(finger.stop())}};
+}
+
+}  // namespace
+
+json measure_stages(const std::shared_ptr<service::Device>& device, bool quick) {
+  Phantoms phantoms;
+  PhantomCase c;
+  c.tissue_width_m = 0.160;
+  const Phantom p = phantoms.make(c, 1);
+  json out{{"plane", measure_plane(device, p, quick)}, {"devices", json::array()}};
+  for (const service::DeviceInfo& info : service::list_devices())
+    out["devices"].push_back(measure_device(info, p, quick));
+  return out;
+}
+
+void print_stages(const json& stages) {
+  for (const json& d : stages.at("devices")) {
+    std::printf("%s: %.1f GB/s, %.0f GFLOP/s\n", d.at("device").get<std::string>().c_str(),
+                1e-9 * number(d.at("bytes_s")), 1e-9 * number(d.at("flops_s")));
+    std::printf("  %-20s %9s %8s %9s %9s %10s\n", "kernel", "launches", "ms", "MB", "MFLOP", "of limit");
+    for (const json& k : d.at("kernels")) {
+      std::printf("  %-20s %9.0f %8.2f", k.at("kernel").get<std::string>().c_str(), number(k.at("launches")),
+                  1e3 * number(k.at("seconds")));
+      if (k.contains("of_limit"))
+        std::printf(" %9.1f %9.1f %6.0f %% %s", 1e-6 * number(k.at("bytes")), 1e-6 * number(k.at("flops")),
+                    100 * number(k.at("of_limit")), k.at("bound").get<std::string>().c_str());
+      std::printf("\n");
+    }
+  }
+}
+
+}  // namespace teletact::bench
