@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "client/acquire/map_output.h"
+#include "client/acquire/modulus_names.h"
 #include "client/acquire/recorded_frames.h"
 #include "client/commands.h"
 #include "client/link/channel.h"
@@ -79,6 +80,9 @@ void run(const Arguments& arguments) {
         tissue_extent(pair.acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
     std::printf("modulus relative to the background (no force given)\n");
+  std::printf("modulus method: %s\n", name_of(summary.modulus_method()).c_str());
+  for (const std::string& warning : summary.warnings())
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
   if (summary.mean_axial_strain() > 0)
     std::fprintf(stderr,
                  "warning: the tissue stretches from pre to post (strain %+.3f %%): are the two swapped?\n",
@@ -124,6 +128,16 @@ void add_estimate_command(CLI::App& app) {
   command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)");
   command.add_option("--tissue-width-m", frames.tissue_width_m,
                      "of the tissue that the probe stands on the middle of (the frame's width)");
+  command
+      .add_option("--modulus-method", frames.modulus_method,
+                  "reference-stress, direct or iterative (the service's choice)")
+      ->transform(CLI::CheckedTransformer(modulus_methods()));
+  command
+      .add_option("--plane", frames.plane,
+                  "strain: the tissue's neighbours hold it (default); stress: a thin slice")
+      ->transform(CLI::CheckedTransformer(plane_conditions()));
+  command.add_option("--modulus-time-limit-s", frames.modulus_time_limit_s,
+                     "an iterative modulus returns its best by then (0.3)");
   command.add_option("--out", arguments->out, "folder for the results")->required();
   command.callback([arguments] { run(*arguments); });
 }

@@ -1,4 +1,5 @@
 #include "client/acquire/map_output.h"
+#include "client/acquire/modulus_names.h"
 
 #include <cmath>
 #include <cstring>
@@ -28,7 +29,7 @@ const std::vector<Group> kGroups{
      {"axial_strain", "lateral_strain", "shear_strain", "axial_strain_std", "lateral_strain_std",
       "shear_strain_std"}},
     {"correlation", {"correlation"}},
-    {"modulus", {"youngs_modulus"}}};
+    {"modulus", {"youngs_modulus", "youngs_modulus_log_std"}}};
 
 // How a map's numbers are shown: in a unit that people read.
 struct Shown {
@@ -112,7 +113,11 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
       {"modulus",
        {{"absolute", summary.modulus_absolute()},
         {"background", summary.background_modulus_pa()},
-        {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"}}},
+        {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"},
+        {"method", name_of(summary.modulus_method())},
+        {"converged", summary.modulus_converged()},
+        {"iterations", summary.modulus_iterations()}}},
+      {"warnings", std::vector<std::string>(summary.warnings().begin(), summary.warnings().end())},
       {"median_correlation", summary.median_correlation()},
       {"quality", summary.quality()},
       {"valid_fraction", summary.valid_fraction()},

@@ -170,6 +170,9 @@ FramePair read_recorded_frames(const RecordedFrameOptions& options) {
   acquisition.set_poisson_ratio(options.poisson_ratio);
   acquisition.set_tissue_depth_m(options.tissue_depth_m);
   acquisition.set_tissue_width_m(options.tissue_width_m);
+  acquisition.set_modulus_method(options.modulus_method);
+  acquisition.set_plane(options.plane);
+  acquisition.set_modulus_time_limit_s(options.modulus_time_limit_s);
   if (options.force_n) {
     acquisition.mutable_probe_force()->set_force_n(*options.force_n);
     acquisition.mutable_probe_force()->set_contact_area_m2(*options.contact_area_m2);

@@ -28,6 +28,10 @@ struct RecordedFrameOptions {
   std::string spacing_unit = "m";                    // of the MetaImage header: "m" or "mm"
   double max_strain = 0, poisson_ratio = 0, tissue_depth_m = 0,
          tissue_width_m = 0;  // 0: the service's default
+  // 0: the service's default
+  teletact::v1::ModulusMethod modulus_method = teletact::v1::MODULUS_METHOD_UNSPECIFIED;
+  double modulus_time_limit_s = 0;
+  teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;
 };
 
 // Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.

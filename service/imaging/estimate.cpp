@@ -55,8 +55,12 @@ Elastography::Elastography(std::shared_ptr<Device> device, ElastographyOptions o
     : queue_(device->queue()),
       options_(options),
       displacement_(queue_, options.displacement),
-      strain_(queue_, options.strain),
-      modulus_(make_reference_stress(queue_, options.modulus)) {
+      strain_(queue_, options.strain) {
+  const auto strips = std::make_shared<StripCache>();
+  modulus_ = {make_reference_stress(queue_, options.reference_stress, strips),
+              make_direct(queue_, options.direct, strips),
+              make_iterative(queue_, options.iterative, options.direct, strips)};
+  judge_ = std::make_unique<ModulusJudge>(queue_, strips, JudgeLimits{}, options.direct.reach);
   if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
     throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
 }
@@ -132,9 +136,20 @@ StrainEstimate Elastography::differentiate(Estimate& e, const DisplacementEstima
   return strain;
 }
 
-void Elastography::find_modulus(Estimate& e, const ModulusInput& input) {
+void Elastography::find_modulus(Estimate& e, ModulusInput input, const ModulusChoice& choice) {
+  const auto begun = std::chrono::steady_clock::now();
+  input.seconds_left = [begun, limit = choice.time_limit_s.value_or(options_.modulus_time_limit_s)] {
+    return limit - std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  };
+  const auto kind = static_cast<std::size_t>(choice.kind.value_or(options_.modulus));
   try {
-    ModulusEstimate modulus = modulus_->estimate(input);
+    ModulusEstimate modulus = modulus_.at(kind)->estimate(input);
+    judge_->judge(input, modulus);
+    e.modulus_kind = modulus.kind;
+    e.modulus_converged = modulus.converged;
+    e.modulus_iterations = modulus.iterations;
+    e.modulus_warnings = std::move(modulus.warnings);
+    e.modulus_log_deviation = std::move(modulus.log_deviation);
     e.youngs_modulus = std::move(modulus.youngs_modulus);
     e.modulus_absolute = modulus.absolute;
     e.background_modulus = modulus.background;
@@ -151,7 +166,8 @@ void Elastography::find_modulus(Estimate& e, const ModulusInput& input) {
 Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry,
                                 const std::optional<ProbeForce>& force, const TissueExtent& tissue,
                                 const std::function<void(Stage)>& progress,
-                                const std::function<bool()>& cancelled, const KnownModulus& known) {
+                                const std::function<bool()>& cancelled, const KnownModulus& known,
+                                const ModulusChoice& choice) {
   validate(pre, post, geometry);
   const auto go_on = [&] {
     if (cancelled && cancelled()) throw EstimateCancelled();
@@ -168,7 +184,7 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const A
   const StrainEstimate strain = differentiate(e, displacement);
   ended(Stage::kStrain, e.strain_s);
   const double window_width_m = static_cast<double>(pre.line_count) * geometry.line_pitch_m;
-  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known});
+  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known}, choice);
   ended(Stage::kModulus, e.modulus_s);
   return e;
 }

@@ -1,6 +1,7 @@
 // The imaging plane in one call: RF pair -> displacement -> strain -> Young's modulus.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -12,6 +13,7 @@
 #include "service/imaging/displacement.h"
 #include "service/imaging/frame.h"
 #include "service/imaging/modulus.h"
+#include "service/imaging/modulus_judge.h"
 #include "service/imaging/strain.h"
 #include "service/imaging/tracking_quality.h"
 
@@ -20,8 +22,18 @@ namespace teletact::service {
 struct ElastographyOptions {
   DisplacementOptions displacement;
   StrainOptions strain;
-  ReferenceStressOptions modulus;
-  double least_median_correlation = 0.6;  // of the textured nodes; below it the pair is refused
+  ReferenceStressOptions reference_stress;
+  DirectOptions direct;
+  IterativeOptions iterative;
+  ModulusKind modulus = ModulusKind::kIterative;  // where the caller does not choose
+  double modulus_time_limit_s = 0.3;              // the same
+  double least_median_correlation = 0.6;          // of the textured nodes; below it the pair is refused
+};
+
+// How the modulus is to be found.
+struct ModulusChoice {
+  std::optional<ModulusKind> kind;     // empty: ElastographyOptions::modulus
+  std::optional<double> time_limit_s;  // for the modulus alone, > 0; empty: ElastographyOptions
 };
 
 enum class Stage { kDisplacement, kStrain, kModulus };
@@ -50,6 +62,11 @@ struct Estimate {
   double valid_fraction = 0;      // of the nodes
   double mean_axial_strain = 0;   // median over the trusted nodes, negative in compression
   double background_modulus = 0;  // median over the valid nodes, Pa or 1
+  ModulusKind modulus_kind = ModulusKind::kReferenceStress;
+  bool modulus_converged = false;  // of an iterative method, and of the linear system of a direct one
+  int modulus_iterations = 0;
+  Field modulus_log_deviation;  // standard deviation of log E; NaN where valid = 0
+  std::vector<ModulusWarning> modulus_warnings;
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
 };
 
@@ -68,7 +85,8 @@ class Elastography {
   Estimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
                     const std::optional<ProbeForce>&, const TissueExtent&,
                     const std::function<void(Stage)>& progress = {},
-                    const std::function<bool()>& cancelled = {}, const KnownModulus& known = {});
+                    const std::function<bool()>& cancelled = {}, const KnownModulus& known = {},
+                    const ModulusChoice& choice = {});
 
  private:
   DisplacementEstimate track(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
@@ -76,13 +94,14 @@ class Elastography {
   void judge_tracking(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
                       const std::function<void()>& go_on);
   StrainEstimate differentiate(Estimate&, const DisplacementEstimate&);
-  void find_modulus(Estimate&, const ModulusInput&);
+  void find_modulus(Estimate&, ModulusInput, const ModulusChoice&);
 
   Queue queue_;
   ElastographyOptions options_;
   DisplacementEstimator displacement_;
   StrainEstimator strain_;
-  std::unique_ptr<ModulusMethod> modulus_;
+  std::array<std::unique_ptr<ModulusMethod>, 3> modulus_;  // by ModulusKind
+  std::unique_ptr<ModulusJudge> judge_;
 };
 
 }  // namespace teletact::service

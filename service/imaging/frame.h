@@ -47,11 +47,16 @@ struct ImageGrid {
 // One scalar per node of an image grid.
 using Field = std::vector<float>;
 
+// What the tissue does across the image plane: nothing (thick tissue between its neighbours), or whatever
+// leaves it free of stress there (a thin slice).
+enum class Plane { kStrain, kStress };
+
 // Where the window [window_x_m, window_x_m + lines * pitch) lies in its tissue: [0, width_m] x [0, depth_m],
 // y = 0 at the probe face, bonded below, free sides (T4).
 struct TissueExtent {
   double width_m = 0, depth_m = 0, window_x_m = 0;
   double poisson_ratio = 0.49;  // 0 <= nu < 0.5
+  Plane plane = Plane::kStrain;
 };
 
 // Young's modulus (Pa) already known beside the window, at x_m (tissue coordinates) and depth y_m; NaN where

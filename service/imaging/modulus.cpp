@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "service/imaging/strip_model.h"
+#include "service/imaging/modulus_seed.h"
 
 namespace teletact::service {
 namespace {
@@ -33,9 +33,10 @@ void validate(const std::optional<ProbeForce>& force) {
 
 class ReferenceStress : public ModulusMethod {
  public:
-  ReferenceStress(Queue queue, ReferenceStressOptions options)
+  ReferenceStress(Queue queue, ReferenceStressOptions options, std::shared_ptr<StripCache> strips)
       : queue_(std::move(queue)),
         options_(options),
+        strips_(strips ? std::move(strips) : std::make_shared<StripCache>()),
         ratio_(queue_.kernel("modulus", "reference_stress", Precision::kFloat)),
         median_(queue_.kernel("modulus", "modulus_median", Precision::kFloat)) {
     if (!(options_.least_strain > 0)) throw std::invalid_argument("least_strain: must be above 0");
@@ -50,7 +51,7 @@ class ReferenceStress : public ModulusMethod {
 
   ModulusEstimate estimate(const ModulusInput& in) override {
     validate(in.force);
-    const auto strip = strips_.get(in.tissue, in.window_width_m);
+    const auto strip = strips_->get(in.tissue, in.window_width_m);
     const Measured measured{queue_.read(in.strain.tensor), queue_.read(in.strain.trusted)};
     ModulusEstimate out;
     out.absolute = in.force.has_value();
@@ -132,29 +133,17 @@ class ReferenceStress : public ModulusMethod {
     return queue_.read(smooth);
   }
 
-  // The median over what is said; a relative map is divided by it.
-  static void normalise(ModulusEstimate& out) {
-    std::vector<float> said;
-    std::copy_if(out.youngs_modulus.begin(), out.youngs_modulus.end(), std::back_inserter(said),
-                 [](float e) { return std::isfinite(e); });
-    if (said.empty())
-      throw NoCompression("no node of the modulus map can be trusted; press further between the frames");
-    out.background = median(said);
-    if (out.absolute) return;
-    for (float& e : out.youngs_modulus) e /= static_cast<float>(out.background);
-    out.background = 1;
-  }
-
   Queue queue_;
   ReferenceStressOptions options_;
+  std::shared_ptr<StripCache> strips_;
   Kernel ratio_, median_;
-  StripCache strips_;
 };
 
 }  // namespace
 
-std::unique_ptr<ModulusMethod> make_reference_stress(Queue queue, ReferenceStressOptions options) {
-  return std::make_unique<ReferenceStress>(std::move(queue), options);
+std::unique_ptr<ModulusMethod> make_reference_stress(Queue queue, ReferenceStressOptions options,
+                                                     std::shared_ptr<StripCache> strips) {
+  return std::make_unique<ReferenceStress>(std::move(queue), options, std::move(strips));
 }
 
 }  // namespace teletact::service

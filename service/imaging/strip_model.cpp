@@ -57,6 +57,13 @@ std::array<std::size_t, 8> element_dofs(const TissueGrid& g, std::size_t i, std:
   return dofs;
 }
 
+using Vector8 = Eigen::Matrix<double, 8, 1>;
+Vector8 gather(const std::vector<double>& values, const std::array<std::size_t, 8>& dofs) {
+  Vector8 out;
+  for (int r = 0; r < 8; ++r) out[r] = values[dofs[static_cast<std::size_t>(r)]];
+  return out;
+}
+
 struct Position {
   std::size_t cell;
   double fraction;  // towards cell + 1
@@ -78,10 +85,18 @@ Position between_centres(const std::vector<double>& coordinates, double at) {
 StripModel::StripModel(const TissueExtent& tissue, double window_width_m)
     : grid_(strip(context(tissue, window_width_m), tissue.depth_m, window_width_m)),
       window_x_m_(tissue.window_x_m),
-      window_width_m_(window_width_m) {
+      window_width_m_(window_width_m),
+      poisson_ratio_(tissue.poisson_ratio),
+      modulus_factor_(1) {
+  if (tissue.plane == Plane::kStress) {  // the same mu; lambda = E nu / (1 - nu^2)
+    const double nu = tissue.poisson_ratio;
+    poisson_ratio_ = nu / (1 + nu);
+    modulus_factor_ = (1 + 2 * nu) / ((1 + nu) * (1 + nu));
+  }
   const double height = grid_.y_m[1] - grid_.y_m[0];
   for (std::size_t i = 0; i + 1 < grid_.nx(); ++i)
-    element_.push_back(element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, 1.0, tissue.poisson_ratio));
+    element_.push_back(
+        element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, modulus_factor_, poisson_ratio_));
   number_unknowns(window_width_m);
   lay_out();
   factor_.analyzePattern(stiffness_);
@@ -92,8 +107,11 @@ void StripModel::number_unknowns(double window_width_m) {
   for (std::size_t i = 0; i < grid_.nx(); ++i) {
     const std::size_t bottom = grid_.node(i, grid_.ny() - 1);
     unknown_[2 * bottom] = unknown_[2 * bottom + 1] = kAtRest;
-    if (grid_.x_m[i] >= -kSlackM && grid_.x_m[i] <= window_width_m + kSlackM)
+    if (grid_.x_m[i] < -kSlackM) first_column_ = i + 1;
+    if (grid_.x_m[i] >= -kSlackM && grid_.x_m[i] <= window_width_m + kSlackM) {
       unknown_[2 * grid_.node(i, 0) + 1] = kPushed;
+      last_column_ = i;
+    }
   }
   for (int& u : unknown_)
     if (u == 0) u = unknown_count_++;
@@ -151,22 +169,57 @@ StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
   if (factor_.info() != Eigen::Success)
     throw std::runtime_error("the stiffness of the strip under the probe is not positive definite");
   const Eigen::VectorXd unknowns = factor_.solve(load_);
-  const auto displacement = [&](std::size_t dof) {
-    const int u = unknown_[dof];
-    return u >= 0 ? unknowns[u] : u == kPushed ? 1.0 : 0.0;
-  };
   StripResponse out;
+  out.displacement.resize(grid_.dofs());
+  for (std::size_t d = 0; d < grid_.dofs(); ++d) {
+    const int u = unknown_[d];
+    out.displacement[d] = u >= 0 ? unknowns[u] : u == kPushed ? 1.0 : 0.0;
+  }
   out.stress.resize(grid_.elements());
   const double height = grid_.y_m[1] - grid_.y_m[0];
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const auto dofs = element_dofs(grid_, i, j);
-      Eigen::Matrix<double, 8, 1> u;
-      for (int r = 0; r < 8; ++r) u[r] = displacement(dofs[static_cast<std::size_t>(r)]);
+      const Vector8 u = gather(out.displacement, dofs);
       const double modulus = youngs_modulus_pa[grid_.element(i, j)];
       out.stress[grid_.element(i, j)] = modulus * (u[5] + u[7] - u[1] - u[3]) / (2 * height);
       out.force_n_per_m += modulus * u.dot(element_[i] * u);
     }
+  return out;
+}
+
+std::vector<double> StripModel::change(const StripResponse& at, const std::vector<double>& change_pa) {
+  std::vector<double> force(grid_.dofs(), 0.0);
+  for (std::size_t e = 0; e < change_pa.size(); ++e) {
+    if (change_pa[e] == 0) continue;
+    const std::size_t i = e % (grid_.nx() - 1), j = e / (grid_.nx() - 1);
+    const auto dofs = element_dofs(grid_, i, j);
+    const Vector8 k = element_[i] * gather(at.displacement, dofs);
+    for (int r = 0; r < 8; ++r) force[dofs[static_cast<std::size_t>(r)]] -= change_pa[e] * k[r];
+  }
+  return back_substituted(force);
+}
+
+std::vector<double> StripModel::sensitivity(const StripResponse& at, const std::vector<double>& load) {
+  const std::vector<double> adjoint = back_substituted(load);
+  std::vector<double> out(grid_.elements());
+  for (std::size_t e = 0; e < out.size(); ++e) {
+    const std::size_t i = e % (grid_.nx() - 1), j = e / (grid_.nx() - 1);
+    const auto dofs = element_dofs(grid_, i, j);
+    out[e] = -gather(adjoint, dofs).dot(element_[i] * gather(at.displacement, dofs));
+  }
+  return out;
+}
+
+// K^-1 of the unknowns' part; 0 elsewhere.
+std::vector<double> StripModel::back_substituted(const std::vector<double>& force) const {
+  Eigen::VectorXd right(unknown_count_);
+  for (std::size_t d = 0; d < force.size(); ++d)
+    if (unknown_[d] >= 0) right[unknown_[d]] = force[d];
+  const Eigen::VectorXd solved = factor_.solve(right);
+  std::vector<double> out(force.size(), 0.0);
+  for (std::size_t d = 0; d < force.size(); ++d)
+    if (unknown_[d] >= 0) out[d] = solved[unknown_[d]];
   return out;
 }
 
@@ -311,7 +364,7 @@ std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, d
   const auto same = [&](const Kept& k) {
     return std::abs(k.window_x_m - tissue.window_x_m) < kSlackM &&
            std::abs(k.right_m - c.right_m) < kSlackM && k.depth_m == tissue.depth_m &&
-           k.poisson_ratio == tissue.poisson_ratio && k.width_m == window_width_m;
+           k.poisson_ratio == tissue.poisson_ratio && k.width_m == window_width_m && k.plane == tissue.plane;
   };
   const auto found = std::find_if(kept_.begin(), kept_.end(), same);
   if (found != kept_.end()) {
@@ -320,8 +373,8 @@ std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, d
   }
   auto entry = std::shared_ptr<Entry>(new Entry{StripModel(tissue, window_width_m), {}});
   entry->homogeneous = entry->model.solve(std::vector<double>(entry->model.grid().elements(), 1.0));
-  kept_.push_front(
-      {tissue.window_x_m, c.right_m, tissue.depth_m, tissue.poisson_ratio, window_width_m, entry});
+  kept_.push_front({tissue.window_x_m, c.right_m, tissue.depth_m, tissue.poisson_ratio, window_width_m,
+                    tissue.plane, entry});
   if (kept_.size() > kMost) kept_.pop_back();
   return entry;
 }

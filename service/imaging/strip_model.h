@@ -1,5 +1,5 @@
-// The tissue under the probe as a forward model (T3.1): what a modulus map would have shown. Plane strain, Q1
-// (T4).
+// The tissue under the probe as a forward model (T3.1): what a modulus map would have shown. Plane strain or
+// plane stress, Q1 (T4).
 #pragma once
 
 #include <Eigen/SparseCholesky>
@@ -16,8 +16,9 @@ namespace teletact::service {
 
 // What the probe does when it pushes its face down by 1 m (linear, so any unit).
 struct StripResponse {
-  std::vector<double> stress;  // E eps_yy at the centre of every element, Pa (< 0); eps_yy where E = 1
-  double force_n_per_m = 0;    // on the probe per metre of thickness, > 0
+  std::vector<double> stress;        // E eps_yy at the centre of every element, Pa (< 0); eps_yy where E = 1
+  std::vector<double> displacement;  // [dof], 1 under the probe
+  double force_n_per_m = 0;          // on the probe per metre of thickness, > 0
 };
 
 // The strip of a window with up to 200 mm of context on each side, cut at the tissue's sides; bottom bonded,
@@ -29,8 +30,21 @@ class StripModel {
   // Throws std::invalid_argument naming the field of the extent.
   StripModel(const TissueExtent&, double window_width_m);
   const TissueGrid& grid() const { return grid_; }  // window coordinates: x_m from -left to width + right
+  // Columns of nodes under the probe, both inclusive.
+  std::size_t first_column() const { return first_column_; }
+  std::size_t last_column() const { return last_column_; }
+  // Poisson's ratio of the plane-strain tissue that moves like this one: nu, in plane stress nu / (1 + nu).
+  double poisson_ratio() const { return poisson_ratio_; }
+  // Its Young's modulus over this one's: 1, in plane stress (1 + 2 nu) / (1 + nu)^2.
+  double modulus_factor() const { return modulus_factor_; }
   // Young's modulus (Pa) of every element, > 0. Not thread-safe.
   StripResponse solve(const std::vector<double>& youngs_modulus_pa);
+  // How the displacement changes with the modulus, by the factor of the latest solve(), whose response is
+  // `at`:
+  //   change: K^-1 (- sum_e change_pa_e K_e u_e), [dof], 0 where the displacement is prescribed
+  //   sensitivity: per element - (K^-1 load) . K_e u_e, the derivative of load . u by its modulus (adjoint)
+  std::vector<double> change(const StripResponse& at, const std::vector<double>& change_pa);
+  std::vector<double> sensitivity(const StripResponse& at, const std::vector<double>& load);
   // Values of the elements at the nodes of an image grid, bilinear between centres; NaN below the tissue.
   Field on_image(const std::vector<double>& element_values, const ImageGrid&) const;
   // Young's modulus of every element from a map that has NaN where nothing is said: geometric mean over the
@@ -53,9 +67,12 @@ class StripModel {
   double told_by(const KnownModulus&, std::size_t column, double y_m) const;
   double matching_shift(const KnownModulus&, bool left, const WindowMap&) const;
   void fill(const std::vector<double>& youngs_modulus_pa);
+  std::vector<double> back_substituted(const std::vector<double>& force) const;
 
   TissueGrid grid_;
   double window_x_m_, window_width_m_;
+  double poisson_ratio_, modulus_factor_;
+  std::size_t first_column_ = 0, last_column_ = 0;
   std::vector<Eigen::Matrix<double, 8, 8>> element_;  // K_e of 1 Pa, one per column of elements
   std::vector<int> unknown_;                          // per degree of freedom; -1 at rest, -2 pushed by 1
   int unknown_count_ = 0;
@@ -80,6 +97,7 @@ class StripCache {
  private:
   struct Kept {
     double window_x_m, right_m, depth_m, poisson_ratio, width_m;
+    Plane plane;
     std::shared_ptr<Entry> entry;
   };
   std::list<Kept> kept_;  // latest used first

@@ -25,7 +25,8 @@ const std::vector<std::string>& map_names() {
                                               "shear_strain_std",
                                               "correlation",
                                               "valid",
-                                              "youngs_modulus"};
+                                              "youngs_modulus",
+                                              "youngs_modulus_log_std"};
   return names;
 }
 
@@ -145,6 +146,47 @@ std::vector<std::string> maps_from(const v1::Acquisition& in) {
 
 }  // namespace
 
+namespace {
+
+ModulusChoice modulus_choice(const v1::Acquisition& in) {
+  ModulusChoice choice;
+  if (in.modulus_time_limit_s() != 0) {
+    require_between("modulus_time_limit_s", in.modulus_time_limit_s(), 1e-3, 60.0, "leave it out for 0.3");
+    choice.time_limit_s = in.modulus_time_limit_s();
+  }
+  switch (in.modulus_method()) {
+    case v1::MODULUS_METHOD_UNSPECIFIED:
+      break;
+    case v1::MODULUS_METHOD_REFERENCE_STRESS:
+      choice.kind = ModulusKind::kReferenceStress;
+      break;
+    case v1::MODULUS_METHOD_DIRECT:
+      choice.kind = ModulusKind::kDirect;
+      break;
+    case v1::MODULUS_METHOD_ITERATIVE:
+      choice.kind = ModulusKind::kIterative;
+      break;
+    default:
+      throw std::invalid_argument(
+          "acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS, DIRECT or ITERATIVE");
+  }
+  return choice;
+}
+
+Plane plane_of(const v1::Acquisition& in) {
+  switch (in.plane()) {
+    case v1::PLANE_CONDITION_UNSPECIFIED:
+    case v1::PLANE_CONDITION_STRAIN:
+      return Plane::kStrain;
+    case v1::PLANE_CONDITION_STRESS:
+      return Plane::kStress;
+    default:
+      throw std::invalid_argument("acquisition.plane: unknown; leave it out or use STRAIN or STRESS");
+  }
+}
+
+}  // namespace
+
 EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
                              std::uint64_t most_frame_bytes) {
   check_frame_size(in, most_frame_bytes);
@@ -154,9 +196,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
   request.dtype = in.dtype();
   request.geometry = acquisition_geometry(in);
   request.force = force_of(in);
-  if (in.modulus_method() != v1::MODULUS_METHOD_UNSPECIFIED &&
-      in.modulus_method() != v1::MODULUS_METHOD_REFERENCE_STRESS)
-    throw std::invalid_argument("acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS");
+  request.modulus = modulus_choice(in);
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
   require_between("max_strain", request.max_strain, 1e-3, 0.2, "leave it out for 0.05");
   request.maps = maps_from(in);
@@ -170,6 +210,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
           "published");
   }
   request.tissue = tissue_of(in, request);
+  request.tissue.plane = plane_of(in);
   return request;
 }
 

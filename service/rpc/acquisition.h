@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "service/imaging/estimate.h"
 #include "service/imaging/frame.h"
 #include "service/scene/scenes.h"
 #include "teletact/v1/elastography.pb.h"
@@ -26,6 +27,7 @@ struct EstimateRequest {
   std::optional<ProbeForce> force;
   TissueExtent tissue;
   double max_strain = kDefaultMaxStrain;
+  ModulusChoice modulus;
   std::shared_ptr<Scene> scene;  // null: nothing is published
   double window_x_m = 0;
   std::vector<std::string> maps;

@@ -118,6 +118,7 @@ void map_to(const Estimate& e, const std::string& name, v1::Map* out) {
   if (name == "shear_strain") return fill(e.shear_strain, "1");
   if (name == "correlation") return fill(e.correlation, "1");
   if (name == "youngs_modulus") return fill(e.youngs_modulus, e.modulus_absolute ? "Pa" : "1");
+  if (name == "youngs_modulus_log_std") return fill(e.modulus_log_deviation, "1");
   out->set_unit("1");  // valid
   array->set_dtype(v1::DATA_TYPE_UINT8);
   array->set_data(e.valid.data(), e.valid.size());
@@ -184,7 +185,7 @@ ElastographyService::Outcome ElastographyService::work(Job& job) {
             .estimate(
                 job.pre, job.post, r.geometry, r.force, r.tissue,
                 [&job](Stage stage) { job.progress.ended(stage_to(stage), seconds_since(job.received)); },
-                cancelled, known);
+                cancelled, known, r.modulus);
   } catch (const TrackingError& error) {
     throw Error(ErrorKind::kPrecondition, error.what());
   } catch (const EstimateCancelled& error) {
@@ -219,6 +220,18 @@ void ElastographyService::receive(Stream& stream, Core& core, Calls::Ticket& tic
 
 namespace {
 
+v1::ModulusMethod method_to(ModulusKind kind) {
+  switch (kind) {
+    case ModulusKind::kReferenceStress:
+      return v1::MODULUS_METHOD_REFERENCE_STRESS;
+    case ModulusKind::kDirect:
+      return v1::MODULUS_METHOD_DIRECT;
+    case ModulusKind::kIterative:
+      return v1::MODULUS_METHOD_ITERATIVE;
+  }
+  return v1::MODULUS_METHOD_UNSPECIFIED;
+}
+
 void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_modulus_absolute(e.modulus_absolute);
   out->set_median_correlation(e.median_correlation);
@@ -226,6 +239,10 @@ void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_valid_fraction(e.valid_fraction);
   out->set_mean_axial_strain(e.mean_axial_strain);
   out->set_background_modulus_pa(e.background_modulus);
+  out->set_modulus_method(method_to(e.modulus_kind));
+  out->set_modulus_converged(e.modulus_converged);
+  out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));
+  for (const ModulusWarning& warning : e.modulus_warnings) out->add_warnings(warning.text);
 }
 
 void add_stage(v1::EstimateSummary* summary, const char* name, double s) {

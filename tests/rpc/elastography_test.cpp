@@ -72,7 +72,7 @@ TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
             (std::vector<v1::EstimateStage>{v1::ESTIMATE_STAGE_RECEIVED, v1::ESTIMATE_STAGE_DISPLACEMENT,
                                             v1::ESTIMATE_STAGE_STRAIN, v1::ESTIMATE_STAGE_MODULUS,
                                             v1::ESTIMATE_STAGE_PUBLISHED}));
-  ASSERT_EQ(outcome.maps.size(), 13U);
+  ASSERT_EQ(outcome.maps.size(), 14U);
   for (const v1::Map& map : outcome.maps) {
     const std::size_t item = map.values().dtype() == v1::DATA_TYPE_UINT8 ? 1 : 4;
     EXPECT_EQ(map.values().data().size(), item * map.grid().size(0) * map.grid().size(1)) << map.name();

@@ -1,0 +1,27 @@
+#include "client/acquire/modulus_names.h"
+
+namespace teletact::client {
+
+namespace v1 = ::teletact::v1;
+
+const std::map<std::string, v1::ModulusMethod>& modulus_methods() {
+  static const std::map<std::string, v1::ModulusMethod> names{
+      {"reference-stress", v1::MODULUS_METHOD_REFERENCE_STRESS},
+      {"direct", v1::MODULUS_METHOD_DIRECT},
+      {"iterative", v1::MODULUS_METHOD_ITERATIVE}};
+  return names;
+}
+
+const std::map<std::string, v1::PlaneCondition>& plane_conditions() {
+  static const std::map<std::string, v1::PlaneCondition> names{{"strain", v1::PLANE_CONDITION_STRAIN},
+                                                               {"stress", v1::PLANE_CONDITION_STRESS}};
+  return names;
+}
+
+std::string name_of(v1::ModulusMethod method) {
+  for (const auto& [name, value] : modulus_methods())
+    if (value == method) return name;
+  return "unknown";
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,38 @@
+// How far a modulus map can be trusted (T3.4): the standard deviation of log E, and what makes it doubtful.
+#pragma once
+
+#include <memory>
+
+#include "service/device/device.h"
+#include "service/imaging/modulus.h"
+#include "service/imaging/strip_model.h"
+
+namespace teletact::service {
+
+struct JudgeLimits {
+  double untracked = 0.10;      // part of the image inside the tissue
+  double deviation = 0.25;      // median standard deviation of log E
+  double ramp = 1.25;           // of the background's modulus from one end of the window to the other
+  double lateral_ratio = 0.25;  // of - eps_xx / eps_yy, from what the plane assumption says
+};
+
+// Adds to `out`, whatever the method: log_deviation (noise of the axial strain, and what a jump of the
+// modulus is smeared over), and the flags kUntracked, kNoise, kRamp, kOutOfPlane with their words.
+class ModulusJudge {
+ public:
+  ModulusJudge(Queue, std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
+  void judge(const ModulusInput&, ModulusEstimate& out) const;
+
+ private:
+  Field relative_noise(const ModulusInput&) const;
+  void deviation(const ModulusInput&, ModulusEstimate&) const;
+  void untracked(const ModulusInput&, ModulusEstimate&) const;
+  void ramp(const ModulusInput&, ModulusEstimate&) const;
+  void out_of_plane(const ModulusInput&, ModulusEstimate&) const;
+  Queue queue_;
+  std::shared_ptr<StripCache> strips_;
+  JudgeLimits limits_;
+  SlopeReach reach_;
+};
+
+}  // namespace teletact::service

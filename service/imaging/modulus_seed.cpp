@@ -1,0 +1,72 @@
+#include "service/imaging/modulus_seed.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace teletact::service {
+namespace {
+
+// Part of the median modelled strain below which a node does not vote on the amplitude (ReferenceStress).
+constexpr double kLeastReached = 0.5;
+const KnownModulus kNothingKnown;
+
+template <class T>
+double median(std::vector<T>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double amplitude(const ModelState& state, const AxialSlopes& slopes) {
+  std::vector<double> modelled = state.along, ratios;
+  const double typical = std::abs(median(modelled));
+  for (std::size_t n = 0; n < state.along.size(); ++n)
+    if (slopes.measured[n] && std::abs(state.along[n]) >= kLeastReached * typical)
+      ratios.push_back(slopes.along[n] / state.along[n]);
+  if (ratios.empty())
+    throw NoCompression("no node of the displacement can be trusted inside the tissue; check depth_m");
+  return median(ratios);
+}
+
+}  // namespace
+
+void shrink(std::vector<double>& youngs_modulus, double background, Shrink by) {
+  for (double& e : youngs_modulus) {
+    const double logarithm = std::log(e / background), size = std::abs(logarithm);
+    if (size >= by.above) continue;
+    const double kept = size <= by.below ? 0 : by.above * (size - by.below) / (by.above - by.below);
+    e = background * std::exp(std::copysign(kept, logarithm));
+  }
+}
+
+ForwardSolve solve_forward(StripModel& model, const ModulusInput& in, const ModulusEstimate& map,
+                           const AxialSlopes& slopes, Shrink by) {
+  ForwardSolve out;
+  out.youngs_modulus_pa =
+      model.on_elements(map.youngs_modulus, in.grid, map.background, map.absolute ? in.known : kNothingKnown);
+  shrink(out.youngs_modulus_pa, map.background, by);
+  out.response = model.solve(out.youngs_modulus_pa);
+  out.state = model_state(model, out.response, out.youngs_modulus_pa);
+  out.amplitude_m = amplitude(out.state, slopes);
+  return out;
+}
+
+double force_scale(const ModulusInput& in, const ForwardSolve& forward) {
+  if (!in.force) return 1;
+  const double force_n_per_m = in.force->force_n / in.force->contact_area_m2 * in.window_width_m;
+  return force_n_per_m / (forward.response.force_n_per_m * std::abs(forward.amplitude_m));
+}
+
+void normalise(ModulusEstimate& out) {
+  std::vector<float> said;
+  for (const float e : out.youngs_modulus)
+    if (std::isfinite(e)) said.push_back(e);
+  if (said.empty())
+    throw NoCompression("no node of the modulus map can be trusted; press further between the frames");
+  out.background = median(said);
+  if (out.absolute) return;
+  for (float& e : out.youngs_modulus) e /= static_cast<float>(out.background);
+  out.background = 1;
+}
+
+}  // namespace teletact::service

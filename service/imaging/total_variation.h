@@ -1,0 +1,31 @@
+// Total variation of one value per element of a tissue grid, smoothed (T3.3), and its lagged-diffusivity
+// matrix (Vogel and Oman 1996): TV = sum_e |e| sqrt(|grad v|^2 + floor^2), grad by differences to the right
+// and below; near v, TV ~ v^T L(v) v / 2.
+#pragma once
+
+#include <Eigen/SparseCore>
+#include <vector>
+
+#include "service/tissue/grid.h"
+
+namespace teletact::service {
+
+class TotalVariation {
+ public:
+  TotalVariation(const TissueGrid&, double floor_per_m);
+  double value(const Eigen::VectorXd& v) const;  // less that of a constant
+  Eigen::SparseMatrix<double> lagged(const Eigen::VectorXd& v) const;
+
+ private:
+  struct Gradient {
+    double right = 0, below = 0, size = 0;  // size: sqrt(|grad|^2 + floor^2)
+  };
+  Gradient gradient(const Eigen::VectorXd& v, std::size_t i, std::size_t j) const;
+  double area(std::size_t i, std::size_t j) const;
+  const TissueGrid& grid_;
+  std::size_t nx_, ny_;                      // elements
+  std::vector<double> to_right_, to_below_;  // distances of centres; 0 after the last
+  double floor_per_m_;
+};
+
+}  // namespace teletact::service
