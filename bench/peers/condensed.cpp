@@ -22,6 +22,12 @@ class Condensed final : public Peer {
     return {.force_n = answer.force_n, .stated_error = answer.solve.relative_error};
   }
 
+  std::size_t kept_bytes() const override {
+    const auto columns = model_->touchable_columns();
+    const std::size_t unknowns = 2 * (columns.last - columns.first + 1);
+    return unknowns * unknowns * sizeof(double);
+  }
+
  private:
   std::optional<service::TissueModel> model_;
   std::shared_ptr<service::Compliance> surface_;

@@ -27,10 +27,12 @@ Peers make_peers(const std::shared_ptr<service::Device>& device) {
   using service::Precision;
   add(make_device_pcg(device, Precision::kFloat, false), {});
   add(make_device_pcg(device, Precision::kFloat, true), {});
-  if (device->info().has_double)
+  if (device->info().has_double) {
     add(make_device_pcg(device, Precision::kDouble, false), {});
-  else
+    add(make_factor_pcg(device), {});
+  } else {
     peers.absent.push_back("device PCG in double: " + device->info().name + " has no double precision");
+  }
   return peers;
 }
 

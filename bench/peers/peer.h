@@ -42,6 +42,8 @@ class Peer {
   virtual PeerAnswer touch(const ContactProblem&, double tolerance) = 0;
   // After prepare: the compliance among all surface nodes, both components. False: not something it does.
   virtual bool condense_surface(const ContactProblem&) { return false; }
+  // After prepare: what is kept between touches, bytes; 0 where that is not known.
+  virtual std::size_t kept_bytes() const { return 0; }
   // After prepare: one solve with K. False: not something it does.
   virtual bool solve_once(const ContactProblem&) { return false; }
 };
@@ -65,5 +67,6 @@ std::unique_ptr<Peer> make_viennacl(const std::shared_ptr<service::Device>&, std
 std::unique_ptr<Peer> make_condensed();
 std::unique_ptr<Peer> make_device_pcg(const std::shared_ptr<service::Device>&, service::Precision,
                                       bool refined);
+std::unique_ptr<Peer> make_factor_pcg(const std::shared_ptr<service::Device>&);
 
 }  // namespace teletact::bench

@@ -3,7 +3,8 @@
 //
 //   cases: [{sweeps, columns, rows, ..., unknowns, contact_nodes, methods: [{
 //     method, ours, iterative, declined | failed | setup_s, touch_s: {p50, ...}, surface_s, one_solve_s,
-//     iterations, tolerance, force_error, displacement_error, stated_error, goal_met, ladder: [...]}]}]
+//     kept_bytes_per_unknown, iterations, tolerance, force_error, displacement_error, stated_error, goal_met,
+//     ladder: [...]}]}]
 //   product: figures of ours alone
 #pragma once
 

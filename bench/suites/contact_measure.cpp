@@ -101,6 +101,8 @@ json timed(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget&
   } else {
     rung = try_rung(peer, p, 0);
   }
+  if (const std::size_t bytes = peer.kept_bytes(); bytes > 0)
+    out["kept_bytes_per_unknown"] = static_cast<double>(bytes) / static_cast<double>(p.tissue.grid.dofs());
   out["tolerance"] = rung.tolerance;
   out["iterations"] = rung.answer.iterations;
   out["force_error"] = rung.error;

@@ -14,7 +14,7 @@ using nlohmann::json;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 bool is_device_pcg(const json& m) {
-  return m.at("ours").get<bool>() && m.at("iterative").get<bool>();
+  return m.at("method").get<std::string>().rfind("ours, device PCG", 0) == 0;
 }
 bool is_rival_cg(const json& m) {
   return m.at("method").get<std::string>().rfind("Eigen CG", 0) == 0 && m.at("goal_met").get<bool>();

@@ -86,10 +86,27 @@ VectorXd first_guess(const Patch& patch, double indentation_m) {
   return p;
 }
 
+// What each sample dA of the compliance's rounding does to the gradient: (A^-1 v_q)^T dA p.
+void set_sampled_error(const Compliance& compliance, const Patch& patch, const std::vector<Index>& active,
+                       const Eigen::MatrixX2d& sensitivity, const VectorXd& p, Touch& touch) {
+  const Index tied = Index(patch.tied.size());
+  const auto samples = compliance.rounding_among(patch.nodes, tied > 0);
+  if (samples.empty()) return;
+  std::vector<Index> at;
+  for (const Index unknown : active) {
+    const Index node = unknown < tied ? patch.tied[std::size_t(unknown)] : unknown - tied;
+    at.push_back(tied == 0 ? node : 2 * node + (unknown < tied ? 0 : 1));
+  }
+  double squares = 0;
+  for (const MatrixXd& sample : samples)
+    squares += (sensitivity.transpose() * (sample(at, at) * p)).squaredNorm();
+  touch.sampled_error = std::sqrt(squares / double(samples.size())) / touch.energy.gradient.norm();
+}
+
 // Gradient p^T w_q + W_t t_q - 1/2 p^T A_q p; second derivative v_q^T (A + D)^-1 v_r + p^T w_qr + W_tt t_q
 // t_r + W_t t_qr - 1/2 p^T A_qr p with v_q = w_q + g_t t_q - A_q p. A varies by its ties alone, the skin with
 // the indentation.
-void set_energy(const Patch& patch, const PatchSolution& s, Touch& touch) {
+void set_energy(const Compliance& compliance, const Patch& patch, const PatchSolution& s, Touch& touch) {
   Energy& energy = touch.energy;
   const Index tied = Index(patch.tied.size()), active = Index(s.active.size());
   Eigen::MatrixX2d v(active, 2);
@@ -125,6 +142,7 @@ void set_energy(const Patch& patch, const PatchSolution& s, Touch& touch) {
   energy.hessian += v.transpose() * sensitivity;
   const VectorXd p = s.p(s.active), diagonal = patch.programme.a.diagonal()(s.active);
   touch.amplification = amplification(sensitivity, p, diagonal, energy.gradient);
+  set_sampled_error(compliance, patch, s.active, sensitivity, p, touch);
 }
 
 // Width of evenly spread forces that have the same mean, weighted by themselves.
@@ -160,7 +178,7 @@ Touch touch_patch(const TissueModel& model, Compliance& compliance, const Finger
     const bool grow_right = s.p[tied + n - 1] > 0 && columns.last < all.last;
     if (grow_left || grow_right) continue;
     if (!(s.p.tail(n).maxCoeff() > 0)) return touch;
-    set_energy(patch, s, touch);
+    set_energy(compliance, patch, s, touch);
     touch.nodes = patch.nodes;
     touch.normal = s.p.tail(n);
     touch.width_m = effective_width_m(touch.normal, touch.nodes, x);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "service/contact/contact.h"
@@ -20,6 +21,9 @@ struct Energy {
 struct Touch {
   Energy energy;
   double amplification = 0;  // of the compliance's relative error in the force
+  // Relative errors of the force that samples of the compliance's rounding make, root mean square; NaN where
+  // there are none.
+  double sampled_error = std::numeric_limits<double>::quiet_NaN();
   std::vector<std::size_t> nodes;
   Eigen::VectorXd normal, tangential;
   double width_m = 0;  // of the contact: what the mean pressure is made with

@@ -103,6 +103,8 @@ std::shared_ptr<Context> open_context(const DeviceOptions& options) {
       const std::vector<Found> all = find_devices();
       Found found = choose(all, options.select);
       found.info.has_double = found.info.has_double && !options.hide_double;
+      if (options.most_array_bytes > 0)
+        found.info.max_allocation_bytes = std::min(found.info.max_allocation_bytes, options.most_array_bytes);
       context = std::make_shared<Context>(found.device, found.info, options);
     } catch (...) {
       failure = std::current_exception();
@@ -130,6 +132,10 @@ Queue Device::queue() const {
   Queue queue;
   queue.state_ = std::make_shared<Queue::State>(context_);
   return queue;
+}
+
+std::uint64_t Device::held_bytes() const {
+  return *context_->held_bytes();
 }
 
 const DeviceInfo& Device::info() const {

@@ -5,6 +5,7 @@
 #define CL_HPP_MINIMUM_OPENCL_VERSION 300
 #define CL_HPP_ENABLE_EXCEPTIONS
 #include <CL/opencl.hpp>
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -18,6 +19,13 @@ namespace teletact::service {
 struct RawBuffer {
   cl::Buffer buffer;
   std::size_t bytes = 0;
+  std::shared_ptr<std::atomic<std::uint64_t>> held;  // of the device, less this when it goes
+  RawBuffer() = default;
+  RawBuffer(const RawBuffer&) = delete;
+  RawBuffer& operator=(const RawBuffer&) = delete;
+  ~RawBuffer() {
+    if (held) *held -= bytes;
+  }
 };
 
 // Launches of one queue that profiling has not yet summed up. Used by the queue's thread only.
@@ -43,6 +51,7 @@ class Context {
   const DeviceOptions& options() const { return options_; }
   const cl::Context& cl() const { return context_; }
   const cl::Device& device() const { return device_; }
+  const std::shared_ptr<std::atomic<std::uint64_t>>& held_bytes() const { return held_bytes_; }
   // A new cl::Kernel. Thread-safe: OpenCL's kernel creation is not, everywhere.
   cl::Kernel kernel(const std::string& source, const std::string& name, Precision, const Defines&);
 
@@ -51,6 +60,7 @@ class Context {
   DeviceInfo info_;
   DeviceOptions options_;
   cl::Context context_;
+  std::shared_ptr<std::atomic<std::uint64_t>> held_bytes_ = std::make_shared<std::atomic<std::uint64_t>>(0);
   std::mutex mutex_;
   std::map<std::string, cl::Program> programs_;  // by source name, precision and defines
 };

@@ -88,10 +88,12 @@ std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes) const {
     throw DeviceError("an array of " + std::to_string(bytes) + " bytes exceeds the " +
                       std::to_string(info.max_allocation_bytes) + " that " + info.name + " can hold in one");
   auto raw = std::make_shared<RawBuffer>();
-  raw->bytes = bytes;
   raw->buffer = guarded("allocating " + std::to_string(bytes) + " bytes on " + info.name, [&] {
     return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE, std::max<std::size_t>(bytes, 1));
   });
+  raw->bytes = bytes;
+  raw->held = state_->context->held_bytes();
+  *raw->held += bytes;
   return raw;
 }
 

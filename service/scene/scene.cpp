@@ -299,6 +299,19 @@ bool Scene::refresh_stale_window() {
   return !stale_.empty();
 }
 
+bool Scene::measure_rounding() const {
+  const Finger finger = finger_.now();
+  const auto window = snapshot()->window_at(finger.position_m[0], 0, 0);
+  if (!finger.present || !window) return false;
+  std::vector<std::size_t> lines;
+  {
+    const std::lock_guard lock(users_);
+    lines.assign(lines_in_use_.begin(), lines_in_use_.end());
+  }
+  return std::any_of(lines.begin(), lines.end(),
+                     [&](std::size_t line) { return window->model->measure_rounding(line); });
+}
+
 void Scene::use_line(std::size_t line) {
   const std::lock_guard lock(users_);
   lines_in_use_.insert(line);

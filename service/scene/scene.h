@@ -99,6 +99,10 @@ class Scene {
   // when the finger is handed over. False when none is stale.
   bool refresh_stale_window();
 
+  // Measures, step by step, how far rounding puts off what is felt under the finger (TissueModel). False when
+  // nothing is left to do.
+  bool measure_rounding() const;
+
   // Touch streams name the interior lines that they use; new models are condensed on them before they are
   // swapped in, so that a touch never waits for that.
   void use_line(std::size_t line);

@@ -182,7 +182,7 @@ void Scenes::refresh_later(const std::shared_ptr<Scene>& scene) {
     // One window per job: a new estimate goes before the rest.
     const bool more = scene->refresh_stale_window();
     keep_later(scene);
-    if (more) refresh_later(scene);
+    if (more || scene->measure_rounding()) refresh_later(scene);
   });
 }
 

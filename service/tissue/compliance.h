@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstddef>
 #include <span>
+#include <vector>
 
 namespace teletact::service {
 
@@ -33,7 +34,13 @@ class Compliance {
   virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
   // Its axial part alone, [u_y of node 0, u_y of node 1, ...], n x n: all that frictionless contact asks for.
   virtual Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
-  // Gets ready what the two above will be asked for among `nodes` (in any order, the first ones first), in
+  // What rounding does to the same matrix (of both components, or the axial part alone): computed again with
+  // other rounding, less this one; a few samples. Empty while that has not been measured.
+  virtual std::vector<Eigen::MatrixXd> rounding_among(std::span<const std::size_t> /*nodes*/,
+                                                      bool /*tangential*/) const {
+    return {};
+  }
+  // Gets ready what the first two will be asked for among `nodes` (in any order, the first ones first), in
   // small steps of which none is begun after `until`; false when some is left. Columns that are ready stay
   // so: this boxes the time of a solve, and is how it is given up.
   virtual bool prepare(std::span<const std::size_t> /*nodes*/, bool /*tangential*/,

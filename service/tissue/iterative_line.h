@@ -31,7 +31,8 @@ struct SharedSolver {
 // Keeps 8 bytes per degree of freedom of the grid for every column asked for.
 class IterativeLine final : public Compliance {
  public:
-  IterativeLine(std::shared_ptr<SharedSolver>, const TissueGrid&, std::size_t line, ColumnRange touchable);
+  IterativeLine(std::shared_ptr<SharedSolver>, const TissueGrid&, double poisson_ratio, std::size_t line,
+                ColumnRange touchable);
   Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override;
   Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override;
   bool prepare(std::span<const std::size_t> nodes, bool tangential,
@@ -52,6 +53,7 @@ class IterativeLine final : public Compliance {
   std::shared_ptr<SharedSolver> shared_;
   std::size_t dofs_, first_dof_;  // of the grid; of the first touchable node of the line
   ColumnRange touchable_;
+  double rounding_;  // relative error of any entry
   std::mutex mutex_;
   std::vector<Column> columns_;  // by unknown: 2 (column - touchable.first) + component
   Eigen::MatrixXd compliance_;   // where both columns are solved

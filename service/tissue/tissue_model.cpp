@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <mutex>
@@ -17,6 +18,15 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Units in which the same tissue is condensed again: lengths and moduli times these. No powers of two, which
+// would round alike.
+struct Units {
+  double length, modulus;
+};
+constexpr Units kOtherUnits[] = {{1.1, 3}, {1.3, 5}};
+constexpr std::size_t kRoundingSamples = std::size(kOtherUnits);
 
 constexpr double kFloatPoissonRatio = 0.495;  // up to here float alone converges at any contrast tested
 
@@ -43,7 +53,7 @@ class CondensedLine final : public Compliance {
     const Index size = 2 * Index(touchable.last - touchable.first + 1);
     compliance_ = stiffness.block(begin, begin, size, size).selfadjointView<Eigen::Lower>();
     if (!compliance_.allFinite()) throw std::domain_error("condensation: the compliance is not finite");
-    rounding_ = rounding_error(material, compliance_.diagonal().maxCoeff(), dofs);
+    bound_ = rounding_error(material, compliance_.diagonal().maxCoeff(), dofs);
   }
 
   MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override {
@@ -68,7 +78,46 @@ class CondensedLine final : public Compliance {
     return s;
   }
 
+  std::vector<MatrixXd> rounding_among(std::span<const std::size_t> nodes, bool tangential) const override {
+    const std::shared_ptr<const Rounding> rounding = measured();
+    if (!rounding || rounding->samples.size() < kRoundingSamples) return {};
+    std::vector<Index> at;
+    for (const Index position : positions(nodes)) {
+      if (tangential) at.push_back(position);
+      at.push_back(position + 1);
+    }
+    std::vector<MatrixXd> among;
+    for (const Eigen::MatrixXf& sample : rounding->samples) among.push_back(sample(at, at).cast<double>());
+    return among;
+  }
+
+  const MatrixXd& whole() const { return compliance_; }
+  std::size_t samples() const {
+    const auto rounding = measured();
+    return rounding ? rounding->samples.size() : 0;
+  }
+  // `other`: the whole compliance, computed with other rounding.
+  void add_sample(const MatrixXd& other) {
+    const auto before = measured();
+    auto rounding = before ? std::make_shared<Rounding>(*before) : std::make_shared<Rounding>();
+    const VectorXd root = compliance_.diagonal().cwiseSqrt();
+    const MatrixXd difference = other - compliance_;
+    const double largest = (difference.array() / (root * root.transpose()).array()).abs().maxCoeff();
+    rounding->samples.push_back(difference.cast<float>());
+    rounding->squares += largest * largest;
+    const std::lock_guard lock(mutex_);
+    rounding_ = std::move(rounding);
+  }
+
  private:
+  struct Rounding {
+    std::vector<Eigen::MatrixXf> samples;  // size of the compliance
+    double squares = 0;                    // of the largest relative entry of each
+  };
+  std::shared_ptr<const Rounding> measured() const {
+    const std::lock_guard lock(mutex_);
+    return rounding_;
+  }
   std::vector<Index> positions(std::span<const std::size_t> nodes) const {
     std::vector<Index> at(nodes.size());
     for (std::size_t a = 0; a < nodes.size(); ++a) at[a] = 2 * Index(position_among(nodes[a], columns_));
@@ -77,11 +126,16 @@ class CondensedLine final : public Compliance {
   void state(SolveReport* report) const {
     if (!report) return;
     *report = SolveReport{};
-    report->relative_error = rounding_;
+    const auto rounding = measured();
+    report->relative_error = rounding && rounding->samples.size() == kRoundingSamples
+                                 ? std::sqrt(rounding->squares / kRoundingSamples)
+                                 : bound_;
   }
 
   ColumnRange columns_;
-  double rounding_ = 0;
+  double bound_ = 0;
+  mutable std::mutex mutex_;
+  std::shared_ptr<const Rounding> rounding_;
   MatrixXd compliance_;
 };
 
@@ -126,6 +180,8 @@ struct TissueModel::Lines {
   std::once_flag swept;
   std::vector<MatrixXd> stiffness;  // Schur complement of every free line; consumed line by line
 
+  std::mutex measuring;  // one sample of rounding at a time
+
   std::mutex iterative_mutex;  // of the two maps
   std::map<std::shared_ptr<Device>, std::shared_ptr<SharedSolver>> solvers;
   std::map<std::pair<std::size_t, std::shared_ptr<Device>>, std::shared_ptr<Compliance>> iterative;
@@ -164,8 +220,7 @@ std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
     if (line == 0) {
       stiffness = layers.eliminated_below(options_.interior_lines ? &lines.below : nullptr);
     } else {
-      std::call_once(lines.swept,
-                     [&] { lines.stiffness = layers.condensed_lines(std::move(lines.below)); });
+      std::call_once(lines.swept, [&] { lines.stiffness = layers.condensed_lines(std::move(lines.below)); });
       stiffness = std::move(lines.stiffness[line - layers.first_line()]);  // used once, then freed
       if (stiffness.size() == 0)
         throw std::domain_error("line " + std::to_string(line) + ": condensation failed");
@@ -188,7 +243,8 @@ std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line,
     solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_, options);
   }
   std::shared_ptr<Compliance>& compliance = lines_->iterative[{line, device}];
-  if (!compliance) compliance = std::make_shared<IterativeLine>(solver, grid_, line, touchable_);
+  if (!compliance)
+    compliance = std::make_shared<IterativeLine>(solver, grid_, material_.poisson_ratio, line, touchable_);
   return compliance;
 }
 
@@ -196,7 +252,30 @@ std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line, const std::
                                                    const ElasticitySolverOptions& options) const {
   check_free(line);
   auto solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_, options);
-  return std::make_shared<IterativeLine>(std::move(solver), grid_, line, touchable_);
+  return std::make_shared<IterativeLine>(std::move(solver), grid_, material_.poisson_ratio, line, touchable_);
+}
+
+// A compliance in plane strain depends on the moduli, and on ratios of lengths alone.
+MatrixXd TissueModel::condensed_in_other_units(std::size_t line, double length, double modulus) const {
+  TissueGrid grid = grid_;
+  for (double& x : grid.x_m) x *= length;
+  for (double& y : grid.y_m) y *= length;
+  Material material = material_;
+  for (double& e : material.youngs_modulus_pa) e *= modulus;
+  TissueModelOptions options = options_;
+  options.touch_begin_m *= length;
+  options.touch_end_m *= length;
+  const TissueModel other(std::move(grid), std::move(material), supports_, options);
+  return modulus * static_cast<const CondensedLine&>(*other.condensed(line)).whole();
+}
+
+bool TissueModel::measure_rounding(std::size_t line) const {
+  auto& measured = static_cast<CondensedLine&>(*condensed(line));
+  const std::lock_guard lock(lines_->measuring);
+  const std::size_t next = measured.samples();
+  if (next == kRoundingSamples) return false;
+  measured.add_sample(condensed_in_other_units(line, kOtherUnits[next].length, kOtherUnits[next].modulus));
+  return true;
 }
 
 double TissueModel::modulus_near_pa(std::size_t column, std::size_t line) const {

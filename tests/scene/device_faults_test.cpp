@@ -1,0 +1,90 @@
+// A device that gives NaN, runs out of memory or no longer takes work, under a touch stream that solves on
+// it: the answer says so and bears no force, and the model stays touchable through its compliance.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "service/device/device.h"
+#include "service/scene/touch_session.h"
+#include "tests/scene/windows.h"
+
+namespace teletact::service {
+namespace {
+
+namespace fs = std::filesystem;
+
+class FaultyDevice : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string folder = (fs::temp_directory_path() / "teletact-faults-XXXXXX").string();
+    ASSERT_NE(mkdtemp(folder.data()), nullptr);
+    folder_ = folder;
+    fs::copy(fs::path(__FILE__).parent_path() / "../../kernels", folder_, fs::copy_options::recursive);
+    scene_->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03), {});
+    options_.kernel_directory = folder_.string();
+    options_.cache_directory = "none";
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  // Replaces `from` in a kernel file.
+  void sabotage(const std::string& file, const std::string& from, const std::string& to) {
+    std::stringstream text;
+    text << std::ifstream(folder_ / file).rdbuf();
+    std::string source = text.str();
+    const auto at = source.find(from);
+    ASSERT_NE(at, std::string::npos) << file << " has no " << from;
+    std::ofstream(folder_ / file) << source.replace(at, from.size(), to);
+  }
+
+  // Presses by way of the device, again and again, and by compliance beside it.
+  void expect_failure(const std::string& why) {
+    TouchSession by_compliance(scene_, {}, nullptr);
+    const double force = by_compliance.solve(0.06, 0.003).contact.force_n[1];
+    EXPECT_LT(force, 0);
+    TouchOptions touch;
+    touch.path = SolvePath::kPcg;
+    TouchSession by_device(scene_, touch, Device::open(options_));
+    for (int k = 0; k < 3; ++k) {
+      const TouchAnswer answer = by_device.solve(0.06, 0.003);
+      EXPECT_EQ(answer.status, TouchStatus::kFailed);
+      EXPECT_NE(answer.warning.find(why), std::string::npos) << answer.warning;
+      EXPECT_EQ(answer.contact.force_n[1], 0);
+      const TouchAnswer beside = by_compliance.solve(0.06, 0.003);
+      EXPECT_EQ(beside.status, TouchStatus::kOk);
+      EXPECT_EQ(beside.contact.force_n[1], force);
+    }
+  }
+
+  fs::path folder_;
+  DeviceOptions options_;
+  std::shared_ptr<Scene> scene_ = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
+};
+
+TEST_F(FaultyDevice, NanFromTheOperatorIsSaid) {
+  sabotage("elasticity.cl", "is_free * force +", "is_free * force * (real)NAN +");
+  expect_failure("not finite");
+}
+
+TEST_F(FaultyDevice, NanFromThePreconditionerIsSaid) {
+  sabotage("elasticity.cl", "  stencil[", "  sum = sum * (real)NAN;\n  stencil[");
+  expect_failure("not finite");
+}
+
+TEST_F(FaultyDevice, OutOfMemoryIsSaid) {
+  options_.most_array_bytes = 10000;
+  expect_failure("exceeds the 10000 that");
+}
+
+TEST_F(FaultyDevice, DeviceThatTakesNoMoreWorkIsSaid) {
+  // A kernel that insists on another work-group size: enqueueing it fails, as on a device that is lost.
+  sabotage("pcg.cl", "kernel void pcg_update",
+           "kernel __attribute__((reqd_work_group_size(7, 1, 1))) void pcg_update");
+  expect_failure("launch of kernel pcg_update");
+}
+
+}  // namespace
+}  // namespace teletact::service
