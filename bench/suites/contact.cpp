@@ -74,7 +74,10 @@ bool run(const SuiteOptions& options) {
   for (const ChartCase& chart : chart_cases(options.quick)) {
     const ContactProblem problem = make_problem(chart.of);
     result["cases"].push_back(measure_case(chart, problem, peers, options.quick));
-    if (chart.sweeps.front() == "base") result["product"] = measure_product(problem, device, options.quick);
+    if (chart.sweeps.front() != "base") continue;
+    result["product"] = measure_product(problem, device, options.quick);
+    if (device->info().has_double)
+      result["kernels"] = measure_kernels(problem, device->info().index, options.quick ? 20 : 100);
   }
   const bool met = finish(result, contact_targets(result), options);
   if (!options.out.empty()) draw_contact(result, options.out);

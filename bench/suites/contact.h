@@ -37,6 +37,10 @@ nlohmann::json measure_method(Peer&, const ContactProblem&, bool whole_ladder, b
 nlohmann::json measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>&,
                                bool quick);
 
+// Time of every kernel in a touch by conjugate gradients in double, the first one's set-up included, with its
+// bytes and flops against what the device can do. Opens the device again, with profiling.
+nlohmann::json measure_kernels(const ContactProblem&, std::size_t device_index, int touches);
+
 // Acceptance lines that `result` holds figures for.
 std::vector<Target> contact_targets(const nlohmann::json& result);
 

@@ -113,19 +113,22 @@ ElasticitySolver::Core::Core(const std::shared_ptr<Device>& device, TissueGrid t
   if (queue.supports(Precision::kDouble)) exact = std::make_unique<Elasticity<double>>(queue, grid, free);
 }
 
+// All or nothing: what a device fails at is tried again at the next solve.
 void ElasticitySolver::Core::reserve(std::size_t count) {
   if (count <= capacity) return;
-  capacity = count;
   PcgOptions pcg;
   pcg.max_iterations = options.max_iterations;
   const Precision inner =
       options.precision == SolvePrecision::kDouble ? Precision::kDouble : Precision::kFloat;
-  correction = make_elasticity_correction(inner, queue, grid, free, capacity, pcg);
-  correction->use_factor(factor);
-  correction->set_material(material, reference_pa);
-  if (!exact) return;
-  exact_u = queue.array<double>(capacity * grid.dofs());
-  exact_f = queue.array<double>(capacity * grid.dofs());
+  auto larger = make_elasticity_correction(inner, queue, grid, free, count, pcg);
+  larger->use_factor(factor);
+  larger->set_material(material, reference_pa);
+  if (exact) {
+    exact_u = queue.array<double>(count * grid.dofs());
+    exact_f = queue.array<double>(count * grid.dofs());
+  }
+  correction = std::move(larger);
+  capacity = count;
 }
 
 // K u in double.
@@ -321,6 +324,10 @@ void ElasticitySolver::use_factor(std::shared_ptr<const TissueFactor> factor) {
   core_->factor = std::move(factor);
   core_->smallest_eigenvalue = 0;
   if (core_->correction) core_->correction->use_factor(core_->factor);
+}
+
+const Queue& ElasticitySolver::queue() const {
+  return core_->queue;
 }
 
 const std::vector<std::uint8_t>& ElasticitySolver::free() const {

@@ -44,6 +44,8 @@ class ElasticitySolver {
   // grid, nu or other held unknowns than those of free(); so does set_material for another nu while it is in
   // use.
   void use_factor(std::shared_ptr<const TissueFactor>);
+  // The queue that it works on: its profile, where the device was opened with profiling.
+  const Queue& queue() const;
   // [dof]: 0 where the displacement is prescribed or supported.
   const std::vector<std::uint8_t>& free() const;
   // Solves for `count` right-hand sides.

@@ -48,7 +48,7 @@ class FaultyDevice : public testing::Test {
     TouchOptions touch;
     touch.path = SolvePath::kPcg;
     TouchSession by_device(scene_, touch, Device::open(options_));
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 2; ++k) {  // a failed set-up is tried again
       const TouchAnswer answer = by_device.solve(0.06, 0.003);
       EXPECT_EQ(answer.status, TouchStatus::kFailed);
       EXPECT_NE(answer.warning.find(why), std::string::npos) << answer.warning;
@@ -69,9 +69,9 @@ TEST_F(FaultyDevice, NanFromTheOperatorIsSaid) {
   expect_failure("not finite");
 }
 
-TEST_F(FaultyDevice, NanFromThePreconditionerIsSaid) {
+TEST_F(FaultyDevice, NanInTheStiffnessIsSaid) {
   sabotage("elasticity.cl", "  stencil[", "  sum = sum * (real)NAN;\n  stencil[");
-  expect_failure("not finite");
+  expect_failure("not symmetric positive definite");
 }
 
 TEST_F(FaultyDevice, OutOfMemoryIsSaid) {

@@ -91,6 +91,20 @@ TEST_F(Session, AnswersWithTheForceOfItsPose) {
   EXPECT_EQ(off.contact.force_n[1], 0);
 }
 
+TEST_F(Session, StatesItsErrorCloselyOnceRoundingIsMeasured) {
+  EXPECT_FALSE(scene->measure_rounding());  // nobody touches
+  TouchSession session(scene, {}, nullptr);
+  scene->finger().arrive({0.06, 0.003, 0}, {}, 1);
+  const TouchAnswer before = session.solve(0.06, 0.003);
+  int steps = 0;
+  while (scene->measure_rounding()) ++steps;
+  EXPECT_EQ(steps, 2);
+  const TouchAnswer after = session.solve(0.06, 0.003);
+  EXPECT_EQ(after.contact.force_n, before.contact.force_n);
+  EXPECT_GT(after.contact.solve.relative_error, 0);
+  EXPECT_LT(after.contact.solve.relative_error, before.contact.solve.relative_error / 100);
+}
+
 TEST_F(Session, PoseThatNoWindowCoversHasNoForce) {
   TouchSession session(scene, {}, nullptr);
   for (const double x_m : {0.0, 0.0299, 0.0901, 0.12}) {
