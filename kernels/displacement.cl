@@ -43,15 +43,18 @@ float2 field_at(__global const float2* restrict field, const int nx, const int n
 // Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x one lateral lag per
 // work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n, lateral
 // lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
-// -half_axial..half_axial with every sample_stride-th sample (decimation: the products stay clear of DC). Lags
-// beyond least_reach + reach_slope * sample are not looked at: 0. Per item and window sample: 1 vector load, 32
-// flops.
+// -half_axial..half_axial with every sample_stride-th sample (decimation: the products stay clear of DC). Not
+// looked at, 0: axial lags beyond least_reach + reach_slope * sample, lateral ones a whole step beyond the
+// larger of lateral_least and lateral_slope * distance from the grid's middle line. Per item and window
+// sample: 1 vector load, 32 flops, in NCC_CHAINS independent chains (one chain waits for its own sums).
+#define NCC_CHAINS 4
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
     __global const float* restrict pre, __global const float* restrict post, __global float* restrict out,
     const int nx, const int ny, const int first_line, const int line_step, const int first_sample,
     const int sample_step, const int origin, const int stride, const int half_axial, const int half_lateral,
     const int sample_stride, const int first_lag, const int chunks, const int first_lateral,
-    const int lateral_step, const int lateral_count, const float least_reach, const float reach_slope) {
+    const int lateral_step, const int lateral_count, const float least_reach, const float reach_slope,
+    const float lateral_least, const float lateral_slope) {
   const int id = get_global_id(0);
   if (id >= nx * ny * lateral_count * chunks) return;
   const int chunk = id % chunks, m = (id / chunks) % lateral_count, node = id / (chunks * lateral_count);
@@ -59,24 +62,42 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
   const int sample = first_sample + (node / nx) * sample_step;
   const int lag = first_lag + 8 * chunk, lateral = first_lateral + m * lateral_step;
   const float reach = least_reach + reach_slope * (float)sample;
-  if ((float)lag > reach || (float)(lag + 7) < -reach) {
+  const float from_middle = (float)line_step * fabs((float)(node % nx) - 0.5f * (float)(nx - 1));
+  const float lateral_reach = fmax(lateral_least, lateral_slope * from_middle) + (float)lateral_step;
+  if ((float)lag > reach || (float)(lag + 7) < -reach || (float)abs(lateral) >= lateral_reach) {
     vstore8((float8)(0.0f), id, out);
     return;
   }
-  float pre_energy = 0.0f;
-  float8 post_energy = 0.0f, product = 0.0f;
+  float pre_energy[NCC_CHAINS] = {0.0f};
+  float8 post_energy[NCC_CHAINS], product[NCC_CHAINS];
+  for (int n = 0; n < NCC_CHAINS; ++n) post_energy[n] = product[n] = (float8)(0.0f);
   for (int l = -half_lateral; l <= half_lateral; ++l) {
     __global const float* const a = pre + origin + (line + l) * stride + sample;
     __global const float* const b = post + origin + (line + l + lateral) * stride + sample + lag;
-    for (int k = -half_axial; k <= half_axial; k += sample_stride) {
+    int k = -half_axial;
+    for (; k + (NCC_CHAINS - 1) * sample_stride <= half_axial; k += NCC_CHAINS * sample_stride)
+#pragma unroll
+      for (int n = 0; n < NCC_CHAINS; ++n) {
+        const float p = a[k + n * sample_stride];
+        const float8 q = vload8(0, b + k + n * sample_stride);
+        pre_energy[n] = fma(p, p, pre_energy[n]);
+        product[n] = fma((float8)(p), q, product[n]);
+        post_energy[n] = fma(q, q, post_energy[n]);
+      }
+    for (; k <= half_axial; k += sample_stride) {
       const float p = a[k];
       const float8 q = vload8(0, b + k);
-      pre_energy = fma(p, p, pre_energy);
-      product = fma((float8)(p), q, product);
-      post_energy = fma(q, q, post_energy);
+      pre_energy[0] = fma(p, p, pre_energy[0]);
+      product[0] = fma((float8)(p), q, product[0]);
+      post_energy[0] = fma(q, q, post_energy[0]);
     }
   }
-  vstore8(product * rsqrt(fmax(pre_energy * post_energy, (float8)(1e-20f))), id, out);
+  for (int n = 1; n < NCC_CHAINS; ++n) {
+    pre_energy[0] += pre_energy[n];
+    product[0] += product[n];
+    post_energy[0] += post_energy[n];
+  }
+  vstore8(product[0] * rsqrt(fmax(pre_energy[0] * post_energy[0], (float8)(1e-20f))), id, out);
 }
 
 // The peak of ncc() with one chunk of axial lags, lateral_step 1: adds its sub-sample position to `field`.

@@ -38,8 +38,10 @@ std::map<std::string, Work> work_of(const Phantom& p) {
   const auto window = coarse.window(o.coarse_window_axial_m, o.coarse_window_lateral_m),
              search = fine.window(o.window_axial_m, o.window_lateral_m);
   const double chunks = 2 * std::ceil((o.max_strain * p.tissue.depth_m / coarse.sample_m + 4) / 8);
-  const double laterals = 2 * std::ceil(o.lateral_search_m / fine.line_m) + 1;
-  const double coarse_items = coarse.grid.nodes() * 3 * chunks, fine_items = fine.grid.nodes() * laterals;
+  const double laterals = 2 * (std::lround(o.lateral_search_m / 2 / fine.line_m) + 1) + 1;
+  constexpr double kCoarseLaterals = 5, kReached = 0.7;  // means over the image; the rest is not looked at
+  const double coarse_items = coarse.grid.nodes() * kCoarseLaterals * chunks * kReached,
+               fine_items = fine.grid.nodes() * laterals;
   const auto samples_of = [](const reference::Window& w, int stride) {
     return (2.0 * w.half_axial / stride + 1) * (2 * w.half_lateral + 1);
   };

@@ -18,11 +18,14 @@ constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStep
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kDecimation = 2;                                 // of the samples of the search windows
 constexpr float kSlopeCost = 0.02f;  // correlation that one sample of lag change per coarse step is worth
-constexpr int kCoarseLaterals =
-    3;  // lateral lags of the coarse search: -1, 0, 1 times half the lateral range
+constexpr double kLateralStepM = 0.4e-3;              // of the coarse search, about the width of a beam
+constexpr float kLateralSlopeCost = 0.25f;            // the same of one lateral step
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
 constexpr double kLeastPeriods = 4;                   // of the carrier in a coarse window
-constexpr int kSpareLags = 8;                         // beyond what the largest strain asks for
+// Of the strain over part of the depth to the mean compression: a stiff inclusion, the probe's and the
+// table's friction leave the softer tissue more than its share.
+constexpr double kLocalStrain = 1.6;
+constexpr int kSpareLags = 8;  // beyond what the largest strain asks for
 constexpr int kFineLags = 8, kFineFirstLag = -4;
 constexpr double kTaperFraction = 0.1;  // part of the axial window that its cosine edges take
 
@@ -95,7 +98,10 @@ struct DisplacementEstimator::Workspace {
   DisplacementFrame frame_kind;
   float period;                            // of the carrier, samples
   float least_reach = 0, reach_slope = 0;  // of the axial search, samples: least + slope * sample
-  int coarse_half_axial, coarse_half_lateral, coarse_lateral_step, coarse_chunks, coarse_first_lag;
+  int coarse_half_axial, coarse_half_lateral, coarse_lateral_step, coarse_laterals;
+  float lateral_least,
+      lateral_slope;  // of the coarse lateral search, lines: slope * distance from the middle
+  int coarse_chunks, coarse_first_lag;
   int half_axial, half_lateral, lateral_reach, window_chunks;
   SampleGrid coarse, fine, image;
   Padding pad;
@@ -140,35 +146,48 @@ void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const Displ
   const double widest_m = std::max(kLeastPeriods, 0.5 / o.max_strain) * period * dy;
   coarse_half_axial = std::min(half_width(std::min(o.coarse_window_axial_m, widest_m), dy), samples / 2);
   coarse_half_lateral = std::min(half_width(o.coarse_window_lateral_m, dx), lines / 2);
-  coarse_lateral_step = std::min(steps(o.lateral_search_m / 2, dx), lines);
-  // The probe's face at rest, nothing moves further than the strain over the depth above it; else the deepest
-  // sample's reach holds everywhere.
+  // Nearly incompressible tissue widens by what it is compressed by, about the middle of the probe.
+  const bool sideways = o.lateral_search_m > 0;
+  // The fine search looks half of lateral_search_m further.
+  lateral_least = static_cast<float>(o.lateral_search_m / 2 / dx);
+  lateral_slope = sideways ? static_cast<float>(o.max_strain) : 0.0f;
+  const float lateral_most = std::max(lateral_least, lateral_slope * static_cast<float>(lines) / 2);
+  coarse_lateral_step = std::min(steps(kLateralStepM, dx), lines);
+  coarse_laterals =
+      1 + 2 * static_cast<int>(std::ceil(std::min<float>(lateral_most, static_cast<float>(lines)) /
+                                         static_cast<float>(coarse_lateral_step)));
+  // The probe's face at rest, nothing moves further than the local strain over the depth above it; else the
+  // deepest sample's reach holds everywhere.
   const double deepest_m = first_sample_depth_m + samples * dy;
   const bool probe_rests = frame_kind == DisplacementFrame::kProbe;
   const double least_m = o.max_strain * (probe_rests ? first_sample_depth_m : deepest_m);
   least_reach = static_cast<float>(least_m / dy + kSpareLags);
-  reach_slope = static_cast<float>(probe_rests ? o.max_strain : 0.0);
+  reach_slope = static_cast<float>(probe_rests ? kLocalStrain * o.max_strain : 0.0);
   const int most_lag =
       static_cast<int>(std::min<double>(samples, std::ceil(o.max_strain * deepest_m / dy) + kSpareLags));
   coarse_chunks = 2 * ((most_lag + 7) / 8);
   coarse_first_lag = -4 * coarse_chunks;
   half_axial = std::min(half_width(o.window_axial_m, dy), samples / 2);
   half_lateral = std::min(static_cast<int>(std::lround(o.window_lateral_m / 2 / dx)), lines / 2);
-  lateral_reach = std::min(static_cast<int>(std::ceil(o.lateral_search_m / dx)), lines);
+  lateral_reach =
+      sideways ? std::max(coarse_lateral_step / 2, static_cast<int>(std::lround(lateral_least))) + 1 : 0;
   window_chunks = std::max(1, (2 * half_axial + 4) / 8);
 }
 
 void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& frame,
                                                 const DisplacementOptions& o) {
   pad = padding(frame, 4 * coarse_chunks + 4 * window_chunks + coarse_half_axial + half_axial + 16,
-                std::max(coarse_half_lateral + coarse_lateral_step, half_lateral + lateral_reach) + 3);
+                std::max(coarse_half_lateral + coarse_laterals / 2 * coarse_lateral_step,
+                         half_lateral + lateral_reach) +
+                    3);
   for (Array<float>* image_array : {&pre, &post, &mean, &difference, &filtered_pre, &filtered_post}) {
     *image_array = q.array<float>(pad.total);
     q.fill_zero(*image_array);
   }
   taps = q.array(interpolation_taps());
   weights = q.array(taper(8 * window_chunks));
-  coarse_volume = q.array<float>(std::size_t(coarse.nodes()) * kCoarseLaterals * 8 * coarse_chunks);
+  coarse_volume =
+      q.array<float>(std::size_t(coarse.nodes()) * std::size_t(coarse_laterals) * 8 * coarse_chunks);
   fine_volume = q.array<float>(std::size_t(fine.nodes()) * (2 * lateral_reach + 1) * kFineLags);
   const auto nodes = std::size_t(std::max({coarse.nodes(), fine.nodes(), image.nodes()}));
   for (Array<float>* array : {&field, &candidate, &filtered}) *array = q.array<float>(2 * nodes);
@@ -202,25 +221,30 @@ Range over(int nodes) {
 
 }  // namespace
 
-// Level 1: `field` on the coarse grid, lateral 0.
+// Level 1: `field` on the coarse grid.
 void DisplacementEstimator::search_coarse(const std::function<void()>& between) {
   Workspace& w = *work_;
   const SampleGrid& g = w.coarse;
-  const int lateral_count = kCoarseLaterals, lag_count = 8 * w.coarse_chunks;
-  kernels_->ncc(over(g.nodes() * lateral_count * w.coarse_chunks), w.pre, w.post, w.coarse_volume, g.nx, g.ny,
-                g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride,
+  const int lag_count = 8 * w.coarse_chunks, first_lateral = -(w.coarse_laterals / 2) * w.coarse_lateral_step;
+  kernels_->ncc(over(g.nodes() * w.coarse_laterals * w.coarse_chunks), w.pre, w.post, w.coarse_volume, g.nx,
+                g.ny, g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride,
                 w.coarse_half_axial, w.coarse_half_lateral, kDecimation, w.coarse_first_lag, w.coarse_chunks,
-                -w.coarse_lateral_step, w.coarse_lateral_step, lateral_count, w.least_reach, w.reach_slope);
-  const LagVolume volume{g.nx, g.ny, lateral_count, lag_count, queue_.read(w.coarse_volume)};
+                first_lateral, w.coarse_lateral_step, w.coarse_laterals, w.least_reach, w.reach_slope,
+                w.lateral_least, w.lateral_slope);
+  const LagVolume volume{g.nx, g.ny, w.coarse_laterals, lag_count, queue_.read(w.coarse_volume)};
   if (between) between();
   const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
     return static_cast<int>(std::ceil(options_.max_strain * length_m / w.sample_pitch_m)) + 1;
   };
-  const std::vector<float> path = find_paths(volume, reach(g.sample_step * w.sample_pitch_m),
-                                             reach(g.line_step * w.line_pitch_m), kSlopeCost);
-  std::vector<float> field(2 * path.size(), 0.0f);
-  for (std::size_t n = 0; n < path.size(); ++n)
-    field[2 * n + 1] = path[n] + static_cast<float>(w.coarse_first_lag);
+  const std::vector<float> axial = find_paths(volume, reach(g.sample_step * w.sample_pitch_m),
+                                              reach(g.line_step * w.line_pitch_m), kSlopeCost);
+  const std::vector<float> lateral = find_lateral_paths(volume, axial, kLateralSlopeCost);
+  std::vector<float> field;
+  for (std::size_t n = 0; n < axial.size(); ++n) {
+    field.push_back(static_cast<float>(first_lateral) +
+                    lateral[n] * static_cast<float>(w.coarse_lateral_step));
+    field.push_back(static_cast<float>(w.coarse_first_lag) + axial[n]);
+  }
   queue_.write(w.candidate, field.data(), field.size());
   kernels_->smooth(over(g.nodes()), w.candidate, w.field, g.nx, g.ny);
 }
@@ -233,8 +257,8 @@ void DisplacementEstimator::search_fine() {
   warp(c, false);
   kernels_->ncc(over(g.nodes() * lateral_count), w.pre, w.mean, w.fine_volume, g.nx, g.ny, g.first_line,
                 g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride, w.half_axial,
-                w.half_lateral, kDecimation, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count, 8.0f,
-                0.0f);
+                w.half_lateral, kDecimation, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count, 8.0f, 0.0f,
+                static_cast<float>(w.lateral_reach), 0.0f);
   kernels_->resample(over(g.nodes()), w.field, w.filtered, c.nx, c.ny, c.first_line, c.line_step,
                      c.first_sample, c.sample_step, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
                      g.sample_step);

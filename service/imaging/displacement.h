@@ -2,9 +2,10 @@
 // (kernels/displacement.cl).
 //
 // Coarse to fine, each level companding post with the displacement of the one before:
-//   1. normalised cross-correlation over all axial lags that the largest strain allows, 1 mm x 2 mm nodes;
-//      paths that neighbours can reach (find_paths) cure peak hops before they happen;
-//   2. search of a quarter period axially and of the whole lateral range around that, 1 mm x 1 mm nodes;
+//   1. normalised cross-correlation over all axial lags and, a beam width apart, all lateral lags that the
+//      largest strain allows, 1 mm x 2 mm nodes; paths that neighbours can reach (find_paths) cure peak hops
+//      before they happen;
+//   2. search of a quarter period axially and of half of lateral_search_m around that, 1 mm x 1 mm nodes;
 //   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid: regularised over the
 //      whole image (T2.3, refinement.h), or window by window without any regularisation.
 // Between the levels outliers give way to the median of their neighbours. The last step runs on frames passed
@@ -26,8 +27,8 @@ enum class RefinementMethod { kRegularised, kWindowed };
 struct DisplacementOptions {
   RefinementMethod method = RefinementMethod::kRegularised;
   RegularisationOptions regularisation;
-  double max_strain = 0.05;                        // magnitude; bounds the axial search
-  double lateral_search_m = 0.8e-3;                // magnitude
+  double max_strain = 0.05;          // mean compression, magnitude; bounds the axial and the lateral search
+  double lateral_search_m = 0.8e-3;  // magnitude, on the middle line
   double grid_dx_m = 0.45e-3, grid_dy_m = 0.4e-3;  // image grid, rounded to whole lines and samples
   double window_axial_m = 1.6e-3, window_lateral_m = 1.2e-3;  // of the search and of Gauss-Newton
   double coarse_window_axial_m = 1.0e-3, coarse_window_lateral_m = 2.0e-3;

@@ -1,6 +1,7 @@
 #include "service/imaging/path_search.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -95,6 +96,20 @@ std::vector<float> find_paths(const LagVolume& v, int axial_reach, int lateral_r
   for (std::size_t node = 0; node < path.size(); ++node)
     path[node] = best_lag(sum.data() + node * static_cast<std::size_t>(v.lag_count), v.lag_count);
   return path;
+}
+
+std::vector<float> find_lateral_paths(const LagVolume& v, const std::vector<float>& axial, float slope_cost) {
+  const auto lags = static_cast<std::size_t>(v.lag_count);
+  LagVolume lateral{v.nx, v.ny, 1, v.lateral_count, {}};
+  for (std::size_t node = 0; node < axial.size(); ++node) {
+    const auto lag = static_cast<std::size_t>(std::lround(axial[node]));
+    for (int m = 0; m < v.lateral_count; ++m)
+      lateral.correlation.push_back(
+          v.correlation[(node * static_cast<std::size_t>(v.lateral_count) + static_cast<std::size_t>(m)) *
+                            lags +
+                        lag]);
+  }
+  return find_paths(lateral, 1, 1, slope_cost);
 }
 
 }  // namespace teletact::service

@@ -19,4 +19,7 @@ struct LagVolume {
 // columns.
 std::vector<float> find_paths(const LagVolume&, int axial_reach, int lateral_reach, float slope_cost);
 
+// Lateral lag of every node, in lags from the first, at its axial lag `axial`: find_paths() over these.
+std::vector<float> find_lateral_paths(const LagVolume&, const std::vector<float>& axial, float slope_cost);
+
 }  // namespace teletact::service

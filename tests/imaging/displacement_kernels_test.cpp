@@ -61,7 +61,7 @@ TEST_F(DisplacementKernels, CorrelationMatchesReference) {
   kernel("ncc")(over(static_cast<int>(items)), pre_device_, post_device_, volume, grid.nx, grid.ny,
                 grid.first_line, grid.line_step, grid.first_sample, grid.sample_step, pad_.origin,
                 pad_.stride, half_axial, half_lateral, stride, first_lag, chunks, -lateral_step, lateral_step,
-                lateral_count, 7.5f, 0.02f);
+                lateral_count, 7.5f, 0.02f, 0.0f, 0.25f);
   const std::vector<float> got = queue_.read(volume);
   const auto pre = as_reference(pre_), post = as_reference(post_);
   std::size_t n = 0;
@@ -71,7 +71,10 @@ TEST_F(DisplacementKernels, CorrelationMatchesReference) {
       for (int lag = first_lag; lag < first_lag + 8 * chunks; ++lag, ++n) {
         const int chunk_lag = first_lag + (lag - first_lag) / 8 * 8,
                   at = grid.first_sample + node / grid.nx * grid.sample_step;
-        if (const double reach = 7.5 + 0.02 * at; chunk_lag > reach || chunk_lag + 7 < -reach) {
+        const double reach = 7.5 + 0.02 * at,
+                     from_middle = grid.line_step * std::abs(node % grid.nx - (grid.nx - 1) / 2.0);
+        const bool sideways = lateral_step * std::abs(m) < 0.25 * from_middle + lateral_step;
+        if (chunk_lag > reach || chunk_lag + 7 < -reach || !sideways) {
           EXPECT_EQ(got[n], 0);
           continue;
         }

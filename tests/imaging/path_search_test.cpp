@@ -36,6 +36,18 @@ TEST(PathSearch, CrossesSilenceOnTheSlopeOfItsNeighbours) {
   for (int i = 0; i < 4; ++i) EXPECT_NEAR(path[4 * 7 + i], 24, 2.01);
 }
 
+// True peaks two lags to the side; every eighth node shows a higher false one.
+TEST(PathSearch, LateralPathLeavesOutASinglePeakOfItsOwn) {
+  LagVolume v{8, 5, 3, 16, {}};
+  v.correlation.assign(8 * 5 * 3 * 16, 0.0f);
+  for (std::size_t node = 0; node < 40; ++node) {
+    v.correlation[(3 * node + 2) * 16 + 7] = 0.7f;
+    if (node % 8 == 3) v.correlation[3 * node * 16 + 7] = 0.8f;
+  }
+  const std::vector<float> lateral = find_lateral_paths(v, std::vector<float>(40, 7.2f), 0.25f);
+  for (const float m : lateral) EXPECT_NEAR(m, 2, 0.5);
+}
+
 TEST(PathSearch, OneNodeIsItsOwnPath) {
   LagVolume v{1, 1, 1, 8, {0, 0.1f, 0.2f, 0.6f, 0.2f, 0, 0, 0}};
   EXPECT_NEAR(find_paths(v, 2, 2, 0.02f).at(0), 3, 1e-6);
