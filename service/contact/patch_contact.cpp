@@ -90,16 +90,17 @@ VectorXd first_guess(const Patch& patch, double indentation_m) {
 void set_sampled_error(const Compliance& compliance, const Patch& patch, const std::vector<Index>& active,
                        const Eigen::MatrixX2d& sensitivity, const VectorXd& p, Touch& touch) {
   const Index tied = Index(patch.tied.size());
-  const auto samples = compliance.rounding_among(patch.nodes, tied > 0);
-  if (samples.empty()) return;
-  std::vector<Index> at;
+  std::vector<std::size_t> unknowns;
+  unknowns.reserve(active.size());
   for (const Index unknown : active) {
-    const Index node = unknown < tied ? patch.tied[std::size_t(unknown)] : unknown - tied;
-    at.push_back(tied == 0 ? node : 2 * node + (unknown < tied ? 0 : 1));
+    const bool normal = unknown >= tied;
+    const Index node = normal ? unknown - tied : patch.tied[std::size_t(unknown)];
+    unknowns.push_back(2 * patch.nodes[std::size_t(node)] + (normal ? 1 : 0));
   }
+  const auto samples = compliance.rounding_between(unknowns, sensitivity, p);
+  if (samples.empty()) return;
   double squares = 0;
-  for (const MatrixXd& sample : samples)
-    squares += (sensitivity.transpose() * (sample(at, at) * p)).squaredNorm();
+  for (const Vector2d& sample : samples) squares += sample.squaredNorm();
   touch.sampled_error = std::sqrt(squares / double(samples.size())) / touch.energy.gradient.norm();
 }
 

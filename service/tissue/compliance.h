@@ -34,10 +34,12 @@ class Compliance {
   virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
   // Its axial part alone, [u_y of node 0, u_y of node 1, ...], n x n: all that frictionless contact asks for.
   virtual Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
-  // What rounding does to the same matrix (of both components, or the axial part alone): computed again with
-  // other rounding, less this one; a few samples. Empty while that has not been measured.
-  virtual std::vector<Eigen::MatrixXd> rounding_among(std::span<const std::size_t> /*nodes*/,
-                                                      bool /*tangential*/) const {
+  // What rounding does to left^T C right, a few samples dC of it: left^T dC right each, where C is computed
+  // again with other rounding and dC the difference. unknowns: 2 column + component of each row. Empty while
+  // that has not been measured.
+  virtual std::vector<Eigen::Vector2d> rounding_between(std::span<const std::size_t> /*unknowns*/,
+                                                        const Eigen::MatrixX2d& /*left*/,
+                                                        const Eigen::VectorXd& /*right*/) const {
     return {};
   }
   // Gets ready what the first two will be asked for among `nodes` (in any order, the first ones first), in

@@ -78,17 +78,25 @@ class CondensedLine final : public Compliance {
     return s;
   }
 
-  std::vector<MatrixXd> rounding_among(std::span<const std::size_t> nodes, bool tangential) const override {
+  std::vector<Eigen::Vector2d> rounding_between(std::span<const std::size_t> unknowns,
+                                                const Eigen::MatrixX2d& left,
+                                                const VectorXd& right) const override {
     const std::shared_ptr<const Rounding> rounding = measured();
     if (!rounding || rounding->samples.size() < kRoundingSamples) return {};
-    std::vector<Index> at;
-    for (const Index position : positions(nodes)) {
-      if (tangential) at.push_back(position);
-      at.push_back(position + 1);
+    const Index first = 2 * Index(columns_.first), n = right.size();
+    std::vector<Eigen::Vector2d> forms;
+    for (const Eigen::MatrixXf& sample : rounding->samples) {
+      Eigen::Vector2d form = Eigen::Vector2d::Zero();
+      for (Index b = 0; b < n; ++b) {
+        const float* column = sample.col(Index(unknowns[std::size_t(b)]) - first).data();
+        Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+        for (Index a = 0; a < n; ++a)
+          sum += double(column[Index(unknowns[std::size_t(a)]) - first]) * left.row(a).transpose();
+        form += right[b] * sum;
+      }
+      forms.push_back(form);
     }
-    std::vector<MatrixXd> among;
-    for (const Eigen::MatrixXf& sample : rounding->samples) among.push_back(sample(at, at).cast<double>());
-    return among;
+    return forms;
   }
 
   const MatrixXd& whole() const { return compliance_; }
