@@ -8,15 +8,22 @@ __kernel void triad(__global const float* restrict b, __global const float* rest
   if (n < vectors) vstore8(fma((float8)(s), vload8(n, c), vload8(n, b)), n, a);
 }
 
-// Items: CHAINS chains of float8, `steps` steps each: 16 CHAINS steps flops per item, one store.
-#define CHAINS 8
+// Items: eight chains of float8, `steps` steps each: 16 * 8 steps flops per item (a fused multiply-add counts as
+// two), one store. Named, not an array: an array is kept in memory and the chains wait for it.
+#define STEP(x) x = fma(x, (float8)(factor), (float8)(0.5f))
 __kernel void multiply_add(__global float* restrict out, const float factor, const int steps) {
   const int n = get_global_id(0);
-  float8 x[CHAINS];
-  for (int c = 0; c < CHAINS; ++c) x[c] = (float8)((float)(n + c));
-  for (int k = 0; k < steps; ++k)
-    for (int c = 0; c < CHAINS; ++c) x[c] = fma(x[c], (float8)(factor), (float8)(0.5f));
-  float8 sum = 0.0f;
-  for (int c = 0; c < CHAINS; ++c) sum += x[c];
+  float8 a = (float)n, b = a + 1.0f, c = a + 2.0f, d = a + 3.0f, e = a + 4.0f, f = a + 5.0f, g = a + 6.0f, h = a + 7.0f;
+  for (int k = 0; k < steps; ++k) {
+    STEP(a);
+    STEP(b);
+    STEP(c);
+    STEP(d);
+    STEP(e);
+    STEP(f);
+    STEP(g);
+    STEP(h);
+  }
+  const float8 sum = ((a + b) + (c + d)) + ((e + f) + (g + h));
   out[n] = sum.s0 + sum.s1 + sum.s2 + sum.s3 + sum.s4 + sum.s5 + sum.s6 + sum.s7;
 }

@@ -1,7 +1,8 @@
 // Gauss-Newton with a finite-difference Jacobian: Kallel & Bertrand 1996, "Tissue elasticity reconstruction
 // using linear perturbation method", IEEE Trans. Med. Imaging 15(3):299-313, doi 10.1109/42.500139. One
 // forward solve per patch and iteration; their Tikhonov term is on log E here, with another on the difference
-// between neighbouring patches, and the probe's unknown push is one more unknown.
+// between neighbouring patches; the probe's unknown push is one more unknown; steps are damped after
+// Levenberg and Marquardt, so that no badly determined patch holds the others up.
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -13,20 +14,22 @@
 namespace teletact::bench {
 namespace {
 
-constexpr int kIterations = 6;
-constexpr double kPerturbation = 1e-3;  // of log E
-constexpr double kNoiseM = 0.4e-6;      // of a datum: what balances the two terms
-constexpr double kSmoothness = 20;      // of a unit step of log E between neighbours, in squared deviations
-constexpr double kTikhonov = 50;        // of a unit of log E of one patch
-constexpr double kLargestStep = 0.7;    // of log E in one iteration
-constexpr double kLeastValid = 4;       // image nodes that make a datum
+constexpr int kIterations = 8, kAttempts = 4;
+constexpr double kFirstDamping = 1e-3, kLeastGain = 1e-2;  // of the cost
+constexpr double kPerturbation = 1e-3;                     // of log E
+constexpr double kNoiseM = 0.4e-6;                         // of a datum: what balances the two terms
+constexpr double kSmoothness = 20;  // of a unit step of log E between neighbours, in squared deviations
+constexpr double kTikhonov = 1;     // of a unit of log E of one patch
+constexpr double kLeastValid = 4;   // image nodes that make a datum
 
-// Means of the measured displacement around the forward model's points; NaN where nothing is valid.
+// The measured displacement at the forward model's points, by a plane fitted around each (a mean would be off
+// where more nodes lie on one side); NaN where little is valid.
 Eigen::VectorXd data_of(const Track& t, const std::vector<PatchForward::Point>& points) {
   constexpr double kReachM = 0.75e-3;
   Eigen::VectorXd data(static_cast<Eigen::Index>(points.size()));
   for (std::size_t k = 0; k < points.size(); ++k) {
-    double sum = 0, count = 0;
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
     const auto range = [&](double centre, double origin, double step, std::size_t size) {
       const auto low = static_cast<std::ptrdiff_t>(std::ceil((centre - kReachM - origin) / step));
       const auto high = static_cast<std::ptrdiff_t>(std::floor((centre + kReachM - origin) / step));
@@ -38,10 +41,16 @@ Eigen::VectorXd data_of(const Track& t, const std::vector<PatchForward::Point>& 
     for (auto j = j0; j <= j1; ++j)
       for (auto i = i0; i <= i1; ++i) {
         const auto n = static_cast<std::size_t>(i) + t.grid.nx * static_cast<std::size_t>(j);
-        if (t.valid[n]) sum += t.axial_m[n], count += 1;
+        if (!t.valid[n]) continue;
+        const Eigen::Vector3d base(
+            1, (t.grid.origin_x_m + static_cast<double>(i) * t.grid.dx_m - points[k].x_m) / kReachM,
+            (t.grid.origin_y_m + static_cast<double>(j) * t.grid.dy_m - points[k].y_m) / kReachM);
+        normal += base * base.transpose(), right += t.axial_m[n] * base;
       }
-    data[static_cast<Eigen::Index>(k)] =
-        count >= kLeastValid ? sum / count : std::numeric_limits<double>::quiet_NaN();
+    const Eigen::LLT<Eigen::Matrix3d> fit(normal);
+    data[static_cast<Eigen::Index>(k)] = normal(0, 0) >= kLeastValid && fit.info() == Eigen::Success
+                                             ? fit.solve(right)[0]
+                                             : std::numeric_limits<double>::quiet_NaN();
   }
   return data;
 }
@@ -54,20 +63,58 @@ class GaussNewton : public ModulusPeer {
     PatchForward forward(p.tissue, p.window_width_m, p.window_depth_m);
     const Eigen::VectorXd data = data_of(p.track, forward.points());
     const auto count = static_cast<Eigen::Index>(forward.patches());
-    Eigen::VectorXd log_e = Eigen::VectorXd::Zero(count);
-    double push_m = 0;
-    PatchForward::Response now = forward.respond(log_e.array().exp());
-    push_m = best_push(now.axial, data);
+    State now = at(forward, Eigen::VectorXd::Zero(count), data);
+    double damping = kFirstDamping;
     for (int iteration = 0; iteration < kIterations; ++iteration) {
-      log_e += step(forward, log_e, now, data, push_m);
-      now = forward.respond(log_e.array().exp());
-      push_m = best_push(now.axial, data);
+      const Normal normal = linearised(forward, now, data);
+      const double before = now.cost;
+      for (int attempt = 0; attempt < kAttempts; ++attempt) {
+        State next = at(forward, now.log_e + normal.step(damping), data);
+        const bool better = next.cost < now.cost;  // false for NaN
+        damping *= better ? 0.1 : 10;
+        if (!better) continue;
+        now = std::move(next);
+        break;
+      }
+      if (!(now.cost < (1 - kLeastGain) * before)) break;
     }
     const double force_n_per_m = p.force.force_n / p.force.contact_area_m2 * p.window_width_m;
-    return on_nodes(forward, p.track.grid, log_e, force_n_per_m / (now.force_n_per_m * push_m));
+    return on_nodes(forward, p.track.grid, now.log_e,
+                    force_n_per_m / (now.response.force_n_per_m * now.push_m));
   }
 
  private:
+  // A modulus, what it answers, and what is minimised: squared deviations of the data and of the prior.
+  struct State {
+    Eigen::VectorXd log_e;
+    PatchForward::Response response;
+    double push_m = 0, cost = 0;
+  };
+
+  struct Normal {
+    Eigen::MatrixXd matrix;  // of log E, then of the push
+    Eigen::VectorXd right;
+    // Of log E, Levenberg-Marquardt; the push moves along and is found again afterwards.
+    Eigen::VectorXd step(double damping) const {
+      Eigen::MatrixXd damped = matrix;
+      damped.diagonal() *= 1 + damping;
+      return damped.ldlt().solve(right).head(right.size() - 1);
+    }
+  };
+
+  static State at(PatchForward& forward, Eigen::VectorXd log_e, const Eigen::VectorXd& data) {
+    State s{std::move(log_e), {}, 0, 0};
+    s.response = forward.respond(s.log_e.array().exp());
+    s.push_m = best_push(s.response.axial, data);
+    for (Eigen::Index k = 0; k < data.size(); ++k)
+      if (std::isfinite(data[k])) s.cost += std::pow((data[k] - s.push_m * s.response.axial[k]) / kNoiseM, 2);
+    for (const auto& [a, b] : forward.neighbours())
+      s.cost += kSmoothness *
+                std::pow(s.log_e[static_cast<Eigen::Index>(a)] - s.log_e[static_cast<Eigen::Index>(b)], 2);
+    s.cost += kTikhonov * s.log_e.squaredNorm();
+    return s;
+  }
+
   static double best_push(const Eigen::VectorXd& response, const Eigen::VectorXd& data) {
     double cross = 0, square = 0;
     for (Eigen::Index k = 0; k < data.size(); ++k)
@@ -75,35 +122,31 @@ class GaussNewton : public ModulusPeer {
     return cross / square;
   }
 
-  // Of log E; the push moves along and is found again afterwards.
-  static Eigen::VectorXd step(PatchForward& forward, const Eigen::VectorXd& log_e,
-                              const PatchForward::Response& now, const Eigen::VectorXd& data, double push_m) {
+  static Normal linearised(PatchForward& forward, const State& now, const Eigen::VectorXd& data) {
+    const Eigen::VectorXd& log_e = now.log_e;
     const Eigen::Index count = log_e.size();
     Eigen::MatrixXd jacobian(data.size(), count + 1);
     for (Eigen::Index k = 0; k < count; ++k) {
       Eigen::VectorXd more = log_e;
       more[k] += kPerturbation;
-      jacobian.col(k) =
-          push_m / kPerturbation / kNoiseM * (forward.respond(more.array().exp()).axial - now.axial);
+      jacobian.col(k) = now.push_m / kPerturbation / kNoiseM *
+                        (forward.respond(more.array().exp()).axial - now.response.axial);
     }
-    jacobian.col(count) = now.axial;  // of the push, in units of the noise
-    Eigen::VectorXd residual = (data - push_m * now.axial) / kNoiseM;
+    jacobian.col(count) = now.response.axial / kNoiseM * now.push_m;  // of log push
+    Eigen::VectorXd residual = (data - now.push_m * now.response.axial) / kNoiseM;
     for (Eigen::Index k = 0; k < data.size(); ++k)
       if (!std::isfinite(data[k])) residual[k] = 0, jacobian.row(k).setZero();
-    Eigen::MatrixXd normal = jacobian.transpose() * jacobian;
-    Eigen::VectorXd right = jacobian.transpose() * residual;
+    Normal normal{jacobian.transpose() * jacobian, jacobian.transpose() * residual};
     for (const auto& [a, b] : forward.neighbours()) {
       const auto m = static_cast<Eigen::Index>(a), n = static_cast<Eigen::Index>(b);
-      normal(m, m) += kSmoothness, normal(n, n) += kSmoothness;
-      normal(m, n) -= kSmoothness, normal(n, m) -= kSmoothness;
-      right[m] -= kSmoothness * (log_e[m] - log_e[n]), right[n] += kSmoothness * (log_e[m] - log_e[n]);
+      normal.matrix(m, m) += kSmoothness, normal.matrix(n, n) += kSmoothness;
+      normal.matrix(m, n) -= kSmoothness, normal.matrix(n, m) -= kSmoothness;
+      normal.right[m] -= kSmoothness * (log_e[m] - log_e[n]);
+      normal.right[n] += kSmoothness * (log_e[m] - log_e[n]);
     }
-    normal.diagonal().head(count).array() += kTikhonov;
-    right.head(count) -= kTikhonov * log_e;
-    // Displacement does not determine a common factor, and finite differences would make one up: it stays.
-    normal.topLeftCorner(count, count).array() += normal.diagonal().head(count).mean();
-    const Eigen::VectorXd found = normal.ldlt().solve(right).head(count);
-    return found * std::min(1.0, kLargestStep / found.cwiseAbs().maxCoeff());
+    normal.matrix.diagonal().head(count).array() += kTikhonov;
+    normal.right.head(count) -= kTikhonov * log_e;
+    return normal;
   }
 
   // Bilinear in log E between the patches' centres.

@@ -184,14 +184,27 @@ StrainQuality strain_quality(const std::vector<double>& strain, const std::vecto
   return q;
 }
 
+std::vector<std::uint8_t> judged_nodes(const std::vector<std::vector<float>>& maps,
+                                       const service::ImageGrid& g, const Phantom& p) {
+  constexpr double kAlwaysRadii = 1.3;
+  std::vector<std::uint8_t> judged(g.size());
+  for (std::size_t n = 0; n < judged.size(); ++n)
+    judged[n] = p.radii(x_of(g, n), y_of(g, n)) <= kAlwaysRadii ||
+                std::all_of(maps.begin(), maps.end(), [n](const auto& map) { return std::isfinite(map[n]); });
+  return judged;
+}
+
 ModulusQuality modulus_quality(const std::vector<float>& modulus, const service::ImageGrid& g,
-                               const Phantom& p) {
+                               const Phantom& p, const std::vector<std::uint8_t>& judged) {
   constexpr double kInner = 0.7, kApartM = 3e-3;
+  const auto says = [&](std::size_t n) {
+    return (judged.empty() || judged[n] != 0) && std::isfinite(modulus[n]) && modulus[n] > 0;
+  };
   std::vector<double> inner, background, logs;
   std::size_t finite = 0;
   for (std::size_t n = 0; n < modulus.size(); ++n) {
-    if (!(std::isfinite(modulus[n]) && modulus[n] > 0)) continue;
-    ++finite;
+    finite += std::isfinite(modulus[n]);
+    if (!says(n)) continue;
     const double radii = p.radii(x_of(g, n), y_of(g, n));
     logs.push_back(std::log(modulus[n]));
     if (radii <= kInner) inner.push_back(modulus[n]);
@@ -205,8 +218,7 @@ ModulusQuality modulus_quality(const std::vector<float>& modulus, const service:
   double both = 0, said = 0, truly = 0;
   for (std::size_t n = 0; n < modulus.size(); ++n) {
     const bool inside = p.radii(x_of(g, n), y_of(g, n)) <= 1;
-    const bool beyond =
-        std::isfinite(modulus[n]) && modulus[n] > 0 && (std::log(modulus[n]) > threshold) == (p.contrast > 1);
+    const bool beyond = says(n) && (std::log(modulus[n]) > threshold) == (p.contrast > 1);
     both += inside && beyond, said += beyond, truly += inside;
   }
   q.dice = 2 * both / (said + truly);

@@ -52,11 +52,18 @@ struct EdgeWidth {
 EdgeWidth edge_width(const std::vector<double>& strain, const service::ImageGrid&, const Phantom&);
 
 // T3.3: contrast = median over the inner 70 % of the radius over the background's median; Dice with Otsu's
-// threshold on log E; background = median over the true background. NaN nodes say nothing.
+// threshold on log E; background = median over the true background. NaN nodes say nothing. Over the nodes
+// with judged != 0 (empty: all).
 struct ModulusQuality {
   double contrast = 0, dice = 0, background = 0, valid_fraction = 0;
 };
-ModulusQuality modulus_quality(const std::vector<float>& modulus, const service::ImageGrid&, const Phantom&);
+ModulusQuality modulus_quality(const std::vector<float>& modulus, const service::ImageGrid&, const Phantom&,
+                               const std::vector<std::uint8_t>& judged = {});
+
+// The nodes on which several maps are judged: those of which every map says something; within 1.3 radii of
+// the inclusion all nodes, so that silence there counts against the method.
+std::vector<std::uint8_t> judged_nodes(const std::vector<std::vector<float>>& maps, const service::ImageGrid&,
+                                       const Phantom&);
 
 // Threshold that splits values into two classes of the largest variance between them (Otsu 1979); NaN for
 // fewer than two values.

@@ -10,7 +10,8 @@
 //   images: {grid, truth, methods: [{method, strain}]}: of the middle's first seed
 //   modulus: {background_pa, cases: [{contrast, diameter_m, methods: [{method, ours, image, seeds: [{seconds,
 //     contrast, dice, background_pa, ...} | {failed}]}]}]}
-//   stages: {plane: {displacement_s: {p50, ...}, ...}, devices: [{device, bytes_s, flops_s, kernels:
+//   stages: {plane: {direct, iterative: {displacement_s: {p50, ...}, ...}}, devices: [{device, bytes_s,
+//   flops_s, kernels:
 //   [{kernel,
 //     seconds, launches, bytes, flops, of_limit}]}]}
 #pragma once
@@ -39,11 +40,15 @@ struct Condition {
 };
 std::vector<Condition> chart_conditions(bool quick);
 
-// Ours and others', ready to track.
-std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>&);
+// Ours and others', ready to track; all search as far as max_strain asks for.
+std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>&,
+                                                    double max_strain);
+// The product's default; above kWideAbove of compression (its strain is larger at places) kWideStrain.
+constexpr double kWideAbove = 0.02, kWideStrain = 0.10;
 
-// conditions and images.
-nlohmann::json measure_conditions(const std::vector<std::unique_ptr<Tracker>>&, bool quick,
+// conditions and images; `wide` from kWideAbove of compression.
+nlohmann::json measure_conditions(const std::vector<std::unique_ptr<Tracker>>&,
+                                  const std::vector<std::unique_ptr<Tracker>>& wide, bool quick,
                                   nlohmann::json& images);
 // Acceptance 1: rigid shifts in parts of a sample.
 nlohmann::json measure_rigid(const std::vector<std::unique_ptr<Tracker>>&, bool quick);
@@ -71,6 +76,8 @@ bool on_curve(const nlohmann::json& condition, const std::string& factor);
 std::vector<Target> elastography_targets(const nlohmann::json& result);
 // Where each method stops working along each factor: one line each.
 nlohmann::json failures(const nlohmann::json& result);
+// Conditions at which a method has no SNRe at the edge width of the comparison.
+nlohmann::json without_figure(const nlohmann::json& result);
 
 struct NamedImage {
   std::string title;

@@ -27,6 +27,7 @@ json describe(const PhantomCase& c) {
   return {{"strain", c.strain},
           {"snr_db", c.snr_db},
           {"correlation", c.correlation},
+          {"max_strain", c.strain > kWideAbove ? kWideStrain : TrackerOptions{}.max_strain},
           {"contrast", c.contrast},
           {"diameter_m", c.diameter_m}};
 }
@@ -163,7 +164,8 @@ std::vector<Condition> chart_conditions(bool quick) {
   return all;
 }
 
-json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers, bool quick, json& images) {
+json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers,
+                        const std::vector<std::unique_ptr<Tracker>>& wide, bool quick, json& images) {
   const std::vector<Condition> conditions = chart_conditions(quick);
   Phantoms phantoms;
   std::vector<std::vector<Series>> series(conditions.size(), std::vector<Series>(trackers.size()));
@@ -175,7 +177,8 @@ json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers, b
     for (std::size_t c = 0; c < conditions.size(); ++c) {
       Phantom p = phantoms.make(conditions[c].of, seed);
       const std::vector<double> truth = true_axial_strain(nodes.image, p);
-      for (std::size_t m = 0; m < trackers.size(); ++m) measure_seed(*trackers[m], p, truth, series[c][m]);
+      const auto& used = conditions[c].of.strain > kWideAbove ? wide : trackers;
+      for (std::size_t m = 0; m < used.size(); ++m) measure_seed(*used[m], p, truth, series[c][m]);
       if (c == 0 && seed == 1) images = images_of(trackers, p, nodes.image, truth);
       std::printf("seed %llu of %llu, condition %zu of %zu\r", static_cast<unsigned long long>(seed),
                   static_cast<unsigned long long>(seeds), c + 1, conditions.size());

@@ -115,15 +115,15 @@ class Finger {
   std::thread thread_;
 };
 
-json measure_plane(const std::shared_ptr<service::Device>& device, const Phantom& p, bool quick) {
-  service::Elastography elastography(device);
-  elastography.warm();
+json measure_plane(service::Elastography& elastography, service::ModulusKind kind, const Phantom& p,
+                   bool quick) {
   const service::ProbeForce force{p.sensed_force_n, p.contact_area_m2};
   std::vector<double> displacement, strain, modulus, total;
   Finger finger;
   for (int k = 0; k < (quick ? 5 : 31); ++k) {
     const auto begin = Clock::now();
-    const service::Estimate e = elastography.estimate(p.pre, p.post, p.geometry, force, p.tissue);
+    const service::Estimate e =
+        elastography.estimate(p.pre, p.post, p.geometry, force, p.tissue, {}, {}, {}, {kind, {}});
     total.push_back(seconds_since(begin));
     displacement.push_back(e.displacement_s), strain.push_back(e.strain_s), modulus.push_back(e.modulus_s);
   }
@@ -141,7 +141,12 @@ json measure_stages(const std::shared_ptr<service::Device>& device, bool quick) 
   PhantomCase c;
   c.tissue_width_m = 0.160;
   const Phantom p = phantoms.make(c, 1);
-  json out{{"plane", measure_plane(device, p, quick)}, {"devices", json::array()}};
+  service::Elastography elastography(device);
+  elastography.warm();
+  json out{{"plane",
+            {{"direct", measure_plane(elastography, service::ModulusKind::kDirect, p, quick)},
+             {"iterative", measure_plane(elastography, service::ModulusKind::kIterative, p, quick)}}},
+           {"devices", json::array()}};
   for (const service::DeviceInfo& info : service::list_devices())
     out["devices"].push_back(measure_device(info, p, quick));
   return out;

@@ -37,16 +37,21 @@ class OurTracker : public Tracker {
 
 }  // namespace
 
-std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>& device) {
+std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>& device,
+                                                    double max_strain) {
   std::vector<std::unique_ptr<Tracker>> all;
-  service::DisplacementOptions windowed;
+  service::DisplacementOptions regularised;
+  regularised.max_strain = max_strain;
+  service::DisplacementOptions windowed = regularised;
+  TrackerOptions theirs;
+  theirs.max_strain = max_strain;
   windowed.method = service::RefinementMethod::kWindowed;
-  all.push_back(std::make_unique<OurTracker>(device->queue(), "ours", service::DisplacementOptions{}));
+  all.push_back(std::make_unique<OurTracker>(device->queue(), "ours", regularised));
   all.push_back(std::make_unique<OurTracker>(device->queue(), "ours, windowed", windowed));
-  all.push_back(make_ncc_tracker());
-  all.push_back(make_block_matcher());
-  all.push_back(make_glue_tracker());
-  all.push_back(make_loupas_tracker());
+  all.push_back(make_ncc_tracker(theirs));
+  all.push_back(make_block_matcher(theirs));
+  all.push_back(make_glue_tracker(theirs));
+  all.push_back(make_loupas_tracker(theirs));
   return all;
 }
 

@@ -66,14 +66,14 @@ TEST(PatchForward, AHomogeneousBlockUnderAWholePlateAnswersAsItsForceSays) {
   EXPECT_LT(soft.force_n_per_m, nominal * 0.7 / (1.3 * 0.4));
 }
 
-// Between patches of 3 mm the border of a disc is a staircase: most of the contrast, not all.
-TEST(GaussNewton, RecoversMoreOfTheContrastThanInverseStrain) {
+TEST(GaussNewton, RecoversTheContrastThatInverseStrainLoses) {
   const Phantom p = Phantoms().make({.contrast = 3, .diameter_m = 0.015, .tissue_width_m = 0.160}, 1);
   const ModulusQuality q = judge(*make_gauss_newton(), p), naive = judge(*make_inverse_strain(), p);
-  EXPECT_GT(q.contrast, naive.contrast + 0.2);
+  EXPECT_GT(q.contrast, 2.5);
+  EXPECT_GT(q.contrast, naive.contrast + 0.5);
   EXPECT_LT(q.contrast, 3.3);
-  EXPECT_NEAR(q.background, 10e3, 1000);
-  EXPECT_GT(q.dice, 0.55);
+  EXPECT_NEAR(q.background, 10e3, 500);
+  EXPECT_GT(q.dice, 0.8);
 }
 
 }  // namespace
