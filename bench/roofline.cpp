@@ -24,7 +24,7 @@ double at_best(int repeats, const std::function<void()>& once) {
 
 Ceiling measure_ceiling(const service::Queue& queue) {
   constexpr std::size_t kVectors = std::size_t{1} << 20, kItems = 1 << 14;  // 32 MiB an array
-  constexpr int kChains = 8, kSteps = 4096, kRepeats = 20;                  // chains of roofline.cl
+  constexpr int kChains = 8, kSteps = 256, kRepeats = 40;                   // chains of roofline.cl
   const auto a = queue.array<float>(8 * kVectors);
   auto b = queue.array<float>(8 * kVectors), c = queue.array<float>(8 * kVectors);
   queue.fill_zero(b), queue.fill_zero(c);

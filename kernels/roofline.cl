@@ -9,7 +9,7 @@ __kernel void triad(__global const float* restrict b, __global const float* rest
 }
 
 // Items: eight chains of float8, `steps` steps each: 16 * 8 steps flops per item (a fused multiply-add counts as
-// two), one store. Named, not an array: an array is kept in memory and the chains wait for it.
+// two), one store.
 #define STEP(x) x = fma(x, (float8)(factor), (float8)(0.5f))
 __kernel void multiply_add(__global float* restrict out, const float factor, const int steps) {
   const int n = get_global_id(0);

@@ -162,6 +162,31 @@ TEST(Measures, OfTheModulus) {
   EXPECT_NEAR(q.dice, 2.0 / 3, 0.05);
 }
 
+// What one map leaves out far from the inclusion is not held against another; what it leaves out in it is
+// held against itself.
+TEST(Measures, JudgeEveryMapOnTheSameNodes) {
+  Phantom p;
+  p.inclusion_x_m = p.inclusion_y_m = 0.02, p.diameter_m = 0.01, p.contrast = 3;
+  const service::ImageGrid g{100, 100, 0, 0, 0.4e-3, 0.4e-3};
+  std::vector<float> careful(g.size()), bold;
+  for (std::size_t n = 0; n < careful.size(); ++n)
+    careful[n] = p.radii(static_cast<double>(n % 100) * g.dx_m, static_cast<double>(n / 100) * g.dy_m) <= 1
+                     ? 27e3f
+                     : 9e3f;
+  bold = careful;
+  for (std::size_t n = 0; n < careful.size(); ++n)
+    if (n / 100 > 90) careful[n] = std::nanf(""), bold[n] = 90e3f;
+  EXPECT_LT(modulus_quality(bold, g, p).dice, 0.5);
+  const auto judged = judged_nodes({careful, bold}, g, p);
+  EXPECT_NEAR(modulus_quality(bold, g, p, judged).dice, 1, 1e-12);
+  EXPECT_NEAR(modulus_quality(careful, g, p, judged).dice, 1, 1e-12);
+  for (std::size_t n = 0; n < careful.size(); ++n)
+    if (n % 100 > 50) careful[n] = std::nanf("");
+  const auto with_hole = judged_nodes({careful, bold}, g, p);
+  EXPECT_NEAR(modulus_quality(bold, g, p, with_hole).dice, 1, 1e-12);
+  EXPECT_LT(modulus_quality(careful, g, p, with_hole).dice, 0.75);
+}
+
 TEST(Measures, IntervalsAndThresholds) {
   const Interval i = interval95({1, 2, 3, 4, 5});
   EXPECT_NEAR(i.mean, 3, 1e-12);
