@@ -125,6 +125,8 @@ void AcquireSession::upload_loop() {
 void AcquireSession::upload_one(Upload upload) {
   upload.pair.acquisition.mutable_publish()->set_scene_id(options_.scene_id);
   upload.pair.acquisition.mutable_publish()->set_window_x_m(upload.timing.window_x_m());
+  upload.pair.acquisition.set_modulus_method(options_.modulus_method);
+  upload.pair.acquisition.set_modulus_time_limit_s(options_.modulus_time_limit_s);
   if (options_.all_maps) upload.pair.acquisition.clear_maps();
   EstimateCallbacks callbacks;
   callbacks.request = [this](const v1::EstimateRequest& request) {

@@ -39,6 +39,9 @@ struct AcquireOptions {
   double duration_s = 0;       // 0: no limit
   double retry_for_s = 10;
   bool all_maps = false;  // ask for every map of every pair: for recordings
+  teletact::v1::ModulusMethod modulus_method =
+      teletact::v1::MODULUS_METHOD_UNSPECIFIED;  // the service's choice
+  double modulus_time_limit_s = 0;               // the same
 };
 
 // What happens, as it happens; every member optional. The calls come from the uploader's thread, `ready` and

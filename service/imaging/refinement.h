@@ -50,6 +50,8 @@ class Refinement {
  public:
   Refinement(const Queue&, const RegularisationOptions&, const SampleGrid&, double line_pitch_m,
              double sample_pitch_m);
+  // Another pair: what was made for the one before goes, so that no answer hangs on the pairs before it.
+  void begin() { preconditioned_ = {}; }
   // Reads a motion-compensated pair: noise, correlation per node (-2: no texture) and information; robust:
   // pixels far off weigh less.
   Autocorrelations measure(const ImagePair&, bool robust, Array<float>& correlation);
