@@ -106,12 +106,21 @@ std::vector<double> DisplacementData::weighted(const Fit& fit) const {
   return out;
 }
 
-double DisplacementData::weight_per_element(const TissueGrid& grid, const Fit& fit) const {
+std::vector<double> DisplacementData::weight_of_elements(const TissueGrid& grid, const Fit& fit,
+                                                         const std::vector<double>& displacement) const {
   double squares = 0;
   for (const Datum& d : data_) squares += d.weight * d.weight;
-  // A push of the amplitude shortens each of the ny - 1 elements of a column by amplitude / (ny - 1).
-  const double shortening = fit.amplitude / static_cast<double>(grid.ny() - 1);
-  return independence_ * squares * shortening * shortening / static_cast<double>(grid.elements());
+  const double each = independence_ * squares / static_cast<double>(grid.elements());
+  std::vector<double> out(grid.elements());
+  for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
+      const auto axial = [&](std::size_t a, std::size_t b) {
+        return displacement[2 * grid.node(i + a, j + b) + 1];
+      };
+      const double shortening = 0.5 * fit.amplitude * (axial(0, 0) + axial(1, 0) - axial(0, 1) - axial(1, 1));
+      out[grid.element(i, j)] = each * shortening * shortening;
+    }
+  return out;
 }
 
 }  // namespace teletact::service

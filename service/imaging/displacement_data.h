@@ -35,9 +35,10 @@ class DisplacementData {
   std::vector<double> transposed(const Fit&, const std::vector<double>& residual) const;
   // `residual` weighted as change() is.
   std::vector<double> weighted(const Fit&) const;
-  // What the data weigh against a unit change of log E of one element under the probe, by its own shortening:
-  // (its median shortening / deviation)^2 x its number of data.
-  double weight_per_element(const TissueGrid&, const Fit&) const;
+  // What the data weigh, about, against a unit change of log E of each element: (its shortening /
+  // deviation)^2 x the data of an element.
+  std::vector<double> weight_of_elements(const TissueGrid&, const Fit&,
+                                         const std::vector<double>& displacement) const;
   std::size_t size() const { return data_.size(); }
 
  private:

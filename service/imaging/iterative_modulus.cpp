@@ -107,7 +107,8 @@ class Problem {
   }
   // Diagonal that stands for J^T J: an element's own shortening, seen by the data of a few elements.
   VectorXd typical_data_weight(const Point& p) const {
-    return VectorXd::Constant(p.theta.size(), data_.weight_per_element(model_.grid(), p.fit) * kSeenBy);
+    const std::vector<double> w = data_.weight_of_elements(model_.grid(), p.fit, p.response.displacement);
+    return kSeenBy * Eigen::Map<const VectorXd>(w.data(), p.theta.size());
   }
 
   static constexpr double kSeenBy = 3;
