@@ -16,6 +16,7 @@ namespace teletact::service {
 namespace {
 
 // The equation may give anything where the strain says little: of mu over the background's.
+constexpr double kLeastPoissonRatio = 0.45;  // of plane strain: below, lateral strain is not -axial
 constexpr double kLeast = 0.05, kMost = 50;
 constexpr double kLeastStrain = 0.03;  // sqrt |det A| over its median
 constexpr double kStreaks = 0.01;      // part of the window without a modulus from which on it is said
@@ -55,6 +56,11 @@ class Direct : public ModulusMethod {
     out.converged = solution.residual < 1e-6;
     for (double& mu : solution.shear_modulus) mu /= half_per_e;
     publish(in, nodes, problem, forward, std::move(solution.shear_modulus), out);
+    if (in.tissue.plane == Plane::kStrain && in.tissue.poisson_ratio < kLeastPoissonRatio)
+      out.warnings.push_back(
+          {ModulusFlag::kCompressible,
+           "the direct modulus takes plane strain to be incompressible, and the Poisson ratio is "
+           "below 0.45: use the iterative or the reference-stress method"});
     return out;
   }
 

@@ -17,7 +17,8 @@ constexpr int kWarpRun = 16;        // WARP_RUN of displacement.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kDecimation = 2;                                 // of the samples of the search windows
-constexpr float kSlopeCost = 0.02f;  // correlation that one sample of lag change per coarse step is worth
+constexpr float kSlopeCost = 0.02f;    // correlation that one sample of lag change per coarse step is worth
+constexpr double kMostLags = 1 << 28;  // of the coarse search, all nodes together: 1 GB
 constexpr double kLateralStepM = 0.4e-3;              // of the coarse search, about the width of a beam
 constexpr float kLateralSlopeCost = 0.25f;            // the same of one lateral step
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
@@ -186,6 +187,11 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
   }
   taps = q.array(interpolation_taps());
   weights = q.array(taper(8 * window_chunks));
+  if (double(coarse.nodes()) * coarse_laterals * 8 * coarse_chunks > kMostLags)
+    throw std::invalid_argument(
+        "max_strain: the search of so many lines and samples would not fit in memory; give a smaller one, or "
+        "a part "
+        "of the frame");
   coarse_volume =
       q.array<float>(std::size_t(coarse.nodes()) * std::size_t(coarse_laterals) * 8 * coarse_chunks);
   fine_volume = q.array<float>(std::size_t(fine.nodes()) * (2 * lateral_reach + 1) * kFineLags);

@@ -136,9 +136,12 @@ StrainEstimate Elastography::differentiate(Estimate& e, const DisplacementEstima
   return strain;
 }
 
-void Elastography::find_modulus(Estimate& e, ModulusInput input, const ModulusChoice& choice) {
+void Elastography::find_modulus(Estimate& e, ModulusInput input, const ModulusChoice& choice,
+                                const std::function<bool()>& cancelled) {
   const auto begun = std::chrono::steady_clock::now();
-  input.seconds_left = [begun, limit = choice.time_limit_s.value_or(options_.modulus_time_limit_s)] {
+  input.seconds_left = [begun, &cancelled,
+                        limit = choice.time_limit_s.value_or(options_.modulus_time_limit_s)] {
+    if (cancelled && cancelled()) return 0.0;
     return limit - std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   };
   const auto kind = static_cast<std::size_t>(choice.kind.value_or(options_.modulus));
@@ -184,7 +187,7 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const A
   const StrainEstimate strain = differentiate(e, displacement);
   ended(Stage::kStrain, e.strain_s);
   const double window_width_m = static_cast<double>(pre.line_count) * geometry.line_pitch_m;
-  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known}, choice);
+  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known}, choice, cancelled);
   ended(Stage::kModulus, e.modulus_s);
   return e;
 }

@@ -94,7 +94,7 @@ class Elastography {
   void judge_tracking(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
                       const std::function<void()>& go_on);
   StrainEstimate differentiate(Estimate&, const DisplacementEstimate&);
-  void find_modulus(Estimate&, ModulusInput, const ModulusChoice&);
+  void find_modulus(Estimate&, ModulusInput, const ModulusChoice&, const std::function<bool()>& cancelled);
 
   Queue queue_;
   ElastographyOptions options_;

@@ -205,8 +205,8 @@ class Iterative : public ModulusMethod {
       if (factor == 1) step = problem.step(best);
       Problem::Point next = problem.at(best.theta + factor * step);
       ++out.iterations;
-      out.converged = factor * under_probe(model, step) < options_.converged_step;
       if (next.objective < best.objective) {
+        out.converged = factor * under_probe(model, step) < options_.converged_step;
         best = std::move(next);
         factor = 1;
       } else {
@@ -230,11 +230,12 @@ class Iterative : public ModulusMethod {
   void publish(const ModulusInput& in, const StripModel& model, const Problem& problem,
                const Problem::Point& best, ModulusEstimate& out) const {
     if (!out.converged)
-      out.warnings.push_back(
-          {ModulusFlag::kDeadline,
-           "the iterative modulus was stopped after " + std::to_string(out.iterations) +
-               " steps, before it had settled: this is the best so far; give it more time"});
+      out.warnings.push_back({ModulusFlag::kDeadline, "the iterative modulus was stopped after " +
+                                                          std::to_string(out.iterations) +
+                                                          " steps, before it had settled: this is the best "
+                                                          "so far; give it more time, if it had too little"});
     if (out.iterations == 0) return;  // the direct one
+    std::erase_if(out.warnings, [](const auto& w) { return w.flag == ModulusFlag::kCompressible; });
     if (best.fit.mean_square > options_.largest_misfit)
       out.warnings.push_back(
           {ModulusFlag::kMisfit, "no modulus explains the displacement: it is off by " +

@@ -35,13 +35,14 @@ enum class ModulusKind { kReferenceStress, kDirect, kIterative };
 
 // What makes an estimate doubtful (T3.4); the words that go with it say where and how much.
 enum class ModulusFlag {
-  kNoise,       // the standard deviation of log E is large
-  kStreaks,     // the strain hardly determines the modulus somewhere: det A near 0, mu not positive
-  kUntracked,   // part of the window was not tracked; it says nothing
-  kRamp,        // the map ramps across the window: the traction is not that of a flat frictionless probe
-  kOutOfPlane,  // lateral strain is not what the plane assumption says
-  kMisfit,      // no modulus explains the displacement within its noise
-  kDeadline,    // the iteration was stopped
+  kNoise,         // the standard deviation of log E is large
+  kStreaks,       // the strain hardly determines the modulus somewhere: det A near 0, mu not positive
+  kUntracked,     // part of the window was not tracked; it says nothing
+  kRamp,          // the map ramps across the window: the traction is not that of a flat frictionless probe
+  kOutOfPlane,    // lateral strain is not what the plane assumption says
+  kCompressible,  // the direct method takes plane strain to be incompressible, and nu says otherwise
+  kMisfit,        // no modulus explains the displacement within its noise
+  kDeadline,      // the iteration was stopped
 };
 struct ModulusWarning {
   ModulusFlag flag;

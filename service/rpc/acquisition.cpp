@@ -36,6 +36,8 @@ std::size_t EstimateRequest::frame_bytes() const {
 
 namespace {
 
+constexpr double kWidestWindowM = 0.5;  // the direct modulus' memory grows with it
+
 template <class T>
 void require_between(const char* field, T value, T least, T most, const char* remedy) {
   if (value >= least && value <= most) return;  // false for NaN
@@ -195,6 +197,8 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
   request.line_count = in.line_count();
   request.dtype = in.dtype();
   request.geometry = acquisition_geometry(in);
+  require_between("line_pitch_m x line_count", request.window_width_m(), 0.0, kWidestWindowM,
+                  "no probe is wider; give the distance of two A-lines in metres");
   request.force = force_of(in);
   request.modulus = modulus_choice(in);
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
@@ -211,6 +215,9 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
   }
   request.tissue = tissue_of(in, request);
   request.tissue.plane = plane_of(in);
+  if (request.scene && request.tissue.plane == Plane::kStress)
+    throw std::invalid_argument(
+        "acquisition.plane: a scene is touched in plane strain; leave STRESS out, or publish out");
   return request;
 }
 

@@ -308,9 +308,10 @@ grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream*
       }
     }();
     write_outcome(outcome, job->request, *stream);
-    spdlog::info("event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} elapsed_s={:.4f}",
-                 ticket->id(), context->peer(), outcome.estimate.valid_fraction,
-                 outcome.estimate.median_correlation, seconds_since(job->received));
+    spdlog::info(
+        "event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} warnings={} elapsed_s={:.4f}",
+        ticket->id(), context->peer(), outcome.estimate.valid_fraction, outcome.estimate.median_correlation,
+        outcome.estimate.modulus_warnings.size(), seconds_since(job->received));
     return grpc::Status::OK;
   });
 }

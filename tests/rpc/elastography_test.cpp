@@ -166,6 +166,9 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
           [](auto& a) { a.mutable_probe_force()->set_force_n(-1); });
   refused(INVALID_ARGUMENT, "acquisition.max_strain", [](auto& a) { a.set_max_strain(2); });
   refused(INVALID_ARGUMENT, "acquisition.maps", [](auto& a) { a.add_maps("colour"); });
+  refused(INVALID_ARGUMENT, "acquisition.line_pitch_m x line_count",
+          [](auto& a) { a.set_line_count(200), a.set_line_pitch_m(5e-3); });
+  refused(INVALID_ARGUMENT, "acquisition.plane", [](auto& a) { a.set_plane(v1::PLANE_CONDITION_STRESS); });
   refused(INVALID_ARGUMENT, "acquisition.maps", [](auto& a) {  // each would be sent
     for (int k = 0; k < 100'000; ++k) a.add_maps("valid");
   });
