@@ -243,7 +243,7 @@ void add_acquire_command(CLI::App& app) {
       ->transform(CLI::CheckedTransformer(modulus_methods()));
   command
       .add_option("--modulus-time-limit-s", acquire.modulus_time_limit_s,
-                  "an iterative modulus returns its best by then (0.35)")
+                  "an iterative modulus returns its best by then (0.25)")
       ->check(CLI::PositiveNumber);
   command.add_option("--start-x-m", acquire.start_x_m, "where the finger is expected first")
       ->capture_default_str();

@@ -137,7 +137,7 @@ void add_estimate_command(CLI::App& app) {
                   "strain: the tissue's neighbours hold it (default); stress: a thin slice")
       ->transform(CLI::CheckedTransformer(plane_conditions()));
   command.add_option("--modulus-time-limit-s", frames.modulus_time_limit_s,
-                     "an iterative modulus returns its best by then (0.35)");
+                     "an iterative modulus returns its best by then (0.25)");
   command.add_option("--out", arguments->out, "folder for the results")->required();
   command.callback([arguments] { run(*arguments); });
 }
