@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "service/contact/skin.h"
 #include "tests/reference/contact.h"
 #include "tests/tissue/tissue_cases.h"
 
@@ -211,19 +212,30 @@ TEST(Contact, AnswerDoesNotDependOnTheCandidates) {
   }
 }
 
+// F / thickness = sum p + sum (dW/dt)(dt/dd): the nodes' loads, and the work to grow the skins with the
+// indentation.
 TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
-  const auto& grid = inclusion_model().grid();
-  const ContactAnswer answer = press(inclusion_model(), {}, 0.0257, 0.004);
+  const TissueModel& model = inclusion_model();
+  const TissueGrid& grid = model.grid();
+  const double indentation = 0.004, width = grid.x_m[1] - grid.x_m[0];
+  const ContactAnswer answer = press(model, {}, 0.0257, indentation);
   EXPECT_EQ(answer.state, ContactState::kContact);
   EXPECT_GE(answer.pressure.size(), 5u);
-  double force = 0;
-  for (const auto& p : answer.pressure) {
-    EXPECT_GE(p.pressure_pa, 0);
-    EXPECT_EQ(p.traction_pa, 0);
-    force += p.pressure_pa * (grid.x_m[1] - grid.x_m[0]) * inclusion_model().options().thickness_m;
+  double loads = 0, force = 0;
+  for (const auto& pressure : answer.pressure) {
+    EXPECT_GE(pressure.pressure_pa, 0);
+    EXPECT_EQ(pressure.traction_pa, 0);
+    const double p = pressure.pressure_pa * width;
+    const auto column = static_cast<std::size_t>(std::lround((pressure.x_m - grid.x_m[0]) / width));
+    const double own = model.condensed(0)->axial_among(std::vector{column}, nullptr)(0, 0);
+    const service::SkinThickness t = service::skin_thickness({}, indentation, width);
+    const double stiffness = service::kSkinStiffness / own;
+    const service::SkinState state = service::skin_state(p, stiffness, t.t_m);
+    loads += p;
+    force += p + service::skin_energy(state, p, stiffness, t.t_m).by_t * t.slope;
   }
-  // The skin that grows with the indentation bears a little on its own.
-  EXPECT_NEAR(force, -answer.force_n[1], 5e-3 * force);
+  EXPECT_NEAR(force * model.options().thickness_m, -answer.force_n[1], 1e-11 * -answer.force_n[1]);
+  EXPECT_NEAR(loads, force, 5e-3 * force);  // the skins' own share is small
 }
 
 TEST(Contact, ThicknessMultipliesForceEnergyAndTangent) {

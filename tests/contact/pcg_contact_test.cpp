@@ -67,12 +67,15 @@ Worst worst_error(std::size_t rows, double nu, double contrast, std::size_t line
                               std::to_string(contrast) + " shape " + std::to_string(int(tip.shape)) +
                               " friction " + std::to_string(int(tip.friction));
     EXPECT_LE(error, precision == SolvePrecision::kFloat ? 2e-3 : 1e-6) << where;
-    constexpr double kReference = 1e-10;  // what the reference itself may be off by
-    EXPECT_LE(error, answer.solve.relative_error + kReference) << where;
+    // Answers state the error of the solve. Reference and model assemble K each in its own order of sums;
+    // what that rounds off is amplified by 1 / (1 - 2 nu) and the contrast. (A reference in long double
+    // differs by the same 5e-11 at most.)
+    constexpr double kAssembly = 1e-10;
+    EXPECT_LE(error, answer.solve.relative_error + kAssembly) << where;
     EXPECT_TRUE(answer.solve.converged) << where << ": " << answer.solve.reason;
     EXPECT_GE(answer.solve.iterations, 1u);
     worst.error = std::max(worst.error, error);
-    worst.over_stated = std::max(worst.over_stated, error / (answer.solve.relative_error + kReference));
+    worst.over_stated = std::max(worst.over_stated, error / (answer.solve.relative_error + kAssembly));
   }
   return worst;
 }

@@ -105,9 +105,9 @@ TYPED_TEST(Multigrid_, SmootherStepsMatchPlainLoops) {
       smoother->step(upload<T>(this->queue_, r), d, z, {0, 0.4}, true, 2);
       smoother->step(upload<T>(this->queue_, r2), d, z, {0.3, 0.7}, false, 2);
       const MatrixXd d1 = 0.4 * m * r, d2 = 0.3 * d1 + 0.7 * m * r2, expected = d1 + d2;
-      EXPECT_LE(largest(download(this->queue_, d, 2) - d2), 2e3 * this->eps() * largest(d2))
+      EXPECT_LE(largest(download(this->queue_, d, 2) - d2), 200 * this->eps() * largest(d2))
           << nx << "x" << ny;
-      EXPECT_LE(largest(download(this->queue_, z, 2) - expected), 2e3 * this->eps() * largest(expected));
+      EXPECT_LE(largest(download(this->queue_, z, 2) - expected), 200 * this->eps() * largest(expected));
     }
 }
 
@@ -257,7 +257,8 @@ TEST(Multigrid, EigenvalueBoundsHoldAndAreTight) {
                              .maxCoeff();
     const double bound = along == ShortSide::kNeither ? kLargestCellEigenvalue : kLargestLineEigenvalue;
     EXPECT_GE(bound, truth);
-    EXPECT_LE(bound, 2 * truth);
+    // Three colours of lines, nine of cells: what holds for any stencil.
+    EXPECT_LE(bound, (along == ShortSide::kNeither ? 1.7 : 1.2) * truth);
   }
 }
 
