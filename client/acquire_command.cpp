@@ -237,14 +237,7 @@ void add_acquire_command(CLI::App& app) {
   command.add_flag("--until-finger-leaves", acquire.until_finger_leaves,
                    "end when the finger has come and gone");
   command.add_option("--duration-s", acquire.duration_s, "end after so long")->check(CLI::PositiveNumber);
-  command
-      .add_option("--modulus-method", acquire.modulus_method,
-                  "reference-stress, direct or iterative (the service's choice)")
-      ->transform(CLI::CheckedTransformer(modulus_methods()));
-  command
-      .add_option("--modulus-time-limit-s", acquire.modulus_time_limit_s,
-                  "an iterative modulus returns its best by then (0.25)")
-      ->check(CLI::PositiveNumber);
+  add_modulus_options(command, acquire.modulus_method, acquire.modulus_time_limit_s);
   command.add_option("--start-x-m", acquire.start_x_m, "where the finger is expected first")
       ->capture_default_str();
   command.add_option("--start-direction", acquire.start_direction, "1 or -1: where it will go first")

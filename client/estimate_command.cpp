@@ -128,16 +128,11 @@ void add_estimate_command(CLI::App& app) {
   command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)");
   command.add_option("--tissue-width-m", frames.tissue_width_m,
                      "of the tissue that the probe stands on the middle of (the frame's width)");
-  command
-      .add_option("--modulus-method", frames.modulus_method,
-                  "reference-stress, direct or iterative (the service's choice)")
-      ->transform(CLI::CheckedTransformer(modulus_methods()));
+  add_modulus_options(command, frames.modulus_method, frames.modulus_time_limit_s);
   command
       .add_option("--plane", frames.plane,
                   "strain: the tissue's neighbours hold it (default); stress: a thin slice")
       ->transform(CLI::CheckedTransformer(plane_conditions()));
-  command.add_option("--modulus-time-limit-s", frames.modulus_time_limit_s,
-                     "an iterative modulus returns its best by then (0.25)");
   command.add_option("--out", arguments->out, "folder for the results")->required();
   command.callback([arguments] { run(*arguments); });
 }

@@ -1,5 +1,7 @@
 #include "client/acquire/modulus_names.h"
 
+#include <CLI/CLI.hpp>
+
 namespace teletact::client {
 
 namespace v1 = ::teletact::v1;
@@ -22,6 +24,16 @@ std::string name_of(v1::ModulusMethod method) {
   for (const auto& [name, value] : modulus_methods())
     if (value == method) return name;
   return "unknown";
+}
+
+void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& time_limit_s) {
+  command
+      .add_option("--modulus-method", method, "reference-stress, direct or iterative (the service's choice)")
+      ->transform(CLI::CheckedTransformer(modulus_methods()));
+  command
+      .add_option("--modulus-time-limit-s", time_limit_s,
+                  "an iterative modulus begins no step that would end later, and returns its best (0.25)")
+      ->check(CLI::PositiveNumber);
 }
 
 }  // namespace teletact::client

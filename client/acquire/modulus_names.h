@@ -1,6 +1,8 @@
-// Names of the modulus methods and plane conditions on the command line and in files.
+// Names of the modulus methods and plane conditions on the command line and in files, and the options that
+// every command with a modulus has.
 #pragma once
 
+#include <CLI/App.hpp>
 #include <map>
 #include <string>
 
@@ -12,5 +14,8 @@ const std::map<std::string, teletact::v1::ModulusMethod>& modulus_methods();
 const std::map<std::string, teletact::v1::PlaneCondition>& plane_conditions();
 // "unknown" for a method that this client does not know.
 std::string name_of(teletact::v1::ModulusMethod);
+
+// --modulus-method and --modulus-time-limit-s; left alone (unspecified, 0) the service chooses.
+void add_modulus_options(CLI::App& command, teletact::v1::ModulusMethod& method, double& time_limit_s);
 
 }  // namespace teletact::client

@@ -40,9 +40,8 @@ class Direct : public ModulusMethod {
     out.kind = ModulusKind::kDirect;
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     const WindowNodes nodes(strip->model);
-    const AxialSlopes slopes =
-        axial_slopes(nodes, in.grid, queue_.read(in.displacement.field_m),
-                     queue_.read(in.displacement.trusted), options_.reach, kTrackingWindowM2);
+    const AxialSlopes slopes = axial_slopes(nodes, in.grid, queue_.read(in.displacement.field_m),
+                                            queue_.read(in.displacement.trusted), options_.reach);
     const ForwardSolve forward =
         solve_forward(strip->model, in, out, slopes, {options_.background_below, options_.full_above});
     DirectProblem problem = strain_of(in.tissue, nodes, slopes, forward);

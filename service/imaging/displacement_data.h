@@ -39,7 +39,6 @@ class DisplacementData {
   // deviation)^2 x the data of an element.
   std::vector<double> weight_of_elements(const TissueGrid&, const Fit&,
                                          const std::vector<double>& displacement) const;
-  std::size_t size() const { return data_.size(); }
 
  private:
   struct Datum {

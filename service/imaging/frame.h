@@ -59,8 +59,13 @@ struct TissueExtent {
   Plane plane = Plane::kStrain;
 };
 
-// Young's modulus (Pa) already known beside the window, at x_m (tissue coordinates) and depth y_m; NaN where
-// unknown. What lies beyond the window's borders draws stress to itself and so shows in the window.
-using KnownModulus = std::function<double(double x_m, double y_m)>;
+// Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and
+// depth y_m, NaN where unknown, and the standard deviation of its logarithm, NaN where that is not known.
+// What lies beyond the window's borders draws stress to itself and so shows in the window.
+struct KnownModulus {
+  std::function<double(double x_m, double y_m)> modulus_pa = {}, log_deviation = {};
+  double operator()(double x_m, double y_m) const { return modulus_pa(x_m, y_m); }
+  explicit operator bool() const { return static_cast<bool>(modulus_pa); }
+};
 
 }  // namespace teletact::service

@@ -26,7 +26,7 @@ struct ModulusInput {
   double window_width_m;  // lines * pitch: the probe's face
   TissueExtent tissue;
   std::optional<ProbeForce> force;  // absent: relative modulus
-  KnownModulus known;               // beside the window; empty: unknown; not used for a relative modulus
+  KnownModulus known;               // by other windows; empty: unknown; not used for a relative modulus
   // Seconds that are left for the modulus, asked between the steps of an iteration; empty: no limit.
   std::function<double()> seconds_left = {};
 };
@@ -41,9 +41,12 @@ enum class ModulusFlag {
   kRamp,          // the map ramps across the window: the traction is not that of a flat frictionless probe
   kOutOfPlane,    // lateral strain is not what the plane assumption says
   kCompressible,  // the direct method takes plane strain to be incompressible, and nu says otherwise
+  kPressure,      // the load is carried by pressure, which nu sets and no displacement tells: nu -> 1/2
+  kScale,         // the modulus is another by a factor than the neighbours told: a wrong force
   kMisfit,        // no modulus explains the displacement within its noise
   kDeadline,      // the iteration was stopped
 };
+const char* name_of(ModulusFlag);  // in words of the log: "noise", "wrong-force"
 struct ModulusWarning {
   ModulusFlag flag;
   std::string text;

@@ -14,10 +14,14 @@ struct JudgeLimits {
   double deviation = 0.25;      // median standard deviation of log E
   double ramp = 1.25;           // of the background's modulus from one end of the window to the other
   double lateral_ratio = 0.25;  // of - eps_xx / eps_yy, from what the plane assumption says
+  double pressure = 0.10;       // of log E when nu is off by 0.01, which is how well tissue's is known
+  // Median difference of log E from what other windows told, in deviations of both together.
+  double disagreement = 3;
 };
 
-// Adds to `out`, whatever the method: log_deviation (noise of the axial strain, and what a jump of the
-// modulus is smeared over), and the flags kUntracked, kNoise, kRamp, kOutOfPlane with their words.
+// Adds to `out`, whatever the method: log_deviation (noise of the axial strain, what a jump of the modulus is
+// smeared over, and the method's own error), and the flags kUntracked, kNoise, kRamp, kOutOfPlane, kPressure,
+// kScale with their words. The last two widen the deviation by what they found.
 class ModulusJudge {
  public:
   ModulusJudge(Queue, std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
@@ -29,6 +33,8 @@ class ModulusJudge {
   void untracked(const ModulusInput&, ModulusEstimate&) const;
   void ramp(const ModulusInput&, ModulusEstimate&) const;
   void out_of_plane(const ModulusInput&, ModulusEstimate&) const;
+  void pressure(const ModulusInput&, ModulusEstimate&) const;
+  void scale(const ModulusInput&, ModulusEstimate&) const;
   Queue queue_;
   std::shared_ptr<StripCache> strips_;
   JudgeLimits limits_;

@@ -14,11 +14,9 @@
 namespace teletact::service {
 namespace {
 
+constexpr double kPoissonStep = 1e-3;  // of 0.5 - nu, for a difference quotient
 constexpr double kContextM = 0.200, kFineM = 1e-3, kCoarseM = 25e-3, kGrowth = 1.35;
-constexpr double kMirrorM = 0.020;
-constexpr int kMatchCells = 4;    // on each side of a border
 constexpr double kSlackM = 1e-6;  // rounding of a window that ends with its tissue
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAtRest = -1, kPushed = -2;
 
 struct Context {
@@ -80,23 +78,25 @@ Position between_centres(const std::vector<double>& coordinates, double at) {
   return {c, std::clamp((at - centre(c)) / (centre(c + 1) - centre(c)), 0.0, 1.0)};
 }
 
+// The plane-strain tissue that moves like this one: the same mu; lambda = E nu / (1 - nu^2) in plane stress.
+InPlaneStrain in_plane_strain(Plane plane, double nu) {
+  if (plane == Plane::kStrain) return {nu, 1};
+  return {nu / (1 + nu), (1 + 2 * nu) / ((1 + nu) * (1 + nu))};
+}
+
 }  // namespace
 
 StripModel::StripModel(const TissueExtent& tissue, double window_width_m)
     : grid_(strip(context(tissue, window_width_m), tissue.depth_m, window_width_m)),
       window_x_m_(tissue.window_x_m),
       window_width_m_(window_width_m),
-      poisson_ratio_(tissue.poisson_ratio),
-      modulus_factor_(1) {
-  if (tissue.plane == Plane::kStress) {  // the same mu; lambda = E nu / (1 - nu^2)
-    const double nu = tissue.poisson_ratio;
-    poisson_ratio_ = nu / (1 + nu);
-    modulus_factor_ = (1 + 2 * nu) / ((1 + nu) * (1 + nu));
-  }
+      plane_(tissue.plane),
+      stated_poisson_ratio_(tissue.poisson_ratio),
+      equal_(in_plane_strain(tissue.plane, tissue.poisson_ratio)) {
   const double height = grid_.y_m[1] - grid_.y_m[0];
   for (std::size_t i = 0; i + 1 < grid_.nx(); ++i)
     element_.push_back(
-        element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, modulus_factor_, poisson_ratio_));
+        element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, equal_.modulus, equal_.poisson_ratio));
   number_unknowns(window_width_m);
   lay_out();
   factor_.analyzePattern(stiffness_);
@@ -188,6 +188,26 @@ StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
   return out;
 }
 
+// The force is the least energy of all displacements with the push, so that its first change with the
+// stiffness is u^T dK u, the displacement held.
+double StripModel::log_force_slope(const StripResponse& homogeneous) const {
+  const double step = kPoissonStep * (0.5 - stated_poisson_ratio_), height = grid_.y_m[1] - grid_.y_m[0];
+  double change = 0;
+  for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+    const auto stiffness = [&](double nu) {
+      const InPlaneStrain e = in_plane_strain(plane_, nu);
+      return element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, e.modulus, e.poisson_ratio);
+    };
+    const Eigen::Matrix<double, 8, 8> difference =
+        stiffness(stated_poisson_ratio_ + step) - stiffness(stated_poisson_ratio_ - step);
+    for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
+      const Vector8 u = gather(homogeneous.displacement, element_dofs(grid_, i, j));
+      change += u.dot(difference * u);
+    }
+  }
+  return change / (2 * step) / homogeneous.force_n_per_m;
+}
+
 std::vector<double> StripModel::change(const StripResponse& at, const std::vector<double>& change_pa) {
   std::vector<double> force(grid_.dofs(), 0.0);
   for (std::size_t e = 0; e < change_pa.size(); ++e) {
@@ -242,123 +262,6 @@ Field StripModel::on_image(const std::vector<double>& element_values, const Imag
   return field;
 }
 
-namespace {
-
-// Cells without a value take the mean of those beside them that have one, from the rim inwards.
-void spread(std::vector<double>& values, std::vector<int>& counts, std::size_t nx, std::size_t ny) {
-  for (bool missing = true, found = true; missing && found;) {
-    missing = found = false;
-    const std::vector<int> before = counts;
-    for (std::size_t n = 0; n < nx * ny; ++n) {
-      if (before[n]) continue;
-      const std::size_t i = n % nx, j = n / nx;
-      double sum = 0;
-      int beside = 0;
-      const auto add = [&](std::size_t m) {
-        if (before[m]) sum += values[m], ++beside;
-      };
-      if (i > 0) add(n - 1);
-      if (i + 1 < nx) add(n + 1);
-      if (j > 0) add(n - nx);
-      if (j + 1 < ny) add(n + nx);
-      missing = true;
-      if (!beside) continue;
-      found = true;
-      values[n] = sum / beside;
-      counts[n] = 1;
-    }
-  }
-}
-
-std::size_t cell_of(const std::vector<double>& coordinates, double at) {
-  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
-  return static_cast<std::size_t>(
-      std::clamp<std::ptrdiff_t>(upper - 1, 0, static_cast<std::ptrdiff_t>(coordinates.size()) - 2));
-}
-
-}  // namespace
-
-// The map's logarithm on the elements under the probe.
-StripModel::WindowMap StripModel::window_map(const Field& youngs_modulus, const ImageGrid& image) const {
-  WindowMap map;
-  map.first = cell_of(grid_.x_m, kSlackM);
-  map.last = cell_of(grid_.x_m, window_width_m_ - kSlackM);
-  const std::size_t nx = map.last - map.first + 1, ny = grid_.ny() - 1;
-  map.logarithm.assign(nx * ny, 0.0);
-  std::vector<int> counts(nx * ny, 0);
-  for (std::size_t n = 0; n < image.size(); ++n) {
-    const double y = image.origin_y_m + static_cast<double>(n / image.nx) * image.dy_m;
-    if (!std::isfinite(youngs_modulus[n]) || y > grid_.y_m.back()) continue;
-    const double x = image.origin_x_m + static_cast<double>(n % image.nx) * image.dx_m;
-    const std::size_t i = std::clamp(cell_of(grid_.x_m, x), map.first, map.last) - map.first;
-    const std::size_t cell = i + nx * cell_of(grid_.y_m, y);
-    map.logarithm[cell] += std::log(youngs_modulus[n]);
-    ++counts[cell];
-  }
-  for (std::size_t n = 0; n < counts.size(); ++n) map.logarithm[n] /= std::max(1, counts[n]);
-  spread(map.logarithm, counts, nx, ny);
-  return map;
-}
-
-double StripModel::logarithm_at(const WindowMap& map, double x_m, std::size_t row) const {
-  const std::size_t column = std::clamp(cell_of(grid_.x_m, x_m), map.first, map.last) - map.first;
-  return map.logarithm[column + (map.last - map.first + 1) * row];
-}
-
-std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const ImageGrid& image,
-                                            double background, const KnownModulus& known) const {
-  const WindowMap map = window_map(youngs_modulus, image);
-  const double left = known ? std::exp(matching_shift(known, true, map)) : 1;
-  const double right = known ? std::exp(matching_shift(known, false, map)) : 1;
-  std::vector<double> out(grid_.elements());
-  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
-    for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
-      const double x = 0.5 * (grid_.x_m[i] + grid_.x_m[i + 1]), y = 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]);
-      const bool beside = x < 0 || x > window_width_m_;
-      const double told = beside && known ? told_by(known, i, y) : kUnknown;
-      const double mirrored = x < 0 ? -x : x > window_width_m_ ? 2 * window_width_m_ - x : x;
-      const bool near =
-          std::abs(mirrored - x) <= 2 * kMirrorM && mirrored >= 0 && mirrored <= window_width_m_;
-      out[grid_.element(i, j)] = std::isfinite(told) ? told * (x < 0 ? left : right)
-                                 : near              ? std::exp(logarithm_at(map, mirrored, j))
-                                                     : background;
-    }
-  return out;
-}
-
-// Geometric mean over the width of an element beside the window, which may be wider than an inclusion there;
-// NaN where nothing of it is known.
-double StripModel::told_by(const KnownModulus& known, std::size_t column, double y_m) const {
-  const double begin = grid_.x_m[column], width = grid_.x_m[column + 1] - begin;
-  const int samples = static_cast<int>(std::ceil(width / kFineM));
-  double sum = 0;
-  int count = 0;
-  for (int k = 0; k < samples; ++k) {
-    const double told = known(window_x_m_ + begin + width * (k + 0.5) / samples, y_m);
-    if (told > 0 && std::isfinite(told)) sum += std::log(told), ++count;
-  }
-  return count > 0 ? std::exp(sum / count) : kUnknown;
-}
-
-// What is known beside the window has its own error of scale, a few percent, which the border would turn into
-// false stiffness: log of the factor that makes it meet the window's own map at this border, the median over
-// depth.
-double StripModel::matching_shift(const KnownModulus& known, bool left, const WindowMap& map) const {
-  std::vector<double> shifts;
-  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
-    for (int k = 0; k < kMatchCells; ++k) {
-      const double distance = (k + 0.5) * kFineM;
-      const double outside = left ? -distance : window_width_m_ + distance;
-      const double inside = left ? distance : window_width_m_ - distance;
-      const double told = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));
-      if (told > 0 && std::isfinite(told)) shifts.push_back(logarithm_at(map, inside, j) - std::log(told));
-    }
-  if (shifts.empty()) return 0;
-  const auto middle = shifts.begin() + static_cast<std::ptrdiff_t>(shifts.size() / 2);
-  std::nth_element(shifts.begin(), middle, shifts.end());
-  return *middle;
-}
-
 std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, double window_width_m) {
   const Context c = context(tissue, window_width_m);
   const auto same = [&](const Kept& k) {
@@ -371,8 +274,9 @@ std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, d
     kept_.splice(kept_.begin(), kept_, found);
     return found->entry;
   }
-  auto entry = std::shared_ptr<Entry>(new Entry{StripModel(tissue, window_width_m), {}});
+  auto entry = std::shared_ptr<Entry>(new Entry{StripModel(tissue, window_width_m), {}, 0});
   entry->homogeneous = entry->model.solve(std::vector<double>(entry->model.grid().elements(), 1.0));
+  entry->log_force_slope = entry->model.log_force_slope(entry->homogeneous);
   kept_.push_front({tissue.window_x_m, c.right_m, tissue.depth_m, tissue.poisson_ratio, window_width_m,
                     tissue.plane, entry});
   if (kept_.size() > kMost) kept_.pop_back();

@@ -21,6 +21,12 @@ struct StripResponse {
   double force_n_per_m = 0;          // on the probe per metre of thickness, > 0
 };
 
+// An elastic solid in plane strain: Poisson's ratio, and Young's modulus over that of the tissue it stands
+// for.
+struct InPlaneStrain {
+  double poisson_ratio, modulus;
+};
+
 // The strip of a window with up to 200 mm of context on each side, cut at the tissue's sides; bottom bonded,
 // sides free, u_y prescribed on the surface under the whole window, frictionless. Elements of 1 mm under the
 // probe, growing sideways from it. A host sparse factor: at this size (some 4000 nodes) it beats an iteration
@@ -34,11 +40,14 @@ class StripModel {
   std::size_t first_column() const { return first_column_; }
   std::size_t last_column() const { return last_column_; }
   // Poisson's ratio of the plane-strain tissue that moves like this one: nu, in plane stress nu / (1 + nu).
-  double poisson_ratio() const { return poisson_ratio_; }
+  double poisson_ratio() const { return equal_.poisson_ratio; }
   // Its Young's modulus over this one's: 1, in plane stress (1 + 2 nu) / (1 + nu)^2.
-  double modulus_factor() const { return modulus_factor_; }
+  double modulus_factor() const { return equal_.modulus; }
   // Young's modulus (Pa) of every element, > 0. Not thread-safe.
   StripResponse solve(const std::vector<double>& youngs_modulus_pa);
+  // d log(force) / d nu of homogeneous tissue at the stated nu, the modulus held: how much of the load the
+  // pressure carries, which no displacement tells. `homogeneous`: solve() of a uniform modulus of 1 Pa.
+  double log_force_slope(const StripResponse& homogeneous) const;
   // How the displacement changes with the modulus, by the factor of the latest solve(), whose response is
   // `at`:
   //   change: K^-1 (- sum_e change_pa_e K_e u_e), [dof], 0 where the displacement is prescribed
@@ -71,7 +80,9 @@ class StripModel {
 
   TissueGrid grid_;
   double window_x_m_, window_width_m_;
-  double poisson_ratio_, modulus_factor_;
+  Plane plane_;
+  double stated_poisson_ratio_;
+  InPlaneStrain equal_;
   std::size_t first_column_ = 0, last_column_ = 0;
   std::vector<Eigen::Matrix<double, 8, 8>> element_;  // K_e of 1 Pa, one per column of elements
   std::vector<int> unknown_;                          // per degree of freedom; -1 at rest, -2 pushed by 1
@@ -89,6 +100,7 @@ class StripCache {
   struct Entry {
     StripModel model;
     StripResponse homogeneous;
+    double log_force_slope = 0;
   };
   // Throws as StripModel. The entry lives as long as it is held or among the latest kMost.
   std::shared_ptr<Entry> get(const TissueExtent&, double window_width_m);

@@ -31,14 +31,12 @@ Span span(double at, double reach, double origin, double step, std::size_t count
 struct PlaneFit {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d load = Eigen::Vector3d::Zero();
-  double squares = 0, weight = 0, weight_squares = 0;
+  double weight = 0;
   void add(double x, double y, double weight_of_it, double u) {
     const Eigen::Vector3d f(1, x, y);
     normal += weight_of_it * f * f.transpose();
     load += weight_of_it * u * f;
-    squares += weight_of_it * u * u;
     weight += weight_of_it;
-    weight_squares += weight_of_it * weight_of_it;
   }
 };
 
@@ -68,11 +66,10 @@ Field WindowNodes::on_image(const std::vector<double>& values, const ImageGrid& 
 }
 
 AxialSlopes axial_slopes(const WindowNodes& nodes, const ImageGrid& image, const std::vector<float>& field_m,
-                         const std::vector<std::uint8_t>& trusted, SlopeReach reach, double independent_m2) {
+                         const std::vector<std::uint8_t>& trusted, SlopeReach reach) {
   AxialSlopes out{std::vector<double>(nodes.size()), std::vector<double>(nodes.size()),
-                  std::vector<double>(nodes.size()), std::vector<std::uint8_t>(nodes.size(), 0)};
+                  std::vector<std::uint8_t>(nodes.size(), 0)};
   const double whole = reach.x_m * reach.y_m / (image.dx_m * image.dy_m);
-  const double per_independent = std::max(1.0, independent_m2 / (image.dx_m * image.dy_m));
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     const double x = static_cast<double>(n % nodes.nx) * nodes.dx_m,
                  y = static_cast<double>(n / nodes.nx) * nodes.dy_m;
@@ -97,12 +94,8 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const ImageGrid& image, const
     fit.normal.computeInverseWithCheck(inverse, invertible, 1e-6 * std::pow(fit.weight, 3));
     if (!invertible) continue;
     const Eigen::Vector3d slopes = inverse * fit.load;
-    const double variance = std::max(0.0, fit.squares - slopes.dot(fit.load)) / fit.weight;
     out.across[n] = slopes[1] / reach.x_m;
     out.along[n] = slopes[2] / reach.y_m;
-    // Weighted least squares: variance of a slope ~ variance x (sum w^2 / sum w) x its inverse's entry.
-    out.along_deviation[n] =
-        std::sqrt(variance * per_independent * fit.weight_squares / fit.weight * inverse(2, 2)) / reach.y_m;
     out.measured[n] = 1;
   }
   return out;
@@ -114,8 +107,7 @@ ModelState model_state(const StripModel& model, const StripResponse& response,
   const WindowNodes nodes(model);
   const double lambda_per_e = model.modulus_factor() * lame_ratios(model.poisson_ratio()).lambda_per_e;
   ModelState out;
-  for (auto* field :
-       {&out.along, &out.across, &out.lateral, &out.lateral_m, &out.shear, &out.pressure, &out.log_modulus})
+  for (auto* field : {&out.along, &out.across, &out.lateral, &out.shear, &out.pressure, &out.log_modulus})
     field->assign(nodes.size(), 0.0);
   std::vector<double> count(nodes.size(), 0.0);
   const std::size_t begin = model.first_column() > 0 ? model.first_column() - 1 : 0;
@@ -145,11 +137,8 @@ ModelState model_state(const StripModel& model, const StripResponse& response,
           ++count[n];
         }
     }
-  for (std::size_t n = 0; n < nodes.size(); ++n) {
-    for (auto* field : {&out.along, &out.across, &out.lateral, &out.shear, &out.pressure, &out.log_modulus})
-      (*field)[n] /= count[n];
-    out.lateral_m[n] = response.displacement[2 * g.node(model.first_column() + n % nodes.nx, n / nodes.nx)];
-  }
+  for (auto* field : {&out.along, &out.across, &out.lateral, &out.shear, &out.pressure, &out.log_modulus})
+    for (std::size_t n = 0; n < nodes.size(); ++n) (*field)[n] /= count[n];
   return out;
 }
 

@@ -24,25 +24,23 @@ struct WindowNodes {
 // Slopes of the axial displacement by plane fits over the nodes' neighbourhood, weights falling linearly to 0
 // at `reach` from the node (T2.4 with a kernel of its own: sharper than that of the strain map).
 struct AxialSlopes {
-  std::vector<double> across, along;    // du_y/dx, du_y/dy
-  std::vector<double> along_deviation;  // standard deviation of `along`
-  std::vector<std::uint8_t> measured;   // 1: enough of the neighbourhood is trusted
+  std::vector<double> across, along;   // du_y/dx, du_y/dy
+  std::vector<std::uint8_t> measured;  // 1: enough of the neighbourhood is trusted
 };
 struct SlopeReach {
   double x_m = 1.5e-3, y_m = 1.2e-3;
 };
-// field_m: [image node][2] (lateral, axial); trusted: [image node]. `independent_m2` is the area over which
-// the errors of the displacement agree (a tracking window): what a fit averages is counted in such areas.
+// field_m: [image node][2] (lateral, axial); trusted: [image node].
 AxialSlopes axial_slopes(const WindowNodes&, const ImageGrid&, const std::vector<float>& field_m,
-                         const std::vector<std::uint8_t>& trusted, SlopeReach, double independent_m2);
+                         const std::vector<std::uint8_t>& trusted, SlopeReach);
 
 // A forward model's answer on the nodes for a push of 1 m.
 struct ModelState {
-  std::vector<double> along, across;       // du_y/dy, du_y/dx
-  std::vector<double> lateral, lateral_m;  // du_x/dx, u_x
-  std::vector<double> shear;               // tensor component eps_xy
-  std::vector<double> pressure;            // -lambda div u, Pa
-  std::vector<double> log_modulus;         // mean of the elements that meet at the node
+  std::vector<double> along, across;  // du_y/dy, du_y/dx
+  std::vector<double> lateral;        // du_x/dx
+  std::vector<double> shear;          // tensor component eps_xy
+  std::vector<double> pressure;       // -lambda div u, Pa
+  std::vector<double> log_modulus;    // mean of the elements that meet at the node
 };
 ModelState model_state(const StripModel&, const StripResponse&, const std::vector<double>& youngs_modulus_pa);
 

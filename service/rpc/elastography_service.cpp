@@ -193,8 +193,9 @@ ElastographyService::Outcome ElastographyService::work(Job& job) {
   }
   if (!r.scene) return outcome;
   const auto begun = Clock::now();
-  const WindowEstimate window{r.window_x_m, r.window_width_m(), outcome.estimate.grid,
-                              outcome.estimate.youngs_modulus, outcome.estimate.valid};
+  const WindowEstimate window{r.window_x_m,           r.window_width_m(),
+                              outcome.estimate.grid,  outcome.estimate.youngs_modulus,
+                              outcome.estimate.valid, outcome.estimate.modulus_log_deviation};
   outcome.published = core_.scenes.publish(r.scene, window, cancelled);
   outcome.publish_s = seconds_since(begun);
   outcome.received_to_published_s = seconds_since(job.received);
@@ -242,7 +243,8 @@ void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_modulus_method(method_to(e.modulus_kind));
   out->set_modulus_converged(e.modulus_converged);
   out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));
-  for (const ModulusWarning& warning : e.modulus_warnings) out->add_warnings(warning.text);
+  for (const ModulusWarning& warning : e.modulus_warnings)
+    out->add_warnings(fmt::format("{}: {}", name_of(warning.flag), warning.text));
 }
 
 void add_stage(v1::EstimateSummary* summary, const char* name, double s) {
@@ -312,6 +314,9 @@ grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream*
         "event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} warnings={} elapsed_s={:.4f}",
         ticket->id(), context->peer(), outcome.estimate.valid_fraction, outcome.estimate.median_correlation,
         outcome.estimate.modulus_warnings.size(), seconds_since(job->received));
+    for (const ModulusWarning& warning : outcome.estimate.modulus_warnings)
+      spdlog::warn("event=estimate_doubtful call={} flag={} text=\"{}\"", ticket->id(), name_of(warning.flag),
+                   warning.text);
     return grpc::Status::OK;
   });
 }

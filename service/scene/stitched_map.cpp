@@ -15,6 +15,8 @@ namespace teletact::service {
 
 namespace {
 
+constexpr float kNotKnown = std::numeric_limits<float>::quiet_NaN();
+
 struct Span {
   std::size_t begin = 0, end = 0;  // [begin, end)
   std::size_t size() const { return end - begin; }
@@ -97,7 +99,8 @@ void check_sizes(const WindowEstimate& w) {
   const ImageGrid& g = w.grid;
   if (g.nx < 1 || g.ny < 1 || !(g.dx_m > 0) || !(g.dy_m > 0))
     throw std::invalid_argument("window.grid: needs at least one node and a positive spacing");
-  if (w.youngs_modulus_pa.size() != g.size() || w.valid.size() != g.size())
+  if (w.youngs_modulus_pa.size() != g.size() || w.valid.size() != g.size() ||
+      (!w.log_deviation.empty() && w.log_deviation.size() != g.size()))
     throw std::invalid_argument(
         fmt::format("window.youngs_modulus_pa: {} values and {} flags for {} image nodes",
                     w.youngs_modulus_pa.size(), w.valid.size(), g.size()));
@@ -115,7 +118,8 @@ StitchedMap::StitchedMap(const SceneGeometry& geometry)
       cell_x_m_(geometry.width_m / static_cast<double>(nx_)),
       cell_y_m_(geometry.depth_m / static_cast<double>(ny_)),
       modulus_pa_(nx_ * ny_, 0.0F),
-      states_(nx_ * ny_, CellState::kUnknown) {
+      states_(nx_ * ny_, CellState::kUnknown),
+      log_deviation_(nx_ * ny_, kNotKnown) {
   index_columns();
 }
 
@@ -142,7 +146,25 @@ void StitchedMap::paste(const WindowEstimate& w) {
       modulus_pa_[to] = extended[from];
       states_[to] = measured[from] > 0 ? CellState::kMeasured : CellState::kExtended;
     }
+  note_deviation(w, begin, columns);
   index_columns();
+}
+
+// Of a cell: that of the image node nearest to its centre.
+void StitchedMap::note_deviation(const WindowEstimate& w, std::size_t first, std::size_t columns) {
+  const auto nearest = [](double at_m, double origin_m, double step_m, std::size_t count) {
+    return static_cast<std::size_t>(
+        std::clamp(std::round((at_m - origin_m) / step_m), 0.0, static_cast<double>(count - 1)));
+  };
+  for (std::size_t j = 0; j < ny_; ++j) {
+    const double y_m = cell_y_m_ * (static_cast<double>(j) + 0.5);
+    const std::size_t row = nearest(y_m, w.grid.origin_y_m, w.grid.dy_m, w.grid.ny);
+    for (std::size_t i = first; i < first + columns; ++i) {
+      const double x_m = cell_x_m_ * (static_cast<double>(i) + 0.5) - w.window_x_m;
+      const std::size_t node = nearest(x_m, w.grid.origin_x_m, w.grid.dx_m, w.grid.nx) + w.grid.nx * row;
+      log_deviation_[i + nx_ * j] = w.log_deviation.empty() ? kNotKnown : w.log_deviation[node];
+    }
+  }
 }
 
 std::vector<float> StitchedMap::resample(const WindowEstimate& w, std::size_t first,
@@ -212,12 +234,22 @@ double StitchedMap::mean_modulus_pa(double x0_m, double x1_m, double y0_m, doubl
   return area / inverse_sum;
 }
 
-double StitchedMap::measured_modulus_pa(double x_m, double y_m) const {
+std::optional<std::size_t> StitchedMap::measured_cell(double x_m, double y_m) const {
   const double i = std::floor(x_m / cell_x_m_), j = std::floor(y_m / cell_y_m_);
   const bool inside = i >= 0 && j >= 0 && i < static_cast<double>(nx_) && j < static_cast<double>(ny_);
-  const std::size_t cell = inside ? static_cast<std::size_t>(i) + nx_ * static_cast<std::size_t>(j) : 0;
-  if (!inside || states_[cell] != CellState::kMeasured) return std::numeric_limits<double>::quiet_NaN();
-  return static_cast<double>(modulus_pa_[cell]);
+  if (!inside) return std::nullopt;
+  const std::size_t cell = static_cast<std::size_t>(i) + nx_ * static_cast<std::size_t>(j);
+  return states_[cell] == CellState::kMeasured ? std::optional(cell) : std::nullopt;
+}
+
+double StitchedMap::measured_modulus_pa(double x_m, double y_m) const {
+  const auto cell = measured_cell(x_m, y_m);
+  return cell ? modulus_pa_[*cell] : kNotKnown;
+}
+
+double StitchedMap::measured_log_deviation(double x_m, double y_m) const {
+  const auto cell = measured_cell(x_m, y_m);
+  return cell ? log_deviation_[*cell] : kNotKnown;
 }
 
 double StitchedMap::measured_share(double x0_m, double x1_m) const {
@@ -240,12 +272,14 @@ void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<Cell
   }
   modulus_pa_ = std::move(youngs_modulus_pa);
   states_ = std::move(states);
+  log_deviation_.assign(modulus_pa_.size(), kNotKnown);
   index_columns();
 }
 
 KnownModulus known_modulus(std::shared_ptr<const StitchedMap> map) {
   if (!map) return {};
-  return [map = std::move(map)](double x_m, double y_m) { return map->measured_modulus_pa(x_m, y_m); };
+  return {[map](double x_m, double y_m) { return map->measured_modulus_pa(x_m, y_m); },
+          [map](double x_m, double y_m) { return map->measured_log_deviation(x_m, y_m); }};
 }
 
 }  // namespace teletact::service

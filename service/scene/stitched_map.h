@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "service/imaging/frame.h"
@@ -25,6 +26,7 @@ struct WindowEstimate {
   ImageGrid grid;
   Field youngs_modulus_pa;
   std::vector<std::uint8_t> valid;
+  Field log_deviation = {};  // standard deviation of log E; empty: not known
 };
 
 enum class CellState : std::uint8_t { kUnknown = 0, kExtended = 1, kMeasured = 2 };
@@ -50,6 +52,9 @@ class StitchedMap {
   double mean_modulus_pa(double x0_m, double x1_m, double y0_m, double y1_m) const;
   // Modulus (Pa) of the cell at (x, y) (m); NaN where none was measured and outside the tissue.
   double measured_modulus_pa(double x_m, double y_m) const;
+  // Standard deviation of its logarithm; NaN there, and where it is not known: none came with the window, or
+  // it is from before a restart.
+  double measured_log_deviation(double x_m, double y_m) const;
   // Share of measured cells, down to kFeltDepthM, in [x0, x1]; 0 where unknown.
   double measured_share(double x0_m, double x1_m) const;
 
@@ -66,6 +71,8 @@ class StitchedMap {
 
  private:
   std::size_t column(double x_m) const;
+  std::optional<std::size_t> measured_cell(double x_m, double y_m) const;
+  void note_deviation(const WindowEstimate&, std::size_t first, std::size_t columns);
   // The window's cells in columns [first, first + columns), 0 Pa where not measured.
   std::vector<float> resample(const WindowEstimate&, std::size_t first, std::size_t columns) const;
   void index_columns();
@@ -73,11 +80,12 @@ class StitchedMap {
   double cell_x_m_, cell_y_m_;
   std::vector<float> modulus_pa_;
   std::vector<CellState> states_;
+  std::vector<float> log_deviation_;        // of the measured cells
   std::vector<std::size_t> source_column_;  // nearest published column
   std::vector<float> measured_share_;       // per column
 };
 
-// What a window's neighbours tell about the tissue beside it; empty without a map.
+// What a window's neighbours, and the window itself before, tell about the tissue; empty without a map.
 KnownModulus known_modulus(std::shared_ptr<const StitchedMap>);
 
 }  // namespace teletact::service

@@ -101,10 +101,13 @@ TEST_P(Failures, TheRimOfAnInclusionIsUncertain) {
   EXPECT_LE(outside / double(rim.size()), 0.2);
 }
 
-// The inverse crime: displacement of the service's own mesh, free of noise, flatters. The figures that we
-// state come from the patient's.
+// The inverse crime: displacement that the service's own mesh made flatters the method that fits it, when
+// nothing but the mesh differs. With the noise of tracking it cannot be told apart: our figures do not hang
+// on the mesh.
 TEST_P(Failures, TheInverseCrimeFlatters) {
-  const auto error = [&](Phantom& phantom) {
+  const auto error = [&](bool own_mesh, double noise_m) {
+    Phantom phantom({.noise_m = noise_m});
+    if (own_mesh) phantom.take_from_strip();
     const ModulusEstimate e = phantom.estimate(GetParam());
     double sum = 0, count = 0;
     for (std::size_t n = 0; n < phantom.grid.size(); ++n)
@@ -112,11 +115,15 @@ TEST_P(Failures, TheInverseCrimeFlatters) {
         sum += std::abs(std::log(e.youngs_modulus[n] / phantom.truth(n))), ++count;
     return sum / count;
   };
-  Phantom honest({}), crime({.noise_m = 0});
-  crime.take_from_strip();
-  const double stated = error(honest), flattering = error(crime);
-  std::printf("mean |log E error|: patient %.4f, own mesh %.4f\n", stated, flattering);
-  EXPECT_LT(flattering, stated);
+  const double noise_m = PhantomOptions{}.noise_m;
+  const double stated = error(false, noise_m), flattering = error(true, noise_m);
+  const double noiseless = error(false, 0), noiseless_crime = error(true, 0);
+  std::printf("mean |log E error|: patient %.4f, own mesh %.4f; without noise %.4f, %.4f\n", stated,
+              flattering, noiseless, noiseless_crime);
+  EXPECT_NEAR(flattering / stated, 1, 0.05);
+  if (GetParam() == ModulusKind::kIterative) {
+    EXPECT_LT(noiseless_crime, 0.95 * noiseless);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, Failures,

@@ -23,20 +23,23 @@ struct PhantomOptions {
   double noise_m = 0.4e-6;                                            // of the axial displacement
   double push_m = 0.4e-3;
   unsigned seed = 1;
+  double window_m = 0.120;  // left border of the probe, tissue coordinates
+  double depth_m = 0.040;   // of the tissue
 };
 
 class Phantom {
  public:
-  static constexpr double kWindowM = 0.120, kWidthM = 0.060, kBackgroundPa = 10e3;
+  static constexpr double kWidthM = 0.060, kBackgroundPa = 10e3;
 
   explicit Phantom(PhantomOptions o) : options(o), queue_(imaging_device()->queue()) {
     client::Tissue t;
+    t.depth_m = o.depth_m;
     t.inclusions = {{o.x_m, o.y_m, o.diameter_m, o.contrast}};
-    const client::ProbeState& probe = pressed(t, o.push_m);
+    const client::ProbeState& probe = pressed(t, o.window_m, o.push_m);
     force = {probe.force_n, probe.contact_area_m2};
-    tissue = {t.width_m, t.depth_m, kWindowM, t.poisson_ratio};
+    tissue = {t.width_m, t.depth_m, options.window_m, t.poisson_ratio};
     for (std::size_t n = 0; n < grid.size(); ++n) {
-      const auto u = probe.field->at(kWindowM + x(n), y(n));
+      const auto u = probe.field->at(options.window_m + x(n), y(n));
       axial.push_back(u.y), lateral.push_back(u.x);
     }
     add_noise();
@@ -50,7 +53,7 @@ class Phantom {
     std::vector<double> modulus;
     for (std::size_t j = 0; j + 1 < g.ny(); ++j)
       for (std::size_t i = 0; i + 1 < g.nx(); ++i) {
-        const double x_m = kWindowM + 0.5 * (g.x_m[i] + g.x_m[i + 1]) - options.x_m,
+        const double x_m = options.window_m + 0.5 * (g.x_m[i] + g.x_m[i + 1]) - options.x_m,
                      y_m = 0.5 * (g.y_m[j] + g.y_m[j + 1]) - options.y_m;
         modulus.push_back(kBackgroundPa *
                           (2 * std::hypot(x_m, y_m) < options.diameter_m ? options.contrast : 1));
@@ -75,21 +78,21 @@ class Phantom {
     return radii(n) < 1 ? options.contrast * kBackgroundPa : kBackgroundPa;
   }
   double radii(std::size_t n) const {
-    return 2 * std::hypot(kWindowM + x(n) - options.x_m, y(n) - options.y_m) / options.diameter_m;
+    return 2 * std::hypot(options.window_m + x(n) - options.x_m, y(n) - options.y_m) / options.diameter_m;
   }
 
   // Axial and lateral displacement -> what the methods get, strain by the product's own kernel.
   ModulusInput input() {
-    std::vector<float> field, std_m(2 * grid.size(), static_cast<float>(std::max(options.noise_m, 0.3e-6)));
+    std::vector<float> field;
     for (std::size_t n = 0; n < grid.size(); ++n)
       field.insert(field.end(), {static_cast<float>(lateral[n]), static_cast<float>(axial[n])});
     trusted.resize(grid.size(), 1);
     displacement_.grid.nx = static_cast<int>(grid.nx), displacement_.grid.ny = static_cast<int>(grid.ny);
     displacement_.field_m = queue_.array(field);
     displacement_.trusted = queue_.array(trusted);
+    claim_noise(std::max(options.noise_m, 0.3e-6));
     strain_ = StrainEstimator(queue_, {}).estimate(displacement_, grid);
-    displacement_.std_m = queue_.array(std_m);
-    return {grid, displacement_, strain_, kWidthM, tissue, force, {}};
+    return {grid, displacement_, strain_, kWidthM, tissue, force, known};
   }
 
   ModulusEstimate estimate(ModulusKind kind) {
@@ -109,15 +112,40 @@ class Phantom {
   std::vector<std::uint8_t> trusted;
   TissueExtent tissue;
   std::optional<ProbeForce> force;
+  KnownModulus known;
 
  private:
+  // The standard deviation and the structure of add_noise(), as tracking states them: a mean over 3 x 3
+  // nodes.
+  void claim_noise(double axial_m) {
+    constexpr double kInformation = 1;
+    const double size_m[] = {10 * axial_m, axial_m};
+    auto noise = std::make_shared<NoiseStructure>();
+    std::vector<float> std_m, information(2 * grid.size(), static_cast<float>(kInformation));
+    for (std::size_t n = 0; n < grid.size(); ++n)
+      for (const double s : size_m) std_m.push_back(static_cast<float>(s));
+    for (std::size_t c = 0; c < 2; ++c) {
+      noise->response[c] = NoiseResponse(WindowResponse{1.5, 1.5}, kInformation, 1, 1);
+      const DeviationTable whole = noise->response[c].table([](double, double) { return 1.0; });
+      noise->unit_m[c] = size_m[c] / static_cast<double>(whole.deviation[DeviationTable::kBelow]);
+    }
+    displacement_.std_m = queue_.array(std_m);
+    displacement_.information = queue_.array(information);
+    displacement_.noise = noise;
+  }
+
   // Factoring a patient takes a second: each is kept.
-  static const client::ProbeState& pressed(const client::Tissue& t, double push_m) {
-    static std::map<std::array<double, 5>, client::ProbeState> kept;
+  static const client::ProbeState& pressed(const client::Tissue& t, double window_m, double push_m) {
+    static std::map<std::array<double, 5>, client::Patient> patients;
+    static std::map<std::array<double, 7>, client::ProbeState> kept;
     const client::Inclusion& i = t.inclusions.front();
-    const std::array<double, 5> key{i.x_m, i.y_m, i.diameter_m, i.contrast, push_m};
+    const std::array<double, 5> who{i.x_m, i.y_m, i.diameter_m, i.contrast, t.depth_m};
+    const std::array<double, 7> key{i.x_m, i.y_m, i.diameter_m, i.contrast, t.depth_m, window_m, push_m};
     auto found = kept.find(key);
-    if (found == kept.end()) found = kept.emplace(key, client::Patient(t).press(kWindowM, push_m)).first;
+    if (found == kept.end()) {
+      const client::Patient& patient = patients.try_emplace(who, t).first->second;
+      found = kept.emplace(key, patient.press(window_m, push_m)).first;
+    }
     return found->second;
   }
 

@@ -235,7 +235,7 @@ TEST(ReferenceStress, ExtentsOfEveryKindGiveTheModulusOfHomogeneousTissue) {
 TEST(ReferenceStress, WhatIsKnownBesideTheWindowHelps) {
   Inclusion beside(0.073);  // 1 mm left of the window, whose near part it relieves
   const double unknown = beside.error({}, {});
-  const double told = beside.error({}, [&](double x, double y) { return beside.truth(x, y); });
+  const double told = beside.error({}, {[&](double x, double y) { return beside.truth(x, y); }});
   std::printf("mean |log E error|: unknown %.3f, told %.3f\n", unknown, told);
   EXPECT_LE(told, 0.7 * unknown);
 }

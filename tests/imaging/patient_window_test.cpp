@@ -56,18 +56,24 @@ TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
   const Estimate e = estimate(t, GetParam());
   std::vector<std::vector<double>> inside(t.inclusions.size());
   std::vector<double> background;
-  double stiff = 0;
+  double stiff = 0, squares = 0, judged = 0;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
     if (!e.valid[n]) continue;
     const double x = kWindowM + e.grid.origin_x_m + static_cast<double>(n % e.grid.nx) * e.grid.dx_m;
     const double y = e.grid.origin_y_m + static_cast<double>(n / e.grid.nx) * e.grid.dy_m;
-    bool apart = true;
+    bool apart = true, rim = false;
+    double truth_pa = kBackgroundPa;
     for (std::size_t k = 0; k < inside.size(); ++k) {
       const client::Inclusion& i = t.inclusions[k];
       const double radii = 2 * std::hypot(x - i.x_m, y - i.y_m) / i.diameter_m;
       if (radii < 0.7) inside[k].push_back(e.youngs_modulus[n]);
       apart &= (radii - 1) * i.diameter_m / 2 > 0.003;
+      rim |= std::abs(radii - 1) * i.diameter_m / 2 < 0.001;
+      if (radii < 1) truth_pa *= i.contrast;
     }
+    ASSERT_TRUE(std::isfinite(e.modulus_log_deviation[n]) && e.modulus_log_deviation[n] > 0) << n;
+    if (!rim) squares += std::pow(std::log(e.youngs_modulus[n] / truth_pa) / e.modulus_log_deviation[n], 2);
+    judged += !rim;
     if (!apart) continue;
     background.push_back(e.youngs_modulus[n]);
     stiff += e.youngs_modulus[n] > 1.5 * kBackgroundPa;
@@ -79,8 +85,14 @@ TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
   EXPECT_LE(median(inside[0]), 3.3 * kBackgroundPa);
   EXPECT_GE(median(inside[1]), 4.5 * kBackgroundPa);  // of 8
   EXPECT_LE(median(inside[1]), 9.0 * kBackgroundPa);
-  std::printf("background %.0f Pa, inclusions %.0f, %.0f Pa; %.3f valid\n", median(background),
-              median(inside[0]), median(inside[1]), e.valid_fraction);
+  // The errors are as large as claimed, 1 mm from a rim and more.
+  const double standardised = std::sqrt(squares / judged);
+  EXPECT_GE(standardised, 0.5);
+  EXPECT_LE(standardised, 2);
+  for (std::size_t n = 0; n < e.grid.size(); ++n)
+    ASSERT_EQ(std::isnan(e.modulus_log_deviation[n]), e.valid[n] == 0) << n;
+  std::printf("background %.0f Pa, inclusions %.0f, %.0f Pa; %.3f valid, standardised error %.2f\n",
+              median(background), median(inside[0]), median(inside[1]), e.valid_fraction, standardised);
 }
 
 INSTANTIATE_TEST_SUITE_P(Frames, PatientWindow,

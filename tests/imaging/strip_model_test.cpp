@@ -87,9 +87,10 @@ TEST(StripModel, AMapOnElementsFillsItsHolesAndGoesOnBesideTheWindow) {
   }
   const TissueGrid& g = model.grid();
   const std::vector<double> e = model.on_elements(map, kGrid, 12e3);
-  const std::vector<double> told = model.on_elements(map, kGrid, 12e3, [](double x, double) {
-    return x < 0.040 ? 77e3 : x < 0.060 ? 20e3 : std::nan("");
-  });
+  const std::vector<double> told =
+      model.on_elements(map, kGrid, 12e3, {[](double x, double) {
+                          return x < 0.040 ? 77e3 : x < 0.060 ? 20e3 : std::nan("");
+                        }});
   for (std::size_t j = 0; j + 1 < g.ny(); ++j)
     for (std::size_t i = 0; i + 1 < g.nx(); ++i) {
       const double x = 0.5 * (g.x_m[i] + g.x_m[i + 1]), value = e[g.element(i, j)];

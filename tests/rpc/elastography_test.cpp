@@ -99,6 +99,22 @@ TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
   EXPECT_LT(answer.force_n(1), 0);
 }
 
+// The same tissue twice, the second time with a force that cannot be: the summary names it, and claims less.
+TEST_F(Estimates, AWrongForceIsNamedInTheSummary) {
+  const auto named = [](const Outcome& outcome) {
+    for (const std::string& warning : outcome.summary.warnings())
+      if (warning.rfind("wrong-force: ", 0) == 0) return true;
+    return false;
+  };
+  v1::Acquisition a = acquisition("scene", 0.04);
+  EXPECT_FALSE(named(estimate(a, pair().pre, pair().post)));
+  EXPECT_FALSE(named(estimate(a, pair().pre, pair().post)));
+  a.mutable_probe_force()->set_force_n(1.5 * a.probe_force().force_n());
+  const Outcome wrong = estimate(a, pair().pre, pair().post);
+  ASSERT_TRUE(wrong.status.ok()) << wrong.status.error_message();
+  EXPECT_TRUE(named(wrong));
+}
+
 TEST_F(Estimates, WindowThatSticksOutOfTheSceneByHalfAMillimetreIsEstimated) {
   const Outcome outcome = estimate(acquisition("scene", -0.0005), pair().pre, pair().post);
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
