@@ -67,6 +67,19 @@ bool finish(nlohmann::json& result, const std::vector<Target>& targets, const Su
   return met;
 }
 
+bool replotted(const SuiteOptions& options, const std::string& suite,
+               void (*draw)(const nlohmann::json& result, const std::string& folder)) {
+  if (options.replot.empty()) return false;
+  if (options.out.empty()) throw BenchError("--replot needs --out");
+  std::ifstream file(options.replot);
+  if (!file) throw BenchError("cannot read --replot " + options.replot);
+  const nlohmann::json result = nlohmann::json::parse(file, nullptr, false);
+  if (!result.is_object() || result.value("suite", "") != suite)
+    throw BenchError("--replot " + options.replot + ": not the --json of this suite (" + suite + ")");
+  draw(result, options.out);
+  return true;
+}
+
 void plot(const std::filesystem::path& file, const std::string& script) {
   const std::string whole = "set terminal pngcairo size 900,600 font 'sans,11'\nset output '" +
                             file.string() + "'\nset grid lc rgb '#dddddd'\n" + script;

@@ -46,6 +46,11 @@ nlohmann::json quantiles(std::vector<double> seconds);
 // Adds machine, targets and their state, writes --json, prints the targets. Returns whether all were met.
 bool finish(nlohmann::json& result, const std::vector<Target>& targets, const SuiteOptions& options);
 
+// With --replot: draws the pictures of an earlier run of that suite into --out, from its JSON alone, and
+// returns true; without, returns false. Throws BenchError for a file that is no JSON of this suite.
+bool replotted(const SuiteOptions& options, const std::string& suite,
+               void (*draw)(const nlohmann::json& result, const std::string& folder));
+
 // Runs gnuplot on `script`, writing `file`. Throws BenchError.
 void plot(const std::filesystem::path& file, const std::string& script);
 

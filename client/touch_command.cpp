@@ -215,7 +215,8 @@ void add_touch_command(CLI::App& app) {
   add_service_options(command, session.address, session.tls_ca);
   command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
   command.add_option("--device", session.device,
-                     "haptic device: simulated (default), plugin:FILE[,SETTINGS], inverse3[:ws://HOST:PORT], "
+                     "haptic device: simulated (default), simulated-position, plugin:FILE[,SETTINGS], "
+                     "inverse3[:ws://HOST:PORT], "
                      "replay:RECORDING");
   command.add_option("--profile", session.profile,
                      "of a simulated or replayed device: premium-1.5 (default), premium-3.0, omni or touch");

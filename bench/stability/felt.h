@@ -14,6 +14,7 @@ struct FeltOptions {
   double resolution_m = 3e-5;
   double speed_m_s = 0.12;
   double indentation_m = 0.002;  // in the mean; it sways by a tenth of it
+  double edge_m = 0.0015;        // of the inclusion: logistic, 4.4 times this from 10 to 90 %
 };
 
 // The inclusion is 20 mm wide with soft edges. Felt is force over indentation, averaged over 10 mm where that

@@ -4,7 +4,6 @@
 
 #include <cstdio>
 #include <exception>
-#include <fstream>
 #include <memory>
 
 #include "bench/suites/contact.h"
@@ -51,13 +50,7 @@ json measure_case(const ChartCase& chart, const ContactProblem& problem, Peers& 
 }
 
 bool run(const SuiteOptions& options) {
-  if (!options.replot.empty()) {
-    if (options.out.empty()) throw BenchError("--replot needs --out");
-    std::ifstream file(options.replot);
-    if (!file) throw BenchError("cannot read --replot " + options.replot);
-    draw_contact(json::parse(file), options.out);
-    return true;
-  }
+  if (replotted(options, "contact", draw_contact)) return true;
   const auto device = service::Device::open();
   Peers peers = make_peers(device);
   for (const std::string& absent : peers.absent) std::printf("skipped: %s\n", absent.c_str());

@@ -2,7 +2,6 @@
 // error against time, and where each method fails.
 #include <chrono>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 
 #include "bench/suites/elastography.h"
@@ -31,13 +30,7 @@ void print_lost(const json& rows) {
 }
 
 bool run(const SuiteOptions& options) {
-  if (!options.replot.empty()) {
-    if (options.out.empty()) throw BenchError("--replot needs --out");
-    std::ifstream file(options.replot);
-    if (!file) throw BenchError("cannot read --replot " + options.replot);
-    draw_elastography(json::parse(file), options.out);
-    return true;
-  }
+  if (replotted(options, "elastography", draw_elastography)) return true;
   const auto device = service::Device::open();
   json result{{"suite", "elastography"},
               {"quick", options.quick},

@@ -10,7 +10,6 @@
 #include <cmath>
 #include <cstdio>
 #include <deque>
-#include <fstream>
 #include <memory>
 
 #include "client/acquire/robot_arm.h"
@@ -204,13 +203,7 @@ void draw(const json& result, const std::string& folder) {
 }
 
 bool run(const Arguments& arguments) {
-  if (!arguments.suite.replot.empty()) {
-    if (arguments.suite.out.empty()) throw BenchError("--replot needs --out");
-    std::ifstream file(arguments.suite.replot);
-    if (!file) throw BenchError("cannot read --replot " + arguments.suite.replot);
-    draw(json::parse(file), arguments.suite.out);
-    return true;
-  }
+  if (replotted(arguments.suite, "exploration", draw)) return true;
   std::vector<Target> targets;
   json result = measure(arguments, targets);
   const bool met = finish(result, targets, arguments.suite);

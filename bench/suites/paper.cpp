@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <fstream>
 #include <memory>
 
 namespace teletact::bench {
@@ -29,21 +28,8 @@ void draw(const json& result, const std::string& folder) {
     if (result.contains(experiment.name)) experiment.draw(result[experiment.name], folder);
 }
 
-json read(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw BenchError("cannot read --replot " + path);
-  json result = json::parse(file, nullptr, false);
-  if (result.is_discarded() || result.value("suite", "") != "paper")
-    throw BenchError("--replot " + path + ": not the --json of this suite");
-  return result;
-}
-
 bool run(const Arguments& arguments) {
-  if (!arguments.suite.replot.empty()) {
-    if (arguments.suite.out.empty()) throw BenchError("--replot needs --out");
-    draw(read(arguments.suite.replot), arguments.suite.out);
-    return true;
-  }
+  if (replotted(arguments.suite, "paper", draw)) return true;
   json result{{"suite", "paper"}, {"quick", arguments.suite.quick}};
   std::vector<Target> targets;
   for (const PaperExperiment& experiment : experiments())

@@ -8,7 +8,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 
 #include "bench/own_scene.h"
@@ -135,13 +134,7 @@ void draw(const json& result, const std::string& folder) {
 }
 
 bool run(const Arguments& arguments) {
-  if (!arguments.suite.replot.empty()) {
-    if (arguments.suite.out.empty()) throw BenchError("--replot needs --out");
-    std::ifstream file(arguments.suite.replot);
-    if (!file) throw BenchError("cannot read --replot " + arguments.suite.replot);
-    draw(json::parse(file), arguments.suite.out);
-    return true;
-  }
+  if (replotted(arguments.suite, "servo", draw)) return true;
   if (arguments.address.empty()) throw BenchError("give --service: the address of a running service");
   const auto channel = client::make_channel(arguments.address, arguments.tls_ca);
   if (!client::wait_connected(*channel, kConnectWaitS))

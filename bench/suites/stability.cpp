@@ -1,7 +1,6 @@
 // teletact-bench stability: simulated displays and hands about the client's own renderers and servo loop.
 #include "bench/suites/stability.h"
 
-#include <fstream>
 #include <memory>
 
 namespace teletact::bench {
@@ -21,21 +20,8 @@ void draw(const json& result, const std::string& folder) {
     if (part.draw != nullptr && result.contains(part.name)) part.draw(result[part.name], folder);
 }
 
-json read(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw BenchError("cannot read --replot " + path);
-  json result = json::parse(file, nullptr, false);
-  if (result.is_discarded() || result.value("suite", "") != "stability")
-    throw BenchError("--replot " + path + ": not the --json of this suite");
-  return result;
-}
-
 bool run(const SuiteOptions& options) {
-  if (!options.replot.empty()) {
-    if (options.out.empty()) throw BenchError("--replot needs --out");
-    draw(read(options.replot), options.out);
-    return true;
-  }
+  if (replotted(options, "stability", draw)) return true;
   json result{{"suite", "stability"}, {"quick", options.quick}};
   std::vector<Target> targets;
   for (const StabilityPart& part : parts()) result[part.name] = part.measure(options.quick, targets);

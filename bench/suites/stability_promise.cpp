@@ -3,9 +3,9 @@
 // stable, passive with its controller, and its force is not much further off than that of an exact model of
 // the same age. Through the whole servo loop, exploring at 120 mm/s after a light touch.
 //
-// Exact models of the same age: the tissue's true law at the place that the newest answer is of, and that
-// answer's exact force and tangent; the better of the two counts. Below 2 % of the force nothing is compared:
-// people do not feel 7 % (T5.8).
+// The exact model of the same age is the tissue's true law at the place that the newest answer is of: what a
+// client could render at best that had been given the whole model then. Beside it stands, more than is asked,
+// the better of that and of the answer's exact force and tangent.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,8 +24,10 @@ using nlohmann::json;
 
 constexpr double kServoS = 0.001, kHeldS = 0.02;
 constexpr double kOfServoBound = 0.9;
-constexpr double kForceErrorMost = 1.2, kUnfelt = 0.02;
-constexpr double kAgeMostS = 0.25;       // past it the model is DEGRADED by design
+constexpr double kForceErrorMost = 1.2;
+constexpr double kComparedLaw = 0.001, kComparedBest = 0.01;  // of the force: smaller errors are not compared
+constexpr double kLateMostS =
+    0.2;  // promised so far; the chart goes on to 0.3 s, which is DEGRADED by design
 constexpr double kGeneratedMost = 0.01;  // of what the display has held: rounding of quantised positions
 
 std::vector<DeviceProfile> devices() {
@@ -58,7 +60,7 @@ std::vector<TrialOptions> trials(bool quick) {
       for (const Scene scene : {Scene::kHomogeneous, Scene::kInclusions})
         for (const double damping : dampings)
           for (const double update_s : {0.01, 0.02, 0.05, 0.1})
-            for (const double delay_s : {0.0, 0.01, 0.05, 0.1, 0.15, 0.2}) {
+            for (const double delay_s : {0.0, 0.01, 0.05, 0.1, 0.15, 0.2, 0.3}) {
               t.device = device, t.hand = hand, t.scene = scene, t.damping_n_s_m = damping;
               t.update_s = update_s, t.model_delay_s = delay_s;
               t.stiffness_n_m = device.name == ideal_display().name ? kOfServoBound * 2 * damping / kServoS
@@ -68,10 +70,13 @@ std::vector<TrialOptions> trials(bool quick) {
   return all;
 }
 
-// Of the force error over what it may be compared with.
-double error_ratio(const TrialResult& result) {
-  const double exact = std::min(result.exact_law_error, result.exact_tangent_error);
-  return result.force_error / std::max(exact, kUnfelt);
+// Of the force error over that of the exact model of the same age, and of the better of two.
+double law_ratio(const TrialResult& result) {
+  return result.force_error / std::max(result.exact_law_error, kComparedLaw);
+}
+double best_ratio(const TrialResult& result) {
+  return result.force_error /
+         std::max(std::min(result.exact_law_error, result.exact_tangent_error), kComparedBest);
 }
 
 json describe(const TrialOptions& t, const TrialResult& r) {
@@ -96,16 +101,17 @@ json describe(const TrialOptions& t, const TrialResult& r) {
 
 struct Tally {
   std::size_t trials = 0, not_stable = 0, active = 0, error = 0, degraded = 0;
-  double worst_generated = 0, worst_ratio = 0;
+  double worst_generated = 0, worst_law = 0, worst_best = 0;
   void add(const TrialResult& r) {
     ++trials;
     const double generated = r.generated_j / std::max(r.stored_j, 1e-9);
     not_stable += r.verdict != Verdict::kStable;
     active += !(generated <= kGeneratedMost);
-    error += !(error_ratio(r) <= kForceErrorMost);
+    error += !(law_ratio(r) <= kForceErrorMost && best_ratio(r) <= kForceErrorMost);
     degraded += r.degraded_share > 0;
     worst_generated = std::max(worst_generated, generated);
-    worst_ratio = std::max(worst_ratio, error_ratio(r));
+    worst_law = std::max(worst_law, law_ratio(r));
+    worst_best = std::max(worst_best, best_ratio(r));
   }
 };
 
@@ -113,10 +119,12 @@ void promise(const Tally& t, std::vector<Target>& targets) {
   targets.push_back({"Kalman with tangent: trials not stable", double(t.not_stable), 0, "trials"});
   targets.push_back({"Kalman with tangent and controller: most energy generated", t.worst_generated,
                      kGeneratedMost, "of what it held"});
-  targets.push_back({"Kalman with tangent: force error over an exact model's of the same age", t.worst_ratio,
+  targets.push_back({"Kalman with tangent: force error over the exact model's of the same age", t.worst_law,
                      kForceErrorMost, ""});
+  targets.push_back({"Kalman with tangent: the same over the better of that and the exact tangent",
+                     t.worst_best, kForceErrorMost, ""});
   targets.push_back(
-      {"Kalman with tangent: trials DEGRADED within the age limit", double(t.degraded), 0, "trials"});
+      {"Kalman with tangent: trials DEGRADED, answers up to 0.2 s late", double(t.degraded), 0, "trials"});
 }
 
 // Where it fails, and that it is said: models past the age limit, and hard tissue that is not known yet
@@ -146,8 +154,7 @@ json measure(bool quick, std::vector<Target>& targets) {
   json rows = json::array();
   for (const TrialOptions& t : trials(quick)) {
     const TrialResult r = run_trial(t);
-    // The newest pose is at most one period and the delay old.
-    const bool in_age = t.update_s + t.model_delay_s <= kAgeMostS + 1e-9;
+    const bool in_age = t.model_delay_s <= kLateMostS;
     (in_age ? within : beyond).add(r);
     rows.push_back(describe(t, r));
     rows.back()["within_age_limit"] = in_age;
@@ -155,11 +162,11 @@ json measure(bool quick, std::vector<Target>& targets) {
   std::printf("\nKalman with tangent where a held 50 Hz force is active: %zu trials\n", within.trials);
   std::printf("  not stable %zu, active %zu, force error above %.1f of exact %zu, DEGRADED %zu\n",
               within.not_stable, within.active, kForceErrorMost, within.error, within.degraded);
-  std::printf("  past the age limit: %zu trials, DEGRADED %zu, not stable %zu\n", beyond.trials,
-              beyond.degraded, beyond.not_stable);
+  std::printf("  later than that: %zu trials, DEGRADED %zu, not stable %zu\n", beyond.trials, beyond.degraded,
+              beyond.not_stable);
   promise(within, targets);
   targets.push_back(
-      {"past the age limit, not said as DEGRADED", double(beyond.trials - beyond.degraded), 0, "trials"});
+      {"answers 0.3 s late, not said as DEGRADED", double(beyond.trials - beyond.degraded), 0, "trials"});
   return {{"rows", rows}, {"failures", measure_failures(quick, targets)}};
 }
 

@@ -8,7 +8,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <thread>
 
@@ -157,13 +156,7 @@ json describe_service(const std::shared_ptr<grpc::Channel>& channel) {
 }
 
 bool run(const Arguments& arguments) {
-  if (!arguments.suite.replot.empty()) {
-    if (arguments.suite.out.empty()) throw BenchError("--replot needs --out");
-    std::ifstream file(arguments.suite.replot);
-    if (!file) throw BenchError("cannot read --replot " + arguments.suite.replot);
-    draw(json::parse(file), arguments.suite.out);
-    return true;
-  }
+  if (replotted(arguments.suite, "throughput", draw)) return true;
   if (arguments.address.empty()) throw BenchError("give --service: the address of a running service");
   const auto channel = client::make_channel(arguments.address, arguments.tls_ca);
   if (!client::wait_connected(*channel, kConnectWaitS))

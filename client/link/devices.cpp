@@ -7,6 +7,7 @@
 #include "client/haptic/plugin_device.h"
 #include "client/haptic/replay_device.h"
 #include "client/haptic/simulated_device.h"
+#include "client/haptic/simulated_position_device.h"
 #include "client/link/recording.h"
 #include "client/servo/states.h"
 
@@ -47,6 +48,12 @@ std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
     options.hand = choice.hand;
     return std::make_unique<SimulatedDevice>(options);
   }
+  if (kind == "simulated-position" && rest.empty()) {
+    SimulatedPositionDeviceOptions options;
+    options.profile = device_profile(choice.profile);
+    options.hand = choice.hand;
+    return std::make_unique<SimulatedPositionDevice>(options);
+  }
   if (kind == "replay" && !rest.empty())
     return std::make_unique<ReplayDevice>(device_profile(choice.profile), read_motion(rest));
   if (kind == "plugin" && !rest.empty()) {
@@ -60,8 +67,9 @@ std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
     options.start_m = start_m;
     return std::make_unique<Inverse3Device>(options);
   }
-  throw std::invalid_argument("unknown device '" + choice.device +
-                              "'; known: simulated, plugin:FILE[,SETTINGS], inverse3[:URL], replay:FILE");
+  throw std::invalid_argument(
+      "unknown device '" + choice.device +
+      "'; known: simulated, plugin:FILE[,SETTINGS], inverse3[:URL], replay:FILE, simulated-position");
 }
 
 }  // namespace teletact::client

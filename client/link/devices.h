@@ -10,7 +10,7 @@
 namespace teletact::client {
 
 struct DeviceChoice {
-  // simulated | plugin:FILE[,SETTINGS] | inverse3[:URL] | replay:FILE
+  // simulated | simulated-position | plugin:FILE[,SETTINGS] | inverse3[:URL] | replay:FILE
   std::string device = "simulated";
   std::string profile = "premium-1.5";  // of a simulated or a replayed device
   HandOptions hand =

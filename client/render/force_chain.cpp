@@ -13,7 +13,8 @@ ForceChain::ForceChain(const ForceChainOptions& options)
 
 // How far the model's age and the energy balance let the rendered force be trusted.
 void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept {
-  const double aged = age_gain(input.model_age_s, options_.model_age_limit_s);
+  const AgeLimits ages = age_limits(input.period_s);
+  const double aged = age_gain(input.model_age_s, ages);
   const double energy_j = passivity_.energy_j();
   indebted_ = energy_j < (indebted_ ? 0 : -options_.debt_limit_j);
   if (!input.on) {
@@ -24,7 +25,7 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   age_gain_ = std::min(aged, age_gain_ + options_.recover_1_s * dt_s);
   debt_gain_ =
       std::clamp(debt_gain_ + (indebted_ ? -options_.fade_1_s : options_.settle_1_s) * dt_s, 0.0, 1.0);
-  output.degraded = !(input.model_age_s <= options_.model_age_limit_s) || indebted_;
+  output.degraded = !(input.model_age_s <= ages.degraded_s) || indebted_;
 }
 
 // The force before slew: zero unless enabled, finite and in contact.

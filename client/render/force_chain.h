@@ -12,7 +12,6 @@ namespace teletact::client {
 
 struct ForceChainOptions {
   ForceLimits limits;
-  double model_age_limit_s = 0.25;  // older: DEGRADED, and faded to nothing at twice that
   // More energy generated than this, after the controller: DEGRADED, and faded until it is paid back. It is
   // what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays below.
   double debt_limit_j = 5e-3;

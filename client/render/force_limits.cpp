@@ -32,8 +32,16 @@ double silence_gain(double silence_s, const SilenceLimits& limits) noexcept {
   return falling(silence_s, limits.fade_s, limits.zero_s);
 }
 
-double age_gain(double model_age_s, double limit_s) noexcept {
-  return falling(model_age_s, limit_s, 2 * limit_s);
+AgeLimits age_limits(double negotiated_period_s) noexcept {
+  constexpr double kLateS = 0.2, kMarginS = 0.01, kLongestS = 0.4;
+  AgeLimits limits;
+  const double period_s = std::isfinite(negotiated_period_s) ? negotiated_period_s : 0;
+  limits.degraded_s = std::clamp(kLateS + period_s + kMarginS, limits.degraded_s, kLongestS);
+  return limits;
+}
+
+double age_gain(double model_age_s, const AgeLimits& limits) noexcept {
+  return falling(model_age_s, limits.degraded_s, limits.zero_s);
 }
 
 double start_gain(double enabled_s, double ramp_s) noexcept {

@@ -29,8 +29,16 @@ SilenceLimits silence_limits(double negotiated_period_s) noexcept;
 // 1 while fresh, falling linearly to 0 from fade_s to zero_s; 0 for NaN.
 double silence_gain(double silence_s, const SilenceLimits&) noexcept;
 
-// 1 up to `limit_s`, falling linearly to 0 at twice that; 0 for NaN. Above the limit the answer is DEGRADED.
-double age_gain(double model_age_s, double limit_s) noexcept;
+// Model age past which answers are DEGRADED and fade, and where they are nothing: 0.25 s, or where answers
+// are few what one that came 0.2 s late grows to before the next, but at most 0.4 s; and 0.5 s.
+struct AgeLimits {
+  double degraded_s = 0.25;
+  double zero_s = 0.5;
+};
+AgeLimits age_limits(double negotiated_period_s) noexcept;
+
+// 1 up to degraded_s, falling linearly to 0 at zero_s; 0 for NaN.
+double age_gain(double model_age_s, const AgeLimits&) noexcept;
 
 // 0 at the start, 1 after `ramp_s`; 0 for NaN.
 double start_gain(double enabled_s, double ramp_s) noexcept;

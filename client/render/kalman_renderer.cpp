@@ -12,12 +12,13 @@ constexpr double kSmallestIndentationM = 1e-4;
 constexpr double kUnknownStiffnessNM = 1e5;
 constexpr double kUnknownGradientNM2 = 1e7;
 
-// The offset up to `reach`, from there falling to nothing at four times it; sign kept.
-double trusted_offset(double offset_m, double reach_m) noexcept {
-  constexpr double kGivenUp = 3;  // times the reach
-  const double distance_m = std::abs(offset_m);
-  const double trusted_m = std::min(distance_m, std::max(reach_m - (distance_m - reach_m) / kGivenUp, 0.0));
-  return std::copysign(trusted_m, offset_m);
+// The best guess of a stiffness at a distance d from where it and its gradient g are known, when nothing else
+// is known of it but that it is correlated as exp(-d^2 / 2 l^2): k + g d exp(-d^2 / 2 l^2). Here d exp(...),
+// its tail bent to end at 3.5 l: (1 - d^2 / 12 l^2)^6.
+double trusted_offset(double offset_m, double correlation_m) noexcept {
+  const double share = offset_m / correlation_m;
+  const double third = std::pow(std::max(1 - share * share / 12, 0.0), 2);
+  return offset_m * third * third * third;
 }
 
 }  // namespace
@@ -112,9 +113,8 @@ void KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, dou
 }
 
 Vector2 KalmanRenderer::stiffness_at(double x_m, double indentation_m) const noexcept {
-  const double reach = options_.reach_m;
-  const double dx_m = trusted_offset(x_m - anchor_x_m_, reach);
-  const double dd_m = std::clamp(indentation_m - anchor_indentation_m_, -reach, reach);
+  const double dx_m = trusted_offset(x_m - anchor_x_m_, options_.correlation_m);
+  const double dd_m = std::clamp(indentation_m - anchor_indentation_m_, -options_.reach_m, options_.reach_m);
   Vector2 k = state_.row(0) + dx_m * state_.row(1) + dd_m * state_.row(2);
   const double largest = options_.largest_growth * std::max(state_(0, 1), 0.0);
   k.y() = std::clamp(k.y(), 0.0, largest);

@@ -42,9 +42,11 @@ struct KalmanOptions {
   // An answer is an outlier when its force innovation exceeds this many standard deviations ...
   double gate_sigma = 6;
   int outliers_in_a_row = 3;  // ... unless this many come in a row: then the tissue has changed
-  // Trust in the gradient: how far from the anchor the expansion goes, and what k may become by it. Sideways
-  // it is given up again over three times that: further away the stiffness of the anchor is the better guess.
+  // Trust in the gradient: how far below and above the anchor the expansion goes, and what k may become by
+  // it. Sideways it is followed as far as stiffness is correlated (an inclusion of 10 mm, the middle of T2.7)
+  // and given up further on: a straight line overshoots at an inclusion's edge, which is then felt too hard.
   double reach_m = 0.004;
+  double correlation_m = 0.0045;
   double largest_growth = 3;
   // Blend of model updates.
   double servo_period_s = 0.001;

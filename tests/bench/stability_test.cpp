@@ -113,6 +113,18 @@ TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNo
     }
 }
 
+// Against the exact force of every tick, whose felt contrast falls with the sharpness itself.
+TEST(Felt, GivenAnswers20MillisecondsLateThenAnInclusionIsFeltWithinATwentiethOfItsContrast) {
+  for (const double edge_m : {0.0015, 0.002})
+    for (const double stimulus_n_m : {15.0, 20.0, 37.5, 45.0}) {
+      const FeltOptions exact{.renderer = "hold", .update_s = 0.001, .model_delay_s = 0, .edge_m = edge_m};
+      const double exact_n_m = felt_stiffness(exact, 25, stimulus_n_m, 1).front();
+      for (const double felt_n_m :
+           felt_stiffness({.model_delay_s = 0.02, .edge_m = edge_m}, 25, stimulus_n_m, 5))
+        EXPECT_NEAR(felt_n_m, exact_n_m, 0.05 * std::abs(stimulus_n_m - 25)) << stimulus_n_m << ' ' << edge_m;
+    }
+}
+
 TEST(ForceChain, BoundsHoldForAnyStreamOfAnswers) {
   const FuzzResult result = fuzz_forces(200000, 20240611);
   EXPECT_EQ(result.cases, 200000u);

@@ -46,6 +46,7 @@ TouchSessionOptions session_options(const std::string& address) {
 
 TEST(Devices, AreChosenByTheirNamesAndRefusedWithAReason) {
   EXPECT_EQ(complaint("simulated"), "");
+  EXPECT_EQ(complaint("simulated-position"), "");
   EXPECT_EQ(complaint("inverse3"), "");
   EXPECT_EQ(complaint("inverse3:ws://127.0.0.1:9"), "");
   for (const char* unknown : {"spoon", "", "simulated:x", "plugin:", "plugin", "replay"})
@@ -76,6 +77,20 @@ TEST(Devices, ARecordedMotionIsFeltAgainAndEndsTheSession) {
   EXPECT_EQ(allocations, 0u);
   std::remove(options.record_path.c_str());
   EXPECT_NE(complaint(again.device), "");
+}
+
+TEST(Devices, ADisplayThatCommandsAPositionFeelsTheTissue) {
+  FakePalpation service(test::socket_address("position"));
+  service.serve();
+  TouchSessionOptions options = session_options(test::socket_address("position"));
+  options.device = "simulated-position";
+  options.duration_s = 1.5;
+  const std::atomic<bool> stop{false};
+  TouchSummary summary = run_touch_session(options, stop);
+  EXPECT_GT(summary.ticks.largest_force_n(), 0.3);
+  EXPECT_GT(summary.link.distinct, 100u);
+  EXPECT_EQ(summary.ticks.changes().back().reason, StateReason::kDisabledByUser);
+  EXPECT_EQ(allocations, 0u);
 }
 
 TEST(Devices, APluginIsTouchedWith) {

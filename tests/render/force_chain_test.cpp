@@ -44,6 +44,22 @@ TEST(ForceLimits, SilenceScalesWithTheNegotiatedPeriodUpToHalfASecond) {
   EXPECT_DOUBLE_EQ(silence_limits(kNaN).fade_s, 0.05);
 }
 
+TEST(ForceLimits, GivenFewAnswersWhenOneIsATenthOfASecondOlderThanItCameThenItIsNotTooOld) {
+  EXPECT_DOUBLE_EQ(age_limits(0.01).degraded_s, 0.25);
+  EXPECT_GT(age_limits(0.1).degraded_s, 0.3);  // 10 Hz, 0.2 s late
+  EXPECT_LT(age_limits(0.1).degraded_s, 0.32);
+  for (const double period_s : {0.0, 0.1, 2.0, kNaN}) {
+    const AgeLimits limits = age_limits(period_s);
+    EXPECT_GE(limits.degraded_s, 0.25);
+    EXPECT_LE(limits.degraded_s, 0.4);
+    EXPECT_DOUBLE_EQ(limits.zero_s, 0.5);
+    EXPECT_EQ(age_gain(limits.degraded_s, limits), 1);
+    EXPECT_NEAR(age_gain((limits.degraded_s + limits.zero_s) / 2, limits), 0.5, 1e-12);
+    EXPECT_EQ(age_gain(limits.zero_s, limits), 0);
+    EXPECT_EQ(age_gain(kNaN, limits), 0);
+  }
+}
+
 TEST(ForceChain, PassesAnOrdinaryForceUnchanged) {
   ForceChain chain({});
   EXPECT_NEAR(settle(chain, pressed(0.6)), 0.6, 1e-12);
