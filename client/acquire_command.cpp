@@ -18,7 +18,6 @@
 #include "client/files/file_io.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
-#include "teletact/v1/info.grpc.pb.h"
 
 namespace teletact::client {
 namespace {
@@ -71,14 +70,6 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
         std::abs(scene.geometry().size_m(axis) - geometry.size_m(axis)) > 1e-9)
       throw CommandError("--scene " + scene_id + ": it exists with another size; choose another scene");
   std::fprintf(stderr, "scene %s exists: going on with it\n", scene_id.c_str());
-}
-
-v1::GetInfoResponse get_info(const std::shared_ptr<grpc::Channel>& channel) {
-  v1::GetInfoResponse info;
-  grpc::ClientContext context;
-  const grpc::Status status = v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
-  if (!status.ok()) throw_status("GetInfo", status);
-  return info;
 }
 
 // Everything that the recording gets, in one place; calls come from several threads.

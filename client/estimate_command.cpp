@@ -37,15 +37,16 @@ const char* stage_name(v1::EstimateStage stage) {
   }
 }
 
-// A modulus in Pa hangs on how far the probe's stress spreads: an assumed tissue is said, not hidden.
+// The modulus hangs on how far the probe's stress spreads: an assumed tissue is said, not hidden.
 void warn_of_assumptions(const v1::Acquisition& acquisition) {
   const TissueExtent tissue = tissue_extent(acquisition);
-  if (!acquisition.has_probe_force()) return;
   if (tissue.width_assumed)
     std::fprintf(stderr,
                  "warning: --tissue-width-m is not given: the tissue is taken to end where the frame does "
-                 "(%.1f mm). In wider tissue the modulus then comes out too high, up to about twofold.\n",
-                 tissue.width_m * 1e3);
+                 "(%.1f mm). In wider tissue %s.\n",
+                 tissue.width_m * 1e3,
+                 acquisition.has_probe_force() ? "the modulus then comes out too high, up to about twofold"
+                                               : "the relative modulus then ramps from top to bottom");
   if (tissue.depth_assumed)
     std::fprintf(stderr,
                  "warning: --tissue-depth-m is not given: the fixed far side is taken to lie at the end of "
@@ -68,7 +69,8 @@ void run(const Arguments& arguments) {
   };
   EstimateClient client(channel);
   const EstimateOutcome outcome = client.estimate(pair.acquisition, pair.pre, pair.post, callbacks, false);
-  const auto files = write_estimate(arguments.out, pair.acquisition, outcome);
+  const auto files = write_estimate(arguments.out, pair.acquisition, outcome,
+                                    {arguments.frames.pre, arguments.frames.post, get_info(channel)});
   const v1::EstimateSummary& summary = outcome.summary;
   std::printf(
       "%u x %u samples: quality %.2f, median correlation %.3f, valid %.1f %%, mean axial strain %.3f %%, ",

@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "client/link/channel.h"
+#include "teletact/v1/info.grpc.pb.h"
 
 namespace teletact::client {
 namespace {
@@ -54,6 +55,14 @@ std::int64_t monotonic_ns() {
 
 void throw_status(const char* call, const grpc::Status& status) {
   throw ServiceError(status.error_code(), std::string(call) + ": " + describe(status));
+}
+
+v1::GetInfoResponse get_info(const std::shared_ptr<grpc::Channel>& channel) {
+  v1::GetInfoResponse info;
+  grpc::ClientContext context;
+  const grpc::Status status = v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
+  if (!status.ok()) throw_status("GetInfo", status);
+  return info;
 }
 
 EstimateClient::EstimateClient(const std::shared_ptr<grpc::Channel>& channel, double retry_for_s)

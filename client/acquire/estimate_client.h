@@ -14,6 +14,7 @@
 
 #include "client/acquire/frame_source.h"
 #include "teletact/v1/elastography.grpc.pb.h"
+#include "teletact/v1/info.pb.h"
 
 namespace teletact::client {
 
@@ -26,6 +27,9 @@ struct ServiceError : std::runtime_error {
 
 // Turns a failed status into a ServiceError that names the call and the code.
 [[noreturn]] void throw_status(const char* call, const grpc::Status& status);
+
+// What serves at the other end. Throws as throw_status() does.
+teletact::v1::GetInfoResponse get_info(const std::shared_ptr<grpc::Channel>& channel);
 
 struct EstimateOutcome {
   teletact::v1::EstimateSummary summary;

@@ -1,5 +1,4 @@
 #include "client/acquire/map_output.h"
-#include "client/acquire/modulus_names.h"
 
 #include <cmath>
 #include <cstring>
@@ -9,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "client/acquire/modulus_names.h"
 #include "client/acquire/recorded_frames.h"
 #include "client/files/png.h"
 #include "client/files/vti.h"
@@ -105,6 +105,14 @@ Panel panel_of(const v1::Map& map, const std::vector<float>& valid) {
   return panel;
 }
 
+// What was asked for; the service chose where nothing was.
+template <class Value>
+std::string asked_for(const std::map<std::string, Value>& names, Value asked) {
+  for (const auto& [name, value] : names)
+    if (value == asked) return name;
+  return "the service's choice";
+}
+
 nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOutcome& outcome) {
   const v1::EstimateSummary& summary = outcome.summary;
   nlohmann::json stages = nlohmann::json::object();
@@ -115,6 +123,9 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
         {"background", summary.background_modulus_pa()},
         {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"},
         {"method", name_of(summary.modulus_method())},
+        {"asked_for", asked_for(modulus_methods(), acquisition.modulus_method())},
+        {"time_limit_s", acquisition.modulus_time_limit_s()},
+        {"plane", asked_for(plane_conditions(), acquisition.plane())},
         {"converged", summary.modulus_converged()},
         {"iterations", summary.modulus_iterations()}}},
       {"warnings", std::vector<std::string>(summary.warnings().begin(), summary.warnings().end())},
@@ -131,6 +142,8 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
         {"sound_speed_m_s", acquisition.sound_speed_m_s()},
         {"line_pitch_m", acquisition.line_pitch_m()},
         {"first_sample_depth_m", acquisition.first_sample_depth_m()},
+        {"max_strain", acquisition.max_strain()},
+        {"poisson_ratio", acquisition.poisson_ratio()},
         {"frame", acquisition.displacement_frame() == v1::DISPLACEMENT_FRAME_LAB ? "LAB" : "PROBE"}}}};
   const TissueExtent tissue = tissue_extent(acquisition);
   json["tissue"] = {{"width_m", tissue.width_m},
@@ -187,7 +200,8 @@ std::vector<float> values_of(const v1::Map& map) {
 }
 
 std::vector<std::string> write_estimate(const std::filesystem::path& folder,
-                                        const v1::Acquisition& acquisition, const EstimateOutcome& outcome) {
+                                        const v1::Acquisition& acquisition, const EstimateOutcome& outcome,
+                                        const EstimateSource& source) {
   const v1::Map* valid_map = find_map(outcome.maps, "valid");
   const std::vector<float> valid = valid_map ? values_of(*valid_map) : std::vector<float>{};
   std::vector<std::string> written;
@@ -214,6 +228,10 @@ std::vector<std::string> write_estimate(const std::filesystem::path& folder,
   }
   nlohmann::json json = summary_json(acquisition, outcome);
   json["files"] = written;
+  json["source"] = {{"pre", source.pre}, {"post", source.post}};
+  json["service"] = {{"build", source.info.build()},
+                     {"device", source.info.device().name()},
+                     {"driver", source.info.device().driver_version()}};
   write_file(folder / "estimate.json", json.dump(2) + "\n");
   written.push_back("estimate.json");
   return written;

@@ -17,11 +17,18 @@ void require_writable_folder(const std::filesystem::path& folder);
 // the array does not fill its grid.
 std::vector<float> values_of(const teletact::v1::Map& map);
 
+// What the maps were made of, and by whom.
+struct EstimateSource {
+  std::string pre, post;  // files
+  teletact::v1::GetInfoResponse info;
+};
+
 // Writes displacement, strain, correlation and modulus as .vti and .png (nodes that are not valid are grey in
 // the pictures and keep their value in the files, beside the array `valid`), and estimate.json, which also
-// says which tissue was assumed. Returns the names of the files written. Throws FileError.
+// says which tissue was assumed; a 0 in it stands for the service's default. Returns the names of the files
+// written. Throws FileError.
 std::vector<std::string> write_estimate(const std::filesystem::path& folder,
                                         const teletact::v1::Acquisition& acquisition,
-                                        const EstimateOutcome& outcome);
+                                        const EstimateOutcome& outcome, const EstimateSource& source);
 
 }  // namespace teletact::client

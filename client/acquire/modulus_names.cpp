@@ -1,6 +1,7 @@
 #include "client/acquire/modulus_names.h"
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 
 namespace teletact::client {
 
@@ -32,7 +33,8 @@ void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& t
       ->transform(CLI::CheckedTransformer(modulus_methods()));
   command
       .add_option("--modulus-time-limit-s", time_limit_s,
-                  "an iterative modulus begins no step that would end later, and returns its best (0.25)")
+                  "an iterative modulus begins no step that would end later, and returns its best (" +
+                      (time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "0.25") + ")")
       ->check(CLI::PositiveNumber);
 }
 

@@ -15,7 +15,8 @@ const std::map<std::string, teletact::v1::PlaneCondition>& plane_conditions();
 // "unknown" for a method that this client does not know.
 std::string name_of(teletact::v1::ModulusMethod);
 
-// --modulus-method and --modulus-time-limit-s; left alone (unspecified, 0) the service chooses.
+// --modulus-method and --modulus-time-limit-s; left alone they stay as they are; 0 is
+// the service's choice.
 void add_modulus_options(CLI::App& command, teletact::v1::ModulusMethod& method, double& time_limit_s);
 
 }  // namespace teletact::client

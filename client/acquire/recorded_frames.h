@@ -30,7 +30,7 @@ struct RecordedFrameOptions {
          tissue_width_m = 0;  // 0: the service's default
   // 0: the service's default
   teletact::v1::ModulusMethod modulus_method = teletact::v1::MODULUS_METHOD_UNSPECIFIED;
-  double modulus_time_limit_s = 0;
+  double modulus_time_limit_s = 20;  // nobody waits with a finger: until it has settled
   teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;
 };
 

@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "service/imaging/input_checks.h"
+
 namespace teletact::service {
 namespace {
 
@@ -118,6 +120,7 @@ DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const 
   queue_.read(displacement.correlation, e.correlation.data(), e.correlation.size());
   e.displacement_valid = queue_.read(displacement.trusted);
   judge_tracking(e, pre, post, geometry, go_on);
+  e.input_warnings = contradictions(pre, geometry, e.grid, e.axial_displacement, e.displacement_valid);
   return displacement;
 }
 

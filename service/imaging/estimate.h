@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "service/device/device.h"
@@ -67,6 +68,7 @@ struct Estimate {
   int modulus_iterations = 0;
   Field modulus_log_deviation;  // standard deviation of log E; NaN where valid = 0
   std::vector<ModulusWarning> modulus_warnings;
+  std::vector<std::string> input_warnings;  // the frames contradict what is stated of them
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
 };
 

@@ -109,14 +109,24 @@ class Iterative : public ModulusMethod {
     return std::sqrt(sum / count);
   }
 
+  std::string unsettled(int steps) const {
+    if (steps == 0)
+      return "modulus_time_limit_s left no time for a step of the iterative method: this is the direct "
+             "method's modulus; allow more time";
+    const std::string best = ", before it had settled: this is the best so far";
+    if (steps < options_.most_steps)
+      return "the iterative modulus was stopped by modulus_time_limit_s after " + std::to_string(steps) +
+             " steps" + best + "; allow more time";
+    return "the iterative modulus was stopped after " + std::to_string(steps) + " steps, the most" + best;
+  }
+
   void publish(const ModulusInput& in, const StripModel& model, const ModulusProblem& problem,
                const ModulusProblem::Point& best, ModulusEstimate& out) const {
-    if (!out.converged)
-      out.warnings.push_back({ModulusFlag::kDeadline, "the iterative modulus was stopped after " +
-                                                          std::to_string(out.iterations) +
-                                                          " steps, before it had settled: this is the best "
-                                                          "so far; give it more time, if it had too little"});
-    if (out.iterations == 0) return;  // the direct one
+    if (!out.converged) out.warnings.push_back({ModulusFlag::kDeadline, unsettled(out.iterations)});
+    if (out.iterations == 0) {
+      out.kind = ModulusKind::kDirect;
+      return;
+    }
     std::erase_if(out.warnings, [](const auto& w) { return w.flag == ModulusFlag::kCompressible; });
     if (best.fit.mean_square > options_.largest_misfit)
       out.warnings.push_back(

@@ -236,7 +236,7 @@ void ModulusJudge::out_of_plane(const ModulusInput& in, ModulusEstimate& out) co
         {ModulusFlag::kOutOfPlane,
          text("the tissue spreads sideways by %.2f of its axial strain, not by %.2f as assumed: it moves "
               "across "
-              "the image plane, or nu or the plane condition is another; the modulus is off by up to a third",
+              "the image plane, or nu or the plane condition is another; the modulus is off by a third to twofold",
               ratio, expected)});
 }
 

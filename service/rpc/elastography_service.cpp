@@ -243,6 +243,7 @@ void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_modulus_method(method_to(e.modulus_kind));
   out->set_modulus_converged(e.modulus_converged);
   out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));
+  for (const std::string& warning : e.input_warnings) out->add_warnings(warning);
   for (const ModulusWarning& warning : e.modulus_warnings)
     out->add_warnings(fmt::format("{}: {}", name_of(warning.flag), warning.text));
 }
@@ -310,11 +311,14 @@ grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream*
       }
     }();
     write_outcome(outcome, job->request, *stream);
+    const auto& e = outcome.estimate;
     spdlog::info(
         "event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} warnings={} elapsed_s={:.4f}",
-        ticket->id(), context->peer(), outcome.estimate.valid_fraction, outcome.estimate.median_correlation,
-        outcome.estimate.modulus_warnings.size(), seconds_since(job->received));
-    for (const ModulusWarning& warning : outcome.estimate.modulus_warnings)
+        ticket->id(), context->peer(), e.valid_fraction, e.median_correlation,
+        e.input_warnings.size() + e.modulus_warnings.size(), seconds_since(job->received));
+    for (const std::string& warning : e.input_warnings)
+      spdlog::warn("event=estimate_doubtful call={} flag=input text=\"{}\"", ticket->id(), warning);
+    for (const ModulusWarning& warning : e.modulus_warnings)
       spdlog::warn("event=estimate_doubtful call={} flag={} text=\"{}\"", ticket->id(), name_of(warning.flag),
                    warning.text);
     return grpc::Status::OK;

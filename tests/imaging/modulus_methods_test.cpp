@@ -152,7 +152,7 @@ TEST(Methods, EveryPoissonRatioAndPlaneOnDisplacementOfTheStripItself) {
 TEST(Iterative, ReturnsItsBestByTheDeadlineAndSaysSo) {
   Phantom phantom({.contrast = 10});
   const auto method = make_iterative(imaging_device()->queue(), {}, {});
-  for (const double limit_s : {0.0, 0.045, 1e3}) {
+  for (const double limit_s : {0.0, 0.045, 0.08, 1e3}) {
     ModulusInput in = phantom.input();
     double now_s = 0;
     in.seconds_left = [&] { return limit_s - (now_s += 0.01); };
@@ -161,6 +161,8 @@ TEST(Iterative, ReturnsItsBestByTheDeadlineAndSaysSo) {
                                   [](const ModulusWarning& w) { return w.flag == ModulusFlag::kDeadline; });
     EXPECT_EQ(told, limit_s < 1) << limit_s;
     EXPECT_EQ(e.converged, limit_s > 1) << limit_s;
+    EXPECT_EQ(e.kind, e.iterations == 0 ? ModulusKind::kDirect : ModulusKind::kIterative) << limit_s;
+    EXPECT_EQ(e.iterations == 0, limit_s < 0.05) << limit_s;
     if (limit_s == 0) {
       EXPECT_EQ(e.iterations, 0);  // then it is the direct one
       const Field direct = make_direct(imaging_device()->queue(), {})->estimate(in).youngs_modulus;
