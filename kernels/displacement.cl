@@ -125,51 +125,117 @@ float8 taps_at(__global const float* restrict taps, const float fraction, const 
   return t0 + (t - (float)phase) * (t1 - t0);
 }
 
-// Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes, the
-// lateral part taken at the middle of each run of WARP_RUN samples. Both ways by `taps` (windowed sinc, `phases`
-// + 1 rows of 8, row p for a fraction p / phases). Writes either the warped frame (pair = 0), or the mean of
-// pre and warped post to `a` and their difference pre - warped to `b`, both zero where x + u lies outside the
-// frame (pair = 1). One item per run of a line: first the run's strip of post, interpolated laterally, then
-// its samples; per sample 4 vector loads, ~60 flops. |strain| <= 0.4 axially.
+// Eight samples of a line interpolated `distance` (at most INTERPOLATION_RANGE) beside the four from lo[0] and
+// the four from hi[0] on. Taps are Chebyshev series in t = distance / range, [order][n] for n = 0 .. 3: those of
+// even orders are alike on both sides, those of odd ones opposite. The tap at distance 4, there on the side of t
+// only, and the gain that makes the taps' sum one are series in 2 |t| - 1 (interpolation.h).
+#define INTERPOLATION_RANGE 0.8f
+float8 between_samples(const float* lo, const float* hi, const float8 distance,
+                       __global const float* restrict series) {
+  const float8 t = distance * (1.0f / INTERPOLATION_RANGE);
+  const float8 own = (float8)(vload4(0, lo), vload4(0, hi));
+  float8 even[4], odd[3];
+#pragma unroll
+  for (int k = 0; k < 4; ++k) even[k] = series[8 * k] * own;
+#pragma unroll
+  for (int k = 0; k < 3; ++k) odd[k] = (float8)(0.0f);
+#pragma unroll
+  for (int n = 1; n < 4; ++n) {
+    const float8 before = (float8)(vload4(0, lo - n), vload4(0, hi - n)),
+                 after = (float8)(vload4(0, lo + n), vload4(0, hi + n));
+    const float8 sum = after + before, difference = after - before;
+#pragma unroll
+    for (int k = 0; k < 4; ++k) even[k] = fma((float8)(series[8 * k + n]), sum, even[k]);
+#pragma unroll
+    for (int k = 0; k < 3; ++k) odd[k] = fma((float8)(series[8 * k + 4 + n]), difference, odd[k]);
+  }
+  const float8 far = select((float8)(vload4(0, lo - 4), vload4(0, hi - 4)),
+                            (float8)(vload4(0, lo + 4), vload4(0, hi + 4)), t > 0.0f);
+  __global const float* const c = series + 28;
+  const float8 s = 2.0f * fabs(t) - 1.0f, s2 = 2.0f * s * s - 1.0f, s3 = s * (2.0f * s2 - 1.0f);
+  const float8 s4 = 2.0f * s2 * s2 - 1.0f;
+  const float8 weight = c[0] + s * c[1] + s2 * c[2] + s3 * c[3] + s4 * c[4];
+  const float8 gain = c[5] + s * c[6] + s2 * c[7] + s3 * c[8] + s4 * c[9];
+  const float8 t2 = 2.0f * t * t - 1.0f, t3 = t * (2.0f * t2 - 1.0f), t4 = 2.0f * t2 * t2 - 1.0f;
+  const float8 t5 = 2.0f * t * t4 - t3, t6 = 2.0f * t3 * t3 - 1.0f;
+  return gain * (weight * far + even[0] + t * odd[0] + t2 * even[1] + t3 * odd[1] + t4 * even[2] + t5 * odd[2] +
+                 t6 * even[3]);
+}
+
+// Axial component of a field at `column` and the rows of eight consecutive samples, bilinear and held constant
+// outside as field_at(); they may not span more than two rows of nodes.
+float8 axial_along(__global const float2* restrict field, const int nx, const int ny, const float column,
+                   const float8 rows) {
+  const float c = clamp(column, 0.0f, (float)(nx - 1));
+  const float8 r = clamp(rows, 0.0f, (float)(ny - 1));
+  const int i = min((int)c, max(nx - 2, 0)), j = (int)r.s0, right = nx > 1 ? 1 : 0;
+  const float s = c - (float)i;
+  float u[3];
+  for (int n = 0; n < 3; ++n) {
+    __global const float2* const p = field + i + nx * min(j + n, ny - 1);
+    u[n] = p[0].y + s * (p[right].y - p[0].y);
+  }
+  const float8 from_node = r - (float)j, beyond = fmax(from_node - 1.0f, 0.0f);
+  return u[0] + from_node * (u[1] - u[0]) + beyond * (u[2] - 2.0f * u[1] + u[0]);
+}
+
+// Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes, which
+// are at least 8 samples apart; its lateral part is taken at the middle of each run of WARP_RUN samples. By a
+// windowed sinc both ways: `taps` (`phases` + 1 rows of 8, row p for a fraction p / phases) across the lines,
+// `series` along them. Writes either the warped frame (pair = 0), or the mean of pre and warped post to `a` and
+// their difference pre - warped to `b`, both zero where x + u lies outside the frame (pair = 1); behind a line's
+// end zeros. One item per run of a line: first the run's strip of post, interpolated laterally, then its
+// samples, eight at a time; per sample 4 vector loads, ~15 vector flops. |strain| <= 0.2 axially.
 #define STRIP (WARP_RUN + 16)
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     __global const float* restrict pre, __global const float* restrict post,
-    __global const float2* restrict field, __global const float* restrict taps, __global float* restrict a,
-    __global float* restrict b, const int pair, const int phases, const int line_count,
-    const int sample_count, const int nx, const int ny, const int first_line, const int line_step,
-    const int first_sample, const int sample_step, const int origin, const int stride) {
+    __global const float2* restrict field, __global const float* restrict taps,
+    __global const float* restrict series, __global float* restrict a, __global float* restrict b,
+    const int pair, const int phases, const int line_count, const int sample_count, const int nx, const int ny,
+    const int first_line, const int line_step, const int first_sample, const int sample_step, const int origin,
+    const int stride) {
   const int start = get_global_id(0) * WARP_RUN, l = get_global_id(1);
-  const int end = min(start + WARP_RUN, sample_count);
+  if (start >= sample_count) return;
   const float column = (float)(l - first_line) / (float)line_step, rows_per_sample = 1.0f / (float)sample_step;
   const float middle = (float)(start + WARP_RUN / 2 - first_sample) * rows_per_sample;
   const float2 shift = field_at(field, nx, ny, column, middle);
   const float x = (float)l + shift.x, whole_x = floor(x);
   const int line = (int)whole_x, first = start + (int)floor(shift.y) - 7;
-  float strip[STRIP];
   const bool inside = line >= 0 && line < line_count && first + STRIP > 0 && first < sample_count;
-  if (inside) {
-    float8 sums[STRIP / 8];
-    const float8 across = taps_at(taps, x - whole_x, phases);
-    const float* const weights = (const float*)&across;
-    for (int v = 0; v < STRIP / 8; ++v) sums[v] = 0.0f;
-    for (int n = 0; n < 8; ++n) {
-      const int from = line + n - 3;
-      if (from < 0 || from >= line_count) continue;
-      __global const float* const p = post + origin + from * stride + clamp(first, -STRIP, sample_count);
-      for (int v = 0; v < STRIP / 8; ++v) sums[v] = fma((float8)(weights[n]), vload8(v, p), sums[v]);
-    }
-    for (int v = 0; v < STRIP / 8; ++v) vstore8(sums[v], v, strip);
-  }
-  for (int k = start; k < end; ++k) {
-    const float u = field_at(field, nx, ny, column, (float)(k - first_sample) * rows_per_sample).y;
-    const float whole_u = floor(u);
-    const int sample = k + (int)whole_u, at = origin + l * stride + k;
-    const int in_strip = sample - 3 - first;
-    const bool seen = inside && sample >= 0 && sample < sample_count && in_strip >= 0 && in_strip <= STRIP - 8;
-    const float value = seen ? sum8(vload8(0, strip + in_strip) * taps_at(taps, u - whole_u, phases)) : 0.0f;
-    const float own = seen || !pair ? pre[at] : 0.0f;
-    a[at] = pair ? 0.5f * (own + value) : value;
-    if (pair) b[at] = own - value;
+  float strip[STRIP];
+  float8 sums[STRIP / 8];
+  const float8 across = taps_at(taps, x - whole_x, phases);
+  const float* const weights = (const float*)&across;
+  __global const float* const p =
+      post + origin + clamp(line - 3, -3, line_count) * stride + clamp(first, -STRIP, sample_count);
+#pragma unroll
+  for (int v = 0; v < STRIP / 8; ++v) sums[v] = across.s0 * vload8(v, p);
+#pragma unroll
+  for (int n = 1; n < 8; ++n)
+#pragma unroll
+    for (int v = 0; v < STRIP / 8; ++v)
+      sums[v] = fma((float8)(weights[n]), vload8(v, p + n * stride), sums[v]);
+#pragma unroll
+  for (int v = 0; v < STRIP / 8; ++v) vstore8(sums[v], v, strip);
+  const float8 lanes = (float8)(0.0f, 1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f, 7.0f);
+  for (int k = start; k < start + WARP_RUN; k += 8) {
+    const float8 samples = (float)k + lanes;
+    const float8 u = axial_along(field, nx, ny, column, (samples - (float)first_sample) * rows_per_sample);
+    const int2 base = convert_int2(floor(0.5f * (u.s04 + u.s37) + 0.5f));
+    const int lo = base.x, hi = base.y;
+    const int from_lo = k + lo - first, from_hi = k + 4 + hi - first;
+    const float8 t = u - (float8)((float4)(lo), (float4)(hi)), at = samples + u;
+    const int8 in_strip = (int8)((int4)(from_lo >= 4 && from_lo <= STRIP - 8 ? -1 : 0),
+                                 (int4)(from_hi >= 4 && from_hi <= STRIP - 8 ? -1 : 0));
+    const int8 seen = (inside ? in_strip : 0) & (at >= 0.0f) & (at < (float)sample_count) &
+                      (samples < (float)sample_count) & (fabs(t) <= INTERPOLATION_RANGE);
+    const float8 there = between_samples(strip + clamp(from_lo, 4, STRIP - 8),
+                                         strip + clamp(from_hi, 4, STRIP - 8), t, series);
+    const float8 value = select((float8)(0.0f), there, seen);
+    const int to = origin + l * stride + k;
+    const float8 own = select((float8)(0.0f), vload8(0, pre + to), seen);
+    vstore8(pair ? 0.5f * (own + value) : value, 0, a + to);
+    if (pair) vstore8(own - value, 0, b + to);
   }
 }
 

@@ -15,6 +15,7 @@ namespace {
 constexpr std::size_t kGroup = 32;  // WORK_GROUP of displacement.cl
 constexpr int kWarpRun = 16;        // WARP_RUN of displacement.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
+constexpr int kLeastStep = 8;  // samples between nodes, for warp
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kDecimation = 2;                                 // of the samples of the search windows
 constexpr float kSlopeCost = 0.02f;    // correlation that one sample of lag change per coarse step is worth
@@ -115,7 +116,7 @@ struct DisplacementEstimator::Workspace {
   Array<float> filtered_pre, filtered_post;
   std::unique_ptr<Refinement> refinement;
   bool matched = false;  // the refinement works on the filtered frames
-  Array<float> taps, weights;
+  Array<float> taps, series, weights;
   Array<float> coarse_volume, fine_volume;
   Array<float> field, candidate, filtered, correlation, deviation;  // fields: 2 per node of the largest grid
   Array<float> field_m, std_m, information;
@@ -140,9 +141,9 @@ DisplacementEstimator::Workspace::Workspace(const Queue& q, const RfFrame& frame
 void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const DisplacementOptions& o) {
   const double dy = sample_pitch_m, dx = line_pitch_m;
   coarse = centred_grid(frame, std::max(steps(kCoarseStepLateralM, dx), lines / kMostCoarseColumns),
-                        std::max(steps(kCoarseStepAxialM, dy), samples / kMostCoarseRows));
-  fine = centred_grid(frame, steps(kFineStepM, dx), steps(kFineStepM, dy));
-  image = centred_grid(frame, steps(o.grid_dx_m, dx), steps(o.grid_dy_m, dy));
+                        std::max({kLeastStep, steps(kCoarseStepAxialM, dy), samples / kMostCoarseRows}));
+  fine = centred_grid(frame, steps(kFineStepM, dx), std::max(kLeastStep, steps(kFineStepM, dy)));
+  image = centred_grid(frame, steps(o.grid_dx_m, dx), std::max(kLeastStep, steps(o.grid_dy_m, dy)));
   // Under the largest strain the echoes of one window may not move apart by more than half a period.
   const double widest_m = std::max(kLeastPeriods, 0.5 / o.max_strain) * period * dy;
   coarse_half_axial = std::min(half_width(std::min(o.coarse_window_axial_m, widest_m), dy), samples / 2);
@@ -186,6 +187,7 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
     q.fill_zero(*image_array);
   }
   taps = q.array(interpolation_taps());
+  series = q.array(interpolation_series());
   weights = q.array(taper(8 * window_chunks));
   if (double(coarse.nodes()) * coarse_laterals * 8 * coarse_chunks > kMostLags)
     throw std::invalid_argument(
@@ -325,7 +327,7 @@ void DisplacementEstimator::fit_windows() {
 void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {
   Workspace& w = *work_;
   const Array<float>&pre = w.matched ? w.filtered_pre : w.pre, &post = w.matched ? w.filtered_post : w.post;
-  kernels_->warp(over_samples(w.samples, w.lines), pre, post, w.field, w.taps, w.mean, w.difference,
+  kernels_->warp(over_samples(w.samples, w.lines), pre, post, w.field, w.taps, w.series, w.mean, w.difference,
                  pair ? 1 : 0, kInterpolationPhases, w.lines, w.samples, g.nx, g.ny, g.first_line,
                  g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride);
 }

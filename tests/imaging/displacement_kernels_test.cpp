@@ -97,14 +97,15 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
     field.push_back(0.3f * static_cast<float>(node % grid.nx) - 0.7f);
     field.push_back(2.4f - 1.1f * static_cast<float>(node / grid.nx));
   }
-  const Array<float> u = queue_.array(field), taps = queue_.array(interpolation_taps());
+  const Array<float> u = queue_.array(field), taps = queue_.array(interpolation_taps()),
+                     series = queue_.array(interpolation_series());
   Array<float> mean = queue_.array<float>(pad_.total), difference = queue_.array<float>(pad_.total);
   const int lines = static_cast<int>(pre_.line_count), samples = static_cast<int>(pre_.sample_count),
             pair = 1;
   Range range = kNoRange;
   range.global = {(pre_.sample_count + 15) / 16, pre_.line_count, 1};
   range.local = {16, 1, 1};
-  kernel("warp")(range, pre_device_, post_device_, u, taps, mean, difference, pair, kInterpolationPhases,
+  kernel("warp")(range, pre_device_, post_device_, u, taps, series, mean, difference, pair, kInterpolationPhases,
                  lines, samples, grid.nx, grid.ny, grid.first_line, grid.line_step, grid.first_sample,
                  grid.sample_step, pad_.origin, pad_.stride);
   const std::vector<float> m = queue_.read(mean), d = queue_.read(difference);
