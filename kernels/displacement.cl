@@ -333,11 +333,24 @@ float median_of(const float8* v, const int count) {
   return 0.5f * sum;
 }
 
+// Whether both middle values of the `count` > 0 first ones in v, the rest +inf, are within `tolerance` of `own`,
+// and so the median: then no more than half of them lie below own - tolerance, nor above own + tolerance.
+bool near_median(const float8* v, const int count, const float own, const float tolerance) {
+  const float8 least = (float8)(own - tolerance), most = (float8)(own + tolerance);
+  int8 below = 0, up_to = 0;  // a true comparison is -1
+  for (int n = 0; n < MEDIAN_VECTORS; ++n) {
+    below -= v[n] < least;
+    up_to -= v[n] <= most;
+  }
+  const int4 b = below.lo + below.hi, q = up_to.lo + up_to.hi;
+  return b.x + b.y + b.z + b.w <= (count - 1) / 2 && count / 2 < q.x + q.y + q.z + q.w;
+}
+
 // Cures peak hops between levels. Looks at the correction field - prediction, which is free of the strain's
 // gradient: where it is further than the tolerance (lines, samples) from the median over the trusted
 // neighbours (correlation >= threshold, radius in nodes), or the node itself is not trusted, the median takes
-// its place; deviation = axial distance from the median. Without trusted neighbours the prediction stands,
-// deviation = inf.
+// its place. deviation = axial distance from the median, 0 where both components of a trusted node are within
+// their tolerance. Without trusted neighbours the prediction stands, deviation = inf.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void median_filter(
     __global const float2* restrict field, __global const float2* restrict prediction,
     __global const float* restrict correlation, __global float2* restrict out,
@@ -365,11 +378,17 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void median_fil
     return;
   }
   const float2 own = field[node] - prediction[node];
-  const float2 median = (float2)(median_of(x, count), median_of(y, count)), off = fabs(own - median);
   const bool trusted = correlation[node] >= threshold;
+  if (trusted && near_median(x, count, own.x, lateral_tolerance) &&
+      near_median(y, count, own.y, axial_tolerance)) {
+    out[node] = field[node];
+    deviation[node] = 0.0f;
+    return;
+  }
+  const float2 median = (float2)(median_of(x, count), median_of(y, count)), off = fabs(own - median);
   out[node] = prediction[node] + (float2)(trusted && off.x <= lateral_tolerance ? own.x : median.x,
                                           trusted && off.y <= axial_tolerance ? own.y : median.y);
-  deviation[node] = off.y;
+  deviation[node] = trusted && off.x <= lateral_tolerance && off.y <= axial_tolerance ? 0.0f : off.y;
 }
 
 // Binomial 3 x 3 smoothing: the field that the next warp uses. At the border only pairs of opposite

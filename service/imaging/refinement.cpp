@@ -118,14 +118,19 @@ void Refinement::gather(const ImagePair& images, bool robust, Array<float>& corr
     kernels_->local_noise(over(g.nodes()), terms_, pixels_, model_, correlation, noise_, information_, g.nx,
                           g.ny, kNoiseRadius);
   }
+  find_medians();
 }
 
-double Refinement::median_information(std::size_t component) const {
+// Of each component, over the nodes that hear anything.
+void Refinement::find_medians() {
   const std::vector<float> all = queue_.read(information_);
-  std::vector<float> held;
-  for (std::size_t n = component; n < all.size(); n += 2)
-    if (all[n] > 0) held.push_back(all[n]);
-  return median(held);
+  for (std::size_t c = 0; c < 2; ++c) {
+    std::vector<float> held;
+    held.reserve(all.size() / 2);
+    for (std::size_t n = c; n < all.size(); n += 2)
+      if (all[n] > 0) held.push_back(all[n]);
+    median_information_[c] = median(held);
+  }
 }
 
 // Smoothing lengths from the median information and strain, and the weights of the edges that belong to them.
@@ -140,7 +145,7 @@ void Refinement::weigh(const Array<float>& field) {
   const double pitch[] = {line_pitch_m_, sample_pitch_m_};
   const double longest[] = {options_.longest_lateral_m, options_.longest_axial_m};
   for (std::size_t c = 0; c < 2; ++c) {
-    const double information = std::max(median_information(c), 1e-12);
+    const double information = std::max(median_information_[c], 1e-12);
     const double free = std::sqrt(dx_m_ * dy_m_ / information) * pitch[c] / change_m;
     const double length = std::clamp(free, options_.shortest_m, longest[c]);
     smoothing_m_[c] = length;
@@ -153,7 +158,7 @@ void Refinement::weigh(const Array<float>& field) {
 // The preconditioner stays while the balance of edges and pixels is about the one that it was made for.
 void Refinement::precondition() {
   std::array<double, 4> balance{};
-  for (std::size_t c = 0; c < 4; ++c) balance[c] = weights_[c] / median_information(c % 2);
+  for (std::size_t c = 0; c < 4; ++c) balance[c] = weights_[c] / median_information_[c % 2];
   const bool serves = std::equal(
       balance.begin(), balance.end(), preconditioned_.begin(),
       [](double now, double then) { return now < kSameBalance * then && then < kSameBalance * now; });
@@ -184,7 +189,7 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const Array<float>
   std::array<int, 4> radii{};
   for (std::size_t c = 0; c < 2; ++c) {
     const SmootherResponse smoother{weights_[c], weights_[2 + c], kGradientRadius, steps};
-    noise->response[c] = NoiseResponse(smoother, median_information(c), grid_.line_step, grid_.sample_step);
+    noise->response[c] = NoiseResponse(smoother, median_information_[c], grid_.line_step, grid_.sample_step);
     radii[2 * c] = std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / dx_m_)));
     radii[2 * c + 1] = std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / dy_m_)));
   }
@@ -201,7 +206,7 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const WindowRespon
   auto noise = std::make_shared<NoiseStructure>();
   noise->unit_m = {line_pitch_m_, sample_pitch_m_};
   for (std::size_t c = 0; c < 2; ++c)
-    noise->response[c] = NoiseResponse(window, median_information(c), grid_.line_step, grid_.sample_step);
+    noise->response[c] = NoiseResponse(window, median_information_[c], grid_.line_step, grid_.sample_step);
   const int i = static_cast<int>(std::lround(window.half_along)),
             j = static_cast<int>(std::lround(window.half_down));
   queue_.fill_zero(pull_);

@@ -76,7 +76,7 @@ class Refinement {
   void weigh(const Array<float>& field);
   void precondition();
   void solve();
-  double median_information(std::size_t component) const;
+  void find_medians();
   void look_up(const NoiseStructure&, const std::array<int, 4>& radii, Array<float>& information,
                Array<float>& deviation_m);
 
@@ -90,7 +90,7 @@ class Refinement {
   std::shared_ptr<Array<float>> stencil_;
   StencilOperator<float> operator_;
   NoiseModel noise_model_;
-  std::array<double, 2> smoothing_m_{};
+  std::array<double, 2> smoothing_m_{}, median_information_{};
   PcgResult solved_;
   int chunks_ = 1;
   std::array<double, 4> preconditioned_{};  // balance that the preconditioner was made for

@@ -62,11 +62,11 @@ MedianFiltered median_filter(const VectorField& field, const VectorField& predic
     const double off_x = field.lateral[node] - prediction.lateral[node] - median(x);
     const double off_y = field.axial[node] - prediction.axial[node] - median(y);
     const bool trusted = correlation[node] >= threshold;
-    if (!trusted || std::abs(off_x) > lateral_tolerance)
-      out.field.lateral[node] = prediction.lateral[node] + median(x);
-    if (!trusted || std::abs(off_y) > axial_tolerance)
-      out.field.axial[node] = prediction.axial[node] + median(y);
-    out.deviation[node] = std::abs(off_y);
+    const bool keep_x = trusted && std::abs(off_x) <= lateral_tolerance,
+               keep_y = trusted && std::abs(off_y) <= axial_tolerance;
+    if (!keep_x) out.field.lateral[node] = prediction.lateral[node] + median(x);
+    if (!keep_y) out.field.axial[node] = prediction.axial[node] + median(y);
+    out.deviation[node] = keep_x && keep_y ? 0 : std::abs(off_y);
   }
   return out;
 }
