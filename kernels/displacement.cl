@@ -40,64 +40,107 @@ float2 field_at(__global const float2* restrict field, const int nx, const int n
   return (1.0f - t) * ((1.0f - s) * p[0] + s * p[right]) + t * ((1.0f - s) * p[below] + s * p[below + right]);
 }
 
-// Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x one lateral lag per
-// work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n, lateral
-// lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
-// -half_axial..half_axial with every sample_stride-th sample (decimation: the products stay clear of DC). Not
-// looked at, 0: axial lags beyond least_reach + reach_slope * sample, lateral ones a whole step beyond the
-// larger of lateral_least and lateral_slope * distance from the grid's middle line. Per item and window
-// sample: 1 vector load, 32 flops, in NCC_CHAINS independent chains (one chain waits for its own sums).
-#define NCC_CHAINS 4
+// Energy of the axial windows of every line: out(k) = sum over -half_axial..half_axial, every sample_stride-th, of
+// image(k + n)^2, for `count` blocks of 8 samples k that start `step` apart from `first` on. Items: (block, line).
+__kernel __attribute__((reqd_work_group_size(16, 1, 1))) void window_energy(
+    __global const float* restrict image, __global float* restrict out, const int first, const int step,
+    const int count, const int half_axial, const int sample_stride, const int origin, const int stride) {
+  const int block = get_global_id(0);
+  if (block >= count) return;
+  const int at = origin + (int)get_global_id(1) * stride + first + step * block;
+  float8 sum = 0.0f;
+  for (int n = -half_axial; n <= half_axial; n += sample_stride) {
+    const float8 v = vload8(0, image + at + n);
+    sum = fma(v, v, sum);
+  }
+  vstore8(sum, 0, out + at);
+}
+
+// Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x NCC_LATERALS lateral
+// lags per work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n,
+// lateral lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
+// -half_axial..half_axial with every line_stride-th and sample_stride-th of them (decimation: the products stay
+// clear of DC); its energies from window_energy(). Not looked at, nothing written: axial lags beyond least_reach +
+// reach_slope * sample, lateral ones a whole step beyond the larger of lateral_least and lateral_slope * distance
+// from the grid's middle line. Per item and window sample: 1 + NCC_LATERALS loads, 16 NCC_LATERALS flops, in two
+// independent chains each (one chain waits for its own sum).
+#define NCC_LATERALS 3
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
-    __global const float* restrict pre, __global const float* restrict post, __global float* restrict out,
-    const int nx, const int ny, const int first_line, const int line_step, const int first_sample,
-    const int sample_step, const int origin, const int stride, const int half_axial, const int half_lateral,
-    const int sample_stride, const int first_lag, const int chunks, const int first_lateral,
-    const int lateral_step, const int lateral_count, const float least_reach, const float reach_slope,
-    const float lateral_least, const float lateral_slope) {
-  const int id = get_global_id(0);
-  if (id >= nx * ny * lateral_count * chunks) return;
-  const int chunk = id % chunks, m = (id / chunks) % lateral_count, node = id / (chunks * lateral_count);
+    __global const float* restrict pre, __global const float* restrict post,
+    __global const float* restrict pre_energy, __global const float* restrict post_energy,
+    __global float* restrict out, const int nx, const int ny, const int first_line, const int line_step,
+    const int first_sample, const int sample_step, const int origin, const int stride, const int half_axial,
+    const int half_lateral, const int sample_stride, const int line_stride, const int first_lag, const int chunks,
+    const int first_lateral, const int lateral_step, const int lateral_count, const float least_reach,
+    const float reach_slope, const float lateral_least, const float lateral_slope) {
+  const int id = get_global_id(0), groups = (lateral_count + NCC_LATERALS - 1) / NCC_LATERALS;
+  if (id >= nx * ny * groups * chunks) return;
+  const int chunk = id % chunks, m = id / chunks % groups * NCC_LATERALS, node = id / (chunks * groups);
   const int line = first_line + (node % nx) * line_step;
-  const int sample = first_sample + (node / nx) * sample_step;
-  const int lag = first_lag + 8 * chunk, lateral = first_lateral + m * lateral_step;
+  const int sample = first_sample + (node / nx) * sample_step, lag = first_lag + 8 * chunk;
   const float reach = least_reach + reach_slope * (float)sample;
   const float from_middle = (float)line_step * fabs((float)(node % nx) - 0.5f * (float)(nx - 1));
   const float lateral_reach = fmax(lateral_least, lateral_slope * from_middle) + (float)lateral_step;
-  if ((float)lag > reach || (float)(lag + 7) < -reach || (float)abs(lateral) >= lateral_reach) {
-    vstore8((float8)(0.0f), id, out);
-    return;
-  }
-  float pre_energy[NCC_CHAINS] = {0.0f};
-  float8 post_energy[NCC_CHAINS], product[NCC_CHAINS];
-  for (int n = 0; n < NCC_CHAINS; ++n) post_energy[n] = product[n] = (float8)(0.0f);
-  for (int l = -half_lateral; l <= half_lateral; ++l) {
-    __global const float* const a = pre + origin + (line + l) * stride + sample;
-    __global const float* const b = post + origin + (line + l + lateral) * stride + sample + lag;
-    int k = -half_axial;
-    for (; k + (NCC_CHAINS - 1) * sample_stride <= half_axial; k += NCC_CHAINS * sample_stride)
+  if ((float)lag > reach || (float)(lag + 7) < -reach) return;
+  int shift[NCC_LATERALS];  // to the lateral lags; beyond the last one that is looked at the last again
+  bool looked[NCC_LATERALS], any = false;
 #pragma unroll
-      for (int n = 0; n < NCC_CHAINS; ++n) {
-        const float p = a[k + n * sample_stride];
-        const float8 q = vload8(0, b + k + n * sample_stride);
-        pre_energy[n] = fma(p, p, pre_energy[n]);
-        product[n] = fma((float8)(p), q, product[n]);
-        post_energy[n] = fma(q, q, post_energy[n]);
+  for (int q = 0; q < NCC_LATERALS; ++q) {
+    const int lateral = first_lateral + min(m + q, lateral_count - 1) * lateral_step;
+    looked[q] = m + q < lateral_count && (float)abs(lateral) < lateral_reach;
+    any |= looked[q];
+    shift[q] = lateral * stride;
+  }
+  if (!any) return;
+  float energy = 0.0f;
+  float8 energies[NCC_LATERALS], even[NCC_LATERALS], odd[NCC_LATERALS];
+#pragma unroll
+  for (int q = 0; q < NCC_LATERALS; ++q) energies[q] = even[q] = odd[q] = (float8)(0.0f);
+  for (int l = -half_lateral; l <= half_lateral; l += line_stride) {
+    const int at = origin + (line + l) * stride + sample;
+    __global const float* const a = pre + at;
+    __global const float* const b = post + at + lag;
+    energy += pre_energy[at];
+#pragma unroll
+    for (int q = 0; q < NCC_LATERALS; ++q) energies[q] += vload8(0, post_energy + at + lag + shift[q]);
+    int k = -half_axial;
+    for (; k + sample_stride <= half_axial; k += 2 * sample_stride)
+#pragma unroll
+      for (int q = 0; q < NCC_LATERALS; ++q) {
+        even[q] = fma((float8)(a[k]), vload8(0, b + shift[q] + k), even[q]);
+        odd[q] = fma((float8)(a[k + sample_stride]), vload8(0, b + shift[q] + k + sample_stride), odd[q]);
       }
-    for (; k <= half_axial; k += sample_stride) {
-      const float p = a[k];
-      const float8 q = vload8(0, b + k);
-      pre_energy[0] = fma(p, p, pre_energy[0]);
-      product[0] = fma((float8)(p), q, product[0]);
-      post_energy[0] = fma(q, q, post_energy[0]);
-    }
+    if (k <= half_axial)
+#pragma unroll
+      for (int q = 0; q < NCC_LATERALS; ++q)
+        even[q] = fma((float8)(a[k]), vload8(0, b + shift[q] + k), even[q]);
   }
-  for (int n = 1; n < NCC_CHAINS; ++n) {
-    pre_energy[0] += pre_energy[n];
-    product[0] += product[n];
-    post_energy[0] += post_energy[n];
-  }
-  vstore8(product[0] * rsqrt(fmax(pre_energy[0] * post_energy[0], (float8)(1e-20f))), id, out);
+#pragma unroll
+  for (int q = 0; q < NCC_LATERALS; ++q)
+    if (looked[q])
+      vstore8((even[q] + odd[q]) * rsqrt(fmax(energy * energies[q], (float8)(1e-20f))),
+              (node * lateral_count + m + q) * chunks + chunk, out);
+}
+
+// Of a volume of ncc() the largest over the lateral lags: out[(node * chunks + c) * 8 + n].
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void best_lateral(
+    __global const float* restrict volume, __global float* restrict out, const int nodes, const int chunks,
+    const int lateral_count) {
+  const int id = get_global_id(0);
+  if (id >= nodes * chunks) return;
+  const int first = id / chunks * lateral_count * chunks + id % chunks;
+  float8 best = vload8(first, volume);
+  for (int m = 1; m < lateral_count; ++m) best = fmax(best, vload8(first + m * chunks, volume));
+  vstore8(best, id, out);
+}
+
+// Of a volume of ncc() the lateral lags at one axial lag of each node, lags[node] from the first:
+// out[node * lateral_count + m].
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void laterals_at(
+    __global const float* restrict volume, __global const int* restrict lags, __global float* restrict out,
+    const int nodes, const int chunks, const int lateral_count) {
+  const int id = get_global_id(0);
+  if (id < nodes * lateral_count) out[id] = volume[id * chunks * 8 + lags[id / lateral_count]];
 }
 
 // The peak of ncc() with one chunk of axial lags, lateral_step 1: adds its sub-sample position to `field`.

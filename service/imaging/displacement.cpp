@@ -15,9 +15,10 @@ namespace {
 constexpr std::size_t kGroup = 32;  // WORK_GROUP of displacement.cl
 constexpr int kWarpRun = 16;        // WARP_RUN of displacement.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
-constexpr int kLeastStep = 8;  // samples between nodes, for warp
+constexpr int kLeastStep = 8;                                  // samples between nodes, for warp
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kDecimation = 2;                                 // of the samples of the search windows
+constexpr int kNccLaterals = 3;                                // NCC_LATERALS of displacement.cl
 constexpr float kSlopeCost = 0.02f;    // correlation that one sample of lag change per coarse step is worth
 constexpr double kMostLags = 1 << 28;  // of the coarse search, all nodes together: 1 GB
 constexpr double kLateralStepM = 0.4e-3;              // of the coarse search, about the width of a beam
@@ -71,6 +72,8 @@ void validate(const DisplacementOptions& o) {
 struct DisplacementEstimator::Kernels {
   explicit Kernels(const Queue& q) {
     const auto build = [&](const char* name) { return q.kernel("displacement", name, Precision::kFloat); };
+    window_energy = build("window_energy"), best_lateral = build("best_lateral");
+    laterals_at = build("laterals_at");
     ncc = build("ncc"), ncc_peak = build("ncc_peak"), warp = build("warp"),
     gauss_newton = build("gauss_newton");
     median_filter = build("median_filter"), smooth = build("smooth"), resample = build("resample");
@@ -78,8 +81,14 @@ struct DisplacementEstimator::Kernels {
     window_mean = build("window_mean");
     filter_lines = q.kernel("refinement", "filter_lines", Precision::kFloat);
   }
-  Kernel ncc, ncc_peak, warp, gauss_newton, median_filter, smooth, resample, report, window_mean,
-      filter_lines;
+  Kernel window_energy, best_lateral, laterals_at, ncc, ncc_peak, warp, gauss_newton, median_filter, smooth,
+      resample, report, window_mean, filter_lines;
+};
+
+// Windows and lags of a search, as ncc() of displacement.cl takes them.
+struct DisplacementEstimator::Search {
+  int half_axial, half_lateral, line_stride, first_lag, chunks, laterals, lateral_step;
+  float least_reach, reach_slope, lateral_least, lateral_slope;
 };
 
 // Sizes and buffers of one geometry.
@@ -117,7 +126,9 @@ struct DisplacementEstimator::Workspace {
   std::unique_ptr<Refinement> refinement;
   bool matched = false;  // the refinement works on the filtered frames
   Array<float> taps, series, weights;
-  Array<float> coarse_volume, fine_volume;
+  Array<float> pre_energy, post_energy;  // of the search windows
+  Array<float> coarse_volume, fine_volume, best_lateral, laterals_at;
+  Array<int> axial_lags;
   Array<float> field, candidate, filtered, correlation, deviation;  // fields: 2 per node of the largest grid
   Array<float> field_m, std_m, information;
   std::shared_ptr<const NoiseStructure> noise;
@@ -182,7 +193,8 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
                 std::max(coarse_half_lateral + coarse_laterals / 2 * coarse_lateral_step,
                          half_lateral + lateral_reach) +
                     3);
-  for (Array<float>* image_array : {&pre, &post, &mean, &difference, &filtered_pre, &filtered_post}) {
+  for (Array<float>* image_array :
+       {&pre, &post, &mean, &difference, &filtered_pre, &filtered_post, &pre_energy, &post_energy}) {
     *image_array = q.array<float>(pad.total);
     q.fill_zero(*image_array);
   }
@@ -196,6 +208,10 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
         "of the frame");
   coarse_volume =
       q.array<float>(std::size_t(coarse.nodes()) * std::size_t(coarse_laterals) * 8 * coarse_chunks);
+  q.fill_zero(coarse_volume);  // where nothing is looked at
+  best_lateral = q.array<float>(std::size_t(coarse.nodes()) * 8 * coarse_chunks);
+  laterals_at = q.array<float>(std::size_t(coarse.nodes()) * std::size_t(coarse_laterals));
+  axial_lags = q.array<int>(std::size_t(coarse.nodes()));
   fine_volume = q.array<float>(std::size_t(fine.nodes()) * (2 * lateral_reach + 1) * kFineLags);
   const auto nodes = std::size_t(std::max({coarse.nodes(), fine.nodes(), image.nodes()}));
   for (Array<float>* array : {&field, &candidate, &filtered}) *array = q.array<float>(2 * nodes);
@@ -229,28 +245,58 @@ Range over(int nodes) {
 
 }  // namespace
 
+// `volume`: correlations of the windows around the nodes of `g`.
+void DisplacementEstimator::correlate(const SampleGrid& g, const Search& s, const Array<float>& post,
+                                      Array<float>& volume) {
+  Workspace& w = *work_;
+  const auto energy = [&](const Array<float>& image, Array<float>& out, int first, int step, int count) {
+    kernels_->window_energy(
+        {{static_cast<std::size_t>(count), static_cast<std::size_t>(w.lines), 1}, {16, 1, 1}}, image, out,
+        first, step, count, s.half_axial, kDecimation, w.pad.origin, w.pad.stride);
+  };
+  energy(w.pre, w.pre_energy, g.first_sample, g.sample_step, g.ny);  // at the nodes alone
+  const int margin = s.half_axial + 8;                               // echoes end so far outside of the frame
+  if (s.chunks == 1)
+    energy(post, w.post_energy, g.first_sample + s.first_lag, g.sample_step, g.ny);
+  else
+    energy(post, w.post_energy, -margin, 8, (w.samples + 2 * margin + 7) / 8);
+  const int groups = (s.laterals + kNccLaterals - 1) / kNccLaterals;
+  kernels_->ncc(over(g.nodes() * groups * s.chunks), w.pre, post, w.pre_energy, w.post_energy, volume, g.nx,
+                g.ny, g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride,
+                s.half_axial, s.half_lateral, kDecimation, s.line_stride, s.first_lag, s.chunks,
+                -(s.laterals / 2) * s.lateral_step, s.lateral_step, s.laterals, s.least_reach, s.reach_slope,
+                s.lateral_least, s.lateral_slope);
+}
+
 // Level 1: `field` on the coarse grid.
 void DisplacementEstimator::search_coarse(const std::function<void()>& between) {
   Workspace& w = *work_;
   const SampleGrid& g = w.coarse;
-  const int lag_count = 8 * w.coarse_chunks, first_lateral = -(w.coarse_laterals / 2) * w.coarse_lateral_step;
-  kernels_->ncc(over(g.nodes() * w.coarse_laterals * w.coarse_chunks), w.pre, w.post, w.coarse_volume, g.nx,
-                g.ny, g.first_line, g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride,
-                w.coarse_half_axial, w.coarse_half_lateral, kDecimation, w.coarse_first_lag, w.coarse_chunks,
-                first_lateral, w.coarse_lateral_step, w.coarse_laterals, w.least_reach, w.reach_slope,
-                w.lateral_least, w.lateral_slope);
-  const LagVolume volume{g.nx, g.ny, w.coarse_laterals, lag_count, queue_.read(w.coarse_volume)};
+  correlate(g,
+            {w.coarse_half_axial, w.coarse_half_lateral, w.coarse_lateral_step, w.coarse_first_lag,
+             w.coarse_chunks, w.coarse_laterals, w.coarse_lateral_step, w.least_reach, w.reach_slope,
+             w.lateral_least, w.lateral_slope},
+            w.post, w.coarse_volume);
+  kernels_->best_lateral(over(g.nodes() * w.coarse_chunks), w.coarse_volume, w.best_lateral, g.nodes(),
+                         w.coarse_chunks, w.coarse_laterals);
+  const LagVolume volume{g.nx, g.ny, 8 * w.coarse_chunks, queue_.read(w.best_lateral)};
   if (between) between();
   const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
     return static_cast<int>(std::ceil(options_.max_strain * length_m / w.sample_pitch_m)) + 1;
   };
   const std::vector<float> axial = find_paths(volume, reach(g.sample_step * w.sample_pitch_m),
                                               reach(g.line_step * w.line_pitch_m), kSlopeCost);
-  const std::vector<float> lateral = find_lateral_paths(volume, axial, kLateralSlopeCost);
+  std::vector<int> whole;
+  for (const float lag : axial) whole.push_back(static_cast<int>(std::lround(lag)));
+  queue_.write(w.axial_lags, whole.data(), whole.size());
+  kernels_->laterals_at(over(g.nodes() * w.coarse_laterals), w.coarse_volume, w.axial_lags, w.laterals_at,
+                        g.nodes(), w.coarse_chunks, w.coarse_laterals);
+  const std::vector<float> lateral =
+      find_paths({g.nx, g.ny, w.coarse_laterals, queue_.read(w.laterals_at)}, 1, 1, kLateralSlopeCost);
   std::vector<float> field;
   for (std::size_t n = 0; n < axial.size(); ++n) {
-    field.push_back(static_cast<float>(first_lateral) +
-                    lateral[n] * static_cast<float>(w.coarse_lateral_step));
+    field.push_back((lateral[n] - static_cast<float>(w.coarse_laterals / 2)) *
+                    static_cast<float>(w.coarse_lateral_step));
     field.push_back(static_cast<float>(w.coarse_first_lag) + axial[n]);
   }
   queue_.write(w.candidate, field.data(), field.size());
@@ -263,10 +309,10 @@ void DisplacementEstimator::search_fine() {
   const SampleGrid &c = w.coarse, &g = w.fine;
   const int lateral_count = 2 * w.lateral_reach + 1;
   warp(c, false);
-  kernels_->ncc(over(g.nodes() * lateral_count), w.pre, w.mean, w.fine_volume, g.nx, g.ny, g.first_line,
-                g.line_step, g.first_sample, g.sample_step, w.pad.origin, w.pad.stride, w.half_axial,
-                w.half_lateral, kDecimation, kFineFirstLag, 1, -w.lateral_reach, 1, lateral_count, 8.0f, 0.0f,
-                static_cast<float>(w.lateral_reach), 0.0f);
+  correlate(g,
+            {w.half_axial, w.half_lateral, w.coarse_lateral_step, kFineFirstLag, 1, lateral_count, 1, 8.0f, 0.0f,
+             static_cast<float>(w.lateral_reach), 0.0f},
+            w.mean, w.fine_volume);
   kernels_->resample(over(g.nodes()), w.field, w.filtered, c.nx, c.ny, c.first_line, c.line_step,
                      c.first_sample, c.sample_step, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
                      g.sample_step);

@@ -8,63 +8,71 @@
 namespace teletact::service {
 namespace {
 
-using Costs = std::vector<float>;
+constexpr int kBlock = 8;  // lags that are worked on at once: the compiler's vectors
 
-// 1 - correlation of the best lateral lag, [node][lag].
-Costs matching_costs(const LagVolume& v) {
-  const auto nodes = static_cast<std::size_t>(v.nx * v.ny);
-  const auto lags = static_cast<std::size_t>(v.lag_count),
-             laterals = static_cast<std::size_t>(v.lateral_count);
-  Costs costs(nodes * lags);
-  for (std::size_t node = 0; node < nodes; ++node) {
-    const float* const c = v.correlation.data() + node * laterals * lags;
-    float* const out = costs.data() + node * lags;
-    for (std::size_t d = 0; d < lags; ++d) out[d] = 1 - c[d];
-    for (std::size_t m = 1; m < laterals; ++m)
-      for (std::size_t d = 0; d < lags; ++d) out[d] = std::min(out[d], 1 - c[m * lags + d]);
-  }
-  return costs;
-}
-
-// Aggregates along one line of nodes (first, first + step, ...) and adds it to `sum`.
+// Sums up over the four directions; per node `stride` lags, whole blocks, those that do not exist at
+// infinity.
 class Aggregator {
  public:
-  Aggregator(const Costs& costs, Costs& sum, int lags, float slope_cost)
-      : costs_(costs), sum_(sum), lags_(lags), slope_cost_(slope_cost) {}
+  Aggregator(const LagVolume& v, float slope_cost)
+      : lags_(v.lag_count), stride_((v.lag_count + kBlock - 1) / kBlock * kBlock), slope_cost_(slope_cost) {
+    const auto nodes = static_cast<std::size_t>(v.nx * v.ny);
+    costs_.assign(nodes * static_cast<std::size_t>(stride_), std::numeric_limits<float>::infinity());
+    for (std::size_t node = 0; node < nodes; ++node)
+      for (std::size_t d = 0; d < static_cast<std::size_t>(lags_); ++d)
+        costs_[node * static_cast<std::size_t>(stride_) + d] =
+            1 - v.correlation[node * static_cast<std::size_t>(lags_) + d];
+    sum_.assign(costs_.size(), 0.0f);
+  }
 
+  // Along one line of nodes: first, first + step, ...
   void along(int first, int step, int count, int reach) {
     // `reach` cells of infinity on both sides stand for lags that do not exist.
-    const auto size = static_cast<std::size_t>(lags_ + 2 * reach);
-    Costs before(size, std::numeric_limits<float>::infinity()), now = before;
+    const auto size = static_cast<std::size_t>(stride_ + 2 * reach);
+    before_.assign(size, std::numeric_limits<float>::infinity());
+    now_ = before_;
     for (int n = 0; n < count; ++n) {
-      const auto at = static_cast<std::size_t>(first + n * step) * static_cast<std::size_t>(lags_);
-      float* const here = now.data() + reach;
-      if (n == 0) {
-        std::copy_n(costs_.data() + at, lags_, here);
-      } else {
-        advance(before.data() + reach, costs_.data() + at, here, reach);
-      }
-      for (int d = 0; d < lags_; ++d) sum_[at + static_cast<std::size_t>(d)] += here[d];
-      std::swap(before, now);
+      const auto at = static_cast<std::size_t>(first + n * step) * static_cast<std::size_t>(stride_);
+      float* const here = now_.data() + reach;
+      if (n == 0)
+        std::copy_n(costs_.data() + at, stride_, here);
+      else
+        advance(before_.data() + reach, costs_.data() + at, here, reach);
+      float* const sum = sum_.data() + at;
+      for (int d = 0; d < stride_; d += kBlock)
+        for (int k = d; k < d + kBlock; ++k) sum[k] += here[k];
+      std::swap(before_, now_);
     }
   }
+
+  const float* sum(int node) const { return sum_.data() + node * static_cast<std::ptrdiff_t>(stride_); }
 
  private:
   // L(p, d) = C(p, d) + min_e (L(previous, d + e) + slope_cost |e|) - min L(previous, .)
-  void advance(const float* before, const float* cost, float* here, int reach) const {
-    const float least = *std::min_element(before, before + lags_);
-    std::copy_n(before, lags_, here);
-    for (int e = 1; e <= reach; ++e) {
-      const float penalty = slope_cost_ * static_cast<float>(e);
-      for (int d = 0; d < lags_; ++d)
-        here[d] = std::min(here[d], std::min(before[d - e], before[d + e]) + penalty);
+  void advance(const float* __restrict before, const float* __restrict cost, float* __restrict here,
+               int reach) const {
+    float least[kBlock];
+    std::copy_n(before, kBlock, least);
+    for (int d = kBlock; d < stride_; d += kBlock)
+      for (int k = 0; k < kBlock; ++k) least[k] = before[d + k] < least[k] ? before[d + k] : least[k];
+    const float least_of_all = *std::min_element(least, least + kBlock);
+    for (int d = 0; d < stride_; d += kBlock) {
+      float best[kBlock];
+      std::copy_n(before + d, kBlock, best);
+      for (int e = 1; e <= reach; ++e) {
+        const float penalty = slope_cost_ * static_cast<float>(e);
+        for (int k = 0; k < kBlock; ++k) {
+          const float below = before[d + k - e], above = before[d + k + e];
+          const float other = (below < above ? below : above) + penalty;
+          best[k] = other < best[k] ? other : best[k];
+        }
+      }
+      for (int k = 0; k < kBlock; ++k) here[d + k] = best[k] + (cost[d + k] - least_of_all);
     }
-    for (int d = 0; d < lags_; ++d) here[d] += cost[d] - least;
   }
 
-  const Costs& costs_;
-  Costs& sum_;
-  int lags_;
+  std::vector<float> costs_, sum_, before_, now_;
+  int lags_, stride_;
   float slope_cost_;
 };
 
@@ -80,36 +88,19 @@ float best_lag(const float* cost, int lags) {
 
 }  // namespace
 
-std::vector<float> find_paths(const LagVolume& v, int axial_reach, int lateral_reach, float slope_cost) {
-  const Costs costs = matching_costs(v);
-  Costs sum(costs.size(), 0.0f);
-  Aggregator aggregate(costs, sum, v.lag_count, slope_cost);
+std::vector<float> find_paths(const LagVolume& v, int reach_down, int reach_across, float slope_cost) {
+  Aggregator aggregate(v, slope_cost);
   for (int i = 0; i < v.nx; ++i) {
-    aggregate.along(i, v.nx, v.ny, axial_reach);
-    aggregate.along(i + v.nx * (v.ny - 1), -v.nx, v.ny, axial_reach);
+    aggregate.along(i, v.nx, v.ny, reach_down);
+    aggregate.along(i + v.nx * (v.ny - 1), -v.nx, v.ny, reach_down);
   }
   for (int j = 0; j < v.ny; ++j) {
-    aggregate.along(v.nx * j, 1, v.nx, lateral_reach);
-    aggregate.along(v.nx * j + v.nx - 1, -1, v.nx, lateral_reach);
+    aggregate.along(v.nx * j, 1, v.nx, reach_across);
+    aggregate.along(v.nx * j + v.nx - 1, -1, v.nx, reach_across);
   }
-  std::vector<float> path(static_cast<std::size_t>(v.nx * v.ny));
-  for (std::size_t node = 0; node < path.size(); ++node)
-    path[node] = best_lag(sum.data() + node * static_cast<std::size_t>(v.lag_count), v.lag_count);
+  std::vector<float> path;
+  for (int node = 0; node < v.nx * v.ny; ++node) path.push_back(best_lag(aggregate.sum(node), v.lag_count));
   return path;
-}
-
-std::vector<float> find_lateral_paths(const LagVolume& v, const std::vector<float>& axial, float slope_cost) {
-  const auto lags = static_cast<std::size_t>(v.lag_count);
-  LagVolume lateral{v.nx, v.ny, 1, v.lateral_count, {}};
-  for (std::size_t node = 0; node < axial.size(); ++node) {
-    const auto lag = static_cast<std::size_t>(std::lround(axial[node]));
-    for (int m = 0; m < v.lateral_count; ++m)
-      lateral.correlation.push_back(
-          v.correlation[(node * static_cast<std::size_t>(v.lateral_count) + static_cast<std::size_t>(m)) *
-                            lags +
-                        lag]);
-  }
-  return find_paths(lateral, 1, 1, slope_cost);
 }
 
 }  // namespace teletact::service

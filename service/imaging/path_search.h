@@ -7,19 +7,15 @@
 namespace teletact::service {
 
 struct LagVolume {
-  int nx = 0, ny = 0, lateral_count = 0, lag_count = 0;
-  std::vector<float> correlation;  // [node][lateral][lag], node i + nx j
+  int nx = 0, ny = 0, lag_count = 0;
+  std::vector<float> correlation;  // [node][lag], node i + nx j
 };
 
-// Axial lag of every node, in lags from the first, with a parabolic fraction. Minimises, summed over the four
+// Lag of every node, in lags from the first, with a parabolic fraction. Minimises, summed over the four
 // directions,
-//   L(p, d) = 1 - max over lateral of correlation(p, d) + min over |e| <= reach of L(previous, d + e) +
-//   slope_cost |e|
-// (Hirschmueller's semi-global aggregation). reach: axial reach per coarse step in rows, lateral_reach in
-// columns.
-std::vector<float> find_paths(const LagVolume&, int axial_reach, int lateral_reach, float slope_cost);
-
-// Lateral lag of every node, in lags from the first, at its axial lag `axial`: find_paths() over these.
-std::vector<float> find_lateral_paths(const LagVolume&, const std::vector<float>& axial, float slope_cost);
+//   L(p, d) = 1 - correlation(p, d) + min over |e| <= reach of L(previous, d + e) + slope_cost |e|
+// (Hirschmueller's semi-global aggregation). reach_down: per coarse step along the columns, reach_across along
+// the rows.
+std::vector<float> find_paths(const LagVolume&, int reach_down, int reach_across, float slope_cost);
 
 }  // namespace teletact::service

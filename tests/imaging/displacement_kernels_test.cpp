@@ -44,6 +44,51 @@ class DisplacementKernels : public ::testing::Test {
     pre_device_ = queue_.array(padded(pre_, pad_));
     post_device_ = queue_.array(padded(post_, pad_));
   }
+  void expect_correlation(int line_stride) {
+    const SampleGrid grid = centred_grid(pre_, 5, 37);
+    const int half_axial = 13, half_lateral = 2, stride = 2, first_lag = -16, chunks = 4, lateral_count = 5,
+              lateral_step = 2, margin = half_axial + 8, samples = 203 + 2 * margin;
+    const auto items = static_cast<std::size_t>(grid.nodes() * lateral_count * chunks);
+    Array<float> volume = queue_.array<float>(items * 8), pre_energy = queue_.array<float>(pad_.total),
+                 post_energy = queue_.array<float>(pad_.total);
+    for (Array<float>* array : {&volume, &pre_energy, &post_energy}) queue_.fill_zero(*array);
+    kernel("window_energy")({{static_cast<std::size_t>(grid.ny), 17, 1}, {16, 1, 1}}, pre_device_, pre_energy,
+                            grid.first_sample, grid.sample_step, grid.ny, half_axial, stride, pad_.origin,
+                            pad_.stride);
+    kernel("window_energy")({{static_cast<std::size_t>(samples + 7) / 8, 17, 1}, {16, 1, 1}}, post_device_,
+                            post_energy, -margin, 8, (samples + 7) / 8, half_axial, stride, pad_.origin,
+                            pad_.stride);
+    kernel("ncc")(over(static_cast<int>(items)), pre_device_, post_device_, pre_energy, post_energy, volume,
+                  grid.nx, grid.ny, grid.first_line, grid.line_step, grid.first_sample, grid.sample_step,
+                  pad_.origin, pad_.stride, half_axial, half_lateral, stride, line_stride, first_lag, chunks,
+                  -2 * lateral_step, lateral_step, lateral_count, 7.5f, 0.02f, 0.0f, 0.25f);
+    const std::vector<float> got = queue_.read(volume);
+    const auto pre = as_reference(pre_), post = as_reference(post_);
+    std::size_t n = 0;
+    double worst = 0, largest = 0;
+    for (int node = 0; node < grid.nodes(); ++node)
+      for (int m = -2; m <= 2; ++m)
+        for (int lag = first_lag; lag < first_lag + 8 * chunks; ++lag, ++n) {
+          const int chunk_lag = first_lag + (lag - first_lag) / 8 * 8,
+                    at = grid.first_sample + node / grid.nx * grid.sample_step;
+          const double reach = 7.5 + 0.02 * at,
+                       from_middle = grid.line_step * std::abs(node % grid.nx - (grid.nx - 1) / 2.0);
+          const bool sideways = lateral_step * std::abs(m) < 0.25 * from_middle + lateral_step;
+          if (chunk_lag > reach || chunk_lag + 7 < -reach || !sideways) {
+            EXPECT_EQ(got[n], 0);
+            continue;
+          }
+          const double want = reference::normalised_cross_correlation(
+              pre, post, grid.first_sample + node / grid.nx * grid.sample_step,
+              grid.first_line + node % grid.nx * grid.line_step,
+              {half_axial, half_lateral, stride, line_stride}, lag, m * lateral_step);
+          ASSERT_TRUE(std::isfinite(got[n]));
+          worst = std::max(worst, std::abs(got[n] - want));
+          largest = std::max(largest, want);
+        }
+    EXPECT_LE(worst, 2e-5) << line_stride;
+    EXPECT_GE(largest, 0.8);  // the comparison saw true matches
+  }
   Kernel kernel(const char* name) { return queue_.kernel("displacement", name, Precision::kFloat); }
 
   Queue queue_;
@@ -53,41 +98,33 @@ class DisplacementKernels : public ::testing::Test {
 };
 
 TEST_F(DisplacementKernels, CorrelationMatchesReference) {
-  const SampleGrid grid = centred_grid(pre_, 5, 37);
-  const int half_axial = 13, half_lateral = 2, stride = 2, first_lag = -16, chunks = 4, lateral_count = 3,
-            lateral_step = 2;
-  const auto items = static_cast<std::size_t>(grid.nodes() * lateral_count * chunks);
-  const Array<float> volume = queue_.array<float>(items * 8);
-  kernel("ncc")(over(static_cast<int>(items)), pre_device_, post_device_, volume, grid.nx, grid.ny,
-                grid.first_line, grid.line_step, grid.first_sample, grid.sample_step, pad_.origin,
-                pad_.stride, half_axial, half_lateral, stride, first_lag, chunks, -lateral_step, lateral_step,
-                lateral_count, 7.5f, 0.02f, 0.0f, 0.25f);
-  const std::vector<float> got = queue_.read(volume);
-  const auto pre = as_reference(pre_), post = as_reference(post_);
-  std::size_t n = 0;
-  double worst = 0, largest = 0;
-  for (int node = 0; node < grid.nodes(); ++node)
-    for (int m = -1; m <= 1; ++m)
-      for (int lag = first_lag; lag < first_lag + 8 * chunks; ++lag, ++n) {
-        const int chunk_lag = first_lag + (lag - first_lag) / 8 * 8,
-                  at = grid.first_sample + node / grid.nx * grid.sample_step;
-        const double reach = 7.5 + 0.02 * at,
-                     from_middle = grid.line_step * std::abs(node % grid.nx - (grid.nx - 1) / 2.0);
-        const bool sideways = lateral_step * std::abs(m) < 0.25 * from_middle + lateral_step;
-        if (chunk_lag > reach || chunk_lag + 7 < -reach || !sideways) {
-          EXPECT_EQ(got[n], 0);
-          continue;
+  for (const int line_stride : {1, 2}) expect_correlation(line_stride);
+}
+
+TEST_F(DisplacementKernels, BestLateralLagAndThoseAtOneAxialLag) {
+  const int nodes = 7, chunks = 2, laterals = 3;
+  std::vector<float> volume;
+  for (int n = 0; n < nodes * laterals * chunks * 8; ++n)
+    volume.push_back(std::sin(1.7f * static_cast<float>(n)));
+  std::vector<int> lags;
+  for (int node = 0; node < nodes; ++node) lags.push_back(5 * node % 16);
+  const Array<float> v = queue_.array(volume), best = queue_.array<float>(nodes * chunks * 8),
+                     at = queue_.array<float>(nodes * laterals);
+  kernel("best_lateral")(over(nodes * chunks), v, best, nodes, chunks, laterals);
+  kernel("laterals_at")(over(nodes * laterals), v, queue_.array(lags), at, nodes, chunks, laterals);
+  const std::vector<float> got = queue_.read(best), row = queue_.read(at);
+  for (int node = 0; node < nodes; ++node)
+    for (int lag = 0; lag < 16; ++lag) {
+      float want = -1;
+      for (int m = 0; m < laterals; ++m) {
+        const float c = volume[static_cast<std::size_t>((node * laterals + m) * 16 + lag)];
+        want = std::max(want, c);
+        if (lag == lags[static_cast<std::size_t>(node)]) {
+          EXPECT_EQ(row[static_cast<std::size_t>(node * laterals + m)], c) << node;
         }
-        const double want = reference::normalised_cross_correlation(
-            pre, post, grid.first_sample + node / grid.nx * grid.sample_step,
-            grid.first_line + node % grid.nx * grid.line_step, {half_axial, half_lateral, stride}, lag,
-            m * lateral_step);
-        ASSERT_TRUE(std::isfinite(got[n]));
-        worst = std::max(worst, std::abs(got[n] - want));
-        largest = std::max(largest, want);
       }
-  EXPECT_LE(worst, 2e-5);
-  EXPECT_GE(largest, 0.8);  // the comparison saw true matches
+      EXPECT_EQ(got[static_cast<std::size_t>(node * 16 + lag)], want) << node;
+    }
 }
 
 TEST_F(DisplacementKernels, WarpMatchesReference) {
@@ -105,9 +142,9 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
   Range range = kNoRange;
   range.global = {(pre_.sample_count + 15) / 16, pre_.line_count, 1};
   range.local = {16, 1, 1};
-  kernel("warp")(range, pre_device_, post_device_, u, taps, series, mean, difference, pair, kInterpolationPhases,
-                 lines, samples, grid.nx, grid.ny, grid.first_line, grid.line_step, grid.first_sample,
-                 grid.sample_step, pad_.origin, pad_.stride);
+  kernel("warp")(range, pre_device_, post_device_, u, taps, series, mean, difference, pair,
+                 kInterpolationPhases, lines, samples, grid.nx, grid.ny, grid.first_line, grid.line_step,
+                 grid.first_sample, grid.sample_step, pad_.origin, pad_.stride);
   const std::vector<float> m = queue_.read(mean), d = queue_.read(difference);
   const auto pre = as_reference(pre_), post = as_reference(post_);
   double worst = 0;

@@ -9,11 +9,11 @@ namespace {
 
 // True peaks on a slope of 2 lags per row; one node in three shows a higher false peak six lags away.
 LagVolume hopping(int nx, int ny) {
-  LagVolume v{nx, ny, 2, 64, {}};
-  v.correlation.assign(static_cast<std::size_t>(nx * ny * 2 * 64), 0.0f);
+  LagVolume v{nx, ny, 64, {}};
+  v.correlation.assign(static_cast<std::size_t>(nx * ny * 64), 0.0f);
   for (int node = 0; node < nx * ny; ++node) {
     const int truth = 10 + 2 * (node / nx);
-    float* const c = v.correlation.data() + 128 * node + (node % 2 ? 64 : 0);  // either lateral lag
+    float* const c = v.correlation.data() + 64 * node;
     c[truth] = 0.8f;
     c[truth - 1] = 0.5f;
     c[truth + 1] = 0.5f;
@@ -31,25 +31,25 @@ TEST(PathSearch, FollowsTheReachablePeakNotTheHighest) {
 
 TEST(PathSearch, CrossesSilenceOnTheSlopeOfItsNeighbours) {
   LagVolume v = hopping(4, 15);
-  for (std::size_t n = 4 * 7 * 128; n < 4 * 8 * 128; ++n) v.correlation[n] = 0;
+  for (std::size_t n = 4 * 7 * 64; n < 4 * 8 * 64; ++n) v.correlation[n] = 0;
   const std::vector<float> path = find_paths(v, 3, 3, 0.02f);
   for (int i = 0; i < 4; ++i) EXPECT_NEAR(path[4 * 7 + i], 24, 2.01);
 }
 
-// True peaks two lags to the side; every eighth node shows a higher false one.
-TEST(PathSearch, LateralPathLeavesOutASinglePeakOfItsOwn) {
-  LagVolume v{8, 5, 3, 16, {}};
-  v.correlation.assign(8 * 5 * 3 * 16, 0.0f);
+// Three lags, as laterally: true peaks in the last; every eighth node shows a higher false one.
+TEST(PathSearch, LeavesOutASinglePeakOfItsOwn) {
+  LagVolume v{8, 5, 3, {}};
+  v.correlation.assign(8 * 5 * 3, 0.0f);
   for (std::size_t node = 0; node < 40; ++node) {
-    v.correlation[(3 * node + 2) * 16 + 7] = 0.7f;
-    if (node % 8 == 3) v.correlation[3 * node * 16 + 7] = 0.8f;
+    v.correlation[3 * node + 2] = 0.7f;
+    if (node % 8 == 3) v.correlation[3 * node] = 0.8f;
   }
-  const std::vector<float> lateral = find_lateral_paths(v, std::vector<float>(40, 7.2f), 0.25f);
+  const std::vector<float> lateral = find_paths(v, 1, 1, 0.25f);
   for (const float m : lateral) EXPECT_NEAR(m, 2, 0.5);
 }
 
 TEST(PathSearch, OneNodeIsItsOwnPath) {
-  LagVolume v{1, 1, 1, 8, {0, 0.1f, 0.2f, 0.6f, 0.2f, 0, 0, 0}};
+  LagVolume v{1, 1, 8, {0, 0.1f, 0.2f, 0.6f, 0.2f, 0, 0, 0}};
   EXPECT_NEAR(find_paths(v, 2, 2, 0.02f).at(0), 3, 1e-6);
 }
 

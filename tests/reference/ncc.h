@@ -20,9 +20,9 @@ struct RfImage {
 };
 
 // Window around a node: samples -half_axial .. half_axial every `stride`, lines -half_lateral ..
-// half_lateral.
+// half_lateral every `line_stride`.
 struct Window {
-  int half_axial = 0, half_lateral = 0, stride = 1;
+  int half_axial = 0, half_lateral = 0, stride = 1, line_stride = 1;
 };
 
 // sum a b / sqrt(sum a^2 sum b^2) of pre around (sample, line) and post shifted by the lags (T2.1); 0 where
