@@ -345,7 +345,7 @@ void DisplacementEstimator::refine() {
     const Autocorrelations a =
         w.refinement->measure({w.mean, w.difference, w.pad, w.samples, w.lines}, last, w.correlation);
     if (regularised)
-      w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period);
+      w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period, last);
     else
       fit_windows();
     if (n + 2 == options_.refinements) filter_frames(a);

@@ -12,7 +12,7 @@ constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTOR
 constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
 constexpr double kSameBalance = 10;       // factor within which a preconditioner serves another system
 constexpr int kMostFootprint = 6;         // nodes to each side over which information is averaged
-constexpr int kMostNoiseLines = 20;       // that the autocorrelations are taken from
+constexpr int kMostNoiseLines = 10;       // that the autocorrelations are taken from
 constexpr double kLeastStrain = 1e-4;     // strain below which the prior does not narrow any more
 
 NodeLines node_lines(const SampleGrid& g, double line_pitch_m, double sample_pitch_m) {
@@ -167,17 +167,19 @@ void Refinement::precondition() {
   preconditioned_ = balance;
 }
 
-void Refinement::solve() {
+void Refinement::solve(bool last) {
   precondition();
+  pcg_.options().relative_residual = (last ? 1 : kRough) * options_.relative_residual;
   queue_.copy(rhs_, load_);
   solved_ = pcg_.solve(operator_, multigrid_, 1, rhs_, load_, correction_).front();
 }
 
-void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit) {
+void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit,
+                      bool last) {
   weigh(field);
   kernels_->assemble(over(grid_.nodes()), terms_, noise_, information_, field, gradient_, model_, *stencil_,
                      rhs_, grid_.nx, grid_.ny);
-  solve();
+  solve(last);
   kernels_->correct(over(grid_.nodes()), field, correction_, out, grid_.nodes(), lateral_limit, axial_limit);
 }
 

@@ -71,7 +71,7 @@ TEST_F(RefinementTest, StepMatchesTheReference) {
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure(images(), true, correlation);
   const std::vector<float> start = field();
-  refinement.step(queue_.array(start), out, 1e6f, 1e6f);
+  refinement.step(queue_.array(start), out, 1e6f, 1e6f, true);
   EXPECT_EQ(refinement.solved().reason, StopReason::kConverged);
 
   const std::vector<float>& m = refinement.model();
@@ -107,7 +107,7 @@ TEST_F(RefinementTest, UniformStrainStaysAsItIs) {
   }
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure({mean_device_, still, pad_, 211, 23}, false, correlation);
-  refinement.step(queue_.array(start), out, 1, 1);
+  refinement.step(queue_.array(start), out, 1, 1, true);
   const std::vector<float> got = queue_.read(out);
   for (std::size_t n = 0; n < got.size(); ++n) EXPECT_NEAR(got[n], start[n], 1e-5) << n;
 }
@@ -120,7 +120,7 @@ TEST_F(RefinementTest, SilentFramesLeaveTheFieldAndSayThatNothingIsHeard) {
   const Array<float> start = queue_.array(std::vector<float>(2 * nodes, 0.25f));
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure({silent, silent, pad_, 211, 23}, true, correlation);
-  refinement.step(start, out, 1, 1);
+  refinement.step(start, out, 1, 1, true);
   for (const float u : queue_.read(out)) EXPECT_EQ(u, 0.25f);
   for (const float c : queue_.read(correlation)) EXPECT_EQ(c, -2);
 }
