@@ -205,6 +205,9 @@ float8 between_samples(const float* lo, const float* hi, const float8 distance,
                  t6 * even[3]);
 }
 
+// The nearest whole number, give or take 1/500 at halves; |x| < 16384. Truncation alone is one instruction.
+int nearest(const float x) { return (int)(x + 16384.5f) - 16384; }
+
 // Axial component of a field at `column` and the rows of eight consecutive samples, bilinear and held constant
 // outside as field_at(); they may not span more than two rows of nodes.
 float8 axial_along(__global const float2* restrict field, const int nx, const int ny, const float column,
@@ -264,8 +267,7 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
   for (int k = start; k < start + WARP_RUN; k += 8) {
     const float8 samples = (float)k + lanes;
     const float8 u = axial_along(field, nx, ny, column, (samples - (float)first_sample) * rows_per_sample);
-    const int2 base = convert_int2(floor(0.5f * (u.s04 + u.s37) + 0.5f));
-    const int lo = base.x, hi = base.y;
+    const int lo = nearest(0.5f * (u.s0 + u.s3)), hi = nearest(0.5f * (u.s4 + u.s7));
     const int from_lo = k + lo - first, from_hi = k + 4 + hi - first;
     const float8 t = u - (float8)((float4)(lo), (float4)(hi)), at = samples + u;
     const int8 in_strip = (int8)((int4)(from_lo >= 4 && from_lo <= STRIP - 8 ? -1 : 0),
