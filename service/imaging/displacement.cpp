@@ -336,7 +336,6 @@ void DisplacementEstimator::refine() {
                      g.sample_step);
   std::swap(w.field, w.candidate);
   const bool regularised = options_.method == RefinementMethod::kRegularised;
-  w.refinement->begin();
   for (int n = 0; n < options_.refinements; ++n) {
     const bool last = n + 1 == options_.refinements;
     if (n > 0 && regularised) std::swap(w.filtered, w.field);

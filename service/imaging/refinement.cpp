@@ -3,24 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <utility>
 
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kGroup = 32;        // WORK_GROUP of refinement.cl
-constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTORS of refinement.cl
-constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
-constexpr double kSameBalance = 10;       // factor within which a preconditioner serves another system
-constexpr int kMostFootprint = 6;         // nodes to each side over which information is averaged
-constexpr int kMostNoiseLines = 10;       // that the autocorrelations are taken from
-constexpr double kLeastStrain = 1e-4;     // strain below which the prior does not narrow any more
-
-NodeLines node_lines(const SampleGrid& g, double line_pitch_m, double sample_pitch_m) {
-  NodeLines lines;
-  for (int i = 0; i < g.nx; ++i) lines.x.push_back(i * g.line_step * line_pitch_m);
-  for (int j = 0; j < g.ny; ++j) lines.y.push_back(j * g.sample_step * sample_pitch_m);
-  return lines;
-}
+constexpr std::size_t kGroup = 32;            // WORK_GROUP of refinement.cl
+constexpr int kLags = 32, kLaterals = 8;      // of the autocorrelations; LAG_VECTORS of refinement.cl
+constexpr int kNoiseRadius = 2;               // nodes over which noise and correlation are gathered
+constexpr std::size_t kMostIterations = 200;  // of a step's linear solve; 15 to 30 are usual
+constexpr int kMostFootprint = 6;             // nodes to each side over which information is averaged
+constexpr int kMostNoiseLines = 10;           // that the autocorrelations are taken from
+constexpr double kLeastStrain = 1e-4;         // strain below which the prior does not narrow any more
 
 Range over(int nodes) {
   return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
@@ -41,10 +35,29 @@ struct Refinement::Kernels {
     autocorrelation = build("autocorrelation"), data_term = build("data_term");
     local_noise = build("local_noise"), local_gradient = build("local_gradient");
     assemble = build("assemble"), correct = build("correct"), edge_pull = build("edge_pull");
-    uncertainty = build("uncertainty");
+    uncertainty = build("uncertainty"), solve_nodes = build("solve_nodes");
   }
-  Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, edge_pull, uncertainty;
+  Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, edge_pull, uncertainty,
+      solve_nodes;
 };
+
+// Each node's own 2x2 block, inverted. The smoothing reaches over a few nodes at most, so that a multigrid
+// cycle saves three of four iterations and costs more than it saves.
+class Refinement::NodePreconditioner : public LinearOperator<float> {
+ public:
+  NodePreconditioner(Kernel solve_nodes, std::shared_ptr<Array<float>> stencil, int nodes)
+      : solve_nodes_(std::move(solve_nodes)), stencil_(std::move(stencil)), nodes_(nodes) {}
+  void apply(const Array<float>& r, Array<float>& z, std::size_t) override {
+    solve_nodes_(over(nodes_), *stencil_, r, z, nodes_);
+  }
+
+ private:
+  Kernel solve_nodes_;
+  std::shared_ptr<Array<float>> stencil_;
+  int nodes_;
+};
+
+Refinement::~Refinement() = default;
 
 Refinement::Refinement(const Queue& queue, const RegularisationOptions& options, const SampleGrid& grid,
                        double line_pitch_m, double sample_pitch_m)
@@ -56,16 +69,15 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
       dx_m_(grid.line_step * line_pitch_m),
       dy_m_(grid.sample_step * sample_pitch_m),
       kernels_(std::make_shared<Kernels>(queue)),
-      multigrid_(queue, node_lines(grid, line_pitch_m, sample_pitch_m),
-                 {.smoothing_steps = 1, .smoothing_range = 6, .coarsest_nodes = 100}),
       pcg_(queue, 2 * static_cast<std::size_t>(grid.nodes()), 1,
            {.relative_error = 0,
             .relative_residual = options.relative_residual,
-            .max_iterations = 60,
-            .look_every = 2}),
+            .max_iterations = kMostIterations,
+            .look_every = 4}),
       stencil_(
           std::make_shared<Array<float>>(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes())))),
-      operator_(queue, stencil_, static_cast<std::size_t>(grid.nx), static_cast<std::size_t>(grid.ny)) {
+      operator_(queue, stencil_, static_cast<std::size_t>(grid.nx), static_cast<std::size_t>(grid.ny)),
+      preconditioner_(std::make_unique<NodePreconditioner>(kernels_->solve_nodes, stencil_, grid.nodes())) {
   const auto nodes = static_cast<std::size_t>(grid.nodes());
   chunks_ = (2 * grid.sample_step + 7) / 8;
   std::vector<float> hat;
@@ -155,23 +167,10 @@ void Refinement::weigh(const Array<float>& field) {
   queue_.write(model_, weights_.data(), weights_.size());
 }
 
-// The preconditioner stays while the balance of edges and pixels is about the one that it was made for.
-void Refinement::precondition() {
-  std::array<double, 4> balance{};
-  for (std::size_t c = 0; c < 4; ++c) balance[c] = weights_[c] / median_information_[c % 2];
-  const bool serves = std::equal(
-      balance.begin(), balance.end(), preconditioned_.begin(),
-      [](double now, double then) { return now < kSameBalance * then && then < kSameBalance * now; });
-  if (serves) return;
-  multigrid_.set_operator(*stencil_, std::vector<std::uint8_t>(rhs_.size(), 1));
-  preconditioned_ = balance;
-}
-
 void Refinement::solve(bool last) {
-  precondition();
   pcg_.options().relative_residual = (last ? 1 : kRough) * options_.relative_residual;
   queue_.copy(rhs_, load_);
-  solved_ = pcg_.solve(operator_, multigrid_, 1, rhs_, load_, correction_).front();
+  solved_ = pcg_.solve(operator_, *preconditioner_, 1, rhs_, load_, correction_).front();
 }
 
 void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit,

@@ -1,6 +1,6 @@
 // One regularised Gauss-Newton step over the whole image (T2.3), kernels/refinement.cl: every node's pixels
 // against the deviation of its displacement gradient from the local mean, as one system of a 2x2 block per
-// node, solved by multigrid-PCG.
+// node, solved by conjugate gradients.
 //
 //   minimise  sum_n (y_n - u_n) . h_n (y_n - u_n)  +  sum over edges  w (D u - <D u>)^2
 //
@@ -17,7 +17,6 @@
 #include "service/imaging/noise_model.h"
 #include "service/imaging/noise_response.h"
 #include "service/imaging/sample_grid.h"
-#include "service/solver/multigrid.h"
 #include "service/solver/pcg.h"
 #include "service/solver/stencil.h"
 
@@ -51,8 +50,7 @@ class Refinement {
  public:
   Refinement(const Queue&, const RegularisationOptions&, const SampleGrid&, double line_pitch_m,
              double sample_pitch_m);
-  // Another pair: what was made for the one before goes, so that no answer hangs on the pairs before it.
-  void begin() { preconditioned_ = {}; }
+  ~Refinement();
   // Reads a motion-compensated pair: noise, correlation per node (-2: no texture) and information; robust:
   // pixels far off weigh less.
   Autocorrelations measure(const ImagePair&, bool robust, Array<float>& correlation);
@@ -73,9 +71,9 @@ class Refinement {
 
  private:
   struct Kernels;
+  class NodePreconditioner;
   void gather(const ImagePair&, bool robust, Array<float>& correlation);
   void weigh(const Array<float>& field);
-  void precondition();
   void solve(bool last);
   void find_medians();
   void look_up(const NoiseStructure&, const std::array<int, 4>& radii, Array<float>& information,
@@ -86,16 +84,15 @@ class Refinement {
   SampleGrid grid_;
   double line_pitch_m_, sample_pitch_m_, dx_m_, dy_m_;
   std::shared_ptr<Kernels> kernels_;
-  Multigrid<float> multigrid_;
   Pcg<float> pcg_;
   std::shared_ptr<Array<float>> stencil_;
   StencilOperator<float> operator_;
+  std::unique_ptr<NodePreconditioner> preconditioner_;
   NoiseModel noise_model_;
   std::array<double, 2> smoothing_m_{}, median_information_{};
   PcgResult solved_;
   int chunks_ = 1;
-  std::array<double, 4> preconditioned_{};  // balance that the preconditioner was made for
-  std::vector<float> weights_;              // model()
+  std::vector<float> weights_;  // model()
   Array<float> hat_, noise_, terms_, pixels_, gradient_, model_, rhs_, load_, correction_, information_,
       pull_;
   Array<float> products_;
