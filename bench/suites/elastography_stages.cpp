@@ -42,16 +42,16 @@ std::map<std::string, Work> work_of(const Phantom& p) {
   constexpr double kCoarseLaterals = 5, kReached = 0.7;  // means over the image; the rest is not looked at
   const double coarse_items = coarse.grid.nodes() * kCoarseLaterals * chunks * kReached,
                fine_items = fine.grid.nodes() * laterals;
-  const auto samples_of = [](const reference::Window& w, int stride) {
-    return (2.0 * w.half_axial / stride + 1) * (2 * w.half_lateral + 1);
+  const auto samples_of = [](const reference::Window& w) {  // every second sample, every second line
+    return (w.half_axial + 1.0) * (w.half_lateral + 1.0);
   };
   const double hat = std::ceil(image.grid.sample_step / 4.0) * (2 * image.grid.line_step - 1);
   const double kernel = 5 * 7;  // nodes of a strain kernel, about
   return {                      // the mean of the coarse and the fine launch
           {"ncc",
            {(4 * pixels * 4 + 32 * (coarse_items + fine_items)) / 2,
-            32 * (coarse_items * samples_of(window, 2) + fine_items * samples_of(search, 1)) / 2}},
-          {"warp", {16 * pixels, 60 * pixels}},
+            16 * (coarse_items * samples_of(window) + fine_items * samples_of(search)) / 2}},
+          {"warp", {16 * pixels, 120 * pixels}},
           {"filter_lines", {8 * pixels, 65 * pixels}},
           {"data_term", {8 * pixels, 300 * hat * nodes}},
           {"strain", {26 * nodes, 20 * kernel * nodes}},

@@ -31,7 +31,7 @@ struct DisplacementOptions {
   double lateral_search_m = 0.8e-3;  // magnitude, on the middle line
   double grid_dx_m = 0.45e-3, grid_dy_m = 0.4e-3;  // image grid, rounded to whole lines and samples
   double window_axial_m = 1.6e-3, window_lateral_m = 1.2e-3;  // of the search and of Gauss-Newton
-  double coarse_window_axial_m = 1.0e-3, coarse_window_lateral_m = 2.5e-3;
+  double coarse_window_axial_m = 0.8e-3, coarse_window_lateral_m = 2.0e-3;
   int refinements = 3;                // Gauss-Newton steps, each with its own warp
   double trusted_correlation = 0.7;   // below it a node is not trusted
   double outlier_distance_m = 12e-6;  // from the median of the neighbours' corrections, axially
