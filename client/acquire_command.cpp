@@ -174,6 +174,10 @@ void run(const Arguments& arguments) {
     throw CommandError("give either --tissue FILE or --seed N");
   if (arguments.record_rf && arguments.record_path.empty())
     throw CommandError("--record-rf keeps RF in the recording: give --record FILE too");
+  require_different_files({{"--tissue", arguments.tissue_path},
+                           {"--save-tissue", arguments.save_tissue_path},
+                           {"--record", arguments.record_path},
+                           {"--ready-file", arguments.ready_path}});
   const Tissue tissue = tissue_of(arguments);
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
   const auto channel = make_channel(arguments.address, arguments.tls_ca);
@@ -221,7 +225,8 @@ void add_acquire_command(CLI::App& app) {
       ->capture_default_str();
   command.add_option("--threads", arguments->threads, "for the simulation; 0 = one per processor");
   command.add_option("--record", arguments->record_path,
-                     "keep timings, summaries and the final scene in this file");
+                     "keep timings, summaries and the final scene in this file; one that exists is "
+                     "overwritten");
   command.add_flag("--record-rf", arguments->record_rf,
                    "keep RF and maps too, so that replay can play them again");
   command.add_option("--ready-file", arguments->ready_path, "created once the first windows can be touched");

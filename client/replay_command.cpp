@@ -24,12 +24,14 @@ void print(const ReplayOptions& options, const ReplayReport& report) {
   if (report.kind == "acquire") {
     std::printf("  largest difference %.3g of the map's largest value (%s)\n", report.largest_map_difference,
                 report.largest_map.empty() ? "none" : report.largest_map.c_str());
+  } else if (report.forces == 0) {
+    std::printf("  no force could be compared\n");
+  } else if (report.largest_force_difference_n > 0) {
+    std::printf("  largest force difference %.3g N, of %.3g N at x = %.4f m, %lu forces compared\n",
+                report.largest_force_difference_n, report.recorded_force_n, report.largest_at_x_m,
+                report.forces);
   } else {
-    if (report.largest_force_difference_n > 0)
-      std::printf("  largest force difference %.3g N, of %.3g N at x = %.4f m\n",
-                  report.largest_force_difference_n, report.recorded_force_n, report.largest_at_x_m);
-    else
-      std::printf("  every force as recorded\n");
+    std::printf("  every force as recorded (%lu compared)\n", report.forces);
   }
 }
 
@@ -39,11 +41,19 @@ void run(const ReplayOptions& options) {
   action.sa_handler = interrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  ReplayReport report;
   try {
-    print(options, replay(options, interrupted));
+    report = replay(options, interrupted);
   } catch (const std::exception& error) {
     throw CommandError(error.what());
   }
+  print(options, report);
+  if (report.not_alike > 0)
+    throw CommandError(
+        std::to_string(report.not_alike) + " of " + std::to_string(report.compared) +
+        (report.kind == "acquire" ? " maps" : " answers") +
+        " are of another status or size than recorded, or did not come: the scene is not as it "
+        "was");
 }
 
 }  // namespace
@@ -56,7 +66,8 @@ void add_replay_command(CLI::App& app) {
   command.add_option("--scene", options->scene_id, "play into this scene instead of the recorded one");
   command.add_option("--speed", options->speed, "of the recorded timing; 0 = as fast as the service answers")
       ->check(CLI::NonNegativeNumber);
-  command.add_option("--record", options->record_path, "record the replay");
+  command.add_option("--record", options->record_path,
+                     "record the replay in this file; one that exists is overwritten");
   command.callback([options] { run(*options); });
 }
 

@@ -11,6 +11,7 @@
 
 #include "client/commands.h"
 #include "client/link/touch_session.h"
+#include "client/render/renderers.h"
 
 namespace teletact::client {
 namespace {
@@ -148,7 +149,16 @@ void print(const nlohmann::json& json) {
               json["link"]["streams"].get<unsigned long>());
 }
 
+// Empty unless the device is a recording.
+std::string played_recording(const std::string& device) {
+  const std::string kind = "replay:";
+  return device.rfind(kind, 0) == 0 ? device.substr(kind.size()) : "";
+}
+
 void run(Arguments arguments) {
+  require_different_files({{"--device replay", played_recording(arguments.session.device)},
+                           {"--record", arguments.session.record_path},
+                           {"--json", arguments.json_path}});
   auto logger = spdlog::get("touch");
   if (!logger) logger = spdlog::stderr_color_mt("touch");
   spdlog::set_default_logger(logger);
@@ -221,9 +231,9 @@ void add_touch_command(CLI::App& app) {
   command.add_option("--profile", session.profile,
                      "of a simulated or replayed device: premium-1.5 (default), premium-3.0, omni or touch");
   command.add_option("--renderer", session.renderer, "kalman (default), kalman-force, interpolate or hold")
-      ->check(CLI::IsMember({"kalman", "kalman-force", "hold"}));
+      ->check(CLI::IsMember(renderer_names()));
   command.add_option("--record", session.record_path,
-                     "keep poses, answers and every servo tick in this file");
+                     "keep poses, answers and every servo tick in this file; one that exists is overwritten");
   command.add_option("--json", arguments->json_path, "write the summary to this file");
   command.add_option("--period-s", arguments->period_s, "wish between answers")
       ->check(CLI::Range(0.001, 1.0));

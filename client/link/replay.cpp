@@ -103,6 +103,8 @@ class Player {
   void keep(const v1::EstimateResponse& response);
   void keep(v1::RecordEntry entry);
   void need_scene();
+  void make_scene(v1::Palpation::Stub& stub);
+  [[noreturn]] void fail_nothing_to_play() const;
 
   const ReplayOptions& options_;
   const std::atomic<bool>& stop_;
@@ -140,24 +142,46 @@ void Player::need_scene() {
   v1::Scene scene;
   grpc::ClientContext context;
   const grpc::Status status = stub->GetScene(&context, request, &scene);
-  if (status.ok()) return;
-  if (report_.kind != "acquire" || status.error_code() != grpc::StatusCode::NOT_FOUND) {
+  const bool acquire = report_.kind == "acquire";
+  const bool unknown = status.error_code() == grpc::StatusCode::NOT_FOUND;
+  if (!status.ok() && !unknown)
     throw std::runtime_error("cannot replay into scene '" + scene_id_ + "': " + describe(status));
-  }
+  if (acquire && unknown) make_scene(*stub);
+  if (acquire) return;
+  const auto touchable = [](const v1::Window& window) { return window.touchable(); };
+  if (std::any_of(scene.windows().begin(), scene.windows().end(), touchable)) return;
+  throw std::runtime_error(
+      (unknown ? "no scene '" + scene_id_ + "' here"
+               : "scene '" + scene_id_ + "' has nothing to touch here") +
+      "; publish it first by replaying the acquisition's recording (acquire --record FILE --record-rf), or "
+      "name another with --scene");
+}
+
+void Player::make_scene(v1::Palpation::Stub& stub) {
   RecordReader reader(options_.path);
+  bool frames = false;
   while (const auto entry = reader.next()) {
+    frames = frames || entry->has_estimate_request();
     if (!entry->has_scene()) continue;
+    if (!frames) fail_nothing_to_play();  // and nothing is left behind
     v1::CreateSceneRequest create;
     create.set_scene_id(scene_id_);
     *create.mutable_geometry() = entry->scene().geometry();
-    grpc::ClientContext create_context;
-    const grpc::Status created = stub->CreateScene(&create_context, create, &scene);
+    grpc::ClientContext context;
+    v1::Scene scene;
+    const grpc::Status created = stub.CreateScene(&context, create, &scene);
     if (!created.ok()) fail("creating the scene", created);
     return;
   }
   throw std::runtime_error("scene '" + scene_id_ +
                            "' is unknown, and the recording holds none to make it from; " +
                            "name one with --scene");
+}
+
+void Player::fail_nothing_to_play() const {
+  throw std::runtime_error(
+      "'" + options_.path + "' holds nothing to play; record with " +
+      (report_.kind == "acquire" ? "acquire --record FILE --record-rf" : "touch --record FILE"));
 }
 
 ReplayReport Player::play() {
@@ -172,10 +196,7 @@ ReplayReport Player::play() {
       play_touch(*call);
     }
   }
-  if (report_.calls == 0 && !stop_)
-    throw std::runtime_error(
-        "'" + options_.path + "' holds nothing to play; record with " +
-        (report_.kind == "acquire" ? "acquire --record FILE --record-rf" : "touch --record FILE"));
+  if (report_.calls == 0 && !stop_) fail_nothing_to_play();
   report_.truncated = calls_.reader().truncated();
   if (!stop_ && report_.kind == "acquire" && calls_.scene()) compare_scene(*calls_.scene());
   if (recorder_) recorder_->close();
@@ -225,6 +246,7 @@ void Player::compare(const v1::TouchAnswer& answer, const v1::TouchAnswer& recor
     ++report_.not_alike;
     return;
   }
+  report_.forces += answer.force_n_size() > 0;
   double squared = 0, force = 0;
   for (int axis = 0; axis < answer.force_n_size(); ++axis) {
     squared += std::pow(answer.force_n(axis) - recorded.force_n(axis), 2);
@@ -362,6 +384,8 @@ void Player::keep(const v1::EstimateResponse& response) {
 }  // namespace
 
 ReplayReport replay(const ReplayOptions& options, const std::atomic<bool>& stop) {
+  require_different_files(
+      {{"the recording that is played", options.path}, {"--record", options.record_path}});
   return Player(options, stop).play();
 }
 

@@ -124,7 +124,6 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   ServoOptions servo_options;
   const auto renderer = make_renderer(options.renderer, servo_options.period_s);
   const v1::Scene scene = wait_for_scene(options, stop);
-  // Before the recording, which may overwrite the one that is replayed.
   const auto device = make_device({options.device, options.profile, hand_on(scene, options)});
   device->open();
   const auto recorder = open_recording(options);

@@ -123,6 +123,42 @@ TEST(AcquireInput, NeedsATissueAndOneThatCanBeRead) {
                         {"t.toml", "width"});
 }
 
+// One file under two names, by another spelling, a link, or before it exists, is refused before anything is
+// opened for writing: what was recorded stays.
+TEST(RecordInput, WhatIsReadIsNeverWrittenOver) {
+  TemporaryFolder folder;
+  const std::string client = test::client_binary(), record = folder / "x.record", kept = "what was recorded";
+  write(record, kept);
+  std::filesystem::create_symlink(record, folder / "link");
+  const auto refused = [&](std::vector<std::string> more, const std::vector<std::string>& words) {
+    std::vector<std::string> command{client};
+    command.insert(command.end(), more.begin(), more.end());
+    command.insert(command.end(), {"--service", "unix:/tmp/tt-nobody"});
+    expect_one_clear_line(test::run(command, folder / "log"), words);
+    std::ifstream in(record);
+    EXPECT_EQ(std::string(std::istreambuf_iterator<char>(in), {}), kept);
+  };
+  const std::string spelt =
+      folder / "./../" + std::filesystem::path(folder / "").parent_path().filename().string() + "/x.record";
+  for (const std::string& name : {record, folder / "link", spelt}) {
+    refused({"replay", record, "--record", name}, {"--record", "the recording that is played", "same file"});
+    refused({"touch", "--scene", "s", "--device", "replay:" + record, "--record", name},
+            {"--record", "--device replay", "same file"});
+    refused({"acquire", "--scene", "s", "--tissue", record, "--record", name},
+            {"--record", "--tissue", "same file"});
+  }
+  refused({"touch", "--scene", "s", "--record", folder / "new", "--json", folder / "./new"},
+          {"--json", "--record", "same file"});
+}
+
+TEST(TouchInput, InterpolationIsTakenAsHelpSays) {
+  TemporaryFolder folder;
+  expect_one_clear_line(test::run({test::client_binary(), "touch", "--service", "unix:/tmp/tt-nobody",
+                                   "--scene", "s", "--renderer", "interpolate"},
+                                  folder / "log"),
+                        {"no service at"});
+}
+
 TEST(ReportInput, RecordingsMustBeWhatTheyAreSaidToBe) {
   TemporaryFolder folder;
   write(folder / "x.record", "nothing that was recorded");

@@ -6,6 +6,7 @@
 
 #include "client/link/replay.h"
 #include "tests/integration/process.h"
+#include "tests/integration/touched_scene.h"
 
 namespace teletact {
 namespace {
@@ -54,6 +55,21 @@ test::Outcome acquire(const std::string& address, const std::string& scene, cons
   return test::run(command, folder / "acquire.log", {}, 120);
 }
 
+// The same touch, as if nothing had been covered.
+void without_forces(const std::string& from, const std::string& to) {
+  client::RecordReader reader(from);
+  client::RecordWriter writer(to, reader.header());
+  while (auto entry = reader.next()) {
+    if (entry->has_touch_response() && entry->touch_response().has_answer()) {
+      v1::TouchAnswer& answer = *entry->mutable_touch_response()->mutable_answer();
+      answer.set_status(v1::TOUCH_STATUS_NOT_COVERED);
+      answer.clear_force_n();
+    }
+    writer.append_waiting(std::move(*entry));
+  }
+  writer.close();
+}
+
 TEST(Replay, RfRebuildsTheSceneAndTheForcesInAFreshService) {
   test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s");
@@ -96,6 +112,42 @@ TEST(Replay, ARecordingWithoutRfIsRefusedNotPlayedAsNothing) {
                 folder / "replay.log");
   EXPECT_EQ(replayed.code, 1);
   EXPECT_NE(replayed.output.find("--record-rf"), std::string::npos) << replayed.output;
+}
+
+// GIVEN a touch recording WHEN it is played where its scene is not, or has nothing to touch THEN that is
+// said, no scene is made, and nothing is claimed about its forces.
+TEST(Replay, ATouchIsOnlyPlayedIntoASceneThatCanBeTouched) {
+  test::TemporaryFolder folder;
+  const std::string address = "unix:" + (folder / "s");
+  const Service service(address, folder / "service.log");
+  test::create_touched_scene(address, "a");
+  const test::Outcome touched = record_touch(address, folder);
+  ASSERT_EQ(touched.code, 0) << touched.output;
+  const auto client = [&](std::vector<std::string> command) {
+    command.insert(command.begin(), test::client_binary());
+    command.insert(command.end(), {"--service", address});
+    return test::run(command, folder / "client.log");
+  };
+  const auto play = [&] { return client({"replay", folder / "touch.record", "--speed", "0"}); };
+  const test::Outcome same = play();
+  EXPECT_EQ(same.code, 0) << same.output;
+  EXPECT_NE(same.output.find("every force as recorded"), std::string::npos) << same.output;
+
+  ASSERT_EQ(client({"scenes", "--delete", "a"}).code, 0);
+  const test::Outcome absent = play();
+  EXPECT_EQ(absent.code, 1);
+  EXPECT_NE(absent.output.find("no scene 'a' here; publish it first"), std::string::npos) << absent.output;
+  EXPECT_EQ(absent.output.find("every force"), std::string::npos) << absent.output;
+  EXPECT_NE(client({"scenes"}).output.find("no scenes"), std::string::npos);
+
+  // WHEN the tissue was not covered then and is now THEN no force is like another, and that is no success
+  test::create_touched_scene(address, "a");
+  without_forces(folder / "touch.record", folder / "other.record");
+  const test::Outcome other = client({"replay", folder / "other.record", "--speed", "0"});
+  EXPECT_EQ(other.code, 1);
+  EXPECT_NE(other.output.find("no force could be compared"), std::string::npos) << other.output;
+  EXPECT_NE(other.output.find("of another status or size"), std::string::npos) << other.output;
+  EXPECT_EQ(other.output.find("every force"), std::string::npos) << other.output;
 }
 
 }  // namespace
