@@ -10,7 +10,7 @@ using nlohmann::json;
 
 const std::vector<StabilityPart>& parts() {
   static const std::vector<StabilityPart> all{stability_passivity(), stability_promise(), stability_chart(),
-                                              stability_fuzz()};
+                                              stability_position(), stability_fuzz()};
   return all;
 }
 
