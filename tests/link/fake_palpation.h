@@ -69,6 +69,11 @@ class FakePalpation final : public v1::Palpation::Service {
     return changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return met(account_); });
   }
 
+  void harden(double factor) {
+    std::lock_guard lock(mutex_);
+    tissue.stiffness *= factor;
+  }
+
   std::atomic<bool> silent{false};  // reads, never answers
   std::atomic<bool> scene_known{true};
   std::atomic<double> compute_s{0};  // per answer

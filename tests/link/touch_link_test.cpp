@@ -259,7 +259,7 @@ TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
   EXPECT_GT(same.compared, 50u);
   EXPECT_EQ(same.not_alike, 0u);
   EXPECT_LE(same.largest_force_difference_n, 1e-12);
-  service.tissue.stiffness *= 1.5;
+  service.harden(1.5);
   const ReplayReport other = replay(replay_options, stop);
   EXPECT_GT(other.largest_force_difference_n, 0.1);
   std::remove(options.record_path.c_str());

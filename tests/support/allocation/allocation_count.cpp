@@ -35,6 +35,11 @@ void* operator new(std::size_t bytes) {
   if (void* memory = std::malloc(bytes)) return memory;
   throw std::bad_alloc();
 }
+// What std::stable_sort asks for; without it the sanitizer's own would meet our delete.
+void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept {
+  note();
+  return std::malloc(bytes);
+}
 void operator delete(void* memory) noexcept {
   std::free(memory);
 }
