@@ -29,8 +29,8 @@ DisplacementData::DisplacementData(const StripModel& model, const ImageGrid& ima
     : dofs_(model.grid().dofs()), independence_(std::min(1.0, image.dx_m * image.dy_m / independent_m2)) {
   const TissueGrid& g = model.grid();
   for (std::size_t n = 0; n < image.size(); ++n) {
-    const double x = image.origin_x_m + static_cast<double>(n % image.nx) * image.dx_m;
-    const double y = image.origin_y_m + static_cast<double>(n / image.nx) * image.dy_m;
+    const double x = image.x_m(n);
+    const double y = image.y_m(n);
     if (!trusted[n] || y > g.y_m.back() || !(deviation_m[n] > 0)) continue;
     const std::size_t i = cell_of(g.x_m, x), j = cell_of(g.y_m, y);
     const double s = (x - g.x_m[i]) / (g.x_m[i + 1] - g.x_m[i]),

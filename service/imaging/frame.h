@@ -41,6 +41,9 @@ struct ImageGrid {
   std::size_t nx = 0, ny = 0;
   double origin_x_m = 0, origin_y_m = 0, dx_m = 0, dy_m = 0;
   std::size_t size() const { return nx * ny; }
+  std::size_t row(std::size_t node) const { return node / nx; }
+  double x_m(std::size_t node) const { return origin_x_m + static_cast<double>(node % nx) * dx_m; }
+  double y_m(std::size_t node) const { return origin_y_m + static_cast<double>(row(node)) * dy_m; }
   bool operator==(const ImageGrid&) const = default;
 };
 

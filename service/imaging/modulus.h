@@ -110,13 +110,14 @@ std::unique_ptr<ModulusMethod> make_direct(Queue, DirectOptions, std::shared_ptr
 
 struct IterativeOptions {
   double tv_per_m = 5000;  // alpha: what a metre of a unit jump of log E costs, in half squares of the data
-  double tv_floor_per_m = 50;     // gradient of log E below which TV is quadratic
-  double prior_deviation = 2;     // of log E about the background (or what is known), per square millimetre
-  double prior_beside = 40;       // times stronger beside the window, of which the data tell little
-  int most_steps = 12;            // Gauss-Newton
-  int most_products = 30;         // J^T J products within one
-  double inner_tolerance = 0.02;  // residual of the inner conjugate gradients
-  double converged_step = 0.01;   // rms change of log E under the probe
+  double tv_floor_per_m = 50;  // gradient of log E below which TV is quadratic
+  double prior_deviation = 2;  // of log E about the background (or what is known), per square millimetre
+  double prior_beside = 40;    // times stronger beside the window, of which the data tell little
+  int most_steps = 16;         // Gauss-Newton
+  int most_products = 12;      // J^T J products within one
+  std::size_t remembered_products = 24;  // of the steps before, that correct the preconditioner
+  double inner_tolerance = 0.05;         // residual of the inner conjugate gradients
+  double converged_step = 0.01;          // rms change of log E under the probe
   double least_deviation_m = 0.3e-6;
   double largest_misfit = 6;  // mean square of (modelled - measured) / deviation; above it kMisfit
 };

@@ -40,8 +40,8 @@ double jump_over(const Field& e, const ImageGrid& g, std::size_t n, double reach
   };
   const std::size_t left = i > 0 ? n - 1 : n, right = i + 1 < g.nx ? n + 1 : n;
   const std::size_t above = j > 0 ? n - g.nx : n, below = j + 1 < g.ny ? n + g.nx : n;
-  const double x = slope(left, right, static_cast<double>(right - left) * g.dx_m);
-  const double y = slope(above, below, static_cast<double>((below - above) / g.nx) * g.dy_m);
+  const double x = slope(left, right, g.x_m(right) - g.x_m(left));
+  const double y = slope(above, below, g.y_m(below) - g.y_m(above));
   return std::hypot(x * reach_x_m, y * reach_y_m);
 }
 
@@ -98,8 +98,8 @@ struct Comparison {
 std::array<Comparison, 3> compare(const ModulusInput& in, const ModulusEstimate& e) {
   std::array<Comparison, 3> out;
   for (std::size_t n = 0; n < in.grid.size(); ++n) {
-    const double x = in.grid.origin_x_m + static_cast<double>(n % in.grid.nx) * in.grid.dx_m;
-    const double y = in.grid.origin_y_m + static_cast<double>(n / in.grid.nx) * in.grid.dy_m;
+    const double x = in.grid.x_m(n);
+    const double y = in.grid.y_m(n);
     const double left = in.tissue.window_x_m, right = left + in.window_width_m;
     const auto add = [&](Comparison& to, double at_m) {
       to.add(e.youngs_modulus[n], e.log_deviation[n], in.known, at_m, y);
@@ -186,7 +186,7 @@ void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const
   const std::vector<std::uint8_t> trusted = queue_.read(in.displacement.trusted);
   double inside = 0, without = 0;
   for (std::size_t n = 0; n < trusted.size(); ++n) {
-    if (in.grid.origin_y_m + static_cast<double>(n / in.grid.nx) * in.grid.dy_m > in.tissue.depth_m) continue;
+    if (in.grid.y_m(n) > in.tissue.depth_m) continue;
     ++inside;
     if (!trusted[n]) ++without;
   }
@@ -207,8 +207,8 @@ void ModulusJudge::ramp(const ModulusInput& in, ModulusEstimate& out) const {
   for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     if (!(std::abs(logarithm) < kBackgroundLog)) continue;
-    const Eigen::Vector3d f(1, static_cast<double>(n % in.grid.nx) * in.grid.dx_m / in.window_width_m,
-                            static_cast<double>(n / in.grid.nx) * in.grid.dy_m / height);
+    const Eigen::Vector3d f(1, (in.grid.x_m(n) - in.grid.origin_x_m) / in.window_width_m,
+                            (in.grid.y_m(n) - in.grid.origin_y_m) / height);
     normal += f * f.transpose();
     load += logarithm * f;
   }

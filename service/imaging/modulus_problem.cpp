@@ -54,22 +54,39 @@ VectorXd ModulusProblem::step(const Point& p) {
   VectorXd r = -gradient(p);
   Eigen::SparseMatrix<double> near = lagged;
   near.diagonal() += prior_weight_ + typical_data_weight(p);
-  preconditioner_.compute(near);
-  VectorXd step = VectorXd::Zero(r.size()), z = preconditioner_.solve(r), d = z;
+  if (preconditioner_.rows() == 0) preconditioner_.analyzePattern(near);
+  preconditioner_.factorize(near);
+  const std::size_t known = products_.size();
+  VectorXd step = VectorXd::Zero(r.size()), z = preconditioned(r, known), d = z;
   double rz = r.dot(z);
   const double enough = options_.inner_tolerance * options_.inner_tolerance * rz;
   for (int k = 0; k < options_.most_products && rz > enough; ++k) {
     const VectorXd h = lagged * d + prior_weight_.cwiseProduct(d) + adjoint(p, e, forward(p, e, d));
-    const double length = rz / d.dot(h);
+    const double dh = d.dot(h), length = rz / dh;
+    products_.push_back({d, h, dh});
     step += length * d;
     r -= length * h;
-    z = preconditioner_.solve(r);
+    z = preconditioned(r, known);
     const double next = r.dot(z);
     d = z + next / rz * d;
     rz = next;
   }
+  while (products_.size() > options_.remembered_products) products_.pop_front();
   const double largest = step.cwiseAbs().maxCoeff();
   return largest > kLargestStep ? VectorXd(kLargestStep / largest * step) : step;
+}
+
+// The inverse of L-BFGS (two loops) about the preconditioner, with the first `products`.
+VectorXd ModulusProblem::preconditioned(VectorXd residual, std::size_t products) const {
+  std::vector<double> along(products);
+  for (std::size_t k = products; k-- > 0;) {
+    along[k] = products_[k].s.dot(residual) / products_[k].sy;
+    residual -= along[k] * products_[k].y;
+  }
+  VectorXd z = preconditioner_.solve(residual);
+  for (std::size_t k = 0; k < products; ++k)
+    z += (along[k] - products_[k].y.dot(z) / products_[k].sy) * products_[k].s;
+  return z;
 }
 
 std::vector<double> ModulusProblem::modulus(const VectorXd& theta) const {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/SparseCholesky>
+#include <deque>
 #include <vector>
 
 #include "service/imaging/displacement_data.h"
@@ -30,11 +31,18 @@ class ModulusProblem {
   // Of the objective by theta, at the latest at().
   Eigen::VectorXd gradient(const Point&);
   // (J^T J + alpha L + prior) step = - gradient, by conjugate gradients preconditioned with what the data do
-  // not need a forward solve for.
+  // not need a forward solve for, corrected by what the products of the steps before have shown: the matrix
+  // changes little from one step to the next (Morales and Nocedal 2000).
   Eigen::VectorXd step(const Point&);
   std::vector<double> modulus(const Eigen::VectorXd& theta) const;
 
  private:
+  // Of the matrix, by a product: y = H s.
+  struct Product {
+    Eigen::VectorXd s, y;
+    double sy;
+  };
+  Eigen::VectorXd preconditioned(Eigen::VectorXd residual, std::size_t products) const;
   std::vector<double> forward(const Point&, const std::vector<double>& e, const Eigen::VectorXd& d);
   Eigen::VectorXd adjoint(const Point&, const std::vector<double>& e, const std::vector<double>& residual);
   Eigen::VectorXd typical_data_weight(const Point&) const;
@@ -47,6 +55,7 @@ class ModulusProblem {
   TotalVariation variation_;
   Eigen::VectorXd prior_weight_;
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> preconditioner_;
+  std::deque<Product> products_;  // the latest, oldest first
 };
 
 }  // namespace teletact::service

@@ -56,9 +56,9 @@ StripModel::WindowMap StripModel::window_map(const Field& youngs_modulus, const 
   map.logarithm.assign(nx * ny, 0.0);
   std::vector<int> counts(nx * ny, 0);
   for (std::size_t n = 0; n < image.size(); ++n) {
-    const double y = image.origin_y_m + static_cast<double>(n / image.nx) * image.dy_m;
+    const double y = image.y_m(n);
     if (!std::isfinite(youngs_modulus[n]) || y > grid_.y_m.back()) continue;
-    const double x = image.origin_x_m + static_cast<double>(n % image.nx) * image.dx_m;
+    const double x = image.x_m(n);
     const std::size_t i = std::clamp(cell_of(grid_.x_m, x), map.first, map.last) - map.first;
     const std::size_t cell = i + nx * cell_of(grid_.y_m, y);
     map.logarithm[cell] += std::log(youngs_modulus[n]);

@@ -52,8 +52,8 @@ WindowNodes::WindowNodes(const StripModel& model)
 Field WindowNodes::on_image(const std::vector<double>& values, const ImageGrid& image) const {
   Field out(image.size(), std::numeric_limits<float>::quiet_NaN());
   for (std::size_t n = 0; n < image.size(); ++n) {
-    const double x = (image.origin_x_m + static_cast<double>(n % image.nx) * image.dx_m) / dx_m;
-    const double y = (image.origin_y_m + static_cast<double>(n / image.nx) * image.dy_m) / dy_m;
+    const double x = image.x_m(n) / dx_m;
+    const double y = image.y_m(n) / dy_m;
     if (y > static_cast<double>(ny - 1)) continue;
     const auto i = std::min(static_cast<std::size_t>(std::max(x, 0.0)), nx - 2);
     const auto j = std::min(static_cast<std::size_t>(std::max(y, 0.0)), ny - 2);
@@ -71,8 +71,9 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const ImageGrid& image, const
                   std::vector<std::uint8_t>(nodes.size(), 0)};
   const double whole = reach.x_m * reach.y_m / (image.dx_m * image.dy_m);
   for (std::size_t n = 0; n < nodes.size(); ++n) {
+    const std::size_t row = n / nodes.nx;
     const double x = static_cast<double>(n % nodes.nx) * nodes.dx_m,
-                 y = static_cast<double>(n / nodes.nx) * nodes.dy_m;
+                 y = static_cast<double>(row) * nodes.dy_m;
     const Span columns = span(x, reach.x_m, image.origin_x_m, image.dx_m, image.nx),
                rows = span(y, reach.y_m, image.origin_y_m, image.dy_m, image.ny);
     if (columns.last < columns.first || rows.last < rows.first) continue;

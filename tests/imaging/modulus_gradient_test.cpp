@@ -46,7 +46,7 @@ std::vector<VectorXd> directions(const StripModel& model) {
 
 // Central difference, the error of the fourth order: (8 (f(h) - f(-h)) - (f(2h) - f(-2h))) / 12 h.
 template <class Function>
-auto slope(const Function& f, double h) {
+auto slope(const Function& f, double h) -> decltype(f(h)) {
   return ((8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h));
 }
 

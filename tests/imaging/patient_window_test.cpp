@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "client/patient/rf.h"
@@ -39,7 +40,8 @@ Estimate estimate(const client::Tissue& t, client::RfFrame frame) {
   g.frame = frame == client::RfFrame::kLab ? DisplacementFrame::kLab : DisplacementFrame::kProbe;
   Elastography elastography(imaging_device());
   return elastography.estimate(of(rf.pre), of(rf.post), g, ProbeForce{probe.force_n, probe.contact_area_m2},
-                               {t.width_m, t.depth_m, kWindowM, t.poisson_ratio});
+                               {t.width_m, t.depth_m, kWindowM, t.poisson_ratio}, {}, {}, {},
+                               {std::nullopt, 60.0});  // however busy the machine is
 }
 
 double median(std::vector<double> values) {
