@@ -113,6 +113,26 @@ TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNo
     }
 }
 
+TEST(Trial, GivenFewAndLateAnswersWhenItExploresThenItIsStableAndNoFurtherOffThanTheExactModelOfThatAge) {
+  for (const Scene scene : {Scene::kHomogeneous, Scene::kInclusions}) {
+    TrialOptions options;
+    options.device = client::device_profile("premium-1.5");
+    options.stiffness_n_m = options.device.largest_stiffness_n_m;
+    options.scene = scene;
+    options.update_s = 0.1;
+    options.model_delay_s = 0.2;
+    options.indentation_m = 0.002;
+    options.rest_s = 2;
+    options.safe = true;
+    const TrialResult result = run_trial(options);
+    EXPECT_EQ(result.verdict, Verdict::kStable);
+    EXPECT_EQ(result.degraded_share, 0);
+    EXPECT_LE(result.force_error, 1.2 * result.exact_law_error);
+    options.model_delay_s = 0.3;
+    EXPECT_GT(run_trial(options).degraded_share, 0.5);
+  }
+}
+
 // Against the exact force of every tick, whose felt contrast falls with the sharpness itself.
 TEST(Felt, GivenAnswers20MillisecondsLateThenAnInclusionIsFeltWithinATwentiethOfItsContrast) {
   for (const double edge_m : {0.0015, 0.002})
