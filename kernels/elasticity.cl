@@ -16,19 +16,20 @@ real2 corner_force(const real2 wu, const real2 eu, const real2 wd, const real2 e
   const real2 along = along_up + along_down, down = down_west + down_east;
   const real2 x_part = along + (t < 0 ? along_up : along_down);  // six times M times the differences
   const real2 y_part = down + (s < 0 ? down_west : down_east);
+  // One change of volume for both directions: rounding it is then no shear, which lambda would magnify.
   const real volume_x = lambda / 4 * (r * along.x + down.y);
-  const real volume_y = lambda / 4 * (along.x + w * down.y);
+  const real volume_y = w * volume_x;
   return (real2)(s * (mu * r / 3 * x_part.x + volume_x) + t * mu * (w / 6 * y_part.x + along.y / 4),
                  t * (mu * w / 3 * y_part.y + volume_y) + s * mu * (r / 6 * x_part.y + down.x / 4));
 }
 
-// width, height: (size, 1 / size) of the columns and rows of elements, here and below.
+// width, height: of the columns and rows of elements, here and below.
 //
 // y = K x on unconstrained unknowns; with `constrain`, y = x on the others (x must vanish there), without, y
 // = K x there too: the reactions. Items: (i, j, right-hand side). Reads 18 + 4 + 4 reals, about 240 flops.
 kernel void elasticity_apply(global const real2* restrict x, global real2* restrict y,
-                             global const real* restrict modulus, global const real2* restrict width,
-                             global const real2* restrict height, global const real2* restrict free,
+                             global const real* restrict modulus, global const real* restrict width,
+                             global const real* restrict height, global const real2* restrict free,
                              const real mu_per_e, const real lambda_per_e, const int constrain, const int nx,
                              const int ny) {
   const int i = get_global_id(0), j = get_global_id(1), base = get_global_id(2) * nx * ny;
@@ -41,19 +42,18 @@ kernel void elasticity_apply(global const real2* restrict x, global real2* restr
              e_ru = east && up ? modulus[right + ex * above] : 0;
   const real e_ld = west && down ? modulus[left + ex * below] : 0,
              e_rd = east && down ? modulus[right + ex * below] : 0;
-  // (size, 1 / size)
-  const real2 w_l = width[left], w_r = width[right], h_u = height[above], h_d = height[below];
+  const real w_l = width[left], w_r = width[right], h_u = height[above], h_d = height[below];
   global const real2* u = x + base + node;
   const real2 uw = u[-up - west], un = u[-up], ue = u[-up + east];
   const real2 cw = u[-west], cc = u[0], ce = u[east];
   const real2 dw = u[down - west], ds = u[down], de = u[down + east];
   real2 force =
-      corner_force(uw, un, cw, cc, 1, 1, h_u.x * w_l.y, h_u.y * w_l.x, mu_per_e * e_lu, lambda_per_e * e_lu);
+      corner_force(uw, un, cw, cc, 1, 1, h_u / w_l, w_l / h_u, mu_per_e * e_lu, lambda_per_e * e_lu);
   force +=
-      corner_force(un, ue, cc, ce, -1, 1, h_u.x * w_r.y, h_u.y * w_r.x, mu_per_e * e_ru, lambda_per_e * e_ru);
+      corner_force(un, ue, cc, ce, -1, 1, h_u / w_r, w_r / h_u, mu_per_e * e_ru, lambda_per_e * e_ru);
   force +=
-      corner_force(cw, cc, dw, ds, 1, -1, h_d.x * w_l.y, h_d.y * w_l.x, mu_per_e * e_ld, lambda_per_e * e_ld);
-  force += corner_force(cc, ce, ds, de, -1, -1, h_d.x * w_r.y, h_d.y * w_r.x, mu_per_e * e_rd,
+      corner_force(cw, cc, dw, ds, 1, -1, h_d / w_l, w_l / h_d, mu_per_e * e_ld, lambda_per_e * e_ld);
+  force += corner_force(cc, ce, ds, de, -1, -1, h_d / w_r, w_r / h_d, mu_per_e * e_rd,
                         lambda_per_e * e_rd);
   const real2 is_free = constrain ? free[node] : (real2)(1);
   y[base + node] = is_free * force + (1 - is_free) * cc;
@@ -71,7 +71,7 @@ real4 corner_block(const real s, const real t, const real s2, const real t2, con
 
 // The same operator as a stencil (stencil.clh), constrained unknowns as identity. Items: (i, j, block k).
 kernel void elasticity_stencil(global real4* restrict stencil, global const real* restrict modulus,
-                               global const real2* restrict width, global const real2* restrict height,
+                               global const real* restrict width, global const real* restrict height,
                                global const real2* restrict free, const real mu_per_e,
                                const real lambda_per_e, const int nx, const int ny) {
   const int i = get_global_id(0), j = get_global_id(1), k = get_global_id(2);
@@ -86,7 +86,7 @@ kernel void elasticity_stencil(global real4* restrict stencil, global const real
         const bool both = (di == 0 || di == 2 * a - 1) && (dj == 0 || dj == 2 * b - 1);
         if (!both || column < 0 || column >= nx - 1 || row < 0 || row >= ny - 1) continue;
         const real s = 1 - 2 * a, t = 1 - 2 * b, e = modulus[column + (nx - 1) * row];
-        sum += corner_block(s, t, di == 0 ? s : -s, dj == 0 ? t : -t, height[row].x * width[column].y,
+        sum += corner_block(s, t, di == 0 ? s : -s, dj == 0 ? t : -t, height[row] / width[column],
                             mu_per_e * e, lambda_per_e * e);
       }
     const real2 row_free = free[node], to = free[node + di + nx * dj];

@@ -86,9 +86,9 @@ VectorXd first_guess(const Patch& patch, double indentation_m) {
   return p;
 }
 
-// What each sample dA of the compliance's rounding does to the gradient: (A^-1 v_q)^T dA p.
-void set_sampled_error(const Compliance& compliance, const Patch& patch, const std::vector<Index>& active,
-                       const Eigen::MatrixX2d& sensitivity, const VectorXd& p, Touch& touch) {
+// What an error dA of the compliance does to the gradient: (A^-1 v_q)^T dA p.
+void set_measured_error(const Compliance& compliance, const Patch& patch, const std::vector<Index>& active,
+                        const Eigen::MatrixX2d& sensitivity, const VectorXd& p, Touch& touch) {
   const Index tied = Index(patch.tied.size());
   std::vector<std::size_t> unknowns;
   unknowns.reserve(active.size());
@@ -97,11 +97,15 @@ void set_sampled_error(const Compliance& compliance, const Patch& patch, const s
     const Index node = normal ? unknown - tied : patch.tied[std::size_t(unknown)];
     unknowns.push_back(2 * patch.nodes[std::size_t(node)] + (normal ? 1 : 0));
   }
-  const auto samples = compliance.rounding_between(unknowns, sensitivity, p);
-  if (samples.empty()) return;
+  const auto error = compliance.error_between(unknowns, sensitivity, p);
+  if (!error) return;
+  const double gradient = touch.energy.gradient.norm();
   double squares = 0;
-  for (const Vector2d& sample : samples) squares += sample.squaredNorm();
-  touch.sampled_error = std::sqrt(squares / double(samples.size())) / touch.energy.gradient.norm();
+  for (const Vector2d& sample : error->rounding) squares += sample.squaredNorm();
+  touch.samples = error->rounding.size();
+  touch.sampled_error = std::sqrt(squares / double(error->rounding.size())) / gradient;
+  touch.most_rounding = touch.amplification * error->largest_rounding;
+  touch.unfinished_error = error->unfinished.norm() / gradient;
 }
 
 // Gradient p^T w_q + W_t t_q - 1/2 p^T A_q p; second derivative v_q^T (A + D)^-1 v_r + p^T w_qr + W_tt t_q
@@ -143,7 +147,7 @@ void set_energy(const Compliance& compliance, const Patch& patch, const PatchSol
   energy.hessian += v.transpose() * sensitivity;
   const VectorXd p = s.p(s.active), diagonal = patch.programme.a.diagonal()(s.active);
   touch.amplification = amplification(sensitivity, p, diagonal, energy.gradient);
-  set_sampled_error(compliance, patch, s.active, sensitivity, p, touch);
+  set_measured_error(compliance, patch, s.active, sensitivity, p, touch);
 }
 
 // Width of evenly spread forces that have the same mean, weighted by themselves.

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <limits>
 #include <vector>
 
 #include "service/contact/contact.h"
@@ -21,9 +20,10 @@ struct Energy {
 struct Touch {
   Energy energy;
   double amplification = 0;  // of the compliance's relative error in the force
-  // Relative errors of the force that samples of the compliance's rounding make, root mean square; NaN where
-  // there are none.
-  double sampled_error = std::numeric_limits<double>::quiet_NaN();
+  // Relative errors of the force, where they are measured: what samples of the compliance's rounding make,
+  // root mean square; the most that rounding as large could make; what unfinished iterations make, about.
+  std::size_t samples = 0;
+  double sampled_error = 0, most_rounding = 0, unfinished_error = 0;
   std::vector<std::size_t> nodes;
   Eigen::VectorXd normal, tangential;
   double width_m = 0;  // of the contact: what the mean pressure is made with

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <chrono>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -23,6 +24,15 @@ struct SolveReport {
   const char* reason = "direct";  // why it stopped
 };
 
+// What is known of the error dC of a compliance in two forms left^T dC right.
+struct FormError {
+  // What rounding does to them, a few samples: C is computed again with other rounding, dC the difference.
+  std::vector<Eigen::Vector2d> rounding;
+  double largest_rounding = 0;  // of |dC_ij| / sqrt(C_ii C_jj) in these samples, root mean square
+  // What iterations that were stopped leave of them, about.
+  Eigen::Vector2d unfinished = Eigen::Vector2d::Zero();
+};
+
 // Thread-safe.
 class Compliance {
  public:
@@ -34,12 +44,11 @@ class Compliance {
   virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
   // Its axial part alone, [u_y of node 0, u_y of node 1, ...], n x n: all that frictionless contact asks for.
   virtual Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
-  // What rounding does to left^T C right, a few samples dC of it: left^T dC right each, where C is computed
-  // again with other rounding and dC the difference. unknowns: 2 column + component of each row. Empty while
-  // that has not been measured.
-  virtual std::vector<Eigen::Vector2d> rounding_between(std::span<const std::size_t> /*unknowns*/,
-                                                        const Eigen::MatrixX2d& /*left*/,
-                                                        const Eigen::VectorXd& /*right*/) const {
+  // Of left^T C right among `unknowns`, 2 column + component of each row. Empty while it has not been
+  // measured; then the bound of `report` is all there is.
+  virtual std::optional<FormError> error_between(std::span<const std::size_t> /*unknowns*/,
+                                                 const Eigen::MatrixX2d& /*left*/,
+                                                 const Eigen::VectorXd& /*right*/) const {
     return {};
   }
   // Gets ready what the first two will be asked for among `nodes` (in any order, the first ones first), in

@@ -7,14 +7,12 @@
 namespace teletact::service {
 namespace {
 
-// (size, 1 / size) of each interval.
+// Size of each interval times `length`.
 template <class T>
-std::vector<T> intervals(const std::vector<double>& coordinates) {
+std::vector<T> intervals(const std::vector<double>& coordinates, double length) {
   std::vector<T> out;
   for (std::size_t k = 0; k + 1 < coordinates.size(); ++k) {
-    const double size = coordinates[k + 1] - coordinates[k];
-    out.push_back(static_cast<T>(size));
-    out.push_back(static_cast<T>(1 / size));
+    out.push_back(static_cast<T>(length * (coordinates[k + 1] - coordinates[k])));
   }
   return out;
 }
@@ -39,14 +37,14 @@ std::vector<std::uint8_t> free_unknowns(const TissueGrid& grid, const Supports& 
 }
 
 void apply_on_host(const TissueGrid& grid, const Material& material, std::size_t count,
-                   std::span<const double> x, std::span<double> y) {
+                   std::span<const double> x, std::span<double> y, double length) {
   using Vector8 = Eigen::Matrix<double, 8, 1>;
   std::fill(y.begin(), y.begin() + static_cast<std::ptrdiff_t>(count * grid.dofs()), 0.0);
   for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
     for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
-      const auto stiffness =
-          element_stiffness(grid.x_m[i + 1] - grid.x_m[i], grid.y_m[j + 1] - grid.y_m[j],
-                            material.youngs_modulus_pa[grid.element(i, j)], material.poisson_ratio);
+      const auto stiffness = element_stiffness(
+          length * (grid.x_m[i + 1] - grid.x_m[i]), length * (grid.y_m[j + 1] - grid.y_m[j]),
+          material.youngs_modulus_pa[grid.element(i, j)], material.poisson_ratio);
       // Its nodes lie in two pairs of neighbours: four consecutive unknowns each.
       const std::size_t top = 2 * grid.node(i, j), bottom = 2 * grid.node(i, j + 1);
       for (std::size_t q = 0; q < count; ++q) {
@@ -66,13 +64,14 @@ void apply_on_host(const TissueGrid& grid, const Material& material, std::size_t
 }
 
 template <class T>
-Elasticity<T>::Elasticity(const Queue& queue, const TissueGrid& grid, const std::vector<std::uint8_t>& free)
+Elasticity<T>::Elasticity(const Queue& queue, const TissueGrid& grid, const std::vector<std::uint8_t>& free,
+                          double length)
     : queue_(queue),
       nx_(grid.nx()),
       ny_(grid.ny()),
       modulus_(queue.array<T>(grid.elements())),
-      width_(queue.array(intervals<T>(grid.x_m))),
-      height_(queue.array(intervals<T>(grid.y_m))),
+      width_(queue.array(intervals<T>(grid.x_m, length))),
+      height_(queue.array(intervals<T>(grid.y_m, length))),
       free_(queue.array(std::vector<T>(free.begin(), free.end()))),
       apply_(queue.kernel("elasticity", "elasticity_apply", precision_of<T>)),
       stencil_(queue.kernel("elasticity", "elasticity_stencil", precision_of<T>)) {}

@@ -21,14 +21,16 @@ LameRatios lame_ratios(double poisson_ratio);
 std::vector<std::uint8_t> free_unknowns(const TissueGrid&, const Supports&);
 
 // y = K x for `count` displacements [vector][dof] (m), all unknowns free: nodal forces per metre of thickness
-// (N/m). On the host, in double; for devices without it.
+// (N/m). On the host, in double; for devices without it. All lengths of the grid count times `length`, which
+// changes nothing but how it is rounded: a stiffness in plane strain depends on ratios of lengths alone.
 void apply_on_host(const TissueGrid&, const Material&, std::size_t count, std::span<const double> x,
-                   std::span<double> y);
+                   std::span<double> y, double length = 1);
 
 template <class T>
 class Elasticity : public LinearOperator<T> {
  public:
-  Elasticity(const Queue&, const TissueGrid&, const std::vector<std::uint8_t>& free);
+  // `length`: as above.
+  Elasticity(const Queue&, const TissueGrid&, const std::vector<std::uint8_t>& free, double length = 1);
   // K is computed for the moduli divided by reference_pa, to stay within the range of float.
   void set_material(const Material&, double reference_pa);
   // Constrained unknowns as the identity; x must vanish there, as conjugate gradients' vectors do.

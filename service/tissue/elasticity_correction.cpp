@@ -94,6 +94,15 @@ class Correction : public ElasticityCorrection {
     return norms;
   }
 
+  std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) override {
+    const std::vector<double> scale = scales(count, residual);
+    write(residual, scale, r_);
+    make_preconditioner()->apply(r_, x_, count);
+    std::vector<double> z(residual.size());
+    read(x_, scale, 1 / reference_pa_, z);
+    return z;
+  }
+
  private:
   std::shared_ptr<LinearOperator<T>> make_preconditioner() {
     if (factor_) return std::make_shared<FactorPreconditioner<T>>(queue_, factor_, reference_pa_);

@@ -32,6 +32,8 @@ class ElasticityCorrection {
                                        std::span<double> recursive) = 0;
   // (r . M r)^(1/2) of residuals r (N/m): with the smallest eigenvalue of M K, a bound of ||K^-1 r||_K.
   virtual std::vector<double> norm(std::size_t count, std::span<const double> residual) = 0;
+  // M r (m).
+  virtual std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) = 0;
 };
 
 // Capacity: the most right-hand sides of one run.

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
@@ -16,6 +17,7 @@
 #include <utility>
 
 #include "service/tissue/elasticity_correction.h"
+#include "service/tissue/units.h"
 
 namespace teletact::service {
 namespace {
@@ -61,6 +63,7 @@ struct ElasticitySolver::Core {
   Core(const std::shared_ptr<Device>&, TissueGrid, const Supports&, ElasticitySolverOptions);
   void reserve(std::size_t count);
   std::vector<double> forces(std::size_t count, std::span<const double> displacement);
+  std::vector<double> forces_again(const Units&, std::size_t count, std::span<const double> displacement);
   void check(std::size_t count, std::span<const double> loads, std::span<const double> prescribed,
              std::span<const double> displacement) const;
   std::vector<Column> solve(std::size_t count, std::span<const double> loads,
@@ -74,6 +77,10 @@ struct ElasticitySolver::Core {
            std::vector<double>& residual, std::vector<Column>& columns);
   std::vector<double> error_bounds(std::size_t count, std::span<const double> residual);
   SolveReport report(const std::vector<Column>&) const;
+  // What `work` makes of vectors [count][dof], so many at a time as there is room for.
+  std::vector<double> in_batches(
+      std::size_t count, std::span<const double> vectors,
+      const std::function<std::vector<double>(std::size_t, std::span<const double>)>& work);
   std::span<const double> column(std::span<const double> v, std::size_t q) const {
     return v.subspan(q * grid.dofs(), grid.dofs());
   }
@@ -143,6 +150,26 @@ std::vector<double> ElasticitySolver::Core::forces(std::size_t count, std::span<
   exact->apply_unconstrained(exact_u, exact_f, count);
   queue.read(exact_f, force.data(), size);
   for (double& f : force) f *= reference_pa;
+  return force;
+}
+
+std::vector<double> ElasticitySolver::Core::forces_again(const Units& units, std::size_t count,
+                                                         std::span<const double> u) {
+  const Material other_material = in_units(material, units);
+  std::vector<double> force(count * grid.dofs()), other_u(u.begin(), u.end());
+  for (double& value : other_u) value *= units.length;
+  double scale = 1 / (units.modulus * units.length);
+  if (exact) {
+    Elasticity<double> other(queue, grid, free, units.length);
+    other.set_material(other_material, reference_pa);
+    queue.write(exact_u, other_u.data(), force.size());
+    other.apply_unconstrained(exact_u, exact_f, count);
+    queue.read(exact_f, force.data(), force.size());
+    scale *= reference_pa;
+  } else {
+    apply_on_host(grid, other_material, count, other_u, force, units.length);
+  }
+  for (double& f : force) f *= scale;
   return force;
 }
 
@@ -278,6 +305,19 @@ std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<c
   return columns;
 }
 
+std::vector<double> ElasticitySolver::Core::in_batches(
+    std::size_t count, std::span<const double> vectors,
+    const std::function<std::vector<double>(std::size_t, std::span<const double>)>& work) {
+  reserve(std::min(count, kBatch));
+  std::vector<double> all;
+  for (std::size_t begin = 0; begin < count; begin += kBatch) {
+    const std::size_t batch = std::min(kBatch, count - begin);
+    const std::vector<double> part = work(batch, vectors.subspan(begin * grid.dofs(), batch * grid.dofs()));
+    all.insert(all.end(), part.begin(), part.end());
+  }
+  return all;
+}
+
 SolveReport ElasticitySolver::Core::report(const std::vector<Column>& columns) const {
   SolveReport report;
   report.reason = to_string(StopReason::kConverged);
@@ -330,6 +370,10 @@ const Queue& ElasticitySolver::queue() const {
   return core_->queue;
 }
 
+double ElasticitySolver::smallest_eigenvalue() const {
+  return core_->smallest_eigenvalue;
+}
+
 const std::vector<std::uint8_t>& ElasticitySolver::free() const {
   return core_->free;
 }
@@ -353,15 +397,25 @@ SolveReport ElasticitySolver::solve(std::size_t count, std::span<const double> l
 
 std::vector<double> ElasticitySolver::nodal_forces(std::size_t count, std::span<const double> displacement) {
   core_->check(count, {}, {}, displacement);
-  core_->reserve(std::min(count, kBatch));
-  std::vector<double> all;
-  const std::size_t dofs = core_->grid.dofs();
-  for (std::size_t begin = 0; begin < count; begin += kBatch) {
-    const std::size_t batch = std::min(kBatch, count - begin);
-    const auto force = core_->forces(batch, displacement.subspan(begin * dofs, batch * dofs));
-    all.insert(all.end(), force.begin(), force.end());
-  }
-  return all;
+  return core_->in_batches(count, displacement, [&](std::size_t batch, std::span<const double> part) {
+    return core_->forces(batch, part);
+  });
+}
+
+std::vector<double> ElasticitySolver::nodal_forces_again(std::size_t which, std::size_t count,
+                                                         std::span<const double> displacement) {
+  core_->check(count, {}, {}, displacement);
+  return core_->in_batches(count, displacement, [&](std::size_t batch, std::span<const double> part) {
+    return core_->forces_again(kOtherUnits[which], batch, part);
+  });
+}
+
+std::vector<double> ElasticitySolver::nearly_solved(std::size_t count, std::span<const double> residual) {
+  core_->check(count, {}, {}, residual);
+  const std::vector<double> free_residual = core_->masked_loads(count, residual);
+  return core_->in_batches(count, free_residual, [&](std::size_t batch, std::span<const double> part) {
+    return core_->correction->preconditioned(batch, part);
+  });
 }
 
 }  // namespace teletact::service

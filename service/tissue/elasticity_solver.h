@@ -46,6 +46,9 @@ class ElasticitySolver {
   void use_factor(std::shared_ptr<const TissueFactor>);
   // The queue that it works on: its profile, where the device was opened with profiling.
   const Queue& queue() const;
+  // Of the preconditioned operator, the least that a solve with this material has found: above 0, at most 1;
+  // 0 before the first solve.
+  double smallest_eigenvalue() const;
   // [dof]: 0 where the displacement is prescribed or supported.
   const std::vector<std::uint8_t>& free() const;
   // Solves for `count` right-hand sides.
@@ -60,6 +63,13 @@ class ElasticitySolver {
   // K u for all unknowns, [count][dof] (N/m): where a displacement is prescribed or supported, this less the
   // load there is the reaction, the force that holds it.
   std::vector<double> nodal_forces(std::size_t count, std::span<const double> displacement);
+  // The same in other units of length and modulus, `which` < kOtherUnits, and back in N/m: rounded
+  // differently, so that the difference is a sample of the rounding error.
+  std::vector<double> nodal_forces_again(std::size_t which, std::size_t count,
+                                         std::span<const double> displacement);
+  // About K^-1 r, by one application of the preconditioner: [count][dof] (m) of residuals r (N/m), which are
+  // taken as zero where nothing is free.
+  std::vector<double> nearly_solved(std::size_t count, std::span<const double> residual);
 
  private:
   struct Core;

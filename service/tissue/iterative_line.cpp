@@ -2,9 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <string>
+
+#include "service/tissue/form.h"
+#include "service/tissue/units.h"
 
 namespace teletact::service {
 namespace {
@@ -12,11 +16,11 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr std::size_t kStep = 2;         // columns of one step of prepare(): a batch is no cheaper
-constexpr double kFloatRounding = 6e-8;  // of u and r, which are kept in float
+constexpr std::size_t kRoundingSamples = std::size(kOtherUnits);  // each costs a product with K
+constexpr std::size_t kStep = 2;  // columns of one step of prepare(): a batch is no cheaper
 
-// Relative error that rounding leaves in a compliance: that of the residual K u, whose bulk part cancels.
-// Measured (error_estimate_test): it grows about as the square root of bulk over shear.
+// Bound of the relative error that rounding leaves in a compliance: that of the residual K u, whose bulk part
+// cancels. Measured (error_estimate_test): it grows about as the square root of bulk over shear.
 double rounding_error(double poisson_ratio) {
   const double bulk_over_shear = 2 * poisson_ratio / (1 - 2 * poisson_ratio);
   return 2 * std::numeric_limits<double>::epsilon() * std::sqrt(1 + bulk_over_shear);
@@ -39,9 +43,14 @@ IterativeLine::IterativeLine(std::shared_ptr<SharedSolver> shared, const TissueG
       dofs_(grid.dofs()),
       first_dof_(2 * grid.node(touchable.first, line)),
       touchable_(touchable),
-      rounding_(rounding_error(poisson_ratio)),
-      columns_(2 * (touchable.last - touchable.first + 1)),
-      compliance_(MatrixXd::Zero(Index(columns_.size()), Index(columns_.size()))) {}
+      rounding_bound_(rounding_error(poisson_ratio)),
+      columns_(2 * (touchable.last - touchable.first + 1)) {
+  const auto size = Index(columns_.size());
+  compliance_.setZero(size, size);
+  unfinished_.setZero(size, size);
+  step_energy_.setZero(size, size);
+  rounding_.assign(kRoundingSamples, Eigen::MatrixXf::Zero(size, size));
+}
 
 MatrixXd IterativeLine::among(std::span<const std::size_t> nodes, SolveReport* report) {
   std::vector<std::size_t> unknowns;
@@ -88,50 +97,117 @@ MatrixXd IterativeLine::between(const std::vector<std::size_t>& unknowns, SolveR
   return compliance_(unknowns, unknowns);
 }
 
+std::optional<FormError> IterativeLine::error_between(std::span<const std::size_t> unknowns,
+                                                      const Eigen::MatrixX2d& left,
+                                                      const Eigen::VectorXd& right) const {
+  const std::lock_guard lock(mutex_);
+  const auto first = 2 * Index(touchable_.first);
+  FormError error;
+  double squares = 0;
+  for (const Eigen::MatrixXf& sample : rounding_) {
+    error.rounding.push_back(forms_of(sample, first, unknowns, left, right));
+    double largest = 0;
+    for (const std::size_t a : unknowns)
+      for (const std::size_t b : unknowns) {
+        const Index i = Index(a) - first, j = Index(b) - first;
+        largest = std::max(largest,
+                           std::abs(double(sample(i, j))) / std::sqrt(compliance_(i, i) * compliance_(j, j)));
+      }
+    squares += largest * largest;
+  }
+  error.largest_rounding = std::sqrt(squares / double(rounding_.size()));
+  error.unfinished = unfinished_between(unknowns, left, right);
+  return error;
+}
+
+// |left^T R^T K^-1 R right| <= |R left| |R right| in the norm of K^-1. Of r = R left its square is estimated
+// by one step of conjugate gradients, (r . M r)^2 / (M r . K M r), which is less than it.
+Eigen::Vector2d IterativeLine::unfinished_between(std::span<const std::size_t> unknowns,
+                                                  const Eigen::MatrixX2d& left,
+                                                  const Eigen::VectorXd& right) const {
+  std::vector<Index> at;
+  for (const std::size_t unknown : unknowns) at.push_back(Index(unknown) - 2 * Index(touchable_.first));
+  const MatrixXd step = unfinished_(at, at).cast<double>(), energy = step_energy_(at, at).cast<double>();
+  const auto squared = [&](const Eigen::VectorXd& v) {
+    const double along = v.dot(step * v), curvature = v.dot(energy * v);
+    if (!(along > 0 && curvature > 0)) return 0.0;
+    const double mean = curvature / along;
+    return along / std::sqrt(mean * std::min(mean, smallest_eigenvalue_));
+  };
+  const double of_right = squared(right);
+  return {std::sqrt(of_right * squared(left.col(0))), std::sqrt(of_right * squared(left.col(1)))};
+}
+
 void IterativeLine::solve_missing(const std::vector<std::size_t>& unknowns) {
   std::vector<std::size_t> missing;
   for (std::size_t unknown : unknowns) {
     if (!columns_[unknown].solved) missing.push_back(unknown);
   }
   if (missing.empty()) return;
-  std::vector<double> loads(missing.size() * dofs_), displacement(loads.size());
-  for (std::size_t q = 0; q < missing.size(); ++q) loads[q * dofs_ + grid_dof(missing[q])] = 1;
+  const std::size_t count = missing.size();
+  std::vector<double> loads(count * dofs_), displacement(loads.size());
+  for (std::size_t q = 0; q < count; ++q) loads[q * dofs_ + grid_dof(missing[q])] = 1;
   SolveReport report;
-  std::vector<double> force;
+  std::vector<double> residual = loads, nearly_solved, step_force;
+  std::vector<std::vector<double>> rounding;  // what else the residual could have been, less it
   {
     const std::lock_guard lock(shared_->mutex);
-    report = shared_->solver.solve(missing.size(), loads, {}, displacement);
-    force = shared_->solver.nodal_forces(missing.size(), displacement);
+    ElasticitySolver& solver = shared_->solver;
+    report = solver.solve(count, loads, {}, displacement);
+    smallest_eigenvalue_ = solver.smallest_eigenvalue();
+    if (!std::isfinite(report.relative_error))
+      throw std::runtime_error(std::string("conjugate gradients on the device: no usable solution (") +
+                               report.reason + "); the device may be faulty, use the compliance");
+    const std::vector<double> force = solver.nodal_forces(count, displacement);
+    for (std::size_t n = 0; n < force.size(); ++n) residual[n] -= force[n];
+    nearly_solved = solver.nearly_solved(count, residual);
+    step_force = solver.nodal_forces(count, nearly_solved);
+    for (std::size_t k = 0; k < kRoundingSamples; ++k) {
+      rounding.push_back(solver.nodal_forces_again(k, count, displacement));
+      for (std::size_t n = 0; n < force.size(); ++n) rounding[k][n] = loads[n] - rounding[k][n];
+    }
   }
-  if (!std::isfinite(report.relative_error))
-    throw std::runtime_error(std::string("conjugate gradients on the device: no usable solution (") +
-                             report.reason + "); the device may be faulty, use the compliance");
-  // The product of two errors is left, and what keeping u and r in float does to the correction by u . r.
-  report.relative_error *= report.relative_error + kFloatRounding;
-  report.relative_error += rounding_;
-  for (std::size_t q = 0; q < missing.size(); ++q) {
+  // The product of two errors is left.
+  report.relative_error = report.relative_error * report.relative_error + rounding_bound_;
+  for (std::size_t q = 0; q < count; ++q) {
+    const auto part = [&](const std::vector<double>& v) { return std::span(v).subspan(q * dofs_, dofs_); };
     Column& column = columns_[missing[q]];
     column.report = report;
-    column.displacement.resize(Index(dofs_));
-    column.residual.resize(Index(dofs_));
-    for (std::size_t n = 0; n < dofs_; ++n) {
-      column.displacement[Index(n)] = float(displacement[q * dofs_ + n]);
-      column.residual[Index(n)] = float(loads[q * dofs_ + n] - force[q * dofs_ + n]);
-    }
+    column.displacement = Eigen::Map<const Eigen::VectorXd>(part(displacement).data(), Index(dofs_));
+    column.nearly_solved =
+        Eigen::Map<const Eigen::VectorXd>(part(nearly_solved).data(), Index(dofs_)).cast<float>();
     column.solved = true;
-    add_to_compliance(missing[q], std::span(displacement).subspan(q * dofs_, dofs_));
+    std::vector<std::span<const double>> samples;
+    for (const std::vector<double>& sample : rounding) samples.push_back(part(sample));
+    add_to_compliance(missing[q], part(residual), part(step_force), samples);
   }
 }
 
-// Entries of `unknown`'s column against every column solved so far, itself included.
-void IterativeLine::add_to_compliance(std::size_t unknown, std::span<const double> displacement) {
-  const Column& column = columns_[unknown];
+// Entries of `unknown`'s column against every column solved so far, itself included. u and M r vanish where r
+// is a support's reaction. `rounding`: samples of r's error.
+void IterativeLine::add_to_compliance(std::size_t unknown, std::span<const double> residual,
+                                      std::span<const double> step_force,
+                                      const std::vector<std::span<const double>>& rounding) {
+  const auto vector = [&](std::span<const double> v) {
+    return Eigen::Map<const Eigen::VectorXd>(v.data(), Index(dofs_));
+  };
+  const auto set = [&](auto& matrix, std::size_t other, auto value) {
+    matrix(Index(other), Index(unknown)) = matrix(Index(unknown), Index(other)) = value;
+  };
+  const Eigen::VectorXf small_residual = vector(residual).cast<float>();
+  const Eigen::VectorXf small_force = vector(step_force).cast<float>();
   for (std::size_t other = 0; other < columns_.size(); ++other) {
-    if (!columns_[other].solved) continue;
-    // u vanishes where r is a support's reaction.
-    const double correction = columns_[other].displacement.cast<double>().dot(column.residual.cast<double>());
-    compliance_(Index(other), Index(unknown)) = displacement[grid_dof(other)] + correction;
-    compliance_(Index(unknown), Index(other)) = compliance_(Index(other), Index(unknown));
+    const Column& column = columns_[other];
+    if (!column.solved) continue;
+    const double uncorrected = columns_[unknown].displacement[Index(grid_dof(other))];
+    set(compliance_, other, uncorrected + column.displacement.dot(vector(residual)));
+    set(unfinished_, other, column.nearly_solved.dot(small_residual));
+    set(step_energy_, other, column.nearly_solved.dot(small_force));
+    for (std::size_t k = 0; k < rounding.size(); ++k) {
+      const double length = kOtherUnits[k].length, moved = length * uncorrected / length;
+      const double again = moved + column.displacement.dot(vector(rounding[k]));
+      set(rounding_[k], other, float(again - compliance_(Index(other), Index(unknown))));
+    }
   }
 }
 

@@ -4,7 +4,8 @@
 // With u_j the answer to the unit force f_j and r_j = f_j - K u_j its residual, C_ij is taken as
 //   f_i . u_j + u_i . r_j,
 // which is symmetric and off by -(e_i . K e_j) alone: by the product of two errors instead of one. A solve to
-// 3e-4 in float thus gives compliances to about 1e-7.
+// 3e-4 in float thus gives compliances to about 1e-7. What is left is r_i . K^-1 r_j, about r_i . M r_j with
+// the preconditioner M: these products say what a touch may be off by.
 #pragma once
 
 #include <memory>
@@ -28,13 +29,15 @@ struct SharedSolver {
   ElasticitySolver solver;
 };
 
-// Keeps 8 bytes per degree of freedom of the grid for every column asked for.
+// Keeps 12 bytes per degree of freedom of the grid for every column asked for.
 class IterativeLine final : public Compliance {
  public:
   IterativeLine(std::shared_ptr<SharedSolver>, const TissueGrid&, double poisson_ratio, std::size_t line,
                 ColumnRange touchable);
   Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override;
   Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override;
+  std::optional<FormError> error_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
+                                         const Eigen::VectorXd& right) const override;
   bool prepare(std::span<const std::size_t> nodes, bool tangential,
                std::chrono::steady_clock::time_point until) override;
 
@@ -42,21 +45,30 @@ class IterativeLine final : public Compliance {
   // A unit force on one degree of freedom of the line.
   struct Column {
     bool solved = false;
-    Eigen::VectorXf displacement, residual;  // [dof of the grid]
+    Eigen::VectorXd displacement;   // u, [dof of the grid]
+    Eigen::VectorXf nearly_solved;  // M r
     SolveReport report;
   };
   Eigen::MatrixXd between(const std::vector<std::size_t>& unknowns, SolveReport* report);
   void solve_missing(const std::vector<std::size_t>& unknowns);
-  void add_to_compliance(std::size_t unknown, std::span<const double> displacement);
+  void add_to_compliance(std::size_t unknown, std::span<const double> residual,
+                         std::span<const double> step_force,
+                         const std::vector<std::span<const double>>& rounding);
+  Eigen::Vector2d unfinished_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
+                                     const Eigen::VectorXd& right) const;
   std::size_t grid_dof(std::size_t unknown) const { return first_dof_ + unknown; }
 
   std::shared_ptr<SharedSolver> shared_;
   std::size_t dofs_, first_dof_;  // of the grid; of the first touchable node of the line
   ColumnRange touchable_;
-  double rounding_;  // relative error of any entry
-  std::mutex mutex_;
-  std::vector<Column> columns_;  // by unknown: 2 (column - touchable.first) + component
-  Eigen::MatrixXd compliance_;   // where both columns are solved
+  double rounding_bound_;  // of the relative error of any entry, made beforehand
+  mutable std::mutex mutex_;
+  double smallest_eigenvalue_ = 0;  // of M K
+  std::vector<Column> columns_;     // by unknown: 2 (column - touchable.first) + component
+  // Among the columns that are solved: C, r_i . M r_j, M r_i . K M r_j, samples of C's rounding.
+  Eigen::MatrixXd compliance_;
+  Eigen::MatrixXf unfinished_, step_energy_;
+  std::vector<Eigen::MatrixXf> rounding_;
 };
 
 }  // namespace teletact::service

@@ -11,7 +11,9 @@
 #include <utility>
 
 #include "service/tissue/condensation.h"
+#include "service/tissue/form.h"
 #include "service/tissue/iterative_line.h"
+#include "service/tissue/units.h"
 
 namespace teletact::service {
 namespace {
@@ -20,14 +22,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Units in which the same tissue is condensed again: lengths and moduli times these. No powers of two, which
-// would round alike.
-struct Units {
-  double length, modulus;
-};
-constexpr Units kOtherUnits[] = {{1.1, 3}, {1.3, 5}};
-constexpr std::size_t kRoundingSamples = std::size(kOtherUnits);
-
+constexpr std::size_t kRoundingSamples = 2;   // one for each background job
 constexpr double kFloatPoissonRatio = 0.495;  // up to here float alone converges at any contrast tested
 
 // Relative error that rounding leaves in an exact elimination: eps times a bound of the condition number
@@ -78,25 +73,16 @@ class CondensedLine final : public Compliance {
     return s;
   }
 
-  std::vector<Eigen::Vector2d> rounding_between(std::span<const std::size_t> unknowns,
-                                                const Eigen::MatrixX2d& left,
-                                                const VectorXd& right) const override {
+  std::optional<FormError> error_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
+                                         const VectorXd& right) const override {
     const std::shared_ptr<const Rounding> rounding = measured();
     if (!rounding || rounding->samples.size() < kRoundingSamples) return {};
-    const Index first = 2 * Index(columns_.first), n = right.size();
-    std::vector<Eigen::Vector2d> forms;
-    for (const Eigen::MatrixXf& sample : rounding->samples) {
-      Eigen::Vector2d form = Eigen::Vector2d::Zero();
-      for (Index b = 0; b < n; ++b) {
-        const float* column = sample.col(Index(unknowns[std::size_t(b)]) - first).data();
-        Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-        for (Index a = 0; a < n; ++a)
-          sum += double(column[Index(unknowns[std::size_t(a)]) - first]) * left.row(a).transpose();
-        form += right[b] * sum;
-      }
-      forms.push_back(form);
-    }
-    return forms;
+    const Index first = 2 * Index(columns_.first);
+    FormError error;
+    error.largest_rounding = rounding->largest();
+    for (const Eigen::MatrixXf& sample : rounding->samples)
+      error.rounding.push_back(forms_of(sample, first, unknowns, left, right));
+    return error;
   }
 
   const MatrixXd& whole() const { return compliance_; }
@@ -121,6 +107,7 @@ class CondensedLine final : public Compliance {
   struct Rounding {
     std::vector<Eigen::MatrixXf> samples;  // size of the compliance
     double squares = 0;                    // of the largest relative entry of each
+    double largest() const { return std::sqrt(squares / double(samples.size())); }
   };
   std::shared_ptr<const Rounding> measured() const {
     const std::lock_guard lock(mutex_);
@@ -135,9 +122,8 @@ class CondensedLine final : public Compliance {
     if (!report) return;
     *report = SolveReport{};
     const auto rounding = measured();
-    report->relative_error = rounding && rounding->samples.size() == kRoundingSamples
-                                 ? std::sqrt(rounding->squares / kRoundingSamples)
-                                 : bound_;
+    report->relative_error =
+        rounding && rounding->samples.size() == kRoundingSamples ? rounding->largest() : bound_;
   }
 
   ColumnRange columns_;
@@ -264,17 +250,12 @@ std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line, const std::
 }
 
 // A compliance in plane strain depends on the moduli, and on ratios of lengths alone.
-MatrixXd TissueModel::condensed_in_other_units(std::size_t line, double length, double modulus) const {
-  TissueGrid grid = grid_;
-  for (double& x : grid.x_m) x *= length;
-  for (double& y : grid.y_m) y *= length;
-  Material material = material_;
-  for (double& e : material.youngs_modulus_pa) e *= modulus;
+MatrixXd TissueModel::condensed_in_other_units(std::size_t line, const Units& units) const {
   TissueModelOptions options = options_;
-  options.touch_begin_m *= length;
-  options.touch_end_m *= length;
-  const TissueModel other(std::move(grid), std::move(material), supports_, options);
-  return modulus * static_cast<const CondensedLine&>(*other.condensed(line)).whole();
+  options.touch_begin_m *= units.length;
+  options.touch_end_m *= units.length;
+  const TissueModel other(in_units(grid_, units), in_units(material_, units), supports_, options);
+  return units.modulus * static_cast<const CondensedLine&>(*other.condensed(line)).whole();
 }
 
 bool TissueModel::measure_rounding(std::size_t line) const {
@@ -282,7 +263,7 @@ bool TissueModel::measure_rounding(std::size_t line) const {
   const std::lock_guard lock(lines_->measuring);
   const std::size_t next = measured.samples();
   if (next == kRoundingSamples) return false;
-  measured.add_sample(condensed_in_other_units(line, kOtherUnits[next].length, kOtherUnits[next].modulus));
+  measured.add_sample(condensed_in_other_units(line, kOtherUnits[next]));
   return true;
 }
 

@@ -12,6 +12,8 @@
 
 namespace teletact::service {
 
+struct Units;
+
 class Device;
 struct ElasticitySolverOptions;
 
@@ -68,7 +70,7 @@ class TissueModel {
 
  private:
   void check_free(std::size_t line) const;
-  Eigen::MatrixXd condensed_in_other_units(std::size_t line, double length, double modulus) const;
+  Eigen::MatrixXd condensed_in_other_units(std::size_t line, const Units&) const;
 
   TissueGrid grid_;
   Material material_;

@@ -29,6 +29,7 @@ using service::SolveReport;
 using service::TissueGrid;
 using service::TissueModel;
 using Real = long double;
+using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using Element = Eigen::Matrix<Real, 8, 8>;
 
 // Strain [eps_xx, eps_yy, gamma_xy] of the eight displacements at (s, t) in [0, 1]^2.
@@ -43,18 +44,31 @@ Eigen::Matrix<Real, 3, 8> strain(Real s, Real t, Real width, Real height) {
   return b;
 }
 
-Element element(Real width, Real height, Real e, Real nu) {
+// Its parts: shear, and bulk volume volume^T, which near nu = 1/2 must be kept apart to be exact.
+struct Part {
+  Element shear;
+  Eigen::Matrix<Real, 8, 1> volume;
+  std::array<Index, 8> dofs;
+  Element stiffness() const { return shear + volume * volume.transpose(); }
+  Eigen::Matrix<Real, 8, 1> force(const Eigen::Matrix<Real, 8, 1>& u) const {
+    return shear * u + volume * volume.dot(u);
+  }
+};
+
+Part element(Real width, Real height, Real e, Real nu) {
   const Real mu = e / (2 * (1 + nu)), lambda = e * nu / ((1 + nu) * (1 - 2 * nu)), half = Real(1) / 2;
   const Eigen::Matrix<Real, 3, 1> shear(2 * mu, 2 * mu, mu), trace(1, 1, 0);
   const Real at = std::sqrt(Real(1) / 12), area = width * height;
-  Element k = Element::Zero();
+  Part part;
+  part.shear.setZero();
   for (const Real s : {half - at, half + at})
     for (const Real t : {half - at, half + at}) {
       const auto b = strain(s, t, width, height);
-      k += area / 4 * b.transpose() * shear.asDiagonal() * b;
+      part.shear += area / 4 * b.transpose() * shear.asDiagonal() * b;
     }
   const auto b = strain(half, half, width, height);
-  return k + area * lambda * (b.transpose() * trace) * (trace.transpose() * b);
+  part.volume = std::sqrt(area * lambda) * b.transpose() * trace;
+  return part;
 }
 
 // Of the surface, bottom fixed.
@@ -65,22 +79,28 @@ class ExactCompliance final : public Compliance {
     std::vector<Eigen::Triplet<Real>> entries;
     for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
       for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
-        const Element k = element(Real(grid.x_m[i + 1]) - grid.x_m[i], Real(grid.y_m[j + 1]) - grid.y_m[j],
-                                  material.youngs_modulus_pa[grid.element(i, j)], material.poisson_ratio);
+        Part part = element(Real(grid.x_m[i + 1]) - grid.x_m[i], Real(grid.y_m[j + 1]) - grid.y_m[j],
+                            material.youngs_modulus_pa[grid.element(i, j)], material.poisson_ratio);
+        const Element k = part.stiffness();
         const std::array nodes{grid.node(i, j), grid.node(i + 1, j), grid.node(i, j + 1),
                                grid.node(i + 1, j + 1)};
-        const auto dof = [&](Index a) { return Index(2 * nodes[std::size_t(a / 2)]) + a % 2; };
+        std::array<Index, 8>& dofs = part.dofs;
+        for (std::size_t a = 0; a < 8; ++a) dofs[a] = Index(2 * nodes[a / 2] + a % 2);
         for (Index a = 0; a < 8; ++a)
           for (Index b = 0; b < 8; ++b)
-            if (dof(a) < free && dof(b) < free) entries.emplace_back(dof(a), dof(b), k(a, b));
+            if (dofs[std::size_t(a)] < free && dofs[std::size_t(b)] < free)
+              entries.emplace_back(dofs[std::size_t(a)], dofs[std::size_t(b)], k(a, b));
+        elements_.push_back(part);
       }
     Eigen::SparseMatrix<Real> k(free, free);
     k.setFromTriplets(entries.begin(), entries.end());
     const Eigen::SimplicialLDLT<Eigen::SparseMatrix<Real>> factor(k);
     s_.resize(size, size);
     for (Index q = 0; q < size; ++q) {
-      Eigen::Matrix<Real, Eigen::Dynamic, 1> f = Eigen::Matrix<Real, Eigen::Dynamic, 1>::Unit(free, q);
-      s_.col(q) = factor.solve(f).head(size).cast<double>();
+      const Vector f = Vector::Unit(free, q);
+      Vector u = factor.solve(f);
+      for (int pass = 0; pass < 3; ++pass) u += factor.solve(f - forces(u));  // the factor's rounding is felt
+      s_.col(q) = u.head(size).cast<double>();
     }
   }
   MatrixXd among(std::span<const std::size_t> nodes, SolveReport*) override {
@@ -95,22 +115,49 @@ class ExactCompliance final : public Compliance {
   }
 
  private:
+  // K u of the free unknowns, from differences of displacement within each element.
+  Vector forces(const Vector& u) const {
+    Vector f = Vector::Zero(u.size());
+    for (const Part& part : elements_) {
+      const auto of = [&](std::size_t a) { return part.dofs[a] < u.size() ? u[part.dofs[a]] : 0; };
+      Eigen::Matrix<Real, 8, 1> local;
+      for (std::size_t a = 0; a < 8; ++a) local[Index(a)] = of(a) - of(a % 2);
+      const auto force = part.force(local);
+      for (std::size_t a = 0; a < 8; ++a)
+        if (part.dofs[a] < u.size()) f[part.dofs[a]] += force[Index(a)];
+    }
+    return f;
+  }
+
+  std::vector<Part> elements_;
   MatrixXd s_;
 };
 
 struct Tissue {
   TissueGrid grid;
   Material material;
+  double contrast;
+  std::shared_ptr<ExactCompliance> exact;
 };
 
-std::vector<Tissue> tissues(const std::vector<double>& contrasts) {
+std::vector<Tissue> make_tissues(const std::vector<double>& contrasts) {
   std::vector<Tissue> all;
   for (const TissueGrid& grid : {tests::uniform_grid(31, 16), tests::uneven_grid(36, 19)})
     for (const double nu : {0.3, 0.49, 0.499, 0.4999})
       for (const double contrast : contrasts) {
-        all.push_back({grid, tests::inclusion(grid, contrast, nu)});
-        if (contrast > 1) all.push_back({grid, tests::scattered(grid, contrast, nu)});
+        const auto add = [&](Material material) {
+          auto exact = std::make_shared<ExactCompliance>(grid, material);
+          all.push_back({grid, std::move(material), contrast, std::move(exact)});
+        };
+        add(tests::inclusion(grid, contrast, nu));
+        if (contrast > 1) add(tests::scattered(grid, contrast, nu));
       }
+  return all;
+}
+
+// Made once: long double takes its time.
+const std::vector<Tissue>& tissues() {
+  static const std::vector<Tissue> all = make_tissues({1, 10, 1e3, 1e6});
   return all;
 }
 
@@ -127,6 +174,8 @@ void add_touches(const TissueModel& model, Compliance& exact, Compliance& tried,
       const double error = std::hypot(answer.force_n[0] - truth[0], answer.force_n[1] - truth[1]) /
                            std::hypot(truth[0], truth[1]);
       ratios.push_back(error / answer.solve.relative_error);
+      std::printf("nu %g err %.2e stated %.2e ratio %.2f\n", model.material().poisson_ratio, error,
+                  answer.solve.relative_error, error / answer.solve.relative_error);
     }
 }
 
@@ -144,13 +193,12 @@ double judge(const char* what, std::vector<double> ratios) {
 
 TEST(ErrorEstimate, OfTheCondensedModelBoundsAndIsClose) {
   std::vector<double> beforehand, measured;
-  for (const auto& [grid, material] : tissues({1, 10, 1e3, 1e6})) {
-    const TissueModel model(grid, material, {}, {});
-    ExactCompliance exact(grid, material);
-    add_touches(model, exact, *model.condensed(0), beforehand);
+  for (const Tissue& t : tissues()) {
+    const TissueModel model(t.grid, t.material, {}, {});
+    add_touches(model, *t.exact, *model.condensed(0), beforehand);
     while (model.measure_rounding(0)) {
     }
-    add_touches(model, exact, *model.condensed(0), measured);
+    add_touches(model, *t.exact, *model.condensed(0), measured);
   }
   judge("condensed, beforehand", beforehand);
   EXPECT_LE(judge("condensed, measured", measured), 5);
@@ -158,20 +206,19 @@ TEST(ErrorEstimate, OfTheCondensedModelBoundsAndIsClose) {
 
 class PcgErrorEstimate : public testing::TestWithParam<SolvePrecision> {};
 
-TEST_P(PcgErrorEstimate, Bounds) {
+TEST_P(PcgErrorEstimate, BoundsAndIsClose) {
   const auto device = service::Device::open();
   if (GetParam() == SolvePrecision::kDouble && !device->info().has_double)
     GTEST_SKIP() << "device without double";
   service::ElasticitySolverOptions options;
   options.precision = GetParam();
   std::vector<double> ratios;
-  for (const auto& [grid, material] : tissues({10, 1e3})) {
-    if (grid.nx() != 31) continue;  // the other costs as much again
-    const TissueModel model(grid, material, {}, {});
-    ExactCompliance exact(grid, material);
-    add_touches(model, exact, *model.iterative(0, device, options), ratios);
+  for (const Tissue& t : tissues()) {
+    if (t.contrast != 10 && t.contrast != 1e3) continue;
+    const TissueModel model(t.grid, t.material, {}, {});
+    add_touches(model, *t.exact, *model.iterative(0, device, options), ratios);
   }
-  EXPECT_LE(judge("conjugate gradients", ratios), 100);
+  EXPECT_LE(judge("conjugate gradients", ratios), 5);
 }
 
 INSTANTIATE_TEST_SUITE_P(Contact, PcgErrorEstimate,
