@@ -49,12 +49,9 @@ kernel void elasticity_apply(global const real2* restrict x, global real2* restr
   const real2 dw = u[down - west], ds = u[down], de = u[down + east];
   real2 force =
       corner_force(uw, un, cw, cc, 1, 1, h_u / w_l, w_l / h_u, mu_per_e * e_lu, lambda_per_e * e_lu);
-  force +=
-      corner_force(un, ue, cc, ce, -1, 1, h_u / w_r, w_r / h_u, mu_per_e * e_ru, lambda_per_e * e_ru);
-  force +=
-      corner_force(cw, cc, dw, ds, 1, -1, h_d / w_l, w_l / h_d, mu_per_e * e_ld, lambda_per_e * e_ld);
-  force += corner_force(cc, ce, ds, de, -1, -1, h_d / w_r, w_r / h_d, mu_per_e * e_rd,
-                        lambda_per_e * e_rd);
+  force += corner_force(un, ue, cc, ce, -1, 1, h_u / w_r, w_r / h_u, mu_per_e * e_ru, lambda_per_e * e_ru);
+  force += corner_force(cw, cc, dw, ds, 1, -1, h_d / w_l, w_l / h_d, mu_per_e * e_ld, lambda_per_e * e_ld);
+  force += corner_force(cc, ce, ds, de, -1, -1, h_d / w_r, w_r / h_d, mu_per_e * e_rd, lambda_per_e * e_rd);
   const real2 is_free = constrain ? free[node] : (real2)(1);
   y[base + node] = is_free * force + (1 - is_free) * cc;
 }
