@@ -22,6 +22,7 @@ Peers make_peers(const std::shared_ptr<service::Device>& device) {
   optional(make_cholmod_supernodal);
   add(make_eigen_cg_jacobi(), {});
   add(make_eigen_cg_incomplete_cholesky(), {});
+  add(make_eigen_cg_uniform_factor(), {});
   optional([&](std::string& absent) { return make_viennacl(device, absent); });
   add(make_condensed(), {});
   using service::Precision;
@@ -29,7 +30,6 @@ Peers make_peers(const std::shared_ptr<service::Device>& device) {
   add(make_device_pcg(device, Precision::kFloat, true), {});
   if (device->info().has_double) {
     add(make_device_pcg(device, Precision::kDouble, false), {});
-    add(make_factor_pcg(device), {});
   } else {
     peers.absent.push_back("device PCG in double: " + device->info().name + " has no double precision");
   }

@@ -60,6 +60,7 @@ std::unique_ptr<Peer> make_dense_lu();
 std::unique_ptr<Peer> make_eigen_ldlt();
 std::unique_ptr<Peer> make_eigen_cg_jacobi();
 std::unique_ptr<Peer> make_eigen_cg_incomplete_cholesky();
+std::unique_ptr<Peer> make_eigen_cg_uniform_factor();
 std::unique_ptr<Peer> make_cholmod_simplicial(std::string& absent);
 std::unique_ptr<Peer> make_cholmod_supernodal(std::string& absent);
 std::unique_ptr<Peer> make_octave(std::string& absent);
@@ -67,6 +68,5 @@ std::unique_ptr<Peer> make_viennacl(const std::shared_ptr<service::Device>&, std
 std::unique_ptr<Peer> make_condensed();
 std::unique_ptr<Peer> make_device_pcg(const std::shared_ptr<service::Device>&, service::Precision,
                                       bool refined);
-std::unique_ptr<Peer> make_factor_pcg(const std::shared_ptr<service::Device>&);
 
 }  // namespace teletact::bench

@@ -15,6 +15,8 @@ struct PrescribedContact {
   Eigen::VectorXd right;                                // n
   std::vector<Eigen::Index> free;                       // [n], degree of freedom of each unknown
   explicit PrescribedContact(const ContactProblem&);
+  // K_ff of the same tissue with a uniform modulus.
+  Eigen::SparseMatrix<double> uniform(const ContactProblem&) const;
   // [dof], with what is prescribed.
   Eigen::VectorXd displacement_m(const ContactProblem&, const Eigen::VectorXd& solution) const;
   // On the finger.

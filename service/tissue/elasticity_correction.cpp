@@ -9,33 +9,6 @@
 namespace teletact::service {
 namespace {
 
-// z = E_ref K_old^-1 r, on the host.
-template <class T>
-class FactorPreconditioner final : public LinearOperator<T> {
- public:
-  FactorPreconditioner(const Queue& queue, std::shared_ptr<const TissueFactor> factor, double reference_pa)
-      : queue_(queue), factor_(std::move(factor)), reference_pa_(reference_pa) {}
-  void apply(const Array<T>& r, Array<T>& z, std::size_t count) override {
-    const std::size_t dofs = factor_->free().size();
-    host_.resize(count * dofs);
-    queue_.read(r, host_.data(), host_.size());
-    std::vector<double> from(dofs), to(dofs);
-    for (auto column = host_.begin(); column != host_.end(); column += static_cast<std::ptrdiff_t>(dofs)) {
-      std::copy_n(column, dofs, from.begin());
-      factor_->solve(from, to);
-      std::transform(to.begin(), to.end(), column,
-                     [&](double value) { return static_cast<T>(reference_pa_ * value); });
-    }
-    queue_.write(z, host_.data(), host_.size());
-  }
-
- private:
-  Queue queue_;
-  std::shared_ptr<const TissueFactor> factor_;
-  double reference_pa_;
-  std::vector<T> host_;
-};
-
 template <class T>
 class Correction : public ElasticityCorrection {
  public:
@@ -54,11 +27,8 @@ class Correction : public ElasticityCorrection {
     reference_pa_ = reference_pa;
     operator_.set_material(material, reference_pa);
     material_ = material;
-    multigrid_ready_ = false;
-    make_preconditioner();
+    set_multigrid();
   }
-
-  void use_factor(std::shared_ptr<const TissueFactor> factor) override { factor_ = std::move(factor); }
 
   std::vector<PcgResult> solve(const Problem& problem, std::span<double> correction,
                                std::span<double> recursive) override {
@@ -70,9 +40,8 @@ class Correction : public ElasticityCorrection {
     for (std::size_t q = 0; q < energy.size(); ++q) energy[q] *= reference_pa_ / (scale[q] * scale[q]);
     for (std::size_t q = 0; q < error.size(); ++q) error[q] *= std::sqrt(reference_pa_) / scale[q];
     pcg_.options().relative_error = problem.relative_error;
-    const auto preconditioner = make_preconditioner();
     std::vector<PcgResult> results =
-        pcg_.solve(operator_, *preconditioner, problem.count, r_, load_, x_, energy, error);
+        pcg_.solve(operator_, multigrid_, problem.count, r_, load_, x_, energy, error);
     for (std::size_t q = 0; q < problem.count; ++q) {
       const double squared = scale[q] * scale[q] / reference_pa_;
       results[q].recursive_residual *= scale[q];
@@ -88,7 +57,7 @@ class Correction : public ElasticityCorrection {
   std::vector<double> norm(std::size_t count, std::span<const double> residual) override {
     const std::vector<double> scale = scales(count, residual);
     write(residual, scale, r_);
-    std::vector<double> norms = pcg_.preconditioned_norm(*make_preconditioner(), count, r_);
+    std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, r_);
     for (std::size_t q = 0; q < count; ++q)
       norms[q] = std::sqrt(std::max(norms[q], 0.0) / reference_pa_) * scale[q];
     return norms;
@@ -97,19 +66,13 @@ class Correction : public ElasticityCorrection {
   std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) override {
     const std::vector<double> scale = scales(count, residual);
     write(residual, scale, r_);
-    make_preconditioner()->apply(r_, x_, count);
+    multigrid_.apply(r_, x_, count);
     std::vector<double> z(residual.size());
     read(x_, scale, 1 / reference_pa_, z);
     return z;
   }
 
  private:
-  std::shared_ptr<LinearOperator<T>> make_preconditioner() {
-    if (factor_) return std::make_shared<FactorPreconditioner<T>>(queue_, factor_, reference_pa_);
-    if (!multigrid_ready_) set_multigrid();
-    multigrid_ready_ = true;
-    return {std::shared_ptr<void>(), &multigrid_};
-  }
   void set_multigrid() {
     if constexpr (std::is_same_v<T, float>) {
       if (queue_.supports(Precision::kDouble)) {
@@ -148,8 +111,6 @@ class Correction : public ElasticityCorrection {
   Elasticity<T> operator_;
   Material material_;
   Multigrid<T> multigrid_;
-  bool multigrid_ready_ = false;
-  std::shared_ptr<const TissueFactor> factor_;
   Pcg<T> pcg_;
   Array<T> r_, load_, x_;
   std::vector<T> host_;

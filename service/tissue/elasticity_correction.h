@@ -8,7 +8,6 @@
 
 #include "service/solver/pcg.h"
 #include "service/tissue/elasticity.h"
-#include "service/tissue/tissue_factor.h"
 
 namespace teletact::service {
 
@@ -16,8 +15,6 @@ class ElasticityCorrection {
  public:
   virtual ~ElasticityCorrection() = default;
   virtual void set_material(const Material&, double reference_pa) = 0;
-  // Preconditions with this in multigrid's place; null = multigrid. Made for the same free unknowns.
-  virtual void use_factor(std::shared_ptr<const TissueFactor>) = 0;
   // What a run needs of each right-hand side, [count][dof] or [count]; loads and residuals (N/m) vanish on
   // constrained unknowns.
   struct Problem {

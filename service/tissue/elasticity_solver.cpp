@@ -90,7 +90,6 @@ struct ElasticitySolver::Core {
   Queue queue;
   std::vector<std::uint8_t> free;
   Material material;
-  std::shared_ptr<const TissueFactor> factor;  // preconditions in multigrid's place
   double reference_pa = 1;
   double smallest_eigenvalue = 0;  // of M K, the least seen with this material
   std::size_t capacity = 0;
@@ -128,7 +127,6 @@ void ElasticitySolver::Core::reserve(std::size_t count) {
   const Precision inner =
       options.precision == SolvePrecision::kDouble ? Precision::kDouble : Precision::kFloat;
   auto larger = make_elasticity_correction(inner, queue, grid, free, count, pcg);
-  larger->use_factor(factor);
   larger->set_material(material, reference_pa);
   if (exact) {
     exact_u = queue.array<double>(count * grid.dofs());
@@ -347,23 +345,11 @@ ElasticitySolver::~ElasticitySolver() = default;
 void ElasticitySolver::set_material(const Material& material) {
   validate(core_->grid, material);
   const std::vector<double>& e = material.youngs_modulus_pa;
-  require(!core_->factor || std::isfinite(core_->factor->condition(material)),
-          "poisson_ratio is not that of the factor in use: use_factor first");
   core_->material = material;
   core_->reference_pa = std::accumulate(e.begin(), e.end(), 0.0) / static_cast<double>(e.size());
   core_->smallest_eigenvalue = 0;
   if (core_->exact) core_->exact->set_material(material, core_->reference_pa);
   if (core_->correction) core_->correction->set_material(material, core_->reference_pa);
-}
-
-void ElasticitySolver::use_factor(std::shared_ptr<const TissueFactor> factor) {
-  require(!factor || factor->free() == core_->free, "factor: made for another grid or other held unknowns");
-  require(!factor || core_->material.youngs_modulus_pa.empty() ||
-              std::isfinite(factor->condition(core_->material)),
-          "factor: made for another poisson_ratio");
-  core_->factor = std::move(factor);
-  core_->smallest_eigenvalue = 0;
-  if (core_->correction) core_->correction->use_factor(core_->factor);
 }
 
 const Queue& ElasticitySolver::queue() const {

@@ -11,7 +11,6 @@
 #include "service/device/device.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/grid.h"
-#include "service/tissue/tissue_factor.h"
 
 namespace teletact::service {
 
@@ -38,12 +37,6 @@ class ElasticitySolver {
   ~ElasticitySolver();
   // Before the first solve, and again for another material. Throws std::invalid_argument (field named).
   void set_material(const Material&);
-  // From now on preconditions with the factor of another modulus in multigrid's place (T4.6); null =
-  // multigrid again. It wins where moduli have changed little: most_iterations() says beforehand how many it
-  // takes. The factor is solved with on the host. Throws std::invalid_argument when it was made for another
-  // grid, nu or other held unknowns than those of free(); so does set_material for another nu while it is in
-  // use.
-  void use_factor(std::shared_ptr<const TissueFactor>);
   // The queue that it works on: its profile, where the device was opened with profiling.
   const Queue& queue() const;
   // Of the preconditioned operator, the least that a solve with this material has found: above 0, at most 1;
