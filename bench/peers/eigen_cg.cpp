@@ -105,15 +105,15 @@ std::unique_ptr<Peer> make_eigen_cg_jacobi() {
 }
 
 std::unique_ptr<Peer> make_eigen_cg_incomplete_cholesky() {
-  constexpr std::size_t kMostDofs = 200000;
+  constexpr std::size_t kMostDofs = 30000;
   using Incomplete = Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>>;
   return std::make_unique<EigenCg<Incomplete, Eigen::ColMajor>>("Eigen CG, incomplete Cholesky", kMostDofs);
 }
 
 std::unique_ptr<Peer> make_eigen_cg_uniform_factor() {
   constexpr std::size_t kMostDofs = 200000;
-  return std::make_unique<EigenCg<UniformFactor, Eigen::RowMajor>>("Eigen CG, factor of a uniform modulus",
-                                                                   kMostDofs);
+  return std::make_unique<EigenCg<UniformFactor, Eigen::RowMajor>>(
+      "CG with the factor of a uniform modulus (T4.6)", kMostDofs);
 }
 
 }  // namespace teletact::bench

@@ -76,8 +76,9 @@ class Octave final : public Peer {
     return 0;  // for each touch anew, as the paper's system does it
   }
   PeerAnswer touch(const ContactProblem& p, double) override {
-    const auto numbers = numbers_from("cd '" + folder_.string() +
-                                      "' && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 octave-cli -q solve.m");
+    const auto numbers =
+        numbers_from("cd '" + folder_.string() +
+                     "' && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 octave-cli -q solve.m 2>octave.log");
     const auto size = p.overlap_m.size();
     if (static_cast<Eigen::Index>(numbers.size()) != size + 1)
       throw std::runtime_error("octave printed something else than its answer");

@@ -18,7 +18,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kMostDofs = 30000;
+constexpr std::size_t kMostDofs = 15000;
 constexpr unsigned kMostIterations = 40000;
 constexpr long kContext = 1;  // ViennaCL's number for the context on our device
 

@@ -72,6 +72,7 @@ bool run(const SuiteOptions& options) {
     if (device->info().has_double)
       result["kernels"] = measure_kernels(problem, device->info().index, options.quick ? 20 : 100);
   }
+  result["convergence"] = measure_convergence(options.quick);
   const bool met = finish(result, contact_targets(result), options);
   if (!options.out.empty()) draw_contact(result, options.out);
   return met;

@@ -6,6 +6,8 @@
 //     kept_bytes_per_unknown, iterations, tolerance, force_error, displacement_error, stated_error, goal_met,
 //     ladder: [...]}]}]
 //   product: figures of ours alone
+//   convergence: [{pattern, contrast, finest_columns, meshes: [{columns, force_error, displacement_error,
+//   ...}]}]
 #pragma once
 
 #include <memory>
@@ -36,6 +38,10 @@ nlohmann::json measure_method(Peer&, const ContactProblem&, bool whole_ladder, b
 // moving finger.
 nlohmann::json measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>&,
                                bool quick);
+
+// One tip on finer and finer meshes: errors of force and displacement against a mesh twice as fine as the
+// finest of them.
+nlohmann::json measure_convergence(bool quick);
 
 // Time of every kernel in a touch by conjugate gradients in double, the first one's set-up included, with its
 // bytes and flops against what the device can do. Opens the device again, with profiling.

@@ -13,8 +13,7 @@ constexpr Pattern kPatterns[] = {Pattern::kNodule, Pattern::kCheckerboard, Patte
 
 std::vector<std::pair<std::size_t, std::size_t>> sizes(bool quick) {
   if (quick) return {{51, 8}, {51, 21}, {41, 41}};
-  return {{51, 8},  {51, 11}, {51, 16},   {51, 21},   {31, 31},
-          {41, 41}, {81, 81}, {121, 121}, {161, 161}, {241, 241}};
+  return {{51, 8}, {51, 21}, {31, 31}, {41, 41}, {81, 81}, {121, 121}, {241, 241}};
 }
 
 // Corners of acceptance: (nu, contrast).

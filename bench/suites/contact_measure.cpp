@@ -27,7 +27,7 @@ struct Budget {
 };
 
 Budget budget(bool quick) {
-  return quick ? Budget{0.1, 15, 2, 100} : Budget{0.4, 90, 3, 500};
+  return quick ? Budget{0.1, 15, 2, 100} : Budget{0.2, 40, 3, 300};
 }
 
 // `once` returns seconds that it measured itself, or < 0.

@@ -85,6 +85,24 @@ void draw_cost(const json& result, const std::filesystem::path& file, const std:
                                    "set title 'force within 1e-6; nu 0.49, contrast 10, nodule'\n"));
 }
 
+void draw_mesh(const json& convergence, const std::filesystem::path& file) {
+  std::vector<Curve> curves;
+  for (const json& c : convergence)
+    for (const char* what : {"force_error", "displacement_error"}) {
+      Curve curve{fmt::format("{} of {}, contrast {}", what[0] == 'f' ? "force" : "displacement",
+                              c.at("pattern").get<std::string>(), c.at("contrast").get<double>()),
+                  what[0] == 'f'};
+      for (const json& m : c.at("meshes")) {
+        curve.x.push_back(60 / (m.at("columns").get<double>() - 1));
+        curve.y.push_back(100 * m.at(what).get<double>());
+      }
+      curves.push_back(curve);
+    }
+  plot(file, script_of(curves,
+                       "set logscale xy\nset xlabel 'distance of the nodes (mm)'\n"
+                       "set ylabel 'off the finest mesh (%)'\nset key outside bottom center horizontal\n"));
+}
+
 }  // namespace
 
 void draw_contact(const json& result, const std::string& to) {
@@ -92,6 +110,7 @@ void draw_contact(const json& result, const std::string& to) {
   std::filesystem::create_directories(folder);
   for (const json& c : result.at("cases"))
     if (in_sweep(c, "base")) draw_accuracy(c, folder);
+  if (result.contains("convergence")) draw_mesh(result.at("convergence"), folder / "contact_mesh.png");
   draw_cost(result, folder / "contact_cost.png", "set-up and one touch", cold_s);
   draw_cost(result, folder / "contact_touch.png", "one touch, after set-up",
             [](const json& m) { return m.at("touch_s").at("p50").get<double>(); });
