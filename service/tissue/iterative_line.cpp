@@ -178,6 +178,7 @@ void IterativeLine::solve_missing(const std::vector<std::size_t>& unknowns) {
         Eigen::Map<const Eigen::VectorXd>(part(nearly_solved).data(), Index(dofs_)).cast<float>();
     column.solved = true;
     std::vector<std::span<const double>> samples;
+    samples.reserve(kRoundingSamples);
     for (const std::vector<double>& sample : rounding) samples.push_back(part(sample));
     add_to_compliance(missing[q], part(residual), part(step_force), samples);
   }
