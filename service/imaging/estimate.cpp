@@ -102,7 +102,8 @@ void Elastography::judge_tracking(Estimate& e, const RfFrame& pre, const RfFrame
                             "; compress less, or raise it");
   throw TrackingError(TrackingError::Reason::kDecorrelated,
                       found + "; the frames are unrelated, or moved out of plane, or strained beyond " +
-                          std::to_string(wider.max_strain) + ": take the pair again with less motion");
+                          std::to_string(wider.max_strain) + ": take the pair again with less motion" +
+                          (e.input_warnings.empty() ? "" : "; but first: " + e.input_warnings.front()));
 }
 
 DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const RfFrame& post,
@@ -119,8 +120,10 @@ DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const 
   e.correlation.resize(e.grid.size());
   queue_.read(displacement.correlation, e.correlation.data(), e.correlation.size());
   e.displacement_valid = queue_.read(displacement.trusted);
+  if (auto text = contradicted_frequency(pre, geometry)) e.input_warnings.push_back(*text);
   judge_tracking(e, pre, post, geometry, go_on);
-  e.input_warnings = contradictions(pre, geometry, e.grid, e.axial_displacement, e.displacement_valid);
+  if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
+    e.input_warnings.push_back(*text);
   return displacement;
 }
 

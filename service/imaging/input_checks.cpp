@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <limits>
 #include <numbers>
-#include <optional>
 #include <utility>
 
 namespace teletact::service {
@@ -41,45 +40,48 @@ std::optional<double> motion(const ImageGrid& grid, const Field& axial,
 }  // namespace
 
 double mean_frequency(const RfFrame& frame, double sampling_frequency_hz) {
-  double r0 = 0, r1 = 0;
+  double r1 = 0, r2 = 0;
   const std::size_t every = std::max<std::size_t>(frame.line_count / kLinesLookedAt, 1);
   for (std::size_t l = 0; l < frame.line_count; l += every) {
     const float* line = frame.samples.data() + l * frame.sample_count;
     double mean = 0;
     for (std::size_t k = 0; k < frame.sample_count; ++k) mean += line[k];
     mean /= static_cast<double>(frame.sample_count);
-    for (std::size_t k = 1; k < frame.sample_count; ++k) {
-      r0 += (line[k] - mean) * (line[k] - mean);
+    for (std::size_t k = 2; k < frame.sample_count; ++k) {
       r1 += (line[k] - mean) * (line[k - 1] - mean);
+      r2 += (line[k] - mean) * (line[k - 2] - mean);
     }
   }
-  if (!(r0 > 0)) return std::numeric_limits<double>::quiet_NaN();
-  return std::acos(std::clamp(r1 / r0, -1.0, 1.0)) / (2 * std::numbers::pi) * sampling_frequency_hz;
+  if (r1 == 0) return std::numeric_limits<double>::quiet_NaN();
+  const double ratio = r2 / r1;  // (2 c^2 - 1) / c with c = cos w, of the sign of r1
+  const double c = (ratio + std::copysign(std::sqrt(ratio * ratio + 8), r1)) / 4;
+  return std::acos(std::clamp(c, -1.0, 1.0)) / (2 * std::numbers::pi) * sampling_frequency_hz;
 }
 
-std::vector<std::string> contradictions(const RfFrame& pre, const AcquisitionGeometry& geometry,
-                                        const ImageGrid& grid, const Field& axial_displacement,
-                                        const std::vector<std::uint8_t>& trusted) {
-  std::vector<std::string> out;
+std::optional<std::string> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry& geometry) {
   const double found = mean_frequency(pre, geometry.sampling_frequency_hz);
   const double ratio = found / geometry.center_frequency_hz;
-  if (ratio > kFrequencyRatio || ratio < 1 / kFrequencyRatio)
-    out.push_back("center_frequency_hz: " + in_mhz(geometry.center_frequency_hz) +
-                  " is stated, but the frames are around " + in_mhz(found) + " if sampling_frequency_hz is " +
-                  in_mhz(geometry.sampling_frequency_hz) +
-                  ": one of the two is wrong, and with the latter every length");
+  if (!(ratio > kFrequencyRatio || ratio < 1 / kFrequencyRatio)) return std::nullopt;
+  return "center_frequency_hz: " + in_mhz(geometry.center_frequency_hz) +
+         " is stated, but the frames are around " + in_mhz(found) + " if sampling_frequency_hz is " +
+         in_mhz(geometry.sampling_frequency_hz) +
+         ": one of the two is wrong, and with the latter every length";
+}
+
+std::optional<std::string> contradicted_frame(const AcquisitionGeometry& geometry, const ImageGrid& grid,
+                                              const Field& axial_displacement,
+                                              const std::vector<std::uint8_t>& trusted) {
   const auto top = motion(grid, axial_displacement, trusted, false),
              bottom = motion(grid, axial_displacement, trusted, true);
-  if (!top || !bottom) return out;
+  if (!top || !bottom) return std::nullopt;
   if (geometry.frame == DisplacementFrame::kLab && *bottom > *top + kLeastMotionM)
-    out.push_back(
-        "displacement_frame: LAB is stated, where the far side rests, but it moves more than the probe's "
-        "side: PROBE?");
+    return "displacement_frame: LAB is stated, where the far side rests, but it moves more than the probe's "
+           "side: PROBE?";
   if (geometry.frame == DisplacementFrame::kProbe && *top > *bottom + kLeastMotionM)
-    out.push_back(
-        "displacement_frame: PROBE is stated, where the probe's side rests, but it moves more than the far "
-        "side: LAB?");
-  return out;
+    return "displacement_frame: PROBE is stated, where the probe's side rests, but it moves more than the "
+           "far "
+           "side: LAB?";
+  return std::nullopt;
 }
 
 }  // namespace teletact::service

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,15 +11,17 @@
 
 namespace teletact::service {
 
-// Mean frequency of the RF, Hz, from its autocorrelation over one sample (Kasai et al. 1985, for real
-// signals: r1 / r0 = cos(2 pi f / fs)); NaN without signal. White noise pulls it towards fs / 4.
+// Mean frequency of the RF, Hz, from its autocorrelation over one and two samples, which white noise does not
+// enter: r2 / r1 = cos 2w / cos w, w = 2 pi f / fs. NaN without signal.
 double mean_frequency(const RfFrame&, double sampling_frequency_hz);
 
-// One line for each statement that the frames contradict, the field named first: a centre frequency that is
-// not within 2/3 to 3/2 of the mean frequency; a displacement frame whose side at rest moves more than the
-// other. `axial_displacement` and `trusted` on the grid (nx, ny, x fastest).
-std::vector<std::string> contradictions(const RfFrame& pre, const AcquisitionGeometry&, const ImageGrid&,
-                                        const Field& axial_displacement,
-                                        const std::vector<std::uint8_t>& trusted);
+// One line, the field named first, when the centre frequency is not within 2/3 to 3/2 of the mean frequency.
+std::optional<std::string> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry&);
+
+// The same when the side that rests in the stated frame moves more than the other. Of a pair that was
+// tracked; `axial_displacement` and `trusted` on the grid.
+std::optional<std::string> contradicted_frame(const AcquisitionGeometry&, const ImageGrid&,
+                                              const Field& axial_displacement,
+                                              const std::vector<std::uint8_t>& trusted);
 
 }  // namespace teletact::service

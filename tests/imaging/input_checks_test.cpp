@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -43,11 +45,37 @@ std::vector<std::string> warnings(double rest_y_m, const AcquisitionGeometry& ge
       .input_warnings;
 }
 
-TEST(InputChecks, MeanFrequencyIsThatOfTheEcho) {
-  for (const double snr_db : {10.0, 40.0}) {
-    const RfFrame frame = tissue(snr_db).frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
-    EXPECT_NEAR(mean_frequency(frame, 40e6), 7.3e6, 0.1 * 7.3e6) << snr_db;
+// Noise of a Gaussian band, -6 dB width 60 % of its centre, in white noise.
+RfFrame band(double center_hz, double fs_hz, double snr_db) {
+  constexpr std::size_t kCount = 2000, kTaps = 60;
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  const double spread_s = std::sqrt(2 * std::log(2.0)) / (std::numbers::pi * 0.6 * center_hz);
+  RfFrame frame{kCount, 8, {}};
+  for (std::size_t l = 0; l < frame.line_count; ++l) {
+    std::vector<double> white(kCount + 2 * kTaps), line(kCount, 0.0);
+    for (double& w : white) w = normal(random);
+    double power = 0;
+    for (std::size_t k = 0; k < kCount; ++k) {
+      for (std::size_t t = 0; t <= 2 * kTaps; ++t) {
+        const double s = (static_cast<double>(t) - kTaps) / fs_hz;
+        line[k] += white[k + t] * std::exp(-s * s / (2 * spread_s * spread_s)) *
+                   std::cos(2 * std::numbers::pi * center_hz * s);
+      }
+      power += line[k] * line[k] / kCount;
+    }
+    const double noise = std::sqrt(power * std::pow(10, -snr_db / 10));
+    for (const double v : line) frame.samples.push_back(static_cast<float>(v + noise * normal(random)));
   }
+  return frame;
+}
+
+TEST(InputChecks, MeanFrequencyIsThatOfTheEchoWhateverTheNoise) {
+  for (const double fs_hz : {40e6, 100e6})
+    for (const double center_hz : {2.5e6, 3.5e6, 5e6, 7.3e6, 10e6})
+      for (const double snr_db : {5.0, 10.0, 40.0})
+        EXPECT_NEAR(mean_frequency(band(center_hz, fs_hz, snr_db), fs_hz) / center_hz, 1, 0.15)
+            << center_hz << " of " << fs_hz << " at " << snr_db << " dB";
   EXPECT_TRUE(std::isnan(mean_frequency({64, 2, std::vector<float>(128, 3.f)}, 40e6)));
 }
 
@@ -79,6 +107,26 @@ TEST(InputChecks, ACentreFrequencyThatTheEchoesDoNotHaveIsNamed) {
   const auto said = warnings(0, geometry);
   ASSERT_EQ(said.size(), 1u);
   EXPECT_EQ(said[0].rfind("center_frequency_hz: 3.5 MHz is stated", 0), 0u) << said[0];
+}
+
+// What may be the reason stands in the refusal.
+TEST(InputChecks, ARefusedPairNamesTheFrequencyToo) {
+  Elastography elastography(imaging_device());
+  AcquisitionGeometry geometry = speckle_geometry();
+  geometry.center_frequency_hz = 3.5e6;
+  const auto still = [](double, double) { return std::pair{0.0, 0.0}; };
+  SpeckleOptions other;
+  other.samples = kSamples;
+  other.lines = kLines;
+  other.seed = 99;
+  try {
+    elastography.estimate(tissue(30).frame(still, 1), Speckle(other).frame(still, 2), geometry, std::nullopt,
+                          {static_cast<double>(kLines) * geometry.line_pitch_m, kDepthM, 0, 0.0});
+    FAIL() << "unrelated frames were tracked";
+  } catch (const TrackingError& refusal) {
+    EXPECT_NE(std::string(refusal.what()).find("center_frequency_hz: 3.5 MHz"), std::string::npos)
+        << refusal.what();
+  }
 }
 
 }  // namespace
