@@ -53,7 +53,7 @@ RfFrame texture(std::size_t samples, std::size_t lines, double stretch) {
 
 }  // namespace
 
-Elastography::Elastography(std::shared_ptr<Device> device, ElastographyOptions options)
+Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOptions options)
     : queue_(device->queue()),
       options_(options),
       displacement_(queue_, options.displacement),

@@ -76,7 +76,7 @@ struct Estimate {
 class Elastography {
  public:
   // Throws DeviceError; std::invalid_argument for unusable options.
-  Elastography(std::shared_ptr<Device>, ElastographyOptions = {});
+  Elastography(const std::shared_ptr<Device>&, ElastographyOptions = {});
 
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
   void warm();

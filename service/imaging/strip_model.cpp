@@ -262,6 +262,11 @@ Field StripModel::on_image(const std::vector<double>& element_values, const Imag
   return field;
 }
 
+StripCache::Entry::Entry(const TissueExtent& tissue, double window_width_m)
+    : model(tissue, window_width_m),
+      homogeneous(model.solve(std::vector<double>(model.grid().elements(), 1.0))),
+      log_force_slope(model.log_force_slope(homogeneous)) {}
+
 std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, double window_width_m) {
   const Context c = context(tissue, window_width_m);
   const auto same = [&](const Kept& k) {
@@ -274,9 +279,7 @@ std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, d
     kept_.splice(kept_.begin(), kept_, found);
     return found->entry;
   }
-  auto entry = std::shared_ptr<Entry>(new Entry{StripModel(tissue, window_width_m), {}, 0});
-  entry->homogeneous = entry->model.solve(std::vector<double>(entry->model.grid().elements(), 1.0));
-  entry->log_force_slope = entry->model.log_force_slope(entry->homogeneous);
+  const auto entry = std::make_shared<Entry>(tissue, window_width_m);
   kept_.push_front({tissue.window_x_m, c.right_m, tissue.depth_m, tissue.poisson_ratio, window_width_m,
                     tissue.plane, entry});
   if (kept_.size() > kMost) kept_.pop_back();

@@ -98,9 +98,10 @@ class StripModel {
 class StripCache {
  public:
   struct Entry {
+    Entry(const TissueExtent&, double window_width_m);
     StripModel model;
     StripResponse homogeneous;
-    double log_force_slope = 0;
+    double log_force_slope;
   };
   // Throws as StripModel. The entry lives as long as it is held or among the latest kMost.
   std::shared_ptr<Entry> get(const TissueExtent&, double window_width_m);
