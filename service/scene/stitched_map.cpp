@@ -276,7 +276,7 @@ void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<Cell
   index_columns();
 }
 
-KnownModulus known_modulus(std::shared_ptr<const StitchedMap> map) {
+KnownModulus known_modulus(const std::shared_ptr<const StitchedMap>& map) {
   if (!map) return {};
   return {[map](double x_m, double y_m) { return map->measured_modulus_pa(x_m, y_m); },
           [map](double x_m, double y_m) { return map->measured_log_deviation(x_m, y_m); }};

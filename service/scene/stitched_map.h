@@ -86,6 +86,6 @@ class StitchedMap {
 };
 
 // What a window's neighbours, and the window itself before, tell about the tissue; empty without a map.
-KnownModulus known_modulus(std::shared_ptr<const StitchedMap>);
+KnownModulus known_modulus(const std::shared_ptr<const StitchedMap>&);
 
 }  // namespace teletact::service
