@@ -2,6 +2,7 @@
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -44,6 +45,7 @@ Forms make_forms(const Delay& delay, std::size_t periods) {
   const std::vector<double> times = instants(delay, periods);
   const std::size_t per_period = delay.part > 0 ? 2 : 1;
   const std::size_t last = times.size() - 1;
+  assert(last > 1);  // else nothing is free to move
   Triplets a, b;
   const auto add = [last](Triplets& form, std::size_t i, std::size_t j, double value) {
     if (i == 0 || j == 0 || i == last || j == last) return;  // held at zero
@@ -66,7 +68,9 @@ Forms make_forms(const Delay& delay, std::size_t periods) {
     add(b, sample, piece, -1);
   }
   const auto size = static_cast<Eigen::Index>(last - 1);
-  Forms forms{Sparse(size, size), Sparse(size, size)};
+  Forms forms;
+  forms.a.resize(size, size);
+  forms.b.resize(size, size);
   forms.a.setFromTriplets(a.begin(), a.end());
   forms.b.setFromTriplets(b.begin(), b.end());
   return forms;
