@@ -26,7 +26,13 @@ client::Tissue tissue() {
   return t;
 }
 
-Estimate estimate(const client::Tissue& t, client::RfFrame frame) {
+struct Setting {
+  client::RfFrame frame;
+  std::optional<double> time_limit_s;  // of the modulus; empty: the product's, which a busy machine uses up
+};
+
+Estimate estimate(const client::Tissue& t, const Setting& setting) {
+  const client::RfFrame frame = setting.frame;
   static const client::Patient patient(t);
   const client::ProbeState probe = patient.press(kWindowM, kPushM);
   const client::RfPair rf = client::with_noise(client::simulate_rf(t, probe, frame, 5), 6);
@@ -41,7 +47,7 @@ Estimate estimate(const client::Tissue& t, client::RfFrame frame) {
   Elastography elastography(imaging_device());
   return elastography.estimate(of(rf.pre), of(rf.post), g, ProbeForce{probe.force_n, probe.contact_area_m2},
                                {t.width_m, t.depth_m, kWindowM, t.poisson_ratio}, {}, {}, {},
-                               {std::nullopt, 60.0});  // however busy the machine is
+                               {std::nullopt, setting.time_limit_s});
 }
 
 double median(std::vector<double> values) {
@@ -51,7 +57,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-class PatientWindow : public ::testing::TestWithParam<client::RfFrame> {};
+class PatientWindow : public ::testing::TestWithParam<Setting> {};
 
 TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
   const client::Tissue t = tissue();
@@ -98,7 +104,10 @@ TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Frames, PatientWindow,
-                         ::testing::Values(client::RfFrame::kLab, client::RfFrame::kProbe));
+                         ::testing::Values(Setting{client::RfFrame::kLab, {}},
+                                           Setting{client::RfFrame::kProbe, {}},
+                                           Setting{client::RfFrame::kLab, 60.0},
+                                           Setting{client::RfFrame::kProbe, 60.0}));
 
 }  // namespace
 }  // namespace teletact::service
