@@ -6,6 +6,8 @@
 // Displacement fields are float2: x in A-lines (lateral), y in samples (axial).
 // Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
 
+#include "vectors.clh"
+
 #ifndef WORK_GROUP  // work-items of a group, all kernels of this file
 #define WORK_GROUP 32
 #endif
@@ -16,11 +18,6 @@
 #define MEDIAN_RADIUS_MAX 2
 #endif
 #define MEDIAN_VECTORS (((2 * MEDIAN_RADIUS_MAX + 1) * (2 * MEDIAN_RADIUS_MAX + 1) + 7) / 8)
-
-float sum8(const float8 v) {
-  const float4 h = v.lo + v.hi;
-  return h.x + h.y + h.z + h.w;
-}
 
 // Position of the largest of three equally spaced values by a parabola, in (-1/2, 1/2). Biased (T2.2): only a
 // start for Gauss-Newton.

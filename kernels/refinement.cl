@@ -5,6 +5,7 @@
 // float2 per node, x in A-lines (lateral), y in samples (axial).
 
 #include "deviation.clh"
+#include "vectors.clh"
 
 #ifndef WORK_GROUP
 #define WORK_GROUP 32
@@ -12,11 +13,6 @@
 #ifndef LAG_VECTORS  // autocorrelation(): axial lags 0 .. 8 LAG_VECTORS - 1
 #define LAG_VECTORS 4
 #endif
-
-float sum8(const float8 v) {
-  const float4 h = v.lo + v.hi;
-  return h.x + h.y + h.z + h.w;
-}
 
 // Autocorrelations of `mean` and `difference` at axial lags 0 .. 8 LAG_VECTORS - 1 and lateral lag q, summed
 // over every line_step-th line's samples [first, first + count). Items: (line n, q). out[((n laterals + q) 2 +
@@ -233,32 +229,57 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_pull(
   pull[node] = sum;
 }
 
+// Bias that the edges cause, in field units: pull over information, both of the node and its neighbours within
+// BIAS_RADIUS.
+#define BIAS_RADIUS 1
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_bias(
+    __global const float2* restrict information, __global const float2* restrict pull,
+    __global float2* restrict bias, const int nx, const int ny) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  float2 h = 0.0f, sum = 0.0f;
+  for (int n = max(j - BIAS_RADIUS, 0); n <= min(j + BIAS_RADIUS, ny - 1); ++n)
+    for (int m = max(i - BIAS_RADIUS, 0); m <= min(i + BIAS_RADIUS, nx - 1); ++m) {
+      h += information[m + nx * n];
+      sum += pull[m + nx * n];
+    }
+  bias[node] = sum / fmax(h, (float2)(1e-30f));
+}
+
 // What a displacement estimate can be trusted with: mean[node] = information averaged over the estimator's
 // footprint, (2 radius + 1) nodes of each direction and component (radii: lateral i, j, axial i, j), and from
-// it the standard deviation in metres (deviation.clh; tables lateral, axial), the bias that the edges cause,
-// pull / information over the footprint, added in squares.
+// it the standard deviation in metres. tables (deviation.clh), lateral and axial each: deviation of the noise;
+// what the noise alone gives edge_bias(); the smoothing's true bias over what edge_bias() sees of it. The bias of
+// the place is the mean square of edge_bias(), over a footprint one node narrower, less the noise's.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertainty(
-    __global const float2* restrict information, __global const float2* restrict pull,
-    __global const float* restrict tables, __global float2* restrict mean, __global float2* restrict deviation_m, const int nx, const int ny,
-    const int lateral_i, const int lateral_j, const int axial_i, const int axial_j, const float lateral_median,
-    const float axial_median, const float line_pitch_m, const float sample_pitch_m) {
+    __global const float2* restrict information, __global const float2* restrict bias,
+    __global const float* restrict tables, __global float2* restrict mean, __global float2* restrict deviation_m,
+    const int nx, const int ny, const int lateral_i, const int lateral_j, const int axial_i, const int axial_j,
+    const float lateral_median, const float axial_median, const float line_pitch_m, const float sample_pitch_m) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
   const int reach_i = max(lateral_i, axial_i), reach_j = max(lateral_j, axial_j);
-  float2 sum = 0.0f, pulls = 0.0f, count = 0.0f;
+  float2 sum = 0.0f, squares = 0.0f, count = 0.0f, near = 0.0f;
   for (int n = max(j - reach_j, 0); n <= min(j + reach_j, ny - 1); ++n)
     for (int m = max(i - reach_i, 0); m <= min(i + reach_i, nx - 1); ++m) {
       const int far_i = abs(m - i), far_j = abs(n - j);
       const float2 w = (float2)(far_i <= lateral_i && far_j <= lateral_j, far_i <= axial_i && far_j <= axial_j);
+      const float2 within = (float2)(far_i < lateral_i && far_j < lateral_j, far_i < axial_i && far_j < axial_j);
+      const float2 b = bias[m + nx * n];
       sum += w * information[m + nx * n];
-      pulls += w * pull[m + nx * n];
       count += w;
+      squares += within * b * b;
+      near += within;
     }
   const float2 h = sum / count;
   mean[node] = h;
-  const float2 noise = (float2)(deviation_at(tables, h.x, lateral_median),
-                                deviation_at(tables + DEVIATION_ENTRIES, h.y, axial_median));
-  const float2 bias = pulls / fmax(sum, (float2)(1e-30f));
-  deviation_m[node] = (float2)(line_pitch_m, sample_pitch_m) * hypot(noise, bias);
+  float2 table[3];
+  for (int n = 0; n < 3; ++n)
+    table[n] = (float2)(deviation_at(tables + 2 * n * DEVIATION_ENTRIES, h.x, lateral_median),
+                        deviation_at(tables + (2 * n + 1) * DEVIATION_ENTRIES, h.y, axial_median));
+  const float2 seen = fmax(squares / near - table[1] * table[1], 0.0f);
+  deviation_m[node] = (float2)(line_pitch_m, sample_pitch_m) *
+                      sqrt(table[0] * table[0] + table[2] * table[2] * seen);
 }

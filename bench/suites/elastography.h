@@ -3,7 +3,7 @@
 //
 //   kernels_m: axial lengths of the strain kernel; edge_m: the edge width at which methods are compared
 //   conditions: [{factors: ["middle" | "strain" | "snr" | ...], case: {strain, snr_db, ...}, bound_m,
-//   filter_snre,
+//   filter_snre, companded_filter_snre,
 //     methods: [{method, ours, edges: [{axial_m, lateral_m} per kernel], seeds: [{seconds, axial_rmse_m, ...,
 //       snre: [per kernel], cnre: [...], strain_rmse: [...]}]}]}]
 //   rigid: {bound_m, methods: [{method, ours, phases: [{shift_m, rmse_m, bias_m}]}]}
@@ -43,10 +43,11 @@ std::vector<Condition> chart_conditions(bool quick);
 // Ours and others', ready to track; all search as far as max_strain asks for.
 std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>&,
                                                     double max_strain);
-// The product's default; above kWideAbove of compression (its strain is larger at places) kWideStrain.
-constexpr double kWideAbove = 0.02, kWideStrain = 0.10;
+// What all are told to search for above the product's default (5 %) of compression, the others at it too:
+// tissue strains by more at places, which their search does not allow for and ours does.
+constexpr double kWideStrain = 0.10;
 
-// conditions and images; `wide` from kWideAbove of compression.
+// conditions and images; `wide` search as above.
 nlohmann::json measure_conditions(const std::vector<std::unique_ptr<Tracker>>&,
                                   const std::vector<std::unique_ptr<Tracker>>& wide, bool quick,
                                   nlohmann::json& images);

@@ -23,11 +23,18 @@ client::Ultrasound ultrasound_of(const PhantomCase& c) {
   return u;
 }
 
+// The others are told to look as far as ours already from the default itself on.
+bool searches_wide(const PhantomCase& c, bool ours) {
+  const double usual = TrackerOptions{}.max_strain;
+  return ours ? c.strain > usual : c.strain >= usual;
+}
+
 json describe(const PhantomCase& c) {
   return {{"strain", c.strain},
           {"snr_db", c.snr_db},
           {"correlation", c.correlation},
-          {"max_strain", c.strain > kWideAbove ? kWideStrain : TrackerOptions{}.max_strain},
+          {"max_strain", searches_wide(c, true) ? kWideStrain : TrackerOptions{}.max_strain},
+          {"peers_max_strain", searches_wide(c, false) ? kWideStrain : TrackerOptions{}.max_strain},
           {"contrast", c.contrast},
           {"diameter_m", c.diameter_m}};
 }
@@ -42,7 +49,11 @@ void add_bounds(const PhantomCase& c, const service::AcquisitionGeometry& g, jso
   out["bound_m"] = displacement_bound_m(u, o.window_axial_m);
   out["window_bound_m"] = displacement_bound_m(u, o.window_axial_m) / std::sqrt(kernels);
   const double beams = std::max(1.0, kKernelLateralM / o.window_lateral_m);
-  out["filter_snre"] = strain_filter(u, c.strain, o.window_axial_m, kKernelsM[4], kernels * beams, false);
+  const auto filter = [&](bool companded) {
+    return strain_filter(u, c.strain, o.window_axial_m, kKernelsM[4], kernels * beams, companded);
+  };
+  out["filter_snre"] = filter(false);
+  out["companded_filter_snre"] = filter(true);
 }
 
 json measure_strain(const Track& t, const Phantom& p, const std::vector<double>& truth,
@@ -156,7 +167,8 @@ std::vector<Condition> chart_conditions(bool quick) {
     }
   };
   using V = std::vector<double>;
-  sweep("strain", &PhantomCase::strain, quick ? V{.001, .03, .05} : V{.001, .005, .02, .03, .05});
+  sweep("strain", &PhantomCase::strain,
+        quick ? V{.001, .03, .05, .09} : V{.001, .005, .02, .03, .05, .06, .07, .08, .09});
   sweep("snr", &PhantomCase::snr_db, quick ? V{10} : V{10, 20, 40});
   sweep("correlation", &PhantomCase::correlation, quick ? V{.9} : V{1, .98, .95, .9});
   sweep("contrast", &PhantomCase::contrast, quick ? V{10} : V{.5, 2, 5, 10});
@@ -177,8 +189,10 @@ json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers,
     for (std::size_t c = 0; c < conditions.size(); ++c) {
       Phantom p = phantoms.make(conditions[c].of, seed);
       const std::vector<double> truth = true_axial_strain(nodes.image, p);
-      const auto& used = conditions[c].of.strain > kWideAbove ? wide : trackers;
-      for (std::size_t m = 0; m < used.size(); ++m) measure_seed(*used[m], p, truth, series[c][m]);
+      for (std::size_t m = 0; m < trackers.size(); ++m) {
+        const bool far = searches_wide(conditions[c].of, trackers[m]->ours());
+        measure_seed(*(far ? wide : trackers)[m], p, truth, series[c][m]);
+      }
       if (c == 0 && seed == 1) images = images_of(trackers, p, nodes.image, truth);
       std::printf("seed %llu of %llu, condition %zu of %zu\r", static_cast<unsigned long long>(seed),
                   static_cast<unsigned long long>(seeds), c + 1, conditions.size());

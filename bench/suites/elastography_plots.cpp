@@ -88,8 +88,10 @@ void draw_factor(const json& result, const Factor& factor, const std::filesystem
   };
   const std::string at = fmt::format(" at an edge width of {:.1f} mm (95 %)", 1e3 * edge_m);
   auto snre = matched("snre");
-  if (factor.key == std::string("strain"))
+  if (factor.key == std::string("strain")) {
     snre.push_back(theory(result, factor, "filter_snre", 1, "strain filter, one window, not companded"));
+    snre.push_back(theory(result, factor, "companded_filter_snre", 1, "strain filter, companded"));
+  }
   plot(folder / fmt::format("elastography_snre_{}.png", factor.name),
        script_of(snre, std::string(factor.settings) + "set logscale y\n" +
                            head("SNRe" + at, factor.label, "SNRe")));

@@ -43,10 +43,17 @@ void add_rigid(const json& rigid, std::vector<Target>& targets) {
   targets.push_back({"1a. bias of a rigid shift, the largest of all phases", 1e6 * bias, 0.1, "um"});
 }
 
+// The phantoms of T2.7 are compressed by up to 5 %; the strain's curve goes on beyond.
+bool promised(const json& c) {
+  constexpr double kMostStrain = 0.05;
+  return number(c.at("case").at("strain")) <= kMostStrain;
+}
+
 void add_calibration(const json& result, std::vector<Target>& targets) {
   double least = kNan, most = kNan;
   for (const json& c : result.at("conditions"))
     for (const char* where : {"std_inside", "std_outside"}) {
+      if (!promised(c)) continue;
       const double z = median_of(over_seeds(default_of(c.at("methods")), where));
       least = std::fmin(least, z), most = std::fmax(most, z);
     }
@@ -77,12 +84,29 @@ Comparison compare(const json& ours, const json& peer, double edge_m) {
 }
 
 bool is_filter_point(const json& c) {
-  return on_curve(c, "strain") || on_curve(c, "snr") || on_curve(c, "correlation");
+  return promised(c) && (on_curve(c, "strain") || on_curve(c, "snr") || on_curve(c, "correlation"));
+}
+
+// SNRe against strain, 0 where the image is lost; on beyond what is promised until it falls.
+void add_band_pass(const json& result, std::vector<Target>& targets) {
+  std::vector<std::pair<double, double>> curve;
+  for (const json& c : result.at("conditions")) {
+    if (!on_curve(c, "strain")) continue;
+    auto snre = matched_over_seeds(default_of(c.at("methods")), "snre", result.at("edge_m"));
+    for (double& s : snre) s = std::isfinite(s) ? s : 0;
+    curve.emplace_back(c.at("case").at("strain"), interval95(snre).mean);
+  }
+  std::sort(curve.begin(), curve.end());
+  double peak = kNan;
+  for (const auto& [strain, snre] : curve) peak = std::fmax(peak, snre);
+  targets.push_back(
+      {"3. band pass: SNRe at the least strain over its peak", curve.front().second / peak, 0.5, ""});
+  targets.push_back(
+      {"3. band pass: SNRe at the largest strain over its peak", curve.back().second / peak, 0.999, ""});
 }
 
 void add_strain_filter(const json& result, std::vector<Target>& targets) {
   double points = 0, above = 0, below = 0;
-  std::vector<std::pair<double, double>> curve;  // strain, SNRe
   for (const json& c : result.at("conditions")) {
     if (!is_filter_point(c)) continue;
     const json& ours = default_of(c.at("methods"));
@@ -95,20 +119,11 @@ void add_strain_filter(const json& result, std::vector<Target>& targets) {
     }
     ++points;
     above += above_all;
-    if (on_curve(c, "strain"))
-      curve.emplace_back(c.at("case").at("strain"),
-                         interval95(matched_over_seeds(ours, "snre", result.at("edge_m"))).mean);
   }
   targets.push_back(
       {"3. points where SNRe at the same edge width is above every peer's", above / points, 0.8, "", false});
   targets.push_back({"3. points where a peer is above beyond the 95 % interval", below, 0, ""});
-  std::sort(curve.begin(), curve.end());
-  double peak = kNan;
-  for (const auto& [strain, snre] : curve) peak = std::fmax(peak, snre);
-  targets.push_back(
-      {"3. band pass: SNRe at the least strain over its peak", curve.front().second / peak, 0.5, ""});
-  targets.push_back(
-      {"3. band pass: SNRe at the largest strain over its peak", curve.back().second / peak, 0.999, ""});
+  add_band_pass(result, targets);
 }
 
 // Who has no valid node has lost; ours also where neither has one.

@@ -310,8 +310,8 @@ void DisplacementEstimator::search_fine() {
   const int lateral_count = 2 * w.lateral_reach + 1;
   warp(c, false);
   correlate(g,
-            {w.half_axial, w.half_lateral, w.coarse_lateral_step, kFineFirstLag, 1, lateral_count, 1, 8.0f, 0.0f,
-             static_cast<float>(w.lateral_reach), 0.0f},
+            {w.half_axial, w.half_lateral, w.coarse_lateral_step, kFineFirstLag, 1, lateral_count, 1, 8.0f,
+             0.0f, static_cast<float>(w.lateral_reach), 0.0f},
             w.mean, w.fine_volume);
   kernels_->resample(over(g.nodes()), w.field, w.filtered, c.nx, c.ny, c.first_line, c.line_step,
                      c.first_sample, c.sample_step, g.nx, g.ny, g.first_line, g.line_step, g.first_sample,
@@ -326,7 +326,7 @@ void DisplacementEstimator::search_fine() {
 }
 
 // Level 3: `filtered`, `correlation`, `deviation` on the image grid from `field` on the fine grid.
-void DisplacementEstimator::refine() {
+void DisplacementEstimator::refine(std::optional<PcgResult>& unsolved) {
   Workspace& w = *work_;
   const SampleGrid &f = w.fine, &g = w.image;
   const auto threshold = static_cast<float>(options_.trusted_correlation);
@@ -343,10 +343,12 @@ void DisplacementEstimator::refine() {
     warp(g, true);
     const Autocorrelations a =
         w.refinement->measure({w.mean, w.difference, w.pad, w.samples, w.lines}, last, w.correlation);
-    if (regularised)
+    if (regularised) {
       w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period, last);
-    else
+      if (w.refinement->solved().reason != StopReason::kConverged) unsolved = w.refinement->solved();
+    } else {
       fit_windows();
+    }
     if (n + 2 == options_.refinements) filter_frames(a);
     kernels_->median_filter(over(g.nodes()), w.candidate, w.field, w.correlation, w.filtered, w.deviation,
                             g.nx, g.ny, 2, threshold, 0.25f, tolerance);
@@ -410,12 +412,13 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
   search_coarse(between);
   search_fine();
   if (between) between();
-  refine();
+  std::optional<PcgResult> unsolved;
+  refine(unsolved);
   kernels_->report(over(w.image.nodes()), w.filtered, w.correlation, w.deviation, w.field_m, w.trusted,
                    w.image.nodes(), static_cast<float>(w.line_pitch_m), static_cast<float>(w.sample_pitch_m),
                    static_cast<float>(options_.trusted_correlation),
                    static_cast<float>(options_.outlier_distance_m / w.sample_pitch_m));
-  return {w.image, w.field_m, w.correlation, w.trusted, w.std_m, w.information, w.noise};
+  return {w.image, w.field_m, w.correlation, w.trusted, w.std_m, w.information, w.noise, unsolved};
 }
 
 }  // namespace teletact::service

@@ -14,6 +14,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "service/device/device.h"
 #include "service/imaging/frame.h"
@@ -46,6 +47,9 @@ struct DisplacementEstimate {
   Array<float> std_m = {};        // standard deviation, 2 per node: lateral, axial
   Array<float> information = {};  // 2 per node, of the place: what `noise` turns into standard deviations
   std::shared_ptr<const NoiseStructure> noise = nullptr;
+  // Of a step's linear system that was not solved, the last such: the field is then not the best that the
+  // pair gives, and its deviation too small. Empty: all were.
+  std::optional<PcgResult> unsolved = {};
 };
 
 // Not thread-safe: one queue, buffers kept for the next pair of the same geometry.
@@ -66,7 +70,7 @@ class DisplacementEstimator {
   void correlate(const SampleGrid&, const Search&, const Array<float>& post, Array<float>& volume);
   void search_coarse(const std::function<void()>& between);
   void search_fine();
-  void refine();
+  void refine(std::optional<PcgResult>& unsolved);
   void fit_windows();
   void filter_frames(const Autocorrelations&);
   void warp(const SampleGrid&, bool pair);

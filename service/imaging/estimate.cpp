@@ -124,6 +124,12 @@ DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const 
   judge_tracking(e, pre, post, geometry, go_on);
   if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
     e.input_warnings.push_back(*text);
+  if (displacement.unsolved)
+    e.input_warnings.push_back(
+        "displacement: the linear system of a refinement step was left unsolved after " +
+        std::to_string(displacement.unsolved->iterations) + " iterations (" +
+        to_string(displacement.unsolved->reason) +
+        "): the displacement is worse than its standard deviation says");
   return displacement;
 }
 

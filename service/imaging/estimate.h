@@ -68,7 +68,8 @@ struct Estimate {
   int modulus_iterations = 0;
   Field modulus_log_deviation;  // standard deviation of log E; NaN where valid = 0
   std::vector<ModulusWarning> modulus_warnings;
-  std::vector<std::string> input_warnings;  // the frames contradict what is stated of them
+  std::vector<std::string>
+      input_warnings;  // frames that contradict what is stated of them; tracking that failed in part
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
 };
 

@@ -80,6 +80,8 @@ NoiseResponse::NoiseResponse(const SmootherResponse& s, double median, int line_
       for (int step = 0; step < s.steps; ++step)
         t += (h * shares[n] * (1 - t) - (stiff[n] - pull[n]) * t) / (h + stiff[n]);
       power_.push_back(t * t / (h * shares[n]));
+      lost_.push_back(1 - t);
+      seen_.push_back(t * (stiff[n] - pull[n]) / h);
     }
   }
 }
@@ -103,6 +105,39 @@ DeviationTable NoiseResponse::table(const Response& squared) const {
     double variance = 0;
     for (std::size_t n = 0; n < gain.size(); ++n) variance += gain[n] * power_[entry * gain.size() + n];
     table.deviation[entry] = static_cast<float>(std::sqrt(variance));
+  }
+  return table;
+}
+
+DeviationTable NoiseResponse::bias_noise(int radius) const {
+  DeviationTable table;
+  const std::vector<double> averaged =
+      over_waves([=](double a, double d) { return box(radius, a) * box(radius, d); });
+  for (std::size_t n = 0; n < seen_.size(); ++n) {
+    // power_ holds |T|^2 / (h m); of the bias seen only the edges' part differs from it.
+    const double edges = lost_[n] < 1 ? seen_[n] / (1 - lost_[n]) : 0;
+    table.deviation[n / averaged.size()] +=
+        static_cast<float>(power_[n] * std::pow(edges * averaged[n % averaged.size()], 2) /
+                           static_cast<double>(averaged.size()));
+  }
+  for (float& d : table.deviation) d = std::sqrt(d);
+  return table;
+}
+
+DeviationTable NoiseResponse::bias_over_seen(int radius) const {
+  DeviationTable table;
+  const std::vector<double> averaged =
+      over_waves([=](double a, double d) { return box(radius, a) * box(radius, d); });
+  const std::vector<double> jump =
+      over_waves([](double a, double d) { return std::pow(std::hypot(a, d), -5); });
+  for (std::size_t entry = 0; entry * averaged.size() < seen_.size(); ++entry) {
+    double lost = 0, seen = 0;
+    for (std::size_t n = 0; n < averaged.size(); ++n) {
+      const std::size_t at = entry * averaged.size() + n;
+      lost += jump[n] * lost_[at] * lost_[at];
+      seen += jump[n] * std::pow(seen_[at] * averaged[n], 2);
+    }
+    table.deviation[entry] = static_cast<float>(seen > 0 ? std::sqrt(lost / seen) : 0);
   }
   return table;
 }

@@ -42,11 +42,17 @@ class NoiseResponse {
   NoiseResponse(const WindowResponse&, double median, int line_step, int sample_step);
   // Of the functional with squared response `squared`.
   DeviationTable table(const Response& squared) const;
+  // Of the bias that the smoother's edges show, their pull over the information, averaged over (2 radius +
+  // 1)^2 nodes: its deviation by noise alone; and what the bias truly is over what is seen so, root mean
+  // square for a jump of strain across a curve (power of the displacement ~ k^-5). Zeros without edges.
+  DeviationTable bias_noise(int radius) const;
+  DeviationTable bias_over_seen(int radius) const;
   double median() const { return median_; }
 
  private:
   double median_ = 1;
-  std::vector<double> power_;  // |T|^2 / (h m) of every entry and wave number
+  std::vector<double> power_;        // |T|^2 / (h m) of every entry and wave number
+  std::vector<double> lost_, seen_;  // 1 - T; T times the edges' force over h; the same, empty without edges
 };
 
 // Squared response of the slopes that a least-squares plane over (2 half_columns + 1) x (2 half_rows + 1)

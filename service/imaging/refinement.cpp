@@ -8,13 +8,13 @@
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kGroup = 32;            // WORK_GROUP of refinement.cl
-constexpr int kLags = 32, kLaterals = 8;      // of the autocorrelations; LAG_VECTORS of refinement.cl
-constexpr int kNoiseRadius = 2;               // nodes over which noise and correlation are gathered
-constexpr std::size_t kMostIterations = 200;  // of a step's linear solve; 15 to 30 are usual
-constexpr int kMostFootprint = 6;             // nodes to each side over which information is averaged
-constexpr int kMostNoiseLines = 10;           // that the autocorrelations are taken from
-constexpr double kLeastStrain = 1e-4;         // strain below which the prior does not narrow any more
+constexpr std::size_t kGroup = 32;        // WORK_GROUP of refinement.cl
+constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTORS of refinement.cl
+constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
+constexpr int kBiasRadius = 1;            // BIAS_RADIUS of refinement.cl
+constexpr int kMostFootprint = 6;         // nodes to each side over which information is averaged
+constexpr int kMostNoiseLines = 10;       // that the autocorrelations are taken from
+constexpr double kLeastStrain = 1e-4;     // strain below which the prior does not narrow any more
 
 Range over(int nodes) {
   return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
@@ -36,9 +36,10 @@ struct Refinement::Kernels {
     local_noise = build("local_noise"), local_gradient = build("local_gradient");
     assemble = build("assemble"), correct = build("correct"), edge_pull = build("edge_pull");
     uncertainty = build("uncertainty"), solve_nodes = build("solve_nodes");
+    edge_bias = build("edge_bias");
   }
   Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, edge_pull, uncertainty,
-      solve_nodes;
+      solve_nodes, edge_bias;
 };
 
 // Each node's own 2x2 block, inverted. The smoothing reaches over a few nodes at most, so that a multigrid
@@ -72,7 +73,7 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
       pcg_(queue, 2 * static_cast<std::size_t>(grid.nodes()), 1,
            {.relative_error = 0,
             .relative_residual = options.relative_residual,
-            .max_iterations = kMostIterations,
+            .max_iterations = options.most_iterations,
             .look_every = 4}),
       stencil_(
           std::make_shared<Array<float>>(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes())))),
@@ -85,7 +86,7 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
     hat.push_back(static_cast<float>(std::max(0.0, 1 - std::abs(k) / static_cast<double>(grid.sample_step))));
   hat_ = queue.array(hat);
   for (Array<float>* a : {&noise_, &pixels_}) *a = queue.array<float>(nodes);
-  for (Array<float>* a : {&rhs_, &load_, &pull_, &correction_, &information_})
+  for (Array<float>* a : {&rhs_, &load_, &pull_, &bias_, &correction_, &information_})
     *a = queue.array<float>(2 * nodes);
   terms_ = queue.array<float>(8 * nodes);
   gradient_ = queue.array<float>(4 * nodes);
@@ -195,7 +196,8 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const Array<float>
     radii[2 * c + 1] = std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / dy_m_)));
   }
   const SampleGrid& g = grid_;
-  kernels_->local_gradient(over(g.nodes()), field, gradient_, g.nx, g.ny, kGradientRadius, kGradientRadius);
+  // The gradients still are those that the last step pulled towards: the edges' force is the one that it
+  // left.
   kernels_->edge_pull(over(g.nodes()), field, gradient_, model_, pull_, g.nx, g.ny);
   look_up(*noise, radii, information, deviation_m);
   return noise;
@@ -218,11 +220,17 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const WindowRespon
 void Refinement::look_up(const NoiseStructure& noise, const std::array<int, 4>& radii,
                          Array<float>& information, Array<float>& deviation_m) {
   std::vector<float> tables;
-  for (const NoiseResponse& response : noise.response) {
-    const DeviationTable table = response.table([](double, double) { return 1.0; });
-    tables.insert(tables.end(), table.deviation.begin(), table.deviation.end());
-  }
-  kernels_->uncertainty(over(grid_.nodes()), information_, pull_, queue_.array(tables), information,
+  const auto add = [&](auto&& table_of) {
+    for (const NoiseResponse& response : noise.response) {
+      const DeviationTable table = table_of(response);
+      tables.insert(tables.end(), table.deviation.begin(), table.deviation.end());
+    }
+  };
+  add([](const NoiseResponse& r) { return r.table([](double, double) { return 1.0; }); });
+  add([](const NoiseResponse& r) { return r.bias_noise(kBiasRadius); });
+  add([](const NoiseResponse& r) { return r.bias_over_seen(kBiasRadius); });
+  kernels_->edge_bias(over(grid_.nodes()), information_, pull_, bias_, grid_.nx, grid_.ny);
+  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, queue_.array(tables), information,
                         deviation_m, grid_.nx, grid_.ny, radii[0], radii[1], radii[2], radii[3],
                         static_cast<float>(noise.response[0].median()),
                         static_cast<float>(noise.response[1].median()), static_cast<float>(line_pitch_m_),

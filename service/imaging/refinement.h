@@ -31,7 +31,8 @@ inline constexpr double kRough = 3;  // what a step that another follows may lea
 struct RegularisationOptions {
   double strain_change = 0.1, change_length_m = 1e-3;
   double shortest_m = 0.25e-3, longest_axial_m = 1.0e-3, longest_lateral_m = 1.5e-3;
-  double relative_residual = 3e-2;  // of the linear solve of the last step; others have kRough times that
+  double relative_residual = 3e-2;    // of the linear solve of the last step; others have kRough times that
+  std::size_t most_iterations = 200;  // of it; 15 to 30 are usual
 };
 
 struct ImagePair {
@@ -94,7 +95,7 @@ class Refinement {
   int chunks_ = 1;
   std::vector<float> weights_;  // model()
   Array<float> hat_, noise_, terms_, pixels_, gradient_, model_, rhs_, load_, correction_, information_,
-      pull_;
+      pull_, bias_;
   Array<float> products_;
 };
 

@@ -176,7 +176,10 @@ TEST(Measures, JudgeEveryMapOnTheSameNodes) {
   bold = careful;
   for (std::size_t n = 0; n < careful.size(); ++n)
     if (n / 100 > 90) careful[n] = std::nanf(""), bold[n] = 90e3f;
-  EXPECT_LT(modulus_quality(bold, g, p).dice, 0.6);  // 0.52
+  double disc = 0;
+  for (const float v : careful) disc += v > 10e3f;
+  EXPECT_NEAR(modulus_quality(bold, g, p).dice, 2 * disc / (2 * disc + 900),
+              1e-12);  // nine rows too many: 0.52
   const auto judged = judged_nodes({careful, bold}, g, p);
   EXPECT_NEAR(modulus_quality(bold, g, p, judged).dice, 1, 1e-12);
   EXPECT_NEAR(modulus_quality(careful, g, p, judged).dice, 1, 1e-12);

@@ -113,11 +113,10 @@ void standardise(Standardised& s, const Queue& queue, DisplacementEstimator& est
   }
 }
 
-// Acceptance 1b, over noise, decorrelation and strain.
+// Acceptance 1b, at every condition of noise, decorrelation and strain.
 TEST(Accuracy, StandardisedErrorsHaveUnitVarianceInsideAndOutsideAnInclusion) {
   const Queue queue = imaging_device()->queue();
   DisplacementEstimator estimator(queue, {});
-  Standardised all;
   for (const auto& [snr_db, correlation, strain] :
        {std::tuple{30.0, 0.99, -0.01}, {20.0, 0.98, -0.02}, {15.0, 0.95, -0.01}, {40.0, 0.98, -0.005}}) {
     Standardised some;
@@ -136,18 +135,11 @@ TEST(Accuracy, StandardisedErrorsHaveUnitVarianceInsideAndOutsideAnInclusion) {
         some.deviation(1, 1));
     for (int outside = 0; outside < 2; ++outside) {
       for (int axial = 0; axial < 2; ++axial) {
-        EXPECT_GE(some.deviation(outside, axial), 0.75);  // of few independent errors
-        EXPECT_LE(some.deviation(outside, axial), 1.3);
-        all.squares[outside][axial] += some.squares[outside][axial];
+        EXPECT_GE(some.deviation(outside, axial), 0.8) << snr_db;
+        EXPECT_LE(some.deviation(outside, axial), 1.2) << snr_db;
       }
-      all.count[outside] += some.count[outside];
     }
   }
-  for (int outside = 0; outside < 2; ++outside)
-    for (int axial = 0; axial < 2; ++axial) {
-      EXPECT_GE(all.deviation(outside, axial), 0.8);
-      EXPECT_LE(all.deviation(outside, axial), 1.2);
-    }
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -56,6 +57,20 @@ TissueExtent slab() {
 }
 ProbeForce force(double modulus_pa) {
   return {modulus_pa * -kStrain * width_m() * 0.010, width_m() * 0.010};
+}
+
+TEST(Elastography, AnUnsolvedRefinementIsTold) {
+  ElastographyOptions options;
+  options.displacement.regularisation.most_iterations = 1;
+  const auto warned = [&] {
+    const Estimate e = Elastography(imaging_device(), options)
+                           .estimate(still(), pressed(), speckle_geometry(), force(10e3), slab());
+    return std::any_of(e.input_warnings.begin(), e.input_warnings.end(),
+                       [](const std::string& w) { return w.find("unsolved after 1 iterations") < w.size(); });
+  };
+  EXPECT_TRUE(warned());
+  options = {};
+  EXPECT_FALSE(warned());
 }
 
 TEST(Elastography, UniformTissueGetsItsModulus) {

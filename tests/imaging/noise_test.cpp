@@ -115,6 +115,22 @@ TEST(NoiseResponse, DeviationOfTheSmootherIsThatOfTheMatrices) {
   EXPECT_NEAR(got, exact_deviation(smoother, 1.3, 2, 21), 0.02 * got);
 }
 
+// Averaging and the smoothing itself hide part of the bias that the edges show; without edges there is none.
+TEST(NoiseResponse, WhatIsSeenOfTheSmoothingsBiasIsLessThanItIs) {
+  constexpr int kMiddle = DeviationTable::kBelow;
+  const NoiseResponse response(SmootherResponse{3.0, 4.5, 3, 3}, 1.3, 2, 21);
+  const float near = response.bias_over_seen(1).deviation[kMiddle],
+              wide = response.bias_over_seen(2).deviation[kMiddle];
+  EXPECT_GT(near, 1);
+  EXPECT_LT(near, 4);
+  EXPECT_GT(wide, near);
+  EXPECT_GT(response.bias_noise(1).deviation[kMiddle], response.bias_noise(2).deviation[kMiddle]);
+  EXPECT_GT(response.bias_noise(2).deviation[kMiddle], 0);
+  const NoiseResponse window(WindowResponse{2.5, 3.5}, 2.0, 1, 1);
+  EXPECT_EQ(window.bias_noise(1).deviation[kMiddle], 0);
+  EXPECT_EQ(window.bias_over_seen(1).deviation[kMiddle], 0);
+}
+
 // A window of n independent nodes has the variance of a mean of n.
 TEST(NoiseResponse, WindowsAverage) {
   const NoiseResponse response(WindowResponse{2.5, 3.5}, 2.0, 1, 1);
