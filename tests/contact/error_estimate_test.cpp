@@ -161,9 +161,10 @@ const std::vector<Tissue>& tissues() {
   return all;
 }
 
-// True error over the stated one, of touches all along the surface.
-void add_touches(const TissueModel& model, Compliance& exact, Compliance& tried,
-                 std::vector<double>& ratios) {
+// True error over the stated one, of touches all along the surface; returns the largest true one.
+double add_touches(const TissueModel& model, Compliance& exact, Compliance& tried,
+                   std::vector<double>& ratios) {
+  double largest = 0;
   const auto& x = model.grid().x_m;
   for (const double share : {0.22, 0.31, 0.4, 0.5, 0.63, 0.72})
     for (const Friction friction : {Friction::kFrictionless, Friction::kStuck}) {
@@ -174,9 +175,9 @@ void add_touches(const TissueModel& model, Compliance& exact, Compliance& tried,
       const double error = std::hypot(answer.force_n[0] - truth[0], answer.force_n[1] - truth[1]) /
                            std::hypot(truth[0], truth[1]);
       ratios.push_back(error / answer.solve.relative_error);
-      std::printf("nu %g err %.2e stated %.2e ratio %.2f\n", model.material().poisson_ratio, error,
-                  answer.solve.relative_error, error / answer.solve.relative_error);
+      largest = std::fmax(largest, std::isnan(error) ? INFINITY : error);
     }
+  return largest;
 }
 
 // Prints what the estimates are worth; returns how many times too large they are in the median.
@@ -212,12 +213,16 @@ TEST_P(PcgErrorEstimate, BoundsAndIsClose) {
     GTEST_SKIP() << "device without double";
   service::ElasticitySolverOptions options;
   options.precision = GetParam();
+  double largest = 0;
   std::vector<double> ratios;
   for (const Tissue& t : tissues()) {
     if (t.contrast != 10 && t.contrast != 1e3) continue;
     const TissueModel model(t.grid, t.material, {}, {});
-    add_touches(model, *t.exact, *model.iterative(0, device, options), ratios);
+    largest = std::max(largest, add_touches(model, *t.exact, *model.iterative(0, device, options), ratios));
   }
+  std::printf("largest error of a force: %.1e\n", largest);
+  // Near nu = 1/2 too: the product with K rounds no change of volume apart.
+  EXPECT_LE(largest, GetParam() == SolvePrecision::kFloat ? 1e-5 : 1e-13);
   EXPECT_LE(judge("conjugate gradients", ratios), 5);
 }
 
