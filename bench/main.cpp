@@ -9,6 +9,7 @@
 int main(int argc, char** argv) {
   CLI::App app("teletact-bench: measurements against promises; exit code 1 when one is not met",
                "teletact-bench");
+  app.set_version_flag("--version", "teletact-bench " TELETACT_VERSION);
   app.require_subcommand(1);
   bool met = true;
   teletact::bench::add_paper_suite(app, met);

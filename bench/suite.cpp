@@ -19,9 +19,27 @@ std::string processor_name() {
   return "unknown";
 }
 
+// A run of minutes must not end in a file that cannot be written.
+void require_writable(const SuiteOptions& options) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!options.json.empty()) {
+    const fs::path file = fs::absolute(options.json);
+    fs::create_directories(file.parent_path(), error);
+    if (!std::ofstream(file, std::ios::app))
+      throw BenchError("cannot write --json " + options.json +
+                       "; give a file in a folder that you may write to");
+  }
+  if (options.out.empty()) return;
+  fs::create_directories(options.out, error);
+  if (!fs::is_directory(options.out, error) || ::access(options.out.c_str(), W_OK | X_OK) != 0)
+    throw BenchError("cannot write into --out " + options.out + "; give a folder that you may write to");
+}
+
 }  // namespace
 
 void add_common_options(CLI::App& command, SuiteOptions& options) {
+  command.parse_complete_callback([&options] { require_writable(options); });
   command.add_option("--json", options.json, "write the figures to this file");
   command.add_option("--out", options.out, "folder for pictures");
   command.add_flag("--quick", options.quick, "short: to see that it works, not to quote");
@@ -74,9 +92,13 @@ bool replotted(const SuiteOptions& options, const std::string& suite,
   std::ifstream file(options.replot);
   if (!file) throw BenchError("cannot read --replot " + options.replot);
   const nlohmann::json result = nlohmann::json::parse(file, nullptr, false);
-  if (!result.is_object() || result.value("suite", "") != suite)
-    throw BenchError("--replot " + options.replot + ": not the --json of this suite (" + suite + ")");
-  draw(result, options.out);
+  const BenchError foreign("--replot " + options.replot + ": not the --json of this suite (" + suite + ")");
+  if (!result.is_object() || !result.contains("suite") || result["suite"] != suite) throw foreign;
+  try {
+    draw(result, options.out);
+  } catch (const nlohmann::json::exception&) {
+    throw foreign;  // of another version, or changed by hand
+  }
   return true;
 }
 

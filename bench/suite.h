@@ -34,7 +34,7 @@ struct Target {
   bool met() const { return at_most ? value <= target : value >= target; }  // false for NaN
 };
 
-// Adds --json, --out, --quick and --replot.
+// Adds --json, --out, --quick and --replot; where they cannot be written, parsing throws BenchError.
 void add_common_options(CLI::App& command, SuiteOptions& options);
 
 // Processor, cores, memory, kernel, compiler.

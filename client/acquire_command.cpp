@@ -169,6 +169,20 @@ void catch_signals() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
+AcquireResult acquire(AcquireSession& session) {
+  try {
+    return session.run(interrupted);
+  } catch (const ServiceError& error) {
+    if (std::string(error.what()).find("NOT_FOUND") == std::string::npos &&
+        error.code != grpc::StatusCode::UNAVAILABLE)
+      throw;
+    throw CommandError(
+        std::string(error.what()) +
+        "; the service went away, or was started again without its scenes: start it with --state "
+        "DIR, then acquire again");
+  }
+}
+
 void run(const Arguments& arguments) {
   if (arguments.tissue_path.empty() == !arguments.seed)
     throw CommandError("give either --tissue FILE or --seed N");
@@ -192,9 +206,14 @@ void run(const Arguments& arguments) {
   AcquireOptions options = arguments.acquire;
   options.all_maps = arguments.record_rf;
   AcquireSession session(channel, source, options, observe(arguments, recorder));
-  const AcquireResult result = session.run(interrupted);
-  std::printf("%zu windows published, %zu pairs not tracked, %zu windows without frames left\n",
-              result.windows.size(), result.untracked, result.exhausted);
+  const AcquireResult result = acquire(session);
+  std::printf("%zu windows published, %zu pairs not tracked\n", result.windows.size(), result.untracked);
+  if (result.exhausted > 0)
+    std::printf(
+        "%zu windows have no frames left and could not be acquired again: prepare more with "
+        "--passes-prepared "
+        "(%zu)\n",
+        result.exhausted, arguments.passes);
   if (!recorder.recording()) return;
   v1::GetSceneRequest get;
   get.set_scene_id(arguments.acquire.scene_id);
@@ -232,7 +251,10 @@ void add_acquire_command(CLI::App& app) {
   command.add_option("--ready-file", arguments->ready_path, "created once the first windows can be touched");
   command.add_flag("--until-finger-leaves", acquire.until_finger_leaves,
                    "end when the finger has come and gone");
-  command.add_option("--duration-s", acquire.duration_s, "end after so long")->check(CLI::PositiveNumber);
+  command
+      .add_option("--duration-s", acquire.duration_s,
+                  "end after so long; without it the finger's leaving or Ctrl-C ends it")
+      ->check(above_zero());
   add_modulus_options(command, acquire.modulus_method, acquire.modulus_time_limit_s);
   command.add_option("--start-x-m", acquire.start_x_m, "where the finger is expected first")
       ->capture_default_str();
@@ -242,7 +264,7 @@ void add_acquire_command(CLI::App& app) {
       ->check(CLI::Range(1, 8))
       ->capture_default_str();
   command.add_option("--refresh-after-s", acquire.planner.refresh_after_s, "older windows are acquired anew")
-      ->check(CLI::PositiveNumber)
+      ->check(above_zero())
       ->capture_default_str();
   command.callback([arguments] { run(*arguments); });
 }

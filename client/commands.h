@@ -5,12 +5,21 @@
 #include <CLI/CLI.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace teletact::client {
 
 struct CommandError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+// Checks of numbers that say in words what is allowed.
+CLI::Validator zero_or_more();
+CLI::Validator above_zero();
+
+// A message as it stands, but with the flag for the field that it begins with or names ("radius_m:").
+std::string with_flags(std::string message, const std::vector<std::pair<std::string, std::string>>& flags);
 
 // --service and --tls-ca; `tls_ca` becomes the file's text.
 void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca);

@@ -1,6 +1,7 @@
 // teletact-client estimate: recorded frames -> displacement, strain, correlation and modulus on disk.
 #include <atomic>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <memory>
 
@@ -54,6 +55,22 @@ void warn_of_assumptions(const v1::Acquisition& acquisition) {
                  tissue.depth_m * 1e3);
 }
 
+// What a .mat file looks like read across is refused for many reasons, so the axis is always named with them.
+EstimateOutcome estimate(EstimateClient& client, const FramePair& pair, const EstimateCallbacks& callbacks,
+                         const RecordedFrameOptions& frames) {
+  try {
+    return client.estimate(pair.acquisition, pair.pre, pair.post, callbacks, false);
+  } catch (const ServiceError& error) {
+    const bool refused = error.code == grpc::StatusCode::INVALID_ARGUMENT ||
+                         error.code == grpc::StatusCode::FAILED_PRECONDITION;
+    if (frames.axial_axis.empty() || !refused) throw;
+    throw CommandError(std::string(error.what()) + "; with --axial-axis " + frames.axial_axis +
+                       " there are " + std::to_string(pair.acquisition.sample_count()) +
+                       " samples in depth and " + std::to_string(pair.acquisition.line_count()) +
+                       " A-lines: give the other axis if that is the wrong way round");
+  }
+}
+
 void run(const Arguments& arguments) {
   require_writable_folder(arguments.out);
   const FramePair pair = read_recorded_frames(arguments.frames);
@@ -68,7 +85,11 @@ void run(const Arguments& arguments) {
                    stage_name(response.progress().stage()));
   };
   EstimateClient client(channel);
-  const EstimateOutcome outcome = client.estimate(pair.acquisition, pair.pre, pair.post, callbacks, false);
+  const EstimateOutcome outcome = estimate(client, pair, callbacks, arguments.frames);
+  // Ctrl-C while it computes leaves nothing behind; the second that the writing takes is waited for, so that
+  // the folder holds all of it or nothing.
+  std::signal(SIGINT, SIG_IGN);
+  std::signal(SIGTERM, SIG_IGN);
   const auto files = write_estimate(arguments.out, pair.acquisition, outcome,
                                     {arguments.frames.pre, arguments.frames.post, get_info(channel)});
   const v1::EstimateSummary& summary = outcome.summary;
@@ -97,7 +118,7 @@ void add_file_options(CLI::App& command, RecordedFrameOptions& frames) {
   command.add_option("--post", frames.post, "frame after compression")->required();
   command.add_option("--variable", frames.variable, ".mat: name of the RF variable");
   command.add_option("--axial-axis", frames.axial_axis, ".mat: depth runs along rows or columns")
-      ->check(CLI::IsMember({"rows", "columns"}));
+      ->transform(CLI::IsMember({"rows", "columns"}, CLI::ignore_case));
   command.add_option("--pre-frame", frames.pre_frame, ".mat with several frames: which one, from 0");
   command.add_option("--post-frame", frames.post_frame, ".mat with several frames: which one, from 0");
   command.add_option("--spacing-unit", frames.spacing_unit, ".mha: unit of the header's spacing and offset")
@@ -116,11 +137,13 @@ void add_estimate_command(CLI::App& app) {
   add_file_options(command, frames);
   command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
   command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz, "of the RF")->required();
-  command.add_option("--sound-speed-m-s", frames.sound_speed_m_s, "in the tissue")->capture_default_str();
+  command.add_option("--sound-speed-m-s", frames.sound_speed_m_s, "in the tissue, m/s")
+      ->capture_default_str();
   command.add_option("--line-pitch-m", frames.line_pitch_m,
                      "distance of two A-lines, where the file has none");
-  command.add_option("--frame", frames.frame,
-                     "LAB: the far side rests; PROBE: the probe face rests (required)");
+  command
+      .add_option("--frame", frames.frame, "LAB: the far side rests; PROBE: the probe face rests (required)")
+      ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
   command.add_option("--force-n", frames.force_n,
                      "resisting force on the probe, change between pre and post");
   command.add_option("--contact-area-m2", frames.contact_area_m2,
@@ -131,10 +154,7 @@ void add_estimate_command(CLI::App& app) {
   command.add_option("--tissue-width-m", frames.tissue_width_m,
                      "of the tissue that the probe stands on the middle of (the frame's width)");
   add_modulus_options(command, frames.modulus_method, frames.modulus_time_limit_s);
-  command
-      .add_option("--plane", frames.plane,
-                  "strain: the tissue's neighbours hold it (default); stress: a thin slice")
-      ->transform(CLI::CheckedTransformer(plane_conditions()));
+  add_plane_option(command, frames.plane);
   command.add_option("--out", arguments->out, "folder for the results")->required();
   command.callback([arguments] { run(*arguments); });
 }

@@ -55,7 +55,8 @@ void print_counts(const std::vector<StimulusCount>& counts) {
     std::printf("  %14g   %6u   %10u   %5.3f\n", c.stimulus_n_m, c.harder, c.not_harder, c.share_harder());
 }
 
-void print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, double background_n_m,
+// False when there was no curve to print.
+bool print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, double background_n_m,
                const BootstrapOptions& options) {
   const Fit fit = fit_weibull(counts, how);
   std::printf("\n  %s\n", name_of(how.method));
@@ -63,7 +64,7 @@ void print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
     std::printf(
         "    these answers do not bound the curve: give more trials, or stimuli on both sides of the "
         "threshold\n");
-    return;
+    return false;
   }
   const BootstrapResult spread = bootstrap(counts, fit, how, background_n_m, options);
   const auto line = [](const char* name, double value, const Interval& interval) {
@@ -77,6 +78,7 @@ void print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
   if (spread.at_limit > 0)
     std::printf("    in %u of %u resamples the answers did not bound the curve: more trials would help\n",
                 spread.at_limit, options.resamples);
+  return true;
 }
 
 // Answers of one file belong to one background.
@@ -98,14 +100,24 @@ void run(const Arguments& arguments) {
     std::printf("\n%zu trials, background %g N/m\n", answers.size(), background_n_m);
     print_counts(counts);
     const BootstrapOptions spread{arguments.resamples, 0.95, arguments.seed};
-    print_fit(counts, {FitMethod::kLeastSquares, 0}, background_n_m, spread);
-    print_fit(counts, {FitMethod::kMaximumLikelihood, arguments.lapse_rate_most}, background_n_m, spread);
-    std::printf("\n  in brackets: 95 %% intervals of the parametric bootstrap, %u resamples\n",
-                arguments.resamples);
+    bool fitted = print_fit(counts, {FitMethod::kLeastSquares, 0}, background_n_m, spread);
+    fitted |=
+        print_fit(counts, {FitMethod::kMaximumLikelihood, arguments.lapse_rate_most}, background_n_m, spread);
+    if (fitted)
+      std::printf("\n  in brackets: 95 %% intervals of the parametric bootstrap, %u resamples\n",
+                  arguments.resamples);
   } catch (const CommandError&) {
     throw;
   } catch (const std::exception& error) {
-    throw CommandError(error.what());
+    throw CommandError(with_flags(error.what(), {{"stimuli_n_m", "--stimuli"},
+                                                 {"stimulus_n_m", "--stimuli"},
+                                                 {"trials_per_stimulus", "--trials"},
+                                                 {"background_n_m", "--background-n-m"},
+                                                 {"lapse_rate", "--lapse-rate"},
+                                                 {"lapse_rate_most", "--fit-lapse-rate-most"},
+                                                 {"weber_fraction", "--weber-fraction"},
+                                                 {"equality_fraction", "--equality-fraction"},
+                                                 {"resamples", "--resamples"}}));
   }
 }
 

@@ -1,4 +1,5 @@
 // teletact-client: everything that runs beside a person or a patient.
+#include <cmath>
 #include <cstdio>
 #include <exception>
 
@@ -7,8 +8,41 @@
 
 namespace teletact::client {
 
+namespace {
+
+CLI::Validator number_check(const char* allowed, bool zero) {
+  return CLI::Validator(
+      [allowed, zero](std::string& text) -> std::string {
+        double value = 0;
+        const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value >= 0;
+        return good && (zero || value > 0) ? ""
+                                           : "must be a number " + std::string(allowed) + ", not " + text;
+      },
+      allowed);
+}
+
+}  // namespace
+
+CLI::Validator zero_or_more() {
+  return number_check("of 0 or more", true);
+}
+
+CLI::Validator above_zero() {
+  return number_check("above 0", false);
+}
+
+std::string with_flags(std::string message, const std::vector<std::pair<std::string, std::string>>& flags) {
+  for (const auto& [field, flag] : flags) {
+    const std::size_t at = message.find(field + ":");
+    if (at == std::string::npos || (at > 0 && message[at - 1] != ' ')) continue;
+    message.replace(at, field.size(), flag);
+    break;
+  }
+  return message;
+}
+
 void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca) {
-  command.add_option("--service", address, "unix:/path or host:port")->required();
+  command.add_option("--service", address, "HOST:PORT or unix:/path")->required()->check(address_problem);
   command.add_option_function<std::string>(
       "--tls-ca", [&tls_ca](const std::string& path) { tls_ca = read_tls_ca(path); },
       "PEM certificate that signed the service's; without it nothing is encrypted");
@@ -19,6 +53,7 @@ void add_service_options(CLI::App& command, std::string& address, std::string& t
 int main(int argc, char** argv) {
   using namespace teletact::client;
   CLI::App app("teletact-client: the patient side and the operator side of teletact", "teletact-client");
+  app.set_version_flag("--version", "teletact-client " TELETACT_VERSION);
   app.require_subcommand(1);
   add_acquire_command(app);
   add_estimate_command(app);

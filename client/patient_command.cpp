@@ -175,7 +175,7 @@ void add_patient_command(CLI::App& app) {
   command->add_option("--window-x-m", options->windows, "Left borders of the windows (m), or all")
       ->expected(1, 64);
   command->add_option("--frame", options->frame, "Frame of the displacement (PROBE)")
-      ->check(CLI::IsMember({"PROBE", "LAB"}));
+      ->transform(CLI::IsMember({"PROBE", "LAB"}, CLI::ignore_case));
   command->add_option("--out", options->out, "Folder for the .mha pairs, truth maps and truth.json")
       ->required();
   command->callback([options, command] {

@@ -64,8 +64,10 @@ void add_replay_command(CLI::App& app) {
   command.add_option("file", options->path, "written by touch --record or acquire --record")->required();
   add_service_options(command, options->address, options->tls_ca);
   command.add_option("--scene", options->scene_id, "play into this scene instead of the recorded one");
-  command.add_option("--speed", options->speed, "of the recorded timing; 0 = as fast as the service answers")
-      ->check(CLI::NonNegativeNumber);
+  command
+      .add_option("--speed", options->speed,
+                  "times the recorded one, above 0; 0 = as fast as the service answers")
+      ->check(zero_or_more());
   command.add_option("--record", options->record_path,
                      "record the replay in this file; one that exists is overwritten");
   command.callback([options] { run(*options); });

@@ -100,6 +100,8 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
       {"stalls", {{"count", ticks.stalls().count()}, {"s", ticks.stalls().seconds()}}},
       {"largest_force_n", ticks.largest_force_n()},
       {"degraded_s", ticks.degraded_s()},
+      {"faded_s", ticks.faded_s()},
+      {"lost_s", ticks.lost_s()},
       {"states", changes},
       {"link",
        {{"poses", link.poses},
@@ -117,6 +119,7 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
         {"clock_offset_s", link.clock_offset_s},
         {"clock_offset_error_s", link.clock_offset_error_s},
         {"line_y_m", link.line_y_m},
+        {"largest_strain", link.largest_strain},
         {"last_version", link.last_version}}},
       {"telemetry_dropped", summary.telemetry_dropped},
       {"record_dropped", summary.record_dropped},
@@ -142,11 +145,16 @@ void print(const nlohmann::json& json) {
       "what is felt p99 %.2f ms\n",
       ms(link["round_trip_s"]["p50"]), ms(link["round_trip_s"]["p99"]), ms(link["clock_offset_s"]),
       ms(link["clock_offset_error_s"]), ms(json["model_age_s"]["p99"]));
+  const auto count = [&link](const char* name) { return link[name].get<unsigned long>(); };
+  std::printf("  line      y = %.4f m; largest strain under the finger %.2f\n",
+              link["line_y_m"].get<double>(), link["largest_strain"].get<double>());
   std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
               json["stalls"]["s"].get<double>());
-  std::printf("  force     largest %.3f N; degraded %.3f s; %lu streams\n",
-              json["largest_force_n"].get<double>(), json["degraded_s"].get<double>(),
-              json["link"]["streams"].get<unsigned long>());
+  std::printf("  force     largest %.3f N; lost (PAUSED, FAULT) %.3f s, fading %.3f s, DEGRADED %.3f s\n",
+              json["largest_force_n"].get<double>(), json["lost_s"].get<double>(),
+              json["faded_s"].get<double>(), json["degraded_s"].get<double>());
+  std::printf("  not good  of %lu answers %lu NOT_COVERED, %lu DEGRADED, %lu FAILED; %lu streams\n",
+              count("answers"), count("not_covered"), count("degraded"), count("failed"), count("streams"));
 }
 
 // Empty unless the device is a recording.
@@ -178,7 +186,10 @@ void run(Arguments arguments) {
   try {
     summary = run_touch_session(arguments.session, interrupted);
   } catch (const std::exception& error) {
-    throw CommandError(error.what());
+    throw CommandError(with_flags(error.what(), {{"open.fingertip.radius_m", "--tip-radius-m"},
+                                                 {"open.fingertip.half_width_m", "--tip-half-width-m"},
+                                                 {"open.fingertip.footprint_m", "--tip-footprint-m"},
+                                                 {"open.line_y_m", "--line-y-m"}}));
   }
   const nlohmann::json json = to_json(arguments, summary);
   print(json);
@@ -190,9 +201,12 @@ void run(Arguments arguments) {
 void add_tip_options(CLI::App& command, Arguments& arguments) {
   command.add_option("--tip", arguments.tip, "fingertip: rounded, punch or node")
       ->check(CLI::IsMember({"rounded", "punch", "node"}));
-  command.add_option("--tip-radius-m", arguments.tip_radius_m,
-                     "radius of the tip, or of a punch's edges (0.008)");
-  command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part (0.004)");
+  command
+      .add_option("--tip-radius-m", arguments.tip_radius_m,
+                  "radius of the tip, or of a punch's edges (0.008)")
+      ->check(above_zero());
+  command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part (0.004)")
+      ->check(above_zero());
   command.add_option(
       "--tip-footprint-m", arguments.tip_footprint_m,
       "node: Gaussian footprint (0.001); 0 = one node, as in the paper: lateral force jumps at nodes");
@@ -207,13 +221,19 @@ void add_hand_options(CLI::App& command, TouchSessionOptions& session) {
   command.add_option("--indentation-m", session.hand.indentation_m, "mean indentation of the hand")
       ->check(CLI::Range(1e-4, 0.05));
   command.add_option("--speed-m-s", session.hand.speed_m_s, "of the sweep")->check(CLI::Range(0.001, 0.5));
-  command.add_option("--begin-m", session.begin_m, "sweep from here (default: what is covered at the start)");
+  command.add_option("--begin-m", session.begin_m,
+                     "sweep from here, metres along the tissue (default: what is covered at the start)");
   command.add_option("--end-m", session.end_m, "sweep to here");
   command.add_option("--hand-mass-kg", session.hand.mass_kg)->check(CLI::Range(0.01, 0.2));
   command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m)->check(CLI::Range(2.0, 10.0));
   command.add_option("--hand-stiffness-n-m", session.hand.stiffness_n_m)->check(CLI::Range(200.0, 1000.0));
-  command.add_option("--passes", session.passes, "end after so many sweeps");
-  command.add_option("--duration-s", session.duration_s, "end after so long with force on");
+  command.add_option("--passes", session.passes, "end after so many sweeps; 0 (default): no such end");
+  command
+      .add_option(
+          "--duration-s", session.duration_s,
+          "end after so long with force on; an outage of over 5 s counts too. 0 (default): no such end. "
+          "With neither it goes on until Ctrl-C")
+      ->check(zero_or_more());
 }
 
 }  // namespace
@@ -242,6 +262,11 @@ void add_touch_command(CLI::App& app) {
                      "wait so long for the service, the scene and its first window");
   add_tip_options(command, *arguments);
   add_hand_options(command, session);
+  command.footer(
+      "The summary's words: a stall is the hand held for more than 1 ms at the border of what is covered; "
+      "force\n"
+      "is lost while PAUSED or in FAULT, fading while answers stay away, DEGRADED while the service doubts "
+      "it.");
   command.callback([arguments] { run(*arguments); });
 }
 

@@ -155,7 +155,7 @@ void draw_stalls(const json& result, const std::filesystem::path& file) {
   for (const double window_m : windows_m()) {
     const std::string name = fmt::format("$w{:.0f}", 1e3 * window_m);
     script += name + " << EOD\n";
-    for (const json& row : result["stalls"])
+    for (const json& row : result.at("stalls"))
       if (row["window_m"] == window_m)
         script +=
             fmt::format("{} {}\n", 1e3 * row["speed_m_s"].get<double>(), 100 * row["share"].get<double>());
@@ -166,7 +166,7 @@ void draw_stalls(const json& result, const std::filesystem::path& file) {
   plot(file,
        script +
            fmt::format("set title 'Time that an exploring finger waits, service {:.0f} ms'\n",
-                       1e3 * result["service_s"].get<double>()) +
+                       1e3 * result.at("service_s").get<double>()) +
            "set xlabel 'finger (mm/s)'\nset ylabel 'share of the time (%)'\nset key top left title 'window'\n"
            "set arrow from 120, graph 0 to 120, graph 1 nohead dt 3\nplot " +
            curves + "\n");
@@ -175,12 +175,12 @@ void draw_stalls(const json& result, const std::filesystem::path& file) {
 void draw_fastest(const json& result, const std::filesystem::path& file) {
   std::string script, curves;
   std::vector<double> services_s;
-  for (const json& row : result["fastest"])
+  for (const json& row : result.at("fastest"))
     if (std::find(services_s.begin(), services_s.end(), row["service_s"].get<double>()) == services_s.end())
       services_s.push_back(row["service_s"]);
   for (std::size_t k = 0; k < services_s.size(); ++k) {
     script += fmt::format("$s{} << EOD\n", k);
-    for (const json& row : result["fastest"])
+    for (const json& row : result.at("fastest"))
       if (row["service_s"] == services_s[k])
         script +=
             fmt::format("{} {}\n", 1e3 * row["window_m"].get<double>(), 1e3 * row["speed_m_s"].get<double>());

@@ -164,7 +164,8 @@ void add_servo_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command =
       *app.add_subcommand("servo", "the 1 kHz loop beside a running service: period, overruns, slack, heap");
-  command.add_option("--service", arguments->address, "unix:/path or host:port");
+  command.add_option("--service", arguments->address, "HOST:PORT or unix:/path")
+      ->check(client::address_problem);
   command.add_option_function<std::string>(
       "--tls-ca", [arguments](const std::string& path) { arguments->tls_ca = client::read_tls_ca(path); },
       "PEM certificate that signed the service's");

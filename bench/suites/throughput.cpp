@@ -196,7 +196,8 @@ bool run(const Arguments& arguments) {
 void add_throughput_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("throughput", "touches/s and latency of a running service");
-  command.add_option("--service", arguments->address, "unix:/path or host:port");
+  command.add_option("--service", arguments->address, "HOST:PORT or unix:/path")
+      ->check(client::address_problem);
   command.add_option_function<std::string>(
       "--tls-ca", [arguments](const std::string& path) { arguments->tls_ca = client::read_tls_ca(path); },
       "PEM certificate that signed the service's");

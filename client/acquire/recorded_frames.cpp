@@ -89,6 +89,10 @@ Frame read_frame(const std::filesystem::path& path, std::optional<std::size_t> i
   throw FrameInputError(path.string() + ": not a .mha or .mat file; convert it to one of them");
 }
 
+const char* type_name(v1::DataType type) {
+  return type == v1::DATA_TYPE_INT16 ? "int16" : "float32";
+}
+
 double line_pitch_of(const Frame& pre, const RecordedFrameOptions& options) {
   if (!options.line_pitch_m && !pre.line_pitch_m)
     throw FrameInputError("give --line-pitch-m: the file has no lateral spacing");
@@ -109,6 +113,10 @@ void check_options(const RecordedFrameOptions& options) {
   positive(options.center_frequency_hz, "--center-frequency-hz");
   positive(options.sampling_frequency_hz, "--sampling-frequency-hz");
   positive(options.sound_speed_m_s, "--sound-speed-m-s");
+  if (options.sound_speed_m_s < 1000 || options.sound_speed_m_s > 2500)
+    throw FrameInputError(
+        fmt::format("--sound-speed-m-s {}: give it in m/s, 1000 to 2500; soft tissue has about 1540",
+                    options.sound_speed_m_s));
   if (options.line_pitch_m) positive(*options.line_pitch_m, "--line-pitch-m");
   if (options.frame != "LAB" && options.frame != "PROBE")
     throw FrameInputError(
@@ -151,7 +159,9 @@ FramePair read_recorded_frames(const RecordedFrameOptions& options) {
   if (pre.sample_count != post.sample_count || pre.line_count != post.line_count)
     throw FrameInputError(fmt::format("--pre has {} samples x {} lines, --post {} x {}: they must be equal",
                                       pre.sample_count, pre.line_count, post.sample_count, post.line_count));
-  if (pre.dtype != post.dtype) throw FrameInputError("--pre and --post must hold samples of the same type");
+  if (pre.dtype != post.dtype)
+    throw FrameInputError(fmt::format("--pre holds {} samples, --post {}: give two files of the same type",
+                                      type_name(pre.dtype), type_name(post.dtype)));
   if (pre.line_pitch_m && post.line_pitch_m && differ(*post.line_pitch_m, *pre.line_pitch_m))
     throw FrameInputError("--pre and --post state different lateral spacings");
   FramePair pair;

@@ -1,6 +1,7 @@
 #include "client/link/channel.h"
 
 #include <array>
+#include <charconv>
 #include <chrono>
 #include <fstream>
 #include <iterator>
@@ -48,6 +49,19 @@ std::shared_ptr<grpc::Channel> Connecting::wait(double wait_s) {
   return nullptr;
 }
 
+std::string address_problem(const std::string& address) {
+  const auto begins = [&address](const char* with) { return address.rfind(with, 0) == 0; };
+  for (const char* scheme : {"unix:", "unix-abstract:", "dns:", "ipv4:", "ipv6:"})
+    if (begins(scheme)) return "";
+  const std::string remedy = "give HOST:PORT or unix:/path, not " + address;
+  const std::size_t colon = address.rfind(':');
+  if (colon == std::string::npos || colon == 0 || begins("http")) return remedy;
+  unsigned port = 0;
+  const char* const end = address.data() + address.size();
+  const auto parsed = std::from_chars(address.data() + colon + 1, end, port);
+  return parsed.ec == std::errc() && parsed.ptr == end && port > 0 && port <= 65535 ? "" : remedy;
+}
+
 std::string read_tls_ca(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(in), {}};
@@ -59,7 +73,8 @@ std::string read_tls_ca(const std::string& path) {
 }
 
 std::string nobody_answers(const std::string& address, const std::string& tls_ca) {
-  return "no service at " + address + ": start one with 'teletact-service serve --listen " + address + "', " +
+  return "no service at " + address + ": start one with './teletact serve --listen " + address +
+         "' (teletact-service), " +
          (tls_ca.empty() ? "or give --tls-ca if it serves TLS"
                          : "with a certificate that --tls-ca signed for that name");
 }

@@ -33,6 +33,9 @@ class Connecting {
   std::chrono::steady_clock::time_point next_attempt_{};
 };
 
+// What is wrong with an address that a person gave, with the remedy; empty when it can be one.
+std::string address_problem(const std::string& address);
+
 // The PEM text of --tls-ca FILE. Throws std::runtime_error with one line.
 std::string read_tls_ca(const std::string& path);
 

@@ -66,6 +66,16 @@ TouchLinkStats TouchLink::stats() const {
   return stats_;
 }
 
+std::string TouchLink::trouble() const {
+  std::lock_guard lock(mutex_);
+  return shared_.opened && !shared_.ended ? "" : last_reason_;
+}
+
+bool TouchLink::covered() const {
+  std::lock_guard lock(mutex_);
+  return covered_;
+}
+
 std::string TouchLink::failure() const {
   std::lock_guard lock(mutex_);
   return failure_;
@@ -192,7 +202,9 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   if (!converted->has_force) ++stats_.failed;
   if (answer.status() == v1::TOUCH_STATUS_DEGRADED) ++stats_.degraded;
   log_warning(answer, received_ns);
-  if (!converted->covered) ++stats_.not_covered;
+  covered_ = converted->covered;
+  if (!covered_) ++stats_.not_covered;
+  stats_.largest_strain = std::max(stats_.largest_strain, answer.largest_strain());
   if (converted->sample.position_m != last_position_m_) {
     ++stats_.distinct;
     if (stats_.latencies_s.size() < kMaxLatencies) {

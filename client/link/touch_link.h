@@ -44,6 +44,7 @@ struct TouchLinkStats {
   std::uint64_t not_covered = 0;
   std::uint64_t failed = 0;         // status FAILED
   std::uint64_t degraded = 0;       // status DEGRADED
+  double largest_strain = 0;        // under the finger
   std::uint64_t dropped = 0;        // malformed or foreign answers
   std::uint64_t streams = 0;        // opened, the first included
   std::uint64_t instances = 0;      // service processes seen
@@ -72,6 +73,9 @@ class TouchLink {
   void start();
   void stop();  // closes the stream; returns when both threads have ended
   TouchLinkStats stats() const;
+  // Why no stream is open: empty while one is, or none has ended yet.
+  std::string trouble() const;
+  bool covered() const;  // the last answer's; true before there is any
   // Why the link gave up (unknown scene, a refused field); empty while it has not.
   std::string failure() const;
 
@@ -113,6 +117,7 @@ class TouchLink {
   std::int64_t warned_ns_ = -1'000'000'000;  // when an answer's warning was logged last
   bool remarked_ = false;
   std::string last_reason_;  // why the last stream ended: said once, not ten times a second
+  bool covered_ = true;
   bool stopping_ = false;
   bool gave_up_ = false;  // on the current stream, for its silence
   std::uint64_t service_instance_ = 0;

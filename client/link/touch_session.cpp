@@ -1,5 +1,6 @@
 #include "client/link/touch_session.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 
 #include "client/link/channel.h"
 #include "client/link/convert.h"
+#include "client/link/waiting.h"
 #include "client/render/renderers.h"
 
 namespace teletact::client {
@@ -55,7 +57,18 @@ v1::Scene wait_for_scene(const TouchSessionOptions& options, const std::atomic<b
   }
 }
 
+// A sweep beyond the tissue would never end.
+void require_within(const v1::Scene& scene, const char* option, const std::optional<double>& x_m) {
+  if (!x_m || scene.geometry().size_m_size() == 0) return;
+  const double width_m = scene.geometry().size_m(0);
+  if (*x_m >= 0 && *x_m <= width_m) return;
+  throw std::invalid_argument(fmt::format("{} {}: the tissue of scene '{}' reaches from 0 to {} m", option,
+                                          *x_m, scene.scene_id(), width_m));
+}
+
 HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) {
+  require_within(scene, "--begin-m", options.begin_m);
+  require_within(scene, "--end-m", options.end_m);
   constexpr double kInsideM = 0.008;  // the tip's own reach
   double begin_m = 1e300;
   double end_m = -1e300;
@@ -115,7 +128,15 @@ void drain(ServoLoop& servo, TickStatistics& statistics, RecordWriter* recorder)
 bool finished(const TouchSessionOptions& options, const HapticDevice& device,
               const TickStatistics& statistics) {
   if (device.ended() || (options.passes > 0 && device.passes() >= options.passes)) return true;
-  return options.duration_s > 0 && statistics.enabled_s() >= options.duration_s;
+  // A short outage is made up for; one that does not end must not keep the session from ending.
+  const bool lost = statistics.lost_now_s() >= TouchSessionOptions::kLostS;
+  const double spent_s = statistics.enabled_s() + (lost ? statistics.lost_s() : 0);
+  return options.duration_s > 0 && spent_s >= options.duration_s;
+}
+
+TouchSituation situation_of(const TouchLink& link, const TickStatistics& statistics) {
+  const ServoTick& tick = statistics.last();
+  return {link.trouble(), tick.state, link.covered(), tick.held_at_border, tick.pose.position_m.x()};
 }
 
 }  // namespace
@@ -150,6 +171,7 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   });
   link.start();
   bool told = false;
+  Waiting waiting;
   while (!stop && link.failure().empty() && !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
     drain(*servo, summary.ticks, recorder.get());
@@ -157,6 +179,8 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
       spdlog::info("servo: {}", summary.real_time.text);
       told = true;
     }
+    const std::string line = waiting.line(situation_of(link, summary.ticks), 1e-9 * clock.now_ns());
+    if (!line.empty()) spdlog::warn("{}", line);
   }
   // The force goes first, while the link still answers; then the link.
   servo_stop = true;

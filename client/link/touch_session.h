@@ -16,6 +16,7 @@
 namespace teletact::client {
 
 struct TouchSessionOptions {
+  static constexpr double kLostS = 5;
   std::string address;
   std::string tls_ca;  // PEM text; empty: not encrypted
   v1::TouchOpen open;
@@ -25,9 +26,10 @@ struct TouchSessionOptions {
   HandOptions hand;                     // of a simulated device; begin and end: see below
   std::optional<double> begin_m;        // of the sweep; absent: what is covered at the start, 8 mm inside
   std::optional<double> end_m;
-  unsigned passes = 0;      // end after so many sweeps; 0 = no limit
-  double duration_s = 0;    // end after so long with force on; 0 = no limit
-  double wait_s = 0;        // for the service, the scene and its first window
+  unsigned passes = 0;  // end after so many sweeps; 0 = no limit
+  double duration_s =
+      0;              // end after so long with force on, or lost for over kLostS at a stretch; 0 = no limit
+  double wait_s = 0;  // for the service, the scene and its first window
   std::string record_path;  // empty: no recording
   std::vector<std::string> arguments;
   bool real_time = true;  // ask for SCHED_FIFO and locked memory

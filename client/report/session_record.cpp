@@ -1,5 +1,6 @@
 #include "client/report/session_record.h"
 
+#include <algorithm>
 #include <map>
 #include <stdexcept>
 
@@ -43,6 +44,7 @@ TouchTick tick_of(const v1::ServoSample& sample, double time_s, double line_y_m)
 void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, TouchRecord& record) {
   record.not_covered += answer.status() == v1::TOUCH_STATUS_NOT_COVERED;
   record.degraded += answer.status() == v1::TOUCH_STATUS_DEGRADED;
+  record.model_version = std::max(record.model_version, answer.model_version());
   record.failed += answer.status() == v1::TOUCH_STATUS_FAILED;
   if (answer.position_m_size() < 2)
     throw std::runtime_error("the touch recording holds an answer without its pose");
@@ -66,8 +68,10 @@ TouchRecord read_touch_record(const std::string& path) {
         throw std::runtime_error(
             path + ": touched with a sticking tip; the true force is known for a frictionless one");
     }
-    if (entry->has_touch_response() && entry->touch_response().has_opened())
+    if (entry->has_touch_response() && entry->touch_response().has_opened()) {
       record.line_y_m = entry->touch_response().opened().line_y_m();
+      record.instances.insert(entry->touch_response().opened().instance());
+    }
     if (entry->has_touch_response() && entry->touch_response().has_answer())
       add_answer(entry->touch_response().answer(), *entry, record);
     if (entry->has_servo())
@@ -97,6 +101,27 @@ AcquireRecord read_acquire_record(const std::string& path) {
     if (entry->has_info()) record.info = entry->info();
   }
   return record;
+}
+
+std::string doubt_of_one_session(const TouchRecord& touch, const AcquireRecord& acquire) {
+  if (touch.scene_id != acquire.scene_id)
+    throw std::runtime_error("the recordings are of different scenes: " + touch.scene_id + " and " +
+                             acquire.scene_id);
+  const double ended_s = touch.ticks.empty() ? 0 : touch.ticks.back().time_s;
+  if (!acquire.windows.empty() &&
+      std::all_of(acquire.windows.begin(), acquire.windows.end(),
+                  [&](const AcquiredWindow& window) { return window.published_s > ended_s; }))
+    throw std::runtime_error(
+        "the recordings are not of one session: every window was published after the touch had ended; give "
+        "the --acquire-record of what was touched");
+  if (acquire.info && acquire.info->instance() != 0 && !touch.instances.empty() &&
+      !touch.instances.contains(acquire.info->instance()))
+    return "the recordings are of two runs of the service: are they of one session?";
+  if (acquire.scene && touch.model_version > acquire.scene->version())
+    return "the tissue that was touched is newer than what the acquisition's recording holds: are they of "
+           "one "
+           "session?";
+  return "";
 }
 
 }  // namespace teletact::client

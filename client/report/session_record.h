@@ -3,7 +3,9 @@
 // related.
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -34,6 +36,8 @@ struct TouchRecord {
   std::vector<TouchTick> ticks;
   std::vector<TouchAnswerTime> answers;
   std::uint64_t not_covered = 0, degraded = 0, failed = 0;
+  std::uint64_t model_version = 0;    // newest of the answers
+  std::set<std::uint64_t> instances;  // of the service, as its streams were opened
 };
 
 struct AcquiredWindow {
@@ -52,5 +56,9 @@ struct AcquireRecord {
 // Both throw std::runtime_error with one line: unreadable, damaged, or of the other kind.
 TouchRecord read_touch_record(const std::string& path);
 AcquireRecord read_acquire_record(const std::string& path);
+
+// Why the two may not belong to one session, one line; empty when nothing speaks against it. Throws
+// std::runtime_error when they cannot: other scenes, or all windows published after the touch had ended.
+std::string doubt_of_one_session(const TouchRecord& touch, const AcquireRecord& acquire);
 
 }  // namespace teletact::client

@@ -125,6 +125,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.held_at_border = reading_.held_at_border;
   tick.degraded = limited.degraded;
+  tick.faded = limited.silence_gain < 1;
   ticks_.fetch_add(1, std::memory_order_relaxed);
   if (tick.lateness_s > options_.overrun_s) overruns_.fetch_add(1, std::memory_order_relaxed);
   telemetry_.push(tick);

@@ -59,6 +59,7 @@ struct ServoTick {
   double damping_n_s_m = 0;  // the passivity controller's
   bool held_at_border = false;
   bool degraded = false;
+  bool faded = false;  // silence takes force away
 };
 
 struct ServoOptions {

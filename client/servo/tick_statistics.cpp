@@ -39,7 +39,12 @@ bool TickStatistics::add(const ServoTick& tick) {
     const double step_s = 1e-9 * static_cast<double>(tick.time_ns - last_.time_ns);
     if (last_.state == ServoState::kEnabled) {
       enabled_s_ += step_s;
+      lost_now_s_ = 0;
       if (last_.degraded) degraded_s_ += step_s;
+      if (last_.faded) faded_s_ += step_s;
+    } else if (enabled_s_ > 0) {
+      lost_s_ += step_s;
+      lost_now_s_ += step_s;
     }
     period_s_.push_back(step_s);
     slack_s_.push_back(tick.slack_s);

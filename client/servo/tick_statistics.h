@@ -44,6 +44,12 @@ class TickStatistics {
   double rate_hz() const noexcept;
   double enabled_s() const noexcept { return enabled_s_; }
   double degraded_s() const noexcept { return degraded_s_; }  // while ENABLED
+  double faded_s() const noexcept { return faded_s_; }        // while ENABLED: by silence
+  double lost_s() const noexcept {
+    return lost_s_;
+  }  // not ENABLED, after force has been on for the first time
+  double lost_now_s() const noexcept { return lost_now_s_; }  // of these, up to now at a stretch
+  const ServoTick& last() const noexcept { return last_; }
   double largest_force_n() const noexcept { return largest_force_n_; }
   const StallCounter& stalls() const noexcept { return stalls_; }
   std::vector<double>& lateness_s() noexcept { return lateness_s_; }
@@ -58,6 +64,9 @@ class TickStatistics {
   ServoTick last_;
   double enabled_s_ = 0;
   double degraded_s_ = 0;
+  double faded_s_ = 0;
+  double lost_s_ = 0;
+  double lost_now_s_ = 0;
   double largest_force_n_ = 0;
   StallCounter stalls_;
   std::vector<double> lateness_s_;

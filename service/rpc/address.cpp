@@ -78,6 +78,9 @@ void require_free(const ListenOptions& o, const std::string& host, unsigned port
 }
 
 std::string read_pem(const char* flag, const std::filesystem::path& path) {
+  if (!std::filesystem::exists(path))
+    throw std::runtime_error(
+        fmt::format("{} {}: is missing; give the path of a PEM file", flag, path.string()));
   std::ifstream in(path, std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(in), {}};
   if (!in || text.find("-----BEGIN") == std::string::npos)

@@ -130,8 +130,9 @@ std::shared_ptr<Scene> Scenes::find(const std::string& id) const {
   const std::lock_guard lock(mutex_);
   const auto found = scenes_.find(id);
   if (found == scenes_.end())
-    throw Error(ErrorKind::kNotFound,
-                fmt::format("scene_id: no scene \"{}\" here; ListScenes names them", shown(id)));
+    throw Error(
+        ErrorKind::kNotFound,
+        fmt::format("scene_id: no scene \"{}\" here; ListScenes (./teletact scenes) names them", shown(id)));
   return found->second;
 }
 

@@ -72,7 +72,9 @@ TEST(PluginDevice, SaysWhatIsWrong) {
   EXPECT_NE(old.find("was built for version 8"), std::string::npos) << old;
   EXPECT_NE(old.find("build it again"), std::string::npos) << old;
   EXPECT_NE(complaint(built("tests/plugin_no_limits.so")).find("limits.largest_force_n"), std::string::npos);
-  EXPECT_NE(complaint(built(kTemplate), "stiffness=-3").find("give stiffness=N/m"), std::string::npos);
+  for (const char* wrong : {"stiffness=-3", "spoon", "stiffness=100,press=1", "press=nan"})
+    EXPECT_NE(complaint(built(kTemplate), wrong).find("give stiffness=N/m"), std::string::npos) << wrong;
+  EXPECT_EQ(complaint(built(kTemplate), "stiffness=100,press=0.01"), "");
 }
 
 }  // namespace

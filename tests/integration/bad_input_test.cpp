@@ -79,6 +79,7 @@ TEST_F(EstimateInput, WhatIsMissingIsAskedForByName) {
   expect_one_clear_line(estimate(a, a, {"--out", folder_ / "out"}), {"--frame LAB", "PROBE"});
   expect_one_clear_line(estimate(a, a, usual({"--force-n", "3"})), {"--contact-area-m2"});
   write(folder_ / "b.mat", "x");
+  expect_one_clear_line(estimate(a, a, usual({"--sound-speed-m-s", "1.54"})), {"--sound-speed-m-s", "1540"});
   expect_one_clear_line(estimate(folder_ / "b.mat", folder_ / "b.mat", usual()), {"--variable"});
   expect_one_clear_line(estimate(folder_ / "b.mat", folder_ / "b.mat", usual({"--variable", "rf"})),
                         {"--axial-axis"});
@@ -108,6 +109,23 @@ TEST_F(EstimateInput, AServiceThatIsNotThereIsSaid) {
   write(folder_ / "a.mha", mha("1.925e-5 0.000234"));
   expect_one_clear_line(estimate(folder_ / "a.mha", folder_ / "a.mha", usual()),
                         {"unix:/tmp/tt-nobody", "teletact-service"});
+}
+
+// Names are taken in any case, and what is allowed is listed plainly.
+TEST_F(EstimateInput, NamesAreListedPlainly) {
+  write(folder_ / "a.mha", mha("1.925e-5 0.000234"));
+  const std::string a = folder_ / "a.mha";
+  const Outcome method = estimate(a, a, usual({"--modulus-method", "spoon"}));
+  EXPECT_NE(method.output.find("{direct,iterative,reference-stress}"), std::string::npos) << method.output;
+  EXPECT_EQ(method.output.find("magic"), std::string::npos) << method.output;
+  expect_one_clear_line(estimate(a, a,
+                                 {"--out", folder_ / "out", "--frame", "probe", "--modulus-method", "Direct",
+                                  "--plane", "STRESS"}),
+                        {"no service at"});
+  std::string as_float = mha("1.925e-5 0.000234") + std::string(64 * 8 * 2, '\1');
+  as_float.replace(as_float.find("MET_SHORT"), 9, "MET_FLOAT");
+  write(folder_ / "b.mha", as_float);
+  expect_one_clear_line(estimate(a, folder_ / "b.mha", usual()), {"--pre holds int16", "--post float32"});
 }
 
 TEST(AcquireInput, NeedsATissueAndOneThatCanBeRead) {
@@ -157,6 +175,80 @@ TEST(TouchInput, InterpolationIsTakenAsHelpSays) {
                                    "--scene", "s", "--renderer", "interpolate"},
                                   folder / "log"),
                         {"no service at"});
+}
+
+TEST(BenchInput, AForeignReplotAndUnwritableOutputsAreSaidAtOnce) {
+  TemporaryFolder folder;
+  const std::string bench = test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench";
+  write(folder / "foreign.json", R"({"suite": "throughput"})");
+  write(folder / "text.json", "not JSON");
+  write(folder / "list.json", R"([1, 2])");
+  write(folder / "number.json", R"({"suite": 3})");
+  write(folder / "empty.json", R"({"suite": "exploration"})");
+  for (const char* name : {"foreign.json", "text.json", "list.json", "number.json", "empty.json"})
+    expect_one_clear_line(
+        test::run({bench, "exploration", "--replot", folder / name, "--out", folder / "out"}, folder / "log"),
+        {"--replot", name, "exploration"});
+  write(folder / "file", "not a folder");
+  for (const char* suite : {"exploration", "stability", "contact"}) {
+    expect_one_clear_line(test::run({bench, suite, "--json", folder / "file/x.json"}, folder / "log"),
+                          {"--json", "file/x.json"});
+    expect_one_clear_line(test::run({bench, suite, "--out", folder / "file/out"}, folder / "log"),
+                          {"--out", "file/out"});
+  }
+  // What is there is left alone by the look.
+  write(folder / "kept.json", "kept");
+  test::run({bench, "exploration", "--json", folder / "kept.json", "--out", folder / "file/out"},
+            folder / "log");
+  std::ifstream kept(folder / "kept.json");
+  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(kept), {}), "kept");
+}
+
+TEST(TouchInput, WhatCannotBeIsRefusedInWords) {
+  TemporaryFolder folder;
+  const auto touch = [&](std::vector<std::string> more) {
+    std::vector<std::string> command{test::client_binary(), "touch", "--scene", "s"};
+    command.insert(command.end(), more.begin(), more.end());
+    return test::run(command, folder / "log");
+  };
+  const auto refused = [&](const std::vector<std::string>& more, const std::vector<std::string>& words) {
+    const Outcome outcome = touch(more);
+    EXPECT_GT(outcome.code, 0);
+    for (const std::string& word : words)
+      EXPECT_NE(outcome.output.find(word), std::string::npos) << "no '" << word << "' in: " << outcome.output;
+  };
+  for (const char* address :
+       {"localhost", "http://localhost:50051", "localhost:", ":50051", "localhost:99999"})
+    refused({"--service", address}, {"--service", "give HOST:PORT or unix:/path"});
+  const std::string nobody = "unix:/tmp/tt-nobody";
+  for (const char* radius : {"0", "-1", "nan", "x"})
+    refused({"--service", nobody, "--tip-radius-m", radius}, {"--tip-radius-m", "number above 0"});
+  for (const char* duration : {"-1", "nan"})
+    refused({"--service", nobody, "--duration-s", duration}, {"--duration-s", "0 or more"});
+}
+
+// The script answers for itself what needs no build.
+TEST(ScriptInput, HelpAndVersionBuildNothingAndADemoOfNoTimeIsRefused) {
+  TemporaryFolder folder;
+  const std::string script = test::required_environment("TELETACT_SOURCE_DIR") + "/teletact";
+  const Environment nowhere{{"TELETACT_BUILD_DIR", folder / "build"}};
+  const auto say = [&](std::vector<std::string> words, const std::string& expected, int code) {
+    words.insert(words.begin(), {"/bin/sh", script});
+    const Outcome outcome = test::run(words, folder / "log", nowhere);
+    EXPECT_EQ(outcome.code, code) << outcome.output;
+    EXPECT_NE(outcome.output.find(expected), std::string::npos) << outcome.output;
+  };
+  say({"build", "--help"}, "usage: ./teletact build", 0);
+  say({"test", "-h"}, "usage: ./teletact test", 0);
+  say({"--version"}, "teletact " TELETACT_VERSION, 0);
+  for (const char* none : {"0", "0.0", "-3"}) say({"demo", "--duration-s", none}, "--duration-s", 1);
+  EXPECT_FALSE(std::filesystem::exists(folder / "build"));
+  for (const char* binary : {"/client/teletact-client", "/service/teletact-service"}) {
+    const std::string path = test::required_environment("TELETACT_BINARY_DIR") + binary;
+    const Outcome outcome = test::run({path, "--version"}, folder / "log");
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_NE(outcome.output.find(TELETACT_VERSION), std::string::npos) << outcome.output;
+  }
 }
 
 TEST(ReportInput, RecordingsMustBeWhatTheyAreSaidToBe) {

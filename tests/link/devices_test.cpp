@@ -113,6 +113,22 @@ TEST(Devices, APluginIsTouchedWith) {
   for (const StateChange& change : summary.ticks.changes()) EXPECT_EQ(change.state, ServoState::kDisabled);
 }
 
+// What the template says of itself: with a hand in its settings the chain can be seen to work.
+TEST(Devices, TheTemplatePressesWhenItIsAskedTo) {
+  const char* folder = std::getenv("TELETACT_BINARY_DIR");
+  ASSERT_NE(folder, nullptr) << "run the tests with ctest";
+  FakePalpation service(test::socket_address("press"));
+  service.serve();
+  TouchSessionOptions options = session_options(test::socket_address("press"));
+  options.device = "plugin:" + std::string(folder) + "/client/teletact_device_template.so,press=0.009";
+  options.begin_m = 0.05;
+  options.duration_s = 4.5;  // one press at least
+  const std::atomic<bool> stop{false};
+  const TouchSummary summary = run_touch_session(options, stop);
+  EXPECT_GT(summary.ticks.largest_force_n(), 0.05);
+  EXPECT_GE(summary.ticks.enabled_s(), 4.4);
+}
+
 TEST(Devices, AnInverse3FeelsTheTissue) {
   FakePalpation service(test::socket_address("inverse3"));
   service.serve();

@@ -88,6 +88,8 @@ class FakePalpation final : public v1::Palpation::Service {
     v1::Window& window = *scene->add_windows();
     window.set_end_m(0.12);
     window.set_touchable(true);
+    scene->mutable_geometry()->add_size_m(0.12);
+    scene->mutable_geometry()->add_size_m(0.04);
     return grpc::Status::OK;
   }
 

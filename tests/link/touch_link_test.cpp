@@ -237,6 +237,53 @@ TEST(TouchSession, FeelsASceneFromEndToEnd) {
   EXPECT_EQ(summary.ticks.changes()[1].state, ServoState::kEnabled);
 }
 
+// A scene that is deleted while it is touched may come back, but a duration is an end all the same.
+TEST(TouchSession, EndsInTimeThoughItsSceneIsGone) {
+  FakePalpation service(test::socket_address("gone"));
+  service.serve();
+  TouchSessionOptions options;
+  options.address = test::socket_address("gone");
+  options.open.set_scene_id("s");
+  options.open.set_period_s(0.002);
+  options.duration_s = 2;
+  options.real_time = false;
+  const std::atomic<bool> stop{false};
+  TouchSummary summary;
+  std::thread session([&] { summary = run_touch_session(options, stop); });
+  ASSERT_TRUE(service.wait_until(answers_at_least(200)));
+  service.scene_known = false;
+  service.kill();
+  service.serve();
+  session.join();
+  EXPECT_LT(summary.ticks.enabled_s(), 2);
+  EXPECT_GE(summary.ticks.lost_s(), TouchSessionOptions::kLostS - 0.1);
+  EXPECT_LT(summary.ticks.lost_s(), TouchSessionOptions::kLostS + 1);
+}
+
+TEST(TouchSession, RefusesASweepBesideTheTissue) {
+  FakePalpation service(test::socket_address("beside"));
+  service.serve();
+  TouchSessionOptions options;
+  options.address = test::socket_address("beside");
+  options.open.set_scene_id("s");
+  options.real_time = false;
+  const std::atomic<bool> stop{false};
+  const auto refusal = [&](double begin_m, double end_m) -> std::string {
+    options.begin_m = begin_m, options.end_m = end_m;
+    try {
+      run_touch_session(options, stop);
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_NE(refusal(10, 290).find("--begin-m 10: the tissue of scene 's' reaches from 0 to 0.12 m"),
+            std::string::npos);
+  EXPECT_NE(refusal(0.01, 0.29).find("--end-m 0.29"), std::string::npos);
+  EXPECT_NE(refusal(-0.01, 0.1).find("--begin-m"), std::string::npos);
+  EXPECT_NE(refusal(0.01, NAN).find("--end-m"), std::string::npos);
+}
+
 TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
   FakePalpation service(test::socket_address("replay"));
   service.serve();

@@ -1,0 +1,29 @@
+#include "client/link/waiting.h"
+
+#include <fmt/format.h>
+
+namespace teletact::client {
+
+Waiting::For Waiting::waited_for(const TouchSituation& situation) {
+  if (!situation.trouble.empty()) return For::kStream;
+  if (situation.state != ServoState::kEnabled) return For::kButton;
+  return situation.held_at_border || !situation.covered ? For::kWindow : For::kNothing;
+}
+
+std::string Waiting::line(const TouchSituation& situation, double now_s) {
+  const For now = waited_for(situation);
+  if (now != for_) due_s_ = now_s + kFirstS;
+  for_ = now;
+  if (now == For::kNothing || now_s < due_s_) return "";
+  due_s_ = now_s + (now == For::kStream ? kTroubleS : kRepeatS);
+  if (now == For::kStream) return "no force: waiting for the service (" + situation.trouble + ")";
+  if (now == For::kButton)
+    return "no force: waiting for the operator to press the device's button (resume), with the finger lifted "
+           "out of the tissue";
+  return fmt::format(
+      "waiting for a window at x = {:.3f} m: nobody acquires one there (start acquire, or wait "
+      "until it comes by)",
+      situation.x_m);
+}
+
+}  // namespace teletact::client

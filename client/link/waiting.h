@@ -1,0 +1,35 @@
+// What a session of touching waits for, said in lines for a person: nothing may stand still in silence.
+#pragma once
+
+#include <string>
+
+#include "client/servo/states.h"
+
+namespace teletact::client {
+
+struct TouchSituation {
+  std::string trouble = {};  // why no stream is open; empty while one is
+  ServoState state = ServoState::kDisabled;
+  bool covered = true;  // the last answer's: a window covers the finger
+  bool held_at_border = false;
+  double x_m = 0;  // of the finger
+};
+
+class Waiting {
+ public:
+  static constexpr double kFirstS = 3;    // of standing still before the first line
+  static constexpr double kTroubleS = 5;  // from line to line without a stream
+  static constexpr double kRepeatS = 30;  // from line to line of what a person can change
+
+  // The line that is due at `now_s` (any clock that only goes forward); mostly empty.
+  std::string line(const TouchSituation& situation, double now_s);
+
+ private:
+  enum class For { kNothing, kStream, kButton, kWindow };
+  static For waited_for(const TouchSituation& situation);
+
+  For for_ = For::kNothing;
+  double due_s_ = 0;
+};
+
+}  // namespace teletact::client
