@@ -78,9 +78,8 @@ struct ElasticitySolver::Core {
   std::vector<double> error_bounds(std::size_t count, std::span<const double> residual);
   SolveReport report(const std::vector<Column>&) const;
   // What `work` makes of vectors [count][dof], so many at a time as there is room for.
-  std::vector<double> in_batches(
-      std::size_t count, std::span<const double> vectors,
-      const std::function<std::vector<double>(std::size_t, std::span<const double>)>& work);
+  using Work = std::function<std::vector<double>(std::size_t, std::span<const double>)>;
+  std::vector<double> in_batches(std::size_t count, std::span<const double> vectors, const Work& work);
   std::span<const double> column(std::span<const double> v, std::size_t q) const {
     return v.subspan(q * grid.dofs(), grid.dofs());
   }
@@ -153,21 +152,18 @@ std::vector<double> ElasticitySolver::Core::forces(std::size_t count, std::span<
 
 std::vector<double> ElasticitySolver::Core::forces_again(const Units& units, std::size_t count,
                                                          std::span<const double> u) {
-  const Material other_material = in_units(material, units);
   std::vector<double> force(count * grid.dofs()), other_u(u.begin(), u.end());
   for (double& value : other_u) value *= units.length;
-  double scale = 1 / (units.modulus * units.length);
   if (exact) {
     Elasticity<double> other(queue, grid, free, units.length);
-    other.set_material(other_material, reference_pa);
+    other.set_material(in_units(material, units), reference_pa);
     queue.write(exact_u, other_u.data(), force.size());
     other.apply_unconstrained(exact_u, exact_f, count);
     queue.read(exact_f, force.data(), force.size());
-    scale *= reference_pa;
   } else {
-    apply_on_host(grid, other_material, count, other_u, force, units.length);
+    apply_on_host(grid, in_units(material, units), count, other_u, force, units.length);
   }
-  for (double& f : force) f *= scale;
+  for (double& f : force) f *= (exact ? reference_pa : 1) / (units.modulus * units.length);
   return force;
 }
 
@@ -303,9 +299,9 @@ std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<c
   return columns;
 }
 
-std::vector<double> ElasticitySolver::Core::in_batches(
-    std::size_t count, std::span<const double> vectors,
-    const std::function<std::vector<double>(std::size_t, std::span<const double>)>& work) {
+std::vector<double> ElasticitySolver::Core::in_batches(std::size_t count, std::span<const double> vectors,
+                                                       const Work& work) {
+  check(count, {}, {}, vectors);
   reserve(std::min(count, kBatch));
   std::vector<double> all;
   for (std::size_t begin = 0; begin < count; begin += kBatch) {
@@ -382,7 +378,6 @@ SolveReport ElasticitySolver::solve(std::size_t count, std::span<const double> l
 }
 
 std::vector<double> ElasticitySolver::nodal_forces(std::size_t count, std::span<const double> displacement) {
-  core_->check(count, {}, {}, displacement);
   return core_->in_batches(count, displacement, [&](std::size_t batch, std::span<const double> part) {
     return core_->forces(batch, part);
   });
@@ -390,17 +385,14 @@ std::vector<double> ElasticitySolver::nodal_forces(std::size_t count, std::span<
 
 std::vector<double> ElasticitySolver::nodal_forces_again(std::size_t which, std::size_t count,
                                                          std::span<const double> displacement) {
-  core_->check(count, {}, {}, displacement);
   return core_->in_batches(count, displacement, [&](std::size_t batch, std::span<const double> part) {
     return core_->forces_again(kOtherUnits[which], batch, part);
   });
 }
 
 std::vector<double> ElasticitySolver::nearly_solved(std::size_t count, std::span<const double> residual) {
-  core_->check(count, {}, {}, residual);
-  const std::vector<double> free_residual = core_->masked_loads(count, residual);
-  return core_->in_batches(count, free_residual, [&](std::size_t batch, std::span<const double> part) {
-    return core_->correction->preconditioned(batch, part);
+  return core_->in_batches(count, residual, [&](std::size_t batch, std::span<const double> part) {
+    return core_->correction->preconditioned(batch, core_->masked_loads(batch, part));
   });
 }
 

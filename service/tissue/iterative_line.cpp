@@ -138,49 +138,56 @@ Eigen::Vector2d IterativeLine::unfinished_between(std::span<const std::size_t> u
   return {std::sqrt(of_right * squared(left.col(0))), std::sqrt(of_right * squared(left.col(1)))};
 }
 
+struct IterativeLine::Solved {
+  SolveReport report;
+  // [column][dof]: u; r = f - K u; M r; K M r.
+  std::vector<double> displacement, residual, nearly_solved, step_force;
+  std::vector<std::vector<double>> rounding;  // what else r could have been
+};
+
+IterativeLine::Solved IterativeLine::solve(std::size_t count, const std::vector<double>& loads) {
+  const std::lock_guard lock(shared_->mutex);
+  ElasticitySolver& solver = shared_->solver;
+  Solved s;
+  s.displacement.resize(loads.size());
+  s.report = solver.solve(count, loads, {}, s.displacement);
+  if (!std::isfinite(s.report.relative_error))
+    throw std::runtime_error(std::string("conjugate gradients on the device: no usable solution (") +
+                             s.report.reason + "); the device may be faulty, use the compliance");
+  smallest_eigenvalue_ = solver.smallest_eigenvalue();
+  const auto less = [&](std::vector<double> force) {
+    for (std::size_t n = 0; n < force.size(); ++n) force[n] = loads[n] - force[n];
+    return force;
+  };
+  s.residual = less(solver.nodal_forces(count, s.displacement));
+  s.nearly_solved = solver.nearly_solved(count, s.residual);
+  s.step_force = solver.nodal_forces(count, s.nearly_solved);
+  for (std::size_t k = 0; k < kRoundingSamples; ++k)
+    s.rounding.push_back(less(solver.nodal_forces_again(k, count, s.displacement)));
+  return s;
+}
+
 void IterativeLine::solve_missing(const std::vector<std::size_t>& unknowns) {
   std::vector<std::size_t> missing;
   for (std::size_t unknown : unknowns) {
     if (!columns_[unknown].solved) missing.push_back(unknown);
   }
   if (missing.empty()) return;
-  const std::size_t count = missing.size();
-  std::vector<double> loads(count * dofs_), displacement(loads.size());
-  for (std::size_t q = 0; q < count; ++q) loads[q * dofs_ + grid_dof(missing[q])] = 1;
-  SolveReport report;
-  std::vector<double> residual = loads, nearly_solved, step_force;
-  std::vector<std::vector<double>> rounding;  // what else the residual could have been, less it
-  {
-    const std::lock_guard lock(shared_->mutex);
-    ElasticitySolver& solver = shared_->solver;
-    report = solver.solve(count, loads, {}, displacement);
-    smallest_eigenvalue_ = solver.smallest_eigenvalue();
-    if (!std::isfinite(report.relative_error))
-      throw std::runtime_error(std::string("conjugate gradients on the device: no usable solution (") +
-                               report.reason + "); the device may be faulty, use the compliance");
-    const std::vector<double> force = solver.nodal_forces(count, displacement);
-    for (std::size_t n = 0; n < force.size(); ++n) residual[n] -= force[n];
-    nearly_solved = solver.nearly_solved(count, residual);
-    step_force = solver.nodal_forces(count, nearly_solved);
-    for (std::size_t k = 0; k < kRoundingSamples; ++k) {
-      rounding.push_back(solver.nodal_forces_again(k, count, displacement));
-      for (std::size_t n = 0; n < force.size(); ++n) rounding[k][n] = loads[n] - rounding[k][n];
-    }
-  }
+  std::vector<double> loads(missing.size() * dofs_);
+  for (std::size_t q = 0; q < missing.size(); ++q) loads[q * dofs_ + grid_dof(missing[q])] = 1;
+  Solved s = solve(missing.size(), loads);
   // The product of two errors is left.
-  report.relative_error = report.relative_error * report.relative_error + rounding_bound_;
-  for (std::size_t q = 0; q < count; ++q) {
+  s.report.relative_error = s.report.relative_error * s.report.relative_error + rounding_bound_;
+  for (std::size_t q = 0; q < missing.size(); ++q) {
     const auto part = [&](const std::vector<double>& v) { return std::span(v).subspan(q * dofs_, dofs_); };
-    Column& column = columns_[missing[q]];
-    column.report = report;
-    column.displacement = Eigen::Map<const Eigen::VectorXd>(part(displacement).data(), Index(dofs_));
-    column.nearly_solved =
-        Eigen::Map<const Eigen::VectorXd>(part(nearly_solved).data(), Index(dofs_)).cast<float>();
-    column.solved = true;
+    const auto vector = [&](const std::vector<double>& v) {
+      return Eigen::Map<const Eigen::VectorXd>(part(v).data(), Index(dofs_));
+    };
+    columns_[missing[q]] = {true, vector(s.displacement), vector(s.nearly_solved).cast<float>(), s.report};
     std::vector<std::span<const double>> samples;
     samples.reserve(kRoundingSamples);
-    for (const std::vector<double>& sample : rounding) samples.push_back(part(sample));
-    add_to_compliance(missing[q], part(residual), part(step_force), samples);
+    for (const std::vector<double>& sample : s.rounding) samples.push_back(part(sample));
+    add_to_compliance(missing[q], part(s.residual), part(s.step_force), samples);
   }
 }
 

@@ -51,6 +51,8 @@ class IterativeLine final : public Compliance {
   };
   Eigen::MatrixXd between(const std::vector<std::size_t>& unknowns, SolveReport* report);
   void solve_missing(const std::vector<std::size_t>& unknowns);
+  struct Solved;
+  Solved solve(std::size_t count, const std::vector<double>& loads);
   void add_to_compliance(std::size_t unknown, std::span<const double> residual,
                          std::span<const double> step_force,
                          const std::vector<std::span<const double>>& rounding);
