@@ -169,6 +169,17 @@ void catch_signals() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
+void check(const Arguments& arguments) {
+  if (arguments.tissue_path.empty() == !arguments.seed)
+    throw CommandError("give either --tissue FILE or --seed N");
+  if (arguments.record_rf && arguments.record_path.empty())
+    throw CommandError("--record-rf keeps RF in the recording: give --record FILE too");
+  require_different_files({{"--tissue", arguments.tissue_path},
+                           {"--save-tissue", arguments.save_tissue_path},
+                           {"--record", arguments.record_path},
+                           {"--ready-file", arguments.ready_path}});
+}
+
 AcquireResult acquire(AcquireSession& session) {
   try {
     return session.run(interrupted);
@@ -184,14 +195,7 @@ AcquireResult acquire(AcquireSession& session) {
 }
 
 void run(const Arguments& arguments) {
-  if (arguments.tissue_path.empty() == !arguments.seed)
-    throw CommandError("give either --tissue FILE or --seed N");
-  if (arguments.record_rf && arguments.record_path.empty())
-    throw CommandError("--record-rf keeps RF in the recording: give --record FILE too");
-  require_different_files({{"--tissue", arguments.tissue_path},
-                           {"--save-tissue", arguments.save_tissue_path},
-                           {"--record", arguments.record_path},
-                           {"--ready-file", arguments.ready_path}});
+  check(arguments);
   const Tissue tissue = tissue_of(arguments);
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
   const auto channel = make_channel(arguments.address, arguments.tls_ca);

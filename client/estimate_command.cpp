@@ -71,6 +71,13 @@ EstimateOutcome estimate(EstimateClient& client, const FramePair& pair, const Es
   }
 }
 
+// Ctrl-C while it computes leaves nothing behind; the second that the writing takes is waited for, so that
+// the folder holds all of it or nothing.
+void let_writing_end() {
+  std::signal(SIGINT, SIG_IGN);
+  std::signal(SIGTERM, SIG_IGN);
+}
+
 void run(const Arguments& arguments) {
   require_writable_folder(arguments.out);
   const FramePair pair = read_recorded_frames(arguments.frames);
@@ -86,10 +93,7 @@ void run(const Arguments& arguments) {
   };
   EstimateClient client(channel);
   const EstimateOutcome outcome = estimate(client, pair, callbacks, arguments.frames);
-  // Ctrl-C while it computes leaves nothing behind; the second that the writing takes is waited for, so that
-  // the folder holds all of it or nothing.
-  std::signal(SIGINT, SIG_IGN);
-  std::signal(SIGTERM, SIG_IGN);
+  let_writing_end();
   const auto files = write_estimate(arguments.out, pair.acquisition, outcome,
                                     {arguments.frames.pre, arguments.frames.post, get_info(channel)});
   const v1::EstimateSummary& summary = outcome.summary;
