@@ -287,6 +287,7 @@ void DisplacementEstimator::search_coarse(const std::function<void()>& between) 
   const std::vector<float> axial = find_paths(volume, reach(g.sample_step * w.sample_pitch_m),
                                               reach(g.line_step * w.line_pitch_m), kSlopeCost);
   std::vector<int> whole;
+  whole.reserve(axial.size());
   for (const float lag : axial) whole.push_back(static_cast<int>(std::lround(lag)));
   queue_.write(w.axial_lags, whole.data(), whole.size());
   kernels_->laterals_at(over(g.nodes() * w.coarse_laterals), w.coarse_volume, w.axial_lags, w.laterals_at,
@@ -294,9 +295,9 @@ void DisplacementEstimator::search_coarse(const std::function<void()>& between) 
   const std::vector<float> lateral =
       find_paths({g.nx, g.ny, w.coarse_laterals, queue_.read(w.laterals_at)}, 1, 1, kLateralSlopeCost);
   std::vector<float> field;
+  const int middle = w.coarse_laterals / 2;
   for (std::size_t n = 0; n < axial.size(); ++n) {
-    field.push_back((lateral[n] - static_cast<float>(w.coarse_laterals / 2)) *
-                    static_cast<float>(w.coarse_lateral_step));
+    field.push_back((lateral[n] - static_cast<float>(middle)) * static_cast<float>(w.coarse_lateral_step));
     field.push_back(static_cast<float>(w.coarse_first_lag) + axial[n]);
   }
   queue_.write(w.candidate, field.data(), field.size());

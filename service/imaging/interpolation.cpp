@@ -45,10 +45,10 @@ std::vector<float> interpolation_taps() {
 
 std::vector<float> interpolation_series() {
   constexpr double kRange = kInterpolationRange;
-  std::vector<float> series(4 * kInterpolationOrders);
+  std::vector<float> series(std::size_t{4} * kInterpolationOrders);
   for (int n = 0; n < 4; ++n)
     for (int order = 0; order < kInterpolationOrders; ++order)
-      series[static_cast<std::size_t>(4 * order + n)] =
+      series[4 * static_cast<std::size_t>(order) + static_cast<std::size_t>(n)] =
           static_cast<float>(chebyshev(order, [&](double t) { return windowed_sinc(kRange * t - n); }));
   const auto gain = [](double distance) {
     double sum = 0;

@@ -16,7 +16,7 @@ class Aggregator {
  public:
   Aggregator(const LagVolume& v, float slope_cost)
       : lags_(v.lag_count), stride_((v.lag_count + kBlock - 1) / kBlock * kBlock), slope_cost_(slope_cost) {
-    const auto nodes = static_cast<std::size_t>(v.nx * v.ny);
+    const auto nodes = static_cast<std::size_t>(v.nx) * static_cast<std::size_t>(v.ny);
     costs_.assign(nodes * static_cast<std::size_t>(stride_), std::numeric_limits<float>::infinity());
     for (std::size_t node = 0; node < nodes; ++node)
       for (std::size_t d = 0; d < static_cast<std::size_t>(lags_); ++d)
@@ -28,7 +28,7 @@ class Aggregator {
   // Along one line of nodes: first, first + step, ...
   void along(int first, int step, int count, int reach) {
     // `reach` cells of infinity on both sides stand for lags that do not exist.
-    const auto size = static_cast<std::size_t>(stride_ + 2 * reach);
+    const auto size = static_cast<std::size_t>(stride_) + 2 * static_cast<std::size_t>(reach);
     before_.assign(size, std::numeric_limits<float>::infinity());
     now_ = before_;
     for (int n = 0; n < count; ++n) {
@@ -99,6 +99,7 @@ std::vector<float> find_paths(const LagVolume& v, int reach_down, int reach_acro
     aggregate.along(v.nx * j + v.nx - 1, -1, v.nx, reach_across);
   }
   std::vector<float> path;
+  path.reserve(static_cast<std::size_t>(v.nx) * static_cast<std::size_t>(v.ny));
   for (int node = 0; node < v.nx * v.ny; ++node) path.push_back(best_lag(aggregate.sum(node), v.lag_count));
   return path;
 }
