@@ -93,7 +93,9 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
   float8 energies[NCC_LATERALS], even[NCC_LATERALS], odd[NCC_LATERALS];
 #pragma unroll
   for (int q = 0; q < NCC_LATERALS; ++q) energies[q] = even[q] = odd[q] = (float8)(0.0f);
-  for (int l = -half_lateral; l <= half_lateral; l += line_stride) {
+  int outermost = half_lateral;  // as far left as right
+  while (2 * outermost % line_stride != 0) --outermost;
+  for (int l = -outermost; l <= outermost; l += line_stride) {
     const int at = origin + (line + l) * stride + sample;
     __global const float* const a = pre + at;
     __global const float* const b = post + at + lag;
@@ -228,7 +230,8 @@ float8 axial_along(__global const float2* restrict field, const int nx, const in
 // `series` along them. Writes either the warped frame (pair = 0), or the mean of pre and warped post to `a` and
 // their difference pre - warped to `b`, both zero where x + u lies outside the frame (pair = 1); behind a line's
 // end zeros. One item per run of a line: first the run's strip of post, interpolated laterally, then its
-// samples, eight at a time; per sample 4 vector loads, ~15 vector flops. |strain| <= 0.2 axially.
+// samples, eight at a time; per sample 4 vector loads, ~15 vector flops. |strain| <= 0.2 axially. Reads 3 lines
+// before the frame and 4 behind it at most: of a line outside, whatever stands nearest, which is not used.
 #define STRIP (WARP_RUN + 16)
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     __global const float* restrict pre, __global const float* restrict post,
@@ -250,7 +253,7 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
   const float8 across = taps_at(taps, x - whole_x, phases);
   const float* const weights = (const float*)&across;
   __global const float* const p =
-      post + origin + clamp(line - 3, -3, line_count) * stride + clamp(first, -STRIP, sample_count);
+      post + origin + clamp(line - 3, -3, line_count - 4) * stride + clamp(first, -STRIP, sample_count);
 #pragma unroll
   for (int v = 0; v < STRIP / 8; ++v) sums[v] = across.s0 * vload8(v, p);
 #pragma unroll

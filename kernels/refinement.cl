@@ -244,14 +244,15 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_bias(
       h += information[m + nx * n];
       sum += pull[m + nx * n];
     }
-  bias[node] = sum / fmax(h, (float2)(1e-30f));
+  bias[node] = (float2)(h.x > 0.0f ? sum.x / h.x : 0.0f, h.y > 0.0f ? sum.y / h.y : 0.0f);
 }
 
 // What a displacement estimate can be trusted with: mean[node] = information averaged over the estimator's
 // footprint, (2 radius + 1) nodes of each direction and component (radii: lateral i, j, axial i, j), and from
 // it the standard deviation in metres. tables (deviation.clh), lateral and axial each: deviation of the noise;
 // what the noise alone gives edge_bias(); the smoothing's true bias over what edge_bias() sees of it. The bias of
-// the place is the mean square of edge_bias(), over a footprint one node narrower, less the noise's.
+// the place is the mean square of edge_bias(), over a footprint one node narrower, less the noise's; nodes that
+// hold next to no information (a shadow's) tell none.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertainty(
     __global const float2* restrict information, __global const float2* restrict bias,
     __global const float* restrict tables, __global float2* restrict mean, __global float2* restrict deviation_m,
@@ -267,11 +268,12 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertaint
       const int far_i = abs(m - i), far_j = abs(n - j);
       const float2 w = (float2)(far_i <= lateral_i && far_j <= lateral_j, far_i <= axial_i && far_j <= axial_j);
       const float2 within = (float2)(far_i < lateral_i && far_j < lateral_j, far_i < axial_i && far_j < axial_j);
-      const float2 b = bias[m + nx * n];
-      sum += w * information[m + nx * n];
+      const float2 held = information[m + nx * n], b = bias[m + nx * n];
+      const float2 tells = within * (float2)(held.x > 1e-3f * lateral_median, held.y > 1e-3f * axial_median);
+      sum += w * held;
       count += w;
-      squares += within * b * b;
-      near += within;
+      squares += (float2)(tells.x > 0.0f ? b.x * b.x : 0.0f, tells.y > 0.0f ? b.y * b.y : 0.0f);
+      near += tells;
     }
   const float2 h = sum / count;
   mean[node] = h;
@@ -279,7 +281,7 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertaint
   for (int n = 0; n < 3; ++n)
     table[n] = (float2)(deviation_at(tables + 2 * n * DEVIATION_ENTRIES, h.x, lateral_median),
                         deviation_at(tables + (2 * n + 1) * DEVIATION_ENTRIES, h.y, axial_median));
-  const float2 seen = fmax(squares / near - table[1] * table[1], 0.0f);
+  const float2 seen = fmax(squares / fmax(near, 1.0f) - table[1] * table[1], 0.0f);
   deviation_m[node] = (float2)(line_pitch_m, sample_pitch_m) *
                       sqrt(table[0] * table[0] + table[2] * table[2] * seen);
 }

@@ -55,7 +55,8 @@ void require(bool condition, const char* message) {
 }
 
 void validate(const DisplacementOptions& o) {
-  require(o.max_strain > 0 && o.max_strain <= 0.2, "max_strain: must be above 0 and at most 0.2");
+  require(o.max_strain > 0 && o.max_strain <= kLargestMaxStrain,
+          "max_strain: must be above 0 and at most 0.125");
   require(o.lateral_search_m >= 0 && o.lateral_search_m <= 5e-3, "lateral_search_m: must be 0 to 5e-3 m");
   require(o.grid_dx_m > 0 && o.grid_dy_m > 0, "grid_dx_m, grid_dy_m: must be above 0 m");
   require(o.window_axial_m > 0 && o.window_axial_m <= 0.02 && o.window_lateral_m > 0 &&

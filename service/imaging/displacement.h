@@ -25,6 +25,9 @@ namespace teletact::service {
 
 enum class RefinementMethod { kRegularised, kWindowed };
 
+// Locally 1.6 times as much is searched, and frames are warped by 0.2 at most.
+constexpr double kLargestMaxStrain = 0.125;
+
 struct DisplacementOptions {
   RefinementMethod method = RefinementMethod::kRegularised;
   RegularisationOptions regularisation;

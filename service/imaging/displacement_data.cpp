@@ -31,7 +31,8 @@ DisplacementData::DisplacementData(const StripModel& model, const ImageGrid& ima
   for (std::size_t n = 0; n < image.size(); ++n) {
     const double x = image.x_m(n);
     const double y = image.y_m(n);
-    if (!trusted[n] || y > g.y_m.back() || !(deviation_m[n] > 0)) continue;
+    const bool weighs = deviation_m[n] > 0 && std::isfinite(deviation_m[n]);
+    if (!trusted[n] || y > g.y_m.back() || !weighs) continue;
     const std::size_t i = cell_of(g.x_m, x), j = cell_of(g.y_m, y);
     const double s = (x - g.x_m[i]) / (g.x_m[i + 1] - g.x_m[i]),
                  t = (y - g.y_m[j]) / (g.y_m[j + 1] - g.y_m[j]);

@@ -15,7 +15,7 @@ namespace {
 
 // Before a pair is called decorrelated it is searched once more over so many times the strain, up to the
 // largest that can be asked for.
-constexpr double kWiderSearch = 2, kWidestStrain = 0.2;
+constexpr double kWiderSearch = 2;
 
 class StageClock {
  public:
@@ -91,7 +91,7 @@ void Elastography::judge_tracking(Estimate& e, const RfFrame& pre, const RfFrame
   const std::string found = "pre, post: median correlation " + std::to_string(e.median_correlation) +
                             " is below " + std::to_string(options_.least_median_correlation);
   DisplacementOptions wider = options_.displacement;
-  wider.max_strain = std::min(kWidestStrain, kWiderSearch * wider.max_strain);
+  wider.max_strain = std::min(kLargestMaxStrain, kWiderSearch * wider.max_strain);
   const DisplacementEstimate again =
       DisplacementEstimator(queue_, wider).estimate(pre, post, geometry, go_on);
   if (median_correlation(queue_.read(again.correlation)) >= options_.least_median_correlation)

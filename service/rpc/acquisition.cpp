@@ -202,7 +202,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
   request.force = force_of(in);
   request.modulus = modulus_choice(in);
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
-  require_between("max_strain", request.max_strain, 1e-3, 0.2, "leave it out for 0.05");
+  require_between("max_strain", request.max_strain, 1e-3, kLargestMaxStrain, "leave it out for 0.05");
   request.maps = maps_from(in);
   if (in.has_publish()) {
     request.scene = scenes.find(in.publish().scene_id());

@@ -20,7 +20,9 @@ double kaiser_sinc(double distance) {
 double normalised_cross_correlation(const RfImage& pre, const RfImage& post, int sample, int line,
                                     const Window& window, int axial_lag, int lateral_lag) {
   double aa = 0, bb = 0, ab = 0;
-  for (int l = -window.half_lateral; l <= window.half_lateral; l += window.line_stride)
+  int outermost = window.half_lateral;
+  while (2 * outermost % window.line_stride != 0) --outermost;
+  for (int l = -outermost; l <= outermost; l += window.line_stride)
     for (int k = -window.half_axial; k <= window.half_axial; k += window.stride) {
       const double a = pre.at(sample + k, line + l);
       const double b = post.at(sample + k + axial_lag, line + l + lateral_lag);

@@ -20,7 +20,7 @@ struct RfImage {
 };
 
 // Window around a node: samples -half_axial .. half_axial every `stride`, lines -half_lateral ..
-// half_lateral every `line_stride`.
+// half_lateral every `line_stride`, as far left as right.
 struct Window {
   int half_axial = 0, half_lateral = 0, stride = 1, line_stride = 1;
 };
