@@ -137,17 +137,19 @@ void add_speed(const json& result, std::vector<Target>& targets) {
   const json& methods = middle_of(result).at("methods");
   for (std::size_t m = 0; m < methods.size(); ++m) {
     if (methods[m].at("ours").get<bool>()) continue;
-    std::vector<double> time, error;
+    std::vector<double> time, processor, error;
     for (const json& c : result.at("conditions")) {
       if (!is_filter_point(c)) continue;
       const json &ours = default_of(c.at("methods")).at("seeds"), &peer = c.at("methods")[m].at("seeds");
       for (std::size_t k = 0; k < ours.size(); ++k) {
         time.push_back(number(ours[k].at("seconds")) / number(peer[k].at("seconds")));
+        processor.push_back(number(ours[k].at("processor_s")) / number(peer[k].at("processor_s")));
         error.push_back(error_ratio(number(ours[k].at("axial_rmse_m")), number(peer[k].at("axial_rmse_m"))));
       }
     }
     const std::string name = methods[m].at("method");
     targets.push_back({"6. displacement time over " + name + "'s", median_of(time), 1, ""});
+    targets.push_back({"6. displacement processor time over " + name + "'s", median_of(processor), 1, ""});
     targets.push_back({"6. axial RMSE over " + name + "'s", median_of(error), 1, ""});
   }
 }
