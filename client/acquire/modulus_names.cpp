@@ -54,7 +54,7 @@ void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& t
   command
       .add_option("--modulus-time-limit-s", time_limit_s,
                   "an iterative modulus begins no step that would end later, and returns its best (" +
-                      (time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "0.25") + ")")
+                      (time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "0.35") + ")")
       ->check(CLI::PositiveNumber);
 }
 

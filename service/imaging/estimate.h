@@ -27,7 +27,7 @@ struct ElastographyOptions {
   DirectOptions direct;
   IterativeOptions iterative;
   ModulusKind modulus = ModulusKind::kIterative;  // where the caller does not choose
-  double modulus_time_limit_s = 0.25;             // the same
+  double modulus_time_limit_s = 0.35;             // the same
   double least_median_correlation = 0.6;          // of the textured nodes; below it the pair is refused
 };
 

@@ -153,7 +153,7 @@ namespace {
 ModulusChoice modulus_choice(const v1::Acquisition& in) {
   ModulusChoice choice;
   if (in.modulus_time_limit_s() != 0) {
-    require_between("modulus_time_limit_s", in.modulus_time_limit_s(), 1e-3, 60.0, "leave it out for 0.25");
+    require_between("modulus_time_limit_s", in.modulus_time_limit_s(), 1e-3, 60.0, "leave it out for 0.35");
     choice.time_limit_s = in.modulus_time_limit_s();
   }
   switch (in.modulus_method()) {
