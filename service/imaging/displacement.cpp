@@ -12,13 +12,13 @@
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kGroup = 32;  // WORK_GROUP of displacement.cl
+constexpr std::size_t kGroup = 32;  // WORK_GROUP of search.cl and displacement.cl
 constexpr int kWarpRun = 16;        // WARP_RUN of displacement.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
 constexpr int kLeastStep = 8;                                  // samples between nodes, for warp
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kDecimation = 2;                                 // of the samples of the search windows
-constexpr int kNccLaterals = 3;                                // NCC_LATERALS of displacement.cl
+constexpr int kNccLaterals = 3;                                // NCC_LATERALS of search.cl
 constexpr float kSlopeCost = 0.02f;    // correlation that one sample of lag change per coarse step is worth
 constexpr double kMostLags = 1 << 28;  // of the coarse search, all nodes together: 1 GB
 constexpr double kLateralStepM = 0.4e-3;              // of the coarse search, about the width of a beam
@@ -73,10 +73,10 @@ void validate(const DisplacementOptions& o) {
 struct DisplacementEstimator::Kernels {
   explicit Kernels(const Queue& q) {
     const auto build = [&](const char* name) { return q.kernel("displacement", name, Precision::kFloat); };
-    window_energy = build("window_energy"), best_lateral = build("best_lateral");
-    laterals_at = build("laterals_at");
-    ncc = build("ncc"), ncc_peak = build("ncc_peak"), warp = build("warp"),
-    gauss_newton = build("gauss_newton");
+    const auto search = [&](const char* name) { return q.kernel("search", name, Precision::kFloat); };
+    window_energy = search("window_energy"), best_lateral = search("best_lateral");
+    laterals_at = search("laterals_at"), ncc = search("ncc"), ncc_peak = search("ncc_peak");
+    warp = build("warp"), gauss_newton = build("gauss_newton");
     median_filter = build("median_filter"), smooth = build("smooth"), resample = build("resample");
     report = build("report");
     window_mean = build("window_mean");
@@ -86,7 +86,7 @@ struct DisplacementEstimator::Kernels {
       resample, report, window_mean, filter_lines;
 };
 
-// Windows and lags of a search, as ncc() of displacement.cl takes them.
+// Windows and lags of a search, as ncc() of search.cl takes them.
 struct DisplacementEstimator::Search {
   int half_axial, half_lateral, line_stride, first_lag, chunks, laterals, lateral_step;
   float least_reach, reach_slope, lateral_least, lateral_slope;

@@ -1,5 +1,5 @@
 // Displacement of tissue between two RF frames (T2): post(x + u) = pre(x), on OpenCL
-// (kernels/displacement.cl).
+// (kernels/search.cl, displacement.cl).
 //
 // Coarse to fine, each level companding post with the displacement of the one before:
 //   1. normalised cross-correlation over all axial lags and, a beam width apart, all lateral lags that the

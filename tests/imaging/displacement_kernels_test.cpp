@@ -1,4 +1,4 @@
-// Every kernel of displacement.cl against the reference, on awkward sizes.
+// Every kernel of search.cl and displacement.cl against the reference, on awkward sizes.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -52,13 +52,13 @@ class DisplacementKernels : public ::testing::Test {
     Array<float> volume = queue_.array<float>(items * 8), pre_energy = queue_.array<float>(pad_.total),
                  post_energy = queue_.array<float>(pad_.total);
     for (Array<float>* array : {&volume, &pre_energy, &post_energy}) queue_.fill_zero(*array);
-    kernel("window_energy")({{static_cast<std::size_t>(grid.ny), 17, 1}, {16, 1, 1}}, pre_device_, pre_energy,
+    search("window_energy")({{static_cast<std::size_t>(grid.ny), 17, 1}, {16, 1, 1}}, pre_device_, pre_energy,
                             grid.first_sample, grid.sample_step, grid.ny, half_axial, stride, pad_.origin,
                             pad_.stride);
-    kernel("window_energy")({{static_cast<std::size_t>(samples + 7) / 8, 17, 1}, {16, 1, 1}}, post_device_,
+    search("window_energy")({{static_cast<std::size_t>(samples + 7) / 8, 17, 1}, {16, 1, 1}}, post_device_,
                             post_energy, -margin, 8, (samples + 7) / 8, half_axial, stride, pad_.origin,
                             pad_.stride);
-    kernel("ncc")(over(static_cast<int>(items)), pre_device_, post_device_, pre_energy, post_energy, volume,
+    search("ncc")(over(static_cast<int>(items)), pre_device_, post_device_, pre_energy, post_energy, volume,
                   grid.nx, grid.ny, grid.first_line, grid.line_step, grid.first_sample, grid.sample_step,
                   pad_.origin, pad_.stride, half_axial, half_lateral, stride, line_stride, first_lag, chunks,
                   -2 * lateral_step, lateral_step, lateral_count, 7.5f, 0.02f, 0.0f, 0.25f);
@@ -90,6 +90,7 @@ class DisplacementKernels : public ::testing::Test {
     EXPECT_GE(largest, 0.8);  // the comparison saw true matches
   }
   Kernel kernel(const char* name) { return queue_.kernel("displacement", name, Precision::kFloat); }
+  Kernel search(const char* name) { return queue_.kernel("search", name, Precision::kFloat); }
 
   Queue queue_;
   RfFrame pre_, post_;
@@ -110,8 +111,8 @@ TEST_F(DisplacementKernels, BestLateralLagAndThoseAtOneAxialLag) {
   for (int node = 0; node < nodes; ++node) lags.push_back(5 * node % 16);
   const Array<float> v = queue_.array(volume), best = queue_.array<float>(nodes * chunks * 8),
                      at = queue_.array<float>(nodes * laterals);
-  kernel("best_lateral")(over(nodes * chunks), v, best, nodes, chunks, laterals);
-  kernel("laterals_at")(over(nodes * laterals), v, queue_.array(lags), at, nodes, chunks, laterals);
+  search("best_lateral")(over(nodes * chunks), v, best, nodes, chunks, laterals);
+  search("laterals_at")(over(nodes * laterals), v, queue_.array(lags), at, nodes, chunks, laterals);
   const std::vector<float> got = queue_.read(best), row = queue_.read(at);
   for (int node = 0; node < nodes; ++node)
     for (int lag = 0; lag < 16; ++lag) {

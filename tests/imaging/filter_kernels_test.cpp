@@ -128,8 +128,9 @@ TEST_P(FilterKernels, PeakIsTheVertexOfTheParabolasAroundTheLargestValue) {
   std::vector<float> volume(nodes() * 8 * lateral_count);
   for (float& v : volume) v = std::uniform_real_distribution<float>(-1, 1)(f.random);
   const Array<float> out = queue.array<float>(f.field.size()), peak = queue.array<float>(nodes());
-  kernel("ncc_peak")(over(nodes()), queue.array(volume), queue.array(f.field), out, peak,
-                     static_cast<int>(nodes()), first_lag, first_lateral, lateral_count);
+  queue.kernel("search", "ncc_peak", Precision::kFloat)(
+      over(nodes()), queue.array(volume), queue.array(f.field), out, peak, static_cast<int>(nodes()),
+      first_lag, first_lateral, lateral_count);
   const std::vector<float> moved = queue.read(out), largest = queue.read(peak);
   const auto vertex = [](double a, double b, double c) {
     return std::clamp((a - c) / (2 * (a - 2 * b + c)), -0.5, 0.5);

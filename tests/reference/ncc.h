@@ -1,4 +1,4 @@
-// Displacement estimation step by step in double precision and plain loops: what the kernels of
+// Displacement estimation step by step in double precision and plain loops: what the kernels of search.cl and
 // displacement.cl are held against. An image holds sample k of line l at [k + samples * l] and is zero
 // outside.
 #pragma once

@@ -1,0 +1,140 @@
+// Search for the displacement of a pair of RF frames by normalised cross-correlation (T2.1).
+//
+// Images are padded: sample k of A-line l lies at image[origin + l * stride + k], zeros all around far enough
+// for every window and lag, so that no kernel checks bounds on a load. A sample grid places node (i, j) at
+// A-line first_line + i * line_step and sample first_sample + j * sample_step, node index i + nx j.
+// Displacement fields are float2: x in A-lines (lateral), y in samples (axial).
+// Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
+
+#ifndef WORK_GROUP  // work-items of a group, all kernels of this file
+#define WORK_GROUP 32
+#endif
+
+// Position of the largest of three equally spaced values by a parabola, in (-1/2, 1/2). Biased (T2.2): only a
+// start for Gauss-Newton.
+float parabola(const float before, const float peak, const float after) {
+  const float curvature = before - 2.0f * peak + after;
+  return curvature < -1e-6f ? clamp(0.5f * (before - after) / curvature, -0.5f, 0.5f) : 0.0f;
+}
+
+// Energy of the axial windows of every line: out(k) = sum over -half_axial..half_axial, every sample_stride-th, of
+// image(k + n)^2, for `count` blocks of 8 samples k that start `step` apart from `first` on. Items: (block, line).
+__kernel __attribute__((reqd_work_group_size(16, 1, 1))) void window_energy(
+    __global const float* restrict image, __global float* restrict out, const int first, const int step,
+    const int count, const int half_axial, const int sample_stride, const int origin, const int stride) {
+  const int block = get_global_id(0);
+  if (block >= count) return;
+  const int at = origin + (int)get_global_id(1) * stride + first + step * block;
+  float8 sum = 0.0f;
+  for (int n = -half_axial; n <= half_axial; n += sample_stride) {
+    const float8 v = vload8(0, image + at + n);
+    sum = fma(v, v, sum);
+  }
+  vstore8(sum, 0, out + at);
+}
+
+// Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x NCC_LATERALS lateral
+// lags per work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n,
+// lateral lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
+// -half_axial..half_axial with every line_stride-th and sample_stride-th of them (decimation: the products stay
+// clear of DC); its energies from window_energy(). Not looked at, nothing written: axial lags beyond least_reach +
+// reach_slope * sample, lateral ones a whole step beyond the larger of lateral_least and lateral_slope * distance
+// from the grid's middle line. Per item and window sample: 1 + NCC_LATERALS loads, 16 NCC_LATERALS flops, in two
+// independent chains each (one chain waits for its own sum).
+#define NCC_LATERALS 3
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
+    __global const float* restrict pre, __global const float* restrict post,
+    __global const float* restrict pre_energy, __global const float* restrict post_energy,
+    __global float* restrict out, const int nx, const int ny, const int first_line, const int line_step,
+    const int first_sample, const int sample_step, const int origin, const int stride, const int half_axial,
+    const int half_lateral, const int sample_stride, const int line_stride, const int first_lag, const int chunks,
+    const int first_lateral, const int lateral_step, const int lateral_count, const float least_reach,
+    const float reach_slope, const float lateral_least, const float lateral_slope) {
+  const int id = get_global_id(0), groups = (lateral_count + NCC_LATERALS - 1) / NCC_LATERALS;
+  if (id >= nx * ny * groups * chunks) return;
+  const int chunk = id % chunks, m = id / chunks % groups * NCC_LATERALS, node = id / (chunks * groups);
+  const int line = first_line + (node % nx) * line_step;
+  const int sample = first_sample + (node / nx) * sample_step, lag = first_lag + 8 * chunk;
+  const float reach = least_reach + reach_slope * (float)sample;
+  const float from_middle = (float)line_step * fabs((float)(node % nx) - 0.5f * (float)(nx - 1));
+  const float lateral_reach = fmax(lateral_least, lateral_slope * from_middle) + (float)lateral_step;
+  if ((float)lag > reach || (float)(lag + 7) < -reach) return;
+  int shift[NCC_LATERALS];  // to the lateral lags; beyond the last one that is looked at the last again
+  bool looked[NCC_LATERALS], any = false;
+#pragma unroll
+  for (int q = 0; q < NCC_LATERALS; ++q) {
+    const int lateral = first_lateral + min(m + q, lateral_count - 1) * lateral_step;
+    looked[q] = m + q < lateral_count && (float)abs(lateral) < lateral_reach;
+    any |= looked[q];
+    shift[q] = lateral * stride;
+  }
+  if (!any) return;
+  float energy = 0.0f;
+  float8 energies[NCC_LATERALS], even[NCC_LATERALS], odd[NCC_LATERALS];
+#pragma unroll
+  for (int q = 0; q < NCC_LATERALS; ++q) energies[q] = even[q] = odd[q] = (float8)(0.0f);
+  int outermost = half_lateral;  // as far left as right
+  while (2 * outermost % line_stride != 0) --outermost;
+  for (int l = -outermost; l <= outermost; l += line_stride) {
+    const int at = origin + (line + l) * stride + sample;
+    __global const float* const a = pre + at;
+    __global const float* const b = post + at + lag;
+    energy += pre_energy[at];
+#pragma unroll
+    for (int q = 0; q < NCC_LATERALS; ++q) energies[q] += vload8(0, post_energy + at + lag + shift[q]);
+    int k = -half_axial;
+    for (; k + sample_stride <= half_axial; k += 2 * sample_stride)
+#pragma unroll
+      for (int q = 0; q < NCC_LATERALS; ++q) {
+        even[q] = fma((float8)(a[k]), vload8(0, b + shift[q] + k), even[q]);
+        odd[q] = fma((float8)(a[k + sample_stride]), vload8(0, b + shift[q] + k + sample_stride), odd[q]);
+      }
+    if (k <= half_axial)
+#pragma unroll
+      for (int q = 0; q < NCC_LATERALS; ++q)
+        even[q] = fma((float8)(a[k]), vload8(0, b + shift[q] + k), even[q]);
+  }
+#pragma unroll
+  for (int q = 0; q < NCC_LATERALS; ++q)
+    if (looked[q])
+      vstore8((even[q] + odd[q]) * rsqrt(fmax(energy * energies[q], (float8)(1e-20f))),
+              (node * lateral_count + m + q) * chunks + chunk, out);
+}
+
+// Of a volume of ncc() the largest over the lateral lags: out[(node * chunks + c) * 8 + n].
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void best_lateral(
+    __global const float* restrict volume, __global float* restrict out, const int nodes, const int chunks,
+    const int lateral_count) {
+  const int id = get_global_id(0);
+  if (id >= nodes * chunks) return;
+  const int first = id / chunks * lateral_count * chunks + id % chunks;
+  float8 best = vload8(first, volume);
+  for (int m = 1; m < lateral_count; ++m) best = fmax(best, vload8(first + m * chunks, volume));
+  vstore8(best, id, out);
+}
+
+// Of a volume of ncc() the lateral lags at one axial lag of each node, lags[node] from the first:
+// out[node * lateral_count + m].
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void laterals_at(
+    __global const float* restrict volume, __global const int* restrict lags, __global float* restrict out,
+    const int nodes, const int chunks, const int lateral_count) {
+  const int id = get_global_id(0);
+  if (id < nodes * lateral_count) out[id] = volume[id * chunks * 8 + lags[id / lateral_count]];
+}
+
+// The peak of ncc() with one chunk of axial lags, lateral_step 1: adds its sub-sample position to `field`.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc_peak(
+    __global const float* restrict volume, __global const float2* restrict field,
+    __global float2* restrict out, __global float* restrict peak, const int nodes, const int first_lag,
+    const int first_lateral, const int lateral_count) {
+  const int node = get_global_id(0);
+  if (node >= nodes) return;
+  __global const float* const v = volume + node * lateral_count * 8;
+  int best = 0;
+  for (int n = 1; n < lateral_count * 8; ++n) best = v[n] > v[best] ? n : best;
+  const int lag = best % 8, m = best / 8;
+  const float axial = lag > 0 && lag < 7 ? parabola(v[best - 1], v[best], v[best + 1]) : 0.0f;
+  const float lateral = m > 0 && m < lateral_count - 1 ? parabola(v[best - 8], v[best], v[best + 8]) : 0.0f;
+  out[node] = field[node] + (float2)((float)(first_lateral + m) + lateral, (float)(first_lag + lag) + axial);
+  peak[node] = v[best];
+}
