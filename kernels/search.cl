@@ -1,9 +1,6 @@
 // Search for the displacement of a pair of RF frames by normalised cross-correlation (T2.1).
 //
-// Images are padded: sample k of A-line l lies at image[origin + l * stride + k], zeros all around far enough
-// for every window and lag, so that no kernel checks bounds on a load. A sample grid places node (i, j) at
-// A-line first_line + i * line_step and sample first_sample + j * sample_step, node index i + nx j.
-// Displacement fields are float2: x in A-lines (lateral), y in samples (axial).
+// Images, grids of nodes and displacement fields are as in displacement.cl.
 // Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
 
 #ifndef WORK_GROUP  // work-items of a group, all kernels of this file

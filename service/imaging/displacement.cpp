@@ -1,3 +1,5 @@
+// Over 400 lines: sizes of the workspace and the sequence of launches that they are for, which change
+// together.
 #include "service/imaging/displacement.h"
 
 #include <algorithm>
