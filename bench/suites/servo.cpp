@@ -1,5 +1,6 @@
 // teletact-bench servo: the 1 kHz loop of a whole session of touching, beside a running service: its period,
-// lateness, overruns and slack, and what its thread takes from the heap (nothing).
+// lateness, overruns and slack, and what its thread takes from the heap (nothing). Beside it, in the same
+// seconds, a bare timer: what it loses too is the machine's.
 //
 // The suite touches a scene of its own, whose forces are first checked against the dense reference (T4.1).
 #include <fmt/format.h>
@@ -9,7 +10,9 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <numeric>
 
+#include "bench/bare_timer.h"
 #include "bench/own_scene.h"
 #include "bench/suite.h"
 #include "client/link/channel.h"
@@ -21,7 +24,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kRateHz = 999;  // of 1000: a tick that is past is skipped, not made up for
+constexpr double kRateHz = 999;       // of 1000: a tick that is past is skipped, not made up for
+constexpr double kLostHz = 0.5;       // at most, beyond what the bare timer loses beside it
+constexpr double kStartAndEndS = 60;  // of a session, at most, in which force is not on
 constexpr double kConnectWaitS = 5, kQuickS = 3, kIndentationM = 0.004;
 constexpr const char* kScene = "bench-servo";
 constexpr double kBinS = 10e-6;
@@ -67,7 +72,9 @@ json measure(const Arguments& arguments) {
   };
   const double before_s = processor_s();
   const std::atomic<bool> stop{false};
+  BareTimer bare(session.duration_s + kStartAndEndS);
   client::TouchSummary summary = client::run_touch_session(session, stop);
+  bare.stop();
   client::TickStatistics& ticks = summary.ticks;
   return {{"duration_s", ticks.duration_s()},
           {"with_force_s", ticks.enabled_s()},
@@ -83,6 +90,11 @@ json measure(const Arguments& arguments) {
           {"answers", summary.link.answers},
           {"streams", summary.link.streams},
           {"largest_force_n", ticks.largest_force_n()},
+          {"bare_timer",
+           {{"rate_hz", bare.rate_hz()},
+            {"overruns", bare.overruns()},
+            {"lateness_s", quantiles(bare.lateness_s())},
+            {"lateness_histogram", histogram(bare.lateness_s())}}},
           {"period_s", quantiles(ticks.period_s())},
           {"lateness_s", quantiles(ticks.lateness_s())},
           {"slack_s",
@@ -105,6 +117,10 @@ void print(const json& loop) {
   std::printf("  lateness  p50 %.0f us, p99 %.0f us, max %.0f us; %lu overruns (woken > 1 ms late)\n",
               us("lateness_s", "p50"), us("lateness_s", "p99"), us("lateness_s", "max"),
               loop["overruns"].get<unsigned long>());
+  const json& bare = loop["bare_timer"];
+  std::printf("  a bare timer beside it: %.2f Hz, lateness p99 %.0f us, max %.0f us; %lu overruns\n",
+              bare["rate_hz"].get<double>(), 1e6 * bare["lateness_s"]["p99"].get<double>(),
+              1e6 * bare["lateness_s"]["max"].get<double>(), bare["overruns"].get<unsigned long>());
   std::printf("  slack     p50 %.0f us, p01 %.0f us, min %.0f us\n", us("slack_s", "p50"),
               us("slack_s", "p01"), us("slack_s", "min"));
   std::printf("  age of what is felt p99 %.1f ms; %.1f %% of a core\n",
@@ -112,25 +128,29 @@ void print(const json& loop) {
               100 * loop["processor_s"].get<double>() / loop["duration_s"].get<double>());
 }
 
-// Share of the ticks that woke later than so much.
-void draw(const json& result, const std::string& folder) {
-  std::filesystem::create_directories(folder);
-  const std::vector<std::uint64_t> counts = result.at("loop").at("lateness_histogram");
-  double later = 0;
-  for (const std::uint64_t count : counts) later += static_cast<double>(count);
-  const double all = later;
-  std::string script = "$lateness << EOD\n";
+// Share of the wake-ups that were later than so much, as a data block of gnuplot.
+std::string survival(const char* name, const std::vector<std::uint64_t>& counts) {
+  const auto all = static_cast<double>(std::accumulate(counts.begin(), counts.end(), std::uint64_t{0}));
+  double later = all;
+  std::string block = fmt::format("${} << EOD\n", name);
   for (std::size_t k = 0; k < counts.size() && later > 0; ++k) {
-    script += fmt::format("{:.5f} {:.9f}\n", 1e3 * kBinS * static_cast<double>(k + 1), later / all);
+    block += fmt::format("{:.5f} {:.9f}\n", 1e3 * kBinS * static_cast<double>(k + 1), later / all);
     later -= static_cast<double>(counts[k]);
   }
+  return block + "EOD\n";
+}
+
+void draw(const json& result, const std::string& folder) {
+  std::filesystem::create_directories(folder);
+  const json& loop = result.at("loop");
   plot(std::filesystem::path(folder) / "servo.png",
-       script +
-           fmt::format("EOD\nset logscale xy\nset format y '10^{{%L}}'\nset xlabel 'woken later than (ms)'\n"
-                       "set ylabel 'share of the ticks'\nset title '{:.0f} s, {}' noenhanced\nset key off\n"
-                       "plot $lateness with steps lw 2\n",
-                       result["loop"]["duration_s"].get<double>(),
-                       result["loop"]["scheduling"].get<std::string>()));
+       survival("servo", loop.at("lateness_histogram")) +
+           survival("bare", loop.at("bare_timer").at("lateness_histogram")) +
+           fmt::format("set logscale xy\nset format y '10^{{%L}}'\nset xlabel 'woken later than (ms)'\n"
+                       "set ylabel 'share of the ticks'\nset title '{:.0f} s, {}' noenhanced\n"
+                       "plot $servo with steps lw 2 title 'servo', "
+                       "$bare with steps lw 2 lc rgb '#999999' title 'bare timer'\n",
+                       loop["duration_s"].get<double>(), loop["scheduling"].get<std::string>()));
 }
 
 bool run(const Arguments& arguments) {
@@ -149,11 +169,14 @@ bool run(const Arguments& arguments) {
   result["loop"] = measure(arguments);
   print(result["loop"]);
   const json& loop = result["loop"];
-  const bool met = finish(result,
-                          {{"allocations in the loop", loop["allocations"], 0, "1"},
-                           {"rate", loop["rate_hz"], kRateHz, "Hz", false},
-                           {"telemetry dropped", loop["telemetry_dropped"], 0, "1"}},
-                          arguments.suite);
+  const bool met =
+      finish(result,
+             {{"allocations in the loop", loop["allocations"], 0, "1"},
+              {"rate", loop["rate_hz"], kRateHz, "Hz", false},
+              {"rate lost beyond a bare timer's beside it",
+               loop["bare_timer"]["rate_hz"].get<double>() - loop["rate_hz"].get<double>(), kLostHz, "Hz"},
+              {"telemetry dropped", loop["telemetry_dropped"], 0, "1"}},
+             arguments.suite);
   if (!arguments.suite.out.empty()) draw(result, arguments.suite.out);
   return met;
 }
