@@ -11,13 +11,14 @@
 #include <optional>
 #include <string>
 
-#include "client/acquire/modulus_names.h"
 #include "client/acquire/session.h"
 #include "client/acquire/simulated_source.h"
 #include "client/commands.h"
+#include "client/files/different_files.h"
 #include "client/files/file_io.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
+#include "client/modulus_options.h"
 
 namespace teletact::client {
 namespace {

@@ -10,6 +10,7 @@
 #include "client/acquire/recorded_frames.h"
 #include "client/commands.h"
 #include "client/link/channel.h"
+#include "client/modulus_options.h"
 
 namespace teletact::client {
 namespace {

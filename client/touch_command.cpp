@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/files/different_files.h"
 #include "client/link/touch_session.h"
 #include "client/render/renderers.h"
 

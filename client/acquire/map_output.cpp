@@ -202,6 +202,8 @@ std::vector<float> values_of(const v1::Map& map) {
 std::vector<std::string> write_estimate(const std::filesystem::path& folder,
                                         const v1::Acquisition& acquisition, const EstimateOutcome& outcome,
                                         const EstimateSource& source) {
+  const std::filesystem::path summary = folder / "estimate.json";
+  std::filesystem::remove(summary);  // an earlier estimate's; what is cut short from here on has none
   const v1::Map* valid_map = find_map(outcome.maps, "valid");
   const std::vector<float> valid = valid_map ? values_of(*valid_map) : std::vector<float>{};
   std::vector<std::string> written;
@@ -232,8 +234,8 @@ std::vector<std::string> write_estimate(const std::filesystem::path& folder,
   json["service"] = {{"build", source.info.build()},
                      {"device", source.info.device().name()},
                      {"driver", source.info.device().driver_version()}};
-  write_file(folder / "estimate.json", json.dump(2) + "\n");
-  written.push_back("estimate.json");
+  write_file(summary, json.dump(2) + "\n");
+  written.push_back(summary.filename());
   return written;
 }
 

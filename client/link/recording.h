@@ -11,21 +11,10 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "teletact/v1/recording.pb.h"
 
 namespace teletact::client {
-
-// A file as a person named it: for which purpose ("--record", "the recording that is played"), and where.
-struct NamedFile {
-  std::string purpose;
-  std::string path;  // empty: none was given
-};
-
-// Throws std::runtime_error, naming both purposes, when two of the files are one, also through links and
-// other spellings: what is written would destroy what is read. Call before anything is opened for writing.
-void require_different_files(const std::vector<NamedFile>& files);
 
 // Writes entries on a thread of its own, so that neither the servo nor the link ever waits for a disk.
 class RecordWriter {

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/files/different_files.h"
 #include "client/link/channel.h"
 #include "teletact/v1/elastography.grpc.pb.h"
 #include "teletact/v1/palpation.grpc.pb.h"

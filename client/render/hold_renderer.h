@@ -9,7 +9,6 @@ namespace teletact::client {
 
 class HoldRenderer final : public Renderer {
  public:
-  const char* name() const noexcept override { return "hold"; }
   void reset() noexcept override { *this = HoldRenderer(); }
   void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   Rendered render(const ToolPose& pose, double time_s) noexcept override;

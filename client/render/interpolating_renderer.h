@@ -10,7 +10,6 @@ namespace teletact::client {
 
 class InterpolatingRenderer final : public Renderer {
  public:
-  const char* name() const noexcept override { return "interpolate"; }
   void reset() noexcept override { *this = InterpolatingRenderer(); }
   void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   // The gain is the share of the newest answer in what is rendered: 0 on arrival, 1 a period later.

@@ -59,7 +59,6 @@ struct KalmanOptions {
 class KalmanRenderer final : public Renderer {
  public:
   explicit KalmanRenderer(const KalmanOptions& options = {}) : options_(options) {}
-  const char* name() const noexcept override { return "kalman"; }
   void reset() noexcept override;
   void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   Rendered render(const ToolPose& pose, double time_s) noexcept override;

@@ -36,7 +36,6 @@ struct Rendered {
 class Renderer {
  public:
   virtual ~Renderer() = default;
-  virtual const char* name() const noexcept = 0;
   virtual void reset() noexcept = 0;
   // A new answer, `pose` and `time_s` being those of this tick. Samples must be finite, in order.
   virtual void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept = 0;

@@ -8,6 +8,7 @@
 #include "client/link/touch_session.h"
 #include "tests/haptic/inverse3_service.h"
 #include "tests/link/fake_palpation.h"
+#include "tests/link/session_options.h"
 #include "tests/support/allocation/allocation_count.h"
 
 namespace teletact::client {
@@ -30,12 +31,7 @@ std::size_t allocations = 0;
 
 TouchSessionOptions session_options(const std::string& address) {
   allocations = 0;
-  TouchSessionOptions options;
-  options.address = address;
-  options.open.set_scene_id("s");
-  options.open.set_period_s(0.002);
-  options.open.set_credit(2);
-  options.real_time = false;  // not for the threads of a test binary
+  TouchSessionOptions options = test::session_options(address);
   options.servo_begins = [] { teletact::test::count_allocations(true); };
   options.servo_ended = [] {
     teletact::test::count_allocations(false);

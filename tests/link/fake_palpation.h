@@ -32,6 +32,10 @@ struct FakeAccount {
   bool session_kept = true;
 };
 
+inline auto answers_at_least(std::uint64_t count) {
+  return [count](const FakeAccount& account) { return account.answers >= count; };
+}
+
 class FakePalpation final : public v1::Palpation::Service {
  public:
   explicit FakePalpation(std::string address) : address_(std::move(address)) {}

@@ -1,0 +1,42 @@
+#include "client/modulus_options.h"
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "client/acquire/modulus_names.h"
+
+namespace teletact::client {
+namespace {
+
+template <class Value>
+CLI::Option* add_named(CLI::App& command, const std::string& flag, Value& value,
+                       const std::map<std::string, Value>& names, const std::string& help) {
+  std::vector<std::string> allowed;
+  for (const auto& named : names) allowed.push_back(named.first);
+  return command
+      .add_option_function<std::string>(
+          flag, [&value, &names](const std::string& name) { value = names.at(name); }, help)
+      ->transform(CLI::IsMember(allowed, CLI::ignore_case));
+}
+
+}  // namespace
+
+void add_plane_option(CLI::App& command, v1::PlaneCondition& plane) {
+  add_named(command, "--plane", plane, plane_conditions(),
+            "strain: the tissue's neighbours hold it (default); stress: a thin slice");
+}
+
+void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& time_limit_s) {
+  add_named(command, "--modulus-method", method, modulus_methods(),
+            "reference-stress, direct or iterative (the service's choice)");
+  command
+      .add_option("--modulus-time-limit-s", time_limit_s,
+                  "an iterative modulus begins no step that would end later, and returns its best (" +
+                      (time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "0.35") + ")")
+      ->check(CLI::PositiveNumber);
+}
+
+}  // namespace teletact::client

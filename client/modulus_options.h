@@ -1,0 +1,17 @@
+// The options that every command with a modulus has.
+#pragma once
+
+#include <CLI/App.hpp>
+
+#include "teletact/v1/elastography.pb.h"
+
+namespace teletact::client {
+
+// --plane; left alone (unspecified) the service chooses.
+void add_plane_option(CLI::App& command, v1::PlaneCondition& plane);
+
+// --modulus-method and --modulus-time-limit-s; left alone they stay as they are; 0 is
+// the service's choice.
+void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& time_limit_s);
+
+}  // namespace teletact::client

@@ -1,0 +1,177 @@
+#include "client/link/touch_session.h"
+
+#include <gtest/gtest.h>
+
+#include "client/link/replay.h"
+#include "tests/link/fake_palpation.h"
+#include "tests/link/session_options.h"
+
+namespace teletact::client {
+namespace {
+
+using test::answers_at_least;
+using test::FakePalpation;
+
+TEST(TouchSession, FeelsASceneFromEndToEnd) {
+  FakePalpation service(test::socket_address("session"));
+  service.serve();
+  TouchSessionOptions options = test::session_options(test::socket_address("session"));
+  options.duration_s = 1.5;
+  const std::atomic<bool> stop{false};
+  TouchSummary summary = run_touch_session(options, stop);
+  EXPECT_GT(summary.ticks.largest_force_n(), 0.3);
+  EXPECT_GT(summary.link.distinct, 100u);
+  EXPECT_EQ(summary.ticks.stalls().count(), 0u);
+  EXPECT_EQ(summary.telemetry_dropped, 0u);
+  ASSERT_GE(summary.ticks.changes().size(), 2u);
+  EXPECT_EQ(summary.ticks.changes()[1].state, ServoState::kEnabled);
+}
+
+// A scene that is deleted while it is touched may come back, but a duration is an end all the same.
+TEST(TouchSession, EndsInTimeThoughItsSceneIsGone) {
+  FakePalpation service(test::socket_address("gone"));
+  service.serve();
+  TouchSessionOptions options = test::session_options(test::socket_address("gone"));
+  options.duration_s = 2;
+  const std::atomic<bool> stop{false};
+  TouchSummary summary;
+  std::thread session([&] { summary = run_touch_session(options, stop); });
+  ASSERT_TRUE(service.wait_until(answers_at_least(200)));
+  service.scene_known = false;
+  service.kill();
+  service.serve();
+  session.join();
+  EXPECT_LT(summary.ticks.enabled_s(), 2);
+  EXPECT_GE(summary.ticks.lost_s(), TouchSessionOptions::kLostS - 0.1);
+  EXPECT_LT(summary.ticks.lost_s(), TouchSessionOptions::kLostS + 1);
+}
+
+TEST(TouchSession, RefusesASweepBesideTheTissue) {
+  FakePalpation service(test::socket_address("beside"));
+  service.serve();
+  TouchSessionOptions options = test::session_options(test::socket_address("beside"));
+  const std::atomic<bool> stop{false};
+  const auto refusal = [&](double begin_m, double end_m) -> std::string {
+    options.begin_m = begin_m, options.end_m = end_m;
+    try {
+      run_touch_session(options, stop);
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_NE(refusal(10, 290).find("--begin-m 10: the tissue of scene 's' reaches from 0 to 0.12 m"),
+            std::string::npos);
+  EXPECT_NE(refusal(0.01, 0.29).find("--end-m 0.29"), std::string::npos);
+  EXPECT_NE(refusal(-0.01, 0.1).find("--begin-m"), std::string::npos);
+  EXPECT_NE(refusal(0.01, NAN).find("--end-m"), std::string::npos);
+}
+
+TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
+  FakePalpation service(test::socket_address("replay"));
+  service.serve();
+  TouchSessionOptions options = test::session_options(test::socket_address("replay"));
+  options.duration_s = 0.6;
+  options.record_path = "/tmp/teletact-replay-" + std::to_string(::getpid());
+  const std::atomic<bool> stop{false};
+  const TouchSummary summary = run_touch_session(options, stop);
+  ReplayOptions replay_options;
+  replay_options.path = options.record_path;
+  replay_options.address = options.address;
+  replay_options.speed = 0;
+  const ReplayReport same = replay(replay_options, stop);
+  EXPECT_EQ(same.kind, "touch");
+  EXPECT_GE(same.compared + 2, summary.link.answers);
+  EXPECT_GT(same.compared, 50u);
+  EXPECT_EQ(same.not_alike, 0u);
+  EXPECT_LE(same.largest_force_difference_n, 1e-12);
+  service.harden(1.5);
+  const ReplayReport other = replay(replay_options, stop);
+  EXPECT_GT(other.largest_force_difference_n, 0.1);
+  std::remove(options.record_path.c_str());
+}
+
+// The service is killed while the finger presses, and comes back.
+TEST(TouchSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
+  FakePalpation service(test::socket_address("pressed"));
+  service.serve();
+  TouchSessionOptions options = test::session_options(test::socket_address("pressed"));
+  options.duration_s = 2.5;
+  options.record_path = "/tmp/teletact-pressed-" + std::to_string(::getpid());
+  const std::atomic<bool> stop{false};
+  TouchSummary summary;
+  std::thread session([&] { summary = run_touch_session(options, stop); });
+  ASSERT_TRUE(service.wait_until(answers_at_least(500)));  // a second: pressed and sweeping
+  service.kill();
+  std::this_thread::sleep_for(std::chrono::milliseconds(400));
+  service.serve();
+  session.join();
+
+  std::int64_t paused_ns = 0, last_answer_ns = 0, answer_before_ns = 0;
+  double last_x_n = 0, last_y_n = 0, last_s = 0, at_kill_n = 0, worst = 0;
+  RecordReader reader(options.record_path);
+  while (const auto entry = reader.next()) {
+    if (entry->has_touch_response() && paused_ns == 0) last_answer_ns = entry->monotonic_ns();
+    if (!entry->has_servo()) continue;
+    const v1::ServoSample& servo = entry->servo();
+    const double force_n = std::hypot(servo.force_n(0), servo.force_n(1));
+    const double now_s = 1e-9 * static_cast<double>(entry->monotonic_ns());
+    if (last_s > 0) {
+      const double allowed_n =
+          device_profile(options.profile).largest_slew_n_s() * std::min(now_s - last_s, 0.002);
+      worst =
+          std::max(worst, std::hypot(servo.force_n(0) - last_x_n, servo.force_n(1) - last_y_n) - allowed_n);
+    }
+    last_x_n = servo.force_n(0);
+    last_y_n = servo.force_n(1);
+    last_s = now_s;
+    if (servo.state() == 2 && paused_ns == 0) {
+      paused_ns = entry->monotonic_ns();
+      answer_before_ns = last_answer_ns;
+      EXPECT_EQ(force_n, 0);
+    }
+    if (paused_ns == 0) at_kill_n = std::max(at_kill_n, force_n);
+  }
+  EXPECT_GT(at_kill_n, 0.3);
+  ASSERT_GT(paused_ns, 0);
+  EXPECT_LE(1e-9 * static_cast<double>(paused_ns - answer_before_ns),
+            0.18);  // and a late tick of a busy machine
+  EXPECT_LE(worst, 1e-9);
+  // PAUSED for silence, then ENABLED again and pressed to the end.
+  const auto& changes = summary.ticks.changes();
+  ASSERT_GE(changes.size(), 4u);
+  EXPECT_EQ(changes[2].reason, StateReason::kSilence);
+  EXPECT_EQ(changes[3].state, ServoState::kEnabled);
+  EXPECT_EQ(summary.link.streams, 2u);
+  std::remove(options.record_path.c_str());
+}
+
+TEST(TouchSession, SaysWhatIsWrong) {
+  const std::atomic<bool> stop{false};
+  TouchSessionOptions options = test::session_options(test::socket_address("wrong"));
+  const auto message = [&] {
+    try {
+      run_touch_session(options, stop);
+    } catch (const std::exception& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(message().find("no service at"), std::string::npos);
+  FakePalpation service(options.address);
+  service.scene_known = false;
+  service.serve();
+  EXPECT_NE(message().find("NOT_FOUND: scene 's' is unknown"), std::string::npos);
+  service.scene_known = true;
+  options.record_path = "/nonexistent/folder/file";
+  EXPECT_NE(message().find("cannot write the recording"), std::string::npos);
+  options.record_path.clear();
+  options.profile = "spoon";
+  EXPECT_NE(message().find("unknown device profile"), std::string::npos);
+  options.profile = "omni";
+  options.device = "spoon";
+  EXPECT_NE(message().find("unknown device"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace teletact::client
