@@ -1,4 +1,5 @@
 #include "bench/stability/felt.h"
+#include "bench/stability/servo_period.h"
 
 #include <cmath>
 #include <deque>
@@ -14,7 +15,6 @@ using client::ForceSample;
 using client::ToolPose;
 using client::Vector2;
 
-constexpr double kServoS = 0.001;
 constexpr double kCentreM = 0.06, kHalfWidthM = 0.01, kWayM = 0.09;
 constexpr double kJudgedM = 0.01;
 constexpr double kBackgroundBeginM = 0.03, kBackgroundEndM = 0.045;

@@ -1,4 +1,5 @@
 #include "bench/stability/path.h"
+#include "bench/stability/servo_period.h"
 
 #include <algorithm>
 #include <cmath>
@@ -41,7 +42,6 @@ double HandPath::along(double time_s) const {
 }
 
 HandTarget HandPath::at(double time_s) const {
-  constexpr double kServoS = 0.001;
   const auto place = [this](double s) { return Vector2(kBeginM + along(s), depth(s)); };
   const Vector2 now_m = place(time_s);
   return {now_m, (place(time_s + kServoS) - now_m) / kServoS};

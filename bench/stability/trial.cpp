@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "bench/stability/path.h"
+#include "bench/stability/servo_period.h"
 #include "client/render/renderers.h"
 #include "client/servo/servo_loop.h"
 
@@ -16,8 +17,6 @@ namespace {
 using client::ForceSample;
 using client::ToolPose;
 
-constexpr double kServoS = 0.001;
-constexpr std::int64_t kServoNs = 1'000'000;
 constexpr std::size_t kLongestDelayTicks = 1024;
 
 std::size_t ticks_of(double seconds) {

@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <map>
 
+#include "bench/stability/servo_period.h"
 #include "bench/suites/paper.h"
 #include "bench/suites/paper_tissue.h"
 #include "client/render/renderers.h"
@@ -27,7 +28,7 @@ using client::ToolPose;
 using client::Vector2;
 using nlohmann::json;
 
-constexpr double kSpeedMS = 0.12, kIndentationM = 0.002, kServoS = 0.001;
+constexpr double kSpeedMS = 0.12, kIndentationM = 0.002;
 constexpr double kBeginM = 0.006, kEndM = 0.094;  // the footprint stays on the model
 constexpr double kRateHz = 100;
 constexpr double kPoissonRatio = 0.49;

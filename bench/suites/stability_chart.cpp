@@ -10,6 +10,7 @@
 #include <cstdio>
 
 #include "bench/stability/passivity_border.h"
+#include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability.h"
 #include "client/render/renderers.h"
@@ -19,7 +20,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kServoS = 0.001;
 constexpr double kSoftestNM = 1, kHardestNM = 2e4;
 constexpr double kSweepM = 0.03, kRestS = 0.8;
 constexpr double kFeltNM = 400;  // where the generated energy is told: a stiff inclusion

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <deque>
 
+#include "bench/stability/servo_period.h"
 #include "bench/stability/tissue.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability.h"
@@ -19,9 +20,6 @@ namespace {
 
 using client::ForceSample;
 using nlohmann::json;
-
-constexpr double kServoS = 0.001;
-constexpr std::int64_t kServoNs = 1'000'000;
 
 // The first is worse than any (T5.7): light, stiff, and dissipates nothing.
 const std::vector<HandProfile>& hands() {

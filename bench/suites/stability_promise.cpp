@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability.h"
 #include "client/render/force_chain.h"
@@ -22,7 +23,7 @@ namespace {
 using client::DeviceProfile;
 using nlohmann::json;
 
-constexpr double kServoS = 0.001, kHeldS = 0.02;
+constexpr double kHeldS = 0.02;
 constexpr double kOfServoBound = 0.9;
 constexpr double kForceErrorMost = 1.2;
 constexpr double kComparedLaw = 0.001, kComparedBest = 0.01;  // of the force: smaller errors are not compared

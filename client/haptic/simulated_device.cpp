@@ -6,7 +6,7 @@
 namespace teletact::client {
 
 SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options)
-    : options_(options), hand_(options.hand) {}
+    : options_(options), hand_(options.hand), elapsed_(options.longest_gap_s) {}
 
 Vector2 SimulatedDevice::quantised(const Vector2& position_m) const noexcept {
   const double resolution_m = options_.profile.resolution_m;
@@ -18,7 +18,7 @@ void SimulatedDevice::open() {
   read_ = ToolPose{quantised(exact_.position_m), Vector2::Zero()};
   force_n_.setZero();
   open_ = true;
-  started_ = false;
+  elapsed_.restart();
 }
 
 void SimulatedDevice::close() noexcept {
@@ -47,11 +47,7 @@ void SimulatedDevice::integrate(double dt_s) noexcept {
 
 bool SimulatedDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   if (!open_) return false;
-  if (!started_) last_ns_ = now_ns;
-  started_ = true;
-  const double elapsed_s =
-      std::clamp(1e-9 * static_cast<double>(now_ns - last_ns_), 0.0, options_.longest_gap_s);
-  last_ns_ = now_ns;
+  const double elapsed_s = elapsed_.since_last_s(now_ns);
   if (elapsed_s > 0) {
     const int steps = std::max(1, static_cast<int>(std::lround(elapsed_s / options_.substep_s)));
     const double dt_s = elapsed_s / steps;

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 
+#include "client/haptic/elapsed_time.h"
 #include "client/haptic/hand.h"
 #include "client/haptic/haptic_device.h"
 
@@ -50,9 +51,8 @@ class SimulatedDevice final : public HapticDevice {
   ToolPose exact_;
   ToolPose read_;
   Vector2 force_n_ = Vector2::Zero();
-  std::int64_t last_ns_ = 0;
+  ElapsedTime elapsed_;
   bool open_ = false;
-  bool started_ = false;
 };
 
 }  // namespace teletact::client

@@ -6,7 +6,7 @@
 namespace teletact::client {
 
 SimulatedPositionDevice::SimulatedPositionDevice(const SimulatedPositionDeviceOptions& options)
-    : options_(options), hand_(options.hand), coupling_(coupling()) {}
+    : options_(options), hand_(options.hand), coupling_(coupling()), elapsed_(options.longest_gap_s) {}
 
 VirtualCoupling SimulatedPositionDevice::coupling() const {
   const double damping_n_s_m =
@@ -22,7 +22,7 @@ void SimulatedPositionDevice::open() {
   force_n_.setZero();
   hand_work_j_ = 0;
   open_ = true;
-  started_ = false;
+  elapsed_.restart();
 }
 
 // One servo period: the arm goes where it was told, the hand is felt there, the tool moves on.
@@ -40,11 +40,7 @@ void SimulatedPositionDevice::move(double dt_s) noexcept {
 
 bool SimulatedPositionDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   if (!open_) return false;
-  if (!started_) last_ns_ = now_ns;
-  started_ = true;
-  const double elapsed_s =
-      std::clamp(1e-9 * static_cast<double>(now_ns - last_ns_), 0.0, options_.longest_gap_s);
-  last_ns_ = now_ns;
+  const double elapsed_s = elapsed_.since_last_s(now_ns);
   const auto periods = static_cast<int>(std::ceil(elapsed_s / options_.period_s - 0.5));
   for (int period = 0; period < periods; ++period) move(elapsed_s / periods);
   reading.pose = coupling_.tool();

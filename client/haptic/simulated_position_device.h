@@ -5,6 +5,7 @@
 
 #include <cstdint>
 
+#include "client/haptic/elapsed_time.h"
 #include "client/haptic/hand.h"
 #include "client/haptic/haptic_device.h"
 #include "client/haptic/virtual_coupling.h"
@@ -50,9 +51,8 @@ class SimulatedPositionDevice final : public HapticDevice {
   Vector2 hand_force_n_ = Vector2::Zero();
   Vector2 force_n_ = Vector2::Zero();
   double hand_work_j_ = 0;
-  std::int64_t last_ns_ = 0;
+  ElapsedTime elapsed_;
   bool open_ = false;
-  bool started_ = false;
 };
 
 }  // namespace teletact::client
