@@ -1,10 +1,9 @@
-// The stability suite's own parts: its plant against closed forms, its borders against (T5.2), its fuzzing.
+// The stability suite's own parts: its plant against closed forms, its borders against (T5.2).
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "bench/stability/felt.h"
-#include "bench/stability/fuzz.h"
 #include "bench/stability/passivity_border.h"
 #include "bench/stability/plant.h"
 #include "bench/stability/trial.h"
@@ -143,12 +142,6 @@ TEST(Felt, GivenAnswers20MillisecondsLateThenAnInclusionIsFeltWithinATwentiethOf
            felt_stiffness({.model_delay_s = 0.02, .edge_m = edge_m}, 25, stimulus_n_m, 5))
         EXPECT_NEAR(felt_n_m, exact_n_m, 0.05 * std::abs(stimulus_n_m - 25)) << stimulus_n_m << ' ' << edge_m;
     }
-}
-
-TEST(ForceChain, BoundsHoldForAnyStreamOfAnswers) {
-  const FuzzResult result = fuzz_forces(200000, 20240611);
-  EXPECT_EQ(result.cases, 200000u);
-  EXPECT_EQ(result.violations(), 0u);
 }
 
 }  // namespace

@@ -1,0 +1,301 @@
+#include "bench/fuzz/fuzz.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <random>
+
+#include "bench/stability/servo_period.h"
+#include "bench/stability/tissue.h"
+#include "client/link/convert.h"
+#include "client/render/renderers.h"
+
+namespace teletact::bench {
+namespace {
+
+using client::Vector2;
+
+constexpr std::size_t kSessionTicks = 4000;
+constexpr double kSurfaceM = 0;
+
+class Source {
+ public:
+  explicit Source(std::uint64_t seed) : random_(seed) {}
+  std::uint64_t one_of(std::uint64_t count) { return random_() % count; }
+  bool happens(double probability) { return (distribution_(random_) + 1) / 2 < probability; }
+  double between(double low, double high) { return low + (high - low) * (distribution_(random_) + 1) / 2; }
+  // As likely in every decade.
+  double logarithmic(double low, double high) { return low * std::pow(high / low, between(0, 1)); }
+  double wild() {
+    switch (one_of(8)) {
+      case 0:
+        return std::numeric_limits<double>::quiet_NaN();
+      case 1:
+        return std::numeric_limits<double>::infinity() * between(-1, 1);
+      case 2:
+        return 1e300 * between(-1, 1);
+      case 3:
+        return 0;
+      default:
+        return std::pow(10, between(-4, 4)) * between(-1, 1);
+    }
+  }
+
+ private:
+  std::mt19937_64 random_;
+  std::uniform_real_distribution<double> distribution_{-1, 1};
+};
+
+// A finger that presses, slides and lifts.
+class Finger {
+ public:
+  explicit Finger(Source& source)
+      : depth_m_(source.between(0.001, 0.009)),
+        press_1_s_(2 * M_PI / source.logarithmic(0.4, 4)),
+        slide_1_s_(source.between(1, 6)) {}
+  client::ToolPose at(double time_s) const {
+    constexpr double kHoverM = 0.002, kWayM = 0.025;
+    const double press = press_1_s_ * time_s, slide = slide_1_s_ * time_s;
+    client::ToolPose pose;
+    pose.position_m = {0.06 + kWayM * std::sin(slide),
+                       kSurfaceM - kHoverM + (depth_m_ + kHoverM) / 2 * (1 - std::cos(press))};
+    pose.velocity_m_s = {kWayM * slide_1_s_ * std::cos(slide),
+                         (depth_m_ + kHoverM) / 2 * press_1_s_ * std::sin(press)};
+    return pose;
+  }
+
+ private:
+  double depth_m_, press_1_s_, slide_1_s_;
+};
+
+class FuzzDevice final : public client::HapticDevice {
+ public:
+  const client::DeviceProfile& profile() const noexcept override { return profile_; }
+  void open() override {}
+  void close() noexcept override {}
+  bool read(std::int64_t, client::DeviceReading& reading) noexcept override {
+    if (readable) reading = next;
+    return readable;
+  }
+  bool write(const Vector2& n) noexcept override {
+    force_n = n;
+    return writable;
+  }
+  client::DeviceReading next;
+  bool readable = true, writable = true;
+  Vector2 force_n = Vector2::Zero();
+
+ private:
+  client::DeviceProfile profile_ = client::device_profile("omni");
+};
+
+void set_plane(const Vector2& value, google::protobuf::RepeatedField<double>* xyz) {
+  xyz->Clear();
+  for (const double number : {value.x(), value.y(), 0.0}) xyz->Add(number);
+}
+
+v1::TouchAnswer honest_answer(const StabilityTissue& tissue, const Vector2& position_m, double pose_time_s,
+                              std::uint64_t sequence) {
+  const client::ForceSample sample = tissue.answer(position_m);
+  v1::TouchAnswer answer;
+  answer.set_sequence(sequence);
+  answer.mutable_pose_stamp()->set_monotonic_ns(std::llround(1e9 * pose_time_s));
+  answer.set_status(v1::TOUCH_STATUS_OK);
+  set_plane(position_m, answer.mutable_position_m());
+  set_plane(sample.force_n, answer.mutable_force_n());
+  constexpr int kStride = 3;
+  for (int row = 0; row < kStride; ++row)
+    for (int column = 0; column < kStride; ++column)
+      answer.add_tangent_n_m(row < 2 && column < 2 ? sample.tangent_n_m(row, column) : 0);
+  answer.set_covered_begin_m(0);
+  answer.set_covered_end_m(0.12);
+  return answer;
+}
+
+void spoil_numbers(Source& source, google::protobuf::RepeatedField<double>* values) {
+  switch (source.one_of(4)) {
+    case 0:  // too few
+      values->Truncate(static_cast<int>(source.one_of(static_cast<std::uint64_t>(values->size()) + 1)));
+      break;
+    case 1:
+      values->Add(source.wild());
+      break;
+    case 2:  // a jump
+      for (double& value : *values) value *= source.logarithmic(0.01, 100) * (source.one_of(2) == 0 ? 1 : -1);
+      break;
+    default:
+      for (double& value : *values)
+        if (source.one_of(2) == 0) value = source.wild();
+  }
+}
+
+// One thing wrong with it.
+void spoil(Source& source, v1::TouchAnswer& answer) {
+  switch (source.one_of(6)) {
+    case 0:
+      return spoil_numbers(source, answer.mutable_position_m());
+    case 1:
+      return spoil_numbers(source, answer.mutable_force_n());
+    case 2:
+      return spoil_numbers(source, answer.mutable_tangent_n_m());
+    case 3:  // out of order, twice, or far ahead of what was asked
+      answer.set_sequence(source.happens(0.01) ? std::numeric_limits<std::uint64_t>::max()
+                                               : answer.sequence() - source.one_of(50) + source.one_of(30));
+      return;
+    case 4: {  // stale, or from the future
+      const std::int64_t second_ns = 1'000'000'000;
+      const std::int64_t off_ns = std::llround(source.between(-2, 0.5) * double(second_ns));
+      answer.mutable_pose_stamp()->set_monotonic_ns(source.happens(0.1)
+                                                        ? std::numeric_limits<std::int64_t>::min()
+                                                        : answer.pose_stamp().monotonic_ns() + off_ns);
+      return;
+    }
+    default:
+      answer.set_status(static_cast<v1::TouchStatus>(source.one_of(7)));
+  }
+}
+
+// One thing wrong with what the device says.
+void spoil(Source& source, FuzzDevice& device) {
+  client::ToolPose& pose = device.next.pose;
+  switch (source.one_of(5)) {
+    case 0:
+      device.readable = false;
+      break;
+    case 1:
+      device.writable = false;
+      break;
+    case 2:
+      pose.position_m = {source.wild(), source.wild()};
+      break;
+    case 3:
+      pose.velocity_m_s = {source.wild(), source.wild()};
+      break;
+    default:  // jumps although it says that it rests
+      pose.position_m += Vector2(source.between(-0.05, 0.05), source.between(-0.02, 0.02));
+      pose.velocity_m_s.setZero();
+  }
+}
+
+StabilityTissue some_tissue(Source& source) {
+  return {source.one_of(2) == 0 ? Scene::kHomogeneous : Scene::kInclusions, source.logarithmic(50, 5000)};
+}
+
+// One touch session of a few seconds: servo loop, renderer, device, and the answers that reach it.
+class Session {
+ public:
+  Session(Source& source, const std::string& renderer)
+      : source_(source),
+        finger_(source),
+        tissue_(some_tissue(source)),
+        renderer_(client::make_renderer(renderer, kServoS)),
+        period_s_(source.logarithmic(0.001, 0.05)),
+        late_s_(source.happens(0.7) ? source.between(0, 0.02) : source.between(0, 0.3)),
+        hostile_answers_(source.one_of(4) == 0 ? 0 : source.logarithmic(0.01, 0.7)),
+        hostile_readings_(source.one_of(3) == 0 ? 0 : source.logarithmic(1e-4, 1e-3)) {
+    client::ServoOptions options;
+    options.chain.limits = device_.profile().limits();
+    limits_ = options.chain.limits;
+    longest_dt_s_ = options.chain.longest_dt_s;
+    loop_ = std::make_unique<client::ServoLoop>(device_, *renderer_, clock_, options);
+  }
+
+  void tick(FuzzResult& result, FuzzShares& shares) {
+    const std::int64_t before_ns = clock_.time_ns;
+    const bool late = source_.happens(1e-3);
+    clock_.time_ns += late ? std::llround(source_.between(0, 0.1) * 1e9) : kServoNs;
+    read(shares);
+    answer(shares);
+    if (source_.happens(1e-4)) loop_->request_pause();
+    loop_->tick(clock_.time_ns);
+    // The first tick slews for the servo's own period: it has none to measure.
+    const double passed_s = ticks_++ == 0 ? kServoS : 1e-9 * double(clock_.time_ns - before_ns);
+    check(std::min(passed_s, longest_dt_s_), result, shares);
+  }
+
+ private:
+  double now_s() const { return 1e-9 * double(clock_.time_ns); }
+
+  void read(FuzzShares& shares) {
+    device_.readable = device_.writable = true;
+    device_.next.pose = finger_.at(now_s() - kStartS);
+    device_.next.resume_pressed = source_.one_of(50) == 0;
+    if (burst_ > 0) --burst_;
+    if (source_.happens(hostile_readings_)) burst_ = 1 + source_.one_of(20);
+    if (burst_ == 0) return;
+    spoil(source_, device_);
+    ++shares.hostile_readings;
+    no_number_ = no_number_ || (device_.readable && !device_.next.pose.position_m.allFinite());
+  }
+
+  void answer(FuzzShares& shares) {
+    if (now_s() < next_s_) return;
+    next_s_ = now_s() + period_s_ * source_.between(0.5, 1.5);
+    if (source_.happens(0.01)) tissue_ = some_tissue(source_);  // handed over to another window
+    const double pose_s = std::max(now_s() - late_s_ - kServoS, kStartS);
+    v1::TouchAnswer answer =
+        honest_answer(tissue_, finger_.at(pose_s - kStartS).position_m, pose_s, sequence_ += 20);
+    if (source_.happens(hostile_answers_)) {
+      spoil(source_, answer);
+      ++shares.hostile_answers;
+    }
+    // What the stream was opened with may be as hostile.
+    const double surface_m = source_.happens(1e-4) ? source_.wild() : kSurfaceM;
+    const double period_s = source_.happens(1e-3) ? source_.wild() : period_s_;
+    if (const auto converted = client::to_servo_answer(answer, surface_m, period_s, clock_.time_ns))
+      loop_->answers().put(*converted);
+  }
+
+  void check(double dt_s, FuzzResult& result, FuzzShares& shares) {
+    constexpr double kRounding = 1e-12;
+    const Vector2& force_n = device_.force_n;
+    const double step_n = (force_n - last_n_).norm(), most_n = limits_.largest_slew_n_s * dt_s;
+    ++result.cases;
+    if (!force_n.allFinite()) ++result.not_finite;
+    if (!(force_n.norm() <= limits_.largest_force_n * (1 + kRounding))) ++result.too_large;
+    if (!(step_n <= most_n + kRounding)) ++result.too_fast;
+    ++shares.cases;
+    shares.non_zero += force_n.norm() > 0;
+    shares.after_no_number += no_number_;
+    shares.non_zero_after += no_number_ && force_n.norm() > 0;
+    shares.slew_limited += dt_s > 0 && step_n >= most_n * (1 - 1e-9);
+    shares.at_largest += force_n.norm() >= limits_.largest_force_n * (1 - 1e-9);
+    last_n_ = force_n;
+  }
+
+  static constexpr double kStartS = 1;  // the manual clock's
+  Source& source_;
+  Finger finger_;
+  StabilityTissue tissue_;
+  FuzzDevice device_;
+  client::ManualClock clock_;
+  std::unique_ptr<client::Renderer> renderer_;
+  std::unique_ptr<client::ServoLoop> loop_;
+  client::ForceLimits limits_;
+  double longest_dt_s_ = 0;
+  double period_s_, late_s_, hostile_answers_, hostile_readings_;
+  double next_s_ = 0;
+  std::uint64_t sequence_ = 100, ticks_ = 0;
+  std::uint64_t burst_ = 0;  // ticks that are hostile still
+  bool no_number_ = false;
+  Vector2 last_n_ = Vector2::Zero();
+};
+
+}  // namespace
+
+FuzzResult fuzz_forces(std::size_t cases, std::uint64_t seed) {
+  Source source(seed);
+  FuzzResult result;
+  for (const std::string& name : client::renderer_names()) result.renderers.push_back({.renderer = name});
+  for (std::size_t number = 0; result.cases < cases; ++number) {
+    FuzzShares& shares = result.renderers[number % result.renderers.size()];
+    Session session(source, shares.renderer);
+    for (std::size_t n = 0; n < kSessionTicks && result.cases < cases; ++n) session.tick(result, shares);
+  }
+  return result;
+}
+
+}  // namespace teletact::bench

@@ -1,0 +1,28 @@
+// Hostile answers and readings through the link's conversion and the servo loop, with every renderer.
+#include "bench/fuzz/fuzz.h"
+
+#include <gtest/gtest.h>
+
+namespace teletact::bench {
+namespace {
+
+TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndThereWereForcesToBound) {
+  constexpr std::size_t kCases = 1'000'000;
+  const FuzzResult result = fuzz_forces(kCases, 20240611);
+  EXPECT_EQ(result.cases, kCases);
+  EXPECT_EQ(result.not_finite, 0u);
+  EXPECT_EQ(result.too_large, 0u);
+  EXPECT_EQ(result.too_fast, 0u);
+  ASSERT_EQ(result.renderers.size(), 4u);
+  for (const FuzzShares& one : result.renderers) {
+    EXPECT_GT(one.share(one.hostile_answers), 0.005) << one.renderer;
+    EXPECT_GT(one.share(one.hostile_readings), 2e-4) << one.renderer;
+    EXPECT_GE(one.share(one.non_zero), FuzzShares::kNonZeroLeast) << one.renderer;
+    EXPECT_GE(one.share(one.slew_limited), FuzzShares::kSlewLimitedLeast) << one.renderer;
+    EXPECT_GE(one.share(one.at_largest), FuzzShares::kAtLargestLeast) << one.renderer;
+    EXPECT_GE(one.again(), FuzzShares::kAgainLeast) << one.renderer;
+  }
+}
+
+}  // namespace
+}  // namespace teletact::bench
