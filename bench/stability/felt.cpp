@@ -4,7 +4,9 @@
 #include <cmath>
 #include <deque>
 
+#include "bench/stability/tissue.h"
 #include "client/haptic/profiles.h"
+#include "client/haptic/quantised_reading.h"
 #include "client/render/force_chain.h"
 #include "client/render/renderers.h"
 
@@ -31,14 +33,7 @@ struct Inclusion {
     const double k = background_n_m + step_n_m * (in - out);
     const double slope = step_n_m * (slope_in - slope_out);
     const double bend = step_n_m * (slope_in * (1 - 2 * in) - slope_out * (1 - 2 * out)) / edge_m;
-    ForceSample sample;
-    sample.position_m = position_m;
-    const double d = position_m.y();
-    if (d <= 0) return sample;
-    sample.contact = true;
-    sample.force_n = {-slope * d * d / 2, -k * d};
-    sample.tangent_n_m << -bend * d * d / 2, -slope * d, -slope * d, -k;
-    return sample;
+    return spring_answer(position_m, k, slope, bend);
   }
 };
 
@@ -74,7 +69,7 @@ double one_pass(const FeltOptions& o, const Inclusion& tissue, double share) {
     const double time_s = tick * kServoS;
     const double sway = 1 + 0.1 * std::sin(2 * M_PI * (3 * time_s + share));
     const Vector2 exact_m(o.speed_m_s * time_s, o.indentation_m * sway);
-    const ToolPose pose{(exact_m / o.resolution_m).array().round() * o.resolution_m, {o.speed_m_s, 0}};
+    const ToolPose pose{client::quantised(exact_m, o.resolution_m), {o.speed_m_s, 0}};
     if (time_s >= next_s) {
       on_the_way.push_back(tissue.answer(pose.position_m));
       on_the_way.back().pose_time_s = time_s;

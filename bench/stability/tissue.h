@@ -10,6 +10,19 @@
 
 namespace teletact::bench {
 
+// The answer of U(x, d) = 1/2 K(x) d^2 at a place [x, d] where K is k, its derivatives `slope` and `bend`.
+inline client::ForceSample spring_answer(const client::Vector2& position_m, double k, double slope,
+                                         double bend) {
+  client::ForceSample sample;
+  sample.position_m = position_m;
+  const double d = position_m.y();
+  if (d <= 0) return sample;
+  sample.contact = true;
+  sample.force_n = {-slope * d * d / 2, -k * d};
+  sample.tangent_n_m << -bend * d * d / 2, -slope * d, -slope * d, -k;
+  return sample;
+}
+
 enum class Scene { kHomogeneous, kInclusions };
 
 class StabilityTissue {
@@ -23,10 +36,6 @@ class StabilityTissue {
   double background_n_m() const { return background_n_m_; }
 
   client::ForceSample answer(const client::Vector2& position_m) const {
-    client::ForceSample sample;
-    sample.position_m = position_m;
-    const double d = position_m.y();
-    if (d <= 0) return sample;
     double k = background_n_m_, slope = 0, bend = 0;  // K, K', K''
     for (const double centre_m : centres_m_) {
       const double u = (position_m.x() - centre_m) / kWidthM;
@@ -35,10 +44,7 @@ class StabilityTissue {
       slope -= u / kWidthM * bump;
       bend += (u * u - 1) / (kWidthM * kWidthM) * bump;
     }
-    sample.contact = true;
-    sample.force_n = {-slope * d * d / 2, -k * d};
-    sample.tangent_n_m << -bend * d * d / 2, -slope * d, -slope * d, -k;
-    return sample;
+    return spring_answer(position_m, k, slope, bend);
   }
   client::Vector2 force_n(const client::Vector2& position_m) const { return answer(position_m).force_n; }
 

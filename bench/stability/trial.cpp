@@ -8,6 +8,7 @@
 
 #include "bench/stability/path.h"
 #include "bench/stability/servo_period.h"
+#include "client/haptic/simulated_device.h"
 #include "client/render/renderers.h"
 #include "client/servo/servo_loop.h"
 
@@ -23,32 +24,23 @@ std::size_t ticks_of(double seconds) {
   return static_cast<std::size_t>(std::lround(seconds / kServoS));
 }
 
-// What a controller knows of the plant: positions to the device's resolution, velocity from their differences
-// through a first-order filter; an ideal display is read exactly.
+// What a controller knows of the plant: quantised as a simulated device; an ideal display is read exactly.
 class Sensor {
  public:
-  Sensor(double resolution_m, const Vector2& start_m) : resolution_m_(resolution_m) {
-    reading_.position_m = quantised(start_m);
+  Sensor(double resolution_m, const Vector2& start_m)
+      : exact_(resolution_m <= 0),
+        reading_(resolution_m, client::SimulatedDeviceOptions().velocity_filter_s) {
+    reading_.restart(start_m);
   }
-  const ToolPose& read(const Plant& plant) noexcept {
-    if (resolution_m_ <= 0) {
-      reading_ = {plant.position_m(), plant.velocity_m_s()};
-      return reading_;
-    }
-    constexpr double kFilterS = 0.002;
-    const Vector2 now_m = quantised(plant.position_m());
-    reading_.velocity_m_s +=
-        kServoS / (kServoS + kFilterS) * ((now_m - reading_.position_m) / kServoS - reading_.velocity_m_s);
-    reading_.position_m = now_m;
-    return reading_;
+  ToolPose read(const Plant& plant) noexcept {
+    if (exact_) return {plant.position_m(), plant.velocity_m_s()};
+    reading_.take(plant.position_m(), kServoS);
+    return reading_.pose();
   }
 
  private:
-  Vector2 quantised(const Vector2& m) const {
-    return resolution_m_ > 0 ? Vector2((m / resolution_m_).array().round() * resolution_m_) : m;
-  }
-  double resolution_m_;
-  ToolPose reading_;
+  bool exact_;
+  client::QuantisedReading reading_;
 };
 
 // The plant behind the product's device interface: what the servo writes is felt from then on.
@@ -75,6 +67,12 @@ class TrialDevice final : public client::HapticDevice {
   client::DeviceProfile profile_;
 };
 
+client::DeviceProfile profile_of(const TrialOptions& options) {
+  client::DeviceProfile profile = options.device;
+  profile.damping_n_s_m = options.damping_known ? options.damping_n_s_m : 0;
+  return profile;
+}
+
 // A renderer as it is, or in the servo loop with its safety chain.
 class Controller {
  public:
@@ -82,11 +80,10 @@ class Controller {
       : safe_(options.safe),
         period_s_(options.update_s),
         renderer_(client::make_renderer(options.renderer, kServoS)),
-        device_(options.device) {
+        device_(profile_of(options)) {
     if (!safe_) return;
     client::ServoOptions servo;
-    servo.chain.limits = options.device.limits();
-    servo.chain.limits.damping_n_s_m = options.damping_n_s_m;
+    servo.chain.limits = device_.profile().limits();
     loop_ = std::make_unique<client::ServoLoop>(device_, *renderer_, clock_, servo);
   }
   Vector2 tick(const ToolPose& pose, const ForceSample* answer, double time_s) noexcept {
@@ -225,7 +222,7 @@ const char* to_string(Verdict verdict) {
 
 client::DeviceProfile ideal_display() {
   constexpr double kNone = 1e6;
-  return {"ideal", 1e3, kNone, 5, 1, 0, 0, 0};
+  return {"ideal", 1e3, kNone, 5, 1, 0, 0, 0, 0};
 }
 
 TrialResult run_trial(const TrialOptions& options) {
@@ -249,7 +246,7 @@ TrialResult run_trial(const TrialOptions& options) {
   TrialResult result;
   for (std::size_t tick = 0; tick < ticks; ++tick, ++result.ticks) {
     const double time_s = kServoS * static_cast<double>(tick);
-    const ToolPose& pose = sensor.read(plant);
+    const ToolPose pose = sensor.read(plant);
     Vector2& newest_n = written_n[tick % written_n.size()];
     newest_n = controller.tick(pose, answers.at(tick, pose), time_s);
     const Vector2& felt_n = written_n[(tick + written_n.size() - late) % written_n.size()];

@@ -23,6 +23,7 @@ struct TrialOptions {
   std::string renderer = "kalman";
   client::DeviceProfile device = ideal_display();
   double damping_n_s_m = 0.5;  // of the display
+  bool damping_known = true;   // its profile states it; else 0, as for a device whose maker does not
   HandProfile hand{"middle", 0.1, 5, 500};
   Scene scene = Scene::kHomogeneous;
   double stiffness_n_m = 500;    // largest of the scene

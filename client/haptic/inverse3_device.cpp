@@ -91,7 +91,7 @@ Inverse3Device::~Inverse3Device() {
 
 const DeviceProfile& Inverse3Device::profile() const noexcept {
   // name, N, N/m, N s/m, workspace m; mass, friction and resolution are not known, and not counted on.
-  static const DeviceProfile profile{"inverse3", 4, 400, 4, 0.1, 0, 0, 0};
+  static const DeviceProfile profile{"inverse3", 4, 400, 4, 0.1, 0, 0, 0, 0};
   return profile;
 }
 

@@ -10,7 +10,7 @@
 namespace teletact::client {
 namespace {
 
-// As the C compiler lays out version 1: a library with a shorter table lacks a function.
+// As the C compiler lays out this version: a library with a shorter table lacks a function.
 constexpr std::uint32_t kTableBytes = sizeof(teletact_device_plugin);
 
 const teletact_device_plugin* checked(const teletact_device_plugin* plugin, const std::string& who) {
@@ -63,9 +63,14 @@ void PluginDevice::check(const teletact_device_limits& limits) const {
   positive(limits.largest_force_n, "largest_force_n");
   positive(limits.largest_stiffness_n_m, "largest_stiffness_n_m");
   positive(limits.largest_damping_n_s_m, "largest_damping_n_s_m");
-  if (!(limits.friction_n >= 0))
-    throw std::runtime_error("device plugin '" + path_ +
-                             "': limits.friction_n is negative; give 0 if unknown");
+  // The passivity controller counts on these two: none is safe, a number that is none is not.
+  const auto not_negative = [&](double value, const char* field) {
+    if (!(value >= 0) || value > 1e6)
+      throw std::runtime_error("device plugin '" + path_ + "': limits." + field + " is " +
+                               std::to_string(value) + "; give 0 if unknown");
+  };
+  not_negative(limits.friction_n, "friction_n");
+  not_negative(limits.damping_n_s_m, "damping_n_s_m");
 }
 
 void PluginDevice::open() {
@@ -91,7 +96,8 @@ void PluginDevice::open() {
               limits.workspace_radius_m,
               limits.apparent_mass_kg,
               limits.friction_n,
-              limits.resolution_m};
+              limits.resolution_m,
+              limits.damping_n_s_m};
 }
 
 void PluginDevice::close() noexcept {

@@ -18,16 +18,17 @@ ForceLimits DeviceProfile::limits() const {
   limits.largest_damping_n_s_m = largest_damping_n_s_m;
   limits.largest_slew_n_s = largest_slew_n_s();
   limits.friction_n = friction_n;
+  limits.damping_n_s_m = damping_n_s_m;
   return limits;
 }
 
 const std::vector<DeviceProfile>& device_profiles() {
   static const std::vector<DeviceProfile> profiles = {
-      // name, N, N/m, N s/m, workspace m, kg, N, m
-      {"premium-1.5", 8.5, 800, 5, 0.12, 0.075, 0.04, 0.03e-3},
-      {"premium-3.0", 22, 1000, 5, 0.25, 0.159, 0.2, 0.02e-3},
-      {"omni", 3.3, 700, 5, 0.10, 0.045, 0.26, 0.055e-3},
-      {"touch", 3.3, 400, 4, 0.075, 0.045, 0.26, 0.055e-3},
+      // name, N, N/m, N s/m, workspace m, kg, N, m, N s/m
+      {"premium-1.5", 8.5, 800, 5, 0.12, 0.075, 0.04, 0.03e-3, 0},
+      {"premium-3.0", 22, 1000, 5, 0.25, 0.159, 0.2, 0.02e-3, 0},
+      {"omni", 3.3, 700, 5, 0.10, 0.045, 0.26, 0.055e-3, 0},
+      {"touch", 3.3, 400, 4, 0.075, 0.045, 0.26, 0.055e-3, 0},
   };
   return profiles;
 }

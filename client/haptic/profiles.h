@@ -18,6 +18,9 @@ struct DeviceProfile {
   double apparent_mass_kg = 0;
   double friction_n = 0;
   double resolution_m = 0;
+  // Viscous, of the mechanism, that is surely there: the passivity controller counts on it. 0 where it is not
+  // known: neither (T5.7) nor the makers' data sheets state it, and a simulated device states its own.
+  double damping_n_s_m = 0;
   // Enough for full-scale silence to fade in its 100 ms, and for the stiffest wall under a finger at 150
   // mm/s; no more, since whatever goes wrong reaches the hand at this rate.
   double largest_slew_n_s() const;

@@ -6,16 +6,16 @@
 namespace teletact::client {
 
 SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options)
-    : options_(options), hand_(options.hand), elapsed_(options.longest_gap_s) {}
-
-Vector2 SimulatedDevice::quantised(const Vector2& position_m) const noexcept {
-  const double resolution_m = options_.profile.resolution_m;
-  return (position_m / resolution_m).array().round() * resolution_m;
+    : options_(options),
+      hand_(options.hand),
+      read_(options.profile.resolution_m, options.velocity_filter_s),
+      elapsed_(options.longest_gap_s) {
+  options_.profile.damping_n_s_m = options.damping_n_s_m;
 }
 
 void SimulatedDevice::open() {
   exact_ = ToolPose{hand_.target_m(), Vector2::Zero()};
-  read_ = ToolPose{quantised(exact_.position_m), Vector2::Zero()};
+  read_.restart(exact_.position_m);
   force_n_.setZero();
   open_ = true;
   elapsed_.restart();
@@ -55,13 +55,9 @@ bool SimulatedDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept
       hand_.intend(view_, exact_.position_m, dt_s);
       integrate(dt_s);
     }
-    const Vector2 quantised_m = quantised(exact_.position_m);
-    // Velocity as a controller gets it: differences of quantised positions through a first-order filter.
-    const double weight = elapsed_s / (elapsed_s + options_.velocity_filter_s);
-    read_.velocity_m_s += weight * ((quantised_m - read_.position_m) / elapsed_s - read_.velocity_m_s);
-    read_.position_m = quantised_m;
+    read_.take(exact_.position_m, elapsed_s);
   }
-  reading.pose = read_;
+  reading.pose = read_.pose();
   reading.held_at_border = hand_.held_at_border();
   reading.resume_pressed = hand_.resume_pressed();
   return true;

@@ -12,13 +12,14 @@
 #include "client/haptic/elapsed_time.h"
 #include "client/haptic/hand.h"
 #include "client/haptic/haptic_device.h"
+#include "client/haptic/quantised_reading.h"
 
 namespace teletact::client {
 
 struct SimulatedDeviceOptions {
   DeviceProfile profile;
   HandOptions hand;
-  double damping_n_s_m = 0.5;  // of the mechanism
+  double damping_n_s_m = 0.5;  // of the mechanism; its profile says so
   double substep_s = 5e-5;
   double velocity_filter_s = 0.002;  // of the velocity estimated from quantised positions
   double longest_gap_s = 0.1;        // time the simulation makes up for after the servo slept
@@ -43,13 +44,12 @@ class SimulatedDevice final : public HapticDevice {
 
  private:
   void integrate(double dt_s) noexcept;
-  Vector2 quantised(const Vector2& position_m) const noexcept;
 
   SimulatedDeviceOptions options_;
   Hand hand_;
   OperatorView view_;
   ToolPose exact_;
-  ToolPose read_;
+  QuantisedReading read_;
   Vector2 force_n_ = Vector2::Zero();
   ElapsedTime elapsed_;
   bool open_ = false;

@@ -6,7 +6,9 @@
 namespace teletact::client {
 
 SimulatedPositionDevice::SimulatedPositionDevice(const SimulatedPositionDeviceOptions& options)
-    : options_(options), hand_(options.hand), coupling_(coupling()), elapsed_(options.longest_gap_s) {}
+    : options_(options), hand_(options.hand), coupling_(coupling()), elapsed_(options.longest_gap_s) {
+  options_.profile.friction_n = 0;
+}
 
 VirtualCoupling SimulatedPositionDevice::coupling() const {
   const double damping_n_s_m =

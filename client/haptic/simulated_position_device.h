@@ -25,6 +25,7 @@ struct SimulatedPositionDeviceOptions {
 class SimulatedPositionDevice final : public HapticDevice {
  public:
   explicit SimulatedPositionDevice(const SimulatedPositionDeviceOptions& options);
+  // Without the friction of the device that it is named after: a position is commanded, nothing rubs.
   const DeviceProfile& profile() const noexcept override { return options_.profile; }
   void open() override;
   void close() noexcept override { open_ = false; }

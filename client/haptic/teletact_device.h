@@ -23,8 +23,9 @@
 extern "C" {
 #endif
 
-/* Goes up with every change that an older library would not survive. */
-#define TELETACT_DEVICE_ABI 1u
+/* Goes up with every change that a library and a client of different versions would not survive.
+ * 2: limits.damping_n_s_m. */
+#define TELETACT_DEVICE_ABI 2u
 
 /* What the device may be asked for. The first three must be > 0; 0 where the others are not known. */
 typedef struct teletact_device_limits {
@@ -35,6 +36,7 @@ typedef struct teletact_device_limits {
   double apparent_mass_kg;
   double friction_n; /* Coulomb friction that is surely there: the passivity controller counts on it */
   double resolution_m;
+  double damping_n_s_m; /* viscous, of the mechanism, that is surely there: counted on as friction is */
 } teletact_device_limits;
 
 typedef struct teletact_device_reading {

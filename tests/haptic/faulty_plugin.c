@@ -1,4 +1,4 @@
-/* Adapters with one fault each, chosen by a definition: OLD_ABI, NO_LIMITS, NO_SYMBOL. */
+/* Adapters with one fault each, chosen by a definition: OLD_ABI, NO_LIMITS, BAD_DAMPING, NO_SYMBOL. */
 #include "client/haptic/teletact_device.h"
 
 static int open_it(const char* settings, void** device, teletact_device_limits* limits, char* error,
@@ -10,6 +10,9 @@ static int open_it(const char* settings, void** device, teletact_device_limits* 
   limits->largest_force_n = limits->largest_stiffness_n_m = limits->largest_damping_n_s_m = 1;
 #else
   (void)limits;
+#endif
+#ifdef BAD_DAMPING
+  limits->damping_n_s_m = -1;
 #endif
   return 0;
 }

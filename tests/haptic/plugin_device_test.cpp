@@ -37,6 +37,7 @@ TEST(PluginDevice, TheTemplateIsOpenedReadWrittenAndClosed) {
   EXPECT_EQ(device.profile().name, "template");
   EXPECT_EQ(device.profile().largest_force_n, 3.3);
   EXPECT_GT(device.profile().limits().largest_slew_n_s, 0);
+  EXPECT_EQ(device.profile().limits().damping_n_s_m, 5);
   std::int64_t now_ns = 1'000'000'000;
   // GIVEN where it stands at first THEN that is the start above the tissue
   ASSERT_TRUE(device.read(now_ns, reading));
@@ -69,9 +70,12 @@ TEST(PluginDevice, SaysWhatIsWrong) {
   EXPECT_NE(complaint(built("tests/plugin_no_symbol.so")).find("does not export teletact_device_plugin_get"),
             std::string::npos);
   const std::string old = complaint(built("tests/plugin_old_abi.so"));
-  EXPECT_NE(old.find("was built for version 8"), std::string::npos) << old;
+  EXPECT_NE(old.find("was built for version " + std::to_string(TELETACT_DEVICE_ABI + 7)), std::string::npos)
+      << old;
   EXPECT_NE(old.find("build it again"), std::string::npos) << old;
   EXPECT_NE(complaint(built("tests/plugin_no_limits.so")).find("limits.largest_force_n"), std::string::npos);
+  EXPECT_NE(complaint(built("tests/plugin_bad_damping.so")).find("limits.damping_n_s_m is -1"),
+            std::string::npos);
   for (const char* wrong : {"stiffness=-3", "spoon", "stiffness=100,press=1", "press=nan"})
     EXPECT_NE(complaint(built(kTemplate), wrong).find("give stiffness=N/m"), std::string::npos) << wrong;
   EXPECT_EQ(complaint(built(kTemplate), "stiffness=100,press=0.01"), "");

@@ -119,6 +119,14 @@ TEST(SimulatedDevice, LiftsWhenForceIsGoneAndAsksForItOutOfContact) {
   EXPECT_FALSE(in_contact);
 }
 
+TEST(SimulatedDevice, ItsLimitsStateItsOwnDampingWhichDataSheetsDoNot) {
+  SimulatedDeviceOptions options;
+  options.profile = device_profile("premium-1.5");
+  EXPECT_EQ(options.profile.limits().damping_n_s_m, 0);
+  options.damping_n_s_m = 0.7;
+  EXPECT_EQ(SimulatedDevice(options).profile().limits().damping_n_s_m, 0.7);
+}
+
 TEST(SimulatedDevice, ReadsInStepsOfItsResolution) {
   SimulatedDevice device(options());
   device.open();

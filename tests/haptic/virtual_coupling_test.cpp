@@ -104,6 +104,13 @@ TEST(VirtualCoupling, GivenAnyHandOfT57WhenItPressesThenItNeverGetsBackMoreThanI
   }
 }
 
+TEST(SimulatedPositionDevice, CountsOnNoFrictionAsNothingRubs) {
+  SimulatedPositionDeviceOptions options;
+  options.profile = device_profile("omni");
+  EXPECT_GT(options.profile.friction_n, 0);
+  EXPECT_EQ(SimulatedPositionDevice(options).profile().limits().friction_n, 0);
+}
+
 TEST(VirtualCoupling, GivenAToolOfLessThanHalfTheHandsMassWhenItPressesThenItShakes) {
   EXPECT_GT(press(hand(0.2, 2, 500), 400, 1, 0.09).later_over_earlier, 1);
   EXPECT_LT(press(hand(0.2, 2, 500), 400, 1, 0.15).later_over_earlier, 0.01);

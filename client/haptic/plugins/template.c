@@ -24,6 +24,8 @@ typedef struct vendor_device {
   int64_t last_ns;
 } vendor_device;
 
+#define VENDOR_DAMPING_N_S_M 5.0
+
 static vendor_device* vendor_connect(double stiffness_n_m, double press_m) {
   vendor_device* device = calloc(1, sizeof *device);
   if (device == NULL) return NULL;
@@ -42,7 +44,7 @@ static void vendor_set_force(vendor_device* device, const double force_n[3]) {
 
 /* m dv/dt = F - k (x - x_hand) - b v, semi-implicit, in steps of 0.1 ms. */
 static void vendor_update(vendor_device* device, int64_t now_ns) {
-  const double mass_kg = 0.1, damping_n_s_m = 5, step_s = 1e-4, longest_s = 0.1;
+  const double mass_kg = 0.1, damping_n_s_m = VENDOR_DAMPING_N_S_M, step_s = 1e-4, longest_s = 0.1;
   double elapsed_s = device->last_ns == 0 ? 0 : 1e-9 * (double)(now_ns - device->last_ns);
   device->last_ns = now_ns;
   if (elapsed_s > longest_s) elapsed_s = longest_s;
@@ -82,6 +84,7 @@ static int adapter_open(const char* settings, void** device, teletact_device_lim
   limits->largest_stiffness_n_m = 400;
   limits->largest_damping_n_s_m = 4;
   limits->workspace_radius_m = 0.075;
+  limits->damping_n_s_m = VENDOR_DAMPING_N_S_M;
   *device = opened;
   return 0;
 }
