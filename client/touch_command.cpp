@@ -1,4 +1,5 @@
 // teletact-client touch: the operator side.
+#include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -70,6 +71,10 @@ nlohmann::json quantiles(std::vector<double>& values_s) {
           {"max", percentile(values_s, 1)}};
 }
 
+nlohmann::json spells(const SpellCounter& counter) {
+  return {{"count", counter.count()}, {"s", counter.seconds()}};
+}
+
 nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
   TickStatistics& ticks = summary.ticks;
   TouchLinkStats& link = summary.link;
@@ -100,8 +105,9 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
         {"scheduling", summary.real_time.text}}},
       {"stalls", {{"count", ticks.stalls().count()}, {"s", ticks.stalls().seconds()}}},
       {"largest_force_n", ticks.largest_force_n()},
-      {"degraded_s", ticks.degraded_s()},
-      {"faded_s", ticks.faded_s()},
+      {"degraded", spells(ticks.degraded())},
+      {"service_degraded", spells(ticks.service_degraded())},
+      {"faded", spells(ticks.faded())},
       {"lost_s", ticks.lost_s()},
       {"states", changes},
       {"link",
@@ -151,9 +157,14 @@ void print(const nlohmann::json& json) {
               link["line_y_m"].get<double>(), link["largest_strain"].get<double>());
   std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
               json["stalls"]["s"].get<double>());
-  std::printf("  force     largest %.3f N; lost (PAUSED, FAULT) %.3f s, fading %.3f s, DEGRADED %.3f s\n",
-              json["largest_force_n"].get<double>(), json["lost_s"].get<double>(),
-              json["faded_s"].get<double>(), json["degraded_s"].get<double>());
+  const auto spell = [&json](const char* name) {
+    return fmt::format("{:.3f} s ({} times)", json[name]["s"].get<double>(),
+                       json[name]["count"].get<unsigned long>());
+  };
+  std::printf(
+      "  force     largest %.3f N; lost (PAUSED, FAULT) %.3f s, fading %s, DEGRADED %s; by the service %s\n",
+      json["largest_force_n"].get<double>(), json["lost_s"].get<double>(), spell("faded").c_str(),
+      spell("degraded").c_str(), spell("service_degraded").c_str());
   std::printf("  not good  of %lu answers %lu NOT_COVERED, %lu DEGRADED, %lu FAILED; %lu streams\n",
               count("answers"), count("not_covered"), count("degraded"), count("failed"), count("streams"));
 }
@@ -266,8 +277,11 @@ void add_touch_command(CLI::App& app) {
   command.footer(
       "The summary's words: a stall is the hand held for more than 1 ms at the border of what is covered; "
       "force\n"
-      "is lost while PAUSED or in FAULT, fading while answers stay away, DEGRADED while the service doubts "
-      "it.");
+      "is lost while PAUSED or in FAULT, fading while answers stay away, DEGRADED (and fading) while the "
+      "answer\n"
+      "behind it is old or the display generates energy; DEGRADED by the service while that does not trust "
+      "its\n"
+      "answer: then it is felt as it is.");
   command.callback([arguments] { run(*arguments); });
 }
 

@@ -32,6 +32,7 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double
   const v1::TouchStatus status = answer.status();
   out.has_force = status != v1::TOUCH_STATUS_FAILED && status != v1::TOUCH_STATUS_UNSPECIFIED;
   out.covered = status != v1::TOUCH_STATUS_NOT_COVERED;
+  out.degraded = status == v1::TOUCH_STATUS_DEGRADED;
   if (!out.has_force || !out.covered) return out;
   if (answer.force_n_size() < 2) return std::nullopt;
   sample.force_n = plane(answer.force_n());
@@ -78,6 +79,16 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_round_trip_s(tick.round_trip_s);
   sample.set_clock_offset_s(tick.clock_offset_s);
   sample.set_modulus_age_s(tick.modulus_age_s);
+  sample.set_reason(static_cast<std::uint32_t>(tick.reason));
+  sample.set_degraded(tick.degraded);
+  sample.set_indebted(tick.indebted);
+  sample.set_service_degraded(tick.service_degraded);
+  sample.set_faded(tick.faded);
+  sample.set_stiffness_n_m(tick.stiffness_n_m);
+  sample.set_stiffness_variance(tick.stiffness_variance);
+  sample.set_gain(tick.gain);
+  sample.set_energy_j(tick.energy_j);
+  sample.set_damping_n_s_m(tick.damping_n_s_m);
   return entry;
 }
 

@@ -12,6 +12,7 @@
 
 #include "client/link/channel.h"
 #include "client/link/convert.h"
+#include "client/link/tick_log.h"
 #include "client/link/waiting.h"
 #include "client/render/renderers.h"
 
@@ -113,14 +114,12 @@ std::unique_ptr<RecordWriter> open_recording(const TouchSessionOptions& options)
 }
 
 // Empties the servo's telemetry into the statistics, the log and the recording.
-void drain(ServoLoop& servo, TickStatistics& statistics, RecordWriter* recorder) {
+void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordWriter* recorder) {
   ServoTick tick;
   while (servo.telemetry().pop(tick)) {
-    if (statistics.add(tick)) {
-      const bool trouble = tick.reason == StateReason::kSilence || tick.state == ServoState::kFault;
-      spdlog::log(trouble ? spdlog::level::warn : spdlog::level::info, "servo {}: {}", name(tick.state),
-                  describe(tick.reason));
-    }
+    statistics.add(tick);
+    for (const LogLine& line : log.add(tick))
+      spdlog::log(line.warning ? spdlog::level::warn : spdlog::level::info, "{}", line.text);
     if (recorder != nullptr) recorder->append(to_record(tick));
   }
 }
@@ -171,10 +170,11 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   });
   link.start();
   bool told = false;
+  TickLog log;
   Waiting waiting;
   while (!stop && link.failure().empty() && !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
-    drain(*servo, summary.ticks, recorder.get());
+    drain(*servo, summary.ticks, log, recorder.get());
     if (!told && servo_started.load(std::memory_order_acquire) && options.real_time) {
       spdlog::info("servo: {}", summary.real_time.text);
       told = true;
@@ -187,7 +187,7 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   servo_thread.join();
   link.stop();
   device->close();
-  drain(*servo, summary.ticks, recorder.get());
+  drain(*servo, summary.ticks, log, recorder.get());
   summary.link = link.stats();
   summary.overruns = servo->overruns();
   summary.rejected_answers = servo->rejected_answers();

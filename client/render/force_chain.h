@@ -42,6 +42,7 @@ struct ForceChainOutput {
   double energy_j = 0;       // the passivity observer's
   double silence_gain = 1;
   bool degraded = false;    // model age past its limit, or energy generated past its
+  bool indebted = false;    // the second of them
   bool not_finite = false;  // what was rendered was no number: fault
   bool too_fast = false;    // the device runs away: fault
 };

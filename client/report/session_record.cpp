@@ -38,6 +38,9 @@ TouchTick tick_of(const v1::ServoSample& sample, double time_s, double line_y_m)
   tick.lateness_s = sample.lateness_s();
   tick.enabled = sample.state() == static_cast<std::uint32_t>(ServoState::kEnabled);
   tick.at_border = sample.at_border();
+  if (sample.has_degraded()) tick.degraded = sample.degraded();
+  if (sample.has_service_degraded()) tick.service_degraded = sample.service_degraded();
+  if (sample.has_faded()) tick.faded = sample.faded();
   return tick;
 }
 

@@ -21,6 +21,7 @@ struct TouchTick {
   double lateness_s = 0;
   bool enabled = false;
   bool at_border = false;
+  std::optional<bool> degraded, service_degraded, faded;  // absent in recordings of earlier versions
 };
 
 struct TouchAnswerTime {

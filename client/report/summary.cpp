@@ -62,6 +62,16 @@ std::size_t distinct_poses(const std::vector<TouchAnswerTime>& answers) {
   return distinct;
 }
 
+// How often, and how long in all, while force was on; null where the recording does not say.
+json spells(const TouchRecord& touch, std::optional<bool> TouchTick::*what) {
+  SpellCounter counter;
+  for (const TouchTick& tick : touch.ticks) {
+    if (!(tick.*what)) return nullptr;
+    counter.add(tick.time_s, tick.enabled && *(tick.*what));
+  }
+  return {{"count", counter.count()}, {"s", counter.seconds()}};
+}
+
 json touch_figures(const TouchRecord& touch) {
   std::vector<double> latency_s;
   for (const TouchAnswerTime& answer : touch.answers) latency_s.push_back(answer.latency_s);
@@ -72,6 +82,9 @@ json touch_figures(const TouchRecord& touch) {
   return {{"touch_rate_hz", span_s > 0 ? static_cast<double>(distinct - 1) / span_s : 0},
           {"touch_latency_s", quantiles(latency_s, "p99", 0.99)},
           {"stalls", {{"count", stalls.count()}, {"s", stalls.seconds()}}},
+          {"degraded", spells(touch, &TouchTick::degraded)},
+          {"service_degraded", spells(touch, &TouchTick::service_degraded)},
+          {"faded", spells(touch, &TouchTick::faded)},
           {"answers",
            {{"count", touch.answers.size()},
             {"distinct_poses", distinct},

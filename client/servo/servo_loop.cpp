@@ -63,6 +63,7 @@ void ServoLoop::take_answer(std::int64_t now_ns) noexcept {
       if (answer_.has_force) {
         renderer_.update(answer_.sample, reading_.pose, seconds(now_ns));
         has_force_ = true;
+        force_degraded_ = answer_.degraded;
         force_sequence_ = answer_.sample.sequence;
         force_time_s_ = answer_.sample.pose_time_s;
       }
@@ -125,6 +126,8 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.held_at_border = reading_.held_at_border;
   tick.degraded = limited.degraded;
+  tick.indebted = limited.indebted;
+  tick.service_degraded = force_degraded_;
   tick.faded = limited.silence_gain < 1;
   ticks_.fetch_add(1, std::memory_order_relaxed);
   if (tick.lateness_s > options_.overrun_s) overruns_.fetch_add(1, std::memory_order_relaxed);

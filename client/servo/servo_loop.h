@@ -22,6 +22,7 @@ struct ServoAnswer {
   ForceSample sample;
   bool has_force = true;  // false: the service could not compute one; the link is alive all the same
   bool covered = false;   // a window covers the pose
+  bool degraded = false;  // the service says that its force is not to be trusted
   double covered_begin_m = 0;
   double covered_end_m = 0;
   std::int64_t received_ns = 0;  // servo clock
@@ -58,7 +59,10 @@ struct ServoTick {
   double energy_j = 0;       // the passivity observer's
   double damping_n_s_m = 0;  // the passivity controller's
   bool held_at_border = false;
-  bool degraded = false;
+  bool degraded = false;  // the chain trusts the force no longer and fades it
+  bool indebted = false;  // of these: for energy generated, else for the age of the model
+  bool service_degraded =
+      false;           // the service does not trust the answer behind the force; rendered all the same
   bool faded = false;  // silence takes force away
 };
 
@@ -121,8 +125,9 @@ class ServoLoop {
   DeviceReading reading_;
   ServoAnswer answer_;  // newest that arrived
   ServoAnswer incoming_;
-  bool answered_ = false;   // any answer yet
-  bool has_force_ = false;  // any with a force
+  bool answered_ = false;        // any answer yet
+  bool has_force_ = false;       // any with a force
+  bool force_degraded_ = false;  // what the service says of the newest force
   std::uint64_t force_sequence_ = 0;
   double force_time_s_ = 0;  // of the pose behind the newest force
   double silence_s_ = 0;

@@ -23,6 +23,13 @@ void StallCounter::add(double time_s, bool held) noexcept {
   held_ = held;
 }
 
+void SpellCounter::add(double time_s, bool on) noexcept {
+  if (on_) seconds_ += time_s - last_s_;
+  count_ += on && !on_;
+  on_ = on;
+  last_s_ = time_s;
+}
+
 double percentile(std::vector<double>& values, double share) {
   if (values.empty()) return 0;
   const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(values.size())));
@@ -31,7 +38,7 @@ double percentile(std::vector<double>& values, double share) {
   return values[index];
 }
 
-bool TickStatistics::add(const ServoTick& tick) {
+void TickStatistics::add(const ServoTick& tick) {
   const bool changed = ticks_ == 0 || tick.state != last_.state || tick.reason != last_.reason;
   if (ticks_ == 0) first_ns_ = tick.time_ns;
   const double time_s = 1e-9 * static_cast<double>(tick.time_ns - first_ns_);
@@ -40,8 +47,6 @@ bool TickStatistics::add(const ServoTick& tick) {
     if (last_.state == ServoState::kEnabled) {
       enabled_s_ += step_s;
       lost_now_s_ = 0;
-      if (last_.degraded) degraded_s_ += step_s;
-      if (last_.faded) faded_s_ += step_s;
     } else if (enabled_s_ > 0) {
       lost_s_ += step_s;
       lost_now_s_ += step_s;
@@ -50,13 +55,16 @@ bool TickStatistics::add(const ServoTick& tick) {
     slack_s_.push_back(tick.slack_s);
   }
   if (changed) changes_.push_back({time_s, tick.state, tick.reason});
+  const bool enabled = tick.state == ServoState::kEnabled;
+  degraded_.add(time_s, enabled && tick.degraded);
+  service_degraded_.add(time_s, enabled && tick.service_degraded);
+  faded_.add(time_s, enabled && tick.faded);
   stalls_.add(time_s, tick.held_at_border);
   largest_force_n_ = std::max(largest_force_n_, tick.force_n.norm());
   lateness_s_.push_back(tick.lateness_s);
-  if (tick.state == ServoState::kEnabled) model_age_s_.push_back(tick.model_age_s);
+  if (enabled) model_age_s_.push_back(tick.model_age_s);
   last_ = tick;
   ++ticks_;
-  return changed;
 }
 
 double TickStatistics::duration_s() const noexcept {

@@ -25,6 +25,20 @@ class StallCounter {
   double seconds_ = 0;
 };
 
+// Spells of something that a tick says, and how long they were in all.
+class SpellCounter {
+ public:
+  void add(double time_s, bool on) noexcept;
+  std::uint64_t count() const noexcept { return count_; }
+  double seconds() const noexcept { return seconds_; }
+
+ private:
+  bool on_ = false;
+  double last_s_ = 0;
+  std::uint64_t count_ = 0;
+  double seconds_ = 0;
+};
+
 // The value below which `share` (0 .. 1) of the values lie; 0 of none. Reorders them.
 double percentile(std::vector<double>& values, double share);
 
@@ -36,15 +50,16 @@ struct StateChange {
 
 class TickStatistics {
  public:
-  // True when the state or its reason differs from the tick before.
-  bool add(const ServoTick& tick);
+  void add(const ServoTick& tick);
 
   std::uint64_t ticks() const noexcept { return ticks_; }
   double duration_s() const noexcept;
   double rate_hz() const noexcept;
   double enabled_s() const noexcept { return enabled_s_; }
-  double degraded_s() const noexcept { return degraded_s_; }  // while ENABLED
-  double faded_s() const noexcept { return faded_s_; }        // while ENABLED: by silence
+  // While ENABLED: faded for age or energy, not trusted by the service, faded by silence.
+  const SpellCounter& degraded() const noexcept { return degraded_; }
+  const SpellCounter& service_degraded() const noexcept { return service_degraded_; }
+  const SpellCounter& faded() const noexcept { return faded_; }
   double lost_s() const noexcept {
     return lost_s_;
   }  // not ENABLED, after force has been on for the first time
@@ -63,8 +78,9 @@ class TickStatistics {
   std::int64_t first_ns_ = 0;
   ServoTick last_;
   double enabled_s_ = 0;
-  double degraded_s_ = 0;
-  double faded_s_ = 0;
+  SpellCounter degraded_;
+  SpellCounter service_degraded_;
+  SpellCounter faded_;
   double lost_s_ = 0;
   double lost_now_s_ = 0;
   double largest_force_n_ = 0;

@@ -111,6 +111,26 @@ TEST(Summary, StallsAndOverrunsAreCountedFromTheTicks) {
   EXPECT_FALSE(target(s, "stalls")["met"].get<bool>());
 }
 
+TEST(Summary, DoubtIsCountedWhereTheRecordingSaysIt) {
+  TouchRecord record = touch();
+  const auto summed = [&] {
+    return summarise(tissue(), record, acquire(), force(), one_found_one_missed_one_invented(), "1.2.3");
+  };
+  EXPECT_TRUE(summed()["degraded"].is_null());  // a recording from before: not known, which is not zero
+  EXPECT_TRUE(summed()["faded"].is_null());
+  for (std::size_t k = 0; k < record.ticks.size(); ++k) {
+    TouchTick& tick = record.ticks[k];
+    tick.enabled = k >= 100;
+    tick.degraded = k < 200 || (k >= 500 && k < 600);  // of the first 200 the last 100 with force on
+    tick.faded = false;
+    tick.service_degraded = k == 700;
+  }
+  EXPECT_EQ(summed()["degraded"]["count"].get<int>(), 2);
+  EXPECT_NEAR(summed()["degraded"]["s"].get<double>(), 0.2, 1e-9);
+  EXPECT_EQ(summed()["faded"]["count"].get<int>(), 0);
+  EXPECT_EQ(summed()["service_degraded"]["count"].get<int>(), 1);
+}
+
 TEST(Summary, SaysWhichInclusionsWereMissedAndInventedWithBothContrasts) {
   const json s = summary();
   EXPECT_EQ(s["inclusions"]["missed"].get<int>(), 1);

@@ -1,0 +1,63 @@
+#include "client/link/tick_log.h"
+
+#include <fmt/format.h>
+
+namespace teletact::client {
+namespace {
+
+std::string degraded(const ServoTick& tick) {
+  return tick.indebted ? fmt::format("DEGRADED, force fading: the display generated energy, {:.1f} mJ in all",
+                                     -1e3 * tick.energy_j)
+                       : fmt::format("DEGRADED, force fading: the answer behind it is {:.0f} ms old",
+                                     1e3 * tick.model_age_s);
+}
+
+std::string degraded_by_service(const ServoTick&) {
+  return "DEGRADED by the service, felt as it is: the service's warning says why";
+}
+
+std::string fading(const ServoTick& tick) {
+  return fmt::format("fading, no answer for {:.0f} ms", 1e3 * tick.silence_s);
+}
+
+}  // namespace
+
+void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what, std::vector<LogLine>& lines) {
+  const double time_s = 1e-9 * static_cast<double>(tick.time_ns);
+  if (on && !spell.on) {
+    spell.begin_s = time_s;
+    spell.told = time_s - spell.told_s >= kEveryS;
+    if (spell.told) {
+      const std::string more =
+          spell.untold > 0 ? fmt::format("; {} times more since this was said last", spell.untold) : "";
+      lines.push_back({true, "servo " + what(tick) + more});
+      spell.told_s = time_s;
+      spell.untold = 0;
+    } else {
+      ++spell.untold;
+    }
+  }
+  if (!on && spell.on && spell.told) {
+    const std::string text = what(tick);
+    lines.push_back({false, fmt::format("servo no longer {}, after {:.2f} s", text.substr(0, text.find(',')),
+                                        time_s - spell.begin_s)});
+  }
+  spell.on = on;
+}
+
+std::vector<LogLine> TickLog::add(const ServoTick& tick) {
+  std::vector<LogLine> lines;
+  if (!started_ || tick.state != last_.state || tick.reason != last_.reason) {
+    const bool trouble = tick.reason == StateReason::kSilence || tick.state == ServoState::kFault;
+    lines.push_back({trouble, fmt::format("servo {}: {}", name(tick.state), describe(tick.reason))});
+  }
+  const bool enabled = tick.state == ServoState::kEnabled;
+  follow(degraded_, enabled && tick.degraded, tick, degraded, lines);
+  follow(service_degraded_, enabled && tick.service_degraded, tick, degraded_by_service, lines);
+  follow(faded_, enabled && tick.faded, tick, fading, lines);
+  started_ = true;
+  last_ = tick;
+  return lines;
+}
+
+}  // namespace teletact::client

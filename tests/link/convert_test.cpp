@@ -1,0 +1,51 @@
+#include "client/link/convert.h"
+
+#include <gtest/gtest.h>
+
+namespace teletact::client {
+namespace {
+
+v1::TouchAnswer answer(v1::TouchStatus status) {
+  v1::TouchAnswer answer;
+  answer.set_status(status);
+  for (const double value : {0.01, 0.002, 0.0}) answer.add_position_m(value);
+  for (const double value : {0.1, -0.6, 0.0}) answer.add_force_n(value);
+  for (int k = 0; k < 9; ++k) answer.add_tangent_n_m(-300);
+  return answer;
+}
+
+TEST(Convert, TheServicesDoubtReachesTheServo) {
+  const auto good = to_servo_answer(answer(v1::TOUCH_STATUS_OK), 0, 0.002, 1);
+  const auto doubted = to_servo_answer(answer(v1::TOUCH_STATUS_DEGRADED), 0, 0.002, 1);
+  ASSERT_TRUE(good && doubted);
+  EXPECT_FALSE(good->degraded);
+  EXPECT_TRUE(doubted->degraded);
+  EXPECT_TRUE(doubted->has_force);
+  EXPECT_EQ(doubted->sample.force_n, good->sample.force_n);
+}
+
+TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
+  ServoTick tick;
+  tick.state = ServoState::kPaused;
+  tick.reason = StateReason::kSilence;
+  tick.degraded = tick.indebted = tick.service_degraded = tick.faded = true;
+  tick.stiffness_n_m = 310;
+  tick.stiffness_variance = 16;
+  tick.gain = 0.4;
+  tick.energy_j = -0.003;
+  tick.damping_n_s_m = 1.5;
+  const v1::ServoSample sample = to_record(tick).servo();
+  EXPECT_EQ(sample.reason(), static_cast<std::uint32_t>(StateReason::kSilence));
+  EXPECT_TRUE(sample.degraded() && sample.indebted() && sample.service_degraded() && sample.faded());
+  EXPECT_EQ(sample.stiffness_n_m(), 310);
+  EXPECT_EQ(sample.stiffness_variance(), 16);
+  EXPECT_EQ(sample.gain(), 0.4);
+  EXPECT_EQ(sample.energy_j(), -0.003);
+  EXPECT_EQ(sample.damping_n_s_m(), 1.5);
+  // What is false is there as well: a reader tells it from a recording that does not say.
+  EXPECT_TRUE(to_record({}).servo().has_degraded());
+  EXPECT_FALSE(to_record({}).servo().degraded());
+}
+
+}  // namespace
+}  // namespace teletact::client

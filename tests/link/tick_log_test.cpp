@@ -1,0 +1,91 @@
+#include "client/link/tick_log.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace teletact::client {
+namespace {
+
+// Ticks at 1 kHz into a log; what it said.
+class TickLogTest : public ::testing::Test {
+ protected:
+  void run(int ticks) {
+    for (int n = 0; n < ticks; ++n) {
+      for (const LogLine& line : log_.add(tick_)) said_.push_back((line.warning ? "W " : "I ") + line.text);
+      tick_.time_ns += 1'000'000;
+    }
+  }
+  void enable() {
+    tick_.state = ServoState::kEnabled;
+    tick_.reason = StateReason::kResumed;
+    run(10);
+    said_.clear();
+  }
+  TickLog log_;
+  ServoTick tick_;
+  std::vector<std::string> said_;
+};
+
+TEST_F(TickLogTest, SaysEveryStateOnceWithItsReason) {
+  run(3);
+  tick_.state = ServoState::kPaused;
+  tick_.reason = StateReason::kSilence;
+  run(3);
+  ASSERT_EQ(said_.size(), 2u);
+  EXPECT_EQ(said_[0], "I servo DISABLED: not started yet");
+  EXPECT_EQ(said_[1].rfind("W servo PAUSED: no answer", 0), 0u) << said_[1];
+}
+
+TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
+  enable();
+  tick_.degraded = true;
+  tick_.model_age_s = 0.262;
+  run(300);
+  tick_.degraded = false;
+  run(2000);
+  tick_.degraded = tick_.indebted = true;
+  tick_.energy_j = -0.0062;
+  run(5);
+  ASSERT_EQ(said_.size(), 3u);
+  EXPECT_EQ(said_[0], "W servo DEGRADED, force fading: the answer behind it is 262 ms old");
+  EXPECT_EQ(said_[1], "I servo no longer DEGRADED, after 0.30 s");
+  EXPECT_EQ(said_[2], "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all");
+}
+
+TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswerAndThatTheForceStays) {
+  enable();
+  tick_.service_degraded = true;
+  run(100);
+  tick_.service_degraded = false;
+  run(1);
+  ASSERT_EQ(said_.size(), 2u);
+  EXPECT_EQ(said_[0], "W servo DEGRADED by the service, felt as it is: the service's warning says why");
+  EXPECT_EQ(said_[1], "I servo no longer DEGRADED by the service, after 0.10 s");
+}
+
+// A jittery link fades ten times a second: two lines a second are enough, and none is uncounted.
+TEST_F(TickLogTest, CountsWhatItDoesNotSay) {
+  enable();
+  for (int n = 0; n < 11; ++n) {
+    tick_.faded = true;
+    tick_.silence_s = 0.051;
+    run(40);
+    tick_.faded = false;
+    run(60);
+  }
+  ASSERT_EQ(said_.size(), 4u);
+  EXPECT_EQ(said_[0], "W servo fading, no answer for 51 ms");
+  EXPECT_EQ(said_[1], "I servo no longer fading, after 0.04 s");
+  EXPECT_EQ(said_[2], "W servo fading, no answer for 51 ms; 9 times more since this was said last");
+}
+
+TEST_F(TickLogTest, SaysNothingOfForceThatIsOff) {
+  tick_.degraded = tick_.faded = tick_.service_degraded = true;
+  run(10);
+  ASSERT_EQ(said_.size(), 1u);  // the state
+}
+
+}  // namespace
+}  // namespace teletact::client

@@ -1,0 +1,90 @@
+// A servo loop on a clock that moves when told to, with a device that the test holds and answers of analytic
+// tissue.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "client/haptic/haptic_device.h"
+#include "client/render/kalman_renderer.h"
+#include "client/servo/servo_loop.h"
+#include "tests/render/analytic_tissue.h"
+
+namespace teletact::client::test {
+
+// A device that stands where the test puts it and keeps the force it was given.
+class StillDevice final : public HapticDevice {
+ public:
+  const DeviceProfile& profile() const noexcept override { return device_profile("premium-1.5"); }
+  void open() override {}
+  void close() noexcept override {}
+  bool read(std::int64_t, DeviceReading& out) noexcept override {
+    out = reading;
+    return ok;
+  }
+  bool write(const Vector2& force_n) noexcept override {
+    force = force_n;
+    return ok;
+  }
+  DeviceReading reading;
+  Vector2 force = Vector2::Zero();
+  bool ok = true;
+};
+
+class ServoTest : public ::testing::Test {
+ protected:
+  ServoTest() {
+    options.chain.limits = device.profile().limits();
+    servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
+  }
+
+  void put_finger(double y_m) { device.reading.pose.position_m = Vector2(0.02, y_m); }
+
+  // Ticks for so long; answers every 3 ms unless silent.
+  void run(double seconds) {
+    for (int n = 0; n < seconds * 1000 - 0.5; ++n) {
+      clock.time_ns += 1'000'000;
+      if (!silent && n % 3 == 0) {
+        ServoAnswer answer;
+        const double now_s = 1e-9 * static_cast<double>(clock.time_ns);
+        answer.sample = tissue.answer(device.reading.pose.position_m, now_s, ++sequence);
+        answer.received_ns = clock.time_ns;
+        answer.covered = true;
+        answer.covered_end_m = 0.1;
+        answer.period_s = 0.002;
+        answer.degraded = service_degraded;
+        servo->answers().put(answer);
+      }
+      servo->tick(clock.time_ns);
+      ServoTick tick;
+      while (servo->telemetry().pop(tick)) {
+        largest_step_n = std::max(largest_step_n, (tick.force_n - last.force_n).norm());
+        last = tick;
+      }
+    }
+  }
+
+  void enable() {
+    put_finger(-0.003);
+    run(0.05);
+    servo->request_resume();
+    run(0.002);
+    ASSERT_EQ(last.state, ServoState::kEnabled);
+  }
+
+  ServoOptions options;
+  StillDevice device;
+  ManualClock clock;
+  KalmanRenderer renderer;
+  AnalyticTissue tissue;
+  std::unique_ptr<ServoLoop> servo;
+  bool silent = false;
+  bool service_degraded = false;  // the service's status
+  std::uint64_t sequence = 0;
+  ServoTick last;
+  double largest_step_n = 0;
+};
+
+}  // namespace teletact::client::test
