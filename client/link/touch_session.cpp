@@ -133,6 +133,25 @@ bool finished(const TouchSessionOptions& options, const HapticDevice& device,
   return options.duration_s > 0 && spent_s >= options.duration_s;
 }
 
+TouchLinkOptions link_options(const TouchSessionOptions& options, RecordWriter* recorder) {
+  TouchLinkOptions link;
+  link.address = options.address;
+  link.tls_ca = options.tls_ca;
+  link.open = options.open;
+  link.recorder = recorder;
+  return link;
+}
+
+void finish(TouchSummary& summary, const TouchLink& link, const ServoLoop& servo,
+            const HapticDevice& device) {
+  summary.link = link.stats();
+  summary.overruns = servo.overruns();
+  summary.rejected_answers = servo.rejected_answers();
+  summary.telemetry_dropped = servo.telemetry().dropped();
+  summary.passes = device.passes();
+  summary.device = device.profile().name;
+}
+
 TouchSituation situation_of(const TouchLink& link, const TickStatistics& statistics) {
   const ServoTick& tick = statistics.last();
   return {link.trouble(), tick.state, link.covered(), tick.held_at_border, tick.pose.position_m.x()};
@@ -145,55 +164,33 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   const auto renderer = make_renderer(options.renderer, servo_options.period_s);
   const v1::Scene scene = wait_for_scene(options, stop);
   const auto device = make_device({options.device, options.profile, hand_on(scene, options)});
-  device->open();
+  // Destroyed in the opposite order: the force goes first, while the link still answers; the device last.
+  const OpenDevice open(*device);
   const auto recorder = open_recording(options);
   servo_options.chain.limits = device->profile().limits();
-
   MonotonicClock clock;
   const auto servo = std::make_unique<ServoLoop>(*device, *renderer, clock, servo_options);
-  TouchLinkOptions link_options;
-  link_options.address = options.address;
-  link_options.tls_ca = options.tls_ca;
-  link_options.open = options.open;
-  link_options.recorder = recorder.get();
-  TouchLink link(link_options, servo->poses(), servo->answers(), clock);
+  TouchLink link(link_options(options, recorder.get()), servo->poses(), servo->answers(), clock);
+  ServoThread servo_thread(*servo, {options.real_time, options.servo_begins, options.servo_ended});
 
   TouchSummary summary;
-  std::atomic<bool> servo_stop{false};
-  std::atomic<bool> servo_started{false};
-  std::thread servo_thread([&] {
-    if (options.real_time) summary.real_time = ask_for_real_time();
-    servo_started.store(true, std::memory_order_release);
-    options.servo_begins();
-    servo->run(servo_stop);
-    options.servo_ended();
-  });
   link.start();
-  bool told = false;
   TickLog log;
   Waiting waiting;
-  while (!stop && link.failure().empty() && !finished(options, *device, summary.ticks)) {
+  while (!stop && link.failure().empty() && !servo_thread.over() &&
+         !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
     drain(*servo, summary.ticks, log, recorder.get());
-    if (!told && servo_started.load(std::memory_order_acquire) && options.real_time) {
-      spdlog::info("servo: {}", summary.real_time.text);
-      told = true;
-    }
+    const std::optional<RealTime> granted = servo_thread.real_time();
+    if (granted && summary.real_time.text.empty()) spdlog::info("servo: {}", granted->text);
+    summary.real_time = granted.value_or(RealTime());
     const std::string line = waiting.line(situation_of(link, summary.ticks), 1e-9 * clock.now_ns());
     if (!line.empty()) spdlog::warn("{}", line);
   }
-  // The force goes first, while the link still answers; then the link.
-  servo_stop = true;
-  servo_thread.join();
+  servo_thread.stop();
   link.stop();
-  device->close();
   drain(*servo, summary.ticks, log, recorder.get());
-  summary.link = link.stats();
-  summary.overruns = servo->overruns();
-  summary.rejected_answers = servo->rejected_answers();
-  summary.telemetry_dropped = servo->telemetry().dropped();
-  summary.passes = device->passes();
-  summary.device = device->profile().name;
+  finish(summary, link, *servo, *device);
   if (recorder) {
     summary.record_dropped = recorder->dropped();
     recorder->close();

@@ -10,7 +10,7 @@
 
 #include "client/link/devices.h"
 #include "client/link/touch_link.h"
-#include "client/servo/realtime.h"
+#include "client/servo/servo_thread.h"
 #include "client/servo/tick_statistics.h"
 
 namespace teletact::client {
@@ -33,7 +33,7 @@ struct TouchSessionOptions {
   std::string record_path;  // empty: no recording
   std::vector<std::string> arguments;
   bool real_time = true;  // ask for SCHED_FIFO and locked memory
-  // Called on the servo's thread around its loop, by those who measure it.
+  // ServoThread::Options::begins and ended.
   std::function<void()> servo_begins = [] {};
   std::function<void()> servo_ended = [] {};
 };
@@ -52,7 +52,8 @@ struct TouchSummary {
 
 // Runs until passes or duration are reached, a replayed motion is over, `stop` is set, or the link gives up.
 // Throws std::runtime_error or std::invalid_argument with one line for the user: no service, unknown scene,
-// nothing touchable, unknown device, profile or renderer, unwritable recording.
+// nothing touchable, unknown device, profile or renderer, unwritable recording. Whatever is thrown, the force
+// has been slewed to zero and the device closed by then.
 TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace teletact::client

@@ -88,6 +88,7 @@ class ServoLoop {
   LatestSlot<ServoAnswer>& answers() noexcept { return answers_; }  // written by the link
   LatestSlot<ServoPose>& poses() noexcept { return poses_; }        // read by the link
   Ring<ServoTick, kTelemetryTicks>& telemetry() noexcept { return telemetry_; }
+  const Ring<ServoTick, kTelemetryTicks>& telemetry() const noexcept { return telemetry_; }
 
   void request_resume() noexcept { resume_.store(true); }
   void request_pause() noexcept { pause_.store(true); }

@@ -80,6 +80,7 @@ class FakePalpation final : public v1::Palpation::Service {
 
   std::atomic<bool> silent{false};  // reads, never answers
   std::atomic<bool> scene_known{true};
+  std::atomic<bool> doubts{false};   // answers DEGRADED
   std::atomic<double> compute_s{0};  // per answer
   std::atomic<unsigned> credit{2};
   static constexpr std::chrono::seconds kModulusAge{7};
@@ -205,7 +206,7 @@ class FakePalpation final : public v1::Palpation::Service {
     answer.set_sequence(pose.sequence());
     *answer.mutable_pose_stamp() = pose.stamp();
     *answer.mutable_position_m() = pose.position_m();
-    answer.set_status(v1::TOUCH_STATUS_OK);
+    answer.set_status(doubts ? v1::TOUCH_STATUS_DEGRADED : v1::TOUCH_STATUS_OK);
     for (const double force : {sample.force_n.x(), sample.force_n.y(), 0.0}) answer.add_force_n(force);
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column) {

@@ -1,6 +1,8 @@
 #include "client/link/touch_session.h"
 
 #include <gtest/gtest.h>
+#include <spdlog/sinks/base_sink.h>
+#include <spdlog/spdlog.h>
 
 #include "client/link/replay.h"
 #include "tests/link/fake_palpation.h"
@@ -144,6 +146,46 @@ TEST(TouchSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
   EXPECT_EQ(changes[3].state, ServoState::kEnabled);
   EXPECT_EQ(summary.link.streams, 2u);
   std::remove(options.record_path.c_str());
+}
+
+// Throws what a logger passes on, at the line that a test waits for.
+class ThrowingSink final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  explicit ThrowingSink(std::string at) : at_(std::move(at)) {}
+
+ private:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    if (std::string_view(message.payload.data(), message.payload.size()).find(at_) != std::string_view::npos)
+      throw 7;  // NOLINT: spdlog keeps std::exception to itself
+  }
+  void flush_() override {}
+  std::string at_;
+};
+
+TEST(TouchSession, AnExceptionWithForceOnEndsTheSessionNotTheProcess) {
+  FakePalpation service(test::socket_address("throws"));
+  service.serve();
+  TouchSessionOptions options = test::session_options(test::socket_address("throws"));
+  options.duration_s = 5;
+  const std::atomic<bool> stop{false};
+  const auto logger = spdlog::default_logger();
+  spdlog::set_default_logger(
+      std::make_shared<spdlog::logger>("t", std::make_shared<ThrowingSink>("DEGRADED by the service")));
+  bool thrown = false;
+  std::thread session([&] {
+    try {
+      run_touch_session(options, stop);
+    } catch (int) {
+      thrown = true;
+    }
+  });
+  EXPECT_TRUE(service.wait_until(answers_at_least(500)));  // pressed
+  service.doubts = true;
+  session.join();
+  spdlog::set_default_logger(logger);
+  EXPECT_TRUE(thrown);
+  options.servo_begins = [] { throw std::runtime_error("no memory"); };
+  EXPECT_THROW(run_touch_session(options, stop), std::runtime_error);
 }
 
 TEST(TouchSession, SaysWhatIsWrong) {

@@ -3,11 +3,13 @@
 
 #include <atomic>
 #include <chrono>
+#include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include "client/haptic/simulated_device.h"
 #include "client/render/kalman_renderer.h"
-#include "client/servo/servo_loop.h"
+#include "client/servo/servo_thread.h"
 #include "tests/render/analytic_tissue.h"
 
 namespace teletact::client {
@@ -70,6 +72,83 @@ TEST(ServoThreads, LoopLinkTelemetryAndRequestsRunBesideEachOther) {
   EXPECT_EQ(seen + servo->telemetry().dropped(), servo->ticks());
   EXPECT_GT(largest_n, 0.1);
   EXPECT_EQ(tick.force_n.norm(), 0);
+}
+
+// Held out of the tissue until force is on, then pressed; keeps what was written. Read it when the loop is
+// over.
+class PressedDevice final : public HapticDevice {
+ public:
+  PressedDevice() { forces_n.reserve(20'000); }
+  const DeviceProfile& profile() const noexcept override { return device_profile("premium-1.5"); }
+  void open() override { opened = true; }
+  void close() noexcept override {
+    closed_with_n = forces_n.empty() ? 0 : forces_n.back().norm();
+    opened = false;
+  }
+  bool read(std::int64_t, DeviceReading& reading) noexcept override {
+    reading.pose.position_m = {0.02, force_on ? 0.004 : -0.003};
+    reading.resume_pressed = !force_on;
+    return true;
+  }
+  bool write(const Vector2& force_n) noexcept override {
+    if (forces_n.size() < forces_n.capacity()) forces_n.push_back(force_n);
+    return true;
+  }
+  void show(const OperatorView& view) noexcept override { force_on = view.force_on; }
+  std::vector<Vector2> forces_n;
+  bool opened = false, force_on = false;
+  double closed_with_n = -1;
+};
+
+// A link or a recording may throw at any time: GIVEN a finger pressed with force on WHEN the scope is left by
+// an exception THEN the force went down within the slew limit, and the device is closed after it.
+TEST(ServoThreads, AnExceptionTakesTheForceDownInOrder) {
+  PressedDevice device;
+  KalmanRenderer renderer;
+  MonotonicClock clock;
+  ServoOptions options;
+  options.chain.limits = device.profile().limits();
+  const auto servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
+  std::atomic<bool> stop_link{false};
+  std::thread link([&] { answer_poses(*servo, clock, stop_link); });
+  double before_n = 0;
+  const auto session = [&] {
+    const OpenDevice open(device);
+    ServoThread thread(*servo, {.real_time = false});
+    ServoTick tick;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+    while (before_n < 0.5 && std::chrono::steady_clock::now() < end)
+      while (servo->telemetry().pop(tick)) before_n = tick.force_n.norm();
+    throw std::runtime_error("the disk is full");
+  };
+  EXPECT_THROW(session(), std::runtime_error);
+  stop_link = true;
+  link.join();
+  EXPECT_GE(before_n, 0.5);
+  EXPECT_FALSE(device.opened);
+  EXPECT_EQ(device.closed_with_n, 0);
+  ASSERT_GT(device.forces_n.size(), 100u);
+  double largest_step_n = 0;
+  for (std::size_t n = 1; n < device.forces_n.size(); ++n)
+    largest_step_n = std::max(largest_step_n, (device.forces_n[n] - device.forces_n[n - 1]).norm());
+  EXPECT_LE(largest_step_n, options.chain.limits.largest_slew_n_s * options.chain.longest_dt_s * (1 + 1e-9));
+}
+
+TEST(ServoThreads, WhatIsThrownAroundTheLoopArrivesWhereItIsStopped) {
+  PressedDevice device;
+  KalmanRenderer renderer;
+  MonotonicClock clock;
+  const auto servo = std::make_unique<ServoLoop>(device, renderer, clock, ServoOptions());
+  ServoThread before(*servo, {.real_time = false, .begins = [] { throw std::runtime_error("no memory"); }});
+  EXPECT_THROW(before.stop(), std::runtime_error);
+  EXPECT_TRUE(before.over());
+  EXPECT_EQ(servo->ticks(), 0u);
+  before.stop();  // once is enough
+  ServoThread after(*servo, {.real_time = false, .ended = [] { throw std::runtime_error("no memory"); }});
+  EXPECT_THROW(after.stop(), std::runtime_error);
+  EXPECT_GT(servo->ticks(), 0u);
+  // Nobody asks: swallowed, and the process lives.
+  ServoThread unasked(*servo, {.real_time = false, .begins = [] { throw std::runtime_error("no memory"); }});
 }
 
 TEST(ServoThreads, NothingIsLostOrTornInTheTelemetryRing) {

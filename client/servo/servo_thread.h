@@ -1,0 +1,64 @@
+// The servo loop on its own thread for as long as this object lives: whatever ends its scope, an exception
+// included, takes the force down by the slew limit before anything that the loop borrows is gone.
+#pragma once
+
+#include <atomic>
+#include <exception>
+#include <functional>
+#include <optional>
+#include <thread>
+
+#include "client/servo/realtime.h"
+#include "client/servo/servo_loop.h"
+
+namespace teletact::client {
+
+// Open while it lives.
+class OpenDevice {
+ public:
+  // Throws as HapticDevice::open().
+  explicit OpenDevice(HapticDevice& device) : device_(device) { device_.open(); }
+  ~OpenDevice() { device_.close(); }
+  OpenDevice(const OpenDevice&) = delete;
+  OpenDevice& operator=(const OpenDevice&) = delete;
+
+ private:
+  HapticDevice& device_;
+};
+
+class ServoThread {
+ public:
+  struct Options {
+    bool real_time = true;  // ask for SCHED_FIFO and locked memory
+    // Called on the thread around the loop, by those who measure it.
+    std::function<void()> begins = [] {};
+    std::function<void()> ended = [] {};
+  };
+
+  // Borrows the loop, whose device is open. Throws std::system_error when there is no thread to be had.
+  ServoThread(ServoLoop& servo, Options options);
+  ~ServoThread();  // as stop(), errors swallowed
+  ServoThread(const ServoThread&) = delete;
+  ServoThread& operator=(const ServoThread&) = delete;
+
+  // Slews the force to zero and joins; then throws what `begins` or `ended` threw.
+  void stop();
+  // The loop is over, by stop() or because `begins` threw.
+  bool over() const noexcept { return over_.load(std::memory_order_acquire); }
+  // What was granted; absent before it is known, or when it was not asked for.
+  std::optional<RealTime> real_time() const;
+
+ private:
+  void run() noexcept;
+
+  ServoLoop& servo_;
+  Options options_;
+  RealTime granted_;
+  std::atomic<bool> asked_{false};
+  std::atomic<bool> stop_{false};
+  std::atomic<bool> over_{false};
+  std::exception_ptr error_;
+  std::thread thread_;
+};
+
+}  // namespace teletact::client
