@@ -10,17 +10,16 @@ HandPath::HandPath(const TrialOptions& options, double background_n_m) : sweep_m
   const double resisted = 1 + background_n_m / options.hand.stiffness_n_m;
   depth_m_ = options.indentation_m * resisted;
   // A light touch overcomes the device's friction.
-  touch_m_ =
-      options.light_touch ? kTouchM + options.device.friction_n / options.hand.stiffness_n_m : depth_m_;
-  // Each way down takes as long however deep the target goes for the resistance: the finger itself moves at
-  // kApproachMS.
-  touched_s_ = kHoverS + (kHoverM + std::min(touch_m_, options.indentation_m)) / kApproachMS;
+  touch_m_ = options.light_touch ? kTouchM + options.device.friction_n / options.hand.stiffness_n_m : 0;
+  touched_s_ = kHoverS + (kHoverM + touch_m_) / kApproachMS;
   pressing_s_ = touched_s_ + (options.light_touch ? kTouchS : 0);
-  pressed_s_ =
-      pressing_s_ + (options.indentation_m - std::min(touch_m_, options.indentation_m)) / kApproachMS;
+  // Into the tissue the finger itself moves at kApproachMS: the target goes as much faster as the resistance
+  // takes, but not so fast that the hand pulls by its damper instead of its stiffness.
+  const HandProfile& hand = options.hand;
+  const double finger_s = std::max(options.indentation_m - touch_m_ / resisted, 0.0) / kApproachMS;
+  pressed_s_ = pressing_s_ + std::max(finger_s, hand.damping_n_s_m / (kByDamper * hand.stiffness_n_m));
   begun_s_ = pressed_s_ + kPressedS;
   stopped_s_ = begun_s_ + (sweep_m_ > 0 ? sweep_m_ / kSpeedMS + kSpeedMS / kAccelerationMS2 : 0);
-  end_s_ = stopped_s_ + options.rest_s;
 }
 
 double HandPath::depth(double time_s) const {

@@ -15,18 +15,19 @@ class HandPath {
 
   HandTarget at(double time_s) const;  // velocity: mean over the next servo period
   bool exploring(double time_s) const { return time_s >= begun_s_ && time_s < stopped_s_; }
-  double end_s() const { return end_s_; }
+  double stopped_s() const { return stopped_s_; }
   static Vector2 start_m() { return {kBeginM, -kHoverM}; }
 
  private:
   static constexpr double kHoverM = 0.002, kApproachMS = 0.03, kSpeedMS = 0.12, kAccelerationMS2 = 2;
+  static constexpr double kByDamper = 0.3;  // of the final force, by the damper while pressing
   static constexpr double kTouchM = 0.0003, kTouchS = 0.5, kPressedS = 0.5;
   double depth(double time_s) const;
   double along(double time_s) const;
 
   double touch_m_, depth_m_;  // of the target: what the tissue's resistance takes is added
   double sweep_m_;
-  double touched_s_, pressing_s_, pressed_s_, begun_s_, stopped_s_, end_s_;
+  double touched_s_, pressing_s_, pressed_s_, begun_s_, stopped_s_;
 };
 
 }  // namespace teletact::bench

@@ -3,6 +3,7 @@
 // has the stated largest stiffness.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -45,6 +46,9 @@ class StabilityTissue {
       bend += (u * u - 1) / (kWidthM * kWidthM) * bump;
     }
     return spring_answer(position_m, k, slope, bend);
+  }
+  double energy_j(const client::Vector2& position_m) const {
+    return -0.5 * answer(position_m).force_n.y() * std::max(position_m.y(), 0.0);
   }
   client::Vector2 force_n(const client::Vector2& position_m) const { return answer(position_m).force_n; }
 

@@ -163,26 +163,29 @@ struct ForceErrors {
   double relative(double squares) const { return truth > 0 ? std::sqrt(squares / truth) : 0; }
 };
 
-// Slowest and fastest place over the last half second.
-struct Swing {
-  Vector2 low = Vector2::Constant(std::numeric_limits<double>::infinity());
-  Vector2 high = Vector2::Constant(-std::numeric_limits<double>::infinity());
-  void add(const Vector2& position_m) {
-    low = low.cwiseMin(position_m);
-    high = high.cwiseMax(position_m);
+// Energy of the port beyond what the tissue stores at the place: it may only grow, by what is dissipated.
+class Drawdown {
+ public:
+  void add(const StabilityTissue& tissue, const Plant& plant) {
+    const double stored_j = tissue.energy_j(plant.position_m());
+    const double beyond_j = plant.port_energy_j() - stored_j;
+    highest_j_ = std::max(highest_j_, beyond_j);
+    worst_j_ = std::max(worst_j_, highest_j_ - beyond_j);
+    stored_j_ = std::max(stored_j_, stored_j);
   }
-  double peak_to_peak_m() const { return (high - low).norm(); }
+  double share() const { return stored_j_ > 0 ? worst_j_ / stored_j_ : 0; }
+
+ private:
+  double highest_j_ = 0, worst_j_ = 0, stored_j_ = 0;
 };
 
-constexpr double kLostM = 0.05;       // this far from where it should be, nothing is left to simulate
-constexpr double kUnstableM = 0.004;  // a swing that a hand would not hold
-constexpr double kWatchedS = 0.5;
+constexpr double kLostM = 0.05;  // this far from where it should be, nothing is left to simulate
 
-Verdict judge(const TrialOptions& options, double swing_m) {
-  // What quantisation alone makes a hand tremble by, and what a hand still drifts by after its stop.
-  const double unfelt_m = 3 * options.device.resolution_m + 3e-5;
-  if (!(swing_m < kUnstableM)) return Verdict::kUnstable;
-  return swing_m < unfelt_m ? Verdict::kStable : Verdict::kLimitCycle;
+RestOptions rest_of(const TrialOptions& options) {
+  return {.update_s = options.update_s,
+          .delay_s = options.force_delay_s + options.model_delay_s,
+          .least_s = options.rest_s,
+          .unfelt_m = 3 * options.device.resolution_m + 3e-5};
 }
 
 void count_safety(const Controller& controller, TrialResult& result) {
@@ -192,9 +195,8 @@ void count_safety(const Controller& controller, TrialResult& result) {
   if (controller.last.damping_n_s_m > 0) ++result.damping_share;
 }
 
-void finish(const TrialOptions& options, const ForceErrors& errors, double swing_m, TrialResult& result) {
-  result.swing_m = swing_m;
-  result.verdict = judge(options, swing_m);
+void finish(const ForceErrors& errors, const Drawdown& drawdown, TrialResult& result) {
+  result.drawdown = drawdown.share();
   result.force_error = errors.relative(errors.felt);
   result.exact_law_error = errors.relative(errors.law);
   result.exact_tangent_error = errors.relative(errors.tangent);
@@ -208,18 +210,6 @@ void finish(const TrialOptions& options, const ForceErrors& errors, double swing
 
 }  // namespace
 
-const char* to_string(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kStable:
-      return "stable";
-    case Verdict::kLimitCycle:
-      return "limit cycle";
-    case Verdict::kUnstable:
-      return "unstable";
-  }
-  return "unknown";
-}
-
 client::DeviceProfile ideal_display() {
   constexpr double kNone = 1e6;
   return {"ideal", 1e3, kNone, 5, 1, 0, 0, 0, 0};
@@ -227,6 +217,7 @@ client::DeviceProfile ideal_display() {
 
 TrialResult run_trial(const TrialOptions& options) {
   const StabilityTissue tissue(options.scene, options.stiffness_n_m);
+  RestWatch rest(rest_of(options));
   const HandPath path(options, tissue.background_n_m());
   Plant plant({.mass_kg = options.device.apparent_mass_kg + options.hand.mass_kg,
                .damping_n_s_m = options.damping_n_s_m,
@@ -240,11 +231,13 @@ TrialResult run_trial(const TrialOptions& options) {
   Answers answers(tissue, options);
   std::array<Vector2, kLongestDelayTicks> written_n;
   written_n.fill(Vector2::Zero());
-  const std::size_t ticks = ticks_of(path.end_s()), late = ticks_of(options.force_delay_s);
+  const std::size_t ticks = ticks_of(path.stopped_s() + rest.length_s());
+  const std::size_t late = ticks_of(options.force_delay_s);
   ForceErrors errors;
-  Swing swing;
+  Drawdown drawdown;
   TrialResult result;
-  for (std::size_t tick = 0; tick < ticks; ++tick, ++result.ticks) {
+  bool lost = false;
+  for (std::size_t tick = 0; tick < ticks && !lost && !rest.settled(); ++tick, ++result.ticks) {
     const double time_s = kServoS * static_cast<double>(tick);
     const ToolPose pose = sensor.read(plant);
     Vector2& newest_n = written_n[tick % written_n.size()];
@@ -256,14 +249,14 @@ TrialResult run_trial(const TrialOptions& options) {
     if (options.safe && time_s >= HandPath::kHoverS) count_safety(controller, result);
     result.generated_j = std::max(result.generated_j, -plant.port_energy_j());
     result.stored_j = std::max(result.stored_j, plant.port_energy_j());
-    if (time_s >= path.end_s() - kWatchedS) swing.add(plant.position_m());
-    if (!((plant.position_m() - target.position_m).norm() <
-          kLostM + options.stiffness_n_m * options.indentation_m / options.hand.stiffness_n_m)) {
-      finish(options, errors, std::numeric_limits<double>::infinity(), result);
-      return result;
-    }
+    drawdown.add(tissue, plant);
+    if (time_s >= path.stopped_s()) rest.add(plant.position_m(), time_s - path.stopped_s());
+    lost = !((plant.position_m() - target.position_m).norm() <
+             kLostM + options.stiffness_n_m * options.indentation_m / options.hand.stiffness_n_m);
   }
-  finish(options, errors, swing.peak_to_peak_m(), result);
+  result.verdict = lost ? Verdict::kUnstable : rest.verdict();
+  result.swing_m = lost ? std::numeric_limits<double>::infinity() : rest.swing_m();
+  finish(errors, drawdown, result);
   return result;
 }
 

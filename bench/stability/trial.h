@@ -5,6 +5,7 @@
 #include <string>
 
 #include "bench/stability/plant.h"
+#include "bench/stability/rest.h"
 #include "bench/stability/tissue.h"
 #include "client/haptic/profiles.h"
 
@@ -32,19 +33,19 @@ struct TrialOptions {
   double force_delay_s = 0;      // from the renderer to the device
   double indentation_m = 0.003;  // that the hand goes for
   double sweep_m = 0.1;          // explored at 120 mm/s; 0: pressed alone
-  double rest_s = 1;             // at the end, watched
+  double rest_s = 1;             // at the end, watched, at least; see rest.h
   bool light_touch = true;       // before it presses, as fingers do; false: straight in
   bool safe = false;             // through the servo loop with its whole safety chain
 };
 
-enum class Verdict { kStable, kLimitCycle, kUnstable };
-const char* to_string(Verdict);
-
 struct TrialResult {
   Verdict verdict = Verdict::kStable;
-  double swing_m = 0;      // peak to peak over the last half second of rest
+  double swing_m = 0;      // peak to peak at the end of the rest
   double generated_j = 0;  // most that the display, damping and friction included, has given in excess
   double stored_j = 0;     // most that it has held
+  // Most that it has given since any moment, beyond what the true tissue gave back and its own damping and
+  // friction took: over the most that the tissue held. Reserves of earlier dissipation do not hide it.
+  double drawdown = 0;
   // RMS over the exploration in contact, over the RMS of the true force: of what was written, of the exact
   // contact law of the place that the newest answer is of, and of that answer's exact force and tangent.
   double force_error = 0, exact_law_error = 0, exact_tangent_error = 0;

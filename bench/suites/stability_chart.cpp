@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "bench/stability/parallel.h"
 #include "bench/stability/passivity_border.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
@@ -21,7 +22,7 @@ namespace {
 using nlohmann::json;
 
 constexpr double kSoftestNM = 1, kHardestNM = 2e4;
-constexpr double kSweepM = 0.03, kRestS = 0.8;
+constexpr double kSweepM = 0.03, kRestS = 2;
 constexpr double kFeltNM = 400;  // where the generated energy is told: a stiff inclusion
 
 const std::vector<HandProfile>& hands() {
@@ -112,21 +113,29 @@ json chart(const TrialOptions& at, const Axis& axis, double value) {
 }
 
 json measure(bool quick, std::vector<Target>& targets) {
-  json rows = json::array();
-  std::size_t passive_unstable = 0;
-  for (const Axis& axis : axes(quick))
+  struct Point {
+    TrialOptions trial;
+    const Axis* axis;
+    double value;
+  };
+  const std::vector<Axis> all_axes = axes(quick);
+  std::vector<Point> points;
+  for (const Axis& axis : all_axes)
     for (const double value : axis.values)
       for (const std::string& renderer : client::renderer_names())
         for (const double update_s : periods_s(quick)) {
-          TrialOptions t = base();
-          t.renderer = renderer;
-          t.update_s = update_s;
-          axis.set(t, value);
-          rows.push_back(chart(t, axis, value));
-          // Colgate's bound is sufficient: a held force inside of it may not shake.
-          if (renderer == "hold" && rows.back()["stable_n_m"] < rows.back()["colgate_n_m"])
-            ++passive_unstable;
+          points.push_back({base(), &axis, value});
+          points.back().trial.renderer = renderer;
+          points.back().trial.update_s = update_s;
+          axis.set(points.back().trial, value);
         }
+  std::vector<json> rows(points.size());
+  in_parallel(points.size(),
+              [&](std::size_t n) { rows[n] = chart(points[n].trial, *points[n].axis, points[n].value); });
+  // Colgate's bound is sufficient: a held force inside of it may not shake.
+  const auto passive_unstable = std::count_if(rows.begin(), rows.end(), [](const json& row) {
+    return row["renderer"] == "hold" && row["stable_n_m"] < row["colgate_n_m"];
+  });
   std::printf("\nborders of stability at %s, 0.5 N s/m, no delays: update (ms), then N/m by renderer\n",
               base().device.name.c_str());
   for (const double update_s : periods_s(quick)) {

@@ -6,6 +6,7 @@
 #include "bench/stability/felt.h"
 #include "bench/stability/passivity_border.h"
 #include "bench/stability/plant.h"
+#include "bench/stability/rest.h"
 #include "bench/stability/trial.h"
 
 namespace teletact::bench {
@@ -77,6 +78,57 @@ TEST(PassivityBorder, NoMotionCostsMoreThanTheWorst) {
 TEST(PassivityBorder, ASlowSinusoidHidesAFractionalDelay) {
   EXPECT_LT(border_n_s_m(slow_sinusoid(100, 400, 0.25), 300, 0.02, 0.005),
             0.95 * colgate_border_n_s_m(300, 0.02, 0.005));
+}
+
+// A swing of that start, growing or decaying (1/s), watched from the stop on.
+RestWatch watched(const RestOptions& options, double start_m, double growth_1_s, double hertz = 3) {
+  RestWatch watch(options);
+  for (int tick = 0; 0.001 * tick < watch.length_s(); ++tick) {
+    const double t = 0.001 * tick;
+    watch.add({0, start_m * std::exp(growth_1_s * t) * std::cos(2 * M_PI * hertz * t)}, t);
+  }
+  return watch;
+}
+
+TEST(RestWatch, ASwingThatDecaysIsStableHoweverSlowlyOneThatStaysIsALimitCycleAndALargeOneUnstable) {
+  const RestOptions slow{.update_s = 0.5, .delay_s = 0.1};
+  EXPECT_GE(watched(slow, 0, 0).length_s(), 40 * 0.6);
+  EXPECT_EQ(watched(slow, 0.002, -0.05).verdict(), Verdict::kStable);
+  EXPECT_GT(watched(slow, 0.002, -0.05).swing_m(), 0.0005);  // and is felt still
+  EXPECT_EQ(watched(slow, 0.001, 0).verdict(), Verdict::kLimitCycle);
+  EXPECT_EQ(watched(slow, 0.003, 0).verdict(), Verdict::kUnstable);
+  EXPECT_EQ(watched(slow, 0.0001, 0.2).verdict(), Verdict::kUnstable);
+  EXPECT_EQ(watched({}, 0.00001, 0).verdict(), Verdict::kStable);  // too small to feel
+  EXPECT_EQ(watched({}, 0.001, -30).settled(), true);
+}
+
+TEST(RestWatch, NoNumberIsUnstable) {
+  EXPECT_EQ(watched({}, std::nan(""), 0).verdict(), Verdict::kUnstable);
+}
+
+TEST(Trial, GivenAHandThatConvergesSlowlyUnderFewAnswersThenThatIsStable) {
+  TrialOptions options;
+  options.device = client::device_profile("premium-1.5");
+  options.renderer = "hold";
+  options.sweep_m = 0.03;
+  options.update_s = 0.5;
+  options.stiffness_n_m = 300;
+  EXPECT_EQ(run_trial(options).verdict, Verdict::kStable);
+  options.stiffness_n_m = 1000;
+  EXPECT_NE(run_trial(options).verdict, Verdict::kStable);
+}
+
+TEST(Trial, GivenALateModelThenEnergyGivenBeyondTheTissuesIsSeenWhateverWasDissipatedBefore) {
+  TrialOptions options;
+  options.safe = true;
+  options.scene = Scene::kInclusions;
+  options.stiffness_n_m = 800;
+  options.device = client::device_profile("premium-1.5");
+  EXPECT_LT(run_trial(options).drawdown, 0.1);
+  options.model_delay_s = 0.2;
+  const TrialResult late = run_trial(options);
+  EXPECT_GT(late.drawdown, 0.1);
+  EXPECT_LT(late.generated_j, 0.01 * late.stored_j);
 }
 
 TEST(Trial, AHeldFiftyHertzForceShakesWhereTheKalmanFilterIsStill) {
