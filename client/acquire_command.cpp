@@ -210,7 +210,7 @@ void run(const Arguments& arguments) {
   catch_signals();
   AcquireOptions options = arguments.acquire;
   options.all_maps = arguments.record_rf;
-  AcquireSession session(channel, source, options, observe(arguments, recorder));
+  AcquireSession session(arguments.address, arguments.tls_ca, source, options, observe(arguments, recorder));
   const AcquireResult result = acquire(session);
   std::printf("%zu windows published, %zu pairs not tracked\n", result.windows.size(), result.untracked);
   if (result.exhausted > 0)

@@ -11,18 +11,43 @@ namespace teletact::client {
 namespace {
 constexpr auto kReconnectAfter = std::chrono::milliseconds(100);
 constexpr double kExtrapolateAtMostS = 0.1;
+
+// What the same call would meet again; the rest (a link, a service that restarts or has too many callers) may
+// pass.
+bool is_final(const grpc::Status& status) {
+  using enum grpc::StatusCode;
+  switch (status.error_code()) {
+    case INVALID_ARGUMENT:
+    case NOT_FOUND:
+    case ABORTED:  // the scene was deleted
+    case PERMISSION_DENIED:
+    case UNAUTHENTICATED:
+    case UNIMPLEMENTED:
+    case FAILED_PRECONDITION:
+      return true;
+    default:
+      return false;
+  }
+}
+
 }  // namespace
 
-FingerWatch::FingerWatch(const std::shared_ptr<grpc::Channel>& channel, std::string scene_id)
-    : stub_(v1::Palpation::NewStub(channel)), scene_id_(std::move(scene_id)), thread_([this] { follow(); }) {}
+FingerWatch::FingerWatch(std::string address, std::string tls_ca, std::string scene_id)
+    : address_(std::move(address)),
+      tls_ca_(std::move(tls_ca)),
+      scene_id_(std::move(scene_id)),
+      thread_([this] { follow(); }),
+      guard_([this] { end_dead_streams(); }) {}
 
 FingerWatch::~FingerWatch() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
     if (context_) context_->TryCancel();
+    stopped_.notify_all();
   }
   thread_.join();
+  guard_.join();
 }
 
 FingerMotion FingerWatch::motion(std::int64_t now_ns) const {
@@ -54,16 +79,28 @@ void FingerWatch::follow() {
   while (read_stream()) std::this_thread::sleep_for(kReconnectAfter);
 }
 
+void FingerWatch::end_dead_streams() {
+  constexpr auto kLookEvery = std::chrono::milliseconds(100);
+  std::unique_lock lock(mutex_);
+  while (!stopped_.wait_for(lock, kLookEvery, [this] { return stopping_; })) {
+    const double silence_s = static_cast<double>(monotonic_ns() - arrived_ns_) * 1e-9;
+    if (context_ && silence_s > kDeadS) context_->TryCancel();  // ends the reader
+  }
+}
+
 bool FingerWatch::read_stream() {
   const auto context = std::make_shared<grpc::ClientContext>();
   {
     const std::lock_guard lock(mutex_);
     if (stopping_) return false;
     context_ = context;
+    arrived_ns_ = monotonic_ns();
   }
   v1::WatchFingerRequest request;
   request.set_scene_id(scene_id_);
-  const auto stream = stub_->WatchFinger(context.get(), request);
+  // A new connection each time: the old one may be half-open.
+  const auto stub = v1::Palpation::NewStub(make_channel(address_, tls_ca_));
+  const auto stream = stub->WatchFinger(context.get(), request);
   v1::FingerState state;
   while (stream->Read(&state)) store(state);
   const grpc::Status status = stream->Finish();
@@ -72,7 +109,7 @@ bool FingerWatch::read_stream() {
   // A finger that cannot be seen is not away: the session waits for the service to come back.
   newest_.velocity_m_s = 0;
   if (stopping_) return false;
-  if (status.ok() || status.error_code() == grpc::StatusCode::UNAVAILABLE) return true;
+  if (!is_final(status)) return true;
   failure_ = "WatchFinger: " + describe(status);
   return false;
 }

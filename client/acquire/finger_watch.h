@@ -1,8 +1,9 @@
-// Follows Palpation.WatchFinger on a thread of its own and keeps the newest state: latest value wins.
+// Follows Palpation.WatchFinger on a thread of its own and keeps the newest state: latest value wins. The
+// service says at least once a second where the finger is; a stream that says nothing for kDeadS is dead (a
+// half-open connection says nothing for ever) and is opened again on a new connection.
 #pragma once
 
-#include <grpcpp/channel.h>
-
+#include <condition_variable>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -17,7 +18,10 @@ namespace teletact::client {
 
 class FingerWatch {
  public:
-  FingerWatch(const std::shared_ptr<grpc::Channel>& channel, std::string scene_id);
+  static constexpr double kDeadS = 2;
+
+  // `tls_ca`: PEM text; empty: not encrypted.
+  FingerWatch(std::string address, std::string tls_ca, std::string scene_id);
   ~FingerWatch();
   FingerWatch(const FingerWatch&) = delete;
   FingerWatch& operator=(const FingerWatch&) = delete;
@@ -29,24 +33,25 @@ class FingerWatch {
   bool seen() const;  // a finger has been present at some time
   // Since when the finger has been away (CLOCK_MONOTONIC ns); nothing while it is present or was never there.
   std::optional<std::int64_t> gone_since_ns() const;
-  // Why the watch ended for good (scene deleted, call refused); empty while it runs or reconnects.
+  // Why the watch ended for good (no such scene, call refused); empty while it runs or reconnects.
   std::string failure() const;
 
  private:
   void follow();
   bool read_stream();  // false: ended for good
+  void end_dead_streams();
   void store(const teletact::v1::FingerState& state);
 
-  std::unique_ptr<teletact::v1::Palpation::Stub> stub_;
-  std::string scene_id_;
-  mutable std::mutex mutex_;
+  std::string address_, tls_ca_, scene_id_;
+  mutable std::mutex mutex_;  // everything below
+  std::condition_variable stopped_;
   FingerMotion newest_;
-  std::int64_t arrived_ns_ = 0;
+  std::int64_t arrived_ns_ = 0;  // of the newest state, or when its stream was opened
   bool seen_ = false, stopping_ = false;
   std::optional<std::int64_t> gone_since_ns_;
   std::string failure_;
   std::shared_ptr<grpc::ClientContext> context_;  // of the open stream, to cancel it
-  std::thread thread_;
+  std::thread thread_, guard_;
 };
 
 }  // namespace teletact::client

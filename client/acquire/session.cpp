@@ -5,6 +5,8 @@
 #include <exception>
 #include <utility>
 
+#include "client/link/channel.h"
+
 namespace teletact::client {
 namespace {
 
@@ -19,7 +21,7 @@ PlannerOptions planner_for(const FrameSource& source, PlannerOptions options) {
 
 }  // namespace
 
-AcquireSession::AcquireSession(const std::shared_ptr<grpc::Channel>& channel, FrameSource& source,
+AcquireSession::AcquireSession(const std::string& address, const std::string& tls_ca, FrameSource& source,
                                const AcquireOptions& options, AcquireObserver observer)
     : source_(source),
       options_(options),
@@ -27,8 +29,8 @@ AcquireSession::AcquireSession(const std::shared_ptr<grpc::Channel>& channel, Fr
       planner_(planner_for(source, options.planner), options.start_x_m, options.start_direction),
       epoch_ns_(monotonic_ns()),
       arm_(options.arm, planner_.window_x_m(planner_.window_at(options.start_x_m)), 0),
-      client_(channel, options.retry_for_s),
-      finger_(channel, options.scene_id),
+      client_(make_channel(address, tls_ca), options.retry_for_s),
+      finger_(address, tls_ca, options.scene_id),
       acquired_s_(source.window_count()),
       passes_(source.window_count(), 0),
       uploader_([this] { upload_loop(); }) {}

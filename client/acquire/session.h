@@ -4,8 +4,6 @@
 // computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits.
 #pragma once
 
-#include <grpcpp/channel.h>
-
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
@@ -66,8 +64,8 @@ class AcquireSession {
  public:
   static constexpr std::size_t kMaxQueuedUploads = 2;
 
-  // The scene must exist. `source` outlives the session.
-  AcquireSession(const std::shared_ptr<grpc::Channel>& channel, FrameSource& source,
+  // The scene must exist. `tls_ca`: PEM text; empty: not encrypted. `source` outlives the session.
+  AcquireSession(const std::string& address, const std::string& tls_ca, FrameSource& source,
                  const AcquireOptions& options, AcquireObserver observer);
   ~AcquireSession();
 

@@ -48,6 +48,18 @@ Vector2 ForceChain::wanted(const ForceChainInput& input, double dt_s, ForceChain
   return cap_magnitude(force_n, ceiling_n);
 }
 
+// A runaway is a fault for the state machine: the force then slews to zero instead of stepping there. A
+// device may state its velocity late or not at all, so a jump of its position is one too.
+bool ForceChain::too_fast(const ForceChainInput& input) noexcept {
+  const ToolPose& pose = input.pose;
+  const double largest_m_s = options_.limits.largest_speed_m_s;
+  const double largest_m = largest_m_s * std::max(options_.jump_s, input.dt_s);
+  const bool jumped = last_position_m_ && !((pose.position_m - *last_position_m_).norm() <= largest_m);
+  last_position_m_.reset();
+  if (pose.position_m.allFinite()) last_position_m_ = pose.position_m;
+  return jumped || !(pose.velocity_m_s.norm() <= largest_m_s);
+}
+
 ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   ForceChainOutput output;
   const ToolPose& pose = input.pose;
@@ -65,8 +77,7 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   const ForceLimits& limits = options_.limits;
   Vector2 force_n = cap_slew(wanted_n, last_force_n_, limits.largest_slew_n_s, dt_s);
   force_n = cap_magnitude(force_n, limits.largest_force_n);
-  // A runaway is a fault for the state machine: the force then slews to zero instead of stepping there.
-  output.too_fast = !(pose.velocity_m_s.norm() <= limits.largest_speed_m_s);
+  output.too_fast = too_fast(input);
   output.force_n = last_force_n_ = force_n;
   output.damping_n_s_m = passivity_.damping_n_s_m();
   output.energy_j = passivity_.energy_j();

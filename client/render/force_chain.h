@@ -4,6 +4,8 @@
 // out is finite, |F| <= F_max and |F(n) - F(n-1)| <= slew x dt.
 #pragma once
 
+#include <optional>
+
 #include "client/render/force_limits.h"
 #include "client/render/passivity.h"
 #include "client/render/renderer.h"
@@ -22,6 +24,8 @@ struct ForceChainOptions {
   double recover_1_s = 0.5;
   double start_ramp_s = 0.5;
   double longest_dt_s = 0.002;  // a tick that comes later than this slews no further
+  double jump_s =
+      0.01;  // a position further on than the speed limit gets in this, or since the last tick: too fast
 };
 
 struct ForceChainInput {
@@ -56,6 +60,7 @@ class ForceChain {
 
  private:
   Vector2 wanted(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
+  bool too_fast(const ForceChainInput& input) noexcept;
   void judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
 
   ForceChainOptions options_;
@@ -64,6 +69,7 @@ class ForceChain {
   double debt_gain_ = 1;  // 1: no energy is owed
   bool indebted_ = false;
   Vector2 last_force_n_ = Vector2::Zero();
+  std::optional<Vector2> last_position_m_;  // of the tick before; none when that was no number
 };
 
 }  // namespace teletact::client

@@ -90,8 +90,14 @@ grpc::Status PalpationService::WatchFinger(grpc::ServerContext* context,
     spdlog::info("event=watch_opened stream={} scene={} peer={}", ticket->id(), scene->id(), context->peer());
     Finger finger = scene->finger().now();
     bool changed = true;
+    Clock::time_point heartbeat;
     while (!context->IsCancelled() && !core_.calls.draining() && !scene->deleted()) {
-      if (changed && !writer->Write(finger_to(finger, *scene, core_.instance))) break;
+      // One that rests is told all the same: watchers take silence for a dead link, and proxies for an idle
+      // one.
+      if (changed || Clock::now() >= heartbeat) {
+        if (!writer->Write(finger_to(finger, *scene, core_.instance))) break;
+        heartbeat = Clock::now() + kFingerHeartbeat;
+      }
       const std::uint64_t seen = finger.generation;
       if (changed) std::this_thread::sleep_for(kPeriod);
       finger = scene->finger().newer_than(seen, Clock::now() + kLookForCancel);

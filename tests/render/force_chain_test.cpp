@@ -193,5 +193,28 @@ TEST(ForceChain, GivenAModelThatIsTooOldNowAndThenWhenAnswersComeThenTheForceIsN
   EXPECT_LT(high / low, 1.07);
 }
 
+// GIVEN a device that reports no velocity WHEN its position jumps THEN that is a runaway, whatever it says.
+TEST(ForceChain, APositionThatJumpsIsTooFastThoughNoVelocityIsReported) {
+  ForceChain chain{ForceChainOptions()};
+  ForceChainInput input;
+  input.on = true;
+  EXPECT_FALSE(chain.apply(input).too_fast);  // wherever it is first read
+  input.pose.position_m = {0.5, 0};
+  EXPECT_TRUE(chain.apply(input).too_fast);
+  EXPECT_FALSE(chain.apply(input).too_fast);  // it stands again
+  for (int n = 0; n < 100; ++n) {             // exploring at 0.3 m/s, in samples of 100 Hz
+    if (n % 10 == 0) input.pose.position_m.x() += 0.003;
+    EXPECT_FALSE(chain.apply(input).too_fast);
+  }
+  input.pose.position_m.x() += 0.05;  // a tick that came late saw a motion, no jump
+  input.dt_s = 0.06;
+  EXPECT_FALSE(chain.apply(input).too_fast);
+  input.dt_s = 0.001;
+  input.pose.position_m.x() = NAN;
+  EXPECT_TRUE(chain.apply(input).not_finite);
+  input.pose.position_m.x() = 0.1;
+  EXPECT_FALSE(chain.apply(input).too_fast);
+}
+
 }  // namespace
 }  // namespace teletact::client

@@ -289,6 +289,13 @@ TEST_F(Palpation, FingerIsWatched) {
   EXPECT_EQ(state.position_m(0), 0.0512);
   EXPECT_EQ(state.velocity_m_s(0), 0.12);
   EXPECT_GT(state.stamp().monotonic_ns(), 0);
+  // A finger at rest is told of all the same.
+  const auto rests = std::chrono::steady_clock::now();
+  for (int beat = 0; beat < 2; ++beat) {
+    ASSERT_TRUE(finger->Read(&state));
+    EXPECT_EQ(state.position_m(0), 0.0512);
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - rests, std::chrono::seconds(2));
   EXPECT_TRUE(toucher.finish().ok());
   do ASSERT_TRUE(finger->Read(&state));
   while (state.present());

@@ -97,6 +97,9 @@ class FakePalpation final : public v1::Palpation::Service {
     changed_.notify_all();
   }
 
+  std::atomic<int> watches{0};                                  // opened so far
+  std::atomic<grpc::StatusCode> refusal{grpc::StatusCode::OK};  // ends one watch, once
+
   grpc::Status CreateScene(grpc::ServerContext*, const v1::CreateSceneRequest* request,
                            v1::Scene* scene) override {
     const std::lock_guard lock(mutex_);
@@ -120,7 +123,9 @@ class FakePalpation final : public v1::Palpation::Service {
                            grpc::ServerWriter<v1::FingerState>* writer) override {
     std::unique_lock lock(mutex_);
     if (!scenes_.count(request->scene_id())) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    ++watches;
     for (std::uint64_t seen = 0; !context->IsCancelled();) {
+      if (refusal != grpc::StatusCode::OK) return {refusal.exchange(grpc::StatusCode::OK), "for now"};
       changed_.wait_for(lock, std::chrono::milliseconds(20), [&] { return changes_ != seen; });
       if (changes_ == seen) continue;
       seen = changes_;

@@ -1,0 +1,72 @@
+#include "client/acquire/finger_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <thread>
+
+#include "client/acquire/estimate_client.h"
+#include "tests/support/fake_service.h"
+#include "tests/support/fault_proxy.h"
+
+namespace teletact::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Waits until `met`; how long that took, or infinity after `most_s`.
+template <typename Condition>
+double seconds_until(const Condition& met, double most_s) {
+  const auto begin = Clock::now();
+  const auto waited_s = [&] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
+  while (waited_s() < most_s) {
+    if (met()) return waited_s();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return INFINITY;
+}
+
+class FingerWatchTest : public ::testing::Test {
+ protected:
+  FingerWatchTest() {
+    server.create_scene("s");
+    server.palpation.set_finger(true, 0.03, 0);
+  }
+  static bool stands_at(const FingerWatch& watch, double x_m) {
+    return watch.motion(monotonic_ns()).x_m == x_m;
+  }
+  test::FakeServer server;
+};
+
+TEST_F(FingerWatchTest, GoesOnAfterAnEndThatMayPass) {
+  FingerWatch watch(server.address(), "", "s");
+  using enum grpc::StatusCode;
+  double x_m = 0.03;
+  for (const grpc::StatusCode code :
+       {UNAVAILABLE, INTERNAL, UNKNOWN, RESOURCE_EXHAUSTED, DEADLINE_EXCEEDED}) {
+    ASSERT_LT(seconds_until([&] { return stands_at(watch, x_m); }, 5), 5) << code;
+    const int watches = server.palpation.watches;
+    server.palpation.refusal = code;
+    ASSERT_LT(seconds_until([&] { return server.palpation.watches > watches; }, 5), 5) << code;
+    server.palpation.set_finger(true, x_m += 0.001, 0);
+  }
+  EXPECT_EQ(watch.failure(), "");
+  server.palpation.refusal = ABORTED;
+  EXPECT_LT(seconds_until([&] { return !watch.failure().empty(); }, 5), 5);
+}
+
+// GIVEN a connection that goes half-open WHEN the finger moves THEN the watch notices the silence and sees it
+// on a new connection.
+TEST_F(FingerWatchTest, AStreamThatSaysNothingIsOpenedAgainElsewhere) {
+  test::FaultProxy proxy(server.address());
+  FingerWatch watch(proxy.address(), "", "s");
+  ASSERT_LT(seconds_until([&] { return stands_at(watch, 0.03); }, 5), 5);
+  proxy.play({.kind = test::FaultEvent::Kind::kHalfOpen});
+  server.palpation.set_finger(true, 0.05, 0);
+  EXPECT_LT(seconds_until([&] { return stands_at(watch, 0.05); }, 10), FingerWatch::kDeadS + 1);
+  EXPECT_EQ(watch.failure(), "");
+  EXPECT_GE(proxy.connections(), 2u);
+}
+
+}  // namespace
+}  // namespace teletact::client
