@@ -5,6 +5,7 @@
 #include <cmath>
 #include <ctime>
 #include <memory>
+#include <optional>
 
 #include "bench/suites/contact.h"
 #include "service/scene/strip.h"
@@ -56,7 +57,8 @@ json measure_lines(const ContactProblem& p, int repeats) {
   return {{"surface_s", quantiles(surface_s)}, {"all_lines_s", quantiles(all_s)}};
 }
 
-// A window of 60 mm in tissue wide enough that its strip has all of its context on both sides.
+// A window of 60 mm in tissue wide enough that its strip has all of its context on both sides: its model as
+// the service makes it, and made again when the tissue right of the window has changed. Both must be equal.
 json measure_strip(int repeats) {
   service::SceneGeometry geometry;
   geometry.width_m = 0.260;
@@ -66,12 +68,32 @@ json measure_strip(int repeats) {
                                  service::strip_lines(geometry)};
   service::Material material{std::vector<double>(grid.elements(), 10e3), geometry.poisson_ratio};
   for (std::size_t e = 0; e < grid.elements(); e += 7) material.youngs_modulus_pa[e] = 100e3;
-  std::vector<double> seconds;
-  seconds.reserve(static_cast<std::size_t>(repeats));
-  for (int k = 0; k < repeats; ++k)
-    seconds.push_back(
-        processor_seconds_of([&] { const TissueModel model(grid, material, geometry.supports, {}); }));
-  return {{"columns", grid.nx()}, {"rows", grid.ny()}, {"ready_s", quantiles(seconds)}};
+  const service::StripOptions strip;
+  const double reach_m = strip.hysteresis_m + strip.finger_reach_m;
+  const service::TissueModelOptions options{
+      .touch_begin_m = kBeginM - reach_m, .touch_end_m = kEndM + reach_m, .will_change = true};
+  const TissueModel before(grid, material, geometry.supports, options);
+  service::Material changed = material;
+  for (std::size_t e = 0; e < grid.elements(); ++e)
+    if (grid.x_m[e % (grid.nx() - 1) + 1] > kEndM) changed.youngs_modulus_pa[e] *= 2;
+  std::vector<double> ready_s, refreshed_s;
+  double difference = 0;
+  for (int k = 0; k < repeats; ++k) {
+    std::optional<TissueModel> anew, follows;
+    ready_s.push_back(processor_seconds_of([&] { anew.emplace(grid, changed, geometry.supports, options); }));
+    refreshed_s.push_back(
+        processor_seconds_of([&] { follows.emplace(grid, changed, geometry.supports, options, &before); }));
+    const std::array nodes{before.touchable_columns().first, grid.nx() / 2, before.touchable_columns().last};
+    difference = std::max(
+        difference, (anew->condensed(0)->among(nodes, nullptr) - follows->condensed(0)->among(nodes, nullptr))
+                        .cwiseAbs()
+                        .maxCoeff());
+  }
+  return {{"columns", grid.nx()},
+          {"rows", grid.ny()},
+          {"ready_s", quantiles(ready_s)},
+          {"refreshed_s", quantiles(refreshed_s)},
+          {"refreshed_difference", difference}};
 }
 
 // Largest difference of the tangent from the central difference of the force, over the largest entry.

@@ -90,7 +90,7 @@ double force_error(const Touch& touch, double compliance_error) {
   if (touch.samples == 0) return touch.amplification * compliance_error;
   constexpr double kUnfinished = 1.3;
   constexpr double kForceRounding = 1.5 * std::numeric_limits<double>::epsilon();
-  const double coverage = 0.8 + 2.4 / double(touch.samples), share = 0.1 / double(touch.samples);
+  const double coverage = 0.6 + 3.6 / double(touch.samples), share = 0.1 / double(touch.samples);
   return coverage * std::hypot(touch.sampled_error, share * touch.most_rounding) +
          kUnfinished * touch.unfinished_error + kForceRounding;
 }

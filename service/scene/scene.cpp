@@ -177,7 +177,8 @@ void Scene::check_window(double begin_m, double end_m) const {
                     begin_m, end_m, geometry_.width_m));
 }
 
-std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double begin_m, double end_m) const {
+std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double begin_m, double end_m,
+                                                const TissueModel* before) const {
   std::set<std::size_t> lines;
   {
     const std::lock_guard lock(users_);
@@ -185,8 +186,8 @@ std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double b
   }
   StripOptions strip = strip_;
   strip.interior_lines = !lines.empty() && *lines.rbegin() > 0;
-  auto model = build_strip(geometry_, map, begin_m, end_m, strip);
-  for (const std::size_t line : lines) model->condensed(line);
+  auto model = build_strip(geometry_, map, begin_m, end_m, strip, before);
+  for (const std::size_t line : lines) model->condensed(line, before);
   return model;
 }
 
@@ -221,7 +222,10 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   auto next = std::make_shared<SceneSnapshot>();
   next->windows = make_room(*old, *window);
   check();
-  window->model = build(*map, window->begin_m, window->end_m);
+  const auto same = std::find_if(old->windows.begin(), old->windows.end(),
+                                 [&](const auto& other) { return other->id == window->id; });
+  window->model = build(*map, window->begin_m, window->end_m,
+                        same == old->windows.end() ? nullptr : (*same)->model.get());
   check();
   window->version = versions_->next();
   next_window_id_ = std::max(next_window_id_, window->id + 1);
@@ -288,7 +292,7 @@ bool Scene::refresh_stale_window() {
     return false;
   }
   auto fresh = std::make_shared<WindowModel>(*nearest);
-  fresh->model = build(*old->map, nearest->begin_m, nearest->end_m);
+  fresh->model = build(*old->map, nearest->begin_m, nearest->end_m, nearest->model.get());
   fresh->version = versions_->next();
   stale_.erase(nearest->id);  // not before: what fails stays stale
   auto next = std::make_shared<SceneSnapshot>(*old);

@@ -118,7 +118,9 @@ class Scene {
   void forget(std::uint64_t callback);
 
  private:
-  std::shared_ptr<const TissueModel> build(const StitchedMap&, double begin_m, double end_m) const;
+  // `before` (may be null): the model whose place it takes.
+  std::shared_ptr<const TissueModel> build(const StitchedMap&, double begin_m, double end_m,
+                                           const TissueModel* before) const;
   // The windows that stay beside `window`: those that it and the others do not hide. It gets the id of the
   // one whose place it takes, or a new one.
   std::vector<std::shared_ptr<const WindowModel>> make_room(const SceneSnapshot&, WindowModel& window) const;

@@ -38,7 +38,8 @@ std::vector<double> strip_columns(const SceneGeometry& g, double begin_m, double
 }
 
 std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const StitchedMap& map, double begin_m,
-                                               double end_m, const StripOptions& o) {
+                                               double end_m, const StripOptions& o,
+                                               const TissueModel* before) {
   TissueGrid grid{strip_columns(g, begin_m, end_m, o), strip_lines(g, o)};
   Material material;
   material.poisson_ratio = g.poisson_ratio;
@@ -56,7 +57,8 @@ std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const Sti
   options.touch_end_m = reach.end_m;
   options.thickness_m = g.thickness_m;
   options.interior_lines = o.interior_lines;
-  return std::make_shared<const TissueModel>(std::move(grid), std::move(material), supports, options);
+  options.will_change = true;
+  return std::make_shared<const TissueModel>(std::move(grid), std::move(material), supports, options, before);
 }
 
 }  // namespace teletact::service

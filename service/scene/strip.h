@@ -34,8 +34,10 @@ std::vector<double> strip_columns(const SceneGeometry&, double begin_m, double e
 
 // The tissue model of the window [begin, end): element modulus = harmonic mean over the map's cells (series
 // model: exact for layers across the load, and unbiased for strain noise); edges of the strip inside the
-// tissue are free, edges on the tissue's border as in the geometry.
+// tissue are free, edges on the tissue's border as in the geometry. `before` (may be null): the model of the
+// same window over an older map; what has not changed since is taken over.
 std::shared_ptr<const TissueModel> build_strip(const SceneGeometry&, const StitchedMap&, double begin_m,
-                                               double end_m, const StripOptions& = {});
+                                               double end_m, const StripOptions& = {},
+                                               const TissueModel* before = nullptr);
 
 }  // namespace teletact::service

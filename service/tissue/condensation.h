@@ -1,57 +1,80 @@
-// Condensation of the tissue onto one line of nodes (T4.2, T4.4): layer-by-layer block elimination.
+// The stiffness of the tissue by layers of nodes, and its condensation onto one line (T4.2, T4.4).
 //
 // Ordered by lines of nodes, K is block tridiagonal: own blocks D_j, couplings E_j = K(j, j+1) that reach
 // three nodes. With everything below line j eliminated, B_j = D_j - E_j B_{j+1}^-1 E_j^T; with everything
 // above, A_j = D_j - E_{j-1}^T A_{j-1}^-1 E_{j-1}. Line j then sees the Schur complement A_j + B_j - D_j
 // (above + own + below), whose inverse is the compliance among its nodes: exact, whatever the line. Cost per
 // line: one dense symmetric inverse (m^3 flops, m = 2 nx) and O(m^2) for the sparse couplings.
+// Ordered by columns K has the same form: column_condensation.h.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstddef>
 #include <vector>
 
+#include "service/tissue/block_elimination.h"
 #include "service/tissue/grid.h"
 
 namespace teletact::service {
 
-// Replaces the lower triangle of the symmetric positive definite `a` by that of its inverse, by recursive
-// 2x2 blocks (all work in matrix products); the upper triangle is left alone. Throws std::domain_error when a
-// pivot is not positive or not finite.
-void invert_symmetric(Eigen::Ref<Eigen::MatrixXd> a);
-
-// A block that couples every node of one line to three nodes of a neighbouring one: row 2 i + a holds the
-// entries towards the degrees of freedom 2 (i-1) ... 2 (i+1) + 1; what falls outside is zero.
-struct LineCoupling {
-  Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor> band;
-  LineCoupling transposed() const;
+// Free nodes of the grid: those that no fixed edge holds. All bounds inclusive.
+struct FreeNodes {
+  std::size_t first_line = 0, last_line = 0, first_column = 0, last_column = 0;
+  std::size_t lines() const { return last_line - first_line + 1; }
+  std::size_t columns() const { return last_column - first_column + 1; }
 };
+// Throws std::invalid_argument when no edge is fixed (a free body has no compliance) or no node is free.
+FreeNodes free_nodes(const TissueGrid&, const Supports&);
 
-// The block tridiagonal stiffness over free degrees of freedom: fixed lines and columns are left out.
-class LayeredStiffness {
+// The elements between two neighbouring layers of nodes.
+class ElementLayer {
  public:
-  // Throws std::invalid_argument when the inputs are unusable or no edge is fixed (a free body has no
-  // compliance).
-  LayeredStiffness(const TissueGrid&, const Material&, const Supports&);
-  std::size_t first_line() const { return first_line_; }  // free lines, inclusive
-  std::size_t last_line() const { return last_line_; }
-  std::size_t first_column() const { return first_column_; }  // free columns, inclusive
-  std::size_t last_column() const { return last_column_; }
-  Eigen::Index size() const { return Eigen::Index(2 * (last_column_ - first_column_ + 1)); }
-  Eigen::MatrixXd own(std::size_t line) const;          // D_j, size x size
-  LineCoupling coupling_below(std::size_t line) const;  // E_j, line < last_line()
-  // B_j of the first free line: its stiffness with all lines below it eliminated; the lower triangle. `kept`
-  // (may be null) gets B_j of every free line, in order, for condensed_lines.
-  Eigen::MatrixXd eliminated_below(std::vector<Eigen::MatrixXd>* kept) const;
-  // A_j + B_j - D_j of every free line, in order from first_line(); lower triangles. `below`: B_j of every
-  // free line where they are known, else empty.
-  std::vector<Eigen::MatrixXd> condensed_lines(std::vector<Eigen::MatrixXd> below) const;
+  // Nodes along the layer first: 0 and 1 on the layer before, 2 and 3 on the one after.
+  using Stiffness = Eigen::Matrix<double, 8, 8>;
+  // Free nodes of a layer, inclusive; the number of elements.
+  ElementLayer(std::size_t first_node, std::size_t last_node, std::size_t count);
+  void add(const Stiffness& element) { elements_.push_back(element); }
+  // What they contribute to D of the layer before them, or of the one after.
+  enum Neighbour { kBefore = 0, kAfter = 1 };
+  void add_own(Neighbour, Eigen::MatrixXd& block) const;
+  LayerCoupling coupling() const;  // E: rows the layer before
 
  private:
-  void add_own(std::size_t line, Eigen::MatrixXd& block) const;
+  template <class Add>
+  void for_free_pairs(Add) const;
+  std::size_t first_node_, last_node_;
+  std::vector<Stiffness> elements_;
+};
+
+enum class Layers { kLines, kColumns };  // of nodes: what K is ordered by
+
+// The block tridiagonal stiffness over free degrees of freedom: fixed layers and nodes are left out. A
+// layer's freedoms are [u_x, u_y] of its nodes, from the left or from the top. Refers to grid and material.
+class LayeredStiffness {
+ public:
+  // Throws std::invalid_argument when the inputs are unusable, as free_nodes().
+  LayeredStiffness(const TissueGrid&, const Material&, const Supports&, Layers);
+  std::size_t layers() const;                               // fixed ones too
+  std::size_t first_layer() const { return first_layer_; }  // free ones, inclusive
+  std::size_t last_layer() const { return last_layer_; }
+  Eigen::Index size() const { return Eigen::Index(2 * (last_node_ - first_node_ + 1)); }
+  ElementLayer elements_after(std::size_t layer) const;  // between a layer and the next
+  Eigen::MatrixXd own(std::size_t layer) const;          // D_j, size x size
+  void add_own(std::size_t layer, Eigen::MatrixXd& block) const;
+
+ private:
   const TissueGrid& grid_;
   const Material& material_;
-  std::size_t first_line_ = 0, last_line_ = 0, first_column_ = 0, last_column_ = 0;
+  Layers layers_;
+  std::size_t first_layer_ = 0, last_layer_ = 0, first_node_ = 0, last_node_ = 0;
 };
+
+// B_j of the first free line: its stiffness with all lines below it eliminated; the lower triangle. `kept`
+// (may be null) gets B_j of every free line, in order, for condensed_lines.
+Eigen::MatrixXd eliminated_below(const LayeredStiffness& lines, std::vector<Eigen::MatrixXd>* kept);
+// A_j + B_j - D_j of every free line, in order; lower triangles. `below`: B_j of every free line where they
+// are known, else empty.
+std::vector<Eigen::MatrixXd> condensed_lines(const LayeredStiffness& lines,
+                                             std::vector<Eigen::MatrixXd> below);
 
 }  // namespace teletact::service

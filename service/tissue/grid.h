@@ -21,11 +21,18 @@ struct TissueGrid {
   std::size_t element(std::size_t i, std::size_t j) const { return i + (nx() - 1) * j; }
 };
 
+// Grid columns, both ends included.
+struct ColumnRange {
+  std::size_t first = 0, last = 0;
+  bool operator==(const ColumnRange&) const = default;
+};
+
 enum class EdgeSupport { kFree, kFixed };  // kFixed: both components zero
 
 struct Supports {
   EdgeSupport top = EdgeSupport::kFree, bottom = EdgeSupport::kFixed;
   EdgeSupport left = EdgeSupport::kFree, right = EdgeSupport::kFree;
+  bool operator==(const Supports&) const = default;
 };
 
 // Linear isotropic elasticity in plane strain (T4), nearly incompressible allowed: 2 mu eps:eps integrated

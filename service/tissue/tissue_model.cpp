@@ -1,6 +1,7 @@
 #include "service/tissue/tissue_model.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -10,6 +11,7 @@
 #include <string>
 #include <utility>
 
+#include "service/tissue/column_condensation.h"
 #include "service/tissue/condensation.h"
 #include "service/tissue/form.h"
 #include "service/tissue/iterative_line.h"
@@ -22,7 +24,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr std::size_t kRoundingSamples = 2;   // one for each background job
+constexpr std::size_t kRoundingSamples = 3;  // one for each background job
+// Interior lines that wide tissue condenses one by one: about then all of them line by line are as cheap.
+constexpr std::size_t kLinesByColumns = 4;
 constexpr double kFloatPoissonRatio = 0.495;  // up to here float alone converges at any contrast tested
 
 // Relative error that rounding leaves in an exact elimination: eps times a bound of the condition number
@@ -39,14 +43,9 @@ double rounding_error(const Material& material, double largest_compliance, std::
 
 class CondensedLine final : public Compliance {
  public:
-  // `stiffness`: the line's Schur complement over the free columns from `first_free` on.
-  CondensedLine(MatrixXd stiffness, std::size_t first_free, ColumnRange touchable, const Material& material,
-                std::size_t dofs)
-      : columns_(touchable) {
-    invert_symmetric(stiffness);
-    const Index begin = 2 * Index(touchable.first - first_free);
-    const Index size = 2 * Index(touchable.last - touchable.first + 1);
-    compliance_ = stiffness.block(begin, begin, size, size).selfadjointView<Eigen::Lower>();
+  // `compliance`: of the touchable columns, its lower triangle.
+  CondensedLine(const MatrixXd& compliance, ColumnRange touchable, const Material& material, std::size_t dofs)
+      : columns_(touchable), compliance_(compliance.selfadjointView<Eigen::Lower>()) {
     if (!compliance_.allFinite()) throw std::domain_error("condensation: the compliance is not finite");
     bound_ = rounding_error(material, compliance_.diagonal().maxCoeff(), dofs);
   }
@@ -133,9 +132,17 @@ class CondensedLine final : public Compliance {
   MatrixXd compliance_;
 };
 
-ColumnRange touchable_columns(const TissueGrid& grid, const LayeredStiffness& layers,
+// From a line's Schur complement over all free columns, its lower triangle.
+MatrixXd compliance_of(MatrixXd stiffness, const FreeNodes& free, ColumnRange touchable) {
+  invert_symmetric(stiffness);
+  const Index begin = 2 * Index(touchable.first - free.first_column);
+  const Index size = 2 * Index(touchable.last - touchable.first + 1);
+  return stiffness.block(begin, begin, size, size);
+}
+
+ColumnRange touchable_columns(const TissueGrid& grid, const FreeNodes& free,
                               const TissueModelOptions& options) {
-  ColumnRange range{layers.first_column(), layers.last_column()};
+  ColumnRange range{free.first_column, free.last_column};
   const double begin = options.touch_begin_m, end = options.touch_end_m;
   if (begin == 0 && end == 0) return range;
   if (!std::isfinite(begin) || !std::isfinite(end) || begin > end) {
@@ -164,12 +171,20 @@ std::size_t position_among(std::size_t column, ColumnRange range) {
 }
 
 struct TissueModel::Lines {
-  Lines(const TissueGrid& grid, const Material& material, const Supports& supports)
-      : layers(grid, material, supports), condensed(grid.ny()), once(grid.ny()) {}
+  Lines(const TissueGrid& grid, const Supports& supports)
+      : free(free_nodes(grid, supports)), condensed(grid.ny()), once(grid.ny()) {}
 
-  LayeredStiffness layers;
+  FreeNodes free;
   std::vector<std::shared_ptr<Compliance>> condensed;  // by line; null until asked for
   std::vector<std::once_flag> once;                    // one per line
+
+  // Column by column.
+  bool wide = false;                                // it is the cheaper way
+  mutable std::atomic<std::size_t> by_columns = 0;  // interior lines condensed so
+  std::mutex sides_mutex;
+  std::map<std::size_t, CondensedSides> sides;  // by line, where the modulus will change
+
+  // Line by line.
   std::vector<MatrixXd> below;  // of the surface's elimination, where interior lines are foreseen
   std::once_flag swept;
   std::vector<MatrixXd> stiffness;  // Schur complement of every free line; consumed line by line
@@ -181,48 +196,75 @@ struct TissueModel::Lines {
   std::map<std::pair<std::size_t, std::shared_ptr<Device>>, std::shared_ptr<Compliance>> iterative;
 };
 
-TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, TissueModelOptions options)
-    : grid_(std::move(grid)),
-      material_(std::move(material)),
-      supports_(supports),
-      options_(options),
-      lines_(std::make_unique<Lines>(grid_, material_, supports_)) {
+TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, TissueModelOptions options,
+                         const TissueModel* before)
+    : grid_(std::move(grid)), material_(std::move(material)), supports_(supports), options_(options) {
+  validate(grid_, material_);
+  lines_ = std::make_unique<Lines>(grid_, supports_);
   if (!(options_.thickness_m > 0) || !std::isfinite(options_.thickness_m)) {
     throw std::invalid_argument("options.thickness_m is " + std::to_string(options_.thickness_m) +
                                 "; give the out-of-plane contact width in metres, above 0");
   }
-  touchable_ = teletact::service::touchable_columns(grid_, lines_->layers, options_);
-  if (lines_->layers.first_line() == 0) condensed(0);
+  touchable_ = teletact::service::touchable_columns(grid_, lines_->free, options_);
+  lines_->wide = columns_are_cheaper(lines_->free, touchable_);
+  if (lines_->free.first_line == 0) condensed(0, before);
 }
 
 TissueModel::~TissueModel() = default;
 
 void TissueModel::check_free(std::size_t line) const {
-  const LayeredStiffness& layers = lines_->layers;
-  if (line >= layers.first_line() && line <= layers.last_line()) return;
-  throw std::out_of_range(
-      "line " + std::to_string(line) + " cannot be touched: it is fixed or absent; lines " +
-      std::to_string(layers.first_line()) + " to " + std::to_string(layers.last_line()) + " can");
+  const FreeNodes& free = lines_->free;
+  if (line >= free.first_line && line <= free.last_line) return;
+  throw std::out_of_range("line " + std::to_string(line) +
+                          " cannot be touched: it is fixed or absent; lines " +
+                          std::to_string(free.first_line) + " to " + std::to_string(free.last_line) + " can");
 }
 
-std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line) const {
+std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line, const TissueModel* before) const {
   check_free(line);
+  std::call_once(lines_->once[line], [&] { lines_->condensed[line] = condense(line, before); });
+  return lines_->condensed[line];
+}
+
+bool TissueModel::by_columns(std::size_t line) const {
+  return lines_->wide && (line == 0 || lines_->by_columns++ < kLinesByColumns);
+}
+
+std::shared_ptr<Compliance> TissueModel::condense(std::size_t line, const TissueModel* before) const {
   Lines& lines = *lines_;
-  const LayeredStiffness& layers = lines.layers;
-  std::call_once(lines.once[line], [&] {
+  MatrixXd compliance;
+  if (by_columns(line)) {
+    const LayeredStiffness columns(grid_, material_, supports_, Layers::kColumns);
+    const TouchedNodes touched{Index(line - lines.free.first_line), touchable_};
+    CondensedSides sides = condensed_sides(columns, touched, same_sides(line, before));
+    compliance = joined(sides, touched);
+    const std::lock_guard lock(lines.sides_mutex);
+    if (options_.will_change) lines.sides[line] = std::move(sides);
+  } else {
+    const LayeredStiffness layers(grid_, material_, supports_, Layers::kLines);
     MatrixXd stiffness;
     if (line == 0) {
-      stiffness = layers.eliminated_below(options_.interior_lines ? &lines.below : nullptr);
+      stiffness = eliminated_below(layers, options_.interior_lines ? &lines.below : nullptr);
     } else {
-      std::call_once(lines.swept, [&] { lines.stiffness = layers.condensed_lines(std::move(lines.below)); });
-      stiffness = std::move(lines.stiffness[line - layers.first_line()]);  // used once, then freed
+      std::call_once(lines.swept, [&] { lines.stiffness = condensed_lines(layers, std::move(lines.below)); });
+      stiffness = std::move(lines.stiffness[line - lines.free.first_line]);  // used once, then freed
       if (stiffness.size() == 0)
         throw std::domain_error("line " + std::to_string(line) + ": condensation failed");
     }
-    lines.condensed[line] = std::make_shared<CondensedLine>(std::move(stiffness), layers.first_column(),
-                                                            touchable_, material_, grid_.dofs());
-  });
-  return lines.condensed[line];
+    compliance = compliance_of(std::move(stiffness), lines.free, touchable_);
+  }
+  return std::make_shared<CondensedLine>(compliance, touchable_, material_, grid_.dofs());
+}
+
+CondensedSides TissueModel::same_sides(std::size_t line, const TissueModel* before) const {
+  if (!before || before->grid_.x_m != grid_.x_m || before->grid_.y_m != grid_.y_m ||
+      before->supports_ != supports_ || before->material_.poisson_ratio != material_.poisson_ratio ||
+      before->touchable_ != touchable_)
+    return {};
+  const std::lock_guard lock(before->lines_->sides_mutex);
+  const auto found = before->lines_->sides.find(line);
+  if (found == before->lines_->sides.end()) return {};
+  return unchanged(found->second, grid_, before->material_, material_);
 }
 
 std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line,

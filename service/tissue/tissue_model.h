@@ -12,10 +12,10 @@
 
 namespace teletact::service {
 
-struct Units;
-
 class Device;
+struct CondensedSides;
 struct ElasticitySolverOptions;
+struct Units;
 
 struct TissueModelOptions {
   // Columns of nodes within [touch_begin_m, touch_end_m] can be touched: compliance is kept among them alone.
@@ -23,26 +23,30 @@ struct TissueModelOptions {
   // every free column.
   double touch_begin_m = 0, touch_end_m = 0;
   double thickness_m = 0.010;  // out-of-plane contact width of the finger (T: axes), > 0
-  // Lines below the surface will be touched: keeps for them what the surface's elimination passes through,
-  // 32 nx^2 ny bytes until their first use, which then takes a third less time.
+  // Lines below the surface will be touched: where tissue is eliminated line by line, keeps for them what the
+  // surface's elimination passes through, 32 nx^2 ny bytes until their first use, which then takes a third
+  // less time.
   bool interior_lines = false;
+  // The modulus will change in part: where tissue is eliminated column by column, keeps what a model made
+  // from this one can take over, at most 32 (T^2 + 2 T L + 4 L^2) bytes for each line in use, T touchable
+  // columns, L free lines.
+  bool will_change = false;
 };
 
-// Grid columns, both ends included.
-struct ColumnRange {
-  std::size_t first = 0, last = 0;
-};
 // Position of `column` in the range; throws std::out_of_range when it is outside.
 std::size_t position_among(std::size_t column, ColumnRange);
 
 // Grid, material and supports with the compliance of its lines. Thread-safe; the surface line is condensed in
-// the constructor (unless it is fixed), interior lines (T4.4) on first use, which costs two elimination
-// sweeps once and one dense inverse per line.
+// the constructor (unless it is fixed), interior lines (T4.4) on first use. Wide tissue is eliminated column
+// by column, which costs the same for each line (T4.2c). Deep tissue, and from the fifth interior line on any
+// tissue, is eliminated line by line: two sweeps once and one dense inverse for each line.
 class TissueModel {
  public:
   // Throws std::invalid_argument naming the field: unusable grid or material, no fixed edge (a free body), no
-  // touchable column, thickness not positive.
-  TissueModel(TissueGrid, Material, Supports, TissueModelOptions);
+  // touchable column, thickness not positive. `before` (may be null): a model of which this one is a change;
+  // parts of it that are the same are taken over, if it was told that it will change. The numbers are those
+  // of a model made without it, to the bit.
+  TissueModel(TissueGrid, Material, Supports, TissueModelOptions, const TissueModel* before = nullptr);
   ~TissueModel();
   const TissueGrid& grid() const { return grid_; }
   const Material& material() const { return material_; }
@@ -50,8 +54,8 @@ class TissueModel {
   const TissueModelOptions& options() const { return options_; }
   ColumnRange touchable_columns() const { return touchable_; }
   // The condensed compliance of grid row `line` (0 = the natural surface). Throws std::out_of_range when the
-  // row is fixed or absent.
-  std::shared_ptr<Compliance> condensed(std::size_t line) const;
+  // row is fixed or absent. `before`: as above, used where the line has not been condensed yet.
+  std::shared_ptr<Compliance> condensed(std::size_t line, const TissueModel* before = nullptr) const;
   // The same by preconditioned conjugate gradients on `device`, columns computed when asked for. The model
   // keeps one for each line and device, solved in float up to nu = .495 (IterativeLine: the product of two
   // errors is left) and refined beyond, so that the columns are kept too; with options of its own it is a new
@@ -70,6 +74,10 @@ class TissueModel {
 
  private:
   void check_free(std::size_t line) const;
+  std::shared_ptr<Compliance> condense(std::size_t line, const TissueModel* before) const;
+  bool by_columns(std::size_t line) const;
+  // What `before` has for the line that holds for this model too.
+  CondensedSides same_sides(std::size_t line, const TissueModel* before) const;
   Eigen::MatrixXd condensed_in_other_units(std::size_t line, const Units&) const;
 
   TissueGrid grid_;

@@ -94,6 +94,31 @@ TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
   EXPECT_EQ(scene.snapshot(), fresh);
 }
 
+// Parts of the models before are taken over: of the window itself when it is published again, of its
+// neighbours when they get its context.
+TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
+  constexpr std::size_t kLine = 7;
+  scene.use_line(kLine);
+  for (const double begin_m : {0.0, 0.03, 0.06, 0.03, 0.015, 0.06, 0.06}) {
+    scene.publish(
+        window_of(inclusion(10e3, 3 + 100 * begin_m, begin_m + 0.012, 0.008, 0.006), begin_m, 0.03, kDepthM),
+        {});
+    while (scene.refresh_stale_window()) {
+    }
+    const auto snapshot = scene.snapshot();
+    for (const auto& window : snapshot->windows) {
+      const auto anew = build_strip(scene.geometry(), *snapshot->map, window->begin_m, window->end_m);
+      std::vector<std::size_t> nodes;
+      for (std::size_t i = anew->touchable_columns().first; i <= anew->touchable_columns().last; ++i)
+        nodes.push_back(i);
+      for (const std::size_t line : {std::size_t{0}, kLine})
+        EXPECT_EQ(window->model->condensed(line)->among(nodes, nullptr),
+                  anew->condensed(line)->among(nodes, nullptr))
+            << "window at " << window->begin_m << " m, line " << line;
+    }
+  }
+}
+
 TEST_F(SceneWithWindows, WindowThatHidesOthersReplacesThem) {
   publish(0.03), publish(0.06);
   scene.publish(window_of(homogeneous(20e3), 0.02, 0.08, kDepthM), {});

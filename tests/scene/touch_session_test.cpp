@@ -98,7 +98,7 @@ TEST_F(Session, StatesItsErrorCloselyOnceRoundingIsMeasured) {
   const TouchAnswer before = session.solve(0.06, 0.003);
   int steps = 0;
   while (scene->measure_rounding()) ++steps;
-  EXPECT_EQ(steps, 2);
+  EXPECT_EQ(steps, 3);
   const TouchAnswer after = session.solve(0.06, 0.003);
   EXPECT_EQ(after.contact.force_n, before.contact.force_n);
   EXPECT_GT(after.contact.solve.relative_error, 0);
