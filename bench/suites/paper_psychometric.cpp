@@ -12,6 +12,8 @@
 #include <memory>
 
 #include "bench/stability/felt.h"
+#include "bench/stability/parallel.h"
+#include "bench/stability/servo_period.h"
 #include "bench/suites/paper.h"
 #include "client/experiment/bootstrap.h"
 #include "client/experiment/observer.h"
@@ -215,31 +217,59 @@ json observe_all(const Effort& effort, std::vector<Target>& targets) {
           {"lapsing_experiments", fewer.experiments}, {"rows", rows}};
 }
 
-// Through the chain at 100 Hz, answers 5 ms late (one machine) and 20 ms late (a network): promised. Force
-// alone, and few and late answers: told.
+struct ChainCase {
+  FeltOptions chain;
+  std::string name;
+  bool promised = false;
+};
+
+// At 100 Hz, answers 5 ms late (one machine) and 20 ms late (a network), over how sharp an inclusion's edges
+// are; beside them the exact force at every tick, since wide edges leave no plateau whose contrast were the
+// stimulus. Promised are edges of 1 and 1.5 mm where answers are 5 ms late, of 1.5 and 2 mm where they are 20
+// ms late: sharper ones are overshot, softer ones felt softer. Told, at 1.5 mm: force alone, and few and late
+// answers.
+std::vector<ChainCase> chain_cases() {
+  std::vector<ChainCase> all;
+  for (const double edge_m : {0.0005, 0.001, 0.0015, 0.002, 0.003}) {
+    all.push_back({{.renderer = "hold", .update_s = kServoS, .model_delay_s = 0, .edge_m = edge_m},
+                   "exact force at every tick"});
+    for (const double late_s : {0.005, 0.02})
+      all.push_back(
+          {{.model_delay_s = late_s, .edge_m = edge_m},
+           fmt::format("through the chain, {:.0f} ms late", 1e3 * late_s),
+           late_s < 0.01 ? edge_m >= 0.001 && edge_m <= 0.0015 : edge_m >= 0.0015 && edge_m <= 0.002});
+  }
+  all.push_back({{.renderer = "kalman-force"}, "force alone, 5 ms late"});
+  all.push_back({{.update_s = 0.05, .model_delay_s = 0.1}, "20 Hz, 100 ms late"});
+  return all;
+}
+
 json observe_chain(const Effort& effort, std::vector<Target>& targets) {
-  const ExperimentPlan plan;
-  json rows = json::array();
-  for (const FeltOptions& chain :
-       {FeltOptions{}, FeltOptions{.model_delay_s = 0.02}, FeltOptions{.renderer = "kalman-force"},
-        FeltOptions{.update_s = 0.05, .model_delay_s = 0.1}}) {
-    const bool promised = rows.size() < 2 * kWeberFractions.size();
-    const std::string how = fmt::format(" through the chain, {:.0f} ms late", 1e3 * chain.model_delay_s);
-    std::printf("through the chain: %s, %.0f Hz, %.0f ms late\n", chain.renderer.c_str(), 1 / chain.update_s,
-                1e3 * chain.model_delay_s);
-    const Feel feel = felt_through(chain, plan);
-    for (const double weber : kWeberFractions) {
-      json row = observe({weber, 0, 0}, {FitMethod::kMaximumLikelihood, 0}, effort, feel);
-      row["renderer"] = chain.renderer;
-      row["update_s"] = chain.update_s;
-      row["model_delay_s"] = chain.model_delay_s;
-      print(row);
-      if (promised) promise(row, targets, how);
-      if (promised)
-        targets.push_back({fmt::format("simulated observer of {:.2f},{}: the chain adds", weber, how),
-                           row["bias"], kChainAddsMost, ""});
-      rows.push_back(std::move(row));
-    }
+  const Effort fewer{std::min(effort.experiments, 300u), std::min(effort.resamples, 99u)};
+  const std::vector<ChainCase> cases = chain_cases();
+  std::vector<json> rows(cases.size() * kWeberFractions.size());
+  in_parallel(rows.size(), [&](std::size_t n) {
+    const ChainCase& one = cases[n / kWeberFractions.size()];
+    const ObserverDescription observer{kWeberFractions[n % kWeberFractions.size()], 0, 0};
+    rows[n] = observe(observer, {FitMethod::kMaximumLikelihood, 0}, one.promised ? effort : fewer,
+                      felt_through(one.chain, ExperimentPlan()));
+    rows[n].update({{"how", one.name},
+                    {"promised", one.promised},
+                    {"renderer", one.chain.renderer},
+                    {"update_s", one.chain.update_s},
+                    {"model_delay_s", one.chain.model_delay_s},
+                    {"edge_m", one.chain.edge_m}});
+  });
+  for (const json& row : rows) {
+    const std::string how =
+        fmt::format(" {}, edges of {} mm", row["how"].get<std::string>(), 1e3 * row["edge_m"].get<double>());
+    std::printf("%s: ", how.c_str());
+    print(row);
+    if (!row["promised"]) continue;
+    promise(row, targets, how);
+    targets.push_back({fmt::format("simulated observer of {:.2f},{}: the chain adds",
+                                   row["weber_fraction"].get<double>(), how),
+                       row["bias"], kChainAddsMost, ""});
   }
   return rows;
 }
