@@ -7,14 +7,20 @@ namespace teletact::client {
 
 SimulatedPositionDevice::SimulatedPositionDevice(const SimulatedPositionDeviceOptions& options)
     : options_(options), hand_(options.hand), coupling_(coupling()), elapsed_(options.longest_gap_s) {
+  // Nothing rubs, a position is commanded. The tool is damped: what the hand's stiffness does not need of
+  // that, which is felt a period late, dissipates as a mechanism's damping does.
   options_.profile.friction_n = 0;
+  options_.profile.damping_n_s_m =
+      std::max(damping_n_s_m() - coupling_damping_n_s_m(0, options.period_s), 0.0);
+}
+
+double SimulatedPositionDevice::damping_n_s_m() const {
+  return options_.damping_share *
+         coupling_damping_n_s_m(options_.profile.largest_stiffness_n_m, options_.period_s);
 }
 
 VirtualCoupling SimulatedPositionDevice::coupling() const {
-  const double damping_n_s_m =
-      coupling_damping_n_s_m(options_.profile.largest_stiffness_n_m, options_.period_s);
-  return {{.mass_kg = options_.tool_mass_kg, .damping_n_s_m = options_.damping_share * damping_n_s_m},
-          hand_.target_m()};
+  return {{.mass_kg = options_.tool_mass_kg, .damping_n_s_m = damping_n_s_m()}, hand_.target_m()};
 }
 
 void SimulatedPositionDevice::open() {

@@ -25,7 +25,7 @@ struct SimulatedPositionDeviceOptions {
 class SimulatedPositionDevice final : public HapticDevice {
  public:
   explicit SimulatedPositionDevice(const SimulatedPositionDeviceOptions& options);
-  // Without the friction of the device that it is named after: a position is commanded, nothing rubs.
+  // Its own friction, none, and damping; not those of the device that it is named after.
   const DeviceProfile& profile() const noexcept override { return options_.profile; }
   void open() override;
   void close() noexcept override { open_ = false; }
@@ -41,6 +41,7 @@ class SimulatedPositionDevice final : public HapticDevice {
   double hand_work_j() const noexcept { return hand_work_j_; }
 
  private:
+  double damping_n_s_m() const;  // of the coupling
   VirtualCoupling coupling() const;
   void move(double dt_s) noexcept;
 

@@ -104,11 +104,13 @@ TEST(VirtualCoupling, GivenAnyHandOfT57WhenItPressesThenItNeverGetsBackMoreThanI
   }
 }
 
-TEST(SimulatedPositionDevice, CountsOnNoFrictionAsNothingRubs) {
+TEST(SimulatedPositionDevice, CountsOnNoFrictionAndOnTheDampingThatTheHandDoesNotNeed) {
   SimulatedPositionDeviceOptions options;
   options.profile = device_profile("omni");
   EXPECT_GT(options.profile.friction_n, 0);
-  EXPECT_EQ(SimulatedPositionDevice(options).profile().limits().friction_n, 0);
+  const ForceLimits limits = SimulatedPositionDevice(options).profile().limits();
+  EXPECT_EQ(limits.friction_n, 0);
+  EXPECT_NEAR(limits.damping_n_s_m, 700 * 0.001 / 2, 1e-12);  // (T5.1) for the tissue at the cap
 }
 
 TEST(VirtualCoupling, GivenAToolOfLessThanHalfTheHandsMassWhenItPressesThenItShakes) {
