@@ -172,15 +172,22 @@ std::size_t position_among(std::size_t column, ColumnRange range) {
 
 struct TissueModel::Lines {
   Lines(const TissueGrid& grid, const Supports& supports)
-      : free(free_nodes(grid, supports)), condensed(grid.ny()), once(grid.ny()) {}
+      : free(free_nodes(grid, supports)), condensed(grid.ny()) {}
 
+  struct Line {
+    std::mutex making;
+    std::weak_ptr<Compliance> condensed;
+  };
   FreeNodes free;
-  std::vector<std::shared_ptr<Compliance>> condensed;  // by line; null until asked for
-  std::vector<std::once_flag> once;                    // one per line
+  std::shared_ptr<Compliance> surface;  // null where it is fixed
+  std::vector<Line> condensed;          // interior lines, by line
+  std::mutex kept_mutex;
+  std::vector<std::shared_ptr<Compliance>> kept;  // of them, the one used last first
 
   // Column by column.
-  bool wide = false;                                // it is the cheaper way
-  mutable std::atomic<std::size_t> by_columns = 0;  // interior lines condensed so
+  bool wide = false;                        // it is the cheaper way
+  bool all_lines = false;                   // fit in what lines may take
+  std::atomic<std::size_t> by_columns = 0;  // interior lines condensed so
   std::mutex sides_mutex;
   std::map<std::size_t, CondensedSides> sides;  // by line, where the modulus will change
 
@@ -206,8 +213,11 @@ TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, 
                                 "; give the out-of-plane contact width in metres, above 0");
   }
   touchable_ = teletact::service::touchable_columns(grid_, lines_->free, options_);
-  lines_->wide = columns_are_cheaper(lines_->free, touchable_);
-  if (lines_->free.first_line == 0) condensed(0, before);
+  const FreeNodes& free = lines_->free;
+  lines_->wide = columns_are_cheaper(free, touchable_);
+  lines_->all_lines =
+      free.lines() * 4 * free.columns() * free.columns() * sizeof(double) <= options_.most_line_bytes;
+  if (free.first_line == 0) lines_->surface = condense(0, before);
 }
 
 TissueModel::~TissueModel() = default;
@@ -222,36 +232,52 @@ void TissueModel::check_free(std::size_t line) const {
 
 std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line, const TissueModel* before) const {
   check_free(line);
-  std::call_once(lines_->once[line], [&] { lines_->condensed[line] = condense(line, before); });
-  return lines_->condensed[line];
+  if (line == 0) return lines_->surface;
+  Lines::Line& interior = lines_->condensed[line];
+  const std::lock_guard lock(interior.making);
+  std::shared_ptr<Compliance> condensed = interior.condensed.lock();
+  if (!condensed) interior.condensed = condensed = condense(line, before);
+  keep(condensed);
+  return condensed;
+}
+
+void TissueModel::keep(const std::shared_ptr<Compliance>& interior_line) const {
+  const std::size_t freedoms = 2 * (touchable_.last - touchable_.first + 1);
+  const std::size_t most = std::max<std::size_t>(1, options_.most_line_bytes / (20 * freedoms * freedoms));
+  const std::lock_guard lock(lines_->kept_mutex);
+  auto& kept = lines_->kept;
+  std::erase(kept, interior_line);
+  kept.insert(kept.begin(), interior_line);
+  if (kept.size() > most) kept.pop_back();
 }
 
 bool TissueModel::by_columns(std::size_t line) const {
-  return lines_->wide && (line == 0 || lines_->by_columns++ < kLinesByColumns);
+  if (line == 0) return lines_->wide;
+  return !lines_->all_lines || (lines_->wide && lines_->by_columns++ < kLinesByColumns);
 }
 
 std::shared_ptr<Compliance> TissueModel::condense(std::size_t line, const TissueModel* before) const {
   Lines& lines = *lines_;
+  MatrixXd stiffness;
+  if (!by_columns(line)) {
+    const LayeredStiffness layers(grid_, material_, supports_, Layers::kLines);
+    if (line == 0) {
+      stiffness = eliminated_below(layers, options_.interior_lines ? &lines.below : nullptr);
+    } else {
+      std::call_once(lines.swept, [&] { lines.stiffness = condensed_lines(layers, std::move(lines.below)); });
+      stiffness = std::move(lines.stiffness[line - lines.free.first_line]);  // used once, then freed
+    }
+  }
   MatrixXd compliance;
-  if (by_columns(line)) {
+  if (stiffness.size() > 0) {
+    compliance = compliance_of(std::move(stiffness), lines.free, touchable_);
+  } else {
     const LayeredStiffness columns(grid_, material_, supports_, Layers::kColumns);
     const TouchedNodes touched{Index(line - lines.free.first_line), touchable_};
     CondensedSides sides = condensed_sides(columns, touched, same_sides(line, before));
     compliance = joined(sides, touched);
     const std::lock_guard lock(lines.sides_mutex);
     if (options_.will_change) lines.sides[line] = std::move(sides);
-  } else {
-    const LayeredStiffness layers(grid_, material_, supports_, Layers::kLines);
-    MatrixXd stiffness;
-    if (line == 0) {
-      stiffness = eliminated_below(layers, options_.interior_lines ? &lines.below : nullptr);
-    } else {
-      std::call_once(lines.swept, [&] { lines.stiffness = condensed_lines(layers, std::move(lines.below)); });
-      stiffness = std::move(lines.stiffness[line - lines.free.first_line]);  // used once, then freed
-      if (stiffness.size() == 0)
-        throw std::domain_error("line " + std::to_string(line) + ": condensation failed");
-    }
-    compliance = compliance_of(std::move(stiffness), lines.free, touchable_);
   }
   return std::make_shared<CondensedLine>(compliance, touchable_, material_, grid_.dofs());
 }

@@ -31,6 +31,9 @@ struct TissueModelOptions {
   // from this one can take over, at most 32 (T^2 + 2 T L + 4 L^2) bytes for each line in use, T touchable
   // columns, L free lines.
   bool will_change = false;
+  // Interior lines that are kept, those used last, at 20 bytes for each pair of freedoms of a line; one more
+  // is made again when it is asked for. One is always kept, and those that somebody holds are.
+  std::size_t most_line_bytes = std::size_t{256} << 20;
 };
 
 // Position of `column` in the range; throws std::out_of_range when it is outside.
@@ -76,6 +79,7 @@ class TissueModel {
   void check_free(std::size_t line) const;
   std::shared_ptr<Compliance> condense(std::size_t line, const TissueModel* before) const;
   bool by_columns(std::size_t line) const;
+  void keep(const std::shared_ptr<Compliance>& interior_line) const;
   // What `before` has for the line that holds for this model too.
   CondensedSides same_sides(std::size_t line, const TissueModel* before) const;
   Eigen::MatrixXd condensed_in_other_units(std::size_t line, const Units&) const;

@@ -149,6 +149,41 @@ TEST(TissueModel, ComplianceIsKeptAmongTouchableColumnsAlone) {
   EXPECT_THROW(model.condensed(60), std::out_of_range);
 }
 
+// Two of them fit, so that none is made line by line, which makes all at once.
+TEST(TissueModel, InteriorLinesUsedLastAreKept) {
+  const TissueGrid grid = tests::uniform_grid(21, 9);
+  const Material material = tests::inclusion(grid, 10, 0.49);
+  const auto columns = range(0, 20);
+  const TissueModel model(grid, material, Supports{}, {.most_line_bytes = 2 * 20 * 42 * 42});
+  const std::weak_ptr<service::Compliance> one = model.condensed(1), two = model.condensed(2);
+  const MatrixXd of_two = model.condensed(2)->among(columns, nullptr);
+  model.condensed(1);
+  const auto three = model.condensed(3);
+  EXPECT_FALSE(one.expired());
+  EXPECT_TRUE(two.expired());
+  EXPECT_EQ(model.condensed(2)->among(columns, nullptr), of_two);
+  EXPECT_TRUE(one.expired());
+  for (std::size_t line = 4; line < 8; ++line)
+    EXPECT_LE(relative_difference(model.condensed(line)->among(columns, nullptr),
+                                  reference_compliance(grid, material, Supports{}, line, columns)),
+              1e-11);
+  EXPECT_EQ(model.condensed(3), three);  // somebody holds it
+}
+
+// Lines that were made line by line and dropped are made again too.
+TEST(TissueModel, InteriorLinesAreMadeAgainWhicheverWay) {
+  const TissueGrid grid = tests::uniform_grid(11, 30);
+  const Material material = tests::inclusion(grid, 10, 0.49);
+  const auto columns = range(0, 10);
+  const TissueModel model(grid, material, Supports{}, {.most_line_bytes = 29 * 22 * 22 * 8});
+  for (int pass = 0; pass < 2; ++pass)
+    for (std::size_t line = 1; line < 29; ++line)
+      EXPECT_LE(relative_difference(model.condensed(line)->among(columns, nullptr),
+                                    reference_compliance(grid, material, Supports{}, line, columns)),
+                1e-10)
+          << "pass " << pass << " line " << line;
+}
+
 TEST(TissueModel, LinesAreCondensedOnceAmongManyThreads) {
   const TissueGrid grid = tests::uniform_grid(21, 11);
   const Material material = tests::inclusion(grid, 10, 0.49);
