@@ -5,6 +5,7 @@
 // float2 per node, x in A-lines (lateral), y in samples (axial).
 
 #include "deviation.clh"
+#include "robust.clh"
 #include "vectors.clh"
 
 #ifndef WORK_GROUP
@@ -64,7 +65,6 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
 // terms[node] = sum w hat (gx gx, gx gy, gy gy, gx d, gy d, mean^2, mean d, d^2), d the difference, g the
 // gradient of the mean: 7-point axially, 5-point laterally and none on the frame's two outermost lines.
 // pixels[node] = sum w hat over pixels that say anything. Per 8 pixels: 11 vector loads, ~300 flops.
-#define CAUCHY_SQUARED 9.0f
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void data_term(
     __global const float* restrict mean, __global const float* restrict difference,
     __global const float* restrict hat, __global const float* restrict noise, __global float8* restrict terms,
@@ -75,7 +75,7 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void data_term(
   if (node >= nx * ny) return;
   const int line = first_line + (node % nx) * line_step;
   const int start = origin + first_sample + (node / nx) * sample_step - 4 * chunks;
-  const float doubt = noise[node] > 0.0f ? 1.0f / (CAUCHY_SQUARED * noise[node]) : 0.0f;
+  const float doubt = robust_doubt(noise[node]);
   float8 xx = 0.0f, xy = 0.0f, yy = 0.0f, xd = 0.0f, yd = 0.0f, mm = 0.0f, md = 0.0f, dd = 0.0f, ww = 0.0f;
   for (int l = max(line - line_step + 1, 0); l <= min(line + line_step - 1, line_count - 1); ++l) {
     const float across = 1.0f - (float)abs(l - line) / (float)line_step;
@@ -248,26 +248,28 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_bias(
 }
 
 // What a displacement estimate can be trusted with: mean[node] = information averaged over the estimator's
-// footprint, (2 radius + 1) nodes of each direction and component (radii: lateral i, j, axial i, j), and from
-// it the standard deviation in metres. tables (deviation.clh), lateral and axial each: deviation of the noise;
-// what the noise alone gives edge_bias(); the smoothing's true bias over what edge_bias() sees of it. The bias of
-// the place is the mean square of edge_bias(), over a footprint one node narrower, less the noise's; nodes that
-// hold next to no information (a shadow's) tell none.
+// footprint and from it the standard deviation in metres. radii, nodes to each side, lateral i, j, axial i, j: of
+// the footprint; of the place that shares a bias, at most as wide. tables (deviation.clh), lateral and axial each:
+// deviation of the noise; what the noise alone gives edge_bias(); the smoothing's true bias over what edge_bias()
+// sees of it. The bias of the place is the mean square of edge_bias(), less the noise's; nodes that hold next to no
+// information (a shadow's) tell none.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertainty(
     __global const float2* restrict information, __global const float2* restrict bias,
-    __global const float* restrict tables, __global float2* restrict mean, __global float2* restrict deviation_m,
-    const int nx, const int ny, const int lateral_i, const int lateral_j, const int axial_i, const int axial_j,
-    const float lateral_median, const float axial_median, const float line_pitch_m, const float sample_pitch_m) {
+    __global const float* restrict tables, __global const int4* restrict radii, __global float2* restrict mean,
+    __global float2* restrict deviation_m, const int nx, const int ny, const float lateral_median,
+    const float axial_median, const float line_pitch_m, const float sample_pitch_m) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
-  const int reach_i = max(lateral_i, axial_i), reach_j = max(lateral_j, axial_j);
+  const int4 footprint = radii[0], place = radii[1];
+  const int reach_i = max(footprint.x, footprint.z), reach_j = max(footprint.y, footprint.w);
   float2 sum = 0.0f, squares = 0.0f, count = 0.0f, near = 0.0f;
   for (int n = max(j - reach_j, 0); n <= min(j + reach_j, ny - 1); ++n)
     for (int m = max(i - reach_i, 0); m <= min(i + reach_i, nx - 1); ++m) {
       const int far_i = abs(m - i), far_j = abs(n - j);
-      const float2 w = (float2)(far_i <= lateral_i && far_j <= lateral_j, far_i <= axial_i && far_j <= axial_j);
-      const float2 within = (float2)(far_i < lateral_i && far_j < lateral_j, far_i < axial_i && far_j < axial_j);
+      const float2 w = (float2)(far_i <= footprint.x && far_j <= footprint.y,
+                                far_i <= footprint.z && far_j <= footprint.w);
+      const float2 within = (float2)(far_i <= place.x && far_j <= place.y, far_i <= place.z && far_j <= place.w);
       const float2 held = information[m + nx * n], b = bias[m + nx * n];
       const float2 tells = within * (float2)(held.x > 1e-3f * lateral_median, held.y > 1e-3f * axial_median);
       sum += w * held;
@@ -281,7 +283,7 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertaint
   for (int n = 0; n < 3; ++n)
     table[n] = (float2)(deviation_at(tables + 2 * n * DEVIATION_ENTRIES, h.x, lateral_median),
                         deviation_at(tables + (2 * n + 1) * DEVIATION_ENTRIES, h.y, axial_median));
-  const float2 seen = fmax(squares / fmax(near, 1.0f) - table[1] * table[1], 0.0f);
+  const float2 seen = fmax(squares / fmax(near, 1e-6f) - table[1] * table[1], 0.0f);
   deviation_m[node] = (float2)(line_pitch_m, sample_pitch_m) *
                       sqrt(table[0] * table[0] + table[2] * table[2] * seen);
 }

@@ -4,7 +4,9 @@
 //   kernels_m: axial lengths of the strain kernel; edge_m: the edge width at which methods are compared
 //   conditions: [{factors: ["middle" | "strain" | "snr" | ...], case: {strain, snr_db, ...}, bound_m,
 //   filter_snre, companded_filter_snre,
-//     methods: [{method, ours, edges: [{axial_m, lateral_m} per kernel], seeds: [{seconds, axial_rmse_m, ...,
+//     calibration: {inside, outside: {seeds: [deviation of the default's standardised errors], rms, low, high
+//     (95 % interval)}}, methods: [{method, ours, edges: [{axial_m, lateral_m} per kernel], seeds: [{seconds,
+//     axial_rmse_m, ...,
 //       snre: [per kernel], cnre: [...], strain_rmse: [...]}]}]}]
 //   rigid: {bound_m, methods: [{method, ours, phases: [{shift_m, rmse_m, bias_m}]}]}
 //   images: {grid, truth, methods: [{method, strain}]}: of the middle's first seed

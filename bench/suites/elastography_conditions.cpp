@@ -1,4 +1,5 @@
 // One factor at a time from the middle (T2.7): 1 % compression, 30 dB, rho .99, contrast 3, 10 mm.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -16,6 +17,9 @@ using nlohmann::json;
 
 const std::vector<double> kKernelsM{1.2e-3, 2.0e-3, 2.8e-3, 3.6e-3, 4.4e-3, 5.2e-3};
 constexpr std::uint64_t kSeeds = 6, kQuickSeeds = 2;
+// Of the default's standardised errors: inside an inclusion there are few independent ones in an image, so
+// that their deviation differs by .1 to .3 from seed to seed.
+constexpr std::uint64_t kCalibrationSeeds = 24;
 
 client::Ultrasound ultrasound_of(const PhantomCase& c) {
   client::Ultrasound u;
@@ -83,7 +87,7 @@ struct Series {
   std::vector<std::vector<double>> sums;  // of the strain, per kernel
 };
 
-void measure_seed(Tracker& tracker, const Phantom& p, const std::vector<double>& truth, Series& series) {
+Track measure_seed(Tracker& tracker, const Phantom& p, const std::vector<double>& truth, Series& series) {
   const auto begin = std::chrono::steady_clock::now();
   const std::clock_t processor_begin = std::clock();
   const Track t = tracker.track(p.pre, p.post, p.geometry);
@@ -100,10 +104,43 @@ void measure_seed(Tracker& tracker, const Phantom& p, const std::vector<double>&
   seed["bias_m"] = e.bias_m;
   seed["valid_fraction"] = e.valid_fraction;
   seed["hop_fraction"] = e.hop_fraction;
-  const Calibration z = standardised_errors(t, p);
-  seed["std_inside"] = z.inside;
-  seed["std_outside"] = z.outside;
   series.seeds.push_back(std::move(seed));
+  return t;
+}
+
+// Standardised errors of one condition, seed after seed.
+struct CalibrationSeries {
+  std::vector<double> inside, outside;
+  void add(const Track& t, const Phantom& p) {
+    const Calibration z = standardised_errors(t, p);
+    inside.push_back(z.inside), outside.push_back(z.outside);
+  }
+};
+
+// Root mean square over the seeds and its 95 % interval.
+json spread_of(const std::vector<double>& z) {
+  std::vector<double> squares;
+  for (const double v : z) squares.push_back(v * v);
+  const Interval i = interval95(squares);
+  return {{"seeds", z},
+          {"rms", std::sqrt(i.mean)},
+          {"low", std::sqrt(std::max(0.0, i.mean - i.half_width))},
+          {"high", std::sqrt(i.mean + i.half_width)}};
+}
+
+json describe(const CalibrationSeries& s) {
+  return {{"inside", spread_of(s.inside)}, {"outside", spread_of(s.outside)}};
+}
+
+// Seeds `first` to kCalibrationSeeds of the default alone.
+void calibrate_further(Tracker& tracker, Tracker& wide, const std::vector<Condition>& conditions,
+                       std::uint64_t first, Phantoms& phantoms, std::vector<CalibrationSeries>& calibration) {
+  for (std::uint64_t seed = first; seed <= kCalibrationSeeds; ++seed)
+    for (std::size_t c = 0; c < conditions.size(); ++c) {
+      const Phantom p = phantoms.make(conditions[c].of, seed);
+      Tracker& searching = searches_wide(conditions[c].of, true) ? wide : tracker;
+      calibration[c].add(searching.track(p.pre, p.post, p.geometry), p);
+    }
 }
 
 json edges_of(const Series& series, const service::ImageGrid& grid, const Phantom& p) {
@@ -185,6 +222,7 @@ json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers,
   const std::vector<Condition> conditions = chart_conditions(quick);
   Phantoms phantoms;
   std::vector<std::vector<Series>> series(conditions.size(), std::vector<Series>(trackers.size()));
+  std::vector<CalibrationSeries> calibration(conditions.size());
   std::vector<Phantom> last(conditions.size());
   const Nodes nodes(phantoms.make({}, 1).pre, phantoms.make({}, 1).geometry, TrackerOptions{}.grid_dx_m,
                     TrackerOptions{}.grid_dy_m);
@@ -195,7 +233,8 @@ json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers,
       const std::vector<double> truth = true_axial_strain(nodes.image, p);
       for (std::size_t m = 0; m < trackers.size(); ++m) {
         const bool far = searches_wide(conditions[c].of, trackers[m]->ours());
-        measure_seed(*(far ? wide : trackers)[m], p, truth, series[c][m]);
+        const Track t = measure_seed(*(far ? wide : trackers)[m], p, truth, series[c][m]);
+        if (m == 0) calibration[c].add(t, p);
       }
       if (c == 0 && seed == 1) images = images_of(trackers, p, nodes.image, truth);
       std::printf("seed %llu of %llu, condition %zu of %zu\r", static_cast<unsigned long long>(seed),
@@ -204,10 +243,13 @@ json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers,
       p.pre = p.post = {};
       last[c] = std::move(p);
     }
+  if (!quick) calibrate_further(*trackers[0], *wide[0], conditions, seeds + 1, phantoms, calibration);
   json out = json::array();
   for (std::size_t c = 0; c < conditions.size(); ++c) {
-    json condition{
-        {"factors", conditions[c].factors}, {"case", describe(conditions[c].of)}, {"methods", json::array()}};
+    json condition{{"factors", conditions[c].factors},
+                   {"case", describe(conditions[c].of)},
+                   {"calibration", describe(calibration[c])},
+                   {"methods", json::array()}};
     add_bounds(conditions[c].of, last[c].geometry, condition);
     for (std::size_t m = 0; m < trackers.size(); ++m) {
       json method{{"method", trackers[m]->name()},

@@ -20,6 +20,13 @@ Range over(int nodes) {
   return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
 }
 
+// Nodes to each side that share a bias, of a smoothing length in node steps. A bias rises and falls over
+// about two smoothing lengths to each side, edge_bias() averages one node and a half of them, and no bias is
+// wider than the mean gradient that it is a deviation from.
+int place_radius(double length) {
+  return std::clamp(static_cast<int>(std::lround(2 * length - (kBiasRadius + 0.5))), 0, kGradientRadius);
+}
+
 double median(std::vector<float>& values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -37,9 +44,11 @@ struct Refinement::Kernels {
     assemble = build("assemble"), correct = build("correct"), edge_pull = build("edge_pull");
     uncertainty = build("uncertainty"), solve_nodes = build("solve_nodes");
     edge_bias = build("edge_bias");
+    pulse_sums = q.kernel("pulse", "pulse_sums", Precision::kFloat);
+    pulse_noise = q.kernel("pulse", "pulse_noise", Precision::kFloat);
   }
   Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, edge_pull, uncertainty,
-      solve_nodes, edge_bias;
+      solve_nodes, edge_bias, pulse_sums, pulse_noise;
 };
 
 // Each node's own 2x2 block, inverted. The smoothing reaches over a few nodes at most, so that a multigrid
@@ -90,6 +99,7 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
     *a = queue.array<float>(2 * nodes);
   terms_ = queue.array<float>(8 * nodes);
   gradient_ = queue.array<float>(4 * nodes);
+  pulses_ = queue.array<float>(16 * nodes);
   model_ = queue.array<float>(8);
   weights_.assign(8, 0.0f);
 }
@@ -130,6 +140,12 @@ void Refinement::gather(const ImagePair& images, bool robust, Array<float>& corr
                         images.padding.origin, images.padding.stride, chunks_);
     kernels_->local_noise(over(g.nodes()), terms_, pixels_, model_, correlation, noise_, information_, g.nx,
                           g.ny, kNoiseRadius);
+  }
+  if (robust) {  // of the last step: what the steps before it are weighed with need not be as exact
+    kernels_->pulse_sums(over(g.nodes()), images.mean, images.difference, noise_, pulses_, g.nx, g.ny,
+                         g.first_line, g.line_step, images.lines, g.first_sample, g.sample_step,
+                         images.padding.origin, images.padding.stride);
+    kernels_->pulse_noise(over(g.nodes()), pulses_, noise_, information_, g.nx, g.ny, kNoiseRadius);
   }
   find_medians();
 }
@@ -188,18 +204,22 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const Array<float>
                                                               Array<float>& deviation_m) {
   auto noise = std::make_shared<NoiseStructure>();
   noise->unit_m = {line_pitch_m_, sample_pitch_m_};
-  std::array<int, 4> radii{};
+  std::vector<int> footprint, place;
   for (std::size_t c = 0; c < 2; ++c) {
     const SmootherResponse smoother{weights_[c], weights_[2 + c], kGradientRadius, steps};
     noise->response[c] = NoiseResponse(smoother, median_information_[c], grid_.line_step, grid_.sample_step);
-    radii[2 * c] = std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / dx_m_)));
-    radii[2 * c + 1] = std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / dy_m_)));
+    for (const double step_m : {dx_m_, dy_m_}) {
+      footprint.push_back(
+          std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / step_m))));
+      place.push_back(place_radius(smoothing_m_[c] / step_m));
+    }
   }
+  footprint.insert(footprint.end(), place.begin(), place.end());
   const SampleGrid& g = grid_;
   // The gradients still are those that the last step pulled towards: the edges' force is the one that it
   // left.
   kernels_->edge_pull(over(g.nodes()), field, gradient_, model_, pull_, g.nx, g.ny);
-  look_up(*noise, radii, information, deviation_m);
+  look_up(*noise, footprint, information, deviation_m);
   return noise;
 }
 
@@ -213,11 +233,11 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const WindowRespon
   const int i = static_cast<int>(std::lround(window.half_along)),
             j = static_cast<int>(std::lround(window.half_down));
   queue_.fill_zero(pull_);
-  look_up(*noise, {i, j, i, j}, information, deviation_m);
+  look_up(*noise, {i, j, i, j, 0, 0, 0, 0}, information, deviation_m);
   return noise;
 }
 
-void Refinement::look_up(const NoiseStructure& noise, const std::array<int, 4>& radii,
+void Refinement::look_up(const NoiseStructure& noise, const std::vector<int>& radii,
                          Array<float>& information, Array<float>& deviation_m) {
   std::vector<float> tables;
   const auto add = [&](auto&& table_of) {
@@ -230,8 +250,8 @@ void Refinement::look_up(const NoiseStructure& noise, const std::array<int, 4>& 
   add([](const NoiseResponse& r) { return r.bias_noise(kBiasRadius); });
   add([](const NoiseResponse& r) { return r.bias_over_seen(kBiasRadius); });
   kernels_->edge_bias(over(grid_.nodes()), information_, pull_, bias_, grid_.nx, grid_.ny);
-  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, queue_.array(tables), information,
-                        deviation_m, grid_.nx, grid_.ny, radii[0], radii[1], radii[2], radii[3],
+  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, queue_.array(tables), queue_.array(radii),
+                        information, deviation_m, grid_.nx, grid_.ny,
                         static_cast<float>(noise.response[0].median()),
                         static_cast<float>(noise.response[1].median()), static_cast<float>(line_pitch_m_),
                         static_cast<float>(sample_pitch_m_));

@@ -53,7 +53,8 @@ class Refinement {
              double sample_pitch_m);
   ~Refinement();
   // Reads a motion-compensated pair: noise, correlation per node (-2: no texture) and information; robust:
-  // pixels far off weigh less.
+  // pixels far off weigh less, and what companding makes of the pulse is taken off the noise
+  // (kernels/pulse.cl).
   Autocorrelations measure(const ImagePair&, bool robust, Array<float>& correlation);
   // From what was measured last: out = field + correction, at most `lateral_limit` lines and `axial_limit`
   // samples. `last`: no other step follows.
@@ -77,7 +78,7 @@ class Refinement {
   void weigh(const Array<float>& field);
   void solve(bool last);
   void find_medians();
-  void look_up(const NoiseStructure&, const std::array<int, 4>& radii, Array<float>& information,
+  void look_up(const NoiseStructure&, const std::vector<int>& radii, Array<float>& information,
                Array<float>& deviation_m);
 
   Queue queue_;
@@ -94,8 +95,8 @@ class Refinement {
   PcgResult solved_;
   int chunks_ = 1;
   std::vector<float> weights_;  // model()
-  Array<float> hat_, noise_, terms_, pixels_, gradient_, model_, rhs_, load_, correction_, information_,
-      pull_, bias_;
+  Array<float> hat_, noise_, terms_, pixels_, pulses_, gradient_, model_, rhs_, load_, correction_,
+      information_, pull_, bias_;
   Array<float> products_;
 };
 

@@ -1,5 +1,6 @@
 #include "tests/reference/regularised.h"
 
+#include <Eigen/Dense>
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -45,6 +46,37 @@ NodeData data_of(const RfImage& mean, const RfImage& difference, const NodeGrid&
   return sum;
 }
 
+using Even = Eigen::Vector4d;  // the mean and its even derivatives up to the second
+
+Even even_derivatives(const RfImage& m, int k, int l) {
+  const auto pair = [&](int n) { return m.at(k + n, l) + m.at(k - n, l); };
+  const double yy = (270 * pair(1) - 27 * pair(2) + 2 * pair(3) - 490 * m.at(k, l)) / 180;
+  const double xy = (m.at(k + 1, l + 1) - m.at(k - 1, l + 1) - m.at(k + 1, l - 1) + m.at(k - 1, l - 1)) / 4;
+  return {m.at(k, l), yy, xy, m.at(k, l - 1) + m.at(k, l + 1) - 2 * m.at(k, l)};
+}
+
+struct Pulse {
+  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+  Even with = Even::Zero();  // the difference
+  double dd = 0;
+};
+
+// Over a node's own lines and, in whole eights, samples.
+void add_cell(Pulse& sum, const RfImage& mean, const RfImage& difference, const NodeGrid& g, int i, int j,
+              double outlier_scale) {
+  const int half = 4 * ((g.sample_step + 7) / 8);
+  const int line = g.first_line + i * g.line_step - g.line_step / 2,
+            sample = g.first_sample + j * g.sample_step;
+  for (int l = std::max(line, 1); l < std::min(line + g.line_step, mean.lines - 1); ++l)
+    for (int k = sample - half; k < sample + half; ++k) {
+      const double d = difference.at(k, l), w = 1 / (1 + (outlier_scale > 0 ? d * d / outlier_scale : 0));
+      const Even r = even_derivatives(mean, k, l);
+      sum.normal += w * r * r.transpose();
+      sum.with += w * d * r;
+      sum.dd += w * d * d;
+    }
+}
+
 NodeData around(const std::vector<NodeData>& data, const NodeGrid& g, int i, int j, int radius) {
   NodeData sum;
   for (int n = std::max(0, j - radius); n <= std::min(g.ny - 1, j + radius); ++n)
@@ -83,6 +115,33 @@ void add_edges(System& s, const NodeGrid& g, const std::vector<Pair>& field, con
 
 }  // namespace
 
+double unexplained_part(const RfImage& mean, const RfImage& difference, const NodeGrid& g, int i, int j,
+                        const std::vector<double>& noise, const RegularisedModel& model) {
+  constexpr double kLeast = 0.05;
+  Pulse sum;
+  for (int n = std::max(0, j - model.noise_radius); n <= std::min(g.ny - 1, j + model.noise_radius); ++n)
+    for (int m = std::max(0, i - model.noise_radius); m <= std::min(g.nx - 1, i + model.noise_radius); ++m)
+      add_cell(sum, mean, difference, g, m, n, model.cauchy_squared * noise[g.at(m, n)]);
+  if (!(sum.dd > 0)) return 1;
+  const double explained = sum.with.dot(sum.normal.ldlt().solve(sum.with));
+  return std::max(kLeast, 1 - explained / sum.dd);
+}
+
+std::vector<Pair> edge_bias(const NodeGrid& g, const std::vector<Pair>& information,
+                            const std::vector<Pair>& pull, int radius) {
+  std::vector<Pair> bias(pull.size(), Pair{});
+  for (int j = 0; j < g.ny; ++j)
+    for (int i = 0; i < g.nx; ++i)
+      for (std::size_t c = 0; c < 2; ++c) {
+        double h = 0, force = 0;
+        for (int n = std::max(0, j - radius); n <= std::min(g.ny - 1, j + radius); ++n)
+          for (int m = std::max(0, i - radius); m <= std::min(g.nx - 1, i + radius); ++m)
+            h += information[g.at(m, n)][c], force += pull[g.at(m, n)][c];
+        if (h > 0) bias[g.at(i, j)][c] = force / h;
+      }
+  return bias;
+}
+
 std::array<Pair, 2> mean_gradient(const NodeGrid& g, const std::vector<Pair>& field, int i, int j,
                                   int radius) {
   std::array<Pair, 2> sum{}, count{};
@@ -104,7 +163,7 @@ RegularisedStep regularised_step(const RfImage& mean, const RfImage& difference,
   const std::size_t nodes = field.size();
   std::vector<NodeData> data(nodes);
   std::vector<double> noise(nodes, 0.0);
-  RegularisedStep out{std::vector<Pair>(nodes), std::vector<Pair>(nodes), std::vector<double>(nodes)};
+  RegularisedStep out{std::vector<Pair>(nodes), std::vector<Pair>(nodes), std::vector<double>(nodes), {}};
   for (int pass = 0; pass < 2; ++pass) {
     for (int j = 0; j < g.ny; ++j)
       for (int i = 0; i < g.nx; ++i)
@@ -117,11 +176,15 @@ RegularisedStep regularised_step(const RfImage& mean, const RfImage& difference,
         out.correlation[g.at(i, j)] = (local.mm - local.dd / 4) / std::sqrt(pre * post);
       }
   }
+  out.noise = noise;
+  for (int j = 0; j < g.ny; ++j)
+    for (int i = 0; i < g.nx; ++i)
+      out.noise[g.at(i, j)] *= unexplained_part(mean, difference, g, i, j, noise, model);
   const auto size = static_cast<Eigen::Index>(2 * nodes);
   System system{{}, Eigen::VectorXd::Zero(size)};
   for (std::size_t n = 0; n < nodes; ++n) {
     const NodeData& d = data[n];
-    const auto gain = [&](std::size_t c) { return model.sensitivity[c] / (model.spread[c] * noise[n]); };
+    const auto gain = [&](std::size_t c) { return model.sensitivity[c] / (model.spread[c] * out.noise[n]); };
     const auto scale = [&](std::size_t c) { return gain(c) * model.sensitivity[c]; };
     out.information[n] = {scale(0) * d.xx, scale(1) * d.yy};
     const double cross = std::sqrt(scale(0) * scale(1)) * d.xy;

@@ -29,6 +29,7 @@ struct RegularisedModel {
 struct RegularisedStep {
   std::vector<Pair> correction, information;
   std::vector<double> correlation;
+  std::vector<double> noise;  // mean squared difference per pixel, without the pulse's part
 };
 
 // From the images mean and difference = pre - warped post, in which zero means that nothing is known, and the
@@ -38,6 +39,17 @@ struct RegularisedStep {
 // <D u>: mean of the two ends' gradients, each the plain average over the nodes within gradient_radius.
 RegularisedStep regularised_step(const RfImage& mean, const RfImage& difference, const NodeGrid&,
                                  const std::vector<Pair>& field, const RegularisedModel&);
+
+// Part of the squared difference around node (i, j) that is left when the least-squares combination of the
+// mean m and its derivatives m_yy, m_xy, m_xx is taken off it, at least .05 (pulse.cl says why); noise: of
+// each node, for the robust weights.
+double unexplained_part(const RfImage& mean, const RfImage& difference, const NodeGrid&, int i, int j,
+                        const std::vector<double>& noise, const RegularisedModel&);
+
+// What the edges' pull says of the smoothing's bias: pull over information, both summed over the nodes within
+// `radius`; 0 where nothing is known.
+std::vector<Pair> edge_bias(const NodeGrid&, const std::vector<Pair>& information,
+                            const std::vector<Pair>& pull, int radius);
 
 // Gradient (per node step) of both components along i and along j around node (i, j).
 std::array<Pair, 2> mean_gradient(const NodeGrid&, const std::vector<Pair>& field, int i, int j, int radius);
