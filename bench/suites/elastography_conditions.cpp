@@ -90,7 +90,7 @@ struct Series {
 Track measure_seed(Tracker& tracker, const Phantom& p, const std::vector<double>& truth, Series& series) {
   const auto begin = std::chrono::steady_clock::now();
   const std::clock_t processor_begin = std::clock();
-  const Track t = tracker.track(p.pre, p.post, p.geometry);
+  Track t = tracker.track(p.pre, p.post, p.geometry);
   const double processor_s = static_cast<double>(std::clock() - processor_begin) / CLOCKS_PER_SEC;
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   const TrackErrors e = track_errors(t, p);
@@ -120,6 +120,7 @@ struct CalibrationSeries {
 // Root mean square over the seeds and its 95 % interval.
 json spread_of(const std::vector<double>& z) {
   std::vector<double> squares;
+  squares.reserve(z.size());
   for (const double v : z) squares.push_back(v * v);
   const Interval i = interval95(squares);
   return {{"seeds", z},
