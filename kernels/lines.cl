@@ -2,7 +2,7 @@
 // cells, two nodes wide, solved exactly along its length. Block tridiagonal with blocks of 4: at each step
 // S_s = D_s - E_(s-1)^T G_(s-1), G_s = S_s^-1 E_s. Lines run along x (along_x = 1) or along y; line l is of
 // nodes l and l + 1 across. factor: [step][S^-1 4 x 4, G 4 x 4][line].
-#include "stencil.clh"
+#include "levels.clh"
 
 #define FACTOR 32
 
@@ -70,19 +70,25 @@ kernel void factor_lines(global const real4* restrict a, global real* restrict f
   }
 }
 
-// Solves every line for `r`, the others' unknowns zero. x: [right-hand side][step][4][line]. Items: (line,
-// right-hand side). Reads 48 + 8 and writes 8 reals per step, about 110 flops.
-kernel void solve_lines(global const real* restrict factor, global const real2* restrict r,
-                        global real* restrict x, const int nx, const int ny, const int along_x) {
-  const int line = get_global_id(0), steps = along_x ? nx : ny, lines = (along_x ? ny : nx) - 1;
+// Solves every line for the level's residual (from_zero: right-hand side), the others' unknowns zero. x:
+// [right-hand side][step][4][line]. Items: (line, right-hand side). Reads 48 + 8 and writes 8 reals per step,
+// about 110 flops.
+kernel void solve_lines(global const real* restrict factor, global const real* restrict vectors,
+                        global real* restrict x, global const int* restrict table, const int index,
+                        const int vectors_size, const int along_x, const int from_zero) {
+  const Level level = level_of(table, index);
+  const int line = get_global_id(0), q = get_global_id(1);
+  const int steps = along_x ? level.nx : level.ny, lines = (along_x ? level.ny : level.nx) - 1;
   if (line >= lines) return;
-  const int along = along_x ? 1 : nx, across = along_x ? nx : 1;
-  global const real2* from = r + get_global_id(1) * nx * ny + line * across;
+  const int along = along_x ? 1 : level.pitch, across = along_x ? level.pitch : 1, stride = level.stride;
+  global const real* from = vectors + q * vectors_size + level.vectors +
+                            (from_zero ? RIGHT : RESIDUAL) * stride + first_node(level) + line * across;
   global const real* f = factor + line;
-  global real* out = x + get_global_id(1) * 4 * steps * lines + line;
+  global real* out = x + q * 4 * steps * lines + line;
   real4 y = (real4)(0);
   for (int step = 0; step < steps; ++step) {
-    real4 now = (real4)(from[step * along], from[step * along + across]);
+    global const real* r = from + step * along;
+    real4 now = (real4)(r[0], r[stride], r[across], r[stride + across]);
     if (step > 0) {
       global const real* g = f + (FACTOR * (step - 1) + 16) * lines;
       now -= y.x * row_of(g, 0, lines) + y.y * row_of(g, 1, lines) + y.z * row_of(g, 2, lines) +
@@ -104,22 +110,28 @@ kernel void solve_lines(global const real* restrict factor, global const real2* 
   }
 }
 
-// Chebyshev step: d = c_old d + c_new (sum of the two lines through a node), z += d; from_zero: z = d. Items:
-// (i, j, right-hand side).
-kernel void line_step(global const real* restrict x, global real2* restrict d, global real2* restrict z,
-                      const real c_old, const real c_new, const int from_zero, const int nx, const int ny,
-                      const int along_x) {
+// Chebyshev step k: d = c_old d + c_new (sum of the two lines through a node), correction += d; from_zero:
+// correction = d. Items: (i, j, right-hand side).
+kernel void line_step(global const real* restrict constants, global const real* restrict x,
+                      global real* restrict vectors, global const int* restrict table, const int index,
+                      const int vectors_size, const int along_x, const int k, const int from_zero) {
+  const Level level = level_of(table, index);
   const int i = get_global_id(0), j = get_global_id(1), q = get_global_id(2);
-  if (i >= nx || j >= ny) return;
+  if (i >= level.nx || j >= level.ny) return;
   const int step = along_x ? i : j, line = along_x ? j : i;
-  const int steps = along_x ? nx : ny, lines = (along_x ? ny : nx) - 1;
+  const int steps = along_x ? level.nx : level.ny, lines = (along_x ? level.ny : level.nx) - 1;
   global const real* from = x + 4 * (q * steps + step) * lines + line;
   real2 sum = (real2)(0);
   if (line < lines) sum += (real2)(from[0], from[lines]);
   if (line > 0) sum += (real2)(from[2 * lines - 1], from[3 * lines - 1]);
-  const int at = i + nx * (j + ny * q);
-  const real2 old = c_old == 0 ? (real2)(0) : c_old * d[at];  // a first step finds rubbish in d
-  const real2 now = old + c_new * sum;
-  d[at] = now;
-  z[at] = from_zero ? now : z[at] + now;
+  const int stride = level.stride;
+  global real* at = vectors + q * vectors_size + level.vectors + first_node(level) + i + level.pitch * j;
+  global real* d = at + DIRECTION * stride;
+  global real* z = at + CORRECTION * stride;
+  real2 now = constants[2 * k + 1] * sum;
+  if (k > 0) now += constants[2 * k] * (real2)(d[0], d[stride]);
+  d[0] = now.x;
+  d[stride] = now.y;
+  z[0] = from_zero ? now.x : z[0] + now.x;
+  z[stride] = from_zero ? now.y : z[stride] + now.y;
 }

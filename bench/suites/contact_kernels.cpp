@@ -13,33 +13,31 @@ namespace {
 
 using nlohmann::json;
 
-// Of one launch and right-hand side, in double. Kernels of multigrid run once on each level but the coarsest:
-// the mean of these counts. Reads and writes in reals per node, flops likewise, from the kernels' comments.
+// Of one launch and right-hand side, from the kernels' comments: conjugate gradients in double, multigrid in
+// float. A step of multigrid is a launch on each level that is not small: the mean of these. Each array
+// counts once.
 std::map<std::string, Work> work_of(const service::TissueGrid& grid, const service::Queue& queue) {
-  constexpr double kReal = sizeof(double);
+  using service::CycleStep;
   const double fine = static_cast<double>(grid.nodes());
-  const service::Multigrid<double> multigrid(queue, {grid.x_m, grid.y_m});
-  double nx = static_cast<double>(grid.nx()), ny = static_cast<double>(grid.ny()), sum = 0;
-  for (std::size_t level = 0; level + 1 < multigrid.levels(); ++level) {
-    sum += nx * ny;
-    nx = (nx + 1) / 2, ny = (ny + 1) / 2;
-  }
-  const double mean = sum / static_cast<double>(multigrid.levels() - 1), coarsest = 2 * nx * ny;
-  const auto per = [](double nodes, double reals, double flops) {
-    return Work{nodes * reals * kReal, nodes * flops};
+  const service::Multigrid<double, float> multigrid(queue, {grid.x_m, grid.y_m});
+  const auto of_real = [](double nodes, double bytes_of_a_real, double reals, double flops) {
+    return Work{nodes * reals * bytes_of_a_real, nodes * flops};
   };
-  return {{"elasticity_apply", per(fine, 2 + 2 + 2 + 1, 240)},
-          {"elasticity_stencil", per(fine, 36 + 2 + 1, 600)},
-          {"stencil_residual", per(mean, 36 + 6, 74)},
-          {"stencil_apply", per(mean, 36 + 4, 72)},
-          {"cell_step", per(mean, 36 + 2 + 4 + 4, 80)},
-          {"relax_interior", per(mean / 4, 36 + 18 + 2 + 4 + 4, 82)},
-          {"restrict_residual", per(mean, 2 + 0.5, 4.5)},
-          {"prolong_add", per(mean, 0.5 + 4, 8)},
-          {"dense_apply", {coarsest * coarsest * kReal, 2 * coarsest * coarsest}},
-          {"dot_two", per(fine, 8, 8)},
-          {"pcg_update", per(fine, 12, 8)},
-          {"pcg_direction", per(fine, 6, 4)}};
+  const auto per = [&](double reals, double flops) { return of_real(fine, sizeof(double), reals, flops); };
+  const auto step = [&](CycleStep s, double reals, double flops) {
+    return of_real(multigrid.mean_nodes(s), sizeof(float), reals, flops);
+  };
+  return {{"elasticity_apply", per(2 + 2 + 2 + 1, 240)},
+          {"elasticity_stencil", per(36 + 2 + 1, 600)},
+          {"residual", step(CycleStep::kResidual, 20 + 6, 90)},
+          {"smooth", step(CycleStep::kSmooth, 20 + 2 + 4 + 4, 96)},
+          {"restrict_residual", step(CycleStep::kRestrict, 2 + 0.25 * 20, 13)},
+          {"prolong_add", step(CycleStep::kProlong, 4 + 2 + 0.25 * 18, 12)},
+          {"vectors_to_planes", per(3, 0)},
+          {"planes_to_vectors", per(3, 0)},
+          {"dot_two", per(8, 8)},
+          {"pcg_update", per(12, 8)},
+          {"pcg_direction", per(6, 4)}};
 }
 
 void print(const json& rows, const Ceiling& ceiling, const std::string& device) {

@@ -27,7 +27,13 @@ struct DeviceInfo {
   std::string name, vendor, platform, version, driver_version;
   bool has_double = false;
   std::uint32_t compute_units = 0;
+  std::uint32_t vector_bytes = 4;  // that an instruction takes at once; of one float on a GPU
   std::uint64_t global_memory_bytes = 0, max_allocation_bytes = 0;
+  // How many T an instruction adds at once.
+  template <class T>
+  std::size_t width() const {
+    return vector_bytes > sizeof(T) ? vector_bytes / sizeof(T) : 1;
+  }
 };
 
 // Every OpenCL device of every platform; empty when there is none. Checks first what PoCL needs to survive

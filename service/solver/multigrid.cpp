@@ -1,11 +1,11 @@
 #include "service/solver/multigrid.h"
 
 #include <algorithm>
+#include <initializer_list>
 #include <stdexcept>
-#include <type_traits>
+#include <string>
 #include <utility>
 
-#include "service/solver/chebyshev.h"
 #include "service/solver/convert.h"
 #include "service/solver/dense_inverse.h"
 #include "service/solver/smoother.h"
@@ -13,35 +13,39 @@
 namespace teletact::service {
 namespace {
 
+// A level of at most so many nodes is worked on by one work-group: launches would cost more than they share
+// out.
+constexpr std::size_t kSmallLevel = 1100;
+
 template <class T>
-std::vector<T> as(const std::vector<double>& values) {
+std::vector<T> as(const auto& values) {
   return {values.begin(), values.end()};
 }
 
-// Interpolation arrays of one direction on the device.
 template <class T>
-struct LineArrays {
-  Array<int> at, left;
-  Array<T> around, weight;
-  LineArrays(const Queue& queue, const LineTransfer& t)
-      : at(queue.array(t.at)),
-        left(queue.array(t.left)),
-        around(queue.array(as<T>(t.around))),
-        weight(queue.array(as<T>(t.weight))) {}
-};
+std::vector<T> joined(std::initializer_list<const std::vector<T>*> parts) {
+  std::vector<T> all;
+  for (const std::vector<T>* part : parts) all.insert(all.end(), part->begin(), part->end());
+  return all;
+}
 
-template <class T>
-Array<T> mask_array(const Queue& queue, const std::vector<std::uint8_t>& free) {
-  return queue.array(std::vector<T>(free.begin(), free.end()));
+// Work-group that runs steps on small levels.
+template <class W>
+std::size_t group_of(const Queue& queue) {
+  return queue.info().width<W>() > 1 ? 64 : 256;
+}
+
+template <class W>
+Defines defines_of(const Queue& queue) {
+  return {{"WIDTH", std::to_string(queue.info().width<W>())}, {"GROUP", std::to_string(group_of<W>(queue))}};
 }
 
 // A coarse unknown is constrained where the fine one at its place is.
-std::vector<std::uint8_t> coarse_mask(const std::vector<std::uint8_t>& fine, const LineTransfer& x,
-                                      const LineTransfer& y) {
+std::vector<std::uint8_t> coarse_mask(const std::vector<std::uint8_t>& fine, const GridTransfer& t) {
   std::vector<std::uint8_t> coarse;
-  for (const int j : y.at)
-    for (const int i : x.at) {
-      const std::size_t node = static_cast<std::size_t>(i) + x.left.size() * static_cast<std::size_t>(j);
+  for (const int j : t.y.at)
+    for (const int i : t.x.at) {
+      const std::size_t node = static_cast<std::size_t>(i) + t.x.left.size() * static_cast<std::size_t>(j);
       coarse.push_back(fine[2 * node]);
       coarse.push_back(fine[2 * node + 1]);
     }
@@ -50,131 +54,160 @@ std::vector<std::uint8_t> coarse_mask(const std::vector<std::uint8_t>& fine, con
 
 }  // namespace
 
-template <class T>
-struct Multigrid<T>::Level {
-  NodeLines lines;
-  int nx = 0, ny = 0;
-  GridTransfer to_coarse;
-  std::unique_ptr<LineArrays<T>> x, y;
-  Array<T> free;
-  std::shared_ptr<Array<T>> stencil;
-  Array<T> inverse_diagonal;
-  std::unique_ptr<Smoother<T>> smoother;
-  Array<T> direction, residual;  // d of the smoother; r - A z
-  Array<T> r, z;                 // right-hand side and correction of this level, not on the finest
-  std::size_t nodes() const { return lines.nodes(); }
-};
-
-template <class T>
-struct Multigrid<T>::Kernels {
+template <class T, class W>
+struct Multigrid<T, W>::Kernels {
   explicit Kernels(const Queue& queue) {
-    const auto get = [&](const char* name) { return queue.kernel("multigrid", name, precision_of<T>); };
-    residual = get("stencil_residual");
-    interior = get("relax_interior");
+    const auto get = [&](const char* name) {
+      return queue.kernel("multigrid", name, precision_of<W>, defines_of<W>(queue));
+    };
+    residual = get("residual");
+    smooth = get("smooth");
     restriction = get("restrict_residual");
     prolong = get("prolong_add");
-    dense = get("dense_apply");
+    run = get("run_steps");
+    pack = queue.kernel("planes", "vectors_to_planes", precision_of<T>, planes_of<W>());
+    unpack = queue.kernel("planes", "planes_to_vectors", precision_of<T>, planes_of<W>());
   }
-  Kernel residual, interior, restriction, prolong, dense;
+  Kernel residual, smooth, restriction, prolong, run, pack, unpack, solve_lines, line_step;
 };
 
-template <class T>
-Multigrid<T>::Multigrid(const Queue& queue, const NodeLines& lines, const MultigridOptions& options)
-    : queue_(queue), short_side_(short_side(lines)), kernels_(std::make_unique<Kernels>(queue)) {
-  const double largest = short_side_ == ShortSide::kNeither ? kLargestCellEigenvalue : kLargestLineEigenvalue;
-  steps_ = chebyshev_steps(largest / options.smoothing_range, largest, std::max(1U, options.smoothing_steps));
-  NodeLines current = lines;
-  for (double spacing = smallest_spacing(lines);; spacing *= 2) {
-    auto level = std::make_unique<Level>();
-    level->lines = current;
-    level->nx = static_cast<int>(current.x.size());
-    level->ny = static_cast<int>(current.y.size());
-    level->to_coarse =
-        short_side_ == ShortSide::kNeither ? coarsen(current, spacing) : coarsen_fully(current);
-    NodeLines coarse{level->to_coarse.x.coarse, level->to_coarse.y.coarse};
-    const bool last = current.nodes() <= options.coarsest_nodes || coarse.nodes() == current.nodes();
-    if (!last) {
-      level->x = std::make_unique<LineArrays<T>>(queue, level->to_coarse.x);
-      level->y = std::make_unique<LineArrays<T>>(queue, level->to_coarse.y);
-    }
-    levels_.push_back(std::move(level));
-    if (last) break;
-    current = std::move(coarse);
-  }
-}
-
-template <class T>
-Multigrid<T>::~Multigrid() = default;
-
-template <class T>
-std::size_t Multigrid<T>::levels() const {
-  return levels_.size();
-}
-
-template <class T>
-std::shared_ptr<const Array<T>> Multigrid<T>::stencil() const {
-  return levels_.front()->stencil;
-}
-
-template <class T>
+// What the set-up needs of each level on the device.
+template <class T, class W>
 template <class S>
-void Multigrid<T>::set_operator(const Array<S>& stencil, const std::vector<std::uint8_t>& free) {
+struct Multigrid<T, W>::Setup {
+  struct Level {
+    Array<int> lines;  // kernels/galerkin.cl
+    Array<S> weights, free;
+  };
+  std::vector<Level> levels;
+};
+
+template <class T, class W>
+Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines, const MultigridOptions& options)
+    : queue_(queue), short_side_(short_side(lines)), kernels_(std::make_unique<Kernels>(queue)) {
+  const double largest = smooths_lines() ? kLargestLineEigenvalue : kLargestCellEigenvalue;
+  steps_ = chebyshev_steps(largest / options.smoothing_range, largest, std::max(1U, options.smoothing_steps));
+  lines_.push_back(lines);
+  for (double spacing = smallest_spacing(lines);; spacing *= 2) {
+    const NodeLines& fine = lines_.back();
+    GridTransfer transfer = smooths_lines() ? coarsen_fully(fine) : coarsen(fine, spacing);
+    NodeLines coarse{transfer.x.coarse, transfer.y.coarse};
+    if (fine.nodes() <= options.coarsest_nodes || coarse.nodes() == fine.nodes()) break;
+    transfers_.push_back(std::move(transfer));
+    lines_.push_back(std::move(coarse));
+  }
+  layout_ = lay_out(lines_, transfers_, queue.info().width<W>(), 2 * steps_.size());
+  plan_ = plan_cycle(levels(), steps_.size());
+  while (first_small_ + 1 < levels() && (smooths_lines() || lines_[first_small_].nodes() > kSmallLevel))
+    ++first_small_;
+  std::vector<int> table = layout_.table;
+  for (const PlannedStep& s : plan_) table.insert(table.end(), {static_cast<int>(s.step), s.level, s.k});
+  table_ = queue_.array(table);
+  constants_ = queue_.array<W>(static_cast<std::size_t>(layout_.constants_size));
+  if (!smooths_lines()) return;
+  kernels_->solve_lines = queue.kernel("lines", "solve_lines", precision_of<W>);
+  kernels_->line_step = queue.kernel("lines", "line_step", precision_of<W>);
+}
+
+template <class T, class W>
+Multigrid<T, W>::~Multigrid() = default;
+
+template <class T, class W>
+template <class S>
+void Multigrid<T, W>::set_operator(const Array<S>& stencil, const std::vector<std::uint8_t>& free) {
+  std::vector<std::vector<std::uint8_t>> masks{free};
+  for (const GridTransfer& t : transfers_) masks.push_back(coarse_mask(masks.back(), t));
+  set_header(masks);
+  Setup<S> setup;
+  for (std::size_t l = 0; l < levels(); ++l) {
+    setup.levels.emplace_back();
+    auto& level = setup.levels.back();
+    level.free = queue_.array(as<S>(masks[l]));
+    if (l + 1 == levels()) break;
+    const GridTransfer& t = transfers_[l];
+    level.lines = queue_.array(joined<int>({&t.x.at, &t.y.at, &t.x.left, &t.y.left}));
+    level.weights = queue_.array(as<S>(joined<double>({&t.x.weight, &t.y.weight})));
+  }
   Array<int> indefinite = queue_.array(std::vector<int>{0});
-  set_level(0, stencil, free, indefinite);
+  line_factors_.clear();
+  set_level(0, stencil, setup, indefinite);
   if (queue_.read(indefinite)[0])
     throw std::invalid_argument("multigrid: the operator is not symmetric positive definite");
 }
 
-template <class T>
+// The beginning of the constants, which does not depend on the operator.
+template <class T, class W>
+void Multigrid<T, W>::set_header(const std::vector<std::vector<std::uint8_t>>& free) {
+  std::vector<W> header(static_cast<std::size_t>(layout_.header_size));
+  for (std::size_t k = 0; k < steps_.size(); ++k) {
+    header[2 * k] = static_cast<W>(steps_[k].old_direction);
+    header[2 * k + 1] = static_cast<W>(steps_[k].new_residual);
+  }
+  for (std::size_t l = 0; l < levels(); ++l) {
+    const LevelLayout& level = layout_.levels[l];
+    const auto put = [&](const std::vector<double>& values, int at) {
+      for (const double value : values) header[static_cast<std::size_t>(at++)] = static_cast<W>(value);
+    };
+    if (l + 1 < levels()) {
+      put(transfers_[l].x.around, level.around_x);
+      put(transfers_[l].y.around, level.around_y);
+    }
+    for (std::size_t n = 0; n < free[l].size() / 2; ++n) {
+      const auto i = static_cast<int>(n) % level.nx, j = static_cast<int>(n) / level.nx;
+      const auto at = static_cast<std::size_t>(level.free + level.first() + i + level.pitch * j);
+      header[at] = free[l][2 * n];
+      header[at + static_cast<std::size_t>(level.stride)] = free[l][2 * n + 1];
+    }
+  }
+  queue_.write(constants_, header.data(), header.size());
+}
+
+template <class T, class W>
 template <class S>
-void Multigrid<T>::set_level(std::size_t index, const Array<S>& stencil,
-                             const std::vector<std::uint8_t>& free, Array<int>& indefinite) {
-  Level& level = *levels_[index];
-  const std::size_t nodes = level.nodes();
-  if (index + 1 == levels_.size()) {
+void Multigrid<T, W>::set_level(std::size_t index, const Array<S>& stencil, const Setup<S>& setup,
+                                Array<int>& indefinite) {
+  if (index + 1 == levels()) {
     const std::vector<S> host = queue_.read(stencil);
     return invert_coarsest({host.begin(), host.end()});
   }
-  auto inverse = queue_.array<S>(4 * nodes);
-  queue_.kernel("galerkin", "invert_diagonal", precision_of<S>)({{nodes}, {64}}, stencil, inverse,
-                                                                static_cast<int>(nodes));
-  level.free = mask_array<T>(queue_, free);
-  level.stencil = std::make_shared<Array<T>>(converted<T>(queue_, stencil));
-  level.inverse_diagonal = converted<T>(queue_, inverse);
-  const std::size_t nx = level.lines.x.size(), ny = level.lines.y.size();
-  level.smoother =
-      short_side_ == ShortSide::kNeither
-          ? make_cell_smoother<T>(queue_, stencil, nx, ny, indefinite)
-          : make_line_smoother<T>(queue_, stencil, nx, ny, short_side_ == ShortSide::kX, indefinite);
-  const auto coarse_free = coarse_mask(free, level.to_coarse.x, level.to_coarse.y);
-  levels_[index + 1]->free = mask_array<T>(queue_, coarse_free);
-  set_level(index + 1, coarse_operator(index, stencil, free, coarse_free), coarse_free, indefinite);
+  const LevelLayout& level = layout_.levels[index];
+  const std::size_t nx = lines_[index].x.size(), ny = lines_[index].y.size();
+  queue_.kernel("planes", "stencil_to_planes", precision_of<S>, planes_of<W>())(
+      {{static_cast<std::size_t>(level.stride)}, {64}}, stencil, constants_, level.stencil, level.stride,
+      level.nx, level.ny);
+  if (smooths_lines())
+    line_factors_.push_back(
+        converted<W>(queue_, line_factor(queue_, stencil, nx, ny, short_side_ == ShortSide::kX, indefinite)));
+  else
+    cell_smoother(queue_, stencil, nx, ny, indefinite, constants_, level.smoother, level.stride);
+  set_level(index + 1, coarse_operator(index, stencil, setup), setup, indefinite);
 }
 
-// P^T A P
-template <class T>
+// P^T A P, and P itself where it is more than bilinear.
+template <class T, class W>
 template <class S>
-Array<S> Multigrid<T>::coarse_operator(std::size_t index, const Array<S>& stencil,
-                                       const std::vector<std::uint8_t>& free,
-                                       const std::vector<std::uint8_t>& coarse_free) const {
-  const Level &level = *levels_[index], &next = *levels_[index + 1];
-  const std::size_t nx = next.lines.x.size(), ny = next.lines.y.size();
-  const LineArrays<S> x(queue_, level.to_coarse.x), y(queue_, level.to_coarse.y);
-  const Array<S> fine_mask = mask_array<S>(queue_, free);
+Array<S> Multigrid<T, W>::coarse_operator(std::size_t index, const Array<S>& stencil, const Setup<S>& setup) {
+  const LevelLayout &level = layout_.levels[index], &next = layout_.levels[index + 1];
+  const auto& s = setup.levels[index];
+  const std::size_t nx = lines_[index + 1].x.size(), ny = lines_[index + 1].y.size();
   auto rows = queue_.array<S>(16 * (nx - 1) * (ny - 1)), coarse = queue_.array<S>(36 * nx * ny);
   queue_.kernel("galerkin", "interior_rows", precision_of<S>)(grid_range(nx - 1, ny - 1, 1), stencil, rows,
-                                                              x.at, y.at, x.weight, y.weight, fine_mask,
-                                                              level.nx, level.ny, next.nx, next.ny);
+                                                              s.lines, s.weights, s.free, level.nx, level.ny,
+                                                              next.nx, next.ny);
+  queue_.kernel("planes", "inside_to_planes", precision_of<S>, planes_of<W>())(
+      {{static_cast<std::size_t>(next.stride)}, {64}}, stencil, rows, s.free, s.lines, s.weights, constants_,
+      level.inside, next.stride, level.nx, level.ny, next.nx, next.ny);
   queue_.kernel("galerkin", "galerkin_product", precision_of<S>)(
-      grid_range(nx, ny, 9), stencil, rows, coarse, x.at, y.at, x.left, x.weight, y.left, y.weight, fine_mask,
-      mask_array<S>(queue_, coarse_free), level.nx, level.ny, next.nx, next.ny);
+      grid_range(nx, ny, 5), stencil, rows, coarse, s.lines, s.weights, s.free, setup.levels[index + 1].free,
+      level.nx, level.ny, next.nx, next.ny);
   return coarse;
 }
 
-template <class T>
-void Multigrid<T>::invert_coarsest(const std::vector<double>& stencil) {
-  const Level& level = *levels_.back();
-  const std::size_t nx = level.lines.x.size(), ny = level.lines.y.size(), nodes = nx * ny, n = 2 * nodes;
+template <class T, class W>
+void Multigrid<T, W>::invert_coarsest(const std::vector<double>& stencil) {
+  const LevelLayout& level = layout_.levels.back();
+  const auto nx = static_cast<std::size_t>(level.nx), ny = static_cast<std::size_t>(level.ny);
+  const std::size_t nodes = nx * ny, n = 2 * nodes;
   std::vector<double> dense(n * n);
   for (std::size_t node = 0; node < nodes; ++node)
     for (std::size_t k = 0; k < 9; ++k) {
@@ -185,80 +218,111 @@ void Multigrid<T>::invert_coarsest(const std::vector<double>& stencil) {
         dense[(2 * node + c / 2) * n + 2 * to + c % 2] = stencil[4 * (k * nodes + node) + c];
     }
   invert_symmetric(dense, n);
-  inverse_ = queue_.array(as<T>(dense));
+  // As kernels/multigrid.cl wants it: [component][place][component][place], rows of whole work items.
+  const std::size_t width = queue_.info().width<W>(), span = static_cast<std::size_t>(level.span());
+  const std::size_t row = (span + width - 1) / width * width;
+  std::vector<W> padded(4 * span * row);
+  const auto place = [&](std::size_t node) { return node % nx + (nx + 1) * (node / nx); };
+  for (std::size_t a = 0; a < n; ++a)
+    for (std::size_t b = 0; b < n; ++b)
+      padded[(2 * (a % 2 * span + place(a / 2)) + b % 2) * row + place(b / 2)] =
+          static_cast<W>(dense[a * n + b]);
+  queue_.write(constants_, padded.data(), padded.size(), static_cast<std::size_t>(level.stencil));
 }
 
-template <class T>
-void Multigrid<T>::reserve(std::size_t count) {
+template <class T, class W>
+double Multigrid<T, W>::mean_nodes(CycleStep step) const {
+  double nodes = 0, launches = 0;
+  for (const PlannedStep& s : plan_) {
+    const auto level = static_cast<std::size_t>(s.level);
+    if (s.step != step || level >= first_small_) continue;
+    nodes += static_cast<double>(lines_[level].nodes());
+    ++launches;
+  }
+  return launches > 0 ? nodes / launches : 0;
+}
+
+template <class T, class W>
+void Multigrid<T, W>::reserve(std::size_t count) {
   if (count <= reserved_) return;
+  vectors_ = queue_.array<W>(count * static_cast<std::size_t>(layout_.vectors_size));
+  queue_.fill_zero(vectors_);  // what lies between nodes stays so
+  if (smooths_lines()) line_solutions_ = queue_.array<W>(count * 4 * 2 * lines_.front().nodes());
   reserved_ = count;
-  for (std::size_t index = 0; index < levels_.size(); ++index) {
-    Level& level = *levels_[index];
-    const std::size_t size = 2 * level.nodes() * count;
-    for (Array<T>* a : {&level.direction, &level.residual}) *a = queue_.array<T>(size);
-    if (index == 0) continue;
-    level.r = queue_.array<T>(size);
-    level.z = queue_.array<T>(size);
-  }
 }
 
-template <class T>
-void Multigrid<T>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
+template <class T, class W>
+void Multigrid<T, W>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
   reserve(count);
-  cycle(0, r, z, count);
+  const std::size_t group = group_of<W>(queue_);
+  const LevelLayout& finest = layout_.levels.front();
+  const auto stride = static_cast<std::size_t>(finest.stride);
+  kernels_->pack({{stride, count}, {64}}, r, vectors_, finest.right(), layout_.vectors_size, finest.stride,
+                 finest.nx, finest.ny);
+  for (std::size_t s = 0; s < plan_.size();) {
+    const auto small = [&](std::size_t at) {
+      return at < plan_.size() && static_cast<std::size_t>(plan_[at].level) >= first_small_;
+    };
+    if (!small(s)) {
+      launch(plan_[s++], count);
+      continue;
+    }
+    const std::size_t from = s;
+    while (small(s)) ++s;
+    kernels_->run({{group, count}, {group}}, constants_, vectors_, table_,
+                  static_cast<int>(layout_.table.size()), static_cast<int>(from), static_cast<int>(s),
+                  layout_.vectors_size);
+  }
+  kernels_->unpack({{lines_.front().nodes(), count}, {64}}, vectors_, z, finest.correction(),
+                   layout_.vectors_size, finest.stride, finest.nx, finest.ny);
 }
 
-// Polynomial smoothing of z.
-template <class T>
-void Multigrid<T>::smooth(Level& level, const Array<T>& r, Array<T>& z, std::size_t count, bool from_zero) {
-  const Range range = grid_range(level.lines.x.size(), level.lines.y.size(), count);
-  for (std::size_t k = 0; k < steps_.size(); ++k) {
-    const bool first = from_zero && k == 0;  // the residual is r
-    if (!first) kernels_->residual(range, *level.stencil, r, z, level.residual, level.nx, level.ny);
-    level.smoother->step(first ? r : level.residual, level.direction, z, steps_[k], first, count);
+// A step on a level that is not small.
+template <class T, class W>
+void Multigrid<T, W>::launch(const PlannedStep& s, std::size_t count) {
+  const LevelLayout& level = layout_.levels[static_cast<std::size_t>(s.level)];
+  const std::size_t width = queue_.info().width<W>(), span = static_cast<std::size_t>(level.span());
+  const Range over_nodes{{(span + width - 1) / width, count}, {width > 1 ? 8U : 64U}};
+  const auto over_next = [&] {
+    const LevelLayout& next = layout_.levels[static_cast<std::size_t>(s.level) + 1];
+    return Range{{static_cast<std::size_t>(next.span()), count}, {64}};
+  };
+  switch (s.step) {
+    case CycleStep::kResidual:
+      return kernels_->residual(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size);
+    case CycleStep::kSmooth:
+    case CycleStep::kSmoothFromZero:
+      if (smooths_lines()) return smooth_lines(s, count);
+      return kernels_->smooth(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size, s.k,
+                              static_cast<int>(s.step == CycleStep::kSmoothFromZero));
+    case CycleStep::kRestrict:
+      return kernels_->restriction(over_next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+    case CycleStep::kProlong:
+      return kernels_->prolong(over_next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+    case CycleStep::kSolve:
+      throw std::logic_error("multigrid: the coarsest level is always small");
   }
 }
 
-// Equilibrium of the nodes inside coarse cells: before and after bilinear transfers it makes them those of P.
-template <class T>
-void Multigrid<T>::relax_interior(const Level& level, const Level& next, const Array<T>& r, Array<T>& z,
-                                  std::size_t count) {
-  kernels_->interior(grid_range(next.lines.x.size() - 1, next.lines.y.size() - 1, count), *level.stencil,
-                     level.inverse_diagonal, r, z, level.x->at, level.y->at, level.nx, level.ny, next.nx,
-                     next.ny);
-}
-
-template <class T>
-void Multigrid<T>::cycle(std::size_t index, const Array<T>& r, Array<T>& z, std::size_t count) {
-  Level& level = *levels_[index];
-  if (index + 1 == levels_.size()) {
-    const std::size_t unknowns = 2 * level.nodes();
-    kernels_->dense({{unknowns, count}, {16}}, inverse_, r, z, static_cast<int>(unknowns));
-    return;
-  }
-  Level& next = *levels_[index + 1];
-  const Range fine = grid_range(level.lines.x.size(), level.lines.y.size(), count);
-  // z = S r
-  smooth(level, r, z, count, true);
-  // r_c = P^T (r - A z)
-  relax_interior(level, next, r, z, count);
-  kernels_->residual(fine, *level.stencil, r, z, level.residual, level.nx, level.ny);
-  kernels_->restriction(grid_range(next.lines.x.size(), next.lines.y.size(), count), level.residual, next.r,
-                        level.x->at, level.x->around, level.y->at, level.y->around, next.free, level.nx,
-                        level.ny, next.nx, next.ny);
-  cycle(index + 1, next.r, next.z, count);
-  // z += P z_c
-  kernels_->prolong(fine, next.z, z, level.x->left, level.x->weight, level.y->left, level.y->weight,
-                    level.free, level.nx, level.ny, next.nx, next.ny);
-  relax_interior(level, next, r, z, count);
-  // z += S^T (r - A z)
-  smooth(level, r, z, count, false);
+template <class T, class W>
+void Multigrid<T, W>::smooth_lines(const PlannedStep& s, std::size_t count) {
+  const auto index = static_cast<std::size_t>(s.level);
+  const std::size_t nx = lines_[index].x.size(), ny = lines_[index].y.size();
+  const bool along_x = short_side_ == ShortSide::kX, from_zero = s.step == CycleStep::kSmoothFromZero;
+  const std::size_t lines = (along_x ? ny : nx) - 1;
+  kernels_->solve_lines({{lines, count}, {8}}, line_factors_[index], vectors_, line_solutions_, table_,
+                        s.level, layout_.vectors_size, static_cast<int>(along_x),
+                        static_cast<int>(from_zero));
+  kernels_->line_step(grid_range(nx, ny, count), constants_, line_solutions_, vectors_, table_, s.level,
+                      layout_.vectors_size, static_cast<int>(along_x), s.k, static_cast<int>(from_zero));
 }
 
 template class Multigrid<float>;
 template class Multigrid<double>;
+template class Multigrid<double, float>;
 template void Multigrid<float>::set_operator(const Array<float>&, const std::vector<std::uint8_t>&);
 template void Multigrid<float>::set_operator(const Array<double>&, const std::vector<std::uint8_t>&);
 template void Multigrid<double>::set_operator(const Array<double>&, const std::vector<std::uint8_t>&);
+template void Multigrid<double, float>::set_operator(const Array<double>&, const std::vector<std::uint8_t>&);
 
 }  // namespace teletact::service

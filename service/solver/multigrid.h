@@ -1,4 +1,4 @@
-// Geometric multigrid on a structured grid of nodes with two unknowns each: one V-cycle, a symmetric positive
+// Geometric multigrid on a structured grid of nodes with two unknowns each: one cycle, a symmetric positive
 // definite preconditioner for conjugate gradients.
 //
 // Levels: every second line is dropped. Where elements are stretched both ways, across their short side first
@@ -8,9 +8,9 @@
 // equilibrium with them, so that a coarse displacement without divergence stays one on the fine level
 // (Schoeberl 1999: what makes multigrid robust in nu). Restriction P^T. Coarse operators: P^T A P on the
 // device.
-// Smoother: Chebyshev polynomial in M A (smoother.h), before and after: it is its own transpose in the A
-// inner product, so the cycle is symmetric. Coarsest level: exact, by a dense inverse computed in double on
-// the host.
+// Smoother: Chebyshev polynomial in M A (smoother.h), before, between and after visits to the coarser level
+// (cycle_plan.h): it is its own transpose in the A inner product, so the cycle is symmetric. Coarsest level:
+// exact, by a dense inverse computed in double on the host.
 #pragma once
 
 #include <cstdint>
@@ -18,6 +18,8 @@
 #include <vector>
 
 #include "service/solver/chebyshev.h"
+#include "service/solver/cycle_plan.h"
+#include "service/solver/level_layout.h"
 #include "service/solver/linear_operator.h"
 #include "service/solver/node_lines.h"
 
@@ -29,7 +31,8 @@ struct MultigridOptions {
   std::size_t coarsest_nodes = 100;  // a level of at most so many nodes is solved exactly
 };
 
-template <class T>
+// For vectors of T; it works in W: T, or float where T is double, at half the bytes.
+template <class T, class W = T>
 class Multigrid : public LinearOperator<T> {
  public:
   Multigrid(const Queue&, const NodeLines&, const MultigridOptions& = {});
@@ -43,30 +46,37 @@ class Multigrid : public LinearOperator<T> {
   // z = M r for the first `count` vectors; r must vanish on constrained unknowns. Grows its vectors on first
   // use of a larger count.
   void apply(const Array<T>& r, Array<T>& z, std::size_t count) override;
-  std::size_t levels() const;
-  // The finest stencil in the working precision.
-  std::shared_ptr<const Array<T>> stencil() const;
+  std::size_t levels() const { return lines_.size(); }
+  // Nodes of the levels on which a step is a launch of its own, the mean over these launches; 0 without any.
+  double mean_nodes(CycleStep) const;
 
  private:
-  struct Level;
   struct Kernels;
-  void cycle(std::size_t level, const Array<T>& r, Array<T>& z, std::size_t count);
-  void smooth(Level&, const Array<T>& r, Array<T>& z, std::size_t count, bool from_zero);
-  void relax_interior(const Level&, const Level& next, const Array<T>& r, Array<T>& z, std::size_t count);
   template <class S>
-  void set_level(std::size_t level, const Array<S>& stencil, const std::vector<std::uint8_t>& free,
-                 Array<int>& indefinite);
+  struct Setup;
+  bool smooths_lines() const { return short_side_ != ShortSide::kNeither; }
+  void set_header(const std::vector<std::vector<std::uint8_t>>& free);
   template <class S>
-  Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const std::vector<std::uint8_t>& free,
-                           const std::vector<std::uint8_t>& coarse_free) const;
+  void set_level(std::size_t level, const Array<S>& stencil, const Setup<S>&, Array<int>& indefinite);
+  template <class S>
+  Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const Setup<S>&);
   void invert_coarsest(const std::vector<double>& stencil);
   void reserve(std::size_t count);
+  void launch(const PlannedStep&, std::size_t count);
+  void smooth_lines(const PlannedStep&, std::size_t count);
   Queue queue_;
   ShortSide short_side_;
   std::vector<ChebyshevStep> steps_;
+  std::vector<NodeLines> lines_;         // of each level
+  std::vector<GridTransfer> transfers_;  // from each level but the coarsest to the next
+  std::vector<PlannedStep> plan_;
+  std::size_t first_small_ = 0;  // level from which on steps run in one work-group
+  HierarchyLayout layout_;
   std::unique_ptr<Kernels> kernels_;
-  std::vector<std::unique_ptr<Level>> levels_;
-  Array<T> inverse_;  // of the coarsest level, dense
+  Array<int> table_;                    // the layout's, then the plan
+  Array<W> constants_, vectors_;        // kernels/levels.clh
+  std::vector<Array<W>> line_factors_;  // of each level, where lines are smoothed
+  Array<W> line_solutions_;
   std::size_t reserved_ = 0;
 };
 

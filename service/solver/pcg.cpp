@@ -129,7 +129,7 @@ std::vector<PcgResult> Pcg<T>::solve(LinearOperator<T>& a, LinearOperator<T>& pr
   while (k < options_.max_iterations) {
     iterate(a, preconditioner, k, count, r, load, x);
     ++k;
-    if (k % options_.look_every == 0 && !running(count)) break;
+    if (k >= 2 * options_.delay && k % options_.look_every == 0 && !running(count)) break;
   }
   return results(count, k);
 }

@@ -25,7 +25,7 @@ struct PcgOptions {
   double relative_residual = 0;      // ||r|| / ||r_0|| to reach instead; 0 = not a criterion
   std::size_t max_iterations = 500;  // > 0
   std::size_t delay = 2;             // iterations that the error estimate looks back; it needs twice as many
-  std::size_t look_every = 4;        // iterations between two looks at the states
+  std::size_t look_every = 1;        // iterations between two looks at the states, once they can change
 };
 
 // Of one right-hand side. The estimates are those of the iteration that stopped it.

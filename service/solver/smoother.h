@@ -7,37 +7,31 @@
 // (Toselli and Widlund 2005, lemma 2.6): nothing has to be estimated.
 #pragma once
 
-#include <memory>
-
-#include "service/solver/chebyshev.h"
 #include "service/solver/linear_operator.h"
 
 namespace teletact::service {
 
-template <class T>
-class Smoother {
- public:
-  virtual ~Smoother() = default;
-  // d = old_direction d + new_residual M residual, z += d; from_zero: z = d, whatever it holds. An
-  // old_direction of 0 does not read d.
-  virtual void step(const Array<T>& residual, Array<T>& d, Array<T>& z, const ChebyshevStep&, bool from_zero,
-                    std::size_t count) = 0;
-};
+// Build parameters of kernels that write multigrid's planes in W, whatever they compute in.
+template <class W>
+Defines planes_of() {
+  return {{"WORK", sizeof(W) == sizeof(double) ? "double" : "float"}};
+}
 
-// The makers take a stencil (kernels/stencil.clh) on nx x ny nodes; `indefinite` [1] is set to 1 when it is
-// found not to be positive definite, else left.
+// Both take a stencil (kernels/stencil.clh) on nx x ny nodes; `indefinite` [1] is set to 1 when it is found
+// not to be positive definite, else left.
 
-// One set for each cell. Their sum is a 9-point stencil itself. Cells three lines apart do not couple.
-template <class T, class S>
-std::unique_ptr<Smoother<T>> make_cell_smoother(const Queue&, const Array<S>& stencil, std::size_t nx,
-                                                std::size_t ny, Array<int>& indefinite);
+// One set for each cell: M, a 9-point stencil itself, written to `planes` from `at` on, planes of `stride`
+// (kernels/levels.clh). Cells three lines apart do not couple.
+template <class S, class W>
+void cell_smoother(const Queue&, const Array<S>& stencil, std::size_t nx, std::size_t ny,
+                   Array<int>& indefinite, Array<W>& planes, int at, int stride);
 constexpr double kLargestCellEigenvalue = 9;
 
-// One set for each row (along_x) or column of cells: for elements stretched across it. Each is solved from
-// end to end by one work item.
-template <class T, class S>
-std::unique_ptr<Smoother<T>> make_line_smoother(const Queue&, const Array<S>& stencil, std::size_t nx,
-                                                std::size_t ny, bool along_x, Array<int>& indefinite);
+// One set for each row (along_x) or column of cells: for elements stretched across it. The factor of each,
+// which one work item solves with from end to end (kernels/lines.cl).
+template <class S>
+Array<S> line_factor(const Queue&, const Array<S>& stencil, std::size_t nx, std::size_t ny, bool along_x,
+                     Array<int>& indefinite);
 constexpr double kLargestLineEigenvalue = 3;
 
 }  // namespace teletact::service

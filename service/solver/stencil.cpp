@@ -10,7 +10,7 @@ StencilOperator<T>::StencilOperator(const Queue& queue, std::shared_ptr<const Ar
     : stencil_(std::move(stencil)),
       nx_(nx),
       ny_(ny),
-      apply_(queue.kernel("multigrid", "stencil_apply", precision_of<T>)) {}
+      apply_(queue.kernel("stencil", "stencil_apply", precision_of<T>)) {}
 
 template <class T>
 void StencilOperator<T>::apply(const Array<T>& x, Array<T>& y, std::size_t count) {

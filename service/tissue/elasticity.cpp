@@ -105,7 +105,7 @@ void Elasticity<T>::apply_unconstrained(const Array<T>& x, Array<T>& y, std::siz
 template <class T>
 Array<T> Elasticity<T>::stencil() {
   auto stencil = queue_.array<T>(36 * nx_ * ny_);
-  stencil_(grid_range(nx_, ny_, 9), stencil, modulus_, width_, height_, free_, mu_per_e_, lambda_per_e_,
+  stencil_(grid_range(nx_, ny_, 5), stencil, modulus_, width_, height_, free_, mu_per_e_, lambda_per_e_,
            static_cast<int>(nx_), static_cast<int>(ny_));
   return stencil;
 }

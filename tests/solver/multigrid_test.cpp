@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <limits>
 
 #include "service/solver/chebyshev.h"
+#include "service/solver/cycle_plan.h"
 #include "service/solver/smoother.h"
 #include "service/solver/stencil.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/solver/levels_on_device.h"
 
 namespace teletact::service {
 namespace {
@@ -41,6 +44,16 @@ double largest(const MatrixXd& m) {
   return m.allFinite() ? m.template lpNorm<Eigen::Infinity>() : 1e300;
 }
 
+// Nodes of a work item: a GPU's and a processor's.
+constexpr std::size_t kWidths[] = {1, 8};
+
+NodeLines even(std::size_t nx, std::size_t ny) {
+  NodeLines lines;
+  for (std::size_t i = 0; i < nx; ++i) lines.x.push_back(static_cast<double>(i));
+  for (std::size_t j = 0; j < ny; ++j) lines.y.push_back(static_cast<double>(j));
+  return lines;
+}
+
 TYPED_TEST(Multigrid_, ProductAndResidualMatchPlainLoops) {
   using T = TypeParam;
   for (const auto& [nx, ny] : {std::pair{2, 2}, {3, 7}, {17, 16}, {67, 5}}) {
@@ -48,13 +61,20 @@ TYPED_TEST(Multigrid_, ProductAndResidualMatchPlainLoops) {
     const MatrixXd x = random_vectors(s, 3, 2), r = random_vectors(s, 3, 3), expected = s.dense() * x;
     auto blocks = std::make_shared<Array<T>>(this->queue_.array(s.as<T>()));
     StencilOperator<T> a(this->queue_, blocks, s.nx, s.ny);
-    auto dx = upload<T>(this->queue_, x), dr = upload<T>(this->queue_, r), y = upload<T>(this->queue_, x);
+    auto dx = upload<T>(this->queue_, x), y = upload<T>(this->queue_, x);
     a.apply(dx, y, 3);
     const double tolerance = 50 * this->eps() * largest(expected);
     EXPECT_LE(largest(download(this->queue_, y, 3) - expected), tolerance) << nx << "x" << ny;
-    this->queue_.kernel("multigrid", "stencil_residual", precision_of<T>)(grid_range(s.nx, s.ny, 3), *blocks,
-                                                                          dr, dx, y, nx, ny);
-    EXPECT_LE(largest(download(this->queue_, y, 3) - (r - expected)), tolerance);
+    for (const std::size_t width : kWidths) {
+      LevelsOnDevice<T> levels(this->queue_, coarsen_fully(even(s.nx, s.ny)), width, 3);
+      const LevelLayout& level = levels.fine();
+      levels.set_stencil(level, level.stencil, *blocks);
+      levels.set(level, level.right(), r);
+      levels.set(level, level.correction(), x);
+      levels.kernel("multigrid", "residual")(levels.items(level), levels.constants, levels.vectors,
+                                             levels.table, 0, levels.layout.vectors_size);
+      EXPECT_LE(largest(levels.get(level, level.residual()) - (r - expected)), tolerance) << nx << "x" << ny;
+    }
   }
 }
 
@@ -80,35 +100,67 @@ MatrixXd inverse_sum(const BlockStencil& s, ShortSide along) {
   return m;
 }
 
+constexpr ShortSide kSmoothers[] = {ShortSide::kNeither, ShortSide::kX, ShortSide::kY};
+
+// Sets the finest level's smoother of a stencil; the lines' factors, where it solves lines.
 template <class T>
-std::unique_ptr<Smoother<T>> make_smoother(const Queue& queue, const BlockStencil& s, ShortSide along,
-                                           Array<int>& indefinite) {
+Array<T> make_smoother(const Queue& queue, const BlockStencil& s, ShortSide along, LevelsOnDevice<T>& levels,
+                       Array<int>& indefinite) {
   const auto stencil = queue.array(s.as<T>());
-  if (along == ShortSide::kNeither) return make_cell_smoother<T>(queue, stencil, s.nx, s.ny, indefinite);
-  return make_line_smoother<T>(queue, stencil, s.nx, s.ny, along == ShortSide::kX, indefinite);
+  const LevelLayout& level = levels.fine();
+  if (along != ShortSide::kNeither)
+    return line_factor(queue, stencil, s.nx, s.ny, along == ShortSide::kX, indefinite);
+  cell_smoother(queue, stencil, s.nx, s.ny, indefinite, levels.constants, level.smoother, level.stride);
+  return {};
 }
 
-constexpr ShortSide kSmoothers[] = {ShortSide::kNeither, ShortSide::kX, ShortSide::kY};
+// Step k of smoothing the finest level by what make_smoother made.
+template <class T>
+void smooth(const Queue& queue, LevelsOnDevice<T>& levels, ShortSide along, const Array<T>& factor, int k,
+            int from_zero) {
+  const LevelLayout& level = levels.fine();
+  const int size = levels.layout.vectors_size, along_x = along == ShortSide::kX;
+  if (along == ShortSide::kNeither) {
+    levels.kernel("multigrid", "smooth")(levels.items(level), levels.constants, levels.vectors, levels.table,
+                                         0, size, k, from_zero);
+    return;
+  }
+  const auto nx = static_cast<std::size_t>(level.nx), ny = static_cast<std::size_t>(level.ny);
+  const std::size_t lines = (along_x ? ny : nx) - 1, count = levels.count();
+  auto solved = queue.array<T>(8 * nx * ny * count);
+  levels.kernel("lines", "solve_lines")({{lines, count}, {8}}, factor, levels.vectors, solved, levels.table,
+                                        0, size, along_x, from_zero);
+  levels.kernel("lines", "line_step")(grid_range(nx, ny, count), levels.constants, solved, levels.vectors,
+                                      levels.table, 0, size, along_x, k, from_zero);
+}
 
 TYPED_TEST(Multigrid_, SmootherStepsMatchPlainLoops) {
   using T = TypeParam;
   for (const auto& [nx, ny] : {std::pair{2, 2}, {2, 9}, {9, 2}, {19, 6}})
-    for (const ShortSide along : kSmoothers) {
-      const BlockStencil s =
-          random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 10, 4);
-      const MatrixXd m = inverse_sum(s, along), r = random_vectors(s, 2, 5), r2 = random_vectors(s, 2, 6);
-      auto indefinite = this->queue_.array(std::vector<int>{0});
-      const auto smoother = make_smoother<T>(this->queue_, s, along, indefinite);
-      EXPECT_EQ(this->queue_.read(indefinite)[0], 0);
-      const MatrixXd rubbish = MatrixXd::Constant(r.rows(), 2, std::numeric_limits<double>::quiet_NaN());
-      auto d = upload<T>(this->queue_, rubbish), z = upload<T>(this->queue_, rubbish);
-      smoother->step(upload<T>(this->queue_, r), d, z, {0, 0.4}, true, 2);
-      smoother->step(upload<T>(this->queue_, r2), d, z, {0.3, 0.7}, false, 2);
-      const MatrixXd d1 = 0.4 * m * r, d2 = 0.3 * d1 + 0.7 * m * r2, expected = d1 + d2;
-      EXPECT_LE(largest(download(this->queue_, d, 2) - d2), 200 * this->eps() * largest(d2))
-          << nx << "x" << ny;
-      EXPECT_LE(largest(download(this->queue_, z, 2) - expected), 200 * this->eps() * largest(expected));
-    }
+    for (const ShortSide along : kSmoothers)
+      for (const std::size_t width : kWidths) {
+        const BlockStencil s =
+            random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 10, 4);
+        const MatrixXd m = inverse_sum(s, along), r = random_vectors(s, 2, 5), r2 = random_vectors(s, 2, 6);
+        auto indefinite = this->queue_.array(std::vector<int>{0});
+        LevelsOnDevice<T> levels(this->queue_, coarsen_fully(even(s.nx, s.ny)), width, 2,
+                                 {T(0), T(0.4), T(0.3), T(0.7)});
+        const auto factor = make_smoother<T>(this->queue_, s, along, levels, indefinite);
+        EXPECT_EQ(this->queue_.read(indefinite)[0], 0);
+        const LevelLayout& level = levels.fine();
+        const MatrixXd rubbish = MatrixXd::Constant(r.rows(), 2, std::numeric_limits<double>::quiet_NaN());
+        levels.set(level, level.direction(), rubbish);
+        levels.set(level, level.correction(), rubbish);
+        levels.set(level, level.right(), r);
+        levels.set(level, level.residual(), r2);
+        smooth(this->queue_, levels, along, factor, 0, 1);
+        smooth(this->queue_, levels, along, factor, 1, 0);
+        const MatrixXd d1 = 0.4 * m * r, d2 = 0.3 * d1 + 0.7 * m * r2, expected = d1 + d2;
+        EXPECT_LE(largest(levels.get(level, level.direction()) - d2), 200 * this->eps() * largest(d2))
+            << nx << "x" << ny;
+        EXPECT_LE(largest(levels.get(level, level.correction()) - expected),
+                  200 * this->eps() * largest(expected));
+      }
 }
 
 TYPED_TEST(Multigrid_, SmootherTellsThatAnOperatorIsIndefinite) {
@@ -117,7 +169,8 @@ TYPED_TEST(Multigrid_, SmootherTellsThatAnOperatorIsIndefinite) {
     BlockStencil s = random_stencil(7, 8, 10, 4);
     s.blocks[4 * (4 * s.nodes() + 17)] = -1;
     auto indefinite = this->queue_.array(std::vector<int>{0});
-    make_smoother<T>(this->queue_, s, along, indefinite);
+    LevelsOnDevice<T> levels(this->queue_, coarsen_fully(even(s.nx, s.ny)), 1, 1);
+    make_smoother<T>(this->queue_, s, along, levels, indefinite);
     EXPECT_EQ(this->queue_.read(indefinite)[0], 1);
   }
 }
@@ -174,39 +227,43 @@ TYPED_TEST(Multigrid_, TransfersAndCoarseOperatorMatchTheDenseTripleProduct) {
         coarse.free.push_back(s.free[static_cast<std::size_t>(2 * (i + 14 * j) + c)]);
   const MatrixXd a = s.dense(), p = interpolation(t, s.free, coarse.free);
   const auto fine_free = values<T>(queue, s.free), coarse_free = values<T>(queue, coarse.free);
-  const auto at_x = queue.array(t.x.at), at_y = queue.array(t.y.at), left_x = queue.array(t.x.left),
-             left_y = queue.array(t.y.left);
-  const auto weight_x = values<T>(queue, t.x.weight), weight_y = values<T>(queue, t.y.weight);
-  // P, P^T
-  const MatrixXd f = random_vectors(s, 2, 7), c = random_vectors(coarse, 2, 8);
-  auto df = upload<T>(queue, f), dc = upload<T>(queue, c), out = upload<T>(queue, c);
-  queue.kernel("multigrid", "restrict_residual", precision_of<T>)(
-      grid_range(coarse.nx, coarse.ny, 2), df, out, at_x, values<T>(queue, t.x.around), at_y,
-      values<T>(queue, t.y.around), coarse_free, 14, 9, cx, cy);
-  EXPECT_LE(largest(download(queue, out, 2) - p.transpose() * f), 50 * this->eps());
-  queue.kernel("multigrid", "prolong_add", precision_of<T>)(
-      grid_range(s.nx, s.ny, 2), dc, df, left_x, weight_x, left_y, weight_y, fine_free, 14, 9, cx, cy);
-  EXPECT_LE(largest(download(queue, df, 2) - (f + p * c)), 50 * this->eps());
-  // Equilibrium of interior nodes turns one interpolation into the other.
+  std::vector<int> places = t.x.at;
+  for (const std::vector<int>* more : {&t.y.at, &t.x.left, &t.y.left})
+    places.insert(places.end(), more->begin(), more->end());
+  std::vector<double> shares = t.x.weight;
+  shares.insert(shares.end(), t.y.weight.begin(), t.y.weight.end());
+  const auto lines = queue.array(places);
+  const auto weights = values<T>(queue, shares);
   const auto stencil = queue.array(s.as<T>());
-  auto inverse = queue.template array<T>(4 * s.nodes());
-  queue.kernel("galerkin", "invert_diagonal", precision_of<T>)({{s.nodes()}, {64}}, stencil, inverse,
-                                                               static_cast<int>(s.nodes()));
-  auto zero = upload<T>(queue, 0 * f), fine = upload<T>(queue, p * c);
-  queue.kernel("multigrid", "relax_interior", precision_of<T>)(
-      grid_range(coarse.nx - 1, coarse.ny - 1, 2), stencil, inverse, zero, fine, at_x, at_y, 14, 9, cx, cy);
-  const MatrixXd equilibrium = in_equilibrium(t, a, p);
-  EXPECT_LE(largest(download(queue, fine, 2) - equilibrium * c), 200 * this->eps());
-  ASSERT_GT(largest((equilibrium - p) * c), 0.01);
-  // P^T A P
   auto rows = queue.template array<T>(16 * (coarse.nx - 1) * (coarse.ny - 1));
-  queue.kernel("galerkin", "interior_rows", precision_of<T>)(grid_range(coarse.nx - 1, coarse.ny - 1, 1),
-                                                             stencil, rows, at_x, at_y, weight_x, weight_y,
-                                                             fine_free, 14, 9, cx, cy);
+  queue.kernel("galerkin", "interior_rows", precision_of<T>)(
+      grid_range(coarse.nx - 1, coarse.ny - 1, 1), stencil, rows, lines, weights, fine_free, 14, 9, cx, cy);
+  // P, P^T: the nodes inside coarse cells in equilibrium
+  const MatrixXd equilibrium = in_equilibrium(t, a, p);
+  const MatrixXd f = random_vectors(s, 2, 7), c = random_vectors(coarse, 2, 8);
+  ASSERT_GT(largest((equilibrium - p) * c), 0.01);
+  LevelsOnDevice<T> levels(queue, t, 1, 2);
+  const LevelLayout &fine = levels.fine(), &next = levels.layout.levels[1];
+  levels.set_free(fine, s.free);
+  levels.set_free(next, coarse.free);
+  queue.kernel("planes", "inside_to_planes", precision_of<T>)(
+      {{static_cast<std::size_t>(next.stride)}, {64}}, stencil, rows, fine_free, lines, weights,
+      levels.constants, fine.inside, next.stride, 14, 9, cx, cy);
+  levels.set(fine, fine.residual(), f);
+  levels.set(fine, fine.correction(), f);
+  const Range over_next{{static_cast<std::size_t>(next.span()), 2}, {64}};
+  levels.kernel("multigrid", "restrict_residual")(over_next, levels.constants, levels.vectors, levels.table,
+                                                  0, levels.layout.vectors_size);
+  EXPECT_LE(largest(levels.get(next, next.right()) - equilibrium.transpose() * f), 200 * this->eps());
+  levels.set(next, next.correction(), c);
+  levels.kernel("multigrid", "prolong_add")(over_next, levels.constants, levels.vectors, levels.table, 0,
+                                            levels.layout.vectors_size);
+  EXPECT_LE(largest(levels.get(fine, fine.correction()) - (f + equilibrium * c)), 200 * this->eps());
+  // P^T A P
   auto product = queue.template array<T>(36 * coarse.nodes());
-  queue.kernel("galerkin", "galerkin_product", precision_of<T>)(
-      grid_range(coarse.nx, coarse.ny, 9), stencil, rows, product, at_x, at_y, left_x, weight_x, left_y,
-      weight_y, fine_free, coarse_free, 14, 9, cx, cy);
+  queue.kernel("galerkin", "galerkin_product", precision_of<T>)(grid_range(coarse.nx, coarse.ny, 5), stencil,
+                                                                rows, product, lines, weights, fine_free,
+                                                                coarse_free, 14, 9, cx, cy);
   const std::vector<T> host = queue.read(product);
   coarse.blocks.assign(host.begin(), host.end());
   MatrixXd expected = equilibrium.transpose() * a * equilibrium;
@@ -217,8 +274,12 @@ TYPED_TEST(Multigrid_, TransfersAndCoarseOperatorMatchTheDenseTripleProduct) {
 
 TYPED_TEST(Multigrid_, CycleIsSymmetricAndPositiveDefinite) {
   using T = TypeParam;
-  for (const auto& [nx, ny, stretch] :
-       {std::tuple{12, 31, 1.0}, {33, 33, 1.0}, {40, 27, 1.0}, {21, 18, 20.0}, {21, 18, 0.05}}) {
+  for (const auto& [nx, ny, stretch] : {std::tuple{12, 31, 1.0},
+                                        {33, 33, 1.0},
+                                        {40, 27, 1.0},
+                                        {47, 33, 1.0},
+                                        {21, 18, 20.0},
+                                        {21, 18, 0.05}}) {
     const BlockStencil s = random_stencil(static_cast<std::size_t>(nx), static_cast<std::size_t>(ny), 100, 9);
     NodeLines lines{uneven(s.nx, 3), uneven(s.ny, 4)};
     for (double& y : lines.y) y *= stretch;
@@ -233,6 +294,46 @@ TYPED_TEST(Multigrid_, CycleIsSymmetricAndPositiveDefinite) {
     EXPECT_LE(largest(gram - gram.transpose()), 500 * this->eps() * largest(gram)) << nx << "x" << ny;
     EXPECT_GT(Eigen::SelfAdjointEigenSolver<MatrixXd>(gram + gram.transpose()).eigenvalues().minCoeff(), 0);
   }
+}
+
+TEST(Multigrid, FloatInsideDoubleIsTheSameCycle) {
+  const Queue queue = test_device()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "device without double precision";
+  const BlockStencil s = random_stencil(47, 33, 100, 9);
+  const NodeLines lines{uneven(s.nx, 3), uneven(s.ny, 4)};
+  Multigrid<double> exact(queue, lines);
+  Multigrid<double, float> rounded(queue, lines);
+  const auto stencil = queue.array(s.as<double>());
+  exact.set_operator(stencil, s.free);
+  rounded.set_operator(stencil, s.free);
+  const MatrixXd x = random_vectors(s, 2, 10);
+  auto dx = upload<double>(queue, x), z = upload<double>(queue, x);
+  exact.apply(dx, z, 2);
+  const MatrixXd expected = download(queue, z, 2);
+  rounded.apply(dx, z, 2);
+  const MatrixXd difference = download(queue, z, 2) - expected;
+  EXPECT_LE(largest(difference), 500 * std::numeric_limits<float>::epsilon() * largest(expected));
+  EXPECT_GT(largest(difference), 1e-9 * largest(expected));  // it is float
+}
+
+// A vector that is not a number spoils its own answer alone, and none after it.
+TYPED_TEST(Multigrid_, WhatIsNotANumberDoesNotStay) {
+  using T = TypeParam;
+  const BlockStencil s = random_stencil(47, 33, 100, 9);
+  Multigrid<T> m(this->queue_, {uneven(s.nx, 3), uneven(s.ny, 4)});
+  m.set_operator(this->queue_.array(s.as<T>()), s.free);
+  const MatrixXd x = random_vectors(s, 2, 10);
+  MatrixXd spoilt = x;
+  spoilt.col(0).setConstant(std::numeric_limits<double>::quiet_NaN());
+  auto z = upload<T>(this->queue_, x);
+  m.apply(upload<T>(this->queue_, x), z, 2);
+  const MatrixXd expected = download(this->queue_, z, 2);
+  m.apply(upload<T>(this->queue_, spoilt), z, 2);
+  const MatrixXd beside = download(this->queue_, z, 2);
+  EXPECT_TRUE(beside.col(0).hasNaN());
+  EXPECT_EQ(beside.col(1), expected.col(1));
+  m.apply(upload<T>(this->queue_, x), z, 2);
+  EXPECT_EQ(download(this->queue_, z, 2), expected);
 }
 
 TYPED_TEST(Multigrid_, SmallGridIsSolvedExactly) {
@@ -267,6 +368,26 @@ TEST(Multigrid, OperatorThatIsNotPositiveDefiniteIsRefused) {
   for (double& value : s.blocks) value = -value;
   Multigrid<float> m(test_device()->queue(), {uneven(15, 5), uneven(14, 6)});
   EXPECT_THROW(m.set_operator(test_device()->queue().array(s.as<float>()), s.free), std::invalid_argument);
+}
+
+TEST(CyclePlan, IsThePalindromeThatSymmetryNeeds) {
+  for (const std::size_t levels : {1u, 2u, 3u, 5u}) {
+    const std::vector<PlannedStep> plan = plan_cycle(levels, 2);
+    // Smoothings and transfers in their order, (level, what).
+    std::vector<std::pair<int, char>> there;
+    std::size_t solves = 0;
+    for (const PlannedStep& s : plan) {
+      solves += s.step == CycleStep::kSolve;
+      if (s.step == CycleStep::kSmooth && s.k == 1) there.emplace_back(s.level, 's');
+      if (s.step == CycleStep::kRestrict) there.emplace_back(s.level, 'r');
+      if (s.step == CycleStep::kProlong) there.emplace_back(s.level, 'p');
+    }
+    auto back = there;
+    std::reverse(back.begin(), back.end());
+    for (auto& [level, what] : back) what = what == 's' ? 's' : what == 'r' ? 'p' : 'r';
+    EXPECT_EQ(back, there) << levels;
+    EXPECT_EQ(solves, levels < 4 ? 1u : std::size_t{1} << (levels - 3)) << levels;
+  }
 }
 
 TEST(Chebyshev, PolynomialIsSmallOnItsInterval) {

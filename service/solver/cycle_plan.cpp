@@ -1,0 +1,38 @@
+#include "service/solver/cycle_plan.h"
+
+namespace teletact::service {
+namespace {
+
+void smooth(int level, std::size_t steps, bool from_zero, std::vector<PlannedStep>& plan) {
+  for (std::size_t k = 0; k < steps; ++k) {
+    const bool first = from_zero && k == 0;  // the residual is the right-hand side
+    if (!first) plan.push_back({CycleStep::kResidual, level});
+    plan.push_back({first ? CycleStep::kSmoothFromZero : CycleStep::kSmooth, level, static_cast<int>(k)});
+  }
+}
+
+void cycle(int level, int last, std::size_t steps, std::vector<PlannedStep>& plan) {
+  if (level == last) {
+    plan.push_back({CycleStep::kSolve, level});
+    return;
+  }
+  smooth(level, steps, true, plan);
+  const bool twice = level > 0 && level + 1 < last;  // not where the next level is solved exactly
+  for (int visit = 0; visit < (twice ? 2 : 1); ++visit) {
+    plan.push_back({CycleStep::kResidual, level});
+    plan.push_back({CycleStep::kRestrict, level});
+    cycle(level + 1, last, steps, plan);
+    plan.push_back({CycleStep::kProlong, level});
+    smooth(level, steps, false, plan);
+  }
+}
+
+}  // namespace
+
+std::vector<PlannedStep> plan_cycle(std::size_t levels, std::size_t smoothing_steps) {
+  std::vector<PlannedStep> plan;
+  cycle(0, static_cast<int>(levels) - 1, smoothing_steps, plan);
+  return plan;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,29 @@
+// The steps of one multigrid cycle, in order.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace teletact::service {
+
+// As in kernels/multigrid.cl.
+enum class CycleStep : int {
+  kResidual,        // residual = right - A correction
+  kSmooth,          // a Chebyshev step k on the residual
+  kSmoothFromZero,  // the same on the right-hand side, correction = 0 before
+  kRestrict,        // right-hand side of the next level from the residual
+  kProlong,         // correction from the next level's
+  kSolve,           // the coarsest level
+};
+
+struct PlannedStep {
+  CycleStep step;
+  int level = 0, k = 0;
+};
+
+// Smoothing by `smoothing_steps` before, between and after the visits to the next level: one from the finest
+// level, two from every other (W), so that the coarse problem is solved about equally well on every grid.
+// Read backwards it is the same cycle, which keeps it symmetric.
+std::vector<PlannedStep> plan_cycle(std::size_t levels, std::size_t smoothing_steps);
+
+}  // namespace teletact::service
