@@ -2,8 +2,9 @@
 // stress sigma = sum_k A_k m_k that the measured strain makes of the unknowns m, find m with
 //   Int (sum_k A_k grad w_k) . div(sum_k A_k m_k) = 0   for every w that vanishes on the border,
 // m given on the whole border.
-//   plane strain, incompressible: m = (p, mu), A_p = -I, A_mu = 2 eps, eps_xx = -eps_yy: no 1 / (1 - 2 nu)
-//   plane stress:                 m = mu,      A = 2 (eps + nu / (1 - nu) tr(eps) I)
+//   plane strain: m = (p, mu), A_p = -I, A_mu = 2 (eps - tr(eps) / 2 I), p the pressure in the plane, which
+//                 keeps 1 / (1 - 2 nu) out of the equation
+//   plane stress: m = mu,      A = 2 (eps + nu / (1 - nu) tr(eps) I)
 // Bilinear nodes. The divergence is taken of the nodal products A_k m_k, not of A_k and m_k apart: where both
 // jump, their product does not, and div(A) m + A grad m of smeared jumps loses a quarter of a contrast of 10.
 #pragma once

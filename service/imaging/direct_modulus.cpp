@@ -1,6 +1,7 @@
 // The direct modulus (T3.2) in five steps: reference stress (T3.1) -> forward solve with it -> strain on the
 // nodes, axial slopes measured, lateral ones from the forward solve -> adjoint-weighted equation -> scale by
-// the force.
+// the force. Then again from the forward solve on, with the map so found.
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -15,8 +16,10 @@
 namespace teletact::service {
 namespace {
 
+// Part of what the first correction changed that a later one may: where it is more (.93 where the tissue
+// moves as no plane strain does, .4 to .6 of phantoms), the corrections lead nowhere.
+constexpr double kContracts = 0.75;
 // The equation may give anything where the strain says little: of mu over the background's.
-constexpr double kLeastPoissonRatio = 0.45;  // of plane strain: below, lateral strain is not -axial
 constexpr double kLeast = 0.05, kMost = 50;
 constexpr double kLeastStrain = 0.03;  // sqrt |det A| over its median
 constexpr double kStreaks = 0.01;      // part of the window without a modulus from which on it is said
@@ -30,8 +33,11 @@ class Direct : public ModulusMethod {
     if (!(options_.background_below >= 0 && options_.full_above > options_.background_below))
       throw std::invalid_argument("background_below, full_above: must be 0 or more, and the second larger");
     if (!(options_.stabilisation >= 0)) throw std::invalid_argument("stabilisation: must be 0 or more");
+    if (options_.most_corrections < 0 || options_.most_corrections > 20)
+      throw std::invalid_argument("most_corrections: must be 0 to 20");
+    if (!(options_.settled >= 0)) throw std::invalid_argument("settled: must be 0 or more");
     ReferenceStressOptions reference;
-    reference.corrections = options_.seed_corrections;
+    reference.corrections = 0;  // those of the direct map take their place
     reference_ = make_reference_stress(queue_, reference, strips_);
   }
 
@@ -42,24 +48,33 @@ class Direct : public ModulusMethod {
     const WindowNodes nodes(strip->model);
     const AxialSlopes slopes = axial_slopes(nodes, in.grid, queue_.read(in.displacement.field_m),
                                             queue_.read(in.displacement.trusted), options_.reach);
-    const ForwardSolve forward =
-        solve_forward(strip->model, in, out, slopes, {options_.background_below, options_.full_above});
-    DirectProblem problem = strain_of(in.tissue, nodes, slopes, forward);
-    problem.stabilisation = options_.stabilisation;
-    const double half_per_e = 0.5 / (1 + in.tissue.poisson_ratio);
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-      problem.shear_modulus.push_back(std::exp(forward.state.log_modulus[n]) * half_per_e);
-      problem.half_pressure.push_back(0.5 * forward.amplitude_m * forward.state.pressure[n]);
+    const Field reference = out.youngs_modulus;
+    std::size_t streaks = 0;
+    Eigen::VectorXd shown;  // to the latest forward solve
+    double first_change = std::numeric_limits<double>::infinity();
+    for (int correction = 0; correction <= options_.most_corrections; ++correction) {
+      Eigen::VectorXd next =
+          shown_to_model(strip->model, in, out, {options_.background_below, options_.full_above});
+      const double change = correction > 0 ? rms_under_probe(strip->model, next - shown) : first_change;
+      if (change < options_.settled || (correction > 1 && change > kContracts * first_change)) break;
+      if (correction == 1) first_change = change;
+      shown = std::move(next);
+      const ForwardSolve forward = solve_forward(strip->model, shown, out.background, slopes);
+      const DirectProblem problem = problem_of(in.tissue, nodes, slopes, forward);
+      DirectSolution solution = solved(nodes, problem);
+      out.converged = solution.residual < 1e-6;
+      for (double& mu : solution.shear_modulus) mu /= mu_per_e(in.tissue);
+      streaks = silence(problem, out.background, solution.shear_modulus);
+      out.youngs_modulus =
+          scaled(nodes.on_image(solution.shear_modulus, in.grid), force_scale(in, forward), reference);
+      normalise(out);
     }
-    DirectSolution solution = solved(nodes, problem);
-    out.converged = solution.residual < 1e-6;
-    for (double& mu : solution.shear_modulus) mu /= half_per_e;
-    publish(in, nodes, problem, forward, std::move(solution.shear_modulus), out);
-    if (in.tissue.plane == Plane::kStrain && in.tissue.poisson_ratio < kLeastPoissonRatio)
+    if (static_cast<double>(streaks) > kStreaks * static_cast<double>(nodes.size()))
       out.warnings.push_back(
-          {ModulusFlag::kCompressible,
-           "the direct modulus takes plane strain to be incompressible, and the Poisson ratio is "
-           "below 0.45: use the iterative or the reference-stress method"});
+          {ModulusFlag::kStreaks,
+           std::to_string(100 * streaks / nodes.size()) +
+               " % of the window is hardly strained or gave no positive modulus: nothing is "
+               "said there, and streaks may cross what is beside it"});
     return out;
   }
 
@@ -73,21 +88,27 @@ class Direct : public ModulusMethod {
     }
   }
 
-  // Axial strain measured; the lateral derivatives that it cannot give from the forward solve.
-  DirectProblem strain_of(const TissueExtent& tissue, const WindowNodes& nodes, const AxialSlopes& slopes,
-                          const ForwardSolve& forward) const {
+  static double mu_per_e(const TissueExtent& tissue) { return 0.5 / (1 + tissue.poisson_ratio); }
+
+  // Border, lateral derivatives and change of volume are the forward solve's, du_y/dx and du_y/dy measured.
+  DirectProblem problem_of(const TissueExtent& tissue, const WindowNodes& nodes, const AxialSlopes& slopes,
+                           const ForwardSolve& forward) const {
     DirectProblem p;
     p.plane = tissue.plane;
+    p.stabilisation = options_.stabilisation;
     const ModelState& state = forward.state;
     const double a = forward.amplitude_m, nu = tissue.poisson_ratio;
     for (std::size_t n = 0; n < nodes.size(); ++n) {
+      p.shear_modulus.push_back(std::exp(state.log_modulus[n]) * mu_per_e(tissue));
+      const double volume = a * (state.lateral[n] + state.along[n]);
+      p.half_pressure.push_back(0.5 * (a * state.pressure[n] - p.shear_modulus.back() * volume));
       const bool measured = slopes.measured[n];
       const double yy = measured ? slopes.along[n] : a * state.along[n];
       const double across = measured ? slopes.across[n] : a * state.across[n];
       p.xy.push_back(a * (state.shear[n] - 0.5 * state.across[n]) + 0.5 * across);
       if (p.plane == Plane::kStrain) {
-        p.xx.push_back(-yy);
-        p.yy.push_back(yy);
+        p.yy.push_back(yy - 0.5 * volume);
+        p.xx.push_back(-p.yy.back());
         continue;
       }
       // eps_xx / eps_yy as modelled, but never beyond what an incompressible solid may show.
@@ -100,9 +121,8 @@ class Direct : public ModulusMethod {
   }
 
   // Where the strain hardly determines the modulus (det A near 0) or what came out is no modulus, nothing is
-  // said; elsewhere the map takes the scale of the force.
-  void publish(const ModulusInput& in, const WindowNodes& nodes, const DirectProblem& problem,
-               const ForwardSolve& forward, std::vector<double> modulus, ModulusEstimate& out) const {
+  // said. How many nodes that is.
+  static std::size_t silence(const DirectProblem& problem, double background, std::vector<double>& modulus) {
     const std::vector<double> size = strain_size(problem);
     std::vector<double> sorted = size;
     std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
@@ -110,22 +130,19 @@ class Direct : public ModulusMethod {
     const double least = kLeastStrain * sorted[sorted.size() / 2];
     std::size_t streaks = 0;
     for (std::size_t n = 0; n < modulus.size(); ++n) {
-      if (size[n] >= least && modulus[n] >= kLeast * out.background && modulus[n] <= kMost * out.background)
-        continue;
+      if (size[n] >= least && modulus[n] >= kLeast * background && modulus[n] <= kMost * background) continue;
       modulus[n] = std::numeric_limits<double>::quiet_NaN();
       ++streaks;
     }
-    if (static_cast<double>(streaks) > kStreaks * static_cast<double>(modulus.size()))
-      out.warnings.push_back(
-          {ModulusFlag::kStreaks,
-           std::to_string(100 * streaks / modulus.size()) +
-               " % of the window is hardly strained or gave no positive modulus: nothing is "
-               "said there, and streaks may cross what is beside it"});
-    const double scale = force_scale(in, forward);
-    const Field map = nodes.on_image(modulus, in.grid);
+    return streaks;
+  }
+
+  // `map` in the unit of the force, where the reference stress says something.
+  static Field scaled(Field map, double scale, const Field& reference) {
     for (std::size_t n = 0; n < map.size(); ++n)
-      if (std::isfinite(out.youngs_modulus[n])) out.youngs_modulus[n] = static_cast<float>(scale) * map[n];
-    normalise(out);
+      map[n] = std::isfinite(reference[n]) ? static_cast<float>(scale) * map[n]
+                                           : std::numeric_limits<float>::quiet_NaN();
+    return map;
   }
 
   // What multiplies grad mu: sqrt |det A_mu| / 2.

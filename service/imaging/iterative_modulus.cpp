@@ -14,7 +14,6 @@ namespace teletact::service {
 namespace {
 
 using Eigen::VectorXd;
-const KnownModulus kNothingKnown;
 constexpr double kStepSolves = 4;  // a step takes about as long as so many forward solves
 
 class Iterative : public ModulusMethod {
@@ -31,7 +30,7 @@ class Iterative : public ModulusMethod {
     out.kind = ModulusKind::kIterative;
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
-    VectorXd start = logarithms(model, in, out);
+    const VectorXd start = shown_to_model(model, in, out, shrink_);
     DisplacementData data(model, in.grid, queue_.read(in.displacement.field_m),
                           queue_.read(in.displacement.trusted), deviations(in), kTrackingWindowM2);
     VectorXd prior = VectorXd::Zero(start.size());
@@ -43,16 +42,6 @@ class Iterative : public ModulusMethod {
   }
 
  private:
-  VectorXd logarithms(const StripModel& model, const ModulusInput& in, const ModulusEstimate& map) const {
-    std::vector<double> e = model.on_elements(map.youngs_modulus, in.grid, map.background,
-                                              map.absolute ? in.known : kNothingKnown);
-    shrink(e, map.background, shrink_);
-    VectorXd out(static_cast<Eigen::Index>(e.size()));
-    for (std::size_t k = 0; k < e.size(); ++k)
-      out[static_cast<Eigen::Index>(k)] = std::log(e[k] / map.background);
-    return out;
-  }
-
   // What is known beside the window, 0 under it.
   static VectorXd beside(const StripModel& model, VectorXd theta) {
     const std::size_t columns = model.grid().nx() - 1;
@@ -88,7 +77,7 @@ class Iterative : public ModulusMethod {
       ModulusProblem::Point next = problem.at(best.theta + factor * step);
       ++out.iterations;
       if (next.objective < best.objective) {
-        out.converged = factor * under_probe(model, step) < options_.converged_step;
+        out.converged = factor * rms_under_probe(model, step) < options_.converged_step;
         best = std::move(next);
         factor = 1;
       } else {
@@ -97,16 +86,6 @@ class Iterative : public ModulusMethod {
       longest_s = std::max(longest_s, before - left());
     }
     return best;
-  }
-
-  static double under_probe(const StripModel& model, const VectorXd& step) {
-    const std::size_t columns = model.grid().nx() - 1;
-    double sum = 0, count = 0;
-    for (Eigen::Index e = 0; e < step.size(); ++e) {
-      const std::size_t i = static_cast<std::size_t>(e) % columns;
-      if (i >= model.first_column() && i < model.last_column()) sum += step[e] * step[e], ++count;
-    }
-    return std::sqrt(sum / count);
   }
 
   std::string unsettled(int steps) const {
@@ -127,7 +106,6 @@ class Iterative : public ModulusMethod {
       out.kind = ModulusKind::kDirect;
       return;
     }
-    std::erase_if(out.warnings, [](const auto& w) { return w.flag == ModulusFlag::kCompressible; });
     if (best.fit.mean_square > options_.largest_misfit)
       out.warnings.push_back(
           {ModulusFlag::kMisfit, "no modulus explains the displacement: it is off by " +

@@ -35,16 +35,15 @@ enum class ModulusKind { kReferenceStress, kDirect, kIterative };
 
 // What makes an estimate doubtful (T3.4); the words that go with it say where and how much.
 enum class ModulusFlag {
-  kNoise,         // the standard deviation of log E is large
-  kStreaks,       // the strain hardly determines the modulus somewhere: det A near 0, mu not positive
-  kUntracked,     // part of the window was not tracked; it says nothing
-  kRamp,          // the map ramps across the window: the traction is not that of a flat frictionless probe
-  kOutOfPlane,    // lateral strain is not what the plane assumption says
-  kCompressible,  // the direct method takes plane strain to be incompressible, and nu says otherwise
-  kPressure,      // the load is carried by pressure, which nu sets and no displacement tells: nu -> 1/2
-  kScale,         // the modulus is another by a factor than the neighbours told: a wrong force
-  kMisfit,        // no modulus explains the displacement within its noise
-  kDeadline,      // the iteration was stopped
+  kNoise,       // the standard deviation of log E is large
+  kStreaks,     // the strain hardly determines the modulus somewhere: det A near 0, mu not positive
+  kUntracked,   // part of the window was not tracked; it says nothing
+  kRamp,        // the map ramps across the window: the traction is not that of a flat frictionless probe
+  kOutOfPlane,  // lateral strain is not what the plane assumption says
+  kPressure,    // the load is carried by pressure, which nu sets and no displacement tells: nu -> 1/2
+  kScale,       // the modulus is another by a factor than the neighbours told: a wrong force
+  kMisfit,      // no modulus explains the displacement within its noise
+  kDeadline,    // the iteration was stopped
 };
 const char* name_of(ModulusFlag);  // in words of the log: "noise", "wrong-force"
 struct ModulusWarning {
@@ -94,18 +93,21 @@ std::unique_ptr<ModulusMethod> make_reference_stress(Queue, ReferenceStressOptio
                                                      std::shared_ptr<StripCache> = {});
 
 struct DirectOptions {
-  // Corrections of the reference stress that gives the border (T3.1).
-  int seed_corrections = 1;
-  // On the border, and where the forward model must stand in for a measurement, the reference stress counts
-  // as background below the first |log(E / background)|, fully above the second: the shadows that T3.1 throws
-  // above and below an inclusion would be given as truth.
+  // Times that border and lateral displacement are taken again from a forward solve, with the direct map; it
+  // ends sooner when the modulus that such a solve would be given differs less from that of the one before
+  // (log E, rms under the probe).
+  int most_corrections = 4;
+  double settled = 0.02;
+  // In that modulus |log(E / background)| below the first counts as background, above the second fully: the
+  // shadows that T3.1 throws above and below an inclusion would be given as truth.
   double background_below = 0.35, full_above = 0.4;
   SlopeReach reach;
   double stabilisation = 1e-3;  // of DirectProblem
 };
 
 // T3.2; DirectProblem. Its border, the lateral displacement (an order noisier than the axial one) and what
-// was not measured come from a forward solve with the modulus of the reference stress.
+// was not measured come from a forward solve, at first with the modulus of the reference stress, whose
+// inclusions are too soft, then with that of this method.
 std::unique_ptr<ModulusMethod> make_direct(Queue, DirectOptions, std::shared_ptr<StripCache> = {});
 
 struct IterativeOptions {

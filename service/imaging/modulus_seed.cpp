@@ -30,23 +30,39 @@ double amplitude(const ModelState& state, const AxialSlopes& slopes) {
 
 }  // namespace
 
-void shrink(std::vector<double>& youngs_modulus, double background, Shrink by) {
-  for (double& e : youngs_modulus) {
-    const double logarithm = std::log(e / background), size = std::abs(logarithm);
-    if (size >= by.above) continue;
-    const double kept = size <= by.below ? 0 : by.above * (size - by.below) / (by.above - by.below);
-    e = background * std::exp(std::copysign(kept, logarithm));
+Eigen::VectorXd shown_to_model(const StripModel& model, const ModulusInput& in, const ModulusEstimate& map,
+                               Shrink by) {
+  const std::vector<double> e =
+      model.on_elements(map.youngs_modulus, in.grid, map.background, map.absolute ? in.known : kNothingKnown);
+  Eigen::VectorXd out(static_cast<Eigen::Index>(e.size()));
+  for (std::size_t k = 0; k < e.size(); ++k) {
+    const double logarithm = std::log(e[k] / map.background), size = std::abs(logarithm);
+    const double kept = size >= by.above   ? size
+                        : size <= by.below ? 0
+                                           : by.above * (size - by.below) / (by.above - by.below);
+    out[static_cast<Eigen::Index>(k)] = std::copysign(kept, logarithm);
   }
+  return out;
 }
 
-ForwardSolve solve_forward(StripModel& model, const ModulusInput& in, const ModulusEstimate& map,
-                           const AxialSlopes& slopes, Shrink by) {
+double rms_under_probe(const StripModel& model, const Eigen::VectorXd& of_elements) {
+  const std::size_t columns = model.grid().nx() - 1;
+  double sum = 0, count = 0;
+  for (Eigen::Index e = 0; e < of_elements.size(); ++e) {
+    const std::size_t i = static_cast<std::size_t>(e) % columns;
+    if (i >= model.first_column() && i < model.last_column()) sum += of_elements[e] * of_elements[e], ++count;
+  }
+  return std::sqrt(sum / count);
+}
+
+ForwardSolve solve_forward(StripModel& model, const Eigen::VectorXd& log_modulus, double background,
+                           const AxialSlopes& slopes) {
+  std::vector<double> e(static_cast<std::size_t>(log_modulus.size()));
+  for (std::size_t k = 0; k < e.size(); ++k)
+    e[k] = background * std::exp(log_modulus[static_cast<Eigen::Index>(k)]);
   ForwardSolve out;
-  out.youngs_modulus_pa =
-      model.on_elements(map.youngs_modulus, in.grid, map.background, map.absolute ? in.known : kNothingKnown);
-  shrink(out.youngs_modulus_pa, map.background, by);
-  out.response = model.solve(out.youngs_modulus_pa);
-  out.state = model_state(model, out.response, out.youngs_modulus_pa);
+  out.response = model.solve(e);
+  out.state = model_state(model, out.response, e);
   out.amplitude_m = amplitude(out.state, slopes);
   return out;
 }

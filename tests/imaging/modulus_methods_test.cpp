@@ -65,14 +65,20 @@ Score score(const Phantom& p, const ModulusEstimate& e) {
 struct Recovery {
   ModulusKind kind;
   double contrast, least, most;
+  PhantomOptions of = {};
 };
+
+// The largest that is promised, nearest to the border, whose modulus and pressure it changes most.
+constexpr PhantomOptions kLarge{.y_m = 0.015, .diameter_m = 0.015};
 
 class Recovers : public ::testing::TestWithParam<Recovery> {};
 
 // The targets of one seed; the bench runs twenty.
 TEST_P(Recovers, ContrastBackgroundAndShape) {
   const Recovery r = GetParam();
-  Phantom phantom({.contrast = r.contrast});
+  PhantomOptions options = r.of;
+  options.contrast = r.contrast;
+  Phantom phantom(options);
   const ModulusEstimate e = phantom.estimate(r.kind);
   const Score s = score(phantom, e);
   std::printf("contrast %.2f of %.0f, background %.0f Pa, Dice %.3f, standardised error %.2f, %d steps\n",
@@ -93,10 +99,54 @@ INSTANTIATE_TEST_SUITE_P(Methods, Recovers,
                                            Recovery{ModulusKind::kDirect, 3, 0.85, 1.15},
                                            Recovery{ModulusKind::kDirect, 5, 0.7, 1.15},
                                            Recovery{ModulusKind::kDirect, 10, 0.5, 1.15},
+                                           Recovery{ModulusKind::kDirect, 2, 0.9, 1.15, kLarge},
+                                           Recovery{ModulusKind::kDirect, 3, 0.9, 1.15, kLarge},
+                                           Recovery{ModulusKind::kDirect, 5, 0.8, 1.15, kLarge},
+                                           Recovery{ModulusKind::kDirect, 10, 0.7, 1.15, kLarge},
                                            Recovery{ModulusKind::kIterative, 2, 0.85, 1.1},
                                            Recovery{ModulusKind::kIterative, 3, 0.85, 1.1},
                                            Recovery{ModulusKind::kIterative, 5, 0.85, 1.1},
                                            Recovery{ModulusKind::kIterative, 10, 0.75, 1.15}));
+
+// The first border is the reference stress's, too soft where an inclusion is near; without one it stays.
+TEST(Direct, CorrectsItsBorderUntilThatHasSettled) {
+  const auto contrast = [](const PhantomOptions& of, int corrections, double settled) {
+    Phantom phantom(of);
+    DirectOptions options;
+    options.most_corrections = corrections, options.settled = settled;
+    const ModulusEstimate e = make_direct(imaging_device()->queue(), options)->estimate(phantom.input());
+    std::vector<double> inside, outside;
+    for (std::size_t n = 0; n < phantom.grid.size(); ++n)
+      if (std::isfinite(e.youngs_modulus[n]))
+        (phantom.radii(n) < 0.7 ? inside : outside).push_back(e.youngs_modulus[n]);
+    return median(inside) / median(outside);
+  };
+  const double once = contrast(kLarge, 0, 0), twice = contrast(kLarge, 1, 0), often = contrast(kLarge, 10, 0),
+               settled = contrast(kLarge, 10, DirectOptions{}.settled);
+  std::printf("contrast of 3: %.3f, %.3f after a correction, %.3f after ten, %.3f until settled\n", once,
+              twice, often, settled);
+  EXPECT_LT(once, 0.88 * 3);
+  EXPECT_GT(twice, once + 0.1);
+  EXPECT_NEAR(often, 3, 0.1);
+  EXPECT_NEAR(settled, often, 0.03 * 3);
+  const PhantomOptions none{.contrast = 1};
+  EXPECT_EQ(contrast(none, 10, DirectOptions{}.settled), contrast(none, 0, 0));
+}
+
+// Uniform strain without any lateral motion is none of wide bonded tissue: every border asks for another.
+TEST(Direct, StopsWhereCorrectionsLeadNowhere) {
+  Phantom phantom({});
+  for (std::size_t n = 0; n < phantom.grid.size(); ++n)
+    phantom.axial[n] = -0.01 * phantom.y(n), phantom.lateral[n] = 0;
+  const auto map = [&](int corrections) {
+    DirectOptions options;
+    options.most_corrections = corrections;
+    return make_direct(imaging_device()->queue(), options)->estimate(phantom.input()).youngs_modulus;
+  };
+  const Field once = map(1), often = map(10);
+  for (std::size_t n = 0; n < once.size(); ++n)
+    EXPECT_TRUE(once[n] == often[n] || (std::isnan(once[n]) && std::isnan(often[n]))) << n;
+}
 
 TEST(Methods, WithoutForceTheModulusIsRelativeAndSaysSo) {
   for (const ModulusKind kind : {ModulusKind::kDirect, ModulusKind::kIterative}) {
@@ -132,12 +182,6 @@ TEST(Methods, EveryPoissonRatioAndPlaneOnDisplacementOfTheStripItself) {
       phantom.take_from_strip();
       for (const ModulusKind kind : {ModulusKind::kDirect, ModulusKind::kIterative}) {
         const ModulusEstimate estimate = phantom.estimate(kind);
-        // With nu = .3 plane strain is not incompressible, which the direct method takes it for: it says so.
-        const bool told = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                      [](const auto& w) { return w.flag == ModulusFlag::kCompressible; });
-        const bool wrong = kind == ModulusKind::kDirect && plane == Plane::kStrain && nu < 0.4;
-        EXPECT_EQ(told, wrong) << nu;
-        if (wrong) continue;
         const Score s = score(phantom, estimate);
         std::printf("%s, nu %.4f, method %d: contrast %.2f of 3, background %.0f Pa\n",
                     plane == Plane::kStrain ? "plane strain" : "plane stress", nu, int(kind), s.contrast,
