@@ -2,6 +2,7 @@
 // observer or to a person, and its fit.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -9,7 +10,9 @@
 #include "client/commands.h"
 #include "client/experiment/bootstrap.h"
 #include "client/experiment/observer.h"
+#include "client/experiment/person.h"
 #include "client/experiment/results_csv.h"
+#include "client/link/devices.h"
 
 namespace teletact::client {
 namespace {
@@ -18,6 +21,7 @@ struct Arguments {
   ExperimentPlan plan;
   ObserverDescription observer;
   bool person = false;
+  DeviceChoice device = {.device = ""};  // empty: the keyboard
   std::uint64_t seed = 1;
   std::string csv, refit;
   double lapse_rate_most = 0;
@@ -25,13 +29,18 @@ struct Arguments {
 };
 
 std::string remark_of(const Arguments& arguments) {
-  const std::string who = arguments.person
-                              ? "a person"
-                              : fmt::format("simulated, Weber fraction {}, lapse rate {}, equality {}",
-                                            arguments.observer.weber_fraction, arguments.observer.lapse_rate,
-                                            arguments.observer.equality_fraction);
+  const std::string who =
+      arguments.person
+          ? "a person at " + (arguments.device.device.empty() ? "the keyboard" : arguments.device.device)
+          : fmt::format("simulated, Weber fraction {}, lapse rate {}, equality {}",
+                        arguments.observer.weber_fraction, arguments.observer.lapse_rate,
+                        arguments.observer.equality_fraction);
   return fmt::format("teletact experiment: seed {}, {} trials of each stimulus; observer: {}", arguments.seed,
                      arguments.plan.trials_per_stimulus, who);
+}
+
+double hardest_n_m(const ExperimentPlan& plan) {
+  return std::max(plan.background_n_m, *std::max_element(plan.stimuli_n_m.begin(), plan.stimuli_n_m.end()));
 }
 
 // The order of the trials and the observer's chance come from one seed, but from generators of their own, so
@@ -39,9 +48,17 @@ std::string remark_of(const Arguments& arguments) {
 std::vector<AnsweredTrial> ask(const Arguments& arguments) {
   Random random(arguments.seed);
   const std::vector<Trial> trials = random_order(arguments.plan, random);
+  std::unique_ptr<HapticDevice> device;
+  std::unique_ptr<SpringDisplay> display;
+  if (arguments.person && !arguments.device.device.empty()) {
+    device = make_device(arguments.device);
+    display = std::make_unique<SpringDisplay>(*device, true);
+    display->require(hardest_n_m(arguments.plan));  // before anybody is asked
+  }
   const Observer observer =
-      arguments.person
-          ? terminal_observer(std::cin, std::cout)
+      display ? device_observer(*display, std::cin, std::cout)
+      : arguments.person
+          ? keyboard_observer(std::cin, std::cout, hardest_n_m(arguments.plan) * kKeyboardDeepestM)
           : simulated_observer(psychometric_function(arguments.observer, arguments.plan.background_n_m),
                                random.seed());
   if (arguments.csv.empty()) return run_experiment(trials, observer);
@@ -124,7 +141,13 @@ void run(const Arguments& arguments) {
 void add_observer_options(CLI::App& command, Arguments& arguments) {
   auto* person =
       command.add_flag("--person", arguments.person,
-                       "ask a person: each trial says which two stiffnesses to present, y or n is typed");
+                       "ask a person, who feels both at --device (or moves by keys and sees the force as a "
+                       "bar) and types y or n; no stiffness is shown");
+  command
+      .add_option("--device", arguments.device.device,
+                  "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated")
+      ->needs(person);
+  command.add_option("--profile", arguments.device.profile, "of a simulated device")->needs(person);
   const auto simulated = [&](const char* name, double& value, const char* help) {
     command.add_option(name, value, help)->capture_default_str()->excludes(person);
   };

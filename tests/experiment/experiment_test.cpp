@@ -121,25 +121,6 @@ TEST(Observer, TheSimulatedOneAnswersAsOftenAsItsFunctionSays) {
   }
 }
 
-TEST(Observer, APersonIsAskedAgainUntilTheAnswerIsClearAndMayEnd) {
-  std::istringstream in("y\nperhaps\n\n N \nq\n");
-  std::ostringstream out;
-  const std::vector<Trial> trials{{25, 30}, {25, 27.5}, {25, 35}};
-  const auto answers = run_experiment(trials, terminal_observer(in, out));
-  ASSERT_EQ(answers.size(), 2u);
-  EXPECT_TRUE(answers[0].harder);
-  EXPECT_FALSE(answers[1].harder);
-  EXPECT_EQ(answers[1].trial.stimulus_n_m, 27.5);
-  EXPECT_NE(out.str().find("trial 2 of 3: present 25 N/m, then 27.5 N/m"), std::string::npos);
-  EXPECT_NE(out.str().find("please answer y or n"), std::string::npos);
-}
-
-TEST(Observer, TheEndOfTheInputEndsTheExperiment) {
-  std::istringstream in("y\n");
-  std::ostringstream out;
-  EXPECT_EQ(run_experiment({{25, 30}, {25, 27.5}}, terminal_observer(in, out)).size(), 1u);
-}
-
 // The promise (perfect stiffness): 10 stimuli, 40 trials of each. 400 experiments put 2 sigma = 2 % on a
 // coverage of 95 %; the seed is fixed, and teletact-bench paper psychometric runs more.
 TEST(Bootstrap, IntervalsCoverTheTruthAndTheBiasIsSmall) {

@@ -1,0 +1,100 @@
+#include "client/experiment/person.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <functional>
+#include <istream>
+#include <ostream>
+#include <string>
+
+namespace teletact::client {
+namespace {
+
+// Without blanks, in small letters; q at the end of the input.
+std::string read_word(std::istream& in) {
+  std::string line;
+  if (!std::getline(in, line)) return "q";
+  const auto blank = [](unsigned char c) { return std::isspace(c) != 0; };
+  line.erase(std::remove_if(line.begin(), line.end(), blank), line.end());
+  for (char& c : line) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return line;
+}
+
+bool ends(const std::string& word) {
+  return word == "q" || word == "quit";
+}
+
+// Lets the person feel one interval; false when the experiment ends.
+using Feel = std::function<bool(double stiffness_n_m)>;
+
+std::optional<bool> judge(const Trial& trial, const Feel& feel, std::istream& in, std::ostream& out) {
+  while (true) {
+    out << "  the first. ";
+    if (!feel(trial.background_n_m)) return std::nullopt;
+    out << "  the second. ";
+    if (!feel(trial.stimulus_n_m)) return std::nullopt;
+    while (true) {
+      out << "is the second harder? y/n (a: feel both again, q: end) " << std::flush;
+      const std::string word = read_word(in);
+      if (word == "y" || word == "yes") return true;
+      if (word == "n" || word == "no") return false;
+      if (ends(word)) return std::nullopt;
+      if (word == "a") break;
+      out << "please answer y or n\n";
+    }
+  }
+}
+
+bool feel_on(SpringDisplay& display, double stiffness_n_m, std::istream& in, std::ostream& out) {
+  display.present(stiffness_n_m);
+  out << "Lift the finger, press it in, Enter when you have felt it: " << std::flush;
+  while (true) {
+    if (ends(read_word(in))) return false;
+    if (display.felt()) return true;
+    const std::string trouble = display.trouble();
+    out << "  not felt yet" << (trouble.empty() ? "" : " (" + trouble + ")")
+        << ": lift the finger off, press it in and stay for a moment, then Enter: " << std::flush;
+  }
+}
+
+bool feel_by_keys(double stiffness_n_m, double full_scale_n, std::istream& in, std::ostream& out) {
+  constexpr double kStepM = 0.0005;
+  constexpr int kBar = 60;
+  out << "Type + to press deeper and - to lift, as often as you like, then Enter; Enter alone goes on.\n";
+  double depth_m = 0;
+  bool pressed = false;
+  while (true) {
+    const double force_n = stiffness_n_m * depth_m;
+    const int filled = std::clamp(static_cast<int>(std::lround(kBar * force_n / full_scale_n)), 0, kBar);
+    out << "  depth " << 1e3 * depth_m << " mm, force |" << std::string(static_cast<std::size_t>(filled), '#')
+        << std::string(static_cast<std::size_t>(kBar - filled), ' ') << "| " << std::flush;
+    const std::string word = read_word(in);
+    if (ends(word)) return false;
+    if (word.empty() && pressed) return true;
+    const auto steps = std::count(word.begin(), word.end(), '+') - std::count(word.begin(), word.end(), '-');
+    depth_m = std::clamp(depth_m + kStepM * static_cast<double>(steps), 0.0, kKeyboardDeepestM);
+    pressed = pressed || depth_m > 0;
+    if (!pressed) out << "  press first\n";
+  }
+}
+
+}  // namespace
+
+Observer device_observer(SpringDisplay& display, std::istream& in, std::ostream& out) {
+  return [&](const Trial& trial, std::size_t number, std::size_t of) {
+    out << "\ntrial " << number << " of " << of << '\n';
+    return judge(
+        trial, [&](double k_n_m) { return feel_on(display, k_n_m, in, out); }, in, out);
+  };
+}
+
+Observer keyboard_observer(std::istream& in, std::ostream& out, double full_scale_n) {
+  return [&in, &out, full_scale_n](const Trial& trial, std::size_t number, std::size_t of) {
+    out << "\ntrial " << number << " of " << of << '\n';
+    return judge(
+        trial, [&](double k_n_m) { return feel_by_keys(k_n_m, full_scale_n, in, out); }, in, out);
+  };
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,157 @@
+// A scripted person at a simulated device, and at the keyboard: judged is what was felt, and nothing tells.
+#include "client/experiment/person.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <functional>
+#include <sstream>
+#include <stdexcept>
+#include <streambuf>
+
+#include "client/haptic/simulated_device.h"
+
+namespace teletact::client {
+namespace {
+
+// Lines that are thought of only when they are read.
+class Answering final : public std::streambuf {
+ public:
+  explicit Answering(std::function<std::string()> next) : next_(std::move(next)) {}
+
+ private:
+  int_type underflow() override {
+    line_ = next_() + "\n";
+    setg(line_.data(), line_.data(), line_.data() + line_.size());
+    return traits_type::to_int_type(line_.front());
+  }
+  std::function<std::string()> next_;
+  std::string line_;
+};
+
+// The simulated device and hand, and what stiffness a finger on it feels: force written over indentation.
+class FeelingDevice final : public HapticDevice {
+ public:
+  explicit FeelingDevice(const SimulatedDeviceOptions& options) : device_(options) {}
+  const DeviceProfile& profile() const noexcept override { return device_.profile(); }
+  void open() override { device_.open(); }
+  void close() noexcept override { device_.close(); }
+  bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override {
+    const bool ok = device_.read(now_ns, reading);
+    indentation_m_ = reading.pose.position_m.y();
+    return ok;
+  }
+  bool write(const Vector2& force_n) noexcept override {
+    if (indentation_m_ > 0.003) felt_n_m = -force_n.y() / indentation_m_;
+    return device_.write(force_n);
+  }
+  void show(const OperatorView& view) noexcept override { device_.show(view); }
+  std::atomic<double> felt_n_m{0};
+
+ private:
+  SimulatedDevice device_;
+  double indentation_m_ = 0;
+};
+
+SimulatedDeviceOptions simulated() {
+  SimulatedDeviceOptions options;
+  options.profile = device_profile("premium-1.5");
+  options.hand.approach_m_s = 0.1;
+  return options;
+}
+
+// What is asked after `begin` of all that was said.
+bool asks(const std::ostringstream& out, const std::string& question) {
+  const std::string said = out.str();
+  return said.size() >= question.size() &&
+         said.find(question, said.size() - std::min<std::size_t>(said.size(), 90)) != std::string::npos;
+}
+
+TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
+  FeelingDevice device(simulated());
+  SpringDisplay display(device, false);
+  std::ostringstream out;
+  double last_n_m = 0, first_n_m = 0;
+  std::vector<double> felt_n_m;
+  Answering person([&]() -> std::string {
+    if (asks(out, "is the second harder?")) return last_n_m > first_n_m ? "y" : "n";
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    while (!display.felt() && std::chrono::steady_clock::now() < end)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    first_n_m = last_n_m;
+    felt_n_m.push_back(last_n_m = device.felt_n_m);
+    return "";
+  });
+  std::istream in(&person);
+  const std::vector<Trial> trials{{25, 31}, {25, 19}, {25, 27}};
+  const auto answers = run_experiment(trials, device_observer(display, in, out));
+  ASSERT_EQ(answers.size(), 3u);
+  EXPECT_TRUE(answers[0].harder);
+  EXPECT_FALSE(answers[1].harder);
+  EXPECT_TRUE(answers[2].harder);
+  ASSERT_EQ(felt_n_m.size(), 6u);
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_NEAR(felt_n_m[2 * k], 25, 0.05 * 25);
+    EXPECT_NEAR(felt_n_m[2 * k + 1], trials[k].stimulus_n_m, 0.05 * trials[k].stimulus_n_m);
+  }
+  for (const char* stiffness : {"25", "31", "19", "27", "N/m"})
+    EXPECT_EQ(out.str().find(stiffness), std::string::npos) << out.str();
+}
+
+TEST(Person, NoAnswerIsTakenForWhatWasNotFelt) {
+  SimulatedDeviceOptions options = simulated();
+  options.hand.approach_m_s = 1e-6;  // a hand that never gets down
+  FeelingDevice device(options);
+  SpringDisplay display(device, false);
+  std::istringstream in("\n\nq\n");
+  std::ostringstream out;
+  EXPECT_TRUE(run_experiment({{25, 30}}, device_observer(display, in, out)).empty());
+  EXPECT_NE(out.str().find("not felt yet"), std::string::npos);
+  EXPECT_EQ(out.str().find("is the second harder?"), std::string::npos);
+}
+
+TEST(Person, AStimulusBeyondTheDeviceIsRefused) {
+  FeelingDevice device(simulated());
+  SpringDisplay display(device, false);
+  EXPECT_THROW(display.present(1.01 * device.profile().limits().largest_stiffness_n_m),
+               std::invalid_argument);
+  EXPECT_THROW(display.present(NAN), std::invalid_argument);
+}
+
+// Presses both by 8 mm and counts the bar.
+TEST(Person, AtTheKeyboardSeesForceAndNoStiffness) {
+  std::ostringstream out;
+  int pressed = 0;
+  std::vector<std::ptrdiff_t> bars;
+  Answering person([&]() -> std::string {
+    const std::string said = out.str();
+    if (asks(out, "is the second harder?"))
+      return bars.at(bars.size() - 1) > bars.at(bars.size() - 2) ? "Y" : "n";
+    if (++pressed % 2 == 1) return "++++++++ ++++++++";
+    bars.push_back(
+        std::count(said.begin() + static_cast<std::ptrdiff_t>(said.rfind("force |")), said.end(), '#'));
+    return "";
+  });
+  std::istream in(&person);
+  const auto answers =
+      run_experiment({{25, 30}, {25, 20}}, keyboard_observer(in, out, 30 * kKeyboardDeepestM));
+  ASSERT_EQ(answers.size(), 2u);
+  EXPECT_TRUE(answers[0].harder);
+  EXPECT_FALSE(answers[1].harder);
+  EXPECT_EQ(bars, (std::vector<std::ptrdiff_t>{40, 48, 40, 32}));
+  for (const char* stiffness : {"25", "30", "20", "N/m"})
+    EXPECT_EQ(out.str().find(stiffness), std::string::npos) << out.str();
+}
+
+TEST(Person, AsksAgainFeelsAgainAndEndsWithTheInput) {
+  std::istringstream in("\n+\n\n+\n\nmaybe\na\n+\n\n+\n\nn\n+\n");
+  std::ostringstream out;
+  const auto answers = run_experiment({{25, 30}, {25, 20}, {25, 40}}, keyboard_observer(in, out, 1));
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_FALSE(answers[0].harder);
+  EXPECT_NE(out.str().find("press first"), std::string::npos);
+  EXPECT_NE(out.str().find("please answer y or n"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace teletact::client
