@@ -18,7 +18,7 @@ constexpr int kMaxMessageBytes = 256 << 20;
 
 }  // namespace
 
-std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca) {
+grpc::ChannelArguments channel_arguments() {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstBackoffMs);
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectTimeoutMs);  // gRPC's name for it
@@ -26,9 +26,13 @@ std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const st
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  return arguments;
+}
+
+std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca) {
   const auto credentials =
       tls_ca.empty() ? grpc::InsecureChannelCredentials() : grpc::SslCredentials({tls_ca, "", ""});
-  return grpc::CreateCustomChannel(address, credentials, arguments);
+  return grpc::CreateCustomChannel(address, credentials, channel_arguments());
 }
 
 Connecting::Connecting(std::string address, std::string tls_ca)

@@ -14,6 +14,9 @@ namespace teletact::client {
 // shares no subchannel (and so no backoff) with any other. With `tls_ca`, PEM text, the connection is
 // encrypted and the service must show a certificate that these authorities signed for the host's name
 // ("localhost" for a Unix socket); without it nothing is encrypted.
+// What every channel is made with: fast reconnects, keepalive, message sizes.
+grpc::ChannelArguments channel_arguments();
+
 std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca = "");
 
 // Reaches `address` over links that lose packets or say nothing: while an attempt hangs, another is started

@@ -186,6 +186,23 @@ TEST(FaultProxy, HalfOpenSaysNothingAndResetCuts) {
   EXPECT_EQ(proxy.connections(), 3u);
 }
 
+TEST(FaultProxy, DropsWhatIsIdle) {
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  proxy.play({.faults = {.idle_s = 0.2}});
+  Peer busy(proxy.address());
+  Peer idle(proxy.address());
+  const double begin_s = now_s();
+  for (int k = 0; k < 12; ++k) {
+    busy.say("a");
+    EXPECT_EQ(busy.hear(1, 2), "a");
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+  }
+  EXPECT_EQ(idle.hear(1, 2), std::nullopt);
+  EXPECT_GE(now_s() - begin_s, 0.2);
+  EXPECT_EQ(busy.hear(1, 2), std::nullopt);  // now it is idle too
+}
+
 TEST(FaultProxy, LimitsBandwidth) {
   Echo echo;
   FaultProxy proxy(echo.address);

@@ -169,6 +169,7 @@ void FaultProxy::accept_one() {
   ++accepted_;
   Connection connection;
   connection.client = client;
+  connection.carried_ns = now();
   connection.service = connect_to(target_);
   if (connection.service < 0) {
     close_connection(connection, true);
@@ -216,6 +217,7 @@ void FaultProxy::read_some(Pipe& pipe, const DirectionFaults& faults, std::int64
     pipe.read_ended = true;
     return;
   }
+  connection.carried_ns = now_ns;
   Chunk chunk;
   chunk.bytes.assign(buffer.begin(), buffer.begin() + count);
   chunk.due_ns = pipe.last_due_ns = due_of(faults, pipe, chunk.bytes.size(), now_ns);
@@ -267,6 +269,14 @@ std::vector<pollfd> FaultProxy::polls() const {
   return polls;
 }
 
+// When it will have been idle for too long; at once, and failed, when it has.
+std::int64_t FaultProxy::drop_if_idle(Connection& connection, std::int64_t now_ns) const {
+  if (faults_.idle_s <= 0) return kNever;
+  const std::int64_t end_ns = connection.carried_ns + to_ns(faults_.idle_s);
+  connection.failed = connection.failed || now_ns >= end_ns;
+  return end_ns;
+}
+
 // Reads and delivers on every connection; when there is more to do.
 std::int64_t FaultProxy::move_bytes(const std::vector<pollfd>& polled, std::int64_t now_ns) {
   std::int64_t next_ns = kNever;
@@ -280,6 +290,7 @@ std::int64_t FaultProxy::move_bytes(const std::vector<pollfd>& polled, std::int6
     }
     next_ns = std::min(next_ns, deliver(connection.up, now_ns, connection, bytes_up_));
     next_ns = std::min(next_ns, deliver(connection.down, now_ns, connection, bytes_down_));
+    next_ns = std::min(next_ns, drop_if_idle(connection, now_ns));
     const bool silent = std::max(stalled_until_ns_, connection.held_until_ns) > now_ns;
     const bool over = connection.failed || (connection.up.write_ended && connection.down.write_ended);
     if (over && !silent) {

@@ -31,8 +31,9 @@ struct DirectionFaults {
   double bandwidth_bytes_s = 0;   // 0: not limited
 };
 struct Faults {
-  DirectionFaults up;    // client to service
-  DirectionFaults down;  // service to client
+  DirectionFaults up = {};    // client to service
+  DirectionFaults down = {};  // service to client
+  double idle_s = 0;  // a connection that carries nothing for so long is dropped, as proxies do; 0: never
 };
 
 // One line of a schedule.
@@ -89,6 +90,7 @@ class FaultProxy {
     int client = -1, service = -1;
     Pipe up, down;
     std::int64_t held_until_ns = 0;
+    std::int64_t carried_ns = 0;  // when a byte came last
     bool failed = false;
   };
 
@@ -101,6 +103,7 @@ class FaultProxy {
   std::int64_t due_of(const DirectionFaults& faults, const Pipe& pipe, std::size_t bytes,
                       std::int64_t now_ns);
   void close_connection(Connection& connection, bool reset);
+  std::int64_t drop_if_idle(Connection& connection, std::int64_t now_ns) const;
   std::int64_t move_bytes(const std::vector<pollfd>& polled, std::int64_t now_ns);
   std::vector<pollfd> polls() const;
   void wake();
