@@ -61,6 +61,11 @@ double one_pass(const FeltOptions& o, const Inclusion& tissue, double share) {
   client::ForceChainOptions chain_options;
   chain_options.limits = client::device_profile("premium-1.5").limits();
   client::ForceChain chain(chain_options);
+  // What waits there was told before the finger arrived.
+  ForceSample foreseen = tissue.answer({0, o.indentation_m});
+  foreseen.contact = false;
+  foreseen.foreseen = true;
+  renderer->update(foreseen, {}, 0);
   std::deque<ForceSample> on_the_way;
   double next_s = share * o.update_s;
   Mean background;
@@ -80,7 +85,7 @@ double one_pass(const FeltOptions& o, const Inclusion& tissue, double share) {
       on_the_way.pop_front();
     }
     client::ForceChainInput input;
-    input.rendered = renderer->render(pose, time_s);
+    input.rendered = renderer->render(pose, time_s, chain.dissipated_j());
     input.pose = pose;
     input.on = true;
     input.enabled_s = 10;

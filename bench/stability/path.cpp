@@ -9,25 +9,18 @@ namespace teletact::bench {
 HandPath::HandPath(const TrialOptions& options, double background_n_m) : sweep_m_(options.sweep_m) {
   const double resisted = 1 + background_n_m / options.hand.stiffness_n_m;
   depth_m_ = options.indentation_m * resisted;
-  // A light touch overcomes the device's friction.
-  touch_m_ = options.light_touch ? kTouchM + options.device.friction_n / options.hand.stiffness_n_m : 0;
-  touched_s_ = kHoverS + (kHoverM + touch_m_) / kApproachMS;
-  pressing_s_ = touched_s_ + (options.light_touch ? kTouchS : 0);
   // Into the tissue the finger itself moves at kApproachMS: the target goes as much faster as the resistance
   // takes, but not so fast that the hand pulls by its damper instead of its stiffness.
   const HandProfile& hand = options.hand;
-  const double finger_s = std::max(options.indentation_m - touch_m_ / resisted, 0.0) / kApproachMS;
-  pressed_s_ = pressing_s_ + std::max(finger_s, hand.damping_n_s_m / (kByDamper * hand.stiffness_n_m));
+  touched_s_ = kHoverS + kHoverM / kApproachMS;
+  pressed_s_ = touched_s_ + std::max(options.indentation_m / kApproachMS,
+                                     hand.damping_n_s_m / (kByDamper * hand.stiffness_n_m));
   begun_s_ = pressed_s_ + kPressedS;
   stopped_s_ = begun_s_ + (sweep_m_ > 0 ? sweep_m_ / kSpeedMS + kSpeedMS / kAccelerationMS2 : 0);
 }
 
 double HandPath::depth(double time_s) const {
-  const auto share = [time_s](double from_s, double to_s) {
-    return to_s > from_s ? std::clamp((time_s - from_s) / (to_s - from_s), 0.0, 1.0) : 1.0;
-  };
-  return -kHoverM + share(kHoverS, touched_s_) * (kHoverM + touch_m_) +
-         share(pressing_s_, pressed_s_) * (depth_m_ - touch_m_);
+  return -kHoverM + std::clamp((time_s - kHoverS) / (pressed_s_ - kHoverS), 0.0, 1.0) * (kHoverM + depth_m_);
 }
 
 double HandPath::along(double time_s) const {

@@ -1,5 +1,5 @@
-// Where the hand of a stability trial means to be: above the tissue until force is on; a light touch, as
-// fingers do before they press; down; along at 120 mm/s with rounded starts; and still.
+// Where the hand of a stability trial means to be: above the tissue until force is on; down; along at 120
+// mm/s with rounded starts; and still.
 #pragma once
 
 #include "bench/stability/plant.h"
@@ -21,13 +21,13 @@ class HandPath {
  private:
   static constexpr double kHoverM = 0.002, kApproachMS = 0.03, kSpeedMS = 0.12, kAccelerationMS2 = 2;
   static constexpr double kByDamper = 0.3;  // of the final force, by the damper while pressing
-  static constexpr double kTouchM = 0.0003, kTouchS = 0.5, kPressedS = 0.5;
+  static constexpr double kPressedS = 0.5;
   double depth(double time_s) const;
   double along(double time_s) const;
 
-  double touch_m_, depth_m_;  // of the target: what the tissue's resistance takes is added
+  double depth_m_;  // of the target: what the tissue's resistance takes is added
   double sweep_m_;
-  double touched_s_, pressing_s_, pressed_s_, begun_s_, stopped_s_;
+  double touched_s_, pressed_s_, begun_s_, stopped_s_;
 };
 
 }  // namespace teletact::bench

@@ -50,9 +50,18 @@ class StabilityTissue {
   double energy_j(const client::Vector2& position_m) const {
     return -0.5 * answer(position_m).force_n.y() * std::max(position_m.y(), 0.0);
   }
+  // As the service tells it: out of contact, what waits below the finger.
+  client::ForceSample told(const client::Vector2& position_m) const {
+    if (position_m.y() > 0) return answer(position_m);
+    client::ForceSample sample = answer({position_m.x(), kForeseenM});
+    sample.contact = false;
+    sample.foreseen = true;
+    return sample;
+  }
   client::Vector2 force_n(const client::Vector2& position_m) const { return answer(position_m).force_n; }
 
  private:
+  static constexpr double kForeseenM = 5e-4;
   static constexpr double kWidthM = 0.005;  // standard deviation: 12 mm wide
   double background_n_m_;
   std::vector<double> centres_m_;

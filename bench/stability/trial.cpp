@@ -125,12 +125,13 @@ class Answers {
   Answers(const StabilityTissue& tissue, const TrialOptions& options)
       : tissue_(tissue),
         every_(std::max<std::size_t>(ticks_of(options.update_s), 1)),
-        late_(ticks_of(options.model_delay_s)) {}
+        late_(ticks_of(options.model_delay_s)),
+        foreseen_(options.foreseen) {}
   // The answer that arrives at this tick, if one does.
   const ForceSample* at(std::size_t tick, const ToolPose& pose) {
     if (tick % every_ == 0) {
       ForceSample& sample = waiting_[asked_ % waiting_.size()];
-      sample = tissue_.answer(pose.position_m);
+      sample = foreseen_ ? tissue_.told(pose.position_m) : tissue_.answer(pose.position_m);
       sample.sequence = ++asked_;
       sample.pose_time_s = kServoS * static_cast<double>(tick);
     }
@@ -142,6 +143,7 @@ class Answers {
  private:
   const StabilityTissue& tissue_;
   std::size_t every_, late_;
+  bool foreseen_;
   std::array<ForceSample, kLongestDelayTicks> waiting_;
   std::size_t asked_ = 0, given_ = 0;
   ForceSample newest_;

@@ -34,7 +34,7 @@ struct TrialOptions {
   double indentation_m = 0.003;  // that the hand goes for
   double sweep_m = 0.1;          // explored at 120 mm/s; 0: pressed alone
   double rest_s = 1;             // at the end, watched, at least; see rest.h
-  bool light_touch = true;       // before it presses, as fingers do; false: straight in
+  bool foreseen = true;          // false: answers out of contact do not tell what waits below the finger
   bool safe = false;             // through the servo loop with its whole safety chain
 };
 

@@ -65,7 +65,7 @@ bool comes_to_rest(const Press& press) {
     client::DeviceReading reading;
     display.read(tick * kServoNs, reading);
     if (time_s >= next_s) {
-      on_the_way.push_back(tissue.answer(reading.pose.position_m));
+      on_the_way.push_back(tissue.told(reading.pose.position_m));
       on_the_way.back().pose_time_s = time_s;
       next_s += press.update_s;
     }

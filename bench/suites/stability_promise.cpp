@@ -1,7 +1,7 @@
 // The promise: at each device's stiffness cap (T5.7), and at 90 % of the servo's own bound 2 b / T on an
 // ideal display, wherever a force held for 20 ms is active (b < K T / 2), the Kalman filter with tangent is
 // stable, passive with its controller, and its force is not much further off than that of an exact model of
-// the same age. Through the whole servo loop, exploring at 120 mm/s after a light touch.
+// the same age. Through the whole servo loop: straight into the tissue, then exploring at 120 mm/s.
 //
 // The exact model of the same age is the tissue's true law at the place that the newest answer is of: what a
 // client could render at best that had been given the whole model then. Beside it stands, more than is asked,
@@ -17,7 +17,6 @@
 #include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability.h"
-#include "client/render/force_chain.h"
 
 namespace teletact::bench {
 namespace {
@@ -28,6 +27,7 @@ using nlohmann::json;
 constexpr double kHeldS = 0.02;
 constexpr double kOfServoBound = 0.9;
 constexpr double kForceErrorMost = 1.2;
+constexpr double kFeltError = 0.07;                           // of a force: the human threshold (T5.8)
 constexpr double kComparedLaw = 0.001, kComparedBest = 0.01;  // of the force: smaller errors are not compared
 constexpr double kLateMostS =
     0.2;  // promised so far; the chart goes on to 0.3 s, which is DEGRADED by design
@@ -95,7 +95,7 @@ json describe(const TrialOptions& t, const TrialResult& r) {
           {"update_s", t.update_s},
           {"model_delay_s", t.model_delay_s},
           {"damping_known", t.damping_known},
-          {"light_touch", t.light_touch},
+          {"foreseen", t.foreseen},
           {"verdict", to_string(r.verdict)},
           {"swing_m", std::isfinite(r.swing_m) ? r.swing_m : -1},
           {"generated_j", r.generated_j},
@@ -129,13 +129,13 @@ struct Tally {
   double worst_generated = 0, worst_law = 0, worst_best = 0;
   void add(const TrialResult& r) {
     ++trials;
-    const double generated = r.generated_j / std::max(r.stored_j, 1e-9);
     not_stable += r.verdict != Verdict::kStable;
     active += gives_energy(r);
     error += errs(r);
     failing += fails(r);
     degraded += r.degraded_share > 0;
     drawn += r.drawdown > kDrawdownTold;
+    const double generated = r.generated_j / std::max(r.stored_j, 1e-9);
     worst_generated = std::max(worst_generated, generated);
     worst_law = std::max(worst_law, law_ratio(r));
     worst_best = std::max(worst_best, best_ratio(r));
@@ -154,27 +154,30 @@ void promise(const Tally& t, std::vector<Target>& targets) {
       {"Kalman with tangent: trials DEGRADED, answers up to 0.2 s late", double(t.degraded), 0, "trials"});
 }
 
-// Where it fails, and that it is said: models past the age limit, and hard tissue that is not known yet
-// pressed straight into.
+// Where it fails, and that it is said: tissue pressed into of which nothing was told before.
 json measure_failures(bool quick, std::vector<Target>& targets) {
   json rows = json::array();
+  Tally all;
   std::size_t failing = 0, unsaid = 0;
-  std::vector<TrialOptions> all = trials(quick);
-  for (TrialOptions& t : all) t.light_touch = false;
-  const std::vector<TrialResult> results = run_trials(all);
-  for (std::size_t n = 0; n < all.size(); ++n) {
-    const TrialOptions& t = all[n];
+  std::vector<TrialOptions> chosen = trials(quick);
+  std::erase_if(chosen, [](const TrialOptions& t) { return t.model_delay_s > kLateMostS; });
+  for (TrialOptions& t : chosen) t.foreseen = false;
+  const std::vector<TrialResult> results = run_trials(chosen);
+  for (std::size_t n = 0; n < chosen.size(); ++n) {
+    const TrialOptions& t = chosen[n];
     const TrialResult& r = results[n];
-    const bool fails =
-        r.verdict != Verdict::kStable || r.generated_j > 2 * client::ForceChainOptions().debt_limit_j;
-    if (!fails) continue;
+    all.add(r);
+    const bool felt = errs(r) && r.force_error > kFeltError;
+    if (r.verdict == Verdict::kStable && !gives_energy(r) && !felt) continue;
     ++failing;
     unsaid += r.degraded_share <= 0;
     rows.push_back(describe(t, r));
   }
-  std::printf("  pressed straight into tissue not known yet: %zu trials fail, %zu of them unsaid\n", failing,
-              unsaid);
-  targets.push_back({"failures (not stable, or more energy than twice the limit) not said as DEGRADED",
+  std::printf(
+      "  into tissue of which nothing was told: of %zu trials not stable %zu, active %zu, force error "
+      "above %.1f of exact %zu; %zu unsaid\n",
+      all.trials, all.not_stable, all.active, kForceErrorMost, all.error, unsaid);
+  targets.push_back({"failures (not stable, active, a force missing that is felt) not said as DEGRADED",
                      double(unsaid), 0, "trials"});
   return rows;
 }

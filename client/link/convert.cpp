@@ -13,6 +13,18 @@ void add(const Vector2& vector, google::protobuf::RepeatedField<double>* xyz) {
   xyz->Add(0);
 }
 
+// False: malformed.
+template <class Message>
+bool read_force(const Message& message, ForceSample& sample) {
+  constexpr int kStride = 3;  // 3x3 row-major
+  if (message.force_n_size() < 2 || message.tangent_n_m_size() != kStride * kStride) return false;
+  sample.force_n = plane(message.force_n());
+  for (int row = 0; row < 2; ++row)
+    for (int column = 0; column < 2; ++column)
+      sample.tangent_n_m(row, column) = message.tangent_n_m(kStride * row + column);
+  return true;
+}
+
 }  // namespace
 
 std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double surface_m, double period_s,
@@ -35,17 +47,13 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double
   out.degraded = status == v1::TOUCH_STATUS_DEGRADED;
   if (!out.has_force || !out.covered) return out;
   if (answer.force_n_size() < 2) return std::nullopt;
-  sample.force_n = plane(answer.force_n());
-  sample.contact = !sample.force_n.isZero(0);
-  constexpr int kStride = 3;  // 3x3 row-major
-  if (answer.tangent_n_m_size() == kStride * kStride) {
-    for (int row = 0; row < 2; ++row) {
-      for (int column = 0; column < 2; ++column) {
-        sample.tangent_n_m(row, column) = answer.tangent_n_m(kStride * row + column);
-      }
-    }
-  } else if (sample.contact) {
-    return std::nullopt;
+  sample.contact = !plane(answer.force_n()).isZero(0);
+  if (sample.contact) return read_force(answer, sample) ? std::optional(out) : std::nullopt;
+  if (answer.has_foreseen()) {
+    const v1::ForeseenTouch& foreseen = answer.foreseen();
+    if (foreseen.position_m_size() < 2 || !read_force(foreseen, sample)) return std::nullopt;
+    sample.position_m = plane(foreseen.position_m());
+    sample.foreseen = true;
   }
   return out;
 }
@@ -89,6 +97,7 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_gain(tick.gain);
   sample.set_energy_j(tick.energy_j);
   sample.set_damping_n_s_m(tick.damping_n_s_m);
+  sample.set_withheld(tick.withheld);
   return entry;
 }
 

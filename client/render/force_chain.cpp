@@ -25,8 +25,9 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   age_gain_ = std::min(aged, age_gain_ + options_.recover_1_s * dt_s);
   debt_gain_ =
       std::clamp(debt_gain_ + (indebted_ ? -options_.fade_1_s : options_.settle_1_s) * dt_s, 0.0, 1.0);
+  const bool withheld = input.on && input.rendered.withheld > options_.withheld_share;
   output.indebted = indebted_;
-  output.degraded = !(input.model_age_s <= ages.degraded_s) || indebted_;
+  output.degraded = !(input.model_age_s <= ages.degraded_s) || indebted_ || withheld;
 }
 
 // The force before slew: zero unless enabled, finite and in contact.

@@ -1,6 +1,7 @@
 // The safety chain, in the order of design.md: silence, model age, finite, stiffness cap, passivity, slew,
 // magnitude, velocity; and the start-up ramp. DEGRADED is a model past its age limit, or a display that has
-// given more energy than its controller could take back: both fade the force. Whatever comes in, what goes
+// given more energy than its controller could take back: both fade the force; or a force of which a good part
+// is withheld, until it is paid for. Whatever comes in, what goes
 // out is finite, |F| <= F_max and |F(n) - F(n-1)| <= slew x dt.
 #pragma once
 
@@ -17,8 +18,9 @@ struct ForceChainOptions {
   // More energy generated than this, after the controller: DEGRADED, and faded until it is paid back. It is
   // what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays below.
   double debt_limit_j = 5e-3;
-  double fade_1_s = 5;    // how fast a debt fades the force
-  double settle_1_s = 2;  // how fast it returns once paid
+  double withheld_share = 0.2;  // more than this of the stiffness withheld: DEGRADED
+  double fade_1_s = 5;          // how fast a debt fades the force
+  double settle_1_s = 2;        // how fast it returns once paid
   // How fast trust comes back, after a debt or an old model: slower than answers come, or they would shake
   // it.
   double recover_1_s = 0.5;
@@ -45,7 +47,7 @@ struct ForceChainOutput {
   double damping_n_s_m = 0;  // added by the passivity controller
   double energy_j = 0;       // the passivity observer's
   double silence_gain = 1;
-  bool degraded = false;    // model age past its limit, or energy generated past its
+  bool degraded = false;    // model age or energy generated past its limit, or force withheld
   bool indebted = false;    // the second of them
   bool not_finite = false;  // what was rendered was no number: fault
   bool too_fast = false;    // the device runs away: fault
@@ -57,6 +59,8 @@ class ForceChain {
   ForceChainOutput apply(const ForceChainInput& input) noexcept;
   // What the device last took, for the slew: the chain's own output unless the device was closed meanwhile.
   const Vector2& last_force_n() const noexcept { return last_force_n_; }
+  // By the display's mechanism, over the last step in contact.
+  double dissipated_j() const noexcept { return passivity_.dissipated_j(); }
 
  private:
   Vector2 wanted(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;

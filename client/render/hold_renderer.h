@@ -10,8 +10,9 @@ namespace teletact::client {
 class HoldRenderer final : public Renderer {
  public:
   void reset() noexcept override { *this = HoldRenderer(); }
-  void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
-  Rendered render(const ToolPose& pose, double time_s) noexcept override;
+  bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
+  using Renderer::render;
+  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
 
  private:
   Rendered held_;

@@ -15,7 +15,7 @@ InterpolatingRenderer::Value InterpolatingRenderer::value(double time_s) const n
           from_.stiffness_n_m + way * (to_.stiffness_n_m - from_.stiffness_n_m)};
 }
 
-void InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, double time_s) noexcept {
+bool InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, double time_s) noexcept {
   constexpr double kSmallestIndentationM = 1e-6;
   // After a pause the next answer is taken to come as soon as any: a longer way would only be older.
   constexpr double kLongestPeriodS = 0.5;
@@ -30,9 +30,10 @@ void InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, d
   if (known_) period_s_ = std::clamp(time_s - arrival_s_, 0.0, kLongestPeriodS);
   arrival_s_ = time_s;
   known_ = true;
+  return true;
 }
 
-Rendered InterpolatingRenderer::render(const ToolPose&, double time_s) noexcept {
+Rendered InterpolatingRenderer::render(const ToolPose&, double time_s, double) noexcept {
   const Value now = value(time_s);
   return {
       .force_n = now.force_n,

@@ -11,9 +11,10 @@ namespace teletact::client {
 class InterpolatingRenderer final : public Renderer {
  public:
   void reset() noexcept override { *this = InterpolatingRenderer(); }
-  void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
+  bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   // The gain is the share of the newest answer in what is rendered: 0 on arrival, 1 a period later.
-  Rendered render(const ToolPose& pose, double time_s) noexcept override;
+  using Renderer::render;
+  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
 
  private:
   struct Value {

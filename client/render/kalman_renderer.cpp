@@ -78,23 +78,15 @@ bool KalmanRenderer::measure(const Eigen::Vector3d& row, const Vector2& value, d
   return true;
 }
 
-void KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept {
-  surface_m_ = sample.surface_m;
-  const double indentation_m = sample.position_m.y() - sample.surface_m;
-  if (!sample.contact || indentation_m < kSmallestIndentationM) return;
-  const double tool_indentation_m = pose.position_m.y() - surface_m_;
-  const Vector2 before =
-      known_ ? Vector2(stiffness_at(pose.position_m.x(), tool_indentation_m) + blend_at(time_s))
-             : Vector2::Zero();
-
+// The answer into state and covariance. False: an outlier, nothing changed.
+bool KalmanRenderer::believe(const ForceSample& sample, double indentation_m) noexcept {
   predict(sample.position_m.x(), indentation_m, sample.pose_time_s);
   const double force_noise = options_.force_noise_share * sample.force_n.norm() + options_.force_noise_n;
   const Eigen::Vector3d force_row(indentation_m, 0, 0);
-  const bool believed = measure(force_row, -sample.force_n, force_noise * force_noise, true);
-  if (!believed) {
+  if (!measure(force_row, -sample.force_n, force_noise * force_noise, true)) {
     ++outliers_;
     gain_ = 0;
-    if (++consecutive_outliers_ < options_.outliers_in_a_row) return start_blend(before, pose, time_s);
+    if (++consecutive_outliers_ < options_.outliers_in_a_row) return false;
     forget(sample.position_m.x(), indentation_m, sample.pose_time_s);
     measure(force_row, -sample.force_n, force_noise * force_noise, true);
   }
@@ -109,7 +101,22 @@ void KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, dou
     measure(Eigen::Vector3d(0, indentation_m, 0), along_surface, noise * noise, false);
   }
   state_(0, 1) = std::max(state_(0, 1), 0.0);  // k >= 0: tissue never pulls
-  start_blend(before, pose, time_s);
+  return true;
+}
+
+bool KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, double) noexcept {
+  const Vector2 before = felt_at(pose);
+  surface_m_ = sample.surface_m;
+  const double indentation_m = sample.position_m.y() - sample.surface_m;
+  bool believed = true;
+  if (sample.contact || sample.foreseen) {
+    // Of next to no indentation the force says nothing of the stiffness.
+    if (indentation_m >= kSmallestIndentationM) believed = believe(sample, indentation_m);
+  } else if (indentation_m > 0 || std::abs(sample.position_m.x() - anchor_x_m_) > 2 * options_.reach_m) {
+    known_ = false;  // nothing to feel where the finger presses, or nothing known of where it has gone
+  }
+  blend_from(before, pose);
+  return believed;
 }
 
 Vector2 KalmanRenderer::stiffness_at(double x_m, double indentation_m) const noexcept {
@@ -122,37 +129,74 @@ Vector2 KalmanRenderer::stiffness_at(double x_m, double indentation_m) const noe
   return k;
 }
 
-Vector2 KalmanRenderer::blend_at(double time_s) const noexcept {
-  return offset_n_m_ * std::clamp(1 - (time_s - offset_time_s_) / blend_s_, 0.0, 1.0);
-}
-
-// The offset that keeps the force at the tool what it was, and a ramp slow enough for `largest_jump`.
-void KalmanRenderer::start_blend(const Vector2& before_n_m, const ToolPose& pose, double time_s) noexcept {
+Vector2 KalmanRenderer::felt_at(const ToolPose& pose) const noexcept {
   const double indentation_m = pose.position_m.y() - surface_m_;
-  offset_n_m_.setZero();
-  offset_time_s_ = time_s;
-  blend_s_ = options_.shortest_blend_s;
-  if (indentation_m <= 0) return;
-  const Vector2 after_n_m = stiffness_at(pose.position_m.x(), indentation_m);
-  offset_n_m_ = before_n_m - after_n_m;
-  // Every tick passes T / blend of the offset: no more than a share of the smaller force, or what nobody
-  // feels.
-  const double smaller_n = indentation_m * std::min(before_n_m.norm(), after_n_m.norm());
-  const double allowed_n = std::max(options_.largest_jump * smaller_n, options_.unfelt_jump_n);
-  const double slowest_s = options_.servo_period_s * indentation_m * offset_n_m_.norm() / allowed_n;
-  blend_s_ = std::clamp(slowest_s, options_.shortest_blend_s, options_.longest_blend_s);
+  if (indentation_m <= 0) return Vector2::Zero();
+  Vector2 k = offset_n_m_;
+  if (known_) k += (1 - withheld_) * stiffness_at(pose.position_m.x(), indentation_m);
+  k.y() = std::max(k.y(), 0.0);
+  return k;
 }
 
-Rendered KalmanRenderer::render(const ToolPose& pose, double time_s) noexcept {
+// What is felt at the tool stays what it was: of a harder model the surplus is withheld, the rest is an
+// offset.
+void KalmanRenderer::blend_from(const Vector2& before_n_m, const ToolPose& pose) noexcept {
+  withheld_ = 0;
+  offset_n_m_.setZero();
+  const double indentation_m = pose.position_m.y() - surface_m_;
+  if (indentation_m <= 0) return;
+  Vector2 after_n_m = Vector2::Zero();
+  if (known_) after_n_m = stiffness_at(pose.position_m.x(), indentation_m);
+  if (after_n_m.y() > before_n_m.y()) withheld_ = 1 - before_n_m.y() / after_n_m.y();
+  offset_n_m_ = before_n_m - (1 - withheld_) * after_n_m;
+}
+
+// Some servo periods further towards the model: no faster than `largest_jump`, and no more of what is
+// withheld than is paid for.
+void KalmanRenderer::settle(const Vector2& model_n_m, double indentation_m, double ticks) noexcept {
+  const double half_square = indentation_m * indentation_m / 2;  // 1/2 d^2: energy per stiffness
+  const double felt_n_m = (offset_n_m_ + (1 - withheld_) * model_n_m).norm();
+  double step_n_m = std::max(std::expm1(ticks * std::log1p(options_.largest_jump)) * felt_n_m,
+                             ticks * options_.unfelt_jump_n / indentation_m);
+  const double missing_n_m = withheld_ * std::max(model_n_m.y(), 0.0);
+  unpaid_ = false;
+  if (missing_n_m > 0) {
+    const double paid_n_m = reserve_j_ / half_square;
+    unpaid_ = paid_n_m < std::min(missing_n_m, step_n_m);
+    const double given_n_m = std::min({missing_n_m, step_n_m, paid_n_m});
+    withheld_ -= withheld_ * given_n_m / missing_n_m;
+    reserve_j_ -= half_square * given_n_m;
+    step_n_m -= given_n_m;
+  }
+  const double offset_n_m = offset_n_m_.norm();
+  if (offset_n_m > 0) {
+    const Vector2 less_n_m = std::min(1.0, step_n_m / offset_n_m) * offset_n_m_;
+    offset_n_m_ -= less_n_m;
+    reserve_j_ += half_square * std::max(less_n_m.y(), 0.0);
+  }
+}
+
+Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
   Rendered rendered;
   rendered.variance = covariance_(0, 0);
   rendered.gain = gain_;
   const double indentation_m = pose.position_m.y() - surface_m_;
-  if (!known_ || indentation_m <= 0) return rendered;
-  Vector2 k = stiffness_at(pose.position_m.x(), indentation_m) + blend_at(time_s);
-  k.y() = std::max(k.y(), 0.0);
+  const double ticks = std::max((time_s - rendered_s_) / options_.servo_period_s, 0.0);
+  rendered_s_ = time_s;
+  if (indentation_m <= 0) {
+    withheld_ = reserve_j_ = 0;
+    offset_n_m_.setZero();
+    return rendered;
+  }
+  reserve_j_ = std::isfinite(dissipated_j) ? std::min(reserve_j_ + dissipated_j, options_.largest_reserve_j)
+                                           : dissipated_j;
+  const Vector2 model_n_m =
+      known_ ? stiffness_at(pose.position_m.x(), indentation_m) : Vector2(Vector2::Zero());
+  settle(model_n_m, indentation_m, ticks);
+  const Vector2 k = felt_at(pose);
   rendered.stiffness_n_m = k.y();
   rendered.force_n = -indentation_m * k;
+  if (unpaid_) rendered.withheld = withheld_;
   return rendered;
 }
 

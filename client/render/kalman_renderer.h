@@ -15,9 +15,11 @@
 // Between poses k moves by the gradient (the anchor moves with the finger), and all states walk with Q dt.
 // With `use_tangent` off the gradients are held at zero and this is the paper's one-state filter [k].
 //
-// Model updates are continuous: the difference between the old and the new model at the tool is added to k
-// and ramps to nothing, so slowly that no servo period passes more than `largest_jump`
-// of the force. It scales with the indentation, so it too ends at the surface.
+// Model updates are continuous (T5.4): the rendered stiffness goes from the old model's to the new one's so
+// slowly that no servo period passes more than `largest_jump` of the force. A softer model gives up stored
+// energy as it is blended in. A harder one would put energy under the pressed finger that nobody has put in:
+// its surplus, 1/2 dk d^2, is withheld until display and softer updates have dissipated as much since the
+// finger came into contact. Both end at the surface: a finger that comes anew feels the model as it is.
 #pragma once
 
 #include <Eigen/Core>
@@ -48,20 +50,20 @@ struct KalmanOptions {
   double reach_m = 0.004;
   double correlation_m = 0.0045;
   double largest_growth = 3;
-  // Blend of model updates.
+  // Model updates.
   double servo_period_s = 0.001;
-  double largest_jump = 0.07;    // of the force, per servo period (T5.4)
-  double unfelt_jump_n = 0.005;  // so that a first contact does not take for ever
-  double shortest_blend_s = 0.0015;
-  double longest_blend_s = 0.06;
+  double largest_jump = 0.06;       // of the force, per servo period: 7 % (T5.4) less what the finger moves
+  double unfelt_jump_n = 0.005;     // so that a first contact does not take for ever
+  double largest_reserve_j = 0.02;  // dissipation is not saved up beyond this
 };
 
 class KalmanRenderer final : public Renderer {
  public:
   explicit KalmanRenderer(const KalmanOptions& options = {}) : options_(options) {}
   void reset() noexcept override;
-  void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
-  Rendered render(const ToolPose& pose, double time_s) noexcept override;
+  bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
+  using Renderer::render;
+  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
 
   std::uint64_t outliers() const noexcept { return outliers_; }
 
@@ -71,22 +73,27 @@ class KalmanRenderer final : public Renderer {
   void predict(double x_m, double indentation_m, double time_s) noexcept;
   bool measure(const Eigen::Vector3d& row, const Vector2& value, double variance, bool gated) noexcept;
   void forget(double x_m, double indentation_m, double time_s) noexcept;
+  bool believe(const ForceSample& sample, double indentation_m) noexcept;
   Vector2 stiffness_at(double x_m, double indentation_m) const noexcept;
-  Vector2 blend_at(double time_s) const noexcept;
-  void start_blend(const Vector2& before_n_m, const ToolPose& pose, double time_s) noexcept;
+  Vector2 felt_at(const ToolPose& pose) const noexcept;
+  void blend_from(const Vector2& before_n_m, const ToolPose& pose) noexcept;
+  void settle(const Vector2& model_n_m, double indentation_m, double ticks) noexcept;
 
   KalmanOptions options_;
   State state_ = State::Zero();
   Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
-  bool known_ = false;  // an answer in contact has been seen
+  bool known_ = false;  // an answer with a force has been believed
   double anchor_x_m_ = 0;
   double anchor_indentation_m_ = 0;
   double anchor_time_s_ = 0;
   double surface_m_ = 0;
   double gain_ = 0;
+  // Felt: (1 - withheld) x model + offset.
+  double withheld_ = 0;
   Vector2 offset_n_m_ = Vector2::Zero();
-  double offset_time_s_ = 0;
-  double blend_s_ = 1;
+  bool unpaid_ = false;
+  double reserve_j_ = 0;  // dissipated in this contact, and not yet used up
+  double rendered_s_ = 0;
   int consecutive_outliers_ = 0;
   std::uint64_t outliers_ = 0;
 };

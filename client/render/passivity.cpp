@@ -16,11 +16,13 @@ void PassivityController::observe(const Vector2& position_m, const Vector2& writ
   last_position_m_ = position_m;
   // E(n) = E(n-1) - f(n-1) . dp + f_c |dp| + b |dp|^2 / T
   energy_j_ += -written_force_n.dot(step_m);
+  dissipated_j_ = 0;
   if (contact) {
     const double way_m = step_m.stableNorm();
-    energy_j_ += options_.friction_n * way_m;
-    if (dt_s > 0) energy_j_ += options_.mechanism_n_s_m * way_m * way_m / dt_s;
+    dissipated_j_ = options_.friction_n * way_m;
+    if (dt_s > 0) dissipated_j_ += options_.mechanism_n_s_m * way_m * way_m / dt_s;
   }
+  energy_j_ += dissipated_j_;
   energy_j_ = std::clamp(energy_j_, -options_.largest_debt_j, contact ? options_.largest_reserve_j : 0.0);
 }
 

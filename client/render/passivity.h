@@ -35,12 +35,15 @@ class PassivityController {
 
   double energy_j() const noexcept { return energy_j_; }  // > 0: dissipated or stored
   double damping_n_s_m() const noexcept { return damping_n_s_m_; }
+  // By the mechanism, over the last step in contact.
+  double dissipated_j() const noexcept { return dissipated_j_; }
 
  private:
   Options options_;
   Vector2 last_position_m_ = Vector2::Zero();
   bool started_ = false;
   double energy_j_ = 0;
+  double dissipated_j_ = 0;
   double damping_n_s_m_ = 0;
 };
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 
 namespace teletact::client {
 
@@ -24,6 +25,9 @@ struct ForceSample {
   Eigen::Matrix2d tangent_n_m = Eigen::Matrix2d::Zero();  // d force / d position
   double surface_m = 0;                                   // y of the undeformed touched line
   bool contact = false;                                   // false: the finger was not in contact, force zero
+  // Not in contact, but told what waits there: position, force and tangent are those of a light touch below
+  // the finger. Feels like nothing; a model that knows it has its stiffness when the finger arrives.
+  bool foreseen = false;
 };
 
 struct Rendered {
@@ -31,16 +35,23 @@ struct Rendered {
   double stiffness_n_m = 0;           // along the push: resistance over indentation
   double variance = 0;                // of that stiffness, (N/m)^2; the lateral one's is the same
   double gain = 0;                    // of the last update: how much of the innovation was believed, 0 .. 1
+  double withheld = 0;                // share of the model's stiffness that waits to be paid for, 0 .. 1
 };
 
 class Renderer {
  public:
   virtual ~Renderer() = default;
   virtual void reset() noexcept = 0;
-  // A new answer, `pose` and `time_s` being those of this tick. Samples must be finite, in order.
-  virtual void update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept = 0;
-  // The force at `pose` now.
-  virtual Rendered render(const ToolPose& pose, double time_s) noexcept = 0;
+  // A new answer, `pose` and `time_s` being those of this tick. Samples and pose must be finite, samples in
+  // order. False: not believed; what is rendered is as old as before.
+  virtual bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept = 0;
+  // The force at `pose` now. `dissipated_j`: by the display since the last call; what a harder model puts
+  // under a pressed finger is paid from it.
+  virtual Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept = 0;
+  // As if everything were paid for.
+  Rendered render(const ToolPose& pose, double time_s) noexcept {
+    return render(pose, time_s, std::numeric_limits<double>::infinity());
+  }
 };
 
 // Finite in every field that a renderer reads.

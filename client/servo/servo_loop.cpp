@@ -38,19 +38,39 @@ void ServoLoop::run(const std::atomic<bool>& stop) noexcept {
 void ServoLoop::tick(std::int64_t due_ns) noexcept {
   const std::int64_t now_ns = clock_.now_ns();
   // read
-  bool device_ok = device_.read(now_ns, reading_);
+  bool device_ok = read_device(now_ns);
   poses_.put({reading_.pose, now_ns});
   take_answer(now_ns);
   // render
-  const Rendered rendered = renderer_.render(reading_.pose, seconds(now_ns));
+  const Rendered rendered = renderer_.render(reading_.pose, seconds(now_ns), chain_.dissipated_j());
   // limit, and check finite
   const ForceChainOutput limited = chain_.apply(chain_input(rendered, now_ns));
   // write
   device_ok = device_.write(limited.force_n) && device_ok;
-  states_.step(state_inputs(limited, device_ok), now_ns);
+  if (states_.step(state_inputs(limited, device_ok), now_ns) && states_.state() == ServoState::kFault)
+    start_over();
   publish(rendered, limited, now_ns, due_ns);
   show();
   last_ns_ = now_ns;
+}
+
+// A pose that is no number stays with the device: neither model nor link ever sees one.
+bool ServoLoop::read_device(std::int64_t now_ns) noexcept {
+  DeviceReading fresh;
+  const bool answered = device_.read(now_ns, fresh);
+  finite_reading_ = !answered || (fresh.pose.position_m.allFinite() && fresh.pose.velocity_m_s.allFinite());
+  if (answered && finite_reading_)
+    reading_ = fresh;
+  else
+    reading_.pose.velocity_m_s.setZero();
+  return answered;
+}
+
+// After a fault nothing is rendered of what was known before.
+void ServoLoop::start_over() noexcept {
+  renderer_.reset();
+  has_force_ = false;
+  force_sequence_ = 0;
 }
 
 void ServoLoop::take_answer(std::int64_t now_ns) noexcept {
@@ -61,11 +81,12 @@ void ServoLoop::take_answer(std::int64_t now_ns) noexcept {
       answer_ = incoming_;
       answered_ = true;
       if (answer_.has_force) {
-        renderer_.update(answer_.sample, reading_.pose, seconds(now_ns));
-        has_force_ = true;
         force_degraded_ = answer_.degraded;
-        force_sequence_ = answer_.sample.sequence;
-        force_time_s_ = answer_.sample.pose_time_s;
+        if (renderer_.update(answer_.sample, reading_.pose, seconds(now_ns))) {
+          has_force_ = true;
+          force_sequence_ = answer_.sample.sequence;
+          force_time_s_ = answer_.sample.pose_time_s;
+        }
       }
     } else {
       rejected_.fetch_add(1, std::memory_order_relaxed);
@@ -92,7 +113,7 @@ ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t no
 StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device_ok) noexcept {
   StateInputs inputs;
   inputs.device_ok = device_ok;
-  inputs.finite = !limited.not_finite;
+  inputs.finite = finite_reading_ && !limited.not_finite;
   inputs.too_fast = limited.too_fast;
   inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
   inputs.silence_is_zero = limited.silence_gain <= 0;
@@ -125,6 +146,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.energy_j = limited.energy_j;
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.held_at_border = reading_.held_at_border;
+  tick.withheld = rendered.withheld;
   tick.degraded = limited.degraded;
   tick.indebted = limited.indebted;
   tick.service_degraded = force_degraded_;

@@ -59,8 +59,9 @@ struct ServoTick {
   double energy_j = 0;       // the passivity observer's
   double damping_n_s_m = 0;  // the passivity controller's
   bool held_at_border = false;
-  bool degraded = false;  // the chain trusts the force no longer and fades it
-  bool indebted = false;  // of these: for energy generated, else for the age of the model
+  double withheld = 0;    // share of the model's stiffness that is not paid for, 0 .. 1
+  bool degraded = false;  // the chain trusts the force no longer and fades it, or much of it is withheld
+  bool indebted = false;  // of these: for energy generated
   bool service_degraded =
       false;           // the service does not trust the answer behind the force; rendered all the same
   bool faded = false;  // silence takes force away
@@ -99,6 +100,8 @@ class ServoLoop {
   std::uint64_t rejected_answers() const noexcept { return rejected_.load(std::memory_order_relaxed); }
 
  private:
+  bool read_device(std::int64_t now_ns) noexcept;
+  void start_over() noexcept;
   void take_answer(std::int64_t now_ns) noexcept;
   ForceChainInput chain_input(const Rendered& rendered, std::int64_t now_ns) noexcept;
   StateInputs state_inputs(const ForceChainOutput& limited, bool device_ok) noexcept;
@@ -123,7 +126,8 @@ class ServoLoop {
   std::atomic<std::uint64_t> overruns_{0};
   std::atomic<std::uint64_t> rejected_{0};
 
-  DeviceReading reading_;
+  DeviceReading reading_;  // the newest that the device gave in numbers
+  bool finite_reading_ = true;
   ServoAnswer answer_;  // newest that arrived
   ServoAnswer incoming_;
   bool answered_ = false;        // any answer yet

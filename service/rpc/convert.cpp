@@ -254,14 +254,24 @@ v1::SolvePath path_to(SolvePath path) {
   return v1::SOLVE_PATH_UNSPECIFIED;
 }
 
+template <class Message>
+void force_and_tangent_to(const ContactAnswer& c, Message* out) {
+  for (const double force_n : {c.force_n[0], c.force_n[1], 0.0}) out->add_force_n(force_n);
+  const auto& t = c.tangent_n_m;
+  for (const double k : {t[0], t[1], 0.0, t[2], t[3], 0.0, 0.0, 0.0, 0.0}) out->add_tangent_n_m(k);
+}
+
 }  // namespace
 
 void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
   const ContactAnswer& c = in.contact;
   out->set_status(status_to(in.status));
-  for (const double force_n : {c.force_n[0], c.force_n[1], 0.0}) out->add_force_n(force_n);
-  const auto& t = c.tangent_n_m;
-  for (const double k : {t[0], t[1], 0.0, t[2], t[3], 0.0, 0.0, 0.0, 0.0}) out->add_tangent_n_m(k);
+  force_and_tangent_to(c, out);
+  if (in.foreseen) {
+    for (const double at_m : {in.foreseen->x_m, in.foreseen->y_m, 0.0})
+      out->mutable_foreseen()->add_position_m(at_m);
+    force_and_tangent_to(in.foreseen->contact, out->mutable_foreseen());
+  }
   out->set_energy_j(c.energy_j);
   for (const NodalPressure& node : c.pressure) {
     v1::NodalPressure* p = out->add_pressure();

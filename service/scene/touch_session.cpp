@@ -103,6 +103,7 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
   try {
     solve_contact_into(answer, *window, x_m, y_m);
     judge(answer, *snapshot, x_m);
+    if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*window, *snapshot, x_m);
   } catch (const std::exception& error) {  // the model's or the solver's limits, not the client's fault
     answer.contact = {};
     answer.status = TouchStatus::kFailed;
@@ -145,26 +146,47 @@ void TouchSession::solve_contact_into(TouchAnswer& answer, const WindowModel& wi
   if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
 }
 
+// Why a contact is not to be trusted; empty when it is.
+std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& snapshot, double x_m) const {
+  const double measured =
+      snapshot.map ? snapshot.map->measured_share(x_m - kWidestReachM / 2, x_m + kWidestReachM / 2) : 1;
+  if (!c.solve.converged || !(c.solve.relative_error <= kTrustedForceError))
+    return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
+                       c.solve.relative_error);
+  if (measured < kTrustedShare)
+    return fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
+                       100 * measured);
+  return "";
+}
+
 void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, double x_m) const {
   const ContactAnswer& c = answer.contact;
   if (!finite(c)) throw std::runtime_error("the contact solve gave a force that is not finite");
   if (c.state == ContactState::kNoContact) return;
-  const auto degraded = [&answer](std::string why) {
+  answer.warning = doubt(c, snapshot, x_m);
+  if (!answer.warning.empty())
     answer.status = TouchStatus::kDegraded;
-    answer.warning = std::move(why);
-  };
-  const double measured =
-      snapshot.map ? snapshot.map->measured_share(x_m - kWidestReachM / 2, x_m + kWidestReachM / 2) : 1;
-  if (!c.solve.converged || !(c.solve.relative_error <= kTrustedForceError))
-    degraded(fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
-                         c.solve.relative_error));
-  else if (measured < kTrustedShare)
-    degraded(fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
-                         100 * measured));
   else if (c.strain_beyond_linear)
     // Said, but no reason to fade the force: it is the linear model's, and it is continuous.
     answer.warning =
         fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain);
+}
+
+// By PCG only what can be had in a moment: nobody waits for it.
+std::optional<ForeseenTouch> TouchSession::foresee(const WindowModel& window, const SceneSnapshot& snapshot,
+                                                   double x_m) try {
+  if (options_.path == SolvePath::kPcg &&
+      !prepare(window, x_m, touched_m(options_.fingertip, kForeseenM), kAhead))
+    return std::nullopt;
+  ForeseenTouch touch{
+      x_m, line_y_m() + kForeseenM,
+      solve_contact(*window.model, line_, *compliance_, options_.fingertip, {x_m, kForeseenM})};
+  if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
+      !doubt(touch.contact, snapshot, x_m).empty())
+    return std::nullopt;
+  return touch;
+} catch (const std::exception&) {  // the model's limits: nothing is foreseen, the answer stands
+  return std::nullopt;
 }
 
 }  // namespace teletact::service

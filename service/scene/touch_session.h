@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "service/contact/contact.h"
@@ -23,6 +24,12 @@ struct TouchOptions {
   SolvePath path = SolvePath::kAuto;
 };
 
+// What waits below a finger out of contact: a light touch at its x.
+struct ForeseenTouch {
+  double x_m = 0, y_m = 0;
+  ContactAnswer contact;
+};
+
 struct TouchAnswer {
   TouchStatus status = TouchStatus::kOk;
   ContactAnswer contact;                    // zero force unless kOk or kDegraded
@@ -31,6 +38,7 @@ struct TouchAnswer {
   std::chrono::steady_clock::time_point published{};  // as the window's
   Covered covered;
   std::string warning;
+  std::optional<ForeseenTouch> foreseen;  // only out of contact, where it can be told and trusted
 };
 
 // Not thread-safe: one thread solves. Shows its finger on the scene's board while it lives.
@@ -43,6 +51,8 @@ class TouchSession {
   // By PCG: the longest that an answer waits for the columns of its contact (FAILED then; what is solved by
   // then is kept), and what it spends after that on columns which the finger may touch next.
   static constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
+  // A light touch: what fingers make out stiffness with before they press.
+  static constexpr double kForeseenM = 5e-4;
   // Force error beyond which an answer is not trusted: that of a float solver.
   static constexpr double kTrustedForceError = 2e-3;
 
@@ -66,6 +76,8 @@ class TouchSession {
   bool prepare(const WindowModel&, double x_m, double reach_m, std::chrono::milliseconds);
   void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
   void judge(TouchAnswer&, const SceneSnapshot&, double x_m) const;
+  std::string doubt(const ContactAnswer&, const SceneSnapshot&, double x_m) const;
+  std::optional<ForeseenTouch> foresee(const WindowModel&, const SceneSnapshot&, double x_m);
   const std::shared_ptr<Scene> scene_;
   const TouchOptions options_;
   const std::shared_ptr<Device> device_;

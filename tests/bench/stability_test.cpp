@@ -142,16 +142,20 @@ TEST(Trial, AHeldFiftyHertzForceShakesWhereTheKalmanFilterIsStill) {
   EXPECT_LT(kalman.force_error, 0.02);
 }
 
-TEST(Trial, GivenAHardTissueNotKnownYetWhenItIsPressedIntoThenTheEnergyIsSeenAndDegradedSaid) {
+TEST(Trial, GivenAHardTissueWhenItWasNotToldOfThenItsForceIsWithheldAndDegradedSaid) {
   TrialOptions options;
   options.stiffness_n_m = 3000;
   options.model_delay_s = 0.1;
   options.safe = true;
-  const TrialResult light = run_trial(options);
-  EXPECT_EQ(light.degraded_share, 0);
-  EXPECT_LT(light.generated_j, 1e-5);
-  options.light_touch = false;
-  EXPECT_GT(run_trial(options).degraded_share, 0);
+  const TrialResult told = run_trial(options);
+  EXPECT_EQ(told.degraded_share, 0);
+  EXPECT_LT(told.generated_j, 1e-5);
+  EXPECT_LT(told.force_error, 0.01);
+  options.foreseen = false;
+  const TrialResult unknown = run_trial(options);
+  EXPECT_GT(unknown.degraded_share, 0);
+  EXPECT_EQ(unknown.verdict, Verdict::kStable);
+  EXPECT_LT(unknown.generated_j, 1e-5);
 }
 
 TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNotAtAll) {

@@ -34,6 +34,7 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   tick.gain = 0.4;
   tick.energy_j = -0.003;
   tick.damping_n_s_m = 1.5;
+  tick.withheld = 0.3;
   const v1::ServoSample sample = to_record(tick).servo();
   EXPECT_EQ(sample.reason(), static_cast<std::uint32_t>(StateReason::kSilence));
   EXPECT_TRUE(sample.degraded() && sample.indebted() && sample.service_degraded() && sample.faded());
@@ -42,6 +43,7 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   EXPECT_EQ(sample.gain(), 0.4);
   EXPECT_EQ(sample.energy_j(), -0.003);
   EXPECT_EQ(sample.damping_n_s_m(), 1.5);
+  EXPECT_EQ(sample.withheld(), 0.3);
   // What is false is there as well: a reader tells it from a recording that does not say.
   EXPECT_TRUE(to_record({}).servo().has_degraded());
   EXPECT_FALSE(to_record({}).servo().degraded());

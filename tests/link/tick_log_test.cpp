@@ -54,6 +54,18 @@ TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   EXPECT_EQ(said_[2], "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all");
 }
 
+TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
+  enable();
+  tick_.degraded = true;
+  tick_.withheld = 0.62;
+  run(10);
+  ASSERT_EQ(said_.size(), 1u);
+  EXPECT_EQ(
+      said_[0],
+      "W servo DEGRADED, 62 % of the force withheld: harder tissue than was told of; lift the finger and "
+      "press anew");
+}
+
 TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswerAndThatTheForceStays) {
   enable();
   tick_.service_degraded = true;

@@ -213,5 +213,28 @@ TEST(Convert, NotCoveredIsNoForceAndFailedIsNoAnswer) {
   EXPECT_FALSE(failed->has_force);
 }
 
+TEST(Convert, WhatIsForeseenIsASampleWithoutContact) {
+  v1::TouchAnswer answer;
+  answer.set_status(v1::TOUCH_STATUS_OK);
+  for (const double m : {0.02, -0.003}) answer.add_position_m(m);
+  for (int n = 0; n < 2; ++n) answer.add_force_n(0);
+  const auto nothing = to_servo_answer(answer, 0, 0.002, 1);
+  ASSERT_TRUE(nothing.has_value());
+  EXPECT_FALSE(nothing->sample.contact || nothing->sample.foreseen);
+  v1::ForeseenTouch& foreseen = *answer.mutable_foreseen();
+  for (const double m : {0.02, 5e-4}) foreseen.add_position_m(m);
+  for (const double n : {0.01, -0.2}) foreseen.add_force_n(n);
+  EXPECT_FALSE(to_servo_answer(answer, 0, 0.002, 1).has_value());  // without a tangent
+  for (int n = 0; n < 9; ++n) foreseen.add_tangent_n_m(n);
+  const auto converted = to_servo_answer(answer, 0, 0.002, 1);
+  ASSERT_TRUE(converted.has_value());
+  const ForceSample& sample = converted->sample;
+  EXPECT_FALSE(sample.contact);
+  EXPECT_TRUE(sample.foreseen);
+  EXPECT_EQ(sample.position_m, Vector2(0.02, 5e-4));
+  EXPECT_EQ(sample.force_n, Vector2(0.01, -0.2));
+  EXPECT_EQ(sample.tangent_n_m(1, 0), 3);
+}
+
 }  // namespace
 }  // namespace teletact::client

@@ -42,6 +42,15 @@ struct AnalyticTissue {
         -2.5 * dk * std::pow(d, 1.5), -3.75 * k * std::sqrt(d);
     return sample;
   }
+
+  // As the service tells it: out of contact, what waits below the finger.
+  ForceSample told(const Vector2& position_m, double time_s = 0, std::uint64_t sequence = 1) const {
+    if (position_m.y() > surface_m) return answer(position_m, time_s, sequence);
+    ForceSample sample = answer({position_m.x(), surface_m + 5e-4}, time_s, sequence);
+    sample.contact = false;
+    sample.foreseen = true;
+    return sample;
+  }
 };
 
 }  // namespace teletact::client::test

@@ -226,5 +226,62 @@ TEST(HoldRenderer, HoldsTheLastForceAndDropsItOffContact) {
   EXPECT_EQ(hold.render(at(0, -0.001), 6).force_n.norm(), 0);
 }
 
+TEST(KalmanRenderer, GivenTissueForeseenWhenTheFingerArrivesThenItIsThereAtOnce) {
+  KalmanRenderer kalman;
+  const AnalyticTissue tissue;
+  EXPECT_TRUE(kalman.update(tissue.told({0.03, -0.002}), at(0.03, -0.002), 0));
+  EXPECT_EQ(kalman.render(at(0.03, -0.002), 0.001, 0).force_n.norm(), 0);
+  const Rendered first = kalman.render(at(0.03, 5e-4), 0.002, 0);
+  const Vector2 truth = tissue.answer({0.03, 5e-4}).force_n;
+  EXPECT_LE((first.force_n - truth).norm(), 0.02 * truth.norm());
+  EXPECT_EQ(first.withheld, 0);
+}
+
+TEST(KalmanRenderer, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceEndsWithoutAJump) {
+  KalmanRenderer kalman;
+  for (double t = 0; t < 0.1; t += 0.003) kalman.update(spring(400, 0.003, t), at(0, 0.003), t);
+  ForceSample none;
+  none.position_m = Vector2(0, 0.003);
+  double last = kalman.render(at(0, 0.003), 0.1).force_n.norm();
+  EXPECT_NEAR(last, 1.2, 0.02);
+  for (double t = 0.1; t < 0.25; t += 0.001) {
+    EXPECT_TRUE(kalman.update(none, at(0, 0.003), t));
+    const double force_n = kalman.render(at(0, 0.003), t, 0).force_n.norm();
+    EXPECT_LE(last - force_n, std::max(0.07 * last, 0.006));
+    last = force_n;
+  }
+  EXPECT_EQ(last, 0);
+  // WHEN it is somewhere else THEN nothing old is felt there
+  EXPECT_EQ(kalman.render(at(0.1, 0.003), 60, 1).force_n.norm(), 0);
+}
+
+TEST(KalmanRenderer, GivenAHarderModelWhenTheFingerRestsThenItComesAsItIsPaidFor) {
+  KalmanRenderer kalman;
+  double t = 0;
+  for (; t < 0.3; t += 0.003) kalman.update(spring(200, 0.004, t), at(0, 0.004), t);
+  kalman.render(at(0, 0.004), t);
+  kalman.render(at(0, -0.001), t, 0);  // lifted: what was saved is gone
+  for (int n = 0; n < 4; ++n, t += 0.003) kalman.update(spring(300, 0.004, t), at(0, 0.004), t);
+  const auto stiffness = [&](double paid_j) {
+    t += 0.001;
+    return kalman.render(at(0, 0.004), t, paid_j).stiffness_n_m;
+  };
+  const double before = stiffness(0);
+  for (int n = 0; n < 50; ++n) EXPECT_EQ(stiffness(0), before);
+  EXPECT_LT(before, 290);
+  const double half_square = 0.5 * 0.004 * 0.004;
+  EXPECT_NEAR(stiffness(5 * half_square), before + 5, 0.01);  // 5 N/m are paid for
+  stiffness(1e-3);
+  for (int n = 0; n < 50; ++n) stiffness(0);
+  EXPECT_NEAR(stiffness(0), 300, 1);
+}
+
+TEST(KalmanRenderer, AnOutlierIsNoNewKnowledge) {
+  KalmanRenderer kalman;
+  for (double t = 0; t < 0.3; t += 0.003) EXPECT_TRUE(kalman.update(spring(200, 0.004, t), at(0, 0.004), t));
+  EXPECT_FALSE(kalman.update(spring(20000, 0.004, 0.303), at(0, 0.004), 0.303));
+  EXPECT_TRUE(kalman.update(spring(200, 0.004, 0.306), at(0, 0.004), 0.306));
+}
+
 }  // namespace
 }  // namespace teletact::client

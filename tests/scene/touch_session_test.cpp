@@ -105,6 +105,22 @@ TEST_F(Session, StatesItsErrorCloselyOnceRoundingIsMeasured) {
   EXPECT_LT(after.contact.solve.relative_error, before.contact.solve.relative_error / 100);
 }
 
+TEST_F(Session, OutOfContactItTellsTheLightTouchThatWaitsBelow) {
+  TouchSession session(scene, {}, nullptr);
+  for (const double x_m : {0.03, 0.0301, 0.06, 0.0899}) {
+    const TouchAnswer above = session.solve(x_m, -0.002);
+    ASSERT_TRUE(above.foreseen.has_value()) << x_m;
+    EXPECT_EQ(above.foreseen->x_m, x_m);
+    EXPECT_EQ(above.foreseen->y_m, TouchSession::kForeseenM);
+    const TouchAnswer there = session.solve(x_m, TouchSession::kForeseenM);
+    EXPECT_LT(there.contact.force_n[1], -0.01);
+    EXPECT_EQ(above.foreseen->contact.force_n, there.contact.force_n);
+    EXPECT_EQ(above.foreseen->contact.tangent_n_m, there.contact.tangent_n_m);
+    EXPECT_FALSE(there.foreseen.has_value());  // in contact the answer itself says it
+  }
+  EXPECT_FALSE(session.solve(0.01, -0.002).foreseen.has_value());  // not covered
+}
+
 TEST_F(Session, PoseThatNoWindowCoversHasNoForce) {
   TouchSession session(scene, {}, nullptr);
   for (const double x_m : {0.0, 0.0299, 0.0901, 0.12}) {
@@ -151,6 +167,7 @@ TEST_F(Session, TissueThatWasHardlyMeasuredIsNotTrusted) {
   EXPECT_EQ(far.status, TouchStatus::kDegraded);
   EXPECT_NE(far.warning, "");
   EXPECT_LT(far.contact.force_n[1], 0);
+  EXPECT_FALSE(session.solve(0.045, -0.001).foreseen.has_value());
   EXPECT_EQ(session.solve(0.08, 0.003).status, TouchStatus::kOk);
 }
 

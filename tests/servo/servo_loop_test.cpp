@@ -7,6 +7,7 @@
 
 #include "client/haptic/simulated_device.h"
 #include "client/render/hold_renderer.h"
+#include "client/render/renderers.h"
 #include "client/servo/tick_statistics.h"
 #include "tests/servo/servo_test.h"
 #include "tests/support/allocation/allocation_count.h"
@@ -160,6 +161,53 @@ TEST_F(ServoTest, AnAnswerThatTheServiceDoubtsIsFeltAsItIsAndSaidInEveryTick) {
   EXPECT_FALSE(last.service_degraded);
 }
 
+TEST_F(ServoTest, GivenAPositionThatIsNoNumberWhenTheFingerComesAnewThenTheTissueIsFeltAgain) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  // WHEN the device gives no numbers for a moment THEN it is a fault, and neither model nor link sees them
+  put_finger(NAN);
+  run(0.012);
+  EXPECT_EQ(last.state, ServoState::kFault);
+  EXPECT_EQ(last.reason, StateReason::kNotFinite);
+  EXPECT_TRUE(last.pose.position_m.allFinite());
+  put_finger(0.004);
+  run(0.1);
+  EXPECT_EQ(device.force.norm(), 0);
+  EXPECT_LE(largest_step_n, options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);
+  // and after lifting and resuming everything is as before
+  enable();
+  put_finger(0.004);
+  run(1);
+  const Vector2 truth = tissue.answer({0.02, 0.004}).force_n;
+  EXPECT_LE((device.force - truth).norm(), 0.01 * truth.norm());
+}
+
+TEST_F(ServoTest, AnAnswerThatIsNotBelievedDoesNotMakeTheModelYounger) {
+  enable();
+  put_finger(0.004);
+  run(1);
+  const auto answer_of = [&](double contrast) {
+    ServoAnswer answer;
+    answer.sample = tissue.answer({0.02, 0.004}, 1e-9 * static_cast<double>(clock.time_ns), ++sequence);
+    answer.sample.force_n *= contrast;
+    answer.received_ns = clock.time_ns;
+    answer.covered = true;
+    answer.period_s = 0.002;
+    return answer;
+  };
+  silent = true;
+  run(0.02);
+  const double age_s = last.model_age_s;
+  servo->answers().put(answer_of(50));
+  run(0.001);
+  EXPECT_LT(last.silence_s, 0.002);  // the link is alive
+  EXPECT_GT(last.model_age_s, age_s);
+  servo->answers().put(answer_of(1));
+  run(0.001);
+  EXPECT_LT(last.model_age_s, 0.002);
+}
+
 TEST_F(ServoTest, PauseAndDisableAreObeyed) {
   enable();
   put_finger(0.004);
@@ -197,6 +245,49 @@ TEST_F(ServoTest, StoppingSlewsTheForceToZeroFirst) {
   while (servo->telemetry().pop(tick)) {
     EXPECT_LE((tick.force_n - last.force_n).norm(), options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);
     last = tick;
+  }
+}
+
+// Whatever renders: where no window covers the finger there is no force, though the link is alive.
+TEST(ServoLoop, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceEnds) {
+  for (const char* name : {"kalman", "kalman-force", "interpolate", "hold"}) {
+    const auto renderer = make_renderer(name, 0.001);
+    test::StillDevice device;
+    ManualClock clock;
+    ServoOptions options;
+    options.chain.limits = device.profile().limits();
+    ServoLoop servo(device, *renderer, clock, options);
+    const test::AnalyticTissue tissue;
+    bool covered = true;
+    const auto run = [&](double y_m, double seconds) {
+      device.reading.pose.position_m = Vector2(0.02, y_m);
+      for (int n = 0; n < 1000 * seconds; ++n) {
+        ServoAnswer answer;
+        answer.sample =
+            tissue.told({0.02, y_m}, 1e-9 * static_cast<double>(clock.time_ns), servo.ticks() + 1);
+        if (!covered) answer.sample.contact = answer.sample.foreseen = false;
+        if (!covered) answer.sample.force_n.setZero(), answer.sample.tangent_n_m.setZero();
+        answer.covered = covered;
+        answer.received_ns = clock.time_ns;
+        answer.period_s = 0.002;
+        servo.answers().put(answer);
+        clock.time_ns += 1'000'000;
+        servo.tick(clock.time_ns);
+      }
+    };
+    run(-0.003, 0.05);
+    servo.request_resume();
+    run(-0.003, 0.6);
+    run(0.004, 0.5);
+    EXPECT_GT(device.force.norm(), 0.5) << name;
+    covered = false;
+    run(0.004, 0.15);
+    EXPECT_EQ(device.force.norm(), 0) << name;
+    ServoTick tick;
+    while (servo.telemetry().pop(tick)) {
+    }
+    EXPECT_EQ(tick.state, ServoState::kEnabled) << name;
+    EXPECT_FALSE(tick.degraded) << name;  // it is known that there is nothing
   }
 }
 
@@ -248,7 +339,7 @@ TEST(ServoWithHand, FeelsTheTissueWhileExploring) {
       ServoPose pose;
       servo->poses().take(pose);
       on_the_way.sample =
-          tissue.answer(pose.pose.position_m, 1e-9 * static_cast<double>(pose.time_ns), ++sequence);
+          tissue.told(pose.pose.position_m, 1e-9 * static_cast<double>(pose.time_ns), ++sequence);
       on_the_way.covered = true;
       on_the_way.covered_begin_m = 0;
       on_the_way.covered_end_m = 0.12;

@@ -49,7 +49,7 @@ class ServoTest : public ::testing::Test {
       if (!silent && n % 3 == 0) {
         ServoAnswer answer;
         const double now_s = 1e-9 * static_cast<double>(clock.time_ns);
-        answer.sample = tissue.answer(device.reading.pose.position_m, now_s, ++sequence);
+        answer.sample = tissue.told(device.reading.pose.position_m, now_s, ++sequence);
         answer.received_ns = clock.time_ns;
         answer.covered = true;
         answer.covered_end_m = 0.1;

@@ -22,7 +22,7 @@ void answer_poses(ServoLoop& servo, Clock& clock, const std::atomic<bool>& stop)
   for (ServoPose pose; !stop; clock.sleep_until_ns(clock.now_ns() + 500'000)) {
     if (!servo.poses().take(pose)) continue;
     ServoAnswer answer;
-    answer.sample = tissue.answer(pose.pose.position_m, 1e-9 * static_cast<double>(pose.time_ns), ++sequence);
+    answer.sample = tissue.told(pose.pose.position_m, 1e-9 * static_cast<double>(pose.time_ns), ++sequence);
     answer.received_ns = clock.now_ns();
     answer.covered = true;
     answer.covered_end_m = 0.12;
