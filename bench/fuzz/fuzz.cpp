@@ -97,19 +97,28 @@ void set_plane(const Vector2& value, google::protobuf::RepeatedField<double>* xy
   for (const double number : {value.x(), value.y(), 0.0}) xyz->Add(number);
 }
 
+template <class Message>
+void set_force(const client::ForceSample& sample, Message* out) {
+  set_plane(sample.force_n, out->mutable_force_n());
+  constexpr int kStride = 3;
+  for (int row = 0; row < kStride; ++row)
+    for (int column = 0; column < kStride; ++column)
+      out->add_tangent_n_m(row < 2 && column < 2 ? sample.tangent_n_m(row, column) : 0);
+}
+
 v1::TouchAnswer honest_answer(const StabilityTissue& tissue, const Vector2& position_m, double pose_time_s,
                               std::uint64_t sequence) {
-  const client::ForceSample sample = tissue.answer(position_m);
   v1::TouchAnswer answer;
   answer.set_sequence(sequence);
   answer.mutable_pose_stamp()->set_monotonic_ns(std::llround(1e9 * pose_time_s));
   answer.set_status(v1::TOUCH_STATUS_OK);
   set_plane(position_m, answer.mutable_position_m());
-  set_plane(sample.force_n, answer.mutable_force_n());
-  constexpr int kStride = 3;
-  for (int row = 0; row < kStride; ++row)
-    for (int column = 0; column < kStride; ++column)
-      answer.add_tangent_n_m(row < 2 && column < 2 ? sample.tangent_n_m(row, column) : 0);
+  set_force(tissue.answer(position_m), &answer);
+  const client::ForceSample told = tissue.told(position_m);
+  if (told.foreseen) {
+    set_plane(told.position_m, answer.mutable_foreseen()->mutable_position_m());
+    set_force(told, answer.mutable_foreseen());
+  }
   answer.set_covered_begin_m(0);
   answer.set_covered_end_m(0.12);
   return answer;
@@ -134,9 +143,15 @@ void spoil_numbers(Source& source, google::protobuf::RepeatedField<double>* valu
 
 // One thing wrong with it.
 void spoil(Source& source, v1::TouchAnswer& answer) {
-  switch (source.one_of(6)) {
+  switch (source.one_of(7)) {
     case 0:
       return spoil_numbers(source, answer.mutable_position_m());
+    case 5: {
+      v1::ForeseenTouch& foreseen = *answer.mutable_foreseen();  // in contact too, where none belongs
+      return spoil_numbers(source, source.happens(0.3)   ? foreseen.mutable_position_m()
+                                   : source.happens(0.5) ? foreseen.mutable_force_n()
+                                                         : foreseen.mutable_tangent_n_m());
+    }
     case 1:
       return spoil_numbers(source, answer.mutable_force_n());
     case 2:

@@ -239,7 +239,10 @@ TEST(KalmanRenderer, GivenTissueForeseenWhenTheFingerArrivesThenItIsThereAtOnce)
 
 TEST(KalmanRenderer, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceEndsWithoutAJump) {
   KalmanRenderer kalman;
-  for (double t = 0; t < 0.1; t += 0.003) kalman.update(spring(400, 0.003, t), at(0, 0.003), t);
+  for (double t = 0; t < 0.1; t += 0.001) {
+    kalman.update(spring(400, 0.003, t), at(0, 0.003), t);
+    kalman.render(at(0, 0.003), t);
+  }
   ForceSample none;
   none.position_m = Vector2(0, 0.003);
   double last = kalman.render(at(0, 0.003), 0.1).force_n.norm();
