@@ -59,7 +59,7 @@ class ForceChain {
   ForceChainOutput apply(const ForceChainInput& input) noexcept;
   // What the device last took, for the slew: the chain's own output unless the device was closed meanwhile.
   const Vector2& last_force_n() const noexcept { return last_force_n_; }
-  // By the display's mechanism, over the last step in contact.
+  // Over the last step in contact, for the renderer's budget (passivity.h).
   double dissipated_j() const noexcept { return passivity_.dissipated_j(); }
 
  private:

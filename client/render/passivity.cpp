@@ -19,10 +19,15 @@ void PassivityController::observe(const Vector2& position_m, const Vector2& writ
   dissipated_j_ = 0;
   if (contact) {
     const double way_m = step_m.stableNorm();
-    dissipated_j_ = options_.friction_n * way_m;
-    if (dt_s > 0) dissipated_j_ += options_.mechanism_n_s_m * way_m * way_m / dt_s;
+    const auto damped_j = [&](double damping_n_s_m) {  // a product that a jump of 1e300 m does not make NaN
+      return dt_s > 0 ? damping_n_s_m * way_m * way_m / dt_s : 0;
+    };
+    dissipated_j_ = options_.friction_n * way_m + damped_j(options_.mechanism_n_s_m);
+    energy_j_ += dissipated_j_;
+    if (options_.friction_n == 0 && options_.mechanism_n_s_m == 0)
+      dissipated_j_ = damped_j(options_.hand_n_s_m);
+    dissipated_j_ = std::min(dissipated_j_, options_.largest_reserve_j);
   }
-  energy_j_ += dissipated_j_;
   energy_j_ = std::clamp(energy_j_, -options_.largest_debt_j, contact ? options_.largest_reserve_j : 0.0);
 }
 

@@ -19,6 +19,10 @@ class PassivityController {
     double largest_damping_n_s_m = 5;
     double friction_n = 0;
     double mechanism_n_s_m = 0;  // damping of the mechanism
+    // The least of a hand at the handle (T5.7). Of a display that states neither friction nor damping it is
+    // all that surely dissipates; it pays for harder models then, never for energy that the display
+    // generates.
+    double hand_n_s_m = 2;
     // Dissipation is not saved up beyond this: an observer with a large reserve notices generation late.
     double largest_reserve_j = 0.02;
     // Nor is a debt kept beyond what a device can have given: damping has to end.
@@ -35,7 +39,8 @@ class PassivityController {
 
   double energy_j() const noexcept { return energy_j_; }  // > 0: dissipated or stored
   double damping_n_s_m() const noexcept { return damping_n_s_m_; }
-  // By the mechanism, over the last step in contact.
+  // Over the last step in contact, for the renderer's budget: by the mechanism, or by the hand if nothing is
+  // stated of that.
   double dissipated_j() const noexcept { return dissipated_j_; }
 
  private:

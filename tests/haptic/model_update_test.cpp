@@ -53,7 +53,11 @@ struct HandOver {
       const ToolPose pose{place(time_s), (place(time_s + kServoS) - place(time_s)) / kServoS};
       const Vector2 moved_m = pose.position_m - last_m;
       energy_j += -last_n.dot(moved_m);
-      if (pose.position_m.y() > 0) energy_j += friction_n * moved_m.norm();
+      if (pose.position_m.y() > 0) {
+        energy_j += friction_n * moved_m.norm();
+        // Where the display states nothing, the least that a hand at it dissipates (T5.7).
+        if (friction_n == 0) energy_j += 2 * moved_m.squaredNorm() / kServoS;
+      }
       least_energy_j = std::min(least_energy_j, energy_j);
       if (time_s >= next_s) {
         kalman.update(answer(time_s, ++sequence), pose, time_s);
@@ -119,11 +123,12 @@ TEST(ModelUpdate, GivenAHarderWindowWhenTheFingerIsOutAgainThenNoMoreEnergyWasIn
 }
 
 TEST(ModelUpdate,
-     GivenNothingThatDissipatesWhenAHarderWindowTakesOverThenItIsWithheldUntilTheFingerComesAnew) {
+     GivenNothingThatDissipatesAtRestWhenAHarderWindowTakesOverThenItIsWithheldUntilTheFingerComesAnew) {
   HandOver handed{200, 500, 0.01, 0, 0};
   handed.run();
   EXPECT_GT(handed.end_withheld, 0.5);
-  EXPECT_NEAR(handed.end_n_m, 200, 2);
+  // The press itself, 15 mm/s for .2 s, has let the hand dissipate .09 mJ: 20 N/m at 3 mm.
+  EXPECT_NEAR(handed.end_n_m, 220, 3);
 }
 
 }  // namespace
