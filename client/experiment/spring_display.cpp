@@ -18,7 +18,7 @@ ServoOptions servo_options(const HapticDevice& device) {
 
 }  // namespace
 
-Rendered SpringRenderer::render(const ToolPose& pose, double) noexcept {
+Rendered SpringRenderer::render(const ToolPose& pose, double, double) noexcept {
   const double indentation_m = pose.position_m.y();
   if (!(indentation_m > 0)) {
     shown_n_m_ = wanted_n_m_;

@@ -19,8 +19,9 @@ class SpringRenderer final : public Renderer {
   void set(double stiffness_n_m) noexcept { wanted_n_m_ = stiffness_n_m; }  // any thread
   double wanted_n_m() const noexcept { return wanted_n_m_; }
   void reset() noexcept override {}
-  void update(const ForceSample&, const ToolPose&, double) noexcept override {}
-  Rendered render(const ToolPose& pose, double time_s) noexcept override;
+  bool update(const ForceSample&, const ToolPose&, double) noexcept override { return true; }
+  using Renderer::render;
+  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
 
  private:
   std::atomic<double> wanted_n_m_{0};
