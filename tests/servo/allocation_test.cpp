@@ -37,7 +37,7 @@ TEST_P(AllocationTest, NothingThroughContactHandOverReconnectAndFault) {
   const double pressed_n = device.force.norm();
   tissue.stiffness *= 3;  // a window hand-over while pressed
   run(0.3);
-  const double handed_over_n = device.force.norm();
+  const double handed_over_n = device.force.norm(), withheld = last.withheld;
   silent = true;  // the link is gone, and comes back
   run(0.4);
   const ServoState without_link = last.state;
@@ -53,9 +53,9 @@ TEST_P(AllocationTest, NothingThroughContactHandOverReconnectAndFault) {
   EXPECT_EQ(teletact::test::counted_allocations(), 0u);
   // Or nothing would have been claimed:
   EXPECT_GT(pressed_n, 0.3);
-  EXPECT_GT(handed_over_n, 1.5 * pressed_n);
+  EXPECT_TRUE(handed_over_n > 1.5 * pressed_n || withheld > 0.2) << handed_over_n << " N, " << withheld;
   EXPECT_EQ(without_link, ServoState::kPaused);
-  EXPECT_GT(resumed_n, 0.3);
+  EXPECT_GT(resumed_n, 1.5 * pressed_n);
   EXPECT_EQ(without_device, ServoState::kFault);
   EXPECT_GT(device.force.norm(), 0.3);
 }
