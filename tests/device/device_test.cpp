@@ -12,13 +12,12 @@
 #include <thread>
 
 #include "service/device/program.h"
+#include "tests/support/environment.h"
 
 namespace teletact::service {
 namespace {
 
 namespace fs = std::filesystem;
-
-const fs::path kSourceKernels = fs::path(__FILE__).parent_path() / "../../kernels";
 
 constexpr const char* kScale = R"(
 #include "factor.clh"
@@ -41,7 +40,7 @@ class Device_ : public testing::Test {
     ASSERT_NE(mkdtemp(folder.data()), nullptr);
     folder_ = folder;
     fs::create_directory(folder_ / "kernels");
-    fs::copy(kSourceKernels / "real.clh", folder_ / "kernels");
+    fs::copy(teletact::test::source_kernels() / "real.clh", folder_ / "kernels");
     put("factor.clh", "real factor() { return 2; }\n");
     put("scale.cl", kScale);
     options_.kernel_directory = (folder_ / "kernels").string();

@@ -8,13 +8,12 @@
 
 #include "service/device/device.h"
 #include "service/device/program.h"
+#include "tests/support/environment.h"
 
 namespace teletact::service {
 namespace {
 
 namespace fs = std::filesystem;
-
-const fs::path kFolder = fs::path(__FILE__).parent_path() / "../../kernels";
 
 std::string first_kernel(const fs::path& file) {
   std::ostringstream text;
@@ -27,10 +26,11 @@ std::string first_kernel(const fs::path& file) {
 }
 
 TEST(Kernels, EachFileBuildsWithRealAloneInEveryPrecision) {
-  const auto device = Device::open({.kernel_directory = kFolder.string(), .cache_directory = "none"});
+  const auto device = Device::open(
+      {.kernel_directory = teletact::test::source_kernels().string(), .cache_directory = "none"});
   const Queue queue = device->queue();
   std::size_t built = 0;
-  for (const auto& entry : fs::directory_iterator(kFolder)) {
+  for (const auto& entry : fs::directory_iterator(teletact::test::source_kernels())) {
     if (entry.path().extension() != ".cl") continue;
     const std::string kernel = first_kernel(entry.path());
     ASSERT_NE(kernel, "") << entry.path() << " holds no kernel";
@@ -44,10 +44,10 @@ TEST(Kernels, EachFileBuildsWithRealAloneInEveryPrecision) {
 }
 
 TEST(Kernels, EmbeddedSourcesAreThoseOnDisk) {
-  for (const auto& entry : fs::directory_iterator(kFolder)) {
+  for (const auto& entry : fs::directory_iterator(teletact::test::source_kernels())) {
     if (entry.path().extension() != ".cl") continue;
     const std::string name = entry.path().stem().string();
-    EXPECT_EQ(program_source(name, ""), program_source(name, kFolder.string()));
+    EXPECT_EQ(program_source(name, ""), program_source(name, teletact::test::source_kernels().string()));
   }
 }
 

@@ -18,13 +18,10 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/environment.h"
+
 namespace teletact::test {
 
-inline std::string required_environment(const char* name) {
-  const char* value = std::getenv(name);
-  if (value == nullptr) throw std::runtime_error(std::string(name) + " is not set; run the tests with ctest");
-  return value;
-}
 inline std::string client_binary() {
   return required_environment("TELETACT_BINARY_DIR") + "/client/teletact-client";
 }

@@ -11,6 +11,7 @@
 #include "service/device/device.h"
 #include "service/scene/touch_session.h"
 #include "tests/scene/windows.h"
+#include "tests/support/environment.h"
 
 namespace teletact::service {
 namespace {
@@ -23,7 +24,7 @@ class FaultyDevice : public testing::Test {
     std::string folder = (fs::temp_directory_path() / "teletact-faults-XXXXXX").string();
     ASSERT_NE(mkdtemp(folder.data()), nullptr);
     folder_ = folder;
-    fs::copy(fs::path(__FILE__).parent_path() / "../../kernels", folder_, fs::copy_options::recursive);
+    fs::copy(teletact::test::source_kernels(), folder_, fs::copy_options::recursive);
     scene_->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03), {});
     options_.kernel_directory = folder_.string();
     options_.cache_directory = "none";
