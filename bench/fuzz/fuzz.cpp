@@ -30,7 +30,9 @@ class Source {
   // As likely in every decade.
   double logarithmic(double low, double high) { return low * std::pow(high / low, between(0, 1)); }
   double wild() {
-    switch (one_of(8)) {
+    switch (one_of(9)) {
+      case 8:
+        return std::numeric_limits<double>::max() * (one_of(2) == 0 ? 1 : -1);
       case 0:
         return std::numeric_limits<double>::quiet_NaN();
       case 1:
@@ -73,6 +75,11 @@ class Finger {
 
 class FuzzDevice final : public client::HapticDevice {
  public:
+  // Some state friction, some damping, some neither.
+  explicit FuzzDevice(Source& source) {
+    if (source.one_of(2) == 0) profile_.friction_n = 0;
+    if (source.one_of(2) == 0) profile_.damping_n_s_m = source.between(0, 5);
+  }
   const client::DeviceProfile& profile() const noexcept override { return profile_; }
   void open() override {}
   void close() noexcept override {}
@@ -206,6 +213,7 @@ class Session {
       : source_(source),
         finger_(source),
         tissue_(some_tissue(source)),
+        device_(source),
         renderer_(client::make_renderer(renderer, kServoS)),
         period_s_(source.logarithmic(0.001, 0.05)),
         late_s_(source.happens(0.7) ? source.between(0, 0.02) : source.between(0, 0.3)),

@@ -83,8 +83,9 @@ void SpringDisplay::answer_poses() {
       servo_->answers().put(answer);
     }
     drain();
-    // Granted only out of contact: nobody needs a button to feel the next one.
-    if (state_ != ServoState::kEnabled) servo_->request_resume();
+    // Granted only out of contact: nobody needs a button to feel the next one. After a fault it takes the
+    // person.
+    if (state_ == ServoState::kDisabled || state_ == ServoState::kPaused) servo_->request_resume();
     clock_.sleep_until_ns(clock_.now_ns() + static_cast<std::int64_t>(1e9 * kPeriodS));
   }
 }

@@ -6,7 +6,7 @@ namespace teletact::client {
 namespace {
 
 std::string degraded(const ServoTick& tick) {
-  if (tick.withheld > ForceChainOptions().withheld_share)
+  if (tick.withholds)
     return fmt::format(
         "DEGRADED, {:.0f} % of the force withheld: harder tissue than was told of; lift the finger "
         "and press anew",

@@ -25,9 +25,12 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   age_gain_ = std::min(aged, age_gain_ + options_.recover_1_s * dt_s);
   debt_gain_ =
       std::clamp(debt_gain_ + (indebted_ ? -options_.fade_1_s : options_.settle_1_s) * dt_s, 0.0, 1.0);
-  const bool withheld = input.on && input.rendered.withheld > options_.withheld_share;
+  const bool withholds = input.on && input.rendered.withheld > options_.withheld_share;
+  withheld_s_ = withholds ? withheld_s_ + dt_s : 0;
   output.indebted = indebted_;
-  output.degraded = !(input.model_age_s <= ages.degraded_s) || indebted_ || withheld;
+  output.withheld = withheld_s_ > options_.withheld_s;
+  output.fades = !(input.model_age_s <= ages.degraded_s) || indebted_;
+  output.degraded = output.fades || output.withheld;
 }
 
 // The force before slew: zero unless enabled, finite and in contact.
@@ -71,10 +74,17 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   } else if (!input.on) {
     passivity_.reset();
   } else {
-    passivity_.observe(pose.position_m, last_force_n_, pose.position_m.y() > input.surface_m, dt_s);
+    // With the time that has passed, however late the tick.
+    passivity_.observe(pose.position_m, last_force_n_, pose.position_m.y() > input.surface_m,
+                       std::isfinite(input.dt_s) ? std::max(input.dt_s, 0.0) : 0);
   }
   judge(input, dt_s, output);
-  const Vector2 wanted_n = output.not_finite ? Vector2(Vector2::Zero()) : wanted(input, dt_s, output);
+  Vector2 wanted_n = output.not_finite ? Vector2(Vector2::Zero()) : wanted(input, dt_s, output);
+  if (!wanted_n.allFinite()) {  // whatever the way: nothing but numbers reaches the slew
+    wanted_n.setZero();
+    output.not_finite = true;
+    passivity_.reset();
+  }
   const ForceLimits& limits = options_.limits;
   Vector2 force_n = cap_slew(wanted_n, last_force_n_, limits.largest_slew_n_s, dt_s);
   force_n = cap_magnitude(force_n, limits.largest_force_n);

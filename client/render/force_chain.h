@@ -18,9 +18,11 @@ struct ForceChainOptions {
   // More energy generated than this, after the controller: DEGRADED, and faded until it is paid back. It is
   // what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays below.
   double debt_limit_j = 5e-3;
-  double withheld_share = 0.2;  // more than this of the stiffness withheld: DEGRADED
-  double fade_1_s = 5;          // how fast a debt fades the force
-  double settle_1_s = 2;        // how fast it returns once paid
+  // More than this of the stiffness withheld for longer than a hand-over takes: DEGRADED.
+  double withheld_share = 0.2;
+  double withheld_s = 0.05;
+  double fade_1_s = 5;    // how fast a debt fades the force
+  double settle_1_s = 2;  // how fast it returns once paid
   // How fast trust comes back, after a debt or an old model: slower than answers come, or they would shake
   // it.
   double recover_1_s = 0.5;
@@ -49,6 +51,8 @@ struct ForceChainOutput {
   double silence_gain = 1;
   bool degraded = false;    // model age or energy generated past its limit, or force withheld
   bool indebted = false;    // the second of them
+  bool withheld = false;    // the third
+  bool fades = false;       // the first or the second
   bool not_finite = false;  // what was rendered was no number: fault
   bool too_fast = false;    // the device runs away: fault
 };
@@ -72,6 +76,7 @@ class ForceChain {
   double age_gain_ = 1;   // falls with the age, recovers slowly: answers that come in bursts do not shake
   double debt_gain_ = 1;  // 1: no energy is owed
   bool indebted_ = false;
+  double withheld_s_ = 0;  // that much has been withheld for
   Vector2 last_force_n_ = Vector2::Zero();
   std::optional<Vector2> last_position_m_;  // of the tick before; none when that was no number
 };

@@ -83,7 +83,9 @@ bool KalmanRenderer::believe(const ForceSample& sample, double indentation_m) no
   predict(sample.position_m.x(), indentation_m, sample.pose_time_s);
   const double force_noise = options_.force_noise_share * sample.force_n.norm() + options_.force_noise_n;
   const Eigen::Vector3d force_row(indentation_m, 0, 0);
-  if (!measure(force_row, -sample.force_n, force_noise * force_noise, true)) {
+  // Of next to no indentation the force says nothing of the stiffness; its tangent does.
+  const bool tells = indentation_m >= kSmallestIndentationM;
+  if (tells && !measure(force_row, -sample.force_n, force_noise * force_noise, true)) {
     ++outliers_;
     gain_ = 0;
     if (++consecutive_outliers_ < options_.outliers_in_a_row) return false;
@@ -110,8 +112,8 @@ bool KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, dou
   const double indentation_m = sample.position_m.y() - sample.surface_m;
   bool believed = true;
   if (sample.contact || sample.foreseen) {
-    // Of next to no indentation the force says nothing of the stiffness.
-    if (indentation_m >= kSmallestIndentationM) believed = believe(sample, indentation_m);
+    const bool tells = options_.use_tangent || indentation_m >= kSmallestIndentationM;
+    if (indentation_m > 0 && tells) believed = believe(sample, indentation_m);
   } else if (indentation_m > 0 || std::abs(sample.position_m.x() - anchor_x_m_) > 2 * options_.reach_m) {
     known_ = false;  // nothing to feel where the finger presses, or nothing known of where it has gone
   }
@@ -159,11 +161,8 @@ void KalmanRenderer::settle(const Vector2& model_n_m, double indentation_m, doub
   double step_n_m = std::max(std::expm1(ticks * std::log1p(options_.largest_jump)) * felt_n_m,
                              ticks * options_.unfelt_jump_n / indentation_m);
   const double missing_n_m = withheld_ * std::max(model_n_m.y(), 0.0);
-  unpaid_ = false;
   if (missing_n_m > 0) {
-    const double paid_n_m = reserve_j_ / half_square;
-    unpaid_ = paid_n_m < std::min(missing_n_m, step_n_m);
-    const double given_n_m = std::min({missing_n_m, step_n_m, paid_n_m});
+    const double given_n_m = std::min({missing_n_m, step_n_m, reserve_j_ / half_square});
     withheld_ -= withheld_ * given_n_m / missing_n_m;
     reserve_j_ -= half_square * given_n_m;
     step_n_m -= given_n_m;
@@ -181,7 +180,8 @@ Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double diss
   rendered.variance = covariance_(0, 0);
   rendered.gain = gain_;
   const double indentation_m = pose.position_m.y() - surface_m_;
-  const double ticks = std::max((time_s - rendered_s_) / options_.servo_period_s, 0.0);
+  constexpr double kMostTicks = 1000;  // all is blended in by then
+  const double ticks = std::clamp((time_s - rendered_s_) / options_.servo_period_s, 0.0, kMostTicks);
   rendered_s_ = time_s;
   if (indentation_m <= 0) {
     withheld_ = reserve_j_ = 0;
@@ -196,7 +196,7 @@ Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double diss
   const Vector2 k = felt_at(pose);
   rendered.stiffness_n_m = k.y();
   rendered.force_n = -indentation_m * k;
-  if (unpaid_) rendered.withheld = withheld_;
+  rendered.withheld = withheld_;
   return rendered;
 }
 

@@ -91,7 +91,6 @@ class KalmanRenderer final : public Renderer {
   // Felt: (1 - withheld) x model + offset.
   double withheld_ = 0;
   Vector2 offset_n_m_ = Vector2::Zero();
-  bool unpaid_ = false;
   double reserve_j_ = 0;  // dissipated in this contact, and not yet used up
   double rendered_s_ = 0;
   int consecutive_outliers_ = 0;

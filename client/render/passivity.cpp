@@ -1,6 +1,7 @@
 #include "client/render/passivity.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace teletact::client {
 
@@ -16,19 +17,34 @@ void PassivityController::observe(const Vector2& position_m, const Vector2& writ
   last_position_m_ = position_m;
   // E(n) = E(n-1) - f(n-1) . dp + f_c |dp| + b |dp|^2 / T
   energy_j_ += -written_force_n.dot(step_m);
-  dissipated_j_ = 0;
   if (contact) {
     const double way_m = step_m.stableNorm();
-    const auto damped_j = [&](double damping_n_s_m) {  // a product that a jump of 1e300 m does not make NaN
-      return dt_s > 0 ? damping_n_s_m * way_m * way_m / dt_s : 0;
-    };
-    dissipated_j_ = options_.friction_n * way_m + damped_j(options_.mechanism_n_s_m);
-    energy_j_ += dissipated_j_;
-    if (options_.friction_n == 0 && options_.mechanism_n_s_m == 0)
-      dissipated_j_ = damped_j(options_.hand_n_s_m);
-    dissipated_j_ = std::min(dissipated_j_, options_.largest_reserve_j);
+    energy_j_ += options_.friction_n * way_m;
+    // A product that a jump of 1e300 m does not make NaN.
+    if (dt_s > 0) energy_j_ += options_.mechanism_n_s_m * way_m * way_m / dt_s;
   }
+  if (std::isnan(energy_j_)) energy_j_ = 0;  // energies without bound, of both signs: nothing is known
   energy_j_ = std::clamp(energy_j_, -options_.largest_debt_j, contact ? options_.largest_reserve_j : 0.0);
+  dissipate(position_m, contact, dt_s);
+}
+
+// Over kSpanS at once: a straight way in one span is the least that friction and damping can have taken,
+// however late a tick or a sample came, and a position that flickers between two steps of the encoder takes
+// nothing.
+void PassivityController::dissipate(const Vector2& position_m, bool contact, double dt_s) noexcept {
+  dissipated_j_ = 0;
+  if (!contact) span_s_ = 0;
+  if (span_s_ == 0) span_begin_m_ = position_m;
+  if (!contact) return;
+  span_s_ += dt_s;
+  if (span_s_ < kSpanS) return;
+  const double way_m = (position_m - span_begin_m_).stableNorm();
+  const auto damped_j = [&](double damping_n_s_m) { return damping_n_s_m * way_m * way_m / span_s_; };
+  const bool stated = options_.friction_n > 0 || options_.mechanism_n_s_m > 0;
+  dissipated_j_ = stated ? options_.friction_n * way_m + damped_j(options_.mechanism_n_s_m)
+                         : damped_j(options_.hand_n_s_m);
+  dissipated_j_ = std::min(dissipated_j_, options_.largest_reserve_j);
+  span_s_ = 0;
 }
 
 Vector2 PassivityController::damping_force(const Vector2& velocity_m_s, double dt_s) noexcept {

@@ -39,16 +39,21 @@ class PassivityController {
 
   double energy_j() const noexcept { return energy_j_; }  // > 0: dissipated or stored
   double damping_n_s_m() const noexcept { return damping_n_s_m_; }
-  // Over the last step in contact, for the renderer's budget: by the mechanism, or by the hand if nothing is
-  // stated of that.
+  // At least, in contact, since it was not zero last, for the renderer's budget: by the mechanism, or by the
+  // hand if nothing is stated of that. Told every kSpanS.
   double dissipated_j() const noexcept { return dissipated_j_; }
 
  private:
+  static constexpr double kSpanS = 0.01;
+  void dissipate(const Vector2& position_m, bool contact, double dt_s) noexcept;
+
   Options options_;
   Vector2 last_position_m_ = Vector2::Zero();
   bool started_ = false;
   double energy_j_ = 0;
   double dissipated_j_ = 0;
+  Vector2 span_begin_m_ = Vector2::Zero();
+  double span_s_ = 0;
   double damping_n_s_m_ = 0;
 };
 

@@ -147,6 +147,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.held_at_border = reading_.held_at_border;
   tick.withheld = rendered.withheld;
+  tick.withholds = limited.withheld && !limited.fades;
   tick.degraded = limited.degraded;
   tick.indebted = limited.indebted;
   tick.service_degraded = force_degraded_;

@@ -59,9 +59,10 @@ struct ServoTick {
   double energy_j = 0;       // the passivity observer's
   double damping_n_s_m = 0;  // the passivity controller's
   bool held_at_border = false;
-  double withheld = 0;    // share of the model's stiffness that is not paid for, 0 .. 1
-  bool degraded = false;  // the chain trusts the force no longer and fades it, or much of it is withheld
-  bool indebted = false;  // of these: for energy generated
+  double withheld = 0;     // share of the model's stiffness that is not paid for, 0 .. 1
+  bool withholds = false;  // DEGRADED for that alone: much of it, for longer than a hand-over takes
+  bool degraded = false;   // the chain trusts the force no longer and fades it, or much of it is withheld
+  bool indebted = false;   // of these: for energy generated
   bool service_degraded =
       false;           // the service does not trust the answer behind the force; rendered all the same
   bool faded = false;  // silence takes force away

@@ -56,7 +56,7 @@ class TickStatistics {
   double duration_s() const noexcept;
   double rate_hz() const noexcept;
   double enabled_s() const noexcept { return enabled_s_; }
-  // While ENABLED: faded for age or energy, not trusted by the service, faded by silence.
+  // While ENABLED: faded for age or energy or much withheld, not trusted by the service, faded by silence.
   const SpellCounter& degraded() const noexcept { return degraded_; }
   const SpellCounter& service_degraded() const noexcept { return service_degraded_; }
   const SpellCounter& faded() const noexcept { return faded_; }

@@ -42,7 +42,8 @@ std::size_t position_among(std::size_t column, ColumnRange);
 // Grid, material and supports with the compliance of its lines. Thread-safe; the surface line is condensed in
 // the constructor (unless it is fixed), interior lines (T4.4) on first use. Wide tissue is eliminated column
 // by column, which costs the same for each line (T4.2c). Deep tissue, and from the fifth interior line on any
-// tissue, is eliminated line by line: two sweeps once and one dense inverse for each line.
+// tissue whose lines all fit the bound of memory, is eliminated line by line: two sweeps once and one dense
+// inverse for each line.
 class TissueModel {
  public:
   // Throws std::invalid_argument naming the field: unusable grid or material, no fixed edge (a free body), no

@@ -127,8 +127,9 @@ TEST(ModelUpdate,
   HandOver handed{200, 500, 0.01, 0, 0};
   handed.run();
   EXPECT_GT(handed.end_withheld, 0.5);
-  // The press itself, 15 mm/s for .2 s, has let the hand dissipate .09 mJ: 20 N/m at 3 mm.
-  EXPECT_NEAR(handed.end_n_m, 220, 3);
+  // The press itself, 15 mm/s for .2 s, has let the hand dissipate .09 mJ at most: 20 N/m at 3 mm.
+  EXPECT_GT(handed.end_n_m, 205);
+  EXPECT_LT(handed.end_n_m, 220.1);
 }
 
 }  // namespace

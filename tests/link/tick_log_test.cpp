@@ -58,6 +58,7 @@ TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
   enable();
   tick_.degraded = true;
   tick_.withheld = 0.62;
+  tick_.withholds = true;
   run(10);
   ASSERT_EQ(said_.size(), 1u);
   EXPECT_EQ(
