@@ -320,7 +320,10 @@ TEST_P(FaultsOfALink, BoundTheAgeAndDoNotLetLatencyGrow) {
             client::percentile(first_s, 0.5) + std::max(bad.jitter_s, bad.retransmission_s))
       << "latency grows";
   const Growth growth = growth_of(recording.answers, begin_s, seconds);
-  EXPECT_LE(growth.over_run_s, std::max(0.05, 4 * growth.error_s)) << "latency grows";
+  // Answers that wait for one another err together: a short run cannot tell growth from chance by less than the
+  // link's own delays.
+  const double chance_s = seconds < 30 ? std::max(bad.jitter_s, bad.retransmission_s) : 0.05;
+  EXPECT_LE(growth.over_run_s, std::max(chance_s, 4 * growth.error_s)) << "latency grows";
   // Both clocks are this machine's: the offset is zero, and known to be to half of the quickest round trip.
   EXPECT_LE(std::abs(summary.link.clock_offset_s), summary.link.clock_offset_error_s);
   EXPECT_LE(summary.link.clock_offset_error_s, 0.3);
