@@ -58,7 +58,6 @@ class Direct : public ModulusMethod {
       const double change = correction > 0 ? rms_under_probe(strip->model, next - shown) : first_change;
       if (change < options_.settled) break;
       if (correction > 1 && !(change <= kContracts * first_change)) break;  // nor where it is no number
-      if (correction > 0 && in.seconds_left && in.seconds_left() <= 0) break;
       if (correction == 1) first_change = change;
       shown = std::move(next);
       const ForwardSolve forward = solve_forward(strip->model, shown, out.background, slopes);
