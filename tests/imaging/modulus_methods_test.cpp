@@ -208,8 +208,10 @@ TEST(Iterative, ReturnsItsBestByTheDeadlineAndSaysSo) {
     EXPECT_EQ(e.kind, e.iterations == 0 ? ModulusKind::kDirect : ModulusKind::kIterative) << limit_s;
     EXPECT_EQ(e.iterations == 0, limit_s < 0.05) << limit_s;
     if (limit_s == 0) {
-      EXPECT_EQ(e.iterations, 0);  // then it is the direct one
-      const Field direct = make_direct(imaging_device()->queue(), {})->estimate(in).youngs_modulus;
+      EXPECT_EQ(e.iterations, 0);  // then it is the direct one that it starts from
+      DirectOptions start;
+      start.most_corrections = 1;
+      const Field direct = make_direct(imaging_device()->queue(), start)->estimate(in).youngs_modulus;
       for (std::size_t n = 0; n < direct.size(); ++n)
         EXPECT_TRUE(direct[n] == e.youngs_modulus[n] ||
                     (std::isnan(direct[n]) && std::isnan(e.youngs_modulus[n])));
