@@ -53,6 +53,7 @@ bool feel_on(SpringDisplay& display, double stiffness_n_m, std::istream& in, std
     if (ends(read_word(in))) return false;
     if (display.felt()) return true;
     const std::string trouble = display.trouble();
+    display.ask_for_force();
     out << "  not felt yet" << (trouble.empty() ? "" : " (" + trouble + ")")
         << ": lift the finger off, press it in and stay for a moment, then Enter: " << std::flush;
   }

@@ -34,8 +34,8 @@ SpringDisplay::SpringDisplay(HapticDevice& device, bool real_time)
     : device_(device),
       open_(device),
       servo_(std::make_unique<ServoLoop>(device, renderer_, clock_, servo_options(device))),
-      answering_([this] { answer_poses(); }),
-      thread_(std::make_unique<ServoThread>(*servo_, ServoThread::Options{.real_time = real_time})) {}
+      thread_(std::make_unique<ServoThread>(*servo_, ServoThread::Options{.real_time = real_time})),
+      answering_([this] { answer_poses(); }) {}
 
 SpringDisplay::~SpringDisplay() {
   thread_.reset();  // the force goes first, while answers still come
@@ -85,7 +85,8 @@ void SpringDisplay::answer_poses() {
     drain();
     // Granted only out of contact: nobody needs a button to feel the next one. After a fault it takes the
     // person.
-    if (state_ == ServoState::kDisabled || state_ == ServoState::kPaused) servo_->request_resume();
+    if (state_ == ServoState::kEnabled) asked_ = false;
+    if (state_ == ServoState::kDisabled || state_ == ServoState::kPaused || asked_) servo_->request_resume();
     clock_.sleep_until_ns(clock_.now_ns() + static_cast<std::int64_t>(1e9 * kPeriodS));
   }
 }

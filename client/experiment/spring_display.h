@@ -47,6 +47,8 @@ class SpringDisplay {
   bool felt() const noexcept;
   // Why there is no force now; empty while there is.
   std::string trouble() const;
+  // After a fault force comes back only for this: when the finger is out of contact.
+  void ask_for_force() noexcept { asked_ = true; }
 
  private:
   void answer_poses();
@@ -60,9 +62,10 @@ class SpringDisplay {
   std::atomic<unsigned> felt_ticks_{0};
   std::atomic<ServoState> state_{ServoState::kDisabled};
   std::atomic<StateReason> reason_{StateReason::kStart};
+  std::atomic<bool> asked_{false};
   std::atomic<bool> stop_{false};
-  std::thread answering_;                // in the place of a link: keeps the servo's answers young
   std::unique_ptr<ServoThread> thread_;  // ended first
+  std::thread answering_;                // in the place of a link: keeps the servo's answers young
 };
 
 }  // namespace teletact::client

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <streambuf>
+#include <thread>
 
 #include "client/haptic/simulated_device.h"
 
@@ -37,7 +38,8 @@ class FeelingDevice final : public HapticDevice {
   void open() override { device_.open(); }
   void close() noexcept override { device_.close(); }
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override {
-    const bool ok = device_.read(now_ns, reading);
+    const bool ok = device_.read(now_ns, reading) && !lost;
+    if (without_button) reading.resume_pressed = false;
     indentation_m_ = reading.pose.position_m.y();
     return ok;
   }
@@ -47,6 +49,7 @@ class FeelingDevice final : public HapticDevice {
   }
   void show(const OperatorView& view) noexcept override { device_.show(view); }
   std::atomic<double> felt_n_m{0};
+  std::atomic<bool> lost{false}, without_button{false};
 
  private:
   SimulatedDevice device_;
@@ -96,6 +99,28 @@ TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
   }
   for (const char* stiffness : {"25", "31", "19", "27", "N/m"})
     EXPECT_EQ(out.str().find(stiffness), std::string::npos) << out.str();
+}
+
+TEST(Person, AfterAFaultForceComesBackOnlyWhenItIsAskedFor) {
+  FeelingDevice device(simulated());
+  device.without_button = true;
+  SpringDisplay display(device, false);
+  const auto felt_within = [&](double seconds) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    while (!display.felt() && std::chrono::steady_clock::now() < end)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    return display.felt();
+  };
+  display.present(25);
+  ASSERT_TRUE(felt_within(10));
+  device.lost = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  device.lost = false;
+  display.present(31);
+  EXPECT_FALSE(felt_within(1.5));
+  EXPECT_NE(display.trouble(), "");
+  display.ask_for_force();
+  EXPECT_TRUE(felt_within(10));
 }
 
 TEST(Person, NoAnswerIsTakenForWhatWasNotFelt) {
