@@ -54,7 +54,7 @@ FingerMotion FingerWatch::motion(std::int64_t now_ns) const {
   const std::lock_guard lock(mutex_);
   FingerMotion motion = newest_;
   if (motion.present) {
-    const double age_s = std::clamp((now_ns - arrived_ns_) * 1e-9, 0.0, kExtrapolateAtMostS);
+    const double age_s = std::clamp((now_ns - news_ns_) * 1e-9, 0.0, kExtrapolateAtMostS);
     motion.x_m += motion.velocity_m_s * age_s;
   }
   return motion;
@@ -121,6 +121,8 @@ void FingerWatch::store(const v1::FingerState& state) {
   if (state.position_m_size() > 0) newest_.x_m = state.position_m(0);
   newest_.velocity_m_s = state.velocity_m_s_size() > 0 ? state.velocity_m_s(0) : 0;
   arrived_ns_ = now_ns;
+  if (state.stamp().monotonic_ns() != stamp_ns_) news_ns_ = now_ns;
+  stamp_ns_ = state.stamp().monotonic_ns();
   seen_ = seen_ || state.present();
   if (state.present())
     gone_since_ns_.reset();

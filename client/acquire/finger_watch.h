@@ -26,8 +26,9 @@ class FingerWatch {
   FingerWatch(const FingerWatch&) = delete;
   FingerWatch& operator=(const FingerWatch&) = delete;
 
-  // The newest state, its position advanced by its velocity over the time since it arrived (at most 0.1 s, so
-  // that a silent link does not run away with the arm).
+  // The newest state, its position advanced by its velocity over the time since it was news (at most 0.1 s,
+  // so that a silent link does not run away with the arm; a state that is repeated to keep the watch alive is
+  // none).
   FingerMotion motion(std::int64_t now_ns) const;
 
   bool seen() const;  // a finger has been present at some time
@@ -46,7 +47,8 @@ class FingerWatch {
   mutable std::mutex mutex_;  // everything below
   std::condition_variable stopped_;
   FingerMotion newest_;
-  std::int64_t arrived_ns_ = 0;  // of the newest state, or when its stream was opened
+  std::int64_t arrived_ns_ = 0;              // of the newest state, or when its stream was opened
+  std::int64_t stamp_ns_ = 0, news_ns_ = 0;  // of the newest pose: the service's clock; when it came first
   bool seen_ = false, stopping_ = false;
   std::optional<std::int64_t> gone_since_ns_;
   std::string failure_;
