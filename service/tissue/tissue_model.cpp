@@ -182,7 +182,7 @@ struct TissueModel::Lines {
   std::shared_ptr<Compliance> surface;  // null where it is fixed
   std::vector<Line> condensed;          // interior lines, by line
   std::mutex kept_mutex;
-  std::vector<std::shared_ptr<Compliance>> kept;  // of them, the one used last first
+  std::vector<std::pair<std::size_t, std::shared_ptr<Compliance>>> kept;  // of them, the one used last first
 
   // Column by column.
   bool wide = false;                        // it is the cheaper way
@@ -237,18 +237,24 @@ std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line, const Tissu
   const std::lock_guard lock(interior.making);
   std::shared_ptr<Compliance> condensed = interior.condensed.lock();
   if (!condensed) interior.condensed = condensed = condense(line, before);
-  keep(condensed);
+  keep(line, condensed);
   return condensed;
 }
 
-void TissueModel::keep(const std::shared_ptr<Compliance>& interior_line) const {
-  const std::size_t freedoms = 2 * (touchable_.last - touchable_.first + 1);
-  const std::size_t most = std::max<std::size_t>(1, options_.most_line_bytes / (20 * freedoms * freedoms));
+// A line with what its successor may take over: compliance, 20 freedoms^2 bytes, and sides (T4.2c).
+void TissueModel::keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const {
+  const std::size_t touched = touchable_.last - touchable_.first + 1, lines = lines_->free.lines();
+  std::size_t bytes = 20 * 4 * touched * touched;
+  if (options_.will_change) bytes += 32 * (touched * touched + 2 * touched * lines + 4 * lines * lines);
+  const std::size_t most = std::max<std::size_t>(1, options_.most_line_bytes / bytes);
   const std::lock_guard lock(lines_->kept_mutex);
   auto& kept = lines_->kept;
-  std::erase(kept, interior_line);
-  kept.insert(kept.begin(), interior_line);
-  if (kept.size() > most) kept.pop_back();
+  std::erase_if(kept, [line](const auto& other) { return other.first == line; });
+  kept.insert(kept.begin(), {line, condensed});
+  if (kept.size() <= most) return;
+  const std::lock_guard sides_lock(lines_->sides_mutex);
+  lines_->sides.erase(kept.back().first);
+  kept.pop_back();
 }
 
 bool TissueModel::by_columns(std::size_t line) const {

@@ -80,7 +80,7 @@ class TissueModel {
   void check_free(std::size_t line) const;
   std::shared_ptr<Compliance> condense(std::size_t line, const TissueModel* before) const;
   bool by_columns(std::size_t line) const;
-  void keep(const std::shared_ptr<Compliance>& interior_line) const;
+  void keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const;
   // What `before` has for the line that holds for this model too.
   CondensedSides same_sides(std::size_t line, const TissueModel* before) const;
   Eigen::MatrixXd condensed_in_other_units(std::size_t line, const Units&) const;
