@@ -172,11 +172,11 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, dou
         fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain);
 }
 
-// By PCG only what can be had in a moment: nobody waits for it.
+// By PCG only where the columns are there by now: nobody waits for it.
 std::optional<ForeseenTouch> TouchSession::foresee(const WindowModel& window, const SceneSnapshot& snapshot,
                                                    double x_m) try {
   if (options_.path == SolvePath::kPcg &&
-      !prepare(window, x_m, touched_m(options_.fingertip, kForeseenM), kAhead))
+      !prepare(window, x_m, touched_m(options_.fingertip, kForeseenM), std::chrono::milliseconds(0)))
     return std::nullopt;
   ForeseenTouch touch{
       x_m, line_y_m() + kForeseenM,
