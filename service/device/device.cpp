@@ -42,6 +42,7 @@ Found describe(const cl::Platform& platform, const cl::Device& device, std::size
   info.has_double = device.getInfo<CL_DEVICE_DOUBLE_FP_CONFIG>() != 0;
   info.compute_units = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
   info.vector_bytes = 4 * std::clamp(device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>(), 1U, 16U);
+  info.max_group = device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
   info.global_memory_bytes = device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
   info.max_allocation_bytes = device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
   found.gpu = (device.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;

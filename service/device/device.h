@@ -28,6 +28,7 @@ struct DeviceInfo {
   bool has_double = false;
   std::uint32_t compute_units = 0;
   std::uint32_t vector_bytes = 4;  // that an instruction takes at once; of one float on a GPU
+  std::size_t max_group = 1;       // work-items in a work-group
   std::uint64_t global_memory_bytes = 0, max_allocation_bytes = 0;
   // How many T an instruction adds at once.
   template <class T>

@@ -32,7 +32,7 @@ std::vector<T> joined(std::initializer_list<const std::vector<T>*> parts) {
 // Work-group that runs steps on small levels.
 template <class W>
 std::size_t group_of(const Queue& queue) {
-  return queue.info().width<W>() > 1 ? 64 : 256;
+  return std::min<std::size_t>(queue.info().width<W>() > 1 ? 64 : 256, queue.info().max_group);
 }
 
 template <class W>
