@@ -80,5 +80,38 @@ TEST(Passivity, WhatTheMechanismDissipatesIsInTheBudget) {
   EXPECT_NEAR(controller.energy_j(), 0.1 * 0.0002 + 2 * 4e-8 / 0.001, 1e-15);
 }
 
+// What is told of as dissipated is at most what was: it pays for harder models (T5.4b).
+TEST(Passivity, DissipationIsNeverToldTooHigh) {
+  const auto told_j = [](double friction_n, double damping_n_s_m, auto&& position_m, auto&& dt_s) {
+    PassivityController controller({.friction_n = friction_n, .mechanism_n_s_m = damping_n_s_m});
+    double sum_j = 0, time_s = 0;
+    for (int n = 0; time_s < 0.5; time_s += dt_s(n), ++n) {
+      controller.observe({position_m(time_s), 0.001}, {0, 0}, true, n == 0 ? 0.001 : dt_s(n - 1));
+      sum_j += controller.dissipated_j();
+    }
+    return sum_j;
+  };
+  const auto regular = [](int) { return 0.001; };
+  const auto late = [](int n) { return n % 100 == 50 ? 0.05 : 0.001; };
+  const auto moves = [](double s) { return 0.1 * s; };
+  // 0.1 m/s for half a second: friction .04 N: 2 mJ; damping .5: 2.5 mJ; the hand's 2: 10 mJ
+  const auto expect = [](double told, double true_j) {
+    EXPECT_LE(told, 1.0001 * true_j);
+    EXPECT_GE(told, 0.75 * true_j);
+  };
+  expect(told_j(0.04, 0, moves, regular), 2e-3);
+  expect(told_j(0, 0.5, moves, regular), 2.5e-3);
+  expect(told_j(0, 0, moves, regular), 1e-2);
+  // ticks that come late
+  expect(told_j(0, 0, moves, late), 1e-2);
+  // samples that come ten times
+  const auto held = [](double s) { return 0.1 * std::floor(100 * s) / 100; };
+  EXPECT_LE(told_j(0, 0, held, regular), 1.02e-2);
+  // an encoder that flickers by a step of 55 um at rest
+  const auto flickers = [](double s) { return 55e-6 * (static_cast<int>(std::lround(1000 * s)) % 2); };
+  EXPECT_LE(told_j(0.26, 0, flickers, regular), 1e-3);
+  EXPECT_LE(told_j(0, 0, flickers, regular), 5e-5);
+}
+
 }  // namespace
 }  // namespace teletact::client
