@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <thread>
 
@@ -66,6 +67,22 @@ TEST_F(FingerWatchTest, AStreamThatSaysNothingIsOpenedAgainElsewhere) {
   EXPECT_LT(seconds_until([&] { return stands_at(watch, 0.05); }, 10), FingerWatch::kDeadS + 1);
   EXPECT_EQ(watch.failure(), "");
   EXPECT_GE(proxy.connections(), 2u);
+}
+
+TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
+  server.palpation.set_finger(true, 0.03, 0.5);
+  FingerWatch watch(server.address(), "", "s");
+  ASSERT_LT(seconds_until([&] { return watch.motion(monotonic_ns()).x_m >= 0.0799; }, 5), 5);
+  const int told = server.palpation.told;
+  server.palpation.repeat_finger();
+  double least_m = 1;
+  const auto repeated = [&] {
+    least_m = std::min(least_m, watch.motion(monotonic_ns()).x_m);
+    return server.palpation.told > told;
+  };
+  ASSERT_LT(seconds_until(repeated, 5), 5);
+  seconds_until([&] { return repeated() && false; }, 0.03);
+  EXPECT_GE(least_m, 0.0799);
 }
 
 }  // namespace

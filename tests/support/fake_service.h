@@ -86,6 +86,7 @@ class FakePalpation final : public v1::Palpation::Service {
   // What WatchFinger tells from now on.
   void set_finger(bool present, double x_m, double velocity_m_s) {
     const std::lock_guard lock(mutex_);
+    finger_.mutable_stamp()->set_monotonic_ns(static_cast<std::int64_t>(++changes_));
     finger_.set_present(present);
     finger_.mutable_position_m()->Clear();
     finger_.add_position_m(x_m);
@@ -93,10 +94,17 @@ class FakePalpation final : public v1::Palpation::Service {
     finger_.mutable_velocity_m_s()->Clear();
     finger_.add_velocity_m_s(velocity_m_s);
     finger_.add_velocity_m_s(0);
+    changed_.notify_all();
+  }
+
+  // The state once more, as a service does to show that it is there.
+  void repeat_finger() {
+    const std::lock_guard lock(mutex_);
     ++changes_;
     changed_.notify_all();
   }
 
+  std::atomic<int> told{0};                                     // states of the finger so far
   std::atomic<int> watches{0};                                  // opened so far
   std::atomic<grpc::StatusCode> refusal{grpc::StatusCode::OK};  // ends one watch, once
 
@@ -132,6 +140,7 @@ class FakePalpation final : public v1::Palpation::Service {
       const v1::FingerState state = finger_;
       lock.unlock();
       if (!writer->Write(state)) return grpc::Status::OK;
+      ++told;
       lock.lock();
     }
     return grpc::Status::OK;
