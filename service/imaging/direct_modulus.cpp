@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "service/imaging/direct_equation.h"
 #include "service/imaging/modulus.h"
@@ -16,9 +17,10 @@
 namespace teletact::service {
 namespace {
 
-// Part of what the first correction changed that a later one may: where it is more (.93 where the tissue
-// moves as no plane strain does, .4 to .6 of phantoms), the corrections lead nowhere.
-constexpr double kContracts = 0.75;
+// A correction that asks for a larger one than the first, or for no number, is not taken. One that asks for
+// more than this part of the first (.93 where the tissue moves as no plane strain does, .59 to .79 where an
+// inclusion goes on beside the window; .3 to .57 of phantoms), or for more than the one before, is the last.
+constexpr double kContracts = 0.6;
 // The equation may give anything where the strain says little: of mu over the background's.
 constexpr double kLeast = 0.05, kMost = 50;
 constexpr double kLeastStrain = 0.03;  // sqrt |det A| over its median
@@ -42,44 +44,69 @@ class Direct : public ModulusMethod {
   }
 
   ModulusEstimate estimate(const ModulusInput& in) override {
-    ModulusEstimate out = reference_->estimate(in);
-    out.kind = ModulusKind::kDirect;
+    const ModulusEstimate reference = reference_->estimate(in);
     const auto strip = strips_->get(in.tissue, in.window_width_m);
-    const WindowNodes nodes(strip->model);
+    StripModel& model = strip->model;
+    const WindowNodes nodes(model);
     const AxialSlopes slopes = axial_slopes(nodes, in.grid, queue_.read(in.displacement.field_m),
                                             queue_.read(in.displacement.trusted), options_.reach);
-    const Field reference = out.youngs_modulus;
-    std::size_t streaks = 0;
-    Eigen::VectorXd shown;  // to the latest forward solve
-    double first_change = std::numeric_limits<double>::infinity();
-    for (int correction = 0; correction <= options_.most_corrections; ++correction) {
-      Eigen::VectorXd next =
-          shown_to_model(strip->model, in, out, {options_.background_below, options_.full_above});
-      const double change = correction > 0 ? rms_under_probe(strip->model, next - shown) : first_change;
-      if (change < options_.settled) break;
-      if (correction > 1 && !(change <= kContracts * first_change)) break;  // nor where it is no number
-      if (correction == 1) first_change = change;
-      shown = std::move(next);
-      const ForwardSolve forward = solve_forward(strip->model, shown, out.background, slopes);
-      const DirectProblem problem = problem_of(in.tissue, nodes, slopes, forward);
-      DirectSolution solution = solved(nodes, problem);
-      out.converged = solution.residual < 1e-6;
-      for (double& mu : solution.shear_modulus) mu /= mu_per_e(in.tissue);
-      streaks = silence(problem, out.background, solution.shear_modulus);
-      out.youngs_modulus =
-          scaled(nodes.on_image(solution.shear_modulus, in.grid), force_scale(in, forward), reference);
-      normalise(out);
+    const auto map_from = [&](const Eigen::VectorXd& shown, double background) {
+      Map map{reference, 0, {}};
+      map.estimate.background = background;
+      solve(in, model, nodes, slopes, shown, map);
+      map.shows = show(model, in, map.estimate);
+      return map;
+    };
+    const Eigen::VectorXd shown = show(model, in, reference);
+    Map map = map_from(shown, reference.background);
+    const double first = rms_under_probe(model, map.shows - shown);
+    double change = first;
+    bool leads_on = true;
+    for (int n = 0; n < options_.most_corrections && leads_on && change >= options_.settled; ++n) {
+      Map next = map_from(map.shows, map.estimate.background);
+      const double then = rms_under_probe(model, next.shows - map.shows);
+      if (!(then <= first)) break;
+      leads_on = then <= kContracts * first && then < change;
+      map = std::move(next);
+      change = then;
     }
-    if (static_cast<double>(streaks) > kStreaks * static_cast<double>(nodes.size()))
-      out.warnings.push_back(
+    if (static_cast<double>(map.streaks) > kStreaks * static_cast<double>(nodes.size()))
+      map.estimate.warnings.push_back(
           {ModulusFlag::kStreaks,
-           std::to_string(100 * streaks / nodes.size()) +
+           std::to_string(100 * map.streaks / nodes.size()) +
                " % of the window is hardly strained or gave no positive modulus: nothing is "
                "said there, and streaks may cross what is beside it"});
-    return out;
+    return std::move(map.estimate);
   }
 
  private:
+  struct Map {
+    ModulusEstimate estimate;
+    std::size_t streaks = 0;  // nodes without a modulus
+    Eigen::VectorXd shows;    // to the next forward solve
+  };
+
+  Eigen::VectorXd show(const StripModel& model, const ModulusInput& in, const ModulusEstimate& map) const {
+    return shown_to_model(model, in, map, {options_.background_below, options_.full_above});
+  }
+
+  // The map of the forward solve with `shown` into `map`, which holds what `shown` is relative to, and says
+  // something where the reference stress does.
+  void solve(const ModulusInput& in, StripModel& model, const WindowNodes& nodes, const AxialSlopes& slopes,
+             const Eigen::VectorXd& shown, Map& map) const {
+    ModulusEstimate& out = map.estimate;
+    const ForwardSolve forward = solve_forward(model, shown, out.background, slopes);
+    const DirectProblem problem = problem_of(in.tissue, nodes, slopes, forward);
+    DirectSolution solution = solved(nodes, problem);
+    for (double& mu : solution.shear_modulus) mu /= mu_per_e(in.tissue);
+    map.streaks = silence(problem, out.background, solution.shear_modulus);
+    out.kind = ModulusKind::kDirect;
+    out.converged = solution.residual < 1e-6;
+    out.youngs_modulus =
+        scaled(nodes.on_image(solution.shear_modulus, in.grid), force_scale(in, forward), out.youngs_modulus);
+    normalise(out);
+  }
+
   static DirectSolution solved(const WindowNodes& nodes, const DirectProblem& problem) {
     try {
       return solve_direct(nodes, problem);

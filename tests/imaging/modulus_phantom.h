@@ -176,4 +176,18 @@ class Phantom {
   StrainEstimate strain_;
 };
 
+// What an estimate tells other windows: that of the nearest node.
+inline KnownModulus told_by(const Phantom& phantom, const ModulusEstimate& estimate) {
+  const auto kept = std::make_shared<const ModulusEstimate>(estimate);
+  const auto nearest = [grid = phantom.grid, window_m = phantom.options.window_m](const Field& field,
+                                                                                  double x, double y) {
+    const double i = std::round((x - window_m - grid.origin_x_m) / grid.dx_m),
+                 j = std::round((y - grid.origin_y_m) / grid.dy_m);
+    if (!(i >= 0 && j >= 0 && i < double(grid.nx) && j < double(grid.ny))) return std::nan("");
+    return double(field[std::size_t(i) + grid.nx * std::size_t(j)]);
+  };
+  return {[=](double x, double y) { return nearest(kept->youngs_modulus, x, y); },
+          [=](double x, double y) { return nearest(kept->log_deviation, x, y); }};
+}
+
 }  // namespace teletact::service
