@@ -94,6 +94,8 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_faded(tick.faded);
   sample.set_stiffness_n_m(tick.stiffness_n_m);
   sample.set_stiffness_variance(tick.stiffness_variance);
+  sample.set_lateral_stiffness_n_m(tick.lateral_stiffness_n_m);
+  sample.set_lateral_stiffness_variance(tick.lateral_stiffness_variance);
   sample.set_gain(tick.gain);
   sample.set_energy_j(tick.energy_j);
   sample.set_damping_n_s_m(tick.damping_n_s_m);

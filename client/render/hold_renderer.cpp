@@ -7,18 +7,25 @@ namespace teletact::client {
 bool HoldRenderer::update(const ForceSample& sample, const ToolPose&, double) noexcept {
   constexpr double kSmallestIndentationM = 1e-6;
   held_ = Rendered();
-  if (!sample.contact) return true;
+  pressed_ = sample.contact;
+  if (!pressed_) return true;
   const double indentation_m = std::max(sample.position_m.y() - sample.surface_m, kSmallestIndentationM);
+  const Vector2 stiffness_n_m = -sample.force_n / indentation_m;
   held_.force_n = sample.force_n;
-  held_.stiffness_n_m = -sample.force_n.y() / indentation_m;
+  held_.stiffness_n_m = stiffness_n_m.y();
+  held_.lateral_stiffness_n_m = stiffness_n_m.x();
   held_.gain = 1;
-  variance_.add(held_.stiffness_n_m);
-  held_.variance = variance_.value();
+  uncertainty_.add(stiffness_n_m, sample.position_m, sample.pose_time_s);
   return true;
 }
 
-Rendered HoldRenderer::render(const ToolPose&, double, double) noexcept {
-  return held_;
+Rendered HoldRenderer::render(const ToolPose& pose, double time_s, double) noexcept {
+  Rendered rendered = held_;
+  if (!pressed_) return rendered;
+  const Vector2 variance = uncertainty_.at(pose.position_m, time_s);
+  rendered.variance = variance.y();
+  rendered.lateral_variance = variance.x();
+  return rendered;
 }
 
 }  // namespace teletact::client

@@ -16,7 +16,8 @@ class HoldRenderer final : public Renderer {
 
  private:
   Rendered held_;
-  HeldVariance variance_;
+  bool pressed_ = false;  // the newest answer had a force
+  HeldUncertainty uncertainty_;
 };
 
 }  // namespace teletact::client

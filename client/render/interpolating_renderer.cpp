@@ -21,10 +21,11 @@ bool InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, d
   constexpr double kLongestPeriodS = 0.5;
   const Value before = value(time_s);
   to_ = Value();
-  if (sample.contact) {
+  pressed_ = sample.contact;
+  if (pressed_) {
     const double indentation_m = std::max(sample.position_m.y() - sample.surface_m, kSmallestIndentationM);
-    to_ = {sample.force_n, -sample.force_n.y() / indentation_m};
-    variance_.add(to_.stiffness_n_m);
+    to_ = {sample.force_n, -sample.force_n / indentation_m};
+    uncertainty_.add(to_.stiffness_n_m, sample.position_m, sample.pose_time_s);
   }
   from_ = known_ ? before : to_;
   if (known_) period_s_ = std::clamp(time_s - arrival_s_, 0.0, kLongestPeriodS);
@@ -33,14 +34,20 @@ bool InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, d
   return true;
 }
 
-Rendered InterpolatingRenderer::render(const ToolPose&, double time_s, double) noexcept {
+Rendered InterpolatingRenderer::render(const ToolPose& pose, double time_s, double) noexcept {
   const Value now = value(time_s);
-  return {
-      .force_n = now.force_n,
-      .stiffness_n_m = now.stiffness_n_m,
-      .variance = variance_.value(),
-      .gain = known_ ? share(time_s) : 0,
-  };
+  Rendered rendered;
+  rendered.force_n = now.force_n;
+  rendered.stiffness_n_m = now.stiffness_n_m.y();
+  rendered.lateral_stiffness_n_m = now.stiffness_n_m.x();
+  rendered.gain = known_ ? share(time_s) : 0;
+  if (!pressed_) return rendered;
+  // Off by what the newest answer is, and by what is left of the way to it.
+  const Vector2 variance =
+      uncertainty_.at(pose.position_m, time_s) + (now.stiffness_n_m - to_.stiffness_n_m).cwiseAbs2();
+  rendered.variance = variance.y();
+  rendered.lateral_variance = variance.x();
+  return rendered;
 }
 
 }  // namespace teletact::client

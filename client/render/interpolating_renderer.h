@@ -19,14 +19,15 @@ class InterpolatingRenderer final : public Renderer {
  private:
   struct Value {
     Vector2 force_n = Vector2::Zero();
-    double stiffness_n_m = 0;
+    Vector2 stiffness_n_m = Vector2::Zero();  // [lateral, push]
   };
   double share(double time_s) const noexcept;
   Value value(double time_s) const noexcept;
 
   Value from_, to_;
-  HeldVariance variance_;
+  HeldUncertainty uncertainty_;
   bool known_ = false;
+  bool pressed_ = false;  // the newest answer had a force
   double arrival_s_ = 0;
   double period_s_ = 0;  // between the last two arrivals
 };

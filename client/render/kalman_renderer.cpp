@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace teletact::client {
 namespace {
@@ -36,6 +37,10 @@ void KalmanRenderer::forget(double x_m, double indentation_m, double time_s) noe
   anchor_time_s_ = time_s;
 }
 
+double KalmanRenderer::walk_n_m() const noexcept {
+  return std::max(options_.stiffness_walk_share * state_(0, 1), options_.stiffness_walk_n_m);
+}
+
 // Moves the anchor: k follows the gradient, everything walks with Q dt.
 void KalmanRenderer::predict(double x_m, double indentation_m, double time_s) noexcept {
   const double dx_m = x_m - anchor_x_m_;
@@ -51,8 +56,7 @@ void KalmanRenderer::predict(double x_m, double indentation_m, double time_s) no
   step(0, 2) = dd_m;
   state_ = (step * state_).eval();
   covariance_ = (step * covariance_ * step.transpose()).eval();
-  const double stiffness =
-      std::max(options_.stiffness_walk_share * state_(0, 1), options_.stiffness_walk_n_m);
+  const double stiffness = walk_n_m();
   const double gradient = options_.use_tangent ? options_.gradient_walk_1_m * stiffness : 0;
   covariance_.diagonal() += dt_s * Eigen::Vector3d(stiffness, gradient, gradient).cwiseAbs2();
   anchor_x_m_ = x_m;
@@ -121,14 +125,28 @@ bool KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, dou
   return believed;
 }
 
+// What of the state is the stiffness somewhere else, as far as its gradients are trusted.
+Eigen::Vector3d KalmanRenderer::row_at(double x_m, double indentation_m) const noexcept {
+  const double dd_m = indentation_m - anchor_indentation_m_;
+  return {1, trusted_offset(x_m - anchor_x_m_, options_.correlation_m),
+          std::clamp(dd_m, -options_.reach_m, options_.reach_m)};
+}
+
 Vector2 KalmanRenderer::stiffness_at(double x_m, double indentation_m) const noexcept {
-  const double dx_m = trusted_offset(x_m - anchor_x_m_, options_.correlation_m);
-  const double dd_m = std::clamp(indentation_m - anchor_indentation_m_, -options_.reach_m, options_.reach_m);
-  Vector2 k = state_.row(0) + dx_m * state_.row(1) + dd_m * state_.row(2);
+  Vector2 k = state_.transpose() * row_at(x_m, indentation_m);
   const double largest = options_.largest_growth * std::max(state_(0, 1), 0.0);
   k.y() = std::clamp(k.y(), 0.0, largest);
   k.x() = std::clamp(k.x(), -largest, largest);
   return k;
+}
+
+// Of that stiffness: h P h^T + Q t, of either component.
+double KalmanRenderer::variance_at(double x_m, double indentation_m, double time_s) const noexcept {
+  if (!known_) return std::numeric_limits<double>::infinity();
+  const Eigen::Vector3d row = row_at(x_m, indentation_m);
+  const double way_m = std::hypot(x_m - anchor_x_m_, indentation_m - anchor_indentation_m_);
+  const double walked = walked_s(time_s - anchor_time_s_, way_m, options_.correlation_m);
+  return row.dot(covariance_ * row) + walk_n_m() * walk_n_m() * walked;
 }
 
 Vector2 KalmanRenderer::felt_at(const ToolPose& pose) const noexcept {
@@ -177,9 +195,10 @@ void KalmanRenderer::settle(const Vector2& model_n_m, double indentation_m, doub
 
 Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
   Rendered rendered;
-  rendered.variance = covariance_(0, 0);
   rendered.gain = gain_;
+  const double x_m = pose.position_m.x();
   const double indentation_m = pose.position_m.y() - surface_m_;
+  rendered.variance = rendered.lateral_variance = variance_at(x_m, indentation_m, time_s);
   constexpr double kMostTicks = 1000;  // all is blended in by then
   const double ticks = std::clamp((time_s - rendered_s_) / options_.servo_period_s, 0.0, kMostTicks);
   rendered_s_ = time_s;
@@ -190,11 +209,14 @@ Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double diss
   }
   reserve_j_ = std::isfinite(dissipated_j) ? std::min(reserve_j_ + dissipated_j, options_.largest_reserve_j)
                                            : dissipated_j;
-  const Vector2 model_n_m =
-      known_ ? stiffness_at(pose.position_m.x(), indentation_m) : Vector2(Vector2::Zero());
+  const Vector2 model_n_m = known_ ? stiffness_at(x_m, indentation_m) : Vector2(Vector2::Zero());
   settle(model_n_m, indentation_m, ticks);
   const Vector2 k = felt_at(pose);
   rendered.stiffness_n_m = k.y();
+  rendered.lateral_stiffness_n_m = k.x();
+  const Vector2 missing = (k - model_n_m).cwiseAbs2();
+  rendered.variance += missing.y();
+  rendered.lateral_variance += missing.x();
   rendered.force_n = -indentation_m * k;
   rendered.withheld = withheld_;
   return rendered;

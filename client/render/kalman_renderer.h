@@ -20,21 +20,24 @@
 // energy as it is blended in. A harder one would put energy under the pressed finger that nobody has put in:
 // its surplus, 1/2 dk d^2, is withheld until display and softer updates have dissipated as much since the
 // finger came into contact. Both end at the surface: a finger that comes anew feels the model as it is.
+//
+// The variance that is reported is the covariance carried on from the newest answer to the tool, h P h^T + Q
+// t (t: tissue_walk.h), the same for both channels, and the square of what is not yet blended in.
 #pragma once
 
 #include <Eigen/Core>
 
 #include "client/render/renderer.h"
+#include "client/render/tissue_walk.h"
 
 namespace teletact::client {
 
 struct KalmanOptions {
   bool use_tangent = true;
-  // Random walk, per square root of a second. Tissue under a finger at 120 mm/s changes its stiffness by half
-  // within some 30 ms, so the walk is wide beside the noise: FE forces carry no sensor noise.
-  // Stiff tissue changes by more: the walk is the larger of a share of the stiffness and a floor.
-  double stiffness_walk_share = 3;
-  double stiffness_walk_n_m = 500;
+  // Random walk, per square root of a second (tissue_walk.h). It is wide beside the noise: FE forces carry no
+  // sensor noise.
+  double stiffness_walk_share = kWalkShare;
+  double stiffness_walk_n_m = kWalkNM;
   double gradient_walk_1_m = 300;  // of the gradient, per unit of the stiffness' walk
   // Measurement noise: linearisation and solver error, a share of the value and a floor.
   double force_noise_share = 0.005;
@@ -48,7 +51,7 @@ struct KalmanOptions {
   // it. Sideways it is followed as far as stiffness is correlated (an inclusion of 10 mm, the middle of T2.7)
   // and given up further on: a straight line overshoots at an inclusion's edge, which is then felt too hard.
   double reach_m = 0.004;
-  double correlation_m = 0.0045;
+  double correlation_m = kCorrelationM;
   double largest_growth = 3;
   // Model updates.
   double servo_period_s = 0.001;
@@ -74,7 +77,10 @@ class KalmanRenderer final : public Renderer {
   bool measure(const Eigen::Vector3d& row, const Vector2& value, double variance, bool gated) noexcept;
   void forget(double x_m, double indentation_m, double time_s) noexcept;
   bool believe(const ForceSample& sample, double indentation_m) noexcept;
+  double walk_n_m() const noexcept;
+  Eigen::Vector3d row_at(double x_m, double indentation_m) const noexcept;
   Vector2 stiffness_at(double x_m, double indentation_m) const noexcept;
+  double variance_at(double x_m, double indentation_m, double time_s) const noexcept;
   Vector2 felt_at(const ToolPose& pose) const noexcept;
   void blend_from(const Vector2& before_n_m, const ToolPose& pose) noexcept;
   void settle(const Vector2& model_n_m, double indentation_m, double ticks) noexcept;

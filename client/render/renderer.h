@@ -33,9 +33,14 @@ struct ForceSample {
 struct Rendered {
   Vector2 force_n = Vector2::Zero();  // on the finger
   double stiffness_n_m = 0;           // along the push: resistance over indentation
-  double variance = 0;                // of that stiffness, (N/m)^2; the lateral one's is the same
-  double gain = 0;                    // of the last update: how much of the innovation was believed, 0 .. 1
-  double withheld = 0;                // share of the model's stiffness that waits to be paid for, 0 .. 1
+  double lateral_stiffness_n_m = 0;   // lateral force over indentation, the force's sign turned as well
+  // Mean square, (N/m)^2, of what each of these is off by at this pose and time: of the model, what it may
+  // have changed by since its newest answer, and what is not blended in or withheld. The two errors are
+  // independent. Infinite while nothing is known.
+  double variance = std::numeric_limits<double>::infinity();
+  double lateral_variance = std::numeric_limits<double>::infinity();
+  double gain = 0;      // of the last update: how much of the innovation was believed, 0 .. 1
+  double withheld = 0;  // share of the model's stiffness that waits to be paid for, 0 .. 1
 };
 
 class Renderer {

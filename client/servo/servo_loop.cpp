@@ -142,6 +142,8 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.modulus_age_s = answer_.modulus_time_s > 0 ? seconds(now_ns) - answer_.modulus_time_s : 0;
   tick.stiffness_n_m = rendered.stiffness_n_m;
   tick.stiffness_variance = rendered.variance;
+  tick.lateral_stiffness_n_m = rendered.lateral_stiffness_n_m;
+  tick.lateral_stiffness_variance = rendered.lateral_variance;
   tick.gain = rendered.gain;
   tick.energy_j = limited.energy_j;
   tick.damping_n_s_m = limited.damping_n_s_m;

@@ -55,6 +55,8 @@ struct ServoTick {
   double modulus_age_s = 0;  // since the modulus behind the newest answer came in; 0: not known
   double stiffness_n_m = 0;  // rendered along the push
   double stiffness_variance = 0;
+  double lateral_stiffness_n_m = 0;
+  double lateral_stiffness_variance = 0;
   double gain = 0;
   double energy_j = 0;       // the passivity observer's
   double damping_n_s_m = 0;  // the passivity controller's

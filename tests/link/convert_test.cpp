@@ -31,6 +31,8 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   tick.degraded = tick.indebted = tick.service_degraded = tick.faded = true;
   tick.stiffness_n_m = 310;
   tick.stiffness_variance = 16;
+  tick.lateral_stiffness_n_m = -41;
+  tick.lateral_stiffness_variance = 25;
   tick.gain = 0.4;
   tick.energy_j = -0.003;
   tick.damping_n_s_m = 1.5;
@@ -40,6 +42,8 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   EXPECT_TRUE(sample.degraded() && sample.indebted() && sample.service_degraded() && sample.faded());
   EXPECT_EQ(sample.stiffness_n_m(), 310);
   EXPECT_EQ(sample.stiffness_variance(), 16);
+  EXPECT_EQ(sample.lateral_stiffness_n_m(), -41);
+  EXPECT_EQ(sample.lateral_stiffness_variance(), 25);
   EXPECT_EQ(sample.gain(), 0.4);
   EXPECT_EQ(sample.energy_j(), -0.003);
   EXPECT_EQ(sample.damping_n_s_m(), 1.5);
