@@ -13,6 +13,7 @@
 #include "client/experiment/person.h"
 #include "client/experiment/results_csv.h"
 #include "client/link/devices.h"
+#include "client/render/renderers.h"
 
 namespace teletact::client {
 namespace {
@@ -22,6 +23,7 @@ struct Arguments {
   ObserverDescription observer;
   bool person = false;
   DeviceChoice device = {.device = ""};  // empty: the keyboard
+  SpringChain chain = {.renderer = ""};  // empty: perfect stiffness
   std::uint64_t seed = 1;
   std::string csv, refit;
   double lapse_rate_most = 0;
@@ -39,6 +41,11 @@ std::string remark_of(const Arguments& arguments) {
                      arguments.plan.trials_per_stimulus, who);
 }
 
+std::optional<SpringChain> chain_of(const Arguments& arguments) {
+  if (arguments.chain.renderer.empty()) return std::nullopt;
+  return arguments.chain;
+}
+
 double hardest_n_m(const ExperimentPlan& plan) {
   return std::max(plan.background_n_m, *std::max_element(plan.stimuli_n_m.begin(), plan.stimuli_n_m.end()));
 }
@@ -47,12 +54,14 @@ double hardest_n_m(const ExperimentPlan& plan) {
 // that a person is asked in the same order.
 std::vector<AnsweredTrial> ask(const Arguments& arguments) {
   Random random(arguments.seed);
-  const std::vector<Trial> trials = random_order(arguments.plan, random);
+  ExperimentPlan plan = arguments.plan;
+  plan.condition = condition_of(chain_of(arguments));
+  const std::vector<Trial> trials = random_order(plan, random);
   std::unique_ptr<HapticDevice> device;
   std::unique_ptr<SpringDisplay> display;
   if (arguments.person && !arguments.device.device.empty()) {
     device = make_device(arguments.device);
-    display = std::make_unique<SpringDisplay>(*device, true);
+    display = std::make_unique<SpringDisplay>(*device, true, chain_of(arguments));
     display->require(hardest_n_m(arguments.plan));  // before anybody is asked
   }
   const Observer observer =
@@ -98,23 +107,15 @@ bool print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
   return true;
 }
 
-// Answers of one file belong to one background.
-double background_of(const std::vector<AnsweredTrial>& answers) {
-  const double background_n_m = answers.front().trial.background_n_m;
-  for (const AnsweredTrial& answer : answers)
-    if (answer.trial.background_n_m != background_n_m)
-      throw CommandError("the trials have different backgrounds; a fit needs one");
-  return background_n_m;
-}
-
 void run(const Arguments& arguments) {
   try {
     const std::vector<AnsweredTrial> answers =
         arguments.refit.empty() ? ask(arguments) : read_results_csv(arguments.refit);
     if (answers.empty()) throw CommandError("no trial was answered: there is nothing to fit");
-    const double background_n_m = background_of(answers);
     const std::vector<StimulusCount> counts = count_answers(answers);
-    std::printf("\n%zu trials, background %g N/m\n", answers.size(), background_n_m);
+    const double background_n_m = answers.front().trial.background_n_m;
+    std::printf("\n%zu trials, background %g N/m, stiffness as felt: %s\n", answers.size(), background_n_m,
+                answers.front().trial.condition.c_str());
     print_counts(counts);
     const BootstrapOptions spread{arguments.resamples, 0.95, arguments.seed};
     bool fitted = print_fit(counts, {FitMethod::kLeastSquares, 0}, background_n_m, spread);
@@ -134,7 +135,9 @@ void run(const Arguments& arguments) {
                                                  {"lapse_rate_most", "--fit-lapse-rate-most"},
                                                  {"weber_fraction", "--weber-fraction"},
                                                  {"equality_fraction", "--equality-fraction"},
-                                                 {"resamples", "--resamples"}}));
+                                                 {"resamples", "--resamples"},
+                                                 {"update_hz", "--update-hz"},
+                                                 {"age_s", "--age-s"}}));
   }
 }
 
@@ -143,11 +146,26 @@ void add_observer_options(CLI::App& command, Arguments& arguments) {
       command.add_flag("--person", arguments.person,
                        "ask a person, who feels both at --device (or moves by keys and sees the force as a "
                        "bar) and types y or n; no stiffness is shown");
-  command
-      .add_option("--device", arguments.device.device,
-                  "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated")
-      ->needs(person);
+  auto* device = command
+                     .add_option("--device", arguments.device.device,
+                                 "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated")
+                     ->needs(person);
   command.add_option("--profile", arguments.device.profile, "of a simulated device")->needs(person);
+  auto* renderer =
+      command
+          .add_option("--renderer", arguments.chain.renderer,
+                      "feel through the whole chain: kalman, kalman-force, interpolate or hold, told of the "
+                      "stiffness at --update-hz, --age-s late; without it stiffness is perfect")
+          ->check(CLI::IsMember(renderer_names()))
+          ->needs(device);
+  command.add_option("--update-hz", arguments.chain.update_hz, "answers a second that --renderer is given")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str()
+      ->needs(renderer);
+  command.add_option("--age-s", arguments.chain.age_s, "of an answer as it comes to --renderer")
+      ->check(CLI::Range(0.0, 0.3))
+      ->capture_default_str()
+      ->needs(renderer);
   const auto simulated = [&](const char* name, double& value, const char* help) {
     command.add_option(name, value, help)->capture_default_str()->excludes(person);
   };
@@ -164,7 +182,8 @@ void add_experiment_command(CLI::App& app) {
   CLI::App& command = *app.add_subcommand(
       "experiment",
       "psychophysics by constant stimuli: \"is the second harder?\", with perfect stiffness (nothing between "
-      "the stated stimulus and the observer); prints Weibull fits and the Weber fraction");
+      "the stated stimulus and the observer) or, by a person at a device, through the whole chain "
+      "(--renderer); prints Weibull fits and the Weber fraction");
   add_observer_options(command, *arguments);
   command.add_option("--background-n-m", arguments->plan.background_n_m, "felt first in every trial")
       ->capture_default_str();

@@ -8,7 +8,8 @@
 namespace teletact::client {
 namespace {
 
-constexpr const char* kHeader = "trial,background_n_m,stimulus_n_m,harder";
+const std::string kFormerHeader = "trial,background_n_m,stimulus_n_m,harder";
+const std::string kHeader = kFormerHeader + ",condition";
 
 // Reads one number and what ends it; false when there is none.
 template <typename T>
@@ -20,14 +21,21 @@ bool take(const char*& at, const char* end, char closing, T& value) {
   return at != end && *at++ == closing;
 }
 
-bool parse(const std::string& line, std::size_t number, AnsweredTrial& answer) {
+bool parse(const std::string& line, const std::string& header, std::size_t number, AnsweredTrial& answer) {
   const char* at = line.data();
   const char* end = at + line.size();
   std::size_t trial = 0;
   int harder = -1;
   if (!take(at, end, ',', trial) || !take(at, end, ',', answer.trial.background_n_m) ||
-      !take(at, end, ',', answer.trial.stimulus_n_m) || !take(at, end, '\0', harder))
+      !take(at, end, ',', answer.trial.stimulus_n_m))
     return false;
+  if (header == kFormerHeader) {
+    if (!take(at, end, '\0', harder)) return false;
+  } else {
+    if (!take(at, end, ',', harder)) return false;
+    answer.trial.condition.assign(at, end);
+    if (answer.trial.condition.empty() || answer.trial.condition.find(',') != std::string::npos) return false;
+  }
   answer.harder = harder == 1;
   const auto stiffness = [](double value) { return value > 0 && std::isfinite(value); };
   return trial == number && (harder == 0 || harder == 1) && stiffness(answer.trial.background_n_m) &&
@@ -47,7 +55,7 @@ ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& rem
 
 void ResultsCsv::add(const AnsweredTrial& answer) {
   file_ << ++trials_ << ',' << answer.trial.background_n_m << ',' << answer.trial.stimulus_n_m << ','
-        << answer.harder << '\n'
+        << answer.harder << ',' << answer.trial.condition << '\n'
         << std::flush;
   if (!file_)
     throw std::runtime_error("cannot write " + path_.string() +
@@ -59,22 +67,26 @@ std::vector<AnsweredTrial> read_results_csv(const std::filesystem::path& path) {
   std::ifstream file(path);
   if (!file) throw std::runtime_error("cannot read " + path.string());
   std::vector<AnsweredTrial> answers;
-  bool header = false;
+  std::string header;  // once it was read
   std::size_t number = 0;
   for (std::string line; std::getline(file, line);) {
     ++number;
     if (!line.empty() && line.back() == '\r') line.pop_back();
     if (line.empty() || line.front() == '#') continue;
     AnsweredTrial answer;
-    const bool good = header ? parse(line, answers.size() + 1, answer) : line == kHeader;
+    const bool good = header.empty() ? line == kHeader || line == kFormerHeader
+                                     : parse(line, header, answers.size() + 1, answer);
     if (!good)
-      throw std::runtime_error(
-          path.string() + ", line " + std::to_string(number) + ": expected " +
-          (header ? "trial " + std::to_string(answers.size() + 1) + " as " : "the line ") + kHeader);
-    if (header) answers.push_back(answer);
-    header = true;
+      throw std::runtime_error(path.string() + ", line " + std::to_string(number) + ": expected " +
+                               (header.empty()
+                                    ? "the line " + kHeader
+                                    : "trial " + std::to_string(answers.size() + 1) + " as " + header));
+    if (header.empty())
+      header = line;
+    else
+      answers.push_back(answer);
   }
-  if (!header) throw std::runtime_error(path.string() + ": expected the line " + kHeader);
+  if (header.empty()) throw std::runtime_error(path.string() + ": expected the line " + kHeader);
   return answers;
 }
 

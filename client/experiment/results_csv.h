@@ -1,8 +1,10 @@
 // The answers of an experiment as comma-separated values, one trial a line in the order they were asked:
 //
 //   # teletact experiment: seed 7, ...      any number of lines that begin with '#'
-//   trial,background_n_m,stimulus_n_m,harder
-//   1,25,32.5,1
+//   trial,background_n_m,stimulus_n_m,harder,condition
+//   1,25,32.5,1,kalman at 100 Hz 5 ms late
+//
+// A file without the last column is of perfect stiffness, all that there was then.
 #pragma once
 
 #include <filesystem>
@@ -18,7 +20,7 @@ namespace teletact::client {
 class ResultsCsv {
  public:
   // Throws std::runtime_error when the file exists already (answers of a person cannot be had again) or
-  // cannot be written. `remark`: one line.
+  // cannot be written. `remark`: one line; as a trial's condition, which has no comma either.
   ResultsCsv(const std::filesystem::path&, const std::string& remark);
   // Throws std::runtime_error when it could not be written.
   void add(const AnsweredTrial&);

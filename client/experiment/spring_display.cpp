@@ -1,13 +1,46 @@
 #include "client/experiment/spring_display.h"
 
-#include <cmath>
+#include <algorithm>
 #include <stdexcept>
+
+#include "client/render/kalman_renderer.h"
+#include "client/render/renderers.h"
 
 namespace teletact::client {
 namespace {
 
-constexpr double kPeriodS = 0.005;  // between answers
+constexpr double kPerfectPeriodS = 0.005;  // between answers that nothing waits for
 constexpr double kServoS = 0.001;
+
+// Renders the spring that it was told of last as it is.
+class SpringRenderer final : public Renderer {
+ public:
+  void reset() noexcept override {}
+  bool update(const ForceSample& sample, const ToolPose&, double) noexcept override {
+    spring_.stiffness_n_m = -sample.tangent_n_m(1, 1);
+    spring_.variance = spring_.lateral_variance = 0;
+    return true;
+  }
+  using Renderer::render;
+  Rendered render(const ToolPose& pose, double, double) noexcept override {
+    Rendered rendered = spring_;
+    rendered.force_n = {0, -spring_.stiffness_n_m * std::max(pose.position_m.y(), 0.0)};
+    return rendered;
+  }
+
+ private:
+  Rendered spring_;
+};
+
+std::unique_ptr<Renderer> renderer_of(const std::optional<SpringChain>& chain) {
+  if (!chain) return std::make_unique<SpringRenderer>();
+  validate(*chain);
+  return make_renderer(chain->renderer, kServoS);
+}
+
+SpringAnswers answers_of(const std::optional<SpringChain>& chain) {
+  return chain ? SpringAnswers(1 / chain->update_hz, chain->age_s) : SpringAnswers(kPerfectPeriodS, 0);
+}
 
 ServoOptions servo_options(const HapticDevice& device) {
   ServoOptions options;
@@ -18,22 +51,32 @@ ServoOptions servo_options(const HapticDevice& device) {
 
 }  // namespace
 
-Rendered SpringRenderer::render(const ToolPose& pose, double, double) noexcept {
-  const double indentation_m = pose.position_m.y();
-  if (!(indentation_m > 0)) {
-    shown_n_m_ = wanted_n_m_;
-    return {};
-  }
-  Rendered rendered;
-  rendered.force_n = {0, -shown_n_m_ * indentation_m};
-  rendered.stiffness_n_m = shown_n_m_;
-  return rendered;
+std::string condition_of(const std::optional<SpringChain>& chain) {
+  if (!chain) return kPerfectStiffness;
+  const auto number = [](double value) {
+    std::string text = std::to_string(value);
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') text.pop_back();
+    return text;
+  };
+  return chain->renderer + " at " + number(chain->update_hz) + " Hz " + number(1e3 * chain->age_s) +
+         " ms late";
 }
 
-SpringDisplay::SpringDisplay(HapticDevice& device, bool real_time)
+void validate(const SpringChain& chain) {
+  make_renderer(chain.renderer, kServoS);
+  if (!(chain.update_hz >= 1 && chain.update_hz <= 1000))
+    throw std::invalid_argument("update_hz: give 1 to 1000 answers a second");
+  if (!(chain.age_s >= 0 && chain.age_s <= 0.3))
+    throw std::invalid_argument("age_s: give 0 to 0.3 s; of what is older the force is taken away");
+}
+
+SpringDisplay::SpringDisplay(HapticDevice& device, bool real_time, const std::optional<SpringChain>& chain)
     : device_(device),
       open_(device),
-      servo_(std::make_unique<ServoLoop>(device, renderer_, clock_, servo_options(device))),
+      renderer_(renderer_of(chain)),
+      servo_(std::make_unique<ServoLoop>(device, *renderer_, clock_, servo_options(device))),
+      answers_(answers_of(chain)),
       thread_(std::make_unique<ServoThread>(*servo_, ServoThread::Options{.real_time = real_time})),
       answering_([this] { answer_poses(); }) {}
 
@@ -53,7 +96,8 @@ void SpringDisplay::require(double stiffness_n_m) const {
 
 void SpringDisplay::present(double stiffness_n_m) {
   require(stiffness_n_m);
-  renderer_.set(stiffness_n_m);
+  const std::lock_guard lock(mutex_);
+  answers_.present(stiffness_n_m);
   servo_->request_pause();
   felt_ticks_ = 0;
 }
@@ -67,27 +111,22 @@ std::string SpringDisplay::trouble() const {
 }
 
 void SpringDisplay::answer_poses() {
-  std::uint64_t sequence = 0;
+  const auto known = static_cast<unsigned>(KalmanOptions().outliers_in_a_row);  // by then any renderer has it
   ServoPose pose;
-  ServoAnswer answer;
-  answer.covered = true;
-  answer.covered_begin_m = -1e3;
-  answer.covered_end_m = 1e3;
-  answer.period_s = kPeriodS;
   while (!stop_) {
-    if (servo_->poses().take(pose)) {
-      answer.sample.sequence = ++sequence;
-      answer.sample.pose_time_s = 1e-9 * static_cast<double>(pose.time_ns);
-      answer.sample.position_m = pose.pose.position_m;
-      answer.received_ns = clock_.now_ns();
-      servo_->answers().put(answer);
+    {
+      const std::lock_guard lock(mutex_);
+      if (servo_->poses().take(pose)) answers_.add(pose);
+      if (const std::optional<ServoAnswer> answer = answers_.take(clock_.now_ns()))
+        servo_->answers().put(*answer);
+      drain();
+      // Granted only out of contact: nobody needs a button to feel the next one. After a fault it takes the
+      // person.
+      if (state_ == ServoState::kEnabled) asked_ = false;
+      const bool wanted = state_ == ServoState::kDisabled || state_ == ServoState::kPaused || asked_;
+      if (wanted && answers_.arrived() >= known) servo_->request_resume();
     }
-    drain();
-    // Granted only out of contact: nobody needs a button to feel the next one. After a fault it takes the
-    // person.
-    if (state_ == ServoState::kEnabled) asked_ = false;
-    if (state_ == ServoState::kDisabled || state_ == ServoState::kPaused || asked_) servo_->request_resume();
-    clock_.sleep_until_ns(clock_.now_ns() + static_cast<std::int64_t>(1e9 * kPeriodS));
+    clock_.sleep_until_ns(clock_.now_ns() + static_cast<std::int64_t>(1e9 * kServoS));
   }
 }
 
@@ -97,10 +136,10 @@ void SpringDisplay::drain() {
   while (servo_->telemetry().pop(tick)) {
     state_ = tick.state;
     reason_ = tick.reason;
-    const double indentation_m = tick.pose.position_m.y(), wanted_n_m = renderer_.wanted_n_m();
-    const bool whole = -tick.force_n.y() >= kWholeShare * wanted_n_m * indentation_m;
-    if (tick.state == ServoState::kEnabled && indentation_m > kPressedM && tick.stiffness_n_m == wanted_n_m &&
-        whole)
+    const double indentation_m = tick.pose.position_m.y();
+    const bool whole = -tick.force_n.y() >= kWholeShare * answers_.stiffness_n_m() * indentation_m;
+    if (tick.state == ServoState::kEnabled && indentation_m > kPressedM && whole &&
+        answers_.is_presented(tick.sequence))
       ++felt_ticks_;
   }
 }

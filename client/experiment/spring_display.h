@@ -1,40 +1,46 @@
-// A spring below y = 0 on a haptic device, for a person to feel: perfect stiffness, through the servo loop
-// and its whole safety chain but with nothing to wait for. What is next is shown once the finger has been
-// lifted: force is paused and comes back, with its start ramp, as soon as the finger is out of contact.
+// A spring below y = 0 on a haptic device, for a person to feel, through the servo loop and its whole safety
+// chain: perfect stiffness, with nothing to wait for, or the whole chain, a renderer that is told of the
+// spring as seldom and as late as a service tells. What is next is shown once the finger has been lifted:
+// force is paused and comes back, with its start ramp, when the finger is out of contact and the renderer
+// knows.
 #pragma once
 
 #include <atomic>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
+#include "client/experiment/spring_answers.h"
+#include "client/experiment/trials.h"
 #include "client/haptic/haptic_device.h"
 #include "client/servo/servo_thread.h"
 
 namespace teletact::client {
 
-// The spring as a renderer: of the stiffness that was set last before the finger was lifted.
-class SpringRenderer final : public Renderer {
- public:
-  void set(double stiffness_n_m) noexcept { wanted_n_m_ = stiffness_n_m; }  // any thread
-  double wanted_n_m() const noexcept { return wanted_n_m_; }
-  void reset() noexcept override {}
-  bool update(const ForceSample&, const ToolPose&, double) noexcept override { return true; }
-  using Renderer::render;
-  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
-
- private:
-  std::atomic<double> wanted_n_m_{0};
-  double shown_n_m_ = 0;
+// What lies between a stimulus and who feels it; none of it: perfect stiffness. As the simulated observers
+// have it (teletact-bench paper psychometric).
+struct SpringChain {
+  std::string renderer = "kalman";  // renderers.h
+  double update_hz = 100;           // answers
+  double age_s = 0.005;             // of an answer as it comes
 };
+
+// A trial's: "perfect", or such as "kalman at 100 Hz 5 ms late".
+std::string condition_of(const std::optional<SpringChain>&);
+
+// Throws std::invalid_argument naming the field: an unknown renderer, update_hz outside 1 to 1000, age_s
+// outside 0 to 0.3.
+void validate(const SpringChain&);
 
 class SpringDisplay {
  public:
   static constexpr double kPressedM = 0.0005;  // pressed: deeper than this
   static constexpr double kFeltS = 0.3;        // felt: pressed for so long with the whole force on
 
-  // Opens the device, which outlives this. Throws as its open().
-  SpringDisplay(HapticDevice& device, bool real_time);
+  // Opens the device, which outlives this. Throws as its open() and as validate().
+  SpringDisplay(HapticDevice& device, bool real_time, const std::optional<SpringChain>& chain = {});
   ~SpringDisplay();
   SpringDisplay(const SpringDisplay&) = delete;
   SpringDisplay& operator=(const SpringDisplay&) = delete;
@@ -56,16 +62,18 @@ class SpringDisplay {
 
   HapticDevice& device_;
   const OpenDevice open_;
-  SpringRenderer renderer_;
+  std::unique_ptr<Renderer> renderer_;
   MonotonicClock clock_;
   std::unique_ptr<ServoLoop> servo_;
+  std::mutex mutex_;  // of the answers, between who presents and who answers
+  SpringAnswers answers_;
   std::atomic<unsigned> felt_ticks_{0};
   std::atomic<ServoState> state_{ServoState::kDisabled};
   std::atomic<StateReason> reason_{StateReason::kStart};
   std::atomic<bool> asked_{false};
   std::atomic<bool> stop_{false};
   std::unique_ptr<ServoThread> thread_;  // ended first
-  std::thread answering_;                // in the place of a link: keeps the servo's answers young
+  std::thread answering_;                // in the place of a link
 };
 
 }  // namespace teletact::client

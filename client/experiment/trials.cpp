@@ -15,6 +15,15 @@ void require_stiffness(double value_n_m, const char* field) {
     throw std::invalid_argument(std::string(field) + ": give stiffness above zero, in N/m");
 }
 
+void require_alike(const Trial& first, const Trial& other) {
+  if (other.background_n_m != first.background_n_m)
+    throw std::invalid_argument("the trials have different backgrounds; a fit needs one");
+  if (other.condition != first.condition)
+    throw std::invalid_argument("some stimuli were felt as '" + first.condition + "', others as '" +
+                                other.condition +
+                                "'; a fit needs one condition: give each a file of its own");
+}
+
 }  // namespace
 
 void validate(const ExperimentPlan& plan) {
@@ -34,7 +43,8 @@ std::vector<Trial> random_order(const ExperimentPlan& plan, Random& random) {
   std::vector<Trial> trials;
   trials.reserve(plan.stimuli_n_m.size() * plan.trials_per_stimulus);
   for (const double stimulus_n_m : plan.stimuli_n_m)
-    trials.insert(trials.end(), plan.trials_per_stimulus, {plan.background_n_m, stimulus_n_m});
+    trials.insert(trials.end(), plan.trials_per_stimulus,
+                  {plan.background_n_m, stimulus_n_m, plan.condition});
   random.shuffle(trials);
   return trials;
 }
@@ -54,6 +64,7 @@ std::vector<AnsweredTrial> run_experiment(const std::vector<Trial>& trials, cons
 std::vector<StimulusCount> count_answers(const std::vector<AnsweredTrial>& answers) {
   std::map<double, StimulusCount> counts;
   for (const AnsweredTrial& answer : answers) {
+    require_alike(answers.front().trial, answer.trial);
     StimulusCount& count = counts[answer.trial.stimulus_n_m];
     count.stimulus_n_m = answer.trial.stimulus_n_m;
     ++(answer.harder ? count.harder : count.not_harder);

@@ -5,15 +5,19 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "client/experiment/random.h"
 
 namespace teletact::client {
 
+constexpr const char* kPerfectStiffness = "perfect";
+
 struct Trial {
-  double background_n_m = 0;  // felt first
-  double stimulus_n_m = 0;    // felt second
+  double background_n_m = 0;                  // felt first
+  double stimulus_n_m = 0;                    // felt second
+  std::string condition = kPerfectStiffness;  // what lies between these and who feels them
 };
 
 struct AnsweredTrial {
@@ -27,6 +31,7 @@ struct ExperimentPlan {
   // of an unbiased observer is seen.
   std::vector<double> stimuli_n_m{15, 20, 22.5, 25, 27.5, 30, 32.5, 35, 37.5, 45};
   unsigned trials_per_stimulus = 40;
+  std::string condition = kPerfectStiffness;
 };
 
 // Throws std::invalid_argument naming the field: stiffness not above zero or not finite, fewer than two
@@ -51,7 +56,8 @@ struct StimulusCount {
   double share_harder() const { return static_cast<double>(harder) / trials(); }  // trials() > 0
 };
 
-// In increasing order of the stimulus, stimuli without trials left out.
+// In increasing order of the stimulus, stimuli without trials left out. Throws std::invalid_argument when the
+// backgrounds or the conditions of the answers differ: a fit to such counts would be of neither.
 std::vector<StimulusCount> count_answers(const std::vector<AnsweredTrial>&);
 
 }  // namespace teletact::client

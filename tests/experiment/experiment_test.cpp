@@ -200,6 +200,48 @@ TEST(ResultsCsv, AnswersComeBackAsTheyWereWritten) {
   EXPECT_THROW(ResultsCsv(folder / "no/such/folder.csv", ""), std::runtime_error);
 }
 
+TEST(ResultsCsv, TheConditionIsKeptAndAFileWithoutOneIsOfPerfectStiffness) {
+  const TemporaryFolder folder;
+  {
+    ResultsCsv csv(folder / "a.csv", "seed 7");
+    csv.add({{25, 30, "kalman at 100 Hz 5 ms late"}, true});
+    csv.add({{25, 30}, false});
+  }
+  const auto kept = read_results_csv(folder / "a.csv");
+  ASSERT_EQ(kept.size(), 2u);
+  EXPECT_EQ(kept[0].trial.condition, "kalman at 100 Hz 5 ms late");
+  EXPECT_EQ(kept[1].trial.condition, "perfect");
+  put_content(folder / "former.csv", "trial,background_n_m,stimulus_n_m,harder\n1,25,30,1\n");
+  const auto former = read_results_csv(folder / "former.csv");
+  ASSERT_EQ(former.size(), 1u);
+  EXPECT_EQ(former[0].trial.condition, "perfect");
+  for (const std::string bad : {"1,25,30,1", "1,25,30,1,", "1,25,30,1,a,b", "1,25,30,2,a"}) {
+    put_content(folder / "bad.csv", "trial,background_n_m,stimulus_n_m,harder,condition\n" + bad + "\n");
+    EXPECT_THROW(read_results_csv(folder / "bad.csv"), std::runtime_error) << bad;
+  }
+}
+
+TEST(Trials, AnswersThatWereFeltDifferentlyAreNotCountedTogether) {
+  ExperimentPlan plan = plan_of(2);
+  plan.condition = "hold at 50 Hz 20 ms late";
+  Random random(1);
+  const Weibull truth = psychometric_function({0.2, 0, 0}, kBackgroundNM);
+  auto answers = run_experiment(random_order(plan, random), simulated_observer(truth, 1));
+  for (const AnsweredTrial& answer : answers) EXPECT_EQ(answer.trial.condition, plan.condition);
+  EXPECT_EQ(count_answers(answers).size(), plan.stimuli_n_m.size());
+  answers.back().trial.condition = "perfect";
+  try {
+    count_answers(answers);
+    ADD_FAILURE() << "counted together";
+  } catch (const std::invalid_argument& error) {
+    for (const char* word : {"'perfect'", "'hold at 50 Hz 20 ms late'"})
+      EXPECT_NE(std::string(error.what()).find(word), std::string::npos) << error.what();
+  }
+  answers.back().trial.condition = plan.condition;
+  answers.back().trial.background_n_m = 26;
+  EXPECT_THROW(count_answers(answers), std::invalid_argument);
+}
+
 TEST(ResultsCsv, ADamagedLineIsNamed) {
   const TemporaryFolder folder;
   const std::string header = "# a remark\ntrial,background_n_m,stimulus_n_m,harder\n1,25,30,1\n";

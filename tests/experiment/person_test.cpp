@@ -44,16 +44,23 @@ class FeelingDevice final : public HapticDevice {
     return ok;
   }
   bool write(const Vector2& force_n) noexcept override {
+    force_n_ = force_n.norm();
     if (indentation_m_ > 0.003) felt_n_m = -force_n.y() / indentation_m_;
     return device_.write(force_n);
   }
-  void show(const OperatorView& view) noexcept override { device_.show(view); }
+  // Ticks with the force on and a pressed finger that feels nothing.
+  void show(const OperatorView& view) noexcept override {
+    if (view.force_on && indentation_m_ > 0.0005 && force_n_ == 0) ++ticks_without_force;
+    device_.show(view);
+  }
   std::atomic<double> felt_n_m{0};
+  std::atomic<int> ticks_without_force{0};
   std::atomic<bool> lost{false}, without_button{false};
 
  private:
   SimulatedDevice device_;
   double indentation_m_ = 0;
+  double force_n_ = 0;
 };
 
 SimulatedDeviceOptions simulated() {
@@ -70,9 +77,8 @@ bool asks(const std::ostringstream& out, const std::string& question) {
          said.find(question, said.size() - std::min<std::size_t>(said.size(), 90)) != std::string::npos;
 }
 
-TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
-  FeelingDevice device(simulated());
-  SpringDisplay display(device, false);
+// A person who feels three trials and judges rightly.
+void expect_judged(FeelingDevice& device, SpringDisplay& display) {
   std::ostringstream out;
   double last_n_m = 0, first_n_m = 0;
   std::vector<double> felt_n_m;
@@ -101,26 +107,64 @@ TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
     EXPECT_EQ(out.str().find(stiffness), std::string::npos) << out.str();
 }
 
+TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
+  FeelingDevice device(simulated());
+  SpringDisplay display(device, false);
+  expect_judged(device, display);
+}
+
+TEST(Person, ThroughTheWholeChainJudgesWhatTheRendererMakesOfIt) {
+  FeelingDevice device(simulated());
+  SpringDisplay display(device, false, SpringChain());
+  expect_judged(device, display);
+}
+
+bool felt_within(const SpringDisplay& display, double seconds) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!display.felt() && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  return display.felt();
+}
+
+// GIVEN answers every 50 ms that are 100 ms late WHEN the finger arrives THEN a held force is as late, and
+// the model that was told before is there at once, as perfect stiffness is.
+TEST(Person, ThroughTheWholeChainFeelsHowLateItsAnswersAre) {
+  const auto ticks_without_force = [](const std::optional<SpringChain>& chain) {
+    FeelingDevice device(simulated());
+    SpringDisplay display(device, false, chain);
+    display.present(25);
+    EXPECT_TRUE(felt_within(display, 15));
+    return device.ticks_without_force.load();
+  };
+  EXPECT_LE(ticks_without_force({}), 20);
+  EXPECT_LE(ticks_without_force(SpringChain{"kalman", 20, 0.1}), 20);
+  EXPECT_GE(ticks_without_force(SpringChain{"hold", 20, 0.1}), 70);
+}
+
+TEST(Person, AnImpossibleChainIsRefused) {
+  FeelingDevice device(simulated());
+  for (const SpringChain& chain :
+       {SpringChain{"mirror", 100, 0.005}, SpringChain{"kalman", 0, 0.005}, SpringChain{"kalman", NAN, 0.005},
+        SpringChain{"kalman", 100, -0.001}, SpringChain{"kalman", 100, 0.4}, SpringChain{"kalman", 100, NAN}})
+    EXPECT_THROW(SpringDisplay(device, false, chain), std::invalid_argument) << condition_of(chain);
+  EXPECT_EQ(condition_of({}), "perfect");
+  EXPECT_EQ(condition_of(SpringChain{"hold", 62.5, 0.02}), "hold at 62.5 Hz 20 ms late");
+}
+
 TEST(Person, AfterAFaultForceComesBackOnlyWhenItIsAskedFor) {
   FeelingDevice device(simulated());
   device.without_button = true;
   SpringDisplay display(device, false);
-  const auto felt_within = [&](double seconds) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-    while (!display.felt() && std::chrono::steady_clock::now() < end)
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    return display.felt();
-  };
   display.present(25);
-  ASSERT_TRUE(felt_within(10));
+  ASSERT_TRUE(felt_within(display, 10));
   device.lost = true;
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
   device.lost = false;
   display.present(31);
-  EXPECT_FALSE(felt_within(1.5));
+  EXPECT_FALSE(felt_within(display, 1.5));
   EXPECT_NE(display.trouble(), "");
   display.ask_for_force();
-  EXPECT_TRUE(felt_within(10));
+  EXPECT_TRUE(felt_within(display, 10));
 }
 
 TEST(Person, NoAnswerIsTakenForWhatWasNotFelt) {

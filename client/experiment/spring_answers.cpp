@@ -1,0 +1,67 @@
+#include "client/experiment/spring_answers.h"
+
+#include <cmath>
+
+namespace teletact::client {
+namespace {
+
+constexpr double kForeseenM = 0.0005;  // the light touch that an answer out of contact tells of
+
+std::int64_t nanoseconds(double s) {
+  return static_cast<std::int64_t>(std::llround(1e9 * s));
+}
+
+}  // namespace
+
+SpringAnswers::SpringAnswers(double period_s, double age_s)
+    : period_ns_(nanoseconds(period_s)), age_ns_(nanoseconds(age_s)) {}
+
+void SpringAnswers::present(double stiffness_n_m) {
+  wanted_n_m_ = stiffness_n_m;
+  waits_ = true;
+  arrived_ = 0;
+}
+
+void SpringAnswers::add(const ServoPose& pose) {
+  if (waits_ && pose.pose.position_m.y() <= 0) {
+    shown_n_m_ = wanted_n_m_;
+    first_ = sequence_ + 1;
+    waits_ = false;
+  }
+  if (pose.time_ns < next_ns_) return;
+  on_the_way_.push_back(answer_to(pose));
+  next_ns_ += period_ns_;  // in the mean at its rate, and never in a burst
+  if (next_ns_ <= pose.time_ns) next_ns_ = pose.time_ns + period_ns_;
+}
+
+ServoAnswer SpringAnswers::answer_to(const ServoPose& pose) {
+  ServoAnswer answer;
+  answer.covered = true;
+  answer.covered_begin_m = -1e3;
+  answer.covered_end_m = 1e3;
+  answer.period_s = 1e-9 * static_cast<double>(period_ns_);
+  answer.received_ns = pose.time_ns + age_ns_;
+  ForceSample& sample = answer.sample;
+  sample.sequence = ++sequence_;
+  sample.pose_time_s = 1e-9 * static_cast<double>(pose.time_ns);
+  sample.position_m = pose.pose.position_m;
+  sample.contact = sample.position_m.y() > 0;
+  sample.foreseen = !sample.contact;
+  if (sample.foreseen) sample.position_m.y() = kForeseenM;
+  sample.force_n = {0, -shown_n_m_ * sample.position_m.y()};
+  sample.tangent_n_m(1, 1) = -shown_n_m_;
+  return answer;
+}
+
+std::optional<ServoAnswer> SpringAnswers::take(std::int64_t now_ns) {
+  std::optional<ServoAnswer> newest;
+  while (!on_the_way_.empty() && on_the_way_.front().received_ns <= now_ns) {
+    newest = on_the_way_.front();
+    on_the_way_.pop_front();
+    if (!waits_ && newest->sample.sequence >= first_) ++arrived_;
+  }
+  if (newest) newest->received_ns = now_ns;
+  return newest;
+}
+
+}  // namespace teletact::client
