@@ -1,7 +1,8 @@
 // Preconditioned conjugate gradients on many right-hand sides at once, every scalar on the device. Vectors:
-// [right-hand side][node] of real2. Scalars: [field][right-hand side].
+// [right-hand side][node] of real2. Scalars: [field][right-hand side], and after the fields three of each
+// iteration; what is counted is exact in any `real`.
 
-// Fields of the scalars; the host reads RR, ESTIMATE and SCALE and writes INITIAL and ABSOLUTE.
+// Fields of the scalars, as in service/solver/pcg.cpp; the host writes INITIAL and ABSOLUTE.
 #define RZ 0  // r . z
 #define ALPHA 1
 #define BETA 2
@@ -13,6 +14,12 @@
 #define INITIAL 8   // that of the initial guess
 #define ABSOLUTE 9  // stop when ESTIMATE falls below this
 #define RR_START 10
+#define STATE 11
+#define ITERATIONS 12
+#define FIELDS 13
+#define TERM(k) (FIELDS + 3 * (k))  // alpha rz of iteration k, its alpha and its beta
+#define ALPHA_OF(k) (FIELDS + 3 * (k) + 1)
+#define BETA_OF(k) (FIELDS + 3 * (k) + 2)
 
 // r . r relative to its start below which going on only meets rounding, and underflow in float.
 #if TELETACT_DOUBLE
@@ -52,8 +59,8 @@ accum sum_of(global const accum* restrict partial, const int chunks) {
 }
 
 // rz, rr of the start; x = 0. Items: right-hand sides, here and below.
-kernel void pcg_begin(global const accum* restrict partial, global real* restrict scalars,
-                      global int* restrict state, const int chunks, const int rhs) {
+kernel void pcg_begin(global const accum* restrict partial, global real* restrict scalars, const int chunks,
+                      const int rhs) {
   const int q = get_global_id(0);
   if (q >= rhs) return;
   const real rz = sum_of(partial + q * chunks, chunks), rr = sum_of(partial + (rhs + q) * chunks, chunks);
@@ -65,99 +72,119 @@ kernel void pcg_begin(global const accum* restrict partial, global real* restric
   scalars[WORK * rhs + q] = 0;
   scalars[ESTIMATE * rhs + q] = 0;
   scalars[SCALE * rhs + q] = scalars[INITIAL * rhs + q];
-  state[q] = !isfinite(rz) || !isfinite(rr) ? NOT_FINITE
-             : rr == 0                      ? CONVERGED
-             : rz <= 0                      ? INDEFINITE
-                                            : RUNNING;
-  state[rhs + q] = 0;
+  scalars[STATE * rhs + q] = !isfinite(rz) || !isfinite(rr) ? NOT_FINITE
+                             : rr == 0                      ? CONVERGED
+                             : rz <= 0                      ? INDEFINITE
+                                                            : RUNNING;
+  scalars[ITERATIONS * rhs + q] = 0;
 }
 
-// alpha = r.z / p.Ap, after dot_two(p, Ap, p, load). terms, alphas: [iteration][right-hand side].
+// alpha = r.z / p.Ap, after dot_two(p, Ap, p, load).
 kernel void pcg_alpha(global const accum* restrict partial, global real* restrict scalars,
-                      global int* restrict state, global real* restrict terms, global real* restrict alphas,
                       const int iteration, const int chunks, const int rhs) {
   const int q = get_global_id(0);
   if (q >= rhs) return;
   const real curvature = sum_of(partial + q * chunks, chunks);
   const real work = sum_of(partial + (rhs + q) * chunks, chunks);
   const real rz = scalars[RZ * rhs + q];
-  if (state[q] == RUNNING && !isfinite(curvature)) state[q] = NOT_FINITE;
-  if (state[q] == RUNNING && curvature <= 0) state[q] = INDEFINITE;
-  const bool running = state[q] == RUNNING;
+  global real* state = scalars + STATE * rhs + q;
+  if (*state == RUNNING && !isfinite(curvature)) *state = NOT_FINITE;
+  if (*state == RUNNING && curvature <= 0) *state = INDEFINITE;
+  const bool running = *state == RUNNING;
   const real alpha = running ? rz / curvature : 0;
   const real term = alpha * rz;
   scalars[ALPHA * rhs + q] = alpha;
   scalars[DECREASE * rhs + q] += term;
   scalars[WORK * rhs + q] += running ? alpha * work : 0;
-  terms[iteration * rhs + q] = term;
-  alphas[iteration * rhs + q] = alpha;
-  if (running) state[rhs + q] = iteration + 1;
+  scalars[TERM(iteration) * rhs + q] = term;
+  scalars[ALPHA_OF(iteration) * rhs + q] = alpha;
+  scalars[BETA_OF(iteration) * rhs + q] = 0;
+  if (running) scalars[ITERATIONS * rhs + q] = iteration + 1;
 }
 
-// x += alpha p, r -= alpha Ap; a stopped right-hand side (alpha = 0) keeps its values whatever p holds.
-// Items: (node, right-hand side).
+// x += alpha p, r -= alpha Ap, and partial sums of r.r; a stopped right-hand side (alpha = 0) keeps its
+// values whatever p holds. Items and partial as in dot_two. Reads 8 reals, writes 4 and takes 12 flops per
+// node.
 kernel void pcg_update(global const real* restrict scalars, global const real2* restrict p,
                        global const real2* restrict ap, global real2* restrict x, global real2* restrict r,
-                       const int nodes, const int rhs) {
+                       global accum* restrict partial, const int nodes, const int chunk, const int chunks,
+                       const int rhs) {
   const int n = get_global_id(0), q = get_global_id(1);
-  if (n >= nodes) return;
+  if (n >= chunks) return;
+  const int begin = q * nodes + n * chunk, end = q * nodes + min((n + 1) * chunk, nodes);
   const real alpha = scalars[ALPHA * rhs + q];
-  const int at = q * nodes + n;
-  x[at] = alpha == 0 ? x[at] : x[at] + alpha * p[at];
-  r[at] = alpha == 0 ? r[at] : r[at] - alpha * ap[at];
+  real2 rr = (real2)(0);
+  if (alpha == 0)
+    for (int m = begin; m < end; ++m) rr += r[m] * r[m];
+  else
+    for (int m = begin; m < end; ++m) {
+      const real2 left = r[m] - alpha * ap[m];
+      x[m] += alpha * p[m];
+      r[m] = left;
+      rr += left * left;
+    }
+  partial[q * chunks + n] = rr.x + rr.y;
 }
 
 // Squared energy norm of the error after `iteration` (Hestenes-Stiefel; Strakos and Tichy 2002): the sum of
 // the last `delay` terms is the error `delay` steps ago less the error now. Sums over three such windows say
 // how fast it falls (the slower of two ratios), and from that how much is left now: the geometric rest, but
 // never taken for less than the last sum. A slow run falls by fits and starts: the windows grow with it.
-real error_estimate(global const real* restrict terms, const int iteration, const int least_delay,
+real error_estimate(global const real* restrict scalars, const int iteration, const int least_delay,
                     const int q, const int rhs) {
   const int delay = max(least_delay, (iteration + 1) / 8);
   real now = 0, before = 0, first = 0;
   for (int k = 0; k < delay; ++k) {
-    now += terms[(iteration - k) * rhs + q];
-    before += terms[(iteration - delay - k) * rhs + q];
+    now += scalars[TERM(iteration - k) * rhs + q];
+    before += scalars[TERM(iteration - delay - k) * rhs + q];
     const int oldest = iteration - 2 * delay - k;
-    first += oldest >= 0 ? terms[oldest * rhs + q] : 0;
+    first += oldest >= 0 ? scalars[TERM(oldest) * rhs + q] : 0;
   }
   const real ratio = min(max(now / before, first > 0 ? before / first : 0), REAL(0.99));
   return now * max(REAL(1.0), ratio / (1 - ratio));
 }
 
-// beta = (r.z)_new / (r.z)_old and the decision to stop, after dot_two(r, z, r, r).
-kernel void pcg_beta(global const accum* restrict partial, global real* restrict scalars,
-                     global int* restrict state, global const real* restrict terms,
-                     global real* restrict betas, const int iteration, const int delay,
-                     const real squared_tolerance, const real squared_residual_tolerance, const int chunks,
-                     const int rhs) {
+// The decision to stop, after pcg_update: before the preconditioner is applied again.
+kernel void pcg_judge(global const accum* restrict partial, global real* restrict scalars,
+                      const int iteration, const int delay, const real squared_tolerance,
+                      const real squared_residual_tolerance, const int chunks, const int rhs) {
   const int q = get_global_id(0);
-  if (q >= rhs) return;
-  const real rz = sum_of(partial + q * chunks, chunks), rr = sum_of(partial + (rhs + q) * chunks, chunks);
-  const bool running = state[q] == RUNNING;
-  const real beta = running ? rz / scalars[RZ * rhs + q] : 0;
-  betas[iteration * rhs + q] = beta;
-  scalars[BETA * rhs + q] = beta;
-  if (!running) return;
+  if (q >= rhs || scalars[STATE * rhs + q] != RUNNING) return;
+  const real rr = sum_of(partial + q * chunks, chunks), start = scalars[RR_START * rhs + q];
   const real scale = scalars[INITIAL * rhs + q] + 2 * scalars[WORK * rhs + q] - scalars[DECREASE * rhs + q];
   // Solved to the last digit before there were enough terms to estimate from (tiny problems).
-  const bool exhausted = rr <= RESIDUAL_FLOOR * scalars[RR_START * rhs + q];
+  const bool exhausted = rr <= RESIDUAL_FLOOR * start;
   const real estimate = rr == 0                      ? 0
-                        : exhausted                  ? terms[iteration * rhs + q]
-                        : iteration + 1 >= 2 * delay ? error_estimate(terms, iteration, delay, q, rhs)
+                        : exhausted                  ? scalars[TERM(iteration) * rhs + q]
+                        : iteration + 1 >= 2 * delay ? error_estimate(scalars, iteration, delay, q, rhs)
                                                      : INFINITY;
-  scalars[RZ * rhs + q] = rz;
   scalars[RR * rhs + q] = rr;
   scalars[SCALE * rhs + q] = scale;
   scalars[ESTIMATE * rhs + q] = estimate;
   const bool small_error = estimate <= max(squared_tolerance * scale, scalars[ABSOLUTE * rhs + q]);
-  const bool small_residual = rr <= squared_residual_tolerance * scalars[RR_START * rhs + q];
-  if (!isfinite(rz) || !isfinite(rr))
-    state[q] = NOT_FINITE;
+  const bool small_residual = rr <= squared_residual_tolerance * start;
+  if (!isfinite(rr))
+    scalars[STATE * rhs + q] = NOT_FINITE;
   else if (exhausted || small_error || small_residual)
-    state[q] = CONVERGED;
+    scalars[STATE * rhs + q] = CONVERGED;
+}
+
+// beta = (r.z)_new / (r.z)_old, after dot_two(r, z, r, r).
+kernel void pcg_beta(global const accum* restrict partial, global real* restrict scalars, const int iteration,
+                     const int chunks, const int rhs) {
+  const int q = get_global_id(0);
+  if (q >= rhs) return;
+  const real rz = sum_of(partial + q * chunks, chunks);
+  const bool running = scalars[STATE * rhs + q] == RUNNING;
+  const real beta = running ? rz / scalars[RZ * rhs + q] : 0;
+  scalars[BETA_OF(iteration) * rhs + q] = beta;
+  scalars[BETA * rhs + q] = beta;
+  if (!running) return;
+  scalars[RZ * rhs + q] = rz;
+  if (!isfinite(rz))
+    scalars[STATE * rhs + q] = NOT_FINITE;
   else if (rz <= 0)
-    state[q] = INDEFINITE;
+    scalars[STATE * rhs + q] = INDEFINITE;
 }
 
 // p = z + beta p; beta = 0 at the start, where p holds nothing. Items: (node, right-hand side).

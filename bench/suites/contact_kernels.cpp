@@ -36,7 +36,7 @@ std::map<std::string, Work> work_of(const service::TissueGrid& grid, const servi
           {"vectors_to_planes", per(3, 0)},
           {"planes_to_vectors", per(3, 0)},
           {"dot_two", per(8, 8)},
-          {"pcg_update", per(12, 8)},
+          {"pcg_update", per(12, 12)},
           {"pcg_direction", per(6, 4)}};
 }
 

@@ -118,16 +118,11 @@ class Queue {
   Queue() = default;
   template <class T>
   Array<T> array(std::size_t size) const {  // uninitialised
-    Array<T> a;
-    a.raw_ = allocate(size * sizeof(T));
-    a.size_ = size;
-    return a;
+    return make<T>(size, nullptr);
   }
   template <class T>
   Array<T> array(const std::vector<T>& host) const {
-    Array<T> a = array<T>(host.size());
-    write(a, host.data(), host.size());
-    return a;
+    return make(host.size(), host.data());
   }
   // Blocking copies of `count` items from item `offset` on.
   template <class T>
@@ -143,6 +138,11 @@ class Queue {
     std::vector<T> host(a.size());
     read(a, host.data(), host.size());
     return host;
+  }
+  // As write, but it returns at once: a copy is kept until the items have arrived.
+  template <class T>
+  void send(Array<T>& a, const T* host, std::size_t count, std::size_t offset = 0) const {
+    send_bytes(*a.raw_, host, count * sizeof(T), offset * sizeof(T));
   }
   template <class T>
   void copy(const Array<T>& from, Array<T>& to) const {
@@ -163,9 +163,18 @@ class Queue {
 
  private:
   friend class Device;
-  std::shared_ptr<RawBuffer> allocate(std::size_t bytes) const;
+  template <class T>
+  Array<T> make(std::size_t size, const T* host) const {
+    Array<T> a;
+    a.raw_ = allocate(size * sizeof(T), host);
+    a.size_ = size;
+    return a;
+  }
+  // Filled from `host` unless that is null.
+  std::shared_ptr<RawBuffer> allocate(std::size_t bytes, const void* host) const;
   void write_bytes(RawBuffer&, const void*, std::size_t bytes, std::size_t offset) const;
   void read_bytes(const RawBuffer&, void*, std::size_t bytes, std::size_t offset) const;
+  void send_bytes(RawBuffer&, const void*, std::size_t bytes, std::size_t offset) const;
   void copy_bytes(const RawBuffer&, RawBuffer&, std::size_t bytes) const;
   void zero_bytes(RawBuffer&, std::size_t bytes) const;
   struct State;

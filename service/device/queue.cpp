@@ -9,6 +9,9 @@ namespace {
 // Launches kept before the profile is summed up.
 constexpr std::size_t kPendingLaunches = 4096;
 
+// Kept at most of what is on its way to the device; a larger write waits.
+constexpr std::size_t kMostSentBytes = std::size_t{4} << 20;
+
 void check_range(const RawBuffer& buffer, std::size_t bytes, std::size_t offset) {
   if (offset > buffer.bytes || bytes > buffer.bytes - offset)
     throw DeviceError("copy of " + std::to_string(bytes) + " bytes at " + std::to_string(offset) +
@@ -71,6 +74,18 @@ Queue::State::State(std::shared_ptr<Context> shared)
   });
 }
 
+Queue::State::~State() {
+  if (!sent.empty()) try {
+      queue.finish();
+    } catch (const cl::Error&) {  // a lost device: nothing is on its way any more
+    }
+}
+
+void Queue::State::arrived() {
+  sent.clear();
+  sent_bytes = 0;
+}
+
 Kernel Queue::kernel(std::string_view source, std::string_view name, Precision precision,
                      const Defines& defines) const {
   Kernel kernel;
@@ -82,14 +97,17 @@ Kernel Queue::kernel(std::string_view source, std::string_view name, Precision p
   return kernel;
 }
 
-std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes) const {
+std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes, const void* host) const {
   const DeviceInfo& info = state_->context->info();
   if (bytes > info.max_allocation_bytes)
     throw DeviceError("an array of " + std::to_string(bytes) + " bytes exceeds the " +
                       std::to_string(info.max_allocation_bytes) + " that " + info.name + " can hold in one");
   auto raw = std::make_shared<RawBuffer>();
   raw->buffer = guarded("allocating " + std::to_string(bytes) + " bytes on " + info.name, [&] {
-    return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE, std::max<std::size_t>(bytes, 1));
+    if (!host || bytes == 0)
+      return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE, std::max<std::size_t>(bytes, 1));
+    return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR, bytes,
+                      const_cast<void*>(host));
   });
   raw->bytes = bytes;
   raw->held = state_->context->held_bytes();
@@ -102,6 +120,18 @@ void Queue::write_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, 
   if (bytes == 0) return;
   guarded("writing to the device",
           [&] { state_->queue.enqueueWriteBuffer(buffer.buffer, CL_TRUE, offset, bytes, host); });
+  state_->arrived();
+}
+
+void Queue::send_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, std::size_t offset) const {
+  if (state_->sent_bytes + bytes > kMostSentBytes) return write_bytes(buffer, host, bytes, offset);
+  check_range(buffer, bytes, offset);
+  if (bytes == 0) return;
+  const auto* from = static_cast<const std::byte*>(host);
+  const std::vector<std::byte>& copy = state_->sent.emplace_back(from, from + bytes);
+  state_->sent_bytes += bytes;
+  guarded("writing to the device",
+          [&] { state_->queue.enqueueWriteBuffer(buffer.buffer, CL_FALSE, offset, bytes, copy.data()); });
 }
 
 void Queue::read_bytes(const RawBuffer& buffer, void* host, std::size_t bytes, std::size_t offset) const {
@@ -109,6 +139,7 @@ void Queue::read_bytes(const RawBuffer& buffer, void* host, std::size_t bytes, s
   if (bytes == 0) return;
   guarded("reading from the device",
           [&] { state_->queue.enqueueReadBuffer(buffer.buffer, CL_TRUE, offset, bytes, host); });
+  state_->arrived();
 }
 
 void Queue::copy_bytes(const RawBuffer& from, RawBuffer& to, std::size_t bytes) const {
@@ -131,6 +162,7 @@ void Queue::zero_bytes(RawBuffer& buffer, std::size_t bytes) const {
 
 void Queue::finish() const {
   guarded("waiting for the device", [&] { state_->queue.finish(); });
+  state_->arrived();
 }
 
 std::vector<KernelTime> Queue::profile() const {

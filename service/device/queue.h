@@ -1,15 +1,24 @@
 // State of a Queue. Private to service/device.
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "service/device/opencl.h"
 
 namespace teletact::service {
 
 struct Queue::State {
   explicit State(std::shared_ptr<Context>);
+  ~State();  // what is on its way still needs its copies
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
   std::shared_ptr<Context> context;
   std::shared_ptr<LaunchLog> log;
   cl::CommandQueue queue;
+  std::vector<std::vector<std::byte>> sent;  // copies of what may still be on its way to the device
+  std::size_t sent_bytes = 0;
+  void arrived();  // all of it, as after a blocking command
 };
 
 }  // namespace teletact::service

@@ -14,7 +14,7 @@ void sweep(std::vector<double>& a, std::size_t n, std::size_t k, Eigen::ArrayXd&
   for (std::size_t j = 0; j < n; ++j) column[Eigen::Index(j)] = j < k ? a[k * n + j] : a[j * n + k];
   const double pivot = 1 / a[k * n + k];
   for (std::size_t i = 0; i < n; ++i) {
-    if (i == k) continue;
+    if (i == k || column[Eigen::Index(i)] == 0) continue;  // most are, of a sparse matrix, until swept
     const double factor = column[Eigen::Index(i)] * pivot;
     Row(&a[i * n], Eigen::Index(i + 1)) -= factor * column.head(Eigen::Index(i + 1));
     if (i > k) a[i * n + k] = factor;

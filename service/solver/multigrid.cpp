@@ -13,10 +13,6 @@
 namespace teletact::service {
 namespace {
 
-// A level of at most so many nodes is worked on by one work-group: launches would cost more than they share
-// out.
-constexpr std::size_t kSmallLevel = 1100;
-
 template <class T>
 std::vector<T> as(const auto& values) {
   return {values.begin(), values.end()};
@@ -29,10 +25,22 @@ std::vector<T> joined(std::initializer_list<const std::vector<T>*> parts) {
   return all;
 }
 
-// Work-group that runs steps on small levels.
+template <class W>
+bool on_processor(const Queue& queue) {
+  return queue.info().width<W>() > 1;
+}
+
+// A level of at most so many nodes is worked on by one work-group: launches would cost more than they share
+// out.
+template <class W>
+std::size_t small_level(const Queue& queue) {
+  return on_processor<W>(queue) ? 4000 : 1100;
+}
+
+// That work-group. A processor runs the items of a group one after the other: one does it all.
 template <class W>
 std::size_t group_of(const Queue& queue) {
-  return std::min<std::size_t>(queue.info().width<W>() > 1 ? 64 : 256, queue.info().max_group);
+  return on_processor<W>(queue) ? 1 : std::min<std::size_t>(256, queue.info().max_group);
 }
 
 template <class W>
@@ -98,7 +106,8 @@ Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines, const Mul
   }
   layout_ = lay_out(lines_, transfers_, queue.info().width<W>(), 2 * steps_.size());
   plan_ = plan_cycle(levels(), steps_.size());
-  while (first_small_ + 1 < levels() && (smooths_lines() || lines_[first_small_].nodes() > kSmallLevel))
+  while (first_small_ + 1 < levels() &&
+         (smooths_lines() || lines_[first_small_].nodes() > small_level<W>(queue)))
     ++first_small_;
   std::vector<int> table = layout_.table;
   for (const PlannedStep& s : plan_) table.insert(table.end(), {static_cast<int>(s.step), s.level, s.k});
@@ -128,9 +137,15 @@ void Multigrid<T, W>::set_operator(const Array<S>& stencil, const std::vector<st
     level.lines = queue_.array(joined<int>({&t.x.at, &t.y.at, &t.x.left, &t.y.left}));
     level.weights = queue_.array(as<S>(joined<double>({&t.x.weight, &t.y.weight})));
   }
+  std::vector<Array<S>> coarser;  // operators of the levels below the finest
+  const auto at = [&](std::size_t l) -> const Array<S>& { return l == 0 ? stencil : coarser[l - 1]; };
+  for (std::size_t l = 0; l + 1 < levels(); ++l) coarser.push_back(coarse_operator(l, at(l), setup));
+  const std::vector<S> coarsest = queue_.read(at(levels() - 1));
+  // The device works at the smoothers while the host inverts.
   Array<int> indefinite = queue_.array(std::vector<int>{0});
   line_factors_.clear();
-  set_level(0, stencil, setup, indefinite);
+  for (std::size_t l = 0; l + 1 < levels(); ++l) set_level(l, at(l), indefinite);
+  invert_coarsest({coarsest.begin(), coarsest.end()});
   if (queue_.read(indefinite)[0])
     throw std::invalid_argument("multigrid: the operator is not symmetric positive definite");
 }
@@ -159,17 +174,13 @@ void Multigrid<T, W>::set_header(const std::vector<std::vector<std::uint8_t>>& f
       header[at + static_cast<std::size_t>(level.stride)] = free[l][2 * n + 1];
     }
   }
-  queue_.write(constants_, header.data(), header.size());
+  queue_.send(constants_, header.data(), header.size());
 }
 
+// Operator and smoother of a level.
 template <class T, class W>
 template <class S>
-void Multigrid<T, W>::set_level(std::size_t index, const Array<S>& stencil, const Setup<S>& setup,
-                                Array<int>& indefinite) {
-  if (index + 1 == levels()) {
-    const std::vector<S> host = queue_.read(stencil);
-    return invert_coarsest({host.begin(), host.end()});
-  }
+void Multigrid<T, W>::set_level(std::size_t index, const Array<S>& stencil, Array<int>& indefinite) {
   const LevelLayout& level = layout_.levels[index];
   const std::size_t nx = lines_[index].x.size(), ny = lines_[index].y.size();
   queue_.kernel("planes", "stencil_to_planes", precision_of<S>, planes_of<W>())(
@@ -180,7 +191,6 @@ void Multigrid<T, W>::set_level(std::size_t index, const Array<S>& stencil, cons
         converted<W>(queue_, line_factor(queue_, stencil, nx, ny, short_side_ == ShortSide::kX, indefinite)));
   else
     cell_smoother(queue_, stencil, nx, ny, indefinite, constants_, level.smoother, level.stride);
-  set_level(index + 1, coarse_operator(index, stencil, setup), setup, indefinite);
 }
 
 // P^T A P, and P itself where it is more than bilinear.
@@ -227,7 +237,7 @@ void Multigrid<T, W>::invert_coarsest(const std::vector<double>& stencil) {
     for (std::size_t b = 0; b < n; ++b)
       padded[(2 * (a % 2 * span + place(a / 2)) + b % 2) * row + place(b / 2)] =
           static_cast<W>(dense[a * n + b]);
-  queue_.write(constants_, padded.data(), padded.size(), static_cast<std::size_t>(level.stencil));
+  queue_.send(constants_, padded.data(), padded.size(), static_cast<std::size_t>(level.stencil));
 }
 
 template <class T, class W>

@@ -57,7 +57,7 @@ class Multigrid : public LinearOperator<T> {
   bool smooths_lines() const { return short_side_ != ShortSide::kNeither; }
   void set_header(const std::vector<std::vector<std::uint8_t>>& free);
   template <class S>
-  void set_level(std::size_t level, const Array<S>& stencil, const Setup<S>&, Array<int>& indefinite);
+  void set_level(std::size_t level, const Array<S>& stencil, Array<int>& indefinite);
   template <class S>
   Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const Setup<S>&);
   void invert_coarsest(const std::vector<double>& stencil);

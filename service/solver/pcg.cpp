@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <stdexcept>
 
 #include "service/solver/ritz.h"
@@ -9,9 +10,19 @@
 namespace teletact::service {
 namespace {
 
-// Fields of the scalars, as in kernels/pcg.cl.
-enum Field : std::size_t { kDecrease = 3, kRr = 5, kEstimate = 6, kScale = 7, kInitial = 8, kAbsolute = 9 };
-constexpr std::size_t kFields = 11;
+// Fields of the scalars, as in kernels/pcg.cl; after them kHistory of each iteration.
+enum Field : std::size_t {
+  kDecrease = 3,
+  kRr = 5,
+  kEstimate = 6,
+  kScale = 7,
+  kInitial = 8,
+  kAbsolute = 9,
+  kState = 11,
+  kIterations = 12,
+  kFields = 13
+};
+enum History : std::size_t { kAlphaOf = 1, kBetaOf = 2, kHistory = 3 };
 
 // Nodes that one work item sums, and the most partial sums of one right-hand side.
 constexpr std::size_t kSmallestChunk = 32, kMostChunks = 1024;
@@ -48,12 +59,11 @@ Pcg<T>::Pcg(const Queue& queue, std::size_t unknowns, std::size_t count, const P
   begin_ = get("pcg_begin");
   alpha_ = get("pcg_alpha");
   update_ = get("pcg_update");
+  judge_ = get("pcg_judge");
   beta_ = get("pcg_beta");
   direction_ = get("pcg_direction");
   for (Array<T>* a : {&z_, &p_, &ap_}) *a = queue.array<T>(unknowns * count);
   partial_ = queue.array<T>(2 * chunks_ * count);
-  scalars_ = queue.array<T>(kFields * count);
-  state_ = queue.array<int>(2 * count);
 }
 
 // Partial sums of a.b and c.d.
@@ -67,54 +77,53 @@ void Pcg<T>::dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, co
 template <class T>
 void Pcg<T>::begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T>& r, Array<T>& x,
                    const std::vector<double>& initial_energy, const std::vector<double>& absolute_error) {
-  if (history_ < options_.max_iterations) {
-    history_ = options_.max_iterations;
-    for (Array<T>* a : {&terms_, &alphas_, &betas_}) *a = queue_.array<T>(history_ * capacity_);
-  }
+  if (const std::size_t size = (kFields + kHistory * options_.max_iterations) * capacity_;
+      scalars_.size() < size)
+    scalars_ = queue_.array<T>(size);
   std::vector<T> scalars(kFields * count, T{0});
   for (std::size_t q = 0; q < count; ++q) {
     if (!initial_energy.empty()) scalars[kInitial * count + q] = static_cast<T>(initial_energy[q]);
     if (!absolute_error.empty())
       scalars[kAbsolute * count + q] = static_cast<T>(absolute_error[q] * absolute_error[q]);
   }
-  queue_.write(scalars_, scalars.data(), scalars.size());
+  queue_.send(scalars_, scalars.data(), scalars.size());
   queue_.fill_zero(x);
   preconditioner.apply(r, z_, count);
   dot_two(r, z_, r, r, count);
-  begin_({{count}, {1}}, partial_, scalars_, state_, static_cast<int>(chunks_), static_cast<int>(count));
+  begin_({{count}, {1}}, partial_, scalars_, static_cast<int>(chunks_), static_cast<int>(count));
   direction_({{nodes_, count}, {kLocal}}, scalars_, z_, p_, static_cast<int>(nodes_),
              static_cast<int>(count));
 }
 
 template <class T>
-void Pcg<T>::iterate(LinearOperator<T>& a, LinearOperator<T>& preconditioner, std::size_t iteration,
-                     std::size_t count, Array<T>& r, const Array<T>& load, Array<T>& x) {
-  const Range each{{count}, {1}}, all{{nodes_, count}, {kLocal}};
+void Pcg<T>::advance(LinearOperator<T>& a, std::size_t iteration, std::size_t count, Array<T>& r,
+                     const Array<T>& load, Array<T>& x) {
+  const Range each{{count}, {1}}, all{{chunks_, count}, {16}};
   const int k = static_cast<int>(iteration), rhs = static_cast<int>(count);
-  const int nodes = static_cast<int>(nodes_), chunks = static_cast<int>(chunks_);
+  const int nodes = static_cast<int>(nodes_), chunk = static_cast<int>(chunk_);
+  const int chunks = static_cast<int>(chunks_);
   // alpha = r.z / p.Ap
   a.apply(p_, ap_, count);
   dot_two(p_, ap_, p_, load, count);
-  alpha_(each, partial_, scalars_, state_, terms_, alphas_, k, chunks, rhs);
+  alpha_(each, partial_, scalars_, k, chunks, rhs);
   // x += alpha p, r -= alpha A p
-  update_(all, scalars_, p_, ap_, x, r, nodes, rhs);
-  // z = M r
-  preconditioner.apply(r, z_, count);
-  // beta = (r.z)_new / (r.z)_old, and whether to stop
-  dot_two(r, z_, r, r, count);
-  beta_(each, partial_, scalars_, state_, terms_, betas_, k, static_cast<int>(options_.delay),
-        static_cast<T>(options_.relative_error * options_.relative_error),
-        static_cast<T>(options_.relative_residual * options_.relative_residual), chunks, rhs);
-  // p = z + beta p
-  direction_(all, scalars_, z_, p_, nodes, rhs);
+  update_(all, scalars_, p_, ap_, x, r, partial_, nodes, chunk, chunks, rhs);
+  judge_(each, partial_, scalars_, k, static_cast<int>(options_.delay),
+         static_cast<T>(options_.relative_error * options_.relative_error),
+         static_cast<T>(options_.relative_residual * options_.relative_residual), chunks, rhs);
 }
 
 template <class T>
-bool Pcg<T>::running(std::size_t count) const {
-  std::vector<int> state(count);
-  queue_.read(state_, state.data(), count);
-  return std::any_of(state.begin(), state.end(),
-                     [](int s) { return s == static_cast<int>(StopReason::kRunning); });
+void Pcg<T>::turn(LinearOperator<T>& preconditioner, std::size_t iteration, std::size_t count,
+                  const Array<T>& r) {
+  const int rhs = static_cast<int>(count);
+  // z = M r
+  preconditioner.apply(r, z_, count);
+  // beta = (r.z)_new / (r.z)_old
+  dot_two(r, z_, r, r, count);
+  beta_({{count}, {1}}, partial_, scalars_, static_cast<int>(iteration), static_cast<int>(chunks_), rhs);
+  // p = z + beta p
+  direction_({{nodes_, count}, {kLocal}}, scalars_, z_, p_, static_cast<int>(nodes_), rhs);
 }
 
 template <class T>
@@ -125,38 +134,38 @@ std::vector<PcgResult> Pcg<T>::solve(LinearOperator<T>& a, LinearOperator<T>& pr
   if (count == 0) return {};
   if (count > capacity_) throw std::invalid_argument("Pcg: more right-hand sides than it was made for");
   begin(preconditioner, count, r, x, initial_energy, absolute_error);
-  std::size_t k = 0;
-  while (k < options_.max_iterations) {
-    iterate(a, preconditioner, k, count, r, load, x);
-    ++k;
-    if (k >= 2 * options_.delay && k % options_.look_every == 0 && !running(count)) break;
+  for (std::size_t k = 0;; ++k) {
+    advance(a, k, count, r, load, x);
+    const std::size_t done = k + 1;
+    const bool last = done >= options_.max_iterations;
+    if (last || (done >= 2 * options_.delay && done % options_.look_every == 0)) {
+      std::vector<T> scalars((kFields + kHistory * done) * count);
+      queue_.read(scalars_, scalars.data(), scalars.size());
+      const std::span<const T> states = std::span(scalars).subspan(kState * count, count);
+      if (last || std::ranges::find(states, static_cast<T>(StopReason::kRunning)) == states.end())
+        return results(scalars, count);
+    }
+    turn(preconditioner, k, count, r);
   }
-  return results(count, k);
 }
 
 template <class T>
-std::vector<PcgResult> Pcg<T>::results(std::size_t count, std::size_t iterations) const {
-  std::vector<T> scalars(kFields * count), alphas(iterations * count), betas(iterations * count);
-  std::vector<int> state(2 * count);
-  queue_.read(scalars_, scalars.data(), scalars.size());
-  queue_.read(state_, state.data(), state.size());
-  queue_.read(alphas_, alphas.data(), alphas.size());
-  queue_.read(betas_, betas.data(), betas.size());
+std::vector<PcgResult> Pcg<T>::results(const std::vector<T>& scalars, std::size_t count) {
   std::vector<PcgResult> results(count);
   for (std::size_t q = 0; q < count; ++q) {
     PcgResult& result = results[q];
-    result.reason = static_cast<StopReason>(state[q]);
+    const auto field = [&](std::size_t f) { return static_cast<double>(scalars[f * count + q]); };
+    result.reason = static_cast<StopReason>(static_cast<int>(field(kState)));
     if (result.reason == StopReason::kRunning) result.reason = StopReason::kIterationLimit;
-    result.iterations = static_cast<std::size_t>(state[count + q]);
-    const auto field = [&](Field f) { return static_cast<double>(scalars[f * count + q]); };
+    result.iterations = static_cast<std::size_t>(field(kIterations));
     result.recursive_residual = std::sqrt(field(kRr));
     result.squared_error = field(kEstimate);
     result.squared_energy = field(kScale);
     result.squared_decrease = field(kDecrease);
     Lanczos lanczos;
     for (std::size_t k = 0; k < result.iterations; ++k) {
-      lanczos.alpha.push_back(static_cast<double>(alphas[k * count + q]));
-      lanczos.beta.push_back(static_cast<double>(betas[k * count + q]));
+      lanczos.alpha.push_back(field(kFields + kHistory * k + kAlphaOf));
+      lanczos.beta.push_back(field(kFields + kHistory * k + kBetaOf));
     }
     result.smallest_eigenvalue = smallest_ritz_value(lanczos);
   }

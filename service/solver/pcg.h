@@ -60,18 +60,16 @@ class Pcg {
  private:
   void begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T>& r, Array<T>& x,
              const std::vector<double>& initial_energy, const std::vector<double>& absolute_error);
-  void iterate(LinearOperator<T>& a, LinearOperator<T>& preconditioner, std::size_t iteration,
-               std::size_t count, Array<T>& r, const Array<T>& load, Array<T>& x);
-  std::vector<PcgResult> results(std::size_t count, std::size_t iterations) const;
+  void advance(LinearOperator<T>& a, std::size_t iteration, std::size_t count, Array<T>& r,
+               const Array<T>& load, Array<T>& x);
+  void turn(LinearOperator<T>& preconditioner, std::size_t iteration, std::size_t count, const Array<T>& r);
+  static std::vector<PcgResult> results(const std::vector<T>& scalars, std::size_t count);
   void dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, const Array<T>& d, std::size_t count);
-  bool running(std::size_t count) const;
   Queue queue_;
   PcgOptions options_;
-  std::size_t nodes_, capacity_, chunk_, chunks_, history_ = 0;
-  Kernel dot_, begin_, alpha_, update_, beta_, direction_;
+  std::size_t nodes_, capacity_, chunk_, chunks_;
+  Kernel dot_, begin_, alpha_, update_, judge_, beta_, direction_;
   Array<T> z_, p_, ap_, partial_, scalars_;
-  Array<T> terms_, alphas_, betas_;  // [iteration][right-hand side]
-  Array<int> state_;                 // [state, iterations][right-hand side]
 };
 
 }  // namespace teletact::service

@@ -80,7 +80,7 @@ template <class T>
 void Elasticity<T>::set_material(const Material& material, double reference_pa) {
   std::vector<T> modulus;
   for (const double e : material.youngs_modulus_pa) modulus.push_back(static_cast<T>(e / reference_pa));
-  queue_.write(modulus_, modulus.data(), modulus.size());
+  queue_.send(modulus_, modulus.data(), modulus.size());
   const LameRatios lame = lame_ratios(material.poisson_ratio);
   mu_per_e_ = static_cast<T>(lame.mu_per_e);
   lambda_per_e_ = static_cast<T>(lame.lambda_per_e);

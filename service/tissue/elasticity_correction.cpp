@@ -31,9 +31,9 @@ class Correction : public ElasticityCorrection {
     set_multigrid();
   }
 
-  std::vector<PcgResult> solve(const Problem& problem, std::span<double> correction,
-                               std::span<double> recursive) override {
+  std::vector<PcgResult> solve(const Problem& problem, std::span<double> correction) override {
     const std::vector<double> scale = scales(problem.count, problem.residual);
+    solved_scale_ = scale;
     write(problem.residual, scale, r_);
     write(problem.load, scale, load_);
     // With K = E_ref K' and r = scale r': x = scale / E_ref x', energies scale^2 / E_ref times those of x'.
@@ -51,14 +51,15 @@ class Correction : public ElasticityCorrection {
         *value *= squared;
     }
     read(x_, scale, 1 / reference_pa_, correction);
-    read(r_, scale, 1, recursive);
     return results;
   }
 
+  void recursive_residuals(std::span<double> recursive) override { read(r_, solved_scale_, 1, recursive); }
+
   std::vector<double> norm(std::size_t count, std::span<const double> residual) override {
     const std::vector<double> scale = scales(count, residual);
-    write(residual, scale, r_);
-    std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, r_);
+    write(residual, scale, load_);
+    std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, load_);
     for (std::size_t q = 0; q < count; ++q)
       norms[q] = std::sqrt(std::max(norms[q], 0.0) / reference_pa_) * scale[q];
     return norms;
@@ -66,8 +67,8 @@ class Correction : public ElasticityCorrection {
 
   std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) override {
     const std::vector<double> scale = scales(count, residual);
-    write(residual, scale, r_);
-    multigrid_.apply(r_, x_, count);
+    write(residual, scale, load_);
+    multigrid_.apply(load_, x_, count);
     std::vector<double> z(residual.size());
     read(x_, scale, 1 / reference_pa_, z);
     return z;
@@ -98,7 +99,7 @@ class Correction : public ElasticityCorrection {
     host_.resize(scale.size() * grid_.dofs());
     for (std::size_t n = 0; n < host_.size(); ++n)
       host_[n] = static_cast<T>(from[n] / scale[n / grid_.dofs()]);
-    queue_.write(to, host_.data(), host_.size());
+    queue_.send(to, host_.data(), host_.size());
   }
   void read(const Array<T>& from, const std::vector<double>& scale, double factor, std::span<double> to) {
     host_.resize(scale.size() * grid_.dofs());
@@ -113,7 +114,8 @@ class Correction : public ElasticityCorrection {
   Material material_;
   Multigrid<T, W> multigrid_;
   Pcg<T> pcg_;
-  Array<T> r_, load_, x_;
+  Array<T> r_, load_, x_;  // r_ keeps what the last solve left
+  std::vector<double> solved_scale_;
   std::vector<T> host_;
   double reference_pa_ = 1;
 };

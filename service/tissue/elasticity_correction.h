@@ -23,10 +23,10 @@ class ElasticityCorrection {
     std::vector<double> initial_energy, absolute_error;  // J/m and its square root, see Pcg
     double relative_error = 0;
   };
-  // Solves K x = residual. correction: x (m); recursive: residuals left by the recurrence (N/m), both out.
-  // Energies in the results are in J/m, residual norms in N/m.
-  virtual std::vector<PcgResult> solve(const Problem&, std::span<double> correction,
-                                       std::span<double> recursive) = 0;
+  // Solves K x = residual. correction: x (m), out. Energies in the results are in J/m, residual norms in N/m.
+  virtual std::vector<PcgResult> solve(const Problem&, std::span<double> correction) = 0;
+  // Residuals that the last solve's recurrence left (N/m), out.
+  virtual void recursive_residuals(std::span<double>) = 0;
   // (r . M r)^(1/2) of residuals r (N/m): with the smallest eigenvalue of M K, a bound of ||K^-1 r||_K.
   virtual std::vector<double> norm(std::size_t count, std::span<const double> residual) = 0;
   // M r (m).

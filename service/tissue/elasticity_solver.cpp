@@ -70,9 +70,9 @@ struct ElasticitySolver::Core {
                             std::span<const double> prescribed, std::span<double> u);
   std::vector<double> masked_loads(std::size_t count, std::span<const double> loads) const;
   std::vector<double> right_hand_norms(std::size_t count, const std::vector<double>& load,
-                                       std::span<const double> u);
+                                       std::span<const double> u, const std::vector<double>& force);
   void refresh(std::size_t count, std::span<const double> load, std::span<const double> u,
-               std::vector<double>& residual, std::vector<Column>& columns);
+               const std::vector<double>& force, std::vector<double>& residual, std::vector<Column>& columns);
   void run(std::size_t count, bool first, const std::vector<double>& load, std::span<double> u,
            std::vector<double>& residual, std::vector<Column>& columns);
   std::vector<double> error_bounds(std::size_t count, std::span<const double> residual);
@@ -143,7 +143,7 @@ std::vector<double> ElasticitySolver::Core::forces(std::size_t count, std::span<
     apply_on_host(grid, material, count, u, force);
     return force;
   }
-  queue.write(exact_u, u.data(), size);
+  queue.send(exact_u, u.data(), size);
   exact->apply_unconstrained(exact_u, exact_f, count);
   queue.read(exact_f, force.data(), size);
   for (double& f : force) f *= reference_pa;
@@ -157,7 +157,7 @@ std::vector<double> ElasticitySolver::Core::forces_again(const Units& units, std
   if (exact) {
     Elasticity<double> other(queue, grid, free, units.length);
     other.set_material(in_units(material, units), reference_pa);
-    queue.write(exact_u, other_u.data(), force.size());
+    queue.send(exact_u, other_u.data(), force.size());
     other.apply_unconstrained(exact_u, exact_f, count);
     queue.read(exact_f, force.data(), force.size());
   } else {
@@ -186,20 +186,19 @@ std::vector<double> ElasticitySolver::Core::masked_loads(std::size_t count,
   return masked;
 }
 
-// ||f - K u_prescribed|| on the free unknowns, whatever the initial guess.
+// ||f - K u_prescribed|| on the free unknowns, whatever the initial guess. force: K u.
 std::vector<double> ElasticitySolver::Core::right_hand_norms(std::size_t count,
                                                              const std::vector<double>& load,
-                                                             std::span<const double> u) {
+                                                             std::span<const double> u,
+                                                             const std::vector<double>& force) {
   std::vector<double> held(count * grid.dofs()), right = load;
-  bool any = false;
+  bool guessed = false;
   for (std::size_t n = 0; n < held.size(); ++n) {
     held[n] = free[n % grid.dofs()] ? 0 : u[n];
-    any = any || held[n] != 0;
+    guessed = guessed || held[n] != u[n];
   }
-  if (any) {
-    const std::vector<double> force = forces(count, held);
-    for (std::size_t n = 0; n < right.size(); ++n) right[n] -= free[n % grid.dofs()] ? force[n] : 0;
-  }
+  const std::vector<double> of_held = guessed ? forces(count, held) : force;
+  for (std::size_t n = 0; n < right.size(); ++n) right[n] -= free[n % grid.dofs()] ? of_held[n] : 0;
   std::vector<double> norms;
   for (std::size_t q = 0; q < count; ++q) norms.push_back(norm(column(right, q)));
   return norms;
@@ -207,9 +206,8 @@ std::vector<double> ElasticitySolver::Core::right_hand_norms(std::size_t count,
 
 // Residuals f - K u and energies u . K u of the present answer.
 void ElasticitySolver::Core::refresh(std::size_t count, std::span<const double> load,
-                                     std::span<const double> u, std::vector<double>& residual,
-                                     std::vector<Column>& columns) {
-  const std::vector<double> force = forces(count, u);
+                                     std::span<const double> u, const std::vector<double>& force,
+                                     std::vector<double>& residual, std::vector<Column>& columns) {
   for (std::size_t n = 0; n < residual.size(); ++n)
     residual[n] = free[n % grid.dofs()] ? load[n] - force[n] : 0;
   for (std::size_t q = 0; q < count; ++q) {
@@ -235,10 +233,10 @@ void ElasticitySolver::Core::run(std::size_t count, bool first, const std::vecto
   } else {
     for (const Column& c : columns) problem.initial_energy.push_back(c.energy);
   }
-  std::vector<double> x(residual.size()), gap(residual.size());
-  const std::vector<PcgResult> results = correction->solve(problem, x, gap);
+  std::vector<double> x(residual.size());
+  const std::vector<PcgResult> results = correction->solve(problem, x);
   for (std::size_t n = 0; n < u.size(); ++n) u[n] += x[n];
-  refresh(count, load, u, residual, columns);
+  refresh(count, load, u, forces(count, u), residual, columns);
   for (const PcgResult& r : results)
     if (r.iterations > 0 && (smallest_eigenvalue == 0 || r.smallest_eigenvalue < smallest_eigenvalue))
       smallest_eigenvalue = r.smallest_eigenvalue;
@@ -252,6 +250,8 @@ void ElasticitySolver::Core::run(std::size_t count, bool first, const std::vecto
     enough = enough && columns[q].relative_error() <= options.relative_error;
   }
   if (enough) return;
+  std::vector<double> gap(residual.size());
+  correction->recursive_residuals(gap);
   for (std::size_t n = 0; n < gap.size(); ++n) gap[n] = residual[n] - gap[n];
   const std::vector<double> rounding = error_bounds(count, gap);
   for (std::size_t q = 0; q < count; ++q)
@@ -274,10 +274,10 @@ std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<c
       u[n] = given ? prescribed[n] : 0;
     }
   const std::vector<double> load = masked_loads(count, loads);
-  const std::vector<double> norms = right_hand_norms(count, load, u);
+  const std::vector<double> force = forces(count, u), norms = right_hand_norms(count, load, u, force);
   std::vector<Column> columns(count);
   std::vector<double> residual(count * grid.dofs());
-  refresh(count, load, u, residual, columns);
+  refresh(count, load, u, force, residual, columns);
   for (std::size_t q = 0; q < count; ++q) {
     columns[q].load_norm = norms[q];
     columns[q].first_energy = columns[q].energy;

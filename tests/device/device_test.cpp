@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -174,6 +175,27 @@ TEST_F(Device_, CopiesBeyondTheEndAreRefused) {
   auto b = queue.array<int>(3);
   queue.copy(a, b);
   EXPECT_EQ(queue.read(b), (std::vector<int>{1, 2, 3}));
+}
+
+TEST_F(Device_, WhatIsSentArrivesInOrderThoughTheHostGoesOn) {
+  const Queue queue = Device::open(options_)->queue();
+  constexpr int kItems = 1 << 18, kRounds = 9;  // more in all than is kept on its way
+  auto a = queue.array<int>(kItems), copies = queue.array<int>(kItems);
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<int> host(kItems, round);
+    queue.send(a, host.data(), host.size());
+    if (round == 3) queue.copy(a, copies);
+    std::fill(host.begin(), host.end(), -1);
+  }
+  const int last[] = {7, 8};
+  queue.send(a, last, 2, kItems - 2);
+  const std::vector<int> arrived = queue.read(a);
+  EXPECT_EQ(arrived.front(), kRounds - 1);
+  EXPECT_EQ(arrived[kItems - 3], kRounds - 1);
+  EXPECT_EQ(arrived[kItems - 2], 7);
+  EXPECT_EQ(arrived.back(), 8);
+  EXPECT_EQ(queue.read(copies), std::vector<int>(kItems, 3));
+  EXPECT_THROW(queue.send(a, last, 2, kItems - 1), DeviceError);
 }
 
 TEST_F(Device_, ManyThreadsBuildAndLaunchTheSameKernel) {
