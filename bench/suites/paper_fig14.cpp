@@ -239,7 +239,8 @@ void draw_line(const json& figures, const std::filesystem::path& file) {
   };
   plot(file,
        script +
-           fmt::format("set title 'Kalman filter and real stiffness (the paper''s Fig. 14), {}, 120 mm/s'\n",
+           fmt::format("set title \"Kalman filter and real stiffness (the paper's Fig. 14), {}, 120 mm/s\\n"
+                       "of its curve the paper states no figures: 'only a short delay was recorded'\"\n",
                        figures["line"].get<std::string>()) +
            "set xlabel 'time (s)'\nset ylabel 'stiffness (N/m)'\nset key outside bottom center\n"
            "plot $felt using 1:2 every 10 with points pt 6 ps 0.9 lc rgb 'black' title 'real', "

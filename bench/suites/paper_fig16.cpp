@@ -88,7 +88,8 @@ void draw_lines(const json& figures, const std::filesystem::path& file) {
   }
   plot(file,
        script +
-           fmt::format("set title 'Touching under the surface (the paper''s Fig. 16), nu = {:.2f}'\n",
+           fmt::format("set title \"Touching under the surface (the paper's Fig. 16), nu = {:.2f}\\n"
+                       "of its curves the paper states no figures\"\n",
                        figures["poisson_ratio"].get<double>()) +
            "set xlabel 'x (mm)'\nset ylabel 'stiffness over the largest'\nset yrange [0:1.05]\n"
            "set key outside right\nunset colorbox\nset palette defined (0 '#bcd6ee', 1 '#08306b')\nplot " +
@@ -110,12 +111,14 @@ void draw_contrast(const json& figures, const std::filesystem::path& file) {
         "$nu{1} using 1:3 with points pt 6 ps 1.6 lc {2} title 'expected, nu = {3:.2f}'",
         k == 0 ? "" : ", ", k, k + 1, nu);
   }
-  plot(file, script +
-                 "set title 'How far the inclusion stands out, against the depth of the touched line'\n"
-                 "set xlabel 'depth of the touched line (mm)'\nset ylabel 'stiffness at the centre over that "
-                 "30 mm beside it'\n"
-                 "set key top left\nplot " +
-                 curves + "\n");
+  plot(file,
+       script +
+           "set title \"How far the inclusion stands out, against the depth of the touched line\\n"
+           "expected: an independent solver's; the paper states no figures: 'the closer ... the bigger'\"\n"
+           "set xlabel 'depth of the touched line (mm)'\nset ylabel 'stiffness at the centre over that "
+           "30 mm beside it'\n"
+           "set key top left\nplot " +
+           curves + "\n");
 }
 
 void draw(const json& figures, const std::string& folder) {
