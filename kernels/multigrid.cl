@@ -7,6 +7,11 @@
 #define GROUP 256
 #endif
 
+// What the vectors that come and go are made of: `real`, or double.
+#ifndef OUTER
+#define OUTER real
+#endif
+
 // Steps, as in service/solver/cycle_plan.h.
 #define STEP_RESIDUAL 0
 #define STEP_SMOOTH 1
@@ -14,6 +19,8 @@
 #define STEP_RESTRICT 3
 #define STEP_PROLONG 4
 #define STEP_SOLVE 5
+#define STEP_PACK 6
+#define STEP_UNPACK 7
 
 // residual = right - A correction at WIDTH nodes.
 void residual_at(global const real* constants, global real* vectors, const Level level, const int item) {
@@ -47,16 +54,35 @@ void smooth_at(global const real* constants, global real* vectors, const Level l
   STORE(from_zero ? y : LOAD(z + stride) + y, z + stride);
 }
 
-// Right-hand side of the next level = P^T residual, over its nodes and those between rows. P is bilinear on
-// coarse lines, and its blocks (kernels/galerkin.cl, inside_blocks) at the nodes inside coarse cells. Coarse
-// line I lies on fine line at[I]; the fine lines just before and after it, where they are not coarse
-// themselves, belong to it with weights around[I] = (before, after).
-void restrict_at(global const real* constants, global real* vectors, global const int* table,
-                 const Level level, const Level next, const int item) {
-  const int i = item % next.pitch, j = item / next.pitch, n = first_node(next) + item;
-  if (i >= next.nx) return;
-  const int pitch = level.pitch, from = pitch * (table[level.at_y + j] + 1) + table[level.at_x + i] + 1;
-  global const real* x = vectors + level.vectors + RESIDUAL * level.stride + from;
+// Right-hand side from a vector [node][2], and the correction into one.
+void pack_at(global const OUTER* restrict from, global real* restrict vectors, const Level level,
+             const Columns part) {
+  global real* right = vectors + level.vectors + RIGHT * level.stride + first_node(level);
+  for (int i = part.begin; i < part.end; ++i) {
+    const int node = i + level.nx * part.j, n = i + level.pitch * part.j;
+    right[n] = from[2 * node];
+    right[level.stride + n] = from[2 * node + 1];
+  }
+}
+
+void unpack_at(global const real* restrict vectors, global OUTER* restrict to, const Level level,
+               const Columns part) {
+  global const real* z = vectors + level.vectors + CORRECTION * level.stride + first_node(level);
+  for (int i = part.begin; i < part.end; ++i) {
+    const int node = i + level.nx * part.j, n = i + level.pitch * part.j;
+    to[2 * node] = z[n];
+    to[2 * node + 1] = z[level.stride + n];
+  }
+}
+
+// Right-hand side of the next level at its node (i, j) = P^T residual. P is bilinear on coarse lines, and its
+// blocks (kernels/galerkin.cl, inside_blocks) at the nodes inside coarse cells. Coarse line I lies on fine
+// line at[I]; the fine lines just before and after it, where they are not coarse themselves, belong to it
+// with weights around[I] = (before, after). x: residual at the fine node in its place.
+void restrict_node(global const real* restrict constants, global const real* restrict x,
+                   global real* restrict right, const Level level, const Level next, const int i,
+                   const int j) {
+  const int pitch = level.pitch, n = first_node(next) + next.pitch * j + i;
   global const real* y = x + level.stride;
   global const real* wx = constants + level.around_x + 2 * i;
   global const real* wy = constants + level.around_y + 2 * j;
@@ -70,50 +96,84 @@ void restrict_at(global const real* constants, global real* vectors, global cons
     sum_x += block[0] * x[to] + block[2 * next.stride] * y[to];
     sum_y += block[next.stride] * x[to] + block[3 * next.stride] * y[to];
   }
-  global real* right = vectors + next.vectors + RIGHT * next.stride + n;
   global const real* free = constants + next.free + n;
-  right[0] = free[0] * sum_x;
-  right[next.stride] = free[next.stride] * sum_y;
+  right[n] = free[0] * sum_x;
+  right[next.stride + n] = free[next.stride] * sum_y;
 }
 
-// Correction += P times the next level's. Items as above: each brings what belongs to the fine node at its
-// place, to the dropped line before the next column and row, and to the node inside the cell between.
-void prolong_at(global const real* constants, global real* vectors, global const int* table,
-                const Level level, const Level next, const int item) {
-  const int i = item % next.pitch, j = item / next.pitch, n = first_node(next) + item;
-  if (i >= next.nx) return;
-  const int pitch = level.pitch, stride = level.stride;
-  const int to = pitch * (table[level.at_y + j] + 1) + table[level.at_x + i] + 1;
-  const bool dropped_x = constants[level.around_x + 2 * i + 1] != 0;
-  const bool dropped_y = constants[level.around_y + 2 * j + 1] != 0;
-  for (int c = 0; c < 2; ++c) {
-    global const real* from = vectors + next.vectors + (CORRECTION + c) * next.stride + n;
-    global real* z = vectors + level.vectors + (CORRECTION + c) * stride + to;
-    global const real* free = constants + level.free + c * stride + to;
-    z[0] += free[0] * from[0];
-    if (dropped_x) {
-      const real w = constants[level.around_x + 2 * i + 1];
-      z[1] += free[1] * (w * from[0] + (1 - w) * from[1]);
-    }
-    if (dropped_y) {
-      const real w = constants[level.around_y + 2 * j + 1];
-      z[pitch] += free[pitch] * (w * from[0] + (1 - w) * from[next.pitch]);
-    }
+// Over columns of the next level. Those on every second fine one go first: their places follow one another.
+void restrict_at(global const real* constants, global real* vectors, global const int* table,
+                 const Level level, const Level next, const Columns part) {
+  if (part.begin >= part.end) return;
+  global const real* x = vectors + level.vectors + RESIDUAL * level.stride + first_node(level) +
+                         level.pitch * table[level.at_y + part.j];
+  global real* right = vectors + next.vectors + RIGHT * next.stride;
+  const int halved = min(level.halved, part.end);
+  for (int i = part.begin; i < halved; ++i)
+    restrict_node(constants, x + 2 * i, right, level, next, i, part.j);
+  for (int i = max(halved, part.begin); i < part.end; ++i)
+    restrict_node(constants, x + table[level.at_x + i], right, level, next, i, part.j);
+}
+
+// The four fine nodes of coarse node (i, j): correction += P times the next level's, on the fine node in its
+// place, on the dropped lines before the next column and row, and inside the cell between. z: correction at
+// the first, from: the next level's at (i, j).
+void prolong_node(global const real* restrict constants, global const real* restrict from,
+                  global real* restrict z, const Level level, const Level next, const int free_at,
+                  const int block_at, const real wx, const real wy, const bool dropped_x,
+                  const bool dropped_y) {
+  const int pitch = level.pitch, stride = level.stride, below = next.pitch;
+  global const real* x = from;
+  global const real* y = from + next.stride;
+  global const real* free = constants + free_at;
+  z[0] += free[0] * x[0];
+  z[stride] += free[stride] * y[0];
+  if (dropped_x) {
+    z[1] += free[1] * (wx * x[0] + (1 - wx) * x[1]);
+    z[stride + 1] += free[stride + 1] * (wx * y[0] + (1 - wx) * y[1]);
+  }
+  if (dropped_y) {
+    z[pitch] += free[pitch] * (wy * x[0] + (1 - wy) * x[below]);
+    z[stride + pitch] += free[stride + pitch] * (wy * y[0] + (1 - wy) * y[below]);
   }
   if (!dropped_x || !dropped_y) return;
-  global const real* x = vectors + next.vectors + CORRECTION * next.stride + n;
-  global const real* y = x + next.stride;
   real sum_x = 0, sum_y = 0;
 #pragma unroll
   for (int p = 0; p < 4; ++p) {
-    const int corner = p % 2 + p / 2 * next.pitch;
-    global const real* block = constants + level.inside + 4 * p * next.stride + n;
+    const int corner = p % 2 + p / 2 * below;
+    global const real* block = constants + block_at + 4 * p * next.stride;
     sum_x += block[0] * x[corner] + block[next.stride] * y[corner];
     sum_y += block[2 * next.stride] * x[corner] + block[3 * next.stride] * y[corner];
   }
-  global real* inside = vectors + level.vectors + CORRECTION * stride + to + 1 + pitch;
-  inside[0] += sum_x;
-  inside[stride] += sum_y;
+  z[pitch + 1] += sum_x;
+  z[stride + pitch + 1] += sum_y;
+}
+
+// Over columns of the next level, as above.
+void prolong_at(global const real* constants, global real* vectors, global const int* table,
+                const Level level, const Level next, const Columns part) {
+  if (part.begin >= part.end) return;
+  const int fine = first_node(level) + level.pitch * table[level.at_y + part.j];
+  const int coarse = first_node(next) + next.pitch * part.j;
+  global real* z = vectors + level.vectors + CORRECTION * level.stride + fine;
+  global const real* from = vectors + next.vectors + CORRECTION * next.stride + coarse;
+  global const real* around = constants + level.around_x + 1;  // [2 i]: of the line after coarse column i
+  const real wy = constants[level.around_y + 2 * part.j + 1];
+  const int free_at = level.free + fine, block_at = level.inside + coarse;
+  const int halved = min(level.halved, part.end);
+  if (wy != 0)
+    for (int i = part.begin; i < halved; ++i)
+      prolong_node(constants, from + i, z + 2 * i, level, next, free_at + 2 * i, block_at + i, around[2 * i],
+                   wy, true, true);
+  else
+    for (int i = part.begin; i < halved; ++i)
+      prolong_node(constants, from + i, z + 2 * i, level, next, free_at + 2 * i, block_at + i, around[2 * i],
+                   wy, true, false);
+  for (int i = max(halved, part.begin); i < part.end; ++i) {
+    const int at = table[level.at_x + i];
+    prolong_node(constants, from + i, z + at, level, next, free_at + at, block_at + i, around[2 * i], wy,
+                 around[2 * i] != 0, wy != 0);
+  }
 }
 
 // The coarsest level: correction = dense inverse times right. Symmetric, [2 nodes][2][row of nodes]; nodes
@@ -156,30 +216,43 @@ kernel void smooth(global const real* constants, global real* vectors, global co
 kernel void restrict_residual(global const real* constants, global real* vectors, global const int* table,
                               const int index, const int vectors_size) {
   const Level next = level_of(table, index + 1);
-  const int item = get_global_id(0);
-  if (item >= span(next)) return;
   restrict_at(constants, vectors + get_global_id(1) * vectors_size, table, level_of(table, index), next,
-              item);
+              columns_of(next, get_global_id(0)));
 }
 
 kernel void prolong_add(global const real* constants, global real* vectors, global const int* table,
                         const int index, const int vectors_size) {
   const Level next = level_of(table, index + 1);
-  const int item = get_global_id(0);
-  if (item >= span(next)) return;
-  prolong_at(constants, vectors + get_global_id(1) * vectors_size, table, level_of(table, index), next, item);
+  prolong_at(constants, vectors + get_global_id(1) * vectors_size, table, level_of(table, index), next,
+             columns_of(next, get_global_id(0)));
+}
+
+// Vectors [right-hand side][node][2] in and out of the finest level's planes.
+kernel void vectors_to_planes(global const OUTER* r, global real* vectors, global const int* table,
+                              const int vectors_size) {
+  const Level level = level_of(table, 0);
+  pack_at(r + get_global_id(1) * 2 * level.nx * level.ny, vectors + get_global_id(1) * vectors_size, level,
+          columns_of(level, get_global_id(0)));
+}
+
+kernel void planes_to_vectors(global const real* vectors, global OUTER* z, global const int* table,
+                              const int vectors_size) {
+  const Level level = level_of(table, 0);
+  unpack_at(vectors + get_global_id(1) * vectors_size, z + get_global_id(1) * 2 * level.nx * level.ny, level,
+            columns_of(level, get_global_id(0)));
 }
 
 // Steps `from` to `to` - 1 of the plan at `plan` in the table, (step, level, k) each, by one work-group for
-// each right-hand side.
+// each right-hand side; r and z: vectors [right-hand side][node][2] that a whole cycle takes and gives.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void run_steps(
-    global const real* constants, global real* vectors, global const int* table, const int plan,
-    const int from, const int to, const int vectors_size) {
-  const int first = get_local_id(0);
-  vectors += get_group_id(1) * vectors_size;
+    global const real* constants, global real* vectors, global const int* table, global const OUTER* r,
+    global OUTER* z, const int plan, const int from, const int to, const int vectors_size) {
+  const int first = get_local_id(0), q = get_group_id(1);
+  vectors += q * vectors_size;
   for (int s = from; s < to; ++s) {
     const int step = table[plan + 3 * s], index = table[plan + 3 * s + 1], k = table[plan + 3 * s + 2];
     const Level level = level_of(table, index);
+    const int unknowns = 2 * level.nx * level.ny;
     if (step == STEP_RESIDUAL)
       for (int item = first; item < blocks(level); item += GROUP)
         residual_at(constants, vectors, level, item);
@@ -188,15 +261,21 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void run_steps(
         smooth_at(constants, vectors, level, k, step == STEP_SMOOTH_FROM_ZERO, item);
     if (step == STEP_RESTRICT || step == STEP_PROLONG) {
       const Level next = level_of(table, index + 1);
-      for (int item = first; item < span(next); item += GROUP)
+      for (int item = first; item < row_items(next); item += GROUP)
         if (step == STEP_RESTRICT)
-          restrict_at(constants, vectors, table, level, next, item);
+          restrict_at(constants, vectors, table, level, next, columns_of(next, item));
         else
-          prolong_at(constants, vectors, table, level, next, item);
+          prolong_at(constants, vectors, table, level, next, columns_of(next, item));
     }
     if (step == STEP_SOLVE)
       for (int item = first; item < 2 * blocks(level); item += GROUP)
         solve_at(constants, vectors, level, item);
+    if (step == STEP_PACK)
+      for (int item = first; item < row_items(level); item += GROUP)
+        pack_at(r + q * unknowns, vectors, level, columns_of(level, item));
+    if (step == STEP_UNPACK)
+      for (int item = first; item < row_items(level); item += GROUP)
+        unpack_at(vectors, z + q * unknowns, level, columns_of(level, item));
     barrier(CLK_GLOBAL_MEM_FENCE);
   }
 }

@@ -1,5 +1,4 @@
-// Into multigrid's planes (levels.clh) and out of them. Items run over whole planes, so that what does not
-// exist becomes zero.
+// Into multigrid's planes (levels.clh). Items run over whole planes, so that what does not exist becomes zero.
 #include "planes.clh"
 
 // The 20 planes of a symmetric stencil (stencil.clh), from `at` on.
@@ -46,24 +45,4 @@ kernel void inside_to_planes(global const real4* restrict fine, global const rea
     }
     store_block(block, planes + at + 4 * p * stride + n, stride);
   }
-}
-
-// Vectors [right-hand side][node] to two planes each, at `at` of every `size`, and back. Items: (place or
-// node, right-hand side).
-kernel void vectors_to_planes(global const real2* restrict v, global WORK* restrict planes, const int at,
-                              const int size, const int stride, const int nx, const int ny) {
-  const int n = get_global_id(0), q = get_global_id(1);
-  if (n >= stride) return;
-  const int node = node_at(n, nx, ny);
-  const real2 value = node < 0 ? (real2)(0) : v[q * nx * ny + node];
-  planes[q * size + at + n] = value.x;
-  planes[q * size + at + stride + n] = value.y;
-}
-
-kernel void planes_to_vectors(global const WORK* restrict planes, global real2* restrict v, const int at,
-                              const int size, const int stride, const int nx, const int ny) {
-  const int node = get_global_id(0), q = get_global_id(1);
-  if (node >= nx * ny) return;
-  global const WORK* from = planes + q * size + at + (nx + 1) * (node / nx + 1) + node % nx + 1;
-  v[q * nx * ny + node] = (real2)(from[0], from[stride]);
 }

@@ -30,8 +30,9 @@ void cycle(int level, int last, std::size_t steps, std::vector<PlannedStep>& pla
 }  // namespace
 
 std::vector<PlannedStep> plan_cycle(std::size_t levels, std::size_t smoothing_steps) {
-  std::vector<PlannedStep> plan;
+  std::vector<PlannedStep> plan{{CycleStep::kPack}};
   cycle(0, static_cast<int>(levels) - 1, smoothing_steps, plan);
+  plan.push_back({CycleStep::kUnpack});
   return plan;
 }
 

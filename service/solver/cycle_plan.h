@@ -14,6 +14,8 @@ enum class CycleStep : int {
   kRestrict,        // right-hand side of the next level from the residual
   kProlong,         // correction from the next level's
   kSolve,           // the coarsest level
+  kPack,            // right-hand side of the finest level from a vector
+  kUnpack,          // a vector from the correction
 };
 
 struct PlannedStep {

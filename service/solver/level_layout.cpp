@@ -32,6 +32,13 @@ std::size_t plane_size(std::size_t nx, std::size_t ny, std::size_t width) {
   return kAlignment * ((least / kAlignment + 1) | 1);
 }
 
+// Of the coarse lines, from the first on: those on every second fine line that the next one also keeps to.
+int halved(const std::vector<int>& at) {
+  std::size_t count = 0;
+  while (count + 1 < at.size() && at[count + 1] == static_cast<int>(2 * (count + 1))) ++count;
+  return static_cast<int>(count);
+}
+
 LevelLayout geometry(const NodeLines& lines, std::size_t width) {
   LevelLayout level;
   level.nx = static_cast<int>(lines.x.size());
@@ -55,6 +62,7 @@ HierarchyLayout lay_out(const std::vector<NodeLines>& lines, const std::vector<G
     LevelLayout& level = layout.levels[l];
     level.at_x = table.take(transfers[l].x.at.size());
     level.at_y = table.take(transfers[l].y.at.size());
+    level.halved = halved(transfers[l].x.at);
     level.around_x = constants.take(transfers[l].x.around.size());
     level.around_y = constants.take(transfers[l].y.around.size());
   }
@@ -80,8 +88,9 @@ HierarchyLayout lay_out(const std::vector<NodeLines>& lines, const std::vector<G
   layout.table.assign(static_cast<std::size_t>(table.used()), 0);
   for (std::size_t l = 0; l < lines.size(); ++l) {
     const LevelLayout& v = layout.levels[l];
-    const int fields[kFields] = {v.nx,     v.ny,       v.pitch,    v.stride, v.stencil, v.smoother, v.free,
-                                 v.inside, v.around_x, v.around_y, v.at_x,   v.at_y,    v.vectors};
+    const int fields[kFields] = {v.nx,       v.ny,   v.pitch,  v.stride,   v.stencil,
+                                 v.smoother, v.free, v.inside, v.around_x, v.around_y,
+                                 v.at_x,     v.at_y, v.halved, v.vectors};
     std::copy(std::begin(fields), std::end(fields), layout.table.begin() + static_cast<long>(kFields * l));
   }
   for (std::size_t l = 0; l < transfers.size(); ++l) {

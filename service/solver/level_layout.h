@@ -18,6 +18,7 @@ struct LevelLayout {
   int inside = 0;                  // constants: 16 planes of the next level's size
   int around_x = 0, around_y = 0;  // constants: LineTransfer::around
   int at_x = 0, at_y = 0;          // table: LineTransfer::at
+  int halved = 0;                  // coarse columns on every second of this level's, the next one too
   int vectors = 0;                 // vectors: right, correction, direction, residual, 2 planes each
   int first() const { return pitch + 1; }  // place of node (0, 0) in a plane
   int span() const { return pitch * ny; }  // places from there to the last node, those between rows too

@@ -43,9 +43,11 @@ std::size_t group_of(const Queue& queue) {
   return on_processor<W>(queue) ? 1 : std::min<std::size_t>(256, queue.info().max_group);
 }
 
-template <class W>
+template <class T, class W>
 Defines defines_of(const Queue& queue) {
-  return {{"WIDTH", std::to_string(queue.info().width<W>())}, {"GROUP", std::to_string(group_of<W>(queue))}};
+  return {{"WIDTH", std::to_string(queue.info().width<W>())},
+          {"GROUP", std::to_string(group_of<W>(queue))},
+          {"OUTER", sizeof(T) == sizeof(double) ? "double" : "float"}};
 }
 
 // A coarse unknown is constrained where the fine one at its place is.
@@ -66,15 +68,15 @@ template <class T, class W>
 struct Multigrid<T, W>::Kernels {
   explicit Kernels(const Queue& queue) {
     const auto get = [&](const char* name) {
-      return queue.kernel("multigrid", name, precision_of<W>, defines_of<W>(queue));
+      return queue.kernel("multigrid", name, precision_of<W>, defines_of<T, W>(queue));
     };
     residual = get("residual");
     smooth = get("smooth");
     restriction = get("restrict_residual");
     prolong = get("prolong_add");
     run = get("run_steps");
-    pack = queue.kernel("planes", "vectors_to_planes", precision_of<T>, planes_of<W>());
-    unpack = queue.kernel("planes", "planes_to_vectors", precision_of<T>, planes_of<W>());
+    pack = get("vectors_to_planes");
+    unpack = get("planes_to_vectors");
   }
   Kernel residual, smooth, restriction, prolong, run, pack, unpack, solve_lines, line_step;
 };
@@ -265,38 +267,33 @@ template <class T, class W>
 void Multigrid<T, W>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
   reserve(count);
   const std::size_t group = group_of<W>(queue_);
-  const LevelLayout& finest = layout_.levels.front();
-  const auto stride = static_cast<std::size_t>(finest.stride);
-  kernels_->pack({{stride, count}, {64}}, r, vectors_, finest.right(), layout_.vectors_size, finest.stride,
-                 finest.nx, finest.ny);
   for (std::size_t s = 0; s < plan_.size();) {
     const auto small = [&](std::size_t at) {
       return at < plan_.size() && static_cast<std::size_t>(plan_[at].level) >= first_small_;
     };
     if (!small(s)) {
-      launch(plan_[s++], count);
+      launch(plan_[s++], r, z, count);
       continue;
     }
     const std::size_t from = s;
     while (small(s)) ++s;
-    kernels_->run({{group, count}, {group}}, constants_, vectors_, table_,
+    kernels_->run({{group, count}, {group}}, constants_, vectors_, table_, r, z,
                   static_cast<int>(layout_.table.size()), static_cast<int>(from), static_cast<int>(s),
                   layout_.vectors_size);
   }
-  kernels_->unpack({{lines_.front().nodes(), count}, {64}}, vectors_, z, finest.correction(),
-                   layout_.vectors_size, finest.stride, finest.nx, finest.ny);
 }
 
 // A step on a level that is not small.
 template <class T, class W>
-void Multigrid<T, W>::launch(const PlannedStep& s, std::size_t count) {
+void Multigrid<T, W>::launch(const PlannedStep& s, const Array<T>& r, Array<T>& z, std::size_t count) {
   const LevelLayout& level = layout_.levels[static_cast<std::size_t>(s.level)];
   const std::size_t width = queue_.info().width<W>(), span = static_cast<std::size_t>(level.span());
   const Range over_nodes{{(span + width - 1) / width, count}, {width > 1 ? 8U : 64U}};
-  const auto over_next = [&] {
-    const LevelLayout& next = layout_.levels[static_cast<std::size_t>(s.level) + 1];
-    return Range{{static_cast<std::size_t>(next.span()), count}, {64}};
+  const auto by_rows = [&](const LevelLayout& of) -> Range {  // kernels/levels.clh, row_items
+    if (on_processor<W>(queue_)) return {{static_cast<std::size_t>(of.ny), count}, {4}};
+    return {{static_cast<std::size_t>(of.span()), count}, {64}};
   };
+  const auto next = [&] { return by_rows(layout_.levels[static_cast<std::size_t>(s.level) + 1]); };
   switch (s.step) {
     case CycleStep::kResidual:
       return kernels_->residual(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size);
@@ -306,9 +303,13 @@ void Multigrid<T, W>::launch(const PlannedStep& s, std::size_t count) {
       return kernels_->smooth(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size, s.k,
                               static_cast<int>(s.step == CycleStep::kSmoothFromZero));
     case CycleStep::kRestrict:
-      return kernels_->restriction(over_next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return kernels_->restriction(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
     case CycleStep::kProlong:
-      return kernels_->prolong(over_next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return kernels_->prolong(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+    case CycleStep::kPack:
+      return kernels_->pack(by_rows(level), r, vectors_, table_, layout_.vectors_size);
+    case CycleStep::kUnpack:
+      return kernels_->unpack(by_rows(level), vectors_, z, table_, layout_.vectors_size);
     case CycleStep::kSolve:
       throw std::logic_error("multigrid: the coarsest level is always small");
   }

@@ -62,7 +62,7 @@ class Multigrid : public LinearOperator<T> {
   Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const Setup<S>&);
   void invert_coarsest(const std::vector<double>& stencil);
   void reserve(std::size_t count);
-  void launch(const PlannedStep&, std::size_t count);
+  void launch(const PlannedStep&, const Array<T>& r, Array<T>& z, std::size_t count);
   void smooth_lines(const PlannedStep&, std::size_t count);
   Queue queue_;
   ShortSide short_side_;

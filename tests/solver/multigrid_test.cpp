@@ -240,23 +240,25 @@ TYPED_TEST(Multigrid_, TransfersAndCoarseOperatorMatchTheDenseTripleProduct) {
   const MatrixXd equilibrium = in_equilibrium(t, a, p);
   const MatrixXd f = random_vectors(s, 2, 7), c = random_vectors(coarse, 2, 8);
   ASSERT_GT(largest((equilibrium - p) * c), 0.01);
-  LevelsOnDevice<T> levels(queue, t, 1, 2);
-  const LevelLayout &fine = levels.fine(), &next = levels.layout.levels[1];
-  levels.set_free(fine, s.free);
-  levels.set_free(next, coarse.free);
-  queue.kernel("planes", "inside_to_planes", precision_of<T>)(
-      {{static_cast<std::size_t>(next.stride)}, {64}}, stencil, rows, fine_free, lines, weights,
-      levels.constants, fine.inside, next.stride, 14, 9, cx, cy);
-  levels.set(fine, fine.residual(), f);
-  levels.set(fine, fine.correction(), f);
-  const Range over_next{{static_cast<std::size_t>(next.span()), 2}, {64}};
-  levels.kernel("multigrid", "restrict_residual")(over_next, levels.constants, levels.vectors, levels.table,
-                                                  0, levels.layout.vectors_size);
-  EXPECT_LE(largest(levels.get(next, next.right()) - equilibrium.transpose() * f), 200 * this->eps());
-  levels.set(next, next.correction(), c);
-  levels.kernel("multigrid", "prolong_add")(over_next, levels.constants, levels.vectors, levels.table, 0,
-                                            levels.layout.vectors_size);
-  EXPECT_LE(largest(levels.get(fine, fine.correction()) - (f + equilibrium * c)), 200 * this->eps());
+  for (const std::size_t width : kWidths) {
+    LevelsOnDevice<T> levels(queue, t, width, 2);
+    const LevelLayout &fine = levels.fine(), &next = levels.layout.levels[1];
+    levels.set_free(fine, s.free);
+    levels.set_free(next, coarse.free);
+    queue.kernel("planes", "inside_to_planes", precision_of<T>)(
+        {{static_cast<std::size_t>(next.stride)}, {64}}, stencil, rows, fine_free, lines, weights,
+        levels.constants, fine.inside, next.stride, 14, 9, cx, cy);
+    levels.set(fine, fine.residual(), f);
+    levels.set(fine, fine.correction(), f);
+    const Range over_next{{static_cast<std::size_t>(next.span()), 2}, {64}};
+    levels.kernel("multigrid", "restrict_residual")(over_next, levels.constants, levels.vectors, levels.table,
+                                                    0, levels.layout.vectors_size);
+    EXPECT_LE(largest(levels.get(next, next.right()) - equilibrium.transpose() * f), 200 * this->eps());
+    levels.set(next, next.correction(), c);
+    levels.kernel("multigrid", "prolong_add")(over_next, levels.constants, levels.vectors, levels.table, 0,
+                                              levels.layout.vectors_size);
+    EXPECT_LE(largest(levels.get(fine, fine.correction()) - (f + equilibrium * c)), 200 * this->eps());
+  }
   // P^T A P
   auto product = queue.template array<T>(36 * coarse.nodes());
   queue.kernel("galerkin", "galerkin_product", precision_of<T>)(grid_range(coarse.nx, coarse.ny, 5), stencil,
