@@ -329,11 +329,13 @@ MatrixXd TissueModel::condensed_in_other_units(std::size_t line, const Units& un
   options.touch_begin_m *= units.length;
   options.touch_end_m *= units.length;
   const TissueModel other(in_units(grid_, units), in_units(material_, units), supports_, options);
-  return units.modulus * static_cast<const CondensedLine&>(*other.condensed(line)).whole();
+  const std::shared_ptr<Compliance> held = other.condensed(line);
+  return units.modulus * static_cast<const CondensedLine&>(*held).whole();
 }
 
 bool TissueModel::measure_rounding(std::size_t line) const {
-  auto& measured = static_cast<CondensedLine&>(*condensed(line));
+  const std::shared_ptr<Compliance> held = condensed(line);  // others may make the model let go of it
+  auto& measured = static_cast<CondensedLine&>(*held);
   const std::lock_guard lock(lines_->measuring);
   const std::size_t next = measured.samples();
   if (next == kRoundingSamples) return false;

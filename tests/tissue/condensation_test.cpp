@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/SparseCholesky>
+#include <atomic>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
@@ -200,6 +201,23 @@ TEST(TissueModel, LinesAreCondensedOnceAmongManyThreads) {
     EXPECT_NE(seen[line], nullptr);
     for (std::size_t t = 1; t < 4; ++t) EXPECT_EQ(seen[10 * t + line], seen[line]);
   }
+}
+
+// A line that is measured while the model has room for one, and others ask for other lines: what is measured
+// must live as long, and be that line. (Before: a use after free, which the address sanitizer tells.)
+TEST(TissueModel, LineIsMeasuredWhileOthersPushItOut) {
+  const TissueGrid grid = tests::uniform_grid(31, 25);
+  const TissueModel model(grid, tests::inclusion(grid, 10, 0.49), {}, {.most_line_bytes = 1});
+  const auto columns = range(0, 30);
+  const MatrixXd before = model.condensed(3)->among(columns, nullptr);
+  std::atomic<bool> done = false;
+  std::thread others([&] {
+    for (std::size_t k = 0; !done; ++k) model.condensed(5 + k % 18);
+  });
+  for (int k = 0; k < 40; ++k) EXPECT_TRUE(model.measure_rounding(3) || model.condensed(3));
+  done = true;
+  others.join();
+  EXPECT_EQ(model.condensed(3)->among(columns, nullptr), before);
 }
 
 template <class Make>
