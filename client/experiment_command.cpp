@@ -24,6 +24,7 @@ struct Arguments {
   bool person = false;
   DeviceChoice device = {.device = ""};  // empty: the keyboard
   SpringChain chain = {.renderer = ""};  // empty: perfect stiffness
+  SpringPlace place;
   std::uint64_t seed = 1;
   std::string csv, refit;
   double lapse_rate_most = 0;
@@ -55,13 +56,13 @@ double hardest_n_m(const ExperimentPlan& plan) {
 std::vector<AnsweredTrial> ask(const Arguments& arguments) {
   Random random(arguments.seed);
   ExperimentPlan plan = arguments.plan;
-  plan.condition = condition_of(chain_of(arguments));
+  plan.condition = condition_of(chain_of(arguments), arguments.place);
   const std::vector<Trial> trials = random_order(plan, random);
   std::unique_ptr<HapticDevice> device;
   std::unique_ptr<SpringDisplay> display;
   if (arguments.person && !arguments.device.device.empty()) {
     device = make_device(arguments.device);
-    display = std::make_unique<SpringDisplay>(*device, true, chain_of(arguments));
+    display = std::make_unique<SpringDisplay>(*device, true, chain_of(arguments), arguments.place);
     display->require(hardest_n_m(arguments.plan));  // before anybody is asked
   }
   const Observer observer =
@@ -137,7 +138,9 @@ void run(const Arguments& arguments) {
                                                  {"equality_fraction", "--equality-fraction"},
                                                  {"resamples", "--resamples"},
                                                  {"update_hz", "--update-hz"},
-                                                 {"age_s", "--age-s"}}));
+                                                 {"age_s", "--age-s"},
+                                                 {"width_m", "--inclusion-m"},
+                                                 {"edge_m", "--edge-m"}}));
   }
 }
 
@@ -166,6 +169,16 @@ void add_observer_options(CLI::App& command, Arguments& arguments) {
       ->check(CLI::Range(0.0, 0.3))
       ->capture_default_str()
       ->needs(renderer);
+  auto* inclusion = command
+                        .add_option("--inclusion-m", arguments.place.width_m,
+                                    "width of an inclusion, 30 mm to the right, that alone has the stimulus; "
+                                    "without it it is felt everywhere")
+                        ->check(CLI::Range(0.01, 0.05))
+                        ->needs(device);
+  command.add_option("--edge-m", arguments.place.edge_m, "of the inclusion; 4.4 times this from 10 to 90 %")
+      ->check(CLI::Range(0.0005, 0.005))
+      ->capture_default_str()
+      ->needs(inclusion);
   const auto simulated = [&](const char* name, double& value, const char* help) {
     command.add_option(name, value, help)->capture_default_str()->excludes(person);
   };

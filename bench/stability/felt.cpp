@@ -4,7 +4,7 @@
 #include <cmath>
 #include <deque>
 
-#include "bench/stability/tissue.h"
+#include "client/experiment/inclusion.h"
 #include "client/haptic/profiles.h"
 #include "client/haptic/quantised_reading.h"
 #include "client/render/force_chain.h"
@@ -14,28 +14,13 @@ namespace teletact::bench {
 namespace {
 
 using client::ForceSample;
+using client::Inclusion;
 using client::ToolPose;
 using client::Vector2;
 
 constexpr double kCentreM = 0.06, kHalfWidthM = 0.01, kWayM = 0.09;
 constexpr double kJudgedM = 0.01;
 constexpr double kBackgroundBeginM = 0.03, kBackgroundEndM = 0.045;
-
-// U = 1/2 K(x) d^2 with K a plateau between two logistic edges.
-struct Inclusion {
-  double background_n_m, stimulus_n_m, edge_m;
-  ForceSample answer(const Vector2& position_m) const {
-    const auto edge = [this](double u_m) { return 1 / (1 + std::exp(-u_m / edge_m)); };
-    const double in = edge(position_m.x() - kCentreM + kHalfWidthM);
-    const double out = edge(position_m.x() - kCentreM - kHalfWidthM);
-    const double step_n_m = stimulus_n_m - background_n_m;
-    const double slope_in = in * (1 - in) / edge_m, slope_out = out * (1 - out) / edge_m;
-    const double k = background_n_m + step_n_m * (in - out);
-    const double slope = step_n_m * (slope_in - slope_out);
-    const double bend = step_n_m * (slope_in * (1 - 2 * in) - slope_out * (1 - 2 * out)) / edge_m;
-    return spring_answer(position_m, k, slope, bend);
-  }
-};
 
 struct Mean {
   double sum = 0, count = 0;
@@ -105,7 +90,8 @@ std::vector<double> felt_stiffness(const FeltOptions& options, double background
                                    unsigned passes) {
   std::vector<double> felt;
   for (unsigned pass = 0; pass < passes; ++pass)
-    felt.push_back(one_pass(options, {background_n_m, stimulus_n_m, options.edge_m}, (pass + 0.5) / passes));
+    felt.push_back(one_pass(options, {background_n_m, stimulus_n_m, kCentreM, kHalfWidthM, options.edge_m},
+                            (pass + 0.5) / passes));
   return felt;
 }
 

@@ -7,22 +7,9 @@
 #include <cmath>
 #include <vector>
 
-#include "client/render/renderer.h"
+#include "client/experiment/inclusion.h"
 
 namespace teletact::bench {
-
-// The answer of U(x, d) = 1/2 K(x) d^2 at a place [x, d] where K is k, its derivatives `slope` and `bend`.
-inline client::ForceSample spring_answer(const client::Vector2& position_m, double k, double slope,
-                                         double bend) {
-  client::ForceSample sample;
-  sample.position_m = position_m;
-  const double d = position_m.y();
-  if (d <= 0) return sample;
-  sample.contact = true;
-  sample.force_n = {-slope * d * d / 2, -k * d};
-  sample.tangent_n_m << -bend * d * d / 2, -slope * d, -slope * d, -k;
-  return sample;
-}
 
 enum class Scene { kHomogeneous, kInclusions };
 
@@ -45,7 +32,7 @@ class StabilityTissue {
       slope -= u / kWidthM * bump;
       bend += (u * u - 1) / (kWidthM * kWidthM) * bump;
     }
-    return spring_answer(position_m, k, slope, bend);
+    return client::spring_answer(position_m, k, slope, bend);
   }
   double energy_j(const client::Vector2& position_m) const {
     return -0.5 * answer(position_m).force_n.y() * std::max(position_m.y(), 0.0);

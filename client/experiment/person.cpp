@@ -46,16 +46,18 @@ std::optional<bool> judge(const Trial& trial, const Feel& feel, std::istream& in
   }
 }
 
-bool feel_on(SpringDisplay& display, double stiffness_n_m, std::istream& in, std::ostream& out) {
-  display.present(stiffness_n_m);
-  out << "Lift the finger, press it in, Enter when you have felt it: " << std::flush;
+bool feel_on(SpringDisplay& display, double stiffness_n_m, double background_n_m, std::istream& in,
+             std::ostream& out) {
+  display.present(stiffness_n_m, background_n_m);
+  const char* how = display.has_inclusion() ? "draw it to the right and back" : "stay for a moment";
+  out << "Lift the finger, press it in, " << how << ", Enter when you have felt it: " << std::flush;
   while (true) {
     if (ends(read_word(in))) return false;
     if (display.felt()) return true;
     const std::string trouble = display.trouble();
     display.ask_for_force();
     out << "  not felt yet" << (trouble.empty() ? "" : " (" + trouble + ")")
-        << ": lift the finger off, press it in and stay for a moment, then Enter: " << std::flush;
+        << ": lift the finger off, press it in and " << how << ", then Enter: " << std::flush;
   }
 }
 
@@ -86,7 +88,7 @@ Observer device_observer(SpringDisplay& display, std::istream& in, std::ostream&
   return [&](const Trial& trial, std::size_t number, std::size_t of) {
     out << "\ntrial " << number << " of " << of << '\n';
     return judge(
-        trial, [&](double k_n_m) { return feel_on(display, k_n_m, in, out); }, in, out);
+        trial, [&](double k_n_m) { return feel_on(display, k_n_m, trial.background_n_m, in, out); }, in, out);
   };
 }
 

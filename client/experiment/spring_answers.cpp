@@ -16,15 +16,15 @@ std::int64_t nanoseconds(double s) {
 SpringAnswers::SpringAnswers(double period_s, double age_s)
     : period_ns_(nanoseconds(period_s)), age_ns_(nanoseconds(age_s)) {}
 
-void SpringAnswers::present(double stiffness_n_m) {
-  wanted_n_m_ = stiffness_n_m;
+void SpringAnswers::present(const Inclusion& tissue) {
+  wanted_ = tissue;
   waits_ = true;
   arrived_ = 0;
 }
 
 void SpringAnswers::add(const ServoPose& pose) {
   if (waits_ && pose.pose.position_m.y() <= 0) {
-    shown_n_m_ = wanted_n_m_;
+    shown_ = wanted_;
     first_ = sequence_ + 1;
     waits_ = false;
   }
@@ -41,15 +41,14 @@ ServoAnswer SpringAnswers::answer_to(const ServoPose& pose) {
   answer.covered_end_m = 1e3;
   answer.period_s = 1e-9 * static_cast<double>(period_ns_);
   answer.received_ns = pose.time_ns + age_ns_;
+  const Vector2& tool_m = pose.pose.position_m;
+  const bool contact = tool_m.y() > 0;
   ForceSample& sample = answer.sample;
+  sample = shown_.answer(contact ? tool_m : Vector2(tool_m.x(), kForeseenM));
+  sample.contact = contact;
+  sample.foreseen = !contact;
   sample.sequence = ++sequence_;
   sample.pose_time_s = 1e-9 * static_cast<double>(pose.time_ns);
-  sample.position_m = pose.pose.position_m;
-  sample.contact = sample.position_m.y() > 0;
-  sample.foreseen = !sample.contact;
-  if (sample.foreseen) sample.position_m.y() = kForeseenM;
-  sample.force_n = {0, -shown_n_m_ * sample.position_m.y()};
-  sample.tangent_n_m(1, 1) = -shown_n_m_;
   return answer;
 }
 

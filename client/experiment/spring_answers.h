@@ -1,4 +1,4 @@
-// What a service would answer of a spring below y = 0: at its rate, as late as it is, and out of contact what
+// What a service would answer of tissue below y = 0: at its rate, as late as it is, and out of contact what
 // waits there. No thread and no clock: time is an argument.
 #pragma once
 
@@ -6,6 +6,7 @@
 #include <deque>
 #include <optional>
 
+#include "client/experiment/inclusion.h"
 #include "client/servo/servo_loop.h"
 
 namespace teletact::client {
@@ -16,13 +17,13 @@ class SpringAnswers {
   SpringAnswers(double period_s, double age_s);
 
   // From the first pose on whose finger is lifted: nothing changes under a pressed one.
-  void present(double stiffness_n_m);
+  void present(const Inclusion& tissue);
   // Poses in order, as often as they can be had; those that are due are answered.
   void add(const ServoPose& pose);
   // The newest answer that has come since the last call.
   std::optional<ServoAnswer> take(std::int64_t now_ns);
 
-  double stiffness_n_m() const noexcept { return shown_n_m_; }
+  const Inclusion& shown() const noexcept { return shown_; }
   // Answers that have come of what was presented last.
   unsigned arrived() const noexcept { return arrived_; }
   // The answer of that sequence, and so what is felt of it, is of what was presented last.
@@ -33,8 +34,7 @@ class SpringAnswers {
 
   std::int64_t period_ns_, age_ns_;
   std::int64_t next_ns_ = 0;
-  double wanted_n_m_ = 0;
-  double shown_n_m_ = 0;
+  Inclusion wanted_, shown_;
   bool waits_ = false;  // what was presented last is not shown yet
   std::uint64_t sequence_ = 0;
   std::uint64_t first_ = 0;  // sequence that was answered with what was presented last

@@ -1,6 +1,6 @@
 #include "client/experiment/spring_display.h"
 
-#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "client/render/kalman_renderer.h"
@@ -12,30 +12,23 @@ namespace {
 constexpr double kPerfectPeriodS = 0.005;  // between answers that nothing waits for
 constexpr double kServoS = 0.001;
 
-// Renders the spring that it was told of last as it is.
-class SpringRenderer final : public Renderer {
- public:
-  void reset() noexcept override {}
-  bool update(const ForceSample& sample, const ToolPose&, double) noexcept override {
-    spring_.stiffness_n_m = -sample.tangent_n_m(1, 1);
-    spring_.variance = spring_.lateral_variance = 0;
-    return true;
-  }
-  using Renderer::render;
-  Rendered render(const ToolPose& pose, double, double) noexcept override {
-    Rendered rendered = spring_;
-    rendered.force_n = {0, -spring_.stiffness_n_m * std::max(pose.position_m.y(), 0.0)};
-    return rendered;
-  }
-
- private:
-  Rendered spring_;
-};
-
 std::unique_ptr<Renderer> renderer_of(const std::optional<SpringChain>& chain) {
-  if (!chain) return std::make_unique<SpringRenderer>();
+  if (!chain) return nullptr;
   validate(*chain);
   return make_renderer(chain->renderer, kServoS);
+}
+
+// Without zeros behind the point.
+std::string number(double value) {
+  std::string text = std::to_string(value);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
+const SpringPlace& checked(const SpringPlace& place) {
+  validate(place);
+  return place;
 }
 
 SpringAnswers answers_of(const std::optional<SpringChain>& chain) {
@@ -51,16 +44,15 @@ ServoOptions servo_options(const HapticDevice& device) {
 
 }  // namespace
 
-std::string condition_of(const std::optional<SpringChain>& chain) {
-  if (!chain) return kPerfectStiffness;
-  const auto number = [](double value) {
-    std::string text = std::to_string(value);
-    text.erase(text.find_last_not_of('0') + 1);
-    if (text.back() == '.') text.pop_back();
-    return text;
-  };
-  return chain->renderer + " at " + number(chain->update_hz) + " Hz " + number(1e3 * chain->age_s) +
-         " ms late";
+std::string condition_of(const std::optional<SpringChain>& chain, const SpringPlace& place) {
+  std::string text = kPerfectStiffness;
+  if (chain)
+    text = chain->renderer + " at " + number(chain->update_hz) + " Hz " + number(1e3 * chain->age_s) +
+           " ms late";
+  if (place.width_m > 0)
+    text += " on an inclusion of " + number(1e3 * place.width_m) + " mm with edges of " +
+            number(1e3 * place.edge_m) + " mm";
+  return text;
 }
 
 void validate(const SpringChain& chain) {
@@ -71,11 +63,32 @@ void validate(const SpringChain& chain) {
     throw std::invalid_argument("age_s: give 0 to 0.3 s; of what is older the force is taken away");
 }
 
-SpringDisplay::SpringDisplay(HapticDevice& device, bool real_time, const std::optional<SpringChain>& chain)
+void validate(const SpringPlace& place) {
+  if (place.width_m != 0 && !(place.width_m >= 0.01 && place.width_m <= 0.05))
+    throw std::invalid_argument("width_m: give an inclusion of 0.01 to 0.05 m, or 0 for none");
+  if (!(place.edge_m >= 0.0005 && place.edge_m <= 0.005))
+    throw std::invalid_argument("edge_m: give 0.0005 to 0.005 m");
+}
+
+Rendered PerfectRenderer::render(const ToolPose& pose, double, double) noexcept {
+  Rendered rendered;
+  rendered.variance = rendered.lateral_variance = 0;
+  const ForceSample exact = tissue_.answer(pose.position_m);
+  if (!exact.contact) return rendered;
+  rendered.force_n = exact.force_n;
+  rendered.stiffness_n_m = -exact.force_n.y() / pose.position_m.y();
+  rendered.lateral_stiffness_n_m = -exact.force_n.x() / pose.position_m.y();
+  return rendered;
+}
+
+SpringDisplay::SpringDisplay(HapticDevice& device, bool real_time, const std::optional<SpringChain>& chain,
+                             const SpringPlace& place)
     : device_(device),
       open_(device),
+      place_(checked(place)),
       renderer_(renderer_of(chain)),
-      servo_(std::make_unique<ServoLoop>(device, *renderer_, clock_, servo_options(device))),
+      servo_(std::make_unique<ServoLoop>(device, renderer_ ? *renderer_ : perfect_, clock_,
+                                         servo_options(device))),
       answers_(answers_of(chain)),
       thread_(std::make_unique<ServoThread>(*servo_, ServoThread::Options{.real_time = real_time})),
       answering_([this] { answer_poses(); }) {}
@@ -94,10 +107,17 @@ void SpringDisplay::require(double stiffness_n_m) const {
                                 " N/m, and a harder stimulus would be felt as that; give softer ones");
 }
 
-void SpringDisplay::present(double stiffness_n_m) {
+void SpringDisplay::present(double stiffness_n_m, double background_n_m) {
   require(stiffness_n_m);
+  require(background_n_m);
+  Inclusion tissue{.background_n_m = background_n_m, .stimulus_n_m = stiffness_n_m};
+  if (has_inclusion()) {
+    tissue.centre_m = kInclusionCentreM;
+    tissue.half_width_m = place_.width_m / 2;
+    tissue.edge_m = place_.edge_m;
+  }
   const std::lock_guard lock(mutex_);
-  answers_.present(stiffness_n_m);
+  answers_.present(tissue);
   servo_->request_pause();
   felt_ticks_ = 0;
 }
@@ -117,8 +137,10 @@ void SpringDisplay::answer_poses() {
     {
       const std::lock_guard lock(mutex_);
       if (servo_->poses().take(pose)) answers_.add(pose);
-      if (const std::optional<ServoAnswer> answer = answers_.take(clock_.now_ns()))
+      if (const std::optional<ServoAnswer> answer = answers_.take(clock_.now_ns())) {
+        perfect_.tell(answers_.shown());
         servo_->answers().put(*answer);
+      }
       drain();
       // Granted only out of contact: nobody needs a button to feel the next one. After a fault it takes the
       // person.
@@ -136,9 +158,11 @@ void SpringDisplay::drain() {
   while (servo_->telemetry().pop(tick)) {
     state_ = tick.state;
     reason_ = tick.reason;
-    const double indentation_m = tick.pose.position_m.y();
-    const bool whole = -tick.force_n.y() >= kWholeShare * answers_.stiffness_n_m() * indentation_m;
-    if (tick.state == ServoState::kEnabled && indentation_m > kPressedM && whole &&
+    const Vector2& tool_m = tick.pose.position_m;
+    const Inclusion& tissue = answers_.shown();
+    const bool there = std::abs(tool_m.x() - tissue.centre_m) <= tissue.half_width_m;
+    const bool whole = -tick.force_n.y() >= -kWholeShare * tissue.answer(tool_m).force_n.y();
+    if (tick.state == ServoState::kEnabled && tool_m.y() > kPressedM && there && whole &&
         answers_.is_presented(tick.sequence))
       ++felt_ticks_;
   }

@@ -1,8 +1,8 @@
-// A spring below y = 0 on a haptic device, for a person to feel, through the servo loop and its whole safety
-// chain: perfect stiffness, with nothing to wait for, or the whole chain, a renderer that is told of the
-// spring as seldom and as late as a service tells. What is next is shown once the finger has been lifted:
-// force is paused and comes back, with its start ramp, when the finger is out of contact and the renderer
-// knows.
+// A spring below y = 0 on a haptic device, or an inclusion of it in a background, for a person to feel,
+// through the servo loop and its whole safety chain: perfect stiffness, with nothing to wait for, or the
+// whole chain, a renderer that is told of the spring as seldom and as late as a service tells. What is next
+// is shown once the finger has been lifted: force is paused and comes back, with its start ramp, when the
+// finger is out of contact and the renderer knows.
 #pragma once
 
 #include <atomic>
@@ -15,6 +15,7 @@
 #include "client/experiment/spring_answers.h"
 #include "client/experiment/trials.h"
 #include "client/haptic/haptic_device.h"
+#include "client/haptic/latest_slot.h"
 #include "client/servo/servo_thread.h"
 
 namespace teletact::client {
@@ -27,12 +28,41 @@ struct SpringChain {
   double age_s = 0.005;             // of an answer as it comes
 };
 
-// A trial's: "perfect", or such as "kalman at 100 Hz 5 ms late".
-std::string condition_of(const std::optional<SpringChain>&);
+// Where the stimulus is felt: everywhere, or in an inclusion about kInclusionCentreM, with the background
+// beside it.
+struct SpringPlace {
+  double width_m = 0;  // 0: everywhere
+  double edge_m = 0.0015;
+};
+constexpr double kInclusionCentreM = 0.03;  // to the right of where the device starts
+
+// A trial's: "perfect", or such as "kalman at 100 Hz 5 ms late on an inclusion of 20 mm with edges of 1.5
+// mm".
+std::string condition_of(const std::optional<SpringChain>&, const SpringPlace& place = {});
 
 // Throws std::invalid_argument naming the field: an unknown renderer, update_hz outside 1 to 1000, age_s
-// outside 0 to 0.3.
+// outside 0 to 0.3; width_m neither 0 nor 0.01 to 0.05, edge_m outside 0.0005 to 0.005.
 void validate(const SpringChain&);
+void validate(const SpringPlace&);
+
+// Renders the tissue that it was told of last as it is.
+class PerfectRenderer final : public Renderer {
+ public:
+  void tell(const Inclusion& tissue) noexcept {
+    told_.put(tissue);
+  }  // one thread; taken with the next answer
+  void reset() noexcept override {}
+  bool update(const ForceSample&, const ToolPose&, double) noexcept override {
+    told_.take(tissue_);
+    return true;
+  }
+  using Renderer::render;
+  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+
+ private:
+  LatestSlot<Inclusion> told_;
+  Inclusion tissue_;
+};
 
 class SpringDisplay {
  public:
@@ -40,7 +70,8 @@ class SpringDisplay {
   static constexpr double kFeltS = 0.3;        // felt: pressed for so long with the whole force on
 
   // Opens the device, which outlives this. Throws as its open() and as validate().
-  SpringDisplay(HapticDevice& device, bool real_time, const std::optional<SpringChain>& chain = {});
+  SpringDisplay(HapticDevice& device, bool real_time, const std::optional<SpringChain>& chain = {},
+                const SpringPlace& place = {});
   ~SpringDisplay();
   SpringDisplay(const SpringDisplay&) = delete;
   SpringDisplay& operator=(const SpringDisplay&) = delete;
@@ -48,8 +79,11 @@ class SpringDisplay {
   // Throws std::invalid_argument when the device cannot show so much: it would be felt softer than it is.
   void require(double stiffness_n_m) const;
   // Throws as require().
-  void present(double stiffness_n_m);
-  // What was presented last has been felt.
+  void present(double stiffness_n_m) { present(stiffness_n_m, stiffness_n_m); }
+  // An inclusion's background beside it; without one that is nowhere.
+  void present(double stiffness_n_m, double background_n_m);
+  bool has_inclusion() const noexcept { return place_.width_m > 0; }
+  // What was presented last has been felt, an inclusion in its middle.
   bool felt() const noexcept;
   // Why there is no force now; empty while there is.
   std::string trouble() const;
@@ -62,7 +96,9 @@ class SpringDisplay {
 
   HapticDevice& device_;
   const OpenDevice open_;
-  std::unique_ptr<Renderer> renderer_;
+  const SpringPlace place_;
+  PerfectRenderer perfect_;
+  const std::unique_ptr<Renderer> renderer_;  // of the chain; none: perfect
   MonotonicClock clock_;
   std::unique_ptr<ServoLoop> servo_;
   std::mutex mutex_;  // of the answers, between who presents and who answers

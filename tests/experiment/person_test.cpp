@@ -41,11 +41,16 @@ class FeelingDevice final : public HapticDevice {
     const bool ok = device_.read(now_ns, reading) && !lost;
     if (without_button) reading.resume_pressed = false;
     indentation_m_ = reading.pose.position_m.y();
+    x_m_ = reading.pose.position_m.x();
     return ok;
   }
   bool write(const Vector2& force_n) noexcept override {
     force_n_ = force_n.norm();
-    if (indentation_m_ > 0.003) felt_n_m = -force_n.y() / indentation_m_;
+    if (indentation_m_ > 0.003) {
+      felt_n_m = -force_n.y() / indentation_m_;
+      if (x_m_ < 0.012) beside_n_m = -force_n.y() / indentation_m_;
+      if (std::abs(x_m_ - kInclusionCentreM) < 0.003) inside_n_m = -force_n.y() / indentation_m_;
+    }
     return device_.write(force_n);
   }
   // Ticks with the force on and a pressed finger that feels nothing.
@@ -53,13 +58,13 @@ class FeelingDevice final : public HapticDevice {
     if (view.force_on && indentation_m_ > 0.0005 && force_n_ == 0) ++ticks_without_force;
     device_.show(view);
   }
-  std::atomic<double> felt_n_m{0};
+  std::atomic<double> felt_n_m{0}, beside_n_m{0}, inside_n_m{0};
   std::atomic<int> ticks_without_force{0};
   std::atomic<bool> lost{false}, without_button{false};
 
  private:
   SimulatedDevice device_;
-  double indentation_m_ = 0;
+  double indentation_m_ = 0, x_m_ = 0;
   double force_n_ = 0;
 };
 
@@ -141,13 +146,32 @@ TEST(Person, ThroughTheWholeChainFeelsHowLateItsAnswersAre) {
   EXPECT_GE(ticks_without_force(SpringChain{"hold", 20, 0.1}), 70);
 }
 
+TEST(Person, AnInclusionIsFeltWhereItIsAndTheBackgroundBesideIt) {
+  for (const std::optional<SpringChain>& chain :
+       {std::optional<SpringChain>(), std::optional(SpringChain())}) {
+    FeelingDevice device(simulated());
+    SpringDisplay display(device, false, chain, {.width_m = 0.02});
+    display.present(37, 25);
+    EXPECT_TRUE(felt_within(display, 15));
+    // a pass from end to end more
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(700);
+    while (std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    EXPECT_NEAR(device.inside_n_m, 37, 0.08 * 37) << condition_of(chain);
+    EXPECT_NEAR(device.beside_n_m, 25, 0.08 * 25) << condition_of(chain);
+  }
+}
+
 TEST(Person, AnImpossibleChainIsRefused) {
   FeelingDevice device(simulated());
   for (const SpringChain& chain :
        {SpringChain{"mirror", 100, 0.005}, SpringChain{"kalman", 0, 0.005}, SpringChain{"kalman", NAN, 0.005},
         SpringChain{"kalman", 100, -0.001}, SpringChain{"kalman", 100, 0.4}, SpringChain{"kalman", 100, NAN}})
     EXPECT_THROW(SpringDisplay(device, false, chain), std::invalid_argument) << condition_of(chain);
+  for (const SpringPlace& place :
+       {SpringPlace{0.005}, SpringPlace{NAN}, SpringPlace{0.1}, SpringPlace{0.02, 0}})
+    EXPECT_THROW(SpringDisplay(device, false, {}, place), std::invalid_argument) << condition_of({}, place);
   EXPECT_EQ(condition_of({}), "perfect");
+  EXPECT_EQ(condition_of({}, {.width_m = 0.02}), "perfect on an inclusion of 20 mm with edges of 1.5 mm");
   EXPECT_EQ(condition_of(SpringChain{"hold", 62.5, 0.02}), "hold at 62.5 Hz 20 ms late");
 }
 

@@ -15,6 +15,10 @@ ServoPose at(double y_m, std::int64_t ms) {
   return {{{0.01, y_m}, Vector2::Zero()}, ms * kMs};
 }
 
+Inclusion everywhere(double stiffness_n_m) {
+  return {.background_n_m = 25, .stimulus_n_m = stiffness_n_m};
+}
+
 // A pose and a look for answers every millisecond.
 std::vector<ServoAnswer> run(SpringAnswers& answers, double y_m, std::int64_t begin_ms, std::int64_t end_ms) {
   std::vector<ServoAnswer> come;
@@ -27,7 +31,7 @@ std::vector<ServoAnswer> run(SpringAnswers& answers, double y_m, std::int64_t be
 
 TEST(SpringAnswers, ComeAtTheirRateAndAsLateAsTheyAre) {
   SpringAnswers answers(0.016, 0.035);
-  answers.present(25);
+  answers.present(everywhere(25));
   const auto come = run(answers, -0.001, 100, 1100);
   EXPECT_EQ(come.size(), 61u);  // of the 63 that are asked for in a second the last two are on their way
   for (std::size_t n = 0; n < come.size(); ++n) {
@@ -41,7 +45,7 @@ TEST(SpringAnswers, ComeAtTheirRateAndAsLateAsTheyAre) {
 
 TEST(SpringAnswers, AreOfTheSpringAtTheirPoseAndForeseeItOutOfContact) {
   SpringAnswers answers(0.001, 0);
-  answers.present(40);
+  answers.present(everywhere(40));
   const ForceSample above = run(answers, -0.002, 0, 1).at(0).sample;
   EXPECT_FALSE(above.contact);
   EXPECT_TRUE(above.foreseen);
@@ -55,15 +59,40 @@ TEST(SpringAnswers, AreOfTheSpringAtTheirPoseAndForeseeItOutOfContact) {
   EXPECT_EQ(pressed.tangent_n_m(1, 1), -40);
 }
 
+TEST(Inclusion, ItsForceIsTheSlopeOfItsEnergyAndItsTangentThatOfItsForce) {
+  const Inclusion tissue{25, 40, 0.03, 0.01, 0.0015};
+  constexpr double kStep = 1e-6;
+  const auto energy_j = [&](const Vector2& p) { return -tissue.answer(p).force_n.y() * p.y() / 2; };
+  for (const double x_m : {0.001, 0.0195, 0.021, 0.03, 0.0385, 0.042}) {
+    const Vector2 place_m(x_m, 0.003);
+    const ForceSample answer = tissue.answer(place_m);
+    for (int i = 0; i < 2; ++i) {
+      const Vector2 step_m = kStep * Vector2::Unit(i);
+      const double slope_n = (energy_j(place_m + step_m) - energy_j(place_m - step_m)) / (2 * kStep);
+      EXPECT_NEAR(answer.force_n[i], -slope_n, 1e-6) << x_m;
+      const Vector2 bend =
+          (tissue.answer(place_m + step_m).force_n - tissue.answer(place_m - step_m).force_n) / (2 * kStep);
+      EXPECT_LE((answer.tangent_n_m.col(i) - bend).norm(), 1e-4) << x_m;
+    }
+  }
+  EXPECT_NEAR(-tissue.answer({0.03, 0.002}).force_n.y() / 0.002, 40, 0.05);
+  EXPECT_NEAR(-tissue.answer({0.0, 0.002}).force_n.y() / 0.002, 25, 0.05);
+  // without an end it is a spring, exactly
+  const ForceSample spring = everywhere(40).answer({0.01, 0.002});
+  EXPECT_EQ(spring.force_n, Vector2(0, -0.08));
+  EXPECT_EQ(spring.tangent_n_m(1, 1), -40);
+  EXPECT_EQ(spring.tangent_n_m(0, 0), 0);
+}
+
 TEST(SpringAnswers, NothingNewIsToldUnderAPressedFinger) {
   SpringAnswers answers(0.01, 0.02);
-  answers.present(25);
+  answers.present(everywhere(25));
   run(answers, -0.001, 0, 100);
   EXPECT_GE(answers.arrived(), 7u);
   EXPECT_TRUE(answers.is_presented(1));
   // WHEN the next is presented while the finger is pressed THEN all goes on as before
   run(answers, 0.003, 100, 150);
-  answers.present(37);
+  answers.present(everywhere(37));
   for (const ServoAnswer& answer : run(answers, 0.003, 150, 300))
     EXPECT_EQ(answer.sample.tangent_n_m(1, 1), -25);
   EXPECT_EQ(answers.arrived(), 0u);
@@ -82,13 +111,13 @@ TEST(SpringAnswers, NothingNewIsToldUnderAPressedFinger) {
   EXPECT_EQ(answers.arrived(), of_the_new);
   EXPECT_GE(of_the_new, 2u);
   // the same once more is new too
-  answers.present(37);
+  answers.present(everywhere(37));
   EXPECT_FALSE(answers.is_presented(come.back().sample.sequence));
 }
 
 TEST(SpringAnswers, AfterAPauseOfPosesThereIsNoBurst) {
   SpringAnswers answers(0.01, 0);
-  answers.present(25);
+  answers.present(everywhere(25));
   run(answers, -0.001, 0, 50);
   EXPECT_EQ(run(answers, -0.001, 1000, 1050).size(), 5u);
 }
