@@ -88,23 +88,27 @@ class Correction : public ElasticityCorrection {
   // Largest entry of each vector; 1 for a zero vector.
   std::vector<double> scales(std::size_t count, std::span<const double> vectors) const {
     std::vector<double> scale(count, 0);
+    const std::size_t dofs = grid_.dofs();
     for (std::size_t q = 0; q < count; ++q)
-      for (std::size_t n = 0; n < grid_.dofs(); ++n)
-        scale[q] = std::max(scale[q], std::abs(vectors[q * grid_.dofs() + n]));
+      for (const double value : vectors.subspan(q * dofs, dofs))
+        scale[q] = std::max(scale[q], std::abs(value));
     for (double& s : scale)
       if (!(s > 0)) s = 1;
     return scale;
   }
   void write(std::span<const double> from, const std::vector<double>& scale, Array<T>& to) {
-    host_.resize(scale.size() * grid_.dofs());
-    for (std::size_t n = 0; n < host_.size(); ++n)
-      host_[n] = static_cast<T>(from[n] / scale[n / grid_.dofs()]);
+    const std::size_t dofs = grid_.dofs();
+    host_.resize(scale.size() * dofs);
+    for (std::size_t q = 0; q < scale.size(); ++q)
+      for (std::size_t n = q * dofs; n < (q + 1) * dofs; ++n) host_[n] = static_cast<T>(from[n] / scale[q]);
     queue_.send(to, host_.data(), host_.size());
   }
   void read(const Array<T>& from, const std::vector<double>& scale, double factor, std::span<double> to) {
-    host_.resize(scale.size() * grid_.dofs());
+    const std::size_t dofs = grid_.dofs();
+    host_.resize(scale.size() * dofs);
     queue_.read(from, host_.data(), host_.size());
-    for (std::size_t n = 0; n < host_.size(); ++n) to[n] = host_[n] * factor * scale[n / grid_.dofs()];
+    for (std::size_t q = 0; q < scale.size(); ++q)
+      for (std::size_t n = q * dofs; n < (q + 1) * dofs; ++n) to[n] = host_[n] * factor * scale[q];
   }
 
   Queue queue_;

@@ -68,7 +68,7 @@ struct ElasticitySolver::Core {
              std::span<const double> displacement) const;
   std::vector<Column> solve(std::size_t count, std::span<const double> loads,
                             std::span<const double> prescribed, std::span<double> u);
-  std::vector<double> masked_loads(std::size_t count, std::span<const double> loads) const;
+  std::vector<double> masked(std::size_t count, std::span<const double> vectors) const;
   std::vector<double> right_hand_norms(std::size_t count, const std::vector<double>& load,
                                        std::span<const double> u, const std::vector<double>& force);
   void refresh(std::size_t count, std::span<const double> load, std::span<const double> u,
@@ -179,10 +179,12 @@ void ElasticitySolver::Core::check(std::size_t count, std::span<const double> lo
   require(finite(u), "displacement: the initial guess holds a value that is not finite");
 }
 
-std::vector<double> ElasticitySolver::Core::masked_loads(std::size_t count,
-                                                         std::span<const double> loads) const {
-  std::vector<double> masked(count * grid.dofs(), 0.0);
-  for (std::size_t n = 0; n < loads.size(); ++n) masked[n] = free[n % grid.dofs()] ? loads[n] : 0;
+// Vectors [count][dof] on the free unknowns, zero on the others; empty = none.
+std::vector<double> ElasticitySolver::Core::masked(std::size_t count, std::span<const double> vectors) const {
+  std::vector<double> masked(count * free.size(), 0.0);
+  for (std::size_t begin = 0; begin < vectors.size(); begin += free.size())
+    for (std::size_t dof = 0; dof < free.size(); ++dof)
+      masked[begin + dof] = free[dof] ? vectors[begin + dof] : 0;
   return masked;
 }
 
@@ -191,14 +193,12 @@ std::vector<double> ElasticitySolver::Core::right_hand_norms(std::size_t count,
                                                              const std::vector<double>& load,
                                                              std::span<const double> u,
                                                              const std::vector<double>& force) {
-  std::vector<double> held(count * grid.dofs()), right = load;
-  bool guessed = false;
-  for (std::size_t n = 0; n < held.size(); ++n) {
-    held[n] = free[n % grid.dofs()] ? 0 : u[n];
-    guessed = guessed || held[n] != u[n];
-  }
+  std::vector<double> held = masked(count, u), right = load;
+  const bool guessed = std::any_of(held.begin(), held.end(), [](double guess) { return guess != 0; });
+  for (std::size_t n = 0; n < held.size(); ++n) held[n] = u[n] - held[n];
   const std::vector<double> of_held = guessed ? forces(count, held) : force;
-  for (std::size_t n = 0; n < right.size(); ++n) right[n] -= free[n % grid.dofs()] ? of_held[n] : 0;
+  for (std::size_t n = 0; n < right.size(); ++n) right[n] -= of_held[n];
+  right = masked(count, right);
   std::vector<double> norms;
   for (std::size_t q = 0; q < count; ++q) norms.push_back(norm(column(right, q)));
   return norms;
@@ -208,8 +208,8 @@ std::vector<double> ElasticitySolver::Core::right_hand_norms(std::size_t count,
 void ElasticitySolver::Core::refresh(std::size_t count, std::span<const double> load,
                                      std::span<const double> u, const std::vector<double>& force,
                                      std::vector<double>& residual, std::vector<Column>& columns) {
-  for (std::size_t n = 0; n < residual.size(); ++n)
-    residual[n] = free[n % grid.dofs()] ? load[n] - force[n] : 0;
+  for (std::size_t n = 0; n < residual.size(); ++n) residual[n] = load[n] - force[n];
+  residual = masked(count, residual);
   for (std::size_t q = 0; q < count; ++q) {
     const auto a = column(u, q), f = column(force, q);
     columns[q].energy = std::inner_product(a.begin(), a.end(), f.begin(), 0.0);
@@ -268,12 +268,11 @@ std::vector<double> ElasticitySolver::Core::error_bounds(std::size_t count, std:
 std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<const double> loads,
                                                   std::span<const double> prescribed, std::span<double> u) {
   reserve(count);
-  for (std::size_t n = 0; n < u.size(); ++n)
-    if (const std::size_t dof = n % grid.dofs(); !free[dof]) {
-      const bool given = !options.prescribed.empty() && options.prescribed[dof] && !prescribed.empty();
-      u[n] = given ? prescribed[n] : 0;
-    }
-  const std::vector<double> load = masked_loads(count, loads);
+  const bool any = !options.prescribed.empty() && !prescribed.empty();
+  for (std::size_t begin = 0; begin < u.size(); begin += free.size())
+    for (std::size_t dof = 0; dof < free.size(); ++dof)
+      if (!free[dof]) u[begin + dof] = any && options.prescribed[dof] ? prescribed[begin + dof] : 0;
+  const std::vector<double> load = masked(count, loads);
   const std::vector<double> force = forces(count, u), norms = right_hand_norms(count, load, u, force);
   std::vector<Column> columns(count);
   std::vector<double> residual(count * grid.dofs());
@@ -392,7 +391,7 @@ std::vector<double> ElasticitySolver::nodal_forces_again(std::size_t which, std:
 
 std::vector<double> ElasticitySolver::nearly_solved(std::size_t count, std::span<const double> residual) {
   return core_->in_batches(count, residual, [&](std::size_t batch, std::span<const double> part) {
-    return core_->correction->preconditioned(batch, core_->masked_loads(batch, part));
+    return core_->correction->preconditioned(batch, core_->masked(batch, part));
   });
 }
 
