@@ -27,7 +27,7 @@ std::map<std::string, Work> work_of(const service::TissueGrid& grid, const servi
   const auto step = [&](CycleStep s, double reals, double flops) {
     return of_real(multigrid.mean_nodes(s), sizeof(float), reals, flops);
   };
-  return {{"elasticity_apply", per(2 + 2 + 2 + 1, 240)},
+  return {{"elasticity_apply", per(2 + 2 + 2 + 2, 240)},
           {"elasticity_stencil", per(36 + 2 + 1, 600)},
           {"residual", step(CycleStep::kResidual, 20 + 6, 90)},
           {"smooth", step(CycleStep::kSmooth, 20 + 2 + 4 + 4, 96)},

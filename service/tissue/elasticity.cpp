@@ -1,19 +1,20 @@
 #include "service/tissue/elasticity.h"
 
 #include <algorithm>
+#include <string>
 
 #include "service/tissue/element.h"
 
 namespace teletact::service {
 namespace {
 
-// Size of each interval times `length`.
+// Size of each interval times `length`, then the reciprocals.
 template <class T>
 std::vector<T> intervals(const std::vector<double>& coordinates, double length) {
   std::vector<T> out;
-  for (std::size_t k = 0; k + 1 < coordinates.size(); ++k) {
+  for (std::size_t k = 0; k + 1 < coordinates.size(); ++k)
     out.push_back(static_cast<T>(length * (coordinates[k + 1] - coordinates[k])));
-  }
+  for (std::size_t k = 0; k + 1 < coordinates.size(); ++k) out.push_back(1 / out[k]);
   return out;
 }
 
@@ -69,27 +70,37 @@ Elasticity<T>::Elasticity(const Queue& queue, const TissueGrid& grid, const std:
     : queue_(queue),
       nx_(grid.nx()),
       ny_(grid.ny()),
-      modulus_(queue.array<T>(grid.elements())),
+      modulus_(queue.array<T>(2 * grid.elements())),
       width_(queue.array(intervals<T>(grid.x_m, length))),
       height_(queue.array(intervals<T>(grid.y_m, length))),
       free_(queue.array(std::vector<T>(free.begin(), free.end()))),
-      apply_(queue.kernel("elasticity", "elasticity_apply", precision_of<T>)),
-      stencil_(queue.kernel("elasticity", "elasticity_stencil", precision_of<T>)) {}
+      at_once_(queue.info().width<T>()),
+      apply_(kernel("elasticity_apply")),
+      stencil_(kernel("elasticity_stencil")) {}
+
+template <class T>
+Kernel Elasticity<T>::kernel(const char* name) const {
+  return queue_.kernel("elasticity", name, precision_of<T>, {{"WIDTH", std::to_string(at_once_)}});
+}
 
 template <class T>
 void Elasticity<T>::set_material(const Material& material, double reference_pa) {
-  std::vector<T> modulus;
-  for (const double e : material.youngs_modulus_pa) modulus.push_back(static_cast<T>(e / reference_pa));
-  queue_.send(modulus_, modulus.data(), modulus.size());
   const LameRatios lame = lame_ratios(material.poisson_ratio);
   mu_per_e_ = static_cast<T>(lame.mu_per_e);
   lambda_per_e_ = static_cast<T>(lame.lambda_per_e);
+  std::vector<T> modulus;
+  for (const double e : material.youngs_modulus_pa) modulus.push_back(static_cast<T>(e / reference_pa));
+  for (std::size_t k = 0; k < material.youngs_modulus_pa.size(); ++k)
+    modulus.push_back(mu_per_e_ * modulus[k] / 3);
+  queue_.send(modulus_, modulus.data(), modulus.size());
 }
 
 template <class T>
 void Elasticity<T>::launch(const Array<T>& x, Array<T>& y, std::size_t count, int constrain) {
-  apply_(grid_range(nx_, ny_, count), x, y, modulus_, width_, height_, free_, mu_per_e_, lambda_per_e_,
-         constrain, static_cast<int>(nx_), static_cast<int>(ny_));
+  Range range = grid_range((nx_ + at_once_ - 1) / at_once_, ny_, count);
+  if (at_once_ > 1) range.local[0] = 1;
+  apply_(range, x, y, modulus_, width_, height_, free_, mu_per_e_, lambda_per_e_, constrain,
+         static_cast<int>(nx_), static_cast<int>(ny_));
 }
 
 template <class T>

@@ -41,11 +41,13 @@ class Elasticity : public LinearOperator<T> {
   Array<T> stencil();
 
  private:
+  Kernel kernel(const char* name) const;
   void launch(const Array<T>& x, Array<T>& y, std::size_t count, int constrain);
   Queue queue_;
   std::size_t nx_, ny_;
   Array<T> modulus_, width_, height_, free_;
   T mu_per_e_ = 0, lambda_per_e_ = 0;
+  std::size_t at_once_;  // nodes of a work item (kernels/wide.clh)
   Kernel apply_, stencil_;
 };
 
