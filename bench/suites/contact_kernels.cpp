@@ -14,30 +14,44 @@ namespace {
 using nlohmann::json;
 
 // Of one launch and right-hand side, from the kernels' comments: conjugate gradients in double, multigrid in
-// float. A step of multigrid is a launch on each level that is not small: the mean of these. Each array
-// counts once.
+// float. A step of multigrid is a launch on each level that is not small: the mean of these; `run_steps` is
+// all of them on the small levels. Each array counts once.
 std::map<std::string, Work> work_of(const service::TissueGrid& grid, const service::Queue& queue) {
   using service::CycleStep;
-  const double fine = static_cast<double>(grid.nodes());
   const service::Multigrid<double, float> multigrid(queue, {grid.x_m, grid.y_m});
-  const auto of_real = [](double nodes, double bytes_of_a_real, double reals, double flops) {
-    return Work{nodes * reals * bytes_of_a_real, nodes * flops};
+  const auto fine = static_cast<double>(grid.nodes());
+  const auto per = [&](double reals, double flops) {
+    return Work{fine * reals * sizeof(double), fine * flops};
   };
-  const auto per = [&](double reals, double flops) { return of_real(fine, sizeof(double), reals, flops); };
-  const auto step = [&](CycleStep s, double reals, double flops) {
-    return of_real(multigrid.mean_nodes(s), sizeof(float), reals, flops);
-  };
-  return {{"elasticity_apply", per(2 + 2 + 2 + 2, 240)},
-          {"elasticity_stencil", per(36 + 2 + 1, 600)},
-          {"residual", step(CycleStep::kResidual, 20 + 6, 90)},
-          {"smooth", step(CycleStep::kSmooth, 20 + 2 + 4 + 4, 96)},
-          {"restrict_residual", step(CycleStep::kRestrict, 2 + 0.25 * 20, 13)},
-          {"prolong_add", step(CycleStep::kProlong, 4 + 2 + 0.25 * 18, 12)},
-          {"vectors_to_planes", per(3, 0)},
-          {"planes_to_vectors", per(3, 0)},
-          {"dot_two", per(8, 8)},
-          {"pcg_update", per(12, 12)},
-          {"pcg_direction", per(6, 4)}};
+  constexpr double kPackBytes = 2 * (sizeof(double) + sizeof(float));
+  const struct {
+    CycleStep step;
+    const char* kernel;
+    double bytes, flops;  // of a node
+  } steps[] = {{CycleStep::kResidual, "residual", 4 * (20 + 6), 90},
+               {CycleStep::kSmooth, "smooth", 4 * (20 + 2 + 4 + 4), 96},
+               {CycleStep::kSmoothFromZero, "smooth", 4 * (20 + 2 + 4), 92},
+               {CycleStep::kRestrict, "restrict_residual", 4 * (2 + 0.25 * 20), 13},
+               {CycleStep::kProlong, "prolong_add", 4 * (4 + 2 + 0.25 * 18), 12},
+               {CycleStep::kPack, "vectors_to_planes", kPackBytes, 0},
+               {CycleStep::kUnpack, "planes_to_vectors", kPackBytes, 0}};
+  std::map<std::string, Work> work{{"elasticity_apply", per(2 + 2 + 2 + 2, 240)},
+                                   {"elasticity_stencil", per(36 + 2 + 1, 600)},
+                                   {"dot_two", per(8, 8)},
+                                   {"pcg_update", per(12, 12)},
+                                   {"pcg_direction", per(6, 4)}};
+  // The coarsest level is a dense product.
+  const double solves = multigrid.small_nodes(CycleStep::kSolve),
+               unknowns = 2 * static_cast<double>(multigrid.coarsest_nodes());
+  Work& small = work["run_steps"];
+  small = {solves * 2 * unknowns * sizeof(float), solves * 2 * unknowns * 2};
+  for (const auto& s : steps) {
+    const double nodes = multigrid.mean_nodes(s.step), in_one = multigrid.small_nodes(s.step);
+    work.try_emplace(s.kernel, Work{nodes * s.bytes, nodes * s.flops});
+    small.bytes += in_one * s.bytes;
+    small.flops += in_one * s.flops;
+  }
+  return work;
 }
 
 void print(const json& rows, const Ceiling& ceiling, const std::string& device) {

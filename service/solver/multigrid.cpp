@@ -255,6 +255,16 @@ double Multigrid<T, W>::mean_nodes(CycleStep step) const {
 }
 
 template <class T, class W>
+double Multigrid<T, W>::small_nodes(CycleStep step) const {
+  double nodes = 0;
+  for (const PlannedStep& s : plan_) {
+    const auto level = static_cast<std::size_t>(s.level);
+    if (s.step == step && level >= first_small_) nodes += static_cast<double>(lines_[level].nodes());
+  }
+  return nodes;
+}
+
+template <class T, class W>
 void Multigrid<T, W>::reserve(std::size_t count) {
   if (count <= reserved_) return;
   vectors_ = queue_.array<W>(count * static_cast<std::size_t>(layout_.vectors_size));

@@ -47,8 +47,11 @@ class Multigrid : public LinearOperator<T> {
   // use of a larger count.
   void apply(const Array<T>& r, Array<T>& z, std::size_t count) override;
   std::size_t levels() const { return lines_.size(); }
+  std::size_t coarsest_nodes() const { return lines_.back().nodes(); }
   // Nodes of the levels on which a step is a launch of its own, the mean over these launches; 0 without any.
   double mean_nodes(CycleStep) const;
+  // Nodes that the steps of a kind go over in the one launch of the small levels, together.
+  double small_nodes(CycleStep) const;
 
  private:
   struct Kernels;
