@@ -81,18 +81,20 @@ double largest_strain(const TissueModel& model, std::size_t line, const ContactP
   return std::max(layer, local);
 }
 
-// `compliance_error`: relative, of any entry, at most. Where its rounding was sampled, the samples say what
-// it does to this force: the fewer, the more may be missed; a touch may by chance be insensitive to them,
-// hence the share of the most it could be; and the force is itself a rounded number. What unfinished
+// `solve.relative_error`: of the compliance, any entry, at most. Where its rounding was sampled, the samples
+// say what it does to this force: the fewer, the more may be missed; a touch may by chance be insensitive to
+// them, hence the share of the most it could be; and the force is itself a rounded number. What unfinished
 // iterations leave is an estimate too. The factors are such that less than 1 % of forces are off by more
-// (error_estimate_test).
-double force_error(const Touch& touch, double compliance_error) {
-  if (touch.samples == 0) return touch.amplification * compliance_error;
+// (error_estimate_test). Where a solve did not converge, its own bound is not undercut.
+double force_error(const Touch& touch, const SolveReport& solve) {
+  const double bound = touch.amplification * solve.relative_error;
+  if (touch.samples == 0) return bound;
   constexpr double kUnfinished = 1.3;
   constexpr double kForceRounding = 1.5 * std::numeric_limits<double>::epsilon();
   const double coverage = 0.6 + 3.6 / double(touch.samples), share = 0.1 / double(touch.samples);
-  return coverage * std::hypot(touch.sampled_error, share * touch.most_rounding) +
-         kUnfinished * touch.unfinished_error + kForceRounding;
+  const double estimate = coverage * std::hypot(touch.sampled_error, share * touch.most_rounding) +
+                          kUnfinished * touch.unfinished_error + kForceRounding;
+  return solve.converged ? estimate : std::max(estimate, bound);
 }
 
 void check_finite(const ContactAnswer& answer) {
@@ -126,7 +128,7 @@ ContactAnswer solve_contact(const TissueModel& model, std::size_t line, Complian
                           ? touch_node(model, compliance, tip, pose, answer.solve)
                           : touch_patch(model, compliance, tip, pose, options, answer.solve);
   answer.iterations = touch.iterations;
-  answer.solve.relative_error = force_error(touch, answer.solve.relative_error);
+  answer.solve.relative_error = force_error(touch, answer.solve);
   if (touch.nodes.empty()) return answer;
   const double thickness = model.options().thickness_m;
   const Energy& u = touch.energy;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "service/solver/multigrid.h"
@@ -61,7 +62,8 @@ class Correction : public ElasticityCorrection {
     write(residual, scale, load_);
     std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, load_);
     for (std::size_t q = 0; q < count; ++q)
-      norms[q] = std::sqrt(std::max(norms[q], 0.0) / reference_pa_) * scale[q];
+      norms[q] = norms[q] >= 0 ? std::sqrt(norms[q] / reference_pa_) * scale[q]
+                               : std::numeric_limits<double>::infinity();
     return norms;
   }
 

@@ -28,6 +28,7 @@ class ElasticityCorrection {
   // Residuals that the last solve's recurrence left (N/m), out.
   virtual void recursive_residuals(std::span<double>) = 0;
   // (r . M r)^(1/2) of residuals r (N/m): with the smallest eigenvalue of M K, a bound of ||K^-1 r||_K.
+  // Infinite where r . M r is not positive, nor M then: nothing is bounded.
   virtual std::vector<double> norm(std::size_t count, std::span<const double> residual) = 0;
   // M r (m).
   virtual std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) = 0;

@@ -4,7 +4,7 @@
 //   ||K^-1 r||_K <= (r . M r / smallest eigenvalue of M K)^(1/2).
 // Where that is more than was asked for, it may be less by another way: what conjugate gradients say is left,
 // and the same bound of the gap between the true and the recursive residual, which is what their rounding
-// added without their noticing.
+// added without their noticing. Neither holds where K or M is not positive definite.
 #include "service/tissue/elasticity_solver.h"
 
 #include <algorithm>
@@ -22,24 +22,25 @@
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kBatch = 32;           // right-hand sides solved at once
-constexpr std::size_t kMostPasses = 12;      // of refinement
-constexpr double kPassReduction = 1e-4;      // of the error in one pass of refinement, within float's reach
+constexpr std::size_t kBatch = 32;       // right-hand sides solved at once
+constexpr std::size_t kMostPasses = 12;  // of refinement
+constexpr double kPassReduction = 1e-4;  // of the error in one pass of refinement, within float's reach
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNegligibleEnergy = 1e-20;  // of the first guess's: a solution without strain
 
 // State of one right-hand side.
 struct Column {
   double load_norm = 0;  // of the load and of what the prescribed displacements act with
   double first_energy = 0;
-  double energy = 0;                                       // u . K u, J/m
-  double error = std::numeric_limits<double>::infinity();  // bound, energy norm
+  double energy = 0;         // u . K u, J/m
+  double error = kInfinity;  // bound, energy norm
   double true_residual = 0, recursive_residual = 0;
   std::size_t iterations = 0;
   StopReason reason = StopReason::kRunning;
   double relative_error() const {
     const double norm = std::sqrt(std::max(energy, kNegligibleEnergy * first_energy));
     if (error == 0) return 0;
-    return std::isfinite(error / norm) ? error / norm : std::numeric_limits<double>::infinity();
+    return std::isfinite(error / norm) ? error / norm : kInfinity;
   }
 };
 
@@ -243,7 +244,7 @@ void ElasticitySolver::Core::run(std::size_t count, bool first, const std::vecto
   const std::vector<double> bound = error_bounds(count, residual);
   bool enough = true;
   for (std::size_t q = 0; q < count; ++q) {
-    columns[q].error = bound[q];
+    columns[q].error = results[q].reason == StopReason::kIndefinite ? kInfinity : bound[q];
     columns[q].recursive_residual = results[q].recursive_residual;
     columns[q].iterations += results[q].iterations;
     columns[q].reason = results[q].reason;
@@ -255,7 +256,8 @@ void ElasticitySolver::Core::run(std::size_t count, bool first, const std::vecto
   for (std::size_t n = 0; n < gap.size(); ++n) gap[n] = residual[n] - gap[n];
   const std::vector<double> rounding = error_bounds(count, gap);
   for (std::size_t q = 0; q < count; ++q)
-    columns[q].error = std::min(columns[q].error, std::sqrt(results[q].squared_error) + rounding[q]);
+    if (std::isfinite(columns[q].error))
+      columns[q].error = std::min(columns[q].error, std::sqrt(results[q].squared_error) + rounding[q]);
 }
 
 // Of ||K^-1 r||_K, each.
@@ -281,7 +283,7 @@ std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<c
     columns[q].load_norm = norms[q];
     columns[q].first_energy = columns[q].energy;
   }
-  double last = std::numeric_limits<double>::infinity();
+  double last = kInfinity;
   for (std::size_t pass = 0; pass < kMostPasses; ++pass) {
     run(count, pass == 0, load, u, residual, columns);
     double worst = 0;

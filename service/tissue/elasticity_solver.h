@@ -49,8 +49,9 @@ class ElasticitySolver {
   //   prescribed: [count][dof] displacements (m), read where `options.prescribed` says so; empty = zero
   //   displacement: [count][dof] (m), in: initial guess (zeros if unknown), out: the solution
   // The report holds the worst column: relative_error bounds ||error|| / ||solution|| in the energy norm with
-  // the rounding of the precision used; converged is false, and reason says why, when the tolerance was not
-  // reached. Throws std::invalid_argument for sizes that do not fit or values that are not finite.
+  // the rounding of the precision used, and is infinite where a run broke down; converged is false, and
+  // reason says why, when the tolerance was not reached. Throws std::invalid_argument for sizes that do not
+  // fit or values that are not finite.
   SolveReport solve(std::size_t count, std::span<const double> loads, std::span<const double> prescribed,
                     std::span<double> displacement);
   // K u for all unknowns, [count][dof] (N/m): where a displacement is prescribed or supported, this less the

@@ -116,26 +116,31 @@ std::optional<FormError> IterativeLine::error_between(std::span<const std::size_
     squares += largest * largest;
   }
   error.largest_rounding = std::sqrt(squares / double(rounding_.size()));
-  error.unfinished = unfinished_between(unknowns, left, right);
+  const auto unfinished = unfinished_between(unknowns, left, right);
+  if (!unfinished) return {};
+  error.unfinished = *unfinished;
   return error;
 }
 
 // |left^T R^T K^-1 R right| <= |R left| |R right| in the norm of K^-1. Of r = R left its square is estimated
-// by one step of conjugate gradients, (r . M r)^2 / (M r . K M r), which is less than it.
-Eigen::Vector2d IterativeLine::unfinished_between(std::span<const std::size_t> unknowns,
-                                                  const Eigen::MatrixX2d& left,
-                                                  const Eigen::VectorXd& right) const {
+// by one step of conjugate gradients, (r . M r)^2 / (M r . K M r), which is less than it. Empty where M shows
+// that it is not positive definite: the columns' own bounds are then all there is.
+std::optional<Eigen::Vector2d> IterativeLine::unfinished_between(std::span<const std::size_t> unknowns,
+                                                                 const Eigen::MatrixX2d& left,
+                                                                 const Eigen::VectorXd& right) const {
   std::vector<Index> at;
   for (const std::size_t unknown : unknowns) at.push_back(Index(unknown) - 2 * Index(touchable_.first));
   const MatrixXd step = unfinished_(at, at).cast<double>(), energy = step_energy_(at, at).cast<double>();
   const auto squared = [&](const Eigen::VectorXd& v) {
     const double along = v.dot(step * v), curvature = v.dot(energy * v);
-    if (!(along > 0 && curvature > 0)) return 0.0;
+    if (along == 0 && curvature == 0) return 0.0;  // nothing is left
     const double mean = curvature / along;
+    if (!(along > 0 && mean > 0 && smallest_eigenvalue_ > 0)) return -1.0;
     return along / std::sqrt(mean * std::min(mean, smallest_eigenvalue_));
   };
-  const double of_right = squared(right);
-  return {std::sqrt(of_right * squared(left.col(0))), std::sqrt(of_right * squared(left.col(1)))};
+  const double of_right = squared(right), of_first = squared(left.col(0)), of_second = squared(left.col(1));
+  if (!(of_right >= 0 && of_first >= 0 && of_second >= 0)) return {};
+  return Eigen::Vector2d(std::sqrt(of_right * of_first), std::sqrt(of_right * of_second));
 }
 
 struct IterativeLine::Solved {
@@ -152,8 +157,9 @@ IterativeLine::Solved IterativeLine::solve(std::size_t count, const std::vector<
   s.displacement.resize(loads.size());
   s.report = solver.solve(count, loads, {}, s.displacement);
   if (!std::isfinite(s.report.relative_error))
-    throw std::runtime_error(std::string("conjugate gradients on the device: no usable solution (") +
-                             s.report.reason + "); the device may be faulty, use the compliance");
+    throw std::runtime_error(
+        std::string("conjugate gradients on the device: no usable solution (") + s.report.reason +
+        "); its precision is not enough for this tissue or it is faulty, use the compliance");
   smallest_eigenvalue_ = solver.smallest_eigenvalue();
   const auto less = [&](std::vector<double> force) {
     for (std::size_t n = 0; n < force.size(); ++n) force[n] = loads[n] - force[n];

@@ -10,6 +10,7 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "service/tissue/compliance.h"
@@ -56,8 +57,9 @@ class IterativeLine final : public Compliance {
   void add_to_compliance(std::size_t unknown, std::span<const double> residual,
                          std::span<const double> step_force,
                          const std::vector<std::span<const double>>& rounding);
-  Eigen::Vector2d unfinished_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
-                                     const Eigen::VectorXd& right) const;
+  std::optional<Eigen::Vector2d> unfinished_between(std::span<const std::size_t> unknowns,
+                                                    const Eigen::MatrixX2d& left,
+                                                    const Eigen::VectorXd& right) const;
   std::size_t grid_dof(std::size_t unknown) const { return first_dof_ + unknown; }
 
   std::shared_ptr<SharedSolver> shared_;

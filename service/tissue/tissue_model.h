@@ -61,9 +61,9 @@ class TissueModel {
   // row is fixed or absent. `before`: as above, used where the line has not been condensed yet.
   std::shared_ptr<Compliance> condensed(std::size_t line, const TissueModel* before = nullptr) const;
   // The same by preconditioned conjugate gradients on `device`, columns computed when asked for. The model
-  // keeps one for each line and device, solved in float up to nu = .495 (IterativeLine: the product of two
-  // errors is left) and refined beyond, so that the columns are kept too; with options of its own it is a new
-  // one. Throws std::out_of_range as above, DeviceError when the device cannot do it.
+  // keeps one for each line and device, solved by iterative_options, so that the columns are kept too; with
+  // options of its own it is a new one. Throws std::out_of_range as above, DeviceError when the device cannot
+  // do it.
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device) const;
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device,
                                         const ElasticitySolverOptions&) const;
@@ -93,6 +93,11 @@ class TissueModel {
   struct Lines;
   std::unique_ptr<Lines> lines_;
 };
+
+// How iterative() solves: in double where the device has it, which costs what float does and converges from
+// nu = 0 to .4999, contrasts of 1 to 1000 and elements up to 1:5; else in float up to nu = .495, refined
+// beyond, which near nu = 1/2 and for stretched elements may stop short of what is asked, and says so.
+ElasticitySolverOptions iterative_options(const Device&, double poisson_ratio);
 
 // Compiles every kernel that iterative() uses, on a model of an ordinary strip's size: the first touch by PCG
 // must not wait for the compiler.
