@@ -153,11 +153,16 @@ void add_estimate_command(CLI::App& app) {
                      "resisting force on the probe, change between pre and post");
   command.add_option("--contact-area-m2", frames.contact_area_m2,
                      "of the probe; with the force the modulus is in Pa");
-  command.add_option("--max-strain", frames.max_strain, "largest strain magnitude to search for (0.05)");
-  command.add_option("--poisson-ratio", frames.poisson_ratio, "0 .. 0.5 (0.49)");
-  command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)");
-  command.add_option("--tissue-width-m", frames.tissue_width_m,
-                     "of the tissue that the probe stands on the middle of (the frame's width)");
+  command
+      .add_option("--max-strain", frames.max_strain, "largest strain magnitude to search for, 0.001 to 0.125")
+      ->capture_default_str();
+  command.add_option("--poisson-ratio", frames.poisson_ratio, "above 0, below 0.5")->capture_default_str();
+  command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)")
+      ->check(above_zero());
+  command
+      .add_option("--tissue-width-m", frames.tissue_width_m,
+                  "of the tissue that the probe stands on the middle of (the frame's width)")
+      ->check(above_zero());
   add_modulus_options(command, frames.modulus_method, frames.modulus_time_limit_s);
   add_plane_option(command, frames.plane);
   command.add_option("--out", arguments->out, "folder for the results")->required();

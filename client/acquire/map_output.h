@@ -25,8 +25,8 @@ struct EstimateSource {
 
 // Writes displacement, strain, correlation and modulus as .vti and .png (nodes that are not valid are grey in
 // the pictures and keep their value in the files, beside the array `valid`), and estimate.json, which also
-// says which tissue was assumed; a 0 in it stands for the service's default. It is written last: where it
-// is, all are of this estimate. Returns the names of the files written. Throws FileError.
+// says which tissue was assumed. It is written last: where it is, all are of this estimate. Returns the names
+// of the files written. Throws FileError.
 std::vector<std::string> write_estimate(const std::filesystem::path& folder,
                                         const teletact::v1::Acquisition& acquisition,
                                         const EstimateOutcome& outcome, const EstimateSource& source);

@@ -26,12 +26,13 @@ struct RecordedFrameOptions {
   std::string axial_axis;                            // .mat: "rows" or "columns"
   std::optional<std::size_t> pre_frame, post_frame;  // .mat with several frames: which, from 0
   std::string spacing_unit = "m";                    // of the MetaImage header: "m" or "mm"
-  double max_strain = 0, poisson_ratio = 0, tissue_depth_m = 0,
-         tissue_width_m = 0;  // 0: the service's default
+  // The service's defaults, sent as stated: on the wire a 0 would stand for them, so none can be given.
+  double max_strain = 0.05, poisson_ratio = 0.49;
+  double tissue_depth_m = 0, tissue_width_m = 0;  // 0: the frame's
   // 0: the service's default
   teletact::v1::ModulusMethod modulus_method = teletact::v1::MODULUS_METHOD_UNSPECIFIED;
   double modulus_time_limit_s = 20;  // nobody waits with a finger: until it has settled
-  teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;
+  teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_STRAIN;
 };
 
 // Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.

@@ -84,6 +84,17 @@ Weibull coarse_search(const std::vector<StimulusCount>& counts, const FitOptions
   return best;
 }
 
+// Never harder below one stimulus and always above it: such answers fit the better the steeper the curve, and
+// from some slope on all alike.
+bool steps(const std::vector<StimulusCount>& counts) {
+  double last_not_harder = 0, first_harder = std::numeric_limits<double>::infinity();
+  for (const StimulusCount& count : counts) {
+    if (count.not_harder > 0) last_not_harder = std::max(last_not_harder, count.stimulus_n_m);
+    if (count.harder > 0) first_harder = std::min(first_harder, count.stimulus_n_m);
+  }
+  return last_not_harder <= first_harder;
+}
+
 Fit descend(const std::vector<StimulusCount>& counts, const FitOptions& options, const Weibull& start,
             NelderMeadOptions search) {
   const Limits limits = limits_of(counts, options);
@@ -101,7 +112,7 @@ Fit descend(const std::vector<StimulusCount>& counts, const FitOptions& options,
   fit.function = point.function;
   fit.cost = cost_of(counts, options.method, point.function);
   fit.converged = found.converged;
-  fit.at_limit = ln_threshold < limits.ln_threshold_least + kAtLimit ||
+  fit.at_limit = steps(counts) || ln_threshold < limits.ln_threshold_least + kAtLimit ||
                  ln_threshold > limits.ln_threshold_most - kAtLimit ||
                  ln_beta < limits.ln_beta_least + kAtLimit || ln_beta > limits.ln_beta_most - kAtLimit;
   return fit;

@@ -25,9 +25,10 @@ struct Fit {
   Weibull function;
   double cost = 0;         // sum of squared differences of the shares, or -ln likelihood
   bool converged = false;  // of the simplex
-  // The answers do not bound the threshold or the slope (for example a clean step, or no rise at all), so one
-  // of them stands at the limit of the search: threshold within a tenth of the least to ten times the largest
-  // stimulus, beta within 0.05 to 200.
+  // The answers do not bound the threshold or the slope: they step from never to always harder with at most
+  // one stimulus between, or do not rise, so that one of the two ends at or on its way to the limit of the
+  // search (threshold within a tenth of the least to ten times the largest stimulus, beta within 0.05 to
+  // 200).
   bool at_limit = false;
 };
 

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "tests/files/temporary_folder.h"
+
 namespace teletact::client {
 namespace {
 
@@ -22,6 +26,53 @@ TEST(TissueExtent, IsTheFramesWhereNothingIsStatedAndSaysSo) {
   EXPECT_NEAR(extent.depth_m, 0.042, 1e-12);
   EXPECT_TRUE(extent.width_assumed);
   EXPECT_TRUE(extent.depth_assumed);
+}
+
+std::string refusal(const RecordedFrameOptions& options) {
+  try {
+    read_recorded_frames(options);
+  } catch (const FrameInputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+// On the wire 0 stands for the default, so a 0 that was asked for must not get there.
+TEST(RecordedFrames, ValuesThatCannotBeAskedForAreRefusedByName) {
+  RecordedFrameOptions good;
+  good.center_frequency_hz = 7e6;
+  good.sampling_frequency_hz = 40e6;
+  good.frame = "LAB";
+  EXPECT_NE(refusal(good).find("not a .mha or .mat file"), std::string::npos) << "all but the files is good";
+  for (const double nu : {0.0, 0.5, -0.1, static_cast<double>(NAN)}) {
+    RecordedFrameOptions options = good;
+    options.poisson_ratio = nu;
+    EXPECT_NE(refusal(options).find("--poisson-ratio"), std::string::npos) << nu;
+  }
+  for (const double strain : {0.0, 0.0009, 0.126, static_cast<double>(NAN)}) {
+    RecordedFrameOptions options = good;
+    options.max_strain = strain;
+    EXPECT_NE(refusal(options).find("--max-strain"), std::string::npos) << strain;
+  }
+}
+
+// What is not stated is sent all the same, so that the record of an estimate says what it was made with.
+TEST(RecordedFrames, DefaultsAreSent) {
+  const TemporaryFolder folder;
+  RecordedFrameOptions options;
+  options.center_frequency_hz = 7e6;
+  options.sampling_frequency_hz = 38.5e6;
+  options.frame = "LAB";
+  options.pre = options.post = folder / "a.mha";
+  put_content(
+      options.pre,
+      "ObjectType = Image\nNDims = 2\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+      "ElementSpacing = 2e-5 0.0003\nDimSize = 64 8\nElementType = MET_SHORT\nElementDataFile = LOCAL\n" +
+          std::string(64 * 8 * 2, '\1'));
+  const v1::Acquisition acquisition = read_recorded_frames(options).acquisition;
+  EXPECT_EQ(acquisition.poisson_ratio(), 0.49);
+  EXPECT_EQ(acquisition.max_strain(), 0.05);
+  EXPECT_EQ(acquisition.plane(), v1::PLANE_CONDITION_STRAIN);
 }
 
 TEST(TissueExtent, IsAsStated) {

@@ -93,6 +93,23 @@ TEST(Fit, ScalingEveryStimulusScalesAlphaAlone) {
   EXPECT_NEAR(fit.function.beta, 8.911, kPrintedDigit);
 }
 
+// However many stimuli and trials: all slopes from some on fit a step alike, so none is an answer.
+TEST(Fit, AStepBoundsNoSlope) {
+  const std::vector<std::vector<StimulusCount>> all{
+      {{20, 0, 10}, {30, 10, 0}},
+      {{30, 40, 0}, {29, 0, 40}},
+      {{20, 0, 10}, {25, 0, 10}, {30, 10, 0}, {35, 10, 0}},
+      {{20, 0, 10}, {25, 0, 10}, {30, 4, 6}, {35, 10, 0}, {40, 10, 0}},
+      {{20, 0, 10}, {30, 7, 3}}};
+  for (const auto& counts : all)
+    for (const FitOptions& how :
+         {FitOptions{FitMethod::kLeastSquares, 0}, FitOptions{FitMethod::kMaximumLikelihood, 0},
+          FitOptions{FitMethod::kMaximumLikelihood, 0.1}}) {
+      EXPECT_TRUE(fit_weibull(counts, how).at_limit) << name_of(how.method) << " " << counts.size();
+    }
+  EXPECT_FALSE(fit_weibull({{20, 0, 10}, {25, 1, 9}, {30, 4, 6}, {35, 10, 0}}).at_limit);
+}
+
 TEST(Fit, AnswersThatDoNotBoundTheCurveSaySo) {
   const Fit step = fit_weibull({{20, 0, 10}, {25, 0, 10}, {30, 10, 0}}, {FitMethod::kLeastSquares, 0});
   EXPECT_TRUE(std::isfinite(step.function.alpha_n_m) && std::isfinite(step.function.beta));
