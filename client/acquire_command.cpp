@@ -1,4 +1,5 @@
 // teletact-client acquire: the patient side.
+#include <fmt/format.h>
 #include <grpcpp/client_context.h>
 
 #include <atomic>
@@ -22,8 +23,6 @@
 
 namespace teletact::client {
 namespace {
-
-constexpr double kConnectWaitS = 3;
 
 std::atomic<bool> interrupted{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
@@ -142,7 +141,7 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
     for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
     std::fflush(stdout);
   };
-  observer.note = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
+  observer.note = say;
   observer.ready = [&arguments] {
     if (arguments.ready_path.empty()) return;
     if (!(std::ofstream(arguments.ready_path) << "ready\n" << std::flush))
@@ -198,10 +197,11 @@ AcquireResult acquire(AcquireSession& session) {
 void run(const Arguments& arguments) {
   check(arguments);
   const Tissue tissue = tissue_of(arguments);
+  if (!(arguments.acquire.start_x_m >= 0 && arguments.acquire.start_x_m <= tissue.width_m))
+    throw CommandError(fmt::format("--start-x-m {}: the tissue reaches from 0 to {} m",
+                                   arguments.acquire.start_x_m, tissue.width_m));
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
-  const auto channel = make_channel(arguments.address, arguments.tls_ca);
-  if (!wait_connected(*channel, kConnectWaitS))
-    throw CommandError(nobody_answers(arguments.address, arguments.tls_ca));
+  const auto channel = reach_service(arguments.address, arguments.tls_ca, say);
   const auto palpation = v1::Palpation::NewStub(channel);
   open_scene(*palpation, arguments.acquire.scene_id, tissue);
   Recorder recorder(arguments);

@@ -21,6 +21,9 @@ CLI::Validator above_zero();
 // A message as it stands, but with the flag for the field that it begins with or names ("radius_m:").
 std::string with_flags(std::string message, const std::vector<std::pair<std::string, std::string>>& flags);
 
+// One line on stderr.
+void say(const std::string& line);
+
 // --service and --tls-ca; `tls_ca` becomes the file's text.
 void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca);
 

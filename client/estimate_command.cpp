@@ -15,8 +15,6 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kConnectWaitS = 3;
-
 struct Arguments {
   std::string address, tls_ca, out;
   RecordedFrameOptions frames;
@@ -82,9 +80,7 @@ void let_writing_end() {
 void run(const Arguments& arguments) {
   require_writable_folder(arguments.out);
   const FramePair pair = read_recorded_frames(arguments.frames);
-  const auto channel = make_channel(arguments.address, arguments.tls_ca);
-  if (!wait_connected(*channel, kConnectWaitS))
-    throw CommandError(nobody_answers(arguments.address, arguments.tls_ca));
+  const auto channel = reach_service(arguments.address, arguments.tls_ca, say);
   EstimateCallbacks callbacks;
   warn_of_assumptions(pair.acquisition);
   callbacks.response = [](const v1::EstimateResponse& response) {

@@ -21,6 +21,19 @@ CLI::Validator number_check(const char* allowed, bool zero) {
       allowed);
 }
 
+// CLI11 reads "nan" and "inf" as numbers, and its ranges let nan through. For every option of every command,
+// after its own checks.
+void refuse_what_is_not_finite(CLI::App& app) {
+  const auto problem = [](const std::string& text) {
+    double value = 0;
+    const bool good = !CLI::detail::lexical_cast(text, value) || std::isfinite(value);
+    return good ? "" : "must be a finite number, not " + text;
+  };
+  for (CLI::App* command : app.get_subcommands({}))
+    for (CLI::Option* option : command->get_options())
+      if (option->get_type_name().rfind("FLOAT", 0) == 0) option->check(problem);
+}
+
 }  // namespace
 
 CLI::Validator zero_or_more() {
@@ -39,6 +52,10 @@ std::string with_flags(std::string message, const std::vector<std::pair<std::str
     break;
   }
   return message;
+}
+
+void say(const std::string& line) {
+  std::fprintf(stderr, "%s\n", line.c_str());
 }
 
 void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca) {
@@ -63,6 +80,7 @@ int main(int argc, char** argv) {
   add_report_command(app);
   add_scenes_command(app);
   add_touch_command(app);
+  refuse_what_is_not_finite(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

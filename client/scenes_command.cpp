@@ -32,7 +32,7 @@ void print(const v1::Scene& scene) {
 }
 
 void run(const Arguments& arguments) {
-  const auto stub = v1::Palpation::NewStub(make_channel(arguments.address, arguments.tls_ca));
+  const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.tls_ca, say));
   grpc::ClientContext context;
   give_deadline(context);
   if (!arguments.remove.empty()) {
@@ -46,8 +46,6 @@ void run(const Arguments& arguments) {
   }
   v1::ListScenesResponse scenes;
   const grpc::Status status = stub->ListScenes(&context, {}, &scenes);
-  if (status.error_code() == grpc::StatusCode::UNAVAILABLE)
-    throw CommandError(nobody_answers(arguments.address, arguments.tls_ca));
   if (!status.ok()) throw CommandError("cannot list the scenes: " + describe(status));
   for (const v1::Scene& scene : scenes.scenes()) print(scene);
   if (scenes.scenes().empty()) std::printf("no scenes: acquire publishes one\n");

@@ -270,8 +270,9 @@ void add_touch_command(CLI::App& app) {
   command.add_option("--period-s", arguments->period_s, "wish between answers")
       ->check(CLI::Range(0.001, 1.0));
   command.add_option("--credit", arguments->credit, "answers in flight")->check(CLI::Range(1, 8));
-  command.add_option("--wait-s", session.wait_s,
-                     "wait so long for the service, the scene and its first window");
+  command
+      .add_option("--wait-s", session.wait_s, "wait so long for the service, the scene and its first window")
+      ->check(zero_or_more());
   add_tip_options(command, *arguments);
   add_hand_options(command, session);
   command.footer(

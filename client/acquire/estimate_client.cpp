@@ -80,6 +80,8 @@ EstimateOutcome EstimateClient::estimate(const v1::Acquisition& acquisition, con
     if (status.ok()) return outcome;
     if (status.error_code() != grpc::StatusCode::UNAVAILABLE || monotonic_ns() > give_up_ns)
       throw_status("Estimate", status);
+    if (outcome.attempts == 1 && callbacks.waiting)
+      callbacks.waiting("waiting for the service (" + describe(status) + ")");
     if (stop) throw ServiceError(grpc::StatusCode::CANCELLED, "Estimate: stopped");
     std::this_thread::sleep_for(std::chrono::duration<double>(backoff_s));
     backoff_s = std::min(2 * backoff_s, kLastBackoffS);

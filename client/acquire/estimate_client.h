@@ -42,6 +42,7 @@ struct EstimateOutcome {
 struct EstimateCallbacks {  // all optional; called from the thread that called estimate()
   std::function<void(const teletact::v1::EstimateRequest&)> request;
   std::function<void(const teletact::v1::EstimateResponse&)> response;
+  std::function<void(const std::string&)> waiting;  // once, in a line: the service is UNAVAILABLE
 };
 
 class EstimateClient {

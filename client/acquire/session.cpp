@@ -135,6 +135,7 @@ void AcquireSession::upload_one(Upload upload) {
     if (request.has_acquisition()) ++calls_;  // a repeated call is a call of its own
     if (observer_.request) observer_.request(calls_, request);
   };
+  callbacks.waiting = observer_.note;
   if (observer_.response)
     callbacks.response = [this](const v1::EstimateResponse& response) {
       observer_.response(calls_, response);

@@ -35,8 +35,8 @@ struct AcquireOptions {
   bool until_finger_leaves = false;
   double finger_gone_s = 0.5;  // a finger away that long has left
   double duration_s = 0;       // 0: no limit
-  double retry_for_s = 10;
-  bool all_maps = false;  // ask for every map of every pair: for recordings
+  double retry_for_s = 60;     // a service that is started again restores its scenes first
+  bool all_maps = false;       // ask for every map of every pair: for recordings
   teletact::v1::ModulusMethod modulus_method =
       teletact::v1::MODULUS_METHOD_UNSPECIFIED;  // the service's choice
   double modulus_time_limit_s = 0;               // the same

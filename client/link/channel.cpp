@@ -6,6 +6,9 @@
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
+#include <thread>
+
+#include "teletact/v1/palpation.grpc.pb.h"
 
 namespace teletact::client {
 namespace {
@@ -14,6 +17,7 @@ constexpr int kFirstBackoffMs = 50;
 constexpr int kLargestBackoffMs = 200;
 constexpr int kConnectTimeoutMs = 3000;  // shorter, and TCP, TLS and HTTP/2 do not get through a slow link
 constexpr int kKeepaliveMs = 30000;      // a second net only: silence on the stream is noticed long before
+constexpr double kConnectWaitS = 3;
 constexpr int kMaxMessageBytes = 256 << 20;
 
 }  // namespace
@@ -81,6 +85,28 @@ std::string nobody_answers(const std::string& address, const std::string& tls_ca
          "' (teletact-service), " +
          (tls_ca.empty() ? "or give --tls-ca if it serves TLS"
                          : "with a certificate that --tls-ca signed for that name");
+}
+
+std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const std::string& tls_ca,
+                                             const std::function<void(const std::string&)>& say) {
+  using namespace std::chrono_literals;
+  constexpr auto kServesWithin = 60s, kCallDeadline = 5s;
+  const auto channel = make_channel(address, tls_ca);
+  const auto stub = v1::Palpation::NewStub(channel);
+  const auto give_up = std::chrono::steady_clock::now() + kServesWithin;
+  for (bool said = false;; said = true) {
+    if (!wait_connected(*channel, kConnectWaitS)) throw std::runtime_error(nobody_answers(address, tls_ca));
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
+    v1::ListScenesResponse scenes;
+    const grpc::Status status = stub->ListScenes(&context, {}, &scenes);
+    if (status.error_code() != grpc::StatusCode::UNAVAILABLE) return channel;
+    const std::string why = "the service at " + address + " (" + describe(status) + ")";
+    if (std::chrono::steady_clock::now() > give_up)
+      throw std::runtime_error("waited a minute for " + why + "; see its log");
+    if (!said) say("waiting for " + why);
+    std::this_thread::sleep_for(100ms);
+  }
 }
 
 bool wait_connected(grpc::Channel& channel, double wait_s) {

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -44,6 +45,12 @@ std::string read_tls_ca(const std::string& path);
 
 // One line for a person: nobody serves at `address`, why that may be and what to do.
 std::string nobody_answers(const std::string& address, const std::string& tls_ca);
+
+// A channel to a service that serves. One that is starting (it listens before that, and compiles kernels and
+// restores scenes meanwhile) is waited for, which `say` is told once, in a line. Throws std::runtime_error in
+// one line when nobody answers for 3 s, or when it has not begun to serve after a minute.
+std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const std::string& tls_ca,
+                                             const std::function<void(const std::string&)>& say);
 
 // True once connected, false when `wait_s` has passed first.
 bool wait_connected(grpc::Channel&, double wait_s);

@@ -85,6 +85,7 @@ grpc::Status PalpationService::WatchFinger(grpc::ServerContext* context,
     constexpr std::chrono::milliseconds kLookForCancel{200};
     constexpr auto kPeriod = std::chrono::duration_cast<Clock::duration>(
         std::chrono::duration<double>(1 / kMostFingerStatesPerSecond));
+    core_.calls.require_open();  // first: until scenes are restored, one that is not found may yet be
     const auto scene = core_.scenes.find(request->scene_id());
     const auto ticket = core_.calls.enter(CallKind::kWatch, [scene] { scene->finger().wake(); }, {});
     spdlog::info("event=watch_opened stream={} scene={} peer={}", ticket->id(), scene->id(), context->peer());

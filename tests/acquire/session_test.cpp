@@ -62,7 +62,12 @@ TEST(EstimateClient, TriesAgainWhileTheServiceIsUnavailableAndOnlyThen) {
   const FramePair pair = frames.take(0);
   EstimateClient client(make_channel(server.address()), 5);
   server.elastography.unavailable_calls = 2;
-  EXPECT_EQ(client.estimate(pair.acquisition, pair.pre, pair.post, {}, false).attempts, 3u);
+  EstimateCallbacks callbacks;
+  std::vector<std::string> said;
+  callbacks.waiting = [&](const std::string& line) { said.push_back(line); };
+  EXPECT_EQ(client.estimate(pair.acquisition, pair.pre, pair.post, callbacks, false).attempts, 3u);
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_NE(said[0].find("draining"), std::string::npos) << said[0];
   server.elastography.untracked_calls = 1;
   try {
     client.estimate(pair.acquisition, pair.pre, pair.post, {}, false);

@@ -139,6 +139,13 @@ TEST(AcquireInput, NeedsATissueAndOneThatCanBeRead) {
                                    "--tissue", folder / "t.toml"},
                                   folder / "log"),
                         {"t.toml", "width"});
+  for (const char* start : {"99", "-0.01", "nan"})
+    EXPECT_NE(test::run({client, "acquire", "--service", "unix:/tmp/tt-nobody", "--scene", "s", "--seed", "1",
+                         "--start-x-m", start},
+                        folder / "log")
+                  .output.find("--start-x-m"),
+              std::string::npos)
+        << start;
 }
 
 // One file under two names, by another spelling, a link, or before it exists, is refused before anything is
@@ -225,6 +232,11 @@ TEST(TouchInput, WhatCannotBeIsRefusedInWords) {
     refused({"--service", nobody, "--tip-radius-m", radius}, {"--tip-radius-m", "number above 0"});
   for (const char* duration : {"-1", "nan"})
     refused({"--service", nobody, "--duration-s", duration}, {"--duration-s", "0 or more"});
+  for (const char* wait : {"-1", "nan"})
+    refused({"--service", nobody, "--wait-s", wait}, {"--wait-s", "0 or more"});
+  for (const char* option : {"--indentation-m", "--speed-m-s", "--begin-m", "--hand-mass-kg",
+                             "--hand-damping-n-s-m", "--hand-stiffness-n-m", "--period-s", "--line-y-m"})
+    refused({"--service", nobody, option, "nan"}, {option, "finite number"});
 }
 
 // The script answers for itself what needs no build.

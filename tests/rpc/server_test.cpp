@@ -119,6 +119,12 @@ TEST(Server, HealthIsPerServiceAndServingOnlyWhenReady) {
   grpc::ClientContext early;
   EXPECT_EQ(v1::Palpation::NewStub(server.channel())->ListScenes(&early, {}, &scenes).error_code(),
             grpc::StatusCode::UNAVAILABLE);
+  // Its scenes may not be restored yet: no caller is told that one does not exist.
+  grpc::ClientContext watching;
+  v1::WatchFingerRequest unknown;
+  unknown.set_scene_id("s");
+  EXPECT_EQ(v1::Palpation::NewStub(server.channel())->WatchFinger(&watching, unknown)->Finish().error_code(),
+            grpc::StatusCode::UNAVAILABLE);
   server->make_ready();
   for (const char* service : {"", "teletact.v1.Palpation", "teletact.v1.Elastography", "teletact.v1.Info"})
     EXPECT_EQ(health_of(server, service), kServing) << service;

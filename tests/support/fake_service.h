@@ -104,6 +104,7 @@ class FakePalpation final : public v1::Palpation::Service {
     changed_.notify_all();
   }
 
+  std::atomic<int> starting_calls{0};                           // the next n of ListScenes fail so
   std::atomic<int> told{0};                                     // states of the finger so far
   std::atomic<int> watches{0};                                  // opened so far
   std::atomic<grpc::StatusCode> refusal{grpc::StatusCode::OK};  // ends one watch, once
@@ -116,6 +117,12 @@ class FakePalpation final : public v1::Palpation::Service {
     it->second.set_scene_id(request->scene_id());
     *it->second.mutable_geometry() = request->geometry();
     *scene = it->second;
+    return grpc::Status::OK;
+  }
+
+  grpc::Status ListScenes(grpc::ServerContext*, const v1::ListScenesRequest*,
+                          v1::ListScenesResponse*) override {
+    if (starting_calls > 0 && starting_calls-- > 0) return {grpc::StatusCode::UNAVAILABLE, "starting"};
     return grpc::Status::OK;
   }
 
