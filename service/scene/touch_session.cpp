@@ -102,7 +102,7 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
   answer.published = window->published;
   try {
     solve_contact_into(answer, *window, x_m, y_m);
-    judge(answer, *snapshot, x_m);
+    judge(answer, *window, *snapshot, {x_m, y_m - line_y_m()});
     if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*window, *snapshot, x_m);
   } catch (const std::exception& error) {  // the model's or the solver's limits, not the client's fault
     answer.contact = {};
@@ -159,17 +159,41 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   return "";
 }
 
-void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, double x_m) const {
+// What is wrong with the mesh under a pressed tip; empty when nothing is. A tip that only begins to touch is
+// judged as pressed lightly: it overlaps few nodes of any mesh.
+std::string TouchSession::coarseness(const WindowModel& window, const ContactPose& pose) const {
+  const Fingertip& tip = options_.fingertip;
+  if (tip.shape == FingertipShape::kNode || pose.indentation_m <= 0) return "";
+  const std::vector<double>& columns_m = window.model->grid().x_m;
+  const double reach = reach_m(tip, std::max(pose.indentation_m, kForeseenM), 0);
+  double widest_m = 0;
+  for (std::size_t i = 0; i + 1 < columns_m.size(); ++i)
+    if (columns_m[i + 1] > pose.x_m - reach && columns_m[i] < pose.x_m + reach)
+      widest_m = std::max(widest_m, columns_m[i + 1] - columns_m[i]);
+  const double curved = tip.shape == FingertipShape::kFlatPunch ? reach - tip.half_width_m : reach;
+  if (curved >= kLeastSpacings * widest_m) return "";
+  return fmt::format(
+      "the mesh is too coarse for this tip: nodes {:.2g} mm apart where its curved part spans {:.2g} mm a "
+      "side; "
+      "the force depends on where it stands between them, use a finer grid or a wider tip",
+      1e3 * widest_m, 1e3 * curved);
+}
+
+void TouchSession::judge(TouchAnswer& answer, const WindowModel& window, const SceneSnapshot& snapshot,
+                         const ContactPose& pose) const {
   const ContactAnswer& c = answer.contact;
   if (!finite(c)) throw std::runtime_error("the contact solve gave a force that is not finite");
+  // These are said, but no reason to fade the force: it is the linear model's on this mesh, and continuous.
+  answer.warning = coarseness(window, pose);
   if (c.state == ContactState::kNoContact) return;
-  answer.warning = doubt(c, snapshot, x_m);
-  if (!answer.warning.empty())
+  if (const std::string why = doubt(c, snapshot, pose.x_m); !why.empty()) {
+    answer.warning = why;
     answer.status = TouchStatus::kDegraded;
-  else if (c.strain_beyond_linear)
-    // Said, but no reason to fade the force: it is the linear model's, and it is continuous.
-    answer.warning =
+  } else if (c.strain_beyond_linear) {
+    answer.warning +=
+        (answer.warning.empty() ? "" : "; ") +
         fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain);
+  }
 }
 
 // By PCG only where the columns are there by now: nobody waits for it.

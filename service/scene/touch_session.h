@@ -53,6 +53,9 @@ class TouchSession {
   static constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
   // A light touch: what fingers make out stiffness with before they press.
   static constexpr double kForeseenM = 5e-4;
+  // What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
+  // depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
+  static constexpr double kLeastSpacings = 1.5;
   // Force error beyond which an answer is not trusted: that of a float solver.
   static constexpr double kTrustedForceError = 2e-3;
 
@@ -75,7 +78,8 @@ class TouchSession {
  private:
   bool prepare(const WindowModel&, double x_m, double reach_m, std::chrono::milliseconds);
   void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
-  void judge(TouchAnswer&, const SceneSnapshot&, double x_m) const;
+  void judge(TouchAnswer&, const WindowModel&, const SceneSnapshot&, const ContactPose&) const;
+  std::string coarseness(const WindowModel&, const ContactPose&) const;
   std::string doubt(const ContactAnswer&, const SceneSnapshot&, double x_m) const;
   std::optional<ForeseenTouch> foresee(const WindowModel&, const SceneSnapshot&, double x_m);
   const std::shared_ptr<Scene> scene_;

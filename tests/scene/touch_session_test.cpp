@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <string>
 
 #include "service/device/device.h"
 #include "tests/scene/windows.h"
@@ -260,6 +261,36 @@ TEST(ExplicitScene, KeepsItsGridAndIsTouchableAtOnce) {
   EXPECT_EQ(session.solve(0.05, 0.002).status, TouchStatus::kOk);
   EXPECT_NE(session.solve(0.1, 0.002).status, TouchStatus::kNotCovered);
   EXPECT_THROW(scene->publish(window_of(homogeneous(1e4), 0, 0.05, 0.1), {}), std::exception);
+}
+
+std::string warning_at(double spacing_m, const TouchOptions& options, double x_m, double y_m) {
+  ExplicitModulus e;
+  const auto elements = static_cast<std::size_t>(std::lround(0.08 / spacing_m));
+  e.x_m = uniform_coordinates(0, 0.08, elements);
+  e.y_m = uniform_coordinates(0, 0.04, elements / 2);
+  e.youngs_modulus_pa.assign(elements * (elements / 2), 10e3);
+  auto scene = std::make_shared<Scene>("s", tissue(0.08, 0.04), e, versions());
+  const TouchAnswer answer = TouchSession(scene, options, nullptr).solve(x_m, y_m);
+  EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+  return answer.warning;
+}
+
+// 4 mm below a tip of 8 mm: no force at all at some places .1 mm deep, 20 % more or less 1 mm deep.
+TEST(ExplicitScene, TooCoarseForTheTipSaysSoWhereverItTouches) {
+  for (const double x_m : {0.04, 0.0412, 0.042}) {
+    for (const double y_m : {0.0001, 0.001, 0.002})
+      EXPECT_NE(warning_at(4e-3, {}, x_m, y_m).find("too coarse"), std::string::npos) << x_m << " " << y_m;
+    EXPECT_EQ(warning_at(4e-3, {}, x_m, -0.001), "");
+    for (const double y_m : {0.0001, 0.001, 0.002}) EXPECT_EQ(warning_at(1e-3, {}, x_m, y_m), "") << y_m;
+  }
+  TouchOptions wide, node;
+  wide.fingertip.radius_m = 0.014;
+  node.fingertip.shape = FingertipShape::kNode;
+  for (const TouchOptions& options : {wide, node}) EXPECT_EQ(warning_at(4e-3, options, 0.041, 0.002), "");
+  TouchOptions punch;
+  punch.fingertip.shape = FingertipShape::kFlatPunch;
+  EXPECT_EQ(warning_at(1e-3, punch, 0.041, 0.001), "");
+  EXPECT_NE(warning_at(4e-3, punch, 0.041, 0.001).find("too coarse"), std::string::npos);
 }
 
 }  // namespace
