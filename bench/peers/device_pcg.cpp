@@ -8,6 +8,7 @@
 
 #include "bench/peers/peer.h"
 #include "service/tissue/elasticity_solver.h"
+#include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
@@ -33,6 +34,9 @@ class DevicePcg final : public Peer {
   }
   bool ours() const override { return true; }
   bool iterative() const override { return true; }
+  bool products_choice(const ContactProblem& p) const override {
+    return service::iterative_options(*device_, p.of.poisson_ratio).precision == precision_;
+  }
   double prepare(const ContactProblem& p) override {
     tolerance_ = 0;
     solver_.reset();

@@ -31,6 +31,8 @@ class Peer {
   virtual ~Peer() = default;
   virtual std::string name() const = 0;
   virtual bool ours() const { return false; }
+  // It is what TissueModel::iterative solves with on this problem: promises are judged by it alone.
+  virtual bool products_choice(const ContactProblem&) const { return false; }
   // Iterative: `tolerance` of touch means something (to itself), and smaller is more accurate.
   virtual bool iterative() const { return false; }
   // Why it is not run on a problem; empty: it is.

@@ -14,7 +14,8 @@ namespace {
 
 using nlohmann::json;
 
-json measure_case(const ChartCase& chart, const ContactProblem& problem, Peers& peers, bool quick) {
+json measure_case(const ChartCase& chart, const ContactProblem& problem, Peers& peers,
+                  const std::shared_ptr<service::Device>& device, bool quick) {
   const ContactCase& c = chart.of;
   json out{{"sweeps", chart.sweeps},
            {"columns", c.columns},
@@ -46,6 +47,7 @@ json measure_case(const ChartCase& chart, const ContactProblem& problem, Peers& 
     std::fflush(stdout);
     out["methods"].push_back(std::move(method));
   }
+  out["columns"] = measure_columns(problem, device);
   return out;
 }
 
@@ -66,7 +68,7 @@ bool run(const SuiteOptions& options) {
               {"cases", json::array()}};
   for (const ChartCase& chart : chart_cases(options.quick)) {
     const ContactProblem problem = make_problem(chart.of);
-    result["cases"].push_back(measure_case(chart, problem, peers, options.quick));
+    result["cases"].push_back(measure_case(chart, problem, peers, device, options.quick));
     if (chart.sweeps.front() != "base") continue;
     result["product"] = measure_product(problem, device, options.quick);
     if (device->info().has_double)

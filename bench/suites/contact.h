@@ -4,7 +4,9 @@
 //   cases: [{sweeps, columns, rows, ..., unknowns, contact_nodes, methods: [{
 //     method, ours, iterative, declined | failed | setup_s, touch_s: {p50, ...}, surface_s, one_solve_s,
 //     kept_bytes_per_unknown, iterations, tolerance, force_error, displacement_error, stated_error, goal_met,
-//     ladder: [...]}]}]
+//     products_choice, ladder: [...]}]}]
+//     columns: {iterations, converged, stated_error, force_error} of one touch as the product does it by
+//     conjugate gradients: columns of the compliance, its own precision and tolerance
 //   product: figures of ours alone
 //   convergence: [{pattern, contrast, finest_columns, meshes: [{columns, force_error, displacement_error,
 //   ...}]}]
@@ -33,6 +35,9 @@ std::vector<ChartCase> chart_cases(bool quick);
 
 // Checks, then times one method on one case.
 nlohmann::json measure_method(Peer&, const ContactProblem&, bool whole_ladder, bool quick);
+
+// One touch by the columns that the product solves for.
+nlohmann::json measure_columns(const ContactProblem&, const std::shared_ptr<service::Device>&);
 
 // Of the condensed touch: all lines, the scene's strip, tangent, work around a loop, ripple; of the device: a
 // moving finger.

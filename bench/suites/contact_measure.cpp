@@ -73,22 +73,24 @@ Rung try_rung(Peer& peer, const ContactProblem& p, double tolerance) {
   return rung;
 }
 
-// The loosest rung that is good enough, else the best.
+// The loosest rung from which on two in a row are good enough, else the best.
 Rung climb(Peer& peer, const ContactProblem& p, bool whole, const Budget& b, json& ladder) {
   constexpr int kLoosest = 4, kTightest = 24;  // 10^(-k/2)
   const auto begin = Clock::now();
   std::optional<Rung> chosen, best;
+  bool confirmed = false;
   for (int k = kLoosest; k <= kTightest; ++k) {
     Rung rung = try_rung(peer, p, std::pow(10.0, -0.5 * k));
     ladder.push_back(describe(rung));
     const bool good = rung.error <= kForceGoal;
     if (!best || rung.error < best->error) best = rung;
-    if (good && chosen && !whole) break;
+    if (!good && !confirmed) chosen.reset();
+    confirmed = confirmed || (good && chosen);
+    if (confirmed && !whole) break;
     if (good && !chosen) chosen = rung;
-    if (!good && !(chosen && whole)) chosen.reset();
     if (seconds_since(begin) > b.ladder_s) break;
   }
-  return chosen ? *chosen : *best;
+  return confirmed ? *chosen : *best;
 }
 
 json timed(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget& b) {
@@ -125,7 +127,10 @@ json timed(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget&
 }  // namespace
 
 json measure_method(Peer& peer, const ContactProblem& p, bool whole_ladder, bool quick) {
-  json out{{"method", peer.name()}, {"ours", peer.ours()}, {"iterative", peer.iterative()}};
+  json out{{"method", peer.name()},
+           {"ours", peer.ours()},
+           {"iterative", peer.iterative()},
+           {"products_choice", peer.products_choice(p)}};
   if (const std::string why = peer.declines(p); !why.empty()) {
     out["declined"] = why;
     return out;

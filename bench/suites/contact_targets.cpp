@@ -13,9 +13,11 @@ using nlohmann::json;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-bool is_device_pcg(const json& m) {
-  return m.at("method").get<std::string>().rfind("ours, device PCG", 0) == 0;
+// What the product solves with; other precisions are in the chart to compare.
+bool is_product_pcg(const json& m) {
+  return m.value("products_choice", false);
 }
+// "CG with the factor of a uniform modulus" is none: the making of its factor is not counted.
 bool is_rival_cg(const json& m) {
   return m.at("method").get<std::string>().rfind("Eigen CG", 0) == 0 && m.at("goal_met").get<bool>();
 }
@@ -36,13 +38,13 @@ double least(const json& of_case, auto&& meant, auto&& figure) {
 
 double least_pcg_s(const json& of_case) {
   return least(
-      of_case, [](const json& m) { return is_device_pcg(m) && m.at("goal_met").get<bool>(); }, cold_s);
+      of_case, [](const json& m) { return is_product_pcg(m) && m.at("goal_met").get<bool>(); }, cold_s);
 }
 
-// Iterations of the best device PCG that reached the goal; NaN where none did.
+// Iterations of the product's PCG; NaN where it did not reach the goal.
 double pcg_iterations(const json& of_case) {
   return least(
-      of_case, [](const json& m) { return is_device_pcg(m) && m.at("goal_met").get<bool>(); },
+      of_case, [](const json& m) { return is_product_pcg(m) && m.at("goal_met").get<bool>(); },
       [](const json& m) { return m.at("iterations").get<double>(); });
 }
 
@@ -100,18 +102,23 @@ void add_speed(const json& result, const json& base, std::vector<Target>& target
       targets.push_back({"3. cold device PCG over the best sparse factor and solve, 241x241",
                          least_pcg_s(c) / least_factor_and_solve_s(c), 1.0 / 8, ""});
   const json& path = result.at("product").at("path");
-  targets.push_back({"3. warm along a path over cold",
-                     path.at("warm_mean_s").get<double>() / path.at("cold_s").get<double>(), 0.25, ""});
+  targets.push_back({"3. warm along a path, poses that solve (median), over cold",
+                     p50(path, "solving_s") / pcg_s, 0.25, ""});
+  targets.push_back({"3. warm along a path, mean of all poses, over cold",
+                     path.at("warm_mean_s").get<double>() / pcg_s, 0.25, ""});
 }
 
 void add_iterations(const json& result, std::vector<Target>& targets) {
   double at_49 = 0, at_499 = 0, at_4999 = 0, failures = 0;
   for (const json& c : result.at("cases")) {
-    const double iterations = pcg_iterations(c), nu = c.at("poisson_ratio"), contrast = c.at("contrast");
-    if (std::isnan(iterations)) {
+    const json& columns = c.at("columns");
+    const double of_touch = pcg_iterations(c), nu = c.at("poisson_ratio"), contrast = c.at("contrast");
+    if (std::isnan(of_touch) || !columns.at("converged").get<bool>() ||
+        !(columns.at("force_error").get<double>() <= kForceGoal)) {
       ++failures;
       continue;
     }
+    const double iterations = std::max(of_touch, columns.at("iterations").get<double>());
     if (nu <= 0.49 && contrast <= 10) at_49 = std::max(at_49, iterations);
     if (nu <= 0.499) at_499 = std::max(at_499, iterations);
     at_4999 = std::max(at_4999, iterations);
@@ -119,7 +126,7 @@ void add_iterations(const json& result, std::vector<Target>& targets) {
   targets.push_back({"4. PCG iterations, nu <= .49, contrast <= 10, the most", at_49, 15, ""});
   targets.push_back({"4. PCG iterations, nu <= .499, contrast <= 1000, the most", at_499, 50, ""});
   targets.push_back({"4. PCG iterations, nu <= .4999, the most", at_4999, 100, ""});
-  targets.push_back({"4. cases where no device PCG reached the goal", failures, 0, ""});
+  targets.push_back({"4. cases where the product's PCG does not reach the goal", failures, 0, ""});
 }
 
 void add_growth(const json& result, std::vector<Target>& targets) {
