@@ -11,6 +11,12 @@ int main(int argc, char** argv) {
                "teletact-bench");
   app.set_version_flag("--version", "teletact-bench " TELETACT_VERSION);
   app.require_subcommand(1);
+  app.failure_message([](const CLI::App* all, const CLI::Error& error) {
+    const auto unknown = all->remaining();
+    return all->get_subcommands().empty() && !unknown.empty()
+               ? "no suite '" + unknown.front() + "'; --help lists them\n"
+               : CLI::FailureMessage::simple(all, error);
+  });
   bool met = true;
   teletact::bench::add_paper_suite(app, met);
   teletact::bench::add_servo_suite(app, met);

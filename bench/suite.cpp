@@ -77,8 +77,8 @@ bool finish(nlohmann::json& result, const std::vector<Target>& targets, const Su
     met = met && t.met();
     result["targets"].push_back(
         {{"name", t.name}, {"value", t.value}, {"target", t.target}, {"unit", t.unit}, {"met", t.met()}});
-    std::printf("%-8s %s: %.4g, promised %s %.4g %s\n", t.met() ? "met" : "NOT MET", t.name.c_str(), t.value,
-                t.at_most ? "at most" : "at least", t.target, t.unit.c_str());
+    std::printf("%-8s %s: %.4g, promised %s %.4g%s\n", t.met() ? "met" : "NOT MET", t.name.c_str(), t.value,
+                t.at_most ? "at most" : "at least", t.target, t.unit == "1" ? "" : (" " + t.unit).c_str());
   }
   if (!options.json.empty() && !(std::ofstream(options.json) << result.dump(1) << '\n' << std::flush))
     throw BenchError("cannot write --json " + options.json);

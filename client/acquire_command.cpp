@@ -59,6 +59,8 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
   grpc::ClientContext create;
   const grpc::Status status = palpation.CreateScene(&create, request, &scene);
   if (status.ok()) return;
+  if (status.error_code() == grpc::StatusCode::INVALID_ARGUMENT)
+    throw CommandError(with_flags(status.error_message(), {{"scene_id", "--scene " + scene_id}}));
   if (status.error_code() != grpc::StatusCode::ALREADY_EXISTS) throw_status("CreateScene", status);
   v1::GetSceneRequest get;
   get.set_scene_id(scene_id);
@@ -69,7 +71,11 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
     if (scene.geometry().size_m_size() < 2 ||
         std::abs(scene.geometry().size_m(axis) - geometry.size_m(axis)) > 1e-9)
       throw CommandError("--scene " + scene_id + ": it exists with another size; choose another scene");
-  std::fprintf(stderr, "scene %s exists: going on with it\n", scene_id.c_str());
+  const std::string has = fmt::format("scene {} exists, with {} windows: ", scene_id, scene.windows_size());
+  say(scene.windows_size() == 0 ? has + "going on with it"
+                                : "warning: " + has +
+                                      "they stay beside this patient's until those replace them. If they are "
+                                      "another's, end this, and give another --scene");
 }
 
 // Everything that the recording gets, in one place; calls come from several threads.

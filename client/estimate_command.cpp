@@ -103,7 +103,7 @@ void run(const Arguments& arguments) {
         "background %.2f kPa%s\n", summary.background_modulus_pa() * 1e-3,
         tissue_extent(pair.acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
-    std::printf("modulus relative to the background (no force given)\n");
+    std::printf("modulus relative to its median (no force given)\n");
   std::printf("modulus method: %s\n", name_of(summary.modulus_method()).c_str());
   for (const std::string& warning : summary.warnings())
     std::fprintf(stderr, "warning: %s\n", warning.c_str());

@@ -25,11 +25,18 @@ struct Arguments {
   DeviceChoice device = {.device = ""};  // empty: the keyboard
   SpringChain chain = {.renderer = ""};  // empty: perfect stiffness
   SpringPlace place;
-  std::uint64_t seed = 1;
+  std::optional<std::uint64_t> seed;  // of --seed
   std::string csv, refit;
   double lapse_rate_most = 0;
   unsigned resamples = 1000;
 };
+
+// As given, as the answers were made with, or 1.
+std::uint64_t seed_of(const Arguments& arguments) {
+  if (arguments.seed) return *arguments.seed;
+  constexpr std::uint64_t kUsual = 1;
+  return arguments.refit.empty() ? kUsual : seed_of_results_csv(arguments.refit).value_or(kUsual);
+}
 
 std::string remark_of(const Arguments& arguments) {
   const std::string who =
@@ -38,8 +45,8 @@ std::string remark_of(const Arguments& arguments) {
           : fmt::format("simulated, Weber fraction {}, lapse rate {}, equality {}",
                         arguments.observer.weber_fraction, arguments.observer.lapse_rate,
                         arguments.observer.equality_fraction);
-  return fmt::format("teletact experiment: seed {}, {} trials of each stimulus; observer: {}", arguments.seed,
-                     arguments.plan.trials_per_stimulus, who);
+  return fmt::format("teletact experiment: seed {}, {} trials of each stimulus; observer: {}",
+                     seed_of(arguments), arguments.plan.trials_per_stimulus, who);
 }
 
 std::optional<SpringChain> chain_of(const Arguments& arguments) {
@@ -54,7 +61,7 @@ double hardest_n_m(const ExperimentPlan& plan) {
 // The order of the trials and the observer's chance come from one seed, but from generators of their own, so
 // that a person is asked in the same order.
 std::vector<AnsweredTrial> ask(const Arguments& arguments) {
-  Random random(arguments.seed);
+  Random random(seed_of(arguments));
   ExperimentPlan plan = arguments.plan;
   plan.condition = condition_of(chain_of(arguments), arguments.place);
   const std::vector<Trial> trials = random_order(plan, random);
@@ -118,7 +125,7 @@ void run(const Arguments& arguments) {
     std::printf("\n%zu trials, background %g N/m, stiffness as felt: %s\n", answers.size(), background_n_m,
                 answers.front().trial.condition.c_str());
     print_counts(counts);
-    const BootstrapOptions spread{arguments.resamples, 0.95, arguments.seed};
+    const BootstrapOptions spread{arguments.resamples, 0.95, seed_of(arguments)};
     bool fitted = print_fit(counts, {FitMethod::kLeastSquares, 0}, background_n_m, spread);
     fitted |=
         print_fit(counts, {FitMethod::kMaximumLikelihood, arguments.lapse_rate_most}, background_n_m, spread);
@@ -206,8 +213,9 @@ void add_experiment_command(CLI::App& app) {
       ->capture_default_str();
   command.add_option("--trials", arguments->plan.trials_per_stimulus, "of each stimulus")
       ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the order, the simulated observer and the bootstrap")
-      ->capture_default_str();
+  command.add_option("--seed", arguments->seed,
+                     "of the order, the simulated observer and the bootstrap (1; with --refit that of the "
+                     "answers)");
   auto* csv = command.add_option("--csv", arguments->csv, "write every answer to this new file, as it comes");
   command.add_option("--refit", arguments->refit, "ask nobody: fit the answers of an earlier --csv")
       ->excludes(csv);

@@ -72,6 +72,12 @@ int main(int argc, char** argv) {
   CLI::App app("teletact-client: the patient side and the operator side of teletact", "teletact-client");
   app.set_version_flag("--version", "teletact-client " TELETACT_VERSION);
   app.require_subcommand(1);
+  app.failure_message([](const CLI::App* all, const CLI::Error& error) {
+    const auto unknown = all->remaining();
+    return all->get_subcommands().empty() && !unknown.empty()
+               ? "no command '" + unknown.front() + "'; --help lists them\n"
+               : CLI::FailureMessage::simple(all, error);
+  });
   add_acquire_command(app);
   add_estimate_command(app);
   add_experiment_command(app);

@@ -215,7 +215,7 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
       ->check(CLI::IsMember({"rounded", "punch", "node"}));
   command
       .add_option("--tip-radius-m", arguments.tip_radius_m,
-                  "radius of the tip, or of a punch's edges (0.008)")
+                  "radius of the tip, or of a punch's edges, 0.0001 to 0.014 (0.008)")
       ->check(above_zero());
   command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part (0.004)")
       ->check(above_zero());

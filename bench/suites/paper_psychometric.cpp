@@ -323,7 +323,8 @@ void draw_observers(const json& observers, const std::filesystem::path& file) {
   std::string script =
       "set multiplot layout 1,3 title '95 % intervals of the Weber fraction, each by one simulated "
       "experiment (red: "
-      "misses the truth)'\nset xlabel 'share of the experiments'\nset xrange [0:1]\nset xtics 0.5\nunset "
+      "misses the truth)'\nset xlabel 'share of the experiments'\nset ylabel 'Weber fraction'\nset xrange "
+      "[0:1]\nset xtics 0.5\nunset "
       "key\n";
   for (const json& row : observers["rows"]) {
     if (row["method"] != name_of(FitMethod::kMaximumLikelihood) || row["lapse_rate"] > 0) continue;

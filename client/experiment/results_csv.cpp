@@ -42,10 +42,18 @@ bool parse(const std::string& line, const std::string& header, std::size_t numbe
          stiffness(answer.trial.stimulus_n_m);
 }
 
+// Remarks and the header alone: nothing is lost with it.
+bool holds_no_answer(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::string line;
+  while (std::getline(file, line) && line.rfind("# teletact experiment:", 0) == 0) continue;
+  return line == kHeader && !std::getline(file, line);
+}
+
 }  // namespace
 
 ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& remark) : path_(path) {
-  if (std::filesystem::exists(path))
+  if (std::filesystem::exists(path) && !holds_no_answer(path))
     throw std::runtime_error(path.string() + " exists already; give a new name");
   file_.open(path);
   file_.precision(std::numeric_limits<double>::max_digits10);
@@ -61,6 +69,19 @@ void ResultsCsv::add(const AnsweredTrial& answer) {
     throw std::runtime_error("cannot write " + path_.string() +
                              ": is the disk full? The answers before trial " + std::to_string(trials_) +
                              " are kept");
+}
+
+std::optional<std::uint64_t> seed_of_results_csv(const std::filesystem::path& path) {
+  const std::string before = "# teletact experiment: seed ";
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line) && line.rfind('#', 0) == 0;) {
+    std::uint64_t seed = 0;
+    const char* const end = line.data() + line.size();
+    if (line.rfind(before, 0) == 0 &&
+        std::from_chars(line.data() + before.size(), end, seed).ec == std::errc())
+      return seed;
+  }
+  return std::nullopt;
 }
 
 std::vector<AnsweredTrial> read_results_csv(const std::filesystem::path& path) {

@@ -7,8 +7,10 @@
 // A file without the last column is of perfect stiffness, all that there was then.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,8 +21,9 @@ namespace teletact::client {
 // Writes every answer as it comes, so that an experiment that breaks off keeps what was answered.
 class ResultsCsv {
  public:
-  // Throws std::runtime_error when the file exists already (answers of a person cannot be had again) or
-  // cannot be written. `remark`: one line; as a trial's condition, which has no comma either.
+  // Throws std::runtime_error when the file exists already and is not one that broke off before the first
+  // answer (answers of a person cannot be had again), or cannot be written. `remark`: one line; as a trial's
+  // condition, which has no comma either.
   ResultsCsv(const std::filesystem::path&, const std::string& remark);
   // Throws std::runtime_error when it could not be written.
   void add(const AnsweredTrial&);
@@ -30,6 +33,9 @@ class ResultsCsv {
   std::ofstream file_;
   std::size_t trials_ = 0;
 };
+
+// The seed that the remark of an experiment states, if one does.
+std::optional<std::uint64_t> seed_of_results_csv(const std::filesystem::path&);
 
 // Throws std::runtime_error naming the file and the line that is not as above.
 std::vector<AnsweredTrial> read_results_csv(const std::filesystem::path&);

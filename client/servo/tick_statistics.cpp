@@ -47,7 +47,7 @@ void TickStatistics::add(const ServoTick& tick) {
     if (last_.state == ServoState::kEnabled) {
       enabled_s_ += step_s;
       lost_now_s_ = 0;
-    } else if (enabled_s_ > 0) {
+    } else if (enabled_s_ > 0 && last_.state != ServoState::kDisabled) {  // an end that was asked for
       lost_s_ += step_s;
       lost_now_s_ += step_s;
     }

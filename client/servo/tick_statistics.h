@@ -60,9 +60,7 @@ class TickStatistics {
   const SpellCounter& degraded() const noexcept { return degraded_; }
   const SpellCounter& service_degraded() const noexcept { return service_degraded_; }
   const SpellCounter& faded() const noexcept { return faded_; }
-  double lost_s() const noexcept {
-    return lost_s_;
-  }  // not ENABLED, after force has been on for the first time
+  double lost_s() const noexcept { return lost_s_; }          // PAUSED or in FAULT after force was on first
   double lost_now_s() const noexcept { return lost_now_s_; }  // of these, up to now at a stretch
   const ServoTick& last() const noexcept { return last_; }
   double largest_force_n() const noexcept { return largest_force_n_; }

@@ -266,13 +266,16 @@ RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
     std::memcpy(values.data(), bytes.data(), bytes.size());
     std::copy(values.begin(), values.end(), frame.samples.begin());
   }
-  const auto bad =
-      std::find_if(frame.samples.begin(), frame.samples.end(), [](float s) { return !std::isfinite(s); });
+  // Beyond, sums of squares over a window leave the range of float and the correlation means nothing.
+  constexpr float kLargestSample = 1e15F;
+  const auto bad = std::find_if(frame.samples.begin(), frame.samples.end(),
+                                [](float s) { return !(std::abs(s) <= kLargestSample); });
   if (bad != frame.samples.end()) {
     const auto at = static_cast<std::size_t>(bad - frame.samples.begin());
-    throw std::invalid_argument(
-        fmt::format("chunk.data: sample {} of A-line {} of the {} frame is not finite; replace or crop it",
-                    at % samples_, at / samples_, name));
+    throw std::invalid_argument(fmt::format(
+        "chunk.data: sample {} of A-line {} of the {} frame is {}, no finite number of at most {} "
+        "in size; replace or crop it",
+        at % samples_, at / samples_, name, *bad, kLargestSample));
   }
   bytes = {};  // the copy is no longer needed
   return frame;

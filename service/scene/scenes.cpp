@@ -22,7 +22,7 @@ void check_id(const std::string& id) {
   });
   if (!plain || id.size() > kLongestId)
     throw std::invalid_argument(fmt::format(
-        "scene_id: must be 1 to {} letters, digits, '_' or '-'; leave it empty to have one chosen",
+        "scene_id: must be 1 to {} letters, digits, '_' or '-' (a CreateScene may leave it empty)",
         kLongestId));
 }
 

@@ -200,6 +200,24 @@ TEST(ResultsCsv, AnswersComeBackAsTheyWereWritten) {
   EXPECT_THROW(ResultsCsv(folder / "no/such/folder.csv", ""), std::runtime_error);
 }
 
+TEST(ResultsCsv, OneThatBrokeOffBeforeTheFirstAnswerMayBeTakenAgain) {
+  const TemporaryFolder folder;
+  { ResultsCsv(folder / "a.csv", "teletact experiment: seed 7"); }
+  ResultsCsv(folder / "a.csv", "teletact experiment: seed 8").add({{25, 30}, true});
+  EXPECT_EQ(read_results_csv(folder / "a.csv").size(), 1u);
+  EXPECT_THROW(ResultsCsv(folder / "a.csv", "again"), std::runtime_error) << "an answer would be lost";
+  put_content(folder / "note.csv", "# my own words\n");
+  EXPECT_THROW(ResultsCsv(folder / "note.csv", "again"), std::runtime_error) << "not ours to overwrite";
+}
+
+TEST(ResultsCsv, TheSeedIsReadBack) {
+  const TemporaryFolder folder;
+  { ResultsCsv(folder / "a.csv", "teletact experiment: seed 18446744073709551615, 40 trials"); }
+  EXPECT_EQ(seed_of_results_csv(folder / "a.csv"), 18446744073709551615u);
+  put_content(folder / "b.csv", "# by hand\ntrial,background_n_m,stimulus_n_m,harder\n1,25,30,1\n");
+  EXPECT_EQ(seed_of_results_csv(folder / "b.csv"), std::nullopt);
+}
+
 TEST(ResultsCsv, TheConditionIsKeptAndAFileWithoutOneIsOfPerfectStiffness) {
   const TemporaryFolder folder;
   {

@@ -213,7 +213,8 @@ TEST_F(Estimates, BrokenUploadsAreNamedAndLeaveNothingBehindWhileAnotherClientTo
                  "pre frame");
   expect_refused(estimate(acquisition("scene"), "", ""), INVALID_ARGUMENT, "pre frame");
   expect_refused(estimate(acquisition("scene"), pre + "more", post), INVALID_ARGUMENT, "sample_count");
-  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+  for (const float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 3e38F, -1e16F}) {
     std::string spoiled = post;
     std::memcpy(spoiled.data() + 4 * (3 * kSamples + 17), &bad, sizeof(bad));
     expect_refused(estimate(acquisition("scene"), pre, spoiled), INVALID_ARGUMENT,

@@ -317,6 +317,24 @@ TEST(ServoWithHand, FeelsTheTissueWhileExploring) {
               percentile(errors, 0.95), percentile(errors, 1), device.hand().passes());
 }
 
+TEST(TickStatistics, LostForceIsWhatWasTakenNotTheEndThatWasAskedFor) {
+  TickStatistics statistics;
+  ServoTick tick;
+  const auto go = [&](ServoState state, int ticks) {
+    tick.state = state;
+    for (int n = 0; n < ticks; ++n, tick.time_ns += 1'000'000) statistics.add(tick);
+  };
+  go(ServoState::kDisabled, 10);
+  go(ServoState::kEnabled, 20);
+  EXPECT_EQ(statistics.lost_s(), 0);
+  go(ServoState::kPaused, 5);
+  go(ServoState::kFault, 2);
+  go(ServoState::kDisabled, 30);
+  EXPECT_NEAR(statistics.enabled_s(), 0.020, 1e-9);
+  EXPECT_NEAR(statistics.lost_s(), 0.007, 1e-9);
+  EXPECT_NEAR(statistics.lost_now_s(), 0.007, 1e-9);
+}
+
 TEST(StallCounter, CountsHoldsLongerThanAMillisecond) {
   StallCounter stalls;
   const auto hold = [&](double from_s, double to_s) {
