@@ -41,6 +41,7 @@ enum class ModulusFlag {
   kRamp,        // the map ramps across the window: the traction is not that of a flat frictionless probe
   kOutOfPlane,  // lateral strain is not what the plane assumption says
   kPressure,    // the load is carried by pressure, which nu sets and no displacement tells: nu -> 1/2
+  kExtent,      // much of the window is no background: its contrast comes back short
   kScale,       // the modulus is another by a factor than the neighbours told: a wrong force
   kMisfit,      // no modulus explains the displacement within its noise
   kDeadline,    // the iteration was stopped

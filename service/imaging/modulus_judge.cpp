@@ -13,7 +13,10 @@
 namespace teletact::service {
 namespace {
 
-constexpr double kBackgroundLog = 0.4;    // |log(E / background)| of what the ramp is judged by
+constexpr double kBackgroundLog = 0.4;      // |log(E / background)| of what the ramp is judged by
+constexpr double kOffBackgroundLog = 0.15;  // |log(E / background)| from which on it is none
+constexpr double kOfExtent = 2;             // of log E, for each part of the window beyond the usual
+constexpr double kSoftLog = 0.1;          // log(background / E) from which on it is soft; fully at twice that
 constexpr double kPoissonError = 0.01;    // how well nu of tissue is known
 constexpr double kBorderM = 4e-3;         // on each side of a border
 constexpr std::size_t kLeastShared = 50;  // nodes that a comparison needs
@@ -45,22 +48,35 @@ double jump_over(const Field& e, const ImageGrid& g, std::size_t n, double reach
   return std::hypot(x * reach_x_m, y * reach_y_m);
 }
 
-// Of log E, without any noise: everywhere, and as a part of |log(E / background)|, which every method falls
-// short of (the stress that an inclusion draws to itself, total variation). Measured on 80 windows of the
-// simulated patient, contrasts of 2 to 10.
+// Of log E, without any noise: everywhere; as a part of |log(E / background)|, which every method falls short
+// of (the stress that an inclusion draws to itself, total variation), both measured on 80 windows of the
+// simulated patient, contrasts of 2 to 10; where it is softer than the background, since what is given up
+// of small contrasts on the border is most of a soft inclusion's. `usual`: part of the window that is no
+// background with an inclusion of 15 mm.
 struct MethodError {
-  double floor, of_contrast;
+  double floor, of_contrast, soft, usual;
 };
 MethodError method_error(ModulusKind kind) {
   switch (kind) {
     case ModulusKind::kReferenceStress:
-      return {0.06, 0.25};
+      return {0.06, 0.25, 0.33, 0.25};
     case ModulusKind::kDirect:
-      return {0.045, 0.12};
+      return {0.045, 0.12, 0.3, 0.13};
     case ModulusKind::kIterative:
-      return {0.03, 0.075};
+      return {0.03, 0.075, 0.15, 0.13};
   }
   throw std::logic_error("modulus kind");
+}
+
+// Part of the window that is no background.
+double off_background(const ModulusEstimate& e) {
+  double said = 0, off = 0;
+  for (const float modulus : e.youngs_modulus) {
+    if (!std::isfinite(modulus)) continue;
+    ++said;
+    if (std::abs(std::log(modulus / e.background)) > kOffBackgroundLog) ++off;
+  }
+  return said > 0 ? off / said : 0;
 }
 
 void widen(Field& log_deviation, double by) {
@@ -127,6 +143,8 @@ const char* name_of(ModulusFlag flag) {
       return "out-of-plane";
     case ModulusFlag::kPressure:
       return "pressure";
+    case ModulusFlag::kExtent:
+      return "extent";
     case ModulusFlag::kScale:
       return "wrong-force";
     case ModulusFlag::kMisfit:
@@ -148,6 +166,7 @@ void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   out_of_plane(in, out);
   pressure(in, out);
   scale(in, out);
+  extent(out);
 }
 
 // Standard deviation of the axial strain over its size.
@@ -166,7 +185,9 @@ void ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const
   for (std::size_t n = 0; n < noise.size(); ++n) {
     if (!std::isfinite(out.youngs_modulus[n])) continue;
     const double smeared = kSmear * jump_over(out.youngs_modulus, in.grid, n, reach_.x_m, reach_.y_m);
-    const double shrunk = error.of_contrast * std::log(out.youngs_modulus[n] / out.background);
+    const double logarithm = std::log(out.youngs_modulus[n] / out.background);
+    const double soft = error.soft * std::clamp(-logarithm / kSoftLog - 1, 0.0, 1.0);
+    const double shrunk = std::hypot(error.of_contrast * logarithm, soft);
     // Where the axial strain is not measured, the modulus is a guess: within a factor of two.
     const double own = std::isfinite(noise[n]) ? noise[n] : std::log(2.0);
     out.log_deviation[n] =
@@ -271,6 +292,22 @@ void ModulusJudge::scale(const ModulusInput& in, ModulusEstimate& out) const {
        text("the modulus is %.2f times what was found before beside this window or in it, %.1f standard "
             "deviations: one of the probe's two forces is wrong, or its contact was not whole",
             std::exp(shift), worst)});
+}
+
+// What fills much of the window comes back short, least so what is taken for background.
+void ModulusJudge::extent(ModulusEstimate& out) const {
+  const double off = off_background(out), beyond = off - method_error(out.kind).usual;
+  for (std::size_t n = 0; beyond > 0 && n < out.log_deviation.size(); ++n) {
+    const double apart = std::abs(std::log(out.youngs_modulus[n] / out.background)) / kOffBackgroundLog;
+    out.log_deviation[n] = static_cast<float>(
+        std::hypot(out.log_deviation[n], kOfExtent * beyond * std::clamp(1.5 * apart - 0.5, 0.0, 1.0)));
+  }
+  if (beyond > limits_.extent)
+    out.warnings.push_back(
+        {ModulusFlag::kExtent,
+         text("%.0f %% of the window differ from its background: what fills so much of it comes back with "
+              "too little contrast, and the background is off with it",
+              100 * off)});
 }
 
 }  // namespace teletact::service

@@ -10,9 +10,10 @@
 namespace teletact::service {
 
 struct JudgeLimits {
-  double untracked = 0.10;      // part of the image inside the tissue
-  double deviation = 0.25;      // median standard deviation of log E
-  double ramp = 1.25;           // of the background's modulus from one end of the window to the other
+  double untracked = 0.10;  // part of the image inside the tissue
+  double deviation = 0.25;  // median standard deviation of log E
+  double extent = 0.14;     // part of the window that is no background, beyond what inclusions of 15 mm show
+  double ramp = 1.25;       // of the background's modulus from one end of the window to the other
   double lateral_ratio = 0.25;  // of - eps_xx / eps_yy, from what the plane assumption says
   double pressure = 0.10;       // of log E when nu is off by 0.01, which is how well tissue's is known
   // Median difference of log E from what other windows told, in deviations of both together.
@@ -20,8 +21,8 @@ struct JudgeLimits {
 };
 
 // Adds to `out`, whatever the method: log_deviation (noise of the axial strain, what a jump of the modulus is
-// smeared over, and the method's own error), and the flags kUntracked, kNoise, kRamp, kOutOfPlane, kPressure,
-// kScale with their words. The last two widen the deviation by what they found.
+// smeared over, and the method's own error), and the flags kUntracked, kNoise, kExtent, kRamp, kOutOfPlane,
+// kPressure, kScale with their words. The last two widen the deviation by what they found.
 class ModulusJudge {
  public:
   ModulusJudge(Queue, std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
@@ -35,6 +36,7 @@ class ModulusJudge {
   void out_of_plane(const ModulusInput&, ModulusEstimate&) const;
   void pressure(const ModulusInput&, ModulusEstimate&) const;
   void scale(const ModulusInput&, ModulusEstimate&) const;
+  void extent(ModulusEstimate&) const;
   Queue queue_;
   std::shared_ptr<StripCache> strips_;
   JudgeLimits limits_;

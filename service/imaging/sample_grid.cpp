@@ -51,6 +51,21 @@ void check_geometry(const AcquisitionGeometry& g) {
     refuse("first_sample_depth_m: must be 0 m or more and below 1 m");
 }
 
+// What a converter adds to the echoes (offset-binary samples): their median, where it is more than half of
+// what they deviate from it; echoes alone have a median of nearly 0, and silence stays silent.
+float converter_offset(const RfFrame& frame) {
+  constexpr std::size_t kLookedAt = 8192;
+  const std::size_t every = frame.samples.size() / kLookedAt + 1;
+  std::vector<float> values;
+  for (std::size_t n = 0; n < frame.samples.size(); n += every) values.push_back(frame.samples[n]);
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  const float median = *middle;
+  for (float& v : values) v = std::abs(v - median);
+  std::nth_element(values.begin(), middle, values.end());
+  return std::abs(median) > 0.5f * *middle ? median : 0;
+}
+
 }  // namespace
 
 SampleGrid centred_grid(const RfFrame& frame, int line_step, int sample_step) {
@@ -88,9 +103,13 @@ Padding padding(const RfFrame& frame, int samples, int lines) {
 
 std::vector<float> padded(const RfFrame& frame, const Padding& p) {
   std::vector<float> out(p.total, 0.0f);
-  for (std::size_t l = 0; l < frame.line_count; ++l)
-    std::copy_n(frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count),
-                frame.sample_count, out.begin() + p.origin + static_cast<std::ptrdiff_t>(l) * p.stride);
+  const float offset = converter_offset(frame);
+  for (std::size_t l = 0; l < frame.line_count; ++l) {
+    const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count);
+    std::transform(line, line + static_cast<std::ptrdiff_t>(frame.sample_count),
+                   out.begin() + p.origin + static_cast<std::ptrdiff_t>(l) * p.stride,
+                   [offset](float sample) { return sample - offset; });
+  }
   return out;
 }
 

@@ -30,7 +30,7 @@ struct Padding {
 };
 Padding padding(const RfFrame&, int samples, int lines);
 
-// The frame with its padding.
+// The frame with its padding, without what a converter added to the echoes: it moves with no tissue.
 std::vector<float> padded(const RfFrame&, const Padding&);
 
 // Throws std::invalid_argument naming the field and the remedy: sizes, NaN or infinite samples, frames of

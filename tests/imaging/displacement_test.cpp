@@ -208,6 +208,29 @@ TEST(Displacement, SilentRegionsAreNotTrusted) {
   EXPECT_LE(deep, e.grid.nodes() / 50);
 }
 
+// Offset-binary samples, 2048 where nothing comes back: 143 um off and all trusted, once.
+TEST(Displacement, AConstantUnderTheEchoesChangesNothing) {
+  const Speckle speckle({.samples = 1000, .lines = 32});
+  const AcquisitionGeometry geometry = speckle.geometry();
+  RfFrame pre = speckle.frame(
+              [](double, double) {
+                return std::pair{0.0, 0.0};
+              },
+              1),
+          post = speckle.frame(uniform_strain(-0.01, 0), 2);
+  const Queue queue = imaging_device()->queue();
+  DisplacementEstimator estimator(queue, {});
+  const auto field = [&] { return queue.read(estimator.estimate(pre, post, geometry).field_m); };
+  const std::vector<float> without = field();
+  double largest = 0;
+  for (const float s : pre.samples) largest = std::max<double>(largest, std::abs(s));
+  for (float& s : pre.samples) s += static_cast<float>(5 * largest);
+  for (float& s : post.samples) s += static_cast<float>(4.9 * largest);
+  const std::vector<float> with = field();
+  ASSERT_EQ(with.size(), without.size());
+  for (std::size_t n = 1; n < with.size(); n += 2) EXPECT_NEAR(with[n], without[n], 0.05e-6) << n;
+}
+
 TEST(Displacement, RefusesUnusableOptions) {
   const Queue queue = imaging_device()->queue();
   DisplacementOptions options;
