@@ -57,8 +57,10 @@ enum class Plane { kStrain, kStress };
 // Where the window [window_x_m, window_x_m + lines * pitch) lies in its tissue: [0, width_m] x [0, depth_m],
 // y = 0 at the probe face, bonded below, free sides (T4).
 struct TissueExtent {
+  // Beyond it the force's slope over nu is lost in rounding, and with it whether the modulus hangs on nu.
+  static constexpr double kLargestPoissonRatio = 0.49999;
   double width_m = 0, depth_m = 0, window_x_m = 0;
-  double poisson_ratio = 0.49;  // 0 <= nu < 0.5
+  double poisson_ratio = 0.49;  // 0 <= nu <= kLargestPoissonRatio
   Plane plane = Plane::kStrain;
 };
 

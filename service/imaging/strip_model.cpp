@@ -28,8 +28,8 @@ Context context(const TissueExtent& t, double window_width_m) {
     throw std::invalid_argument("depth_m: must be above 1e-3 m and below 1 m");
   if (!(t.width_m > 0 && t.width_m < 100))
     throw std::invalid_argument("width_m: must be above 0 m and below 100 m");
-  if (!(t.poisson_ratio >= 0 && t.poisson_ratio < 0.5))
-    throw std::invalid_argument("poisson_ratio: must be 0 <= nu < 0.5; tissue is about 0.49");
+  if (!(t.poisson_ratio >= 0 && t.poisson_ratio <= TissueExtent::kLargestPoissonRatio))
+    throw std::invalid_argument("poisson_ratio: must be 0 <= nu <= 0.49999; tissue is about 0.49");
   const double right = t.width_m - t.window_x_m - window_width_m;
   if (!(t.window_x_m >= -kSlackM && right >= -kSlackM))
     throw std::invalid_argument("window_x_m: the window [" + std::to_string(t.window_x_m) + ", " +

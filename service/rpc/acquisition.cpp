@@ -104,10 +104,8 @@ TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request
   if (in.poisson_ratio() != 0) tissue.poisson_ratio = in.poisson_ratio();
   require_between("tissue_depth_m", tissue.depth_m, 1e-3, 1.0,
                   "give the depth of the fixed far side in metres");
-  if (!(tissue.poisson_ratio >= 0 && tissue.poisson_ratio < 0.5))
-    throw std::invalid_argument(
-        fmt::format("acquisition.poisson_ratio: {} is not within [0, 0.5); soft tissue is about 0.49",
-                    tissue.poisson_ratio));
+  require_between("poisson_ratio", tissue.poisson_ratio, 0.0, TissueExtent::kLargestPoissonRatio,
+                  "soft tissue is about 0.49; an estimate's modulus would hang on nu alone nearer to 1/2");
   const double width_m = request.window_width_m();
   if (request.scene) {
     // A window may stick out of the scene by Scene::kOverhangM; the probe touches what is there.
@@ -122,13 +120,16 @@ TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request
   return tissue;
 }
 
-std::optional<ProbeForce> force_of(const v1::Acquisition& in) {
+std::optional<ProbeForce> force_of(const v1::Acquisition& in, double window_width_m) {
   if (!in.has_probe_force()) return std::nullopt;
   const ProbeForce force{in.probe_force().force_n(), in.probe_force().contact_area_m2()};
   require_between("probe_force.force_n", force.force_n, 1e-6, 1e4,
                   "give the sensor's change from pre to post, > 0 in compression");
-  require_between("probe_force.contact_area_m2", force.contact_area_m2, 1e-8, 1.0,
-                  "give the area of the probe's face that touches");
+  // Of 0.1 mm to 0.5 m across the image plane: cm^2 or mm^2 given for m^2 lie outside.
+  require_between("probe_force.contact_area_m2", force.contact_area_m2, 1e-4 * window_width_m,
+                  0.5 * window_width_m,
+                  "give the area of the probe's face that touches, the window's width times the face's "
+                  "elevation, in m^2 (1 cm^2 is 1e-4)");
   return force;
 }
 
@@ -199,7 +200,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
   request.geometry = acquisition_geometry(in);
   require_between("line_pitch_m x line_count", request.window_width_m(), 0.0, kWidestWindowM,
                   "no probe is wider; give the distance of two A-lines in metres");
-  request.force = force_of(in);
+  request.force = force_of(in, request.window_width_m());
   request.modulus = modulus_choice(in);
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
   require_between("max_strain", request.max_strain, 1e-3, kLargestMaxStrain, "leave it out for 0.05");

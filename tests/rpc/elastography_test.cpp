@@ -177,7 +177,12 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
   refused(INVALID_ARGUMENT, "acquisition.line_count", [](auto& a) { a.set_line_count(0); });
   refused(INVALID_ARGUMENT, "acquisition.displacement_frame", [](auto& a) { a.clear_displacement_frame(); });
   refused(INVALID_ARGUMENT, "acquisition.poisson_ratio", [](auto& a) { a.set_poisson_ratio(0.5); });
+  refused(INVALID_ARGUMENT, "acquisition.poisson_ratio", [](auto& a) { a.set_poisson_ratio(0.499999); });
   refused(INVALID_ARGUMENT, "acquisition.probe_force", [](auto& a) { a.clear_probe_force(); });
+  for (const double wrong_unit : {1e-4, 1e4})
+    refused(INVALID_ARGUMENT, "acquisition.probe_force.contact_area_m2", [wrong_unit](auto& a) {
+      a.mutable_probe_force()->set_contact_area_m2(wrong_unit * a.probe_force().contact_area_m2());
+    });
   refused(INVALID_ARGUMENT, "acquisition.probe_force.force_n",
           [](auto& a) { a.mutable_probe_force()->set_force_n(-1); });
   refused(INVALID_ARGUMENT, "acquisition.max_strain", [](auto& a) { a.set_max_strain(2); });
