@@ -89,7 +89,7 @@ double largest_strain(const TissueModel& model, std::size_t line, const ContactP
 double force_error(const Touch& touch, const SolveReport& solve) {
   const double bound = touch.amplification * solve.relative_error;
   if (touch.samples == 0) return bound;
-  constexpr double kUnfinished = 1.3;
+  constexpr double kUnfinished = 2;
   constexpr double kForceRounding = 1.5 * std::numeric_limits<double>::epsilon();
   const double coverage = 0.6 + 3.6 / double(touch.samples), share = 0.1 / double(touch.samples);
   const double estimate = coverage * std::hypot(touch.sampled_error, share * touch.most_rounding) +

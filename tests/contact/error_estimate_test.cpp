@@ -2,9 +2,7 @@
 // that was computed in long double, element matrices included.
 #include <gtest/gtest.h>
 
-#include <Eigen/SparseCholesky>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -13,126 +11,21 @@
 
 #include "service/contact/contact.h"
 #include "service/tissue/elasticity_solver.h"
+#include "tests/contact/exact_compliance.h"
 #include "tests/tissue/tissue_cases.h"
 
 namespace teletact {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
 using service::Compliance;
 using service::ContactPose;
 using service::Fingertip;
 using service::Friction;
 using service::Material;
 using service::SolvePrecision;
-using service::SolveReport;
 using service::TissueGrid;
 using service::TissueModel;
-using Real = long double;
-using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
-using Element = Eigen::Matrix<Real, 8, 8>;
-
-// Strain [eps_xx, eps_yy, gamma_xy] of the eight displacements at (s, t) in [0, 1]^2.
-Eigen::Matrix<Real, 3, 8> strain(Real s, Real t, Real width, Real height) {
-  const std::array<Real, 4> gx{-(1 - t) / width, (1 - t) / width, -t / width, t / width};
-  const std::array<Real, 4> gy{-(1 - s) / height, -s / height, (1 - s) / height, s / height};
-  Eigen::Matrix<Real, 3, 8> b = Eigen::Matrix<Real, 3, 8>::Zero();
-  for (Index a = 0; a < 4; ++a) {
-    b(0, 2 * a) = b(2, 2 * a + 1) = gx[std::size_t(a)];
-    b(1, 2 * a + 1) = b(2, 2 * a) = gy[std::size_t(a)];
-  }
-  return b;
-}
-
-// Its parts: shear, and bulk volume volume^T, which near nu = 1/2 must be kept apart to be exact.
-struct Part {
-  Element shear;
-  Eigen::Matrix<Real, 8, 1> volume;
-  std::array<Index, 8> dofs;
-  Element stiffness() const { return shear + volume * volume.transpose(); }
-  Eigen::Matrix<Real, 8, 1> force(const Eigen::Matrix<Real, 8, 1>& u) const {
-    return shear * u + volume * volume.dot(u);
-  }
-};
-
-Part element(Real width, Real height, Real e, Real nu) {
-  const Real mu = e / (2 * (1 + nu)), lambda = e * nu / ((1 + nu) * (1 - 2 * nu)), half = Real(1) / 2;
-  const Eigen::Matrix<Real, 3, 1> shear(2 * mu, 2 * mu, mu), trace(1, 1, 0);
-  const Real at = std::sqrt(Real(1) / 12), area = width * height;
-  Part part;
-  part.shear.setZero();
-  for (const Real s : {half - at, half + at})
-    for (const Real t : {half - at, half + at}) {
-      const auto b = strain(s, t, width, height);
-      part.shear += area / 4 * b.transpose() * shear.asDiagonal() * b;
-    }
-  const auto b = strain(half, half, width, height);
-  part.volume = std::sqrt(area * lambda) * b.transpose() * trace;
-  return part;
-}
-
-// Of the surface, bottom fixed.
-class ExactCompliance final : public Compliance {
- public:
-  ExactCompliance(const TissueGrid& grid, const Material& material) {
-    const Index free = Index(2 * grid.nx() * (grid.ny() - 1)), size = Index(2 * grid.nx());
-    std::vector<Eigen::Triplet<Real>> entries;
-    for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
-      for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
-        Part part = element(Real(grid.x_m[i + 1]) - grid.x_m[i], Real(grid.y_m[j + 1]) - grid.y_m[j],
-                            material.youngs_modulus_pa[grid.element(i, j)], material.poisson_ratio);
-        const Element k = part.stiffness();
-        const std::array nodes{grid.node(i, j), grid.node(i + 1, j), grid.node(i, j + 1),
-                               grid.node(i + 1, j + 1)};
-        std::array<Index, 8>& dofs = part.dofs;
-        for (std::size_t a = 0; a < 8; ++a) dofs[a] = Index(2 * nodes[a / 2] + a % 2);
-        for (Index a = 0; a < 8; ++a)
-          for (Index b = 0; b < 8; ++b)
-            if (dofs[std::size_t(a)] < free && dofs[std::size_t(b)] < free)
-              entries.emplace_back(dofs[std::size_t(a)], dofs[std::size_t(b)], k(a, b));
-        elements_.push_back(part);
-      }
-    Eigen::SparseMatrix<Real> k(free, free);
-    k.setFromTriplets(entries.begin(), entries.end());
-    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<Real>> factor(k);
-    s_.resize(size, size);
-    for (Index q = 0; q < size; ++q) {
-      const Vector f = Vector::Unit(free, q);
-      Vector u = factor.solve(f);
-      for (int pass = 0; pass < 3; ++pass) u += factor.solve(f - forces(u));  // the factor's rounding is felt
-      s_.col(q) = u.head(size).cast<double>();
-    }
-  }
-  MatrixXd among(std::span<const std::size_t> nodes, SolveReport*) override {
-    std::vector<Index> at;
-    for (const std::size_t node : nodes) at.insert(at.end(), {Index(2 * node), Index(2 * node + 1)});
-    return s_(at, at);
-  }
-  MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport*) override {
-    std::vector<Index> at;
-    for (const std::size_t node : nodes) at.push_back(Index(2 * node + 1));
-    return s_(at, at);
-  }
-
- private:
-  // K u of the free unknowns, from differences of displacement within each element.
-  Vector forces(const Vector& u) const {
-    Vector f = Vector::Zero(u.size());
-    for (const Part& part : elements_) {
-      const auto of = [&](std::size_t a) { return part.dofs[a] < u.size() ? u[part.dofs[a]] : 0; };
-      Eigen::Matrix<Real, 8, 1> local;
-      for (std::size_t a = 0; a < 8; ++a) local[Index(a)] = of(a) - of(a % 2);
-      const auto force = part.force(local);
-      for (std::size_t a = 0; a < 8; ++a)
-        if (part.dofs[a] < u.size()) f[part.dofs[a]] += force[Index(a)];
-    }
-    return f;
-  }
-
-  std::vector<Part> elements_;
-  MatrixXd s_;
-};
+using tests::ExactCompliance;
 
 struct Tissue {
   TissueGrid grid;
@@ -141,9 +34,9 @@ struct Tissue {
   std::shared_ptr<ExactCompliance> exact;
 };
 
-std::vector<Tissue> make_tissues(const std::vector<double>& contrasts) {
+std::vector<Tissue> make_tissues(const std::vector<TissueGrid>& grids, const std::vector<double>& contrasts) {
   std::vector<Tissue> all;
-  for (const TissueGrid& grid : {tests::uniform_grid(31, 16), tests::uneven_grid(36, 19)})
+  for (const TissueGrid& grid : grids)
     for (const double nu : {0.3, 0.49, 0.499, 0.4999})
       for (const double contrast : contrasts) {
         const auto add = [&](Material material) {
@@ -158,7 +51,8 @@ std::vector<Tissue> make_tissues(const std::vector<double>& contrasts) {
 
 // Made once: long double takes its time.
 const std::vector<Tissue>& tissues() {
-  static const std::vector<Tissue> all = make_tissues({1, 10, 1e3, 1e6});
+  static const std::vector<Tissue> all =
+      make_tissues({tests::uniform_grid(31, 16), tests::uneven_grid(36, 19)}, {1, 10, 1e3, 1e6});
   return all;
 }
 
@@ -227,6 +121,20 @@ TEST_P(PcgErrorEstimate, BoundsAndIsClose) {
   // Near nu = 1/2 too: the product with K rounds no change of volume apart.
   EXPECT_LE(largest, GetParam() == SolvePrecision::kFloat ? 1e-5 : GetParam() ? 1e-13 : 1e-6);
   EXPECT_LE(judge("conjugate gradients", ratios), 5);
+}
+
+// Ten to one, both ways.
+TEST(ErrorEstimate, OfConjugateGradientsBoundsOnStretchedElements) {
+  const auto device = service::Device::open();
+  if (!device->info().has_double) GTEST_SKIP() << "device without double";
+  const TissueGrid flat{service::uniform_coordinates(0, 0.3, 30), service::uniform_coordinates(0, 0.01, 10)};
+  const TissueGrid tall{service::uniform_coordinates(0, 0.04, 40), service::uniform_coordinates(0, 0.05, 5)};
+  std::vector<double> ratios;
+  for (const Tissue& t : make_tissues({flat, tall}, {10, 1e3})) {
+    const TissueModel model(t.grid, t.material, {}, {});
+    add_touches(model, *t.exact, *model.iterative(0, device), ratios);
+  }
+  EXPECT_LE(judge("conjugate gradients, stretched", ratios), 5);
 }
 
 INSTANTIATE_TEST_SUITE_P(Contact, PcgErrorEstimate,
