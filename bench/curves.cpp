@@ -2,9 +2,19 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 
 namespace teletact::bench {
+
+namespace {
+
+// Told apart on white; more curves than these differ in their marks.
+constexpr std::array<const char*, 16> kColours{
+    "#1f77b4", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd", "#8c564b", "#e377c2", "#17becf",
+    "#000000", "#bcbd22", "#7f7f7f", "#00308f", "#7b1113", "#006400", "#daa520", "#ff00ff"};
+
+}  // namespace
 
 std::string script_of(const std::vector<Curve>& curves, const std::string& settings) {
   std::string data, command = "plot ";
@@ -19,11 +29,12 @@ std::string script_of(const std::vector<Curve>& curves, const std::string& setti
       data += "\n";
     }
     data += "EOD\n";
-    command += fmt::format("{}$c{} with {} lw {} pt {} ps 1.2 title '{}'", c > 0 ? ", " : "", c,
+    const std::size_t look = curve.look.value_or(c);
+    command += fmt::format("{}$c{} with {} lw {} pt {} ps 1.2 lc rgb '{}' title '{}'", c > 0 ? ", " : "", c,
                            intervals    ? "yerrorlines"
                            : curve.line ? "linespoints"
                                         : "points",
-                           curve.ours ? 3 : 1, c + 4, curve.title);
+                           curve.ours ? 3 : 1, look + 4, kColours[look % kColours.size()], curve.title);
   }
   return data + settings + command + "\n";
 }

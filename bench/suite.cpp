@@ -85,6 +85,12 @@ bool finish(nlohmann::json& result, const std::vector<Target>& targets, const Su
   return met;
 }
 
+void show_progress(const std::string& line) {
+  if (isatty(STDOUT_FILENO) == 0) return;
+  std::printf("%s  \r", line.c_str());
+  std::fflush(stdout);
+}
+
 bool replotted(const SuiteOptions& options, const std::string& suite,
                void (*draw)(const nlohmann::json& result, const std::string& folder)) {
   if (options.replot.empty()) return false;

@@ -40,6 +40,9 @@ void add_common_options(CLI::App& command, SuiteOptions& options);
 // Processor, cores, memory, kernel, compiler.
 nlohmann::json machine();
 
+// How far a long run is: one line of a terminal, written over again; nothing where nobody looks at one.
+void show_progress(const std::string& line);
+
 // {count, p50, p95, p99, max} of seconds; throws BenchError when there are none.
 nlohmann::json quantiles(std::vector<double> seconds);
 

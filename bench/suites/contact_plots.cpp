@@ -19,6 +19,14 @@ bool in_sweep(const json& of_case, const std::string& sweep) {
   return std::find(names.begin(), names.end(), sweep) != names.end();
 }
 
+// Every method has one colour and mark in all pictures.
+std::map<std::string, std::size_t> looks_of(const json& result) {
+  std::map<std::string, std::size_t> looks;
+  for (const json& c : result.at("cases"))
+    for (const json& m : c.at("methods")) looks.try_emplace(m.at("method"), looks.size());
+  return looks;
+}
+
 // One curve per method over the cases of a sweep, ordered by x; where `figure` is NaN there is no point.
 std::vector<Curve> curves_over(const json& result, const std::string& sweep,
                                const std::function<double(const json&)>& x,
@@ -29,13 +37,14 @@ std::vector<Curve> curves_over(const json& result, const std::string& sweep,
   std::sort(cases.begin(), cases.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<Curve> curves;
   std::map<std::string, std::size_t> index;
+  const auto looks = looks_of(result);
   for (const auto& [at, c] : cases)
     for (const json& m : measured_methods(*c)) {
       const double value = figure(m);
       if (std::isnan(value)) continue;
       const std::string name = m.at("method");
       const auto [found, is_new] = index.try_emplace(name, curves.size());
-      if (is_new) curves.push_back({name, m.at("ours")});
+      if (is_new) curves.push_back({.title = name, .ours = m.at("ours"), .look = looks.at(name)});
       curves[found->second].x.push_back(at);
       curves[found->second].y.push_back(value);
     }
@@ -47,11 +56,13 @@ double iterations_to_goal(const json& m) {
                                                                        : std::nan("");
 }
 
-void draw_accuracy(const json& base, const std::filesystem::path& folder) {
+void draw_accuracy(const json& base, const std::map<std::string, std::size_t>& looks,
+                   const std::filesystem::path& folder) {
   std::vector<Curve> curves;
   constexpr double kLeast = 1e-16;  // an error of zero has no place on a logarithmic axis
   for (const json& m : measured_methods(base)) {
-    Curve curve{m.at("method"), m.at("ours"), m.at("iterative")};
+    Curve curve{.title = m.at("method"), .ours = m.at("ours"), .line = m.at("iterative"), .look = {}};
+    curve.look = looks.at(curve.title);
     const double setup_s = m.at("setup_s").at("p50");
     const auto add = [&](const json& error, double touch_s) {
       if (error.is_null()) return;  // NaN
@@ -110,7 +121,7 @@ void draw_contact(const json& result, const std::string& to) {
   const std::filesystem::path folder(to);
   std::filesystem::create_directories(folder);
   for (const json& c : result.at("cases"))
-    if (in_sweep(c, "base")) draw_accuracy(c, folder);
+    if (in_sweep(c, "base")) draw_accuracy(c, looks_of(result), folder);
   if (result.contains("convergence")) draw_mesh(result.at("convergence"), folder / "contact_mesh.png");
   draw_cost(result, folder / "contact_cost.png", "set-up and one touch", cold_s);
   draw_cost(result, folder / "contact_touch.png", "one touch, after set-up",

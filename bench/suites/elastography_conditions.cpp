@@ -1,8 +1,9 @@
 // One factor at a time from the middle (T2.7): 1 % compression, 30 dB, rho .99, contrast 3, 10 mm.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <ctime>
 
 #include "bench/peers/rf_nodes.h"
@@ -238,9 +239,7 @@ json measure_conditions(const std::vector<std::unique_ptr<Tracker>>& trackers,
         if (m == 0) calibration[c].add(t, p);
       }
       if (c == 0 && seed == 1) images = images_of(trackers, p, nodes.image, truth);
-      std::printf("seed %llu of %llu, condition %zu of %zu\r", static_cast<unsigned long long>(seed),
-                  static_cast<unsigned long long>(seeds), c + 1, conditions.size());
-      std::fflush(stdout);
+      show_progress(fmt::format("seed {} of {}, condition {} of {}", seed, seeds, c + 1, conditions.size()));
       p.pre = p.post = {};
       last[c] = std::move(p);
     }

@@ -1,8 +1,9 @@
 // Acceptance 4: the modulus by ours and others' methods from the same displacement; 1 % compression, 30 dB,
 // rho .99, a probe of 60 mm in the middle of tissue 160 mm wide.
+#include <fmt/format.h>
+
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <map>
 #include <stdexcept>
@@ -196,9 +197,7 @@ json measure_modulus(const std::shared_ptr<service::Device>& device, bool quick)
       row["methods"].push_back({{"method", m.name}, {"ours", m.ours}, {"seeds", json::array()}});
     for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
       measure_seed(imaging.track(phantoms.make(of[c], 1000 + seed)), all, seed, quick, row["methods"]);
-      std::printf("modulus: case %zu of %zu, seed %llu of %llu  \r", c + 1, of.size(),
-                  static_cast<unsigned long long>(seed), static_cast<unsigned long long>(seeds));
-      std::fflush(stdout);
+      show_progress(fmt::format("modulus: case {} of {}, seed {} of {}", c + 1, of.size(), seed, seeds));
     }
     out["cases"].push_back(std::move(row));
   }

@@ -1,5 +1,6 @@
 #include "client/acquire/map_output.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -99,9 +100,11 @@ Panel panel_of(const v1::Map& map, const std::vector<float>& valid) {
   panel.values = values_of(map);
   panel.unit = how.unit;
   panel.factor = how.factor;
-  if (valid.size() == panel.values.size() && map.name() != "correlation")
+  if (valid.size() == panel.values.size() && map.name() != "correlation") {
     for (std::size_t i = 0; i < valid.size(); ++i)
       if (valid[i] == 0) panel.values[i] = std::numeric_limits<float>::quiet_NaN();
+    if (std::find(valid.begin(), valid.end(), 0) != valid.end()) panel.title += " (grey: not valid)";
+  }
   return panel;
 }
 
