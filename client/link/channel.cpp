@@ -61,7 +61,7 @@ std::string address_problem(const std::string& address) {
   const auto begins = [&address](const char* with) { return address.rfind(with, 0) == 0; };
   for (const char* scheme : {"unix:", "unix-abstract:", "dns:", "ipv4:", "ipv6:"})
     if (begins(scheme)) return "";
-  const std::string remedy = "give HOST:PORT or unix:/path, not " + address;
+  std::string remedy = "give HOST:PORT or unix:/path, not " + address;
   const std::size_t colon = address.rfind(':');
   if (colon == std::string::npos || colon == 0 || begins("http")) return remedy;
   unsigned port = 0;
@@ -91,7 +91,7 @@ std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const s
                                              const std::function<void(const std::string&)>& say) {
   using namespace std::chrono_literals;
   constexpr auto kServesWithin = 60s, kCallDeadline = 5s;
-  const auto channel = make_channel(address, tls_ca);
+  auto channel = make_channel(address, tls_ca);
   const auto stub = v1::Palpation::NewStub(channel);
   const auto give_up = std::chrono::steady_clock::now() + kServesWithin;
   for (bool said = false;; said = true) {
