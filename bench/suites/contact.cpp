@@ -47,7 +47,7 @@ json measure_case(const ChartCase& chart, const ContactProblem& problem, Peers& 
     std::fflush(stdout);
     out["methods"].push_back(std::move(method));
   }
-  out["columns"] = measure_columns(problem, device);
+  out["by_columns"] = measure_columns(problem, device);
   return out;
 }
 

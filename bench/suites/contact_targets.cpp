@@ -111,7 +111,7 @@ void add_speed(const json& result, const json& base, std::vector<Target>& target
 void add_iterations(const json& result, std::vector<Target>& targets) {
   double at_49 = 0, at_499 = 0, at_4999 = 0, failures = 0;
   for (const json& c : result.at("cases")) {
-    const json& columns = c.at("columns");
+    const json& columns = c.at("by_columns");
     const double of_touch = pcg_iterations(c), nu = c.at("poisson_ratio"), contrast = c.at("contrast");
     if (std::isnan(of_touch) || !columns.at("converged").get<bool>() ||
         !(columns.at("force_error").get<double>() <= kForceGoal)) {
