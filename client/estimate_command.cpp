@@ -152,7 +152,8 @@ void add_estimate_command(CLI::App& app) {
   command
       .add_option("--max-strain", frames.max_strain, "largest strain magnitude to search for, 0.001 to 0.125")
       ->capture_default_str();
-  command.add_option("--poisson-ratio", frames.poisson_ratio, "above 0, below 0.5")->capture_default_str();
+  command.add_option("--poisson-ratio", frames.poisson_ratio, "above 0, at most 0.49999")
+      ->capture_default_str();
   command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)")
       ->check(above_zero());
   command

@@ -5,7 +5,7 @@
 //     method, ours, iterative, declined | failed | setup_s, touch_s: {p50, ...}, surface_s, one_solve_s,
 //     kept_bytes_per_unknown, iterations, tolerance, force_error, displacement_error, stated_error, goal_met,
 //     products_choice, ladder: [...]}]}]
-//     columns: {iterations, converged, stated_error, force_error} of one touch as the product does it by
+//     by_columns: {iterations, converged, stated_error, force_error} of one touch as the product does it by
 //     conjugate gradients: columns of the compliance, its own precision and tolerance
 //   product: figures of ours alone
 //   convergence: [{pattern, contrast, finest_columns, meshes: [{columns, force_error, displacement_error,

@@ -117,9 +117,9 @@ void check_options(const RecordedFrameOptions& options) {
     throw FrameInputError(
         fmt::format("--sound-speed-m-s {}: give it in m/s, 1000 to 2500; soft tissue has about 1540",
                     options.sound_speed_m_s));
-  if (!(options.poisson_ratio > 0 && options.poisson_ratio < 0.5))
+  if (!(options.poisson_ratio > 0 && options.poisson_ratio <= 0.49999))
     throw FrameInputError(
-        fmt::format("--poisson-ratio {}: give it above 0 and below 0.5; soft tissue has about 0.49",
+        fmt::format("--poisson-ratio {}: give it above 0 and at most 0.49999; soft tissue has about 0.49",
                     options.poisson_ratio));
   if (!(options.max_strain >= 0.001 && options.max_strain <= 0.125))
     throw FrameInputError(fmt::format(

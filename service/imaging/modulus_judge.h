@@ -21,8 +21,8 @@ struct JudgeLimits {
 };
 
 // Adds to `out`, whatever the method: log_deviation (noise of the axial strain, what a jump of the modulus is
-// smeared over, and the method's own error), and the flags kUntracked, kNoise, kExtent, kRamp, kOutOfPlane,
-// kPressure, kScale with their words. The last two widen the deviation by what they found.
+// smeared over, and the method's own error), and the flags kNoise, kUntracked, kRamp, kOutOfPlane,
+// kPressure, kScale, kExtent with their words. The last three widen the deviation by what they found.
 class ModulusJudge {
  public:
   ModulusJudge(Queue, std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
