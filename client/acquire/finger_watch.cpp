@@ -100,9 +100,12 @@ bool FingerWatch::read_stream() {
   request.set_scene_id(scene_id_);
   // A new connection each time: the old one may be half-open.
   const auto stub = v1::Palpation::NewStub(make_channel(address_, tls_ca_));
-  const auto stream = stub->WatchFinger(context.get(), request);
-  v1::FingerState state;
-  while (stream->Read(&state)) store(state);
+  const auto stream = stub->WatchFinger(context.get());
+  for (v1::FingerState state; stream->Write(request) && stream->Read(&state);) {
+    store(state);
+    request.clear_scene_id();
+    request.set_acknowledged(state.state());
+  }
   const grpc::Status status = stream->Finish();
   const std::lock_guard lock(mutex_);
   context_.reset();

@@ -16,11 +16,16 @@ grpc::Status InfoService::GetInfo(grpc::ServerContext*, const v1::GetInfoRequest
   out->set_has_double(device.has_double);
   out->set_compute_units(device.compute_units);
   out->set_global_memory_bytes(device.global_memory_bytes);
-  v1::Limits* limits = response->mutable_limits();
-  limits->set_max_frame_bytes(Core::kMostFrameBytes);
-  limits->set_max_scene_elements(static_cast<std::uint32_t>(core_.scenes.limits().most_elements));
-  limits->set_max_scenes(static_cast<std::uint32_t>(core_.scenes.limits().most_scenes));
-  limits->set_max_touch_rate_hz(Core::kMostTouchesPerSecond);
+  const auto limit = [response](const char* name, double value, const char* unit) {
+    v1::Limit* added = response->add_limits();
+    added->set_name(name);
+    added->set_value(value);
+    added->set_unit(unit);
+  };
+  limit("most_frame_bytes", static_cast<double>(Core::kMostFrameBytes), "B");
+  limit("most_scene_elements", static_cast<double>(core_.scenes.limits().most_elements), "1");
+  limit("most_scenes", static_cast<double>(core_.scenes.limits().most_scenes), "1");
+  limit("most_touch_rate_hz", Core::kMostTouchesPerSecond, "Hz");
   response->set_uptime_ns(
       std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now() - core_.started)
           .count());

@@ -77,26 +77,33 @@ v1::FingerState finger_to(const Finger& finger, const Scene& scene, std::uint64_
 
 }  // namespace
 
-grpc::Status PalpationService::WatchFinger(grpc::ServerContext* context,
-                                           const v1::WatchFingerRequest* request,
-                                           grpc::ServerWriter<v1::FingerState>* writer) {
+grpc::Status PalpationService::WatchFinger(
+    grpc::ServerContext* context,
+    grpc::ServerReaderWriter<v1::FingerState, v1::WatchFingerRequest>* stream) {
   return guarded([&] {
     using Clock = FingerBoard::Clock;
     constexpr std::chrono::milliseconds kLookForCancel{200};
     constexpr auto kPeriod = std::chrono::duration_cast<Clock::duration>(
         std::chrono::duration<double>(1 / kMostFingerStatesPerSecond));
     core_.calls.require_open();  // first: until scenes are restored, one that is not found may yet be
-    const auto scene = core_.scenes.find(request->scene_id());
+    v1::WatchFingerRequest request;
+    if (!stream->Read(&request))
+      throw std::invalid_argument("scene_id: the first message of a watch must name the scene");
+    const auto scene = core_.scenes.find(request.scene_id());
     const auto ticket = core_.calls.enter(CallKind::kWatch, [scene] { scene->finger().wake(); }, {});
     spdlog::info("event=watch_opened stream={} scene={} peer={}", ticket->id(), scene->id(), context->peer());
     Finger finger = scene->finger().now();
     bool changed = true;
     Clock::time_point heartbeat;
+    v1::FingerState state;
+    std::uint64_t states = 0;
     while (!context->IsCancelled() && !core_.calls.draining() && !scene->deleted()) {
       // One that rests is told all the same: watchers take silence for a dead link, and proxies for an idle
       // one.
       if (changed || Clock::now() >= heartbeat) {
-        if (!writer->Write(finger_to(finger, *scene, core_.instance))) break;
+        state = finger_to(finger, *scene, core_.instance);
+        state.set_state(++states);
+        if (!stream->Write(state)) break;
         heartbeat = Clock::now() + kFingerHeartbeat;
       }
       const std::uint64_t seen = finger.generation;

@@ -23,8 +23,8 @@ class PalpationService final : public v1::Palpation::WithCallbackMethod_Touch<v1
                           v1::ListScenesResponse*) override;
   grpc::Status DeleteScene(grpc::ServerContext*, const v1::DeleteSceneRequest*,
                            v1::DeleteSceneResponse*) override;
-  grpc::Status WatchFinger(grpc::ServerContext*, const v1::WatchFingerRequest*,
-                           grpc::ServerWriter<v1::FingerState>*) override;
+  grpc::Status WatchFinger(grpc::ServerContext*,
+                           grpc::ServerReaderWriter<v1::FingerState, v1::WatchFingerRequest>*) override;
   grpc::ServerBidiReactor<v1::TouchRequest, v1::TouchResponse>* Touch(grpc::CallbackServerContext*) override;
 
  private:

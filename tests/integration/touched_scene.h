@@ -13,6 +13,7 @@
 #include "client/link/recording.h"
 #include "client/servo/states.h"
 #include "teletact/v1/palpation.grpc.pb.h"
+#include "tests/support/finger_reader.h"
 
 namespace teletact::test {
 
@@ -51,10 +52,8 @@ inline bool finger_presses(const std::string& address, const std::string& scene_
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() +
                        std::chrono::milliseconds(static_cast<int>(seconds * 1e3)));
-  v1::WatchFingerRequest request;
-  request.set_scene_id(scene_id);
-  const auto stream = stub->WatchFinger(&context, request);
-  for (v1::FingerState state; stream->Read(&state);)
+  FingerReader reader(*stub, context, scene_id);
+  for (v1::FingerState state; reader.read(&state);)
     if (state.present() && state.position_m_size() > 1 && state.position_m(1) > depth_m) {
       context.TryCancel();
       return true;

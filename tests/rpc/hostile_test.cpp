@@ -2,9 +2,11 @@
 #include <malloc.h>
 #include <fstream>
 #include <future>
+#include <optional>
 #include <vector>
 
 #include "tests/rpc/estimate_client.h"
+#include "tests/support/finger_reader.h"
 
 namespace teletact::service {
 namespace {
@@ -138,11 +140,9 @@ TEST_F(Hostile, UploadsThatAreGivenUpKeepNoFrames) {
 TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
   const auto channel = server->channel();
   const auto stub = v1::Palpation::NewStub(channel);
-  v1::WatchFingerRequest request;
-  request.set_scene_id("s");
   struct Watcher {
     grpc::ClientContext context;
-    std::unique_ptr<grpc::ClientReader<v1::FingerState>> stream;
+    std::optional<FingerReader> stream;
     ~Watcher() { context.TryCancel(); }
   };
   std::vector<std::unique_ptr<Watcher>> watchers;
@@ -150,11 +150,11 @@ TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
   for (std::size_t k = 0; k <= Calls::kMostWatchers; ++k) {
     auto& watcher = *watchers.emplace_back(std::make_unique<Watcher>());
     set_deadline(watcher.context);
-    watcher.stream = stub->WatchFinger(&watcher.context, request);
+    watcher.stream.emplace(*stub, watcher.context, "s");
     if (k < Calls::kMostWatchers)
-      ASSERT_TRUE(watcher.stream->Read(&state)) << k;
+      ASSERT_TRUE(watcher.stream->read(&state)) << k;
     else
-      EXPECT_EQ(watcher.stream->Finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+      EXPECT_EQ(watcher.stream->finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   }
   std::vector<std::unique_ptr<Elastographer>> uploads;
   for (std::size_t k = 0; k < Calls::kMostEstimates; ++k) {

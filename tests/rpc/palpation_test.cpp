@@ -4,6 +4,7 @@
 
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/running_server.h"
+#include "tests/support/finger_reader.h"
 
 namespace teletact::service {
 namespace {
@@ -255,19 +256,15 @@ TEST_F(Palpation, DeletingASceneEndsItsStreams) {
   ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
   grpc::ClientContext watching, deleting;
   set_deadline(watching);
-  v1::WatchFingerRequest watch;
-  watch.set_scene_id("uniform");
-  const auto finger = stub->WatchFinger(&watching, watch);
+  FingerReader finger(*stub, watching, "uniform");
   v1::FingerState state;
-  ASSERT_TRUE(finger->Read(&state));
+  ASSERT_TRUE(finger.read(&state));
   v1::DeleteSceneRequest request;
   v1::DeleteSceneResponse response;
   request.set_scene_id("uniform");
   ASSERT_TRUE(stub->DeleteScene(&deleting, request, &response).ok());
   expect_end(toucher, grpc::StatusCode::ABORTED, "uniform");
-  while (finger->Read(&state)) {
-  }
-  EXPECT_EQ(finger->Finish().error_code(), grpc::StatusCode::ABORTED);
+  EXPECT_EQ(finger.finish().error_code(), grpc::StatusCode::ABORTED);
 }
 
 TEST_F(Palpation, FingerIsWatched) {
@@ -275,15 +272,13 @@ TEST_F(Palpation, FingerIsWatched) {
   ASSERT_TRUE(toucher.opened());
   grpc::ClientContext context;
   set_deadline(context);
-  v1::WatchFingerRequest request;
-  request.set_scene_id("uniform");
-  const auto finger = stub->WatchFinger(&context, request);
+  FingerReader finger(*stub, context, "uniform");
   v1::TouchRequest pose;
   for (const double v : {0.0512, -0.004}) pose.mutable_pose()->add_position_m(v);
   for (const double v : {0.12, 0.0}) pose.mutable_pose()->add_velocity_m_s(v);
   ASSERT_TRUE(toucher.send(pose));
   v1::FingerState state;
-  do ASSERT_TRUE(finger->Read(&state));
+  do ASSERT_TRUE(finger.read(&state));
   while (state.position_m_size() == 0);
   EXPECT_TRUE(state.present());
   EXPECT_EQ(state.position_m(0), 0.0512);
@@ -292,12 +287,12 @@ TEST_F(Palpation, FingerIsWatched) {
   // A finger at rest is told of all the same.
   const auto rests = std::chrono::steady_clock::now();
   for (int beat = 0; beat < 2; ++beat) {
-    ASSERT_TRUE(finger->Read(&state));
+    ASSERT_TRUE(finger.read(&state));
     EXPECT_EQ(state.position_m(0), 0.0512);
   }
   EXPECT_LT(std::chrono::steady_clock::now() - rests, std::chrono::seconds(2));
   EXPECT_TRUE(toucher.finish().ok());
-  do ASSERT_TRUE(finger->Read(&state));
+  do ASSERT_TRUE(finger.read(&state));
   while (state.present());
   context.TryCancel();
 }

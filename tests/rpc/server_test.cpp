@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "tests/rpc/running_server.h"
+#include "tests/support/finger_reader.h"
 
 namespace teletact::service {
 namespace {
@@ -121,10 +122,8 @@ TEST(Server, HealthIsPerServiceAndServingOnlyWhenReady) {
             grpc::StatusCode::UNAVAILABLE);
   // Its scenes may not be restored yet: no caller is told that one does not exist.
   grpc::ClientContext watching;
-  v1::WatchFingerRequest unknown;
-  unknown.set_scene_id("s");
-  EXPECT_EQ(v1::Palpation::NewStub(server.channel())->WatchFinger(&watching, unknown)->Finish().error_code(),
-            grpc::StatusCode::UNAVAILABLE);
+  const auto early_stub = v1::Palpation::NewStub(server.channel());
+  EXPECT_EQ(FingerReader(*early_stub, watching, "s").finish().error_code(), grpc::StatusCode::UNAVAILABLE);
   server->make_ready();
   for (const char* service : {"", "teletact.v1.Palpation", "teletact.v1.Elastography", "teletact.v1.Info"})
     EXPECT_EQ(health_of(server, service), kServing) << service;
@@ -166,7 +165,8 @@ TEST(Server, SaysWhatItIs) {
   EXPECT_NE(info.build(), "");
   EXPECT_NE(info.instance(), 0U);
   EXPECT_EQ(info.device().name(), rpc_device()->info().name);
-  EXPECT_GT(info.limits().max_frame_bytes(), 0U);
+  EXPECT_EQ(info.limits(0).name(), "most_frame_bytes");
+  EXPECT_GT(info.limits(0).value(), 0);
   EXPECT_GT(info.uptime_ns(), 0);
 }
 
@@ -183,19 +183,15 @@ TEST(Server, DrainTellsTheStreamsAndEndsSoon) {
   silent.stop_acknowledging();
   v1::TouchAnswer answer;
   ASSERT_TRUE(busy.touch(0.05, 0.002, &answer) && silent.touch(0.05, 0.002, &answer));
-  v1::WatchFingerRequest watch;
-  watch.set_scene_id("s");
-  const auto finger = stub->WatchFinger(&watching, watch);
+  FingerReader finger(*stub, watching, "s");
   v1::FingerState state;
-  ASSERT_TRUE(finger->Read(&state));
+  ASSERT_TRUE(finger.read(&state));
   const auto begun = std::chrono::steady_clock::now();
   server->drain();
   EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(2));
   EXPECT_EQ(busy.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(silent.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
-  while (finger->Read(&state)) {
-  }
-  EXPECT_EQ(finger->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(finger.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
 }
 
 TEST(Server, ScenesSurviveItWithANewInstance) {

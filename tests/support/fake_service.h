@@ -134,19 +134,23 @@ class FakePalpation final : public v1::Palpation::Service {
     return grpc::Status::OK;
   }
 
-  grpc::Status WatchFinger(grpc::ServerContext* context, const v1::WatchFingerRequest* request,
-                           grpc::ServerWriter<v1::FingerState>* writer) override {
+  grpc::Status WatchFinger(
+      grpc::ServerContext* context,
+      grpc::ServerReaderWriter<v1::FingerState, v1::WatchFingerRequest>* stream) override {
+    v1::WatchFingerRequest request;
+    if (!stream->Read(&request)) return grpc::Status::CANCELLED;
     std::unique_lock lock(mutex_);
-    if (!scenes_.count(request->scene_id())) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    if (!scenes_.count(request.scene_id())) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
     ++watches;
     for (std::uint64_t seen = 0; !context->IsCancelled();) {
       if (refusal != grpc::StatusCode::OK) return {refusal.exchange(grpc::StatusCode::OK), "for now"};
       changed_.wait_for(lock, std::chrono::milliseconds(20), [&] { return changes_ != seen; });
       if (changes_ == seen) continue;
       seen = changes_;
-      const v1::FingerState state = finger_;
+      v1::FingerState state = finger_;
+      state.set_state(seen);
       lock.unlock();
-      if (!writer->Write(state)) return grpc::Status::OK;
+      if (!stream->Write(state)) return grpc::Status::OK;
       ++told;
       lock.lock();
     }
