@@ -1,12 +1,18 @@
 #include "client/link/channel.h"
 
+#include <grpcpp/support/client_interceptor.h>
+#include <unistd.h>
+
 #include <array>
 #include <charconv>
 #include <chrono>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <stdexcept>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "teletact/v1/palpation.grpc.pb.h"
 
@@ -20,7 +26,40 @@ constexpr int kKeepaliveMs = 30000;      // a second net only: silence on the st
 constexpr double kConnectWaitS = 3;
 constexpr int kMaxMessageBytes = 256 << 20;
 
+// Adds the client's name to the metadata of a call as it goes out.
+class Naming final : public grpc::experimental::Interceptor {
+ public:
+  void Intercept(grpc::experimental::InterceptorBatchMethods* call) override {
+    using grpc::experimental::InterceptionHookPoints;
+    if (call->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA))
+      call->GetSendInitialMetadata()->emplace("teletact-client", client_name());
+    call->Proceed();
+  }
+};
+
+class NamingFactory final : public grpc::experimental::ClientInterceptorFactoryInterface {
+ public:
+  grpc::experimental::Interceptor* CreateClientInterceptor(grpc::experimental::ClientRpcInfo*) override {
+    return new Naming;  // gRPC owns it
+  }
+};
+
+std::string make_client_name() {
+  constexpr std::size_t kLongestHost = 40;  // the whole has at most 64 bytes (info.proto)
+  std::array<char, 256> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0 || host[0] == '\0') host = {"unknown"};
+  std::string name;
+  for (const char* c = host.data(); *c != '\0' && name.size() < kLongestHost; ++c)
+    name += *c > ' ' && *c <= '~' ? *c : '-';
+  return name + ":" + std::to_string(getpid()) + ":" + std::to_string(std::random_device()());
+}
+
 }  // namespace
+
+const std::string& client_name() {
+  static const std::string name = make_client_name();
+  return name;
+}
 
 grpc::ChannelArguments channel_arguments() {
   grpc::ChannelArguments arguments;
@@ -36,7 +75,10 @@ grpc::ChannelArguments channel_arguments() {
 std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca) {
   const auto credentials =
       tls_ca.empty() ? grpc::InsecureChannelCredentials() : grpc::SslCredentials({tls_ca, "", ""});
-  return grpc::CreateCustomChannel(address, credentials, channel_arguments());
+  std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(std::make_unique<NamingFactory>());
+  return grpc::experimental::CreateCustomChannelWithInterceptors(address, credentials, channel_arguments(),
+                                                                 std::move(interceptors));
 }
 
 Connecting::Connecting(std::string address, std::string tls_ca)

@@ -11,6 +11,10 @@
 
 namespace teletact::client {
 
+// By which the service knows this process from other clients: host, process and a number, at most 64 bytes of
+// printable ASCII. Every call over a channel of make_channel() carries it, as the metadata "teletact-client".
+const std::string& client_name();
+
 // What every channel is made with: fast reconnects, keepalive, message sizes.
 grpc::ChannelArguments channel_arguments();
 

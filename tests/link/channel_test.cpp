@@ -23,6 +23,33 @@ TEST(ReachService, WaitsForOneThatIsStartingAndSaysSoOnce) {
   reach_service(server.address(), "", [](const auto& line) { ADD_FAILURE() << "nothing to say: " << line; });
 }
 
+// Work and memory are shared between clients by this name (info.proto).
+TEST(MakeChannel, EveryCallNamesThisProcess) {
+  test::FakeServer server;
+  server.create_scene("s");
+  const auto channel = make_channel(server.address());
+  const auto palpation = v1::Palpation::NewStub(channel);
+  {
+    grpc::ClientContext context;
+    v1::ListScenesResponse scenes;
+    ASSERT_TRUE(palpation->ListScenes(&context, {}, &scenes).ok());
+  }
+  {
+    grpc::ClientContext context;
+    const auto stream = palpation->WatchFinger(&context);
+    v1::WatchFingerRequest request;
+    request.set_scene_id("s");
+    v1::FingerState state;
+    ASSERT_TRUE(stream->Write(request) && stream->Read(&state));
+    context.TryCancel();
+    EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::CANCELLED);
+  }
+  const std::string& name = client_name();
+  EXPECT_EQ(server.palpation.clients(), std::vector<std::string>({name, name}));
+  EXPECT_LE(name.size(), 64u);
+  EXPECT_NE(name.find(':' + std::to_string(getpid()) + ':'), std::string::npos) << name;
+}
+
 TEST(ReachService, SaysWhenNobodyIsThere) {
   try {
     reach_service("unix:/tmp/teletact-nobody-listens-here", "", [](const auto&) {});

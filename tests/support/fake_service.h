@@ -21,6 +21,13 @@
 
 namespace teletact::test {
 
+// By which name the caller is known, "" when it gave none.
+inline std::string named_in(const grpc::ServerContext& context) {
+  const auto& metadata = context.client_metadata();
+  const auto named = metadata.find("teletact-client");
+  return named == metadata.end() ? "" : std::string(named->second.data(), named->second.size());
+}
+
 class FakeElastography final : public v1::Elastography::Service {
  public:
   std::atomic<int> unavailable_calls{0};  // the next n calls fail so
@@ -29,7 +36,7 @@ class FakeElastography final : public v1::Elastography::Service {
 
   struct Call {
     v1::Acquisition acquisition;
-    std::string pre, post;
+    std::string pre, post, client;
     std::size_t largest_chunk = 0;
   };
   std::vector<Call> calls() const {
@@ -38,11 +45,12 @@ class FakeElastography final : public v1::Elastography::Service {
   }
 
   grpc::Status Estimate(
-      grpc::ServerContext*,
+      grpc::ServerContext* context,
       grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>* stream) override {
     if (unavailable_calls.fetch_sub(1) > 0) return {grpc::StatusCode::UNAVAILABLE, "draining"};
     unavailable_calls = 0;
     Call call;
+    call.client = named_in(*context);
     v1::EstimateRequest request;
     while (stream->Read(&request)) {
       if (request.has_acquisition()) call.acquisition = request.acquisition();
@@ -120,8 +128,17 @@ class FakePalpation final : public v1::Palpation::Service {
     return grpc::Status::OK;
   }
 
-  grpc::Status ListScenes(grpc::ServerContext*, const v1::ListScenesRequest*,
+  std::vector<std::string> clients() {  // of ListScenes and WatchFinger, a name for each call
+    const std::lock_guard lock(mutex_);
+    return clients_;
+  }
+
+  grpc::Status ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest*,
                           v1::ListScenesResponse*) override {
+    {
+      const std::lock_guard lock(mutex_);
+      clients_.push_back(named_in(*context));
+    }
     if (starting_calls > 0 && starting_calls-- > 0) return {grpc::StatusCode::UNAVAILABLE, "starting"};
     return grpc::Status::OK;
   }
@@ -140,6 +157,7 @@ class FakePalpation final : public v1::Palpation::Service {
     v1::WatchFingerRequest request;
     if (!stream->Read(&request)) return grpc::Status::CANCELLED;
     std::unique_lock lock(mutex_);
+    clients_.push_back(named_in(*context));
     if (!scenes_.count(request.scene_id())) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
     ++watches;
     for (std::uint64_t seen = 0; !context->IsCancelled();) {
@@ -163,6 +181,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::uint64_t changes_ = 1;  // a watcher hears of the first state at once
   v1::FingerState finger_;
   std::map<std::string, v1::Scene> scenes_;
+  std::vector<std::string> clients_;
 };
 
 // Both on a socket of their own, for as long as this lives.
