@@ -42,8 +42,23 @@ toml::table parse_config(const std::filesystem::path& path) {
   }
 }
 
+// [limits]: any limit by its name (service/limits/limits.cpp).
+void read_limits(const std::string& where, const toml::node& node, Limits& limits) {
+  const toml::table* const table = node.as_table();
+  if (!table) throw std::runtime_error(where + "limits must be a table, [limits]");
+  for (const auto& [key, value] : *table) {
+    const std::string name(key.str());
+    if (!value.is_number()) throw std::runtime_error(where + "limits." + name + " must be a number");
+    try {
+      set_limit(limits, name, *value.value<double>());
+    } catch (const std::invalid_argument& error) {
+      throw std::runtime_error(where + "limits." + error.what());
+    }
+  }
+}
+
 // Values of the configuration file, for what the command line leaves out. The keys are the flags' names with
-// '_' for '-'; any other key is an error.
+// '_' for '-', and limits; any other key is an error.
 void read_config(const CLI::App& command, ServeOptions& options) {
   if (options.config.empty()) return;
   using Path = std::filesystem::path;
@@ -58,6 +73,10 @@ void read_config(const CLI::App& command, ServeOptions& options) {
       {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
   for (const auto& [key, node] : parse_config(options.config)) {
     const std::string name(key.str()), where = "--config " + options.config.string() + ": ";
+    if (name == "limits") {
+      read_limits(where, node, options.server.limits);
+      continue;
+    }
     const auto known = keys.find(name);
     if (known == keys.end()) throw std::runtime_error(where + "unknown key \"" + name + "\"");
     std::string flag = "--" + name;

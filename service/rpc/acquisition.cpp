@@ -36,8 +36,6 @@ std::size_t EstimateRequest::frame_bytes() const {
 
 namespace {
 
-constexpr double kWidestWindowM = 0.5;  // the direct modulus' memory grows with it
-
 template <class T>
 void require_between(const char* field, T value, T least, T most, const char* remedy) {
   if (value >= least && value <= most) return;  // false for NaN
@@ -45,38 +43,42 @@ void require_between(const char* field, T value, T least, T most, const char* re
       fmt::format("acquisition.{}: {} is not within [{}, {}]; {}", field, value, least, most, remedy));
 }
 
-void check_frame_size(const v1::Acquisition& in, std::uint64_t most_frame_bytes) {
+void check_frame_size(const v1::Acquisition& in, const Limits& limits) {
   const std::size_t item = bytes_per_item(in.dtype());
   if (in.dtype() != v1::DATA_TYPE_INT16 && in.dtype() != v1::DATA_TYPE_FLOAT32)
     throw std::invalid_argument("acquisition.dtype: must be INT16 or FLOAT32");
   const auto bytes = static_cast<unsigned __int128>(in.sample_count()) * in.line_count() * item;
-  if (bytes > most_frame_bytes)
+  if (bytes > limits.most_frame_bytes)
     throw Error(
         ErrorKind::kExhausted,
         fmt::format(
             "acquisition.sample_count, acquisition.line_count: {} x {} samples are more than the {} bytes "
             "a frame may have; crop the frame",
-            in.sample_count(), in.line_count(), most_frame_bytes));
-  require_between("sample_count", in.sample_count(), 64U, 16384U, "give the samples of one A-line");
-  require_between("line_count", in.line_count(), 8U, 2048U, "give the number of A-lines");
+            in.sample_count(), in.line_count(), limits.most_frame_bytes));
+  require_between<std::uint64_t>("sample_count", in.sample_count(), limits.least_samples, limits.most_samples,
+                                 "give the samples of one A-line");
+  require_between<std::uint64_t>("line_count", in.line_count(), limits.least_lines, limits.most_lines,
+                                 "give the number of A-lines");
 }
 
-AcquisitionGeometry acquisition_geometry(const v1::Acquisition& in) {
+AcquisitionGeometry acquisition_geometry(const v1::Acquisition& in, const Limits& limits) {
   AcquisitionGeometry g;
   g.center_frequency_hz = in.center_frequency_hz();
   g.sampling_frequency_hz = in.sampling_frequency_hz();
   g.sound_speed_m_s = in.sound_speed_m_s();
   g.line_pitch_m = in.line_pitch_m();
   g.first_sample_depth_m = in.first_sample_depth_m();
-  require_between("center_frequency_hz", g.center_frequency_hz, 1e5, 1e8,
-                  "give the transducer's centre frequency");
+  require_between("center_frequency_hz", g.center_frequency_hz, limits.least_center_frequency_hz,
+                  limits.most_center_frequency_hz, "give the transducer's centre frequency");
   if (!(g.sampling_frequency_hz > 2 * g.center_frequency_hz) || !std::isfinite(g.sampling_frequency_hz))
     throw std::invalid_argument(fmt::format(
         "acquisition.sampling_frequency_hz: {} is not > 2 x center_frequency_hz; give the digitiser's rate",
         g.sampling_frequency_hz));
-  require_between("sound_speed_m_s", g.sound_speed_m_s, 1000.0, 2500.0, "soft tissue is about 1540");
-  require_between("line_pitch_m", g.line_pitch_m, 1e-5, 5e-3, "give the distance of two A-lines in metres");
-  require_between("first_sample_depth_m", g.first_sample_depth_m, 0.0, 0.3,
+  require_between("sound_speed_m_s", g.sound_speed_m_s, limits.least_sound_speed_m_s,
+                  limits.most_sound_speed_m_s, "soft tissue is about 1540");
+  require_between("line_pitch_m", g.line_pitch_m, limits.least_line_pitch_m, limits.most_line_pitch_m,
+                  "give the distance of two A-lines in metres");
+  require_between("first_sample_depth_m", g.first_sample_depth_m, 0.0, limits.most_first_sample_depth_m,
                   "give the depth of the first sample in metres");
   switch (in.displacement_frame()) {
     case v1::DISPLACEMENT_FRAME_LAB:
@@ -93,7 +95,7 @@ AcquisitionGeometry acquisition_geometry(const v1::Acquisition& in) {
   return g;
 }
 
-TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request) {
+TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request, const Limits& limits) {
   TissueExtent tissue;
   const AcquisitionGeometry& g = request.geometry;
   const double frame_end_m =
@@ -102,7 +104,7 @@ TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request
   if (in.tissue_depth_m() != 0) tissue.depth_m = in.tissue_depth_m();
   tissue.poisson_ratio = request.scene ? request.scene->geometry().poisson_ratio : 0.49;
   if (in.poisson_ratio() != 0) tissue.poisson_ratio = in.poisson_ratio();
-  require_between("tissue_depth_m", tissue.depth_m, 1e-3, 1.0,
+  require_between("tissue_depth_m", tissue.depth_m, limits.least_tissue_depth_m, limits.most_tissue_depth_m,
                   "give the depth of the fixed far side in metres");
   require_between("poisson_ratio", tissue.poisson_ratio, 0.0, TissueExtent::kLargestPoissonRatio,
                   "soft tissue is about 0.49; an estimate's modulus would hang on nu alone nearer to 1/2");
@@ -113,21 +115,22 @@ TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request
     tissue.window_x_m = std::clamp(request.window_x_m, 0.0, tissue.width_m - width_m);
   } else {
     tissue.width_m = in.tissue_width_m() != 0 ? in.tissue_width_m() : width_m;
-    require_between("tissue_width_m", tissue.width_m, width_m, 10.0,
+    require_between("tissue_width_m", tissue.width_m, width_m, limits.most_tissue_width_m,
                     "the tissue is at least as wide as the window");
     tissue.window_x_m = (tissue.width_m - width_m) / 2;
   }
   return tissue;
 }
 
-std::optional<ProbeForce> force_of(const v1::Acquisition& in, double window_width_m) {
+std::optional<ProbeForce> force_of(const v1::Acquisition& in, double window_width_m, const Limits& limits) {
   if (!in.has_probe_force()) return std::nullopt;
   const ProbeForce force{in.probe_force().force_n(), in.probe_force().contact_area_m2()};
-  require_between("probe_force.force_n", force.force_n, 1e-6, 1e4,
+  require_between("probe_force.force_n", force.force_n, limits.least_probe_force_n, limits.most_probe_force_n,
                   "give the sensor's change from pre to post, > 0 in compression");
   // Of 0.1 mm to 0.5 m across the image plane: cm^2 or mm^2 given for m^2 lie outside.
-  require_between("probe_force.contact_area_m2", force.contact_area_m2, 1e-4 * window_width_m,
-                  0.5 * window_width_m,
+  require_between("probe_force.contact_area_m2", force.contact_area_m2,
+                  limits.least_probe_elevation_m * window_width_m,
+                  limits.most_probe_elevation_m * window_width_m,
                   "give the area of the probe's face that touches, the window's width times the face's "
                   "elevation, in m^2 (1 cm^2 is 1e-4)");
   return force;
@@ -151,10 +154,11 @@ std::vector<std::string> maps_from(const v1::Acquisition& in) {
 
 namespace {
 
-ModulusChoice modulus_choice(const v1::Acquisition& in) {
+ModulusChoice modulus_choice(const v1::Acquisition& in, const Limits& limits) {
   ModulusChoice choice;
   if (in.modulus_time_limit_s() != 0) {
-    require_between("modulus_time_limit_s", in.modulus_time_limit_s(), 1e-3, 60.0, "leave it out for 0.35");
+    require_between("modulus_time_limit_s", in.modulus_time_limit_s(), limits.least_modulus_time_s,
+                    limits.most_modulus_time_s, "leave it out for 0.35");
     choice.time_limit_s = in.modulus_time_limit_s();
   }
   switch (in.modulus_method()) {
@@ -190,20 +194,20 @@ Plane plane_of(const v1::Acquisition& in) {
 
 }  // namespace
 
-EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
-                             std::uint64_t most_frame_bytes) {
-  check_frame_size(in, most_frame_bytes);
+EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, const Limits& limits) {
+  check_frame_size(in, limits);
   EstimateRequest request;
   request.sample_count = in.sample_count();
   request.line_count = in.line_count();
   request.dtype = in.dtype();
-  request.geometry = acquisition_geometry(in);
-  require_between("line_pitch_m x line_count", request.window_width_m(), 0.0, kWidestWindowM,
+  request.geometry = acquisition_geometry(in, limits);
+  require_between("line_pitch_m x line_count", request.window_width_m(), 0.0, limits.most_window_width_m,
                   "no probe is wider; give the distance of two A-lines in metres");
-  request.force = force_of(in, request.window_width_m());
-  request.modulus = modulus_choice(in);
+  request.force = force_of(in, request.window_width_m(), limits);
+  request.modulus = modulus_choice(in, limits);
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
-  require_between("max_strain", request.max_strain, 1e-3, kLargestMaxStrain, "leave it out for 0.05");
+  require_between("max_strain", request.max_strain, limits.least_max_strain, limits.most_max_strain,
+                  "leave it out for 0.05");
   request.maps = maps_from(in);
   if (in.has_publish()) {
     request.scene = scenes.find(in.publish().scene_id());
@@ -214,7 +218,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes,
           "acquisition.probe_force: missing; without it the modulus is relative and nothing can be "
           "published");
   }
-  request.tissue = tissue_of(in, request);
+  request.tissue = tissue_of(in, request, limits);
   request.tissue.plane = plane_of(in);
   if (request.scene && request.tissue.plane == Plane::kStress)
     throw std::invalid_argument(

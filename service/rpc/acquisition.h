@@ -37,7 +37,7 @@ struct EstimateRequest {
 
 // Throws std::invalid_argument (field named), Error(kNotFound | kExhausted | kPrecondition); allocates
 // nothing that the client sized.
-EstimateRequest request_from(const v1::Acquisition&, const Scenes&, std::uint64_t most_frame_bytes);
+EstimateRequest request_from(const v1::Acquisition&, const Scenes&, const Limits&);
 
 // Puts the chunks of both frames together.
 class FrameUpload {

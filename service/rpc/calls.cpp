@@ -8,22 +8,6 @@
 
 namespace teletact::service {
 
-namespace {
-
-std::size_t most(CallKind kind) {
-  switch (kind) {
-    case CallKind::kTouch:
-      return Calls::kMostTouchStreams;
-    case CallKind::kWatch:
-      return Calls::kMostWatchers;
-    case CallKind::kEstimate:
-      return Calls::kMostEstimates;
-  }
-  return 0;
-}
-
-}  // namespace
-
 Calls::Ticket::Ticket(Calls* calls, CallKind kind, std::uint64_t id) : calls_(calls), kind_(kind), id_(id) {
   active();
 }
@@ -38,7 +22,24 @@ void Calls::Ticket::active() {
   heard_ = Clock::now().time_since_epoch().count();
 }
 
-Calls::Calls() : janitor_([this] { look_for_idle_calls(); }) {}
+Calls::Calls(const Limits& limits) : limits_(limits), janitor_([this] { look_for_idle_calls(); }) {}
+
+std::size_t Calls::most(CallKind kind) const {
+  switch (kind) {
+    case CallKind::kTouch:
+      return limits_.most_touch_streams;
+    case CallKind::kWatch:
+      return limits_.most_watchers;
+    case CallKind::kEstimate:
+      return limits_.most_estimates;
+  }
+  return 0;
+}
+
+Calls::Clock::duration Calls::longest_silence(CallKind kind) const {
+  const double most_s = kind == CallKind::kEstimate ? limits_.upload_idle_s : limits_.touch_idle_s;
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(most_s));
+}
 
 Calls::~Calls() {
   {
@@ -97,10 +98,12 @@ void Calls::look_for_idle_calls() {
   constexpr std::chrono::seconds kLook{1};
   std::unique_lock lock(mutex_);
   while (!stopping_.wait_for(lock, kLook, [this] { return stop_; })) {
-    const auto silent_since = (Clock::now() - kIdle).time_since_epoch().count();
-    for (const auto& [id, ticket] : tickets_)
+    const auto now = Clock::now();
+    for (const auto& [id, ticket] : tickets_) {
+      const auto silent_since = (now - longest_silence(ticket->kind_)).time_since_epoch().count();
       if (ticket->on_idle_ && ticket->heard_ < silent_since && !ticket->idle_.exchange(true))
         ticket->on_idle_();
+    }
   }
 }
 

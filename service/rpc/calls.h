@@ -11,6 +11,8 @@
 #include <mutex>
 #include <thread>
 
+#include "service/limits/limits.h"
+
 namespace teletact::service {
 
 enum class CallKind { kTouch, kWatch, kEstimate };
@@ -18,10 +20,6 @@ enum class CallKind { kTouch, kWatch, kEstimate };
 class Calls {
  public:
   using Clock = std::chrono::steady_clock;
-  static constexpr std::size_t kMostTouchStreams = 64;
-  static constexpr std::size_t kMostWatchers = 64;
-  static constexpr std::size_t kMostEstimates = 8;
-  static constexpr std::chrono::seconds kIdle{60};  // silence of a client that ends its call
 
   // One call, counted while the ticket lives.
   class Ticket {
@@ -44,7 +42,7 @@ class Calls {
     std::atomic<bool> idle_{false};
   };
 
-  Calls();
+  explicit Calls(const Limits&);
   ~Calls();
 
   // Calls are refused with Error(kUnavailable) before open() and after drain().
@@ -61,7 +59,10 @@ class Calls {
 
  private:
   enum class State { kStarting, kOpen, kDraining };
+  std::size_t most(CallKind) const;
+  Clock::duration longest_silence(CallKind) const;
   void look_for_idle_calls();
+  const Limits limits_;
   std::atomic<State> state_{State::kStarting};
   mutable std::mutex mutex_;
   std::condition_variable stopping_, left_;

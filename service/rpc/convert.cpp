@@ -43,7 +43,7 @@ std::size_t checked_items(const char* field, const v1::Array& array) {
   return static_cast<std::size_t>(items);
 }
 
-SceneGeometry geometry_from(const v1::SceneGeometry& in) {
+SceneGeometry geometry_from(const v1::SceneGeometry& in, const Limits& limits) {
   if (in.size_m_size() != 2)
     throw std::invalid_argument(fmt::format(
         "geometry.size_m: {} values, this service models [width, depth]; give two", in.size_m_size()));
@@ -54,7 +54,7 @@ SceneGeometry geometry_from(const v1::SceneGeometry& in) {
   if (in.thickness_m() != 0) g.thickness_m = in.thickness_m();
   const auto edge = [](bool fixed) { return fixed ? EdgeSupport::kFixed : EdgeSupport::kFree; };
   g.supports = {edge(in.fixed_top()), edge(!in.free_bottom()), edge(in.fixed_left()), edge(in.fixed_right())};
-  validate(g);
+  validate(g, limits);
   return g;
 }
 

@@ -17,7 +17,7 @@ namespace v1 = ::teletact::v1;
 std::size_t checked_items(const char* field, const v1::Array&);
 std::size_t bytes_per_item(v1::DataType);
 
-SceneGeometry geometry_from(const v1::SceneGeometry&);
+SceneGeometry geometry_from(const v1::SceneGeometry&, const Limits&);
 // `most_elements`: beyond it Error(kExhausted), before the values are read.
 ExplicitModulus modulus_from(const v1::ModulusMap&, std::size_t most_elements);
 void scene_to(const Scene&, v1::SceneView, v1::Scene*);

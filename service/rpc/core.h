@@ -6,24 +6,27 @@
 #include <memory>
 
 #include "service/device/device.h"
+#include "service/limits/limits.h"
 #include "service/rpc/calls.h"
 #include "service/scene/scenes.h"
 
 namespace teletact::service {
 
 struct Core {
-  static constexpr std::uint64_t kMostFrameBytes = 64ULL << 20;  // one RF frame
-  static constexpr std::size_t kMostChunkBytes = 1U << 20;
-  static constexpr double kMostTouchesPerSecond = 1000;
-
   std::shared_ptr<Device> device;
+  const Limits limits;
   std::uint64_t instance = 0;  // random per process start
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   Calls calls;
   Scenes scenes;
 
-  Core(std::shared_ptr<Device> device_, std::uint64_t instance_, const std::filesystem::path& state_directory)
-      : device(std::move(device_)), instance(instance_), scenes(state_directory) {}
+  Core(std::shared_ptr<Device> device_, std::uint64_t instance_, const std::filesystem::path& state_directory,
+       const Limits& asked_for)
+      : device(std::move(device_)),
+        limits(resolved(asked_for, host_memory_bytes(), device->info().global_memory_bytes)),
+        instance(instance_),
+        calls(limits),
+        scenes(state_directory, limits) {}
 };
 
 // CLOCK_MONOTONIC.

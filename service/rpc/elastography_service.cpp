@@ -208,8 +208,8 @@ void ElastographyService::receive(Stream& stream, Core& core, Calls::Ticket& tic
   v1::EstimateRequest message;
   if (!stream.Read(&message) || !message.has_acquisition())
     throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
-  job.request = request_from(message.acquisition(), core.scenes, Core::kMostFrameBytes);
-  FrameUpload upload(job.request, Core::kMostChunkBytes);
+  job.request = request_from(message.acquisition(), core.scenes, core.limits);
+  FrameUpload upload(job.request, core.limits.most_chunk_bytes);
   while (stream.Read(&message)) {
     ticket.active();
     if (!message.has_chunk())

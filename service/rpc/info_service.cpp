@@ -16,16 +16,12 @@ grpc::Status InfoService::GetInfo(grpc::ServerContext*, const v1::GetInfoRequest
   out->set_has_double(device.has_double);
   out->set_compute_units(device.compute_units);
   out->set_global_memory_bytes(device.global_memory_bytes);
-  const auto limit = [response](const char* name, double value, const char* unit) {
-    v1::Limit* added = response->add_limits();
-    added->set_name(name);
-    added->set_value(value);
-    added->set_unit(unit);
-  };
-  limit("most_frame_bytes", static_cast<double>(Core::kMostFrameBytes), "B");
-  limit("most_scene_elements", static_cast<double>(core_.scenes.limits().most_elements), "1");
-  limit("most_scenes", static_cast<double>(core_.scenes.limits().most_scenes), "1");
-  limit("most_touch_rate_hz", Core::kMostTouchesPerSecond, "Hz");
+  for (const LimitRow& row : limit_rows()) {
+    v1::Limit* limit = response->add_limits();
+    limit->set_name(row.name);
+    limit->set_value(row.value(core_.limits));
+    limit->set_unit(row.unit);
+  }
   response->set_uptime_ns(
       std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now() - core_.started)
           .count());

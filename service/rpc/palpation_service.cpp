@@ -17,10 +17,9 @@ grpc::Status PalpationService::CreateScene(grpc::ServerContext* context,
                                            const v1::CreateSceneRequest* request, v1::Scene* response) {
   return guarded([&] {
     core_.calls.require_open();
-    const SceneGeometry geometry = geometry_from(request->geometry());
+    const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus;
-    if (request->has_modulus())
-      modulus = modulus_from(request->modulus(), core_.scenes.limits().most_elements);
+    if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
     // Building a model is imaging work: on its thread, below touch.
     const Abandoned abandoned = not_abandoned();
     auto made = core_.scenes.worker().run(
@@ -78,13 +77,12 @@ v1::FingerState finger_to(const Finger& finger, const Scene& scene, std::uint64_
 }  // namespace
 
 grpc::Status PalpationService::WatchFinger(
-    grpc::ServerContext* context,
-    grpc::ServerReaderWriter<v1::FingerState, v1::WatchFingerRequest>* stream) {
+    grpc::ServerContext* context, grpc::ServerReaderWriter<v1::FingerState, v1::WatchFingerRequest>* stream) {
   return guarded([&] {
     using Clock = FingerBoard::Clock;
     constexpr std::chrono::milliseconds kLookForCancel{200};
-    constexpr auto kPeriod = std::chrono::duration_cast<Clock::duration>(
-        std::chrono::duration<double>(1 / kMostFingerStatesPerSecond));
+    const auto period = std::chrono::duration_cast<Clock::duration>(
+        std::chrono::duration<double>(1 / core_.limits.most_finger_rate_hz));
     core_.calls.require_open();  // first: until scenes are restored, one that is not found may yet be
     v1::WatchFingerRequest request;
     if (!stream->Read(&request))
@@ -107,7 +105,7 @@ grpc::Status PalpationService::WatchFinger(
         heartbeat = Clock::now() + kFingerHeartbeat;
       }
       const std::uint64_t seen = finger.generation;
-      if (changed) std::this_thread::sleep_for(kPeriod);
+      if (changed) std::this_thread::sleep_for(period);
       finger = scene->finger().newer_than(seen, Clock::now() + kLookForCancel);
       changed = finger.generation != seen;
     }

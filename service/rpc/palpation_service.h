@@ -12,7 +12,6 @@ namespace v1 = ::teletact::v1;
 
 class PalpationService final : public v1::Palpation::WithCallbackMethod_Touch<v1::Palpation::Service> {
  public:
-  static constexpr double kMostFingerStatesPerSecond = 100;
   static constexpr std::chrono::milliseconds kFingerHeartbeat{500};  // between states of a finger at rest
 
   explicit PalpationService(Core& core) : core_(core) {}

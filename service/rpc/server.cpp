@@ -7,6 +7,8 @@
 #include <grpcpp/server_builder.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <cmath>
 #include <random>
 #include <stdexcept>
 
@@ -19,8 +21,6 @@ namespace teletact::service {
 
 namespace {
 
-constexpr int kMostMessageBytes = 2 << 20;  // a chunk of 1 MiB, a modulus map of 65536 doubles, and envelopes
-constexpr int kMostThreads = 256;           // of synchronous calls
 constexpr int kKeepaliveTimeMs = 10'000, kKeepaliveTimeoutMs = 5'000, kLeastPingIntervalMs = 5'000;
 
 const char* const kServices[] = {"teletact.v1.Info", "teletact.v1.Elastography", "teletact.v1.Palpation"};
@@ -30,8 +30,15 @@ std::uint64_t random_instance() {
   return (static_cast<std::uint64_t>(device()) << 32 | device()) | 1;  // never 0
 }
 
-void set_limits(grpc::ServerBuilder& builder) {
-  builder.SetMaxReceiveMessageSize(kMostMessageBytes);
+// A chunk, or a modulus map with its nodes, and its envelope.
+int most_message_bytes(const Limits& limits) {
+  constexpr std::uint64_t kEnvelope = 1 << 20, kPerElement = 2 * sizeof(double);
+  return static_cast<int>(kEnvelope +
+                          std::max(limits.most_chunk_bytes, kPerElement * limits.most_scene_elements));
+}
+
+void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
+  builder.SetMaxReceiveMessageSize(most_message_bytes(limits));
   builder.SetMaxSendMessageSize(-1);  // maps are as large as the frames that were allowed in
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveTimeMs);
@@ -40,7 +47,7 @@ void set_limits(grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kLeastPingIntervalMs);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   grpc::ResourceQuota quota("teletact");
-  quota.SetMaxThreads(kMostThreads);
+  quota.SetMaxThreads(static_cast<int>(limits.most_threads));
   builder.SetResourceQuota(quota);
 }
 
@@ -49,14 +56,15 @@ void set_limits(grpc::ServerBuilder& builder) {
 Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
   const std::string address = prepare_address(options.listen);
   const auto credentials = credentials_of(options.listen);
-  core_ = std::make_unique<Core>(std::move(device), random_instance(), options.state_directory);
+  core_ =
+      std::make_unique<Core>(std::move(device), random_instance(), options.state_directory, options.limits);
   elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  set_limits(builder);
+  set_limits(builder, core_->limits);
   int port = 0;
   builder.AddListeningPort(address, credentials, &port);
   builder.RegisterService(elastography_.get());
@@ -99,9 +107,11 @@ void Server::drain() {
   spdlog::info("event=drain calls={}", open);
   server_->GetHealthCheckService()->Shutdown();
   core_->calls.drain();
-  server_->Shutdown(std::chrono::system_clock::now() + kDrain);
+  // Told streams get this long to end by themselves, then they are cancelled.
+  const std::chrono::milliseconds patience(std::llround(1e3 * core_->limits.drain_s));
+  server_->Shutdown(std::chrono::system_clock::now() + patience);
   server_->Wait();
-  core_->calls.wait_until_none(Calls::Clock::now() + kDrain);
+  core_->calls.wait_until_none(Calls::Clock::now() + patience);
   core_->scenes.worker().stop();  // its jobs use the services, which are destroyed first
   spdlog::info("event=drained");
 }

@@ -20,20 +20,19 @@ class PalpationService;
 struct ServerOptions {
   ListenOptions listen;
   std::filesystem::path state_directory;  // empty: scenes end with the process
+  Limits limits;
 };
 
 class Server {
  public:
-  // Told streams get this long to end by themselves, then they are cancelled.
-  static constexpr std::chrono::seconds kDrain{3};
-
   // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address or a state folder
   // that cannot be used.
   Server(std::shared_ptr<Device>, const ServerOptions&);
   ~Server();  // drains
   // Restores the scenes, warms the kernels, then health is SERVING.
   void make_ready();
-  // Health NOT_SERVING, streams told (UNAVAILABLE), then closed; returns within kDrain and a little.
+  // Health NOT_SERVING, streams told (UNAVAILABLE), then closed; returns within twice the limit drain_s and a
+  // little.
   void drain();
   const std::string& address() const { return address_; }
   Core& core() { return *core_; }

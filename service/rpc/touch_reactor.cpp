@@ -16,15 +16,16 @@ namespace {
 // How long an ending stream waits for its last write, which is small and needs no reader's help, before the
 // call is cancelled instead.
 constexpr std::chrono::seconds kLastWrite{1};
+constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes its thread
 
-std::chrono::steady_clock::duration period_from(double wished_s) {
+std::chrono::steady_clock::duration period_from(double wished_s, const Limits& limits) {
   if (wished_s == 0) wished_s = TouchReactor::kDefaultPeriodS;
-  if (!(wished_s > 0 && wished_s <= TouchReactor::kLongestPeriodS))
+  if (!(wished_s > 0 && wished_s <= limits.most_touch_period_s))
     throw std::invalid_argument(fmt::format("open.period_s: {} is not within (0, {}]; leave it out for {} s",
-                                            wished_s, TouchReactor::kLongestPeriodS,
+                                            wished_s, limits.most_touch_period_s,
                                             TouchReactor::kDefaultPeriodS));
   return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(std::max(wished_s, 1 / Core::kMostTouchesPerSecond)));
+      std::chrono::duration<double>(std::max(wished_s, 1 / limits.most_touch_rate_hz)));
 }
 
 }  // namespace
@@ -39,7 +40,7 @@ TouchReactor::TouchReactor(Core& core, grpc::CallbackServerContext* context)
         },
         [this] {
           end({grpc::StatusCode::DEADLINE_EXCEEDED,
-               fmt::format("no pose for {} s; open a new stream", Calls::kIdle.count())});
+               fmt::format("no pose for {} s; open a new stream", core_.limits.touch_idle_s)});
         });
     return grpc::Status::OK;
   });
@@ -82,10 +83,11 @@ void TouchReactor::OnReadDone(bool ok) {
 void TouchReactor::open(const v1::TouchOpen& open) {
   if (session_) throw std::invalid_argument("open: sent twice; send poses, or open another stream");
   credit_ = open.credit() == 0 ? 1 : open.credit();
-  if (credit_ > kMostCredit)
-    throw std::invalid_argument(fmt::format(
-        "open.credit: {} is more than {}; ask for fewer answers in flight", credit_, kMostCredit));
-  period_ = period_from(open.period_s());
+  if (credit_ > core_.limits.most_credit)
+    throw std::invalid_argument(
+        fmt::format("open.credit: {} is more than {}; ask for fewer answers in flight", credit_,
+                    core_.limits.most_credit));
+  period_ = period_from(open.period_s(), core_.limits);
   name_ = shown(open.session_id());
   auto scene = core_.scenes.find(open.scene_id());
   session_ = std::make_unique<TouchSession>(scene, touch_options_from(open), core_.device);
@@ -127,7 +129,7 @@ void TouchReactor::solve_and_write() {
   auto due = Clock::now();
   while (!stop_) {
     inbox_.wait(due, stopped);  // keep the period; poses that come meanwhile replace each other
-    const auto pose = inbox_.take(Clock::now() + Calls::kIdle, may_write, stopped);
+    const auto pose = inbox_.take(Clock::now() + kLook, may_write, stopped);
     if (!pose) continue;
     // A late pose is caught up with over one period, no more.
     due = std::max(due, Clock::now() - period_) + period_;

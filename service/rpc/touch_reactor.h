@@ -22,9 +22,7 @@ namespace teletact::service {
 
 class TouchReactor final : public grpc::ServerBidiReactor<v1::TouchRequest, v1::TouchResponse> {
  public:
-  static constexpr std::uint32_t kMostCredit = 8;
   static constexpr double kDefaultPeriodS = 0.002;
-  static constexpr double kLongestPeriodS = 1.0;
 
   TouchReactor(Core&, grpc::CallbackServerContext*);
 

@@ -16,15 +16,15 @@ void require_between(const char* field, double value, double least, double most,
 
 }  // namespace
 
-void validate(const SceneGeometry& g) {
-  require_between("geometry.size_m[0]", g.width_m, kSmallestSceneM, kWidestSceneM,
+void validate(const SceneGeometry& g, const Limits& limits) {
+  require_between("geometry.size_m[0]", g.width_m, limits.least_scene_m, limits.most_scene_width_m,
                   "give the tissue's width in metres");
-  require_between("geometry.size_m[1]", g.depth_m, kSmallestSceneM, kDeepestSceneM,
+  require_between("geometry.size_m[1]", g.depth_m, limits.least_scene_m, limits.most_scene_depth_m,
                   "give the tissue's depth in metres");
   if (!(g.poisson_ratio >= 0 && g.poisson_ratio < 0.5))
     throw std::invalid_argument(fmt::format(
         "geometry.poisson_ratio: {} is not within [0, 0.5); soft tissue is about 0.49", g.poisson_ratio));
-  require_between("geometry.thickness_m", g.thickness_m, 1e-4, 1.0,
+  require_between("geometry.thickness_m", g.thickness_m, limits.least_thickness_m, limits.most_thickness_m,
                   "give the finger's out-of-plane contact width in metres");
   const Supports& s = g.supports;
   const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };

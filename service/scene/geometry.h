@@ -1,6 +1,7 @@
 // The piece of tissue that a scene stands for: 0 <= x <= width, 0 <= y <= depth, plane strain (T4).
 #pragma once
 
+#include "service/limits/limits.h"
 #include "service/tissue/grid.h"
 
 namespace teletact::service {
@@ -12,11 +13,7 @@ struct SceneGeometry {
   Supports supports;
 };
 
-constexpr double kSmallestSceneM = 0.002;
-constexpr double kWidestSceneM = 2.0;
-constexpr double kDeepestSceneM = 0.3;
-
 // Throws std::invalid_argument naming the field of SceneGeometry and what it may be.
-void validate(const SceneGeometry&);
+void validate(const SceneGeometry&, const Limits& = {});
 
 }  // namespace teletact::service

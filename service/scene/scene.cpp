@@ -65,11 +65,13 @@ Covered SceneSnapshot::covered_around(double x_m) const {
   return covered;
 }
 
-Scene::Scene(std::string id, const SceneGeometry& geometry, std::shared_ptr<VersionCounter> versions)
+Scene::Scene(std::string id, const SceneGeometry& geometry, std::shared_ptr<VersionCounter> versions,
+             const Limits& limits)
     : id_(std::move(id)),
       geometry_(geometry),
       lines_m_(strip_lines(geometry)),
-      versions_(std::move(versions)) {
+      versions_(std::move(versions)),
+      limits_(limits) {
   auto empty = std::make_shared<SceneSnapshot>();
   empty->map = std::make_shared<const StitchedMap>(geometry_);
   snapshot_ = empty;
@@ -90,12 +92,13 @@ std::shared_ptr<const TissueModel> explicit_model(const SceneGeometry& geometry,
 }  // namespace
 
 Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modulus,
-             std::shared_ptr<VersionCounter> versions)
+             std::shared_ptr<VersionCounter> versions, const Limits& limits)
     : id_(std::move(id)),
       geometry_(geometry),
       explicit_(std::move(modulus)),
       lines_m_(explicit_->y_m),
       versions_(std::move(versions)),
+      limits_(limits),
       next_window_id_(2) {
   auto window = std::make_shared<WindowModel>();
   window->id = 1;
@@ -111,12 +114,13 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
   snapshot_ = snapshot;
 }
 
-Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions)
+Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions, const Limits& limits)
     : id_(record.id),
       geometry_(record.geometry),
       explicit_(record.explicit_modulus),
       lines_m_(explicit_ ? explicit_->y_m : strip_lines(geometry_)),
       versions_(std::move(versions)),
+      limits_(limits),
       next_window_id_(record.next_window_id) {
   auto snapshot = std::make_shared<SceneSnapshot>();
   snapshot->version = record.version;
@@ -258,11 +262,11 @@ std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnap
       if (other != candidate) rest.push_back({other->begin_m, other->end_m});
     if (covers(std::move(rest), {candidate->begin_m, candidate->end_m})) std::erase(others, candidate);
   }
-  if (others.size() >= kMostWindows)
+  if (others.size() >= limits_.most_windows)
     throw Error(ErrorKind::kExhausted,
                 fmt::format("publish: scene {} has {} windows already; delete the scene or "
                             "publish at the windows' places",
-                            id_, kMostWindows));
+                            id_, limits_.most_windows));
   if (window.id == 0) window.id = next_window_id_;
   return others;
 }

@@ -70,18 +70,19 @@ struct Published {
 
 class Scene {
  public:
-  static constexpr std::size_t kMostWindows = 256;
   static constexpr double kSameWindowM = 0.001;  // begins closer than this are the same window
   static constexpr double kOverhangM = 0.001;    // a window may stick out of the tissue by this much
 
-  Scene(std::string id, const SceneGeometry&, std::shared_ptr<VersionCounter>);
+  Scene(std::string id, const SceneGeometry&, std::shared_ptr<VersionCounter>, const Limits& = {});
   // Touchable at once, on exactly this grid. Throws std::invalid_argument (field named).
-  Scene(std::string id, const SceneGeometry&, ExplicitModulus, std::shared_ptr<VersionCounter>);
+  Scene(std::string id, const SceneGeometry&, ExplicitModulus, std::shared_ptr<VersionCounter>,
+        const Limits& = {});
   // As it was kept; builds its models.
-  Scene(const SceneRecord&, std::shared_ptr<VersionCounter>);
+  Scene(const SceneRecord&, std::shared_ptr<VersionCounter>, const Limits& = {});
 
   const std::string& id() const { return id_; }
   const SceneGeometry& geometry() const { return geometry_; }
+  const Limits& limits() const { return limits_; }
   const std::optional<ExplicitModulus>& explicit_modulus() const { return explicit_; }
   std::shared_ptr<const SceneSnapshot> snapshot() const;
   FingerBoard& finger() { return finger_; }
@@ -133,6 +134,7 @@ class Scene {
   const std::vector<double> lines_m_;
   const StripOptions strip_;
   const std::shared_ptr<VersionCounter> versions_;
+  const Limits limits_;
   FingerBoard finger_;
 
   std::mutex publishing_;  // one publication at a time; guards next_window_id_ and stale_

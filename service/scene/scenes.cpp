@@ -44,14 +44,14 @@ void check_axis(const char* field, const std::vector<double>& nodes_m, double le
                     nodes_m.front(), nodes_m.back(), length_m));
 }
 
-void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, const SceneLimits& limits) {
-  check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.most_columns);
-  check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.most_elements + 1);
+void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, const Limits& limits) {
+  check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.most_scene_columns);
+  check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.most_scene_elements + 1);
   const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1);
-  if (elements > limits.most_elements)
+  if (elements > limits.most_scene_elements)
     throw Error(ErrorKind::kExhausted,
                 fmt::format("modulus: {} elements, at most {} are allowed; use a coarser grid", elements,
-                            limits.most_elements));
+                            limits.most_scene_elements));
   if (e.youngs_modulus_pa.size() != elements)
     throw std::invalid_argument(fmt::format("modulus.youngs_modulus_pa: {} values for {} elements",
                                             e.youngs_modulus_pa.size(), elements));
@@ -64,8 +64,8 @@ void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, cons
 
 }  // namespace
 
-Scenes::Scenes(const std::filesystem::path& state_directory, SceneLimits limits) : limits_(limits) {
-  if (!state_directory.empty()) store_ = std::make_unique<StateStore>(state_directory);
+Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limits) : limits_(limits) {
+  if (!state_directory.empty()) store_ = std::make_unique<StateStore>(state_directory, limits_);
   versions_ = std::make_shared<VersionCounter>(store_.get());
 }
 
@@ -78,7 +78,7 @@ void Scenes::restore() {
   if (!store_) return;
   for (const SceneRecord& record : store_->load()) try {
       versions_->used(record.version);
-      auto scene = std::make_shared<Scene>(record, versions_);
+      auto scene = std::make_shared<Scene>(record, versions_, limits_);
       const std::lock_guard lock(mutex_);
       scenes_[record.id] = scene;
       spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
@@ -91,7 +91,7 @@ void Scenes::restore() {
 std::shared_ptr<Scene> Scenes::create(const std::string& wanted_id, const SceneGeometry& geometry,
                                       std::optional<ExplicitModulus> modulus) {
   check_id(wanted_id);
-  validate(geometry);
+  validate(geometry, limits_);
   if (modulus) check_modulus(*modulus, geometry, limits_);
   std::string id = wanted_id;
   {
@@ -110,8 +110,8 @@ std::shared_ptr<Scene> Scenes::create(const std::string& wanted_id, const SceneG
   }
   std::shared_ptr<Scene> scene;
   try {
-    scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), versions_)
-                    : std::make_shared<Scene>(id, geometry, versions_);
+    scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), versions_, limits_)
+                    : std::make_shared<Scene>(id, geometry, versions_, limits_);
     keep(scene);
   } catch (...) {
     const std::lock_guard lock(mutex_);

@@ -14,16 +14,10 @@
 
 namespace teletact::service {
 
-struct SceneLimits {
-  std::size_t most_scenes = 64;
-  std::size_t most_elements = 65536;  // of an explicit modulus map
-  std::size_t most_columns = 513;     // nodes per line of it: condensation costs their cube
-};
-
 class Scenes {
  public:
   // `state_directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used.
-  explicit Scenes(const std::filesystem::path& state_directory, SceneLimits = {});
+  explicit Scenes(const std::filesystem::path& state_directory, const Limits& = {});
   ~Scenes();  // writes what was published
 
   // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside.
@@ -40,13 +34,12 @@ class Scenes {
                     const std::function<bool()>& cancelled);
   // The imaging worker.
   NicedWorker& worker() { return worker_; }
-  const SceneLimits& limits() const { return limits_; }
 
  private:
   void keep(const std::shared_ptr<Scene>&);
   void keep_later(const std::shared_ptr<Scene>&);
   void refresh_later(const std::shared_ptr<Scene>&);
-  const SceneLimits limits_;
+  const Limits limits_;
   std::unique_ptr<StateStore> store_;
   std::shared_ptr<VersionCounter> versions_;
   mutable std::mutex mutex_;

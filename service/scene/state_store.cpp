@@ -107,7 +107,7 @@ json to_json(const SceneGeometry& g) {
           {"fixed_right", fixed(g.supports.right)}};
 }
 
-SceneGeometry geometry_from(const json& j) {
+SceneGeometry geometry_from(const json& j, const Limits& limits) {
   const auto edge = [&j](const char* key) {
     return j.at(key).get<bool>() ? EdgeSupport::kFixed : EdgeSupport::kFree;
   };
@@ -117,7 +117,7 @@ SceneGeometry geometry_from(const json& j) {
   g.poisson_ratio = j.at("poisson_ratio");
   g.thickness_m = j.at("thickness_m");
   g.supports = {edge("fixed_top"), edge("fixed_bottom"), edge("fixed_left"), edge("fixed_right")};
-  validate(g);
+  validate(g, limits);
   return g;
 }
 
@@ -135,7 +135,8 @@ void check(const SceneRecord& record) {
 
 }  // namespace
 
-StateStore::StateStore(fs::path directory) : directory_(std::move(directory)) {
+StateStore::StateStore(fs::path directory, const Limits& limits)
+    : directory_(std::move(directory)), limits_(limits) {
   std::error_code error;
   fs::create_directories(directory_ / "scenes", error);
   if (error)
@@ -202,7 +203,7 @@ SceneRecord StateStore::load_scene(const fs::path& folder) const {
   SceneRecord record;
   record.id = scene.at("scene_id");
   if (record.id != folder.filename()) throw std::runtime_error("scene_id is not the folder's name");
-  record.geometry = geometry_from(scene.at("geometry"));
+  record.geometry = geometry_from(scene.at("geometry"), limits_);
   record.version = scene.at("version");
   record.next_window_id = scene.at("next_window_id");
   for (const json& w : scene.at("windows"))

@@ -43,7 +43,7 @@ class StateStore {
 
   // Makes and locks `directory`. Throws std::runtime_error with one line when it cannot be written or another
   // process holds it.
-  explicit StateStore(std::filesystem::path directory);
+  explicit StateStore(std::filesystem::path directory, const Limits& = {});
   ~StateStore();
   StateStore(const StateStore&) = delete;
   StateStore& operator=(const StateStore&) = delete;
@@ -61,6 +61,7 @@ class StateStore {
  private:
   SceneRecord load_scene(const std::filesystem::path& folder) const;
   std::filesystem::path directory_;
+  const Limits limits_;  // a scene beyond them is set aside
   std::uint64_t first_version_ = 1;
   int lock_file_ = -1;
 };

@@ -13,26 +13,25 @@ namespace teletact::service {
 
 namespace {
 
-void check_length(const char* field, double value_m, double least_m) {
-  if (value_m >= least_m && value_m <= TouchSession::kWidestReachM) return;
-  throw std::invalid_argument(
-      fmt::format("{}: {} m is not within [{}, {}]", field, value_m, least_m, TouchSession::kWidestReachM));
-}
-
-void check_fingertip(const Fingertip& tip) {
+void check_fingertip(const Fingertip& tip, const Limits& limits) {
+  const auto check_length = [&](const char* field, double value_m, double least_m) {
+    if (value_m >= least_m && value_m <= limits.most_tip_m) return;
+    throw std::invalid_argument(
+        fmt::format("{}: {} m is not within [{}, {}]", field, value_m, least_m, limits.most_tip_m));
+  };
   switch (tip.shape) {
     case FingertipShape::kNode:
       // A Gaussian is cut at three standard deviations or so.
-      if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= TouchSession::kWidestReachM))
+      if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= limits.most_tip_m))
         throw std::invalid_argument(fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]",
-                                                tip.footprint_m, TouchSession::kWidestReachM / 3));
+                                                tip.footprint_m, limits.most_tip_m / 3));
       return;
     case FingertipShape::kFlatPunch:
-      check_length("open.fingertip.half_width_m", tip.half_width_m, 1e-4);
+      check_length("open.fingertip.half_width_m", tip.half_width_m, limits.least_tip_m);
       check_length("open.fingertip.radius_m", tip.radius_m, 0);
       return;
     case FingertipShape::kRoundedTip:
-      check_length("open.fingertip.radius_m", tip.radius_m, 1e-4);
+      check_length("open.fingertip.radius_m", tip.radius_m, limits.least_tip_m);
       return;
   }
 }
@@ -57,7 +56,7 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       options_(options),
       device_(std::move(device)),
       line_(scene_->line_near(options.line_y_m)) {
-  check_fingertip(options_.fingertip);
+  check_fingertip(options_.fingertip, scene_->limits());
   scene_->use_line(line_);
   scene_->finger().attach();
 }

@@ -147,21 +147,21 @@ TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
   };
   std::vector<std::unique_ptr<Watcher>> watchers;
   v1::FingerState state;
-  for (std::size_t k = 0; k <= Calls::kMostWatchers; ++k) {
+  for (std::size_t k = 0; k <= Limits{}.most_watchers; ++k) {
     auto& watcher = *watchers.emplace_back(std::make_unique<Watcher>());
     set_deadline(watcher.context);
     watcher.stream.emplace(*stub, watcher.context, "s");
-    if (k < Calls::kMostWatchers)
+    if (k < Limits{}.most_watchers)
       ASSERT_TRUE(watcher.stream->read(&state)) << k;
     else
       EXPECT_EQ(watcher.stream->finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   }
   std::vector<std::unique_ptr<Elastographer>> uploads;
-  for (std::size_t k = 0; k < Calls::kMostEstimates; ++k) {
+  for (std::size_t k = 0; k < Limits{}.most_estimates; ++k) {
     uploads.push_back(std::make_unique<Elastographer>(channel));
     uploads.back()->send(acquisition());
   }
-  while ((*server)->core().calls.count() < Calls::kMostWatchers + Calls::kMostEstimates)
+  while ((*server)->core().calls.count() < Limits{}.most_watchers + Limits{}.most_estimates)
     std::this_thread::yield();
   Elastographer one_too_many(channel);
   EXPECT_EQ(one_too_many.finish().status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);

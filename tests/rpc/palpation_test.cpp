@@ -367,7 +367,7 @@ TEST_F(Palpation, SceneIsReadBack) {
 TEST_F(Palpation, ManyStreamsEndWhenTheirClientsDie) {
   for (int round = 0; round < 3; ++round) {
     std::vector<std::unique_ptr<Toucher>> touchers;
-    for (std::size_t k = 0; k < Calls::kMostTouchStreams; ++k) {
+    for (std::size_t k = 0; k < Limits{}.most_touch_streams; ++k) {
       touchers.push_back(std::make_unique<Toucher>(channel, "uniform"));
       ASSERT_TRUE(touchers.back()->opened()) << k;
     }

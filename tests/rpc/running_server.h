@@ -34,7 +34,8 @@ inline const std::shared_ptr<Device>& rpc_device() {
 
 class RunningServer {
  public:
-  explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "") {
+  explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "",
+                         const Limits& limits = {}) {
     static int count = 0;
     folder_ = std::filesystem::temp_directory_path() /
               ("teletact-rpc-" + std::to_string(getpid()) + "-" + std::to_string(count++));
@@ -42,6 +43,7 @@ class RunningServer {
     ServerOptions options;
     options.listen.listen = listen.empty() ? "unix:" + (folder_ / "s").string() : listen;
     options.state_directory = state;
+    options.limits = limits;
     server_ = std::make_unique<Server>(rpc_device(), options);
   }
   ~RunningServer() {

@@ -7,6 +7,7 @@
 
 #include <fstream>
 
+#include "service/rpc/client.h"
 #include "tests/rpc/running_server.h"
 #include "tests/support/finger_reader.h"
 
@@ -165,9 +166,27 @@ TEST(Server, SaysWhatItIs) {
   EXPECT_NE(info.build(), "");
   EXPECT_NE(info.instance(), 0U);
   EXPECT_EQ(info.device().name(), rpc_device()->info().name);
-  EXPECT_EQ(info.limits(0).name(), "most_frame_bytes");
-  EXPECT_GT(info.limits(0).value(), 0);
+  ASSERT_EQ(static_cast<std::size_t>(info.limits_size()), limit_rows().size());
+  for (int k = 0; k < info.limits_size(); ++k) {
+    const LimitRow& row = limit_rows()[static_cast<std::size_t>(k)];
+    EXPECT_EQ(info.limits(k).name(), row.name);
+    EXPECT_EQ(info.limits(k).unit(), row.unit);
+    EXPECT_EQ(info.limits(k).value(), row.value(server->core().limits));
+    EXPECT_GT(info.limits(k).value(), 0) << row.name;  // memory too: in bytes of this machine
+  }
   EXPECT_GT(info.uptime_ns(), 0);
+}
+
+// Whoever gives the same name from the same machine is one client; the name is the client's text.
+TEST(Server, AClientIsKnownByItsNameAndHost) {
+  EXPECT_EQ(client_name("", "ipv4:127.0.0.1:5000"), "127.0.0.1");
+  EXPECT_EQ(client_name("", "ipv4:127.0.0.1:6000"), "127.0.0.1");
+  EXPECT_EQ(client_name("", "ipv6:%5B::1%5D:5000"), "%5B::1%5D");
+  EXPECT_EQ(client_name("", "unix:"), "local");
+  EXPECT_EQ(client_name("anna", "unix:/tmp/x"), "anna@local");
+  EXPECT_NE(client_name("anna", "ipv4:10.0.0.1:5000"), client_name("anna", "ipv4:10.0.0.2:5000"));
+  EXPECT_EQ(client_name("a\nb\"", "ipv4:10.0.0.1:5000"), "a?b?@10.0.0.1");
+  EXPECT_LT(client_name(std::string(100000, 'a'), "ipv4:10.0.0.1:5000").size(), 100U);
 }
 
 TEST(Server, DrainTellsTheStreamsAndEndsSoon) {

@@ -234,7 +234,9 @@ TEST_F(StateOnDisk, DirectoryThatCannotBeWrittenOrIsTakenIsOneClearLine) {
 }
 
 TEST(Scenes, IdsAndLimitsAreChecked) {
-  Scenes scenes({}, {3, 100, 20});
+  Limits limits;
+  limits.most_scenes = 3, limits.most_scene_elements = 100, limits.most_scene_columns = 20;
+  Scenes scenes({}, limits);
   EXPECT_THROW(scenes.create("../x", tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
   EXPECT_THROW(scenes.create(std::string(65, 'a'), tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
   scenes.create("a", tissue(0.1, 0.03), std::nullopt);

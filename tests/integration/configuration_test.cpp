@@ -1,0 +1,62 @@
+// The configuration file: every limit is set by it, and what it may not say ends the service with one line.
+#include <grpcpp/create_channel.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iomanip>
+
+#include "service/limits/limits.h"
+#include "teletact/v1/info.grpc.pb.h"
+#include "tests/integration/process.h"
+
+namespace teletact {
+namespace {
+
+using test::TemporaryFolder;
+
+TEST(Configuration, EveryLimitIsSetByItAndReported) {
+  TemporaryFolder folder;
+  const std::string address = "unix:" + (folder / "s");
+  const auto wanted = [](const service::LimitRow& row) {
+    return row.most != row.usual ? row.most : row.least;
+  };
+  {
+    std::ofstream file(folder / "c.toml");
+    file << "listen = \"" << address << "\"\n[limits]\n" << std::setprecision(17);
+    for (const service::LimitRow& row : service::limit_rows())
+      file << row.name << " = " << wanted(row) << "\n";
+  }
+  test::Process service({test::service_binary(), "serve", "--config", folder / "c.toml"}, folder / "log");
+  ASSERT_TRUE(service.says("serving on", 120)) << service.output();
+  const auto channel = grpc::CreateChannel(address, grpc::InsecureChannelCredentials());
+  grpc::ClientContext context;
+  v1::GetInfoResponse info;
+  ASSERT_TRUE(v1::Info::NewStub(channel)->GetInfo(&context, {}, &info).ok());
+  ASSERT_EQ(static_cast<std::size_t>(info.limits_size()), service::limit_rows().size());
+  for (int k = 0; k < info.limits_size(); ++k)
+    EXPECT_EQ(info.limits(k).value(), wanted(service::limit_rows()[static_cast<std::size_t>(k)]))
+        << info.limits(k).name();
+}
+
+TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
+  TemporaryFolder folder;
+  const auto refused = [&](const std::string& text, const std::string& word) {
+    std::ofstream(folder / "c.toml") << text;
+    const auto outcome =
+        test::run({test::service_binary(), "serve", "--config", folder / "c.toml"}, folder / "log");
+    EXPECT_EQ(outcome.code, 1) << outcome.output;
+    EXPECT_NE(outcome.output.find(word), std::string::npos) << outcome.output;
+    EXPECT_EQ(std::count(outcome.output.begin(), outcome.output.end(), '\n'), 1) << outcome.output;
+  };
+  refused("[limits]\nmost_spoons = 3\n", "limits.most_spoons");
+  refused("[limits]\nmost_scenes = 0\n", "limits.most_scenes: 0 is not within [1, 4096]");
+  refused("[limits]\nmost_scenes = 2.5\n", "limits.most_scenes");
+  refused("[limits]\nmost_max_strain = nan\n", "limits.most_max_strain");
+  refused("[limits]\nmost_scenes = \"many\"\n", "limits.most_scenes must be a number");
+  refused("limits = 3\n", "limits must be a table");
+  refused("most_scenes = 3\n", "unknown key \"most_scenes\"");
+}
+
+}  // namespace
+}  // namespace teletact

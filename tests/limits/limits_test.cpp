@@ -1,0 +1,85 @@
+// One list: every limit has a default within what may be set, and is set by its name and nothing else.
+#include "service/limits/limits.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <string>
+
+namespace teletact::service {
+namespace {
+
+std::string why_refused(const std::string& name, double value) {
+  Limits limits;
+  try {
+    set_limit(limits, name, value);
+    return "";
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+}
+
+TEST(Limits, TheListIsWhole) {
+  // Every member stands in the list: a value set through it is found there, and the members fill the struct.
+  EXPECT_EQ(limit_rows().size() * 8, sizeof(Limits));
+  std::set<std::string> names;
+  const Limits usual;
+  for (const LimitRow& row : limit_rows()) {
+    EXPECT_TRUE(names.insert(row.name).second) << row.name << " stands twice";
+    EXPECT_EQ(row.value(usual), row.usual) << row.name;
+    EXPECT_LE(row.least, row.usual) << row.name;
+    EXPECT_LE(row.usual, row.most) << row.name;
+    EXPECT_NE(std::string(row.unit), "") << row.name;
+    EXPECT_NE(std::string(row.meaning), "") << row.name;
+  }
+}
+
+TEST(Limits, EachIsSetByItsNameAndChangesNothingElse) {
+  for (const LimitRow& row : limit_rows())
+    for (const double value : {row.least, row.most}) {
+      Limits limits;
+      set_limit(limits, row.name, value);
+      for (const LimitRow& other : limit_rows())
+        EXPECT_EQ(other.value(limits), &other == &row ? value : other.usual)
+            << row.name << ", " << other.name;
+    }
+}
+
+TEST(Limits, WhatIsBeyondItsRangeIsRefusedByName) {
+  for (const LimitRow& row : limit_rows())
+    for (const double value : {row.least - 1, 2 * row.most + 1, std::nan(""), HUGE_VAL, -HUGE_VAL})
+      EXPECT_EQ(why_refused(row.name, value).find(std::string(row.name) + ": "), 0U) << value;
+  EXPECT_NE(why_refused("most_scenes", 3.5).find("whole"), std::string::npos);
+  EXPECT_EQ(why_refused("most_spoons", 3).find("most_spoons: "), 0U);
+}
+
+// Any two that are set fit together: the least that is asked for is never above the most.
+TEST(Limits, WhatIsLeastNeverPassesWhatIsMost) {
+  std::map<std::string, const LimitRow*> rows;
+  for (const LimitRow& row : limit_rows()) rows[row.name] = &row;
+  std::size_t pairs = 0;
+  for (const auto& [name, row] : rows) {
+    const auto most = rows.find("most_" + (name.size() > 6 ? name.substr(6) : ""));
+    if (name.rfind("least_", 0) != 0 || most == rows.end()) continue;
+    EXPECT_LE(row->most, most->second->least) << name;
+    ++pairs;
+  }
+  EXPECT_GE(pairs, 9U);
+}
+
+TEST(Limits, MemoryIsAQuarterOfTheHostAndHalfOfTheDeviceUnlessSet) {
+  const Limits usual = resolved({}, 8000, 6000);
+  EXPECT_EQ(usual.host_memory_bytes, 2000U);
+  EXPECT_EQ(usual.device_memory_bytes, 3000U);
+  EXPECT_EQ(usual.client_memory_share, 0.1);
+  Limits set;
+  set.host_memory_bytes = 77;
+  EXPECT_EQ(resolved(set, 8000, 6000).host_memory_bytes, 77U);
+  EXPECT_GT(host_memory_bytes(), 1U << 20);
+}
+
+}  // namespace
+}  // namespace teletact::service
