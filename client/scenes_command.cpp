@@ -29,6 +29,9 @@ void print(const v1::Scene& scene) {
   for (const v1::Window& window : scene.windows())
     std::printf(" [%.3f, %.3f)", window.begin_m(), window.end_m());
   std::printf("\n");
+  for (const v1::Window& window : scene.windows())
+    for (const std::string& warning : window.evidence().warnings())
+      std::printf("    [%.3f, %.3f) doubtful: %s\n", window.begin_m(), window.end_m(), warning.c_str());
 }
 
 void run(const Arguments& arguments) {

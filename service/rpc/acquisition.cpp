@@ -36,6 +36,9 @@ std::size_t EstimateRequest::frame_bytes() const {
 
 namespace {
 
+// Of the force sensor and the contact area, where they are not stated.
+constexpr double kUsualForceDeviation = 0.03, kUsualAreaDeviation = 0.05;
+
 template <class T>
 void require_between(const char* field, T value, T least, T most, const char* remedy) {
   if (value >= least && value <= most) return;  // false for NaN
@@ -95,6 +98,17 @@ AcquisitionGeometry acquisition_geometry(const v1::Acquisition& in, const Limits
   return g;
 }
 
+// What the scene states and the acquisition states otherwise: the modulus would be identified with one value
+// and felt with another.
+void check_agrees(const char* field, double stated, double scenes, const Scene& scene) {
+  constexpr double kRounding = 1e-6;
+  if (stated == 0 || std::abs(stated - scenes) <= kRounding * scenes) return;
+  throw std::invalid_argument(
+      fmt::format("acquisition.{}: {}, but scene {} has {} and is touched with it; leave the field out, or "
+                  "publish into a scene that has the same",
+                  field, stated, scene.id(), scenes));
+}
+
 TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request, const Limits& limits) {
   TissueExtent tissue;
   const AcquisitionGeometry& g = request.geometry;
@@ -110,6 +124,10 @@ TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request
                   "soft tissue is about 0.49; an estimate's modulus would hang on nu alone nearer to 1/2");
   const double width_m = request.window_width_m();
   if (request.scene) {
+    const SceneGeometry& stated = request.scene->geometry();
+    check_agrees("tissue_depth_m", in.tissue_depth_m(), stated.depth_m, *request.scene);
+    check_agrees("poisson_ratio", in.poisson_ratio(), stated.poisson_ratio, *request.scene);
+    check_agrees("tissue_width_m", in.tissue_width_m(), stated.width_m, *request.scene);
     // A window may stick out of the scene by Scene::kOverhangM; the probe touches what is there.
     tissue.width_m = std::max(request.scene->geometry().width_m, width_m);
     tissue.window_x_m = std::clamp(request.window_x_m, 0.0, tissue.width_m - width_m);
@@ -122,8 +140,19 @@ TissueExtent tissue_of(const v1::Acquisition& in, const EstimateRequest& request
   return tissue;
 }
 
-std::optional<ProbeForce> force_of(const v1::Acquisition& in, double window_width_m, const Limits& limits) {
-  if (!in.has_probe_force()) return std::nullopt;
+// Over the value itself; `stated` = 0: `usual`.
+double relative_deviation(const char* field, double stated, double value, double usual) {
+  if (!(stated >= 0 && stated < value))
+    throw std::invalid_argument(fmt::format(
+        "acquisition.probe_force.{}: {} is not within [0, {}), the value that it belongs to; give its "
+        "standard deviation, or leave it out for {:.0f} %",
+        field, stated, value, 100 * usual));
+  return stated == 0 ? usual : stated / value;
+}
+
+void read_force(const v1::Acquisition& in, const Limits& limits, EstimateRequest& request) {
+  if (!in.has_probe_force()) return;
+  const double window_width_m = request.window_width_m();
   const ProbeForce force{in.probe_force().force_n(), in.probe_force().contact_area_m2()};
   require_between("probe_force.force_n", force.force_n, limits.least_probe_force_n, limits.most_probe_force_n,
                   "give the sensor's change from pre to post, > 0 in compression");
@@ -133,7 +162,12 @@ std::optional<ProbeForce> force_of(const v1::Acquisition& in, double window_widt
                   limits.most_probe_elevation_m * window_width_m,
                   "give the area of the probe's face that touches, the window's width times the face's "
                   "elevation, in m^2 (1 cm^2 is 1e-4)");
-  return force;
+  request.force = force;
+  request.force_relative_deviation =
+      relative_deviation("force_std_n", in.probe_force().force_std_n(), force.force_n, kUsualForceDeviation);
+  request.area_relative_deviation =
+      relative_deviation("contact_area_std_m2", in.probe_force().contact_area_std_m2(), force.contact_area_m2,
+                         kUsualAreaDeviation);
 }
 
 // Each at most once: the answer is as large as what is asked for.
@@ -203,7 +237,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, co
   request.geometry = acquisition_geometry(in, limits);
   require_between("line_pitch_m x line_count", request.window_width_m(), 0.0, limits.most_window_width_m,
                   "no probe is wider; give the distance of two A-lines in metres");
-  request.force = force_of(in, request.window_width_m(), limits);
+  read_force(in, limits, request);
   request.modulus = modulus_choice(in, limits);
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
   require_between("max_strain", request.max_strain, limits.least_max_strain, limits.most_max_strain,
@@ -224,6 +258,27 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, co
     throw std::invalid_argument(
         "acquisition.plane: a scene is touched in plane strain; leave STRESS out, or publish out");
   return request;
+}
+
+std::vector<std::string> warnings_of(const Estimate& e) {
+  std::vector<std::string> warnings = e.input_warnings;
+  for (const ModulusWarning& warning : e.modulus_warnings)
+    warnings.push_back(fmt::format("{}: {}", name_of(warning.flag), warning.text));
+  return warnings;
+}
+
+WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
+                         std::chrono::steady_clock::time_point received) {
+  WindowEstimate window{request.window_x_m,     request.window_width_m(), e.grid, e.youngs_modulus, e.valid,
+                        e.modulus_log_deviation};
+  WindowEvidence& evidence = window.evidence;
+  evidence.warnings = warnings_of(e);
+  evidence.force_relative_deviation = request.force_relative_deviation;
+  evidence.area_relative_deviation = request.area_relative_deviation;
+  evidence.background_modulus_pa = e.background_modulus;
+  evidence.quality = e.quality;
+  evidence.taken_in = received;
+  return window;
 }
 
 FrameUpload::FrameUpload(const EstimateRequest& request, std::size_t most_chunk_bytes)

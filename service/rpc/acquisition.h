@@ -1,6 +1,7 @@
 // What a client says about its RF pair, checked, and the pair itself as its chunks come in.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 #include "service/imaging/estimate.h"
 #include "service/imaging/frame.h"
 #include "service/scene/scenes.h"
+#include "service/scene/stitched_map.h"
 #include "teletact/v1/elastography.pb.h"
 
 namespace teletact::service {
@@ -25,6 +27,7 @@ struct EstimateRequest {
   v1::DataType dtype = v1::DATA_TYPE_UNSPECIFIED;
   AcquisitionGeometry geometry;
   std::optional<ProbeForce> force;
+  double force_relative_deviation = 0, area_relative_deviation = 0;  // standard deviations, over the values
   TissueExtent tissue;
   double max_strain = kDefaultMaxStrain;
   ModulusChoice modulus;
@@ -38,6 +41,13 @@ struct EstimateRequest {
 // Throws std::invalid_argument (field named), Error(kNotFound | kExhausted | kPrecondition); allocates
 // nothing that the client sized.
 EstimateRequest request_from(const v1::Acquisition&, const Scenes&, const Limits&);
+
+// What makes an estimate doubtful, each "name: words for people".
+std::vector<std::string> warnings_of(const Estimate&);
+
+// What is published of an estimate. `received`: when the last byte of its frames came in.
+WindowEstimate window_of(const EstimateRequest&, const Estimate&,
+                         std::chrono::steady_clock::time_point received);
 
 // Puts the chunks of both frames together.
 class FrameUpload {

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "service/rpc/core.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -152,9 +153,23 @@ void map_to(const CellView& view, const char* name, const char* unit, v1::DataTy
   array->set_data(values.data(), values.size() * sizeof(T));
 }
 
+void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1::WindowEvidence* out) {
+  for (const std::string& warning : in.warnings) out->add_warnings(warning);
+  if (lone) out->add_warnings(kLoneWarning);
+  out->set_youngs_modulus_log_std(in.log_deviation);
+  out->set_force_relative_std(in.force_relative_deviation);
+  out->set_contact_area_relative_std(in.area_relative_deviation);
+  out->set_background_modulus_pa(in.background_modulus_pa);
+  out->set_quality(in.quality);
+  out->set_measured_share(in.measured_share);
+  if (in.taken_in == std::chrono::steady_clock::time_point()) return;
+  out->mutable_taken_in()->set_monotonic_ns(monotonic_ns(in.taken_in));
+  out->mutable_taken_in()->set_instance(instance);
+}
+
 }  // namespace
 
-void scene_to(const Scene& scene, v1::SceneView wanted, v1::Scene* out) {
+void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, v1::Scene* out) {
   const auto snapshot = scene.snapshot();
   out->set_scene_id(scene.id());
   geometry_to(scene.geometry(), out->mutable_geometry());
@@ -166,6 +181,8 @@ void scene_to(const Scene& scene, v1::SceneView wanted, v1::Scene* out) {
     w->set_begin_m(window->begin_m);
     w->set_end_m(window->end_m);
     w->set_touchable(window->model != nullptr);
+    if (window->evidence)
+      evidence_to(*window->evidence, snapshot->lone(*window), instance, w->mutable_evidence());
   }
   if (wanted != v1::SCENE_VIEW_FULL) return;
   const CellView view = scene.explicit_modulus() ? view_of(*scene.explicit_modulus(), scene.geometry())
@@ -293,6 +310,7 @@ void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
   }
   out->set_largest_strain(c.largest_strain);
   out->set_warning(in.warning);
+  for (const std::string& flag : in.window_flags) out->add_window_flags(flag);
   out->set_covered_begin_m(in.covered.begin_m);
   out->set_covered_end_m(in.covered.end_m);
 }

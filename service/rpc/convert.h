@@ -20,7 +20,8 @@ std::size_t bytes_per_item(v1::DataType);
 SceneGeometry geometry_from(const v1::SceneGeometry&, const Limits&);
 // `most_elements`: beyond it Error(kExhausted), before the values are read.
 ExplicitModulus modulus_from(const v1::ModulusMap&, std::size_t most_elements);
-void scene_to(const Scene&, v1::SceneView, v1::Scene*);
+// `instance`: the process', for stamps.
+void scene_to(const Scene&, v1::SceneView, std::uint64_t instance, v1::Scene*);
 
 TouchOptions touch_options_from(const v1::TouchOpen&);
 // [x, y] or [x, y, z]; what is absent is zero. Throws std::invalid_argument.

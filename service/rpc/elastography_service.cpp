@@ -193,10 +193,7 @@ ElastographyService::Outcome ElastographyService::work(Job& job) {
   }
   if (!r.scene) return outcome;
   const auto begun = Clock::now();
-  const WindowEstimate window{r.window_x_m,           r.window_width_m(),
-                              outcome.estimate.grid,  outcome.estimate.youngs_modulus,
-                              outcome.estimate.valid, outcome.estimate.modulus_log_deviation};
-  outcome.published = core_.scenes.publish(r.scene, window, cancelled);
+  outcome.published = core_.scenes.publish(r.scene, window_of(r, outcome.estimate, job.received), cancelled);
   outcome.publish_s = seconds_since(begun);
   outcome.received_to_published_s = seconds_since(job.received);
   job.progress.ended(v1::ESTIMATE_STAGE_PUBLISHED, outcome.received_to_published_s);
@@ -243,9 +240,7 @@ void summary_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_modulus_method(method_to(e.modulus_kind));
   out->set_modulus_converged(e.modulus_converged);
   out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));
-  for (const std::string& warning : e.input_warnings) out->add_warnings(warning);
-  for (const ModulusWarning& warning : e.modulus_warnings)
-    out->add_warnings(fmt::format("{}: {}", name_of(warning.flag), warning.text));
+  for (const std::string& warning : warnings_of(e)) out->add_warnings(warning);
 }
 
 void add_stage(v1::EstimateSummary* summary, const char* name, double s) {
@@ -272,6 +267,7 @@ void ElastographyService::write_outcome(const Outcome& outcome, const EstimateRe
   add_stage(summary, "strain", e.strain_s);
   add_stage(summary, "modulus", e.modulus_s);
   if (outcome.published) {
+    for (const std::string& warning : outcome.published->warnings) summary->add_warnings(warning);
     add_stage(summary, "publish", outcome.publish_s);
     summary->set_scene_id(request.scene->id());
     summary->set_window_id(outcome.published->window_id);

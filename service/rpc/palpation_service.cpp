@@ -27,7 +27,7 @@ grpc::Status PalpationService::CreateScene(grpc::ServerContext* context,
           if (*abandoned) throw Error(ErrorKind::kCancelled, "the caller cancelled");
           return core_.scenes.create(id, geometry, std::move(modulus));
         });
-    scene_to(*wait_for(made, *context, abandoned), v1::SCENE_VIEW_BASIC, response);
+    scene_to(*wait_for(made, *context, abandoned), v1::SCENE_VIEW_BASIC, core_.instance, response);
     return grpc::Status::OK;
   });
 }
@@ -36,7 +36,7 @@ grpc::Status PalpationService::GetScene(grpc::ServerContext*, const v1::GetScene
                                         v1::Scene* response) {
   return guarded([&] {
     core_.calls.require_open();
-    scene_to(*core_.scenes.find(request->scene_id()), request->view(), response);
+    scene_to(*core_.scenes.find(request->scene_id()), request->view(), core_.instance, response);
     return grpc::Status::OK;
   });
 }
@@ -46,7 +46,7 @@ grpc::Status PalpationService::ListScenes(grpc::ServerContext*, const v1::ListSc
   return guarded([&] {
     core_.calls.require_open();
     for (const auto& scene : core_.scenes.list())
-      scene_to(*scene, v1::SCENE_VIEW_BASIC, response->add_scenes());
+      scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response->add_scenes());
     return grpc::Status::OK;
   });
 }

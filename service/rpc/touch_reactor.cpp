@@ -174,8 +174,8 @@ void TouchReactor::write_answer(const Pose& pose) {
   *answer->mutable_position_m() = pose.pose.position_m();
   answer->set_compute_ns((solved_at - begun).count());
   answer->set_queued_ns((begun - pose.arrived).count());
-  if (solved.published != Clock::time_point()) {
-    answer->mutable_model_stamp()->set_monotonic_ns(monotonic_ns(solved.published));
+  if (solved.taken_in != Clock::time_point()) {
+    answer->mutable_model_stamp()->set_monotonic_ns(monotonic_ns(solved.taken_in));
     answer->mutable_model_stamp()->set_instance(core_.instance);
   }
   answer->mutable_answer_stamp()->set_monotonic_ns(monotonic_ns());

@@ -50,6 +50,21 @@ std::shared_ptr<const WindowModel> SceneSnapshot::window_at(double x_m, std::uin
   return best;
 }
 
+bool SceneSnapshot::lone(const WindowModel& window) const {
+  return map && std::none_of(windows.begin(), windows.end(), [&window](const auto& other) {
+           return other->id != window.id && other->begin_m - Scene::kSameWindowM < window.end_m &&
+                  other->end_m + Scene::kSameWindowM > window.begin_m;
+         });
+}
+
+std::vector<std::string_view> SceneSnapshot::flags_of(const WindowModel& window) const {
+  std::vector<std::string_view> flags;
+  if (window.evidence)
+    for (const std::string& warning : window.evidence->warnings) flags.push_back(flag_of(warning));
+  if (lone(window)) flags.emplace_back(kLoneFlag);
+  return flags;
+}
+
 Covered SceneSnapshot::covered_around(double x_m) const {
   constexpr double kAdjoiningM = 1e-6;  // rounding of positions and widths
   Covered covered{x_m, x_m};
@@ -102,7 +117,7 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
       next_window_id_(2) {
   auto window = std::make_shared<WindowModel>();
   window->id = 1;
-  window->published = std::chrono::steady_clock::now();
+  window->taken_in = std::chrono::steady_clock::now();
   window->begin_m = explicit_->x_m.front();
   // The last column belongs to the tissue too.
   window->end_m = std::nextafter(explicit_->x_m.back(), HUGE_VAL);
@@ -126,12 +141,12 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
   snapshot->version = record.version;
   if (!explicit_) {
     auto map = std::make_shared<StitchedMap>(geometry_);
-    map->restore(record.map_modulus_pa, record.map_states);
+    map->restore(record.map_modulus_pa, record.map_states, record.map_log_deviation);
     snapshot->map = map;
   }
   for (const WindowRecord& kept : record.windows) {
     auto window = std::make_shared<WindowModel>();
-    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr, {}};
+    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr, {}, kept.evidence};
     window->model = explicit_ ? explicit_model(geometry_, *explicit_)
                               : build_strip(geometry_, *snapshot->map, kept.begin_m, kept.end_m, strip_);
     snapshot->windows.push_back(std::move(window));
@@ -173,6 +188,13 @@ void Scene::check_window(double begin_m, double end_m) const {
         fmt::format("publish.scene_id: scene {} was made from an explicit modulus and takes no windows; "
                     "create one without",
                     id_));
+  if (geometry_.supports != Supports{})
+    throw Error(
+        ErrorKind::kPrecondition,
+        fmt::format("publish.scene_id: an estimate assumes tissue that is held at its bottom and free "
+                    "elsewhere, and the edges of scene {} are held otherwise; publish into a scene that "
+                    "is, or make this one from an explicit modulus",
+                    id_));
   if (!std::isfinite(begin_m) || !std::isfinite(end_m) || begin_m < -kOverhangM || end_m <= begin_m ||
       end_m > geometry_.width_m + kOverhangM)
     throw std::invalid_argument(
@@ -197,6 +219,17 @@ std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double b
 
 namespace {
 
+std::shared_ptr<const WindowEvidence> evidence_of(const WindowEstimate& estimate, const StitchedMap& map,
+                                                  const SceneGeometry& geometry) {
+  auto evidence = std::make_shared<WindowEvidence>(estimate.evidence);
+  const double half_m = map.cell_x_m() / 2;  // cells whose centres the window covers
+  const StitchedMap::Measured measured = map.measured(
+      estimate.window_x_m + half_m, estimate.window_x_m + estimate.width_m - half_m, 0, geometry.depth_m);
+  evidence->measured_share = measured.share;
+  evidence->log_deviation = measured.log_deviation;
+  return evidence;
+}
+
 // Whether the ranges together cover `wanted`, but for kSameWindowM at its ends.
 bool covers(std::vector<Covered> ranges, const Covered& wanted) {
   std::sort(ranges.begin(), ranges.end(), [](const auto& a, const auto& b) { return a.begin_m < b.begin_m; });
@@ -220,9 +253,10 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   auto map = std::make_shared<StitchedMap>(*old->map);
   map->paste(estimate);
   auto window = std::make_shared<WindowModel>();
-  window->published = std::chrono::steady_clock::now();
   window->begin_m = std::max(0.0, estimate.window_x_m);
   window->end_m = std::min(geometry_.width_m, end_of_estimate_m);
+  window->taken_in = estimate.evidence.taken_in;
+  window->evidence = evidence_of(estimate, *map, geometry_);
   auto next = std::make_shared<SceneSnapshot>();
   next->windows = make_room(*old, *window);
   check();
@@ -239,8 +273,10 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   std::sort(next->windows.begin(), next->windows.end(),
             [](const auto& a, const auto& b) { return a->begin_m < b->begin_m; });
   mark_stale_around(*window, *next);
+  Published published{window->id, window->version, {}};
+  if (next->lone(*window)) published.warnings.emplace_back(kLoneWarning);
   swap_in(next);
-  return {window->id, window->version};
+  return published;
 }
 
 std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnapshot& old,
@@ -337,9 +373,13 @@ SceneRecord Scene::record() const {
   record.geometry = geometry_;
   record.version = now->version;
   record.explicit_modulus = explicit_;
-  if (now->map) record.map_modulus_pa = now->map->youngs_modulus_pa(), record.map_states = now->map->states();
+  if (now->map) {
+    record.map_modulus_pa = now->map->youngs_modulus_pa();
+    record.map_states = now->map->states();
+    record.map_log_deviation = now->map->log_deviation();
+  }
   for (const auto& w : now->windows) {
-    record.windows.push_back({w->id, w->version, w->begin_m, w->end_m});
+    record.windows.push_back({w->id, w->version, w->begin_m, w->end_m, w->evidence});
     record.next_window_id = std::max(record.next_window_id, w->id + 1);
   }
   return record;

@@ -45,7 +45,8 @@ struct WindowModel {
   double begin_m = 0, end_m = 0;      // the finger is here: [begin, end)
   std::shared_ptr<const TissueModel> model;
   // When its modulus came in; the epoch where that is not known (read from disk after a restart).
-  std::chrono::steady_clock::time_point published{};
+  std::chrono::steady_clock::time_point taken_in{};
+  std::shared_ptr<const WindowEvidence> evidence;  // null for an explicit modulus, and where none was kept
 };
 
 struct Covered {
@@ -60,12 +61,17 @@ struct SceneSnapshot {
   // The window for a finger at x: `current` (0 = none) as long as the finger is within `hysteresis_m` of it,
   // else the covering window whose border is farthest. Null where no window covers x.
   std::shared_ptr<const WindowModel> window_at(double x_m, std::uint64_t current, double hysteresis_m) const;
+  // Whether no other window adjoins it; false for an explicit modulus.
+  bool lone(const WindowModel&) const;
+  // The names of what makes it doubtful; they live as long as the window.
+  std::vector<std::string_view> flags_of(const WindowModel&) const;
   // The union of adjoining windows around x; empty (begin = end = x) where none covers it.
   Covered covered_around(double x_m) const;
 };
 
 struct Published {
   std::uint64_t window_id = 0, version = 0;
+  std::vector<std::string> warnings;  // what is doubtful beyond the estimate's own: "name: words"
 };
 
 class Scene {

@@ -162,7 +162,7 @@ void Scenes::keep(const std::shared_ptr<Scene>& scene) {
 
 Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
                           const std::function<bool()>& cancelled) {
-  const Published published = scene->publish(estimate, cancelled);
+  Published published = scene->publish(estimate, cancelled);
   spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
                scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
   keep_later(scene);

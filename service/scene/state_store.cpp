@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <ctime>
 #include <fstream>
@@ -22,7 +23,8 @@ using nlohmann::json;
 
 namespace {
 
-constexpr int kFormat = 1;
+// 1 had neither evidence nor deviations; it is still read.
+constexpr int kFormat = 2, kFirstFormat = 1;
 
 [[noreturn]] void fail(const fs::path& path, const char* what) {
   throw std::runtime_error(fmt::format("--state: {} {}: {}; give a folder that can be written", what,
@@ -121,6 +123,29 @@ SceneGeometry geometry_from(const json& j, const Limits& limits) {
   return g;
 }
 
+json to_json(const WindowEvidence& e) {
+  const auto number = [](double value) { return std::isfinite(value) ? value : 0; };  // json knows no other
+  return {{"warnings", e.warnings},
+          {"log_deviation", number(e.log_deviation)},
+          {"force_relative_deviation", number(e.force_relative_deviation)},
+          {"area_relative_deviation", number(e.area_relative_deviation)},
+          {"background_modulus_pa", number(e.background_modulus_pa)},
+          {"quality", number(e.quality)},
+          {"measured_share", number(e.measured_share)}};
+}
+
+std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
+  auto e = std::make_shared<WindowEvidence>();
+  e->warnings = j.at("warnings").get<std::vector<std::string>>();
+  e->log_deviation = j.at("log_deviation");
+  e->force_relative_deviation = j.at("force_relative_deviation");
+  e->area_relative_deviation = j.at("area_relative_deviation");
+  e->background_modulus_pa = j.at("background_modulus_pa");
+  e->quality = j.at("quality");
+  e->measured_share = j.at("measured_share");
+  return e;
+}
+
 // What a whole file can still say wrong, after a hand has been at it. NaN fails too.
 void check(const SceneRecord& record) {
   if (record.version > kLargestVersion) throw std::runtime_error("version: too large");
@@ -178,15 +203,17 @@ void StateStore::save(const SceneRecord& record) {
              {"version", record.version},
              {"next_window_id", record.next_window_id},
              {"windows", json::array()}};
-  for (const WindowRecord& w : record.windows)
-    scene["windows"].push_back(
-        {{"id", w.id}, {"version", w.version}, {"begin_m", w.begin_m}, {"end_m", w.end_m}});
+  for (const WindowRecord& w : record.windows) {
+    json window{{"id", w.id}, {"version", w.version}, {"begin_m", w.begin_m}, {"end_m", w.end_m}};
+    if (w.evidence) window["evidence"] = to_json(*w.evidence);
+    scene["windows"].push_back(std::move(window));
+  }
   if (record.explicit_modulus) {
     const ExplicitModulus& e = *record.explicit_modulus;
     scene["explicit_nodes"] = {e.x_m.size(), e.y_m.size()};
     append(raw, e.x_m), append(raw, e.y_m), append(raw, e.youngs_modulus_pa);
   } else {
-    append(raw, record.map_modulus_pa), append(raw, record.map_states);
+    append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
   }
   const std::string name = fmt::format("map-{}.raw", record.version);
@@ -199,7 +226,8 @@ void StateStore::save(const SceneRecord& record) {
 
 SceneRecord StateStore::load_scene(const fs::path& folder) const {
   const json scene = json::parse(read_file(folder / "scene.json"));
-  if (scene.at("format") != kFormat) throw std::runtime_error("unknown format");
+  const int format = scene.at("format");
+  if (format < kFirstFormat || format > kFormat) throw std::runtime_error("unknown format");
   SceneRecord record;
   record.id = scene.at("scene_id");
   if (record.id != folder.filename()) throw std::runtime_error("scene_id is not the folder's name");
@@ -207,7 +235,8 @@ SceneRecord StateStore::load_scene(const fs::path& folder) const {
   record.version = scene.at("version");
   record.next_window_id = scene.at("next_window_id");
   for (const json& w : scene.at("windows"))
-    record.windows.push_back({w.at("id"), w.at("version"), w.at("begin_m"), w.at("end_m")});
+    record.windows.push_back({w.at("id"), w.at("version"), w.at("begin_m"), w.at("end_m"),
+                              w.contains("evidence") ? evidence_from(w["evidence"]) : nullptr});
   check(record);
   const fs::path name = scene.at("map").at("file").get<std::string>();
   if (name.has_parent_path()) throw std::runtime_error("map.file is not a plain name");
@@ -221,8 +250,11 @@ SceneRecord StateStore::load_scene(const fs::path& folder) const {
     record.explicit_modulus = ExplicitModulus{take<double>(rest, nx), take<double>(rest, ny),
                                               take<double>(rest, (nx - 1) * (ny - 1))};
   } else {
+    for (WindowRecord& w : record.windows)  // of an old format: nothing is known
+      if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();
     record.map_modulus_pa = take<float>(rest, scene.at("cells"));
     record.map_states = take<CellState>(rest, scene.at("cells"));
+    if (format > kFirstFormat) record.map_log_deviation = take<float>(rest, scene.at("cells"));
   }
   return record;
 }

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +18,8 @@ namespace teletact::service {
 struct WindowRecord {
   std::uint64_t id = 0, version = 0;
   double begin_m = 0, end_m = 0;
+  std::shared_ptr<const WindowEvidence> evidence =
+      nullptr;  // null: none was kept, or the modulus is explicit
 };
 
 // An explicit modulus with its own grid: nodes x_m, y_m and E per element, x fastest.
@@ -33,6 +36,7 @@ struct SceneRecord {
   std::optional<ExplicitModulus> explicit_modulus;
   std::vector<float> map_modulus_pa;
   std::vector<CellState> map_states;
+  std::vector<float> map_log_deviation;
 };
 
 class StateStore {

@@ -38,14 +38,19 @@ bool usable(float modulus_pa, std::uint8_t valid) {
   return valid != 0 && std::isfinite(modulus_pa) && modulus_pa > 0;
 }
 
-double median_modulus_pa(const WindowEstimate& w) {
-  std::vector<float> values;
-  for (std::size_t n = 0; n < w.youngs_modulus_pa.size(); ++n)
-    if (usable(w.youngs_modulus_pa[n], w.valid[n])) values.push_back(w.youngs_modulus_pa[n]);
+// 0 of none.
+double median_of(std::vector<float> values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+double median_modulus_pa(const WindowEstimate& w) {
+  std::vector<float> values;
+  for (std::size_t n = 0; n < w.youngs_modulus_pa.size(); ++n)
+    if (usable(w.youngs_modulus_pa[n], w.valid[n])) values.push_back(w.youngs_modulus_pa[n]);
+  return median_of(std::move(values));
 }
 
 // Harmonic mean of the usable image nodes in a cell, 0 when fewer than half of them are.
@@ -127,6 +132,10 @@ std::size_t StitchedMap::column(double x_m) const {
   return static_cast<std::size_t>(std::clamp(x_m / cell_x_m_, 0.0, static_cast<double>(nx_ - 1)));
 }
 
+std::size_t StitchedMap::row(double y_m) const {
+  return static_cast<std::size_t>(std::clamp(y_m / cell_y_m_, 0.0, static_cast<double>(ny_ - 1)));
+}
+
 void StitchedMap::paste(const WindowEstimate& w) {
   check_sizes(w);
   // Columns whose centre the window covers.
@@ -206,17 +215,9 @@ void StitchedMap::index_columns() {
     const bool take_left = right[i] == kNone || (left[i] != kNone && i - left[i] <= right[i] - i);
     source_column_[i] = take_left ? left[i] : right[i];
   }
-  const std::size_t rows = std::min(ny_, static_cast<std::size_t>(std::ceil(kFeltDepthM / cell_y_m_)));
-  measured_share_.assign(nx_, 0.0F);
-  for (std::size_t j = 0; j < rows; ++j)
-    for (std::size_t i = 0; i < nx_; ++i)
-      if (states_[i + nx_ * j] == CellState::kMeasured) measured_share_[i] += 1.0F / static_cast<float>(rows);
 }
 
 double StitchedMap::mean_modulus_pa(double x0_m, double x1_m, double y0_m, double y1_m) const {
-  const auto row = [this](double y_m) {
-    return static_cast<std::size_t>(std::clamp(y_m / cell_y_m_, 0.0, static_cast<double>(ny_ - 1)));
-  };
   double inverse_sum = 0, area = 0;
   for (std::size_t j = row(y0_m); j <= row(y1_m); ++j) {
     const double top_m = cell_y_m_ * static_cast<double>(j);
@@ -252,15 +253,40 @@ double StitchedMap::measured_log_deviation(double x_m, double y_m) const {
   return cell ? log_deviation_[*cell] : kNotKnown;
 }
 
-double StitchedMap::measured_share(double x0_m, double x1_m) const {
-  double sum = 0;
-  const std::size_t first = column(x0_m), last = column(x1_m);
-  for (std::size_t i = first; i <= last; ++i) sum += static_cast<double>(measured_share_[i]);
-  return sum / static_cast<double>(last - first + 1);
+struct StitchedMap::Box {
+  Span columns, rows;
+};
+
+StitchedMap::Box StitchedMap::cells_touched(double x0_m, double x1_m, double y0_m, double y1_m) const {
+  return {{column(x0_m), column(x1_m) + 1}, {row(y0_m), row(y1_m) + 1}};
 }
 
-void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states) {
-  if (youngs_modulus_pa.size() != nx_ * ny_ || states.size() != nx_ * ny_)
+double StitchedMap::measured_share(double x0_m, double x1_m, double y0_m, double y1_m) const {
+  const Box box = cells_touched(x0_m, x1_m, y0_m, y1_m);
+  std::size_t measured = 0;
+  for (std::size_t j = box.rows.begin; j < box.rows.end; ++j)
+    for (std::size_t i = box.columns.begin; i < box.columns.end; ++i)
+      measured += states_[i + nx_ * j] == CellState::kMeasured;
+  return static_cast<double>(measured) / static_cast<double>(box.columns.size() * box.rows.size());
+}
+
+StitchedMap::Measured StitchedMap::measured(double x0_m, double x1_m, double y0_m, double y1_m) const {
+  const Box box = cells_touched(x0_m, x1_m, y0_m, y1_m);
+  std::vector<float> deviations;
+  for (std::size_t j = box.rows.begin; j < box.rows.end; ++j)
+    for (std::size_t i = box.columns.begin; i < box.columns.end; ++i) {
+      const std::size_t cell = i + nx_ * j;
+      if (states_[cell] == CellState::kMeasured && std::isfinite(log_deviation_[cell]))
+        deviations.push_back(log_deviation_[cell]);
+    }
+  return {measured_share(x0_m, x1_m, y0_m, y1_m), median_of(std::move(deviations))};
+}
+
+void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states,
+                          std::vector<float> log_deviation) {
+  if (log_deviation.empty()) log_deviation.assign(nx_ * ny_, kNotKnown);
+  if (youngs_modulus_pa.size() != nx_ * ny_ || states.size() != nx_ * ny_ ||
+      log_deviation.size() != nx_ * ny_)
     throw std::invalid_argument(
         fmt::format("map: {} cells kept, {} expected", youngs_modulus_pa.size(), nx_ * ny_));
   for (std::size_t n = 0; n < states.size(); ++n) {
@@ -269,10 +295,13 @@ void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<Cell
     if (states[n] != CellState::kUnknown && !positive)
       throw std::invalid_argument(
           fmt::format("map: modulus {} Pa of cell {} is not positive", youngs_modulus_pa[n], n));
+    if (log_deviation[n] < 0 || std::isinf(log_deviation[n]))
+      throw std::invalid_argument(
+          fmt::format("map: a deviation of {} of cell {} cannot be", log_deviation[n], n));
   }
   modulus_pa_ = std::move(youngs_modulus_pa);
   states_ = std::move(states);
-  log_deviation_.assign(modulus_pa_.size(), kNotKnown);
+  log_deviation_ = std::move(log_deviation);
   index_columns();
 }
 

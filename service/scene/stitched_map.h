@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "service/imaging/frame.h"
+#include "service/scene/evidence.h"
 #include "service/scene/geometry.h"
 
 namespace teletact::service {
@@ -26,7 +27,8 @@ struct WindowEstimate {
   ImageGrid grid;
   Field youngs_modulus_pa;
   std::vector<std::uint8_t> valid;
-  Field log_deviation = {};  // standard deviation of log E; empty: not known
+  Field log_deviation = {};      // standard deviation of log E; empty: not known
+  WindowEvidence evidence = {};  // measured_share and log_deviation are found when it is published
 };
 
 enum class CellState : std::uint8_t { kUnknown = 0, kExtended = 1, kMeasured = 2 };
@@ -38,8 +40,6 @@ class StitchedMap {
   static constexpr double kLeastMeasuredShare = 0.2;
   // Pixels further than this factor from the window's median are taken as invalid.
   static constexpr double kLargestContrast = 100;
-  // Depth over which measured_share() looks: what a finger feels.
-  static constexpr double kFeltDepthM = 0.025;
 
   explicit StitchedMap(const SceneGeometry&);
 
@@ -52,11 +52,15 @@ class StitchedMap {
   double mean_modulus_pa(double x0_m, double x1_m, double y0_m, double y1_m) const;
   // Modulus (Pa) of the cell at (x, y) (m); NaN where none was measured and outside the tissue.
   double measured_modulus_pa(double x_m, double y_m) const;
-  // Standard deviation of its logarithm; NaN there, and where it is not known: none came with the window, or
-  // it is from before a restart.
+  // Standard deviation of its logarithm; NaN there, and where none came with the window.
   double measured_log_deviation(double x_m, double y_m) const;
-  // Share of measured cells, down to kFeltDepthM, in [x0, x1]; 0 where unknown.
-  double measured_share(double x0_m, double x1_m) const;
+  // Of the cells of the tissue that [x0, x1] x [y0, y1] touches.
+  struct Measured {
+    double share = 0;          // that is measured
+    double log_deviation = 0;  // median standard deviation of the measured ones' log E; 0: not known
+  };
+  double measured_share(double x0_m, double x1_m, double y0_m, double y1_m) const;
+  Measured measured(double x0_m, double x1_m, double y0_m, double y1_m) const;
 
   std::size_t nx() const { return nx_; }
   std::size_t ny() const { return ny_; }
@@ -65,12 +69,17 @@ class StitchedMap {
   // Cell (i, j) at i + nx j; 0 Pa where unknown.
   const std::vector<float>& youngs_modulus_pa() const { return modulus_pa_; }
   const std::vector<CellState>& states() const { return states_; }
-  // Restores what the two accessors above gave. Throws std::invalid_argument when it does not fit or a
-  // known cell is not a finite positive modulus.
-  void restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states);
+  const std::vector<float>& log_deviation() const { return log_deviation_; }  // NaN where not known
+  // Restores what the three accessors above gave (no deviation: not known). Throws std::invalid_argument when
+  // it does not fit or a known cell is not a finite positive modulus.
+  void restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states,
+               std::vector<float> log_deviation);
 
  private:
   std::size_t column(double x_m) const;
+  std::size_t row(double y_m) const;
+  struct Box;
+  Box cells_touched(double x0_m, double x1_m, double y0_m, double y1_m) const;
   std::optional<std::size_t> measured_cell(double x_m, double y_m) const;
   void note_deviation(const WindowEstimate&, std::size_t first, std::size_t columns);
   // The window's cells in columns [first, first + columns), 0 Pa where not measured.
@@ -82,7 +91,6 @@ class StitchedMap {
   std::vector<CellState> states_;
   std::vector<float> log_deviation_;        // of the measured cells
   std::vector<std::size_t> source_column_;  // nearest published column
-  std::vector<float> measured_share_;       // per column
 };
 
 // What a window's neighbours, and the window itself before, tell about the tissue; empty without a map.

@@ -98,7 +98,8 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
   if (window != window_) window_ = window, compliance_.reset();
   answer.window_id = window->id;
   answer.model_version = window->version;
-  answer.published = window->published;
+  answer.taken_in = window->taken_in;
+  for (const std::string_view flag : snapshot->flags_of(*window)) answer.window_flags.emplace_back(flag);
   try {
     solve_contact_into(answer, *window, x_m, y_m);
     judge(answer, *window, *snapshot, {x_m, y_m - line_y_m()});
@@ -145,13 +146,22 @@ void TouchSession::solve_contact_into(TouchAnswer& answer, const WindowModel& wi
   if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
 }
 
+double TouchSession::measured_share(const StitchedMap& map, double x_m) const {
+  const double above_m = std::max(0.0, line_y_m() - kFeltDepthM / 2);
+  const double below_m = std::min(scene_->geometry().depth_m, above_m + kFeltDepthM);
+  return map.measured_share(x_m - kWidestReachM / 2, x_m + kWidestReachM / 2, above_m, below_m);
+}
+
 // Why a contact is not to be trusted; empty when it is.
-std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& snapshot, double x_m) const {
-  const double measured =
-      snapshot.map ? snapshot.map->measured_share(x_m - kWidestReachM / 2, x_m + kWidestReachM / 2) : 1;
+std::string TouchSession::doubt(const ContactAnswer& c, const WindowModel& window,
+                                const SceneSnapshot& snapshot, double x_m) const {
+  const double measured = snapshot.map ? measured_share(*snapshot.map, x_m) : 1;
   if (!c.solve.converged || !(c.solve.relative_error <= kTrustedForceError))
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
                        c.solve.relative_error);
+  if (window.evidence)
+    for (const std::string& warning : window.evidence->warnings)
+      if (effect_of(flag_of(warning)) == FlagEffect::kDegrade) return "of the window: " + warning;
   if (measured < kTrustedShare)
     return fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
                        100 * measured);
@@ -185,14 +195,19 @@ void TouchSession::judge(TouchAnswer& answer, const WindowModel& window, const S
   // These are said, but no reason to fade the force: it is the linear model's on this mesh, and continuous.
   answer.warning = coarseness(window, pose);
   if (c.state == ContactState::kNoContact) return;
-  if (const std::string why = doubt(c, snapshot, pose.x_m); !why.empty()) {
+  const auto say = [&answer](const std::string& words) {
+    answer.warning += (answer.warning.empty() ? "" : "; ") + words;
+  };
+  if (const std::string why = doubt(c, window, snapshot, pose.x_m); !why.empty()) {
     answer.warning = why;
     answer.status = TouchStatus::kDegraded;
-  } else if (c.strain_beyond_linear) {
-    answer.warning +=
-        (answer.warning.empty() ? "" : "; ") +
-        fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain);
+    return;
   }
+  if (c.strain_beyond_linear)
+    say(fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain));
+  if (!answer.window_flags.empty())
+    say(fmt::format("the window's estimate is doubtful: {}; the scene says why",
+                    fmt::join(answer.window_flags, ", ")));
 }
 
 // By PCG only where the columns are there by now: nobody waits for it.
@@ -205,7 +220,7 @@ std::optional<ForeseenTouch> TouchSession::foresee(const WindowModel& window, co
       x_m, line_y_m() + kForeseenM,
       solve_contact(*window.model, line_, *compliance_, options_.fingertip, {x_m, kForeseenM})};
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
-      !doubt(touch.contact, snapshot, x_m).empty())
+      !doubt(touch.contact, window, snapshot, x_m).empty())
     return std::nullopt;
   return touch;
 } catch (const std::exception&) {  // the model's limits: nothing is foreseen, the answer stands

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "service/contact/contact.h"
 #include "service/scene/scene.h"
@@ -35,9 +36,10 @@ struct TouchAnswer {
   ContactAnswer contact;                    // zero force unless kOk or kDegraded
   SolvePath path = SolvePath::kCompliance;  // used; kAuto where nothing had to be solved
   std::uint64_t window_id = 0, model_version = 0;
-  std::chrono::steady_clock::time_point published{};  // as the window's
+  std::chrono::steady_clock::time_point taken_in{};  // as the window's
   Covered covered;
   std::string warning;
+  std::vector<std::string> window_flags;  // names of what makes the window doubtful
   std::optional<ForeseenTouch> foreseen;  // only out of contact, where it can be told and trusted
 };
 
@@ -46,7 +48,9 @@ class TouchSession {
  public:
   static constexpr double kHysteresisM = 0.002;
   static constexpr double kWidestReachM = 0.014;  // half of the widest contact; strips are fine that far
-  // A window whose cells under the finger were measured for less than this share is not trusted.
+  // Tissue that a touch feels: as wide as a wide tip, and so deep in all, half of it above the line where the
+  // surface leaves room. Where less than this share of its cells was measured, the answer is not trusted.
+  static constexpr double kFeltDepthM = 0.025;
   static constexpr double kTrustedShare = 0.5;
   // By PCG: the longest that an answer waits for the columns of its contact (FAILED then; what is solved by
   // then is kept), and what it spends after that on columns which the finger may touch next.
@@ -80,7 +84,8 @@ class TouchSession {
   void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
   void judge(TouchAnswer&, const WindowModel&, const SceneSnapshot&, const ContactPose&) const;
   std::string coarseness(const WindowModel&, const ContactPose&) const;
-  std::string doubt(const ContactAnswer&, const SceneSnapshot&, double x_m) const;
+  std::string doubt(const ContactAnswer&, const WindowModel&, const SceneSnapshot&, double x_m) const;
+  double measured_share(const StitchedMap&, double x_m) const;
   std::optional<ForeseenTouch> foresee(const WindowModel&, const SceneSnapshot&, double x_m);
   const std::shared_ptr<Scene> scene_;
   const TouchOptions options_;

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <chrono>
 #include <cstring>
 #include <future>
 #include <limits>
@@ -113,6 +115,43 @@ TEST_F(Estimates, AWrongForceIsNamedInTheSummary) {
   const Outcome wrong = estimate(a, pair().pre, pair().post);
   ASSERT_TRUE(wrong.status.ok()) << wrong.status.error_message();
   EXPECT_TRUE(named(wrong));
+  // It stays with the window, and a touch there is not to be trusted.
+  const v1::WindowEvidence evidence = scene().windows(0).evidence();
+  EXPECT_TRUE(std::equal(evidence.warnings().begin(), evidence.warnings().end(),
+                         wrong.summary.warnings().begin(), wrong.summary.warnings().end()));
+  Toucher toucher(channel, "scene");
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.opened() && toucher.touch(0.05, 0.002, &answer));
+  EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_DEGRADED);
+  EXPECT_NE(answer.warning().find("wrong-force"), std::string::npos) << answer.warning();
+  const auto& flags = answer.window_flags();
+  EXPECT_NE(std::find(flags.begin(), flags.end(), "wrong-force"), flags.end());
+  EXPECT_NE(std::find(flags.begin(), flags.end(), "lone"), flags.end());
+}
+
+TEST_F(Estimates, AWindowShowsWhatItWasMadeOf) {
+  v1::Acquisition a = acquisition("scene", 0.04);
+  a.mutable_probe_force()->set_force_std_n(0.1);
+  const Outcome outcome = estimate(a, pair().pre, pair().post);
+  ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
+  const auto now_ns = [] { return std::chrono::steady_clock::now().time_since_epoch().count(); };
+  const std::int64_t published_before_ns = now_ns();
+  const v1::WindowEvidence e = scene().windows(0).evidence();
+  EXPECT_NEAR(e.force_relative_std(), 0.1 / a.probe_force().force_n(), 1e-12);
+  EXPECT_NEAR(e.contact_area_relative_std(), 0.05, 1e-12);
+  EXPECT_EQ(e.background_modulus_pa(), outcome.summary.background_modulus_pa());
+  EXPECT_EQ(e.quality(), outcome.summary.quality());
+  EXPECT_GT(e.youngs_modulus_log_std(), 0.01);
+  EXPECT_GT(e.measured_share(), 0.5);
+  EXPECT_LE(e.measured_share(), 1);
+  // Taken in with the last byte: the whole estimate ago.
+  const double ago_s = 1e-9 * static_cast<double>(published_before_ns - e.taken_in().monotonic_ns());
+  EXPECT_GE(ago_s, outcome.summary.received_to_published_s());
+  Toucher toucher(channel, "scene");
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.opened() && toucher.touch(0.05, 0.002, &answer));
+  EXPECT_EQ(answer.model_stamp().monotonic_ns(), e.taken_in().monotonic_ns());
+  EXPECT_EQ(answer.model_stamp().instance(), e.taken_in().instance());
 }
 
 TEST_F(Estimates, WindowThatSticksOutOfTheSceneByHalfAMillimetreIsEstimated) {
@@ -185,6 +224,16 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
     });
   refused(INVALID_ARGUMENT, "acquisition.probe_force.force_n",
           [](auto& a) { a.mutable_probe_force()->set_force_n(-1); });
+  for (const double bad : {-0.1, 2.0, nan, std::numeric_limits<double>::infinity()})
+    refused(INVALID_ARGUMENT, "acquisition.probe_force.force_std_n",
+            [bad](auto& a) { a.mutable_probe_force()->set_force_std_n(bad); });
+  refused(INVALID_ARGUMENT, "acquisition.probe_force.contact_area_std_m2", [](auto& a) {
+    a.mutable_probe_force()->set_contact_area_std_m2(a.probe_force().contact_area_m2());
+  });
+  // What the scene states otherwise: it is 0.1 m wide, 0.02 m deep, and has nu = 0.49.
+  refused(INVALID_ARGUMENT, "acquisition.poisson_ratio: 0.45", [](auto& a) { a.set_poisson_ratio(0.45); });
+  refused(INVALID_ARGUMENT, "acquisition.tissue_depth_m: 0.03", [](auto& a) { a.set_tissue_depth_m(0.03); });
+  refused(INVALID_ARGUMENT, "acquisition.tissue_width_m: 0.2", [](auto& a) { a.set_tissue_width_m(0.2); });
   refused(INVALID_ARGUMENT, "acquisition.max_strain", [](auto& a) { a.set_max_strain(2); });
   refused(INVALID_ARGUMENT, "acquisition.maps", [](auto& a) { a.add_maps("colour"); });
   refused(INVALID_ARGUMENT, "acquisition.line_pitch_m x line_count",

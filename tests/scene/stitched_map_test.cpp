@@ -17,8 +17,8 @@ TEST(StitchedMap, WindowLandsWhereItWasMeasured) {
   map.paste(window_of(inclusion(10e3, 5, 0.050, 0.012, 0.004), 0.0302, 0.0399, 0.0301));
   EXPECT_NEAR(map.mean_modulus_pa(0.048, 0.052, 0.010, 0.014), 50e3, 1);
   EXPECT_NEAR(map.mean_modulus_pa(0.032, 0.036, 0.010, 0.014), 10e3, 1);
-  EXPECT_NEAR(map.measured_share(0.035, 0.065), 1, 0.05);
-  EXPECT_EQ(map.measured_share(0.0, 0.029), 0);
+  EXPECT_NEAR(map.measured_share(0.035, 0.065, 0, 0.025), 1, 0.05);
+  EXPECT_EQ(map.measured_share(0.0, 0.029, 0, 0.025), 0);
 }
 
 TEST(StitchedMap, ColumnsNeverPublishedTakeTheNearestOne) {
@@ -40,7 +40,7 @@ TEST(StitchedMap, InvalidPixelsAreExtendedFromTheirNeighboursInLog) {
   map.paste(w);
   EXPECT_NEAR(map.mean_modulus_pa(0.016, 0.018, 0.005, 0.01), 4e3, 1);
   EXPECT_NEAR(map.mean_modulus_pa(0.022, 0.024, 0.005, 0.01), 16e3, 1);
-  EXPECT_NEAR(map.measured_share(0.0165, 0.0235), 0, 1e-9);
+  EXPECT_NEAR(map.measured_share(0.0165, 0.0235, 0, 0.02), 0, 1e-9);
   for (const float modulus_pa : map.youngs_modulus_pa()) {
     EXPECT_GE(modulus_pa, 4e3F * 0.999F);
     EXPECT_LE(modulus_pa, 16e3F * 1.001F);
