@@ -33,8 +33,9 @@ struct Limits {
   double most_touch_rate_hz, most_touch_period_s, most_finger_rate_hz;
   double least_tip_m, most_tip_m;
   // Who is served at once, and for how long.
-  std::uint64_t most_touch_streams, most_watchers, most_estimates, most_threads;
-  double touch_idle_s, upload_idle_s, drain_s;
+  std::uint64_t most_touch_streams, most_watchers, most_estimates, most_unary_calls, most_full_scenes;
+  std::uint64_t most_threads;
+  double first_message_s, acknowledge_s, answer_taken_s, touch_idle_s, upload_idle_s, drain_s;
 
   Limits();  // the defaults
 };

@@ -3,26 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "service/scene/errors.h"
 
 namespace teletact::service {
 
-Calls::Ticket::Ticket(Calls* calls, CallKind kind, std::uint64_t id) : calls_(calls), kind_(kind), id_(id) {
-  active();
-}
-
 Calls::Ticket::~Ticket() {
   const std::lock_guard lock(calls_->mutex_);
-  calls_->tickets_.erase(id_);
+  calls_->places_.erase(id_);
   calls_->left_.notify_all();
 }
 
-void Calls::Ticket::active() {
-  heard_ = Clock::now().time_since_epoch().count();
-}
-
-Calls::Calls(const Limits& limits) : limits_(limits), janitor_([this] { look_for_idle_calls(); }) {}
+Calls::Calls(const Limits& limits) : limits_(limits), looking_([this] { look_after_calls(); }) {}
 
 std::size_t Calls::most(CallKind kind) const {
   switch (kind) {
@@ -36,18 +29,13 @@ std::size_t Calls::most(CallKind kind) const {
   return 0;
 }
 
-Calls::Clock::duration Calls::longest_silence(CallKind kind) const {
-  const double most_s = kind == CallKind::kEstimate ? limits_.upload_idle_s : limits_.touch_idle_s;
-  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(most_s));
-}
-
 Calls::~Calls() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
   }
-  stopping_.notify_all();
-  janitor_.join();
+  entered_.notify_all();
+  looking_.join();
 }
 
 void Calls::open() {
@@ -55,55 +43,50 @@ void Calls::open() {
 }
 
 void Calls::require_open() const {
-  if (state_ == State::kStarting)
+  const State state = state_;
+  if (state == State::kStarting)
     throw Error(ErrorKind::kUnavailable, "the service is starting; wait until its health is SERVING");
-  if (state_ == State::kDraining)
+  if (state == State::kDraining)
     throw Error(ErrorKind::kUnavailable, "the service is shutting down; connect again later");
 }
 
-std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::function<void()> on_drain,
-                                            std::function<void()> on_idle) {
+std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served> call) {
   const std::lock_guard lock(mutex_);
   require_open();
   const auto same =
-      std::count_if(tickets_.begin(), tickets_.end(), [&](auto& t) { return t.second->kind_ == kind; });
+      std::count_if(places_.begin(), places_.end(), [&](auto& place) { return place.second.kind == kind; });
   if (static_cast<std::size_t>(same) >= most(kind))
     throw Error(ErrorKind::kExhausted,
                 fmt::format("{} calls of this kind are open, no more are served; try again later", same));
-  std::unique_ptr<Ticket> ticket(new Ticket(this, kind, next_id_++));
-  ticket->on_drain_ = std::move(on_drain);
-  ticket->on_idle_ = std::move(on_idle);
-  tickets_[ticket->id()] = ticket.get();
+  std::unique_ptr<Ticket> ticket(new Ticket(this, next_id_));
+  places_.emplace(next_id_++, Place{kind, std::move(call)});
+  entered_.notify_all();
   return ticket;
-}
-
-void Calls::drain() {
-  const std::lock_guard lock(mutex_);
-  if (state_.exchange(State::kDraining) == State::kDraining) return;
-  for (const auto& [id, ticket] : tickets_)
-    if (ticket->on_drain_) ticket->on_drain_();
 }
 
 std::size_t Calls::count() const {
   const std::lock_guard lock(mutex_);
-  return tickets_.size();
+  return places_.size();
 }
 
 void Calls::wait_until_none(Clock::time_point deadline) {
   std::unique_lock lock(mutex_);
-  left_.wait_until(lock, deadline, [this] { return tickets_.empty(); });
+  left_.wait_until(lock, deadline, [this] { return places_.empty(); });
 }
 
-void Calls::look_for_idle_calls() {
-  constexpr std::chrono::seconds kLook{1};
+void Calls::look_after_calls() {
+  std::vector<std::shared_ptr<Served>> calls;
   std::unique_lock lock(mutex_);
-  while (!stopping_.wait_for(lock, kLook, [this] { return stop_; })) {
+  for (auto next = Clock::now(); !stop_; next = std::max(next + kTick, Clock::now())) {
+    entered_.wait_until(lock, next, [this] { return stop_; });
+    entered_.wait(lock, [this] { return stop_ || !places_.empty(); });
+    for (const auto& [id, place] : places_)
+      if (auto call = place.call.lock()) calls.push_back(std::move(call));
+    lock.unlock();
     const auto now = Clock::now();
-    for (const auto& [id, ticket] : tickets_) {
-      const auto silent_since = (now - longest_silence(ticket->kind_)).time_since_epoch().count();
-      if (ticket->on_idle_ && ticket->heard_ < silent_since && !ticket->idle_.exchange(true))
-        ticket->on_idle_();
-    }
+    for (const auto& call : calls) call->look(now);
+    calls.clear();  // not under the lock: some of them may have been ours alone by now
+    lock.lock();
   }
 }
 

@@ -1,11 +1,11 @@
-// Who is being served: limits on long calls, idle ones, and drain. Thread-safe.
+// Who is being served: limits on calls, and the one thread that looks after them, so that a call ends when
+// its time is up, its scene is gone or the service drains. Thread-safe.
 #pragma once
 
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -17,9 +17,18 @@ namespace teletact::service {
 
 enum class CallKind { kTouch, kWatch, kEstimate };
 
+// A call as the thread sees it that looks after all of them.
+class Served {
+ public:
+  virtual ~Served() = default;
+  // Called every Calls::kTick with no lock held, also after the call is done. Must not block.
+  virtual void look(std::chrono::steady_clock::time_point now) = 0;
+};
+
 class Calls {
  public:
   using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds kTick{10};
 
   // One call, counted while the ticket lives.
   class Ticket {
@@ -28,18 +37,12 @@ class Calls {
     Ticket(const Ticket&) = delete;
     Ticket& operator=(const Ticket&) = delete;
     std::uint64_t id() const { return id_; }
-    void active();  // the client was heard
-    bool idle() const { return idle_.load(); }
 
    private:
     friend class Calls;
-    Ticket(Calls* calls, CallKind kind, std::uint64_t id);
+    Ticket(Calls* calls, std::uint64_t id) : calls_(calls), id_(id) {}
     Calls* calls_;
-    CallKind kind_;
     std::uint64_t id_;
-    std::function<void()> on_drain_, on_idle_;
-    std::atomic<Clock::rep> heard_;
-    std::atomic<bool> idle_{false};
   };
 
   explicit Calls(const Limits&);
@@ -48,11 +51,11 @@ class Calls {
   // Calls are refused with Error(kUnavailable) before open() and after drain().
   void open();
   void require_open() const;
-  // `on_drain` and `on_idle` are called at most once each, from another thread, while the ticket lives; they
-  // must not block or destroy the ticket. Throws Error(kUnavailable | kExhausted).
-  std::unique_ptr<Ticket> enter(CallKind, std::function<void()> on_drain, std::function<void()> on_idle);
+  // Throws Error(kUnavailable | kExhausted).
+  std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>);
   bool draining() const { return state_.load() == State::kDraining; }
-  void drain();
+  // Calls find out when they are looked at next.
+  void drain() { state_ = State::kDraining; }
   std::size_t count() const;
   // Returns once no call is left, or at `deadline`.
   void wait_until_none(Clock::time_point deadline);
@@ -60,16 +63,19 @@ class Calls {
  private:
   enum class State { kStarting, kOpen, kDraining };
   std::size_t most(CallKind) const;
-  Clock::duration longest_silence(CallKind) const;
-  void look_for_idle_calls();
+  struct Place {
+    CallKind kind;
+    std::weak_ptr<Served> call;
+  };
+  void look_after_calls();
   const Limits limits_;
   std::atomic<State> state_{State::kStarting};
   mutable std::mutex mutex_;
-  std::condition_variable stopping_, left_;
-  std::map<std::uint64_t, Ticket*> tickets_;
+  std::condition_variable entered_, left_;
+  std::map<std::uint64_t, Place> places_;
   std::uint64_t next_id_ = 1;
   bool stop_ = false;
-  std::thread janitor_;
+  std::thread looking_;
 };
 
 }  // namespace teletact::service

@@ -29,6 +29,10 @@ struct Core {
         scenes(state_directory, limits) {}
 };
 
+inline std::chrono::steady_clock::duration seconds(double s) {
+  return std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(s));
+}
+
 // CLOCK_MONOTONIC.
 inline std::int64_t monotonic_ns(
     std::chrono::steady_clock::time_point at = std::chrono::steady_clock::now()) {

@@ -200,15 +200,36 @@ ElastographyService::Outcome ElastographyService::work(Job& job) {
   return outcome;
 }
 
+// Cuts a call whose client has said nothing for too long.
+class ElastographyService::Guard : public Served {
+ public:
+  Guard(grpc::ServerContext* context, double idle_s) : context_(context), idle_(seconds(idle_s)) {}
+  void heard() { heard_ = Clock::now(); }
+  void leave() {
+    const std::lock_guard lock(mutex_);
+    context_ = nullptr;
+  }
+  void look(Clock::time_point now) override {
+    const std::lock_guard lock(mutex_);
+    if (context_ && now - heard_.load() > idle_) context_->TryCancel();
+  }
+
+ private:
+  std::mutex mutex_;
+  grpc::ServerContext* context_;
+  const Clock::duration idle_;
+  std::atomic<Clock::time_point> heard_{Clock::now()};
+};
+
 // Reads the whole upload. Throws; nothing is kept then.
-void ElastographyService::receive(Stream& stream, Core& core, Calls::Ticket& ticket, Job& job) {
+void ElastographyService::receive(Stream& stream, Core& core, Guard& guard, Job& job) {
   v1::EstimateRequest message;
   if (!stream.Read(&message) || !message.has_acquisition())
     throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
   job.request = request_from(message.acquisition(), core.scenes, core.limits);
   FrameUpload upload(job.request, core.limits.most_chunk_bytes);
   while (stream.Read(&message)) {
-    ticket.active();
+    guard.heard();
     if (!message.has_chunk())
       throw std::invalid_argument("chunk: after the acquisition only chunks may follow");
     upload.add(message.chunk());
@@ -280,10 +301,14 @@ void ElastographyService::write_outcome(const Outcome& outcome, const EstimateRe
 grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream* stream) {
   return guarded([&] {
     // A stalled upload is cut; one that has arrived is finished within the drain's time.
-    const auto ticket = core_.calls.enter(CallKind::kEstimate, {}, [context] { context->TryCancel(); });
+    struct Leaver {
+      std::shared_ptr<Guard> guard;
+      ~Leaver() { guard->leave(); }
+    } const leaver{std::make_shared<Guard>(context, core_.limits.upload_idle_s)};
+    const auto ticket = core_.calls.enter(CallKind::kEstimate, leaver.guard);
     auto job = std::make_shared<Job>();
     try {
-      receive(*stream, core_, *ticket, *job);
+      receive(*stream, core_, *leaver.guard, *job);
     } catch (const std::exception& error) {
       spdlog::info("event=estimate_refused call={} peer={} error=\"{}\"", ticket->id(), context->peer(),
                    error.what());
@@ -294,7 +319,7 @@ grpc::Status ElastographyService::Estimate(grpc::ServerContext* context, Stream*
     write_progress(*stream, v1::ESTIMATE_STAGE_RECEIVED, 0);
     auto future = core_.scenes.worker().run([this, job] { return work(*job); });
     for (bool finished = false; !finished && !context->IsCancelled();) {
-      ticket->active();
+      leaver.guard->heard();
       if (const auto step = job->progress.next(finished))
         write_progress(*stream, step->stage, step->elapsed_s);
     }

@@ -22,7 +22,8 @@ class ElastographyService final : public v1::Elastography::Service {
   using Stream = grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>;
   struct Job;
   struct Outcome;
-  static void receive(Stream&, Core&, Calls::Ticket&, Job&);
+  class Guard;
+  static void receive(Stream&, Core&, Guard&, Job&);
   static void write_outcome(const Outcome&, const EstimateRequest&, Stream&);
   // On the imaging worker.
   Outcome work(Job&);

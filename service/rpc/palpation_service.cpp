@@ -1,14 +1,10 @@
 #include "service/rpc/palpation_service.h"
 
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
-
-#include <thread>
-
 #include "service/rpc/convert.h"
 #include "service/rpc/status.h"
 #include "service/rpc/touch_reactor.h"
 #include "service/rpc/wait.h"
+#include "service/rpc/watch_reactor.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -60,64 +56,14 @@ grpc::Status PalpationService::DeleteScene(grpc::ServerContext*, const v1::Delet
   });
 }
 
-namespace {
-
-v1::FingerState finger_to(const Finger& finger, const Scene& scene, std::uint64_t instance) {
-  v1::FingerState state;
-  state.set_present(finger.present);
-  state.set_scene_version(scene.snapshot()->version);
-  if (finger.stamp_ns == 0) return state;
-  for (const double x_m : finger.position_m) state.add_position_m(x_m);
-  for (const double v_m_s : finger.velocity_m_s) state.add_velocity_m_s(v_m_s);
-  state.mutable_stamp()->set_monotonic_ns(finger.stamp_ns);
-  state.mutable_stamp()->set_instance(instance);
-  return state;
-}
-
-}  // namespace
-
-grpc::Status PalpationService::WatchFinger(
-    grpc::ServerContext* context, grpc::ServerReaderWriter<v1::FingerState, v1::WatchFingerRequest>* stream) {
-  return guarded([&] {
-    using Clock = FingerBoard::Clock;
-    constexpr std::chrono::milliseconds kLookForCancel{200};
-    const auto period = std::chrono::duration_cast<Clock::duration>(
-        std::chrono::duration<double>(1 / core_.limits.most_finger_rate_hz));
-    core_.calls.require_open();  // first: until scenes are restored, one that is not found may yet be
-    v1::WatchFingerRequest request;
-    if (!stream->Read(&request))
-      throw std::invalid_argument("scene_id: the first message of a watch must name the scene");
-    const auto scene = core_.scenes.find(request.scene_id());
-    const auto ticket = core_.calls.enter(CallKind::kWatch, [scene] { scene->finger().wake(); }, {});
-    spdlog::info("event=watch_opened stream={} scene={} peer={}", ticket->id(), scene->id(), context->peer());
-    Finger finger = scene->finger().now();
-    bool changed = true;
-    Clock::time_point heartbeat;
-    v1::FingerState state;
-    std::uint64_t states = 0;
-    while (!context->IsCancelled() && !core_.calls.draining() && !scene->deleted()) {
-      // One that rests is told all the same: watchers take silence for a dead link, and proxies for an idle
-      // one.
-      if (changed || Clock::now() >= heartbeat) {
-        state = finger_to(finger, *scene, core_.instance);
-        state.set_state(++states);
-        if (!stream->Write(state)) break;
-        heartbeat = Clock::now() + kFingerHeartbeat;
-      }
-      const std::uint64_t seen = finger.generation;
-      if (changed) std::this_thread::sleep_for(period);
-      finger = scene->finger().newer_than(seen, Clock::now() + kLookForCancel);
-      changed = finger.generation != seen;
-    }
-    core_.calls.require_open();
-    if (scene->deleted()) throw Error(ErrorKind::kAborted, fmt::format("scene {} was deleted", scene->id()));
-    return grpc::Status::OK;
-  });
+grpc::ServerBidiReactor<v1::WatchFingerRequest, v1::FingerState>* PalpationService::WatchFinger(
+    grpc::CallbackServerContext* context) {
+  return WatchReactor::serve(core_, context);
 }
 
 grpc::ServerBidiReactor<v1::TouchRequest, v1::TouchResponse>* PalpationService::Touch(
     grpc::CallbackServerContext* context) {
-  return new TouchReactor(core_, context);  // deletes itself when the call is done
+  return TouchReactor::serve(core_, context);
 }
 
 }  // namespace teletact::service

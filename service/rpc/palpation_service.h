@@ -1,8 +1,6 @@
 // Scenes, touch, and where the finger is.
 #pragma once
 
-#include <chrono>
-
 #include "service/rpc/core.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
@@ -10,10 +8,9 @@ namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
 
-class PalpationService final : public v1::Palpation::WithCallbackMethod_Touch<v1::Palpation::Service> {
+class PalpationService final : public v1::Palpation::WithCallbackMethod_Touch<
+                                   v1::Palpation::WithCallbackMethod_WatchFinger<v1::Palpation::Service>> {
  public:
-  static constexpr std::chrono::milliseconds kFingerHeartbeat{500};  // between states of a finger at rest
-
   explicit PalpationService(Core& core) : core_(core) {}
 
   grpc::Status CreateScene(grpc::ServerContext*, const v1::CreateSceneRequest*, v1::Scene*) override;
@@ -22,8 +19,8 @@ class PalpationService final : public v1::Palpation::WithCallbackMethod_Touch<v1
                           v1::ListScenesResponse*) override;
   grpc::Status DeleteScene(grpc::ServerContext*, const v1::DeleteSceneRequest*,
                            v1::DeleteSceneResponse*) override;
-  grpc::Status WatchFinger(grpc::ServerContext*,
-                           grpc::ServerReaderWriter<v1::FingerState, v1::WatchFingerRequest>*) override;
+  grpc::ServerBidiReactor<v1::WatchFingerRequest, v1::FingerState>* WatchFinger(
+      grpc::CallbackServerContext*) override;
   grpc::ServerBidiReactor<v1::TouchRequest, v1::TouchResponse>* Touch(grpc::CallbackServerContext*) override;
 
  private:

@@ -4,6 +4,7 @@
 
 #include <new>
 #include <stdexcept>
+#include <system_error>
 
 #include "service/scene/errors.h"
 
@@ -44,6 +45,11 @@ grpc::Status status_of(std::exception_ptr error) noexcept {
     return {grpc::StatusCode::INVALID_ARGUMENT, e.what()};
   } catch (const std::bad_alloc&) {
     return {grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory; send a smaller request"};
+  } catch (const std::system_error& e) {
+    if (e.code() == std::errc::resource_unavailable_try_again)
+      return {grpc::StatusCode::RESOURCE_EXHAUSTED, "no thread is to be had; try again later"};
+    spdlog::error("event=internal_error error=\"{}\"", e.what());
+    return {grpc::StatusCode::INTERNAL, e.what()};
   } catch (const std::exception& e) {
     spdlog::error("event=internal_error error=\"{}\"", e.what());
     return {grpc::StatusCode::INTERNAL, e.what()};

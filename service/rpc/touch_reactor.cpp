@@ -6,16 +6,12 @@
 #include <cmath>
 
 #include "service/rpc/convert.h"
-#include "service/rpc/status.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
 
 namespace {
 
-// How long an ending stream waits for its last write, which is small and needs no reader's help, before the
-// call is cancelled instead.
-constexpr std::chrono::seconds kLastWrite{1};
 constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes its thread
 
 std::chrono::steady_clock::duration period_from(double wished_s, const Limits& limits) {
@@ -31,53 +27,39 @@ std::chrono::steady_clock::duration period_from(double wished_s, const Limits& l
 }  // namespace
 
 TouchReactor::TouchReactor(Core& core, grpc::CallbackServerContext* context)
-    : core_(core), context_(context) {
-  const grpc::Status entered = guarded([&] {
-    ticket_ = core_.calls.enter(
-        CallKind::kTouch,
-        [this] {
-          end({grpc::StatusCode::UNAVAILABLE, "the service is shutting down; connect again later"});
-        },
-        [this] {
-          end({grpc::StatusCode::DEADLINE_EXCEEDED,
-               fmt::format("no pose for {} s; open a new stream", core_.limits.touch_idle_s)});
-        });
-    return grpc::Status::OK;
-  });
-  if (entered.ok())
-    StartRead(&request_);
+    : ServedStream(core.calls, context, Allowance(2 * core.limits.most_touch_rate_hz)), core_(core) {}
+
+TouchReactor* TouchReactor::serve(Core& core, grpc::CallbackServerContext* context) {
+  return ServedCall::serve(std::make_shared<TouchReactor>(core, context), CallKind::kTouch);
+}
+
+void TouchReactor::take(const v1::TouchRequest& request) {
+  if (request.has_open())
+    open(request.open());
+  else if (request.has_pose())
+    take_pose(request.pose());
   else
-    Finish(entered);
+    throw std::invalid_argument("kind: empty request; send open, then pose");
 }
 
-void TouchReactor::end(grpc::Status status) {
-  {
-    const std::lock_guard lock(ending_);
-    if (status_) return;
-    status_ = std::move(status);
-    if (!thread_.joinable()) {  // not opened yet: nobody else will
-      Finish(*status_);
-      return;
-    }
+void TouchReactor::check() const {
+  core_.calls.require_open();
+  if (opened_ && session_->scene()->deleted())
+    throw Error(ErrorKind::kAborted, fmt::format("scene {} was deleted", session_->scene()->id()));
+}
+
+void TouchReactor::tick(Clock::time_point now) {
+  ServedStream::tick(now);
+  const auto silent = now - heard_.load();
+  if (!opened_) {
+    if (silent > seconds(core_.limits.first_message_s))
+      throw Error(ErrorKind::kDeadline,
+                  fmt::format("open: not sent within {} s; open a new stream", core_.limits.first_message_s));
+    return;
   }
-  stop_ = true;
-  inbox_.wake();
-}
-
-void TouchReactor::OnReadDone(bool ok) {
-  if (!ok) return end(grpc::Status::OK);  // the client has closed its side
-  const grpc::Status taken = guarded([&] {
-    ticket_->active();
-    if (request_.has_open())
-      open(request_.open());
-    else if (request_.has_pose())
-      take_pose(request_.pose());
-    else
-      throw std::invalid_argument("kind: empty request; send open, then pose");
-    return grpc::Status::OK;
-  });
-  if (!taken.ok()) return end(taken);
-  StartRead(&request_);
+  if (silent > seconds(core_.limits.touch_idle_s))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("no pose for {} s; open a new stream", core_.limits.touch_idle_s));
 }
 
 void TouchReactor::open(const v1::TouchOpen& open) {
@@ -91,14 +73,17 @@ void TouchReactor::open(const v1::TouchOpen& open) {
   name_ = shown(open.session_id());
   auto scene = core_.scenes.find(open.scene_id());
   session_ = std::make_unique<TouchSession>(scene, touch_options_from(open), core_.device);
-  deletion_callback_ = scene->on_deleted([this] {
-    end({grpc::StatusCode::ABORTED, fmt::format("scene {} was deleted", session_->scene()->id())});
-  });
-  spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}",
-               ticket_->id(), name_, scene->id(), context_->peer(), credit_,
-               std::chrono::duration<double>(period_).count());
-  const std::lock_guard lock(ending_);
-  if (!status_) thread_ = std::thread([this] { solve_and_write(); });
+  spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}", id(),
+               name_, scene->id(), context_->peer(), credit_, std::chrono::duration<double>(period_).count());
+  opened_ = true;
+  heard_ = Clock::now();
+  if (!hold()) return;
+  try {
+    thread_ = std::thread([this] { solve_and_write(); });
+  } catch (...) {
+    release();
+    throw;
+  }
 }
 
 void TouchReactor::take_pose(const v1::ContactPose& pose) {
@@ -114,8 +99,8 @@ void TouchReactor::take_pose(const v1::ContactPose& pose) {
         pose.acknowledged(), written_.load(), acknowledged_.load()));
   const auto position_m = vector_from("pose.position_m", pose.position_m(), false);
   const auto velocity_m_s = vector_from("pose.velocity_m_s", pose.velocity_m_s(), true);
-  session_->check_pose(position_m[0], position_m[1]);
   last_sequence_ = pose.sequence();
+  heard_ = arrived;
   acknowledged_ = pose.acknowledged();
   session_->scene()->finger().arrive(position_m, velocity_m_s, monotonic_ns(arrived));
   ++poses_;
@@ -123,29 +108,19 @@ void TouchReactor::take_pose(const v1::ContactPose& pose) {
 }
 
 void TouchReactor::solve_and_write() {
-  const auto stopped = [this] { return stop_.load(); };
-  const auto may_write = [this] { return !writing_ && written_ - acknowledged_ < credit_; };
-  write_opened();
+  const auto stopped = [this] { return life().ended(); };
+  const auto may_write = [this] { return !writing() && written_ - acknowledged_ < credit_; };
+  during([this] { write_opened(); });
   auto due = Clock::now();
-  while (!stop_) {
+  while (!stopped()) {
     inbox_.wait(due, stopped);  // keep the period; poses that come meanwhile replace each other
     const auto pose = inbox_.take(Clock::now() + kLook, may_write, stopped);
     if (!pose) continue;
     // A late pose is caught up with over one period, no more.
     due = std::max(due, Clock::now() - period_) + period_;
-    const grpc::Status answered = guarded([&] {
-      write_answer(*pose);
-      return grpc::Status::OK;
-    });
-    if (!answered.ok()) end(answered);
+    during([&] { write_answer(*pose); });
   }
-  const auto written = [this] { return !writing_.load(); };
-  if (!inbox_.wait(Clock::now() + kLastWrite, written)) {
-    context_->TryCancel();
-    inbox_.wait(Clock::time_point::max(), written);
-  }
-  const std::lock_guard lock(ending_);
-  Finish(*status_);  // last: OnDone may follow at once
+  release();  // last: OnDone may follow at once
 }
 
 void TouchReactor::write_opened() {
@@ -158,7 +133,7 @@ void TouchReactor::write_opened() {
   opened->set_line_y_m(session_->line_y_m());
   opened->set_covered_begin_m(covered.begin_m);
   opened->set_covered_end_m(covered.end_m);
-  write();
+  write(response_);
 }
 
 void TouchReactor::write_answer(const Pose& pose) {
@@ -181,36 +156,17 @@ void TouchReactor::write_answer(const Pose& pose) {
   answer->mutable_answer_stamp()->set_monotonic_ns(monotonic_ns());
   answer->mutable_answer_stamp()->set_instance(core_.instance);
   ++written_;  // before the write: its acknowledgement may be quicker than we are
-  write();
+  write(response_);
 }
 
-void TouchReactor::write() {
-  writing_ = true;
-  StartWrite(&response_);
-}
-
-void TouchReactor::OnWriteDone(bool ok) {
-  writing_ = false;
-  inbox_.wake();
-  if (!ok) end(grpc::Status::CANCELLED);
-}
-
-void TouchReactor::OnCancel() {
-  end(grpc::Status::CANCELLED);
-}
-
-void TouchReactor::OnDone() {
+void TouchReactor::closed() {
   if (thread_.joinable()) thread_.join();
-  if (session_) {
-    session_->scene()->forget(deletion_callback_);
-    spdlog::info(
-        "event=touch_closed stream={} session=\"{}\" scene={} poses={} poses_replaced={} answers={} code={}",
-        ticket_->id(), name_, session_->scene()->id(), poses_, poses_lost_, written_.load(),
-        static_cast<int>(status_->error_code()));
-  }
+  if (!session_) return;
+  spdlog::info(
+      "event=touch_closed stream={} session=\"{}\" scene={} poses={} poses_replaced={} answers={} code={}",
+      id(), name_, session_->scene()->id(), poses_, poses_lost_, written_.load(),
+      static_cast<int>(life().status().error_code()));
   session_.reset();
-  ticket_.reset();  // before the rest: waits until nobody who holds it is within end() any more
-  delete this;
 }
 
 }  // namespace teletact::service

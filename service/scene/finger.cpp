@@ -5,7 +5,6 @@ namespace teletact::service {
 void FingerBoard::change() {
   finger_.present = streams_ > 0;
   ++finger_.generation;
-  changed_.notify_all();
 }
 
 void FingerBoard::attach() {
@@ -32,19 +31,6 @@ void FingerBoard::arrive(const std::array<double, 3>& position_m, const std::arr
 Finger FingerBoard::now() const {
   const std::lock_guard lock(mutex_);
   return finger_;
-}
-
-Finger FingerBoard::newer_than(std::uint64_t generation, Clock::time_point deadline) const {
-  std::unique_lock lock(mutex_);
-  const std::uint64_t wakes = wakes_;
-  changed_.wait_until(lock, deadline, [&] { return finger_.generation != generation || wakes_ != wakes; });
-  return finger_;
-}
-
-void FingerBoard::wake() {
-  const std::lock_guard lock(mutex_);
-  ++wakes_;
-  changed_.notify_all();
 }
 
 }  // namespace teletact::service

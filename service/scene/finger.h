@@ -2,8 +2,6 @@
 #pragma once
 
 #include <array>
-#include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <mutex>
 
@@ -18,22 +16,17 @@ struct Finger {
 
 class FingerBoard {
  public:
-  using Clock = std::chrono::steady_clock;
   void attach();  // a touch stream opened
   void detach();  // ... and ended
   void arrive(const std::array<double, 3>& position_m, const std::array<double, 3>& velocity_m_s,
               std::int64_t stamp_ns);
   Finger now() const;
-  // The newest state once it differs from `generation`, or the same one at `deadline` or after wake().
-  Finger newer_than(std::uint64_t generation, Clock::time_point deadline) const;
-  void wake();
 
  private:
   void change();
   mutable std::mutex mutex_;
-  mutable std::condition_variable changed_;
   Finger finger_;
-  std::uint64_t streams_ = 0, wakes_ = 0;
+  std::uint64_t streams_ = 0;
 };
 
 }  // namespace teletact::service

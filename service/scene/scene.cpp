@@ -385,29 +385,4 @@ SceneRecord Scene::record() const {
   return record;
 }
 
-void Scene::mark_deleted() {
-  {
-    const std::lock_guard lock(users_);
-    deleted_ = true;
-    for (const auto& [key, callback] : on_deleted_) callback();
-  }
-  finger_.wake();
-}
-
-std::uint64_t Scene::on_deleted(std::function<void()> callback) {
-  std::unique_lock lock(users_);
-  if (deleted_) {
-    lock.unlock();
-    callback();
-    return 0;
-  }
-  on_deleted_.emplace(next_callback_, std::move(callback));
-  return next_callback_++;
-}
-
-void Scene::forget(std::uint64_t callback) {
-  const std::lock_guard lock(users_);
-  on_deleted_.erase(callback);
-}
-
 }  // namespace teletact::service

@@ -117,12 +117,9 @@ class Scene {
 
   SceneRecord record() const;
 
+  // Streams look at it.
   bool deleted() const { return deleted_.load(); }
-  void mark_deleted();  // calls every on_deleted callback
-  // The callback is called once the scene is deleted, at once if it is already; forget() with the number
-  // given returns after a call in progress.
-  std::uint64_t on_deleted(std::function<void()>);
-  void forget(std::uint64_t callback);
+  void mark_deleted() { deleted_ = true; }
 
  private:
   // `before` (may be null): the model whose place it takes.
@@ -152,8 +149,6 @@ class Scene {
 
   mutable std::mutex users_;
   std::multiset<std::size_t> lines_in_use_;
-  std::map<std::uint64_t, std::function<void()>> on_deleted_;
-  std::uint64_t next_callback_ = 1;
   std::atomic<bool> deleted_{false};
 };
 

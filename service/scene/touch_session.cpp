@@ -70,25 +70,28 @@ double TouchSession::line_y_m() const {
   return scene_->lines_m()[line_];
 }
 
-void TouchSession::check_pose(double x_m, double y_m) const {
+// In what way the pose is not one of a finger on this tissue; empty when it is.
+std::string TouchSession::outside(double x_m, double y_m) const {
   const SceneGeometry& g = scene_->geometry();
-  if (!std::isfinite(x_m) || !std::isfinite(y_m))
-    throw std::invalid_argument("pose.position_m: not finite; send numbers in metres");
   if (x_m < 0 || x_m > g.width_m)
-    throw std::invalid_argument(
-        fmt::format("pose.position_m[0]: {} m is beside the tissue; stay within [0, {}] m", x_m, g.width_m));
+    return fmt::format("pose.position_m[0]: {:.4g} m is beside the tissue, which reaches from 0 to {} m", x_m,
+                       g.width_m);
   if (y_m >= g.depth_m)
-    throw std::invalid_argument(
-        fmt::format("pose.position_m[1]: {} m is deeper than the tissue, which is {} m; lift the finger", y_m,
-                    g.depth_m));
+    return fmt::format(
+        "pose.position_m[1]: {:.4g} m is deeper than the tissue, which is {} m; lift the finger", y_m,
+        g.depth_m);
+  return "";
 }
 
 TouchAnswer TouchSession::solve(double x_m, double y_m) {
-  check_pose(x_m, y_m);
+  if (!std::isfinite(x_m) || !std::isfinite(y_m))
+    throw std::invalid_argument("pose.position_m: not finite; send numbers in metres");
   TouchAnswer answer;
+  answer.warning = outside(x_m, y_m);
   const auto snapshot = scene_->snapshot();
   answer.covered = snapshot->covered_around(x_m);
-  const auto window = snapshot->window_at(x_m, window_ ? window_->id : 0, kHysteresisM);
+  const auto window =
+      answer.warning.empty() ? snapshot->window_at(x_m, window_ ? window_->id : 0, kHysteresisM) : nullptr;
   if (!window) {
     window_.reset(), compliance_.reset();
     answer.status = TouchStatus::kNotCovered;

@@ -72,14 +72,12 @@ class TouchSession {
   double line_y_m() const;
   const std::shared_ptr<Scene>& scene() const { return scene_; }
 
-  // Throws std::invalid_argument naming the field for a pose that is not finite, beside the tissue or deeper
-  // than it. Thread-safe.
-  void check_pose(double x_m, double y_m) const;
-  // Throws as check_pose. Everything else is an answer: NOT_COVERED, FAILED with zero force, DEGRADED with a
-  // warning.
+  // Throws std::invalid_argument for a pose that is not finite. Everything else is an answer: NOT_COVERED
+  // (beside the tissue or deeper than it, too), FAILED with zero force, DEGRADED with a warning.
   TouchAnswer solve(double x_m, double y_m);
 
  private:
+  std::string outside(double x_m, double y_m) const;
   bool prepare(const WindowModel&, double x_m, double reach_m, std::chrono::milliseconds);
   void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
   void judge(TouchAnswer&, const WindowModel&, const SceneSnapshot&, const ContactPose&) const;

@@ -61,7 +61,7 @@ TEST_F(Hostile, FloodOfPosesThatNobodyReadsIsBounded) {
   flood.stop_acknowledging();
   v1::TouchRequest request;
   for (const double v : {0.05, 0.002}) request.mutable_pose()->add_position_m(v);
-  for (std::uint64_t k = 1; k <= 50'000; ++k) {
+  for (std::uint64_t k = 1; k <= 4000; ++k) {
     request.mutable_pose()->set_sequence(k);
     ASSERT_TRUE(flood.send_as_is(request));
   }

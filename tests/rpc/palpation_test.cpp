@@ -168,10 +168,6 @@ TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
        {Bad{{kNan, 0.001}, {}, 1, 0, "pose.position_m[0]"},
         Bad{{0.05, HUGE_VAL}, {}, 1, 0, "pose.position_m[1]"}, Bad{{0.05}, {}, 1, 0, "pose.position_m"},
         Bad{{}, {}, 1, 0, "pose.position_m"}, Bad{{1, 2, 3, 4}, {}, 1, 0, "pose.position_m"},
-        Bad{{0.05, 0.04}, {}, 1, 0, "pose.position_m[1]"},  // deeper than the tissue
-        Bad{{0.05, 1e9}, {}, 1, 0, "pose.position_m[1]"},
-        Bad{{-0.001, 0.001}, {}, 1, 0, "pose.position_m[0]"},  // beside it
-        Bad{{0.2, 0.001}, {}, 1, 0, "pose.position_m[0]"},
         Bad{{0.05, 0.001}, {kNan, 0}, 1, 0, "pose.velocity_m_s[0]"},
         Bad{{0.05, 0.001}, {}, 0, 0, "pose.sequence"}, Bad{{0.05, 0.001}, {}, 1, 99, "pose.acknowledged"}}) {
     Toucher toucher(channel, "uniform");
@@ -188,6 +184,36 @@ TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
     ASSERT_TRUE(bystander.touch(0.05, 0.002, &answer));
     EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_OK);
   }
+}
+
+TEST_F(Palpation, FingerThatLeavesTheTissueIsAnsweredAndComesBack) {
+  // GIVEN a finger that is felt
+  Toucher toucher(channel, "uniform");
+  ASSERT_TRUE(toucher.opened());
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
+  const double force_n = answer.force_n(1);
+  EXPECT_LT(force_n, 0);
+  // WHEN it is beside the tissue, or deeper than it
+  const std::vector<std::pair<double, double>> beside{
+      {-0.001, 0.001}, {-1e300, -1e300}, {0.1001, 0.001}, {1e9, 0.001}},
+      deeper{{0.05, 0.04}, {0.05, 1e9}};
+  for (const auto& [poses, field] : {std::pair{beside, "position_m[0]"}, std::pair{deeper, "position_m[1]"}})
+    for (const auto& [x_m, y_m] : poses) {
+      ASSERT_TRUE(toucher.touch(x_m, y_m, &answer)) << x_m << " " << y_m;
+      // THEN that is an answer
+      EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_NOT_COVERED);
+      EXPECT_NE(answer.warning().find(field), std::string::npos) << answer.warning();
+      for (const double f : answer.force_n()) EXPECT_EQ(f, 0);
+      for (const double k : answer.tangent_n_m()) EXPECT_EQ(k, 0);
+      EXPECT_EQ(answer.energy_j(), 0);
+      EXPECT_FALSE(answer.has_foreseen());
+    }
+  // AND back on it the finger feels what it felt
+  ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
+  EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_OK);
+  EXPECT_EQ(answer.force_n(1), force_n);
+  EXPECT_TRUE(toucher.finish().ok());
 }
 
 TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {

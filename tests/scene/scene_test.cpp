@@ -155,28 +155,16 @@ TEST_F(SceneWithWindows, LineThatIsHeldCannotBeTouched) {
   EXPECT_THROW(scene.line_near(std::nan("")), std::invalid_argument);
 }
 
-TEST_F(SceneWithWindows, DeletionTellsWhoAsked) {
-  int told = 0;
-  const auto first = scene.on_deleted([&] { ++told; });
-  scene.on_deleted([&] { told += 10; });
-  scene.forget(first);
-  scene.mark_deleted();
-  EXPECT_EQ(told, 10);
-  EXPECT_TRUE(scene.deleted());
-  scene.on_deleted([&] { told += 100; });  // a stream that opens just then must hear of it too
-  EXPECT_EQ(told, 110);
-}
-
 TEST(FingerBoard, ShowsTheNewestFinger) {
   FingerBoard board;
   EXPECT_FALSE(board.now().present);
   board.attach(), board.attach();
   board.arrive({1, 2, 3}, {4, 5, 6}, 7);
-  const Finger finger = board.newer_than(0, FingerBoard::Clock::now());
+  const Finger finger = board.now();
   EXPECT_TRUE(finger.present);
   EXPECT_EQ(finger.position_m[0], 1);
   EXPECT_EQ(finger.stamp_ns, 7);
-  EXPECT_EQ(board.newer_than(finger.generation, FingerBoard::Clock::now()).generation, finger.generation);
+  EXPECT_EQ(board.now().generation, finger.generation);
   board.detach();
   EXPECT_TRUE(board.now().present);
   board.detach();

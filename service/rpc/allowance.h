@@ -1,0 +1,32 @@
+// So many per second, and that of `burst_s` at once after a pause: what a peer may cost that sends as fast as
+// it can. Not thread-safe; takes the time as an argument.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+
+namespace teletact::service {
+
+class Allowance {
+ public:
+  using Clock = std::chrono::steady_clock;
+  explicit Allowance(double per_second, double burst_s = 0.1)
+      : per_second_(per_second), most_(std::max(1.0, per_second * burst_s)), left_(most_) {}
+  // Uses one up; false when none is left by `now`.
+  bool take(Clock::time_point now) {
+    if (now > last_) {
+      const double passed_s = std::chrono::duration<double>(now - last_).count();
+      left_ = std::min(most_, left_ + passed_s * per_second_);
+      last_ = now;
+    }
+    if (left_ < 1) return false;
+    left_ -= 1;
+    return true;
+  }
+
+ private:
+  double per_second_, most_, left_;
+  Clock::time_point last_{};
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,171 @@
+// What all calls of the callback interface share: a place among those that are served, one who finishes it,
+// and a stated end for a peer that withholds something.
+//
+// A call owns itself until gRPC is done with it (OnDone); whoever else looks at it shares it meanwhile, so
+// nothing is deleted under anybody's feet and no lock is held while gRPC is called.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <utility>
+
+#include "service/rpc/allowance.h"
+#include "service/rpc/call_life.h"
+#include "service/rpc/calls.h"
+#include "service/rpc/status.h"
+
+namespace teletact::service {
+
+// `Reactor`: grpc::ServerBidiReactor<...> or grpc::ServerUnaryReactor.
+template <class Reactor>
+class ServedCall : public Reactor, public Served {
+ public:
+  using Clock = CallLife::Clock;
+  // A call that has ended is cut when its end was not taken for so long: an answer that still waits to be
+  // written, or the status.
+  static constexpr std::chrono::seconds kEndTaken{3};
+
+  void look(Clock::time_point now) final {
+    if (const auto ended_at = life_.ended_at()) {
+      if (now - *ended_at > patience()) cut();
+    } else {
+      during([&] { tick(now); });
+    }
+  }
+
+ protected:
+  ServedCall(Calls& calls, grpc::CallbackServerContext* context) : calls_(calls), context_(context) {}
+
+  // The reactor for gRPC. One that is refused its place is told so and runs no further.
+  template <class Call>
+  static Call* serve(std::shared_ptr<Call> call, CallKind kind) {
+    ServedCall& served = *call;
+    served.self_ = call;
+    served.during([&] {
+      served.ticket_ = served.calls_.enter(kind, call);
+      served.begun();
+    });
+    return call.get();  // not done before gRPC has it, whatever happened above
+  }
+
+  virtual void begun() {}                  // it has its place
+  virtual void tick(Clock::time_point) {}  // as Served::look, while it has not ended; what it throws ends it
+  virtual void ended() {}                  // at end(), by whom ever; may be called more than once
+  virtual void closed() {}                 // gRPC is done; the place is still taken
+  virtual Clock::duration patience() const { return kEndTaken; }
+
+  // Runs `work` unless the call has ended; it is not done before `work` is. What it throws ends the call.
+  template <class Work>
+  void during(Work&& work) {
+    if (!life_.begin()) return;
+    const grpc::Status worked = guarded([&] {
+      work();
+      return grpc::Status::OK;
+    });
+    if (!worked.ok()) end(worked);
+    release();
+  }
+  // For what outlasts its caller (a write, a thread): hold() ... release().
+  [[nodiscard]] bool hold() { return life_.begin(); }
+  void release() { finish_if(life_.over()); }
+  // The first status counts.
+  void end(grpc::Status status) {
+    const bool due = life_.end(std::move(status));
+    ended();
+    finish_if(due);
+  }
+  const CallLife& life() const { return life_; }
+  std::uint64_t id() const { return ticket_->id(); }  // of a call that has its place
+
+  Calls& calls_;
+  grpc::CallbackServerContext* const context_;
+
+ private:
+  void OnCancel() final { end(grpc::Status::CANCELLED); }
+  void OnDone() final {
+    closed();
+    {
+      const std::lock_guard lock(cutting_);
+      done_ = true;
+    }
+    ticket_.reset();
+    const auto last = std::move(self_);
+  }
+  void finish_if(bool due) {
+    if (due) this->Finish(life_.status());  // here alone; OnDone may follow at once
+  }
+  void cut() {
+    const std::lock_guard lock(cutting_);
+    if (!done_) context_->TryCancel();
+  }
+
+  CallLife life_;
+  std::unique_ptr<Calls::Ticket> ticket_;
+  std::shared_ptr<ServedCall> self_;
+  std::mutex cutting_;
+  bool done_ = false;  // context_ is no more
+};
+
+// A stream that reads one message after the other, no faster than stated, and has at most one write under
+// way.
+template <class Request, class Response>
+class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response>> {
+  using Base = ServedCall<grpc::ServerBidiReactor<Request, Response>>;
+
+ protected:
+  using Clock = CallLife::Clock;
+  ServedStream(Calls& calls, grpc::CallbackServerContext* context, Allowance messages)
+      : Base(calls, context), messages_(messages) {}
+
+  virtual void take(const Request&) = 0;  // what it throws ends the call
+  virtual void written() {}               // the write is no longer under way
+  // Throws what the service has against its going on: it drains, the scene is gone. Thread-safe.
+  virtual void check() const {}
+
+  void begun() override { read(); }
+  void tick(Clock::time_point now) override {
+    check();
+    if (waiting_ && messages_.take(now)) read();
+  }
+  bool writing() const { return writing_.load(); }
+  // The caller leaves `response` alone until writing() is false. Nothing is written once the call has ended.
+  void write(const Response& response) {
+    if (!this->hold()) return;
+    writing_ = true;
+    this->StartWrite(&response);
+  }
+
+ private:
+  void read() {
+    waiting_ = false;
+    this->StartRead(&request_);
+  }
+  void OnReadDone(bool ok) final {
+    if (!ok) {  // the peer has closed its side, or the call is over
+      this->during([this] { check(); });
+      return this->end(grpc::Status::OK);
+    }
+    this->during([this] {
+      take(request_);
+      if (messages_.take(Clock::now()))
+        read();
+      else
+        waiting_ = true;  // the transport holds the peer back until a tick reads on
+    });
+  }
+  void OnWriteDone(bool ok) final {
+    writing_ = false;
+    if (!ok) this->end(grpc::Status::CANCELLED);
+    written();
+    this->release();
+  }
+  Request request_;
+  Allowance messages_;  // of whoever may read on: OnReadDone, or the tick while waiting_
+  std::atomic<bool> writing_{false}, waiting_{false};
+};
+
+}  // namespace teletact::service

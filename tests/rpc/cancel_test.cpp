@@ -1,0 +1,149 @@
+// Calls that are ended from both sides at once: refused and cancelled, past their deadline before they are
+// served, ended by the service while the client gives up.
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "tests/rpc/estimate_client.h"
+#include "tests/support/finger_reader.h"
+
+namespace teletact::service {
+namespace {
+
+enum class End { kCancelAtOnce, kShortDeadline, kHalfClose, kWriteThenCancel };
+constexpr End kEnds[] = {End::kCancelAtOnce, End::kShortDeadline, End::kHalfClose, End::kWriteThenCancel};
+
+// One call of a stream, begun with `first` and ended in that way, whatever the service says meanwhile.
+template <class Begin, class Request, class Response>
+void begin_and_end(Begin begin, const Request& first, Response, End end) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + (end == End::kShortDeadline
+                                                               ? std::chrono::milliseconds(1)
+                                                               : std::chrono::milliseconds(60'000)));
+  const auto stream = begin(&context);
+  if (end != End::kCancelAtOnce) stream->Write(first);
+  if (end == End::kHalfClose) stream->WritesDone();
+  if (end == End::kCancelAtOnce || end == End::kWriteThenCancel) context.TryCancel();
+  Response response;
+  while (stream->Read(&response)) {
+  }
+  stream->Finish();
+}
+
+void try_touch(v1::Palpation::Stub& stub, const std::string& scene, End end) {
+  v1::TouchRequest first;
+  *first.mutable_open() = Toucher::open_on(scene);
+  begin_and_end([&](auto* context) { return stub.Touch(context); }, first, v1::TouchResponse(), end);
+}
+
+void try_watch(v1::Palpation::Stub& stub, const std::string& scene, End end) {
+  v1::WatchFingerRequest first;
+  first.set_scene_id(scene);
+  begin_and_end([&](auto* context) { return stub.WatchFinger(context); }, first, v1::FingerState(),
+                end == End::kHalfClose ? End::kWriteThenCancel : end);
+}
+
+// Several clients at once, each with a connection of its own.
+void try_all(RunningServer& server, const std::string& scene, int tries) {
+  constexpr int kClients = 4;
+  std::vector<std::thread> clients;
+  for (int c = 0; c < kClients; ++c)
+    clients.emplace_back([&, c] {
+      const auto stub = v1::Palpation::NewStub(server.channel());
+      for (int k = c; k < tries; k += kClients) {
+        const End end = kEnds[(k / kClients) % 4];
+        if (k % 8 == 7)
+          try_watch(*stub, scene, end);
+        else
+          try_touch(*stub, scene, end);
+      }
+    });
+  for (auto& client : clients) client.join();
+}
+
+void make_scene(RunningServer& server) {
+  grpc::ClientContext context;
+  v1::Scene scene;
+  ASSERT_TRUE(
+      v1::Palpation::NewStub(server.channel())->CreateScene(&context, uniform_scene("s"), &scene).ok());
+}
+
+TEST(Cancelled, RefusedTouchIsFinishedOnce) {
+  // GIVEN a service all of whose places are taken, by clients that are served
+  RunningServer server;
+  server->make_ready();
+  make_scene(server);
+  const auto channel = server.channel();
+  std::vector<std::unique_ptr<Toucher>> held;
+  for (std::size_t k = 0; k < Limits{}.most_touch_streams; ++k) {
+    held.push_back(std::make_unique<Toucher>(channel, "s"));
+    ASSERT_TRUE(held.back()->opened()) << k;
+  }
+  // WHEN others try, and give up at once
+  try_all(server, "s", 6000);
+  // THEN the service lives, and who was served still is
+  v1::TouchAnswer answer;
+  for (const auto& toucher : held) ASSERT_TRUE(toucher->touch(0.05, 0.002, &answer));
+  held.clear();
+  server->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(30));
+  EXPECT_EQ(server->core().calls.count(), 0U);
+}
+
+TEST(Cancelled, CallsOfAServiceThatStartsAreFinishedOnce) {
+  RunningServer server;  // not ready
+  try_all(server, "s", 2000);
+  server->make_ready();
+  make_scene(server);
+  Toucher toucher(server.channel(), "s");
+  EXPECT_TRUE(toucher.opened());
+}
+
+TEST(Cancelled, CallsOfAServiceThatDrainsAreFinishedOnce) {
+  for (int round = 0; round < 3; ++round) {
+    RunningServer server;
+    server->make_ready();
+    make_scene(server);
+    std::atomic<bool> stop{false};
+    std::vector<std::thread> clients;
+    for (int c = 0; c < 4; ++c)
+      clients.emplace_back([&, c] {
+        const auto stub = v1::Palpation::NewStub(server.channel());
+        for (int k = c; !stop; ++k)
+          k % 3 == 0 ? try_watch(*stub, "s", kEnds[k % 4]) : try_touch(*stub, "s", kEnds[k % 4]);
+      });
+    std::this_thread::sleep_for(std::chrono::milliseconds(100 + 50 * round));
+    server->drain();
+    stop = true;
+    for (auto& client : clients) client.join();
+    EXPECT_EQ(server->core().calls.count(), 0U);
+  }
+}
+
+TEST(Cancelled, StreamsWhoseSceneIsDeletedAreFinishedOnce) {
+  RunningServer server;
+  server->make_ready();
+  std::atomic<bool> stop{false};
+  std::vector<std::thread> clients;
+  for (int c = 0; c < 4; ++c)
+    clients.emplace_back([&, c] {
+      const auto stub = v1::Palpation::NewStub(server.channel());
+      for (int k = c; !stop; ++k)
+        k % 3 == 0 ? try_watch(*stub, "s", kEnds[k % 4]) : try_touch(*stub, "s", kEnds[k % 4]);
+    });
+  const auto stub = v1::Palpation::NewStub(server.channel());
+  for (int round = 0; round < 20; ++round) {
+    make_scene(server);
+    grpc::ClientContext context;
+    v1::DeleteSceneRequest request;
+    v1::DeleteSceneResponse response;
+    request.set_scene_id("s");
+    EXPECT_TRUE(stub->DeleteScene(&context, request, &response).ok());
+  }
+  stop = true;
+  for (auto& client : clients) client.join();
+  server->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(30));
+  EXPECT_EQ(server->core().calls.count(), 0U);
+}
+
+}  // namespace
+}  // namespace teletact::service
