@@ -38,8 +38,10 @@ void TouchReactor::take(const v1::TouchRequest& request) {
     open(request.open());
   else if (request.has_pose())
     take_pose(request.pose());
+  else if (request.has_hand_over() && session_)
+    board().hand_over(finger_, request.hand_over().session_id(), Clock::now());
   else
-    throw std::invalid_argument("kind: empty request; send open, then pose");
+    throw std::invalid_argument("kind: empty request, or hand_over before open; send open, then pose");
 }
 
 void TouchReactor::check() const {
@@ -70,13 +72,17 @@ void TouchReactor::open(const v1::TouchOpen& open) {
         fmt::format("open.credit: {} is more than {}; ask for fewer answers in flight", credit_,
                     core_.limits.most_credit));
   period_ = period_from(open.period_s(), core_.limits);
+  if (open.session_id().size() > kMostSessionIdBytes)
+    throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
+                                            open.session_id().size(), kMostSessionIdBytes));
   name_ = shown(open.session_id());
   auto scene = core_.scenes.find(open.scene_id());
   session_ = std::make_unique<TouchSession>(scene, touch_options_from(open), core_.device);
   spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}", id(),
                name_, scene->id(), context_->peer(), credit_, std::chrono::duration<double>(period_).count());
-  opened_ = true;
   heard_ = Clock::now();
+  finger_ = board().join(open.session_id(), heard_);
+  opened_ = true;
   if (!hold()) return;
   try {
     thread_ = std::thread([this] { solve_and_write(); });
@@ -102,7 +108,7 @@ void TouchReactor::take_pose(const v1::ContactPose& pose) {
   last_sequence_ = pose.sequence();
   heard_ = arrived;
   acknowledged_ = pose.acknowledged();
-  session_->scene()->finger().arrive(position_m, velocity_m_s, monotonic_ns(arrived));
+  board().arrive(finger_, position_m, velocity_m_s, arrived);
   ++poses_;
   poses_lost_ += inbox_.put({pose, arrived});
 }
@@ -120,12 +126,20 @@ void TouchReactor::solve_and_write() {
     due = std::max(due, Clock::now() - period_) + period_;
     during([&] { write_answer(*pose); });
   }
-  release();  // last: OnDone may follow at once
+  board().leave(finger_, Clock::now());  // here already: the end itself may wait for the peer
+  release();                             // last: OnDone may follow at once
+}
+
+template <class Message>
+void TouchReactor::steering_to(Message& out) {
+  FingerBoard::Steering steering = board().steering(finger_, Clock::now());
+  out.set_steers(steering.steers);
+  out.set_steered_by(std::move(steering.by));
 }
 
 void TouchReactor::write_opened() {
   v1::TouchOpened* opened = response_.mutable_opened();
-  const double finger_x_m = session_->scene()->finger().now().position_m[0];
+  const double finger_x_m = board().now().position_m[0];
   const Covered covered = session_->scene()->snapshot()->covered_around(finger_x_m);
   opened->set_period_s(std::chrono::duration<double>(period_).count());
   opened->set_credit(credit_);
@@ -133,6 +147,7 @@ void TouchReactor::write_opened() {
   opened->set_line_y_m(session_->line_y_m());
   opened->set_covered_begin_m(covered.begin_m);
   opened->set_covered_end_m(covered.end_m);
+  steering_to(*opened);
   write(response_);
 }
 
@@ -153,6 +168,7 @@ void TouchReactor::write_answer(const Pose& pose) {
     answer->mutable_model_stamp()->set_monotonic_ns(monotonic_ns(solved.taken_in));
     answer->mutable_model_stamp()->set_instance(core_.instance);
   }
+  steering_to(*answer);
   answer->mutable_answer_stamp()->set_monotonic_ns(monotonic_ns());
   answer->mutable_answer_stamp()->set_instance(core_.instance);
   ++written_;  // before the write: its acknowledgement may be quicker than we are
@@ -162,6 +178,7 @@ void TouchReactor::write_answer(const Pose& pose) {
 void TouchReactor::closed() {
   if (thread_.joinable()) thread_.join();
   if (!session_) return;
+  board().leave(finger_, Clock::now());
   spdlog::info(
       "event=touch_closed stream={} session=\"{}\" scene={} poses={} poses_replaced={} answers={} code={}",
       id(), name_, session_->scene()->id(), poses_, poses_lost_, written_.load(),

@@ -21,6 +21,7 @@ namespace v1 = ::teletact::v1;
 class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchResponse> {
  public:
   static constexpr double kDefaultPeriodS = 0.002;
+  static constexpr std::size_t kMostSessionIdBytes = 64;
 
   TouchReactor(Core&, grpc::CallbackServerContext*);
   static TouchReactor* serve(Core&, grpc::CallbackServerContext*);
@@ -40,12 +41,16 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
 
   void open(const v1::TouchOpen&);
   void take_pose(const v1::ContactPose&);
+  FingerBoard& board() { return session_->scene()->finger(); }
   void solve_and_write();  // the stream's thread
+  template <class Message>
+  void steering_to(Message&);
   void write_opened();
   void write_answer(const Pose&);
 
   Core& core_;
-  std::string name_;  // for logs: the client's session id
+  std::string name_;                // for logs: the client's session id
+  FingerBoard::Stream finger_ = 0;  // this stream's at the scene's board
 
   // gRPC's reading thread.
   std::uint64_t last_sequence_ = 0;

@@ -61,7 +61,7 @@ bool WatchReactor::compose(Clock::time_point now) {
     return false;
   }
   if (written_ > 0 && now - since_ < seconds(1 / core_.limits.most_finger_rate_hz)) return false;
-  const Finger finger = scene_->finger().now();
+  const Finger finger = scene_->finger().at(now);
   // One that rests is told all the same: watchers take silence for a dead link, and proxies for an idle one.
   if (written_ > 0 && finger.generation == generation_ && now - since_ < kHeartbeat) return false;
   generation_ = finger.generation;
@@ -69,6 +69,7 @@ bool WatchReactor::compose(Clock::time_point now) {
   state_.Clear();
   state_.set_state(++written_);
   state_.set_present(finger.present);
+  state_.set_session_id(finger.session_id);
   state_.set_scene_version(scene_->snapshot()->version);
   if (finger.stamp_ns == 0) return true;
   for (const double x_m : finger.position_m) state_.add_position_m(x_m);

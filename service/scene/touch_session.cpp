@@ -58,11 +58,9 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       line_(scene_->line_near(options.line_y_m)) {
   check_fingertip(options_.fingertip, scene_->limits());
   scene_->use_line(line_);
-  scene_->finger().attach();
 }
 
 TouchSession::~TouchSession() {
-  scene_->finger().detach();
   scene_->leave_line(line_);
 }
 

@@ -43,7 +43,7 @@ struct TouchAnswer {
   std::optional<ForeseenTouch> foreseen;  // only out of contact, where it can be told and trusted
 };
 
-// Not thread-safe: one thread solves. Shows its finger on the scene's board while it lives.
+// Not thread-safe: one thread solves.
 class TouchSession {
  public:
   static constexpr double kHysteresisM = 0.002;

@@ -155,21 +155,5 @@ TEST_F(SceneWithWindows, LineThatIsHeldCannotBeTouched) {
   EXPECT_THROW(scene.line_near(std::nan("")), std::invalid_argument);
 }
 
-TEST(FingerBoard, ShowsTheNewestFinger) {
-  FingerBoard board;
-  EXPECT_FALSE(board.now().present);
-  board.attach(), board.attach();
-  board.arrive({1, 2, 3}, {4, 5, 6}, 7);
-  const Finger finger = board.now();
-  EXPECT_TRUE(finger.present);
-  EXPECT_EQ(finger.position_m[0], 1);
-  EXPECT_EQ(finger.stamp_ns, 7);
-  EXPECT_EQ(board.now().generation, finger.generation);
-  board.detach();
-  EXPECT_TRUE(board.now().present);
-  board.detach();
-  EXPECT_FALSE(board.now().present);
-}
-
 }  // namespace
 }  // namespace teletact::service
