@@ -42,7 +42,8 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double
   sample.position_m = plane(answer.position_m());
 
   const v1::TouchStatus status = answer.status();
-  out.has_force = status != v1::TOUCH_STATUS_FAILED && status != v1::TOUCH_STATUS_UNSPECIFIED;
+  out.has_force = status == v1::TOUCH_STATUS_OK || status == v1::TOUCH_STATUS_DEGRADED ||
+                  status == v1::TOUCH_STATUS_NOT_COVERED;
   out.covered = status != v1::TOUCH_STATUS_NOT_COVERED;
   out.degraded = status == v1::TOUCH_STATUS_DEGRADED;
   if (!out.has_force || !out.covered) return out;

@@ -199,7 +199,7 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   }
   shared_.answered_sequence = std::max(shared_.answered_sequence, answer.sequence());
   take_stamps(answer, *converted);
-  if (!converted->has_force) ++stats_.failed;
+  if (!converted->has_force && answer.status() != v1::TOUCH_STATUS_PREPARING) ++stats_.failed;
   if (answer.status() == v1::TOUCH_STATUS_DEGRADED) ++stats_.degraded;
   log_warning(answer, received_ns);
   covered_ = converted->covered;

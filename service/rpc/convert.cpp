@@ -255,6 +255,8 @@ v1::TouchStatus status_to(TouchStatus status) {
       return v1::TOUCH_STATUS_DEGRADED;
     case TouchStatus::kFailed:
       return v1::TOUCH_STATUS_FAILED;
+    case TouchStatus::kPreparing:
+      return v1::TOUCH_STATUS_PREPARING;
   }
   return v1::TOUCH_STATUS_UNSPECIFIED;
 }

@@ -34,6 +34,11 @@ void VersionCounter::used(std::uint64_t version) {
   next_ = version + 1;
 }
 
+void WindowModel::set_model(std::shared_ptr<const TissueModel> made) {
+  model = std::move(made);
+  lines = std::make_shared<PreparedLines>(model);
+}
+
 std::shared_ptr<const WindowModel> SceneSnapshot::window_at(double x_m, std::uint64_t current,
                                                             double hysteresis_m) const {
   std::shared_ptr<const WindowModel> best;
@@ -50,10 +55,13 @@ std::shared_ptr<const WindowModel> SceneSnapshot::window_at(double x_m, std::uin
   return best;
 }
 
+bool adjoin(const WindowModel& a, const WindowModel& b) {
+  return a.begin_m - Scene::kSameWindowM < b.end_m && a.end_m + Scene::kSameWindowM > b.begin_m;
+}
+
 bool SceneSnapshot::lone(const WindowModel& window) const {
   return map && std::none_of(windows.begin(), windows.end(), [&window](const auto& other) {
-           return other->id != window.id && other->begin_m - Scene::kSameWindowM < window.end_m &&
-                  other->end_m + Scene::kSameWindowM > window.begin_m;
+           return other->id != window.id && adjoin(*other, window);
          });
 }
 
@@ -121,7 +129,7 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
   window->begin_m = explicit_->x_m.front();
   // The last column belongs to the tissue too.
   window->end_m = std::nextafter(explicit_->x_m.back(), HUGE_VAL);
-  window->model = explicit_model(geometry_, *explicit_);
+  window->set_model(explicit_model(geometry_, *explicit_));
   window->version = versions_->next();
   auto snapshot = std::make_shared<SceneSnapshot>();
   snapshot->version = window->version;
@@ -146,9 +154,9 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
   }
   for (const WindowRecord& kept : record.windows) {
     auto window = std::make_shared<WindowModel>();
-    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr, {}, kept.evidence};
-    window->model = explicit_ ? explicit_model(geometry_, *explicit_)
-                              : build_strip(geometry_, *snapshot->map, kept.begin_m, kept.end_m, strip_);
+    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr, {}, kept.evidence, nullptr};
+    window->set_model(explicit_ ? explicit_model(geometry_, *explicit_)
+                                : build_strip(geometry_, *snapshot->map, kept.begin_m, kept.end_m, strip_));
     snapshot->windows.push_back(std::move(window));
   }
   snapshot_ = snapshot;
@@ -262,8 +270,8 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   check();
   const auto same = std::find_if(old->windows.begin(), old->windows.end(),
                                  [&](const auto& other) { return other->id == window->id; });
-  window->model = build(*map, window->begin_m, window->end_m,
-                        same == old->windows.end() ? nullptr : (*same)->model.get());
+  window->set_model(build(*map, window->begin_m, window->end_m,
+                          same == old->windows.end() ? nullptr : (*same)->model.get()));
   check();
   window->version = versions_->next();
   next_window_id_ = std::max(next_window_id_, window->id + 1);
@@ -332,7 +340,7 @@ bool Scene::refresh_stale_window() {
     return false;
   }
   auto fresh = std::make_shared<WindowModel>(*nearest);
-  fresh->model = build(*old->map, nearest->begin_m, nearest->end_m, nearest->model.get());
+  fresh->set_model(build(*old->map, nearest->begin_m, nearest->end_m, nearest->model.get()));
   fresh->version = versions_->next();
   stale_.erase(nearest->id);  // not before: what fails stays stale
   auto next = std::make_shared<SceneSnapshot>(*old);
@@ -341,19 +349,6 @@ bool Scene::refresh_stale_window() {
                std::shared_ptr<const WindowModel>(fresh));
   swap_in(next);
   return !stale_.empty();
-}
-
-bool Scene::measure_rounding() const {
-  const Finger finger = finger_.now();
-  const auto window = snapshot()->window_at(finger.position_m[0], 0, 0);
-  if (!finger.present || !window) return false;
-  std::vector<std::size_t> lines;
-  {
-    const std::lock_guard lock(users_);
-    lines.assign(lines_in_use_.begin(), lines_in_use_.end());
-  }
-  return std::any_of(lines.begin(), lines.end(),
-                     [&](std::size_t line) { return window->model->measure_rounding(line); });
 }
 
 void Scene::use_line(std::size_t line) {

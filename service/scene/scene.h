@@ -18,6 +18,7 @@
 
 #include "service/scene/finger.h"
 #include "service/scene/geometry.h"
+#include "service/scene/prepared_lines.h"
 #include "service/scene/state_store.h"
 #include "service/scene/stitched_map.h"
 #include "service/scene/strip.h"
@@ -47,7 +48,13 @@ struct WindowModel {
   // When its modulus came in; the epoch where that is not known (read from disk after a restart).
   std::chrono::steady_clock::time_point taken_in{};
   std::shared_ptr<const WindowEvidence> evidence;  // null for an explicit modulus, and where none was kept
+  std::shared_ptr<PreparedLines> lines;            // of the model
+
+  void set_model(std::shared_ptr<const TissueModel>);
 };
+
+// Whether they touch or overlap.
+bool adjoin(const WindowModel&, const WindowModel&);
 
 struct Covered {
   double begin_m = 0, end_m = 0;
@@ -106,9 +113,9 @@ class Scene {
   // when the finger is handed over. False when none is stale.
   bool refresh_stale_window();
 
-  // Measures, step by step, how far rounding puts off what is felt under the finger (TissueModel). False when
-  // nothing is left to do.
-  bool measure_rounding() const;
+  // Who does what touches ask for and must not wait for. Said once, before the scene is known to others.
+  void set_touch_work(TouchWork work) { touch_work_ = std::move(work); }
+  const TouchWork& touch_work() const { return touch_work_; }
 
   // Touch streams name the interior lines that they use; new models are condensed on them before they are
   // swapped in, so that a touch never waits for that.
@@ -150,6 +157,7 @@ class Scene {
   mutable std::mutex users_;
   std::multiset<std::size_t> lines_in_use_;
   std::atomic<bool> deleted_{false};
+  TouchWork touch_work_;
 };
 
 }  // namespace teletact::service

@@ -71,6 +71,8 @@ Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limit
 
 Scenes::~Scenes() {
   worker_.stop();
+  preparer_->stop();
+  measurer_->stop();
   keeper_.finish();
 }
 
@@ -79,8 +81,7 @@ void Scenes::restore() {
   for (const SceneRecord& record : store_->load()) try {
       versions_->used(record.version);
       auto scene = std::make_shared<Scene>(record, versions_, limits_);
-      const std::lock_guard lock(mutex_);
-      scenes_[record.id] = scene;
+      add(scene);
       spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
                    record.windows.size());
     } catch (const std::exception& error) {
@@ -118,12 +119,20 @@ std::shared_ptr<Scene> Scenes::create(const std::string& wanted_id, const SceneG
     being_made_.erase(id);
     throw;
   }
-  const std::lock_guard lock(mutex_);
-  being_made_.erase(id);
-  scenes_[id] = scene;
+  add(scene);
   spdlog::info("event=scene_created scene={} version={} width_m={} depth_m={}", id,
                scene->snapshot()->version, geometry.width_m, geometry.depth_m);
   return scene;
+}
+
+void Scenes::add(const std::shared_ptr<Scene>& scene) {
+  const auto on = [](const std::shared_ptr<NicedWorker>& worker) {
+    return [worker](std::function<void()> job) { worker->post(JobUrgency::kBackground, std::move(job)); };
+  };
+  scene->set_touch_work({on(preparer_), on(measurer_)});
+  const std::lock_guard lock(mutex_);
+  being_made_.erase(scene->id());
+  scenes_[scene->id()] = scene;
 }
 
 std::shared_ptr<Scene> Scenes::find(const std::string& id) const {
@@ -183,7 +192,7 @@ void Scenes::refresh_later(const std::shared_ptr<Scene>& scene) {
     // One window per job: a new estimate goes before the rest.
     const bool more = scene->refresh_stale_window();
     keep_later(scene);
-    if (more || scene->measure_rounding()) refresh_later(scene);
+    if (more) refresh_later(scene);
   });
 }
 

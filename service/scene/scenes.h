@@ -39,6 +39,7 @@ class Scenes {
   void keep(const std::shared_ptr<Scene>&);
   void keep_later(const std::shared_ptr<Scene>&);
   void refresh_later(const std::shared_ptr<Scene>&);
+  void add(const std::shared_ptr<Scene>&);
   const Limits limits_;
   std::unique_ptr<StateStore> store_;
   std::shared_ptr<VersionCounter> versions_;
@@ -48,6 +49,9 @@ class Scenes {
   std::set<const Scene*> refreshing_, keeping_;  // a background job waits for them
   std::mutex disk_;
   // Last: their jobs use all of the above.
+  // Scenes may outlive this: what they ask for then is dropped.
+  const std::shared_ptr<NicedWorker> preparer_ = std::make_shared<NicedWorker>(),
+                                     measurer_ = std::make_shared<NicedWorker>();
   NicedWorker keeper_;  // writes state, so that a slow disk does not hold up imaging
   NicedWorker worker_;
 };

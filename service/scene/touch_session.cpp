@@ -96,21 +96,48 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
     answer.path = SolvePath::kAuto;
     return answer;
   }
-  if (window != window_) window_ = window, compliance_.reset();
   answer.window_id = window->id;
-  answer.model_version = window->version;
-  answer.taken_in = window->taken_in;
-  for (const std::string_view flag : snapshot->flags_of(*window)) answer.window_flags.emplace_back(flag);
   try {
-    solve_contact_into(answer, *window, x_m, y_m);
-    judge(answer, *window, *snapshot, {x_m, y_m - line_y_m()});
-    if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*window, *snapshot, x_m);
+    if (!enter(window, *snapshot)) {
+      answer.status = TouchStatus::kPreparing;
+      answer.path = SolvePath::kAuto;
+      answer.warning = fmt::format(
+          "the touched line, {:.4f} m deep, is being made ready in this window; hold the finger above",
+          line_y_m());
+      return answer;
+    }
+    answer.model_version = window_->version;
+    answer.taken_in = window_->taken_in;
+    for (const std::string_view flag : snapshot->flags_of(*window_)) answer.window_flags.emplace_back(flag);
+    solve_contact_into(answer, *window_, x_m, y_m);
+    judge(answer, *window_, *snapshot, {x_m, y_m - line_y_m()});
+    if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*window_, *snapshot, x_m);
   } catch (const std::exception& error) {  // the model's or the solver's limits, not the client's fault
     answer.contact = {};
     answer.status = TouchStatus::kFailed;
     answer.warning = error.what();
   }
   return answer;
+}
+
+// False while the window's line is being made. Until a newer model of the same window has it, the one before
+// answers.
+bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot) {
+  if (window == window_) return true;
+  const TouchWork& work = scene_->touch_work();
+  const bool by_pcg = options_.path == SolvePath::kPcg;
+  if (window_ && window_->id != window->id) window_.reset(), compliance_.reset();
+  auto compliance = window->lines->get(line_, by_pcg ? device_ : nullptr, work.prepare);
+  if (!compliance) return window_ != nullptr;
+  window_ = window, compliance_ = std::move(compliance);
+  if (by_pcg || !work.prepare) return true;
+  window_->lines->measure_rounding(line_, work.measure);
+  for (const auto& next : snapshot.windows)  // where the finger may go from here
+    if (next != window && adjoin(*next, *window)) try {
+        next->lines->get(line_, nullptr, work.prepare);
+      } catch (const std::exception&) {  // said when the finger is there
+      }
+  return true;
 }
 
 // Solves columns within `reach_m` of x, the nearest first, for no longer than about this; false when some are
@@ -132,9 +159,6 @@ bool TouchSession::prepare(const WindowModel& window, double x_m, double reach_m
 void TouchSession::solve_contact_into(TouchAnswer& answer, const WindowModel& window, double x_m,
                                       double y_m) {
   answer.path = options_.path == SolvePath::kPcg ? SolvePath::kPcg : SolvePath::kCompliance;
-  if (!compliance_)
-    compliance_ = answer.path == SolvePath::kPcg ? window.model->iterative(line_, device_)
-                                                 : window.model->condensed(line_);
   const ContactPose pose{x_m, y_m - line_y_m()};
   const bool by_pcg = answer.path == SolvePath::kPcg;
   if (by_pcg && pose.indentation_m > 0 &&

@@ -17,7 +17,7 @@ namespace teletact::service {
 class Device;
 
 enum class SolvePath { kAuto, kCompliance, kPcg };
-enum class TouchStatus { kOk, kNotCovered, kDegraded, kFailed };
+enum class TouchStatus { kOk, kNotCovered, kDegraded, kFailed, kPreparing };
 
 struct TouchOptions {
   Fingertip fingertip;
@@ -73,11 +73,12 @@ class TouchSession {
   const std::shared_ptr<Scene>& scene() const { return scene_; }
 
   // Throws std::invalid_argument for a pose that is not finite. Everything else is an answer: NOT_COVERED
-  // (beside the tissue or deeper than it, too), FAILED with zero force, DEGRADED with a warning.
+  // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a warning.
   TouchAnswer solve(double x_m, double y_m);
 
  private:
   std::string outside(double x_m, double y_m) const;
+  bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&);
   bool prepare(const WindowModel&, double x_m, double reach_m, std::chrono::milliseconds);
   void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
   void judge(TouchAnswer&, const WindowModel&, const SceneSnapshot&, const ContactPose&) const;
@@ -89,8 +90,8 @@ class TouchSession {
   const TouchOptions options_;
   const std::shared_ptr<Device> device_;
   std::size_t line_;
-  std::shared_ptr<const WindowModel> window_;  // under the finger
-  std::shared_ptr<Compliance> compliance_;     // of window_'s line
+  std::shared_ptr<const WindowModel> window_;  // that answers: the one under the finger, or that before it
+  std::shared_ptr<Compliance> compliance_;     // of window_'s line; there whenever window_ is
 };
 
 }  // namespace teletact::service

@@ -244,6 +244,15 @@ std::shared_ptr<Compliance> TissueModel::condensed(std::size_t line, const Tissu
   return condensed;
 }
 
+std::shared_ptr<Compliance> TissueModel::made(std::size_t line) const {
+  check_free(line);
+  if (line == 0) return lines_->surface;
+  const std::lock_guard lock(lines_->kept_mutex);
+  const auto found = std::find_if(lines_->kept.begin(), lines_->kept.end(),
+                                  [line](const auto& kept) { return kept.first == line; });
+  return found == lines_->kept.end() ? nullptr : found->second;
+}
+
 // A line with what its successor may take over: compliance, 20 freedoms^2 bytes, and sides (T4.2c).
 void TissueModel::keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const {
   const std::size_t touched = touchable_.last - touchable_.first + 1, lines = lines_->free.lines();

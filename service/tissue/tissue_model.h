@@ -60,6 +60,8 @@ class TissueModel {
   // The condensed compliance of grid row `line` (0 = the natural surface). Throws std::out_of_range when the
   // row is fixed or absent. `before`: as above, used where the line has not been condensed yet.
   std::shared_ptr<Compliance> condensed(std::size_t line, const TissueModel* before = nullptr) const;
+  // The same where it is ready, null where it would have to be made: never waits for a condensation.
+  std::shared_ptr<Compliance> made(std::size_t line) const;
   // The same by preconditioned conjugate gradients on `device`, columns computed when asked for. The model
   // keeps one for each line and device, solved by iterative_options, so that the columns are kept too; with
   // options of its own it is a new one. Throws std::out_of_range as above, DeviceError when the device cannot

@@ -24,6 +24,13 @@ TEST(Convert, TheServicesDoubtReachesTheServo) {
   EXPECT_EQ(doubted->sample.force_n, good->sample.force_n);
 }
 
+TEST(Convert, WhileALineIsBeingPreparedThereIsNoForce) {
+  const auto preparing = to_servo_answer(answer(v1::TOUCH_STATUS_PREPARING), 0, 0.002, 1);
+  ASSERT_TRUE(preparing);
+  EXPECT_FALSE(preparing->has_force);
+  EXPECT_FALSE(preparing->degraded);
+}
+
 TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   ServoTick tick;
   tick.state = ServoState::kPaused;

@@ -123,6 +123,23 @@ TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
   EXPECT_NEAR(pcg.force_n(1), compliance.force_n(1), 2e-3 * std::abs(compliance.force_n(1)));
 }
 
+// Its first answers come while it is made elsewhere, and say so.
+TEST_F(Palpation, InteriorLineIsPreparedBeforeItHasAForce) {
+  v1::TouchOpen open = Toucher::open_on("uniform");
+  open.set_line_y_m(0.02);
+  Toucher toucher(channel, open);
+  v1::TouchOpened opened;
+  ASSERT_TRUE(toucher.opened(&opened));
+  v1::TouchAnswer first, ready;
+  ASSERT_TRUE(toucher.send(0.05, opened.line_y_m() + 0.002) && toucher.read(&first));
+  EXPECT_EQ(first.status(), v1::TOUCH_STATUS_PREPARING);
+  EXPECT_EQ(first.force_n(1), 0);
+  EXPECT_NE(first.warning(), "");
+  ASSERT_TRUE(toucher.touch(0.05, opened.line_y_m() + 0.002, &ready));
+  EXPECT_EQ(ready.status(), v1::TOUCH_STATUS_OK) << ready.warning();
+  EXPECT_LT(ready.force_n(1), 0);
+}
+
 TEST_F(Palpation, SilentReaderGetsNoMoreThanItsCredit) {
   v1::TouchOpen open = Toucher::open_on("uniform");
   open.set_credit(3);

@@ -139,7 +139,13 @@ class Toucher {
     return response.has_answer();
   }
   // One pose and its answer; false when the stream has ended.
-  bool touch(double x_m, double y_m, v1::TouchAnswer* answer) { return send(x_m, y_m) && read(answer); }
+  // The first answer after what is touched has been made ready.
+  bool touch(double x_m, double y_m, v1::TouchAnswer* answer) {
+    do {
+      if (!send(x_m, y_m) || !read(answer)) return false;
+    } while (answer->status() == v1::TOUCH_STATUS_PREPARING);
+    return true;
+  }
   // Half-closes; `unread` counts the answers that were still to come.
   grpc::Status finish(std::size_t* unread = nullptr) {
     stream_->WritesDone();

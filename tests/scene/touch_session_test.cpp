@@ -92,21 +92,6 @@ TEST_F(Session, AnswersWithTheForceOfItsPose) {
   EXPECT_EQ(off.contact.force_n[1], 0);
 }
 
-TEST_F(Session, StatesItsErrorCloselyOnceRoundingIsMeasured) {
-  EXPECT_FALSE(scene->measure_rounding());  // nobody touches
-  TouchSession session(scene, {}, nullptr);
-  const auto now = FingerBoard::Clock::now();
-  scene->finger().arrive(scene->finger().join("", now), {0.06, 0.003, 0}, {}, now);
-  const TouchAnswer before = session.solve(0.06, 0.003);
-  int steps = 0;
-  while (scene->measure_rounding()) ++steps;
-  EXPECT_EQ(steps, 3);
-  const TouchAnswer after = session.solve(0.06, 0.003);
-  EXPECT_EQ(after.contact.force_n, before.contact.force_n);
-  EXPECT_GT(after.contact.solve.relative_error, 0);
-  EXPECT_LT(after.contact.solve.relative_error, before.contact.solve.relative_error / 100);
-}
-
 TEST_F(Session, OutOfContactItTellsTheLightTouchThatWaitsBelow) {
   TouchSession session(scene, {}, nullptr);
   for (const double x_m : {0.03, 0.0301, 0.06, 0.0899}) {

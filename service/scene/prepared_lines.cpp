@@ -1,0 +1,70 @@
+#include "service/scene/prepared_lines.h"
+
+#include <spdlog/spdlog.h>
+
+#include <stdexcept>
+
+namespace teletact::service {
+
+std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shared_ptr<Device>& device,
+                                               const TouchWork::Run& run) {
+  if (!device)
+    if (auto made = model_->made(line)) return made;
+  const Key key{line, device};
+  if (!run) return make(key);
+  {
+    const std::lock_guard lock(mutex_);
+    Line& state = lines_[key];
+    if (auto made = state.iterative.lock()) return made;
+    if (state.making) return nullptr;
+    if (!state.error.empty() && Clock::now() < state.retry) throw std::runtime_error(state.error);
+    state.making = true;
+  }
+  run([self = shared_from_this(), key] { self->make_for_others(key); });
+  return nullptr;
+}
+
+std::shared_ptr<Compliance> PreparedLines::make(const Key& key) const {
+  return key.second ? model_->iterative(key.first, key.second) : model_->condensed(key.first);
+}
+
+void PreparedLines::make_for_others(const Key& key) {
+  std::shared_ptr<Compliance> made;
+  std::string error;
+  try {
+    made = make(key);
+  } catch (const std::exception& e) {
+    error = e.what();
+    spdlog::warn("event=line_not_prepared line={} error=\"{}\"", key.first, error);
+  }
+  const std::lock_guard lock(mutex_);
+  Line& state = lines_[key];
+  if (key.second) state.iterative = made;
+  state.making = false;
+  state.error = std::move(error);
+  state.retry = Clock::now() + kRetry;
+}
+
+void PreparedLines::measure_rounding(std::size_t line, const TouchWork::Run& run) {
+  if (!run) return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!measured_.insert(line).second) return;
+  }
+  measure_a_step(line, run);
+}
+
+// One step for each job, so that several lines share the thread.
+void PreparedLines::measure_a_step(std::size_t line, const TouchWork::Run& run) {
+  run([weak = weak_from_this(), line, run] {
+    const auto self = weak.lock();
+    if (!self) return;  // nobody touches it any more
+    try {
+      if (self->model_->measure_rounding(line)) self->measure_a_step(line, run);
+    } catch (const std::exception& e) {  // the bound made beforehand stands
+      spdlog::warn("event=rounding_not_measured line={} error=\"{}\"", line, e.what());
+    }
+  });
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,60 @@
+// The lines of one model that touches ask for. Making one ready takes from milliseconds to seconds, so it is
+// done elsewhere: a touch gets the line where it is there, and nothing while it is being made.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "service/tissue/tissue_model.h"
+
+namespace teletact::service {
+
+// Has jobs done that a touch asks for and must not wait for, some time, on other threads. Empty ones: nobody
+// does; lines are then made in place, and rounding is not measured.
+struct TouchWork {
+  using Run = std::function<void(std::function<void()>)>;
+  Run prepare, measure;
+};
+
+// Thread-safe.
+class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
+ public:
+  // A line that could not be made is tried again after this long; until then asking for it says why.
+  static constexpr std::chrono::seconds kRetry{1};
+
+  explicit PreparedLines(std::shared_ptr<const TissueModel> model) : model_(std::move(model)) {}
+
+  // The compliance of `line`, by PCG on `device` or, where that is null, condensed. Null while it is being
+  // made, which this asks `run` for. Throws what making it in place throws, std::runtime_error with the
+  // reason where it could not be made elsewhere.
+  std::shared_ptr<Compliance> get(std::size_t line, const std::shared_ptr<Device>& device,
+                                  const TouchWork::Run& run);
+  // Has it measured what rounding does to the condensed line, once.
+  void measure_rounding(std::size_t line, const TouchWork::Run& run);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  using Key = std::pair<std::size_t, std::shared_ptr<Device>>;
+  struct Line {
+    bool making = false;
+    std::weak_ptr<Compliance> iterative;  // condensed ones are the model's to keep
+    std::string error;                    // why it could not be made, the last time
+    Clock::time_point retry{};
+  };
+  std::shared_ptr<Compliance> make(const Key&) const;
+  void make_for_others(const Key&);
+  void measure_a_step(std::size_t line, const TouchWork::Run& run);
+
+  const std::shared_ptr<const TissueModel> model_;
+  std::mutex mutex_;  // held for looking things up only
+  std::map<Key, Line> lines_;
+  std::set<std::size_t> measured_;  // or being so
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,144 @@
+// What a touch asks for and must not wait for: lines made elsewhere, rounding measured for whatever is
+// touched.
+#include "service/scene/prepared_lines.h"
+
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <thread>
+
+#include "service/device/device.h"
+#include "service/scene/scenes.h"
+#include "service/scene/touch_session.h"
+#include "tests/scene/windows.h"
+
+namespace teletact::service {
+namespace {
+
+// Two windows, [0.03, 0.06) and [0.06, 0.09) m; what touches ask for waits here until it is told to go on.
+class TouchedLater : public testing::Test {
+ protected:
+  TouchedLater() {
+    for (const double x_m : {0.03, 0.06}) publish(x_m, 10e3);
+    const auto into = [](std::deque<std::function<void()>>& jobs) {
+      return [&jobs](std::function<void()> job) { jobs.push_back(std::move(job)); };
+    };
+    scene->set_touch_work({into(preparing), into(measuring)});
+  }
+  void publish(double x_m, double modulus_pa) {
+    scene->publish(window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03), {});
+  }
+  static std::size_t do_all(std::deque<std::function<void()>>& jobs) {
+    std::size_t done = 0;
+    for (; !jobs.empty(); ++done) {
+      const auto job = std::move(jobs.front());
+      jobs.pop_front();
+      job();
+    }
+    return done;
+  }
+  static TouchOptions inside() {
+    TouchOptions options;
+    options.line_y_m = 0.010;
+    return options;
+  }
+  static void expect_preparing(const TouchAnswer& answer) {
+    EXPECT_EQ(answer.status, TouchStatus::kPreparing);
+    EXPECT_EQ(answer.contact.force_n[0], 0);
+    EXPECT_EQ(answer.contact.force_n[1], 0);
+    EXPECT_NE(answer.window_id, 0U);
+    EXPECT_NE(answer.warning.find("made ready"), std::string::npos) << answer.warning;
+    EXPECT_FALSE(answer.foreseen.has_value());
+  }
+  std::shared_ptr<Scene> scene = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
+  std::deque<std::function<void()>> preparing, measuring;
+};
+
+TEST_F(TouchedLater, AnInteriorLineIsNeverMadeByTheTouch) {
+  TouchSession session(scene, inside(), nullptr);
+  EXPECT_TRUE(preparing.empty());  // opening asks for nothing yet: where the finger is, is not known
+  for (int k = 0; k < 3; ++k) expect_preparing(session.solve(0.045, 0.012));
+  EXPECT_EQ(preparing.size(), 1U) << "asked for once";
+  EXPECT_FALSE(scene->snapshot()->windows[0]->model->made(scene->line_near(0.010)));
+  do_all(preparing);
+  const TouchAnswer answer = session.solve(0.045, 0.012);
+  EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+  EXPECT_LT(answer.contact.force_n[1], 0);
+  EXPECT_EQ(preparing.size(), 1U) << "the window that the finger may enter next";
+  do_all(preparing);
+  EXPECT_EQ(session.solve(0.075, 0.012).status, TouchStatus::kOk);
+}
+
+TEST_F(TouchedLater, AnotherWindowThatIsNotReadyIsSaidAndHasNoForce) {
+  TouchSession session(scene, inside(), nullptr);
+  session.solve(0.045, 0.012);
+  do_all(preparing);
+  EXPECT_EQ(session.solve(0.045, 0.012).status, TouchStatus::kOk);
+  expect_preparing(session.solve(0.075, 0.012));  // before its job was done
+  do_all(preparing);
+  EXPECT_EQ(session.solve(0.075, 0.012).status, TouchStatus::kOk);
+}
+
+TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLinesInUse) {
+  TouchSession surface(scene, {}, nullptr);
+  EXPECT_EQ(surface.solve(0.045, 0.002).status, TouchStatus::kOk);
+  EXPECT_TRUE(preparing.empty());
+  TouchSession session(scene, inside(), nullptr);
+  session.solve(0.045, 0.012);
+  do_all(preparing);
+  const TouchAnswer before = session.solve(0.045, 0.012);
+  publish(0.03, 20e3);
+  const TouchAnswer after = session.solve(0.045, 0.012);
+  EXPECT_EQ(after.status, TouchStatus::kOk);
+  EXPECT_GT(after.model_version, before.model_version);
+}
+
+TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
+  TouchOptions options;
+  options.path = SolvePath::kPcg;
+  TouchSession session(scene, options, Device::open());
+  expect_preparing(session.solve(0.045, -0.001));
+  do_all(preparing);
+  const TouchAnswer before = session.solve(0.045, -0.001);
+  EXPECT_EQ(before.status, TouchStatus::kOk);
+  publish(0.03, 20e3);
+  const TouchAnswer meanwhile = session.solve(0.045, -0.001);
+  EXPECT_EQ(meanwhile.status, TouchStatus::kOk);
+  EXPECT_EQ(meanwhile.model_version, before.model_version);
+  do_all(preparing);
+  EXPECT_GT(session.solve(0.045, -0.001).model_version, before.model_version);
+}
+
+TEST_F(TouchedLater, RoundingIsMeasuredForWhateverIsTouched) {
+  TouchSession session(scene, {}, nullptr), elsewhere(scene, {}, nullptr);
+  const TouchAnswer before = session.solve(0.045, 0.002);
+  elsewhere.solve(0.075, 0.002);  // entered by another finger
+  EXPECT_EQ(measuring.size(), 2U);
+  EXPECT_EQ(do_all(measuring), 2 * 4U);  // three samples each, and the look that finds nothing left
+  const TouchAnswer after = session.solve(0.045, 0.002);
+  EXPECT_EQ(after.contact.force_n, before.contact.force_n);
+  EXPECT_LT(after.contact.solve.relative_error, before.contact.solve.relative_error / 100);
+  EXPECT_FALSE(scene->snapshot()->windows[1]->model->measure_rounding(0));
+  session.solve(0.075, 0.002);
+  EXPECT_TRUE(measuring.empty()) << "measured once";
+}
+
+TEST(RoundingOfExplicitScenes, IsMeasuredWhenTheyAreTouched) {
+  Scenes scenes({});
+  const ExplicitModulus e{uniform_coordinates(0, 0.06, 30), uniform_coordinates(0, 0.02, 10),
+                          std::vector<double>(300, 7e3)};
+  const auto scene = scenes.create("a", tissue(0.06, 0.02), e);
+  TouchSession session(scene, {}, nullptr);
+  TouchSession unmeasured(std::make_shared<Scene>("b", tissue(0.06, 0.02), e, versions()), {}, nullptr);
+  const double bound = unmeasured.solve(0.03, 0.002).contact.solve.relative_error;
+  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  double error = session.solve(0.03, 0.002).contact.solve.relative_error;
+  while (error > bound / 100 && std::chrono::steady_clock::now() < until) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    error = session.solve(0.03, 0.002).contact.solve.relative_error;
+  }
+  EXPECT_LT(error, bound / 100);
+}
+
+}  // namespace
+}  // namespace teletact::service
