@@ -210,6 +210,29 @@ TEST(Contact, AnswerDoesNotDependOnTheCandidates) {
   }
 }
 
+// A thin layer that keeps its volume bulges beside the tip and is touched beyond where the tip overlaps it;
+// at the layer's end on the other side alone.
+TEST(Contact, CandidatesAreAddedWhereTheTissueBulges) {
+  TissueGrid grid;
+  grid.x_m = service::uniform_coordinates(0, 0.08, 80);
+  grid.y_m = service::uniform_coordinates(0, 0.006, 6);
+  const TissueModel model(grid, Material{std::vector<double>(grid.elements(), 1e4), 0.4999}, {}, {});
+  const Fingertip tip{.radius_m = 0.05};
+  const double d = 0.002, overlap = std::sqrt(2 * tip.radius_m * d);
+  for (const double x : {0.0102, 0.0402, 0.0698}) {
+    const ContactAnswer few = press(model, tip, x, d, 0, {.candidate_margin = 0});
+    const ContactAnswer all = press(model, tip, x, d, 0, {.candidate_margin = 1e3});
+    if (x - overlap > 0) {
+      EXPECT_LE(all.pressure.front().x_m, x - overlap);
+    }
+    if (x + overlap < 0.08) {
+      EXPECT_GE(all.pressure.back().x_m, x + overlap);
+    }
+    EXPECT_EQ(few.pressure.size(), all.pressure.size()) << x;
+    EXPECT_NEAR(few.force_n[1], all.force_n[1], 1e-10 * std::abs(all.force_n[1])) << x;
+  }
+}
+
 // F / thickness = sum p + sum (dW/dt)(dt/dd): the nodes' loads, and the work to grow the skins with the
 // indentation.
 TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
@@ -234,6 +257,38 @@ TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
   }
   EXPECT_NEAR(force * model.options().thickness_m, -answer.force_n[1], 1e-11 * -answer.force_n[1]);
   EXPECT_NEAR(loads, force, 5e-3 * force);  // the skins' own share is small
+}
+
+// Of a stuck footprint the nodal forces that are told hold it where it is: no way sideways, the indentation
+// down.
+TEST(Contact, TractionsAndPressuresOfAStuckFootprintHoldIt) {
+  const TissueModel& model = inclusion_model();
+  const TissueGrid& grid = model.grid();
+  const double indentation = 0.003, width = grid.x_m[1] - grid.x_m[0];
+  const Fingertip tip{.shape = FingertipShape::kNode, .friction = Friction::kStuck, .footprint_m = 1e-3};
+  const ContactAnswer answer = press(model, tip, 0.0257, indentation);
+  std::vector<std::size_t> columns;
+  Eigen::VectorXd forces(2 * Eigen::Index(answer.pressure.size()));
+  double push = 0, moved[2] = {};
+  for (const auto& p : answer.pressure) {
+    forces.segment<2>(2 * Eigen::Index(columns.size())) << p.traction_pa * width, p.pressure_pa * width;
+    columns.push_back(static_cast<std::size_t>(std::lround((p.x_m - grid.x_m[0]) / width)));
+    push += p.pressure_pa * width;
+  }
+  const Eigen::VectorXd u = model.condensed(0)->among(columns, nullptr) * forces;
+  for (Eigen::Index k = 0; k < u.size(); ++k) moved[k % 2] += u[k] * forces[k - k % 2 + 1] / push;
+  EXPECT_NEAR(moved[0], 0, 1e-9 * indentation);
+  EXPECT_NEAR(moved[1], indentation, 1e-9 * indentation);
+  EXPECT_GE(forces(Eigen::seq(0, Eigen::last, 2)).cwiseAbs().sum(), 1e-3 * push);
+}
+
+TEST(Contact, NodePushedAtItsPlaceFeelsTheMeanOfBothSides) {
+  constexpr double kPlace = 0.024, kBeside = 1e-7;
+  const Fingertip node{.shape = FingertipShape::kNode};
+  const auto at = [&](double x) { return press(inclusion_model(), node, x, 0.002).force_n; };
+  const double left = at(kPlace - kBeside)[0], right = at(kPlace + kBeside)[0], push = -at(kPlace)[1];
+  EXPECT_GE(std::abs(left - right), 1e-2 * push);  // stiff on the node, soft on both sides
+  EXPECT_NEAR(at(kPlace)[0], (left + right) / 2, 1e-4 * push);
 }
 
 TEST(Contact, ThicknessMultipliesForceEnergyAndTangent) {
@@ -303,6 +358,7 @@ TEST(Contact, UnusablePoseOrTipIsRefusedByName) {
   names(refusal<Invalid>({}, 0.03, nan), "pose.indentation_m");
   names(refusal<Invalid>({}, 0.03, std::numeric_limits<double>::infinity()), "pose.indentation_m");
   names(refusal<Invalid>({}, 0.03, 0.041), "pose.indentation_m");
+  names(refusal<Invalid>({}, 0.03, 0.034, 7), "pose.indentation_m");  // 33 mm below that line
   names(refusal<Invalid>({.radius_m = 0}, 0.03, 0.001), "fingertip.radius_m");
   names(refusal<Invalid>({.radius_m = nan}, 0.03, 0.001), "fingertip.radius_m");
   names(refusal<Invalid>({.shape = FingertipShape::kFlatPunch, .half_width_m = -1}, 0.03, 0.001),

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "service/contact/contact.h"
@@ -17,6 +18,7 @@ using service::ContactAnswer;
 using service::ContactPose;
 using service::ContactState;
 using service::Fingertip;
+using service::FingertipShape;
 using service::Friction;
 using service::TissueGrid;
 using service::TissueModel;
@@ -83,6 +85,75 @@ TEST(ContactLimits, AnswersThatCannotBeTrustedSaySo) {
   const TissueGrid grid = tests::uniform_grid(21, 11);
   const TissueModel model(grid, tests::scattered(grid, 1e8, 0.4999), {}, {});
   EXPECT_GE(press(model, {}, {0.0103, 0.002}).solve.relative_error, 0.1);
+}
+
+// Compliances that no tissue has: an answer made of them must not leave.
+class Unusable final : public service::Compliance {
+ public:
+  explicit Unusable(double value) : value_(value) {}
+  Eigen::MatrixXd among(std::span<const std::size_t> nodes, service::SolveReport*) override {
+    return Eigen::MatrixXd::Constant(2 * Eigen::Index(nodes.size()), 2 * Eigen::Index(nodes.size()), value_);
+  }
+
+  Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, service::SolveReport*) override {
+    return Eigen::MatrixXd::Constant(Eigen::Index(nodes.size()), Eigen::Index(nodes.size()), value_);
+  }
+
+ private:
+  double value_;
+};
+
+TEST(ContactLimits, AnswerThatIsNotFiniteIsRefused) {
+  const TissueGrid grid = tests::uniform_grid(21, 11);
+  const TissueModel model(grid, tests::inclusion(grid, 1, 0.49), {}, {});
+  const double nan = std::numeric_limits<double>::quiet_NaN(),
+               infinite = std::numeric_limits<double>::infinity();
+  for (const double value : {nan, infinite, 0.0, 1e-310}) {  // 1e-310: its reciprocal is beyond double
+    Unusable compliance(value);
+    for (const FingertipShape shape :
+         {FingertipShape::kNode, FingertipShape::kFlatPunch, FingertipShape::kRoundedTip})
+      EXPECT_THROW(service::solve_contact(model, 0, compliance, {.shape = shape}, {0.0103, 0.002}),
+                   std::domain_error)
+          << value << " shape " << int(shape);
+  }
+}
+
+// A compliance whose samples say that all is well.
+class SampledCompliance final : public service::Compliance {
+ public:
+  SampledCompliance(std::shared_ptr<service::Compliance> exact, bool converged)
+      : exact_(std::move(exact)), converged_(converged) {}
+  Eigen::MatrixXd among(std::span<const std::size_t> nodes, service::SolveReport* report) override {
+    return state(report), exact_->among(nodes, nullptr);
+  }
+  Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, service::SolveReport* report) override {
+    return state(report), exact_->axial_among(nodes, nullptr);
+  }
+  std::optional<service::FormError> error_between(std::span<const std::size_t>, const Eigen::MatrixX2d&,
+                                                  const Eigen::VectorXd&) const override {
+    service::FormError error;
+    error.rounding.assign(6, Eigen::Vector2d::Zero());
+    return error;
+  }
+  static constexpr double kOwnBound = 0.01;
+
+ private:
+  void state(service::SolveReport* report) const {
+    if (report) report->relative_error = kOwnBound, report->converged = converged_;
+  }
+  std::shared_ptr<service::Compliance> exact_;
+  bool converged_;
+};
+
+TEST(ContactLimits, WhatDidNotConvergeStatesNoLessThanItsOwnBound) {
+  const TissueGrid grid = tests::uniform_grid(21, 11);
+  const TissueModel model(grid, tests::inclusion(grid, 5, 0.49), {}, {});
+  const auto stated = [&](bool converged) {
+    SampledCompliance compliance(model.condensed(0), converged);
+    return service::solve_contact(model, 0, compliance, {}, {0.0103, 0.002}).solve.relative_error;
+  };
+  EXPECT_LE(stated(true), 1e-12);
+  EXPECT_GE(stated(false), SampledCompliance::kOwnBound);
 }
 
 TEST(ContactLimits, GridOfOneElementIsTouched) {

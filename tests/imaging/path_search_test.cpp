@@ -48,6 +48,28 @@ TEST(PathSearch, LeavesOutASinglePeakOfItsOwn) {
   for (const float m : lateral) EXPECT_NEAR(m, 2, 0.5);
 }
 
+// One column with its peak at lag 30 in every row.
+LagVolume column(int rows) {
+  LagVolume v{1, rows, 64, {}};
+  v.correlation.assign(static_cast<std::size_t>(rows) * 64, 0.0f);
+  for (int j = 0; j < rows; ++j) v.correlation[static_cast<std::size_t>(64 * j + 30)] = 0.5f;
+  return v;
+}
+
+// Two lags aside the correlation is higher by .01, less than twice what going there and back costs.
+TEST(PathSearch, ASlopeHasItsCost) {
+  LagVolume v = column(9);
+  v.correlation[64 * 4 + 32] = 0.51f;
+  for (const float lag : find_paths(v, 3, 3, 0.02f)) EXPECT_NEAR(lag, 30, 0.5);
+  EXPECT_NEAR(find_paths(v, 3, 3, 0.001f).at(4), 32, 0.5);
+}
+
+TEST(PathSearch, SilenceAtEitherEndFollowsWhatIsHeardBesideIt) {
+  LagVolume v = column(12);
+  for (const std::size_t row : {0, 1, 2, 9, 10, 11}) v.correlation[64 * row + 30] = 0;
+  for (const float lag : find_paths(v, 3, 3, 0.02f)) EXPECT_NEAR(lag, 30, 0.5);
+}
+
 TEST(PathSearch, OneNodeIsItsOwnPath) {
   LagVolume v{1, 1, 8, {0, 0.1f, 0.2f, 0.6f, 0.2f, 0, 0, 0}};
   EXPECT_NEAR(find_paths(v, 2, 2, 0.02f).at(0), 3, 1e-6);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/imaging/imaging_device.h"
@@ -92,6 +93,45 @@ TEST_F(RefinementTest, StepMatchesTheReference) {
     largest = std::max(largest, std::abs(want.correction[n][1]));
   }
   EXPECT_GE(largest, 0.02);  // the comparison saw true corrections
+}
+
+TEST_F(RefinementTest, ACorrectionIsAsLongAsIsAllowedAtMost) {
+  constexpr float kLateral = 0.02f, kAxial = 0.005f;
+  Refinement refinement(queue_, {}, grid_, kLine, kSample);
+  const auto nodes = static_cast<std::size_t>(grid_.nodes());
+  Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
+  refinement.measure(images(), true, correlation);
+  const std::vector<float> start = field();
+  refinement.step(queue_.array(start), out, kLateral, kAxial, true);
+  const std::vector<float> got = queue_.read(out);
+  int cut[2] = {};
+  for (std::size_t n = 0; n < got.size(); ++n) {
+    const float limit = n % 2 ? kAxial : kLateral, moved = std::abs(got[n] - start[n]);
+    EXPECT_LE(moved, 1.001f * limit) << n;
+    cut[n % 2] += moved >= 0.999f * limit;
+  }
+  EXPECT_GE(cut[0], 5);
+  EXPECT_GE(cut[1], 5);
+}
+
+// A node whose own pixels are silent takes no correlation from its neighbours.
+TEST_F(RefinementTest, ANodeThatHearsNothingItselfSaysNothing) {
+  const int node = grid_.nx * (grid_.ny / 2) + grid_.nx / 2;
+  const int line = grid_.first_line + grid_.nx / 2 * grid_.line_step;
+  const int sample = grid_.first_sample + grid_.ny / 2 * grid_.sample_step;
+  for (int l = line - grid_.line_step; l <= line + grid_.line_step; ++l)
+    for (int k = sample - grid_.sample_step; k <= sample + grid_.sample_step; ++k) {
+      const auto at = static_cast<std::size_t>(k + 211 * l);
+      mean_.samples[at] = difference_.samples[at] = 0;
+    }
+  Refinement refinement(queue_, {}, grid_, kLine, kSample);
+  Array<float> correlation = queue_.array<float>(static_cast<std::size_t>(grid_.nodes()));
+  refinement.measure(
+      {queue_.array(padded(mean_, pad_)), queue_.array(padded(difference_, pad_)), pad_, 211, 23}, false,
+      correlation);
+  const std::vector<float> likeness = queue_.read(correlation);
+  EXPECT_EQ(likeness[static_cast<std::size_t>(node)], -2);
+  EXPECT_EQ(std::count(likeness.begin(), likeness.end(), -2.0f), 1);
 }
 
 // Uniform strain costs nothing at the edges: only the difference moves the field, and here there is none.

@@ -366,8 +366,16 @@ TEST(Multigrid, EigenvalueBoundsHoldAndAreTight) {
 TEST(Multigrid, OperatorThatIsNotPositiveDefiniteIsRefused) {
   BlockStencil s = random_stencil(15, 14, 10, 14);
   for (double& value : s.blocks) value = -value;
-  Multigrid<float> m(test_device()->queue(), {uneven(15, 5), uneven(14, 6)});
-  EXPECT_THROW(m.set_operator(test_device()->queue().array(s.as<float>()), s.free), std::invalid_argument);
+  const Queue queue = test_device()->queue();
+  NodeLines tall{uneven(15, 5), uneven(14, 6)}, wide = tall;  // smoothed by lines
+  for (double& y : tall.y) y *= 20;
+  for (double& x : wide.x) x *= 20;
+  EXPECT_EQ(short_side(tall), ShortSide::kX);
+  EXPECT_EQ(short_side(wide), ShortSide::kY);
+  for (const NodeLines& lines : {NodeLines{uneven(15, 5), uneven(14, 6)}, tall, wide}) {
+    Multigrid<float> m(queue, lines);
+    EXPECT_THROW(m.set_operator(queue.array(s.as<float>()), s.free), std::invalid_argument);
+  }
 }
 
 }  // namespace

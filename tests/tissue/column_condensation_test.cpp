@@ -130,6 +130,10 @@ TEST(ColumnCondensation, ModelOfOtherTissueIsNotTakenOver) {
     const TissueModel model(grid, material, {}, options, &other);
     EXPECT_EQ((compliance(model, 0, nullptr) - compliance(anew, 0, nullptr)).cwiseAbs().maxCoeff(), 0);
   }
+  // Held otherwise where the same columns are touched.
+  const TissueModel held(grid, material, other_supports, narrow), free(grid, material, {}, narrow),
+      after(grid, material, {}, narrow, &held);
+  EXPECT_EQ((compliance(after, 0, nullptr) - compliance(free, 0, nullptr)).cwiseAbs().maxCoeff(), 0);
 }
 
 TEST(ColumnCondensation, WhatDidNotChangeIsTakenOver) {

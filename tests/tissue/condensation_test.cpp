@@ -150,6 +150,16 @@ TEST(TissueModel, ComplianceIsKeptAmongTouchableColumnsAlone) {
   EXPECT_THROW(model.condensed(60), std::out_of_range);
 }
 
+TEST(TissueModel, ModulusNearAColumnIsTheMeanOfBothSides) {
+  const TissueGrid grid = tests::uniform_grid(3, 3, 0.01);
+  const TissueModel model(grid, Material{{1e3, 3e3, 5e3, 9e3}, 0.49}, {}, {});
+  EXPECT_EQ(model.modulus_near_pa(0, 0), 1e3);
+  EXPECT_EQ(model.modulus_near_pa(1, 0), 2e3);
+  EXPECT_EQ(model.modulus_near_pa(2, 0), 3e3);
+  EXPECT_EQ(model.modulus_near_pa(1, 1), 7e3);
+  EXPECT_EQ(model.modulus_near_pa(1, 2), 7e3);  // the lowest line has elements above it alone
+}
+
 // Two of them fit, so that none is made line by line, which makes all at once.
 TEST(TissueModel, InteriorLinesUsedLastAreKept) {
   const TissueGrid grid = tests::uniform_grid(21, 9);
