@@ -121,10 +121,11 @@ class Elastographer {
 class Bystander {
  public:
   // Returns once it is served, or has failed: on a busy machine a test may be over before a thread begins.
-  Bystander(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene) {
-    thread_ = std::thread([this, channel, scene] {
+  Bystander(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,
+            double period_s = 0.004) {
+    thread_ = std::thread([this, channel, scene, period_s] {
       v1::TouchOpen open = Toucher::open_on(scene);
-      open.set_period_s(0.004);
+      open.set_period_s(period_s);
       Toucher toucher(channel, open);
       if (!toucher.opened()) ++failures_;
       v1::TouchAnswer answer;

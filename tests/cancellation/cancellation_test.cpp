@@ -1,0 +1,254 @@
+// Every call of the contract, in every state of the service, ended at a random point, with messages of every
+// kind: whatever a peer does, the process lives, a client beside it is served, and all is given back.
+//
+// One service runs throughout (serving, full, scenes deleted under the calls); each round makes another that
+// starts and drains. The client and the services share a process, so that the sanitizers see all of it.
+//   TELETACT_FUZZ_CALLS  about how many calls (100000)
+//   TELETACT_FUZZ_SEED   what is sent and when it ends follows from it; how the threads meet does not
+#include <malloc.h>
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#include <sanitizer/allocator_interface.h>
+#endif
+
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+
+#include "tests/cancellation/fuzz/traffic.h"
+#include "tests/cancellation/stage.h"
+#include "tests/rpc/estimate_client.h"
+
+namespace teletact::test {
+namespace {
+
+using service::Bystander;
+
+constexpr double kUndisturbedPeriodS = 0.01;
+
+std::uint64_t from_environment(const char* name, std::uint64_t otherwise) {
+  const char* text = std::getenv(name);
+  return text ? std::strtoull(text, nullptr, 10) : otherwise;
+}
+
+// What is allocated and not free: the same whether or not a sanitizer keeps what was freed.
+std::size_t allocated_bytes() {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  return __sanitizer_get_current_allocated_bytes();
+#else
+  malloc_trim(0);
+  const auto info = mallinfo2();
+  return info.uordblks + info.hblkhd;
+#endif
+}
+
+std::size_t threads() {
+  const std::filesystem::directory_iterator tasks("/proc/self/task");
+  return static_cast<std::size_t>(std::distance(begin(tasks), end(tasks)));
+}
+
+// What the calls leave: the least that was held over the last third of them against the second third, so that
+// neither caches that fill at first nor what happens to be going on counts.
+class Growth {
+ public:
+  void add(std::size_t calls, std::size_t bytes) { samples_.push_back({calls, bytes}); }
+  void expect_none() const {
+    if (samples_.size() < 3) return;
+    const auto least = [&](std::size_t third) {
+      const auto begin = samples_.begin() + static_cast<std::ptrdiff_t>(third * samples_.size() / 3),
+                 end = samples_.begin() + static_cast<std::ptrdiff_t>((third + 1) * samples_.size() / 3);
+      return *std::min_element(begin, end, [](auto& a, auto& b) { return a.bytes < b.bytes; });
+    };
+    const Sample early = least(1), late = least(2);
+    const std::size_t calls = late.calls - early.calls;
+    std::printf("%zu calls left %.2f MB\n", calls,
+                (static_cast<double>(late.bytes) - static_cast<double>(early.bytes)) * 1e-6);
+    // gRPC keeps traces of past connections, up to a limit of its own.
+    constexpr std::size_t kTraces = 2'000'000, kPerCall = 50;
+    EXPECT_LT(late.bytes, early.bytes + kTraces + kPerCall * calls);
+  }
+
+ private:
+  struct Sample {
+    std::size_t calls, bytes;
+  };
+  std::vector<Sample> samples_;
+};
+
+// Said when the process dies under it: what to look at, and how soon it came.
+const Tally* dying = nullptr;
+extern "C" void say_where(int signal) {
+  char line[100];
+  const int length = std::snprintf(line, sizeof line, "the process died (signal %d) after %zu calls\n",
+                                   signal, dying->calls());
+  [[maybe_unused]] const auto written = write(STDOUT_FILENO, line, static_cast<std::size_t>(length));
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
+class Cancellation : public testing::Test {
+ protected:
+  explicit Cancellation(std::vector<Share> shares_ = {{Method::kGetInfo, 1},
+                                                      {Method::kEstimate, 3},
+                                                      {Method::kCreateScene, 1},
+                                                      {Method::kGetSceneBasic, 1},
+                                                      {Method::kGetSceneFull, 1},
+                                                      {Method::kListScenes, 1},
+                                                      {Method::kDeleteScene, 1},
+                                                      {Method::kTouch, 4},
+                                                      {Method::kWatchFinger, 3},
+                                                      {Method::kHealthCheck, 1},
+                                                      {Method::kHealthWatch, 1}})
+      : shares(std::move(shares_)) {
+    make_pairs();
+    dying = &tally;
+    service::rpc_device();  // has a handler of its own
+    std::signal(SIGABRT, say_where);
+    std::printf("seed %llu (TELETACT_FUZZ_SEED)\n", static_cast<unsigned long long>(seed));
+    std::fflush(stdout);
+  }
+  ~Cancellation() override { std::signal(SIGABRT, SIG_DFL); }
+
+  void calls_on(Service& service, ServiceState state, const Targets& targets) {
+    Traffic traffic(service.address(), random.engine()(), tally);
+    for (const Case& tried : shuffled_cases(state, shares, random)) traffic.start(tried, targets);
+    traffic.wait();
+  }
+  void starting(Service& passing);
+  void draining(Service& passing);
+  void round(Service& steady);
+  void rounds(std::size_t calls);
+  void expect_coverage();
+
+  const std::uint64_t seed = from_environment("TELETACT_FUZZ_SEED", 1);
+  const std::size_t wanted = from_environment("TELETACT_FUZZ_CALLS", 100'000);
+  const std::vector<Share> shares;
+  Random random{seed};
+  Tally tally;
+};
+
+// The service becomes ready under the calls.
+void Cancellation::starting(Service& passing) {
+  const auto all = shuffled_cases(ServiceState::kStarting, shares, random);
+  const std::size_t ready_at = random.below(all.size());
+  std::jthread starter;
+  Traffic traffic(passing.address(), random.engine()(), tally);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (k == ready_at) starter = std::jthread([&] { passing.make_ready(); });
+    traffic.start(all[k], usual_targets());
+  }
+  traffic.wait();
+}
+
+// Calls are first told that it drains; then its connections go, too.
+void Cancellation::draining(Service& passing) {
+  const auto all = shuffled_cases(ServiceState::kDraining, shares, random);
+  const std::size_t told_at = random.below(all.size() / 4),
+                    gone_at = told_at + 1 + random.below(all.size() / 2);
+  std::jthread drainer;
+  Traffic traffic(passing.address(), random.engine()(), tally);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (k == told_at) passing.calls().drain();
+    if (k == gone_at) drainer = std::jthread([&] { passing.running()->drain(); });
+    traffic.start(all[k], usual_targets());
+  }
+  traffic.wait();
+}
+
+void Cancellation::round(Service& steady) {
+  Bystander undisturbed(steady.running().channel(), "still", kUndisturbedPeriodS);
+  {
+    Service passing(false);
+    starting(passing);
+    passing.expect_calls(0, "starting");
+    draining(passing);
+    passing.expect_calls(0, "draining");
+  }
+  calls_on(steady, ServiceState::kServing, usual_targets());
+  steady.expect_calls(1, "serving");
+  {
+    const Full full(steady);
+    calls_on(steady, ServiceState::kFull, usual_targets());
+  }
+  steady.sweep();
+  steady.expect_calls(1, "being full");
+  {
+    const Deleting deleting(steady);
+    calls_on(steady, ServiceState::kDeleted, Deleting::targets());
+  }
+  steady.expect_calls(1, "scenes deleted");
+  undisturbed.stop();
+  EXPECT_EQ(undisturbed.failures(), 0) << "the undisturbed client met something but OK";
+  steady.expect_calls(0, "all");
+  steady.sweep();
+  EXPECT_EQ(steady.scenes().size(), Service::kScenes);
+}
+
+void Cancellation::rounds(std::size_t calls) {
+  constexpr std::size_t kThreads = 8;  // gRPC's own come and go
+  Service steady(true);
+  Growth growth;
+  std::size_t threads_before = 0;
+  while (tally.calls() < calls && !HasFailure()) {
+    round(steady);
+    growth.add(tally.calls(), allocated_bytes());
+    if (threads_before == 0) threads_before = threads();
+    std::printf("%zu calls, %.1f MB, %zu threads\n", tally.calls(),
+                static_cast<double>(allocated_bytes()) * 1e-6, threads());
+    std::fflush(stdout);
+  }
+  std::printf("%s", tally.table().c_str());
+  growth.expect_none();
+  EXPECT_LE(threads(), threads_before + kThreads);
+  for (const std::string& line : tally.unlisted()) ADD_FAILURE() << line;
+}
+
+// That the calls went where they were meant to: each case was tried, and each end was met at least once.
+void Cancellation::expect_coverage() {
+  using grpc::StatusCode;
+  std::vector<Method> methods;
+  for (const Share& share : shares) methods.push_back(share.method);
+  for (const std::string& name : tally.untried(methods)) ADD_FAILURE() << name << ": never tried";
+  const auto expect = [&](Method method, ServiceState state, std::optional<End> end, StatusCode code) {
+    EXPECT_GT(tally.count([&](const Case& c, StatusCode s) {
+      return c.method == method && c.state == state && (!end || c.end == *end) && s == code;
+    }),
+              0U)
+        << name_of(method) << ", " << name_of(state) << (end ? name_of(*end) : "") << ": never "
+        << name_of(code);
+  };
+  const auto is_health = [](Method m) { return m == Method::kHealthCheck || m == Method::kHealthWatch; };
+  for (const Method method : methods) {
+    expect(method, ServiceState::kServing, End::kCancel, StatusCode::CANCELLED);
+    expect(method, ServiceState::kServing, End::kNoRead, StatusCode::CANCELLED);
+    expect(method, ServiceState::kServing, End::kDeadline, StatusCode::DEADLINE_EXCEEDED);
+    expect(method, ServiceState::kServing, End::kReset, StatusCode::UNAVAILABLE);
+    if (method != Method::kHealthWatch) expect(method, ServiceState::kServing, {}, StatusCode::OK);
+    if (is_health(method) || method == Method::kGetInfo) continue;
+    expect(method, ServiceState::kStarting, {}, StatusCode::UNAVAILABLE);
+    expect(method, ServiceState::kDraining, {}, StatusCode::UNAVAILABLE);
+    if (sends_one(method)) continue;
+    expect(method, ServiceState::kFull, {}, StatusCode::RESOURCE_EXHAUSTED);
+    expect(method, ServiceState::kDeleted, {}, StatusCode::NOT_FOUND);
+  }
+  expect(Method::kTouch, ServiceState::kDeleted, {}, StatusCode::ABORTED);
+}
+
+TEST_F(Cancellation, AnyCallEndedAtAnyPointLeavesTheServiceAsItWas) {
+  rounds(wanted);
+  expect_coverage();
+}
+
+// The streams alone: for the thread sanitizer, and closer together.
+class StreamCancellation : public Cancellation {
+ protected:
+  StreamCancellation() : Cancellation({{Method::kTouch, 8}, {Method::kWatchFinger, 4}}) {}
+};
+
+TEST_F(StreamCancellation, TouchAndWatchEndedAtAnyPointLeaveTheServiceAsItWas) {
+  rounds(wanted / 5);
+  expect_coverage();
+}
+
+}  // namespace
+}  // namespace teletact::test
