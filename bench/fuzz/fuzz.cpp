@@ -91,7 +91,9 @@ class FuzzDevice final : public client::HapticDevice {
     force_n = n;
     return writable;
   }
+  void show(const client::OperatorView& shown) noexcept override { view = shown; }
   client::DeviceReading next;
+  client::OperatorView view;
   bool readable = true, writable = true;
   Vector2 force_n = Vector2::Zero();
 
@@ -234,9 +236,11 @@ class Session {
     answer(shares);
     if (source_.happens(1e-4)) loop_->request_pause();
     loop_->tick(clock_.time_ns);
+    const client::ServoState before = tick_.state;
+    loop_->telemetry().pop(tick_);
     // The first tick slews for the servo's own period: it has none to measure.
     const double passed_s = ticks_++ == 0 ? kServoS : 1e-9 * double(clock_.time_ns - before_ns);
-    check(std::min(passed_s, longest_dt_s_), result, shares);
+    check(std::min(passed_s, longest_dt_s_), before == client::ServoState::kEnabled, result, shares);
   }
 
  private:
@@ -255,6 +259,7 @@ class Session {
   }
 
   void answer(FuzzShares& shares) {
+    if (source_.happens(2e-4)) next_s_ = now_s() + source_.between(0, 1.5);  // the link is gone
     if (now_s() < next_s_) return;
     next_s_ = now_s() + period_s_ * source_.between(0.5, 1.5);
     if (source_.happens(0.01)) tissue_ = some_tissue(source_);  // handed over to another window
@@ -272,21 +277,33 @@ class Session {
       loop_->answers().put(*converted);
   }
 
-  void check(double dt_s, FuzzResult& result, FuzzShares& shares) {
-    constexpr double kRounding = 1e-12;
+  void check(double dt_s, bool enabled, FuzzResult& result, FuzzShares& shares) {
+    constexpr double kRounding = 1e-12, kSilentS = 0.5;
     const Vector2& force_n = device_.force_n;
-    const double step_n = (force_n - last_n_).norm(), most_n = limits_.largest_slew_n_s * dt_s;
+    const double depth_m = std::max(tick_.pose.position_m.y() - device_.view.surface_m, 0.0);
+    const double pressed_m = std::clamp(tick_.pose.position_m.y() - last_m_, 0.0, depth_m);
+    const double step_n = (force_n - last_n_).norm();
+    const double most_n = limits_.largest_slew_n_s * dt_s + limits_.largest_stiffness_n_m * pressed_m;
+    const bool silent = tick_.silence_s > kSilentS, grows = force_n.norm() > last_n_.norm();
     ++result.cases;
     if (!force_n.allFinite()) ++result.not_finite;
     if (!(force_n.norm() <= limits_.largest_force_n * (1 + kRounding))) ++result.too_large;
-    if (!(step_n <= most_n + kRounding)) ++result.too_fast;
+    // To where the last force may have fallen, in the circle on it (Thales), and from there by the slew and
+    // as the finger presses in.
+    if (!((force_n - last_n_ / 2).norm() <= last_n_.norm() / 2 + most_n + kRounding)) ++result.too_fast;
+    if (!(force_n.norm() <= limits_.largest_stiffness_n_m * depth_m * (1 + kRounding))) ++result.above_cap;
+    if (!enabled && grows) ++result.grown;
+    if (silent && force_n.norm() > 0) ++result.in_silence;
     ++shares.cases;
+    shares.fading += !enabled && force_n.norm() > 0;
+    shares.silent += silent;
     shares.non_zero += force_n.norm() > 0;
     shares.after_no_number += no_number_;
     shares.non_zero_after += no_number_ && force_n.norm() > 0;
-    shares.slew_limited += dt_s > 0 && step_n >= most_n * (1 - 1e-9);
+    shares.slew_limited += dt_s > 0 && grows && step_n >= most_n * (1 - 1e-9);
     shares.at_largest += force_n.norm() >= limits_.largest_force_n * (1 - 1e-9);
     last_n_ = force_n;
+    last_m_ = tick_.pose.position_m.y();
   }
 
   static constexpr double kStartS = 1;  // the manual clock's
@@ -305,6 +322,8 @@ class Session {
   std::uint64_t burst_ = 0;  // ticks that are hostile still
   bool no_number_ = false;
   Vector2 last_n_ = Vector2::Zero();
+  double last_m_ = std::numeric_limits<double>::infinity();
+  client::ServoTick tick_;
 };
 
 }  // namespace

@@ -1,5 +1,5 @@
-// Any stream of answers: finite, bounded, no step beyond the slew limit; and for each renderer enough of it
-// reached a limit for that to say something.
+// Any stream of answers: the bounds of bench/fuzz/fuzz.h hold; and for each renderer enough of it reached a
+// limit for that to say something.
 #include <cstdio>
 
 #include "bench/fuzz/fuzz.h"
@@ -22,6 +22,8 @@ json shares(const FuzzShares& one, std::vector<Target>& targets) {
   least("slew-limited", slewed, FuzzShares::kSlewLimitedLeast);
   least("at F_max", largest, FuzzShares::kAtLargestLeast);
   least("a force again after a position that was no number", one.again(), FuzzShares::kAgainLeast);
+  least("a force while not ENABLED", one.share(one.fading), FuzzShares::kFadingLeast);
+  least("silence past every limit", one.share(one.silent), FuzzShares::kSilentLeast);
   return {{"renderer", one.renderer},
           {"cases", one.cases},
           {"hostile_answers", one.hostile_answers},
@@ -29,6 +31,8 @@ json shares(const FuzzShares& one, std::vector<Target>& targets) {
           {"non_zero", one.non_zero},
           {"slew_limited", one.slew_limited},
           {"at_largest", one.at_largest},
+          {"fading", one.fading},
+          {"silent", one.silent},
           {"after_no_number", one.after_no_number},
           {"non_zero_after", one.non_zero_after}};
 }
@@ -36,15 +40,16 @@ json shares(const FuzzShares& one, std::vector<Target>& targets) {
 json measure(bool quick, std::vector<Target>& targets) {
   const FuzzResult result = fuzz_forces(quick ? 400'000 : 4'000'000, 5);
   std::printf("\nfuzzed answers: %zu servo ticks, %zu violations\n", result.cases, result.violations());
-  targets.push_back({"fuzzed answers: forces not finite, above F_max or past the slew",
-                     double(result.violations()), 0, "cases"});
+  targets.push_back(
+      {"fuzzed answers: forces not finite, above F_max or the stiffness cap, past the slew, growing "
+       "while not ENABLED, or in silence",
+       double(result.violations()), 0, "cases"});
   json renderers = json::array();
   for (const FuzzShares& one : result.renderers) renderers.push_back(shares(one, targets));
-  return {{"cases", result.cases},
-          {"not_finite", result.not_finite},
-          {"too_large", result.too_large},
-          {"too_fast", result.too_fast},
-          {"renderers", renderers}};
+  return {{"cases", result.cases},           {"not_finite", result.not_finite},
+          {"too_large", result.too_large},   {"too_fast", result.too_fast},
+          {"above_cap", result.above_cap},   {"grown", result.grown},
+          {"in_silence", result.in_silence}, {"renderers", renderers}};
 }
 
 }  // namespace

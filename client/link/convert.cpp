@@ -99,6 +99,7 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_lateral_stiffness_variance(tick.lateral_stiffness_variance);
   sample.set_gain(tick.gain);
   sample.set_energy_j(tick.energy_j);
+  sample.set_stored_j(tick.stored_j);
   sample.set_damping_n_s_m(tick.damping_n_s_m);
   sample.set_withheld(tick.withheld);
   return entry;

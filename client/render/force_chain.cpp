@@ -23,8 +23,9 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
     indebted_ = false;
   }
   age_gain_ = std::min(aged, age_gain_ + options_.recover_1_s * dt_s);
-  debt_gain_ =
-      std::clamp(debt_gain_ + (indebted_ ? -options_.fade_1_s : options_.settle_1_s) * dt_s, 0.0, 1.0);
+  // A force that comes back puts energy under a pressed finger: no further than is paid for.
+  const double settle_1_s = energy_j >= 0 ? options_.settle_1_s : 0;
+  debt_gain_ = std::clamp(debt_gain_ + (indebted_ ? -options_.fade_1_s : settle_1_s) * dt_s, 0.0, 1.0);
   const bool withholds = input.on && input.rendered.withheld > options_.withheld_share;
   withheld_s_ = withholds ? withheld_s_ + dt_s : 0;
   output.indebted = indebted_;
@@ -33,65 +34,105 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   output.degraded = output.fades || output.withheld;
 }
 
+// The step made under the last force, in the time that has passed, however late the tick.
+void ForceChain::observe(const ForceChainInput& input) noexcept {
+  const Vector2& position_m = input.pose.position_m;
+  const bool contact = position_m.y() > input.surface_m;
+  passivity_.observe(position_m, last_force_n_, contact ? share_ * input.rendered.stored_j : 0, contact,
+                     std::isfinite(input.dt_s) ? std::max(input.dt_s, 0.0) : 0);
+}
+
 // The force before slew: zero unless enabled, finite and in contact.
-Vector2 ForceChain::wanted(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept {
+Vector2 ForceChain::wanted(const ForceChainInput& input, double indentation_m, double dt_s,
+                           ForceChainOutput& output) noexcept {
   const ForceLimits& limits = options_.limits;
   // Silence, model age and the ramp scale the force and its ceiling alike, so that a force beyond the ceiling
   // fades with it and the slew limit can follow.
-  output.silence_gain = silence_gain(input.silence_s, silence_limits(input.period_s));
   const double gain = output.silence_gain * age_gain_ * start_gain(input.enabled_s, options_.start_ramp_s);
   const double ceiling_n = gain * limits.largest_force_n;
 
   output.not_finite = !input.rendered.force_n.allFinite();
   if (output.not_finite || !input.on) return Vector2::Zero();
-  const double indentation_m = input.pose.position_m.y() - input.surface_m;
-  Vector2 force_n = cap_stiffness(gain * input.rendered.force_n, indentation_m, limits.largest_stiffness_n_m);
-  force_n = debt_gain_ * cap_magnitude(force_n, ceiling_n);
+  const Vector2 soft_n =
+      cap_stiffness(gain * input.rendered.force_n, indentation_m, limits.largest_stiffness_n_m);
+  const Vector2 model_n = cap_magnitude(soft_n, ceiling_n);
+  const double rendered_n = input.rendered.force_n.stableNorm(), soft = soft_n.stableNorm();
+  // Of 1/2 k d^2 a softer spring holds its share, and one that is cut off at F_max 2 s - s^2, s the share of
+  // the force that is left.
+  const double left = soft > 0 ? model_n.stableNorm() / soft : 1;
+  share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain) * left * (2 - left);
   // A debt fades what is rendered, not the damping that pays it.
-  force_n += passivity_.damping_force(input.pose.velocity_m_s, dt_s);
+  Vector2 force_n = debt_gain_ * model_n + passivity_.damping_force(input.pose.velocity_m_s, dt_s);
+  force_n = cap_stiffness(force_n, indentation_m, limits.largest_stiffness_n_m);
   return cap_magnitude(force_n, ceiling_n);
+}
+
+// Nothing is wanted any more: down by the slew limit and with the silence, and to a finger that lifts no
+// stiffer than before.
+Vector2 ForceChain::fade(double indentation_m, double silence_gain, double dt_s) const noexcept {
+  const ForceLimits& limits = options_.limits;
+  const Vector2 force_n =
+      cap_magnitude(cap_slew(Vector2::Zero(), last_force_n_, limits.largest_slew_n_s, dt_s),
+                    silence_gain * limits.largest_force_n);
+  if (!(indentation_m < last_indentation_m_)) return force_n;
+  return cap_stiffness(force_n, indentation_m, last_force_n_.norm() / last_indentation_m_);
 }
 
 // A runaway is a fault for the state machine: the force then slews to zero instead of stepping there. A
 // device may state its velocity late or not at all, so a jump of its position is one too.
-bool ForceChain::too_fast(const ForceChainInput& input) noexcept {
+bool ForceChain::too_fast(const ForceChainInput& input) const noexcept {
   const ToolPose& pose = input.pose;
   const double largest_m_s = options_.limits.largest_speed_m_s;
   const double largest_m = largest_m_s * std::max(options_.jump_s, input.dt_s);
   const bool jumped = last_position_m_ && !((pose.position_m - *last_position_m_).norm() <= largest_m);
-  last_position_m_.reset();
-  if (pose.position_m.allFinite()) last_position_m_ = pose.position_m;
   return jumped || !(pose.velocity_m_s.norm() <= largest_m_s);
+}
+
+// From this tick to the next: by the slew limit, and as the finger itself presses in.
+double ForceChain::largest_rise_n(const ForceChainInput& input, double indentation_m,
+                                  double dt_s) const noexcept {
+  const ForceLimits& limits = options_.limits;
+  double pressed_m = 0;
+  if (last_position_m_ && !too_fast(input)) pressed_m = input.pose.position_m.y() - last_position_m_->y();
+  pressed_m = std::clamp(pressed_m, 0.0, std::max(indentation_m, 0.0));
+  return limits.largest_slew_n_s * dt_s + limits.largest_stiffness_n_m * pressed_m;
 }
 
 ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   ForceChainOutput output;
   const ToolPose& pose = input.pose;
   const double dt_s = std::isfinite(input.dt_s) ? std::clamp(input.dt_s, 0.0, options_.longest_dt_s) : 0;
+  // Where the finger is not known it is taken to be where it was.
+  double indentation_m = last_indentation_m_;
   if (!pose.position_m.allFinite() || !pose.velocity_m_s.allFinite() || !std::isfinite(input.surface_m)) {
     output.not_finite = true;
-    passivity_.reset();
-  } else if (!input.on) {
-    passivity_.reset();
   } else {
-    // With the time that has passed, however late the tick.
-    passivity_.observe(pose.position_m, last_force_n_, pose.position_m.y() > input.surface_m,
-                       std::isfinite(input.dt_s) ? std::max(input.dt_s, 0.0) : 0);
+    indentation_m = pose.position_m.y() - input.surface_m;
+    if (input.on) observe(input);
   }
+  output.silence_gain = silence_gain(input.silence_s, silence_limits(input.period_s));
   judge(input, dt_s, output);
-  Vector2 wanted_n = output.not_finite ? Vector2(Vector2::Zero()) : wanted(input, dt_s, output);
-  if (!wanted_n.allFinite()) {  // whatever the way: nothing but numbers reaches the slew
-    wanted_n.setZero();
-    output.not_finite = true;
+  Vector2 wanted_n = Vector2::Zero();
+  if (!output.not_finite) wanted_n = wanted(input, indentation_m, dt_s, output);
+  if (!wanted_n.allFinite()) output.not_finite = true;  // whatever the way: nothing but numbers goes out
+  const bool fades = !input.on || output.not_finite;
+  const Vector2 force_n = fades
+                              ? fade(indentation_m, output.silence_gain, dt_s)
+                              : cap_rise(wanted_n, last_force_n_, largest_rise_n(input, indentation_m, dt_s));
+  if (fades) {
     passivity_.reset();
+    share_ = 0;
+  } else if (force_n.norm() < wanted_n.norm()) {
+    share_ *= force_n.norm() / wanted_n.norm();
   }
-  const ForceLimits& limits = options_.limits;
-  Vector2 force_n = cap_slew(wanted_n, last_force_n_, limits.largest_slew_n_s, dt_s);
-  force_n = cap_magnitude(force_n, limits.largest_force_n);
   output.too_fast = too_fast(input);
   output.force_n = last_force_n_ = force_n;
+  last_indentation_m_ = indentation_m;
+  last_position_m_.reset();
+  if (pose.position_m.allFinite()) last_position_m_ = pose.position_m;
   output.damping_n_s_m = passivity_.damping_n_s_m();
   output.energy_j = passivity_.energy_j();
+  output.stored_j = passivity_.stored_j();
   return output;
 }
 

@@ -1,8 +1,19 @@
-// The safety chain, in the order of design.md: silence, model age, finite, stiffness cap, passivity, slew,
-// magnitude, velocity; and the start-up ramp. DEGRADED is a model past its age limit, or a display that has
-// given more energy than its controller could take back: both fade the force; or a force of which a good part
-// is withheld, until it is paid for. Whatever comes in, what goes
-// out is finite, |F| <= F_max and |F(n) - F(n-1)| <= slew x dt.
+// The safety chain, in this order: silence, model age, finite, stiffness cap, passivity, slew, velocity; and
+// the start-up ramp. DEGRADED is a model past its age limit, or a display that has given more energy than its
+// controller could take back: both fade the force; or a force of which a good part is withheld, until it is
+// paid for.
+//
+// Whatever comes in, what goes out
+//   - is finite, and |F| <= F_max;
+//   - is |F| <= stiffness cap x indentation, and so nothing outside of the tissue, sideways as along the
+//   push,
+//     from the very tick at which the finger is read there;
+//   - rises by slew x dt at most, beyond the stiffness cap x the finger's own way in: a force that lagged
+//   behind a
+//     quick press would come later, and nobody would have done its work;
+//   - falls as fast as the model does: no limit holds a force up;
+//   - fades by the slew limit after a fault, a pause or silence, and at least as fast as the finger lifts.
+// So what the display gives back in a lift is no more than what the model held and half a tick's K T/2.
 #pragma once
 
 #include <optional>
@@ -15,8 +26,8 @@ namespace teletact::client {
 
 struct ForceChainOptions {
   ForceLimits limits;
-  // More energy generated than this, after the controller: DEGRADED, and faded until it is paid back. It is
-  // what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays below.
+  // More energy generated than this, after the controller: DEGRADED, and faded until the rest is paid for. It
+  // is what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays below.
   double debt_limit_j = 5e-3;
   // More than this of the stiffness withheld for longer than a hand-over takes: DEGRADED.
   double withheld_share = 0.2;
@@ -48,6 +59,7 @@ struct ForceChainOutput {
   Vector2 force_n = Vector2::Zero();
   double damping_n_s_m = 0;  // added by the passivity controller
   double energy_j = 0;       // the passivity observer's
+  double stored_j = 0;       // held by the model, as far as its force goes out
   double silence_gain = 1;
   bool degraded = false;    // model age or energy generated past its limit, or force withheld
   bool indebted = false;    // the second of them
@@ -67,17 +79,23 @@ class ForceChain {
   double dissipated_j() const noexcept { return passivity_.dissipated_j(); }
 
  private:
-  Vector2 wanted(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
-  bool too_fast(const ForceChainInput& input) noexcept;
+  void observe(const ForceChainInput& input) noexcept;
+  Vector2 wanted(const ForceChainInput& input, double indentation_m, double dt_s,
+                 ForceChainOutput& output) noexcept;
+  Vector2 fade(double indentation_m, double silence_gain, double dt_s) const noexcept;
+  bool too_fast(const ForceChainInput& input) const noexcept;
+  double largest_rise_n(const ForceChainInput& input, double indentation_m, double dt_s) const noexcept;
   void judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
 
   ForceChainOptions options_;
   PassivityController passivity_;
   double age_gain_ = 1;   // falls with the age, recovers slowly: answers that come in bursts do not shake
   double debt_gain_ = 1;  // 1: no energy is owed
+  double share_ = 0;      // of what the rendered model holds, as far as its force goes out
   bool indebted_ = false;
   double withheld_s_ = 0;  // that much has been withheld for
   Vector2 last_force_n_ = Vector2::Zero();
+  double last_indentation_m_ = 0;
   std::optional<Vector2> last_position_m_;  // of the tick before; none when that was no number
 };
 

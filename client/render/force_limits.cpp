@@ -59,6 +59,15 @@ Vector2 cap_magnitude(const Vector2& force_n, double largest_n) noexcept {
   return magnitude_n > largest_n ? Vector2(force_n / magnitude_n * largest_n) : force_n;
 }
 
+Vector2 cap_rise(const Vector2& force_n, const Vector2& previous_n, double rise_n) noexcept {
+  const Vector2 way_n = force_n - previous_n;
+  // Where on the way the magnitude is least; NaN when there is no way to go.
+  const double least = -previous_n.dot(way_n) / way_n.squaredNorm();
+  if (!(least < 1)) return force_n;
+  const Vector2 fallen_n = previous_n + std::max(least, 0.0) * way_n;
+  return fallen_n + cap_magnitude(force_n - fallen_n, rise_n);
+}
+
 Vector2 cap_slew(const Vector2& force_n, const Vector2& previous_n, double slew_n_s, double dt_s) noexcept {
   return previous_n + cap_magnitude(force_n - previous_n, slew_n_s * dt_s);
 }

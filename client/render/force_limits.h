@@ -49,7 +49,11 @@ Vector2 cap_stiffness(const Vector2& force_n, double indentation_m, double stiff
 // |force| <= largest, its direction kept.
 Vector2 cap_magnitude(const Vector2& force_n, double largest_n) noexcept;
 
-// The force nearest to `force_n` within slew x dt of `previous_n`.
+// From `previous_n` straight towards `force_n`: freely as far as the magnitude falls, from there on by
+// `rise_n` at most. A force is never held up by this limit.
+Vector2 cap_rise(const Vector2& force_n, const Vector2& previous_n, double rise_n) noexcept;
+
+// The force nearest to `force_n` within slew x dt of `previous_n`, whichever way: for a fade.
 Vector2 cap_slew(const Vector2& force_n, const Vector2& previous_n, double slew_n_s, double dt_s) noexcept;
 
 }  // namespace teletact::client

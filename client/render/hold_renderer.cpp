@@ -7,6 +7,7 @@ namespace teletact::client {
 bool HoldRenderer::update(const ForceSample& sample, const ToolPose&, double) noexcept {
   constexpr double kSmallestIndentationM = 1e-6;
   held_ = Rendered();
+  surface_m_ = sample.surface_m;
   pressed_ = sample.contact;
   if (!pressed_) return true;
   const double indentation_m = std::max(sample.position_m.y() - sample.surface_m, kSmallestIndentationM);
@@ -25,6 +26,7 @@ Rendered HoldRenderer::render(const ToolPose& pose, double time_s, double) noexc
   const Vector2 variance = uncertainty_.at(pose.position_m, time_s);
   rendered.variance = variance.y();
   rendered.lateral_variance = variance.x();
+  rendered.stored_j = spring_energy_j(held_.stiffness_n_m, pose.position_m.y() - surface_m_);
   return rendered;
 }
 

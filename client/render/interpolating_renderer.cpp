@@ -22,6 +22,7 @@ bool InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, d
   const Value before = value(time_s);
   to_ = Value();
   pressed_ = sample.contact;
+  surface_m_ = sample.surface_m;
   if (pressed_) {
     const double indentation_m = std::max(sample.position_m.y() - sample.surface_m, kSmallestIndentationM);
     to_ = {sample.force_n, -sample.force_n / indentation_m};
@@ -41,6 +42,7 @@ Rendered InterpolatingRenderer::render(const ToolPose& pose, double time_s, doub
   rendered.stiffness_n_m = now.stiffness_n_m.y();
   rendered.lateral_stiffness_n_m = now.stiffness_n_m.x();
   rendered.gain = known_ ? share(time_s) : 0;
+  rendered.stored_j = spring_energy_j(now.stiffness_n_m.y(), pose.position_m.y() - surface_m_);
   if (!pressed_) return rendered;
   // Off by what the newest answer is, and by what is left of the way to it.
   const Vector2 variance =

@@ -26,6 +26,7 @@ class InterpolatingRenderer final : public Renderer {
 
   Value from_, to_;
   HeldUncertainty uncertainty_;
+  double surface_m_ = 0;
   bool known_ = false;
   bool pressed_ = false;  // the newest answer had a force
   double arrival_s_ = 0;

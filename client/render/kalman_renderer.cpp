@@ -111,7 +111,7 @@ bool KalmanRenderer::believe(const ForceSample& sample, double indentation_m) no
 }
 
 bool KalmanRenderer::update(const ForceSample& sample, const ToolPose& pose, double) noexcept {
-  const Vector2 before = felt_at(pose);
+  const Vector2 before = felt_at(pose.position_m);
   surface_m_ = sample.surface_m;
   const double indentation_m = sample.position_m.y() - sample.surface_m;
   bool believed = true;
@@ -149,13 +149,25 @@ double KalmanRenderer::variance_at(double x_m, double indentation_m, double time
   return row.dot(covariance_ * row) + walk_n_m() * walk_n_m() * walked;
 }
 
-Vector2 KalmanRenderer::felt_at(const ToolPose& pose) const noexcept {
-  const double indentation_m = pose.position_m.y() - surface_m_;
+Vector2 KalmanRenderer::felt_at(const Vector2& position_m) const noexcept {
+  const double indentation_m = position_m.y() - surface_m_;
   if (indentation_m <= 0) return Vector2::Zero();
   Vector2 k = offset_n_m_;
-  if (known_) k += (1 - withheld_) * stiffness_at(pose.position_m.x(), indentation_m);
+  if (known_) k += (1 - withheld_) * stiffness_at(position_m.x(), indentation_m);
   k.y() = std::max(k.y(), 0.0);
   return k;
+}
+
+// Of the field that is felt, straight up to the surface: Int k d dd, by Gauss' rule of three points (exact
+// where k is linear in d; it bends where its gradient is no longer trusted).
+double KalmanRenderer::stored_at(const Vector2& position_m) const noexcept {
+  constexpr double kOutermost = 0.7745966692414834;  // sqrt(3/5)
+  const double half_m = std::max(position_m.y() - surface_m_, 0.0) / 2;
+  const auto resistance_n = [&](double share) {
+    const double indentation_m = (1 + share) * half_m;
+    return indentation_m * felt_at({position_m.x(), surface_m_ + indentation_m}).y();
+  };
+  return half_m / 9 * (5 * resistance_n(-kOutermost) + 8 * resistance_n(0) + 5 * resistance_n(kOutermost));
 }
 
 // What is felt at the tool stays what it was: of a harder model the surplus is withheld, the rest is an
@@ -211,13 +223,14 @@ Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double diss
                                            : dissipated_j;
   const Vector2 model_n_m = known_ ? stiffness_at(x_m, indentation_m) : Vector2(Vector2::Zero());
   settle(model_n_m, indentation_m, ticks);
-  const Vector2 k = felt_at(pose);
+  const Vector2 k = felt_at(pose.position_m);
   rendered.stiffness_n_m = k.y();
   rendered.lateral_stiffness_n_m = k.x();
   const Vector2 missing = (k - model_n_m).cwiseAbs2();
   rendered.variance += missing.y();
   rendered.lateral_variance += missing.x();
   rendered.force_n = -indentation_m * k;
+  rendered.stored_j = stored_at(pose.position_m);
   rendered.withheld = withheld_;
   return rendered;
 }

@@ -81,7 +81,8 @@ class KalmanRenderer final : public Renderer {
   Eigen::Vector3d row_at(double x_m, double indentation_m) const noexcept;
   Vector2 stiffness_at(double x_m, double indentation_m) const noexcept;
   double variance_at(double x_m, double indentation_m, double time_s) const noexcept;
-  Vector2 felt_at(const ToolPose& pose) const noexcept;
+  Vector2 felt_at(const Vector2& position_m) const noexcept;
+  double stored_at(const Vector2& position_m) const noexcept;
   void blend_from(const Vector2& before_n_m, const ToolPose& pose) noexcept;
   void settle(const Vector2& model_n_m, double indentation_m, double ticks) noexcept;
 

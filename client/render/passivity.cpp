@@ -9,22 +9,28 @@ void PassivityController::reset() noexcept {
   *this = PassivityController(options_);
 }
 
-void PassivityController::observe(const Vector2& position_m, const Vector2& written_force_n, bool contact,
-                                  double dt_s) noexcept {
+// In contact the mechanism's alone; in the air the hand's where nothing is stated of that.
+double PassivityController::damping_counted_n_s_m(bool contact) const noexcept {
+  const bool stated = options_.friction_n > 0 || options_.mechanism_n_s_m > 0;
+  return contact || stated ? options_.mechanism_n_s_m : options_.hand_n_s_m;
+}
+
+void PassivityController::observe(const Vector2& position_m, const Vector2& written_force_n, double stored_j,
+                                  bool contact, double dt_s) noexcept {
   if (!started_) last_position_m_ = position_m;
   started_ = true;
   const Vector2 step_m = position_m - last_position_m_;
   last_position_m_ = position_m;
-  // E(n) = E(n-1) - f(n-1) . dp + f_c |dp| + b |dp|^2 / T
-  energy_j_ += -written_force_n.dot(step_m);
-  if (contact) {
-    const double way_m = step_m.stableNorm();
-    energy_j_ += options_.friction_n * way_m;
-    // A product that a jump of 1e300 m does not make NaN.
-    if (dt_s > 0) energy_j_ += options_.mechanism_n_s_m * way_m * way_m / dt_s;
-  }
-  if (std::isnan(energy_j_)) energy_j_ = 0;  // energies without bound, of both signs: nothing is known
-  energy_j_ = std::clamp(energy_j_, -options_.largest_debt_j, contact ? options_.largest_reserve_j : 0.0);
+  // D(n) = D(n-1) - f(n-1) . dp + f_c |dp| + b |dp|^2 / T - (S(n) - S(n-1))
+  const double way_m = step_m.stableNorm();
+  balance_j_ += -written_force_n.dot(step_m) + options_.friction_n * way_m;
+  // A product that a jump of 1e300 m does not make NaN.
+  if (dt_s > 0) balance_j_ += damping_counted_n_s_m(contact) * way_m * way_m / dt_s;
+  const double held_j = std::isfinite(stored_j) ? std::max(stored_j, 0.0) : 0;
+  balance_j_ -= held_j - stored_j_;
+  stored_j_ = held_j;
+  if (std::isnan(balance_j_)) balance_j_ = 0;  // energies without bound, of both signs: nothing is known
+  balance_j_ = std::clamp(balance_j_, -options_.largest_debt_j, contact ? options_.largest_reserve_j : 0.0);
   dissipate(position_m, contact, dt_s);
 }
 
@@ -51,10 +57,10 @@ Vector2 PassivityController::damping_force(const Vector2& velocity_m_s, double d
   damping_n_s_m_ = 0;
   const double speed_squared = velocity_m_s.squaredNorm();
   constexpr double kStandstill = 1e-10;  // (m/s)^2: no damping can take energy from a finger at rest
-  if (energy_j_ >= 0 || speed_squared < kStandstill || dt_s <= 0) return Vector2::Zero();
+  if (energy_j() >= 0 || speed_squared < kStandstill || dt_s <= 0) return Vector2::Zero();
   // alpha = -E / (T v^2); what the clamp leaves stays in E for the next ticks, and the force written (limits
   // included) is accounted by the next observe().
-  damping_n_s_m_ = std::min(-energy_j_ / (dt_s * speed_squared), options_.largest_damping_n_s_m);
+  damping_n_s_m_ = std::min(-energy_j() / (dt_s * speed_squared), options_.largest_damping_n_s_m);
   return -damping_n_s_m_ * velocity_m_s;
 }
 

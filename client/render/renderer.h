@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 
@@ -39,6 +40,9 @@ struct Rendered {
   // independent. Infinite while nothing is known.
   double variance = std::numeric_limits<double>::infinity();
   double lateral_variance = std::numeric_limits<double>::infinity();
+  // What the model that is felt would give back if the finger were lifted straight up from here. Where the
+  // force is that of no model, what a spring of the rendered stiffness holds.
+  double stored_j = 0;
   double gain = 0;      // of the last update: how much of the innovation was believed, 0 .. 1
   double withheld = 0;  // share of the model's stiffness that waits to be paid for, 0 .. 1
 };
@@ -58,6 +62,12 @@ class Renderer {
     return render(pose, time_s, std::numeric_limits<double>::infinity());
   }
 };
+
+// Held by a spring: k d^2 / 2; nothing where it pulls or outside of the tissue.
+inline double spring_energy_j(double stiffness_n_m, double indentation_m) noexcept {
+  const double depth_m = std::max(indentation_m, 0.0);
+  return std::max(stiffness_n_m, 0.0) * depth_m * depth_m / 2;
+}
 
 // Finite in every field that a renderer reads.
 bool is_finite(const ForceSample&) noexcept;

@@ -59,10 +59,14 @@ bool ServoLoop::read_device(std::int64_t now_ns) noexcept {
   DeviceReading fresh;
   const bool answered = device_.read(now_ns, fresh);
   finite_reading_ = !answered || (fresh.pose.position_m.allFinite() && fresh.pose.velocity_m_s.allFinite());
-  if (answered && finite_reading_)
+  asked_ = false;
+  if (answered && finite_reading_) {
     reading_ = fresh;
-  else
+    asked_ = button_.asks(fresh.resume_pressed);
+  } else {
     reading_.pose.velocity_m_s.setZero();
+    button_.unseen();
+  }
   return answered;
 }
 
@@ -118,7 +122,7 @@ StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device
   inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
   inputs.silence_is_zero = limited.silence_gain <= 0;
   inputs.out_of_contact = reading_.pose.position_m.y() < answer_.sample.surface_m - options_.clearance_m;
-  inputs.resume = resume_.exchange(false) || reading_.resume_pressed;
+  inputs.resume = resume_.exchange(false) || asked_;
   inputs.pause = pause_.exchange(false);
   inputs.disable = disable_.exchange(false);
   return inputs;
@@ -146,6 +150,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.lateral_stiffness_variance = rendered.lateral_variance;
   tick.gain = rendered.gain;
   tick.energy_j = limited.energy_j;
+  tick.stored_j = limited.stored_j;
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.held_at_border = reading_.held_at_border;
   tick.withheld = rendered.withheld;

@@ -58,7 +58,8 @@ struct ServoTick {
   double lateral_stiffness_n_m = 0;
   double lateral_stiffness_variance = 0;
   double gain = 0;
-  double energy_j = 0;       // the passivity observer's
+  double energy_j = 0;       // the passivity observer's: < 0 was generated
+  double stored_j = 0;       // held by the rendered model, as far as its force goes out
   double damping_n_s_m = 0;  // the passivity controller's
   bool held_at_border = false;
   double withheld = 0;     // share of the model's stiffness that is not paid for, 0 .. 1
@@ -130,6 +131,8 @@ class ServoLoop {
   std::atomic<std::uint64_t> rejected_{0};
 
   DeviceReading reading_;  // the newest that the device gave in numbers
+  ResumeButton button_;
+  bool asked_ = false;  // by the button, at this tick
   bool finite_reading_ = true;
   ServoAnswer answer_;  // newest that arrived
   ServoAnswer incoming_;

@@ -40,6 +40,21 @@ struct StateInputs {
   bool disable = false;
 };
 
+// A button asks when it goes down. One that is down when it is first seen, or seen again, has to be let go
+// first: neither a held nor a stuck one brings force back.
+class ResumeButton {
+ public:
+  bool asks(bool down) noexcept {
+    const bool asked = down && !was_down_;
+    was_down_ = down;
+    return asked;
+  }
+  void unseen() noexcept { was_down_ = true; }
+
+ private:
+  bool was_down_ = true;
+};
+
 class StateMachine {
  public:
   ServoState state() const noexcept { return state_; }

@@ -13,6 +13,9 @@ TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndThereWereForcesToBound) {
   EXPECT_EQ(result.not_finite, 0u);
   EXPECT_EQ(result.too_large, 0u);
   EXPECT_EQ(result.too_fast, 0u);
+  EXPECT_EQ(result.above_cap, 0u);
+  EXPECT_EQ(result.grown, 0u);
+  EXPECT_EQ(result.in_silence, 0u);
   ASSERT_EQ(result.renderers.size(), 4u);
   for (const FuzzShares& one : result.renderers) {
     EXPECT_GT(one.share(one.hostile_answers), 0.005) << one.renderer;
@@ -21,6 +24,8 @@ TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndThereWereForcesToBound) {
     EXPECT_GE(one.share(one.slew_limited), FuzzShares::kSlewLimitedLeast) << one.renderer;
     EXPECT_GE(one.share(one.at_largest), FuzzShares::kAtLargestLeast) << one.renderer;
     EXPECT_GE(one.again(), FuzzShares::kAgainLeast) << one.renderer;
+    EXPECT_GE(one.share(one.fading), FuzzShares::kFadingLeast) << one.renderer;
+    EXPECT_GE(one.share(one.silent), FuzzShares::kSilentLeast) << one.renderer;
   }
 }
 

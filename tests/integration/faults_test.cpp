@@ -85,12 +85,12 @@ class Faults : public ::testing::Test {
     for (std::size_t k = 1; k < recording.ticks.size(); ++k) {
       const TouchTick &tick = recording.ticks[k], &before = recording.ticks[k - 1];
       const double allowed_n = slew_n_s * std::min(tick.time_s - before.time_s, 0.002);
-      ASSERT_LE(tick.step_n(before), allowed_n * (1 + 1e-6) + 1e-9) << "a step over the slew limit";
-      worst_step = std::max(worst_step, tick.step_n(before) / allowed_n);
+      ASSERT_LE(tick.rise_n(before), allowed_n * (1 + 1e-6) + 1e-9) << "a rise over the slew limit";
+      worst_step = std::max(worst_step, tick.rise_n(before) / allowed_n);
       // What silence or age has taken away is gone, or is going as fast as the slew limit lets it.
       const bool over = tick.silence_s > silence.zero_s || tick.model_age_s > kAgeIsZeroS;
       if (over && tick.size_n() > 0) {
-        ASSERT_NEAR(before.size_n() - tick.size_n(), allowed_n, 0.05 * allowed_n)
+        ASSERT_GE(before.size_n() - tick.size_n(), 0.95 * allowed_n)
             << tick.size_n() << " N after " << tick.silence_s << " s of silence, model " << tick.model_age_s;
       }
       if (tick.state == ServoState::kEnabled && before.state != ServoState::kEnabled) {
@@ -99,7 +99,7 @@ class Faults : public ::testing::Test {
       }
     }
     EXPECT_EQ(summary.telemetry_dropped, 0u);
-    std::printf("[ felt  ] largest step %.2f of the slew limit; %zu answers, %lu streams\n", worst_step,
+    std::printf("[ felt  ] largest rise %.2f of the slew limit; %zu answers, %lu streams\n", worst_step,
                 recording.answers.size(), summary.link.streams);
   }
 
@@ -320,8 +320,8 @@ TEST_P(FaultsOfALink, BoundTheAgeAndDoNotLetLatencyGrow) {
             client::percentile(first_s, 0.5) + std::max(bad.jitter_s, bad.retransmission_s))
       << "latency grows";
   const Growth growth = growth_of(recording.answers, begin_s, seconds);
-  // Answers that wait for one another err together: a short run cannot tell growth from chance by less than the
-  // link's own delays.
+  // Answers that wait for one another err together: a short run cannot tell growth from chance by less than
+  // the link's own delays.
   const double chance_s = seconds < 30 ? std::max(bad.jitter_s, bad.retransmission_s) : 0.05;
   EXPECT_LE(growth.over_run_s, std::max(chance_s, 4 * growth.error_s)) << "latency grows";
   // Both clocks are this machine's: the offset is zero, and known to be to half of the quickest round trip.

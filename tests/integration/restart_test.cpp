@@ -37,10 +37,10 @@ Felt felt(const test::TouchRecording& recording, double killed_s) {
   Felt felt;
   for (std::size_t k = 1; k < recording.ticks.size(); ++k) {
     const test::TouchTick &tick = recording.ticks[k], &before = recording.ticks[k - 1];
-    const double step_n = tick.step_n(before);
-    EXPECT_TRUE(std::isfinite(step_n));
+    const double rise_n = tick.rise_n(before);
+    EXPECT_TRUE(std::isfinite(rise_n));
     felt.worst_step =
-        std::max(felt.worst_step, step_n / (slew_n_s * std::max(tick.time_s - before.time_s, 0.001)));
+        std::max(felt.worst_step, rise_n / (slew_n_s * std::max(tick.time_s - before.time_s, 0.001)));
     const double since_kill_s = tick.time_s - killed_s;
     if (since_kill_s < 0) felt.before_n = tick.size_n();
     if (since_kill_s > 0 && tick.state == ServoState::kEnabled && before.state != ServoState::kEnabled) {
@@ -69,7 +69,7 @@ void judge(const test::TouchRecording& recording, double killed_s, double servin
   const double answer_s = recording.answer_after_s(killed_s + kZeroWithinS);
   EXPECT_LE(answer_s - serving_s, kAnswersWithinS);
   std::printf(
-      "force zero %.0f ms after the kill; answers %.2f s after serving; largest step %.2f of the slew "
+      "force zero %.0f ms after the kill; answers %.2f s after serving; largest rise %.2f of the slew "
       "limit\n",
       (operator_felt.zero_since_s - killed_s) * 1e3, answer_s - serving_s, operator_felt.worst_step);
 }

@@ -66,8 +66,10 @@ struct TouchTick {
   client::ServoState state;
   double silence_s, model_age_s;
   double size_n() const { return std::hypot(force_n[0], force_n[1]); }
-  double step_n(const TouchTick& before) const {
-    return std::hypot(force_n[0] - before.force_n[0], force_n[1] - before.force_n[1]);
+  // Beyond what the finger itself pressed in, at the device's stiffness cap.
+  double rise_n(const TouchTick& before) const {
+    const double cap_n_m = client::device_profile("premium-1.5").largest_stiffness_n_m;
+    return size_n() - before.size_n() - cap_n_m * std::max(y_m - before.y_m, 0.0);
   }
 };
 

@@ -42,6 +42,7 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   tick.lateral_stiffness_variance = 25;
   tick.gain = 0.4;
   tick.energy_j = -0.003;
+  tick.stored_j = 0.002;
   tick.damping_n_s_m = 1.5;
   tick.withheld = 0.3;
   const v1::ServoSample sample = to_record(tick).servo();
@@ -53,6 +54,7 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   EXPECT_EQ(sample.lateral_stiffness_variance(), 25);
   EXPECT_EQ(sample.gain(), 0.4);
   EXPECT_EQ(sample.energy_j(), -0.003);
+  EXPECT_EQ(sample.stored_j(), 0.002);
   EXPECT_EQ(sample.damping_n_s_m(), 1.5);
   EXPECT_EQ(sample.withheld(), 0.3);
   // What is false is there as well: a reader tells it from a recording that does not say.

@@ -110,7 +110,7 @@ TEST(TouchSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
   session.join();
 
   std::int64_t paused_ns = 0, last_answer_ns = 0, answer_before_ns = 0;
-  double last_x_n = 0, last_y_n = 0, last_s = 0, at_kill_n = 0, worst = 0;
+  double last_m = 0, last_x_n = 0, last_y_n = 0, last_s = 0, at_kill_n = 0, worst = 0;
   RecordReader reader(options.record_path);
   while (const auto entry = reader.next()) {
     if (entry->has_touch_response() && paused_ns == 0) last_answer_ns = entry->monotonic_ns();
@@ -121,9 +121,11 @@ TEST(TouchSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
     if (last_s > 0) {
       const double allowed_n =
           device_profile(options.profile).largest_slew_n_s() * std::min(now_s - last_s, 0.002);
-      worst =
-          std::max(worst, std::hypot(servo.force_n(0) - last_x_n, servo.force_n(1) - last_y_n) - allowed_n);
+      const double pressed_n =
+          device_profile(options.profile).largest_stiffness_n_m * std::max(servo.position_m(1) - last_m, 0.0);
+      worst = std::max(worst, force_n - std::hypot(last_x_n, last_y_n) - pressed_n - allowed_n);
     }
+    last_m = servo.position_m(1);
     last_x_n = servo.force_n(0);
     last_y_n = servo.force_n(1);
     last_s = now_s;

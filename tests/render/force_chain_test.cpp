@@ -120,6 +120,61 @@ TEST(ForceChain, StartsWithARamp) {
   EXPECT_NEAR(settle(chain, input), 0.3, 1e-9);
 }
 
+// However late a tick: whatever goes wrong reaches the hand at the slew limit.
+TEST(ForceChain, ATickThatComesLateSlewsNoFurther) {
+  ForceChainOptions options;
+  for (const double dt_s : {0.05, 1e9, std::numeric_limits<double>::infinity()}) {
+    ForceChain chain(options);
+    ForceChainInput input = pressed(2);
+    input.dt_s = dt_s;
+    EXPECT_LE(chain.apply(input).force_n.norm(), options.limits.largest_slew_n_s * 0.002 + 1e-12) << dt_s;
+  }
+}
+
+TEST(ForceChain, NothingIsOwedOfTheTimeBeforeAPause) {
+  ForceChainOptions options;
+  options.limits.largest_damping_n_s_m = 0;
+  ForceChain chain(options);
+  ForceChainInput input = pressed(2.0);
+  input.pose.position_m.y() = 0.012;
+  settle(chain, input);
+  for (int n = 0; n < 8; ++n) {
+    input.pose.position_m.y() -= 0.001;
+    chain.apply(input);
+  }
+  ASSERT_LT(chain.apply(input).energy_j, -0.01);
+  ASSERT_TRUE(chain.apply(input).indebted);
+  input.on = false;
+  chain.apply(input);
+  input.on = true;
+  const ForceChainOutput output = chain.apply(input);
+  EXPECT_EQ(output.energy_j, 0);
+  EXPECT_FALSE(output.degraded);
+}
+
+// The force that a debt has taken comes back only as it is paid for: a finger that rests is not pushed.
+TEST(ForceChain,
+     GivenAModelThatGrowsUnderAFingerWhenNothingPaysForItThenItIsHeldWhereItIsPaidAndDoesNotShake) {
+  ForceChain chain({});
+  ForceChainInput input = pressed(0);
+  for (int n = 0; n <= 100; ++n) {  // 200 N/m, slowly to 12 mm
+    input.pose.position_m.y() = 0.00012 * n;
+    input.rendered.force_n.y() = -200 * input.pose.position_m.y();
+    input.rendered.stored_j = spring_energy_j(200, input.pose.position_m.y());
+    EXPECT_FALSE(chain.apply(input).degraded);
+  }
+  input.rendered.force_n *= 1.4;  // unpaid: 5.8 mJ
+  input.rendered.stored_j *= 3;   // 29 mJ more
+  EXPECT_TRUE(chain.apply(input).degraded);
+  settle(chain, input, 2000);
+  const double held_n = chain.last_force_n().norm();
+  EXPECT_LT(held_n, 0.6 * input.rendered.force_n.norm());
+  for (int n = 0; n < 2000; ++n) {
+    EXPECT_FALSE(chain.apply(input).degraded);
+    ASSERT_NEAR(chain.last_force_n().norm(), held_n, 0.01 * held_n);
+  }
+}
+
 TEST(ForceChain, NotANumberIsZeroAndSaid) {
   ForceChain chain({});
   ForceChainInput input = pressed(0.6);

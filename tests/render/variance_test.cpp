@@ -150,7 +150,15 @@ TEST(Variance, OfHeldValuesIsLearntFromTheirChanges) {
   expect_honest("interpolate", standardised(drawn, [] { return std::make_unique<InterpolatingRenderer>(); }));
 }
 
-TEST(Variance, OnSmoothTissueIsNeverTooSmall) {
+// The least of the standardised errors on smooth tissue, which changes less than the walk says: lateral,
+// push.
+Vector2 least_on_smooth_tissue(const std::string& name) {
+  if (name == "kalman") return {0.009, 0.02};  // the tangent tells nearly all
+  if (name == "interpolate") return {0.09, 0.25};
+  return {0.05, 0.15};
+}
+
+TEST(Variance, OnSmoothTissueIsNeverTooSmallNorWiderThanItsModelIs) {
   // GIVEN three inclusions (not as the walk says: the slope tells more of them than of a walk)
   for (const std::string& name : renderer_names()) {
     const auto renderer = make_renderer(name, kTickS);
@@ -168,7 +176,7 @@ TEST(Variance, OnSmoothTissueIsNeverTooSmall) {
     std::printf("%s: standardised error lateral %.3f, push %.3f\n", name.c_str(), errors.rms().x(),
                 errors.rms().y());
     EXPECT_LE(errors.rms().maxCoeff(), 1.25) << name;
-    EXPECT_GT(errors.rms().minCoeff(), 0) << name;
+    EXPECT_GE((errors.rms() - least_on_smooth_tissue(name)).minCoeff(), 0) << name;
   }
 }
 
