@@ -65,19 +65,18 @@ double touch_rate_hz(const TouchLinkStats& link) {
   return span_s > 0 ? static_cast<double>(link.distinct) / span_s : 0;
 }
 
-nlohmann::json quantiles(std::vector<double>& values_s) {
-  return {{"p50", percentile(values_s, 0.5)},
-          {"p99", percentile(values_s, 0.99)},
-          {"max", percentile(values_s, 1)}};
+nlohmann::json quantiles(const Histogram& values_s) {
+  return {
+      {"p50", values_s.percentile(0.5)}, {"p99", values_s.percentile(0.99)}, {"max", values_s.percentile(1)}};
 }
 
 nlohmann::json spells(const SpellCounter& counter) {
   return {{"count", counter.count()}, {"s", counter.seconds()}};
 }
 
-nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
-  TickStatistics& ticks = summary.ticks;
-  TouchLinkStats& link = summary.link;
+nlohmann::json to_json(const Arguments& arguments, const TouchSummary& summary) {
+  const TickStatistics& ticks = summary.ticks;
+  const TouchLinkStats& link = summary.link;
   nlohmann::json changes = nlohmann::json::array();
   for (const StateChange& change : ticks.changes()) {
     changes.push_back(
@@ -97,11 +96,11 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
        {{"rate_hz", ticks.rate_hz()},
         {"ticks", ticks.ticks()},
         {"overruns", summary.overruns},
-        {"lateness_s_p50", percentile(ticks.lateness_s(), 0.5)},
-        {"lateness_s_p99", percentile(ticks.lateness_s(), 0.99)},
-        {"lateness_s_max", percentile(ticks.lateness_s(), 1)},
+        {"lateness_s_p50", ticks.lateness_s().percentile(0.5)},
+        {"lateness_s_p99", ticks.lateness_s().percentile(0.99)},
+        {"lateness_s_max", ticks.lateness_s().percentile(1)},
         {"period_s", quantiles(ticks.period_s())},
-        {"slack_s_min", percentile(ticks.slack_s(), 0)},
+        {"slack_s_min", ticks.slack_s().percentile(0)},
         {"scheduling", summary.real_time.text}}},
       {"stalls", {{"count", ticks.stalls().count()}, {"s", ticks.stalls().seconds()}}},
       {"largest_force_n", ticks.largest_force_n()},
@@ -110,6 +109,7 @@ nlohmann::json to_json(const Arguments& arguments, TouchSummary& summary) {
       {"faded", spells(ticks.faded())},
       {"lost_s", ticks.lost_s()},
       {"states", changes},
+      {"states_left_out", ticks.changes_left_out()},
       {"link",
        {{"poses", link.poses},
         {"answers", link.answers},

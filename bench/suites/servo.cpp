@@ -38,11 +38,26 @@ struct Arguments {
   double duration_s = 600;
 };
 
+std::size_t bin_of(double seconds) {
+  return std::min(kBins - 1, static_cast<std::size_t>(std::max(seconds, 0.0) / kBinS));
+}
 std::vector<std::uint64_t> histogram(const std::vector<double>& seconds) {
   std::vector<std::uint64_t> counts(kBins, 0);
-  for (const double s : seconds)
-    ++counts[std::min(kBins - 1, static_cast<std::size_t>(std::max(s, 0.0) / kBinS))];
+  for (const double s : seconds) ++counts[bin_of(s)];
   return counts;
+}
+std::vector<std::uint64_t> histogram(const client::Histogram& seconds) {
+  std::vector<std::uint64_t> counts(kBins, 0);
+  seconds.for_each([&](double s, std::uint64_t count) { counts[bin_of(s)] += count; });
+  return counts;
+}
+json quantiles_of(const client::Histogram& seconds) {
+  if (seconds.count() == 0) throw BenchError("no tick was seen: there is nothing to report");
+  return {{"count", seconds.count()},
+          {"p50", seconds.percentile(0.5)},
+          {"p95", seconds.percentile(0.95)},
+          {"p99", seconds.percentile(0.99)},
+          {"max", seconds.percentile(1)}};
 }
 
 // Of this process, all threads, user and system.
@@ -73,9 +88,9 @@ json measure(const Arguments& arguments) {
   const double before_s = processor_s();
   const std::atomic<bool> stop{false};
   BareTimer bare(session.duration_s + kStartAndEndS);
-  client::TouchSummary summary = client::run_touch_session(session, stop);
+  const client::TouchSummary summary = client::run_touch_session(session, stop);
   bare.stop();
-  client::TickStatistics& ticks = summary.ticks;
+  const client::TickStatistics& ticks = summary.ticks;
   return {{"duration_s", ticks.duration_s()},
           {"with_force_s", ticks.enabled_s()},
           {"scheduling", summary.real_time.text},
@@ -95,13 +110,13 @@ json measure(const Arguments& arguments) {
             {"overruns", bare.overruns()},
             {"lateness_s", quantiles(bare.lateness_s())},
             {"lateness_histogram", histogram(bare.lateness_s())}}},
-          {"period_s", quantiles(ticks.period_s())},
-          {"lateness_s", quantiles(ticks.lateness_s())},
+          {"period_s", quantiles_of(ticks.period_s())},
+          {"lateness_s", quantiles_of(ticks.lateness_s())},
           {"slack_s",
-           {{"min", client::percentile(ticks.slack_s(), 0)},
-            {"p01", client::percentile(ticks.slack_s(), 0.01)},
-            {"p50", client::percentile(ticks.slack_s(), 0.5)}}},
-          {"model_age_s", quantiles(ticks.model_age_s())},
+           {{"min", ticks.slack_s().percentile(0)},
+            {"p01", ticks.slack_s().percentile(0.01)},
+            {"p50", ticks.slack_s().percentile(0.5)}}},
+          {"model_age_s", quantiles_of(ticks.model_age_s())},
           {"histogram_bin_s", kBinS},
           {"lateness_histogram", histogram(ticks.lateness_s())},
           {"period_histogram", histogram(ticks.period_s())}};

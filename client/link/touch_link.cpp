@@ -13,9 +13,8 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kConnectWaitS = 0.05;            // per look at the attempts, and whether to stop
-constexpr double kRetryS = 0.1;                   // between streams that the service refused
-constexpr std::size_t kMaxLatencies = 4'000'000;  // more than an hour at 1 kHz
+constexpr double kConnectWaitS = 0.05;  // per look at the attempts, and whether to stop
+constexpr double kRetryS = 0.1;         // between streams that the service refused
 
 std::uint64_t random_number() {
   std::random_device random;
@@ -207,10 +206,7 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   stats_.largest_strain = std::max(stats_.largest_strain, answer.largest_strain());
   if (converted->sample.position_m != last_position_m_) {
     ++stats_.distinct;
-    if (stats_.latencies_s.size() < kMaxLatencies) {
-      stats_.latencies_s.push_back(1e-9 *
-                                   static_cast<double>(received_ns - answer.pose_stamp().monotonic_ns()));
-    }
+    stats_.latencies_s.add(1e-9 * static_cast<double>(received_ns - answer.pose_stamp().monotonic_ns()));
   }
   last_position_m_ = converted->sample.position_m;
   stats_.last_version = answer.model_version();
@@ -236,8 +232,7 @@ void TouchLink::take_stamps(const v1::TouchAnswer& answer, ServoAnswer& converte
   if (answer.model_stamp().instance() == service_instance_)
     converted.modulus_time_s =
         1e-9 * static_cast<double>(answer.model_stamp().monotonic_ns()) - converted.clock_offset_s;
-  if (stats_.round_trips_s.size() < kMaxLatencies)
-    stats_.round_trips_s.push_back(1e-9 * static_cast<double>(received_ns - sent_ns - stayed_ns));
+  stats_.round_trips_s.add(1e-9 * static_cast<double>(received_ns - sent_ns - stayed_ns));
 }
 
 // What is not trusted is said once a second at most; what is only remarkable (status OK) once.

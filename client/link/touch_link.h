@@ -23,6 +23,7 @@
 
 #include "client/link/recording.h"
 #include "client/servo/clock_offset.h"
+#include "client/servo/histogram.h"
 #include "client/servo/servo_loop.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
@@ -42,21 +43,21 @@ struct TouchLinkStats {
   std::uint64_t answers = 0;   // received
   std::uint64_t distinct = 0;  // of them, to a pose at another position than the answer before
   std::uint64_t not_covered = 0;
-  std::uint64_t failed = 0;         // status FAILED
-  std::uint64_t degraded = 0;       // status DEGRADED
-  double largest_strain = 0;        // under the finger
-  std::uint64_t dropped = 0;        // malformed or foreign answers
-  std::uint64_t streams = 0;        // opened, the first included
-  std::uint64_t instances = 0;      // service processes seen
-  std::uint64_t last_version = 0;   // model version of the last answer
-  std::vector<double> latencies_s;  // pose sampled -> answer received, of the distinct ones
-  double first_answer_s = 0;        // servo clock
+  std::uint64_t failed = 0;        // status FAILED
+  std::uint64_t degraded = 0;      // status DEGRADED
+  double largest_strain = 0;       // under the finger
+  std::uint64_t dropped = 0;       // malformed or foreign answers
+  std::uint64_t streams = 0;       // opened, the first included
+  std::uint64_t instances = 0;     // service processes seen
+  std::uint64_t last_version = 0;  // model version of the last answer
+  Histogram latencies_s;           // pose sampled -> answer received, of the distinct ones
+  double first_answer_s = 0;       // servo clock
   double last_answer_s = 0;
   double line_y_m = 0;
-  double period_s = 0;                // negotiated
-  std::vector<double> round_trips_s;  // pose sent -> answer received, less what the service took
-  double clock_offset_s = 0;          // the service's clock minus ours, by the newest answer
-  double clock_offset_error_s = 0;    // at most
+  double period_s = 0;              // negotiated
+  Histogram round_trips_s;          // pose sent -> answer received, less what the service took
+  double clock_offset_s = 0;        // the service's clock minus ours, by the newest answer
+  double clock_offset_error_s = 0;  // at most
 };
 
 class TouchLink {

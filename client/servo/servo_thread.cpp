@@ -27,7 +27,7 @@ std::optional<RealTime> ServoThread::real_time() const {
 void ServoThread::run() noexcept {
   try {
     if (options_.real_time) {
-      granted_ = ask_for_real_time();
+      granted_ = ask_for_real_time(&servo_, sizeof servo_);
       asked_.store(true, std::memory_order_release);
     }
     options_.begins();

@@ -51,18 +51,21 @@ void TickStatistics::add(const ServoTick& tick) {
       lost_s_ += step_s;
       lost_now_s_ += step_s;
     }
-    period_s_.push_back(step_s);
-    slack_s_.push_back(tick.slack_s);
+    period_s_.add(step_s);
+    slack_s_.add(tick.slack_s);
   }
-  if (changed) changes_.push_back({time_s, tick.state, tick.reason});
+  if (changed && changes_.size() < kMostChanges)
+    changes_.push_back({time_s, tick.state, tick.reason});
+  else if (changed)
+    ++changes_left_out_;
   const bool enabled = tick.state == ServoState::kEnabled;
   degraded_.add(time_s, enabled && tick.degraded);
   service_degraded_.add(time_s, enabled && tick.service_degraded);
   faded_.add(time_s, enabled && tick.faded);
   stalls_.add(time_s, tick.held_at_border);
   largest_force_n_ = std::max(largest_force_n_, tick.force_n.norm());
-  lateness_s_.push_back(tick.lateness_s);
-  if (enabled) model_age_s_.push_back(tick.model_age_s);
+  lateness_s_.add(tick.lateness_s);
+  if (enabled) model_age_s_.add(tick.model_age_s);
   last_ = tick;
   ++ticks_;
 }

@@ -1,9 +1,11 @@
-// What the ticks of a session add up to. Fed by the thread that drains the telemetry.
+// What the ticks of a session add up to, of a size that does not grow with it. Fed by the thread that drains
+// the telemetry.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
+#include "client/servo/histogram.h"
 #include "client/servo/servo_loop.h"
 
 namespace teletact::client {
@@ -50,6 +52,8 @@ struct StateChange {
 
 class TickStatistics {
  public:
+  static constexpr std::size_t kMostChanges = 1000;
+  TickStatistics() { changes_.reserve(kMostChanges); }
   void add(const ServoTick& tick);
 
   std::uint64_t ticks() const noexcept { return ticks_; }
@@ -65,11 +69,13 @@ class TickStatistics {
   const ServoTick& last() const noexcept { return last_; }
   double largest_force_n() const noexcept { return largest_force_n_; }
   const StallCounter& stalls() const noexcept { return stalls_; }
-  std::vector<double>& lateness_s() noexcept { return lateness_s_; }
-  std::vector<double>& period_s() noexcept { return period_s_; }        // from tick to tick
-  std::vector<double>& slack_s() noexcept { return slack_s_; }          // left of each period
-  std::vector<double>& model_age_s() noexcept { return model_age_s_; }  // while ENABLED
+  const Histogram& lateness_s() const noexcept { return lateness_s_; }
+  const Histogram& period_s() const noexcept { return period_s_; }        // from tick to tick
+  const Histogram& slack_s() const noexcept { return slack_s_; }          // left of each period
+  const Histogram& model_age_s() const noexcept { return model_age_s_; }  // while ENABLED
+  // The first of them, and how many came after these.
   const std::vector<StateChange>& changes() const noexcept { return changes_; }
+  std::uint64_t changes_left_out() const noexcept { return changes_left_out_; }
 
  private:
   std::uint64_t ticks_ = 0;
@@ -83,11 +89,12 @@ class TickStatistics {
   double lost_now_s_ = 0;
   double largest_force_n_ = 0;
   StallCounter stalls_;
-  std::vector<double> lateness_s_;
-  std::vector<double> period_s_;
-  std::vector<double> slack_s_;
-  std::vector<double> model_age_s_;
+  Histogram lateness_s_;
+  Histogram period_s_;
+  Histogram slack_s_;
+  Histogram model_age_s_;
   std::vector<StateChange> changes_;
+  std::uint64_t changes_left_out_ = 0;
 };
 
 }  // namespace teletact::client
