@@ -1,4 +1,5 @@
-// Where a real device's frame lies in the scene: the point at which it is first read becomes `start_m`.
+// Where a real device's frame lies in the scene: the point at which it is first read becomes `start_m`. What
+// is no number is no point.
 #pragma once
 
 #include "client/render/renderer.h"
@@ -9,10 +10,13 @@ class Anchor {
  public:
   explicit Anchor(const Vector2& start_m) : start_m_(start_m) {}
   void release() noexcept { held_ = false; }
+  bool held() const noexcept { return held_; }
   // `device_m` is in metres along the scene's axes, from the device's own origin.
   Vector2 to_scene(const Vector2& device_m) noexcept {
-    if (!held_) first_m_ = device_m;
-    held_ = true;
+    if (!held_ && device_m.allFinite()) {
+      first_m_ = device_m;
+      held_ = true;
+    }
     return start_m_ + (device_m - first_m_);
   }
 

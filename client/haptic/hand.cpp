@@ -25,7 +25,11 @@ void Hand::intend(const OperatorView& view, const Vector2& position_m, double dt
     const double hover_m = view.surface_m - options_.hover_m;
     const double most_m = options_.speed_m_s * dt_s;
     target_m_.y() += std::clamp(hover_m - target_m_.y(), -most_m, most_m);
-    resume_ = view.link_alive && indentation_m < -options_.hover_m / 2;
+    // The button is pressed and released until it has been heard.
+    constexpr double kPressS = 0.05;
+    const bool asks = view.link_alive && indentation_m < -options_.hover_m / 2;
+    resume_ = asks && std::fmod(asking_s_, 2 * kPressS) < kPressS;
+    asking_s_ = asks ? asking_s_ + dt_s : 0;
   } else if (phase_ == Phase::kHover) {
     if (view.covered) phase_ = Phase::kPress;
   } else {

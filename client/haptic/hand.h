@@ -61,6 +61,7 @@ class Hand {
   double speed_m_s_ = 0;
   bool held_ = false;
   bool resume_ = false;
+  double asking_s_ = 0;  // for force, so far
   std::atomic<unsigned> passes_{0};
 };
 

@@ -89,6 +89,7 @@ void PluginDevice::open() {
   }
   device_ = device;
   anchor_.release();
+  velocity_.restart();
   profile_ = {plugin_->name,
               limits.largest_force_n,
               limits.largest_stiffness_n_m,
@@ -109,8 +110,13 @@ bool PluginDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   if (device_ == nullptr) return false;
   teletact_device_reading raw{};
   if (plugin_->read(device_, now_ns, &raw) != 0) return false;
+  const auto is_zero = [](const double(&xyz)[3]) { return xyz[0] == 0 && xyz[1] == 0 && xyz[2] == 0; };
+  // What an adapter's memory holds before its device has said anything.
+  if (!anchor_.held() && is_zero(raw.position_m)) return false;
   reading.pose.position_m = anchor_.to_scene({raw.position_m[0], raw.position_m[1]});
-  reading.pose.velocity_m_s = {raw.velocity_m_s[0], raw.velocity_m_s[1]};
+  const Vector2 derived_m_s = velocity_.at(reading.pose.position_m, now_ns);
+  reading.pose.velocity_m_s =
+      is_zero(raw.velocity_m_s) ? derived_m_s : Vector2(raw.velocity_m_s[0], raw.velocity_m_s[1]);
   reading.resume_pressed = raw.resume_pressed != 0;
   reading.held_at_border = false;
   return true;

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "client/haptic/anchor.h"
+#include "client/haptic/derived_velocity.h"
 #include "client/haptic/haptic_device.h"
 #include "client/haptic/teletact_device.h"
 
@@ -29,6 +30,7 @@ class PluginDevice final : public HapticDevice {
 
   std::string path_, settings_;
   Anchor anchor_;
+  DerivedVelocity velocity_;
   void* library_ = nullptr;
   const teletact_device_plugin* plugin_ = nullptr;
   void* device_ = nullptr;  // null: not open

@@ -20,6 +20,7 @@ ReplayDevice::ReplayDevice(DeviceProfile profile, std::vector<MotionPoint> motio
 
 void ReplayDevice::open() {
   next_ = 1;
+  asked_ = 0;
   moving_ = false;
   ended_ = false;
   open_ = true;
@@ -43,7 +44,11 @@ bool ReplayDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   if (over || !moving_) reading.pose.velocity_m_s.setZero();
   if (over) ended_.store(true, std::memory_order_relaxed);
   reading.held_at_border = false;
-  reading.resume_pressed = !view_.force_on && view_.link_alive;
+  // The button is pressed and released until it has been heard.
+  constexpr unsigned kPressReads = 50;
+  const bool asks = !view_.force_on && view_.link_alive;
+  reading.resume_pressed = asks && asked_ % (2 * kPressReads) < kPressReads;
+  asked_ = asks ? asked_ + 1 : 0;
   return true;
 }
 

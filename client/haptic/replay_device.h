@@ -34,6 +34,7 @@ class ReplayDevice final : public HapticDevice {
   std::vector<MotionPoint> motion_;
   OperatorView view_;
   std::size_t next_ = 1;  // the point ahead
+  unsigned asked_ = 0;    // reads since it began to ask for force
   std::int64_t begin_ns_ = 0;
   bool open_ = false, moving_ = false;
   std::atomic<bool> ended_{false};

@@ -40,9 +40,9 @@ typedef struct teletact_device_limits {
 } teletact_device_limits;
 
 typedef struct teletact_device_reading {
-  double position_m[3];
-  double velocity_m_s[3];
-  int32_t resume_pressed; /* not 0: the operator asks for force (a button) */
+  double position_m[3];   /* all zero before any other: the device has said nothing yet */
+  double velocity_m_s[3]; /* all zero: not known, it is derived from the positions */
+  int32_t resume_pressed; /* not 0: the button is down; the operator asks for force when it goes down */
 } teletact_device_reading;
 
 typedef struct teletact_device_plugin {

@@ -101,14 +101,6 @@ TEST_F(ServoTest, ForceReturnsOnlyWhenResumedOutOfContact) {
   EXPECT_GT(device.force.norm(), 0.5);
 }
 
-TEST_F(ServoTest, DeviceLostIsAFault) {
-  enable();
-  device.ok = false;
-  run(0.002);
-  EXPECT_EQ(last.state, ServoState::kFault);
-  EXPECT_EQ(last.reason, StateReason::kDeviceLost);
-}
-
 TEST_F(ServoTest, RunawayIsAFaultAndSlewsToZero) {
   enable();
   put_finger(0.004);
@@ -219,18 +211,6 @@ TEST_F(ServoTest, PauseAndDisableAreObeyed) {
   EXPECT_EQ(last.state, ServoState::kDisabled);
 }
 
-TEST_F(ServoTest, CountsOverrunsAndKeepsItsPhase) {
-  std::atomic<bool> stop{false};
-  // WHEN every wake-up is 1.5 ms late, ticks that are past are skipped, not made up for
-  clock.wake_late_ns = 1'500'000;
-  const std::int64_t begin_ns = clock.time_ns;
-  stop = true;
-  servo->run(stop);
-  EXPECT_EQ(servo->ticks(), 1u);
-  EXPECT_EQ(servo->overruns(), 1u);
-  EXPECT_EQ(clock.time_ns - begin_ns, 2'500'000);
-}
-
 TEST_F(ServoTest, StoppingSlewsTheForceToZeroFirst) {
   enable();
   put_finger(0.004);
@@ -239,6 +219,7 @@ TEST_F(ServoTest, StoppingSlewsTheForceToZeroFirst) {
   std::atomic<bool> stop{true};
   servo->run(stop);
   EXPECT_EQ(device.force.norm(), 0);
+  EXPECT_GT(servo->ticks(), 1010u);  // not in one step
   ServoTick tick;
   while (servo->telemetry().pop(tick)) {
     EXPECT_LE((tick.force_n - last.force_n).norm(), options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);

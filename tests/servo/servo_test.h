@@ -55,6 +55,7 @@ class ServoTest : public ::testing::Test {
         answer.covered_end_m = 0.1;
         answer.period_s = 0.002;
         answer.degraded = service_degraded;
+        answer.has_force = has_force;
         servo->answers().put(answer);
       }
       servo->tick(clock.time_ns);
@@ -82,6 +83,7 @@ class ServoTest : public ::testing::Test {
   std::unique_ptr<ServoLoop> servo;
   bool silent = false;
   bool service_degraded = false;  // the service's status
+  bool has_force = true;          // it could compute one
   std::uint64_t sequence = 0;
   ServoTick last;
   double largest_step_n = 0;

@@ -25,11 +25,13 @@ typedef struct vendor_device {
 } vendor_device;
 
 #define VENDOR_DAMPING_N_S_M 5.0
+#define VENDOR_HOME_M (-0.1) /* where the device rests, from its own origin */
 
 static vendor_device* vendor_connect(double stiffness_n_m, double press_m) {
   vendor_device* device = calloc(1, sizeof *device);
   if (device == NULL) return NULL;
   device->stiffness_n_m = stiffness_n_m;
+  device->position_m[2] = VENDOR_HOME_M;
   device->press_m = press_m;
   return device;
 }
@@ -49,7 +51,8 @@ static void vendor_update(vendor_device* device, int64_t now_ns) {
   device->last_ns = now_ns;
   if (elapsed_s > longest_s) elapsed_s = longest_s;
   const double two_pi = 6.283185307179586, period_s = 4;
-  const double hand_m[3] = {0, device->press_m * (1 - cos(two_pi / period_s * 1e-9 * (double)now_ns)) / 2, 0};
+  const double hand_m[3] = {0, device->press_m * (1 - cos(two_pi / period_s * 1e-9 * (double)now_ns)) / 2,
+                            VENDOR_HOME_M};
   for (; elapsed_s > step_s / 2; elapsed_s -= step_s) {
     for (int axis = 0; axis < 3; ++axis) {
       const double force_n = device->force_n[axis] -
@@ -94,7 +97,8 @@ static int adapter_read(void* device, int64_t now_ns, teletact_device_reading* r
   vendor_update(vendor, now_ns);
   memcpy(reading->position_m, vendor->position_m, sizeof reading->position_m);
   memcpy(reading->velocity_m_s, vendor->velocity_m_s, sizeof reading->velocity_m_s);
-  reading->resume_pressed = vendor->press_m > 0; /* a button of yours */
+  /* A button of yours: here it is pressed and released twice a second. */
+  reading->resume_pressed = vendor->press_m > 0 && now_ns / 250000000 % 2 != 0;
   return 0;
 }
 
