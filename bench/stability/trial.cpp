@@ -4,13 +4,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <memory>
 
 #include "bench/stability/path.h"
+#include "bench/stability/rig.h"
 #include "bench/stability/servo_period.h"
-#include "client/haptic/simulated_device.h"
-#include "client/render/renderers.h"
-#include "client/servo/servo_loop.h"
 
 namespace teletact::bench {
 namespace {
@@ -18,136 +15,16 @@ namespace {
 using client::ForceSample;
 using client::ToolPose;
 
-constexpr std::size_t kLongestDelayTicks = 1024;
-
 std::size_t ticks_of(double seconds) {
   return static_cast<std::size_t>(std::lround(seconds / kServoS));
 }
 
-// What a controller knows of the plant: quantised as a simulated device; an ideal display is read exactly.
-class Sensor {
- public:
-  Sensor(double resolution_m, const Vector2& start_m)
-      : exact_(resolution_m <= 0),
-        reading_(resolution_m, client::SimulatedDeviceOptions().velocity_filter_s) {
-    reading_.restart(start_m);
-  }
-  ToolPose read(const Plant& plant) noexcept {
-    if (exact_) return {plant.position_m(), plant.velocity_m_s()};
-    reading_.take(plant.position_m(), kServoS);
-    return reading_.pose();
-  }
-
- private:
-  bool exact_;
-  client::QuantisedReading reading_;
-};
-
-// The plant behind the product's device interface: what the servo writes is felt from then on.
-class TrialDevice final : public client::HapticDevice {
- public:
-  explicit TrialDevice(const client::DeviceProfile& profile) : profile_(profile) {}
-  const client::DeviceProfile& profile() const noexcept override { return profile_; }
-  void open() override {}
-  void close() noexcept override {}
-  bool read(std::int64_t, client::DeviceReading& reading) noexcept override {
-    reading.pose = pose;
-    reading.resume_pressed = resume;
-    return true;
-  }
-  bool write(const Vector2& n) noexcept override {
-    force_n = n;
-    return true;
-  }
-  ToolPose pose;
-  bool resume = false;
-  Vector2 force_n = Vector2::Zero();
-
- private:
-  client::DeviceProfile profile_;
-};
-
-client::DeviceProfile profile_of(const TrialOptions& options) {
+RigOptions rig_of(const TrialOptions& options) {
   client::DeviceProfile profile = options.device;
   profile.damping_n_s_m = options.damping_known ? options.damping_n_s_m : 0;
-  return profile;
+  return {options.renderer, profile,           options.update_s, options.model_delay_s,
+          options.foreseen, HandPath::kHoverS, options.safe};
 }
-
-// A renderer as it is, or in the servo loop with its safety chain.
-class Controller {
- public:
-  explicit Controller(const TrialOptions& options)
-      : safe_(options.safe),
-        period_s_(options.update_s),
-        renderer_(client::make_renderer(options.renderer, kServoS)),
-        device_(profile_of(options)) {
-    if (!safe_) return;
-    client::ServoOptions servo;
-    servo.chain.limits = device_.profile().limits();
-    loop_ = std::make_unique<client::ServoLoop>(device_, *renderer_, clock_, servo);
-  }
-  Vector2 tick(const ToolPose& pose, const ForceSample* answer, double time_s) noexcept {
-    if (!safe_) {
-      if (answer != nullptr) renderer_->update(*answer, pose, time_s);
-      return renderer_->render(pose, time_s).force_n;
-    }
-    if (answer != nullptr) {
-      client::ServoAnswer incoming;
-      incoming.sample = *answer;
-      incoming.sample.pose_time_s += kStartS;
-      incoming.covered = true;
-      incoming.received_ns = clock_.time_ns;
-      incoming.period_s = period_s_;
-      loop_->answers().put(incoming);
-    }
-    device_.pose = pose;
-    device_.resume = time_s < HandPath::kHoverS;
-    loop_->tick(clock_.time_ns);
-    clock_.time_ns += kServoNs;
-    loop_->telemetry().pop(last);
-    return device_.force_n;
-  }
-  client::ServoTick last;
-
- private:
-  static constexpr double kStartS = 1;  // the manual clock's
-  bool safe_;
-  double period_s_;
-  std::unique_ptr<client::Renderer> renderer_;
-  TrialDevice device_;
-  client::ManualClock clock_;
-  std::unique_ptr<client::ServoLoop> loop_;
-};
-
-// Poses that are on their way to becoming answers, in order.
-class Answers {
- public:
-  Answers(const StabilityTissue& tissue, const TrialOptions& options)
-      : tissue_(tissue),
-        every_(std::max<std::size_t>(ticks_of(options.update_s), 1)),
-        late_(ticks_of(options.model_delay_s)),
-        foreseen_(options.foreseen) {}
-  // The answer that arrives at this tick, if one does.
-  const ForceSample* at(std::size_t tick, const ToolPose& pose) {
-    if (tick % every_ == 0) {
-      ForceSample& sample = waiting_[asked_ % waiting_.size()];
-      sample = foreseen_ ? tissue_.told(pose.position_m) : tissue_.answer(pose.position_m);
-      sample.sequence = ++asked_;
-      sample.pose_time_s = kServoS * static_cast<double>(tick);
-    }
-    if (tick < late_ || (tick - late_) % every_ != 0) return nullptr;
-    return &(newest_ = waiting_[given_++ % waiting_.size()]);
-  }
-  const ForceSample& newest() const { return newest_; }
-
- private:
-  const StabilityTissue& tissue_;
-  std::size_t every_, late_;
-  bool foreseen_;
-  std::array<ForceSample, kLongestDelayTicks> waiting_;
-  std::size_t asked_ = 0, given_ = 0;
-  ForceSample newest_;
-};
 
 // Squares of the force error of what was written and of two exact models of the same age.
 struct ForceErrors {
@@ -191,10 +68,10 @@ RestOptions rest_of(const TrialOptions& options) {
 }
 
 void count_safety(const Controller& controller, TrialResult& result) {
-  if (controller.last.state != client::ServoState::kEnabled) return;
+  if (controller.last().state != client::ServoState::kEnabled) return;
   ++result.enabled_share;
-  if (controller.last.degraded) ++result.degraded_share;
-  if (controller.last.damping_n_s_m > 0) ++result.damping_share;
+  if (controller.last().degraded) ++result.degraded_share;
+  if (controller.last().damping_n_s_m > 0) ++result.damping_share;
 }
 
 void finish(const ForceErrors& errors, const Drawdown& drawdown, TrialResult& result) {
@@ -229,8 +106,9 @@ TrialResult run_trial(const TrialOptions& options) {
                .step_s = kServoS},
               HandPath::start_m());
   Sensor sensor(options.device.resolution_m, HandPath::start_m());
-  Controller controller(options);
-  Answers answers(tissue, options);
+  const RigOptions rig = rig_of(options);
+  Controller controller(rig);
+  Answers answers(tissue, rig);
   std::array<Vector2, kLongestDelayTicks> written_n;
   written_n.fill(Vector2::Zero());
   const std::size_t ticks = ticks_of(path.stopped_s() + rest.length_s());
@@ -241,7 +119,7 @@ TrialResult run_trial(const TrialOptions& options) {
   bool lost = false;
   for (std::size_t tick = 0; tick < ticks && !lost && !rest.settled(); ++tick, ++result.ticks) {
     const double time_s = kServoS * static_cast<double>(tick);
-    const ToolPose pose = sensor.read(plant);
+    const ToolPose pose = sensor.read({plant.position_m(), plant.velocity_m_s()});
     Vector2& newest_n = written_n[tick % written_n.size()];
     newest_n = controller.tick(pose, answers.at(tick, pose), time_s);
     const Vector2& felt_n = written_n[(tick + written_n.size() - late) % written_n.size()];

@@ -9,8 +9,8 @@ namespace {
 using nlohmann::json;
 
 const std::vector<StabilityPart>& parts() {
-  static const std::vector<StabilityPart> all{stability_passivity(), stability_promise(), stability_chart(),
-                                              stability_position(), stability_fuzz()};
+  static const std::vector<StabilityPart> all{stability_passivity(), stability_promise(),  stability_lift(),
+                                              stability_chart(),     stability_position(), stability_fuzz()};
   return all;
 }
 

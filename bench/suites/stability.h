@@ -17,6 +17,7 @@ struct StabilityPart {
 
 StabilityPart stability_passivity();  // hold's passivity border, by its worst imposed motion (T5.2)
 StabilityPart stability_promise();    // Kalman with tangent where a held 50 Hz force is active
+StabilityPart stability_lift();       // presses to the largest force, lifts and taps, by every renderer
 StabilityPart stability_chart();      // stable, limit cycle, unstable, by every renderer
 StabilityPart stability_position();   // displays that command a position, through the virtual coupling
 StabilityPart stability_fuzz();       // any stream of answers

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "bench/stability/felt.h"
+#include "bench/stability/lift.h"
 #include "bench/stability/passivity_border.h"
 #include "bench/stability/plant.h"
 #include "bench/stability/rest.h"
@@ -156,6 +157,36 @@ TEST(Trial, GivenAHardTissueWhenItWasNotToldOfThenItsForceIsWithheldAndDegradedS
   EXPECT_GT(unknown.degraded_share, 0);
   EXPECT_EQ(unknown.verdict, Verdict::kStable);
   EXPECT_LT(unknown.generated_j, 1e-5);
+}
+
+// Pressed to the largest force of each device, and lifted: nothing in the air, and no more comes back than
+// was put in but for what a force held between ticks gives.
+TEST(Lift, OfAFingerThatPressedWithTheLargestForceLeavesNothingBehindByAnyRenderer) {
+  static const HandProfile hand{"middle", 0.1, 5, 500};
+  for (const client::DeviceProfile& device : client::device_profiles())
+    for (const std::string renderer : {"kalman", "kalman-force", "interpolate", "hold"})
+      for (const LiftMotion motion : {LiftMotion::kLift, LiftMotion::kTap})
+        for (const HandProfile* mover : {static_cast<const HandProfile*>(nullptr), &hand}) {
+          LiftOptions options;
+          options.renderer = renderer;
+          options.device = device;
+          options.stiffness_n_m = device.largest_stiffness_n_m;
+          options.damping_known = false;
+          options.motion = motion;
+          options.hand = mover;
+          const LiftResult result = run_lift(options);
+          const std::string what = device.name + ' ' + renderer +
+                                   (motion == LiftMotion::kTap ? " tap" : " lift") + (mover ? " hand" : "");
+          EXPECT_EQ(result.in_air_n, 0) << what;
+          EXPECT_LE(result.over_allowed, 1) << what;
+          if (renderer.rfind("kalman", 0) == 0) {
+            EXPECT_EQ(result.degraded_share, 0) << what;
+          }
+          EXPECT_EQ(result.enabled_share, 1) << what;
+          if (mover == nullptr) {
+            EXPECT_NEAR(result.largest_n, device.largest_force_n, 1e-9) << what;
+          }
+        }
 }
 
 TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNotAtAll) {
