@@ -25,6 +25,11 @@ std::size_t Calls::most(CallKind kind) const {
       return limits_.most_watchers;
     case CallKind::kEstimate:
       return limits_.most_estimates;
+    case CallKind::kUnary:
+    case CallKind::kInfo:
+      return limits_.most_unary_calls;
+    case CallKind::kFullScene:
+      return limits_.most_full_scenes;
   }
   return 0;
 }
@@ -39,7 +44,8 @@ Calls::~Calls() {
 }
 
 void Calls::open() {
-  state_ = State::kOpen;
+  State starting = State::kStarting;  // one that drains by now stays closed
+  state_.compare_exchange_strong(starting, State::kOpen);
 }
 
 void Calls::require_open() const {
@@ -52,7 +58,7 @@ void Calls::require_open() const {
 
 std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served> call) {
   const std::lock_guard lock(mutex_);
-  require_open();
+  if (kind != CallKind::kInfo) require_open();
   const auto same =
       std::count_if(places_.begin(), places_.end(), [&](auto& place) { return place.second.kind == kind; });
   if (static_cast<std::size_t>(same) >= most(kind))

@@ -15,7 +15,8 @@
 
 namespace teletact::service {
 
-enum class CallKind { kTouch, kWatch, kEstimate };
+// kInfo: what is answered while the service starts or drains, too.
+enum class CallKind { kTouch, kWatch, kEstimate, kUnary, kFullScene, kInfo };
 
 // A call as the thread sees it that looks after all of them.
 class Served {
@@ -51,7 +52,7 @@ class Calls {
   // Calls are refused with Error(kUnavailable) before open() and after drain().
   void open();
   void require_open() const;
-  // Throws Error(kUnavailable | kExhausted).
+  // Throws Error(kUnavailable | kExhausted). Places are counted for each kind.
   std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>);
   bool draining() const { return state_.load() == State::kDraining; }
   // Calls find out when they are looked at next.

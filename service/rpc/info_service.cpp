@@ -1,9 +1,17 @@
 #include "service/rpc/info_service.h"
 
+#include "service/rpc/unary_call.h"
+
 namespace teletact::service {
 
-grpc::Status InfoService::GetInfo(grpc::ServerContext*, const v1::GetInfoRequest*,
-                                  v1::GetInfoResponse* response) {
+grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
+                                               const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
+  return UnaryCall::serve(core_, context, CallKind::kInfo, [=, this](const UnaryCall::Handle& call) {
+    call->answer(*response, [&] { describe(response); });
+  });
+}
+
+void InfoService::describe(v1::GetInfoResponse* response) const {
   response->set_api_version("v1");
   response->set_build(TELETACT_VERSION);
   response->set_instance(core_.instance);
@@ -25,7 +33,6 @@ grpc::Status InfoService::GetInfo(grpc::ServerContext*, const v1::GetInfoRequest
   response->set_uptime_ns(
       std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now() - core_.started)
           .count());
-  return grpc::Status::OK;
 }
 
 }  // namespace teletact::service

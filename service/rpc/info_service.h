@@ -8,12 +8,14 @@ namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
 
-class InfoService final : public v1::Info::Service {
+class InfoService final : public v1::Info::CallbackService {
  public:
   explicit InfoService(Core& core) : core_(core) {}
-  grpc::Status GetInfo(grpc::ServerContext*, const v1::GetInfoRequest*, v1::GetInfoResponse*) override;
+  grpc::ServerUnaryReactor* GetInfo(grpc::CallbackServerContext*, const v1::GetInfoRequest*,
+                                    v1::GetInfoResponse*) override;
 
  private:
+  void describe(v1::GetInfoResponse*) const;
   Core& core_;
 };
 

@@ -1,58 +1,66 @@
 #include "service/rpc/palpation_service.h"
 
 #include "service/rpc/convert.h"
-#include "service/rpc/status.h"
 #include "service/rpc/touch_reactor.h"
-#include "service/rpc/wait.h"
+#include "service/rpc/unary_call.h"
 #include "service/rpc/watch_reactor.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
 
-grpc::Status PalpationService::CreateScene(grpc::ServerContext* context,
-                                           const v1::CreateSceneRequest* request, v1::Scene* response) {
-  return guarded([&] {
-    core_.calls.require_open();
+grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerContext* context,
+                                                        const v1::CreateSceneRequest* request,
+                                                        v1::Scene* response) {
+  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus;
     if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
     // Building a model is imaging work: on its thread, below touch.
-    const Abandoned abandoned = not_abandoned();
-    auto made = core_.scenes.worker().run(
-        [this, abandoned, id = request->scene_id(), geometry, modulus = std::move(modulus)]() mutable {
-          if (*abandoned) throw Error(ErrorKind::kCancelled, "the caller cancelled");
-          return core_.scenes.create(id, geometry, std::move(modulus));
-        });
-    scene_to(*wait_for(made, *context, abandoned), v1::SCENE_VIEW_BASIC, core_.instance, response);
-    return grpc::Status::OK;
+    core_.scenes.worker().post(JobUrgency::kUrgent, [this, call, response, id = request->scene_id(), geometry,
+                                                     modulus = std::move(modulus)]() mutable {
+      if (call->given_up()) return;
+      try {
+        const auto scene = core_.scenes.create(id, geometry, std::move(modulus));
+        call->answer(*response, [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
+      } catch (...) {
+        call->fail(std::current_exception());
+      }
+    });
   });
 }
 
-grpc::Status PalpationService::GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request,
-                                        v1::Scene* response) {
-  return guarded([&] {
-    core_.calls.require_open();
-    scene_to(*core_.scenes.find(request->scene_id()), request->view(), core_.instance, response);
-    return grpc::Status::OK;
+grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext* context,
+                                                     const v1::GetSceneRequest* request,
+                                                     v1::Scene* response) {
+  const CallKind kind = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
+  return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
+    copying_.post(JobUrgency::kUrgent, [=, this] {
+      call->answer(*response, [&] {
+        scene_to(*core_.scenes.find(request->scene_id()), request->view(), core_.instance, response);
+      });
+    });
   });
 }
 
-grpc::Status PalpationService::ListScenes(grpc::ServerContext*, const v1::ListScenesRequest*,
-                                          v1::ListScenesResponse* response) {
-  return guarded([&] {
-    core_.calls.require_open();
-    for (const auto& scene : core_.scenes.list())
-      scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response->add_scenes());
-    return grpc::Status::OK;
+grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerContext* context,
+                                                       const v1::ListScenesRequest*,
+                                                       v1::ListScenesResponse* response) {
+  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+    copying_.post(JobUrgency::kUrgent, [=, this] {
+      call->answer(*response, [&] {
+        for (const auto& scene : core_.scenes.list())
+          scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response->add_scenes());
+      });
+    });
   });
 }
 
-grpc::Status PalpationService::DeleteScene(grpc::ServerContext*, const v1::DeleteSceneRequest* request,
-                                           v1::DeleteSceneResponse*) {
-  return guarded([&] {
-    core_.calls.require_open();
-    core_.scenes.remove(request->scene_id());
-    return grpc::Status::OK;
+grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerContext* context,
+                                                        const v1::DeleteSceneRequest* request,
+                                                        v1::DeleteSceneResponse* response) {
+  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+    removing_.post(JobUrgency::kUrgent,
+                   [=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });
   });
 }
 

@@ -79,7 +79,8 @@ class ServedCall : public Reactor, public Served {
     finish_if(due);
   }
   const CallLife& life() const { return life_; }
-  std::uint64_t id() const { return ticket_->id(); }  // of a call that has its place
+  std::shared_ptr<ServedCall> self() const { return self_; }  // within begun(), tick() or during()
+  std::uint64_t id() const { return ticket_->id(); }          // of a call that has its place
 
   Calls& calls_;
   grpc::CallbackServerContext* const context_;

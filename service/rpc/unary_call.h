@@ -1,0 +1,65 @@
+// One unary call, answered from whatever thread has the answer; none waits for the peer meanwhile. It keeps
+// its place, and with it what the answer holds, until the peer has taken the answer or time is up.
+#pragma once
+
+#include <google/protobuf/message.h>
+
+#include <atomic>
+#include <functional>
+#include <memory>
+
+#include "service/rpc/core.h"
+#include "service/rpc/served_call.h"
+
+namespace teletact::service {
+
+class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
+ public:
+  // Whoever is to answer holds this. When the last holder lets go of a call that is not answered, it ends
+  // with UNAVAILABLE: the work was dropped because the service stops.
+  using Handle = std::shared_ptr<UnaryCall>;
+  // Called once the call has its place; what it throws is the answer.
+  using Begin = std::function<void(const Handle&)>;
+
+  static UnaryCall* serve(Core& core, grpc::CallbackServerContext* context, CallKind kind, Begin begin) {
+    return ServedCall::serve(std::make_shared<UnaryCall>(core, context, std::move(begin)), kind);
+  }
+  UnaryCall(Core& core, grpc::CallbackServerContext* context, Begin begin)
+      : ServedCall(core.calls, context), core_(core), begin_(std::move(begin)) {}
+
+  // Nobody waits for the answer any more.
+  bool given_up() const { return life().ended(); }
+  // `work` fills the response; what it throws is the answer. Not run when the call was given up: request and
+  // response may be gone then.
+  template <class Work>
+  void answer(const google::protobuf::Message& response, Work&& work) {
+    during([&] {
+      work();
+      // A slow link is no reason to cut an answer that is being taken: 1 MiB/s is enough.
+      const double more_s = static_cast<double>(response.ByteSizeLong()) / (1 << 20);
+      patience_ = seconds(core_.limits.answer_taken_s + more_s);
+      end(grpc::Status::OK);
+    });
+  }
+  void fail(std::exception_ptr error) { end(status_of(error)); }
+
+ private:
+  void begun() override {
+    const Handle handle(this, [self = self()](UnaryCall* call) {
+      call->end({grpc::StatusCode::UNAVAILABLE, "the service is shutting down; connect again later"});
+    });
+    const grpc::Status status = guarded([&] {
+      begin_(handle);
+      return grpc::Status::OK;
+    });
+    if (!status.ok()) end(status);  // before the handle says that nobody answers
+    begin_ = {};
+  }
+  Clock::duration patience() const override { return patience_.load(); }
+
+  Core& core_;
+  Begin begin_;
+  std::atomic<Clock::duration> patience_{kEndTaken};
+};
+
+}  // namespace teletact::service
