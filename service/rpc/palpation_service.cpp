@@ -20,8 +20,14 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
                                                      modulus = std::move(modulus)]() mutable {
       if (call->given_up()) return;
       try {
-        const auto scene = core_.scenes.create(id, geometry, std::move(modulus));
-        call->answer(*response, [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
+        // Answered when it is on disk, which imaging does not wait for.
+        core_.scenes.make(id, geometry, std::move(modulus),
+                          [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
+                            if (error) return call->fail(error);
+                            call->answer(*response, [&] {
+                              scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response);
+                            });
+                          });
       } catch (...) {
         call->fail(std::current_exception());
       }

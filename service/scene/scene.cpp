@@ -10,30 +10,6 @@
 
 namespace teletact::service {
 
-VersionCounter::VersionCounter(StateStore* store)
-    : store_(store),
-      next_(store ? store->first_version() : 1),
-      reserved_(store ? next_ + StateStore::kVersionBlock : UINT64_MAX) {}
-
-std::uint64_t VersionCounter::next() {
-  const std::lock_guard lock(mutex_);
-  if (next_ >= reserved_) {
-    store_->reserve_versions(reserved_ + StateStore::kVersionBlock);
-    reserved_ += StateStore::kVersionBlock;
-  }
-  return next_++;
-}
-
-void VersionCounter::used(std::uint64_t version) {
-  const std::lock_guard lock(mutex_);
-  if (version < next_) return;
-  if (store_ && version + 1 >= reserved_) {
-    store_->reserve_versions(version + 1 + StateStore::kVersionBlock);
-    reserved_ = version + 1 + StateStore::kVersionBlock;
-  }
-  next_ = version + 1;
-}
-
 void WindowModel::set_model(std::shared_ptr<const TissueModel> made) {
   model = std::move(made);
   lines = std::make_shared<PreparedLines>(model);

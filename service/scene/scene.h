@@ -19,27 +19,13 @@
 #include "service/scene/finger.h"
 #include "service/scene/geometry.h"
 #include "service/scene/prepared_lines.h"
-#include "service/scene/state_store.h"
+#include "service/scene/scene_record.h"
 #include "service/scene/stitched_map.h"
 #include "service/scene/strip.h"
+#include "service/scene/versions.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
-
-// Hands out versions, on disk first when there is a store. Shared by all scenes, so that a scene made again
-// under an old name does not repeat versions either. Thread-safe.
-class VersionCounter {
- public:
-  explicit VersionCounter(StateStore* store);
-  std::uint64_t next();
-  // `version` has been handed out, whatever the store says.
-  void used(std::uint64_t version);
-
- private:
-  std::mutex mutex_;
-  StateStore* store_;
-  std::uint64_t next_, reserved_;
-};
 
 struct WindowModel {
   std::uint64_t id = 0, version = 0;  // scene version that published it last

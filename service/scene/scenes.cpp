@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <random>
 #include <stdexcept>
 
@@ -64,65 +65,86 @@ void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, cons
 
 }  // namespace
 
-Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limits) : limits_(limits) {
-  if (!state_directory.empty()) store_ = std::make_unique<StateStore>(state_directory, limits_);
-  versions_ = std::make_shared<VersionCounter>(store_.get());
-}
+Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limits,
+               std::shared_ptr<Files> files)
+    : limits_(limits), state_(state_directory, limits, std::move(files)) {}
 
 Scenes::~Scenes() {
   worker_.stop();
   preparer_->stop();
   measurer_->stop();
-  keeper_.finish();
+  state_.finish();
 }
 
 void Scenes::restore() {
-  if (!store_) return;
-  for (const SceneRecord& record : store_->load()) try {
-      versions_->used(record.version);
-      auto scene = std::make_shared<Scene>(record, versions_, limits_);
-      add(scene);
+  for (const SceneRecord& record : state_.load()) try {
+      state_.versions()->used(record.version);
+      add(std::make_shared<Scene>(record, state_.versions(), limits_));
       spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
                    record.windows.size());
     } catch (const std::exception& error) {
-      store_->set_aside(record.id, error.what());
+      state_.set_aside(record.id, error.what());
     }
 }
 
-std::shared_ptr<Scene> Scenes::create(const std::string& wanted_id, const SceneGeometry& geometry,
-                                      std::optional<ExplicitModulus> modulus) {
+// Takes the id for a scene that is being made.
+std::string Scenes::reserve(const std::string& wanted_id) {
+  std::string id = wanted_id;
+  const std::lock_guard lock(mutex_);
+  while (id.empty()) {
+    id = random_id();
+    if (scenes_.contains(id) || being_made_.contains(id)) id.clear();
+  }
+  if (scenes_.contains(id) || being_made_.contains(id))
+    throw Error(ErrorKind::kAlreadyExists,
+                fmt::format("scene_id: {} is taken; delete that scene or choose another id", id));
+  if (scenes_.size() + being_made_.size() >= limits_.most_scenes)
+    throw Error(ErrorKind::kExhausted,
+                fmt::format("{} scenes exist, no more are allowed; delete one", limits_.most_scenes));
+  being_made_.insert(id);
+  return id;
+}
+
+void Scenes::make(const std::string& wanted_id, const SceneGeometry& geometry,
+                  std::optional<ExplicitModulus> modulus, const Made& made) {
   check_id(wanted_id);
   validate(geometry, limits_);
   if (modulus) check_modulus(*modulus, geometry, limits_);
-  std::string id = wanted_id;
-  {
-    const std::lock_guard lock(mutex_);
-    while (id.empty()) {
-      id = random_id();
-      if (scenes_.contains(id) || being_made_.contains(id)) id.clear();
-    }
-    if (scenes_.contains(id) || being_made_.contains(id))
-      throw Error(ErrorKind::kAlreadyExists,
-                  fmt::format("scene_id: {} is taken; delete that scene or choose another id", id));
-    if (scenes_.size() + being_made_.size() >= limits_.most_scenes)
-      throw Error(ErrorKind::kExhausted,
-                  fmt::format("{} scenes exist, no more are allowed; delete one", limits_.most_scenes));
-    being_made_.insert(id);
-  }
-  std::shared_ptr<Scene> scene;
-  try {
-    scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), versions_, limits_)
-                    : std::make_shared<Scene>(id, geometry, versions_, limits_);
-    keep(scene);
-  } catch (...) {
+  const std::string id = reserve(wanted_id);
+  const auto give_up = [this, id] {
     const std::lock_guard lock(mutex_);
     being_made_.erase(id);
+  };
+  std::shared_ptr<Scene> scene;
+  try {
+    scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), state_.versions(), limits_)
+                    : std::make_shared<Scene>(id, geometry, state_.versions(), limits_);
+  } catch (...) {
+    give_up();
     throw;
   }
-  add(scene);
-  spdlog::info("event=scene_created scene={} version={} width_m={} depth_m={}", id,
-               scene->snapshot()->version, geometry.width_m, geometry.depth_m);
-  return scene;
+  state_.keep_new(scene, [this, made, scene, give_up](std::exception_ptr error) {
+    if (error) {
+      give_up();
+      return made(nullptr, error);
+    }
+    add(scene);
+    spdlog::info("event=scene_created scene={} version={} width_m={} depth_m={}", scene->id(),
+                 scene->snapshot()->version, scene->geometry().width_m, scene->geometry().depth_m);
+    made(scene, nullptr);
+  });
+}
+
+std::shared_ptr<Scene> Scenes::create(const std::string& id, const SceneGeometry& geometry,
+                                      std::optional<ExplicitModulus> modulus) {
+  std::promise<std::shared_ptr<Scene>> made;
+  make(id, geometry, std::move(modulus), [&](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
+    if (error)
+      made.set_exception(error);
+    else
+      made.set_value(scene);
+  });
+  return made.get_future().get();
 }
 
 void Scenes::add(const std::shared_ptr<Scene>& scene) {
@@ -153,20 +175,13 @@ std::vector<std::shared_ptr<Scene>> Scenes::list() const {
 }
 
 void Scenes::remove(const std::string& id) {
-  const std::lock_guard disk(disk_);  // nobody makes or keeps a scene of this name meanwhile
-  const auto scene = find(id);
-  scene->mark_deleted();
-  {
-    const std::lock_guard lock(mutex_);
-    scenes_.erase(id);
-  }
+  state_.remove([&] { return find(id); },
+                [&](const std::shared_ptr<Scene>& scene) {
+                  scene->mark_deleted();
+                  const std::lock_guard lock(mutex_);
+                  scenes_.erase(id);
+                });
   spdlog::info("event=scene_deleted scene={}", id);
-  if (store_) store_->remove(id);
-}
-
-void Scenes::keep(const std::shared_ptr<Scene>& scene) {
-  const std::lock_guard lock(disk_);
-  if (store_ && !scene->deleted()) store_->save(scene->record());
 }
 
 Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
@@ -174,7 +189,11 @@ Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstim
   Published published = scene->publish(estimate, cancelled);
   spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
                scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
-  keep_later(scene);
+  if (!state_.trouble().empty())
+    published.warnings.emplace_back(
+        "state: the disk does not take it, and a restart of the service would lose it; the service's log "
+        "says why");
+  state_.keep_later(scene);
   refresh_later(scene);
   return published;
 }
@@ -191,28 +210,8 @@ void Scenes::refresh_later(const std::shared_ptr<Scene>& scene) {
     }
     // One window per job: a new estimate goes before the rest.
     const bool more = scene->refresh_stale_window();
-    keep_later(scene);
+    state_.keep_later(scene);
     if (more) refresh_later(scene);
-  });
-}
-
-void Scenes::keep_later(const std::shared_ptr<Scene>& scene) {
-  if (!store_) return;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!keeping_.insert(scene.get()).second) return;  // the job that waits will write the newest
-  }
-  keeper_.post(JobUrgency::kBackground, [this, scene] {
-    {
-      const std::lock_guard lock(mutex_);
-      keeping_.erase(scene.get());
-    }
-    try {
-      keep(scene);
-    } catch (const std::exception& error) {
-      // The disk may be full: touch goes on, the state on disk stays the one before.
-      spdlog::error("event=state_not_kept scene={} error=\"{}\"", scene->id(), error.what());
-    }
   });
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -11,48 +12,56 @@
 
 #include "service/scene/niced_worker.h"
 #include "service/scene/scene.h"
+#include "service/scene/state_keeper.h"
 
 namespace teletact::service {
 
 class Scenes {
  public:
   // `state_directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used.
-  explicit Scenes(const std::filesystem::path& state_directory, const Limits& = {});
+  explicit Scenes(const std::filesystem::path& state_directory, const Limits& = {},
+                  std::shared_ptr<Files> = machine_files());
   ~Scenes();  // writes what was published
 
   // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside.
   void restore();
 
-  // `id` empty: chosen here. Throws std::invalid_argument (field named), Error(kAlreadyExists | kExhausted).
+  // With the scene, or with why it cannot be kept: Error(kExhausted | kUnavailable). Must not throw.
+  using Made = std::function<void(const std::shared_ptr<Scene>&, std::exception_ptr)>;
+  // On the imaging plane: builds a scene, and does not wait for the disk. `made` is called, on another thread
+  // where there is a disk, when the scene is there for all and outlives a power failure, or when it cannot be
+  // kept. `id` empty: chosen here. Throws std::invalid_argument (field named), Error(kAlreadyExists |
+  // kExhausted).
+  void make(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>, const Made& made);
+  // The same, waiting for it.
   std::shared_ptr<Scene> create(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>);
   std::shared_ptr<Scene> find(const std::string& id) const;  // Error(kNotFound)
   std::vector<std::shared_ptr<Scene>> list() const;
-  void remove(const std::string& id);  // Error(kNotFound)
+  // Error(kNotFound), and kUnavailable where the disk keeps it: nothing is changed then.
+  void remove(const std::string& id);
 
   // On the imaging worker: publishes, then refreshes the neighbours and keeps the scene in the background.
   Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&,
                     const std::function<bool()>& cancelled);
   // The imaging worker.
   NicedWorker& worker() { return worker_; }
+  // Returns once what was to be kept so far has been written, or could not be.
+  void wait_until_kept() { state_.wait_until_idle(); }
 
  private:
-  void keep(const std::shared_ptr<Scene>&);
-  void keep_later(const std::shared_ptr<Scene>&);
+  std::string reserve(const std::string& wanted_id);
   void refresh_later(const std::shared_ptr<Scene>&);
   void add(const std::shared_ptr<Scene>&);
   const Limits limits_;
-  std::unique_ptr<StateStore> store_;
-  std::shared_ptr<VersionCounter> versions_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Scene>> scenes_;
-  std::set<std::string> being_made_;             // ids taken while their models are built
-  std::set<const Scene*> refreshing_, keeping_;  // a background job waits for them
-  std::mutex disk_;
+  std::set<std::string> being_made_;   // ids taken while their models are built and first kept
+  std::set<const Scene*> refreshing_;  // a background job waits for them
   // Last: their jobs use all of the above.
+  StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.
   const std::shared_ptr<NicedWorker> preparer_ = std::make_shared<NicedWorker>(),
                                      measurer_ = std::make_shared<NicedWorker>();
-  NicedWorker keeper_;  // writes state, so that a slow disk does not hold up imaging
   NicedWorker worker_;
 };
 

@@ -73,7 +73,8 @@ class TouchSession {
   const std::shared_ptr<Scene>& scene() const { return scene_; }
 
   // Throws std::invalid_argument for a pose that is not finite. Everything else is an answer: NOT_COVERED
-  // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a warning.
+  // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a
+  // warning.
   TouchAnswer solve(double x_m, double y_m);
 
  private:

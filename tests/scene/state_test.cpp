@@ -177,6 +177,7 @@ TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
     const auto scene = scenes.find("a");
     const std::uint64_t version =
         scenes.publish(scene, window_of(homogeneous(1e4), 0.002 * (k % 4), 0.01, 0.01), {}).version;
+    if (k == 0) scenes.wait_until_kept();  // each life leaves something
     if (write(tell, &version, sizeof(version)) != sizeof(version)) std::_Exit(1);
   }
 }

@@ -1,0 +1,104 @@
+#include "service/scene/files.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+namespace teletact::service {
+
+namespace fs = std::filesystem;
+
+FileError::FileError(const char* what, const fs::path& path, int number_)
+    : std::runtime_error(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(number_))),
+      number(number_) {}
+
+bool FileError::full() const {
+  return number == ENOSPC || number == EDQUOT;
+}
+
+namespace {
+
+class Descriptor {
+ public:
+  Descriptor(const char* what, const fs::path& path, int flags)
+      : descriptor_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {
+    if (descriptor_ < 0) throw FileError(what, path, errno);
+  }
+  ~Descriptor() { ::close(descriptor_); }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  operator int() const { return descriptor_; }
+
+ private:
+  int descriptor_;
+};
+
+class MachineFiles final : public Files {
+ public:
+  bool exists(const Path& path) override {
+    std::error_code error;
+    return fs::exists(path, error);
+  }
+  std::vector<std::string> list(const Path& folder) override {
+    std::vector<std::string> names;
+    std::error_code error;
+    for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error))
+      names.push_back(at->path().filename().string());
+    if (error) throw FileError("list", folder, error.value());
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+  std::string read(const Path& file) override {
+    std::ifstream in(file, std::ios::binary);
+    if (!in) throw FileError("read", file, errno);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  void make_folder(const Path& folder) override {
+    if (::mkdir(folder.c_str(), 0755) == 0) return;
+    const int number = errno;
+    if (number != EEXIST || !fs::is_directory(folder)) throw FileError("make", folder, number);
+  }
+  void write(const Path& path, std::span<const char> bytes) override {
+    const Descriptor file("write", path, O_WRONLY | O_CREAT | O_TRUNC);
+    while (!bytes.empty()) {
+      const ssize_t wrote = ::write(file, bytes.data(), bytes.size());
+      if (wrote < 0 && errno == EINTR) continue;
+      if (wrote <= 0) throw FileError("write", path, wrote < 0 ? errno : ENOSPC);
+      bytes = bytes.subspan(static_cast<std::size_t>(wrote));
+    }
+  }
+  void sync(const Path& path) override {
+    const Descriptor file("sync", path, O_RDONLY);
+    if (::fsync(file) != 0) throw FileError("sync", path, errno);
+  }
+  void rename(const Path& from, const Path& to) override {
+    if (::rename(from.c_str(), to.c_str()) != 0) throw FileError("rename", from, errno);
+  }
+  void remove(const Path& path) override {
+    std::error_code error;
+    fs::remove_all(path, error);
+    if (error) throw FileError("remove", path, error.value());
+  }
+  std::shared_ptr<void> lock(const Path& path) override {
+    auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT);
+    if (::flock(*file, LOCK_EX | LOCK_NB) == 0) return file;
+    return nullptr;
+  }
+};
+
+}  // namespace
+
+std::shared_ptr<Files> machine_files() {
+  return std::make_shared<MachineFiles>();
+}
+
+}  // namespace teletact::service

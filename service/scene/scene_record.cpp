@@ -1,0 +1,171 @@
+#include "service/scene/scene_record.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <stdexcept>
+#include <string_view>
+
+namespace teletact::service {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+// 1 had neither evidence nor deviations; it is still read.
+constexpr int kFormat = 2, kFirstFormat = 1;
+
+// FNV-1a, 64 bit: tells a damaged file from a whole one.
+std::string checksum(std::string_view bytes) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  return fmt::format("{:016x}", hash);
+}
+
+template <class T>
+void append(std::string& out, const std::vector<T>& values) {
+  out.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+template <class T>
+std::vector<T> take(std::string_view& in, std::size_t count) {
+  if (count > in.size() / sizeof(T)) throw std::runtime_error("the map file is too short");
+  std::vector<T> values(count);
+  std::memcpy(values.data(), in.data(), count * sizeof(T));
+  in.remove_prefix(count * sizeof(T));
+  return values;
+}
+
+json to_json(const SceneGeometry& g) {
+  const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };
+  return {{"width_m", g.width_m},
+          {"depth_m", g.depth_m},
+          {"poisson_ratio", g.poisson_ratio},
+          {"thickness_m", g.thickness_m},
+          {"fixed_top", fixed(g.supports.top)},
+          {"fixed_bottom", fixed(g.supports.bottom)},
+          {"fixed_left", fixed(g.supports.left)},
+          {"fixed_right", fixed(g.supports.right)}};
+}
+
+SceneGeometry geometry_from(const json& j, const Limits& limits) {
+  const auto edge = [&j](const char* key) {
+    return j.at(key).get<bool>() ? EdgeSupport::kFixed : EdgeSupport::kFree;
+  };
+  SceneGeometry g;
+  g.width_m = j.at("width_m");
+  g.depth_m = j.at("depth_m");
+  g.poisson_ratio = j.at("poisson_ratio");
+  g.thickness_m = j.at("thickness_m");
+  g.supports = {edge("fixed_top"), edge("fixed_bottom"), edge("fixed_left"), edge("fixed_right")};
+  validate(g, limits);
+  return g;
+}
+
+json to_json(const WindowEvidence& e) {
+  const auto number = [](double value) { return std::isfinite(value) ? value : 0; };  // json knows no other
+  return {{"warnings", e.warnings},
+          {"log_deviation", number(e.log_deviation)},
+          {"force_relative_deviation", number(e.force_relative_deviation)},
+          {"area_relative_deviation", number(e.area_relative_deviation)},
+          {"background_modulus_pa", number(e.background_modulus_pa)},
+          {"quality", number(e.quality)},
+          {"measured_share", number(e.measured_share)}};
+}
+
+std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
+  auto e = std::make_shared<WindowEvidence>();
+  e->warnings = j.at("warnings").get<std::vector<std::string>>();
+  e->log_deviation = j.at("log_deviation");
+  e->force_relative_deviation = j.at("force_relative_deviation");
+  e->area_relative_deviation = j.at("area_relative_deviation");
+  e->background_modulus_pa = j.at("background_modulus_pa");
+  e->quality = j.at("quality");
+  e->measured_share = j.at("measured_share");
+  return e;
+}
+
+// What a whole file can still say wrong, after a hand has been at it. NaN fails too.
+void check(const SceneRecord& record) {
+  if (record.version > kLargestVersion) throw std::runtime_error("version: too large");
+  std::set<std::uint64_t> ids;
+  for (const WindowRecord& w : record.windows) {
+    const bool placed = w.begin_m >= 0 && w.begin_m < w.end_m && w.end_m <= 1.001 * record.geometry.width_m;
+    if (!placed || w.id == 0 || w.version > record.version || !ids.insert(w.id).second)
+      throw std::runtime_error(
+          fmt::format("windows: {} [{}, {}) m of version {} cannot be", w.id, w.begin_m, w.end_m, w.version));
+  }
+}
+
+}  // namespace
+
+EncodedScene encoded(const SceneRecord& record) {
+  std::string raw;
+  json scene{{"format", kFormat},
+             {"scene_id", record.id},
+             {"geometry", to_json(record.geometry)},
+             {"version", record.version},
+             {"next_window_id", record.next_window_id},
+             {"windows", json::array()}};
+  for (const WindowRecord& w : record.windows) {
+    json window{{"id", w.id}, {"version", w.version}, {"begin_m", w.begin_m}, {"end_m", w.end_m}};
+    if (w.evidence) window["evidence"] = to_json(*w.evidence);
+    scene["windows"].push_back(std::move(window));
+  }
+  if (record.explicit_modulus) {
+    const ExplicitModulus& e = *record.explicit_modulus;
+    scene["explicit_nodes"] = {e.x_m.size(), e.y_m.size()};
+    append(raw, e.x_m), append(raw, e.y_m), append(raw, e.youngs_modulus_pa);
+  } else {
+    append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
+    scene["cells"] = record.map_modulus_pa.size();
+  }
+  EncodedScene out;
+  out.map_name = fmt::format("map-{}.raw", record.version);
+  scene["map"] = {{"file", out.map_name}, {"checksum", checksum(raw)}};
+  out.map = std::move(raw);
+  out.description = scene.dump(1);
+  return out;
+}
+
+SceneRecord decoded(const std::string& description,
+                    const std::function<std::string(const std::string&)>& map_of, const Limits& limits) {
+  const json scene = json::parse(description);
+  const int format = scene.at("format");
+  if (format < kFirstFormat || format > kFormat) throw std::runtime_error("unknown format");
+  SceneRecord record;
+  record.id = scene.at("scene_id");
+  record.geometry = geometry_from(scene.at("geometry"), limits);
+  record.version = scene.at("version");
+  record.next_window_id = scene.at("next_window_id");
+  for (const json& w : scene.at("windows"))
+    record.windows.push_back({w.at("id"), w.at("version"), w.at("begin_m"), w.at("end_m"),
+                              w.contains("evidence") ? evidence_from(w["evidence"]) : nullptr});
+  check(record);
+  const fs::path name = scene.at("map").at("file").get<std::string>();
+  if (name.has_parent_path()) throw std::runtime_error("map.file is not a plain name");
+  const std::string raw = map_of(name.string());
+  if (checksum(raw) != scene.at("map").at("checksum").get<std::string>())
+    throw std::runtime_error("the map file does not match its checksum");
+  std::string_view rest = raw;
+  if (scene.contains("explicit_nodes")) {
+    const std::size_t nx = scene["explicit_nodes"].at(0), ny = scene["explicit_nodes"].at(1);
+    if (nx < 2 || ny < 2) throw std::runtime_error("explicit_nodes: at least 2 x 2");
+    record.explicit_modulus = ExplicitModulus{take<double>(rest, nx), take<double>(rest, ny),
+                                              take<double>(rest, (nx - 1) * (ny - 1))};
+  } else {
+    for (WindowRecord& w : record.windows)  // of an old format: nothing is known
+      if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();
+    record.map_modulus_pa = take<float>(rest, scene.at("cells"));
+    record.map_states = take<CellState>(rest, scene.at("cells"));
+    if (format > kFirstFormat) record.map_log_deviation = take<float>(rest, scene.at("cells"));
+  }
+  return record;
+}
+
+}  // namespace teletact::service

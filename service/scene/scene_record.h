@@ -1,0 +1,52 @@
+// A scene as it is kept, and what it looks like on disk: a description in JSON and one raw file of its map.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "service/scene/geometry.h"
+#include "service/scene/stitched_map.h"
+
+namespace teletact::service {
+
+// Room for ever, and for adding blocks without overflow.
+constexpr std::uint64_t kLargestVersion = std::uint64_t{1} << 62;
+
+struct WindowRecord {
+  std::uint64_t id = 0, version = 0;
+  double begin_m = 0, end_m = 0;
+  std::shared_ptr<const WindowEvidence> evidence =
+      nullptr;  // null: none was kept, or the modulus is explicit
+};
+
+// An explicit modulus with its own grid: nodes x_m, y_m and E per element, x fastest.
+struct ExplicitModulus {
+  std::vector<double> x_m, y_m, youngs_modulus_pa;
+};
+
+struct SceneRecord {
+  std::string id;
+  SceneGeometry geometry;
+  std::uint64_t version = 0, next_window_id = 1;
+  std::vector<WindowRecord> windows;
+  // One of the two, or neither while nothing is published.
+  std::optional<ExplicitModulus> explicit_modulus;
+  std::vector<float> map_modulus_pa;
+  std::vector<CellState> map_states;
+  std::vector<float> map_log_deviation;
+};
+
+struct EncodedScene {
+  std::string description, map_name, map;
+};
+EncodedScene encoded(const SceneRecord&);
+
+// `map_of`: gives the bytes of the map file of this name. Throws std::exception saying what is wrong with it.
+SceneRecord decoded(const std::string& description,
+                    const std::function<std::string(const std::string&)>& map_of, const Limits&);
+
+}  // namespace teletact::service

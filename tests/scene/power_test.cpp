@@ -1,0 +1,295 @@
+// Scenes that were acknowledged survive a power failure at any moment, and a full or failing disk stops
+// keeping, nothing else.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <functional>
+#include <future>
+#include <map>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "service/scene/errors.h"
+#include "service/scene/scenes.h"
+#include "service/scene/touch_session.h"
+#include "tests/scene/losing_disk.h"
+#include "tests/scene/windows.h"
+
+namespace teletact::service {
+namespace {
+
+using Unsynced = LosingDisk::Unsynced;
+
+const Files::Path kState = "/var/lib/state";
+
+SceneRecord record(const std::string& id, std::uint64_t version) {
+  SceneRecord r;
+  r.id = id;
+  r.geometry = tissue(0.01, 0.005);
+  r.version = version;
+  const StitchedMap map(r.geometry);
+  r.map_modulus_pa.assign(map.nx() * map.ny(), static_cast<float>(1000 + version));
+  r.map_states.assign(map.nx() * map.ny(), CellState::kMeasured);
+  r.map_log_deviation.assign(map.nx() * map.ny(), 0.1F);
+  r.windows.push_back({1, version, 0, 0.01, std::make_shared<WindowEvidence>()});
+  return r;
+}
+
+// What was promised.
+struct Promised {
+  std::map<std::string, std::uint64_t> least;    // scenes that must be there, of this version or a newer one
+  std::map<std::string, std::uint64_t> written;  // the newest that was begun
+  std::set<std::string> gone, uncertain;         // deletions: done; begun
+  std::uint64_t used = 0;                        // versions that were handed out
+};
+
+// A life of the service: everything that it does to its folder.
+void live(const std::shared_ptr<Files>& disk, Promised& promised) {
+  StateStore store(kState, {}, disk);
+  const std::uint64_t first = store.first_version();
+  EXPECT_GT(first, promised.used);
+  promised.used = first + 3;
+  const auto save = [&](const std::string& id, std::uint64_t version) {
+    promised.written[id] = version;
+    promised.gone.erase(id);
+    store.save(record(id, version));
+    promised.least[id] = version;
+    promised.uncertain.erase(id);
+  };
+  save("a", first);
+  save("b", first + 1);
+  save("a", first + 2);
+  promised.uncertain.insert("b");
+  promised.least.erase("b");
+  store.remove("b");
+  promised.uncertain.erase("b");
+  promised.gone.insert("b");
+  store.reserve_versions(store.reserved_versions() + StateStore::kVersionBlock);
+  save("b", first + 3);
+}
+
+void expect_kept(const std::shared_ptr<Files>& disk, const Promised& promised, const std::string& when) {
+  StateStore store(kState, {}, disk);
+  EXPECT_GT(store.first_version(), promised.used) << when << ": a version is used twice";
+  std::map<std::string, std::uint64_t> found;
+  for (const SceneRecord& r : store.load()) {
+    found[r.id] = r.version;
+    const SceneRecord whole = record(r.id, r.version);
+    EXPECT_EQ(r.map_modulus_pa, whole.map_modulus_pa) << when;
+    EXPECT_EQ(r.map_log_deviation, whole.map_log_deviation) << when;
+  }
+  for (const auto& [id, version] : promised.least) {
+    EXPECT_TRUE(found.contains(id)) << when << ": scene " << id << " is lost";
+    EXPECT_GE(found[id], version) << when;
+  }
+  for (const auto& [id, version] : found) {
+    EXPECT_FALSE(promised.gone.contains(id)) << when << ": deleted scene " << id << " is back";
+    EXPECT_LE(version, promised.written.at(id)) << when;
+  }
+}
+
+TEST(PowerFailure, AtAnyOperationNothingAcknowledgedIsLost) {
+  const auto count = [] {  // of a life that finds a state
+    const auto disk = std::make_shared<LosingDisk>();
+    Promised promised;
+    live(disk, promised);
+    const std::size_t before = disk->count();
+    live(disk, promised);
+    return disk->count() - before;
+  }();
+  ASSERT_GT(count, 60U);
+  struct Way {
+    Unsynced unsynced;
+    unsigned seed;
+  };
+  std::vector<Way> ways{{Unsynced::kLost, 0}, {Unsynced::kKept, 0}};
+  for (unsigned seed = 0; seed < 6; ++seed) ways.push_back({Unsynced::kByChance, seed});
+  for (std::size_t at = 0; at < count; ++at)
+    for (const Way& way : ways) {
+      const auto disk = std::make_shared<LosingDisk>();
+      Promised promised;
+      live(disk, promised);  // there is a state already
+      disk->fail_power_at(at);
+      EXPECT_THROW(live(disk, promised), PowerFailed) << at;
+      disk->restart(way.unsynced, way.seed + static_cast<unsigned>(at));
+      const std::string when = "operation " + std::to_string(at) + ", way " +
+                               std::to_string(static_cast<int>(way.unsynced)) + "." +
+                               std::to_string(way.seed);
+      expect_kept(disk, promised, when);
+      if (HasFailure()) return;
+    }
+}
+
+TEST(PowerFailure, InTheVeryFirstLifeTheFoldersThemselvesAreThere) {
+  for (std::size_t at = 0;; ++at) {
+    const auto disk = std::make_shared<LosingDisk>();
+    Promised promised;
+    disk->fail_power_at(at);
+    bool failed = false;
+    try {
+      live(disk, promised);
+    } catch (const PowerFailed&) {
+      failed = true;
+    }
+    if (!failed) break;
+    disk->restart(Unsynced::kLost, 0);
+    expect_kept(disk, promised, "operation " + std::to_string(at));
+  }
+}
+
+TEST(PowerFailure, ASceneThatIsSetAsideIsNotLost) {
+  for (const Unsynced way : {Unsynced::kLost, Unsynced::kByChance})
+    for (std::size_t at = 0; at < 40; ++at) {
+      const auto disk = std::make_shared<LosingDisk>();
+      {
+        StateStore store(kState, {}, disk);
+        store.save(record("a", 1));
+      }
+      disk->write(kState / "scenes/a/scene.json", std::string("rubbish"));
+      disk->sync(kState / "scenes/a/scene.json");
+      disk->fail_power_at(at);
+      try {
+        StateStore store(kState, {}, disk);
+        EXPECT_TRUE(store.load().empty());
+      } catch (const PowerFailed&) {
+      }
+      disk->restart(way, static_cast<unsigned>(at));
+      StateStore store(kState, {}, disk);
+      EXPECT_TRUE(store.load().empty());
+      EXPECT_EQ(disk->list(kState / "set-aside").size(), 1U) << at;
+      EXPECT_TRUE(disk->list(kState / "scenes").empty()) << at;
+    }
+}
+
+class TroubledDisk : public testing::Test {
+ protected:
+  static void settle(Scenes& scenes) { scenes.wait_until_kept(); }
+  static Published publish(Scenes& scenes, double x_m) {
+    const Published published =
+        scenes.publish(scenes.find("a"), window_of(homogeneous(10e3), x_m, 0.03, 0.02), {});
+    settle(scenes);
+    return published;
+  }
+  static bool says_so(const Published& published) {
+    return std::any_of(published.warnings.begin(), published.warnings.end(),
+                       [](const std::string& warning) { return flag_of(warning) == "state"; });
+  }
+  const std::shared_ptr<LosingDisk> disk = std::make_shared<LosingDisk>();
+};
+
+TEST_F(TroubledDisk, AFullOneStopsKeepingNotPublishingAndIsSaid) {
+  std::uint64_t last = 0;
+  {
+    Scenes scenes(kState, {}, disk);
+    scenes.create("a", tissue(0.09, 0.02), std::nullopt);
+    EXPECT_FALSE(says_so(publish(scenes, 0)));
+    disk->fail_from(0, ENOSPC);
+    publish(scenes, 0.03);
+    const Published unkept = publish(scenes, 0.06);
+    EXPECT_TRUE(says_so(unkept));
+    TouchSession session(scenes.find("a"), {}, nullptr);
+    EXPECT_EQ(session.solve(0.075, 0.001).status, TouchStatus::kOk);
+    try {
+      scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+      ADD_FAILURE() << "acknowledged, and it would not survive";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind, ErrorKind::kExhausted);
+      EXPECT_NE(std::string(error.what()).find("free"), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(scenes.list().size(), 1U);
+    disk->work_again();
+    last = publish(scenes, 0.06).version;
+    EXPECT_FALSE(says_so(publish(scenes, 0.06)));
+    scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+  }
+  disk->restart(Unsynced::kLost, 0);
+  Scenes scenes(kState, {}, disk);
+  scenes.restore();
+  ASSERT_EQ(scenes.list().size(), 2U);
+  EXPECT_EQ(scenes.find("a")->snapshot()->windows.size(), 3U);
+  EXPECT_GT(scenes.find("a")->snapshot()->version, last);
+}
+
+TEST_F(TroubledDisk, AFailureAtAnyOperationRefusesTheSceneAndTheServiceGoesOn) {
+  for (const int number : {ENOSPC, EIO})
+    for (std::size_t at = 0; at < 18; ++at) {
+      const auto own = std::make_shared<LosingDisk>();
+      bool made = false;
+      {
+        Scenes scenes(kState, {}, own);
+        scenes.create("a", tissue(0.09, 0.02), std::nullopt);
+        own->fail_from(at, number, true);
+        try {
+          scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+          made = true;
+        } catch (const Error& error) {
+          EXPECT_EQ(error.kind, number == ENOSPC ? ErrorKind::kExhausted : ErrorKind::kUnavailable);
+        }
+        EXPECT_EQ(scenes.list().size(), made ? 2U : 1U);
+        own->work_again();
+        if (!made) scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+      }
+      own->restart(Unsynced::kLost, 0);
+      Scenes scenes(kState, {}, own);
+      scenes.restore();
+      EXPECT_EQ(scenes.list().size(), 2U) << number << " " << at;
+    }
+}
+
+// Which threads the disk was touched on.
+class WatchedDisk final : public Files {
+ public:
+  bool exists(const Path& p) override { return note(), disk_.exists(p); }
+  std::vector<std::string> list(const Path& p) override { return note(), disk_.list(p); }
+  std::string read(const Path& p) override { return note(), disk_.read(p); }
+  void make_folder(const Path& p) override { note(), disk_.make_folder(p); }
+  void write(const Path& p, std::span<const char> bytes) override { note(), disk_.write(p, bytes); }
+  void sync(const Path& p) override { note(), disk_.sync(p); }
+  void rename(const Path& a, const Path& b) override { note(), disk_.rename(a, b); }
+  void remove(const Path& p) override { note(), disk_.remove(p); }
+  std::shared_ptr<void> lock(const Path& p) override { return disk_.lock(p); }
+  bool touched_by(std::thread::id thread) {
+    const std::lock_guard lock(mutex_);
+    return threads_.contains(thread);
+  }
+  std::atomic<bool> stuck{false};
+
+ private:
+  void note() {
+    while (stuck) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    const std::lock_guard lock(mutex_);
+    threads_.insert(std::this_thread::get_id());
+  }
+  std::mutex mutex_;
+  std::set<std::thread::id> threads_;
+  LosingDisk disk_;
+};
+
+TEST(KeepingState, IsNeverDoneByWhoMakesScenesAndPublishes) {
+  const auto disk = std::make_shared<WatchedDisk>();
+  Scenes scenes(kState, {}, disk);
+  std::thread::id worker;
+  std::thread imaging([&] {
+    worker = std::this_thread::get_id();
+    disk->stuck = true;  // a disk that does not come back
+    std::promise<std::shared_ptr<Scene>> made;
+    auto kept = made.get_future();
+    scenes.make("a", tissue(0.09, 0.02), std::nullopt,
+                [&](const std::shared_ptr<Scene>& scene, std::exception_ptr) { made.set_value(scene); });
+    EXPECT_NE(kept.wait_for(std::chrono::seconds(0)), std::future_status::ready) << "before it is on disk";
+    EXPECT_THROW(scenes.find("a"), Error);
+    disk->stuck = false;
+    const auto scene = kept.get();
+    disk->stuck = true;
+    for (int k = 0; k < 3; ++k) scenes.publish(scene, window_of(homogeneous(10e3), 0.03 * k, 0.03, 0.02), {});
+    disk->stuck = false;
+  });
+  imaging.join();
+  scenes.wait_until_kept();
+  EXPECT_FALSE(disk->touched_by(worker));
+}
+
+}  // namespace
+}  // namespace teletact::service
