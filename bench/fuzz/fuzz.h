@@ -19,7 +19,7 @@ namespace teletact::bench {
 // Of one renderer; each of the later is a count of ticks.
 struct FuzzShares {
   // Of the ticks, for a run without violations to say something.
-  static constexpr double kNonZeroLeast = 0.2, kSlewLimitedLeast = 0.001, kAtLargestLeast = 0.003;
+  static constexpr double kNonZeroLeast = 0.2, kSlewLimitedLeast = 0.0005, kAtLargestLeast = 0.003;
   static constexpr double kAgainLeast = 0.1;  // of those after a position that was no number
   static constexpr double kFadingLeast = 1e-4, kSilentLeast = 1e-3;
   std::string renderer;

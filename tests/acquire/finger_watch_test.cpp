@@ -85,5 +85,16 @@ TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
   EXPECT_GE(least_m, 0.0799);
 }
 
+// GIVEN a finger that moves WHEN nothing more is heard of it THEN it is carried on for a tenth of a second,
+// no more.
+TEST_F(FingerWatchTest, AFingerThatStallsIsNotCarriedOnForLong) {
+  server.palpation.set_finger(true, 0.03, 0.5);
+  FingerWatch watch(server.address(), "", "s");
+  ASSERT_LT(seconds_until([&] { return watch.motion(monotonic_ns()).present; }, 5), 5);
+  constexpr std::int64_t kSecondNs = 1'000'000'000;
+  for (const std::int64_t later_ns : {kSecondNs / 2, 10 * kSecondNs, 1000 * kSecondNs})
+    EXPECT_NEAR(watch.motion(monotonic_ns() + later_ns).x_m, 0.03 + 0.5 * 0.1, 1e-9) << later_ns;
+}
+
 }  // namespace
 }  // namespace teletact::client

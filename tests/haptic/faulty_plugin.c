@@ -1,4 +1,7 @@
-/* Adapters with one fault each, chosen by a definition: OLD_ABI, NO_LIMITS, BAD_DAMPING, NO_SYMBOL. */
+/* Adapters with one fault each, chosen by a definition: OLD_ABI, NO_LIMITS, BAD_DAMPING, NO_SYMBOL; SLOW_START has no
+ * position at first, then one that is no number, and never a velocity. */
+#include <math.h>
+
 #include "client/haptic/teletact_device.h"
 
 static int open_it(const char* settings, void** device, teletact_device_limits* limits, char* error,
@@ -18,6 +21,12 @@ static int open_it(const char* settings, void** device, teletact_device_limits* 
 }
 static int read_it(void* device, int64_t now_ns, teletact_device_reading* reading) {
   (void)device, (void)now_ns, (void)reading;
+#ifdef SLOW_START
+  static int reads;
+  ++reads;
+  if (reads > 5) reading->position_m[0] = 0.1;
+  if (reads > 5) reading->position_m[1] = reads == 6 ? (double)NAN : 1e-4 * reads;
+#endif
   return 0;
 }
 static int write_it(void* device, const double force_n[3]) {
