@@ -4,7 +4,7 @@
 #include <cmath>
 #include <deque>
 
-#include "client/experiment/inclusion.h"
+#include "client/experiment/spring_tissue.h"
 #include "client/haptic/profiles.h"
 #include "client/haptic/quantised_reading.h"
 #include "client/render/force_chain.h"
@@ -14,7 +14,7 @@ namespace teletact::bench {
 namespace {
 
 using client::ForceSample;
-using client::Inclusion;
+using client::SpringTissue;
 using client::ToolPose;
 using client::Vector2;
 
@@ -41,7 +41,7 @@ double most_different(const std::vector<double>& values, std::size_t length, dou
   return found;
 }
 
-double one_pass(const FeltOptions& o, const Inclusion& tissue, double share) {
+double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) {
   const auto renderer = client::make_renderer(o.renderer, kServoS);
   client::ForceChainOptions chain_options;
   chain_options.limits = client::device_profile("premium-1.5").limits();

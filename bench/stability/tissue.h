@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "client/experiment/inclusion.h"
+#include "client/experiment/spring_tissue.h"
 
 namespace teletact::bench {
 

@@ -16,7 +16,7 @@ std::int64_t nanoseconds(double s) {
 SpringAnswers::SpringAnswers(double period_s, double age_s)
     : period_ns_(nanoseconds(period_s)), age_ns_(nanoseconds(age_s)) {}
 
-void SpringAnswers::present(const Inclusion& tissue) {
+void SpringAnswers::present(const SpringTissue& tissue) {
   wanted_ = tissue;
   waits_ = true;
   arrived_ = 0;

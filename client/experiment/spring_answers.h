@@ -6,7 +6,7 @@
 #include <deque>
 #include <optional>
 
-#include "client/experiment/inclusion.h"
+#include "client/experiment/spring_tissue.h"
 #include "client/servo/servo_loop.h"
 
 namespace teletact::client {
@@ -17,13 +17,13 @@ class SpringAnswers {
   SpringAnswers(double period_s, double age_s);
 
   // From the first pose on whose finger is lifted: nothing changes under a pressed one.
-  void present(const Inclusion& tissue);
+  void present(const SpringTissue& tissue);
   // Poses in order, as often as they can be had; those that are due are answered.
   void add(const ServoPose& pose);
   // The newest answer that has come since the last call.
   std::optional<ServoAnswer> take(std::int64_t now_ns);
 
-  const Inclusion& shown() const noexcept { return shown_; }
+  const SpringTissue& shown() const noexcept { return shown_; }
   // Answers that have come of what was presented last.
   unsigned arrived() const noexcept { return arrived_; }
   // The answer of that sequence, and so what is felt of it, is of what was presented last.
@@ -34,7 +34,7 @@ class SpringAnswers {
 
   std::int64_t period_ns_, age_ns_;
   std::int64_t next_ns_ = 0;
-  Inclusion wanted_, shown_;
+  SpringTissue wanted_, shown_;
   bool waits_ = false;  // what was presented last is not shown yet
   std::uint64_t sequence_ = 0;
   std::uint64_t first_ = 0;  // sequence that was answered with what was presented last

@@ -110,7 +110,7 @@ void SpringDisplay::require(double stiffness_n_m) const {
 void SpringDisplay::present(double stiffness_n_m, double background_n_m) {
   require(stiffness_n_m);
   require(background_n_m);
-  Inclusion tissue{.background_n_m = background_n_m, .stimulus_n_m = stiffness_n_m};
+  SpringTissue tissue{.background_n_m = background_n_m, .stimulus_n_m = stiffness_n_m};
   if (has_inclusion()) {
     tissue.centre_m = kInclusionCentreM;
     tissue.half_width_m = place_.width_m / 2;
@@ -159,7 +159,7 @@ void SpringDisplay::drain() {
     state_ = tick.state;
     reason_ = tick.reason;
     const Vector2& tool_m = tick.pose.position_m;
-    const Inclusion& tissue = answers_.shown();
+    const SpringTissue& tissue = answers_.shown();
     const bool there = std::abs(tool_m.x() - tissue.centre_m) <= tissue.half_width_m;
     const bool whole = -tick.force_n.y() >= -kWholeShare * tissue.answer(tool_m).force_n.y();
     if (tick.state == ServoState::kEnabled && tool_m.y() > kPressedM && there && whole &&

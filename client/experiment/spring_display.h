@@ -48,7 +48,7 @@ void validate(const SpringPlace&);
 // Renders the tissue that it was told of last as it is.
 class PerfectRenderer final : public Renderer {
  public:
-  void tell(const Inclusion& tissue) noexcept {
+  void tell(const SpringTissue& tissue) noexcept {
     told_.put(tissue);
   }  // one thread; taken with the next answer
   void reset() noexcept override {}
@@ -60,8 +60,8 @@ class PerfectRenderer final : public Renderer {
   Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
 
  private:
-  LatestSlot<Inclusion> told_;
-  Inclusion tissue_;
+  LatestSlot<SpringTissue> told_;
+  SpringTissue tissue_;
 };
 
 class SpringDisplay {

@@ -15,7 +15,7 @@ ServoPose at(double y_m, std::int64_t ms) {
   return {{{0.01, y_m}, Vector2::Zero()}, ms * kMs};
 }
 
-Inclusion everywhere(double stiffness_n_m) {
+SpringTissue everywhere(double stiffness_n_m) {
   return {.background_n_m = 25, .stimulus_n_m = stiffness_n_m};
 }
 
@@ -59,8 +59,8 @@ TEST(SpringAnswers, AreOfTheSpringAtTheirPoseAndForeseeItOutOfContact) {
   EXPECT_EQ(pressed.tangent_n_m(1, 1), -40);
 }
 
-TEST(Inclusion, ItsForceIsTheSlopeOfItsEnergyAndItsTangentThatOfItsForce) {
-  const Inclusion tissue{25, 40, 0.03, 0.01, 0.0015};
+TEST(SpringTissue, ItsForceIsTheSlopeOfItsEnergyAndItsTangentThatOfItsForce) {
+  const SpringTissue tissue{25, 40, 0.03, 0.01, 0.0015};
   constexpr double kStep = 1e-6;
   const auto energy_j = [&](const Vector2& p) { return -tissue.answer(p).force_n.y() * p.y() / 2; };
   for (const double x_m : {0.001, 0.0195, 0.021, 0.03, 0.0385, 0.042}) {

@@ -22,7 +22,7 @@ inline ForceSample spring_answer(const Vector2& position_m, double k, double slo
 }
 
 // A stimulus in a background: a plateau between two logistic edges.
-struct Inclusion {
+struct SpringTissue {
   double background_n_m = 0, stimulus_n_m = 0;
   double centre_m = 0;
   double half_width_m = std::numeric_limits<double>::infinity();  // no end: the stimulus everywhere
