@@ -2,9 +2,7 @@
 #include <fmt/format.h>
 #include <grpcpp/client_context.h>
 
-#include <atomic>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -20,23 +18,17 @@
 #include "client/link/channel.h"
 #include "client/link/recording.h"
 #include "client/modulus_options.h"
+#include "client/servo/ending.h"
 
 namespace teletact::client {
 namespace {
-
-std::atomic<bool> interrupted{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
-
-void interrupt(int) {
-  interrupted.store(true);
-}
 
 struct Arguments {
   std::string address, tls_ca, tissue_path, save_tissue_path, record_path, ready_path;
   std::optional<std::uint64_t> seed;
   std::size_t passes = 5;
   unsigned threads = 0;
-  bool record_rf = false;
+  bool record_rf = false, force = false;
   AcquireOptions acquire;
 };
 
@@ -167,14 +159,6 @@ SimulatedSource prepare(const Tissue& tissue, const Arguments& arguments) {
                          });
 }
 
-void catch_signals() {
-  interrupted = false;
-  struct sigaction action {};
-  action.sa_handler = interrupt;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
-
 void check(const Arguments& arguments) {
   if (arguments.tissue_path.empty() == !arguments.seed)
     throw CommandError("give either --tissue FILE or --seed N");
@@ -184,11 +168,13 @@ void check(const Arguments& arguments) {
                            {"--save-tissue", arguments.save_tissue_path},
                            {"--record", arguments.record_path},
                            {"--ready-file", arguments.ready_path}});
+  require_new_files({{"--save-tissue", arguments.save_tissue_path}, {"--record", arguments.record_path}},
+                    arguments.force);
 }
 
 AcquireResult acquire(AcquireSession& session) {
   try {
-    return session.run(interrupted);
+    return session.run(end_in_order());
   } catch (const ServiceError& error) {
     if (std::string(error.what()).find("NOT_FOUND") == std::string::npos &&
         error.code != grpc::StatusCode::UNAVAILABLE)
@@ -213,7 +199,7 @@ void run(const Arguments& arguments) {
   Recorder recorder(arguments);
   recorder.info(get_info(channel));
   SimulatedSource source = prepare(tissue, arguments);
-  catch_signals();
+  end_in_order();  // from here on; the simulation before is simply cut off
   AcquireOptions options = arguments.acquire;
   options.all_maps = arguments.record_rf;
   AcquireSession session(arguments.address, arguments.tls_ca, source, options, observe(arguments, recorder));
@@ -246,20 +232,23 @@ void add_acquire_command(CLI::App& app) {
   add_service_options(command, arguments->address, arguments->tls_ca);
   command.add_option("--scene", acquire.scene_id, "scene to publish into; created with the tissue's size")
       ->required();
-  command.add_option("--tissue", arguments->tissue_path, "tissue file (TOML)");
+  command.add_option("--tissue", arguments->tissue_path,
+                     "tissue file (TOML); without it the patient is --seed's");
   command.add_option("--seed", arguments->seed,
-                     "a random patient with hidden inclusions instead of --tissue");
-  command.add_option("--save-tissue", arguments->save_tissue_path, "write the tissue, the truth for report");
+                     "a random patient with hidden inclusions; without it the patient is --tissue's");
+  command.add_option("--save-tissue", arguments->save_tissue_path,
+                     "write the tissue, the truth for report; without it it is not kept");
   command.add_option("--passes-prepared", arguments->passes, "RF pairs simulated for each window beforehand")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   command.add_option("--threads", arguments->threads, "for the simulation; 0 = one per processor");
   command.add_option("--record", arguments->record_path,
-                     "keep timings, summaries and the final scene in this file; one that exists is "
-                     "overwritten");
+                     "keep timings, summaries and the final scene in this file; without it nothing is kept");
+  add_force_option(command, arguments->force);
   command.add_flag("--record-rf", arguments->record_rf,
                    "keep RF and maps too, so that replay can play them again");
-  command.add_option("--ready-file", arguments->ready_path, "created once the first windows can be touched");
+  command.add_option("--ready-file", arguments->ready_path,
+                     "created once the first windows can be touched; without it none is");
   command.add_flag("--until-finger-leaves", acquire.until_finger_leaves,
                    "end when the finger has come and gone");
   command

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "client/files/different_files.h"
+
 namespace teletact::client {
 
 struct CommandError : std::runtime_error {
@@ -24,8 +26,21 @@ std::string with_flags(std::string message, const std::vector<std::pair<std::str
 // One line on stderr.
 void say(const std::string& line);
 
+// --force; see require_new_files().
+void add_force_option(CLI::App& command, bool& force);
+// Throws CommandError when one of the files exists already, unless `force`. What is no file (/dev/null, a
+// pipe) is written to.
+void require_new_files(const std::vector<NamedFile>& files, bool force);
+
+// Throws CommandError when one of these options was given, which `reason` makes meaningless.
+void refuse_beside(const CLI::App& command, const std::vector<std::string>& options,
+                   const std::string& reason);
+
 // --service and --tls-ca; `tls_ca` becomes the file's text.
 void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca);
+
+// All of the below. Options show their defaults, and take no number that is not finite.
+void add_commands(CLI::App& app);
 
 void add_acquire_command(CLI::App& app);     // patient side: arm, frames, upload
 void add_estimate_command(CLI::App& app);    // recorded frames -> maps on disk

@@ -117,11 +117,16 @@ void run(const Arguments& arguments) {
 void add_file_options(CLI::App& command, RecordedFrameOptions& frames) {
   command.add_option("--pre", frames.pre, "frame before compression: .mha or .mat")->required();
   command.add_option("--post", frames.post, "frame after compression")->required();
-  command.add_option("--variable", frames.variable, ".mat: name of the RF variable");
-  command.add_option("--axial-axis", frames.axial_axis, ".mat: depth runs along rows or columns")
+  command.add_option("--variable", frames.variable,
+                     ".mat: name of the RF variable; without it a .mat is refused");
+  command
+      .add_option("--axial-axis", frames.axial_axis,
+                  ".mat: depth runs along rows or columns; without it a .mat is refused")
       ->transform(CLI::IsMember({"rows", "columns"}, CLI::ignore_case));
-  command.add_option("--pre-frame", frames.pre_frame, ".mat with several frames: which one, from 0");
-  command.add_option("--post-frame", frames.post_frame, ".mat with several frames: which one, from 0");
+  command.add_option("--pre-frame", frames.pre_frame,
+                     ".mat with several frames: which one, from 0; without it such a file is refused");
+  command.add_option("--post-frame", frames.post_frame,
+                     ".mat with several frames: which one, from 0; without it such a file is refused");
   command.add_option("--spacing-unit", frames.spacing_unit, ".mha: unit of the header's spacing and offset")
       ->check(CLI::IsMember({"m", "mm"}))
       ->capture_default_str();
@@ -140,25 +145,28 @@ void add_estimate_command(CLI::App& app) {
   command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz, "of the RF")->required();
   command.add_option("--sound-speed-m-s", frames.sound_speed_m_s, "in the tissue, m/s")
       ->capture_default_str();
-  command.add_option("--line-pitch-m", frames.line_pitch_m,
-                     "distance of two A-lines, where the file has none");
+  command.add_option("--line-pitch-m", frames.line_pitch_m, "distance of two A-lines (default: the file's)");
   command
-      .add_option("--frame", frames.frame, "LAB: the far side rests; PROBE: the probe face rests (required)")
+      .add_option("--frame", frames.frame,
+                  "LAB: the far side rests; PROBE: the probe face rests; without it nothing is estimated")
       ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
-  command.add_option("--force-n", frames.force_n,
-                     "resisting force on the probe, change between pre and post");
+  command.add_option(
+      "--force-n", frames.force_n,
+      "resisting force on the probe, change between pre and post; without it the modulus is relative");
   command.add_option("--contact-area-m2", frames.contact_area_m2,
-                     "of the probe; with the force the modulus is in Pa");
+                     "of the probe; with the force the modulus is in Pa, without it relative");
   command
       .add_option("--max-strain", frames.max_strain, "largest strain magnitude to search for, 0.001 to 0.125")
       ->capture_default_str();
   command.add_option("--poisson-ratio", frames.poisson_ratio, "above 0, at most 0.49999")
       ->capture_default_str();
-  command.add_option("--tissue-depth-m", frames.tissue_depth_m, "of the fixed far side (the frame's depth)")
+  command
+      .add_option("--tissue-depth-m", frames.tissue_depth_m,
+                  "of the fixed far side (default: the frame's depth)")
       ->check(above_zero());
   command
       .add_option("--tissue-width-m", frames.tissue_width_m,
-                  "of the tissue that the probe stands on the middle of (the frame's width)")
+                  "of the tissue that the probe stands on the middle of (default: the frame's width)")
       ->check(above_zero());
   add_modulus_options(command, frames.modulus_method, frames.modulus_time_limit_s);
   add_plane_option(command, frames.plane);

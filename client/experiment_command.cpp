@@ -1,6 +1,7 @@
 // teletact-client experiment: the paper's question, "is the inclusion harder?" (T6.4), put to a simulated
 // observer or to a person, and its fit.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -9,11 +10,13 @@
 
 #include "client/commands.h"
 #include "client/experiment/bootstrap.h"
+#include "client/experiment/endable_input.h"
 #include "client/experiment/observer.h"
 #include "client/experiment/person.h"
 #include "client/experiment/results_csv.h"
 #include "client/link/devices.h"
 #include "client/render/renderers.h"
+#include "client/servo/ending.h"
 
 namespace teletact::client {
 namespace {
@@ -65,6 +68,8 @@ std::vector<AnsweredTrial> ask(const Arguments& arguments) {
   ExperimentPlan plan = arguments.plan;
   plan.condition = condition_of(chain_of(arguments), arguments.place);
   const std::vector<Trial> trials = random_order(plan, random);
+  EndableInput typed(STDIN_FILENO, end_in_order());
+  std::istream in(&typed);
   std::unique_ptr<HapticDevice> device;
   std::unique_ptr<SpringDisplay> display;
   if (arguments.person && !arguments.device.device.empty()) {
@@ -73,9 +78,9 @@ std::vector<AnsweredTrial> ask(const Arguments& arguments) {
     display->require(hardest_n_m(arguments.plan));  // before anybody is asked
   }
   const Observer observer =
-      display ? device_observer(*display, std::cin, std::cout)
+      display ? device_observer(*display, in, std::cout)
       : arguments.person
-          ? keyboard_observer(std::cin, std::cout, hardest_n_m(arguments.plan) * kKeyboardDeepestM)
+          ? keyboard_observer(in, std::cout, hardest_n_m(arguments.plan) * kKeyboardDeepestM)
           : simulated_observer(psychometric_function(arguments.observer, arguments.plan.background_n_m),
                                random.seed());
   if (arguments.csv.empty()) return run_experiment(trials, observer);
@@ -115,7 +120,9 @@ bool print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
   return true;
 }
 
-void run(const Arguments& arguments) {
+void run(const Arguments& arguments, const CLI::App& command) {
+  if (is_real(arguments.device.device))
+    refuse_beside(command, {"--profile"}, "--device " + arguments.device.device + " states its own limits");
   try {
     const std::vector<AnsweredTrial> answers =
         arguments.refit.empty() ? ask(arguments) : read_results_csv(arguments.refit);
@@ -156,10 +163,12 @@ void add_observer_options(CLI::App& command, Arguments& arguments) {
       command.add_flag("--person", arguments.person,
                        "ask a person, who feels both at --device (or moves by keys and sees the force as a "
                        "bar) and types y or n; no stiffness is shown");
-  auto* device = command
-                     .add_option("--device", arguments.device.device,
-                                 "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated")
-                     ->needs(person);
+  auto* device =
+      command
+          .add_option(
+              "--device", arguments.device.device,
+              "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the keyboard")
+          ->needs(person);
   command.add_option("--profile", arguments.device.profile, "of a simulated device")->needs(person);
   auto* renderer =
       command
@@ -213,11 +222,15 @@ void add_experiment_command(CLI::App& app) {
       ->capture_default_str();
   command.add_option("--trials", arguments->plan.trials_per_stimulus, "of each stimulus")
       ->capture_default_str();
-  command.add_option("--seed", arguments->seed,
-                     "of the order, the simulated observer and the bootstrap (1; with --refit that of the "
-                     "answers)");
-  auto* csv = command.add_option("--csv", arguments->csv, "write every answer to this new file, as it comes");
-  command.add_option("--refit", arguments->refit, "ask nobody: fit the answers of an earlier --csv")
+  command.add_option(
+      "--seed", arguments->seed,
+      "of the order, the simulated observer and the bootstrap (default: 1; with --refit that of "
+      "the answers)");
+  auto* csv = command.add_option("--csv", arguments->csv,
+                                 "write every answer to this new file, as it comes; without it none is kept");
+  command
+      .add_option("--refit", arguments->refit,
+                  "ask nobody: fit the answers of an earlier --csv; without it they are asked for")
       ->excludes(csv);
   command
       .add_option("--fit-lapse-rate-most", arguments->lapse_rate_most,
@@ -226,7 +239,7 @@ void add_experiment_command(CLI::App& app) {
   command.add_option("--resamples", arguments->resamples, "of the bootstrap")
       ->check(CLI::Range(20, 100000))
       ->capture_default_str();
-  command.callback([arguments] { run(*arguments); });
+  command.callback([arguments, &command] { run(*arguments, command); });
 }
 
 }  // namespace teletact::client

@@ -168,13 +168,14 @@ void run_patient(const PatientOptions& options) {
 void add_patient_command(CLI::App& app) {
   auto options = std::make_shared<PatientOptions>();
   CLI::App* command = app.add_subcommand("patient", "Simulate RF pairs of a tissue, with their truth");
-  command->add_option("--tissue", options->tissue_file, "Tissue file (TOML); otherwise a random patient");
+  command->add_option("--tissue", options->tissue_file, "Tissue file (TOML); without it a random patient");
   command->add_option("--seed", options->seed, "Random patient, or fresh scatterers and noise for --tissue")
       ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max()));
-  command->add_option("--write-tissue", options->write_tissue_file, "Also write the tissue as a file");
+  command->add_option("--write-tissue", options->write_tissue_file,
+                      "Also write the tissue as a file; without it it is not kept");
   command->add_option("--window-x-m", options->windows, "Left borders of the windows (m), or all")
       ->expected(1, 64);
-  command->add_option("--frame", options->frame, "Frame of the displacement (PROBE)")
+  command->add_option("--frame", options->frame, "Frame of the displacement")
       ->transform(CLI::IsMember({"PROBE", "LAB"}, CLI::ignore_case));
   command->add_option("--out", options->out, "Folder for the .mha pairs, truth maps and truth.json")
       ->required();

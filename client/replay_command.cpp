@@ -1,20 +1,13 @@
 // teletact-client replay: plays a recording again and says how far the answers differ.
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <memory>
 
 #include "client/commands.h"
 #include "client/link/replay.h"
+#include "client/servo/ending.h"
 
 namespace teletact::client {
 namespace {
-
-std::atomic<bool> interrupted{false};
-
-void interrupt(int) {
-  interrupted.store(true);
-}
 
 void print(const ReplayOptions& options, const ReplayReport& report) {
   std::printf("replayed %s (%s): %lu calls, %lu %s, %lu answers compared, %lu of another status or size%s\n",
@@ -36,14 +29,9 @@ void print(const ReplayOptions& options, const ReplayReport& report) {
 }
 
 void run(const ReplayOptions& options) {
-  interrupted = false;
-  struct sigaction action {};
-  action.sa_handler = interrupt;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
   ReplayReport report;
   try {
-    report = replay(options, interrupted);
+    report = replay(options, end_in_order());
   } catch (const std::exception& error) {
     throw CommandError(error.what());
   }
@@ -63,14 +51,21 @@ void add_replay_command(CLI::App& app) {
   CLI::App& command = *app.add_subcommand("replay", "play a recording of touch or acquire again");
   command.add_option("file", options->path, "written by touch --record or acquire --record")->required();
   add_service_options(command, options->address, options->tls_ca);
-  command.add_option("--scene", options->scene_id, "play into this scene instead of the recorded one");
+  command.add_option("--scene", options->scene_id, "play into this scene (default: the recorded one)");
   command
       .add_option("--speed", options->speed,
                   "times the recorded one, above 0; 0 = as fast as the service answers")
       ->check(zero_or_more());
   command.add_option("--record", options->record_path,
-                     "record the replay in this file; one that exists is overwritten");
-  command.callback([options] { run(*options); });
+                     "record the replay in this file; without it nothing is kept");
+  const auto force = std::make_shared<bool>(false);
+  add_force_option(command, *force);
+  command.callback([options, force] {
+    require_different_files(
+        {{"the recording that is played", options->path}, {"--record", options->record_path}});
+    require_new_files({{"--record", options->record_path}}, *force);
+    run(*options);
+  });
 }
 
 }  // namespace teletact::client

@@ -60,7 +60,9 @@ void add_scenes_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("scenes", "list the scenes of a service, or delete one");
   add_service_options(command, arguments->address, arguments->tls_ca);
-  command.add_option("--delete", arguments->remove, "the scene to take away; open touch streams end with it");
+  command.add_option("--delete", arguments->remove,
+                     "the scene to take away; open touch streams end with it; without it the scenes are "
+                     "listed");
   command.callback([arguments] { run(*arguments); });
 }
 

@@ -3,8 +3,6 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -12,18 +10,13 @@
 
 #include "client/commands.h"
 #include "client/files/different_files.h"
+#include "client/link/keyboard.h"
 #include "client/link/touch_session.h"
 #include "client/render/renderers.h"
+#include "client/servo/ending.h"
 
 namespace teletact::client {
 namespace {
-
-std::atomic<bool> interrupted{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
-
-void interrupt(int) {
-  interrupted.store(true);
-}
 
 struct Arguments {
   TouchSessionOptions session;
@@ -34,7 +27,8 @@ struct Arguments {
   double tip_half_width_m = 0;
   double tip_footprint_m = 0.001;  // one node spacing: smooth between nodes (T4.5b)
   bool stuck = false;
-  std::string scene_id;
+  bool force = false;
+  std::string scene_id, session_id;
   double line_y_m = 0;
   double period_s = 0.002;
   unsigned credit = 2;
@@ -57,6 +51,7 @@ v1::TouchOpen to_open(const Arguments& arguments) {
                                                : v1::SOLVE_PATH_UNSPECIFIED);
   open.set_credit(arguments.credit);
   open.set_period_s(arguments.period_s);
+  open.set_session_id(arguments.session_id);
   return open;
 }
 
@@ -116,6 +111,7 @@ nlohmann::json to_json(const Arguments& arguments, const TouchSummary& summary) 
         {"distinct", link.distinct},
         {"not_covered", link.not_covered},
         {"failed", link.failed},
+        {"preparing", link.preparing},
         {"degraded", link.degraded},
         {"dropped", link.dropped},
         {"rejected", summary.rejected_answers},
@@ -175,10 +171,31 @@ std::string played_recording(const std::string& device) {
   return device.rfind(kind, 0) == 0 ? device.substr(kind.size()) : "";
 }
 
-void run(Arguments arguments) {
+// What only a hand that is simulated has.
+const std::vector<std::string> kHandOptions = {
+    "--indentation-m",      "--speed-m-s",          "--begin-m", "--end-m", "--hand-mass-kg",
+    "--hand-damping-n-s-m", "--hand-stiffness-n-m", "--passes"};
+
+void refuse_what_the_device_ignores(const CLI::App& command, const std::string& device) {
+  const auto alone = [&](const std::vector<std::string>& options, const std::string& reason) {
+    refuse_beside(command, options, "--device " + device + " " + reason);
+  };
+  if (is_real(device)) {
+    alone(kHandOptions, "is moved by a person");
+    alone({"--profile"}, "states its own limits");
+    return;
+  }
+  alone({"--start-x-m"}, "begins where its motion does");
+  if (!played_recording(device).empty()) alone(kHandOptions, "moves as it was recorded");
+}
+
+void run(Arguments arguments, const CLI::App& command) {
+  refuse_what_the_device_ignores(command, arguments.session.device);
   require_different_files({{"--device replay", played_recording(arguments.session.device)},
                            {"--record", arguments.session.record_path},
                            {"--json", arguments.json_path}});
+  require_new_files({{"--record", arguments.session.record_path}, {"--json", arguments.json_path}},
+                    arguments.force);
   auto logger = spdlog::get("touch");
   if (!logger) logger = spdlog::stderr_color_mt("touch");
   spdlog::set_default_logger(logger);
@@ -189,14 +206,11 @@ void run(Arguments arguments) {
       throw CommandError("cannot write '" + arguments.json_path + "'; choose another file with --json");
   }
   arguments.session.open = to_open(arguments);
-  interrupted = false;
-  struct sigaction action {};
-  action.sa_handler = interrupt;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
   TouchSummary summary;
+  Keyboard keyboard;
+  if (keyboard.present()) arguments.session.key = [&keyboard] { return keyboard.key(); };
   try {
-    summary = run_touch_session(arguments.session, interrupted);
+    summary = run_touch_session(arguments.session, end_in_order());
   } catch (const std::exception& error) {
     throw CommandError(with_flags(error.what(), {{"open.fingertip.radius_m", "--tip-radius-m"},
                                                  {"open.fingertip.half_width_m", "--tip-half-width-m"},
@@ -215,13 +229,14 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
       ->check(CLI::IsMember({"rounded", "punch", "node"}));
   command
       .add_option("--tip-radius-m", arguments.tip_radius_m,
-                  "radius of the tip, or of a punch's edges, 0.0001 to 0.014 (0.008)")
-      ->check(above_zero());
-  command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part (0.004)")
-      ->check(above_zero());
-  command.add_option(
-      "--tip-footprint-m", arguments.tip_footprint_m,
-      "node: Gaussian footprint (0.001); 0 = one node, as in the paper: lateral force jumps at nodes");
+                  "radius of the tip, or of a punch's edges, 0.0001 to 0.014")
+      ->check(above_zero())
+      ->default_str("0.008");
+  command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part")
+      ->check(above_zero())
+      ->default_str("0.004");
+  command.add_option("--tip-footprint-m", arguments.tip_footprint_m,
+                     "node: Gaussian footprint; 0 = one node, as in the paper: lateral force jumps at nodes");
   command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
   command.add_option("--line-y-m", arguments.line_y_m, "depth of the touched line, 0 = the surface");
   command
@@ -235,16 +250,18 @@ void add_hand_options(CLI::App& command, TouchSessionOptions& session) {
   command.add_option("--speed-m-s", session.hand.speed_m_s, "of the sweep")->check(CLI::Range(0.001, 0.5));
   command.add_option("--begin-m", session.begin_m,
                      "sweep from here, metres along the tissue (default: what is covered at the start)");
-  command.add_option("--end-m", session.end_m, "sweep to here");
-  command.add_option("--hand-mass-kg", session.hand.mass_kg)->check(CLI::Range(0.01, 0.2));
-  command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m)->check(CLI::Range(2.0, 10.0));
-  command.add_option("--hand-stiffness-n-m", session.hand.stiffness_n_m)->check(CLI::Range(200.0, 1000.0));
-  command.add_option("--passes", session.passes, "end after so many sweeps; 0 (default): no such end");
+  command.add_option("--end-m", session.end_m, "sweep to here (default: as --begin-m)");
+  command.add_option("--hand-mass-kg", session.hand.mass_kg, "of the simulated hand")
+      ->check(CLI::Range(0.01, 0.2));
+  command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m, "of the simulated hand")
+      ->check(CLI::Range(2.0, 10.0));
+  command.add_option("--hand-stiffness-n-m", session.hand.stiffness_n_m, "of the simulated hand")
+      ->check(CLI::Range(200.0, 1000.0));
+  command.add_option("--passes", session.passes, "end after so many sweeps; 0: no such end");
   command
-      .add_option(
-          "--duration-s", session.duration_s,
-          "end after so long with force on; an outage of over 5 s counts too. 0 (default): no such end. "
-          "With neither it goes on until Ctrl-C")
+      .add_option("--duration-s", session.duration_s,
+                  "end after so long with force on; an outage of over 5 s counts too. 0: no such end. "
+                  "With neither it goes on until Ctrl-C")
       ->check(zero_or_more());
 }
 
@@ -257,16 +274,25 @@ void add_touch_command(CLI::App& app) {
   add_service_options(command, session.address, session.tls_ca);
   command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
   command.add_option("--device", session.device,
-                     "haptic device: simulated (default), simulated-position, plugin:FILE[,SETTINGS], "
+                     "haptic device: simulated, simulated-position, plugin:FILE[,SETTINGS], "
                      "inverse3[:ws://HOST:PORT], "
                      "replay:RECORDING");
   command.add_option("--profile", session.profile,
-                     "of a simulated or replayed device: premium-1.5 (default), premium-3.0, omni or touch");
-  command.add_option("--renderer", session.renderer, "kalman (default), kalman-force, interpolate or hold")
+                     "of a simulated or replayed device: premium-1.5, premium-3.0, omni or touch");
+  command.add_option("--renderer", session.renderer, "kalman, kalman-force, interpolate or hold")
       ->check(CLI::IsMember(renderer_names()));
   command.add_option("--record", session.record_path,
-                     "keep poses, answers and every servo tick in this file; one that exists is overwritten");
-  command.add_option("--json", arguments->json_path, "write the summary to this file");
+                     "keep poses, answers and every servo tick in this file; without it nothing is kept");
+  command.add_option("--json", arguments->json_path,
+                     "write the summary to this file too; without it it is only printed");
+  add_force_option(command, arguments->force);
+  command.add_option("--start-x-m", session.start_x_m,
+                     "where on the tissue a real device begins (default: amid what is covered)");
+  command.add_option(
+      "--session", arguments->session_id,
+      "name of this touch for others: one touch of a scene steers its probe (default: random)");
+  command.add_option("--hand-over-to", session.hand_over_to,
+                     "session that steers from when h is pressed here on; without it nobody");
   command.add_option("--period-s", arguments->period_s, "wish between answers")
       ->check(CLI::Range(0.001, 1.0));
   command.add_option("--credit", arguments->credit, "answers in flight")->check(CLI::Range(1, 8));
@@ -282,8 +308,10 @@ void add_touch_command(CLI::App& app) {
       "answer\n"
       "behind it is old or the display generates energy; DEGRADED by the service while that does not trust "
       "its\n"
-      "answer: then it is felt as it is.");
-  command.callback([arguments] { run(*arguments); });
+      "answer: then it is felt as it is.\n"
+      "At a terminal Enter resumes (with the finger lifted), Space pauses, h hands the probe over, Ctrl-C "
+      "ends.");
+  command.callback([arguments, &command] { run(*arguments, command); });
 }
 
 }  // namespace teletact::client

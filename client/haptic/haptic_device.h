@@ -40,7 +40,12 @@ class HapticDevice {
   // Newtons on the finger; false: the device did not take it.
   virtual bool write(const Vector2& force_n) noexcept = 0;
   virtual void show(const OperatorView&) noexcept {}
-  // The rest from any thread. Sweeps ended, of a device whose hand is simulated; and no more motion to come.
+  // Takes the force away for good: until open() no write is taken any more. From any thread, and from a
+  // signal handler while the process dies: async-signal-safe. A device that no hand feels needs none.
+  virtual void let_go() noexcept {}
+  // The rest from any thread. The longest that a call of an adapter has taken since this was asked last.
+  virtual double longest_call_s() noexcept { return 0; }
+  // Sweeps ended, of a device whose hand is simulated; and no more motion to come.
   virtual unsigned passes() const noexcept { return 0; }
   virtual bool ended() const noexcept { return false; }
 };

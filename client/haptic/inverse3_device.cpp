@@ -6,6 +6,7 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
+#include <functional>
 #include <optional>
 #include <stdexcept>
 
@@ -52,9 +53,17 @@ class Inverse3Device::Connection {
     socket_.text(true);
   }
 
-  std::string read() {
+  // `late` is called once when nothing has come for `patience`; it may write.
+  std::string read(std::chrono::duration<double> patience, const std::function<void()>& late) {
     beast::flat_buffer buffer;
-    wait([&](auto done) { socket_.async_read(buffer, [done](auto error, std::size_t) { done(error); }); });
+    std::optional<beast::error_code> result;
+    socket_.async_read(buffer, [&](beast::error_code error, std::size_t) { result = error; });
+    context_.restart();
+    const auto until = std::chrono::steady_clock::now() + patience;
+    while (!result && std::chrono::steady_clock::now() < until)
+      context_.run_one_until(std::chrono::time_point_cast<std::chrono::steady_clock::duration>(until));
+    if (!result) late();
+    finish(result);
     return beast::buffers_to_string(buffer.data());
   }
   void write(const std::string& text) {
@@ -72,6 +81,9 @@ class Inverse3Device::Connection {
   void wait(Start&& start) {
     std::optional<beast::error_code> result;
     start([&](beast::error_code error) { result = error; });
+    finish(result);
+  }
+  void finish(const std::optional<beast::error_code>& result) {
     context_.restart();
     while (!result) context_.run_one();
     if (*result) throw beast::system_error(*result);
@@ -98,6 +110,7 @@ const DeviceProfile& Inverse3Device::profile() const noexcept {
 void Inverse3Device::open() {
   close();
   stop_ = false;
+  let_go_ = false;
   heard_ = false;
   trouble_ = "it says nothing";
   anchor_.release();
@@ -132,7 +145,7 @@ bool Inverse3Device::read(std::int64_t, DeviceReading& reading) noexcept {
 }
 
 bool Inverse3Device::write(const Vector2& force_n) noexcept {
-  if (!force_n.allFinite()) return false;
+  if (let_go_ || !force_n.allFinite()) return false;
   forces_.put({force_n, read_ns_});
   return true;
 }
@@ -155,12 +168,33 @@ void Inverse3Device::run() {
   }
 }
 
-// State in, force out, in turns; on the way out the last force is zero.
+// State in, force out, in turns. The first force of a connection is zero, whatever the servo says; so is the
+// last, also of one that ends because the service talks nonsense.
 void Inverse3Device::exchange(Connection& connection) {
   Force force;
+  std::string device_id;
+  bool sent_early = false;  // zero, before the state came: this turn's force
+  const auto send = [&](const Vector2& force_n, bool first) {
+    connection.write(inverse3_command(device_id, to_device(force_n), first));
+  };
+  const auto let_go = [&] {
+    if (!device_id.empty()) send(Vector2::Zero(), false);
+    sent_early = !device_id.empty();
+  };
+  const auto read = [&] {
+    sent_early = false;
+    const std::string message = connection.read(std::chrono::duration<double>(kSilentS), let_go);
+    try {
+      return parse_inverse3(message);
+    } catch (const std::exception&) {
+      let_go();
+      throw;
+    }
+  };
   auto due = std::chrono::steady_clock::now();
   for (bool first = true; true; first = false) {
-    const Inverse3State received = parse_inverse3(connection.read());
+    const Inverse3State received = read();
+    device_id = received.device_id;
     states_.put({to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, now_ns()});
     if (first) {
       const std::lock_guard lock(mutex_);
@@ -170,10 +204,10 @@ void Inverse3Device::exchange(Connection& connection) {
     due = std::max(due + kExchange, std::chrono::steady_clock::now());
     std::this_thread::sleep_until(due);
     forces_.take(force);
-    const bool lives = static_cast<double>(now_ns() - force.written_ns) < kForceLivesS * 1e9;
     const bool stopping = stop_;
-    const Vector2 sent_n = lives && !stopping ? force.force_n : Vector2(Vector2::Zero());
-    connection.write(inverse3_command(received.device_id, to_device(sent_n), first));
+    const bool lives = !first && !stopping && !let_go_ &&
+                       static_cast<double>(now_ns() - force.written_ns) < kForceLivesS * 1e9;
+    if (!sent_early) send(lives ? force.force_n : Vector2(Vector2::Zero()), first);
     if (stopping) break;
   }
   connection.close();

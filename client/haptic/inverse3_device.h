@@ -2,8 +2,8 @@
 //
 // The connection lives on a thread of its own: the newest state comes to the servo and the newest force goes
 // from it through slots of one, so that read() and write() neither wait nor allocate. When the servo stops
-// writing for kForceLivesS the thread sends zero; when the connection is lost read() says so after kStaleS
-// and the thread connects again.
+// writing for kForceLivesS, or the Inverse Service says nothing for kSilentS, the thread sends zero; when the
+// connection is lost read() says so after kStaleS, and the thread connects again and sends zero first.
 //
 // Scene x is the device's x (right); scene y, into the tissue, is its z downwards; its y (forward) is free.
 #pragma once
@@ -29,7 +29,8 @@ struct Inverse3Options {
 class Inverse3Device final : public HapticDevice {
  public:
   static constexpr double kStaleS = 0.1;
-  static constexpr double kForceLivesS = 0.05;
+  static constexpr double kForceLivesS = 0.01;
+  static constexpr double kSilentS = 0.05;
 
   // Throws std::invalid_argument when the address is none.
   explicit Inverse3Device(const Inverse3Options& options);
@@ -43,6 +44,7 @@ class Inverse3Device final : public HapticDevice {
   void close() noexcept override;
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
   bool write(const Vector2& force_n) noexcept override;
+  void let_go() noexcept override { let_go_ = true; }  // its thread sends it
 
  private:
   struct State {
@@ -68,6 +70,7 @@ class Inverse3Device final : public HapticDevice {
   State state_;               // the servo's
   std::int64_t read_ns_ = 0;  // the servo's time of the last read
   std::atomic<bool> stop_{false};
+  std::atomic<bool> let_go_{false};
 
   std::mutex mutex_;  // of the two below, between open() and the thread
   std::condition_variable changed_;

@@ -3,6 +3,7 @@
 #include <dlfcn.h>
 
 #include <array>
+#include <chrono>
 #include <filesystem>
 #include <stdexcept>
 #include <utility>
@@ -88,6 +89,7 @@ void PluginDevice::open() {
     throw;
   }
   device_ = device;
+  let_go_ = false;
   anchor_.release();
   velocity_.restart();
   profile_ = {plugin_->name,
@@ -106,10 +108,19 @@ void PluginDevice::close() noexcept {
   device_ = nullptr;
 }
 
+template <typename Call>
+int PluginDevice::timed(Call&& call) noexcept {
+  const auto begin = std::chrono::steady_clock::now();
+  const int code = call();
+  const std::int64_t took_ns = (std::chrono::steady_clock::now() - begin).count();
+  if (took_ns > longest_ns_) longest_ns_ = took_ns;
+  return code;
+}
+
 bool PluginDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   if (device_ == nullptr) return false;
   teletact_device_reading raw{};
-  if (plugin_->read(device_, now_ns, &raw) != 0) return false;
+  if (timed([&] { return plugin_->read(device_, now_ns, &raw); }) != 0) return false;
   const auto is_zero = [](const double(&xyz)[3]) { return xyz[0] == 0 && xyz[1] == 0 && xyz[2] == 0; };
   // What an adapter's memory holds before its device has said anything.
   if (!anchor_.held() && is_zero(raw.position_m)) return false;
@@ -123,9 +134,14 @@ bool PluginDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
 }
 
 bool PluginDevice::write(const Vector2& force_n) noexcept {
-  if (device_ == nullptr || !force_n.allFinite()) return false;
+  if (device_ == nullptr || let_go_ || !force_n.allFinite()) return false;
   const std::array<double, 3> force = {force_n.x(), force_n.y(), 0};
-  return plugin_->write(device_, force.data()) == 0;
+  return timed([&] { return plugin_->write(device_, force.data()); }) == 0;
+}
+
+void PluginDevice::let_go() noexcept {
+  let_go_ = true;
+  if (device_ != nullptr && plugin_->let_go != nullptr) plugin_->let_go(device_);
 }
 
 }  // namespace teletact::client

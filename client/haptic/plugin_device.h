@@ -1,6 +1,7 @@
 // A device behind the C interface of teletact_device.h, loaded from a shared library.
 #pragma once
 
+#include <atomic>
 #include <string>
 
 #include "client/haptic/anchor.h"
@@ -24,8 +25,12 @@ class PluginDevice final : public HapticDevice {
   void close() noexcept override;
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
   bool write(const Vector2& force_n) noexcept override;
+  void let_go() noexcept override;
+  double longest_call_s() noexcept override { return 1e-9 * static_cast<double>(longest_ns_.exchange(0)); }
 
  private:
+  template <typename Call>
+  int timed(Call&& call) noexcept;
   void check(const teletact_device_limits& limits) const;
 
   std::string path_, settings_;
@@ -34,6 +39,8 @@ class PluginDevice final : public HapticDevice {
   void* library_ = nullptr;
   const teletact_device_plugin* plugin_ = nullptr;
   void* device_ = nullptr;  // null: not open
+  std::atomic<bool> let_go_{false};
+  std::atomic<std::int64_t> longest_ns_{0};
   DeviceProfile profile_;
 };
 

@@ -12,7 +12,12 @@
  *
  * Threads: open and close are called from one thread, read and write from another, the servo's, 1000 times a
  * second: these two may not wait, allocate, log or throw. A vendor's library that runs a loop of its own
- * leaves its newest position in memory for read() and takes the newest force from there. */
+ * leaves its newest position in memory for read() and takes the newest force from there.
+ *
+ * No hand is left with a force that nobody renews. The device holds the force of a write() until the next
+ * one, but for 10 ms at most: then it lets go by itself, whatever keeps the client, a wait, Ctrl-Z, kill -9.
+ * Where the vendor's controller does that, nothing is left to do. Where it does not, its SDK belongs into a
+ * process of its own that outlives the client; template.c has one. */
 #ifndef TELETACT_DEVICE_H
 #define TELETACT_DEVICE_H
 
@@ -24,8 +29,8 @@ extern "C" {
 #endif
 
 /* Goes up with every change that a library and a client of different versions would not survive.
- * 2: limits.damping_n_s_m. */
-#define TELETACT_DEVICE_ABI 2u
+ * 2: limits.damping_n_s_m. 3: let_go. */
+#define TELETACT_DEVICE_ABI 3u
 
 /* What the device may be asked for. The first three must be > 0; 0 where the others are not known. */
 typedef struct teletact_device_limits {
@@ -61,11 +66,17 @@ typedef struct teletact_device_plugin {
   int (*read)(void* device, int64_t now_ns, teletact_device_reading* reading);
 
   /* Force on the operator's hand, never above largest_force_n. Returns 0; anything else: not taken. The
-   * device holds it until the next call; after some 10 ms without one it should let go. */
+   * device holds it until the next call, and lets go when none came for 10 ms. */
   int (*write)(void* device, const double force_n[3]);
 
   /* Takes the force away and closes. */
   void (*close)(void* device);
+
+  /* May be NULL. Takes the force away at once and for good: no write() comes after it. Called while the
+   * process dies, in a signal handler and beside a write() that may be under way, up to twice: it must be
+   * async-signal-safe, which rules out locks, memory, files and most of any SDK. Storing to shared memory,
+   * or one write() to an open descriptor, is. */
+  void (*let_go)(void* device);
 } teletact_device_plugin;
 
 /* The one function that the library exports. What it returns lives as long as the library. */

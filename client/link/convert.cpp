@@ -1,5 +1,7 @@
 #include "client/link/convert.h"
 
+#include <cmath>
+
 namespace teletact::client {
 namespace {
 
@@ -38,7 +40,9 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double
   sample.sequence = answer.sequence();
   sample.pose_time_s = 1e-9 * static_cast<double>(answer.pose_stamp().monotonic_ns());
   sample.surface_m = surface_m;
-  if (answer.position_m_size() < 2) return std::nullopt;
+  if (answer.position_m_size() < 2 || !std::isfinite(out.covered_begin_m) ||
+      !std::isfinite(out.covered_end_m))
+    return std::nullopt;
   sample.position_m = plane(answer.position_m());
 
   const v1::TouchStatus status = answer.status();

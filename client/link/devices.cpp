@@ -38,6 +38,10 @@ std::vector<MotionPoint> read_motion(const std::string& path) {
 
 }  // namespace
 
+bool is_real(const std::string& device) {
+  return device.rfind("plugin:", 0) == 0 || device.rfind("inverse3", 0) == 0;
+}
+
 std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
   const std::string kind = choice.device.substr(0, choice.device.find(':'));
   const std::string rest = kind.size() < choice.device.size() ? choice.device.substr(kind.size() + 1) : "";

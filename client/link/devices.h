@@ -17,6 +17,9 @@ struct DeviceChoice {
       {};  // the simulated hand; other devices start above its start_m, hover_m over the surface
 };
 
+// Plugins and the Inverse3: a person's hand moves it.
+bool is_real(const std::string& device);
+
 // Not opened yet. Throws std::invalid_argument or std::runtime_error with one line: an unknown device or
 // profile, a file that is missing or is not what it should be.
 std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice);

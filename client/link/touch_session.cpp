@@ -58,19 +58,63 @@ v1::Scene wait_for_scene(const TouchSessionOptions& options, const std::atomic<b
   }
 }
 
+double width_of(const v1::Scene& scene) {
+  return scene.geometry().size_m_size() > 0 ? scene.geometry().size_m(0) : 0;
+}
+
 // A sweep beyond the tissue would never end.
 void require_within(const v1::Scene& scene, const char* option, const std::optional<double>& x_m) {
-  if (!x_m || scene.geometry().size_m_size() == 0) return;
-  const double width_m = scene.geometry().size_m(0);
+  const double width_m = width_of(scene);
+  if (!x_m || width_m == 0) return;
   if (*x_m >= 0 && *x_m <= width_m) return;
   throw std::invalid_argument(fmt::format("{} {}: the tissue of scene '{}' reaches from 0 to {} m", option,
                                           *x_m, scene.scene_id(), width_m));
 }
 
+constexpr double kInsideM = 0.008;  // the tip's own reach
+
+// The place nearest to `wish_m` at which the whole tip is over a window that can be touched.
+double touchable_near(const v1::Scene& scene, double wish_m) {
+  double nearest_m = wish_m, distance_m = 1e300;
+  for (const v1::Window& window : scene.windows()) {
+    if (!window.touchable()) continue;
+    const double inside_m = std::min(kInsideM, (window.end_m() - window.begin_m()) / 2);
+    const double x_m = std::clamp(wish_m, window.begin_m() + inside_m, window.end_m() - inside_m);
+    if (std::abs(x_m - wish_m) >= distance_m) continue;
+    distance_m = std::abs(x_m - wish_m);
+    nearest_m = x_m;
+  }
+  return nearest_m;
+}
+
+// Where a person's hand begins: with tissue to both sides of it.
+double start_of_real_device(const v1::Scene& scene, const std::optional<double>& asked_m) {
+  require_within(scene, "--start-x-m", asked_m);
+  double begin_m = 1e300, end_m = -1e300;
+  bool covered = false;
+  for (const v1::Window& window : scene.windows()) {
+    if (!window.touchable()) continue;
+    begin_m = std::min(begin_m, window.begin_m());
+    end_m = std::max(end_m, window.end_m());
+    covered = covered || (asked_m && *asked_m >= window.begin_m() && *asked_m <= window.end_m());
+  }
+  const double start_m = asked_m ? *asked_m : touchable_near(scene, (begin_m + end_m) / 2);
+  if (asked_m && !covered)
+    spdlog::warn("--start-x-m {}: no window covers it yet, so nothing is felt there; {:.3f} m can be touched",
+                 start_m, touchable_near(scene, start_m));
+  spdlog::info("the device stands at x = {:.3f} m of {:.3f} m, {:.0f} mm above the tissue", start_m,
+               width_of(scene), 1e3 * HandOptions().hover_m);
+  return start_m;
+}
+
 HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) {
+  if (is_real(options.device)) {
+    HandOptions hand;
+    hand.start_m = start_of_real_device(scene, options.start_x_m);
+    return hand;
+  }
   require_within(scene, "--begin-m", options.begin_m);
   require_within(scene, "--end-m", options.end_m);
-  constexpr double kInsideM = 0.008;  // the tip's own reach
   double begin_m = 1e300;
   double end_m = -1e300;
   for (const v1::Window& window : scene.windows()) {
@@ -86,16 +130,7 @@ HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) 
                                 std::to_string(hand.begin_m) + " m); set --begin-m and --end-m");
   }
   // The first press is where something can be touched already: at the beginning, or as near to it as can be.
-  double nearest_m = 1e300;
-  for (const v1::Window& window : scene.windows()) {
-    if (!window.touchable()) continue;
-    const double inside_m = std::min(kInsideM, (window.end_m() - window.begin_m()) / 2);
-    const double start_m = std::clamp(hand.begin_m, window.begin_m() + inside_m, window.end_m() - inside_m);
-    if (std::abs(start_m - hand.begin_m) < nearest_m) {
-      nearest_m = std::abs(start_m - hand.begin_m);
-      hand.start_m = start_m;
-    }
-  }
+  hand.start_m = touchable_near(scene, hand.begin_m);
   return hand;
 }
 
@@ -152,10 +187,50 @@ void finish(TouchSummary& summary, const TouchLink& link, const ServoLoop& servo
   summary.device = device.profile().name;
 }
 
-TouchSituation situation_of(const TouchLink& link, const TickStatistics& statistics) {
+TouchSituation situation_of(const TouchLink& link, const TickStatistics& statistics, double width_m,
+                            bool has_keys) {
   const ServoTick& tick = statistics.last();
-  return {link.trouble(), tick.state, link.covered(), tick.held_at_border, tick.pose.position_m.x()};
+  return {link.trouble(),           tick.state, link.covered(), tick.held_at_border,
+          tick.pose.position_m.x(), width_m,    has_keys};
 }
+
+void say_keys(const TouchSessionOptions& options) {
+  if (!options.key) return;
+  spdlog::info("keys: Enter resumes (with the finger lifted), Space pauses, {}Ctrl-C ends",
+               options.hand_over_to.empty() ? "" : "h lets '" + options.hand_over_to + "' steer, ");
+}
+
+void obey_keys(const TouchSessionOptions& options, ServoLoop& servo, TouchLink& link) {
+  if (!options.key) return;
+  while (const char key = options.key()) {
+    if (key == '\n' || key == '\r') servo.request_resume();
+    if (key == ' ') servo.request_pause();
+    if (key != 'h') continue;
+    if (options.hand_over_to.empty())
+      spdlog::warn("h: whom shall the probe follow? Name another touch's session with --hand-over-to");
+    else
+      link.hand_over(options.hand_over_to);
+  }
+}
+
+// An adapter that waits takes the servo's time.
+class SlowCalls {
+ public:
+  void look_at(HapticDevice& device, double now_s) {
+    longest_s_ = std::max(longest_s_, device.longest_call_s());
+    if (longest_s_ < kSlowS || now_s < next_s_) return;
+    spdlog::warn(
+        "the device's adapter took {:.1f} ms for a call: it waited, which read() and write() may not, or "
+        "this machine is too busy",
+        1e3 * longest_s_);
+    longest_s_ = 0;
+    next_s_ = now_s + kEveryS;
+  }
+
+ private:
+  static constexpr double kSlowS = 0.005, kEveryS = 5;
+  double longest_s_ = 0, next_s_ = 0;
+};
 
 }  // namespace
 
@@ -177,6 +252,8 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   link.start();
   TickLog log;
   Waiting waiting;
+  SlowCalls slow_calls;
+  say_keys(options);
   while (!stop && link.failure().empty() && !servo_thread.over() &&
          !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
@@ -184,7 +261,12 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
     const std::optional<RealTime> granted = servo_thread.real_time();
     if (granted && summary.real_time.text.empty()) spdlog::info("servo: {}", granted->text);
     summary.real_time = granted.value_or(RealTime());
-    const std::string line = waiting.line(situation_of(link, summary.ticks), 1e-9 * clock.now_ns());
+    obey_keys(options, *servo, link);
+    const double now_s = 1e-9 * static_cast<double>(clock.now_ns());
+    slow_calls.look_at(*device, now_s);
+    const bool has_keys = static_cast<bool>(options.key);
+    const std::string line =
+        waiting.line(situation_of(link, summary.ticks, width_of(scene), has_keys), now_s);
     if (!line.empty()) spdlog::warn("{}", line);
   }
   servo_thread.stop();

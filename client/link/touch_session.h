@@ -26,13 +26,18 @@ struct TouchSessionOptions {
   HandOptions hand;                     // of a simulated device; begin and end: see below
   std::optional<double> begin_m;        // of the sweep; absent: what is covered at the start, 8 mm inside
   std::optional<double> end_m;
-  unsigned passes = 0;  // end after so many sweeps; 0 = no limit
+  std::optional<double> start_x_m;  // where a real device begins; absent: amid what is covered
+  unsigned passes = 0;              // end after so many sweeps; 0 = no limit
   double duration_s =
       0;              // end after so long with force on, or lost for over kLostS at a stretch; 0 = no limit
   double wait_s = 0;  // for the service, the scene and its first window
   std::string record_path;  // empty: no recording
   std::vector<std::string> arguments;
-  bool real_time = true;  // ask for SCHED_FIFO and locked memory
+  // The key that was pressed, 0 for none: Enter resumes, Space pauses, h hands the lease of the probe over.
+  // Empty: there are no keys.
+  std::function<char()> key;
+  std::string hand_over_to;  // session_id of another touch; empty: h does nothing
+  bool real_time = true;     // ask for SCHED_FIFO and locked memory
   // ServoThread::Options::begins and ended.
   std::function<void()> servo_begins = [] {};
   std::function<void()> servo_ended = [] {};

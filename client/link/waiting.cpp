@@ -7,6 +7,7 @@ namespace teletact::client {
 Waiting::For Waiting::waited_for(const TouchSituation& situation) {
   if (!situation.trouble.empty()) return For::kStream;
   if (situation.state != ServoState::kEnabled) return For::kButton;
+  if (situation.width_m > 0 && (situation.x_m < 0 || situation.x_m > situation.width_m)) return For::kTissue;
   return situation.held_at_border || !situation.covered ? For::kWindow : For::kNothing;
 }
 
@@ -18,8 +19,13 @@ std::string Waiting::line(const TouchSituation& situation, double now_s) {
   due_s_ = now_s + (now == For::kStream ? kTroubleS : kRepeatS);
   if (now == For::kStream) return "no force: waiting for the service (" + situation.trouble + ")";
   if (now == For::kButton)
-    return "no force: waiting for the operator to press the device's button (resume), with the finger lifted "
-           "out of the tissue";
+    return fmt::format(
+        "no force: waiting for the operator to press the device's button{} (resume), with the finger lifted "
+        "out of the tissue",
+        situation.has_keys ? ", or Enter here" : "");
+  if (now == For::kTissue)
+    return fmt::format("the finger is beside the tissue, at x = {:.3f} m: move it back to 0 to {:.3f} m",
+                       situation.x_m, situation.width_m);
   return fmt::format(
       "waiting for a window at x = {:.3f} m: nobody acquires one there (start acquire, or wait "
       "until it comes by)",

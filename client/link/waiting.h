@@ -12,7 +12,9 @@ struct TouchSituation {
   ServoState state = ServoState::kDisabled;
   bool covered = true;  // the last answer's: a window covers the finger
   bool held_at_border = false;
-  double x_m = 0;  // of the finger
+  double x_m = 0;         // of the finger
+  double width_m = 0;     // of the tissue; 0: not known
+  bool has_keys = false;  // Enter resumes
 };
 
 class Waiting {
@@ -25,7 +27,7 @@ class Waiting {
   std::string line(const TouchSituation& situation, double now_s);
 
  private:
-  enum class For { kNothing, kStream, kButton, kWindow };
+  enum class For { kNothing, kStream, kButton, kTissue, kWindow };
   static For waited_for(const TouchSituation& situation);
 
   For for_ = For::kNothing;

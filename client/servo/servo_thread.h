@@ -8,23 +8,11 @@
 #include <optional>
 #include <thread>
 
+#include "client/servo/open_device.h"
 #include "client/servo/realtime.h"
 #include "client/servo/servo_loop.h"
 
 namespace teletact::client {
-
-// Open while it lives.
-class OpenDevice {
- public:
-  // Throws as HapticDevice::open().
-  explicit OpenDevice(HapticDevice& device) : device_(device) { device_.open(); }
-  ~OpenDevice() { device_.close(); }
-  OpenDevice(const OpenDevice&) = delete;
-  OpenDevice& operator=(const OpenDevice&) = delete;
-
- private:
-  HapticDevice& device_;
-};
 
 class ServoThread {
  public:

@@ -107,11 +107,48 @@ TEST(Inverse3Device, AForceThatIsNotRenewedAndOneAtTheEndAreZero) {
     return service.force_n().z() == 2;
   };
   ASSERT_TRUE(within(2, push));
-  // WHEN the servo hangs THEN the force is gone after 50 ms
+  // WHEN the servo hangs THEN the force is gone after 10 ms
   EXPECT_TRUE(within(1, [&] { return service.force_n().norm() == 0; }));
   ASSERT_TRUE(within(2, push));
   device.close();
   EXPECT_EQ(service.force_n().norm(), 0);
+}
+
+// The servo goes on asking for 2 N whatever the device says.
+TEST(Inverse3Device, AServiceThatIsLostOrTalksNonsenseIsToldZeroFirst) {
+  auto service = std::make_unique<Inverse3Service>();
+  Inverse3Device device(options_for(*service));
+  device.open();
+  DeviceReading reading;
+  const auto push = [&] {
+    device.read(0, reading);
+    device.write({0, -2});
+    return service->force_n().z() == 2;
+  };
+  const auto pushed_to_zero = [&] { return !push() && service->force_n().norm() == 0; };
+  ASSERT_TRUE(within(5, push));
+  // WHEN it takes what it is told and says nothing THEN it is told zero
+  const unsigned before = service->connections;
+  service->silent = true;
+  EXPECT_TRUE(within(5, pushed_to_zero));
+  EXPECT_EQ(service->connections, before) << "zero came before it counted as lost";
+  service->silent = false;
+  ASSERT_TRUE(within(5, push));
+  // WHEN it talks nonsense THEN zero is the last that it is told
+  service->garbage = true;
+  EXPECT_TRUE(within(5, pushed_to_zero));
+  const unsigned connections = service->connections;
+  EXPECT_TRUE(within(5, [&] {
+    push();
+    return service->connections > connections;
+  }));
+  // THEN zero is the first that it is told on each connection
+  service->garbage = false;
+  EXPECT_TRUE(within(5, push));
+  EXPECT_EQ(service->largest_first_n(), 0);
+  device.let_go();
+  EXPECT_FALSE(device.write({0, -2}));
+  EXPECT_TRUE(within(1, [&] { return service->force_n().norm() == 0; }));
 }
 
 TEST(Inverse3Device, ALostServiceIsALostDeviceAndIsFoundAgain) {

@@ -50,6 +50,11 @@ class Inverse3Service {
     const std::lock_guard lock(mutex_);
     return force_n_;
   }
+  // The largest force that a connection began with.
+  double largest_first_n() {
+    const std::lock_guard lock(mutex_);
+    return largest_first_n_;
+  }
   nlohmann::json first_command() {
     const std::lock_guard lock(mutex_);
     return first_command_;
@@ -97,6 +102,8 @@ class Inverse3Service {
     const std::lock_guard lock(mutex_);
     if (first_command_.is_null()) first_command_ = command;
     force_n_ << values.at("x").get<double>(), values.at("y").get<double>(), values.at("z").get<double>();
+    if (first_of_connection_) largest_first_n_ = std::max(largest_first_n_, force_n_.norm());
+    first_of_connection_ = false;
     ++messages;
   }
 
@@ -106,6 +113,10 @@ class Inverse3Service {
     stream.text(true);
     ++connections;
     bool inventory = true;
+    {
+      const std::lock_guard lock(mutex_);
+      first_of_connection_ = true;
+    }
     while (!stop_) {
       if (!silent || inventory) stream.write(boost::asio::buffer(state(inventory)));
       inventory = false;
@@ -141,6 +152,8 @@ class Inverse3Service {
   Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero(), velocity_m_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();
   nlohmann::json first_command_;
+  bool first_of_connection_ = true;
+  double largest_first_n_ = 0;
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/ioctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -51,10 +52,39 @@ class TemporaryFolder {
 
 using Environment = std::vector<std::pair<std::string, std::string>>;
 
+// A pipe, both of its ends closed with the object.
+class Pipe {
+ public:
+  Pipe() {
+    if (pipe2(ends_, O_CLOEXEC) != 0) throw std::runtime_error("pipe failed");
+  }
+  ~Pipe() {
+    close_end(0);
+    close_end(1);
+  }
+  Pipe(const Pipe&) = delete;
+  Pipe& operator=(const Pipe&) = delete;
+  int read_end() const { return ends_[0]; }
+  int write_end() const { return ends_[1]; }
+  void close_end(int end) {
+    if (ends_[end] >= 0) ::close(ends_[end]);
+    ends_[end] = -1;
+  }
+
+ private:
+  int ends_[2] = {-1, -1};
+};
+
+// Descriptors for a process, -1: the parent's stdin, and the log. A terminal as stdin becomes its own.
+struct Streams {
+  int in = -1, out = -1;
+};
+
 class Process {
  public:
   // stdout and stderr go to `log`.
-  Process(const std::vector<std::string>& command, std::string log, const Environment& environment = {})
+  Process(const std::vector<std::string>& command, std::string log, const Environment& environment = {},
+          Streams streams = {})
       : log_(std::move(log)) {
     std::vector<char*> arguments;
     for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
@@ -64,8 +94,13 @@ class Process {
     if (pid_ > 0) return;
     for (const auto& [name, value] : environment) setenv(name.c_str(), value.c_str(), 1);
     const int file = open(log_.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600);
-    dup2(file, 1);
+    dup2(streams.out < 0 ? file : streams.out, 1);
     dup2(file, 2);
+    if (streams.in >= 0) dup2(streams.in, 0);
+    if (streams.in >= 0 && isatty(0)) {
+      setsid();
+      ioctl(0, TIOCSCTTY, 0);
+    }
     execv(arguments[0], arguments.data());
     _exit(127);
   }

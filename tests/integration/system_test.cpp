@@ -2,7 +2,9 @@
 // says what happened.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "tests/integration/process.h"
 
@@ -37,17 +39,29 @@ TEST(System, AnInclusionInRfIsFoundAndFeltAndTheReportSaysSo) {
       test::run({client, "report", "--tissue", folder / "t.toml", "--touch-record", folder / "touch.record",
                  "--acquire-record", folder / "acquire.record", "--out", folder / "out"},
                 folder / "report.log");
-  ASSERT_TRUE(report.code == 0 || report.code == 2) << report.output;  // 2: a figure of speed was missed
+  ASSERT_TRUE(report.code == 0 || report.code == 2) << report.output;
   for (const char* file : {"modulus.png", "force.png", "latency.png", "periods.png"})
     EXPECT_TRUE(std::filesystem::exists(folder / (std::string("out/") + file))) << file;
   const nlohmann::json summary = nlohmann::json::parse(std::ifstream(folder / "out/summary.json"));
+  // Only how fast it was may be missed, on a machine that others use too; and the exit code says so.
+  const std::set<std::string> speeds = {"window_s p95", "touch_rate_hz", "touch_latency_s p99"};
+  bool missed = false;
+  for (const nlohmann::json& target : summary["targets"]) {
+    if (target["met"].get<bool>()) continue;
+    missed = true;
+    EXPECT_TRUE(speeds.count(target["name"])) << report.output;
+  }
+  EXPECT_EQ(report.code, missed ? 2 : 0) << report.output;
+  EXPECT_EQ(summary["targets"].size(), 9u);
   EXPECT_GE(summary["windows"].get<int>(), 2);
   EXPECT_EQ(summary["stalls"]["count"].get<int>(), 0) << "both windows were known before the touch";
   EXPECT_EQ(summary["inclusions"]["missed"].get<int>(), 0) << report.output;
   EXPECT_EQ(summary["inclusions"]["false"].size(), 0u) << report.output;
   EXPECT_LE(summary["force_error"]["median"].get<double>(), 0.10) << report.output;
   EXPECT_GE(summary["force_error"]["coverage"].get<double>(), 0.90) << report.output;
-  EXPECT_GE(summary["touch_rate_hz"].get<double>(), 100) << report.output;
+  // The 500 /s that were asked for, or what the latency allows to one that waits for each answer.
+  const double allowed_hz = std::min(500.0, 1 / summary["touch_latency_s"]["p50"].get<double>());
+  EXPECT_GE(summary["touch_rate_hz"].get<double>(), 0.5 * allowed_hz) << report.output;
   EXPECT_FALSE(summary["device"]["name"].get<std::string>().empty());
 }
 

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 std::map<std::string, std::vector<std::string>> types_of_headers() {
   const fs::path root = test::required_environment("TELETACT_SOURCE_DIR");
   const std::regex opens(R"(^namespace ([\w:]+) \{)"),
-      defines(R"(^(?:class|struct|enum class|enum) (\w+)\b[^;()]*\{)");
+      defines(R"(^(?:class|struct|enum class|enum) (\w+)(?: final)?(?: : [^;()]*)? \{)");
   std::map<std::string, std::vector<std::string>> types;
   for (const char* folder : {"client", "service", "bench", "tests"})
     for (const auto& entry : fs::recursive_directory_iterator(root / folder)) {

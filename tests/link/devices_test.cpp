@@ -101,6 +101,7 @@ TEST(Devices, APluginIsTouchedWith) {
   std::thread session([&] { summary = run_touch_session(options, stop); });
   // It hovers, and nobody presses its button: answers flow, no force is given.
   EXPECT_TRUE(service.wait_until([](const FakeAccount& account) { return account.answers > 5; }));
+  EXPECT_NEAR(service.account().last_x_m, 0.06, 1e-9) << "amid the tissue, not at its edge";
   stop = true;
   session.join();
   EXPECT_EQ(summary.device, "template");
@@ -132,6 +133,7 @@ TEST(Devices, AnInverse3FeelsTheTissue) {
   inverse3.put_cursor({0, 0, 0.15}, {0, 0, 0});
   TouchSessionOptions options = session_options(test::socket_address("inverse3"));
   options.device = "inverse3:" + inverse3.url();
+  options.start_x_m = 0.008;
   std::atomic<bool> stop{false};
   TouchSummary summary;
   std::thread session([&] { summary = run_touch_session(options, stop); });

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <functional>
 #include <mutex>
@@ -27,9 +28,11 @@ struct FakeAccount {
   std::uint64_t most_unanswered = 0;      // poses in flight
   std::uint64_t disorder = 0;             // poses whose sequence did not increase, over all streams
   std::uint64_t wrong_acknowledgements = 0;
+  double last_x_m = 0;       // of a pose
   double oldest_pose_s = 0;  // age of a pose when it arrived
   std::string session;
   bool session_kept = true;
+  std::string handed_over_to;
 };
 
 inline auto answers_at_least(std::uint64_t count) {
@@ -80,8 +83,14 @@ class FakePalpation final : public v1::Palpation::Service {
 
   std::atomic<bool> silent{false};  // reads, never answers
   std::atomic<bool> scene_known{true};
-  std::atomic<bool> doubts{false};   // answers DEGRADED
-  std::atomic<double> compute_s{0};  // per answer
+  std::atomic<bool> doubts{false};    // answers DEGRADED
+  std::atomic<bool> prepares{false};  // answers PREPARING
+  std::atomic<bool> deaf{false};      // opens no stream, and reads nothing of it
+  std::atomic<bool> refuses{false};   // ends a stream for its first pose
+  std::atomic<bool> waits_for_acknowledgement{true};
+  std::atomic<double> opened_period_s{0};  // of TouchOpened; 0: as asked for
+  std::atomic<bool> steers{false};         // what every stream is told
+  std::atomic<double> compute_s{0};        // per answer
   std::atomic<unsigned> credit{2};
   static constexpr std::chrono::seconds kModulusAge{7};
   std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
@@ -100,19 +109,28 @@ class FakePalpation final : public v1::Palpation::Service {
 
   grpc::Status Touch(grpc::ServerContext* context,
                      grpc::ServerReaderWriter<v1::TouchResponse, v1::TouchRequest>* stream) override {
+    while (deaf && !context->IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    if (context->IsCancelled()) return grpc::Status::CANCELLED;
     v1::TouchRequest request;
     if (!stream->Read(&request) || !request.has_open()) return {grpc::StatusCode::INVALID_ARGUMENT, "open"};
     if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
     begin_stream(request.open());
     v1::TouchResponse opened;
-    opened.mutable_opened()->set_period_s(std::max(request.open().period_s(), 0.001));
+    opened.mutable_opened()->set_period_s(opened_period_s == 0 ? std::max(request.open().period_s(), 0.001)
+                                                               : opened_period_s.load());
+    opened.mutable_opened()->set_steers(steers);
     opened.mutable_opened()->set_credit(credit);
     opened.mutable_opened()->set_instance(instance_);
     stream->Write(opened);
+    if (refuses) {
+      stream->Read(&request);
+      return {grpc::StatusCode::INVALID_ARGUMENT, "position_m: beside the tissue"};
+    }
     Mailbox mailbox;
     std::thread reader([&] {
       v1::TouchRequest next;
-      while (stream->Read(&next)) receive(next.pose(), mailbox);
+      while (stream->Read(&next))
+        next.has_hand_over() ? receive(next.hand_over()) : receive(next.pose(), mailbox);
       std::lock_guard lock(mutex_);
       mailbox.closed = true;
       changed_.notify_all();
@@ -142,10 +160,17 @@ class FakePalpation final : public v1::Palpation::Service {
     changed_.notify_all();
   }
 
+  void receive(const v1::HandOver& hand_over) {
+    std::lock_guard lock(mutex_);
+    account_.handed_over_to = hand_over.session_id();
+    changed_.notify_all();
+  }
+
   void receive(const v1::ContactPose& pose, Mailbox& mailbox) {
     const auto now_ns = std::chrono::steady_clock::now().time_since_epoch().count();
     std::lock_guard lock(mutex_);
     ++account_.poses;
+    account_.last_x_m = pose.position_m_size() > 0 ? pose.position_m(0) : NAN;
     if (pose.sequence() <= last_sequence_) ++account_.disorder;
     last_sequence_ = pose.sequence();
     if (mailbox.first_sequence == 0)
@@ -171,7 +196,9 @@ class FakePalpation final : public v1::Palpation::Service {
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [&] {
-        const bool may = mailbox.fresh && !silent && mailbox.answers - mailbox.acknowledged < credit;
+        const bool acknowledged =
+            !waits_for_acknowledgement || mailbox.answers - mailbox.acknowledged < credit;
+        const bool may = mailbox.fresh && !silent && acknowledged;
         return stopping_ || mailbox.closed || may;
       });
       if (stopping_ || mailbox.closed) return false;
@@ -214,7 +241,10 @@ class FakePalpation final : public v1::Palpation::Service {
     answer.set_sequence(pose.sequence());
     *answer.mutable_pose_stamp() = pose.stamp();
     *answer.mutable_position_m() = pose.position_m();
-    answer.set_status(doubts ? v1::TOUCH_STATUS_DEGRADED : v1::TOUCH_STATUS_OK);
+    answer.set_status(prepares ? v1::TOUCH_STATUS_PREPARING
+                      : doubts ? v1::TOUCH_STATUS_DEGRADED
+                               : v1::TOUCH_STATUS_OK);
+    answer.set_steers(steers);
     add_force(tissue.answer(at_m), answer);
     const ForceSample told = tissue.told(at_m);
     if (told.foreseen) {

@@ -52,7 +52,8 @@ class Operator {
 TEST(TouchLink, CreditIsNeverExceededAndPosesAreInOrder) {
   FakePalpation service(test::socket_address("credit"));
   service.credit = 2;
-  service.compute_s = 0.003;  // slower than the poses come
+  service.compute_s = 0.003;                  // slower than the poses come
+  service.waits_for_acknowledgement = false;  // the client's own doing alone keeps the credit
   service.serve();
   Operator person(test::socket_address("credit"));
   ASSERT_TRUE(service.wait_until(answers_at_least(100)));
@@ -112,6 +113,22 @@ TEST(TouchLink, AnswersFlowAgainAfterTheServiceWasKilledAndRestarted) {
   EXPECT_EQ(service.account().disorder, 0u);  // sequences go on
   EXPECT_EQ(person.link->stats().instances, 2u);
   EXPECT_EQ(person.link->failure(), "");
+}
+
+// GIVEN a service that is started anew on another machine, say: THEN nothing of the old clock is left.
+TEST(TouchLink, TheClockOfARestartedServiceIsLearntAnew) {
+  FakePalpation service(test::socket_address("clock"));
+  service.clock_ahead = std::chrono::seconds(100);
+  service.serve();
+  Operator person(test::socket_address("clock"));
+  ASSERT_TRUE(service.wait_until(answers_at_least(50)));
+  service.kill();
+  service.clock_ahead = std::chrono::seconds(-500);
+  service.serve();
+  const auto before = service.account().answers;
+  ASSERT_TRUE(service.wait_until(answers_at_least(before + 5), 10));
+  person.link->stop();
+  EXPECT_NEAR(person.link->stats().clock_offset_s, -500, 1);
 }
 
 TEST(TouchLink, ASceneNotYetReadAfterARestartIsRetried) {
@@ -176,7 +193,11 @@ TEST(TouchLink, KnowsTheServicesClockAndTheRoundTrip) {
 
 TEST(TouchLink, StopsAtOnceWithoutAService) {
   Operator person(test::socket_address("nobody"));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // amid its attempts
   EXPECT_EQ(person.link->stats().streams, 0u);
+  const auto begin = std::chrono::steady_clock::now();
+  person.link->stop();
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(2)) << "an attempt may take 3 s";
 }
 
 TEST(Convert, AMalformedAnswerIsDropped) {

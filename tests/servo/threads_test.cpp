@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/haptic/replay_device.h"
 #include "client/haptic/simulated_device.h"
 #include "client/render/kalman_renderer.h"
 #include "client/servo/servo_thread.h"
@@ -58,7 +59,6 @@ TEST(ServoThreads, LoopLinkTelemetryAndRequestsRunBesideEachOther) {
       largest_n = std::max(largest_n, tick.force_n.norm());
     }
     servo->request_resume();
-    EXPECT_FALSE(device.ended());
     EXPECT_LE(device.passes(), 1u);
     EXPECT_EQ(servo->rejected_answers(), 0u);
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -72,6 +72,43 @@ TEST(ServoThreads, LoopLinkTelemetryAndRequestsRunBesideEachOther) {
   EXPECT_EQ(seen + servo->telemetry().dropped(), servo->ticks());
   EXPECT_GT(largest_n, 0.1);
   EXPECT_EQ(tick.force_n.norm(), 0);
+}
+
+// The session asks from its own thread whether a motion is over, while the servo plays it.
+TEST(ServoThreads, TheEndOfAMotionIsSeenFromAnotherThread) {
+  std::vector<MotionPoint> motion(2);
+  motion[0].pose.position_m = {0.02, -0.005};
+  motion[1].time_s = 0.2;
+  motion[1].pose.position_m = {0.03, -0.005};
+  ReplayDevice device(device_profile("premium-1.5"), motion);
+  device.open();
+  KalmanRenderer renderer;
+  MonotonicClock clock;
+  const auto servo = std::make_unique<ServoLoop>(device, renderer, clock, ServoOptions());
+  EXPECT_FALSE(device.ended());
+  std::atomic<bool> stop{false}, stop_link{false};
+  std::thread loop([&] { servo->run(stop); });
+  std::thread link([&] { answer_poses(*servo, clock, stop_link); });
+  double begun_s = -1, x_m = 0;
+  ServoTick tick;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  while (!device.ended() && std::chrono::steady_clock::now() < end) {
+    while (servo->telemetry().pop(tick)) {
+      x_m = tick.pose.position_m.x();
+      if (begun_s < 0 && tick.state == ServoState::kEnabled)
+        begun_s = 1e-9 * static_cast<double>(tick.time_ns);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_TRUE(device.ended());
+  while (servo->telemetry().pop(tick)) x_m = tick.pose.position_m.x();
+  EXPECT_GE(begun_s, 0);
+  EXPECT_GE(1e-9 * static_cast<double>(tick.time_ns) - begun_s, 0.19) << "it ended before the motion did";
+  EXPECT_NEAR(x_m, 0.03, 1e-9);
+  stop = true;
+  loop.join();
+  stop_link = true;
+  link.join();
 }
 
 // Held out of the tissue until force is on, then pressed; keeps what was written. Read it when the loop is

@@ -1,0 +1,108 @@
+#include "client/commands.h"
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "client/link/channel.h"
+
+namespace teletact::client {
+
+namespace {
+
+CLI::Validator number_check(const char* allowed, bool zero) {
+  return CLI::Validator(
+      [allowed, zero](std::string& text) -> std::string {
+        double value = 0;
+        const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value >= 0;
+        return good && (zero || value > 0) ? ""
+                                           : "must be a number " + std::string(allowed) + ", not " + text;
+      },
+      allowed);
+}
+
+// CLI11 reads "nan" and "inf" as numbers, and its ranges let nan through. For every option of every command,
+// after its own checks.
+void refuse_what_is_not_finite(CLI::App& app) {
+  const auto problem = [](const std::string& text) {
+    double value = 0;
+    const bool good = !CLI::detail::lexical_cast(text, value) || std::isfinite(value);
+    return good ? "" : "must be a finite number, not " + text;
+  };
+  for (CLI::App* command : app.get_subcommands({}))
+    for (CLI::Option* option : command->get_options())
+      if (option->get_type_name().rfind("FLOAT", 0) == 0) option->check(problem);
+}
+
+// What is read from a variable's first value would say 0 where something else is meant.
+void hide_defaults_that_are_none(CLI::App& app) {
+  for (CLI::App* command : app.get_subcommands({}))
+    for (CLI::Option* option : command->get_options())
+      if (option->get_required() || option->get_description().find("(default:") != std::string::npos)
+        option->default_str("");
+}
+
+}  // namespace
+
+CLI::Validator zero_or_more() {
+  return number_check("of 0 or more", true);
+}
+
+CLI::Validator above_zero() {
+  return number_check("above 0", false);
+}
+
+std::string with_flags(std::string message, const std::vector<std::pair<std::string, std::string>>& flags) {
+  for (const auto& [field, flag] : flags) {
+    const std::size_t at = message.find(field + ":");
+    if (at == std::string::npos || (at > 0 && message[at - 1] != ' ')) continue;
+    message.replace(at, field.size(), flag);
+    break;
+  }
+  return message;
+}
+
+void say(const std::string& line) {
+  std::fprintf(stderr, "%s\n", line.c_str());
+}
+
+void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca) {
+  command.add_option("--service", address, "HOST:PORT or unix:/path")->required()->check(address_problem);
+  command.add_option_function<std::string>(
+      "--tls-ca", [&tls_ca](const std::string& path) { tls_ca = read_tls_ca(path); },
+      "PEM certificate that signed the service's; without it nothing is encrypted");
+}
+
+void add_force_option(CLI::App& command, bool& force) {
+  command.add_flag("--force", force, "write over files that exist");
+}
+
+void require_new_files(const std::vector<NamedFile>& files, bool force) {
+  std::error_code ignored;
+  for (const NamedFile& file : files)
+    if (!file.path.empty() && !force && std::filesystem::is_regular_file(file.path, ignored))
+      throw CommandError(file.purpose + " " + file.path +
+                         ": it exists; choose another file, or write over it with --force");
+}
+
+void refuse_beside(const CLI::App& command, const std::vector<std::string>& options,
+                   const std::string& reason) {
+  for (const std::string& option : options)
+    if (command.count(option) > 0) throw CommandError(option + ": " + reason + "; leave it out");
+}
+
+void add_commands(CLI::App& app) {
+  app.option_defaults()->always_capture_default();
+  add_acquire_command(app);
+  add_estimate_command(app);
+  add_experiment_command(app);
+  add_patient_command(app);
+  add_replay_command(app);
+  add_report_command(app);
+  add_scenes_command(app);
+  add_touch_command(app);
+  refuse_what_is_not_finite(app);
+  hide_defaults_that_are_none(app);
+}
+
+}  // namespace teletact::client

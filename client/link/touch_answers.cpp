@@ -1,0 +1,130 @@
+#include "client/link/touch_answers.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "client/link/convert.h"
+
+namespace teletact::client {
+namespace {
+
+// A stay or a clock that no service has would overflow the sums.
+bool sane(const v1::TouchAnswer& answer) {
+  constexpr std::int64_t kLongestStayNs = 3'600'000'000'000, kLatestNs = std::int64_t{1} << 61;
+  const auto within = [](std::int64_t value, std::int64_t most) { return value >= 0 && value <= most; };
+  return within(answer.queued_ns(), kLongestStayNs) && within(answer.compute_ns(), kLongestStayNs) &&
+         within(answer.answer_stamp().monotonic_ns(), kLatestNs) && answer.answer_stamp().monotonic_ns() > 0;
+}
+
+}  // namespace
+
+std::string TouchAnswers::take_opened(const v1::TouchOpened& opened) {
+  constexpr double kLongestPeriodS = 10, kFarthestM = 10;
+  const auto problem = [](const char* field, double value, const char* remedy) {
+    return fmt::format("the service opened the stream with {} {}: {}", field, value, remedy);
+  };
+  if (!(opened.period_s() > 0 && opened.period_s() <= kLongestPeriodS))
+    return problem("period_s", opened.period_s(), "it must be above 0 and at most 10 s");
+  if (!(std::abs(opened.line_y_m()) <= kFarthestM))
+    return problem("line_y_m", opened.line_y_m(), "it must be within 10 m");
+  for (const double x_m : {opened.covered_begin_m(), opened.covered_end_m()})
+    if (!(std::abs(x_m) <= kFarthestM)) return problem("covered_m", x_m, "it must be within 10 m");
+  constexpr std::uint32_t kMostCredit = 8;  // palpation.proto
+  if (opened.credit() < 1 || opened.credit() > kMostCredit)
+    return problem("credit", opened.credit(), "it must be 1 to 8");
+  stats.period_s = opened.period_s();
+  stats.line_y_m = opened.line_y_m();
+  ++stats.streams;
+  if (opened.instance() != service_instance_) {
+    if (service_instance_ != 0) spdlog::warn("the service was restarted");
+    service_instance_ = opened.instance();
+    clock_offset_.reset();
+    ++stats.instances;
+  }
+  if (stats.streams > 1) spdlog::info("touch stream open again, line at y = {:.4f} m", opened.line_y_m());
+  say_who_steers(opened.steers(), opened.steered_by());
+  return "";
+}
+
+std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answer, bool ours,
+                                                     std::int64_t sent_ns, std::int64_t received_ns) {
+  ++stats.answers;
+  auto converted = to_servo_answer(answer, stats.line_y_m, stats.period_s, received_ns);
+  if (!converted || !ours) {
+    ++stats.dropped;
+    return std::nullopt;
+  }
+  take_stamps(answer, sent_ns, *converted);
+  say_what_it_warns_of(answer, received_ns);
+  say_whether_prepared(answer);
+  say_who_steers(answer.steers(), answer.steered_by());
+  if (preparing_) ++stats.preparing;
+  if (!converted->has_force && !preparing_) ++stats.failed;
+  if (answer.status() == v1::TOUCH_STATUS_DEGRADED) ++stats.degraded;
+  covered_ = converted->covered;
+  if (!covered_) ++stats.not_covered;
+  if (std::isfinite(answer.largest_strain()))
+    stats.largest_strain = std::max(stats.largest_strain, answer.largest_strain());
+  if (converted->sample.position_m != last_position_m_) {
+    ++stats.distinct;
+    stats.latencies_s.add(1e-9 * static_cast<double>(received_ns) - converted->sample.pose_time_s);
+  }
+  last_position_m_ = converted->sample.position_m;
+  stats.last_version = answer.model_version();
+  stats.last_answer_s = 1e-9 * static_cast<double>(received_ns);
+  if (stats.first_answer_s == 0) stats.first_answer_s = stats.last_answer_s;
+  return converted;
+}
+
+// The pose left at sent_ns, came to the service `queued` and `compute` before its answer left there.
+void TouchAnswers::take_stamps(const v1::TouchAnswer& answer, std::int64_t sent_ns, ServoAnswer& converted) {
+  if (answer.answer_stamp().instance() != service_instance_ || sent_ns == 0 || !sane(answer)) return;
+  const std::int64_t left_ns = answer.answer_stamp().monotonic_ns();
+  const std::int64_t stayed_ns = answer.queued_ns() + answer.compute_ns();
+  const std::int64_t received_ns = converted.received_ns;
+  clock_offset_.add({sent_ns, left_ns - stayed_ns, left_ns, received_ns});
+  if (!clock_offset_.known()) return;
+  converted.round_trip_s = clock_offset_.round_trip_s();
+  converted.clock_offset_s = stats.clock_offset_s = clock_offset_.offset_s(received_ns);
+  stats.clock_offset_error_s = clock_offset_.error_s(received_ns);
+  if (answer.model_stamp().instance() == service_instance_)
+    converted.modulus_time_s =
+        1e-9 * static_cast<double>(answer.model_stamp().monotonic_ns()) - converted.clock_offset_s;
+  stats.round_trips_s.add(1e-9 * static_cast<double>(received_ns - sent_ns - stayed_ns));
+}
+
+// What is not trusted is said once a second at most; what is only remarkable (status OK) once.
+void TouchAnswers::say_what_it_warns_of(const v1::TouchAnswer& answer, std::int64_t received_ns) {
+  constexpr std::int64_t kEveryNs = 1'000'000'000;
+  if (answer.warning().empty() || answer.status() == v1::TOUCH_STATUS_PREPARING) return;
+  if (answer.status() == v1::TOUCH_STATUS_OK) {
+    if (!remarked_) spdlog::info("the service remarks: {}", answer.warning());
+    remarked_ = true;
+  } else if (received_ns - warned_ns_ >= kEveryNs) {
+    spdlog::warn("the service warns: {}", answer.warning());
+    warned_ns_ = received_ns;
+  }
+}
+
+void TouchAnswers::say_whether_prepared(const v1::TouchAnswer& answer) {
+  const bool preparing = answer.status() == v1::TOUCH_STATUS_PREPARING;
+  if (preparing && !preparing_) spdlog::info("no force yet: the service prepares the touched line's model");
+  if (!preparing && preparing_) spdlog::info("the touched line's model is prepared");
+  preparing_ = preparing;
+}
+
+void TouchAnswers::say_who_steers(bool steers, const std::string& steered_by) {
+  constexpr std::size_t kShown = 64;
+  const std::string who = steers               ? "this hand steers the scene's probe"
+                          : steered_by.empty() ? ""
+                                               : "touching without steering: session '" +
+                                                     steered_by.substr(0, kShown) + "' steers the probe";
+  if (who == who_steers_) return;
+  who_steers_ = who;
+  spdlog::info("{}", who.empty() ? "nobody steers the scene's probe" : who);
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,182 @@
+// What a peer says, withholds or refuses on a touch stream, and what comes of it.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <thread>
+#include <tuple>
+
+#include "client/link/convert.h"
+#include "client/link/touch_link.h"
+#include "tests/link/fake_palpation.h"
+
+namespace teletact::client {
+namespace {
+
+using test::answers_at_least;
+using test::FakeAccount;
+using test::FakePalpation;
+
+// A finger that stands still, and its link.
+class Standing {
+ public:
+  explicit Standing(const std::string& address, const std::function<void(TouchLinkOptions&)>& change = {}) {
+    TouchLinkOptions options;
+    options.address = address;
+    options.open.set_scene_id("s");
+    options.open.set_period_s(0.001);
+    if (change) change(options);
+    link = std::make_unique<TouchLink>(options, poses, answers, clock);
+    link->start();
+    servo = std::thread([this] {
+      ServoPose pose;
+      pose.pose.position_m = Vector2(0.02, 0.004);
+      for (; !over; std::this_thread::sleep_for(std::chrono::milliseconds(1))) {
+        pose.time_ns = clock.now_ns();
+        poses.put(pose);
+      }
+    });
+  }
+  ~Standing() {
+    over = true;
+    servo.join();
+    link->stop();
+  }
+  template <typename Met>
+  static bool within(double seconds, Met&& met) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    while (!met()) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return true;
+  }
+  MonotonicClock clock;
+  LatestSlot<ServoPose> poses;
+  LatestSlot<ServoAnswer> answers;
+  std::unique_ptr<TouchLink> link;
+  std::atomic<bool> over{false};
+  std::thread servo;
+};
+
+// Every opened stream is ended for its first pose: ten times a second is not how to ask again.
+TEST(TouchPeers, AStreamThatIsRefusedAgainAndAgainIsTriedEverMoreSeldom) {
+  FakePalpation service(test::socket_address("refused"));
+  service.refuses = true;
+  service.serve();
+  Standing finger(test::socket_address("refused"));
+  std::this_thread::sleep_for(std::chrono::seconds(3));
+  const std::uint64_t streams = service.account().streams;
+  EXPECT_GE(streams, 2u);
+  EXPECT_LE(streams, 6u) << "after 0.1, 0.2, 0.4, 0.8 and 1.6 s";
+  EXPECT_EQ(finger.link->failure(), "");
+  EXPECT_TRUE(Standing::within(5, [&] {
+    return finger.link->trouble().find("INVALID_ARGUMENT: position_m") != std::string::npos;
+  })) << finger.link->trouble();
+  service.refuses = false;
+  EXPECT_TRUE(service.wait_until(answers_at_least(1), 20));
+}
+
+TEST(TouchPeers, AServiceThatTakesNothingIsGivenUp) {
+  FakePalpation service(test::socket_address("deaf"));
+  service.deaf = true;
+  service.serve();
+  // GIVEN a first message that no buffer between takes as a whole THEN its write ends all the same
+  Standing finger(test::socket_address("deaf"), [](TouchLinkOptions& options) {
+    options.open_wait_s = 0.3;
+    options.open.set_session_id(std::string(std::size_t{2} << 20, 's'));
+  });
+  EXPECT_TRUE(Standing::within(20, [&] {
+    return finger.link->trouble().find("the service says nothing") != std::string::npos;
+  })) << finger.link->trouble();
+  finger.link->stop();
+}
+
+TEST(TouchPeers, AStreamOpenedWithNoNumbersIsRefusedAndNamesTheField) {
+  for (const double period_s : {std::nan(""), -1.0, 1e9}) {
+    FakePalpation service(test::socket_address("opened"));
+    service.opened_period_s = period_s;
+    service.serve();
+    Standing finger(test::socket_address("opened"));
+    EXPECT_TRUE(Standing::within(20, [&] { return !finger.link->failure().empty(); })) << period_s;
+    EXPECT_NE(finger.link->failure().find("period_s"), std::string::npos) << finger.link->failure();
+    EXPECT_EQ(finger.link->stats().answers, 0u);
+  }
+  TouchAnswers told;
+  v1::TouchOpened opened;
+  opened.set_period_s(0.002);
+  EXPECT_NE(told.take_opened(opened).find("credit"), std::string::npos);
+  opened.set_credit(2);
+  opened.set_line_y_m(INFINITY);
+  EXPECT_NE(told.take_opened(opened).find("line_y_m"), std::string::npos);
+  opened.set_line_y_m(0);
+  opened.set_covered_end_m(NAN);
+  EXPECT_NE(told.take_opened(opened).find("covered_m"), std::string::npos);
+  opened.set_covered_end_m(0.1);
+  EXPECT_EQ(told.take_opened(opened), "");
+}
+
+TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {
+  TouchAnswers told;
+  v1::TouchOpened opened;
+  opened.set_period_s(0.002);
+  opened.set_credit(2);
+  opened.set_instance(5);
+  ASSERT_EQ(told.take_opened(opened), "");
+  v1::TouchAnswer answer;
+  answer.set_status(v1::TOUCH_STATUS_NOT_COVERED);
+  for (const double m : {0.02, 0.0, 0.0}) answer.add_position_m(m);
+  answer.mutable_answer_stamp()->set_instance(5);
+  constexpr auto kMost = std::numeric_limits<std::int64_t>::max();
+  for (const auto& [left_ns, queued_ns, compute_ns] :
+       {std::tuple(kMost, std::int64_t{1}, std::int64_t{1}), std::tuple(std::int64_t{1000}, kMost, kMost),
+        std::tuple(-kMost, kMost, std::int64_t{1}),
+        std::tuple(std::int64_t{1000}, std::int64_t{-5}, std::int64_t{1})}) {
+    answer.mutable_answer_stamp()->set_monotonic_ns(left_ns);
+    answer.set_queued_ns(queued_ns);
+    answer.set_compute_ns(compute_ns);
+    const auto converted = told.take_answer(answer, true, 1'000'000, 2'000'000);
+    ASSERT_TRUE(converted.has_value());
+    EXPECT_EQ(converted->round_trip_s, 0);
+    EXPECT_EQ(told.stats.clock_offset_s, 0);
+  }
+  answer.set_covered_end_m(NAN);
+  EXPECT_FALSE(told.take_answer(answer, true, 1'000'000, 2'000'000).has_value());
+  EXPECT_EQ(told.stats.dropped, 1u);
+}
+
+TEST(TouchPeers, WhatIsBeingPreparedHasNoForceAndIsNoFailure) {
+  FakePalpation service(test::socket_address("prepares"));
+  service.prepares = true;
+  service.serve();
+  Standing finger(test::socket_address("prepares"));
+  ASSERT_TRUE(service.wait_until(answers_at_least(3)));
+  ServoAnswer answer;
+  ASSERT_TRUE(Standing::within(5, [&] { return finger.answers.take(answer); }));
+  EXPECT_FALSE(answer.has_force);
+  EXPECT_TRUE(answer.covered);
+  EXPECT_GE(finger.link->stats().preparing, 1u);
+  EXPECT_EQ(finger.link->stats().failed, 0u);
+  service.prepares = false;
+  EXPECT_TRUE(Standing::within(5, [&] { return finger.answers.take(answer) && answer.has_force; }));
+}
+
+TEST(TouchPeers, TheLeaseIsHandedOverByName) {
+  FakePalpation service(test::socket_address("lease"));
+  service.steers = true;
+  service.serve();
+  Standing finger(test::socket_address("lease"));
+  ASSERT_TRUE(service.wait_until(answers_at_least(1)));
+  finger.link->hand_over("berta");
+  EXPECT_TRUE(
+      service.wait_until([](const FakeAccount& account) { return account.handed_over_to == "berta"; }));
+  const auto before = service.account().answers;
+  EXPECT_TRUE(service.wait_until(answers_at_least(before + 3)));
+  EXPECT_EQ(service.account().disorder, 0u);
+}
+
+}  // namespace
+}  // namespace teletact::client
