@@ -130,9 +130,10 @@ std::shared_ptr<Device> Device::open(const DeviceOptions& options) {
   return device;
 }
 
-Queue Device::queue() const {
+Queue Device::queue(const MemoryAccount& account) const {
   Queue queue;
   queue.state_ = std::make_shared<Queue::State>(context_);
+  queue.state_->account = account;
   return queue;
 }
 

@@ -13,11 +13,18 @@
 #include <type_traits>
 #include <vector>
 
+#include "service/limits/memory.h"
+
 namespace teletact::service {
 
 // Failure of the OpenCL runtime or a missing device; what() is one line a person can act on.
 struct DeviceError : std::runtime_error {
   using std::runtime_error::runtime_error;
+};
+
+// The device has no room for it, or its runtime says so: less can be asked for, nothing is broken.
+struct DeviceMemoryError : DeviceError {
+  using DeviceError::DeviceError;
 };
 
 enum class Precision { kFloat, kDouble };  // the `real` of a kernel program
@@ -160,6 +167,10 @@ class Queue {
   std::vector<KernelTime> profile() const;  // empty unless opened with profiling
   const DeviceInfo& info() const;
   bool supports(Precision precision) const;
+  // In whose name the arrays are held that are made from now on: their bytes are charged before they are
+  // allocated (MemoryRefused).
+  void charge_to(const MemoryAccount&) const;
+  const MemoryAccount& account() const;
 
  private:
   friend class Device;
@@ -198,7 +209,7 @@ struct DeviceOptions {
 class Device {
  public:
   static std::shared_ptr<Device> open(const DeviceOptions& = {});
-  Queue queue() const;
+  Queue queue(const MemoryAccount& = {}) const;
   const DeviceInfo& info() const;
   // Of all arrays that live now.
   std::uint64_t held_bytes() const;

@@ -17,6 +17,7 @@
 namespace teletact::service {
 
 struct RawBuffer {
+  Charge charge;  // first: returned after the buffer is gone
   cl::Buffer buffer;
   std::size_t bytes = 0;
   std::shared_ptr<std::atomic<std::uint64_t>> held;  // of the device, less this when it goes
@@ -71,6 +72,11 @@ auto guarded(const std::string& doing, Call&& call) {
   try {
     return call();
   } catch (const cl::Error& e) {
+    if (e.err() == CL_MEM_OBJECT_ALLOCATION_FAILURE || e.err() == CL_OUT_OF_RESOURCES ||
+        e.err() == CL_OUT_OF_HOST_MEMORY)
+      throw DeviceMemoryError(doing + ": the device is out of memory (OpenCL error " +
+                              std::to_string(e.err()) + " in " + e.what() +
+                              "); ask for less at once, or lower device_memory_bytes");
     throw DeviceError(doing + ": OpenCL error " + std::to_string(e.err()) + " in " + e.what());
   }
 }

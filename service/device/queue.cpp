@@ -100,9 +100,11 @@ Kernel Queue::kernel(std::string_view source, std::string_view name, Precision p
 std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes, const void* host) const {
   const DeviceInfo& info = state_->context->info();
   if (bytes > info.max_allocation_bytes)
-    throw DeviceError("an array of " + std::to_string(bytes) + " bytes exceeds the " +
-                      std::to_string(info.max_allocation_bytes) + " that " + info.name + " can hold in one");
+    throw DeviceMemoryError("an array of " + std::to_string(bytes) + " bytes exceeds the " +
+                            std::to_string(info.max_allocation_bytes) + " that " + info.name +
+                            " can hold in one");
   auto raw = std::make_shared<RawBuffer>();
+  raw->charge = state_->account.charge(Place::kDevice, "arrays", bytes);
   raw->buffer = guarded("allocating " + std::to_string(bytes) + " bytes on " + info.name, [&] {
     if (!host || bytes == 0)
       return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE, std::max<std::size_t>(bytes, 1));
@@ -174,6 +176,14 @@ std::vector<KernelTime> Queue::profile() const {
 
 const DeviceInfo& Queue::info() const {
   return state_->context->info();
+}
+
+void Queue::charge_to(const MemoryAccount& account) const {
+  state_->account = account;
+}
+
+const MemoryAccount& Queue::account() const {
+  return state_->account;
 }
 
 bool Queue::supports(Precision precision) const {

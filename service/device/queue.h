@@ -16,6 +16,7 @@ struct Queue::State {
   std::shared_ptr<Context> context;
   std::shared_ptr<LaunchLog> log;
   cl::CommandQueue queue;
+  MemoryAccount account;
   std::vector<std::vector<std::byte>> sent;  // copies of what may still be on its way to the device
   std::size_t sent_bytes = 0;
   void arrived();  // all of it, as after a blocking command

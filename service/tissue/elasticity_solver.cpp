@@ -100,7 +100,7 @@ struct ElasticitySolver::Core {
 
 ElasticitySolver::Core::Core(const std::shared_ptr<Device>& device, TissueGrid tissue,
                              const Supports& supports, ElasticitySolverOptions wanted)
-    : grid(std::move(tissue)), options(std::move(wanted)), queue(device->queue()) {
+    : grid(std::move(tissue)), options(std::move(wanted)), queue(device->queue(options.account)) {
   validate(grid);
   require(options.relative_error >= 0 && std::isfinite(options.relative_error),
           "relative_error must be 0 (default) or positive");

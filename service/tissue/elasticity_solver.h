@@ -26,6 +26,7 @@ struct ElasticitySolverOptions {
   std::size_t max_iterations = 500;      // of one conjugate gradient run
   std::vector<std::uint8_t> prescribed;  // [dof], 1 where the displacement is prescribed, besides the
                                          // supports; empty = nowhere
+  MemoryAccount account = {};            // of the device's arrays
 };
 
 // One thread at a time; it has a queue of its own. Solves are done in batches of 32 right-hand sides.

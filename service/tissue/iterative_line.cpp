@@ -18,6 +18,10 @@ using Eigen::MatrixXd;
 
 constexpr std::size_t kRoundingSamples = std::size(kOtherUnits);  // each costs a product with K
 constexpr std::size_t kStep = 2;  // columns of one step of prepare(): a batch is no cheaper
+// Columns that are solved at once: a batch of the solver, fewer of a large grid. While they are solved each
+// takes vectors of the grid: loads, u, r, M r, K M r and samples, and the solver's own.
+constexpr std::size_t kBatch = 32, kMostSolvingBytes = std::size_t{64} << 20;
+constexpr std::size_t kSolvingBytes = 14 * sizeof(double), kColumnBytes = sizeof(double) + sizeof(float);
 
 // Bound of the relative error that rounding leaves in a compliance: that of the residual K u, whose bulk part
 // cancels. Measured (error_estimate_test): it grows about as the square root of bulk over shear.
@@ -37,14 +41,40 @@ void merge(const SolveReport& one, SolveReport& worst) {
 
 }  // namespace
 
+// Columns that a call needs, which stay while it lives.
+class IterativeLine::Asked {
+ public:
+  Asked(IterativeLine& line, std::span<const std::size_t> unknowns) : line_(line), unknowns_(unknowns) {
+    const std::lock_guard lock(line_.mutex_);
+    line_.used_ = use_stamp();
+    for (const std::size_t unknown : unknowns_)
+      ++line_.columns_[unknown].asked, line_.columns_[unknown].used = line_.used_;
+  }
+  ~Asked() {
+    const std::lock_guard lock(line_.mutex_);
+    for (const std::size_t unknown : unknowns_) --line_.columns_[unknown].asked;
+  }
+  Asked(const Asked&) = delete;
+  Asked& operator=(const Asked&) = delete;
+
+ private:
+  IterativeLine& line_;
+  const std::span<const std::size_t> unknowns_;
+};
+
 IterativeLine::IterativeLine(std::shared_ptr<SharedSolver> shared, const TissueGrid& grid,
-                             double poisson_ratio, std::size_t line, ColumnRange touchable)
+                             double poisson_ratio, std::size_t line, ColumnRange touchable,
+                             const MemoryAccount& account)
     : shared_(std::move(shared)),
+      account_(account),
       dofs_(grid.dofs()),
       first_dof_(2 * grid.node(touchable.first, line)),
       touchable_(touchable),
       rounding_bound_(rounding_error(poisson_ratio)),
       columns_(2 * (touchable.last - touchable.first + 1)) {
+  const std::size_t pairs = columns_.size() * columns_.size();
+  matrices_charge_ = account_.charge(Place::kHost, "lines",
+                                     pairs * (sizeof(double) + (2 + kRoundingSamples) * sizeof(float)));
   const auto size = Index(columns_.size());
   compliance_.setZero(size, size);
   unfinished_.setZero(size, size);
@@ -76,25 +106,62 @@ bool IterativeLine::prepare(std::span<const std::size_t> nodes, bool tangential,
     if (tangential) unknowns.push_back(axial - 1);
   }
   for (std::size_t begin = 0; begin < unknowns.size();) {
-    const std::lock_guard lock(mutex_);
     std::vector<std::size_t> step;
-    for (; begin < unknowns.size() && step.size() < kStep; ++begin)
-      if (!columns_[unknowns[begin]].solved) step.push_back(unknowns[begin]);
+    {
+      const std::lock_guard lock(mutex_);
+      for (; begin < unknowns.size() && step.size() < kStep; ++begin)
+        if (!columns_[unknowns[begin]].solved) step.push_back(unknowns[begin]);
+    }
     if (step.empty()) return true;
     if (std::chrono::steady_clock::now() >= until) return false;
-    solve_missing(step);
+    const Asked asked(*this, step);
+    get_ready(step);
   }
   return true;
 }
 
 MatrixXd IterativeLine::between(const std::vector<std::size_t>& unknowns, SolveReport* report) {
+  const Asked asked(*this, unknowns);
+  const std::size_t batch = std::clamp(kMostSolvingBytes / (kSolvingBytes * dofs_), kStep, kBatch);
+  for (std::size_t begin = 0; begin < unknowns.size();) {
+    std::vector<std::size_t> step;
+    {
+      const std::lock_guard lock(mutex_);
+      for (; begin < unknowns.size() && step.size() < batch; ++begin)
+        if (!columns_[unknowns[begin]].solved) step.push_back(unknowns[begin]);
+    }
+    get_ready(step);
+  }
   const std::lock_guard lock(mutex_);
-  solve_missing(unknowns);
   if (report) {
     *report = SolveReport{};
     for (std::size_t unknown : unknowns) merge(columns_[unknown].report, *report);
   }
   return compliance_(unknowns, unknowns);
+}
+
+std::uint64_t IterativeLine::last_use() const {
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock) return UINT64_MAX;
+  const auto oldest = oldest_unasked();
+  return oldest == columns_.end() ? UINT64_MAX : oldest->used;
+}
+
+bool IterativeLine::give_back() {
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock) return false;
+  const auto oldest = oldest_unasked();
+  if (oldest == columns_.end()) return false;
+  columns_[static_cast<std::size_t>(oldest - columns_.begin())] = {};
+  --solved_;
+  return true;
+}
+
+std::vector<IterativeLine::Column>::const_iterator IterativeLine::oldest_unasked() const {
+  auto oldest = columns_.end();
+  for (auto at = columns_.begin(); at != columns_.end(); ++at)
+    if (at->solved && at->asked == 0 && (oldest == columns_.end() || at->used < oldest->used)) oldest = at;
+  return oldest;
 }
 
 std::optional<FormError> IterativeLine::error_between(std::span<const std::size_t> unknowns,
@@ -151,8 +218,11 @@ struct IterativeLine::Solved {
 };
 
 IterativeLine::Solved IterativeLine::solve(std::size_t count, const std::vector<double>& loads) {
-  const std::lock_guard lock(shared_->mutex);
-  ElasticitySolver& solver = shared_->solver;
+  return shared_->with([&](ElasticitySolver& solver) { return solve(solver, count, loads); });
+}
+
+IterativeLine::Solved IterativeLine::solve(ElasticitySolver& solver, std::size_t count,
+                                           const std::vector<double>& loads) {
   Solved s;
   s.displacement.resize(loads.size());
   s.report = solver.solve(count, loads, {}, s.displacement);
@@ -173,12 +243,21 @@ IterativeLine::Solved IterativeLine::solve(std::size_t count, const std::vector<
   return s;
 }
 
-void IterativeLine::solve_missing(const std::vector<std::size_t>& unknowns) {
+// Solves what is missing of `unknowns`, which are asked for, so that what is there stays.
+void IterativeLine::get_ready(std::span<const std::size_t> unknowns) {
+  // Room is made without the lock. Others may solve some of them meanwhile: their room is returned.
+  std::vector<Charge> room;
+  for (std::size_t k = 0; k < unknowns.size(); ++k)
+    room.push_back(account_.charge(Place::kHost, "columns", kColumnBytes * dofs_));
+  const Charge solving = account_.charge(Place::kHost, "solving", kSolvingBytes * dofs_ * unknowns.size());
+  const std::lock_guard lock(mutex_);
   std::vector<std::size_t> missing;
-  for (std::size_t unknown : unknowns) {
+  for (const std::size_t unknown : unknowns)
     if (!columns_[unknown].solved) missing.push_back(unknown);
-  }
-  if (missing.empty()) return;
+  if (!missing.empty()) solve_columns(missing, room);
+}
+
+void IterativeLine::solve_columns(const std::vector<std::size_t>& missing, std::vector<Charge>& room) {
   std::vector<double> loads(missing.size() * dofs_);
   for (std::size_t q = 0; q < missing.size(); ++q) loads[q * dofs_ + grid_dof(missing[q])] = 1;
   Solved s = solve(missing.size(), loads);
@@ -189,7 +268,13 @@ void IterativeLine::solve_missing(const std::vector<std::size_t>& unknowns) {
     const auto vector = [&](const std::vector<double>& v) {
       return Eigen::Map<const Eigen::VectorXd>(part(v).data(), Index(dofs_));
     };
-    columns_[missing[q]] = {true, vector(s.displacement), vector(s.nearly_solved).cast<float>(), s.report};
+    Column& column = columns_[missing[q]];
+    column.displacement = vector(s.displacement);
+    column.nearly_solved = vector(s.nearly_solved).cast<float>();
+    column.report = s.report;
+    column.charge = std::move(room[q]);
+    column.solved = true;
+    ++solved_;
     std::vector<std::span<const double>> samples;
     samples.reserve(kRoundingSamples);
     for (const std::vector<double>& sample : s.rounding) samples.push_back(part(sample));

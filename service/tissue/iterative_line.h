@@ -8,39 +8,37 @@
 // the preconditioner M: these products say what a touch may be off by.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <vector>
 
+#include "service/limits/memory.h"
 #include "service/tissue/compliance.h"
-#include "service/tissue/elasticity_solver.h"
+#include "service/tissue/shared_solver.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 
-// One solver for all lines of a model, used by one thread at a time.
-struct SharedSolver {
-  SharedSolver(const std::shared_ptr<Device>& device, const TissueGrid& grid, const Supports& supports,
-               const Material& material, const ElasticitySolverOptions& options)
-      : solver(device, grid, supports, options) {
-    solver.set_material(material);
-  }
-  std::mutex mutex;
-  ElasticitySolver solver;
-};
-
-// Keeps 12 bytes per degree of freedom of the grid for every column asked for.
-class IterativeLine final : public Compliance {
+// Keeps 12 bytes per degree of freedom of the grid for every column asked for, as long as there is room: the
+// column used least recently is given back first, and solved again when it is asked for again. What one call
+// asks for is held together while it runs; where it does not fit the call throws MemoryRefused.
+class IterativeLine final : public Compliance, public Reclaimable {
  public:
   IterativeLine(std::shared_ptr<SharedSolver>, const TissueGrid&, double poisson_ratio, std::size_t line,
-                ColumnRange touchable);
+                ColumnRange touchable, const MemoryAccount& = {});
   Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override;
   Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override;
   std::optional<FormError> error_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
                                          const Eigen::VectorXd& right) const override;
   bool prepare(std::span<const std::size_t> nodes, bool tangential,
                std::chrono::steady_clock::time_point until) override;
+  std::uint64_t last_use() const override;
+  bool give_back() override;
+  std::uint64_t used() const { return used_; }  // stamp of the last call
+  bool empty() const { return solved_ == 0; }   // no column is kept
 
  private:
   // A unit force on one degree of freedom of the line.
@@ -49,11 +47,18 @@ class IterativeLine final : public Compliance {
     Eigen::VectorXd displacement;   // u, [dof of the grid]
     Eigen::VectorXf nearly_solved;  // M r
     SolveReport report;
+    Charge charge;
+    std::uint64_t used = 0;  // stamp
+    std::size_t asked = 0;   // by so many calls that run now
   };
+  class Asked;
   Eigen::MatrixXd between(const std::vector<std::size_t>& unknowns, SolveReport* report);
-  void solve_missing(const std::vector<std::size_t>& unknowns);
+  void get_ready(std::span<const std::size_t> unknowns);
+  void solve_columns(const std::vector<std::size_t>& missing, std::vector<Charge>& room);
+  std::vector<Column>::const_iterator oldest_unasked() const;
   struct Solved;
   Solved solve(std::size_t count, const std::vector<double>& loads);
+  Solved solve(ElasticitySolver&, std::size_t count, const std::vector<double>& loads);
   void add_to_compliance(std::size_t unknown, std::span<const double> residual,
                          std::span<const double> step_force,
                          const std::vector<std::span<const double>>& rounding);
@@ -63,16 +68,20 @@ class IterativeLine final : public Compliance {
   std::size_t grid_dof(std::size_t unknown) const { return first_dof_ + unknown; }
 
   std::shared_ptr<SharedSolver> shared_;
+  const MemoryAccount account_;
   std::size_t dofs_, first_dof_;  // of the grid; of the first touchable node of the line
   ColumnRange touchable_;
-  double rounding_bound_;  // of the relative error of any entry, made beforehand
-  mutable std::mutex mutex_;
+  double rounding_bound_;     // of the relative error of any entry, made beforehand
+  mutable std::mutex mutex_;  // not held while room is made: give_back() takes it
+  std::atomic<std::uint64_t> used_ = use_stamp();
+  std::atomic<std::size_t> solved_ = 0;
   double smallest_eigenvalue_ = 0;  // of M K
   std::vector<Column> columns_;     // by unknown: 2 (column - touchable.first) + component
   // Among the columns that are solved: C, r_i . M r_j, M r_i . K M r_j, samples of C's rounding.
   Eigen::MatrixXd compliance_;
   Eigen::MatrixXf unfinished_, step_energy_;
   std::vector<Eigen::MatrixXf> rounding_;
+  Charge matrices_charge_;
 };
 
 }  // namespace teletact::service

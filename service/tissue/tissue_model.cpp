@@ -13,8 +13,9 @@
 
 #include "service/tissue/column_condensation.h"
 #include "service/tissue/condensation.h"
-#include "service/tissue/form.h"
+#include "service/tissue/condensed_line.h"
 #include "service/tissue/iterative_line.h"
+#include "service/tissue/iterative_lines.h"
 #include "service/tissue/units.h"
 
 namespace teletact::service {
@@ -22,118 +23,13 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
-constexpr std::size_t kRoundingSamples = 3;  // one for each background job
 // Interior lines that wide tissue condenses one by one: about then all of them line by line are as cheap.
 constexpr std::size_t kLinesByColumns = 4;
 // Devices without double: up to here float alone converges at any contrast tested on square elements.
 constexpr double kFloatPoissonRatio = 0.495;
 // Of a column in double: a compliance is off by the square of it.
 constexpr double kColumnError = 1e-4;
-
-// Relative error that rounding leaves in an exact elimination: eps times a bound of the condition number
-// (stiffest element against softest node), and what cancelling the bulk stiffness of nearly incompressible
-// layers down to the shear that remains adds: measured errors follow (lambda / mu)^2 eps.
-double rounding_error(const Material& material, double largest_compliance, std::size_t dofs) {
-  const double nu = material.poisson_ratio, bulk_over_shear = 2 * nu / (1 - 2 * nu);
-  const double modulus =
-      *std::max_element(material.youngs_modulus_pa.begin(), material.youngs_modulus_pa.end());
-  const double condition =
-      modulus / (2 * (1 + nu)) * (2 + bulk_over_shear) * largest_compliance * double(dofs);
-  return 16 * std::numeric_limits<double>::epsilon() * (condition + bulk_over_shear * bulk_over_shear);
-}
-
-class CondensedLine final : public Compliance {
- public:
-  // `compliance`: of the touchable columns, its lower triangle.
-  CondensedLine(const MatrixXd& compliance, ColumnRange touchable, const Material& material, std::size_t dofs)
-      : columns_(touchable), compliance_(compliance.selfadjointView<Eigen::Lower>()) {
-    if (!compliance_.allFinite()) throw std::domain_error("condensation: the compliance is not finite");
-    bound_ = rounding_error(material, compliance_.diagonal().maxCoeff(), dofs);
-  }
-
-  MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override {
-    const Index n = Index(nodes.size());
-    const std::vector<Index> at = positions(nodes);
-    MatrixXd s(2 * n, 2 * n);
-    for (Index b = 0; b < n; ++b) {
-      for (Index a = 0; a < n; ++a) s.block<2, 2>(2 * a, 2 * b) = compliance_.block<2, 2>(at[a], at[b]);
-    }
-    state(report);
-    return s;
-  }
-
-  MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override {
-    const Index n = Index(nodes.size());
-    const std::vector<Index> at = positions(nodes);
-    MatrixXd s(n, n);
-    for (Index b = 0; b < n; ++b) {
-      for (Index a = 0; a < n; ++a) s(a, b) = compliance_(at[a] + 1, at[b] + 1);
-    }
-    state(report);
-    return s;
-  }
-
-  std::optional<FormError> error_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
-                                         const VectorXd& right) const override {
-    const std::shared_ptr<const Rounding> rounding = measured();
-    if (!rounding || rounding->samples.size() < kRoundingSamples) return {};
-    const Index first = 2 * Index(columns_.first);
-    FormError error;
-    error.largest_rounding = rounding->largest();
-    for (const Eigen::MatrixXf& sample : rounding->samples)
-      error.rounding.push_back(forms_of(sample, first, unknowns, left, right));
-    return error;
-  }
-
-  const MatrixXd& whole() const { return compliance_; }
-  std::size_t samples() const {
-    const auto rounding = measured();
-    return rounding ? rounding->samples.size() : 0;
-  }
-  // `other`: the whole compliance, computed with other rounding.
-  void add_sample(const MatrixXd& other) {
-    const auto before = measured();
-    auto rounding = before ? std::make_shared<Rounding>(*before) : std::make_shared<Rounding>();
-    const VectorXd root = compliance_.diagonal().cwiseSqrt();
-    const MatrixXd difference = other - compliance_;
-    const double largest = (difference.array() / (root * root.transpose()).array()).abs().maxCoeff();
-    rounding->samples.push_back(difference.cast<float>());
-    rounding->squares += largest * largest;
-    const std::lock_guard lock(mutex_);
-    rounding_ = std::move(rounding);
-  }
-
- private:
-  struct Rounding {
-    std::vector<Eigen::MatrixXf> samples;  // size of the compliance
-    double squares = 0;                    // of the largest relative entry of each
-    double largest() const { return std::sqrt(squares / double(samples.size())); }
-  };
-  std::shared_ptr<const Rounding> measured() const {
-    const std::lock_guard lock(mutex_);
-    return rounding_;
-  }
-  std::vector<Index> positions(std::span<const std::size_t> nodes) const {
-    std::vector<Index> at(nodes.size());
-    for (std::size_t a = 0; a < nodes.size(); ++a) at[a] = 2 * Index(position_among(nodes[a], columns_));
-    return at;
-  }
-  void state(SolveReport* report) const {
-    if (!report) return;
-    *report = SolveReport{};
-    const auto rounding = measured();
-    report->relative_error =
-        rounding && rounding->samples.size() == kRoundingSamples ? rounding->largest() : bound_;
-  }
-
-  ColumnRange columns_;
-  double bound_ = 0;
-  mutable std::mutex mutex_;
-  std::shared_ptr<const Rounding> rounding_;
-  MatrixXd compliance_;
-};
 
 // From a line's Schur complement over all free columns, its lower triangle.
 MatrixXd compliance_of(MatrixXd stiffness, const FreeNodes& free, ColumnRange touchable) {
@@ -173,9 +69,29 @@ std::size_t position_among(std::size_t column, ColumnRange range) {
   return column - range.first;
 }
 
-struct TissueModel::Lines {
+struct TissueModel::Lines final : Reclaimable {
   Lines(const TissueGrid& grid, const Supports& supports)
       : free(free_nodes(grid, supports)), condensed(grid.ny()) {}
+
+  // Of the interior lines that are kept, the one used longest ago that nobody holds.
+  std::uint64_t last_use() const override { return kept_use; }
+  bool give_back() override {
+    const std::unique_lock lock(kept_mutex, std::try_to_lock);
+    if (!lock) return false;
+    const auto unheld =
+        std::find_if(kept.rbegin(), kept.rend(), [](const auto& one) { return one.second.use_count() == 1; });
+    if (unheld == kept.rend()) return false;
+    forget(std::prev(unheld.base()));
+    return true;
+  }
+
+  // Under kept_mutex.
+  template <class At>
+  void forget(At at) {
+    const std::lock_guard sides_lock(sides_mutex);
+    sides.erase(at->first);
+    kept.erase(at);
+  }
 
   struct Line {
     std::mutex making;
@@ -186,31 +102,36 @@ struct TissueModel::Lines {
   std::vector<Line> condensed;          // interior lines, by line
   std::mutex kept_mutex;
   std::vector<std::pair<std::size_t, std::shared_ptr<Compliance>>> kept;  // of them, the one used last first
+  std::atomic<std::uint64_t> kept_use = 0;                                // of the last
+  Charge charge;                                                          // of the model itself
 
   // Column by column.
   bool wide = false;                        // it is the cheaper way
   bool all_lines = false;                   // fit in what lines may take
   std::atomic<std::size_t> by_columns = 0;  // interior lines condensed so
   std::mutex sides_mutex;
-  std::map<std::size_t, CondensedSides> sides;  // by line, where the modulus will change
+  struct Sides {
+    Charge charge;
+    CondensedSides sides;
+  };
+  std::map<std::size_t, Sides> sides;  // by line, where the modulus will change
 
   // Line by line.
+  Charge swept_charge;
   std::vector<MatrixXd> below;  // of the surface's elimination, where interior lines are foreseen
   std::once_flag swept;
   std::vector<MatrixXd> stiffness;  // Schur complement of every free line; consumed line by line
 
   std::mutex measuring;  // one sample of rounding at a time
 
-  std::mutex iterative_mutex;  // of the two maps
-  std::map<std::shared_ptr<Device>, std::shared_ptr<SharedSolver>> solvers;
-  std::map<std::pair<std::size_t, std::shared_ptr<Device>>, std::shared_ptr<Compliance>> iterative;
+  std::shared_ptr<IterativeLines> iterative = std::make_shared<IterativeLines>();
 };
 
 TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, TissueModelOptions options,
                          const TissueModel* before)
     : grid_(std::move(grid)), material_(std::move(material)), supports_(supports), options_(options) {
   validate(grid_, material_);
-  lines_ = std::make_unique<Lines>(grid_, supports_);
+  lines_ = std::make_shared<Lines>(grid_, supports_);
   if (!(options_.thickness_m > 0) || !std::isfinite(options_.thickness_m)) {
     throw std::invalid_argument("options.thickness_m is " + std::to_string(options_.thickness_m) +
                                 "; give the out-of-plane contact width in metres, above 0");
@@ -220,7 +141,11 @@ TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, 
   lines_->wide = columns_are_cheaper(free, touchable_);
   lines_->all_lines =
       free.lines() * 4 * free.columns() * free.columns() * sizeof(double) <= options_.most_line_bytes;
+  const std::size_t nodes = grid_.nx() + grid_.ny(), each = sizeof(double);
+  lines_->charge = options_.account.charge(Place::kHost, "models", (grid_.elements() + nodes) * each);
   if (free.first_line == 0) lines_->surface = condense(0, before);
+  options_.account.add(Place::kHost, lines_);
+  options_.account.add(Place::kHost, lines_->iterative);
 }
 
 TissueModel::~TissueModel() = default;
@@ -250,23 +175,44 @@ std::shared_ptr<Compliance> TissueModel::made(std::size_t line) const {
   const std::lock_guard lock(lines_->kept_mutex);
   const auto found = std::find_if(lines_->kept.begin(), lines_->kept.end(),
                                   [line](const auto& kept) { return kept.first == line; });
-  return found == lines_->kept.end() ? nullptr : found->second;
+  if (found == lines_->kept.end()) return nullptr;
+  lines_->kept_use = use_stamp();
+  return found->second;
 }
 
-// A line with what its successor may take over: compliance, 20 freedoms^2 bytes, and sides (T4.2c).
-void TissueModel::keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const {
+// Compliance and samples of its rounding.
+std::size_t TissueModel::line_bytes() const {
+  const std::size_t touched = touchable_.last - touchable_.first + 1;
+  return 20 * 4 * touched * touched;
+}
+
+// What a line's successor may take over (T4.2c).
+std::size_t TissueModel::sides_bytes() const {
   const std::size_t touched = touchable_.last - touchable_.first + 1, lines = lines_->free.lines();
-  std::size_t bytes = 20 * 4 * touched * touched;
-  if (options_.will_change) bytes += 32 * (touched * touched + 2 * touched * lines + 4 * lines * lines);
+  return 32 * (touched * touched + 2 * touched * lines + 4 * lines * lines);
+}
+
+// What the elimination line by line passes through, of every line.
+std::size_t TissueModel::swept_bytes() const {
+  return 32 * lines_->free.columns() * lines_->free.columns() * lines_->free.lines();
+}
+
+// While a line is condensed: a few squares of the wider of the ways.
+std::size_t TissueModel::working_bytes() const {
+  const std::size_t touched = touchable_.last - touchable_.first + 1,
+                    width = lines_->wide ? std::max(touched, lines_->free.lines()) : lines_->free.columns();
+  return 3 * 4 * width * width * sizeof(double);
+}
+
+void TissueModel::keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const {
+  const std::size_t bytes = line_bytes() + (options_.will_change ? sides_bytes() : 0);
   const std::size_t most = std::max<std::size_t>(1, options_.most_line_bytes / bytes);
   const std::lock_guard lock(lines_->kept_mutex);
   auto& kept = lines_->kept;
   std::erase_if(kept, [line](const auto& other) { return other.first == line; });
   kept.insert(kept.begin(), {line, condensed});
-  if (kept.size() <= most) return;
-  const std::lock_guard sides_lock(lines_->sides_mutex);
-  lines_->sides.erase(kept.back().first);
-  kept.pop_back();
+  lines_->kept_use = use_stamp();
+  if (kept.size() > most) lines_->forget(std::prev(kept.end()));
 }
 
 bool TissueModel::by_columns(std::size_t line) const {
@@ -276,8 +222,14 @@ bool TissueModel::by_columns(std::size_t line) const {
 
 std::shared_ptr<Compliance> TissueModel::condense(std::size_t line, const TissueModel* before) const {
   Lines& lines = *lines_;
+  const MemoryAccount& account = options_.account;
+  Charge held = account.charge(Place::kHost, "lines", line_bytes());
+  const Charge work = account.charge(Place::kHost, "condensing", working_bytes());
   MatrixXd stiffness;
   if (!by_columns(line)) {
+    const bool sweep = line > 0 || options_.interior_lines;
+    if (sweep && lines.swept_charge.bytes() == 0)
+      lines.swept_charge = account.charge(Place::kHost, "lines", swept_bytes());
     const LayeredStiffness layers(grid_, material_, supports_, Layers::kLines);
     if (line == 0) {
       stiffness = eliminated_below(layers, options_.interior_lines ? &lines.below : nullptr);
@@ -294,10 +246,13 @@ std::shared_ptr<Compliance> TissueModel::condense(std::size_t line, const Tissue
     const TouchedNodes touched{Index(line - lines.free.first_line), touchable_};
     CondensedSides sides = condensed_sides(columns, touched, same_sides(line, before));
     compliance = joined(sides, touched);
-    const std::lock_guard lock(lines.sides_mutex);
-    if (options_.will_change) lines.sides[line] = std::move(sides);
+    if (options_.will_change) {
+      Charge kept = account.charge(Place::kHost, "lines", sides_bytes());
+      const std::lock_guard lock(lines.sides_mutex);
+      lines.sides[line] = {std::move(kept), std::move(sides)};
+    }
   }
-  return std::make_shared<CondensedLine>(compliance, touchable_, material_, grid_.dofs());
+  return std::make_shared<CondensedLine>(compliance, touchable_, material_, grid_.dofs(), std::move(held));
 }
 
 CondensedSides TissueModel::same_sides(std::size_t line, const TissueModel* before) const {
@@ -308,28 +263,34 @@ CondensedSides TissueModel::same_sides(std::size_t line, const TissueModel* befo
   const std::lock_guard lock(before->lines_->sides_mutex);
   const auto found = before->lines_->sides.find(line);
   if (found == before->lines_->sides.end()) return {};
-  return unchanged(found->second, grid_, before->material_, material_);
+  return unchanged(found->second.sides, grid_, before->material_, material_);
 }
 
 std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line,
                                                    const std::shared_ptr<Device>& device) const {
   check_free(line);
-  const std::lock_guard lock(lines_->iterative_mutex);
-  std::shared_ptr<SharedSolver>& solver = lines_->solvers[device];
-  if (!solver)
-    solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_,
-                                            iterative_options(*device, material_.poisson_ratio));
-  std::shared_ptr<Compliance>& compliance = lines_->iterative[{line, device}];
-  if (!compliance)
-    compliance = std::make_shared<IterativeLine>(solver, grid_, material_.poisson_ratio, line, touchable_);
-  return compliance;
+  return lines_->iterative->at(
+      line, device, options_.account,
+      [&] {
+        return std::make_shared<SharedSolver>(device, grid_, supports_, material_,
+                                              iterative_options(*device, material_.poisson_ratio),
+                                              options_.account);
+      },
+      [&](std::shared_ptr<SharedSolver> solver) {
+        return std::make_shared<IterativeLine>(std::move(solver), grid_, material_.poisson_ratio, line,
+                                               touchable_, options_.account);
+      });
 }
 
 std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line, const std::shared_ptr<Device>& device,
                                                    const ElasticitySolverOptions& options) const {
   check_free(line);
-  auto solver = std::make_shared<SharedSolver>(device, grid_, supports_, material_, options);
-  return std::make_shared<IterativeLine>(std::move(solver), grid_, material_.poisson_ratio, line, touchable_);
+  auto solver =
+      std::make_shared<SharedSolver>(device, grid_, supports_, material_, options, options_.account);
+  auto made = std::make_shared<IterativeLine>(std::move(solver), grid_, material_.poisson_ratio, line,
+                                              touchable_, options_.account);
+  options_.account.add(Place::kHost, made);
+  return made;
 }
 
 // A compliance in plane strain depends on the moduli, and on ratios of lengths alone.
@@ -347,7 +308,7 @@ bool TissueModel::measure_rounding(std::size_t line) const {
   auto& measured = static_cast<CondensedLine&>(*held);
   const std::lock_guard lock(lines_->measuring);
   const std::size_t next = measured.samples();
-  if (next == kRoundingSamples) return false;
+  if (next == CondensedLine::kRoundingSamples) return false;
   measured.add_sample(condensed_in_other_units(line, kOtherUnits[next]));
   return true;
 }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "service/limits/memory.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/grid.h"
 
@@ -34,6 +35,7 @@ struct TissueModelOptions {
   // Interior lines that are kept, those used last, at 20 bytes for each pair of freedoms of a line; one more
   // is made again when it is asked for. One is always kept, and those that somebody holds are.
   std::size_t most_line_bytes = std::size_t{256} << 20;
+  MemoryAccount account = {};  // in whose name the model and all that is made for it is held
 };
 
 // Position of `column` in the range; throws std::out_of_range when it is outside.
@@ -47,9 +49,9 @@ std::size_t position_among(std::size_t column, ColumnRange);
 class TissueModel {
  public:
   // Throws std::invalid_argument naming the field: unusable grid or material, no fixed edge (a free body), no
-  // touchable column, thickness not positive. `before` (may be null): a model of which this one is a change;
-  // parts of it that are the same are taken over, if it was told that it will change. The numbers are those
-  // of a model made without it, to the bit.
+  // touchable column, thickness not positive; MemoryRefused. `before` (may be null): a model of which this
+  // one is a change; parts of it that are the same are taken over, if it was told that it will change. The
+  // numbers are those of a model made without it, to the bit.
   TissueModel(TissueGrid, Material, Supports, TissueModelOptions, const TissueModel* before = nullptr);
   ~TissueModel();
   const TissueGrid& grid() const { return grid_; }
@@ -63,9 +65,9 @@ class TissueModel {
   // The same where it is ready, null where it would have to be made: never waits for a condensation.
   std::shared_ptr<Compliance> made(std::size_t line) const;
   // The same by preconditioned conjugate gradients on `device`, columns computed when asked for. The model
-  // keeps one for each line and device, solved by iterative_options, so that the columns are kept too; with
-  // options of its own it is a new one. Throws std::out_of_range as above, DeviceError when the device cannot
-  // do it.
+  // keeps one for each line and device, solved by iterative_options, so that the columns are kept too, as
+  // long as there is room for them; with options of its own it is a new one. Throws std::out_of_range as
+  // above, DeviceError when the device cannot do it.
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device) const;
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device,
                                         const ElasticitySolverOptions&) const;
@@ -82,6 +84,10 @@ class TissueModel {
   void check_free(std::size_t line) const;
   std::shared_ptr<Compliance> condense(std::size_t line, const TissueModel* before) const;
   bool by_columns(std::size_t line) const;
+  std::size_t line_bytes() const;
+  std::size_t sides_bytes() const;
+  std::size_t swept_bytes() const;
+  std::size_t working_bytes() const;
   void keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const;
   // What `before` has for the line that holds for this model too.
   CondensedSides same_sides(std::size_t line, const TissueModel* before) const;
@@ -93,7 +99,7 @@ class TissueModel {
   TissueModelOptions options_;
   ColumnRange touchable_;
   struct Lines;
-  std::unique_ptr<Lines> lines_;
+  std::shared_ptr<Lines> lines_;
 };
 
 // How iterative() solves: in double where the device has it, which costs what float does and converges from

@@ -1,0 +1,62 @@
+#include "service/tissue/iterative_lines.h"
+
+#include <algorithm>
+#include <cstdint>
+
+namespace teletact::service {
+
+std::shared_ptr<IterativeLine> IterativeLines::at(std::size_t line, const std::shared_ptr<Device>& device,
+                                                  const MemoryAccount& account, const MakeSolver& make_solver,
+                                                  const MakeLine& make_line) {
+  const std::lock_guard making(making_);
+  std::shared_ptr<SharedSolver> solver;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = lines_.find({line, device});
+    if (found != lines_.end()) return found->second;
+    solver = solvers_[device];
+  }
+  // Without the lock: to make one may take room, and lines be given back for it.
+  if (!solver) {
+    solver = make_solver();
+    account.add(Place::kDevice, solver);
+  }
+  auto made = make_line(solver);
+  const std::lock_guard lock(mutex_);
+  solvers_[device] = std::move(solver);
+  lines_[{line, device}] = made;
+  return made;
+}
+
+namespace {
+
+// When what it would give back next was used last.
+std::uint64_t oldest_of(const std::shared_ptr<IterativeLine>& line) {
+  return line.use_count() == 1 && line->empty() ? line->used() : line->last_use();
+}
+
+}  // namespace
+
+std::uint64_t IterativeLines::last_use() const {
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  std::uint64_t oldest = UINT64_MAX;
+  if (lock)
+    for (const auto& [key, line] : lines_) oldest = std::min(oldest, oldest_of(line));
+  return oldest;
+}
+
+bool IterativeLines::give_back() {
+  std::shared_ptr<IterativeLine> gone;  // destroyed without the lock
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock || lines_.empty()) return false;
+  const auto oldest = std::min_element(lines_.begin(), lines_.end(), [](const auto& a, const auto& b) {
+    return oldest_of(a.second) < oldest_of(b.second);
+  });
+  if (oldest->second->give_back()) return true;
+  if (oldest->second.use_count() > 1 || !oldest->second->empty()) return false;
+  gone = std::move(oldest->second);
+  lines_.erase(oldest);
+  return true;
+}
+
+}  // namespace teletact::service
