@@ -169,6 +169,14 @@ void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1
 
 }  // namespace
 
+std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
+  constexpr std::uint64_t kWindowBytes = 1024, kCellBytes = 2 * (sizeof(float) + 1) + sizeof(CellState);
+  const std::uint64_t windows = kWindowBytes * scene.snapshot()->windows.size();
+  if (wanted != v1::SCENE_VIEW_FULL) return windows;
+  const StitchedMap cells(scene.geometry());
+  return windows + kCellBytes * cells.nx() * cells.ny();
+}
+
 void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, v1::Scene* out) {
   const auto snapshot = scene.snapshot();
   out->set_scene_id(scene.id());

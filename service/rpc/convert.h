@@ -21,6 +21,8 @@ SceneGeometry geometry_from(const v1::SceneGeometry&, const Limits&);
 // `most_elements`: beyond it Error(kExhausted), before the values are read.
 ExplicitModulus modulus_from(const v1::ModulusMap&, std::size_t most_elements);
 // `instance`: the process', for stamps.
+// Of the message that scene_to() makes, and what it is made of meanwhile.
+std::uint64_t scene_bytes(const Scene&, v1::SceneView);
 void scene_to(const Scene&, v1::SceneView, std::uint64_t instance, v1::Scene*);
 
 TouchOptions touch_options_from(const v1::TouchOpen&);

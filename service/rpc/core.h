@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "service/device/device.h"
-#include "service/limits/limits.h"
+#include "service/limits/memory.h"
 #include "service/rpc/calls.h"
 #include "service/scene/scenes.h"
 
@@ -17,6 +17,7 @@ struct Core {
   const Limits limits;
   std::uint64_t instance = 0;  // random per process start
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  const std::shared_ptr<MemoryBudget> memory;
   Calls calls;
   Scenes scenes;
 
@@ -25,8 +26,14 @@ struct Core {
       : device(std::move(device_)),
         limits(resolved(asked_for, host_memory_bytes(), device->info().global_memory_bytes)),
         instance(instance_),
+        memory(std::make_shared<MemoryBudget>(limits)),
         calls(limits),
-        scenes(state_directory, limits) {}
+        scenes(state_directory, limits, machine_files(), memory) {}
+
+  // In whose name memory is held.
+  MemoryAccount account(std::string client, std::string scene = {}) const {
+    return {memory, std::move(client), std::move(scene)};
+  }
 };
 
 inline std::chrono::steady_clock::duration seconds(double s) {

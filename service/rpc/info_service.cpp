@@ -30,6 +30,12 @@ void InfoService::describe(v1::GetInfoResponse* response) const {
     limit->set_value(row.value(core_.limits));
     limit->set_unit(row.unit);
   }
+  for (const MemoryUse& use : core_.memory->uses()) {
+    v1::MemoryUse* held = response->add_memory();
+    held->set_place(name_of(use.place));
+    held->set_kind(use.kind);
+    held->set_bytes(use.bytes);
+  }
   response->set_uptime_ns(
       std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now() - core_.started)
           .count());

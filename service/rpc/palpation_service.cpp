@@ -1,5 +1,6 @@
 #include "service/rpc/palpation_service.h"
 
+#include "service/rpc/client.h"
 #include "service/rpc/convert.h"
 #include "service/rpc/touch_reactor.h"
 #include "service/rpc/unary_call.h"
@@ -16,18 +17,22 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
     std::optional<ExplicitModulus> modulus;
     if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
     // Building a model is imaging work: on its thread, below touch.
-    core_.scenes.worker().post(JobUrgency::kUrgent, [this, call, response, id = request->scene_id(), geometry,
-                                                     modulus = std::move(modulus)]() mutable {
+    const std::string client = client_of(*context);
+    // The request, and what was read from it.
+    call->hold(core_.account(client).charge(Place::kHost, "uploads", 2 * request->ByteSizeLong()));
+    core_.scenes.worker().post(JobUrgency::kUrgent, [this, call, response, client, id = request->scene_id(),
+                                                     geometry, modulus = std::move(modulus)]() mutable {
       if (call->given_up()) return;
       try {
         // Answered when it is on disk, which imaging does not wait for.
-        core_.scenes.make(id, geometry, std::move(modulus),
-                          [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
-                            if (error) return call->fail(error);
-                            call->answer(*response, [&] {
-                              scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response);
-                            });
-                          });
+        core_.scenes.make(
+            id, geometry, std::move(modulus),
+            [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
+              if (error) return call->fail(error);
+              call->answer(*response,
+                           [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
+            },
+            client);
       } catch (...) {
         call->fail(std::current_exception());
       }
@@ -40,9 +45,12 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
                                                      v1::Scene* response) {
   const CallKind kind = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
-    copying_.post(JobUrgency::kUrgent, [=, this] {
+    copying_.post(JobUrgency::kUrgent, [=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
-        scene_to(*core_.scenes.find(request->scene_id()), request->view(), core_.instance, response);
+        const auto scene = core_.scenes.find(request->scene_id());
+        call->hold(core_.account(client, scene->id())
+                       .charge(Place::kHost, "answers", scene_bytes(*scene, request->view())));
+        scene_to(*scene, request->view(), core_.instance, response);
       });
     });
   });

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "service/device/device.h"
+#include "service/limits/memory.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -43,6 +45,16 @@ grpc::Status status_of(std::exception_ptr error) noexcept {
     return {code_of(e.kind), e.what()};
   } catch (const std::invalid_argument& e) {
     return {grpc::StatusCode::INVALID_ARGUMENT, e.what()};
+  } catch (const MemoryRefused& e) {
+    return {grpc::StatusCode::RESOURCE_EXHAUSTED, e.what()};
+  } catch (const DeviceMemoryError& e) {
+    spdlog::error("event=device_out_of_memory error=\"{}\"", e.what());
+    return {grpc::StatusCode::RESOURCE_EXHAUSTED, e.what()};
+  } catch (const std::domain_error& e) {
+    // Numbers that are each allowed and together beyond what double carries through the arithmetic.
+    return {grpc::StatusCode::INVALID_ARGUMENT,
+            std::string(e.what()) +
+                "; the numbers sent span too much for double: check moduli, sizes and poisson_ratio"};
   } catch (const std::bad_alloc&) {
     return {grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory; send a smaller request"};
   } catch (const std::system_error& e) {

@@ -41,6 +41,8 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
       end(grpc::Status::OK);
     });
   }
+  // What it takes, until the peer has taken the answer. By whoever works for it.
+  void hold(Charge memory) { held_ = std::move(memory); }
   void fail(std::exception_ptr error) { end(status_of(error)); }
 
  private:
@@ -58,6 +60,7 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   Clock::duration patience() const override { return patience_.load(); }
 
   Core& core_;
+  Charge held_;
   Begin begin_;
   std::atomic<Clock::duration> patience_{kEndTaken};
 };

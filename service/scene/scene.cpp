@@ -64,25 +64,44 @@ Covered SceneSnapshot::covered_around(double x_m) const {
   return covered;
 }
 
+namespace {
+
+StripOptions held_by(const MemoryAccount& account) {
+  StripOptions options;
+  options.account = account;
+  return options;
+}
+
+Charge charged(const std::optional<ExplicitModulus>& e, const MemoryAccount& account) {
+  if (!e) return {};
+  const std::size_t values = e->x_m.size() + e->y_m.size() + e->youngs_modulus_pa.size();
+  return account.charge(Place::kHost, "maps", values * sizeof(double));
+}
+
+}  // namespace
+
 Scene::Scene(std::string id, const SceneGeometry& geometry, std::shared_ptr<VersionCounter> versions,
-             const Limits& limits)
+             const Limits& limits, const MemoryAccount& account)
     : id_(std::move(id)),
       geometry_(geometry),
       lines_m_(strip_lines(geometry)),
+      strip_(held_by(account)),
       versions_(std::move(versions)),
       limits_(limits) {
   auto empty = std::make_shared<SceneSnapshot>();
-  empty->map = std::make_shared<const StitchedMap>(geometry_);
+  empty->map = std::make_shared<const StitchedMap>(geometry_, account);
   snapshot_ = empty;
 }
 
 namespace {
 
-std::shared_ptr<const TissueModel> explicit_model(const SceneGeometry& geometry, const ExplicitModulus& e) {
+std::shared_ptr<const TissueModel> explicit_model(const SceneGeometry& geometry, const ExplicitModulus& e,
+                                                  const MemoryAccount& account) {
   TissueModelOptions options;
   options.touch_begin_m = e.x_m.front();
   options.touch_end_m = e.x_m.back();
   options.thickness_m = geometry.thickness_m;
+  options.account = account;
   return std::make_shared<const TissueModel>(TissueGrid{e.x_m, e.y_m},
                                              Material{e.youngs_modulus_pa, geometry.poisson_ratio},
                                              geometry.supports, options);
@@ -91,11 +110,13 @@ std::shared_ptr<const TissueModel> explicit_model(const SceneGeometry& geometry,
 }  // namespace
 
 Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modulus,
-             std::shared_ptr<VersionCounter> versions, const Limits& limits)
+             std::shared_ptr<VersionCounter> versions, const Limits& limits, const MemoryAccount& account)
     : id_(std::move(id)),
       geometry_(geometry),
+      explicit_charge_(charged(modulus, account)),
       explicit_(std::move(modulus)),
       lines_m_(explicit_->y_m),
+      strip_(held_by(account)),
       versions_(std::move(versions)),
       limits_(limits),
       next_window_id_(2) {
@@ -105,7 +126,7 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
   window->begin_m = explicit_->x_m.front();
   // The last column belongs to the tissue too.
   window->end_m = std::nextafter(explicit_->x_m.back(), HUGE_VAL);
-  window->set_model(explicit_model(geometry_, *explicit_));
+  window->set_model(explicit_model(geometry_, *explicit_, account));
   window->version = versions_->next();
   auto snapshot = std::make_shared<SceneSnapshot>();
   snapshot->version = window->version;
@@ -113,25 +134,28 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
   snapshot_ = snapshot;
 }
 
-Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions, const Limits& limits)
+Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions, const Limits& limits,
+             const MemoryAccount& account)
     : id_(record.id),
       geometry_(record.geometry),
+      explicit_charge_(charged(record.explicit_modulus, account)),
       explicit_(record.explicit_modulus),
       lines_m_(explicit_ ? explicit_->y_m : strip_lines(geometry_)),
+      strip_(held_by(account)),
       versions_(std::move(versions)),
       limits_(limits),
       next_window_id_(record.next_window_id) {
   auto snapshot = std::make_shared<SceneSnapshot>();
   snapshot->version = record.version;
   if (!explicit_) {
-    auto map = std::make_shared<StitchedMap>(geometry_);
+    auto map = std::make_shared<StitchedMap>(geometry_, account);
     map->restore(record.map_modulus_pa, record.map_states, record.map_log_deviation);
     snapshot->map = map;
   }
   for (const WindowRecord& kept : record.windows) {
     auto window = std::make_shared<WindowModel>();
     *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr, {}, kept.evidence, nullptr};
-    window->set_model(explicit_ ? explicit_model(geometry_, *explicit_)
+    window->set_model(explicit_ ? explicit_model(geometry_, *explicit_, account)
                                 : build_strip(geometry_, *snapshot->map, kept.begin_m, kept.end_m, strip_));
     snapshot->windows.push_back(std::move(window));
   }

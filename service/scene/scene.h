@@ -72,12 +72,14 @@ class Scene {
   static constexpr double kSameWindowM = 0.001;  // begins closer than this are the same window
   static constexpr double kOverhangM = 0.001;    // a window may stick out of the tissue by this much
 
-  Scene(std::string id, const SceneGeometry&, std::shared_ptr<VersionCounter>, const Limits& = {});
+  // `account`: in whose name all that it holds is held.
+  Scene(std::string id, const SceneGeometry&, std::shared_ptr<VersionCounter>, const Limits& = {},
+        const MemoryAccount& account = {});
   // Touchable at once, on exactly this grid. Throws std::invalid_argument (field named).
   Scene(std::string id, const SceneGeometry&, ExplicitModulus, std::shared_ptr<VersionCounter>,
-        const Limits& = {});
+        const Limits& = {}, const MemoryAccount& = {});
   // As it was kept; builds its models.
-  Scene(const SceneRecord&, std::shared_ptr<VersionCounter>, const Limits& = {});
+  Scene(const SceneRecord&, std::shared_ptr<VersionCounter>, const Limits& = {}, const MemoryAccount& = {});
 
   const std::string& id() const { return id_; }
   const SceneGeometry& geometry() const { return geometry_; }
@@ -126,6 +128,7 @@ class Scene {
 
   const std::string id_;
   const SceneGeometry geometry_;
+  const Charge explicit_charge_;
   const std::optional<ExplicitModulus> explicit_;
   const std::vector<double> lines_m_;
   const StripOptions strip_;

@@ -66,8 +66,8 @@ void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, cons
 }  // namespace
 
 Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limits,
-               std::shared_ptr<Files> files)
-    : limits_(limits), state_(state_directory, limits, std::move(files)) {}
+               std::shared_ptr<Files> files, std::shared_ptr<MemoryBudget> memory)
+    : limits_(limits), memory_(std::move(memory)), state_(state_directory, limits, std::move(files)) {}
 
 Scenes::~Scenes() {
   worker_.stop();
@@ -79,7 +79,7 @@ Scenes::~Scenes() {
 void Scenes::restore() {
   for (const SceneRecord& record : state_.load()) try {
       state_.versions()->used(record.version);
-      add(std::make_shared<Scene>(record, state_.versions(), limits_));
+      add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id}));
       spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
                    record.windows.size());
     } catch (const std::exception& error) {
@@ -106,7 +106,7 @@ std::string Scenes::reserve(const std::string& wanted_id) {
 }
 
 void Scenes::make(const std::string& wanted_id, const SceneGeometry& geometry,
-                  std::optional<ExplicitModulus> modulus, const Made& made) {
+                  std::optional<ExplicitModulus> modulus, const Made& made, const std::string& client) {
   check_id(wanted_id);
   validate(geometry, limits_);
   if (modulus) check_modulus(*modulus, geometry, limits_);
@@ -117,8 +117,10 @@ void Scenes::make(const std::string& wanted_id, const SceneGeometry& geometry,
   };
   std::shared_ptr<Scene> scene;
   try {
-    scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), state_.versions(), limits_)
-                    : std::make_shared<Scene>(id, geometry, state_.versions(), limits_);
+    const MemoryAccount account{memory_, client, id};
+    scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), state_.versions(), limits_,
+                                              account)
+                    : std::make_shared<Scene>(id, geometry, state_.versions(), limits_, account);
   } catch (...) {
     give_up();
     throw;
@@ -136,14 +138,17 @@ void Scenes::make(const std::string& wanted_id, const SceneGeometry& geometry,
 }
 
 std::shared_ptr<Scene> Scenes::create(const std::string& id, const SceneGeometry& geometry,
-                                      std::optional<ExplicitModulus> modulus) {
+                                      std::optional<ExplicitModulus> modulus, const std::string& client) {
   std::promise<std::shared_ptr<Scene>> made;
-  make(id, geometry, std::move(modulus), [&](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
-    if (error)
-      made.set_exception(error);
-    else
-      made.set_value(scene);
-  });
+  make(
+      id, geometry, std::move(modulus),
+      [&](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
+        if (error)
+          made.set_exception(error);
+        else
+          made.set_value(scene);
+      },
+      client);
   return made.get_future().get();
 }
 

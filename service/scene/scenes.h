@@ -19,8 +19,9 @@ namespace teletact::service {
 class Scenes {
  public:
   // `state_directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used.
+  // `memory` (may be null): what its scenes are charged to.
   explicit Scenes(const std::filesystem::path& state_directory, const Limits& = {},
-                  std::shared_ptr<Files> = machine_files());
+                  std::shared_ptr<Files> = machine_files(), std::shared_ptr<MemoryBudget> memory = {});
   ~Scenes();  // writes what was published
 
   // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside.
@@ -31,10 +32,12 @@ class Scenes {
   // On the imaging plane: builds a scene, and does not wait for the disk. `made` is called, on another thread
   // where there is a disk, when the scene is there for all and outlives a power failure, or when it cannot be
   // kept. `id` empty: chosen here. Throws std::invalid_argument (field named), Error(kAlreadyExists |
-  // kExhausted).
-  void make(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>, const Made& made);
+  // kExhausted). `client`: who pays for the scene's memory; MemoryRefused when there is none left.
+  void make(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>, const Made& made,
+            const std::string& client = {});
   // The same, waiting for it.
-  std::shared_ptr<Scene> create(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>);
+  std::shared_ptr<Scene> create(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
+                                const std::string& client = {});
   std::shared_ptr<Scene> find(const std::string& id) const;  // Error(kNotFound)
   std::vector<std::shared_ptr<Scene>> list() const;
   // Error(kNotFound), and kUnavailable where the disk keeps it: nothing is changed then.
@@ -53,6 +56,7 @@ class Scenes {
   void refresh_later(const std::shared_ptr<Scene>&);
   void add(const std::shared_ptr<Scene>&);
   const Limits limits_;
+  const std::shared_ptr<MemoryBudget> memory_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Scene>> scenes_;
   std::set<std::string> being_made_;   // ids taken while their models are built and first kept

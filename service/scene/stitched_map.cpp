@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <utility>
@@ -117,14 +118,12 @@ std::size_t cells_over(double length_m) {
 
 }  // namespace
 
-StitchedMap::StitchedMap(const SceneGeometry& geometry)
+StitchedMap::StitchedMap(const SceneGeometry& geometry, const MemoryAccount& account)
     : nx_(cells_over(geometry.width_m)),
       ny_(cells_over(geometry.depth_m)),
       cell_x_m_(geometry.width_m / static_cast<double>(nx_)),
       cell_y_m_(geometry.depth_m / static_cast<double>(ny_)),
-      modulus_pa_(nx_ * ny_, 0.0F),
-      states_(nx_ * ny_, CellState::kUnknown),
-      log_deviation_(nx_ * ny_, kNotKnown) {
+      cells_(nx_, ny_, account) {
   index_columns();
 }
 
@@ -149,31 +148,28 @@ void StitchedMap::paste(const WindowEstimate& w) {
   const std::vector<float> measured = resample(w, begin, columns);
   std::vector<float> extended = measured;
   extend_in_log(extended, columns, ny_);
+  cells_.make_writable(begin, end);
   for (std::size_t j = 0; j < ny_; ++j)
-    for (std::size_t i = 0; i < columns; ++i) {
-      const std::size_t from = i + columns * j, to = begin + i + nx_ * j;
-      modulus_pa_[to] = extended[from];
-      states_[to] = measured[from] > 0 ? CellState::kMeasured : CellState::kExtended;
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t from = i - begin + columns * j;
+      cells_.set(i, j,
+                 {extended[from], measured[from] > 0 ? CellState::kMeasured : CellState::kExtended,
+                  deviation_of(w, i, j)});
     }
-  note_deviation(w, begin, columns);
   index_columns();
 }
 
 // Of a cell: that of the image node nearest to its centre.
-void StitchedMap::note_deviation(const WindowEstimate& w, std::size_t first, std::size_t columns) {
+float StitchedMap::deviation_of(const WindowEstimate& w, std::size_t i, std::size_t j) const {
+  if (w.log_deviation.empty()) return kNotKnown;
   const auto nearest = [](double at_m, double origin_m, double step_m, std::size_t count) {
     return static_cast<std::size_t>(
         std::clamp(std::round((at_m - origin_m) / step_m), 0.0, static_cast<double>(count - 1)));
   };
-  for (std::size_t j = 0; j < ny_; ++j) {
-    const double y_m = cell_y_m_ * (static_cast<double>(j) + 0.5);
-    const std::size_t row = nearest(y_m, w.grid.origin_y_m, w.grid.dy_m, w.grid.ny);
-    for (std::size_t i = first; i < first + columns; ++i) {
-      const double x_m = cell_x_m_ * (static_cast<double>(i) + 0.5) - w.window_x_m;
-      const std::size_t node = nearest(x_m, w.grid.origin_x_m, w.grid.dx_m, w.grid.nx) + w.grid.nx * row;
-      log_deviation_[i + nx_ * j] = w.log_deviation.empty() ? kNotKnown : w.log_deviation[node];
-    }
-  }
+  const double x_m = cell_x_m_ * (static_cast<double>(i) + 0.5) - w.window_x_m,
+               y_m = cell_y_m_ * (static_cast<double>(j) + 0.5);
+  return w.log_deviation[nearest(x_m, w.grid.origin_x_m, w.grid.dx_m, w.grid.nx) +
+                         w.grid.nx * nearest(y_m, w.grid.origin_y_m, w.grid.dy_m, w.grid.ny)];
 }
 
 std::vector<float> StitchedMap::resample(const WindowEstimate& w, std::size_t first,
@@ -205,11 +201,12 @@ std::vector<float> StitchedMap::resample(const WindowEstimate& w, std::size_t fi
 }
 
 void StitchedMap::index_columns() {
-  constexpr std::size_t kNone = static_cast<std::size_t>(-1);
-  std::vector<std::size_t> left(nx_, kNone), right(nx_, kNone);
-  const auto known = [this](std::size_t i) { return states_[i] != CellState::kUnknown; };
-  for (std::size_t i = 0; i < nx_; ++i) left[i] = known(i) ? i : (i > 0 ? left[i - 1] : kNone);
-  for (std::size_t i = nx_; i-- > 0;) right[i] = known(i) ? i : (i + 1 < nx_ ? right[i + 1] : kNone);
+  constexpr std::uint32_t kNone = UINT32_MAX;
+  std::vector<std::uint32_t> left(nx_, kNone), right(nx_, kNone);
+  const auto known = [this](std::size_t i) { return cells_.at(i, 0).state != CellState::kUnknown; };
+  const auto nx = static_cast<std::uint32_t>(nx_);
+  for (std::uint32_t i = 0; i < nx; ++i) left[i] = known(i) ? i : (i > 0 ? left[i - 1] : kNone);
+  for (std::uint32_t i = nx; i-- > 0;) right[i] = known(i) ? i : (i + 1 < nx_ ? right[i + 1] : kNone);
   source_column_.assign(nx_, kNone);
   for (std::size_t i = 0; i < nx_; ++i) {
     const bool take_left = right[i] == kNone || (left[i] != kNone && i - left[i] <= right[i] - i);
@@ -228,29 +225,29 @@ double StitchedMap::mean_modulus_pa(double x0_m, double x1_m, double y0_m, doubl
       const double width = std::min(x1_m, left_m + cell_x_m_) - std::max(x0_m, left_m);
       if (width <= 0) continue;
       if (source_column_[i] >= nx_) throw std::logic_error("mean_modulus_pa: nothing is published yet");
-      inverse_sum += width * height / static_cast<double>(modulus_pa_[source_column_[i] + nx_ * j]);
+      inverse_sum += width * height / static_cast<double>(cells_.at(source_column_[i], j).modulus_pa);
       area += width * height;
     }
   }
   return area / inverse_sum;
 }
 
-std::optional<std::size_t> StitchedMap::measured_cell(double x_m, double y_m) const {
+std::optional<Cell> StitchedMap::measured_cell(double x_m, double y_m) const {
   const double i = std::floor(x_m / cell_x_m_), j = std::floor(y_m / cell_y_m_);
   const bool inside = i >= 0 && j >= 0 && i < static_cast<double>(nx_) && j < static_cast<double>(ny_);
   if (!inside) return std::nullopt;
-  const std::size_t cell = static_cast<std::size_t>(i) + nx_ * static_cast<std::size_t>(j);
-  return states_[cell] == CellState::kMeasured ? std::optional(cell) : std::nullopt;
+  const Cell cell = cells_.at(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+  return cell.state == CellState::kMeasured ? std::optional(cell) : std::nullopt;
 }
 
 double StitchedMap::measured_modulus_pa(double x_m, double y_m) const {
   const auto cell = measured_cell(x_m, y_m);
-  return cell ? modulus_pa_[*cell] : kNotKnown;
+  return cell ? cell->modulus_pa : kNotKnown;
 }
 
 double StitchedMap::measured_log_deviation(double x_m, double y_m) const {
   const auto cell = measured_cell(x_m, y_m);
-  return cell ? log_deviation_[*cell] : kNotKnown;
+  return cell ? cell->log_deviation : kNotKnown;
 }
 
 struct StitchedMap::Box {
@@ -266,7 +263,7 @@ double StitchedMap::measured_share(double x0_m, double x1_m, double y0_m, double
   std::size_t measured = 0;
   for (std::size_t j = box.rows.begin; j < box.rows.end; ++j)
     for (std::size_t i = box.columns.begin; i < box.columns.end; ++i)
-      measured += states_[i + nx_ * j] == CellState::kMeasured;
+      measured += cells_.at(i, j).state == CellState::kMeasured;
   return static_cast<double>(measured) / static_cast<double>(box.columns.size() * box.rows.size());
 }
 
@@ -275,18 +272,39 @@ StitchedMap::Measured StitchedMap::measured(double x0_m, double x1_m, double y0_
   std::vector<float> deviations;
   for (std::size_t j = box.rows.begin; j < box.rows.end; ++j)
     for (std::size_t i = box.columns.begin; i < box.columns.end; ++i) {
-      const std::size_t cell = i + nx_ * j;
-      if (states_[cell] == CellState::kMeasured && std::isfinite(log_deviation_[cell]))
-        deviations.push_back(log_deviation_[cell]);
+      const Cell cell = cells_.at(i, j);
+      if (cell.state == CellState::kMeasured && std::isfinite(cell.log_deviation))
+        deviations.push_back(cell.log_deviation);
     }
   return {measured_share(x0_m, x1_m, y0_m, y1_m), median_of(std::move(deviations))};
 }
 
-void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states,
-                          std::vector<float> log_deviation) {
-  if (log_deviation.empty()) log_deviation.assign(nx_ * ny_, kNotKnown);
+template <class Value>
+auto StitchedMap::each(Value value) const {
+  std::vector<decltype(value(Cell()))> values;
+  values.reserve(nx_ * ny_);
+  for (std::size_t j = 0; j < ny_; ++j)
+    for (std::size_t i = 0; i < nx_; ++i) values.push_back(value(cells_.at(i, j)));
+  return values;
+}
+
+std::vector<float> StitchedMap::youngs_modulus_pa() const {
+  return each([](const Cell& cell) { return cell.modulus_pa; });
+}
+
+std::vector<CellState> StitchedMap::states() const {
+  return each([](const Cell& cell) { return cell.state; });
+}
+
+std::vector<float> StitchedMap::log_deviation() const {
+  return each([](const Cell& cell) { return cell.log_deviation; });
+}
+
+void StitchedMap::restore(const std::vector<float>& youngs_modulus_pa, const std::vector<CellState>& states,
+                          const std::vector<float>& log_deviation) {
+  const bool deviations = !log_deviation.empty();
   if (youngs_modulus_pa.size() != nx_ * ny_ || states.size() != nx_ * ny_ ||
-      log_deviation.size() != nx_ * ny_)
+      (deviations && log_deviation.size() != nx_ * ny_))
     throw std::invalid_argument(
         fmt::format("map: {} cells kept, {} expected", youngs_modulus_pa.size(), nx_ * ny_));
   for (std::size_t n = 0; n < states.size(); ++n) {
@@ -295,13 +313,18 @@ void StitchedMap::restore(std::vector<float> youngs_modulus_pa, std::vector<Cell
     if (states[n] != CellState::kUnknown && !positive)
       throw std::invalid_argument(
           fmt::format("map: modulus {} Pa of cell {} is not positive", youngs_modulus_pa[n], n));
-    if (log_deviation[n] < 0 || std::isinf(log_deviation[n]))
+    if (deviations && (log_deviation[n] < 0 || std::isinf(log_deviation[n])))
       throw std::invalid_argument(
           fmt::format("map: a deviation of {} of cell {} cannot be", log_deviation[n], n));
   }
-  modulus_pa_ = std::move(youngs_modulus_pa);
-  states_ = std::move(states);
-  log_deviation_ = std::move(log_deviation);
+  for (std::size_t i = 0; i < nx_; ++i) {
+    if (states[i] == CellState::kUnknown) continue;  // a column is published or not
+    cells_.make_writable(i, i + 1);
+    for (std::size_t j = 0; j < ny_; ++j) {
+      const std::size_t n = i + nx_ * j;
+      cells_.set(i, j, {youngs_modulus_pa[n], states[n], deviations ? log_deviation[n] : kNotKnown});
+    }
+  }
   index_columns();
 }
 

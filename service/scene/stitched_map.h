@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "service/imaging/frame.h"
+#include "service/scene/cell_blocks.h"
 #include "service/scene/evidence.h"
 #include "service/scene/geometry.h"
 
@@ -31,8 +32,6 @@ struct WindowEstimate {
   WindowEvidence evidence = {};  // measured_share and log_deviation are found when it is published
 };
 
-enum class CellState : std::uint8_t { kUnknown = 0, kExtended = 1, kMeasured = 2 };
-
 class StitchedMap {
  public:
   static constexpr double kCellM = 0.0005;
@@ -41,10 +40,11 @@ class StitchedMap {
   // Pixels further than this factor from the window's median are taken as invalid.
   static constexpr double kLargestContrast = 100;
 
-  explicit StitchedMap(const SceneGeometry&);
+  // `account`: in whose name its cells are held.
+  explicit StitchedMap(const SceneGeometry&, const MemoryAccount& account = {});
 
   // Writes one window's cells. Throws std::invalid_argument for sizes that do not fit, Error(kPrecondition)
-  // when too little of it is valid; the map is unchanged then.
+  // when too little of it is valid, MemoryRefused; the map is unchanged then.
   void paste(const WindowEstimate&);
 
   // Harmonic mean of E (Pa) over [x0, x1] x [y0, y1] (m). Columns never published take the nearest published
@@ -67,30 +67,32 @@ class StitchedMap {
   double cell_x_m() const { return cell_x_m_; }
   double cell_y_m() const { return cell_y_m_; }
   // Cell (i, j) at i + nx j; 0 Pa where unknown.
-  const std::vector<float>& youngs_modulus_pa() const { return modulus_pa_; }
-  const std::vector<CellState>& states() const { return states_; }
-  const std::vector<float>& log_deviation() const { return log_deviation_; }  // NaN where not known
+  std::vector<float> youngs_modulus_pa() const;
+  std::vector<CellState> states() const;
+  std::vector<float> log_deviation() const;  // NaN where not known
+  const CellBlocks& cells() const { return cells_; }
   // Restores what the three accessors above gave (no deviation: not known). Throws std::invalid_argument when
   // it does not fit or a known cell is not a finite positive modulus.
-  void restore(std::vector<float> youngs_modulus_pa, std::vector<CellState> states,
-               std::vector<float> log_deviation);
+  void restore(const std::vector<float>& youngs_modulus_pa, const std::vector<CellState>& states,
+               const std::vector<float>& log_deviation);
 
  private:
   std::size_t column(double x_m) const;
   std::size_t row(double y_m) const;
   struct Box;
   Box cells_touched(double x0_m, double x1_m, double y0_m, double y1_m) const;
-  std::optional<std::size_t> measured_cell(double x_m, double y_m) const;
-  void note_deviation(const WindowEstimate&, std::size_t first, std::size_t columns);
+  std::optional<Cell> measured_cell(double x_m, double y_m) const;
+  float deviation_of(const WindowEstimate&, std::size_t i, std::size_t j) const;
+  // `value` of each cell.
+  template <class Value>
+  auto each(Value value) const;
   // The window's cells in columns [first, first + columns), 0 Pa where not measured.
   std::vector<float> resample(const WindowEstimate&, std::size_t first, std::size_t columns) const;
   void index_columns();
   std::size_t nx_, ny_;
   double cell_x_m_, cell_y_m_;
-  std::vector<float> modulus_pa_;
-  std::vector<CellState> states_;
-  std::vector<float> log_deviation_;        // of the measured cells
-  std::vector<std::size_t> source_column_;  // nearest published column
+  CellBlocks cells_;
+  std::vector<std::uint32_t> source_column_;  // nearest published column
 };
 
 // What a window's neighbours, and the window itself before, tell about the tissue; empty without a map.

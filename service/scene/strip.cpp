@@ -58,6 +58,7 @@ std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const Sti
   options.thickness_m = g.thickness_m;
   options.interior_lines = o.interior_lines;
   options.will_change = true;
+  options.account = o.account;
   return std::make_shared<const TissueModel>(std::move(grid), std::move(material), supports, options, before);
 }
 

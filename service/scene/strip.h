@@ -24,6 +24,7 @@ struct StripOptions {
   double fine_depth_m = 0.022;
   double coarse_line_m = 0.002;  // distance of lines at depth
   bool interior_lines = false;   // as in TissueModelOptions
+  MemoryAccount account = {};    // the same
 };
 
 // Node coordinates of the lines (y), the same for every strip of a scene.

@@ -156,6 +156,14 @@ bool TouchSession::prepare(const WindowModel& window, double x_m, double reach_m
   return compliance_->prepare(nodes, options_.fingertip.friction == Friction::kStuck, until);
 }
 
+// Nothing is owed: without room for more the finger finds less ready.
+void TouchSession::look_ahead(const WindowModel& window, double x_m) {
+  try {
+    prepare(window, x_m, kWidestReachM, kAhead);
+  } catch (const MemoryRefused&) {
+  }
+}
+
 void TouchSession::solve_contact_into(TouchAnswer& answer, const WindowModel& window, double x_m,
                                       double y_m) {
   answer.path = options_.path == SolvePath::kPcg ? SolvePath::kPcg : SolvePath::kCompliance;
@@ -167,7 +175,7 @@ void TouchSession::solve_contact_into(TouchAnswer& answer, const WindowModel& wi
         "columns of the contact are still being solved; hold the finger above, or use "
         "the compliance");
   answer.contact = solve_contact(*window.model, line_, *compliance_, options_.fingertip, pose);
-  if (by_pcg) prepare(window, x_m, kWidestReachM, kAhead);
+  if (by_pcg) look_ahead(window, x_m);
   if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
 }
 

@@ -81,6 +81,7 @@ class TouchSession {
   std::string outside(double x_m, double y_m) const;
   bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&);
   bool prepare(const WindowModel&, double x_m, double reach_m, std::chrono::milliseconds);
+  void look_ahead(const WindowModel&, double x_m);
   void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
   void judge(TouchAnswer&, const WindowModel&, const SceneSnapshot&, const ContactPose&) const;
   std::string coarseness(const WindowModel&, const ContactPose&) const;

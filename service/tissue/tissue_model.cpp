@@ -227,15 +227,20 @@ std::shared_ptr<Compliance> TissueModel::condense(std::size_t line, const Tissue
   const Charge work = account.charge(Place::kHost, "condensing", working_bytes());
   MatrixXd stiffness;
   if (!by_columns(line)) {
-    const bool sweep = line > 0 || options_.interior_lines;
-    if (sweep && lines.swept_charge.bytes() == 0)
-      lines.swept_charge = account.charge(Place::kHost, "lines", swept_bytes());
     const LayeredStiffness layers(grid_, material_, supports_, Layers::kLines);
+    const auto charge_sweep = [&] { return account.charge(Place::kHost, "lines", swept_bytes()); };
     if (line == 0) {
+      if (options_.interior_lines) lines.swept_charge = charge_sweep();
       stiffness = eliminated_below(layers, options_.interior_lines ? &lines.below : nullptr);
     } else {
-      std::call_once(lines.swept, [&] { lines.stiffness = condensed_lines(layers, std::move(lines.below)); });
-      stiffness = std::move(lines.stiffness[line - lines.free.first_line]);  // used once, then freed
+      try {
+        std::call_once(lines.swept, [&] {
+          if (lines.below.empty()) lines.swept_charge = charge_sweep();
+          lines.stiffness = condensed_lines(layers, std::move(lines.below));
+        });
+        stiffness = std::move(lines.stiffness[line - lines.free.first_line]);  // used once, then freed
+      } catch (const MemoryRefused&) {                                         // column by column takes less
+      }
     }
   }
   MatrixXd compliance;

@@ -50,12 +50,14 @@ class Pressed {
 // Mean |log(E / truth)| of the measured cells in the upper 25 mm, further than 2 mm from an inclusion's rim.
 double error(const StitchedMap& map, const TrueModulus& truth) {
   double sum = 0, count = 0;
-  for (std::size_t n = 0; n < map.states().size(); ++n) {
+  const std::vector<CellState> states = map.states();
+  const std::vector<float> moduli_pa = map.youngs_modulus_pa();
+  for (std::size_t n = 0; n < states.size(); ++n) {
     const double x = (static_cast<double>(n % map.nx()) + 0.5) * map.cell_x_m();
     const double y = (static_cast<double>(n / map.nx()) + 0.5) * map.cell_y_m();
     const bool rim = truth(x - 2e-3, y) != truth(x + 2e-3, y) || truth(x, y - 2e-3) != truth(x, y + 2e-3);
-    if (y > 0.025 || rim || map.states()[n] != CellState::kMeasured) continue;
-    sum += std::abs(std::log(static_cast<double>(map.youngs_modulus_pa()[n]) / truth(x, y)));
+    if (y > 0.025 || rim || states[n] != CellState::kMeasured) continue;
+    sum += std::abs(std::log(static_cast<double>(moduli_pa[n]) / truth(x, y)));
     ++count;
   }
   return sum / count;

@@ -1,0 +1,98 @@
+// Peers that ask for more memory than they may have are told so, and the service says what it holds.
+#include "service/rpc/client.h"
+#include "service/rpc/status.h"
+#include "tests/rpc/running_server.h"
+
+namespace teletact::service {
+namespace {
+
+v1::GetInfoResponse info_of(const RunningServer& server) {
+  grpc::ClientContext context;
+  set_deadline(context);
+  v1::GetInfoResponse info;
+  EXPECT_TRUE(v1::Info::NewStub(server.channel())->GetInfo(&context, {}, &info).ok());
+  return info;
+}
+
+std::uint64_t held(const v1::GetInfoResponse& info, const std::string& place) {
+  std::uint64_t bytes = 0;
+  for (const v1::MemoryUse& use : info.memory())
+    if (use.place() == place) bytes += use.bytes();
+  return bytes;
+}
+
+grpc::Status create(const RunningServer& server, const v1::CreateSceneRequest& request,
+                    const std::string& client) {
+  grpc::ClientContext context;
+  set_deadline(context);
+  context.AddMetadata("teletact-client", client);
+  v1::Scene scene;
+  return v1::Palpation::NewStub(server.channel())->CreateScene(&context, request, &scene);
+}
+
+TEST(Memory, IsReportedByPlaceAndKindAndReturnedWithTheScene) {
+  RunningServer server;
+  server->make_ready();
+  const auto stub = v1::Palpation::NewStub(server.channel());
+  const std::uint64_t before = held(info_of(server), "host");
+  ASSERT_TRUE(create(server, uniform_scene("s"), "anna").ok());
+  const v1::GetInfoResponse info = info_of(server);
+  EXPECT_GT(held(info, "host"), before + 1000 * sizeof(double));
+  EXPECT_TRUE(std::any_of(info.memory().begin(), info.memory().end(),
+                          [](const auto& use) { return use.kind() == "models" && use.bytes() > 0; }));
+  grpc::ClientContext context;
+  v1::DeleteSceneRequest gone;
+  v1::DeleteSceneResponse answer;
+  gone.set_scene_id("s");
+  ASSERT_TRUE(stub->DeleteScene(&context, gone, &answer).ok());
+  EXPECT_EQ(held(info_of(server), "host"), before);
+}
+
+TEST(Memory, AClientBeyondItsShareIsRefusedWithTheSizesAndAnotherIsServed) {
+  Limits limits;
+  limits.host_memory_bytes = 20 << 20, limits.client_memory_share = 0.1;
+  RunningServer server("", "", limits);
+  server->make_ready();
+  ASSERT_TRUE(create(server, uniform_scene("a"), "anna").ok());
+  grpc::Status refused = grpc::Status::OK;
+  for (int k = 0; k < 30 && refused.ok(); ++k)
+    refused = create(server, uniform_scene("a" + std::to_string(k)), "anna");
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << refused.error_message();
+  for (const char* word : {"bytes", "this client holds", "delete scenes"})
+    EXPECT_NE(refused.error_message().find(word), std::string::npos) << refused.error_message();
+  EXPECT_TRUE(create(server, uniform_scene("b"), "berta").ok());
+}
+
+// Each number is allowed, together they are beyond what double carries.
+TEST(Memory, UnusableNumbersAreTheClientsAndNotInternal) {
+  RunningServer server;
+  server->make_ready();
+  for (const double modulus_pa : {1e-300, 1e300}) {
+    v1::CreateSceneRequest request = uniform_scene("s");
+    v1::ModulusMap* map = request.mutable_modulus();
+    const std::size_t elements = static_cast<std::size_t>((map->x_m_size() - 1) * (map->y_m_size() - 1));
+    std::vector<double> values(elements, 10e3);
+    for (std::size_t n = 0; n < elements; n += 3) values[n] = modulus_pa;
+    map->mutable_youngs_modulus_pa()->set_dtype(v1::DATA_TYPE_FLOAT64);
+    map->mutable_youngs_modulus_pa()->set_data(values.data(), values.size() * sizeof(double));
+    const grpc::Status status = create(server, request, "anna");
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << status.error_message();
+    EXPECT_NE(status.error_message().find("moduli"), std::string::npos) << status.error_message();
+  }
+}
+
+TEST(Memory, WhatRunsOutOfMemoryIsExhaustedAndSaysWhatToDo) {
+  const auto code_of = [](auto error) {
+    const grpc::Status status = status_of(std::make_exception_ptr(error));
+    EXPECT_NE(status.error_message(), "");
+    return status.error_code();
+  };
+  EXPECT_EQ(code_of(std::bad_alloc()), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(code_of(MemoryRefused("memory")), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(code_of(DeviceMemoryError("memory")), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(code_of(DeviceError("lost")), grpc::StatusCode::INTERNAL);
+  EXPECT_EQ(code_of(std::domain_error("not finite")), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace teletact::service
