@@ -100,6 +100,7 @@ struct DisplacementEstimator::Workspace {
             const DisplacementOptions& o);
   void measure(const RfFrame&, const DisplacementOptions&);
   void allocate(const Queue&, const RfFrame&, const DisplacementOptions&);
+  std::uint64_t bytes() const;
   bool serves(const RfFrame& frame, const AcquisitionGeometry& g) const {
     return static_cast<int>(frame.sample_count) == samples && static_cast<int>(frame.line_count) == lines &&
            g.sample_pitch_m() == sample_pitch_m && g.line_pitch_m == line_pitch_m &&
@@ -196,6 +197,12 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
                 std::max(coarse_half_lateral + coarse_laterals / 2 * coarse_lateral_step,
                          half_lateral + lateral_reach) +
                     3);
+  if (double(coarse.nodes()) * coarse_laterals * 8 * coarse_chunks > kMostLags)
+    throw std::invalid_argument(
+        "max_strain: the search of so many lines and samples would not fit in memory; give a smaller one, or "
+        "a part "
+        "of the frame");
+  q.account().make_room(Place::kDevice, "arrays", bytes());
   for (Array<float>* image_array :
        {&pre, &post, &mean, &difference, &filtered_pre, &filtered_post, &pre_energy, &post_energy}) {
     *image_array = q.array<float>(pad.total);
@@ -204,11 +211,6 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
   taps = q.array(interpolation_taps());
   series = q.array(interpolation_series());
   weights = q.array(taper(8 * window_chunks));
-  if (double(coarse.nodes()) * coarse_laterals * 8 * coarse_chunks > kMostLags)
-    throw std::invalid_argument(
-        "max_strain: the search of so many lines and samples would not fit in memory; give a smaller one, or "
-        "a part "
-        "of the frame");
   coarse_volume =
       q.array<float>(std::size_t(coarse.nodes()) * std::size_t(coarse_laterals) * 8 * coarse_chunks);
   q.fill_zero(coarse_volume);  // where nothing is looked at
@@ -224,6 +226,19 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
     *array = q.array<float>(2 * std::size_t(image.nodes()));
   trusted = q.array<std::uint8_t>(std::size_t(image.nodes()));
   refinement = std::make_unique<Refinement>(q, o.regularisation, image, line_pitch_m, sample_pitch_m);
+}
+
+// About what allocate() and the refinement take: asked for as a whole, so that nothing is taken in vain.
+std::uint64_t DisplacementEstimator::Workspace::bytes() const {
+  constexpr std::uint64_t kImages = 8, kPerImageNode = 90 + 9, kPerNode = 8;  // floats
+  const auto of = [](const SampleGrid& g) { return static_cast<std::uint64_t>(g.nodes()); };
+  const auto laterals = static_cast<std::uint64_t>(coarse_laterals),
+             lags = 8 * static_cast<std::uint64_t>(coarse_chunks),
+             fine_laterals = 2 * static_cast<std::uint64_t>(lateral_reach) + 1;
+  const std::uint64_t volumes = of(coarse) * (laterals * lags + lags + laterals + 1) +
+                                of(fine) * fine_laterals * kFineLags,
+                      nodes = std::max({of(coarse), of(fine), of(image)});
+  return sizeof(float) * (kImages * pad.total + volumes + kPerNode * nodes + kPerImageNode * of(image));
 }
 
 DisplacementEstimator::DisplacementEstimator(Queue queue, DisplacementOptions options)
@@ -407,8 +422,8 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
 DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
                                                      const AcquisitionGeometry& geometry,
                                                      const std::function<void()>& between) {
-  if (!work_ || !work_->serves(pre, geometry))
-    work_ = std::make_unique<Workspace>(queue_, pre, geometry, options_);
+  if (work_ && !work_->serves(pre, geometry)) work_.reset();  // first: its room may be needed
+  if (!work_) work_ = std::make_unique<Workspace>(queue_, pre, geometry, options_);
   Workspace& w = *work_;
   queue_.write(w.pre, padded(pre, w.pad).data(), w.pad.total);
   queue_.write(w.post, padded(post, w.pad).data(), w.pad.total);

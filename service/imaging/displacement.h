@@ -58,7 +58,7 @@ struct DisplacementEstimate {
 // Not thread-safe: one queue, buffers kept for the next pair of the same geometry.
 class DisplacementEstimator {
  public:
-  // Throws std::invalid_argument for unusable options.
+  // Throws std::invalid_argument for unusable options. What it allocates is charged to the queue's account.
   DisplacementEstimator(Queue, DisplacementOptions);
   ~DisplacementEstimator();
   // `pre`, `post`, `geometry` as validate() accepts them. `between` is called between the levels; what it

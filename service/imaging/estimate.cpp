@@ -55,17 +55,45 @@ RfFrame texture(std::size_t samples, std::size_t lines, double stretch) {
 
 Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOptions options)
     : queue_(device->queue()),
+      strips_(std::make_shared<StripCache>()),
       options_(options),
       displacement_(queue_, options.displacement),
       strain_(queue_, options.strain) {
-  const auto strips = std::make_shared<StripCache>();
-  modulus_ = {make_reference_stress(queue_, options.reference_stress, strips),
-              make_direct(queue_, options.direct, strips),
-              make_iterative(queue_, options.iterative, options.direct, strips)};
-  judge_ = std::make_unique<ModulusJudge>(queue_, strips, JudgeLimits{}, options.direct.reach);
+  modulus_ = {make_reference_stress(queue_, options.reference_stress, strips_),
+              make_direct(queue_, options.direct, strips_),
+              make_iterative(queue_, options.iterative, options.direct, strips_)};
+  judge_ = std::make_unique<ModulusJudge>(queue_, strips_, JudgeLimits{}, options.direct.reach);
   if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
     throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
 }
+
+void Elastography::charge_to(const MemoryAccount& account) {
+  queue_.charge_to(account);
+  strips_->charge_to(account);
+}
+
+namespace {
+
+struct HostBytes {
+  std::uint64_t maps, working;
+};
+
+// Maps on the image grid, and meanwhile what they are read from the device as and the blocks of the direct
+// modulus (T3.2), which the iterative one starts from: four of ny^2 for each column of nodes, 1 mm apart.
+HostBytes host_bytes(const RfFrame& frame, const AcquisitionGeometry& geometry, const TissueExtent& tissue,
+                     const DisplacementOptions& o, ModulusKind method) {
+  constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMostRows = 200;
+  const double width_m = static_cast<double>(frame.line_count) * geometry.line_pitch_m,
+               depth_m = static_cast<double>(frame.sample_count) * geometry.sample_pitch_m();
+  const double nodes = (width_m / o.grid_dx_m + 2) * (depth_m / o.grid_dy_m + 2);
+  const double rows = std::min(kMostRows, std::ceil(tissue.depth_m / kFineM)) + 1,
+               columns = std::ceil(width_m / kFineM) + 1;
+  const double direct = method == ModulusKind::kReferenceStress ? 0 : 4 * columns * rows * rows;
+  return {static_cast<std::uint64_t>(nodes * (kMaps * sizeof(float) + 3)),
+          static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
+}
+
+}  // namespace
 
 void Elastography::warm() {
   // Launches of more than 65535 items are compiled apart from smaller ones: a small and a full-sized frame.
@@ -187,8 +215,12 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const A
   const auto go_on = [&] {
     if (cancelled && cancelled()) throw EstimateCancelled();
   };
-  StageClock clock;
+  const HostBytes bytes =
+      host_bytes(pre, geometry, tissue, options_.displacement, choice.kind.value_or(options_.modulus));
   Estimate e;
+  e.held = std::make_shared<const Charge>(queue_.account().charge(Place::kHost, "estimates", bytes.maps));
+  const Charge working = queue_.account().charge(Place::kHost, "estimating", bytes.working);
+  StageClock clock;
   const auto ended = [&](Stage stage, double& seconds) {
     seconds = clock.lap();
     if (progress) progress(stage);

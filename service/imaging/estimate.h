@@ -16,6 +16,7 @@
 #include "service/imaging/modulus.h"
 #include "service/imaging/modulus_judge.h"
 #include "service/imaging/strain.h"
+#include "service/imaging/strip_model.h"
 #include "service/imaging/tracking_quality.h"
 
 namespace teletact::service {
@@ -71,6 +72,7 @@ struct Estimate {
   std::vector<std::string>
       input_warnings;  // frames that contradict what is stated of them; tracking that failed in part
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
+  std::shared_ptr<const Charge> held;  // of these maps
 };
 
 // Not thread-safe: one queue and its buffers, kept for the next pair.
@@ -78,6 +80,9 @@ class Elastography {
  public:
   // Throws DeviceError; std::invalid_argument for unusable options.
   Elastography(const std::shared_ptr<Device>&, ElastographyOptions = {});
+
+  // In whose name pairs are worked on from now on: what is kept of them for the next, too.
+  void charge_to(const MemoryAccount&);
 
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
   void warm();
@@ -100,6 +105,7 @@ class Elastography {
   void find_modulus(Estimate&, ModulusInput, const ModulusChoice&, const std::function<bool()>& cancelled);
 
   Queue queue_;
+  std::shared_ptr<StripCache> strips_;
   ElastographyOptions options_;
   DisplacementEstimator displacement_;
   StrainEstimator strain_;

@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 
@@ -167,7 +170,7 @@ StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
   fill(youngs_modulus_pa);
   factor_.factorize(stiffness_);
   if (factor_.info() != Eigen::Success)
-    throw std::runtime_error("the stiffness of the strip under the probe is not positive definite");
+    throw std::domain_error("the stiffness of the strip under the probe is not positive definite");
   const Eigen::VectorXd unknowns = factor_.solve(load_);
   StripResponse out;
   out.displacement.resize(grid_.dofs());
@@ -262,26 +265,78 @@ Field StripModel::on_image(const std::vector<double>& element_values, const Imag
   return field;
 }
 
-StripCache::Entry::Entry(const TissueExtent& tissue, double window_width_m)
-    : model(tissue, window_width_m),
+StripCache::Entry::Entry(const TissueExtent& tissue, double window_width_m, Charge held)
+    : charge(std::move(held)),
+      model(tissue, window_width_m),
       homogeneous(model.solve(std::vector<double>(model.grid().elements(), 1.0))),
       log_force_slope(model.log_force_slope(homogeneous)) {}
 
+// A model that stays until others need its room.
+class StripCache::Kept final : public Reclaimable {
+ public:
+  Kept(const Key& key, std::shared_ptr<Entry> entry) : key_(key), entry_(std::move(entry)) {}
+  const Key& key() const { return key_; }
+  // Null once it was given back.
+  std::shared_ptr<Entry> use() {
+    const std::lock_guard lock(mutex_);
+    used_ = use_stamp();
+    return entry_;
+  }
+  std::uint64_t last_use() const override { return used_; }
+  bool give_back() override {
+    const std::lock_guard lock(mutex_);  // never held for long
+    if (entry_.use_count() != 1) return false;
+    entry_.reset();
+    return true;
+  }
+
+ private:
+  const Key key_;
+  std::atomic<std::uint64_t> used_ = use_stamp();
+  std::mutex mutex_;
+  std::shared_ptr<Entry> entry_;
+};
+
+bool StripCache::Key::same(const Key& k) const {
+  return std::abs(k.window_x_m - window_x_m) < kSlackM && std::abs(k.right_m - right_m) < kSlackM &&
+         k.depth_m == depth_m && k.poisson_ratio == poisson_ratio && k.width_m == width_m && k.plane == plane;
+}
+
+namespace {
+
+// Of a model: its factor, whose fill was measured on strips of 5e3 to 2e5 unknowns, its matrix and where
+// elements add to it; and what is needed for a moment to lay them out.
+struct ModelBytes {
+  std::uint64_t kept, making;
+};
+ModelBytes bytes_of(const TissueGrid& grid) {
+  constexpr double kFactor = 66, kMatrix = 450, kTriplets = 512;  // per unknown; the first times log2
+  const auto unknowns = static_cast<double>(grid.dofs());
+  const auto kept = static_cast<std::uint64_t>(unknowns * (kFactor * std::log2(unknowns) + kMatrix));
+  return {kept, kept + static_cast<std::uint64_t>(kTriplets * unknowns)};
+}
+
+}  // namespace
+
 std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, double window_width_m) {
   const Context c = context(tissue, window_width_m);
-  const auto same = [&](const Kept& k) {
-    return std::abs(k.window_x_m - tissue.window_x_m) < kSlackM &&
-           std::abs(k.right_m - c.right_m) < kSlackM && k.depth_m == tissue.depth_m &&
-           k.poisson_ratio == tissue.poisson_ratio && k.width_m == window_width_m && k.plane == tissue.plane;
-  };
-  const auto found = std::find_if(kept_.begin(), kept_.end(), same);
+  const Key key{tissue.window_x_m,    c.right_m,      tissue.depth_m,
+                tissue.poisson_ratio, window_width_m, tissue.plane};
+  const auto found =
+      std::find_if(kept_.begin(), kept_.end(), [&](const auto& kept) { return kept->key().same(key); });
   if (found != kept_.end()) {
-    kept_.splice(kept_.begin(), kept_, found);
-    return found->entry;
+    if (auto entry = (*found)->use()) {
+      kept_.splice(kept_.begin(), kept_, found);
+      return entry;
+    }
+    kept_.erase(found);
   }
-  const auto entry = std::make_shared<Entry>(tissue, window_width_m);
-  kept_.push_front({tissue.window_x_m, c.right_m, tissue.depth_m, tissue.poisson_ratio, window_width_m,
-                    tissue.plane, entry});
+  const ModelBytes bytes = bytes_of(strip(c, tissue.depth_m, window_width_m));
+  auto entry =
+      std::make_shared<Entry>(tissue, window_width_m, account_.charge(Place::kHost, "strips", bytes.making));
+  entry->charge.shrink(bytes.kept);
+  kept_.push_front(std::make_shared<Kept>(key, entry));
+  account_.add(Place::kHost, kept_.front());
   if (kept_.size() > kMost) kept_.pop_back();
   return entry;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "service/imaging/frame.h"
+#include "service/limits/memory.h"
 #include "service/tissue/grid.h"
 
 namespace teletact::service {
@@ -94,26 +95,32 @@ class StripModel {
 };
 
 // Models of the latest geometries with their response to homogeneous tissue of 1 Pa. Windows with the same
-// context share one. Not thread-safe.
+// context share one. Used by one thread at a time; those that nobody holds are given back when others need
+// room.
 class StripCache {
  public:
   struct Entry {
-    Entry(const TissueExtent&, double window_width_m);
+    Entry(const TissueExtent&, double window_width_m, Charge);
+    Charge charge;
     StripModel model;
     StripResponse homogeneous;
     double log_force_slope;
   };
-  // Throws as StripModel. The entry lives as long as it is held or among the latest kMost.
+  // In whose name models are held that are made from now on.
+  void charge_to(const MemoryAccount& account) { account_ = account; }
+  // Throws as StripModel, and MemoryRefused. The entry lives as long as it is held or among the latest kMost.
   std::shared_ptr<Entry> get(const TissueExtent&, double window_width_m);
   static constexpr std::size_t kMost = 32;
 
  private:
-  struct Kept {
+  struct Key {
     double window_x_m, right_m, depth_m, poisson_ratio, width_m;
     Plane plane;
-    std::shared_ptr<Entry> entry;
+    bool same(const Key&) const;
   };
-  std::list<Kept> kept_;  // latest used first
+  class Kept;
+  MemoryAccount account_;
+  std::list<std::shared_ptr<Kept>> kept_;  // latest used first
 };
 
 }  // namespace teletact::service

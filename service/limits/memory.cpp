@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "service/limits/limits.h"
+
 namespace teletact::service {
 
 struct Charge::Holder {

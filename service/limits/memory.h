@@ -16,9 +16,9 @@
 #include <utility>
 #include <vector>
 
-#include "service/limits/limits.h"
-
 namespace teletact::service {
+
+struct Limits;
 
 enum class Place { kHost, kDevice };
 const char* name_of(Place);

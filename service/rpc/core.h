@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "service/device/device.h"
+#include "service/limits/limits.h"
 #include "service/limits/memory.h"
 #include "service/rpc/calls.h"
 #include "service/scene/scenes.h"

@@ -2,6 +2,8 @@
 // uses is given back in the order of last use, and a client is kept to its share without harm to others.
 #include "service/limits/memory.h"
 
+#include "service/limits/limits.h"
+
 #include <gtest/gtest.h>
 
 #include <optional>

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "service/device/device.h"
+#include "service/limits/limits.h"
 #include "service/limits/memory.h"
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"

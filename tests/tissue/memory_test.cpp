@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "service/device/device.h"
+#include "service/limits/limits.h"
 #include "service/limits/memory.h"
 #include "service/tissue/tissue_model.h"
 
