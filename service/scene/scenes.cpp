@@ -82,6 +82,8 @@ void Scenes::restore() {
       add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id}));
       spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
                    record.windows.size());
+    } catch (const MemoryRefused& refused) {  // nothing is wrong with it: it stays where it is
+      spdlog::error("event=scene_not_restored scene={} error=\"{}\"", record.id, refused.what());
     } catch (const std::exception& error) {
       state_.set_aside(record.id, error.what());
     }
