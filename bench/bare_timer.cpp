@@ -28,7 +28,7 @@ void BareTimer::stop() {
 }
 
 void BareTimer::run() {
-  client::ask_for_real_time();
+  client::ask_for_real_time(this, sizeof *this);
   client::MonotonicClock clock;
   begin_ns_ = end_ns_ = clock.now_ns();
   std::int64_t due_ns = begin_ns_ + kPeriodNs;
