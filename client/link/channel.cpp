@@ -29,19 +29,27 @@ constexpr int kMaxMessageBytes = 256 << 20;
 // Adds the client's name to the metadata of a call as it goes out.
 class Naming final : public grpc::experimental::Interceptor {
  public:
+  explicit Naming(const std::string& name) : name_(name) {}
   void Intercept(grpc::experimental::InterceptorBatchMethods* call) override {
     using grpc::experimental::InterceptionHookPoints;
     if (call->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA))
-      call->GetSendInitialMetadata()->emplace("teletact-client", client_name());
+      call->GetSendInitialMetadata()->emplace("teletact-client", name_);
     call->Proceed();
   }
+
+ private:
+  const std::string& name_;  // the factory's, which the channel keeps
 };
 
 class NamingFactory final : public grpc::experimental::ClientInterceptorFactoryInterface {
  public:
+  explicit NamingFactory(std::string name) : name_(std::move(name)) {}
   grpc::experimental::Interceptor* CreateClientInterceptor(grpc::experimental::ClientRpcInfo*) override {
-    return new Naming;  // gRPC owns it
+    return new Naming(name_);  // gRPC owns it
   }
+
+ private:
+  const std::string name_;
 };
 
 std::string make_client_name() {
@@ -67,16 +75,20 @@ grpc::ChannelArguments channel_arguments() {
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectTimeoutMs);  // gRPC's name for it
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLargestBackoffMs);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  // gRPC's own retries add nothing to ours, and with them a call whose service drains under it may never end,
+  // whatever its deadline (gRPC 1.51).
+  arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   return arguments;
 }
 
-std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca) {
+std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca,
+                                            const std::string& name) {
   const auto credentials =
       tls_ca.empty() ? grpc::InsecureChannelCredentials() : grpc::SslCredentials({tls_ca, "", ""});
   std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(std::make_unique<NamingFactory>());
+  interceptors.push_back(std::make_unique<NamingFactory>(name));
   return grpc::experimental::CreateCustomChannelWithInterceptors(address, credentials, channel_arguments(),
                                                                  std::move(interceptors));
 }

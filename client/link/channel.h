@@ -21,8 +21,9 @@ grpc::ChannelArguments channel_arguments();
 // `address` is "host:port" or "unix:/path". Connects lazily; backoff 50 to 200 ms, 3 s per attempt. A channel
 // shares no subchannel (and so no backoff) with any other. With `tls_ca`, PEM text, the connection is
 // encrypted and the service must show a certificate that these authorities signed for the host's name
-// ("localhost" for a Unix socket); without it nothing is encrypted.
-std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca = "");
+// ("localhost" for a Unix socket); without it nothing is encrypted. `name`: the client's, on every call.
+std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca = "",
+                                            const std::string& name = client_name());
 
 // Reaches `address` over links that lose packets or say nothing: while an attempt hangs, another is started
 // beside it every kAttemptS, and the first that succeeds is taken. One attempt alone would wait out its
