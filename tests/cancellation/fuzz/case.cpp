@@ -48,7 +48,7 @@ bool is_of_grpc(Method method, StatusCode code) {
   if (code == StatusCode::RESOURCE_EXHAUSTED) return true;  // too long
   if (method == Method::kHealthCheck || method == Method::kHealthWatch)
     return is_among(code, {StatusCode::INVALID_ARGUMENT, StatusCode::INTERNAL});
-  return sends_one(method) && code == StatusCode::INTERNAL;
+  return sends_one(method) && code == StatusCode::UNIMPLEMENTED;  // so says the callback interface
 }
 
 }  // namespace
