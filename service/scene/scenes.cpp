@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
+#include <new>
 #include <random>
 #include <stdexcept>
 
@@ -82,11 +83,20 @@ void Scenes::restore() {
       add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id}));
       spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
                    record.windows.size());
-    } catch (const MemoryRefused& refused) {  // nothing is wrong with it: it stays where it is
-      spdlog::error("event=scene_not_restored scene={} error=\"{}\"", record.id, refused.what());
+    } catch (const MemoryRefused& refused) {
+      leave_on_disk(record.id, refused.what());
+    } catch (const std::bad_alloc& error) {
+      leave_on_disk(record.id, error.what());
     } catch (const std::exception& error) {
       state_.set_aside(record.id, error.what());
     }
+}
+
+// Nothing is wrong with it: it stays where it is, and nobody writes over it.
+void Scenes::leave_on_disk(const std::string& id, const char* why) {
+  spdlog::error("event=scene_not_restored scene={} error=\"{}\"", id, why);
+  const std::lock_guard lock(mutex_);
+  left_on_disk_.insert(id);
 }
 
 // Takes the id for a scene that is being made.
@@ -95,8 +105,15 @@ std::string Scenes::reserve(const std::string& wanted_id) {
   const std::lock_guard lock(mutex_);
   while (id.empty()) {
     id = random_id();
-    if (scenes_.contains(id) || being_made_.contains(id)) id.clear();
+    if (scenes_.contains(id) || being_made_.contains(id) || left_on_disk_.contains(id)) id.clear();
   }
+  if (left_on_disk_.contains(id))
+    throw Error(
+        ErrorKind::kAlreadyExists,
+        fmt::format(
+            "scene_id: {} is kept on disk and did not fit into memory at the start; choose another id, "
+            "or restart the service with more memory",
+            id));
   if (scenes_.contains(id) || being_made_.contains(id))
     throw Error(ErrorKind::kAlreadyExists,
                 fmt::format("scene_id: {} is taken; delete that scene or choose another id", id));

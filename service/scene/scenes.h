@@ -52,6 +52,7 @@ class Scenes {
   void wait_until_kept() { state_.wait_until_idle(); }
 
  private:
+  void leave_on_disk(const std::string& id, const char* why);
   std::string reserve(const std::string& wanted_id);
   void refresh_later(const std::shared_ptr<Scene>&);
   void add(const std::shared_ptr<Scene>&);
@@ -59,8 +60,9 @@ class Scenes {
   const std::shared_ptr<MemoryBudget> memory_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Scene>> scenes_;
-  std::set<std::string> being_made_;   // ids taken while their models are built and first kept
-  std::set<const Scene*> refreshing_;  // a background job waits for them
+  std::set<std::string> being_made_;    // ids taken while their models are built and first kept
+  std::set<std::string> left_on_disk_;  // ids of scenes that did not fit at the start
+  std::set<const Scene*> refreshing_;   // a background job waits for them
   // Last: their jobs use all of the above.
   StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.

@@ -238,6 +238,30 @@ TEST_F(TroubledDisk, AFailureAtAnyOperationRefusesTheSceneAndTheServiceGoesOn) {
     }
 }
 
+TEST(KeepingState, ASceneThatDoesNotFitIntoMemoryAtTheStartIsNotWrittenOver) {
+  const auto disk = std::make_shared<LosingDisk>();
+  const ExplicitModulus large{uniform_coordinates(0, 0.1, 200), uniform_coordinates(0, 0.03, 20),
+                              std::vector<double>(4000, 10e3)};
+  Scenes(kState, {}, disk).create("a", tissue(0.1, 0.03), large);
+  {
+    Limits limits;
+    limits.host_memory_bytes = limits.device_memory_bytes = 1000;
+    Scenes small(kState, limits, disk, std::make_shared<MemoryBudget>(limits));
+    small.restore();
+    EXPECT_TRUE(small.list().empty());
+    try {
+      small.create("a", tissue(0.1, 0.03), std::nullopt);
+      ADD_FAILURE() << "written over";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind, ErrorKind::kAlreadyExists);
+    }
+  }
+  Scenes again(kState, {}, disk);
+  again.restore();
+  ASSERT_EQ(again.list().size(), 1U);
+  EXPECT_EQ(again.list()[0]->explicit_modulus()->youngs_modulus_pa.size(), 4000U);
+}
+
 // Which threads the disk was touched on.
 class WatchedDisk final : public Files {
  public:
