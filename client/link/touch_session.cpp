@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "client/link/adapter_watch.h"
 #include "client/link/channel.h"
 #include "client/link/convert.h"
 #include "client/link/tick_log.h"
@@ -213,25 +214,6 @@ void obey_keys(const TouchSessionOptions& options, ServoLoop& servo, TouchLink& 
   }
 }
 
-// An adapter that waits takes the servo's time.
-class SlowCalls {
- public:
-  void look_at(HapticDevice& device, double now_s) {
-    longest_s_ = std::max(longest_s_, device.longest_call_s());
-    if (longest_s_ < kSlowS || now_s < next_s_) return;
-    spdlog::warn(
-        "the device's adapter took {:.1f} ms for a call: it waited, which read() and write() may not, or "
-        "this machine is too busy",
-        1e3 * longest_s_);
-    longest_s_ = 0;
-    next_s_ = now_s + kEveryS;
-  }
-
- private:
-  static constexpr double kSlowS = 0.005, kEveryS = 5;
-  double longest_s_ = 0, next_s_ = 0;
-};
-
 }  // namespace
 
 TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop) {
@@ -252,9 +234,9 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
   link.start();
   TickLog log;
   Waiting waiting;
-  SlowCalls slow_calls;
+  AdapterWatch adapter;
   say_keys(options);
-  while (!stop && link.failure().empty() && !servo_thread.over() &&
+  while (!stop && link.failure().empty() && !servo_thread.over() && !adapter.stuck() &&
          !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
     drain(*servo, summary.ticks, log, recorder.get());
@@ -263,7 +245,8 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
     summary.real_time = granted.value_or(RealTime());
     obey_keys(options, *servo, link);
     const double now_s = 1e-9 * static_cast<double>(clock.now_ns());
-    slow_calls.look_at(*device, now_s);
+    const std::string slow = adapter.line(*device, servo->ticks(), now_s);
+    if (!slow.empty()) spdlog::warn("{}", slow);
     const bool has_keys = static_cast<bool>(options.key);
     const std::string line =
         waiting.line(situation_of(link, summary.ticks, width_of(scene), has_keys), now_s);
@@ -277,6 +260,8 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
     summary.record_dropped = recorder->dropped();
     recorder->close();
   }
+  if (adapter.stuck())
+    throw std::runtime_error("touching ended: the device's adapter did not return from a call");
   if (!link.failure().empty()) throw std::runtime_error("touching ended: " + link.failure());
   return summary;
 }

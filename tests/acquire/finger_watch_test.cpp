@@ -73,6 +73,9 @@ TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
   server.palpation.set_finger(true, 0.03, 0.5);
   FingerWatch watch(server.address(), "", "s");
   ASSERT_LT(seconds_until([&] { return watch.motion(monotonic_ns()).x_m >= 0.0799; }, 5), 5);
+  // What has gone quiet stands: 0.1 s of its speed is as far as it is taken to have gone.
+  constexpr std::int64_t kTenSecondsNs = 10'000'000'000;
+  EXPECT_NEAR(watch.motion(monotonic_ns() + kTenSecondsNs).x_m, 0.03 + 0.1 * 0.5, 1e-9);
   const int told = server.palpation.told;
   server.palpation.repeat_finger();
   double least_m = 1;
