@@ -17,6 +17,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <variant>
 
 #include "service/device/device.h"
@@ -119,6 +120,7 @@ sigset_t block_stop_signals() {
 std::unique_ptr<Server> start(ServeOptions options) {
   constexpr int kDeviceNiceness = 5;  // kernels run below touch
   options.device.niceness = kDeviceNiceness;
+  options.server.reopen = [device = options.device] { return Device::open(device); };
   auto server = std::make_unique<Server>(Device::open(options.device), options.server);
   server->make_ready();
   return server;
@@ -138,6 +140,17 @@ std::unique_ptr<Server> start_unless_stopped(const ServeOptions& options, const 
   return starting.get();
 }
 
+// The process ends within 5 s of its signal (the limit drain_s as it is), whatever the device's driver or the
+// disk do: the state on disk is whole at every moment.
+void end_in_time(double drain_s) {
+  constexpr double kBeyondS = 1.5;
+  std::thread([=] {
+    std::this_thread::sleep_for(std::chrono::duration<double>(drain_s + kBeyondS));
+    spdlog::warn("event=drain_cut");
+    std::_Exit(0);
+  }).detach();
+}
+
 void serve(const CLI::App& command, ServeOptions options) {
   const auto begun = std::chrono::steady_clock::now();
   read_config(command, options);
@@ -152,6 +165,7 @@ void serve(const CLI::App& command, ServeOptions options) {
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("event=signal signal={}", signal);
+  end_in_time(server->core().limits.drain_s);
   server->drain();
 }
 

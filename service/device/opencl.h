@@ -5,6 +5,7 @@
 #define CL_HPP_MINIMUM_OPENCL_VERSION 300
 #define CL_HPP_ENABLE_EXCEPTIONS
 #include <CL/opencl.hpp>
+#include <array>
 #include <atomic>
 #include <map>
 #include <memory>
@@ -37,11 +38,28 @@ struct LaunchLog {
   void collect();  // waits for the pending launches and adds them to the totals
 };
 
+// What a queue has ahead of it, on a thread that looks up (look.h).
+struct Pace {
+  double ahead_s = 0;
+};
+
 struct RawKernel {
   cl::Kernel kernel;
   cl::CommandQueue queue;
   std::shared_ptr<LaunchLog> log;
+  std::shared_ptr<Pace> pace;
   std::string name;
+  using Sizes = std::array<std::size_t, 3>;
+  struct Measured {
+    double s = 0;
+    int launches = 0;  // the first may have compiled it and says little
+  };
+  std::map<Sizes, Measured> measured;  // launches, by their global size
+
+  void enqueue(const Sizes& from, const Sizes& global, const Sizes& local);
+  // So that no more than some 20 ms are ahead of the queue, and looks up in between.
+  void launch_at_pace(const Sizes& global, const Sizes& local);
+  void catch_up();
 };
 
 // One device opened by the process: its programs are built at most once each.

@@ -2,6 +2,10 @@
 #include "service/device/queue.h"
 
 #include <algorithm>
+#include <chrono>
+
+#include "service/device/fault.h"
+#include "service/device/look.h"
 
 namespace teletact::service {
 namespace {
@@ -12,6 +16,16 @@ constexpr std::size_t kPendingLaunches = 4096;
 // Kept at most of what is on its way to the device; a larger write waits.
 constexpr std::size_t kMostSentBytes = std::size_t{4} << 20;
 
+// Of work that a queue may have ahead on a thread that looks up.
+constexpr double kAheadS = 0.02;
+// A launch of a size that has not been measured is tried in parts, where it has more items than these.
+constexpr std::size_t kItemsToTry = 32768, kParts = 8;
+constexpr double kMostGrowth = 4;                          // of one slice to the next
+constexpr std::size_t kMostSizes = 64;                     // that are remembered for a kernel
+constexpr std::size_t kFillBytes = std::size_t{8} << 20;  // at once
+
+std::atomic<bool> launches_fail{false};
+
 void check_range(const RawBuffer& buffer, std::size_t bytes, std::size_t offset) {
   if (offset > buffer.bytes || bytes > buffer.bytes - offset)
     throw DeviceError("copy of " + std::to_string(bytes) + " bytes at " + std::to_string(offset) +
@@ -19,6 +33,10 @@ void check_range(const RawBuffer& buffer, std::size_t bytes, std::size_t offset)
 }
 
 }  // namespace
+
+void fail_launches(bool fail) {
+  launches_fail = fail;
+}
 
 void LaunchLog::collect() {
   for (auto& [name, event] : pending) {
@@ -54,15 +72,70 @@ void Kernel::launch(const Range& range) {
     local[d] = std::max<std::size_t>(1, range.local[d]);
     global[d] = (std::max<std::size_t>(1, range.global[d]) + local[d] - 1) / local[d] * local[d];
   }
-  guarded("launch of kernel " + raw_->name, [&] {
+  if (looked_after())
+    raw_->launch_at_pace(global, local);
+  else
+    raw_->enqueue({}, global, local);
+}
+
+void RawKernel::enqueue(const Sizes& from, const Sizes& global, const Sizes& local) {
+  guarded("launch of kernel " + name, [&] {
     cl::Event event;
-    raw_->queue.enqueueNDRangeKernel(
-        raw_->kernel, cl::NullRange, cl::NDRange(global[0], global[1], global[2]),
-        cl::NDRange(local[0], local[1], local[2]), nullptr, raw_->log->enabled ? &event : nullptr);
-    if (!raw_->log->enabled) return;
-    raw_->log->pending.emplace_back(raw_->name, event);
-    if (raw_->log->pending.size() >= kPendingLaunches) raw_->log->collect();
+    if (launches_fail) throw cl::Error(CL_DEVICE_NOT_AVAILABLE, "clEnqueueNDRangeKernel");
+    const bool whole = from == Sizes{};
+    queue.enqueueNDRangeKernel(kernel, whole ? cl::NullRange : cl::NDRange(from[0], from[1], from[2]),
+                               cl::NDRange(global[0], global[1], global[2]),
+                               cl::NDRange(local[0], local[1], local[2]), nullptr,
+                               log->enabled ? &event : nullptr);
+    if (!log->enabled) return;
+    log->pending.emplace_back(name, event);
+    if (log->pending.size() >= kPendingLaunches) log->collect();
   });
+}
+
+void RawKernel::catch_up() {
+  guarded("waiting for the device", [&] { queue.finish(); });
+  pace->ahead_s = 0;
+  look();
+}
+
+// Work-items know nothing of their launch but where they are in it, so that a launch may come in slices.
+void RawKernel::launch_at_pace(const Sizes& global, const Sizes& local) {
+  if (measured.size() > kMostSizes) measured.clear();
+  Measured& launch = measured[global];
+  const bool known = launch.launches >= 2;
+  if (known && launch.s <= kAheadS) {
+    enqueue({}, global, local);
+    if ((pace->ahead_s += launch.s) > kAheadS) catch_up();
+    return;
+  }
+  if (pace->ahead_s > 0) catch_up();
+  std::size_t along = 0;  // the dimension that is cut
+  for (std::size_t d = 1; d < 3; ++d)
+    if (global[d] / local[d] > global[along] / local[along]) along = d;
+  const std::size_t groups = global[along] / local[along];
+  std::size_t step = groups;
+  if (known)
+    step = std::clamp<std::size_t>(static_cast<std::size_t>(double(groups) * kAheadS / launch.s), 1, groups);
+  else if (global[0] * global[1] * global[2] > kItemsToTry)
+    step = std::max<std::size_t>(1, groups / kParts);
+  double took_s = 0;
+  for (std::size_t done = 0; done < groups;) {
+    const std::size_t count = std::min(step, groups - done);
+    Sizes from{}, size = global;
+    from[along] = done * local[along];
+    size[along] = count * local[along];
+    const auto slice_begun = std::chrono::steady_clock::now();
+    enqueue(from, size, local);
+    guarded("waiting for the device", [&] { queue.finish(); });
+    const std::chrono::duration<double> slice = std::chrono::steady_clock::now() - slice_begun;
+    took_s += slice.count();
+    done += count;
+    const double fit = kAheadS / std::max(slice.count(), 1e-6) * double(count);
+    step = static_cast<std::size_t>(std::clamp(fit, 1.0, kMostGrowth * double(count)));
+    look();
+  }
+  launch = {took_s, launch.launches + 1};
 }
 
 Queue::State::State(std::shared_ptr<Context> shared)
@@ -84,6 +157,8 @@ Queue::State::~State() {
 void Queue::State::arrived() {
   sent.clear();
   sent_bytes = 0;
+  pace->ahead_s = 0;
+  look();
 }
 
 Kernel Queue::kernel(std::string_view source, std::string_view name, Precision precision,
@@ -93,6 +168,7 @@ Kernel Queue::kernel(std::string_view source, std::string_view name, Precision p
   kernel.raw_->kernel = state_->context->kernel(std::string(source), std::string(name), precision, defines);
   kernel.raw_->queue = state_->queue;
   kernel.raw_->log = state_->log;
+  kernel.raw_->pace = state_->pace;
   kernel.raw_->name = name;
   return kernel;
 }
@@ -155,10 +231,14 @@ void Queue::copy_bytes(const RawBuffer& from, RawBuffer& to, std::size_t bytes) 
 void Queue::zero_bytes(RawBuffer& buffer, std::size_t bytes) const {
   if (bytes == 0) return;
   guarded("filling on the device", [&] {
-    if (bytes % 4 == 0)
-      state_->queue.enqueueFillBuffer(buffer.buffer, cl_uint{0}, 0, bytes);
-    else
-      state_->queue.enqueueFillBuffer(buffer.buffer, cl_uchar{0}, 0, bytes);
+    for (std::size_t from = 0; from < bytes; from += kFillBytes) {
+      const std::size_t count = std::min(kFillBytes, bytes - from);
+      if (count % 4 == 0)
+        state_->queue.enqueueFillBuffer(buffer.buffer, cl_uint{0}, from, count);
+      else
+        state_->queue.enqueueFillBuffer(buffer.buffer, cl_uchar{0}, from, count);
+      if (bytes > kFillBytes && looked_after()) state_->queue.finish(), look();
+    }
   });
 }
 

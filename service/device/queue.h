@@ -15,11 +15,12 @@ struct Queue::State {
   State& operator=(const State&) = delete;
   std::shared_ptr<Context> context;
   std::shared_ptr<LaunchLog> log;
+  std::shared_ptr<Pace> pace = std::make_shared<Pace>();
   cl::CommandQueue queue;
   MemoryAccount account;
   std::vector<std::vector<std::byte>> sent;  // copies of what may still be on its way to the device
   std::size_t sent_bytes = 0;
-  void arrived();  // all of it, as after a blocking command
+  void arrived();  // all of it, as after a blocking command; looks up
 };
 
 }  // namespace teletact::service

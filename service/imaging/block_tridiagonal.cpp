@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 
 BlockTridiagonal::BlockTridiagonal(Eigen::Index count, Eigen::Index size)
@@ -18,12 +20,15 @@ BlockTridiagonal::Solution BlockTridiagonal::solve(const Eigen::MatrixXd& b) con
   Eigen::MatrixXd y = b;
   Eigen::MatrixXd d = diagonal[0];
   for (std::size_t k = 0; k < count; ++k) {
+    look();
     const auto column = static_cast<Eigen::Index>(k);
     const Eigen::PartialPivLU<Eigen::MatrixXd> lu(d);
     y.col(column) = lu.solve(y.col(column)).eval();
     if (!y.col(column).allFinite()) throw std::domain_error("a block of the system is singular");
     if (k + 1 == count) break;
+    look();
     carry[k] = lu.solve(upper[k]);
+    look();
     d = diagonal[k + 1];
     d.noalias() -= lower[k + 1] * carry[k];
     y.col(column + 1).noalias() -= lower[k + 1] * y.col(column);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "service/device/look.h"
 #include "service/imaging/block_tridiagonal.h"
 
 namespace teletact::service {
@@ -75,7 +76,8 @@ class System {
         blocks_(static_cast<Eigen::Index>(nodes.nx - 2), size_),
         load_(Eigen::MatrixXd::Zero(size_, static_cast<Eigen::Index>(nodes.nx - 2))) {
     const Element element(nodes.dx_m, nodes.dy_m);
-    for (std::size_t i = 0; i + 1 < nodes.nx; ++i)
+    for (std::size_t i = 0; i + 1 < nodes.nx; ++i) {
+      look();
       for (std::size_t j = 0; j + 1 < nodes.ny; ++j) {
         const std::size_t n = i + nodes.nx * j;
         const std::array<std::size_t, 4> at{n, n + 1, n + nodes.nx, n + nodes.nx + 1};
@@ -85,6 +87,7 @@ class System {
         };
         add(at, element.matrix(of(problem.xx), of(problem.yy), of(problem.xy), problem.stabilisation));
       }
+    }
   }
 
   DirectSolution solve() const {

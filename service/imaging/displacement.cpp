@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "service/device/look.h"
 #include "service/imaging/interpolation.h"
 #include "service/imaging/path_search.h"
 
@@ -249,6 +250,15 @@ DisplacementEstimator::DisplacementEstimator(Queue queue, DisplacementOptions op
 
 DisplacementEstimator::~DisplacementEstimator() = default;
 
+void DisplacementEstimator::set_max_strain(double max_strain) {
+  if (max_strain == options_.max_strain) return;
+  DisplacementOptions other = options_;
+  other.max_strain = max_strain;
+  validate(other);
+  options_ = other;
+  work_.reset();
+}
+
 namespace {
 
 // One item per kWarpRun samples of a line.
@@ -287,7 +297,7 @@ void DisplacementEstimator::correlate(const SampleGrid& g, const Search& s, cons
 }
 
 // Level 1: `field` on the coarse grid.
-void DisplacementEstimator::search_coarse(const std::function<void()>& between) {
+void DisplacementEstimator::search_coarse() {
   Workspace& w = *work_;
   const SampleGrid& g = w.coarse;
   correlate(g,
@@ -298,7 +308,7 @@ void DisplacementEstimator::search_coarse(const std::function<void()>& between) 
   kernels_->best_lateral(over(g.nodes() * w.coarse_chunks), w.coarse_volume, w.best_lateral, g.nodes(),
                          w.coarse_chunks, w.coarse_laterals);
   const LagVolume volume{g.nx, g.ny, 8 * w.coarse_chunks, queue_.read(w.best_lateral)};
-  if (between) between();
+  look();
   const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
     return static_cast<int>(std::ceil(options_.max_strain * length_m / w.sample_pitch_m)) + 1;
   };
@@ -420,17 +430,16 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
 }
 
 DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
-                                                     const AcquisitionGeometry& geometry,
-                                                     const std::function<void()>& between) {
+                                                     const AcquisitionGeometry& geometry) {
   if (work_ && !work_->serves(pre, geometry)) work_.reset();  // first: its room may be needed
   if (!work_) work_ = std::make_unique<Workspace>(queue_, pre, geometry, options_);
   Workspace& w = *work_;
   queue_.write(w.pre, padded(pre, w.pad).data(), w.pad.total);
   queue_.write(w.post, padded(post, w.pad).data(), w.pad.total);
   w.matched = false;
-  search_coarse(between);
+  search_coarse();
   search_fine();
-  if (between) between();
+  look();
   std::optional<PcgResult> unsolved;
   refine(unsolved);
   kernels_->report(over(w.image.nodes()), w.filtered, w.correlation, w.deviation, w.field_m, w.trusted,

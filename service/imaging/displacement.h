@@ -12,7 +12,6 @@
 // through the matched filter of noise_model.h.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <optional>
 
@@ -61,17 +60,17 @@ class DisplacementEstimator {
   // Throws std::invalid_argument for unusable options. What it allocates is charged to the queue's account.
   DisplacementEstimator(Queue, DisplacementOptions);
   ~DisplacementEstimator();
-  // `pre`, `post`, `geometry` as validate() accepts them. `between` is called between the levels; what it
-  // throws passes through. The result's arrays are overwritten by the next call.
-  DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
-                                const std::function<void()>& between = {});
+  void set_max_strain(double);
+  // `pre`, `post`, `geometry` as validate() accepts them. The result's arrays are overwritten by the next
+  // call.
+  DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
 
  private:
   struct Workspace;
   struct Kernels;
   struct Search;
   void correlate(const SampleGrid&, const Search&, const Array<float>& post, Array<float>& volume);
-  void search_coarse(const std::function<void()>& between);
+  void search_coarse();
   void search_fine();
   void refine(std::optional<PcgResult>& unsolved);
   void fit_windows();

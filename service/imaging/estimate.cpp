@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "service/device/look.h"
 #include "service/imaging/input_checks.h"
 
 namespace teletact::service {
@@ -17,15 +18,21 @@ namespace {
 // largest that can be asked for.
 constexpr double kWiderSearch = 2;
 
+// Of the thread's own work: while others have their turn it stands still.
+double worked_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count() -
+         waited_s();
+}
+
 class StageClock {
  public:
   double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    return std::chrono::duration<double>(now - std::exchange(start_, now)).count();
+    const double now_s = worked_s();
+    return now_s - std::exchange(start_s_, now_s);
   }
 
  private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  double start_s_ = worked_s();
 };
 
 // Component c of `stride` interleaved ones.
@@ -113,15 +120,14 @@ void Elastography::warm() {
 }
 
 void Elastography::judge_tracking(Estimate& e, const RfFrame& pre, const RfFrame& post,
-                                  const AcquisitionGeometry& geometry, const std::function<void()>& go_on) {
+                                  const AcquisitionGeometry& geometry) {
   e.median_correlation = median_correlation(e.correlation);
   if (e.median_correlation >= options_.least_median_correlation) return;
   const std::string found = "pre, post: median correlation " + std::to_string(e.median_correlation) +
                             " is below " + std::to_string(options_.least_median_correlation);
   DisplacementOptions wider = options_.displacement;
   wider.max_strain = std::min(kLargestMaxStrain, kWiderSearch * wider.max_strain);
-  const DisplacementEstimate again =
-      DisplacementEstimator(queue_, wider).estimate(pre, post, geometry, go_on);
+  const DisplacementEstimate again = DisplacementEstimator(queue_, wider).estimate(pre, post, geometry);
   if (median_correlation(queue_.read(again.correlation)) >= options_.least_median_correlation)
     throw TrackingError(TrackingError::Reason::kBeyondSearch,
                         found + ", but the pair can be tracked with max_strain " +
@@ -135,9 +141,8 @@ void Elastography::judge_tracking(Estimate& e, const RfFrame& pre, const RfFrame
 }
 
 DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const RfFrame& post,
-                                         const AcquisitionGeometry& geometry,
-                                         const std::function<void()>& go_on) {
-  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, go_on);
+                                         const AcquisitionGeometry& geometry) {
+  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry);
   e.grid = image_grid(displacement.grid, geometry);
   const std::vector<float> field = queue_.read(displacement.field_m);
   e.lateral_displacement = component(field, 2, 0);
@@ -149,7 +154,7 @@ DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const 
   queue_.read(displacement.correlation, e.correlation.data(), e.correlation.size());
   e.displacement_valid = queue_.read(displacement.trusted);
   if (auto text = contradicted_frequency(pre, geometry)) e.input_warnings.push_back(*text);
-  judge_tracking(e, pre, post, geometry, go_on);
+  judge_tracking(e, pre, post, geometry);
   if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
     e.input_warnings.push_back(*text);
   if (displacement.unsolved)
@@ -176,13 +181,15 @@ StrainEstimate Elastography::differentiate(Estimate& e, const DisplacementEstima
   return strain;
 }
 
-void Elastography::find_modulus(Estimate& e, ModulusInput input, const ModulusChoice& choice,
-                                const std::function<bool()>& cancelled) {
-  const auto begun = std::chrono::steady_clock::now();
-  input.seconds_left = [begun, &cancelled,
+void Elastography::set_max_strain(double max_strain) {
+  displacement_.set_max_strain(max_strain);
+  options_.displacement.max_strain = max_strain;
+}
+
+void Elastography::find_modulus(Estimate& e, ModulusInput input, const ModulusChoice& choice) {
+  input.seconds_left = [begun_s = worked_s(),
                         limit = choice.time_limit_s.value_or(options_.modulus_time_limit_s)] {
-    if (cancelled && cancelled()) return 0.0;
-    return limit - std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    return limit - (worked_s() - begun_s);
   };
   const auto kind = static_cast<std::size_t>(choice.kind.value_or(options_.modulus));
   try {
@@ -212,9 +219,11 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const A
                                 const std::function<bool()>& cancelled, const KnownModulus& known,
                                 const ModulusChoice& choice) {
   validate(pre, post, geometry);
-  const auto go_on = [&] {
-    if (cancelled && cancelled()) throw EstimateCancelled();
-  };
+  std::optional<Looking> looking;
+  if (cancelled)
+    looking.emplace([&cancelled] {
+      if (cancelled()) throw EstimateCancelled();
+    });
   const HostBytes bytes =
       host_bytes(pre, geometry, tissue, options_.displacement, choice.kind.value_or(options_.modulus));
   Estimate e;
@@ -224,14 +233,14 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const A
   const auto ended = [&](Stage stage, double& seconds) {
     seconds = clock.lap();
     if (progress) progress(stage);
-    go_on();
+    look();
   };
-  const DisplacementEstimate displacement = track(e, pre, post, geometry, go_on);
+  const DisplacementEstimate displacement = track(e, pre, post, geometry);
   ended(Stage::kDisplacement, e.displacement_s);
   const StrainEstimate strain = differentiate(e, displacement);
   ended(Stage::kStrain, e.strain_s);
   const double window_width_m = static_cast<double>(pre.line_count) * geometry.line_pitch_m;
-  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known}, choice, cancelled);
+  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known}, choice);
   ended(Stage::kModulus, e.modulus_s);
   return e;
 }

@@ -83,13 +83,14 @@ class Elastography {
 
   // In whose name pairs are worked on from now on: what is kept of them for the next, too.
   void charge_to(const MemoryAccount&);
-
+  // Of the pairs to come; what was set up for another is set up anew.
+  void set_max_strain(double);
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
   void warm();
 
   // `known`: the modulus beside the window, from its neighbours, if there are any. `progress` is called when
-  // a stage has ended; `cancelled` is asked between and within stages. Throws std::invalid_argument (field
-  // and remedy named), TrackingError, EstimateCancelled.
+  // a stage has ended; `cancelled` is asked at every look (service/device/look.h). Throws
+  // std::invalid_argument (field and remedy named), TrackingError, EstimateCancelled.
   Estimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
                     const std::optional<ProbeForce>&, const TissueExtent&,
                     const std::function<void(Stage)>& progress = {},
@@ -97,12 +98,10 @@ class Elastography {
                     const ModulusChoice& choice = {});
 
  private:
-  DisplacementEstimate track(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
-                             const std::function<void()>& go_on);
-  void judge_tracking(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
-                      const std::function<void()>& go_on);
+  DisplacementEstimate track(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
+  void judge_tracking(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
   StrainEstimate differentiate(Estimate&, const DisplacementEstimate&);
-  void find_modulus(Estimate&, ModulusInput, const ModulusChoice&, const std::function<bool()>& cancelled);
+  void find_modulus(Estimate&, ModulusInput, const ModulusChoice&);
 
   Queue queue_;
   std::shared_ptr<StripCache> strips_;

@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 namespace {
 
@@ -161,10 +163,13 @@ ModulusJudge::ModulusJudge(Queue queue, std::shared_ptr<StripCache> strips, Judg
 
 void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   deviation(in, out);
+  look();
   untracked(in, out);
+  look();
   ramp(in, out);
   out_of_plane(in, out);
   pressure(in, out);
+  look();
   scale(in, out);
   extent(out);
 }

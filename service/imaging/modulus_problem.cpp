@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 
 using Eigen::VectorXd;
@@ -36,7 +38,9 @@ ModulusProblem::ModulusProblem(StripModel& model, DisplacementData data, VectorX
 ModulusProblem::Point ModulusProblem::at(VectorXd theta) {
   Point p{std::move(theta), {}, {}, 0};
   p.response = model_.solve(modulus(p.theta));
+  look();
   p.fit = data_.fit(p.response.displacement);
+  look();
   const VectorXd off = p.theta - prior_;
   p.objective = p.fit.misfit + options_.tv_per_m * variation_.value(p.theta) +
                 0.5 * off.dot(prior_weight_.cwiseProduct(off));
@@ -51,9 +55,11 @@ VectorXd ModulusProblem::gradient(const Point& p) {
 VectorXd ModulusProblem::step(const Point& p) {
   const std::vector<double> e = modulus(p.theta);
   const Eigen::SparseMatrix<double> lagged = options_.tv_per_m * variation_.lagged(p.theta);
+  look();
   VectorXd r = -gradient(p);
   Eigen::SparseMatrix<double> near = lagged;
   near.diagonal() += prior_weight_ + typical_data_weight(p);
+  look();
   if (preconditioner_.rows() == 0) preconditioner_.analyzePattern(near);
   preconditioner_.factorize(near);
   const std::size_t known = products_.size();
@@ -61,6 +67,7 @@ VectorXd ModulusProblem::step(const Point& p) {
   double rz = r.dot(z);
   const double enough = options_.inner_tolerance * options_.inner_tolerance * rz;
   for (int k = 0; k < options_.most_products && rz > enough; ++k) {
+    look();
     const VectorXd h = lagged * d + prior_weight_.cwiseProduct(d) + adjoint(p, e, forward(p, e, d));
     const double dh = d.dot(h), length = rz / dh;
     products_.push_back({d, h, dh});

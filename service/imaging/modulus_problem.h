@@ -4,12 +4,12 @@
 // amplitude a and offset b fitted at every theta.
 #pragma once
 
-#include <Eigen/SparseCholesky>
 #include <deque>
 #include <vector>
 
 #include "service/imaging/displacement_data.h"
 #include "service/imaging/modulus.h"
+#include "service/imaging/sparse_factor.h"
 #include "service/imaging/strip_model.h"
 #include "service/imaging/total_variation.h"
 
@@ -54,7 +54,7 @@ class ModulusProblem {
   const IterativeOptions& options_;
   TotalVariation variation_;
   Eigen::VectorXd prior_weight_;
-  Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> preconditioner_;
+  SparseFactor preconditioner_;
   std::deque<Product> products_;  // the latest, oldest first
 };
 

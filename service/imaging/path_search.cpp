@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <limits>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 namespace {
 
@@ -27,6 +29,7 @@ class Aggregator {
 
   // Along one line of nodes: first, first + step, ...
   void along(int first, int step, int count, int reach) {
+    look();
     // `reach` cells of infinity on both sides stand for lags that do not exist.
     const auto size = static_cast<std::size_t>(stride_) + 2 * static_cast<std::size_t>(reach);
     before_.assign(size, std::numeric_limits<float>::infinity());

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "service/device/look.h"
 #include "service/imaging/strip_model.h"
 
 namespace teletact::service {
@@ -17,6 +18,7 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 void spread(std::vector<double>& values, std::vector<int>& counts, std::size_t nx, std::size_t ny) {
   for (bool missing = true, found = true; missing && found;) {
     missing = found = false;
+    look();
     const std::vector<int> before = counts;
     for (std::size_t n = 0; n < nx * ny; ++n) {
       if (before[n]) continue;
@@ -80,7 +82,8 @@ std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const I
   const double left = known ? std::exp(matching_shift(known, true, map)) : 1;
   const double right = known ? std::exp(matching_shift(known, false, map)) : 1;
   std::vector<double> out(grid_.elements());
-  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
+    look();
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const double x = 0.5 * (grid_.x_m[i] + grid_.x_m[i + 1]), y = 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]);
       const bool beside = x < 0 || x > window_width_m_;
@@ -92,6 +95,7 @@ std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const I
                                  : near              ? std::exp(logarithm_at(map, mirrored, j))
                                                      : background;
     }
+  }
   return out;
 }
 

@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "service/device/look.h"
 #include "service/tissue/element.h"
 
 namespace teletact::service {
@@ -102,7 +103,9 @@ StripModel::StripModel(const TissueExtent& tissue, double window_width_m)
         element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, equal_.modulus, equal_.poisson_ratio));
   number_unknowns(window_width_m);
   lay_out();
+  look();
   factor_.analyzePattern(stiffness_);
+  look();
 }
 
 void StripModel::number_unknowns(double window_width_m) {
@@ -125,12 +128,14 @@ void StripModel::lay_out() {
   std::vector<Eigen::Triplet<double>> entries;
   entries.reserve(64 * grid_.elements());
   const auto each = [&](auto&& visit) {
-    for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+    for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
+      look();
       for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
         const auto dofs = element_dofs(grid_, i, j);
         for (const std::size_t r : dofs)
           for (const std::size_t c : dofs) visit(unknown_[r], unknown_[c]);
       }
+    }
   };
   each([&](int r, int c) {
     if (r >= 0 && c >= 0) entries.emplace_back(r, c, 1.0);
@@ -167,6 +172,7 @@ void StripModel::fill(const std::vector<double>& youngs_modulus_pa) {
 StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
   if (youngs_modulus_pa.size() != grid_.elements())
     throw std::invalid_argument("youngs_modulus_pa: one value per element of the strip");
+  look();
   fill(youngs_modulus_pa);
   factor_.factorize(stiffness_);
   if (factor_.info() != Eigen::Success)

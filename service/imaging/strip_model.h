@@ -2,7 +2,6 @@
 // plane stress, Q1 (T4).
 #pragma once
 
-#include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <cstddef>
 #include <list>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "service/imaging/frame.h"
+#include "service/imaging/sparse_factor.h"
 #include "service/limits/memory.h"
 #include "service/tissue/grid.h"
 
@@ -91,7 +91,7 @@ class StripModel {
   Sparse stiffness_;       // of the unknowns
   Eigen::VectorXd load_;   // of the prescribed displacement
   std::vector<int> slot_;  // [element][row][column] -> value of stiffness_, -1 where there is none
-  Eigen::SimplicialLLT<Sparse> factor_;
+  SparseFactor factor_;
 };
 
 // Models of the latest geometries with their response to homogeneous tissue of 1 Pa. Windows with the same

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "service/device/look.h"
 #include "service/tissue/elasticity.h"
 
 namespace teletact::service {
@@ -72,6 +73,7 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const ImageGrid& image, const
   const double whole = reach.x_m * reach.y_m / (image.dx_m * image.dy_m);
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     const std::size_t row = n / nodes.nx;
+    if (n % nodes.nx == 0) look();
     const double x = static_cast<double>(n % nodes.nx) * nodes.dx_m,
                  y = static_cast<double>(row) * nodes.dy_m;
     const Span columns = span(x, reach.x_m, image.origin_x_m, image.dx_m, image.nx),

@@ -88,7 +88,11 @@ const std::vector<LimitRow>& limit_rows() {
       {"answer_taken_s", &L::answer_taken_s, 10, "s", 0.1, 600,
        "that a whole answer waits to be taken, and 1 s more for each MiB"},
       {"touch_idle_s", &L::touch_idle_s, 60, "s", 1, 3600, "silence that ends a touch stream"},
-      {"upload_idle_s", &L::upload_idle_s, 60, "s", 1, 3600, "silence that ends an upload"},
+      {"upload_idle_s", &L::upload_idle_s, 10, "s", 0.1, 3600,
+       "silence, without a byte, that ends an upload"},
+      {"least_upload_s", &L::least_upload_s, 10, "s", 0.1, 3600, "for a whole upload, and beside it"},
+      {"least_upload_rate", &L::least_upload_rate, 1e6, "B/s", 1e3, 1e12, "of both frames together"},
+      {"most_finish_within_s", &L::most_finish_within_s, 3600, "s", 1, 1e6, "finish_within_s"},
       {"drain_s", &L::drain_s, 3, "s", 0.1, 60, "time to end calls when the service is stopped"},
   };
   return rows;

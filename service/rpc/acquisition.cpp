@@ -7,6 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "service/device/look.h"
 #include "service/rpc/convert.h"
 #include "service/scene/errors.h"
 
@@ -32,6 +33,18 @@ const std::vector<std::string>& map_names() {
 
 std::size_t EstimateRequest::frame_bytes() const {
   return sample_count * line_count * bytes_per_item(dtype);
+}
+
+EstimateSize EstimateRequest::size() const {
+  const ElastographyOptions usual;
+  return {sample_count,
+          line_count,
+          max_strain,
+          window_width_m(),
+          tissue.depth_m,
+          modulus.kind.value_or(usual.modulus),
+          modulus.time_limit_s.value_or(usual.modulus_time_limit_s),
+          scene != nullptr};
 }
 
 namespace {
@@ -243,6 +256,9 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, co
   require_between("max_strain", request.max_strain, limits.least_max_strain, limits.most_max_strain,
                   "leave it out for 0.05");
   request.maps = maps_from(in);
+  request.finish_within_s = in.finish_within_s();
+  require_between("finish_within_s", request.finish_within_s, 0.0, limits.most_finish_within_s,
+                  "give seconds after the last byte, or leave it out");
   if (in.has_publish()) {
     request.scene = scenes.find(in.publish().scene_id());
     request.window_x_m = in.publish().window_x_m();
@@ -308,16 +324,26 @@ void FrameUpload::add(const v1::FrameChunk& chunk) {
   frame += chunk.data();
 }
 
-std::pair<RfFrame, RfFrame> FrameUpload::finish() {
-  RfFrame pre = frame("pre", pre_);
-  return {std::move(pre), frame("post", post_)};
+void FrameUpload::require_whole() const {
+  require_whole("pre", pre_);
+  require_whole("post", post_);
 }
 
-RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
+void FrameUpload::require_whole(const char* name, const std::string& bytes) const {
   if (bytes.size() != frame_bytes_)
     throw std::invalid_argument(
         fmt::format("chunk.data: the {} frame has {} of {} bytes; send the rest before closing", name,
                     bytes.size(), frame_bytes_));
+}
+
+std::pair<RfFrame, RfFrame> FrameUpload::finish() {
+  RfFrame pre = frame("pre", pre_);
+  look();
+  return {std::move(pre), frame("post", post_)};
+}
+
+RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
+  require_whole(name, bytes);
   RfFrame frame{samples_, lines_, std::vector<float>(samples_ * lines_)};
   if (dtype_ == v1::DATA_TYPE_FLOAT32) {
     std::memcpy(frame.samples.data(), bytes.data(), bytes.size());

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "service/imaging/estimate.h"
+#include "service/imaging/estimate_cost.h"
 #include "service/imaging/frame.h"
 #include "service/scene/scenes.h"
 #include "service/scene/stitched_map.h"
@@ -34,8 +35,11 @@ struct EstimateRequest {
   std::shared_ptr<Scene> scene;  // null: nothing is published
   double window_x_m = 0;
   std::vector<std::string> maps;
+  double finish_within_s = 0;  // of the last byte; 0: whenever
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
+  std::size_t samples() const { return sample_count * line_count; }
   std::size_t frame_bytes() const;
+  EstimateSize size() const;
 };
 
 // Throws std::invalid_argument (field named), Error(kNotFound | kExhausted | kPrecondition); allocates
@@ -55,10 +59,13 @@ class FrameUpload {
   FrameUpload(const EstimateRequest&, std::size_t most_chunk_bytes);
   // Throws std::invalid_argument for a chunk that does not continue its frame or has too many bytes.
   void add(const v1::FrameChunk&);
-  // Pre and post. Throws std::invalid_argument when bytes are missing or a sample is not finite.
+  // Throws std::invalid_argument when bytes are missing.
+  void require_whole() const;
+  // Pre and post. Throws as require_whole, and when a sample is not finite.
   std::pair<RfFrame, RfFrame> finish();
 
  private:
+  void require_whole(const char* name, const std::string& bytes) const;
   RfFrame frame(const char* name, std::string& bytes) const;
   std::size_t samples_, lines_, frame_bytes_, most_chunk_bytes_;
   v1::DataType dtype_;

@@ -9,12 +9,13 @@
 #include "service/limits/limits.h"
 #include "service/limits/memory.h"
 #include "service/rpc/calls.h"
+#include "service/rpc/device_recovery.h"
 #include "service/scene/scenes.h"
 
 namespace teletact::service {
 
 struct Core {
-  std::shared_ptr<Device> device;
+  CurrentDevice device;
   const Limits limits;
   std::uint64_t instance = 0;  // random per process start
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();

@@ -15,7 +15,7 @@ void InfoService::describe(v1::GetInfoResponse* response) const {
   response->set_api_version("v1");
   response->set_build(TELETACT_VERSION);
   response->set_instance(core_.instance);
-  const DeviceInfo& device = core_.device->info();
+  const DeviceInfo device = core_.device->info();
   v1::Device* out = response->mutable_device();
   out->set_name(device.name);
   out->set_vendor(device.vendor);

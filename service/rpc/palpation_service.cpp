@@ -1,5 +1,6 @@
 #include "service/rpc/palpation_service.h"
 
+#include "service/device/look.h"
 #include "service/rpc/client.h"
 #include "service/rpc/convert.h"
 #include "service/rpc/touch_reactor.h"
@@ -16,27 +17,32 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus;
     if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
-    // Building a model is imaging work: on its thread, below touch.
-    const std::string client = client_of(*context);
+    // Building a model is imaging work: on its threads, below touch.
+    JobTerms terms;
+    terms.client = client_of(*context);
     // The request, and what was read from it.
-    call->hold(core_.account(client).charge(Place::kHost, "uploads", 2 * request->ByteSizeLong()));
-    core_.scenes.worker().post(JobUrgency::kUrgent, [this, call, response, client, id = request->scene_id(),
-                                                     geometry, modulus = std::move(modulus)]() mutable {
-      if (call->given_up()) return;
-      try {
-        // Answered when it is on disk, which imaging does not wait for.
-        core_.scenes.make(
-            id, geometry, std::move(modulus),
-            [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
-              if (error) return call->fail(error);
-              call->answer(*response,
-                           [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
-            },
-            client);
-      } catch (...) {
-        call->fail(std::current_exception());
-      }
-    });
+    call->hold(core_.account(terms.client).charge(Place::kHost, "uploads", 2 * request->ByteSizeLong()));
+    core_.scenes.worker().post(
+        terms,
+        [this, call, response, client = terms.client, id = request->scene_id(), geometry,
+         modulus = std::move(modulus)]() mutable {
+          const Looking looking([&call] {
+            if (call->given_up()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
+          });
+          look();
+          // Answered when it is on disk, which imaging does not wait for.
+          core_.scenes.make(
+              id, geometry, std::move(modulus),
+              [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
+                if (error) return call->fail(error);
+                call->answer(*response,
+                             [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
+              },
+              client);
+        },
+        [call](std::exception_ptr error) {
+          if (error) call->fail(error);
+        });
   });
 }
 
@@ -45,7 +51,7 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
                                                      v1::Scene* response) {
   const CallKind kind = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
-    copying_.post(JobUrgency::kUrgent, [=, this, client = client_of(*context)] {
+    copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
         const auto scene = core_.scenes.find(request->scene_id());
         call->hold(core_.account(client, scene->id())
@@ -60,7 +66,7 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
                                                        const v1::ListScenesRequest*,
                                                        v1::ListScenesResponse* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
-    copying_.post(JobUrgency::kUrgent, [=, this] {
+    copying_.post([=, this] {
       call->answer(*response, [&] {
         for (const auto& scene : core_.scenes.list())
           scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response->add_scenes());
@@ -73,8 +79,7 @@ grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerCont
                                                         const v1::DeleteSceneRequest* request,
                                                         v1::DeleteSceneResponse* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
-    removing_.post(JobUrgency::kUrgent,
-                   [=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });
+    removing_.post([=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });
   });
 }
 

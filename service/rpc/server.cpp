@@ -63,7 +63,8 @@ Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
   const auto credentials = credentials_of(options.listen);
   core_ =
       std::make_unique<Core>(std::move(device), random_instance(), options.state_directory, options.limits);
-  elastography_ = std::make_unique<ElastographyService>(*core_);
+  elastography_ = std::make_unique<ElastographyService>(*core_, options.reopen,
+                                                        [this](bool works) { tell_device(works); });
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
   grpc::EnableDefaultHealthCheckService(true);
@@ -97,6 +98,11 @@ void Server::set_health(bool serving) {
   health->SetServingStatus("", serving);
 }
 
+// Touch goes on without it, by compliances.
+void Server::tell_device(bool works) {
+  server_->GetHealthCheckService()->SetServingStatus("teletact.v1.Elastography", works);
+}
+
 void Server::make_ready() {
   core_->scenes.restore();
   elastography_->warm();
@@ -112,12 +118,13 @@ void Server::drain() {
   spdlog::info("event=drain calls={}", open);
   server_->GetHealthCheckService()->Shutdown();
   core_->calls.drain();
+  core_->scenes.worker().stop();  // what runs ends at its next look
+  elastography_->close();
   // Told streams get this long to end by themselves, then they are cancelled.
   const std::chrono::milliseconds patience(std::llround(1e3 * core_->limits.drain_s));
   server_->Shutdown(std::chrono::system_clock::now() + patience);
   server_->Wait();
   core_->calls.wait_until_none(Calls::Clock::now() + patience);
-  core_->scenes.worker().stop();  // its jobs use the services, which are destroyed first
   spdlog::info("event=drained");
 }
 

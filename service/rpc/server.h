@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -19,7 +20,8 @@ class PalpationService;
 
 struct ServerOptions {
   ListenOptions listen;
-  std::filesystem::path state_directory;  // empty: scenes end with the process
+  std::filesystem::path state_directory;                 // empty: scenes end with the process
+  std::function<std::shared_ptr<Device>()> reopen = {};  // the device, after it failed
   Limits limits;
 };
 
@@ -31,14 +33,15 @@ class Server {
   ~Server();  // drains
   // Restores the scenes, warms the kernels, then health is SERVING.
   void make_ready();
-  // Health NOT_SERVING, streams told (UNAVAILABLE), then closed; returns within twice the limit drain_s and a
-  // little.
+  // Health NOT_SERVING, calls told (UNAVAILABLE), what is worked on given up, then closed; returns within
+  // twice the limit drain_s and a little, but for a driver that hangs.
   void drain();
   const std::string& address() const { return address_; }
   Core& core() { return *core_; }
 
  private:
   void set_health(bool serving);
+  void tell_device(bool works);
   std::unique_ptr<Core> core_;
   std::unique_ptr<ElastographyService> elastography_;
   std::unique_ptr<InfoService> info_;

@@ -153,6 +153,7 @@ void TouchReactor::write_opened() {
 
 void TouchReactor::write_answer(const Pose& pose) {
   const auto begun = Clock::now();
+  session_->use(core_.device);
   const TouchAnswer solved = session_->solve(pose.pose.position_m(0), pose.pose.position_m(1));
   const auto solved_at = Clock::now();
   v1::TouchAnswer* answer = response_.mutable_answer();  // replaces `opened`

@@ -4,8 +4,6 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "service/scene/errors.h"
-
 namespace teletact::service {
 
 NicedWorker::NicedWorker() : thread_([this] { work(); }) {}
@@ -22,7 +20,7 @@ void NicedWorker::stop() {
   changed_.notify_all();
   if (thread_.joinable()) thread_.join();
   const std::lock_guard lock(mutex_);
-  urgent_.clear(), background_.clear();  // their futures tell who waits
+  jobs_.clear();
 }
 
 void NicedWorker::finish() {
@@ -35,13 +33,11 @@ void NicedWorker::finish() {
   stop();
 }
 
-void NicedWorker::post(JobUrgency urgency, std::function<void()> job) {
+void NicedWorker::post(std::function<void()> job) {
   {
     const std::lock_guard lock(mutex_);
-    if (stop_) return;  // the job's future says so
-    if (urgency == JobUrgency::kUrgent && urgent_.size() >= kMostUrgentJobs)
-      throw Error(ErrorKind::kExhausted, "too much imaging work is waiting; try again shortly");
-    (urgency == JobUrgency::kUrgent ? urgent_ : background_).push_back(std::move(job));
+    if (stop_) return;
+    jobs_.push_back(std::move(job));
   }
   changed_.notify_one();
 }
@@ -54,11 +50,10 @@ void NicedWorker::work() {
     std::function<void()> job;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return stop_ || finish_ || !urgent_.empty() || !background_.empty(); });
-      if (stop_ || (urgent_.empty() && background_.empty())) return;
-      auto& queue = urgent_.empty() ? background_ : urgent_;
-      job = std::move(queue.front());
-      queue.pop_front();
+      changed_.wait(lock, [this] { return stop_ || finish_ || !jobs_.empty(); });
+      if (stop_ || jobs_.empty()) return;
+      job = std::move(jobs_.front());
+      jobs_.pop_front();
     }
     try {
       job();

@@ -9,7 +9,9 @@
 #include <new>
 #include <random>
 #include <stdexcept>
+#include <thread>
 
+#include "service/device/look.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -173,7 +175,7 @@ std::shared_ptr<Scene> Scenes::create(const std::string& id, const SceneGeometry
 
 void Scenes::add(const std::shared_ptr<Scene>& scene) {
   const auto on = [](const std::shared_ptr<NicedWorker>& worker) {
-    return [worker](std::function<void()> job) { worker->post(JobUrgency::kBackground, std::move(job)); };
+    return [worker](std::function<void()> job) { worker->post(std::move(job)); };
   };
   scene->set_touch_work({on(preparer_), on(measurer_)});
   const std::lock_guard lock(mutex_);
@@ -208,9 +210,56 @@ void Scenes::remove(const std::string& id) {
   spdlog::info("event=scene_deleted scene={}", id);
 }
 
+// A scene is changed by one job at a time. One that is made to wait in the midst of it must get its turn
+// before another may wait for the scene itself.
+class Scenes::Changing {
+ public:
+  Changing(Scenes& scenes, const Scene& scene) : scenes_(scenes), scene_(scene) {}
+  ~Changing() {
+    if (!begun_) return;
+    const std::lock_guard lock(scenes_.mutex_);
+    scenes_.changing_.erase(&scene_);
+  }
+  // False while another job changes it.
+  bool begin() {
+    const std::lock_guard lock(scenes_.mutex_);
+    return begun_ = scenes_.changing_.insert(&scene_).second;
+  }
+
+ private:
+  Scenes& scenes_;
+  const Scene& scene_;
+  bool begun_ = false;
+};
+
+namespace {
+
+constexpr std::chrono::milliseconds kSoon{100};
+
+void log_failure(const std::string& scene, std::exception_ptr error) {
+  try {
+    std::rethrow_exception(error);
+  } catch (const Error&) {  // given up: the service ends
+  } catch (const std::exception& e) {
+    spdlog::error("event=refresh_failed scene={} error=\"{}\"", scene, e.what());
+  }
+}
+
+}  // namespace
+
 Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
-                          const std::function<bool()>& cancelled) {
-  Published published = scene->publish(estimate, cancelled);
+                          const std::string& client) {
+  Published published = [&] {
+    Changing changing(*this, *scene);
+    while (!changing.begin()) {  // its turn comes, now that this job's time is counted
+      look();
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return scene->publish(estimate, [] {
+      look();
+      return false;
+    });
+  }();
   spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
                scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
   if (!state_.trouble().empty())
@@ -218,25 +267,53 @@ Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstim
         "state: the disk does not take it, and a restart of the service would lose it; the service's log "
         "says why");
   state_.keep_later(scene);
-  refresh_later(scene);
+  JobTerms terms;
+  terms.client = client;
+  terms.deadline = FairWorkers::Clock::now() + kFreshWithin;
+  terms.owed = true;
+  refresh_later(scene, terms);
   return published;
 }
 
-void Scenes::refresh_later(const std::shared_ptr<Scene>& scene) {
+void Scenes::refresh_later(const std::shared_ptr<Scene>& scene, const JobTerms& terms) {
   {
     const std::lock_guard lock(mutex_);
     if (!refreshing_.insert(scene.get()).second) return;  // the job that waits will see the newest
   }
-  worker_.post(JobUrgency::kBackground, [this, scene] {
-    {
-      const std::lock_guard lock(mutex_);
-      refreshing_.erase(scene.get());
+  try {
+    worker_.post(
+        terms,
+        [this, scene, terms] {
+          {
+            const std::lock_guard lock(mutex_);
+            refreshing_.erase(scene.get());
+          }
+          refresh(scene, terms);
+        },
+        [id = scene->id()](std::exception_ptr error) {
+          if (error) log_failure(id, error);
+        });
+  } catch (const Error&) {  // the service ends: nobody will touch it
+  }
+}
+
+// One window for each job: a new estimate goes before the rest, until they are due.
+void Scenes::refresh(const std::shared_ptr<Scene>& scene, JobTerms terms) {
+  const auto begun = FairWorkers::Clock::now();
+  bool more = false;
+  {
+    Changing changing(*this, *scene);
+    if (!changing.begin()) {  // soon: who changes it needs a turn for that
+      terms.deadline = begun + kSoon;
+      terms.cost_s = 0;
+      return refresh_later(scene, terms);
     }
-    // One window per job: a new estimate goes before the rest.
-    const bool more = scene->refresh_stale_window();
-    state_.keep_later(scene);
-    if (more) refresh_later(scene);
-  });
+    more = scene->refresh_stale_window();
+  }
+  state_.keep_later(scene);
+  if (!more) return;
+  terms.cost_s = std::chrono::duration<double>(FairWorkers::Clock::now() - begun).count();
+  refresh_later(scene, terms);
 }
 
 }  // namespace teletact::service

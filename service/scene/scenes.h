@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "service/scene/fair_workers.h"
 #include "service/scene/niced_worker.h"
 #include "service/scene/scene.h"
 #include "service/scene/state_keeper.h"
@@ -43,18 +44,22 @@ class Scenes {
   // Error(kNotFound), and kUnavailable where the disk keeps it: nothing is changed then.
   void remove(const std::string& id);
 
-  // On the imaging worker: publishes, then refreshes the neighbours and keeps the scene in the background.
-  Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&,
-                    const std::function<bool()>& cancelled);
-  // The imaging worker.
-  NicedWorker& worker() { return worker_; }
+  // The neighbours of a window that was published are fresh within this time, whatever else is worked on.
+  static constexpr std::chrono::seconds kFreshWithin{1};
+  // On the imaging plane: publishes; the neighbours are then refreshed and the scene is kept on disk by
+  // themselves, at the client's account.
+  Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&, const std::string& client);
+  // The imaging plane.
+  FairWorkers& worker() { return worker_; }
   // Returns once what was to be kept so far has been written, or could not be.
   void wait_until_kept() { state_.wait_until_idle(); }
 
  private:
+  class Changing;
   void leave_on_disk(const std::string& id, const char* why);
   std::string reserve(const std::string& wanted_id);
-  void refresh_later(const std::shared_ptr<Scene>&);
+  void refresh_later(const std::shared_ptr<Scene>&, const JobTerms&);
+  void refresh(const std::shared_ptr<Scene>&, JobTerms);
   void add(const std::shared_ptr<Scene>&);
   const Limits limits_;
   const std::shared_ptr<MemoryBudget> memory_;
@@ -63,12 +68,13 @@ class Scenes {
   std::set<std::string> being_made_;    // ids taken while their models are built and first kept
   std::set<std::string> left_on_disk_;  // ids of scenes that did not fit at the start
   std::set<const Scene*> refreshing_;   // a background job waits for them
+  std::set<const Scene*> changing_;     // a job, which others may have made wait, changes them
   // Last: their jobs use all of the above.
   StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.
   const std::shared_ptr<NicedWorker> preparer_ = std::make_shared<NicedWorker>(),
                                      measurer_ = std::make_shared<NicedWorker>();
-  NicedWorker worker_;
+  FairWorkers worker_;
 };
 
 }  // namespace teletact::service

@@ -32,7 +32,7 @@ void StateKeeper::finish() {
 
 void StateKeeper::wait_until_idle() {
   std::promise<void> done;  // jobs are done in order
-  keeper_.post(JobUrgency::kBackground, [&done] { done.set_value(); });
+  keeper_.post([&done] { done.set_value(); });
   done.get_future().wait();
 }
 
@@ -87,7 +87,7 @@ void StateKeeper::keep_later(const std::shared_ptr<Scene>& scene) {
     const std::lock_guard lock(mutex_);
     if (!waiting_.insert(scene).second) return;  // the job that waits will write the newest
   }
-  keeper_.post(JobUrgency::kBackground, [this, scene] {
+  keeper_.post([this, scene] {
     {
       const std::lock_guard lock(mutex_);
       waiting_.erase(scene);
@@ -99,7 +99,7 @@ void StateKeeper::keep_later(const std::shared_ptr<Scene>& scene) {
 void StateKeeper::keep_new(const std::shared_ptr<Scene>& scene,
                            std::function<void(std::exception_ptr)> done) {
   if (!store_) return done(nullptr);
-  keeper_.post(JobUrgency::kBackground, [this, scene, done = std::move(done)] {
+  keeper_.post([this, scene, done = std::move(done)] {
     try {
       write(scene);
     } catch (const FileError& error) {

@@ -60,6 +60,12 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
   scene_->use_line(line_);
 }
 
+void TouchSession::use(const std::shared_ptr<Device>& device) {
+  if (device == device_) return;
+  device_ = device;
+  if (options_.path == SolvePath::kPcg) window_.reset(), compliance_.reset();
+}
+
 TouchSession::~TouchSession() {
   scene_->leave_line(line_);
 }

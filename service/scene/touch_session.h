@@ -72,6 +72,8 @@ class TouchSession {
   double line_y_m() const;
   const std::shared_ptr<Scene>& scene() const { return scene_; }
 
+  // The device from now on: another one once the former has failed.
+  void use(const std::shared_ptr<Device>&);
   // Throws std::invalid_argument for a pose that is not finite. Everything else is an answer: NOT_COVERED
   // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a
   // warning.
@@ -90,7 +92,7 @@ class TouchSession {
   std::optional<ForeseenTouch> foresee(const WindowModel&, const SceneSnapshot&, double x_m);
   const std::shared_ptr<Scene> scene_;
   const TouchOptions options_;
-  const std::shared_ptr<Device> device_;
+  std::shared_ptr<Device> device_;
   std::size_t line_;
   std::shared_ptr<const WindowModel> window_;  // that answers: the one under the finger, or that before it
   std::shared_ptr<Compliance> compliance_;     // of window_'s line; there whenever window_ is

@@ -4,13 +4,16 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr Index kLeaf = 32;  // below it a sweep in registers and L1 is faster than splitting further
+constexpr Index kLooked = 256;  // of a size whose inverse takes a millisecond or more
+constexpr Index kLeaf = 32;     // below it a sweep in registers and L1 is faster than splitting further
 
 [[noreturn]] void not_positive_definite() {
   throw std::domain_error(
@@ -69,6 +72,7 @@ void copy_lower_to_upper(MatrixXd& a) {
 void invert_symmetric(Eigen::Ref<MatrixXd> a) {
   const Index n = a.rows();
   if (n <= kLeaf) return invert_small(a);
+  if (n >= kLooked) look();
   const Index n1 = n / 2, n2 = n - n1;
   // a = [A B^T; B C]. With X = A^-1, Y = B X, Z = (C - Y B^T)^-1:
   // a^-1 = [X + Y^T Z Y, .; -Z Y, Z].
@@ -91,6 +95,7 @@ void invert_factor(Eigen::Ref<MatrixXd> a) {
     a = small_inverse_factor(a).topLeftCorner(n, n).transpose();
     return;
   }
+  if (n >= kLooked) look();
   const Index n1 = n / 2, n2 = n - n1;
   auto x = a.topLeftCorner(n1, n1);
   auto b = a.bottomLeftCorner(n2, n1);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/device/look.h"
 #include "service/tissue/element.h"
 
 namespace teletact::service {
@@ -122,6 +123,7 @@ MatrixXd eliminated_below(const LayeredStiffness& lines, std::vector<MatrixXd>* 
   MatrixXd stiffness = lines.own(last), next = MatrixXd::Zero(lines.size(), lines.size());
   LayerWorkspace workspace(lines.size());
   for (std::size_t j = last; j-- > first;) {
+    look();
     if (kept) (*kept)[j + 1 - first] = stiffness;
     eliminate(stiffness, lines.elements_after(j).coupling(), workspace, next);
     lines.add_own(j, next);
@@ -139,6 +141,7 @@ std::vector<MatrixXd> condensed_lines(const LayeredStiffness& lines, std::vector
   // A_j, from the top down.
   MatrixXd above = lines.own(first), change = MatrixXd::Zero(lines.size(), lines.size());
   for (std::size_t j = first + 1; j <= lines.last_layer(); ++j) {
+    look();
     eliminate(above, lines.elements_after(j - 1).coupling().transposed(), workspace, change);
     condensed[j - first] += change;  // A_j - D_j
     lines.add_own(j, change);

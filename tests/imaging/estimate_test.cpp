@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <functional>
 #include <limits>
 #include <string>
 
@@ -112,6 +114,40 @@ TEST(Elastography, CancelledWorkStops) {
       elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(), {}, second),
       EstimateCancelled);
   EXPECT_EQ(asked, 2);
+}
+
+TEST(Elastography, IsTheSameToTheBitWhetherItIsLookedAfterOrNot) {
+  const auto estimate = [](const std::function<bool()>& cancelled) {
+    return elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(), {},
+                                   cancelled, {}, {ModulusKind::kDirect, {}});
+  };
+  int asked = 0;
+  const Estimate alone = estimate({}), looked_after = estimate([&] { return ++asked < 0; });
+  EXPECT_GT(asked, 100);
+  const auto same = [](const Field& a, const Field& b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+  };
+  EXPECT_TRUE(same(alone.axial_displacement, looked_after.axial_displacement));
+  EXPECT_TRUE(same(alone.axial_displacement_std, looked_after.axial_displacement_std));
+  EXPECT_TRUE(same(alone.correlation, looked_after.correlation));
+  EXPECT_TRUE(same(alone.axial_strain, looked_after.axial_strain));
+  EXPECT_TRUE(same(alone.youngs_modulus, looked_after.youngs_modulus));
+}
+
+TEST(Elastography, MaxStrainCanBeAnotherFromPairToPair) {
+  Elastography one(imaging_device());
+  const auto displacement = [](Elastography& e, double max_strain) {
+    e.set_max_strain(max_strain);
+    return e
+        .estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(), {}, {}, {},
+                  {ModulusKind::kReferenceStress, {}})
+        .axial_displacement;
+  };
+  const Field usual = displacement(one, 0.05), wide = displacement(one, 0.1);
+  EXPECT_EQ(displacement(one, 0.05), usual);
+  Elastography fresh(imaging_device());
+  EXPECT_EQ(displacement(fresh, 0.1), wide);
+  EXPECT_THROW(one.set_max_strain(0.2), std::invalid_argument);
 }
 
 TrackingError::Reason refusal(const RfFrame& pre, const RfFrame& post) {

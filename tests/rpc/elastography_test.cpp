@@ -334,7 +334,7 @@ TEST_F(Estimates, ClientThatDiesMidUploadLeavesNothing) {
 TEST_F(Estimates, CancelledCallPublishesNothing) {
   // The worker is held until the call is cancelled: no matter how fast this machine is.
   std::promise<void> release;
-  (*server)->core().scenes.worker().post(JobUrgency::kUrgent, [&] { release.get_future().wait(); });
+  (*server)->core().scenes.worker().run({}, [&] { release.get_future().wait(); });
   Elastographer late(channel);
   late.send(acquisition("scene"));
   late.send_frame(v1::FRAME_KIND_PRE, pair().pre);
@@ -344,7 +344,7 @@ TEST_F(Estimates, CancelledCallPublishesNothing) {
   (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(5));
   EXPECT_EQ((*server)->core().calls.count(), 0U);  // its handler did not wait for the worker
   release.set_value();
-  (*server)->core().scenes.worker().run([] {}).get();
+  (*server)->core().scenes.worker().run({}, [] {}).future.get();
   EXPECT_EQ(scene().version(), 0U);
 }
 

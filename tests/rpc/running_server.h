@@ -43,6 +43,7 @@ class RunningServer {
     ServerOptions options;
     options.listen.listen = listen.empty() ? "unix:" + (folder_ / "s").string() : listen;
     options.state_directory = state;
+    options.reopen = [] { return Device::open({}); };
     options.limits = limits;
     server_ = std::make_unique<Server>(rpc_device(), options);
   }

@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "service/rpc/client.h"
+#include "tests/rpc/health.h"
 #include "tests/rpc/running_server.h"
 #include "tests/support/finger_reader.h"
 
@@ -92,28 +93,8 @@ TEST(Address, BusyPortIsOneClearLine) {
   EXPECT_NE(why_refused("localhost" + port).find("in use"), std::string::npos);
 }
 
-// grpc.health.v1.Health/Check by hand: HealthCheckRequest{service = 1}, HealthCheckResponse{status = 1}.
-int health_of(const RunningServer& server, const std::string& service) {
-  std::string request;
-  if (!service.empty()) request = std::string("\x0a") + static_cast<char>(service.size()) + service;
-  grpc::ClientContext context;
-  set_deadline(context);
-  grpc::ByteBuffer out;
-  grpc::Slice slice(request);
-  grpc::ByteBuffer in(&slice, 1);
-  grpc::internal::RpcMethod method("/grpc.health.v1.Health/Check", grpc::internal::RpcMethod::NORMAL_RPC);
-  const auto channel = server.channel();
-  const grpc::Status status = grpc::internal::BlockingUnaryCall(channel.get(), method, &context, in, &out);
-  if (!status.ok()) return -static_cast<int>(status.error_code());
-  std::vector<grpc::Slice> slices;
-  out.Dump(&slices);
-  std::string bytes;
-  for (const auto& s : slices) bytes.append(reinterpret_cast<const char*>(s.begin()), s.size());
-  return bytes.size() >= 2 ? bytes[1] : 0;
-}
-
 TEST(Server, HealthIsPerServiceAndServingOnlyWhenReady) {
-  constexpr int kServing = 1, kNotServing = 2, kNotFound = -5;
+  constexpr int kNotFound = -5;
   RunningServer server;
   for (const char* service : {"", "teletact.v1.Palpation", "teletact.v1.Elastography", "teletact.v1.Info"})
     EXPECT_EQ(health_of(server, service), kNotServing) << service;

@@ -28,7 +28,7 @@ class StateOnDisk : public testing::Test {
   }
   ~StateOnDisk() override { fs::remove_all(directory); }
 
-  // Publishes and waits until its background work is done: the worker takes jobs in order.
+  // Publishes and waits until its background work is done: what is owed goes by deadlines.
   static Published publish(Scenes& scenes, const std::string& id, double x_m, double modulus_pa) {
     const auto scene = scenes.find(id);
     const Published published =
@@ -37,11 +37,9 @@ class StateOnDisk : public testing::Test {
     return published;
   }
   static void settle(Scenes& scenes) {
-    for (int k = 0; k < 4; ++k) {  // each round may post the next neighbour
-      std::promise<void> done;
-      scenes.worker().post(JobUrgency::kBackground, [&] { done.set_value(); });
-      done.get_future().get();
-    }
+    JobTerms last;  // after all that has a deadline
+    last.owed = true;
+    scenes.worker().run(last, [] {}).future.get();
   }
   static double force_n(Scenes& scenes, const std::string& id, double x_m) {
     TouchSession session(scenes.find(id), {}, nullptr);

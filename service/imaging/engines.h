@@ -1,0 +1,37 @@
+// Elastography engines for estimates that are under way at once. An engine keeps its buffers for the next
+// pair of the same client; more than kMostIdle do not outlive their use.
+#pragma once
+
+#include <functional>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "service/imaging/estimate.h"
+
+namespace teletact::service {
+
+class Engines {
+ public:
+  static constexpr std::size_t kMostIdle = 2;
+  explicit Engines(std::shared_ptr<Device> device) : device_(std::move(device)) {}
+
+  using Borrowed = std::unique_ptr<Elastography, std::function<void(Elastography*)>>;
+  // The one that the client used last, another that is idle, or a new one. Thread-safe. Throws DeviceError.
+  Borrowed borrow(const std::string& client);
+  // From now on: those of the device before go when they are given back. Thread-safe.
+  void use(std::shared_ptr<Device>);
+
+ private:
+  struct Idle {
+    std::string client;
+    std::unique_ptr<Elastography> engine;
+  };
+  void give_back(const std::string& client, const std::shared_ptr<Device>&, std::unique_ptr<Elastography>);
+  std::mutex mutex_;
+  std::shared_ptr<Device> device_;
+  std::list<Idle> idle_;  // used last first
+};
+
+}  // namespace teletact::service

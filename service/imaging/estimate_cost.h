@@ -1,0 +1,44 @@
+// How long an estimate will work, by what the ones before took: seconds per work of each of its parts, where
+// work is what the operations grow with. Good to a factor of two for sizes not seen yet, to some 20 % for
+// those that come again and again. Thread-safe.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <mutex>
+
+#include "service/imaging/modulus.h"
+
+namespace teletact::service {
+
+struct EstimateSize {
+  std::size_t samples = 0, lines = 0;
+  double max_strain = 0.05;
+  double window_width_m = 0, depth_m = 0;
+  ModulusKind method = ModulusKind::kIterative;
+  double modulus_time_limit_s = 0;  // of the iterative method
+  bool published = false;
+};
+
+struct EstimateSeconds {
+  double tracking = 0, modulus = 0, publishing = 0;
+};
+
+class EstimateCost {
+ public:
+  double expected_s(const EstimateSize&) const;
+  // The parts that were done; 0: was not.
+  void took(const EstimateSize&, const EstimateSeconds&);
+
+ private:
+  struct Rate {
+    double s_per_work;
+    void learn(double seconds, double work);
+  };
+  mutable std::mutex mutex_;
+  // Those of a slow core, until something was measured.
+  Rate tracking_{6e-7}, publishing_{1e-10};
+  std::array<Rate, 3> modulus_{{{1e-9}, {1e-9}, {2e-9}}};  // by ModulusKind
+};
+
+}  // namespace teletact::service

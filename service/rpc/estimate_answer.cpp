@@ -1,0 +1,118 @@
+#include "service/rpc/estimate_answer.h"
+
+#include <fmt/format.h>
+
+#include <string>
+
+namespace teletact::service {
+
+namespace {
+
+void map_to(const Estimate& e, const std::string& name, v1::Map* out) {
+  out->set_name(name);
+  v1::Grid* grid = out->mutable_grid();
+  grid->add_size(static_cast<std::uint32_t>(e.grid.nx)),
+      grid->add_size(static_cast<std::uint32_t>(e.grid.ny));
+  grid->add_origin_m(e.grid.origin_x_m), grid->add_origin_m(e.grid.origin_y_m);
+  grid->add_spacing_m(e.grid.dx_m), grid->add_spacing_m(e.grid.dy_m);
+  v1::Array* array = out->mutable_values();
+  array->add_shape(static_cast<std::uint32_t>(e.grid.ny)),
+      array->add_shape(static_cast<std::uint32_t>(e.grid.nx));
+  const auto fill = [&](const Field& field, const char* unit) {
+    out->set_unit(unit);
+    array->set_dtype(v1::DATA_TYPE_FLOAT32);
+    array->set_data(field.data(), field.size() * sizeof(float));
+  };
+  if (name == "axial_displacement") return fill(e.axial_displacement, "m");
+  if (name == "lateral_displacement") return fill(e.lateral_displacement, "m");
+  if (name == "axial_displacement_std") return fill(e.axial_displacement_std, "m");
+  if (name == "lateral_displacement_std") return fill(e.lateral_displacement_std, "m");
+  if (name == "axial_strain_std") return fill(e.axial_strain_std, "1");
+  if (name == "lateral_strain_std") return fill(e.lateral_strain_std, "1");
+  if (name == "shear_strain_std") return fill(e.shear_strain_std, "1");
+  if (name == "axial_strain") return fill(e.axial_strain, "1");
+  if (name == "lateral_strain") return fill(e.lateral_strain, "1");
+  if (name == "shear_strain") return fill(e.shear_strain, "1");
+  if (name == "correlation") return fill(e.correlation, "1");
+  if (name == "youngs_modulus") return fill(e.youngs_modulus, e.modulus_absolute ? "Pa" : "1");
+  if (name == "youngs_modulus_log_std") return fill(e.modulus_log_deviation, "1");
+  out->set_unit("1");  // valid
+  array->set_dtype(v1::DATA_TYPE_UINT8);
+  array->set_data(e.valid.data(), e.valid.size());
+}
+
+v1::ModulusMethod method_to(ModulusKind kind) {
+  switch (kind) {
+    case ModulusKind::kReferenceStress:
+      return v1::MODULUS_METHOD_REFERENCE_STRESS;
+    case ModulusKind::kDirect:
+      return v1::MODULUS_METHOD_DIRECT;
+    case ModulusKind::kIterative:
+      return v1::MODULUS_METHOD_ITERATIVE;
+  }
+  return v1::MODULUS_METHOD_UNSPECIFIED;
+}
+
+void estimate_to(const Estimate& e, v1::EstimateSummary* out) {
+  out->set_modulus_absolute(e.modulus_absolute);
+  out->set_median_correlation(e.median_correlation);
+  out->set_quality(e.quality);
+  out->set_valid_fraction(e.valid_fraction);
+  out->set_mean_axial_strain(e.mean_axial_strain);
+  out->set_background_modulus_pa(e.background_modulus);
+  out->set_modulus_method(method_to(e.modulus_kind));
+  out->set_modulus_converged(e.modulus_converged);
+  out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));
+  for (const std::string& warning : warnings_of(e)) out->add_warnings(warning);
+}
+
+void add_stage(v1::EstimateSummary* summary, const char* name, double s) {
+  v1::StageTime* time = summary->add_stages();
+  time->set_stage(name);
+  time->set_seconds(s);
+}
+
+void summary_to(const EstimateOutcome& outcome, const EstimateRequest& request,
+                v1::EstimateSummary* summary) {
+  const Estimate& e = outcome.estimate;
+  estimate_to(e, summary);
+  add_stage(summary, "queued", outcome.queued_s);
+  if (outcome.waited_s > 0) add_stage(summary, "waited", outcome.waited_s);
+  add_stage(summary, "displacement", e.displacement_s);
+  add_stage(summary, "strain", e.strain_s);
+  add_stage(summary, "modulus", e.modulus_s);
+  if (!outcome.published) return;
+  for (const std::string& warning : outcome.published->warnings) summary->add_warnings(warning);
+  add_stage(summary, "publish", outcome.publish_s);
+  summary->set_scene_id(request.scene->id());
+  summary->set_window_id(outcome.published->window_id);
+  summary->set_scene_version(outcome.published->version);
+  summary->set_received_to_published_s(outcome.received_to_published_s);
+}
+
+}  // namespace
+
+v1::EstimateStage stage_to(Stage stage) {
+  switch (stage) {
+    case Stage::kDisplacement:
+      return v1::ESTIMATE_STAGE_DISPLACEMENT;
+    case Stage::kStrain:
+      return v1::ESTIMATE_STAGE_STRAIN;
+    case Stage::kModulus:
+      return v1::ESTIMATE_STAGE_MODULUS;
+  }
+  return v1::ESTIMATE_STAGE_UNSPECIFIED;
+}
+
+bool answer_to(const EstimateOutcome& outcome, const EstimateRequest& request, std::size_t index,
+               v1::EstimateResponse* out) {
+  out->Clear();
+  if (index > request.maps.size()) return false;
+  if (index < request.maps.size())
+    map_to(outcome.estimate, request.maps[index], out->mutable_map()->mutable_map());
+  else
+    summary_to(outcome, request, out->mutable_summary());
+  return true;
+}
+
+}  // namespace teletact::service

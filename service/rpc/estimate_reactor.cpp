@@ -1,0 +1,246 @@
+#include "service/rpc/estimate_reactor.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "service/device/look.h"
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+using Seconds = std::chrono::duration<double>;
+
+JobTerms::Time later(JobTerms::Time from, double seconds) {
+  return from + std::chrono::duration_cast<JobTerms::Time::duration>(Seconds(seconds));
+}
+
+// The call's own, on our clock; never, where it has none.
+JobTerms::Time deadline_of(const grpc::CallbackServerContext& context) {
+  constexpr double kFar = 86400;
+  const double left_s = Seconds(context.deadline() - std::chrono::system_clock::now()).count();
+  return left_s < kFar ? later(JobTerms::Time::clock::now(), left_s) : JobTerms::Time::max();
+}
+
+}  // namespace
+
+EstimateReactor::EstimateReactor(ElastographyService& service, grpc::CallbackServerContext* context)
+    : ServedCall(service.core().calls, context),
+      service_(service),
+      whole_upload_s_(service.core().limits.least_upload_s) {}
+
+EstimateReactor* EstimateReactor::serve(ElastographyService& service, grpc::CallbackServerContext* context) {
+  return ServedCall::serve(std::make_shared<EstimateReactor>(service, context), CallKind::kEstimate);
+}
+
+void EstimateReactor::begun() {
+  begun_ = true;
+  StartRead(&message_);
+}
+
+void EstimateReactor::OnReadDone(bool ok) {
+  during([&] {
+    if (!ok) return uploaded();
+    receive();
+    StartRead(&message_);
+  });
+}
+
+void EstimateReactor::receive() {
+  const Limits& limits = service_.core().limits;
+  if (!request_) {
+    if (!message_.has_acquisition())
+      throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
+    service_.device().require();
+    request_ = request_from(message_.acquisition(), service_.core().scenes, limits);
+    refuse_the_hopeless();
+    // As it comes, and as samples.
+    upload_bytes_ = service_.core()
+                        .account(client_of(*context_))
+                        .charge(Place::kHost, "uploads",
+                                2 * (request_->frame_bytes() + sizeof(float) * request_->samples()));
+    upload_.emplace(*request_, limits.most_chunk_bytes);
+    const std::lock_guard lock(mutex_);
+    whole_upload_s_ += 2 * static_cast<double>(request_->frame_bytes()) / limits.least_upload_rate;
+    return;
+  }
+  if (!message_.has_chunk())
+    throw std::invalid_argument("chunk: after the acquisition only chunks may follow");
+  upload_->add(message_.chunk());
+  const std::lock_guard lock(mutex_);
+  if (!message_.chunk().data().empty()) last_bytes_ = Clock::now();  // an empty one is no progress
+}
+
+JobTerms EstimateReactor::terms() const {
+  JobTerms terms;
+  terms.client = client_of(*context_);
+  terms.cost_s = service_.cost().expected_s(request_->size());
+  terms.deadline = deadline_of(*context_);
+  if (request_->finish_within_s > 0)
+    terms.deadline = std::min(terms.deadline, later(Clock::now(), request_->finish_within_s));
+  return terms;
+}
+
+// Before the upload: even alone it could not be done.
+void EstimateReactor::refuse_the_hopeless() const {
+  const JobTerms terms = this->terms();
+  if (later(Clock::now(), terms.cost_s) <= terms.deadline) return;
+  throw Error(
+      ErrorKind::kDeadline,
+      fmt::format("acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
+                  "allow more, or send a smaller frame or a smaller modulus_time_limit_s",
+                  terms.cost_s));
+}
+
+// The client has closed its side: the pair is whole, or refused.
+void EstimateReactor::uploaded() {
+  if (context_->IsCancelled()) throw Error(ErrorKind::kCancelled, "the upload was cut");
+  if (!request_)
+    throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
+  upload_->require_whole();
+  received_ = Clock::now();
+  const JobTerms terms = this->terms();
+  FairWorkers& workers = service_.core().scenes.worker();
+  const double done_in_s = workers.done_in_s(terms);
+  if (later(received_, done_in_s) > terms.deadline)
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("not to be done in time beside what is being served; it could be done in {:.1f} "
+                            "s: allow so much (acquisition.finish_within_s, the call's deadline), or try "
+                            "again later",
+                            done_in_s));
+  {
+    const std::lock_guard lock(mutex_);
+    uploading_ = false;
+  }
+  progressed(v1::ESTIMATE_STAGE_RECEIVED);
+  if (!hold()) return;
+  try {
+    const FairWorkers::Id job = workers.post(
+        terms, [this] { work(); }, [this](std::exception_ptr error) { worked(std::move(error)); });
+    const std::lock_guard lock(mutex_);
+    job_ = job;
+  } catch (...) {
+    release();
+    throw;
+  }
+  if (life().ended()) ended();  // before the job was known
+}
+
+void EstimateReactor::work() {
+  const double queued_s = Seconds(Clock::now() - received_).count(), waited_before_s = waited_s();
+  const auto [pre, post] = upload_->finish();
+  upload_.reset();
+  upload_bytes_.shrink(2 * sizeof(float) * request_->samples());
+  EstimateOutcome outcome = service_.work(client_of(*context_), *request_, pre, post, received_,
+                                          [this](v1::EstimateStage stage) { progressed(stage); });
+  outcome.queued_s = queued_s;
+  outcome.waited_s = waited_s() - waited_before_s;
+  outcome.received_to_published_s = Seconds(Clock::now() - received_).count();
+  if (outcome.published) progressed(v1::ESTIMATE_STAGE_PUBLISHED);
+  service_.log_done(id(), context_->peer(), outcome, Seconds(Clock::now() - received_));
+  outcome_ = std::move(outcome);
+}
+
+void EstimateReactor::worked(std::exception_ptr error) {
+  upload_.reset();
+  upload_bytes_ = {};
+  if (error) {
+    end(service_.status_of_work(error));
+  } else {
+    {
+      const std::lock_guard lock(mutex_);
+      worked_ = true;
+    }
+    go_on();
+  }
+  release();
+}
+
+void EstimateReactor::progressed(v1::EstimateStage stage) {
+  {
+    const std::lock_guard lock(mutex_);
+    v1::EstimateProgress& progress = progress_.emplace_back();
+    progress.set_stage(stage);
+    progress.set_elapsed_s(Seconds(Clock::now() - received_).count());
+  }
+  go_on();
+}
+
+// The next message into answer_; false when there is none yet, or none any more.
+bool EstimateReactor::next_message() {
+  answer_.Clear();
+  if (!progress_.empty()) {
+    *answer_.mutable_progress() = std::move(progress_.front());
+    progress_.pop_front();
+    return true;
+  }
+  return worked_ && answer_to(*outcome_, *request_, written_++, &answer_);
+}
+
+void EstimateReactor::go_on() {
+  bool last = false;
+  {
+    const std::lock_guard lock(mutex_);
+    if (writing_since_) return;
+    if (next_message()) {
+      if (!hold()) return;
+      writing_since_ = Clock::now();
+      StartWrite(&answer_);
+      return;
+    }
+    last = worked_;
+  }
+  if (last) end(grpc::Status::OK);
+}
+
+void EstimateReactor::OnWriteDone(bool ok) {
+  {
+    const std::lock_guard lock(mutex_);
+    writing_since_.reset();
+  }
+  if (ok)
+    go_on();
+  else
+    end(grpc::Status::CANCELLED);
+  release();
+}
+
+void EstimateReactor::tick(Clock::time_point now) {
+  calls_.require_open();
+  const Limits& limits = service_.core().limits;
+  const std::lock_guard lock(mutex_);
+  if (uploading_ && now - last_bytes_ > Seconds(limits.upload_idle_s))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("chunk.data: no bytes for {} s; send without a pause, or open another call",
+                            limits.upload_idle_s));
+  if (uploading_ && now - opened_ > Seconds(whole_upload_s_))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("chunk.data: the upload is not whole after {:.0f} s; use a faster link, or send "
+                            "a smaller frame",
+                            whole_upload_s_));
+  if (writing_since_ && now - *writing_since_ > Seconds(limits.answer_taken_s))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("the answer was not read for {} s; read it, or ask for fewer maps",
+                            limits.answer_taken_s));
+}
+
+void EstimateReactor::ended() {
+  FairWorkers::Id job = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!worked_) job = job_;
+  }
+  if (job != 0) service_.core().scenes.worker().cancel(job);  // worked() comes at its next look, or at once
+}
+
+void EstimateReactor::closed() {
+  const grpc::Status status = life().status();
+  if (begun_ && !status.ok())
+    spdlog::info("event=estimate_ended call={} peer={} code={} error=\"{}\"", id(), context_->peer(),
+                 static_cast<int>(status.error_code()), status.error_message());
+}
+
+}  // namespace teletact::service

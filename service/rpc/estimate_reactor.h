@@ -1,0 +1,65 @@
+// One Estimate call. gRPC's threads put its upload together; the imaging plane works on it; the answer is
+// written message by message, one in flight. No thread belongs to the call, and each of its waits has an end.
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "service/limits/memory.h"
+#include "service/rpc/elastography_service.h"
+#include "service/rpc/served_call.h"
+
+namespace teletact::service {
+
+class EstimateReactor final
+    : public ServedCall<grpc::ServerBidiReactor<v1::EstimateRequest, v1::EstimateResponse>> {
+ public:
+  EstimateReactor(ElastographyService&, grpc::CallbackServerContext*);
+  static EstimateReactor* serve(ElastographyService&, grpc::CallbackServerContext*);
+
+ private:
+  void begun() override;
+  void tick(Clock::time_point now) override;
+  void ended() override;
+  void closed() override;
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+
+  void receive();
+  void uploaded();
+  void refuse_the_hopeless() const;
+  JobTerms terms() const;
+
+  void work();  // on the imaging plane
+  void worked(std::exception_ptr);
+  void progressed(v1::EstimateStage);
+  // Writes what is to be written next, if nothing is in flight; ends the call after the last of it.
+  void go_on();
+  bool next_message();
+
+  ElastographyService& service_;
+  const Clock::time_point opened_ = Clock::now();
+  bool begun_ = false;  // it has its place
+
+  // gRPC's reading thread; the imaging plane's from uploaded() on.
+  v1::EstimateRequest message_;
+  std::optional<EstimateRequest> request_;
+  Charge upload_bytes_;
+  std::optional<FrameUpload> upload_;
+  Clock::time_point received_{};
+  std::optional<EstimateOutcome> outcome_;
+
+  std::mutex mutex_;  // what follows
+  bool uploading_ = true, worked_ = false;
+  double whole_upload_s_;  // at most, by what the acquisition declares
+  Clock::time_point last_bytes_ = opened_;
+  FairWorkers::Id job_ = 0;
+  std::deque<v1::EstimateProgress> progress_;
+  std::size_t written_ = 0;      // messages of the outcome
+  v1::EstimateResponse answer_;  // gRPC's, while a write is in flight
+  std::optional<Clock::time_point> writing_since_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,60 @@
+// A device that fails under estimates: said by the health of Elastography, opened anew, and used again.
+// Touch goes on from compliances.
+#include "service/device/fault.h"
+#include "tests/rpc/estimate_client.h"
+#include "tests/rpc/health.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr const char* kElastography = "teletact.v1.Elastography";
+
+grpc::Status estimate(const RunningServer& server) {
+  Elastographer call(server.channel());
+  call.send(acquisition());
+  call.send_frame(v1::FRAME_KIND_PRE, pair().pre);
+  call.send_frame(v1::FRAME_KIND_POST, pair().post);
+  return call.finish().status;
+}
+
+bool becomes(const RunningServer& server, int health) {
+  for (int k = 0; k < 1200; ++k) {
+    if (health_of(server, kElastography) == health) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  return false;
+}
+
+struct FailingLaunches {
+  FailingLaunches() { fail_launches(true); }
+  ~FailingLaunches() { fail_launches(false); }
+};
+
+TEST(DeviceFailure, IsSaidAndTheDeviceComesBack) {
+  RunningServer server;
+  server->make_ready();
+  grpc::ClientContext context;
+  v1::Scene scene;
+  ASSERT_TRUE(
+      v1::Palpation::NewStub(server.channel())->CreateScene(&context, uniform_scene("touched"), &scene).ok());
+  Bystander touching(server.channel(), "touched");
+  ASSERT_TRUE(estimate(server).ok());
+  {
+    const FailingLaunches failing;
+    const grpc::Status status = estimate(server);
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << status.error_message();
+    EXPECT_NE(status.error_message().find("opened anew"), std::string::npos) << status.error_message();
+    ASSERT_TRUE(becomes(server, kNotServing));
+    EXPECT_EQ(health_of(server, "teletact.v1.Palpation"), kServing);
+    EXPECT_EQ(estimate(server).error_code(), grpc::StatusCode::UNAVAILABLE);  // refused at once
+    EXPECT_EQ(health_of(server, kElastography), kNotServing);
+  }
+  ASSERT_TRUE(becomes(server, kServing));
+  const grpc::Status status = estimate(server);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  touching.stop();
+  EXPECT_EQ(touching.failures(), 0);
+}
+
+}  // namespace
+}  // namespace teletact::service
