@@ -61,8 +61,9 @@ Vector2 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
   // the force that is left.
   const double left = soft > 0 ? model_n.stableNorm() / soft : 1;
   share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain) * left * (2 - left);
-  // A debt fades what is rendered, not the damping that pays it.
+  // A debt fades what is rendered, not the damping that pays it; and that never pulls a finger in.
   Vector2 force_n = debt_gain_ * model_n + passivity_.damping_force(input.pose.velocity_m_s, dt_s);
+  force_n.y() = std::min(force_n.y(), std::max(debt_gain_ * model_n.y(), 0.0));
   force_n = cap_stiffness(force_n, indentation_m, limits.largest_stiffness_n_m);
   return cap_magnitude(force_n, ceiling_n);
 }

@@ -48,7 +48,7 @@ struct Motion {
 };
 
 struct Felt {
-  double largest_n = 0, least_energy_j = 0, end_energy_j = 0, stored_j = 0;
+  double largest_n = 0, pulled_n = 0, least_energy_j = 0, end_energy_j = 0, stored_j = 0;
   int fades = 0, withheld = 0, in_air = 0, above_cap = 0, held_up = 0;
 };
 
@@ -82,6 +82,7 @@ Felt lift(const std::string& name, const ForceLimits& limits, const Tissue& tiss
     felt.fades += output.fades;
     felt.withheld += output.withheld;
     felt.largest_n = std::max(felt.largest_n, force_n);
+    felt.pulled_n = std::max(felt.pulled_n, output.force_n.y());
     felt.stored_j = std::max(felt.stored_j, output.stored_j);
     felt.least_energy_j = std::min(felt.least_energy_j, energy_j);
     last_n = output.force_n;
@@ -119,6 +120,7 @@ TEST(Lift, OfASpringPressedToTheLargestForceLeavesNoForceInTheAirAndGivesBackNoM
                                    std::to_string(lift_m_s) + " m/s";
           expect_nothing_in_the_air(felt, what);
           EXPECT_EQ(felt.withheld, 0) << what;
+          EXPECT_EQ(felt.pulled_n, 0) << what;  // tissue never pulls
           EXPECT_NEAR(felt.largest_n, device.largest_force_n, 1e-9) << what;
           // A force is as old as half a tick, one that is not a model's as its answer.
           const double late_s = name.rfind("kalman", 0) == 0 ? kTickS / 2 : 0.005;
@@ -155,7 +157,7 @@ ForceChainInput pressed(double depth_m, double force_n) {
 // What takes the force away while the finger lifts: a fault, a pause, a force that is no number.
 TEST(Lift, WhileTheForceFadesLeavesNothingInTheAirAndIsSmoothInContact) {
   for (const bool paused : {true, false})
-    for (const double lift_m_s : {0.0, 0.3}) {
+    for (const double lift_m_s : {0.0, 0.3, 0.6}) {
       ForceChainOptions options;
       ForceChain chain(options);
       for (int n = 0; n < 1000; ++n) chain.apply(pressed(0.008, 3));
@@ -176,6 +178,18 @@ TEST(Lift, WhileTheForceFadesLeavesNothingInTheAirAndIsSmoothInContact) {
       }
       EXPECT_EQ(last_n, 0);
     }
+}
+
+// Fading for another reason when the link falls silent too, and the loop is held up past the end of it.
+TEST(Lift, SilencePastItsLimitIsNoForceWhateverElseFades) {
+  ForceChain chain{ForceChainOptions()};
+  for (int n = 0; n < 1000; ++n) chain.apply(pressed(0.008, 3));
+  ForceChainInput input = pressed(0.008, 3);
+  input.on = false;
+  EXPECT_GT(chain.apply(input).force_n.norm(), 2.5);
+  input.silence_s = silence_limits(0).zero_s;
+  input.dt_s = 0.1;
+  EXPECT_EQ(chain.apply(input).force_n.norm(), 0);
 }
 
 TEST(ForceLimits, OnlyWhatRisesIsHeldBack) {
