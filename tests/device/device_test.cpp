@@ -287,7 +287,9 @@ TEST_F(Device_, LaunchesOnAThreadThatLooksUpComeInSlicesAndGiveTheSame) {
       launch();
       EXPECT_EQ(queue.read(y), whole);
     }
-    if (again == 0) EXPECT_GE(looks, 3);  // not known yet: tried in parts
+    if (again == 0) {
+      EXPECT_GE(looks, 3);  // not known yet: tried in parts
+    }
   }
 }
 
