@@ -18,10 +18,10 @@ constexpr std::size_t kMostSentBytes = std::size_t{4} << 20;
 
 // Of work that a queue may have ahead on a thread that looks up.
 constexpr double kAheadS = 0.02;
-// A launch of a size that has not been measured is tried in parts, where it has more items than these.
-constexpr std::size_t kItemsToTry = 32768, kParts = 8;
-constexpr double kMostGrowth = 4;                          // of one slice to the next
-constexpr std::size_t kMostSizes = 64;                     // that are remembered for a kernel
+// Of a launch of a size that has not been measured, the first slice.
+constexpr std::size_t kItemsToTry = 32768;
+constexpr double kMostGrowth = 4;                         // of one slice to the next
+constexpr std::size_t kMostSizes = 64;                    // that are remembered for a kernel
 constexpr std::size_t kFillBytes = std::size_t{8} << 20;  // at once
 
 std::atomic<bool> launches_fail{false};
@@ -117,8 +117,8 @@ void RawKernel::launch_at_pace(const Sizes& global, const Sizes& local) {
   std::size_t step = groups;
   if (known)
     step = std::clamp<std::size_t>(static_cast<std::size_t>(double(groups) * kAheadS / launch.s), 1, groups);
-  else if (global[0] * global[1] * global[2] > kItemsToTry)
-    step = std::max<std::size_t>(1, groups / kParts);
+  else if (const std::size_t items = global[0] * global[1] * global[2]; items > kItemsToTry)
+    step = std::max<std::size_t>(1, groups * kItemsToTry / items);
   double took_s = 0;
   for (std::size_t done = 0; done < groups;) {
     const std::size_t count = std::min(step, groups - done);

@@ -8,10 +8,12 @@
 
 namespace teletact::service {
 
-BlockTridiagonal::BlockTridiagonal(Eigen::Index count, Eigen::Index size)
-    : diagonal(static_cast<std::size_t>(count), Eigen::MatrixXd::Zero(size, size)),
-      lower(diagonal),
-      upper(diagonal) {}
+BlockTridiagonal::BlockTridiagonal(Eigen::Index count, Eigen::Index size) {
+  for (Eigen::Index k = 0; k < count; ++k) {
+    look();  // at the limits these are 2 GB
+    for (auto* blocks : {&diagonal, &lower, &upper}) blocks->push_back(Eigen::MatrixXd::Zero(size, size));
+  }
+}
 
 // D_0 = diagonal_0, D_k = diagonal_k - lower_k D_(k-1)^-1 upper_(k-1); then backwards.
 BlockTridiagonal::Solution BlockTridiagonal::solve(const Eigen::MatrixXd& b) const {

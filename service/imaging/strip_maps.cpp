@@ -58,6 +58,7 @@ StripModel::WindowMap StripModel::window_map(const Field& youngs_modulus, const 
   map.logarithm.assign(nx * ny, 0.0);
   std::vector<int> counts(nx * ny, 0);
   for (std::size_t n = 0; n < image.size(); ++n) {
+    if (n % image.nx == 0) look();
     const double y = image.y_m(n);
     if (!std::isfinite(youngs_modulus[n]) || y > grid_.y_m.back()) continue;
     const double x = image.x_m(n);
