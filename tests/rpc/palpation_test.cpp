@@ -116,7 +116,9 @@ TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
   Toucher by_pcg(server->channel(), open), by_compliance(channel, "uniform");
   ASSERT_TRUE(by_pcg.opened() && by_compliance.opened());
   v1::TouchAnswer pcg, compliance;
-  ASSERT_TRUE(by_pcg.touch(0.0503, 0.002, &pcg));
+  do {  // a busy machine solves the columns of the contact in several goes, and says so
+    ASSERT_TRUE(by_pcg.touch(0.0503, 0.002, &pcg));
+  } while (pcg.warning().find("being solved") != std::string::npos);
   ASSERT_TRUE(by_compliance.touch(0.0503, 0.002, &compliance));
   EXPECT_EQ(pcg.path(), v1::SOLVE_PATH_PCG) << pcg.warning();
   EXPECT_GT(pcg.solve().iterations(), 0U);
