@@ -3,12 +3,14 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "client/haptic/profiles.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
 #include "client/servo/states.h"
