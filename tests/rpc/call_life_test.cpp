@@ -4,10 +4,12 @@
 
 #include <atomic>
 #include <random>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 #include "service/rpc/allowance.h"
+#include "service/rpc/status.h"
 
 namespace teletact::service {
 namespace {
@@ -80,6 +82,14 @@ TEST(CallLife, ManyThreadsFinishItOnceAndAfterAllTheyDid) {
     ASSERT_EQ(finished, 1) << round;
     ASSERT_EQ(overtaken, 0) << round;
   }
+}
+
+TEST(Guarded, AThreadThatIsNotToBeHadIsNoFaultOfTheService) {
+  const auto thrown = [](std::errc code) {
+    return guarded([&]() -> Status { throw std::system_error(std::make_error_code(code)); }).error_code();
+  };
+  EXPECT_EQ(thrown(std::errc::resource_unavailable_try_again), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(thrown(std::errc::io_error), StatusCode::INTERNAL);
 }
 
 TEST(Allowance, IsARateWithABurst) {

@@ -33,7 +33,7 @@ std::shared_ptr<grpc::Channel> narrow_channel(const std::string& address) {
 
 // Its maps are more than what a narrow channel lets pass.
 v1::CreateSceneRequest large_scene() {
-  constexpr int kColumns = 200, kRows = 100;
+  constexpr int kColumns = 60, kRows = 300;
   v1::CreateSceneRequest request = uniform_scene("large");
   v1::ModulusMap* map = request.mutable_modulus();
   map->clear_x_m(), map->clear_y_m();
