@@ -11,6 +11,7 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -65,6 +66,7 @@ class Faults : public ::testing::Test {
     options.real_time = false;  // not for the threads of a test binary
     options.record_path = *folder_ / "record";
     this->period_s = period_s;
+    this->credit = credit;
     std::atomic<bool> stop{false};
     std::thread session([&] { summary = client::run_touch_session(options, stop); });
     EXPECT_TRUE(test::finger_presses(address_, kScene, kPressedM, 20));
@@ -98,9 +100,43 @@ class Faults : public ::testing::Test {
         EXPECT_LT(tick.silence_s, silence.fade_s) << "force was given back without a link";
       }
     }
+    expect_that_nothing_queues();
+    expect_force_where_nothing_takes_it();
     EXPECT_EQ(summary.telemetry_dropped, 0u);
     std::printf("[ felt  ] largest rise %.2f of the slew limit; %zu answers, %lu streams\n", worst_step,
                 recording.answers.size(), summary.link.streams);
+  }
+
+  // What makes latency grow is poses that wait for one another. Beyond the credit only heartbeats go out.
+  void expect_that_nothing_queues() const {
+    double last_s = 0;
+    std::size_t early = 0, beyond = 0;
+    for (const TouchRecording::Pose& pose : recording.poses) {
+      if (pose.in_flight > credit + 1) {  // an answer may be recorded just after the pose that it allowed
+        ++beyond;
+        early += pose.sent_s - last_s < 0.9 * client::TouchLink::kHeartbeatS;
+      }
+      last_s = pose.sent_s;
+    }
+    EXPECT_GT(recording.poses.size(), 20u);
+    EXPECT_EQ(early, 0u) << "of " << beyond << " poses beyond the credit";
+  }
+
+  // Deep in the tissue, past the ramp, told in time and trusted: then it is felt, however bad the link.
+  void expect_force_where_nothing_takes_it() const {
+    const client::SilenceLimits silence = client::silence_limits(period_s);
+    double enabled_s = -1;
+    std::size_t seen = 0;
+    for (const TouchTick& tick : recording.ticks) {
+      if (tick.state != ServoState::kEnabled || tick.degraded || tick.silence_s > silence.fade_s)
+        enabled_s = -1;
+      else if (enabled_s < 0)
+        enabled_s = tick.time_s;
+      if (enabled_s < 0 || tick.time_s - enabled_s < 1 || tick.y_m < kPressedM) continue;
+      ++seen;
+      ASSERT_GT(tick.size_n(), 0.05) << "at " << tick.y_m << " m, model " << tick.model_age_s << " s old";
+    }
+    std::printf("[ felt  ] %zu of %zu ticks where nothing takes the force\n", seen, recording.ticks.size());
   }
 
   // The ticks within [begin, end) of the clock.
@@ -156,6 +192,7 @@ class Faults : public ::testing::Test {
   TouchRecording recording;
   client::TouchSummary summary;
   double period_s = 0;
+  unsigned credit = 0;
 };
 std::unique_ptr<test::TemporaryFolder> Faults::folder_;
 std::unique_ptr<test::Process> Faults::service_;
@@ -180,11 +217,15 @@ TEST_F(Faults, AStallAt100HzFadesPast50MillisecondsAndIsZeroPast150) {
                          })->size_n();
   EXPECT_LT(faded_n, 0.85 * force_before_n(short_s));
   EXPECT_GT(longest_silence_s(stalled), 0.07);
-  if (longest_silence_s(stalled) < 0.14) {  // a busy machine can make more of it
-    EXPECT_GT(faded_n, 0);
-    EXPECT_TRUE(std::all_of(stalled.begin(), stalled.end(),
-                            [](const TouchTick& tick) { return tick.state == ServoState::kEnabled; }));
+  // A busy machine can make more of it: until then, that is.
+  std::size_t kept = 0;
+  for (const TouchTick& tick : stalled) {
+    if (tick.silence_s > 0.14) break;
+    ++kept;
+    ASSERT_GT(tick.size_n(), 0) << tick.silence_s;
+    ASSERT_EQ(tick.state, ServoState::kEnabled) << tick.silence_s;
   }
+  EXPECT_GT(kept, 50u);
   // GIVEN one of 500 ms THEN it is zero, and comes back when resumed out of contact
   expect_faded(long_s, back_s);
   EXPECT_LE(recording.answer_after_s(back_s) - back_s, kResumeS);
@@ -280,13 +321,13 @@ Growth growth_of(const std::vector<TouchRecording::Answer>& answers, double begi
   return {fit[1], std::sqrt(variance * (line.transpose() * line).inverse()(1, 1))};
 }
 
-// One condition of a bad link, both ways, and for what share of the time force has to be on all the same: 0
-// where silence passes its limit several times a second, so that force is off by design and the claim is the
-// age's.
+// One condition of a bad link, both ways, and for what share of the time force has to be on all the same.
+// None where silence passes its limit several times a second: there force is off by design, and the claims
+// are the age's and what holds on every link.
 struct BadLink {
   const char* name;
   test::DirectionFaults faults;
-  double least_force_share;
+  std::optional<double> least_force_share;
 };
 
 class FaultsOfALink : public Faults, public ::testing::WithParamInterface<BadLink> {};
@@ -321,7 +362,7 @@ TEST_P(FaultsOfALink, BoundTheAgeAndDoNotLetLatencyGrow) {
       << "latency grows";
   const Growth growth = growth_of(recording.answers, begin_s, seconds);
   // Answers that wait for one another err together: a short run cannot tell growth from chance by less than
-  // the link's own delays.
+  // the link's own delays. What would grow, a queue, is looked for in every recording.
   const double chance_s = seconds < 30 ? std::max(bad.jitter_s, bad.retransmission_s) : 0.05;
   EXPECT_LE(growth.over_run_s, std::max(chance_s, 4 * growth.error_s)) << "latency grows";
   // Both clocks are this machine's: the offset is zero, and known to be to half of the quickest round trip.
@@ -332,7 +373,9 @@ TEST_P(FaultsOfALink, BoundTheAgeAndDoNotLetLatencyGrow) {
   const auto with_force =
       std::count_if(ticks.begin(), ticks.end(), [](const TouchTick& tick) { return tick.size_n() > 0.05; });
   const double share = static_cast<double>(with_force) / static_cast<double>(ticks.size());
-  EXPECT_GE(share, GetParam().least_force_share);
+  if (GetParam().least_force_share) {
+    EXPECT_GE(share, *GetParam().least_force_share);
+  }
   std::printf(
       "[ age   ] median %.3f s at first, %.3f s at last, largest %.3f s, %zu answers in %.0f s; growth %+.3f "
       "+- %.3f s; force on for %.3f of the time\n",
@@ -343,9 +386,9 @@ TEST_P(FaultsOfALink, BoundTheAgeAndDoNotLetLatencyGrow) {
 INSTANTIATE_TEST_SUITE_P(
     Faults, FaultsOfALink,
     ::testing::Values(
-        BadLink{"JitterAndLoss", {.jitter_s = 0.3, .loss_share = 0.1, .retransmission_s = 0.2}, 0},
-        BadLink{"Jitter", {.jitter_s = 0.3, .retransmission_s = 0}, 0},
-        BadLink{"Loss", {.loss_share = 0.1, .retransmission_s = 0.2}, 0},
+        BadLink{"JitterAndLoss", {.jitter_s = 0.3, .loss_share = 0.1, .retransmission_s = 0.2}, {}},
+        BadLink{"Jitter", {.jitter_s = 0.3, .retransmission_s = 0}, {}},
+        BadLink{"Loss", {.loss_share = 0.1, .retransmission_s = 0.2}, {}},
         BadLink{"JitterOf100ms", {.jitter_s = 0.1, .retransmission_s = 0}, 0.7},
         BadLink{"LossOf60ms", {.loss_share = 0.1, .retransmission_s = 0.06}, 0.7}),
     [](const auto& test) { return std::string(test.param.name); });

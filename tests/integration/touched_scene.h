@@ -67,6 +67,7 @@ struct TouchTick {
   double time_s, y_m, force_n[2];
   client::ServoState state;
   double silence_s, model_age_s;
+  bool degraded;
   double size_n() const { return std::hypot(force_n[0], force_n[1]); }
   // Beyond what the finger itself pressed in, at the device's stiffness cap.
   double rise_n(const TouchTick& before) const {
@@ -80,8 +81,13 @@ struct TouchRecording {
     double received_s, age_s;  // age: since its pose was sampled
     std::uint64_t sequence;
   };
+  struct Pose {
+    double sent_s;
+    std::uint64_t in_flight;  // unanswered poses of its stream, itself included
+  };
   std::vector<TouchTick> ticks;
   std::vector<Answer> answers;
+  std::vector<Pose> poses;
   // The first answer received at or after `time_s`; infinity when there is none.
   double answer_after_s(double time_s) const {
     for (const Answer& answer : answers)
@@ -93,6 +99,7 @@ struct TouchRecording {
 inline TouchRecording read_touch_recording(const std::string& path) {
   TouchRecording recording;
   client::RecordReader reader(path);
+  std::uint64_t answered = 0, sent = 0;
   while (const auto entry = reader.next()) {
     const double time_s = 1e-9 * static_cast<double>(entry->monotonic_ns());
     if (entry->has_servo()) {
@@ -102,10 +109,17 @@ inline TouchRecording read_touch_recording(const std::string& path) {
                                  {s.force_n(0), s.force_n(1)},
                                  static_cast<client::ServoState>(s.state()),
                                  s.silence_s(),
-                                 s.model_age_s()});
+                                 s.model_age_s(),
+                                 s.degraded()});
+    }
+    if (entry->has_touch_request() && entry->touch_request().has_open()) answered = sent;
+    if (entry->has_touch_request() && entry->touch_request().has_pose()) {
+      sent = entry->touch_request().pose().sequence();
+      recording.poses.push_back({time_s, sent - answered});
     }
     if (entry->has_touch_response() && entry->touch_response().has_answer()) {
       const v1::TouchAnswer& answer = entry->touch_response().answer();
+      answered = std::max(answered, answer.sequence());
       const double posed_s = 1e-9 * static_cast<double>(answer.pose_stamp().monotonic_ns());
       recording.answers.push_back({time_s, time_s - posed_s, answer.sequence()});
     }
