@@ -1,0 +1,136 @@
+// Memory of the imaging plane: what a pair needs is asked for before it is taken, models of the modulus give
+// way to others in the order of last use, and what is refused leaves nothing.
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "service/imaging/estimate.h"
+#include "service/imaging/strip_model.h"
+#include "service/limits/limits.h"
+#include "service/limits/memory.h"
+#include "tests/imaging/imaging_device.h"
+#include "tests/imaging/speckle.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr std::uint64_t kPlenty = std::uint64_t{1} << 40;
+constexpr std::size_t kSamples = 520, kLines = 42;  // 10 x 10 mm
+
+std::shared_ptr<MemoryBudget> budget_of(std::uint64_t host, std::uint64_t device) {
+  Limits limits;
+  limits.host_memory_bytes = host, limits.device_memory_bytes = device, limits.client_memory_share = 1;
+  return std::make_shared<MemoryBudget>(limits);
+}
+
+std::uint64_t held(const MemoryBudget& budget, const std::string& kind) {
+  std::uint64_t bytes = 0;
+  for (const MemoryUse& use : budget.uses())
+    if (use.kind == kind) bytes += use.bytes;
+  return bytes;
+}
+
+struct Pair {
+  RfFrame pre, post;
+};
+
+const Pair& pair() {
+  static const Pair made = [] {
+    SpeckleOptions options;
+    options.samples = kSamples, options.lines = kLines;
+    const Speckle speckle(options);
+    return Pair{speckle.frame(
+                    [](double, double) {
+                      return std::pair{0.0, 0.0};
+                    },
+                    1),
+                speckle.frame(
+                    [](double, double y) {
+                      return std::pair{0.0, -0.012 * y};
+                    },
+                    2)};
+  }();
+  return made;
+}
+
+TissueExtent slab() {
+  return {kLines * speckle_geometry().line_pitch_m, 0.010, 0, 0.3};
+}
+
+Estimate estimate(Elastography& engine) {
+  return engine.estimate(pair().pre, pair().post, speckle_geometry(), {}, slab());
+}
+
+TEST(ImagingMemory, WhatTheDeviceTakesIsAskedForBeforehandAndRefusedAsAWhole) {
+  const auto plenty = budget_of(kPlenty, kPlenty);
+  std::uint64_t needed = 0;
+  {
+    Elastography engine(imaging_device());
+    engine.charge_to({plenty, "anna", ""});
+    estimate(engine);
+    needed = plenty->held(Place::kDevice);
+    EXPECT_GT(needed, kSamples * kLines * sizeof(float));
+  }
+  EXPECT_EQ(plenty->held(Place::kDevice), 0U);
+  EXPECT_EQ(plenty->held(Place::kHost), 0U);
+  const auto tight = budget_of(kPlenty, needed / 2);
+  Elastography engine(imaging_device());
+  engine.charge_to({tight, "anna", ""});
+  const std::uint64_t before = imaging_device()->held_bytes();
+  try {
+    estimate(engine);
+    FAIL() << "was not refused";
+  } catch (const MemoryRefused& refused) {
+    // As a whole: the sum is named, not the array that happened to come last.
+    EXPECT_NE(std::string(refused.what()).find(" 0 of "), std::string::npos) << refused.what();
+  }
+  EXPECT_EQ(imaging_device()->held_bytes(), before);
+  EXPECT_EQ(tight->held(Place::kDevice), 0U);
+  EXPECT_EQ(held(*tight, "estimates"), 0U);
+  engine.charge_to({plenty, "anna", ""});
+  EXPECT_NO_THROW(estimate(engine)) << "less, or elsewhere, is served after a refusal";
+}
+
+TEST(ImagingMemory, AnEstimateHoldsItsMapsUntilItIsTaken) {
+  const auto budget = budget_of(kPlenty, kPlenty);
+  Elastography engine(imaging_device());
+  engine.charge_to({budget, "anna", ""});
+  {
+    const Estimate kept = estimate(engine);
+    EXPECT_GE(held(*budget, "estimates"), 13 * sizeof(float) * kept.grid.size());
+    EXPECT_EQ(held(*budget, "estimating"), 0U) << "what was needed meanwhile is gone";
+    EXPECT_GT(held(*budget, "strips"), 0U);
+  }
+  EXPECT_EQ(held(*budget, "estimates"), 0U);
+  const auto none = budget_of(10000, kPlenty);
+  engine.charge_to({none, "berta", ""});
+  EXPECT_THROW(estimate(engine), MemoryRefused);
+  EXPECT_EQ(none->held(Place::kHost), 0U);
+}
+
+TEST(ImagingMemory, ModelsOfTheModulusAreBoundedInBytesAndTheOldestGoesFirst) {
+  const auto at = [](double depth_m) { return TissueExtent{0.060, depth_m, 0.010, 0.49}; };
+  std::uint64_t one = 0;
+  {
+    const auto plenty = budget_of(kPlenty, 0);
+    StripCache cache;
+    cache.charge_to({plenty, "anna", ""});
+    cache.get(at(0.030), 0.040);
+    one = plenty->held(Place::kHost);
+    EXPECT_GT(one, std::uint64_t{1} << 20);
+  }
+  const auto budget = budget_of(4 * one, 0);
+  StripCache cache;
+  cache.charge_to({budget, "anna", ""});
+  const auto held_by_us = cache.get(at(0.030), 0.040);
+  const std::weak_ptr<StripCache::Entry> second = cache.get(at(0.031), 0.040);
+  for (int k = 2; k < 10; ++k) {
+    EXPECT_NO_THROW(cache.get(at(0.030 + 1e-3 * k / 10), 0.040));
+    EXPECT_LE(budget->held(Place::kHost), 4 * one);
+  }
+  EXPECT_TRUE(second.expired()) << "what was used longest ago is gone";
+  EXPECT_EQ(cache.get(at(0.030), 0.040), held_by_us) << "what somebody uses is not";
+}
+
+}  // namespace
+}  // namespace teletact::service
