@@ -250,6 +250,10 @@ DisplacementEstimator::DisplacementEstimator(Queue queue, DisplacementOptions op
 
 DisplacementEstimator::~DisplacementEstimator() = default;
 
+void DisplacementEstimator::forget() {
+  work_.reset();
+}
+
 void DisplacementEstimator::set_max_strain(double max_strain) {
   if (max_strain == options_.max_strain) return;
   DisplacementOptions other = options_;

@@ -61,6 +61,7 @@ class DisplacementEstimator {
   DisplacementEstimator(Queue, DisplacementOptions);
   ~DisplacementEstimator();
   void set_max_strain(double);
+  void forget();  // the buffers that are kept for the next pair
   // `pre`, `post`, `geometry` as validate() accepts them. The result's arrays are overwritten by the next
   // call.
   DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);

@@ -1,5 +1,6 @@
 // Elastography engines for estimates that are under way at once. An engine keeps its buffers for the next
-// pair of the same client; more than kMostIdle do not outlive their use.
+// pair of the same client; more than kMostIdle do not outlive their use, and idle ones go when others need
+// the device's memory.
 #pragma once
 
 #include <functional>
@@ -15,7 +16,8 @@ namespace teletact::service {
 class Engines {
  public:
   static constexpr std::size_t kMostIdle = 2;
-  explicit Engines(std::shared_ptr<Device> device) : device_(std::move(device)) {}
+  explicit Engines(std::shared_ptr<Device>);
+  ~Engines();
 
   using Borrowed = std::unique_ptr<Elastography, std::function<void(Elastography*)>>;
   // The one that the client used last, another that is idle, or a new one. Thread-safe. Throws DeviceError.
@@ -24,14 +26,11 @@ class Engines {
   void use(std::shared_ptr<Device>);
 
  private:
-  struct Idle {
-    std::string client;
-    std::unique_ptr<Elastography> engine;
-  };
+  class Idle;
   void give_back(const std::string& client, const std::shared_ptr<Device>&, std::unique_ptr<Elastography>);
   std::mutex mutex_;
   std::shared_ptr<Device> device_;
-  std::list<Idle> idle_;  // used last first
+  std::list<std::shared_ptr<Idle>> idle_;  // used last first
 };
 
 }  // namespace teletact::service

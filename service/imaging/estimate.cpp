@@ -75,6 +75,9 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
 }
 
 void Elastography::charge_to(const MemoryAccount& account) {
+  // What another's pair left behind is not this one's to keep.
+  if (account.client != queue_.account().client || account.budget != queue_.account().budget)
+    displacement_.forget();
   queue_.charge_to(account);
   strips_->charge_to(account);
 }

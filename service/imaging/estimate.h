@@ -83,6 +83,7 @@ class Elastography {
 
   // In whose name pairs are worked on from now on: what is kept of them for the next, too.
   void charge_to(const MemoryAccount&);
+  const MemoryAccount& account() const { return queue_.account(); }
   // Of the pairs to come; what was set up for another is set up anew.
   void set_max_strain(double);
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).

@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "service/imaging/engines.h"
 #include "service/imaging/estimate.h"
 #include "service/imaging/strip_model.h"
 #include "service/limits/limits.h"
@@ -89,6 +90,29 @@ TEST(ImagingMemory, WhatTheDeviceTakesIsAskedForBeforehandAndRefusedAsAWhole) {
   EXPECT_EQ(held(*tight, "estimates"), 0U);
   engine.charge_to({plenty, "anna", ""});
   EXPECT_NO_THROW(estimate(engine)) << "less, or elsewhere, is served after a refusal";
+}
+
+TEST(ImagingMemory, AnIdleEngineGivesTheDeviceBackAndAnotherTakesItsPlace) {
+  const auto budget = budget_of(kPlenty, std::uint64_t{1} << 30);
+  const MemoryAccount anna{budget, "anna", ""}, berta{budget, "berta", ""};
+  Engines engines(imaging_device());
+  const auto by_engine = [&](const MemoryAccount& account) {
+    const auto engine = engines.borrow(account.client);
+    engine->charge_to(account);
+    return estimate(*engine).axial_strain;
+  };
+  const Field first = by_engine(anna);
+  EXPECT_GT(budget->held(Place::kDevice, "anna"), 0U) << "kept for the next pair";
+  {
+    const Charge all = berta.charge(Place::kDevice, "arrays", std::uint64_t{1} << 30);
+    EXPECT_EQ(budget->held(Place::kDevice, "anna"), 0U);
+    EXPECT_THROW(by_engine(anna), MemoryRefused);
+  }
+  EXPECT_EQ(by_engine(anna).size(), first.size());
+  // Another client's pair takes over an idle engine, and its bytes.
+  const auto a = engines.borrow("anna");
+  a->charge_to(berta);
+  EXPECT_EQ(budget->held(Place::kDevice, "anna"), 0U);
 }
 
 TEST(ImagingMemory, AnEstimateHoldsItsMapsUntilItIsTaken) {
