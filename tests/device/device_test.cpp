@@ -1,5 +1,7 @@
 // The door to OpenCL: choosing, building, caching, copying, failing with words.
 #include "service/device/device.h"
+#include "service/limits/limits.h"
+#include "service/limits/memory.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -309,6 +311,30 @@ TEST_F(Device_, WorkThatIsToEndEndsBetweenTheSlicesOfALaunch) {
   const std::vector<float> part = queue.read(y);
   EXPECT_EQ(part.front(), 3.0f);
   EXPECT_EQ(part.back(), 0.0f);  // never launched
+}
+
+// Arrays are charged to who makes them before the device is asked, and returned with them.
+TEST(Memory, ArraysAreChargedBeforehandAndTooLargeOnesAreNoFailureOfTheDevice) {
+  Limits limits;
+  limits.host_memory_bytes = 0, limits.device_memory_bytes = 4000, limits.client_memory_share = 0.5;
+  const auto budget = std::make_shared<MemoryBudget>(limits);
+  const auto device = Device::open();
+  const Queue anna = device->queue({budget, "anna", ""}), uncounted = device->queue();
+  const std::uint64_t before = device->held_bytes();
+  {
+    const auto held = anna.array<float>(400);
+    EXPECT_EQ(budget->held(Place::kDevice, "anna"), 1600U);
+    EXPECT_THROW(anna.array<float>(101), MemoryRefused);
+    EXPECT_EQ(device->held_bytes(), before + 1600) << "what was refused was never made";
+    const auto beside = uncounted.array<float>(1000);
+    anna.charge_to({budget, "berta", ""});
+    EXPECT_NO_THROW(anna.array<float>(500)) << "berta's share is her own";
+  }
+  EXPECT_EQ(budget->held(Place::kDevice), 0U);
+  EXPECT_EQ(device->held_bytes(), before);
+  DeviceOptions small;
+  small.most_array_bytes = 1000;
+  EXPECT_THROW(Device::open(small)->queue().array<float>(251), DeviceMemoryError);
 }
 
 }  // namespace
