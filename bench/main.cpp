@@ -21,6 +21,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_paper_suite(app, met);
   teletact::bench::add_servo_suite(app, met);
   teletact::bench::add_throughput_suite(app, met);
+  teletact::bench::add_soak_suite(app, met);
   teletact::bench::add_contact_suite(app, met);
   teletact::bench::add_stability_suite(app, met);
   teletact::bench::add_exploration_suite(app, met);

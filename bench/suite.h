@@ -61,6 +61,7 @@ void plot(const std::filesystem::path& file, const std::string& script);
 void add_paper_suite(CLI::App& app, bool& met);
 void add_servo_suite(CLI::App& app, bool& met);
 void add_throughput_suite(CLI::App& app, bool& met);
+void add_soak_suite(CLI::App& app, bool& met);
 void add_contact_suite(CLI::App& app, bool& met);
 void add_stability_suite(CLI::App& app, bool& met);
 void add_elastography_suite(CLI::App& app, bool& met);

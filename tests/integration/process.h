@@ -133,6 +133,7 @@ class Process {
     return code_;
   }
   bool running() { return wait(0) == -1; }
+  pid_t id() const { return pid_; }
   std::string output() const {
     std::ifstream file(log_);
     std::ostringstream text;

@@ -1,0 +1,108 @@
+// What the soak's clients do beside each other, and what they met.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/acquire/frame_source.h"
+
+namespace teletact::bench::soak {
+
+struct Service {
+  std::string address, tls_ca;
+};
+
+// How calls of one client ended, by the canonical code's name. Thread-safe.
+class Statuses {
+ public:
+  void add(const std::string& code) {
+    const std::lock_guard lock(mutex_);
+    ++counts_[code];
+  }
+  std::map<std::string, std::uint64_t> counts() const {
+    const std::lock_guard lock(mutex_);
+    return counts_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<std::string, std::uint64_t> counts_;
+};
+
+// A client that publishes a window of its own scene again and again, each to be done within a time.
+class FairImager {
+ public:
+  FairImager(const Service&, std::string name, std::string scene_id,
+             const std::vector<client::FramePair>& pairs, double every_s, double finish_within_s);
+  ~FairImager();
+  void stop();
+
+  // After stop().
+  struct Windows {
+    std::vector<double> published_s;  // since the last RF byte, in time
+    std::vector<double> refused_s;    // since the last RF byte: at once
+    std::vector<double> late_s;       // neither
+  };
+  const Windows& windows() const { return windows_; }
+  const Statuses& statuses() const { return statuses_; }
+  const std::string& name() const { return name_; }
+
+ private:
+  void run(const Service&, const std::vector<client::FramePair>& pairs);
+  const std::string name_, scene_id_;
+  const double every_s_, finish_within_s_;
+  Windows windows_;
+  Statuses statuses_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+// A client of its own name that does one thing wrong, over and over, until it goes out of scope.
+class Rogue {
+ public:
+  virtual ~Rogue() = default;
+  const Statuses& statuses() const { return statuses_; }
+
+ protected:
+  Statuses statuses_;
+  std::atomic<bool> stop_{false};
+};
+
+// As many long calls as it is given, alternating the largest strain.
+class Greedy final : public Rogue {
+ public:
+  Greedy(const Service&, std::string scene_id, const std::vector<client::FramePair>& pairs);
+  ~Greedy() override;
+
+ private:
+  std::vector<std::thread> threads_;
+};
+
+// Touches, watches and uploads, and reads nothing of what comes back.
+class NeverReading final : public Rogue {
+ public:
+  NeverReading(const Service&, std::string scene_id, const client::FramePair& pair);
+  ~NeverReading() override;
+
+ private:
+  std::thread thread_;
+};
+
+// Its connection is reset every second, with a touch, a watch and half an upload going on.
+class Dying final : public Rogue {
+ public:
+  Dying(const Service&, std::string scene_id, const client::FramePair& pair);
+  ~Dying() override;
+
+ private:
+  std::thread thread_;
+};
+
+}  // namespace teletact::bench::soak

@@ -1,0 +1,44 @@
+// The soak for a minute, as a process beside a service of its own: what its hour promises, with the bounds of
+// a busy machine.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/integration/process.h"
+
+namespace teletact {
+namespace {
+
+TEST(Soak, AMinuteOfEverythingAtOnce) {
+  constexpr double kReadyS = 300, kSoakS = 600, kMostGrowthBytes = 64e6;
+  const test::TemporaryFolder folder;
+  const std::string address = "unix:" + (folder / "s"), json_file = folder / "soak.json";
+  test::Process service({test::service_binary(), "serve", "--listen", address}, folder / "service.log");
+  ASSERT_TRUE(service.says("serving on", kReadyS)) << service.output();
+  const auto soak =
+      test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench", "soak",
+                 "--service", address, "--pid", std::to_string(service.id()), "--quick", "--json", json_file},
+                folder / "soak.log", {}, kSoakS);
+  ASSERT_TRUE(soak.code == 0 || soak.code == 1) << soak.output;  // 1: an hour's promise, on a busy machine
+  std::ifstream file(json_file);
+  const auto result = nlohmann::json::parse(file, nullptr, false);
+  ASSERT_TRUE(result.is_object()) << soak.output;
+  const auto& together = result.at("together");
+  for (const auto& touched : {result.at("alone"), together.at("touch")}) {
+    EXPECT_EQ(touched.at("ended"), 0) << touched.at("ends");
+    EXPECT_EQ(touched.at("without_force"), 0);
+    EXPECT_GT(touched.at("latency_s").at("count"), 1000);
+  }
+  EXPECT_LT(together.at("memory").at("growth_bytes"), kMostGrowthBytes);
+  std::size_t answered = 0;
+  for (const auto& client : together.at("fair"))
+    answered += client.at("published").get<std::size_t>() + client.at("refused").get<std::size_t>();
+  EXPECT_GT(answered, 0U);
+  for (const char* code : {"INTERNAL", "UNKNOWN"})
+    EXPECT_EQ(together.dump().find(code), std::string::npos) << together;
+  EXPECT_TRUE(service.running()) << service.output();
+}
+
+}  // namespace
+}  // namespace teletact
