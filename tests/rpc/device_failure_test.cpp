@@ -25,6 +25,17 @@ bool becomes(const RunningServer& server, int health) {
   return false;
 }
 
+// Presses at one place after the other until it is answered so.
+bool comes_to(Toucher& toucher, v1::TouchStatus status) {
+  v1::TouchAnswer answer;
+  for (int k = 0; k < 1200; ++k) {
+    if (!toucher.touch(0.02 + 0.002 * (k % 30), 0.003, &answer)) return false;
+    if (answer.status() == status) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  return false;
+}
+
 struct FailingLaunches {
   FailingLaunches() { fail_launches(true); }
   ~FailingLaunches() { fail_launches(false); }
@@ -38,6 +49,11 @@ TEST(DeviceFailure, IsSaidAndTheDeviceComesBack) {
   ASSERT_TRUE(
       v1::Palpation::NewStub(server.channel())->CreateScene(&context, uniform_scene("touched"), &scene).ok());
   Bystander touching(server.channel(), "touched");
+  v1::TouchOpen by_device = Toucher::open_on("touched");
+  by_device.set_path(v1::SOLVE_PATH_PCG);
+  Toucher pressing(server.channel(), by_device);
+  ASSERT_TRUE(pressing.opened());
+  ASSERT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));
   ASSERT_TRUE(estimate(server).ok());
   {
     const FailingLaunches failing;
@@ -46,12 +62,14 @@ TEST(DeviceFailure, IsSaidAndTheDeviceComesBack) {
     EXPECT_NE(status.error_message().find("opened anew"), std::string::npos) << status.error_message();
     ASSERT_TRUE(becomes(server, kNotServing));
     EXPECT_EQ(health_of(server, "teletact.v1.Palpation"), kServing);
+    EXPECT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_FAILED));
     EXPECT_EQ(estimate(server).error_code(), grpc::StatusCode::UNAVAILABLE);  // refused at once
     EXPECT_EQ(health_of(server, kElastography), kNotServing);
   }
   ASSERT_TRUE(becomes(server, kServing));
   const grpc::Status status = estimate(server);
   EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));  // by the new device
   touching.stop();
   EXPECT_EQ(touching.failures(), 0);
 }
