@@ -68,7 +68,9 @@ class Estimates : public testing::Test {
 };
 
 TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
-  const Outcome outcome = estimate(acquisition("scene", 0.04), pair().pre, pair().post);
+  v1::Acquisition a = acquisition("scene", 0.04);
+  a.set_modulus_time_limit_s(20);  // one that is stopped early may misfit, and is not trusted then
+  const Outcome outcome = estimate(a, pair().pre, pair().post);
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
   EXPECT_EQ(outcome.stages,
             (std::vector<v1::EstimateStage>{v1::ESTIMATE_STAGE_RECEIVED, v1::ESTIMATE_STAGE_DISPLACEMENT,
@@ -85,7 +87,7 @@ TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
   EXPECT_GT(s.valid_fraction(), 0.8);
   EXPECT_EQ(s.scene_id(), "scene");
   EXPECT_GT(s.received_to_published_s(), 0);
-  EXPECT_LT(s.received_to_published_s(), 5);
+  EXPECT_LT(s.received_to_published_s(), 60);
   const v1::Scene now = scene();
   ASSERT_EQ(now.windows_size(), 1);
   EXPECT_EQ(now.windows(0).window_id(), s.window_id());
