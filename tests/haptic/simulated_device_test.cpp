@@ -39,6 +39,12 @@ TEST(DeviceProfiles, AreThoseOfT57) {
   const DeviceProfile& premium = device_profile("premium-1.5");
   EXPECT_EQ(premium.largest_force_n, 8.5);
   EXPECT_EQ(premium.largest_stiffness_n_m, 800);
+  const ForceLimits limits = premium.limits();  // as the safety chain gets them
+  EXPECT_EQ(limits.largest_force_n, 8.5);
+  EXPECT_EQ(limits.largest_stiffness_n_m, 800);
+  EXPECT_EQ(limits.largest_damping_n_s_m, 5);
+  EXPECT_EQ(limits.largest_slew_n_s, 0.15 * 800);
+  EXPECT_EQ(limits.friction_n, 0.04);
   EXPECT_EQ(device_profile("touch").largest_damping_n_s_m, 4);
   EXPECT_THROW(device_profile("spoon"), std::invalid_argument);
 }

@@ -56,6 +56,24 @@ TEST(Strip, LinesCoverTheDepth) {
   }
 }
 
+// Where a strip ends inside of the tissue nothing holds it.
+TEST(Strip, TakesTheScenesThicknessAndItsSupportsWhereItReachesThem) {
+  SceneGeometry g = tissue(0.400, 0.040);
+  g.thickness_m = 0.021;
+  g.supports.left = g.supports.right = EdgeSupport::kFixed;
+  StitchedMap map(g);
+  map.paste(window_of(homogeneous(10e3), 0, 0.400, 0.040));
+  const auto supports = [&](double begin_m, double end_m) {
+    const auto model = build_strip(g, map, begin_m, end_m);
+    EXPECT_EQ(model->options().thickness_m, 0.021);
+    EXPECT_EQ(model->supports().bottom, EdgeSupport::kFixed);
+    return std::pair(model->supports().left, model->supports().right);
+  };
+  EXPECT_EQ(supports(0, 0.060), std::pair(EdgeSupport::kFixed, EdgeSupport::kFree));
+  EXPECT_EQ(supports(0.170, 0.230), std::pair(EdgeSupport::kFree, EdgeSupport::kFree));
+  EXPECT_EQ(supports(0.340, 0.400), std::pair(EdgeSupport::kFree, EdgeSupport::kFixed));
+}
+
 TEST(Strip, ElementsTakeTheMapsModulus) {
   const SceneGeometry g = tissue(0.120, 0.030);
   StitchedMap map(g);

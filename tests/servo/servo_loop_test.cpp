@@ -101,6 +101,14 @@ TEST_F(ServoTest, ForceReturnsOnlyWhenResumedOutOfContact) {
   EXPECT_GT(device.force.norm(), 0.5);
 }
 
+TEST_F(ServoTest, ADeviceThatIsReadButTakesNoForceIsLost) {
+  enable();
+  device.takes_force = false;
+  run(0.001);
+  EXPECT_EQ(last.state, ServoState::kFault);
+  EXPECT_EQ(last.reason, StateReason::kDeviceLost);
+}
+
 TEST_F(ServoTest, RunawayIsAFaultAndSlewsToZero) {
   enable();
   put_finger(0.004);

@@ -26,11 +26,11 @@ class StillDevice final : public HapticDevice {
   }
   bool write(const Vector2& force_n) noexcept override {
     force = force_n;
-    return ok;
+    return ok && takes_force;
   }
   DeviceReading reading;
   Vector2 force = Vector2::Zero();
-  bool ok = true;
+  bool ok = true, takes_force = true;
 };
 
 class ServoTest : public ::testing::Test {
