@@ -14,20 +14,21 @@ bool is_among(StatusCode code, std::initializer_list<StatusCode> codes) {
   return false;
 }
 
-// As the comments of proto/teletact/v1 list them; UNAVAILABLE (starting, draining) apart.
+// As the comments of proto/teletact/v1 list them, UNAVAILABLE (starting, draining) apart; and, of any call of
+// ours, that more are open than the service's limits state.
 bool is_listed(Method method, StatusCode code) {
-  if (code == StatusCode::OK) return true;
+  const bool ours = method != Method::kHealthCheck && method != Method::kHealthWatch;
+  if (code == StatusCode::OK || (ours && code == StatusCode::RESOURCE_EXHAUSTED)) return true;
   switch (method) {
     case Method::kGetInfo:
     case Method::kListScenes:
       return false;
     case Method::kEstimate:
       return is_among(code,
-                      {StatusCode::INVALID_ARGUMENT, StatusCode::NOT_FOUND, StatusCode::RESOURCE_EXHAUSTED,
-                       StatusCode::FAILED_PRECONDITION, StatusCode::DEADLINE_EXCEEDED, StatusCode::ABORTED});
+                      {StatusCode::INVALID_ARGUMENT, StatusCode::NOT_FOUND, StatusCode::FAILED_PRECONDITION,
+                       StatusCode::DEADLINE_EXCEEDED, StatusCode::ABORTED});
     case Method::kCreateScene:
-      return is_among(
-          code, {StatusCode::INVALID_ARGUMENT, StatusCode::ALREADY_EXISTS, StatusCode::RESOURCE_EXHAUSTED});
+      return is_among(code, {StatusCode::INVALID_ARGUMENT, StatusCode::ALREADY_EXISTS});
     case Method::kGetSceneBasic:
     case Method::kGetSceneFull:
     case Method::kDeleteScene:
@@ -36,7 +37,7 @@ bool is_listed(Method method, StatusCode code) {
     case Method::kTouch:
     case Method::kWatchFinger:
       return is_among(code, {StatusCode::NOT_FOUND, StatusCode::INVALID_ARGUMENT, StatusCode::ABORTED,
-                             StatusCode::RESOURCE_EXHAUSTED, StatusCode::DEADLINE_EXCEEDED});
+                             StatusCode::DEADLINE_EXCEEDED});
     case Method::kHealthWatch:
       return false;
   }
