@@ -56,16 +56,26 @@ void Calls::require_open() const {
     throw Error(ErrorKind::kUnavailable, "the service is shutting down; connect again later");
 }
 
-std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served> call) {
+std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served> call,
+                                            const std::string& client) {
   const std::lock_guard lock(mutex_);
   if (kind != CallKind::kInfo) require_open();
-  const auto same =
-      std::count_if(places_.begin(), places_.end(), [&](auto& place) { return place.second.kind == kind; });
-  if (static_cast<std::size_t>(same) >= most(kind))
+  std::size_t same = 0, own = 0;
+  for (const auto& [id, place] : places_) {
+    same += place.kind == kind;
+    own += place.kind == kind && !client.empty() && place.client == client;
+  }
+  if (same >= most(kind))
     throw Error(ErrorKind::kExhausted,
                 fmt::format("{} calls of this kind are open, no more are served; try again later", same));
+  if (own > 0 && own >= most(kind) - same)
+    throw Error(
+        ErrorKind::kExhausted,
+        fmt::format("{} calls of this kind are this client's, as many as are left for others; try again "
+                    "when one of them has ended",
+                    own));
   std::unique_ptr<Ticket> ticket(new Ticket(this, next_id_));
-  places_.emplace(next_id_++, Place{kind, std::move(call)});
+  places_.emplace(next_id_++, Place{kind, std::move(call), client});
   entered_.notify_all();
   return ticket;
 }

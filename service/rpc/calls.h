@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <thread>
 
 #include "service/limits/limits.h"
@@ -52,8 +53,9 @@ class Calls {
   // Calls are refused with Error(kUnavailable) before open() and after drain().
   void open();
   void require_open() const;
-  // Throws Error(kUnavailable | kExhausted). Places are counted for each kind.
-  std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>);
+  // Throws Error(kUnavailable | kExhausted). Places are counted for each kind. A `client` that is named is
+  // given another place only while more are free than it holds: none of them takes what others need.
+  std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>, const std::string& client = "");
   bool draining() const { return state_.load() == State::kDraining; }
   // Calls find out when they are looked at next.
   void drain() { state_ = State::kDraining; }
@@ -67,6 +69,7 @@ class Calls {
   struct Place {
     CallKind kind;
     std::weak_ptr<Served> call;
+    std::string client;
   };
   void look_after_calls();
   const Limits limits_;

@@ -33,7 +33,8 @@ EstimateReactor::EstimateReactor(ElastographyService& service, grpc::CallbackSer
       whole_upload_s_(service.core().limits.least_upload_s) {}
 
 EstimateReactor* EstimateReactor::serve(ElastographyService& service, grpc::CallbackServerContext* context) {
-  return ServedCall::serve(std::make_shared<EstimateReactor>(service, context), CallKind::kEstimate);
+  return ServedCall::serve(std::make_shared<EstimateReactor>(service, context), CallKind::kEstimate,
+                           client_of(*context));
 }
 
 void EstimateReactor::begun() {

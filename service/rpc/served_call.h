@@ -40,13 +40,14 @@ class ServedCall : public Reactor, public Served {
  protected:
   ServedCall(Calls& calls, grpc::CallbackServerContext* context) : calls_(calls), context_(context) {}
 
-  // The reactor for gRPC. One that is refused its place is told so and runs no further.
+  // The reactor for gRPC. One that is refused its place is told so and runs no further. `client` as
+  // enter()'s.
   template <class Call>
-  static Call* serve(std::shared_ptr<Call> call, CallKind kind) {
+  static Call* serve(std::shared_ptr<Call> call, CallKind kind, const std::string& client = "") {
     ServedCall& served = *call;
     served.self_ = call;
     served.during([&] {
-      served.ticket_ = served.calls_.enter(kind, call);
+      served.ticket_ = served.calls_.enter(kind, call, client);
       served.begun();
     });
     return call.get();  // not done before gRPC has it, whatever happened above

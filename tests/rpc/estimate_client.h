@@ -70,9 +70,10 @@ struct Outcome {
 
 class Elastographer {
  public:
-  explicit Elastographer(const std::shared_ptr<grpc::Channel>& channel)
+  explicit Elastographer(const std::shared_ptr<grpc::Channel>& channel, const std::string& client = "")
       : stub_(v1::Elastography::NewStub(channel)) {
     set_deadline(context_);
+    if (!client.empty()) context_.AddMetadata("teletact-client", client);
     stream_ = stub_->Estimate(&context_);
   }
   void send(const v1::Acquisition& a) {

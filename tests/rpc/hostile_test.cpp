@@ -158,17 +158,39 @@ TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
   }
   std::vector<std::unique_ptr<Elastographer>> uploads;
   for (std::size_t k = 0; k < Limits{}.most_estimates; ++k) {
-    uploads.push_back(std::make_unique<Elastographer>(channel));
+    uploads.push_back(std::make_unique<Elastographer>(channel, "client-" + std::to_string(k)));
     uploads.back()->send(acquisition());
   }
   while ((*server)->core().calls.count() < Limits{}.most_watchers + Limits{}.most_estimates)
     std::this_thread::yield();
-  Elastographer one_too_many(channel);
+  Elastographer one_too_many(channel, "another client");
   EXPECT_EQ(one_too_many.finish().status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   Toucher toucher(channel, "s");
   v1::TouchAnswer answer;
   EXPECT_TRUE(toucher.opened() && toucher.touch(0.05, 0.002, &answer));  // touch has places of its own
   for (const auto& upload : uploads) upload->context().TryCancel(), upload->finish();
+}
+
+TEST_F(Hostile, OneClientDoesNotTakeAllPlacesForUploads) {
+  const auto channel = server->channel();
+  const std::size_t most = Limits{}.most_estimates;
+  std::vector<std::unique_ptr<Elastographer>> uploads;
+  const auto upload_of = [&](const std::string& client) {
+    uploads.push_back(std::make_unique<Elastographer>(channel, client));
+    uploads.back()->send(acquisition());
+    while ((*server)->core().calls.count() < uploads.size()) std::this_thread::yield();
+  };
+  for (std::size_t k = 0; k < most / 2; ++k) upload_of("greedy");
+  for (const char* client : {"greedy", "modest"}) {
+    if (client == std::string("modest")) upload_of(client);
+    Elastographer one_more(channel, "greedy");
+    const auto status = one_more.finish().status;
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    EXPECT_NE(status.error_message().find("this client's"), std::string::npos) << status.error_message();
+  }
+  while (uploads.size() < most) upload_of("client-" + std::to_string(uploads.size()));
+  for (const auto& upload : uploads) upload->context().TryCancel(), upload->finish();
+  expect_all_calls_end();
 }
 
 }  // namespace
