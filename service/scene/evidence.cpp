@@ -12,7 +12,7 @@ struct Effect {
   FlagEffect effect;
 };
 
-// The one place that says it; docs/operations.md shows the same.
+// The one place that says it; docs/guide/recorded-data.md shows the same.
 constexpr std::array<Effect, 14> kEffects{{
     {"wrong-force", FlagEffect::kDegrade},  // the force may be off by any factor
     {"misfit", FlagEffect::kDegrade},       // no modulus explains what was measured

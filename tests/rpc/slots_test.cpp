@@ -1,5 +1,5 @@
 // Peers that withhold something: whatever it is, the place that they hold comes back in the stated time
-// (docs/operations.md), and nobody else waits for them.
+// (docs/reference/limits.md), and nobody else waits for them.
 #include <grpcpp/impl/codegen/client_unary_call.h>
 #include <grpcpp/support/byte_buffer.h>
 
