@@ -166,11 +166,9 @@ grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
   }
   std::thread guarding([this, &context] { guard(context); });
   const auto stream = stub.Touch(&context);
-  v1::TouchRequest open;
-  *open.mutable_open() = options_.open;
-  if (write(*stream, open)) {
+  if (write_open(*stream)) {
     std::thread reader([this, &stream] { read(*stream); });
-    write(*stream);
+    write_poses(*stream);
     reader.join();
   }
   const grpc::Status status = stream->Finish();
@@ -209,11 +207,12 @@ void TouchLink::read(Stream& stream) {
   v1::TouchResponse response;
   while (stream.Read(&response)) {
     const std::int64_t now_ns = clock_.now_ns();
-    if (response.has_opened()) take_opened(response.opened());
-    if (response.has_answer()) take_answer(response.answer(), now_ns);
     v1::RecordEntry entry;
     *entry.mutable_touch_response() = response;
+    std::lock_guard lock(mutex_);
     record(std::move(entry), now_ns);
+    if (response.has_opened()) take_opened(response.opened());
+    if (response.has_answer()) take_answer(response.answer(), now_ns);
   }
   std::lock_guard lock(mutex_);
   shared_.ended = true;
@@ -221,7 +220,6 @@ void TouchLink::read(Stream& stream) {
 }
 
 void TouchLink::take_opened(const v1::TouchOpened& opened) {
-  std::lock_guard lock(mutex_);
   if (shared_.opened) return;  // once per stream
   shared_.heard_ns = shared_.opened_ns = clock_.now_ns();
   shared_.problem = told_.take_opened(opened);
@@ -231,7 +229,6 @@ void TouchLink::take_opened(const v1::TouchOpened& opened) {
 }
 
 void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns) {
-  std::lock_guard lock(mutex_);
   if (!shared_.opened) return;  // there is no line and no period yet
   shared_.heard_ns = received_ns;
   shared_.acknowledged = answer.answer();
@@ -263,7 +260,14 @@ bool TouchLink::wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t ne
   }
 }
 
-void TouchLink::write(Stream& stream) {
+bool TouchLink::write_open(Stream& stream) {
+  v1::TouchRequest request;
+  *request.mutable_open() = options_.open;
+  std::unique_lock lock(mutex_);
+  return write(stream, request, clock_.now_ns(), lock);
+}
+
+void TouchLink::write_poses(Stream& stream) {
   constexpr std::int64_t kLookAgainNs = 250'000;  // for the servo's next pose
   ServoPose pose;
   bool has_pose = false;
@@ -271,13 +275,10 @@ void TouchLink::write(Stream& stream) {
   std::int64_t sent_ns = 0;
   std::unique_lock lock(mutex_);
   while (wait_to_send(lock, next_ns)) {
-    v1::TouchRequest request;
     if (!hand_over_to_.empty()) {
+      v1::TouchRequest request;
       request.mutable_hand_over()->set_session_id(std::exchange(hand_over_to_, ""));
-      lock.unlock();
-      const bool written = write(stream, request);
-      lock.lock();
-      if (!written) return;
+      if (!write(stream, request, clock_.now_ns(), lock)) return;
     }
     const std::int64_t now_ns = clock_.now_ns();
     const bool fresh = poses_.take(pose);
@@ -291,39 +292,32 @@ void TouchLink::write(Stream& stream) {
     const std::int64_t period_ns = to_ns(std::max(told_.stats.period_s, 0.001));
     next_ns = std::max(next_ns + period_ns, now_ns + period_ns / 2);
     sent_ns = now_ns;
-    request = to_request(pose, ++sequence_, shared_.acknowledged, instance_);
     ++told_.stats.poses;
-    sent_ns_[sequence_ % sent_ns_.size()] = clock_.now_ns();
-    lock.unlock();
-    const bool written = write(stream, request);
-    lock.lock();
-    if (!written) return;
+    sent_ns_[++sequence_ % sent_ns_.size()] = now_ns;
+    if (!write(stream, to_request(pose, sequence_, shared_.acknowledged, instance_), now_ns, lock)) return;
   }
 }
 
-// False: the stream has ended; the reader learns of it too, and Finish() says why.
-bool TouchLink::write(Stream& stream, const v1::TouchRequest& request) {
-  const std::int64_t now_ns = clock_.now_ns();
+// Called with the lock, which the transport is not waited for with. False: the stream has ended; the reader
+// learns of it too, and Finish() says why.
+bool TouchLink::write(Stream& stream, const v1::TouchRequest& request, std::int64_t now_ns,
+                      std::unique_lock<std::mutex>& lock) {
   v1::RecordEntry entry;
   *entry.mutable_touch_request() = request;
   record(std::move(entry), now_ns);
-  const auto note = [this](std::int64_t since_ns) {
-    std::lock_guard lock(mutex_);
-    shared_.writing_ns = since_ns;
-  };
-  note(now_ns);
+  shared_.writing_ns = now_ns;
+  lock.unlock();
   const bool written = stream.Write(request);
-  note(0);
+  lock.lock();
+  shared_.writing_ns = 0;
   return written;
 }
 
+// Called with the lock: a recording has the link's own order of what was sent and heard.
 void TouchLink::record(v1::RecordEntry entry, std::int64_t now_ns) {
   if (options_.recorder == nullptr) return;
   entry.set_monotonic_ns(now_ns);
-  {
-    std::lock_guard lock(mutex_);
-    entry.set_call(call_);
-  }
+  entry.set_call(call_);
   options_.recorder->append(std::move(entry));
 }
 

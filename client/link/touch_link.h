@@ -81,8 +81,10 @@ class TouchLink {
   void run();
   grpc::Status serve(v1::Palpation::Stub& stub);
   void read(Stream& stream);
-  void write(Stream& stream);
-  bool write(Stream& stream, const v1::TouchRequest& request);
+  bool write_open(Stream& stream);
+  void write_poses(Stream& stream);
+  bool write(Stream& stream, const v1::TouchRequest& request, std::int64_t now_ns,
+             std::unique_lock<std::mutex>& lock);
   void guard(grpc::ClientContext& context);
   bool wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns);
   void take_opened(const v1::TouchOpened& opened);

@@ -82,6 +82,7 @@ struct TouchRecording {
     std::uint64_t sequence;
   };
   struct Pose {
+    std::uint32_t call;  // of which stream
     double sent_s;
     std::uint64_t in_flight;  // unanswered poses of its stream, itself included
   };
@@ -115,7 +116,7 @@ inline TouchRecording read_touch_recording(const std::string& path) {
     if (entry->has_touch_request() && entry->touch_request().has_open()) answered = sent;
     if (entry->has_touch_request() && entry->touch_request().has_pose()) {
       sent = entry->touch_request().pose().sequence();
-      recording.poses.push_back({time_s, sent - answered});
+      recording.poses.push_back({entry->call(), time_s, sent - answered});
     }
     if (entry->has_touch_response() && entry->touch_response().has_answer()) {
       const v1::TouchAnswer& answer = entry->touch_response().answer();
