@@ -4,7 +4,7 @@
 
 #include "client/link/convert.h"
 #include "client/servo/tick_statistics.h"
-#include "tests/link/fake_palpation.h"
+#include "tests/link/operator.h"
 
 namespace teletact::client {
 namespace {
@@ -12,42 +12,7 @@ namespace {
 using test::answers_at_least;
 using test::FakeAccount;
 using test::FakePalpation;
-
-// Poses at 1 kHz as a servo would give them, and the newest answer.
-class Operator {
- public:
-  explicit Operator(const std::string& address, double dead_s = 1.0) {
-    options.address = address;
-    options.open.set_scene_id("s");
-    options.open.set_period_s(0.001);
-    options.open.set_credit(2);
-    options.dead_s = dead_s;
-    link = std::make_unique<TouchLink>(options, poses, answers, clock);
-    servo = std::thread([this] {
-      std::int64_t due_ns = clock.now_ns();
-      for (double x_m = 0.02; !stop; x_m += 1e-6) {
-        ServoPose pose;
-        pose.pose.position_m = Vector2(x_m, 0.004);
-        pose.time_ns = clock.now_ns();
-        poses.put(pose);
-        clock.sleep_until_ns(due_ns += 1'000'000);
-      }
-    });
-    link->start();
-  }
-  ~Operator() {
-    stop = true;
-    servo.join();
-    link->stop();
-  }
-  MonotonicClock clock;
-  TouchLinkOptions options;
-  LatestSlot<ServoPose> poses;
-  LatestSlot<ServoAnswer> answers;
-  std::unique_ptr<TouchLink> link;
-  std::atomic<bool> stop{false};
-  std::thread servo;
-};
+using test::Operator;
 
 TEST(TouchLink, CreditIsNeverExceededAndPosesAreInOrder) {
   FakePalpation service(test::socket_address("credit"));
@@ -160,7 +125,7 @@ TEST(TouchLink, AStreamThatSaysNothingIsDead) {
   // GIVEN a half-open link: it takes everything and answers nothing; THEN a new stream is opened.
   FakePalpation service(test::socket_address("half"));
   service.serve();
-  Operator person(test::socket_address("half"), 0.2);
+  Operator person(test::socket_address("half"), [](TouchLinkOptions& options) { options.dead_s = 0.2; });
   ASSERT_TRUE(service.wait_until(answers_at_least(10)));
   service.silent = true;
   ASSERT_TRUE(service.wait_until([](const FakeAccount& account) { return account.streams >= 2; }, 5));

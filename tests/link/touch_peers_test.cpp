@@ -1,17 +1,14 @@
 // What a peer says, withholds or refuses on a touch stream, and what comes of it.
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <chrono>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <thread>
 #include <tuple>
 
 #include "client/link/convert.h"
-#include "client/link/touch_link.h"
-#include "tests/link/fake_palpation.h"
+#include "tests/link/operator.h"
 
 namespace teletact::client {
 namespace {
@@ -19,61 +16,21 @@ namespace {
 using test::answers_at_least;
 using test::FakeAccount;
 using test::FakePalpation;
-
-// A finger that stands still, and its link.
-class Standing {
- public:
-  explicit Standing(const std::string& address, const std::function<void(TouchLinkOptions&)>& change = {}) {
-    TouchLinkOptions options;
-    options.address = address;
-    options.open.set_scene_id("s");
-    options.open.set_period_s(0.001);
-    if (change) change(options);
-    link = std::make_unique<TouchLink>(options, poses, answers, clock);
-    link->start();
-    servo = std::thread([this] {
-      ServoPose pose;
-      pose.pose.position_m = Vector2(0.02, 0.004);
-      for (; !over; std::this_thread::sleep_for(std::chrono::milliseconds(1))) {
-        pose.time_ns = clock.now_ns();
-        poses.put(pose);
-      }
-    });
-  }
-  ~Standing() {
-    over = true;
-    servo.join();
-    link->stop();
-  }
-  template <typename Met>
-  static bool within(double seconds, Met&& met) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-    while (!met()) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-    return true;
-  }
-  MonotonicClock clock;
-  LatestSlot<ServoPose> poses;
-  LatestSlot<ServoAnswer> answers;
-  std::unique_ptr<TouchLink> link;
-  std::atomic<bool> over{false};
-  std::thread servo;
-};
+using test::Operator;
+using test::within;
 
 // Every opened stream is ended for its first pose: ten times a second is not how to ask again.
 TEST(TouchPeers, AStreamThatIsRefusedAgainAndAgainIsTriedEverMoreSeldom) {
   FakePalpation service(test::socket_address("refused"));
   service.refuses = true;
   service.serve();
-  Standing finger(test::socket_address("refused"));
+  Operator finger(test::socket_address("refused"));
   std::this_thread::sleep_for(std::chrono::seconds(3));
   const std::uint64_t streams = service.account().streams;
   EXPECT_GE(streams, 2u);
   EXPECT_LE(streams, 6u) << "after 0.1, 0.2, 0.4, 0.8 and 1.6 s";
   EXPECT_EQ(finger.link->failure(), "");
-  EXPECT_TRUE(Standing::within(5, [&] {
+  EXPECT_TRUE(within(5, [&] {
     return finger.link->trouble().find("INVALID_ARGUMENT: position_m") != std::string::npos;
   })) << finger.link->trouble();
   service.refuses = false;
@@ -85,11 +42,11 @@ TEST(TouchPeers, AServiceThatTakesNothingIsGivenUp) {
   service.deaf = true;
   service.serve();
   // GIVEN a first message that no buffer between takes as a whole THEN its write ends all the same
-  Standing finger(test::socket_address("deaf"), [](TouchLinkOptions& options) {
+  Operator finger(test::socket_address("deaf"), [](TouchLinkOptions& options) {
     options.open_wait_s = 0.3;
     options.open.set_session_id(std::string(std::size_t{2} << 20, 's'));
   });
-  EXPECT_TRUE(Standing::within(20, [&] {
+  EXPECT_TRUE(within(20, [&] {
     return finger.link->trouble().find("the service says nothing") != std::string::npos;
   })) << finger.link->trouble();
   finger.link->stop();
@@ -100,8 +57,8 @@ TEST(TouchPeers, AStreamOpenedWithNoNumbersIsRefusedAndNamesTheField) {
     FakePalpation service(test::socket_address("opened"));
     service.opened_period_s = period_s;
     service.serve();
-    Standing finger(test::socket_address("opened"));
-    EXPECT_TRUE(Standing::within(20, [&] { return !finger.link->failure().empty(); })) << period_s;
+    Operator finger(test::socket_address("opened"));
+    EXPECT_TRUE(within(20, [&] { return !finger.link->failure().empty(); })) << period_s;
     EXPECT_NE(finger.link->failure().find("period_s"), std::string::npos) << finger.link->failure();
     EXPECT_EQ(finger.link->stats().answers, 0u);
   }
@@ -152,23 +109,23 @@ TEST(TouchPeers, WhatIsBeingPreparedHasNoForceAndIsNoFailure) {
   FakePalpation service(test::socket_address("prepares"));
   service.prepares = true;
   service.serve();
-  Standing finger(test::socket_address("prepares"));
+  Operator finger(test::socket_address("prepares"));
   ASSERT_TRUE(service.wait_until(answers_at_least(3)));
   ServoAnswer answer;
-  ASSERT_TRUE(Standing::within(5, [&] { return finger.answers.take(answer); }));
+  ASSERT_TRUE(within(5, [&] { return finger.answers.take(answer); }));
   EXPECT_FALSE(answer.has_force);
   EXPECT_TRUE(answer.covered);
   EXPECT_GE(finger.link->stats().preparing, 1u);
   EXPECT_EQ(finger.link->stats().failed, 0u);
   service.prepares = false;
-  EXPECT_TRUE(Standing::within(5, [&] { return finger.answers.take(answer) && answer.has_force; }));
+  EXPECT_TRUE(within(5, [&] { return finger.answers.take(answer) && answer.has_force; }));
 }
 
 TEST(TouchPeers, TheLeaseIsHandedOverByName) {
   FakePalpation service(test::socket_address("lease"));
   service.steers = true;
   service.serve();
-  Standing finger(test::socket_address("lease"));
+  Operator finger(test::socket_address("lease"));
   ASSERT_TRUE(service.wait_until(answers_at_least(1)));
   finger.link->hand_over("berta");
   EXPECT_TRUE(
