@@ -17,7 +17,7 @@ namespace teletact::test {
 class Service {
  public:
   static constexpr std::size_t kScenes = 3;  // that make_ready() makes
-  explicit Service(bool ready) : server_("127.0.0.1:0"), stub_(v1::Palpation::NewStub(server_.channel())) {
+  explicit Service(bool ready) : server_("127.0.0.1:0") {
     if (ready) make_ready();
   }
   void make_ready() {
@@ -31,20 +31,8 @@ class Service {
   const std::string& address() { return server_->address(); }
   service::Calls& calls() { return server_->core().calls; }
 
-  grpc::Status create(const v1::CreateSceneRequest& request) {
-    grpc::ClientContext context;
-    service::set_deadline(context);
-    v1::Scene scene;
-    return stub_->CreateScene(&context, request, &scene);
-  }
-  void remove(const std::string& id) {
-    grpc::ClientContext context;
-    service::set_deadline(context);
-    v1::DeleteSceneRequest request;
-    request.set_scene_id(id);
-    v1::DeleteSceneResponse response;
-    stub_->DeleteScene(&context, request, &response);
-  }
+  grpc::Status create(const v1::CreateSceneRequest& request) { return server_.create(request); }
+  void remove(const std::string& id) { server_.remove(id); }
   std::vector<std::string> scenes() {
     std::vector<std::string> ids;
     for (const auto& scene : server_->core().scenes.list()) ids.push_back(scene->id());
@@ -65,7 +53,6 @@ class Service {
 
  private:
   service::RunningServer server_;
-  std::unique_ptr<v1::Palpation::Stub> stub_;
 };
 
 inline Targets usual_targets() {

@@ -1,6 +1,5 @@
 // Calls that are ended from both sides at once: refused and cancelled, past their deadline before they are
 // served, ended by the service while the client gives up.
-#include <atomic>
 #include <thread>
 #include <vector>
 
@@ -61,18 +60,27 @@ void try_all(RunningServer& server, const std::string& scene, int tries) {
   for (auto& client : clients) client.join();
 }
 
-void make_scene(RunningServer& server) {
-  grpc::ClientContext context;
-  v1::Scene scene;
-  ASSERT_TRUE(
-      v1::Palpation::NewStub(server.channel())->CreateScene(&context, uniform_scene("s"), &scene).ok());
-}
+// Clients that try one thing after the other on scene "s" for as long as this lives.
+class Trying {
+ public:
+  explicit Trying(RunningServer& server) {
+    for (int c = 0; c < 4; ++c)
+      clients_.emplace_back([&server, c](const std::stop_token& stop) {
+        const auto stub = v1::Palpation::NewStub(server.channel());
+        for (int k = c; !stop.stop_requested(); ++k)
+          k % 3 == 0 ? try_watch(*stub, "s", kEnds[k % 4]) : try_touch(*stub, "s", kEnds[k % 4]);
+      });
+  }
+
+ private:
+  std::vector<std::jthread> clients_;
+};
 
 TEST(Cancelled, RefusedTouchIsFinishedOnce) {
   // GIVEN a service all of whose places are taken, by clients that are served
   RunningServer server;
   server->make_ready();
-  make_scene(server);
+  ASSERT_TRUE(server.create(uniform_scene("s")).ok());
   const auto channel = server.channel();
   std::vector<std::unique_ptr<Toucher>> held;
   for (std::size_t k = 0; k < Limits{}.most_touch_streams; ++k) {
@@ -85,15 +93,14 @@ TEST(Cancelled, RefusedTouchIsFinishedOnce) {
   v1::TouchAnswer answer;
   for (const auto& toucher : held) ASSERT_TRUE(toucher->touch(0.05, 0.002, &answer));
   held.clear();
-  server->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(30));
-  EXPECT_EQ(server->core().calls.count(), 0U);
+  server.expect_all_calls_end();
 }
 
 TEST(Cancelled, CallsOfAServiceThatStartsAreFinishedOnce) {
   RunningServer server;  // not ready
   try_all(server, "s", 2000);
   server->make_ready();
-  make_scene(server);
+  ASSERT_TRUE(server.create(uniform_scene("s")).ok());
   Toucher toucher(server.channel(), "s");
   EXPECT_TRUE(toucher.opened());
 }
@@ -102,19 +109,12 @@ TEST(Cancelled, CallsOfAServiceThatDrainsAreFinishedOnce) {
   for (int round = 0; round < 3; ++round) {
     RunningServer server;
     server->make_ready();
-    make_scene(server);
-    std::atomic<bool> stop{false};
-    std::vector<std::thread> clients;
-    for (int c = 0; c < 4; ++c)
-      clients.emplace_back([&, c] {
-        const auto stub = v1::Palpation::NewStub(server.channel());
-        for (int k = c; !stop; ++k)
-          k % 3 == 0 ? try_watch(*stub, "s", kEnds[k % 4]) : try_touch(*stub, "s", kEnds[k % 4]);
-      });
-    std::this_thread::sleep_for(std::chrono::milliseconds(100 + 50 * round));
-    server->drain();
-    stop = true;
-    for (auto& client : clients) client.join();
+    ASSERT_TRUE(server.create(uniform_scene("s")).ok());
+    {
+      const Trying clients(server);
+      std::this_thread::sleep_for(std::chrono::milliseconds(100 + 50 * round));
+      server->drain();
+    }
     EXPECT_EQ(server->core().calls.count(), 0U);
   }
 }
@@ -122,27 +122,14 @@ TEST(Cancelled, CallsOfAServiceThatDrainsAreFinishedOnce) {
 TEST(Cancelled, StreamsWhoseSceneIsDeletedAreFinishedOnce) {
   RunningServer server;
   server->make_ready();
-  std::atomic<bool> stop{false};
-  std::vector<std::thread> clients;
-  for (int c = 0; c < 4; ++c)
-    clients.emplace_back([&, c] {
-      const auto stub = v1::Palpation::NewStub(server.channel());
-      for (int k = c; !stop; ++k)
-        k % 3 == 0 ? try_watch(*stub, "s", kEnds[k % 4]) : try_touch(*stub, "s", kEnds[k % 4]);
-    });
-  const auto stub = v1::Palpation::NewStub(server.channel());
-  for (int round = 0; round < 20; ++round) {
-    make_scene(server);
-    grpc::ClientContext context;
-    v1::DeleteSceneRequest request;
-    v1::DeleteSceneResponse response;
-    request.set_scene_id("s");
-    EXPECT_TRUE(stub->DeleteScene(&context, request, &response).ok());
+  {
+    const Trying clients(server);
+    for (int round = 0; round < 20; ++round) {
+      ASSERT_TRUE(server.create(uniform_scene("s")).ok());
+      EXPECT_TRUE(server.remove("s").ok());
+    }
   }
-  stop = true;
-  for (auto& client : clients) client.join();
-  server->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(30));
-  EXPECT_EQ(server->core().calls.count(), 0U);
+  server.expect_all_calls_end();
 }
 
 }  // namespace

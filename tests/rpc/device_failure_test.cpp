@@ -9,12 +9,8 @@ namespace {
 
 constexpr const char* kElastography = "teletact.v1.Elastography";
 
-grpc::Status estimate(const RunningServer& server) {
-  Elastographer call(server.channel());
-  call.send(acquisition());
-  call.send_frame(v1::FRAME_KIND_PRE, pair().pre);
-  call.send_frame(v1::FRAME_KIND_POST, pair().post);
-  return call.finish().status;
+grpc::Status status_of_estimate(const RunningServer& server) {
+  return estimate(server.channel(), acquisition()).status;
 }
 
 bool becomes(const RunningServer& server, int health) {
@@ -44,30 +40,25 @@ struct FailingLaunches {
 TEST(DeviceFailure, IsSaidAndTheDeviceComesBack) {
   RunningServer server;
   server->make_ready();
-  grpc::ClientContext context;
-  v1::Scene scene;
-  ASSERT_TRUE(
-      v1::Palpation::NewStub(server.channel())->CreateScene(&context, uniform_scene("touched"), &scene).ok());
+  ASSERT_TRUE(server.create(uniform_scene("touched")).ok());
   Bystander touching(server.channel(), "touched");
   v1::TouchOpen by_device = Toucher::open_on("touched");
   by_device.set_path(v1::SOLVE_PATH_PCG);
   Toucher pressing(server.channel(), by_device);
   ASSERT_TRUE(pressing.opened());
   ASSERT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));
-  ASSERT_TRUE(estimate(server).ok());
+  ASSERT_TRUE(status_of_estimate(server).ok());
   {
     const FailingLaunches failing;
-    const grpc::Status status = estimate(server);
-    EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << status.error_message();
-    EXPECT_NE(status.error_message().find("opened anew"), std::string::npos) << status.error_message();
+    expect_refused(status_of_estimate(server), grpc::StatusCode::UNAVAILABLE, "opened anew");
     ASSERT_TRUE(becomes(server, kNotServing));
     EXPECT_EQ(health_of(server, "teletact.v1.Palpation"), kServing);
     EXPECT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_FAILED));
-    EXPECT_EQ(estimate(server).error_code(), grpc::StatusCode::UNAVAILABLE);  // refused at once
+    EXPECT_EQ(status_of_estimate(server).error_code(), grpc::StatusCode::UNAVAILABLE);  // refused at once
     EXPECT_EQ(health_of(server, kElastography), kNotServing);
   }
   ASSERT_TRUE(becomes(server, kServing));
-  const grpc::Status status = estimate(server);
+  const grpc::Status status = status_of_estimate(server);
   EXPECT_TRUE(status.ok()) << status.error_message();
   EXPECT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));  // by the new device
   touching.stop();

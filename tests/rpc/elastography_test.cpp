@@ -11,35 +11,17 @@
 namespace teletact::service {
 namespace {
 
-class Estimates : public testing::Test {
+// Beside the scene "s", which is touched, an empty one to publish into.
+class Estimates : public OnOneServer {
  protected:
-  static void SetUpTestSuite() {
-    server = std::make_unique<RunningServer>();
-    (*server)->make_ready();
-    grpc::ClientContext context;
-    v1::Scene scene;
-    ASSERT_TRUE(v1::Palpation::NewStub(server->channel())
-                    ->CreateScene(&context, uniform_scene("touched"), &scene)
-                    .ok());
-  }
-  static void TearDownTestSuite() { server.reset(); }
-
-  Estimates() : channel(server->channel()), palpation(v1::Palpation::NewStub(channel)) {
+  Estimates() {
     v1::CreateSceneRequest request;
     request.set_scene_id("scene");
     request.mutable_geometry()->add_size_m(0.1);
     request.mutable_geometry()->add_size_m(0.02);
-    grpc::ClientContext context;
-    v1::Scene scene;
-    EXPECT_TRUE(palpation->CreateScene(&context, request, &scene).ok());
+    EXPECT_TRUE(server->create(request).ok());
   }
-  ~Estimates() override {
-    grpc::ClientContext context;
-    v1::DeleteSceneRequest request;
-    v1::DeleteSceneResponse response;
-    request.set_scene_id("scene");
-    palpation->DeleteScene(&context, request, &response);
-  }
+  ~Estimates() override { EXPECT_TRUE(server->remove("scene").ok()); }
   v1::Scene scene() {
     grpc::ClientContext context;
     v1::GetSceneRequest request;
@@ -50,21 +32,13 @@ class Estimates : public testing::Test {
     return scene;
   }
   Outcome estimate(const v1::Acquisition& a, const std::string& pre, const std::string& post) {
-    Elastographer call(channel);
-    call.send(a);
-    call.send_frame(v1::FRAME_KIND_PRE, pre);
-    call.send_frame(v1::FRAME_KIND_POST, post);
-    return call.finish();
+    return service::estimate(channel, a, {pre, post});
   }
   static void expect_refused(const Outcome& outcome, grpc::StatusCode code, const char* field) {
-    EXPECT_EQ(outcome.status.error_code(), code) << outcome.status.error_message();
-    EXPECT_NE(outcome.status.error_message().find(field), std::string::npos)
-        << outcome.status.error_message();
+    service::expect_refused(outcome.status, code, field);
     EXPECT_TRUE(outcome.maps.empty());
   }
-  static inline std::unique_ptr<RunningServer> server;
-  std::shared_ptr<grpc::Channel> channel;
-  std::unique_ptr<v1::Palpation::Stub> palpation;
+  const std::unique_ptr<v1::Palpation::Stub> palpation = v1::Palpation::NewStub(channel);
 };
 
 TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
@@ -192,7 +166,7 @@ TEST_F(Estimates, SixteenBitFramesAreRead) {
 }
 
 TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) {
-  Bystander bystander(server->channel(), "touched");
+  Bystander bystander(server->channel(), "s");
   const auto refused = [&](grpc::StatusCode code, const char* field, auto change) {
     v1::Acquisition a = acquisition("scene");
     change(a);
@@ -248,8 +222,7 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
   refused(INVALID_ARGUMENT, "publish.window_x_m", [](auto& a) { a.mutable_publish()->set_window_x_m(0.09); });
   refused(INVALID_ARGUMENT, "publish.window_x_m", [&](auto& a) { a.mutable_publish()->set_window_x_m(nan); });
   refused(NOT_FOUND, "scene_id", [](auto& a) { a.mutable_publish()->set_scene_id("nowhere"); });
-  refused(FAILED_PRECONDITION, "publish.scene_id",
-          [](auto& a) { a.mutable_publish()->set_scene_id("touched"); });
+  refused(FAILED_PRECONDITION, "publish.scene_id", [](auto& a) { a.mutable_publish()->set_scene_id("s"); });
   refused(RESOURCE_EXHAUSTED, "acquisition.sample_count", [](auto& a) {  // 10 GB a frame
     a.set_sample_count(50000), a.set_line_count(50000);
   });
@@ -261,7 +234,7 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
 }
 
 TEST_F(Estimates, BrokenUploadsAreNamedAndLeaveNothingBehindWhileAnotherClientTouches) {
-  Bystander bystander(server->channel(), "touched");
+  Bystander bystander(server->channel(), "s");
   const auto& [pre, post] = pair();
   using enum grpc::StatusCode;
   expect_refused(estimate(acquisition("scene"), pre, post.substr(0, post.size() / 2)), INVALID_ARGUMENT,
@@ -327,8 +300,7 @@ TEST_F(Estimates, ClientThatDiesMidUploadLeavesNothing) {
     call.context().TryCancel();
     EXPECT_EQ(call.finish().status.error_code(), grpc::StatusCode::CANCELLED);
   }
-  (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(5));
-  EXPECT_EQ((*server)->core().calls.count(), 0U);
+  server->expect_all_calls_end();
   EXPECT_EQ(scene().version(), 0U);
   EXPECT_TRUE(estimate(acquisition("scene"), pair().pre, pair().post).status.ok());
 }
@@ -338,20 +310,17 @@ TEST_F(Estimates, CancelledCallPublishesNothing) {
   std::promise<void> release;
   (*server)->core().scenes.worker().run({}, [&] { release.get_future().wait(); });
   Elastographer late(channel);
-  late.send(acquisition("scene"));
-  late.send_frame(v1::FRAME_KIND_PRE, pair().pre);
-  late.send_frame(v1::FRAME_KIND_POST, pair().post);
+  upload(late, acquisition("scene"));
   late.context().TryCancel();
   EXPECT_EQ(late.finish().status.error_code(), grpc::StatusCode::CANCELLED);
-  (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(5));
-  EXPECT_EQ((*server)->core().calls.count(), 0U);  // its handler did not wait for the worker
+  server->expect_all_calls_end();  // it does not wait for the worker
   release.set_value();
   (*server)->core().scenes.worker().run({}, [] {}).future.get();
   EXPECT_EQ(scene().version(), 0U);
 }
 
 TEST_F(Estimates, TouchGoesOnWhileEstimatesRun) {
-  Bystander bystander(server->channel(), "touched");
+  Bystander bystander(server->channel(), "s");
   const auto begun = std::chrono::steady_clock::now();
   for (int k = 0; k < 12; ++k)
     EXPECT_TRUE(estimate(acquisition("scene", 0.02 * (k % 4)), pair().pre, pair().post).status.ok());

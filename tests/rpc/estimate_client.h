@@ -118,6 +118,20 @@ class Elastographer {
   bool closed_ = false;
 };
 
+inline void upload(Elastographer& call, const v1::Acquisition& a, const Pair& frames = pair()) {
+  call.send(a);
+  call.send_frame(v1::FRAME_KIND_PRE, frames.pre);
+  call.send_frame(v1::FRAME_KIND_POST, frames.post);
+  call.close();
+}
+
+inline Outcome estimate(const std::shared_ptr<grpc::Channel>& channel, const v1::Acquisition& a,
+                        const Pair& frames = pair(), const std::string& client = "") {
+  Elastographer call(channel, client);
+  upload(call, a, frames);
+  return call.finish();
+}
+
 // Touches all the time from a connection of its own, and keeps what it met.
 class Bystander {
  public:

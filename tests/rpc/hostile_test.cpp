@@ -18,26 +18,9 @@ std::size_t resident_bytes() {
   return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
 }
 
-class Hostile : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    server = std::make_unique<RunningServer>();
-    (*server)->make_ready();
-    grpc::ClientContext context;
-    v1::Scene scene;
-    ASSERT_TRUE(
-        v1::Palpation::NewStub(server->channel())->CreateScene(&context, uniform_scene("s"), &scene).ok());
-  }
-  static void TearDownTestSuite() { server.reset(); }
-  static void expect_all_calls_end() {
-    (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(20));
-    EXPECT_EQ((*server)->core().calls.count(), 0U);
-  }
-  static inline std::unique_ptr<RunningServer> server;
-};
+using Hostile = OnOneServer;
 
 TEST_F(Hostile, ThousandsOfStreamsThatComeAndGoLeaveNothing) {
-  const auto channel = server->channel();
   const std::size_t before = resident_bytes();
   {
     Bystander bystander(server->channel(), "s");
@@ -49,7 +32,7 @@ TEST_F(Hostile, ThousandsOfStreamsThatComeAndGoLeaveNothing) {
     bystander.stop();
     EXPECT_EQ(bystander.failures(), 0);
   }
-  expect_all_calls_end();
+  server->expect_all_calls_end();
   EXPECT_LT(resident_bytes(), before + (std::size_t{64} << 20));
 }
 
@@ -83,9 +66,8 @@ TEST_F(Hostile, HugeRepeatedFieldsAreRefusedByName) {
     for (int k = 0; k < (velocity ? 2 : 200'000); ++k) pose->add_position_m(0.01);
     for (int k = 0; k < (velocity ? 200'000 : 2); ++k) pose->add_velocity_m_s(0.01);
     toucher.send_as_is(request);
-    const grpc::Status status = toucher.finish();
-    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << status.error_message();
-    EXPECT_NE(status.error_message().find(velocity ? "velocity_m_s" : "position_m"), std::string::npos);
+    expect_refused(toucher.finish(), grpc::StatusCode::INVALID_ARGUMENT,
+                   velocity ? "velocity_m_s" : "position_m");
   }
 }
 
@@ -98,9 +80,7 @@ TEST_F(Hostile, AcknowledgementsOfAnswersThatWereNeverSentEndTheStream) {
     request.mutable_pose()->set_sequence(1);
     request.mutable_pose()->set_acknowledged(acknowledged);
     toucher.send_as_is(request);
-    const grpc::Status status = toucher.finish();
-    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << acknowledged;
-    EXPECT_NE(status.error_message().find("pose.acknowledged"), std::string::npos) << status.error_message();
+    expect_refused(toucher.finish(), grpc::StatusCode::INVALID_ARGUMENT, "pose.acknowledged");
   }
 }
 
@@ -109,27 +89,23 @@ TEST_F(Hostile, UploadsThatAreGivenUpKeepNoFrames) {
   constexpr std::size_t kCalls = 12, kBytes = std::size_t{2} * 2048 * 2048;
   std::promise<void> release;
   (*server)->core().scenes.worker().run({}, [&] { release.get_future().wait(); });
-  const std::string frame(kBytes, '\1');
+  const Pair frames{std::string(kBytes, '\1'), std::string(kBytes, '\1')};
   v1::Acquisition a = acquisition();
   a.set_dtype(v1::DATA_TYPE_INT16);
   a.set_sample_count(2048), a.set_line_count(2048);
   a.set_line_pitch_m(1e-4);
-  const auto channel = server->channel();
   std::size_t most = 0, first = 0;
   for (std::size_t k = 0; k < kCalls; ++k) {
     {
       Elastographer call(channel);
-      call.send(a);
-      call.send_frame(v1::FRAME_KIND_PRE, frame);
-      call.send_frame(v1::FRAME_KIND_POST, frame);
-      call.close();
+      upload(call, a, frames);
       v1::EstimateResponse received;
       EXPECT_TRUE(call.read(&received)) << call.finish().status.error_message();
       EXPECT_EQ(received.progress().stage(), v1::ESTIMATE_STAGE_RECEIVED);
       call.context().TryCancel();
       call.finish();
     }
-    expect_all_calls_end();
+    server->expect_all_calls_end();
     if (k == 1) first = resident_bytes();
     most = std::max(most, resident_bytes());
   }
@@ -138,7 +114,6 @@ TEST_F(Hostile, UploadsThatAreGivenUpKeepNoFrames) {
 }
 
 TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
-  const auto channel = server->channel();
   const auto stub = v1::Palpation::NewStub(channel);
   struct Watcher {
     grpc::ClientContext context;
@@ -172,7 +147,6 @@ TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
 }
 
 TEST_F(Hostile, OneClientDoesNotTakeAllPlacesForUploads) {
-  const auto channel = server->channel();
   const std::size_t most = Limits{}.most_estimates;
   std::vector<std::unique_ptr<Elastographer>> uploads;
   const auto upload_of = [&](const std::string& client) {
@@ -184,13 +158,11 @@ TEST_F(Hostile, OneClientDoesNotTakeAllPlacesForUploads) {
   for (const char* client : {"greedy", "modest"}) {
     if (client == std::string("modest")) upload_of(client);
     Elastographer one_more(channel, "greedy");
-    const auto status = one_more.finish().status;
-    EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-    EXPECT_NE(status.error_message().find("this client's"), std::string::npos) << status.error_message();
+    expect_refused(one_more.finish().status, grpc::StatusCode::RESOURCE_EXHAUSTED, "this client's");
   }
   while (uploads.size() < most) upload_of("client-" + std::to_string(uploads.size()));
   for (const auto& upload : uploads) upload->context().TryCancel(), upload->finish();
-  expect_all_calls_end();
+  server->expect_all_calls_end();
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
-#include <cstring>
+// Touch streams: what is answered, what is refused, and what ends them.
+#include <cmath>
 #include <limits>
 #include <vector>
 
 #include "tests/rpc/estimate_client.h"
-#include "tests/rpc/running_server.h"
 #include "tests/support/finger_reader.h"
 
 namespace teletact::service {
@@ -11,56 +11,10 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-class Palpation : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    server = std::make_unique<RunningServer>();
-    (*server)->make_ready();
-  }
-  static void TearDownTestSuite() { server.reset(); }
-
-  Palpation() : channel(server->channel()), stub(v1::Palpation::NewStub(channel)) {
-    EXPECT_TRUE(create(uniform_scene("uniform")).ok());
-  }
-  ~Palpation() override {
-    grpc::ClientContext context;
-    v1::ListScenesResponse scenes;
-    stub->ListScenes(&context, {}, &scenes);
-    for (const v1::Scene& scene : scenes.scenes()) {
-      grpc::ClientContext one;
-      v1::DeleteSceneRequest request;
-      v1::DeleteSceneResponse response;
-      request.set_scene_id(scene.scene_id());
-      stub->DeleteScene(&one, request, &response);
-    }
-  }
-  grpc::Status create(const v1::CreateSceneRequest& request, v1::Scene* scene = nullptr) {
-    grpc::ClientContext context;
-    set_deadline(context);
-    v1::Scene made;
-    const grpc::Status status = stub->CreateScene(&context, request, &made);
-    if (scene) *scene = made;
-    return status;
-  }
-  void expect_refused(const v1::CreateSceneRequest& request, grpc::StatusCode code, const char* field) {
-    const grpc::Status status = create(request);
-    EXPECT_EQ(status.error_code(), code) << status.error_message();
-    EXPECT_NE(status.error_message().find(field), std::string::npos) << status.error_message();
-  }
-  // The stream ends with this code, and names the field.
-  static void expect_end(Toucher& toucher, grpc::StatusCode code, const char* field) {
-    const grpc::Status status = toucher.finish();
-    EXPECT_EQ(status.error_code(), code) << status.error_message();
-    EXPECT_NE(status.error_message().find(field), std::string::npos) << status.error_message();
-  }
-
-  static inline std::unique_ptr<RunningServer> server;
-  std::shared_ptr<grpc::Channel> channel;
-  std::unique_ptr<v1::Palpation::Stub> stub;
-};
+using Palpation = OnOneServer;
 
 TEST_F(Palpation, AnswerCarriesThePoseItBelongsTo) {
-  Toucher toucher(channel, "uniform");
+  Toucher toucher(channel, "s");
   v1::TouchOpened opened;
   ASSERT_TRUE(toucher.opened(&opened));
   EXPECT_EQ(opened.credit(), 1U);
@@ -99,7 +53,7 @@ TEST_F(Palpation, AnswerCarriesThePoseItBelongsTo) {
 }
 
 TEST_F(Palpation, ForceIsTheWorkThatThePoseDoes) {
-  Toucher toucher(channel, "uniform");
+  Toucher toucher(channel, "s");
   ASSERT_TRUE(toucher.opened());
   v1::TouchAnswer before, after, middle;
   const double step_m = 1e-5;
@@ -111,9 +65,9 @@ TEST_F(Palpation, ForceIsTheWorkThatThePoseDoes) {
 }
 
 TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
-  v1::TouchOpen open = Toucher::open_on("uniform");
+  v1::TouchOpen open = Toucher::open_on("s");
   open.set_path(v1::SOLVE_PATH_PCG);
-  Toucher by_pcg(server->channel(), open), by_compliance(channel, "uniform");
+  Toucher by_pcg(server->channel(), open), by_compliance(channel, "s");
   ASSERT_TRUE(by_pcg.opened() && by_compliance.opened());
   v1::TouchAnswer pcg, compliance;
   do {  // a busy machine solves the columns of the contact in several goes, and says so
@@ -127,7 +81,7 @@ TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
 
 // Its first answers come while it is made elsewhere, and say so.
 TEST_F(Palpation, InteriorLineIsPreparedBeforeItHasAForce) {
-  v1::TouchOpen open = Toucher::open_on("uniform");
+  v1::TouchOpen open = Toucher::open_on("s");
   open.set_line_y_m(0.02);
   Toucher toucher(channel, open);
   v1::TouchOpened opened;
@@ -143,7 +97,7 @@ TEST_F(Palpation, InteriorLineIsPreparedBeforeItHasAForce) {
 }
 
 TEST_F(Palpation, SilentReaderGetsNoMoreThanItsCredit) {
-  v1::TouchOpen open = Toucher::open_on("uniform");
+  v1::TouchOpen open = Toucher::open_on("s");
   open.set_credit(3);
   Toucher toucher(channel, open);
   ASSERT_TRUE(toucher.opened());
@@ -158,7 +112,7 @@ TEST_F(Palpation, SilentReaderGetsNoMoreThanItsCredit) {
 }
 
 TEST_F(Palpation, NewestPoseWins) {
-  Toucher toucher(channel, "uniform");
+  Toucher toucher(channel, "s");
   ASSERT_TRUE(toucher.opened());
   toucher.stop_acknowledging();
   v1::TouchAnswer answer;
@@ -176,7 +130,7 @@ TEST_F(Palpation, NewestPoseWins) {
 }
 
 TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
-  Toucher bystander(server->channel(), "uniform");
+  Toucher bystander(server->channel(), "s");
   ASSERT_TRUE(bystander.opened());
   struct Bad {
     std::vector<double> position_m, velocity_m_s;
@@ -189,7 +143,7 @@ TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
         Bad{{}, {}, 1, 0, "pose.position_m"}, Bad{{1, 2, 3, 4}, {}, 1, 0, "pose.position_m"},
         Bad{{0.05, 0.001}, {kNan, 0}, 1, 0, "pose.velocity_m_s[0]"},
         Bad{{0.05, 0.001}, {}, 0, 0, "pose.sequence"}, Bad{{0.05, 0.001}, {}, 1, 99, "pose.acknowledged"}}) {
-    Toucher toucher(channel, "uniform");
+    Toucher toucher(channel, "s");
     ASSERT_TRUE(toucher.opened());
     v1::TouchRequest request;
     v1::ContactPose* pose = request.mutable_pose();
@@ -198,7 +152,7 @@ TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
     pose->set_sequence(bad.sequence);
     pose->set_acknowledged(bad.acknowledged);
     toucher.send_as_is(request);
-    expect_end(toucher, grpc::StatusCode::INVALID_ARGUMENT, bad.field);
+    expect_refused(toucher.finish(), grpc::StatusCode::INVALID_ARGUMENT, bad.field);
     v1::TouchAnswer answer;
     ASSERT_TRUE(bystander.touch(0.05, 0.002, &answer));
     EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_OK);
@@ -207,7 +161,7 @@ TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
 
 TEST_F(Palpation, FingerThatLeavesTheTissueIsAnsweredAndComesBack) {
   // GIVEN a finger that is felt
-  Toucher toucher(channel, "uniform");
+  Toucher toucher(channel, "s");
   ASSERT_TRUE(toucher.opened());
   v1::TouchAnswer answer;
   ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
@@ -236,12 +190,12 @@ TEST_F(Palpation, FingerThatLeavesTheTissueIsAnsweredAndComesBack) {
 }
 
 TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
-  Bystander bystander(server->channel(), "uniform");
+  Bystander bystander(server->channel(), "s");
   const auto refused = [&](grpc::StatusCode code, const char* field, auto change) {
-    v1::TouchOpen open = Toucher::open_on("uniform");
+    v1::TouchOpen open = Toucher::open_on("s");
     change(open);
     Toucher toucher(channel, open);
-    expect_end(toucher, code, field);
+    expect_refused(toucher.finish(), code, field);
   };
   using enum grpc::StatusCode;
   refused(NOT_FOUND, "scene_id", [](auto& o) { o.set_scene_id("nowhere"); });
@@ -257,12 +211,12 @@ TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
           [](auto& o) { o.mutable_fingertip()->set_radius_m(0.5); });
   refused(INVALID_ARGUMENT, "open.fingertip.shape",
           [](auto& o) { o.mutable_fingertip()->set_shape(static_cast<v1::FingertipShape>(77)); });
-  v1::TouchOpen open = Toucher::open_on("uniform");
+  v1::TouchOpen open = Toucher::open_on("s");
   Toucher twice(channel, open);
   v1::TouchRequest again;
   *again.mutable_open() = open;
   twice.send_as_is(again);
-  expect_end(twice, INVALID_ARGUMENT, "open");
+  expect_refused(twice.finish(), INVALID_ARGUMENT, "open");
   bystander.stop();
   EXPECT_EQ(bystander.failures(), 0);
   EXPECT_GT(bystander.answers(), 0U);
@@ -271,6 +225,7 @@ TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
 TEST_F(Palpation, PoseBeforeOpenIsRefused) {
   grpc::ClientContext context;
   set_deadline(context);
+  const auto stub = v1::Palpation::NewStub(channel);
   const auto stream = stub->Touch(&context);
   v1::TouchRequest request;
   request.mutable_pose()->set_sequence(1);
@@ -280,44 +235,14 @@ TEST_F(Palpation, PoseBeforeOpenIsRefused) {
   EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
-TEST_F(Palpation, SceneThatIsNotCoveredHasNoForce) {
-  v1::CreateSceneRequest request = uniform_scene("empty");
-  request.clear_modulus();
-  v1::Scene scene;
-  ASSERT_TRUE(create(request, &scene).ok());
-  EXPECT_EQ(scene.version(), 0U);
-  Toucher toucher(channel, "empty");
-  ASSERT_TRUE(toucher.opened());
-  v1::TouchAnswer answer;
-  ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
-  EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_NOT_COVERED);
-  EXPECT_EQ(answer.force_n(1), 0);
-}
-
-TEST_F(Palpation, DeletingASceneEndsItsStreams) {
-  Toucher toucher(channel, "uniform");
-  ASSERT_TRUE(toucher.opened());
-  v1::TouchAnswer answer;
-  ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
-  grpc::ClientContext watching, deleting;
-  set_deadline(watching);
-  FingerReader finger(*stub, watching, "uniform");
-  v1::FingerState state;
-  ASSERT_TRUE(finger.read(&state));
-  v1::DeleteSceneRequest request;
-  v1::DeleteSceneResponse response;
-  request.set_scene_id("uniform");
-  ASSERT_TRUE(stub->DeleteScene(&deleting, request, &response).ok());
-  expect_end(toucher, grpc::StatusCode::ABORTED, "uniform");
-  EXPECT_EQ(finger.finish().error_code(), grpc::StatusCode::ABORTED);
-}
-
 TEST_F(Palpation, FingerIsWatched) {
-  Toucher toucher(channel, "uniform");
+  ASSERT_TRUE(server->create(uniform_scene("watched")).ok());
+  Toucher toucher(channel, "watched");
   ASSERT_TRUE(toucher.opened());
   grpc::ClientContext context;
   set_deadline(context);
-  FingerReader finger(*stub, context, "uniform");
+  const auto stub = v1::Palpation::NewStub(channel);
+  FingerReader finger(*stub, context, "watched");
   v1::TouchRequest pose;
   for (const double v : {0.0512, -0.004}) pose.mutable_pose()->add_position_m(v);
   for (const double v : {0.12, 0.0}) pose.mutable_pose()->add_velocity_m_s(v);
@@ -342,85 +267,17 @@ TEST_F(Palpation, FingerIsWatched) {
   context.TryCancel();
 }
 
-TEST_F(Palpation, ScenesThatMakeNoSenseAreNamed) {
-  Bystander bystander(server->channel(), "uniform");
-  using enum grpc::StatusCode;
-  const auto changed = [](auto change) {
-    v1::CreateSceneRequest request = uniform_scene("bad");
-    change(request);
-    return request;
-  };
-  const auto with_modulus = [&](float modulus_pa) {
-    return changed([&](auto& r) {
-      std::string* data = r.mutable_modulus()->mutable_youngs_modulus_pa()->mutable_data();
-      std::memcpy(data->data() + 40, &modulus_pa, sizeof(float));
-    });
-  };
-  for (const float modulus_pa :
-       {-10.0F, 0.0F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()})
-    expect_refused(with_modulus(modulus_pa), INVALID_ARGUMENT, "modulus.youngs_modulus_pa[10]");
-  expect_refused(changed([](auto& r) { r.mutable_geometry()->set_poisson_ratio(0.5); }), INVALID_ARGUMENT,
-                 "geometry.poisson_ratio");
-  expect_refused(changed([](auto& r) { r.mutable_geometry()->clear_size_m(); }), INVALID_ARGUMENT,
-                 "geometry.size_m");
-  expect_refused(changed([](auto& r) { r.mutable_geometry()->set_size_m(0, kNan); }), INVALID_ARGUMENT,
-                 "geometry.size_m[0]");
-  expect_refused(changed([](auto& r) { r.mutable_geometry()->set_size_m(1, 1e6); }), INVALID_ARGUMENT,
-                 "geometry.size_m[1]");
-  expect_refused(changed([](auto& r) { r.mutable_geometry()->set_free_bottom(true); }), INVALID_ARGUMENT,
-                 "geometry.free_bottom");
-  expect_refused(changed([](auto& r) { r.mutable_geometry()->set_thickness_m(-1); }), INVALID_ARGUMENT,
-                 "geometry.thickness_m");
-  expect_refused(
-      changed([](auto& r) { r.mutable_modulus()->mutable_youngs_modulus_pa()->mutable_data()->pop_back(); }),
-      INVALID_ARGUMENT, "modulus.youngs_modulus_pa.data");
-  expect_refused(
-      changed([](auto& r) { r.mutable_modulus()->mutable_youngs_modulus_pa()->set_shape(0, 4000000000U); }),
-      INVALID_ARGUMENT, "modulus.youngs_modulus_pa.shape");
-  expect_refused(changed([](auto& r) { r.mutable_modulus()->set_x_m(3, 0.001); }), INVALID_ARGUMENT,
-                 "modulus.x_m");
-  expect_refused(changed([](auto& r) { r.set_scene_id("../../etc"); }), INVALID_ARGUMENT, "scene_id");
-  expect_refused(uniform_scene("uniform"), ALREADY_EXISTS, "scene_id");
-  grpc::ClientContext context;
-  v1::GetSceneRequest request;
-  request.set_scene_id("bad");
-  v1::Scene scene;
-  EXPECT_EQ(stub->GetScene(&context, request, &scene).error_code(), NOT_FOUND);
-  bystander.stop();
-  EXPECT_EQ(bystander.failures(), 0);
-  EXPECT_GT(bystander.answers(), 0U);
-}
-
-TEST_F(Palpation, SceneIsReadBack) {
-  grpc::ClientContext context;
-  v1::GetSceneRequest request;
-  request.set_scene_id("uniform");
-  request.set_view(v1::SCENE_VIEW_FULL);
-  v1::Scene scene;
-  ASSERT_TRUE(stub->GetScene(&context, request, &scene).ok());
-  EXPECT_EQ(scene.windows_size(), 1);
-  EXPECT_EQ(scene.geometry().poisson_ratio(), 0.49);
-  ASSERT_EQ(scene.youngs_modulus().grid().size_size(), 2);
-  const auto& values = scene.youngs_modulus().values();
-  EXPECT_EQ(values.data().size(), std::size_t{4} * values.shape(0) * values.shape(1));
-  float modulus_pa = 0;
-  std::memcpy(&modulus_pa, values.data().data() + 400, 4);
-  EXPECT_NEAR(modulus_pa, 10e3, 1);
-  EXPECT_EQ(scene.valid().values().data()[7], 1);
-}
-
 TEST_F(Palpation, ManyStreamsEndWhenTheirClientsDie) {
   for (int round = 0; round < 3; ++round) {
     std::vector<std::unique_ptr<Toucher>> touchers;
     for (std::size_t k = 0; k < Limits{}.most_touch_streams; ++k) {
-      touchers.push_back(std::make_unique<Toucher>(channel, "uniform"));
+      touchers.push_back(std::make_unique<Toucher>(channel, "s"));
       ASSERT_TRUE(touchers.back()->opened()) << k;
     }
-    Toucher one_too_many(channel, "uniform");
-    expect_end(one_too_many, grpc::StatusCode::RESOURCE_EXHAUSTED, "calls");
+    Toucher one_too_many(channel, "s");
+    expect_refused(one_too_many.finish(), grpc::StatusCode::RESOURCE_EXHAUSTED, "calls");
     touchers.clear();
-    (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(5));
-    EXPECT_EQ((*server)->core().calls.count(), 0U);
+    server->expect_all_calls_end();
   }
 }
 

@@ -1,4 +1,5 @@
-// A server in this process on a Unix socket, and clients that speak to it as others would.
+// A server in this process on a Unix socket, tests that share one, and clients that speak to it as others
+// would.
 #pragma once
 
 #include <grpcpp/create_channel.h>
@@ -32,6 +33,17 @@ inline const std::shared_ptr<Device>& rpc_device() {
   return device;
 }
 
+// So that a test that hangs ends: far above what the busiest machine takes for a whole test.
+inline void set_deadline(grpc::ClientContext& context) {
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::minutes(2));
+}
+
+// A status that says no with this code, and with these words: the field, or the remedy.
+inline void expect_refused(const grpc::Status& status, grpc::StatusCode code, const std::string& words) {
+  EXPECT_EQ(status.error_code(), code) << status.error_message();
+  EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
+}
+
 class RunningServer {
  public:
   explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "",
@@ -46,6 +58,7 @@ class RunningServer {
     options.reopen = [] { return Device::open({}); };
     options.limits = limits;
     server_ = std::make_unique<Server>(rpc_device(), options);
+    palpation_ = v1::Palpation::NewStub(channel());
   }
   ~RunningServer() {
     server_.reset();
@@ -60,16 +73,33 @@ class RunningServer {
     arguments.SetMaxReceiveMessageSize(-1);
     return grpc::CreateCustomChannel(server_->address(), grpc::InsecureChannelCredentials(), arguments);
   }
+  grpc::Status create(const v1::CreateSceneRequest& request, const std::string& client = "",
+                      v1::Scene* made = nullptr) const {
+    grpc::ClientContext context;
+    set_deadline(context);
+    if (!client.empty()) context.AddMetadata("teletact-client", client);
+    v1::Scene scene;
+    return palpation_->CreateScene(&context, request, made ? made : &scene);
+  }
+  grpc::Status remove(const std::string& scene_id) const {
+    grpc::ClientContext context;
+    set_deadline(context);
+    v1::DeleteSceneRequest request;
+    request.set_scene_id(scene_id);
+    v1::DeleteSceneResponse response;
+    return palpation_->DeleteScene(&context, request, &response);
+  }
+  // Every place that a call holds comes back.
+  void expect_all_calls_end() const {
+    server_->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::minutes(1));
+    EXPECT_EQ(server_->core().calls.count(), 0U);
+  }
 
  private:
   std::filesystem::path folder_;
   std::unique_ptr<Server> server_;
+  std::unique_ptr<v1::Palpation::Stub> palpation_;
 };
-
-// So that a test that hangs ends: far above what the busiest machine takes for a whole test.
-inline void set_deadline(grpc::ClientContext& context) {
-  context.set_deadline(std::chrono::system_clock::now() + std::chrono::minutes(2));
-}
 
 // A request for a scene of uniform modulus on 2 mm elements, touchable at once.
 inline v1::CreateSceneRequest uniform_scene(const std::string& id, double modulus_pa = 10e3,
@@ -90,6 +120,22 @@ inline v1::CreateSceneRequest uniform_scene(const std::string& id, double modulu
   map->mutable_youngs_modulus_pa()->set_data(values.data(), values.size() * sizeof(float));
   return request;
 }
+
+// Tests that share one server, which has a scene "s". Each begins with nobody served.
+class OnOneServer : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { serve(); }
+  static void TearDownTestSuite() { server.reset(); }
+  static void serve(const Limits& limits = {}) {
+    server = std::make_unique<RunningServer>("", "", limits);
+    (*server)->make_ready();
+    ASSERT_TRUE(server->create(uniform_scene("s")).ok());
+  }
+  void TearDown() override { server->expect_all_calls_end(); }
+
+  static inline std::unique_ptr<RunningServer> server;
+  const std::shared_ptr<grpc::Channel> channel = server->channel();
+};
 
 // A touch stream, driven one message at a time.
 class Toucher {

@@ -175,9 +175,8 @@ TEST(Server, DrainTellsTheStreamsAndEndsSoon) {
   server->make_ready();
   const auto channel = server.channel();
   const auto stub = v1::Palpation::NewStub(channel);
-  grpc::ClientContext creating, watching;
-  v1::Scene scene;
-  ASSERT_TRUE(stub->CreateScene(&creating, uniform_scene("s"), &scene).ok());
+  grpc::ClientContext watching;
+  ASSERT_TRUE(server.create(uniform_scene("s")).ok());
   Toucher busy(channel, "s"), silent(channel, "s");
   ASSERT_TRUE(busy.opened() && silent.opened());
   silent.stop_acknowledging();
@@ -201,15 +200,12 @@ TEST(Server, ScenesSurviveItWithANewInstance) {
   for (const bool again : {false, true}) {
     RunningServer server("", state);
     server->make_ready();
-    const auto channel = server.channel();
-    const auto stub = v1::Palpation::NewStub(channel);
     v1::Scene scene;
     if (!again) {
-      grpc::ClientContext context;
-      ASSERT_TRUE(stub->CreateScene(&context, uniform_scene("s"), &scene).ok());
+      ASSERT_TRUE(server.create(uniform_scene("s"), "", &scene).ok());
       version = scene.version();
     }
-    Toucher toucher(channel, "s");
+    Toucher toucher(server.channel(), "s");
     v1::TouchOpened opened;
     ASSERT_TRUE(toucher.opened(&opened));
     v1::TouchAnswer answer;

@@ -74,27 +74,29 @@ class Unread {
   std::unique_ptr<grpc::ClientReaderWriter<grpc::ByteBuffer, grpc::ByteBuffer>> stream_;
 };
 
-class Slots : public testing::Test {
+class Slots : public OnOneServer {
  protected:
   static void SetUpTestSuite() {
-    server = std::make_unique<RunningServer>("", "", short_times());
-    (*server)->make_ready();
-    const auto stub = v1::Palpation::NewStub(server->channel());
-    for (const auto& request : {uniform_scene("s"), large_scene()}) {
-      grpc::ClientContext context;
-      v1::Scene scene;
-      const grpc::Status made = stub->CreateScene(&context, request, &scene);
-      ASSERT_TRUE(made.ok()) << made.error_message();
+    serve(short_times());
+    ASSERT_TRUE(server->create(large_scene()).ok());
+  }
+  // A watch of "s" that has said no more than that.
+  struct Watch {
+    explicit Watch(v1::Palpation::Stub& stub) {
+      set_deadline(context);
+      stream = stub.WatchFinger(&context);
+      request.set_scene_id("s");
+      EXPECT_TRUE(stream->Write(request));
     }
-  }
-  static void TearDownTestSuite() { server.reset(); }
-  void SetUp() override { expect_all_places_back(); }
-  static void expect_all_places_back() {
-    (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(60));
-    EXPECT_EQ((*server)->core().calls.count(), 0U);
-  }
-  static inline std::unique_ptr<RunningServer> server;
-  const std::shared_ptr<grpc::Channel> channel = server->channel();
+    std::uint64_t read_on() {
+      std::uint64_t states = 0;
+      for (v1::FingerState state; stream->Read(&state);) ++states;
+      return states;
+    }
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReaderWriter<v1::WatchFingerRequest, v1::FingerState>> stream;
+    v1::WatchFingerRequest request;
+  };
   const std::unique_ptr<v1::Palpation::Stub> stub = v1::Palpation::NewStub(channel);
 };
 
@@ -107,67 +109,39 @@ TEST_F(Slots, StreamsThatNeverSayWhatTheyAreForEnd) {
   v1::FingerState state;
   EXPECT_FALSE(touch->Read(&answer));
   EXPECT_FALSE(watch->Read(&state));
-  const grpc::Status touched = touch->Finish(), watched = watch->Finish();
-  EXPECT_EQ(touched.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_NE(touched.error_message().find("open"), std::string::npos) << touched.error_message();
-  EXPECT_EQ(watched.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_NE(watched.error_message().find("scene_id"), std::string::npos) << watched.error_message();
+  expect_refused(touch->Finish(), grpc::StatusCode::DEADLINE_EXCEEDED, "open");
+  expect_refused(watch->Finish(), grpc::StatusCode::DEADLINE_EXCEEDED, "scene_id");
 }
 
 TEST_F(Slots, WatcherThatDoesNotAcknowledgeIsTheLeastBehindAndEnds) {
   // GIVEN a watcher of a finger that moves, which reads and says nothing
   Bystander bystander(server->channel(), "s");
-  grpc::ClientContext context;
-  set_deadline(context);
-  const auto watch = stub->WatchFinger(&context);
-  v1::WatchFingerRequest request;
-  request.set_scene_id("s");
-  ASSERT_TRUE(watch->Write(request));
+  Watch watch(*stub);
   // THEN it gets one state, and its place is free again
-  v1::FingerState state;
-  std::uint64_t states = 0;
-  while (watch->Read(&state)) ++states;
-  EXPECT_EQ(states, 1U);
-  const grpc::Status status = watch->Finish();
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_NE(status.error_message().find("acknowledged"), std::string::npos) << status.error_message();
+  EXPECT_EQ(watch.read_on(), 1U);
+  expect_refused(watch.stream->Finish(), grpc::StatusCode::DEADLINE_EXCEEDED, "acknowledged");
   bystander.stop();
   EXPECT_EQ(bystander.failures(), 0);
 }
 
 TEST_F(Slots, AcknowledgementsThatSayNothingNewAreNoProgress) {
-  grpc::ClientContext context;
-  set_deadline(context);
-  const auto watch = stub->WatchFinger(&context);
-  v1::WatchFingerRequest request;
-  request.set_scene_id("s");
-  ASSERT_TRUE(watch->Write(request));
+  Watch watch(*stub);
   v1::FingerState state;
-  ASSERT_TRUE(watch->Read(&state));
-  request.clear_scene_id();
-  while (watch->Write(request)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  const grpc::Status status = watch->Finish();
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_NE(status.error_message().find("acknowledged"), std::string::npos) << status.error_message();
+  ASSERT_TRUE(watch.stream->Read(&state));
+  watch.request.clear_scene_id();
+  while (watch.stream->Write(watch.request)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  expect_refused(watch.stream->Finish(), grpc::StatusCode::DEADLINE_EXCEEDED, "acknowledged");
 }
 
 TEST_F(Slots, AcknowledgementsOfWhatWasNotSentEndTheWatch) {
   for (const bool named_again : {false, true}) {
-    grpc::ClientContext context;
-    set_deadline(context);
-    const auto watch = stub->WatchFinger(&context);
-    v1::WatchFingerRequest request;
-    request.set_scene_id("s");
-    ASSERT_TRUE(watch->Write(request));
-    if (!named_again) request.clear_scene_id();
-    request.set_acknowledged(77);
-    watch->Write(request);
-    v1::FingerState state;
-    while (watch->Read(&state)) {
-    }
-    const grpc::Status status = watch->Finish();
-    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-    EXPECT_NE(status.error_message().find(named_again ? "scene_id" : "acknowledged"), std::string::npos);
+    Watch watch(*stub);
+    if (!named_again) watch.request.clear_scene_id();
+    watch.request.set_acknowledged(77);
+    watch.stream->Write(watch.request);
+    watch.read_on();
+    expect_refused(watch.stream->Finish(), grpc::StatusCode::INVALID_ARGUMENT,
+                   named_again ? "scene_id" : "acknowledged");
   }
 }
 
@@ -177,9 +151,7 @@ TEST_F(Slots, TouchWithoutPosesEndsWhateverElseIsSent) {
   v1::TouchRequest request;
   request.mutable_hand_over()->set_session_id("nobody");
   while (toucher.send_as_is(request)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  const grpc::Status status = toucher.finish();
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_NE(status.error_message().find("no pose"), std::string::npos) << status.error_message();
+  expect_refused(toucher.finish(), grpc::StatusCode::DEADLINE_EXCEEDED, "no pose");
 }
 
 TEST_F(Slots, AnswersThatAreNotTakenHoldNoThreadAndAreCut) {

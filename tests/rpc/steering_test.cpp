@@ -13,22 +13,8 @@ v1::TouchOpen open_as(const std::string& session_id) {
   return open;
 }
 
-class Steering : public testing::Test {
+class Steering : public OnOneServer {
  protected:
-  static void SetUpTestSuite() {
-    server = std::make_unique<RunningServer>();
-    (*server)->make_ready();
-    grpc::ClientContext context;
-    v1::Scene scene;
-    ASSERT_TRUE(
-        v1::Palpation::NewStub(server->channel())->CreateScene(&context, uniform_scene("s"), &scene).ok());
-  }
-  static void TearDownTestSuite() { server.reset(); }
-  void TearDown() override {  // the next one's hands are the first on the scene
-    (*server)->core().calls.wait_until_none(Calls::Clock::now() + std::chrono::seconds(20));
-    EXPECT_EQ((*server)->core().calls.count(), 0U);
-  }
-
   struct Hand : Toucher {
     explicit Hand(const std::string& name) : Toucher(server->channel(), open_as(name)) {
       EXPECT_TRUE(Toucher::opened(&welcome));
@@ -63,7 +49,6 @@ class Steering : public testing::Test {
     grpc::ClientContext context;
     std::optional<FingerReader> reader;
   };
-  static inline std::unique_ptr<RunningServer> server;
 };
 
 TEST_F(Steering, OneOfTwoFingersIsFollowedAndBothAreTold) {
@@ -133,13 +118,11 @@ TEST_F(Steering, LapsesWhenTheHandFallsSilent) {
 TEST_F(Steering, HandOverBeforeOpenAndNamesThatAreTooLongAreRefused) {
   const std::string longest(64, 'a');
   EXPECT_EQ(Hand(longest).welcome.steered_by(), longest);
-  Toucher too_long(server->channel(), open_as(longest + "a"));
-  const grpc::Status refused = too_long.finish();
-  EXPECT_EQ(refused.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_NE(refused.error_message().find("open.session_id"), std::string::npos) << refused.error_message();
+  Toucher too_long(channel, open_as(longest + "a"));
+  expect_refused(too_long.finish(), grpc::StatusCode::INVALID_ARGUMENT, "open.session_id");
   grpc::ClientContext context;
   set_deadline(context);
-  const auto stub = v1::Palpation::NewStub(server->channel());
+  const auto stub = v1::Palpation::NewStub(channel);
   const auto stream = stub->Touch(&context);
   v1::TouchRequest request;
   request.mutable_hand_over()->set_session_id("anna");

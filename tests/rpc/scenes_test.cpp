@@ -1,0 +1,119 @@
+// Scenes as a client makes, reads and deletes them.
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "tests/rpc/estimate_client.h"
+#include "tests/support/finger_reader.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+class SceneCalls : public OnOneServer {
+ protected:
+  const std::unique_ptr<v1::Palpation::Stub> stub = v1::Palpation::NewStub(channel);
+};
+
+TEST_F(SceneCalls, SceneThatIsNotCoveredHasNoForce) {
+  v1::CreateSceneRequest request = uniform_scene("empty");
+  request.clear_modulus();
+  v1::Scene scene;
+  ASSERT_TRUE(server->create(request, "", &scene).ok());
+  EXPECT_EQ(scene.version(), 0U);
+  Toucher toucher(channel, "empty");
+  ASSERT_TRUE(toucher.opened());
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
+  EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_NOT_COVERED);
+  EXPECT_EQ(answer.force_n(1), 0);
+}
+
+TEST_F(SceneCalls, DeletingASceneEndsItsStreams) {
+  ASSERT_TRUE(server->create(uniform_scene("doomed")).ok());
+  Toucher toucher(channel, "doomed");
+  ASSERT_TRUE(toucher.opened());
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
+  grpc::ClientContext watching;
+  set_deadline(watching);
+  FingerReader finger(*stub, watching, "doomed");
+  v1::FingerState state;
+  ASSERT_TRUE(finger.read(&state));
+  ASSERT_TRUE(server->remove("doomed").ok());
+  expect_refused(toucher.finish(), grpc::StatusCode::ABORTED, "doomed");
+  expect_refused(finger.finish(), grpc::StatusCode::ABORTED, "doomed");
+}
+
+TEST_F(SceneCalls, ScenesThatMakeNoSenseAreNamed) {
+  Bystander bystander(server->channel(), "s");
+  using enum grpc::StatusCode;
+  const auto refused = [](const v1::CreateSceneRequest& request, grpc::StatusCode code, const char* field) {
+    expect_refused(server->create(request), code, field);
+  };
+  const auto changed = [](auto change) {
+    v1::CreateSceneRequest request = uniform_scene("bad");
+    change(request);
+    return request;
+  };
+  const auto with_modulus = [&](float modulus_pa) {
+    return changed([&](auto& r) {
+      std::string* data = r.mutable_modulus()->mutable_youngs_modulus_pa()->mutable_data();
+      std::memcpy(data->data() + 40, &modulus_pa, sizeof(float));
+    });
+  };
+  for (const float modulus_pa :
+       {-10.0F, 0.0F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()})
+    refused(with_modulus(modulus_pa), INVALID_ARGUMENT, "modulus.youngs_modulus_pa[10]");
+  refused(changed([](auto& r) { r.mutable_geometry()->set_poisson_ratio(0.5); }), INVALID_ARGUMENT,
+          "geometry.poisson_ratio");
+  refused(changed([](auto& r) { r.mutable_geometry()->clear_size_m(); }), INVALID_ARGUMENT,
+          "geometry.size_m");
+  refused(changed([](auto& r) { r.mutable_geometry()->set_size_m(0, kNan); }), INVALID_ARGUMENT,
+          "geometry.size_m[0]");
+  refused(changed([](auto& r) { r.mutable_geometry()->set_size_m(1, 1e6); }), INVALID_ARGUMENT,
+          "geometry.size_m[1]");
+  refused(changed([](auto& r) { r.mutable_geometry()->set_free_bottom(true); }), INVALID_ARGUMENT,
+          "geometry.free_bottom");
+  refused(changed([](auto& r) { r.mutable_geometry()->set_thickness_m(-1); }), INVALID_ARGUMENT,
+          "geometry.thickness_m");
+  refused(
+      changed([](auto& r) { r.mutable_modulus()->mutable_youngs_modulus_pa()->mutable_data()->pop_back(); }),
+      INVALID_ARGUMENT, "modulus.youngs_modulus_pa.data");
+  refused(
+      changed([](auto& r) { r.mutable_modulus()->mutable_youngs_modulus_pa()->set_shape(0, 4000000000U); }),
+      INVALID_ARGUMENT, "modulus.youngs_modulus_pa.shape");
+  refused(changed([](auto& r) { r.mutable_modulus()->set_x_m(3, 0.001); }), INVALID_ARGUMENT, "modulus.x_m");
+  refused(changed([](auto& r) { r.set_scene_id("../../etc"); }), INVALID_ARGUMENT, "scene_id");
+  refused(uniform_scene("s"), ALREADY_EXISTS, "scene_id");
+  grpc::ClientContext context;
+  v1::GetSceneRequest request;
+  request.set_scene_id("bad");
+  v1::Scene scene;
+  EXPECT_EQ(stub->GetScene(&context, request, &scene).error_code(), NOT_FOUND);
+  bystander.stop();
+  EXPECT_EQ(bystander.failures(), 0);
+  EXPECT_GT(bystander.answers(), 0U);
+}
+
+TEST_F(SceneCalls, SceneIsReadBack) {
+  grpc::ClientContext context;
+  v1::GetSceneRequest request;
+  request.set_scene_id("s");
+  request.set_view(v1::SCENE_VIEW_FULL);
+  v1::Scene scene;
+  ASSERT_TRUE(stub->GetScene(&context, request, &scene).ok());
+  EXPECT_EQ(scene.windows_size(), 1);
+  EXPECT_EQ(scene.geometry().poisson_ratio(), 0.49);
+  ASSERT_EQ(scene.youngs_modulus().grid().size_size(), 2);
+  const auto& values = scene.youngs_modulus().values();
+  EXPECT_EQ(values.data().size(), std::size_t{4} * values.shape(0) * values.shape(1));
+  float modulus_pa = 0;
+  std::memcpy(&modulus_pa, values.data().data() + 400, 4);
+  EXPECT_NEAR(modulus_pa, 10e3, 1);
+  EXPECT_EQ(scene.valid().values().data()[7], 1);
+}
+
+}  // namespace
+}  // namespace teletact::service
