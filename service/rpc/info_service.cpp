@@ -1,5 +1,7 @@
 #include "service/rpc/info_service.h"
 
+#include <algorithm>
+
 #include "service/rpc/unary_call.h"
 
 namespace teletact::service {
@@ -30,7 +32,12 @@ void InfoService::describe(v1::GetInfoResponse* response) const {
     limit->set_value(row.value(core_.limits));
     limit->set_unit(row.unit);
   }
-  for (const MemoryUse& use : core_.memory->uses()) {
+  std::vector<MemoryUse> uses = core_.memory->uses();
+  // A place that holds nothing says so: silence would leave open whether the service tells at all.
+  for (const Place place : {Place::kHost, Place::kDevice})
+    if (std::none_of(uses.begin(), uses.end(), [&](const auto& use) { return use.place == place; }))
+      uses.push_back({place, "", 0});
+  for (const MemoryUse& use : uses) {
     v1::MemoryUse* held = response->add_memory();
     held->set_place(name_of(use.place));
     held->set_kind(use.kind);

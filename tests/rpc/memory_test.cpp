@@ -23,30 +23,24 @@ std::uint64_t held(const v1::GetInfoResponse& info, const std::string& place) {
   return bytes;
 }
 
-grpc::Status create(const RunningServer& server, const v1::CreateSceneRequest& request,
-                    const std::string& client) {
-  grpc::ClientContext context;
-  set_deadline(context);
-  context.AddMetadata("teletact-client", client);
-  v1::Scene scene;
-  return v1::Palpation::NewStub(server.channel())->CreateScene(&context, request, &scene);
-}
-
 TEST(Memory, IsReportedByPlaceAndKindAndReturnedWithTheScene) {
   RunningServer server;
   server->make_ready();
-  const auto stub = v1::Palpation::NewStub(server.channel());
-  const std::uint64_t before = held(info_of(server), "host");
-  ASSERT_TRUE(create(server, uniform_scene("s"), "anna").ok());
+  // One that holds nothing says so, of both places.
+  const v1::GetInfoResponse empty = info_of(server);
+  for (const char* place : {"host", "device"}) {
+    EXPECT_TRUE(std::any_of(empty.memory().begin(), empty.memory().end(), [&](const auto& use) {
+      return use.place() == place;
+    })) << place;
+    EXPECT_EQ(held(empty, place), 0U) << place;
+  }
+  const std::uint64_t before = held(empty, "host");
+  ASSERT_TRUE(server.create(uniform_scene("s")).ok());
   const v1::GetInfoResponse info = info_of(server);
   EXPECT_GT(held(info, "host"), before + 1000 * sizeof(double));
   EXPECT_TRUE(std::any_of(info.memory().begin(), info.memory().end(),
                           [](const auto& use) { return use.kind() == "models" && use.bytes() > 0; }));
-  grpc::ClientContext context;
-  v1::DeleteSceneRequest gone;
-  v1::DeleteSceneResponse answer;
-  gone.set_scene_id("s");
-  ASSERT_TRUE(stub->DeleteScene(&context, gone, &answer).ok());
+  ASSERT_TRUE(server.remove("s").ok());
   // Whoever worked for it lets go of it soon.
   for (int k = 0; k < 1000 && held(info_of(server), "host") != before; ++k)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -58,14 +52,14 @@ TEST(Memory, AClientBeyondItsShareIsRefusedWithTheSizesAndAnotherIsServed) {
   limits.host_memory_bytes = 20 << 20, limits.client_memory_share = 0.1;
   RunningServer server("", "", limits);
   server->make_ready();
-  ASSERT_TRUE(create(server, uniform_scene("a"), "anna").ok());
+  ASSERT_TRUE(server.create(uniform_scene("a"), "anna").ok());
   grpc::Status refused = grpc::Status::OK;
   for (int k = 0; k < 30 && refused.ok(); ++k)
-    refused = create(server, uniform_scene("a" + std::to_string(k)), "anna");
+    refused = server.create(uniform_scene("a" + std::to_string(k)), "anna");
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << refused.error_message();
   for (const char* word : {"bytes", "this client holds", "delete scenes"})
     EXPECT_NE(refused.error_message().find(word), std::string::npos) << refused.error_message();
-  EXPECT_TRUE(create(server, uniform_scene("b"), "berta").ok());
+  EXPECT_TRUE(server.create(uniform_scene("b"), "berta").ok());
 }
 
 // Each number is finite and positive; what is made of them is not.
@@ -79,9 +73,7 @@ TEST(Memory, UnusableNumbersAreTheClientsAndNotInternal) {
     const std::vector<double> values(elements, modulus_pa);
     map->mutable_youngs_modulus_pa()->set_dtype(v1::DATA_TYPE_FLOAT64);
     map->mutable_youngs_modulus_pa()->set_data(values.data(), values.size() * sizeof(double));
-    const grpc::Status status = create(server, request, "anna");
-    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << status.error_message();
-    EXPECT_NE(status.error_message().find("moduli"), std::string::npos) << status.error_message();
+    expect_refused(server.create(request), grpc::StatusCode::INVALID_ARGUMENT, "moduli");
   }
 }
 
