@@ -76,11 +76,12 @@ struct OpenStream {
   }
 };
 
-void count(const v1::TouchAnswer& answer, double latency_s, LoadResult& result) {
+void count(const v1::TouchAnswer& answer, double latency_s, Clock::time_point begin, LoadResult& result) {
   ++result.answers;
   result.without_force +=
       answer.status() != v1::TOUCH_STATUS_OK && answer.status() != v1::TOUCH_STATUS_DEGRADED;
   result.latency_s.push_back(latency_s);
+  result.answered_s.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
 }
 
 LoadResult closed_loop(OpenStream& open, const LoadOptions& options, unsigned client) {
@@ -98,23 +99,23 @@ LoadResult closed_loop(OpenStream& open, const LoadOptions& options, unsigned cl
     do {
       if (!open.stream->Read(&response)) open.fail();
     } while (!response.has_answer() || response.answer().sequence() != result.poses);
-    count(response.answer(), std::chrono::duration<double>(Clock::now() - sent).count(), result);
+    count(response.answer(), std::chrono::duration<double>(Clock::now() - sent).count(), begin, result);
   }
 }
 
 LoadResult open_loop(OpenStream& open, const LoadOptions& options, unsigned client) {
   LoadResult result;
   std::atomic<std::uint64_t> received{0};
+  const Clock::time_point begin = Clock::now();
   std::thread reader([&] {
     v1::TouchResponse response;
     while (open.stream->Read(&response)) {
       if (!response.has_answer()) continue;
       received = response.answer().answer();
       count(response.answer(), (ns(Clock::now()) - response.answer().pose_stamp().monotonic_ns()) * 1e-9,
-            result);
+            begin, result);
     }
   });
-  const Clock::time_point begin = Clock::now();
   std::uint64_t poses = 0;
   bool alive = true;
   while (alive) {

@@ -27,6 +27,7 @@ struct LoadResult {
   double elapsed_s = 0;
   // Closed loop: written to received. Open loop: since the pose was due, so that a stalled sender counts.
   std::vector<double> latency_s;
+  std::vector<double> answered_s;  // of each: when it came, since the stream's first pose
 };
 
 // Runs one stream for options.duration_s. Throws BenchError when the service refuses or ends it.

@@ -1,15 +1,17 @@
 // teletact-bench soak: a running service under everything at once, for an hour.
 //
-// Sixty streams touch, first alone, then beside four clients that publish windows (three of them each window
-// within a time, one as many long calls as it can), one that never reads and one whose connection is reset
-// every second. Promised: touch hardly notices, memory does not grow, a window comes in time or is refused at
-// once.
+// Sixty streams touch beside four clients that publish windows (three of them each window within a time, one
+// as many long calls as it can), one that never reads and one whose connection is reset every second. Now and
+// then those that image pause: what touch feels of them is told from the same streams, minutes apart, and not
+// from another hour of the machine. Promised: touch hardly notices, memory does not grow, a window comes in
+// time or is refused at once.
 #include "bench/suites/soak.h"
 
 #include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -31,12 +33,14 @@ using Clock = std::chrono::steady_clock;
 constexpr double kMostP99Growth = 0.20, kMostMemoryGrowthBytes = 1e6;
 constexpr double kMemoryFrom = 0.25;  // of the time: what comes first is warming up
 constexpr const char* kTouchedScene = "soak-touched";
+constexpr double kRoundS = 60, kPauseShare = 0.25;  // of each round imaging pauses
+constexpr double kSliceS = 5;  // answers judged together; the first of each part is left out
 
 struct Arguments {
   SuiteOptions suite;
   soak::Service service;
   pid_t pid = 0;
-  double duration_s = 3600, alone_s = 300, every_s = 2, finish_within_s = 5, touch_rate_hz = 20;
+  double duration_s = 3600, every_s = 2, finish_within_s = 5, touch_rate_hz = 20;
   unsigned touch_streams = 60, fair = 3;
 };
 
@@ -82,45 +86,97 @@ void create_scene(v1::Palpation::Stub& stub, const std::string& id, const client
 
 // --- touch -------------------------------------------------------------------------------------------------
 
-struct Touched {
-  json figures;
-  std::uint64_t ended = 0;  // streams that the service ended or refused
+// Latencies of the answers that came in one slice of time, and the state of imaging in it.
+struct Slice {
+  std::vector<double> latency_s;
+  bool paused = false, settled = false;
 };
 
-Touched touch(const Arguments& arguments, double duration_s) {
+// Sets `pause` in the last part of each round until it goes out of scope.
+class Rounds {
+ public:
+  explicit Rounds(soak::Pause& pause)
+      : thread_([this, &pause] {
+          const auto begin = Clock::now();
+          while (!stop_) {
+            pause = paused_at(std::chrono::duration<double>(Clock::now() - begin).count());
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+          }
+        }) {}
+  ~Rounds() {
+    stop_ = true;
+    thread_.join();
+  }
+  static bool paused_at(double time_s) { return std::fmod(time_s, kRoundS) >= (1 - kPauseShare) * kRoundS; }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+std::vector<Slice> empty_slices(double duration_s) {
+  std::vector<Slice> slices(static_cast<std::size_t>(duration_s / kSliceS));
+  for (std::size_t k = 0; k < slices.size(); ++k) {
+    const double begin_s = static_cast<double>(k) * kSliceS;
+    slices[k].paused = Rounds::paused_at(begin_s);
+    slices[k].settled = k > 0 && slices[k].paused == Rounds::paused_at(begin_s - kSliceS);
+  }
+  return slices;
+}
+
+// Median over the slices of either state: of the p99 within each. One bad moment of the machine is one slice.
+json by_slices(const std::vector<Slice>& slices, bool paused) {
+  std::vector<double> p99_s, all_s;
+  for (const Slice& slice : slices) {
+    if (slice.paused != paused || !slice.settled || slice.latency_s.empty()) continue;
+    p99_s.push_back(quantiles(slice.latency_s)["p99"]);
+    all_s.insert(all_s.end(), slice.latency_s.begin(), slice.latency_s.end());
+  }
+  if (p99_s.empty()) throw BenchError("no answer in a part of a round: give a longer --duration-s");
+  return {{"latency_s", quantiles(all_s)}, {"p99_s_by_slice", p99_s}, {"p99_s", quantiles(p99_s)["p50"]}};
+}
+
+json touch(const Arguments& arguments) {
   LoadOptions load;
   load.scene_id = kTouchedScene;
   load.begin_m = 0.008, load.end_m = 0.112;
-  load.duration_s = duration_s;
+  load.duration_s = arguments.duration_s;
   load.rate_hz = arguments.touch_rate_hz;
   std::mutex mutex;
-  std::vector<double> latency_s;
-  std::uint64_t without_force = 0, ended = 0;
+  std::vector<Slice> slices = empty_slices(arguments.duration_s);
+  std::uint64_t without_force = 0, answers = 0;
   std::map<std::string, std::uint64_t> ends;
   std::vector<std::thread> threads;
   for (unsigned k = 0; k < arguments.touch_streams; ++k)
     threads.emplace_back([&, k] {
       try {
+        // Spread over a period: sixty hands do not move in step.
+        const double wait_s = k / (load.rate_hz * arguments.touch_streams);
+        std::this_thread::sleep_for(std::chrono::duration<double>(wait_s));
         const auto channel = client::make_channel(arguments.service.address, arguments.service.tls_ca);
         const LoadResult result = run_load(channel, load, k);
         const std::lock_guard lock(mutex);
         without_force += result.without_force;
-        latency_s.insert(latency_s.end(), result.latency_s.begin(), result.latency_s.end());
+        answers += result.answers;
+        for (std::size_t i = 0; i < result.latency_s.size(); ++i)
+          if (const auto at = static_cast<std::size_t>(result.answered_s[i] / kSliceS); at < slices.size())
+            slices[at].latency_s.push_back(result.latency_s[i]);
       } catch (const BenchError& error) {
         const std::lock_guard lock(mutex);
-        ++ended;
         ++ends[error.what()];
       }
     });
   for (std::thread& thread : threads) thread.join();
-  return {{{"streams", arguments.touch_streams},
-           {"rate_hz", arguments.touch_rate_hz},
-           {"seconds", duration_s},
-           {"without_force", without_force},
-           {"ended", ended},
-           {"ends", ends},
-           {"latency_s", quantiles(latency_s)}},
-          ended};
+  std::uint64_t ended = 0;  // streams that the service ended or refused
+  for (const auto& [what, count] : ends) ended += count;
+  return {{"streams", arguments.touch_streams},
+          {"rate_hz", arguments.touch_rate_hz},
+          {"answers", answers},
+          {"without_force", without_force},
+          {"ended", ended},
+          {"ends", ends},
+          {"imaging_paused", by_slices(slices, true)},
+          {"imaging", by_slices(slices, false)}};
 }
 
 // --- memory ------------------------------------------------------------------------------------------------
@@ -198,17 +254,19 @@ json windows_of(const soak::FairImager& imager) {
 json everything(const Arguments& arguments, const std::vector<client::FramePair>& pairs,
                 const std::shared_ptr<grpc::Channel>& channel) {
   MemoryLog memory(arguments, channel);
+  soak::Pause pause = false;
   std::vector<std::unique_ptr<soak::FairImager>> fair;
   for (unsigned k = 0; k < arguments.fair; ++k)
     fair.push_back(std::make_unique<soak::FairImager>(arguments.service, fmt::format("soak-fair-{}", k),
                                                       fmt::format("soak-fair-{}", k), pairs,
-                                                      arguments.every_s, arguments.finish_within_s));
+                                                      arguments.every_s, arguments.finish_within_s, pause));
   json out;
   {
-    const soak::Greedy greedy(arguments.service, "soak-greedy", pairs);
+    const soak::Greedy greedy(arguments.service, "soak-greedy", pairs, pause);
     const soak::NeverReading never_reading(arguments.service, kTouchedScene, pairs.front());
     const soak::Dying dying(arguments.service, kTouchedScene, pairs.front());
-    out["touch"] = touch(arguments, arguments.duration_s).figures;
+    const Rounds rounds(pause);
+    out["touch"] = touch(arguments);
     for (const auto& imager : fair) imager->stop();
     const auto samples = memory.stop();
     out["memory"] = {{"of", arguments.pid != 0 ? "resident" : "reported"},
@@ -223,25 +281,25 @@ json everything(const Arguments& arguments, const std::vector<client::FramePair>
 }
 
 void print(const json& result) {
-  for (const char* phase : {"alone", "together"}) {
-    const json& l =
-        (phase == std::string("alone") ? result["alone"] : result["together"]["touch"])["latency_s"];
-    std::printf("touch %-9s p50 %.3f ms  p99 %.3f ms  max %.1f ms  of %zu answers\n", phase,
-                1e3 * l["p50"].get<double>(), 1e3 * l["p99"].get<double>(), 1e3 * l["max"].get<double>(),
-                l["count"].get<std::size_t>());
+  for (const char* phase : {"imaging_paused", "imaging"}) {
+    const json& touched = result["touch"][phase];
+    const json& l = touched["latency_s"];
+    std::printf("touch, %-14s p99 of a slice of %g s, median %.3f ms; all: p50 %.3f  p99 %.3f  max %.1f ms\n",
+                phase, kSliceS, 1e3 * touched["p99_s"].get<double>(), 1e3 * l["p50"].get<double>(),
+                1e3 * l["p99"].get<double>(), 1e3 * l["max"].get<double>());
   }
-  for (const json& client : result["together"]["fair"])
+  for (const json& client : result["fair"])
     std::printf("%s: %zu windows in time, %zu refused at once, %zu late; ends: %s\n",
                 client["name"].get<std::string>().c_str(), client["published"].get<std::size_t>(),
                 client["refused"].get<std::size_t>(), client["late"].get<std::size_t>(),
                 client["ends"].dump().c_str());
-  for (const auto& [name, ends] : result["together"]["rogues"].items())
+  for (const auto& [name, ends] : result["rogues"].items())
     std::printf("%s: %s\n", name.c_str(), ends.dump().c_str());
 }
 
 void draw(const json& result, const std::string& folder) {
   std::string script = "$memory << EOD\n";
-  for (const auto& sample : result.at("together").at("memory").at("samples"))
+  for (const auto& sample : result.at("memory").at("samples"))
     script +=
         fmt::format("{:.2f} {:.3f}\n", sample.at(0).get<double>() / 60, sample.at(1).get<double>() * 1e-6);
   plot(std::filesystem::path(folder) / "soak.png",
@@ -253,7 +311,7 @@ void draw(const json& result, const std::string& folder) {
 bool run(Arguments arguments) {
   if (replotted(arguments.suite, "soak", draw)) return true;
   if (arguments.service.address.empty()) throw BenchError("give --service: the address of a running service");
-  if (arguments.suite.quick) arguments.alone_s = 15, arguments.duration_s = 45;
+  if (arguments.suite.quick) arguments.duration_s = kRoundS;
   const auto channel =
       client::reach_service(arguments.service.address, arguments.service.tls_ca,
                             [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); });
@@ -267,28 +325,27 @@ bool run(Arguments arguments) {
   for (unsigned k = 0; k < arguments.fair; ++k) scenes.push_back(fmt::format("soak-fair-{}", k));
   for (const std::string& id : scenes) create_scene(*stub, id, tissue);
   create_own_scene(*stub, kTouchedScene, own_tissue());
-  json result{{"suite", "soak"},
-              {"finish_within_s", arguments.finish_within_s},
-              {"window_every_s", arguments.every_s},
-              {"alone", touch(arguments, arguments.alone_s).figures}};
-  result["together"] = everything(arguments, pairs, channel);
+  json result = everything(arguments, pairs, channel);
+  result["suite"] = "soak";
+  result["duration_s"] = arguments.duration_s;
+  result["finish_within_s"] = arguments.finish_within_s;
+  result["window_every_s"] = arguments.every_s;
   scenes.push_back(kTouchedScene);
   for (const std::string& id : scenes) remove_scene(*stub, id);
   print(result);
-  const json& together = result["together"];
-  const auto p99 = [](const json& touched) { return touched["latency_s"]["p99"].get<double>(); };
+  const auto p99_s = [&](const char* phase) { return result["touch"][phase]["p99_s"].get<double>(); };
   double late = 0, published = 0;
-  for (const json& client : together["fair"])
+  for (const json& client : result["fair"])
     late += client["late"].get<double>(), published += client["published"].get<double>();
   const bool met =
       finish(result,
-             {{"growth of touch p99", p99(together["touch"]) / p99(result["alone"]) - 1, kMostP99Growth, "1"},
-              {"touch streams ended", together["touch"]["ended"], 0, "1"},
+             {{"growth of touch p99", p99_s("imaging") / p99_s("imaging_paused") - 1, kMostP99Growth, "1"},
+              {"touch streams ended", result["touch"]["ended"], 0, "1"},
               {"windows neither in time nor refused at once", late, 0, "1"},
               {"windows published", published, 1, "1", false},
               {fmt::format("growth of memory over the last {:.0f} min",
                            (1 - kMemoryFrom) * arguments.duration_s / 60),
-               together["memory"]["growth_bytes"], kMostMemoryGrowthBytes, "B"}},
+               result["memory"]["growth_bytes"], kMostMemoryGrowthBytes, "B"}},
              arguments.suite);
   if (!arguments.suite.out.empty()) draw(result, arguments.suite.out);
   return met;
@@ -309,11 +366,9 @@ void add_soak_suite(CLI::App& app, bool& met) {
   command.add_option("--pid", arguments->pid,
                      "process of the service, on this machine: its resident memory is looked at instead of "
                      "what it reports");
-  command.add_option("--duration-s", arguments->duration_s, "with everything at once")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  command.add_option("--alone-s", arguments->alone_s, "touching alone, before")
-      ->check(CLI::PositiveNumber)
+  command
+      .add_option("--duration-s", arguments->duration_s, "how long; imaging pauses a quarter of each minute")
+      ->check(CLI::Range(kRoundS, 1e6))
       ->capture_default_str();
   command.add_option("--touch-streams", arguments->touch_streams, "streams that touch")
       ->check(CLI::Range(1, 62))

@@ -36,11 +36,15 @@ class Statuses {
   std::map<std::string, std::uint64_t> counts_;
 };
 
+// What is said to every client that images: while it is set, none begins a window.
+using Pause = std::atomic<bool>;
+
 // A client that publishes a window of its own scene again and again, each to be done within a time.
 class FairImager {
  public:
   FairImager(const Service&, std::string name, std::string scene_id,
-             const std::vector<client::FramePair>& pairs, double every_s, double finish_within_s);
+             const std::vector<client::FramePair>& pairs, double every_s, double finish_within_s,
+             const Pause&);
   ~FairImager();
   void stop();
 
@@ -55,7 +59,7 @@ class FairImager {
   const std::string& name() const { return name_; }
 
  private:
-  void run(const Service&, const std::vector<client::FramePair>& pairs);
+  void run(const Service&, const std::vector<client::FramePair>& pairs, const Pause&);
   const std::string name_, scene_id_;
   const double every_s_, finish_within_s_;
   Windows windows_;
@@ -78,7 +82,7 @@ class Rogue {
 // As many long calls as it is given, alternating the largest strain.
 class Greedy final : public Rogue {
  public:
-  Greedy(const Service&, std::string scene_id, const std::vector<client::FramePair>& pairs);
+  Greedy(const Service&, std::string scene_id, const std::vector<client::FramePair>& pairs, const Pause&);
   ~Greedy() override;
 
  private:

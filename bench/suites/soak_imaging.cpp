@@ -16,6 +16,7 @@ constexpr double kAtOnceS = 0.5;
 constexpr double kLongModulusS = 60;  // the contract's longest
 constexpr int kGreedyCalls = 16;
 constexpr auto kGreedyPause = std::chrono::milliseconds(50);
+constexpr auto kLookEvery = std::chrono::milliseconds(10);
 
 v1::Acquisition published(const client::FramePair& pair, const std::string& scene_id, double window_x_m) {
   v1::Acquisition acquisition = pair.acquisition;
@@ -41,12 +42,13 @@ std::string code_in(const client::ServiceError& error) {
 }  // namespace
 
 FairImager::FairImager(const Service& service, std::string name, std::string scene_id,
-                       const std::vector<client::FramePair>& pairs, double every_s, double finish_within_s)
+                       const std::vector<client::FramePair>& pairs, double every_s, double finish_within_s,
+                       const Pause& pause)
     : name_(std::move(name)),
       scene_id_(std::move(scene_id)),
       every_s_(every_s),
       finish_within_s_(finish_within_s),
-      thread_([this, service, &pairs] { run(service, pairs); }) {}
+      thread_([this, service, &pairs, &pause] { run(service, pairs, pause); }) {}
 
 FairImager::~FairImager() {
   stop();
@@ -57,7 +59,8 @@ void FairImager::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-void FairImager::run(const Service& service, const std::vector<client::FramePair>& pairs) {
+void FairImager::run(const Service& service, const std::vector<client::FramePair>& pairs,
+                     const Pause& pause) {
   client::EstimateClient estimator(client::make_channel(service.address, service.tls_ca, name_), 0);
   const auto every = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(every_s_));
   auto due = Clock::now();
@@ -80,19 +83,21 @@ void FairImager::run(const Service& service, const std::vector<client::FramePair
       statuses_.add(code_in(error));
     }
     due = std::max(due + every, Clock::now());
-    while (!stop_ && Clock::now() < due) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    while (!stop_ && (pause || Clock::now() < due)) std::this_thread::sleep_for(kLookEvery);
   }
 }
 
-Greedy::Greedy(const Service& service, std::string scene_id, const std::vector<client::FramePair>& pairs) {
+Greedy::Greedy(const Service& service, std::string scene_id, const std::vector<client::FramePair>& pairs,
+               const Pause& pause) {
   const auto channel = client::make_channel(service.address, service.tls_ca, "soak-greedy");
   for (int k = 0; k < kGreedyCalls; ++k)
-    threads_.emplace_back([this, channel, scene_id, k, &pairs] {
+    threads_.emplace_back([this, channel, scene_id, k, &pairs, &pause] {
       client::EstimateClient estimator(channel, 0);
       const client::FramePair& pair = pairs[static_cast<std::size_t>(k) % pairs.size()];
       v1::Acquisition acquisition = published(pair, scene_id, 0);
       acquisition.set_modulus_time_limit_s(kLongModulusS);
       for (bool wide = k % 2 == 0; !stop_; wide = !wide) try {
+          while (!stop_ && pause) std::this_thread::sleep_for(kLookEvery);
           acquisition.set_max_strain(wide ? 0.08 : 0.04);
           estimator.estimate(acquisition, pair.pre, pair.post, {}, stop_);
           statuses_.add("OK");
