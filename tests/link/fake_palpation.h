@@ -90,6 +90,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<bool> waits_for_acknowledgement{true};
   std::atomic<double> opened_period_s{0};  // of TouchOpened; 0: as asked for
   std::atomic<bool> steers{false};         // what every stream is told
+  std::atomic<bool> confuses{false};       // answers another session's poses
   std::atomic<double> compute_s{0};        // per answer
   std::atomic<unsigned> credit{2};
   static constexpr std::chrono::seconds kModulusAge{7};
@@ -204,6 +205,7 @@ class FakePalpation final : public v1::Palpation::Service {
       if (stopping_ || mailbox.closed) return false;
       mailbox.fresh = false;
       fill(mailbox.pose, answer);
+      if (confuses) answer.mutable_pose_stamp()->set_instance(mailbox.pose.stamp().instance() + 1);
       arrived = mailbox.arrived;
       answer.set_answer(mailbox.answers + 1);
     }

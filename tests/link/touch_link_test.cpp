@@ -60,6 +60,20 @@ TEST(TouchLink, AnswersCarryTheirOwnPose) {
   EXPECT_GE(stats.distinct, 19u);
 }
 
+TEST(TouchLink, AnAnswerToAnotherSessionsPoseIsNotFelt) {
+  // GIVEN answers whose number is one of ours, THEN whose pose they answer decides.
+  FakePalpation service(test::socket_address("foreign"));
+  service.confuses = true;
+  service.serve();
+  Operator person(test::socket_address("foreign"));
+  ASSERT_TRUE(service.wait_until(answers_at_least(2)));
+  const auto dropped = [&] { return person.link->stats().dropped; };
+  for (int k = 0; k < 1000 && dropped() < 2; ++k) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_GE(dropped(), 2u);
+  ServoAnswer answer;
+  EXPECT_FALSE(person.answers.take(answer));
+}
+
 TEST(TouchLink, AnswersFlowAgainAfterTheServiceWasKilledAndRestarted) {
   FakePalpation service(test::socket_address("kill"));
   service.serve();

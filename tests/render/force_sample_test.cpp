@@ -28,6 +28,15 @@ TEST(ForceSample, IsFiniteInEveryFieldThatARendererReads) {
   EXPECT_TRUE(is_finite(sample));
 }
 
+// Nothing holds a force up that falls; what rises beyond the least on the way is limited.
+TEST(ForceLimits, AForceThatTurnsFallsAtOnceAndRisesByTheLimit) {
+  constexpr double kRiseN = 0.5;
+  EXPECT_LE((cap_rise(Vector2(0, 1), Vector2(0, 2), kRiseN) - Vector2(0, 1)).norm(), 1e-15);
+  EXPECT_LE((cap_rise(Vector2(0, -3), Vector2(0, 2), kRiseN) - Vector2(0, -0.5)).norm(), 1e-15);
+  EXPECT_LE((cap_rise(Vector2(-3, 4), Vector2(3, 4), kRiseN) - Vector2(-0.5, 4)).norm(), 1e-15);
+  EXPECT_LE((cap_rise(Vector2(0, 3), Vector2(0, 2), kRiseN) - Vector2(0, 2.5)).norm(), 1e-15);
+}
+
 TEST(ForceLimits, AMagnitudeIsCutAlongItsDirection) {
   EXPECT_LE((cap_magnitude({3, -4}, 2.5) - Vector2(1.5, -2)).norm(), 1e-12);
   EXPECT_EQ(cap_magnitude({3, -4}, 5), Vector2(3, -4));
