@@ -72,6 +72,22 @@ TEST(KalmanRenderer, FollowsInclusionsAtExploringSpeed) {
   }
 }
 
+// Beside an inclusion, half a millimetre further than any answer: deeper, less deep, to either side.
+TEST(KalmanRenderer, OneAnswerTellsTheForceAroundIt) {
+  const AnalyticTissue tissue;
+  const Vector2 answered(0.055, 0.004);
+  for (const Vector2& step : {Vector2(0, 5e-4), Vector2(0, -5e-4), Vector2(5e-4, 0), Vector2(-5e-4, 0)}) {
+    KalmanRenderer kalman;
+    const ForceSample here = tissue.answer(answered);
+    kalman.update(here, {answered, Vector2::Zero()}, 0);
+    const Vector2 felt = kalman.render({answered + step, Vector2::Zero()}, 1).force_n;
+    const Vector2 truth = tissue.answer(answered + step).force_n;
+    // Held as it is, the stiffness would miss by more than twice as much.
+    const Vector2 held = here.force_n * (answered + step).y() / answered.y();
+    EXPECT_LE(2 * (felt - truth).norm(), (held - truth).norm()) << step.transpose();
+  }
+}
+
 TEST(KalmanRenderer, IsBetterThanHoldAndThanForceOnly) {
   KalmanRenderer kalman;
   KalmanRenderer force_only(KalmanOptions{.use_tangent = false});
