@@ -92,6 +92,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<bool> steers{false};         // what every stream is told
   std::atomic<bool> confuses{false};       // answers another session's poses
   std::atomic<double> compute_s{0};        // per answer
+  std::atomic<double> way_s{0};            // of each answer, to the client
   std::atomic<unsigned> credit{2};
   static constexpr std::chrono::seconds kModulusAge{7};
   std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
@@ -218,6 +219,7 @@ class FakePalpation final : public v1::Palpation::Service {
     answer.mutable_model_stamp()->set_instance(instance_);
     answer.mutable_model_stamp()->set_monotonic_ns(
         (left.time_since_epoch() + clock_ahead.load() - kModulusAge).count());
+    if (way_s > 0) std::this_thread::sleep_for(std::chrono::duration<double>(way_s.load()));
     {
       std::lock_guard lock(mutex_);
       ++mailbox.answers;

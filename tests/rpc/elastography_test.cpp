@@ -6,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "service/rpc/acquisition.h"
 #include "tests/rpc/estimate_client.h"
 
 namespace teletact::service {
@@ -148,6 +149,23 @@ TEST_F(Estimates, MapsAreGivenByNameAndRelativeWithoutAForce) {
   EXPECT_EQ(outcome.maps[0].unit(), "1");
   EXPECT_FALSE(outcome.summary.modulus_absolute());
   EXPECT_EQ(outcome.summary.background_modulus_pa(), 1);
+}
+
+TEST(FrameUpload, SixteenBitSamplesKeepTheirSign) {
+  EstimateRequest request;
+  request.sample_count = 4, request.line_count = 1;
+  request.dtype = v1::DATA_TYPE_INT16;
+  const std::int16_t samples[] = {-32768, -1, 0, 32767};
+  FrameUpload upload(request, sizeof(samples));
+  for (const auto kind : {v1::FRAME_KIND_PRE, v1::FRAME_KIND_POST}) {
+    v1::FrameChunk chunk;
+    chunk.set_frame(kind);
+    chunk.set_data(samples, sizeof(samples));
+    upload.add(chunk);
+  }
+  const auto [pre, post] = upload.finish();
+  EXPECT_EQ(pre.samples, (std::vector<float>{-32768, -1, 0, 32767}));
+  EXPECT_EQ(post.samples, pre.samples);
 }
 
 TEST_F(Estimates, SixteenBitFramesAreRead) {

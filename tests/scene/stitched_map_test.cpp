@@ -28,6 +28,14 @@ TEST(StitchedMap, ColumnsNeverPublishedTakeTheNearestOne) {
   EXPECT_NEAR(map.mean_modulus_pa(0.07, 0.1, 0.0, 0.03), 16e3, 1);
 }
 
+TEST(StitchedMap, ColumnsBetweenTwoWindowsTakeTheNearerOne) {
+  StitchedMap map(tissue(0.1, 0.03));
+  map.paste(window_of([](double, double) { return 8e3; }, 0, 0.04, 0.03));
+  map.paste(window_of([](double, double) { return 16e3; }, 0.07, 0.03, 0.03));
+  EXPECT_NEAR(map.mean_modulus_pa(0.042, 0.053, 0.0, 0.03), 8e3, 1);
+  EXPECT_NEAR(map.mean_modulus_pa(0.057, 0.068, 0.0, 0.03), 16e3, 1);
+}
+
 TEST(StitchedMap, InvalidPixelsAreExtendedFromTheirNeighboursInLog) {
   StitchedMap map(tissue(0.04, 0.02));
   auto w = window_of([](double x_m, double) { return x_m < 0.02 ? 4e3 : 16e3; }, 0, 0.04, 0.02);

@@ -158,6 +158,17 @@ TEST_F(Session, TissueThatWasHardlyMeasuredIsNotTrusted) {
   EXPECT_EQ(session.solve(0.08, 0.003).status, TouchStatus::kOk);
 }
 
+TEST_F(Session, TissueOfWhichAQuarterWasMeasuredIsNotTrusted) {
+  auto w = window_of(homogeneous(10e3), 0.03, 0.06, 0.03);
+  for (std::size_t n = 0; n < w.valid.size(); ++n) w.valid[n] = n / w.grid.nx % 4 == 0;
+  scene->publish(w, {});
+  TouchSession session(scene, {}, nullptr);
+  const TouchAnswer touched = session.solve(0.06, 0.003);
+  EXPECT_EQ(touched.status, TouchStatus::kDegraded);
+  EXPECT_NE(touched.warning.find("of the tissue under the finger was measured"), std::string::npos)
+      << touched.warning;
+}
+
 TEST_F(Session, FingertipsWiderThanTheStripsReachAreRefused) {
   TouchOptions options;
   options.fingertip.radius_m = 0.02;
