@@ -72,6 +72,12 @@ TEST_F(SceneWithWindows, AdjoiningWindowsAreOneCoveredRange) {
   EXPECT_NEAR(scene.snapshot()->covered_around(0.01).end_m, 0.12, 1e-9);
 }
 
+TEST_F(SceneWithWindows, AGapOfMillimetresIsNotCovered) {
+  publish(0), publish(0.035);
+  EXPECT_NEAR(scene.snapshot()->covered_around(0.01).end_m, 0.03, 1e-9);
+  EXPECT_NEAR(scene.snapshot()->covered_around(0.04).begin_m, 0.035, 1e-9);
+}
+
 TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
   const Published a = publish(0, 10e3);
   publish(0.03, 40e3);

@@ -78,6 +78,15 @@ TEST(StitchedMap, MeanIsHarmonic) {
   EXPECT_NEAR(map.mean_modulus_pa(0.016, 0.024, 0.004, 0.010), 8e3, 1);
 }
 
+// Cells of half a millimetre: one whole cell above the border, half of one below it.
+TEST(StitchedMap, MeanWeighsACellByWhatOfItIsMeant) {
+  StitchedMap map(tissue(0.04, 0.02));
+  map.paste(window_of([](double, double y_m) { return y_m < 0.01 ? 8e3 : 16e3; }, 0, 0.04, 0.02));
+  const double mean_pa = 1.5 / (1 / 8e3 + 0.5 / 16e3);
+  EXPECT_NEAR(map.mean_modulus_pa(0.01, 0.03, 0.0095, 0.01025), mean_pa, 1e-3 * mean_pa);
+  EXPECT_NEAR(map.mean_modulus_pa(0.01, 0.03, 0.00975, 0.0105), 1.5 / (0.5 / 8e3 + 1 / 16e3), 10);
+}
+
 TEST(StitchedMap, WindowWithTooLittleValidIsRefusedAndChangesNothing) {
   StitchedMap map(tissue(0.04, 0.02));
   map.paste(window_of(homogeneous(10e3), 0, 0.04, 0.02));
