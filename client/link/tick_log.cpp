@@ -11,6 +11,7 @@ std::string degraded(const ServoTick& tick) {
         "DEGRADED, {:.0f} % of the force withheld: harder tissue than was told of; lift the finger "
         "and press anew",
         100 * tick.withheld);
+  if (tick.sequence == 0) return "DEGRADED, no force: no answer to render yet";
   return tick.indebted ? fmt::format("DEGRADED, force fading: the display generated energy, {:.1f} mJ in all",
                                      -1e3 * tick.energy_j)
                        : fmt::format("DEGRADED, force fading: the answer behind it is {:.0f} ms old",

@@ -45,7 +45,7 @@ struct ServoTick {
   Vector2 force_n = Vector2::Zero();  // written
   ServoState state = ServoState::kDisabled;
   StateReason reason = StateReason::kStart;
-  std::uint64_t sequence = 0;  // of the pose behind the force
+  std::uint64_t sequence = 0;  // of the pose behind the force; 0: there is no answer to render yet
   double lateness_s = 0;       // how late this tick woke
   double slack_s = 0;          // left of the last period when its work was done
   double silence_s = 0;

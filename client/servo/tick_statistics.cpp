@@ -65,7 +65,7 @@ void TickStatistics::add(const ServoTick& tick) {
   stalls_.add(time_s, tick.held_at_border);
   largest_force_n_ = std::max(largest_force_n_, tick.force_n.norm());
   lateness_s_.add(tick.lateness_s);
-  if (enabled) model_age_s_.add(tick.model_age_s);
+  if (enabled && tick.sequence != 0) model_age_s_.add(tick.model_age_s);
   last_ = tick;
   ++ticks_;
 }

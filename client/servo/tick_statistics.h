@@ -72,7 +72,7 @@ class TickStatistics {
   const Histogram& lateness_s() const noexcept { return lateness_s_; }
   const Histogram& period_s() const noexcept { return period_s_; }        // from tick to tick
   const Histogram& slack_s() const noexcept { return slack_s_; }          // left of each period
-  const Histogram& model_age_s() const noexcept { return model_age_s_; }  // while ENABLED
+  const Histogram& model_age_s() const noexcept { return model_age_s_; }  // while ENABLED with an answer
   // The first of them, and how many came after these.
   const std::vector<StateChange>& changes() const noexcept { return changes_; }
   std::uint64_t changes_left_out() const noexcept { return changes_left_out_; }

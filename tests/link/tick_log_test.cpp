@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "client/servo/tick_statistics.h"
+
 namespace teletact::client {
 namespace {
 
@@ -41,6 +43,7 @@ TEST_F(TickLogTest, SaysEveryStateOnceWithItsReason) {
 TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   enable();
   tick_.degraded = true;
+  tick_.sequence = 1;
   tick_.model_age_s = 0.262;
   run(300);
   tick_.degraded = false;
@@ -52,6 +55,21 @@ TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   EXPECT_EQ(said_[0], "W servo DEGRADED, force fading: the answer behind it is 262 ms old");
   EXPECT_EQ(said_[1], "I servo no longer DEGRADED, after 0.30 s");
   EXPECT_EQ(said_[2], "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all");
+}
+
+TEST_F(TickLogTest, BeforeTheFirstAnswerThereIsNoAge) {
+  enable();
+  tick_.degraded = true;
+  tick_.model_age_s = 1e9;
+  run(10);
+  ASSERT_EQ(said_.size(), 1u);
+  EXPECT_EQ(said_[0], "W servo DEGRADED, no force: no answer to render yet");
+  TickStatistics statistics;
+  statistics.add(tick_);
+  EXPECT_EQ(statistics.model_age_s().count(), 0u);
+  tick_.sequence = 1;
+  statistics.add(tick_);
+  EXPECT_EQ(statistics.model_age_s().count(), 1u);
 }
 
 TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
