@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <memory>
 
 #include "client/haptic/simulated_device.h"
@@ -179,6 +180,42 @@ TEST_F(ServoTest, GivenAPositionThatIsNoNumberWhenTheFingerComesAnewThenTheTissu
   run(1);
   const Vector2 truth = tissue.answer({0.02, 0.004}).force_n;
   EXPECT_LE((device.force - truth).norm(), 0.01 * truth.norm());
+}
+
+// Gives what the Kalman filter gives, but no number while `broken`.
+class BreakingRenderer final : public Renderer {
+ public:
+  void reset() noexcept override { good_.reset(); }
+  bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override {
+    return good_.update(sample, pose, time_s);
+  }
+  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override {
+    Rendered rendered = good_.render(pose, time_s, dissipated_j);
+    if (broken) rendered.force_n.y() = std::numeric_limits<double>::quiet_NaN();
+    return rendered;
+  }
+  bool broken = false;
+
+ private:
+  KalmanRenderer good_;
+};
+
+TEST_F(ServoTest, ARendererThatGivesNoNumberIsAFaultUntilAPersonResumes) {
+  BreakingRenderer breaking;
+  servo = std::make_unique<ServoLoop>(device, breaking, clock, options);
+  enable();
+  put_finger(0.004);
+  run(1);
+  ASSERT_GT(device.force.norm(), 0.1);
+  breaking.broken = true;
+  run(0.001);
+  breaking.broken = false;
+  EXPECT_EQ(last.state, ServoState::kFault);
+  EXPECT_EQ(last.reason, StateReason::kNotFinite);
+  run(1);
+  EXPECT_EQ(last.state, ServoState::kFault);
+  EXPECT_EQ(device.force.norm(), 0);
+  EXPECT_LE(largest_step_n, options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);
 }
 
 TEST_F(ServoTest, AnAnswerThatIsNotBelievedDoesNotMakeTheModelYounger) {
