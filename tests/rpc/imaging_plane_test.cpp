@@ -155,7 +155,7 @@ TEST_F(ImagingPlane, CancelledEstimateLeavesThePlaneToOthers) {
 // Eight estimates of one client, each longer than the other client's, and new to the engine one by one.
 TEST(ImagingCalls, LongEstimatesOfOneClientDoNotHoldAnothers) {
   Limits limits;
-  limits.most_estimates = 32;
+  limits.most_estimates = 32, limits.client_memory_share = 1;
   RunningServer server("", "", limits);
   server->make_ready();
   const Wide fair(3);
@@ -172,8 +172,8 @@ TEST(ImagingCalls, LongEstimatesOfOneClientDoNotHoldAnothers) {
     std::sort(windows_s.begin(), windows_s.end());
     return windows_s[1];
   };
-  const double alone_s = median_window_s();
-  Wide greedy(6);
+  double alone_s = median_window_s();
+  Wide greedy(10);
   greedy.asked.set_modulus_time_limit_s(60);
   std::vector<std::unique_ptr<Elastographer>> calls;
   for (int k = 0; k < 8; ++k) {
@@ -188,6 +188,7 @@ TEST(ImagingCalls, LongEstimatesOfOneClientDoNotHoldAnothers) {
   EXPECT_EQ(calls.back()->finish().status.error_code(), grpc::StatusCode::CANCELLED)
       << "the greedy client had all it wanted: nothing is shown";
   server.expect_all_calls_end();
+  alone_s = std::max(alone_s, median_window_s());
   // Twice its time alone and a turn; and as much again for a busy machine.
   EXPECT_LE(beside_s, 2 * (2 * alone_s + FairQueue::kSliceS)) << "alone " << alone_s << " s";
   std::printf("[ turns ] a window alone %.3f s, beside eight of a greedy client %.3f s\n", alone_s, beside_s);
