@@ -337,6 +337,23 @@ TEST_F(Estimates, CancelledCallPublishesNothing) {
   EXPECT_EQ(scene().version(), 0U);
 }
 
+TEST_F(Estimates, SceneThatIsDeletedMeanwhileAbortsThePublication) {
+  v1::CreateSceneRequest request;
+  request.set_scene_id("doomed");
+  request.mutable_geometry()->add_size_m(0.1);
+  request.mutable_geometry()->add_size_m(0.02);
+  ASSERT_TRUE(server->create(request).ok());
+  std::promise<void> release;  // the worker is held until the scene is gone
+  (*server)->core().scenes.worker().run({}, [&] { release.get_future().wait(); });
+  Elastographer call(channel);
+  upload(call, acquisition("doomed"));
+  v1::EstimateResponse received;
+  EXPECT_TRUE(call.read(&received));
+  EXPECT_TRUE(server->remove("doomed").ok());
+  release.set_value();
+  expect_refused(call.finish(), grpc::StatusCode::ABORTED, "doomed was deleted");
+}
+
 TEST_F(Estimates, TouchGoesOnWhileEstimatesRun) {
   Bystander bystander(server->channel(), "s");
   const auto begun = std::chrono::steady_clock::now();
