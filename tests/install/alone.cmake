@@ -1,0 +1,30 @@
+# Configures one HALF of teletact alone in FOLDER, without tests, and looks at what it asked for and would link.
+# A package that CMake may not find stands for one that is not installed.
+set(client_asks_nothing_of OpenCL matio GTest)
+set(service_asks_nothing_of matio PNG Boost GTest)
+set(client_options -DTELETACT_SERVICE=OFF -DTELETACT_MATLAB=OFF)
+set(service_options -DTELETACT_CLIENT=OFF)
+
+file(REMOVE_RECURSE ${FOLDER})
+set(hidden)
+foreach(package IN LISTS ${HALF}_asks_nothing_of)
+  list(APPEND hidden -DCMAKE_DISABLE_FIND_PACKAGE_${package}=ON)
+endforeach()
+execute_process(
+  COMMAND ${CMAKE_COMMAND} -G Ninja -S ${SOURCE} -B ${FOLDER} -DBUILD_TESTING=OFF ${${HALF}_options} ${hidden}
+  RESULT_VARIABLE status OUTPUT_VARIABLE said ERROR_VARIABLE said)
+if(status)
+  message(FATAL_ERROR "the ${HALF} alone does not configure:\n${said}")
+endif()
+file(READ ${FOLDER}/build.ninja build)
+if(NOT build MATCHES "teletact-${HALF}: ")
+  message(FATAL_ERROR "the ${HALF} alone builds no teletact-${HALF}")
+endif()
+foreach(package IN LISTS ${HALF}_asks_nothing_of)
+  string(TOLOWER ${package} library)
+  string(TOLOWER "${build}" lines)
+  if(said MATCHES "[Cc]hecking for module '${package}'" OR lines MATCHES "lib${library}[0-9]*\\.|-l${library}")
+    message(FATAL_ERROR "the ${HALF} alone asks for ${package}")
+  endif()
+endforeach()
+file(REMOVE_RECURSE ${FOLDER})
