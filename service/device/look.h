@@ -2,7 +2,10 @@
 // asked puts a Looking on the thread; on a thread without one (a touch stream's) a look does nothing.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <functional>
+#include <vector>
 
 namespace teletact::service {
 
@@ -25,6 +28,18 @@ class Looking {
 void look();
 // Whether somebody looks on this thread.
 bool looked_after();
+
+// Items are added up to `size`, a million at once: the first touch of fresh memory takes as long as to fill
+// it.
+template <class T>
+void grow(std::vector<T>& items, std::size_t size, const T& value = {}) {
+  constexpr std::size_t kAtOnce = std::size_t{1} << 20;
+  items.reserve(size);
+  while (items.size() < size) {
+    look();
+    items.resize(std::min(size, items.size() + kAtOnce), value);
+  }
+}
 
 // Seconds that the thread's looks have waited; a limit of time for the work leaves them out.
 double waited_s();

@@ -55,9 +55,15 @@ struct RawKernel {
     int launches = 0;  // the first may have compiled it and says little
   };
   std::map<Sizes, Measured> measured;  // launches, by their global size
+  bool cut_before = false;
+  struct Cut {
+    std::size_t along = 0, groups = 0, most = 0;  // the dimension; its groups, and how many at once
+  };
 
   void enqueue(const Sizes& from, const Sizes& global, const Sizes& local);
-  // So that no more than some 20 ms are ahead of the queue, and looks up in between.
+  void enqueue(const Cut&, std::size_t first, std::size_t count, const Sizes& global, const Sizes& local);
+  Cut cut(const Sizes& global, const Sizes& local);
+  // So that no more than some 10 ms are ahead of the queue, and looks up in between.
   void launch_at_pace(const Sizes& global, const Sizes& local);
   void catch_up();
 };

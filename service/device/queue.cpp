@@ -16,13 +16,16 @@ constexpr std::size_t kPendingLaunches = 4096;
 // Kept at most of what is on its way to the device; a larger write waits.
 constexpr std::size_t kMostSentBytes = std::size_t{4} << 20;
 
-// Of work that a queue may have ahead on a thread that looks up.
-constexpr double kAheadS = 0.02;
+// On a thread that looks up: of work that a queue may have ahead, and bytes that are moved at once.
+constexpr double kAheadS = 0.01;
+constexpr std::size_t kBytesAtOnce = std::size_t{8} << 20;
 // Of a launch of a size that has not been measured, the first slice.
-constexpr std::size_t kItemsToTry = 32768;
-constexpr double kMostGrowth = 4;                         // of one slice to the next
-constexpr std::size_t kMostSizes = 64;                    // that are remembered for a kernel
-constexpr std::size_t kFillBytes = std::size_t{8} << 20;  // at once
+constexpr std::size_t kItemsToTry = 4096;
+// PoCL compiles a kernel apart for wider launches, and apart again for those that start within their range.
+constexpr std::size_t kWidestSlice = 65535;
+constexpr double kMostGrowth = 4;       // of one slice to the next
+constexpr std::size_t kMostSizes = 64;  // that are remembered for a kernel
+constexpr int kMeasured = 3;            // launches of a size, after which it is known
 
 std::atomic<bool> launches_fail{false};
 
@@ -99,43 +102,58 @@ void RawKernel::catch_up() {
   look();
 }
 
+RawKernel::Cut RawKernel::cut(const Sizes& global, const Sizes& local) {
+  Cut cut;
+  for (std::size_t d = 1; d < 3; ++d)
+    if (global[d] / local[d] > global[cut.along] / local[cut.along]) cut.along = d;
+  cut.groups = global[cut.along] / local[cut.along];
+  cut.most = std::clamp<std::size_t>(kWidestSlice / local[cut.along], 1, cut.groups);
+  if (!cut_before && cut.groups > 1) {  // the two that PoCL compiles: at a warm-up, not within an estimate
+    cut.most = std::min(cut.most, (cut.groups + 1) / 2);
+    cut_before = true;
+  }
+  return cut;
+}
+
+void RawKernel::enqueue(const Cut& cut, std::size_t first, std::size_t count, const Sizes& global,
+                        const Sizes& local) {
+  Sizes from{}, size = global;
+  from[cut.along] = first * local[cut.along];
+  size[cut.along] = count * local[cut.along];
+  enqueue(from, size, local);
+}
+
 // Work-items know nothing of their launch but where they are in it, so that a launch may come in slices.
 void RawKernel::launch_at_pace(const Sizes& global, const Sizes& local) {
   if (measured.size() > kMostSizes) measured.clear();
   Measured& launch = measured[global];
-  const bool known = launch.launches >= 2;
+  const Cut cut = this->cut(global, local);
+  const bool known = launch.launches >= kMeasured;
   if (known && launch.s <= kAheadS) {
-    enqueue({}, global, local);
-    if ((pace->ahead_s += launch.s) > kAheadS) catch_up();
+    if (pace->ahead_s + launch.s > kAheadS) catch_up();
+    for (std::size_t done = 0; done < cut.groups; done += cut.most)
+      enqueue(cut, done, std::min(cut.most, cut.groups - done), global, local);
+    pace->ahead_s += launch.s;
     return;
   }
   if (pace->ahead_s > 0) catch_up();
-  std::size_t along = 0;  // the dimension that is cut
-  for (std::size_t d = 1; d < 3; ++d)
-    if (global[d] / local[d] > global[along] / local[along]) along = d;
-  const std::size_t groups = global[along] / local[along];
-  std::size_t step = groups;
-  if (known)
-    step = std::clamp<std::size_t>(static_cast<std::size_t>(double(groups) * kAheadS / launch.s), 1, groups);
-  else if (const std::size_t items = global[0] * global[1] * global[2]; items > kItemsToTry)
-    step = std::max<std::size_t>(1, groups * kItemsToTry / items);
-  double took_s = 0;
-  for (std::size_t done = 0; done < groups;) {
-    const std::size_t count = std::min(step, groups - done);
-    Sizes from{}, size = global;
-    from[along] = done * local[along];
-    size[along] = count * local[along];
+  const std::size_t items = global[0] * global[1] * global[2];
+  const double part = known ? kAheadS / launch.s : double(kItemsToTry) / double(items);
+  double step = part * double(cut.groups), took_s = 0;
+  for (std::size_t done = 0; done < cut.groups;) {
+    const std::size_t count =
+        std::min(static_cast<std::size_t>(std::clamp(step, 1.0, double(cut.most))), cut.groups - done);
     const auto slice_begun = std::chrono::steady_clock::now();
-    enqueue(from, size, local);
+    enqueue(cut, done, count, global, local);
     guarded("waiting for the device", [&] { queue.finish(); });
     const std::chrono::duration<double> slice = std::chrono::steady_clock::now() - slice_begun;
     took_s += slice.count();
     done += count;
-    const double fit = kAheadS / std::max(slice.count(), 1e-6) * double(count);
-    step = static_cast<std::size_t>(std::clamp(fit, 1.0, kMostGrowth * double(count)));
+    step = std::min(kAheadS / std::max(slice.count(), 1e-6), kMostGrowth) * double(count);
     look();
   }
-  launch = {took_s, launch.launches + 1};
+  // The longest, since arguments of one size may ask for more work than others; but not the first.
+  if (++launch.launches > 1) launch.s = known ? took_s : std::max(launch.s, took_s);
 }
 
 Queue::State::State(std::shared_ptr<Context> shared)
@@ -159,6 +177,12 @@ void Queue::State::arrived() {
   sent_bytes = 0;
   pace->ahead_s = 0;
   look();
+}
+
+void Queue::State::in_pieces(std::size_t bytes,
+                             const std::function<void(std::size_t first, std::size_t count)>& move) {
+  const std::size_t most = looked_after() ? kBytesAtOnce : bytes;
+  for (std::size_t first = 0; first < bytes; first += most) move(first, std::min(most, bytes - first));
 }
 
 Kernel Queue::kernel(std::string_view source, std::string_view name, Precision precision,
@@ -196,9 +220,13 @@ std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes, const void* host) 
 void Queue::write_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, std::size_t offset) const {
   check_range(buffer, bytes, offset);
   if (bytes == 0) return;
-  guarded("writing to the device",
-          [&] { state_->queue.enqueueWriteBuffer(buffer.buffer, CL_TRUE, offset, bytes, host); });
-  state_->arrived();
+  const auto* from = static_cast<const std::byte*>(host);
+  state_->in_pieces(bytes, [&](std::size_t first, std::size_t count) {
+    guarded("writing to the device", [&] {
+      state_->queue.enqueueWriteBuffer(buffer.buffer, CL_TRUE, offset + first, count, from + first);
+    });
+    state_->arrived();
+  });
 }
 
 void Queue::send_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, std::size_t offset) const {
@@ -215,9 +243,13 @@ void Queue::send_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, s
 void Queue::read_bytes(const RawBuffer& buffer, void* host, std::size_t bytes, std::size_t offset) const {
   check_range(buffer, bytes, offset);
   if (bytes == 0) return;
-  guarded("reading from the device",
-          [&] { state_->queue.enqueueReadBuffer(buffer.buffer, CL_TRUE, offset, bytes, host); });
-  state_->arrived();
+  auto* to = static_cast<std::byte*>(host);
+  state_->in_pieces(bytes, [&](std::size_t first, std::size_t count) {
+    guarded("reading from the device", [&] {
+      state_->queue.enqueueReadBuffer(buffer.buffer, CL_TRUE, offset + first, count, to + first);
+    });
+    state_->arrived();
+  });
 }
 
 void Queue::copy_bytes(const RawBuffer& from, RawBuffer& to, std::size_t bytes) const {
@@ -230,15 +262,14 @@ void Queue::copy_bytes(const RawBuffer& from, RawBuffer& to, std::size_t bytes) 
 
 void Queue::zero_bytes(RawBuffer& buffer, std::size_t bytes) const {
   if (bytes == 0) return;
-  guarded("filling on the device", [&] {
-    for (std::size_t from = 0; from < bytes; from += kFillBytes) {
-      const std::size_t count = std::min(kFillBytes, bytes - from);
+  state_->in_pieces(bytes, [&](std::size_t first, std::size_t count) {
+    guarded("filling on the device", [&] {
       if (count % 4 == 0)
-        state_->queue.enqueueFillBuffer(buffer.buffer, cl_uint{0}, from, count);
+        state_->queue.enqueueFillBuffer(buffer.buffer, cl_uint{0}, first, count);
       else
-        state_->queue.enqueueFillBuffer(buffer.buffer, cl_uchar{0}, from, count);
-      if (bytes > kFillBytes && looked_after()) state_->queue.finish(), look();
-    }
+        state_->queue.enqueueFillBuffer(buffer.buffer, cl_uchar{0}, first, count);
+    });
+    if (count < bytes) finish();
   });
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "service/device/opencl.h"
@@ -21,6 +22,8 @@ struct Queue::State {
   std::vector<std::vector<std::byte>> sent;  // copies of what may still be on its way to the device
   std::size_t sent_bytes = 0;
   void arrived();  // all of it, as after a blocking command; looks up
+  // On a thread that looks up no more is moved at once than takes some milliseconds.
+  void in_pieces(std::size_t bytes, const std::function<void(std::size_t first, std::size_t count)>& move);
 };
 
 }  // namespace teletact::service

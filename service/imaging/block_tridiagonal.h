@@ -17,8 +17,8 @@ struct BlockTridiagonal {
     Eigen::MatrixXd x;    // column k is block k
     double residual = 0;  // || b - A x || / || b ||, 0 for b = 0
   };
-  // `b`: column k is block k. Throws std::domain_error when a block is singular.
-  Solution solve(const Eigen::MatrixXd& b) const;
+  // `b`: column k is block k. Throws std::domain_error when a block is singular. The blocks are gone after.
+  Solution solve(const Eigen::MatrixXd& b);
 };
 
 }  // namespace teletact::service

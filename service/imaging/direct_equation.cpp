@@ -90,7 +90,7 @@ class System {
     }
   }
 
-  DirectSolution solve() const {
+  DirectSolution solve() {
     const BlockTridiagonal::Solution x = blocks_.solve(load_);
     DirectSolution out{problem_.shear_modulus,
                        per_node_ == 2 ? problem_.half_pressure : std::vector<double>{}, x.residual};

@@ -97,8 +97,7 @@ struct DisplacementEstimator::Search {
 
 // Sizes and buffers of one geometry.
 struct DisplacementEstimator::Workspace {
-  Workspace(const Queue& q, const RfFrame& frame, const AcquisitionGeometry& geometry,
-            const DisplacementOptions& o);
+  Workspace(const RfFrame& frame, const AcquisitionGeometry& geometry, const DisplacementOptions& o);
   void measure(const RfFrame&, const DisplacementOptions&);
   void allocate(const Queue&, const RfFrame&, const DisplacementOptions&);
   std::uint64_t bytes() const;
@@ -140,8 +139,9 @@ struct DisplacementEstimator::Workspace {
   Array<std::uint8_t> trusted;
 };
 
-DisplacementEstimator::Workspace::Workspace(const Queue& q, const RfFrame& frame,
-                                            const AcquisitionGeometry& g, const DisplacementOptions& o)
+// The sizes; allocate() is still to come. Of the frame no sample is read.
+DisplacementEstimator::Workspace::Workspace(const RfFrame& frame, const AcquisitionGeometry& g,
+                                            const DisplacementOptions& o)
     : samples(static_cast<int>(frame.sample_count)),
       lines(static_cast<int>(frame.line_count)),
       sample_pitch_m(g.sample_pitch_m()),
@@ -151,7 +151,11 @@ DisplacementEstimator::Workspace::Workspace(const Queue& q, const RfFrame& frame
       frame_kind(g.frame),
       period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)) {
   measure(frame, o);
-  allocate(q, frame, o);
+  if (double(coarse.nodes()) * coarse_laterals * 8 * coarse_chunks > kMostLags)
+    throw std::invalid_argument(
+        "max_strain: the search of so many lines and samples would not fit in memory; give a smaller one, or "
+        "a part "
+        "of the frame");
 }
 
 void DisplacementEstimator::Workspace::measure(const RfFrame& frame, const DisplacementOptions& o) {
@@ -198,11 +202,6 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const RfFrame& f
                 std::max(coarse_half_lateral + coarse_laterals / 2 * coarse_lateral_step,
                          half_lateral + lateral_reach) +
                     3);
-  if (double(coarse.nodes()) * coarse_laterals * 8 * coarse_chunks > kMostLags)
-    throw std::invalid_argument(
-        "max_strain: the search of so many lines and samples would not fit in memory; give a smaller one, or "
-        "a part "
-        "of the frame");
   q.account().make_room(Place::kDevice, "arrays", bytes());
   for (Array<float>* image_array :
        {&pre, &post, &mean, &difference, &filtered_pre, &filtered_post, &pre_energy, &post_energy}) {
@@ -240,6 +239,11 @@ std::uint64_t DisplacementEstimator::Workspace::bytes() const {
                                 of(fine) * fine_laterals * kFineLags,
                       nodes = std::max({of(coarse), of(fine), of(image)});
   return sizeof(float) * (kImages * pad.total + volumes + kPerNode * nodes + kPerImageNode * of(image));
+}
+
+void DisplacementEstimator::require_fits(const RfFrame& frame, const AcquisitionGeometry& geometry,
+                                         const DisplacementOptions& options) {
+  Workspace(frame, geometry, options);
 }
 
 DisplacementEstimator::DisplacementEstimator(Queue queue, DisplacementOptions options)
@@ -436,7 +440,11 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
 DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
                                                      const AcquisitionGeometry& geometry) {
   if (work_ && !work_->serves(pre, geometry)) work_.reset();  // first: its room may be needed
-  if (!work_) work_ = std::make_unique<Workspace>(queue_, pre, geometry, options_);
+  if (!work_) {
+    auto work = std::make_unique<Workspace>(pre, geometry, options_);
+    work->allocate(queue_, pre, options_);
+    work_ = std::move(work);
+  }
   Workspace& w = *work_;
   queue_.write(w.pre, padded(pre, w.pad).data(), w.pad.total);
   queue_.write(w.post, padded(post, w.pad).data(), w.pad.total);

@@ -60,6 +60,9 @@ class DisplacementEstimator {
   // Throws std::invalid_argument for unusable options. What it allocates is charged to the queue's account.
   DisplacementEstimator(Queue, DisplacementOptions);
   ~DisplacementEstimator();
+  // Throws std::invalid_argument where the coarse search of such frames would not fit in memory. Allocates
+  // nothing and reads no sample: the frames may be empty.
+  static void require_fits(const RfFrame&, const AcquisitionGeometry&, const DisplacementOptions&);
   void set_max_strain(double);
   void forget();  // the buffers that are kept for the next pair
   // `pre`, `post`, `geometry` as validate() accepts them. The result's arrays are overwritten by the next

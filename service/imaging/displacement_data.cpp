@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 namespace {
 
@@ -29,6 +31,7 @@ DisplacementData::DisplacementData(const StripModel& model, const ImageGrid& ima
     : dofs_(model.grid().dofs()), independence_(std::min(1.0, image.dx_m * image.dy_m / independent_m2)) {
   const TissueGrid& g = model.grid();
   for (std::size_t n = 0; n < image.size(); ++n) {
+    if (n % image.nx == 0) look();
     const double x = image.x_m(n);
     const double y = image.y_m(n);
     const bool weighs = deviation_m[n] > 0 && std::isfinite(deviation_m[n]);
@@ -45,6 +48,7 @@ DisplacementData::DisplacementData(const StripModel& model, const ImageGrid& ima
 }
 
 std::vector<double> DisplacementData::observed(const std::vector<double>& displacement) const {
+  look();
   std::vector<double> out(data_.size());
   for (std::size_t k = 0; k < data_.size(); ++k)
     for (int a = 0; a < 4; ++a) out[k] += data_[k].share[a] * displacement[2 * data_[k].node[a] + 1];
@@ -54,6 +58,7 @@ std::vector<double> DisplacementData::observed(const std::vector<double>& displa
 DisplacementData::Fit DisplacementData::fit(const std::vector<double>& displacement) const {
   Fit out;
   out.modelled = observed(displacement);
+  look();
   Line line;
   for (std::size_t k = 0; k < data_.size(); ++k)
     line.add(data_[k].weight * data_[k].weight, out.modelled[k], data_[k].displacement_m);
@@ -73,6 +78,7 @@ DisplacementData::Fit DisplacementData::fit(const std::vector<double>& displacem
 
 // Removes what amplitude and offset can follow: the weighted columns `modelled` and 1.
 void DisplacementData::project(const Fit& fit, std::vector<double>& weighted) const {
+  look();
   Line line;
   for (std::size_t k = 0; k < data_.size(); ++k)
     line.add(data_[k].weight * data_[k].weight, fit.modelled[k], weighted[k] / data_[k].weight);
@@ -94,6 +100,7 @@ std::vector<double> DisplacementData::change(const Fit& fit, const std::vector<d
 std::vector<double> DisplacementData::transposed(const Fit& fit, const std::vector<double>& residual) const {
   std::vector<double> projected = residual, out(dofs_, 0.0);
   project(fit, projected);
+  look();
   const double scale = fit.amplitude * std::sqrt(independence_);
   for (std::size_t k = 0; k < projected.size(); ++k)
     for (int a = 0; a < 4; ++a)

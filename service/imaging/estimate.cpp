@@ -106,7 +106,8 @@ HostBytes host_bytes(const RfFrame& frame, const AcquisitionGeometry& geometry, 
 }  // namespace
 
 void Elastography::warm() {
-  // Launches of more than 65535 items are compiled apart from smaller ones: a small and a full-sized frame.
+  // A small and a full-sized frame, looked after: so the kernels are compiled as estimates launch them, in
+  // slices.
   for (const auto& [samples, lines] : {std::pair<std::size_t, std::size_t>{256, 16}, {2078, 256}}) {
     AcquisitionGeometry geometry;
     geometry.center_frequency_hz = 7.3e6;
@@ -115,7 +116,7 @@ void Elastography::warm() {
     const double width_m = static_cast<double>(lines) * geometry.line_pitch_m;
     const RfFrame pre = texture(samples, lines, 0), post = texture(samples, lines, 0.01);
     try {
-      estimate(pre, post, geometry, std::nullopt, {width_m, 0.040, 0, 0.49});
+      estimate(pre, post, geometry, std::nullopt, {width_m, 0.040, 0, 0.49}, {}, [] { return false; });
     } catch (const TrackingError&) {  // the texture need not be tissue: every kernel before has run
     }
   }
@@ -221,12 +222,13 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const A
                                 const std::function<void(Stage)>& progress,
                                 const std::function<bool()>& cancelled, const KnownModulus& known,
                                 const ModulusChoice& choice) {
-  validate(pre, post, geometry);
   std::optional<Looking> looking;
   if (cancelled)
     looking.emplace([&cancelled] {
       if (cancelled()) throw EstimateCancelled();
     });
+  validate(pre, post, geometry);
+  DisplacementEstimator::require_fits(pre, geometry, options_.displacement);
   const HostBytes bytes =
       host_bytes(pre, geometry, tissue, options_.displacement, choice.kind.value_or(options_.modulus));
   Estimate e;

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "service/imaging/median.h"
 #include "service/imaging/modulus_seed.h"
 
 namespace teletact::service {
@@ -15,12 +16,6 @@ namespace {
 
 constexpr std::size_t kGroup = 32;  // WORK_GROUP of modulus.cl
 const KnownModulus kNothingKnown;
-
-double median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 void validate(const std::optional<ProbeForce>& force) {
   if (!force) return;

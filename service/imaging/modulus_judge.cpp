@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "service/device/look.h"
+#include "service/imaging/median.h"
 
 namespace teletact::service {
 namespace {
@@ -28,12 +29,6 @@ std::string text(const char* format, double a, double b = 0) {
   char line[256];
   std::snprintf(line, sizeof line, format, a, b);
   return line;
-}
-
-double median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Slopes of log E between the nearest said nodes on both sides, per node of the image grid.
@@ -116,6 +111,7 @@ struct Comparison {
 std::array<Comparison, 3> compare(const ModulusInput& in, const ModulusEstimate& e) {
   std::array<Comparison, 3> out;
   for (std::size_t n = 0; n < in.grid.size(); ++n) {
+    if (n % in.grid.nx == 0) look();
     const double x = in.grid.x_m(n);
     const double y = in.grid.y_m(n);
     const double left = in.tissue.window_x_m, right = left + in.window_width_m;
@@ -163,14 +159,12 @@ ModulusJudge::ModulusJudge(Queue queue, std::shared_ptr<StripCache> strips, Judg
 
 void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   deviation(in, out);
-  look();
   untracked(in, out);
-  look();
   ramp(in, out);
   out_of_plane(in, out);
   pressure(in, out);
-  look();
   scale(in, out);
+  look();
   extent(out);
 }
 
@@ -188,6 +182,7 @@ void ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const
   out.log_deviation.assign(in.grid.size(), std::numeric_limits<float>::quiet_NaN());
   std::vector<float> said;
   for (std::size_t n = 0; n < noise.size(); ++n) {
+    if (n % in.grid.nx == 0) look();
     if (!std::isfinite(out.youngs_modulus[n])) continue;
     const double smeared = kSmear * jump_over(out.youngs_modulus, in.grid, n, reach_.x_m, reach_.y_m);
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
@@ -229,6 +224,7 @@ void ModulusJudge::ramp(const ModulusInput& in, ModulusEstimate& out) const {
   Eigen::Vector3d load = Eigen::Vector3d::Zero();
   const double height = static_cast<double>(in.grid.ny - 1) * in.grid.dy_m;
   for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
+    if (n % in.grid.nx == 0) look();
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     if (!(std::abs(logarithm) < kBackgroundLog)) continue;
     const Eigen::Vector3d f(1, (in.grid.x_m(n) - in.grid.origin_x_m) / in.window_width_m,

@@ -1,6 +1,7 @@
 #include "service/imaging/modulus_problem.h"
 
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 #include "service/device/look.h"
@@ -60,8 +61,10 @@ VectorXd ModulusProblem::step(const Point& p) {
   Eigen::SparseMatrix<double> near = lagged;
   near.diagonal() += prior_weight_ + typical_data_weight(p);
   look();
-  if (preconditioner_.rows() == 0) preconditioner_.analyzePattern(near);
-  preconditioner_.factorize(near);
+  if (!preconditioner_.analyzed())
+    preconditioner_.analyze(near, nested_dissection(model_.grid().nx() - 1, model_.grid().ny() - 1));
+  if (!preconditioner_.factorize(near))
+    throw std::domain_error("the prior of the modulus is not positive definite");
   const std::size_t known = products_.size();
   VectorXd step = VectorXd::Zero(r.size()), z = preconditioned(r, known), d = z;
   double rz = r.dot(z);

@@ -3,19 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "service/imaging/median.h"
+
 namespace teletact::service {
 namespace {
 
 // Part of the median modelled strain below which a node does not vote on the amplitude (ReferenceStress).
 constexpr double kLeastReached = 0.5;
 const KnownModulus kNothingKnown;
-
-template <class T>
-double median(std::vector<T>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 double amplitude(const ModelState& state, const AxialSlopes& slopes) {
   std::vector<double> modelled = state.along, ratios;

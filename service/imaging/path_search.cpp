@@ -19,12 +19,14 @@ class Aggregator {
   Aggregator(const LagVolume& v, float slope_cost)
       : lags_(v.lag_count), stride_((v.lag_count + kBlock - 1) / kBlock * kBlock), slope_cost_(slope_cost) {
     const auto nodes = static_cast<std::size_t>(v.nx) * static_cast<std::size_t>(v.ny);
-    costs_.assign(nodes * static_cast<std::size_t>(stride_), std::numeric_limits<float>::infinity());
-    for (std::size_t node = 0; node < nodes; ++node)
+    grow(costs_, nodes * static_cast<std::size_t>(stride_), std::numeric_limits<float>::infinity());
+    grow(sum_, costs_.size());
+    for (std::size_t node = 0; node < nodes; ++node) {
+      if (node % static_cast<std::size_t>(v.nx) == 0) look();
       for (std::size_t d = 0; d < static_cast<std::size_t>(lags_); ++d)
         costs_[node * static_cast<std::size_t>(stride_) + d] =
             1 - v.correlation[node * static_cast<std::size_t>(lags_) + d];
-    sum_.assign(costs_.size(), 0.0f);
+    }
   }
 
   // Along one line of nodes: first, first + step, ...
@@ -103,7 +105,10 @@ std::vector<float> find_paths(const LagVolume& v, int reach_down, int reach_acro
   }
   std::vector<float> path;
   path.reserve(static_cast<std::size_t>(v.nx) * static_cast<std::size_t>(v.ny));
-  for (int node = 0; node < v.nx * v.ny; ++node) path.push_back(best_lag(aggregate.sum(node), v.lag_count));
+  for (int node = 0; node < v.nx * v.ny; ++node) {
+    if (node % v.nx == 0) look();
+    path.push_back(best_lag(aggregate.sum(node), v.lag_count));
+  }
   return path;
 }
 

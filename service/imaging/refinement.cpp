@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <utility>
 
+#include "service/imaging/median.h"
+
 namespace teletact::service {
 namespace {
 
@@ -25,13 +27,6 @@ Range over(int nodes) {
 // wider than the mean gradient that it is a deviation from.
 int place_radius(double length) {
   return std::clamp(static_cast<int>(std::lround(2 * length - (kBiasRadius + 0.5))), 0, kGradientRadius);
-}
-
-double median(std::vector<float>& values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 namespace {
 
@@ -17,11 +19,13 @@ void check_samples(const RfFrame& frame, const char* name) {
     refuse(std::string(name) + ".samples: " + std::to_string(frame.samples.size()) + " values for " +
            std::to_string(frame.sample_count) + " samples x " + std::to_string(frame.line_count) +
            " lines; send the whole frame");
-  for (std::size_t n = 0; n < frame.samples.size(); ++n)
+  for (std::size_t n = 0; n < frame.samples.size(); ++n) {
+    if (n % frame.sample_count == 0) look();
     if (!std::isfinite(frame.samples[n]))
       refuse(std::string(name) + ".samples: not a finite number at sample " +
              std::to_string(n % frame.sample_count) + " of line " + std::to_string(n / frame.sample_count) +
              "; replace it (0 where nothing was recorded)");
+  }
 }
 
 void check_size(const RfFrame& pre, const RfFrame& post) {
@@ -102,9 +106,11 @@ Padding padding(const RfFrame& frame, int samples, int lines) {
 }
 
 std::vector<float> padded(const RfFrame& frame, const Padding& p) {
-  std::vector<float> out(p.total, 0.0f);
+  std::vector<float> out;
+  grow(out, p.total);
   const float offset = converter_offset(frame);
   for (std::size_t l = 0; l < frame.line_count; ++l) {
+    look();
     const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count);
     std::transform(line, line + static_cast<std::ptrdiff_t>(frame.sample_count),
                    out.begin() + p.origin + static_cast<std::ptrdiff_t>(l) * p.stride,

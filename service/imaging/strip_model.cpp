@@ -103,9 +103,12 @@ StripModel::StripModel(const TissueExtent& tissue, double window_width_m)
         element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, equal_.modulus, equal_.poisson_ratio));
   number_unknowns(window_width_m);
   lay_out();
-  look();
-  factor_.analyzePattern(stiffness_);
-  look();
+  std::vector<int> order;
+  order.reserve(static_cast<std::size_t>(unknown_count_));
+  for (const int node : nested_dissection(grid_.nx(), grid_.ny()))
+    for (const int dof : {2 * node, 2 * node + 1})
+      if (const int u = unknown_[static_cast<std::size_t>(dof)]; u >= 0) order.push_back(u);
+  factor_.analyze(stiffness_, order);
 }
 
 void StripModel::number_unknowns(double window_width_m) {
@@ -123,30 +126,38 @@ void StripModel::number_unknowns(double window_width_m) {
     if (u == 0) u = unknown_count_++;
 }
 
-// The pattern of the stiffness, and where each element adds to it.
+// The pattern of the stiffness, column by column: the unknowns of the nodes around; and where each element
+// adds to it.
 void StripModel::lay_out() {
-  std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(64 * grid_.elements());
-  const auto each = [&](auto&& visit) {
-    for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
-      look();
-      for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
-        const auto dofs = element_dofs(grid_, i, j);
-        for (const std::size_t r : dofs)
-          for (const std::size_t c : dofs) visit(unknown_[r], unknown_[c]);
-      }
-    }
-  };
-  each([&](int r, int c) {
-    if (r >= 0 && c >= 0) entries.emplace_back(r, c, 1.0);
-  });
   stiffness_.resize(unknown_count_, unknown_count_);
-  stiffness_.setFromTriplets(entries.begin(), entries.end());
+  stiffness_.reserve(Eigen::VectorXi::Constant(unknown_count_, 18));
+  for (std::size_t j = 0; j < grid_.ny(); ++j) {
+    look();
+    for (std::size_t i = 0; i < grid_.nx(); ++i)
+      for (const std::size_t own : {2 * grid_.node(i, j), 2 * grid_.node(i, j) + 1}) {
+        if (unknown_[own] < 0) continue;
+        for (std::size_t q = std::max<std::size_t>(j, 1) - 1; q < std::min(j + 2, grid_.ny()); ++q)
+          for (std::size_t p = std::max<std::size_t>(i, 1) - 1; p < std::min(i + 2, grid_.nx()); ++p)
+            for (const std::size_t other : {2 * grid_.node(p, q), 2 * grid_.node(p, q) + 1})
+              if (unknown_[other] >= 0) stiffness_.insert(unknown_[other], unknown_[own]) = 0;
+      }
+  }
+  look();
+  stiffness_.makeCompressed();
   slot_.reserve(64 * grid_.elements());
-  each([&](int r, int c) {
-    slot_.push_back(r >= 0 && c >= 0 ? static_cast<int>(&stiffness_.coeffRef(r, c) - stiffness_.valuePtr())
-                                     : -1);
-  });
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
+    look();
+    for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+      const auto dofs = element_dofs(grid_, i, j);
+      for (const std::size_t r : dofs)
+        for (const std::size_t c : dofs) {
+          const int row = unknown_[r], column = unknown_[c];
+          slot_.push_back(row >= 0 && column >= 0
+                              ? static_cast<int>(&stiffness_.coeffRef(row, column) - stiffness_.valuePtr())
+                              : -1);
+        }
+    }
+  }
 }
 
 // K_uu = sum E_e K_e and the load of the push (T4.6: K is linear in E).
@@ -154,7 +165,8 @@ void StripModel::fill(const std::vector<double>& youngs_modulus_pa) {
   std::fill_n(stiffness_.valuePtr(), stiffness_.nonZeros(), 0.0);
   load_.setZero(unknown_count_);
   const int* slot = slot_.data();
-  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
+    look();
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const auto dofs = element_dofs(grid_, i, j);
       const double modulus = youngs_modulus_pa[grid_.element(i, j)];
@@ -167,15 +179,14 @@ void StripModel::fill(const std::vector<double>& youngs_modulus_pa) {
           if (row >= 0 && column == kPushed) load_[row] -= k;
         }
     }
+  }
 }
 
 StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
   if (youngs_modulus_pa.size() != grid_.elements())
     throw std::invalid_argument("youngs_modulus_pa: one value per element of the strip");
-  look();
   fill(youngs_modulus_pa);
-  factor_.factorize(stiffness_);
-  if (factor_.info() != Eigen::Success)
+  if (!factor_.factorize(stiffness_))
     throw std::domain_error("the stiffness of the strip under the probe is not positive definite");
   const Eigen::VectorXd unknowns = factor_.solve(load_);
   StripResponse out;
@@ -186,7 +197,8 @@ StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
   }
   out.stress.resize(grid_.elements());
   const double height = grid_.y_m[1] - grid_.y_m[0];
-  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
+  for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
+    look();
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const auto dofs = element_dofs(grid_, i, j);
       const Vector8 u = gather(out.displacement, dofs);
@@ -194,6 +206,7 @@ StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
       out.stress[grid_.element(i, j)] = modulus * (u[5] + u[7] - u[1] - u[3]) / (2 * height);
       out.force_n_per_m += modulus * u.dot(element_[i] * u);
     }
+  }
   return out;
 }
 
@@ -203,6 +216,7 @@ double StripModel::log_force_slope(const StripResponse& homogeneous) const {
   const double step = kPoissonStep * (0.5 - stated_poisson_ratio_), height = grid_.y_m[1] - grid_.y_m[0];
   double change = 0;
   for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
+    look();
     const auto stiffness = [&](double nu) {
       const InPlaneStrain e = in_plane_strain(plane_, nu);
       return element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, e.modulus, e.poisson_ratio);
@@ -220,8 +234,9 @@ double StripModel::log_force_slope(const StripResponse& homogeneous) const {
 std::vector<double> StripModel::change(const StripResponse& at, const std::vector<double>& change_pa) {
   std::vector<double> force(grid_.dofs(), 0.0);
   for (std::size_t e = 0; e < change_pa.size(); ++e) {
-    if (change_pa[e] == 0) continue;
     const std::size_t i = e % (grid_.nx() - 1), j = e / (grid_.nx() - 1);
+    if (i == 0) look();
+    if (change_pa[e] == 0) continue;
     const auto dofs = element_dofs(grid_, i, j);
     const Vector8 k = element_[i] * gather(at.displacement, dofs);
     for (int r = 0; r < 8; ++r) force[dofs[static_cast<std::size_t>(r)]] -= change_pa[e] * k[r];
@@ -234,6 +249,7 @@ std::vector<double> StripModel::sensitivity(const StripResponse& at, const std::
   std::vector<double> out(grid_.elements());
   for (std::size_t e = 0; e < out.size(); ++e) {
     const std::size_t i = e % (grid_.nx() - 1), j = e / (grid_.nx() - 1);
+    if (i == 0) look();
     const auto dofs = element_dofs(grid_, i, j);
     out[e] = -gather(adjoint, dofs).dot(element_[i] * gather(at.displacement, dofs));
   }
@@ -255,6 +271,7 @@ std::vector<double> StripModel::back_substituted(const std::vector<double>& forc
 Field StripModel::on_image(const std::vector<double>& element_values, const ImageGrid& image) const {
   Field field(image.size(), std::numeric_limits<float>::quiet_NaN());
   for (std::size_t j = 0; j < image.ny; ++j) {
+    look();
     const double y = image.origin_y_m + static_cast<double>(j) * image.dy_m;
     if (y > grid_.y_m.back()) continue;
     const Position v = between_centres(grid_.y_m, y);

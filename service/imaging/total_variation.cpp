@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "service/device/look.h"
+
 namespace teletact::service {
 namespace {
 
@@ -52,15 +54,18 @@ Eigen::SparseMatrix<double> TotalVariation::lagged(const Eigen::VectorXd& v) con
     entries.emplace_back(p, p, weight), entries.emplace_back(q, q, weight);
     entries.emplace_back(p, q, -weight), entries.emplace_back(q, p, -weight);
   };
-  for (std::size_t j = 0; j < ny_; ++j)
+  for (std::size_t j = 0; j < ny_; ++j) {
+    look();
     for (std::size_t i = 0; i < nx_; ++i) {
       const double weight = area(i, j) / gradient(v, i, j).size;
       const std::size_t e = i + nx_ * j;
       if (i + 1 < nx_) couple(e, e + 1, weight / (to_right_[i] * to_right_[i]));
       if (j + 1 < ny_) couple(e, e + nx_, weight / (to_below_[j] * to_below_[j]));
     }
+  }
   const auto size = static_cast<Eigen::Index>(nx_ * ny_);
   Eigen::SparseMatrix<double> matrix(size, size);
+  look();
   matrix.setFromTriplets(entries.begin(), entries.end());
   return matrix;
 }

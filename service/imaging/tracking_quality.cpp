@@ -5,17 +5,13 @@
 #include <cstddef>
 #include <iterator>
 
+#include "service/imaging/median.h"
+
 namespace teletact::service {
 namespace {
 
 constexpr float kUntextured = -1.5f;  // correlations below mean that the window has no texture
 constexpr double kLeastTexturedFraction = 0.1;
-
-double median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 

@@ -53,6 +53,7 @@ WindowNodes::WindowNodes(const StripModel& model)
 Field WindowNodes::on_image(const std::vector<double>& values, const ImageGrid& image) const {
   Field out(image.size(), std::numeric_limits<float>::quiet_NaN());
   for (std::size_t n = 0; n < image.size(); ++n) {
+    if (n % image.nx == 0) look();
     const double x = image.x_m(n) / dx_m;
     const double y = image.y_m(n) / dy_m;
     if (y > static_cast<double>(ny - 1)) continue;
@@ -115,7 +116,8 @@ ModelState model_state(const StripModel& model, const StripResponse& response,
   std::vector<double> count(nodes.size(), 0.0);
   const std::size_t begin = model.first_column() > 0 ? model.first_column() - 1 : 0;
   const std::size_t end = std::min(model.last_column() + 1, g.nx() - 1);
-  for (std::size_t j = 0; j + 1 < g.ny(); ++j)
+  for (std::size_t j = 0; j + 1 < g.ny(); ++j) {
+    look();
     for (std::size_t i = begin; i < end; ++i) {
       const double* upper = &response.displacement[2 * g.node(i, j)];
       const double* lower = &response.displacement[2 * g.node(i, j + 1)];
@@ -140,6 +142,7 @@ ModelState model_state(const StripModel& model, const StripResponse& response,
           ++count[n];
         }
     }
+  }
   for (auto* field : {&out.along, &out.across, &out.lateral, &out.shear, &out.pressure, &out.log_modulus})
     for (std::size_t n = 0; n < nodes.size(); ++n) (*field)[n] /= count[n];
   return out;

@@ -255,6 +255,10 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, co
   if (in.max_strain() != 0) request.max_strain = in.max_strain();
   require_between("max_strain", request.max_strain, limits.least_max_strain, limits.most_max_strain,
                   "leave it out for 0.05");
+  DisplacementOptions search;
+  search.max_strain = request.max_strain;
+  DisplacementEstimator::require_fits({request.sample_count, request.line_count, {}}, request.geometry,
+                                      search);
   request.maps = maps_from(in);
   request.finish_within_s = in.finish_within_s();
   require_between("finish_within_s", request.finish_within_s, 0.0, limits.most_finish_within_s,
@@ -338,30 +342,34 @@ void FrameUpload::require_whole(const char* name, const std::string& bytes) cons
 
 std::pair<RfFrame, RfFrame> FrameUpload::finish() {
   RfFrame pre = frame("pre", pre_);
-  look();
   return {std::move(pre), frame("post", post_)};
 }
 
 RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
   require_whole(name, bytes);
-  RfFrame frame{samples_, lines_, std::vector<float>(samples_ * lines_)};
-  if (dtype_ == v1::DATA_TYPE_FLOAT32) {
-    std::memcpy(frame.samples.data(), bytes.data(), bytes.size());
-  } else {
-    std::vector<std::int16_t> values(frame.samples.size());
-    std::memcpy(values.data(), bytes.data(), bytes.size());
-    std::copy(values.begin(), values.end(), frame.samples.begin());
-  }
+  RfFrame frame{samples_, lines_, {}};
+  frame.samples.reserve(samples_ * lines_);
+  std::vector<std::int16_t> values(samples_);
+  std::vector<float> line(samples_);
   // Beyond, sums of squares over a window leave the range of float and the correlation means nothing.
   constexpr float kLargestSample = 1e15F;
-  const auto bad = std::find_if(frame.samples.begin(), frame.samples.end(),
-                                [](float s) { return !(std::abs(s) <= kLargestSample); });
-  if (bad != frame.samples.end()) {
-    const auto at = static_cast<std::size_t>(bad - frame.samples.begin());
-    throw std::invalid_argument(fmt::format(
-        "chunk.data: sample {} of A-line {} of the {} frame is {}, no finite number of at most {} "
-        "in size; replace or crop it",
-        at % samples_, at / samples_, name, *bad, kLargestSample));
+  for (std::size_t l = 0; l < lines_; ++l) {
+    look();
+    const std::size_t each = samples_ * bytes_per_item(dtype_);
+    if (dtype_ == v1::DATA_TYPE_FLOAT32) {
+      std::memcpy(line.data(), bytes.data() + l * each, each);
+    } else {
+      std::memcpy(values.data(), bytes.data() + l * each, each);
+      std::copy(values.begin(), values.end(), line.begin());
+    }
+    const auto bad =
+        std::find_if(line.begin(), line.end(), [](float s) { return !(std::abs(s) <= kLargestSample); });
+    if (bad != line.end())
+      throw std::invalid_argument(fmt::format(
+          "chunk.data: sample {} of A-line {} of the {} frame is {}, no finite number of at most {} "
+          "in size; replace or crop it",
+          bad - line.begin(), l, name, *bad, kLargestSample));
+    frame.samples.insert(frame.samples.end(), line.begin(), line.end());
   }
   bytes = {};  // the copy is no longer needed
   return frame;

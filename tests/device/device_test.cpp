@@ -295,6 +295,43 @@ TEST_F(Device_, LaunchesOnAThreadThatLooksUpComeInSlicesAndGiveTheSame) {
   }
 }
 
+// Bounded in work, whatever the machine does beside it: a size that is not known begins small and grows, none
+// is wider than what PoCL compiles once, and a kernel's first launch has been within its range as well as at
+// its begin, so that later slices compile nothing.
+TEST_F(Device_, SlicesBeginSmallGrowSlowlyAndAreNeverWide) {
+  put("where.cl", R"(
+kernel void where(global int* restrict size, global int* restrict from) {
+  const int i = get_global_id(0);
+  size[i] = get_global_size(0);
+  from[i] = get_global_offset(0);
+}
+)");
+  const auto device = Device::open(options_);
+  const Queue queue = device->queue();
+  constexpr int kSize = 1 << 20;
+  const Array<int> size = queue.array<int>(kSize), from = queue.array<int>(kSize);
+  Kernel where = queue.kernel("where", "where", Precision::kFloat);
+  const auto launch = [&](int items) {
+    where({{static_cast<std::size_t>(items)}, {64}}, size, from);
+    return std::pair{queue.read(size), queue.read(from)};
+  };
+  EXPECT_EQ(launch(kSize).first.back(), kSize) << "nobody looks: as a whole";
+  const Looking looking([] {});
+  EXPECT_EQ(launch(128).second[127], 64);
+  for (int again = 0; again < 6; ++again) {
+    const auto [sizes, begins] = launch(kSize);
+    for (int at = 0, before = 4096 / 4; at < kSize; at += sizes[static_cast<std::size_t>(at)]) {
+      const auto n = static_cast<std::size_t>(at);
+      ASSERT_EQ(begins[n], at);
+      ASSERT_LE(sizes[n], 65535);
+      if (again < 3) {
+        ASSERT_LE(sizes[n], 4 * before) << "not known yet";
+      }
+      before = sizes[n];
+    }
+  }
+}
+
 TEST_F(Device_, WorkThatIsToEndEndsBetweenTheSlicesOfALaunch) {
   const auto device = Device::open(options_);
   const Queue queue = device->queue();

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <stdexcept>
 
 #include "service/imaging/engines.h"
 #include "service/imaging/estimate.h"
@@ -90,6 +91,28 @@ TEST(ImagingMemory, WhatTheDeviceTakesIsAskedForBeforehandAndRefusedAsAWhole) {
   EXPECT_EQ(held(*tight, "estimates"), 0U);
   engine.charge_to({plenty, "anna", ""});
   EXPECT_NO_THROW(estimate(engine)) << "less, or elsewhere, is served after a refusal";
+}
+
+// What cannot be searched at all is refused before anything is taken for it, from the sizes alone; nobody's
+// idle engine has given way for it.
+TEST(ImagingMemory, WhatWouldNotFitIsRefusedBeforeAnythingIsTaken) {
+  const auto budget = budget_of(kPlenty, kPlenty);
+  Elastography engine(imaging_device());
+  engine.charge_to({budget, "anna", ""});
+  estimate(engine);
+  const std::uint64_t host = budget->held(Place::kHost), device = budget->held(Place::kDevice);
+  constexpr std::size_t kMostSamples = 16384, kMostLines = 2048;
+  DisplacementOptions options;
+  EXPECT_THROW(
+      DisplacementEstimator::require_fits({kMostSamples, kMostLines, {}}, speckle_geometry(), options),
+      std::invalid_argument);
+  const RfFrame large{kMostSamples, kMostLines, std::vector<float>(kMostSamples * kMostLines)};
+  EXPECT_THROW(engine.estimate(large, large, speckle_geometry(), {}, slab()), std::invalid_argument);
+  EXPECT_EQ(budget->held(Place::kHost), host);
+  EXPECT_EQ(budget->held(Place::kDevice), device) << "what is kept for the next pair is still kept";
+  options.max_strain = 0.02;
+  EXPECT_NO_THROW(
+      DisplacementEstimator::require_fits({kMostSamples, kMostLines, {}}, speckle_geometry(), options));
 }
 
 TEST(ImagingMemory, AnIdleEngineGivesTheDeviceBackAndAnotherTakesItsPlace) {
