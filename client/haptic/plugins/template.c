@@ -28,7 +28,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "client/haptic/teletact_device.h"
+#include "teletact_device.h"
 
 #define FORCE_LIVES_NS 10000000 /* without a new write() */
 #define BOX_PERIOD_NS 500000

@@ -1,0 +1,56 @@
+# What is installed, in three components, and their Debian packages: service, client, and dev (the contract, the
+# C interface of devices with the template, the documents). dev holds sources only: the same from every build.
+include(GNUInstallDirs)
+set(documents ${CMAKE_INSTALL_DATAROOTDIR}/doc)
+
+set(CPACK_COMPONENTS_ALL dev)
+if(TARGET teletact-service)
+  list(APPEND CPACK_COMPONENTS_ALL service)
+  install(TARGETS teletact-service RUNTIME COMPONENT service)
+  install(FILES service/teletact.service DESTINATION lib/systemd/system COMPONENT service)
+endif()
+if(TARGET teletact-client)
+  list(APPEND CPACK_COMPONENTS_ALL client)
+  install(TARGETS teletact-client RUNTIME COMPONENT client)
+endif()
+install(FILES client/haptic/teletact_device.h TYPE INCLUDE COMPONENT dev)
+install(FILES client/haptic/plugins/template.c DESTINATION ${documents}/teletact-dev/examples COMPONENT dev)
+install(DIRECTORY proto/teletact DESTINATION ${CMAKE_INSTALL_DATADIR}/teletact/proto COMPONENT dev FILES_MATCHING PATTERN *.proto)
+install(DIRECTORY docs DESTINATION ${documents}/teletact-dev COMPONENT dev)
+install(FILES README.md DESTINATION ${documents}/teletact-dev COMPONENT dev)
+foreach(component IN LISTS CPACK_COMPONENTS_ALL)
+  install(FILES CHANGELOG.md DESTINATION ${documents}/teletact-${component} COMPONENT ${component})
+  install(FILES LICENSE DESTINATION ${documents}/teletact-${component} RENAME copyright COMPONENT ${component})
+endforeach()
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_VERBATIM_VARIABLES ON)
+set(CPACK_PACKAGE_NAME teletact)
+set(CPACK_PACKAGE_CONTACT "teletact maintainers <maintainers@teletact.invalid>")
+set(CPACK_PACKAGING_INSTALL_PREFIX ${CMAKE_INSTALL_PREFIX})
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)  # teletact-client_0.1.0_amd64.deb
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+
+set(CPACK_DEBIAN_SERVICE_PACKAGE_NAME teletact-service)
+set(CPACK_COMPONENT_SERVICE_DESCRIPTION "touch of tissue from afar: the solver service
+Turns ultrasound RF into stiffness on OpenCL, builds finite-element models,
+and answers how they push back on a fingertip, over gRPC.")
+set(CPACK_DEBIAN_SERVICE_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_SERVICE_PACKAGE_DEPENDS "pocl-opencl-icd | opencl-icd")
+set(CPACK_DEBIAN_SERVICE_PACKAGE_CONTROL_EXTRA
+  ${PROJECT_SOURCE_DIR}/cmake/debian/postinst ${PROJECT_SOURCE_DIR}/cmake/debian/prerm)
+
+set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME teletact-client)
+set(CPACK_COMPONENT_CLIENT_DESCRIPTION "touch of tissue from afar: patient side and operator side
+Acquires ultrasound RF for a teletact service, and lets a haptic device touch
+the tissue that it publishes, at 1 kHz with bounded forces.")
+set(CPACK_DEBIAN_CLIENT_PACKAGE_SHLIBDEPS ON)
+
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME teletact-dev)
+set(CPACK_COMPONENT_DEV_DESCRIPTION "touch of tissue from afar: contract, device interface, documents
+The gRPC contract, the C header of device plugins with a template to start
+from, and teletact's documents.")
+set(CPACK_DEBIAN_DEV_PACKAGE_ARCHITECTURE all)
+include(CPack)
