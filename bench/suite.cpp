@@ -25,8 +25,14 @@ void require_writable(const SuiteOptions& options) {
   std::error_code error;
   if (!options.json.empty()) {
     const fs::path file = fs::absolute(options.json);
+    const bool exists = fs::is_regular_file(file, error);
+    if (exists && !options.force)
+      throw BenchError("--json " + options.json +
+                       ": it exists; choose another file, or write over it with --force");
     fs::create_directories(file.parent_path(), error);
-    if (!std::ofstream(file, std::ios::app))
+    const bool opened = std::ofstream(file, std::ios::app).is_open();
+    if (opened && !exists) fs::remove(file, error);  // a run that fails leaves nothing
+    if (!opened)
       throw BenchError("cannot write --json " + options.json +
                        "; give a file in a folder that you may write to");
   }
@@ -43,6 +49,7 @@ void add_common_options(CLI::App& command, SuiteOptions& options) {
   command.add_option("--json", options.json, "write the figures to this file");
   command.add_option("--out", options.out, "folder for pictures");
   command.add_flag("--quick", options.quick, "short: to see that it works, not to quote");
+  command.add_flag("--force", options.force, "write over a --json that exists");
   command.add_option("--replot", options.replot,
                      "draw the pictures of an earlier --json into --out; measures nothing");
 }

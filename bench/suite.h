@@ -22,6 +22,7 @@ struct SuiteOptions {
   std::string json;  // write the result here
   std::string out;   // folder for pictures
   bool quick = false;
+  bool force = false;  // a result that is there may be written over
   std::string replot;  // JSON of an earlier run: draw its pictures again, measure nothing
 };
 
@@ -34,7 +35,7 @@ struct Target {
   bool met() const { return at_most ? value <= target : value >= target; }  // false for NaN
 };
 
-// Adds --json, --out, --quick and --replot; where they cannot be written, parsing throws BenchError.
+// Adds --json, --out, --quick, --force and --replot; what cannot be written, parsing throws as BenchError.
 void add_common_options(CLI::App& command, SuiteOptions& options);
 
 // Processor, cores, memory, kernel, compiler.

@@ -203,12 +203,17 @@ TEST(BenchInput, AForeignReplotAndUnwritableOutputsAreSaidAtOnce) {
     expect_one_clear_line(test::run({bench, suite, "--out", folder / "file/out"}, folder / "log"),
                           {"--out", "file/out"});
   }
-  // What is there is left alone by the look.
+  // What is there is left alone: without --force, and with it by the look alone.
   write(folder / "kept.json", "kept");
-  test::run({bench, "exploration", "--json", folder / "kept.json", "--out", folder / "file/out"},
+  expect_one_clear_line(test::run({bench, "exploration", "--json", folder / "kept.json"}, folder / "log"),
+                        {"--json", "kept.json", "--force"});
+  test::run({bench, "exploration", "--force", "--json", folder / "kept.json", "--out", folder / "file/out"},
             folder / "log");
   std::ifstream kept(folder / "kept.json");
   EXPECT_EQ(std::string(std::istreambuf_iterator<char>(kept), {}), "kept");
+  test::run({bench, "exploration", "--json", folder / "new.json", "--out", folder / "file/out"},
+            folder / "log");
+  EXPECT_FALSE(std::filesystem::exists(folder / "new.json"));
 }
 
 TEST(TouchInput, WhatCannotBeIsRefusedInWords) {
