@@ -341,6 +341,7 @@ bool run(Arguments arguments) {
       finish(result,
              {{"growth of touch p99", p99_s("imaging") / p99_s("imaging_paused") - 1, kMostP99Growth, "1"},
               {"touch streams ended", result["touch"]["ended"], 0, "1"},
+              {"touches without force", result["touch"]["without_force"], 0, "1"},
               {"windows neither in time nor refused at once", late, 0, "1"},
               {"windows published", published, 1, "1", false},
               {fmt::format("growth of memory over the last {:.0f} min",

@@ -45,7 +45,7 @@ void EstimateCost::Rate::learn(double seconds, double work) {
   s_per_work += kLearned * (seconds / work - s_per_work);
 }
 
-double EstimateCost::expected_s(const EstimateSize& s) const {
+double EstimateCost::expected_s(const EstimateSize& s, Time now) const {
   const std::lock_guard lock(mutex_);
   const auto rate = [&](ModulusKind kind) { return modulus_[static_cast<std::size_t>(kind)].s_per_work; };
   double modulus_s = rate(s.method) * modulus_work(s);
@@ -56,11 +56,14 @@ double EstimateCost::expected_s(const EstimateSize& s) const {
                            std::max(direct_s, s.modulus_time_limit_s));
   }
   const double publishing_s = s.published ? publishing_.s_per_work * publishing_work(s) : 0;
-  return tracking_.s_per_work * tracking_work(s) + modulus_s + publishing_s;
+  const double age_s = std::chrono::duration<double>(now - measured_).count();
+  const double believed = std::max(std::exp2(-std::max(age_s, 0.0) / kHalfLifeS), kLeastShare);
+  return believed * (tracking_.s_per_work * tracking_work(s) + modulus_s + publishing_s);
 }
 
-void EstimateCost::took(const EstimateSize& s, const EstimateSeconds& seconds) {
+void EstimateCost::took(const EstimateSize& s, const EstimateSeconds& seconds, Time now) {
   const std::lock_guard lock(mutex_);
+  measured_ = now;
   tracking_.learn(seconds.tracking, tracking_work(s));
   modulus_[static_cast<std::size_t>(s.method)].learn(seconds.modulus, modulus_work(s));
   if (s.published) publishing_.learn(seconds.publishing, publishing_work(s));

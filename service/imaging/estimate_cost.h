@@ -1,9 +1,12 @@
 // How long an estimate will work, by what the ones before took: seconds per work of each of its parts, where
 // work is what the operations grow with. Good to a factor of two for sizes not seen yet, to some 20 % for
-// those that come again and again. Thread-safe.
+// those that come again and again. What was measured in a busy minute is not believed for ever, or nothing
+// that is refused for it would ever be tried again: the longer nothing was measured, the less is expected.
+// Thread-safe.
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <mutex>
 
@@ -26,9 +29,13 @@ struct EstimateSeconds {
 
 class EstimateCost {
  public:
-  double expected_s(const EstimateSize&) const;
-  // The parts that were done; 0: was not.
-  void took(const EstimateSize&, const EstimateSeconds&);
+  using Time = std::chrono::steady_clock::time_point;
+  static constexpr double kHalfLifeS = 300;   // of what was measured, while nothing is
+  static constexpr double kLeastShare = 0.1;  // of it, that is always expected
+
+  double expected_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
+  // The parts that were done; 0: was not, though it was tried.
+  void took(const EstimateSize&, const EstimateSeconds&, Time now = std::chrono::steady_clock::now());
 
  private:
   struct Rate {
@@ -36,6 +43,7 @@ class EstimateCost {
     void learn(double seconds, double work);
   };
   mutable std::mutex mutex_;
+  Time measured_ = std::chrono::steady_clock::now();
   // Those of a slow core, until something was measured.
   Rate tracking_{6e-7}, publishing_{1e-10};
   std::array<Rate, 3> modulus_{{{1e-9}, {1e-9}, {2e-9}}};  // by ModulusKind

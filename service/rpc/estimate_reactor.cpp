@@ -155,7 +155,7 @@ void EstimateReactor::worked(std::exception_ptr error) {
       const std::lock_guard lock(mutex_);
       worked_ = true;
     }
-    go_on();
+    during([this] { go_on(); });  // nobody above takes what it throws: there may be no room for the answer
   }
   release();
 }
@@ -203,7 +203,7 @@ void EstimateReactor::OnWriteDone(bool ok) {
     writing_since_.reset();
   }
   if (ok)
-    go_on();
+    during([this] { go_on(); });
   else
     end(grpc::Status::CANCELLED);
   release();

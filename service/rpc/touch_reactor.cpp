@@ -105,6 +105,14 @@ void TouchReactor::take_pose(const v1::ContactPose& pose) {
         pose.acknowledged(), written_.load(), acknowledged_.load()));
   const auto position_m = vector_from("pose.position_m", pose.position_m(), false);
   const auto velocity_m_s = vector_from("pose.velocity_m_s", pose.velocity_m_s(), true);
+  // Whoever is silent may be idle; whoever sends poses has had the time to read.
+  if (pose.acknowledged() > acknowledged_)
+    owed_ = arrived;
+  else if (acknowledged_ < written_ && arrived - owed_.load() > seconds(core_.limits.acknowledge_s))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("pose.acknowledged: still {} after {} s, {} answers were sent; acknowledge the "
+                            "newest answer with each pose, or open a new stream",
+                            acknowledged_.load(), core_.limits.acknowledge_s, written_.load()));
   last_sequence_ = pose.sequence();
   heard_ = arrived;
   acknowledged_ = pose.acknowledged();
@@ -172,6 +180,7 @@ void TouchReactor::write_answer(const Pose& pose) {
   steering_to(*answer);
   answer->mutable_answer_stamp()->set_monotonic_ns(monotonic_ns());
   answer->mutable_answer_stamp()->set_instance(core_.instance);
+  if (acknowledged_ == written_) owed_ = Clock::now();
   ++written_;  // before the write: its acknowledgement may be quicker than we are
   write(response_);
 }

@@ -55,6 +55,7 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   // gRPC's reading thread.
   std::uint64_t last_sequence_ = 0;
   std::atomic<Clock::time_point> heard_{Clock::now()};  // since when the next open or pose is waited for
+  std::atomic<Clock::time_point> owed_{};               // since when an answer waits to be acknowledged
 
   // The stream's thread.
   std::unique_ptr<TouchSession> session_;

@@ -171,6 +171,7 @@ void FairWorkers::look_up(Id id, Job& job) {
   dispatch();
   while (running_ != id && !stop_ && !job.cancelled) {
     job.turn.wait_for(lock, std::chrono::milliseconds(100));
+    dispatch();  // nobody else may: there was no thread for whose turn it was
     if (job.deadline <= Clock::now()) break;
   }
   add_waited(std::chrono::duration<double>(Clock::now() - begun).count());

@@ -72,32 +72,39 @@ float cell_modulus_pa(const WindowEstimate& w, Span columns, Span rows, double m
 }
 
 // Fills the zeros of an nx x ny patch: each pass gives every empty cell next to known ones the mean of their
-// log E, so that passes grow outwards by one cell.
+// log E, so that passes grow outwards by one cell. Only cells at the border of what is known are looked at.
 void extend_in_log(std::vector<float>& modulus_pa, std::size_t nx, std::size_t ny) {
-  std::vector<std::size_t> empty;
+  const auto at_neighbours = [nx, ny](std::size_t n, const auto& each) {
+    const std::size_t i = n % nx, j = n / nx;
+    if (i > 0) each(n - 1);
+    if (i + 1 < nx) each(n + 1);
+    if (j > 0) each(n - nx);
+    if (j + 1 < ny) each(n + nx);
+  };
+  std::vector<std::uint8_t> reached(modulus_pa.size());  // known, or at the border of this pass
+  for (std::size_t n = 0; n < modulus_pa.size(); ++n) reached[n] = modulus_pa[n] != 0;
+  std::vector<std::size_t> last, border;
   for (std::size_t n = 0; n < modulus_pa.size(); ++n)
-    if (modulus_pa[n] == 0) empty.push_back(n);
-  while (!empty.empty()) {
-    std::vector<std::pair<std::size_t, float>> grown;
-    std::vector<std::size_t> left;
-    for (const std::size_t n : empty) {
-      const std::size_t i = n % nx, j = n / nx;
+    if (modulus_pa[n] != 0) last.push_back(n);
+  if (last.empty()) throw std::logic_error("extend_in_log: no known cell to extend from");
+  for (; !last.empty(); last.swap(border)) {
+    border.clear();
+    for (const std::size_t n : last)
+      at_neighbours(n, [&](std::size_t neighbour) {
+        if (!std::exchange(reached[neighbour], std::uint8_t{1})) border.push_back(neighbour);
+      });
+    std::vector<float> grown;
+    for (const std::size_t n : border) {
       double log_sum = 0;
       int known = 0;
-      const auto look = [&](bool inside, std::size_t neighbour) {
-        if (!inside || modulus_pa[neighbour] == 0) return;
+      at_neighbours(n, [&](std::size_t neighbour) {
+        if (modulus_pa[neighbour] == 0) return;
         log_sum += std::log(static_cast<double>(modulus_pa[neighbour]));
         ++known;
-      };
-      look(i > 0, n - 1), look(i + 1 < nx, n + 1), look(j > 0, n - nx), look(j + 1 < ny, n + nx);
-      if (known > 0)
-        grown.emplace_back(n, static_cast<float>(std::exp(log_sum / known)));
-      else
-        left.push_back(n);
+      });
+      grown.push_back(static_cast<float>(std::exp(log_sum / known)));
     }
-    if (grown.empty()) throw std::logic_error("extend_in_log: no known cell to extend from");
-    for (const auto& [n, value] : grown) modulus_pa[n] = value;
-    empty.swap(left);
+    for (std::size_t k = 0; k < border.size(); ++k) modulus_pa[border[k]] = grown[k];
   }
 }
 
