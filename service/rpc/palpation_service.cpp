@@ -20,7 +20,6 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
     // Building a model is imaging work: on its threads, below touch.
     JobTerms terms;
     terms.client = client_of(*context);
-    terms.deadline = deadline_of(*context);
     // The request, and what was read from it.
     call->hold(core_.account(terms.client).charge(Place::kHost, "uploads", 2 * request->ByteSizeLong()));
     core_.scenes.worker().post(

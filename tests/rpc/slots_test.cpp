@@ -187,7 +187,32 @@ TEST_F(Slots, AnswersThatAreNotTakenHoldNoThreadAndAreCut) {
   EXPECT_GE(refused, 1U);
 }
 
-TEST_F(Slots, PosesAreReadNoFasterThanTwiceTheTouchRate) {
+// Silence may be idleness; poses that never acknowledge are a peer that does not read.
+TEST_F(Slots, PosesThatNeverAcknowledgeAnAnswerEndTheTouch) {
+  Toucher touch(channel, "s");
+  ASSERT_TRUE(touch.opened());
+  touch.stop_acknowledging();
+  while (touch.send(0.05, 0.002)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  std::size_t answers = 0;
+  expect_refused(touch.finish(&answers), grpc::StatusCode::DEADLINE_EXCEEDED, "pose.acknowledged");
+  EXPECT_EQ(answers, 1U);  // the credit
+}
+
+// GIVEN a finger that rests for longer than acknowledging may take, WHEN it goes on THEN nothing was lost.
+TEST_F(Slots, ATouchThatRestsWithItsLastAnswerUnacknowledgedGoesOn) {
+  Toucher touch(channel, "s");
+  ASSERT_TRUE(touch.opened());
+  v1::TouchAnswer answer;
+  for (int k = 0; k < 3; ++k) {
+    ASSERT_TRUE(touch.touch(0.05, 0.002, &answer));
+    std::this_thread::sleep_for(std::chrono::milliseconds(700));
+  }
+  EXPECT_TRUE(touch.finish().ok());
+}
+
+class Floods : public OnOneServer {};
+
+TEST_F(Floods, PosesAreReadNoFasterThanTwiceTheTouchRate) {
   constexpr int kPoses = 6000;
   Toucher flood(channel, "s");
   ASSERT_TRUE(flood.opened());
