@@ -3,6 +3,7 @@
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 #include <toml++/toml.h>
 
 #include <CLI/CLI.hpp>
@@ -118,6 +119,15 @@ void bound_the_heap() {
   mallopt(M_ARENA_MAX, kHeaps);
 }
 
+// As many connections as the system lets this process have: a thousand sockets that do nothing keep nobody
+// out.
+void raise_open_files() {
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+  files.rlim_cur = files.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &files);
+}
+
 // Blocked before there is any thread, so that all inherit it and only those who wait for them take them.
 sigset_t block_stop_signals() {
   sigset_t signals;
@@ -165,6 +175,7 @@ void end_in_time(double drain_s) {
 void serve(const CLI::App& command, ServeOptions options) {
   const auto begun = std::chrono::steady_clock::now();
   bound_the_heap();
+  raise_open_files();
   read_config(command, options);
   start_logging(options.log_level);
   std::signal(SIGPIPE, SIG_IGN);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <unistd.h>
+#include <fstream>
 
 #include <algorithm>
 #include <cmath>
@@ -132,8 +133,14 @@ Limits resolved(Limits limits, std::uint64_t host_bytes, std::uint64_t device_by
 }
 
 std::uint64_t host_memory_bytes() {
-  const long pages = sysconf(_SC_PHYS_PAGES), bytes = sysconf(_SC_PAGESIZE);
-  return pages > 0 && bytes > 0 ? static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(bytes) : 0;
+  const long pages = sysconf(_SC_PHYS_PAGES), page_bytes = sysconf(_SC_PAGESIZE);
+  if (pages <= 0 || page_bytes <= 0) return 0;
+  std::uint64_t bytes = static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(page_bytes);
+  // A container may have less (cgroup v2; "max" is no number).
+  std::uint64_t of_container = 0;
+  if (std::ifstream("/sys/fs/cgroup/memory.max") >> of_container && of_container > 0)
+    bytes = std::min(bytes, of_container);
+  return bytes;
 }
 
 }  // namespace teletact::service

@@ -34,7 +34,9 @@ class FairQueue {
   static constexpr double kSliceS = 0.05;
   static constexpr std::size_t kMostWaiting = 64;           // of all clients, owed ones aside
   static constexpr std::size_t kMostWaitingPerClient = 16;  // of one
-  static constexpr std::size_t kMostBegun = 8;              // each holds its memory; owed ones aside
+  // Each holds its memory; owed ones aside. More than there are places for estimates: a new scene never waits
+  // for the end of a long one.
+  static constexpr std::size_t kMostBegun = 16;
   // A client that was served so lately may come back at any moment: promises count on it.
   static constexpr std::chrono::seconds kLately{2};
 

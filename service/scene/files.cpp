@@ -46,7 +46,9 @@ class MachineFiles final : public Files {
  public:
   bool exists(const Path& path) override {
     std::error_code error;
-    return fs::exists(path, error);
+    const bool found = fs::exists(path, error);
+    if (error) throw FileError("look for", path, error.value());
+    return found;
   }
   std::vector<std::string> list(const Path& folder) override {
     std::vector<std::string> names;

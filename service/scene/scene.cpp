@@ -1,6 +1,7 @@
 #include "service/scene/scene.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -221,7 +222,11 @@ std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double b
   StripOptions strip = strip_;
   strip.interior_lines = !lines.empty() && *lines.rbegin() > 0;
   auto model = build_strip(geometry_, map, begin_m, end_m, strip, before);
-  for (const std::size_t line : lines) model->condensed(line, before);
+  for (const std::size_t line : lines) try {
+      model->condensed(line, before);
+    } catch (const MemoryRefused& refused) {  // who touches it finds it unprepared; others have their window
+      spdlog::warn("event=line_not_prepared line={} error=\"{}\"", line, refused.what());
+    }
   return model;
 }
 

@@ -80,7 +80,8 @@ Scenes::~Scenes() {
 }
 
 void Scenes::restore() {
-  for (const SceneRecord& record : state_.load()) try {
+  const auto left = [this](const std::string& id, const char* why) { leave_on_disk(id, why); };
+  for (const SceneRecord& record : state_.load(left)) try {
       state_.versions()->used(record.version);
       add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id}));
       spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,

@@ -29,7 +29,7 @@ class StateKeeper {
 
   const std::shared_ptr<VersionCounter>& versions() const { return versions_; }
   // What was kept, for the start.
-  std::vector<SceneRecord> load();
+  std::vector<SceneRecord> load(const std::function<void(const std::string& id, const char* why)>& left);
   void set_aside(const std::string& id, const std::string& why);
 
   // Writes a new scene. `done` is called on the keeper's thread, or at once where nothing is kept: with

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
+#include <cerrno>
+#include <new>
 
 #include <ctime>
 #include <nlohmann/json.hpp>
@@ -112,7 +114,8 @@ void StateStore::save(const SceneRecord& record) {
   }
 }
 
-std::vector<SceneRecord> StateStore::load() {
+std::vector<SceneRecord> StateStore::load(
+    const std::function<void(const std::string& id, const char* why)>& left) {
   std::vector<SceneRecord> records;
   for (const std::string& id : files_->list(scenes_)) try {
       const fs::path folder = scenes_ / id;
@@ -123,6 +126,13 @@ std::vector<SceneRecord> StateStore::load() {
         records.pop_back();
         throw std::runtime_error("scene_id is not the folder's name");
       }
+    } catch (const FileError& e) {
+      if (e.number == ENOENT || !left)  // half-made
+        set_aside(id, e.what());
+      else
+        left(id, e.what());
+    } catch (const std::bad_alloc& e) {
+      if (left) left(id, e.what());
     } catch (const std::exception& e) {
       set_aside(id, e.what());
     }

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -27,7 +28,8 @@ class StateStore {
   explicit StateStore(const std::filesystem::path& directory, const Limits& = {},
                       std::shared_ptr<Files> = machine_files());
 
-  std::vector<SceneRecord> load();
+  // What cannot be read now, though nothing may be wrong with it, stays where it is: `left` is told.
+  std::vector<SceneRecord> load(const std::function<void(const std::string& id, const char* why)>& left = {});
   // The next three throw FileError.
   void save(const SceneRecord&);
   void remove(const std::string& id);

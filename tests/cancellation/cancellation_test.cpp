@@ -182,6 +182,7 @@ void Cancellation::round(Service& steady) {
   steady.expect_calls(0, "all");
   steady.sweep();
   EXPECT_EQ(steady.scenes().size(), Service::kScenes);
+  steady.expect_bytes_of_calls_returned();
 }
 
 void Cancellation::rounds(std::size_t calls) {

@@ -50,6 +50,20 @@ class Service {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     EXPECT_EQ(calls().count(), expected) << "slots held after " << when;
   }
+  // What calls hold while they are served, given back in time; scenes, lines and engines may stay.
+  void expect_bytes_of_calls_returned() {
+    const auto held = [this] {
+      std::string held;
+      for (const auto& use : server_->core().memory->uses())
+        for (const char* kind : {"uploads", "estimates", "estimating", "answers", "condensing", "solving"})
+          if (use.kind == kind && use.bytes > 0) held += use.kind + " " + std::to_string(use.bytes) + " B ";
+      return held;
+    };
+    const auto end = Later::Clock::now() + std::chrono::seconds(30);
+    while (!held().empty() && Later::Clock::now() < end)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    EXPECT_EQ(held(), "");
+  }
 
  private:
   service::RunningServer server_;

@@ -19,7 +19,7 @@ namespace teletact::service {
 
 struct PowerFailed {};  // no std::exception: nobody goes on after it
 
-class LosingDisk final : public Files {
+class LosingDisk : public Files {
  public:
   enum class Unsynced { kLost, kKept, kByChance };
 

@@ -262,6 +262,32 @@ TEST(KeepingState, ASceneThatDoesNotFitIntoMemoryAtTheStartIsNotWrittenOver) {
   EXPECT_EQ(again.list()[0]->explicit_modulus()->youngs_modulus_pa.size(), 4000U);
 }
 
+// One that cannot be read for a while.
+class UnreadableDisk final : public LosingDisk {
+ public:
+  std::string read(const Path& path) override {
+    if (unreadable && path.filename() == "scene.json") throw FileError("read", path, EIO);
+    return LosingDisk::read(path);
+  }
+  bool unreadable = false;
+};
+
+TEST(KeepingState, ASceneThatCannotBeReadNowStaysWhereItIs) {
+  const auto disk = std::make_shared<UnreadableDisk>();
+  Scenes(kState, {}, disk).create("a", tissue(0.1, 0.03), std::nullopt);
+  disk->unreadable = true;
+  {
+    Scenes blind(kState, {}, disk);
+    blind.restore();
+    EXPECT_TRUE(blind.list().empty());
+    EXPECT_THROW(blind.create("a", tissue(0.1, 0.03), std::nullopt), Error) << "written over";
+  }
+  disk->unreadable = false;
+  Scenes again(kState, {}, disk);
+  again.restore();
+  EXPECT_EQ(again.list().size(), 1U);
+}
+
 // Which threads the disk was touched on.
 class WatchedDisk final : public Files {
  public:
