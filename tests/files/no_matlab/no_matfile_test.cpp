@@ -1,0 +1,23 @@
+// A client without matio.
+#include <gtest/gtest.h>
+
+#include "client/files/matfile.h"
+
+namespace teletact::client {
+namespace {
+
+TEST(NoMatfile, AFileIsRefusedByNameWithTheRemedy) {
+  try {
+    read_mat("rf.mat", "rf", AxialAxis::kRows);
+    FAIL() << "it was read";
+  } catch (const FileError& error) {
+    const std::string said = error.what();
+    EXPECT_EQ(error.path, "rf.mat");
+    EXPECT_NE(said.find("rf.mat"), std::string::npos) << said;
+    EXPECT_NE(said.find(".mha"), std::string::npos) << said;
+    EXPECT_NE(said.find("TELETACT_MATLAB"), std::string::npos) << said;
+  }
+}
+
+}  // namespace
+}  // namespace teletact::client
