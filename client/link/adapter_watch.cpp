@@ -8,14 +8,15 @@
 namespace teletact::client {
 
 std::string AdapterWatch::line(HapticDevice& device, std::uint64_t ticks, double now_s) {
-  const double still_s = ticks_.still_s(ticks, now_s);
-  if (!stuck_ && still_s >= TickWatch::kStuckS) {
+  if (ticks != ticks_ || ticks == 0) ticked_s_ = now_s;
+  ticks_ = ticks;
+  if (!stuck_ && now_s - ticked_s_ >= kStuckS) {
     stuck_ = true;
     device.let_go();
     return fmt::format(
         "the servo has made no tick for {:.1f} s: the device's adapter does not return from a "
         "call, and has been told to let go",
-        still_s);
+        now_s - ticked_s_);
   }
   longest_s_ = std::max(longest_s_, device.longest_call_s());
   if (longest_s_ < kSlowS || now_s < next_s_) return "";
