@@ -1,8 +1,12 @@
-// Velocity of a device that states none, from its positions as they come: over the time from one change to
-// the next, so that neither a slow sampling nor the steps of an encoder make it jump. A device that rests
-// longer than that slows down to nothing.
+// Velocity of a device that states none, from its positions as they come: from change to change, so that a
+// slow sampling does not make it jump, and over kWindowS at least, so that neither a tick that comes late or
+// early nor a step of an encoder does. It never says more than the way of a window in that time. A device
+// that rests longer than from one change to the next slows down to nothing.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "client/render/renderer.h"
@@ -11,6 +15,8 @@ namespace teletact::client {
 
 class DerivedVelocity {
  public:
+  static constexpr double kWindowS = 0.004;
+
   void restart() noexcept { *this = DerivedVelocity(); }
   // A position that is no number has no velocity, and is no beginning for the next.
   Vector2 at(const Vector2& position_m, std::int64_t now_ns) noexcept {
@@ -18,26 +24,40 @@ class DerivedVelocity {
       restart();
       return Vector2::Zero();
     }
-    const double since_s = 1e-9 * static_cast<double>(now_ns - changed_ns_);
-    if (!known_) {
-      known_ = true;
-      changed_ns_ = now_ns;
-    } else if (position_m != position_m_ && since_s > 0) {
-      velocity_m_s_ = (position_m - position_m_) / since_s;
-      step_s_ = since_s;
-      changed_ns_ = now_ns;
-    } else {
-      return since_s > step_s_ ? Vector2(velocity_m_s_ * (step_s_ / since_s)) : velocity_m_s_;
+    if (known_ == 0) {
+      keep({position_m, now_ns});
+      return Vector2::Zero();
     }
-    position_m_ = position_m;
+    const double since_s = seconds(now_ns, changes_[0]);
+    if (position_m == changes_[0].position_m || !(since_s > 0))
+      return since_s > gap_s_ ? Vector2(velocity_m_s_ * (gap_s_ / since_s)) : velocity_m_s_;
+    // Back to the newest change that is a window old.
+    std::size_t from = 0;
+    while (from + 1 < known_ && seconds(now_ns, changes_[from]) < kWindowS) ++from;
+    const double span_s = std::max(seconds(now_ns, changes_[from]), kWindowS);
+    velocity_m_s_ = (position_m - changes_[from].position_m) / span_s;
+    gap_s_ = span_s / static_cast<double>(from + 1);
+    keep({position_m, now_ns});
     return velocity_m_s_;
   }
 
  private:
-  bool known_ = false;
-  Vector2 position_m_ = Vector2::Zero();  // since the last change
-  std::int64_t changed_ns_ = 0;
-  double step_s_ = 0;  // the last change took
+  struct Change {
+    Vector2 position_m = Vector2::Zero();
+    std::int64_t time_ns = 0;
+  };
+  static double seconds(std::int64_t now_ns, const Change& since) noexcept {
+    return 1e-9 * static_cast<double>(now_ns - since.time_ns);
+  }
+  void keep(const Change& change) noexcept {
+    std::move_backward(changes_.begin(), changes_.end() - 1, changes_.end());
+    changes_[0] = change;
+    known_ = std::min(known_ + 1, changes_.size());
+  }
+
+  std::array<Change, 16> changes_;  // newest first: a window of them, read up to 4 times a millisecond
+  std::size_t known_ = 0;
+  double gap_s_ = 0;  // between changes, in the window
   Vector2 velocity_m_s_ = Vector2::Zero();
 };
 

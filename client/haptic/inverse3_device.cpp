@@ -174,6 +174,7 @@ void Inverse3Device::exchange(Connection& connection) {
   Force force;
   std::string device_id;
   bool sent_early = false;  // zero, before the state came: this turn's force
+  bool stands = false;      // somewhere: (0, 0, 0) before any other is what is there before the device speaks
   const auto send = [&](const Vector2& force_n, bool first) {
     connection.write(inverse3_command(device_id, to_device(force_n), first));
   };
@@ -195,17 +196,22 @@ void Inverse3Device::exchange(Connection& connection) {
   for (bool first = true; true; first = false) {
     const Inverse3State received = read();
     device_id = received.device_id;
-    states_.put({to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, now_ns()});
-    if (first) {
+    if (!stands && !received.position_m.isZero(0)) {
+      stands = true;
       const std::lock_guard lock(mutex_);
       heard_ = true;
       changed_.notify_all();
     }
+    if (stands)
+      states_.put(
+          {to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, now_ns()});
+    else
+      tell("it states no position yet; calibrate it");
     due = std::max(due + kExchange, std::chrono::steady_clock::now());
     std::this_thread::sleep_until(due);
     forces_.take(force);
     const bool stopping = stop_;
-    const bool lives = !first && !stopping && !let_go_ &&
+    const bool lives = !first && !stopping && !let_go_ && stands &&
                        static_cast<double>(now_ns() - force.written_ns) < kForceLivesS * 1e9;
     if (!sent_early) send(lives ? force.force_n : Vector2(Vector2::Zero()), first);
     if (stopping) break;

@@ -3,7 +3,8 @@
 // The connection lives on a thread of its own: the newest state comes to the servo and the newest force goes
 // from it through slots of one, so that read() and write() neither wait nor allocate. When the servo stops
 // writing for kForceLivesS, or the Inverse Service says nothing for kSilentS, the thread sends zero; when the
-// connection is lost read() says so after kStaleS, and the thread connects again and sends zero first.
+// connection is lost read() says so after kStaleS, and the thread connects again and sends zero first. A
+// connection whose positions have all been (0, 0, 0) states none.
 //
 // Scene x is the device's x (right); scene y, into the tissue, is its z downwards; its y (forward) is free.
 #pragma once
@@ -23,7 +24,7 @@ namespace teletact::client {
 struct Inverse3Options {
   std::string url = "ws://localhost:10001";
   Vector2 start_m = Vector2::Zero();  // where in the scene the device stands at first
-  double open_wait_s = 3;             // for the service's first message
+  double open_wait_s = 3;             // for the first position
 };
 
 class Inverse3Device final : public HapticDevice {

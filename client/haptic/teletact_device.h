@@ -69,7 +69,8 @@ typedef struct teletact_device_plugin {
    * device holds it until the next call, and lets go when none came for 10 ms. */
   int (*write)(void* device, const double force_n[3]);
 
-  /* Takes the force away and closes. */
+  /* Takes the force away and closes. Not called when a read or a write has not returned for 2 s: the client
+   * then ends without it. */
   void (*close)(void* device);
 
   /* May be NULL. Takes the force away at once and for good: no write() comes after it. Called while the

@@ -8,15 +8,14 @@
 namespace teletact::client {
 
 std::string AdapterWatch::line(HapticDevice& device, std::uint64_t ticks, double now_s) {
-  if (ticks != ticks_ || ticks == 0) ticked_s_ = now_s;
-  ticks_ = ticks;
-  if (!stuck_ && now_s - ticked_s_ >= kStuckS) {
+  const double still_s = ticks_.still_s(ticks, now_s);
+  if (!stuck_ && still_s >= TickWatch::kStuckS) {
     stuck_ = true;
     device.let_go();
     return fmt::format(
         "the servo has made no tick for {:.1f} s: the device's adapter does not return from a "
         "call, and has been told to let go",
-        now_s - ticked_s_);
+        still_s);
   }
   longest_s_ = std::max(longest_s_, device.longest_call_s());
   if (longest_s_ < kSlowS || now_s < next_s_) return "";

@@ -6,24 +6,23 @@
 #include <string>
 
 #include "client/haptic/haptic_device.h"
+#include "client/servo/tick_watch.h"
 
 namespace teletact::client {
 
 class AdapterWatch {
  public:
   static constexpr double kSlowS = 0.005;  // a tick has 1 ms
-  static constexpr double kStuckS = 1;     // without a tick
   static constexpr double kEveryS = 5;     // from line to line
 
-  // The line that is due at `now_s` (any clock that only goes forward), `ticks` ticks of the servo later;
-  // mostly empty.
+  // The line that is due at `now_s` (any clock that only goes forward), `ticks` ticks after the servo's loop
+  // began; mostly empty.
   std::string line(HapticDevice& device, std::uint64_t ticks, double now_s);
   // The device has let go: the session is over.
   bool stuck() const noexcept { return stuck_; }
 
  private:
-  std::uint64_t ticks_ = 0;
-  double ticked_s_ = 0;
+  TickWatch ticks_;
   double longest_s_ = 0, next_s_ = 0;
   bool stuck_ = false;
 };

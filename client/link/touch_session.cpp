@@ -245,7 +245,7 @@ TouchSummary run_touch_session(const TouchSessionOptions& options, const std::at
     summary.real_time = granted.value_or(RealTime());
     obey_keys(options, *servo, link);
     const double now_s = 1e-9 * static_cast<double>(clock.now_ns());
-    const std::string slow = adapter.line(*device, servo->ticks(), now_s);
+    const std::string slow = servo_thread.looping() ? adapter.line(*device, servo->ticks(), now_s) : "";
     if (!slow.empty()) spdlog::warn("{}", slow);
     const bool has_keys = static_cast<bool>(options.key);
     const std::string line =

@@ -58,7 +58,8 @@ struct TouchSummary {
 // Runs until passes or duration are reached, a replayed motion is over, `stop` is set, or the link gives up.
 // Throws std::runtime_error or std::invalid_argument with one line for the user: no service, unknown scene,
 // nothing touchable, unknown device, profile or renderer, unwritable recording. Whatever is thrown, the force
-// has been slewed to zero and the device closed by then.
+// has been slewed to zero and the device closed by then. An adapter that does not return from a call ends the
+// process (servo_thread.h).
 TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace teletact::client

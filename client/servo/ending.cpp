@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 #include <mutex>
+#include <string_view>
 
 namespace teletact::client {
 namespace {
@@ -49,7 +50,8 @@ void end_by(int signal, const siginfo_t* info) noexcept {
   if (!caused_here) raise(signal);
 }
 
-void end_at_once(int signal, siginfo_t* info, void*) {
+// What every end that is not an orderly one does first. By one thread, to which no handler comes.
+void end_without_force() noexcept {
   if (ending.exchange(true))
     while (true) pause();  // another thread is at it
   do_last_acts();
@@ -57,6 +59,10 @@ void end_at_once(int signal, siginfo_t* info, void*) {
   const timespec both_sides{0, 10'000'000};
   nanosleep(&both_sides, nullptr);
   do_last_acts();
+}
+
+void end_at_once(int signal, siginfo_t* info, void*) {
+  end_without_force();
   end_by(signal, info);
 }
 
@@ -92,6 +98,15 @@ const std::atomic<bool>& end_in_order() {
   static std::once_flag once;
   std::call_once(once, install);
   return asked;
+}
+
+void end_now(int code, std::string_view why) noexcept {
+  sigset_t all;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, nullptr);
+  end_without_force();
+  (void)!write(STDERR_FILENO, why.data(), why.size());
+  _exit(code);
 }
 
 LastAct::LastAct(Act act, void* of) {

@@ -1,6 +1,10 @@
 #include "client/servo/servo_thread.h"
 
+#include <chrono>
 #include <utility>
+
+#include "client/servo/ending.h"
+#include "client/servo/tick_watch.h"
 
 namespace teletact::client {
 
@@ -8,13 +12,26 @@ ServoThread::ServoThread(ServoLoop& servo, Options options)
     : servo_(servo), options_(std::move(options)), thread_([this] { run(); }) {}
 
 ServoThread::~ServoThread() {
+  join();
+}
+
+void ServoThread::join() noexcept {
   stop_ = true;
+  MonotonicClock clock;
+  TickWatch watch;
+  while (!over()) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    const double now_s = 1e-9 * static_cast<double>(clock.now_ns());
+    if (looping() && watch.still_s(servo_.ticks(), now_s) >= TickWatch::kStuckS)
+      end_now(kStuckCode,
+              "teletact-client: the device's adapter did not return from a call: it has been told to let go, "
+              "and this process ends without it\n");
+  }
   if (thread_.joinable()) thread_.join();
 }
 
 void ServoThread::stop() {
-  stop_ = true;
-  if (thread_.joinable()) thread_.join();
+  join();
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
 }
 
@@ -31,7 +48,9 @@ void ServoThread::run() noexcept {
       asked_.store(true, std::memory_order_release);
     }
     options_.begins();
+    looping_.store(true, std::memory_order_release);
     servo_.run(stop_);
+    looping_.store(false, std::memory_order_release);
     options_.ended();
   } catch (...) {
     error_ = std::current_exception();

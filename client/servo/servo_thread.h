@@ -1,5 +1,6 @@
 // The servo loop on its own thread for as long as this object lives: whatever ends its scope, an exception
-// included, takes the force down by the slew limit before anything that the loop borrows is gone.
+// included, takes the force down by the slew limit before anything that the loop borrows is gone. A loop that
+// waits for ever in its device's adapter cannot be joined, nor what it borrows be given up: the process ends.
 #pragma once
 
 #include <atomic>
@@ -16,6 +17,8 @@ namespace teletact::client {
 
 class ServoThread {
  public:
+  static constexpr int kStuckCode = 3;  // of a process that ends because its adapter does not return
+
   struct Options {
     bool real_time = true;  // ask for SCHED_FIFO and locked memory
     // Called on the thread around the loop, by those who measure it.
@@ -29,8 +32,11 @@ class ServoThread {
   ServoThread(const ServoThread&) = delete;
   ServoThread& operator=(const ServoThread&) = delete;
 
-  // Slews the force to zero and joins; then throws what `begins` or `ended` threw.
+  // Slews the force to zero and joins; then throws what `begins` or `ended` threw. When the loop makes no
+  // tick for TickWatch::kStuckS meanwhile, the process ends by end_now().
   void stop();
+  // The loop is to be ticking by now: `begins` is done.
+  bool looping() const noexcept { return looping_.load(std::memory_order_acquire); }
   // The loop is over, by stop() or because `begins` threw.
   bool over() const noexcept { return over_.load(std::memory_order_acquire); }
   // What was granted; absent before it is known, or when it was not asked for.
@@ -38,12 +44,14 @@ class ServoThread {
 
  private:
   void run() noexcept;
+  void join() noexcept;
 
   ServoLoop& servo_;
   Options options_;
   RealTime granted_;
   std::atomic<bool> asked_{false};
   std::atomic<bool> stop_{false};
+  std::atomic<bool> looping_{false};
   std::atomic<bool> over_{false};
   std::exception_ptr error_;
   std::thread thread_;

@@ -4,6 +4,8 @@
 
 #include <chrono>
 #include <functional>
+#include <memory>
+#include <thread>
 
 #include "client/haptic/inverse3_protocol.h"
 #include "tests/haptic/inverse3_service.h"
@@ -172,6 +174,43 @@ TEST(Inverse3Device, ALostServiceIsALostDeviceAndIsFoundAgain) {
   service->garbage = false;
   EXPECT_TRUE(within(3, [&] { return device.read(0, reading); }));
   EXPECT_GE(service->connections, 3u);
+}
+
+// GIVEN a service that has not heard of its device yet WHEN it has THEN the session begins there, and also on
+// a later connection the finger never was where it was not.
+TEST(Inverse3Device, HasNoPositionBeforeItsDeviceSpeaks) {
+  auto service = std::make_unique<Inverse3Service>(0, Eigen::Vector3d::Zero());
+  const int port = service->port;
+  Inverse3Options options = options_for(*service);
+  options.open_wait_s = 0.3;
+  EXPECT_NE(complaint(options).find("it states no position yet"), std::string::npos) << complaint(options);
+  options.open_wait_s = 30;
+  const Eigen::Vector3d stands_m(0.01, -0.12, 0.15);
+  const unsigned before = service->messages;
+  std::thread speaks([&] {
+    within(30, [&] { return service->messages > before + 20; });
+    service->put_cursor(stands_m, {0, 0, 0});
+  });
+  Inverse3Device device(options);
+  device.open();
+  DeviceReading reading;
+  speaks.join();
+  const unsigned spoken = service->messages;
+  EXPECT_TRUE(within(30, [&] { return service->messages > spoken + 20; }));
+  ASSERT_TRUE(device.read(0, reading));
+  EXPECT_EQ(reading.pose.position_m, Vector2(0.04, -0.005));
+  service.reset();
+  EXPECT_TRUE(within(30, [&] { return !device.read(0, reading); }));
+  service = std::make_unique<Inverse3Service>(port, Eigen::Vector3d::Zero());
+  EXPECT_TRUE(within(30, [&] {
+    EXPECT_TRUE(device.write({0, -2}));
+    EXPECT_FALSE(device.read(0, reading));
+    return service->messages > 50;
+  }));
+  EXPECT_EQ(service->force_n().norm(), 0);
+  service->put_cursor(stands_m, {0, 0, 0});
+  EXPECT_TRUE(within(30, [&] { return device.read(0, reading); }));
+  EXPECT_EQ(reading.pose.position_m, Vector2(0.04, -0.005));
 }
 
 TEST(Inverse3Device, SaysWhatIsWrong) {

@@ -19,8 +19,9 @@ namespace teletact::client::test {
 
 class Inverse3Service {
  public:
-  // Port 0: one that is free.
-  explicit Inverse3Service(int port = 0) : acceptor_(context_) {
+  // Port 0: one that is free. The cursor at (0, 0, 0): its device has not spoken yet.
+  explicit Inverse3Service(int port = 0, const Eigen::Vector3d& cursor_m = {0.01, -0.12, 0.15})
+      : acceptor_(context_), position_m_(cursor_m) {
     const boost::asio::ip::tcp::endpoint endpoint(boost::asio::ip::address_v4::loopback(),
                                                   static_cast<unsigned short>(port));
     acceptor_.open(endpoint.protocol());
@@ -149,7 +150,7 @@ class Inverse3Service {
   boost::asio::ip::tcp::acceptor acceptor_;
   std::mutex mutex_;
   Socket* socket_ = nullptr;
-  Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero(), velocity_m_s_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d position_m_, velocity_m_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();
   nlohmann::json first_command_;
   bool first_of_connection_ = true;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "client/servo/servo_thread.h"
 #include "tests/integration/process.h"
 #include "tests/link/fake_palpation.h"
 
@@ -153,6 +154,33 @@ TEST_F(Ending, AClosedTerminalEndsATouchInOrder) {
   EXPECT_NE(process.output().find("touched scene s"), std::string::npos) << process.output();
   EXPECT_EQ(box.page().closed, 1);
   EXPECT_EQ(box.force_n(), 0);
+}
+
+// GIVEN an adapter that does not return from its first read, or from a later one WHEN nobody does anything,
+// or asks for an end once THEN the process lets go, says why and ends.
+TEST_F(Ending, AnAdapterThatDoesNotReturnKeepsNobody) {
+  client::test::FakePalpation service("unix:" + (folder / "s"));
+  service.serve();
+  const std::string adapter =
+      "plugin:" + test::required_environment("TELETACT_BINARY_DIR") + "/tests/plugin_blocks.so,";
+  const auto touch = [&](const std::string& read) -> std::vector<std::string> {
+    return {test::client_binary(), "touch", "--service", "unix:" + (folder / "s"), "--scene", "s", "--device",
+            adapter + read};
+  };
+  std::vector<std::string> experiment = command();
+  experiment[4] = adapter + "300";
+  int runs = 0;
+  const auto ends = [&](const std::vector<std::string>& blocked, bool interrupted) {
+    test::Process process(blocked, folder / ("log" + std::to_string(++runs)), {}, {typed.read_end()});
+    ASSERT_TRUE(process.says("blocked\n", 60)) << process.output();
+    if (interrupted) process.kill(SIGINT);
+    EXPECT_EQ(process.wait(30), client::ServoThread::kStuckCode) << process.output();
+    for (const char* said : {"the device's adapter did not return from a call", "let go\n"})
+      EXPECT_NE(process.output().find(said), std::string::npos) << process.output();
+  };
+  for (const char* read : {"1", "300"})
+    for (const bool interrupted : {false, true}) ends(touch(read), interrupted);
+  ends(experiment, true);
 }
 
 // A terminal of its own for a process.

@@ -68,6 +68,15 @@ TEST(Ending, ACrashActsBeforeItEndsTheProcess) {
   }
 }
 
+TEST(Ending, NowActsAndEndsWithACodeWhateverSignalsCome) {
+  const End end = end_of([](const auto&) {
+    raise(SIGINT);
+    end_now(7, "");
+  });
+  EXPECT_EQ(end.acts, "aa");
+  EXPECT_TRUE(WIFEXITED(end.status) && WEXITSTATUS(end.status) == 7) << end.status;
+}
+
 TEST(Ending, WhatWouldStopOrEndForNothingIsIgnored) {
   const End end = end_of([](const auto& asked) {
     for (const int signal : {SIGPIPE, SIGXFSZ, SIGTSTP, SIGTTIN, SIGTTOU}) raise(signal);

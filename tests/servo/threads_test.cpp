@@ -175,6 +175,39 @@ TEST(ServoThreads, AnExceptionTakesTheForceDownInOrder) {
   EXPECT_LE(largest_rise_n, options.chain.limits.largest_slew_n_s * options.chain.longest_dt_s * (1 + 1e-9));
 }
 
+// GIVEN an adapter that does not return, from its first call on or later WHEN the thread is stopped, or its
+// scope left THEN the process ends and says why.
+TEST(ServoThreads, ALoopThatCannotBeJoinedEndsTheProcess) {
+  class BlockedDevice final : public HapticDevice {
+   public:
+    explicit BlockedDevice(unsigned reads) : reads_(reads) {}
+    const DeviceProfile& profile() const noexcept override { return device_profile("premium-1.5"); }
+    void open() override {}
+    void close() noexcept override {}
+    bool read(std::int64_t, DeviceReading&) noexcept override {
+      while (reads_ == 0) std::this_thread::sleep_for(std::chrono::seconds(1));
+      --reads_;
+      return true;
+    }
+    bool write(const Vector2&) noexcept override { return true; }
+
+   private:
+    unsigned reads_;
+  };
+  const auto life = [](unsigned reads, bool stop) {
+    BlockedDevice device(reads);
+    KalmanRenderer renderer;
+    MonotonicClock clock;
+    const auto servo = std::make_unique<ServoLoop>(device, renderer, clock, ServoOptions());
+    ServoThread thread(*servo, {.real_time = false});
+    while (!thread.looping() || servo->ticks() < reads) std::this_thread::yield();
+    if (stop) thread.stop();
+  };
+  const auto stuck = ::testing::ExitedWithCode(ServoThread::kStuckCode);
+  EXPECT_EXIT(life(0, true), stuck, "adapter did not return from a call");
+  EXPECT_EXIT(life(20, false), stuck, "adapter did not return from a call");
+}
+
 TEST(ServoThreads, WhatIsThrownAroundTheLoopArrivesWhereItIsStopped) {
   PressedDevice device;
   KalmanRenderer renderer;
