@@ -14,6 +14,7 @@
 
 #include "bench/bare_timer.h"
 #include "bench/own_scene.h"
+#include "bench/service.h"
 #include "bench/suite.h"
 #include "client/link/channel.h"
 #include "client/link/touch_session.h"
@@ -34,7 +35,7 @@ constexpr std::size_t kBins = 2000;  // up to 20 ms; the last holds all above
 
 struct Arguments {
   SuiteOptions suite;
-  std::string address, tls_ca;
+  Service service;
   double duration_s = 600;
 };
 
@@ -72,8 +73,8 @@ double processor_s() {
 
 json measure(const Arguments& arguments) {
   client::TouchSessionOptions session;
-  session.address = arguments.address;
-  session.tls_ca = arguments.tls_ca;
+  session.address = arguments.service.address;
+  session.tls_ca = arguments.service.tls_ca;
   session.open.set_scene_id(kScene);
   session.open.set_period_s(0.002);
   session.open.set_credit(2);
@@ -170,10 +171,10 @@ void draw(const json& result, const std::string& folder) {
 
 bool run(const Arguments& arguments) {
   if (replotted(arguments.suite, "servo", draw)) return true;
-  if (arguments.address.empty()) throw BenchError("give --service: the address of a running service");
-  const auto channel = client::make_channel(arguments.address, arguments.tls_ca);
+  require_named(arguments.service);
+  const auto channel = client::make_channel(arguments.service.address, arguments.service.tls_ca);
   if (!client::wait_connected(*channel, kConnectWaitS))
-    throw BenchError(client::nobody_answers(arguments.address, arguments.tls_ca));
+    throw BenchError(client::nobody_answers(arguments.service.address, arguments.service.tls_ca));
   const reference::TouchedTissue tissue = own_tissue();
   const auto stub = v1::Palpation::NewStub(channel);
   create_own_scene(*stub, kScene, tissue);
@@ -202,11 +203,7 @@ void add_servo_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command =
       *app.add_subcommand("servo", "the 1 kHz loop beside a running service: period, overruns, slack, heap");
-  command.add_option("--service", arguments->address, "HOST:PORT or unix:/path")
-      ->check(client::address_problem);
-  command.add_option_function<std::string>(
-      "--tls-ca", [arguments](const std::string& path) { arguments->tls_ca = client::read_tls_ca(path); },
-      "PEM certificate that signed the service's");
+  add_service_options(command, arguments->service);
   command.add_option("--duration-s", arguments->duration_s, "with force on")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();

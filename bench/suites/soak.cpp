@@ -38,7 +38,7 @@ constexpr double kSliceS = 5;  // answers judged together; the first of each par
 
 struct Arguments {
   SuiteOptions suite;
-  soak::Service service;
+  Service service;
   pid_t pid = 0;
   double duration_s = 3600, every_s = 2, finish_within_s = 5, touch_rate_hz = 20;
   unsigned touch_streams = 60, fair = 3;
@@ -310,7 +310,7 @@ void draw(const json& result, const std::string& folder) {
 
 bool run(Arguments arguments) {
   if (replotted(arguments.suite, "soak", draw)) return true;
-  if (arguments.service.address.empty()) throw BenchError("give --service: the address of a running service");
+  require_named(arguments.service);
   if (arguments.suite.quick) arguments.duration_s = kRoundS;
   const auto channel =
       client::reach_service(arguments.service.address, arguments.service.tls_ca,
@@ -358,12 +358,7 @@ void add_soak_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command =
       *app.add_subcommand("soak", "an hour of touch and imaging beside clients that misbehave");
-  command.add_option("--service", arguments->service.address, "HOST:PORT or unix:/path")
-      ->check(client::address_problem);
-  command.add_option_function<std::string>(
-      "--tls-ca",
-      [arguments](const std::string& path) { arguments->service.tls_ca = client::read_tls_ca(path); },
-      "PEM certificate that signed the service's");
+  add_service_options(command, arguments->service);
   command.add_option("--pid", arguments->pid,
                      "process of the service, on this machine: its resident memory is looked at instead of "
                      "what it reports");

@@ -11,13 +11,10 @@
 #include <thread>
 #include <vector>
 
+#include "bench/service.h"
 #include "client/acquire/frame_source.h"
 
 namespace teletact::bench::soak {
-
-struct Service {
-  std::string address, tls_ca;
-};
 
 // How calls of one client ended, by the canonical code's name. Thread-safe.
 class Statuses {

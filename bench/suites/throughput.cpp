@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "bench/own_scene.h"
+#include "bench/service.h"
 #include "bench/suite.h"
 #include "bench/touch_client.h"
 #include "client/link/channel.h"
@@ -30,7 +31,8 @@ constexpr const char* kOwnScene = "bench-throughput";
 
 struct Arguments {
   SuiteOptions suite;
-  std::string address, tls_ca, scene_id;
+  Service service;
+  std::string scene_id;
   unsigned clients = 1;
   double duration_s = 5, open_loop_hz = 500;
 };
@@ -88,7 +90,8 @@ json measure(const Arguments& arguments, LoadOptions load, double rate_hz) {
   for (unsigned k = 0; k < arguments.clients; ++k)
     threads.emplace_back([&, k] {
       try {
-        results[k] = run_load(client::make_channel(arguments.address, arguments.tls_ca), load, k);
+        results[k] =
+            run_load(client::make_channel(arguments.service.address, arguments.service.tls_ca), load, k);
       } catch (...) {
         failures[k] = std::current_exception();
       }
@@ -157,10 +160,10 @@ json describe_service(const std::shared_ptr<grpc::Channel>& channel) {
 
 bool run(const Arguments& arguments) {
   if (replotted(arguments.suite, "throughput", draw)) return true;
-  if (arguments.address.empty()) throw BenchError("give --service: the address of a running service");
-  const auto channel = client::make_channel(arguments.address, arguments.tls_ca);
+  require_named(arguments.service);
+  const auto channel = client::make_channel(arguments.service.address, arguments.service.tls_ca);
   if (!client::wait_connected(*channel, kConnectWaitS))
-    throw BenchError(client::nobody_answers(arguments.address, arguments.tls_ca));
+    throw BenchError(client::nobody_answers(arguments.service.address, arguments.service.tls_ca));
   const auto stub = v1::Palpation::NewStub(channel);
   json result{
       {"suite", "throughput"}, {"service", describe_service(channel)}, {"clients", arguments.clients}};
@@ -196,11 +199,7 @@ bool run(const Arguments& arguments) {
 void add_throughput_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("throughput", "touches/s and latency of a running service");
-  command.add_option("--service", arguments->address, "HOST:PORT or unix:/path")
-      ->check(client::address_problem);
-  command.add_option_function<std::string>(
-      "--tls-ca", [arguments](const std::string& path) { arguments->tls_ca = client::read_tls_ca(path); },
-      "PEM certificate that signed the service's");
+  add_service_options(command, arguments->service);
   command.add_option("--scene", arguments->scene_id, "a scene to touch; without it the suite makes its own");
   command.add_option("--clients", arguments->clients, "touch streams at once")->check(CLI::Range(1, 256));
   command.add_option("--duration-s", arguments->duration_s, "of each loop")

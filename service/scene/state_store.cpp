@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
-#include <cerrno>
-#include <new>
 
+#include <cerrno>
 #include <ctime>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <stdexcept>

@@ -1,0 +1,19 @@
+// The running service that a suite is about, as its command line names it.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+namespace teletact::bench {
+
+struct Service {
+  std::string address, tls_ca;  // tls_ca: the certificate itself; empty: in the clear
+};
+
+// Adds --service and --tls-ca; `service` must outlive the parsing.
+void add_service_options(CLI::App& command, Service& service);
+
+// Throws BenchError where --service was left out.
+void require_named(const Service&);
+
+}  // namespace teletact::bench
