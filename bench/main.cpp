@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "bench/results.h"
 #include "bench/suite.h"
 #include "bench/suites/exploration.h"
 
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_stability_suite(app, met);
   teletact::bench::add_exploration_suite(app, met);
   teletact::bench::add_elastography_suite(app, met);
+  teletact::bench::add_report_command(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -1,11 +1,13 @@
 #include "bench/suite.h"
 
+#include <fmt/chrono.h>
 #include <sys/utsname.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <fstream>
 #include <thread>
 
@@ -59,7 +61,9 @@ nlohmann::json machine() {
   uname(&kernel);
   const double memory =
       static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
-  return {{"processor", processor_name()},
+  return {{"date", fmt::format("{:%F}", fmt::gmtime(std::time(nullptr)))},
+          {"version", TELETACT_VERSION},
+          {"processor", processor_name()},
           {"cores", std::thread::hardware_concurrency()},
           {"memory_bytes", memory},
           {"kernel", std::string(kernel.sysname) + " " + kernel.release},
@@ -79,11 +83,16 @@ nlohmann::json quantiles(std::vector<double> seconds) {
 bool finish(nlohmann::json& result, const std::vector<Target>& targets, const SuiteOptions& options) {
   bool met = true;
   result["machine"] = machine();
+  result["quick"] = options.quick;
   result["targets"] = nlohmann::json::array();
   for (const Target& t : targets) {
     met = met && t.met();
-    result["targets"].push_back(
-        {{"name", t.name}, {"value", t.value}, {"target", t.target}, {"unit", t.unit}, {"met", t.met()}});
+    result["targets"].push_back({{"name", t.name},
+                                 {"value", t.value},
+                                 {"target", t.target},
+                                 {"unit", t.unit},
+                                 {"at_most", t.at_most},
+                                 {"met", t.met()}});
     std::printf("%-8s %s: %.4g, promised %s %.4g%s\n", t.met() ? "met" : "NOT MET", t.name.c_str(), t.value,
                 t.at_most ? "at most" : "at least", t.target, t.unit == "1" ? "" : (" " + t.unit).c_str());
   }

@@ -38,7 +38,7 @@ struct Target {
 // Adds --json, --out, --quick, --force and --replot; what cannot be written, parsing throws as BenchError.
 void add_common_options(CLI::App& command, SuiteOptions& options);
 
-// Processor, cores, memory, kernel, compiler.
+// Date, version of teletact, processor, cores, memory, kernel, compiler.
 nlohmann::json machine();
 
 // How far a long run is: one line of a terminal, written over again; nothing where nobody looks at one.
@@ -47,7 +47,8 @@ void show_progress(const std::string& line);
 // {count, p50, p95, p99, max} of seconds; throws BenchError when there are none.
 nlohmann::json quantiles(std::vector<double> seconds);
 
-// Adds machine, targets and their state, writes --json, prints the targets. Returns whether all were met.
+// Adds machine, whether it was quick, targets and their state, writes --json, prints the targets. Returns
+// whether all were met.
 bool finish(nlohmann::json& result, const std::vector<Target>& targets, const SuiteOptions& options);
 
 // With --replot: draws the pictures of an earlier run of that suite into --out, from its JSON alone, and

@@ -57,7 +57,6 @@ bool run(const SuiteOptions& options) {
   Peers peers = make_peers(device);
   for (const std::string& absent : peers.absent) std::printf("skipped: %s\n", absent.c_str());
   json result{{"suite", "contact"},
-              {"quick", options.quick},
               {"force_goal", kForceGoal},
               {"absent", peers.absent},
               {"device",

@@ -33,7 +33,6 @@ bool run(const SuiteOptions& options) {
   if (replotted(options, "elastography", draw_elastography)) return true;
   const auto device = service::Device::open();
   json result{{"suite", "elastography"},
-              {"quick", options.quick},
               {"edge_m", kEdgeM},
               {"edge_rule",
                "SNRe and CNRe between the two kernels whose axial edge width brackets edge_m; a peer whose "

@@ -30,7 +30,7 @@ void draw(const json& result, const std::string& folder) {
 
 bool run(const Arguments& arguments) {
   if (replotted(arguments.suite, "paper", draw)) return true;
-  json result{{"suite", "paper"}, {"quick", arguments.suite.quick}};
+  json result{{"suite", "paper"}};
   std::vector<Target> targets;
   for (const PaperExperiment& experiment : experiments())
     if (arguments.experiment == "all" || arguments.experiment == experiment.name)

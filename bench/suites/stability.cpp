@@ -22,7 +22,7 @@ void draw(const json& result, const std::string& folder) {
 
 bool run(const SuiteOptions& options) {
   if (replotted(options, "stability", draw)) return true;
-  json result{{"suite", "stability"}, {"quick", options.quick}};
+  json result{{"suite", "stability"}};
   std::vector<Target> targets;
   for (const StabilityPart& part : parts()) result[part.name] = part.measure(options.quick, targets);
   const bool met = finish(result, targets, options);
