@@ -16,7 +16,7 @@
 namespace teletact::bench {
 namespace {
 
-using client::Vector2;
+using client::Vector3;
 
 constexpr std::size_t kSessionTicks = 4000;
 constexpr double kSurfaceM = 0;
@@ -51,7 +51,7 @@ class Source {
   std::uniform_real_distribution<double> distribution_{-1, 1};
 };
 
-// A finger that presses, slides and lifts.
+// A finger that presses, slides, along and across, and lifts.
 class Finger {
  public:
   explicit Finger(Source& source)
@@ -59,13 +59,15 @@ class Finger {
         press_1_s_(2 * M_PI / source.logarithmic(0.4, 4)),
         slide_1_s_(source.between(1, 6)) {}
   client::ToolPose at(double time_s) const {
-    constexpr double kHoverM = 0.002, kWayM = 0.025;
+    constexpr double kHoverM = 0.002, kWayM = 0.025, kAcrossM = 0.01;
     const double press = press_1_s_ * time_s, slide = slide_1_s_ * time_s;
     client::ToolPose pose;
     pose.position_m = {0.06 + kWayM * std::sin(slide),
-                       kSurfaceM - kHoverM + (depth_m_ + kHoverM) / 2 * (1 - std::cos(press))};
+                       kSurfaceM - kHoverM + (depth_m_ + kHoverM) / 2 * (1 - std::cos(press)),
+                       kAcrossM * std::cos(slide)};
     pose.velocity_m_s = {kWayM * slide_1_s_ * std::cos(slide),
-                         (depth_m_ + kHoverM) / 2 * press_1_s_ * std::sin(press)};
+                         (depth_m_ + kHoverM) / 2 * press_1_s_ * std::sin(press),
+                         -kAcrossM * slide_1_s_ * std::sin(slide)};
     return pose;
   }
 
@@ -87,7 +89,7 @@ class FuzzDevice final : public client::HapticDevice {
     if (readable) reading = next;
     return readable;
   }
-  bool write(const Vector2& n) noexcept override {
+  bool write(const Vector3& n) noexcept override {
     force_n = n;
     return writable;
   }
@@ -95,37 +97,35 @@ class FuzzDevice final : public client::HapticDevice {
   client::DeviceReading next;
   client::OperatorView view;
   bool readable = true, writable = true;
-  Vector2 force_n = Vector2::Zero();
+  Vector3 force_n = Vector3::Zero();
 
  private:
   client::DeviceProfile profile_ = client::device_profile("omni");
 };
 
-void set_plane(const Vector2& value, google::protobuf::RepeatedField<double>* xyz) {
+void set_vector(const Vector3& value, google::protobuf::RepeatedField<double>* xyz) {
   xyz->Clear();
-  for (const double number : {value.x(), value.y(), 0.0}) xyz->Add(number);
+  for (const double number : value) xyz->Add(number);
 }
 
 template <class Message>
 void set_force(const client::ForceSample& sample, Message* out) {
-  set_plane(sample.force_n, out->mutable_force_n());
-  constexpr int kStride = 3;
-  for (int row = 0; row < kStride; ++row)
-    for (int column = 0; column < kStride; ++column)
-      out->add_tangent_n_m(row < 2 && column < 2 ? sample.tangent_n_m(row, column) : 0);
+  set_vector(sample.force_n, out->mutable_force_n());
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) out->add_tangent_n_m(sample.tangent_n_m(row, column));
 }
 
-v1::TouchAnswer honest_answer(const StabilityTissue& tissue, const Vector2& position_m, double pose_time_s,
+v1::TouchAnswer honest_answer(const StabilityTissue& tissue, const Vector3& position_m, double pose_time_s,
                               std::uint64_t sequence) {
   v1::TouchAnswer answer;
   answer.set_sequence(sequence);
   answer.mutable_pose_stamp()->set_monotonic_ns(std::llround(1e9 * pose_time_s));
   answer.set_status(v1::TOUCH_STATUS_OK);
-  set_plane(position_m, answer.mutable_position_m());
+  set_vector(position_m, answer.mutable_position_m());
   set_force(tissue.answer(position_m), &answer);
   const client::ForceSample told = tissue.told(position_m);
   if (told.foreseen) {
-    set_plane(told.position_m, answer.mutable_foreseen()->mutable_position_m());
+    set_vector(told.position_m, answer.mutable_foreseen()->mutable_position_m());
     set_force(told, answer.mutable_foreseen());
   }
   answer.set_covered_begin_m(0);
@@ -193,13 +193,14 @@ void spoil(Source& source, FuzzDevice& device) {
       device.writable = false;
       break;
     case 2:
-      pose.position_m = {source.wild(), source.wild()};
+      pose.position_m = {source.wild(), source.wild(), source.wild()};
       break;
     case 3:
-      pose.velocity_m_s = {source.wild(), source.wild()};
+      pose.velocity_m_s = {source.wild(), source.wild(), source.wild()};
       break;
     default:  // jumps although it says that it rests
-      pose.position_m += Vector2(source.between(-0.05, 0.05), source.between(-0.02, 0.02));
+      pose.position_m +=
+          Vector3(source.between(-0.05, 0.05), source.between(-0.02, 0.02), source.between(-0.05, 0.05));
       pose.velocity_m_s.setZero();
   }
 }
@@ -279,8 +280,8 @@ class Session {
 
   void check(double dt_s, bool enabled, FuzzResult& result, FuzzShares& shares) {
     constexpr double kRounding = 1e-12, kSilentS = 0.5;
-    const Vector2& force_n = device_.force_n;
-    const double depth_m = std::max(tick_.pose.position_m.y() - device_.view.surface_m, 0.0);
+    const Vector3& force_n = device_.force_n;
+    const double depth_m = std::max(device_.view.surface.depth_m(tick_.pose.position_m), 0.0);
     const double pressed_m = std::clamp(tick_.pose.position_m.y() - last_m_, 0.0, depth_m);
     const double step_n = (force_n - last_n_).norm();
     const double most_n = limits_.largest_slew_n_s * dt_s + limits_.largest_stiffness_n_m * pressed_m;
@@ -321,7 +322,7 @@ class Session {
   std::uint64_t sequence_ = 100, ticks_ = 0;
   std::uint64_t burst_ = 0;  // ticks that are hostile still
   bool no_number_ = false;
-  Vector2 last_n_ = Vector2::Zero();
+  Vector3 last_n_ = Vector3::Zero();
   double last_m_ = std::numeric_limits<double>::infinity();
   client::ServoTick tick_;
 };

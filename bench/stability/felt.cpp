@@ -16,7 +16,7 @@ namespace {
 using client::ForceSample;
 using client::SpringTissue;
 using client::ToolPose;
-using client::Vector2;
+using client::Vector3;
 
 constexpr double kCentreM = 0.06, kHalfWidthM = 0.01, kWayM = 0.09;
 constexpr double kJudgedM = 0.01;
@@ -47,7 +47,7 @@ double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) 
   chain_options.limits = client::device_profile("premium-1.5").limits();
   client::ForceChain chain(chain_options);
   // What waits there was told before the finger arrived.
-  ForceSample foreseen = tissue.answer({0, o.indentation_m});
+  ForceSample foreseen = tissue.answer({0, o.indentation_m, 0});
   foreseen.contact = false;
   foreseen.foreseen = true;
   renderer->update(foreseen, {}, 0);
@@ -58,8 +58,8 @@ double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) 
   for (int tick = 0; tick * kServoS * o.speed_m_s < kWayM; ++tick) {
     const double time_s = tick * kServoS;
     const double sway = 1 + 0.1 * std::sin(2 * M_PI * (3 * time_s + share));
-    const Vector2 exact_m(o.speed_m_s * time_s, o.indentation_m * sway);
-    const ToolPose pose{client::quantised(exact_m, o.resolution_m), {o.speed_m_s, 0}};
+    const Vector3 exact_m(o.speed_m_s * time_s, o.indentation_m * sway, 0);
+    const ToolPose pose{client::quantised(exact_m, o.resolution_m), {o.speed_m_s, 0, 0}};
     if (time_s >= next_s) {
       on_the_way.push_back(tissue.answer(pose.position_m));
       on_the_way.back().pose_time_s = time_s;

@@ -16,8 +16,8 @@ using client::ToolPose;
 constexpr double kBeginM = 0.034;  // on the flank of an inclusion
 constexpr double kStartS = 0.6;    // the start-up ramp is over
 constexpr double kHoverM = 0.002, kPressMS = 0.05, kHeldS = 0.3, kTapHz = 3, kTapsS = 1;
-constexpr double kBeyond = 1.05;    // of the depth at which the force is the device's largest
-constexpr double kInAirTicks = 20;  // and another contact begins
+constexpr double kBeyond = 1.05;      // of the depth at which the force is the device's largest
+constexpr double kInAirTicks = 20;    // and another contact begins
 constexpr double kStretchedM = 0.03;  // a hand's spring, at most
 constexpr double kDampingNSM = 0.5;
 
@@ -53,15 +53,16 @@ class Finger {
                                 .hand_stiffness_n_m = options.hand->stiffness_n_m,
                                 .hand_damping_n_s_m = options.hand->damping_n_s_m,
                                 .step_s = kServoS},
-                   Vector2(kBeginM, -kHoverM));
+                   Vector3(kBeginM, -kHoverM, 0));
   }
   ToolPose pose() const {
     if (plant_) return {plant_->position_m(), plant_->velocity_m_s()};
-    return {{kBeginM, path_.at(time_s_)}, {0, (path_.at(time_s_) - path_.at(time_s_ - kServoS)) / kServoS}};
+    return {{kBeginM, path_.at(time_s_), 0},
+            {0, (path_.at(time_s_) - path_.at(time_s_ - kServoS)) / kServoS, 0}};
   }
-  void step(const Vector2& force_n) {
+  void step(const Vector3& force_n) {
     const double now_m = path_.at(time_s_), then_m = path_.at(time_s_ + kServoS);
-    if (plant_) plant_->step(force_n, {{kBeginM, now_m}, {0, (then_m - now_m) / kServoS}});
+    if (plant_) plant_->step(force_n, {{kBeginM, now_m, 0}, {0, (then_m - now_m) / kServoS, 0}});
     time_s_ += kServoS;
   }
 
@@ -81,12 +82,13 @@ double late_s(const LiftOptions& options) {
 
 LiftResult run_lift(const LiftOptions& options) {
   const StabilityTissue tissue(options.scene, options.stiffness_n_m);
-  const double stiffness_n_m = -tissue.force_n({kBeginM, 1}).y();
+  const double stiffness_n_m = -tissue.force_n({kBeginM, 1, 0}).y();
   const double depth_m = std::min(kBeyond * options.device.largest_force_n / stiffness_n_m,
                                   options.scene == Scene::kHomogeneous ? kDeepestM : kDeepestOnFlankM);
   // What the tissue's resistance takes from a hand is added.
   const double resisted_m =
-      options.hand == nullptr ? 0 : std::min(stiffness_n_m * depth_m / options.hand->stiffness_n_m, kStretchedM);
+      options.hand == nullptr ? 0
+                              : std::min(stiffness_n_m * depth_m / options.hand->stiffness_n_m, kStretchedM);
   const DepthPath path(options, depth_m + resisted_m);
   Finger finger(options, path);
   RigOptions rig{.renderer = options.renderer,
@@ -103,9 +105,9 @@ LiftResult run_lift(const LiftOptions& options) {
   double energy_j = 0, allowed_j = 0, in_air = 0, ticks = 0;
   for (std::size_t tick = 0; kServoS * double(tick) < kStartS + path.ends_s() + kHeldS; ++tick) {
     const ToolPose exact = finger.pose(), read = sensor.read(exact);
-    const Vector2 force_n = controller.tick(read, answers.at(tick, read), kServoS * double(tick));
+    const Vector3 force_n = controller.tick(read, answers.at(tick, read), kServoS * double(tick));
     finger.step(force_n);
-    const Vector2 moved_m = finger.pose().position_m - exact.position_m;
+    const Vector3 moved_m = finger.pose().position_m - exact.position_m;
     const double above_m = -exact.position_m.y();
     if (above_m > options.device.resolution_m) result.in_air_n = std::max(result.in_air_n, force_n.norm());
     if (above_m < moved_m.norm()) {

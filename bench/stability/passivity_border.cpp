@@ -142,13 +142,13 @@ double border_n_s_m(const ImposedMotion& motion, double stiffness_n_m, double pe
   for (std::size_t i = 0; i + 1 < motion.position.size(); ++i) {
     const double time = motion.time_periods[i];
     const double y_m = depth_m + scale_m * motion.position[i] / largest;
-    const client::ToolPose tool{client::Vector2(0, y_m), client::Vector2::Zero()};
+    const client::ToolPose tool{client::Vector3(0, y_m, 0), client::Vector3::Zero()};
     if (std::abs(time - std::round(time)) < kRounding) {
       client::ForceSample sample;
       sample.contact = true;
       sample.pose_time_s = std::round(time) * period_s;
       sample.position_m = tool.position_m;
-      sample.force_n = client::Vector2(0, -stiffness_n_m * y_m);
+      sample.force_n = client::Vector3(0, -stiffness_n_m * y_m, 0);
       samples.push_back(sample);
     }
     while (arrived < samples.size() && static_cast<double>(arrived) + delay_periods <= time + kRounding)

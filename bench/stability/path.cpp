@@ -34,8 +34,8 @@ double HandPath::along(double time_s) const {
 }
 
 HandTarget HandPath::at(double time_s) const {
-  const auto place = [this](double s) { return Vector2(kBeginM + along(s), depth(s)); };
-  const Vector2 now_m = place(time_s);
+  const auto place = [this](double s) { return Vector3(kBeginM + along(s), depth(s), 0); };
+  const Vector3 now_m = place(time_s);
   return {now_m, (place(time_s + kServoS) - now_m) / kServoS};
 }
 

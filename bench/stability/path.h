@@ -16,7 +16,7 @@ class HandPath {
   HandTarget at(double time_s) const;  // velocity: mean over the next servo period
   bool exploring(double time_s) const { return time_s >= begun_s_ && time_s < stopped_s_; }
   double stopped_s() const { return stopped_s_; }
-  static Vector2 start_m() { return {kBeginM, -kHoverM}; }
+  static Vector3 start_m() { return {kBeginM, -kHoverM, 0}; }
 
  private:
   static constexpr double kHoverM = 0.002, kApproachMS = 0.03, kSpeedMS = 0.12, kAccelerationMS2 = 2;

@@ -39,7 +39,7 @@ RestWatch::RestWatch(const RestOptions& options)
       length_s_(length_of(options)),
       now_end_s_(window_s_) {}
 
-void RestWatch::add(const Eigen::Vector2d& position_m, double time_s) noexcept {
+void RestWatch::add(const Eigen::Vector3d& position_m, double time_s) noexcept {
   constexpr double kStillM = 1e-7;
   if (time_s >= now_end_s_) {
     settled_ = settled_ || now_.peak_to_peak_m() < kStillM;

@@ -23,7 +23,7 @@ class RestWatch {
   // At least 40 (update + delay).
   double length_s() const noexcept { return length_s_; }
   // A place, `time_s` after the stop, in order.
-  void add(const Eigen::Vector2d& position_m, double time_s) noexcept;
+  void add(const Eigen::Vector3d& position_m, double time_s) noexcept;
   // Nothing has moved over one window: nothing will.
   bool settled() const noexcept { return settled_; }
   // Stable: the last window's swing is not felt, or less than 0.8 of that of the window that ends half way.
@@ -32,9 +32,9 @@ class RestWatch {
 
  private:
   struct Swing {
-    Eigen::Vector2d low = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
-    Eigen::Vector2d high = -low;
-    void add(const Eigen::Vector2d& position_m) {
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+    Eigen::Vector3d high = -low;
+    void add(const Eigen::Vector3d& position_m) {
       low = low.cwiseMin(position_m);
       high = high.cwiseMax(position_m);
     }

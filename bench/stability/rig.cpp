@@ -12,7 +12,7 @@ namespace teletact::bench {
 using client::ForceSample;
 using client::ToolPose;
 
-Sensor::Sensor(double resolution_m, const Vector2& start_m)
+Sensor::Sensor(double resolution_m, const Vector3& start_m)
     : exact_(resolution_m <= 0), reading_(resolution_m, client::SimulatedDeviceOptions().velocity_filter_s) {
   reading_.restart(start_m);
 }
@@ -34,12 +34,12 @@ class Controller::Device final : public client::HapticDevice {
     out = reading;
     return true;
   }
-  bool write(const Vector2& n) noexcept override {
+  bool write(const Vector3& n) noexcept override {
     force_n = n;
     return true;
   }
   client::DeviceReading reading;
-  Vector2 force_n = Vector2::Zero();
+  Vector3 force_n = Vector3::Zero();
 
  private:
   client::DeviceProfile profile_;
@@ -57,7 +57,7 @@ Controller::Controller(const RigOptions& options)
 
 Controller::~Controller() = default;
 
-Vector2 Controller::tick(const ToolPose& pose, const ForceSample* answer, double time_s) noexcept {
+Vector3 Controller::tick(const ToolPose& pose, const ForceSample* answer, double time_s) noexcept {
   if (!options_.safe) {
     if (answer != nullptr) renderer_->update(*answer, pose, time_s);
     return renderer_->render(pose, time_s).force_n;

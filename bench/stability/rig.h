@@ -13,7 +13,7 @@
 
 namespace teletact::bench {
 
-using client::Vector2;
+using client::Vector3;
 
 inline constexpr std::size_t kLongestDelayTicks = 1024;
 
@@ -30,7 +30,7 @@ struct RigOptions {
 // What a controller knows of the plant: quantised as a simulated device; an ideal display is read exactly.
 class Sensor {
  public:
-  Sensor(double resolution_m, const Vector2& start_m);
+  Sensor(double resolution_m, const Vector3& start_m);
   client::ToolPose read(const client::ToolPose& exact) noexcept;
 
  private:
@@ -44,7 +44,7 @@ class Controller {
   explicit Controller(const RigOptions& options);
   ~Controller();
   // The force on the finger from now on; `answer`, if not null, has just come in.
-  Vector2 tick(const client::ToolPose& pose, const client::ForceSample* answer, double time_s) noexcept;
+  Vector3 tick(const client::ToolPose& pose, const client::ForceSample* answer, double time_s) noexcept;
   const client::ServoTick& last() const noexcept { return last_; }
 
  private:

@@ -23,7 +23,7 @@ class StabilityTissue {
   }
   double background_n_m() const { return background_n_m_; }
 
-  client::ForceSample answer(const client::Vector2& position_m) const {
+  client::ForceSample answer(const client::Vector3& position_m) const {
     double k = background_n_m_, slope = 0, bend = 0;  // K, K', K''
     for (const double centre_m : centres_m_) {
       const double u = (position_m.x() - centre_m) / kWidthM;
@@ -34,18 +34,18 @@ class StabilityTissue {
     }
     return client::spring_answer(position_m, k, slope, bend);
   }
-  double energy_j(const client::Vector2& position_m) const {
+  double energy_j(const client::Vector3& position_m) const {
     return -0.5 * answer(position_m).force_n.y() * std::max(position_m.y(), 0.0);
   }
   // As the service tells it: out of contact, what waits below the finger.
-  client::ForceSample told(const client::Vector2& position_m) const {
+  client::ForceSample told(const client::Vector3& position_m) const {
     if (position_m.y() > 0) return answer(position_m);
-    client::ForceSample sample = answer({position_m.x(), kForeseenM});
+    client::ForceSample sample = answer({position_m.x(), kForeseenM, position_m.z()});
     sample.contact = false;
     sample.foreseen = true;
     return sample;
   }
-  client::Vector2 force_n(const client::Vector2& position_m) const { return answer(position_m).force_n; }
+  client::Vector3 force_n(const client::Vector3& position_m) const { return answer(position_m).force_n; }
 
  private:
   static constexpr double kForeseenM = 5e-4;

@@ -30,10 +30,10 @@ RigOptions rig_of(const TrialOptions& options) {
 struct ForceErrors {
   double truth = 0, felt = 0, law = 0, tangent = 0;
   void add(const StabilityTissue& tissue, const Plant& plant, const ToolPose& read, const ForceSample& newest,
-           const Vector2& written_n) {
-    const Vector2 truth_n = tissue.force_n(plant.position_m());
-    const Vector2 law_n = tissue.force_n({newest.position_m.x(), read.position_m.y()});
-    const Vector2 tangent_n = newest.force_n + newest.tangent_n_m * (read.position_m - newest.position_m);
+           const Vector3& written_n) {
+    const Vector3 truth_n = tissue.force_n(plant.position_m());
+    const Vector3 law_n = tissue.force_n({newest.position_m.x(), read.position_m.y(), 0});
+    const Vector3 tangent_n = newest.force_n + newest.tangent_n_m * (read.position_m - newest.position_m);
     truth += truth_n.squaredNorm();
     felt += (written_n - truth_n).squaredNorm();
     law += (law_n - truth_n).squaredNorm();
@@ -109,8 +109,8 @@ TrialResult run_trial(const TrialOptions& options) {
   const RigOptions rig = rig_of(options);
   Controller controller(rig);
   Answers answers(tissue, rig);
-  std::array<Vector2, kLongestDelayTicks> written_n;
-  written_n.fill(Vector2::Zero());
+  std::array<Vector3, kLongestDelayTicks> written_n;
+  written_n.fill(Vector3::Zero());
   const std::size_t ticks = ticks_of(path.stopped_s() + rest.length_s());
   const std::size_t late = ticks_of(options.force_delay_s);
   ForceErrors errors;
@@ -120,9 +120,9 @@ TrialResult run_trial(const TrialOptions& options) {
   for (std::size_t tick = 0; tick < ticks && !lost && !rest.settled(); ++tick, ++result.ticks) {
     const double time_s = kServoS * static_cast<double>(tick);
     const ToolPose pose = sensor.read({plant.position_m(), plant.velocity_m_s()});
-    Vector2& newest_n = written_n[tick % written_n.size()];
+    Vector3& newest_n = written_n[tick % written_n.size()];
     newest_n = controller.tick(pose, answers.at(tick, pose), time_s);
-    const Vector2& felt_n = written_n[(tick + written_n.size() - late) % written_n.size()];
+    const Vector3& felt_n = written_n[(tick + written_n.size() - late) % written_n.size()];
     if (path.exploring(time_s)) errors.add(tissue, plant, pose, answers.newest(), felt_n);
     const HandTarget target = path.at(time_s);
     plant.step(felt_n, target);

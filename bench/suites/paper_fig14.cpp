@@ -25,7 +25,7 @@ namespace {
 
 using client::ForceSample;
 using client::ToolPose;
-using client::Vector2;
+using client::Vector3;
 using nlohmann::json;
 
 constexpr double kSpeedMS = 0.12, kIndentationM = 0.002;
@@ -65,9 +65,10 @@ Series run_along(const service::TissueModel& model, std::size_t row, double rate
     ForceSample sample;
     sample.sequence = n + 1;
     sample.pose_time_s = kServoS * static_cast<double>(n);
-    sample.position_m = Vector2(x_m, kIndentationM);
-    sample.force_n = Vector2(answer.force_n[0], answer.force_n[1]);
-    sample.tangent_n_m = Eigen::Map<const Eigen::Matrix2d>(answer.tangent_n_m.data());  // symmetric
+    sample.position_m = Vector3(x_m, kIndentationM, 0);
+    sample.force_n = Vector3(answer.force_n[0], answer.force_n[1], 0);
+    sample.tangent_n_m.topLeftCorner<2, 2>() =
+        Eigen::Map<const Eigen::Matrix2d>(answer.tangent_n_m.data());  // symmetric
     sample.contact = true;
     series.truth.push_back(sample);
   }
@@ -83,7 +84,7 @@ std::vector<double> rendered(const Series& series, const std::string& name) {
   const auto renderer = client::make_renderer(name, kServoS);
   std::vector<double> felt{0};
   for (std::size_t n = 1; n < series.truth.size(); ++n) {
-    const ToolPose pose{series.truth[n].position_m, Vector2::Zero()};
+    const ToolPose pose{series.truth[n].position_m, Vector3::Zero()};
     const double time_s = series.truth[n].pose_time_s;
     if ((n - 1) % series.answer_every == 0) renderer->update(series.truth[n - 1], pose, time_s);
     felt.push_back(renderer->render(pose, time_s).stiffness_n_m);
@@ -96,9 +97,9 @@ std::vector<double> expanded(const Series& series, bool tangent) {
   std::vector<double> felt{0};
   for (std::size_t n = 1; n < series.truth.size(); ++n) {
     const ForceSample& answer = series.truth[newest_answer(series, n)];
-    const Vector2 moved = tangent
-                              ? Vector2(answer.tangent_n_m * (series.truth[n].position_m - answer.position_m))
-                              : Vector2(Vector2::Zero());
+    const Vector3 moved = tangent
+                              ? Vector3(answer.tangent_n_m * (series.truth[n].position_m - answer.position_m))
+                              : Vector3(Vector3::Zero());
     felt.push_back(-(answer.force_n + moved).y() / kIndentationM);
   }
   return felt;

@@ -41,10 +41,10 @@ ServoAnswer SpringAnswers::answer_to(const ServoPose& pose) {
   answer.covered_end_m = 1e3;
   answer.period_s = 1e-9 * static_cast<double>(period_ns_);
   answer.received_ns = pose.time_ns + age_ns_;
-  const Vector2& tool_m = pose.pose.position_m;
+  const Vector3& tool_m = pose.pose.position_m;
   const bool contact = tool_m.y() > 0;
   ForceSample& sample = answer.sample;
-  sample = shown_.answer(contact ? tool_m : Vector2(tool_m.x(), kForeseenM));
+  sample = shown_.answer(contact ? tool_m : Vector3(tool_m.x(), kForeseenM, tool_m.z()));
   sample.contact = contact;
   sample.foreseen = !contact;
   sample.sequence = ++sequence_;

@@ -72,12 +72,13 @@ void validate(const SpringPlace& place) {
 
 Rendered PerfectRenderer::render(const ToolPose& pose, double, double) noexcept {
   Rendered rendered;
-  rendered.variance = rendered.lateral_variance = 0;
+  rendered.variance = 0;
+  rendered.lateral_variance.setZero();
   const ForceSample exact = tissue_.answer(pose.position_m);
   if (!exact.contact) return rendered;
   rendered.force_n = exact.force_n;
   rendered.stiffness_n_m = -exact.force_n.y() / pose.position_m.y();
-  rendered.lateral_stiffness_n_m = -exact.force_n.x() / pose.position_m.y();
+  rendered.lateral_stiffness_n_m.x() = -exact.force_n.x() / pose.position_m.y();
   return rendered;
 }
 
@@ -158,7 +159,7 @@ void SpringDisplay::drain() {
   while (servo_->telemetry().pop(tick)) {
     state_ = tick.state;
     reason_ = tick.reason;
-    const Vector2& tool_m = tick.pose.position_m;
+    const Vector3& tool_m = tick.pose.position_m;
     const SpringTissue& tissue = answers_.shown();
     const bool there = std::abs(tool_m.x() - tissue.centre_m) <= tissue.half_width_m;
     const bool whole = -tick.force_n.y() >= -kWholeShare * tissue.answer(tool_m).force_n.y();

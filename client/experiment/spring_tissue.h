@@ -1,5 +1,5 @@
 // Tissue in closed form for observers to feel: U(x, d) = 1/2 K(x) d^2, conservative as (T4.5) asks, so that
-// the stiffness felt is K(x) whatever the depth.
+// the stiffness felt is K(x) whatever the depth; the same for every z.
 #pragma once
 
 #include <cmath>
@@ -9,15 +9,17 @@
 
 namespace teletact::client {
 
-// The answer of U(x, d) = 1/2 K(x) d^2 at a place [x, d] where K is k, its derivatives `slope` and `bend`.
-inline ForceSample spring_answer(const Vector2& position_m, double k, double slope, double bend) {
+// The answer of U(x, d) = 1/2 K(x) d^2 at a place [x, d, z] where K is k, its derivatives `slope` and `bend`.
+inline ForceSample spring_answer(const Vector3& position_m, double k, double slope, double bend) {
   ForceSample sample;
   sample.position_m = position_m;
   const double d = position_m.y();
   if (d <= 0) return sample;
   sample.contact = true;
-  sample.force_n = {-slope * d * d / 2, -k * d};
-  sample.tangent_n_m << -bend * d * d / 2, -slope * d, -slope * d, -k;
+  sample.force_n = {-slope * d * d / 2, -k * d, 0};
+  sample.tangent_n_m << -bend * d * d / 2, -slope * d, 0,  //
+      -slope * d, -k, 0,                                   //
+      0, 0, 0;
   return sample;
 }
 
@@ -28,7 +30,7 @@ struct SpringTissue {
   double half_width_m = std::numeric_limits<double>::infinity();  // no end: the stimulus everywhere
   double edge_m = 0.0015;                                         // 4.4 times this from 10 to 90 %
 
-  ForceSample answer(const Vector2& position_m) const {
+  ForceSample answer(const Vector3& position_m) const {
     const auto edge = [this](double u_m) { return 1 / (1 + std::exp(-u_m / edge_m)); };
     const double in = edge(position_m.x() - centre_m + half_width_m);
     const double out = edge(position_m.x() - centre_m - half_width_m);

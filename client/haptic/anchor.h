@@ -8,11 +8,11 @@ namespace teletact::client {
 
 class Anchor {
  public:
-  explicit Anchor(const Vector2& start_m) : start_m_(start_m) {}
+  explicit Anchor(const Vector3& start_m) : start_m_(start_m) {}
   void release() noexcept { held_ = false; }
   bool held() const noexcept { return held_; }
   // `device_m` is in metres along the scene's axes, from the device's own origin.
-  Vector2 to_scene(const Vector2& device_m) noexcept {
+  Vector3 to_scene(const Vector3& device_m) noexcept {
     if (!held_ && device_m.allFinite()) {
       first_m_ = device_m;
       held_ = true;
@@ -21,8 +21,8 @@ class Anchor {
   }
 
  private:
-  Vector2 start_m_;
-  Vector2 first_m_ = Vector2::Zero();
+  Vector3 start_m_;
+  Vector3 first_m_ = Vector3::Zero();
   bool held_ = false;
 };
 

@@ -19,18 +19,18 @@ class DerivedVelocity {
 
   void restart() noexcept { *this = DerivedVelocity(); }
   // A position that is no number has no velocity, and is no beginning for the next.
-  Vector2 at(const Vector2& position_m, std::int64_t now_ns) noexcept {
+  Vector3 at(const Vector3& position_m, std::int64_t now_ns) noexcept {
     if (!position_m.allFinite()) {
       restart();
-      return Vector2::Zero();
+      return Vector3::Zero();
     }
     if (known_ == 0) {
       keep({position_m, now_ns});
-      return Vector2::Zero();
+      return Vector3::Zero();
     }
     const double since_s = seconds(now_ns, changes_[0]);
     if (position_m == changes_[0].position_m || !(since_s > 0))
-      return since_s > gap_s_ ? Vector2(velocity_m_s_ * (gap_s_ / since_s)) : velocity_m_s_;
+      return since_s > gap_s_ ? Vector3(velocity_m_s_ * (gap_s_ / since_s)) : velocity_m_s_;
     // Back to the newest change that is a window old.
     std::size_t from = 0;
     while (from + 1 < known_ && seconds(now_ns, changes_[from]) < kWindowS) ++from;
@@ -43,7 +43,7 @@ class DerivedVelocity {
 
  private:
   struct Change {
-    Vector2 position_m = Vector2::Zero();
+    Vector3 position_m = Vector3::Zero();
     std::int64_t time_ns = 0;
   };
   static double seconds(std::int64_t now_ns, const Change& since) noexcept {
@@ -58,7 +58,7 @@ class DerivedVelocity {
   std::array<Change, 16> changes_;  // newest first: a window of them, read up to 4 times a millisecond
   std::size_t known_ = 0;
   double gap_s_ = 0;  // between changes, in the window
-  Vector2 velocity_m_s_ = Vector2::Zero();
+  Vector3 velocity_m_s_ = Vector3::Zero();
 };
 
 }  // namespace teletact::client

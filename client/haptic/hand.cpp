@@ -6,23 +6,23 @@
 namespace teletact::client {
 
 Hand::Hand(const HandOptions& options) : options_(options) {
-  target_m_ = Vector2(options.start_m, -options.hover_m);
+  target_m_ = Vector3(options.start_m, -options.hover_m, 0);
 }
 
-Vector2 Hand::force(const Vector2& position_m, const Vector2& velocity_m_s) const noexcept {
+Vector3 Hand::force(const Vector3& position_m, const Vector3& velocity_m_s) const noexcept {
   return options_.stiffness_n_m * (target_m_ - position_m) +
          options_.damping_n_s_m * (target_velocity_m_s_ - velocity_m_s);
 }
 
-void Hand::intend(const OperatorView& view, const Vector2& position_m, double dt_s) noexcept {
-  const Vector2 before_m = target_m_;
-  const double indentation_m = position_m.y() - view.surface_m;
+void Hand::intend(const OperatorView& view, const Vector3& position_m, double dt_s) noexcept {
+  const Vector3 before_m = target_m_;
+  const double indentation_m = view.surface.depth_m(position_m);
   held_ = resume_ = false;
   if (!view.force_on) {
     // Nothing is felt: lift, and once out of contact with answers flowing ask for force.
     phase_ = Phase::kHover;
     speed_m_s_ = correction_m_ = 0;
-    const double hover_m = view.surface_m - options_.hover_m;
+    const double hover_m = view.surface.offset_m - options_.hover_m;
     const double most_m = options_.speed_m_s * dt_s;
     target_m_.y() += std::clamp(hover_m - target_m_.y(), -most_m, most_m);
     // The button is pressed and released until it has been heard.
@@ -36,12 +36,12 @@ void Hand::intend(const OperatorView& view, const Vector2& position_m, double dt
     press(view, indentation_m, dt_s);
     if (phase_ == Phase::kSweep) sweep(view, dt_s);
   }
-  target_velocity_m_s_ = dt_s > 0 ? Vector2((target_m_ - before_m) / dt_s) : Vector2::Zero();
+  target_velocity_m_s_ = dt_s > 0 ? Vector3((target_m_ - before_m) / dt_s) : Vector3::Zero();
 }
 
 // Down to the depth asked for, then the slow correction of what the tissue's resistance takes from it.
 void Hand::press(const OperatorView& view, double indentation_m, double dt_s) noexcept {
-  const double depth_m = view.surface_m + options_.indentation_m + correction_m_;
+  const double depth_m = view.surface.offset_m + options_.indentation_m + correction_m_;
   if (phase_ == Phase::kPress) {
     target_m_.y() = std::min(target_m_.y() + options_.approach_m_s * dt_s, depth_m);
     if (target_m_.y() < depth_m) return;
@@ -50,7 +50,7 @@ void Hand::press(const OperatorView& view, double indentation_m, double dt_s) no
   const double most_m = 5 * options_.indentation_m;
   correction_m_ += options_.depth_gain_1_s * (options_.indentation_m - indentation_m) * dt_s;
   correction_m_ = std::clamp(correction_m_, -options_.indentation_m, most_m);
-  target_m_.y() = view.surface_m + options_.indentation_m + correction_m_;
+  target_m_.y() = view.surface.offset_m + options_.indentation_m + correction_m_;
 }
 
 void Hand::sweep(const OperatorView& view, double dt_s) noexcept {

@@ -4,8 +4,8 @@
 // Intent: hover above the tissue until force is on; press; sweep to and fro at constant speed with rounded
 // turnarounds; regulate the depth slowly (a person feels how deep the finger is and corrects over half a
 // second, so the mean indentation is what was asked for and an inclusion still lifts the finger). When force
-// goes, lift; out of contact, ask for it again. At the border of what is covered the hand slows down, stops
-// and waits until it grows: all of that time counts as held.
+// goes, lift; out of contact, ask for it again. It presses along y and stays in one plane. At the border of
+// what is covered the hand slows down, stops and waits until it grows: all of that time counts as held.
 #pragma once
 
 #include <atomic>
@@ -36,12 +36,12 @@ class Hand {
   explicit Hand(const HandOptions& options);
 
   // Moves the intent on by dt under what the operator sees and feels.
-  void intend(const OperatorView& view, const Vector2& position_m, double dt_s) noexcept;
+  void intend(const OperatorView& view, const Vector3& position_m, double dt_s) noexcept;
   // Force of the hand on the device.
-  Vector2 force(const Vector2& position_m, const Vector2& velocity_m_s) const noexcept;
+  Vector3 force(const Vector3& position_m, const Vector3& velocity_m_s) const noexcept;
 
   const HandOptions& options() const noexcept { return options_; }
-  const Vector2& target_m() const noexcept { return target_m_; }
+  const Vector3& target_m() const noexcept { return target_m_; }
   bool held_at_border() const noexcept { return held_; }
   bool resume_pressed() const noexcept { return resume_; }
   // Sweeps ended, from one end to the other. May be read from any thread.
@@ -54,8 +54,8 @@ class Hand {
 
   HandOptions options_;
   Phase phase_ = Phase::kHover;
-  Vector2 target_m_ = Vector2::Zero();
-  Vector2 target_velocity_m_s_ = Vector2::Zero();
+  Vector3 target_m_ = Vector3::Zero();
+  Vector3 target_velocity_m_s_ = Vector3::Zero();
   double correction_m_ = 0;  // of the depth
   double direction_ = 1;
   double speed_m_s_ = 0;

@@ -1,6 +1,6 @@
 // The one small interface to a haptic device. read() and write() are called from the servo thread at 1 kHz:
-// they neither allocate nor throw. Axes are the scene's: x lateral, y into the tissue; 1:1 with the device's
-// travel.
+// they neither allocate nor throw. Axes are the scene's: x lateral, y into the tissue, z elevational; 1:1
+// with the device's travel.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct OperatorView {
   bool covered = false;     // the finger is over something that can be touched
   double covered_begin_m = 0;
   double covered_end_m = 0;
-  double surface_m = 0;
+  TouchedSurface surface = {};
 };
 
 class HapticDevice {
@@ -38,7 +38,7 @@ class HapticDevice {
   // False: the device did not answer.
   virtual bool read(std::int64_t now_ns, DeviceReading& reading) noexcept = 0;
   // Newtons on the finger; false: the device did not take it.
-  virtual bool write(const Vector2& force_n) noexcept = 0;
+  virtual bool write(const Vector3& force_n) noexcept = 0;
   virtual void show(const OperatorView&) noexcept {}
   // Takes the force away for good: until open() no write is taken any more. From any thread, and from a
   // signal handler while the process dies: async-signal-safe. A device that no hand feels needs none.

@@ -27,12 +27,12 @@ std::int64_t now_ns() {
   return std::chrono::steady_clock::now().time_since_epoch().count();
 }
 
-Eigen::Vector3d to_device(const Vector2& scene) {
-  return {scene.x(), 0, -scene.y()};
+Eigen::Vector3d to_device(const Vector3& scene) {
+  return {scene.x(), scene.z(), -scene.y()};
 }
 
-Vector2 to_scene(const Eigen::Vector3d& device) {
-  return {device.x(), -device.z()};
+Vector3 to_scene(const Eigen::Vector3d& device) {
+  return {device.x(), -device.z(), device.y()};
 }
 
 }  // namespace
@@ -144,7 +144,7 @@ bool Inverse3Device::read(std::int64_t, DeviceReading& reading) noexcept {
   return true;
 }
 
-bool Inverse3Device::write(const Vector2& force_n) noexcept {
+bool Inverse3Device::write(const Vector3& force_n) noexcept {
   if (let_go_ || !force_n.allFinite()) return false;
   forces_.put({force_n, read_ns_});
   return true;
@@ -175,11 +175,11 @@ void Inverse3Device::exchange(Connection& connection) {
   std::string device_id;
   bool sent_early = false;  // zero, before the state came: this turn's force
   bool stands = false;      // somewhere: (0, 0, 0) before any other is what is there before the device speaks
-  const auto send = [&](const Vector2& force_n, bool first) {
+  const auto send = [&](const Vector3& force_n, bool first) {
     connection.write(inverse3_command(device_id, to_device(force_n), first));
   };
   const auto let_go = [&] {
-    if (!device_id.empty()) send(Vector2::Zero(), false);
+    if (!device_id.empty()) send(Vector3::Zero(), false);
     sent_early = !device_id.empty();
   };
   const auto read = [&] {
@@ -196,24 +196,25 @@ void Inverse3Device::exchange(Connection& connection) {
   for (bool first = true; true; first = false) {
     const Inverse3State received = read();
     device_id = received.device_id;
-    if (!stands && !received.position_m.isZero(0)) {
-      stands = true;
-      const std::lock_guard lock(mutex_);
-      heard_ = true;
-      changed_.notify_all();
-    }
+    const bool first_place = !stands && !received.position_m.isZero(0);
+    stands = stands || first_place;
     if (stands)
       states_.put(
           {to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, now_ns()});
     else
       tell("it states no position yet; calibrate it");
+    if (first_place) {  // open() returns now, and the first read() finds it
+      const std::lock_guard lock(mutex_);
+      heard_ = true;
+      changed_.notify_all();
+    }
     due = std::max(due + kExchange, std::chrono::steady_clock::now());
     std::this_thread::sleep_until(due);
     forces_.take(force);
     const bool stopping = stop_;
     const bool lives = !first && !stopping && !let_go_ && stands &&
                        static_cast<double>(now_ns() - force.written_ns) < kForceLivesS * 1e9;
-    if (!sent_early) send(lives ? force.force_n : Vector2(Vector2::Zero()), first);
+    if (!sent_early) send(lives ? force.force_n : Vector3(Vector3::Zero()), first);
     if (stopping) break;
   }
   connection.close();

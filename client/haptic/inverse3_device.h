@@ -6,7 +6,8 @@
 // connection is lost read() says so after kStaleS, and the thread connects again and sends zero first. A
 // connection whose positions have all been (0, 0, 0) states none.
 //
-// Scene x is the device's x (right); scene y, into the tissue, is its z downwards; its y (forward) is free.
+// Scene x is the device's x (right); scene y, into the tissue, is its z downwards; scene z is its y
+// (forward).
 #pragma once
 
 #include <atomic>
@@ -23,7 +24,7 @@ namespace teletact::client {
 
 struct Inverse3Options {
   std::string url = "ws://localhost:10001";
-  Vector2 start_m = Vector2::Zero();  // where in the scene the device stands at first
+  Vector3 start_m = Vector3::Zero();  // where in the scene the device stands at first
   double open_wait_s = 3;             // for the first position
 };
 
@@ -44,18 +45,18 @@ class Inverse3Device final : public HapticDevice {
   void open() override;
   void close() noexcept override;
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
-  bool write(const Vector2& force_n) noexcept override;
+  bool write(const Vector3& force_n) noexcept override;
   void let_go() noexcept override { let_go_ = true; }  // its thread sends it
 
  private:
   struct State {
-    Vector2 position_m = Vector2::Zero();  // scene axes, device origin
-    Vector2 velocity_m_s = Vector2::Zero();
+    Vector3 position_m = Vector3::Zero();  // scene axes, device origin
+    Vector3 velocity_m_s = Vector3::Zero();
     bool pressed = false;
     std::int64_t received_ns = 0;
   };
   struct Force {
-    Vector2 force_n = Vector2::Zero();
+    Vector3 force_n = Vector3::Zero();
     std::int64_t written_ns = 0;
   };
   class Connection;

@@ -30,7 +30,7 @@ const teletact_device_plugin* checked(const teletact_device_plugin* plugin, cons
 
 }  // namespace
 
-PluginDevice::PluginDevice(const std::string& path, std::string settings, const Vector2& start_m)
+PluginDevice::PluginDevice(const std::string& path, std::string settings, const Vector3& start_m)
     : path_(path), settings_(std::move(settings)), anchor_(start_m) {
   const std::string who = "device plugin '" + path + "'";
   // Absolute, or a plain name would be looked for among the system's libraries.
@@ -124,19 +124,18 @@ bool PluginDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   const auto is_zero = [](const double(&xyz)[3]) { return xyz[0] == 0 && xyz[1] == 0 && xyz[2] == 0; };
   // What an adapter's memory holds before its device has said anything.
   if (!anchor_.held() && is_zero(raw.position_m)) return false;
-  reading.pose.position_m = anchor_.to_scene({raw.position_m[0], raw.position_m[1]});
-  const Vector2 derived_m_s = velocity_.at(reading.pose.position_m, now_ns);
+  reading.pose.position_m = anchor_.to_scene(Vector3::Map(raw.position_m));
+  const Vector3 derived_m_s = velocity_.at(reading.pose.position_m, now_ns);
   reading.pose.velocity_m_s =
-      is_zero(raw.velocity_m_s) ? derived_m_s : Vector2(raw.velocity_m_s[0], raw.velocity_m_s[1]);
+      is_zero(raw.velocity_m_s) ? derived_m_s : Vector3(Vector3::Map(raw.velocity_m_s));
   reading.resume_pressed = raw.resume_pressed != 0;
   reading.held_at_border = false;
   return true;
 }
 
-bool PluginDevice::write(const Vector2& force_n) noexcept {
+bool PluginDevice::write(const Vector3& force_n) noexcept {
   if (device_ == nullptr || let_go_ || !force_n.allFinite()) return false;
-  const std::array<double, 3> force = {force_n.x(), force_n.y(), 0};
-  return timed([&] { return plugin_->write(device_, force.data()); }) == 0;
+  return timed([&] { return plugin_->write(device_, force_n.data()); }) == 0;
 }
 
 void PluginDevice::let_go() noexcept {

@@ -15,7 +15,7 @@ class PluginDevice final : public HapticDevice {
  public:
   // Loads `path`; `start_m`: where in the scene the device stands at first. Throws std::runtime_error when
   // there is no such file, it is no device plugin, or it was built for another version of the interface.
-  PluginDevice(const std::string& path, std::string settings, const Vector2& start_m);
+  PluginDevice(const std::string& path, std::string settings, const Vector3& start_m);
   ~PluginDevice() override;
   PluginDevice(const PluginDevice&) = delete;
   PluginDevice& operator=(const PluginDevice&) = delete;
@@ -24,7 +24,7 @@ class PluginDevice final : public HapticDevice {
   void open() override;
   void close() noexcept override;
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
-  bool write(const Vector2& force_n) noexcept override;
+  bool write(const Vector3& force_n) noexcept override;
   void let_go() noexcept override;
   double longest_call_s() noexcept override { return 1e-9 * static_cast<double>(longest_ns_.exchange(0)); }
 

@@ -52,7 +52,7 @@ bool ReplayDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   return true;
 }
 
-bool ReplayDevice::write(const Vector2& force_n) noexcept {
+bool ReplayDevice::write(const Vector3& force_n) noexcept {
   return open_ && force_n.allFinite();
 }
 

@@ -25,7 +25,7 @@ class ReplayDevice final : public HapticDevice {
   void open() override;
   void close() noexcept override { open_ = false; }
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
-  bool write(const Vector2& force_n) noexcept override;
+  bool write(const Vector3& force_n) noexcept override;
   void show(const OperatorView& view) noexcept override { view_ = view; }
   bool ended() const noexcept override { return ended_.load(std::memory_order_relaxed); }
 

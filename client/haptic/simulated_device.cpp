@@ -14,7 +14,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options)
 }
 
 void SimulatedDevice::open() {
-  exact_ = ToolPose{hand_.target_m(), Vector2::Zero()};
+  exact_ = ToolPose{hand_.target_m(), Vector3::Zero()};
   read_.restart(exact_.position_m);
   force_n_.setZero();
   open_ = true;
@@ -35,9 +35,9 @@ double SimulatedDevice::kinetic_energy_j() const noexcept {
 // it.
 void SimulatedDevice::integrate(double dt_s) noexcept {
   const double mass_kg = options_.profile.apparent_mass_kg + options_.hand.mass_kg;
-  const Vector2 force_n = hand_.force(exact_.position_m, exact_.velocity_m_s) + force_n_ -
+  const Vector3 force_n = hand_.force(exact_.position_m, exact_.velocity_m_s) + force_n_ -
                           options_.damping_n_s_m * exact_.velocity_m_s;
-  Vector2 velocity_m_s = exact_.velocity_m_s + dt_s / mass_kg * force_n;
+  Vector3 velocity_m_s = exact_.velocity_m_s + dt_s / mass_kg * force_n;
   const double friction_m_s = dt_s / mass_kg * options_.profile.friction_n;
   const double speed_m_s = velocity_m_s.norm();
   velocity_m_s *= speed_m_s > friction_m_s ? 1 - friction_m_s / speed_m_s : 0.0;
@@ -63,7 +63,7 @@ bool SimulatedDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept
   return true;
 }
 
-bool SimulatedDevice::write(const Vector2& force_n) noexcept {
+bool SimulatedDevice::write(const Vector3& force_n) noexcept {
   if (!open_ || !force_n.allFinite()) return false;
   force_n_ = cap_magnitude(force_n, options_.profile.largest_force_n);
   return true;

@@ -32,7 +32,7 @@ class SimulatedDevice final : public HapticDevice {
   void open() override;
   void close() noexcept override;
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
-  bool write(const Vector2& force_n) noexcept override;
+  bool write(const Vector3& force_n) noexcept override;
   void show(const OperatorView& view) noexcept override { view_ = view; }
 
   unsigned passes() const noexcept override { return hand_.passes(); }
@@ -50,7 +50,7 @@ class SimulatedDevice final : public HapticDevice {
   OperatorView view_;
   ToolPose exact_;
   QuantisedReading read_;
-  Vector2 force_n_ = Vector2::Zero();
+  Vector3 force_n_ = Vector3::Zero();
   ElapsedTime elapsed_;
   bool open_ = false;
 };

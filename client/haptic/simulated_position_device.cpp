@@ -35,12 +35,12 @@ void SimulatedPositionDevice::open() {
 
 // One servo period: the arm goes where it was told, the hand is felt there, the tool moves on.
 void SimulatedPositionDevice::move(double dt_s) noexcept {
-  const Vector2 way_m = coupling_.tool().position_m - arm_.position_m;
-  const Vector2 velocity_m_s = way_m / dt_s;
+  const Vector3 way_m = coupling_.tool().position_m - arm_.position_m;
+  const Vector3 velocity_m_s = way_m / dt_s;
   hand_.intend(view_, arm_.position_m, dt_s);
-  const Vector2 inertia_n = options_.hand.mass_kg * (velocity_m_s - arm_.velocity_m_s) / dt_s;
+  const Vector3 inertia_n = options_.hand.mass_kg * (velocity_m_s - arm_.velocity_m_s) / dt_s;
   arm_ = {coupling_.tool().position_m, velocity_m_s};
-  const Vector2 felt_n = hand_.force(arm_.position_m, velocity_m_s) - inertia_n;
+  const Vector3 felt_n = hand_.force(arm_.position_m, velocity_m_s) - inertia_n;
   hand_work_j_ += (felt_n + hand_force_n_).dot(way_m) / 2;
   hand_force_n_ = felt_n;
   coupling_.step(felt_n, force_n_, dt_s);
@@ -57,7 +57,7 @@ bool SimulatedPositionDevice::read(std::int64_t now_ns, DeviceReading& reading) 
   return true;
 }
 
-bool SimulatedPositionDevice::write(const Vector2& force_n) noexcept {
+bool SimulatedPositionDevice::write(const Vector3& force_n) noexcept {
   if (!open_ || !force_n.allFinite()) return false;
   force_n_ = cap_magnitude(force_n, options_.profile.largest_force_n);
   return true;

@@ -31,7 +31,7 @@ class SimulatedPositionDevice final : public HapticDevice {
   void close() noexcept override { open_ = false; }
   // The pose that the virtual tool, and so the arm, has at the end of this period.
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
-  bool write(const Vector2& force_n) noexcept override;
+  bool write(const Vector3& force_n) noexcept override;
   void show(const OperatorView& view) noexcept override { view_ = view; }
   unsigned passes() const noexcept override { return hand_.passes(); }
 
@@ -50,8 +50,8 @@ class SimulatedPositionDevice final : public HapticDevice {
   VirtualCoupling coupling_;
   OperatorView view_;
   ToolPose arm_;
-  Vector2 hand_force_n_ = Vector2::Zero();
-  Vector2 force_n_ = Vector2::Zero();
+  Vector3 hand_force_n_ = Vector3::Zero();
+  Vector3 force_n_ = Vector3::Zero();
   double hand_work_j_ = 0;
   ElapsedTime elapsed_;
   bool open_ = false;

@@ -6,9 +6,10 @@
  *
  *     cc -shared -fPIC -I INCLUDE_DIR -o my_device.so my_device.c -lvendor
  *
- * Axes: x to the operator's right, y down (the direction that presses into the tissue), z towards the
- * operator; metres, newtons, seconds. Any origin will do: where the device stands when it is first read
- * becomes the point above the tissue at which a session begins.
+ * Axes: x to the operator's right, y down (the direction that presses into the tissue), z away from the
+ * operator: right-handed; metres, newtons, seconds. Any origin will do: where the device stands when it is
+ * first read becomes the point above the tissue at which a session begins. In a plane scene the tissue is the
+ * same for every z: the model's force along z is zero, and only damping of the safety chain acts there.
  *
  * Threads: open and close are called from one thread, read and write from another, the servo's, 1000 times a
  * second: these two may not wait, allocate, log or throw. A vendor's library that runs a loop of its own

@@ -25,9 +25,9 @@ double coupling_damping_n_s_m(double tissue_n_m, double period_s) noexcept;
 class VirtualCoupling {
  public:
   // The tool is at rest at `position_m`.
-  VirtualCoupling(const VirtualCouplingOptions& options, const Vector2& position_m);
+  VirtualCoupling(const VirtualCouplingOptions& options, const Vector3& position_m);
   // Moves the tool under two forces held for dt: exact. A force that is not finite counts as none.
-  void step(const Vector2& hand_force_n, const Vector2& rendered_force_n, double dt_s) noexcept;
+  void step(const Vector3& hand_force_n, const Vector3& rendered_force_n, double dt_s) noexcept;
   const ToolPose& tool() const noexcept { return tool_; }  // what is rendered for, and where to move to
 
  private:

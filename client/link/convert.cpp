@@ -5,29 +5,29 @@
 namespace teletact::client {
 namespace {
 
-Vector2 plane(const google::protobuf::RepeatedField<double>& xyz) {
-  return {xyz.Get(0), xyz.Get(1)};
-}
-
-void add(const Vector2& vector, google::protobuf::RepeatedField<double>* xyz) {
-  xyz->Add(vector.x());
-  xyz->Add(vector.y());
-  xyz->Add(0);
+void add(const Vector3& vector, google::protobuf::RepeatedField<double>* xyz) {
+  for (const double component : vector) xyz->Add(component);
 }
 
 // False: malformed.
 template <class Message>
 bool read_force(const Message& message, ForceSample& sample) {
   constexpr int kStride = 3;  // 3x3 row-major
-  if (message.force_n_size() < 2 || message.tangent_n_m_size() != kStride * kStride) return false;
-  sample.force_n = plane(message.force_n());
-  for (int row = 0; row < 2; ++row)
-    for (int column = 0; column < 2; ++column)
+  const auto force_n = vector_from(message.force_n());
+  if (!force_n || message.tangent_n_m_size() != kStride * kStride) return false;
+  sample.force_n = *force_n;
+  for (int row = 0; row < kStride; ++row)
+    for (int column = 0; column < kStride; ++column)
       sample.tangent_n_m(row, column) = message.tangent_n_m(kStride * row + column);
   return true;
 }
 
 }  // namespace
+
+std::optional<Vector3> vector_from(const google::protobuf::RepeatedField<double>& xyz) {
+  if (xyz.size() != 2 && xyz.size() != 3) return std::nullopt;
+  return Vector3(xyz.Get(0), xyz.Get(1), xyz.size() == 3 ? xyz.Get(2) : 0);
+}
 
 std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double surface_m, double period_s,
                                            std::int64_t received_ns) {
@@ -39,11 +39,11 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double
   ForceSample& sample = out.sample;
   sample.sequence = answer.sequence();
   sample.pose_time_s = 1e-9 * static_cast<double>(answer.pose_stamp().monotonic_ns());
-  sample.surface_m = surface_m;
-  if (answer.position_m_size() < 2 || !std::isfinite(out.covered_begin_m) ||
-      !std::isfinite(out.covered_end_m))
+  sample.surface.offset_m = surface_m;
+  const auto position_m = vector_from(answer.position_m());
+  if (!position_m || !std::isfinite(out.covered_begin_m) || !std::isfinite(out.covered_end_m))
     return std::nullopt;
-  sample.position_m = plane(answer.position_m());
+  sample.position_m = *position_m;
 
   const v1::TouchStatus status = answer.status();
   out.has_force = status == v1::TOUCH_STATUS_OK || status == v1::TOUCH_STATUS_DEGRADED ||
@@ -51,13 +51,15 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double
   out.covered = status != v1::TOUCH_STATUS_NOT_COVERED;
   out.degraded = status == v1::TOUCH_STATUS_DEGRADED;
   if (!out.has_force || !out.covered) return out;
-  if (answer.force_n_size() < 2) return std::nullopt;
-  sample.contact = !plane(answer.force_n()).isZero(0);
+  const auto force_n = vector_from(answer.force_n());
+  if (!force_n) return std::nullopt;
+  sample.contact = !force_n->isZero(0);
   if (sample.contact) return read_force(answer, sample) ? std::optional(out) : std::nullopt;
   if (answer.has_foreseen()) {
     const v1::ForeseenTouch& foreseen = answer.foreseen();
-    if (foreseen.position_m_size() < 2 || !read_force(foreseen, sample)) return std::nullopt;
-    sample.position_m = plane(foreseen.position_m());
+    const auto light_m = vector_from(foreseen.position_m());
+    if (!light_m || !read_force(foreseen, sample)) return std::nullopt;
+    sample.position_m = *light_m;
     sample.foreseen = true;
   }
   return out;
@@ -99,8 +101,9 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_faded(tick.faded);
   sample.set_stiffness_n_m(tick.stiffness_n_m);
   sample.set_stiffness_variance(tick.stiffness_variance);
-  sample.set_lateral_stiffness_n_m(tick.lateral_stiffness_n_m);
-  sample.set_lateral_stiffness_variance(tick.lateral_stiffness_variance);
+  for (const double lateral : tick.lateral_stiffness_n_m) sample.add_lateral_stiffness_n_m(lateral);
+  for (const double variance : tick.lateral_stiffness_variance)
+    sample.add_lateral_stiffness_variance(variance);
   sample.set_gain(tick.gain);
   sample.set_energy_j(tick.energy_j);
   sample.set_stored_j(tick.stored_j);

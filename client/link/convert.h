@@ -9,6 +9,9 @@
 
 namespace teletact::client {
 
+// [x, y] or [x, y, z], z being 0 where it is absent; none of another length.
+std::optional<Vector3> vector_from(const google::protobuf::RepeatedField<double>& xyz);
+
 // None when the answer lacks a field or has one of the wrong length: it is dropped, never guessed.
 // `surface_m` and `period_s` are the stream's (TouchOpened).
 std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double surface_m, double period_s,

@@ -8,6 +8,7 @@
 #include "client/haptic/replay_device.h"
 #include "client/haptic/simulated_device.h"
 #include "client/haptic/simulated_position_device.h"
+#include "client/link/convert.h"
 #include "client/link/recording.h"
 #include "client/servo/states.h"
 
@@ -22,12 +23,13 @@ std::vector<MotionPoint> read_motion(const std::string& path) {
     if (!entry->has_servo()) continue;
     const v1::ServoSample& sample = entry->servo();
     if (motion.empty() && sample.state() != static_cast<std::uint32_t>(ServoState::kEnabled)) continue;
-    if (sample.position_m_size() < 2 || sample.velocity_m_s_size() < 2)
+    const auto position_m = vector_from(sample.position_m()),
+               velocity_m_s = vector_from(sample.velocity_m_s());
+    if (!position_m || !velocity_m_s)
       throw std::runtime_error("recording '" + path + "': a servo tick without a position");
     MotionPoint point;
     point.time_s = 1e-9 * static_cast<double>(entry->monotonic_ns());
-    point.pose.position_m = {sample.position_m(0), sample.position_m(1)};
-    point.pose.velocity_m_s = {sample.velocity_m_s(0), sample.velocity_m_s(1)};
+    point.pose = {*position_m, *velocity_m_s};
     if (motion.empty() || point.time_s > motion.back().time_s) motion.push_back(point);
   }
   if (motion.size() < 2)
@@ -45,7 +47,7 @@ bool is_real(const std::string& device) {
 std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
   const std::string kind = choice.device.substr(0, choice.device.find(':'));
   const std::string rest = kind.size() < choice.device.size() ? choice.device.substr(kind.size() + 1) : "";
-  const Vector2 start_m(choice.hand.start_m, -choice.hand.hover_m);
+  const Vector3 start_m(choice.hand.start_m, -choice.hand.hover_m, 0);
   if (kind == "simulated" && rest.empty()) {
     SimulatedDeviceOptions options;
     options.profile = device_profile(choice.profile);

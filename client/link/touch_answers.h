@@ -61,7 +61,7 @@ class TouchAnswers {
   bool covered_ = true;
   std::uint64_t service_instance_ = 0;
   ClockOffset clock_offset_;
-  Vector2 last_position_m_{1e300, 1e300};
+  Vector3 last_position_m_{1e300, 1e300, 1e300};
 };
 
 }  // namespace teletact::client

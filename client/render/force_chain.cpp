@@ -36,14 +36,14 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
 
 // The step made under the last force, in the time that has passed, however late the tick.
 void ForceChain::observe(const ForceChainInput& input) noexcept {
-  const Vector2& position_m = input.pose.position_m;
-  const bool contact = position_m.y() > input.surface_m;
+  const Vector3& position_m = input.pose.position_m;
+  const bool contact = input.surface.depth_m(position_m) > 0;
   passivity_.observe(position_m, last_force_n_, contact ? share_ * input.rendered.stored_j : 0, contact,
                      std::isfinite(input.dt_s) ? std::max(input.dt_s, 0.0) : 0);
 }
 
 // The force before slew: zero unless enabled, finite and in contact.
-Vector2 ForceChain::wanted(const ForceChainInput& input, double indentation_m, double dt_s,
+Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, double dt_s,
                            ForceChainOutput& output) noexcept {
   const ForceLimits& limits = options_.limits;
   // Silence, model age and the ramp scale the force and its ceiling alike, so that a force beyond the ceiling
@@ -52,28 +52,30 @@ Vector2 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
   const double ceiling_n = gain * limits.largest_force_n;
 
   output.not_finite = !input.rendered.force_n.allFinite();
-  if (output.not_finite || !input.on) return Vector2::Zero();
-  const Vector2 soft_n =
+  if (output.not_finite || !input.on) return Vector3::Zero();
+  const Vector3 soft_n =
       cap_stiffness(gain * input.rendered.force_n, indentation_m, limits.largest_stiffness_n_m);
-  const Vector2 model_n = cap_magnitude(soft_n, ceiling_n);
+  const Vector3 model_n = cap_magnitude(soft_n, ceiling_n);
   const double rendered_n = input.rendered.force_n.stableNorm(), soft = soft_n.stableNorm();
   // Of 1/2 k d^2 a softer spring holds its share, and one that is cut off at F_max 2 s - s^2, s the share of
   // the force that is left.
   const double left = soft > 0 ? model_n.stableNorm() / soft : 1;
   share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain) * left * (2 - left);
   // A debt fades what is rendered, not the damping that pays it; and that never pulls a finger in.
-  Vector2 force_n = debt_gain_ * model_n + passivity_.damping_force(input.pose.velocity_m_s, dt_s);
-  force_n.y() = std::min(force_n.y(), std::max(debt_gain_ * model_n.y(), 0.0));
+  Vector3 force_n = debt_gain_ * model_n + passivity_.damping_force(input.pose.velocity_m_s, dt_s);
+  const Vector3& normal = input.surface.normal;
+  const double most_n = std::max(debt_gain_ * normal.dot(model_n), 0.0);
+  force_n -= std::max(normal.dot(force_n) - most_n, 0.0) * normal;
   force_n = cap_stiffness(force_n, indentation_m, limits.largest_stiffness_n_m);
   return cap_magnitude(force_n, ceiling_n);
 }
 
 // Nothing is wanted any more: down by the slew limit and with the silence, and to a finger that lifts no
 // stiffer than before.
-Vector2 ForceChain::fade(double indentation_m, double silence_gain, double dt_s) const noexcept {
+Vector3 ForceChain::fade(double indentation_m, double silence_gain, double dt_s) const noexcept {
   const ForceLimits& limits = options_.limits;
-  const Vector2 force_n =
-      cap_magnitude(cap_slew(Vector2::Zero(), last_force_n_, limits.largest_slew_n_s, dt_s),
+  const Vector3 force_n =
+      cap_magnitude(cap_slew(Vector3::Zero(), last_force_n_, limits.largest_slew_n_s, dt_s),
                     silence_gain * limits.largest_force_n);
   if (!(indentation_m < last_indentation_m_)) return force_n;
   return cap_stiffness(force_n, indentation_m, last_force_n_.norm() / last_indentation_m_);
@@ -94,7 +96,8 @@ double ForceChain::largest_rise_n(const ForceChainInput& input, double indentati
                                   double dt_s) const noexcept {
   const ForceLimits& limits = options_.limits;
   double pressed_m = 0;
-  if (last_position_m_ && !too_fast(input)) pressed_m = input.pose.position_m.y() - last_position_m_->y();
+  if (last_position_m_ && !too_fast(input))
+    pressed_m = input.surface.normal.dot(input.pose.position_m - *last_position_m_);
   pressed_m = std::clamp(pressed_m, 0.0, std::max(indentation_m, 0.0));
   return limits.largest_slew_n_s * dt_s + limits.largest_stiffness_n_m * pressed_m;
 }
@@ -105,19 +108,20 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   const double dt_s = std::isfinite(input.dt_s) ? std::clamp(input.dt_s, 0.0, options_.longest_dt_s) : 0;
   // Where the finger is not known it is taken to be where it was.
   double indentation_m = last_indentation_m_;
-  if (!pose.position_m.allFinite() || !pose.velocity_m_s.allFinite() || !std::isfinite(input.surface_m)) {
+  const double depth_m = input.surface.depth_m(pose.position_m);
+  if (!pose.position_m.allFinite() || !pose.velocity_m_s.allFinite() || !std::isfinite(depth_m)) {
     output.not_finite = true;
   } else {
-    indentation_m = pose.position_m.y() - input.surface_m;
+    indentation_m = depth_m;
     if (input.on) observe(input);
   }
   output.silence_gain = silence_gain(input.silence_s, silence_limits(input.period_s));
   judge(input, dt_s, output);
-  Vector2 wanted_n = Vector2::Zero();
+  Vector3 wanted_n = Vector3::Zero();
   if (!output.not_finite) wanted_n = wanted(input, indentation_m, dt_s, output);
   if (!wanted_n.allFinite()) output.not_finite = true;  // whatever the way: nothing but numbers goes out
   const bool fades = !input.on || output.not_finite;
-  const Vector2 force_n = fades
+  const Vector3 force_n = fades
                               ? fade(indentation_m, output.silence_gain, dt_s)
                               : cap_rise(wanted_n, last_force_n_, largest_rise_n(input, indentation_m, dt_s));
   if (fades) {

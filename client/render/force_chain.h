@@ -46,7 +46,7 @@ struct ForceChainOptions {
 struct ForceChainInput {
   Rendered rendered;
   ToolPose pose;
-  double surface_m = 0;
+  TouchedSurface surface = {};
   bool on = false;         // state ENABLED: else the force slews to zero
   double enabled_s = 0;    // since the state became ENABLED
   double silence_s = 0;    // since the last answer arrived
@@ -56,7 +56,7 @@ struct ForceChainInput {
 };
 
 struct ForceChainOutput {
-  Vector2 force_n = Vector2::Zero();
+  Vector3 force_n = Vector3::Zero();
   double damping_n_s_m = 0;  // added by the passivity controller
   double energy_j = 0;       // the passivity observer's
   double stored_j = 0;       // held by the model, as far as its force goes out
@@ -74,15 +74,15 @@ class ForceChain {
   explicit ForceChain(const ForceChainOptions& options);
   ForceChainOutput apply(const ForceChainInput& input) noexcept;
   // What the device last took, for the slew: the chain's own output unless the device was closed meanwhile.
-  const Vector2& last_force_n() const noexcept { return last_force_n_; }
+  const Vector3& last_force_n() const noexcept { return last_force_n_; }
   // Over the last step in contact, for the renderer's budget (passivity.h).
   double dissipated_j() const noexcept { return passivity_.dissipated_j(); }
 
  private:
   void observe(const ForceChainInput& input) noexcept;
-  Vector2 wanted(const ForceChainInput& input, double indentation_m, double dt_s,
+  Vector3 wanted(const ForceChainInput& input, double indentation_m, double dt_s,
                  ForceChainOutput& output) noexcept;
-  Vector2 fade(double indentation_m, double silence_gain, double dt_s) const noexcept;
+  Vector3 fade(double indentation_m, double silence_gain, double dt_s) const noexcept;
   bool too_fast(const ForceChainInput& input) const noexcept;
   double largest_rise_n(const ForceChainInput& input, double indentation_m, double dt_s) const noexcept;
   void judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
@@ -94,9 +94,9 @@ class ForceChain {
   double share_ = 0;      // of what the rendered model holds, as far as its force goes out
   bool indebted_ = false;
   double withheld_s_ = 0;  // that much has been withheld for
-  Vector2 last_force_n_ = Vector2::Zero();
+  Vector3 last_force_n_ = Vector3::Zero();
   double last_indentation_m_ = 0;
-  std::optional<Vector2> last_position_m_;  // of the tick before; none when that was no number
+  std::optional<Vector3> last_position_m_;  // of the tick before; none when that was no number
 };
 
 }  // namespace teletact::client

@@ -49,26 +49,26 @@ double start_gain(double enabled_s, double ramp_s) noexcept {
   return std::min(enabled_s / ramp_s, 1.0);
 }
 
-Vector2 cap_stiffness(const Vector2& force_n, double indentation_m, double stiffness_n_m) noexcept {
+Vector3 cap_stiffness(const Vector3& force_n, double indentation_m, double stiffness_n_m) noexcept {
   return cap_magnitude(force_n, stiffness_n_m * std::max(indentation_m, 0.0));
 }
 
-Vector2 cap_magnitude(const Vector2& force_n, double largest_n) noexcept {
+Vector3 cap_magnitude(const Vector3& force_n, double largest_n) noexcept {
   // stableNorm: the square of a hostile but finite force may overflow.
   const double magnitude_n = force_n.stableNorm();
-  return magnitude_n > largest_n ? Vector2(force_n / magnitude_n * largest_n) : force_n;
+  return magnitude_n > largest_n ? Vector3(force_n / magnitude_n * largest_n) : force_n;
 }
 
-Vector2 cap_rise(const Vector2& force_n, const Vector2& previous_n, double rise_n) noexcept {
-  const Vector2 way_n = force_n - previous_n;
+Vector3 cap_rise(const Vector3& force_n, const Vector3& previous_n, double rise_n) noexcept {
+  const Vector3 way_n = force_n - previous_n;
   // Where on the way the magnitude is least; NaN when there is no way to go.
   const double least = -previous_n.dot(way_n) / way_n.squaredNorm();
   if (!(least < 1)) return force_n;
-  const Vector2 fallen_n = previous_n + std::max(least, 0.0) * way_n;
+  const Vector3 fallen_n = previous_n + std::max(least, 0.0) * way_n;
   return fallen_n + cap_magnitude(force_n - fallen_n, rise_n);
 }
 
-Vector2 cap_slew(const Vector2& force_n, const Vector2& previous_n, double slew_n_s, double dt_s) noexcept {
+Vector3 cap_slew(const Vector3& force_n, const Vector3& previous_n, double slew_n_s, double dt_s) noexcept {
   return previous_n + cap_magnitude(force_n - previous_n, slew_n_s * dt_s);
 }
 

@@ -44,16 +44,16 @@ double age_gain(double model_age_s, const AgeLimits&) noexcept;
 double start_gain(double enabled_s, double ramp_s) noexcept;
 
 // |force| <= stiffness x indentation; zero outside of the tissue.
-Vector2 cap_stiffness(const Vector2& force_n, double indentation_m, double stiffness_n_m) noexcept;
+Vector3 cap_stiffness(const Vector3& force_n, double indentation_m, double stiffness_n_m) noexcept;
 
 // |force| <= largest, its direction kept.
-Vector2 cap_magnitude(const Vector2& force_n, double largest_n) noexcept;
+Vector3 cap_magnitude(const Vector3& force_n, double largest_n) noexcept;
 
 // From `previous_n` straight towards `force_n`: freely as far as the magnitude falls, from there on by
 // `rise_n` at most. A force is never held up by this limit.
-Vector2 cap_rise(const Vector2& force_n, const Vector2& previous_n, double rise_n) noexcept;
+Vector3 cap_rise(const Vector3& force_n, const Vector3& previous_n, double rise_n) noexcept;
 
 // The force nearest to `force_n` within slew x dt of `previous_n`, whichever way: for a fade.
-Vector2 cap_slew(const Vector2& force_n, const Vector2& previous_n, double slew_n_s, double dt_s) noexcept;
+Vector3 cap_slew(const Vector3& force_n, const Vector3& previous_n, double slew_n_s, double dt_s) noexcept;
 
 }  // namespace teletact::client

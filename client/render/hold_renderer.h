@@ -16,7 +16,7 @@ class HoldRenderer final : public Renderer {
 
  private:
   Rendered held_;
-  double surface_m_ = 0;
+  TouchedSurface surface_;
   bool pressed_ = false;  // the newest answer had a force
   HeldUncertainty uncertainty_;
 };

@@ -22,10 +22,10 @@ bool InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, d
   const Value before = value(time_s);
   to_ = Value();
   pressed_ = sample.contact;
-  surface_m_ = sample.surface_m;
+  surface_ = sample.surface;
   if (pressed_) {
-    const double indentation_m = std::max(sample.position_m.y() - sample.surface_m, kSmallestIndentationM);
-    to_ = {sample.force_n, -sample.force_n / indentation_m};
+    const double indentation_m = std::max(surface_.depth_m(sample.position_m), kSmallestIndentationM);
+    to_ = {sample.force_n, ContactFrame(surface_.normal).to_contact(-sample.force_n) / indentation_m};
     uncertainty_.add(to_.stiffness_n_m, sample.position_m, sample.pose_time_s);
   }
   from_ = known_ ? before : to_;
@@ -40,15 +40,15 @@ Rendered InterpolatingRenderer::render(const ToolPose& pose, double time_s, doub
   Rendered rendered;
   rendered.force_n = now.force_n;
   rendered.stiffness_n_m = now.stiffness_n_m.y();
-  rendered.lateral_stiffness_n_m = now.stiffness_n_m.x();
+  rendered.lateral_stiffness_n_m = lateral(now.stiffness_n_m);
   rendered.gain = known_ ? share(time_s) : 0;
-  rendered.stored_j = spring_energy_j(now.stiffness_n_m.y(), pose.position_m.y() - surface_m_);
+  rendered.stored_j = spring_energy_j(now.stiffness_n_m.y(), surface_.depth_m(pose.position_m));
   if (!pressed_) return rendered;
   // Off by what the newest answer is, and by what is left of the way to it.
-  const Vector2 variance =
+  const Vector3 variance =
       uncertainty_.at(pose.position_m, time_s) + (now.stiffness_n_m - to_.stiffness_n_m).cwiseAbs2();
   rendered.variance = variance.y();
-  rendered.lateral_variance = variance.x();
+  rendered.lateral_variance = lateral(variance);
   return rendered;
 }
 

@@ -18,15 +18,15 @@ class InterpolatingRenderer final : public Renderer {
 
  private:
   struct Value {
-    Vector2 force_n = Vector2::Zero();
-    Vector2 stiffness_n_m = Vector2::Zero();  // [lateral, push]
+    Vector3 force_n = Vector3::Zero();
+    Vector3 stiffness_n_m = Vector3::Zero();  // in the contact
   };
   double share(double time_s) const noexcept;
   Value value(double time_s) const noexcept;
 
   Value from_, to_;
   HeldUncertainty uncertainty_;
-  double surface_m_ = 0;
+  TouchedSurface surface_;
   bool known_ = false;
   bool pressed_ = false;  // the newest answer had a force
   double arrival_s_ = 0;

@@ -1,17 +1,20 @@
-// Kalman-filtered local contact model (T5.4), extended to the plane and to a finger that moves sideways.
+// Kalman-filtered local contact model (T5.4), extended to space and to a finger that moves sideways.
 //
-// Resistance r = -force on the finger, indentation d = y - surface. The local model is
-//     r_i(x, d) = d * ( k_i + g_ix (x - x_a) + g_id (d - d_a) ),   i = lateral, push,
-// a secant stiffness k_i (N/m) at the anchor pose (x_a, d_a) and its gradient (N/m per m). It is the
+// All of it is kept in the contact's own frame (contact_frame.h), which turns with the surface: the
+// indentation d along its normal, and u, v along it. Resistance r = -force on the finger. The local model is
+//     r_i(u, v, d) = d * ( k_i + g_iu (u - u_a) + g_iv (v - v_a) + g_id (d - d_a) ),
+//     i = lateral, push, second lateral,
+// a secant stiffness k_i (N/m) at the anchor pose (u_a, v_a, d_a) and its gradient (N/m per m). It is the
 // first-order expansion of the streamed force, F_0 + T (p - p_0), written so that it vanishes with the
-// indentation: no force is left outside the tissue, and the lateral part, which keeps the work of a
-// press-slide-release loop zero (T4.5), vanishes with it.
+// indentation: no force is left outside the tissue, and the lateral parts, which keep the work of a
+// press-slide-release loop zero (T4.5), vanish with it. In a plane scene all that has to do with v is told as
+// zero, and stays zero.
 //
-// State per channel [k, g_x, g_d], one covariance for both (same measurement rows, same noise). Measurements
-// of an answer, all at the pose that it was computed for:
-//     r_i            = d_0 k_i                    (force)
-//     d r_i / d d    = k_i + d_0 g_id             (tangent)
-//     d r_i / d x    = d_0 g_ix                   (tangent)
+// State per channel [k, g_u, g_v, g_d], one covariance for all (same measurement rows, same noise).
+// Measurements of an answer, all at the pose that it was computed for:
+//     r_i                        = d_0 k_i              (force)
+//     d r_i / d d                = k_i + d_0 g_id       (tangent)
+//     d r_i / d u, d r_i / d v   = d_0 g_iu, d_0 g_iv   (tangent)
 // Between poses k moves by the gradient (the anchor moves with the finger), and all states walk with Q dt.
 // With `use_tangent` off the gradients are held at zero and this is the paper's one-state filter [k].
 //
@@ -22,7 +25,7 @@
 // finger came into contact. Both end at the surface: a finger that comes anew feels the model as it is.
 //
 // The variance that is reported is the covariance carried on from the newest answer to the tool, h P h^T + Q
-// t (t: tissue_walk.h), the same for both channels, and the square of what is not yet blended in.
+// t (t: tissue_walk.h), the same for all channels, and the square of what is not yet blended in.
 #pragma once
 
 #include <Eigen/Core>
@@ -71,33 +74,44 @@ class KalmanRenderer final : public Renderer {
   std::uint64_t outliers() const noexcept { return outliers_; }
 
  private:
-  using State = Eigen::Matrix<double, 3, 2>;  // rows k, g_x, g_d; columns lateral, push
+  using Row = Eigen::Vector4d;                // k, g_u, g_v, g_d
+  using State = Eigen::Matrix<double, 4, 3>;  // rows so; columns lateral, push, second lateral
 
-  void predict(double x_m, double indentation_m, double time_s) noexcept;
-  bool measure(const Eigen::Vector3d& row, const Vector2& value, double variance, bool gated) noexcept;
-  void forget(double x_m, double indentation_m, double time_s) noexcept;
-  bool believe(const ForceSample& sample, double indentation_m) noexcept;
+  // A place as the contact has it.
+  struct Place {
+    Vector2 along_m;  // the surface, from the anchor
+    double indentation_m;
+  };
+  Place place_of(const Vector3& position_m) const noexcept;
+
+  void predict(const Vector3& position_m, double time_s) noexcept;
+  bool measure(const Row& row, const Vector3& value, double variance, bool gated) noexcept;
+  void forget(const Vector3& position_m, double time_s) noexcept;
+  void put_anchor(const Vector3& position_m, double time_s) noexcept;
+  bool believe(const ForceSample& sample) noexcept;
   double walk_n_m() const noexcept;
-  Eigen::Vector3d row_at(double x_m, double indentation_m) const noexcept;
-  Vector2 stiffness_at(double x_m, double indentation_m) const noexcept;
-  double variance_at(double x_m, double indentation_m, double time_s) const noexcept;
-  Vector2 felt_at(const Vector2& position_m) const noexcept;
-  double stored_at(const Vector2& position_m) const noexcept;
-  void blend_from(const Vector2& before_n_m, const ToolPose& pose) noexcept;
-  void settle(const Vector2& model_n_m, double indentation_m, double ticks) noexcept;
+  double way_m(const Place&) const noexcept;
+  Row row_at(const Place&) const noexcept;
+  Vector3 stiffness_at(const Place&) const noexcept;
+  double variance_at(const Place&, double time_s) const noexcept;
+  Vector3 felt_at(const Place&) const noexcept;
+  double stored_at(const Place&) const noexcept;
+  void blend_from(const Vector3& before_n_m, const Vector3& position_m) noexcept;
+  void settle(const Vector3& model_n_m, double indentation_m, double ticks) noexcept;
 
   KalmanOptions options_;
   State state_ = State::Zero();
-  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
-  bool known_ = false;  // an answer with a force has been believed
-  double anchor_x_m_ = 0;
+  Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();
+  bool known_ = false;                  // an answer with a force has been believed
+  Vector3 anchor_m_ = Vector3::Zero();  // scene coordinates: it stays where it is when the frame turns
   double anchor_indentation_m_ = 0;
   double anchor_time_s_ = 0;
-  double surface_m_ = 0;
+  TouchedSurface surface_;
+  ContactFrame frame_;
   double gain_ = 0;
   // Felt: (1 - withheld) x model + offset.
   double withheld_ = 0;
-  Vector2 offset_n_m_ = Vector2::Zero();
+  Vector3 offset_n_m_ = Vector3::Zero();
   double reserve_j_ = 0;  // dissipated in this contact, and not yet used up
   double rendered_s_ = 0;
   int consecutive_outliers_ = 0;

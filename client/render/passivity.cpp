@@ -15,11 +15,11 @@ double PassivityController::damping_counted_n_s_m(bool contact) const noexcept {
   return contact || stated ? options_.mechanism_n_s_m : options_.hand_n_s_m;
 }
 
-void PassivityController::observe(const Vector2& position_m, const Vector2& written_force_n, double stored_j,
+void PassivityController::observe(const Vector3& position_m, const Vector3& written_force_n, double stored_j,
                                   bool contact, double dt_s) noexcept {
   if (!started_) last_position_m_ = position_m;
   started_ = true;
-  const Vector2 step_m = position_m - last_position_m_;
+  const Vector3 step_m = position_m - last_position_m_;
   last_position_m_ = position_m;
   // D(n) = D(n-1) - f(n-1) . dp + f_c |dp| + b |dp|^2 / T - (S(n) - S(n-1))
   const double way_m = step_m.stableNorm();
@@ -37,7 +37,7 @@ void PassivityController::observe(const Vector2& position_m, const Vector2& writ
 // Over kSpanS at once: a straight way in one span is the least that friction and damping can have taken,
 // however late a tick or a sample came, and a position that flickers between two steps of the encoder takes
 // nothing.
-void PassivityController::dissipate(const Vector2& position_m, bool contact, double dt_s) noexcept {
+void PassivityController::dissipate(const Vector3& position_m, bool contact, double dt_s) noexcept {
   dissipated_j_ = 0;
   if (!contact) span_s_ = 0;
   if (span_s_ == 0) span_begin_m_ = position_m;
@@ -53,11 +53,11 @@ void PassivityController::dissipate(const Vector2& position_m, bool contact, dou
   span_s_ = 0;
 }
 
-Vector2 PassivityController::damping_force(const Vector2& velocity_m_s, double dt_s) noexcept {
+Vector3 PassivityController::damping_force(const Vector3& velocity_m_s, double dt_s) noexcept {
   damping_n_s_m_ = 0;
   const double speed_squared = velocity_m_s.squaredNorm();
   constexpr double kStandstill = 1e-10;  // (m/s)^2: no damping can take energy from a finger at rest
-  if (energy_j() >= 0 || speed_squared < kStandstill || dt_s <= 0) return Vector2::Zero();
+  if (energy_j() >= 0 || speed_squared < kStandstill || dt_s <= 0) return Vector3::Zero();
   // alpha = -E / (T v^2); what the clamp leaves stays in E for the next ticks, and the force written (limits
   // included) is accounted by the next observe().
   damping_n_s_m_ = std::min(-energy_j() / (dt_s * speed_squared), options_.largest_damping_n_s_m);

@@ -1,4 +1,4 @@
-// Passivity observer and controller (T5.5, Hannaford and Ryu), in the plane.
+// Passivity observer and controller (T5.5, Hannaford and Ryu).
 //
 // The observer adds up the work that the operator does on what is rendered,
 //     E(n) = E(n-1) - f(n-1) . (p(n) - p(n-1)),   f on the finger,
@@ -42,10 +42,10 @@ class PassivityController {
   void reset() noexcept;
   // Call once per tick, before the new force is known: accounts for the step made under the last force
   // written. `stored_j`: held by the model now.
-  void observe(const Vector2& position_m, const Vector2& written_force_n, double stored_j, bool contact,
+  void observe(const Vector3& position_m, const Vector3& written_force_n, double stored_j, bool contact,
                double dt_s) noexcept;
   // The damping force to add for this tick, zero while passive.
-  Vector2 damping_force(const Vector2& velocity_m_s, double dt_s) noexcept;
+  Vector3 damping_force(const Vector3& velocity_m_s, double dt_s) noexcept;
 
   // < 0: generated, however the estimate of what is held is off.
   double energy_j() const noexcept { return balance_j_ + options_.held_share * stored_j_; }
@@ -58,15 +58,15 @@ class PassivityController {
  private:
   static constexpr double kSpanS = 0.01;
   double damping_counted_n_s_m(bool contact) const noexcept;
-  void dissipate(const Vector2& position_m, bool contact, double dt_s) noexcept;
+  void dissipate(const Vector3& position_m, bool contact, double dt_s) noexcept;
 
   Options options_;
-  Vector2 last_position_m_ = Vector2::Zero();
+  Vector3 last_position_m_ = Vector3::Zero();
   bool started_ = false;
   double balance_j_ = 0;  // D
   double stored_j_ = 0;   // S
   double dissipated_j_ = 0;
-  Vector2 span_begin_m_ = Vector2::Zero();
+  Vector3 span_begin_m_ = Vector3::Zero();
   double span_s_ = 0;
   double damping_n_s_m_ = 0;
 };

@@ -6,7 +6,8 @@ namespace teletact::client {
 
 bool is_finite(const ForceSample& sample) noexcept {
   return std::isfinite(sample.pose_time_s) && sample.position_m.allFinite() && sample.force_n.allFinite() &&
-         sample.tangent_n_m.allFinite() && std::isfinite(sample.surface_m);
+         sample.tangent_n_m.allFinite() && sample.surface.normal.allFinite() &&
+         std::isfinite(sample.surface.offset_m);
 }
 
 }  // namespace teletact::client

@@ -2,44 +2,45 @@
 // Pure and allocation-free: no clock, no thread, no gRPC; time is an argument.
 #pragma once
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cstdint>
 #include <limits>
 
-namespace teletact::client {
+#include "client/render/contact_frame.h"
 
-using Vector2 = Eigen::Vector2d;  // [x lateral, y into the tissue], scene coordinates
+namespace teletact::client {
 
 // The tool at one servo tick.
 struct ToolPose {
-  Vector2 position_m = Vector2::Zero();
-  Vector2 velocity_m_s = Vector2::Zero();
+  Vector3 position_m = Vector3::Zero();
+  Vector3 velocity_m_s = Vector3::Zero();
 };
 
 // One answer of the service: a force and the pose that it was computed for (T5.4: kept paired).
 struct ForceSample {
-  std::uint64_t sequence = 0;                             // of that pose
-  double pose_time_s = 0;                                 // when that pose was sampled, servo clock
-  Vector2 position_m = Vector2::Zero();                   // that pose
-  Vector2 force_n = Vector2::Zero();                      // on the finger: y < 0 for a push
-  Eigen::Matrix2d tangent_n_m = Eigen::Matrix2d::Zero();  // d force / d position
-  double surface_m = 0;                                   // y of the undeformed touched line
-  bool contact = false;                                   // false: the finger was not in contact, force zero
+  std::uint64_t sequence = 0;             // of that pose
+  double pose_time_s = 0;                 // when that pose was sampled, servo clock
+  Vector3 position_m = Vector3::Zero();   // that pose
+  Vector3 force_n = Vector3::Zero();      // on the finger: against the normal for a push
+  Matrix3 tangent_n_m = Matrix3::Zero();  // d force / d position
+  TouchedSurface surface = {};            // undeformed
+  bool contact = false;                   // false: the finger was not in contact, force zero
   // Not in contact, but told what waits there: position, force and tangent are those of a light touch below
   // the finger. Feels like nothing; a model that knows it has its stiffness when the finger arrives.
   bool foreseen = false;
 };
 
 struct Rendered {
-  Vector2 force_n = Vector2::Zero();  // on the finger
+  Vector3 force_n = Vector3::Zero();  // on the finger
   double stiffness_n_m = 0;           // along the push: resistance over indentation
-  double lateral_stiffness_n_m = 0;   // lateral force over indentation, the force's sign turned as well
+  // Both lateral components of the contact (ContactFrame): lateral force over indentation, the force's sign
+  // turned as well. The second is zero in a plane scene, whose tissue gives no force across its plane.
+  Vector2 lateral_stiffness_n_m = Vector2::Zero();
   // Mean square, (N/m)^2, of what each of these is off by at this pose and time: of the model, what it may
-  // have changed by since its newest answer, and what is not blended in or withheld. The two errors are
+  // have changed by since its newest answer, and what is not blended in or withheld. The errors are
   // independent. Infinite while nothing is known.
   double variance = std::numeric_limits<double>::infinity();
-  double lateral_variance = std::numeric_limits<double>::infinity();
+  Vector2 lateral_variance = Vector2::Constant(std::numeric_limits<double>::infinity());
   // What the model that is felt would give back if the finger were lifted straight up from here. Where the
   // force is that of no model, what a spring of the rendered stiffness holds.
   double stored_j = 0;

@@ -104,7 +104,7 @@ ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t no
   ForceChainInput input;
   input.rendered = rendered;
   input.pose = reading_.pose;
-  input.surface_m = answer_.sample.surface_m;
+  input.surface = answer_.sample.surface;
   input.on = states_.state() == ServoState::kEnabled;
   input.enabled_s = seconds(now_ns - states_.since_ns());
   input.silence_s = silence_s_;
@@ -121,7 +121,7 @@ StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device
   inputs.too_fast = limited.too_fast;
   inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
   inputs.silence_is_zero = limited.silence_gain <= 0;
-  inputs.out_of_contact = reading_.pose.position_m.y() < answer_.sample.surface_m - options_.clearance_m;
+  inputs.out_of_contact = answer_.sample.surface.depth_m(reading_.pose.position_m) < -options_.clearance_m;
   inputs.resume = resume_.exchange(false) || asked_;
   inputs.pause = pause_.exchange(false);
   inputs.disable = disable_.exchange(false);
@@ -171,7 +171,7 @@ void ServoLoop::show() noexcept {
   view.covered = answered_ && answer_.covered;
   view.covered_begin_m = answer_.covered_begin_m;
   view.covered_end_m = answer_.covered_end_m;
-  view.surface_m = answer_.sample.surface_m;
+  view.surface = answer_.sample.surface;
   device_.show(view);
 }
 

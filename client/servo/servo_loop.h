@@ -42,7 +42,7 @@ struct ServoPose {
 struct ServoTick {
   std::int64_t time_ns = 0;  // when it woke and read the device
   ToolPose pose;
-  Vector2 force_n = Vector2::Zero();  // written
+  Vector3 force_n = Vector3::Zero();  // written
   ServoState state = ServoState::kDisabled;
   StateReason reason = StateReason::kStart;
   std::uint64_t sequence = 0;  // of the pose behind the force; 0: there is no answer to render yet
@@ -55,8 +55,8 @@ struct ServoTick {
   double modulus_age_s = 0;  // since the modulus behind the newest answer came in; 0: not known
   double stiffness_n_m = 0;  // rendered along the push
   double stiffness_variance = 0;
-  double lateral_stiffness_n_m = 0;
-  double lateral_stiffness_variance = 0;
+  Vector2 lateral_stiffness_n_m = Vector2::Zero();  // both components
+  Vector2 lateral_stiffness_variance = Vector2::Zero();
   double gain = 0;
   double energy_j = 0;       // the passivity observer's: < 0 was generated
   double stored_j = 0;       // held by the rendered model, as far as its force goes out

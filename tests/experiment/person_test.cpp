@@ -44,7 +44,7 @@ class FeelingDevice final : public HapticDevice {
     x_m_ = reading.pose.position_m.x();
     return ok;
   }
-  bool write(const Vector2& force_n) noexcept override {
+  bool write(const Vector3& force_n) noexcept override {
     force_n_ = force_n.norm();
     if (indentation_m_ > 0.003) {
       felt_n_m = -force_n.y() / indentation_m_;

@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kMs = 1000000;
 
 ServoPose at(double y_m, std::int64_t ms) {
-  return {{{0.01, y_m}, Vector2::Zero()}, ms * kMs};
+  return {{{0.01, y_m, 0}, Vector3::Zero()}, ms * kMs};
 }
 
 SpringTissue everywhere(double stiffness_n_m) {
@@ -54,7 +54,7 @@ TEST(SpringAnswers, AreOfTheSpringAtTheirPoseAndForeseeItOutOfContact) {
   const ForceSample pressed = run(answers, 0.003, 1, 2).at(0).sample;
   EXPECT_TRUE(pressed.contact);
   EXPECT_FALSE(pressed.foreseen);
-  EXPECT_EQ(pressed.position_m, Vector2(0.01, 0.003));
+  EXPECT_EQ(pressed.position_m, Vector3(0.01, 0.003, 0));
   EXPECT_NEAR(pressed.force_n.y(), -0.12, 1e-12);
   EXPECT_EQ(pressed.tangent_n_m(1, 1), -40);
 }
@@ -62,24 +62,24 @@ TEST(SpringAnswers, AreOfTheSpringAtTheirPoseAndForeseeItOutOfContact) {
 TEST(SpringTissue, ItsForceIsTheSlopeOfItsEnergyAndItsTangentThatOfItsForce) {
   const SpringTissue tissue{25, 40, 0.03, 0.01, 0.0015};
   constexpr double kStep = 1e-6;
-  const auto energy_j = [&](const Vector2& p) { return -tissue.answer(p).force_n.y() * p.y() / 2; };
+  const auto energy_j = [&](const Vector3& p) { return -tissue.answer(p).force_n.y() * p.y() / 2; };
   for (const double x_m : {0.001, 0.0195, 0.021, 0.03, 0.0385, 0.042}) {
-    const Vector2 place_m(x_m, 0.003);
+    const Vector3 place_m(x_m, 0.003, 0);
     const ForceSample answer = tissue.answer(place_m);
-    for (int i = 0; i < 2; ++i) {
-      const Vector2 step_m = kStep * Vector2::Unit(i);
+    for (int i = 0; i < 3; ++i) {
+      const Vector3 step_m = kStep * Vector3::Unit(i);
       const double slope_n = (energy_j(place_m + step_m) - energy_j(place_m - step_m)) / (2 * kStep);
       EXPECT_NEAR(answer.force_n[i], -slope_n, 1e-6) << x_m;
-      const Vector2 bend =
+      const Vector3 bend =
           (tissue.answer(place_m + step_m).force_n - tissue.answer(place_m - step_m).force_n) / (2 * kStep);
       EXPECT_LE((answer.tangent_n_m.col(i) - bend).norm(), 1e-4) << x_m;
     }
   }
-  EXPECT_NEAR(-tissue.answer({0.03, 0.002}).force_n.y() / 0.002, 40, 0.05);
-  EXPECT_NEAR(-tissue.answer({0.0, 0.002}).force_n.y() / 0.002, 25, 0.05);
+  EXPECT_NEAR(-tissue.answer({0.03, 0.002, 0}).force_n.y() / 0.002, 40, 0.05);
+  EXPECT_NEAR(-tissue.answer({0.0, 0.002, 0}).force_n.y() / 0.002, 25, 0.05);
   // without an end it is a spring, exactly
-  const ForceSample spring = everywhere(40).answer({0.01, 0.002});
-  EXPECT_EQ(spring.force_n, Vector2(0, -0.08));
+  const ForceSample spring = everywhere(40).answer({0.01, 0.002, 0});
+  EXPECT_EQ(spring.force_n, Vector3(0, -0.08, 0));
   EXPECT_EQ(spring.tangent_n_m(1, 1), -40);
   EXPECT_EQ(spring.tangent_n_m(0, 0), 0);
 }

@@ -25,7 +25,7 @@ bool within(double seconds, const std::function<bool()>& met) {
 }
 
 Inverse3Options options_for(const Inverse3Service& service) {
-  return {.url = service.url(), .start_m = {0.04, -0.005}, .open_wait_s = 2};
+  return {.url = service.url(), .start_m = {0.04, -0.005, 0}, .open_wait_s = 2};
 }
 
 std::string complaint(const Inverse3Options& options) {
@@ -78,24 +78,26 @@ TEST(Inverse3Device, CursorComesInSceneAxesAndForceGoesBackInItsOwn) {
   DeviceReading reading;
   // GIVEN where it stands at first THEN that is the start above the tissue
   ASSERT_TRUE(device.read(0, reading));
-  EXPECT_EQ(reading.pose.position_m, Vector2(0.04, -0.005));
+  EXPECT_EQ(reading.pose.position_m, Vector3(0.04, -0.005, 0));
   EXPECT_FALSE(reading.resume_pressed);
-  // WHEN it moves 2 mm to the right and 7 mm down (and 30 mm forward, which is free)
+  // WHEN it moves 2 mm to the right and 7 mm down and 30 mm forward
   service.put_cursor({0.012, -0.09, 0.143}, {0.1, 0.5, -0.2});
   service.pressed = true;
   ASSERT_TRUE(within(2, [&] { return device.read(0, reading) && reading.resume_pressed; }));
   EXPECT_NEAR(reading.pose.position_m.x(), 0.042, 1e-12);
   EXPECT_NEAR(reading.pose.position_m.y(), 0.002, 1e-12);
+  EXPECT_NEAR(reading.pose.position_m.z(), 0.03, 1e-12);
   EXPECT_NEAR(reading.pose.velocity_m_s.x(), 0.1, 1e-12);
   EXPECT_NEAR(reading.pose.velocity_m_s.y(), 0.2, 1e-12);
+  EXPECT_NEAR(reading.pose.velocity_m_s.z(), 0.5, 1e-12);
   // THEN a force that lifts the finger (scene -y) is one upwards
   EXPECT_TRUE(within(2, [&] {
     device.read(0, reading);
-    device.write({0.3, -1.5});
-    return service.force_n() == Eigen::Vector3d(0.3, 0, 1.5);
+    device.write({0.3, -1.5, 0.2});
+    return service.force_n() == Eigen::Vector3d(0.3, 0.2, 1.5);
   }));
   EXPECT_EQ(service.first_command().at("session").at("configure").at("profile").at("name"), "teletact");
-  EXPECT_FALSE(device.write({NAN, 0}));
+  EXPECT_FALSE(device.write({NAN, 0, 0}));
 }
 
 TEST(Inverse3Device, AForceThatIsNotRenewedAndOneAtTheEndAreZero) {
@@ -105,7 +107,7 @@ TEST(Inverse3Device, AForceThatIsNotRenewedAndOneAtTheEndAreZero) {
   DeviceReading reading;
   const auto push = [&] {
     device.read(0, reading);
-    device.write({0, -2});
+    device.write({0, -2, 0});
     return service.force_n().z() == 2;
   };
   ASSERT_TRUE(within(2, push));
@@ -124,7 +126,7 @@ TEST(Inverse3Device, AServiceThatIsLostOrTalksNonsenseIsToldZeroFirst) {
   DeviceReading reading;
   const auto push = [&] {
     device.read(0, reading);
-    device.write({0, -2});
+    device.write({0, -2, 0});
     return service->force_n().z() == 2;
   };
   const auto pushed_to_zero = [&] { return !push() && service->force_n().norm() == 0; };
@@ -149,7 +151,7 @@ TEST(Inverse3Device, AServiceThatIsLostOrTalksNonsenseIsToldZeroFirst) {
   EXPECT_TRUE(within(5, push));
   EXPECT_EQ(service->largest_first_n(), 0);
   device.let_go();
-  EXPECT_FALSE(device.write({0, -2}));
+  EXPECT_FALSE(device.write({0, -2, 0}));
   EXPECT_TRUE(within(1, [&] { return service->force_n().norm() == 0; }));
 }
 
@@ -198,19 +200,19 @@ TEST(Inverse3Device, HasNoPositionBeforeItsDeviceSpeaks) {
   const unsigned spoken = service->messages;
   EXPECT_TRUE(within(30, [&] { return service->messages > spoken + 20; }));
   ASSERT_TRUE(device.read(0, reading));
-  EXPECT_EQ(reading.pose.position_m, Vector2(0.04, -0.005));
+  EXPECT_EQ(reading.pose.position_m, Vector3(0.04, -0.005, 0));
   service.reset();
   EXPECT_TRUE(within(30, [&] { return !device.read(0, reading); }));
   service = std::make_unique<Inverse3Service>(port, Eigen::Vector3d::Zero());
   EXPECT_TRUE(within(30, [&] {
-    EXPECT_TRUE(device.write({0, -2}));
+    EXPECT_TRUE(device.write({0, -2, 0}));
     EXPECT_FALSE(device.read(0, reading));
     return service->messages > 50;
   }));
   EXPECT_EQ(service->force_n().norm(), 0);
   service->put_cursor(stands_m, {0, 0, 0});
   EXPECT_TRUE(within(30, [&] { return device.read(0, reading); }));
-  EXPECT_EQ(reading.pose.position_m, Vector2(0.04, -0.005));
+  EXPECT_EQ(reading.pose.position_m, Vector3(0.04, -0.005, 0));
 }
 
 TEST(Inverse3Device, SaysWhatIsWrong) {

@@ -19,14 +19,14 @@ constexpr double kTickS = 0.001;
 
 struct Spring {
   double stiffness_n_m;
-  ForceSample told(const Vector2& position_m, double time_s, std::uint64_t sequence) const {
+  ForceSample told(const Vector3& position_m, double time_s, std::uint64_t sequence) const {
     ForceSample sample;
     sample.sequence = sequence;
     sample.pose_time_s = time_s;
     sample.contact = position_m.y() > 0;
     sample.foreseen = !sample.contact;
-    sample.position_m = {position_m.x(), sample.contact ? position_m.y() : 5e-4};
-    sample.force_n = {0, -stiffness_n_m * sample.position_m.y()};
+    sample.position_m = {position_m.x(), sample.contact ? position_m.y() : 5e-4, 0};
+    sample.force_n = {0, -stiffness_n_m * sample.position_m.y(), 0};
     sample.tangent_n_m(1, 1) = -stiffness_n_m;
     return sample;
   }
@@ -38,9 +38,9 @@ struct Motion {
   static constexpr double kPressMS = 0.05, kHoverM = 0.002, kRestS = 0.1;
   double lifts_s() const { return (kHoverM + depth_m) / kPressMS + kRestS; }
   double ends_s() const { return lifts_s() + (depth_m + 3 * kHoverM) / lift_m_s; }
-  Vector2 place(double time_s) const {
+  Vector3 place(double time_s) const {
     const double pressed_m = std::min(kPressMS * time_s - kHoverM, depth_m);
-    return {0.025 + slide_m_s * time_s, pressed_m - lift_m_s * std::max(time_s - lifts_s(), 0.0)};
+    return {0.025 + slide_m_s * time_s, pressed_m - lift_m_s * std::max(time_s - lifts_s(), 0.0), 0};
   }
   ToolPose pose(double time_s) const {
     return {place(time_s), (place(time_s) - place(time_s - kTickS)) / kTickS};
@@ -61,7 +61,7 @@ Felt lift(const std::string& name, const ForceLimits& limits, const Tissue& tiss
   ForceChain chain(options);
   std::deque<ForceSample> on_the_way;
   Felt felt;
-  Vector2 last_n(0, 0), last_m = motion.place(0);
+  Vector3 last_n(0, 0, 0), last_m = motion.place(0);
   double energy_j = 0;
   for (int tick = 0; kTickS * tick < motion.ends_s(); ++tick) {
     const double time_s = kTickS * tick;
@@ -148,8 +148,8 @@ TEST(Lift, OfAFingerThatSlidesOverAnInclusionLeavesNoForceInTheAir) {
 }
 
 ForceChainInput pressed(double depth_m, double force_n) {
-  return {.rendered = {.force_n = {0.6 * force_n, -0.8 * force_n}},
-          .pose = {{0.05, depth_m}, Vector2::Zero()},
+  return {.rendered = {.force_n = {0.6 * force_n, -0.8 * force_n, 0}},
+          .pose = {{0.05, depth_m, 0}, Vector3::Zero()},
           .on = true,
           .enabled_s = 10};
 }
@@ -193,18 +193,19 @@ TEST(Lift, SilencePastItsLimitIsNoForceWhateverElseFades) {
 }
 
 TEST(ForceLimits, OnlyWhatRisesIsHeldBack) {
-  const auto step = [](const Vector2& to, const Vector2& from) { return cap_rise(to, from, 0.1); };
-  EXPECT_EQ(step({0, -1}, {0, -3}), Vector2(0, -1));                     // falls at once
-  EXPECT_EQ(step({0, 0}, {2, -3}), Vector2(0, 0));                       // to nothing
-  EXPECT_LE((step({0, -3}, {0, -1}) - Vector2(0, -1.1)).norm(), 1e-12);  // rises by the slew
-  EXPECT_LE((step({0, 3}, {0, -1}) - Vector2(0, 0.1)).norm(), 1e-12);    // turns: through nothing, then rises
-  EXPECT_LE((step({3, 0}, {3, -0.05}) - Vector2(3, 0)).norm(), 1e-12);   // sideways
-  EXPECT_EQ(step({1, 1}, {1, 1}), Vector2(1, 1));
+  const auto step = [](const Vector3& to, const Vector3& from) { return cap_rise(to, from, 0.1); };
+  EXPECT_EQ(step({0, -1, 0}, {0, -3, 0}), Vector3(0, -1, 0));                     // falls at once
+  EXPECT_EQ(step({0, 0, 0}, {2, -3, 0}), Vector3(0, 0, 0));                       // to nothing
+  EXPECT_LE((step({0, -3, 0}, {0, -1, 0}) - Vector3(0, -1.1, 0)).norm(), 1e-12);  // rises by the slew
+  EXPECT_LE((step({0, 3, 0}, {0, -1, 0}) - Vector3(0, 0.1, 0)).norm(),
+            1e-12);  // turns: through nothing, then rises
+  EXPECT_LE((step({3, 0, 0}, {3, -0.05, 0}) - Vector3(3, 0, 0)).norm(), 1e-12);  // sideways
+  EXPECT_EQ(step({1, 1, 0}, {1, 1, 0}), Vector3(1, 1, 0));
   // From whatever to whatever: in the circle about the fall, widened by the slew.
   for (double angle = 0; angle < 6.3; angle += 0.1)
     for (const double magnitude_n : {0.1, 1.0, 5.0}) {
-      const Vector2 from(0, -2), to = magnitude_n * Vector2(std::cos(angle), std::sin(angle));
-      const Vector2 force_n = step(to, from);
+      const Vector3 from(0, -2, 0), to = magnitude_n * Vector3(std::cos(angle), std::sin(angle), 0);
+      const Vector3 force_n = step(to, from);
       EXPECT_LE((force_n - from / 2).norm(), 1 + 0.1 + 1e-12);
       EXPECT_LE(force_n.norm(), std::max(from.norm(), to.norm()) + 1e-12);
     }

@@ -22,9 +22,9 @@ struct HandOver {
   double least_energy_j = 0, end_n_m = 0;  // port: put in less got back, friction being the display's
   double end_withheld = 0;                 // of the stiffness
 
-  Vector2 place(double time_s) const {
+  Vector3 place(double time_s) const {
     const double down = std::min(time_s / 0.2, 1.0), out = std::clamp((time_s - 0.7) / 0.2, 0.0, 1.0);
-    return {speed_m_s * std::clamp(time_s - 0.2, 0.0, 0.5), kDepthM * (down - out)};
+    return {speed_m_s * std::clamp(time_s - 0.2, 0.0, 0.5), kDepthM * (down - out), 0};
   }
   ForceSample answer(double time_s, std::uint64_t sequence) const {
     ForceSample sample;
@@ -35,7 +35,7 @@ struct HandOver {
     sample.foreseen = !sample.contact;
     if (sample.foreseen) sample.position_m.y() = 5e-4;
     const double k = time_s < 0.45 ? before_n_m : after_n_m;
-    sample.force_n = {0, -k * sample.position_m.y()};
+    sample.force_n = {0, -k * sample.position_m.y(), 0};
     sample.tangent_n_m(1, 1) = -k;
     return sample;
   }
@@ -46,12 +46,12 @@ struct HandOver {
     ForceChain chain(options);
     KalmanRenderer kalman;
     double energy_j = 0, next_s = 0;
-    Vector2 last_m = place(0), last_n(0, 0);
+    Vector3 last_m = place(0), last_n(0, 0, 0);
     std::uint64_t sequence = 0;
     for (int tick = 0; tick <= 950; ++tick) {
       const double time_s = kServoS * tick;
       const ToolPose pose{place(time_s), (place(time_s + kServoS) - place(time_s)) / kServoS};
-      const Vector2 moved_m = pose.position_m - last_m;
+      const Vector3 moved_m = pose.position_m - last_m;
       energy_j += -last_n.dot(moved_m);
       if (pose.position_m.y() > 0) {
         energy_j += friction_n * moved_m.norm();
@@ -67,7 +67,7 @@ struct HandOver {
                             .pose = pose,
                             .on = true,
                             .enabled_s = 10};
-      const Vector2 force_n = chain.apply(input).force_n;
+      const Vector3 force_n = chain.apply(input).force_n;
       if (time_s > 0.25 && time_s < 0.7) {
         const double jump = (force_n - last_n).norm() / std::max(force_n.norm(), last_n.norm());
         largest_jump = std::max(largest_jump, jump);

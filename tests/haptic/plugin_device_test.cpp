@@ -23,7 +23,7 @@ const std::string kTemplate = "client/teletact_device_template.so";
 // What loading and opening it says; empty when it works.
 std::string complaint(const std::string& path, const std::string& settings = "") {
   try {
-    PluginDevice device(path, settings, Vector2::Zero());
+    PluginDevice device(path, settings, Vector3::Zero());
     device.open();
   } catch (const std::exception& error) {
     return error.what();
@@ -41,10 +41,10 @@ bool within(double seconds, const std::function<bool()>& met) {
 }
 
 TEST(PluginDevice, TheTemplateIsOpenedReadWrittenAndClosed) {
-  PluginDevice device(built(kTemplate), "stiffness=100", {0.03, -0.005});
+  PluginDevice device(built(kTemplate), "stiffness=100", {0.03, -0.005, 0.002});
   DeviceReading reading;
   EXPECT_FALSE(device.read(1, reading)) << "read before it was opened";
-  EXPECT_FALSE(device.write({0, 0}));
+  EXPECT_FALSE(device.write({0, 0, 0}));
   device.open();
   EXPECT_EQ(device.profile().name, "template");
   EXPECT_EQ(device.profile().largest_force_n, 3.3);
@@ -53,16 +53,17 @@ TEST(PluginDevice, TheTemplateIsOpenedReadWrittenAndClosed) {
   std::int64_t now_ns = 1'000'000'000;
   // GIVEN where it stands at first THEN that is the start above the tissue
   ASSERT_TRUE(device.read(now_ns, reading));
-  EXPECT_EQ(reading.pose.position_m, Vector2(0.03, -0.005));
-  // WHEN it is pushed by 1 N THEN its spring of 100 N/m gives way by 10 mm
+  EXPECT_EQ(reading.pose.position_m, Vector3(0.03, -0.005, 0.002));
+  // WHEN it is pushed by 1 N down and 0.5 N away THEN its spring of 100 N/m gives way by 10 mm and 5 mm
   EXPECT_TRUE(within(30, [&] {
-    EXPECT_TRUE(device.write({0, 1.0}));
+    EXPECT_TRUE(device.write({0, 1.0, 0.5}));
     EXPECT_TRUE(device.read(now_ns += 1'000'000, reading));
     return std::abs(reading.pose.position_m.y() - (-0.005 + 0.010)) < 1e-5 &&
            reading.pose.velocity_m_s.norm() < 1e-4;
   })) << reading.pose.position_m.y();
   EXPECT_NEAR(reading.pose.position_m.x(), 0.03, 1e-9);
-  EXPECT_FALSE(device.write({std::nan(""), 0}));
+  EXPECT_NEAR(reading.pose.position_m.z(), 0.002 + 0.005, 1e-5);
+  EXPECT_FALSE(device.write({std::nan(""), 0, 0}));
   // WHEN nobody writes any more THEN it lets go by itself
   EXPECT_TRUE(within(30, [&] {
     EXPECT_TRUE(device.read(now_ns += 1'000'000, reading));
@@ -71,22 +72,22 @@ TEST(PluginDevice, TheTemplateIsOpenedReadWrittenAndClosed) {
   // Opened again it starts from where it stands then.
   device.open();
   ASSERT_TRUE(device.read(now_ns, reading));
-  EXPECT_EQ(reading.pose.position_m, Vector2(0.03, -0.005));
+  EXPECT_EQ(reading.pose.position_m, Vector3(0.03, -0.005, 0.002));
   device.close();
   EXPECT_FALSE(device.read(now_ns, reading));
 }
 
 TEST(PluginDevice, HavingLetGoItTakesNoForceUntilItIsOpenedAgain) {
-  PluginDevice device(built(kTemplate), "", {0, 0});
+  PluginDevice device(built(kTemplate), "", {0, 0, 0});
   device.let_go();  // not open: nothing to do
   device.open();
-  EXPECT_TRUE(device.write({0, 1}));
+  EXPECT_TRUE(device.write({0, 1, 0}));
   device.let_go();
-  EXPECT_FALSE(device.write({0, 1}));
+  EXPECT_FALSE(device.write({0, 1, 0}));
   DeviceReading reading;
   EXPECT_TRUE(device.read(1, reading));
   device.open();
-  EXPECT_TRUE(device.write({0, 1}));
+  EXPECT_TRUE(device.write({0, 1, 0}));
 }
 
 TEST(PluginDevice, SaysWhatIsWrong) {

@@ -137,7 +137,7 @@ TEST(SimulatedDevice, ReadsInStepsOfItsResolution) {
   SimulatedDevice device(options());
   device.open();
   play(device, felt(), 1, [](double, const DeviceReading& reading) {
-    const Vector2 steps = reading.pose.position_m / 0.03e-3;
+    const Vector3 steps = reading.pose.position_m / 0.03e-3;
     EXPECT_NEAR(steps.x(), std::round(steps.x()), 1e-6);
     EXPECT_NEAR(steps.y(), std::round(steps.y()), 1e-6);
   });
@@ -149,16 +149,16 @@ TEST(SimulatedDevice, LosesEnergyWhenLeftAlone) {
   SimulatedDevice device(alone);
   device.open();
   OperatorView view;
-  view.surface_m = 0;  // hovering: the target stands still
+  view.surface.offset_m = 0;  // hovering: the target stands still
   device.show(view);
   DeviceReading reading;
   std::int64_t now_ns = 1;
   device.read(now_ns, reading);
-  device.write(Vector2(1.0, -2.0));
+  device.write(Vector3(1.0, -2.0, 0));
   for (int n = 0; n < 300; ++n) device.read(now_ns += 1'000'000, reading);
-  device.write(Vector2::Zero());
+  device.write(Vector3::Zero());
   const auto energy = [&] {
-    const Vector2 stretch = device.hand().target_m() - device.exact().position_m;
+    const Vector3 stretch = device.hand().target_m() - device.exact().position_m;
     return device.kinetic_energy_j() + 0.5 * alone.hand.stiffness_n_m * stretch.squaredNorm();
   };
   double last = energy();
@@ -180,17 +180,17 @@ TEST(SimulatedDevice, FrictionHoldsAgainstLessThanItself) {
   DeviceReading reading;
   std::int64_t now_ns = 1;
   device.read(now_ns, reading);
-  device.write(Vector2(0.25, 0));
+  device.write(Vector3(0.25, 0, 0));
   for (int n = 0; n < 100; ++n) device.read(now_ns += 1'000'000, reading);
   EXPECT_EQ(device.exact().velocity_m_s.norm(), 0);
 }
 
 TEST(SimulatedDevice, RefusesWhatIsNoNumberAndLimitsTheRest) {
   SimulatedDevice device(options());
-  EXPECT_FALSE(device.write(Vector2(0, 0)));  // not open
+  EXPECT_FALSE(device.write(Vector3(0, 0, 0)));  // not open
   device.open();
-  EXPECT_FALSE(device.write(Vector2(NAN, 0)));
-  EXPECT_TRUE(device.write(Vector2(1e9, 0)));
+  EXPECT_FALSE(device.write(Vector3(NAN, 0, 0)));
+  EXPECT_TRUE(device.write(Vector3(1e9, 0, 0)));
   DeviceReading reading;
   std::int64_t now_ns = 1;
   device.read(now_ns, reading);

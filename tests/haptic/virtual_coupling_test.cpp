@@ -17,8 +17,8 @@ namespace {
 constexpr double kServoS = 0.001;
 
 TEST(VirtualCoupling, GivenAConstantPushWhenTheToolMovesThenItFollowsTheClosedForm) {
-  VirtualCoupling coupling({.mass_kg = 0.25, .damping_n_s_m = 2}, {0.01, 0});
-  for (int n = 0; n < 300; ++n) coupling.step({0.5, 0}, {0, -0.2}, kServoS);
+  VirtualCoupling coupling({.mass_kg = 0.25, .damping_n_s_m = 2}, {0.01, 0, 0});
+  for (int n = 0; n < 300; ++n) coupling.step({0.5, 0, 0}, {0, -0.2, 0}, kServoS);
   const double tau_s = 0.125, t = 0.3, moved = t - tau_s * (1 - std::exp(-t / tau_s));
   EXPECT_NEAR(coupling.tool().position_m.x(), 0.01 + 0.25 * moved, 1e-12);
   EXPECT_NEAR(coupling.tool().position_m.y(), -0.1 * moved, 1e-12);
@@ -26,13 +26,13 @@ TEST(VirtualCoupling, GivenAConstantPushWhenTheToolMovesThenItFollowsTheClosedFo
 }
 
 TEST(VirtualCoupling, GivenNothingThatDampsWhenItIsMadeThenItIsRefused) {
-  EXPECT_THROW(VirtualCoupling({.damping_n_s_m = 0}, {0, 0}), std::invalid_argument);
-  EXPECT_THROW(VirtualCoupling({.mass_kg = 0, .damping_n_s_m = 1}, {0, 0}), std::invalid_argument);
+  EXPECT_THROW(VirtualCoupling({.damping_n_s_m = 0}, {0, 0, 0}), std::invalid_argument);
+  EXPECT_THROW(VirtualCoupling({.mass_kg = 0, .damping_n_s_m = 1}, {0, 0, 0}), std::invalid_argument);
 }
 
 TEST(VirtualCoupling, GivenAForceThatIsNoNumberWhenItStepsThenTheToolOnlySlows) {
-  VirtualCoupling coupling({.damping_n_s_m = 2}, {0, 0});
-  coupling.step({std::numeric_limits<double>::quiet_NaN(), 0}, {0, 1}, kServoS);
+  VirtualCoupling coupling({.damping_n_s_m = 2}, {0, 0, 0});
+  coupling.step({std::numeric_limits<double>::quiet_NaN(), 0, 0}, {0, 1, 0}, kServoS);
   EXPECT_EQ(coupling.tool().position_m.norm(), 0);
 }
 
@@ -63,7 +63,7 @@ Pressed press(const HandOptions& held, double stiffness_n_m, double damping_shar
   for (int n = 0; n < 6000; ++n) {
     DeviceReading reading;
     EXPECT_TRUE(device.read(1'000'000'000 + n * 1'000'000ll, reading));
-    EXPECT_TRUE(device.write({0, -stiffness_n_m * std::max(reading.pose.position_m.y(), 0.0)}));
+    EXPECT_TRUE(device.write({0, -stiffness_n_m * std::max(reading.pose.position_m.y(), 0.0), 0}));
     device.show(felt);
     const double y_m = device.arm().position_m.y();
     low[n / 1000] = std::min(low[n / 1000], y_m);

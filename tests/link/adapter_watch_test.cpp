@@ -13,7 +13,7 @@ class Adapter final : public HapticDevice {
   void open() override {}
   void close() noexcept override {}
   bool read(std::int64_t, DeviceReading&) noexcept override { return true; }
-  bool write(const Vector2&) noexcept override { return true; }
+  bool write(const Vector3&) noexcept override { return true; }
   void let_go() noexcept override { ++let_gos; }
   double longest_call_s() noexcept override { return std::exchange(longest_s, 0); }
   int let_gos = 0;

@@ -31,6 +31,35 @@ TEST(Convert, WhileALineIsBeingPreparedThereIsNoForce) {
   EXPECT_FALSE(preparing->degraded);
 }
 
+TEST(Convert, AllThreeComponentsComeFromTheServiceAndGoToIt) {
+  v1::TouchAnswer in = answer(v1::TOUCH_STATUS_OK);
+  in.set_position_m(0, 0.01), in.set_position_m(1, 0.002), in.set_position_m(2, 0.03);
+  in.set_force_n(2, 0.25);
+  for (int k = 0; k < 9; ++k) in.set_tangent_n_m(k, k);
+  const auto servo = to_servo_answer(in, 0.001, 0.002, 1);
+  ASSERT_TRUE(servo);
+  EXPECT_EQ(servo->sample.position_m, Vector3(0.01, 0.002, 0.03));
+  EXPECT_EQ(servo->sample.force_n, Vector3(0.1, -0.6, 0.25));
+  EXPECT_EQ(servo->sample.tangent_n_m.row(2), Eigen::RowVector3d(6, 7, 8));
+  EXPECT_NEAR(servo->sample.surface.depth_m(servo->sample.position_m), 0.001, 1e-15);
+  // a force across the plane alone is one, and two components are those of a plane
+  for (const int axis : {0, 1}) in.set_force_n(axis, 0);
+  EXPECT_TRUE(to_servo_answer(in, 0, 0.002, 1)->sample.contact);
+  in = answer(v1::TOUCH_STATUS_OK);
+  in.mutable_position_m()->Truncate(2), in.mutable_force_n()->Truncate(2);
+  EXPECT_EQ(to_servo_answer(in, 0, 0.002, 1)->sample.force_n, Vector3(0.1, -0.6, 0));
+  in.mutable_force_n()->Truncate(1);
+  EXPECT_FALSE(to_servo_answer(in, 0, 0.002, 1));
+  const ServoPose pose{{{0.01, 0.002, 0.03}, {0.1, 0.2, 0.3}}, 5};
+  const v1::ContactPose out = to_request(pose, 1, 0, 2).pose();
+  EXPECT_EQ(vector_from(out.position_m()), pose.pose.position_m);
+  EXPECT_EQ(vector_from(out.velocity_m_s()), pose.pose.velocity_m_s);
+  const v1::ServoSample sample = to_record({.pose = pose.pose, .force_n = {0.1, -0.2, 0.3}}).servo();
+  EXPECT_EQ(vector_from(sample.position_m()), pose.pose.position_m);
+  EXPECT_EQ(vector_from(sample.velocity_m_s()), pose.pose.velocity_m_s);
+  EXPECT_EQ(vector_from(sample.force_n()), Vector3(0.1, -0.2, 0.3));
+}
+
 TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   ServoTick tick;
   tick.state = ServoState::kPaused;
@@ -38,8 +67,8 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   tick.degraded = tick.indebted = tick.service_degraded = tick.faded = true;
   tick.stiffness_n_m = 310;
   tick.stiffness_variance = 16;
-  tick.lateral_stiffness_n_m = -41;
-  tick.lateral_stiffness_variance = 25;
+  tick.lateral_stiffness_n_m = {-41, 7};
+  tick.lateral_stiffness_variance = {25, 9};
   tick.gain = 0.4;
   tick.energy_j = -0.003;
   tick.stored_j = 0.002;
@@ -50,8 +79,12 @@ TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
   EXPECT_TRUE(sample.degraded() && sample.indebted() && sample.service_degraded() && sample.faded());
   EXPECT_EQ(sample.stiffness_n_m(), 310);
   EXPECT_EQ(sample.stiffness_variance(), 16);
-  EXPECT_EQ(sample.lateral_stiffness_n_m(), -41);
-  EXPECT_EQ(sample.lateral_stiffness_variance(), 25);
+  ASSERT_EQ(sample.lateral_stiffness_n_m_size(), 2);
+  EXPECT_EQ(sample.lateral_stiffness_n_m(0), -41);
+  EXPECT_EQ(sample.lateral_stiffness_n_m(1), 7);
+  ASSERT_EQ(sample.lateral_stiffness_variance_size(), 2);
+  EXPECT_EQ(sample.lateral_stiffness_variance(0), 25);
+  EXPECT_EQ(sample.lateral_stiffness_variance(1), 9);
   EXPECT_EQ(sample.gain(), 0.4);
   EXPECT_EQ(sample.energy_j(), -0.003);
   EXPECT_EQ(sample.stored_j(), 0.002);

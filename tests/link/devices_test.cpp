@@ -149,7 +149,7 @@ TEST(Devices, AnInverse3FeelsTheTissue) {
   inverse3.put_cursor({0, 0, 0.141}, {0, 0, 0});
   std::this_thread::sleep_for(std::chrono::milliseconds(700));
   // THEN it is pushed up by what tissue 4 mm deep pushes with
-  const double truth_n = -service.tissue.answer({0.008, 0.004}).force_n.y();
+  const double truth_n = -service.tissue.answer({0.008, 0.004, 0}).force_n.y();
   EXPECT_GT(truth_n, 0.3);
   EXPECT_NEAR(inverse3.force_n().z(), truth_n, 0.05 * truth_n);
   stop = true;

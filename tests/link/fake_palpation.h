@@ -234,14 +234,13 @@ class FakePalpation final : public v1::Palpation::Service {
 
   template <class Message>
   static void add_force(const ForceSample& sample, Message& out) {
-    for (const double force : {sample.force_n.x(), sample.force_n.y(), 0.0}) out.add_force_n(force);
+    for (const double force : sample.force_n) out.add_force_n(force);
     for (int row = 0; row < 3; ++row)
-      for (int column = 0; column < 3; ++column)
-        out.add_tangent_n_m(row < 2 && column < 2 ? sample.tangent_n_m(row, column) : 0);
+      for (int column = 0; column < 3; ++column) out.add_tangent_n_m(sample.tangent_n_m(row, column));
   }
 
   void fill(const v1::ContactPose& pose, v1::TouchAnswer& answer) const {
-    const Vector2 at_m(pose.position_m(0), pose.position_m(1));
+    const Vector3 at_m(pose.position_m(0), pose.position_m(1), pose.position_m(2));
     answer.set_sequence(pose.sequence());
     *answer.mutable_pose_stamp() = pose.stamp();
     *answer.mutable_position_m() = pose.position_m();
@@ -252,8 +251,7 @@ class FakePalpation final : public v1::Palpation::Service {
     add_force(tissue.answer(at_m), answer);
     const ForceSample told = tissue.told(at_m);
     if (told.foreseen) {
-      for (const double m : {told.position_m.x(), told.position_m.y(), 0.0})
-        answer.mutable_foreseen()->add_position_m(m);
+      for (const double m : told.position_m) answer.mutable_foreseen()->add_position_m(m);
       add_force(told, *answer.mutable_foreseen());
     }
     answer.set_covered_end_m(0.12);

@@ -30,7 +30,7 @@ TEST(IdleLink, AStreamWithoutPosesIsKeptByItsHeartbeats) {
   options.open.set_scene_id("s");
   options.open.set_period_s(0.001);
   ServoPose pose;
-  pose.pose.position_m = Vector2(0.02, 0.004);
+  pose.pose.position_m = Vector3(0.02, 0.004, 0);
   pose.time_ns = clock.now_ns();
   poses.put(pose);
   TouchLink link(options, poses, answers, clock);

@@ -29,7 +29,7 @@ class Operator {
       std::int64_t due_ns = clock.now_ns();
       for (double x_m = 0.02; !stop_; x_m += 1e-6) {
         ServoPose pose;
-        pose.pose.position_m = Vector2(x_m, 0.004);
+        pose.pose.position_m = Vector3(x_m, 0.004, 0);
         pose.time_ns = clock.now_ns();
         poses.put(pose);
         clock.sleep_until_ns(due_ns += 1'000'000);

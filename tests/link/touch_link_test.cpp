@@ -232,8 +232,8 @@ TEST(Convert, WhatIsForeseenIsASampleWithoutContact) {
   const ForceSample& sample = converted->sample;
   EXPECT_FALSE(sample.contact);
   EXPECT_TRUE(sample.foreseen);
-  EXPECT_EQ(sample.position_m, Vector2(0.02, 5e-4));
-  EXPECT_EQ(sample.force_n, Vector2(0.01, -0.2));
+  EXPECT_EQ(sample.position_m, Vector3(0.02, 5e-4, 0));
+  EXPECT_EQ(sample.force_n, Vector3(0.01, -0.2, 0));
   EXPECT_EQ(sample.tangent_n_m(1, 0), 3);
 }
 

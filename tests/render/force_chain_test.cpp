@@ -14,8 +14,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // In contact 4 mm deep, enabled for long, everything fresh.
 ForceChainInput pressed(double force_n) {
   ForceChainInput input;
-  input.rendered.force_n = Vector2(0, -force_n);
-  input.pose.position_m = Vector2(0.05, 0.004);
+  input.rendered.force_n = Vector3(0, -force_n, 0);
+  input.pose.position_m = Vector3(0.05, 0.004, 0);
   input.on = true;
   input.enabled_s = 10;
   return input;
@@ -189,8 +189,8 @@ TEST(ForceChain, RunawayIsSaidNotStepped) {
   ForceChain chain(options);
   ForceChainInput input = pressed(0.6);
   settle(chain, input);
-  input.pose.velocity_m_s = Vector2(5, 0);
-  const Vector2 before = chain.last_force_n();
+  input.pose.velocity_m_s = Vector3(5, 0, 0);
+  const Vector3 before = chain.last_force_n();
   const ForceChainOutput output = chain.apply(input);
   EXPECT_TRUE(output.too_fast);
   EXPECT_LE((output.force_n - before).norm(), options.limits.largest_slew_n_s * 0.001 + 1e-12);
@@ -254,7 +254,7 @@ TEST(ForceChain, APositionThatJumpsIsTooFastThoughNoVelocityIsReported) {
   ForceChainInput input;
   input.on = true;
   EXPECT_FALSE(chain.apply(input).too_fast);  // wherever it is first read
-  input.pose.position_m = {0.5, 0};
+  input.pose.position_m = {0.5, 0, 0};
   EXPECT_TRUE(chain.apply(input).too_fast);
   EXPECT_FALSE(chain.apply(input).too_fast);  // it stands again
   for (int n = 0; n < 100; ++n) {             // exploring at 0.3 m/s, in samples of 100 Hz

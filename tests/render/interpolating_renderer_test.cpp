@@ -11,14 +11,14 @@ namespace teletact::client {
 namespace {
 
 constexpr double kDepthM = 0.004;
-const ToolPose kTool{Vector2(0, kDepthM), Vector2::Zero()};
+const ToolPose kTool{Vector3(0, kDepthM, 0), Vector3::Zero()};
 
 ForceSample pressed(double force_n, double time_s) {
   ForceSample sample;
   sample.contact = true;
   sample.pose_time_s = time_s;
-  sample.position_m = Vector2(0, kDepthM);
-  sample.force_n = Vector2(0, -force_n);
+  sample.position_m = Vector3(0, kDepthM, 0);
+  sample.force_n = Vector3(0, -force_n, 0);
   sample.tangent_n_m(1, 1) = -force_n / kDepthM;
   return sample;
 }

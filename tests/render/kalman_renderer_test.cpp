@@ -16,15 +16,15 @@ namespace {
 using test::AnalyticTissue;
 
 ToolPose at(double x_m, double y_m) {
-  return {Vector2(x_m, y_m), Vector2::Zero()};
+  return {Vector3(x_m, y_m, 0), Vector3::Zero()};
 }
 
 ForceSample spring(double k_n_m, double indentation_m, double time_s) {
   ForceSample sample;
   sample.contact = true;
   sample.pose_time_s = time_s;
-  sample.position_m = Vector2(0, indentation_m);
-  sample.force_n = Vector2(0, -k_n_m * indentation_m);
+  sample.position_m = Vector3(0, indentation_m, 0);
+  sample.force_n = Vector3(0, -k_n_m * indentation_m, 0);
   sample.tangent_n_m(1, 1) = -k_n_m;
   return sample;
 }
@@ -42,7 +42,9 @@ struct SweepErrors {
 // old.
 SweepErrors sweep(Renderer& renderer, double period_s, double delay_s) {
   const AnalyticTissue tissue;
-  const auto position = [](double t) { return Vector2(0.01 + 0.12 * t, 0.004 + 0.0005 * std::sin(9 * t)); };
+  const auto position = [](double t) {
+    return Vector3(0.01 + 0.12 * t, 0.004 + 0.0005 * std::sin(9 * t), 0);
+  };
   SweepErrors errors;
   double next_s = 0;
   std::deque<ForceSample> on_the_way;
@@ -52,11 +54,11 @@ SweepErrors sweep(Renderer& renderer, double period_s, double delay_s) {
       next_s += period_s;
     }
     while (!on_the_way.empty() && on_the_way.front().pose_time_s + delay_s <= t) {
-      renderer.update(on_the_way.front(), {position(t), Vector2::Zero()}, t);
+      renderer.update(on_the_way.front(), {position(t), Vector3::Zero()}, t);
       on_the_way.pop_front();
     }
-    const Vector2 felt = renderer.render({position(t), Vector2::Zero()}, t).force_n;
-    const Vector2 truth = tissue.answer(position(t)).force_n;
+    const Vector3 felt = renderer.render({position(t), Vector3::Zero()}, t).force_n;
+    const Vector3 truth = tissue.answer(position(t)).force_n;
     if (t > 0.1) errors.relative.push_back((felt - truth).norm() / truth.norm());
   }
   return errors;
@@ -75,15 +77,16 @@ TEST(KalmanRenderer, FollowsInclusionsAtExploringSpeed) {
 // Beside an inclusion, half a millimetre further than any answer: deeper, less deep, to either side.
 TEST(KalmanRenderer, OneAnswerTellsTheForceAroundIt) {
   const AnalyticTissue tissue;
-  const Vector2 answered(0.055, 0.004);
-  for (const Vector2& step : {Vector2(0, 5e-4), Vector2(0, -5e-4), Vector2(5e-4, 0), Vector2(-5e-4, 0)}) {
+  const Vector3 answered(0.055, 0.004, 0);
+  for (const Vector3& step :
+       {Vector3(0, 5e-4, 0), Vector3(0, -5e-4, 0), Vector3(5e-4, 0, 0), Vector3(-5e-4, 0, 0)}) {
     KalmanRenderer kalman;
     const ForceSample here = tissue.answer(answered);
-    kalman.update(here, {answered, Vector2::Zero()}, 0);
-    const Vector2 felt = kalman.render({answered + step, Vector2::Zero()}, 1).force_n;
-    const Vector2 truth = tissue.answer(answered + step).force_n;
+    kalman.update(here, {answered, Vector3::Zero()}, 0);
+    const Vector3 felt = kalman.render({answered + step, Vector3::Zero()}, 1).force_n;
+    const Vector3 truth = tissue.answer(answered + step).force_n;
     // Held as it is, the stiffness would miss by more than twice as much.
-    const Vector2 held = here.force_n * (answered + step).y() / answered.y();
+    const Vector3 held = here.force_n * (answered + step).y() / answered.y();
     EXPECT_LE(2 * (felt - truth).norm(), (held - truth).norm()) << step.transpose();
   }
 }
@@ -153,7 +156,7 @@ TEST(KalmanRenderer, NeverPulls) {
 TEST(KalmanRenderer, NoForceOutsideTheTissue) {
   KalmanRenderer kalman;
   const AnalyticTissue tissue;
-  kalman.update(tissue.answer({0.028, 0.004}), at(0.028, 0.004), 0);
+  kalman.update(tissue.answer({0.028, 0.004, 0}), at(0.028, 0.004), 0);
   EXPECT_EQ(kalman.render(at(0.028, 0), 0.01).force_n.norm(), 0);
   EXPECT_EQ(kalman.render(at(0.028, -0.001), 0.01).force_n.norm(), 0);
   // and it gets there continuously
@@ -198,22 +201,22 @@ TEST(KalmanRenderer, PressSlideReleaseDoesNoWork) {
   KalmanRenderer kalman;
   const AnalyticTissue tissue;
   double work_j = 0, stored_j = 0;
-  Vector2 last(0.055, 0);
+  Vector3 last(0.055, 0, 0);
   double t = 0;
-  const auto to = [&](const Vector2& goal, double seconds) {
-    const Vector2 from = last;
+  const auto to = [&](const Vector3& goal, double seconds) {
+    const Vector3 from = last;
     const int steps = static_cast<int>(seconds / 0.001);
     for (int n = 1; n <= steps; ++n, t += 0.001) {
-      const Vector2 now = from + (goal - from) * (double(n) / steps);
-      if (n % 3 == 0) kalman.update(tissue.answer(now, t), {now, Vector2::Zero()}, t);
-      work_j -= kalman.render({0.5 * (now + last), Vector2::Zero()}, t).force_n.dot(now - last);
+      const Vector3 now = from + (goal - from) * (double(n) / steps);
+      if (n % 3 == 0) kalman.update(tissue.answer(now, t), {now, Vector3::Zero()}, t);
+      work_j -= kalman.render({0.5 * (now + last), Vector3::Zero()}, t).force_n.dot(now - last);
       stored_j = std::max(stored_j, work_j);
       last = now;
     }
   };
-  to({0.055, 0.004}, 0.2);
-  to({0.060, 0.004}, 0.1);
-  to({0.060, 0.0}, 0.2);
+  to({0.055, 0.004, 0}, 0.2);
+  to({0.060, 0.004, 0}, 0.1);
+  to({0.060, 0.0, 0}, 0.2);
   EXPECT_GT(stored_j, 1e-3);
   EXPECT_LE(std::abs(work_j), 0.04 * stored_j);
 }
@@ -221,7 +224,7 @@ TEST(KalmanRenderer, PressSlideReleaseDoesNoWork) {
 TEST(KalmanRenderer, GivenAnAnswerFarBehindWhenItIsRenderedThenItsGradientIsGivenUpContinuously) {
   KalmanRenderer kalman;
   const AnalyticTissue tissue;
-  const ForceSample answer = tissue.answer({0.025, 0.004});
+  const ForceSample answer = tissue.answer({0.025, 0.004, 0});
   kalman.update(answer, at(0.025, 0.004), 0);
   const auto stiffness = [&](double x_m) { return kalman.render(at(x_m, 0.004), 1).stiffness_n_m; };
   const double there = -answer.force_n.y() / 0.004;
@@ -245,10 +248,10 @@ TEST(HoldRenderer, HoldsTheLastForceAndDropsItOffContact) {
 TEST(KalmanRenderer, GivenTissueForeseenWhenTheFingerArrivesThenItIsThereAtOnce) {
   KalmanRenderer kalman;
   const AnalyticTissue tissue;
-  EXPECT_TRUE(kalman.update(tissue.told({0.03, -0.002}), at(0.03, -0.002), 0));
+  EXPECT_TRUE(kalman.update(tissue.told({0.03, -0.002, 0}), at(0.03, -0.002), 0));
   EXPECT_EQ(kalman.render(at(0.03, -0.002), 0.001, 0).force_n.norm(), 0);
   const Rendered first = kalman.render(at(0.03, 5e-4), 0.002, 0);
-  const Vector2 truth = tissue.answer({0.03, 5e-4}).force_n;
+  const Vector3 truth = tissue.answer({0.03, 5e-4, 0}).force_n;
   EXPECT_LE((first.force_n - truth).norm(), 0.02 * truth.norm());
   EXPECT_EQ(first.withheld, 0);
 }
@@ -260,7 +263,7 @@ TEST(KalmanRenderer, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceE
     kalman.render(at(0, 0.003), t);
   }
   ForceSample none;
-  none.position_m = Vector2(0, 0.003);
+  none.position_m = Vector3(0, 0.003, 0);
   double last = kalman.render(at(0, 0.003), 0.1).force_n.norm();
   EXPECT_NEAR(last, 1.2, 0.02);
   for (double t = 0.1; t < 0.25; t += 0.001) {

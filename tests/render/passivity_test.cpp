@@ -16,12 +16,12 @@ double amplitude(bool controlled, double* generated_j = nullptr) {
   double history[kDelay] = {};
   double x = 0.004, v = 0, f = 0, largest = 0, worst = 0;
   for (int n = 0; n < 8000; ++n) {
-    controller.observe({0, x}, {0, f}, 0, true, 0.001);
+    controller.observe({0, x, 0}, {0, f, 0}, 0, true, 0.001);
     worst = std::min(worst, controller.energy_j());
     const double delayed = history[n % kDelay];
     history[n % kDelay] = -kStiffness * x;
     f = delayed;
-    if (controlled) f += controller.damping_force({0, v}, kPeriod).y();
+    if (controlled) f += controller.damping_force({0, v, 0}, kPeriod).y();
     for (int s = 0; s < kSubsteps; ++s) {
       v += kPeriod / kSubsteps / kMass * (f - kDamping * v);
       x += kPeriod / kSubsteps * v;
@@ -52,12 +52,12 @@ TEST(Passivity, AnIdealSpringIsLeftAloneHoweverMuchItHolds) {
       for (int n = 0; n < steps; ++n, y_m += step_m) {
         // Force at the middle of the step: exact for a spring.
         const double middle_n = stiffness_n_m * (y_m + step_m / 2);
-        controller.observe({0, y_m + step_m}, {0, -middle_n}, stored_j(y_m + step_m), true, 0.001);
+        controller.observe({0, y_m + step_m, 0}, {0, -middle_n, 0}, stored_j(y_m + step_m), true, 0.001);
         EXPECT_GE(controller.energy_j(), -1e-12) << stiffness_n_m << ' ' << y_m;
         most_j = std::max(most_j, controller.stored_j());
       }
     };
-    controller.observe({0, 0}, {0, 0}, 0, true, 0.001);
+    controller.observe({0, 0, 0}, {0, 0, 0}, 0, true, 0.001);
     go(0.014, 0.02);
     go(0, 0.5);
     EXPECT_NEAR(controller.energy_j(), 0, 1e-12);
@@ -73,18 +73,20 @@ TEST(Passivity, AForceThatIsLateIsSeenUnderADeepPress) {
   for (const double dissipated_j : {0.0, 1.0}) {
     PassivityController controller({.largest_reserve_j = kReserve});
     const auto held_j = [](double y_m) { return 0.5 * kStiffness * y_m * y_m; };
-    controller.observe({0, 0}, {0, 0}, 0, true, 0.001);
+    controller.observe({0, 0, 0}, {0, 0, 0}, 0, true, 0.001);
     for (double y_m = 0; y_m < kDepth - 1e-9; y_m += 1e-4)
-      controller.observe({0, y_m + 1e-4}, {0, -kStiffness * (y_m + 5e-5)}, held_j(y_m + 1e-4), true, 0.001);
+      controller.observe({0, y_m + 1e-4, 0}, {0, -kStiffness * (y_m + 5e-5), 0}, held_j(y_m + 1e-4), true,
+                         0.001);
     EXPECT_NEAR(controller.energy_j(), held_j(kDepth) / 4, 1e-9);
-    controller.observe({dissipated_j, kDepth}, {-1, 0}, held_j(kDepth), true, 0.001);  // 1 N against the way
+    controller.observe({dissipated_j, kDepth, 0}, {-1, 0, 0}, held_j(kDepth), true,
+                       0.001);  // 1 N against the way
     const auto depth_m = [](int n) { return kDepth + kSwing * std::sin(0.03 * n); };
     double generated_j = 0;
     int n = 1;
     for (; controller.energy_j() >= 0 && n < kTicks; ++n) {
       const double late_n = -kStiffness * depth_m(std::max(n - kLate, 0));
       generated_j += late_n * (depth_m(n) - depth_m(n - 1)) + held_j(depth_m(n)) - held_j(depth_m(n - 1));
-      controller.observe({dissipated_j, depth_m(n)}, {0, late_n}, held_j(depth_m(n)), true, 0.001);
+      controller.observe({dissipated_j, depth_m(n), 0}, {0, late_n, 0}, held_j(depth_m(n)), true, 0.001);
     }
     EXPECT_LT(n, kTicks);
     EXPECT_LT(generated_j, std::min(dissipated_j, kReserve) + held_j(kDepth + kSwing) / 4 + 1e-3);
@@ -94,52 +96,52 @@ TEST(Passivity, AForceThatIsLateIsSeenUnderADeepPress) {
 // A harder model under a finger that rests is paid from what was dissipated, a softer one gives back.
 TEST(Passivity, AModelThatChangesUnderAFingerChangesWhatWasDissipated) {
   PassivityController controller({});
-  controller.observe({0, 0.004}, {0, 0}, 0, true, 0.001);
-  controller.observe({0.01, 0.004}, {-1, 0}, 0, true, 0.001);  // 10 mJ
-  controller.observe({0.01, 0.004}, {0, -1}, 0.004, true, 0.001);
+  controller.observe({0, 0.004, 0}, {0, 0, 0}, 0, true, 0.001);
+  controller.observe({0.01, 0.004, 0}, {-1, 0, 0}, 0, true, 0.001);  // 10 mJ
+  controller.observe({0.01, 0.004, 0}, {0, -1, 0}, 0.004, true, 0.001);
   EXPECT_NEAR(controller.energy_j(), 0.006 + 0.001, 1e-12);
-  controller.observe({0.01, 0.004}, {0, -1}, 0.016, true, 0.001);
+  controller.observe({0.01, 0.004, 0}, {0, -1, 0}, 0.016, true, 0.001);
   EXPECT_NEAR(controller.energy_j(), -0.006 + 0.004, 1e-12);
-  controller.observe({0.01, 0.004}, {0, -1}, 0.004, true, 0.001);
+  controller.observe({0.01, 0.004, 0}, {0, -1, 0}, 0.004, true, 0.001);
   EXPECT_NEAR(controller.energy_j(), 0.006 + 0.001, 1e-12);
 }
 
 TEST(Passivity, WhatIsOwedInTheAirIsPaidByWhatIsDissipatedThere) {
   for (const double friction_n : {0.0, 0.2}) {
     PassivityController controller({.friction_n = friction_n});
-    controller.observe({0, 0.002}, {0, 0}, 0, true, 0.001);
-    controller.observe({0, 0}, {0, -5}, 0, false, 0.1);  // lifted under 5 N
+    controller.observe({0, 0.002, 0}, {0, 0, 0}, 0, true, 0.001);
+    controller.observe({0, 0, 0}, {0, -5, 0}, 0, false, 0.1);  // lifted under 5 N
     EXPECT_LT(controller.energy_j(), -0.009);
     double x_m = 0;
-    for (int n = 0; n < 1000; ++n) controller.observe({x_m += 1e-4, -0.002}, {0, 0}, 0, false, 0.001);
+    for (int n = 0; n < 1000; ++n) controller.observe({x_m += 1e-4, -0.002, 0}, {0, 0, 0}, 0, false, 0.001);
     EXPECT_NEAR(controller.energy_j(), 0, 1e-12) << friction_n;  // .1 m: 20 mJ by friction, 20 mJ by the hand
   }
 }
 
 TEST(Passivity, DampingIsClampedToTheDevice) {
   PassivityController controller({.largest_damping_n_s_m = 5});
-  controller.observe({0, 0}, {0, 0}, 0, true, 0.001);
-  controller.observe({0, 0.01}, {0, 10}, 0, true,
+  controller.observe({0, 0, 0}, {0, 0, 0}, 0, true, 0.001);
+  controller.observe({0, 0.01, 0}, {0, 10, 0}, 0, true,
                      0.001);  // the display pushed along the motion: 0.1 J generated
   EXPECT_NEAR(controller.energy_j(), -0.1, 1e-12);
-  const Vector2 force = controller.damping_force({0, 0.1}, 0.001);
+  const Vector3 force = controller.damping_force({0, 0.1, 0}, 0.001);
   EXPECT_NEAR(force.y(), -0.5, 1e-12);
 }
 
 TEST(Passivity, DissipationIsForgottenOffContact) {
   PassivityController controller({});
-  controller.observe({0, 0}, {0, 0}, 0, true, 0.001);
-  controller.observe({0, 0.001}, {0, -5}, 0, true, 0.001);
+  controller.observe({0, 0, 0}, {0, 0, 0}, 0, true, 0.001);
+  controller.observe({0, 0.001, 0}, {0, -5, 0}, 0, true, 0.001);
   EXPECT_GT(controller.energy_j(), 0);
-  controller.observe({0, -0.001}, {0, 0}, 0, false, 0.001);
+  controller.observe({0, -0.001, 0}, {0, 0, 0}, 0, false, 0.001);
   EXPECT_EQ(controller.energy_j(), 0);
 }
 
 TEST(Passivity, WhatTheMechanismDissipatesIsInTheBudget) {
   PassivityController controller({.friction_n = 0.1, .mechanism_n_s_m = 2});
-  controller.observe({0, 0}, {0, 0}, 0, true, 0.001);
+  controller.observe({0, 0, 0}, {0, 0, 0}, 0, true, 0.001);
   // 0.2 mm in 1 ms under nothing: f_c |dp| + b |dp|^2 / T
-  controller.observe({0.0002, 0}, {0, 0}, 0, true, 0.001);
+  controller.observe({0.0002, 0, 0}, {0, 0, 0}, 0, true, 0.001);
   EXPECT_NEAR(controller.energy_j(), 0.1 * 0.0002 + 2 * 4e-8 / 0.001, 1e-15);
 }
 
@@ -149,7 +151,7 @@ TEST(Passivity, DissipationIsNeverToldTooHigh) {
     PassivityController controller({.friction_n = friction_n, .mechanism_n_s_m = damping_n_s_m});
     double sum_j = 0, time_s = 0;
     for (int n = 0; time_s < 0.5; time_s += dt_s(n), ++n) {
-      controller.observe({position_m(time_s), 0.001}, {0, 0}, 0, true, n == 0 ? 0.001 : dt_s(n - 1));
+      controller.observe({position_m(time_s), 0.001, 0}, {0, 0, 0}, 0, true, n == 0 ? 0.001 : dt_s(n - 1));
       sum_j += controller.dissipated_j();
     }
     return sum_j;

@@ -47,7 +47,7 @@ TEST_F(FaultsTest, GivenAPressedFingerWhenTheDeviceIsLostThenTheForceFadesAndCom
   enable();
   put_finger(0.004);
   run(1);
-  const Vector2 truth = tissue.answer({0.02, 0.004}).force_n;
+  const Vector3 truth = tissue.answer({0.02, 0.004, 0}).force_n;
   EXPECT_LE((device.force - truth).norm(), 0.01 * truth.norm());
 }
 
@@ -150,7 +150,7 @@ TEST_F(FaultsTest, TheFirstAnswerAfterAFaultIsBelievedHoweverDifferent) {
   ASSERT_EQ(last.state, ServoState::kEnabled);
   put_finger(5e-4);  // as deep as was foretold
   run(0.15);
-  const Vector2 truth = tissue.answer({0.02, 5e-4}).force_n;
+  const Vector3 truth = tissue.answer({0.02, 5e-4, 0}).force_n;
   const double gain = start_gain(0.15, options.chain.start_ramp_s);
   EXPECT_NEAR(device.force.norm(), gain * truth.norm(), 0.1 * gain * truth.norm());
 }

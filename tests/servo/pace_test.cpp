@@ -22,10 +22,10 @@ class HeldUpDevice final : public HapticDevice {
     read_ns.push_back(now_ns);
     if (read_ns.size() == held_at) clock_.time_ns += held_ns;
     if (read_ns.size() == stopped_at) stop_ = true;
-    reading.pose.position_m = {0.02, -0.003};
+    reading.pose.position_m = {0.02, -0.003, 0};
     return true;
   }
-  bool write(const Vector2&) noexcept override { return true; }
+  bool write(const Vector3&) noexcept override { return true; }
   std::vector<std::int64_t> read_ns;
   std::size_t held_at = 0, stopped_at = 20;
   std::int64_t held_ns = 0;

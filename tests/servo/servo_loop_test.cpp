@@ -47,7 +47,7 @@ TEST_F(ServoTest, RendersTheTissueAfterTheRamp) {
   enable();
   put_finger(0.004);
   run(1);
-  const Vector2 truth = tissue.answer({0.02, 0.004}).force_n;
+  const Vector3 truth = tissue.answer({0.02, 0.004, 0}).force_n;
   EXPECT_LE((device.force - truth).norm(), 0.01 * truth.norm());
   EXPECT_GT(truth.norm(), 0.5);
 }
@@ -115,7 +115,7 @@ TEST_F(ServoTest, RunawayIsAFaultAndSlewsToZero) {
   put_finger(0.004);
   run(1);
   largest_step_n = 0;
-  device.reading.pose.velocity_m_s = Vector2(3, 0);
+  device.reading.pose.velocity_m_s = Vector3(3, 0, 0);
   run(0.1);
   EXPECT_EQ(last.state, ServoState::kFault);
   EXPECT_EQ(last.reason, StateReason::kTooFast);
@@ -131,7 +131,8 @@ TEST_F(ServoTest, BadAnswersAreRejectedAndDoNotCountAsLife) {
   for (int n = 0; n < 300; ++n) {
     ServoAnswer answer;
     answer.received_ns = clock.time_ns;
-    answer.sample = tissue.answer({0.02, 0.004}, 1e-9 * static_cast<double>(clock.time_ns), sequence + 1 + n);
+    answer.sample =
+        tissue.answer({0.02, 0.004, 0}, 1e-9 * static_cast<double>(clock.time_ns), sequence + 1 + n);
     if (n % 3 == 0) answer.sample.force_n.x() = NAN;
     if (n % 3 == 1) answer.sample.sequence = 1;        // out of order
     if (n % 3 == 2) answer.sample.pose_time_s += 100;  // of the future
@@ -147,7 +148,7 @@ TEST_F(ServoTest, AnAnswerThatTheServiceDoubtsIsFeltAsItIsAndSaidInEveryTick) {
   enable();
   put_finger(0.004);
   run(1);
-  const Vector2 trusted_n = device.force;
+  const Vector3 trusted_n = device.force;
   EXPECT_FALSE(last.service_degraded);
   service_degraded = true;
   run(0.1);
@@ -178,7 +179,7 @@ TEST_F(ServoTest, GivenAPositionThatIsNoNumberWhenTheFingerComesAnewThenTheTissu
   enable();
   put_finger(0.004);
   run(1);
-  const Vector2 truth = tissue.answer({0.02, 0.004}).force_n;
+  const Vector3 truth = tissue.answer({0.02, 0.004, 0}).force_n;
   EXPECT_LE((device.force - truth).norm(), 0.01 * truth.norm());
 }
 
@@ -224,7 +225,7 @@ TEST_F(ServoTest, AnAnswerThatIsNotBelievedDoesNotMakeTheModelYounger) {
   run(1);
   const auto answer_of = [&](double contrast) {
     ServoAnswer answer;
-    answer.sample = tissue.answer({0.02, 0.004}, 1e-9 * static_cast<double>(clock.time_ns), ++sequence);
+    answer.sample = tissue.answer({0.02, 0.004, 0}, 1e-9 * static_cast<double>(clock.time_ns), ++sequence);
     answer.sample.force_n *= contrast;
     answer.received_ns = clock.time_ns;
     answer.covered = true;
@@ -329,7 +330,7 @@ TEST(ServoWithHand, FeelsTheTissueWhileExploring) {
     ServoTick tick;
     while (servo->telemetry().pop(tick)) {
       statistics.add(tick);
-      const Vector2 truth = tissue.answer(device.exact().position_m).force_n;
+      const Vector3 truth = tissue.answer(device.exact().position_m).force_n;
       if (n > 3000 && truth.norm() > 0.05) errors.push_back((tick.force_n - truth).norm() / truth.norm());
     }
   }

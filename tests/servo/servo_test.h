@@ -24,12 +24,12 @@ class StillDevice final : public HapticDevice {
     out = reading;
     return ok;
   }
-  bool write(const Vector2& force_n) noexcept override {
+  bool write(const Vector3& force_n) noexcept override {
     force = force_n;
     return ok && takes_force;
   }
   DeviceReading reading;
-  Vector2 force = Vector2::Zero();
+  Vector3 force = Vector3::Zero();
   bool ok = true, takes_force = true;
 };
 
@@ -40,7 +40,7 @@ class ServoTest : public ::testing::Test {
     servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
   }
 
-  void put_finger(double y_m) { device.reading.pose.position_m = Vector2(0.02, y_m); }
+  void put_finger(double y_m) { device.reading.pose.position_m = Vector3(0.02, y_m, 0); }
 
   // Ticks for so long; answers every 3 ms unless silent.
   void run(double seconds) {

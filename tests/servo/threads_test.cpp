@@ -77,9 +77,9 @@ TEST(ServoThreads, LoopLinkTelemetryAndRequestsRunBesideEachOther) {
 // The session asks from its own thread whether a motion is over, while the servo plays it.
 TEST(ServoThreads, TheEndOfAMotionIsSeenFromAnotherThread) {
   std::vector<MotionPoint> motion(2);
-  motion[0].pose.position_m = {0.02, -0.005};
+  motion[0].pose.position_m = {0.02, -0.005, 0};
   motion[1].time_s = 0.2;
-  motion[1].pose.position_m = {0.03, -0.005};
+  motion[1].pose.position_m = {0.03, -0.005, 0};
   ReplayDevice device(device_profile("premium-1.5"), motion);
   device.open();
   KalmanRenderer renderer;
@@ -123,16 +123,16 @@ class PressedDevice final : public HapticDevice {
     opened = false;
   }
   bool read(std::int64_t, DeviceReading& reading) noexcept override {
-    reading.pose.position_m = {0.02, force_on ? 0.004 : -0.003};
+    reading.pose.position_m = {0.02, force_on ? 0.004 : -0.003, 0};
     reading.resume_pressed = !force_on && ++reads_ % 100 >= 50;
     return true;
   }
-  bool write(const Vector2& force_n) noexcept override {
+  bool write(const Vector3& force_n) noexcept override {
     if (forces_n.size() < forces_n.capacity()) forces_n.push_back(force_n);
     return true;
   }
   void show(const OperatorView& view) noexcept override { force_on = view.force_on; }
-  std::vector<Vector2> forces_n;
+  std::vector<Vector3> forces_n;
   bool opened = false, force_on = false;
   double closed_with_n = -1;
 
@@ -189,7 +189,7 @@ TEST(ServoThreads, ALoopThatCannotBeJoinedEndsTheProcess) {
       --reads_;
       return true;
     }
-    bool write(const Vector2&) noexcept override { return true; }
+    bool write(const Vector3&) noexcept override { return true; }
 
    private:
     unsigned reads_;

@@ -21,11 +21,11 @@ TEST(ServoLoop, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceEnds) 
     const test::AnalyticTissue tissue;
     bool covered = true;
     const auto run = [&](double y_m, double seconds) {
-      device.reading.pose.position_m = Vector2(0.02, y_m);
+      device.reading.pose.position_m = Vector3(0.02, y_m, 0);
       for (int n = 0; n < 1000 * seconds; ++n) {
         ServoAnswer answer;
         answer.sample =
-            tissue.told({0.02, y_m}, 1e-9 * static_cast<double>(clock.time_ns), servo.ticks() + 1);
+            tissue.told({0.02, y_m, 0}, 1e-9 * static_cast<double>(clock.time_ns), servo.ticks() + 1);
         if (!covered) answer.sample.contact = answer.sample.foreseen = false;
         if (!covered) answer.sample.force_n.setZero(), answer.sample.tangent_n_m.setZero();
         answer.covered = covered;

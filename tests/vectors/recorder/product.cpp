@@ -236,12 +236,12 @@ class PathDevice final : public client::HapticDevice {
     out = reading;
     return answers;
   }
-  bool write(const client::Vector2& force_n) noexcept override {
+  bool write(const client::Vector3& force_n) noexcept override {
     written_n = force_n;
     return answers;
   }
   client::DeviceReading reading;
-  client::Vector2 written_n = client::Vector2::Zero();
+  client::Vector3 written_n = client::Vector3::Zero();
   bool answers = true;
 
  private:
@@ -252,9 +252,10 @@ client::ServoAnswer servo_answer(const ForceAnswer& a, std::int64_t received_ns)
   client::ServoAnswer out;
   out.sample.sequence = a.sequence;
   out.sample.pose_time_s = a.pose_time_s;
-  out.sample.position_m = {a.x_m, a.y_m};
-  out.sample.force_n = {a.force_n[0], a.force_n[1]};
-  out.sample.tangent_n_m << a.tangent_n_m[0], a.tangent_n_m[1], a.tangent_n_m[2], a.tangent_n_m[3];
+  out.sample.position_m = {a.x_m, a.y_m, 0};
+  out.sample.force_n = {a.force_n[0], a.force_n[1], 0};
+  out.sample.tangent_n_m.topLeftCorner<2, 2>() << a.tangent_n_m[0], a.tangent_n_m[1], a.tangent_n_m[2],
+      a.tangent_n_m[3];
   out.sample.contact = a.contact;
   out.sample.foreseen = a.foreseen;
   out.has_force = a.has_force;
@@ -298,7 +299,7 @@ Servo::~Servo() = default;
 Answer Servo::tick(const TickCase& c) {
   Product& p = *product_;
   p.clock.time_ns = c.time_ns;
-  p.device.reading.pose = {{c.x_m, c.y_m}, {c.velocity_x_m_s, c.velocity_y_m_s}};
+  p.device.reading.pose = {{c.x_m, c.y_m, 0}, {c.velocity_x_m_s, c.velocity_y_m_s, 0}};
   p.device.reading.resume_pressed = c.resume;
   p.device.answers = c.device_answers;
   if (c.answer) p.loop.answers().put(servo_answer(*c.answer, c.time_ns));
@@ -310,8 +311,8 @@ Answer Servo::tick(const TickCase& c) {
            {static_cast<double>(t.state), static_cast<double>(t.reason), static_cast<double>(t.sequence)},
            true},
           {"force", {p.device.written_n.x(), p.device.written_n.y()}},
-          {"stiffness", {t.stiffness_n_m, t.lateral_stiffness_n_m}},
-          {"variance", {t.stiffness_variance, t.lateral_stiffness_variance}},
+          {"stiffness", {t.stiffness_n_m, t.lateral_stiffness_n_m.x()}},
+          {"variance", {t.stiffness_variance, t.lateral_stiffness_variance.x()}},
           {"gain", {t.gain}},
           {"energy", {t.energy_j, t.stored_j}},
           {"damping", {t.damping_n_s_m}},
