@@ -14,10 +14,23 @@
 
 namespace teletact::service {
 
-// The device that is used now. Thread-safe.
+// The device that is used now, and who sees to it when it fails. Thread-safe.
 class CurrentDevice {
  public:
   explicit CurrentDevice(std::shared_ptr<Device> device) : device_(std::move(device)) {}
+  // Said once, before anything uses it. `see_to_it` is told why, on the thread that met the failure, and must
+  // not wait.
+  void on_failure(std::function<void(const std::string& why)> see_to_it) {
+    see_to_it_ = std::move(see_to_it);
+  }
+  // `device` failed. Does nothing when another is in use by now.
+  void failed(const std::shared_ptr<Device>& device, const std::string& why) const {
+    {
+      const std::lock_guard lock(mutex_);
+      if (device != device_) return;
+    }
+    if (see_to_it_) see_to_it_(why);
+  }
   operator std::shared_ptr<Device>() const {
     const std::lock_guard lock(mutex_);
     return device_;
@@ -29,6 +42,7 @@ class CurrentDevice {
   }
 
  private:
+  std::function<void(const std::string&)> see_to_it_;
   mutable std::mutex mutex_;
   std::shared_ptr<Device> device_;
 };

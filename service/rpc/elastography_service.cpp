@@ -26,7 +26,9 @@ ElastographyService::ElastographyService(Core& core, std::function<std::shared_p
     : core_(core),
       reopen_(std::move(reopen)),
       engines_(core.device),
-      recovery_([this] { open_again(); }, std::move(tell)) {}
+      recovery_([this] { open_again(); }, std::move(tell)) {
+  core_.device.on_failure([this](const std::string& why) { recovery_.failed(why); });
+}
 
 void ElastographyService::warm() {
   core_.scenes.worker().run({}, [this] { engines_.borrow("")->warm(); }).future.get();

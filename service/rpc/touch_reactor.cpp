@@ -161,9 +161,11 @@ void TouchReactor::write_opened() {
 
 void TouchReactor::write_answer(const Pose& pose) {
   const auto begun = Clock::now();
-  session_->use(core_.device);
+  const std::shared_ptr<Device> device = core_.device;
+  session_->use(device);
   const TouchAnswer solved = session_->solve(pose.pose.position_m(0), pose.pose.position_m(1));
   const auto solved_at = Clock::now();
+  if (solved.device_failed) core_.device.failed(device, solved.warning);
   v1::TouchAnswer* answer = response_.mutable_answer();  // replaces `opened`
   answer->Clear();
   answer_to(solved, answer);

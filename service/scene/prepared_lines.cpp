@@ -2,7 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include <stdexcept>
+#include <utility>
 
 namespace teletact::service {
 
@@ -17,7 +17,7 @@ std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shar
     Line& state = lines_[key];
     if (auto made = state.iterative.lock()) return made;
     if (state.making) return nullptr;
-    if (!state.error.empty() && Clock::now() < state.retry) throw std::runtime_error(state.error);
+    if (state.error && Clock::now() < state.retry) std::rethrow_exception(state.error);
     state.making = true;
   }
   run([self = shared_from_this(), key] { self->make_for_others(key); });
@@ -30,12 +30,12 @@ std::shared_ptr<Compliance> PreparedLines::make(const Key& key) const {
 
 void PreparedLines::make_for_others(const Key& key) {
   std::shared_ptr<Compliance> made;
-  std::string error;
+  std::exception_ptr error;
   try {
     made = make(key);
   } catch (const std::exception& e) {
-    error = e.what();
-    spdlog::warn("event=line_not_prepared line={} error=\"{}\"", key.first, error);
+    error = std::current_exception();
+    spdlog::warn("event=line_not_prepared line={} error=\"{}\"", key.first, e.what());
   }
   const std::lock_guard lock(mutex_);
   Line& state = lines_[key];

@@ -3,12 +3,12 @@
 #pragma once
 
 #include <chrono>
+#include <exception>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <set>
-#include <string>
 #include <utility>
 
 #include "service/tissue/tissue_model.h"
@@ -31,8 +31,7 @@ class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
   explicit PreparedLines(std::shared_ptr<const TissueModel> model) : model_(std::move(model)) {}
 
   // The compliance of `line`, by PCG on `device` or, where that is null, condensed. Null while it is being
-  // made, which this asks `run` for. Throws what making it in place throws, std::runtime_error with the
-  // reason where it could not be made elsewhere.
+  // made, which this asks `run` for. Throws what making it throws, here or elsewhere.
   std::shared_ptr<Compliance> get(std::size_t line, const std::shared_ptr<Device>& device,
                                   const TouchWork::Run& run);
   // Has it measured what rounding does to the condensed line, once.
@@ -44,7 +43,7 @@ class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
   struct Line {
     bool making = false;
     std::weak_ptr<Compliance> iterative;  // condensed ones are the model's to keep
-    std::string error;                    // why it could not be made, the last time
+    std::exception_ptr error;             // why it could not be made, the last time
     Clock::time_point retry{};
   };
   std::shared_ptr<Compliance> make(const Key&) const;

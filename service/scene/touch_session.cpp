@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "service/contact/fingertip.h"
+#include "service/device/device.h"
 
 namespace teletact::service {
 
@@ -40,6 +41,12 @@ void check_fingertip(const Fingertip& tip, const Limits& limits) {
 double touched_m(const Fingertip& tip, double indentation_m) {
   if (tip.shape == FingertipShape::kNode) return 3 * tip.footprint_m;
   return reach_m(tip, indentation_m, ContactOptions{}.candidate_margin * indentation_m);
+}
+
+void fail(TouchAnswer& answer, const char* why) {
+  answer.contact = {};
+  answer.status = TouchStatus::kFailed;
+  answer.warning = why;
 }
 
 bool finite(const ContactAnswer& c) {
@@ -118,10 +125,13 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
     solve_contact_into(answer, *window_, x_m, y_m);
     judge(answer, *window_, *snapshot, {x_m, y_m - line_y_m()});
     if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*window_, *snapshot, x_m);
+  } catch (const DeviceMemoryError& error) {  // says nothing of the device
+    fail(answer, error.what());
+  } catch (const DeviceError& error) {
+    fail(answer, error.what());
+    answer.device_failed = true;
   } catch (const std::exception& error) {  // the model's or the solver's limits, not the client's fault
-    answer.contact = {};
-    answer.status = TouchStatus::kFailed;
-    answer.warning = error.what();
+    fail(answer, error.what());
   }
   return answer;
 }

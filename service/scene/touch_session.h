@@ -41,6 +41,7 @@ struct TouchAnswer {
   std::string warning;
   std::vector<std::string> window_flags;  // names of what makes the window doubtful
   std::optional<ForeseenTouch> foreseen;  // only out of contact, where it can be told and trusted
+  bool device_failed = false;             // why it is kFailed: warning says how
 };
 
 // Not thread-safe: one thread solves.

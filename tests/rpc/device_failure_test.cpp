@@ -1,5 +1,5 @@
-// A device that fails under estimates: said by the health of Elastography, opened anew, and used again.
-// Touch goes on from compliances.
+// A device that fails under estimates, or under touches alone: said by the health of Elastography, opened
+// anew, and used again. Touch goes on from compliances.
 #include "service/device/fault.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/health.h"
@@ -32,6 +32,12 @@ bool comes_to(Toucher& toucher, v1::TouchStatus status) {
   return false;
 }
 
+v1::TouchOpen by_device(const std::string& scene) {
+  v1::TouchOpen open = Toucher::open_on(scene);
+  open.set_path(v1::SOLVE_PATH_PCG);
+  return open;
+}
+
 struct FailingLaunches {
   FailingLaunches() { fail_launches(true); }
   ~FailingLaunches() { fail_launches(false); }
@@ -42,9 +48,7 @@ TEST(DeviceFailure, IsSaidAndTheDeviceComesBack) {
   server->make_ready();
   ASSERT_TRUE(server.create(uniform_scene("touched")).ok());
   Bystander touching(server.channel(), "touched");
-  v1::TouchOpen by_device = Toucher::open_on("touched");
-  by_device.set_path(v1::SOLVE_PATH_PCG);
-  Toucher pressing(server.channel(), by_device);
+  Toucher pressing(server.channel(), by_device("touched"));
   ASSERT_TRUE(pressing.opened());
   ASSERT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));
   ASSERT_TRUE(status_of_estimate(server).ok());
@@ -63,6 +67,23 @@ TEST(DeviceFailure, IsSaidAndTheDeviceComesBack) {
   EXPECT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));  // by the new device
   touching.stop();
   EXPECT_EQ(touching.failures(), 0);
+}
+
+TEST(DeviceFailure, UnderTouchesAloneIsSaidAndTheDeviceComesBack) {
+  RunningServer server;
+  server->make_ready();
+  ASSERT_TRUE(server.create(uniform_scene("touched")).ok());
+  Toucher pressing(server.channel(), by_device("touched"));
+  ASSERT_TRUE(pressing.opened());
+  ASSERT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));
+  {
+    const FailingLaunches failing;
+    ASSERT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_FAILED));
+    ASSERT_TRUE(becomes(server, kNotServing));
+    EXPECT_EQ(health_of(server, "teletact.v1.Palpation"), kServing);
+  }
+  ASSERT_TRUE(becomes(server, kServing));
+  EXPECT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_OK));
 }
 
 }  // namespace

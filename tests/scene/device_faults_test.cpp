@@ -41,8 +41,9 @@ class FaultyDevice : public testing::Test {
     std::ofstream(folder_ / file) << source.replace(at, from.size(), to);
   }
 
-  // Presses by way of the device, again and again, and by compliance beside it.
-  void expect_failure(const std::string& why) {
+  // Presses by way of the device, again and again, and by compliance beside it. `of_device`: it is the device
+  // that failed, and not what was asked of it.
+  void expect_failure(const std::string& why, bool of_device = false) {
     TouchSession by_compliance(scene_, {}, nullptr);
     const double force = by_compliance.solve(0.06, 0.003).contact.force_n[1];
     EXPECT_LT(force, 0);
@@ -54,6 +55,7 @@ class FaultyDevice : public testing::Test {
       EXPECT_EQ(answer.status, TouchStatus::kFailed);
       EXPECT_NE(answer.warning.find(why), std::string::npos) << answer.warning;
       EXPECT_EQ(answer.contact.force_n[1], 0);
+      EXPECT_EQ(answer.device_failed, of_device);
       const TouchAnswer beside = by_compliance.solve(0.06, 0.003);
       EXPECT_EQ(beside.status, TouchStatus::kOk);
       EXPECT_EQ(beside.contact.force_n[1], force);
@@ -84,7 +86,7 @@ TEST_F(FaultyDevice, DeviceThatTakesNoMoreWorkIsSaid) {
   // A kernel that insists on another work-group size: enqueueing it fails, as on a device that is lost.
   sabotage("pcg.cl", "kernel void pcg_update",
            "kernel __attribute__((reqd_work_group_size(7, 1, 1))) void pcg_update");
-  expect_failure("launch of kernel pcg_update");
+  expect_failure("launch of kernel pcg_update", true);
 }
 
 }  // namespace

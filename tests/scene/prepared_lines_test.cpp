@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "service/device/device.h"
+#include "service/device/fault.h"
 #include "service/scene/scenes.h"
 #include "service/scene/touch_session.h"
 #include "tests/scene/windows.h"
@@ -107,6 +108,19 @@ TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
   EXPECT_EQ(meanwhile.model_version, before.model_version);
   do_all(preparing);
   EXPECT_GT(session.solve(0.045, -0.001).model_version, before.model_version);
+}
+
+TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALineIsMadeIsSaid) {
+  TouchOptions options;
+  options.path = SolvePath::kPcg;
+  TouchSession session(scene, options, Device::open());
+  expect_preparing(session.solve(0.045, 0.002));
+  fail_launches(true);
+  do_all(preparing);
+  const TouchAnswer answer = session.solve(0.045, 0.002);
+  fail_launches(false);
+  EXPECT_EQ(answer.status, TouchStatus::kFailed);
+  EXPECT_TRUE(answer.device_failed) << answer.warning;
 }
 
 TEST_F(TouchedLater, RoundingIsMeasuredForWhateverIsTouched) {
