@@ -1,6 +1,5 @@
 #include "service/rpc/palpation_service.h"
 
-#include "service/device/look.h"
 #include "service/rpc/client.h"
 #include "service/rpc/convert.h"
 #include "service/rpc/touch_reactor.h"
@@ -22,14 +21,10 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
     terms.client = client_of(*context);
     // The request, and what was read from it.
     call->hold(core_.account(terms.client).charge(Place::kHost, "uploads", 2 * request->ByteSizeLong()));
-    core_.scenes.worker().post(
+    call->work_by(core_.scenes.worker().post(
         terms,
         [this, call, response, client = terms.client, id = request->scene_id(), geometry,
          modulus = std::move(modulus)]() mutable {
-          const Looking looking([&call] {
-            if (call->given_up()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
-          });
-          look();
           // Answered when it is on disk, which imaging does not wait for.
           core_.scenes.make(
               id, geometry, std::move(modulus),
@@ -42,7 +37,7 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
         },
         [call](std::exception_ptr error) {
           if (error) call->fail(error);
-        });
+        }));
   });
 }
 

@@ -27,8 +27,6 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   UnaryCall(Core& core, grpc::CallbackServerContext* context, Begin begin)
       : ServedCall(core.calls, context), core_(core), begin_(std::move(begin)) {}
 
-  // Nobody waits for the answer any more.
-  bool given_up() const { return life().ended(); }
   // `work` fills the response; what it throws is the answer. Not run when the call was given up: request and
   // response may be gone then.
   template <class Work>
@@ -40,6 +38,11 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
       patience_ = seconds(core_.limits.answer_taken_s + more_s);
       end(grpc::Status::OK);
     });
+  }
+  // Its job on the imaging plane: given up with the call, at once where it has not begun.
+  void work_by(FairWorkers::Id job) {
+    job_ = job;
+    if (life().ended()) ended();  // before the job was known
   }
   // What it takes, until the peer has taken the answer. By whoever works for it.
   void hold(Charge memory) { held_ = std::move(memory); }
@@ -57,12 +60,17 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
     if (!status.ok()) end(status);  // before the handle says that nobody answers
     begin_ = {};
   }
+  void ended() override {
+    const FairWorkers::Id job = job_;
+    if (job != 0 && !life().status().ok()) core_.scenes.worker().cancel(job);
+  }
   Clock::duration patience() const override { return patience_.load(); }
 
   Core& core_;
   Charge held_;
   Begin begin_;
   std::atomic<Clock::duration> patience_{kEndTaken};
+  std::atomic<FairWorkers::Id> job_{0};
 };
 
 }  // namespace teletact::service

@@ -1,5 +1,7 @@
 // Calls that are ended from both sides at once: refused and cancelled, past their deadline before they are
 // served, ended by the service while the client gives up.
+#include <atomic>
+#include <future>
 #include <thread>
 #include <vector>
 
@@ -94,6 +96,50 @@ TEST(Cancelled, RefusedTouchIsFinishedOnce) {
   for (const auto& toucher : held) ASSERT_TRUE(toucher->touch(0.05, 0.002, &answer));
   held.clear();
   server.expect_all_calls_end();
+}
+
+// Polls for far longer than the busiest machine takes.
+template <class Condition>
+bool soon(Condition condition) {
+  for (int k = 0; k < 2000 && !condition(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  return condition();
+}
+
+TEST(Cancelled, ACallThatWaitsForImagingLeavesTheQueueAtOnceWithAllThatItHolds) {
+  std::atomic<bool> enough{false};
+  RunningServer server;
+  server->make_ready();
+  // GIVEN an imaging plane that works for another and does not look up
+  std::promise<void> begun;
+  JobTerms terms;
+  terms.client = "other";
+  const auto busy = server->core().scenes.worker().run(terms, [&] {
+    begun.set_value();
+    while (!enough) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  });
+  const std::shared_ptr<void> let_go(nullptr, [&](void*) { enough = true; });
+  begun.get_future().wait();
+  const auto held = [&] { return server->core().memory->held(Place::kHost, "anna@local"); };
+  const auto stub = v1::Palpation::NewStub(server.channel());
+  // WHEN a client asks for more scenes than may wait, and gives up each
+  for (std::size_t k = 0; k <= FairQueue::kMostWaitingPerClient; ++k) {
+    grpc::ClientContext context;
+    set_deadline(context);
+    context.AddMetadata("teletact-client", "anna");
+    grpc::Status status;
+    std::thread asking([&] {
+      v1::Scene scene;
+      status = stub->CreateScene(&context, uniform_scene("s" + std::to_string(k)), &scene);
+    });
+    const bool waited = soon([&] { return held() > 0; });
+    context.TryCancel();
+    asking.join();
+    ASSERT_TRUE(waited) << k << ": " << status.error_message();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::CANCELLED);
+    // THEN its place and its bytes are free before its turn comes
+    ASSERT_TRUE(soon([&] { return held() == 0; })) << k;
+  }
+  ASSERT_TRUE(soon([&] { return server->core().calls.count() == 0; }));
 }
 
 TEST(Cancelled, CallsOfAServiceThatStartsAreFinishedOnce) {
