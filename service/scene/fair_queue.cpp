@@ -39,7 +39,7 @@ FairQueue::Id FairQueue::add(const JobTerms& terms, Time now) {
     Account& a = account(terms.client, now);
     ++a.jobs, ++a.waiting, ++waiting_;
   }
-  jobs_[++last_] = {terms, false, terms.cost_s};
+  jobs_[++last_] = {terms, false, terms.cost_s, 0};
   return last_;
 }
 
@@ -72,7 +72,8 @@ std::optional<FairQueue::Id> FairQueue::next_of(const std::string& client) const
   return first && begun_ < kMostBegun ? first : std::nullopt;
 }
 
-std::optional<FairQueue::Id> FairQueue::next(Time now) const {
+// Whose turn it is, though another may have to use it.
+std::optional<FairQueue::Id> FairQueue::first(Time now) const {
   if (const auto owed = next_owed(now, true)) return owed;
   std::optional<Id> best;
   double least_s = 0;
@@ -83,11 +84,27 @@ std::optional<FairQueue::Id> FairQueue::next(Time now) const {
   return best ? best : next_owed(now, false);
 }
 
+FairQueue::Id FairQueue::who_acts_for(Id id) const {
+  for (auto other = jobs_.find(jobs_.at(id).waits_for); other != jobs_.end();
+       other = jobs_.find(other->second.waits_for))
+    id = other->first;
+  return id;
+}
+
+std::optional<FairQueue::Id> FairQueue::next(Time now) const {
+  const auto turn = first(now);
+  return turn ? std::optional(who_acts_for(*turn)) : std::nullopt;
+}
+
+void FairQueue::wait(Id id, Id other) {
+  jobs_.at(id).waits_for = other;
+}
+
 bool FairQueue::makes_way(Id running, Time now) const {
   const Job& job = jobs_.at(running);
-  const auto first = next(now);
-  if (!first || *first == running || due(job, now)) return false;
-  const Job& other = jobs_.at(*first);
+  const auto turn = first(now);
+  if (!turn || who_acts_for(*turn) == running || due(job, now)) return false;
+  const Job& other = jobs_.at(*turn);
   if (other.terms.owed || job.terms.owed) return true;
   return accounts_.at(other.terms.client).served_s + kSliceS <= accounts_.at(job.terms.client).served_s;
 }

@@ -46,6 +46,8 @@ class FairQueue {
   std::optional<Id> next(Time now) const;
   // Whether `running` is to make way for another.
   bool makes_way(Id running, Time now) const;
+  // `id` can do nothing before `other` has ended: its turns are the other's until then.
+  void wait(Id id, Id other);
   void begun(Id);
   void served(Id, double seconds, Time now);
   void ended(Id, Time now);
@@ -61,6 +63,7 @@ class FairQueue {
     JobTerms terms;
     bool begun = false;
     double left_s = 0;
+    Id waits_for = 0;
   };
   struct Account {
     double served_s = 0;
@@ -68,6 +71,8 @@ class FairQueue {
     Time lately;
   };
   bool due(const Job&, Time now) const;
+  std::optional<Id> first(Time now) const;
+  Id who_acts_for(Id) const;
   std::optional<Id> next_owed(Time now, bool due_only) const;
   std::optional<Id> next_of(const std::string& client) const;
   Account& account(const std::string& client, Time now);

@@ -21,6 +21,8 @@ constexpr const char* kStopping = "the service is shutting down; connect again l
 constexpr const char* kLate =
     "not done within the time allowed; allow more, or ask again when fewer clients are served";
 
+thread_local FairWorkers::Id works_on = 0;
+
 }  // namespace
 
 FairWorkers::~FairWorkers() {
@@ -64,6 +66,10 @@ void FairWorkers::cancel(Id id) {
   found->second->cancelled = true;
   found->second->turn.notify_all();
   if (!found->second->has_thread) end(id, error_of(ErrorKind::kCancelled, "the caller cancelled"), lock);
+}
+
+FairWorkers::Id FairWorkers::current() {
+  return works_on;
 }
 
 double FairWorkers::done_in_s(const JobTerms& terms) const {
@@ -114,6 +120,7 @@ void FairWorkers::work() {
 void FairWorkers::work_on(Id id, Job& job, Lock& lock) {
   std::exception_ptr error;
   lock.unlock();
+  works_on = id;
   try {
     const Looking looking([this, id, &job] { look_up(id, job); });
     look();
@@ -122,6 +129,7 @@ void FairWorkers::work_on(Id id, Job& job, Lock& lock) {
     error = std::current_exception();
   }
   job.work = nullptr;
+  works_on = 0;
   lock.lock();
   if (running_ == id) charge(id);
   end(id, error, lock);
@@ -165,7 +173,21 @@ void FairWorkers::look_up(Id id, Job& job) {
   forbid(job);
   charge(id);
   drop_expired(lock);
-  if (!queue_.makes_way(id, Clock::now())) return;
+  if (queue_.makes_way(id, Clock::now())) make_way(id, job, lock);
+}
+
+void FairWorkers::step_aside(Id other) {
+  Lock lock(mutex_);
+  const std::shared_ptr<Job> job = jobs_.at(works_on);
+  forbid(*job);
+  charge(works_on);
+  if (!jobs_.contains(other)) return;
+  queue_.wait(works_on, other);
+  make_way(works_on, *job, lock);
+}
+
+// Returns when it is this job's turn again; throws when it is to end.
+void FairWorkers::make_way(Id id, Job& job, Lock& lock) {
   const auto begun = Clock::now();
   running_ = 0;
   dispatch();

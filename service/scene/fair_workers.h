@@ -38,6 +38,11 @@ class FairWorkers {
   Id post(const JobTerms&, std::function<void()> work, Done done);
   // Ends the job: at once if it has not begun, else at its next look. Does nothing once it has ended.
   void cancel(Id);
+  // The job that this thread works on; 0 on a thread of another kind.
+  static Id current();
+  // For the job of this thread, which can do nothing before `other` has ended: gives the turn to it, and
+  // returns when it has. Throws as a look() does.
+  void step_aside(Id other);
   // When a job on these terms would be done, if it were posted now.
   double done_in_s(const JobTerms&) const;
 
@@ -89,6 +94,7 @@ class FairWorkers {
   void work();
   void work_on(Id, Job&, Lock&);
   void look_up(Id, Job&);
+  void make_way(Id, Job&, Lock&);
   void charge(Id);
   void dispatch();
   void end(Id, std::exception_ptr, Lock&);

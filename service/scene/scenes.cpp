@@ -9,7 +9,6 @@
 #include <new>
 #include <random>
 #include <stdexcept>
-#include <thread>
 
 #include "service/device/look.h"
 #include "service/scene/errors.h"
@@ -221,10 +220,12 @@ class Scenes::Changing {
     const std::lock_guard lock(scenes_.mutex_);
     scenes_.changing_.erase(&scene_);
   }
-  // False while another job changes it.
-  bool begin() {
+  // Nothing, or the job that changes it now.
+  std::optional<FairWorkers::Id> begin() {
     const std::lock_guard lock(scenes_.mutex_);
-    return begun_ = scenes_.changing_.insert(&scene_).second;
+    const auto [at, first] = scenes_.changing_.emplace(&scene_, FairWorkers::current());
+    begun_ = first;
+    return first ? std::nullopt : std::optional(at->second);
   }
 
  private:
@@ -252,10 +253,7 @@ Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstim
                           const std::string& client) {
   Published published = [&] {
     Changing changing(*this, *scene);
-    while (!changing.begin()) {  // its turn comes, now that this job's time is counted
-      look();
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
+    while (const auto other = changing.begin()) worker_.step_aside(*other);
     return scene->publish(estimate, [] {
       look();
       return false;
@@ -304,7 +302,7 @@ void Scenes::refresh(const std::shared_ptr<Scene>& scene, JobTerms terms) {
   bool more = false;
   {
     Changing changing(*this, *scene);
-    if (!changing.begin()) {  // soon: who changes it needs a turn for that
+    if (changing.begin()) {  // soon: who changes it needs a turn for that
       terms.deadline = begun + kSoon;
       terms.cost_s = 0;
       return refresh_later(scene, terms);

@@ -68,7 +68,8 @@ class Scenes {
   std::set<std::string> being_made_;    // ids taken while their models are built and first kept
   std::set<std::string> left_on_disk_;  // ids of scenes that did not fit at the start
   std::set<const Scene*> refreshing_;   // a background job waits for them
-  std::set<const Scene*> changing_;     // a job, which others may have made wait, changes them
+  // The job, which others may have made wait, that changes them.
+  std::map<const Scene*, FairWorkers::Id> changing_;
   // Last: their jobs use all of the above.
   StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.

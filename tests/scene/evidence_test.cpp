@@ -149,7 +149,7 @@ class EvidenceOnDisk : public testing::Test {
       window.log_deviation.push_back(static_cast<float>(0.1 + window.grid.y_m(n)));
     window.evidence = {{"misfit: such and such", "noise: much"}, 0, 0.02, 0.07, 10e3, 0.8, 0, Clock::now()};
     Scenes scenes(directory);
-    scenes.publish(scenes.create("a", tissue(0.12, kDepthM), std::nullopt), window, {});
+    publish_into(scenes, scenes.create("a", tissue(0.12, kDepthM), std::nullopt), window);
     kept = *scenes.find("a")->snapshot()->windows[0]->evidence;
     deviation = scenes.find("a")->snapshot()->map->log_deviation();
   }

@@ -44,6 +44,10 @@ class Plane {
       queue.ended(std::exchange(running_, 0), at(now_s + kStepS));
     }
   }
+  void wait(FairQueue::Id id, FairQueue::Id other) {
+    queue.wait(id, other);
+    if (running_ == id) running_ = 0;
+  }
   static Time at(double s) { return Time() + std::chrono::microseconds(std::llround(1e6 * s)); }
 
   FairQueue queue;
@@ -96,6 +100,21 @@ TEST(FairQueue, NobodySavesUp) {
   const auto third = plane.add("third", 1);
   plane.run(1064);
   EXPECT_TRUE(plane.done_s.contains(third));  // a third each, not after a minute of "away"
+}
+
+TEST(FairQueue, TurnsOfOneWhoWaitsAreAnothers) {
+  Plane plane;
+  const auto owed = plane.add("fair", 1, 1100, true);
+  plane.run(1000.5);
+  const auto greedy = plane.add("greedy", 60), waits = plane.add("fair", 1);
+  plane.run(1001.5);
+  plane.wait(waits, owed);
+  plane.run(1002.7);
+  ASSERT_TRUE(plane.done_s.contains(owed));  // 0.5 s were left, and 1.2 s are shared with the greedy one
+  EXPECT_FALSE(plane.done_s.contains(waits));
+  plane.run(1005);
+  EXPECT_TRUE(plane.done_s.contains(waits));
+  EXPECT_FALSE(plane.done_s.contains(greedy));
 }
 
 TEST(FairQueue, EarliestDeadlineFirstWithinAClientAndWhatIsBegunIsFinished) {

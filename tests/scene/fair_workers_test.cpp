@@ -130,6 +130,41 @@ TEST(FairWorkers, WhatIsOwedRunsByItsDeadlineBesideWorkThatNeverEnds) {
   workers.cancel(endless.id);
 }
 
+TEST(FairWorkers, WhoStepsAsideGoesOnWhenTheOtherHasEnded) {
+  FairWorkers workers;
+  std::atomic<bool> enough{false};
+  JobTerms never_due = of("fair");
+  never_due.owed = true;
+  auto other = workers.run(never_due, [&] { work_until([&] { return enough.load(); }); });
+  auto endless = workers.run(of("greedy"), [] { work_until([] { return false; }); });
+  auto aside = workers.run(of("fair"), [&, id = other.id] {
+    enough = true;
+    for (int k = 0; k < 2; ++k) workers.step_aside(id);  // ended by then: nothing
+    return waited_s();
+  });
+  ASSERT_EQ(aside.future.wait_for(kLong), std::future_status::ready);
+  EXPECT_EQ(other.future.wait_for(std::chrono::seconds(0)), std::future_status::ready);
+  EXPECT_GT(aside.future.get(), 0);
+  workers.cancel(endless.id);
+}
+
+TEST(FairWorkers, WhoStepsAsideCanBeCancelled) {
+  FairWorkers workers;
+  std::atomic<bool> aside_begun{false};
+  JobTerms never_due = of("fair");
+  never_due.owed = true;
+  auto other = workers.run(never_due, [] { work_until([] { return false; }); });
+  auto aside = workers.run(of("fair"), [&, id = other.id] {
+    aside_begun = true;
+    workers.step_aside(id);
+  });
+  while (!aside_begun) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  workers.cancel(aside.id);
+  ASSERT_EQ(aside.future.wait_for(kLong), std::future_status::ready);
+  EXPECT_EQ(kind_of([&] { aside.future.get(); }), ErrorKind::kCancelled);
+  workers.cancel(other.id);
+}
+
 TEST(FairWorkers, StopEndsEverythingAndRefusesMore) {
   FairWorkers workers;
   auto running = workers.run(of("a"), [] { work_until([] { return false; }); });

@@ -77,9 +77,7 @@ TEST(SceneMemory, EverythingIsGivenBackWithTheScene) {
     Scenes scenes({}, {}, machine_files(), budget);
     scenes.create("a", tissue(0.1, 0.03), uniform_modulus(50, 15), "anna");
     const auto b = scenes.create("b", tissue(0.2, 0.03), std::nullopt, "berta");
-    scenes.worker()
-        .run({}, [&] { return scenes.publish(b, window_of(homogeneous(10e3), 0.05, 0.04, 0.03), {}); })
-        .future.get();
+    publish_into(scenes, b, window_of(homogeneous(10e3), 0.05, 0.04, 0.03));
     EXPECT_GT(budget->held(Place::kHost, "anna"), 50U * 15 * sizeof(double));
     EXPECT_GT(budget->held(Place::kHost, "berta"), 0U);
     scenes.remove("a");

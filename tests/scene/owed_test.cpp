@@ -30,11 +30,7 @@ TEST(Owed, NeighboursAreFreshInTimeWhileOthersNeverCease) {
     }));
   std::uint64_t first = 0;
   for (const double x_m : {0.0, 0.03}) {
-    const auto published =
-        scenes.worker()
-            .run(of("fair"),
-                 [&] { return scenes.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), "fair"); })
-            .future.get();
+    const auto published = publish_into(scenes, scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), "fair");
     if (first == 0) first = published.version;
   }
   const auto version_of_first = [&] { return scene->snapshot()->windows.front()->version; };

@@ -32,7 +32,7 @@ class StateOnDisk : public testing::Test {
   static Published publish(Scenes& scenes, const std::string& id, double x_m, double modulus_pa) {
     const auto scene = scenes.find(id);
     const Published published =
-        scenes.publish(scene, window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03), {});
+        publish_into(scenes, scene, window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03));
     settle(scenes);
     return published;
   }
@@ -174,7 +174,7 @@ TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
   for (int k = 0;; ++k) {
     const auto scene = scenes.find("a");
     const std::uint64_t version =
-        scenes.publish(scene, window_of(homogeneous(1e4), 0.002 * (k % 4), 0.01, 0.01), {}).version;
+        publish_into(scenes, scene, window_of(homogeneous(1e4), 0.002 * (k % 4), 0.01, 0.01)).version;
     if (k == 0) scenes.wait_until_kept();  // each life leaves something
     if (write(tell, &version, sizeof(version)) != sizeof(version)) std::_Exit(1);
   }

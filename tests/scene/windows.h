@@ -4,7 +4,7 @@
 #include <cmath>
 #include <functional>
 
-#include "service/scene/scene.h"
+#include "service/scene/scenes.h"
 
 namespace teletact::service {
 
@@ -39,6 +39,14 @@ inline WindowEstimate window_of(const TrueModulus& truth, double window_x_m, dou
                                    w.grid.origin_y_m + dy_m * static_cast<double>(j))));
   w.valid.assign(w.grid.size(), 1);
   return w;
+}
+
+// On the imaging plane, as estimates do.
+inline Published publish_into(Scenes& scenes, const std::shared_ptr<Scene>& scene,
+                              const WindowEstimate& window, const std::string& client = {}) {
+  JobTerms terms;
+  terms.client = client;
+  return scenes.worker().run(terms, [&] { return scenes.publish(scene, window, client); }).future.get();
 }
 
 inline SceneGeometry tissue(double width_m, double depth_m) {
