@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "service/rpc/client.h"
 #include "service/rpc/convert.h"
 #include "service/scene/errors.h"
 
@@ -77,7 +78,9 @@ void TouchReactor::open(const v1::TouchOpen& open) {
                                             open.session_id().size(), kMostSessionIdBytes));
   name_ = shown(open.session_id());
   auto scene = core_.scenes.find(open.scene_id());
-  session_ = std::make_unique<TouchSession>(scene, touch_options_from(open), core_.device);
+  TouchOptions options = touch_options_from(open);
+  options.client = client_of(*context_);
+  session_ = std::make_unique<TouchSession>(scene, std::move(options), core_.device);
   spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}", id(),
                name_, scene->id(), context_->peer(), credit_, std::chrono::duration<double>(period_).count());
   heard_ = Clock::now();

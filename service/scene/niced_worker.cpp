@@ -33,13 +33,24 @@ void NicedWorker::finish() {
   stop();
 }
 
-void NicedWorker::post(std::function<void()> job) {
+void NicedWorker::post(std::function<void()> job, const std::string& of) {
   {
     const std::lock_guard lock(mutex_);
     if (stop_) return;
-    jobs_.push_back(std::move(job));
+    jobs_[of].push_back(std::move(job));
   }
   changed_.notify_one();
+}
+
+// The first of whoever comes after him whose turn it was.
+std::function<void()> NicedWorker::take() {
+  auto next = jobs_.upper_bound(last_);
+  if (next == jobs_.end()) next = jobs_.begin();
+  last_ = next->first;
+  std::function<void()> job = std::move(next->second.front());
+  next->second.pop_front();
+  if (next->second.empty()) jobs_.erase(next);
+  return job;
 }
 
 void NicedWorker::work() {
@@ -52,8 +63,7 @@ void NicedWorker::work() {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [this] { return stop_ || finish_ || !jobs_.empty(); });
       if (stop_ || jobs_.empty()) return;
-      job = std::move(jobs_.front());
-      jobs_.pop_front();
+      job = take();
     }
     try {
       job();

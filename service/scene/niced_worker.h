@@ -1,11 +1,13 @@
 // A thread at a raised nice value that does one job after another: what may take its time, such as the disk.
-// Touch, at normal priority, never waits for it (T1).
+// Touch, at normal priority, never waits for it (T1). Whoever has many jobs takes turns with the others.
 #pragma once
 
 #include <condition_variable>
 #include <deque>
 #include <functional>
+#include <map>
 #include <mutex>
+#include <string>
 #include <thread>
 
 namespace teletact::service {
@@ -24,14 +26,17 @@ class NicedWorker {
   // Waits for every job posted so far, then stops.
   void finish();
 
-  // Dropped once it was stopped. An exception of `job` is logged. Who posts bounds how many wait.
-  void post(std::function<void()> job);
+  // Dropped once it was stopped. An exception of `job` is logged. Who posts bounds how many wait. `of`: whose
+  // it is; jobs of one are done in order.
+  void post(std::function<void()> job, const std::string& of = {});
 
  private:
   void work();
+  std::function<void()> take();
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<std::function<void()>> jobs_;
+  std::map<std::string, std::deque<std::function<void()>>> jobs_;  // none is empty
+  std::string last_;                                               // whose was taken
   bool stop_ = false, finish_ = false;
   std::thread thread_;
 };

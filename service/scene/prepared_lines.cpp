@@ -7,7 +7,7 @@
 namespace teletact::service {
 
 std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shared_ptr<Device>& device,
-                                               const TouchWork::Run& run) {
+                                               const TouchWork::Run& run, const std::string& client) {
   if (!device)
     if (auto made = model_->made(line)) return made;
   const Key key{line, device};
@@ -16,11 +16,11 @@ std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shar
     const std::lock_guard lock(mutex_);
     Line& state = lines_[key];
     if (auto made = state.iterative.lock()) return made;
-    if (state.making) return nullptr;
-    if (state.error && Clock::now() < state.retry) std::rethrow_exception(state.error);
-    state.making = true;
+    if (state.asked.contains(client)) return nullptr;
+    if (state.asked.empty() && state.error && Clock::now() < state.retry) std::rethrow_exception(state.error);
+    state.asked.insert(client);
   }
-  run([self = shared_from_this(), key] { self->make_for_others(key); });
+  run(client, [self = shared_from_this(), key] { self->make_for_others(key); });
   return nullptr;
 }
 
@@ -29,6 +29,10 @@ std::shared_ptr<Compliance> PreparedLines::make(const Key& key) const {
 }
 
 void PreparedLines::make_for_others(const Key& key) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (lines_[key].asked.empty()) return;  // made in another's turn
+  }
   std::shared_ptr<Compliance> made;
   std::exception_ptr error;
   try {
@@ -40,27 +44,27 @@ void PreparedLines::make_for_others(const Key& key) {
   const std::lock_guard lock(mutex_);
   Line& state = lines_[key];
   if (key.second) state.iterative = made;
-  state.making = false;
+  state.asked.clear();
   state.error = std::move(error);
   state.retry = Clock::now() + kRetry;
 }
 
-void PreparedLines::measure_rounding(std::size_t line, const TouchWork::Run& run) {
+void PreparedLines::measure_rounding(std::size_t line, const TouchWork::Run& run, const std::string& client) {
   if (!run) return;
   {
     const std::lock_guard lock(mutex_);
     if (!measured_.insert(line).second) return;
   }
-  measure_a_step(line, run);
+  measure_a_step(line, run, client);
 }
 
 // One step for each job, so that several lines share the thread.
-void PreparedLines::measure_a_step(std::size_t line, const TouchWork::Run& run) {
-  run([weak = weak_from_this(), line, run] {
+void PreparedLines::measure_a_step(std::size_t line, const TouchWork::Run& run, const std::string& client) {
+  run(client, [weak = weak_from_this(), line, run, client] {
     const auto self = weak.lock();
     if (!self) return;  // nobody touches it any more
     try {
-      if (self->model_->measure_rounding(line)) self->measure_a_step(line, run);
+      if (self->model_->measure_rounding(line)) self->measure_a_step(line, run, client);
     } catch (const std::exception& e) {  // the bound made beforehand stands
       spdlog::warn("event=rounding_not_measured line={} error=\"{}\"", line, e.what());
     }

@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "service/tissue/tissue_model.h"
@@ -18,7 +19,7 @@ namespace teletact::service {
 // Has jobs done that a touch asks for and must not wait for, some time, on other threads. Empty ones: nobody
 // does; lines are then made in place, and rounding is not measured.
 struct TouchWork {
-  using Run = std::function<void(std::function<void()>)>;
+  using Run = std::function<void(const std::string& client, std::function<void()>)>;  // clients take turns
   Run prepare, measure;
 };
 
@@ -31,24 +32,24 @@ class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
   explicit PreparedLines(std::shared_ptr<const TissueModel> model) : model_(std::move(model)) {}
 
   // The compliance of `line`, by PCG on `device` or, where that is null, condensed. Null while it is being
-  // made, which this asks `run` for. Throws what making it throws, here or elsewhere.
+  // made, which this asks `run` for, in the client's turn. Throws what making it throws, here or elsewhere.
   std::shared_ptr<Compliance> get(std::size_t line, const std::shared_ptr<Device>& device,
-                                  const TouchWork::Run& run);
+                                  const TouchWork::Run& run, const std::string& client = {});
   // Has it measured what rounding does to the condensed line, once.
-  void measure_rounding(std::size_t line, const TouchWork::Run& run);
+  void measure_rounding(std::size_t line, const TouchWork::Run& run, const std::string& client = {});
 
  private:
   using Clock = std::chrono::steady_clock;
   using Key = std::pair<std::size_t, std::shared_ptr<Device>>;
   struct Line {
-    bool making = false;
+    std::set<std::string> asked;          // clients in whose turns it is to be made; none: it is not
     std::weak_ptr<Compliance> iterative;  // condensed ones are the model's to keep
     std::exception_ptr error;             // why it could not be made, the last time
     Clock::time_point retry{};
   };
   std::shared_ptr<Compliance> make(const Key&) const;
   void make_for_others(const Key&);
-  void measure_a_step(std::size_t line, const TouchWork::Run& run);
+  void measure_a_step(std::size_t line, const TouchWork::Run& run, const std::string& client);
 
   const std::shared_ptr<const TissueModel> model_;
   std::mutex mutex_;  // held for looking things up only

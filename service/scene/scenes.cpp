@@ -175,7 +175,9 @@ std::shared_ptr<Scene> Scenes::create(const std::string& id, const SceneGeometry
 
 void Scenes::add(const std::shared_ptr<Scene>& scene) {
   const auto on = [](const std::shared_ptr<NicedWorker>& worker) {
-    return [worker](std::function<void()> job) { worker->post(std::move(job)); };
+    return [worker](const std::string& client, std::function<void()> job) {
+      worker->post(std::move(job), client);
+    };
   };
   scene->set_touch_work({on(preparer_), on(measurer_)});
   const std::lock_guard lock(mutex_);

@@ -143,14 +143,14 @@ bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const
   const TouchWork& work = scene_->touch_work();
   const bool by_pcg = options_.path == SolvePath::kPcg;
   if (window_ && window_->id != window->id) window_.reset(), compliance_.reset();
-  auto compliance = window->lines->get(line_, by_pcg ? device_ : nullptr, work.prepare);
+  auto compliance = window->lines->get(line_, by_pcg ? device_ : nullptr, work.prepare, options_.client);
   if (!compliance) return window_ != nullptr;
   window_ = window, compliance_ = std::move(compliance);
   if (by_pcg || !work.prepare) return true;
-  window_->lines->measure_rounding(line_, work.measure);
+  window_->lines->measure_rounding(line_, work.measure, options_.client);
   for (const auto& next : snapshot.windows)  // where the finger may go from here
     if (next != window && adjoin(*next, *window)) try {
-        next->lines->get(line_, nullptr, work.prepare);
+        next->lines->get(line_, nullptr, work.prepare, options_.client);
       } catch (const std::exception&) {  // said when the finger is there
       }
   return true;

@@ -23,6 +23,7 @@ struct TouchOptions {
   Fingertip fingertip;
   double line_y_m = 0;
   SolvePath path = SolvePath::kAuto;
+  std::string client = {};  // in whose turn lines are made ready
 };
 
 // What waits below a finger out of contact: a light touch at its x.

@@ -140,9 +140,11 @@ class OnOneServer : public testing::Test {
 // A touch stream, driven one message at a time.
 class Toucher {
  public:
-  Toucher(const std::shared_ptr<grpc::Channel>& channel, const v1::TouchOpen& open)
+  Toucher(const std::shared_ptr<grpc::Channel>& channel, const v1::TouchOpen& open,
+          const std::string& client = "")
       : stub_(v1::Palpation::NewStub(channel)) {
     set_deadline(context_);
+    if (!client.empty()) context_.AddMetadata("teletact-client", client);
     stream_ = stub_->Touch(&context_);
     v1::TouchRequest request;
     *request.mutable_open() = open;

@@ -22,7 +22,7 @@ class TouchedLater : public testing::Test {
   TouchedLater() {
     for (const double x_m : {0.03, 0.06}) publish(x_m, 10e3);
     const auto into = [](std::deque<std::function<void()>>& jobs) {
-      return [&jobs](std::function<void()> job) { jobs.push_back(std::move(job)); };
+      return [&jobs](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); };
     };
     scene->set_touch_work({into(preparing), into(measuring)});
   }
@@ -68,6 +68,23 @@ TEST_F(TouchedLater, AnInteriorLineIsNeverMadeByTheTouch) {
   EXPECT_EQ(preparing.size(), 1U) << "the window that the finger may enter next";
   do_all(preparing);
   EXPECT_EQ(session.solve(0.075, 0.012).status, TouchStatus::kOk);
+}
+
+TEST_F(TouchedLater, ALineThatTwoClientsWaitForIsMadeOnceAndInTheTurnOfEither) {
+  TouchOptions annas = inside(), bertas = inside();
+  annas.client = "anna", bertas.client = "berta";
+  TouchSession anna(scene, annas, nullptr), berta(scene, bertas, nullptr);
+  for (int k = 0; k < 3; ++k) expect_preparing(anna.solve(0.045, 0.012));
+  for (int k = 0; k < 3; ++k) expect_preparing(berta.solve(0.045, 0.012));
+  ASSERT_EQ(preparing.size(), 2U);
+  preparing.back()();  // of berta
+  const auto made = scene->snapshot()->windows[0]->model->made(scene->line_near(0.010));
+  EXPECT_NE(made, nullptr);
+  preparing.front()();
+  preparing.clear();
+  EXPECT_EQ(scene->snapshot()->windows[0]->model->made(scene->line_near(0.010)), made);
+  for (TouchSession* session : {&anna, &berta})
+    EXPECT_EQ(session->solve(0.045, 0.012).status, TouchStatus::kOk);
 }
 
 TEST_F(TouchedLater, AnotherWindowThatIsNotReadyIsSaidAndHasNoForce) {
