@@ -80,9 +80,11 @@ ExplicitModulus modulus_from(const v1::ModulusMap& in, std::size_t most_elements
   if (array.dtype() == v1::DATA_TYPE_FLOAT64) {
     std::memcpy(e.youngs_modulus_pa.data(), array.data().data(), items * sizeof(double));
   } else if (array.dtype() == v1::DATA_TYPE_FLOAT32) {
-    std::vector<float> values(items);
-    std::memcpy(values.data(), array.data().data(), items * sizeof(float));
-    e.youngs_modulus_pa.assign(values.begin(), values.end());
+    for (std::size_t n = 0; n < items; ++n) {
+      float value = 0;
+      std::memcpy(&value, array.data().data() + n * sizeof(float), sizeof(float));
+      e.youngs_modulus_pa[n] = value;
+    }
   } else {
     throw std::invalid_argument("modulus.youngs_modulus_pa.dtype: must be FLOAT32 or FLOAT64");
   }
@@ -170,11 +172,18 @@ void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1
 }  // namespace
 
 std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
-  constexpr std::uint64_t kWindowBytes = 1024, kCellBytes = 2 * (sizeof(float) + 1) + sizeof(CellState);
-  const std::uint64_t windows = kWindowBytes * scene.snapshot()->windows.size();
-  if (wanted != v1::SCENE_VIEW_FULL) return windows;
+  // Messages with their fields and what allocating each adds; of a cell, its values twice and its state.
+  constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 512, kWarningBytes = 64,
+                          kCellBytes = 2 * (sizeof(float) + 1) + sizeof(CellState);
+  std::uint64_t bytes = kSceneBytes;
+  for (const auto& window : scene.snapshot()->windows) {
+    bytes += kWindowBytes;
+    if (window->evidence)
+      for (const std::string& warning : window->evidence->warnings) bytes += kWarningBytes + warning.size();
+  }
+  if (wanted != v1::SCENE_VIEW_FULL) return bytes;
   const StitchedMap cells(scene.geometry());
-  return windows + kCellBytes * cells.nx() * cells.ny();
+  return bytes + kCellBytes * cells.nx() * cells.ny();
 }
 
 void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, v1::Scene* out) {

@@ -13,14 +13,14 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
                                                         const v1::CreateSceneRequest* request,
                                                         v1::Scene* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
-    const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
-    std::optional<ExplicitModulus> modulus;
-    if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
     // Building a model is imaging work: on its threads, below touch.
     JobTerms terms;
     terms.client = client_of(*context);
-    // The request, and what was read from it.
-    call->hold(core_.account(terms.client).charge(Place::kHost, "uploads", 2 * request->ByteSizeLong()));
+    // The request, and what is read from it: numbers of 4 bytes become such of 8.
+    call->hold(core_.account(terms.client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
+    const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
+    std::optional<ExplicitModulus> modulus;
+    if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
     call->work_by(core_.scenes.worker().post(
         terms,
         [this, call, response, client = terms.client, id = request->scene_id(), geometry,
@@ -61,9 +61,13 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
                                                        const v1::ListScenesRequest*,
                                                        v1::ListScenesResponse* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
-    copying_.post([=, this] {
+    copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
-        for (const auto& scene : core_.scenes.list())
+        const auto scenes = core_.scenes.list();
+        std::uint64_t bytes = 0;
+        for (const auto& scene : scenes) bytes += scene_bytes(*scene, v1::SCENE_VIEW_BASIC);
+        call->hold(core_.account(client).charge(Place::kHost, "answers", bytes));
+        for (const auto& scene : scenes)
           scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response->add_scenes());
       });
     });

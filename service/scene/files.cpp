@@ -59,6 +59,12 @@ class MachineFiles final : public Files {
     std::sort(names.begin(), names.end());
     return names;
   }
+  std::uint64_t size(const Path& file) override {
+    std::error_code error;
+    const std::uint64_t bytes = fs::file_size(file, error);
+    if (error) throw FileError("read", file, error.value());
+    return bytes;
+  }
   std::string read(const Path& file) override {
     std::ifstream in(file, std::ios::binary);
     if (!in) throw FileError("read", file, errno);

@@ -2,6 +2,7 @@
 // that is full, fails, or loses what was not synced.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <span>
@@ -26,6 +27,7 @@ class Files {
   virtual ~Files() = default;
   virtual bool exists(const Path&) = 0;
   virtual std::vector<std::string> list(const Path& folder) = 0;  // names, in order
+  virtual std::uint64_t size(const Path& file) = 0;               // bytes
   virtual std::string read(const Path& file) = 0;
   virtual void make_folder(const Path&) = 0;                              // one that is there already stays
   virtual void write(const Path& file, std::span<const char> bytes) = 0;  // over what was there

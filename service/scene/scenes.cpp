@@ -79,19 +79,24 @@ Scenes::~Scenes() {
 }
 
 void Scenes::restore() {
-  const auto left = [this](const std::string& id, const char* why) { leave_on_disk(id, why); };
-  for (const SceneRecord& record : state_.load(left)) try {
-      state_.versions()->used(record.version);
-      add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id}));
-      spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
-                   record.windows.size());
-    } catch (const MemoryRefused& refused) {
-      leave_on_disk(record.id, refused.what());
-    } catch (const std::bad_alloc& error) {
-      leave_on_disk(record.id, error.what());
-    } catch (const std::exception& error) {
-      state_.set_aside(record.id, error.what());
-    }
+  state_.load([this](const SceneRecord& record) { restore(record); },
+              [this](const std::string& id, const char* why) { leave_on_disk(id, why); },
+              MemoryAccount{memory_});
+}
+
+void Scenes::restore(const SceneRecord& record) {
+  try {
+    state_.versions()->used(record.version);
+    add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id}));
+    spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
+                 record.windows.size());
+  } catch (const MemoryRefused& refused) {
+    leave_on_disk(record.id, refused.what());
+  } catch (const std::bad_alloc& error) {
+    leave_on_disk(record.id, error.what());
+  } catch (const std::exception& error) {
+    state_.set_aside(record.id, error.what());
+  }
 }
 
 // Nothing is wrong with it: it stays where it is, and nobody writes over it.

@@ -56,6 +56,7 @@ class Scenes {
 
  private:
   class Changing;
+  void restore(const SceneRecord&);
   void leave_on_disk(const std::string& id, const char* why);
   std::string reserve(const std::string& wanted_id);
   void refresh_later(const std::shared_ptr<Scene>&, const JobTerms&);

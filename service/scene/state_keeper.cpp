@@ -36,9 +36,9 @@ void StateKeeper::wait_until_idle() {
   done.get_future().wait();
 }
 
-std::vector<SceneRecord> StateKeeper::load(
-    const std::function<void(const std::string& id, const char* why)>& left) {
-  return store_ ? store_->load(left) : std::vector<SceneRecord>{};
+void StateKeeper::load(const StateStore::Take& take, const StateStore::Left& left,
+                       const MemoryAccount& account) {
+  if (store_) store_->load(take, left, account);
 }
 
 void StateKeeper::set_aside(const std::string& id, const std::string& why) {

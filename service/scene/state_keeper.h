@@ -11,7 +11,6 @@
 #include <mutex>
 #include <set>
 #include <string>
-#include <vector>
 
 #include "service/scene/niced_worker.h"
 #include "service/scene/scene.h"
@@ -28,8 +27,8 @@ class StateKeeper {
   ~StateKeeper();  // as finish()
 
   const std::shared_ptr<VersionCounter>& versions() const { return versions_; }
-  // What was kept, for the start.
-  std::vector<SceneRecord> load(const std::function<void(const std::string& id, const char* why)>& left);
+  // What was kept, for the start, as StateStore reads it.
+  void load(const StateStore::Take&, const StateStore::Left&, const MemoryAccount&);
   void set_aside(const std::string& id, const std::string& why);
 
   // Writes a new scene. `done` is called on the keeper's thread, or at once where nothing is kept: with

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <stdexcept>
+#include <vector>
 
 namespace teletact::service {
 
@@ -114,18 +115,24 @@ void StateStore::save(const SceneRecord& record) {
   }
 }
 
-std::vector<SceneRecord> StateStore::load(
-    const std::function<void(const std::string& id, const char* why)>& left) {
-  std::vector<SceneRecord> records;
+void StateStore::load(const std::string& id, const Take& take, const MemoryAccount& account) {
+  // Bytes held for one that is read: the text is parsed, the map is copied.
+  constexpr std::uint64_t kOfText = 10, kOfMap = 3;
+  std::vector<Charge> charges;
+  const auto read = [&](const std::string& name, std::uint64_t held) {
+    const fs::path file = scenes_ / id / name;
+    charges.push_back(account.charge(Place::kHost, "restoring", held * files_->size(file)));
+    return files_->read(file);
+  };
+  const SceneRecord record = decoded(
+      read("scene.json", kOfText), [&](const std::string& name) { return read(name, kOfMap); }, limits_);
+  if (record.id != id) throw std::runtime_error("scene_id is not the folder's name");
+  take(record);
+}
+
+void StateStore::load(const Take& take, const Left& left, const MemoryAccount& account) {
   for (const std::string& id : files_->list(scenes_)) try {
-      const fs::path folder = scenes_ / id;
-      records.push_back(decoded(
-          files_->read(folder / "scene.json"),
-          [&](const std::string& name) { return files_->read(folder / name); }, limits_));
-      if (records.back().id != id) {
-        records.pop_back();
-        throw std::runtime_error("scene_id is not the folder's name");
-      }
+      load(id, take, account);
     } catch (const FileError& e) {
       if (e.number == ENOENT || !left)  // half-made
         set_aside(id, e.what());
@@ -133,10 +140,11 @@ std::vector<SceneRecord> StateStore::load(
         left(id, e.what());
     } catch (const std::bad_alloc& e) {
       if (left) left(id, e.what());
+    } catch (const MemoryRefused& e) {
+      if (left) left(id, e.what());
     } catch (const std::exception& e) {
       set_aside(id, e.what());
     }
-  return records;
 }
 
 void StateStore::set_aside(const std::string& id, const std::string& why) {

@@ -9,8 +9,8 @@
 #include <functional>
 #include <memory>
 #include <string>
-#include <vector>
 
+#include "service/limits/memory.h"
 #include "service/scene/files.h"
 #include "service/scene/scene_record.h"
 
@@ -28,8 +28,12 @@ class StateStore {
   explicit StateStore(const std::filesystem::path& directory, const Limits& = {},
                       std::shared_ptr<Files> = machine_files());
 
-  // What cannot be read now, though nothing may be wrong with it, stays where it is: `left` is told.
-  std::vector<SceneRecord> load(const std::function<void(const std::string& id, const char* why)>& left = {});
+  // Reads one scene after another: `take` has it before the next is read, and must not throw. What is read is
+  // charged to `account` meanwhile. What cannot be read now, though nothing may be wrong with it, stays where
+  // it is: `left` is told.
+  using Take = std::function<void(const SceneRecord&)>;
+  using Left = std::function<void(const std::string& id, const char* why)>;
+  void load(const Take& take, const Left& left = {}, const MemoryAccount& account = {});
   // The next three throw FileError.
   void save(const SceneRecord&);
   void remove(const std::string& id);
@@ -45,6 +49,7 @@ class StateStore {
   using Path = std::filesystem::path;
   void make_folders();
   void sweep();
+  void load(const std::string& id, const Take&, const MemoryAccount&);
   void write_file(const Path&, const std::string& bytes);
   const std::shared_ptr<Files> files_;
   const Path directory_, scenes_;

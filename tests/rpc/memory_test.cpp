@@ -62,6 +62,40 @@ TEST(Memory, AClientBeyondItsShareIsRefusedWithTheSizesAndAnotherIsServed) {
   EXPECT_TRUE(server.create(uniform_scene("b"), "berta").ok());
 }
 
+// A client with a share of 20 kB.
+class SmallShare : public testing::Test {
+ protected:
+  SmallShare() { server->make_ready(); }
+  static Limits limits() {
+    Limits limits;
+    limits.host_memory_bytes = 20'000'000, limits.client_memory_share = 0.001;
+    return limits;
+  }
+  RunningServer server{"", "", limits()};
+};
+
+TEST_F(SmallShare, AModulusIsNotReadBeforeThereIsRoomForIt) {
+  v1::CreateSceneRequest request = uniform_scene("s", 10e3, 0.2, 0.08);  // 16 kB
+  request.mutable_modulus()->mutable_youngs_modulus_pa()->set_dtype(v1::DATA_TYPE_UNSPECIFIED);
+  expect_refused(server.create(request), grpc::StatusCode::RESOURCE_EXHAUSTED, "bytes for uploads");
+}
+
+TEST_F(SmallShare, AListOfScenesIsChargedToWhoAsksForIt) {
+  const auto list = [&] {
+    grpc::ClientContext context;
+    set_deadline(context);
+    v1::ListScenesResponse scenes;
+    return v1::Palpation::NewStub(server.channel())->ListScenes(&context, {}, &scenes);
+  };
+  EXPECT_TRUE(list().ok());
+  for (std::uint64_t k = 0; k < Limits{}.most_scenes; ++k) {
+    v1::CreateSceneRequest request = uniform_scene("s" + std::to_string(k));
+    request.clear_modulus();
+    ASSERT_TRUE(server.create(request, "client " + std::to_string(k)).ok());
+  }
+  expect_refused(list(), grpc::StatusCode::RESOURCE_EXHAUSTED, "bytes for answers");
+}
+
 // Each number is finite and positive; what is made of them is not.
 TEST(Memory, UnusableNumbersAreTheClientsAndNotInternal) {
   RunningServer server;

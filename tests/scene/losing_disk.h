@@ -56,6 +56,7 @@ class LosingDisk : public Files {
     for (const auto& [name, node] : at("list", folder)->names) names.push_back(name);
     return names;
   }
+  std::uint64_t size(const Path& file) override { return at("read", file)->bytes.size(); }
   std::string read(const Path& file) override { return at("read", file)->bytes; }
   void make_folder(const Path& path) override {
     step("make", path, true);

@@ -4,6 +4,8 @@
 #include <malloc.h>
 
 #include <filesystem>
+#include <functional>
+#include <vector>
 
 #include "service/device/device.h"
 #include "service/limits/limits.h"
@@ -11,6 +13,7 @@
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/scene/touch_session.h"
+#include "tests/scene/losing_disk.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -117,6 +120,55 @@ TEST(SceneMemory, ARestoredSceneIsTheServicesOwn) {
     EXPECT_GT(budget->held(Place::kHost, ""), 0U);
   }
   std::filesystem::remove_all(folder);
+}
+
+// Tells of each file that is read.
+class ReadDisk final : public LosingDisk {
+ public:
+  std::string read(const Path& file) override {
+    if (on_read) on_read(file);
+    return LosingDisk::read(file);
+  }
+  std::function<void(const Path&)> on_read;
+};
+
+class RestoredScenes : public testing::Test {
+ protected:
+  RestoredScenes() {
+    Scenes scenes("/state", {}, disk);
+    for (const char* id : {"a", "b", "c"}) scenes.create(id, tissue(0.1, 0.03), uniform_modulus(50, 15));
+  }
+  const std::shared_ptr<ReadDisk> disk = std::make_shared<ReadDisk>();
+};
+
+std::uint64_t restoring(const MemoryBudget& budget) {
+  for (const MemoryUse& use : budget.uses())
+    if (use.kind == "restoring") return use.bytes;
+  return 0;
+}
+
+TEST_F(RestoredScenes, AreReadOneAfterAnotherAndChargedMeanwhile) {
+  const auto budget = budget_of(40 * kMiB);
+  Scenes scenes("/state", {}, disk, budget);
+  std::vector<std::size_t> there;
+  disk->on_read = [&](const Files::Path& file) {
+    if (file.extension() != ".raw") return;
+    there.push_back(scenes.list().size());
+    EXPECT_GT(restoring(*budget), 2 * 50 * 15 * sizeof(double));
+  };
+  scenes.restore();
+  EXPECT_EQ(there, (std::vector<std::size_t>{0, 1, 2}));
+  EXPECT_EQ(restoring(*budget), 0U);
+}
+
+TEST_F(RestoredScenes, ThatFindNoRoomAreNotReadAndStayOnDisk) {
+  Scenes scenes("/state", {}, disk, budget_of(kMiB / 64));
+  bool read = false;
+  disk->on_read = [&](const Files::Path& file) { read = read || file.extension() == ".raw"; };
+  scenes.restore();
+  EXPECT_FALSE(read);
+  EXPECT_TRUE(scenes.list().empty());
+  EXPECT_TRUE(disk->exists("/state/scenes/a/scene.json"));
 }
 
 // A touch whose columns find no room bears no force and says so; the compliance is touched as before.
