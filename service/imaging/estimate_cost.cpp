@@ -45,6 +45,15 @@ void EstimateCost::Rate::learn(double seconds, double work) {
   s_per_work += kLearned * (seconds / work - s_per_work);
 }
 
+double EstimateCost::believed(Time now) const {
+  const auto left = [&](Time since) {
+    const double age_s = std::chrono::duration<double>(now - since).count();
+    return std::exp2(-std::max(age_s, 0.0) / kHalfLifeS);
+  };
+  const double idle = std::max(left(measured_), kLeastShare);
+  return refused_ ? std::max(std::min(idle, left(*refused_)), kLeastShareRefused) : idle;
+}
+
 double EstimateCost::expected_s(const EstimateSize& s, Time now) const {
   const std::lock_guard lock(mutex_);
   const auto rate = [&](ModulusKind kind) { return modulus_[static_cast<std::size_t>(kind)].s_per_work; };
@@ -56,14 +65,24 @@ double EstimateCost::expected_s(const EstimateSize& s, Time now) const {
                            std::max(direct_s, s.modulus_time_limit_s));
   }
   const double publishing_s = s.published ? publishing_.s_per_work * publishing_work(s) : 0;
-  const double age_s = std::chrono::duration<double>(now - measured_).count();
-  const double believed = std::max(std::exp2(-std::max(age_s, 0.0) / kHalfLifeS), kLeastShare);
-  return believed * (tracking_.s_per_work * tracking_work(s) + modulus_s + publishing_s);
+  return believed(now) * (tracking_.s_per_work * tracking_work(s) + modulus_s + publishing_s);
+}
+
+void EstimateCost::refused(Time now) {
+  const std::lock_guard lock(mutex_);
+  if (!refused_) refused_ = now;
+}
+
+void EstimateCost::late(Time now) {
+  const std::lock_guard lock(mutex_);
+  measured_ = now;
+  refused_.reset();
 }
 
 void EstimateCost::took(const EstimateSize& s, const EstimateSeconds& seconds, Time now) {
   const std::lock_guard lock(mutex_);
   measured_ = now;
+  refused_.reset();
   tracking_.learn(seconds.tracking, tracking_work(s));
   modulus_[static_cast<std::size_t>(s.method)].learn(seconds.modulus, modulus_work(s));
   if (s.published) publishing_.learn(seconds.publishing, publishing_work(s));

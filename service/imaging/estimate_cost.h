@@ -1,7 +1,8 @@
 // How long an estimate will work, by what the ones before took: seconds per work of each of its parts, where
 // work is what the operations grow with. Good to a factor of two for sizes not seen yet, to some 20 % for
-// those that come again and again. What was measured in a busy minute is not believed for ever, or nothing
-// that is refused for it would ever be tried again: the longer nothing was measured, the less is expected.
+// those that come again and again. What was measured in a busy minute is not believed for ever: the longer
+// nothing was measured the less is expected, down to half of it. While estimates are refused for it less and
+// less still, or they would never be tried again; of what nobody asked for nothing more is known by waiting.
 // Thread-safe.
 #pragma once
 
@@ -9,6 +10,7 @@
 #include <chrono>
 #include <cstddef>
 #include <mutex>
+#include <optional>
 
 #include "service/imaging/modulus.h"
 
@@ -30,10 +32,15 @@ struct EstimateSeconds {
 class EstimateCost {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  static constexpr double kHalfLifeS = 300;   // of what was measured, while nothing is
-  static constexpr double kLeastShare = 0.1;  // of it, that is always expected
+  static constexpr double kHalfLifeS = 300;          // of what was measured, while nothing is
+  static constexpr double kLeastShare = 0.5;         // of it, that is always expected
+  static constexpr double kLeastShareRefused = 0.1;  // the same, once estimates were refused for long
 
   double expected_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
+  // One was refused for what is expected of it.
+  void refused(Time now = std::chrono::steady_clock::now());
+  // One was tried and was not done in its time: what was measured holds again.
+  void late(Time now = std::chrono::steady_clock::now());
   // The parts that were done; 0: was not, though it was tried.
   void took(const EstimateSize&, const EstimateSeconds&, Time now = std::chrono::steady_clock::now());
 
@@ -42,8 +49,10 @@ class EstimateCost {
     double s_per_work;
     void learn(double seconds, double work);
   };
+  double believed(Time now) const;  // share of what was measured; under the lock
   mutable std::mutex mutex_;
   Time measured_ = std::chrono::steady_clock::now();
+  std::optional<Time> refused_;  // the first since then
   // Those of a slow core, until something was measured.
   Rate tracking_{6e-7}, publishing_{1e-10};
   std::array<Rate, 3> modulus_{{{1e-9}, {1e-9}, {2e-9}}};  // by ModulusKind

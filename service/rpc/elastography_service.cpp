@@ -56,7 +56,7 @@ grpc::ServerBidiReactor<v1::EstimateRequest, v1::EstimateResponse>* Elastography
 EstimateOutcome ElastographyService::work(const std::string& client, const EstimateRequest& r,
                                           const RfFrame& pre, const RfFrame& post,
                                           std::chrono::steady_clock::time_point received,
-                                          const std::function<void(v1::EstimateStage)>& ended) {
+                                          const std::function<void(v1::EstimateStage)>& ended) try {
   recovery_.require();
   EstimateOutcome outcome;
   // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
@@ -78,6 +78,9 @@ EstimateOutcome ElastographyService::work(const std::string& client, const Estim
   }
   cost_.took(r.size(), took);
   return outcome;
+} catch (const Error& error) {
+  if (error.kind == ErrorKind::kDeadline) cost_.late();
+  throw;
 }
 
 grpc::Status ElastographyService::status_of_work(std::exception_ptr error) {

@@ -89,6 +89,7 @@ JobTerms EstimateReactor::terms() const {
 void EstimateReactor::refuse_the_hopeless() const {
   const JobTerms terms = this->terms();
   if (later(Clock::now(), terms.cost_s) <= terms.deadline) return;
+  service_.cost().refused();
   throw Error(
       ErrorKind::kDeadline,
       fmt::format("acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
@@ -106,12 +107,14 @@ void EstimateReactor::uploaded() {
   const JobTerms terms = this->terms();
   FairWorkers& workers = service_.core().scenes.worker();
   const double done_in_s = workers.done_in_s(terms);
-  if (later(received_, done_in_s) > terms.deadline)
+  if (later(received_, done_in_s) > terms.deadline) {
+    service_.cost().refused();
     throw Error(ErrorKind::kDeadline,
                 fmt::format("not to be done in time beside what is being served; it could be done in {:.1f} "
                             "s: allow so much (acquisition.finish_within_s, the call's deadline), or try "
                             "again later",
                             done_in_s));
+  }
   {
     const std::lock_guard lock(mutex_);
     uploading_ = false;

@@ -39,12 +39,36 @@ TEST_F(Cost, IsLearntFromWhatItTook) {
 TEST_F(Cost, OfABusyMinuteIsNotBelievedForEver) {
   take(10);
   EXPECT_NEAR(cost.expected_s(size, now), 10 * kAll, 1e-2 * kAll);
-  now += minutes(5);
+  for (int k = 0; k < 5; ++k, now += minutes(1)) cost.refused(now);
   EXPECT_NEAR(cost.expected_s(size, now), 5 * kAll, 1e-2 * kAll);
   now += minutes(1000);
   EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-2 * kAll);
   take(1);
   EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-2 * kAll);
+}
+
+// GIVEN a night in which nobody asked for anything, THEN a window that could not be done in its time is
+// refused in the morning, and not late.
+TEST_F(Cost, IsNotForgottenWhileNobodyAsks) {
+  take(1);
+  now += minutes(5);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  now += minutes(1000);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  cost.refused(now);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  take(1);
+  now += minutes(10);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll) << "the refusal was of before";
+}
+
+TEST_F(Cost, IsBelievedAgainWhenWhatWasTriedIsLate) {
+  take(1);
+  cost.refused(now);
+  now += minutes(30);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.1 * kAll, 1e-3 * kAll);
+  cost.late(now);
+  EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-3 * kAll);
 }
 
 TEST_F(Cost, OfPartsThatWereNotDoneStaysAsItWas) {
