@@ -132,14 +132,12 @@ Limits resolved(Limits limits, std::uint64_t host_bytes, std::uint64_t device_by
   return limits;
 }
 
-std::uint64_t host_memory_bytes() {
+std::uint64_t host_memory_bytes(const char* of_container) {
   const long pages = sysconf(_SC_PHYS_PAGES), page_bytes = sysconf(_SC_PAGESIZE);
   if (pages <= 0 || page_bytes <= 0) return 0;
   std::uint64_t bytes = static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(page_bytes);
-  // A container may have less (cgroup v2; "max" is no number).
-  std::uint64_t of_container = 0;
-  if (std::ifstream("/sys/fs/cgroup/memory.max") >> of_container && of_container > 0)
-    bytes = std::min(bytes, of_container);
+  std::uint64_t most = 0;
+  if (std::ifstream(of_container) >> most && most > 0) bytes = std::min(bytes, most);  // "max" is no number
   return bytes;
 }
 

@@ -61,6 +61,7 @@ void set_limit(Limits&, std::string_view name, double value);
 // The memory budgets as bytes of this machine: a quarter of the host's memory and half of the device's, where
 // nothing else was set.
 Limits resolved(Limits, std::uint64_t host_bytes, std::uint64_t device_bytes);
-std::uint64_t host_memory_bytes();  // of this machine
+// Of this machine, or of the container where that has less: `of_container` holds its limit (cgroup v2).
+std::uint64_t host_memory_bytes(const char* of_container = "/sys/fs/cgroup/memory.max");
 
 }  // namespace teletact::service

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <fstream>
 #include <iomanip>
+#include <sstream>
+#include <string>
 
 #include "service/limits/limits.h"
 #include "teletact/v1/info.grpc.pb.h"
@@ -37,6 +39,23 @@ TEST(Configuration, EveryLimitIsSetByItAndReported) {
   for (int k = 0; k < info.limits_size(); ++k)
     EXPECT_EQ(info.limits(k).value(), wanted(service::limit_rows()[static_cast<std::size_t>(k)]))
         << info.limits(k).name();
+}
+
+// As many connections as the system lets it have, whatever the shell that started it had set.
+TEST(Configuration, OpenFilesAreRaisedToWhatTheSystemAllows) {
+  TemporaryFolder folder;
+  test::Process service({"/bin/sh", "-c", "ulimit -Sn 64; exec \"$0\" serve --listen \"unix:$1\"",
+                         test::service_binary(), folder / "s"},
+                        folder / "log");
+  ASSERT_TRUE(service.says("serving on", 120)) << service.output();
+  std::ifstream limits("/proc/" + std::to_string(service.id()) + "/limits");
+  std::string line, soft, hard;
+  const std::string name = "Max open files";
+  while (std::getline(limits, line))
+    if (line.starts_with(name)) std::istringstream(line.substr(name.size())) >> soft >> hard;
+  EXPECT_EQ(soft, hard);
+  EXPECT_NE(soft, "");
+  EXPECT_NE(soft, "64");
 }
 
 TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {

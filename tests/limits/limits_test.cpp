@@ -2,8 +2,11 @@
 #include "service/limits/limits.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -79,6 +82,22 @@ TEST(Limits, MemoryIsAQuarterOfTheHostAndHalfOfTheDeviceUnlessSet) {
   set.host_memory_bytes = 77;
   EXPECT_EQ(resolved(set, 8000, 6000).host_memory_bytes, 77U);
   EXPECT_GT(host_memory_bytes(), 1U << 20);
+}
+
+TEST(Limits, MemoryOfAContainerIsWhatItMayHave) {
+  const std::string file =
+      (std::filesystem::temp_directory_path() / ("teletact-cgroup-" + std::to_string(getpid()))).string();
+  const auto bytes_with = [&](const char* limit) {
+    std::ofstream(file) << limit << "\n";
+    return host_memory_bytes(file.c_str());
+  };
+  const std::uint64_t machine = host_memory_bytes("/nowhere");
+  EXPECT_GT(machine, 1U << 20);
+  EXPECT_EQ(bytes_with("1048576"), 1U << 20);
+  EXPECT_EQ(bytes_with("max"), machine);
+  EXPECT_EQ(bytes_with("0"), machine);
+  EXPECT_EQ(bytes_with("9223372036854775807"), machine);
+  std::filesystem::remove(file);
 }
 
 }  // namespace

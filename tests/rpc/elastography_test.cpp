@@ -8,6 +8,7 @@
 
 #include "service/rpc/acquisition.h"
 #include "tests/rpc/estimate_client.h"
+#include "tests/support/allocation/allocation_count.h"
 
 namespace teletact::service {
 namespace {
@@ -149,6 +150,20 @@ TEST_F(Estimates, MapsAreGivenByNameAndRelativeWithoutAForce) {
   EXPECT_EQ(outcome.maps[0].unit(), "1");
   EXPECT_FALSE(outcome.summary.modulus_absolute());
   EXPECT_EQ(outcome.summary.background_modulus_pa(), 1);
+}
+
+TEST_F(Estimates, AnAnswerForWhichThereIsNoMemoryEndsItsCallAndNothingElse) {
+  v1::Acquisition a = acquisition();
+  a.add_maps("youngs_modulus");
+  const auto try_again = [&] { return estimate(a, pair().pre, pair().post); };
+  const Outcome whole = try_again();
+  ASSERT_EQ(whole.maps.size(), 1U) << whole.status.error_message();
+  {
+    const test::NoRoomFor answer(whole.maps[0].values().data().size() + 1);  // as a string holds it
+    for (int k = 0; k < 3; ++k)
+      expect_refused(try_again(), grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory");
+  }
+  EXPECT_TRUE(try_again().status.ok());
 }
 
 TEST(FrameUpload, SixteenBitSamplesKeepTheirSign) {

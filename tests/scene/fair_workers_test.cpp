@@ -2,10 +2,13 @@
 #include "service/scene/fair_workers.h"
 
 #include <gtest/gtest.h>
+#include <pthread.h>
 
 #include <algorithm>
 #include <atomic>
 #include <functional>
+#include <optional>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -163,6 +166,50 @@ TEST(FairWorkers, WhoStepsAsideCanBeCancelled) {
   ASSERT_EQ(aside.future.wait_for(kLong), std::future_status::ready);
   EXPECT_EQ(kind_of([&] { aside.future.get(); }), ErrorKind::kCancelled);
   workers.cancel(other.id);
+}
+
+// While it lives no thread is to be had: each would get a larger stack than there are addresses.
+class NoThreads {
+ public:
+  NoThreads() {
+    pthread_getattr_default_np(&usual_);
+    pthread_attr_t beyond;
+    pthread_attr_init(&beyond);
+    pthread_attr_setstacksize(&beyond, std::size_t{1} << 50);
+    pthread_setattr_default_np(&beyond);
+    pthread_attr_destroy(&beyond);
+    EXPECT_THROW(std::thread([] {}).join(), std::system_error);
+  }
+  ~NoThreads() {
+    pthread_setattr_default_np(&usual_);
+    pthread_attr_destroy(&usual_);
+  }
+  NoThreads(const NoThreads&) = delete;
+  NoThreads& operator=(const NoThreads&) = delete;
+
+ private:
+  pthread_attr_t usual_;
+};
+
+TEST(FairWorkers, WhoMadeWayForAJobWithoutAThreadTriesAgain) {
+  FairWorkers workers;
+  std::atomic<bool> enough{false};
+  std::atomic<Clock::time_point> looked{Clock::now()};
+  auto greedy = workers.run(of("greedy"), [&] {
+    work_until([&] {
+      looked = Clock::now();
+      return enough.load();
+    });
+  });
+  std::optional<NoThreads> full(std::in_place);
+  auto other = workers.run(of("other"), [&] { enough = true; });
+  const auto until = Clock::now() + kLong;
+  while (Clock::now() - looked.load() < std::chrono::milliseconds(300) && Clock::now() < until)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_FALSE(enough);
+  full.reset();
+  ASSERT_EQ(other.future.wait_for(kLong), std::future_status::ready);
+  ASSERT_EQ(greedy.future.wait_for(kLong), std::future_status::ready);
 }
 
 TEST(FairWorkers, StopEndsEverythingAndRefusesMore) {
