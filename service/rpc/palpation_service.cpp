@@ -21,7 +21,7 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus;
     if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
-    call->work_by(core_.scenes.worker().post(
+    const FairWorkers::Id job = core_.scenes.worker().post(
         terms,
         [this, call, response, client = terms.client, id = request->scene_id(), geometry,
          modulus = std::move(modulus)]() mutable {
@@ -37,7 +37,8 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
         },
         [call](std::exception_ptr error) {
           if (error) call->fail(error);
-        }));
+        });
+    call->drop_by([this, job] { core_.scenes.worker().cancel(job); });
   });
 }
 
@@ -46,7 +47,7 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
                                                      v1::Scene* response) {
   const CallKind kind = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
-    copying_.post([=, this, client = client_of(*context)] {
+    const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
         const auto scene = core_.scenes.find(request->scene_id());
         call->hold(core_.account(client, scene->id())
@@ -54,6 +55,7 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
         scene_to(*scene, request->view(), core_.instance, response);
       });
     });
+    call->drop_by([this, job] { copying_.drop(job); });
   });
 }
 
@@ -61,7 +63,7 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
                                                        const v1::ListScenesRequest*,
                                                        v1::ListScenesResponse* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
-    copying_.post([=, this, client = client_of(*context)] {
+    const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
         const auto scenes = core_.scenes.list();
         std::uint64_t bytes = 0;
@@ -71,6 +73,7 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
           scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response->add_scenes());
       });
     });
+    call->drop_by([this, job] { copying_.drop(job); });
   });
 }
 
@@ -78,7 +81,9 @@ grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerCont
                                                         const v1::DeleteSceneRequest* request,
                                                         v1::DeleteSceneResponse* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
-    removing_.post([=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });
+    const auto job = removing_.post(
+        [=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });
+    call->drop_by([this, job] { removing_.drop(job); });
   });
 }
 

@@ -7,6 +7,8 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <mutex>
+#include <utility>
 
 #include "service/rpc/core.h"
 #include "service/rpc/served_call.h"
@@ -39,9 +41,13 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
       end(grpc::Status::OK);
     });
   }
-  // Its job on the imaging plane: given up with the call, at once where it has not begun.
-  void work_by(FairWorkers::Id job) {
-    job_ = job;
+  // `drop` takes back the job that was posted for it, where it has not begun: called when the call is given
+  // up, so that nothing of it waits any more.
+  void drop_by(std::function<void()> drop) {
+    {
+      const std::lock_guard lock(dropping_);
+      drop_ = std::move(drop);
+    }
     if (life().ended()) ended();  // before the job was known
   }
   // What it takes, until the peer has taken the answer. By whoever works for it.
@@ -61,8 +67,13 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
     begin_ = {};
   }
   void ended() override {
-    const FairWorkers::Id job = job_;
-    if (job != 0 && !life().status().ok()) core_.scenes.worker().cancel(job);
+    if (life().status().ok()) return;
+    std::function<void()> drop;
+    {
+      const std::lock_guard lock(dropping_);
+      drop = std::exchange(drop_, {});
+    }
+    if (drop) drop();
   }
   Clock::duration patience() const override { return patience_.load(); }
 
@@ -70,7 +81,8 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   Charge held_;
   Begin begin_;
   std::atomic<Clock::duration> patience_{kEndTaken};
-  std::atomic<FairWorkers::Id> job_{0};
+  std::mutex dropping_;
+  std::function<void()> drop_;
 };
 
 }  // namespace teletact::service

@@ -4,6 +4,9 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <utility>
+
 namespace teletact::service {
 
 NicedWorker::NicedWorker() : thread_([this] { work(); }) {}
@@ -19,8 +22,9 @@ void NicedWorker::stop() {
   }
   changed_.notify_all();
   if (thread_.joinable()) thread_.join();
+  decltype(jobs_) dropped;  // destroyed without the lock: whoever waits for one may want to drop it
   const std::lock_guard lock(mutex_);
-  jobs_.clear();
+  dropped.swap(jobs_);
 }
 
 void NicedWorker::finish() {
@@ -33,13 +37,30 @@ void NicedWorker::finish() {
   stop();
 }
 
-void NicedWorker::post(std::function<void()> job, const std::string& of) {
+NicedWorker::Id NicedWorker::post(std::function<void()> job, const std::string& of) {
+  Id id = 0;
   {
     const std::lock_guard lock(mutex_);
-    if (stop_) return;
-    jobs_[of].push_back(std::move(job));
+    id = ++posted_;
+    if (stop_) return id;
+    jobs_[of].push_back({id, std::move(job)});
   }
   changed_.notify_one();
+  return id;
+}
+
+void NicedWorker::drop(Id id) {
+  std::function<void()> dropped;  // destroyed without the lock
+  const std::lock_guard lock(mutex_);
+  for (auto at = jobs_.begin(); at != jobs_.end(); ++at) {
+    auto& [of, jobs] = *at;
+    const auto job = std::find_if(jobs.begin(), jobs.end(), [id](const Job& one) { return one.id == id; });
+    if (job == jobs.end()) continue;
+    dropped = std::move(job->work);
+    jobs.erase(job);
+    if (jobs.empty()) jobs_.erase(at);
+    return;
+  }
 }
 
 // The first of whoever comes after him whose turn it was.
@@ -47,7 +68,7 @@ std::function<void()> NicedWorker::take() {
   auto next = jobs_.upper_bound(last_);
   if (next == jobs_.end()) next = jobs_.begin();
   last_ = next->first;
-  std::function<void()> job = std::move(next->second.front());
+  std::function<void()> job = std::move(next->second.front().work);
   next->second.pop_front();
   if (next->second.empty()) jobs_.erase(next);
   return job;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <map>
@@ -28,15 +29,23 @@ class NicedWorker {
 
   // Dropped once it was stopped. An exception of `job` is logged. Who posts bounds how many wait. `of`: whose
   // it is; jobs of one are done in order.
-  void post(std::function<void()> job, const std::string& of = {});
+  using Id = std::uint64_t;  // never 0
+  Id post(std::function<void()> job, const std::string& of = {});
+  // Does nothing once it has begun.
+  void drop(Id);
 
  private:
   void work();
   std::function<void()> take();
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::map<std::string, std::deque<std::function<void()>>> jobs_;  // none is empty
-  std::string last_;                                               // whose was taken
+  struct Job {
+    Id id;
+    std::function<void()> work;
+  };
+  std::map<std::string, std::deque<Job>> jobs_;  // none is empty
+  std::string last_;                             // whose was taken
+  Id posted_ = 0;
   bool stop_ = false, finish_ = false;
   std::thread thread_;
 };
