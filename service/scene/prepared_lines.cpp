@@ -7,7 +7,7 @@
 namespace teletact::service {
 
 std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shared_ptr<Device>& device,
-                                               const TouchWork::Run& run, const std::string& client) {
+                                               const TouchWork& run, const std::string& client) {
   if (!device)
     if (auto made = model_->made(line)) return made;
   const Key key{line, device};
@@ -47,28 +47,6 @@ void PreparedLines::make_for_others(const Key& key) {
   state.asked.clear();
   state.error = std::move(error);
   state.retry = Clock::now() + kRetry;
-}
-
-void PreparedLines::measure_rounding(std::size_t line, const TouchWork::Run& run, const std::string& client) {
-  if (!run) return;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!measured_.insert(line).second) return;
-  }
-  measure_a_step(line, run, client);
-}
-
-// One step for each job, so that several lines share the thread.
-void PreparedLines::measure_a_step(std::size_t line, const TouchWork::Run& run, const std::string& client) {
-  run(client, [weak = weak_from_this(), line, run, client] {
-    const auto self = weak.lock();
-    if (!self) return;  // nobody touches it any more
-    try {
-      if (self->model_->measure_rounding(line)) self->measure_a_step(line, run, client);
-    } catch (const std::exception& e) {  // the bound made beforehand stands
-      spdlog::warn("event=rounding_not_measured line={} error=\"{}\"", line, e.what());
-    }
-  });
 }
 
 }  // namespace teletact::service

@@ -16,12 +16,9 @@
 
 namespace teletact::service {
 
-// Has jobs done that a touch asks for and must not wait for, some time, on other threads. Empty ones: nobody
-// does; lines are then made in place, and rounding is not measured.
-struct TouchWork {
-  using Run = std::function<void(const std::string& client, std::function<void()>)>;  // clients take turns
-  Run prepare, measure;
-};
+// Has jobs done that a touch asks for and must not wait for, some time, on another thread, where clients take
+// turns. Empty: nobody does; lines are then made in place.
+using TouchWork = std::function<void(const std::string& client, std::function<void()>)>;
 
 // Thread-safe.
 class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
@@ -34,9 +31,7 @@ class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
   // The compliance of `line`, by PCG on `device` or, where that is null, condensed. Null while it is being
   // made, which this asks `run` for, in the client's turn. Throws what making it throws, here or elsewhere.
   std::shared_ptr<Compliance> get(std::size_t line, const std::shared_ptr<Device>& device,
-                                  const TouchWork::Run& run, const std::string& client = {});
-  // Has it measured what rounding does to the condensed line, once.
-  void measure_rounding(std::size_t line, const TouchWork::Run& run, const std::string& client = {});
+                                  const TouchWork& run, const std::string& client = {});
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -49,12 +44,10 @@ class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
   };
   std::shared_ptr<Compliance> make(const Key&) const;
   void make_for_others(const Key&);
-  void measure_a_step(std::size_t line, const TouchWork::Run& run, const std::string& client);
 
   const std::shared_ptr<const TissueModel> model_;
   std::mutex mutex_;  // held for looking things up only
   std::map<Key, Line> lines_;
-  std::set<std::size_t> measured_;  // or being so
 };
 
 }  // namespace teletact::service

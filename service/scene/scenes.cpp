@@ -74,7 +74,6 @@ Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limit
 Scenes::~Scenes() {
   worker_.stop();
   preparer_->stop();
-  measurer_->stop();
   state_.finish();
 }
 
@@ -179,12 +178,9 @@ std::shared_ptr<Scene> Scenes::create(const std::string& id, const SceneGeometry
 }
 
 void Scenes::add(const std::shared_ptr<Scene>& scene) {
-  const auto on = [](const std::shared_ptr<NicedWorker>& worker) {
-    return [worker](const std::string& client, std::function<void()> job) {
-      worker->post(std::move(job), client);
-    };
-  };
-  scene->set_touch_work({on(preparer_), on(measurer_)});
+  scene->set_touch_work([worker = preparer_](const std::string& client, std::function<void()> job) {
+    worker->post(std::move(job), client);
+  });
   const std::lock_guard lock(mutex_);
   being_made_.erase(scene->id());
   scenes_[scene->id()] = scene;

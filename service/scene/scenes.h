@@ -74,8 +74,7 @@ class Scenes {
   // Last: their jobs use all of the above.
   StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.
-  const std::shared_ptr<NicedWorker> preparer_ = std::make_shared<NicedWorker>(),
-                                     measurer_ = std::make_shared<NicedWorker>();
+  const std::shared_ptr<NicedWorker> preparer_ = std::make_shared<NicedWorker>();
   FairWorkers worker_;
 };
 

@@ -140,17 +140,16 @@ TouchAnswer TouchSession::solve(double x_m, double y_m) {
 // answers.
 bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot) {
   if (window == window_) return true;
-  const TouchWork& work = scene_->touch_work();
+  const TouchWork& prepare = scene_->touch_work();
   const bool by_pcg = options_.path == SolvePath::kPcg;
   if (window_ && window_->id != window->id) window_.reset(), compliance_.reset();
-  auto compliance = window->lines->get(line_, by_pcg ? device_ : nullptr, work.prepare, options_.client);
+  auto compliance = window->lines->get(line_, by_pcg ? device_ : nullptr, prepare, options_.client);
   if (!compliance) return window_ != nullptr;
   window_ = window, compliance_ = std::move(compliance);
-  if (by_pcg || !work.prepare) return true;
-  window_->lines->measure_rounding(line_, work.measure, options_.client);
+  if (by_pcg || !prepare) return true;
   for (const auto& next : snapshot.windows)  // where the finger may go from here
     if (next != window && adjoin(*next, *window)) try {
-        next->lines->get(line_, nullptr, work.prepare, options_.client);
+        next->lines->get(line_, nullptr, prepare, options_.client);
       } catch (const std::exception&) {  // said when the finger is there
       }
   return true;

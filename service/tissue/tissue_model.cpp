@@ -16,7 +16,6 @@
 #include "service/tissue/condensed_line.h"
 #include "service/tissue/iterative_line.h"
 #include "service/tissue/iterative_lines.h"
-#include "service/tissue/units.h"
 
 namespace teletact::service {
 namespace {
@@ -122,8 +121,6 @@ struct TissueModel::Lines final : Reclaimable {
   std::once_flag swept;
   std::vector<MatrixXd> stiffness;  // Schur complement of every free line; consumed line by line
 
-  std::mutex measuring;  // one sample of rounding at a time
-
   std::shared_ptr<IterativeLines> iterative = std::make_shared<IterativeLines>();
 };
 
@@ -180,10 +177,9 @@ std::shared_ptr<Compliance> TissueModel::made(std::size_t line) const {
   return found->second;
 }
 
-// Compliance and samples of its rounding.
 std::size_t TissueModel::line_bytes() const {
   const std::size_t touched = touchable_.last - touchable_.first + 1;
-  return 20 * 4 * touched * touched;
+  return 4 * touched * touched * sizeof(double);
 }
 
 // What a line's successor may take over (T4.2c).
@@ -244,7 +240,8 @@ std::shared_ptr<Compliance> TissueModel::condense(std::size_t line, const Tissue
     }
   }
   MatrixXd compliance;
-  if (stiffness.size() > 0) {
+  const bool line_by_line = stiffness.size() > 0;
+  if (line_by_line) {
     compliance = compliance_of(std::move(stiffness), lines.free, touchable_);
   } else {
     const LayeredStiffness columns(grid_, material_, supports_, Layers::kColumns);
@@ -257,7 +254,8 @@ std::shared_ptr<Compliance> TissueModel::condense(std::size_t line, const Tissue
       lines.sides[line] = {std::move(kept), std::move(sides)};
     }
   }
-  return std::make_shared<CondensedLine>(compliance, touchable_, material_, grid_.dofs(), std::move(held));
+  const double rounding = condensation_rounding(material_, compliance.diagonal().maxCoeff(), !line_by_line);
+  return std::make_shared<CondensedLine>(compliance, touchable_, rounding, std::move(held));
 }
 
 CondensedSides TissueModel::same_sides(std::size_t line, const TissueModel* before) const {
@@ -296,26 +294,6 @@ std::shared_ptr<Compliance> TissueModel::iterative(std::size_t line, const std::
                                               touchable_, options_.account);
   options_.account.add(Place::kHost, made);
   return made;
-}
-
-// A compliance in plane strain depends on the moduli, and on ratios of lengths alone.
-MatrixXd TissueModel::condensed_in_other_units(std::size_t line, const Units& units) const {
-  TissueModelOptions options = options_;
-  options.touch_begin_m *= units.length;
-  options.touch_end_m *= units.length;
-  const TissueModel other(in_units(grid_, units), in_units(material_, units), supports_, options);
-  const std::shared_ptr<Compliance> held = other.condensed(line);
-  return units.modulus * static_cast<const CondensedLine&>(*held).whole();
-}
-
-bool TissueModel::measure_rounding(std::size_t line) const {
-  const std::shared_ptr<Compliance> held = condensed(line);  // others may make the model let go of it
-  auto& measured = static_cast<CondensedLine&>(*held);
-  const std::lock_guard lock(lines_->measuring);
-  const std::size_t next = measured.samples();
-  if (next == CondensedLine::kRoundingSamples) return false;
-  measured.add_sample(condensed_in_other_units(line, kOtherUnits[next]));
-  return true;
 }
 
 double TissueModel::modulus_near_pa(std::size_t column, std::size_t line) const {

@@ -16,7 +16,6 @@ namespace teletact::service {
 class Device;
 struct CondensedSides;
 struct ElasticitySolverOptions;
-struct Units;
 
 struct TissueModelOptions {
   // Columns of nodes within [touch_begin_m, touch_end_m] can be touched: compliance is kept among them alone.
@@ -32,7 +31,7 @@ struct TissueModelOptions {
   // from this one can take over, at most 32 (T^2 + 2 T L + 4 L^2) bytes for each line in use, T touchable
   // columns, L free lines.
   bool will_change = false;
-  // Interior lines that are kept, those used last, at 20 bytes for each pair of freedoms of a line; one more
+  // Interior lines that are kept, those used last, at 8 bytes for each pair of freedoms of a line; one more
   // is made again when it is asked for. One is always kept, and those that somebody holds are.
   std::size_t most_line_bytes = std::size_t{256} << 20;
   MemoryAccount account = {};  // in whose name the model and all that is made for it is held
@@ -71,11 +70,6 @@ class TissueModel {
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device) const;
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device,
                                         const ElasticitySolverOptions&) const;
-  // Measures what rounding does to the compliance of `line`, so that answers state their error closely (T4.2;
-  // before, what they state is a bound made beforehand): each call condenses the same tissue once more, in
-  // other units. Takes as long as making the model. False when there was nothing left to do. Throws as
-  // condensed().
-  bool measure_rounding(std::size_t line) const;
   // Young's modulus of the elements beside `column` just below the line (above it on the last one): their
   // mean.
   double modulus_near_pa(std::size_t column, std::size_t line) const;
@@ -91,7 +85,6 @@ class TissueModel {
   void keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const;
   // What `before` has for the line that holds for this model too.
   CondensedSides same_sides(std::size_t line, const TissueModel* before) const;
-  Eigen::MatrixXd condensed_in_other_units(std::size_t line, const Units&) const;
 
   TissueGrid grid_;
   Material material_;

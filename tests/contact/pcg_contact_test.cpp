@@ -148,12 +148,6 @@ Judged touch_by(const TissueModel& model, Compliance& columns, Compliance& truth
   return {std::hypot(answer.force_n[0] - f[0], answer.force_n[1] - f[1]) / std::hypot(f[0], f[1]),
           right.solve.relative_error, answer.solve};
 }
-std::shared_ptr<Compliance> condensed(const TissueModel& model) {
-  while (model.measure_rounding(0)) {
-  }
-  return model.condensed(0);
-}
-
 TissueGrid box(std::size_t columns, std::size_t rows, double width_m, double height_m) {
   return {service::uniform_coordinates(0, width_m * double(columns - 1), columns - 1),
           service::uniform_coordinates(0, height_m * double(rows - 1), rows - 1)};
@@ -173,7 +167,7 @@ TEST(IterativeCompliance, BreakdownStatesNoSmallError) {
       ElasticitySolverOptions options;
       options.precision = precision;
       try {
-        const Judged j = touch_by(model, *model.iterative(0, device(), options), *condensed(model));
+        const Judged j = touch_by(model, *model.iterative(0, device(), options), *model.condensed(0));
         EXPECT_LE(j.error, j.report.relative_error + j.of_truth) << c.nu << " " << c.contrast;
       } catch (const std::runtime_error& error) {
         ++broken;
@@ -181,7 +175,7 @@ TEST(IterativeCompliance, BreakdownStatesNoSmallError) {
       }
     }
     if (!device()->info().has_double) continue;
-    const Judged own = touch_by(model, *model.iterative(0, device()), *condensed(model));
+    const Judged own = touch_by(model, *model.iterative(0, device()), *model.condensed(0));
     EXPECT_TRUE(own.report.converged) << c.nu << " " << c.contrast << ": " << own.report.reason;
     EXPECT_LE(own.error, own.report.relative_error + own.of_truth) << c.nu << " " << c.contrast;
   }
@@ -217,7 +211,7 @@ TEST(IterativeCompliance, ProductConvergesInFewIterationsAllOverItsRange) {
         EXPECT_LE(j.report.relative_error, 1e-6) << where;
         EXPECT_LE(j.error, j.report.relative_error + j.of_truth) << where;
         // By elimination, which here may be off by more than conjugate gradients: 3e-6.
-        const Judged other = touch_by(model, *columns_of, *condensed(model));
+        const Judged other = touch_by(model, *columns_of, *model.condensed(0));
         EXPECT_LE(other.error, other.report.relative_error + other.of_truth) << where;
       }
 }

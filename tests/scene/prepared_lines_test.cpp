@@ -1,5 +1,4 @@
-// What a touch asks for and must not wait for: lines made elsewhere, rounding measured for whatever is
-// touched.
+// What a touch asks for and must not wait for: lines made elsewhere.
 #include "service/scene/prepared_lines.h"
 
 #include <gtest/gtest.h>
@@ -21,10 +20,8 @@ class TouchedLater : public testing::Test {
  protected:
   TouchedLater() {
     for (const double x_m : {0.03, 0.06}) publish(x_m, 10e3);
-    const auto into = [](std::deque<std::function<void()>>& jobs) {
-      return [&jobs](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); };
-    };
-    scene->set_touch_work({into(preparing), into(measuring)});
+    scene->set_touch_work(
+        [this](const std::string&, std::function<void()> job) { preparing.push_back(std::move(job)); });
   }
   void publish(double x_m, double modulus_pa) {
     scene->publish(window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03), {});
@@ -52,7 +49,7 @@ class TouchedLater : public testing::Test {
     EXPECT_FALSE(answer.foreseen.has_value());
   }
   std::shared_ptr<Scene> scene = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
-  std::deque<std::function<void()>> preparing, measuring;
+  std::deque<std::function<void()>> preparing;
 };
 
 TEST_F(TouchedLater, AnInteriorLineIsNeverMadeByTheTouch) {
@@ -138,37 +135,6 @@ TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALineIsMadeIsSaid) {
   fail_launches(false);
   EXPECT_EQ(answer.status, TouchStatus::kFailed);
   EXPECT_TRUE(answer.device_failed) << answer.warning;
-}
-
-TEST_F(TouchedLater, RoundingIsMeasuredForWhateverIsTouched) {
-  TouchSession session(scene, {}, nullptr), elsewhere(scene, {}, nullptr);
-  const TouchAnswer before = session.solve(0.045, 0.002);
-  elsewhere.solve(0.075, 0.002);  // entered by another finger
-  EXPECT_EQ(measuring.size(), 2U);
-  EXPECT_EQ(do_all(measuring), 2 * 4U);  // three samples each, and the look that finds nothing left
-  const TouchAnswer after = session.solve(0.045, 0.002);
-  EXPECT_EQ(after.contact.force_n, before.contact.force_n);
-  EXPECT_LT(after.contact.solve.relative_error, before.contact.solve.relative_error / 100);
-  EXPECT_FALSE(scene->snapshot()->windows[1]->model->measure_rounding(0));
-  session.solve(0.075, 0.002);
-  EXPECT_TRUE(measuring.empty()) << "measured once";
-}
-
-TEST(RoundingOfExplicitScenes, IsMeasuredWhenTheyAreTouched) {
-  Scenes scenes({});
-  const ExplicitModulus e{uniform_coordinates(0, 0.06, 30), uniform_coordinates(0, 0.02, 10),
-                          std::vector<double>(300, 7e3)};
-  const auto scene = scenes.create("a", tissue(0.06, 0.02), e);
-  TouchSession session(scene, {}, nullptr);
-  TouchSession unmeasured(std::make_shared<Scene>("b", tissue(0.06, 0.02), e, versions()), {}, nullptr);
-  const double bound = unmeasured.solve(0.03, 0.002).contact.solve.relative_error;
-  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  double error = session.solve(0.03, 0.002).contact.solve.relative_error;
-  while (error > bound / 100 && std::chrono::steady_clock::now() < until) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    error = session.solve(0.03, 0.002).contact.solve.relative_error;
-  }
-  EXPECT_LT(error, bound / 100);
 }
 
 }  // namespace
