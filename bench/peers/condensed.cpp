@@ -19,7 +19,7 @@ class Condensed final : public Peer {
   }
   PeerAnswer touch(const ContactProblem& p, double) override {
     const auto answer = service::solve_contact(*model_, 0, *surface_, p.tip, p.pose);
-    return {.force_n = answer.force_n, .stated_error = answer.solve.relative_error};
+    return {.force_n = {answer.force_n[0], answer.force_n[1]}, .stated_error = answer.solve.relative_error};
   }
 
   std::size_t kept_bytes() const override {

@@ -38,7 +38,7 @@ MeshAnswer answer_on(const ContactCase& c) {
   for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i] = i;
   Eigen::VectorXd push = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(nodes.size()));
   for (const service::NodalPressure& p : touch.pressure) {
-    const auto i = std::lower_bound(grid.x_m.begin(), grid.x_m.end(), p.x_m) - grid.x_m.begin();
+    const auto i = std::lower_bound(grid.x_m.begin(), grid.x_m.end(), p.position_m[0]) - grid.x_m.begin();
     const double left = grid.x_m[std::size_t(i ? i - 1 : 0)];
     const double right = grid.x_m[std::min(std::size_t(i) + 1, grid.nx() - 1)];
     push[i] = p.pressure_pa * (right - left) / 2;

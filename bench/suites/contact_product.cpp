@@ -113,7 +113,7 @@ double tangent_error(const ContactProblem& p, const TissueModel& model) {
     for (std::size_t column = 0; column < 2; ++column) {
       const double slope =
           (moved[2 * column].force_n[row] - moved[2 * column + 1].force_n[row]) / (2 * kStepM);
-      worst = std::max(worst, std::abs(slope - tangent[2 * row + column]) / scale);
+      worst = std::max(worst, std::abs(slope - tangent[3 * row + column]) / scale);
     }
   return worst;
 }
@@ -129,7 +129,7 @@ double loop_work(const ContactProblem& p, const TissueModel& model, int steps) {
     const auto along = [&](const ContactAnswer& a) {  // power, and its slope along the leg
       return std::array{
           a.force_n[0] * hx + a.force_n[1] * hy,
-          a.tangent_n_m[0] * hx * hx + 2 * a.tangent_n_m[1] * hx * hy + a.tangent_n_m[3] * hy * hy};
+          a.tangent_n_m[0] * hx * hx + 2 * a.tangent_n_m[1] * hx * hy + a.tangent_n_m[4] * hy * hy};
     };
     std::array<double, 2> last{};
     for (int k = 0; k <= steps; ++k) {
@@ -160,7 +160,7 @@ json ripple(const ContactProblem& p) {
   for (int k = 0; k < kPoses; ++k) {
     const ContactAnswer a = service::solve_contact(model, 0, *model.condensed(0), p.tip,
                                                    {middle_m + spacing_m * k / kPoses, kDepthM});
-    const std::array stiffness{-a.force_n[1] / kDepthM, -a.tangent_n_m[3]};
+    const std::array stiffness{-a.force_n[1] / kDepthM, -a.tangent_n_m[4]};
     for (std::size_t s = 0; s < 2; ++s) {
       least[s] = std::min(least[s], stiffness[s]);
       most[s] = std::max(most[s], stiffness[s]);
@@ -233,7 +233,7 @@ json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device
 json measure_columns(const ContactProblem& p, const std::shared_ptr<service::Device>& device) try {
   const TissueModel model = model_of(p.tissue);
   const ContactAnswer a = service::solve_contact(model, 0, *model.iterative(0, device), p.tip, p.pose);
-  const double error = p.force_error(a.force_n);
+  const double error = p.force_error({a.force_n[0], a.force_n[1]});
   std::printf("  columns by the product's PCG: %zu iterations, force off by %.1e, stated %.1e%s\n",
               a.solve.iterations, error, a.solve.relative_error, a.solve.converged ? "" : "  NOT CONVERGED");
   return {{"iterations", a.solve.iterations},

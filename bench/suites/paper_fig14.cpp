@@ -66,9 +66,8 @@ Series run_along(const service::TissueModel& model, std::size_t row, double rate
     sample.sequence = n + 1;
     sample.pose_time_s = kServoS * static_cast<double>(n);
     sample.position_m = Vector3(x_m, kIndentationM, 0);
-    sample.force_n = Vector3(answer.force_n[0], answer.force_n[1], 0);
-    sample.tangent_n_m.topLeftCorner<2, 2>() =
-        Eigen::Map<const Eigen::Matrix2d>(answer.tangent_n_m.data());  // symmetric
+    sample.force_n = Vector3(answer.force_n.data());
+    sample.tangent_n_m = Eigen::Map<const Eigen::Matrix3d>(answer.tangent_n_m.data());  // symmetric
     sample.contact = true;
     series.truth.push_back(sample);
   }

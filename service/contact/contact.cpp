@@ -17,7 +17,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kLargestLinearStrain = 0.15;  // T4.5
-constexpr double kPeakStrain = 0.42;           // of (1 + nu) p / E, see ContactAnswer::largest_strain
+constexpr double kPeakStrain = 0.42;           // of (1 + nu) p / E, see solve_contact
 
 void validate(const TissueModel& model, std::size_t line, const ContactPose& pose) {
   if (line >= model.grid().ny()) throw std::out_of_range("line " + std::to_string(line) + " is absent");
@@ -55,13 +55,14 @@ void check_reach(const TissueModel& model, const Fingertip& tip, const ContactPo
   if (left || right || beyond) outside(model, pose.x_m);
 }
 
-void add_pressure(const TissueModel& model, const Touch& touch, ContactAnswer& answer) {
+void add_pressure(const TissueModel& model, std::size_t line, const Touch& touch, ContactAnswer& answer) {
+  const double y_m = model.grid().y_m[line];
   const auto& x = model.grid().x_m;
   for (Index k = 0; k < touch.normal.size(); ++k) {
     if (touch.normal[k] == 0 && touch.tangential[k] == 0) continue;
     const std::size_t i = touch.nodes[std::size_t(k)];
     const double width = tributary_width_m(x, i);
-    answer.pressure.push_back({x[i], touch.normal[k] / width, touch.tangential[k] / width});
+    answer.pressure.push_back({{x[i], y_m, 0}, touch.normal[k] / width, {touch.tangential[k] / width, 0, 0}});
   }
 }
 
@@ -101,9 +102,8 @@ void check_finite(const ContactAnswer& answer) {
   bool finite = std::isfinite(answer.energy_j) && std::isfinite(answer.largest_strain);
   for (double f : answer.force_n) finite = finite && std::isfinite(f);
   for (double k : answer.tangent_n_m) finite = finite && std::isfinite(k);
-  for (const NodalPressure& p : answer.pressure) {
-    finite = finite && std::isfinite(p.pressure_pa) && std::isfinite(p.traction_pa);
-  }
+  for (const NodalPressure& p : answer.pressure)
+    finite = finite && std::isfinite(p.pressure_pa) && std::isfinite(p.traction_pa[0]);
   if (!finite)
     throw std::domain_error("contact: the answer is not finite; the model's compliance is unusable");
 }
@@ -134,10 +134,11 @@ ContactAnswer solve_contact(const TissueModel& model, std::size_t line, Complian
   const Energy& u = touch.energy;
   answer.state = ContactState::kContact;
   answer.energy_j = thickness * u.value;
-  answer.force_n = {-thickness * u.gradient[0], -thickness * u.gradient[1]};
+  answer.force_n = {-thickness * u.gradient[0], -thickness * u.gradient[1], 0};
   const double cross = -thickness * (u.hessian(0, 1) + u.hessian(1, 0)) / 2;
-  answer.tangent_n_m = {-thickness * u.hessian(0, 0), cross, cross, -thickness * u.hessian(1, 1)};
-  add_pressure(model, touch, answer);
+  answer.tangent_n_m = {
+      -thickness * u.hessian(0, 0), cross, 0, cross, -thickness * u.hessian(1, 1), 0, 0, 0, 0};
+  add_pressure(model, line, touch, answer);
   answer.largest_strain = largest_strain(model, line, pose, touch);
   answer.strain_beyond_linear = answer.largest_strain > kLargestLinearStrain;
   check_finite(answer);

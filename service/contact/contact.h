@@ -1,58 +1,19 @@
-// Contact of a rigid fingertip with one line of a tissue model (T4.3 to T4.5b).
+// Contact of a rigid fingertip with one line of a tissue model in plane strain (T4.3 to T4.5b).
 #pragma once
 
-#include <array>
 #include <cstddef>
-#include <string>
-#include <vector>
 
+#include "service/contact/touch_model.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 
-enum class FingertipShape { kNode, kFlatPunch, kRoundedTip };
-enum class Friction { kFrictionless, kStuck };
-
-struct Fingertip {
-  FingertipShape shape = FingertipShape::kRoundedTip;
-  Friction friction = Friction::kFrictionless;
-  double radius_m = 0.008;      // rounded tip: radius of curvature; flat punch: radius of its edges
-  double half_width_m = 0.004;  // flat punch only: half of the flat part
-  double footprint_m = 0;       // node only: standard deviation of a Gaussian footprint, 0 = the hat function
-};
-
-// Pose in scene or model coordinates: lateral position of the tip's centre and its indentation along +y,
-// measured from the undeformed touched line (negative: not touching).
+// Pose in the plane: lateral position of the tip's centre and its indentation along +y, measured from the
+// undeformed touched line (negative: not touching).
 struct ContactPose {
   double x_m = 0;
   double indentation_m = 0;
-};
-
-struct NodalPressure {
-  double x_m = 0;          // undeformed position of the node on the line
-  double pressure_pa = 0;  // >= 0 pushes into the tissue
-  double traction_pa = 0;  // tangential (stuck), on the tissue along +x
-};
-
-enum class ContactState { kNoContact, kContact };
-
-// What the client gets (T4.5). force_n acts on the finger: F = -dU/dpose, so force_n[1] <= 0 for a push along
-// +y. tangent_n_m = dF/dpose (2x2, symmetric, row-major; d force_y/d indentation <= 0).
-struct ContactAnswer {
-  ContactState state = ContactState::kNoContact;
-  std::array<double, 2> force_n{};
-  std::array<double, 4> tangent_n_m{};
-  double energy_j = 0;                  // U(pose)
-  std::vector<NodalPressure> pressure;  // active nodes only
-  // Peak principal strain in the tissue, about: 0.42 (1 + nu) p / E, p the mean pressure over the contact's
-  // effective width and E the modulus there, which is within a fifth of the finite-element field below tips
-  // of 4 to 16 mm (Hertz on a half plane gives 0.38); at least indentation over the tissue's depth below the
-  // line. What T4.5 flags above 0.15.
-  double largest_strain = 0;
-  bool strain_beyond_linear = false;  // largest_strain > 0.15
-  std::size_t iterations = 0;         // of the contact solve, Newton's
-  SolveReport solve;
 };
 
 // How the candidates of the unilateral contact are chosen; the answer does not depend on it.
@@ -73,10 +34,13 @@ struct ContactOptions {
 //   radius)
 // Node: one constraint b^T u = indentation with weights b (hat function or Gaussian footprint), U =
 // indentation^2 / (2 b^T S b); stuck: b^T u_x = 0 too. F = -dU/dpose by the envelope theorem; the tangent is
-// the exact second derivative at the active set. All are multiplied by the model's thickness. Throws
-// std::out_of_range when the tip overlaps the line beyond the columns the model can be touched on,
-// std::invalid_argument (field named) for an unusable fingertip or pose, e.g. an indentation deeper than the
-// tissue below the line, std::domain_error when no finite answer exists.
+// the exact second derivative at the active set. All are multiplied by the model's thickness; along z force
+// and tangent are zero. The largest strain is about 0.42 (1 + nu) p / E, p the mean pressure over the
+// contact's effective width and E the modulus there, which is within a fifth of the finite-element field
+// below tips of 4 to 16 mm (Hertz on a half plane gives 0.38); at least indentation over the tissue's depth
+// below the line. Throws std::out_of_range when the tip overlaps the line beyond the columns the model can be
+// touched on, std::invalid_argument (field named) for an unusable fingertip or pose, e.g. an indentation
+// deeper than the tissue below the line, std::domain_error when no finite answer exists.
 ContactAnswer solve_contact(const TissueModel&, std::size_t line, Compliance&, const Fingertip&,
                             const ContactPose&, const ContactOptions& = {});
 

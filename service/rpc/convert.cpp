@@ -195,8 +195,8 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
     v1::Window* w = out->add_windows();
     w->set_window_id(window->id);
     w->set_version(window->version);
-    w->set_begin_m(window->begin_m);
-    w->set_end_m(window->end_m);
+    w->set_begin_m(window->region.begin_x_m);
+    w->set_end_m(window->region.end_x_m);
     w->set_touchable(window->model != nullptr);
     if (window->evidence)
       evidence_to(*window->evidence, snapshot->lone(*window), instance, w->mutable_evidence());
@@ -229,7 +229,7 @@ TouchOptions touch_options_from(const v1::TouchOpen& in) {
   if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();
   if (in.fingertip().half_width_m() != 0) tip.half_width_m = in.fingertip().half_width_m();
   tip.footprint_m = in.fingertip().footprint_m();
-  options.line_y_m = in.line_y_m();
+  options.layer_depth_m = in.line_y_m();
   switch (in.path()) {
     case v1::SOLVE_PATH_UNSPECIFIED:
       options.path = SolvePath::kAuto;
@@ -292,9 +292,8 @@ v1::SolvePath path_to(SolvePath path) {
 
 template <class Message>
 void force_and_tangent_to(const ContactAnswer& c, Message* out) {
-  for (const double force_n : {c.force_n[0], c.force_n[1], 0.0}) out->add_force_n(force_n);
-  const auto& t = c.tangent_n_m;
-  for (const double k : {t[0], t[1], 0.0, t[2], t[3], 0.0, 0.0, 0.0, 0.0}) out->add_tangent_n_m(k);
+  for (const double force_n : c.force_n) out->add_force_n(force_n);
+  for (const double k : c.tangent_n_m) out->add_tangent_n_m(k);
 }
 
 }  // namespace
@@ -304,16 +303,15 @@ void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
   out->set_status(status_to(in.status));
   force_and_tangent_to(c, out);
   if (in.foreseen) {
-    for (const double at_m : {in.foreseen->x_m, in.foreseen->y_m, 0.0})
-      out->mutable_foreseen()->add_position_m(at_m);
+    for (const double at_m : in.foreseen->position_m) out->mutable_foreseen()->add_position_m(at_m);
     force_and_tangent_to(in.foreseen->contact, out->mutable_foreseen());
   }
   out->set_energy_j(c.energy_j);
   for (const NodalPressure& node : c.pressure) {
     v1::NodalPressure* p = out->add_pressure();
-    p->set_x_m(node.x_m);
+    p->set_x_m(node.position_m[0]);
     p->set_pressure_pa(node.pressure_pa);
-    p->set_traction_pa(node.traction_pa);
+    p->set_traction_pa(node.traction_pa[0]);
   }
   out->set_window_id(in.window_id);
   out->set_model_version(in.model_version);
@@ -330,8 +328,8 @@ void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
   out->set_largest_strain(c.largest_strain);
   out->set_warning(in.warning);
   for (const std::string& flag : in.window_flags) out->add_window_flags(flag);
-  out->set_covered_begin_m(in.covered.begin_m);
-  out->set_covered_end_m(in.covered.end_m);
+  out->set_covered_begin_m(in.covered.begin_x_m);
+  out->set_covered_end_m(in.covered.end_x_m);
 }
 
 }  // namespace teletact::service

@@ -20,17 +20,19 @@ struct Core {
   std::uint64_t instance = 0;  // random per process start
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   const std::shared_ptr<MemoryBudget> memory;
+  const std::shared_ptr<const TouchModels> models;
   Calls calls;
   Scenes scenes;
 
   Core(std::shared_ptr<Device> device_, std::uint64_t instance_, const std::filesystem::path& state_directory,
-       const Limits& asked_for)
+       const Limits& asked_for, std::shared_ptr<const TouchModels> models_ = plane_models())
       : device(std::move(device_)),
         limits(resolved(asked_for, host_memory_bytes(), device->info().global_memory_bytes)),
         instance(instance_),
         memory(std::make_shared<MemoryBudget>(limits)),
+        models(std::move(models_)),
         calls(limits),
-        scenes(state_directory, limits, machine_files(), memory) {}
+        scenes(state_directory, limits, machine_files(), memory, models) {}
 
   // In whose name memory is held.
   MemoryAccount account(std::string client, std::string scene = {}) const {

@@ -42,7 +42,7 @@ void ElastographyService::open_again() {
            [this, device] {
              engines_.use(device);
              engines_.borrow("")->warm();
-             warm_iterative(device);
+             core_.models->warm(device);
            })
       .future.get();
   core_.device.replace(device);

@@ -61,8 +61,8 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
 Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
   const std::string address = prepare_address(options.listen);
   const auto credentials = credentials_of(options.listen);
-  core_ =
-      std::make_unique<Core>(std::move(device), random_instance(), options.state_directory, options.limits);
+  core_ = std::make_unique<Core>(std::move(device), random_instance(), options.state_directory,
+                                 options.limits, options.models);
   elastography_ = std::make_unique<ElastographyService>(*core_, options.reopen,
                                                         [this](bool works) { tell_device(works); });
   info_ = std::make_unique<InfoService>(*core_);
@@ -106,7 +106,7 @@ void Server::tell_device(bool works) {
 void Server::make_ready() {
   core_->scenes.restore();
   elastography_->warm();
-  warm_iterative(core_->device);
+  core_->models->warm(core_->device);
   core_->calls.open();
   set_health(true);
 }

@@ -23,6 +23,7 @@ struct ServerOptions {
   std::filesystem::path state_directory;                 // empty: scenes end with the process
   std::function<std::shared_ptr<Device>()> reopen = {};  // the device, after it failed
   Limits limits;
+  std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
 };
 
 class Server {

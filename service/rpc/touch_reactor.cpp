@@ -121,7 +121,7 @@ void TouchReactor::take_pose(const v1::ContactPose& pose) {
   acknowledged_ = pose.acknowledged();
   board().arrive(finger_, position_m, velocity_m_s, arrived);
   ++poses_;
-  poses_lost_ += inbox_.put({pose, arrived});
+  poses_lost_ += inbox_.put({pose, position_m, arrived});
 }
 
 void TouchReactor::solve_and_write() {
@@ -151,13 +151,13 @@ void TouchReactor::steering_to(Message& out) {
 void TouchReactor::write_opened() {
   v1::TouchOpened* opened = response_.mutable_opened();
   const double finger_x_m = board().now().position_m[0];
-  const Covered covered = session_->scene()->snapshot()->covered_around(finger_x_m);
+  const Region covered = session_->scene()->snapshot()->covered_around(finger_x_m);
   opened->set_period_s(std::chrono::duration<double>(period_).count());
   opened->set_credit(credit_);
   opened->set_instance(core_.instance);
-  opened->set_line_y_m(session_->line_y_m());
-  opened->set_covered_begin_m(covered.begin_m);
-  opened->set_covered_end_m(covered.end_m);
+  opened->set_line_y_m(session_->layer().depth_m);
+  opened->set_covered_begin_m(covered.begin_x_m);
+  opened->set_covered_end_m(covered.end_x_m);
   steering_to(*opened);
   write(response_);
 }
@@ -166,7 +166,7 @@ void TouchReactor::write_answer(const Pose& pose) {
   const auto begun = Clock::now();
   const std::shared_ptr<Device> device = core_.device;
   session_->use(device);
-  const TouchAnswer solved = session_->solve(pose.pose.position_m(0), pose.pose.position_m(1));
+  const TouchAnswer solved = session_->solve(pose.position_m);
   const auto solved_at = Clock::now();
   if (solved.device_failed) core_.device.failed(device, solved.warning);
   v1::TouchAnswer* answer = response_.mutable_answer();  // replaces `opened`

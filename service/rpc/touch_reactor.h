@@ -29,6 +29,7 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
  private:
   struct Pose {
     v1::ContactPose pose;
+    Vector3 position_m;  // of it
     Clock::time_point arrived;
   };
 

@@ -5,35 +5,33 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 
 #include "service/scene/errors.h"
 
 namespace teletact::service {
 
-void WindowModel::set_model(std::shared_ptr<const TissueModel> made) {
-  model = std::move(made);
-  lines = std::make_shared<PreparedLines>(model);
-}
-
 std::shared_ptr<const WindowModel> SceneSnapshot::window_at(double x_m, std::uint64_t current,
                                                             double hysteresis_m) const {
   std::shared_ptr<const WindowModel> best;
   double best_margin_m = -1;
   for (const auto& window : windows) {
-    if (x_m < window->begin_m || x_m >= window->end_m) continue;
-    const double margin_m = std::min(x_m - window->begin_m, window->end_m - x_m);
+    if (x_m < window->region.begin_x_m || x_m >= window->region.end_x_m) continue;
+    const double margin_m = std::min(x_m - window->region.begin_x_m, window->region.end_x_m - x_m);
     if (margin_m > best_margin_m) best = window, best_margin_m = margin_m;
   }
   if (!best) return nullptr;
   for (const auto& window : windows)
-    if (window->id == current && x_m >= window->begin_m - hysteresis_m && x_m < window->end_m + hysteresis_m)
+    if (window->id == current && x_m >= window->region.begin_x_m - hysteresis_m &&
+        x_m < window->region.end_x_m + hysteresis_m)
       return window;
   return best;
 }
 
 bool adjoin(const WindowModel& a, const WindowModel& b) {
-  return a.begin_m - Scene::kSameWindowM < b.end_m && a.end_m + Scene::kSameWindowM > b.begin_m;
+  return a.region.begin_x_m - Scene::kSameWindowM < b.region.end_x_m &&
+         a.region.end_x_m + Scene::kSameWindowM > b.region.begin_x_m;
 }
 
 bool SceneSnapshot::lone(const WindowModel& window) const {
@@ -50,15 +48,15 @@ std::vector<std::string_view> SceneSnapshot::flags_of(const WindowModel& window)
   return flags;
 }
 
-Covered SceneSnapshot::covered_around(double x_m) const {
+Region SceneSnapshot::covered_around(double x_m) const {
   constexpr double kAdjoiningM = 1e-6;  // rounding of positions and widths
-  Covered covered{x_m, x_m};
+  Region covered{x_m, x_m};
   bool inside = false;
   double begin_m = 0, end_m = 0;
   for (const auto& window : windows) {
-    if (windows.front() == window || window->begin_m > end_m + kAdjoiningM)
-      begin_m = window->begin_m, end_m = begin_m;
-    end_m = std::max(end_m, window->end_m);
+    if (windows.front() == window || window->region.begin_x_m > end_m + kAdjoiningM)
+      begin_m = window->region.begin_x_m, end_m = begin_m;
+    end_m = std::max(end_m, window->region.end_x_m);
     inside = x_m >= begin_m && x_m < end_m;
     if (inside) covered = {begin_m, end_m};
   }
@@ -66,12 +64,6 @@ Covered SceneSnapshot::covered_around(double x_m) const {
 }
 
 namespace {
-
-StripOptions held_by(const MemoryAccount& account) {
-  StripOptions options;
-  options.account = account;
-  return options;
-}
 
 Charge charged(const std::optional<ExplicitModulus>& e, const MemoryAccount& account) {
   if (!e) return {};
@@ -82,52 +74,37 @@ Charge charged(const std::optional<ExplicitModulus>& e, const MemoryAccount& acc
 }  // namespace
 
 Scene::Scene(std::string id, const SceneGeometry& geometry, std::shared_ptr<VersionCounter> versions,
-             const Limits& limits, const MemoryAccount& account)
+             const Limits& limits, const MemoryAccount& account, std::shared_ptr<const TouchModels> models)
     : id_(std::move(id)),
       geometry_(geometry),
-      lines_m_(strip_lines(geometry)),
-      strip_(held_by(account)),
+      account_(account),
+      models_(std::move(models)),
       versions_(std::move(versions)),
-      limits_(limits) {
+      limits_(limits),
+      layers_(models_->layers(geometry_)) {
   auto empty = std::make_shared<SceneSnapshot>();
   empty->map = std::make_shared<const StitchedMap>(geometry_, account);
   snapshot_ = empty;
 }
 
-namespace {
-
-std::shared_ptr<const TissueModel> explicit_model(const SceneGeometry& geometry, const ExplicitModulus& e,
-                                                  const MemoryAccount& account) {
-  TissueModelOptions options;
-  options.touch_begin_m = e.x_m.front();
-  options.touch_end_m = e.x_m.back();
-  options.thickness_m = geometry.thickness_m;
-  options.account = account;
-  return std::make_shared<const TissueModel>(TissueGrid{e.x_m, e.y_m},
-                                             Material{e.youngs_modulus_pa, geometry.poisson_ratio},
-                                             geometry.supports, options);
-}
-
-}  // namespace
-
 Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modulus,
-             std::shared_ptr<VersionCounter> versions, const Limits& limits, const MemoryAccount& account)
+             std::shared_ptr<VersionCounter> versions, const Limits& limits, const MemoryAccount& account,
+             std::shared_ptr<const TouchModels> models)
     : id_(std::move(id)),
       geometry_(geometry),
       explicit_charge_(charged(modulus, account)),
       explicit_(std::move(modulus)),
-      lines_m_(explicit_->y_m),
-      strip_(held_by(account)),
+      account_(account),
+      models_(std::move(models)),
       versions_(std::move(versions)),
       limits_(limits),
       next_window_id_(2) {
   auto window = std::make_shared<WindowModel>();
   window->id = 1;
   window->taken_in = std::chrono::steady_clock::now();
-  window->begin_m = explicit_->x_m.front();
-  // The last column belongs to the tissue too.
-  window->end_m = std::nextafter(explicit_->x_m.back(), HUGE_VAL);
-  window->set_model(explicit_model(geometry_, *explicit_, account));
+  window->model = models_->of_modulus(geometry_, *explicit_, account_);
+  window->region = window->model->region();
+  layers_ = window->model->layers();
   window->version = versions_->next();
   auto snapshot = std::make_shared<SceneSnapshot>();
   snapshot->version = window->version;
@@ -136,13 +113,13 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
 }
 
 Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions, const Limits& limits,
-             const MemoryAccount& account)
+             const MemoryAccount& account, std::shared_ptr<const TouchModels> models)
     : id_(record.id),
       geometry_(record.geometry),
       explicit_charge_(charged(record.explicit_modulus, account)),
       explicit_(record.explicit_modulus),
-      lines_m_(explicit_ ? explicit_->y_m : strip_lines(geometry_)),
-      strip_(held_by(account)),
+      account_(account),
+      models_(std::move(models)),
       versions_(std::move(versions)),
       limits_(limits),
       next_window_id_(record.next_window_id) {
@@ -152,12 +129,14 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
     auto map = std::make_shared<StitchedMap>(geometry_, account);
     map->restore(record.map_modulus_pa, record.map_states, record.map_log_deviation);
     snapshot->map = map;
+    layers_ = models_->layers(geometry_);
   }
   for (const WindowRecord& kept : record.windows) {
     auto window = std::make_shared<WindowModel>();
-    *window = {kept.id, kept.version, kept.begin_m, kept.end_m, nullptr, {}, kept.evidence, nullptr};
-    window->set_model(explicit_ ? explicit_model(geometry_, *explicit_, account)
-                                : build_strip(geometry_, *snapshot->map, kept.begin_m, kept.end_m, strip_));
+    *window = {kept.id, kept.version, {kept.begin_m, kept.end_m}, nullptr, {}, kept.evidence};
+    window->model = explicit_ ? models_->of_modulus(geometry_, *explicit_, account_)
+                              : build(*snapshot->map, window->region, nullptr);
+    if (explicit_) layers_ = window->model->layers();
     snapshot->windows.push_back(std::move(window));
   }
   snapshot_ = snapshot;
@@ -174,19 +153,21 @@ void Scene::swap_in(std::shared_ptr<SceneSnapshot> next) {
   snapshot_.swap(old);
 }
 
-std::size_t Scene::line_near(double y_m) const {
-  if (!(y_m >= 0 && y_m <= geometry_.depth_m))
-    throw std::invalid_argument(fmt::format(
-        "open.line_y_m: {} is outside the tissue; give a depth within [0, {}] m", y_m, geometry_.depth_m));
-  std::size_t nearest = 0;
-  for (std::size_t j = 1; j < lines_m_.size(); ++j)
-    if (std::abs(lines_m_[j] - y_m) < std::abs(lines_m_[nearest] - y_m)) nearest = j;
-  const bool held = (nearest == 0 && geometry_.supports.top == EdgeSupport::kFixed) ||
-                    (nearest + 1 == lines_m_.size() && geometry_.supports.bottom == EdgeSupport::kFixed);
-  if (held)
+Layer Scene::layer_near(double depth_m) const {
+  if (!(depth_m >= 0 && depth_m <= geometry_.depth_m) || layers_.empty())
+    throw std::invalid_argument(
+        fmt::format("open.line_y_m: {} is outside the tissue; give a depth within [0, {}] m", depth_m,
+                    geometry_.depth_m));
+  const auto away_m = [depth_m](const Layer& layer) { return std::abs(layer.depth_m - depth_m); };
+  const Layer nearest = *std::min_element(
+      layers_.begin(), layers_.end(), [&](const Layer& a, const Layer& b) { return away_m(a) < away_m(b); });
+  const bool at_top = geometry_.supports.top == EdgeSupport::kFixed && depth_m <= away_m(nearest);
+  const bool at_bottom =
+      geometry_.supports.bottom == EdgeSupport::kFixed && geometry_.depth_m - depth_m < away_m(nearest);
+  if (at_top || at_bottom)
     throw std::invalid_argument(fmt::format(
         "open.line_y_m: the line at {} m is held by a support and cannot be touched; give another depth",
-        lines_m_[nearest]));
+        at_top ? 0 : geometry_.depth_m));
   return nearest;
 }
 
@@ -212,21 +193,17 @@ void Scene::check_window(double begin_m, double end_m) const {
                     begin_m, end_m, geometry_.width_m));
 }
 
-std::shared_ptr<const TissueModel> Scene::build(const StitchedMap& map, double begin_m, double end_m,
-                                                const TissueModel* before) const {
-  std::set<std::size_t> lines;
+std::shared_ptr<const TouchModel> Scene::build(const StitchedMap& map, const Region& region,
+                                               const TouchModel* before) const {
+  WantedModel wanted{geometry_, map, region, {}, before, account_};
   {
     const std::lock_guard lock(users_);
-    lines.insert(lines_in_use_.begin(), lines_in_use_.end());
+    std::unique_copy(layers_in_use_.begin(), layers_in_use_.end(), std::back_inserter(wanted.in_use));
   }
-  StripOptions strip = strip_;
-  strip.interior_lines = !lines.empty() && *lines.rbegin() > 0;
-  auto model = build_strip(geometry_, map, begin_m, end_m, strip, before);
-  for (const std::size_t line : lines) try {
-      model->condensed(line, before);
-    } catch (const MemoryRefused& refused) {  // who touches it finds it unprepared; others have their window
-      spdlog::warn("event=line_not_prepared line={} error=\"{}\"", line, refused.what());
-    }
+  auto model = models_->of_window(wanted);
+  const TouchCost cost = model->cost();
+  spdlog::debug("event=model_made scene={} model={} layer_bytes={} layer_operations={:.3g}", id_,
+                model->name(), cost.bytes, cost.operations);
   return model;
 }
 
@@ -244,12 +221,13 @@ std::shared_ptr<const WindowEvidence> evidence_of(const WindowEstimate& estimate
 }
 
 // Whether the ranges together cover `wanted`, but for kSameWindowM at its ends.
-bool covers(std::vector<Covered> ranges, const Covered& wanted) {
-  std::sort(ranges.begin(), ranges.end(), [](const auto& a, const auto& b) { return a.begin_m < b.begin_m; });
-  double reached_m = wanted.begin_m;
-  for (const Covered& range : ranges)
-    if (range.begin_m <= reached_m + Scene::kSameWindowM) reached_m = std::max(reached_m, range.end_m);
-  return reached_m >= wanted.end_m - Scene::kSameWindowM;
+bool covers(std::vector<Region> ranges, const Region& wanted) {
+  std::sort(ranges.begin(), ranges.end(),
+            [](const auto& a, const auto& b) { return a.begin_x_m < b.begin_x_m; });
+  double reached_m = wanted.begin_x_m;
+  for (const Region& range : ranges)
+    if (range.begin_x_m <= reached_m + Scene::kSameWindowM) reached_m = std::max(reached_m, range.end_x_m);
+  return reached_m >= wanted.end_x_m - Scene::kSameWindowM;
 }
 
 }  // namespace
@@ -266,8 +244,7 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   auto map = std::make_shared<StitchedMap>(*old->map);
   map->paste(estimate);
   auto window = std::make_shared<WindowModel>();
-  window->begin_m = std::max(0.0, estimate.window_x_m);
-  window->end_m = std::min(geometry_.width_m, end_of_estimate_m);
+  window->region = {std::max(0.0, estimate.window_x_m), std::min(geometry_.width_m, end_of_estimate_m)};
   window->taken_in = estimate.evidence.taken_in;
   window->evidence = evidence_of(estimate, *map, geometry_);
   auto next = std::make_shared<SceneSnapshot>();
@@ -275,8 +252,7 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   check();
   const auto same = std::find_if(old->windows.begin(), old->windows.end(),
                                  [&](const auto& other) { return other->id == window->id; });
-  window->set_model(build(*map, window->begin_m, window->end_m,
-                          same == old->windows.end() ? nullptr : (*same)->model.get()));
+  window->model = build(*map, window->region, same == old->windows.end() ? nullptr : (*same)->model.get());
   check();
   window->version = versions_->next();
   next_window_id_ = std::max(next_window_id_, window->id + 1);
@@ -284,7 +260,7 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   next->map = map;
   next->windows.push_back(window);
   std::sort(next->windows.begin(), next->windows.end(),
-            [](const auto& a, const auto& b) { return a->begin_m < b->begin_m; });
+            [](const auto& a, const auto& b) { return a->region.begin_x_m < b->region.begin_x_m; });
   mark_stale_around(*window, *next);
   Published published{window->id, window->version, {}};
   if (next->lone(*window)) published.warnings.emplace_back(kLoneWarning);
@@ -296,7 +272,7 @@ std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnap
                                                                  WindowModel& window) const {
   std::vector<std::shared_ptr<const WindowModel>> others;
   for (const auto& other : old.windows) {
-    if (std::abs(other->begin_m - window.begin_m) < kSameWindowM)
+    if (std::abs(other->region.begin_x_m - window.region.begin_x_m) < kSameWindowM)
       window.id = other->id;
     else
       others.push_back(other);
@@ -306,10 +282,10 @@ std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnap
   std::sort(by_age.begin(), by_age.end(),
             [](const auto& a, const auto& b) { return a->version < b->version; });
   for (const auto& candidate : by_age) {
-    std::vector<Covered> rest{{window.begin_m, window.end_m}};
+    std::vector<Region> rest{window.region};
     for (const auto& other : others)
-      if (other != candidate) rest.push_back({other->begin_m, other->end_m});
-    if (covers(std::move(rest), {candidate->begin_m, candidate->end_m})) std::erase(others, candidate);
+      if (other != candidate) rest.push_back(other->region);
+    if (covers(std::move(rest), candidate->region)) std::erase(others, candidate);
   }
   if (others.size() >= limits_.most_windows)
     throw Error(ErrorKind::kExhausted,
@@ -322,11 +298,11 @@ std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnap
 
 void Scene::mark_stale_around(const WindowModel& published, const SceneSnapshot& snapshot) {
   constexpr double kRoundingM = 1e-6;
-  const double near_m = strip_.refresh_m - kRoundingM;
+  const double near_m = models_->context_m() - kRoundingM;
   stale_.erase(published.id);
   for (const auto& other : snapshot.windows)
-    if (other->id != published.id && other->begin_m - near_m < published.end_m &&
-        other->end_m + near_m > published.begin_m)
+    if (other->id != published.id && other->region.begin_x_m - near_m < published.region.end_x_m &&
+        other->region.end_x_m + near_m > published.region.begin_x_m)
       stale_.insert(other->id);
 }
 
@@ -337,7 +313,7 @@ bool Scene::refresh_stale_window() {
   std::shared_ptr<const WindowModel> nearest;
   double nearest_m = HUGE_VAL;
   for (const auto& window : old->windows) {
-    const double away_m = std::abs(0.5 * (window->begin_m + window->end_m) - finger_x_m);
+    const double away_m = std::abs(0.5 * (window->region.begin_x_m + window->region.end_x_m) - finger_x_m);
     if (stale_.contains(window->id) && away_m < nearest_m) nearest = window, nearest_m = away_m;
   }
   if (!nearest || deleted()) {
@@ -345,7 +321,7 @@ bool Scene::refresh_stale_window() {
     return false;
   }
   auto fresh = std::make_shared<WindowModel>(*nearest);
-  fresh->set_model(build(*old->map, nearest->begin_m, nearest->end_m, nearest->model.get()));
+  fresh->model = build(*old->map, nearest->region, nearest->model.get());
   fresh->version = versions_->next();
   stale_.erase(nearest->id);  // not before: what fails stays stale
   auto next = std::make_shared<SceneSnapshot>(*old);
@@ -356,14 +332,15 @@ bool Scene::refresh_stale_window() {
   return !stale_.empty();
 }
 
-void Scene::use_line(std::size_t line) {
+void Scene::use_layer(const Layer& layer) {
   const std::lock_guard lock(users_);
-  lines_in_use_.insert(line);
+  layers_in_use_.insert(layer);
 }
 
-void Scene::leave_line(std::size_t line) {
+void Scene::leave_layer(const Layer& layer) {
   const std::lock_guard lock(users_);
-  if (const auto found = lines_in_use_.find(line); found != lines_in_use_.end()) lines_in_use_.erase(found);
+  if (const auto found = layers_in_use_.find(layer); found != layers_in_use_.end())
+    layers_in_use_.erase(found);
 }
 
 SceneRecord Scene::record() const {
@@ -379,7 +356,7 @@ SceneRecord Scene::record() const {
     record.map_log_deviation = now->map->log_deviation();
   }
   for (const auto& w : now->windows) {
-    record.windows.push_back({w->id, w->version, w->begin_m, w->end_m, w->evidence});
+    record.windows.push_back({w->id, w->version, w->region.begin_x_m, w->region.end_x_m, w->evidence});
     record.next_window_id = std::max(record.next_window_id, w->id + 1);
   }
   return record;

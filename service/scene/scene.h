@@ -18,37 +18,28 @@
 
 #include "service/scene/finger.h"
 #include "service/scene/geometry.h"
-#include "service/scene/prepared_lines.h"
 #include "service/scene/scene_record.h"
 #include "service/scene/stitched_map.h"
-#include "service/scene/strip.h"
+#include "service/scene/touch_models.h"
 #include "service/scene/versions.h"
-#include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 
 struct WindowModel {
   std::uint64_t id = 0, version = 0;  // scene version that published it last
-  double begin_m = 0, end_m = 0;      // the finger is here: [begin, end)
-  std::shared_ptr<const TissueModel> model;
+  Region region;                      // the finger is here
+  std::shared_ptr<const TouchModel> model;
   // When its modulus came in; the epoch where that is not known (read from disk after a restart).
   std::chrono::steady_clock::time_point taken_in{};
   std::shared_ptr<const WindowEvidence> evidence;  // null for an explicit modulus, and where none was kept
-  std::shared_ptr<PreparedLines> lines;            // of the model
-
-  void set_model(std::shared_ptr<const TissueModel>);
 };
 
 // Whether they touch or overlap.
 bool adjoin(const WindowModel&, const WindowModel&);
 
-struct Covered {
-  double begin_m = 0, end_m = 0;
-};
-
 struct SceneSnapshot {
   std::uint64_t version = 0;                                // 0 = nothing published
-  std::vector<std::shared_ptr<const WindowModel>> windows;  // by begin_m
+  std::vector<std::shared_ptr<const WindowModel>> windows;  // by where they begin
   std::shared_ptr<const StitchedMap> map;                   // null for a scene made from an explicit modulus
 
   // The window for a finger at x: `current` (0 = none) as long as the finger is within `hysteresis_m` of it,
@@ -59,7 +50,7 @@ struct SceneSnapshot {
   // The names of what makes it doubtful; they live as long as the window.
   std::vector<std::string_view> flags_of(const WindowModel&) const;
   // The union of adjoining windows around x; empty (begin = end = x) where none covers it.
-  Covered covered_around(double x_m) const;
+  Region covered_around(double x_m) const;
 };
 
 struct Published {
@@ -72,14 +63,16 @@ class Scene {
   static constexpr double kSameWindowM = 0.001;  // begins closer than this are the same window
   static constexpr double kOverhangM = 0.001;    // a window may stick out of the tissue by this much
 
-  // `account`: in whose name all that it holds is held.
+  // `account`: in whose name all that it holds is held; `models`: what its windows are touched on.
   Scene(std::string id, const SceneGeometry&, std::shared_ptr<VersionCounter>, const Limits& = {},
-        const MemoryAccount& account = {});
+        const MemoryAccount& account = {}, std::shared_ptr<const TouchModels> models = plane_models());
   // Touchable at once, on exactly this grid. Throws std::invalid_argument (field named).
   Scene(std::string id, const SceneGeometry&, ExplicitModulus, std::shared_ptr<VersionCounter>,
-        const Limits& = {}, const MemoryAccount& = {});
+        const Limits& = {}, const MemoryAccount& = {},
+        std::shared_ptr<const TouchModels> models = plane_models());
   // As it was kept; builds its models.
-  Scene(const SceneRecord&, std::shared_ptr<VersionCounter>, const Limits& = {}, const MemoryAccount& = {});
+  Scene(const SceneRecord&, std::shared_ptr<VersionCounter>, const Limits& = {}, const MemoryAccount& = {},
+        std::shared_ptr<const TouchModels> models = plane_models());
 
   const std::string& id() const { return id_; }
   const SceneGeometry& geometry() const { return geometry_; }
@@ -87,10 +80,9 @@ class Scene {
   const std::optional<ExplicitModulus>& explicit_modulus() const { return explicit_; }
   std::shared_ptr<const SceneSnapshot> snapshot() const;
   FingerBoard& finger() { return finger_; }
-  // Node coordinates of the lines that can be touched, the same in every window.
-  const std::vector<double>& lines_m() const { return lines_m_; }
-  // The line nearest to y. Throws std::invalid_argument when it is held by a support.
-  std::size_t line_near(double y_m) const;
+  // The layer nearest to this depth. Throws std::invalid_argument where a support that holds the tissue is
+  // nearer.
+  Layer layer_near(double depth_m) const;
 
   // Throws std::invalid_argument or Error(kPrecondition) when [begin, end) cannot be published.
   void check_window(double begin_m, double end_m) const;
@@ -105,10 +97,10 @@ class Scene {
   void set_touch_work(TouchWork work) { touch_work_ = std::move(work); }
   const TouchWork& touch_work() const { return touch_work_; }
 
-  // Touch streams name the interior lines that they use; new models are condensed on them before they are
-  // swapped in, so that a touch never waits for that.
-  void use_line(std::size_t line);
-  void leave_line(std::size_t line);
+  // Touch streams name the layers that they use; new models are made ready on them before they are swapped
+  // in, so that a touch never waits for that.
+  void use_layer(const Layer&);
+  void leave_layer(const Layer&);
 
   SceneRecord record() const;
 
@@ -118,8 +110,7 @@ class Scene {
 
  private:
   // `before` (may be null): the model whose place it takes.
-  std::shared_ptr<const TissueModel> build(const StitchedMap&, double begin_m, double end_m,
-                                           const TissueModel* before) const;
+  std::shared_ptr<const TouchModel> build(const StitchedMap&, const Region&, const TouchModel* before) const;
   // The windows that stay beside `window`: those that it and the others do not hide. It gets the id of the
   // one whose place it takes, or a new one.
   std::vector<std::shared_ptr<const WindowModel>> make_room(const SceneSnapshot&, WindowModel& window) const;
@@ -130,8 +121,8 @@ class Scene {
   const SceneGeometry geometry_;
   const Charge explicit_charge_;
   const std::optional<ExplicitModulus> explicit_;
-  const std::vector<double> lines_m_;
-  const StripOptions strip_;
+  const MemoryAccount account_;
+  const std::shared_ptr<const TouchModels> models_;
   const std::shared_ptr<VersionCounter> versions_;
   const Limits limits_;
   FingerBoard finger_;
@@ -143,8 +134,9 @@ class Scene {
   mutable std::mutex swap_;  // held for a pointer's copy only
   std::shared_ptr<const SceneSnapshot> snapshot_;
 
+  std::vector<Layer> layers_;  // the same in every window
   mutable std::mutex users_;
-  std::multiset<std::size_t> lines_in_use_;
+  std::multiset<Layer> layers_in_use_;
   std::atomic<bool> deleted_{false};
   TouchWork touch_work_;
 };

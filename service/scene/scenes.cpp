@@ -68,8 +68,12 @@ void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, cons
 }  // namespace
 
 Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limits,
-               std::shared_ptr<Files> files, std::shared_ptr<MemoryBudget> memory)
-    : limits_(limits), memory_(std::move(memory)), state_(state_directory, limits, std::move(files)) {}
+               std::shared_ptr<Files> files, std::shared_ptr<MemoryBudget> memory,
+               std::shared_ptr<const TouchModels> models)
+    : limits_(limits),
+      memory_(std::move(memory)),
+      models_(std::move(models)),
+      state_(state_directory, limits, std::move(files)) {}
 
 Scenes::~Scenes() {
   worker_.stop();
@@ -86,7 +90,8 @@ void Scenes::restore() {
 void Scenes::restore(const SceneRecord& record) {
   try {
     state_.versions()->used(record.version);
-    add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id}));
+    add(std::make_shared<Scene>(record, state_.versions(), limits_, MemoryAccount{memory_, {}, record.id},
+                                models_));
     spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
                  record.windows.size());
   } catch (const MemoryRefused& refused) {
@@ -144,8 +149,8 @@ void Scenes::make(const std::string& wanted_id, const SceneGeometry& geometry,
   try {
     const MemoryAccount account{memory_, client, id};
     scene = modulus ? std::make_shared<Scene>(id, geometry, std::move(*modulus), state_.versions(), limits_,
-                                              account)
-                    : std::make_shared<Scene>(id, geometry, state_.versions(), limits_, account);
+                                              account, models_)
+                    : std::make_shared<Scene>(id, geometry, state_.versions(), limits_, account, models_);
   } catch (...) {
     give_up();
     throw;

@@ -20,9 +20,10 @@ namespace teletact::service {
 class Scenes {
  public:
   // `state_directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used.
-  // `memory` (may be null): what its scenes are charged to.
+  // `memory` (may be null): what its scenes are charged to; `models`: what they are touched on.
   explicit Scenes(const std::filesystem::path& state_directory, const Limits& = {},
-                  std::shared_ptr<Files> = machine_files(), std::shared_ptr<MemoryBudget> memory = {});
+                  std::shared_ptr<Files> = machine_files(), std::shared_ptr<MemoryBudget> memory = {},
+                  std::shared_ptr<const TouchModels> models = plane_models());
   ~Scenes();  // writes what was published
 
   // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside.
@@ -64,6 +65,7 @@ class Scenes {
   void add(const std::shared_ptr<Scene>&);
   const Limits limits_;
   const std::shared_ptr<MemoryBudget> memory_;
+  const std::shared_ptr<const TouchModels> models_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Scene>> scenes_;
   std::set<std::string> being_made_;    // ids taken while their models are built and first kept

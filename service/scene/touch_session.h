@@ -9,36 +9,33 @@
 #include <string>
 #include <vector>
 
-#include "service/contact/contact.h"
+#include "service/contact/touch_model.h"
 #include "service/scene/scene.h"
 
 namespace teletact::service {
 
-class Device;
-
-enum class SolvePath { kAuto, kCompliance, kPcg };
 enum class TouchStatus { kOk, kNotCovered, kDegraded, kFailed, kPreparing };
 
 struct TouchOptions {
   Fingertip fingertip;
-  double line_y_m = 0;
+  double layer_depth_m = 0;
   SolvePath path = SolvePath::kAuto;
   std::string client = {};  // in whose turn lines are made ready
 };
 
-// What waits below a finger out of contact: a light touch at its x.
+// What waits below a finger out of contact: a light touch of the same place.
 struct ForeseenTouch {
-  double x_m = 0, y_m = 0;
+  Vector3 position_m{};
   ContactAnswer contact;
 };
 
 struct TouchAnswer {
   TouchStatus status = TouchStatus::kOk;
-  ContactAnswer contact;                    // zero force unless kOk or kDegraded
-  SolvePath path = SolvePath::kCompliance;  // used; kAuto where nothing had to be solved
+  ContactAnswer contact;              // zero force unless kOk or kDegraded
+  SolvePath path = SolvePath::kAuto;  // used; kAuto where nothing had to be solved
   std::uint64_t window_id = 0, model_version = 0;
   std::chrono::steady_clock::time_point taken_in{};  // as the window's
-  Covered covered;
+  Region covered;
   std::string warning;
   std::vector<std::string> window_flags;  // names of what makes the window doubtful
   std::optional<ForeseenTouch> foreseen;  // only out of contact, where it can be told and trusted
@@ -54,24 +51,19 @@ class TouchSession {
   // surface leaves room. Where less than this share of its cells was measured, the answer is not trusted.
   static constexpr double kFeltDepthM = 0.025;
   static constexpr double kTrustedShare = 0.5;
-  // By PCG: the longest that an answer waits for the columns of its contact (FAILED then; what is solved by
-  // then is kept), and what it spends after that on columns which the finger may touch next.
+  // The longest that an answer waits for what its contact needs (FAILED then; what is ready by then is kept),
+  // and what it spends after that on what the finger may touch next.
   static constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
-  // A light touch: what fingers make out stiffness with before they press.
-  static constexpr double kForeseenM = 5e-4;
-  // What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
-  // depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
-  static constexpr double kLeastSpacings = 1.5;
   // Force error beyond which an answer is not trusted: that of a float solver.
   static constexpr double kTrustedForceError = 2e-3;
 
-  // Throws std::invalid_argument (field named) for an unusable fingertip or line.
+  // Throws std::invalid_argument (field named) for an unusable fingertip or layer.
   TouchSession(std::shared_ptr<Scene>, TouchOptions, std::shared_ptr<Device>);
   ~TouchSession();
   TouchSession(const TouchSession&) = delete;
   TouchSession& operator=(const TouchSession&) = delete;
 
-  double line_y_m() const;
+  const Layer& layer() const { return layer_; }
   const std::shared_ptr<Scene>& scene() const { return scene_; }
 
   // The device from now on: another one once the former has failed.
@@ -79,25 +71,25 @@ class TouchSession {
   // Throws std::invalid_argument for a pose that is not finite. Everything else is an answer: NOT_COVERED
   // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a
   // warning.
-  TouchAnswer solve(double x_m, double y_m);
+  TouchAnswer solve(const Vector3& position_m);
 
  private:
-  std::string outside(double x_m, double y_m) const;
+  std::string outside(const Vector3& position_m) const;
   bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&);
-  bool prepare(const WindowModel&, double x_m, double reach_m, std::chrono::milliseconds);
-  void look_ahead(const WindowModel&, double x_m);
-  void solve_contact_into(TouchAnswer&, const WindowModel&, double x_m, double y_m);
-  void judge(TouchAnswer&, const WindowModel&, const SceneSnapshot&, const ContactPose&) const;
-  std::string coarseness(const WindowModel&, const ContactPose&) const;
-  std::string doubt(const ContactAnswer&, const WindowModel&, const SceneSnapshot&, double x_m) const;
+  void leave_window();
+  bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);
+  void look_ahead(const TouchPose&);
+  void touch_into(TouchAnswer&, const TouchPose&);
+  void judge(TouchAnswer&, const SceneSnapshot&, const TouchPose&) const;
+  std::string doubt(const ContactAnswer&, const SceneSnapshot&, double x_m) const;
   double measured_share(const StitchedMap&, double x_m) const;
-  std::optional<ForeseenTouch> foresee(const WindowModel&, const SceneSnapshot&, double x_m);
+  std::optional<ForeseenTouch> foresee(const SceneSnapshot&, const TouchPose&);
   const std::shared_ptr<Scene> scene_;
   const TouchOptions options_;
-  std::shared_ptr<Device> device_;
-  std::size_t line_;
+  const Layer layer_;
+  TouchWay way_;
   std::shared_ptr<const WindowModel> window_;  // that answers: the one under the finger, or that before it
-  std::shared_ptr<Compliance> compliance_;     // of window_'s line; there whenever window_ is
+  std::shared_ptr<TouchedLayer> touched_;      // layer_ of window_'s model; there whenever window_ is
 };
 
 }  // namespace teletact::service

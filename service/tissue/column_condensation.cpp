@@ -149,13 +149,12 @@ MatrixXd joined(const CondensedSides& sides, const TouchedNodes& touched) {
   return compliance;
 }
 
-bool columns_are_cheaper(const FreeNodes& free, const ColumnRange& touched) {
+CondensationCost condensation_cost(const FreeNodes& free, const ColumnRange& touched) {
   const double lines = double(free.lines()), columns = double(free.columns());
   const double width = 2 * columns, depth = 2 * lines, nodes = double(touched.last - touched.first + 1);
-  const double by_lines = (lines + 1) * width * width * width;
-  const double by_columns = columns * depth * depth * depth + depth * depth * nodes * nodes +
-                            depth * nodes * nodes * (nodes / 3 + 4);
-  return by_columns < by_lines;
+  return {(lines + 1) * width * width * width, columns * depth * depth * depth +
+                                                   depth * depth * nodes * nodes +
+                                                   depth * nodes * nodes * (nodes / 3 + 4)};
 }
 
 }  // namespace teletact::service

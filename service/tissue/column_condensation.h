@@ -48,7 +48,10 @@ CondensedSides condensed_sides(const LayeredStiffness& columns, const TouchedNod
 // The compliance among the touched nodes, from the left; lower triangle.
 Eigen::MatrixXd joined(const CondensedSides&, const TouchedNodes&);
 
-// Whether this takes less operations to the surface than elimination line by line.
-bool columns_are_cheaper(const FreeNodes&, const ColumnRange& touched);
+// Operations in floating point to the surface, by columns as here and by lines (condensation.h).
+struct CondensationCost {
+  double by_lines = 0, by_columns = 0;
+};
+CondensationCost condensation_cost(const FreeNodes&, const ColumnRange& touched);
 
 }  // namespace teletact::service

@@ -135,7 +135,8 @@ TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports, 
   }
   touchable_ = teletact::service::touchable_columns(grid_, lines_->free, options_);
   const FreeNodes& free = lines_->free;
-  lines_->wide = columns_are_cheaper(free, touchable_);
+  const CondensationCost cost = condensation_cost(free, touchable_);
+  lines_->wide = cost.by_columns < cost.by_lines;
   lines_->all_lines =
       free.lines() * 4 * free.columns() * free.columns() * sizeof(double) <= options_.most_line_bytes;
   const std::size_t nodes = grid_.nx() + grid_.ny(), each = sizeof(double);
@@ -180,6 +181,11 @@ std::shared_ptr<Compliance> TissueModel::made(std::size_t line) const {
 std::size_t TissueModel::line_bytes() const {
   const std::size_t touched = touchable_.last - touchable_.first + 1;
   return 4 * touched * touched * sizeof(double);
+}
+
+double TissueModel::line_operations() const {
+  const CondensationCost cost = condensation_cost(lines_->free, touchable_);
+  return std::min(cost.by_lines, cost.by_columns);
 }
 
 // What a line's successor may take over (T4.2c).

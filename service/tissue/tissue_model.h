@@ -70,6 +70,9 @@ class TissueModel {
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device) const;
   std::shared_ptr<Compliance> iterative(std::size_t line, const std::shared_ptr<Device>& device,
                                         const ElasticitySolverOptions&) const;
+  // Held for each line that is condensed; operations in floating point to condense one.
+  std::size_t line_bytes() const;
+  double line_operations() const;
   // Young's modulus of the elements beside `column` just below the line (above it on the last one): their
   // mean.
   double modulus_near_pa(std::size_t column, std::size_t line) const;
@@ -78,7 +81,6 @@ class TissueModel {
   void check_free(std::size_t line) const;
   std::shared_ptr<Compliance> condense(std::size_t line, const TissueModel* before) const;
   bool by_columns(std::size_t line) const;
-  std::size_t line_bytes() const;
   std::size_t sides_bytes() const;
   std::size_t swept_bytes() const;
   std::size_t working_bytes() const;

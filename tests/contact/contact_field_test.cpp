@@ -43,7 +43,7 @@ TEST(Contact, PressureIsHertzianInDeepTissue) {
   // sqrt(1 - x^2 / a^2) falls to a fifth of the peak at x = .98 a; the rest is the skin's.
   double edge = 0;
   for (const auto& p : answer.pressure)
-    if (p.pressure_pa > 0.2 * peak) edge = std::max(edge, p.x_m);
+    if (p.pressure_pa > 0.2 * peak) edge = std::max(edge, p.position_m[0]);
   EXPECT_NEAR(edge, 0.98 * half_width, 3e-4);
 }
 

@@ -4,6 +4,7 @@
 #include <thread>
 
 #include "tests/rpc/running_server.h"
+#include "tests/scene/windows.h"
 
 namespace teletact::service {
 namespace {
@@ -19,7 +20,9 @@ v1::TouchOpen on_line(double y_m) {
 TEST_F(Turns, OneWhoWaitsForManyLinesKeepsNobodyWaiting) {
   const auto scene = (*server)->core().scenes.find("s");
   const auto is_made = [&](double y_m) {
-    return scene->snapshot()->windows[0]->model->made(scene->line_near(y_m)) != nullptr;
+    constexpr double kLineM = 0.002;  // apart
+    const auto line = static_cast<std::size_t>(std::lround(y_m / kLineM));
+    return tissue_of(*scene->snapshot()->windows[0]).made(line) != nullptr;
   };
   const auto wait_until = [](const auto& condition) {
     for (int k = 0; k < 4000 && !condition(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -30,8 +33,7 @@ TEST_F(Turns, OneWhoWaitsForManyLinesKeepsNobodyWaiting) {
     std::atomic<bool> first_done{false}, last_begun{false}, last_done{false};
   };
   const auto gates = std::make_shared<Gates>();
-  scene->touch_work().prepare("a",
-                              [=] { wait_until([&gates = *gates] { return gates.first_done.load(); }); });
+  scene->touch_work()("a", [=] { wait_until([&gates = *gates] { return gates.first_done.load(); }); });
   std::vector<std::unique_ptr<Toucher>> touching;
   const auto ask = [&](const char* client, double y_m) {
     touching.push_back(std::make_unique<Toucher>(channel, on_line(y_m), client));
@@ -41,7 +43,7 @@ TEST_F(Turns, OneWhoWaitsForManyLinesKeepsNobodyWaiting) {
     ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_PREPARING);
   };
   ask("greedy", 0.010), ask("greedy", 0.014), ask("modest", 0.018);
-  scene->touch_work().prepare("z", [=] {
+  scene->touch_work()("z", [=] {
     gates->last_begun = true;
     wait_until([&gates = *gates] { return gates.last_done.load(); });
   });

@@ -45,18 +45,18 @@ class FaultyDevice : public testing::Test {
   // that failed, and not what was asked of it.
   void expect_failure(const std::string& why, bool of_device = false) {
     TouchSession by_compliance(scene_, {}, nullptr);
-    const double force = by_compliance.solve(0.06, 0.003).contact.force_n[1];
+    const double force = by_compliance.solve({0.06, 0.003}).contact.force_n[1];
     EXPECT_LT(force, 0);
     TouchOptions touch;
     touch.path = SolvePath::kPcg;
     TouchSession by_device(scene_, touch, Device::open(options_));
     for (int k = 0; k < 2; ++k) {  // a failed set-up is tried again
-      const TouchAnswer answer = by_device.solve(0.06, 0.003);
+      const TouchAnswer answer = by_device.solve({0.06, 0.003});
       EXPECT_EQ(answer.status, TouchStatus::kFailed);
       EXPECT_NE(answer.warning.find(why), std::string::npos) << answer.warning;
       EXPECT_EQ(answer.contact.force_n[1], 0);
       EXPECT_EQ(answer.device_failed, of_device);
-      const TouchAnswer beside = by_compliance.solve(0.06, 0.003);
+      const TouchAnswer beside = by_compliance.solve({0.06, 0.003});
       EXPECT_EQ(beside.status, TouchStatus::kOk);
       EXPECT_EQ(beside.contact.force_n[1], force);
     }

@@ -37,7 +37,7 @@ std::shared_ptr<Scene> doubted(const std::vector<std::string>& warnings) {
 
 TouchAnswer touched(const std::shared_ptr<Scene>& scene, double x_m) {
   TouchSession session(scene, {}, nullptr);
-  return session.solve(x_m, 0.001);
+  return session.solve({x_m, 0.001});
 }
 
 TEST(Evidence, EachFlagDoesToATouchWhatTheTableSays) {
@@ -61,8 +61,8 @@ TEST(Evidence, EachFlagDoesToATouchWhatTheTableSays) {
 
 TEST(Evidence, OfADoubtedWindowNothingIsForeseen) {
   TouchSession session(doubted({"wrong-force: such and such"}), {}, nullptr);
-  EXPECT_FALSE(session.solve(0.045, -0.001).foreseen.has_value());
-  EXPECT_TRUE(session.solve(0.08, -0.001).foreseen.has_value());
+  EXPECT_FALSE(session.solve({0.045, -0.001}).foreseen.has_value());
+  EXPECT_TRUE(session.solve({0.08, -0.001}).foreseen.has_value());
 }
 
 TEST(Evidence, AWindowWithoutNeighboursIsLoneUntilItHasOne) {
@@ -94,9 +94,9 @@ TouchStatus at_line(const WindowEstimate& window, double line_y_m) {
   auto scene = std::make_shared<Scene>("s", tissue(0.12, kDepthM), versions());
   scene->publish(window, {});
   TouchOptions options;
-  options.line_y_m = line_y_m;
+  options.layer_depth_m = line_y_m;
   TouchSession session(scene, options, nullptr);
-  return session.solve(0.06, session.line_y_m() + 0.002).status;
+  return session.solve({0.06, session.layer().depth_m + 0.002}).status;
 }
 
 TEST(Evidence, TissueNotMeasuredUnderTheTouchedLineCounts) {

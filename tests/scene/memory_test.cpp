@@ -186,11 +186,11 @@ TEST(SceneMemory, ATouchWithoutRoomFailsWithTheSizesAndOthersGoOn) {
                                        MemoryAccount{budget, "anna", "s"});
   TouchOptions by_pcg;
   by_pcg.path = SolvePath::kPcg;
-  const TouchAnswer refused = TouchSession(scene, by_pcg, Device::open()).solve(0.05, 0.003);
+  const TouchAnswer refused = TouchSession(scene, by_pcg, Device::open()).solve({0.05, 0.003});
   EXPECT_EQ(refused.status, TouchStatus::kFailed);
   EXPECT_NE(refused.warning.find("bytes for"), std::string::npos) << refused.warning;
   EXPECT_EQ(refused.contact.force_n[1], 0);
-  EXPECT_EQ(TouchSession(scene, {}, nullptr).solve(0.05, 0.003).status, TouchStatus::kOk);
+  EXPECT_EQ(TouchSession(scene, {}, nullptr).solve({0.05, 0.003}).status, TouchStatus::kOk);
 }
 
 }  // namespace

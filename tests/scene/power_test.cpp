@@ -194,7 +194,7 @@ TEST_F(TroubledDisk, AFullOneStopsKeepingNotPublishingAndIsSaid) {
     const Published unkept = publish(scenes, 0.06);
     EXPECT_TRUE(says_so(unkept));
     TouchSession session(scenes.find("a"), {}, nullptr);
-    EXPECT_EQ(session.solve(0.075, 0.001).status, TouchStatus::kOk);
+    EXPECT_EQ(session.solve({0.075, 0.001}).status, TouchStatus::kOk);
     try {
       scenes.create("b", tissue(0.09, 0.02), std::nullopt);
       ADD_FAILURE() << "acknowledged, and it would not survive";

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "service/scene/errors.h"
+#include "service/scene/strip.h"
 #include "service/scene/touch_session.h"
 #include "tests/scene/windows.h"
 
@@ -33,11 +34,11 @@ TEST_F(SceneWithWindows, EachPublicationIsTheNextVersion) {
 TEST_F(SceneWithWindows, PublishedSnapshotNeverChanges) {
   publish(0);
   const auto before = scene.snapshot();
-  const double modulus_pa = before->windows[0]->model->material().youngs_modulus_pa[0];
+  const double modulus_pa = tissue_of(*before->windows[0]).material().youngs_modulus_pa[0];
   publish(0, 40e3);
   EXPECT_EQ(before->windows.size(), 1U);
-  EXPECT_EQ(before->windows[0]->model->material().youngs_modulus_pa[0], modulus_pa);
-  EXPECT_NEAR(scene.snapshot()->windows[0]->model->material().youngs_modulus_pa[0], 40e3, 1);
+  EXPECT_EQ(tissue_of(*before->windows[0]).material().youngs_modulus_pa[0], modulus_pa);
+  EXPECT_NEAR(tissue_of(*scene.snapshot()->windows[0]).material().youngs_modulus_pa[0], 40e3, 1);
 }
 
 TEST_F(SceneWithWindows, FingerKeepsItsWindowForTwoMillimetres) {
@@ -64,18 +65,18 @@ TEST_F(SceneWithWindows, NothingIsCoveredBesideTheWindows) {
 TEST_F(SceneWithWindows, AdjoiningWindowsAreOneCoveredRange) {
   publish(0.03), publish(0), publish(0.09);
   const auto snapshot = scene.snapshot();
-  EXPECT_NEAR(snapshot->covered_around(0.01).begin_m, 0, 1e-9);
-  EXPECT_NEAR(snapshot->covered_around(0.01).end_m, 0.06, 1e-9);
-  EXPECT_NEAR(snapshot->covered_around(0.1).begin_m, 0.09, 1e-9);
-  EXPECT_EQ(snapshot->covered_around(0.07).begin_m, snapshot->covered_around(0.07).end_m);
+  EXPECT_NEAR(snapshot->covered_around(0.01).begin_x_m, 0, 1e-9);
+  EXPECT_NEAR(snapshot->covered_around(0.01).end_x_m, 0.06, 1e-9);
+  EXPECT_NEAR(snapshot->covered_around(0.1).begin_x_m, 0.09, 1e-9);
+  EXPECT_EQ(snapshot->covered_around(0.07).begin_x_m, snapshot->covered_around(0.07).end_x_m);
   publish(0.06);
-  EXPECT_NEAR(scene.snapshot()->covered_around(0.01).end_m, 0.12, 1e-9);
+  EXPECT_NEAR(scene.snapshot()->covered_around(0.01).end_x_m, 0.12, 1e-9);
 }
 
 TEST_F(SceneWithWindows, AGapOfMillimetresIsNotCovered) {
   publish(0), publish(0.035);
-  EXPECT_NEAR(scene.snapshot()->covered_around(0.01).end_m, 0.03, 1e-9);
-  EXPECT_NEAR(scene.snapshot()->covered_around(0.04).begin_m, 0.035, 1e-9);
+  EXPECT_NEAR(scene.snapshot()->covered_around(0.01).end_x_m, 0.03, 1e-9);
+  EXPECT_NEAR(scene.snapshot()->covered_around(0.04).begin_x_m, 0.035, 1e-9);
 }
 
 TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
@@ -89,7 +90,7 @@ TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
   EXPECT_GT(fresh->windows[0]->version, stale->windows[0]->version);
   EXPECT_EQ(fresh->version, fresh->windows[0]->version);
   const auto modulus_at = [](const SceneSnapshot& s, double x_m) {
-    const TissueModel& model = *s.windows[0]->model;
+    const TissueModel& model = tissue_of(*s.windows[0]);
     std::size_t i = 0;
     while (model.grid().x_m[i + 1] < x_m) ++i;
     return model.material().youngs_modulus_pa[i];
@@ -104,7 +105,7 @@ TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
 // neighbours when they get its context.
 TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
   constexpr std::size_t kLine = 7;
-  scene.use_line(kLine);
+  scene.use_layer(scene.layer_near(0.001 * kLine));
   for (const double begin_m : {0.0, 0.03, 0.06, 0.03, 0.015, 0.06, 0.06}) {
     scene.publish(
         window_of(inclusion(10e3, 3 + 100 * begin_m, begin_m + 0.012, 0.008, 0.006), begin_m, 0.03, kDepthM),
@@ -113,14 +114,15 @@ TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
     }
     const auto snapshot = scene.snapshot();
     for (const auto& window : snapshot->windows) {
-      const auto anew = build_strip(scene.geometry(), *snapshot->map, window->begin_m, window->end_m);
+      const auto anew =
+          build_strip(scene.geometry(), *snapshot->map, window->region.begin_x_m, window->region.end_x_m);
       std::vector<std::size_t> nodes;
       for (std::size_t i = anew->touchable_columns().first; i <= anew->touchable_columns().last; ++i)
         nodes.push_back(i);
       for (const std::size_t line : {std::size_t{0}, kLine})
-        EXPECT_EQ(window->model->condensed(line)->among(nodes, nullptr),
+        EXPECT_EQ(tissue_of(*window).condensed(line)->among(nodes, nullptr),
                   anew->condensed(line)->among(nodes, nullptr))
-            << "window at " << window->begin_m << " m, line " << line;
+            << "window at " << window->region.begin_x_m << " m, line " << line;
     }
   }
 }
@@ -136,8 +138,8 @@ TEST_F(SceneWithWindows, PassesOfAProbeThatIsNotPreciseDoNotPileUp) {
     for (int k = 0; k < 3; ++k) publish(0.03 * k + 0.0017 * ((5 * pass + k) % 7));
   const auto snapshot = scene.snapshot();
   EXPECT_LE(snapshot->windows.size(), 8U);
-  EXPECT_NEAR(snapshot->covered_around(0.05).begin_m, 0, 0.002);  // nothing that was covered is lost
-  EXPECT_NEAR(snapshot->covered_around(0.05).end_m, 0.1, 0.002);
+  EXPECT_NEAR(snapshot->covered_around(0.05).begin_x_m, 0, 0.002);  // nothing that was covered is lost
+  EXPECT_NEAR(snapshot->covered_around(0.05).end_x_m, 0.1, 0.002);
 }
 
 TEST_F(SceneWithWindows, CancelledPublicationChangesNothing) {
@@ -155,10 +157,10 @@ TEST_F(SceneWithWindows, WindowOutsideTheTissueIsRefused) {
 }
 
 TEST_F(SceneWithWindows, LineThatIsHeldCannotBeTouched) {
-  EXPECT_EQ(scene.line_near(0.0004), 0U);
-  EXPECT_THROW(scene.line_near(kDepthM), std::invalid_argument);
-  EXPECT_THROW(scene.line_near(-0.01), std::invalid_argument);
-  EXPECT_THROW(scene.line_near(std::nan("")), std::invalid_argument);
+  EXPECT_EQ(scene.layer_near(0.0004), Layer{});
+  EXPECT_THROW(scene.layer_near(kDepthM), std::invalid_argument);
+  EXPECT_THROW(scene.layer_near(-0.01), std::invalid_argument);
+  EXPECT_THROW(scene.layer_near(std::nan("")), std::invalid_argument);
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ class StateOnDisk : public testing::Test {
   }
   static double force_n(Scenes& scenes, const std::string& id, double x_m) {
     TouchSession session(scenes.find(id), {}, nullptr);
-    return session.solve(x_m, 0.003).contact.force_n[1];
+    return session.solve({x_m, 0.003}).contact.force_n[1];
   }
   fs::path directory;
 };

@@ -33,10 +33,10 @@ double largest_jump(const std::shared_ptr<Scene>& scene, double indentation_m) {
   for (double border_m = kWindowM; border_m < kWidthM - 1e-9; border_m += kWindowM)
     for (const double off_m : {-0.0019, -0.001, 0.0, 0.001, 0.0019}) {
       TouchSession from_left(scene, {}, nullptr), from_right(scene, {}, nullptr);
-      from_left.solve(border_m - 0.003, indentation_m);
-      from_right.solve(border_m + 0.003, indentation_m);
-      const TouchAnswer left = from_left.solve(border_m + off_m, indentation_m);
-      const TouchAnswer right = from_right.solve(border_m + off_m, indentation_m);
+      from_left.solve({border_m - 0.003, indentation_m});
+      from_right.solve({border_m + 0.003, indentation_m});
+      const TouchAnswer left = from_left.solve({border_m + off_m, indentation_m});
+      const TouchAnswer right = from_right.solve({border_m + off_m, indentation_m});
       EXPECT_NE(left.window_id, right.window_id);
       EXPECT_LT(left.contact.force_n[1], -0.05);
       const double jump = std::hypot(left.contact.force_n[0] - right.contact.force_n[0],
@@ -79,14 +79,14 @@ class Session : public testing::Test {
 
 TEST_F(Session, AnswersWithTheForceOfItsPose) {
   TouchSession session(scene, {}, nullptr);
-  const TouchAnswer answer = session.solve(0.06, 0.003);
+  const TouchAnswer answer = session.solve({0.06, 0.003});
   EXPECT_EQ(answer.status, TouchStatus::kOk);
   EXPECT_EQ(answer.path, SolvePath::kCompliance);
   EXPECT_EQ(answer.window_id, 1U);
   EXPECT_EQ(answer.model_version, scene->snapshot()->version);
   EXPECT_LT(answer.contact.force_n[1], 0);
   EXPECT_FALSE(answer.contact.pressure.empty());
-  const TouchAnswer off = session.solve(0.06, -0.001);
+  const TouchAnswer off = session.solve({0.06, -0.001});
   EXPECT_EQ(off.status, TouchStatus::kOk);
   EXPECT_EQ(off.path, SolvePath::kAuto);
   EXPECT_EQ(off.contact.force_n[1], 0);
@@ -95,23 +95,22 @@ TEST_F(Session, AnswersWithTheForceOfItsPose) {
 TEST_F(Session, OutOfContactItTellsTheLightTouchThatWaitsBelow) {
   TouchSession session(scene, {}, nullptr);
   for (const double x_m : {0.03, 0.0301, 0.06, 0.0899}) {
-    const TouchAnswer above = session.solve(x_m, -0.002);
+    const TouchAnswer above = session.solve({x_m, -0.002});
     ASSERT_TRUE(above.foreseen.has_value()) << x_m;
-    EXPECT_EQ(above.foreseen->x_m, x_m);
-    EXPECT_EQ(above.foreseen->y_m, TouchSession::kForeseenM);
-    const TouchAnswer there = session.solve(x_m, TouchSession::kForeseenM);
+    EXPECT_EQ(above.foreseen->position_m, (Vector3{x_m, kLightTouchM, 0}));
+    const TouchAnswer there = session.solve({x_m, kLightTouchM});
     EXPECT_LT(there.contact.force_n[1], -0.01);
     EXPECT_EQ(above.foreseen->contact.force_n, there.contact.force_n);
     EXPECT_EQ(above.foreseen->contact.tangent_n_m, there.contact.tangent_n_m);
     EXPECT_FALSE(there.foreseen.has_value());  // in contact the answer itself says it
   }
-  EXPECT_FALSE(session.solve(0.01, -0.002).foreseen.has_value());  // not covered
+  EXPECT_FALSE(session.solve({0.01, -0.002}).foreseen.has_value());  // not covered
 }
 
 TEST_F(Session, PoseThatNoWindowCoversHasNoForce) {
   TouchSession session(scene, {}, nullptr);
   for (const double x_m : {0.0, 0.0299, 0.0901, 0.12}) {
-    const TouchAnswer answer = session.solve(x_m, 0.003);
+    const TouchAnswer answer = session.solve({x_m, 0.003});
     EXPECT_EQ(answer.status, TouchStatus::kNotCovered);
     EXPECT_EQ(answer.contact.force_n[1], 0);
     EXPECT_EQ(answer.window_id, 0U);
@@ -121,7 +120,7 @@ TEST_F(Session, PoseThatNoWindowCoversHasNoForce) {
 TEST_F(Session, WholeWindowCanBeTouched) {
   TouchSession session(scene, {}, nullptr);
   for (const double x_m : {0.03, 0.0301, 0.05, 0.0899})
-    EXPECT_EQ(session.solve(x_m, 0.003).status, TouchStatus::kOk) << x_m;
+    EXPECT_EQ(session.solve({x_m, 0.003}).status, TouchStatus::kOk) << x_m;
 }
 
 TEST_F(Session, PosesThatMakeNoSenseAreNamed) {
@@ -129,20 +128,20 @@ TEST_F(Session, PosesThatMakeNoSenseAreNamed) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   for (const auto& [x_m, y_m] : {std::pair{nan, 0.001}, {0.06, nan}, {inf, 0.001}, {0.06, -inf}}) {
     try {
-      session.solve(x_m, y_m);
+      session.solve({x_m, y_m});
       ADD_FAILURE() << x_m << " " << y_m << " was accepted";
     } catch (const std::invalid_argument& error) {
       EXPECT_NE(std::string(error.what()).find("pose.position_m"), std::string::npos);
     }
   }
   for (const auto& [x_m, y_m] : {std::pair{-0.001, 0.001}, {0.121, 0.001}, {0.06, 0.03}, {0.06, 1.0}}) {
-    const TouchAnswer answer = session.solve(x_m, y_m);  // such a finger is only not on this tissue
+    const TouchAnswer answer = session.solve({x_m, y_m});  // such a finger is only not on this tissue
     EXPECT_EQ(answer.status, TouchStatus::kNotCovered) << x_m << " " << y_m;
     EXPECT_NE(answer.warning.find("pose.position_m"), std::string::npos) << answer.warning;
     EXPECT_EQ(answer.contact.force_n[1], 0);
     EXPECT_FALSE(answer.foreseen);
   }
-  EXPECT_EQ(session.solve(0.06, 0.001).status, TouchStatus::kOk);
+  EXPECT_EQ(session.solve({0.06, 0.001}).status, TouchStatus::kOk);
 }
 
 TEST_F(Session, TissueThatWasHardlyMeasuredIsNotTrusted) {
@@ -150,12 +149,12 @@ TEST_F(Session, TissueThatWasHardlyMeasuredIsNotTrusted) {
   for (std::size_t n = 0; n < w.valid.size(); ++n) w.valid[n] = n % w.grid.nx > 75;  // 64 mm and more
   scene->publish(w, {});
   TouchSession session(scene, {}, nullptr);
-  const TouchAnswer far = session.solve(0.045, 0.003);
+  const TouchAnswer far = session.solve({0.045, 0.003});
   EXPECT_EQ(far.status, TouchStatus::kDegraded);
   EXPECT_NE(far.warning, "");
   EXPECT_LT(far.contact.force_n[1], 0);
-  EXPECT_FALSE(session.solve(0.045, -0.001).foreseen.has_value());
-  EXPECT_EQ(session.solve(0.08, 0.003).status, TouchStatus::kOk);
+  EXPECT_FALSE(session.solve({0.045, -0.001}).foreseen.has_value());
+  EXPECT_EQ(session.solve({0.08, 0.003}).status, TouchStatus::kOk);
 }
 
 TEST_F(Session, TissueOfWhichAQuarterWasMeasuredIsNotTrusted) {
@@ -163,7 +162,7 @@ TEST_F(Session, TissueOfWhichAQuarterWasMeasuredIsNotTrusted) {
   for (std::size_t n = 0; n < w.valid.size(); ++n) w.valid[n] = n / w.grid.nx % 4 == 0;
   scene->publish(w, {});
   TouchSession session(scene, {}, nullptr);
-  const TouchAnswer touched = session.solve(0.06, 0.003);
+  const TouchAnswer touched = session.solve({0.06, 0.003});
   EXPECT_EQ(touched.status, TouchStatus::kDegraded);
   EXPECT_NE(touched.warning.find("of the tissue under the finger was measured"), std::string::npos)
       << touched.warning;
@@ -183,9 +182,9 @@ TEST_F(Session, FingertipsWiderThanTheStripsReachAreRefused) {
 
 TEST_F(Session, FollowsANewerModelAtTheSamePlace) {
   TouchSession session(scene, {}, nullptr);
-  const TouchAnswer soft = session.solve(0.06, 0.003);
+  const TouchAnswer soft = session.solve({0.06, 0.003});
   scene->publish(window_of(homogeneous(30e3), 0.03, 0.06, 0.03), {});
-  const TouchAnswer stiff = session.solve(0.06, 0.003);
+  const TouchAnswer stiff = session.solve({0.06, 0.003});
   EXPECT_GT(stiff.model_version, soft.model_version);
   EXPECT_NEAR(stiff.contact.force_n[1] / soft.contact.force_n[1], 3, 1e-3);
 }
@@ -195,12 +194,12 @@ TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
   TouchOptions options;
   options.path = SolvePath::kPcg;
   TouchSession by_pcg(scene, options, device), by_compliance(scene, {}, nullptr);
-  EXPECT_EQ(by_pcg.solve(0.06, -0.001).path, SolvePath::kAuto);  // compiles the kernels
+  EXPECT_EQ(by_pcg.solve({0.06, -0.001}).path, SolvePath::kAuto);  // compiles the kernels
   TouchAnswer first;
   double longest_s = 0;
   for (int k = 0; k < 200; ++k) {  // pressed at once: all columns of the contact are missing
     const auto begun = std::chrono::steady_clock::now();
-    first = by_pcg.solve(0.0603, 0.004);
+    first = by_pcg.solve({0.0603, 0.004});
     longest_s =
         std::max(longest_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
     if (first.status != TouchStatus::kFailed) break;
@@ -212,14 +211,14 @@ TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
   EXPECT_EQ(first.status, TouchStatus::kOk) << first.warning;
   EXPECT_EQ(first.path, SolvePath::kPcg);
   EXPECT_GE(first.contact.solve.iterations, 1U);
-  const double want = by_compliance.solve(0.0603, 0.004).contact.force_n[1];
+  const double want = by_compliance.solve({0.0603, 0.004}).contact.force_n[1];
   EXPECT_NEAR(first.contact.force_n[1], want, 1e-6 * std::abs(want));
   // Enough answers later, the widest contact is there.
-  for (int k = 0; k < 20; ++k) by_pcg.solve(0.0603, -0.001);
-  const auto line = scene->snapshot()->windows.front()->model->iterative(0, device);
+  for (int k = 0; k < 20; ++k) by_pcg.solve({0.0603, -0.001});
+  const auto line = tissue_of(*scene->snapshot()->windows.front()).iterative(0, device);
   EXPECT_TRUE(line->prepare(std::vector<std::size_t>{}, false, {}));
   std::vector<std::size_t> near;
-  const auto& x = scene->snapshot()->windows.front()->model->grid().x_m;
+  const auto& x = tissue_of(*scene->snapshot()->windows.front()).grid().x_m;
   for (std::size_t i = 0; i < x.size(); ++i)
     if (std::abs(x[i] - 0.0603) < TouchSession::kWidestReachM) near.push_back(i);
   EXPECT_TRUE(line->prepare(near, false, {}));  // without time for any step
@@ -228,10 +227,10 @@ TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
 
 TEST_F(Session, TouchesUnderTheSurface) {
   TouchOptions options;
-  options.line_y_m = 0.0104;
+  options.layer_depth_m = 0.0104;
   TouchSession session(scene, options, nullptr);
-  EXPECT_NEAR(session.line_y_m(), 0.010, 1e-3);
-  const TouchAnswer answer = session.solve(0.06, session.line_y_m() + 0.003);
+  EXPECT_NEAR(session.layer().depth_m, 0.010, 1e-3);
+  const TouchAnswer answer = session.solve({0.06, session.layer().depth_m + 0.003});
   EXPECT_EQ(answer.status, TouchStatus::kOk);
   EXPECT_LT(answer.contact.force_n[1], 0);
 }
@@ -242,13 +241,13 @@ TEST(ExplicitScene, KeepsItsGridAndIsTouchableAtOnce) {
   e.y_m = uniform_coordinates(0, 0.1, 10);
   e.youngs_modulus_pa.assign(500, 10e3);
   auto scene = std::make_shared<Scene>("s", tissue(0.1, 0.1), e, versions());
-  EXPECT_EQ(scene->snapshot()->windows[0]->model->grid().x_m, e.x_m);
+  EXPECT_EQ(tissue_of(*scene->snapshot()->windows[0]).grid().x_m, e.x_m);
   EXPECT_GT(scene->snapshot()->version, 0U);
   TouchOptions node;
   node.fingertip.shape = FingertipShape::kNode;
   TouchSession session(scene, node, nullptr);
-  EXPECT_EQ(session.solve(0.05, 0.002).status, TouchStatus::kOk);
-  EXPECT_NE(session.solve(0.1, 0.002).status, TouchStatus::kNotCovered);
+  EXPECT_EQ(session.solve({0.05, 0.002}).status, TouchStatus::kOk);
+  EXPECT_NE(session.solve({0.1, 0.002}).status, TouchStatus::kNotCovered);
   EXPECT_THROW(scene->publish(window_of(homogeneous(1e4), 0, 0.05, 0.1), {}), std::exception);
 }
 
@@ -259,7 +258,7 @@ std::string warning_at(double spacing_m, const TouchOptions& options, double x_m
   e.y_m = uniform_coordinates(0, 0.04, elements / 2);
   e.youngs_modulus_pa.assign(elements * (elements / 2), 10e3);
   auto scene = std::make_shared<Scene>("s", tissue(0.08, 0.04), e, versions());
-  const TouchAnswer answer = TouchSession(scene, options, nullptr).solve(x_m, y_m);
+  const TouchAnswer answer = TouchSession(scene, options, nullptr).solve({x_m, y_m});
   EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
   return answer.warning;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 
+#include "service/contact/plane_touch_model.h"
 #include "service/scene/scenes.h"
 
 namespace teletact::service {
@@ -54,6 +55,11 @@ inline SceneGeometry tissue(double width_m, double depth_m) {
   g.width_m = width_m;
   g.depth_m = depth_m;
   return g;
+}
+
+// What a window of a plane scene is made of.
+inline const TissueModel& tissue_of(const WindowModel& window) {
+  return dynamic_cast<const PlaneTouchModel&>(*window.model).tissue();
 }
 
 inline std::shared_ptr<VersionCounter> versions() {

@@ -6,6 +6,7 @@
 #include "client/patient/rf.h"
 #include "client/render/renderers.h"
 #include "client/servo/servo_loop.h"
+#include "service/contact/contact.h"
 #include "service/imaging/estimate.h"
 #include "service/scene/touch_session.h"
 #include "tests/scene/windows.h"
@@ -152,13 +153,21 @@ service::ExplicitModulus explicit_of(const TissueCase& c) {
   return e;
 }
 
+// What is recorded of a plane scene.
+std::vector<double> plane_force(const service::ContactAnswer& c) {
+  return {c.force_n[0], c.force_n[1]};
+}
+std::vector<double> plane_tangent(const service::ContactAnswer& c) {
+  return {c.tangent_n_m[0], c.tangent_n_m[1], c.tangent_n_m[3], c.tangent_n_m[4]};
+}
+
 Answer contact_of(const service::ContactAnswer& c) {
   double pressure = 0, moment = 0, traction = 0;
   for (const service::NodalPressure& p : c.pressure)
-    pressure += p.pressure_pa, moment += p.pressure_pa * p.x_m, traction += p.traction_pa;
+    pressure += p.pressure_pa, moment += p.pressure_pa * p.position_m[0], traction += p.traction_pa[0];
   return {{"contact", {static_cast<double>(c.state), static_cast<double>(c.pressure.size())}, true},
-          {"force", numbers(c.force_n)},
-          {"tangent", numbers(c.tangent_n_m)},
+          {"force", plane_force(c)},
+          {"tangent", plane_tangent(c)},
           {"energy", {c.energy_j}},
           {"strain", {c.largest_strain}},
           {"pressure", {pressure}},
@@ -190,7 +199,7 @@ Touching::Touching(const TissueCase& c, const Finger& f)
 Touching::~Touching() = default;
 
 double Touching::line_m() const {
-  return product_->session->line_y_m();
+  return product_->session->layer().depth_m;
 }
 
 void Touching::publish(double window_m, const Modulus& modulus_pa) {
@@ -201,22 +210,22 @@ void Touching::publish(double window_m, const Modulus& modulus_pa) {
 }
 
 Answer Touching::touch(double x_m, double y_m) {
-  const service::TouchAnswer a = product_->session->solve(x_m, y_m);
+  const service::TouchAnswer a = product_->session->solve({x_m, y_m});
   Answer answer = contact_of(a.contact);
   answer.push_back({"status",
                     {static_cast<double>(a.status), static_cast<double>(a.path),
                      static_cast<double>(a.window_id), static_cast<double>(a.model_version)},
                     true});
-  answer.push_back({"covered", {a.covered.begin_m, a.covered.end_m}});
-  const service::ForeseenTouch foreseen = a.foreseen.value_or(service::ForeseenTouch{kNone, kNone, {}});
-  answer.push_back({"foreseen_at", {foreseen.x_m, foreseen.y_m}});
-  answer.push_back({"foreseen_force", numbers(foreseen.contact.force_n)});
-  answer.push_back({"foreseen_tangent", numbers(foreseen.contact.tangent_n_m)});
+  answer.push_back({"covered", {a.covered.begin_x_m, a.covered.end_x_m}});
+  const service::ForeseenTouch foreseen = a.foreseen.value_or(service::ForeseenTouch{{kNone, kNone, 0}, {}});
+  answer.push_back({"foreseen_at", {foreseen.position_m[0], foreseen.position_m[1]}});
+  answer.push_back({"foreseen_force", plane_force(foreseen.contact)});
+  answer.push_back({"foreseen_tangent", plane_tangent(foreseen.contact)});
   return answer;
 }
 
 Answer Touching::touch_iteratively(double x_m, double indentation_m) {
-  const service::TissueModel& model = *product_->scene->snapshot()->windows.front()->model;
+  const service::TissueModel& model = service::tissue_of(*product_->scene->snapshot()->windows.front());
   constexpr std::size_t kSurface = 0;
   return contact_of(service::solve_contact(model, kSurface, *model.iterative(kSurface, device()),
                                            product_->tip, {x_m, indentation_m}));

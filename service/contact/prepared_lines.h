@@ -4,7 +4,6 @@
 
 #include <chrono>
 #include <exception>
-#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -12,13 +11,10 @@
 #include <string>
 #include <utility>
 
+#include "service/contact/touch_model.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
-
-// Has jobs done that a touch asks for and must not wait for, some time, on another thread, where clients take
-// turns. Empty: nobody does; lines are then made in place.
-using TouchWork = std::function<void(const std::string& client, std::function<void()>)>;
 
 // Thread-safe.
 class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
@@ -29,9 +25,9 @@ class PreparedLines : public std::enable_shared_from_this<PreparedLines> {
   explicit PreparedLines(std::shared_ptr<const TissueModel> model) : model_(std::move(model)) {}
 
   // The compliance of `line`, by PCG on `device` or, where that is null, condensed. Null while it is being
-  // made, which this asks `run` for, in the client's turn. Throws what making it throws, here or elsewhere.
+  // made, which this asks `work` for, in the client's turn. Throws what making it throws, here or elsewhere.
   std::shared_ptr<Compliance> get(std::size_t line, const std::shared_ptr<Device>& device,
-                                  const TouchWork& run, const std::string& client = {});
+                                  const TouchWork& work, const std::string& client);
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -1,4 +1,4 @@
-#include "service/scene/prepared_lines.h"
+#include "service/contact/prepared_lines.h"
 
 #include <spdlog/spdlog.h>
 
@@ -7,11 +7,11 @@
 namespace teletact::service {
 
 std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shared_ptr<Device>& device,
-                                               const TouchWork& run, const std::string& client) {
+                                               const TouchWork& work, const std::string& client) {
   if (!device)
     if (auto made = model_->made(line)) return made;
   const Key key{line, device};
-  if (!run) return make(key);
+  if (!work) return make(key);
   {
     const std::lock_guard lock(mutex_);
     Line& state = lines_[key];
@@ -20,7 +20,7 @@ std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shar
     if (state.asked.empty() && state.error && Clock::now() < state.retry) std::rethrow_exception(state.error);
     state.asked.insert(client);
   }
-  run(client, [self = shared_from_this(), key] { self->make_for_others(key); });
+  work(client, [self = shared_from_this(), key] { self->make_for_others(key); });
   return nullptr;
 }
 

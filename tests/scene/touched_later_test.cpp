@@ -1,6 +1,4 @@
-// What a touch asks for and must not wait for: lines made elsewhere.
-#include "service/scene/prepared_lines.h"
-
+// What a touch asks for and must not wait for: layers made ready elsewhere.
 #include <gtest/gtest.h>
 
 #include <deque>
@@ -37,7 +35,7 @@ class TouchedLater : public testing::Test {
   }
   static TouchOptions inside() {
     TouchOptions options;
-    options.line_y_m = 0.010;
+    options.layer_depth_m = 0.010;
     return options;
   }
   static void expect_preparing(const TouchAnswer& answer) {
@@ -55,55 +53,55 @@ class TouchedLater : public testing::Test {
 TEST_F(TouchedLater, AnInteriorLineIsNeverMadeByTheTouch) {
   TouchSession session(scene, inside(), nullptr);
   EXPECT_TRUE(preparing.empty());  // opening asks for nothing yet: where the finger is, is not known
-  for (int k = 0; k < 3; ++k) expect_preparing(session.solve(0.045, 0.012));
+  for (int k = 0; k < 3; ++k) expect_preparing(session.solve({0.045, 0.012}));
   EXPECT_EQ(preparing.size(), 1U) << "asked for once";
-  EXPECT_FALSE(scene->snapshot()->windows[0]->model->made(scene->line_near(0.010)));
+  EXPECT_FALSE(tissue_of(*scene->snapshot()->windows[0]).made(10));
   do_all(preparing);
-  const TouchAnswer answer = session.solve(0.045, 0.012);
+  const TouchAnswer answer = session.solve({0.045, 0.012});
   EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
   EXPECT_LT(answer.contact.force_n[1], 0);
   EXPECT_EQ(preparing.size(), 1U) << "the window that the finger may enter next";
   do_all(preparing);
-  EXPECT_EQ(session.solve(0.075, 0.012).status, TouchStatus::kOk);
+  EXPECT_EQ(session.solve({0.075, 0.012}).status, TouchStatus::kOk);
 }
 
 TEST_F(TouchedLater, ALineThatTwoClientsWaitForIsMadeOnceAndInTheTurnOfEither) {
   TouchOptions annas = inside(), bertas = inside();
   annas.client = "anna", bertas.client = "berta";
   TouchSession anna(scene, annas, nullptr), berta(scene, bertas, nullptr);
-  for (int k = 0; k < 3; ++k) expect_preparing(anna.solve(0.045, 0.012));
-  for (int k = 0; k < 3; ++k) expect_preparing(berta.solve(0.045, 0.012));
+  for (int k = 0; k < 3; ++k) expect_preparing(anna.solve({0.045, 0.012}));
+  for (int k = 0; k < 3; ++k) expect_preparing(berta.solve({0.045, 0.012}));
   ASSERT_EQ(preparing.size(), 2U);
   preparing.back()();  // of berta
-  const auto made = scene->snapshot()->windows[0]->model->made(scene->line_near(0.010));
+  const auto made = tissue_of(*scene->snapshot()->windows[0]).made(10);
   EXPECT_NE(made, nullptr);
   preparing.front()();
   preparing.clear();
-  EXPECT_EQ(scene->snapshot()->windows[0]->model->made(scene->line_near(0.010)), made);
+  EXPECT_EQ(tissue_of(*scene->snapshot()->windows[0]).made(10), made);
   for (TouchSession* session : {&anna, &berta})
-    EXPECT_EQ(session->solve(0.045, 0.012).status, TouchStatus::kOk);
+    EXPECT_EQ(session->solve({0.045, 0.012}).status, TouchStatus::kOk);
 }
 
 TEST_F(TouchedLater, AnotherWindowThatIsNotReadyIsSaidAndHasNoForce) {
   TouchSession session(scene, inside(), nullptr);
-  session.solve(0.045, 0.012);
+  session.solve({0.045, 0.012});
   do_all(preparing);
-  EXPECT_EQ(session.solve(0.045, 0.012).status, TouchStatus::kOk);
-  expect_preparing(session.solve(0.075, 0.012));  // before its job was done
+  EXPECT_EQ(session.solve({0.045, 0.012}).status, TouchStatus::kOk);
+  expect_preparing(session.solve({0.075, 0.012}));  // before its job was done
   do_all(preparing);
-  EXPECT_EQ(session.solve(0.075, 0.012).status, TouchStatus::kOk);
+  EXPECT_EQ(session.solve({0.075, 0.012}).status, TouchStatus::kOk);
 }
 
 TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLinesInUse) {
   TouchSession surface(scene, {}, nullptr);
-  EXPECT_EQ(surface.solve(0.045, 0.002).status, TouchStatus::kOk);
+  EXPECT_EQ(surface.solve({0.045, 0.002}).status, TouchStatus::kOk);
   EXPECT_TRUE(preparing.empty());
   TouchSession session(scene, inside(), nullptr);
-  session.solve(0.045, 0.012);
+  session.solve({0.045, 0.012});
   do_all(preparing);
-  const TouchAnswer before = session.solve(0.045, 0.012);
+  const TouchAnswer before = session.solve({0.045, 0.012});
   publish(0.03, 20e3);
-  const TouchAnswer after = session.solve(0.045, 0.012);
+  const TouchAnswer after = session.solve({0.045, 0.012});
   EXPECT_EQ(after.status, TouchStatus::kOk);
   EXPECT_GT(after.model_version, before.model_version);
 }
@@ -112,26 +110,26 @@ TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
   TouchOptions options;
   options.path = SolvePath::kPcg;
   TouchSession session(scene, options, Device::open());
-  expect_preparing(session.solve(0.045, -0.001));
+  expect_preparing(session.solve({0.045, -0.001}));
   do_all(preparing);
-  const TouchAnswer before = session.solve(0.045, -0.001);
+  const TouchAnswer before = session.solve({0.045, -0.001});
   EXPECT_EQ(before.status, TouchStatus::kOk);
   publish(0.03, 20e3);
-  const TouchAnswer meanwhile = session.solve(0.045, -0.001);
+  const TouchAnswer meanwhile = session.solve({0.045, -0.001});
   EXPECT_EQ(meanwhile.status, TouchStatus::kOk);
   EXPECT_EQ(meanwhile.model_version, before.model_version);
   do_all(preparing);
-  EXPECT_GT(session.solve(0.045, -0.001).model_version, before.model_version);
+  EXPECT_GT(session.solve({0.045, -0.001}).model_version, before.model_version);
 }
 
 TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALineIsMadeIsSaid) {
   TouchOptions options;
   options.path = SolvePath::kPcg;
   TouchSession session(scene, options, Device::open());
-  expect_preparing(session.solve(0.045, 0.002));
+  expect_preparing(session.solve({0.045, 0.002}));
   fail_launches(true);
   do_all(preparing);
-  const TouchAnswer answer = session.solve(0.045, 0.002);
+  const TouchAnswer answer = session.solve({0.045, 0.002});
   fail_launches(false);
   EXPECT_EQ(answer.status, TouchStatus::kFailed);
   EXPECT_TRUE(answer.device_failed) << answer.warning;

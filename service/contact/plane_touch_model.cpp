@@ -1,0 +1,123 @@
+#include "service/contact/plane_touch_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "service/contact/contact.h"
+#include "service/contact/fingertip.h"
+
+namespace teletact::service {
+namespace {
+
+// Half of the width that a contact asks for.
+double touched_m(const Fingertip& tip, double indentation_m) {
+  if (tip.shape == FingertipShape::kNode) return 3 * tip.footprint_m;
+  return reach_m(tip, indentation_m, ContactOptions{}.candidate_margin * indentation_m);
+}
+
+class PlaneLayer final : public TouchedLayer {
+ public:
+  PlaneLayer(std::shared_ptr<const TissueModel> tissue, std::size_t line,
+             std::shared_ptr<Compliance> compliance, SolvePath path)
+      : tissue_(std::move(tissue)), line_(line), compliance_(std::move(compliance)), path_(path) {}
+
+  SolvePath path() const override { return path_; }
+
+  bool prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
+               Clock::time_point until) override {
+    if (path_ != SolvePath::kPcg) return true;
+    const ContactPose at = in_plane(pose);
+    const double reach = std::max(around_m, touched_m(tip, std::max(0.0, at.indentation_m)));
+    const std::vector<double>& columns_m = tissue_->grid().x_m;
+    const ColumnRange touchable = tissue_->touchable_columns();
+    std::vector<std::size_t> nodes;
+    for (std::size_t i = touchable.first; i <= touchable.last; ++i)
+      if (std::abs(columns_m[i] - at.x_m) <= reach) nodes.push_back(i);
+    std::sort(nodes.begin(), nodes.end(), [&](std::size_t a, std::size_t b) {
+      return std::abs(columns_m[a] - at.x_m) < std::abs(columns_m[b] - at.x_m);
+    });
+    return compliance_->prepare(nodes, tip.friction == Friction::kStuck, until);
+  }
+
+  ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
+    return solve_contact(*tissue_, line_, *compliance_, tip, in_plane(pose));
+  }
+
+  // What is wrong with the mesh under a pressed tip. One that only begins to touch is judged as pressed
+  // lightly: it overlaps few nodes of any mesh.
+  std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
+    const ContactPose at = in_plane(pose);
+    if (tip.shape == FingertipShape::kNode || at.indentation_m <= 0) return "";
+    const std::vector<double>& columns_m = tissue_->grid().x_m;
+    const double reach = reach_m(tip, std::max(at.indentation_m, kLightTouchM), 0);
+    double widest_m = 0;
+    for (std::size_t i = 0; i + 1 < columns_m.size(); ++i)
+      if (columns_m[i + 1] > at.x_m - reach && columns_m[i] < at.x_m + reach)
+        widest_m = std::max(widest_m, columns_m[i + 1] - columns_m[i]);
+    const double curved = tip.shape == FingertipShape::kFlatPunch ? reach - tip.half_width_m : reach;
+    if (curved >= PlaneTouchModel::kLeastSpacings * widest_m) return "";
+    return fmt::format(
+        "the mesh is too coarse for this tip: nodes {:.2g} mm apart where its curved part spans {:.2g} mm a "
+        "side; the force depends on where it stands between them, use a finer grid or a wider tip",
+        1e3 * widest_m, 1e3 * curved);
+  }
+
+ private:
+  static ContactPose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
+
+  const std::shared_ptr<const TissueModel> tissue_;
+  const std::size_t line_;
+  const std::shared_ptr<Compliance> compliance_;
+  const SolvePath path_;
+};
+
+}  // namespace
+
+PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue)
+    : tissue_(std::move(tissue)), lines_(std::make_shared<PreparedLines>(tissue_)) {}
+
+Region PlaneTouchModel::region() const {
+  const TissueModelOptions& o = tissue_->options();
+  const std::vector<double>& x_m = tissue_->grid().x_m;
+  const bool all = o.touch_begin_m == 0 && o.touch_end_m == 0;
+  // The last column belongs to it.
+  return {all ? x_m.front() : o.touch_begin_m, std::nextafter(all ? x_m.back() : o.touch_end_m, HUGE_VAL)};
+}
+
+std::vector<Layer> PlaneTouchModel::layers() const {
+  return free_layers(tissue_->grid().y_m, tissue_->supports());
+}
+
+TouchCost PlaneTouchModel::cost() const {
+  return {tissue_->line_bytes(), tissue_->line_operations()};
+}
+
+std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const TouchWay& way,
+                                                     const TouchWork& work) const {
+  const std::vector<double>& y_m = tissue_->grid().y_m;
+  const auto at = std::find(y_m.begin(), y_m.end(), layer.depth_m);
+  if (at == y_m.end() || layer.pushes != Layer{}.pushes)
+    throw std::out_of_range(fmt::format("layer {} m deep: no line of nodes", layer.depth_m));
+  const auto line = static_cast<std::size_t>(at - y_m.begin());
+  const bool by_pcg = way.path == SolvePath::kPcg;
+  auto compliance = lines_->get(line, by_pcg ? way.device : nullptr, work, way.client);
+  if (!compliance) return nullptr;
+  return std::make_shared<PlaneLayer>(tissue_, line, std::move(compliance),
+                                      by_pcg ? SolvePath::kPcg : SolvePath::kCompliance);
+}
+
+std::vector<Layer> free_layers(const std::vector<double>& y_m, const Supports& supports) {
+  std::vector<Layer> layers;
+  for (std::size_t j = 0; j < y_m.size(); ++j) {
+    const bool held = (j == 0 && supports.top == EdgeSupport::kFixed) ||
+                      (j + 1 == y_m.size() && supports.bottom == EdgeSupport::kFixed);
+    if (!held) layers.push_back({y_m[j]});
+  }
+  return layers;
+}
+
+}  // namespace teletact::service

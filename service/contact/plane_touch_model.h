@@ -1,0 +1,37 @@
+// The plane-strain model (T4) as what is touched: its lines of nodes are the layers, on each the contact of a
+// fingertip is solved over the line's compliance. Force and tangent along z are zero.
+#pragma once
+
+#include <memory>
+
+#include "service/contact/prepared_lines.h"
+#include "service/contact/touch_model.h"
+#include "service/tissue/tissue_model.h"
+
+namespace teletact::service {
+
+class PlaneTouchModel final : public TouchModel {
+ public:
+  // What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
+  // depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
+  static constexpr double kLeastSpacings = 1.5;
+
+  explicit PlaneTouchModel(std::shared_ptr<const TissueModel>);
+  const char* name() const override { return "plane-strain"; }
+  Region region() const override;
+  std::vector<Layer> layers() const override;
+  TouchCost cost() const override;
+  // kCompliance: condensed; kPcg: by conjugate gradients on the way's device. kAuto: condensed.
+  std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork&) const override;
+
+  const TissueModel& tissue() const { return *tissue_; }
+
+ private:
+  const std::shared_ptr<const TissueModel> tissue_;
+  const std::shared_ptr<PreparedLines> lines_;
+};
+
+// The lines that no support holds, of those at `y_m`.
+std::vector<Layer> free_layers(const std::vector<double>& y_m, const Supports&);
+
+}  // namespace teletact::service

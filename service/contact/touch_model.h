@@ -1,0 +1,136 @@
+// The seam where models of tissue meet touch: what of a model can be touched, and how it answers. Whoever
+// touches knows no more of a model than this.
+//
+// Coordinates are the scene's, [x, y, z] in metres: x along the surface, y into the tissue, z across. All
+// types are three-dimensional; that a plane model gives no force along z is the model's own saying.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <compare>
+#include <cstddef>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "service/tissue/compliance.h"
+
+namespace teletact::service {
+
+class Device;
+
+using Vector3 = std::array<double, 3>;
+using Matrix3 = std::array<double, 9>;  // row-major
+
+enum class FingertipShape { kNode, kFlatPunch, kRoundedTip };
+enum class Friction { kFrictionless, kStuck };
+
+struct Fingertip {
+  FingertipShape shape = FingertipShape::kRoundedTip;
+  Friction friction = Friction::kFrictionless;
+  double radius_m = 0.008;      // rounded tip: radius of curvature; flat punch: radius of its edges
+  double half_width_m = 0.004;  // flat punch only: half of the flat part
+  double footprint_m = 0;       // node only: standard deviation of a Gaussian footprint, 0 = the hat function
+};
+
+// What is covered, [begin, end) both ways; a plane covers every z.
+struct Region {
+  double begin_x_m = 0, end_x_m = 0;
+  double begin_z_m = -std::numeric_limits<double>::infinity(),
+         end_z_m = std::numeric_limits<double>::infinity();
+};
+
+// A plane of points in the undeformed tissue that a tip is pressed on: the surface, or one inside.
+struct Layer {
+  double depth_m = 0;       // of its point below the scene's origin
+  Vector3 pushes{0, 1, 0};  // unit vector across it, the way a tip is pressed
+  auto operator<=>(const Layer&) const = default;
+};
+
+// Of a tip's foremost point, measured from the layer's point below the origin: [x, y - depth_m, z].
+struct TouchPose {
+  Vector3 position_m{};
+};
+// How deep it is beyond the undeformed layer; negative: not touching.
+double indentation_m(const Layer&, const TouchPose&);
+// The pose above or below the same point of the layer that is `indentation_m` deep.
+TouchPose at_indentation(const Layer&, const TouchPose&, double indentation_m);
+
+struct NodalPressure {
+  Vector3 position_m{};    // undeformed, in the scene
+  double pressure_pa = 0;  // >= 0 pushes into the tissue
+  Vector3 traction_pa{};   // tangential (stuck), on the tissue
+};
+
+enum class ContactState { kNoContact, kContact };
+
+// What the client gets (T4.5). force_n acts on the finger: F = -dU/dposition, so it points against `pushes`.
+// tangent_n_m = dF/dposition, symmetric.
+struct ContactAnswer {
+  ContactState state = ContactState::kNoContact;
+  Vector3 force_n{};
+  Matrix3 tangent_n_m{};
+  double energy_j = 0;                  // U(position)
+  std::vector<NodalPressure> pressure;  // where it is above zero
+  double largest_strain = 0;            // peak principal strain in the tissue, about
+  bool strain_beyond_linear = false;    // largest_strain > 0.15 (T4.5)
+  std::size_t iterations = 0;           // of the contact solve, Newton's
+  SolveReport solve;                    // relative_error: what the model states its force may be off by
+};
+
+// How answers are computed, where a model has several ways.
+enum class SolvePath { kAuto, kCompliance, kPcg };
+struct TouchWay {
+  SolvePath path = SolvePath::kAuto;  // kAuto: the model's own choice
+  std::shared_ptr<Device> device;     // where the path asks for one
+  std::string client;                 // in whose turn it is made ready
+};
+
+// A light touch: what fingers make out stiffness with before they press.
+constexpr double kLightTouchM = 5e-4;
+
+// Has jobs done that a touch asks for and must not wait for, some time, on another thread, where clients take
+// turns. Empty: nobody does; what is asked for is then made in place.
+using TouchWork = std::function<void(const std::string& client, std::function<void()>)>;
+
+// A layer of a model that is ready to be touched, for as long as somebody holds it. Thread-safe.
+class TouchedLayer {
+ public:
+  using Clock = std::chrono::steady_clock;
+  virtual ~TouchedLayer() = default;
+  virtual SolvePath path() const = 0;  // by which it answers
+  // Gets ready what this tip needs at this pose and, next, within `around_m` of it, in small steps of which
+  // none is begun after `until`; false when some is left. Throws MemoryRefused where there is no room.
+  virtual bool prepare(const Fingertip&, const TouchPose&, double /*around_m*/, Clock::time_point /*until*/) {
+    return true;
+  }
+  // Throws std::out_of_range where the model cannot be touched, std::invalid_argument (field named) for an
+  // unusable fingertip or pose, std::domain_error when no finite answer exists.
+  virtual ContactAnswer touch(const Fingertip&, const TouchPose&) = 0;
+  // What to know of a touch that is answered all the same, such as a mesh too coarse for the tip; empty:
+  // none.
+  virtual std::string remark(const Fingertip&, const TouchPose&) const { return ""; }
+};
+
+struct TouchCost {
+  std::size_t bytes = 0;  // held for each layer that is touched
+  double operations = 0;  // in floating point, to get one ready: 0 where nothing has to be
+};
+
+// The model that is touched: immutable once made, shared by any number of touch streams. Thread-safe.
+class TouchModel {
+ public:
+  virtual ~TouchModel() = default;
+  virtual const char* name() const = 0;           // of its kind, for logs
+  virtual Region region() const = 0;              // where it can be touched
+  virtual std::vector<Layer> layers() const = 0;  // by depth
+  virtual TouchCost cost() const = 0;
+  // One of its layers, to be touched this way; null while it is being made ready, which this asks `work` for.
+  // Throws std::out_of_range for a layer that it has not, and what making it ready throws, here or
+  // elsewhere.
+  virtual std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork& work) const = 0;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,65 @@
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "service/contact/plane_touch_model.h"
+#include "service/scene/strip.h"
+#include "service/scene/touch_models.h"
+
+namespace teletact::service {
+namespace {
+
+std::size_t line_of(const TissueModel& tissue, const Layer& layer) {
+  const std::vector<double>& y_m = tissue.grid().y_m;
+  return static_cast<std::size_t>(std::find(y_m.begin(), y_m.end(), layer.depth_m) - y_m.begin());
+}
+
+class PlaneModels final : public TouchModels {
+ public:
+  std::vector<Layer> layers(const SceneGeometry& geometry) const override {
+    return free_layers(strip_lines(geometry), geometry.supports);
+  }
+
+  double context_m() const override { return StripOptions{}.refresh_m; }
+
+  std::shared_ptr<const TouchModel> of_window(const WantedModel& wanted) const override {
+    StripOptions strip;
+    strip.account = wanted.account;
+    strip.interior_lines = std::any_of(wanted.in_use.begin(), wanted.in_use.end(),
+                                       [](const Layer& layer) { return layer.depth_m > 0; });
+    const auto* same_kind = dynamic_cast<const PlaneTouchModel*>(wanted.before);
+    const TissueModel* before = same_kind ? &same_kind->tissue() : nullptr;
+    auto tissue = build_strip(wanted.geometry, wanted.map, wanted.region.begin_x_m, wanted.region.end_x_m,
+                              strip, before);
+    for (const Layer& layer : wanted.in_use) try {
+        tissue->condensed(line_of(*tissue, layer), before);
+      } catch (
+          const MemoryRefused& refused) {  // who touches it finds it unprepared; others have their window
+        spdlog::warn("event=line_not_prepared depth_m={} error=\"{}\"", layer.depth_m, refused.what());
+      }
+    return std::make_shared<const PlaneTouchModel>(std::move(tissue));
+  }
+
+  std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry& geometry, const ExplicitModulus& e,
+                                               const MemoryAccount& account) const override {
+    TissueModelOptions options;
+    options.touch_begin_m = e.x_m.front();
+    options.touch_end_m = e.x_m.back();
+    options.thickness_m = geometry.thickness_m;
+    options.account = account;
+    return std::make_shared<const PlaneTouchModel>(std::make_shared<const TissueModel>(
+        TissueGrid{e.x_m, e.y_m}, Material{e.youngs_modulus_pa, geometry.poisson_ratio}, geometry.supports,
+        options));
+  }
+
+  void warm(const std::shared_ptr<Device>& device) const override { warm_iterative(device); }
+};
+
+}  // namespace
+
+std::shared_ptr<const TouchModels> plane_models() {
+  static const auto models = std::make_shared<const PlaneModels>();
+  return models;
+}
+
+}  // namespace teletact::service
