@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "service/rpc/server.h"
 #include "teletact/v1/elastography.grpc.pb.h"
@@ -47,7 +48,8 @@ inline void expect_refused(const grpc::Status& status, grpc::StatusCode code, co
 class RunningServer {
  public:
   explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "",
-                         const Limits& limits = {}) {
+                         const Limits& limits = {},
+                         std::shared_ptr<const TouchModels> models = plane_models()) {
     static int count = 0;
     folder_ = std::filesystem::temp_directory_path() /
               ("teletact-rpc-" + std::to_string(getpid()) + "-" + std::to_string(count++));
@@ -57,6 +59,7 @@ class RunningServer {
     options.state_directory = state;
     options.reopen = [] { return Device::open({}); };
     options.limits = limits;
+    options.models = std::move(models);
     server_ = std::make_unique<Server>(rpc_device(), options);
     palpation_ = v1::Palpation::NewStub(channel());
   }
@@ -126,8 +129,8 @@ class OnOneServer : public testing::Test {
  protected:
   static void SetUpTestSuite() { serve(); }
   static void TearDownTestSuite() { server.reset(); }
-  static void serve(const Limits& limits = {}) {
-    server = std::make_unique<RunningServer>("", "", limits);
+  static void serve(const Limits& limits = {}, std::shared_ptr<const TouchModels> models = plane_models()) {
+    server = std::make_unique<RunningServer>("", "", limits, std::move(models));
     (*server)->make_ready();
     ASSERT_TRUE(server->create(uniform_scene("s")).ok());
   }

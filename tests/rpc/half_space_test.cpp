@@ -1,0 +1,60 @@
+// A model in three dimensions through the whole service: what a client sends and gets has all components.
+#include <cmath>
+
+#include "tests/rpc/estimate_client.h"
+#include "tests/scene/half_space.h"
+
+namespace teletact::service {
+namespace {
+
+class ServedHalfSpace : public OnOneServer {
+ protected:
+  static void SetUpTestSuite() { serve({}, std::make_shared<const HalfSpaces>()); }
+};
+
+TEST_F(ServedHalfSpace, IsTouchedWithForceAndTangentInThreeComponents) {
+  Toucher toucher(channel, "s");
+  v1::TouchOpened opened;
+  ASSERT_TRUE(toucher.opened(&opened));
+  EXPECT_EQ(opened.line_y_m(), 0);
+  constexpr double kIndentationM = 0.002;
+  const Vector3 at = on_tilted_surface(0.05, 0.015, kIndentationM), n = tilted_surface().pushes;
+  v1::TouchRequest request;
+  for (const double x_m : at) request.mutable_pose()->add_position_m(x_m);
+  ASSERT_TRUE(toucher.send(request));
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.read(&answer));
+  ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+  EXPECT_EQ(answer.solve().reason(), "closed form");
+  ASSERT_EQ(answer.force_n_size(), 3);
+  ASSERT_EQ(answer.tangent_n_m_size(), 9);
+  const double force_n = std::hypot(answer.force_n(0), answer.force_n(1), answer.force_n(2));
+  EXPECT_GT(force_n, 0.01);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(answer.force_n(i), -force_n * n[std::size_t(i)], 1e-12);
+    for (int j = 0; j < 3; ++j)  // Hertz: dF/dd = 3/2 F / d
+      EXPECT_NEAR(answer.tangent_n_m(3 * i + j),
+                  -1.5 * force_n / kIndentationM * n[std::size_t(i)] * n[std::size_t(j)],
+                  1e-9 * force_n / kIndentationM);
+  }
+}
+
+TEST_F(ServedHalfSpace, TellsTheLightTouchBelowWithAllItsComponents) {
+  Toucher toucher(channel, "s");
+  ASSERT_TRUE(toucher.opened());
+  const Vector3 above = on_tilted_surface(0.05, 0.015, -0.001), n = tilted_surface().pushes;
+  v1::TouchRequest request;
+  for (const double x_m : above) request.mutable_pose()->add_position_m(x_m);
+  ASSERT_TRUE(toucher.send(request));
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.read(&answer));
+  ASSERT_TRUE(answer.has_foreseen());
+  ASSERT_EQ(answer.foreseen().position_m_size(), 3);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(answer.foreseen().position_m(i),
+                above[std::size_t(i)] + (0.001 + kLightTouchM) * n[std::size_t(i)], 1e-12);
+  EXPECT_LT(answer.foreseen().force_n(2), 0);
+}
+
+}  // namespace
+}  // namespace teletact::service
