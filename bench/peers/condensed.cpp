@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "bench/peers/peer.h"
+#include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
@@ -18,12 +19,12 @@ class Condensed final : public Peer {
     return -1;
   }
   PeerAnswer touch(const ContactProblem& p, double) override {
-    const auto answer = service::solve_contact(*model_, 0, *surface_, p.tip, p.pose);
+    const auto answer = service::solve_contact(model_->problem(), 0, *surface_, p.tip, p.pose);
     return {.force_n = {answer.force_n[0], answer.force_n[1]}, .stated_error = answer.solve.relative_error};
   }
 
   std::size_t kept_bytes() const override {
-    const auto columns = model_->touchable_columns();
+    const auto columns = model_->problem().touchable;
     const std::size_t unknowns = 2 * (columns.last - columns.first + 1);
     return unknowns * unknowns * sizeof(double);
   }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "bench/suites/contact.h"
+#include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
@@ -30,8 +31,8 @@ MeshAnswer answer_on(const ContactCase& c) {
   const service::TissueModel model(grid, tissue.material, tissue.supports, {});
   answer.ready_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   const auto surface = model.condensed(0);
-  const auto touch =
-      service::solve_contact(model, 0, *surface, {.radius_m = kTipRadiusM}, {kPlaceM, kIndentationM});
+  const auto touch = service::solve_contact(model.problem(), 0, *surface, {.radius_m = kTipRadiusM},
+                                            {kPlaceM, kIndentationM});
   answer.force_n = touch.force_n[1];
   answer.touched = touch.pressure.size();
   std::vector<std::size_t> nodes(grid.nx());

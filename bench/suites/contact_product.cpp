@@ -12,6 +12,7 @@
 
 #include "bench/suites/contact.h"
 #include "service/scene/strip.h"
+#include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
@@ -85,7 +86,7 @@ json measure_strip(int repeats) {
     ready_s.push_back(processor_seconds_of([&] { anew.emplace(grid, changed, geometry.supports, options); }));
     refreshed_s.push_back(
         processor_seconds_of([&] { follows.emplace(grid, changed, geometry.supports, options, &before); }));
-    const std::array nodes{before.touchable_columns().first, grid.nx() / 2, before.touchable_columns().last};
+    const std::array nodes{before.problem().touchable.first, grid.nx() / 2, before.problem().touchable.last};
     difference = std::max(
         difference, (anew->condensed(0)->among(nodes, nullptr) - follows->condensed(0)->among(nodes, nullptr))
                         .cwiseAbs()
@@ -102,7 +103,7 @@ json measure_strip(int repeats) {
 double tangent_error(const ContactProblem& p, const TissueModel& model) {
   constexpr double kStepM = 1e-7;
   const auto at = [&](double dx, double dy) {
-    return service::solve_contact(model, 0, *model.condensed(0), p.tip,
+    return service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
                                   {p.pose.x_m + dx, p.pose.indentation_m + dy});
   };
   const auto tangent = at(0, 0).tangent_n_m;
@@ -133,7 +134,7 @@ double loop_work(const ContactProblem& p, const TissueModel& model, int steps) {
     };
     std::array<double, 2> last{};
     for (int k = 0; k <= steps; ++k) {
-      const ContactAnswer a = service::solve_contact(model, 0, *model.condensed(0), p.tip,
+      const ContactAnswer a = service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
                                                      {from.x_m + k * hx, from.indentation_m + k * hy});
       const auto now = along(a);
       if (k > 0) work += (last[0] + now[0]) / 2 + (last[1] - now[1]) / 12;
@@ -158,7 +159,7 @@ json ripple(const ContactProblem& p) {
   const double spacing_m = p.tissue.grid.x_m[1], middle_m = p.tissue.grid.x_m[p.tissue.grid.nx() / 2];
   std::array<double, 2> least{1e300, 1e300}, most{}, sum{};
   for (int k = 0; k < kPoses; ++k) {
-    const ContactAnswer a = service::solve_contact(model, 0, *model.condensed(0), p.tip,
+    const ContactAnswer a = service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
                                                    {middle_m + spacing_m * k / kPoses, kDepthM});
     const std::array stiffness{-a.force_n[1] / kDepthM, -a.tangent_n_m[4]};
     for (std::size_t s = 0; s < 2; ++s) {
@@ -204,7 +205,8 @@ json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device
   std::optional<Watched> compliance;
   const double begin_m = p.pose.x_m - kStepM * kPoses / 2;
   const auto touch = [&](int k) {
-    return service::solve_contact(model, 0, *compliance, p.tip, {begin_m + k * kStepM, p.pose.indentation_m});
+    return service::solve_contact(model.problem(), 0, *compliance, p.tip,
+                                  {begin_m + k * kStepM, p.pose.indentation_m});
   };
   const double patch_s = seconds_of([&] {
     compliance.emplace(model.iterative(0, device));
@@ -218,7 +220,7 @@ json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device
     seconds.push_back(seconds_of([&] { a = touch(k); }));
     spent_s += seconds.back();
     if (compliance->known() > known) solving.push_back(seconds.back());
-    const ContactAnswer exact = service::solve_contact(model, 0, *model.condensed(0), p.tip,
+    const ContactAnswer exact = service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
                                                        {begin_m + k * kStepM, p.pose.indentation_m});
     worst = std::max(worst, std::hypot(a.force_n[0] - exact.force_n[0], a.force_n[1] - exact.force_n[1]) /
                                 std::hypot(exact.force_n[0], exact.force_n[1]));
@@ -232,7 +234,8 @@ json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device
 
 json measure_columns(const ContactProblem& p, const std::shared_ptr<service::Device>& device) try {
   const TissueModel model = model_of(p.tissue);
-  const ContactAnswer a = service::solve_contact(model, 0, *model.iterative(0, device), p.tip, p.pose);
+  const ContactAnswer a =
+      service::solve_contact(model.problem(), 0, *model.iterative(0, device), p.tip, p.pose);
   const double error = p.force_error({a.force_n[0], a.force_n[1]});
   std::printf("  columns by the product's PCG: %zu iterations, force off by %.1e, stated %.1e%s\n",
               a.solve.iterations, error, a.solve.relative_error, a.solve.converged ? "" : "  NOT CONVERGED");

@@ -103,7 +103,7 @@ class Finger {
           begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(k / kRateHz));
       std::this_thread::sleep_until(due);
       const double x_m = 0.030 + 0.010 * std::sin(0.012 * k);
-      service::solve_contact(model_, 0, *compliance_, {}, {x_m, 0.002});
+      service::solve_contact(model_.problem(), 0, *compliance_, {}, {x_m, 0.002});
       latency_s_.push_back(std::chrono::duration<double>(Clock::now() - due).count());
     }
   }

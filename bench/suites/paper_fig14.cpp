@@ -19,6 +19,7 @@
 #include "bench/suites/paper_tissue.h"
 #include "client/render/renderers.h"
 #include "service/contact/contact.h"
+#include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
@@ -61,7 +62,7 @@ Series run_along(const service::TissueModel& model, std::size_t row, double rate
   for (std::size_t n = 0; n <= ticks; ++n) {
     const double gone_m = kSpeedMS * kServoS * static_cast<double>(n);
     const double x_m = kBeginM + (gone_m <= way_m ? gone_m : 2 * way_m - gone_m);
-    const auto answer = service::solve_contact(model, row, *compliance, node, {x_m, kIndentationM});
+    const auto answer = service::solve_contact(model.problem(), row, *compliance, node, {x_m, kIndentationM});
     ForceSample sample;
     sample.sequence = n + 1;
     sample.pose_time_s = kServoS * static_cast<double>(n);

@@ -10,6 +10,7 @@
 #include "bench/suites/paper.h"
 #include "bench/suites/paper_tissue.h"
 #include "service/contact/contact.h"
+#include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
@@ -34,8 +35,9 @@ std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t
   const auto compliance = model.condensed(line);
   const service::Fingertip node{.shape = service::FingertipShape::kNode};
   std::vector<double> stiffness;
-  for (const double x_m : model.grid().x_m) {
-    const auto answer = service::solve_contact(model, line, *compliance, node, {x_m, kIndentationM});
+  for (const double x_m : model.problem().grid.x_m) {
+    const auto answer =
+        service::solve_contact(model.problem(), line, *compliance, node, {x_m, kIndentationM});
     stiffness.push_back(-answer.force_n[1] / kIndentationM);
   }
   return stiffness;
@@ -51,16 +53,16 @@ json measure_at(const Expected& expected, std::vector<Target>& targets) {
     const double contrast = stiffness[kCentreColumn] / stiffness[kSideColumn];
     const double error = std::abs(contrast / expected.contrast[line] - 1);
     worst = error <= worst ? worst : error;  // NaN stays
-    lines.push_back({{"depth_m", model.grid().y_m[line]},
+    lines.push_back({{"depth_m", model.problem().grid.y_m[line]},
                      {"stiffness_n_m", stiffness},
                      {"contrast", contrast},
                      {"expected_contrast", expected.contrast[line]}});
     std::printf("  %.3f  %.3f  y = %.0f mm\n", contrast, expected.contrast[line],
-                1e3 * model.grid().y_m[line]);
+                1e3 * model.problem().grid.y_m[line]);
   }
   targets.push_back({fmt::format("fig16: contrast off the expected, nu = {:.2f}", expected.poisson_ratio),
                      worst, kTolerance, "of it"});
-  return {{"poisson_ratio", expected.poisson_ratio}, {"x_m", model.grid().x_m}, {"lines", lines}};
+  return {{"poisson_ratio", expected.poisson_ratio}, {"x_m", model.problem().grid.x_m}, {"lines", lines}};
 }
 
 json measure(bool, std::vector<Target>& targets) {

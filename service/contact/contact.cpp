@@ -19,12 +19,12 @@ using Eigen::VectorXd;
 constexpr double kLargestLinearStrain = 0.15;  // T4.5
 constexpr double kPeakStrain = 0.42;           // of (1 + nu) p / E, see solve_contact
 
-void validate(const TissueModel& model, std::size_t line, const ContactPose& pose) {
-  if (line >= model.grid().ny()) throw std::out_of_range("line " + std::to_string(line) + " is absent");
+void validate(const TissueProblem& problem, std::size_t line, const ContactPose& pose) {
+  if (line >= problem.grid.ny()) throw std::out_of_range("line " + std::to_string(line) + " is absent");
   if (!std::isfinite(pose.x_m)) throw std::invalid_argument("pose.x_m is not finite; give metres");
   if (!std::isfinite(pose.indentation_m))
     throw std::invalid_argument("pose.indentation_m is not finite; give metres");
-  const double depth = model.grid().y_m.back() - model.grid().y_m[line];
+  const double depth = problem.grid.y_m.back() - problem.grid.y_m[line];
   if (pose.indentation_m > 0 && pose.indentation_m >= depth) {
     throw std::invalid_argument("pose.indentation_m is " + std::to_string(pose.indentation_m) +
                                 ", not less than the " + std::to_string(depth) +
@@ -32,32 +32,32 @@ void validate(const TissueModel& model, std::size_t line, const ContactPose& pos
   }
 }
 
-[[noreturn]] void outside(const TissueModel& model, double x_m) {
-  const ColumnRange columns = model.touchable_columns();
-  const auto& x = model.grid().x_m;
+[[noreturn]] void outside(const TissueProblem& problem, double x_m) {
+  const ColumnRange columns = problem.touchable;
+  const auto& x = problem.grid.x_m;
   throw std::out_of_range(
       "pose.x_m: the tip at " + std::to_string(x_m) + " m overlaps what cannot be touched; nodes from " +
       std::to_string(x[columns.first]) + " to " + std::to_string(x[columns.last]) + " m can");
 }
 
 // Every node that the tip overlaps must be one that is served; beside the tissue there is nothing to overlap.
-void check_reach(const TissueModel& model, const Fingertip& tip, const ContactPose& pose) {
-  const auto& x = model.grid().x_m;
-  const ColumnRange columns = model.touchable_columns();
-  if (pose.x_m < x.front() || pose.x_m > x.back()) outside(model, pose.x_m);
+void check_reach(const TissueProblem& problem, const Fingertip& tip, const ContactPose& pose) {
+  const auto& x = problem.grid.x_m;
+  const ColumnRange columns = problem.touchable;
+  if (pose.x_m < x.front() || pose.x_m > x.back()) outside(problem, pose.x_m);
   if (tip.shape == FingertipShape::kNode) {
-    if (pose.x_m < x[columns.first] || pose.x_m > x[columns.last]) outside(model, pose.x_m);
+    if (pose.x_m < x[columns.first] || pose.x_m > x[columns.last]) outside(problem, pose.x_m);
     return;
   }
   const bool left = columns.first > 0 && overlap(tip, pose, x[columns.first - 1]).w_m > 0;
   const bool right = columns.last + 1 < x.size() && overlap(tip, pose, x[columns.last + 1]).w_m > 0;
   const bool beyond = pose.x_m < x[columns.first] || pose.x_m > x[columns.last];
-  if (left || right || beyond) outside(model, pose.x_m);
+  if (left || right || beyond) outside(problem, pose.x_m);
 }
 
-void add_pressure(const TissueModel& model, std::size_t line, const Touch& touch, ContactAnswer& answer) {
-  const double y_m = model.grid().y_m[line];
-  const auto& x = model.grid().x_m;
+void add_pressure(const TissueProblem& problem, std::size_t line, const Touch& touch, ContactAnswer& answer) {
+  const double y_m = problem.grid.y_m[line];
+  const auto& x = problem.grid.x_m;
   for (Index k = 0; k < touch.normal.size(); ++k) {
     if (touch.normal[k] == 0 && touch.tangential[k] == 0) continue;
     const std::size_t i = touch.nodes[std::size_t(k)];
@@ -66,19 +66,19 @@ void add_pressure(const TissueModel& model, std::size_t line, const Touch& touch
   }
 }
 
-double largest_strain(const TissueModel& model, std::size_t line, const ContactPose& pose,
+double largest_strain(const TissueProblem& problem, std::size_t line, const ContactPose& pose,
                       const Touch& touch) {
   double force = 0, stiffness = 0;  // stiffness: modulus weighted by the force that it bears
   for (Index k = 0; k < touch.normal.size(); ++k) {
     if (!(touch.normal[k] > 0)) continue;
     force += touch.normal[k];
-    stiffness += touch.normal[k] * model.modulus_near_pa(touch.nodes[std::size_t(k)], line);
+    stiffness += touch.normal[k] * modulus_near_pa(problem, touch.nodes[std::size_t(k)], line);
   }
-  const double depth = model.grid().y_m.back() - model.grid().y_m[line];
+  const double depth = problem.grid.y_m.back() - problem.grid.y_m[line];
   const double layer = pose.indentation_m / depth;
   if (!(force > 0)) return layer;
   const double local =
-      kPeakStrain * (1 + model.material().poisson_ratio) * (force / touch.width_m) / (stiffness / force);
+      kPeakStrain * (1 + problem.material.poisson_ratio) * (force / touch.width_m) / (stiffness / force);
   return std::max(layer, local);
 }
 
@@ -117,20 +117,20 @@ double amplification(const Eigen::MatrixX2d& sensitivity, const VectorXd& p, con
   return gradient.norm() > 0 ? error.norm() / gradient.norm() : 0;
 }
 
-ContactAnswer solve_contact(const TissueModel& model, std::size_t line, Compliance& compliance,
+ContactAnswer solve_contact(const TissueProblem& problem, std::size_t line, Compliance& compliance,
                             const Fingertip& tip, const ContactPose& pose, const ContactOptions& options) {
   validate(tip);
-  validate(model, line, pose);
+  validate(problem, line, pose);
   ContactAnswer answer;
   if (pose.indentation_m <= 0) return answer;
-  check_reach(model, tip, pose);
+  check_reach(problem, tip, pose);
   const Touch touch = tip.shape == FingertipShape::kNode
-                          ? touch_node(model, compliance, tip, pose, answer.solve)
-                          : touch_patch(model, compliance, tip, pose, options, answer.solve);
+                          ? touch_node(problem, compliance, tip, pose, answer.solve)
+                          : touch_patch(problem, compliance, tip, pose, options, answer.solve);
   answer.iterations = touch.iterations;
   answer.solve.relative_error = force_error(touch, answer.solve);
   if (touch.nodes.empty()) return answer;
-  const double thickness = model.options().thickness_m;
+  const double thickness = problem.thickness_m;
   const Energy& u = touch.energy;
   answer.state = ContactState::kContact;
   answer.energy_j = thickness * u.value;
@@ -138,8 +138,8 @@ ContactAnswer solve_contact(const TissueModel& model, std::size_t line, Complian
   const double cross = -thickness * (u.hessian(0, 1) + u.hessian(1, 0)) / 2;
   answer.tangent_n_m = {
       -thickness * u.hessian(0, 0), cross, 0, cross, -thickness * u.hessian(1, 1), 0, 0, 0, 0};
-  add_pressure(model, line, touch, answer);
-  answer.largest_strain = largest_strain(model, line, pose, touch);
+  add_pressure(problem, line, touch, answer);
+  answer.largest_strain = largest_strain(problem, line, pose, touch);
   answer.strain_beyond_linear = answer.largest_strain > kLargestLinearStrain;
   check_finite(answer);
   return answer;

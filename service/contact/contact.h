@@ -5,7 +5,7 @@
 
 #include "service/contact/touch_model.h"
 #include "service/tissue/compliance.h"
-#include "service/tissue/tissue_model.h"
+#include "service/tissue/tissue_problem.h"
 
 namespace teletact::service {
 
@@ -41,7 +41,7 @@ struct ContactOptions {
 // below the line. Throws std::out_of_range when the tip overlaps the line beyond the columns the model can be
 // touched on, std::invalid_argument (field named) for an unusable fingertip or pose, e.g. an indentation
 // deeper than the tissue below the line, std::domain_error when no finite answer exists.
-ContactAnswer solve_contact(const TissueModel&, std::size_t line, Compliance&, const Fingertip&,
+ContactAnswer solve_contact(const TissueProblem&, std::size_t line, Compliance&, const Fingertip&,
                             const ContactPose&, const ContactOptions& = {});
 
 }  // namespace teletact::service

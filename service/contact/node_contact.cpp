@@ -27,9 +27,9 @@ MatrixXd both_components(Compliance& compliance, Friction friction, std::span<co
 
 }  // namespace
 
-Touch touch_node(const TissueModel& model, Compliance& compliance, const Fingertip& tip,
+Touch touch_node(const TissueProblem& problem, Compliance& compliance, const Fingertip& tip,
                  const ContactPose& pose, SolveReport& report) {
-  const Footprint foot = footprint(tip, pose.x_m, model.grid().x_m, model.touchable_columns());
+  const Footprint foot = footprint(tip, pose.x_m, problem.grid.x_m, problem.touchable);
   const Index n = foot.weights.rows();
   Touch touch;
   for (Index k = 0; k < n; ++k) touch.nodes.push_back(foot.first + std::size_t(k));
@@ -65,7 +65,7 @@ Touch touch_node(const TissueModel& model, Compliance& compliance, const Fingert
   touch.amplification = amplification(inverse * v, f, largest, touch.energy.gradient);
   for (Index k = 0; k < n; ++k) {
     if (foot.weights(k, 0) > 0)
-      touch.width_m += tributary_width_m(model.grid().x_m, touch.nodes[std::size_t(k)]);
+      touch.width_m += tributary_width_m(problem.grid.x_m, touch.nodes[std::size_t(k)]);
   }
   touch.normal = foot.weights.col(0) * f[1];
   touch.tangential = foot.weights.col(0) * f[0];

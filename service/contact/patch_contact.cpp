@@ -163,10 +163,10 @@ double effective_width_m(const VectorXd& force, std::span<const std::size_t> nod
 
 }  // namespace
 
-Touch touch_patch(const TissueModel& model, Compliance& compliance, const Fingertip& tip,
+Touch touch_patch(const TissueProblem& problem, Compliance& compliance, const Fingertip& tip,
                   const ContactPose& pose, const ContactOptions& options, SolveReport& report) {
-  const auto& x = model.grid().x_m;
-  const ColumnRange all = model.touchable_columns();
+  const auto& x = problem.grid.x_m;
+  const ColumnRange all = problem.touchable;
   const auto begin = x.begin() + all.first, end = x.begin() + all.last + 1;
   Touch touch;
   for (double margin = options.candidate_margin * pose.indentation_m;; margin = 2 * margin + 1e-6) {

@@ -32,8 +32,8 @@ class PlaneLayer final : public TouchedLayer {
     if (path_ != SolvePath::kPcg) return true;
     const ContactPose at = in_plane(pose);
     const double reach = std::max(around_m, touched_m(tip, std::max(0.0, at.indentation_m)));
-    const std::vector<double>& columns_m = tissue_->grid().x_m;
-    const ColumnRange touchable = tissue_->touchable_columns();
+    const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
+    const ColumnRange touchable = tissue_->problem().touchable;
     std::vector<std::size_t> nodes;
     for (std::size_t i = touchable.first; i <= touchable.last; ++i)
       if (std::abs(columns_m[i] - at.x_m) <= reach) nodes.push_back(i);
@@ -44,7 +44,7 @@ class PlaneLayer final : public TouchedLayer {
   }
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
-    return solve_contact(*tissue_, line_, *compliance_, tip, in_plane(pose));
+    return solve_contact(tissue_->problem(), line_, *compliance_, tip, in_plane(pose));
   }
 
   // What is wrong with the mesh under a pressed tip. One that only begins to touch is judged as pressed
@@ -52,7 +52,7 @@ class PlaneLayer final : public TouchedLayer {
   std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
     const ContactPose at = in_plane(pose);
     if (tip.shape == FingertipShape::kNode || at.indentation_m <= 0) return "";
-    const std::vector<double>& columns_m = tissue_->grid().x_m;
+    const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
     const double reach = reach_m(tip, std::max(at.indentation_m, kLightTouchM), 0);
     double widest_m = 0;
     for (std::size_t i = 0; i + 1 < columns_m.size(); ++i)
@@ -81,15 +81,13 @@ PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue)
     : tissue_(std::move(tissue)), lines_(std::make_shared<PreparedLines>(tissue_)) {}
 
 Region PlaneTouchModel::region() const {
-  const TissueModelOptions& o = tissue_->options();
-  const std::vector<double>& x_m = tissue_->grid().x_m;
-  const bool all = o.touch_begin_m == 0 && o.touch_end_m == 0;
-  // The last column belongs to it.
-  return {all ? x_m.front() : o.touch_begin_m, std::nextafter(all ? x_m.back() : o.touch_end_m, HUGE_VAL)};
+  const TissueProblem& tissue = tissue_->problem();
+  return {tissue.touch_begin_m,
+          std::nextafter(tissue.touch_end_m, HUGE_VAL)};  // the last column belongs to it
 }
 
 std::vector<Layer> PlaneTouchModel::layers() const {
-  return free_layers(tissue_->grid().y_m, tissue_->supports());
+  return free_layers(tissue_->problem().grid.y_m, tissue_->problem().supports);
 }
 
 TouchCost PlaneTouchModel::cost() const {
@@ -98,7 +96,7 @@ TouchCost PlaneTouchModel::cost() const {
 
 std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const TouchWay& way,
                                                      const TouchWork& work) const {
-  const std::vector<double>& y_m = tissue_->grid().y_m;
+  const std::vector<double>& y_m = tissue_->problem().grid.y_m;
   const auto at = std::find(y_m.begin(), y_m.end(), layer.depth_m);
   if (at == y_m.end() || layer.pushes != Layer{}.pushes)
     throw std::out_of_range(fmt::format("layer {} m deep: no line of nodes", layer.depth_m));

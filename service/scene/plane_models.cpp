@@ -10,7 +10,7 @@ namespace teletact::service {
 namespace {
 
 std::size_t line_of(const TissueModel& tissue, const Layer& layer) {
-  const std::vector<double>& y_m = tissue.grid().y_m;
+  const std::vector<double>& y_m = tissue.problem().grid.y_m;
   return static_cast<std::size_t>(std::find(y_m.begin(), y_m.end(), layer.depth_m) - y_m.begin());
 }
 

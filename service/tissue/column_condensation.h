@@ -51,6 +51,7 @@ Eigen::MatrixXd joined(const CondensedSides&, const TouchedNodes&);
 // Operations in floating point to the surface, by columns as here and by lines (condensation.h).
 struct CondensationCost {
   double by_lines = 0, by_columns = 0;
+  bool columns_are_cheaper() const { return by_columns < by_lines; }
 };
 CondensationCost condensation_cost(const FreeNodes&, const ColumnRange& touched);
 

@@ -12,7 +12,6 @@
 #include "service/limits/memory.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/grid.h"
-#include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 

@@ -64,6 +64,15 @@ void validate(const TissueGrid& grid, const Material& material) {
   }
 }
 
+std::size_t position_among(std::size_t column, ColumnRange range) {
+  if (column < range.first || column > range.last) {
+    throw std::out_of_range("compliance: column " + std::to_string(column) +
+                            " is outside the touchable ones, " + std::to_string(range.first) + " to " +
+                            std::to_string(range.last));
+  }
+  return column - range.first;
+}
+
 std::vector<double> uniform_coordinates(double begin_m, double end_m, std::size_t count) {
   require(std::isfinite(begin_m) && std::isfinite(end_m) && end_m > begin_m,
           "uniform_coordinates: end_m must exceed begin_m");

@@ -27,6 +27,9 @@ struct ColumnRange {
   bool operator==(const ColumnRange&) const = default;
 };
 
+// Position of `column` in the range; throws std::out_of_range when it is outside.
+std::size_t position_among(std::size_t column, ColumnRange);
+
 enum class EdgeSupport { kFree, kFixed };  // kFixed: both components zero
 
 struct Supports {

@@ -18,7 +18,6 @@
 #include "service/limits/memory.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/shared_solver.h"
-#include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 

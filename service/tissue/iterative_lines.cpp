@@ -5,9 +5,46 @@
 
 namespace teletact::service {
 
-std::shared_ptr<IterativeLine> IterativeLines::at(std::size_t line, const std::shared_ptr<Device>& device,
-                                                  const MemoryAccount& account, const MakeSolver& make_solver,
-                                                  const MakeLine& make_line) {
+namespace {
+
+// Devices without double: up to here float alone converges at any contrast tested on square elements.
+constexpr double kFloatPoissonRatio = 0.495;
+// Of a column in double: a compliance is off by the square of it.
+constexpr double kColumnError = 1e-4;
+
+}  // namespace
+
+ElasticitySolverOptions iterative_options(const Device& device, double poisson_ratio) {
+  ElasticitySolverOptions options;
+  if (device.info().has_double) {
+    options.precision = SolvePrecision::kDouble;
+    options.relative_error = kColumnError;
+  } else if (poisson_ratio <= kFloatPoissonRatio) {
+    options.precision = SolvePrecision::kFloat;
+  }
+  return options;
+}
+
+std::shared_ptr<SharedSolver> IterativeLines::make_solver(const std::shared_ptr<Device>& device,
+                                                          const ElasticitySolverOptions& options) const {
+  return std::make_shared<SharedSolver>(device, problem_->grid, problem_->supports, problem_->material,
+                                        options, account_);
+}
+
+std::shared_ptr<IterativeLine> IterativeLines::make_line(std::size_t line,
+                                                         std::shared_ptr<SharedSolver> solver) const {
+  return std::make_shared<IterativeLine>(std::move(solver), problem_->grid, problem_->material.poisson_ratio,
+                                         line, problem_->touchable, account_);
+}
+
+std::shared_ptr<IterativeLine> IterativeLines::make(std::size_t line, const std::shared_ptr<Device>& device,
+                                                    const ElasticitySolverOptions& options) const {
+  auto made = make_line(line, make_solver(device, options));
+  account_.add(Place::kHost, made);
+  return made;
+}
+
+std::shared_ptr<IterativeLine> IterativeLines::at(std::size_t line, const std::shared_ptr<Device>& device) {
   const std::lock_guard making(making_);
   std::shared_ptr<SharedSolver> solver;
   {
@@ -18,10 +55,10 @@ std::shared_ptr<IterativeLine> IterativeLines::at(std::size_t line, const std::s
   }
   // Without the lock: to make one may take room, and lines be given back for it.
   if (!solver) {
-    solver = make_solver();
-    account.add(Place::kDevice, solver);
+    solver = make_solver(device, iterative_options(*device, problem_->material.poisson_ratio));
+    account_.add(Place::kDevice, solver);
   }
-  auto made = make_line(solver);
+  auto made = make_line(line, solver);
   const std::lock_guard lock(mutex_);
   solvers_[device] = std::move(solver);
   lines_[{line, device}] = made;

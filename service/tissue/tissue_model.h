@@ -1,20 +1,20 @@
-// The model that is touched: immutable once made, shared by any number of touch streams.
+// The compliances of a tissue: its problem, what condenses its lines and what solves them by conjugate
+// gradients, and the bounded cache of interior lines. Immutable once made, shared by any number of streams.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstddef>
-#include <cstdint>
 #include <memory>
-#include <vector>
 
 #include "service/limits/memory.h"
 #include "service/tissue/compliance.h"
-#include "service/tissue/grid.h"
+#include "service/tissue/tissue_problem.h"
 
 namespace teletact::service {
 
 class Device;
-struct CondensedSides;
+class IterativeLines;
+class LineCache;
+class LineCondenser;
 struct ElasticitySolverOptions;
 
 struct TissueModelOptions {
@@ -37,27 +37,16 @@ struct TissueModelOptions {
   MemoryAccount account = {};  // in whose name the model and all that is made for it is held
 };
 
-// Position of `column` in the range; throws std::out_of_range when it is outside.
-std::size_t position_among(std::size_t column, ColumnRange);
-
-// Grid, material and supports with the compliance of its lines. Thread-safe; the surface line is condensed in
-// the constructor (unless it is fixed), interior lines (T4.4) on first use. Wide tissue is eliminated column
-// by column, which costs the same for each line (T4.2c). Deep tissue, and from the fifth interior line on any
-// tissue whose lines all fit the bound of memory, is eliminated line by line: two sweeps once and one dense
-// inverse for each line.
+// Thread-safe; the surface line is condensed in the constructor (unless it is fixed), interior lines (T4.4)
+// on first use.
 class TissueModel {
  public:
-  // Throws std::invalid_argument naming the field: unusable grid or material, no fixed edge (a free body), no
-  // touchable column, thickness not positive; MemoryRefused. `before` (may be null): a model of which this
-  // one is a change; parts of it that are the same are taken over, if it was told that it will change. The
-  // numbers are those of a model made without it, to the bit.
-  TissueModel(TissueGrid, Material, Supports, TissueModelOptions, const TissueModel* before = nullptr);
+  // Throws as make_problem(), and MemoryRefused. `before` (may be null): a model of which this one is a
+  // change; parts of it that are the same are taken over, if it was told that it will change. The numbers are
+  // those of a model made without it, to the bit.
+  TissueModel(TissueGrid, Material, Supports, const TissueModelOptions&, const TissueModel* before = nullptr);
   ~TissueModel();
-  const TissueGrid& grid() const { return grid_; }
-  const Material& material() const { return material_; }
-  const Supports& supports() const { return supports_; }
-  const TissueModelOptions& options() const { return options_; }
-  ColumnRange touchable_columns() const { return touchable_; }
+  const TissueProblem& problem() const { return *problem_; }
   // The condensed compliance of grid row `line` (0 = the natural surface). Throws std::out_of_range when the
   // row is fixed or absent. `before`: as above, used where the line has not been condensed yet.
   std::shared_ptr<Compliance> condensed(std::size_t line, const TissueModel* before = nullptr) const;
@@ -73,34 +62,15 @@ class TissueModel {
   // Held for each line that is condensed; operations in floating point to condense one.
   std::size_t line_bytes() const;
   double line_operations() const;
-  // Young's modulus of the elements beside `column` just below the line (above it on the last one): their
-  // mean.
-  double modulus_near_pa(std::size_t column, std::size_t line) const;
 
  private:
-  void check_free(std::size_t line) const;
-  std::shared_ptr<Compliance> condense(std::size_t line, const TissueModel* before) const;
-  bool by_columns(std::size_t line) const;
-  std::size_t sides_bytes() const;
-  std::size_t swept_bytes() const;
-  std::size_t working_bytes() const;
-  void keep(std::size_t line, const std::shared_ptr<Compliance>& condensed) const;
-  // What `before` has for the line that holds for this model too.
-  CondensedSides same_sides(std::size_t line, const TissueModel* before) const;
-
-  TissueGrid grid_;
-  Material material_;
-  Supports supports_;
-  TissueModelOptions options_;
-  ColumnRange touchable_;
-  struct Lines;
-  std::shared_ptr<Lines> lines_;
+  const std::shared_ptr<const TissueProblem> problem_;
+  const Charge charge_;  // of the problem
+  const std::shared_ptr<LineCondenser> condenser_;
+  const std::shared_ptr<Compliance> surface_;  // null where it is fixed
+  const std::shared_ptr<LineCache> interior_;
+  const std::shared_ptr<IterativeLines> iterative_;
 };
-
-// How iterative() solves: in double where the device has it, which costs what float does and converges from
-// nu = 0 to .4999, contrasts of 1 to 1000 and elements up to 1:5; else in float up to nu = .495, refined
-// beyond, which near nu = 1/2 and for stretched elements may stop short of what is asked, and says so.
-ElasticitySolverOptions iterative_options(const Device&, double poisson_ratio);
 
 // Compiles every kernel that iterative() uses, on a model of an ordinary strip's size: the first touch by PCG
 // must not wait for the compiler.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "service/contact/contact.h"
+#include "service/tissue/tissue_model.h"
 #include "tests/reference/contact.h"
 #include "tests/tissue/tissue_cases.h"
 
@@ -21,7 +22,7 @@ using service::TissueGrid;
 using service::TissueModel;
 
 ContactAnswer press(const TissueModel& model, const Fingertip& tip, double x_m, double indentation_m) {
-  return service::solve_contact(model, 0, *model.condensed(0), tip, {x_m, indentation_m});
+  return service::solve_contact(model.problem(), 0, *model.condensed(0), tip, {x_m, indentation_m});
 }
 
 // A line load on a half plane spreads like Hertz says: contact half width a with p_max = E* a / 2R. A layer
@@ -35,7 +36,7 @@ TEST(Contact, PressureIsHertzianInDeepTissue) {
   const double radius = 0.02, modulus = 1e4 / (1 - nu * nu);
   const ContactAnswer answer = press(model, {.radius_m = radius}, 0, 0.002);
   // From the force: a^2 = 4 P' R / (pi E*), P' = F / thickness.
-  const double line_load = -answer.force_n[1] / model.options().thickness_m;
+  const double line_load = -answer.force_n[1] / model.problem().thickness_m;
   const double half_width = std::sqrt(4 * line_load * radius / (std::numbers::pi * modulus));
   double peak = 0;
   for (const auto& p : answer.pressure) peak = std::max(peak, p.pressure_pa);

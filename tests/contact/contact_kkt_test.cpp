@@ -8,6 +8,7 @@
 #include <string>
 
 #include "service/contact/contact.h"
+#include "service/tissue/tissue_model.h"
 #include "tests/reference/contact.h"
 #include "tests/tissue/tissue_cases.h"
 
@@ -50,7 +51,7 @@ double force_error(const reference::TouchedTissue& tissue, TissueModel& model, c
                    const ContactPose& pose, reference::KktMethod method) {
   const auto expected = reference::touch(tissue, kind.tip, pose, method);
   const auto answer =
-      service::solve_contact(model, tissue.line, *model.condensed(tissue.line), kind.tip, pose);
+      service::solve_contact(model.problem(), tissue.line, *model.condensed(tissue.line), kind.tip, pose);
   const double scale = std::hypot(expected.force_n[0], expected.force_n[1]);
   EXPECT_GE(scale, 1e-3);  // something is touched
   EXPECT_LE(std::abs(answer.energy_j - expected.energy_j), 1e-7 * expected.energy_j);
@@ -63,7 +64,7 @@ double worst_error(std::size_t rows, double nu, double contrast, std::size_t lin
   const TissueGrid grid = tests::uniform_grid(51, rows, 2e-3);
   const Material material = tests::inclusion(grid, contrast, nu);
   TissueModel model(grid, material, {}, {});
-  const reference::TouchedTissue tissue{grid, material, {}, line, model.options().thickness_m};
+  const reference::TouchedTissue tissue{grid, material, {}, line, model.problem().thickness_m};
   double worst = 0;
   for (const Kind& kind : every_kind()) {
     const double error = force_error(tissue, model, kind, {0.0437, 0.0021}, method);
@@ -118,7 +119,7 @@ TEST(PaperFig16, TouchingUnderTheSurfaceTable) {
     for (std::size_t line = 0; line < 9; ++line) {
       const auto stiffness = [&](std::size_t column) {
         const ContactPose pose{grid.x_m[column], 0.002};
-        const auto answer = service::solve_contact(model, line, *model.condensed(line), node, pose);
+        const auto answer = service::solve_contact(model.problem(), line, *model.condensed(line), node, pose);
         EXPECT_NEAR(answer.tangent_n_m[4], answer.force_n[1] / pose.indentation_m,
                     1e-9 * std::abs(answer.tangent_n_m[4]));
         return -answer.force_n[1] / pose.indentation_m;

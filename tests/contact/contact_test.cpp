@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "service/contact/skin.h"
+#include "service/tissue/tissue_model.h"
 #include "tests/tissue/tissue_cases.h"
 
 namespace teletact {
@@ -64,7 +65,8 @@ std::vector<Kind> smooth_kinds() {
 
 ContactAnswer press(const TissueModel& model, const Fingertip& tip, double x_m, double indentation_m,
                     std::size_t line = 0, const ContactOptions& options = {}) {
-  return service::solve_contact(model, line, *model.condensed(line), tip, {x_m, indentation_m}, options);
+  return service::solve_contact(model.problem(), line, *model.condensed(line), tip, {x_m, indentation_m},
+                                options);
 }
 
 TEST(Contact, ForceIsGradientOfEnergy) {
@@ -239,7 +241,7 @@ TEST(Contact, CandidatesAreAddedWhereTheTissueBulges) {
 // indentation.
 TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
   const TissueModel& model = inclusion_model();
-  const TissueGrid& grid = model.grid();
+  const TissueGrid& grid = model.problem().grid;
   const double indentation = 0.004, width = grid.x_m[1] - grid.x_m[0];
   const ContactAnswer answer = press(model, {}, 0.0257, indentation);
   EXPECT_EQ(answer.state, ContactState::kContact);
@@ -257,7 +259,7 @@ TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
     loads += p;
     force += p + service::skin_energy(state, p, stiffness, t.t_m).by_t * t.slope;
   }
-  EXPECT_NEAR(force * model.options().thickness_m, -answer.force_n[1], 1e-11 * -answer.force_n[1]);
+  EXPECT_NEAR(force * model.problem().thickness_m, -answer.force_n[1], 1e-11 * -answer.force_n[1]);
   EXPECT_NEAR(loads, force, 5e-3 * force);  // the skins' own share is small
 }
 
@@ -265,7 +267,7 @@ TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
 // down.
 TEST(Contact, TractionsAndPressuresOfAStuckFootprintHoldIt) {
   const TissueModel& model = inclusion_model();
-  const TissueGrid& grid = model.grid();
+  const TissueGrid& grid = model.problem().grid;
   const double indentation = 0.003, width = grid.x_m[1] - grid.x_m[0];
   const Fingertip tip{.shape = FingertipShape::kNode, .friction = Friction::kStuck, .footprint_m = 1e-3};
   const ContactAnswer answer = press(model, tip, 0.0257, indentation);
@@ -342,7 +344,7 @@ TEST(Contact, AboveTheSurfaceThereIsNoForce) {
 template <class Exception>
 std::string refusal(const Fingertip& tip, double x_m, double indentation_m, std::size_t line = 0) {
   try {
-    service::solve_contact(inclusion_model(), line, *inclusion_model().condensed(0), tip,
+    service::solve_contact(inclusion_model().problem(), line, *inclusion_model().condensed(0), tip,
                            {x_m, indentation_m});
   } catch (const Exception& e) {
     return e.what();

@@ -61,13 +61,13 @@ const std::vector<Tissue>& tissues() {
 double add_touches(const TissueModel& model, Compliance& exact, Compliance& tried,
                    std::vector<double>& ratios) {
   double largest = 0;
-  const auto& x = model.grid().x_m;
+  const auto& x = model.problem().grid.x_m;
   for (const double share : {0.22, 0.31, 0.4, 0.5, 0.63, 0.72})
     for (const Friction friction : {Friction::kFrictionless, Friction::kStuck}) {
       const Fingertip tip{.friction = friction};
       const ContactPose pose{x.front() + share * (x.back() - x.front()), 0.001};
-      const auto answer = service::solve_contact(model, 0, tried, tip, pose);
-      const auto truth = service::solve_contact(model, 0, exact, tip, pose).force_n;
+      const auto answer = service::solve_contact(model.problem(), 0, tried, tip, pose);
+      const auto truth = service::solve_contact(model.problem(), 0, exact, tip, pose).force_n;
       const double error = std::hypot(answer.force_n[0] - truth[0], answer.force_n[1] - truth[1]) /
                            std::hypot(truth[0], truth[1]);
       ratios.push_back(error / answer.solve.relative_error);
@@ -97,7 +97,8 @@ TEST(ErrorEstimate, OfTheCondensedModelBoundsAndIsSmall) {
     add_touches(model, *t.exact, *model.condensed(0), ratios);
     if (t.contrast > 10 || t.material.poisson_ratio > 0.49) continue;
     const double middle_m = 0.5 * (t.grid.x_m.front() + t.grid.x_m.back());
-    const auto answer = service::solve_contact(model, 0, *model.condensed(0), {}, {middle_m, 0.001});
+    const auto answer =
+        service::solve_contact(model.problem(), 0, *model.condensed(0), {}, {middle_m, 0.001});
     most_stated = std::max(most_stated, answer.solve.relative_error);
   }
   judge("condensed", ratios);

@@ -25,12 +25,12 @@ using service::TissueGrid;
 using service::TissueModel;
 
 ContactAnswer press(const TissueModel& model, const Fingertip& tip, const ContactPose& pose) {
-  return service::solve_contact(model, 0, *model.condensed(0), tip, pose);
+  return service::solve_contact(model.problem(), 0, *model.condensed(0), tip, pose);
 }
 
 double force_error(const TissueModel& model, const Fingertip& tip, const ContactPose& pose) {
-  const reference::TouchedTissue tissue{model.grid(), model.material(), model.supports(), 0,
-                                        model.options().thickness_m};
+  const reference::TouchedTissue tissue{model.problem().grid, model.problem().material,
+                                        model.problem().supports, 0, model.problem().thickness_m};
   const auto expected = reference::touch(tissue, tip, pose, reference::KktMethod::kDense);
   const ContactAnswer answer = press(model, tip, pose);
   return std::hypot(answer.force_n[0] - expected.force_n[0], answer.force_n[1] - expected.force_n[1]) /
@@ -41,8 +41,8 @@ struct Judged {
   double error = 0, stated = 0;  // against long double
 };
 Judged judged(const TissueModel& model, const Fingertip& tip, const ContactPose& pose) {
-  tests::ExactCompliance exact(model.grid(), model.material());
-  const auto truth = service::solve_contact(model, 0, exact, tip, pose).force_n;
+  tests::ExactCompliance exact(model.problem().grid, model.problem().material);
+  const auto truth = service::solve_contact(model.problem(), 0, exact, tip, pose).force_n;
   const ContactAnswer answer = press(model, tip, pose);
   return {
       std::hypot(answer.force_n[0] - truth[0], answer.force_n[1] - truth[1]) / std::hypot(truth[0], truth[1]),
@@ -102,7 +102,7 @@ TEST(ContactLimits, AnswerThatIsNotFiniteIsRefused) {
     Unusable compliance(value);
     for (const FingertipShape shape :
          {FingertipShape::kNode, FingertipShape::kFlatPunch, FingertipShape::kRoundedTip})
-      EXPECT_THROW(service::solve_contact(model, 0, compliance, {.shape = shape}, {0.0103, 0.002}),
+      EXPECT_THROW(service::solve_contact(model.problem(), 0, compliance, {.shape = shape}, {0.0103, 0.002}),
                    std::domain_error)
           << value << " shape " << int(shape);
   }
@@ -140,7 +140,7 @@ TEST(ContactLimits, WhatDidNotConvergeStatesNoLessThanItsOwnBound) {
   const TissueModel model(grid, tests::inclusion(grid, 5, 0.49), {}, {});
   const auto stated = [&](bool converged) {
     SampledCompliance compliance(model.condensed(0), converged);
-    return service::solve_contact(model, 0, compliance, {}, {0.0103, 0.002}).solve.relative_error;
+    return service::solve_contact(model.problem(), 0, compliance, {}, {0.0103, 0.002}).solve.relative_error;
   };
   EXPECT_LE(stated(true), 1e-12);
   EXPECT_GE(stated(false), SampledCompliance::kOwnBound);

@@ -10,6 +10,7 @@
 
 #include "service/contact/contact.h"
 #include "service/tissue/elasticity_solver.h"
+#include "service/tissue/tissue_model.h"
 #include "tests/reference/contact.h"
 #include "tests/tissue/tissue_cases.h"
 
@@ -56,12 +57,12 @@ Worst worst_error(std::size_t rows, double nu, double contrast, std::size_t line
   ElasticitySolverOptions options;
   options.precision = precision;
   const auto compliance = model.iterative(line, device(), options);
-  const reference::TouchedTissue tissue{grid, material, {}, line, model.options().thickness_m};
+  const reference::TouchedTissue tissue{grid, material, {}, line, model.problem().thickness_m};
   Worst worst;
   for (const Fingertip& tip : every_tip()) {
     const ContactPose pose{0.0437, 0.0021};
     const auto expected = reference::touch(tissue, tip, pose, reference::KktMethod::kSparseFactor);
-    const auto answer = service::solve_contact(model, line, *compliance, tip, pose);
+    const auto answer = service::solve_contact(model.problem(), line, *compliance, tip, pose);
     const double error =
         std::hypot(answer.force_n[0] - expected.force_n[0], answer.force_n[1] - expected.force_n[1]) /
         std::hypot(expected.force_n[0], expected.force_n[1]);
@@ -141,9 +142,9 @@ struct Judged {
   service::SolveReport report;
 };
 Judged touch_by(const TissueModel& model, Compliance& columns, Compliance& truth) {
-  const ContactPose pose{0.47 * model.grid().x_m.back(), 0.001};
-  const auto answer = service::solve_contact(model, 0, columns, {}, pose);
-  const auto right = service::solve_contact(model, 0, truth, {}, pose);
+  const ContactPose pose{0.47 * model.problem().grid.x_m.back(), 0.001};
+  const auto answer = service::solve_contact(model.problem(), 0, columns, {}, pose);
+  const auto right = service::solve_contact(model.problem(), 0, truth, {}, pose);
   const auto f = right.force_n;
   return {std::hypot(answer.force_n[0] - f[0], answer.force_n[1] - f[1]) / std::hypot(f[0], f[1]),
           right.solve.relative_error, answer.solve};

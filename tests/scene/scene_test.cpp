@@ -34,11 +34,11 @@ TEST_F(SceneWithWindows, EachPublicationIsTheNextVersion) {
 TEST_F(SceneWithWindows, PublishedSnapshotNeverChanges) {
   publish(0);
   const auto before = scene.snapshot();
-  const double modulus_pa = tissue_of(*before->windows[0]).material().youngs_modulus_pa[0];
+  const double modulus_pa = tissue_of(*before->windows[0]).problem().material.youngs_modulus_pa[0];
   publish(0, 40e3);
   EXPECT_EQ(before->windows.size(), 1U);
-  EXPECT_EQ(tissue_of(*before->windows[0]).material().youngs_modulus_pa[0], modulus_pa);
-  EXPECT_NEAR(tissue_of(*scene.snapshot()->windows[0]).material().youngs_modulus_pa[0], 40e3, 1);
+  EXPECT_EQ(tissue_of(*before->windows[0]).problem().material.youngs_modulus_pa[0], modulus_pa);
+  EXPECT_NEAR(tissue_of(*scene.snapshot()->windows[0]).problem().material.youngs_modulus_pa[0], 40e3, 1);
 }
 
 TEST_F(SceneWithWindows, FingerKeepsItsWindowForTwoMillimetres) {
@@ -92,8 +92,8 @@ TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
   const auto modulus_at = [](const SceneSnapshot& s, double x_m) {
     const TissueModel& model = tissue_of(*s.windows[0]);
     std::size_t i = 0;
-    while (model.grid().x_m[i + 1] < x_m) ++i;
-    return model.material().youngs_modulus_pa[i];
+    while (model.problem().grid.x_m[i + 1] < x_m) ++i;
+    return model.problem().material.youngs_modulus_pa[i];
   };
   EXPECT_NEAR(modulus_at(*stale, 0.0405), 10e3, 1);
   EXPECT_NEAR(modulus_at(*fresh, 0.0405), 40e3, 1);
@@ -117,7 +117,7 @@ TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
       const auto anew =
           build_strip(scene.geometry(), *snapshot->map, window->region.begin_x_m, window->region.end_x_m);
       std::vector<std::size_t> nodes;
-      for (std::size_t i = anew->touchable_columns().first; i <= anew->touchable_columns().last; ++i)
+      for (std::size_t i = anew->problem().touchable.first; i <= anew->problem().touchable.last; ++i)
         nodes.push_back(i);
       for (const std::size_t line : {std::size_t{0}, kLine})
         EXPECT_EQ(tissue_of(*window).condensed(line)->among(nodes, nullptr),

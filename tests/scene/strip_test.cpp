@@ -65,9 +65,9 @@ TEST(Strip, TakesTheScenesThicknessAndItsSupportsWhereItReachesThem) {
   map.paste(window_of(homogeneous(10e3), 0, 0.400, 0.040));
   const auto supports = [&](double begin_m, double end_m) {
     const auto model = build_strip(g, map, begin_m, end_m);
-    EXPECT_EQ(model->options().thickness_m, 0.021);
-    EXPECT_EQ(model->supports().bottom, EdgeSupport::kFixed);
-    return std::pair(model->supports().left, model->supports().right);
+    EXPECT_EQ(model->problem().thickness_m, 0.021);
+    EXPECT_EQ(model->problem().supports.bottom, EdgeSupport::kFixed);
+    return std::pair(model->problem().supports.left, model->problem().supports.right);
   };
   EXPECT_EQ(supports(0, 0.060), std::pair(EdgeSupport::kFixed, EdgeSupport::kFree));
   EXPECT_EQ(supports(0.170, 0.230), std::pair(EdgeSupport::kFree, EdgeSupport::kFree));
@@ -79,12 +79,12 @@ TEST(Strip, ElementsTakeTheMapsModulus) {
   StitchedMap map(g);
   map.paste(window_of(inclusion(10e3, 6, 0.060, 0.012, 0.005), 0.030, 0.060, 0.030));
   const auto model = build_strip(g, map, 0.030, 0.090);
-  const TissueGrid& grid = model->grid();
+  const TissueGrid& grid = model->problem().grid;
   for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
     for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
       const double x = 0.5 * (grid.x_m[i] + grid.x_m[i + 1]), y = 0.5 * (grid.y_m[j] + grid.y_m[j + 1]);
       const double r = std::hypot(x - 0.060, y - 0.012),
-                   e = model->material().youngs_modulus_pa[grid.element(i, j)];
+                   e = model->problem().material.youngs_modulus_pa[grid.element(i, j)];
       if (r < 0.004 || r > 0.012) {
         EXPECT_NEAR(e, r < 0.004 ? 60e3 : 10e3, 1) << x << " " << y;
       }

@@ -218,7 +218,7 @@ TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
   const auto line = tissue_of(*scene->snapshot()->windows.front()).iterative(0, device);
   EXPECT_TRUE(line->prepare(std::vector<std::size_t>{}, false, {}));
   std::vector<std::size_t> near;
-  const auto& x = tissue_of(*scene->snapshot()->windows.front()).grid().x_m;
+  const auto& x = tissue_of(*scene->snapshot()->windows.front()).problem().grid.x_m;
   for (std::size_t i = 0; i < x.size(); ++i)
     if (std::abs(x[i] - 0.0603) < TouchSession::kWidestReachM) near.push_back(i);
   EXPECT_TRUE(line->prepare(near, false, {}));  // without time for any step
@@ -241,7 +241,7 @@ TEST(ExplicitScene, KeepsItsGridAndIsTouchableAtOnce) {
   e.y_m = uniform_coordinates(0, 0.1, 10);
   e.youngs_modulus_pa.assign(500, 10e3);
   auto scene = std::make_shared<Scene>("s", tissue(0.1, 0.1), e, versions());
-  EXPECT_EQ(tissue_of(*scene->snapshot()->windows[0]).grid().x_m, e.x_m);
+  EXPECT_EQ(tissue_of(*scene->snapshot()->windows[0]).problem().grid.x_m, e.x_m);
   EXPECT_GT(scene->snapshot()->version, 0U);
   TouchOptions node;
   node.fingertip.shape = FingertipShape::kNode;

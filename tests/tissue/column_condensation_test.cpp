@@ -27,11 +27,11 @@ using service::TouchedNodes;
 
 // Of the touchable columns of a line, by a sparse factor of the reference assembly.
 MatrixXd reference_compliance(const TissueModel& model, std::size_t line) {
-  const TissueGrid& grid = model.grid();
-  const auto k = reference::with_fixed(reference::assemble(grid, model.material()),
-                                       reference::fixed_dofs(grid, model.supports()));
+  const TissueGrid& grid = model.problem().grid;
+  const auto k = reference::with_fixed(reference::assemble(grid, model.problem().material),
+                                       reference::fixed_dofs(grid, model.problem().supports));
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(k);
-  const ColumnRange columns = model.touchable_columns();
+  const ColumnRange columns = model.problem().touchable;
   const Index first = Index(2 * grid.node(columns.first, line));
   const Index size = Index(2 * (columns.last - columns.first + 1));
   MatrixXd s(size, size);
@@ -42,7 +42,7 @@ MatrixXd reference_compliance(const TissueModel& model, std::size_t line) {
 
 MatrixXd compliance(const TissueModel& model, std::size_t line, const TissueModel* before,
                     service::SolveReport* report = nullptr) {
-  const ColumnRange columns = model.touchable_columns();
+  const ColumnRange columns = model.problem().touchable;
   std::vector<std::size_t> nodes(columns.last - columns.first + 1);
   std::iota(nodes.begin(), nodes.end(), columns.first);
   return model.condensed(line, before)->among(nodes, report);
@@ -79,7 +79,7 @@ TEST(ColumnCondensation, ChangedModelIsTheModelMadeAnewToTheBit) {
       for (const auto& [first, end] : ranges(grid.nx() - 1, random)) {
         const TissueModel before(grid, tests::scattered(grid, contrast, nu), Supports{}, options);
         before.condensed(3);
-        const Material now = changed(grid, before.material(), first, end, random);
+        const Material now = changed(grid, before.problem().material, first, end, random);
         const TissueModel anew(grid, now, Supports{}, options),
             model(grid, now, Supports{}, options, &before);
         for (const std::size_t line : {0, 3}) {
@@ -102,9 +102,9 @@ TEST(ColumnCondensation, ManyChangesDoNotAddUp) {
   const service::TissueModelOptions options{.will_change = true};
   auto model = std::make_unique<TissueModel>(grid, tests::scattered(grid, 100, 0.49), Supports{}, options);
   for (const auto& [first, end] : ranges(grid.nx() - 1, random)) {
-    model = std::make_unique<TissueModel>(grid, changed(grid, model->material(), first, end, random),
+    model = std::make_unique<TissueModel>(grid, changed(grid, model->problem().material, first, end, random),
                                           Supports{}, options, model.get());
-    const TissueModel anew(grid, model->material(), Supports{}, {});
+    const TissueModel anew(grid, model->problem().material, Supports{}, {});
     EXPECT_EQ((compliance(*model, 0, nullptr) - compliance(anew, 0, nullptr)).cwiseAbs().maxCoeff(), 0);
   }
 }
@@ -168,8 +168,8 @@ TEST(ColumnCondensation, EqualsSparseFactorNearIncompressibility) {
       const TissueGrid grid = tests::uneven_grid(std::size_t(nx), std::size_t(ny));
       const TissueModel model(grid, tests::scattered(grid, 10, nu), {}, {});
       const MatrixXd exact = reference_compliance(model, 0);
-      const service::LayeredStiffness columns(grid, model.material(), {}, Layers::kColumns);
-      const TouchedNodes touched{0, model.touchable_columns()};
+      const service::LayeredStiffness columns(grid, model.problem().material, {}, Layers::kColumns);
+      const TouchedNodes touched{0, model.problem().touchable};
       const MatrixXd s =
           joined(condensed_sides(columns, touched, {}), touched).selfadjointView<Eigen::Lower>();
       const double error = (s - exact).cwiseAbs().maxCoeff() / exact.diagonal().maxCoeff();

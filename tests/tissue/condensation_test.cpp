@@ -114,7 +114,7 @@ TEST(Condensation, AnyEdgeMayBeFixed) {
     const auto edge = [&](int bit) { return mask & bit ? EdgeSupport::kFixed : EdgeSupport::kFree; };
     const Supports supports{edge(1), edge(2), edge(4), edge(8)};
     const TissueModel model(grid, material, supports, {});
-    const service::ColumnRange touchable = model.touchable_columns();
+    const service::ColumnRange touchable = model.problem().touchable;
     EXPECT_EQ(touchable.first, mask & 4 ? 1u : 0u);
     EXPECT_EQ(touchable.last, grid.nx() - (mask & 8 ? 2u : 1u));
     const auto columns = range(touchable.first, touchable.last);
@@ -135,8 +135,8 @@ TEST(TissueModel, ComplianceIsKeptAmongTouchableColumnsAlone) {
   const TissueGrid grid = tests::uniform_grid(21, 6);
   const Material material = tests::inclusion(grid, 10, 0.49);
   const TissueModel model(grid, material, Supports{}, {.touch_begin_m = 0.005, .touch_end_m = 0.0121});
-  EXPECT_EQ(model.touchable_columns().first, 5u);
-  EXPECT_EQ(model.touchable_columns().last, 12u);
+  EXPECT_EQ(model.problem().touchable.first, 5u);
+  EXPECT_EQ(model.problem().touchable.last, 12u);
   const std::vector<std::size_t> nodes{5, 8, 12};
   for (std::size_t line : {0u, 2u}) {
     EXPECT_LE(relative_difference(model.condensed(line)->among(nodes, nullptr),
@@ -152,11 +152,11 @@ TEST(TissueModel, ComplianceIsKeptAmongTouchableColumnsAlone) {
 TEST(TissueModel, ModulusNearAColumnIsTheMeanOfBothSides) {
   const TissueGrid grid = tests::uniform_grid(3, 3, 0.01);
   const TissueModel model(grid, Material{{1e3, 3e3, 5e3, 9e3}, 0.49}, {}, {});
-  EXPECT_EQ(model.modulus_near_pa(0, 0), 1e3);
-  EXPECT_EQ(model.modulus_near_pa(1, 0), 2e3);
-  EXPECT_EQ(model.modulus_near_pa(2, 0), 3e3);
-  EXPECT_EQ(model.modulus_near_pa(1, 1), 7e3);
-  EXPECT_EQ(model.modulus_near_pa(1, 2), 7e3);  // the lowest line has elements above it alone
+  EXPECT_EQ(modulus_near_pa(model.problem(), 0, 0), 1e3);
+  EXPECT_EQ(modulus_near_pa(model.problem(), 1, 0), 2e3);
+  EXPECT_EQ(modulus_near_pa(model.problem(), 2, 0), 3e3);
+  EXPECT_EQ(modulus_near_pa(model.problem(), 1, 1), 7e3);
+  EXPECT_EQ(modulus_near_pa(model.problem(), 1, 2), 7e3);  // the lowest line has elements above it alone
 }
 
 // Two of them fit, so that none is made line by line, which makes all at once.

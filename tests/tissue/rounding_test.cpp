@@ -50,7 +50,7 @@ std::vector<Case> cases() {
 }
 
 Eigen::MatrixXd compliance(const TissueModel& model, std::size_t line, service::SolveReport* report) {
-  std::vector<std::size_t> nodes(model.grid().nx());
+  std::vector<std::size_t> nodes(model.problem().grid.nx());
   std::iota(nodes.begin(), nodes.end(), 0);
   return model.condensed(line)->among(nodes, report);
 }

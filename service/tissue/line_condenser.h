@@ -1,0 +1,72 @@
+// Condenses the lines of a problem on the host, by the cheaper way (T4.2, T4.2c). Wide tissue is eliminated
+// column by column, which costs the same for each line. Deep tissue, and from the fifth interior line on any
+// tissue whose lines all fit the bound of memory, is eliminated line by line: two sweeps once and one dense
+// inverse for each line.
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "service/limits/memory.h"
+#include "service/tissue/column_condensation.h"
+#include "service/tissue/compliance.h"
+#include "service/tissue/tissue_problem.h"
+
+namespace teletact::service {
+
+struct CondenserOptions {
+  bool interior_lines = false;      // keeps for them what the surface's elimination passes through
+  bool will_change = false;         // keeps what a line's successor can take over
+  std::size_t most_line_bytes = 0;  // all lines together, where they are made line by line
+};
+
+// Thread-safe, but for one line asked for by two threads at a time.
+class LineCondenser {
+ public:
+  LineCondenser(std::shared_ptr<const TissueProblem>, const CondenserOptions&, MemoryAccount);
+  const FreeNodes& free() const { return free_; }
+  // Throws std::out_of_range where the line is fixed or absent.
+  void check_free(std::size_t line) const;
+  // `before` (may be null): of a problem of which this one is a change; parts that are the same are taken
+  // over. The numbers are those without it, to the bit. Throws MemoryRefused.
+  std::shared_ptr<Compliance> condense(std::size_t line, const LineCondenser* before);
+  // What was kept for the line's successor is not needed any more.
+  void forget(std::size_t line);
+  std::size_t line_bytes() const;   // of a compliance
+  std::size_t sides_bytes() const;  // of what is kept for its successor
+  double operations() const;        // in floating point, to condense a line
+
+ private:
+  bool by_columns(std::size_t line);
+  std::size_t swept_bytes() const;
+  std::size_t working_bytes() const;
+  Eigen::MatrixXd swept(std::size_t line);
+  CondensedSides same_sides(std::size_t line, const LineCondenser* before) const;
+
+  const std::shared_ptr<const TissueProblem> problem_;
+  const CondenserOptions options_;
+  const MemoryAccount account_;
+  const FreeNodes free_;
+  const CondensationCost cost_;
+
+  // Column by column.
+  std::atomic<std::size_t> by_columns_ = 0;  // interior lines condensed so
+  mutable std::mutex sides_mutex_;
+  struct Sides {
+    Charge charge;
+    CondensedSides sides;
+  };
+  std::map<std::size_t, Sides> sides_;  // by line, where the modulus will change
+
+  // Line by line.
+  Charge swept_charge_;
+  std::vector<Eigen::MatrixXd> below_;  // of the surface's elimination, where interior lines are foreseen
+  std::once_flag swept_;
+  std::vector<Eigen::MatrixXd> stiffness_;  // Schur complement of every free line; consumed line by line
+};
+
+}  // namespace teletact::service

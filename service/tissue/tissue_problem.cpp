@@ -1,0 +1,63 @@
+#include "service/tissue/tissue_problem.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "service/tissue/condensation.h"
+
+namespace teletact::service {
+namespace {
+
+ColumnRange touchable_columns(const TissueGrid& grid, const FreeNodes& free, double begin, double end) {
+  ColumnRange range{free.first_column, free.last_column};
+  if (begin == 0 && end == 0) return range;
+  if (!std::isfinite(begin) || !std::isfinite(end) || begin > end) {
+    throw std::invalid_argument(
+        "options.touch_begin_m and touch_end_m must be finite and in order; both 0 keeps every column");
+  }
+  const double slack = 1e-9 * (grid.x_m.back() - grid.x_m.front());
+  while (range.first <= range.last && grid.x_m[range.first] < begin - slack) ++range.first;
+  while (range.last > range.first && grid.x_m[range.last] > end + slack) --range.last;
+  if (range.first > range.last || grid.x_m[range.last] > end + slack) {
+    throw std::invalid_argument("options.touch_begin_m ... touch_end_m, " + std::to_string(begin) + " to " +
+                                std::to_string(end) + ", holds no free column of nodes; widen it");
+  }
+  return range;
+}
+
+}  // namespace
+
+TissueProblem make_problem(TissueGrid grid, Material material, const Supports& supports, double thickness_m,
+                           double touch_begin_m, double touch_end_m) {
+  validate(grid, material);
+  const FreeNodes free = free_nodes(grid, supports);
+  if (!(thickness_m > 0) || !std::isfinite(thickness_m)) {
+    throw std::invalid_argument("options.thickness_m is " + std::to_string(thickness_m) +
+                                "; give the out-of-plane contact width in metres, above 0");
+  }
+  TissueProblem problem{std::move(grid), std::move(material), supports, thickness_m,
+                        touch_begin_m,   touch_end_m,         {}};
+  problem.touchable = touchable_columns(problem.grid, free, touch_begin_m, touch_end_m);
+  if (touch_begin_m == 0 && touch_end_m == 0) {
+    problem.touch_begin_m = problem.grid.x_m.front();
+    problem.touch_end_m = problem.grid.x_m.back();
+  }
+  return problem;
+}
+
+double modulus_near_pa(const TissueProblem& problem, std::size_t column, std::size_t line) {
+  const TissueGrid& grid = problem.grid;
+  if (column >= grid.nx() || line >= grid.ny()) {
+    throw std::out_of_range("modulus_near_pa: column or line outside the grid");
+  }
+  const std::size_t row = std::min(line, grid.ny() - 2);
+  const std::size_t left = column > 0 ? column - 1 : 0, right = std::min(column, grid.nx() - 2);
+  return (problem.material.youngs_modulus_pa[grid.element(left, row)] +
+          problem.material.youngs_modulus_pa[grid.element(right, row)]) /
+         2;
+}
+
+}  // namespace teletact::service
