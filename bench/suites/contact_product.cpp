@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "bench/suites/contact.h"
+#include "service/plan/choices.h"
 #include "service/scene/strip.h"
 #include "service/tissue/tissue_model.h"
 
@@ -71,8 +72,7 @@ json measure_strip(int repeats) {
                                  service::strip_lines(geometry)};
   service::Material material{std::vector<double>(grid.elements(), 10e3), geometry.poisson_ratio};
   for (std::size_t e = 0; e < grid.elements(); e += 7) material.youngs_modulus_pa[e] = 100e3;
-  const service::StripOptions strip;
-  const double reach_m = strip.hysteresis_m + strip.finger_reach_m;
+  const double reach_m = service::choices::kHandOver + service::choices::kWidestReach;
   const service::TissueModelOptions options{
       .touch_begin_m = kBeginM - reach_m, .touch_end_m = kEndM + reach_m, .will_change = true};
   const TissueModel before(grid, material, geometry.supports, options);

@@ -9,6 +9,7 @@
 
 #include "service/contact/contact.h"
 #include "service/contact/fingertip.h"
+#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {
@@ -59,7 +60,7 @@ class PlaneLayer final : public TouchedLayer {
       if (columns_m[i + 1] > at.x_m - reach && columns_m[i] < at.x_m + reach)
         widest_m = std::max(widest_m, columns_m[i + 1] - columns_m[i]);
     const double curved = tip.shape == FingertipShape::kFlatPunch ? reach - tip.half_width_m : reach;
-    if (curved >= PlaneTouchModel::kLeastSpacings * widest_m) return "";
+    if (curved >= choices::kLeastSpacings * widest_m) return "";
     return fmt::format(
         "the mesh is too coarse for this tip: nodes {:.2g} mm apart where its curved part spans {:.2g} mm a "
         "side; the force depends on where it stands between them, use a finer grid or a wider tip",

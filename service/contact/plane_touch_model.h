@@ -12,10 +12,6 @@ namespace teletact::service {
 
 class PlaneTouchModel final : public TouchModel {
  public:
-  // What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
-  // depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
-  static constexpr double kLeastSpacings = 1.5;
-
   explicit PlaneTouchModel(std::shared_ptr<const TissueModel>);
   const char* name() const override { return "plane-strain"; }
   Region region() const override;

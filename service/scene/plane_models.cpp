@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "service/contact/plane_touch_model.h"
+#include "service/plan/choices.h"
 #include "service/scene/strip.h"
 #include "service/scene/touch_models.h"
 
@@ -20,7 +21,7 @@ class PlaneModels final : public TouchModels {
     return free_layers(strip_lines(geometry), geometry.supports);
   }
 
-  double context_m() const override { return StripOptions{}.refresh_m; }
+  double context_m() const override { return choices::kRefresh; }
 
   std::shared_ptr<const TouchModel> of_window(const WantedModel& wanted) const override {
     StripOptions strip;

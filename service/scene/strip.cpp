@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "service/plan/choices.h"
+
 namespace teletact::service {
 
 namespace {
 
-constexpr double kColumnGrowth = 1.3, kLineGrowth = 1.15;
+using namespace choices;
 
 struct Range {
   double begin_m, end_m;
@@ -19,28 +21,27 @@ Range widened(const SceneGeometry& g, double begin_m, double end_m, double by_m)
 
 }  // namespace
 
-std::vector<double> strip_lines(const SceneGeometry& g, const StripOptions& o) {
-  if (g.depth_m <= o.fine_depth_m + o.coarse_line_m)
-    return uniform_coordinates(
-        0, g.depth_m, std::max<std::size_t>(1, std::llround(std::ceil(g.depth_m / o.fine_m - 1e-9))));
-  return graded_coordinates(0, g.depth_m, 0, o.fine_depth_m, o.fine_m, o.coarse_line_m, kLineGrowth);
+std::vector<double> strip_lines(const SceneGeometry& g) {
+  if (g.depth_m <= kFineDepth + kCoarseLine)
+    return uniform_coordinates(0, g.depth_m,
+                               std::max<std::size_t>(1, std::llround(std::ceil(g.depth_m / kFine - 1e-9))));
+  return graded_coordinates(0, g.depth_m, 0, kFineDepth, kFine, kCoarseLine, kLineGrowth);
 }
 
-std::vector<double> strip_columns(const SceneGeometry& g, double begin_m, double end_m,
-                                  const StripOptions& o) {
-  const Range reach = widened(g, begin_m, end_m, o.hysteresis_m + o.finger_reach_m);
+std::vector<double> strip_columns(const SceneGeometry& g, double begin_m, double end_m) {
+  const Range reach = widened(g, begin_m, end_m, kHandOver + kWidestReach);
   // On the scene's lattice of fine columns.
-  const double fine_begin_m = std::max(0.0, std::floor(reach.begin_m / o.fine_m + 1e-9) * o.fine_m);
-  const double fine_end_m = std::min(g.width_m, std::ceil(reach.end_m / o.fine_m - 1e-9) * o.fine_m);
-  const Range strip = widened(g, begin_m, end_m, o.context_m);
+  const double fine_begin_m = std::max(0.0, std::floor(reach.begin_m / kFine + 1e-9) * kFine);
+  const double fine_end_m = std::min(g.width_m, std::ceil(reach.end_m / kFine - 1e-9) * kFine);
+  const Range strip = widened(g, begin_m, end_m, kContext);
   return graded_coordinates(std::min(strip.begin_m, fine_begin_m), std::max(strip.end_m, fine_end_m),
-                            fine_begin_m, fine_end_m, o.fine_m, o.coarse_m, kColumnGrowth);
+                            fine_begin_m, fine_end_m, kFine, kCoarse, kColumnGrowth);
 }
 
 std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const StitchedMap& map, double begin_m,
                                                double end_m, const StripOptions& o,
                                                const TissueModel* before) {
-  TissueGrid grid{strip_columns(g, begin_m, end_m, o), strip_lines(g, o)};
+  TissueGrid grid{strip_columns(g, begin_m, end_m), strip_lines(g)};
   Material material;
   material.poisson_ratio = g.poisson_ratio;
   material.youngs_modulus_pa.reserve(grid.elements());
@@ -51,7 +52,7 @@ std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const Sti
   Supports supports = g.supports;
   if (grid.x_m.front() > 0) supports.left = EdgeSupport::kFree;
   if (grid.x_m.back() < g.width_m) supports.right = EdgeSupport::kFree;
-  const Range reach = widened(g, begin_m, end_m, o.hysteresis_m + o.finger_reach_m);
+  const Range reach = widened(g, begin_m, end_m, kHandOver + kWidestReach);
   TissueModelOptions options;
   options.touch_begin_m = reach.begin_m;
   options.touch_end_m = reach.end_m;

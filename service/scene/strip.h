@@ -1,6 +1,6 @@
 // The strip of tissue that a window is touched on (T4): the window with context on each side, on a graded
-// grid. Fine columns (1 mm) lie on one lattice of the whole scene, so that the strips of two windows have the
-// same nodes under a finger that is handed over from one to the other.
+// grid (plan/choices.h). Fine columns lie on one lattice of the whole scene, so that the strips of two
+// windows have the same nodes under a finger that is handed over from one to the other.
 #pragma once
 
 #include <memory>
@@ -13,25 +13,14 @@
 namespace teletact::service {
 
 struct StripOptions {
-  double fine_m = 0.001;          // columns under the finger; lines down to fine_depth_m
-  double coarse_m = 0.008;        // columns far away
-  double hysteresis_m = 0.002;    // the finger may leave its window by this much before it is handed over
-  double finger_reach_m = 0.014;  // half of the widest contact
-  // Tissue on each side of the window. T4 asks for 60 mm, which leaves a jump of 1.8 % where a finger is
-  // handed over at the tissue's border; 80 mm leave 1.0 %, 100 mm 0.5 %, for 5 more coarse columns a side.
-  double context_m = 0.100;
-  double refresh_m = 0.060;  // windows this near are rebuilt when a window changes
-  double fine_depth_m = 0.022;
-  double coarse_line_m = 0.002;  // distance of lines at depth
-  bool interior_lines = false;   // as in TissueModelOptions
-  MemoryAccount account = {};    // the same
+  bool interior_lines = false;  // as in TissueModelOptions
+  MemoryAccount account = {};   // the same
 };
 
 // Node coordinates of the lines (y), the same for every strip of a scene.
-std::vector<double> strip_lines(const SceneGeometry&, const StripOptions& = {});
+std::vector<double> strip_lines(const SceneGeometry&);
 // Node coordinates of the columns (x) of the strip for the window [begin, end).
-std::vector<double> strip_columns(const SceneGeometry&, double begin_m, double end_m,
-                                  const StripOptions& = {});
+std::vector<double> strip_columns(const SceneGeometry&, double begin_m, double end_m);
 
 // The tissue model of the window [begin, end): element modulus = harmonic mean over the map's cells (series
 // model: exact for layers across the load, and unbiased for strain noise); edges of the strip inside the

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "service/device/device.h"
+#include "service/plan/choices.h"
 
 namespace teletact::service {
 
@@ -93,8 +94,9 @@ TouchAnswer TouchSession::solve(const Vector3& position_m) {
   answer.warning = outside(position_m);
   const auto snapshot = scene_->snapshot();
   answer.covered = snapshot->covered_around(x_m);
-  const auto window =
-      answer.warning.empty() ? snapshot->window_at(x_m, window_ ? window_->id : 0, kHysteresisM) : nullptr;
+  const auto window = answer.warning.empty()
+                          ? snapshot->window_at(x_m, window_ ? window_->id : 0, choices::kHandOver)
+                          : nullptr;
   if (!window) {
     leave_window();
     answer.status = TouchStatus::kNotCovered;
@@ -157,14 +159,14 @@ bool TouchSession::prepare(const TouchPose& pose, double around_m, std::chrono::
 // Nothing is owed: without room for more the finger finds less ready.
 void TouchSession::look_ahead(const TouchPose& pose) {
   try {
-    prepare(pose, kWidestReachM, kAhead);
+    prepare(pose, choices::kWidestReach, choices::kAhead);
   } catch (const MemoryRefused&) {
   }
 }
 
 void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
   answer.path = touched_->path();
-  if (indentation_m(layer_, pose) > 0 && !prepare(pose, 0, kLongestSolve))
+  if (indentation_m(layer_, pose) > 0 && !prepare(pose, 0, choices::kLongestSolve))
     throw std::runtime_error(
         "columns of the contact are still being solved; hold the finger above, or use "
         "the compliance");
@@ -176,13 +178,14 @@ void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
 double TouchSession::measured_share(const StitchedMap& map, double x_m) const {
   const double above_m = std::max(0.0, layer_.depth_m - kFeltDepthM / 2);
   const double below_m = std::min(scene_->geometry().depth_m, above_m + kFeltDepthM);
-  return map.measured_share(x_m - kWidestReachM / 2, x_m + kWidestReachM / 2, above_m, below_m);
+  return map.measured_share(x_m - choices::kWidestReach / 2, x_m + choices::kWidestReach / 2, above_m,
+                            below_m);
 }
 
 // Why a contact is not to be trusted; empty when it is.
 std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& snapshot, double x_m) const {
   const double measured = snapshot.map ? measured_share(*snapshot.map, x_m) : 1;
-  if (!c.solve.converged || !(c.solve.relative_error <= kTrustedForceError))
+  if (!c.solve.converged || !(c.solve.relative_error <= choices::kTrustedForceError))
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
                        c.solve.relative_error);
   if (window_->evidence)

@@ -45,17 +45,10 @@ struct TouchAnswer {
 // Not thread-safe: one thread solves.
 class TouchSession {
  public:
-  static constexpr double kHysteresisM = 0.002;
-  static constexpr double kWidestReachM = 0.014;  // half of the widest contact; strips are fine that far
   // Tissue that a touch feels: as wide as a wide tip, and so deep in all, half of it above the line where the
   // surface leaves room. Where less than this share of its cells was measured, the answer is not trusted.
   static constexpr double kFeltDepthM = 0.025;
   static constexpr double kTrustedShare = 0.5;
-  // The longest that an answer waits for what its contact needs (FAILED then; what is ready by then is kept),
-  // and what it spends after that on what the finger may touch next.
-  static constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
-  // Force error beyond which an answer is not trusted: that of a float solver.
-  static constexpr double kTrustedForceError = 2e-3;
 
   // Throws std::invalid_argument (field named) for an unusable fingertip or layer.
   TouchSession(std::shared_ptr<Scene>, TouchOptions, std::shared_ptr<Device>);

@@ -3,23 +3,16 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "service/plan/choices.h"
+
 namespace teletact::service {
-
-namespace {
-
-// Devices without double: up to here float alone converges at any contrast tested on square elements.
-constexpr double kFloatPoissonRatio = 0.495;
-// Of a column in double: a compliance is off by the square of it.
-constexpr double kColumnError = 1e-4;
-
-}  // namespace
 
 ElasticitySolverOptions iterative_options(const Device& device, double poisson_ratio) {
   ElasticitySolverOptions options;
   if (device.info().has_double) {
     options.precision = SolvePrecision::kDouble;
-    options.relative_error = kColumnError;
-  } else if (poisson_ratio <= kFloatPoissonRatio) {
+    options.relative_error = choices::kColumnError;
+  } else if (poisson_ratio <= choices::kFloatPoissonRatio) {
     options.precision = SolvePrecision::kFloat;
   }
   return options;

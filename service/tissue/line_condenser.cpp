@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "service/plan/choices.h"
 #include "service/tissue/condensation.h"
 #include "service/tissue/condensed_line.h"
 
@@ -13,9 +14,6 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-
-// Interior lines that wide tissue condenses one by one: about then all of them line by line are as cheap.
-constexpr std::size_t kLinesByColumns = 4;
 
 // From a line's Schur complement over all free columns, its lower triangle.
 MatrixXd compliance_of(MatrixXd stiffness, const FreeNodes& free, ColumnRange touchable) {
@@ -73,7 +71,7 @@ bool LineCondenser::by_columns(std::size_t line) {
   const bool all_lines =
       free_.lines() * 4 * free_.columns() * free_.columns() * sizeof(double) <= options_.most_line_bytes;
   if (line == 0) return cost_.columns_are_cheaper();
-  return !all_lines || (cost_.columns_are_cheaper() && by_columns_++ < kLinesByColumns);
+  return !all_lines || (cost_.columns_are_cheaper() && by_columns_++ < choices::kLinesByColumns);
 }
 
 // The line's Schur complement, line by line; empty where there is no room for that: column by column takes

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "service/device/device.h"
+#include "service/plan/choices.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -220,7 +221,7 @@ TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
   std::vector<std::size_t> near;
   const auto& x = tissue_of(*scene->snapshot()->windows.front()).problem().grid.x_m;
   for (std::size_t i = 0; i < x.size(); ++i)
-    if (std::abs(x[i] - 0.0603) < TouchSession::kWidestReachM) near.push_back(i);
+    if (std::abs(x[i] - 0.0603) < choices::kWidestReach) near.push_back(i);
   EXPECT_TRUE(line->prepare(near, false, {}));  // without time for any step
   EXPECT_FALSE(line->prepare(near, true, {}));  // sideways nothing was asked for
 }

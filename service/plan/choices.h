@@ -1,0 +1,45 @@
+// What touch is computed with, chosen by constants: meshes, ways of solving, times. A planner that chooses
+// from what a scene needs takes their place; until then nobody decides such a thing anywhere else. Lengths in
+// metres.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+
+namespace teletact::service::choices {
+
+// The strip that a window is touched on.
+inline constexpr double kFine = 0.001;        // columns under the finger; lines down to kFineDepth
+inline constexpr double kCoarse = 0.008;      // columns far away
+inline constexpr double kCoarseLine = 0.002;  // lines below kFineDepth
+inline constexpr double kFineDepth = 0.022;
+inline constexpr double kColumnGrowth = 1.3, kLineGrowth = 1.15;  // from fine to coarse
+// Tissue on each side of the window. T4 asks for 60 mm, which leaves a jump of 1.8 % where a finger is handed
+// over at the tissue's border; 80 mm leave 1.0 %, 100 mm 0.5 %, for 5 more coarse columns a side.
+inline constexpr double kContext = 0.100;
+inline constexpr double kRefresh = 0.060;  // windows this near are rebuilt when a window changes
+
+// The finger on it.
+inline constexpr double kHandOver = 0.002;  // it may leave its window by this much before it is handed over
+inline constexpr double kWidestReach = 0.014;  // half of the widest contact
+// What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
+// depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
+inline constexpr double kLeastSpacings = 1.5;
+
+// Which way a line is condensed: interior lines that wide tissue condenses one by one. About then all of them
+// line by line are as cheap.
+inline constexpr std::size_t kLinesByColumns = 4;
+
+// How conjugate gradients solve. Devices without double: up to here float alone converges at any contrast
+// tested on square elements.
+inline constexpr double kFloatPoissonRatio = 0.495;
+// Of a column in double: a compliance is off by the square of it.
+inline constexpr double kColumnError = 1e-4;
+
+// The longest that an answer waits for what its contact needs (FAILED then; what is ready by then is kept),
+// and what it spends after that on what the finger may touch next.
+inline constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
+// Force error beyond which an answer is not trusted: that of a float solver.
+inline constexpr double kTrustedForceError = 2e-3;
+
+}  // namespace teletact::service::choices
