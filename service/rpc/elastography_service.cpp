@@ -8,7 +8,6 @@
 #include "service/rpc/estimate_reactor.h"
 #include "service/rpc/status.h"
 #include "service/scene/errors.h"
-#include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 

@@ -15,7 +15,6 @@
 #include "service/rpc/elastography_service.h"
 #include "service/rpc/info_service.h"
 #include "service/rpc/palpation_service.h"
-#include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
 
