@@ -16,8 +16,8 @@ namespace {
 TEST(Plant, GivenAReleasedMassWhenItSwingsThenItFollowsTheClosedForm) {
   PlantOptions options{
       .mass_kg = 0.2, .damping_n_s_m = 0.3, .hand_stiffness_n_m = 500, .hand_damping_n_s_m = 2};
-  Plant plant(options, {0.01, -0.004});
-  for (int n = 0; n < 300; ++n) plant.step({0, 0}, {});
+  Plant plant(options, {0.01, -0.004, 0});
+  for (int n = 0; n < 300; ++n) plant.step({0, 0, 0}, {});
   const double decay = 2.3 / 0.4, omega = std::sqrt(500 / 0.2 - decay * decay), t = 0.3;
   const double shape = std::exp(-decay * t) * (std::cos(omega * t) + decay / omega * std::sin(omega * t));
   EXPECT_NEAR(plant.position_m().x(), 0.01 * shape, 1e-9);
@@ -27,8 +27,8 @@ TEST(Plant, GivenAReleasedMassWhenItSwingsThenItFollowsTheClosedForm) {
 TEST(Plant, GivenAnOverdampedMassWhenItsHandMovesThenItLagsByTheDisplaysShareOfTheDamping) {
   PlantOptions options{
       .mass_kg = 0.05, .damping_n_s_m = 20, .hand_stiffness_n_m = 400, .hand_damping_n_s_m = 5};
-  Plant plant(options, {0, 0});
-  for (int n = 0; n < 2000; ++n) plant.step({0, 0}, {{0.12 * 0.001 * n, 0}, {0.12, 0}});
+  Plant plant(options, {0, 0, 0});
+  for (int n = 0; n < 2000; ++n) plant.step({0, 0, 0}, {{0.12 * 0.001 * n, 0, 0}, {0.12, 0, 0}});
   EXPECT_NEAR(0.12 * 2 - plant.position_m().x(), 20 * 0.12 / 400, 1e-9);
 }
 
@@ -36,8 +36,8 @@ TEST(Plant, GivenAConstantForceWhenItHasSettledThenThePortHoldsWhatWasPutIn) {
   // Pressed to rest against 1 N: the hand has done F dx on the display, and b v^2 was dissipated on the way.
   PlantOptions options{
       .mass_kg = 0.1, .damping_n_s_m = 0.5, .hand_stiffness_n_m = 500, .hand_damping_n_s_m = 10};
-  Plant plant(options, {0, 0});
-  for (int n = 0; n < 3000; ++n) plant.step({0, -1}, {{0.01, 0.01}, {0, 0}});
+  Plant plant(options, {0, 0, 0});
+  for (int n = 0; n < 3000; ++n) plant.step({0, -1, 0}, {{0.01, 0.01, 0}, {0, 0, 0}});
   EXPECT_NEAR(plant.position_m().y(), 0.01 - 1.0 / 500, 1e-9);
   // Hand's spring: 1/2 k (r^2 - (r - x)^2) was released; its damper took part, mass none, the rest is the
   // port's.
@@ -48,10 +48,10 @@ TEST(Plant, GivenAConstantForceWhenItHasSettledThenThePortHoldsWhatWasPutIn) {
 
 TEST(Plant, FrictionHoldsAMassThatIsPulledByLess) {
   PlantOptions options{.friction_n = 0.2};
-  Plant plant(options, {0, 0});
-  for (int n = 0; n < 1000; ++n) plant.step({0.19, 0}, {});
+  Plant plant(options, {0, 0, 0});
+  for (int n = 0; n < 1000; ++n) plant.step({0.19, 0, 0}, {});
   EXPECT_EQ(plant.position_m().norm(), 0);
-  for (int n = 0; n < 3000; ++n) plant.step({0.7, 0}, {});
+  for (int n = 0; n < 3000; ++n) plant.step({0.7, 0, 0}, {});
   EXPECT_GT(plant.position_m().x(), (0.7 - 0.2) / 500 - 1e-6);
   EXPECT_LT(plant.velocity_m_s().norm(), 1e-9);
 }
@@ -86,7 +86,7 @@ RestWatch watched(const RestOptions& options, double start_m, double growth_1_s,
   RestWatch watch(options);
   for (int tick = 0; 0.001 * tick < watch.length_s(); ++tick) {
     const double t = 0.001 * tick;
-    watch.add({0, start_m * std::exp(growth_1_s * t) * std::cos(2 * M_PI * hertz * t)}, t);
+    watch.add({0, start_m * std::exp(growth_1_s * t) * std::cos(2 * M_PI * hertz * t), 0}, t);
   }
   return watch;
 }
