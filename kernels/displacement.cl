@@ -38,10 +38,10 @@ float8 taps_at(__global const float* restrict taps, const float fraction, const 
   return t0 + (t - (float)phase) * (t1 - t0);
 }
 
-// Eight samples of a line interpolated `distance` (at most INTERPOLATION_RANGE) beside the four from lo[0] and
-// the four from hi[0] on. Taps are Chebyshev series in t = distance / range, [order][n] for n = 0 .. 3: those of
-// even orders are alike on both sides, those of odd ones opposite. The tap at distance 4, there on the side of t
-// only, and the gain that makes the taps' sum one are series in 2 |t| - 1 (interpolation.h).
+// Eight samples of a line interpolated `distance` (at most INTERPOLATION_RANGE) beside the four from lo[0]
+// and the four from hi[0] on. Taps are Chebyshev series in t = distance / range, [order][n] for n = 0 .. 3:
+// those of even orders are alike on both sides, those of odd ones opposite. The tap at distance 4, there on
+// the side of t only, and the gain that makes the taps' sum one are series in 2 |t| - 1 (interpolation.h).
 #define INTERPOLATION_RANGE 0.8f
 float8 between_samples(const float* lo, const float* hi, const float8 distance,
                        __global const float* restrict series) {
@@ -71,15 +71,17 @@ float8 between_samples(const float* lo, const float* hi, const float8 distance,
   const float8 gain = c[5] + s * c[6] + s2 * c[7] + s3 * c[8] + s4 * c[9];
   const float8 t2 = 2.0f * t * t - 1.0f, t3 = t * (2.0f * t2 - 1.0f), t4 = 2.0f * t2 * t2 - 1.0f;
   const float8 t5 = 2.0f * t * t4 - t3, t6 = 2.0f * t3 * t3 - 1.0f;
-  return gain * (weight * far + even[0] + t * odd[0] + t2 * even[1] + t3 * odd[1] + t4 * even[2] + t5 * odd[2] +
-                 t6 * even[3]);
+  return gain * (weight * far + even[0] + t * odd[0] + t2 * even[1] + t3 * odd[1] + t4 * even[2] +
+                 t5 * odd[2] + t6 * even[3]);
 }
 
 // The nearest whole number, give or take 1/500 at halves; |x| < 16384. Truncation alone is one instruction.
-int nearest(const float x) { return (int)(x + 16384.5f) - 16384; }
+int nearest(const float x) {
+  return (int)(x + 16384.5f) - 16384;
+}
 
-// Axial component of a field at `column` and the rows of eight consecutive samples, bilinear and held constant
-// outside as field_at(); they may not span more than two rows of nodes.
+// Axial component of a field at `column` and the rows of eight consecutive samples, bilinear and held
+// constant outside as field_at(); they may not span more than two rows of nodes.
 float8 axial_along(__global const float2* restrict field, const int nx, const int ny, const float column,
                    const float8 rows) {
   const float c = clamp(column, 0.0f, (float)(nx - 1));
@@ -95,25 +97,27 @@ float8 axial_along(__global const float2* restrict field, const int nx, const in
   return u[0] + from_node * (u[1] - u[0]) + beyond * (u[2] - 2.0f * u[1] + u[0]);
 }
 
-// Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes, which
-// are at least 8 samples apart; its lateral part is taken at the middle of each run of WARP_RUN samples. By a
-// windowed sinc both ways: `taps` (`phases` + 1 rows of 8, row p for a fraction p / phases) across the lines,
-// `series` along them. Writes either the warped frame (pair = 0), or the mean of pre and warped post to `a` and
-// their difference pre - warped to `b`, both zero where x + u lies outside the frame (pair = 1); behind a line's
-// end zeros. One item per run of a line: first the run's strip of post, interpolated laterally, then its
-// samples, eight at a time; per sample 4 vector loads, ~15 vector flops. |strain| <= 0.2 axially. Reads 3 lines
-// before the frame and 4 behind it at most: of a line outside, whatever stands nearest, which is not used.
+// Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes,
+// which are at least 8 samples apart; its lateral part is taken at the middle of each run of WARP_RUN
+// samples. By a windowed sinc both ways: `taps` (`phases` + 1 rows of 8, row p for a fraction p / phases)
+// across the lines, `series` along them. Writes either the warped frame (pair = 0), or the mean of pre and
+// warped post to `a` and their difference pre - warped to `b`, both zero where x + u lies outside the frame
+// (pair = 1); behind a line's end zeros. One item per run of a line: first the run's strip of post,
+// interpolated laterally, then its samples, eight at a time; per sample 4 vector loads, ~15 vector flops.
+// |strain| <= 0.2 axially. Reads 3 lines before the frame and 4 behind it at most: of a line outside,
+// whatever stands nearest, which is not used.
 #define STRIP (WARP_RUN + 16)
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     __global const float* restrict pre, __global const float* restrict post,
     __global const float2* restrict field, __global const float* restrict taps,
     __global const float* restrict series, __global float* restrict a, __global float* restrict b,
-    const int pair, const int phases, const int line_count, const int sample_count, const int nx, const int ny,
-    const int first_line, const int line_step, const int first_sample, const int sample_step, const int origin,
-    const int stride) {
+    const int pair, const int phases, const int line_count, const int sample_count, const int nx,
+    const int ny, const int first_line, const int line_step, const int first_sample, const int sample_step,
+    const int origin, const int stride) {
   const int start = get_global_id(0) * WARP_RUN, l = get_global_id(1);
   if (start >= sample_count) return;
-  const float column = (float)(l - first_line) / (float)line_step, rows_per_sample = 1.0f / (float)sample_step;
+  const float column = (float)(l - first_line) / (float)line_step,
+              rows_per_sample = 1.0f / (float)sample_step;
   const float middle = (float)(start + WARP_RUN / 2 - first_sample) * rows_per_sample;
   const float2 shift = field_at(field, nx, ny, column, middle);
   const float x = (float)l + shift.x, whole_x = floor(x);
@@ -156,19 +160,22 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
 }
 
 // A field averaged over a window of half-width (half_i, half_j) nodes, which may end between nodes. At the
-// border only pairs of opposite neighbours that both exist take part, so that uniform strain passes unchanged.
+// border only pairs of opposite neighbours that both exist take part, so that uniform strain passes
+// unchanged.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void window_mean(
     __global const float2* restrict field, __global float2* restrict out, const int nx, const int ny,
     const float half_i, const float half_j) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
-  const int columns = min(min(i, nx - 1 - i), (int)(half_i + 0.5f)), rows = min(min(j, ny - 1 - j), (int)(half_j + 0.5f));
+  const int columns = min(min(i, nx - 1 - i), (int)(half_i + 0.5f)),
+            rows = min(min(j, ny - 1 - j), (int)(half_j + 0.5f));
   float2 sum = 0.0f;
   float weight = 0.0f;
   for (int n = -rows; n <= rows; ++n)
     for (int m = -columns; m <= columns; ++m) {
-      const float w = clamp(half_i + 0.5f - (float)abs(m), 0.0f, 1.0f) * clamp(half_j + 0.5f - (float)abs(n), 0.0f, 1.0f);
+      const float w =
+          clamp(half_i + 0.5f - (float)abs(m), 0.0f, 1.0f) * clamp(half_j + 0.5f - (float)abs(n), 0.0f, 1.0f);
       sum += w * field[node + m + nx * n];
       weight += w;
     }
@@ -176,10 +183,11 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void window_mea
 }
 
 // One Gauss-Newton step (T2.2) on the window around each node: minimises sum (difference - grad(mean) . du)^2
-// and adds du to `field`, the displacement that the images were warped by, averaged over the window; limited to `axial_limit` samples and `lateral_limit` lines (0: axial alone); correlation of pre
-// and warped post over the same window, -1 where the step hit its axial limit, -2 where the window has no
-// texture. Window: 8 * chunks samples x (2 half_lateral + 1) lines, axial weights `taper` (8 * chunks). Per 8
-// samples: 8 vector loads, ~240 flops.
+// and adds du to `field`, the displacement that the images were warped by, averaged over the window; limited
+// to `axial_limit` samples and `lateral_limit` lines (0: axial alone); correlation of pre and warped post
+// over the same window, -1 where the step hit its axial limit, -2 where the window has no texture. Window: 8
+// * chunks samples x (2 half_lateral + 1) lines, axial weights `taper` (8 * chunks). Per 8 samples: 8 vector
+// loads, ~240 flops.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void gauss_newton(
     __global const float* restrict mean, __global const float* restrict difference,
     __global const float2* restrict field, __global const float* restrict taper,
@@ -249,8 +257,9 @@ float median_of(const float8* v, const int count) {
   return 0.5f * sum;
 }
 
-// Whether both middle values of the `count` > 0 first ones in v, the rest +inf, are within `tolerance` of `own`,
-// and so the median: then no more than half of them lie below own - tolerance, nor above own + tolerance.
+// Whether both middle values of the `count` > 0 first ones in v, the rest +inf, are within `tolerance` of
+// `own`, and so the median: then no more than half of them lie below own - tolerance, nor above own +
+// tolerance.
 bool near_median(const float8* v, const int count, const float own, const float tolerance) {
   const float8 least = (float8)(own - tolerance), most = (float8)(own + tolerance);
   int8 below = 0, up_to = 0;  // a true comparison is -1

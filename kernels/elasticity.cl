@@ -95,8 +95,8 @@ vec where_free(const vec is_free, const vec force, const vec otherwise) {
 }
 
 // width, height: of the columns and rows of elements, then their reciprocals, here and below. modulus: of the
-// elements, then a third of each one's mu, divided beforehand as divisions would take most of the time; not by
-// a rounded 1/3, which would be wrong alike in all units (error estimate).
+// elements, then a third of each one's mu, divided beforehand as divisions would take most of the time; not
+// by a rounded 1/3, which would be wrong alike in all units (error estimate).
 //
 // y = K x on unconstrained unknowns; with `constrain`, y = x on the others (x must vanish there), without, y
 // = K x there too: the reactions. Items: (i / WIDTH, j, right-hand side). Reads 18 + 8 + 8 reals, about 240
@@ -134,10 +134,10 @@ kernel void elasticity_apply(global const real* restrict x, global real* restric
   const Vec2 de = load_nodes(below, i + 1, nx);
   Vec2 force = corner_force(uw, un, cw, cc, 1, 1, h_u * per_l, w_l * per_u, mu_per_e * e_lu, third_lu,
                             lambda_per_e * e_lu);
-  force = plus(force, corner_force(un, ue, cc, ce, -1, 1, h_u * per_r, w_r * per_u, mu_per_e * e_ru,
-                                   third_ru, lambda_per_e * e_ru));
-  force = plus(force, corner_force(cw, cc, dw, ds, 1, -1, h_d * per_l, w_l * per_d, mu_per_e * e_ld,
-                                   third_ld, lambda_per_e * e_ld));
+  force = plus(force, corner_force(un, ue, cc, ce, -1, 1, h_u * per_r, w_r * per_u, mu_per_e * e_ru, third_ru,
+                                   lambda_per_e * e_ru));
+  force = plus(force, corner_force(cw, cc, dw, ds, 1, -1, h_d * per_l, w_l * per_d, mu_per_e * e_ld, third_ld,
+                                   lambda_per_e * e_ld));
   force = plus(force, corner_force(cc, ce, ds, de, -1, -1, h_d * per_r, w_r * per_d, mu_per_e * e_rd,
                                    third_rd, lambda_per_e * e_rd));
   Vec2 is_free = {(vec)(1), (vec)(1)};

@@ -1,4 +1,5 @@
-// Into multigrid's planes (levels.clh). Items run over whole planes, so that what does not exist becomes zero.
+// Into multigrid's planes (levels.clh). Items run over whole planes, so that what does not exist becomes
+// zero.
 #include "planes.clh"
 
 // The 20 planes of a symmetric stencil (stencil.clh), from `at` on.

@@ -1,8 +1,8 @@
 // What of a motion-compensated pair's difference is no noise (T2.3d). Companding by a displacement gradient e
 // stretches and shears the pulse: its spectrum A(k) then differs from that of pre by the factor
-// 1 - grad_k ln A . e^T k, even in k, for a Gaussian pulse a sum of 1, k_y^2, k_x k_y and k_x^2 around the carrier.
-// So the difference holds a sum of the mean and its even derivatives, in phase with the echoes and a quarter period
-// from their gradients: it moves nothing, however large it is.
+// 1 - grad_k ln A . e^T k, even in k, for a Gaussian pulse a sum of 1, k_y^2, k_x k_y and k_x^2 around the
+// carrier. So the difference holds a sum of the mean and its even derivatives, in phase with the echoes and a
+// quarter period from their gradients: it moves nothing, however large it is.
 //
 // Images and nodes as in refinement.cl.
 
@@ -13,9 +13,9 @@
 #define WORK_GROUP 32
 #endif
 
-// With r = (m, m_yy, m_xy, m_xx) of the mean m and d the difference, sums over the pixels around a node, robust
-// weights w as of data_term(), refinement.cl: pulses[node] = upper triangle of w r r^T by rows (10), w r d (4), w d^2.
-// Lines without both neighbours are left out. Per 8 pixels: 14 vector loads, ~420 flops.
+// With r = (m, m_yy, m_xy, m_xx) of the mean m and d the difference, sums over the pixels around a node,
+// robust weights w as of data_term(), refinement.cl: pulses[node] = upper triangle of w r r^T by rows (10), w
+// r d (4), w d^2. Lines without both neighbours are left out. Per 8 pixels: 14 vector loads, ~420 flops.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void pulse_sums(
     __global const float* restrict mean, __global const float* restrict difference,
     __global const float* restrict noise, __global float16* restrict pulses, const int nx, const int ny,
@@ -26,7 +26,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void pulse_sums
   const int chunks = (sample_step + 7) / 8, first = first_line + (node % nx) * line_step - line_step / 2;
   const int start = origin + first_sample + (node / nx) * sample_step - 4 * chunks;
   const float doubt = robust_doubt(noise[node]);
-  float8 mm = 0.0f, my = 0.0f, mt = 0.0f, mx = 0.0f, yy = 0.0f, yt = 0.0f, yx = 0.0f, tt = 0.0f, tx = 0.0f, xx = 0.0f;
+  float8 mm = 0.0f, my = 0.0f, mt = 0.0f, mx = 0.0f, yy = 0.0f, yt = 0.0f, yx = 0.0f, tt = 0.0f, tx = 0.0f,
+         xx = 0.0f;
   float8 md = 0.0f, yd = 0.0f, td = 0.0f, xd = 0.0f, dd = 0.0f;  // y: m_yy, t: m_xy, x: m_xx
   for (int l = max(first, 1); l < min(first + line_step, line_count - 1); ++l) {
     __global const float* const s = mean + start + l * stride;
@@ -60,12 +61,12 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void pulse_sums
       dd = fma(w * e, e, dd);
     }
   }
-  pulses[node] = (float16)(sum8(mm), sum8(my), sum8(mt), sum8(mx), sum8(yy), sum8(yt), sum8(yx), sum8(tt), sum8(tx),
-                           sum8(xx), sum8(md), sum8(yd), sum8(td), sum8(xd), sum8(dd), 0.0f);
+  pulses[node] = (float16)(sum8(mm), sum8(my), sum8(mt), sum8(mx), sum8(yy), sum8(yt), sum8(yx), sum8(tt),
+                           sum8(tx), sum8(xx), sum8(md), sum8(yd), sum8(td), sum8(xd), sum8(dd), 0.0f);
 }
 
-// Takes the pulse's part (pulse_sums(), least squares over (2 radius + 1)^2 nodes) off noise and information of
-// local_noise(), refinement.cl; a LEAST_LEFT of the noise is always believed.
+// Takes the pulse's part (pulse_sums(), least squares over (2 radius + 1)^2 nodes) off noise and information
+// of local_noise(), refinement.cl; a LEAST_LEFT of the noise is always believed.
 #define LEAST_LEFT 0.05f
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void pulse_noise(
     __global const float16* restrict pulses, __global float* restrict noise,
@@ -82,8 +83,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void pulse_nois
     b[r] = s[10 + r];
     for (int c = r; c < 4; ++c) a[r][c] = s[at++];
   }
-  // Forward elimination: what each of r adds to the explained square. One that is next to none, or a sum of those
-  // before it, adds nothing.
+  // Forward elimination: what each of r adds to the explained square. One that is next to none, or a sum of
+  // those before it, adds nothing.
   float explained = 0.0f;
   const float own[4] = {s[0], s[4], s[7], s[9]};
   for (int p = 0; p < 4; ++p) {

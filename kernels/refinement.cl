@@ -1,8 +1,8 @@
 // Regularised refinement of a displacement field (T2.3) and what it needs to know of the noise.
 //
-// Images are padded as in displacement.cl: sample k of A-line l at image[origin + l * stride + k]. Node (i, j)
-// lies at A-line first_line + i line_step, sample first_sample + j sample_step, index node = i + nx j. Fields:
-// float2 per node, x in A-lines (lateral), y in samples (axial).
+// Images are padded as in displacement.cl: sample k of A-line l at image[origin + l * stride + k]. Node (i,
+// j) lies at A-line first_line + i line_step, sample first_sample + j sample_step, index node = i + nx j.
+// Fields: float2 per node, x in A-lines (lateral), y in samples (axial).
 
 #include "deviation.clh"
 #include "robust.clh"
@@ -16,12 +16,12 @@
 #endif
 
 // Autocorrelations of `mean` and `difference` at axial lags 0 .. 8 LAG_VECTORS - 1 and lateral lag q, summed
-// over every line_step-th line's samples [first, first + count). Items: (line n, q). out[((n laterals + q) 2 +
-// image) 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
+// over every line_step-th line's samples [first, first + count). Items: (line n, q). out[((n laterals + q) 2
+// + image) 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
-    __global const float* restrict mean, __global const float* restrict difference, __global float* restrict out,
-    const int first_line, const int line_step, const int laterals, const int first, const int count,
-    const int origin, const int stride) {
+    __global const float* restrict mean, __global const float* restrict difference,
+    __global float* restrict out, const int first_line, const int line_step, const int laterals,
+    const int first, const int count, const int origin, const int stride) {
   const int n = get_global_id(0), q = get_global_id(1);
   __global const float* const m = mean + origin + (first_line + n * line_step) * stride + first;
   __global const float* const d = difference + (m - mean);
@@ -39,8 +39,8 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
   }
 }
 
-// Symmetric filter: out(k) = taps[0] in(k) + sum_n taps[n] (in(k - n step) + in(k + n step)), n <= reach; step 1:
-// along the A-lines, `stride`: across them. Items: (8 samples, line).
+// Symmetric filter: out(k) = taps[0] in(k) + sum_n taps[n] (in(k - n step) + in(k + n step)), n <= reach;
+// step 1: along the A-lines, `stride`: across them. Items: (8 samples, line).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
     __global const float* restrict in, __global float* restrict out, __global const float* restrict taps,
     const int reach, const int step, const int sample_count, const int origin, const int stride) {
@@ -48,7 +48,8 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
   if (k >= sample_count) return;
   __global const float* const p = in + origin + l * stride + k;
   float8 sum = taps[0] * vload8(0, p);
-  for (int n = 1; n <= reach; ++n) sum = fma((float8)(taps[n]), vload8(0, p - n * step) + vload8(0, p + n * step), sum);
+  for (int n = 1; n <= reach; ++n)
+    sum = fma((float8)(taps[n]), vload8(0, p - n * step) + vload8(0, p + n * step), sum);
   __global float* const to = out + origin + l * stride + k;
   if (k + 8 <= sample_count) {
     vstore8(sum, 0, to);
@@ -88,8 +89,9 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void data_term(
       const float8 gy = 0.75f * (vload8(0, s + c + 1) - vload8(0, s + c - 1)) -
                         0.15f * (vload8(0, s + c + 2) - vload8(0, s + c - 2)) +
                         (1.0f / 60.0f) * (vload8(0, s + c + 3) - vload8(0, s + c - 3));
-      const float8 gx = inside * ((2.0f / 3.0f) * (vload8(0, s + c + stride) - vload8(0, s + c - stride)) -
-                                  (1.0f / 12.0f) * (vload8(0, s + c + 2 * stride) - vload8(0, s + c - 2 * stride)));
+      const float8 gx =
+          inside * ((2.0f / 3.0f) * (vload8(0, s + c + stride) - vload8(0, s + c - stride)) -
+                    (1.0f / 12.0f) * (vload8(0, s + c + 2 * stride) - vload8(0, s + c - 2 * stride)));
       const float8 wgy = w * gy, wgx = w * gx, wm = w * m, we = w * e;
       xx = fma(wgx, gx, xx);
       xy = fma(wgx, gy, xy);
@@ -106,14 +108,15 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void data_term(
   pixels[node] = sum8(ww);
 }
 
-// Sums of terms over (2 radius + 1)^2 nodes: correlation of pre and warped post (-2 where nothing is heard) and
-// noise, the mean squared difference per pixel. information: of the node's own pixels on its displacement, 1 /
-// variance, (lateral, axial): sensitivity^2 gg / (spread noise). model[2], model[3]: spread and sensitivity
-// (noise_model.h), lateral and axial.
+// Sums of terms over (2 radius + 1)^2 nodes: correlation of pre and warped post (-2 where nothing is heard)
+// and noise, the mean squared difference per pixel. information: of the node's own pixels on its
+// displacement, 1 / variance, (lateral, axial): sensitivity^2 gg / (spread noise). model[2], model[3]: spread
+// and sensitivity (noise_model.h), lateral and axial.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_noise(
     __global const float8* restrict terms, __global const float* restrict pixels,
-    __global const float2* restrict model, __global float* restrict correlation, __global float* restrict noise,
-    __global float2* restrict information, const int nx, const int ny, const int radius) {
+    __global const float2* restrict model, __global float* restrict correlation,
+    __global float* restrict noise, __global float2* restrict information, const int nx, const int ny,
+    const int radius) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
@@ -132,9 +135,9 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_nois
   const float floor = 1e-8f * mm;  // of the noise, so that identical frames have finite information
   correlation[node] = textured ? (mm - 0.25f * dd) * rsqrt(energy) : -2.0f;
   noise[node] = textured ? (dd + floor) / ww : 0.0f;
-  information[node] = textured ? model[3] * model[3] * (float2)(terms[node].s0, terms[node].s2) /
-                                     (model[2] * noise[node])
-                               : (float2)(0.0f);
+  information[node] =
+      textured ? model[3] * model[3] * (float2)(terms[node].s0, terms[node].s2) / (model[2] * noise[node])
+               : (float2)(0.0f);
 }
 
 // Gradient of a field around each node, in field units per node step: (d/di of x, of y, d/dj of x, of y), the
@@ -229,8 +232,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_pull(
   pull[node] = sum;
 }
 
-// Bias that the edges cause, in field units: pull over information, both of the node and its neighbours within
-// BIAS_RADIUS.
+// Bias that the edges cause, in field units: pull over information, both of the node and its neighbours
+// within BIAS_RADIUS.
 #define BIAS_RADIUS 1
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_bias(
     __global const float2* restrict information, __global const float2* restrict pull,
@@ -248,16 +251,17 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_bias(
 }
 
 // What a displacement estimate can be trusted with: mean[node] = information averaged over the estimator's
-// footprint and from it the standard deviation in metres. radii, nodes to each side, lateral i, j, axial i, j: of
-// the footprint; of the place that shares a bias, at most as wide. tables (deviation.clh), lateral and axial each:
-// deviation of the noise; what the noise alone gives edge_bias(); the smoothing's true bias over what edge_bias()
-// sees of it. The bias of the place is the mean square of edge_bias(), less the noise's; nodes that hold next to no
-// information (a shadow's) tell none.
+// footprint and from it the standard deviation in metres. radii, nodes to each side, lateral i, j, axial i,
+// j: of the footprint; of the place that shares a bias, at most as wide. tables (deviation.clh), lateral and
+// axial each: deviation of the noise; what the noise alone gives edge_bias(); the smoothing's true bias over
+// what edge_bias() sees of it. The bias of the place is the mean square of edge_bias(), less the noise's;
+// nodes that hold next to no information (a shadow's) tell none.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertainty(
     __global const float2* restrict information, __global const float2* restrict bias,
-    __global const float* restrict tables, __global const int4* restrict radii, __global float2* restrict mean,
-    __global float2* restrict deviation_m, const int nx, const int ny, const float lateral_median,
-    const float axial_median, const float line_pitch_m, const float sample_pitch_m) {
+    __global const float* restrict tables, __global const int4* restrict radii,
+    __global float2* restrict mean, __global float2* restrict deviation_m, const int nx, const int ny,
+    const float lateral_median, const float axial_median, const float line_pitch_m,
+    const float sample_pitch_m) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
@@ -269,7 +273,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertaint
       const int far_i = abs(m - i), far_j = abs(n - j);
       const float2 w = (float2)(far_i <= footprint.x && far_j <= footprint.y,
                                 far_i <= footprint.z && far_j <= footprint.w);
-      const float2 within = (float2)(far_i <= place.x && far_j <= place.y, far_i <= place.z && far_j <= place.w);
+      const float2 within =
+          (float2)(far_i <= place.x && far_j <= place.y, far_i <= place.z && far_j <= place.w);
       const float2 held = information[m + nx * n], b = bias[m + nx * n];
       const float2 tells = within * (float2)(held.x > 1e-3f * lateral_median, held.y > 1e-3f * axial_median);
       sum += w * held;
@@ -284,6 +289,6 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertaint
     table[n] = (float2)(deviation_at(tables + 2 * n * DEVIATION_ENTRIES, h.x, lateral_median),
                         deviation_at(tables + (2 * n + 1) * DEVIATION_ENTRIES, h.y, axial_median));
   const float2 seen = fmax(squares / fmax(near, 1e-6f) - table[1] * table[1], 0.0f);
-  deviation_m[node] = (float2)(line_pitch_m, sample_pitch_m) *
-                      sqrt(table[0] * table[0] + table[2] * table[2] * seen);
+  deviation_m[node] =
+      (float2)(line_pitch_m, sample_pitch_m) * sqrt(table[0] * table[0] + table[2] * table[2] * seen);
 }

@@ -14,8 +14,9 @@ float parabola(const float before, const float peak, const float after) {
   return curvature < -1e-6f ? clamp(0.5f * (before - after) / curvature, -0.5f, 0.5f) : 0.0f;
 }
 
-// Energy of the axial windows of every line: out(k) = sum over -half_axial..half_axial, every sample_stride-th, of
-// image(k + n)^2, for `count` blocks of 8 samples k that start `step` apart from `first` on. Items: (block, line).
+// Energy of the axial windows of every line: out(k) = sum over -half_axial..half_axial, every
+// sample_stride-th, of image(k + n)^2, for `count` blocks of 8 samples k that start `step` apart from `first`
+// on. Items: (block, line).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void window_energy(
     __global const float* restrict image, __global float* restrict out, const int first, const int step,
     const int count, const int half_axial, const int sample_stride, const int origin, const int stride) {
@@ -33,20 +34,20 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void window_energy(
 // Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x NCC_LATERALS lateral
 // lags per work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n,
 // lateral lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
-// -half_axial..half_axial with every line_stride-th and sample_stride-th of them (decimation: the products stay
-// clear of DC); its energies from window_energy(). Not looked at, nothing written: axial lags beyond least_reach +
-// reach_slope * sample, lateral ones a whole step beyond the larger of lateral_least and lateral_slope * distance
-// from the grid's middle line. Per item and window sample: 1 + NCC_LATERALS loads, 16 NCC_LATERALS flops, in two
-// independent chains each (one chain waits for its own sum).
+// -half_axial..half_axial with every line_stride-th and sample_stride-th of them (decimation: the products
+// stay clear of DC); its energies from window_energy(). Not looked at, nothing written: axial lags beyond
+// least_reach + reach_slope * sample, lateral ones a whole step beyond the larger of lateral_least and
+// lateral_slope * distance from the grid's middle line. Per item and window sample: 1 + NCC_LATERALS loads,
+// 16 NCC_LATERALS flops, in two independent chains each (one chain waits for its own sum).
 #define NCC_LATERALS 3
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
     __global const float* restrict pre, __global const float* restrict post,
     __global const float* restrict pre_energy, __global const float* restrict post_energy,
     __global float* restrict out, const int nx, const int ny, const int first_line, const int line_step,
     const int first_sample, const int sample_step, const int origin, const int stride, const int half_axial,
-    const int half_lateral, const int sample_stride, const int line_stride, const int first_lag, const int chunks,
-    const int first_lateral, const int lateral_step, const int lateral_count, const float least_reach,
-    const float reach_slope, const float lateral_least, const float lateral_slope) {
+    const int half_lateral, const int sample_stride, const int line_stride, const int first_lag,
+    const int chunks, const int first_lateral, const int lateral_step, const int lateral_count,
+    const float least_reach, const float reach_slope, const float lateral_least, const float lateral_slope) {
   const int id = get_global_id(0), groups = (lateral_count + NCC_LATERALS - 1) / NCC_LATERALS;
   if (id >= nx * ny * groups * chunks) return;
   const int chunk = id % chunks, m = id / chunks % groups * NCC_LATERALS, node = id / (chunks * groups);

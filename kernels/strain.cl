@@ -61,8 +61,8 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
   trusted_out[node] = trusted[node] && residual <= residual_limit_m ? 1 : 0;
 }
 
-// Standard deviations of (eps_xx, eps_yy, eps_xy) from the information of the place (deviation.clh; tables of the
-// slopes du_x/dx, du_x/dy, du_y/dx, du_y/dy); NaN where the strain is.
+// Standard deviations of (eps_xx, eps_yy, eps_xy) from the information of the place (deviation.clh; tables of
+// the slopes du_x/dx, du_x/dy, du_y/dx, du_y/dy); NaN where the strain is.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain_deviation(
     __global const float2* restrict information, __global const float4* restrict strain,
     __global const float* restrict tables, __global float* restrict deviation, const int nodes,
