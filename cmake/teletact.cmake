@@ -21,11 +21,15 @@ endif()
 target_include_directories(teletact_options INTERFACE ${PROJECT_SOURCE_DIR})
 
 # One static library per folder: teletact_module(service/device LIBRARIES ...) -> service_device,
-# made of every .cpp in that folder.
+# made of SOURCES, without their .cpp, or of every .cpp in that folder.
 function(teletact_module folder)
-  cmake_parse_arguments(arg "" "" "LIBRARIES" ${ARGN})
+  cmake_parse_arguments(arg "" "" "SOURCES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" name ${folder})
-  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.cpp)
+  if(arg_SOURCES)
+    list(TRANSFORM arg_SOURCES REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/${folder}/\\1.cpp" OUTPUT_VARIABLE sources)
+  else()
+    file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.cpp)
+  endif()
   if(sources)
     add_library(${name} STATIC ${sources})
     target_link_libraries(${name} PUBLIC teletact_options ${arg_LIBRARIES})

@@ -10,7 +10,7 @@
 #include "bench/peers/line_path.h"
 #include "bench/peers/line_system.h"
 #include "bench/peers/rf_nodes.h"
-#include "service/imaging/interpolation.h"
+#include "service/imaging/tracking/interpolation.h"
 
 namespace teletact::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "bench/peers/tracker.h"
-#include "service/imaging/frame.h"
+#include "service/imaging/modulus/tissue_extent.h"
 
 namespace teletact::bench {
 

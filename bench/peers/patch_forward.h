@@ -7,7 +7,7 @@
 #include <Eigen/SparseCholesky>
 #include <vector>
 
-#include "service/imaging/frame.h"
+#include "service/imaging/modulus/tissue_extent.h"
 #include "service/tissue/grid.h"
 
 namespace teletact::bench {

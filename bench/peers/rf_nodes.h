@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "bench/peers/tracker.h"
-#include "service/imaging/sample_grid.h"
+#include "service/imaging/tracking/sample_grid.h"
 #include "tests/reference/ncc.h"
 
 namespace teletact::bench {

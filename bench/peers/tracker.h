@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "service/imaging/displacement.h"
-#include "service/imaging/frame.h"
+#include "service/imaging/tracking/displacement.h"
+#include "service/imaging/tracking/frame.h"
 
 namespace teletact::bench {
 

@@ -12,7 +12,8 @@
 #include <vector>
 
 #include "client/patient/rf.h"
-#include "service/imaging/frame.h"
+#include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/tracking/frame.h"
 
 namespace teletact::bench {
 

@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "bench/suites/elastography.h"
-#include "service/imaging/displacement.h"
+#include "service/imaging/tracking/displacement.h"
 
 namespace teletact::bench {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "service/device/look.h"
-#include "service/imaging/input_checks.h"
+#include "service/imaging/tracking/input_checks.h"
 
 namespace teletact::service {
 namespace {

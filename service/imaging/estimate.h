@@ -11,13 +11,14 @@
 #include <vector>
 
 #include "service/device/device.h"
-#include "service/imaging/displacement.h"
-#include "service/imaging/frame.h"
-#include "service/imaging/modulus.h"
-#include "service/imaging/modulus_judge.h"
-#include "service/imaging/strain.h"
-#include "service/imaging/strip_model.h"
-#include "service/imaging/tracking_quality.h"
+#include "service/imaging/modulus/judge.h"
+#include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/strip_model.h"
+#include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/tracking/displacement.h"
+#include "service/imaging/tracking/frame.h"
+#include "service/imaging/tracking/quality.h"
+#include "service/imaging/tracking/strain.h"
 
 namespace teletact::service {
 

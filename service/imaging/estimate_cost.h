@@ -12,7 +12,7 @@
 #include <mutex>
 #include <optional>
 
-#include "service/imaging/modulus.h"
+#include "service/imaging/modulus/modulus.h"
 
 namespace teletact::service {
 

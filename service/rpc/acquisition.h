@@ -10,7 +10,8 @@
 
 #include "service/imaging/estimate.h"
 #include "service/imaging/estimate_cost.h"
-#include "service/imaging/frame.h"
+#include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/tracking/frame.h"
 #include "service/scene/scenes.h"
 #include "service/scene/stitched_map.h"
 #include "teletact/v1/elastography.pb.h"

@@ -13,7 +13,8 @@
 #include <optional>
 #include <vector>
 
-#include "service/imaging/frame.h"
+#include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/tracking/frame.h"
 #include "service/scene/cell_blocks.h"
 #include "service/scene/evidence.h"
 #include "service/scene/geometry.h"

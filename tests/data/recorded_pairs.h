@@ -7,7 +7,7 @@
 #include <string>
 
 #include "client/files/metaimage.h"
-#include "service/imaging/frame.h"
+#include "service/imaging/tracking/frame.h"
 
 namespace teletact::service {
 

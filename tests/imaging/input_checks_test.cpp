@@ -1,5 +1,5 @@
 // What a request states about its frames, against the frames.
-#include "service/imaging/input_checks.h"
+#include "service/imaging/tracking/input_checks.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 
 #include "service/imaging/engines.h"
 #include "service/imaging/estimate.h"
-#include "service/imaging/strip_model.h"
+#include "service/imaging/modulus/strip_model.h"
 #include "service/limits/limits.h"
 #include "service/limits/memory.h"
 #include "tests/imaging/imaging_device.h"

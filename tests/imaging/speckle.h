@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/imaging/frame.h"
+#include "service/imaging/tracking/frame.h"
 
 namespace teletact::service {
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "service/imaging/modulus.h"
+#include "service/imaging/modulus/modulus.h"
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/scene/touch_session.h"

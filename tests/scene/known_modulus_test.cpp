@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "service/imaging/modulus.h"
-#include "service/imaging/strip_model.h"
+#include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/strip_model.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {

@@ -1,0 +1,46 @@
+// How far a modulus map can be trusted (T3.4): the standard deviation of log E, and what makes it doubtful.
+#pragma once
+
+#include <memory>
+
+#include "service/device/device.h"
+#include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/strip_model.h"
+
+namespace teletact::service {
+
+struct JudgeLimits {
+  double untracked = 0.10;  // part of the image inside the tissue
+  double deviation = 0.25;  // median standard deviation of log E
+  double extent = 0.14;     // part of the window that is no background, beyond what inclusions of 15 mm show
+  double ramp = 1.25;       // of the background's modulus from one end of the window to the other
+  double lateral_ratio = 0.25;  // of - eps_xx / eps_yy, from what the plane assumption says
+  double pressure = 0.10;       // of log E when nu is off by 0.01, which is how well tissue's is known
+  // Median difference of log E from what other windows told, in deviations of both together.
+  double disagreement = 3;
+};
+
+// Adds to `out`, whatever the method: log_deviation (noise of the axial strain, what a jump of the modulus is
+// smeared over, and the method's own error), and the flags kNoise, kUntracked, kRamp, kOutOfPlane,
+// kPressure, kScale, kExtent with their words. The last three widen the deviation by what they found.
+class ModulusJudge {
+ public:
+  ModulusJudge(Queue, std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
+  void judge(const ModulusInput&, ModulusEstimate& out) const;
+
+ private:
+  Field relative_noise(const ModulusInput&) const;
+  void deviation(const ModulusInput&, ModulusEstimate&) const;
+  void untracked(const ModulusInput&, ModulusEstimate&) const;
+  void ramp(const ModulusInput&, ModulusEstimate&) const;
+  void out_of_plane(const ModulusInput&, ModulusEstimate&) const;
+  void pressure(const ModulusInput&, ModulusEstimate&) const;
+  void scale(const ModulusInput&, ModulusEstimate&) const;
+  void extent(ModulusEstimate&) const;
+  Queue queue_;
+  std::shared_ptr<StripCache> strips_;
+  JudgeLimits limits_;
+  SlopeReach reach_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,137 @@
+// Young's modulus from displacement and strain (T3). One interface, three methods: reference stress (T3.1),
+// direct (T3.2), iterative (T3.3).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "service/device/device.h"
+#include "service/imaging/modulus/strip_model.h"
+#include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/modulus/window_nodes.h"
+#include "service/imaging/tracking/displacement.h"
+#include "service/imaging/tracking/frame.h"
+#include "service/imaging/tracking/strain.h"
+
+namespace teletact::service {
+
+// What a method may use; everything on the same image grid.
+struct ModulusInput {
+  const ImageGrid& grid;
+  const DisplacementEstimate& displacement;
+  const StrainEstimate& strain;
+  double window_width_m;  // lines * pitch: the probe's face
+  TissueExtent tissue;
+  std::optional<ProbeForce> force;  // absent: relative modulus
+  KnownModulus known;               // by other windows; empty: unknown; not used for a relative modulus
+  // Seconds that are left for the modulus, asked between the steps of an iteration; empty: no limit.
+  std::function<double()> seconds_left = {};
+};
+
+enum class ModulusKind { kReferenceStress, kDirect, kIterative };
+
+// What makes an estimate doubtful (T3.4); the words that go with it say where and how much.
+enum class ModulusFlag {
+  kNoise,       // the standard deviation of log E is large
+  kStreaks,     // the strain hardly determines the modulus somewhere: det A near 0, mu not positive
+  kUntracked,   // part of the window was not tracked; it says nothing
+  kRamp,        // the map ramps across the window: the traction is not that of a flat frictionless probe
+  kOutOfPlane,  // lateral strain is not what the plane assumption says
+  kPressure,    // the load is carried by pressure, which nu sets and no displacement tells: nu -> 1/2
+  kExtent,      // much of the window is no background: its contrast comes back short
+  kScale,       // the modulus is another by a factor than the neighbours told: a wrong force
+  kMisfit,      // no modulus explains the displacement within its noise
+  kDeadline,    // the iteration was stopped
+};
+const char* name_of(ModulusFlag);  // in words of the log: "noise", "wrong-force"
+struct ModulusWarning {
+  ModulusFlag flag;
+  std::string text;
+};
+
+struct ModulusEstimate {
+  Field youngs_modulus;  // Pa, or relative (median 1); NaN where nothing can be said
+  Field log_deviation;   // standard deviation of log E; NaN where youngs_modulus is; empty: not computed
+  ModulusKind kind = ModulusKind::kReferenceStress;
+  bool converged = true;
+  int iterations = 0;
+  std::vector<ModulusWarning> warnings;
+  bool absolute = false;
+  double background = 0;         // median over the nodes that say something, Pa or 1
+  double mean_axial_strain = 0;  // median over the trusted nodes, negative in compression
+};
+
+// The pair shows less strain than can be measured.
+struct NoCompression : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+class ModulusMethod {
+ public:
+  virtual ~ModulusMethod() = default;
+  // Throws NoCompression; std::invalid_argument for an unusable tissue extent or force (field named).
+  virtual ModulusEstimate estimate(const ModulusInput&) = 0;
+};
+
+struct ReferenceStressOptions {
+  int corrections = 3;         // times that the reference is solved again with the modulus found so far
+  double least_strain = 2e-4;  // magnitude; below it a node says nothing
+  double range = 20;           // of E over its median, either way
+  // Part of the median homogeneous strain below which nothing is said: near the bonded bottom and its corners
+  // the probe hardly strains the tissue, and the corrections would amplify any error there.
+  double least_reference = 0.5;
+  double near_field_m = 1e-3;  // depth in which nothing is said: strain kernels are cut there
+  int median_radius = 2;       // nodes
+};
+
+// T3.1; kernels/modulus.cl and StripModel. E = (P / P_ref) E_ref eps_ref / eps_yy, at first with homogeneous
+// tissue as the reference, then (`corrections`) with the modulus found so far: the stress that stiff
+// inclusions draw to themselves, and the plane-strain contrast (C + 1) / 2 of T3.1, are corrected.
+std::unique_ptr<ModulusMethod> make_reference_stress(Queue, ReferenceStressOptions,
+                                                     std::shared_ptr<StripCache> = {});
+
+struct DirectOptions {
+  // Times that border and lateral displacement are taken again from a forward solve, with the direct map; it
+  // ends sooner when the modulus that such a solve would be given differs less from that of the one before
+  // (log E, rms under the probe).
+  int most_corrections = 4;
+  double settled = 0.02;
+  // In that modulus |log(E / background)| below the first counts as background, above the second fully: the
+  // shadows that T3.1 throws above and below an inclusion would be given as truth.
+  double background_below = 0.35, full_above = 0.4;
+  SlopeReach reach;
+  double stabilisation = 1e-3;  // of DirectProblem
+};
+
+// T3.2; DirectProblem. Its border, the lateral displacement (an order noisier than the axial one) and what
+// was not measured come from a forward solve, at first with the modulus of the reference stress, whose
+// inclusions are too soft, then with that of this method.
+std::unique_ptr<ModulusMethod> make_direct(Queue, DirectOptions, std::shared_ptr<StripCache> = {});
+
+struct IterativeOptions {
+  double tv_per_m = 5000;  // alpha: what a metre of a unit jump of log E costs, in half squares of the data
+  double tv_floor_per_m = 50;  // gradient of log E below which TV is quadratic
+  double prior_deviation = 2;  // of log E about the background (or what is known), per square millimetre
+  double prior_beside = 40;    // times stronger beside the window, of which the data tell little
+  int most_steps = 16;         // Gauss-Newton
+  int most_products = 12;      // J^T J products within one
+  std::size_t remembered_products = 24;  // of the steps before, that correct the preconditioner
+  double inner_tolerance = 0.05;         // residual of the inner conjugate gradients
+  double converged_step = 0.01;          // rms change of log E under the probe
+  double least_deviation_m = 0.3e-6;
+  double largest_misfit = 6;  // mean square of (modelled - measured) / deviation; above it kMisfit
+};
+
+// T3.3: the modulus whose strip reproduces the measured axial displacement, with total variation on log E:
+//   1/2 |(S u(E) a + b - d) / sigma|^2 + alpha TV(log E) + prior.
+// Gauss-Newton with the adjoint's gradient, inner conjugate gradients on J^T J + alpha L (lagged
+// diffusivity), started from the direct method. Boundary: the flat probe's face and the bonded bottom as
+// measured, the sensor's traction for the scale. Stops at `seconds_left` with the best so far and says so.
+std::unique_ptr<ModulusMethod> make_iterative(Queue, IterativeOptions, DirectOptions,
+                                              std::shared_ptr<StripCache> = {});
+
+}  // namespace teletact::service

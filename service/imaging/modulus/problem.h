@@ -1,0 +1,61 @@
+// What the iterative modulus minimises (T3.3), and its Gauss-Newton step. The unknown is theta = log(E /
+// background) of every element of the strip:
+//   1/2 |(S u(E) a + b - d) / sigma|^2 + alpha TV(theta) + 1/2 |prior weight^(1/2) (theta - prior)|^2
+// amplitude a and offset b fitted at every theta.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "service/imaging/modulus/displacement_data.h"
+#include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/sparse_factor.h"
+#include "service/imaging/modulus/strip_model.h"
+#include "service/imaging/modulus/total_variation.h"
+
+namespace teletact::service {
+
+class ModulusProblem {
+ public:
+  // prior: of theta, [element]. Model and options must outlive the problem.
+  ModulusProblem(StripModel&, DisplacementData, Eigen::VectorXd prior, double background,
+                 const IterativeOptions&);
+  struct Point {
+    Eigen::VectorXd theta;
+    StripResponse response;
+    DisplacementData::Fit fit;
+    double objective = 0;
+  };
+  // One forward solve; its factor serves gradient() and step() until the next.
+  Point at(Eigen::VectorXd theta);
+  // Of the objective by theta, at the latest at().
+  Eigen::VectorXd gradient(const Point&);
+  // (J^T J + alpha L + prior) step = - gradient, by conjugate gradients preconditioned with what the data do
+  // not need a forward solve for, corrected by what the products of the steps before have shown: the matrix
+  // changes little from one step to the next (Morales and Nocedal 2000).
+  Eigen::VectorXd step(const Point&);
+  std::vector<double> modulus(const Eigen::VectorXd& theta) const;
+
+ private:
+  // Of the matrix, by a product: y = H s.
+  struct Product {
+    Eigen::VectorXd s, y;
+    double sy;
+  };
+  Eigen::VectorXd preconditioned(Eigen::VectorXd residual, std::size_t products) const;
+  std::vector<double> forward(const Point&, const std::vector<double>& e, const Eigen::VectorXd& d);
+  Eigen::VectorXd adjoint(const Point&, const std::vector<double>& e, const std::vector<double>& residual);
+  Eigen::VectorXd typical_data_weight(const Point&) const;
+
+  StripModel& model_;
+  DisplacementData data_;
+  Eigen::VectorXd prior_;
+  double background_;
+  const IterativeOptions& options_;
+  TotalVariation variation_;
+  Eigen::VectorXd prior_weight_;
+  SparseFactor preconditioner_;
+  std::deque<Product> products_;  // the latest, oldest first
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,39 @@
+// What is stated of the tissue under the probe, beside its frames: force, extent, plane, modulus of its
+// neighbourhood.
+#pragma once
+
+#include <functional>
+
+namespace teletact::service {
+
+// Force sensor of the probe: resisting force (N, > 0 in compression) over the probe's contact area. Absent:
+// the modulus is relative (T3).
+struct ProbeForce {
+  double force_n = 0;
+  double contact_area_m2 = 0;
+};
+
+// What the tissue does across the image plane: nothing (thick tissue between its neighbours), or whatever
+// leaves it free of stress there (a thin slice).
+enum class Plane { kStrain, kStress };
+
+// Where the window [window_x_m, window_x_m + lines * pitch) lies in its tissue: [0, width_m] x [0, depth_m],
+// y = 0 at the probe face, bonded below, free sides (T4).
+struct TissueExtent {
+  // Beyond it the force's slope over nu is lost in rounding, and with it whether the modulus hangs on nu.
+  static constexpr double kLargestPoissonRatio = 0.49999;
+  double width_m = 0, depth_m = 0, window_x_m = 0;
+  double poisson_ratio = 0.49;  // 0 <= nu <= kLargestPoissonRatio
+  Plane plane = Plane::kStrain;
+};
+
+// Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and
+// depth y_m, NaN where unknown, and the standard deviation of its logarithm, NaN where that is not known.
+// What lies beyond the window's borders draws stress to itself and so shows in the window.
+struct KnownModulus {
+  std::function<double(double x_m, double y_m)> modulus_pa = {}, log_deviation = {};
+  double operator()(double x_m, double y_m) const { return modulus_pa(x_m, y_m); }
+  explicit operator bool() const { return static_cast<bool>(modulus_pa); }
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,90 @@
+// Displacement of tissue between two RF frames (T2): post(x + u) = pre(x), on OpenCL
+// (kernels/search.cl, displacement.cl).
+//
+// Coarse to fine, each level companding post with the displacement of the one before:
+//   1. normalised cross-correlation over all axial lags and, a beam width apart, all lateral lags that the
+//      largest strain allows, 1 mm x 2 mm nodes; paths that neighbours can reach (find_paths) cure peak hops
+//      before they happen;
+//   2. search of a quarter period axially and of half of lateral_search_m around that, 1 mm x 1 mm nodes;
+//   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid: regularised over the
+//      whole image (T2.3, refinement.h), or window by window without any regularisation.
+// Between the levels outliers give way to the median of their neighbours. The last step runs on frames passed
+// through the matched filter of noise_model.h.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "service/device/device.h"
+#include "service/imaging/tracking/frame.h"
+#include "service/imaging/tracking/refinement.h"
+#include "service/imaging/tracking/sample_grid.h"
+
+namespace teletact::service {
+
+enum class RefinementMethod { kRegularised, kWindowed };
+
+// Locally 1.6 times as much is searched, and frames are warped by 0.2 at most.
+constexpr double kLargestMaxStrain = 0.125;
+
+struct DisplacementOptions {
+  RefinementMethod method = RefinementMethod::kRegularised;
+  RegularisationOptions regularisation;
+  double max_strain = 0.05;          // mean compression, magnitude; bounds the axial and the lateral search
+  double lateral_search_m = 0.8e-3;  // magnitude, on the middle line
+  double grid_dx_m = 0.45e-3, grid_dy_m = 0.4e-3;  // image grid, rounded to whole lines and samples
+  double window_axial_m = 1.6e-3, window_lateral_m = 1.2e-3;  // of the search and of Gauss-Newton
+  double coarse_window_axial_m = 0.8e-3, coarse_window_lateral_m = 2.0e-3;
+  int refinements = 3;                // Gauss-Newton steps, each with its own warp
+  double trusted_correlation = 0.7;   // below it a node is not trusted
+  double outlier_distance_m = 12e-6;  // from the median of the neighbours' corrections, axially
+};
+
+// On the device, index i + nx j.
+struct DisplacementEstimate {
+  SampleGrid grid;
+  Array<float> field_m;           // 2 per node: lateral, axial
+  Array<float> correlation;       // of pre and motion-compensated post, -1 .. 1; -2: no texture
+  Array<std::uint8_t> trusted;    // correlation and deviation from the neighbours within their limits
+  Array<float> std_m = {};        // standard deviation, 2 per node: lateral, axial
+  Array<float> information = {};  // 2 per node, of the place: what `noise` turns into standard deviations
+  std::shared_ptr<const NoiseStructure> noise = nullptr;
+  // Of a step's linear system that was not solved, the last such: the field is then not the best that the
+  // pair gives, and its deviation too small. Empty: all were.
+  std::optional<PcgResult> unsolved = {};
+};
+
+// Not thread-safe: one queue, buffers kept for the next pair of the same geometry.
+class DisplacementEstimator {
+ public:
+  // Throws std::invalid_argument for unusable options. What it allocates is charged to the queue's account.
+  DisplacementEstimator(Queue, DisplacementOptions);
+  ~DisplacementEstimator();
+  // Throws std::invalid_argument where the coarse search of such frames would not fit in memory. Allocates
+  // nothing and reads no sample: the frames may be empty.
+  static void require_fits(const RfFrame&, const AcquisitionGeometry&, const DisplacementOptions&);
+  void set_max_strain(double);
+  void forget();  // the buffers that are kept for the next pair
+  // `pre`, `post`, `geometry` as validate() accepts them. The result's arrays are overwritten by the next
+  // call.
+  DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
+
+ private:
+  struct Workspace;
+  struct Kernels;
+  struct Search;
+  void correlate(const SampleGrid&, const Search&, const Array<float>& post, Array<float>& volume);
+  void search_coarse();
+  void search_fine();
+  void refine(std::optional<PcgResult>& unsolved);
+  void fit_windows();
+  void filter_frames(const Autocorrelations&);
+  void warp(const SampleGrid&, bool pair);
+
+  Queue queue_;
+  DisplacementOptions options_;
+  std::unique_ptr<Kernels> kernels_;
+  std::unique_ptr<Workspace> work_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,134 @@
+#include "service/imaging/tracking/noise_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <numbers>
+
+namespace teletact::service {
+namespace {
+
+// The gradients of data_term in refinement.cl.
+constexpr double kAxial[] = {-1.0 / 60, 0.15, -0.75, 0, 0.75, -0.15, 1.0 / 60};
+constexpr double kLateral[] = {1.0 / 12, -2.0 / 3, 0, 2.0 / 3, -1.0 / 12};
+constexpr double kPassEdge = 0.30, kStopEdge = 0.36;  // of the sampling frequency
+
+// r at signed lags.
+class Lags {
+ public:
+  Lags(const Autocorrelations& a, const std::vector<double>& r) : a_(a), r_(r) {}
+  double at(int lag, int lateral) const {
+    const int k = std::abs(lag), q = std::abs(lateral);
+    return k < a_.lags && q < a_.laterals ? r_[static_cast<std::size_t>(k + a_.lags * q)] : 0;
+  }
+  double axial_gradient(int lag, int lateral) const {
+    double sum = 0;
+    for (int i = -3; i <= 3; ++i)
+      for (int j = -3; j <= 3; ++j) sum += tap(i) * tap(j) * at(lag + i - j, lateral);
+    return sum;
+  }
+  double lateral_gradient(int lag, int lateral) const {
+    double sum = 0;
+    for (int i = -2; i <= 2; ++i)
+      for (int j = -2; j <= 2; ++j) sum += kLateral[i + 2] * kLateral[j + 2] * at(lag, lateral + i - j);
+    return sum;
+  }
+
+ private:
+  static double tap(int i) { return kAxial[i + 3]; }
+  const Autocorrelations& a_;
+  const std::vector<double>& r_;
+};
+
+// At `frequency` (of the sampling frequency), smoothed by a Blackman window over the lags.
+double spectrum(const std::vector<double>& r, double frequency) {
+  double sum = r[0];
+  for (std::size_t k = 1; k < r.size(); ++k) {
+    const double angle = std::numbers::pi * static_cast<double>(k) / static_cast<double>(r.size());
+    const double window = 0.42 + 0.5 * std::cos(angle) + 0.08 * std::cos(2 * angle);
+    sum += 2 * window * r[k] * std::cos(2 * std::numbers::pi * frequency * static_cast<double>(k));
+  }
+  return sum;
+}
+
+struct Band {
+  double pass, stop;  // of the sampling frequency
+  double quietest;    // noise below this part of its peak is not believed
+};
+
+// Gain at `frequencies` + 1 frequencies from 0 to half the sampling frequency.
+std::vector<double> best_gain(const std::vector<double>& mean, const std::vector<double>& difference,
+                              int frequencies, const Band& band) {
+  std::vector<double> p, q, gain;
+  for (int n = 0; n <= frequencies; ++n) {
+    p.push_back(spectrum(mean, 0.5 * n / frequencies));
+    q.push_back(spectrum(difference, 0.5 * n / frequencies) / 4);
+  }
+  const double least_q = band.quietest * *std::max_element(q.begin(), q.end());
+  for (int n = 0; n <= frequencies; ++n) {
+    const auto at = static_cast<std::size_t>(n);
+    const double common = p[at] - q[at];
+    const double signal = p[at] > 0 && common > 0 ? common / (p[at] * std::max(q[at], least_q)) : 0;
+    const double pass = std::clamp((band.stop - 0.5 * n / frequencies) / (band.stop - band.pass), 0.0, 1.0);
+    gain.push_back(pass * std::sqrt(signal));
+  }
+  return gain;
+}
+
+// Symmetric taps 0 .. reach of a gain, unit gain at its peak.
+std::vector<float> taps_of(const std::vector<double>& gain, int reach) {
+  const int frequencies = static_cast<int>(gain.size()) - 1;
+  const double peak = *std::max_element(gain.begin(), gain.end());
+  std::vector<float> taps;
+  for (int k = 0; k <= reach; ++k) {
+    double sum = 0;
+    for (int n = 0; n <= frequencies; ++n)
+      sum += (n == 0 || n == frequencies ? 0.5 : 1.0) * gain[static_cast<std::size_t>(n)] *
+             std::cos(std::numbers::pi * n * k / frequencies);
+    const double window = 0.5 + 0.5 * std::cos(std::numbers::pi * k / (reach + 1));
+    taps.push_back(static_cast<float>(peak > 0 ? window * sum / (frequencies * peak) : (k == 0 ? 1.0 : 0.0)));
+  }
+  return taps;
+}
+
+constexpr Band kAxialBand{0.30, 0.36, 1e-2}, kLateralBand{0.38, 0.48, 0.3};  // within what interpolates well
+
+// The lags of one direction, none in the other.
+std::vector<double> lags_along(const Autocorrelations& a, const std::vector<double>& r, bool axial) {
+  std::vector<double> out;
+  for (int k = 0; k < (axial ? a.lags : a.laterals); ++k)
+    out.push_back(r[static_cast<std::size_t>(axial ? k : k * a.lags)]);
+  return out;
+}
+
+}  // namespace
+
+NoiseModel noise_model(const Autocorrelations& a) {
+  const Lags mean(a, a.mean), difference(a, a.difference);
+  const int axial = a.lags - 7, lateral = a.laterals - 5;
+  double sum_x = 0, sum_y = 0;
+  for (int q = -lateral; q <= lateral; ++q)
+    for (int k = -axial; k <= axial; ++k) {
+      sum_y += mean.axial_gradient(k, q) * difference.at(k, q);
+      sum_x += mean.lateral_gradient(k, q) * difference.at(k, q);
+    }
+  const double gy = mean.axial_gradient(0, 0), gx = mean.lateral_gradient(0, 0), dd = difference.at(0, 0);
+  NoiseModel model;
+  if (!(gy > 0 && gx > 0 && dd > 0)) return model;
+  model.spread = {std::max(sum_x / (gx * dd), 0.2), std::max(sum_y / (gy * dd), 0.2)};
+  model.sensitivity = {std::clamp(1 - 0.25 * difference.lateral_gradient(0, 0) / gx, 0.05, 1.0),
+                       std::clamp(1 - 0.25 * difference.axial_gradient(0, 0) / gy, 0.05, 1.0)};
+  return model;
+}
+
+MatchedFilter matched_filter(const Autocorrelations& a, int axial_reach, int lateral_reach) {
+  constexpr int kFrequencies = 128;
+  const std::vector<double> axial =
+      best_gain(lags_along(a, a.mean, true), lags_along(a, a.difference, true), kFrequencies, kAxialBand);
+  const std::vector<double> lateral =
+      best_gain(lags_along(a, a.mean, false), lags_along(a, a.difference, false), kFrequencies, kLateralBand);
+  return {taps_of(axial, axial_reach), taps_of(lateral, lateral_reach)};
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,103 @@
+// One regularised Gauss-Newton step over the whole image (T2.3), kernels/refinement.cl: every node's pixels
+// against the deviation of its displacement gradient from the local mean, as one system of a 2x2 block per
+// node, solved by conjugate gradients.
+//
+//   minimise  sum_n (y_n - u_n) . h_n (y_n - u_n)  +  sum over edges  w (D u - <D u>)^2
+//
+// h: information of the node's pixels, 1 / variance of the displacement y that they alone would give (so the
+// units are those of a posterior). <D u>: gradient averaged over kGradientRadius nodes to each side in the
+// field before the step, so that uniform strain is not biased and neither is one that changes slowly.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "service/device/device.h"
+#include "service/imaging/tracking/noise_model.h"
+#include "service/imaging/tracking/noise_response.h"
+#include "service/imaging/tracking/sample_grid.h"
+#include "service/solver/pcg.h"
+#include "service/solver/stencil.h"
+
+namespace teletact::service {
+
+inline constexpr int kGradientRadius = 3;
+inline constexpr double kRough = 3;  // what a step that another follows may leave over, of what the last may
+
+// Smoothing lengths of the lateral [0] and axial [1] component: a step of strain is smoothed over about this
+// length. Chosen from the data between the limits: the strain is taken to change by `strain_change` of its
+// own median magnitude over `change_length_m`, and the noise is what was measured.
+struct RegularisationOptions {
+  double strain_change = 0.1, change_length_m = 1e-3;
+  double shortest_m = 0.25e-3, longest_axial_m = 1.0e-3, longest_lateral_m = 1.5e-3;
+  double relative_residual = 3e-2;    // of the linear solve of the last step; others have kRough times that
+  std::size_t most_iterations = 200;  // of it; 15 to 30 are usual
+};
+
+struct ImagePair {
+  const Array<float>&mean, &difference;  // padded
+  Padding padding;
+  int samples = 0, lines = 0;
+};
+
+// How the noise of a displacement estimate is spread and correlated, lateral [0] and axial [1].
+struct NoiseStructure {
+  std::array<NoiseResponse, 2> response;  // of displacement in lines, samples
+  std::array<double, 2> unit_m{};         // a line, a sample
+};
+
+class Refinement {
+ public:
+  Refinement(const Queue&, const RegularisationOptions&, const SampleGrid&, double line_pitch_m,
+             double sample_pitch_m);
+  ~Refinement();
+  // Reads a motion-compensated pair: noise, correlation per node (-2: no texture) and information; robust:
+  // pixels far off weigh less, and what companding makes of the pulse is taken off the noise
+  // (kernels/pulse.cl).
+  Autocorrelations measure(const ImagePair&, bool robust, Array<float>& correlation);
+  // From what was measured last: out = field + correction, at most `lateral_limit` lines and `axial_limit`
+  // samples. `last`: no other step follows.
+  void step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit, bool last);
+  // Standard deviation (m) and information averaged over the estimator's footprint, 2 per node, of the final
+  // field after `steps` steps, the bias by smoothing included (regularised), or of windows of this size
+  // instead.
+  std::shared_ptr<const NoiseStructure> uncertainty(const Array<float>& field, int steps,
+                                                    Array<float>& information, Array<float>& deviation_m);
+  std::shared_ptr<const NoiseStructure> uncertainty(const WindowResponse&, Array<float>& information,
+                                                    Array<float>& deviation_m);
+  // Of the last step, each lateral, axial: weights of the edges along i, of those along j, spread and
+  // sensitivity of the noise.
+  const std::vector<float>& model() const { return weights_; }
+  const PcgResult& solved() const { return solved_; }  // the last step's linear solve
+
+ private:
+  struct Kernels;
+  class NodePreconditioner;
+  void gather(const ImagePair&, bool robust, Array<float>& correlation);
+  void weigh(const Array<float>& field);
+  void solve(bool last);
+  void find_medians();
+  void look_up(const NoiseStructure&, const std::vector<int>& radii, Array<float>& information,
+               Array<float>& deviation_m);
+
+  Queue queue_;
+  RegularisationOptions options_;
+  SampleGrid grid_;
+  double line_pitch_m_, sample_pitch_m_, dx_m_, dy_m_;
+  std::shared_ptr<Kernels> kernels_;
+  Pcg<float> pcg_;
+  std::shared_ptr<Array<float>> stencil_;
+  StencilOperator<float> operator_;
+  std::unique_ptr<NodePreconditioner> preconditioner_;
+  NoiseModel noise_model_;
+  std::array<double, 2> smoothing_m_{}, median_information_{};
+  PcgResult solved_;
+  int chunks_ = 1;
+  std::vector<float> weights_;  // model()
+  Array<float> hat_, noise_, terms_, pixels_, pulses_, gradient_, model_, rhs_, load_, correction_,
+      information_, pull_, bias_;
+  Array<float> products_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,127 @@
+#include "service/imaging/tracking/sample_grid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "service/device/look.h"
+#include "service/imaging/tracking/median.h"
+
+namespace teletact::service {
+namespace {
+
+[[noreturn]] void refuse(const std::string& what) {
+  throw std::invalid_argument(what);
+}
+
+void check_samples(const RfFrame& frame, const char* name) {
+  if (frame.samples.size() != frame.sample_count * frame.line_count)
+    refuse(std::string(name) + ".samples: " + std::to_string(frame.samples.size()) + " values for " +
+           std::to_string(frame.sample_count) + " samples x " + std::to_string(frame.line_count) +
+           " lines; send the whole frame");
+  for (std::size_t n = 0; n < frame.samples.size(); ++n) {
+    if (n % frame.sample_count == 0) look();
+    if (!std::isfinite(frame.samples[n]))
+      refuse(std::string(name) + ".samples: not a finite number at sample " +
+             std::to_string(n % frame.sample_count) + " of line " + std::to_string(n / frame.sample_count) +
+             "; replace it (0 where nothing was recorded)");
+  }
+}
+
+void check_size(const RfFrame& pre, const RfFrame& post) {
+  if (pre.sample_count != post.sample_count || pre.line_count != post.line_count)
+    refuse("post: " + std::to_string(post.sample_count) + " x " + std::to_string(post.line_count) +
+           " samples x lines, but pre has " + std::to_string(pre.sample_count) + " x " +
+           std::to_string(pre.line_count) + "; record both with the same settings");
+  if (pre.sample_count < 64 || pre.sample_count > 16384)
+    refuse("sample_count: " + std::to_string(pre.sample_count) + ", must be 64 to 16384");
+  if (pre.line_count < 8 || pre.line_count > 2048)
+    refuse("line_count: " + std::to_string(pre.line_count) + ", must be 8 to 2048");
+}
+
+// The negated comparisons refuse NaN too.
+void check_geometry(const AcquisitionGeometry& g) {
+  if (!(g.center_frequency_hz > 0 && g.center_frequency_hz < 1e9))
+    refuse("center_frequency_hz: must be above 0 Hz, the transmitted centre frequency");
+  if (!(g.sampling_frequency_hz > 0 && g.sampling_frequency_hz <= 5e8))
+    refuse("sampling_frequency_hz: must be above 0 and at most 5e8 Hz, the rate of the RF samples");
+  if (!(g.sampling_frequency_hz > 2 * g.center_frequency_hz))
+    refuse("sampling_frequency_hz: must exceed twice center_frequency_hz; give RF, not demodulated data");
+  if (!(g.sound_speed_m_s >= 1000 && g.sound_speed_m_s <= 2500))
+    refuse("sound_speed_m_s: must be 1000 to 2500 m/s (soft tissue: 1540)");
+  if (!(g.line_pitch_m >= 1e-5 && g.line_pitch_m <= 0.01))
+    refuse("line_pitch_m: must be 1e-5 to 0.01 m, the distance between A-lines");
+  if (!(g.first_sample_depth_m >= 0 && g.first_sample_depth_m < 1))
+    refuse("first_sample_depth_m: must be 0 m or more and below 1 m");
+}
+
+// What a converter adds to the echoes (offset-binary samples): their median, where it is more than half of
+// what they deviate from it; echoes alone have a median of nearly 0, and silence stays silent.
+float converter_offset(const RfFrame& frame) {
+  constexpr std::size_t kLookedAt = 8192;
+  const std::size_t every = frame.samples.size() / kLookedAt + 1;
+  std::vector<float> values;
+  for (std::size_t n = 0; n < frame.samples.size(); n += every) values.push_back(frame.samples[n]);
+  const auto offset = static_cast<float>(median(values));
+  for (float& v : values) v = std::abs(v - offset);
+  return std::abs(offset) > 0.5f * static_cast<float>(median(values)) ? offset : 0;
+}
+
+}  // namespace
+
+SampleGrid centred_grid(const RfFrame& frame, int line_step, int sample_step) {
+  const int lines = static_cast<int>(frame.line_count), samples = static_cast<int>(frame.sample_count);
+  SampleGrid grid;
+  grid.line_step = std::clamp(line_step, 1, lines);
+  grid.sample_step = std::clamp(sample_step, 1, samples);
+  grid.nx = (lines - 1) / grid.line_step + 1;
+  grid.ny = (samples - 1) / grid.sample_step + 1;
+  grid.first_line = (lines - 1) % grid.line_step / 2;
+  grid.first_sample = (samples - 1) % grid.sample_step / 2;
+  return grid;
+}
+
+ImageGrid image_grid(const SampleGrid& grid, const AcquisitionGeometry& geometry) {
+  ImageGrid image;
+  image.nx = static_cast<std::size_t>(grid.nx);
+  image.ny = static_cast<std::size_t>(grid.ny);
+  image.origin_x_m = (grid.first_line + 0.5) * geometry.line_pitch_m;
+  image.origin_y_m = geometry.first_sample_depth_m + grid.first_sample * geometry.sample_pitch_m();
+  image.dx_m = grid.line_step * geometry.line_pitch_m;
+  image.dy_m = grid.sample_step * geometry.sample_pitch_m();
+  return image;
+}
+
+Padding padding(const RfFrame& frame, int samples, int lines) {
+  const int line_count = static_cast<int>(frame.line_count),
+            sample_count = static_cast<int>(frame.sample_count);
+  Padding p;
+  p.stride = (sample_count + 2 * samples + 7) / 8 * 8;
+  p.origin = lines * p.stride + samples;
+  p.total = static_cast<std::size_t>(p.stride) * static_cast<std::size_t>(line_count + 2 * lines);
+  return p;
+}
+
+std::vector<float> padded(const RfFrame& frame, const Padding& p) {
+  std::vector<float> out;
+  grow(out, p.total);
+  const float offset = converter_offset(frame);
+  for (std::size_t l = 0; l < frame.line_count; ++l) {
+    look();
+    const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count);
+    std::transform(line, line + static_cast<std::ptrdiff_t>(frame.sample_count),
+                   out.begin() + p.origin + static_cast<std::ptrdiff_t>(l) * p.stride,
+                   [offset](float sample) { return sample - offset; });
+  }
+  return out;
+}
+
+void validate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry) {
+  check_size(pre, post);
+  check_geometry(geometry);
+  check_samples(pre, "pre");
+  check_samples(post, "post");
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,40 @@
+// Nodes on the samples of a frame, and frames padded with zeros as the kernels of displacement.cl want them.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "service/imaging/tracking/frame.h"
+
+namespace teletact::service {
+
+// Node (i, j) lies at A-line first_line + i line_step, sample first_sample + j sample_step; index i + nx j.
+struct SampleGrid {
+  int nx = 1, ny = 1;
+  int first_line = 0, line_step = 1;
+  int first_sample = 0, sample_step = 1;
+  int nodes() const { return nx * ny; }
+};
+
+// The grid of these steps, centred on the frame; steps are cut to the frame's size.
+SampleGrid centred_grid(const RfFrame&, int line_step, int sample_step);
+
+// In metres; x from the first A-line's left border (half a pitch before its centre).
+ImageGrid image_grid(const SampleGrid&, const AcquisitionGeometry&);
+
+// Sample k of A-line l lies at origin + l * stride + k; `samples` zeros on both sides of a line and `lines`
+// lines of zeros on both sides of the frame.
+struct Padding {
+  int origin = 0, stride = 0;
+  std::size_t total = 0;
+};
+Padding padding(const RfFrame&, int samples, int lines);
+
+// The frame with its padding, without what a converter added to the echoes: it moves with no tissue.
+std::vector<float> padded(const RfFrame&, const Padding&);
+
+// Throws std::invalid_argument naming the field and the remedy: sizes, NaN or infinite samples, frames of
+// unequal size, frequencies, sound speed, pitch, depth.
+void validate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
+
+}  // namespace teletact::service

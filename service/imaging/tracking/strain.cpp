@@ -1,0 +1,68 @@
+#include "service/imaging/tracking/strain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+namespace teletact::service {
+namespace {
+
+constexpr std::size_t kGroup = 32;  // WORK_GROUP of strain.cl
+
+int half_count(double length_m, double step_m) {
+  return std::max(1, static_cast<int>(std::lround(length_m / 2 / step_m)));
+}
+
+}  // namespace
+
+StrainEstimator::StrainEstimator(Queue queue, StrainOptions options)
+    : queue_(std::move(queue)),
+      options_(options),
+      kernel_(queue_.kernel("strain", "strain", Precision::kFloat)),
+      deviation_(queue_.kernel("strain", "strain_deviation", Precision::kFloat)) {
+  const auto& o = options_;
+  if (!(o.kernel_axial_m > 0 && o.kernel_axial_m <= 0.05 && o.kernel_lateral_m > 0 &&
+        o.kernel_lateral_m <= 0.05))
+    throw std::invalid_argument("kernel_axial_m, kernel_lateral_m: must be above 0 and at most 0.05 m");
+  if (!(o.least_fraction > 0 && o.least_fraction <= 1))
+    throw std::invalid_argument("least_fraction: must be above 0 and at most 1");
+  if (!(o.residual_limit_m > 0)) throw std::invalid_argument("residual_limit_m: must be above 0 m");
+}
+
+StrainEstimate StrainEstimator::estimate(const DisplacementEstimate& displacement, const ImageGrid& grid) {
+  StrainEstimate out{queue_.array<float>(4 * grid.size()), queue_.array<std::uint8_t>(grid.size()),
+                     queue_.array<float>(3 * grid.size())};
+  const int half_columns = half_count(options_.kernel_lateral_m, grid.dx_m),
+            half_rows = half_count(options_.kernel_axial_m, grid.dy_m);
+  kernel_({{grid.size(), 1, 1}, {kGroup, 1, 1}}, displacement.field_m, displacement.trusted, out.tensor,
+          out.trusted, static_cast<int>(grid.nx), static_cast<int>(grid.ny), static_cast<float>(grid.dx_m),
+          static_cast<float>(grid.dy_m), half_columns, half_rows, static_cast<float>(options_.least_fraction),
+          static_cast<float>(options_.residual_limit_m));
+  propagate(displacement, grid, half_columns, half_rows, out);
+  return out;
+}
+
+void StrainEstimator::propagate(const DisplacementEstimate& displacement, const ImageGrid& grid,
+                                int half_columns, int half_rows, StrainEstimate& out) {
+  if (!displacement.noise) {
+    const std::vector<float> unknown(out.std.size(), std::numeric_limits<float>::quiet_NaN());
+    return queue_.write(out.std, unknown.data(), unknown.size());
+  }
+  const NoiseStructure& noise = *displacement.noise;
+  // d u_x / dx, d u_x / dy, d u_y / dx, d u_y / dy
+  std::vector<float> tables;
+  for (std::size_t c = 0; c < 2; ++c)
+    for (const bool along : {true, false}) {
+      const double scale = noise.unit_m[c] / (along ? grid.dx_m : grid.dy_m);
+      for (const float d : noise.response[c].table(plane_slope(half_columns, half_rows, along)).deviation)
+        tables.push_back(static_cast<float>(scale * d));
+    }
+  deviation_({{grid.size(), 1, 1}, {kGroup, 1, 1}}, displacement.information, out.tensor,
+             queue_.array(tables), out.std, static_cast<int>(grid.size()),
+             static_cast<float>(noise.response[0].median()), static_cast<float>(noise.response[1].median()));
+}
+
+}  // namespace teletact::service
