@@ -31,8 +31,7 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
 // One phantom, tracked by ours; what every method starts from.
 struct Tracked {
   Phantom phantom;
-  service::DisplacementEstimate displacement;
-  service::StrainEstimate strain;
+  service::Measured measured;
   Track track;
   double displacement_s = 0, strain_s = 0, window_width_m = 0;
 };
@@ -52,20 +51,18 @@ class Imaging {
   Tracked track(Phantom p) {
     Tracked t;
     auto begin = std::chrono::steady_clock::now();
-    t.displacement = displacement_.estimate(p.pre, p.post, p.geometry);
-    const std::vector<float> field = queue_.read(t.displacement.field_m);
+    const service::DisplacementEstimate displacement = displacement_.estimate(p.pre, p.post, p.geometry);
+    service::Measured& m = t.measured;
+    m.grid = service::image_grid(displacement.grid, p.geometry);
+    service::download(queue_, displacement, m);
     t.displacement_s = seconds_since(begin);
-    t.track.grid = service::image_grid(t.displacement.grid, p.geometry);
     begin = std::chrono::steady_clock::now();
-    t.strain = strain_.estimate(t.displacement, t.track.grid);
-    queue_.finish();
+    service::download(queue_, strain_.estimate(displacement, m.grid), m);
     t.strain_s = seconds_since(begin);
-    for (std::size_t n = 0; n < t.track.grid.size(); ++n) {
-      t.track.lateral_m.push_back(field[2 * n]);
-      t.track.axial_m.push_back(field[2 * n + 1]);
-    }
-    t.track.valid = queue_.read(t.displacement.trusted);
-    t.track.valid.resize(t.track.grid.size());
+    t.track.grid = m.grid;
+    t.track.axial_m.assign(m.axial_displacement.begin(), m.axial_displacement.end());
+    t.track.lateral_m.assign(m.lateral_displacement.begin(), m.lateral_displacement.end());
+    t.track.valid = m.displacement_valid;
     t.window_width_m = static_cast<double>(p.pre.line_count) * p.geometry.line_pitch_m;
     t.phantom = std::move(p);
     return t;
@@ -81,18 +78,15 @@ class Imaging {
 
 // With the product's own time limit: acceptance 4 holds for the method that acceptance 6 times.
 Method ours(const std::string& name, std::shared_ptr<service::ModulusMethod> method) {
-  return {
-      name, true, kSeeds, [method](const Tracked& t) {
-        const service::ProbeForce force{t.phantom.sensed_force_n, t.phantom.contact_area_m2};
-        const auto begin = std::chrono::steady_clock::now();
-        const auto left = [begin] {
-          return service::ElastographyOptions{}.modulus_time_limit_s - seconds_since(begin);
-        };
-        return method
-            ->estimate(
-                {t.track.grid, t.displacement, t.strain, t.window_width_m, t.phantom.tissue, force, {}, left})
-            .youngs_modulus;
-      }};
+  return {name, true, kSeeds, [method](const Tracked& t) {
+            const service::ProbeForce force{t.phantom.sensed_force_n, t.phantom.contact_area_m2};
+            const auto begin = std::chrono::steady_clock::now();
+            const auto left = [begin] {
+              return service::ElastographyOptions{}.modulus_time_limit_s - seconds_since(begin);
+            };
+            return method->estimate({t.measured, t.window_width_m, t.phantom.tissue, force, {}, left})
+                .youngs_modulus;
+          }};
 }
 
 Method theirs(std::shared_ptr<ModulusPeer> peer, std::uint64_t most_seeds) {

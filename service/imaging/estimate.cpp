@@ -35,13 +35,6 @@ class StageClock {
   double start_s_ = worked_s();
 };
 
-// Component c of `stride` interleaved ones.
-Field component(const std::vector<float>& interleaved, std::size_t stride, std::size_t c) {
-  Field field(interleaved.size() / stride);
-  for (std::size_t n = 0; n < field.size(); ++n) field[n] = interleaved[stride * n + c];
-  return field;
-}
-
 // Any textured frame; `stretch` moves its samples apart, so that the pair shows strain.
 RfFrame texture(std::size_t samples, std::size_t lines, double stretch) {
   RfFrame frame{samples, lines, std::vector<float>(samples * lines)};
@@ -69,7 +62,7 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
   modulus_ = {make_reference_stress(queue_, options.reference_stress, strips_),
               make_direct(queue_, options.direct, strips_),
               make_iterative(queue_, options.iterative, options.direct, strips_)};
-  judge_ = std::make_unique<ModulusJudge>(queue_, strips_, JudgeLimits{}, options.direct.reach);
+  judge_ = std::make_unique<ModulusJudge>(strips_, JudgeLimits{}, options.direct.reach);
   if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
     throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
 }
@@ -90,14 +83,15 @@ struct HostBytes {
 
 // Maps on the image grid, and meanwhile what they are read from the device as and the blocks of the direct
 // modulus (T3.2), which the iterative one starts from: four of ny^2 for each column of nodes, 1 mm apart.
-HostBytes host_bytes(const RfFrame& frame, const AcquisitionGeometry& geometry, const TissueExtent& tissue,
-                     const DisplacementOptions& o, ModulusKind method) {
+HostBytes host_bytes(const EstimateInput& in, const ElastographyOptions& options) {
   constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMostRows = 200;
-  const double width_m = static_cast<double>(frame.line_count) * geometry.line_pitch_m,
-               depth_m = static_cast<double>(frame.sample_count) * geometry.sample_pitch_m();
+  const double width_m = static_cast<double>(in.pre.line_count) * in.geometry.line_pitch_m,
+               depth_m = static_cast<double>(in.pre.sample_count) * in.geometry.sample_pitch_m();
+  const DisplacementOptions& o = options.displacement;
   const double nodes = (width_m / o.grid_dx_m + 2) * (depth_m / o.grid_dy_m + 2);
-  const double rows = std::min(kMostRows, std::ceil(tissue.depth_m / kFineM)) + 1,
+  const double rows = std::min(kMostRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
+  const ModulusKind method = in.modulus.kind.value_or(options.modulus);
   const double direct = method == ModulusKind::kReferenceStress ? 0 : 4 * columns * rows * rows;
   return {static_cast<std::uint64_t>(nodes * (kMaps * sizeof(float) + 3)),
           static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
@@ -116,22 +110,22 @@ void Elastography::warm() {
     const double width_m = static_cast<double>(lines) * geometry.line_pitch_m;
     const RfFrame pre = texture(samples, lines, 0), post = texture(samples, lines, 0.01);
     try {
-      estimate(pre, post, geometry, std::nullopt, {width_m, 0.040, 0, 0.49}, {}, [] { return false; });
+      estimate({pre, post, geometry, std::nullopt, {width_m, 0.040, 0, 0.49}}, {{}, [] { return false; }});
     } catch (const TrackingError&) {  // the texture need not be tissue: every kernel before has run
     }
   }
   queue_.finish();
 }
 
-void Elastography::judge_tracking(Estimate& e, const RfFrame& pre, const RfFrame& post,
-                                  const AcquisitionGeometry& geometry) {
+void Elastography::judge_tracking(const EstimateInput& in, Estimate& e) {
   e.median_correlation = median_correlation(e.correlation);
   if (e.median_correlation >= options_.least_median_correlation) return;
   const std::string found = "pre, post: median correlation " + std::to_string(e.median_correlation) +
                             " is below " + std::to_string(options_.least_median_correlation);
   DisplacementOptions wider = options_.displacement;
   wider.max_strain = std::min(kLargestMaxStrain, kWiderSearch * wider.max_strain);
-  const DisplacementEstimate again = DisplacementEstimator(queue_, wider).estimate(pre, post, geometry);
+  const DisplacementEstimate again =
+      DisplacementEstimator(queue_, wider).estimate(in.pre, in.post, in.geometry);
   if (median_correlation(queue_.read(again.correlation)) >= options_.least_median_correlation)
     throw TrackingError(TrackingError::Reason::kBeyondSearch,
                         found + ", but the pair can be tracked with max_strain " +
@@ -144,22 +138,13 @@ void Elastography::judge_tracking(Estimate& e, const RfFrame& pre, const RfFrame
                           (e.input_warnings.empty() ? "" : "; but first: " + e.input_warnings.front()));
 }
 
-DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const RfFrame& post,
-                                         const AcquisitionGeometry& geometry) {
-  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry);
-  e.grid = image_grid(displacement.grid, geometry);
-  const std::vector<float> field = queue_.read(displacement.field_m);
-  e.lateral_displacement = component(field, 2, 0);
-  e.axial_displacement = component(field, 2, 1);
-  const std::vector<float> std_m = queue_.read(displacement.std_m);
-  e.lateral_displacement_std = component(std_m, 2, 0);
-  e.axial_displacement_std = component(std_m, 2, 1);
-  e.correlation.resize(e.grid.size());
-  queue_.read(displacement.correlation, e.correlation.data(), e.correlation.size());
-  e.displacement_valid = queue_.read(displacement.trusted);
-  if (auto text = contradicted_frequency(pre, geometry)) e.input_warnings.push_back(*text);
-  judge_tracking(e, pre, post, geometry);
-  if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
+DisplacementEstimate Elastography::track(const EstimateInput& in, Estimate& e) {
+  DisplacementEstimate displacement = displacement_.estimate(in.pre, in.post, in.geometry);
+  e.grid = image_grid(displacement.grid, in.geometry);
+  download(queue_, displacement, e);
+  if (auto text = contradicted_frequency(in.pre, in.geometry)) e.input_warnings.push_back(*text);
+  judge_tracking(in, e);
+  if (auto text = contradicted_frame(in.geometry, e.grid, e.axial_displacement, e.displacement_valid))
     e.input_warnings.push_back(*text);
   if (displacement.unsolved)
     e.input_warnings.push_back(
@@ -170,27 +155,12 @@ DisplacementEstimate Elastography::track(Estimate& e, const RfFrame& pre, const 
   return displacement;
 }
 
-StrainEstimate Elastography::differentiate(Estimate& e, const DisplacementEstimate& displacement) {
-  StrainEstimate strain = strain_.estimate(displacement, e.grid);
-  const std::vector<float> tensor = queue_.read(strain.tensor);
-  e.lateral_strain = component(tensor, 4, 0);
-  e.axial_strain = component(tensor, 4, 1);
-  e.shear_strain = component(tensor, 4, 2);
-  const std::vector<float> std = queue_.read(strain.std);
-  e.lateral_strain_std = component(std, 3, 0);
-  e.axial_strain_std = component(std, 3, 1);
-  e.shear_strain_std = component(std, 3, 2);
-  e.strain_valid = queue_.read(strain.trusted);
-  e.quality = pair_quality(e.axial_strain, e.axial_strain_std, e.strain_valid);
-  return strain;
-}
-
 void Elastography::set_max_strain(double max_strain) {
   displacement_.set_max_strain(max_strain);
   options_.displacement.max_strain = max_strain;
 }
 
-void Elastography::find_modulus(Estimate& e, ModulusInput input, const ModulusChoice& choice) {
+void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice, Estimate& e) {
   input.seconds_left = [begun_s = worked_s(),
                         limit = choice.time_limit_s.value_or(options_.modulus_time_limit_s)] {
     return limit - (worked_s() - begun_s);
@@ -217,35 +187,30 @@ void Elastography::find_modulus(Estimate& e, ModulusInput input, const ModulusCh
   e.valid_fraction = static_cast<double>(valid) / static_cast<double>(e.grid.size());
 }
 
-Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry,
-                                const std::optional<ProbeForce>& force, const TissueExtent& tissue,
-                                const std::function<void(Stage)>& progress,
-                                const std::function<bool()>& cancelled, const KnownModulus& known,
-                                const ModulusChoice& choice) {
+Estimate Elastography::estimate(const EstimateInput& in, const EstimateObserver& observer) {
   std::optional<Looking> looking;
-  if (cancelled)
-    looking.emplace([&cancelled] {
-      if (cancelled()) throw EstimateCancelled();
+  if (observer.cancelled)
+    looking.emplace([&observer] {
+      if (observer.cancelled()) throw EstimateCancelled();
     });
-  validate(pre, post, geometry);
-  DisplacementEstimator::require_fits(pre, geometry, options_.displacement);
-  const HostBytes bytes =
-      host_bytes(pre, geometry, tissue, options_.displacement, choice.kind.value_or(options_.modulus));
+  validate(in.pre, in.post, in.geometry);
+  DisplacementEstimator::require_fits(in.pre, in.geometry, options_.displacement);
+  const HostBytes bytes = host_bytes(in, options_);
   Estimate e;
   e.held = std::make_shared<const Charge>(queue_.account().charge(Place::kHost, "estimates", bytes.maps));
   const Charge working = queue_.account().charge(Place::kHost, "estimating", bytes.working);
   StageClock clock;
   const auto ended = [&](Stage stage, double& seconds) {
     seconds = clock.lap();
-    if (progress) progress(stage);
+    if (observer.progress) observer.progress(stage);
     look();
   };
-  const DisplacementEstimate displacement = track(e, pre, post, geometry);
+  const DisplacementEstimate displacement = track(in, e);
   ended(Stage::kDisplacement, e.displacement_s);
-  const StrainEstimate strain = differentiate(e, displacement);
+  download(queue_, strain_.estimate(displacement, e.grid), e);
   ended(Stage::kStrain, e.strain_s);
-  const double window_width_m = static_cast<double>(pre.line_count) * geometry.line_pitch_m;
-  find_modulus(e, {e.grid, displacement, strain, window_width_m, tissue, force, known}, choice);
+  const double window_width_m = static_cast<double>(in.pre.line_count) * in.geometry.line_pitch_m;
+  find_modulus({e, window_width_m, in.tissue, in.force, in.known}, in.modulus, e);
   ended(Stage::kModulus, e.modulus_s);
   return e;
 }

@@ -17,6 +17,7 @@
 #include "service/imaging/modulus/tissue_extent.h"
 #include "service/imaging/tracking/displacement.h"
 #include "service/imaging/tracking/frame.h"
+#include "service/imaging/tracking/measured.h"
 #include "service/imaging/tracking/quality.h"
 #include "service/imaging/tracking/strain.h"
 
@@ -46,22 +47,28 @@ struct EstimateCancelled : std::runtime_error {
   EstimateCancelled() : std::runtime_error("the estimate was cancelled") {}
 };
 
-// Every field has grid.size() values, index i + nx j. A number of a node with valid = 0 is not to be used;
+// What is known of a pair of frames; the frames must outlive it.
+struct EstimateInput {
+  const RfFrame &pre, &post;
+  AcquisitionGeometry geometry;
+  std::optional<ProbeForce> force;  // absent: relative modulus
+  TissueExtent tissue;
+  KnownModulus known = {};  // beside the window, from its neighbours, if there are any
+  ModulusChoice modulus = {};
+};
+
+// Who follows an estimate.
+struct EstimateObserver {
+  std::function<void(Stage)> progress = {};  // called when a stage has ended
+  std::function<bool()> cancelled = {};      // asked at every look (service/device/look.h)
+};
+
+// What was measured of the pair, and its modulus. A number of a node with valid = 0 is not to be used;
 // youngs_modulus is NaN exactly there.
-struct Estimate {
-  ImageGrid grid;
-  Field axial_displacement, lateral_displacement;          // m, in the frame named by the geometry
-  Field axial_strain, lateral_strain, shear_strain;        // tensor components; NaN where not determined
-  Field axial_displacement_std, lateral_displacement_std;  // m, standard deviations
-  Field axial_strain_std, lateral_strain_std, shear_strain_std;  // NaN where the strain is
-  Field correlation;                                             // of pre and motion-compensated post
-  std::vector<std::uint8_t> displacement_valid;                  // displacement trusted
-  std::vector<std::uint8_t> strain_valid;                        // displacement and strain trusted
-  std::vector<std::uint8_t> valid;                               // and the modulus
-  Field youngs_modulus;                                          // Pa, or relative (median 1)
+struct Estimate : Measured {
+  std::vector<std::uint8_t> valid;  // displacement, strain and modulus trusted
+  Field youngs_modulus;             // Pa, or relative (median 1)
   bool modulus_absolute = false;
-  double median_correlation = 0;  // of the textured nodes
-  double quality = 0;             // of the pair, 0 to 1 (tracking_quality.h)
   double valid_fraction = 0;      // of the nodes
   double mean_axial_strain = 0;   // median over the trusted nodes, negative in compression
   double background_modulus = 0;  // median over the valid nodes, Pa or 1
@@ -70,8 +77,8 @@ struct Estimate {
   int modulus_iterations = 0;
   Field modulus_log_deviation;  // standard deviation of log E; NaN where valid = 0
   std::vector<ModulusWarning> modulus_warnings;
-  std::vector<std::string>
-      input_warnings;  // frames that contradict what is stated of them; tracking that failed in part
+  // Frames that contradict what is stated of them; tracking that failed in part.
+  std::vector<std::string> input_warnings;
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
   std::shared_ptr<const Charge> held;  // of these maps
 };
@@ -90,20 +97,13 @@ class Elastography {
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
   void warm();
 
-  // `known`: the modulus beside the window, from its neighbours, if there are any. `progress` is called when
-  // a stage has ended; `cancelled` is asked at every look (service/device/look.h). Throws
-  // std::invalid_argument (field and remedy named), TrackingError, EstimateCancelled.
-  Estimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
-                    const std::optional<ProbeForce>&, const TissueExtent&,
-                    const std::function<void(Stage)>& progress = {},
-                    const std::function<bool()>& cancelled = {}, const KnownModulus& known = {},
-                    const ModulusChoice& choice = {});
+  // Throws std::invalid_argument (field and remedy named), TrackingError, EstimateCancelled.
+  Estimate estimate(const EstimateInput&, const EstimateObserver& = {});
 
  private:
-  DisplacementEstimate track(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
-  void judge_tracking(Estimate&, const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
-  StrainEstimate differentiate(Estimate&, const DisplacementEstimate&);
-  void find_modulus(Estimate&, ModulusInput, const ModulusChoice&);
+  DisplacementEstimate track(const EstimateInput&, Estimate&);
+  void judge_tracking(const EstimateInput&, Estimate&);
+  void find_modulus(ModulusInput, const ModulusChoice&, Estimate&);
 
   Queue queue_;
   std::shared_ptr<StripCache> strips_;

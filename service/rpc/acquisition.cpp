@@ -8,28 +8,11 @@
 #include <stdexcept>
 
 #include "service/device/look.h"
+#include "service/imaging/maps.h"
 #include "service/rpc/convert.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
-
-const std::vector<std::string>& map_names() {
-  static const std::vector<std::string> names{"axial_displacement",
-                                              "lateral_displacement",
-                                              "axial_displacement_std",
-                                              "lateral_displacement_std",
-                                              "axial_strain",
-                                              "lateral_strain",
-                                              "shear_strain",
-                                              "axial_strain_std",
-                                              "lateral_strain_std",
-                                              "shear_strain_std",
-                                              "correlation",
-                                              "valid",
-                                              "youngs_modulus",
-                                              "youngs_modulus_log_std"};
-  return names;
-}
 
 std::size_t EstimateRequest::frame_bytes() const {
   return sample_count * line_count * bytes_per_item(dtype);
@@ -186,15 +169,17 @@ void read_force(const v1::Acquisition& in, const Limits& limits, EstimateRequest
 // Each at most once: the answer is as large as what is asked for.
 std::vector<std::string> maps_from(const v1::Acquisition& in) {
   std::vector<std::string> maps;
+  std::vector<std::string> known;
+  for (const EstimateMap& map : estimate_maps()) known.push_back(map.name);
   for (const std::string& map : in.maps()) {
-    if (std::find(map_names().begin(), map_names().end(), map) == map_names().end())
-      throw std::invalid_argument(fmt::format("acquisition.maps: \"{}\" is unknown; one of {}", shown(map),
-                                              fmt::join(map_names(), ", ")));
+    if (!find_map(map))
+      throw std::invalid_argument(
+          fmt::format("acquisition.maps: \"{}\" is unknown; one of {}", shown(map), fmt::join(known, ", ")));
     if (std::find(maps.begin(), maps.end(), map) != maps.end())
       throw std::invalid_argument(fmt::format("acquisition.maps: \"{}\" twice; ask for it once", map));
     maps.push_back(map);
   }
-  return maps.empty() ? map_names() : maps;
+  return maps.empty() ? known : maps;
 }
 
 }  // namespace

@@ -21,8 +21,6 @@ namespace teletact::service {
 namespace v1 = ::teletact::v1;
 
 constexpr double kDefaultMaxStrain = 0.05;
-// Names of the maps that an estimate gives.
-const std::vector<std::string>& map_names();
 
 struct EstimateRequest {
   std::size_t sample_count = 0, line_count = 0;
@@ -35,8 +33,8 @@ struct EstimateRequest {
   ModulusChoice modulus;
   std::shared_ptr<Scene> scene;  // null: nothing is published
   double window_x_m = 0;
-  std::vector<std::string> maps;
-  double finish_within_s = 0;  // of the last byte; 0: whenever
+  std::vector<std::string> maps;  // names, of estimate_maps()
+  double finish_within_s = 0;     // of the last byte; 0: whenever
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
   std::size_t samples() const { return sample_count * line_count; }
   std::size_t frame_bytes() const;

@@ -64,9 +64,8 @@ EstimateOutcome ElastographyService::work(const std::string& client, const Estim
     const auto engine = engines_.borrow(client);
     engine->charge_to(core_.account(client));
     engine->set_max_strain(r.max_strain);
-    outcome.estimate = engine->estimate(
-        pre, post, r.geometry, r.force, r.tissue, [&](Stage stage) { ended(stage_to(stage)); }, {}, known,
-        r.modulus);
+    outcome.estimate = engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, r.modulus},
+                                        {[&](Stage stage) { ended(stage_to(stage)); }});
   }
   const teletact::service::Estimate& e = outcome.estimate;
   EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0};

@@ -4,12 +4,14 @@
 
 #include <string>
 
+#include "service/imaging/maps.h"
+
 namespace teletact::service {
 
 namespace {
 
-void map_to(const Estimate& e, const std::string& name, v1::Map* out) {
-  out->set_name(name);
+void map_to(const Estimate& e, const EstimateMap& map, v1::Map* out) {
+  out->set_name(map.name);
   v1::Grid* grid = out->mutable_grid();
   grid->add_size(static_cast<std::uint32_t>(e.grid.nx)),
       grid->add_size(static_cast<std::uint32_t>(e.grid.ny));
@@ -18,27 +20,12 @@ void map_to(const Estimate& e, const std::string& name, v1::Map* out) {
   v1::Array* array = out->mutable_values();
   array->add_shape(static_cast<std::uint32_t>(e.grid.ny)),
       array->add_shape(static_cast<std::uint32_t>(e.grid.nx));
-  const auto fill = [&](const Field& field, const char* unit) {
-    out->set_unit(unit);
-    array->set_dtype(v1::DATA_TYPE_FLOAT32);
-    array->set_data(field.data(), field.size() * sizeof(float));
-  };
-  if (name == "axial_displacement") return fill(e.axial_displacement, "m");
-  if (name == "lateral_displacement") return fill(e.lateral_displacement, "m");
-  if (name == "axial_displacement_std") return fill(e.axial_displacement_std, "m");
-  if (name == "lateral_displacement_std") return fill(e.lateral_displacement_std, "m");
-  if (name == "axial_strain_std") return fill(e.axial_strain_std, "1");
-  if (name == "lateral_strain_std") return fill(e.lateral_strain_std, "1");
-  if (name == "shear_strain_std") return fill(e.shear_strain_std, "1");
-  if (name == "axial_strain") return fill(e.axial_strain, "1");
-  if (name == "lateral_strain") return fill(e.lateral_strain, "1");
-  if (name == "shear_strain") return fill(e.shear_strain, "1");
-  if (name == "correlation") return fill(e.correlation, "1");
-  if (name == "youngs_modulus") return fill(e.youngs_modulus, e.modulus_absolute ? "Pa" : "1");
-  if (name == "youngs_modulus_log_std") return fill(e.modulus_log_deviation, "1");
-  out->set_unit("1");  // valid
-  array->set_dtype(v1::DATA_TYPE_UINT8);
-  array->set_data(e.valid.data(), e.valid.size());
+  out->set_unit(map.unit ? map.unit : e.modulus_absolute ? "Pa" : "1");
+  array->set_dtype(map.numbers ? v1::DATA_TYPE_FLOAT32 : v1::DATA_TYPE_UINT8);
+  if (map.numbers)
+    array->set_data((e.*map.numbers).data(), (e.*map.numbers).size() * sizeof(float));
+  else
+    array->set_data((e.*map.flags).data(), (e.*map.flags).size());
 }
 
 v1::ModulusMethod method_to(ModulusKind kind) {
@@ -109,7 +96,7 @@ bool answer_to(const EstimateOutcome& outcome, const EstimateRequest& request, s
   out->Clear();
   if (index > request.maps.size()) return false;
   if (index < request.maps.size())
-    map_to(outcome.estimate, request.maps[index], out->mutable_map()->mutable_map());
+    map_to(outcome.estimate, *find_map(request.maps[index]), out->mutable_map()->mutable_map());
   else
     summary_to(outcome, request, out->mutable_summary());
   return true;

@@ -27,8 +27,8 @@ Estimate estimate(const RecordedPair& pair, double depth_m, const StrainOptions&
   options.strain = strain;
   Elastography elastography(Device::open(), options);
   const double width_m = static_cast<double>(pair.pre.line_count) * pair.geometry.line_pitch_m;
-  return elastography.estimate(pair.pre, pair.post, pair.geometry, std::nullopt,
-                               {width_m, depth_m, 0, 0.495});
+  return elastography.estimate(
+      {pair.pre, pair.post, pair.geometry, std::nullopt, {width_m, depth_m, 0, 0.495}});
 }
 
 double x_of(const Estimate& e, std::size_t n) {
@@ -167,9 +167,13 @@ TEST(SimulatedInclusion, ModulusKeepsItsContrast) {
   Elastography elastography(Device::open());
   for (const auto& [kind, least, most] :
        {std::tuple{ModulusKind::kDirect, 3.2, 4.8}, {ModulusKind::kIterative, 3.5, 4.4}}) {
-    const Estimate e =
-        elastography.estimate(pair.pre, pair.post, pair.geometry, std::nullopt,
-                              {width_m, 0.050, 0, 0.495, Plane::kStress}, {}, {}, {}, {kind, 60.0});
+    const Estimate e = elastography.estimate({pair.pre,
+                                              pair.post,
+                                              pair.geometry,
+                                              std::nullopt,
+                                              {width_m, 0.050, 0, 0.495, Plane::kStress},
+                                              {},
+                                              {kind, 60.0}});
     const double contrast = inclusion_contrast(e, first_line_m, pair.geometry.line_pitch_m);
     std::printf("simulated-inclusion: contrast %.2f of 4, %d steps, converged %d\n", contrast,
                 e.modulus_iterations, e.modulus_converged);

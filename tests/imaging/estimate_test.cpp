@@ -66,7 +66,7 @@ TEST(Elastography, AnUnsolvedRefinementIsTold) {
   options.displacement.regularisation.most_iterations = 1;
   const auto warned = [&] {
     const Estimate e = Elastography(imaging_device(), options)
-                           .estimate(still(), pressed(), speckle_geometry(), force(10e3), slab());
+                           .estimate({still(), pressed(), speckle_geometry(), force(10e3), slab()});
     return std::any_of(e.input_warnings.begin(), e.input_warnings.end(),
                        [](const std::string& w) { return w.find("unsolved after 1 iterations") < w.size(); });
   };
@@ -76,7 +76,7 @@ TEST(Elastography, AnUnsolvedRefinementIsTold) {
 }
 
 TEST(Elastography, UniformTissueGetsItsModulus) {
-  const Estimate e = elastography().estimate(still(), pressed(), speckle_geometry(), force(10e3), slab());
+  const Estimate e = elastography().estimate({still(), pressed(), speckle_geometry(), force(10e3), slab()});
   EXPECT_TRUE(e.modulus_absolute);
   EXPECT_NEAR(e.background_modulus, 10e3, 150);
   EXPECT_NEAR(e.mean_axial_strain, kStrain, 1e-4);
@@ -95,15 +95,15 @@ TEST(Elastography, UniformTissueGetsItsModulus) {
 }
 
 TEST(Elastography, WithoutForceTheModulusIsRelative) {
-  const Estimate e = elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab());
+  const Estimate e = elastography().estimate({still(), pressed(), speckle_geometry(), std::nullopt, slab()});
   EXPECT_FALSE(e.modulus_absolute);
   EXPECT_EQ(e.background_modulus, 1);
 }
 
 TEST(Elastography, StagesEndInOrder) {
   std::vector<Stage> stages;
-  elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(),
-                          [&](Stage s) { stages.push_back(s); });
+  elastography().estimate({still(), pressed(), speckle_geometry(), std::nullopt, slab()},
+                          {[&](Stage s) { stages.push_back(s); }});
   EXPECT_EQ(stages, (std::vector{Stage::kDisplacement, Stage::kStrain, Stage::kModulus}));
 }
 
@@ -111,15 +111,16 @@ TEST(Elastography, CancelledWorkStops) {
   int asked = 0;
   const auto second = [&] { return ++asked >= 2; };
   EXPECT_THROW(
-      elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(), {}, second),
+      elastography().estimate({still(), pressed(), speckle_geometry(), std::nullopt, slab()}, {{}, second}),
       EstimateCancelled);
   EXPECT_EQ(asked, 2);
 }
 
 TEST(Elastography, IsTheSameToTheBitWhetherItIsLookedAfterOrNot) {
   const auto estimate = [](const std::function<bool()>& cancelled) {
-    return elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(), {},
-                                   cancelled, {}, {ModulusKind::kDirect, {}});
+    return elastography().estimate(
+        {still(), pressed(), speckle_geometry(), std::nullopt, slab(), {}, {ModulusKind::kDirect, {}}},
+        {{}, cancelled});
   };
   int asked = 0;
   const Estimate alone = estimate({}), looked_after = estimate([&] { return ++asked < 0; });
@@ -139,8 +140,13 @@ TEST(Elastography, MaxStrainCanBeAnotherFromPairToPair) {
   const auto displacement = [](Elastography& e, double max_strain) {
     e.set_max_strain(max_strain);
     return e
-        .estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab(), {}, {}, {},
-                  {ModulusKind::kReferenceStress, {}})
+        .estimate({still(),
+                   pressed(),
+                   speckle_geometry(),
+                   std::nullopt,
+                   slab(),
+                   {},
+                   {ModulusKind::kReferenceStress, {}}})
         .axial_displacement;
   };
   const Field usual = displacement(one, 0.05), wide = displacement(one, 0.1);
@@ -152,7 +158,7 @@ TEST(Elastography, MaxStrainCanBeAnotherFromPairToPair) {
 
 TrackingError::Reason refusal(const RfFrame& pre, const RfFrame& post) {
   try {
-    elastography().estimate(pre, post, speckle_geometry(), std::nullopt, slab());
+    elastography().estimate({pre, post, speckle_geometry(), std::nullopt, slab()});
   } catch (const TrackingError& e) {
     return e.reason;
   }
@@ -174,7 +180,7 @@ TEST(Elastography, CompressionBeyondTheSearchIsRefusedWithTheRemedy) {
   ElastographyOptions wide;
   wide.displacement.max_strain = 0.1;
   const Estimate e =
-      Elastography(imaging_device(), wide).estimate(still(), far, speckle_geometry(), std::nullopt, slab());
+      Elastography(imaging_device(), wide).estimate({still(), far, speckle_geometry(), std::nullopt, slab()});
   EXPECT_NEAR(e.mean_axial_strain, -0.09, 0.002);
   EXPECT_GE(e.quality, 0.8);
 }
@@ -195,9 +201,9 @@ TEST(Elastography, DecorrelatedPatchIsMasked) {
     for (std::size_t k = 0; k < kSamples; ++k)
       if (patch(static_cast<double>(k), static_cast<double>(l)))
         post.samples[k + kSamples * l] = other.samples[k + kSamples * l];
-  const Estimate e = elastography().estimate(still(), post, speckle_geometry(), std::nullopt, slab());
+  const Estimate e = elastography().estimate({still(), post, speckle_geometry(), std::nullopt, slab()});
   const Estimate whole =
-      elastography().estimate(still(), pressed(), speckle_geometry(), std::nullopt, slab());
+      elastography().estimate({still(), pressed(), speckle_geometry(), std::nullopt, slab()});
   EXPECT_LT(e.quality, whole.quality);
   double inside = 0, wrong = 0, outside = 0, lost = 0, doubted = 0;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
@@ -223,8 +229,8 @@ TEST(Elastography, ShadowIsMasked) {
   for (std::size_t l = 30; l < 50; ++l)
     for (std::size_t k = 400; k < kSamples; ++k)
       pre.samples[k + kSamples * l] = post.samples[k + kSamples * l] = 0;
-  const Estimate e = elastography().estimate(pre, post, speckle_geometry(), std::nullopt, slab(), {}, {}, {},
-                                             {ModulusKind::kIterative, 60.0});
+  const Estimate e = elastography().estimate(
+      {pre, post, speckle_geometry(), std::nullopt, slab(), {}, {ModulusKind::kIterative, 60.0}});
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
     const double line = (e.grid.origin_x_m + static_cast<double>(n % e.grid.nx) * e.grid.dx_m) /
                             speckle_geometry().line_pitch_m -
@@ -244,7 +250,7 @@ TEST(Elastography, ShadowIsMasked) {
 }
 
 TEST(Elastography, SwappedFramesShowAsExtension) {
-  const Estimate e = elastography().estimate(pressed(), still(), speckle_geometry(), std::nullopt, slab());
+  const Estimate e = elastography().estimate({pressed(), still(), speckle_geometry(), std::nullopt, slab()});
   EXPECT_NEAR(e.mean_axial_strain, -kStrain, 2e-4);
 }
 
@@ -262,7 +268,7 @@ std::string invalid(const RfFrame& pre, const RfFrame& post, const AcquisitionGe
                     const std::optional<ProbeForce>& force = std::nullopt,
                     const TissueExtent& extent = slab()) {
   try {
-    elastography().estimate(pre, post, geometry, force, extent);
+    elastography().estimate({pre, post, geometry, force, extent});
   } catch (const std::invalid_argument& e) {
     return e.what();
   }

@@ -45,9 +45,13 @@ Estimate estimate(const client::Tissue& t, const Setting& setting) {
   g.line_pitch_m = rf.geometry.line_pitch_m;
   g.frame = frame == client::RfFrame::kLab ? DisplacementFrame::kLab : DisplacementFrame::kProbe;
   Elastography elastography(imaging_device());
-  return elastography.estimate(of(rf.pre), of(rf.post), g, ProbeForce{probe.force_n, probe.contact_area_m2},
-                               {t.width_m, t.depth_m, kWindowM, t.poisson_ratio}, {}, {}, {},
-                               {std::nullopt, setting.time_limit_s});
+  return elastography.estimate({of(rf.pre),
+                                of(rf.post),
+                                g,
+                                ProbeForce{probe.force_n, probe.contact_area_m2},
+                                {t.width_m, t.depth_m, kWindowM, t.poisson_ratio},
+                                {},
+                                {std::nullopt, setting.time_limit_s}});
 }
 
 double median(std::vector<double> values) {

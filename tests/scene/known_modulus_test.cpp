@@ -17,7 +17,7 @@ const ImageGrid kImage{122, 80, 0.25e-3, 0.2e-3, 0.49e-3, 0.49e-3};
 // Strain and force of the true tissue under the probe at x, on a device.
 class Pressed {
  public:
-  Pressed(const Queue& queue, const TrueModulus& truth, double x_m) : tissue_{kWidthM, kDepthM, x_m, 0.49} {
+  Pressed(const TrueModulus& truth, double x_m) : tissue_{kWidthM, kDepthM, x_m, 0.49} {
     StripModel model(tissue_, kWindowM);
     const TissueGrid& g = model.grid();
     std::vector<double> modulus;
@@ -27,16 +27,13 @@ class Pressed {
     StripResponse response = model.solve(modulus);
     force_ = {response.force_n_per_m * kPushM * 0.010, kWindowM * 0.010};
     for (std::size_t n = 0; n < modulus.size(); ++n) response.stress[n] *= kPushM / modulus[n];
-    std::vector<float> tensor;
-    for (const float axial : model.on_image(response.stress, kImage))
-      tensor.insert(tensor.end(), {-axial, axial, 0, 0});
-    strain_ = {queue.array(tensor), queue.array(std::vector<std::uint8_t>(kImage.size(), 1))};
+    measured_.grid = kImage;
+    measured_.axial_strain = model.on_image(response.stress, kImage);
+    measured_.strain_valid.assign(kImage.size(), 1);
   }
   WindowEstimate estimate(ModulusMethod& method, const KnownModulus& known) const {
-    const DisplacementEstimate unused;
     WindowEstimate w{tissue_.window_x_m, kWindowM, kImage, {}, {}};
-    w.youngs_modulus_pa =
-        method.estimate({kImage, unused, strain_, kWindowM, tissue_, force_, known}).youngs_modulus;
+    w.youngs_modulus_pa = method.estimate({measured_, kWindowM, tissue_, force_, known}).youngs_modulus;
     for (const float e : w.youngs_modulus_pa) w.valid.push_back(std::isfinite(e) ? 1 : 0);
     return w;
   }
@@ -44,7 +41,7 @@ class Pressed {
  private:
   TissueExtent tissue_;
   ProbeForce force_;
-  StrainEstimate strain_;
+  Measured measured_;
 };
 
 // Mean |log(E / truth)| of the measured cells in the upper 25 mm, further than 2 mm from an inclusion's rim.
@@ -70,7 +67,7 @@ TEST(KnownModulus, ErrorsOfOneWindowDoNotGrowInTheOthers) {
                     right = inclusion(1, 5, 0.186, 0.011, 0.005);
   const TrueModulus truth = [&](double x, double y) { return left(x, y) * right(x, y); };
   std::vector<Pressed> windows;
-  for (int k = 0; k < 4; ++k) windows.emplace_back(queue, truth, kWindowM * k);
+  for (int k = 0; k < 4; ++k) windows.emplace_back(truth, kWindowM * k);
   auto alone = std::make_shared<StitchedMap>(tissue(kWidthM, kDepthM));
   for (const Pressed& w : windows) alone->paste(w.estimate(*method, {}));
   const double unaware = error(*alone, truth);

@@ -30,9 +30,7 @@ constexpr double kStreaks = 0.01;      // part of the window without a modulus f
 class Direct : public ModulusMethod {
  public:
   Direct(Queue queue, DirectOptions options, std::shared_ptr<StripCache> strips)
-      : queue_(std::move(queue)),
-        options_(options),
-        strips_(strips ? std::move(strips) : std::make_shared<StripCache>()) {
+      : options_(options), strips_(strips ? std::move(strips) : std::make_shared<StripCache>()) {
     if (!(options_.background_below >= 0 && options_.full_above > options_.background_below))
       throw std::invalid_argument("background_below, full_above: must be 0 or more, and the second larger");
     if (!(options_.stabilisation >= 0)) throw std::invalid_argument("stabilisation: must be 0 or more");
@@ -41,7 +39,7 @@ class Direct : public ModulusMethod {
     if (!(options_.settled >= 0)) throw std::invalid_argument("settled: must be 0 or more");
     ReferenceStressOptions reference;
     reference.corrections = 0;  // those of the direct map take their place
-    reference_ = make_reference_stress(queue_, reference, strips_);
+    reference_ = make_reference_stress(std::move(queue), reference, strips_);
   }
 
   ModulusEstimate estimate(const ModulusInput& in) override {
@@ -49,8 +47,7 @@ class Direct : public ModulusMethod {
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
     const WindowNodes nodes(model);
-    const AxialSlopes slopes = axial_slopes(nodes, in.grid, queue_.read(in.displacement.field_m),
-                                            queue_.read(in.displacement.trusted), options_.reach);
+    const AxialSlopes slopes = axial_slopes(nodes, in.measured, options_.reach);
     const auto map_from = [&](const Eigen::VectorXd& log_modulus, double background) {
       Map map{reference, 0, {}};
       map.estimate.background = background;
@@ -104,8 +101,8 @@ class Direct : public ModulusMethod {
     map.streaks = leave_out_undetermined(problem, out.background, solution.shear_modulus);
     out.kind = ModulusKind::kDirect;
     out.converged = solution.residual < 1e-6;
-    out.youngs_modulus =
-        scaled(nodes.on_image(solution.shear_modulus, in.grid), force_scale(in, forward), out.youngs_modulus);
+    out.youngs_modulus = scaled(nodes.on_image(solution.shear_modulus, in.measured.grid),
+                                force_scale(in, forward), out.youngs_modulus);
     normalise(out);
   }
 
@@ -182,7 +179,6 @@ class Direct : public ModulusMethod {
     return size;
   }
 
-  Queue queue_;
   DirectOptions options_;
   std::shared_ptr<StripCache> strips_;
   std::unique_ptr<ModulusMethod> reference_;

@@ -24,26 +24,27 @@ struct Line {
 
 }  // namespace
 
-DisplacementData::DisplacementData(const StripModel& model, const ImageGrid& image,
-                                   const std::vector<float>& field_m,
-                                   const std::vector<std::uint8_t>& trusted,
-                                   const std::vector<float>& deviation_m, double independent_m2)
-    : dofs_(model.grid().dofs()), independence_(std::min(1.0, image.dx_m * image.dy_m / independent_m2)) {
+DisplacementData::DisplacementData(const StripModel& model, const Measured& measured, float least_deviation_m,
+                                   double independent_m2)
+    : dofs_(model.grid().dofs()),
+      independence_(std::min(1.0, measured.grid.dx_m * measured.grid.dy_m / independent_m2)) {
   const TissueGrid& g = model.grid();
+  const ImageGrid& image = measured.grid;
   for (std::size_t n = 0; n < image.size(); ++n) {
     if (n % image.nx == 0) look();
     const double x = image.x_m(n);
     const double y = image.y_m(n);
-    const bool weighs = deviation_m[n] > 0 && std::isfinite(deviation_m[n]);
-    if (!trusted[n] || y > g.y_m.back() || !weighs) continue;
+    const float deviation_m = std::max(measured.axial_displacement_std[n], least_deviation_m);
+    const bool weighs = deviation_m > 0 && std::isfinite(deviation_m);
+    if (!measured.displacement_valid[n] || y > g.y_m.back() || !weighs) continue;
     const std::size_t i = cell_of(g.x_m, x), j = cell_of(g.y_m, y);
     const double s = (x - g.x_m[i]) / (g.x_m[i + 1] - g.x_m[i]),
                  t = (y - g.y_m[j]) / (g.y_m[j + 1] - g.y_m[j]);
     data_.push_back({{g.node(i, j), g.node(i + 1, j), g.node(i, j + 1), g.node(i + 1, j + 1)},
                      {static_cast<float>((1 - s) * (1 - t)), static_cast<float>(s * (1 - t)),
                       static_cast<float>((1 - s) * t), static_cast<float>(s * t)},
-                     field_m[2 * n + 1],
-                     1 / static_cast<double>(deviation_m[n])});
+                     measured.axial_displacement[n],
+                     1 / static_cast<double>(deviation_m)});
   }
 }
 

@@ -9,17 +9,15 @@
 #include <vector>
 
 #include "service/imaging/modulus/strip_model.h"
-#include "service/imaging/tracking/frame.h"
+#include "service/imaging/tracking/measured.h"
 
 namespace teletact::service {
 
 class DisplacementData {
  public:
-  // deviation_m: [image node] standard deviation of the axial displacement; independent_m2: area over which
-  // its errors agree, so that nodes closer than that do not count as often as there are.
-  DisplacementData(const StripModel&, const ImageGrid&, const std::vector<float>& field_m,
-                   const std::vector<std::uint8_t>& trusted, const std::vector<float>& deviation_m,
-                   double independent_m2);
+  // least_deviation_m: no datum is taken for better; independent_m2: area over which the errors agree, so
+  // that nodes closer than that do not count as often as there are.
+  DisplacementData(const StripModel&, const Measured&, float least_deviation_m, double independent_m2);
 
   struct Fit {
     double amplitude = 0, offset_m = 0;

@@ -27,11 +27,10 @@ DirectOptions as_start(DirectOptions direct) {
 class Iterative : public ModulusMethod {
  public:
   Iterative(Queue queue, IterativeOptions options, DirectOptions direct, std::shared_ptr<StripCache> strips)
-      : queue_(std::move(queue)),
-        options_(options),
+      : options_(options),
         shrink_{direct.background_below, direct.full_above},
         strips_(strips ? std::move(strips) : std::make_shared<StripCache>()),
-        direct_(make_direct(queue_, as_start(direct), strips_)) {}
+        direct_(make_direct(std::move(queue), as_start(direct), strips_)) {}
 
   ModulusEstimate estimate(const ModulusInput& in) override {
     ModulusEstimate out = direct_->estimate(in);
@@ -39,8 +38,8 @@ class Iterative : public ModulusMethod {
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
     const VectorXd start = shrunk_log_modulus(model, in, out, shrink_);
-    DisplacementData data(model, in.grid, queue_.read(in.displacement.field_m),
-                          queue_.read(in.displacement.trusted), deviations(in), kTrackingWindowM2);
+    DisplacementData data(model, in.measured, static_cast<float>(options_.least_deviation_m),
+                          kTrackingWindowM2);
     VectorXd prior = VectorXd::Zero(start.size());
     if (in.known && out.absolute) prior = beside(model, start);
     ModulusProblem problem(model, std::move(data), std::move(prior), out.background, options_);
@@ -58,15 +57,6 @@ class Iterative : public ModulusMethod {
       if (i >= model.first_column() && i < model.last_column()) theta[e] = 0;
     }
     return theta;
-  }
-
-  // Standard deviation of the axial displacement.
-  std::vector<float> deviations(const ModulusInput& in) const {
-    const auto least = static_cast<float>(options_.least_deviation_m);
-    const std::vector<float> std_m = queue_.read(in.displacement.std_m);
-    std::vector<float> out(in.grid.size());
-    for (std::size_t n = 0; n < out.size(); ++n) out[n] = std::max(std_m[2 * n + 1], least);
-    return out;
   }
 
   // Gauss-Newton with halved steps where the objective does not fall, as long as time is left for one more.
@@ -125,13 +115,12 @@ class Iterative : public ModulusMethod {
     forward.response = best.response;
     forward.amplitude_m = best.fit.amplitude;
     const double scale = force_scale(in, forward);
-    const Field map = model.on_image(problem.modulus(best.theta), in.grid);
+    const Field map = model.on_image(problem.modulus(best.theta), in.measured.grid);
     for (std::size_t n = 0; n < map.size(); ++n)
       if (std::isfinite(out.youngs_modulus[n])) out.youngs_modulus[n] = static_cast<float>(scale) * map[n];
     normalise(out);
   }
 
-  Queue queue_;
   IterativeOptions options_;
   Shrink shrink_;
   std::shared_ptr<StripCache> strips_;

@@ -110,10 +110,10 @@ struct Comparison {
 // where the tissue goes on: the places mirrored at the border.
 std::array<Comparison, 3> compare(const ModulusInput& in, const ModulusEstimate& e) {
   std::array<Comparison, 3> out;
-  for (std::size_t n = 0; n < in.grid.size(); ++n) {
-    if (n % in.grid.nx == 0) look();
-    const double x = in.grid.x_m(n);
-    const double y = in.grid.y_m(n);
+  for (std::size_t n = 0; n < in.measured.grid.size(); ++n) {
+    if (n % in.measured.grid.nx == 0) look();
+    const double x = in.measured.grid.x_m(n);
+    const double y = in.measured.grid.y_m(n);
     const double left = in.tissue.window_x_m, right = left + in.window_width_m;
     const auto add = [&](Comparison& to, double at_m) {
       to.add(e.youngs_modulus[n], e.log_deviation[n], in.known, at_m, y);
@@ -153,9 +153,8 @@ const char* name_of(ModulusFlag flag) {
   return "unknown";
 }
 
-ModulusJudge::ModulusJudge(Queue queue, std::shared_ptr<StripCache> strips, JudgeLimits limits,
-                           SlopeReach reach)
-    : queue_(std::move(queue)), strips_(std::move(strips)), limits_(limits), reach_(reach) {}
+ModulusJudge::ModulusJudge(std::shared_ptr<StripCache> strips, JudgeLimits limits, SlopeReach reach)
+    : strips_(std::move(strips)), limits_(limits), reach_(reach) {}
 
 void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   deviation(in, out);
@@ -168,28 +167,22 @@ void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   extent(out);
 }
 
-// Standard deviation of the axial strain over its size.
-Field ModulusJudge::relative_noise(const ModulusInput& in) const {
-  const std::vector<float> std = queue_.read(in.strain.std), tensor = queue_.read(in.strain.tensor);
-  Field noise(in.grid.size());
-  for (std::size_t n = 0; n < noise.size(); ++n) noise[n] = std[3 * n + 1] / std::abs(tensor[4 * n + 1]);
-  return noise;
-}
-
 void ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const {
-  const Field noise = relative_noise(in);
+  const Measured& m = in.measured;
   const MethodError error = method_error(out.kind);
-  out.log_deviation.assign(in.grid.size(), std::numeric_limits<float>::quiet_NaN());
+  out.log_deviation.assign(in.measured.grid.size(), std::numeric_limits<float>::quiet_NaN());
   std::vector<float> said;
-  for (std::size_t n = 0; n < noise.size(); ++n) {
-    if (n % in.grid.nx == 0) look();
+  for (std::size_t n = 0; n < m.grid.size(); ++n) {
+    if (n % m.grid.nx == 0) look();
     if (!std::isfinite(out.youngs_modulus[n])) continue;
-    const double smeared = kSmear * jump_over(out.youngs_modulus, in.grid, n, reach_.x_m, reach_.y_m);
+    const double smeared =
+        kSmear * jump_over(out.youngs_modulus, in.measured.grid, n, reach_.x_m, reach_.y_m);
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     const double soft = error.soft * std::clamp(-logarithm / kSoftLog - 1, 0.0, 1.0);
     const double shrunk = std::hypot(error.of_contrast * logarithm, soft);
     // Where the axial strain is not measured, the modulus is a guess: within a factor of two.
-    const double own = std::isfinite(noise[n]) ? noise[n] : std::log(2.0);
+    const float noise = m.axial_strain_std[n] / std::abs(m.axial_strain[n]);
+    const double own = std::isfinite(noise) ? noise : std::log(2.0);
     out.log_deviation[n] =
         static_cast<float>(std::hypot(std::hypot(own, smeared), std::hypot(shrunk, error.floor)));
     said.push_back(out.log_deviation[n]);
@@ -202,10 +195,10 @@ void ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const
 }
 
 void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const {
-  const std::vector<std::uint8_t> trusted = queue_.read(in.displacement.trusted);
+  const std::vector<std::uint8_t>& trusted = in.measured.displacement_valid;
   double inside = 0, without = 0;
   for (std::size_t n = 0; n < trusted.size(); ++n) {
-    if (in.grid.y_m(n) > in.tissue.depth_m) continue;
+    if (in.measured.grid.y_m(n) > in.tissue.depth_m) continue;
     ++inside;
     if (!trusted[n]) ++without;
   }
@@ -222,13 +215,13 @@ void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const
 void ModulusJudge::ramp(const ModulusInput& in, ModulusEstimate& out) const {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d load = Eigen::Vector3d::Zero();
-  const double height = static_cast<double>(in.grid.ny - 1) * in.grid.dy_m;
+  const double height = static_cast<double>(in.measured.grid.ny - 1) * in.measured.grid.dy_m;
   for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
-    if (n % in.grid.nx == 0) look();
+    if (n % in.measured.grid.nx == 0) look();
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     if (!(std::abs(logarithm) < kBackgroundLog)) continue;
-    const Eigen::Vector3d f(1, (in.grid.x_m(n) - in.grid.origin_x_m) / in.window_width_m,
-                            (in.grid.y_m(n) - in.grid.origin_y_m) / height);
+    const Eigen::Vector3d f(1, (in.measured.grid.x_m(n) - in.measured.grid.origin_x_m) / in.window_width_m,
+                            (in.measured.grid.y_m(n) - in.measured.grid.origin_y_m) / height);
     normal += f * f.transpose();
     load += logarithm * f;
   }
@@ -243,11 +236,10 @@ void ModulusJudge::ramp(const ModulusInput& in, ModulusEstimate& out) const {
 }
 
 void ModulusJudge::out_of_plane(const ModulusInput& in, ModulusEstimate& out) const {
-  const std::vector<float> tensor = queue_.read(in.strain.tensor);
-  const std::vector<std::uint8_t> trusted = queue_.read(in.strain.trusted);
+  const Measured& m = in.measured;
   std::vector<float> lateral, axial;
-  for (std::size_t n = 0; n < trusted.size(); ++n)
-    if (trusted[n]) lateral.push_back(tensor[4 * n]), axial.push_back(tensor[4 * n + 1]);
+  for (std::size_t n = 0; n < m.grid.size(); ++n)
+    if (m.strain_valid[n]) lateral.push_back(m.lateral_strain[n]), axial.push_back(m.axial_strain[n]);
   if (lateral.empty()) return;
   const double ratio = -median(lateral) / median(axial), nu = in.tissue.poisson_ratio;
   const double expected = in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu;

@@ -3,7 +3,6 @@
 
 #include <memory>
 
-#include "service/device/device.h"
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/strip_model.h"
 
@@ -25,11 +24,10 @@ struct JudgeLimits {
 // kPressure, kScale, kExtent with their words. The last three widen the deviation by what they found.
 class ModulusJudge {
  public:
-  ModulusJudge(Queue, std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
+  explicit ModulusJudge(std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
   void judge(const ModulusInput&, ModulusEstimate& out) const;
 
  private:
-  Field relative_noise(const ModulusInput&) const;
   void deviation(const ModulusInput&, ModulusEstimate&) const;
   void untracked(const ModulusInput&, ModulusEstimate&) const;
   void ramp(const ModulusInput&, ModulusEstimate&) const;
@@ -37,7 +35,6 @@ class ModulusJudge {
   void pressure(const ModulusInput&, ModulusEstimate&) const;
   void scale(const ModulusInput&, ModulusEstimate&) const;
   void extent(ModulusEstimate&) const;
-  Queue queue_;
   std::shared_ptr<StripCache> strips_;
   JudgeLimits limits_;
   SlopeReach reach_;

@@ -13,17 +13,14 @@
 #include "service/imaging/modulus/strip_model.h"
 #include "service/imaging/modulus/tissue_extent.h"
 #include "service/imaging/modulus/window_nodes.h"
-#include "service/imaging/tracking/displacement.h"
 #include "service/imaging/tracking/frame.h"
-#include "service/imaging/tracking/strain.h"
+#include "service/imaging/tracking/measured.h"
 
 namespace teletact::service {
 
-// What a method may use; everything on the same image grid.
+// What a method may use.
 struct ModulusInput {
-  const ImageGrid& grid;
-  const DisplacementEstimate& displacement;
-  const StrainEstimate& strain;
+  const Measured& measured;
   double window_width_m;  // lines * pitch: the probe's face
   TissueExtent tissue;
   std::optional<ProbeForce> force;  // absent: relative modulus

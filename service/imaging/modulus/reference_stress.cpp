@@ -47,31 +47,32 @@ class ReferenceStress : public ModulusMethod {
   ModulusEstimate estimate(const ModulusInput& in) override {
     validate(in.force);
     const auto strip = strips_->get(in.tissue, in.window_width_m);
-    const Measured measured{queue_.read(in.strain.tensor), queue_.read(in.strain.trusted)};
+    const Measured& measured = in.measured;
+    const OnDevice on_device{queue_.array(measured.axial_strain), queue_.array(measured.strain_valid)};
     ModulusEstimate out;
     out.absolute = in.force.has_value();
     const std::vector<bool> reached =
-        this->reached(strip->model.on_image(strip->homogeneous.stress, in.grid));
+        this->reached(strip->model.on_image(strip->homogeneous.stress, measured.grid));
     StripResponse reference = strip->homogeneous;
     for (int correction = 0;; ++correction) {
-      Field stress = strip->model.on_image(reference.stress, in.grid);
+      Field stress = strip->model.on_image(reference.stress, measured.grid);
       for (std::size_t n = 0; n < stress.size(); ++n)
         if (!reached[n]) stress[n] = std::numeric_limits<float>::quiet_NaN();
       // eps_yy ~ amplitude * stress over most of the window: E ~ E_background where that holds.
       const double amplitude = this->amplitude(measured, stress, out.mean_axial_strain);
-      out.youngs_modulus = map(in, stress, amplitude, scale(in, reference, amplitude));
+      out.youngs_modulus = map(measured.grid, on_device, stress, amplitude, scale(in, reference, amplitude));
       normalise(out);
       if (correction >= options_.corrections) return out;
       const KnownModulus& known = out.absolute ? in.known : kNothingKnown;
-      reference =
-          strip->model.solve(strip->model.on_elements(out.youngs_modulus, in.grid, out.background, known));
+      reference = strip->model.solve(
+          strip->model.on_elements(out.youngs_modulus, measured.grid, out.background, known));
     }
   }
 
  private:
-  struct Measured {
-    std::vector<float> tensor;  // as StrainEstimate
-    std::vector<std::uint8_t> trusted;
+  struct OnDevice {
+    Array<float> axial_strain;
+    Array<std::uint8_t> trusted;
   };
 
   // Where homogeneous tissue is strained enough to be judged.
@@ -99,9 +100,9 @@ class ReferenceStress : public ModulusMethod {
   double amplitude(const Measured& measured, const Field& stress, double& mean_axial_strain) const {
     std::vector<float> ratios, axial;
     for (std::size_t n = 0; n < stress.size(); ++n) {
-      if (!measured.trusted[n] || !std::isfinite(stress[n])) continue;
-      axial.push_back(measured.tensor[4 * n + 1]);
-      ratios.push_back(measured.tensor[4 * n + 1] / stress[n]);
+      if (!measured.strain_valid[n] || !std::isfinite(stress[n])) continue;
+      axial.push_back(measured.axial_strain[n]);
+      ratios.push_back(measured.axial_strain[n] / stress[n]);
     }
     if (axial.empty())
       throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
@@ -113,17 +114,17 @@ class ReferenceStress : public ModulusMethod {
     return median(ratios);
   }
 
-  Field map(const ModulusInput& in, const Field& stress, double amplitude, double scale) {
-    const Array<float> reference = queue_.array(stress);
-    const Array<float> raw = queue_.array<float>(in.grid.size()),
-                       smooth = queue_.array<float>(in.grid.size());
-    const auto nx = static_cast<int>(in.grid.nx), ny = static_cast<int>(in.grid.ny);
-    const double rows = (options_.near_field_m - in.grid.origin_y_m) / in.grid.dy_m;
+  Field map(const ImageGrid& grid, const OnDevice& measured, const Field& stress, double amplitude,
+            double scale) {
+    const Array<float> reference = queue_.array(stress), raw = queue_.array<float>(grid.size()),
+                       smooth = queue_.array<float>(grid.size());
+    const auto nx = static_cast<int>(grid.nx), ny = static_cast<int>(grid.ny);
+    const double rows = (options_.near_field_m - grid.origin_y_m) / grid.dy_m;
     const int first_row = std::max(0, static_cast<int>(std::ceil(rows)));
-    const Range range{{in.grid.size(), 1, 1}, {kGroup, 1, 1}};
-    ratio_(range, in.strain.tensor, in.strain.trusted, reference, raw, nx, ny, static_cast<float>(amplitude),
-           static_cast<float>(scale), static_cast<float>(options_.least_strain),
-           static_cast<float>(options_.range), first_row);
+    const Range range{{grid.size(), 1, 1}, {kGroup, 1, 1}};
+    ratio_(range, measured.axial_strain, measured.trusted, reference, raw, nx, ny,
+           static_cast<float>(amplitude), static_cast<float>(scale),
+           static_cast<float>(options_.least_strain), static_cast<float>(options_.range), first_row);
     median_(range, raw, smooth, nx, ny, options_.median_radius);
     return queue_.read(smooth);
   }

@@ -27,8 +27,8 @@ double amplitude(const ModelState& state, const AxialSlopes& slopes) {
 
 Eigen::VectorXd shrunk_log_modulus(const StripModel& model, const ModulusInput& in,
                                    const ModulusEstimate& map, Shrink by) {
-  const std::vector<double> e =
-      model.on_elements(map.youngs_modulus, in.grid, map.background, map.absolute ? in.known : kNothingKnown);
+  const std::vector<double> e = model.on_elements(map.youngs_modulus, in.measured.grid, map.background,
+                                                  map.absolute ? in.known : kNothingKnown);
   Eigen::VectorXd out(static_cast<Eigen::Index>(e.size()));
   for (std::size_t k = 0; k < e.size(); ++k) {
     const double logarithm = std::log(e[k] / map.background), size = std::abs(logarithm);

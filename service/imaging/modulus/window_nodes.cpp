@@ -67,8 +67,9 @@ Field WindowNodes::on_image(const std::vector<double>& values, const ImageGrid& 
   return out;
 }
 
-AxialSlopes axial_slopes(const WindowNodes& nodes, const ImageGrid& image, const std::vector<float>& field_m,
-                         const std::vector<std::uint8_t>& trusted, SlopeReach reach) {
+AxialSlopes axial_slopes(const WindowNodes& nodes, const Measured& measured, SlopeReach reach) {
+  const ImageGrid& image = measured.grid;
+  const Field& axial_m = measured.axial_displacement;
   AxialSlopes out{std::vector<double>(nodes.size()), std::vector<double>(nodes.size()),
                   std::vector<std::uint8_t>(nodes.size(), 0)};
   const double whole = reach.x_m * reach.y_m / (image.dx_m * image.dy_m);
@@ -84,13 +85,13 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const ImageGrid& image, const
     const auto at = [&](std::ptrdiff_t i, std::ptrdiff_t j) {
       return static_cast<std::size_t>(i) + image.nx * static_cast<std::size_t>(j);
     };
-    const double origin = field_m[2 * at(columns.first, rows.first) + 1];  // differences keep digits
+    const double origin = axial_m[at(columns.first, rows.first)];  // differences keep digits
     for (std::ptrdiff_t j = rows.first; j <= rows.last; ++j)
       for (std::ptrdiff_t i = columns.first; i <= columns.last; ++i) {
         const double dx = (image.origin_x_m + static_cast<double>(i) * image.dx_m - x) / reach.x_m,
                      dy = (image.origin_y_m + static_cast<double>(j) * image.dy_m - y) / reach.y_m;
         const double weight = (1 - std::abs(dx)) * (1 - std::abs(dy));
-        if (trusted[at(i, j)]) fit.add(dx, dy, weight, field_m[2 * at(i, j) + 1] - origin);
+        if (measured.displacement_valid[at(i, j)]) fit.add(dx, dy, weight, axial_m[at(i, j)] - origin);
       }
     if (!(fit.weight >= kLeastMeasured * whole)) continue;
     Eigen::Matrix3d inverse;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "service/imaging/modulus/strip_model.h"
-#include "service/imaging/tracking/frame.h"
+#include "service/imaging/tracking/measured.h"
 
 namespace teletact::service {
 
@@ -30,9 +30,7 @@ struct AxialSlopes {
 struct SlopeReach {
   double x_m = 1.5e-3, y_m = 1.2e-3;
 };
-// field_m: [image node][2] (lateral, axial); trusted: [image node].
-AxialSlopes axial_slopes(const WindowNodes&, const ImageGrid&, const std::vector<float>& field_m,
-                         const std::vector<std::uint8_t>& trusted, SlopeReach);
+AxialSlopes axial_slopes(const WindowNodes&, const Measured&, SlopeReach);
 
 // A forward model's answer on the nodes for a push of 1 m.
 struct ModelState {

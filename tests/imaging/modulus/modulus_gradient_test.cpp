@@ -55,19 +55,20 @@ class Gradient : public ::testing::TestWithParam<Plane> {
   Gradient() : model(tissue(GetParam()), kWidthM), elements(model.grid().elements()) {
     theta = random_vector(elements, 0.4, 1);
     options.prior_deviation = 1.3;
+    measured.grid = kImage;
     const VectorXd noise = random_vector(kImage.size(), 2e-6, 2);
     for (std::size_t n = 0; n < kImage.size(); ++n) {
       const double x = kImage.origin_x_m + double(n % kImage.nx) * kImage.dx_m,
                    y = kImage.origin_y_m + double(n / kImage.nx) * kImage.dy_m;
       const double u = 110e-6 * (1 - y / 0.0125) * (1 + 0.2 * std::sin(400 * x)) + noise[Index(n)];
-      field.insert(field.end(), {0.0F, static_cast<float>(u)});
-      trusted.push_back(n % 11 != 3);
-      deviation.push_back(static_cast<float>(1e-6 * (1 + 0.5 * std::cos(double(n)))));
+      measured.axial_displacement.push_back(static_cast<float>(u));
+      measured.displacement_valid.push_back(n % 11 != 3);
+      measured.axial_displacement_std.push_back(static_cast<float>(1e-6 * (1 + 0.5 * std::cos(double(n)))));
     }
   }
   ModulusProblem problem() {
-    return {model, DisplacementData(model, kImage, field, trusted, deviation, kIndependentM2),
-            random_vector(elements, 0.1, 3), kBackgroundPa, options};
+    return {model, DisplacementData(model, measured, 0, kIndependentM2), random_vector(elements, 0.1, 3),
+            kBackgroundPa, options};
   }
   reference::ModulusObjective objective() const {
     const TissueGrid& g = model.grid();
@@ -78,10 +79,10 @@ class Gradient : public ::testing::TestWithParam<Plane> {
     o.plane_stress = GetParam() == Plane::kStress;
     o.background_pa = kBackgroundPa;
     for (std::size_t n = 0; n < kImage.size(); ++n)
-      if (trusted[n])
+      if (measured.displacement_valid[n])
         o.data.push_back({kImage.origin_x_m + double(n % kImage.nx) * kImage.dx_m,
-                          kImage.origin_y_m + double(n / kImage.nx) * kImage.dy_m, field[2 * n + 1],
-                          deviation[n]});
+                          kImage.origin_y_m + double(n / kImage.nx) * kImage.dy_m,
+                          measured.axial_displacement[n], measured.axial_displacement_std[n]});
     o.independence = kImage.dx_m * kImage.dy_m / kIndependentM2;
     o.tv = options.tv_per_m, o.tv_floor_per_m = options.tv_floor_per_m;
     o.prior = random_vector(elements, 0.1, 3);
@@ -98,8 +99,7 @@ class Gradient : public ::testing::TestWithParam<Plane> {
   std::size_t elements;
   IterativeOptions options;
   VectorXd theta;
-  std::vector<float> field, deviation;
-  std::vector<std::uint8_t> trusted;
+  Measured measured;
 };
 
 TEST_P(Gradient, OfTheObjectiveIsThatOfTheReference) {

@@ -90,9 +90,12 @@ class Phantom {
     displacement_.grid.nx = static_cast<int>(grid.nx), displacement_.grid.ny = static_cast<int>(grid.ny);
     displacement_.field_m = queue_.array(field);
     displacement_.trusted = queue_.array(trusted);
+    displacement_.correlation = queue_.array(std::vector<float>(grid.size(), 1));
     claim_noise(std::max(options.noise_m, 0.3e-6));
-    strain_ = StrainEstimator(queue_, {}).estimate(displacement_, grid);
-    return {grid, displacement_, strain_, kWidthM, tissue, force, known};
+    measured_.grid = grid;
+    download(queue_, displacement_, measured_);
+    download(queue_, StrainEstimator(queue_, {}).estimate(displacement_, grid), measured_);
+    return {measured_, kWidthM, tissue, force, known};
   }
 
   ModulusEstimate estimate(ModulusKind kind) {
@@ -102,7 +105,7 @@ class Phantom {
                                                               : make_iterative(queue_, {}, {}, strips);
     const ModulusInput in = input();
     ModulusEstimate out = method->estimate(in);
-    ModulusJudge(queue_, strips).judge(in, out);
+    ModulusJudge(strips).judge(in, out);
     return out;
   }
 
@@ -173,7 +176,7 @@ class Phantom {
 
   Queue queue_;
   DisplacementEstimate displacement_;
-  StrainEstimate strain_;
+  Measured measured_;
 };
 
 // What an estimate tells other windows: that of the nearest node.

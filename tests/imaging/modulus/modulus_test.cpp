@@ -23,26 +23,21 @@ struct Homogeneous {
     StripModel model(tissue, kWidthM);
     const StripResponse response = model.solve(std::vector<double>(model.grid().elements(), 1.0));
     force_n_per_m = response.force_n_per_m;
+    measured.grid = kGrid;
     for (const float strain : model.on_image(response.stress, kGrid)) {
       const float axial = 0.4e-3f * strain;
-      tensor.insert(tensor.end(), {-axial, axial, 0, 0});
-      trusted.push_back(std::isfinite(axial) ? 1 : 0);
+      measured.axial_strain.push_back(axial);
+      measured.strain_valid.push_back(std::isfinite(axial) ? 1 : 0);
     }
   }
-  ModulusInput input(const Queue& queue, std::optional<ProbeForce> force) {
-    estimate = {queue.array(tensor), queue.array(trusted)};
-    return {kGrid, displacement, estimate, kWidthM, tissue, force, {}};
-  }
+  ModulusInput input(std::optional<ProbeForce> force) const { return {measured, kWidthM, tissue, force, {}}; }
   // What the sensor feels for tissue of this modulus under a face 10 mm long out of plane.
   ProbeForce force(double modulus_pa) const {
     return {modulus_pa * force_n_per_m * 0.4e-3 * 0.010, kWidthM * 0.010};
   }
   TissueExtent tissue;
   double force_n_per_m = 0;
-  std::vector<float> tensor;
-  std::vector<std::uint8_t> trusted;
-  DisplacementEstimate displacement;
-  StrainEstimate estimate;
+  Measured measured;
 };
 
 ReferenceStressOptions uncorrected() {
@@ -57,7 +52,7 @@ TEST(ReferenceStress, HomogeneousTissueGetsItsModulusFromTheForce) {
   ReferenceStressOptions everywhere;
   everywhere.least_reference = 0;
   const auto method = make_reference_stress(queue, everywhere);
-  const ModulusEstimate e = method->estimate(h.input(queue, h.force(12.5e3)));
+  const ModulusEstimate e = method->estimate(h.input(h.force(12.5e3)));
   EXPECT_TRUE(e.absolute);
   EXPECT_NEAR(e.background, 12.5e3, 1);
   EXPECT_LT(e.mean_axial_strain, -0.005);
@@ -72,7 +67,7 @@ TEST(ReferenceStress, HomogeneousTissueGetsItsModulusFromTheForce) {
 TEST(ReferenceStress, NothingIsSaidWhereTheProbeHardlyReaches) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
-  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(12.5e3)));
+  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(h.force(12.5e3)));
   for (std::size_t i = 0; i < kGrid.nx; ++i) EXPECT_TRUE(std::isnan(e.youngs_modulus[i + kGrid.nx * 79]));
   EXPECT_NEAR(e.youngs_modulus[30 + kGrid.nx * 40], 12.5e3, 2);
 }
@@ -80,7 +75,7 @@ TEST(ReferenceStress, NothingIsSaidWhereTheProbeHardlyReaches) {
 TEST(ReferenceStress, WithoutForceTheMedianIsOne) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
-  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, std::nullopt));
+  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(std::nullopt));
   EXPECT_FALSE(e.absolute);
   EXPECT_EQ(e.background, 1);
   EXPECT_NEAR(e.youngs_modulus[kGrid.size() / 2], 1, 1e-4);
@@ -90,9 +85,8 @@ TEST(ReferenceStress, UncorrectedHalfTheStrainIsTwiceTheModulus) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
   for (std::size_t j = 30; j < 50; ++j)
-    for (std::size_t i = 20; i < 40; ++i) h.tensor[4 * (i + 61 * j) + 1] *= 0.5f;
-  const ModulusEstimate e =
-      make_reference_stress(queue, uncorrected())->estimate(h.input(queue, h.force(10e3)));
+    for (std::size_t i = 20; i < 40; ++i) h.measured.axial_strain[i + 61 * j] *= 0.5f;
+  const ModulusEstimate e = make_reference_stress(queue, uncorrected())->estimate(h.input(h.force(10e3)));
   EXPECT_NEAR(e.youngs_modulus[30 + 61 * 40], 20e3, 10);
   EXPECT_NEAR(e.youngs_modulus[5 + 61 * 40], 10e3, 5);
 }
@@ -111,14 +105,14 @@ struct Inclusion {
     force = {response.force_n_per_m * 0.4e-3 * 0.010, kWidthM * 0.010};
     for (std::size_t n = 0; n < modulus.size(); ++n) response.stress[n] /= modulus[n];
     const Field strain = model.on_image(response.stress, kGrid);
-    for (std::size_t n = 0; n < kGrid.size(); ++n) h.tensor[4 * n + 1] = 0.4e-3f * strain[n];
+    for (std::size_t n = 0; n < kGrid.size(); ++n) h.measured.axial_strain[n] = 0.4e-3f * strain[n];
   }
   double truth(double x_m, double y_m) const {
     return std::hypot(x_m - centre_m, y_m - 0.014) < 0.006 ? 50e3 : 10e3;
   }
   // Mean of |log(E / truth)| over the upper 30 mm, further than 2 mm from the inclusion's border.
   double error(const ReferenceStressOptions& options, const KnownModulus& known) {
-    ModulusInput input = h.input(queue, force);
+    ModulusInput input = h.input(force);
     input.known = known;
     map = make_reference_stress(queue, options)->estimate(input).youngs_modulus;
     double sum = 0, count = 0;
@@ -173,7 +167,8 @@ void add_noise(Homogeneous& h, double relative) {
           sum += white[std::size_t(a) + kGrid.nx * std::size_t(b)], ++count;
       smooth[std::size_t(i) + kGrid.nx * std::size_t(j)] = sum / std::sqrt(count);
     }
-  for (std::size_t n = 0; n < kGrid.size(); ++n) h.tensor[4 * n + 1] *= static_cast<float>(1 + smooth[n]);
+  for (std::size_t n = 0; n < kGrid.size(); ++n)
+    h.measured.axial_strain[n] *= static_cast<float>(1 + smooth[n]);
 }
 
 // The corrections are not a contraction: they get better, then slowly worse (T3.1), so they are few.
@@ -200,7 +195,7 @@ TEST(ReferenceStress, NoiseInventsNoInclusionAndKeepsTheScale) {
     const Queue queue = imaging_device()->queue();
     Homogeneous h;
     add_noise(h, noise);
-    const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(12.5e3)));
+    const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(h.force(12.5e3)));
     EXPECT_NEAR(e.background, 12.5e3, 0.05 * 12.5e3) << noise;
     double said = 0, stiff = 0;
     for (const float modulus : e.youngs_modulus)
@@ -223,7 +218,7 @@ TEST(ReferenceStress, ExtentsOfEveryKindGiveTheModulusOfHomogeneousTissue) {
                                      {0.200, 0.040, 0.080, 0.0},
                                      {0.200, 0.040, 0.080, 0.4999}}) {
     Homogeneous h(extent);
-    const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(12.5e3)));
+    const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(h.force(12.5e3)));
     EXPECT_NEAR(e.background, 12.5e3, 0.01 * 12.5e3) << extent.depth_m << " " << extent.window_x_m;
     for (std::size_t n = 0; n < kGrid.size(); ++n) {
       const double y = kGrid.origin_y_m + static_cast<double>(n / kGrid.nx) * kGrid.dy_m;
@@ -247,11 +242,12 @@ TEST(ReferenceStress, SaysNothingWhereItCannot) {
     for (std::size_t j = j0; j < j0 + 7; ++j)
       for (std::size_t i = i0; i < i0 + 7; ++i) change(i + kGrid.nx * j);
   };
-  block(5, 20, [&](std::size_t n) { h.trusted[n] = 0; });
-  block(20, 20, [&](std::size_t n) { h.tensor[4 * n + 1] = 1e-5f; });  // too small
-  block(35, 20, [&](std::size_t n) { h.tensor[4 * n + 1] *= -1; });    // wrong sign
-  block(50, 20, [&](std::size_t n) { h.tensor[4 * n + 1] = std::nanf(""), h.trusted[n] = 0; });
-  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(queue, h.force(10e3)));
+  block(5, 20, [&](std::size_t n) { h.measured.strain_valid[n] = 0; });
+  block(20, 20, [&](std::size_t n) { h.measured.axial_strain[n] = 1e-5f; });  // too small
+  block(35, 20, [&](std::size_t n) { h.measured.axial_strain[n] *= -1; });    // wrong sign
+  block(50, 20,
+        [&](std::size_t n) { h.measured.axial_strain[n] = std::nanf(""), h.measured.strain_valid[n] = 0; });
+  const ModulusEstimate e = make_reference_stress(queue, {})->estimate(h.input(h.force(10e3)));
   for (const std::size_t i : {8u, 23u, 38u, 53u}) EXPECT_TRUE(std::isnan(e.youngs_modulus[i + 61 * 23])) << i;
   EXPECT_TRUE(std::isfinite(e.youngs_modulus[15 + 61 * 23]));
 }
@@ -259,16 +255,16 @@ TEST(ReferenceStress, SaysNothingWhereItCannot) {
 TEST(ReferenceStress, RefusesWhatIsNotCompressed) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
-  for (float& v : h.tensor) v *= 1e-3f;
-  EXPECT_THROW(make_reference_stress(queue, {})->estimate(h.input(queue, std::nullopt)), NoCompression);
+  for (float& v : h.measured.axial_strain) v *= 1e-3f;
+  EXPECT_THROW(make_reference_stress(queue, {})->estimate(h.input(std::nullopt)), NoCompression);
 }
 
 TEST(ReferenceStress, RefusesAForceByItsField) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
   const auto method = make_reference_stress(queue, {});
-  EXPECT_THROW(method->estimate(h.input(queue, ProbeForce{-1, 6e-4})), std::invalid_argument);
-  EXPECT_THROW(method->estimate(h.input(queue, ProbeForce{1, 0})), std::invalid_argument);
+  EXPECT_THROW(method->estimate(h.input(ProbeForce{-1, 6e-4})), std::invalid_argument);
+  EXPECT_THROW(method->estimate(h.input(ProbeForce{1, 0})), std::invalid_argument);
 }
 
 }  // namespace

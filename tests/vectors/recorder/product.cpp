@@ -92,9 +92,13 @@ std::vector<Estimated> estimate(const PatientCase& c) {
   }
   service::Elastography elastography(device());
   const auto by = [&](service::ModulusKind kind) {
-    return elastography.estimate(frame_of(rf.geometry, rf.pre), frame_of(rf.geometry, rf.post), g, force,
-                                 {t.width_m, t.depth_m, c.window_m, t.poisson_ratio}, {}, {}, known,
-                                 {kind, kNoLimitS});
+    return elastography.estimate({frame_of(rf.geometry, rf.pre),
+                                  frame_of(rf.geometry, rf.post),
+                                  g,
+                                  force,
+                                  {t.width_m, t.depth_m, c.window_m, t.poisson_ratio},
+                                  known,
+                                  {kind, kNoLimitS}});
   };
   const service::Estimate iterative = by(service::ModulusKind::kIterative);
   return {{"tracking", tracking_of(iterative)},
