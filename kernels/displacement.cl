@@ -1,11 +1,9 @@
 // Displacement from a pair of RF frames (T2), post(x + u) = pre(x), from where search.cl found it on.
 //
-// Images are padded: sample k of A-line l lies at image[origin + l * stride + k], zeros all around far enough
-// for every window and lag, so that no kernel checks bounds on a load. A sample grid places node (i, j) at
-// A-line first_line + i * line_step and sample first_sample + j * sample_step, node index i + nx j.
-// Displacement fields are float2: x in A-lines (lateral), y in samples (axial).
-// Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
+// Images and nodes as in frames.clh. Displacement fields are float2: x in A-lines (lateral), y in samples
+// (axial). Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
 
+#include "frames.clh"
 #include "vectors.clh"
 
 #ifndef WORK_GROUP  // work-items of a group, all kernels of this file
@@ -111,13 +109,13 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     __global const float* restrict pre, __global const float* restrict post,
     __global const float2* restrict field, __global const float* restrict taps,
     __global const float* restrict series, __global float* restrict a, __global float* restrict b,
-    const int pair, const int phases, const int line_count, const int sample_count, const int nx,
-    const int ny, const int first_line, const int line_step, const int first_sample, const int sample_step,
-    const int origin, const int stride) {
+    const int pair, const int phases, const int line_count, const int sample_count, const Nodes g,
+    const Layout layout) {
   const int start = get_global_id(0) * WARP_RUN, l = get_global_id(1);
   if (start >= sample_count) return;
-  const float column = (float)(l - first_line) / (float)line_step,
-              rows_per_sample = 1.0f / (float)sample_step;
+  const int nx = g.nx, ny = g.ny, first_sample = g.first_sample, stride = layout.stride;
+  const float column = (float)(l - g.first_line) / (float)g.line_step,
+              rows_per_sample = 1.0f / (float)g.sample_step;
   const float middle = (float)(start + WARP_RUN / 2 - first_sample) * rows_per_sample;
   const float2 shift = field_at(field, nx, ny, column, middle);
   const float x = (float)l + shift.x, whole_x = floor(x);
@@ -127,8 +125,8 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
   float8 sums[STRIP / 8];
   const float8 across = taps_at(taps, x - whole_x, phases);
   const float* const weights = (const float*)&across;
-  __global const float* const p =
-      post + origin + clamp(line - 3, -3, line_count - 4) * stride + clamp(first, -STRIP, sample_count);
+  __global const float* const p = post + layout.origin + clamp(line - 3, -3, line_count - 4) * stride +
+                                  clamp(first, -STRIP, sample_count);
 #pragma unroll
   for (int v = 0; v < STRIP / 8; ++v) sums[v] = across.s0 * vload8(v, p);
 #pragma unroll
@@ -152,7 +150,7 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     const float8 there = between_samples(strip + clamp(from_lo, 4, STRIP - 8),
                                          strip + clamp(from_hi, 4, STRIP - 8), t, series);
     const float8 value = select((float8)(0.0f), there, seen);
-    const int to = origin + l * stride + k;
+    const int to = layout.origin + l * stride + k;
     const float8 own = select((float8)(0.0f), vload8(0, pre + to), seen);
     vstore8(pair ? 0.5f * (own + value) : value, 0, a + to);
     if (pair) vstore8(own - value, 0, b + to);
@@ -191,14 +189,12 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void window_mea
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void gauss_newton(
     __global const float* restrict mean, __global const float* restrict difference,
     __global const float2* restrict field, __global const float* restrict taper,
-    __global float2* restrict out, __global float* restrict correlation, const int nx, const int ny,
-    const int first_line, const int line_step, const int first_sample, const int sample_step,
-    const int origin, const int stride, const int chunks, const int half_lateral, const float axial_limit,
-    const float lateral_limit) {
+    __global float2* restrict out, __global float* restrict correlation, const Nodes g, const Layout layout,
+    const int chunks, const int half_lateral, const float axial_limit, const float lateral_limit) {
   const int node = get_global_id(0);
-  if (node >= nx * ny) return;
-  const int line = first_line + (node % nx) * line_step;
-  const int start = origin + first_sample + (node / nx) * sample_step - 4 * chunks;
+  if (node >= g.nx * g.ny) return;
+  const int line = line_of(g, node), stride = layout.stride;
+  const int start = layout.origin + sample_of(g, node) - 4 * chunks;
   float8 gyy = 0.0f, gxx = 0.0f, gxy = 0.0f, gyd = 0.0f, gxd = 0.0f, ss = 0.0f, sd = 0.0f, dd = 0.0f;
   for (int l = -half_lateral; l <= half_lateral; ++l) {
     __global const float* const s = mean + start + (line + l) * stride;
@@ -334,15 +330,11 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void smooth(
 
 // A field from one sample grid onto another (bilinear, held constant outside).
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void resample(
-    __global const float2* restrict from, __global float2* restrict to, const int from_nx, const int from_ny,
-    const int from_first_line, const int from_line_step, const int from_first_sample,
-    const int from_sample_step, const int nx, const int ny, const int first_line, const int line_step,
-    const int first_sample, const int sample_step) {
+    __global const float2* restrict from, __global float2* restrict to, const Nodes old, const Nodes g) {
   const int node = get_global_id(0);
-  if (node >= nx * ny) return;
-  const int line = first_line + (node % nx) * line_step, sample = first_sample + (node / nx) * sample_step;
-  to[node] = field_at(from, from_nx, from_ny, (float)(line - from_first_line) / (float)from_line_step,
-                      (float)(sample - from_first_sample) / (float)from_sample_step);
+  if (node >= g.nx * g.ny) return;
+  to[node] = field_at(from, old.nx, old.ny, (float)(line_of(g, node) - old.first_line) / (float)old.line_step,
+                      (float)(sample_of(g, node) - old.first_sample) / (float)old.sample_step);
 }
 
 // What the image grid reports: displacement in metres and whether it can be trusted: correlation and

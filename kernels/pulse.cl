@@ -4,8 +4,9 @@
 // carrier. So the difference holds a sum of the mean and its even derivatives, in phase with the echoes and a
 // quarter period from their gradients: it moves nothing, however large it is.
 //
-// Images and nodes as in refinement.cl.
+// Images and nodes as in frames.clh.
 
+#include "frames.clh"
 #include "robust.clh"
 #include "vectors.clh"
 
@@ -18,13 +19,13 @@
 // r d (4), w d^2. Lines without both neighbours are left out. Per 8 pixels: 14 vector loads, ~420 flops.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void pulse_sums(
     __global const float* restrict mean, __global const float* restrict difference,
-    __global const float* restrict noise, __global float16* restrict pulses, const int nx, const int ny,
-    const int first_line, const int line_step, const int line_count, const int first_sample,
-    const int sample_step, const int origin, const int stride) {
+    __global const float* restrict noise, __global float16* restrict pulses, const Nodes g,
+    const Layout layout, const int line_count) {
   const int node = get_global_id(0);
-  if (node >= nx * ny) return;
-  const int chunks = (sample_step + 7) / 8, first = first_line + (node % nx) * line_step - line_step / 2;
-  const int start = origin + first_sample + (node / nx) * sample_step - 4 * chunks;
+  if (node >= g.nx * g.ny) return;
+  const int line_step = g.line_step, stride = layout.stride;
+  const int chunks = (g.sample_step + 7) / 8, first = line_of(g, node) - line_step / 2;
+  const int start = layout.origin + sample_of(g, node) - 4 * chunks;
   const float doubt = robust_doubt(noise[node]);
   float8 mm = 0.0f, my = 0.0f, mt = 0.0f, mx = 0.0f, yy = 0.0f, yt = 0.0f, yx = 0.0f, tt = 0.0f, tx = 0.0f,
          xx = 0.0f;

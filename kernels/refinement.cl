@@ -1,10 +1,9 @@
 // Regularised refinement of a displacement field (T2.3) and what it needs to know of the noise.
 //
-// Images are padded as in displacement.cl: sample k of A-line l at image[origin + l * stride + k]. Node (i,
-// j) lies at A-line first_line + i line_step, sample first_sample + j sample_step, index node = i + nx j.
-// Fields: float2 per node, x in A-lines (lateral), y in samples (axial).
+// Images and nodes as in frames.clh. Fields: float2 per node, x in A-lines (lateral), y in samples (axial).
 
 #include "deviation.clh"
+#include "frames.clh"
 #include "robust.clh"
 #include "vectors.clh"
 
@@ -16,18 +15,18 @@
 #endif
 
 // Autocorrelations of `mean` and `difference` at axial lags 0 .. 8 LAG_VECTORS - 1 and lateral lag q, summed
-// over every line_step-th line's samples [first, first + count). Items: (line n, q). out[((n laterals + q) 2
-// + image) 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
+// over the samples of every line_step-th line. Items: (line n, q). out[((n laterals + q) 2 + image)
+// 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
     __global const float* restrict mean, __global const float* restrict difference,
-    __global float* restrict out, const int first_line, const int line_step, const int laterals,
-    const int first, const int count, const int origin, const int stride) {
-  const int n = get_global_id(0), q = get_global_id(1);
-  __global const float* const m = mean + origin + (first_line + n * line_step) * stride + first;
+    __global float* restrict out, const int line_step, const int laterals, const int sample_count,
+    const Layout layout) {
+  const int n = get_global_id(0), q = get_global_id(1), stride = layout.stride;
+  __global const float* const m = mean + layout.origin + n * line_step * stride;
   __global const float* const d = difference + (m - mean);
   float8 mm[LAG_VECTORS], dd[LAG_VECTORS];
   for (int v = 0; v < LAG_VECTORS; ++v) mm[v] = dd[v] = (float8)(0.0f);
-  for (int k = 0; k < count; ++k)
+  for (int k = 0; k < sample_count; ++k)
     for (int v = 0; v < LAG_VECTORS; ++v) {
       mm[v] = fma((float8)(m[k]), vload8(v, m + q * stride + k), mm[v]);
       dd[v] = fma((float8)(d[k]), vload8(v, d + q * stride + k), dd[v]);
@@ -43,14 +42,14 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
 // step 1: along the A-lines, `stride`: across them. Items: (8 samples, line).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
     __global const float* restrict in, __global float* restrict out, __global const float* restrict taps,
-    const int reach, const int step, const int sample_count, const int origin, const int stride) {
+    const int reach, const int step, const int sample_count, const Layout layout) {
   const int k = 8 * get_global_id(0), l = get_global_id(1);
   if (k >= sample_count) return;
-  __global const float* const p = in + origin + l * stride + k;
+  __global const float* const p = in + layout.origin + l * layout.stride + k;
   float8 sum = taps[0] * vload8(0, p);
   for (int n = 1; n <= reach; ++n)
     sum = fma((float8)(taps[n]), vload8(0, p - n * step) + vload8(0, p + n * step), sum);
-  __global float* const to = out + origin + l * stride + k;
+  __global float* const to = out + layout.origin + l * layout.stride + k;
   if (k + 8 <= sample_count) {
     vstore8(sum, 0, to);
   } else {  // what lies behind the line's end stays zero
@@ -69,13 +68,12 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void data_term(
     __global const float* restrict mean, __global const float* restrict difference,
     __global const float* restrict hat, __global const float* restrict noise, __global float8* restrict terms,
-    __global float* restrict pixels, const int nx, const int ny, const int first_line, const int line_step,
-    const int line_count, const int first_sample, const int sample_step, const int origin, const int stride,
+    __global float* restrict pixels, const Nodes g, const Layout layout, const int line_count,
     const int chunks) {
   const int node = get_global_id(0);
-  if (node >= nx * ny) return;
-  const int line = first_line + (node % nx) * line_step;
-  const int start = origin + first_sample + (node / nx) * sample_step - 4 * chunks;
+  if (node >= g.nx * g.ny) return;
+  const int line = line_of(g, node), line_step = g.line_step, stride = layout.stride;
+  const int start = layout.origin + sample_of(g, node) - 4 * chunks;
   const float doubt = robust_doubt(noise[node]);
   float8 xx = 0.0f, xy = 0.0f, yy = 0.0f, xd = 0.0f, yd = 0.0f, mm = 0.0f, md = 0.0f, dd = 0.0f, ww = 0.0f;
   for (int l = max(line - line_step + 1, 0); l <= min(line + line_step - 1, line_count - 1); ++l) {

@@ -1,7 +1,9 @@
 // Search for the displacement of a pair of RF frames by normalised cross-correlation (T2.1).
 //
-// Images, grids of nodes and displacement fields are as in displacement.cl.
+// Displacement fields are as in displacement.cl.
 // Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
+
+#include "frames.clh"
 
 #ifndef WORK_GROUP  // work-items of a group, all kernels of this file
 #define WORK_GROUP 32
@@ -19,10 +21,10 @@ float parabola(const float before, const float peak, const float after) {
 // on. Items: (block, line).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void window_energy(
     __global const float* restrict image, __global float* restrict out, const int first, const int step,
-    const int count, const int half_axial, const int sample_stride, const int origin, const int stride) {
+    const int count, const int half_axial, const int sample_stride, const Layout layout) {
   const int block = get_global_id(0);
   if (block >= count) return;
-  const int at = origin + (int)get_global_id(1) * stride + first + step * block;
+  const int at = layout.origin + (int)get_global_id(1) * layout.stride + first + step * block;
   float8 sum = 0.0f;
   for (int n = -half_axial; n <= half_axial; n += sample_stride) {
     const float8 v = vload8(0, image + at + n);
@@ -31,50 +33,59 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void window_energy(
   vstore8(sum, 0, out + at);
 }
 
+// Windows and lags of a search (service/imaging/tracking/search.h). Window: lines
+// -half_lateral..half_lateral, samples -half_axial..half_axial, every line_stride-th and sample_stride-th of
+// them (decimation: the products stay clear of DC).
+typedef struct {
+  int half_axial, half_lateral, sample_stride, line_stride;
+} Window;
+// Axial lags first .. first + 8 chunks - 1, `laterals` lateral lags first_lateral + m lateral_step. Not
+// looked at: axial lags beyond least_reach + reach_slope * sample, lateral ones a whole step beyond the
+// larger of lateral_least and lateral_slope * distance from the grid's middle line.
+typedef struct {
+  int first, chunks, first_lateral, lateral_step, laterals;
+  float least_reach, reach_slope, lateral_least, lateral_slope;
+} Lags;
+
 // Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x NCC_LATERALS lateral
-// lags per work-item. out[((node * lateral_count + m) * chunks + c) * 8 + n]: axial lag first_lag + 8 c + n,
-// lateral lag first_lateral + m * lateral_step. Window: lines -half_lateral..half_lateral, samples
-// -half_axial..half_axial with every line_stride-th and sample_stride-th of them (decimation: the products
-// stay clear of DC); its energies from window_energy(). Not looked at, nothing written: axial lags beyond
-// least_reach + reach_slope * sample, lateral ones a whole step beyond the larger of lateral_least and
-// lateral_slope * distance from the grid's middle line. Per item and window sample: 1 + NCC_LATERALS loads,
-// 16 NCC_LATERALS flops, in two independent chains each (one chain waits for its own sum).
+// lags per work-item: out[((node * laterals + m) * chunks + c) * 8 + n], axial lag first + 8 c + n; nothing
+// is written where it is not looked at. Energies of the windows from window_energy(). Per item and window
+// sample: 1 + NCC_LATERALS loads, 16 NCC_LATERALS flops, in two independent chains each (one chain waits for
+// its own sum).
 #define NCC_LATERALS 3
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
     __global const float* restrict pre, __global const float* restrict post,
     __global const float* restrict pre_energy, __global const float* restrict post_energy,
-    __global float* restrict out, const int nx, const int ny, const int first_line, const int line_step,
-    const int first_sample, const int sample_step, const int origin, const int stride, const int half_axial,
-    const int half_lateral, const int sample_stride, const int line_stride, const int first_lag,
-    const int chunks, const int first_lateral, const int lateral_step, const int lateral_count,
-    const float least_reach, const float reach_slope, const float lateral_least, const float lateral_slope) {
-  const int id = get_global_id(0), groups = (lateral_count + NCC_LATERALS - 1) / NCC_LATERALS;
-  if (id >= nx * ny * groups * chunks) return;
-  const int chunk = id % chunks, m = id / chunks % groups * NCC_LATERALS, node = id / (chunks * groups);
-  const int line = first_line + (node % nx) * line_step;
-  const int sample = first_sample + (node / nx) * sample_step, lag = first_lag + 8 * chunk;
-  const float reach = least_reach + reach_slope * (float)sample;
-  const float from_middle = (float)line_step * fabs((float)(node % nx) - 0.5f * (float)(nx - 1));
-  const float lateral_reach = fmax(lateral_least, lateral_slope * from_middle) + (float)lateral_step;
+    __global float* restrict out, const Nodes g, const Layout layout, const Window window, const Lags lags) {
+  const int id = get_global_id(0), groups = (lags.laterals + NCC_LATERALS - 1) / NCC_LATERALS;
+  if (id >= g.nx * g.ny * groups * lags.chunks) return;
+  const int chunk = id % lags.chunks, m = id / lags.chunks % groups * NCC_LATERALS,
+            node = id / (lags.chunks * groups);
+  const int line = line_of(g, node), sample = sample_of(g, node), lag = lags.first + 8 * chunk;
+  const float reach = lags.least_reach + lags.reach_slope * (float)sample;
+  const float from_middle = (float)g.line_step * fabs((float)(node % g.nx) - 0.5f * (float)(g.nx - 1));
+  const float lateral_reach =
+      fmax(lags.lateral_least, lags.lateral_slope * from_middle) + (float)lags.lateral_step;
   if ((float)lag > reach || (float)(lag + 7) < -reach) return;
+  const int half_axial = window.half_axial, sample_stride = window.sample_stride;
   int shift[NCC_LATERALS];  // to the lateral lags; beyond the last one that is looked at the last again
   bool looked[NCC_LATERALS], any = false;
 #pragma unroll
   for (int q = 0; q < NCC_LATERALS; ++q) {
-    const int lateral = first_lateral + min(m + q, lateral_count - 1) * lateral_step;
-    looked[q] = m + q < lateral_count && (float)abs(lateral) < lateral_reach;
+    const int lateral = lags.first_lateral + min(m + q, lags.laterals - 1) * lags.lateral_step;
+    looked[q] = m + q < lags.laterals && (float)abs(lateral) < lateral_reach;
     any |= looked[q];
-    shift[q] = lateral * stride;
+    shift[q] = lateral * layout.stride;
   }
   if (!any) return;
   float energy = 0.0f;
   float8 energies[NCC_LATERALS], even[NCC_LATERALS], odd[NCC_LATERALS];
 #pragma unroll
   for (int q = 0; q < NCC_LATERALS; ++q) energies[q] = even[q] = odd[q] = (float8)(0.0f);
-  int outermost = half_lateral;  // as far left as right
-  while (2 * outermost % line_stride != 0) --outermost;
-  for (int l = -outermost; l <= outermost; l += line_stride) {
-    const int at = origin + (line + l) * stride + sample;
+  int outermost = window.half_lateral;  // as far left as right
+  while (2 * outermost % window.line_stride != 0) --outermost;
+  for (int l = -outermost; l <= outermost; l += window.line_stride) {
+    const int at = layout.origin + (line + l) * layout.stride + sample;
     __global const float* const a = pre + at;
     __global const float* const b = post + at + lag;
     energy += pre_energy[at];
@@ -96,7 +107,7 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
   for (int q = 0; q < NCC_LATERALS; ++q)
     if (looked[q])
       vstore8((even[q] + odd[q]) * rsqrt(fmax(energy * energies[q], (float8)(1e-20f))),
-              (node * lateral_count + m + q) * chunks + chunk, out);
+              (node * lags.laterals + m + q) * lags.chunks + chunk, out);
 }
 
 // Of a volume of ncc() the largest over the lateral lags: out[(node * chunks + c) * 8 + n].

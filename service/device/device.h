@@ -87,8 +87,9 @@ struct Local {
 class Kernel {
  public:
   Kernel() = default;
-  // Sets the arguments in order and enqueues; returns at once. Arguments: Array<T>, Local, arithmetic values
-  // of exactly the kernel's type (int, float, double, unsigned, std::uint64_t ...).
+  // Sets the arguments in order and enqueues; returns at once. Arguments: Array<T>, Local, values of exactly
+  // the kernel's type (int, float, double, unsigned, std::uint64_t ...), and structs that the kernel declares
+  // alike; those of 4-byte members are laid out alike everywhere.
   template <class... Args>
   void operator()(const Range& range, const Args&... args) {
     unsigned index = 0;
@@ -104,8 +105,10 @@ class Kernel {
   }
   void set(unsigned index, const Local& local) { set_bytes(index, nullptr, local.bytes); }
   template <class T>
-  requires std::is_arithmetic_v<T>
-  void set(unsigned index, const T& value) { set_bytes(index, &value, sizeof(T)); }
+  requires std::is_arithmetic_v<T> ||
+      (std::is_class_v<T>&& std::is_trivially_copyable_v<T>)void set(unsigned index, const T& value) {
+    set_bytes(index, &value, sizeof(T));
+  }
   void set_buffer(unsigned index, const RawBuffer* buffer);
   void set_bytes(unsigned index, const void* data, std::size_t bytes);
   void launch(const Range& range);

@@ -72,14 +72,12 @@ class DisplacementEstimator {
  private:
   struct Workspace;
   struct Kernels;
-  struct Search;
-  void correlate(const SampleGrid&, const Search&, const Array<float>& post, Array<float>& volume);
-  void search_coarse();
-  void search_fine();
-  void refine(std::optional<PcgResult>& unsolved);
+  void search();
+  void refine();
   void fit_windows();
   void filter_frames(const Autocorrelations&);
   void warp(const SampleGrid&, bool pair);
+  void resample(const Array<float>& from, Array<float>& to, const SampleGrid& old, const SampleGrid&);
 
   Queue queue_;
   DisplacementOptions options_;

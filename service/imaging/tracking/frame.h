@@ -22,6 +22,7 @@ struct AcquisitionGeometry {
   double first_sample_depth_m = 0;  // depth of sample 0
   DisplacementFrame frame = DisplacementFrame::kProbe;
   double sample_pitch_m() const { return sound_speed_m_s / (2 * sampling_frequency_hz); }
+  bool operator==(const AcquisitionGeometry&) const = default;
 };
 
 // The image grid: node (i, j) at (origin_x + i dx, origin_y + j dy), x fastest; x from the first A-line's

@@ -104,8 +104,7 @@ Autocorrelations Refinement::measure(const ImagePair& images, bool robust, Array
   const std::size_t each = 2 * kLags, items = static_cast<std::size_t>(lines) * kLaterals;
   if (products_.size() != items * each) products_ = queue_.array<float>(items * each);
   kernels_->autocorrelation({{static_cast<std::size_t>(lines), kLaterals, 1}, {1, 1, 1}}, images.mean,
-                            images.difference, products_, 0, step, kLaterals, 0, images.samples,
-                            images.padding.origin, images.padding.stride);
+                            images.difference, products_, step, kLaterals, images.samples, images.layout);
   const std::vector<float> products = queue_.read(products_);
   const std::vector<double> zeros(kLags * kLaterals, 0.0);
   Autocorrelations a{kLags, kLaterals, zeros, zeros};
@@ -130,16 +129,14 @@ void Refinement::gather(const ImagePair& images, bool robust, Array<float>& corr
   queue_.write(model_, weights_.data(), weights_.size());
   queue_.fill_zero(noise_);
   for (int pass = 0; pass < (robust ? 2 : 1); ++pass) {
-    kernels_->data_term(over(g.nodes()), images.mean, images.difference, hat_, noise_, terms_, pixels_, g.nx,
-                        g.ny, g.first_line, g.line_step, images.lines, g.first_sample, g.sample_step,
-                        images.padding.origin, images.padding.stride, chunks_);
+    kernels_->data_term(over(g.nodes()), images.mean, images.difference, hat_, noise_, terms_, pixels_, g,
+                        images.layout, images.lines, chunks_);
     kernels_->local_noise(over(g.nodes()), terms_, pixels_, model_, correlation, noise_, information_, g.nx,
                           g.ny, kNoiseRadius);
   }
   if (robust) {  // of the last step: what the steps before it are weighed with need not be as exact
-    kernels_->pulse_sums(over(g.nodes()), images.mean, images.difference, noise_, pulses_, g.nx, g.ny,
-                         g.first_line, g.line_step, images.lines, g.first_sample, g.sample_step,
-                         images.padding.origin, images.padding.stride);
+    kernels_->pulse_sums(over(g.nodes()), images.mean, images.difference, noise_, pulses_, g, images.layout,
+                         images.lines);
     kernels_->pulse_noise(over(g.nodes()), pulses_, noise_, information_, g.nx, g.ny, kNoiseRadius);
   }
   find_medians();

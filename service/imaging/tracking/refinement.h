@@ -37,7 +37,7 @@ struct RegularisationOptions {
 
 struct ImagePair {
   const Array<float>&mean, &difference;  // padded
-  Padding padding;
+  ImageLayout layout;
   int samples = 0, lines = 0;
 };
 

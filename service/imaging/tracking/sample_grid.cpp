@@ -70,6 +70,14 @@ float converter_offset(const RfFrame& frame) {
 
 }  // namespace
 
+int whole_steps(double length_m, double step_m) {
+  return std::max(1, static_cast<int>(std::lround(length_m / step_m)));
+}
+
+int half_width(double window_m, double step_m) {
+  return std::max(1, static_cast<int>(std::lround(window_m / 2 / step_m)));
+}
+
 SampleGrid centred_grid(const RfFrame& frame, int line_step, int sample_step) {
   const int lines = static_cast<int>(frame.line_count), samples = static_cast<int>(frame.sample_count);
   SampleGrid grid;
@@ -97,9 +105,9 @@ Padding padding(const RfFrame& frame, int samples, int lines) {
   const int line_count = static_cast<int>(frame.line_count),
             sample_count = static_cast<int>(frame.sample_count);
   Padding p;
-  p.stride = (sample_count + 2 * samples + 7) / 8 * 8;
-  p.origin = lines * p.stride + samples;
-  p.total = static_cast<std::size_t>(p.stride) * static_cast<std::size_t>(line_count + 2 * lines);
+  p.layout.stride = (sample_count + 2 * samples + 7) / 8 * 8;
+  p.layout.origin = lines * p.layout.stride + samples;
+  p.total = static_cast<std::size_t>(p.layout.stride) * static_cast<std::size_t>(line_count + 2 * lines);
   return p;
 }
 
@@ -111,7 +119,7 @@ std::vector<float> padded(const RfFrame& frame, const Padding& p) {
     look();
     const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count);
     std::transform(line, line + static_cast<std::ptrdiff_t>(frame.sample_count),
-                   out.begin() + p.origin + static_cast<std::ptrdiff_t>(l) * p.stride,
+                   out.begin() + p.layout.origin + static_cast<std::ptrdiff_t>(l) * p.layout.stride,
                    [offset](float sample) { return sample - offset; });
   }
   return out;

@@ -9,12 +9,19 @@
 namespace teletact::service {
 
 // Node (i, j) lies at A-line first_line + i line_step, sample first_sample + j sample_step; index i + nx j.
+// An argument of kernels: Nodes of kernels/frames.clh.
 struct SampleGrid {
   int nx = 1, ny = 1;
   int first_line = 0, line_step = 1;
   int first_sample = 0, sample_step = 1;
   int nodes() const { return nx * ny; }
 };
+static_assert(sizeof(SampleGrid) == 6 * sizeof(int));
+
+inline constexpr int kLeastStep = 8;  // samples between nodes, which warp needs
+// A length in steps of a grid, and half of a window's: at least one.
+int whole_steps(double length_m, double step_m);
+int half_width(double window_m, double step_m);
 
 // The grid of these steps, centred on the frame; steps are cut to the frame's size.
 SampleGrid centred_grid(const RfFrame&, int line_step, int sample_step);
@@ -22,10 +29,14 @@ SampleGrid centred_grid(const RfFrame&, int line_step, int sample_step);
 // In metres; x from the first A-line's left border (half a pitch before its centre).
 ImageGrid image_grid(const SampleGrid&, const AcquisitionGeometry&);
 
-// Sample k of A-line l lies at origin + l * stride + k; `samples` zeros on both sides of a line and `lines`
-// lines of zeros on both sides of the frame.
-struct Padding {
+// Sample k of A-line l lies at origin + l * stride + k. An argument of kernels: Layout of kernels/frames.clh.
+struct ImageLayout {
   int origin = 0, stride = 0;
+};
+static_assert(sizeof(ImageLayout) == 2 * sizeof(int));
+// `samples` zeros on both sides of a line and `lines` lines of zeros on both sides of the frame.
+struct Padding {
+  ImageLayout layout;
   std::size_t total = 0;
 };
 Padding padding(const RfFrame&, int samples, int lines);

@@ -12,10 +12,6 @@ namespace {
 
 constexpr std::size_t kGroup = 32;  // WORK_GROUP of strain.cl
 
-int half_count(double length_m, double step_m) {
-  return std::max(1, static_cast<int>(std::lround(length_m / 2 / step_m)));
-}
-
 }  // namespace
 
 StrainEstimator::StrainEstimator(Queue queue, StrainOptions options)
@@ -35,8 +31,8 @@ StrainEstimator::StrainEstimator(Queue queue, StrainOptions options)
 StrainEstimate StrainEstimator::estimate(const DisplacementEstimate& displacement, const ImageGrid& grid) {
   StrainEstimate out{queue_.array<float>(4 * grid.size()), queue_.array<std::uint8_t>(grid.size()),
                      queue_.array<float>(3 * grid.size())};
-  const int half_columns = half_count(options_.kernel_lateral_m, grid.dx_m),
-            half_rows = half_count(options_.kernel_axial_m, grid.dy_m);
+  const int half_columns = half_width(options_.kernel_lateral_m, grid.dx_m),
+            half_rows = half_width(options_.kernel_axial_m, grid.dy_m);
   kernel_({{grid.size(), 1, 1}, {kGroup, 1, 1}}, displacement.field_m, displacement.trusted, out.tensor,
           out.trusted, static_cast<int>(grid.nx), static_cast<int>(grid.ny), static_cast<float>(grid.dx_m),
           static_cast<float>(grid.dy_m), half_columns, half_rows, static_cast<float>(options_.least_fraction),

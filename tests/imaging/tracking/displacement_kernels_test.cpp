@@ -8,6 +8,7 @@
 
 #include "service/imaging/tracking/interpolation.h"
 #include "service/imaging/tracking/sample_grid.h"
+#include "service/imaging/tracking/search.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
 #include "tests/reference/ncc.h"
@@ -53,15 +54,13 @@ class DisplacementKernels : public ::testing::Test {
                  post_energy = queue_.array<float>(pad_.total);
     for (Array<float>* array : {&volume, &pre_energy, &post_energy}) queue_.fill_zero(*array);
     search("window_energy")({{static_cast<std::size_t>(grid.ny), 17, 1}, {16, 1, 1}}, pre_device_, pre_energy,
-                            grid.first_sample, grid.sample_step, grid.ny, half_axial, stride, pad_.origin,
-                            pad_.stride);
+                            grid.first_sample, grid.sample_step, grid.ny, half_axial, stride, pad_.layout);
     search("window_energy")({{static_cast<std::size_t>(samples + 7) / 8, 17, 1}, {16, 1, 1}}, post_device_,
-                            post_energy, -margin, 8, (samples + 7) / 8, half_axial, stride, pad_.origin,
-                            pad_.stride);
+                            post_energy, -margin, 8, (samples + 7) / 8, half_axial, stride, pad_.layout);
     search("ncc")(over(static_cast<int>(items)), pre_device_, post_device_, pre_energy, post_energy, volume,
-                  grid.nx, grid.ny, grid.first_line, grid.line_step, grid.first_sample, grid.sample_step,
-                  pad_.origin, pad_.stride, half_axial, half_lateral, stride, line_stride, first_lag, chunks,
-                  -2 * lateral_step, lateral_step, lateral_count, 7.5f, 0.02f, 0.0f, 0.25f);
+                  grid, pad_.layout, SearchWindow{half_axial, half_lateral, stride, line_stride},
+                  SearchLags{first_lag, chunks, -2 * lateral_step, lateral_step, lateral_count, 7.5f, 0.02f,
+                             0.0f, 0.25f});
     const std::vector<float> got = queue_.read(volume);
     const auto pre = as_reference(pre_), post = as_reference(post_);
     std::size_t n = 0;
@@ -144,8 +143,7 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
   range.global = {(pre_.sample_count + 15) / 16, pre_.line_count, 1};
   range.local = {16, 1, 1};
   kernel("warp")(range, pre_device_, post_device_, u, taps, series, mean, difference, pair,
-                 kInterpolationPhases, lines, samples, grid.nx, grid.ny, grid.first_line, grid.line_step,
-                 grid.first_sample, grid.sample_step, pad_.origin, pad_.stride);
+                 kInterpolationPhases, lines, samples, grid, pad_.layout);
   const std::vector<float> m = queue_.read(mean), d = queue_.read(difference);
   const auto pre = as_reference(pre_), post = as_reference(post_);
   double worst = 0;
@@ -157,7 +155,7 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
       const bool seen =
           k + u.samples >= 0 && k + u.samples < samples && l + u.lines >= 0 && l + u.lines < lines;
       const double own = seen ? pre.at(k, l) : 0, moved = reference::interpolate(post, k, l, u);
-      const auto at = static_cast<std::size_t>(pad_.origin + l * pad_.stride + k);
+      const auto at = static_cast<std::size_t>(pad_.layout.origin + l * pad_.layout.stride + k);
       ASSERT_TRUE(std::isfinite(m[at]) && std::isfinite(d[at]));
       worst = std::max({worst, std::abs(m[at] - 0.5 * (own + moved)), std::abs(d[at] - (own - moved))});
     }
@@ -180,9 +178,8 @@ TEST_F(DisplacementKernels, GaussNewtonMatchesReference) {
   const Array<float> s = queue_.array(padded(mean, pad_)), e = queue_.array(padded(difference, pad_));
   const Array<float> weights = queue_.array(taper), from = queue_.array(start);
   const Array<float> to = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
-  kernel("gauss_newton")(over(grid.nodes()), s, e, from, weights, to, correlation, grid.nx, grid.ny,
-                         grid.first_line, grid.line_step, grid.first_sample, grid.sample_step, pad_.origin,
-                         pad_.stride, chunks, half_lateral, 1e6f, 1e6f);
+  kernel("gauss_newton")(over(grid.nodes()), s, e, from, weights, to, correlation, grid, pad_.layout, chunks,
+                         half_lateral, 1e6f, 1e6f);
   const std::vector<float> moved = queue_.read(to), likeness = queue_.read(correlation);
   const std::vector<double> weights_double(taper.begin(), taper.end());
   for (std::size_t n = 0; n < nodes; ++n) {

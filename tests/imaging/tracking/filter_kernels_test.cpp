@@ -7,6 +7,7 @@
 #include <random>
 #include <vector>
 
+#include "service/imaging/tracking/sample_grid.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/reference/filters.h"
 
@@ -92,8 +93,8 @@ TEST_P(FilterKernels, ResamplingMatchesReference) {
   // Onto a finer grid that reaches beyond the first one on every side.
   const int nx = 2 * f.nx + 5, ny = 3 * f.ny + 7;
   const Array<float> out = queue.array<float>(static_cast<std::size_t>(2 * nx * ny));
-  kernel("resample")(over(static_cast<std::size_t>(nx * ny)), queue.array(f.field), out, f.nx, f.ny, 7, 4, 40,
-                     25, nx, ny, 3, 2, 11, 9);
+  kernel("resample")(over(static_cast<std::size_t>(nx * ny)), queue.array(f.field), out,
+                     SampleGrid{f.nx, f.ny, 7, 4, 40, 25}, SampleGrid{nx, ny, 3, 2, 11, 9});
   const auto from = f.as_reference(f.field);
   reference::VectorField want{nx, ny, {}, {}};
   for (int j = 0; j < ny; ++j)

@@ -116,10 +116,9 @@ class PulseTest : public ::testing::Test {
     const auto nodes = static_cast<std::size_t>(grid_.nodes());
     Array<float> pulses = queue_.array<float>(16 * nodes), left = queue_.array(noise),
                  information = queue_.array(std::vector<float>(2 * nodes, 1.0f));
-    queue_.kernel("pulse", "pulse_sums", Precision::kFloat)(
-        over(nodes), queue_.array(padded(mean_, pad_)), queue_.array(padded(d, pad_)), left, pulses, grid_.nx,
-        grid_.ny, grid_.first_line, grid_.line_step, 23, grid_.first_sample, grid_.sample_step, pad_.origin,
-        pad_.stride);
+    queue_.kernel("pulse", "pulse_sums", Precision::kFloat)(over(nodes), queue_.array(padded(mean_, pad_)),
+                                                            queue_.array(padded(d, pad_)), left, pulses,
+                                                            grid_, pad_.layout, 23);
     queue_.kernel("pulse", "pulse_noise", Precision::kFloat)(over(nodes), pulses, left, information, grid_.nx,
                                                              grid_.ny, 2);
     return {queue_.read(left), queue_.read(information)};

@@ -41,7 +41,7 @@ class RefinementTest : public ::testing::Test {
     difference_device_ = queue_.array(padded(difference_, pad_));
     grid_ = centred_grid(pre_, 2, 21);
   }
-  ImagePair images() const { return {mean_device_, difference_device_, pad_, 211, 23}; }
+  ImagePair images() const { return {mean_device_, difference_device_, pad_.layout, 211, 23}; }
   std::vector<float> field() const {
     std::vector<float> u;
     for (int n = 0; n < grid_.nodes(); ++n) {
@@ -127,8 +127,8 @@ TEST_F(RefinementTest, ANodeThatHearsNothingItselfSaysNothing) {
   Refinement refinement(queue_, {}, grid_, kLine, kSample);
   Array<float> correlation = queue_.array<float>(static_cast<std::size_t>(grid_.nodes()));
   refinement.measure(
-      {queue_.array(padded(mean_, pad_)), queue_.array(padded(difference_, pad_)), pad_, 211, 23}, false,
-      correlation);
+      {queue_.array(padded(mean_, pad_)), queue_.array(padded(difference_, pad_)), pad_.layout, 211, 23},
+      false, correlation);
   const std::vector<float> likeness = queue_.read(correlation);
   EXPECT_EQ(likeness[static_cast<std::size_t>(node)], -2);
   EXPECT_EQ(std::count(likeness.begin(), likeness.end(), -2.0f), 1);
@@ -146,7 +146,7 @@ TEST_F(RefinementTest, UniformStrainStaysAsItIs) {
     start.push_back(1 - 0.6f * static_cast<float>(n / grid_.nx));
   }
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
-  refinement.measure({mean_device_, still, pad_, 211, 23}, false, correlation);
+  refinement.measure({mean_device_, still, pad_.layout, 211, 23}, false, correlation);
   refinement.step(queue_.array(start), out, 1, 1, true);
   const std::vector<float> got = queue_.read(out);
   for (std::size_t n = 0; n < got.size(); ++n) EXPECT_NEAR(got[n], start[n], 1e-5) << n;
@@ -159,7 +159,7 @@ TEST_F(RefinementTest, SilentFramesLeaveTheFieldAndSayThatNothingIsHeard) {
   const auto nodes = static_cast<std::size_t>(grid_.nodes());
   const Array<float> start = queue_.array(std::vector<float>(2 * nodes, 0.25f));
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
-  refinement.measure({silent, silent, pad_, 211, 23}, true, correlation);
+  refinement.measure({silent, silent, pad_.layout, 211, 23}, true, correlation);
   refinement.step(start, out, 1, 1, true);
   for (const float u : queue_.read(out)) EXPECT_EQ(u, 0.25f);
   for (const float c : queue_.read(correlation)) EXPECT_EQ(c, -2);

@@ -1,0 +1,187 @@
+#include "service/imaging/tracking/search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "service/device/look.h"
+#include "service/imaging/tracking/path_search.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr std::size_t kGroup = 32;  // WORK_GROUP of search.cl
+constexpr int kNccLaterals = 3;     // NCC_LATERALS of search.cl
+constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
+constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
+constexpr int kDecimation = 2;                                 // of the samples of the windows
+constexpr float kSlopeCost = 0.02f;    // correlation that one sample of lag change per coarse step is worth
+constexpr double kMostLags = 1 << 28;  // of the coarse search, all nodes together: 1 GB
+constexpr double kLateralStepM = 0.4e-3;    // of the coarse search, about the width of a beam
+constexpr float kLateralSlopeCost = 0.25f;  // as kSlopeCost, of one lateral step
+constexpr double kLeastPeriods = 4;         // of the carrier in a coarse window
+// Of the strain over part of the depth to the mean compression: a stiff inclusion, the probe's and the
+// table's friction leave the softer tissue more than its share.
+constexpr double kLocalStrain = 1.6;
+constexpr int kSpareLags = 8;  // beyond what the largest strain asks for
+constexpr int kFineFirstLag = -4;
+constexpr float kFineReach = 8;  // samples: all of them
+
+Range over(int nodes) {
+  return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
+}
+
+}  // namespace
+
+SearchPlan::SearchPlan(const RfFrame& frame, const AcquisitionGeometry& g, const DisplacementOptions& o)
+    : samples(static_cast<int>(frame.sample_count)),
+      lines(static_cast<int>(frame.line_count)),
+      sample_pitch_m(g.sample_pitch_m()),
+      line_pitch_m(g.line_pitch_m),
+      max_strain(o.max_strain) {
+  const double dy = sample_pitch_m, dx = line_pitch_m;
+  coarse.grid =
+      centred_grid(frame, std::max(whole_steps(kCoarseStepLateralM, dx), lines / kMostCoarseColumns),
+                   std::max({kLeastStep, whole_steps(kCoarseStepAxialM, dy), samples / kMostCoarseRows}));
+  fine.grid =
+      centred_grid(frame, whole_steps(kFineStepM, dx), std::max(kLeastStep, whole_steps(kFineStepM, dy)));
+  // Nearly incompressible tissue widens by what it is compressed by, about the middle of the probe.
+  const bool sideways = o.lateral_search_m > 0;
+  SearchLags& c = coarse.lags;
+  // The fine search looks half of lateral_search_m further.
+  c.lateral_least = static_cast<float>(o.lateral_search_m / 2 / dx);
+  c.lateral_slope = sideways ? static_cast<float>(max_strain) : 0.0f;
+  const float lateral_most = std::max(c.lateral_least, c.lateral_slope * static_cast<float>(lines) / 2);
+  c.lateral_step = std::min(whole_steps(kLateralStepM, dx), lines);
+  const int sides = static_cast<int>(std::ceil(std::min<float>(lateral_most, static_cast<float>(lines)) /
+                                               static_cast<float>(c.lateral_step)));
+  c.laterals = 1 + 2 * sides;
+  c.first_lateral = -sides * c.lateral_step;
+  // The probe's face at rest, nothing moves further than the local strain over the depth above it; else the
+  // deepest sample's reach holds everywhere.
+  const double deepest_m = g.first_sample_depth_m + samples * dy;
+  const bool probe_rests = g.frame == DisplacementFrame::kProbe;
+  const double least_m = max_strain * (probe_rests ? g.first_sample_depth_m : deepest_m);
+  c.least_reach = static_cast<float>(least_m / dy + kSpareLags);
+  c.reach_slope = static_cast<float>(probe_rests ? kLocalStrain * o.max_strain : 0.0);
+  const int most_lag =
+      static_cast<int>(std::min<double>(samples, std::ceil(max_strain * deepest_m / dy) + kSpareLags));
+  c.chunks = 2 * ((most_lag + 7) / 8);
+  c.first = -4 * c.chunks;
+  // Under the largest strain the echoes of one window may not move apart by more than half a period.
+  const auto period = static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz);
+  const double widest_m = std::max(kLeastPeriods, 0.5 / max_strain) * period * dy;
+  coarse.window = {std::min(half_width(std::min(o.coarse_window_axial_m, widest_m), dy), samples / 2),
+                   std::min(half_width(o.coarse_window_lateral_m, dx), lines / 2), kDecimation,
+                   c.lateral_step};
+  fine.window = {std::min(half_width(o.window_axial_m, dy), samples / 2),
+                 std::min(static_cast<int>(std::lround(o.window_lateral_m / 2 / dx)), lines / 2), kDecimation,
+                 c.lateral_step};
+  const int reach =
+      sideways ? std::max(c.lateral_step / 2, static_cast<int>(std::lround(c.lateral_least))) + 1 : 0;
+  fine.lags = {kFineFirstLag, 1, -reach, 1, 2 * reach + 1, kFineReach, 0, static_cast<float>(reach), 0};
+  if (static_cast<double>(coarse.volume()) > kMostLags)
+    throw std::invalid_argument(
+        "max_strain: the search of so many lines and samples would not fit in memory; give a smaller one, or "
+        "a part of the frame");
+}
+
+int SearchPlan::margin_samples() const {
+  return 4 * coarse.lags.chunks + coarse.window.half_axial + fine.window.half_axial + 16;
+}
+
+int SearchPlan::margin_lines() const {
+  return std::max(coarse.window.half_lateral - coarse.lags.first_lateral,
+                  fine.window.half_lateral - fine.lags.first_lateral) +
+         3;
+}
+
+std::uint64_t SearchPlan::device_bytes() const {
+  return sizeof(float) *
+         (coarse.volume() + fine.volume() + coarse.nodes() * (coarse.axial_lags() + coarse.laterals() + 1));
+}
+
+SearchKernels::SearchKernels(const Queue& q) {
+  const auto build = [&](const char* name) { return q.kernel("search", name, Precision::kFloat); };
+  window_energy = build("window_energy"), best_lateral = build("best_lateral");
+  laterals_at = build("laterals_at"), ncc = build("ncc"), ncc_peak = build("ncc_peak");
+}
+
+Search::Search(const Queue& queue, const SearchPlan& plan, const Padding& padding)
+    : queue_(queue), plan_(plan), layout_(padding.layout) {
+  for (Array<float>* energy : {&pre_energy_, &post_energy_}) {
+    *energy = queue_.array<float>(padding.total);
+    queue_.fill_zero(*energy);
+  }
+  const SearchLevel& c = plan_.coarse;
+  coarse_volume_ = queue_.array<float>(c.volume());
+  queue_.fill_zero(coarse_volume_);  // where nothing is looked at
+  best_lateral_ = queue_.array<float>(c.nodes() * c.axial_lags());
+  laterals_at_ = queue_.array<float>(c.nodes() * c.laterals());
+  axial_lags_ = queue_.array<int>(c.nodes());
+  fine_volume_ = queue_.array<float>(plan_.fine.volume());
+}
+
+// `volume`: correlations of the windows around the level's nodes.
+void Search::correlate(SearchKernels& kernels, const SearchLevel& level, const Array<float>& pre,
+                       const Array<float>& post, Array<float>& volume) {
+  const SampleGrid& g = level.grid;
+  const SearchLags& lags = level.lags;
+  const int half_axial = level.window.half_axial;
+  const auto energy = [&](const Array<float>& image, Array<float>& out, int first, int step, int count) {
+    kernels.window_energy(
+        {{static_cast<std::size_t>(count), static_cast<std::size_t>(plan_.lines), 1}, {16, 1, 1}}, image, out,
+        first, step, count, half_axial, kDecimation, layout_);
+  };
+  energy(pre, pre_energy_, g.first_sample, g.sample_step, g.ny);  // at the nodes alone
+  const int margin = half_axial + 8;                              // echoes end so far outside of the frame
+  if (lags.chunks == 1)
+    energy(post, post_energy_, g.first_sample + lags.first, g.sample_step, g.ny);
+  else
+    energy(post, post_energy_, -margin, 8, (plan_.samples + 2 * margin + 7) / 8);
+  const int groups = (lags.laterals + kNccLaterals - 1) / kNccLaterals;
+  kernels.ncc(over(g.nodes() * groups * lags.chunks), pre, post, pre_energy_, post_energy_, volume, g,
+              layout_, level.window, lags);
+}
+
+void Search::coarse(SearchKernels& kernels, const Array<float>& pre, const Array<float>& post,
+                    Array<float>& field) {
+  const SampleGrid& g = plan_.coarse.grid;
+  const SearchLags& lags = plan_.coarse.lags;
+  correlate(kernels, plan_.coarse, pre, post, coarse_volume_);
+  kernels.best_lateral(over(g.nodes() * lags.chunks), coarse_volume_, best_lateral_, g.nodes(), lags.chunks,
+                       lags.laterals);
+  const LagVolume volume{g.nx, g.ny, 8 * lags.chunks, queue_.read(best_lateral_)};
+  look();
+  const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
+    return static_cast<int>(std::ceil(plan_.max_strain * length_m / plan_.sample_pitch_m)) + 1;
+  };
+  const std::vector<float> axial = find_paths(volume, reach(g.sample_step * plan_.sample_pitch_m),
+                                              reach(g.line_step * plan_.line_pitch_m), kSlopeCost);
+  std::vector<int> whole;
+  whole.reserve(axial.size());
+  for (const float lag : axial) whole.push_back(static_cast<int>(std::lround(lag)));
+  queue_.write(axial_lags_, whole.data(), whole.size());
+  kernels.laterals_at(over(g.nodes() * lags.laterals), coarse_volume_, axial_lags_, laterals_at_, g.nodes(),
+                      lags.chunks, lags.laterals);
+  const std::vector<float> lateral =
+      find_paths({g.nx, g.ny, lags.laterals, queue_.read(laterals_at_)}, 1, 1, kLateralSlopeCost);
+  std::vector<float> found;
+  const int middle = lags.laterals / 2;
+  for (std::size_t n = 0; n < axial.size(); ++n) {
+    found.push_back((lateral[n] - static_cast<float>(middle)) * static_cast<float>(lags.lateral_step));
+    found.push_back(static_cast<float>(lags.first) + axial[n]);
+  }
+  queue_.write(field, found.data(), found.size());
+}
+
+void Search::fine(SearchKernels& kernels, const Array<float>& pre, const Array<float>& warped_post,
+                  const Array<float>& start, Array<float>& field, Array<float>& correlation) {
+  const SearchLevel& level = plan_.fine;
+  correlate(kernels, level, pre, warped_post, fine_volume_);
+  kernels.ncc_peak(over(level.grid.nodes()), fine_volume_, start, field, correlation, level.grid.nodes(),
+                   level.lags.first, level.lags.first_lateral, level.lags.laterals);
+}
+
+}  // namespace teletact::service
