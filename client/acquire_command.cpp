@@ -134,8 +134,9 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
     recorder.window(call, timing);
     std::printf(
         "window %3.0f mm  pass %u  asked to published %.0f ms, service %.0f ms, background %.2f kPa\n",
-        timing.window_x_m() * 1e3, timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6,
-        summary.received_to_published_s() * 1e3, summary.background_modulus_pa() * 1e-3);
+        timing.window().origin_m(0) * 1e3, timing.pass() + 1,
+        (timing.published_ns() - timing.asked_ns()) * 1e-6, summary.received_to_published_s() * 1e3,
+        summary.background_modulus_pa() * 1e-3);
     for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
     std::fflush(stdout);
   };

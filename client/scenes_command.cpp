@@ -27,11 +27,12 @@ void print(const v1::Scene& scene) {
               scene.geometry().size_m(0), scene.geometry().size_m(1),
               static_cast<unsigned long>(scene.version()), scene.windows_size());
   for (const v1::Window& window : scene.windows())
-    std::printf(" [%.3f, %.3f)", window.begin_m(), window.end_m());
+    std::printf(" [%.3f, %.3f)", window.covers().begin_x_m(), window.covers().end_x_m());
   std::printf("\n");
   for (const v1::Window& window : scene.windows())
     for (const std::string& warning : window.evidence().warnings())
-      std::printf("    [%.3f, %.3f) doubtful: %s\n", window.begin_m(), window.end_m(), warning.c_str());
+      std::printf("    [%.3f, %.3f) doubtful: %s\n", window.covers().begin_x_m(), window.covers().end_x_m(),
+                  warning.c_str());
 }
 
 void run(const Arguments& arguments) {

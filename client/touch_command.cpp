@@ -29,7 +29,7 @@ struct Arguments {
   bool stuck = false;
   bool force = false;
   std::string scene_id, session_id;
-  double line_y_m = 0;
+  double layer_depth_m = 0;
   double period_s = 0.002;
   unsigned credit = 2;
 };
@@ -45,7 +45,7 @@ v1::TouchOpen to_open(const Arguments& arguments) {
   tip.set_radius_m(arguments.tip_radius_m);
   tip.set_half_width_m(arguments.tip_half_width_m);
   tip.set_footprint_m(arguments.tip_footprint_m);
-  open.set_line_y_m(arguments.line_y_m);
+  open.mutable_layer()->set_depth_m(arguments.layer_depth_m);
   open.set_path(arguments.path == "compliance" ? v1::SOLVE_PATH_COMPLIANCE
                 : arguments.path == "pcg"      ? v1::SOLVE_PATH_PCG
                                                : v1::SOLVE_PATH_UNSPECIFIED);
@@ -121,7 +121,7 @@ nlohmann::json to_json(const Arguments& arguments, const TouchSummary& summary) 
         {"round_trip_s", quantiles(link.round_trips_s)},
         {"clock_offset_s", link.clock_offset_s},
         {"clock_offset_error_s", link.clock_offset_error_s},
-        {"line_y_m", link.line_y_m},
+        {"layer_depth_m", link.layer_depth_m},
         {"largest_strain", link.largest_strain},
         {"last_version", link.last_version}}},
       {"telemetry_dropped", summary.telemetry_dropped},
@@ -149,8 +149,8 @@ void print(const nlohmann::json& json) {
       ms(link["round_trip_s"]["p50"]), ms(link["round_trip_s"]["p99"]), ms(link["clock_offset_s"]),
       ms(link["clock_offset_error_s"]), ms(json["model_age_s"]["p99"]));
   const auto count = [&link](const char* name) { return link[name].get<unsigned long>(); };
-  std::printf("  line      y = %.4f m; largest strain under the finger %.2f\n",
-              link["line_y_m"].get<double>(), link["largest_strain"].get<double>());
+  std::printf("  layer     %.4f m deep; largest strain under the finger %.2f\n",
+              link["layer_depth_m"].get<double>(), link["largest_strain"].get<double>());
   std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
               json["stalls"]["s"].get<double>());
   const auto spell = [&json](const char* name) {
@@ -215,7 +215,7 @@ void run(Arguments arguments, const CLI::App& command) {
     throw CommandError(with_flags(error.what(), {{"open.fingertip.radius_m", "--tip-radius-m"},
                                                  {"open.fingertip.half_width_m", "--tip-half-width-m"},
                                                  {"open.fingertip.footprint_m", "--tip-footprint-m"},
-                                                 {"open.line_y_m", "--line-y-m"}}));
+                                                 {"open.layer.depth_m", "--layer-depth-m"}}));
   }
   const nlohmann::json json = to_json(arguments, summary);
   print(json);
@@ -238,7 +238,8 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
   command.add_option("--tip-footprint-m", arguments.tip_footprint_m,
                      "node: Gaussian footprint; 0 = one node, as in the paper: lateral force jumps at nodes");
   command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
-  command.add_option("--line-y-m", arguments.line_y_m, "depth of the touched line, 0 = the surface");
+  command.add_option("--layer-depth-m", arguments.layer_depth_m,
+                     "depth of the touched layer, 0 = the surface");
   command
       .add_option("--path", arguments.path, "auto, compliance or pcg (slow: ask for a --period-s to match)")
       ->check(CLI::IsMember({"auto", "compliance", "pcg"}));

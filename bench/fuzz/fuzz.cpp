@@ -128,8 +128,7 @@ v1::TouchAnswer honest_answer(const StabilityTissue& tissue, const Vector3& posi
     set_vector(told.position_m, answer.mutable_foreseen()->mutable_position_m());
     set_force(told, answer.mutable_foreseen());
   }
-  answer.set_covered_begin_m(0);
-  answer.set_covered_end_m(0.12);
+  answer.mutable_covered()->set_end_x_m(0.12);
   return answer;
 }
 
@@ -272,17 +271,31 @@ class Session {
       ++shares.hostile_answers;
     }
     // What the stream was opened with may be as hostile.
-    const double surface_m = source_.happens(1e-4) ? source_.wild() : kSurfaceM;
+    const auto surface = client::surface_from(some_layer());
     const double period_s = source_.happens(1e-3) ? source_.wild() : period_s_;
-    if (const auto converted = client::to_servo_answer(answer, surface_m, period_s, clock_.time_ns))
+    if (!surface) return;  // the link refuses such a stream
+    if (const auto converted = client::to_servo_answer(answer, *surface, period_s, clock_.time_ns))
       loop_->answers().put(*converted);
+  }
+
+  // Level, or now and then anywhere and anyhow.
+  v1::Layer some_layer() {
+    v1::Layer layer;
+    layer.set_depth_m(source_.happens(1e-4) ? source_.wild() : kSurfaceM);
+    if (!source_.happens(2e-4)) return layer;
+    Vector3 normal(source_.wild(), source_.wild(), source_.wild());
+    if (source_.one_of(2) == 0)
+      normal = Vector3(source_.between(-1, 1), 1, source_.between(-1, 1)).normalized();
+    for (const double component : normal) layer.add_normal(component);
+    return layer;
   }
 
   void check(double dt_s, bool enabled, FuzzResult& result, FuzzShares& shares) {
     constexpr double kRounding = 1e-12, kSilentS = 0.5;
     const Vector3& force_n = device_.force_n;
     const double depth_m = std::max(device_.view.surface.depth_m(tick_.pose.position_m), 0.0);
-    const double pressed_m = std::clamp(tick_.pose.position_m.y() - last_m_, 0.0, depth_m);
+    const double way_m = device_.view.surface.normal.dot(tick_.pose.position_m - last_m_);
+    const double pressed_m = std::min(std::max(0.0, way_m), depth_m);
     const double step_n = (force_n - last_n_).norm();
     const double most_n = limits_.largest_slew_n_s * dt_s + limits_.largest_stiffness_n_m * pressed_m;
     const bool silent = tick_.silence_s > kSilentS, grows = force_n.norm() > last_n_.norm();
@@ -304,7 +317,7 @@ class Session {
     shares.slew_limited += dt_s > 0 && grows && step_n >= most_n * (1 - 1e-9);
     shares.at_largest += force_n.norm() >= limits_.largest_force_n * (1 - 1e-9);
     last_n_ = force_n;
-    last_m_ = tick_.pose.position_m.y();
+    last_m_ = tick_.pose.position_m;
   }
 
   static constexpr double kStartS = 1;  // the manual clock's
@@ -323,7 +336,7 @@ class Session {
   std::uint64_t burst_ = 0;  // ticks that are hostile still
   bool no_number_ = false;
   Vector3 last_n_ = Vector3::Zero();
-  double last_m_ = std::numeric_limits<double>::infinity();
+  Vector3 last_m_ = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());  // none yet
   client::ServoTick tick_;
 };
 

@@ -21,7 +21,8 @@ constexpr auto kLookEvery = std::chrono::milliseconds(10);
 v1::Acquisition published(const client::FramePair& pair, const std::string& scene_id, double window_x_m) {
   v1::Acquisition acquisition = pair.acquisition;
   acquisition.mutable_publish()->set_scene_id(scene_id);
-  acquisition.mutable_publish()->set_window_x_m(window_x_m);
+  for (const double origin_m : {window_x_m, 0.0})
+    acquisition.mutable_publish()->mutable_window()->add_origin_m(origin_m);
   return acquisition;
 }
 

@@ -74,7 +74,7 @@ bool comes_to_rest(const Press& press) {
       renderer->update(on_the_way.front(), reading.pose, time_s);
     display.write(renderer->render(reading.pose, time_s).force_n);
     display.show(
-        {.force_on = true, .link_alive = true, .covered = true, .covered_begin_m = 0, .covered_end_m = 0.1});
+        {.force_on = true, .link_alive = true, .covered = true, .region = {.end_x_m = 0.1}});
     const double y_m = display.arm().position_m.y();
     if (!(std::abs(y_m) < 1)) return false;
     low_m[tick / 1000] = std::min(low_m[tick / 1000], y_m);

@@ -77,7 +77,8 @@ AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
 // they travel.
 void AcquireSession::acquire(std::size_t window, const std::atomic<bool>& stop) {
   Upload upload{{}, window, {}};
-  upload.timing.set_window_x_m(planner_.window_x_m(window));
+  for (const double origin_m : {planner_.window_x_m(window), 0.0, 0.0})
+    upload.timing.mutable_window()->add_origin_m(origin_m);
   upload.timing.set_asked_ns(monotonic_ns());
   const ArmSchedule schedule = arm_.acquire(planner_.window_x_m(window), source_.compression_m(), now_s());
   {
@@ -126,7 +127,7 @@ void AcquireSession::upload_loop() {
 
 void AcquireSession::upload_one(Upload upload) {
   upload.pair.acquisition.mutable_publish()->set_scene_id(options_.scene_id);
-  upload.pair.acquisition.mutable_publish()->set_window_x_m(upload.timing.window_x_m());
+  upload.pair.acquisition.mutable_publish()->mutable_window()->CopyFrom(upload.timing.window());
   upload.pair.acquisition.set_modulus_method(options_.modulus_method);
   upload.pair.acquisition.set_modulus_time_limit_s(options_.modulus_time_limit_s);
   if (options_.all_maps) upload.pair.acquisition.clear_maps();

@@ -37,8 +37,7 @@ void SpringAnswers::add(const ServoPose& pose) {
 ServoAnswer SpringAnswers::answer_to(const ServoPose& pose) {
   ServoAnswer answer;
   answer.covered = true;
-  answer.covered_begin_m = -1e3;
-  answer.covered_end_m = 1e3;
+  answer.region = {.begin_x_m = -1e3, .end_x_m = 1e3};
   answer.period_s = 1e-9 * static_cast<double>(period_ns_);
   answer.received_ns = pose.time_ns + age_ns_;
   const Vector3& tool_m = pose.pose.position_m;

@@ -55,7 +55,7 @@ void Hand::press(const OperatorView& view, double indentation_m, double dt_s) no
 
 void Hand::sweep(const OperatorView& view, double dt_s) noexcept {
   const double covered_m =
-      direction_ > 0 ? view.covered_end_m - options_.border_m : view.covered_begin_m + options_.border_m;
+      direction_ > 0 ? view.region.end_x_m - options_.border_m : view.region.begin_x_m + options_.border_m;
   const double end_m = direction_ > 0 ? options_.end_m : options_.begin_m;
   const double to_end_m = direction_ * (end_m - target_m_.x());
   const double to_border_m = view.covered ? direction_ * (covered_m - target_m_.x()) : 0;

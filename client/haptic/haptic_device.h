@@ -7,6 +7,7 @@
 #include <string>
 
 #include "client/haptic/profiles.h"
+#include "client/haptic/region.h"
 #include "client/render/renderer.h"
 
 namespace teletact::client {
@@ -23,8 +24,7 @@ struct OperatorView {
   bool force_on = false;    // state ENABLED
   bool link_alive = false;  // answers arrive
   bool covered = false;     // the finger is over something that can be touched
-  double covered_begin_m = 0;
-  double covered_end_m = 0;
+  Region region = {};       // that is covered around it
   TouchedSurface surface = {};
 };
 

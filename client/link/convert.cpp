@@ -29,20 +29,46 @@ std::optional<Vector3> vector_from(const google::protobuf::RepeatedField<double>
   return Vector3(xyz.Get(0), xyz.Get(1), xyz.size() == 3 ? xyz.Get(2) : 0);
 }
 
-std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, double surface_m, double period_s,
-                                           std::int64_t received_ns) {
+std::optional<TouchedSurface> surface_from(const v1::Layer& layer) {
+  constexpr double kRounding = 1e-6;
+  TouchedSurface surface;
+  if (layer.normal_size() > 0) {
+    const auto normal = vector_from(layer.normal());
+    if (!normal || !(std::abs(normal->norm() - 1) <= kRounding)) return std::nullopt;
+    surface.normal = *normal;
+  }
+  if (!std::isfinite(layer.depth_m())) return std::nullopt;
+  surface.offset_m = surface.normal.y() * layer.depth_m();  // of its point below the origin
+  return surface;
+}
+
+std::optional<Region> region_from(const v1::Region& region) {
+  Region out;
+  out.begin_x_m = region.begin_x_m();
+  out.end_x_m = region.end_x_m();
+  const auto finite = [](double begin_m, double end_m) {
+    return std::isfinite(begin_m) && std::isfinite(end_m);
+  };
+  if (!finite(out.begin_x_m, out.end_x_m)) return std::nullopt;
+  if (!region.has_begin_z_m() || !region.has_end_z_m()) return out;
+  out.begin_z_m = region.begin_z_m();
+  out.end_z_m = region.end_z_m();
+  return finite(out.begin_z_m, out.end_z_m) ? std::optional(out) : std::nullopt;
+}
+
+std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, const TouchedSurface& surface,
+                                           double period_s, std::int64_t received_ns) {
+  const auto region = region_from(answer.covered());
+  const auto position_m = vector_from(answer.position_m());
+  if (!region || !position_m) return std::nullopt;
   ServoAnswer out;
   out.received_ns = received_ns;
   out.period_s = period_s;
-  out.covered_begin_m = answer.covered_begin_m();
-  out.covered_end_m = answer.covered_end_m();
+  out.region = *region;
   ForceSample& sample = out.sample;
   sample.sequence = answer.sequence();
   sample.pose_time_s = 1e-9 * static_cast<double>(answer.pose_stamp().monotonic_ns());
-  sample.surface.offset_m = surface_m;
-  const auto position_m = vector_from(answer.position_m());
-  if (!position_m || !std::isfinite(out.covered_begin_m) || !std::isfinite(out.covered_end_m))
-    return std::nullopt;
+  sample.surface = surface;
   sample.position_m = *position_m;
 
   const v1::TouchStatus status = answer.status();

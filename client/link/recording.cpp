@@ -24,6 +24,7 @@ RecordWriter::RecordWriter(const std::string& path, const v1::RecordHeader& head
     : path_(path), file_(path, std::ios::binary | std::ios::trunc) {
   v1::RecordEntry first;
   *first.mutable_header() = header;
+  first.mutable_header()->set_version(kRecordingVersion);
   if (!file_ || !util::SerializeDelimitedToOstream(first, &file_) || !file_.flush()) {
     throw std::runtime_error("cannot write the recording '" + path + "': " + std::strerror(errno) +
                              "; choose another file with --record");
@@ -121,6 +122,10 @@ RecordReader::RecordReader(const std::string& path) : path_(path) {
     throw std::runtime_error("'" + path + "' is no recording of teletact-client (touch or acquire --record)");
   }
   header_ = first->header();
+  if (header_.version() != kRecordingVersion)
+    throw std::runtime_error("the recording '" + path + "' is of version " +
+                             std::to_string(header_.version()) + ", and this client reads version " +
+                             std::to_string(kRecordingVersion) + ": record it anew");
 }
 
 RecordReader::~RecordReader() = default;

@@ -16,6 +16,8 @@
 
 namespace teletact::client {
 
+constexpr std::uint32_t kRecordingVersion = 2;  // of the messages: RecordHeader.version
+
 // Writes entries on a thread of its own, so that neither the servo nor the link ever waits for a disk.
 class RecordWriter {
  public:
@@ -53,7 +55,8 @@ class RecordWriter {
 
 class RecordReader {
  public:
-  // Throws std::runtime_error when the file cannot be read or does not start with a header.
+  // Throws std::runtime_error when the file cannot be read, does not start with a header, or is of another
+  // version.
   explicit RecordReader(const std::string& path);
   ~RecordReader();
   RecordReader(const RecordReader&) = delete;

@@ -23,20 +23,26 @@ bool sane(const v1::TouchAnswer& answer) {
 
 std::string TouchAnswers::take_opened(const v1::TouchOpened& opened) {
   constexpr double kLongestPeriodS = 10, kFarthestM = 10;
-  const auto problem = [](const char* field, double value, const char* remedy) {
+  const auto problem = [](const char* field, const auto& value, const char* remedy) {
     return fmt::format("the service opened the stream with {} {}: {}", field, value, remedy);
   };
   if (!(opened.period_s() > 0 && opened.period_s() <= kLongestPeriodS))
     return problem("period_s", opened.period_s(), "it must be above 0 and at most 10 s");
-  if (!(std::abs(opened.line_y_m()) <= kFarthestM))
-    return problem("line_y_m", opened.line_y_m(), "it must be within 10 m");
-  for (const double x_m : {opened.covered_begin_m(), opened.covered_end_m()})
-    if (!(std::abs(x_m) <= kFarthestM)) return problem("covered_m", x_m, "it must be within 10 m");
+  const auto surface = surface_from(opened.layer());
+  if (!(std::abs(opened.layer().depth_m()) <= kFarthestM))
+    return problem("layer.depth_m", opened.layer().depth_m(), "it must be within 10 m");
+  if (!surface)
+    return problem("layer.normal", fmt::format("{}", fmt::join(opened.layer().normal(), ", ")),
+                   "it must be a unit vector");
+  const v1::Region& covered = opened.covered();
+  for (const double end_m : {covered.begin_x_m(), covered.end_x_m(), covered.begin_z_m(), covered.end_z_m()})
+    if (!(std::abs(end_m) <= kFarthestM)) return problem("covered", end_m, "it must be within 10 m");
   constexpr std::uint32_t kMostCredit = 8;  // palpation.proto
   if (opened.credit() < 1 || opened.credit() > kMostCredit)
     return problem("credit", opened.credit(), "it must be 1 to 8");
   stats.period_s = opened.period_s();
-  stats.line_y_m = opened.line_y_m();
+  surface_ = *surface;
+  stats.layer_depth_m = opened.layer().depth_m();
   ++stats.streams;
   if (opened.instance() != service_instance_) {
     if (service_instance_ != 0) spdlog::warn("the service was restarted");
@@ -44,7 +50,7 @@ std::string TouchAnswers::take_opened(const v1::TouchOpened& opened) {
     clock_offset_.reset();
     ++stats.instances;
   }
-  if (stats.streams > 1) spdlog::info("touch stream open again, line at y = {:.4f} m", opened.line_y_m());
+  if (stats.streams > 1) spdlog::info("touch stream open again, layer at {:.4f} m", stats.layer_depth_m);
   say_who_steers(opened.steers(), opened.steered_by());
   return "";
 }
@@ -52,7 +58,7 @@ std::string TouchAnswers::take_opened(const v1::TouchOpened& opened) {
 std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answer, bool ours,
                                                      std::int64_t sent_ns, std::int64_t received_ns) {
   ++stats.answers;
-  auto converted = to_servo_answer(answer, stats.line_y_m, stats.period_s, received_ns);
+  auto converted = to_servo_answer(answer, surface_, stats.period_s, received_ns);
   if (!converted || !ours) {
     ++stats.dropped;
     return std::nullopt;
@@ -111,8 +117,8 @@ void TouchAnswers::say_what_it_warns_of(const v1::TouchAnswer& answer, std::int6
 
 void TouchAnswers::say_whether_prepared(const v1::TouchAnswer& answer) {
   const bool preparing = answer.status() == v1::TOUCH_STATUS_PREPARING;
-  if (preparing && !preparing_) spdlog::info("no force yet: the service prepares the touched line's model");
-  if (!preparing && preparing_) spdlog::info("the touched line's model is prepared");
+  if (preparing && !preparing_) spdlog::info("no force yet: the service prepares the touched layer's model");
+  if (!preparing && preparing_) spdlog::info("the touched layer's model is prepared");
   preparing_ = preparing;
 }
 

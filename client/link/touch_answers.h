@@ -29,7 +29,7 @@ struct TouchLinkStats {
   Histogram latencies_s;           // pose sampled -> answer received, of the distinct ones
   double first_answer_s = 0;       // servo clock
   double last_answer_s = 0;
-  double line_y_m = 0;
+  double layer_depth_m = 0;         // in use
   double period_s = 0;              // negotiated
   Histogram round_trips_s;          // pose sent -> answer received, less what the service took
   double clock_offset_s = 0;        // the service's clock minus ours, by the newest answer
@@ -57,6 +57,7 @@ class TouchAnswers {
 
   std::int64_t warned_ns_ = -1'000'000'000;  // when an answer's warning was logged last
   bool remarked_ = false, preparing_ = false;
+  TouchedSurface surface_;
   std::string who_steers_;  // as it was said last
   bool covered_ = true;
   std::uint64_t service_instance_ = 0;

@@ -79,8 +79,9 @@ double touchable_near(const v1::Scene& scene, double wish_m) {
   double nearest_m = wish_m, distance_m = 1e300;
   for (const v1::Window& window : scene.windows()) {
     if (!window.touchable()) continue;
-    const double inside_m = std::min(kInsideM, (window.end_m() - window.begin_m()) / 2);
-    const double x_m = std::clamp(wish_m, window.begin_m() + inside_m, window.end_m() - inside_m);
+    const double inside_m = std::min(kInsideM, (window.covers().end_x_m() - window.covers().begin_x_m()) / 2);
+    const double x_m =
+        std::clamp(wish_m, window.covers().begin_x_m() + inside_m, window.covers().end_x_m() - inside_m);
     if (std::abs(x_m - wish_m) >= distance_m) continue;
     distance_m = std::abs(x_m - wish_m);
     nearest_m = x_m;
@@ -95,9 +96,10 @@ double start_of_real_device(const v1::Scene& scene, const std::optional<double>&
   bool covered = false;
   for (const v1::Window& window : scene.windows()) {
     if (!window.touchable()) continue;
-    begin_m = std::min(begin_m, window.begin_m());
-    end_m = std::max(end_m, window.end_m());
-    covered = covered || (asked_m && *asked_m >= window.begin_m() && *asked_m <= window.end_m());
+    begin_m = std::min(begin_m, window.covers().begin_x_m());
+    end_m = std::max(end_m, window.covers().end_x_m());
+    covered = covered ||
+              (asked_m && *asked_m >= window.covers().begin_x_m() && *asked_m <= window.covers().end_x_m());
   }
   const double start_m = asked_m ? *asked_m : touchable_near(scene, (begin_m + end_m) / 2);
   if (asked_m && !covered)
@@ -120,8 +122,8 @@ HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) 
   double end_m = -1e300;
   for (const v1::Window& window : scene.windows()) {
     if (!window.touchable()) continue;
-    begin_m = std::min(begin_m, window.begin_m() + kInsideM);
-    end_m = std::max(end_m, window.end_m() - kInsideM);
+    begin_m = std::min(begin_m, window.covers().begin_x_m() + kInsideM);
+    end_m = std::max(end_m, window.covers().end_x_m() - kInsideM);
   }
   HandOptions hand = options.hand;
   hand.begin_m = options.begin_m.value_or(begin_m);

@@ -29,7 +29,7 @@ struct ForceError {
   std::vector<ForceSamplePoint> samples;
 };
 
-// Throws std::runtime_error when nothing of the path can be judged, or when an interior line was touched.
+// Throws std::runtime_error when nothing of the path can be judged, or when an interior layer was touched.
 ForceError force_error(const Patient& patient, const TouchRecord& record,
                        const ForceErrorOptions& options = {});
 

@@ -26,13 +26,13 @@ Finger finger_of(const v1::Fingertip& tip) {
   return finger;
 }
 
-TouchTick tick_of(const v1::ServoSample& sample, double time_s, double line_y_m) {
+TouchTick tick_of(const v1::ServoSample& sample, double time_s, double layer_depth_m) {
   if (sample.position_m_size() < 2 || sample.force_n_size() < 2)
     throw std::runtime_error("the touch recording holds a servo sample without position or force");
   TouchTick tick;
   tick.time_s = time_s;
   tick.x_m = sample.position_m(0);
-  tick.indentation_m = sample.position_m(1) - line_y_m;
+  tick.indentation_m = sample.position_m(1) - layer_depth_m;
   tick.force_x_n = sample.force_n(0);
   tick.force_y_n = sample.force_n(1);
   tick.lateness_s = sample.lateness_s();
@@ -72,13 +72,13 @@ TouchRecord read_touch_record(const std::string& path) {
             path + ": touched with a sticking tip; the true force is known for a frictionless one");
     }
     if (entry->has_touch_response() && entry->touch_response().has_opened()) {
-      record.line_y_m = entry->touch_response().opened().line_y_m();
+      record.layer_depth_m = entry->touch_response().opened().layer().depth_m();
       record.instances.insert(entry->touch_response().opened().instance());
     }
     if (entry->has_touch_response() && entry->touch_response().has_answer())
       add_answer(entry->touch_response().answer(), *entry, record);
     if (entry->has_servo())
-      record.ticks.push_back(tick_of(entry->servo(), entry->monotonic_ns() * 1e-9, record.line_y_m));
+      record.ticks.push_back(tick_of(entry->servo(), entry->monotonic_ns() * 1e-9, record.layer_depth_m));
   }
   if (record.ticks.empty())
     throw std::runtime_error(path + ": holds no servo samples; touch again with --record");
@@ -96,7 +96,9 @@ AcquireRecord read_acquire_record(const std::string& path) {
       received_to_published_s[entry->call()] = entry->estimate_response().summary().received_to_published_s();
     if (entry->has_window()) {
       const v1::WindowTiming& timing = entry->window();
-      record.windows.push_back({timing.window_x_m(), timing.published_ns() * 1e-9,
+      if (timing.window().origin_m().empty())
+        throw std::runtime_error(path + ": holds a window without its place");
+      record.windows.push_back({timing.window().origin_m(0), timing.published_ns() * 1e-9,
                                 (timing.published_ns() - timing.asked_ns()) * 1e-9,
                                 received_to_published_s[entry->call()]});
     }

@@ -16,7 +16,7 @@ namespace teletact::client {
 
 struct TouchTick {
   double time_s = 0;
-  double x_m = 0, indentation_m = 0;    // of the device's tip; indentation from the touched line
+  double x_m = 0, indentation_m = 0;    // of the device's tip; indentation from the touched layer
   double force_x_n = 0, force_y_n = 0;  // written to the device
   double lateness_s = 0;
   bool enabled = false;
@@ -32,7 +32,7 @@ struct TouchAnswerTime {
 
 struct TouchRecord {
   Finger finger;
-  double line_y_m = 0;
+  double layer_depth_m = 0;
   std::string scene_id;
   std::vector<TouchTick> ticks;
   std::vector<TouchAnswerTime> answers;

@@ -169,8 +169,7 @@ void ServoLoop::show() noexcept {
   view.force_on = states_.state() == ServoState::kEnabled;
   view.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
   view.covered = answered_ && answer_.covered;
-  view.covered_begin_m = answer_.covered_begin_m;
-  view.covered_end_m = answer_.covered_end_m;
+  view.region = answer_.region;
   view.surface = answer_.sample.surface;
   device_.show(view);
 }

@@ -23,8 +23,7 @@ struct ServoAnswer {
   bool has_force = true;  // false: the service could not compute one; the link is alive all the same
   bool covered = false;   // a window covers the pose
   bool degraded = false;  // the service says that its force is not to be trusted
-  double covered_begin_m = 0;
-  double covered_end_m = 0;
+  Region region = {};     // that is covered around it
   std::int64_t received_ns = 0;  // servo clock
   double period_s = 0;           // negotiated for the stream
   double round_trip_s = 0;       // of the link, smoothed; 0: not known

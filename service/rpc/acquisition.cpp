@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
@@ -224,6 +225,26 @@ Plane plane_of(const v1::Acquisition& in) {
   }
 }
 
+// Along x alone a window of a plane scene may lie anywhere.
+double window_x_from(const v1::SlicePose& in) {
+  const auto lies_along = [](const char* field, const auto& stated, const std::array<double, 3>& axis) {
+    if (stated.empty() || vector_from(field, stated, false) == axis) return;
+    throw std::invalid_argument(
+        fmt::format("{}: a plane scene's windows lie along its own axes; leave it out", field));
+  };
+  lies_along("publish.window.lateral", in.lateral(), {1, 0, 0});
+  lies_along("publish.window.axial", in.axial(), {0, 1, 0});
+  constexpr const char* kOrigin = "publish.window.origin_m";
+  const auto origin_m = vector_from(kOrigin, in.origin_m(), false);
+  for (const std::size_t axis : {1U, 2U})
+    if (origin_m[axis] != 0)
+      throw std::invalid_argument(
+          fmt::format("{}[{}]: {}; a plane scene's windows begin at its surface and lie in its plane: give "
+                      "[x, 0, 0]",
+                      kOrigin, axis, origin_m[axis]));
+  return origin_m[0];
+}
+
 }  // namespace
 
 EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, const Limits& limits) {
@@ -250,7 +271,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, co
                   "give seconds after the last byte, or leave it out");
   if (in.has_publish()) {
     request.scene = scenes.find(in.publish().scene_id());
-    request.window_x_m = in.publish().window_x_m();
+    request.window_x_m = window_x_from(in.publish().window());
     request.scene->check_window(request.window_x_m, request.window_x_m + request.window_width_m());
     if (!request.force)
       throw std::invalid_argument(

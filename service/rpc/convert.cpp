@@ -44,7 +44,31 @@ std::size_t checked_items(const char* field, const v1::Array& array) {
   return static_cast<std::size_t>(items);
 }
 
+namespace {
+
+[[noreturn]] void refuse_solid(const std::string& field, const char* remedy) {
+  throw std::invalid_argument(field + ": solids are not supported yet; " + remedy);
+}
+
+EdgeSupport support_of(bool held) {
+  return held ? EdgeSupport::kFixed : EdgeSupport::kFree;
+}
+
+// Nothing said: the bottom alone.
+Supports supports_from(const v1::SceneGeometry& in) {
+  if (!in.has_supports()) return {};
+  const v1::Supports& s = in.supports();
+  if (s.z_min() || s.z_max())
+    refuse_solid(s.z_min() ? "geometry.supports.z_min" : "geometry.supports.z_max",
+                 "a plane scene has no such face: leave it out");
+  return {support_of(s.surface()), support_of(s.bottom()), support_of(s.x_min()), support_of(s.x_max())};
+}
+
+}  // namespace
+
 SceneGeometry geometry_from(const v1::SceneGeometry& in, const Limits& limits) {
+  if (in.size_m_size() == 3)
+    refuse_solid("geometry.size_m[2]", "give [width, depth] of a plane scene, and thickness_m");
   if (in.size_m_size() != 2)
     throw std::invalid_argument(fmt::format(
         "geometry.size_m: {} values, this service models [width, depth]; give two", in.size_m_size()));
@@ -53,14 +77,14 @@ SceneGeometry geometry_from(const v1::SceneGeometry& in, const Limits& limits) {
   g.depth_m = in.size_m(1);
   if (in.has_poisson_ratio() || in.poisson_ratio() != 0) g.poisson_ratio = in.poisson_ratio();
   if (in.thickness_m() != 0) g.thickness_m = in.thickness_m();
-  const auto edge = [](bool fixed) { return fixed ? EdgeSupport::kFixed : EdgeSupport::kFree; };
-  g.supports = {edge(in.fixed_top()), edge(!in.free_bottom()), edge(in.fixed_left()), edge(in.fixed_right())};
+  g.supports = supports_from(in);
   validate(g, limits);
   return g;
 }
 
 ExplicitModulus modulus_from(const v1::ModulusMap& in, std::size_t most_elements) {
   const v1::Array& array = in.youngs_modulus_pa();
+  if (!in.z_m().empty()) refuse_solid("modulus.z_m", "leave it out: a plane scene is the same for every z");
   if (in.x_m_size() < 2 || in.y_m_size() < 2)
     throw std::invalid_argument("modulus.x_m, modulus.y_m: give at least 2 node coordinates each");
   const std::size_t columns = static_cast<std::size_t>(in.x_m_size()) - 1,
@@ -100,10 +124,11 @@ void geometry_to(const SceneGeometry& g, v1::SceneGeometry* out) {
   out->set_poisson_ratio(g.poisson_ratio);
   out->set_has_poisson_ratio(true);
   out->set_thickness_m(g.thickness_m);
-  out->set_fixed_top(fixed(g.supports.top));
-  out->set_free_bottom(!fixed(g.supports.bottom));
-  out->set_fixed_left(fixed(g.supports.left));
-  out->set_fixed_right(fixed(g.supports.right));
+  v1::Supports* supports = out->mutable_supports();
+  supports->set_surface(fixed(g.supports.top));
+  supports->set_bottom(fixed(g.supports.bottom));
+  supports->set_x_min(fixed(g.supports.left));
+  supports->set_x_max(fixed(g.supports.right));
 }
 
 // The uniform cells on which a scene is shown.
@@ -195,8 +220,7 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
     v1::Window* w = out->add_windows();
     w->set_window_id(window->id);
     w->set_version(window->version);
-    w->set_begin_m(window->region.begin_x_m);
-    w->set_end_m(window->region.end_x_m);
+    region_to(window->region, w->mutable_covers());
     w->set_touchable(window->model != nullptr);
     if (window->evidence)
       evidence_to(*window->evidence, snapshot->lone(*window), instance, w->mutable_evidence());
@@ -206,6 +230,19 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
                                                  : view_of(*snapshot->map);
   map_to(view, "youngs_modulus", "Pa", v1::DATA_TYPE_FLOAT32, view.modulus_pa, out->mutable_youngs_modulus());
   map_to(view, "valid", "1", v1::DATA_TYPE_UINT8, view.valid, out->mutable_valid());
+}
+
+void region_to(const Region& in, v1::Region* out) {
+  out->set_begin_x_m(in.begin_x_m);
+  out->set_end_x_m(in.end_x_m);
+  if (!std::isfinite(in.begin_z_m) || !std::isfinite(in.end_z_m)) return;
+  out->set_begin_z_m(in.begin_z_m);
+  out->set_end_z_m(in.end_z_m);
+}
+
+void layer_to(const Layer& in, v1::Layer* out) {
+  out->set_depth_m(in.depth_m);
+  for (const double component : in.pushes) out->add_normal(component);
 }
 
 TouchOptions touch_options_from(const v1::TouchOpen& in) {
@@ -229,7 +266,7 @@ TouchOptions touch_options_from(const v1::TouchOpen& in) {
   if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();
   if (in.fingertip().half_width_m() != 0) tip.half_width_m = in.fingertip().half_width_m();
   tip.footprint_m = in.fingertip().footprint_m();
-  options.layer_depth_m = in.line_y_m();
+  options.layer_depth_m = in.layer().depth_m();
   switch (in.path()) {
     case v1::SOLVE_PATH_UNSPECIFIED:
       options.path = SolvePath::kAuto;
@@ -309,9 +346,9 @@ void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
   out->set_energy_j(c.energy_j);
   for (const NodalPressure& node : c.pressure) {
     v1::NodalPressure* p = out->add_pressure();
-    p->set_x_m(node.position_m[0]);
+    for (const double at_m : node.position_m) p->add_position_m(at_m);
     p->set_pressure_pa(node.pressure_pa);
-    p->set_traction_pa(node.traction_pa[0]);
+    for (const double traction_pa : node.traction_pa) p->add_traction_pa(traction_pa);
   }
   out->set_window_id(in.window_id);
   out->set_model_version(in.model_version);
@@ -328,8 +365,7 @@ void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
   out->set_largest_strain(c.largest_strain);
   out->set_warning(in.warning);
   for (const std::string& flag : in.window_flags) out->add_window_flags(flag);
-  out->set_covered_begin_m(in.covered.begin_x_m);
-  out->set_covered_end_m(in.covered.end_x_m);
+  region_to(in.covered, out->mutable_covered());
 }
 
 }  // namespace teletact::service

@@ -25,6 +25,8 @@ ExplicitModulus modulus_from(const v1::ModulusMap&, std::size_t most_elements);
 std::uint64_t scene_bytes(const Scene&, v1::SceneView);
 void scene_to(const Scene&, v1::SceneView, std::uint64_t instance, v1::Scene*);
 
+void region_to(const Region&, v1::Region*);
+void layer_to(const Layer&, v1::Layer*);
 TouchOptions touch_options_from(const v1::TouchOpen&);
 // [x, y] or [x, y, z]; what is absent is zero. Throws std::invalid_argument.
 std::array<double, 3> vector_from(const char* field, const google::protobuf::RepeatedField<double>&,

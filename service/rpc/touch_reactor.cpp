@@ -155,9 +155,8 @@ void TouchReactor::write_opened() {
   opened->set_period_s(std::chrono::duration<double>(period_).count());
   opened->set_credit(credit_);
   opened->set_instance(core_.instance);
-  opened->set_line_y_m(session_->layer().depth_m);
-  opened->set_covered_begin_m(covered.begin_x_m);
-  opened->set_covered_end_m(covered.end_x_m);
+  layer_to(session_->layer(), opened->mutable_layer());
+  region_to(covered, opened->mutable_covered());
   steering_to(*opened);
   write(response_);
 }

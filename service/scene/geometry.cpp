@@ -30,8 +30,8 @@ void validate(const SceneGeometry& g, const Limits& limits) {
   const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };
   if (!fixed(s.top) && !fixed(s.bottom) && !fixed(s.left) && !fixed(s.right))
     throw std::invalid_argument(
-        "geometry.free_bottom: no edge is held, so the tissue would float away; fix the bottom or another "
-        "edge");
+        "geometry.supports: no face is held, so the tissue would float away; hold the bottom or another "
+        "face");
 }
 
 }  // namespace teletact::service

@@ -156,7 +156,7 @@ void Scene::swap_in(std::shared_ptr<SceneSnapshot> next) {
 Layer Scene::layer_near(double depth_m) const {
   if (!(depth_m >= 0 && depth_m <= geometry_.depth_m) || layers_.empty())
     throw std::invalid_argument(
-        fmt::format("open.line_y_m: {} is outside the tissue; give a depth within [0, {}] m", depth_m,
+        fmt::format("open.layer.depth_m: {} is outside the tissue; give a depth within [0, {}] m", depth_m,
                     geometry_.depth_m));
   const auto away_m = [depth_m](const Layer& layer) { return std::abs(layer.depth_m - depth_m); };
   const Layer nearest = *std::min_element(
@@ -166,7 +166,7 @@ Layer Scene::layer_near(double depth_m) const {
       geometry_.supports.bottom == EdgeSupport::kFixed && geometry_.depth_m - depth_m < away_m(nearest);
   if (at_top || at_bottom)
     throw std::invalid_argument(fmt::format(
-        "open.line_y_m: the line at {} m is held by a support and cannot be touched; give another depth",
+        "open.layer.depth_m: the layer at {} m is held by a support and cannot be touched; give another depth",
         at_top ? 0 : geometry_.depth_m));
   return nearest;
 }
@@ -188,7 +188,7 @@ void Scene::check_window(double begin_m, double end_m) const {
   if (!std::isfinite(begin_m) || !std::isfinite(end_m) || begin_m < -kOverhangM || end_m <= begin_m ||
       end_m > geometry_.width_m + kOverhangM)
     throw std::invalid_argument(
-        fmt::format("publish.window_x_m: the window [{}, {}) m is not within the tissue, [0, {}] m; "
+        fmt::format("publish.window.origin_m: the window [{}, {}) m is not within the tissue, [0, {}] m; "
                     "move the window or make the scene wider",
                     begin_m, end_m, geometry_.width_m));
 }

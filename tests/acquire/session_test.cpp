@@ -126,7 +126,7 @@ TEST(AcquireSession, PublishesTheStartThenWhatLiesAheadOfTheFingerAndEndsWhenItL
   EXPECT_TRUE(ready);
   EXPECT_EQ(published_when_ready, 3);  // the start window and two ahead
   std::vector<double> order;
-  for (const auto& window : result.windows) order.push_back(window.window_x_m());
+  for (const auto& window : result.windows) order.push_back(window.window().origin_m(0));
   const std::vector<double> expected{0.0, 0.06, 0.12, 0.24, 0.18};
   ASSERT_EQ(order.size(), expected.size());
   for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(order[i], expected[i], 1e-12) << i;
@@ -134,7 +134,7 @@ TEST(AcquireSession, PublishesTheStartThenWhatLiesAheadOfTheFingerAndEndsWhenItL
   ASSERT_EQ(calls.size(), 5u);
   for (const auto& call : calls) {
     EXPECT_EQ(call.acquisition.publish().scene_id(), "s");
-    const int window = static_cast<int>(call.acquisition.publish().window_x_m() / 0.06 + 0.5);
+    const int window = static_cast<int>(call.acquisition.publish().window().origin_m(0) / 0.06 + 0.5);
     EXPECT_EQ(call.pre[0], static_cast<char>(window)) << "a window was published with another's frames";
     EXPECT_NEAR(call.acquisition.probe_force().force_n(), 3 + window, 1e-12);
   }

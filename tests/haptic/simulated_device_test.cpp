@@ -18,7 +18,7 @@ SimulatedDeviceOptions options() {
 }
 
 OperatorView felt() {
-  return {.force_on = true, .link_alive = true, .covered = true, .covered_begin_m = 0, .covered_end_m = 0.12};
+  return {.force_on = true, .link_alive = true, .covered = true, .region = {.end_x_m = 0.12}};
 }
 
 // Runs the device against tissue at 1 kHz; `each(t, reading)` sees every tick.
@@ -87,7 +87,7 @@ TEST(SimulatedDevice, IsHeldAtTheBorderUntilItGrows) {
   SimulatedDevice device(options());
   device.open();
   OperatorView view = felt();
-  view.covered_end_m = 0.06;
+  view.region.end_x_m = 0.06;
   bool held = false;
   double largest_x = 0;
   play(device, view, 3, [&](double, const DeviceReading& reading) {
@@ -97,7 +97,7 @@ TEST(SimulatedDevice, IsHeldAtTheBorderUntilItGrows) {
   EXPECT_TRUE(held);
   EXPECT_LE(largest_x, 0.06);
   EXPECT_NEAR(largest_x, 0.059, 0.001);
-  view.covered_end_m = 0.12;
+  view.region.end_x_m = 0.12;
   play(device, view, 0.5, [&](double, const DeviceReading& reading) { held = reading.held_at_border; });
   EXPECT_FALSE(held);
   EXPECT_GT(device.exact().position_m.x(), 0.07);

@@ -55,7 +55,7 @@ Pressed press(const HandOptions& held, double stiffness_n_m, double damping_shar
   SimulatedPositionDevice device(options);
   device.open();
   const OperatorView felt{
-      .force_on = true, .link_alive = true, .covered = true, .covered_begin_m = 0, .covered_end_m = 0.1};
+      .force_on = true, .link_alive = true, .covered = true, .region = {.end_x_m = 0.1}};
   std::array<double, 6> low, high;
   low.fill(1e9);
   high.fill(-1e9);

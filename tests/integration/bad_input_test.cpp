@@ -240,7 +240,7 @@ TEST(TouchInput, WhatCannotBeIsRefusedInWords) {
   for (const char* wait : {"-1", "nan"})
     refused({"--service", nobody, "--wait-s", wait}, {"--wait-s", "0 or more"});
   for (const char* option : {"--indentation-m", "--speed-m-s", "--begin-m", "--hand-mass-kg",
-                             "--hand-damping-n-s-m", "--hand-stiffness-n-m", "--period-s", "--line-y-m"})
+                             "--hand-damping-n-s-m", "--hand-stiffness-n-m", "--period-s", "--layer-depth-m"})
     refused({"--service", nobody, option, "nan"}, {option, "finite number"});
 }
 

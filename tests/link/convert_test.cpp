@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace teletact::client {
 namespace {
 
@@ -15,8 +17,8 @@ v1::TouchAnswer answer(v1::TouchStatus status) {
 }
 
 TEST(Convert, TheServicesDoubtReachesTheServo) {
-  const auto good = to_servo_answer(answer(v1::TOUCH_STATUS_OK), 0, 0.002, 1);
-  const auto doubted = to_servo_answer(answer(v1::TOUCH_STATUS_DEGRADED), 0, 0.002, 1);
+  const auto good = to_servo_answer(answer(v1::TOUCH_STATUS_OK), {}, 0.002, 1);
+  const auto doubted = to_servo_answer(answer(v1::TOUCH_STATUS_DEGRADED), {}, 0.002, 1);
   ASSERT_TRUE(good && doubted);
   EXPECT_FALSE(good->degraded);
   EXPECT_TRUE(doubted->degraded);
@@ -25,7 +27,7 @@ TEST(Convert, TheServicesDoubtReachesTheServo) {
 }
 
 TEST(Convert, WhileALineIsBeingPreparedThereIsNoForce) {
-  const auto preparing = to_servo_answer(answer(v1::TOUCH_STATUS_PREPARING), 0, 0.002, 1);
+  const auto preparing = to_servo_answer(answer(v1::TOUCH_STATUS_PREPARING), {}, 0.002, 1);
   ASSERT_TRUE(preparing);
   EXPECT_FALSE(preparing->has_force);
   EXPECT_FALSE(preparing->degraded);
@@ -36,7 +38,7 @@ TEST(Convert, AllThreeComponentsComeFromTheServiceAndGoToIt) {
   in.set_position_m(0, 0.01), in.set_position_m(1, 0.002), in.set_position_m(2, 0.03);
   in.set_force_n(2, 0.25);
   for (int k = 0; k < 9; ++k) in.set_tangent_n_m(k, k);
-  const auto servo = to_servo_answer(in, 0.001, 0.002, 1);
+  const auto servo = to_servo_answer(in, {.offset_m = 0.001}, 0.002, 1);
   ASSERT_TRUE(servo);
   EXPECT_EQ(servo->sample.position_m, Vector3(0.01, 0.002, 0.03));
   EXPECT_EQ(servo->sample.force_n, Vector3(0.1, -0.6, 0.25));
@@ -44,12 +46,12 @@ TEST(Convert, AllThreeComponentsComeFromTheServiceAndGoToIt) {
   EXPECT_NEAR(servo->sample.surface.depth_m(servo->sample.position_m), 0.001, 1e-15);
   // a force across the plane alone is one, and two components are those of a plane
   for (const int axis : {0, 1}) in.set_force_n(axis, 0);
-  EXPECT_TRUE(to_servo_answer(in, 0, 0.002, 1)->sample.contact);
+  EXPECT_TRUE(to_servo_answer(in, {}, 0.002, 1)->sample.contact);
   in = answer(v1::TOUCH_STATUS_OK);
   in.mutable_position_m()->Truncate(2), in.mutable_force_n()->Truncate(2);
-  EXPECT_EQ(to_servo_answer(in, 0, 0.002, 1)->sample.force_n, Vector3(0.1, -0.6, 0));
+  EXPECT_EQ(to_servo_answer(in, {}, 0.002, 1)->sample.force_n, Vector3(0.1, -0.6, 0));
   in.mutable_force_n()->Truncate(1);
-  EXPECT_FALSE(to_servo_answer(in, 0, 0.002, 1));
+  EXPECT_FALSE(to_servo_answer(in, {}, 0.002, 1));
   const ServoPose pose{{{0.01, 0.002, 0.03}, {0.1, 0.2, 0.3}}, 5};
   const v1::ContactPose out = to_request(pose, 1, 0, 2).pose();
   EXPECT_EQ(vector_from(out.position_m()), pose.pose.position_m);
@@ -58,6 +60,35 @@ TEST(Convert, AllThreeComponentsComeFromTheServiceAndGoToIt) {
   EXPECT_EQ(vector_from(sample.position_m()), pose.pose.position_m);
   EXPECT_EQ(vector_from(sample.velocity_m_s()), pose.pose.velocity_m_s);
   EXPECT_EQ(vector_from(sample.force_n()), Vector3(0.1, -0.2, 0.3));
+}
+
+TEST(Convert, ALayerIsThePlaneThroughItsPointAndAcrossItsNormal) {
+  v1::Layer layer;
+  layer.set_depth_m(0.01);
+  EXPECT_EQ(surface_from(layer)->depth_m({0.3, 0.012, -0.2}), 0.012 - 0.01);
+  for (const double component : {0.6, 0.8, 0.0}) layer.add_normal(component);
+  const auto surface = surface_from(layer);
+  ASSERT_TRUE(surface);
+  EXPECT_NEAR(surface->depth_m({0, 0.01, 0.5}), 0, 1e-15);
+  EXPECT_NEAR(surface->depth_m({0.006, 0.018, 0.5}), 0.01, 1e-15);
+  layer.set_normal(0, 0.7);
+  EXPECT_FALSE(surface_from(layer));
+  layer.mutable_normal()->Clear();
+  layer.set_depth_m(NAN);
+  EXPECT_FALSE(surface_from(layer));
+}
+
+TEST(Convert, ARegionWithoutBothEndsAlongZReachesAllTheWay) {
+  v1::Region region;
+  region.set_begin_x_m(0.1), region.set_end_x_m(0.2), region.set_end_z_m(0.3);
+  EXPECT_EQ(region_from(region)->begin_x_m, 0.1);
+  EXPECT_EQ(region_from(region)->end_x_m, 0.2);
+  EXPECT_EQ(region_from(region)->end_z_m, INFINITY);
+  region.set_begin_z_m(-0.3);
+  EXPECT_EQ(region_from(region)->begin_z_m, -0.3);
+  EXPECT_EQ(region_from(region)->end_z_m, 0.3);
+  region.set_begin_z_m(NAN);
+  EXPECT_FALSE(region_from(region));
 }
 
 TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {

@@ -102,7 +102,7 @@ class FakePalpation final : public v1::Palpation::Service {
     if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene '" + request->scene_id() + "' is unknown"};
     scene->set_scene_id(request->scene_id());
     v1::Window& window = *scene->add_windows();
-    window.set_end_m(0.12);
+    window.mutable_covers()->set_end_x_m(0.12);
     window.set_touchable(true);
     scene->mutable_geometry()->add_size_m(0.12);
     scene->mutable_geometry()->add_size_m(0.04);
@@ -254,7 +254,7 @@ class FakePalpation final : public v1::Palpation::Service {
       for (const double m : told.position_m) answer.mutable_foreseen()->add_position_m(m);
       add_force(told, *answer.mutable_foreseen());
     }
-    answer.set_covered_end_m(0.12);
+    answer.mutable_covered()->set_end_x_m(0.12);
     answer.mutable_answer_stamp()->set_instance(instance_);
     answer.set_model_version(1);
   }

@@ -1,10 +1,12 @@
 #include "client/link/recording.h"
 
+#include <google/protobuf/util/delimited_message_util.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 
 namespace teletact::client {
 namespace {
@@ -49,6 +51,25 @@ TEST_F(RecordingTest, ComesBackAsItWasWritten) {
   }
   EXPECT_EQ(count, 5000);
   EXPECT_FALSE(reader.truncated());
+}
+
+TEST_F(RecordingTest, OfAnotherVersionIsRefused) {
+  v1::RecordEntry first;
+  first.mutable_header()->set_kind("touch");
+  for (const std::uint32_t version : {0U, kRecordingVersion + 1}) {
+    first.mutable_header()->set_version(version);
+    std::ofstream file(path_, std::ios::binary);
+    google::protobuf::util::SerializeDelimitedToOstream(first, &file);
+    file.close();
+    try {
+      RecordReader reader(path_);
+      FAIL() << version;
+    } catch (const std::runtime_error& refused) {
+      EXPECT_NE(std::string(refused.what()).find("is of version " + std::to_string(version)),
+                std::string::npos)
+          << refused.what();
+    }
+  }
 }
 
 TEST_F(RecordingTest, LargeEntriesComeBack) {

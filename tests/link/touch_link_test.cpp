@@ -184,15 +184,15 @@ TEST(TouchLink, StopsAtOnceWithoutAService) {
 TEST(Convert, AMalformedAnswerIsDropped) {
   v1::TouchAnswer answer;
   answer.set_status(v1::TOUCH_STATUS_OK);
-  EXPECT_FALSE(to_servo_answer(answer, 0, 0.002, 1).has_value());
+  EXPECT_FALSE(to_servo_answer(answer, {}, 0.002, 1).has_value());
   answer.add_position_m(0);
   answer.add_position_m(0.004);
-  EXPECT_FALSE(to_servo_answer(answer, 0, 0.002, 1).has_value());  // no force
+  EXPECT_FALSE(to_servo_answer(answer, {}, 0.002, 1).has_value());  // no force
   answer.add_force_n(0);
   answer.add_force_n(-1);
-  EXPECT_FALSE(to_servo_answer(answer, 0, 0.002, 1).has_value());  // contact without a tangent
+  EXPECT_FALSE(to_servo_answer(answer, {}, 0.002, 1).has_value());  // contact without a tangent
   for (int n = 0; n < 9; ++n) answer.add_tangent_n_m(n);
-  const auto converted = to_servo_answer(answer, 0, 0.002, 1);
+  const auto converted = to_servo_answer(answer, {}, 0.002, 1);
   ASSERT_TRUE(converted.has_value());
   EXPECT_EQ(converted->sample.tangent_n_m(1, 0), 3);
   EXPECT_TRUE(converted->sample.contact);
@@ -203,13 +203,13 @@ TEST(Convert, NotCoveredIsNoForceAndFailedIsNoAnswer) {
   answer.add_position_m(0);
   answer.add_position_m(0.004);
   answer.set_status(v1::TOUCH_STATUS_NOT_COVERED);
-  const auto not_covered = to_servo_answer(answer, 0, 0.002, 1);
+  const auto not_covered = to_servo_answer(answer, {}, 0.002, 1);
   ASSERT_TRUE(not_covered.has_value());
   EXPECT_TRUE(not_covered->has_force);
   EXPECT_FALSE(not_covered->covered);
   EXPECT_FALSE(not_covered->sample.contact);
   answer.set_status(v1::TOUCH_STATUS_FAILED);
-  const auto failed = to_servo_answer(answer, 0, 0.002, 1);
+  const auto failed = to_servo_answer(answer, {}, 0.002, 1);
   ASSERT_TRUE(failed.has_value());
   EXPECT_FALSE(failed->has_force);
 }
@@ -219,15 +219,15 @@ TEST(Convert, WhatIsForeseenIsASampleWithoutContact) {
   answer.set_status(v1::TOUCH_STATUS_OK);
   for (const double m : {0.02, -0.003}) answer.add_position_m(m);
   for (int n = 0; n < 2; ++n) answer.add_force_n(0);
-  const auto nothing = to_servo_answer(answer, 0, 0.002, 1);
+  const auto nothing = to_servo_answer(answer, {}, 0.002, 1);
   ASSERT_TRUE(nothing.has_value());
   EXPECT_FALSE(nothing->sample.contact || nothing->sample.foreseen);
   v1::ForeseenTouch& foreseen = *answer.mutable_foreseen();
   for (const double m : {0.02, 5e-4}) foreseen.add_position_m(m);
   for (const double n : {0.01, -0.2}) foreseen.add_force_n(n);
-  EXPECT_FALSE(to_servo_answer(answer, 0, 0.002, 1).has_value());  // without a tangent
+  EXPECT_FALSE(to_servo_answer(answer, {}, 0.002, 1).has_value());  // without a tangent
   for (int n = 0; n < 9; ++n) foreseen.add_tangent_n_m(n);
-  const auto converted = to_servo_answer(answer, 0, 0.002, 1);
+  const auto converted = to_servo_answer(answer, {}, 0.002, 1);
   ASSERT_TRUE(converted.has_value());
   const ForceSample& sample = converted->sample;
   EXPECT_FALSE(sample.contact);

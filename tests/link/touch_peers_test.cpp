@@ -67,12 +67,19 @@ TEST(TouchPeers, AStreamOpenedWithNoNumbersIsRefusedAndNamesTheField) {
   opened.set_period_s(0.002);
   EXPECT_NE(told.take_opened(opened).find("credit"), std::string::npos);
   opened.set_credit(2);
-  opened.set_line_y_m(INFINITY);
-  EXPECT_NE(told.take_opened(opened).find("line_y_m"), std::string::npos);
-  opened.set_line_y_m(0);
-  opened.set_covered_end_m(NAN);
-  EXPECT_NE(told.take_opened(opened).find("covered_m"), std::string::npos);
-  opened.set_covered_end_m(0.1);
+  opened.mutable_layer()->set_depth_m(INFINITY);
+  EXPECT_NE(told.take_opened(opened).find("layer.depth_m"), std::string::npos);
+  opened.mutable_layer()->set_depth_m(0);
+  for (const double component : {0.6, 0.6, 0.6}) opened.mutable_layer()->add_normal(component);
+  EXPECT_NE(told.take_opened(opened).find("layer.normal 0.6, 0.6, 0.6"), std::string::npos)
+      << told.take_opened(opened);
+  opened.mutable_layer()->clear_normal();
+  opened.mutable_covered()->set_end_x_m(NAN);
+  EXPECT_NE(told.take_opened(opened).find("covered"), std::string::npos);
+  opened.mutable_covered()->set_end_x_m(0.1);
+  opened.mutable_covered()->set_end_z_m(INFINITY);
+  EXPECT_NE(told.take_opened(opened).find("covered"), std::string::npos);
+  opened.mutable_covered()->clear_end_z_m();
   EXPECT_EQ(told.take_opened(opened), "");
 }
 
@@ -100,7 +107,7 @@ TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {
     EXPECT_EQ(converted->round_trip_s, 0);
     EXPECT_EQ(told.stats.clock_offset_s, 0);
   }
-  answer.set_covered_end_m(NAN);
+  answer.mutable_covered()->set_end_x_m(NAN);
   EXPECT_FALSE(told.take_answer(answer, true, 1'000'000, 2'000'000).has_value());
   EXPECT_EQ(told.stats.dropped, 1u);
 }

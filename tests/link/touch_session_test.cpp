@@ -32,7 +32,8 @@ std::vector<double> errors_of(const std::string& path, const AnalyticTissue& tis
     const bool on = tick.state() == static_cast<std::uint32_t>(ServoState::kEnabled) && !tick.faded();
     enabled_s = !on ? -1 : enabled_s < 0 ? now_s : enabled_s;
     if (!on || now_s - enabled_s < kRampS || tick.position_m(1) < kDeepM) continue;
-    const Vector3 truth_n = tissue.answer({tick.position_m(0), tick.position_m(1), tick.position_m(2)}).force_n;
+    const Vector3 truth_n =
+        tissue.answer({tick.position_m(0), tick.position_m(1), tick.position_m(2)}).force_n;
     const Vector3 felt_n(tick.force_n(0), tick.force_n(1), tick.force_n(2));
     errors.push_back((felt_n - truth_n).norm() / truth_n.norm());
   }

@@ -60,7 +60,7 @@ TEST(ForceError, NothingFeltIsAnError) {
   const Patient patient(small_tissue(), 0.001);
   TouchRecord record = touch(patient, 1.0, 0.3);  // all of it in the ramp
   EXPECT_THROW(force_error(patient, record), std::runtime_error);
-  record.line_y_m = 0.01;
+  record.layer_depth_m = 0.01;
   EXPECT_THROW(force_error(patient, record), std::runtime_error);
 }
 

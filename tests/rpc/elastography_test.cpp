@@ -74,14 +74,14 @@ TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
   ASSERT_EQ(now.windows_size(), 1);
   EXPECT_EQ(now.windows(0).window_id(), s.window_id());
   EXPECT_EQ(now.version(), s.scene_version());
-  EXPECT_NEAR(now.windows(0).begin_m(), 0.04, 1e-9);
+  EXPECT_NEAR(now.windows(0).covers().begin_x_m(), 0.04, 1e-9);
   Toucher toucher(channel, "scene");
   ASSERT_TRUE(toucher.opened());
   v1::TouchAnswer answer;
   ASSERT_TRUE(toucher.touch(0.05, 0.002, &answer));
   EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
   EXPECT_EQ(answer.model_version(), s.scene_version());
-  EXPECT_NEAR(answer.covered_begin_m(), 0.04, 1e-9);
+  EXPECT_NEAR(answer.covered().begin_x_m(), 0.04, 1e-9);
   EXPECT_LT(answer.force_n(1), 0);
 }
 
@@ -142,7 +142,7 @@ TEST_F(Estimates, AWindowShowsWhatItWasMadeOf) {
 TEST_F(Estimates, WindowThatSticksOutOfTheSceneByHalfAMillimetreIsEstimated) {
   const Outcome outcome = estimate(acquisition("scene", -0.0005), pair().pre, pair().post);
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
-  EXPECT_EQ(scene().windows(0).begin_m(), 0);
+  EXPECT_EQ(scene().windows(0).covers().begin_x_m(), 0);
   EXPECT_GT(outcome.summary.background_modulus_pa(), 0);
 }
 
@@ -287,8 +287,20 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
   refused(INVALID_ARGUMENT, "acquisition.maps", [](auto& a) {  // each would be sent
     for (int k = 0; k < 100'000; ++k) a.add_maps("valid");
   });
-  refused(INVALID_ARGUMENT, "publish.window_x_m", [](auto& a) { a.mutable_publish()->set_window_x_m(0.09); });
-  refused(INVALID_ARGUMENT, "publish.window_x_m", [&](auto& a) { a.mutable_publish()->set_window_x_m(nan); });
+  const auto window = [](auto& a) { return a.mutable_publish()->mutable_window(); };
+  for (const double x_m : {0.09, nan})
+    refused(INVALID_ARGUMENT, "publish.window.origin_m", [&](auto& a) { window(a)->set_origin_m(0, x_m); });
+  refused(INVALID_ARGUMENT, "publish.window.origin_m", [](auto& a) { a.mutable_publish()->clear_window(); });
+  // a plane scene has one plane, and its probe presses from above
+  refused(INVALID_ARGUMENT, "publish.window.origin_m[1]",
+          [&](auto& a) { window(a)->set_origin_m(1, 0.001); });
+  refused(INVALID_ARGUMENT, "publish.window.origin_m[2]", [&](auto& a) { window(a)->add_origin_m(0.001); });
+  refused(INVALID_ARGUMENT, "publish.window.lateral", [&](auto& a) {
+    for (const double component : {-1.0, 0.0, 0.0}) window(a)->add_lateral(component);
+  });
+  refused(INVALID_ARGUMENT, "publish.window.axial", [&](auto& a) {
+    for (const double component : {0.0, 0.8, 0.6}) window(a)->add_axial(component);
+  });
   refused(NOT_FOUND, "scene_id", [](auto& a) { a.mutable_publish()->set_scene_id("nowhere"); });
   refused(FAILED_PRECONDITION, "publish.scene_id", [](auto& a) { a.mutable_publish()->set_scene_id("s"); });
   refused(RESOURCE_EXHAUSTED, "acquisition.sample_count", [](auto& a) {  // 10 GB a frame

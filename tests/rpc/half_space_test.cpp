@@ -16,9 +16,11 @@ TEST_F(ServedHalfSpace, IsTouchedWithForceAndTangentInThreeComponents) {
   Toucher toucher(channel, "s");
   v1::TouchOpened opened;
   ASSERT_TRUE(toucher.opened(&opened));
-  EXPECT_EQ(opened.line_y_m(), 0);
+  EXPECT_EQ(opened.layer().depth_m(), 0);
   constexpr double kIndentationM = 0.002;
   const Vector3 at = on_tilted_surface(0.05, 0.015, kIndentationM), n = tilted_surface().pushes;
+  ASSERT_EQ(opened.layer().normal_size(), 3);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(opened.layer().normal(i), n[std::size_t(i)]);
   v1::TouchRequest request;
   for (const double x_m : at) request.mutable_pose()->add_position_m(x_m);
   ASSERT_TRUE(toucher.send(request));

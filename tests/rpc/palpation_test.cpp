@@ -42,6 +42,16 @@ TEST_F(Palpation, AnswerCarriesThePoseItBelongsTo) {
   EXPECT_LT(answer.tangent_n_m(4), 0);
   EXPECT_EQ(answer.tangent_n_m(1), answer.tangent_n_m(3));
   EXPECT_GT(answer.pressure_size(), 2);
+  for (const v1::NodalPressure& node : answer.pressure()) {
+    ASSERT_EQ(node.position_m_size(), 3);
+    EXPECT_NEAR(node.position_m(0), 0.05, 0.015);
+    EXPECT_EQ(node.position_m(1), 0);
+    EXPECT_EQ(node.traction_pa_size(), 3);
+  }
+  ASSERT_EQ(opened.layer().normal_size(), 3);
+  EXPECT_EQ(opened.layer().normal(1), 1);
+  EXPECT_NEAR(answer.covered().end_x_m(), 0.1, 1e-12);
+  EXPECT_FALSE(answer.covered().has_end_z_m());
   EXPECT_GT(answer.compute_ns(), 0);
   EXPECT_GE(answer.queued_ns(), 0);
   EXPECT_GT(answer.model_version(), 0U);
@@ -82,16 +92,16 @@ TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
 // Its first answers come while it is made elsewhere, and say so.
 TEST_F(Palpation, InteriorLineIsPreparedBeforeItHasAForce) {
   v1::TouchOpen open = Toucher::open_on("s");
-  open.set_line_y_m(0.02);
+  open.mutable_layer()->set_depth_m(0.02);
   Toucher toucher(channel, open);
   v1::TouchOpened opened;
   ASSERT_TRUE(toucher.opened(&opened));
   v1::TouchAnswer first, ready;
-  ASSERT_TRUE(toucher.send(0.05, opened.line_y_m() + 0.002) && toucher.read(&first));
+  ASSERT_TRUE(toucher.send(0.05, opened.layer().depth_m() + 0.002) && toucher.read(&first));
   EXPECT_EQ(first.status(), v1::TOUCH_STATUS_PREPARING);
   EXPECT_EQ(first.force_n(1), 0);
   EXPECT_NE(first.warning(), "");
-  ASSERT_TRUE(toucher.touch(0.05, opened.line_y_m() + 0.002, &ready));
+  ASSERT_TRUE(toucher.touch(0.05, opened.layer().depth_m() + 0.002, &ready));
   EXPECT_EQ(ready.status(), v1::TOUCH_STATUS_OK) << ready.warning();
   EXPECT_LT(ready.force_n(1), 0);
 }
@@ -205,8 +215,9 @@ TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
   refused(INVALID_ARGUMENT, "open.credit", [](auto& o) { o.set_credit(1'000'000'000); });
   refused(INVALID_ARGUMENT, "open.period_s", [](auto& o) { o.set_period_s(-1); });
   refused(INVALID_ARGUMENT, "open.period_s", [](auto& o) { o.set_period_s(kNan); });
-  refused(INVALID_ARGUMENT, "open.line_y_m", [](auto& o) { o.set_line_y_m(0.04); });
-  refused(INVALID_ARGUMENT, "open.line_y_m", [](auto& o) { o.set_line_y_m(kNan); });
+  for (const double depth_m : {0.04, kNan})
+    refused(INVALID_ARGUMENT, "open.layer.depth_m",
+            [&](auto& o) { o.mutable_layer()->set_depth_m(depth_m); });
   refused(INVALID_ARGUMENT, "open.fingertip.radius_m",
           [](auto& o) { o.mutable_fingertip()->set_radius_m(0.5); });
   refused(INVALID_ARGUMENT, "open.fingertip.shape",

@@ -74,8 +74,16 @@ TEST_F(SceneCalls, ScenesThatMakeNoSenseAreNamed) {
           "geometry.size_m[0]");
   refused(changed([](auto& r) { r.mutable_geometry()->set_size_m(1, 1e6); }), INVALID_ARGUMENT,
           "geometry.size_m[1]");
-  refused(changed([](auto& r) { r.mutable_geometry()->set_free_bottom(true); }), INVALID_ARGUMENT,
-          "geometry.free_bottom");
+  refused(changed([](auto& r) { r.mutable_geometry()->mutable_supports(); }), INVALID_ARGUMENT,
+          "geometry.supports: no face is held");
+  // solids
+  refused(changed([](auto& r) { r.mutable_geometry()->add_size_m(0.03); }), INVALID_ARGUMENT,
+          "geometry.size_m[2]");
+  refused(changed([](auto& r) { r.mutable_geometry()->mutable_supports()->set_z_min(true); }),
+          INVALID_ARGUMENT, "geometry.supports.z_min");
+  refused(changed([](auto& r) { r.mutable_geometry()->mutable_supports()->set_z_max(true); }),
+          INVALID_ARGUMENT, "geometry.supports.z_max");
+  refused(changed([](auto& r) { r.mutable_modulus()->add_z_m(0); }), INVALID_ARGUMENT, "modulus.z_m");
   refused(changed([](auto& r) { r.mutable_geometry()->set_thickness_m(-1); }), INVALID_ARGUMENT,
           "geometry.thickness_m");
   refused(
@@ -97,6 +105,22 @@ TEST_F(SceneCalls, ScenesThatMakeNoSenseAreNamed) {
   EXPECT_GT(bystander.answers(), 0U);
 }
 
+TEST_F(SceneCalls, SceneIsHeldWhereItsSupportsSay) {
+  v1::CreateSceneRequest request = uniform_scene("held");
+  request.mutable_geometry()->mutable_supports()->set_x_min(true);
+  v1::Scene scene;
+  ASSERT_TRUE(server->create(request, "", &scene).ok());
+  v1::Supports expected;
+  expected.set_x_min(true);
+  EXPECT_EQ(scene.geometry().supports().SerializeAsString(), expected.SerializeAsString());
+  // none said: the bottom alone
+  request = uniform_scene("lies");
+  ASSERT_TRUE(server->create(request, "", &scene).ok());
+  expected.Clear();
+  expected.set_bottom(true);
+  EXPECT_EQ(scene.geometry().supports().SerializeAsString(), expected.SerializeAsString());
+}
+
 TEST_F(SceneCalls, SceneIsReadBack) {
   grpc::ClientContext context;
   v1::GetSceneRequest request;
@@ -104,7 +128,11 @@ TEST_F(SceneCalls, SceneIsReadBack) {
   request.set_view(v1::SCENE_VIEW_FULL);
   v1::Scene scene;
   ASSERT_TRUE(stub->GetScene(&context, request, &scene).ok());
-  EXPECT_EQ(scene.windows_size(), 1);
+  ASSERT_EQ(scene.windows_size(), 1);
+  EXPECT_EQ(scene.windows(0).covers().begin_x_m(), 0);
+  EXPECT_NEAR(scene.windows(0).covers().end_x_m(), 0.1, 1e-12);
+  EXPECT_FALSE(scene.windows(0).covers().has_begin_z_m());
+  EXPECT_EQ(scene.geometry().size_m_size(), 2);
   EXPECT_EQ(scene.geometry().poisson_ratio(), 0.49);
   ASSERT_EQ(scene.youngs_modulus().grid().size_size(), 2);
   const auto& values = scene.youngs_modulus().values();

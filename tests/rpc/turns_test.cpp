@@ -13,7 +13,7 @@ using Turns = OnOneServer;
 
 v1::TouchOpen on_line(double y_m) {
   v1::TouchOpen open = Toucher::open_on("s");
-  open.set_line_y_m(y_m);
+  open.mutable_layer()->set_depth_m(y_m);
   return open;
 }
 

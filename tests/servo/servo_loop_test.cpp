@@ -323,8 +323,7 @@ TEST(ServoWithHand, FeelsTheTissueWhileExploring) {
       on_the_way.sample =
           tissue.told(pose.pose.position_m, 1e-9 * static_cast<double>(pose.time_ns), ++sequence);
       on_the_way.covered = true;
-      on_the_way.covered_begin_m = 0;
-      on_the_way.covered_end_m = 0.12;
+      on_the_way.region.end_x_m = 0.12;
     }
     servo->tick(clock.time_ns);
     ServoTick tick;

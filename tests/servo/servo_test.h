@@ -52,7 +52,7 @@ class ServoTest : public ::testing::Test {
         answer.sample = tissue.told(device.reading.pose.position_m, now_s, ++sequence);
         answer.received_ns = clock.time_ns;
         answer.covered = true;
-        answer.covered_end_m = 0.1;
+        answer.region.end_x_m = 0.1;
         answer.period_s = 0.002;
         answer.degraded = service_degraded;
         answer.has_force = has_force;

@@ -26,7 +26,7 @@ void answer_poses(ServoLoop& servo, Clock& clock, const std::atomic<bool>& stop)
     answer.sample = tissue.told(pose.pose.position_m, 1e-9 * static_cast<double>(pose.time_ns), ++sequence);
     answer.received_ns = clock.now_ns();
     answer.covered = true;
-    answer.covered_end_m = 0.12;
+    answer.region.end_x_m = 0.12;
     answer.period_s = 0.002;
     servo.answers().put(answer);
   }

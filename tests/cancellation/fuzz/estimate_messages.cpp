@@ -60,7 +60,8 @@ v1::Acquisition acquisition_of(const Pair& pair, const std::string& scene, Rando
   if (random.chance(0.2)) a.set_max_strain(random.within(0.02, 0.12));
   if (random.chance(0.5)) {
     a.mutable_publish()->set_scene_id(scene);
-    a.mutable_publish()->set_window_x_m(random.within(0, 0.02));
+    for (const double origin_m : {random.within(0, 0.02), 0.0})
+      a.mutable_publish()->mutable_window()->add_origin_m(origin_m);
   }
   return a;
 }
@@ -68,6 +69,13 @@ v1::Acquisition acquisition_of(const Pair& pair, const std::string& scene, Rando
 double odd_number(Random& random) {
   using Limits = std::numeric_limits<double>;
   return random.one_of(std::array{Limits::quiet_NaN(), Limits::infinity(), -1.0, 1e300});
+}
+
+void spoil(v1::SlicePose& window, Random& random) {
+  const auto vector =
+      random.one_of(std::array{window.mutable_origin_m(), window.mutable_lateral(), window.mutable_axial()});
+  vector->Resize(static_cast<int>(random.below(5)), 0.01);
+  vector->Add(odd_number(random));
 }
 
 void spoil(v1::Acquisition& a, Random& random) {
@@ -97,7 +105,7 @@ void spoil(v1::Acquisition& a, Random& random) {
       return a.mutable_publish()->set_scene_id("no-such-scene");
     case 11:
       a.mutable_publish()->set_scene_id("small");
-      return a.mutable_publish()->set_window_x_m(odd_number(random));
+      return spoil(*a.mutable_publish()->mutable_window(), random);
     case 12:
       return a.add_maps("no_such_map");
     case 13:

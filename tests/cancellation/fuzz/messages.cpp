@@ -45,7 +45,7 @@ v1::TouchOpen touch_open(const std::string& scene, Random& random) {
   open.set_scene_id(scene);
   open.set_credit(static_cast<unsigned>(random.below(9)));
   if (random.chance(0.5)) open.set_period_s(random.within(0.0005, 0.01));
-  if (random.chance(0.3)) open.set_line_y_m(random.within(0, 0.015));
+  if (random.chance(0.3)) open.mutable_layer()->set_depth_m(random.within(0, 0.015));
   if (random.chance(0.5)) open.set_path(static_cast<v1::SolvePath>(random.below(3)));
   if (random.chance(0.5)) {
     open.mutable_fingertip()->set_shape(static_cast<v1::FingertipShape>(random.below(4)));
@@ -101,7 +101,7 @@ void spoil(v1::TouchOpen& open, Random& random) {
     case 5:
       return open.set_path(static_cast<v1::SolvePath>(-77));
     case 6:
-      return open.set_line_y_m(odd_number(random));
+      return open.mutable_layer()->set_depth_m(odd_number(random));
     default:
       return open.set_session_id(std::string(100'000, '\n'));
   }
@@ -224,7 +224,8 @@ void spoil(v1::CreateSceneRequest& request, Random& random) {
     case 4:
       return request.mutable_geometry()->set_thickness_m(odd_number(random));
     case 5:
-      return map.mutable_x_m()->Resize(static_cast<int>(random.below(5)), odd_number(random));
+      return (random.chance(0.5) ? map.mutable_x_m() : map.mutable_z_m())
+          ->Resize(static_cast<int>(random.below(5)), odd_number(random));
     case 6:
       return map.mutable_youngs_modulus_pa()->add_shape(0xffffffffU);
     case 7:
@@ -233,7 +234,7 @@ void spoil(v1::CreateSceneRequest& request, Random& random) {
       return map.mutable_youngs_modulus_pa()->set_dtype(static_cast<v1::DataType>(random.below(9)));
     default:
       map.mutable_x_m()->Resize(70'000, 0.01);
-      return request.mutable_geometry()->set_free_bottom(true);
+      return request.mutable_geometry()->mutable_supports()->set_z_min(random.chance(0.5));
   }
 }
 

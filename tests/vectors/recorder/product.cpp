@@ -275,7 +275,7 @@ client::ServoAnswer servo_answer(const ForceAnswer& a, std::int64_t received_ns)
   out.has_force = a.has_force;
   out.degraded = a.degraded;
   out.covered = true;
-  out.covered_end_m = 0.12;
+  out.region.end_x_m = 0.12;
   out.received_ns = received_ns;
   out.period_s = 0.004;
   return out;
