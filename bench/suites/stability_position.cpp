@@ -73,8 +73,7 @@ bool comes_to_rest(const Press& press) {
          on_the_way.pop_front())
       renderer->update(on_the_way.front(), reading.pose, time_s);
     display.write(renderer->render(reading.pose, time_s).force_n);
-    display.show(
-        {.force_on = true, .link_alive = true, .covered = true, .region = {.end_x_m = 0.1}});
+    display.show({.force_on = true, .link_alive = true, .covered = true, .region = {.end_x_m = 0.1}});
     const double y_m = display.arm().position_m.y();
     if (!(std::abs(y_m) < 1)) return false;
     low_m[tick / 1000] = std::min(low_m[tick / 1000], y_m);

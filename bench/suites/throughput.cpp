@@ -71,7 +71,8 @@ LoadOptions load_over(v1::Palpation::Stub& stub, const std::string& scene_id) {
   LoadOptions load;
   load.scene_id = scene_id;
   for (const v1::Window& window : scene.windows()) {
-    if (!window.touchable() || window.covers().end_x_m() - window.covers().begin_x_m() <= load.end_m - load.begin_m + 2 * kInsideM)
+    if (!window.touchable() ||
+        window.covers().end_x_m() - window.covers().begin_x_m() <= load.end_m - load.begin_m + 2 * kInsideM)
       continue;
     load.begin_m = window.covers().begin_x_m() + kInsideM;
     load.end_m = window.covers().end_x_m() - kInsideM;

@@ -20,10 +20,10 @@ namespace teletact::client {
 // An answer as the link hands it to the servo.
 struct ServoAnswer {
   ForceSample sample;
-  bool has_force = true;  // false: the service could not compute one; the link is alive all the same
-  bool covered = false;   // a window covers the pose
-  bool degraded = false;  // the service says that its force is not to be trusted
-  Region region = {};     // that is covered around it
+  bool has_force = true;         // false: the service could not compute one; the link is alive all the same
+  bool covered = false;          // a window covers the pose
+  bool degraded = false;         // the service says that its force is not to be trusted
+  Region region = {};            // that is covered around it
   std::int64_t received_ns = 0;  // servo clock
   double period_s = 0;           // negotiated for the stream
   double round_trip_s = 0;       // of the link, smoothed; 0: not known

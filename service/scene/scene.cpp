@@ -165,9 +165,10 @@ Layer Scene::layer_near(double depth_m) const {
   const bool at_bottom =
       geometry_.supports.bottom == EdgeSupport::kFixed && geometry_.depth_m - depth_m < away_m(nearest);
   if (at_top || at_bottom)
-    throw std::invalid_argument(fmt::format(
-        "open.layer.depth_m: the layer at {} m is held by a support and cannot be touched; give another depth",
-        at_top ? 0 : geometry_.depth_m));
+    throw std::invalid_argument(
+        fmt::format("open.layer.depth_m: the layer at {} m is held by a support and cannot be touched; give "
+                    "another depth",
+                    at_top ? 0 : geometry_.depth_m));
   return nearest;
 }
 

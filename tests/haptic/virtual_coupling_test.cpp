@@ -54,8 +54,7 @@ Pressed press(const HandOptions& held, double stiffness_n_m, double damping_shar
   options.tool_mass_kg = tool_mass_kg;
   SimulatedPositionDevice device(options);
   device.open();
-  const OperatorView felt{
-      .force_on = true, .link_alive = true, .covered = true, .region = {.end_x_m = 0.1}};
+  const OperatorView felt{.force_on = true, .link_alive = true, .covered = true, .region = {.end_x_m = 0.1}};
   std::array<double, 6> low, high;
   low.fill(1e9);
   high.fill(-1e9);

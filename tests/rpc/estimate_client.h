@@ -56,7 +56,8 @@ inline v1::Acquisition acquisition(const std::string& scene = "", double window_
   a.mutable_probe_force()->set_contact_area_m2(kLines * g.line_pitch_m * 0.010);
   if (!scene.empty()) {
     a.mutable_publish()->set_scene_id(scene);
-    for (const double origin_m : {window_x_m, 0.0}) a.mutable_publish()->mutable_window()->add_origin_m(origin_m);
+    for (const double origin_m : {window_x_m, 0.0})
+      a.mutable_publish()->mutable_window()->add_origin_m(origin_m);
   }
   return a;
 }
