@@ -75,8 +75,9 @@ class FakeElastography final : public v1::Elastography::Service {
       v1::EstimateSummary& summary = *response.mutable_summary();
       summary.set_modulus_absolute(call.acquisition.has_probe_force());
       summary.set_scene_id(call.acquisition.publish().scene_id());
-      summary.set_window_id(
-          static_cast<std::uint64_t>(call.acquisition.publish().window().origin_m(0) / 0.06 + 0.5) + 1);
+      const auto& origin_m = call.acquisition.publish().window().origin_m();
+      const double window_x_m = origin_m.empty() ? 0 : origin_m.Get(0);
+      summary.set_window_id(static_cast<std::uint64_t>(window_x_m / 0.06 + 0.5) + 1);
       summary.set_scene_version(calls_.size());
       summary.set_received_to_published_s(compute_ms * 1e-3);
     }
