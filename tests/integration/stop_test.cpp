@@ -22,7 +22,7 @@ void make_hanging_kernels(const std::string& folder) {
   std::string source = text.str();
   const auto at = source.find(from);
   ASSERT_NE(at, std::string::npos);
-  source.insert(at, "  volatile int hangs = reach_slope > 0.15f;\n  while (hangs) {\n  }\n");
+  source.insert(at, "  volatile int hangs = lags.reach_slope > 0.15f;\n  while (hangs) {\n  }\n");
   std::ofstream(file) << source;
 }
 
