@@ -30,8 +30,8 @@ extern "C" {
 #endif
 
 /* Goes up with every change that a library and a client of different versions would not survive.
- * 2: limits.damping_n_s_m. 3: let_go. */
-#define TELETACT_DEVICE_ABI 3u
+ * 2: limits.damping_n_s_m. 3: let_go. 4: z is passed on, away from the operator. */
+#define TELETACT_DEVICE_ABI 4u
 
 /* What the device may be asked for. The first three must be > 0; 0 where the others are not known. */
 typedef struct teletact_device_limits {

@@ -35,7 +35,7 @@ std::optional<TouchedSurface> surface_from(const v1::Layer& layer) {
   if (layer.normal_size() > 0) {
     const auto normal = vector_from(layer.normal());
     if (!normal || !(std::abs(normal->norm() - 1) <= kRounding)) return std::nullopt;
-    surface.normal = *normal;
+    surface.normal = normal->normalized();
   }
   if (!std::isfinite(layer.depth_m())) return std::nullopt;
   surface.offset_m = surface.normal.y() * layer.depth_m();  // of its point below the origin
@@ -46,14 +46,14 @@ std::optional<Region> region_from(const v1::Region& region) {
   Region out;
   out.begin_x_m = region.begin_x_m();
   out.end_x_m = region.end_x_m();
-  const auto finite = [](double begin_m, double end_m) {
-    return std::isfinite(begin_m) && std::isfinite(end_m);
+  const auto ordered = [](double begin_m, double end_m) {
+    return std::isfinite(begin_m) && std::isfinite(end_m) && begin_m <= end_m;
   };
-  if (!finite(out.begin_x_m, out.end_x_m)) return std::nullopt;
+  if (!ordered(out.begin_x_m, out.end_x_m)) return std::nullopt;
   if (!region.has_begin_z_m() || !region.has_end_z_m()) return out;
   out.begin_z_m = region.begin_z_m();
   out.end_z_m = region.end_z_m();
-  return finite(out.begin_z_m, out.end_z_m) ? std::optional(out) : std::nullopt;
+  return ordered(out.begin_z_m, out.end_z_m) ? std::optional(out) : std::nullopt;
 }
 
 std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, const TouchedSurface& surface,

@@ -33,7 +33,7 @@ nlohmann::json summarise(const Tissue& tissue, const TouchRecord& touch, const A
                          const ForceError& force, const InclusionReport& inclusions,
                          const std::string& client_version);
 
-// The promised figures of a summary (issue's acceptance), also written into it as `targets`.
+// The promised figures of a summary of a demo, also written into it as `targets`.
 std::vector<Target> targets_of(const nlohmann::json& summary);
 
 // A table for people.

@@ -1,6 +1,6 @@
 // What touch is computed with, chosen by constants: meshes, ways of solving, times. A planner that chooses
-// from what a scene needs takes their place; until then nobody decides such a thing anywhere else. Lengths in
-// metres.
+// from what a scene needs takes their place. What an answer is trusted for stays with the session, the limits of
+// an estimate with imaging. Lengths in metres.
 #pragma once
 
 #include <chrono>

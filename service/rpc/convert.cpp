@@ -267,6 +267,8 @@ TouchOptions touch_options_from(const v1::TouchOpen& in) {
   if (in.fingertip().half_width_m() != 0) tip.half_width_m = in.fingertip().half_width_m();
   tip.footprint_m = in.fingertip().footprint_m();
   options.layer_depth_m = in.layer().depth_m();
+  if (in.layer().normal_size() > 0)
+    options.layer_normal = vector_from("open.layer.normal", in.layer().normal(), false);
   switch (in.path()) {
     case v1::SOLVE_PATH_UNSPECIFIED:
       options.path = SolvePath::kAuto;

@@ -49,7 +49,20 @@ void fail(TouchAnswer& answer, const char* why) {
 }
 
 bool finite(const ContactAnswer& c) {
-  return all_finite(c.force_n) && all_finite(c.tangent_n_m) && std::isfinite(c.energy_j);
+  const auto known = [](const NodalPressure& p) {
+    return all_finite(p.position_m) && std::isfinite(p.pressure_pa) && all_finite(p.traction_pa);
+  };
+  return all_finite(c.force_n) && all_finite(c.tangent_n_m) && std::isfinite(c.energy_j) &&
+         std::all_of(c.pressure.begin(), c.pressure.end(), known);
+}
+
+void check_normal(const Vector3& asked, const Layer& layer) {
+  constexpr double kRounding = 1e-6;
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    if (!(std::abs(asked[i] - layer.pushes[i]) <= kRounding))
+      throw std::invalid_argument(
+          fmt::format("open.layer.normal: [{:.4g}] is not this layer's, which is [{:.4g}]; leave it out",
+                      fmt::join(asked, ", "), fmt::join(layer.pushes, ", ")));
 }
 
 }  // namespace
@@ -60,6 +73,7 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       layer_(scene_->layer_near(options.layer_depth_m)),
       way_{options.path, std::move(device), options.client} {
   check_fingertip(options_.fingertip, scene_->limits());
+  if (options_.layer_normal) check_normal(*options_.layer_normal, layer_);
   scene_->use_layer(layer_);
 }
 

@@ -44,8 +44,8 @@ class Compliance {
   virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
   // Its axial part alone, [u_y of node 0, u_y of node 1, ...], n x n: all that frictionless contact asks for.
   virtual Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
-  // Of left^T C right among `unknowns`, 2 column + component of each row. Empty while it has not been
-  // measured; then the bound of `report` is all there is.
+  // Of left^T C right among `unknowns`, 2 column + component of each row. Empty where a provider has no
+  // samples of it (condensed); then the bound of `report` is all there is.
   virtual std::optional<FormError> error_between(std::span<const std::size_t> /*unknowns*/,
                                                  const Eigen::MatrixX2d& /*left*/,
                                                  const Eigen::VectorXd& /*right*/) const {

@@ -6,9 +6,6 @@
 //   TELETACT_FUZZ_CALLS  about how many calls (100000)
 //   TELETACT_FUZZ_SEED   what is sent and when it ends follows from it; how the threads meet does not
 #include <malloc.h>
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#include <sanitizer/allocator_interface.h>
-#endif
 
 #include <csignal>
 #include <cstdio>
@@ -18,6 +15,10 @@
 #include "tests/cancellation/fuzz/traffic.h"
 #include "tests/cancellation/stage.h"
 #include "tests/rpc/estimate_client.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+extern "C" std::size_t __sanitizer_get_current_allocated_bytes();  // GCC ships no header for it
+#endif
 
 namespace teletact::test {
 namespace {

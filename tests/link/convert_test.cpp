@@ -87,8 +87,10 @@ TEST(Convert, ARegionWithoutBothEndsAlongZReachesAllTheWay) {
   region.set_begin_z_m(-0.3);
   EXPECT_EQ(region_from(region)->begin_z_m, -0.3);
   EXPECT_EQ(region_from(region)->end_z_m, 0.3);
-  region.set_begin_z_m(NAN);
-  EXPECT_FALSE(region_from(region));
+  for (const double begin_m : {double(NAN), 0.4}) {
+    region.set_begin_z_m(begin_m);
+    EXPECT_FALSE(region_from(region)) << begin_m;
+  }
 }
 
 TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {

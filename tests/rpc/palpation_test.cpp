@@ -208,6 +208,11 @@ TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
     expect_refused(toucher.finish(), code, field);
   };
   using enum grpc::StatusCode;
+  for (const std::vector<double>& normal :
+       std::vector<std::vector<double>>{{1, 0, 0}, {0, -1, 0}, {0, NAN, 0}, {0, 0, 0}, {1}, {0, 1, 0, 0}})
+    refused(INVALID_ARGUMENT, "open.layer.normal", [&](v1::TouchOpen& open) {
+      open.mutable_layer()->mutable_normal()->Add(normal.begin(), normal.end());
+    });
   refused(NOT_FOUND, "scene_id", [](auto& o) { o.set_scene_id("nowhere"); });
   // Longer than a status may be: what is shown of it is cut, so that the message arrives.
   refused(NOT_FOUND, "scene_id", [](auto& o) { o.set_scene_id(std::string(1 << 20, '\n')); });
