@@ -118,10 +118,11 @@ void TouchReactor::take_pose(const v1::ContactPose& pose) {
                             acknowledged_.load(), core_.limits.acknowledge_s, written_.load()));
   last_sequence_ = pose.sequence();
   heard_ = arrived;
-  acknowledged_ = pose.acknowledged();
   board().arrive(finger_, position_m, velocity_m_s, arrived);
   ++poses_;
   poses_lost_ += inbox_.put({pose, position_m, arrived});
+  // After the pose: what it makes room for is its own answer, not an older one's.
+  if (acknowledged_.exchange(pose.acknowledged()) != pose.acknowledged()) inbox_.wake();
 }
 
 void TouchReactor::solve_and_write() {
