@@ -1,9 +1,9 @@
 // How long an estimate will work, by what the ones before took: seconds per work of each of its parts, where
 // work is what the operations grow with. Good to a factor of two for sizes not seen yet, to some 20 % for
 // those that come again and again. What was measured in a busy minute is not believed for ever: the longer
-// nothing was measured the less is expected, down to half of it. While estimates are refused for it less and
-// less still, or they would never be tried again; of what nobody asked for nothing more is known by waiting.
-// Thread-safe.
+// nothing was measured the less is expected, down to half of it. After a refusal, whoever's, less and less
+// still, down to a tenth, or what was refused would never be tried again; an estimate that is done or late
+// ends that. Thread-safe.
 #pragma once
 
 #include <array>

@@ -1,3 +1,5 @@
+// Estimates through the contract. One file, over 400 lines, because all of it shares one service with its
+// warmed engine and one pair of frames.
 #include <spdlog/sinks/base_sink.h>
 #include <spdlog/spdlog.h>
 
