@@ -199,9 +199,13 @@ double TouchSession::measured_share(const StitchedMap& map, double x_m) const {
 // Why a contact is not to be trusted; empty when it is.
 std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& snapshot, double x_m) const {
   const double measured = snapshot.map ? measured_share(*snapshot.map, x_m) : 1;
-  if (!c.solve.converged || !(c.solve.relative_error <= choices::kTrustedForceError))
+  if (!c.solve.converged)
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
                        c.solve.relative_error);
+  if (!(c.solve.relative_error <= choices::kTrustedForceError))
+    return fmt::format(
+        "the solve may be off by up to {:.2g} of the force; nu near 1/2 beside high contrast does this",
+        c.solve.relative_error);
   if (window_->evidence)
     for (const std::string& warning : window_->evidence->warnings)
       if (effect_of(flag_of(warning)) == FlagEffect::kDegrade) return "of the window: " + warning;

@@ -27,21 +27,24 @@ inline Vector3 on_tilted_surface(double x_m, double z_m, double indentation_m) {
 
 class HalfSpace final : public TouchModel {
  public:
-  HalfSpace(double youngs_modulus_pa, double poisson_ratio, Region region)
-      : modulus_pa_(youngs_modulus_pa / (1 - poisson_ratio * poisson_ratio)), region_(region) {}
+  // `stated_error`: that its forces state, relative.
+  HalfSpace(double youngs_modulus_pa, double poisson_ratio, Region region, double stated_error)
+      : modulus_pa_(youngs_modulus_pa / (1 - poisson_ratio * poisson_ratio)),
+        stated_error_(stated_error),
+        region_(region) {}
   const char* name() const override { return "half-space"; }
   Region region() const override { return region_; }
   std::vector<Layer> layers() const override { return {tilted_surface()}; }
   TouchCost cost() const override { return {}; }
   std::shared_ptr<TouchedLayer> layer(const Layer& layer, const TouchWay&, const TouchWork&) const override {
     if (layer != tilted_surface()) throw std::out_of_range("a half-space has its surface alone");
-    return std::make_shared<Surface>(modulus_pa_);
+    return std::make_shared<Surface>(modulus_pa_, stated_error_);
   }
 
  private:
   class Surface final : public TouchedLayer {
    public:
-    explicit Surface(double modulus_pa) : modulus_pa_(modulus_pa) {}
+    Surface(double modulus_pa, double stated_error) : modulus_pa_(modulus_pa), stated_error_(stated_error) {}
     SolvePath path() const override { return SolvePath::kCompliance; }
     ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
       if (tip.shape != FingertipShape::kRoundedTip)
@@ -50,7 +53,7 @@ class HalfSpace final : public TouchModel {
       const double d = indentation_m(surface, pose);
       ContactAnswer answer;
       answer.solve.reason = "closed form";
-      answer.solve.relative_error = 8 * std::numeric_limits<double>::epsilon();
+      answer.solve.relative_error = stated_error_;
       if (d <= 0) return answer;
       const double stiffness = modulus_pa_ * std::sqrt(tip.radius_m * d);  // half of dF/dd
       answer.state = ContactState::kContact;
@@ -64,27 +67,32 @@ class HalfSpace final : public TouchModel {
     }
 
    private:
-    const double modulus_pa_;
+    const double modulus_pa_, stated_error_;
   };
-  const double modulus_pa_;
+  const double modulus_pa_, stated_error_;
   const Region region_;
 };
 
 // Every window is a half-space of its mean modulus.
 class HalfSpaces final : public TouchModels {
  public:
+  explicit HalfSpaces(double stated_error = 8 * std::numeric_limits<double>::epsilon())
+      : stated_error_(stated_error) {}
   std::vector<Layer> layers(const SceneGeometry&) const override { return {tilted_surface()}; }
   double context_m() const override { return 0; }
   std::shared_ptr<const TouchModel> of_window(const WantedModel& w) const override {
     const double modulus_pa =
         w.map.mean_modulus_pa(w.region.begin_x_m, w.region.end_x_m, 0, w.geometry.depth_m);
-    return std::make_shared<const HalfSpace>(modulus_pa, w.geometry.poisson_ratio, w.region);
+    return std::make_shared<const HalfSpace>(modulus_pa, w.geometry.poisson_ratio, w.region, stated_error_);
   }
   std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry& geometry, const ExplicitModulus& e,
                                                const MemoryAccount&) const override {
     return std::make_shared<const HalfSpace>(e.youngs_modulus_pa.front(), geometry.poisson_ratio,
-                                             Region{0, geometry.width_m});
+                                             Region{0, geometry.width_m}, stated_error_);
   }
+
+ private:
+  const double stated_error_;
 };
 
 }  // namespace teletact::service

@@ -13,9 +13,12 @@ constexpr double kWidthM = 0.1, kDepthM = 0.04, kModulusPa = 10e3;
 
 class OnAHalfSpace : public testing::Test {
  protected:
-  std::shared_ptr<Scene> scene = std::make_shared<Scene>(
-      "s", tissue(kWidthM, kDepthM), ExplicitModulus{{0, kWidthM}, {0, kDepthM}, {kModulusPa}}, versions(),
-      Limits{}, MemoryAccount{}, std::make_shared<const HalfSpaces>());
+  static std::shared_ptr<Scene> scene_of(const HalfSpaces& models) {
+    return std::make_shared<Scene>("s", tissue(kWidthM, kDepthM),
+                                   ExplicitModulus{{0, kWidthM}, {0, kDepthM}, {kModulusPa}}, versions(),
+                                   Limits{}, MemoryAccount{}, std::make_shared<const HalfSpaces>(models));
+  }
+  std::shared_ptr<Scene> scene = scene_of(HalfSpaces{});
 };
 
 TEST_F(OnAHalfSpace, ForceAndTangentHaveThreeComponents) {
@@ -69,6 +72,15 @@ TEST_F(OnAHalfSpace, WhatItCannotDoIsAFailedAnswer) {
   EXPECT_EQ(answer.status, TouchStatus::kFailed);
   EXPECT_NE(answer.warning.find("fingertip.shape"), std::string::npos) << answer.warning;
   EXPECT_EQ(answer.contact.force_n, Vector3{});
+}
+
+TEST_F(OnAHalfSpace, AForceThatItsModelHardlyKnowsIsDegradedAndSaysWhy) {
+  const Vector3 at = on_tilted_surface(0.05, 0, 0.001);
+  EXPECT_EQ(TouchSession(scene_of(HalfSpaces(1e-3)), {}, nullptr).solve(at).status, TouchStatus::kOk);
+  const TouchAnswer answer = TouchSession(scene_of(HalfSpaces(0.01)), {}, nullptr).solve(at);
+  EXPECT_EQ(answer.status, TouchStatus::kDegraded);
+  EXPECT_NE(answer.warning.find("up to 0.01"), std::string::npos) << answer.warning;
+  EXPECT_EQ(answer.warning.find("stopped"), std::string::npos) << answer.warning;
 }
 
 TEST(PublishedHalfSpaces, AreTouchedAndReplacedAsAnyModel) {
