@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <exception>
 
-#include "client/commands.h"
+#include "client/commands/commands.h"
 
 int main(int argc, char** argv) {
   using namespace teletact::client;

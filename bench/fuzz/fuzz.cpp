@@ -10,7 +10,7 @@
 
 #include "bench/stability/servo_period.h"
 #include "bench/stability/tissue.h"
-#include "client/link/convert.h"
+#include "client/link/servo_messages.h"
 #include "client/render/renderers.h"
 
 namespace teletact::bench {

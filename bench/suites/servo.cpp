@@ -17,7 +17,7 @@
 #include "bench/service.h"
 #include "bench/suite.h"
 #include "client/link/channel.h"
-#include "client/link/touch_session.h"
+#include "client/session/operator_session.h"
 #include "tests/support/allocation/allocation_count.h"
 
 namespace teletact::bench {
@@ -72,7 +72,7 @@ double processor_s() {
 }
 
 json measure(const Arguments& arguments) {
-  client::TouchSessionOptions session;
+  client::OperatorSessionOptions session;
   session.address = arguments.service.address;
   session.tls_ca = arguments.service.tls_ca;
   session.open.set_scene_id(kScene);
@@ -89,7 +89,7 @@ json measure(const Arguments& arguments) {
   const double before_s = processor_s();
   const std::atomic<bool> stop{false};
   BareTimer bare(session.duration_s + kStartAndEndS);
-  const client::TouchSummary summary = client::run_touch_session(session, stop);
+  const client::TouchSummary summary = client::run_operator_session(session, stop);
   bare.stop();
   const client::TickStatistics& ticks = summary.ticks;
   return {{"duration_s", ticks.duration_s()},

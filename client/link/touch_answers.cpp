@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/link/convert.h"
+#include "client/link/servo_messages.h"
 
 namespace teletact::client {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "client/link/channel.h"
-#include "client/link/convert.h"
+#include "client/link/servo_messages.h"
 
 namespace teletact::client {
 namespace {

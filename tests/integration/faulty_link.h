@@ -15,8 +15,8 @@
 #include <thread>
 #include <vector>
 
-#include "client/link/touch_session.h"
 #include "client/servo/tick_statistics.h"
+#include "client/session/operator_session.h"
 #include "tests/integration/process.h"
 #include "tests/integration/touched_scene.h"
 #include "tests/support/fault_proxy.h"
@@ -50,7 +50,7 @@ class Faults : public ::testing::Test {
 
   // Touches through the proxy until `during` is over; starts it when the finger is pressed and past the ramp.
   void touch(double period_s, const std::function<void()>& during, unsigned credit = 2) {
-    client::TouchSessionOptions options;
+    client::OperatorSessionOptions options;
     options.address = proxy.address();
     options.open.set_scene_id(kScene);
     options.open.set_period_s(period_s);
@@ -63,7 +63,7 @@ class Faults : public ::testing::Test {
     this->period_s = period_s;
     this->credit = credit;
     std::atomic<bool> stop{false};
-    std::thread session([&] { summary = client::run_touch_session(options, stop); });
+    std::thread session([&] { summary = client::run_operator_session(options, stop); });
     EXPECT_TRUE(test::finger_presses(address_, kScene, kPressedM, 20));
     sleep_s(0.8);
     during();

@@ -2,7 +2,7 @@
 // are kept; and what a device ignores is not taken.
 #include <gtest/gtest.h>
 
-#include "client/commands.h"
+#include "client/commands/commands.h"
 #include "tests/integration/process.h"
 
 namespace teletact {

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "client/link/replay.h"
+#include "client/session/replay.h"
 #include "tests/integration/process.h"
 #include "tests/integration/touched_scene.h"
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "client/link/convert.h"
+#include "client/link/servo_messages.h"
 #include "client/servo/tick_statistics.h"
 #include "tests/link/operator.h"
 
@@ -181,7 +181,7 @@ TEST(TouchLink, StopsAtOnceWithoutAService) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(2)) << "an attempt may take 3 s";
 }
 
-TEST(Convert, AMalformedAnswerIsDropped) {
+TEST(ServoMessages, AMalformedAnswerIsDropped) {
   v1::TouchAnswer answer;
   answer.set_status(v1::TOUCH_STATUS_OK);
   EXPECT_FALSE(to_servo_answer(answer, {}, 0.002, 1).has_value());
@@ -198,7 +198,7 @@ TEST(Convert, AMalformedAnswerIsDropped) {
   EXPECT_TRUE(converted->sample.contact);
 }
 
-TEST(Convert, NotCoveredIsNoForceAndFailedIsNoAnswer) {
+TEST(ServoMessages, NotCoveredIsNoForceAndFailedIsNoAnswer) {
   v1::TouchAnswer answer;
   answer.add_position_m(0);
   answer.add_position_m(0.004);
@@ -214,7 +214,7 @@ TEST(Convert, NotCoveredIsNoForceAndFailedIsNoAnswer) {
   EXPECT_FALSE(failed->has_force);
 }
 
-TEST(Convert, WhatIsForeseenIsASampleWithoutContact) {
+TEST(ServoMessages, WhatIsForeseenIsASampleWithoutContact) {
   v1::TouchAnswer answer;
   answer.set_status(v1::TOUCH_STATUS_OK);
   for (const double m : {0.02, -0.003}) answer.add_position_m(m);

@@ -7,7 +7,7 @@
 #include <thread>
 #include <tuple>
 
-#include "client/link/convert.h"
+#include "client/link/servo_messages.h"
 #include "tests/link/operator.h"
 
 namespace teletact::client {

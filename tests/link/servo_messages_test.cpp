@@ -1,4 +1,4 @@
-#include "client/link/convert.h"
+#include "client/link/servo_messages.h"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ v1::TouchAnswer answer(v1::TouchStatus status) {
   return answer;
 }
 
-TEST(Convert, TheServicesDoubtReachesTheServo) {
+TEST(ServoMessages, TheServicesDoubtReachesTheServo) {
   const auto good = to_servo_answer(answer(v1::TOUCH_STATUS_OK), {}, 0.002, 1);
   const auto doubted = to_servo_answer(answer(v1::TOUCH_STATUS_DEGRADED), {}, 0.002, 1);
   ASSERT_TRUE(good && doubted);
@@ -26,14 +26,14 @@ TEST(Convert, TheServicesDoubtReachesTheServo) {
   EXPECT_EQ(doubted->sample.force_n, good->sample.force_n);
 }
 
-TEST(Convert, WhileALineIsBeingPreparedThereIsNoForce) {
+TEST(ServoMessages, WhileALineIsBeingPreparedThereIsNoForce) {
   const auto preparing = to_servo_answer(answer(v1::TOUCH_STATUS_PREPARING), {}, 0.002, 1);
   ASSERT_TRUE(preparing);
   EXPECT_FALSE(preparing->has_force);
   EXPECT_FALSE(preparing->degraded);
 }
 
-TEST(Convert, AllThreeComponentsComeFromTheServiceAndGoToIt) {
+TEST(ServoMessages, AllThreeComponentsComeFromTheServiceAndGoToIt) {
   v1::TouchAnswer in = answer(v1::TOUCH_STATUS_OK);
   in.set_position_m(0, 0.01), in.set_position_m(1, 0.002), in.set_position_m(2, 0.03);
   in.set_force_n(2, 0.25);
@@ -62,7 +62,7 @@ TEST(Convert, AllThreeComponentsComeFromTheServiceAndGoToIt) {
   EXPECT_EQ(vector_from(sample.force_n()), Vector3(0.1, -0.2, 0.3));
 }
 
-TEST(Convert, ALayerIsThePlaneThroughItsPointAndAcrossItsNormal) {
+TEST(ServoMessages, ALayerIsThePlaneThroughItsPointAndAcrossItsNormal) {
   v1::Layer layer;
   layer.set_depth_m(0.01);
   EXPECT_EQ(surface_from(layer)->depth_m({0.3, 0.012, -0.2}), 0.012 - 0.01);
@@ -78,7 +78,7 @@ TEST(Convert, ALayerIsThePlaneThroughItsPointAndAcrossItsNormal) {
   EXPECT_FALSE(surface_from(layer));
 }
 
-TEST(Convert, ARegionWithoutBothEndsAlongZReachesAllTheWay) {
+TEST(ServoMessages, ARegionWithoutBothEndsAlongZReachesAllTheWay) {
   v1::Region region;
   region.set_begin_x_m(0.1), region.set_end_x_m(0.2), region.set_end_z_m(0.3);
   EXPECT_EQ(region_from(region)->begin_x_m, 0.1);
@@ -93,7 +93,7 @@ TEST(Convert, ARegionWithoutBothEndsAlongZReachesAllTheWay) {
   }
 }
 
-TEST(Convert, ARecordedTickSaysEverythingThatTheServoKnows) {
+TEST(ServoMessages, ARecordedTickSaysEverythingThatTheServoKnows) {
   ServoTick tick;
   tick.state = ServoState::kPaused;
   tick.reason = StateReason::kSilence;

@@ -1,4 +1,4 @@
-#include "client/commands.h"
+#include "client/commands/commands.h"
 
 #include <cmath>
 #include <cstdio>

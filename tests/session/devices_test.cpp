@@ -1,14 +1,14 @@
 // Devices as a person chooses them, each through a whole session of touching.
-#include "client/link/devices.h"
+#include "client/session/devices.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 
-#include "client/link/touch_session.h"
+#include "client/session/operator_session.h"
 #include "tests/haptic/inverse3_service.h"
 #include "tests/link/fake_palpation.h"
-#include "tests/link/session_options.h"
+#include "tests/session/session_options.h"
 #include "tests/support/allocation/allocation_count.h"
 
 namespace teletact::client {
@@ -29,9 +29,9 @@ std::string complaint(const std::string& device) {
 // What the servo's thread takes from the heap within its loop, over all sessions of a test.
 std::size_t allocations = 0;
 
-TouchSessionOptions session_options(const std::string& address) {
+OperatorSessionOptions session_options(const std::string& address) {
   allocations = 0;
-  TouchSessionOptions options = test::session_options(address);
+  OperatorSessionOptions options = test::session_options(address);
   options.servo_begins = [] { teletact::test::count_allocations(true); };
   options.servo_ended = [] {
     teletact::test::count_allocations(false);
@@ -56,15 +56,15 @@ TEST(Devices, AreChosenByTheirNamesAndRefusedWithAReason) {
 TEST(Devices, ARecordedMotionIsFeltAgainAndEndsTheSession) {
   FakePalpation service(test::socket_address("again"));
   service.serve();
-  TouchSessionOptions options = session_options(test::socket_address("again"));
+  OperatorSessionOptions options = session_options(test::socket_address("again"));
   options.duration_s = 1.2;
   options.record_path = "/tmp/teletact-motion-" + std::to_string(::getpid());
   const std::atomic<bool> stop{false};
-  const TouchSummary recorded = run_touch_session(options, stop);
+  const TouchSummary recorded = run_operator_session(options, stop);
   // WHEN the motion is done again THEN it ends by itself, after as long, with the same force
-  TouchSessionOptions again = session_options(options.address);
+  OperatorSessionOptions again = session_options(options.address);
   again.device = "replay:" + options.record_path;
-  TouchSummary replayed = run_touch_session(again, stop);
+  TouchSummary replayed = run_operator_session(again, stop);
   EXPECT_NEAR(replayed.ticks.duration_s(), recorded.ticks.duration_s(), 0.6);
   EXPECT_GT(recorded.ticks.largest_force_n(), 0.3);
   EXPECT_NEAR(replayed.ticks.largest_force_n(), recorded.ticks.largest_force_n(),
@@ -78,11 +78,11 @@ TEST(Devices, ARecordedMotionIsFeltAgainAndEndsTheSession) {
 TEST(Devices, ADisplayThatCommandsAPositionFeelsTheTissue) {
   FakePalpation service(test::socket_address("position"));
   service.serve();
-  TouchSessionOptions options = session_options(test::socket_address("position"));
+  OperatorSessionOptions options = session_options(test::socket_address("position"));
   options.device = "simulated-position";
   options.duration_s = 1.5;
   const std::atomic<bool> stop{false};
-  TouchSummary summary = run_touch_session(options, stop);
+  TouchSummary summary = run_operator_session(options, stop);
   EXPECT_GT(summary.ticks.largest_force_n(), 0.3);
   EXPECT_GT(summary.link.distinct, 100u);
   EXPECT_EQ(summary.ticks.changes().back().reason, StateReason::kDisabledByUser);
@@ -94,11 +94,11 @@ TEST(Devices, APluginIsTouchedWith) {
   ASSERT_NE(folder, nullptr) << "run the tests with ctest";
   FakePalpation service(test::socket_address("plugin"));
   service.serve();
-  TouchSessionOptions options = session_options(test::socket_address("plugin"));
+  OperatorSessionOptions options = session_options(test::socket_address("plugin"));
   options.device = "plugin:" + std::string(folder) + "/client/teletact_device_template.so,stiffness=300";
   std::atomic<bool> stop{false};
   TouchSummary summary;
-  std::thread session([&] { summary = run_touch_session(options, stop); });
+  std::thread session([&] { summary = run_operator_session(options, stop); });
   // It hovers, and nobody presses its button: answers flow, no force is given.
   EXPECT_TRUE(service.wait_until([](const FakeAccount& account) { return account.answers > 5; }));
   EXPECT_NEAR(service.account().last_x_m, 0.06, 1e-9) << "amid the tissue, not at its edge";
@@ -116,12 +116,12 @@ TEST(Devices, TheTemplatePressesWhenItIsAskedTo) {
   ASSERT_NE(folder, nullptr) << "run the tests with ctest";
   FakePalpation service(test::socket_address("press"));
   service.serve();
-  TouchSessionOptions options = session_options(test::socket_address("press"));
+  OperatorSessionOptions options = session_options(test::socket_address("press"));
   options.device = "plugin:" + std::string(folder) + "/client/teletact_device_template.so,press=0.009";
   options.begin_m = 0.05;
   options.duration_s = 4.5;  // one press at least
   const std::atomic<bool> stop{false};
-  const TouchSummary summary = run_touch_session(options, stop);
+  const TouchSummary summary = run_operator_session(options, stop);
   EXPECT_GT(summary.ticks.largest_force_n(), 0.05);
   EXPECT_GE(summary.ticks.enabled_s(), 4.4);
 }
@@ -131,12 +131,12 @@ TEST(Devices, AnInverse3FeelsTheTissue) {
   service.serve();
   test::Inverse3Service inverse3;
   inverse3.put_cursor({0, 0, 0.15}, {0, 0, 0});
-  TouchSessionOptions options = session_options(test::socket_address("inverse3"));
+  OperatorSessionOptions options = session_options(test::socket_address("inverse3"));
   options.device = "inverse3:" + inverse3.url();
   options.start_x_m = 0.008;
   std::atomic<bool> stop{false};
   TouchSummary summary;
-  std::thread session([&] { summary = run_touch_session(options, stop); });
+  std::thread session([&] { summary = run_operator_session(options, stop); });
   // GIVEN it stands 5 mm above the tissue WHEN its button is pressed and it is pushed down by 9 mm
   EXPECT_TRUE(service.wait_until([](const FakeAccount& account) { return account.answers > 5; }));
   inverse3.pressed = true;

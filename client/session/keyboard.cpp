@@ -1,4 +1,4 @@
-#include "client/link/keyboard.h"
+#include "client/session/keyboard.h"
 
 #include <poll.h>
 #include <unistd.h>

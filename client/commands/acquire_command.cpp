@@ -12,12 +12,12 @@
 
 #include "client/acquire/session.h"
 #include "client/acquire/simulated_source.h"
-#include "client/commands.h"
+#include "client/commands/commands.h"
+#include "client/commands/modulus_options.h"
 #include "client/files/different_files.h"
 #include "client/files/file_io.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
-#include "client/modulus_options.h"
 #include "client/servo/ending.h"
 
 namespace teletact::client {

@@ -8,15 +8,15 @@
 #include <iostream>
 #include <memory>
 
-#include "client/commands.h"
+#include "client/commands/commands.h"
 #include "client/experiment/bootstrap.h"
 #include "client/experiment/endable_input.h"
 #include "client/experiment/observer.h"
 #include "client/experiment/person.h"
 #include "client/experiment/results_csv.h"
-#include "client/link/devices.h"
 #include "client/render/renderers.h"
 #include "client/servo/ending.h"
+#include "client/session/devices.h"
 
 namespace teletact::client {
 namespace {

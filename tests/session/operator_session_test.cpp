@@ -1,4 +1,4 @@
-#include "client/link/touch_session.h"
+#include "client/session/operator_session.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/sinks/base_sink.h>
@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <vector>
 
-#include "client/link/replay.h"
+#include "client/session/replay.h"
 #include "tests/link/fake_palpation.h"
-#include "tests/link/session_options.h"
+#include "tests/session/session_options.h"
 
 namespace teletact::client {
 namespace {
@@ -41,15 +41,15 @@ std::vector<double> errors_of(const std::string& path, const AnalyticTissue& tis
 }
 
 // Tissue without inclusions, softer than any device's cap: what is felt is its force.
-TEST(TouchSession, FeelsASceneFromEndToEnd) {
+TEST(OperatorSession, FeelsASceneFromEndToEnd) {
   FakePalpation service(test::socket_address("session"));
   service.tissue.inclusions.clear();
   service.serve();
-  TouchSessionOptions options = test::session_options(test::socket_address("session"));
+  OperatorSessionOptions options = test::session_options(test::socket_address("session"));
   options.duration_s = 2;
   options.record_path = "/tmp/teletact-felt-" + std::to_string(::getpid());
   const std::atomic<bool> stop{false};
-  TouchSummary summary = run_touch_session(options, stop);
+  TouchSummary summary = run_operator_session(options, stop);
   std::vector<double> errors = errors_of(options.record_path, service.tissue);
   std::remove(options.record_path.c_str());
   ASSERT_GT(errors.size(), 200u);
@@ -67,33 +67,33 @@ TEST(TouchSession, FeelsASceneFromEndToEnd) {
 }
 
 // A scene that is deleted while it is touched may come back, but a duration is an end all the same.
-TEST(TouchSession, EndsInTimeThoughItsSceneIsGone) {
+TEST(OperatorSession, EndsInTimeThoughItsSceneIsGone) {
   FakePalpation service(test::socket_address("gone"));
   service.serve();
-  TouchSessionOptions options = test::session_options(test::socket_address("gone"));
+  OperatorSessionOptions options = test::session_options(test::socket_address("gone"));
   options.duration_s = 2;
   const std::atomic<bool> stop{false};
   TouchSummary summary;
-  std::thread session([&] { summary = run_touch_session(options, stop); });
+  std::thread session([&] { summary = run_operator_session(options, stop); });
   ASSERT_TRUE(service.wait_until(answers_at_least(200)));
   service.scene_known = false;
   service.kill();
   service.serve();
   session.join();
   EXPECT_LT(summary.ticks.enabled_s(), 2);
-  EXPECT_GE(summary.ticks.lost_s(), TouchSessionOptions::kLostS - 0.1);
-  EXPECT_LT(summary.ticks.lost_s(), TouchSessionOptions::kLostS + 1);
+  EXPECT_GE(summary.ticks.lost_s(), OperatorSessionOptions::kLostS - 0.1);
+  EXPECT_LT(summary.ticks.lost_s(), OperatorSessionOptions::kLostS + 1);
 }
 
-TEST(TouchSession, RefusesASweepBesideTheTissue) {
+TEST(OperatorSession, RefusesASweepBesideTheTissue) {
   FakePalpation service(test::socket_address("beside"));
   service.serve();
-  TouchSessionOptions options = test::session_options(test::socket_address("beside"));
+  OperatorSessionOptions options = test::session_options(test::socket_address("beside"));
   const std::atomic<bool> stop{false};
   const auto refusal = [&](double begin_m, double end_m) -> std::string {
     options.begin_m = begin_m, options.end_m = end_m;
     try {
-      run_touch_session(options, stop);
+      run_operator_session(options, stop);
     } catch (const std::invalid_argument& error) {
       return error.what();
     }
@@ -109,11 +109,11 @@ TEST(TouchSession, RefusesASweepBesideTheTissue) {
 TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
   FakePalpation service(test::socket_address("replay"));
   service.serve();
-  TouchSessionOptions options = test::session_options(test::socket_address("replay"));
+  OperatorSessionOptions options = test::session_options(test::socket_address("replay"));
   options.duration_s = 0.6;
   options.record_path = "/tmp/teletact-replay-" + std::to_string(::getpid());
   const std::atomic<bool> stop{false};
-  const TouchSummary summary = run_touch_session(options, stop);
+  const TouchSummary summary = run_operator_session(options, stop);
   ReplayOptions replay_options;
   replay_options.path = options.record_path;
   replay_options.address = options.address;
@@ -131,15 +131,15 @@ TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
 }
 
 // The service is killed while the finger presses, and comes back.
-TEST(TouchSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
+TEST(OperatorSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
   FakePalpation service(test::socket_address("pressed"));
   service.serve();
-  TouchSessionOptions options = test::session_options(test::socket_address("pressed"));
+  OperatorSessionOptions options = test::session_options(test::socket_address("pressed"));
   options.duration_s = 6;  // with force on: a busy machine gives fewer answers a second
   options.record_path = "/tmp/teletact-pressed-" + std::to_string(::getpid());
   const std::atomic<bool> stop{false};
   TouchSummary summary;
-  std::thread session([&] { summary = run_touch_session(options, stop); });
+  std::thread session([&] { summary = run_operator_session(options, stop); });
   ASSERT_TRUE(service.wait_until(answers_at_least(500)));  // a second: pressed and sweeping
   service.kill();
   std::this_thread::sleep_for(std::chrono::milliseconds(400));
@@ -201,10 +201,10 @@ class ThrowingSink final : public spdlog::sinks::base_sink<std::mutex> {
   std::string at_;
 };
 
-TEST(TouchSession, AnExceptionWithForceOnEndsTheSessionNotTheProcess) {
+TEST(OperatorSession, AnExceptionWithForceOnEndsTheSessionNotTheProcess) {
   FakePalpation service(test::socket_address("throws"));
   service.serve();
-  TouchSessionOptions options = test::session_options(test::socket_address("throws"));
+  OperatorSessionOptions options = test::session_options(test::socket_address("throws"));
   options.duration_s = 5;
   const std::atomic<bool> stop{false};
   const auto logger = spdlog::default_logger();
@@ -213,7 +213,7 @@ TEST(TouchSession, AnExceptionWithForceOnEndsTheSessionNotTheProcess) {
   bool thrown = false;
   std::thread session([&] {
     try {
-      run_touch_session(options, stop);
+      run_operator_session(options, stop);
     } catch (int) {
       thrown = true;
     }
@@ -224,15 +224,15 @@ TEST(TouchSession, AnExceptionWithForceOnEndsTheSessionNotTheProcess) {
   spdlog::set_default_logger(logger);
   EXPECT_TRUE(thrown);
   options.servo_begins = [] { throw std::runtime_error("no memory"); };
-  EXPECT_THROW(run_touch_session(options, stop), std::runtime_error);
+  EXPECT_THROW(run_operator_session(options, stop), std::runtime_error);
 }
 
-TEST(TouchSession, SaysWhatIsWrong) {
+TEST(OperatorSession, SaysWhatIsWrong) {
   const std::atomic<bool> stop{false};
-  TouchSessionOptions options = test::session_options(test::socket_address("wrong"));
+  OperatorSessionOptions options = test::session_options(test::socket_address("wrong"));
   const auto message = [&] {
     try {
-      run_touch_session(options, stop);
+      run_operator_session(options, stop);
     } catch (const std::exception& error) {
       return std::string(error.what());
     }

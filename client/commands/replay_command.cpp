@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <memory>
 
-#include "client/commands.h"
-#include "client/link/replay.h"
+#include "client/commands/commands.h"
 #include "client/servo/ending.h"
+#include "client/session/replay.h"
 
 namespace teletact::client {
 namespace {

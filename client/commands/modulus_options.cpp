@@ -1,4 +1,4 @@
-#include "client/modulus_options.h"
+#include "client/commands/modulus_options.h"
 
 #include <CLI/CLI.hpp>
 #include <cmath>

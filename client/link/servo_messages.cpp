@@ -1,4 +1,4 @@
-#include "client/link/convert.h"
+#include "client/link/servo_messages.h"
 
 #include <cmath>
 

@@ -8,18 +8,18 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "client/commands.h"
+#include "client/commands/commands.h"
 #include "client/files/different_files.h"
-#include "client/link/keyboard.h"
-#include "client/link/touch_session.h"
 #include "client/render/renderers.h"
 #include "client/servo/ending.h"
+#include "client/session/keyboard.h"
+#include "client/session/operator_session.h"
 
 namespace teletact::client {
 namespace {
 
 struct Arguments {
-  TouchSessionOptions session;
+  OperatorSessionOptions session;
   std::string tip = "rounded";
   std::string path = "auto";
   std::string json_path;
@@ -210,7 +210,7 @@ void run(Arguments arguments, const CLI::App& command) {
   Keyboard keyboard;
   if (keyboard.present()) arguments.session.key = [&keyboard] { return keyboard.key(); };
   try {
-    summary = run_touch_session(arguments.session, end_in_order());
+    summary = run_operator_session(arguments.session, end_in_order());
   } catch (const std::exception& error) {
     throw CommandError(with_flags(error.what(), {{"open.fingertip.radius_m", "--tip-radius-m"},
                                                  {"open.fingertip.half_width_m", "--tip-half-width-m"},
@@ -245,7 +245,7 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
       ->check(CLI::IsMember({"auto", "compliance", "pcg"}));
 }
 
-void add_hand_options(CLI::App& command, TouchSessionOptions& session) {
+void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {
   command.add_option("--indentation-m", session.hand.indentation_m, "mean indentation of the hand")
       ->check(CLI::Range(1e-4, 0.05));
   command.add_option("--speed-m-s", session.hand.speed_m_s, "of the sweep")->check(CLI::Range(0.001, 0.5));
@@ -270,7 +270,7 @@ void add_hand_options(CLI::App& command, TouchSessionOptions& session) {
 
 void add_touch_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
-  TouchSessionOptions& session = arguments->session;
+  OperatorSessionOptions& session = arguments->session;
   CLI::App& command = *app.add_subcommand("touch", "operator side: feel a scene of a running service");
   add_service_options(command, session.address, session.tls_ca);
   command.add_option("--scene", arguments->scene_id, "scene to touch")->required();

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "client/commands.h"
+#include "client/commands/commands.h"
 #include "client/link/channel.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 

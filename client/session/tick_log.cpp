@@ -1,4 +1,4 @@
-#include "client/link/tick_log.h"
+#include "client/session/tick_log.h"
 
 #include <fmt/format.h>
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "client/commands.h"
+#include "client/commands/commands.h"
 #include "client/files/metaimage.h"
 #include "client/patient/patient.h"
 #include "client/patient/rf.h"

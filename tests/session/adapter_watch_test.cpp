@@ -1,4 +1,4 @@
-#include "client/link/adapter_watch.h"
+#include "client/session/adapter_watch.h"
 
 #include <gtest/gtest.h>
 

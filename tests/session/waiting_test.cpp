@@ -1,4 +1,4 @@
-#include "client/link/waiting.h"
+#include "client/session/waiting.h"
 
 #include <gtest/gtest.h>
 

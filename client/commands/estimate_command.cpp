@@ -8,9 +8,9 @@
 #include "client/acquire/map_output.h"
 #include "client/acquire/modulus_names.h"
 #include "client/acquire/recorded_frames.h"
-#include "client/commands.h"
+#include "client/commands/commands.h"
+#include "client/commands/modulus_options.h"
 #include "client/link/channel.h"
-#include "client/modulus_options.h"
 
 namespace teletact::client {
 namespace {

@@ -3,12 +3,12 @@
 
 #include <string>
 
-#include "client/link/touch_session.h"
+#include "client/session/operator_session.h"
 
 namespace teletact::client::test {
 
-inline TouchSessionOptions session_options(const std::string& address) {
-  TouchSessionOptions options;
+inline OperatorSessionOptions session_options(const std::string& address) {
+  OperatorSessionOptions options;
   options.address = address;
   options.open.set_scene_id("s");
   options.open.set_period_s(0.002);

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "client/commands.h"
+#include "client/commands/commands.h"
 #include "client/files/file_io.h"
 #include "client/report/pictures.h"
 #include "client/report/summary.h"

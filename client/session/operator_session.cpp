@@ -1,4 +1,4 @@
-#include "client/link/touch_session.h"
+#include "client/session/operator_session.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -10,12 +10,12 @@
 #include <stdexcept>
 #include <thread>
 
-#include "client/link/adapter_watch.h"
 #include "client/link/channel.h"
-#include "client/link/convert.h"
-#include "client/link/tick_log.h"
-#include "client/link/waiting.h"
+#include "client/link/servo_messages.h"
 #include "client/render/renderers.h"
+#include "client/session/adapter_watch.h"
+#include "client/session/tick_log.h"
+#include "client/session/waiting.h"
 
 namespace teletact::client {
 namespace {
@@ -23,7 +23,7 @@ namespace {
 using Seconds = std::chrono::duration<double>;
 
 // The scene with something to touch, waited for up to `wait_s`.
-v1::Scene wait_for_scene(const TouchSessionOptions& options, const std::atomic<bool>& stop) {
+v1::Scene wait_for_scene(const OperatorSessionOptions& options, const std::atomic<bool>& stop) {
   const double connect_s = std::max(options.wait_s, 2.0);
   const auto deadline = std::chrono::steady_clock::now() + Seconds(connect_s);
   const auto channel = make_channel(options.address, options.tls_ca);
@@ -110,7 +110,7 @@ double start_of_real_device(const v1::Scene& scene, const std::optional<double>&
   return start_m;
 }
 
-HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) {
+HandOptions hand_on(const v1::Scene& scene, const OperatorSessionOptions& options) {
   if (is_real(options.device)) {
     HandOptions hand;
     hand.start_m = start_of_real_device(scene, options.start_x_m);
@@ -137,7 +137,7 @@ HandOptions hand_on(const v1::Scene& scene, const TouchSessionOptions& options) 
   return hand;
 }
 
-std::unique_ptr<RecordWriter> open_recording(const TouchSessionOptions& options) {
+std::unique_ptr<RecordWriter> open_recording(const OperatorSessionOptions& options) {
   if (options.record_path.empty()) return nullptr;
   v1::RecordHeader header;
   header.set_kind("touch");
@@ -162,16 +162,16 @@ void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordWri
   }
 }
 
-bool finished(const TouchSessionOptions& options, const HapticDevice& device,
+bool finished(const OperatorSessionOptions& options, const HapticDevice& device,
               const TickStatistics& statistics) {
   if (device.ended() || (options.passes > 0 && device.passes() >= options.passes)) return true;
   // A short outage is made up for; one that does not end must not keep the session from ending.
-  const bool lost = statistics.lost_now_s() >= TouchSessionOptions::kLostS;
+  const bool lost = statistics.lost_now_s() >= OperatorSessionOptions::kLostS;
   const double spent_s = statistics.enabled_s() + (lost ? statistics.lost_s() : 0);
   return options.duration_s > 0 && spent_s >= options.duration_s;
 }
 
-TouchLinkOptions link_options(const TouchSessionOptions& options, RecordWriter* recorder) {
+TouchLinkOptions link_options(const OperatorSessionOptions& options, RecordWriter* recorder) {
   TouchLinkOptions link;
   link.address = options.address;
   link.tls_ca = options.tls_ca;
@@ -197,13 +197,13 @@ TouchSituation situation_of(const TouchLink& link, const TickStatistics& statist
           tick.pose.position_m.x(), width_m,    has_keys};
 }
 
-void say_keys(const TouchSessionOptions& options) {
+void say_keys(const OperatorSessionOptions& options) {
   if (!options.key) return;
   spdlog::info("keys: Enter resumes (with the finger lifted), Space pauses, {}Ctrl-C ends",
                options.hand_over_to.empty() ? "" : "h lets '" + options.hand_over_to + "' steer, ");
 }
 
-void obey_keys(const TouchSessionOptions& options, ServoLoop& servo, TouchLink& link) {
+void obey_keys(const OperatorSessionOptions& options, ServoLoop& servo, TouchLink& link) {
   if (!options.key) return;
   while (const char key = options.key()) {
     if (key == '\n' || key == '\r') servo.request_resume();
@@ -218,7 +218,7 @@ void obey_keys(const TouchSessionOptions& options, ServoLoop& servo, TouchLink& 
 
 }  // namespace
 
-TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop) {
+TouchSummary run_operator_session(const OperatorSessionOptions& options, const std::atomic<bool>& stop) {
   ServoOptions servo_options;
   const auto renderer = make_renderer(options.renderer, servo_options.period_s);
   const v1::Scene scene = wait_for_scene(options, stop);

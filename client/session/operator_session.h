@@ -8,14 +8,14 @@
 #include <string>
 #include <vector>
 
-#include "client/link/devices.h"
 #include "client/link/touch_link.h"
 #include "client/servo/servo_thread.h"
 #include "client/servo/tick_statistics.h"
+#include "client/session/devices.h"
 
 namespace teletact::client {
 
-struct TouchSessionOptions {
+struct OperatorSessionOptions {
   static constexpr double kLostS = 5;
   std::string address;
   std::string tls_ca;  // PEM text; empty: not encrypted
@@ -60,6 +60,6 @@ struct TouchSummary {
 // nothing touchable, unknown device, profile or renderer, unwritable recording. Whatever is thrown, the force
 // has been slewed to zero and the device closed by then. An adapter that does not return from a call ends the
 // process (servo_thread.h).
-TouchSummary run_touch_session(const TouchSessionOptions& options, const std::atomic<bool>& stop);
+TouchSummary run_operator_session(const OperatorSessionOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace teletact::client

@@ -1,4 +1,4 @@
-#include "client/link/devices.h"
+#include "client/session/devices.h"
 
 #include <stdexcept>
 #include <vector>
@@ -8,8 +8,8 @@
 #include "client/haptic/replay_device.h"
 #include "client/haptic/simulated_device.h"
 #include "client/haptic/simulated_position_device.h"
-#include "client/link/convert.h"
 #include "client/link/recording.h"
+#include "client/link/servo_messages.h"
 #include "client/servo/states.h"
 
 namespace teletact::client {

@@ -1,4 +1,4 @@
-#include "client/link/replay.h"
+#include "client/session/replay.h"
 
 #include <algorithm>
 #include <chrono>
