@@ -46,14 +46,18 @@ void DeviceRecovery::require() const {
 }
 
 void DeviceRecovery::recover() {
+  using Clock = std::chrono::steady_clock;
   std::unique_lock lock(mutex_);
+  auto pause = kFirstPause;
+  Clock::time_point worked_since;
   while (!stop_) {
     changed_.wait(lock, [this] { return stop_ || !why_.empty(); });
     if (stop_) return;
     lock.unlock();
     tell_(false);
     lock.lock();
-    for (auto pause = kFirstPause; !why_.empty(); pause = std::min(2 * pause, kLongestPause)) {
+    if (Clock::now() - worked_since > kLongestPause) pause = kFirstPause;
+    for (; !why_.empty(); pause = std::min(2 * pause, kLongestPause)) {
       if (changed_.wait_for(lock, pause, [this] { return stop_; })) return;
       lock.unlock();
       std::string still;
@@ -68,6 +72,7 @@ void DeviceRecovery::recover() {
     }
     lock.unlock();
     spdlog::warn("event=device_works_again");
+    worked_since = Clock::now();
     tell_(true);
     lock.lock();
   }

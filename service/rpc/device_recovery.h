@@ -49,7 +49,8 @@ class CurrentDevice {
 
 class DeviceRecovery {
  public:
-  static constexpr std::chrono::milliseconds kFirstPause{250}, kLongestPause{30'000};  // between tries
+  // Between tries: twice as long each time, until the device has worked for longer than the longest.
+  static constexpr std::chrono::milliseconds kFirstPause{250}, kLongestPause{30'000};
   // `again` opens the device anew, tries it and puts it into use, or throws. `tell` is told each change of
   // whether the device works. Both are called on a thread of its own.
   DeviceRecovery(std::function<void()> again, std::function<void(bool works)> tell);
