@@ -4,7 +4,6 @@
 // (axial). Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
 
 #include "frames.clh"
-#include "vectors.clh"
 
 #ifndef WORK_GROUP  // work-items of a group, all kernels of this file
 #define WORK_GROUP 32
@@ -155,77 +154,6 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     vstore8(pair ? 0.5f * (own + value) : value, 0, a + to);
     if (pair) vstore8(own - value, 0, b + to);
   }
-}
-
-// A field averaged over a window of half-width (half_i, half_j) nodes, which may end between nodes. At the
-// border only pairs of opposite neighbours that both exist take part, so that uniform strain passes
-// unchanged.
-__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void window_mean(
-    __global const float2* restrict field, __global float2* restrict out, const int nx, const int ny,
-    const float half_i, const float half_j) {
-  const int node = get_global_id(0);
-  if (node >= nx * ny) return;
-  const int i = node % nx, j = node / nx;
-  const int columns = min(min(i, nx - 1 - i), (int)(half_i + 0.5f)),
-            rows = min(min(j, ny - 1 - j), (int)(half_j + 0.5f));
-  float2 sum = 0.0f;
-  float weight = 0.0f;
-  for (int n = -rows; n <= rows; ++n)
-    for (int m = -columns; m <= columns; ++m) {
-      const float w =
-          clamp(half_i + 0.5f - (float)abs(m), 0.0f, 1.0f) * clamp(half_j + 0.5f - (float)abs(n), 0.0f, 1.0f);
-      sum += w * field[node + m + nx * n];
-      weight += w;
-    }
-  out[node] = sum / weight;
-}
-
-// One Gauss-Newton step (T2.2) on the window around each node: minimises sum (difference - grad(mean) . du)^2
-// and adds du to `field`, the displacement that the images were warped by, averaged over the window; limited
-// to `axial_limit` samples and `lateral_limit` lines (0: axial alone); correlation of pre and warped post
-// over the same window, -1 where the step hit its axial limit, -2 where the window has no texture. Window: 8
-// * chunks samples x (2 half_lateral + 1) lines, axial weights `taper` (8 * chunks). Per 8 samples: 8 vector
-// loads, ~240 flops.
-__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void gauss_newton(
-    __global const float* restrict mean, __global const float* restrict difference,
-    __global const float2* restrict field, __global const float* restrict taper,
-    __global float2* restrict out, __global float* restrict correlation, const Nodes g, const Layout layout,
-    const int chunks, const int half_lateral, const float axial_limit, const float lateral_limit) {
-  const int node = get_global_id(0);
-  if (node >= g.nx * g.ny) return;
-  const int line = line_of(g, node), stride = layout.stride;
-  const int start = layout.origin + sample_of(g, node) - 4 * chunks;
-  float8 gyy = 0.0f, gxx = 0.0f, gxy = 0.0f, gyd = 0.0f, gxd = 0.0f, ss = 0.0f, sd = 0.0f, dd = 0.0f;
-  for (int l = -half_lateral; l <= half_lateral; ++l) {
-    __global const float* const s = mean + start + (line + l) * stride;
-    __global const float* const d = difference + start + (line + l) * stride;
-    for (int c = 0; c < 8 * chunks; c += 8) {
-      const float8 w = vload8(0, taper + c), m = vload8(0, s + c), e = vload8(0, d + c);
-      const float8 gy = (2.0f / 3.0f) * (vload8(0, s + c + 1) - vload8(0, s + c - 1)) -
-                        (1.0f / 12.0f) * (vload8(0, s + c + 2) - vload8(0, s + c - 2));
-      const float8 gx = 0.5f * (vload8(0, s + c + stride) - vload8(0, s + c - stride));
-      const float8 wgy = w * gy, wgx = w * gx, wm = w * m, we = w * e;
-      gyy = fma(wgy, gy, gyy);
-      gxx = fma(wgx, gx, gxx);
-      gxy = fma(wgx, gy, gxy);
-      gyd = fma(wgy, e, gyd);
-      gxd = fma(wgx, e, gxd);
-      ss = fma(wm, m, ss);
-      sd = fma(wm, e, sd);
-      dd = fma(we, e, dd);
-    }
-  }
-  const float yy = sum8(gyy), xx = 1.02f * sum8(gxx), xy = sum8(gxy), yd = sum8(gyd), xd = sum8(gxd);
-  const float determinant = yy * xx - xy * xy;
-  const bool textured = determinant > 1e-4f * yy * xx && yy > 1e-20f;
-  const float2 both = (float2)(yy * xd - xy * yd, xx * yd - xy * xd) / determinant;
-  const float2 du = !textured ? (float2)(0.0f) : lateral_limit > 0.0f ? both : (float2)(0.0f, yd / yy);
-  const float quarter = 0.25f * sum8(dd), s2 = sum8(ss), cross = sum8(sd);
-  const float energy = (s2 + quarter + cross) * (s2 + quarter - cross);
-  out[node] = field[node] +
-              (float2)(clamp(du.x, -lateral_limit, lateral_limit), clamp(du.y, -axial_limit, axial_limit));
-  correlation[node] =
-      textured && fabs(du.y) <= axial_limit ? (s2 - quarter) * rsqrt(fmax(energy, 1e-30f)) : -2.0f;
 }
 
 // Median of `count` > 0 values in the first slots of v, the rest +inf. By rank: v_k is the t-th smallest when

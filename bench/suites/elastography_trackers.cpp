@@ -8,9 +8,9 @@ namespace {
 
 class OurTracker : public Tracker {
  public:
-  OurTracker(service::Queue queue, std::string name, const service::DisplacementOptions& options)
-      : queue_(std::move(queue)), estimator_(queue_, options), name_(std::move(name)) {}
-  std::string name() const override { return name_; }
+  OurTracker(service::Queue queue, const service::DisplacementOptions& options)
+      : queue_(std::move(queue)), estimator_(queue_, options) {}
+  std::string name() const override { return "ours"; }
   bool ours() const override { return true; }
   Track track(const service::RfFrame& pre, const service::RfFrame& post,
               const service::AcquisitionGeometry& geometry) override {
@@ -32,7 +32,6 @@ class OurTracker : public Tracker {
  private:
   service::Queue queue_;
   service::DisplacementEstimator estimator_;
-  std::string name_;
 };
 
 }  // namespace
@@ -40,14 +39,11 @@ class OurTracker : public Tracker {
 std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>& device,
                                                     double max_strain) {
   std::vector<std::unique_ptr<Tracker>> all;
-  service::DisplacementOptions regularised;
-  regularised.max_strain = max_strain;
-  service::DisplacementOptions windowed = regularised;
+  service::DisplacementOptions ours;
+  ours.max_strain = max_strain;
   TrackerOptions theirs;
   theirs.max_strain = max_strain;
-  windowed.method = service::RefinementMethod::kWindowed;
-  all.push_back(std::make_unique<OurTracker>(device->queue(), "ours", regularised));
-  all.push_back(std::make_unique<OurTracker>(device->queue(), "ours, windowed", windowed));
+  all.push_back(std::make_unique<OurTracker>(device->queue(), ours));
   all.push_back(make_ncc_tracker(theirs));
   all.push_back(make_block_matcher(theirs));
   all.push_back(make_glue_tracker(theirs));

@@ -65,29 +65,4 @@ double interpolate(const RfImage& post, int sample, int line, const Shift& u) {
   return value / sum;
 }
 
-GaussNewtonStep gauss_newton_step(const RfImage& mean, const RfImage& difference, int sample, int line,
-                                  const std::vector<double>& taper, int half_lateral) {
-  double yy = 0, xx = 0, xy = 0, yd = 0, xd = 0, aa = 0, bb = 0, ab = 0;
-  const int size = static_cast<int>(taper.size());
-  for (int l = line - half_lateral; l <= line + half_lateral; ++l)
-    for (int n = 0; n < size; ++n) {
-      const int k = sample - size / 2 + n;
-      const double w = taper[static_cast<std::size_t>(n)], m = mean.at(k, l), d = difference.at(k, l);
-      const double gy =
-          (8 * (mean.at(k + 1, l) - mean.at(k - 1, l)) - (mean.at(k + 2, l) - mean.at(k - 2, l))) / 12;
-      const double gx = (mean.at(k, l + 1) - mean.at(k, l - 1)) / 2;
-      const double pre = m + d / 2, post = m - d / 2;
-      yy += w * gy * gy;
-      xx += 1.02 * w * gx * gx;
-      xy += w * gx * gy;
-      yd += w * gy * d;
-      xd += w * gx * d;
-      aa += w * pre * pre;
-      bb += w * post * post;
-      ab += w * pre * post;
-    }
-  const double determinant = yy * xx - xy * xy;
-  return {{(yy * xd - xy * yd) / determinant, (xx * yd - xy * xd) / determinant}, ab / std::sqrt(aa * bb)};
-}
-
 }  // namespace teletact::reference

@@ -44,16 +44,4 @@ Shift ncc_peak(const RfImage& pre, const RfImage& post, int sample, int line, co
 // ways; zero where the moved point lies outside the frame.
 double interpolate(const RfImage& post, int sample, int line, const Shift& u);
 
-struct GaussNewtonStep {
-  Shift step;
-  double correlation = 0;
-};
-
-// One step (T2.2) from images `mean` and `difference` = pre - warped post around (sample, line): least
-// squares of difference = grad(mean) . step over samples [-size / 2, size / 2) with weights `taper`, lines
-// -half_lateral
-// .. half_lateral; five-point axial and central lateral gradient, lateral curvature times 1.02.
-GaussNewtonStep gauss_newton_step(const RfImage& mean, const RfImage& difference, int sample, int line,
-                                  const std::vector<double>& taper, int half_lateral);
-
 }  // namespace teletact::reference

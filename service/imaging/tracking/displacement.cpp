@@ -16,18 +16,6 @@ namespace {
 constexpr std::size_t kGroup = 32;                    // WORK_GROUP of displacement.cl
 constexpr int kWarpRun = 16;                          // WARP_RUN of displacement.cl
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
-constexpr double kTaperFraction = 0.1;                // part of the axial window that its cosine edges take
-
-// Cosine-tapered axial weights of a window of `size` samples.
-std::vector<float> taper(int size) {
-  std::vector<float> weights(static_cast<std::size_t>(size));
-  const double edge = std::max(1.0, kTaperFraction / 2 * size);
-  for (int k = 0; k < size; ++k) {
-    const double inside = std::min({1.0, (k + 0.5) / edge, (size - k - 0.5) / edge});
-    weights[static_cast<std::size_t>(k)] = static_cast<float>(std::pow(std::sin(inside * M_PI / 2), 2));
-  }
-  return weights;
-}
 
 void require(bool condition, const char* message) {
   if (!condition) throw std::invalid_argument(message);
@@ -52,13 +40,12 @@ void validate(const DisplacementOptions& o) {
 struct DisplacementEstimator::Kernels {
   explicit Kernels(const Queue& q) : search(q) {
     const auto build = [&](const char* name) { return q.kernel("displacement", name, Precision::kFloat); };
-    warp = build("warp"), gauss_newton = build("gauss_newton");
-    median_filter = build("median_filter"), smooth = build("smooth"), resample = build("resample");
-    report = build("report"), window_mean = build("window_mean");
+    warp = build("warp"), median_filter = build("median_filter"), smooth = build("smooth");
+    resample = build("resample"), report = build("report");
     filter_lines = q.kernel("refinement", "filter_lines", Precision::kFloat);
   }
   SearchKernels search;
-  Kernel warp, gauss_newton, median_filter, smooth, resample, report, window_mean, filter_lines;
+  Kernel warp, median_filter, smooth, resample, report, filter_lines;
 };
 
 // Sizes and buffers of one geometry.
@@ -71,24 +58,18 @@ struct DisplacementEstimator::Workspace {
     return static_cast<int>(frame.sample_count) == plan.samples &&
            static_cast<int>(frame.line_count) == plan.lines && g == geometry;
   }
-  // The windows of Gauss-Newton; their tapered part counts half.
-  WindowResponse window() const {
-    return {(plan.fine.window.half_lateral + 0.5) / found.grid.line_step,
-            (1 - kTaperFraction / 2) * 4.0 * window_chunks / found.grid.sample_step};
-  }
   struct Frames {
     Array<float> pre, post;  // padded
   };
 
   AcquisitionGeometry geometry;
   SearchPlan plan;
-  float period;       // of the carrier, samples
-  int window_chunks;  // 8 samples each, of the windows of Gauss-Newton
+  float period;  // of the carrier, samples
   Padding pad;
   Frames frames, filtered_frames;
   bool matched = false;                     // the refinement works on the filtered frames
   Array<float> mean, difference;            // of the pair; `mean` also holds a warped post
-  Array<float> taps, series, weights;       // of interpolation, and axial ones of the windows
+  Array<float> taps, series;                // of interpolation
   Array<float> field, candidate, filtered;  // 2 per node of the largest grid
   Array<float> deviation;                   // 1 per node
   std::unique_ptr<Search> search;
@@ -101,8 +82,7 @@ DisplacementEstimator::Workspace::Workspace(const RfFrame& frame, const Acquisit
     : geometry(g),
       plan(frame, g, o),
       period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)),
-      window_chunks(std::max(1, (2 * plan.fine.window.half_axial + 4) / 8)),
-      pad(padding(frame, plan.margin_samples() + 4 * window_chunks, plan.margin_lines())) {
+      pad(padding(frame, plan.margin_samples() + plan.fine.window.half_axial + 4, plan.margin_lines())) {
   found.grid = centred_grid(frame, whole_steps(o.grid_dx_m, plan.line_pitch_m),
                             std::max(kLeastStep, whole_steps(o.grid_dy_m, plan.sample_pitch_m)));
 }
@@ -116,7 +96,6 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const Displaceme
   }
   taps = q.array(interpolation_taps());
   series = q.array(interpolation_series());
-  weights = q.array(taper(8 * window_chunks));
   search = std::make_unique<Search>(q, plan, pad);
   const auto image_nodes = static_cast<std::size_t>(found.grid.nodes()),
              nodes = std::max({plan.coarse.nodes(), plan.fine.nodes(), image_nodes});
@@ -204,43 +183,22 @@ void DisplacementEstimator::refine() {
   resample(w.field, w.candidate, w.plan.fine.grid, g);
   std::swap(w.field, w.candidate);
   found.unsolved.reset();
-  const bool regularised = options_.method == RefinementMethod::kRegularised;
   for (int n = 0; n < options_.refinements; ++n) {
     const bool last = n + 1 == options_.refinements;
-    if (n > 0 && regularised) std::swap(w.filtered, w.field);
-    if (n > 0 && !regularised) kernels_->smooth(over(g.nodes()), w.filtered, w.field, g.nx, g.ny);
+    if (n > 0) std::swap(w.filtered, w.field);
     warp(g, true);
     const Autocorrelations a = w.refinement->measure(
         {w.mean, w.difference, w.pad.layout, w.plan.samples, w.plan.lines}, last, found.correlation);
-    if (regularised) {
-      w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period, last);
-      if (w.refinement->solved().reason != StopReason::kConverged) found.unsolved = w.refinement->solved();
-    } else {
-      fit_windows();
-    }
+    w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period, last);
+    if (w.refinement->solved().reason != StopReason::kConverged) found.unsolved = w.refinement->solved();
     if (n + 2 == options_.refinements) filter_frames(a);
     kernels_->median_filter(over(g.nodes()), w.candidate, w.field, found.correlation, w.filtered, w.deviation,
                             g.nx, g.ny, 2, threshold, 0.25f, tolerance);
   }
-  found.noise = regularised ? w.refinement->uncertainty(w.filtered, options_.refinements, found.information,
-                                                        found.std_m)
-                            : w.refinement->uncertainty(w.window(), found.information, found.std_m);
+  found.noise = w.refinement->uncertainty(w.filtered, options_.refinements, found.information, found.std_m);
   kernels_->report(over(g.nodes()), w.filtered, found.correlation, w.deviation, found.field_m, found.trusted,
                    g.nodes(), static_cast<float>(w.plan.line_pitch_m),
                    static_cast<float>(w.plan.sample_pitch_m), threshold, tolerance);
-}
-
-// `candidate` from `field`, each window by itself.
-void DisplacementEstimator::fit_windows() {
-  Workspace& w = *work_;
-  const SampleGrid& g = w.found.grid;
-  const WindowResponse window = w.window();
-  const float lateral_limit = options_.lateral_search_m > 0 ? 1.0f : 0.0f;
-  kernels_->window_mean(over(g.nodes()), w.field, w.filtered, g.nx, g.ny,
-                        static_cast<float>(window.half_along), static_cast<float>(window.half_down));
-  kernels_->gauss_newton(over(g.nodes()), w.mean, w.difference, w.filtered, w.weights, w.candidate,
-                         w.found.correlation, g, w.pad.layout, w.window_chunks,
-                         w.plan.fine.window.half_lateral, 0.25f * w.period, lateral_limit);
 }
 
 void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {

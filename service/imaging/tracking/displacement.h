@@ -6,8 +6,8 @@
 //      largest strain allows, 1 mm x 2 mm nodes; paths that neighbours can reach (find_paths) cure peak hops
 //      before they happen;
 //   2. search of a quarter period axially and of half of lateral_search_m around that, 1 mm x 1 mm nodes;
-//   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid: regularised over the
-//      whole image (T2.3, refinement.h), or window by window without any regularisation.
+//   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid, regularised over the
+//      whole image (T2.3, refinement.h).
 // Between the levels outliers give way to the median of their neighbours. The last step runs on frames passed
 // through the matched filter of noise_model.h.
 #pragma once
@@ -22,18 +22,15 @@
 
 namespace teletact::service {
 
-enum class RefinementMethod { kRegularised, kWindowed };
-
 // Locally 1.6 times as much is searched, and frames are warped by 0.2 at most.
 constexpr double kLargestMaxStrain = 0.125;
 
 struct DisplacementOptions {
-  RefinementMethod method = RefinementMethod::kRegularised;
   RegularisationOptions regularisation;
   double max_strain = 0.05;          // mean compression, magnitude; bounds the axial and the lateral search
   double lateral_search_m = 0.8e-3;  // magnitude, on the middle line
   double grid_dx_m = 0.45e-3, grid_dy_m = 0.4e-3;  // image grid, rounded to whole lines and samples
-  double window_axial_m = 1.6e-3, window_lateral_m = 1.2e-3;  // of the search and of Gauss-Newton
+  double window_axial_m = 1.6e-3, window_lateral_m = 1.2e-3;  // of the fine search
   double coarse_window_axial_m = 0.8e-3, coarse_window_lateral_m = 2.0e-3;
   int refinements = 3;                // Gauss-Newton steps, each with its own warp
   double trusted_correlation = 0.7;   // below it a node is not trusted
@@ -74,7 +71,6 @@ class DisplacementEstimator {
   struct Kernels;
   void search();
   void refine();
-  void fit_windows();
   void filter_frames(const Autocorrelations&);
   void warp(const SampleGrid&, bool pair);
   void resample(const Array<float>& from, Array<float>& to, const SampleGrid& old, const SampleGrid&);

@@ -32,10 +32,6 @@ double box(int radius, double k) {
   return sum / (2 * radius + 1);
 }
 
-double sinc(double x) {
-  return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x;
-}
-
 template <class Function>
 std::vector<double> over_waves(const Function& f) {
   std::vector<double> values;
@@ -84,16 +80,6 @@ NoiseResponse::NoiseResponse(const SmootherResponse& s, double median, int line_
       seen_.push_back(t * (stiff[n] - pull[n]) / h);
     }
   }
-}
-
-NoiseResponse::NoiseResponse(const WindowResponse& w, double median, int line_step, int sample_step)
-    : median_(median) {
-  const std::vector<double> shares = hat_shares(line_step, sample_step);
-  const std::vector<double> squared = over_waves(
-      [&](double a, double d) { return std::pow(sinc(a * w.half_along) * sinc(d * w.half_down), 2); });
-  for (int entry = 0; entry < DeviationTable::kEntries; ++entry)
-    for (std::size_t n = 0; n < shares.size(); ++n)
-      power_.push_back(squared[n] / (information(median, entry) * shares[n]));
 }
 
 DeviationTable NoiseResponse::table(const Response& squared) const {

@@ -23,11 +23,6 @@ struct SmootherResponse {
   int gradient_radius = 0, steps = 1;
 };
 
-// Unregularised estimate: mean over a window of these half lengths in node steps.
-struct WindowResponse {
-  double half_along = 0, half_down = 0;
-};
-
 // Standard deviation at the information median * 2^(n - kBelow), n = 0 .. kEntries - 1.
 struct DeviationTable {
   static constexpr int kEntries = 32, kBelow = 20;
@@ -39,7 +34,6 @@ class NoiseResponse {
   NoiseResponse() = default;
   // median: information that the tables are centred on; line_step, sample_step: of the hat functions.
   NoiseResponse(const SmootherResponse&, double median, int line_step, int sample_step);
-  NoiseResponse(const WindowResponse&, double median, int line_step, int sample_step);
   // Of the functional with squared response `squared`.
   DeviationTable table(const Response& squared) const;
   // Of the bias that the smoother's edges show, their pull over the information, averaged over (2 radius +

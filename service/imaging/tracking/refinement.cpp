@@ -215,20 +215,6 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const Array<float>
   return noise;
 }
 
-std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const WindowResponse& window,
-                                                              Array<float>& information,
-                                                              Array<float>& deviation_m) {
-  auto noise = std::make_shared<NoiseStructure>();
-  noise->unit_m = {line_pitch_m_, sample_pitch_m_};
-  for (std::size_t c = 0; c < 2; ++c)
-    noise->response[c] = NoiseResponse(window, median_information_[c], grid_.line_step, grid_.sample_step);
-  const int i = static_cast<int>(std::lround(window.half_along)),
-            j = static_cast<int>(std::lround(window.half_down));
-  queue_.fill_zero(pull_);
-  look_up(*noise, {i, j, i, j, 0, 0, 0, 0}, information, deviation_m);
-  return noise;
-}
-
 void Refinement::look_up(const NoiseStructure& noise, const std::vector<int>& radii,
                          Array<float>& information, Array<float>& deviation_m) {
   std::vector<float> tables;

@@ -60,12 +60,9 @@ class Refinement {
   // samples. `last`: no other step follows.
   void step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit, bool last);
   // Standard deviation (m) and information averaged over the estimator's footprint, 2 per node, of the final
-  // field after `steps` steps, the bias by smoothing included (regularised), or of windows of this size
-  // instead.
+  // field after `steps` steps, the bias by smoothing included.
   std::shared_ptr<const NoiseStructure> uncertainty(const Array<float>& field, int steps,
                                                     Array<float>& information, Array<float>& deviation_m);
-  std::shared_ptr<const NoiseStructure> uncertainty(const WindowResponse&, Array<float>& information,
-                                                    Array<float>& deviation_m);
   // Of the last step, each lateral, axial: weights of the edges along i, of those along j, spread and
   // sensitivity of the noise.
   const std::vector<float>& model() const { return weights_; }

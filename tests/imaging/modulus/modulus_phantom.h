@@ -118,8 +118,8 @@ class Phantom {
   KnownModulus known;
 
  private:
-  // The standard deviation and the structure of add_noise(), as tracking states them: a mean over 3 x 3
-  // nodes.
+  // The standard deviation and, about, the structure of add_noise(), as tracking states them: a mean over
+  // 3 x 3 nodes.
   void claim_noise(double axial_m) {
     constexpr double kInformation = 1;
     const double size_m[] = {10 * axial_m, axial_m};
@@ -128,7 +128,7 @@ class Phantom {
     for (std::size_t n = 0; n < grid.size(); ++n)
       for (const double s : size_m) std_m.push_back(static_cast<float>(s));
     for (std::size_t c = 0; c < 2; ++c) {
-      noise->response[c] = NoiseResponse(WindowResponse{1.5, 1.5}, kInformation, 1, 1);
+      noise->response[c] = NoiseResponse(SmootherResponse{1, 1, 3, 1}, kInformation, 1, 1);
       const DeviationTable whole = noise->response[c].table([](double, double) { return 1.0; });
       noise->unit_m[c] = size_m[c] / static_cast<double>(whole.deviation[DeviationTable::kBelow]);
     }

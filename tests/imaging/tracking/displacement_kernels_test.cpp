@@ -163,36 +163,6 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
             100 * 1e-3);  // amplitude 100 rms; blending the tabulated taps is good to 1e-3 of the peaks
 }
 
-TEST_F(DisplacementKernels, GaussNewtonMatchesReference) {
-  RfFrame mean = pre_, difference = pre_;
-  for (std::size_t n = 0; n < pre_.samples.size(); ++n) {
-    mean.samples[n] = 0.5f * (pre_.samples[n] + post_.samples[n]);
-    difference.samples[n] = pre_.samples[n] - post_.samples[n];
-  }
-  const SampleGrid grid = centred_grid(pre_, 3, 29);
-  const int chunks = 4, half_lateral = 2;
-  std::vector<float> taper;
-  for (int k = 0; k < 8 * chunks; ++k) taper.push_back(0.2f + 0.8f * std::sin(0.1f * static_cast<float>(k)));
-  const auto nodes = static_cast<std::size_t>(grid.nodes());
-  std::vector<float> start(2 * nodes, 0.25f);
-  const Array<float> s = queue_.array(padded(mean, pad_)), e = queue_.array(padded(difference, pad_));
-  const Array<float> weights = queue_.array(taper), from = queue_.array(start);
-  const Array<float> to = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
-  kernel("gauss_newton")(over(grid.nodes()), s, e, from, weights, to, correlation, grid, pad_.layout, chunks,
-                         half_lateral, 1e6f, 1e6f);
-  const std::vector<float> moved = queue_.read(to), likeness = queue_.read(correlation);
-  const std::vector<double> weights_double(taper.begin(), taper.end());
-  for (std::size_t n = 0; n < nodes; ++n) {
-    const int node = static_cast<int>(n);
-    const auto want = reference::gauss_newton_step(
-        as_reference(mean), as_reference(difference), grid.first_sample + node / grid.nx * grid.sample_step,
-        grid.first_line + node % grid.nx * grid.line_step, weights_double, half_lateral);
-    EXPECT_NEAR(moved[2 * n] - 0.25, want.step.lines, 2e-3) << node;
-    EXPECT_NEAR(moved[2 * n + 1] - 0.25, want.step.samples, 2e-3) << node;
-    EXPECT_NEAR(likeness[n], want.correlation, 2e-5) << node;
-  }
-}
-
 TEST_F(DisplacementKernels, MedianFilterCuresAPeakHopAndKeepsTheGradient) {
   const int nx = 11, ny = 9, hop = 4 + nx * 5, silent = 7 + nx * 2;
   std::vector<float> field, correlation(static_cast<std::size_t>(nx * ny), 0.95f);
