@@ -45,6 +45,8 @@ std::vector<Case> cases() {
           {"41x41", tests::uniform_grid(41, 41), {0}},
           {"flat elements", flat, {0, 5}},
           {"tall elements", tall, {0, 3}},
+          {"61x121 deep", tests::uniform_grid(61, 121), {0, 60}},
+          {"61x121 deep, columns", tests::uniform_grid(61, 121), {60}, 1},
           {"strip", strip(33), {0, 10}},
           {"strip, columns", strip(33), {10}, 1}};
 }
