@@ -5,7 +5,6 @@
 
 #include "bench/results.h"
 #include "bench/suite.h"
-#include "bench/suites/exploration.h"
 
 int main(int argc, char** argv) {
   CLI::App app("teletact-bench: measurements against promises; exit code 1 when one is not met",

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "bench/suite.h"
@@ -42,7 +44,13 @@ std::string words(std::string key) {
 }
 
 std::string row(const std::vector<std::string>& cells) {
-  return fmt::format("| {} |\n", fmt::join(cells, " | "));
+  std::string line = "|";
+  for (const std::string& text : cells) {
+    line += ' ';
+    for (const char c : text) line += c == '|' ? "\\|" : std::string(1, c);
+    line += " |";
+  }
+  return line + "\n";
 }
 
 std::string head(const std::vector<std::string>& cells) {
@@ -118,8 +126,7 @@ json read(const std::string& file) {
 }
 
 void report(const std::vector<std::string>& files, const std::string& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
+  std::map<std::string, std::pair<std::string, std::string>> pages;  // by suite: the file, its page
   for (const std::string& file : files) {
     const json result = read(file);
     std::string page;
@@ -128,8 +135,17 @@ void report(const std::vector<std::string>& files, const std::string& folder) {
     } catch (const BenchError& e) {
       throw BenchError(file + ": " + e.what());
     }
-    const fs::path to = fs::path(folder) / (result["suite"].get<std::string>() + ".md");
-    if (!(std::ofstream(to) << page << std::flush)) throw BenchError("cannot write " + to.string());
+    const std::string suite = result["suite"];
+    const auto [first, is_new] = pages.try_emplace(suite, file, std::move(page));
+    if (!is_new)
+      throw BenchError(first->second.first + " and " + file + " are both of the suite " + suite +
+                       ", which has one page: give one of them");
+  }
+  std::error_code error;
+  fs::create_directories(folder, error);
+  for (const auto& [suite, page] : pages) {
+    const fs::path to = fs::path(folder) / (suite + ".md");
+    if (!(std::ofstream(to) << page.second << std::flush)) throw BenchError("cannot write " + to.string());
     std::printf("%s\n", to.c_str());
   }
 }

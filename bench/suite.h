@@ -67,5 +67,6 @@ void add_soak_suite(CLI::App& app, bool& met);
 void add_contact_suite(CLI::App& app, bool& met);
 void add_stability_suite(CLI::App& app, bool& met);
 void add_elastography_suite(CLI::App& app, bool& met);
+void add_exploration_suite(CLI::App& app, bool& met);
 
 }  // namespace teletact::bench

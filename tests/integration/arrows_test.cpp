@@ -108,6 +108,33 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
               "client");
 }
 
+TEST(Arrows, TheProductKnowsNeitherBenchesNorTests) {
+  for (const char* side : {"client", "service"})
+    for (const Include& i : includes_of(side))
+      EXPECT_FALSE(starts_with_any(i.target, {"bench/", "tests/"})) << i.file << ": " << i.target;
+}
+
+// suites -> what suites share -> {phantoms, fuzz} -> {peers, stability}. No suite knows another.
+TEST(Arrows, SuitesOfTheBenchAreApart) {
+  const std::map<std::string, std::set<std::string>> allowed{
+      {"bench", {}},
+      {"bench/peers", {}},
+      {"bench/stability", {}},
+      {"bench/phantoms", {"bench/peers"}},
+      {"bench/fuzz", {"bench/stability"}},
+      {"suite", {"bench", "bench/fuzz", "bench/peers", "bench/phantoms", "bench/stability"}}};
+  std::set<std::string> suites;
+  for (const Include& i : includes_of("bench")) {
+    if (i.target.rfind("bench/", 0) != 0) continue;
+    const bool in_suite = i.folder.rfind("bench/suites/", 0) == 0;
+    if (in_suite) suites.insert(i.folder);
+    const std::string from = in_suite ? "suite" : i.folder, to = fs::path(i.target).parent_path();
+    ASSERT_TRUE(allowed.count(from)) << "a folder without a place: " << from;
+    EXPECT_TRUE(i.folder == to || allowed.at(from).count(to)) << i.file << " includes " << i.target;
+  }
+  EXPECT_GE(suites.size(), 8u) << "the suites were not found";
+}
+
 // What makes plane models, and what says where tissue is held, may know the tissue.
 TEST(Arrows, SceneAndRpcSeeModelsThroughTheSeamAlone) {
   const std::set<std::string> makers{"service/scene/plane_models.cpp", "service/scene/strip.h",

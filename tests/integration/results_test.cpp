@@ -18,12 +18,19 @@ std::string text_of(const std::filesystem::path& file) {
   return text.str();
 }
 
+// Of result.json, result_1.json ...
+auto report(const test::TemporaryFolder& folder, const std::vector<std::string>& results) {
+  std::vector<std::string> command{
+      test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench", "report", "--out",
+      folder / "pages"};
+  for (std::size_t k = 0; k < results.size(); ++k) {
+    command.push_back(folder / (k == 0 ? "result.json" : "result_" + std::to_string(k) + ".json"));
+    std::ofstream(command.back()) << results[k];
+  }
+  return test::run(command, folder / "report.log", {}, kReportS);
+}
 auto report(const test::TemporaryFolder& folder, const std::string& json) {
-  const std::string file = folder / "result.json";
-  std::ofstream(file) << json;
-  return test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench", "report",
-                    file, "--out", folder / "pages"},
-                   folder / "report.log", {}, kReportS);
+  return report(folder, std::vector{json});
 }
 
 TEST(Results, APageHoldsTheMachineThePromisesAndTheTables) {
@@ -47,6 +54,27 @@ TEST(Results, AQuickRunSaysSo) {
   const test::TemporaryFolder folder;
   ASSERT_EQ(report(folder, R"({"suite": "reach", "quick": true, "machine": {}, "targets": []})").code, 0);
   EXPECT_NE(text_of(folder / "pages/reach.md").find("not to quote"), std::string::npos);
+}
+
+TEST(Results, ABarInATextStaysInItsCell) {
+  const test::TemporaryFolder folder;
+  const auto finished = report(folder, R"({"suite": "reach", "machine": {},
+    "targets": [{"name": "a | b", "value": 1, "target": 2, "unit": "m", "at_most": true, "met": true}],
+    "by_tip": [{"tip": "round | flat", "force_n": 0.5}]})");
+  ASSERT_EQ(finished.code, 0) << finished.output;
+  const std::string page = text_of(folder / "pages/reach.md");
+  for (const char* part : {R"(| a \| b | 1 m |)", R"(| 0.5 | round \| flat |)"})
+    EXPECT_NE(page.find(part), std::string::npos) << part << "\n" << page;
+}
+
+TEST(Results, TwoResultsOfOneSuiteDoNotOverwriteEachOther) {
+  const test::TemporaryFolder folder;
+  const std::string reach = R"({"suite": "reach", "machine": {}, "targets": []})";
+  const auto finished = report(folder, {reach, reach});
+  EXPECT_EQ(finished.code, 1);
+  for (const char* part : {"result.json", "result_1.json", "reach"})
+    EXPECT_NE(finished.output.find(part), std::string::npos) << finished.output;
+  EXPECT_FALSE(std::filesystem::exists(folder / "pages/reach.md"));
 }
 
 TEST(Results, WhatIsNoResultIsRefusedByName) {

@@ -1,0 +1,171 @@
+// Acceptance 6: the time of the imaging plane while a finger is answered beside it, and for every OpenCL
+// device the time of every kernel with the bytes that it must move and the flops that it does, against what
+// the device can.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <thread>
+
+#include "bench/peers/contact_case.h"
+#include "bench/peers/rf_nodes.h"
+#include "bench/phantoms/metrics.h"
+#include "bench/roofline.h"
+#include "bench/suites/elastography/elastography.h"
+#include "service/contact/contact.h"
+#include "service/imaging/estimate.h"
+#include "service/tissue/tissue_model.h"
+
+namespace teletact::bench {
+namespace {
+
+using nlohmann::json;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+std::map<std::string, Work> work_of(const Phantom& p) {
+  const service::DisplacementOptions o;
+  const Nodes fine(p.pre, p.geometry, 1e-3, 1e-3), coarse(p.pre, p.geometry, 2e-3, 1e-3),
+      image(p.pre, p.geometry, o.grid_dx_m, o.grid_dy_m);
+  const double pixels = static_cast<double>(p.pre.samples.size()), nodes = image.grid.nodes();
+  const auto window = coarse.window(o.coarse_window_axial_m, o.coarse_window_lateral_m),
+             search = fine.window(o.window_axial_m, o.window_lateral_m);
+  const double chunks = 2 * std::ceil((o.max_strain * p.tissue.depth_m / coarse.sample_m + 4) / 8);
+  const double laterals = 2 * (std::lround(o.lateral_search_m / 2 / fine.line_m) + 1) + 1;
+  constexpr double kCoarseLaterals = 5, kReached = 0.7;  // means over the image; the rest is not looked at
+  const double coarse_items = coarse.grid.nodes() * kCoarseLaterals * chunks * kReached,
+               fine_items = fine.grid.nodes() * laterals;
+  const auto samples_of = [](const reference::Window& w) {  // every second sample, every second line
+    return (w.half_axial + 1.0) * (w.half_lateral + 1.0);
+  };
+  const double hat = std::ceil(image.grid.sample_step / 4.0) * (2 * image.grid.line_step - 1);
+  const double kernel = 5 * 7;  // nodes of a strain kernel, about
+  return {                      // the mean of the coarse and the fine launch
+          {"ncc",
+           {(4 * pixels * 4 + 32 * (coarse_items + fine_items)) / 2,
+            16 * (coarse_items * samples_of(window) + fine_items * samples_of(search)) / 2}},
+          {"warp", {16 * pixels, 120 * pixels}},
+          {"filter_lines", {8 * pixels, 65 * pixels}},
+          {"data_term", {8 * pixels, 300 * hat * nodes}},
+          {"strain", {26 * nodes, 20 * kernel * nodes}},
+          {"median_filter", {28 * nodes, 0}}};
+}
+
+json measure_device(const service::DeviceInfo& info, const Phantom& p, bool quick) {
+  service::DeviceOptions options;
+  options.select = std::to_string(info.index);
+  const Ceiling ceiling = measure_ceiling(service::Device::open(options)->queue());
+  options.profiling = true;
+  const service::Queue queue = service::Device::open(options)->queue();
+  service::DisplacementEstimator displacement(queue, {});
+  service::StrainEstimator strain(queue, {});
+  const int pairs = quick ? 2 : 10;
+  for (int k = 0; k < pairs; ++k) {
+    const service::DisplacementEstimate e = displacement.estimate(p.pre, p.post, p.geometry);
+    strain.estimate(e, service::image_grid(e.grid, p.geometry));
+    queue.finish();
+  }
+  return {{"device", info.name},
+          {"bytes_s", ceiling.bytes_s},
+          {"flops_s", ceiling.flops_s},
+          {"kernels", kernels_of(queue, work_of(p), ceiling, pairs)}};
+}
+
+// A finger that slides over a condensed surface and is answered kRateHz times a second, on a thread of its
+// own.
+class Finger {
+ public:
+  Finger() : tissue_(make_tissue({})), model_(tissue_.grid, tissue_.material, tissue_.supports, {}) {
+    compliance_ = model_.condensed(0);
+    thread_ = std::thread([this] { slide(); });
+  }
+  ~Finger() { stop(); }
+  // Seconds from when an answer was due to when it was there.
+  const std::vector<double>& stop() {
+    stopped_ = true;
+    if (thread_.joinable()) thread_.join();
+    return latency_s_;
+  }
+
+ private:
+  static constexpr double kRateHz = 500;
+  void slide() {
+    const auto begin = Clock::now();
+    for (int k = 0; !stopped_; ++k) {
+      const auto due =
+          begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(k / kRateHz));
+      std::this_thread::sleep_until(due);
+      const double x_m = 0.030 + 0.010 * std::sin(0.012 * k);
+      service::solve_contact(model_.problem(), 0, *compliance_, {}, {x_m, 0.002});
+      latency_s_.push_back(std::chrono::duration<double>(Clock::now() - due).count());
+    }
+  }
+  reference::TouchedTissue tissue_;
+  service::TissueModel model_;
+  std::shared_ptr<service::Compliance> compliance_;
+  std::atomic<bool> stopped_{false};
+  std::vector<double> latency_s_;
+  std::thread thread_;
+};
+
+json measure_plane(service::Elastography& elastography, service::ModulusKind kind, const Phantom& p,
+                   bool quick) {
+  const service::ProbeForce force{p.sensed_force_n, p.contact_area_m2};
+  std::vector<double> displacement, strain, modulus, total;
+  Finger finger;
+  for (int k = 0; k < (quick ? 5 : 31); ++k) {
+    const auto begin = Clock::now();
+    const service::Estimate e =
+        elastography.estimate({p.pre, p.post, p.geometry, force, p.tissue, {}, {kind, {}}});
+    total.push_back(seconds_since(begin));
+    displacement.push_back(e.displacement_s), strain.push_back(e.strain_s), modulus.push_back(e.modulus_s);
+  }
+  return {{"displacement_s", quantiles(displacement)},
+          {"strain_s", quantiles(strain)},
+          {"modulus_s", quantiles(modulus)},
+          {"total_s", quantiles(total)},
+          {"touch_latency_s", quantiles(finger.stop())}};
+}
+
+}  // namespace
+
+json measure_stages(const std::shared_ptr<service::Device>& device, bool quick) {
+  Phantoms phantoms;
+  PhantomCase c;
+  c.tissue_width_m = 0.160;
+  const Phantom p = phantoms.make(c, 1);
+  service::Elastography elastography(device);
+  elastography.warm();
+  json out{{"plane",
+            {{"direct", measure_plane(elastography, service::ModulusKind::kDirect, p, quick)},
+             {"iterative", measure_plane(elastography, service::ModulusKind::kIterative, p, quick)}}},
+           {"devices", json::array()}};
+  for (const service::DeviceInfo& info : service::list_devices())
+    out["devices"].push_back(measure_device(info, p, quick));
+  return out;
+}
+
+void print_stages(const json& stages) {
+  for (const json& d : stages.at("devices")) {
+    std::printf("%s: %.1f GB/s, %.0f GFLOP/s\n", d.at("device").get<std::string>().c_str(),
+                1e-9 * number(d.at("bytes_s")), 1e-9 * number(d.at("flops_s")));
+    std::printf("  %-20s %9s %8s %9s %9s %10s\n", "kernel", "launches", "ms", "MB", "MFLOP", "of limit");
+    for (const json& k : d.at("kernels")) {
+      std::printf("  %-20s %9.0f %8.2f", k.at("kernel").get<std::string>().c_str(), number(k.at("launches")),
+                  1e3 * number(k.at("seconds")));
+      if (k.contains("of_limit"))
+        std::printf(" %9.1f %9.1f %6.0f %% %s", 1e-6 * number(k.at("bytes")), 1e-6 * number(k.at("flops")),
+                    100 * number(k.at("of_limit")), k.at("bound").get<std::string>().c_str());
+      std::printf("\n");
+    }
+  }
+}
+
+}  // namespace teletact::bench

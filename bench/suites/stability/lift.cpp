@@ -1,0 +1,146 @@
+// Presses as deep as each device's largest force, lifts at up to 0.5 m/s and taps at 3 Hz, by every renderer,
+// on tissue within the device's stiffness cap: no force in the air, no more energy back than was put in but
+// for what a force held between ticks gives (K T/2), and DEGRADED nowhere.
+#include <cstdio>
+#include <map>
+
+#include "bench/stability/lift.h"
+#include "bench/stability/parallel.h"
+#include "bench/suites/stability/stability.h"
+#include "client/render/renderers.h"
+
+namespace teletact::bench {
+namespace {
+
+using nlohmann::json;
+
+constexpr double kLateS = 0.02;
+// A harder model is given as the mechanism's damping pays for it (T5.4b), which is left out here.
+constexpr double kOverAllowed = 1.1;
+
+struct Rate {
+  double update_s, model_delay_s;
+};
+
+std::vector<client::DeviceProfile> devices() {
+  std::vector<client::DeviceProfile> all = client::device_profiles();
+  all.push_back({"states nothing", 4, 400, 4, 0.1, 0.05, 0, 0, 0});
+  return all;
+}
+
+const std::vector<HandProfile>& hands() {
+  static const std::vector<HandProfile> all{{"middle", 0.1, 5, 500}, {"heavy, damped, stiff", 0.2, 10, 1000}};
+  return all;
+}
+
+std::vector<LiftOptions> trials(bool quick) {
+  const std::vector<Rate> rates = quick ? std::vector<Rate>{{0.002, 0.003}}
+                                        : std::vector<Rate>{{0.001, 0.001}, {0.002, 0.003}, {0.005, 0.005},
+                                                            {0.01, 0.01},   {0.02, 0.02},   {0.05, 0.05}};
+  const std::vector<double> speeds = quick ? std::vector<double>{0.5} : std::vector<double>{0.05, 0.3, 0.5};
+  std::vector<const HandProfile*> movers{nullptr, &hands()[0]};
+  if (!quick) movers.push_back(&hands()[1]);
+  std::vector<LiftOptions> all;
+  LiftOptions t;
+  for (const client::DeviceProfile& device : devices())
+    for (const std::string& renderer : client::renderer_names())
+      for (const Scene scene : {Scene::kHomogeneous, Scene::kInclusions})
+        for (const double share : {0.5, 1.0})
+          for (const Rate& rate : rates)
+            for (const bool known : {true, false})
+              for (const HandProfile* hand : movers) {
+                t.device = device, t.renderer = renderer, t.scene = scene, t.hand = hand,
+                t.damping_known = known;
+                t.stiffness_n_m = share * device.largest_stiffness_n_m;
+                t.update_s = rate.update_s, t.model_delay_s = rate.model_delay_s;
+                t.motion = LiftMotion::kTap;
+                all.push_back(t);
+                t.motion = LiftMotion::kLift;
+                for (const double speed : speeds) t.lift_m_s = speed, all.push_back(t);
+              }
+  return all;
+}
+
+// A model that is honest: of the tissue below the finger. On the flank of an inclusion a hand slides: there
+// it needs its gradients, and answers that are not too late. A force that is held as it is gives energy
+// (T5.2), and is said to.
+bool honest(const LiftOptions& t) {
+  if (t.renderer != "kalman" && t.renderer != "kalman-force") return false;
+  const bool slides = t.hand != nullptr && t.scene == Scene::kInclusions;
+  return !slides || (t.renderer == "kalman" && t.update_s + t.model_delay_s <= kLateS);
+}
+
+struct Tally {
+  std::size_t trials = 0, in_air = 0, degraded = 0, damped = 0, lost = 0;
+  double most_in_air_n = 0, most_given = 0, most_given_j = 0, most_force = 0;
+  void add(const LiftOptions& t, const LiftResult& r) {
+    ++trials;
+    in_air += r.in_air_n > 0;
+    degraded += r.degraded_share > 0;
+    damped += r.damping_share > 0;
+    lost += r.enabled_share < 1;
+    most_in_air_n = std::max(most_in_air_n, r.in_air_n);
+    most_given = std::max(most_given, r.over_allowed);
+    most_given_j = std::max(most_given_j, r.given_j);
+    most_force = std::max(most_force, r.largest_n / t.device.largest_force_n);
+  }
+};
+
+json measure(bool quick, std::vector<Target>& targets) {
+  const std::vector<LiftOptions> all = trials(quick);
+  std::vector<LiftResult> results(all.size());
+  in_parallel(all.size(), [&](std::size_t n) { results[n] = run_lift(all[n]); });
+  Tally all_of_them, honest_ones;
+  std::map<std::string, Tally> by_renderer;
+  json rows = json::array();
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    const LiftOptions& t = all[n];
+    const LiftResult& r = results[n];
+    all_of_them.add(t, r);
+    if (honest(t)) honest_ones.add(t, r);
+    by_renderer[t.renderer + (honest(t) || t.renderer.rfind("kalman", 0) != 0 ? "" : ", sliding")].add(t, r);
+    rows.push_back({{"device", t.device.name},
+                    {"renderer", t.renderer},
+                    {"scene", t.scene == Scene::kHomogeneous ? "homogeneous" : "inclusions"},
+                    {"stiffness_n_m", t.stiffness_n_m},
+                    {"update_s", t.update_s},
+                    {"model_delay_s", t.model_delay_s},
+                    {"damping_known", t.damping_known},
+                    {"hand", t.hand == nullptr ? "none" : t.hand->name},
+                    {"motion", t.motion == LiftMotion::kTap ? "tap" : "lift"},
+                    {"lift_m_s", t.lift_m_s},
+                    {"honest", honest(t)},
+                    {"in_air_n", r.in_air_n},
+                    {"largest_n", r.largest_n},
+                    {"stored_j", r.stored_j},
+                    {"given_j", r.given_j},
+                    {"over_allowed", r.over_allowed},
+                    {"degraded_share", r.degraded_share},
+                    {"damping_share", r.damping_share}});
+  }
+  std::printf("\npresses to the largest force, lifted at up to 0.5 m/s and tapped at 3 Hz\n");
+  for (const auto& [name, t] : by_renderer)
+    std::printf(
+        "  %s: of %zu a force in the air %zu (most %.2f N), given back beyond what was put in %.2f mJ, %.2f "
+        "of K T/2; DEGRADED %zu, damped %zu, not ENABLED throughout %zu\n",
+        name.c_str(), t.trials, t.in_air, t.most_in_air_n, 1e3 * t.most_given_j, t.most_given, t.degraded,
+        t.damped, t.lost);
+  targets.push_back(
+      {"lifts and taps from the largest force: a force in the air", all_of_them.most_in_air_n, 0, "N"});
+  targets.push_back({"lifts and taps, by a model: most given back beyond what was put in",
+                     honest_ones.most_given, kOverAllowed, "of K T/2"});
+  targets.push_back({"lifts and taps, by a model: DEGRADED", double(honest_ones.degraded), 0, "trials"});
+  targets.push_back(
+      {"lifts and taps, by a model: not ENABLED throughout", double(honest_ones.lost), 0, "trials"});
+  targets.push_back(
+      {"lifts and taps: the force reached, over the largest", honest_ones.most_force, 0.999, "", false});
+  return {{"rows", rows}};
+}
+
+}  // namespace
+
+StabilityPart stability_lift() {
+  return {"lift", measure, nullptr};
+}
+
+}  // namespace teletact::bench
