@@ -4,6 +4,9 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
+
+#include "bench/suite.h"
 
 namespace teletact::bench {
 
@@ -16,8 +19,13 @@ constexpr std::array<const char*, 16> kColours{
 
 }  // namespace
 
-std::string script_of(const std::vector<Curve>& curves, const std::string& settings) {
-  std::string data, command = "plot ";
+std::string axes(const std::string& title, const std::string& x, const std::string& y) {
+  return "set title \"" + title + "\"\nset xlabel '" + x + "'\nset ylabel '" + y + "'\n";
+}
+
+std::string script_of(const std::vector<Curve>& curves, const std::string& settings,
+                      const std::string& more) {
+  std::string data, command;
   for (std::size_t c = 0; c < curves.size(); ++c) {
     const Curve& curve = curves[c];
     const bool intervals = !curve.half_width.empty();
@@ -30,13 +38,26 @@ std::string script_of(const std::vector<Curve>& curves, const std::string& setti
     }
     data += "EOD\n";
     const std::size_t look = curve.look.value_or(c);
-    command += fmt::format("{}$c{} with {} lw {} pt {} ps 1.2 lc rgb '{}' title '{}'", c > 0 ? ", " : "", c,
-                           intervals    ? "yerrorlines"
-                           : curve.line ? "linespoints"
-                                        : "points",
-                           curve.ours ? 3 : 1, look + 4, kColours[look % kColours.size()], curve.title);
+    const std::string style =
+        !curve.style.empty() ? curve.style
+                             : fmt::format("{} lw {} pt {} ps 1.2 lc rgb '{}'",
+                                           intervals    ? "yerrorlines"
+                                           : curve.line ? "linespoints"
+                                                        : "points",
+                                           curve.ours ? 3 : 1, look + 4, kColours[look % kColours.size()]);
+    command += fmt::format("{}$c{} with {} title '{}'", c > 0 ? ", " : "", c, style, curve.title);
   }
-  return data + settings + command + "\n";
+  return data + settings + "plot " + command + more + "\n";
+}
+
+void plot(const std::filesystem::path& file, const std::string& script) {
+  const std::string whole = "set terminal pngcairo size 900,600 font 'sans,11'\nset output '" +
+                            file.string() + "'\nset grid lc rgb '#dddddd'\n" + script;
+  FILE* pipe = popen("gnuplot", "w");
+  if (pipe == nullptr) throw BenchError("gnuplot could not be started; install gnuplot-nox");
+  const bool written = std::fwrite(whole.data(), 1, whole.size(), pipe) == whole.size();
+  if (pclose(pipe) != 0 || !written)
+    throw BenchError(file.string() + ": gnuplot failed; is gnuplot-nox installed?");
 }
 
 }  // namespace teletact::bench

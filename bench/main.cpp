@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <exception>
 
-#include "bench/results.h"
 #include "bench/suite.h"
 
 int main(int argc, char** argv) {

@@ -27,13 +27,24 @@ reference::TouchedTissue own_tissue() {
   return tissue;
 }
 
+void remove_scene(v1::Palpation::Stub& stub, const std::string& scene_id) {
+  v1::DeleteSceneRequest request;
+  request.set_scene_id(scene_id);
+  v1::DeleteSceneResponse deleted;
+  grpc::ClientContext context;
+  stub.DeleteScene(&context, request, &deleted);  // NOT_FOUND is fine
+}
+
+void create_scene(v1::Palpation::Stub& stub, const v1::CreateSceneRequest& request) {
+  remove_scene(stub, request.scene_id());
+  v1::Scene scene;
+  grpc::ClientContext context;
+  const grpc::Status status = stub.CreateScene(&context, request, &scene);
+  if (!status.ok()) throw BenchError("CreateScene: " + client::describe(status));
+}
+
 void create_own_scene(v1::Palpation::Stub& stub, const std::string& scene_id,
                       const reference::TouchedTissue& tissue) {
-  v1::DeleteSceneRequest old;
-  old.set_scene_id(scene_id);
-  v1::DeleteSceneResponse deleted;
-  grpc::ClientContext remove;
-  stub.DeleteScene(&remove, old, &deleted);  // of an earlier run; NOT_FOUND is fine
   v1::CreateSceneRequest request;
   request.set_scene_id(scene_id);
   v1::SceneGeometry& geometry = *request.mutable_geometry();
@@ -50,10 +61,7 @@ void create_own_scene(v1::Palpation::Stub& stub, const std::string& scene_id,
   array.add_shape(static_cast<std::uint32_t>(tissue.grid.nx() - 1));
   const auto& pa = tissue.material.youngs_modulus_pa;
   array.set_data(std::string(reinterpret_cast<const char*>(pa.data()), pa.size() * sizeof(double)));
-  v1::Scene scene;
-  grpc::ClientContext context;
-  const grpc::Status status = stub.CreateScene(&context, request, &scene);
-  if (!status.ok()) throw BenchError("CreateScene: " + client::describe(status));
+  create_scene(stub, request);
 }
 
 double check_against_reference(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
@@ -74,6 +82,12 @@ double check_against_reference(const std::shared_ptr<grpc::Channel>& channel, co
     worst = std::max(worst, error);
   }
   return worst;
+}
+
+Checked make_checked_scene(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
+                           const reference::TouchedTissue& tissue, double indentation_m) {
+  create_own_scene(*v1::Palpation::NewStub(channel), scene_id, tissue);
+  return {"dense reference", check_against_reference(channel, scene_id, tissue, indentation_m)};
 }
 
 }  // namespace teletact::bench

@@ -4,6 +4,7 @@
 #include <grpcpp/channel.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "teletact/v1/palpation.grpc.pb.h"
@@ -14,7 +15,17 @@ namespace teletact::bench {
 // 120 x 40 mm, 2 mm elements, a stiffer block in the middle.
 reference::TouchedTissue own_tissue();
 
-// Takes the place of a scene of that name. Throws BenchError.
+// What answers were checked against before they were timed, and what they were off by.
+struct Checked {
+  std::string against;
+  double largest_relative_error = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Checked, against, largest_relative_error)
+
+void remove_scene(v1::Palpation::Stub& stub, const std::string& scene_id);
+
+// These take the place of a scene of that name. They throw BenchError.
+void create_scene(v1::Palpation::Stub& stub, const v1::CreateSceneRequest& request);
 void create_own_scene(v1::Palpation::Stub& stub, const std::string& scene_id,
                       const reference::TouchedTissue& tissue);
 
@@ -22,5 +33,9 @@ void create_own_scene(v1::Palpation::Stub& stub, const std::string& scene_id,
 // timing.
 double check_against_reference(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
                                const reference::TouchedTissue& tissue, double indentation_m);
+
+// Both.
+Checked make_checked_scene(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
+                           const reference::TouchedTissue& tissue, double indentation_m);
 
 }  // namespace teletact::bench

@@ -1,12 +1,14 @@
-#include "bench/results.h"
-
+// teletact-bench report: the --json of suites, made into pages for people (docs/results). Nobody types a
+// figure.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <utility>
 #include <vector>
 
@@ -119,6 +121,28 @@ std::string promises(const json& targets) {
   return text;
 }
 
+// One Markdown page: when, where and of which version; what was promised and measured; the smaller tables of
+// the result. Throws BenchError when it is not the result of a suite.
+std::string results_page(const json& result) try {
+  json rest = result;
+  std::string page =
+      fmt::format("# Results of `teletact-bench {}`\n\nWritten by `teletact-bench report`.\n\n",
+                  result.at("suite").get<std::string>());
+  page += list(result.at("machine"));
+  if (result.value("quick", false)) page += "\n**A quick run: to see that it works, not to quote.**\n";
+  if (!result.at("targets").empty()) page += "\n## Promised and measured\n\n" + promises(result["targets"]);
+  for (const char* key : {"suite", "machine", "targets", "quick"}) rest.erase(key);
+  json figures = json::object();
+  for (const auto& [key, value] : rest.items())
+    if (is_cell(value)) figures[key] = value;
+  if (!figures.empty()) page += "\n## Settings and figures\n\n" + list(figures);
+  for (const auto& [key, value] : rest.items())
+    if (!is_cell(value)) add(page, words(key), value);
+  return page;
+} catch (const json::exception&) {
+  throw BenchError("not the --json of a suite of this version");
+}
+
 json read(const std::string& file) {
   std::ifstream stream(file);
   if (!stream) throw BenchError("cannot read " + file);
@@ -151,26 +175,6 @@ void report(const std::vector<std::string>& files, const std::string& folder) {
 }
 
 }  // namespace
-
-std::string results_page(const json& result) try {
-  json rest = result;
-  std::string page =
-      fmt::format("# Results of `teletact-bench {}`\n\nWritten by `teletact-bench report`.\n\n",
-                  result.at("suite").get<std::string>());
-  page += list(result.at("machine"));
-  if (result.value("quick", false)) page += "\n**A quick run: to see that it works, not to quote.**\n";
-  if (!result.at("targets").empty()) page += "\n## Promised and measured\n\n" + promises(result["targets"]);
-  for (const char* key : {"suite", "machine", "targets", "quick"}) rest.erase(key);
-  json figures = json::object();
-  for (const auto& [key, value] : rest.items())
-    if (is_cell(value)) figures[key] = value;
-  if (!figures.empty()) page += "\n## Settings and figures\n\n" + list(figures);
-  for (const auto& [key, value] : rest.items())
-    if (!is_cell(value)) add(page, words(key), value);
-  return page;
-} catch (const json::exception&) {
-  throw BenchError("not the --json of a suite of this version");
-}
 
 void add_report_command(CLI::App& app) {
   struct Arguments {

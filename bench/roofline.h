@@ -2,28 +2,58 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "service/device/device.h"
 
 namespace teletact::bench {
 
-struct Ceiling {
-  double bytes_s = 0, flops_s = 0;
+struct DeviceFigures {
+  std::string name, driver_version;
+  std::size_t compute_units = 0;
 };
-// By a triad and by chains of multiply-adds (kernels/roofline.cl), in float: arithmetic in double has half of
-// it on processors.
-Ceiling measure_ceiling(const service::Queue&);
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DeviceFigures, name, driver_version, compute_units)
+DeviceFigures describe(const service::DeviceInfo&);
 
 // Of one launch, from the comments of the kernels; bytes: every array once.
 struct Work {
   double bytes = 0, flops = 0;
 };
+using Works = std::map<std::string, Work>;
 
-// [{kernel, seconds, launches, bytes, flops, bound, of_limit}], the longest first, each for one of the `runs`
-// that the queue has profiled; the last four where `work` has the kernel.
-nlohmann::json kernels_of(const service::Queue&, const std::map<std::string, Work>& work, const Ceiling&,
-                          int runs);
+// Of one run; bytes and what follows are NaN and "" where nobody says how much work a kernel has.
+struct KernelFigures {
+  std::string kernel;
+  double seconds = 0, launches = 0, bytes = 0, flops = 0;
+  std::string bound;
+  double of_limit = 0;  // 1: at the limit
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KernelFigures, kernel, seconds, launches, bytes, flops, bound, of_limit)
+
+// The longest kernels first.
+struct KernelProfile {
+  std::string device;
+  double bytes_s = 0, flops_s = 0;  // at most: float; arithmetic in double has half of it on processors
+  std::vector<KernelFigures> kernels;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KernelProfile, device, bytes_s, flops_s, kernels)
+void print(const KernelProfile&);
+
+// A device whose ceiling was measured, by a triad and by chains of multiply-adds (kernels/roofline.cl),
+// opened again with profiling.
+class ProfiledDevice {
+ public:
+  explicit ProfiledDevice(std::size_t index);
+  const std::shared_ptr<service::Device>& device() const { return device_; }
+  // Of what `queue` has done in `runs`, each.
+  KernelProfile profile(const service::Queue& queue, const Works& work, int runs) const;
+
+ private:
+  double bytes_s_ = 0, flops_s_ = 0;
+  std::shared_ptr<service::Device> device_;
+};
 
 }  // namespace teletact::bench

@@ -1,5 +1,8 @@
 #include "bench/service.h"
 
+#include <CLI/CLI.hpp>
+#include <cstdio>
+
 #include "bench/suite.h"
 #include "client/link/channel.h"
 
@@ -12,8 +15,10 @@ void add_service_options(CLI::App& command, Service& service) {
       "PEM certificate that signed the service's");
 }
 
-void require_named(const Service& service) {
+std::shared_ptr<grpc::Channel> connect(const Service& service) {
   if (service.address.empty()) throw BenchError("give --service: the address of a running service");
+  return client::reach_service(service.address, service.tls_ca,
+                               [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); });
 }
 
 }  // namespace teletact::bench

@@ -1,8 +1,14 @@
 // The running service that a suite is about, as its command line names it.
 #pragma once
 
-#include <CLI/CLI.hpp>
+#include <grpcpp/channel.h>
+
+#include <memory>
 #include <string>
+
+namespace CLI {
+class App;
+}
 
 namespace teletact::bench {
 
@@ -13,7 +19,7 @@ struct Service {
 // Adds --service and --tls-ca; `service` must outlive the parsing.
 void add_service_options(CLI::App& command, Service& service);
 
-// Throws BenchError where --service was left out.
-void require_named(const Service&);
+// Throws BenchError where --service was left out, or nobody answers there.
+std::shared_ptr<grpc::Channel> connect(const Service&);
 
 }  // namespace teletact::bench

@@ -4,7 +4,9 @@
 #include <sys/utsname.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -13,6 +15,8 @@
 
 namespace teletact::bench {
 namespace {
+
+using nlohmann::json;
 
 std::string processor_name() {
   std::ifstream info("/proc/cpuinfo");
@@ -46,17 +50,21 @@ void require_writable(const SuiteOptions& options) {
 
 }  // namespace
 
-void add_common_options(CLI::App& command, SuiteOptions& options) {
+CLI::App& add_suite(CLI::App& app, const char* name, const char* about, SuiteOptions& options, bool& met,
+                    std::function<bool()> run) {
+  CLI::App& command = *app.add_subcommand(name, about);
   command.parse_complete_callback([&options] { require_writable(options); });
+  command.callback([&met, run = std::move(run)] { met = run(); });
   command.add_option("--json", options.json, "write the figures to this file");
   command.add_option("--out", options.out, "folder for pictures");
   command.add_flag("--quick", options.quick, "short: to see that it works, not to quote");
   command.add_flag("--force", options.force, "write over a --json that exists");
   command.add_option("--replot", options.replot,
                      "draw the pictures of an earlier --json into --out; measures nothing");
+  return command;
 }
 
-nlohmann::json machine() {
+json machine() {
   utsname kernel{};
   uname(&kernel);
   const double memory =
@@ -70,33 +78,45 @@ nlohmann::json machine() {
           {"compiler", __VERSION__}};
 }
 
-nlohmann::json quantiles(std::vector<double> seconds) {
+Quantiles quantiles(std::vector<double> seconds) {
   if (seconds.empty()) throw BenchError("nothing was answered: there is nothing to report");
   std::sort(seconds.begin(), seconds.end());
   const auto at = [&](double share) {
     const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(seconds.size())));
     return seconds[std::max<std::size_t>(rank, 1) - 1];
   };
-  return {{"count", seconds.size()}, {"p50", at(0.5)}, {"p95", at(0.95)}, {"p99", at(0.99)}, {"max", at(1)}};
+  return {seconds.size(), at(0), at(0.5), at(0.95), at(0.99), at(1)};
 }
 
-bool finish(nlohmann::json& result, const std::vector<Target>& targets, const SuiteOptions& options) {
+std::string snake_case(const std::string& text) {
+  std::string name;
+  for (const char c : text) {
+    const bool word = std::isalnum(static_cast<unsigned char>(c)) != 0;
+    if (word || (!name.empty() && name.back() != '_'))
+      name += word ? static_cast<char>(std::tolower(static_cast<unsigned char>(c))) : '_';
+  }
+  while (!name.empty() && name.back() == '_') name.pop_back();
+  return name;
+}
+
+bool finish(const std::string& suite, json figures, const Targets& targets, const SuiteOptions& options) {
   bool met = true;
-  result["machine"] = machine();
-  result["quick"] = options.quick;
-  result["targets"] = nlohmann::json::array();
+  figures["suite"] = suite;
+  figures["machine"] = machine();
+  figures["quick"] = options.quick;
+  figures["targets"] = json::array();
   for (const Target& t : targets) {
     met = met && t.met();
-    result["targets"].push_back({{"name", t.name},
-                                 {"value", t.value},
-                                 {"target", t.target},
-                                 {"unit", t.unit},
-                                 {"at_most", t.at_most},
-                                 {"met", t.met()}});
+    figures["targets"].push_back({{"name", t.name},
+                                  {"value", t.value},
+                                  {"target", t.target},
+                                  {"unit", t.unit},
+                                  {"at_most", t.at_most},
+                                  {"met", t.met()}});
     std::printf("%-8s %s: %.4g, promised %s %.4g%s\n", t.met() ? "met" : "NOT MET", t.name.c_str(), t.value,
-                t.at_most ? "at most" : "at least", t.target, t.unit == "1" ? "" : (" " + t.unit).c_str());
+                t.at_most ? "at most" : "at least", t.target, t.unit.empty() ? "" : (" " + t.unit).c_str());
   }
-  if (!options.json.empty() && !(std::ofstream(options.json) << result.dump(1) << '\n' << std::flush))
+  if (!options.json.empty() && !(std::ofstream(options.json) << figures.dump(1) << '\n' << std::flush))
     throw BenchError("cannot write --json " + options.json);
   return met;
 }
@@ -107,31 +127,39 @@ void show_progress(const std::string& line) {
   std::fflush(stdout);
 }
 
-bool replotted(const SuiteOptions& options, const std::string& suite,
-               void (*draw)(const nlohmann::json& result, const std::string& folder)) {
-  if (options.replot.empty()) return false;
+void throw_foreign(const std::string& suite, const SuiteOptions& options) {
+  throw BenchError("--replot " + options.replot + ": not the --json of this suite (" + suite + ")");
+}
+
+json earlier_figures(const std::string& suite, const SuiteOptions& options) {
   if (options.out.empty()) throw BenchError("--replot needs --out");
   std::ifstream file(options.replot);
   if (!file) throw BenchError("cannot read --replot " + options.replot);
-  const nlohmann::json result = nlohmann::json::parse(file, nullptr, false);
-  const BenchError foreign("--replot " + options.replot + ": not the --json of this suite (" + suite + ")");
-  if (!result.is_object() || !result.contains("suite") || result["suite"] != suite) throw foreign;
-  try {
-    draw(result, options.out);
-  } catch (const nlohmann::json::exception&) {
-    throw foreign;  // of another version, or changed by hand
-  }
-  return true;
+  json figures = json::parse(file, nullptr, false);
+  if (!figures.is_object() || !figures.contains("suite") || figures["suite"] != suite)
+    throw_foreign(suite, options);
+  const std::function<void(json&)> say_nan = [&say_nan](json& value) {
+    if (value.is_null()) value = std::nan("");
+    if (value.is_structured())
+      for (json& inner : value) say_nan(inner);
+  };
+  say_nan(figures);
+  return figures;
 }
 
-void plot(const std::filesystem::path& file, const std::string& script) {
-  const std::string whole = "set terminal pngcairo size 900,600 font 'sans,11'\nset output '" +
-                            file.string() + "'\nset grid lc rgb '#dddddd'\n" + script;
-  FILE* pipe = popen("gnuplot", "w");
-  if (pipe == nullptr) throw BenchError("gnuplot could not be started; install gnuplot-nox");
-  const bool written = std::fwrite(whole.data(), 1, whole.size(), pipe) == whole.size();
-  if (pclose(pipe) != 0 || !written)
-    throw BenchError(file.string() + ": gnuplot failed; is gnuplot-nox installed?");
+bool run_parts(const std::string& suite, const std::vector<Part>& parts, const std::string& which,
+               const SuiteOptions& options) {
+  const auto measure = [&](Targets& targets) {
+    json figures = json::object();
+    for (const Part& part : parts)
+      if (which == "all" || which == part.name) figures[part.name] = part.measure(options.quick, targets);
+    return figures;
+  };
+  const auto draw = [&](const json& figures, const std::filesystem::path& folder) {
+    for (const Part& part : parts)
+      if (figures.contains(part.name)) part.draw(figures[part.name], folder);
+  };
+  return run_suite(suite, options, measure, draw);
 }
 
 }  // namespace teletact::bench

@@ -1,15 +1,21 @@
 // What every bench suite shares: its options, the promised figures, the machine, and its JSON.
 //
-// A suite checks its answers before it times, keeps raw figures in its JSON, and replots from that JSON
-// without running again (--replot).
+// A suite checks its answers before it times, computes structs of raw figures, and draws from those alone, so
+// that an earlier run can be drawn again from its JSON (--replot). A struct says once what it is called in
+// JSON, by NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE; NaN is null there.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
+
+namespace CLI {
+class App;
+}
 
 namespace teletact::bench {
 
@@ -28,15 +34,22 @@ struct SuiteOptions {
 
 // One figure that the project promises; the exit code is 1 when one is not met.
 struct Target {
-  std::string name;
+  std::string name;  // snake_case words; snake_case() makes them of any text
   double value = 0, target = 0;
-  std::string unit;
+  std::string unit{};
   bool at_most = true;
   bool met() const { return at_most ? value <= target : value >= target; }  // false for NaN
 };
+using Targets = std::vector<Target>;
 
-// Adds --json, --out, --quick, --force and --replot; what cannot be written, parsing throws as BenchError.
-void add_common_options(CLI::App& command, SuiteOptions& options);
+// "line 80 mm, 0.49" -> "line_80_mm_0_49"
+std::string snake_case(const std::string& text);
+
+// The subcommand `name` with --json, --out, --quick, --force and --replot, for options of its own to be added
+// to; it sets `met` to what `run` returns. What cannot be written, parsing throws as BenchError. `options`
+// must outlive the parsing.
+CLI::App& add_suite(CLI::App& app, const char* name, const char* about, SuiteOptions& options, bool& met,
+                    std::function<bool()> run);
 
 // Date, version of teletact, processor, cores, memory, kernel, compiler.
 nlohmann::json machine();
@@ -44,20 +57,58 @@ nlohmann::json machine();
 // How far a long run is: one line of a terminal, written over again; nothing where nobody looks at one.
 void show_progress(const std::string& line);
 
-// {count, p50, p95, p99, max} of seconds; throws BenchError when there are none.
-nlohmann::json quantiles(std::vector<double> seconds);
+struct Quantiles {
+  std::size_t count = 0;
+  double min = 0, p50 = 0, p95 = 0, p99 = 0, max = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Quantiles, count, min, p50, p95, p99, max)
+// Throws BenchError when there are none.
+Quantiles quantiles(std::vector<double> seconds);
 
-// Adds machine, whether it was quick, targets and their state, writes --json, prints the targets. Returns
-// whether all were met.
-bool finish(nlohmann::json& result, const std::vector<Target>& targets, const SuiteOptions& options);
+// Adds the suite's name, machine, whether it was quick, targets and their state, writes --json, prints the
+// targets. Returns whether all were met.
+bool finish(const std::string& suite, nlohmann::json figures, const Targets&, const SuiteOptions&);
 
-// With --replot: draws the pictures of an earlier run of that suite into --out, from its JSON alone, and
-// returns true; without, returns false. Throws BenchError for a file that is no JSON of this suite.
-bool replotted(const SuiteOptions& options, const std::string& suite,
-               void (*draw)(const nlohmann::json& result, const std::string& folder));
+// --replot. Throws BenchError for a file that is no JSON of this suite.
+nlohmann::json earlier_figures(const std::string& suite, const SuiteOptions&);
+[[noreturn]] void throw_foreign(const std::string& suite, const SuiteOptions&);
 
-// Runs gnuplot on `script`, writing `file`. Throws BenchError.
-void plot(const std::filesystem::path& file, const std::string& script);
+// Figures measure(Targets&), which adds what it promises, and draw(figures, folder), which is also what
+// --replot does. Returns whether all promises were met.
+template <class Measure, class Draw>
+bool run_suite(const std::string& suite, const SuiteOptions& options, Measure&& measure, Draw&& draw) {
+  using Figures = decltype(measure(std::declval<Targets&>()));
+  if (!options.replot.empty()) {
+    try {
+      draw(earlier_figures(suite, options).template get<Figures>(), std::filesystem::path(options.out));
+    } catch (const nlohmann::json::exception&) {
+      throw_foreign(suite, options);  // of another version, or changed by hand
+    }
+    return true;
+  }
+  Targets targets;
+  const Figures figures = measure(targets);
+  const bool met = finish(suite, figures, targets, options);
+  if (!options.out.empty()) draw(figures, std::filesystem::path(options.out));
+  return met;
+}
+
+// An experiment of a suite that has several, each with figures, promises and pictures of its own.
+struct Part {
+  const char* name;
+  std::function<nlohmann::json(bool quick, Targets&)> measure;
+  std::function<void(const nlohmann::json& figures, const std::filesystem::path& folder)> draw;
+};
+template <class Figures>
+Part make_part(const char* name, Figures (*measure)(bool, Targets&),
+               void (*draw)(const Figures&, const std::filesystem::path&) = nullptr) {
+  return {name, measure, [draw](const nlohmann::json& figures, const std::filesystem::path& folder) {
+            if (draw != nullptr) draw(figures.get<Figures>(), folder);
+          }};
+}
+// Those of `parts` that are called `which`, or "all".
+bool run_parts(const std::string& suite, const std::vector<Part>& parts, const std::string& which,
+               const SuiteOptions&);
 
 // Suites; each adds its subcommand and sets `met` when it has run.
 void add_paper_suite(CLI::App& app, bool& met);
@@ -68,5 +119,8 @@ void add_contact_suite(CLI::App& app, bool& met);
 void add_stability_suite(CLI::App& app, bool& met);
 void add_elastography_suite(CLI::App& app, bool& met);
 void add_exploration_suite(CLI::App& app, bool& met);
+
+// Pages for people from the --json of suites.
+void add_report_command(CLI::App& app);
 
 }  // namespace teletact::bench

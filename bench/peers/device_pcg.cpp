@@ -1,11 +1,11 @@
 // Ours: multigrid-preconditioned conjugate gradients on the device, the nodes in contact prescribed. Set-up:
 // the stiffness on the device, the smoother and the coarse operators, all buffers. `tolerance`: the
 // relative error in the energy norm that the solver is asked for.
-#include <chrono>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 
+#include "bench/basics/clock.h"
 #include "bench/peers/peer.h"
 #include "service/tissue/elasticity_solver.h"
 #include "service/tissue/iterative_lines.h"
@@ -42,11 +42,9 @@ class DevicePcg final : public Peer {
     tolerance_ = 0;
     solver_.reset();
     const std::uint64_t before = device_->held_bytes();
-    const auto begin = std::chrono::steady_clock::now();
-    make_solver(p, kAnyTolerance);
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+    const double spent_s = seconds_of([&] { make_solver(p, kAnyTolerance); });
     kept_bytes_ = device_->held_bytes() - before;
-    return spent.count();
+    return spent_s;
   }
   std::size_t kept_bytes() const override { return kept_bytes_; }
   PeerAnswer touch(const ContactProblem& p, double tolerance) override {

@@ -80,67 +80,57 @@ Warped warp(const RfImage& post, const std::vector<double>& axial, const std::ve
   return w;
 }
 
-class GlueTracker : public Tracker {
- public:
-  explicit GlueTracker(TrackerOptions options) : options_(options) {}
-  std::string name() const override { return "DP and global regularisation (GLUE)"; }
+void refine(const RfImage& pre, const Warped& post, std::vector<double>& axial,
+            std::vector<double>& lateral) {
+  LineSystem system(pre.samples, pre.lines, kWeights);
+  for (std::size_t n = 0; n < pre.values.size(); ++n)
+    system.add_datum(n, post.axial_slope[n], post.lateral_slope[n], pre.values[n] - post.value[n]);
+  system.add_smoothness_of(axial, lateral);
+  const std::vector<double> step = system.solve();
+  for (std::size_t n = 0; n < axial.size(); ++n) axial[n] += step[2 * n], lateral[n] += step[2 * n + 1];
+}
 
-  Track track(const service::RfFrame& pre_frame, const service::RfFrame& post_frame,
-              const service::AcquisitionGeometry& geometry) override {
-    const Nodes nodes(pre_frame, geometry, options_.grid_dx_m, options_.grid_dy_m);
-    RfImage pre = image_of(pre_frame), post = image_of(post_frame);
-    double largest = 1e-30;
-    for (const double v : pre.values) largest = std::max(largest, std::abs(v));
-    pre = scaled(std::move(pre), 1 / largest);
-    post = scaled(std::move(post), 1 / largest);
-    PathOptions path;
-    path.first_sample = geometry.first_sample_depth_m / nodes.sample_m;
-    path.max_strain = options_.max_strain;
-    path.axial_reach =
-        static_cast<int>(std::ceil(options_.max_strain * (path.first_sample + pre.samples))) + 4;
-    path.lateral_reach = static_cast<int>(std::ceil(options_.lateral_search_m / nodes.line_m));
-    path.step_cost = kStepCost;
-    const Paths paths = find_line_paths(pre, post, path);
-    std::vector<double> axial(paths.axial.begin(), paths.axial.end()),
-        lateral(paths.lateral.begin(), paths.lateral.end());
-    for (int pass = 0; pass < kPasses; ++pass) refine(pre, warp(post, axial, lateral), axial, lateral);
-    return result(pre, warp(post, axial, lateral), axial, lateral, nodes);
-  }
+Track result(const TrackerOptions& options, const RfImage& pre, const Warped& post,
+             const std::vector<double>& axial, const std::vector<double>& lateral, const Nodes& nodes) {
+  const RfImage moved{pre.samples, pre.lines, post.value};
+  const reference::Window window = nodes.window(options.window_axial_m, options.window_lateral_m);
+  LagField field(nodes.image.size());
+  for (int j = 0; j < nodes.grid.ny; ++j)
+    for (int i = 0; i < nodes.grid.nx; ++i) {
+      const auto n = static_cast<std::size_t>(nodes.sample(j) + pre.samples * nodes.line(i));
+      field.axial[nodes.at(i, j)] = axial[n];
+      field.lateral[nodes.at(i, j)] = lateral[n];
+      field.correlation[nodes.at(i, j)] =
+          reference::normalised_cross_correlation(pre, moved, nodes.sample(j), nodes.line(i), window, 0, 0);
+    }
+  return track_of(nodes, field, options.least_correlation);
+}
 
- private:
-  static void refine(const RfImage& pre, const Warped& post, std::vector<double>& axial,
-                     std::vector<double>& lateral) {
-    LineSystem system(pre.samples, pre.lines, kWeights);
-    for (std::size_t n = 0; n < pre.values.size(); ++n)
-      system.add_datum(n, post.axial_slope[n], post.lateral_slope[n], pre.values[n] - post.value[n]);
-    system.add_smoothness_of(axial, lateral);
-    const std::vector<double> step = system.solve();
-    for (std::size_t n = 0; n < axial.size(); ++n) axial[n] += step[2 * n], lateral[n] += step[2 * n + 1];
-  }
-
-  Track result(const RfImage& pre, const Warped& post, const std::vector<double>& axial,
-               const std::vector<double>& lateral, const Nodes& nodes) const {
-    const RfImage moved{pre.samples, pre.lines, post.value};
-    const reference::Window window = nodes.window(options_.window_axial_m, options_.window_lateral_m);
-    LagField field(nodes.image.size());
-    for (int j = 0; j < nodes.grid.ny; ++j)
-      for (int i = 0; i < nodes.grid.nx; ++i) {
-        const auto n = static_cast<std::size_t>(nodes.sample(j) + pre.samples * nodes.line(i));
-        field.axial[nodes.at(i, j)] = axial[n];
-        field.lateral[nodes.at(i, j)] = lateral[n];
-        field.correlation[nodes.at(i, j)] =
-            reference::normalised_cross_correlation(pre, moved, nodes.sample(j), nodes.line(i), window, 0, 0);
-      }
-    return track_of(nodes, field, options_.least_correlation);
-  }
-
-  TrackerOptions options_;
-};
+Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
+            const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
+  const Nodes nodes(pre_frame, geometry, options.grid_dx_m, options.grid_dy_m);
+  RfImage pre = image_of(pre_frame), post = image_of(post_frame);
+  double largest = 1e-30;
+  for (const double v : pre.values) largest = std::max(largest, std::abs(v));
+  pre = scaled(std::move(pre), 1 / largest);
+  post = scaled(std::move(post), 1 / largest);
+  PathOptions path;
+  path.first_sample = geometry.first_sample_depth_m / nodes.sample_m;
+  path.max_strain = options.max_strain;
+  path.axial_reach = static_cast<int>(std::ceil(options.max_strain * (path.first_sample + pre.samples))) + 4;
+  path.lateral_reach = static_cast<int>(std::ceil(options.lateral_search_m / nodes.line_m));
+  path.step_cost = kStepCost;
+  const Paths paths = find_line_paths(pre, post, path);
+  std::vector<double> axial(paths.axial.begin(), paths.axial.end()),
+      lateral(paths.lateral.begin(), paths.lateral.end());
+  for (int pass = 0; pass < kPasses; ++pass) refine(pre, warp(post, axial, lateral), axial, lateral);
+  return result(options, pre, warp(post, axial, lateral), axial, lateral, nodes);
+}
 
 }  // namespace
 
-std::unique_ptr<Tracker> make_glue_tracker(TrackerOptions options) {
-  return std::make_unique<GlueTracker>(options);
+Tracker make_glue_tracker(TrackerOptions options) {
+  return {"DP and global regularisation (GLUE)", std::bind_front(track, options)};
 }
 
 }  // namespace teletact::bench

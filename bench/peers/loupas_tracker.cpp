@@ -9,6 +9,7 @@
 #include <complex>
 #include <numbers>
 
+#include "bench/basics/median.h"
 #include "bench/peers/rf_nodes.h"
 
 namespace teletact::bench {
@@ -44,66 +45,56 @@ class Analytic {
   std::vector<Complex> values_;
 };
 
-class LoupasTracker : public Tracker {
- public:
-  explicit LoupasTracker(TrackerOptions options) : options_(options) {}
-  std::string name() const override { return "2-D autocorrelation (Loupas)"; }
+// Median of the five nearest nodes of the row above.
+double above(const Nodes& nodes, const LagField& field, int i, int j) {
+  std::vector<double> row;
+  for (int c = std::max(0, i - 2); c <= std::min(nodes.grid.nx - 1, i + 2); ++c)
+    row.push_back(field.axial[nodes.at(c, j - 1)]);
+  return median_of(std::move(row));
+}
 
-  Track track(const service::RfFrame& pre_frame, const service::RfFrame& post_frame,
-              const service::AcquisitionGeometry& geometry) override {
-    const Nodes nodes(pre_frame, geometry, options_.grid_dx_m, options_.grid_dy_m);
-    const double periods = geometry.center_frequency_hz / geometry.sampling_frequency_hz;
-    const Analytic pre(image_of(pre_frame), periods), post(image_of(post_frame), periods);
-    const reference::Window window = nodes.window(options_.window_axial_m, options_.window_lateral_m);
-    LagField field(nodes.image.size());
-    for (int j = 0; j < nodes.grid.ny; ++j)
-      for (int i = 0; i < nodes.grid.nx; ++i) {
-        const std::size_t n = nodes.at(i, j);
-        field.axial[n] = j > 0 ? above(nodes, field, i, j) : 0;
-        for (int pass = 0; pass < 2; ++pass)
-          refine(pre, post, nodes.sample(j), nodes.line(i), window, field.axial[n], field.correlation[n]);
-      }
-    Track t = track_of(nodes, field, options_.least_correlation);
-    t.lateral_m.clear();
-    return t;
-  }
+void refine(const Analytic& pre, const Analytic& post, int sample, int line, const reference::Window& window,
+            double& shift, double& correlation) {
+  const int lag = static_cast<int>(std::lround(shift));
+  Complex between = 0, along = 0;
+  double pre_energy = 0, post_energy = 0;
+  for (int l = line - window.half_lateral; l <= line + window.half_lateral; ++l)
+    for (int k = sample - window.half_axial; k <= sample + window.half_axial; ++k) {
+      const Complex a = pre.at(k, l), b = post.at(k + lag, l);
+      between += std::conj(a) * b;
+      along += std::conj(a) * pre.at(k + 1, l) + std::conj(b) * post.at(k + lag + 1, l);
+      pre_energy += std::norm(a);
+      post_energy += std::norm(b);
+    }
+  if (!(pre_energy > 0 && post_energy > 0)) return;
+  // post(k + lag) = pre(k + lag - u): its phase is ahead by (lag - u) times that of one sample.
+  shift = lag - std::arg(between) / std::arg(along);
+  correlation = std::abs(between) / std::sqrt(pre_energy * post_energy);
+}
 
- private:
-  // Median of the five nearest nodes of the row above.
-  static double above(const Nodes& nodes, const LagField& field, int i, int j) {
-    std::vector<double> row;
-    for (int c = std::max(0, i - 2); c <= std::min(nodes.grid.nx - 1, i + 2); ++c)
-      row.push_back(field.axial[nodes.at(c, j - 1)]);
-    std::nth_element(row.begin(), row.begin() + static_cast<std::ptrdiff_t>(row.size() / 2), row.end());
-    return row[row.size() / 2];
-  }
-
-  static void refine(const Analytic& pre, const Analytic& post, int sample, int line,
-                     const reference::Window& window, double& shift, double& correlation) {
-    const int lag = static_cast<int>(std::lround(shift));
-    Complex between = 0, along = 0;
-    double pre_energy = 0, post_energy = 0;
-    for (int l = line - window.half_lateral; l <= line + window.half_lateral; ++l)
-      for (int k = sample - window.half_axial; k <= sample + window.half_axial; ++k) {
-        const Complex a = pre.at(k, l), b = post.at(k + lag, l);
-        between += std::conj(a) * b;
-        along += std::conj(a) * pre.at(k + 1, l) + std::conj(b) * post.at(k + lag + 1, l);
-        pre_energy += std::norm(a);
-        post_energy += std::norm(b);
-      }
-    if (!(pre_energy > 0 && post_energy > 0)) return;
-    // post(k + lag) = pre(k + lag - u): its phase is ahead by (lag - u) times that of one sample.
-    shift = lag - std::arg(between) / std::arg(along);
-    correlation = std::abs(between) / std::sqrt(pre_energy * post_energy);
-  }
-
-  TrackerOptions options_;
-};
+Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
+            const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
+  const Nodes nodes(pre_frame, geometry, options.grid_dx_m, options.grid_dy_m);
+  const double periods = geometry.center_frequency_hz / geometry.sampling_frequency_hz;
+  const Analytic pre(image_of(pre_frame), periods), post(image_of(post_frame), periods);
+  const reference::Window window = nodes.window(options.window_axial_m, options.window_lateral_m);
+  LagField field(nodes.image.size());
+  for (int j = 0; j < nodes.grid.ny; ++j)
+    for (int i = 0; i < nodes.grid.nx; ++i) {
+      const std::size_t n = nodes.at(i, j);
+      field.axial[n] = j > 0 ? above(nodes, field, i, j) : 0;
+      for (int pass = 0; pass < 2; ++pass)
+        refine(pre, post, nodes.sample(j), nodes.line(i), window, field.axial[n], field.correlation[n]);
+    }
+  Track t = track_of(nodes, field, options.least_correlation);
+  t.lateral_m.clear();
+  return t;
+}
 
 }  // namespace
 
-std::unique_ptr<Tracker> make_loupas_tracker(TrackerOptions options) {
-  return std::make_unique<LoupasTracker>(options);
+Tracker make_loupas_tracker(TrackerOptions options) {
+  return {"2-D autocorrelation (Loupas)", std::bind_front(track, options)};
 }
 
 }  // namespace teletact::bench

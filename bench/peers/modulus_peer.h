@@ -1,7 +1,7 @@
 // Modulus methods of others, each from its publication, in double precision on one thread of the host.
 #pragma once
 
-#include <memory>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -19,19 +19,17 @@ struct ModulusProblem {
   service::ProbeForce force;
 };
 
-class ModulusPeer {
- public:
-  virtual ~ModulusPeer() = default;
-  virtual std::string name() const = 0;
+struct ModulusPeer {
+  std::string name;
   // Young's modulus (Pa) at the nodes, NaN where nothing can be said.
-  virtual std::vector<float> estimate(const ModulusProblem&) = 0;
+  std::function<std::vector<float>(const ModulusProblem&)> estimate;
 };
 
 // E = mean pressure / strain (T3.0; Ophir et al. 1991, doi 10.1177/016173469101300201), median over 5 x 5
 // nodes.
-std::unique_ptr<ModulusPeer> make_inverse_strain();
+ModulusPeer make_inverse_strain();
 // Gauss-Newton on the logarithm of the modulus of 3 mm patches, its Jacobian by finite differences: Kallel &
 // Bertrand 1996, doi 10.1109/42.500139. Plane strain.
-std::unique_ptr<ModulusPeer> make_gauss_newton();
+ModulusPeer make_gauss_newton();
 
 }  // namespace teletact::bench

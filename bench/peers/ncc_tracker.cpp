@@ -68,57 +68,47 @@ class BlockSums {
   Eigen::MatrixXd pre_, post_, per_block_;  // per_block_(block, line)
 };
 
-class NccTracker : public Tracker {
- public:
-  explicit NccTracker(TrackerOptions options) : options_(options) {}
-  std::string name() const override { return "plain NCC"; }
-
-  Track track(const service::RfFrame& pre_frame, const service::RfFrame& post_frame,
-              const service::AcquisitionGeometry& geometry) override {
-    const Nodes nodes(pre_frame, geometry, options_.grid_dx_m, options_.grid_dy_m);
-    const RfImage pre = image_of(pre_frame), post = image_of(post_frame);
-    const double deepest_m = geometry.first_sample_depth_m + pre.samples * nodes.sample_m;
-    const int reach = static_cast<int>(std::ceil(options_.max_strain * deepest_m / nodes.sample_m)) + 4;
-    const int lateral_reach = static_cast<int>(std::ceil(options_.lateral_search_m / nodes.line_m));
-    LagField field(nodes.image.size());
-    search(pre, post, nodes, reach, lateral_reach, field);
-    // The parabolas, through the peak found.
-    match_nodes(pre, post, nodes, nodes.window(options_.window_axial_m, options_.window_lateral_m), 0, 0,
-                field);
-    return track_of(nodes, field, options_.least_correlation);
-  }
-
- private:
-  void search(const RfImage& pre, const RfImage& post, const Nodes& nodes, int reach, int lateral_reach,
-              LagField& field) const {
-    const int blocks =
-        2 * std::max(1, static_cast<int>(std::lround(options_.window_axial_m / 2 /
-                                                     (nodes.grid.sample_step * nodes.sample_m))));
-    const int half_lines = nodes.window(1, options_.window_lateral_m).half_lateral;
-    BlockSums sums(pre, post, nodes, blocks, reach);
-    std::vector<double> aa(field.axial.size()), bb(aa), ab(aa);
-    sums.products(false, false, 0, 0, half_lines, aa);
-    for (int lateral = -lateral_reach; lateral <= lateral_reach; ++lateral)
-      for (int axial = -reach; axial <= reach; ++axial) {
-        sums.products(false, true, axial, lateral, half_lines, ab);
-        sums.products(true, true, axial, lateral, half_lines, bb);
-        for (std::size_t n = 0; n < ab.size(); ++n) {
-          const double c = ab[n] / std::sqrt(std::max(aa[n] * bb[n], 1e-30));
-          if (!(c > field.correlation[n])) continue;
-          field.correlation[n] = c;
-          field.axial[n] = axial;
-          field.lateral[n] = lateral;
-        }
+void search(const TrackerOptions& options, const RfImage& pre, const RfImage& post, const Nodes& nodes,
+            int reach, int lateral_reach, LagField& field) {
+  const int blocks =
+      2 * std::max(1, static_cast<int>(std::lround(options.window_axial_m / 2 /
+                                                   (nodes.grid.sample_step * nodes.sample_m))));
+  const int half_lines = nodes.window(1, options.window_lateral_m).half_lateral;
+  BlockSums sums(pre, post, nodes, blocks, reach);
+  std::vector<double> aa(field.axial.size()), bb(aa), ab(aa);
+  sums.products(false, false, 0, 0, half_lines, aa);
+  for (int lateral = -lateral_reach; lateral <= lateral_reach; ++lateral)
+    for (int axial = -reach; axial <= reach; ++axial) {
+      sums.products(false, true, axial, lateral, half_lines, ab);
+      sums.products(true, true, axial, lateral, half_lines, bb);
+      for (std::size_t n = 0; n < ab.size(); ++n) {
+        const double c = ab[n] / std::sqrt(std::max(aa[n] * bb[n], 1e-30));
+        if (!(c > field.correlation[n])) continue;
+        field.correlation[n] = c;
+        field.axial[n] = axial;
+        field.lateral[n] = lateral;
       }
-  }
+    }
+}
 
-  TrackerOptions options_;
-};
+Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
+            const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
+  const Nodes nodes(pre_frame, geometry, options.grid_dx_m, options.grid_dy_m);
+  const RfImage pre = image_of(pre_frame), post = image_of(post_frame);
+  const double deepest_m = geometry.first_sample_depth_m + pre.samples * nodes.sample_m;
+  const int reach = static_cast<int>(std::ceil(options.max_strain * deepest_m / nodes.sample_m)) + 4;
+  const int lateral_reach = static_cast<int>(std::ceil(options.lateral_search_m / nodes.line_m));
+  LagField field(nodes.image.size());
+  search(options, pre, post, nodes, reach, lateral_reach, field);
+  // The parabolas, through the peak found.
+  match_nodes(pre, post, nodes, nodes.window(options.window_axial_m, options.window_lateral_m), 0, 0, field);
+  return track_of(nodes, field, options.least_correlation);
+}
 
 }  // namespace
 
-std::unique_ptr<Tracker> make_ncc_tracker(TrackerOptions options) {
-  return std::make_unique<NccTracker>(options);
+Tracker make_ncc_tracker(TrackerOptions options) {
+  return {"plain NCC", std::bind_front(track, options)};
 }
 
 }  // namespace teletact::bench

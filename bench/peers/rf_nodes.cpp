@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "bench/basics/median.h"
+
 namespace teletact::bench {
 
 using reference::RfImage;
@@ -87,9 +89,7 @@ void median_filter(const Nodes& nodes, int radius, LagField& field) {
         for (int r = std::max(0, j - radius); r <= std::min(nodes.grid.ny - 1, j + radius); ++r)
           for (int c = std::max(0, i - radius); c <= std::min(nodes.grid.nx - 1, i + radius); ++c)
             around.push_back(before[nodes.at(c, r)]);
-        const auto middle = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2);
-        std::nth_element(around.begin(), middle, around.end());
-        (*component)[nodes.at(i, j)] = *middle;
+        (*component)[nodes.at(i, j)] = median_of(std::move(around));
       }
   }
 }

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -33,26 +33,25 @@ struct TrackerOptions {
   double least_correlation = service::DisplacementOptions{}.trusted_correlation;
 };
 
-class Tracker {
- public:
-  virtual ~Tracker() = default;
-  virtual std::string name() const = 0;
-  virtual bool ours() const { return false; }
-  virtual Track track(const service::RfFrame& pre, const service::RfFrame& post,
-                      const service::AcquisitionGeometry&) = 0;
+struct Tracker {
+  std::string name;
+  std::function<Track(const service::RfFrame& pre, const service::RfFrame& post,
+                      const service::AcquisitionGeometry&)>
+      track;
+  bool ours = false;
 };
 
 // Normalised cross-correlation over the whole search range, parabolic peak (T2.1); sums shared between
 // windows as by Luo & Konofagou 2010, doi 10.1109/TUFFC.2010.1554.
-std::unique_ptr<Tracker> make_ncc_tracker(TrackerOptions = {});
+Tracker make_ncc_tracker(TrackerOptions = {});
 // Multi-level block matching, Shi & Varghese 2007, doi 10.1088/0031-9155/52/2/006: envelope first, RF in the
 // end.
-std::unique_ptr<Tracker> make_block_matcher(TrackerOptions = {});
+Tracker make_block_matcher(TrackerOptions = {});
 // Dynamic programming (Rivaz et al. 2008, doi 10.1109/TMI.2008.917243), then GLUE (Hashemi & Rivaz 2017,
 // doi 10.1109/TUFFC.2017.2717933): one regularised system over all samples of the image.
-std::unique_ptr<Tracker> make_glue_tracker(TrackerOptions = {});
+Tracker make_glue_tracker(TrackerOptions = {});
 // Phase of the 2-D autocorrelation (Loupas et al. 1995, doi 10.1109/58.393110), followed down each line from
 // the probe's face (Pesavento et al. 1999, doi 10.1109/58.796111).
-std::unique_ptr<Tracker> make_loupas_tracker(TrackerOptions = {});
+Tracker make_loupas_tracker(TrackerOptions = {});
 
 }  // namespace teletact::bench

@@ -52,6 +52,11 @@ double independent_lines(const client::Ultrasound& u, double line_pitch_m, int l
   return lines * lines / sum;
 }
 
+double window_lines(const client::Ultrasound& u, double window_lateral_m, double line_pitch_m) {
+  return independent_lines(u, line_pitch_m,
+                           1 + 2 * static_cast<int>(std::lround(window_lateral_m / 2 / line_pitch_m)));
+}
+
 double strain_filter(const client::Ultrasound& u, double strain, double kernel_m, double slope_m,
                      double independent_kernels, bool companded) {
   client::Ultrasound within = u;

@@ -18,6 +18,8 @@ double flat_displacement_bound_m(const client::Ultrasound&, double kernel_m);
 // Kernels that a lateral window of `lines` lines is worth: n^2 over the sum of the squared correlations of
 // the speckle between its lines (Gaussian beam of FWHM wavelength x f_number).
 double independent_lines(const client::Ultrasound&, double line_pitch_m, int lines);
+// Of a window so wide.
+double window_lines(const client::Ultrasound&, double window_lateral_m, double line_pitch_m);
 
 // Strain SNR that one kernel allows (Varghese & Ophir 1997, doi 10.1109/58.585212): strain over the standard
 // deviation of the least-squares slope over slope_m of displacements of independent kernels; within a kernel

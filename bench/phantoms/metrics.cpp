@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 namespace teletact::bench {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kBorderM = 2e-3;  // of the image, where windows and kernels are cut
 constexpr double kLeastFraction = 0.6;
 
@@ -86,13 +84,6 @@ Window window_of(const std::vector<double>& strain, const std::vector<double>& t
 }
 
 }  // namespace
-
-double median_of(std::vector<double> values) {
-  if (values.empty()) return kNan;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 TrackErrors track_errors(const Track& t, const Phantom& p) {
   const double quarter_wave_m =

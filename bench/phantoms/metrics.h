@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "bench/basics/median.h"
 #include "bench/peers/tracker.h"
 #include "bench/phantoms/phantom.h"
 
@@ -74,7 +75,5 @@ struct Interval {
   double mean = 0, half_width = 0;
 };
 Interval interval95(const std::vector<double>& values);
-
-double median_of(std::vector<double> values);  // NaN for none
 
 }  // namespace teletact::bench

@@ -109,24 +109,6 @@ ImposedMotion worst_motion(double delay_periods, std::size_t periods) {
   return motion;
 }
 
-ImposedMotion slow_sinusoid(double samples, std::size_t periods, double delay_periods) {
-  constexpr int kPieces = 32;  // per period: as good as smooth
-  const Delay delay = split(delay_periods);
-  ImposedMotion motion;
-  for (std::size_t k = 0; k < periods; ++k) {
-    for (int piece = 0; piece < kPieces; ++piece)
-      motion.time_periods.push_back(static_cast<double>(k) + static_cast<double>(piece) / kPieces);
-    if (delay.part > 0) motion.time_periods.push_back(static_cast<double>(k) + delay.part);
-  }
-  motion.time_periods.push_back(static_cast<double>(periods));
-  std::sort(motion.time_periods.begin(), motion.time_periods.end());
-  const auto last = std::unique(motion.time_periods.begin(), motion.time_periods.end());
-  motion.time_periods.erase(last, motion.time_periods.end());
-  for (const double time : motion.time_periods)
-    motion.position.push_back(std::sin(2 * M_PI * time / samples));
-  return motion;
-}
-
 double border_n_s_m(const ImposedMotion& motion, double stiffness_n_m, double period_s, double delay_s) {
   client::HoldRenderer hold;
   const double delay_periods = delay_s / period_s;

@@ -27,9 +27,6 @@ struct ImposedMotion {
 // longer, the closer to the border, from below: (periods / (1 + delay))^-2 remains.
 ImposedMotion worst_motion(double delay_periods, std::size_t periods);
 
-// A sinusoid of `samples` sampling periods per cycle over `periods` of them, whole cycles.
-ImposedMotion slow_sinusoid(double samples, std::size_t periods, double delay_periods);
-
 // The damping (N s/m) at which that motion costs nothing on the client's own hold renderer: stiffness_n_m,
 // sampled every period_s, each answer arriving delay_s after its pose. 0 when it costs something without any
 // damping.

@@ -12,6 +12,9 @@
 namespace teletact::bench {
 
 enum class Scene { kHomogeneous, kInclusions };
+inline const char* to_string(Scene scene) {
+  return scene == Scene::kHomogeneous ? "homogeneous" : "inclusions";
+}
 
 class StabilityTissue {
  public:

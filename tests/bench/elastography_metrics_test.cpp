@@ -195,7 +195,7 @@ TEST(Measures, IntervalsAndThresholds) {
   EXPECT_NEAR(i.mean, 3, 1e-12);
   EXPECT_NEAR(i.half_width, 2.776 * std::sqrt(2.5 / 5), 1e-9);
   EXPECT_TRUE(std::isnan(interval95({1}).half_width));
-  EXPECT_TRUE(std::isnan(median_of({})));
+  EXPECT_TRUE(std::isnan(median_of<double>({})));
   const double threshold = otsu_threshold({0, .1, -.1, 5, 5.1, 4.9, 0});
   EXPECT_GT(threshold, .1);
   EXPECT_LT(threshold, 4.9);

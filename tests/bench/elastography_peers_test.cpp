@@ -16,25 +16,25 @@ namespace teletact::bench {
 namespace {
 
 struct Promise {
-  std::unique_ptr<Tracker> (*make)(TrackerOptions);
+  Tracker (*make)(TrackerOptions);
   double shift_rmse_m, shift_bias_m, lateral_rmse_m;  // lateral: infinite for a method that does not say
 };
 
 // The bias of parabolic peaks (T2.2) is of these methods, not of the test.
 class ElastographyPeer : public ::testing::TestWithParam<Promise> {
  protected:
-  std::unique_ptr<Tracker> peer_ = GetParam().make({});
+  Tracker peer_ = GetParam().make({});
 };
 
 TEST_P(ElastographyPeer, FindsAShiftByPartsOfASample) {
   const Phantom p = Phantoms::rigid({0.1e-3, 6.5e-6}, 30, .99, 1);
-  const TrackErrors e = track_errors(peer_->track(p.pre, p.post, p.geometry), p);
-  EXPECT_LE(e.axial_rmse_m, GetParam().shift_rmse_m) << peer_->name();
-  EXPECT_LE(std::abs(e.bias_m), GetParam().shift_bias_m) << peer_->name();
-  EXPECT_GE(e.valid_fraction, 0.99) << peer_->name();
-  EXPECT_EQ(e.hop_fraction, 0) << peer_->name();
+  const TrackErrors e = track_errors(peer_.track(p.pre, p.post, p.geometry), p);
+  EXPECT_LE(e.axial_rmse_m, GetParam().shift_rmse_m) << peer_.name;
+  EXPECT_LE(std::abs(e.bias_m), GetParam().shift_bias_m) << peer_.name;
+  EXPECT_GE(e.valid_fraction, 0.99) << peer_.name;
+  EXPECT_EQ(e.hop_fraction, 0) << peer_.name;
   if (std::isfinite(GetParam().lateral_rmse_m)) {
-    EXPECT_LE(e.lateral_rmse_m, GetParam().lateral_rmse_m) << peer_->name();
+    EXPECT_LE(e.lateral_rmse_m, GetParam().lateral_rmse_m) << peer_.name;
   }
 }
 
@@ -42,15 +42,15 @@ TEST_P(ElastographyPeer, FindsUniformStrain) {
   for (const double strain : {-0.01, 0.02}) {
     const bool follows_sideways = std::isfinite(GetParam().lateral_rmse_m);
     const Phantom p = Phantoms::uniform(strain, follows_sideways ? -strain / 2 : 0, 30, .99, 2);
-    const Track t = peer_->track(p.pre, p.post, p.geometry);
+    const Track t = peer_.track(p.pre, p.post, p.geometry);
     const TrackErrors e = track_errors(t, p);
-    EXPECT_LE(e.axial_rmse_m, 2.5e-6) << peer_->name();
-    EXPECT_LE(e.hop_fraction, 0.001) << peer_->name();
+    EXPECT_LE(e.axial_rmse_m, 2.5e-6) << peer_.name;
+    EXPECT_LE(e.hop_fraction, 0.001) << peer_.name;
     std::vector<double> found;
     for (const double s : axial_strain(t, 2e-3, 2e-3))
       if (std::isfinite(s)) found.push_back(s);
-    EXPECT_GE(found.size(), 0.9 * static_cast<double>(t.grid.size())) << peer_->name();
-    EXPECT_NEAR(median_of(found), strain, 0.01 * std::abs(strain)) << peer_->name();
+    EXPECT_GE(found.size(), 0.9 * static_cast<double>(t.grid.size())) << peer_.name;
+    EXPECT_NEAR(median_of(found), strain, 0.01 * std::abs(strain)) << peer_.name;
   }
 }
 
@@ -64,7 +64,7 @@ INSTANTIATE_TEST_SUITE_P(All, ElastographyPeer,
 TEST(NccTracker, FindsThePeakThatTheReferenceFinds) {
   const Phantom p = Phantoms::uniform(-0.02, 0.01, 20, .95, 3);
   TrackerOptions options;
-  const Track t = make_ncc_tracker(options)->track(p.pre, p.post, p.geometry);
+  const Track t = make_ncc_tracker(options).track(p.pre, p.post, p.geometry);
   const Nodes nodes(p.pre, p.geometry, options.grid_dx_m, options.grid_dy_m);
   const reference::RfImage pre = image_of(p.pre), post = image_of(p.post);
   const reference::Window window = nodes.window(options.window_axial_m, options.window_lateral_m);

@@ -1,92 +1,76 @@
 // teletact-bench contact: the contact solve by every method on this machine, on the same problems, to the
 // same error of the force (1e-6 of the double reference, T4.1).
-#include <fmt/format.h>
-
-#include <cstdio>
-#include <exception>
-#include <memory>
-
 #include "bench/suites/contact/contact.h"
 
-namespace teletact::bench {
+#include <cstdio>
+#include <memory>
 
+namespace teletact::bench {
 namespace {
 
-using nlohmann::json;
+void print(const MethodFigures& m) {
+  if (!m.measured())
+    std::printf("  %-34s %s%s\n", m.method.c_str(),
+                m.declined.empty() ? "FAILED: " : "skipped: ", (m.declined + m.failed).c_str());
+  else
+    std::printf("  %-34s set-up %10.3f ms  touch %10.4f ms  %6zu iterations  force off by %.1e%s\n",
+                m.method.c_str(), 1e3 * m.setup_s.p50, 1e3 * m.touch_s.p50, m.iterations, m.force_error,
+                m.goal_met ? "" : "  (not to 1e-6)");
+  std::fflush(stdout);
+}
 
-json measure_case(const ChartCase& chart, const ContactProblem& problem, Peers& peers,
-                  const std::shared_ptr<service::Device>& device, bool quick) {
+CaseFigures measure_case(const ChartCase& chart, const ContactProblem& problem, Peers& peers,
+                         const std::shared_ptr<service::Device>& device, bool quick) {
   const ContactCase& c = chart.of;
-  json out{{"sweeps", chart.sweeps},
-           {"columns", c.columns},
-           {"rows", c.rows},
-           {"poisson_ratio", c.poisson_ratio},
-           {"contrast", c.contrast},
-           {"pattern", to_string(c.pattern)},
-           {"stretch", c.stretch},
-           {"unknowns", problem.tissue.grid.dofs()},
-           {"contact_nodes", problem.truth.columns.size()},
-           {"tip_radius_m", problem.tip.radius_m},
-           {"methods", json::array()}};
+  CaseFigures out{chart.sweeps,
+                  c.columns,
+                  c.rows,
+                  c.poisson_ratio,
+                  c.contrast,
+                  to_string(c.pattern),
+                  c.stretch,
+                  problem.tissue.grid.dofs(),
+                  problem.truth.columns.size(),
+                  problem.tip.radius_m};
   std::printf("%s\n", describe(c).c_str());
   for (const auto& peer : peers.all) {
     if (chart.only_device_pcg && !(peer->ours() && peer->iterative())) continue;
-    json method = measure_method(*peer, problem, chart.sweeps.front() == "base", quick);
-    if (method.contains("declined")) {
-      std::printf("  %-34s skipped: %s\n", peer->name().c_str(),
-                  method["declined"].get<std::string>().c_str());
-    } else if (method.contains("failed")) {
-      std::printf("  %-34s FAILED: %s\n", peer->name().c_str(), method["failed"].get<std::string>().c_str());
-    } else {
-      std::printf("  %-34s set-up %10.3f ms  touch %10.4f ms  %6d iterations  force off by %.1e%s\n",
-                  peer->name().c_str(), 1e3 * method["setup_s"]["p50"].get<double>(),
-                  1e3 * method["touch_s"]["p50"].get<double>(), method["iterations"].get<int>(),
-                  method["force_error"].is_null() ? -1 : method["force_error"].get<double>(),
-                  method["goal_met"].get<bool>() ? "" : "  (not to 1e-6)");
-    }
-    std::fflush(stdout);
-    out["methods"].push_back(std::move(method));
+    out.methods.push_back(measure_method(*peer, problem, chart.sweeps.front() == "base", quick));
+    print(out.methods.back());
   }
-  out["by_columns"] = measure_columns(problem, device);
+  out.by_columns = measure_columns(problem, device);
   return out;
 }
 
-bool run(const SuiteOptions& options) {
-  if (replotted(options, "contact", draw_contact)) return true;
+ContactFigures measure(bool quick, Targets& targets) {
   const auto device = service::Device::open();
   Peers peers = make_peers(device);
   for (const std::string& absent : peers.absent) std::printf("skipped: %s\n", absent.c_str());
-  json result{{"suite", "contact"},
-              {"force_goal", kForceGoal},
-              {"absent", peers.absent},
-              {"device",
-               {{"name", device->info().name},
-                {"driver_version", device->info().driver_version},
-                {"compute_units", device->info().compute_units}}},
-              {"threads", "host methods and their BLAS on one thread, device methods on the whole device"},
-              {"cases", json::array()}};
-  for (const ChartCase& chart : chart_cases(options.quick)) {
+  ContactFigures figures{.absent = peers.absent, .device = describe(device->info())};
+  for (const ChartCase& chart : chart_cases(quick)) {
     const ContactProblem problem = make_problem(chart.of);
-    result["cases"].push_back(measure_case(chart, problem, peers, device, options.quick));
+    figures.cases.push_back(measure_case(chart, problem, peers, device, quick));
     if (chart.sweeps.front() != "base") continue;
-    result["product"] = measure_product(problem, device, options.quick);
-    if (device->info().has_double)
-      result["kernels"] = measure_kernels(problem, device->info().index, options.quick ? 20 : 100);
+    figures.product = measure_product(problem, device, quick);
+    if (!device->info().has_double) continue;
+    figures.kernels = measure_kernels(problem, device->info().index, quick ? 20 : 100);
+    print(figures.kernels);
   }
-  result["convergence"] = measure_convergence(options.quick);
-  const bool met = finish(result, contact_targets(result), options);
-  if (!options.out.empty()) draw_contact(result, options.out);
-  return met;
+  figures.convergence = measure_convergence(quick);
+  add_contact_targets(figures, targets);
+  return figures;
 }
 
 }  // namespace
 
 void add_contact_suite(CLI::App& app, bool& met) {
   const auto options = std::make_shared<SuiteOptions>();
-  CLI::App& command =
-      *app.add_subcommand("contact", "the contact solve by every method on this machine, ours and others'");
-  add_common_options(command, *options);
-  command.callback([options, &met] { met = run(*options); });
+  add_suite(app, "contact", "the contact solve by every method on this machine, ours and others'", *options,
+            met, [options] {
+              return run_suite(
+                  "contact", *options, [&](Targets& targets) { return measure(options->quick, targets); },
+                  draw_contact);
+            });
 }
 
 }  // namespace teletact::bench

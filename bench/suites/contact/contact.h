@@ -1,23 +1,14 @@
-// The parts of the contact chart (suite contact.cpp): what is run, measured, promised and drawn. All speak
-// through the suite's JSON, so that targets and pictures can be made again from a file.
-//
-//   cases: [{sweeps, columns, rows, ..., unknowns, contact_nodes, methods: [{
-//     method, ours, iterative, declined | failed | setup_s, touch_s: {p50, ...}, surface_s, one_solve_s,
-//     kept_bytes_per_unknown, iterations, tolerance, force_error, displacement_error, stated_error, goal_met,
-//     products_choice, ladder: [...]}]}]
-//     by_columns: {iterations, converged, stated_error, force_error} of one touch as the product does it by
-//     conjugate gradients: columns of the compliance, its own precision and tolerance
-//   product: figures of ours alone
-//   convergence: [{pattern, contrast, finest_columns, meshes: [{columns, force_error, displacement_error,
-//   ...}]}]
+// The parts of the contact chart (suite contact.cpp): what is run, measured, promised and drawn.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "bench/peers/peer.h"
+#include "bench/roofline.h"
 #include "bench/suite.h"
 
 namespace teletact::bench {
@@ -33,33 +24,133 @@ struct ChartCase {
 };
 std::vector<ChartCase> chart_cases(bool quick);
 
-// Checks, then times one method on one case.
-nlohmann::json measure_method(Peer&, const ContactProblem&, bool whole_ladder, bool quick);
+// One tolerance that an iterative method was tried at.
+struct Rung {
+  double tolerance = 0, seconds = 0;
+  std::size_t iterations = 0;
+  double force_error = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Rung, tolerance, seconds, iterations, force_error)
 
-// One touch by the columns that the product solves for.
-nlohmann::json measure_columns(const ContactProblem&, const std::shared_ptr<service::Device>&);
+// One method on one case. A figure that the method has none of has a count of 0, or is 0.
+struct MethodFigures {
+  std::string method;
+  bool ours = false, iterative = false, products_choice = false;
+  std::string declined, failed;  // why nothing was measured
+  Quantiles setup_s, touch_s, surface_s, one_solve_s;
+  double kept_bytes_per_unknown = 0, tolerance = 0;
+  std::size_t iterations = 0;
+  double force_error = 0, displacement_error = 0, stated_error = 0;
+  bool goal_met = false;
+  std::vector<Rung> ladder{};
+  bool measured() const { return touch_s.count > 0; }
+  double cold_s() const { return setup_s.p50 + touch_s.p50; }  // set-up and touch together
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MethodFigures, method, ours, iterative, products_choice, declined, failed,
+                                   setup_s, touch_s, surface_s, one_solve_s, kept_bytes_per_unknown,
+                                   tolerance, iterations, force_error, displacement_error, stated_error,
+                                   goal_met, ladder)
+
+// One touch as the product does it by conjugate gradients: columns of the compliance, its own precision and
+// tolerance.
+struct ColumnFigures {
+  std::string failed;
+  std::size_t iterations = 0;
+  bool converged = false;
+  double stated_error = 0, force_error = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ColumnFigures, failed, iterations, converged, stated_error, force_error)
+
+struct CaseFigures {
+  std::vector<std::string> sweeps;
+  std::size_t columns = 0, rows = 0;
+  double poisson_ratio = 0, contrast = 0;
+  std::string pattern;
+  double stretch = 0;
+  std::size_t unknowns = 0, contact_nodes = 0;
+  double tip_radius_m = 0;
+  std::vector<MethodFigures> methods{};
+  ColumnFigures by_columns{};
+  bool in(const std::string& sweep) const {
+    return std::find(sweeps.begin(), sweeps.end(), sweep) != sweeps.end();
+  }
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseFigures, sweeps, columns, rows, poisson_ratio, contrast, pattern,
+                                   stretch, unknowns, contact_nodes, tip_radius_m, methods, by_columns)
 
 // Of the condensed touch: all lines, the scene's strip, tangent, work around a loop, ripple; of the device: a
 // moving finger.
-nlohmann::json measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>&,
+struct LineFigures {
+  Quantiles surface_s, all_lines_s;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LineFigures, surface_s, all_lines_s)
+struct StripFigures {
+  std::size_t columns = 0, rows = 0;
+  Quantiles ready_s, refreshed_s;
+  double refreshed_difference = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StripFigures, columns, rows, ready_s, refreshed_s, refreshed_difference)
+struct Ripple {
+  double secant = 0, tangent = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Ripple, secant, tangent)
+struct PathFigures {
+  double first_patch_s = 0, warm_mean_s = 0;
+  Quantiles warm_s, solving_s;
+  double largest_force_error = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PathFigures, first_patch_s, warm_mean_s, warm_s, solving_s,
+                                   largest_force_error)
+struct ProductFigures {
+  LineFigures lines;
+  StripFigures strip;
+  double tangent_error = 0, loop_work = 0;
+  Ripple ripple;
+  PathFigures path;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ProductFigures, lines, strip, tangent_error, loop_work, ripple, path)
+
+// One tip on one mesh, against a mesh twice as fine as the finest of them.
+struct MeshFigures {
+  std::size_t columns = 0, touched_nodes = 0;
+  double ready_s = 0, force_error = 0, displacement_error = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MeshFigures, columns, touched_nodes, ready_s, force_error,
+                                   displacement_error)
+struct ConvergenceFigures {
+  std::string pattern;
+  double contrast = 0;
+  std::size_t finest_columns = 0;
+  std::vector<MeshFigures> meshes{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ConvergenceFigures, pattern, contrast, finest_columns, meshes)
+
+struct ContactFigures {
+  double force_goal = kForceGoal;
+  std::vector<std::string> absent;
+  DeviceFigures device;
+  std::string threads = "host methods and their BLAS on one thread, device methods on the whole device";
+  std::vector<CaseFigures> cases{};
+  ProductFigures product{};
+  KernelProfile kernels{};
+  std::vector<ConvergenceFigures> convergence{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ContactFigures, force_goal, absent, device, threads, cases, product,
+                                   kernels, convergence)
+
+// Checks, then times one method on one case.
+MethodFigures measure_method(Peer&, const ContactProblem&, bool whole_ladder, bool quick);
+ColumnFigures measure_columns(const ContactProblem&, const std::shared_ptr<service::Device>&);
+ProductFigures measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>&,
                                bool quick);
+std::vector<ConvergenceFigures> measure_convergence(bool quick);
+// Of a touch by conjugate gradients in double, the first one's set-up included.
+KernelProfile measure_kernels(const ContactProblem&, std::size_t device_index, int touches);
 
-// One tip on finer and finer meshes: errors of force and displacement against a mesh twice as fine as the
-// finest of them.
-nlohmann::json measure_convergence(bool quick);
+// Acceptance lines that there are figures for.
+void add_contact_targets(const ContactFigures&, Targets&);
+void draw_contact(const ContactFigures&, const std::filesystem::path& folder);
 
-// Time of every kernel in a touch by conjugate gradients in double, the first one's set-up included, with its
-// bytes and flops against what the device can do. Opens the device again, with profiling.
-nlohmann::json measure_kernels(const ContactProblem&, std::size_t device_index, int touches);
-
-// Acceptance lines that `result` holds figures for.
-std::vector<Target> contact_targets(const nlohmann::json& result);
-
-void draw_contact(const nlohmann::json& result, const std::string& folder);
-
-// Methods of a case that were measured; and set-up and touch together, s.
-std::vector<nlohmann::json> measured_methods(const nlohmann::json& of_case);
-double cold_s(const nlohmann::json& method);
 // Slope of log y over log x by least squares; NaN for fewer than two points.
 double log_slope(const std::vector<double>& x, const std::vector<double>& y);
 

@@ -1,18 +1,16 @@
 // What the mesh itself is off by: one tip, pressed 1 mm beside the middle, on finer and finer meshes; force
 // and displacement of the surface against those of the finest.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <utility>
 
+#include "bench/basics/clock.h"
 #include "bench/suites/contact/contact.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
-
-using nlohmann::json;
 
 constexpr std::size_t kPlaces = 31;  // of the surface, nodes of every mesh
 constexpr double kTipRadiusM = 0.030, kIndentationM = 0.001, kPlaceM = 0.031;
@@ -27,9 +25,9 @@ MeshAnswer answer_on(const ContactCase& c) {
   const reference::TouchedTissue tissue = make_tissue(c);
   MeshAnswer answer;
   const service::TissueGrid& grid = tissue.grid;
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   const service::TissueModel model(grid, tissue.material, tissue.supports, {});
-  answer.ready_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  answer.ready_s = seconds_since(begin);
   const auto surface = model.condensed(0);
   const auto touch = service::solve_contact(model.problem(), 0, *surface, {.radius_m = kTipRadiusM},
                                             {kPlaceM, kIndentationM});
@@ -53,10 +51,10 @@ MeshAnswer answer_on(const ContactCase& c) {
 
 }  // namespace
 
-json measure_convergence(bool quick) {
+std::vector<ConvergenceFigures> measure_convergence(bool quick) {
   const std::vector<std::size_t> columns =
       quick ? std::vector<std::size_t>{31, 61, 121} : std::vector<std::size_t>{31, 61, 121, 241};
-  json all = json::array();
+  std::vector<ConvergenceFigures> all;
   for (const auto& [pattern, contrast] : {std::pair{Pattern::kNodule, 1.0},
                                           {Pattern::kNodule, 10.0},
                                           {Pattern::kLayered, 10.0},
@@ -66,25 +64,17 @@ json measure_convergence(bool quick) {
     c.contrast = contrast;
     c.columns = c.rows = 2 * (columns.back() - 1) + 1;
     const MeshAnswer finest = answer_on(c);
-    json meshes = json::array();
+    all.push_back({to_string(pattern), contrast, c.columns});
     for (const std::size_t size : columns) {
       c.columns = c.rows = size;
       const MeshAnswer a = answer_on(c);
-      meshes.push_back(
-          {{"columns", size},
-           {"touched_nodes", a.touched},
-           {"ready_s", a.ready_s},
-           {"force_error", std::abs(a.force_n / finest.force_n - 1)},
-           {"displacement_error", (a.displacement_m - finest.displacement_m).lpNorm<Eigen::Infinity>() /
-                                      finest.displacement_m.lpNorm<Eigen::Infinity>()}});
+      const MeshFigures m{size, a.touched, a.ready_s, std::abs(a.force_n / finest.force_n - 1),
+                          (a.displacement_m - finest.displacement_m).lpNorm<Eigen::Infinity>() /
+                              finest.displacement_m.lpNorm<Eigen::Infinity>()};
       std::printf("mesh %3zux%zu %s contrast %g: force off by %.2f %%, displacement by %.2f %%\n", size, size,
-                  to_string(pattern), contrast, 100 * meshes.back()["force_error"].get<double>(),
-                  100 * meshes.back()["displacement_error"].get<double>());
+                  to_string(pattern), contrast, 100 * m.force_error, 100 * m.displacement_error);
+      all.back().meshes.push_back(m);
     }
-    all.push_back({{"pattern", to_string(pattern)},
-                   {"contrast", contrast},
-                   {"finest_columns", 2 * (columns.back() - 1) + 1},
-                   {"meshes", meshes}});
   }
   return all;
 }

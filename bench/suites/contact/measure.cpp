@@ -1,23 +1,16 @@
 // One method on one case. An iterative one walks down a ladder of its own tolerances, half a decade a step,
 // until its force is within the goal twice in a row (an error may cross zero on its way), and is timed at the
 // first of the two.
-#include <chrono>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <optional>
 
+#include "bench/basics/clock.h"
+#include "bench/basics/median.h"
 #include "bench/suites/contact/contact.h"
 
 namespace teletact::bench {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-using nlohmann::json;
-
-double seconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
 
 constexpr std::size_t kMostSurfaceDofs = 30000;  // two solves for every column: minutes beyond
 
@@ -31,10 +24,10 @@ Budget budget(bool quick) {
 }
 
 // `once` returns seconds that it measured itself, or < 0.
-json repeat(const Budget& b, const std::function<double()>& once) {
+Quantiles repeat(const Budget& b, const std::function<double()>& once) {
   constexpr double kLongS = 5;  // once is enough
   std::vector<double> seconds;
-  double spent = 0, least = std::numeric_limits<double>::infinity();
+  double spent = 0;
   while (static_cast<int>(seconds.size()) < b.least ||
          (spent < b.repeat_s && static_cast<int>(seconds.size()) < b.most)) {
     const auto begin = Clock::now();
@@ -42,116 +35,84 @@ json repeat(const Budget& b, const std::function<double()>& once) {
     const double outside = seconds_since(begin);
     seconds.push_back(own >= 0 ? own : outside);
     spent += outside;
-    least = std::min(least, seconds.back());
     if (outside > kLongS) break;
   }
-  json out = quantiles(seconds);
-  out["min"] = least;
-  return out;
+  return quantiles(seconds);
 }
 
-struct Rung {
-  double tolerance = 0, seconds = 0, error = 0;
+struct Attempt {
+  Rung rung;
   PeerAnswer answer;
 };
 
-json describe(const Rung& r) {
-  return {{"tolerance", r.tolerance},
-          {"seconds", r.seconds},
-          {"iterations", r.answer.iterations},
-          {"force_error", r.error}};
-}
-
-Rung try_rung(Peer& peer, const ContactProblem& p, double tolerance) {
+Attempt try_rung(Peer& peer, const ContactProblem& p, double tolerance) {
   if (peer.ours() && peer.iterative()) peer.touch(p, tolerance);  // the first at a tolerance allocates
   const auto begin = Clock::now();
-  Rung rung;
-  rung.tolerance = tolerance;
-  rung.answer = peer.touch(p, tolerance);
-  rung.seconds = rung.answer.seconds >= 0 ? rung.answer.seconds : seconds_since(begin);
-  rung.error = p.force_error(rung.answer.force_n);
-  return rung;
+  PeerAnswer answer = peer.touch(p, tolerance);
+  const double seconds = answer.seconds >= 0 ? answer.seconds : seconds_since(begin);
+  const Rung rung{tolerance, seconds, answer.iterations, p.force_error(answer.force_n)};
+  return {rung, std::move(answer)};
 }
 
 // The loosest rung from which on two in a row are good enough, else the best.
-Rung climb(Peer& peer, const ContactProblem& p, bool whole, const Budget& b, json& ladder) {
+Attempt climb(Peer& peer, const ContactProblem& p, bool whole, const Budget& b, std::vector<Rung>& ladder) {
   constexpr int kLoosest = 4, kTightest = 24;  // 10^(-k/2)
   const auto begin = Clock::now();
-  std::optional<Rung> chosen, best;
+  std::optional<Attempt> chosen, best;
   bool confirmed = false;
   for (int k = kLoosest; k <= kTightest; ++k) {
-    Rung rung = try_rung(peer, p, std::pow(10.0, -0.5 * k));
-    ladder.push_back(describe(rung));
-    const bool good = rung.error <= kForceGoal;
-    if (!best || rung.error < best->error) best = rung;
+    const Attempt attempt = try_rung(peer, p, std::pow(10.0, -0.5 * k));
+    ladder.push_back(attempt.rung);
+    const bool good = attempt.rung.force_error <= kForceGoal;
+    if (!best || attempt.rung.force_error < best->rung.force_error) best = attempt;
     if (!good && !confirmed) chosen.reset();
     confirmed = confirmed || (good && chosen);
     if (confirmed && !whole) break;
-    if (good && !chosen) chosen = rung;
+    if (good && !chosen) chosen = attempt;
     if (seconds_since(begin) > b.ladder_s) break;
   }
   return confirmed ? *chosen : *best;
 }
 
-json timed(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget& b) {
+void time(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget& b, MethodFigures& out) {
   peer.prepare(p);  // the first may compile kernels
-  json out{{"setup_s", repeat(b, [&] { return peer.prepare(p); })}};
-  Rung rung;
-  if (peer.iterative()) {
-    out["ladder"] = json::array();
-    rung = climb(peer, p, whole_ladder, b, out["ladder"]);
-  } else {
-    rung = try_rung(peer, p, 0);
-  }
-  if (const std::size_t bytes = peer.kept_bytes(); bytes > 0)
-    out["kept_bytes_per_unknown"] = static_cast<double>(bytes) / static_cast<double>(p.tissue.grid.dofs());
-  out["tolerance"] = rung.tolerance;
-  out["iterations"] = rung.answer.iterations;
-  out["force_error"] = rung.error;
-  if (rung.answer.displacement_m.size() > 0)
-    out["displacement_error"] = p.displacement_error(rung.answer.displacement_m);
-  out["stated_error"] = rung.answer.stated_error;
-  out["goal_met"] = rung.error <= kForceGoal;
-  peer.touch(p, rung.tolerance);
-  out["touch_s"] = repeat(b, [&] { return peer.touch(p, rung.tolerance).seconds; });
-  out["touches_per_s"] = 1 / out["touch_s"]["p50"].get<double>();
-  const auto if_it_does = [&](const char* name, auto&& once) {
-    if (once()) out[name] = repeat(b, [&] { return once() ? -1.0 : 0.0; });
+  out.setup_s = repeat(b, [&] { return peer.prepare(p); });
+  const Attempt attempt =
+      peer.iterative() ? climb(peer, p, whole_ladder, b, out.ladder) : try_rung(peer, p, 0);
+  const PeerAnswer& answer = attempt.answer;
+  out.kept_bytes_per_unknown =
+      static_cast<double>(peer.kept_bytes()) / static_cast<double>(p.tissue.grid.dofs());
+  out.tolerance = attempt.rung.tolerance;
+  out.iterations = answer.iterations;
+  out.force_error = attempt.rung.force_error;
+  out.displacement_error =
+      answer.displacement_m.size() > 0 ? p.displacement_error(answer.displacement_m) : kNan;
+  out.stated_error = answer.stated_error;
+  out.goal_met = out.force_error <= kForceGoal;
+  peer.touch(p, out.tolerance);
+  const Quantiles touch_s = repeat(b, [&] { return peer.touch(p, out.tolerance).seconds; });
+  const auto if_it_does = [&](Quantiles& seconds, auto&& once) {
+    if (once()) seconds = repeat(b, [&] { return once() ? -1.0 : 0.0; });
   };
-  if_it_does("one_solve_s", [&] { return peer.solve_once(p); });
+  if_it_does(out.one_solve_s, [&] { return peer.solve_once(p); });
   if (p.tissue.grid.dofs() <= kMostSurfaceDofs)
-    if_it_does("surface_s", [&] { return peer.condense_surface(p); });
-  return out;
+    if_it_does(out.surface_s, [&] { return peer.condense_surface(p); });
+  out.touch_s = touch_s;  // it is measured
 }
 
 }  // namespace
 
-json measure_method(Peer& peer, const ContactProblem& p, bool whole_ladder, bool quick) {
-  json out{{"method", peer.name()},
-           {"ours", peer.ours()},
-           {"iterative", peer.iterative()},
-           {"products_choice", peer.products_choice(p)}};
-  if (const std::string why = peer.declines(p); !why.empty()) {
-    out["declined"] = why;
-    return out;
-  }
+MethodFigures measure_method(Peer& peer, const ContactProblem& p, bool whole_ladder, bool quick) {
+  MethodFigures out{
+      peer.name(), peer.ours(), peer.iterative(), peer.products_choice(p), peer.declines(p), {}, {}, {},
+      {},          {}};
+  if (!out.declined.empty()) return out;
   try {
-    out.update(timed(peer, p, whole_ladder, budget(quick)));
+    time(peer, p, whole_ladder, budget(quick), out);
   } catch (const std::exception& error) {  // a rival that breaks down is a result, not the end of the chart
-    out["failed"] = error.what();
+    out.failed = error.what();
   }
   return out;
-}
-
-std::vector<json> measured_methods(const json& of_case) {
-  std::vector<json> methods;
-  for (const json& method : of_case.at("methods"))
-    if (method.contains("touch_s")) methods.push_back(method);
-  return methods;
-}
-
-double cold_s(const json& method) {
-  return method.at("setup_s").at("p50").get<double>() + method.at("touch_s").at("p50").get<double>();
 }
 
 double log_slope(const std::vector<double>& x, const std::vector<double>& y) {
@@ -164,7 +125,7 @@ double log_slope(const std::vector<double>& x, const std::vector<double>& y) {
     sxx += a * a;
     sxy += a * b;
   }
-  return x.size() < 2 ? std::numeric_limits<double>::quiet_NaN() : (n * sxy - sx * sy) / (n * sxx - sx * sx);
+  return x.size() < 2 ? kNan : (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }
 
 }  // namespace teletact::bench

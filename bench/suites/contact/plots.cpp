@@ -1,4 +1,4 @@
-// Pictures of the contact chart, from its JSON alone.
+// Pictures of the contact chart.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,136 +12,117 @@
 namespace teletact::bench {
 namespace {
 
-using nlohmann::json;
-
-bool in_sweep(const json& of_case, const std::string& sweep) {
-  const json& names = of_case.at("sweeps");
-  return std::find(names.begin(), names.end(), sweep) != names.end();
-}
+const std::string kKeyBelow = "set key outside bottom center horizontal\n";
 
 // Every method has one colour and mark in all pictures.
-std::map<std::string, std::size_t> looks_of(const json& result) {
+std::map<std::string, std::size_t> looks_of(const ContactFigures& figures) {
   std::map<std::string, std::size_t> looks;
-  for (const json& c : result.at("cases"))
-    for (const json& m : c.at("methods")) looks.try_emplace(m.at("method"), looks.size());
+  for (const CaseFigures& c : figures.cases)
+    for (const MethodFigures& m : c.methods) looks.try_emplace(m.method, looks.size());
   return looks;
 }
 
 // One curve per method over the cases of a sweep, ordered by x; where `figure` is NaN there is no point.
-std::vector<Curve> curves_over(const json& result, const std::string& sweep,
-                               const std::function<double(const json&)>& x,
-                               const std::function<double(const json&)>& figure) {
-  std::vector<std::pair<double, const json*>> cases;
-  for (const json& c : result.at("cases"))
-    if (in_sweep(c, sweep)) cases.emplace_back(x(c), &c);
+std::vector<Curve> curves_over(const ContactFigures& figures, const std::string& sweep,
+                               const std::function<double(const CaseFigures&)>& x,
+                               const std::function<double(const MethodFigures&)>& figure) {
+  std::vector<std::pair<double, const CaseFigures*>> cases;
+  for (const CaseFigures& c : figures.cases)
+    if (c.in(sweep)) cases.emplace_back(x(c), &c);
   std::sort(cases.begin(), cases.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<Curve> curves;
   std::map<std::string, std::size_t> index;
-  const auto looks = looks_of(result);
+  const auto looks = looks_of(figures);
   for (const auto& [at, c] : cases)
-    for (const json& m : measured_methods(*c)) {
-      const double value = figure(m);
+    for (const MethodFigures& m : c->methods) {
+      const double value = m.measured() ? figure(m) : std::nan("");
       if (std::isnan(value)) continue;
-      const std::string name = m.at("method");
-      const auto [found, is_new] = index.try_emplace(name, curves.size());
-      if (is_new) curves.push_back({.title = name, .ours = m.at("ours"), .look = looks.at(name)});
-      curves[found->second].x.push_back(at);
-      curves[found->second].y.push_back(value);
+      const auto [found, is_new] = index.try_emplace(m.method, curves.size());
+      if (is_new) curves.push_back({.title = m.method, .ours = m.ours, .look = looks.at(m.method)});
+      curves[found->second].add(at, value);
     }
   return curves;
 }
 
-double iterations_to_goal(const json& m) {
-  return m.at("iterative").get<bool>() && m.at("goal_met").get<bool>() ? m.at("iterations").get<double>()
-                                                                       : std::nan("");
-}
-
-void draw_accuracy(const json& base, const std::map<std::string, std::size_t>& looks,
-                   const std::filesystem::path& folder) {
+void draw_accuracy(const CaseFigures& base, const std::map<std::string, std::size_t>& looks,
+                   const std::filesystem::path& file) {
   std::vector<Curve> curves;
   constexpr double kLeast = 1e-16;  // an error of zero has no place on a logarithmic axis
-  for (const json& m : measured_methods(base)) {
-    Curve curve{.title = m.at("method"), .ours = m.at("ours"), .line = m.at("iterative"), .look = {}};
-    curve.look = looks.at(curve.title);
-    const double setup_s = m.at("setup_s").at("p50");
-    const auto add = [&](const json& error, double touch_s) {
-      if (error.is_null()) return;  // NaN
-      curve.x.push_back(std::max(kLeast, error.get<double>()));
-      curve.y.push_back(1e3 * (setup_s + touch_s));
+  for (const MethodFigures& m : base.methods) {
+    if (!m.measured()) continue;
+    Curve curve{.title = m.method, .ours = m.ours, .line = m.iterative, .look = looks.at(m.method)};
+    const auto add = [&](double error, double touch_s) {
+      if (!std::isnan(error)) curve.add(std::max(kLeast, error), 1e3 * (m.setup_s.p50 + touch_s));
     };
-    if (m.contains("ladder")) {
-      for (const json& rung : m.at("ladder")) add(rung.at("force_error"), rung.at("seconds"));
-    } else {
-      add(m.at("force_error"), m.at("touch_s").at("p50"));
-    }
+    for (const Rung& rung : m.ladder) add(rung.force_error, rung.seconds);
+    if (m.ladder.empty()) add(m.force_error, m.touch_s.p50);
     curves.push_back(curve);
   }
-  plot(folder / "contact_accuracy.png",
-       script_of(curves,
-                 "set logscale xy\nset format x '10^{%L}'\nset xlabel 'error of the force'\n"
-                 "set ylabel 'set-up and one touch (ms)'\nset key outside bottom center horizontal\n"
-                 "set title '61x61 nodes, nu 0.49, contrast 10, nodule'\n"));
+  plot(file, script_of(curves, "set logscale xy\nset format x '10^{%L}'\n" + kKeyBelow +
+                                   axes("61x61 nodes, nu 0.49, contrast 10, nodule", "error of the force",
+                                        "set-up and one touch (ms)")));
 }
 
-void draw_cost(const json& result, const std::filesystem::path& file, const std::string& what,
-               const std::function<double(const json&)>& seconds) {
+void draw_cost(const ContactFigures& figures, const std::filesystem::path& file, const std::string& what,
+               const std::function<double(const MethodFigures&)>& seconds) {
   auto curves = curves_over(
-      result, "size", [](const json& c) { return c.at("unknowns").get<double>(); },
-      [&](const json& m) { return m.at("goal_met").get<bool>() ? 1e3 * seconds(m) : std::nan(""); });
+      figures, "size", [](const CaseFigures& c) { return static_cast<double>(c.unknowns); },
+      [&](const MethodFigures& m) { return m.goal_met ? 1e3 * seconds(m) : std::nan(""); });
   for (Curve& curve : curves)
     if (const double slope = log_slope(curve.x, curve.y); std::isfinite(slope))
       curve.title += fmt::format(", n^{{{:.2f}}}", slope);
-  plot(file, script_of(curves, "set logscale xy\nset xlabel 'unknowns n'\nset ylabel '" + what +
-                                   " (ms)'\nset key outside bottom center horizontal\n"
-                                   "set title 'force within 1e-6; nu 0.49, contrast 10, nodule'\n"));
+  plot(file, script_of(curves, "set logscale xy\n" + kKeyBelow +
+                                   axes("force within 1e-6; nu 0.49, contrast 10, nodule", "unknowns n",
+                                        what + " (ms)")));
 }
 
-void draw_mesh(const json& convergence, const std::filesystem::path& file) {
+void draw_iterations(const ContactFigures& figures, const std::filesystem::path& file,
+                     const std::string& sweep, const std::function<double(const CaseFigures&)>& x,
+                     const std::string& settings) {
+  plot(file, script_of(curves_over(figures, sweep, x,
+                                   [](const MethodFigures& m) {
+                                     return m.iterative && m.goal_met ? static_cast<double>(m.iterations)
+                                                                      : std::nan("");
+                                   }),
+                       "set logscale xy\n" + kKeyBelow + settings));
+}
+
+void draw_mesh(const std::vector<ConvergenceFigures>& convergence, const std::filesystem::path& file) {
   std::vector<Curve> curves;
-  for (const json& c : convergence)
-    for (const char* what : {"force_error", "displacement_error"}) {
-      Curve curve{fmt::format("{} of {}, contrast {}", what[0] == 'f' ? "force" : "displacement",
-                              c.at("pattern").get<std::string>(), c.at("contrast").get<double>()),
-                  what[0] == 'f'};
-      for (const json& m : c.at("meshes")) {
-        curve.x.push_back(60 / (m.at("columns").get<double>() - 1));
-        curve.y.push_back(100 * m.at(what).get<double>());
-      }
+  for (const ConvergenceFigures& c : convergence)
+    for (const bool force : {true, false}) {
+      Curve curve{
+          fmt::format("{} of {}, contrast {}", force ? "force" : "displacement", c.pattern, c.contrast),
+          force};
+      for (const MeshFigures& m : c.meshes)
+        curve.add(60 / (static_cast<double>(m.columns) - 1),
+                  100 * (force ? m.force_error : m.displacement_error));
       curves.push_back(curve);
     }
-  plot(file, script_of(curves,
-                       "set logscale xy\nset xlabel 'distance of the nodes (mm)'\n"
-                       "set ylabel 'off the finest mesh (%)'\nset key outside bottom center horizontal\n"
-                       "set title 'the mesh alone: 60 mm of tissue, coarser to finer'\n"));
+  plot(file, script_of(curves, "set logscale xy\n" + kKeyBelow +
+                                   axes("the mesh alone: 60 mm of tissue, coarser to finer",
+                                        "distance of the nodes (mm)", "off the finest mesh (%)")));
 }
 
 }  // namespace
 
-void draw_contact(const json& result, const std::string& to) {
-  const std::filesystem::path folder(to);
-  std::filesystem::create_directories(folder);
-  for (const json& c : result.at("cases"))
-    if (in_sweep(c, "base")) draw_accuracy(c, looks_of(result), folder);
-  if (result.contains("convergence")) draw_mesh(result.at("convergence"), folder / "contact_mesh.png");
-  draw_cost(result, folder / "contact_cost.png", "set-up and one touch", cold_s);
-  draw_cost(result, folder / "contact_touch.png", "one touch, after set-up",
-            [](const json& m) { return m.at("touch_s").at("p50").get<double>(); });
-  const std::string key =
-      "set logscale y\nset key outside bottom center horizontal\n"
-      "set ylabel 'iterations to a force error of 1e-6'\n";
-  plot(folder / "contact_iterations_nu.png",
-       script_of(
-           curves_over(
-               result, "poisson", [](const json& c) { return 0.5 - c.at("poisson_ratio").get<double>(); },
-               iterations_to_goal),
-           key + "set logscale x\nset xrange [*:*] reverse\nset xlabel '1/2 - nu'\n"
-                 "set title '61x61 nodes, contrast 10, nodule'\n"));
-  plot(folder / "contact_iterations_contrast.png",
-       script_of(curves_over(
-                     result, "contrast", [](const json& c) { return c.at("contrast").get<double>(); },
-                     iterations_to_goal),
-                 key + "set logscale x\nset xlabel 'contrast'\n"
-                       "set title '61x61 nodes, nu 0.49, nodule'\n"));
+void draw_contact(const ContactFigures& figures, const std::filesystem::path& folder) {
+  for (const CaseFigures& c : figures.cases)
+    if (c.in("base")) draw_accuracy(c, looks_of(figures), folder / "contact_accuracy.png");
+  draw_mesh(figures.convergence, folder / "contact_mesh.png");
+  draw_cost(figures, folder / "contact_cost.png", "set-up and one touch",
+            [](const MethodFigures& m) { return m.cold_s(); });
+  draw_cost(figures, folder / "contact_touch.png", "one touch, after set-up",
+            [](const MethodFigures& m) { return m.touch_s.p50; });
+  const std::string iterations = "iterations to a force error of 1e-6";
+  draw_iterations(
+      figures, folder / "contact_iterations_nu.png", "poisson",
+      [](const CaseFigures& c) { return 0.5 - c.poisson_ratio; },
+      "set xrange [*:*] reverse\n" + axes("61x61 nodes, contrast 10, nodule", "1/2 - nu", iterations));
+  draw_iterations(
+      figures, folder / "contact_iterations_contrast.png", "contrast",
+      [](const CaseFigures& c) { return c.contrast; },
+      axes("61x61 nodes, nu 0.49, nodule", "contrast", iterations));
 }
 
 }  // namespace teletact::bench

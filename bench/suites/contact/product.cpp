@@ -1,15 +1,14 @@
 // Figures of ours that have no rival: all touchable lines, the strip that the service builds, tangent, work
 // around a closed loop, ripple between nodes, and conjugate gradients under a moving finger.
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <memory>
 #include <optional>
 #include <set>
 #include <stdexcept>
 
+#include "bench/basics/clock.h"
 #include "bench/suites/contact/contact.h"
 #include "service/plan/choices.h"
 #include "service/scene/strip.h"
@@ -18,36 +17,16 @@
 namespace teletact::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-using nlohmann::json;
 using service::ContactAnswer;
 using service::ContactPose;
 using service::TissueModel;
-
-double seconds_of(auto&& work) {
-  const auto begin = Clock::now();
-  work();
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
 
 TissueModel model_of(const reference::TouchedTissue& t) {
   return {t.grid, t.material, t.supports, {.thickness_m = t.thickness_m}};
 }
 
-// Processor time of this thread: what work of one thread takes on a machine that others load.
-double processor_seconds_of(auto&& work) {
-  const auto now = [] {
-    timespec t{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-  };
-  const double begin = now();
-  work();
-  return now() - begin;
-}
-
 // The surface alone, and a model that foresees touches below it with all of its lines; processor time.
-json measure_lines(const ContactProblem& p, int repeats) {
+LineFigures measure_lines(const ContactProblem& p, int repeats) {
   std::vector<double> surface_s, all_s;
   const auto build = [&](bool interior_lines) {
     const TissueModel model(p.tissue.grid, p.tissue.material, p.tissue.supports,
@@ -58,12 +37,12 @@ json measure_lines(const ContactProblem& p, int repeats) {
     surface_s.push_back(processor_seconds_of([&] { build(false); }));
     all_s.push_back(processor_seconds_of([&] { build(true); }));
   }
-  return {{"surface_s", quantiles(surface_s)}, {"all_lines_s", quantiles(all_s)}};
+  return {quantiles(surface_s), quantiles(all_s)};
 }
 
 // A window of 60 mm in tissue wide enough that its strip has all of its context on both sides: its model as
 // the service makes it, and made again when the tissue right of the window has changed. Both must be equal.
-json measure_strip(int repeats) {
+StripFigures measure_strip(int repeats) {
   service::SceneGeometry geometry;
   geometry.width_m = 0.260;
   geometry.depth_m = 0.040;
@@ -92,11 +71,7 @@ json measure_strip(int repeats) {
                         .cwiseAbs()
                         .maxCoeff());
   }
-  return {{"columns", grid.nx()},
-          {"rows", grid.ny()},
-          {"ready_s", quantiles(ready_s)},
-          {"refreshed_s", quantiles(refreshed_s)},
-          {"refreshed_difference", difference}};
+  return {grid.nx(), grid.ny(), quantiles(ready_s), quantiles(refreshed_s), difference};
 }
 
 // Largest difference of the tangent from the central difference of the force, over the largest entry.
@@ -150,7 +125,7 @@ double loop_work(const ContactProblem& p, const TissueModel& model, int steps) {
 
 // Spread of the stiffness over its mean while the finger moves from one node to the next, 2 mm deep in
 // homogeneous tissue: of force over indentation, and of the tangent.
-json ripple(const ContactProblem& p) {
+Ripple measure_ripple(const ContactProblem& p) {
   constexpr int kPoses = 64;
   constexpr double kDepthM = 0.002;
   ContactCase homogeneous = p.of;
@@ -168,7 +143,7 @@ json ripple(const ContactProblem& p) {
       sum[s] += stiffness[s] / kPoses;
     }
   }
-  return {{"secant", (most[0] - least[0]) / sum[0]}, {"tangent", (most[1] - least[1]) / sum[1]}};
+  return {(most[0] - least[0]) / sum[0], (most[1] - least[1]) / sum[1]};
 }
 
 // Notices columns that were not asked for before: what conjugate gradients solve for.
@@ -198,7 +173,7 @@ class Watched final : public service::Compliance {
 
 // Compliance columns by conjugate gradients, asked for as the finger moves 10 mm at 120 mm/s, 1000 poses/s:
 // the columns that the patch gains are solved for, the others kept. Most poses gain none.
-json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device>& device) {
+PathFigures measure_path(const ContactProblem& p, const std::shared_ptr<service::Device>& device) {
   constexpr double kStepM = 0.120 / 1000;
   constexpr int kPoses = 83;
   const TissueModel model = model_of(p.tissue);
@@ -213,7 +188,7 @@ json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device
     touch(0);
   });
   double spent_s = 0, worst = 0;
-  std::vector<double> seconds, solving;
+  std::vector<double> seconds, solving;  // of all poses; of those that solve for a column
   for (int k = 1; k <= kPoses; ++k) {
     ContactAnswer a;
     const std::size_t known = compliance->known();
@@ -225,37 +200,29 @@ json measure_path(const ContactProblem& p, const std::shared_ptr<service::Device
     worst = std::max(worst, std::hypot(a.force_n[0] - exact.force_n[0], a.force_n[1] - exact.force_n[1]) /
                                 std::hypot(exact.force_n[0], exact.force_n[1]));
   }
-  return {{"first_patch_s", patch_s},        {"warm_mean_s", spent_s / kPoses},
-          {"warm_s", quantiles(seconds)},    {"solving_poses", solving.size()},
-          {"solving_s", quantiles(solving)}, {"largest_force_error", worst}};
+  return {patch_s, spent_s / kPoses, quantiles(seconds), quantiles(solving), worst};
 }
 
 }  // namespace
 
-json measure_columns(const ContactProblem& p, const std::shared_ptr<service::Device>& device) try {
+ColumnFigures measure_columns(const ContactProblem& p, const std::shared_ptr<service::Device>& device) try {
   const TissueModel model = model_of(p.tissue);
   const ContactAnswer a =
       service::solve_contact(model.problem(), 0, *model.iterative(0, device), p.tip, p.pose);
   const double error = p.force_error({a.force_n[0], a.force_n[1]});
   std::printf("  columns by the product's PCG: %zu iterations, force off by %.1e, stated %.1e%s\n",
               a.solve.iterations, error, a.solve.relative_error, a.solve.converged ? "" : "  NOT CONVERGED");
-  return {{"iterations", a.solve.iterations},
-          {"converged", a.solve.converged},
-          {"stated_error", a.solve.relative_error},
-          {"force_error", error}};
+  return {"", a.solve.iterations, a.solve.converged, a.solve.relative_error, error};
 } catch (const std::runtime_error& error) {  // a breakdown is a result
-  return {{"failed", error.what()}, {"converged", false}};
+  return {error.what()};
 }
 
-json measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>& device, bool quick) {
+ProductFigures measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>& device,
+                               bool quick) {
   const TissueModel model = model_of(base.tissue);
   const int repeats = quick ? 3 : 11;
-  return {{"lines", measure_lines(base, quick ? 2 : 5)},
-          {"strip", measure_strip(repeats)},
-          {"tangent_error", tangent_error(base, model)},
-          {"loop_work", loop_work(base, model, quick ? 1000 : 4000)},
-          {"ripple", ripple(base)},
-          {"path", measure_path(base, device)}};
+  return {measure_lines(base, quick ? 2 : 5),          measure_strip(repeats), tangent_error(base, model),
+          loop_work(base, model, quick ? 1000 : 4000), measure_ripple(base),   measure_path(base, device)};
 }
 
 }  // namespace teletact::bench

@@ -2,138 +2,110 @@
 // for is left out.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "bench/basics/median.h"
 #include "bench/suites/contact/contact.h"
 
 namespace teletact::bench {
 namespace {
 
-using nlohmann::json;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
 // What the product solves with; other precisions are in the chart to compare.
-bool is_product_pcg(const json& m) {
-  return m.value("products_choice", false);
+bool is_product_pcg(const MethodFigures& m) {
+  return m.products_choice && m.goal_met;
 }
 // "CG with the factor of a uniform modulus" is none: the making of its factor is not counted.
-bool is_rival_cg(const json& m) {
-  return m.at("method").get<std::string>().rfind("Eigen CG", 0) == 0 && m.at("goal_met").get<bool>();
-}
-bool is_factor(const json& m) {
-  return m.contains("one_solve_s");
-}
-double p50(const json& m, const char* figure) {
-  return m.at(figure).at("p50");
+bool is_rival_cg(const MethodFigures& m) {
+  return m.method.rfind("Eigen CG", 0) == 0 && m.goal_met;
 }
 
 // Smallest figure among the methods that are meant; NaN for none.
-double least(const json& of_case, auto&& meant, auto&& figure) {
+double least(const CaseFigures& c, auto&& meant, auto&& figure) {
   double smallest = kNan;
-  for (const json& m : measured_methods(of_case))
-    if (meant(m)) smallest = std::fmin(smallest, figure(m));  // fmin passes over NaN
+  for (const MethodFigures& m : c.methods)
+    if (m.measured() && meant(m)) smallest = std::fmin(smallest, figure(m));  // fmin passes over NaN
   return smallest;
 }
 
-double least_pcg_s(const json& of_case) {
-  return least(
-      of_case, [](const json& m) { return is_product_pcg(m) && m.at("goal_met").get<bool>(); }, cold_s);
+double cold_s(const MethodFigures& m) {
+  return m.cold_s();
 }
-
+double least_pcg_s(const CaseFigures& c) {
+  return least(c, is_product_pcg, cold_s);
+}
 // Iterations of the product's PCG; NaN where it did not reach the goal.
-double pcg_iterations(const json& of_case) {
+double pcg_iterations(const CaseFigures& c) {
+  return least(c, is_product_pcg, [](const MethodFigures& m) { return static_cast<double>(m.iterations); });
+}
+double least_factor_and_solve_s(const CaseFigures& c) {
   return least(
-      of_case, [](const json& m) { return is_product_pcg(m) && m.at("goal_met").get<bool>(); },
-      [](const json& m) { return m.at("iterations").get<double>(); });
+      c, [](const MethodFigures& m) { return m.one_solve_s.count > 0; },
+      [](const MethodFigures& m) { return m.setup_s.p50 + m.one_solve_s.p50; });
 }
 
-double least_factor_and_solve_s(const json& of_case) {
-  return least(of_case, is_factor, [](const json& m) { return p50(m, "setup_s") + p50(m, "one_solve_s"); });
-}
-
-std::vector<json> in_sweep(const json& result, const char* sweep) {
-  std::vector<json> cases;
-  for (const json& c : result.at("cases"))
-    for (const json& name : c.at("sweeps"))
-      if (name == sweep) cases.push_back(c);
-  return cases;
-}
-
-bool is_square(const json& c) {
-  return c.at("columns") == c.at("rows") && c.at("stretch") == 1.0;
-}
-
-void add_condensation(const json& base, const json& product, std::vector<Target>& targets) {
+void add_condensation(const CaseFigures& base, const ProductFigures& product, Targets& targets) {
   const double factor_s = least(
-      base, [](const json& m) { return m.contains("surface_s"); },
-      [](const json& m) { return p50(m, "setup_s") + p50(m, "surface_s"); });
-  for (const json& m : measured_methods(base)) {
-    if (m.at("method") != "ours, condensed") continue;
-    targets.push_back({"1. surface ready, over the best sparse factor with its surface solves",
-                       p50(m, "setup_s") / factor_s, 1.0 / 6, ""});
-    targets.push_back({"2. touch from the compliance, median", p50(m, "touch_s"), 8e-6, "s"});
-    targets.push_back({"2. force error of that touch", m.at("force_error"), 1e-6, ""});
+      base, [](const MethodFigures& m) { return m.surface_s.count > 0; },
+      [](const MethodFigures& m) { return m.setup_s.p50 + m.surface_s.p50; });
+  for (const MethodFigures& m : base.methods) {
+    if (!m.measured() || m.method != "ours, condensed") continue;
+    targets.push_back(
+        {"surface_ready_over_best_sparse_factor_with_surface_solves", m.setup_s.p50 / factor_s, 1.0 / 6});
+    targets.push_back({"touch_from_compliance_p50", m.touch_s.p50, 8e-6, "s"});
+    targets.push_back({"touch_from_compliance_force_error", m.force_error, 1e-6});
   }
-  const json& lines = product.at("lines");
-  targets.push_back({"1. all interior lines, over the surface alone",
-                     p50(lines, "all_lines_s") / p50(lines, "surface_s") - 1, 3, ""});
+  const LineFigures& lines = product.lines;
+  const StripFigures& strip = product.strip;
   targets.push_back(
-      {"1. strip of a 60 mm window ready, processor time", p50(product.at("strip"), "ready_s"), 0.025, "s"});
-  const json& strip = product.at("strip");
-  targets.push_back({"1. strip made again beside a changed neighbour, over made anew",
-                     p50(strip, "refreshed_s") / p50(strip, "ready_s"), 2.0 / 3, ""});
-  targets.push_back({"1. its difference from the one made anew", strip.at("refreshed_difference"), 0, ""});
-  targets.push_back({"2. tangent against the slope of the force", product.at("tangent_error"), 1e-5, ""});
+      {"interior_lines_over_the_surface_alone", lines.all_lines_s.p50 / lines.surface_s.p50 - 1, 3});
+  targets.push_back({"strip_of_60_mm_window_ready_processor_time", strip.ready_s.p50, 0.025, "s"});
   targets.push_back(
-      {"2. work around a closed loop, over the energy moved", product.at("loop_work"), 1e-6, ""});
+      {"strip_beside_changed_neighbour_over_made_anew", strip.refreshed_s.p50 / strip.ready_s.p50, 2.0 / 3});
   targets.push_back(
-      {"2. stiffness ripple between nodes (tangent)", product.at("ripple").at("tangent"), 0.005, ""});
+      {"strip_beside_changed_neighbour_difference_from_made_anew", strip.refreshed_difference, 0});
+  targets.push_back({"tangent_off_the_slope_of_the_force", product.tangent_error, 1e-5});
+  targets.push_back({"work_around_a_closed_loop_over_energy_moved", product.loop_work, 1e-6});
+  targets.push_back({"stiffness_ripple_between_nodes_of_the_tangent", product.ripple.tangent, 0.005});
 }
 
-void add_speed(const json& result, const json& base, std::vector<Target>& targets) {
+void add_speed(const ContactFigures& figures, const CaseFigures& base, Targets& targets) {
   const double pcg_s = least_pcg_s(base);
   targets.push_back(
-      {"3. cold device PCG over Eigen's best CG, 61x61", pcg_s / least(base, is_rival_cg, cold_s), 0.1, ""});
-  targets.push_back({"3. cold device PCG over the best sparse factor and solve, 61x61",
-                     pcg_s / least_factor_and_solve_s(base), 1.0 / 3, ""});
-  for (const json& c : in_sweep(result, "size"))
-    if (c.at("columns") == 241)
-      targets.push_back({"3. cold device PCG over the best sparse factor and solve, 241x241",
-                         least_pcg_s(c) / least_factor_and_solve_s(c), 1.0 / 8, ""});
-  const json& path = result.at("product").at("path");
-  targets.push_back({"3. warm along a path, poses that solve (median), over cold",
-                     p50(path, "solving_s") / pcg_s, 0.25, ""});
-  targets.push_back({"3. warm along a path, mean of all poses, over cold",
-                     path.at("warm_mean_s").get<double>() / pcg_s, 0.25, ""});
+      {"cold_device_pcg_over_best_eigen_cg_61x61", pcg_s / least(base, is_rival_cg, cold_s), 0.1});
+  targets.push_back({"cold_device_pcg_over_best_sparse_factor_and_solve_61x61",
+                     pcg_s / least_factor_and_solve_s(base), 1.0 / 3});
+  for (const CaseFigures& c : figures.cases)
+    if (c.in("size") && c.columns == 241)
+      targets.push_back({"cold_device_pcg_over_best_sparse_factor_and_solve_241x241",
+                         least_pcg_s(c) / least_factor_and_solve_s(c), 1.0 / 8});
+  const PathFigures& path = figures.product.path;
+  targets.push_back({"warm_along_a_path_solving_poses_p50_over_cold", path.solving_s.p50 / pcg_s, 0.25});
+  targets.push_back({"warm_along_a_path_mean_of_all_poses_over_cold", path.warm_mean_s / pcg_s, 0.25});
 }
 
-void add_iterations(const json& result, std::vector<Target>& targets) {
+void add_iterations(const ContactFigures& figures, Targets& targets) {
   double at_49 = 0, at_499 = 0, at_4999 = 0, failures = 0;
-  for (const json& c : result.at("cases")) {
-    const json& columns = c.at("by_columns");
-    const double of_touch = pcg_iterations(c), nu = c.at("poisson_ratio"), contrast = c.at("contrast");
-    if (std::isnan(of_touch) || !columns.at("converged").get<bool>() ||
-        !(columns.at("force_error").get<double>() <= kForceGoal)) {
+  for (const CaseFigures& c : figures.cases) {
+    const double of_touch = pcg_iterations(c);
+    if (std::isnan(of_touch) || !c.by_columns.converged || !(c.by_columns.force_error <= kForceGoal)) {
       ++failures;
       continue;
     }
-    const double iterations = std::max(of_touch, columns.at("iterations").get<double>());
-    if (nu <= 0.49 && contrast <= 10) at_49 = std::max(at_49, iterations);
-    if (nu <= 0.499) at_499 = std::max(at_499, iterations);
+    const double iterations = std::max(of_touch, static_cast<double>(c.by_columns.iterations));
+    if (c.poisson_ratio <= 0.49 && c.contrast <= 10) at_49 = std::max(at_49, iterations);
+    if (c.poisson_ratio <= 0.499) at_499 = std::max(at_499, iterations);
     at_4999 = std::max(at_4999, iterations);
   }
-  targets.push_back({"4. PCG iterations, nu <= .49, contrast <= 10, the most", at_49, 15, ""});
-  targets.push_back({"4. PCG iterations, nu <= .499, contrast <= 1000, the most", at_499, 50, ""});
-  targets.push_back({"4. PCG iterations, nu <= .4999, the most", at_4999, 100, ""});
-  targets.push_back({"4. cases where the product's PCG does not reach the goal", failures, 0, ""});
+  targets.push_back({"most_pcg_iterations_to_poisson_ratio_0_49_and_contrast_10", at_49, 15});
+  targets.push_back({"most_pcg_iterations_to_poisson_ratio_0_499_and_contrast_1000", at_499, 50});
+  targets.push_back({"most_pcg_iterations_to_poisson_ratio_0_4999", at_4999, 100});
+  targets.push_back({"cases_where_the_products_pcg_misses_the_goal", failures, 0});
 }
 
-void add_growth(const json& result, std::vector<Target>& targets) {
+void add_growth(const ContactFigures& figures, Targets& targets) {
   std::vector<double> unknowns, seconds, iterations;
-  for (const json& c : in_sweep(result, "size")) {
-    if (!is_square(c) || c.at("columns") < 41) continue;
-    unknowns.push_back(c.at("unknowns"));
+  for (const CaseFigures& c : figures.cases) {
+    if (!c.in("size") || c.columns != c.rows || c.stretch != 1 || c.columns < 41) continue;
+    unknowns.push_back(static_cast<double>(c.unknowns));
     seconds.push_back(least_pcg_s(c));
     iterations.push_back(pcg_iterations(c));
   }
@@ -141,21 +113,20 @@ void add_growth(const json& result, std::vector<Target>& targets) {
   const bool all_reached =
       std::none_of(iterations.begin(), iterations.end(), [](double n) { return std::isnan(n); });
   const auto [fewest, most] = std::minmax_element(iterations.begin(), iterations.end());
-  targets.push_back({"4. spread of the iterations over the grids, over the fewest",
-                     all_reached ? (*most - *fewest) / *fewest : kNan, 0.2, ""});
-  targets.push_back({"5. exponent of PCG's cost in unknowns", log_slope(unknowns, seconds), 1.1, ""});
+  targets.push_back({"pcg_iterations_spread_over_grids_over_the_fewest",
+                     all_reached ? (*most - *fewest) / *fewest : kNan, 0.2});
+  targets.push_back({"pcg_cost_exponent_in_unknowns", log_slope(unknowns, seconds), 1.1});
 }
 
 }  // namespace
 
-std::vector<Target> contact_targets(const json& result) {
-  std::vector<Target> targets;
-  const json base = in_sweep(result, "base").at(0);
-  add_condensation(base, result.at("product"), targets);
-  add_speed(result, base, targets);
-  add_iterations(result, targets);
-  add_growth(result, targets);
-  return targets;
+void add_contact_targets(const ContactFigures& figures, Targets& targets) {
+  const CaseFigures& base = *std::find_if(figures.cases.begin(), figures.cases.end(),
+                                          [](const CaseFigures& c) { return c.in("base"); });
+  add_condensation(base, figures.product, targets);
+  add_speed(figures, base, targets);
+  add_iterations(figures, targets);
+  add_growth(figures, targets);
 }
 
 }  // namespace teletact::bench

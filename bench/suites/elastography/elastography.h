@@ -1,32 +1,25 @@
-// The parts of the elastography chart (suite elastography.cpp): what is run, measured, promised and drawn.
-// All speak through the suite's JSON, so that targets and pictures can be made again from a file. SI units.
-//
-//   kernels_m: axial lengths of the strain kernel; edge_m: the edge width at which methods are compared
-//   conditions: [{factors: ["middle" | "strain" | "snr" | ...], case: {strain, snr_db, ...}, bound_m,
-//   filter_snre, companded_filter_snre,
-//     calibration: {inside, outside: {seeds: [deviation of the default's standardised errors], rms, low, high
-//     (95 % interval)}}, methods: [{method, ours, edges: [{axial_m, lateral_m} per kernel], seeds: [{seconds,
-//     axial_rmse_m, ...,
-//       snre: [per kernel], cnre: [...], strain_rmse: [...]}]}]}]
-//   rigid: {bound_m, methods: [{method, ours, phases: [{shift_m, rmse_m, bias_m}]}]}
-//   images: {grid, truth, methods: [{method, strain}]}: of the middle's first seed
-//   modulus: {background_pa, cases: [{contrast, diameter_m, methods: [{method, ours, image, seeds: [{seconds,
-//     contrast, dice, background_pa, ...} | {failed}]}]}]}
-//   stages: {plane: {direct, iterative: {displacement_s: {p50, ...}, ...}}, devices: [{device, bytes_s,
-//   flops_s, kernels:
-//   [{kernel,
-//     seconds, launches, bytes, flops, of_limit}]}]}
+// The parts of the elastography chart (suite elastography.cpp): what is run, measured, promised and drawn. SI
+// units.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "bench/peers/tracker.h"
+#include "bench/phantoms/metrics.h"
 #include "bench/phantoms/phantom.h"
+#include "bench/roofline.h"
 #include "bench/suite.h"
+
+namespace teletact::service {
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ImageGrid, nx, ny, origin_x_m, origin_y_m, dx_m, dy_m)
+}  // namespace teletact::service
 
 namespace teletact::bench {
 
@@ -35,61 +28,205 @@ constexpr double kKernelLateralM = 2.0e-3;  // of the strain, for all
 std::vector<double> strain_kernels_m();
 constexpr double kEdgeM = 2.0e-3;  // the edge width at which SNRe and CNRe are compared
 
-// A phantom and the curves that it lies on: "middle", "strain", "snr", "correlation", "contrast", "diameter".
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PhantomCase, strain, snr_db, correlation, contrast, diameter_m,
+                                   tissue_width_m)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TrackErrors, axial_rmse_m, axial_p95_m, axial_max_m, lateral_rmse_m,
+                                   valid_fraction, bias_m, hop_fraction)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StrainQuality, snre, cnre, rmse, bias)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(EdgeWidth, axial_m, lateral_m)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusQuality, contrast, dice, background, valid_fraction)
+
+// Ours first, then others', ready to track.
+struct Trackers {
+  // All search as far as the product's default (5 %) of compression asks for; `wide` as far as kWideStrain.
+  std::vector<Tracker> usual, wide;
+  const Tracker& of(std::size_t method, const PhantomCase&) const;
+};
+Trackers make_trackers(const std::shared_ptr<service::Device>&);
+// What all are told to search for above the product's default of compression, the others at it too: tissue
+// strains by more at places, which their search does not allow for and ours does.
+constexpr double kWideStrain = 0.10;
+double max_strain_of(const PhantomCase&, bool ours);
+
+// One method on one pair.
+struct SeedFigures {
+  double seconds = 0;
+  double processor_s = 0;  // of all threads: ours runs on every core, the others on one
+  TrackErrors errors;
+  std::vector<StrainQuality> strain;  // [kernel]
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(SeedFigures, seconds, processor_s, errors, strain)
+
+struct TrackerFigures {
+  std::string method;
+  bool ours = false;
+  std::vector<EdgeWidth> edges{};  // [kernel]
+  bool edges_of_middle = false;
+  std::vector<SeedFigures> seeds{};
+  // One figure of every seed, NaN left out.
+  template <class Figure>
+  std::vector<double> over_seeds(Figure figure) const {
+    std::vector<double> values;
+    for (const SeedFigures& seed : seeds)
+      if (const double v = figure(seed); std::isfinite(v)) values.push_back(v);
+    return values;
+  }
+  // SNRe or CNRe by the edge width instead of by the kernel: of the kernels on both sides of kEdgeM, linear
+  // in the logarithm; NaN where the method does not come so sharp or so smooth with these kernels. Of every
+  // seed; NaN stays, so that seeds of two methods pair.
+  std::vector<double> at_edge(double StrainQuality::*figure) const;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TrackerFigures, method, ours, edges, edges_of_middle, seeds)
+
+// Deviation of the default's standardised errors of every seed; its root mean square and 95 % interval.
+struct Spread {
+  std::vector<double> seeds;
+  double rms = 0, low = 0, high = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Spread, seeds, rms, low, high)
+struct CalibrationFigures {
+  Spread inside, outside;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CalibrationFigures, inside, outside)
+
+// A phantom, the curves that it lies on ("middle", "strain", "snr", "correlation", "contrast", "diameter"),
+// bounds, and every method on it.
 struct Condition {
   PhantomCase of;
   std::vector<std::string> factors;
+  double max_strain = 0, peers_max_strain = 0;
+  double bound_m = 0, window_bound_m = 0, filter_snre = 0, companded_filter_snre = 0;
+  CalibrationFigures calibration{};
+  std::vector<TrackerFigures> methods{};
+  bool on(const std::string& factor) const {
+    return std::find(factors.begin(), factors.end(), factor) != factors.end();
+  }
 };
-std::vector<Condition> chart_conditions(bool quick);
-
-// Ours and others', ready to track; all search as far as max_strain asks for.
-std::vector<std::unique_ptr<Tracker>> make_trackers(const std::shared_ptr<service::Device>&,
-                                                    double max_strain);
-// What all are told to search for above the product's default (5 %) of compression, the others at it too:
-// tissue strains by more at places, which their search does not allow for and ours does.
-constexpr double kWideStrain = 0.10;
-
-// conditions and images; `wide` search as above.
-nlohmann::json measure_conditions(const std::vector<std::unique_ptr<Tracker>>&,
-                                  const std::vector<std::unique_ptr<Tracker>>& wide, bool quick,
-                                  nlohmann::json& images);
-// Acceptance 1: rigid shifts in parts of a sample.
-nlohmann::json measure_rigid(const std::vector<std::unique_ptr<Tracker>>&, bool quick);
-
-// Acceptance 4.
-nlohmann::json measure_modulus(const std::shared_ptr<service::Device>&, bool quick);
-void add_modulus_targets(const nlohmann::json& modulus, std::vector<Target>&);
-void draw_modulus(const nlohmann::json& result, const std::filesystem::path& folder);
-
-// Acceptance 6.
-nlohmann::json measure_stages(const std::shared_ptr<service::Device>&, bool quick);
-void print_stages(const nlohmann::json& stages);
-
-// Figures of a seed by the edge width instead of by the kernel: the kernels on both sides of `edge_m`, linear
-// in the logarithm; NaN where the method does not come so sharp or so smooth with these kernels.
-double at_edge(const nlohmann::json& method, const nlohmann::json& seed, const char* figure, double edge_m);
-// One figure of every seed, NaN left out.
-std::vector<double> over_seeds(const nlohmann::json& method, const char* figure);
-// SNRe or CNRe at edge_m of every seed; NaN stays, so that seeds of two methods pair.
-std::vector<double> matched_over_seeds(const nlohmann::json& method, const char* figure, double edge_m);
-double number(const nlohmann::json&);  // NaN for null
-bool on_curve(const nlohmann::json& condition, const std::string& factor);
-
-// Acceptance lines that `result` holds figures for.
-std::vector<Target> elastography_targets(const nlohmann::json& result);
-// Where each method stops working along each factor: one line each.
-nlohmann::json failures(const nlohmann::json& result);
-// Conditions at which a method has no SNRe at the edge width of the comparison.
-nlohmann::json without_figure(const nlohmann::json& result);
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Condition, of, factors, max_strain, peers_max_strain, bound_m,
+                                   window_bound_m, filter_snre, companded_filter_snre, calibration, methods)
 
 struct NamedImage {
   std::string title;
-  nlohmann::json values;  // of every node, null for none
+  std::vector<double> values;  // of every node, NaN for none
 };
-// In rows of three, x and y in mm; values times `scale`, `settings` of gnuplot.
-void draw_images(const nlohmann::json& grid, const std::vector<NamedImage>&, double scale,
-                 const std::string& settings, const std::filesystem::path& file);
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(NamedImage, title, values)
+// Strain of the middle's first seed, the truth first.
+struct StrainImages {
+  service::ImageGrid grid;
+  double kernel_m = 0;
+  std::vector<NamedImage> strain;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StrainImages, grid, kernel_m, strain)
 
-void draw_elastography(const nlohmann::json& result, const std::string& folder);
+struct RigidPhase {
+  double shift_m = 0, rmse_m = 0, bias_m = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidPhase, shift_m, rmse_m, bias_m)
+struct RigidMethod {
+  std::string method;
+  bool ours = false;
+  std::vector<RigidPhase> phases{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidMethod, method, ours, phases)
+struct RigidFigures {
+  double bound_m = 0, independent_lines = 0;
+  std::vector<RigidMethod> methods{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidFigures, bound_m, independent_lines, methods)
+
+struct ModulusSeed {
+  std::string failed;  // why there is no map
+  double seconds = 0, displacement_s = 0, strain_s = 0;
+  ModulusQuality quality{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusSeed, failed, seconds, displacement_s, strain_s, quality)
+struct ModulusMethodFigures {
+  std::string method;
+  bool ours = false;
+  std::vector<ModulusSeed> seeds{};
+  std::vector<double> image{};  // of the first seed
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusMethodFigures, method, ours, seeds, image)
+struct ModulusCase {
+  double contrast = 0, diameter_m = 0;
+  std::vector<ModulusMethodFigures> methods{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusCase, contrast, diameter_m, methods)
+struct ModulusFigures {
+  double background_pa = 0;
+  std::string judged = "nodes of which every method says something, and all within 1.3 radii";
+  std::vector<ModulusCase> cases{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusFigures, background_pa, judged, cases)
+
+struct PlaneTimes {
+  Quantiles displacement_s, strain_s, modulus_s, total_s, touch_latency_s;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlaneTimes, displacement_s, strain_s, modulus_s, total_s, touch_latency_s)
+struct StageFigures {
+  PlaneTimes direct, iterative;  // beside a touch stream
+  std::vector<KernelProfile> devices;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StageFigures, direct, iterative, devices)
+
+// Where a method stops working along a factor.
+struct Failure {
+  std::string method;
+  PhantomCase of;
+  std::string why;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Failure, method, of, why)
+// Where a method has no SNRe at the edge width of the comparison at some seeds.
+struct WithoutFigure {
+  std::string method;
+  PhantomCase of;
+  std::size_t seeds = 0, of_seeds = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WithoutFigure, method, of, seeds, of_seeds)
+
+struct ElastographyFigures {
+  double edge_m = kEdgeM;
+  std::string edge_rule =
+      "SNRe and CNRe between the two kernels whose axial edge width brackets edge_m; a peer whose edge "
+      "cannot "
+      "be read has the middle's (edges_of_middle), which favours it; a method without a figure "
+      "(without_figure) loses the point";
+  std::vector<double> kernels_m = strain_kernels_m();
+  double kernel_lateral_m = kKernelLateralM;
+  DeviceFigures device{};
+  std::string threads = "host methods on one thread, ours on the whole device";
+  RigidFigures rigid{};
+  std::vector<Condition> conditions{};
+  StrainImages images{};
+  std::vector<Failure> failures{};
+  std::vector<WithoutFigure> without_figure{};
+  ModulusFigures modulus{};
+  StageFigures stages{};
+  std::map<std::string, double> elapsed_s{};  // of each part
+  const Condition& middle() const { return conditions.front(); }
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ElastographyFigures, edge_m, edge_rule, kernels_m, kernel_lateral_m,
+                                   device, threads, rigid, conditions, images, failures, without_figure,
+                                   modulus, stages, elapsed_s)
+
+// The middle first.
+std::vector<Condition> measure_conditions(const Trackers&, bool quick, StrainImages&);
+// Shifts in parts of a sample.
+RigidFigures measure_rigid(const Trackers&, bool quick);
+ModulusFigures measure_modulus(const std::shared_ptr<service::Device>&, bool quick);
+StageFigures measure_stages(const std::shared_ptr<service::Device>&, bool quick);
+
+std::vector<Failure> failures(const std::vector<Condition>&);
+std::vector<WithoutFigure> without_figure(const std::vector<Condition>&);
+
+// Acceptance lines that there are figures for.
+void add_elastography_targets(const ElastographyFigures&, Targets&);
+void add_modulus_targets(const ModulusFigures&, Targets&);
+
+void draw_elastography(const ElastographyFigures&, const std::filesystem::path& folder);
+void draw_modulus(const ElastographyFigures&, const std::filesystem::path& folder);
+// In rows of three, x and y in mm; values times `scale`, `settings` of gnuplot.
+void draw_images(const service::ImageGrid&, const std::vector<NamedImage>&, double scale,
+                 const std::string& settings, const std::filesystem::path& file);
 
 }  // namespace teletact::bench

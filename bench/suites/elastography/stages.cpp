@@ -1,20 +1,17 @@
-// Acceptance 6: the time of the imaging plane while a finger is answered beside it, and for every OpenCL
+// The time of the imaging plane while a finger is answered beside it, and for every OpenCL
 // device the time of every kernel with the bytes that it must move and the flops that it does, against what
 // the device can.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <thread>
 
+#include "bench/basics/clock.h"
 #include "bench/peers/contact_case.h"
 #include "bench/peers/rf_nodes.h"
-#include "bench/phantoms/metrics.h"
-#include "bench/roofline.h"
 #include "bench/suites/elastography/elastography.h"
 #include "service/contact/contact.h"
 #include "service/imaging/estimate.h"
@@ -23,14 +20,7 @@
 namespace teletact::bench {
 namespace {
 
-using nlohmann::json;
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
-
-std::map<std::string, Work> work_of(const Phantom& p) {
+Works work_of(const Phantom& p) {
   const service::DisplacementOptions o;
   const Nodes fine(p.pre, p.geometry, 1e-3, 1e-3), coarse(p.pre, p.geometry, 2e-3, 1e-3),
       image(p.pre, p.geometry, o.grid_dx_m, o.grid_dy_m);
@@ -58,12 +48,9 @@ std::map<std::string, Work> work_of(const Phantom& p) {
           {"median_filter", {28 * nodes, 0}}};
 }
 
-json measure_device(const service::DeviceInfo& info, const Phantom& p, bool quick) {
-  service::DeviceOptions options;
-  options.select = std::to_string(info.index);
-  const Ceiling ceiling = measure_ceiling(service::Device::open(options)->queue());
-  options.profiling = true;
-  const service::Queue queue = service::Device::open(options)->queue();
+KernelProfile measure_device(const service::DeviceInfo& info, const Phantom& p, bool quick) {
+  const ProfiledDevice profiled(info.index);
+  const service::Queue queue = profiled.device()->queue();
   service::DisplacementEstimator displacement(queue, {});
   service::StrainEstimator strain(queue, {});
   const int pairs = quick ? 2 : 10;
@@ -72,10 +59,7 @@ json measure_device(const service::DeviceInfo& info, const Phantom& p, bool quic
     strain.estimate(e, service::image_grid(e.grid, p.geometry));
     queue.finish();
   }
-  return {{"device", info.name},
-          {"bytes_s", ceiling.bytes_s},
-          {"flops_s", ceiling.flops_s},
-          {"kernels", kernels_of(queue, work_of(p), ceiling, pairs)}};
+  return profiled.profile(queue, work_of(p), pairs);
 }
 
 // A finger that slides over a condensed surface and is answered kRateHz times a second, on a thread of its
@@ -104,7 +88,7 @@ class Finger {
       std::this_thread::sleep_until(due);
       const double x_m = 0.030 + 0.010 * std::sin(0.012 * k);
       service::solve_contact(model_.problem(), 0, *compliance_, {}, {x_m, 0.002});
-      latency_s_.push_back(std::chrono::duration<double>(Clock::now() - due).count());
+      latency_s_.push_back(seconds_since(due));
     }
   }
   reference::TouchedTissue tissue_;
@@ -115,8 +99,8 @@ class Finger {
   std::thread thread_;
 };
 
-json measure_plane(service::Elastography& elastography, service::ModulusKind kind, const Phantom& p,
-                   bool quick) {
+PlaneTimes measure_plane(service::Elastography& elastography, service::ModulusKind kind, const Phantom& p,
+                         bool quick) {
   const service::ProbeForce force{p.sensed_force_n, p.contact_area_m2};
   std::vector<double> displacement, strain, modulus, total;
   Finger finger;
@@ -127,45 +111,24 @@ json measure_plane(service::Elastography& elastography, service::ModulusKind kin
     total.push_back(seconds_since(begin));
     displacement.push_back(e.displacement_s), strain.push_back(e.strain_s), modulus.push_back(e.modulus_s);
   }
-  return {{"displacement_s", quantiles(displacement)},
-          {"strain_s", quantiles(strain)},
-          {"modulus_s", quantiles(modulus)},
-          {"total_s", quantiles(total)},
-          {"touch_latency_s", quantiles(finger.stop())}};
+  return {quantiles(displacement), quantiles(strain), quantiles(modulus), quantiles(total),
+          quantiles(finger.stop())};
 }
 
 }  // namespace
 
-json measure_stages(const std::shared_ptr<service::Device>& device, bool quick) {
-  Phantoms phantoms;
+StageFigures measure_stages(const std::shared_ptr<service::Device>& device, bool quick) {
   PhantomCase c;
   c.tissue_width_m = 0.160;
-  const Phantom p = phantoms.make(c, 1);
+  const Phantom p = Phantoms().make(c, 1);
   service::Elastography elastography(device);
   elastography.warm();
-  json out{{"plane",
-            {{"direct", measure_plane(elastography, service::ModulusKind::kDirect, p, quick)},
-             {"iterative", measure_plane(elastography, service::ModulusKind::kIterative, p, quick)}}},
-           {"devices", json::array()}};
+  StageFigures out{measure_plane(elastography, service::ModulusKind::kDirect, p, quick),
+                   measure_plane(elastography, service::ModulusKind::kIterative, p, quick),
+                   {}};
   for (const service::DeviceInfo& info : service::list_devices())
-    out["devices"].push_back(measure_device(info, p, quick));
+    out.devices.push_back(measure_device(info, p, quick));
   return out;
-}
-
-void print_stages(const json& stages) {
-  for (const json& d : stages.at("devices")) {
-    std::printf("%s: %.1f GB/s, %.0f GFLOP/s\n", d.at("device").get<std::string>().c_str(),
-                1e-9 * number(d.at("bytes_s")), 1e-9 * number(d.at("flops_s")));
-    std::printf("  %-20s %9s %8s %9s %9s %10s\n", "kernel", "launches", "ms", "MB", "MFLOP", "of limit");
-    for (const json& k : d.at("kernels")) {
-      std::printf("  %-20s %9.0f %8.2f", k.at("kernel").get<std::string>().c_str(), number(k.at("launches")),
-                  1e3 * number(k.at("seconds")));
-      if (k.contains("of_limit"))
-        std::printf(" %9.1f %9.1f %6.0f %% %s", 1e-6 * number(k.at("bytes")), 1e-6 * number(k.at("flops")),
-                    100 * number(k.at("of_limit")), k.at("bound").get<std::string>().c_str());
-      std::printf("\n");
-    }
-  }
 }
 
 }  // namespace teletact::bench

@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <map>
 
+#include "bench/curves.h"
 #include "bench/stability/servo_period.h"
 #include "bench/suites/paper/paper.h"
 #include "bench/suites/paper/tissue.h"
@@ -27,7 +28,6 @@ namespace {
 using client::ForceSample;
 using client::ToolPose;
 using client::Vector3;
-using nlohmann::json;
 
 constexpr double kSpeedMS = 0.12, kIndentationM = 0.002;
 constexpr double kBeginM = 0.006, kEndM = 0.094;  // the footprint stays on the model
@@ -43,6 +43,25 @@ struct Line {
   double rms_most;  // promised, of the mean stiffness
 };
 constexpr std::array<Line, 2> kLines{{{"surface", 0, 0.03}, {"line 80 mm", 8, 0.10}}};
+
+// One filter on one line.
+struct Filter {
+  std::string name;
+  double lag_s = 0, rms_error = 0, largest_error = 0;  // errors over the mean stiffness
+  std::vector<double> stiffness_n_m;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Filter, name, lag_s, rms_error, largest_error, stiffness_n_m)
+struct LineFigures {
+  std::string line;
+  std::vector<double> time_s{}, x_m{}, real_n_m{};
+  std::vector<Filter> filters{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LineFigures, line, time_s, x_m, real_n_m, filters)
+struct Figures {
+  double speed_m_s = kSpeedMS, indentation_m = kIndentationM, rate_hz = kRateHz;
+  std::vector<LineFigures> lines;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, speed_m_s, indentation_m, rate_hz, lines)
 
 struct Series {
   std::vector<ForceSample> truth;  // one per servo period
@@ -167,7 +186,7 @@ double lag_s(const Series& series, const std::vector<double>& felt, std::size_t 
   return kServoS * (static_cast<double>(top) + (c[top - 1] - c[top + 1]) / (2 * bend));
 }
 
-json judge(const Series& series, const std::string& name, const std::vector<double>& felt) {
+Filter judge(const Series& series, const std::string& name, std::vector<double> felt) {
   const auto begin = static_cast<std::size_t>(std::lround(kSettledS / kServoS));
   double squares = 0, mean = 0, largest = 0;
   for (std::size_t n = begin; n < felt.size(); ++n) {
@@ -178,87 +197,78 @@ json judge(const Series& series, const std::string& name, const std::vector<doub
   }
   const auto count = static_cast<double>(felt.size() - begin);
   mean /= count;
-  return {{"name", name},
-          {"lag_s", lag_s(series, felt, begin)},
-          {"rms_error", std::sqrt(squares / count) / mean},
-          {"largest_error", largest / mean},
-          {"stiffness_n_m", felt}};
+  const double lag = lag_s(series, felt, begin);
+  return {name, lag, std::sqrt(squares / count) / mean, largest / mean, std::move(felt)};
 }
 
-json measure_line(const service::TissueModel& model, const Line& line, std::vector<Target>& targets) {
+LineFigures measure_line(const service::TissueModel& model, const Line& line, Targets& targets) {
   const Series series = run_along(model, line.row, kRateHz);
-  std::vector<double> time_s, x_m, real;
+  LineFigures out{line.name};
   for (std::size_t n = 0; n < series.truth.size(); ++n) {
-    time_s.push_back(series.truth[n].pose_time_s);
-    x_m.push_back(series.truth[n].position_m.x());
-    real.push_back(series.stiffness(n));
+    out.time_s.push_back(series.truth[n].pose_time_s);
+    out.x_m.push_back(series.truth[n].position_m.x());
+    out.real_n_m.push_back(series.stiffness(n));
   }
-  json rows = json::array();
   for (const std::string& name : client::renderer_names())
-    rows.push_back(judge(series, name, rendered(series, name)));
-  rows.push_back(judge(series, "exact tangent of the newest answer", expanded(series, true)));
-  rows.push_back(judge(series, "best linear filter, force and tangent", best_linear(series, true)));
-  rows.push_back(judge(series, "best linear filter, force alone", best_linear(series, false)));
+    out.filters.push_back(judge(series, name, rendered(series, name)));
+  out.filters.push_back(judge(series, "exact tangent of the newest answer", expanded(series, true)));
+  out.filters.push_back(judge(series, "best linear filter, force and tangent", best_linear(series, true)));
+  out.filters.push_back(judge(series, "best linear filter, force alone", best_linear(series, false)));
   std::printf("\nfig14, %s, answers at %.0f Hz: lag (ms), RMS error, largest (of the mean stiffness)\n",
               line.name, kRateHz);
-  for (const json& row : rows) {
-    std::printf("  %5.1f  %6.2f %%  %6.2f %%  %s\n", 1e3 * row["lag_s"].get<double>(),
-                100 * row["rms_error"].get<double>(), 100 * row["largest_error"].get<double>(),
-                row["name"].get<std::string>().c_str());
-    const std::string name = row["name"];
-    if (name != "kalman" && name != "kalman-force") continue;
-    targets.push_back({fmt::format("fig14, {}: lag of {}", line.name, name), row["lag_s"], kLagS, "s"});
-    targets.push_back({fmt::format("fig14, {}: RMS error of {}", line.name, name), row["rms_error"],
-                       line.rms_most, "of the mean stiffness"});
+  for (const Filter& f : out.filters) {
+    std::printf("  %5.1f  %6.2f %%  %6.2f %%  %s\n", 1e3 * f.lag_s, 100 * f.rms_error, 100 * f.largest_error,
+                f.name.c_str());
+    if (f.name != "kalman" && f.name != "kalman-force") continue;
+    const std::string of = snake_case(f.name + " on " + line.name);
+    targets.push_back({"stiffness_lag_of_" + of, f.lag_s, kLagS, "s"});
+    targets.push_back(
+        {"stiffness_rms_error_of_" + of + "_over_the_mean_stiffness", f.rms_error, line.rms_most});
   }
-  return {{"line", line.name}, {"time_s", time_s}, {"x_m", x_m}, {"real_n_m", real}, {"filters", rows}};
+  return out;
 }
 
-json measure(bool, std::vector<Target>& targets) {
+Figures measure(bool, Targets& targets) {
   const service::TissueModel model = paper_tissue(kPoissonRatio);
-  json lines = json::array();
-  for (const Line& line : kLines) lines.push_back(measure_line(model, line, targets));
-  return {{"speed_m_s", kSpeedMS}, {"indentation_m", kIndentationM}, {"rate_hz", kRateHz}, {"lines", lines}};
+  Figures figures;
+  for (const Line& line : kLines) figures.lines.push_back(measure_line(model, line, targets));
+  return figures;
 }
 
 // The paper's form: stiffness against time, the real one as circles, the filter's as stars.
-void draw_line(const json& figures, const std::filesystem::path& file) {
-  std::string script = "$felt << EOD\n";
-  const std::size_t ticks = figures["time_s"].size();
-  const auto begin = static_cast<std::size_t>(std::lround(kSettledS / kServoS));
-  for (std::size_t n = begin; n < ticks; ++n)
-    script += fmt::format("{:.4f} {:.5f} {:.5f} {:.5f}\n", figures["time_s"][n].get<double>(),
-                          figures["real_n_m"][n].get<double>(),
-                          figures["filters"][0]["stiffness_n_m"][n].get<double>(),
-                          figures["filters"][1]["stiffness_n_m"][n].get<double>());
-  script += "EOD\n";
-  const auto title = [&](std::size_t k) {
-    return fmt::format("{}: {:.1f} ms late, RMS error {:.1f} %",
-                       figures["filters"][k]["name"].get<std::string>(),
-                       1e3 * figures["filters"][k]["lag_s"].get<double>(),
-                       100 * figures["filters"][k]["rms_error"].get<double>());
+void draw_line(const LineFigures& line, const std::filesystem::path& file) {
+  const auto curve_of = [&](const std::string& title, const std::vector<double>& values, std::size_t begin,
+                            std::size_t every, const char* style) {
+    Curve curve{.title = title, .style = style};
+    begin += static_cast<std::size_t>(std::lround(kSettledS / kServoS));
+    for (std::size_t n = begin; n < values.size(); n += every) curve.add(line.time_s[n], values[n]);
+    return curve;
   };
-  plot(file,
-       script +
-           fmt::format("set title \"Kalman filter and real stiffness (the paper's Fig. 14), {}, 120 mm/s\\n"
-                       "of its curve the paper states no figures: 'only a short delay was recorded'\"\n",
-                       figures["line"].get<std::string>()) +
-           "set xlabel 'time (s)'\nset ylabel 'stiffness (N/m)'\nset key outside bottom center\n"
-           "plot $felt using 1:2 every 10 with points pt 6 ps 0.9 lc rgb 'black' title 'real', "
-           "$felt using 1:3 every 10::5 with points pt 3 ps 0.9 lc 1 title '" +
-           title(0) + "', $felt using 1:4 with lines lw 1 lc 2 title '" + title(1) + "'\n");
+  const auto title = [](const Filter& f) {
+    return fmt::format("{}: {:.1f} ms late, RMS error {:.1f} %", f.name, 1e3 * f.lag_s, 100 * f.rms_error);
+  };
+  const Filter &first = line.filters[0], &second = line.filters[1];
+  plot(
+      file,
+      script_of({curve_of("real", line.real_n_m, 0, 10, "points pt 6 ps 0.9 lc rgb 'black'"),
+                 curve_of(title(first), first.stiffness_n_m, 5, 10, "points pt 3 ps 0.9 lc 1"),
+                 curve_of(title(second), second.stiffness_n_m, 0, 1, "lines lw 1 lc 2")},
+                "set key outside bottom center\n" +
+                    axes("Kalman filter and real stiffness (the paper's Fig. 14), " + line.line +
+                             ", 120 mm/s\\nof its curve the paper states no figures: 'only a short delay was "
+                             "recorded'",
+                         "time (s)", "stiffness (N/m)")));
 }
 
-void draw(const json& figures, const std::string& folder) {
-  for (std::size_t k = 0; k < figures["lines"].size(); ++k)
-    draw_line(figures["lines"][k],
-              std::filesystem::path(folder) / (k == 0 ? "fig14_surface.png" : "fig14_line80.png"));
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  draw_line(figures.lines.at(0), folder / "fig14_surface.png");
+  draw_line(figures.lines.at(1), folder / "fig14_line80.png");
 }
 
 }  // namespace
 
-PaperExperiment paper_fig14() {
-  return {"fig14", measure, draw};
+Part paper_fig14() {
+  return make_part("fig14", measure, draw);
 }
 
 }  // namespace teletact::bench

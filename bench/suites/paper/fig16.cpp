@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "bench/curves.h"
 #include "bench/suites/paper/paper.h"
 #include "bench/suites/paper/tissue.h"
 #include "service/contact/contact.h"
@@ -14,8 +15,6 @@
 
 namespace teletact::bench {
 namespace {
-
-using nlohmann::json;
 
 constexpr std::size_t kLines = 9, kCentreColumn = 25, kSideColumn = 10;
 constexpr double kIndentationM = 0.002;
@@ -30,6 +29,24 @@ constexpr std::array<Expected, 2> kExpected{
     {{0.49, {1.191, 1.207, 1.207, 1.209, 1.219, 1.230, 1.256, 1.487, 2.763}},
      {0.30, {1.209, 1.256, 1.268, 1.271, 1.267, 1.257, 1.253, 1.340, 2.984}}}};
 
+struct LineFigures {
+  double depth_m = 0;
+  std::vector<double> stiffness_n_m;
+  double contrast = 0, expected_contrast = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LineFigures, depth_m, stiffness_n_m, contrast, expected_contrast)
+struct CaseFigures {
+  double poisson_ratio = 0;
+  std::vector<double> x_m;
+  std::vector<LineFigures> lines{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseFigures, poisson_ratio, x_m, lines)
+struct Figures {
+  double indentation_m = kIndentationM;
+  std::vector<CaseFigures> cases{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, indentation_m, cases)
+
 // Force over displacement of every node of the line, one pressed at a time and free to move sideways.
 std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t line) {
   const auto compliance = model.condensed(line);
@@ -43,97 +60,87 @@ std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t
   return stiffness;
 }
 
-json measure_at(const Expected& expected, std::vector<Target>& targets) {
+CaseFigures measure_at(const Expected& expected, Targets& targets) {
   const service::TissueModel model = paper_tissue(expected.poisson_ratio);
-  json lines = json::array();
+  CaseFigures out{expected.poisson_ratio, model.problem().grid.x_m};
   double worst = 0;
   std::printf("\nnu = %.2f: contrast, expected, line\n", expected.poisson_ratio);
   for (std::size_t line = 0; line < kLines; ++line) {
-    const std::vector<double> stiffness = stiffness_n_m(model, line);
-    const double contrast = stiffness[kCentreColumn] / stiffness[kSideColumn];
-    const double error = std::abs(contrast / expected.contrast[line] - 1);
+    LineFigures l{model.problem().grid.y_m[line], stiffness_n_m(model, line)};
+    l.contrast = l.stiffness_n_m[kCentreColumn] / l.stiffness_n_m[kSideColumn];
+    l.expected_contrast = expected.contrast[line];
+    const double error = std::abs(l.contrast / l.expected_contrast - 1);
     worst = error <= worst ? worst : error;  // NaN stays
-    lines.push_back({{"depth_m", model.problem().grid.y_m[line]},
-                     {"stiffness_n_m", stiffness},
-                     {"contrast", contrast},
-                     {"expected_contrast", expected.contrast[line]}});
-    std::printf("  %.3f  %.3f  y = %.0f mm\n", contrast, expected.contrast[line],
-                1e3 * model.problem().grid.y_m[line]);
+    std::printf("  %.3f  %.3f  y = %.0f mm\n", l.contrast, l.expected_contrast, 1e3 * l.depth_m);
+    out.lines.push_back(std::move(l));
   }
-  targets.push_back({fmt::format("fig16: contrast off the expected, nu = {:.2f}", expected.poisson_ratio),
-                     worst, kTolerance, "of it"});
-  return {{"poisson_ratio", expected.poisson_ratio}, {"x_m", model.problem().grid.x_m}, {"lines", lines}};
+  targets.push_back({snake_case(fmt::format("contrast of nine lines off the expected at poisson ratio {:.2f}",
+                                            expected.poisson_ratio)),
+                     worst, kTolerance});
+  return out;
 }
 
-json measure(bool, std::vector<Target>& targets) {
-  json cases = json::array();
-  for (const Expected& expected : kExpected) cases.push_back(measure_at(expected, targets));
-  return {{"indentation_m", kIndentationM}, {"cases", cases}};
+Figures measure(bool, Targets& targets) {
+  Figures figures;
+  for (const Expected& expected : kExpected) figures.cases.push_back(measure_at(expected, targets));
+  return figures;
 }
 
 // The paper's form: stiffness along the surface for the nine lines, over the largest of all.
-void draw_lines(const json& figures, const std::filesystem::path& file) {
+void draw_lines(const CaseFigures& one, const std::filesystem::path& file) {
   double largest = 0;
-  for (const json& line : figures["lines"])
-    for (const double stiffness : line["stiffness_n_m"]) largest = std::max(largest, stiffness);
-  std::string script, curves;
-  for (std::size_t k = 0; k < figures["lines"].size(); ++k) {
-    const json& line = figures["lines"][k];
-    script += fmt::format("$line{} << EOD\n", k);
-    for (std::size_t i = 0; i < figures["x_m"].size(); ++i)
-      script += fmt::format("{:.2f} {:.6f}\n", 1e3 * figures["x_m"][i].get<double>(),
-                            line["stiffness_n_m"][i].get<double>() / largest);
-    script += "EOD\n";
-    curves += fmt::format("{}$line{} with lines lw 2 lc palette frac {:.3f} title 'y = {:.0f} mm'",
-                          k == 0 ? "" : ", ", k, static_cast<double>(k) / kLines,
-                          1e3 * line["depth_m"].get<double>());
+  std::vector<Curve> curves;
+  for (const LineFigures& line : one.lines)
+    for (const double stiffness : line.stiffness_n_m) largest = std::max(largest, stiffness);
+  for (const LineFigures& line : one.lines) {
+    curves.push_back({.title = fmt::format("y = {:.0f} mm", 1e3 * line.depth_m),
+                      .style = fmt::format("lines lw 2 lc palette frac {:.3f}",
+                                           static_cast<double>(curves.size()) / kLines)});
+    for (std::size_t i = 0; i < one.x_m.size(); ++i)
+      curves.back().add(1e3 * one.x_m[i], line.stiffness_n_m[i] / largest);
   }
-  plot(file,
-       script +
-           fmt::format("set title \"Touching under the surface (the paper's Fig. 16), nu = {:.2f}\\n"
-                       "of its curves the paper states no figures\"\n",
-                       figures["poisson_ratio"].get<double>()) +
-           "set xlabel 'x (mm)'\nset ylabel 'stiffness over the largest'\nset yrange [0:1.05]\n"
-           "set key outside right\nunset colorbox\nset palette defined (0 '#bcd6ee', 1 '#08306b')\nplot " +
-           curves + "\n");
+  plot(file, script_of(curves,
+                       "set yrange [0:1.05]\nset key outside right\nunset colorbox\n"
+                       "set palette defined (0 '#bcd6ee', 1 '#08306b')\n" +
+                           axes(fmt::format("Touching under the surface (the paper's Fig. 16), nu = "
+                                            "{:.2f}\\nof its curves the paper states no figures",
+                                            one.poisson_ratio),
+                                "x (mm)", "stiffness over the largest")));
 }
 
-void draw_contrast(const json& figures, const std::filesystem::path& file) {
-  std::string script, curves;
-  for (std::size_t k = 0; k < figures["cases"].size(); ++k) {
-    const json& one = figures["cases"][k];
-    script += fmt::format("$nu{} << EOD\n", k);
-    for (const json& line : one["lines"])
-      script += fmt::format("{:.0f} {:.6f} {:.6f}\n", 1e3 * line["depth_m"].get<double>(),
-                            line["contrast"].get<double>(), line["expected_contrast"].get<double>());
-    script += "EOD\n";
-    const double nu = one["poisson_ratio"];
-    curves += fmt::format(
-        "{0}$nu{1} using 1:2 with lines lw 2 lc {2} title 'teletact, nu = {3:.2f}', "
-        "$nu{1} using 1:3 with points pt 6 ps 1.6 lc {2} title 'expected, nu = {3:.2f}'",
-        k == 0 ? "" : ", ", k, k + 1, nu);
+void draw_contrast(const Figures& figures, const std::filesystem::path& file) {
+  std::vector<Curve> curves;
+  for (const CaseFigures& one : figures.cases) {
+    const std::size_t colour = curves.size() / 2 + 1;
+    Curve found{.title = fmt::format("teletact, nu = {:.2f}", one.poisson_ratio),
+                .style = fmt::format("lines lw 2 lc {}", colour)},
+        expected{.title = fmt::format("expected, nu = {:.2f}", one.poisson_ratio),
+                 .style = fmt::format("points pt 6 ps 1.6 lc {}", colour)};
+    for (const LineFigures& line : one.lines) {
+      found.add(1e3 * line.depth_m, line.contrast);
+      expected.add(1e3 * line.depth_m, line.expected_contrast);
+    }
+    curves.insert(curves.end(), {found, expected});
   }
   plot(file,
-       script +
-           "set title \"How far the inclusion stands out, against the depth of the touched line\\n"
-           "expected: an independent solver's; the paper states no figures: 'the closer ... the bigger'\"\n"
-           "set xlabel 'depth of the touched line (mm)'\nset ylabel 'stiffness at the centre over that "
-           "30 mm beside it'\n"
-           "set key top left\nplot " +
-           curves + "\n");
+       script_of(curves, "set key top left\n" +
+                             axes("How far the inclusion stands out, against the depth of the touched "
+                                  "line\\nexpected: an independent solver's; the paper states no figures: "
+                                  "'the closer ... the bigger'",
+                                  "depth of the touched line (mm)",
+                                  "stiffness at the centre over that 30 mm beside it")));
 }
 
-void draw(const json& figures, const std::string& folder) {
-  for (const json& one : figures["cases"])
-    draw_lines(one, std::filesystem::path(folder) /
-                        fmt::format("fig16_nu{:03.0f}.png", 100 * one["poisson_ratio"].get<double>()));
-  draw_contrast(figures, std::filesystem::path(folder) / "fig16_contrast.png");
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  for (const CaseFigures& one : figures.cases)
+    draw_lines(one, folder / fmt::format("fig16_nu{:03.0f}.png", 100 * one.poisson_ratio));
+  draw_contrast(figures, folder / "fig16_contrast.png");
 }
 
 }  // namespace
 
-PaperExperiment paper_fig16() {
-  return {"fig16", measure, draw};
+Part paper_fig16() {
+  return make_part("fig16", measure, draw);
 }
 
 }  // namespace teletact::bench

@@ -1,52 +1,23 @@
 // teletact-bench paper fig14|fig15|fig16|psychometric|all: the paper's experiments again, ours beside theirs.
 #include "bench/suites/paper/paper.h"
 
-#include <fmt/format.h>
-
-#include <cstdio>
+#include <CLI/CLI.hpp>
 #include <memory>
 
 namespace teletact::bench {
-namespace {
-
-using nlohmann::json;
-
-struct Arguments {
-  SuiteOptions suite;
-  std::string experiment = "all";
-};
-
-const std::vector<PaperExperiment>& experiments() {
-  static const std::vector<PaperExperiment> all{paper_fig14(), paper_fig15(), paper_fig16(),
-                                                paper_psychometric()};
-  return all;
-}
-
-void draw(const json& result, const std::string& folder) {
-  std::filesystem::create_directories(folder);
-  for (const PaperExperiment& experiment : experiments())
-    if (result.contains(experiment.name)) experiment.draw(result[experiment.name], folder);
-}
-
-bool run(const Arguments& arguments) {
-  if (replotted(arguments.suite, "paper", draw)) return true;
-  json result{{"suite", "paper"}};
-  std::vector<Target> targets;
-  for (const PaperExperiment& experiment : experiments())
-    if (arguments.experiment == "all" || arguments.experiment == experiment.name)
-      result[experiment.name] = experiment.measure(arguments.suite.quick, targets);
-  const bool met = finish(result, targets, arguments.suite);
-  if (!arguments.suite.out.empty()) draw(result, arguments.suite.out);
-  return met;
-}
-
-}  // namespace
 
 void add_paper_suite(CLI::App& app, bool& met) {
+  struct Arguments {
+    SuiteOptions suite;
+    std::string experiment = "all";
+  };
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = *app.add_subcommand("paper", "the source paper's experiments, ours beside theirs");
+  const std::vector<Part> parts{paper_fig14(), paper_fig15(), paper_fig16(), paper_psychometric()};
+  CLI::App& command = add_suite(
+      app, "paper", "the source paper's experiments, ours beside theirs", arguments->suite, met,
+      [arguments, parts] { return run_parts("paper", parts, arguments->experiment, arguments->suite); });
   std::vector<std::string> names{"all"};
-  for (const PaperExperiment& experiment : experiments()) names.emplace_back(experiment.name);
+  for (const Part& part : parts) names.emplace_back(part.name);
   command
       .add_option("experiment", arguments->experiment,
                   "fig14: what the Kalman filter does to the stiffness (T6.1); fig15: time to solve and "
@@ -54,8 +25,6 @@ void add_paper_suite(CLI::App& app, bool& met) {
                   "(T6.3); psychometric: the fits of its tables and simulated observers (T6.4)")
       ->check(CLI::IsMember(names))
       ->capture_default_str();
-  add_common_options(command, arguments->suite);
-  command.callback([arguments, &met] { met = run(*arguments); });
 }
 
 }  // namespace teletact::bench

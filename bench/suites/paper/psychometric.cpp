@@ -11,6 +11,8 @@
 #include <map>
 #include <memory>
 
+#include "bench/basics/median.h"
+#include "bench/curves.h"
 #include "bench/stability/felt.h"
 #include "bench/stability/parallel.h"
 #include "bench/stability/servo_period.h"
@@ -18,11 +20,15 @@
 #include "client/experiment/bootstrap.h"
 #include "client/experiment/observer.h"
 
+namespace teletact::client {
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StimulusCount, stimulus_n_m, harder, not_harder)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Interval, low, high)
+}  // namespace teletact::client
+
 namespace teletact::bench {
 namespace {
 
 using namespace client;  // NOLINT: the experiment's words, throughout
-using nlohmann::json;
 
 constexpr double kBackgroundNM = 25;
 constexpr double kDigit = 0.0005;  // half of the last digit that T6.4 states
@@ -30,84 +36,77 @@ constexpr double kCoverLeast = 0.92, kCoverMost = 0.98, kBiasMost = 0.01, kChain
 constexpr std::array<double, 3> kWeberFractions{0.1, 0.2, 0.4};
 
 struct PaperTable {
-  const char* name;
-  const char* title;
+  const char *name, *title;
   std::vector<StimulusCount> counts;
-  double alpha_n_m, beta, weber_fraction;                    // reproduced independently (T6.4)
-  double printed_alpha_n_m, printed_beta, printed_fraction;  // in the paper
+  // alpha (N/m), beta, Weber fraction: reproduced independently (T6.4), and printed in the paper.
+  std::array<double, 3> reproduced, printed;
 };
 
-const std::array<PaperTable, 2>& paper_tables() {
-  static const std::array<PaperTable, 2> tables{
-      {{"perfect_stiffness",
-        "perfect stiffness (the paper''s Fig. 17)",
-        {{27.5, 2, 8}, {30, 3, 6}, {32.5, 2, 3}, {35, 5, 2}, {37.5, 5, 0}},
-        32.571,
-        8.911,
-        0.408,
-        32.57,
-        8.91,
-        0.40},
-       {"kalman",
-        "Kalman filter (the paper''s Fig. 18)",
-        {{27.5, 3, 2}, {30, 3, 2}, {32.5, 4, 1}, {35, 5, 0}, {37.5, 5, 0}},
-        27.033,
-        5.080,
-        0.239,
-        27.03,
-        5.08,
-        0.23}}};
-  return tables;
+std::vector<PaperTable> paper_tables() {
+  return {{"perfect_stiffness",
+           "perfect stiffness (the paper's Fig. 17)",
+           {{27.5, 2, 8}, {30, 3, 6}, {32.5, 2, 3}, {35, 5, 2}, {37.5, 5, 0}},
+           {32.571, 8.911, 0.408},
+           {32.57, 8.91, 0.40}},
+          {"kalman",
+           "Kalman filter (the paper's Fig. 18)",
+           {{27.5, 3, 2}, {30, 3, 2}, {32.5, 4, 1}, {35, 5, 0}, {37.5, 5, 0}},
+           {27.033, 5.080, 0.239},
+           {27.03, 5.08, 0.23}}};
 }
 
-json describe(const Interval& interval) {
-  return json::array({interval.low, interval.high});
-}
+struct TableFit {
+  double alpha_n_m = 0, beta = 0, threshold_n_m = 0, weber_fraction = 0;
+  bool at_limit = false;
+  // 95 %, none at a limit.
+  Interval alpha_interval_n_m{kNan, kNan}, beta_interval{kNan, kNan}, weber_fraction_interval{kNan, kNan};
+  unsigned resamples = 0, resamples_at_limit = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TableFit, alpha_n_m, beta, threshold_n_m, weber_fraction, at_limit,
+                                   alpha_interval_n_m, beta_interval, weber_fraction_interval, resamples,
+                                   resamples_at_limit)
+struct FittedTable {
+  std::string name, title;
+  std::vector<StimulusCount> answers;
+  TableFit least_squares, maximum_likelihood, paper;  // paper: as printed
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FittedTable, name, title, answers, least_squares, maximum_likelihood,
+                                   paper)
 
-json fit_table(const std::vector<StimulusCount>& counts, FitMethod method, unsigned resamples) {
+TableFit fit_table(const std::vector<StimulusCount>& counts, FitMethod method, unsigned resamples) {
   const FitOptions how{method, 0};
   const Fit fit = fit_weibull(counts, how);
-  json out{{"alpha_n_m", fit.function.alpha_n_m},
-           {"beta", fit.function.beta},
-           {"threshold_n_m", threshold_n_m(fit.function)},
-           {"weber_fraction", weber_fraction(fit.function, kBackgroundNM)},
-           {"at_limit", fit.at_limit}};
+  TableFit out{fit.function.alpha_n_m, fit.function.beta, threshold_n_m(fit.function),
+               weber_fraction(fit.function, kBackgroundNM), fit.at_limit};
   if (fit.at_limit) return out;
   const BootstrapResult spread = bootstrap(counts, fit, how, kBackgroundNM, {resamples, 0.95, 1});
-  out["interval"] = {{"alpha_n_m", describe(spread.alpha_n_m)},
-                     {"beta", describe(spread.beta)},
-                     {"weber_fraction", describe(spread.weber_fraction)},
-                     {"resamples", resamples},
-                     {"resamples_at_limit", spread.at_limit}};
+  out.alpha_interval_n_m = spread.alpha_n_m;
+  out.beta_interval = spread.beta;
+  out.weber_fraction_interval = spread.weber_fraction;
+  out.resamples = resamples;
+  out.resamples_at_limit = spread.at_limit;
   return out;
 }
 
-json fit_paper(const PaperTable& table, unsigned resamples, std::vector<Target>& targets) {
-  json counts = json::array();
-  for (const StimulusCount& c : table.counts)
-    counts.push_back({{"stimulus_n_m", c.stimulus_n_m}, {"harder", c.harder}, {"not_harder", c.not_harder}});
-  const json squares = fit_table(table.counts, FitMethod::kLeastSquares, resamples);
-  const json likelihood = fit_table(table.counts, FitMethod::kMaximumLikelihood, resamples);
-  const auto promise = [&](const char* what, const char* key, double expected, const char* unit) {
-    targets.push_back({fmt::format("{}: {} off {:.3f}", table.name, what, expected),
-                       std::abs(squares[key].get<double>() - expected), kDigit, unit});
+FittedTable fit_paper(const PaperTable& table, unsigned resamples, Targets& targets) {
+  FittedTable out{table.name,
+                  table.title,
+                  table.counts,
+                  fit_table(table.counts, FitMethod::kLeastSquares, resamples),
+                  fit_table(table.counts, FitMethod::kMaximumLikelihood, resamples),
+                  {table.printed[0], table.printed[1], kNan, table.printed[2]}};
+  const TableFit& squares = out.least_squares;
+  const auto promise = [&](const char* what, double value, double expected, const char* unit) {
+    targets.push_back({snake_case(fmt::format("{} {} off {:.3f}", table.name, what, expected)),
+                       std::abs(value - expected), kDigit, unit});
   };
-  promise("alpha", "alpha_n_m", table.alpha_n_m, "N/m");
-  promise("beta", "beta", table.beta, "");
-  promise("Weber fraction", "weber_fraction", table.weber_fraction, "");
+  promise("alpha", squares.alpha_n_m, table.reproduced[0], "N/m");
+  promise("beta", squares.beta, table.reproduced[1], "");
+  promise("Weber fraction", squares.weber_fraction, table.reproduced[2], "");
   std::printf("%-18s alpha %.3f beta %.3f Weber fraction %.3f (paper %.2f, %.2f, %.2f)\n", table.name,
-              squares["alpha_n_m"].get<double>(), squares["beta"].get<double>(),
-              squares["weber_fraction"].get<double>(), table.printed_alpha_n_m, table.printed_beta,
-              table.printed_fraction);
-  return {{"name", table.name},
-          {"title", table.title},
-          {"answers", counts},
-          {"least_squares", squares},
-          {"maximum_likelihood", likelihood},
-          {"paper",
-           {{"alpha_n_m", table.printed_alpha_n_m},
-            {"beta", table.printed_beta},
-            {"weber_fraction", table.printed_fraction}}}};
+              squares.alpha_n_m, squares.beta, squares.weber_fraction, table.printed[0], table.printed[1],
+              table.printed[2]);
+  return out;
 }
 
 struct Effort {
@@ -141,80 +140,88 @@ Observer feeling_observer(const Weibull& function, const Feel& feel, std::uint64
 }
 
 // The same experiment by one observer, many times.
-json observe(const ObserverDescription& observer, const FitOptions& how, const Effort& effort,
-             const Feel& feel = felt_perfectly) {
+struct Observed {
+  double weber_fraction = 0, lapse_rate = 0;
+  std::string method;
+  double lapse_rate_most = 0, coverage = 0, bias = 0, rms_error = 0;
+  unsigned unbounded = 0;
+  std::vector<std::array<double, 3>> estimate_low_high{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Observed, weber_fraction, lapse_rate, method, lapse_rate_most, coverage,
+                                   bias, rms_error, unbounded, estimate_low_high)
+
+Observed observe(const ObserverDescription& observer, const FitOptions& how, const Effort& effort,
+                 const Feel& feel = felt_perfectly) {
   const Weibull truth = psychometric_function(observer, kBackgroundNM);
   Random random(1);
   const ExperimentPlan plan;
-  unsigned covered = 0, unbounded = 0;
-  double bias = 0, squares = 0;
-  json estimates = json::array();
+  Observed out{observer.weber_fraction, observer.lapse_rate, name_of(how.method), how.lapse_rate_most};
+  unsigned covered = 0;
+  double squares = 0;
   for (unsigned k = 0; k < effort.experiments; ++k) {
     const auto trials = random_order(plan, random);
     const auto counts = count_answers(run_experiment(trials, feeling_observer(truth, feel, random.seed())));
     const Fit fit = fit_weibull(counts, how);
     const double error = weber_fraction(fit.function, kBackgroundNM) - observer.weber_fraction;
-    bias += error / effort.experiments;
+    out.bias += error / effort.experiments;
     squares += error * error / effort.experiments;
     if (fit.at_limit) {  // without an interval: not covered
-      ++unbounded;
+      ++out.unbounded;
       continue;
     }
     const Interval interval =
         bootstrap(counts, fit, how, kBackgroundNM, {effort.resamples, 0.95, random.seed()}).weber_fraction;
     covered += interval.contains(observer.weber_fraction);
-    estimates.push_back({error + observer.weber_fraction, interval.low, interval.high});
+    out.estimate_low_high.push_back({error + observer.weber_fraction, interval.low, interval.high});
   }
-  return {{"weber_fraction", observer.weber_fraction},
-          {"lapse_rate", observer.lapse_rate},
-          {"method", name_of(how.method)},
-          {"lapse_rate_most", how.lapse_rate_most},
-          {"coverage", static_cast<double>(covered) / effort.experiments},
-          {"bias", bias},
-          {"rms_error", std::sqrt(squares)},
-          {"unbounded", unbounded},
-          {"estimate_low_high", estimates}};
+  out.coverage = static_cast<double>(covered) / effort.experiments;
+  out.rms_error = std::sqrt(squares);
+  return out;
 }
 
-void print(const json& row) {
+void print(const Observed& o) {
   std::printf("Weber fraction %.2f, lapse rate %.2f, %s%s: coverage %.3f, bias %+.4f, rms error %.4f\n",
-              row["weber_fraction"].get<double>(), row["lapse_rate"].get<double>(),
-              row["method"].get<std::string>().c_str(),
-              row["lapse_rate_most"].get<double>() > 0 ? " with lapses" : "", row["coverage"].get<double>(),
-              row["bias"].get<double>(), row["rms_error"].get<double>());
+              o.weber_fraction, o.lapse_rate, o.method.c_str(), o.lapse_rate_most > 0 ? " with lapses" : "",
+              o.coverage, o.bias, o.rms_error);
 }
 
-void promise(const json& row, std::vector<Target>& targets, const std::string& how = "") {
+// Returns the observer's name, for further promises.
+std::string promise(const Observed& o, Targets& targets, const std::string& how = "") {
   const std::string name =
-      fmt::format("simulated observer of {:.2f}, {}{}", row["weber_fraction"].get<double>(),
-                  row["method"].get<std::string>(), how);
+      snake_case(fmt::format("observer of Weber fraction {:.2f} {}{}", o.weber_fraction, o.method, how));
   targets.push_back(
-      {name + ": interval covers the truth", row["coverage"], kCoverLeast, "of experiments", false});
-  targets.push_back({name + ": interval covers the truth", row["coverage"], kCoverMost, "of experiments"});
-  targets.push_back(
-      {name + ": bias of the Weber fraction", std::abs(row["bias"].get<double>()), kBiasMost, ""});
+      {name + "_interval_covers_the_truth_least", o.coverage, kCoverLeast, "of experiments", false});
+  targets.push_back({name + "_interval_covers_the_truth_most", o.coverage, kCoverMost, "of experiments"});
+  targets.push_back({name + "_bias_of_the_weber_fraction", std::abs(o.bias), kBiasMost});
+  return name;
 }
+
+struct ObserverFigures {
+  std::vector<double> stimuli_n_m;
+  unsigned trials_per_stimulus = 0, experiments = 0, resamples = 0, lapsing_experiments = 0;
+  std::vector<Observed> rows{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ObserverFigures, stimuli_n_m, trials_per_stimulus, experiments, resamples,
+                                   lapsing_experiments, rows)
 
 // Promised without lapses, by both methods; told beside it: what lapses of 3 % do to a fit that knows of them
 // and to one that does not.
-json observe_all(const Effort& effort, std::vector<Target>& targets) {
+ObserverFigures observe_all(const Effort& effort, Targets& targets) {
   const ExperimentPlan plan;
-  json rows = json::array();
-  for (const double weber : kWeberFractions) {
-    for (const FitMethod method : {FitMethod::kMaximumLikelihood, FitMethod::kLeastSquares}) {
-      rows.push_back(observe({weber, 0, 0}, {method, 0}, effort));
-      promise(rows.back(), targets);
-      print(rows.back());
-    }
-  }
   const Effort fewer{std::min(effort.experiments, 200u), std::min(effort.resamples, 99u)};
+  ObserverFigures out{plan.stimuli_n_m, plan.trials_per_stimulus, effort.experiments, effort.resamples,
+                      fewer.experiments};
+  for (const double weber : kWeberFractions)
+    for (const FitMethod method : {FitMethod::kMaximumLikelihood, FitMethod::kLeastSquares}) {
+      out.rows.push_back(observe({weber, 0, 0}, {method, 0}, effort));
+      promise(out.rows.back(), targets);
+      print(out.rows.back());
+    }
   for (const double most : {0.0, 0.1}) {
-    rows.push_back(observe({0.2, 0.03, 0}, {FitMethod::kMaximumLikelihood, most}, fewer));
-    print(rows.back());
+    out.rows.push_back(observe({0.2, 0.03, 0}, {FitMethod::kMaximumLikelihood, most}, fewer));
+    print(out.rows.back());
   }
-  return {{"stimuli_n_m", plan.stimuli_n_m},          {"trials_per_stimulus", plan.trials_per_stimulus},
-          {"experiments", effort.experiments},        {"resamples", effort.resamples},
-          {"lapsing_experiments", fewer.experiments}, {"rows", rows}};
+  return out;
 }
 
 struct ChainCase {
@@ -244,120 +251,123 @@ std::vector<ChainCase> chain_cases() {
   return all;
 }
 
-json observe_chain(const Effort& effort, std::vector<Target>& targets) {
+struct ChainFigures {
+  std::string how;
+  bool promised = false;
+  std::string renderer;
+  double update_s = 0, model_delay_s = 0, edge_m = 0;
+  Observed observed{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ChainFigures, how, promised, renderer, update_s, model_delay_s, edge_m,
+                                   observed)
+
+std::vector<ChainFigures> observe_chain(const Effort& effort, Targets& targets) {
   const Effort fewer{std::min(effort.experiments, 300u), std::min(effort.resamples, 99u)};
   const std::vector<ChainCase> cases = chain_cases();
-  std::vector<json> rows(cases.size() * kWeberFractions.size());
+  std::vector<ChainFigures> rows(cases.size() * kWeberFractions.size());
   in_parallel(rows.size(), [&](std::size_t n) {
     const ChainCase& one = cases[n / kWeberFractions.size()];
+    const FeltOptions& chain = one.chain;
     const ObserverDescription observer{kWeberFractions[n % kWeberFractions.size()], 0, 0};
-    rows[n] = observe(observer, {FitMethod::kMaximumLikelihood, 0}, one.promised ? effort : fewer,
-                      felt_through(one.chain, ExperimentPlan()));
-    rows[n].update({{"how", one.name},
-                    {"promised", one.promised},
-                    {"renderer", one.chain.renderer},
-                    {"update_s", one.chain.update_s},
-                    {"model_delay_s", one.chain.model_delay_s},
-                    {"edge_m", one.chain.edge_m}});
+    rows[n] = {one.name,
+               one.promised,
+               chain.renderer,
+               chain.update_s,
+               chain.model_delay_s,
+               chain.edge_m,
+               observe(observer, {FitMethod::kMaximumLikelihood, 0}, one.promised ? effort : fewer,
+                       felt_through(chain, ExperimentPlan()))};
   });
-  for (const json& row : rows) {
-    const std::string how =
-        fmt::format(" {}, edges of {} mm", row["how"].get<std::string>(), 1e3 * row["edge_m"].get<double>());
+  for (const ChainFigures& row : rows) {
+    const std::string how = fmt::format(" {}, edges of {} mm", row.how, 1e3 * row.edge_m);
     std::printf("%s: ", how.c_str());
-    print(row);
-    if (!row["promised"]) continue;
-    promise(row, targets, how);
-    targets.push_back({fmt::format("simulated observer of {:.2f},{}: the chain adds",
-                                   row["weber_fraction"].get<double>(), how),
-                       row["bias"], kChainAddsMost, ""});
+    print(row.observed);
+    if (!row.promised) continue;
+    const std::string name = promise(row.observed, targets, how);
+    targets.push_back({name + "_the_chain_adds", row.observed.bias, kChainAddsMost});
   }
   return rows;
 }
 
-json measure(bool quick, std::vector<Target>& targets) {
-  json fits = json::array();
+struct Figures {
+  double background_n_m = kBackgroundNM;
+  std::vector<FittedTable> fits{};
+  ObserverFigures observers{};
+  std::vector<ChainFigures> chain{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, background_n_m, fits, observers, chain)
+
+Figures measure(bool quick, Targets& targets) {
+  Figures figures;
   std::printf("\n");
   for (const PaperTable& table : paper_tables())
-    fits.push_back(fit_paper(table, quick ? 200 : 2000, targets));
+    figures.fits.push_back(fit_paper(table, quick ? 200 : 2000, targets));
   const Effort effort = quick ? Effort{200, 59} : Effort{1000, 199};
-  return {{"background_n_m", kBackgroundNM},
-          {"fits", fits},
-          {"observers", observe_all(effort, targets)},
-          {"chain", observe_chain(effort, targets)}};
+  figures.observers = observe_all(effort, targets);
+  figures.chain = observe_chain(effort, targets);
+  return figures;
 }
 
 // The paper's form: shares as stars, the fitted curve; the threshold as a cross hair.
-void draw_fit(const json& one, const std::filesystem::path& file) {
-  std::string script = "$answers << EOD\n";
-  for (const json& c : one["answers"])
-    script +=
-        fmt::format("{} {}\n", c["stimulus_n_m"].get<double>(),
-                    c["harder"].get<double>() / (c["harder"].get<double>() + c["not_harder"].get<double>()));
-  script += "EOD\n";
-  const auto curve = [&](const char* name, const char* key) {
-    script += fmt::format("{}(s) = 1 - 2**(-(s / {})**{})\n", name, one[key]["alpha_n_m"].get<double>(),
-                          one[key]["beta"].get<double>());
+void draw_fit(const FittedTable& one, const std::filesystem::path& file) {
+  Curve answers{.title = "answers", .style = "points pt 3 ps 2 lc rgb 'black'"};
+  for (const StimulusCount& a : one.answers) answers.add(a.stimulus_n_m, a.share_harder());
+  const auto curve = [](const char* style, const TableFit& fit) {
+    return fmt::format(", 1 - 2**(-(x / {})**{}) with lines {}", fit.alpha_n_m, fit.beta, style);
   };
-  curve("squares", "least_squares");
-  curve("likelihood", "maximum_likelihood");
-  curve("paper", "paper");
-  const double threshold_n_m = one["least_squares"]["threshold_n_m"];
-  script += fmt::format(
-      "set arrow from {0},0 to {0},0.75 nohead dt 3\nset arrow from 25,0.75 to {0},0.75 nohead dt 3\n",
-      threshold_n_m);
-  script += fmt::format("set label 'Weber fraction {:.3f} (paper {:.2f})' at {},0.70 offset 1,0\n",
-                        one["least_squares"]["weber_fraction"].get<double>(),
-                        one["paper"]["weber_fraction"].get<double>(), threshold_n_m);
+  const TableFit& squares = one.least_squares;
   plot(file,
-       script + "set title 'Psychometric function, " + one["title"].get<std::string>() +
-           "'\nset xlabel 'stimulus (N/m)'\nset ylabel 'probability of \"harder\"'\nset xrange [25:45]\n"
-           "set yrange [0:1.05]\nset key bottom right\n"
-           "plot paper(x) with lines lw 5 lc rgb '#bbbbbb' title 'the paper''s curve', "
-           "squares(x) with lines lw 2 lc 1 title 'least squares (its method)', "
-           "likelihood(x) with lines lw 2 dt 2 lc 2 title 'maximum likelihood', "
-           "$answers with points pt 3 ps 2 lc rgb 'black' title 'answers'\n");
+       script_of(
+           {answers},
+           fmt::format("set arrow from {0},0 to {0},0.75 nohead dt 3\n"
+                       "set arrow from 25,0.75 to {0},0.75 nohead dt 3\n"
+                       "set label 'Weber fraction {1:.3f} (paper {2:.2f})' at {0},0.70 offset 1,0\n"
+                       "set xrange [25:45]\nset yrange [0:1.05]\nset key bottom right\n",
+                       squares.threshold_n_m, squares.weber_fraction, one.paper.weber_fraction) +
+               axes("Psychometric function, " + one.title, "stimulus (N/m)", "probability of \"harder\""),
+           curve("lw 5 lc rgb '#bbbbbb' title 'the paper''s curve'", one.paper) +
+               curve("lw 2 lc 1 title 'least squares (its method)'", squares) +
+               curve("lw 2 dt 2 lc 2 title 'maximum likelihood'", one.maximum_likelihood)));
 }
 
 // Every experiment's interval, in the order of its estimate, about the truth.
-void draw_observers(const json& observers, const std::filesystem::path& file) {
+void draw_observers(const ObserverFigures& observers, const std::filesystem::path& file) {
   std::string script =
       "set multiplot layout 1,3 title '95 % intervals of the Weber fraction, each by one simulated "
-      "experiment (red: "
-      "misses the truth)'\nset xlabel 'share of the experiments'\nset ylabel 'Weber fraction'\nset xrange "
-      "[0:1]\nset xtics 0.5\nunset "
-      "key\n";
-  for (const json& row : observers["rows"]) {
-    if (row["method"] != name_of(FitMethod::kMaximumLikelihood) || row["lapse_rate"] > 0) continue;
-    std::vector<std::array<double, 3>> estimates = row["estimate_low_high"];
+      "experiment "
+      "(red: misses the truth)'\nset xrange [0:1]\nset xtics 0.5\nunset key\n";
+  for (const Observed& o : observers.rows) {
+    if (o.method != name_of(FitMethod::kMaximumLikelihood) || o.lapse_rate > 0) continue;
+    auto estimates = o.estimate_low_high;
     std::sort(estimates.begin(), estimates.end());
     script += "$intervals << EOD\n";
-    const double truth = row["weber_fraction"];
+    const double truth = o.weber_fraction;
     for (std::size_t k = 0; k < estimates.size(); ++k) {
       const auto [estimate, low, high] = estimates[k];
       script += fmt::format("{} {} {} {} {}\n", (k + 0.5) / static_cast<double>(estimates.size()), estimate,
                             low, high - low, low <= truth && truth <= high ? "0xb0c4de" : "0xd62728");
     }
-    script += fmt::format(
-        "EOD\nset title '{0:.2f}: {1:.1f} % cover, bias {2:+.4f}'\nset yrange [0:{3}]\n"
-        "plot $intervals using 1:3:(0):4:5 with vectors nohead lc rgb variable, $intervals using 1:2 with "
-        "lines lw 2 "
-        "lc rgb '#08306b', {0} with lines lw 2 lc rgb 'black'\n",
-        truth, 100 * row["coverage"].get<double>(), row["bias"].get<double>(), 2.2 * truth);
+    script += "EOD\n" +
+              axes(fmt::format("{:.2f}: {:.1f} % cover, bias {:+.4f}", truth, 100 * o.coverage, o.bias),
+                   "share of the experiments", "Weber fraction") +
+              fmt::format(
+                  "set yrange [0:{}]\nplot $intervals using 1:3:(0):4:5 with vectors nohead lc rgb "
+                  "variable, $intervals using 1:2 with lines lw 2 lc rgb '#08306b', {} with lines lw 2 "
+                  "lc rgb 'black'\n",
+                  2.2 * truth, truth);
   }
   plot(file, script + "unset multiplot\n");
 }
 
-void draw(const json& figures, const std::string& folder) {
-  const std::filesystem::path into(folder);
-  for (const json& one : figures["fits"])
-    draw_fit(one, into / ("psychometric_" + one["name"].get<std::string>() + ".png"));
-  draw_observers(figures["observers"], into / "psychometric_observers.png");
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  for (const FittedTable& one : figures.fits) draw_fit(one, folder / ("psychometric_" + one.name + ".png"));
+  draw_observers(figures.observers, folder / "psychometric_observers.png");
 }
 
 }  // namespace
 
-PaperExperiment paper_psychometric() {
-  return {"psychometric", measure, draw};
+Part paper_psychometric() {
+  return make_part("psychometric", measure, draw);
 }
 
 }  // namespace teletact::bench

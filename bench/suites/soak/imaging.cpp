@@ -2,14 +2,13 @@
 #include <chrono>
 #include <utility>
 
+#include "bench/basics/clock.h"
 #include "bench/suites/soak/soak.h"
 #include "client/acquire/estimate_client.h"
 #include "client/link/channel.h"
 
 namespace teletact::bench::soak {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 // A refusal that comes so soon after the last byte leaves the caller time to do something else.
 constexpr double kAtOnceS = 0.5;
@@ -30,7 +29,7 @@ double width_m(const v1::Acquisition& acquisition) {
   return acquisition.line_pitch_m() * acquisition.line_count();
 }
 
-double seconds_since(std::int64_t then_ns) {
+double seconds_since_ns(std::int64_t then_ns) {
   return static_cast<double>(client::monotonic_ns() - then_ns) * 1e-9;
 }
 
@@ -75,11 +74,11 @@ void FairImager::run(const Service& service, const std::vector<client::FramePair
     callbacks.request = [&](const v1::EstimateRequest&) { last_byte_ns = client::monotonic_ns(); };
     try {
       estimator.estimate(acquisition, pair.pre, pair.post, callbacks, stop_);
-      const double took_s = seconds_since(last_byte_ns);
+      const double took_s = seconds_since_ns(last_byte_ns);
       (took_s <= finish_within_s_ ? windows_.published_s : windows_.late_s).push_back(took_s);
       statuses_.add("OK");
     } catch (const client::ServiceError& error) {
-      const double took_s = seconds_since(last_byte_ns);
+      const double took_s = seconds_since_ns(last_byte_ns);
       (took_s <= kAtOnceS ? windows_.refused_s : windows_.late_s).push_back(took_s);
       statuses_.add(code_in(error));
     }
@@ -88,30 +87,27 @@ void FairImager::run(const Service& service, const std::vector<client::FramePair
   }
 }
 
-Greedy::Greedy(const Service& service, std::string scene_id, const std::vector<client::FramePair>& pairs,
-               const Pause& pause) {
+std::unique_ptr<Rogue> start_greedy(const Service& service, const std::string& scene_id,
+                                    const std::vector<client::FramePair>& pairs, const Pause& pause) {
+  auto rogue = std::make_unique<Rogue>();
   const auto channel = client::make_channel(service.address, service.tls_ca, "soak-greedy");
   for (int k = 0; k < kGreedyCalls; ++k)
-    threads_.emplace_back([this, channel, scene_id, k, &pairs, &pause] {
+    rogue->threads.emplace_back([&rogue = *rogue, channel, scene_id, k, &pairs, &pause] {
       client::EstimateClient estimator(channel, 0);
       const client::FramePair& pair = pairs[static_cast<std::size_t>(k) % pairs.size()];
       v1::Acquisition acquisition = published(pair, scene_id, 0);
       acquisition.set_modulus_time_limit_s(kLongModulusS);
-      for (bool wide = k % 2 == 0; !stop_; wide = !wide) try {
-          while (!stop_ && pause) std::this_thread::sleep_for(kLookEvery);
+      for (bool wide = k % 2 == 0; !rogue.stop; wide = !wide) try {
+          while (!rogue.stop && pause) std::this_thread::sleep_for(kLookEvery);
           acquisition.set_max_strain(wide ? 0.08 : 0.04);
-          estimator.estimate(acquisition, pair.pre, pair.post, {}, stop_);
-          statuses_.add("OK");
+          estimator.estimate(acquisition, pair.pre, pair.post, {}, rogue.stop);
+          rogue.statuses.add("OK");
         } catch (const client::ServiceError& error) {
-          statuses_.add(code_in(error));
+          rogue.statuses.add(code_in(error));
           std::this_thread::sleep_for(kGreedyPause);
         }
     });
-}
-
-Greedy::~Greedy() {
-  stop_ = true;
-  for (std::thread& thread : threads_) thread.join();
+  return rogue;
 }
 
 }  // namespace teletact::bench::soak

@@ -91,46 +91,45 @@ class UnreadCalls {
   std::uint64_t sequence_ = 0;
 };
 
-}  // namespace
-
-NeverReading::NeverReading(const Service& service, std::string scene_id, const client::FramePair& pair)
-    : thread_([this, service, scene_id = std::move(scene_id), &pair] {
-        const auto channel = client::make_channel(service.address, service.tls_ca, "soak-never-reading");
-        while (!stop_) {
-          UnreadCalls calls(channel, "", scene_id, pair, 1);
-          const auto end = std::chrono::steady_clock::now() + kUnreadFor;
-          while (!stop_ && std::chrono::steady_clock::now() < end) {
-            calls.pose();
-            std::this_thread::sleep_for(kPoseEvery);
-          }
-          calls.cancel();
-          calls.finish(statuses_);
-        }
-      }) {}
-
-NeverReading::~NeverReading() {
-  stop_ = true;
-  thread_.join();
+// Poses for so long.
+void pose_for(const Rogue& rogue, UnreadCalls& calls, std::chrono::seconds length) {
+  const auto end = std::chrono::steady_clock::now() + length;
+  while (!rogue.stop && std::chrono::steady_clock::now() < end) {
+    calls.pose();
+    std::this_thread::sleep_for(kPoseEvery);
+  }
 }
 
-Dying::Dying(const Service& service, std::string scene_id, const client::FramePair& pair)
-    : thread_([this, service, scene_id = std::move(scene_id), &pair] {
-        while (!stop_) {
-          test::ResettableConnection connection(service.address);
-          UnreadCalls calls(connection.channel(), "soak-dying", scene_id, pair, 0.5);
-          const auto end = std::chrono::steady_clock::now() + kLifetime;
-          while (!stop_ && std::chrono::steady_clock::now() < end) {
-            calls.pose();
-            std::this_thread::sleep_for(kPoseEvery);
-          }
-          connection.reset();
-          calls.finish(statuses_);
-        }
-      }) {}
+}  // namespace
 
-Dying::~Dying() {
-  stop_ = true;
-  thread_.join();
+std::unique_ptr<Rogue> start_never_reading(const Service& service, const std::string& scene_id,
+                                           const client::FramePair& pair) {
+  auto rogue = std::make_unique<Rogue>();
+  rogue->threads.emplace_back([&rogue = *rogue, service, scene_id, &pair] {
+    const auto channel = client::make_channel(service.address, service.tls_ca, "soak-never-reading");
+    while (!rogue.stop) {
+      UnreadCalls calls(channel, "", scene_id, pair, 1);
+      pose_for(rogue, calls, kUnreadFor);
+      calls.cancel();
+      calls.finish(rogue.statuses);
+    }
+  });
+  return rogue;
+}
+
+std::unique_ptr<Rogue> start_dying(const Service& service, const std::string& scene_id,
+                                   const client::FramePair& pair) {
+  auto rogue = std::make_unique<Rogue>();
+  rogue->threads.emplace_back([&rogue = *rogue, service, scene_id, &pair] {
+    while (!rogue.stop) {
+      test::ResettableConnection connection(service.address);
+      UnreadCalls calls(connection.channel(), "soak-dying", scene_id, pair, 0.5);
+      pose_for(rogue, calls, kLifetime);
+      connection.reset();
+      calls.finish(rogue.statuses);
+    }
+  });
+  return rogue;
 }
 
 }  // namespace teletact::bench::soak

@@ -7,28 +7,16 @@
 #include <chrono>
 #include <cmath>
 
+#include "bench/basics/clock.h"
+
 namespace teletact::bench::soak {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr double kImagingShare = 0.5, kIdleShare = 0.25;  // of a round; the rest: busy cores
 constexpr int kNiceness = 10;                             // as the service's imaging
 constexpr auto kLookEvery = std::chrono::milliseconds(10);
 
 }  // namespace
-
-const char* name_of(Part part) {
-  switch (part) {
-    case Part::kImaging:
-      return "imaging";
-    case Part::kIdle:
-      return "idle";
-    case Part::kBusyCores:
-      return "busy_cores";
-  }
-  return "";
-}
 
 Part part_at(double time_s) {
   const double share = std::fmod(time_s, kRoundS) / kRoundS;
@@ -40,7 +28,7 @@ Rounds::Rounds(Pause& pause) {
   threads_.emplace_back([this, &pause] {
     const auto begin = Clock::now();
     while (!stop_) {
-      const Part part = part_at(std::chrono::duration<double>(Clock::now() - begin).count());
+      const Part part = part_at(seconds_since(begin));
       pause = part != Part::kImaging;
       busy_ = part == Part::kBusyCores;
       std::this_thread::sleep_for(kLookEvery);

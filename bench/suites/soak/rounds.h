@@ -3,7 +3,6 @@
 // told from what any busy core costs it.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <thread>
 #include <vector>
@@ -13,8 +12,6 @@
 namespace teletact::bench::soak {
 
 enum class Part { kImaging, kIdle, kBusyCores };
-inline constexpr std::array kParts{Part::kImaging, Part::kIdle, Part::kBusyCores};
-const char* name_of(Part);  // in the figures
 
 constexpr double kRoundS = 60;
 // Of a soak that began `time_s` ago.

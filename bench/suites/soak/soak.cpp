@@ -12,12 +12,14 @@
 #include <grpcpp/grpcpp.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
 
+#include "bench/basics/clock.h"
+#include "bench/curves.h"
 #include "bench/own_scene.h"
 #include "bench/suite.h"
 #include "bench/suites/soak/rounds.h"
@@ -28,9 +30,6 @@
 
 namespace teletact::bench {
 namespace {
-
-using nlohmann::json;
-using Clock = std::chrono::steady_clock;
 
 constexpr double kMostP99Growth = 0.20, kMostMemoryGrowthBytes = 1e6;
 constexpr double kMemoryFrom = 0.25;  // of the time: what comes first is warming up
@@ -63,26 +62,14 @@ client::Tissue soaked_tissue() {
   return tissue;
 }
 
-void remove_scene(v1::Palpation::Stub& stub, const std::string& id) {
-  grpc::ClientContext context;
-  v1::DeleteSceneRequest request;
-  request.set_scene_id(id);
-  v1::DeleteSceneResponse response;
-  stub.DeleteScene(&context, request, &response);
-}
-
-// An empty one to publish into; one of an earlier run gives way.
-void create_scene(v1::Palpation::Stub& stub, const std::string& id, const client::Tissue& tissue) {
-  remove_scene(stub, id);
-  grpc::ClientContext context;
+// An empty one to publish into.
+void create_empty_scene(v1::Palpation::Stub& stub, const std::string& id, const client::Tissue& tissue) {
   v1::CreateSceneRequest request;
   request.set_scene_id(id);
   request.mutable_geometry()->add_size_m(tissue.width_m);
   request.mutable_geometry()->add_size_m(tissue.depth_m);
   request.mutable_geometry()->set_poisson_ratio(tissue.poisson_ratio);
-  v1::Scene scene;
-  const grpc::Status status = stub.CreateScene(&context, request, &scene);
-  if (!status.ok()) throw BenchError("CreateScene: " + client::describe(status));
+  create_scene(stub, request);
 }
 
 // --- touch -------------------------------------------------------------------------------------------------
@@ -104,19 +91,40 @@ std::vector<Slice> empty_slices(double duration_s) {
   return slices;
 }
 
-// Median over the slices of one part: of the p99 within each. One bad moment of the machine is one slice.
-json by_slices(const std::vector<Slice>& slices, soak::Part part) {
-  std::vector<double> p99_s, all_s;
+// p99_s: the median over the slices of one part of the p99 within each. One bad moment of the machine is one
+// slice.
+struct PartFigures {
+  Quantiles latency_s;
+  std::vector<double> p99_s_by_slice{};
+  double p99_s = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PartFigures, latency_s, p99_s_by_slice, p99_s)
+struct TouchFigures {
+  unsigned streams = 0;
+  double rate_hz = 0;
+  std::uint64_t answers = 0, without_force = 0;
+  std::uint64_t ended = 0;  // streams that the service ended or refused
+  soak::Ends ends{};
+  PartFigures imaging{}, idle{}, busy_cores{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TouchFigures, streams, rate_hz, answers, without_force, ended, ends,
+                                   imaging, idle, busy_cores)
+
+PartFigures by_slices(const std::vector<Slice>& slices, soak::Part part) {
+  PartFigures out;
+  std::vector<double> all_s;
   for (const Slice& slice : slices) {
     if (slice.part != part || !slice.settled || slice.latency_s.empty()) continue;
-    p99_s.push_back(quantiles(slice.latency_s)["p99"]);
+    out.p99_s_by_slice.push_back(quantiles(slice.latency_s).p99);
     all_s.insert(all_s.end(), slice.latency_s.begin(), slice.latency_s.end());
   }
-  if (p99_s.empty()) throw BenchError("no answer in a part of a round: give a longer --duration-s");
-  return {{"latency_s", quantiles(all_s)}, {"p99_s_by_slice", p99_s}, {"p99_s", quantiles(p99_s)["p50"]}};
+  if (all_s.empty()) throw BenchError("no answer in a part of a round: give a longer --duration-s");
+  out.latency_s = quantiles(std::move(all_s));
+  out.p99_s = quantiles(out.p99_s_by_slice).p50;
+  return out;
 }
 
-json touch(const Arguments& arguments) {
+TouchFigures touch(const Arguments& arguments) {
   LoadOptions load;
   load.scene_id = kTouchedScene;
   load.begin_m = 0.008, load.end_m = 0.112;
@@ -124,8 +132,7 @@ json touch(const Arguments& arguments) {
   load.rate_hz = arguments.touch_rate_hz;
   std::mutex mutex;
   std::vector<Slice> slices = empty_slices(arguments.duration_s);
-  std::uint64_t without_force = 0, answers = 0;
-  std::map<std::string, std::uint64_t> ends;
+  TouchFigures out{arguments.touch_streams, arguments.touch_rate_hz};
   std::vector<std::thread> threads;
   for (unsigned k = 0; k < arguments.touch_streams; ++k)
     threads.emplace_back([&, k] {
@@ -136,26 +143,20 @@ json touch(const Arguments& arguments) {
         const auto channel = client::make_channel(arguments.service.address, arguments.service.tls_ca);
         const LoadResult result = run_load(channel, load, k);
         const std::lock_guard lock(mutex);
-        without_force += result.without_force;
-        answers += result.answers;
+        out.without_force += result.without_force;
+        out.answers += result.answers;
         for (std::size_t i = 0; i < result.latency_s.size(); ++i)
           if (const auto at = static_cast<std::size_t>(result.answered_s[i] / kSliceS); at < slices.size())
             slices[at].latency_s.push_back(result.latency_s[i]);
       } catch (const BenchError& error) {
         const std::lock_guard lock(mutex);
-        ++ends[error.what()];
+        ++out.ends[error.what()], ++out.ended;
       }
     });
   for (std::thread& thread : threads) thread.join();
-  std::uint64_t ended = 0;  // streams that the service ended or refused
-  for (const auto& [what, count] : ends) ended += count;
-  json out{{"streams", arguments.touch_streams},
-           {"rate_hz", arguments.touch_rate_hz},
-           {"answers", answers},
-           {"without_force", without_force},
-           {"ended", ended},
-           {"ends", ends}};
-  for (const soak::Part part : soak::kParts) out[soak::name_of(part)] = by_slices(slices, part);
+  out.imaging = by_slices(slices, soak::Part::kImaging);
+  out.idle = by_slices(slices, soak::Part::kIdle);
+  out.busy_cores = by_slices(slices, soak::Part::kBusyCores);
   return out;
 }
 
@@ -185,8 +186,8 @@ class MemoryLog {
             [this, pid = arguments.pid, every_s = arguments.duration_s / 720, channel = std::move(channel)] {
               const auto begin = Clock::now();
               while (!stop_) {
-                const std::chrono::duration<double> at = Clock::now() - begin;
-                samples_.push_back({at.count(), pid != 0 ? resident_bytes(pid) : reported_bytes(channel)});
+                samples_.push_back(
+                    {seconds_since(begin), pid != 0 ? resident_bytes(pid) : reported_bytes(channel)});
                 for (double waited_s = 0; !stop_ && waited_s < every_s; waited_s += 0.05)
                   std::this_thread::sleep_for(std::chrono::milliseconds(50));
               }
@@ -218,21 +219,42 @@ double memory_growth_bytes(const std::vector<std::array<double, 2>>& samples) {
 
 // --- the whole ---------------------------------------------------------------------------------------------
 
-json windows_of(const soak::FairImager& imager) {
+// Of one client that publishes windows.
+struct WindowFigures {
+  std::string name;
+  std::size_t published = 0, refused = 0, late = 0;
+  Quantiles published_s{}, refused_s{};  // counts of 0 where there was none
+  std::vector<double> late_s{};
+  soak::Ends ends{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowFigures, name, published, refused, late, published_s, refused_s,
+                                   late_s, ends)
+struct MemoryFigures {
+  std::string of;
+  double growth_bytes = 0;
+  std::vector<std::array<double, 2>> samples;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MemoryFigures, of, growth_bytes, samples)
+struct Figures {
+  double duration_s = 0, finish_within_s = 0, window_every_s = 0;
+  TouchFigures touch{};
+  MemoryFigures memory{};
+  std::map<std::string, soak::Ends> rogues{};
+  std::vector<WindowFigures> fair{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, duration_s, finish_within_s, window_every_s, touch, memory,
+                                   rogues, fair)
+
+WindowFigures windows_of(const soak::FairImager& imager) {
   const auto& w = imager.windows();
-  json out{{"name", imager.name()},
-           {"published", w.published_s.size()},
-           {"refused", w.refused_s.size()},
-           {"late", w.late_s.size()},
-           {"late_s", w.late_s},
-           {"ends", imager.statuses().counts()}};
-  if (!w.published_s.empty()) out["published_s"] = quantiles(w.published_s);
-  if (!w.refused_s.empty()) out["refused_s"] = quantiles(w.refused_s);
-  return out;
+  const auto of = [](const std::vector<double>& s) { return s.empty() ? Quantiles{} : quantiles(s); };
+  return {imager.name(),     w.published_s.size(), w.refused_s.size(), w.late_s.size(),
+          of(w.published_s), of(w.refused_s),      w.late_s,           imager.statuses().counts()};
 }
 
-json everything(const Arguments& arguments, const std::vector<client::FramePair>& pairs,
-                const std::shared_ptr<grpc::Channel>& channel) {
+Figures everything(const Arguments& arguments, const std::vector<client::FramePair>& pairs,
+                   const std::shared_ptr<grpc::Channel>& channel) {
+  Figures out{arguments.duration_s, arguments.finish_within_s, arguments.every_s};
   MemoryLog memory(arguments, channel);
   soak::Pause pause = false;
   std::vector<std::unique_ptr<soak::FairImager>> fair;
@@ -240,61 +262,70 @@ json everything(const Arguments& arguments, const std::vector<client::FramePair>
     fair.push_back(std::make_unique<soak::FairImager>(arguments.service, fmt::format("soak-fair-{}", k),
                                                       fmt::format("soak-fair-{}", k), pairs,
                                                       arguments.every_s, arguments.finish_within_s, pause));
-  json out;
   {
-    const soak::Greedy greedy(arguments.service, "soak-greedy", pairs, pause);
-    const soak::NeverReading never_reading(arguments.service, kTouchedScene, pairs.front());
-    const soak::Dying dying(arguments.service, kTouchedScene, pairs.front());
+    const auto greedy = soak::start_greedy(arguments.service, "soak-greedy", pairs, pause);
+    const auto never_reading = soak::start_never_reading(arguments.service, kTouchedScene, pairs.front());
+    const auto dying = soak::start_dying(arguments.service, kTouchedScene, pairs.front());
     const soak::Rounds rounds(pause);
-    out["touch"] = touch(arguments);
+    out.touch = touch(arguments);
     for (const auto& imager : fair) imager->stop();
     const auto samples = memory.stop();
-    out["memory"] = {{"of", arguments.pid != 0 ? "resident" : "reported"},
-                     {"growth_bytes", memory_growth_bytes(samples)},
-                     {"samples", samples}};
-    out["rogues"] = {{"greedy", greedy.statuses().counts()},
-                     {"never_reading", never_reading.statuses().counts()},
-                     {"dying", dying.statuses().counts()}};
+    out.memory = {arguments.pid != 0 ? "resident" : "reported", memory_growth_bytes(samples), samples};
+    out.rogues = {{"greedy", greedy->statuses.counts()},
+                  {"never_reading", never_reading->statuses.counts()},
+                  {"dying", dying->statuses.counts()}};
   }
-  for (const auto& imager : fair) out["fair"].push_back(windows_of(*imager));
+  for (const auto& imager : fair) out.fair.push_back(windows_of(*imager));
   return out;
 }
 
-void print(const json& result) {
-  for (const soak::Part part : soak::kParts) {
-    const json& touched = result["touch"][soak::name_of(part)];
-    const json& l = touched["latency_s"];
+std::string text_of(const soak::Ends& ends) {
+  std::string text;
+  for (const auto& [code, count] : ends) text += fmt::format(" {} {}", code, count);
+  return text;
+}
+
+void print(const Figures& figures) {
+  const auto part = [](const char* name, const PartFigures& p) {
     std::printf("touch, %-10s p99 of a slice of %g s, median %.3f ms; all: p50 %.3f  p99 %.3f  max %.1f ms\n",
-                soak::name_of(part), kSliceS, 1e3 * touched["p99_s"].get<double>(),
-                1e3 * l["p50"].get<double>(), 1e3 * l["p99"].get<double>(), 1e3 * l["max"].get<double>());
-  }
-  for (const json& client : result["fair"])
-    std::printf("%s: %zu windows in time, %zu refused at once, %zu late; ends: %s\n",
-                client["name"].get<std::string>().c_str(), client["published"].get<std::size_t>(),
-                client["refused"].get<std::size_t>(), client["late"].get<std::size_t>(),
-                client["ends"].dump().c_str());
-  for (const auto& [name, ends] : result["rogues"].items())
-    std::printf("%s: %s\n", name.c_str(), ends.dump().c_str());
+                name, kSliceS, 1e3 * p.p99_s, 1e3 * p.latency_s.p50, 1e3 * p.latency_s.p99,
+                1e3 * p.latency_s.max);
+  };
+  part("imaging", figures.touch.imaging), part("idle", figures.touch.idle);
+  part("busy cores", figures.touch.busy_cores);
+  for (const WindowFigures& w : figures.fair)
+    std::printf("%s: %zu windows in time, %zu refused at once, %zu late; ends:%s\n", w.name.c_str(),
+                w.published, w.refused, w.late, text_of(w.ends).c_str());
+  for (const auto& [name, ends] : figures.rogues) std::printf("%s:%s\n", name.c_str(), text_of(ends).c_str());
 }
 
-void draw(const json& result, const std::string& folder) {
-  std::string script = "$memory << EOD\n";
-  for (const auto& sample : result.at("memory").at("samples"))
-    script +=
-        fmt::format("{:.2f} {:.3f}\n", sample.at(0).get<double>() / 60, sample.at(1).get<double>() * 1e-6);
-  plot(std::filesystem::path(folder) / "soak.png",
-       script +
-           "EOD\nset xlabel 'time (min)'\nset ylabel 'memory of the service (MB)'\nset yrange [0:]\n"
-           "plot $memory with lines lw 2 notitle\n");
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  Curve memory{.title = "", .style = "lines lw 2"};
+  for (const auto& [time_s, bytes] : figures.memory.samples) memory.add(time_s / 60, bytes * 1e-6);
+  plot(folder / "soak.png",
+       script_of({memory}, "set yrange [0:]\n" + axes("an hour of everything at once", "time (min)",
+                                                      "memory of the service (MB)")));
 }
 
-bool run(Arguments arguments) {
-  if (replotted(arguments.suite, "soak", draw)) return true;
-  require_named(arguments.service);
+void promise(const Figures& figures, Targets& targets) {
+  const TouchFigures& touched = figures.touch;
+  double late = 0, published = 0;
+  for (const WindowFigures& w : figures.fair) late += double(w.late), published += double(w.published);
+  targets = {
+      {"touch_p99_growth_by_imaging", touched.imaging.p99_s / touched.idle.p99_s - 1, kMostP99Growth},
+      {"touch_p99_growth_by_imaging_beside_busy_cores", touched.imaging.p99_s / touched.busy_cores.p99_s - 1,
+       kMostP99Growth},
+      {"touch_streams_ended", double(touched.ended), 0},
+      {"touches_without_force", double(touched.without_force), 0},
+      {"windows_neither_in_time_nor_refused_at_once", late, 0},
+      {"windows_published", published, 1, "", false},
+      {fmt::format("memory_growth_over_the_last_{:.0f}_min", (1 - kMemoryFrom) * figures.duration_s / 60),
+       figures.memory.growth_bytes, kMostMemoryGrowthBytes, "B"}};
+}
+
+Figures measure(Arguments arguments, Targets& targets) {
   if (arguments.suite.quick) arguments.duration_s = soak::kRoundS;
-  const auto channel =
-      client::reach_service(arguments.service.address, arguments.service.tls_ca,
-                            [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); });
+  const auto channel = connect(arguments.service);
   if (arguments.pid == 0 && client::get_info(channel).memory().empty())
     throw BenchError("the service does not report its memory: give --pid");
   if (arguments.pid != 0) resident_bytes(arguments.pid);
@@ -303,46 +334,26 @@ bool run(Arguments arguments) {
   const std::vector<client::FramePair> pairs = simulated_pairs(tissue);
   std::vector<std::string> scenes{"soak-greedy"};
   for (unsigned k = 0; k < arguments.fair; ++k) scenes.push_back(fmt::format("soak-fair-{}", k));
-  for (const std::string& id : scenes) create_scene(*stub, id, tissue);
+  for (const std::string& id : scenes) create_empty_scene(*stub, id, tissue);
   create_own_scene(*stub, kTouchedScene, own_tissue());
-  json result = everything(arguments, pairs, channel);
-  result["suite"] = "soak";
-  result["duration_s"] = arguments.duration_s;
-  result["finish_within_s"] = arguments.finish_within_s;
-  result["window_every_s"] = arguments.every_s;
+  const Figures figures = everything(arguments, pairs, channel);
   scenes.push_back(kTouchedScene);
   for (const std::string& id : scenes) remove_scene(*stub, id);
-  print(result);
-  const auto p99_s = [&](soak::Part part) {
-    return result["touch"][soak::name_of(part)]["p99_s"].get<double>();
-  };
-  double late = 0, published = 0;
-  for (const json& client : result["fair"])
-    late += client["late"].get<double>(), published += client["published"].get<double>();
-  const bool met =
-      finish(result,
-             {{"growth of touch p99 by imaging", p99_s(soak::Part::kImaging) / p99_s(soak::Part::kIdle) - 1,
-               kMostP99Growth, "1"},
-              {"growth of touch p99 by imaging, beside busy cores",
-               p99_s(soak::Part::kImaging) / p99_s(soak::Part::kBusyCores) - 1, kMostP99Growth, "1"},
-              {"touch streams ended", result["touch"]["ended"], 0, "1"},
-              {"touches without force", result["touch"]["without_force"], 0, "1"},
-              {"windows neither in time nor refused at once", late, 0, "1"},
-              {"windows published", published, 1, "1", false},
-              {fmt::format("growth of memory over the last {:.0f} min",
-                           (1 - kMemoryFrom) * arguments.duration_s / 60),
-               result["memory"]["growth_bytes"], kMostMemoryGrowthBytes, "B"}},
-             arguments.suite);
-  if (!arguments.suite.out.empty()) draw(result, arguments.suite.out);
-  return met;
+  print(figures);
+  promise(figures, targets);
+  return figures;
 }
 
 }  // namespace
 
 void add_soak_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& command =
-      *app.add_subcommand("soak", "an hour of touch and imaging beside clients that misbehave");
+  CLI::App& command = add_suite(app, "soak", "an hour of touch and imaging beside clients that misbehave",
+                                arguments->suite, met, [arguments] {
+                                  return run_suite(
+                                      "soak", arguments->suite,
+                                      [&](Targets& targets) { return measure(*arguments, targets); }, draw);
+                                });
   add_service_options(command, arguments->service);
   command.add_option("--pid", arguments->pid,
                      "process of the service, on this machine: its resident memory is looked at instead of "
@@ -363,8 +374,6 @@ void add_soak_suite(CLI::App& app, bool& met) {
   command.add_option("--finish-within-s", arguments->finish_within_s, "the deadline, after the last RF byte")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  add_common_options(command, arguments->suite);
-  command.callback([arguments, &met] { met = run(*arguments); });
 }
 
 }  // namespace teletact::bench

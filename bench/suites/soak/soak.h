@@ -16,21 +16,24 @@
 
 namespace teletact::bench::soak {
 
-// How calls of one client ended, by the canonical code's name. Thread-safe.
+// How calls ended, by the canonical code's name.
+using Ends = std::map<std::string, std::uint64_t>;
+
+// Of one client. Thread-safe.
 class Statuses {
  public:
   void add(const std::string& code) {
     const std::lock_guard lock(mutex_);
     ++counts_[code];
   }
-  std::map<std::string, std::uint64_t> counts() const {
+  Ends counts() const {
     const std::lock_guard lock(mutex_);
     return counts_;
   }
 
  private:
   mutable std::mutex mutex_;
-  std::map<std::string, std::uint64_t> counts_;
+  Ends counts_;
 };
 
 // What is said to every client that images: while it is set, none begins a window.
@@ -66,44 +69,21 @@ class FairImager {
 };
 
 // A client of its own name that does one thing wrong, over and over, until it goes out of scope.
-class Rogue {
- public:
-  virtual ~Rogue() = default;
-  const Statuses& statuses() const { return statuses_; }
-
- protected:
-  Statuses statuses_;
-  std::atomic<bool> stop_{false};
+struct Rogue {
+  Statuses statuses;
+  std::atomic<bool> stop{false};
+  std::vector<std::jthread> threads;  // joined first
+  ~Rogue() { stop = true; }
 };
 
 // As many long calls as it is given, alternating the largest strain.
-class Greedy final : public Rogue {
- public:
-  Greedy(const Service&, std::string scene_id, const std::vector<client::FramePair>& pairs, const Pause&);
-  ~Greedy() override;
-
- private:
-  std::vector<std::thread> threads_;
-};
-
+std::unique_ptr<Rogue> start_greedy(const Service&, const std::string& scene_id,
+                                    const std::vector<client::FramePair>& pairs, const Pause&);
 // Touches, watches and uploads, and reads nothing of what comes back.
-class NeverReading final : public Rogue {
- public:
-  NeverReading(const Service&, std::string scene_id, const client::FramePair& pair);
-  ~NeverReading() override;
-
- private:
-  std::thread thread_;
-};
-
+std::unique_ptr<Rogue> start_never_reading(const Service&, const std::string& scene_id,
+                                           const client::FramePair& pair);
 // Its connection is reset every second, with a touch, a watch and half an upload going on.
-class Dying final : public Rogue {
- public:
-  Dying(const Service&, std::string scene_id, const client::FramePair& pair);
-  ~Dying() override;
-
- private:
-  std::thread thread_;
-};
+std::unique_ptr<Rogue> start_dying(const Service&, const std::string& scene_id,
+                                   const client::FramePair& pair);
 
 }  // namespace teletact::bench::soak

@@ -8,7 +8,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <set>
 
+#include "bench/basics/median.h"
+#include "bench/curves.h"
 #include "bench/stability/parallel.h"
 #include "bench/stability/passivity_border.h"
 #include "bench/stability/servo_period.h"
@@ -18,8 +22,6 @@
 
 namespace teletact::bench {
 namespace {
-
-using nlohmann::json;
 
 constexpr double kSoftestNM = 1, kHardestNM = 2e4;
 constexpr double kSweepM = 0.03, kRestS = 2;
@@ -37,7 +39,7 @@ struct Axis {
   void (*set)(TrialOptions&, double);
 };
 
-std::vector<Axis> axes(bool quick) {
+std::vector<Axis> axes_of(bool quick) {
   std::vector<Axis> all{
       {"force_delay_s",
        {0, 0.001, 0.005, 0.014, 0.05, 0.15, 0.3},
@@ -87,7 +89,25 @@ double border_n_m(TrialOptions t, Verdict allowed) {
   return std::exp(low);
 }
 
-json chart(const TrialOptions& at, const Axis& axis, double value) {
+struct Row {
+  std::string axis;
+  double value = 0;
+  std::string renderer;
+  double update_s = 0, stable_n_m = 0, bounded_n_m = 0, colgate_n_m = 0;
+  double quantisation_n_m = 0;  // NaN for a display without resolution
+  std::string verdict_at_400_n_m{};
+  double generated_j_at_400_n_m = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Row, axis, value, renderer, update_s, stable_n_m, bounded_n_m, colgate_n_m,
+                                   quantisation_n_m, verdict_at_400_n_m, generated_j_at_400_n_m)
+struct Figures {
+  std::string device = base().device.name;
+  double damping_n_s_m = base().damping_n_s_m;
+  std::vector<Row> rows{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, device, damping_n_s_m, rows)
+
+Row chart(const TrialOptions& at, const Axis& axis, double value) {
   TrialOptions t = at;
   const double stable = border_n_m(t, Verdict::kStable);
   const double bounded = std::max(border_n_m(t, Verdict::kLimitCycle), stable);
@@ -97,28 +117,24 @@ json chart(const TrialOptions& at, const Axis& axis, double value) {
   const bool local = t.renderer.rfind("kalman", 0) == 0;
   const double period_s = local ? kServoS : t.update_s;
   const double delay_s = t.force_delay_s + (local ? 0 : t.model_delay_s);
-  json row{{"axis", axis.name},
-           {"value", value},
-           {"renderer", t.renderer},
-           {"update_s", t.update_s},
-           {"stable_n_m", stable},
-           {"bounded_n_m", bounded},
-           {"colgate_n_m", t.damping_n_s_m / colgate_border_n_s_m(1, period_s, delay_s)},
-           {"verdict_at_400_n_m", to_string(felt.verdict)},
-           {"generated_j_at_400_n_m", felt.generated_j}};
-  if (t.device.resolution_m > 0)
-    row["quantisation_n_m"] =
-        std::min(2 * t.damping_n_s_m / period_s, 2 * t.device.friction_n / t.device.resolution_m);
-  return row;
+  const double colgate = t.damping_n_s_m / colgate_border_n_s_m(1, period_s, delay_s);
+  const double quantisation =
+      t.device.resolution_m > 0
+          ? std::min(2 * t.damping_n_s_m / period_s, 2 * t.device.friction_n / t.device.resolution_m)
+          : kNan;
+  return {axis.name,       value,        t.renderer,
+          t.update_s,      stable,       bounded,
+          colgate,         quantisation, to_string(felt.verdict),
+          felt.generated_j};
 }
 
-json measure(bool quick, std::vector<Target>& targets) {
+Figures measure(bool quick, Targets& targets) {
   struct Point {
     TrialOptions trial;
     const Axis* axis;
     double value;
   };
-  const std::vector<Axis> all_axes = axes(quick);
+  const std::vector<Axis> all_axes = axes_of(quick);
   std::vector<Point> points;
   for (const Axis& axis : all_axes)
     for (const double value : axis.values)
@@ -129,27 +145,27 @@ json measure(bool quick, std::vector<Target>& targets) {
           points.back().trial.update_s = update_s;
           axis.set(points.back().trial, value);
         }
-  std::vector<json> rows(points.size());
+  Figures figures;
+  std::vector<Row>& rows = figures.rows;
+  rows.resize(points.size());
   in_parallel(points.size(),
               [&](std::size_t n) { rows[n] = chart(points[n].trial, *points[n].axis, points[n].value); });
   // Colgate's bound is sufficient: a held force inside of it may not shake.
-  const auto passive_unstable = std::count_if(rows.begin(), rows.end(), [](const json& row) {
-    return row["renderer"] == "hold" && row["stable_n_m"] < row["colgate_n_m"];
+  const auto passive_unstable = std::count_if(rows.begin(), rows.end(), [](const Row& row) {
+    return row.renderer == "hold" && row.stable_n_m < row.colgate_n_m;
   });
   std::printf("\nborders of stability at %s, 0.5 N s/m, no delays: update (ms), then N/m by renderer\n",
-              base().device.name.c_str());
+              figures.device.c_str());
   for (const double update_s : periods_s(quick)) {
     std::printf("  %5.0f", 1e3 * update_s);
-    for (const std::string& renderer : client::renderer_names())
-      for (const json& row : rows)
-        if (row["axis"] == "force_delay_s" && row["value"] == 0 && row["renderer"] == renderer &&
-            row["update_s"] == update_s)
-          std::printf("  %s %.0f", renderer.c_str(), row["stable_n_m"].get<double>());
+    for (const Row& row : rows)
+      if (row.axis == "force_delay_s" && row.value == 0 && row.update_s == update_s)
+        std::printf("  %s %.0f", row.renderer.c_str(), row.stable_n_m);
     std::printf("\n");
   }
   targets.push_back(
-      {"chart: hold not stable although inside Colgate's bound", double(passive_unstable), 0, "points"});
-  return {{"device", base().device.name}, {"damping_n_s_m", base().damping_n_s_m}, {"rows", rows}};
+      {"points_where_hold_is_not_stable_inside_colgates_bound", double(passive_unstable), 0, "points"});
+  return figures;
 }
 
 std::string value_name(const std::string& axis, double value) {
@@ -163,56 +179,44 @@ std::string value_name(const std::string& axis, double value) {
 }
 
 // One picture per axis: rows of values, columns of renderers; green stable, yellow limit cycle, red unstable.
-void draw_axis(const json& figures, const Axis& axis, const std::filesystem::path& file) {
+void draw_axis(const Figures& figures, const std::string& axis, const std::vector<double>& values,
+               const std::filesystem::path& file) {
   const auto& names = client::renderer_names();
   std::string script = fmt::format(
       "set terminal pngcairo size 1400,{}  font 'sans,9'\nset output '{}'\nset multiplot layout {},{} title "
       "'stable (green), limit cycle (yellow), unstable (red); black: Colgate with delay, blue: friction and "
-      "quantisation'\nset logscale xy\nset xrange [1:500]\nset yrange [{}:{}]\nset xlabel 'update (ms)'\nset "
-      "ylabel 'stiffness (N/m)'\nunset key\n",
-      260 * axis.values.size() + 40, file.string(), axis.values.size(), names.size(), kSoftestNM, kHardestNM);
-  for (const double value : axis.values)
+      "quantisation'\nset logscale xy\nset xrange [1:500]\nset yrange [{}:{}]\nunset key\n",
+      260 * values.size() + 40, file.string(), values.size(), names.size(), kSoftestNM, kHardestNM);
+  for (const double value : values)
     for (const std::string& renderer : names) {
       script += "$region << EOD\n";
-      for (const json& row : figures["rows"])
-        if (row["axis"] == axis.name && row["value"] == value && row["renderer"] == renderer)
-          script += fmt::format(
-              "{} {} {} {} {}\n", 1e3 * row["update_s"].get<double>(), row["stable_n_m"].get<double>(),
-              row["bounded_n_m"].get<double>(), row["colgate_n_m"].get<double>(),
-              row.contains("quantisation_n_m") ? fmt::format("{}", row["quantisation_n_m"].get<double>())
-                                               : "NaN");
-      script += fmt::format(
-          "EOD\nset title '{0}, {1}'\nplot $region using 1:({2}):({3}) with filledcurves fc rgb '#f4b6b0', "
-          "$region "
-          "using 1:({2}):3 with filledcurves fc rgb '#f7e6a1', $region using 1:({2}):2 with filledcurves fc "
-          "rgb "
-          "'#b7dfb4', $region using 1:4 with lines lw 2 lc rgb 'black', $region using 1:5 with lines lw 2 dt "
-          "2 lc "
-          "rgb '#3050c0'\n",
-          renderer, value_name(axis.name, value), kSoftestNM, kHardestNM);
+      for (const Row& row : figures.rows)
+        if (row.axis == axis && row.value == value && row.renderer == renderer)
+          script += fmt::format("{} {} {} {} {}\n", 1e3 * row.update_s, row.stable_n_m, row.bounded_n_m,
+                                row.colgate_n_m, row.quantisation_n_m);
+      script += "EOD\n" + axes(renderer + ", " + value_name(axis, value), "update (ms)", "stiffness (N/m)") +
+                fmt::format(
+                    "plot $region using 1:({0}):({1}) with filledcurves fc rgb '#f4b6b0', "
+                    "$region using 1:({0}):3 with filledcurves fc rgb '#f7e6a1', "
+                    "$region using 1:({0}):2 with filledcurves fc rgb '#b7dfb4', "
+                    "$region using 1:4 with lines lw 2 lc rgb 'black', "
+                    "$region using 1:5 with lines lw 2 dt 2 lc rgb '#3050c0'\n",
+                    kSoftestNM, kHardestNM);
     }
   plot(file, script + "unset multiplot\n");
 }
 
-void draw(const json& figures, const std::string& folder) {
-  for (Axis axis : axes(false)) {
-    std::vector<double> charted;
-    for (const double value : axis.values)
-      for (const json& row : figures["rows"])
-        if (row["axis"] == axis.name && row["value"] == value) {
-          charted.push_back(value);
-          break;
-        }
-    axis.values = charted;
-    if (!charted.empty())
-      draw_axis(figures, axis, std::filesystem::path(folder) / fmt::format("stability_{}.png", axis.name));
-  }
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  std::map<std::string, std::set<double>> charted;
+  for (const Row& row : figures.rows) charted[row.axis].insert(row.value);
+  for (const auto& [axis, values] : charted)
+    draw_axis(figures, axis, {values.begin(), values.end()}, folder / fmt::format("stability_{}.png", axis));
 }
 
 }  // namespace
 
-StabilityPart stability_chart() {
-  return {"chart", measure, draw};
+Part stability_chart() {
+  return make_part("chart", measure, draw);
 }
 
 }  // namespace teletact::bench

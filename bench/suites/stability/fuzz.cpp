@@ -6,56 +6,44 @@
 #include "bench/suites/stability/stability.h"
 
 namespace teletact::bench {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FuzzShares, renderer, cases, hostile_answers, hostile_readings, non_zero,
+                                   slew_limited, at_largest, fading, silent, after_no_number, non_zero_after)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FuzzResult, cases, not_finite, too_large, too_fast, above_cap, grown,
+                                   in_silence, renderers)
+
 namespace {
 
-using nlohmann::json;
-
-json shares(const FuzzShares& one, std::vector<Target>& targets) {
+void promise(const FuzzShares& one, Targets& targets) {
   const double non_zero = one.share(one.non_zero), slewed = one.share(one.slew_limited);
   const double largest = one.share(one.at_largest);
   std::printf("  %-13s force in %.3f of them, slew-limited %.4f, F_max %.4f\n", one.renderer.c_str(),
               non_zero, slewed, largest);
   const auto least = [&](const char* what, double value, double least) {
-    targets.push_back({"fuzzed answers, " + one.renderer + ": " + what, value, least, "of ticks", false});
+    targets.push_back({snake_case("fuzzed " + one.renderer + " " + what), value, least, "of ticks", false});
   };
-  least("a force is written", non_zero, FuzzShares::kNonZeroLeast);
+  least("with a force", non_zero, FuzzShares::kNonZeroLeast);
   least("slew-limited", slewed, FuzzShares::kSlewLimitedLeast);
-  least("at F_max", largest, FuzzShares::kAtLargestLeast);
-  least("a force again after a position that was no number", one.again(), FuzzShares::kAgainLeast);
-  least("a force while not ENABLED", one.share(one.fading), FuzzShares::kFadingLeast);
-  least("silence past every limit", one.share(one.silent), FuzzShares::kSilentLeast);
-  return {{"renderer", one.renderer},
-          {"cases", one.cases},
-          {"hostile_answers", one.hostile_answers},
-          {"hostile_readings", one.hostile_readings},
-          {"non_zero", one.non_zero},
-          {"slew_limited", one.slew_limited},
-          {"at_largest", one.at_largest},
-          {"fading", one.fading},
-          {"silent", one.silent},
-          {"after_no_number", one.after_no_number},
-          {"non_zero_after", one.non_zero_after}};
+  least("at the largest force", largest, FuzzShares::kAtLargestLeast);
+  least("with a force after a position that was no number", one.again(), FuzzShares::kAgainLeast);
+  least("with a force while not enabled", one.share(one.fading), FuzzShares::kFadingLeast);
+  least("in silence past every limit", one.share(one.silent), FuzzShares::kSilentLeast);
 }
 
-json measure(bool quick, std::vector<Target>& targets) {
+FuzzResult measure(bool quick, Targets& targets) {
   const FuzzResult result = fuzz_forces(quick ? 400'000 : 4'000'000, 5);
   std::printf("\nfuzzed answers: %zu servo ticks, %zu violations\n", result.cases, result.violations());
-  targets.push_back(
-      {"fuzzed answers: forces not finite, above F_max or the stiffness cap, past the slew, growing "
-       "while not ENABLED, or in silence",
-       double(result.violations()), 0, "cases"});
-  json renderers = json::array();
-  for (const FuzzShares& one : result.renderers) renderers.push_back(shares(one, targets));
-  return {{"cases", result.cases},           {"not_finite", result.not_finite},
-          {"too_large", result.too_large},   {"too_fast", result.too_fast},
-          {"above_cap", result.above_cap},   {"grown", result.grown},
-          {"in_silence", result.in_silence}, {"renderers", renderers}};
+  // Forces not finite, above F_max or the stiffness cap, past the slew, growing while not ENABLED, in
+  // silence.
+  targets.push_back({"fuzzed_ticks_that_violate_a_bound", double(result.violations()), 0, "ticks"});
+  for (const FuzzShares& one : result.renderers) promise(one, targets);
+  return result;
 }
 
 }  // namespace
 
-StabilityPart stability_fuzz() {
-  return {"fuzz", measure, nullptr};
+Part stability_fuzz() {
+  return make_part("fuzz", measure);
 }
 
 }  // namespace teletact::bench

@@ -10,9 +10,11 @@
 #include "client/render/renderers.h"
 
 namespace teletact::bench {
-namespace {
 
-using nlohmann::json;
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LiftResult, in_air_n, largest_n, stored_j, given_j, over_allowed,
+                                   degraded_share, damping_share, enabled_share)
+
+namespace {
 
 constexpr double kLateS = 0.02;
 // A harder model is given as the mechanism's damping pays for it (T5.4b), which is left out here.
@@ -86,37 +88,38 @@ struct Tally {
   }
 };
 
-json measure(bool quick, std::vector<Target>& targets) {
+struct Row {
+  std::string device, renderer, scene;
+  double stiffness_n_m = 0, update_s = 0, model_delay_s = 0;
+  bool damping_known = false;
+  std::string hand, motion;
+  double lift_m_s = 0;
+  bool honest = false;
+  LiftResult result{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Row, device, renderer, scene, stiffness_n_m, update_s, model_delay_s,
+                                   damping_known, hand, motion, lift_m_s, honest, result)
+struct Figures {
+  std::vector<Row> rows;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, rows)
+
+Figures measure(bool quick, Targets& targets) {
   const std::vector<LiftOptions> all = trials(quick);
   std::vector<LiftResult> results(all.size());
   in_parallel(all.size(), [&](std::size_t n) { results[n] = run_lift(all[n]); });
   Tally all_of_them, honest_ones;
   std::map<std::string, Tally> by_renderer;
-  json rows = json::array();
+  Figures figures;
   for (std::size_t n = 0; n < all.size(); ++n) {
     const LiftOptions& t = all[n];
     const LiftResult& r = results[n];
     all_of_them.add(t, r);
     if (honest(t)) honest_ones.add(t, r);
     by_renderer[t.renderer + (honest(t) || t.renderer.rfind("kalman", 0) != 0 ? "" : ", sliding")].add(t, r);
-    rows.push_back({{"device", t.device.name},
-                    {"renderer", t.renderer},
-                    {"scene", t.scene == Scene::kHomogeneous ? "homogeneous" : "inclusions"},
-                    {"stiffness_n_m", t.stiffness_n_m},
-                    {"update_s", t.update_s},
-                    {"model_delay_s", t.model_delay_s},
-                    {"damping_known", t.damping_known},
-                    {"hand", t.hand == nullptr ? "none" : t.hand->name},
-                    {"motion", t.motion == LiftMotion::kTap ? "tap" : "lift"},
-                    {"lift_m_s", t.lift_m_s},
-                    {"honest", honest(t)},
-                    {"in_air_n", r.in_air_n},
-                    {"largest_n", r.largest_n},
-                    {"stored_j", r.stored_j},
-                    {"given_j", r.given_j},
-                    {"over_allowed", r.over_allowed},
-                    {"degraded_share", r.degraded_share},
-                    {"damping_share", r.damping_share}});
+    figures.rows.push_back({t.device.name, t.renderer, to_string(t.scene), t.stiffness_n_m, t.update_s,
+                            t.model_delay_s, t.damping_known, t.hand == nullptr ? "none" : t.hand->name,
+                            t.motion == LiftMotion::kTap ? "tap" : "lift", t.lift_m_s, honest(t), r});
   }
   std::printf("\npresses to the largest force, lifted at up to 0.5 m/s and tapped at 3 Hz\n");
   for (const auto& [name, t] : by_renderer)
@@ -125,22 +128,21 @@ json measure(bool quick, std::vector<Target>& targets) {
         "of K T/2; DEGRADED %zu, damped %zu, not ENABLED throughout %zu\n",
         name.c_str(), t.trials, t.in_air, t.most_in_air_n, 1e3 * t.most_given_j, t.most_given, t.degraded,
         t.damped, t.lost);
-  targets.push_back(
-      {"lifts and taps from the largest force: a force in the air", all_of_them.most_in_air_n, 0, "N"});
-  targets.push_back({"lifts and taps, by a model: most given back beyond what was put in",
+  targets.push_back({"lifts_and_taps_largest_force_in_the_air", all_of_them.most_in_air_n, 0, "N"});
+  targets.push_back({"lifts_and_taps_by_a_model_most_given_back_beyond_what_was_put_in",
                      honest_ones.most_given, kOverAllowed, "of K T/2"});
-  targets.push_back({"lifts and taps, by a model: DEGRADED", double(honest_ones.degraded), 0, "trials"});
+  targets.push_back({"lifts_and_taps_by_a_model_degraded", double(honest_ones.degraded), 0, "trials"});
   targets.push_back(
-      {"lifts and taps, by a model: not ENABLED throughout", double(honest_ones.lost), 0, "trials"});
+      {"lifts_and_taps_by_a_model_not_enabled_throughout", double(honest_ones.lost), 0, "trials"});
   targets.push_back(
-      {"lifts and taps: the force reached, over the largest", honest_ones.most_force, 0.999, "", false});
-  return {{"rows", rows}};
+      {"lifts_and_taps_force_reached_over_the_largest", honest_ones.most_force, 0.999, "", false});
+  return figures;
 }
 
 }  // namespace
 
-StabilityPart stability_lift() {
-  return {"lift", measure, nullptr};
+Part stability_lift() {
+  return make_part("lift", measure);
 }
 
 }  // namespace teletact::bench

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <deque>
 
+#include "bench/curves.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/tissue.h"
 #include "bench/stability/trial.h"
@@ -19,7 +20,6 @@ namespace teletact::bench {
 namespace {
 
 using client::ForceSample;
-using nlohmann::json;
 
 // The first is worse than any (T5.7): light, stiff, and dissipates nothing.
 const std::vector<HandProfile>& hands() {
@@ -98,10 +98,21 @@ double border_share(Press press) {
   return high;
 }
 
-json measure(bool quick, std::vector<Target>& targets) {
+struct Row {
+  std::string hand;
+  double stiffness_n_m = 0, update_s = 0, model_delay_s = 0, border_n_s_m = 0, bound_n_s_m = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Row, hand, stiffness_n_m, update_s, model_delay_s, border_n_s_m,
+                                   bound_n_s_m)
+struct Figures {
+  std::vector<Row> rows;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, rows)
+
+Figures measure(bool quick, Targets& targets) {
   const std::vector<double> stiffnesses =
       quick ? std::vector<double>{800} : std::vector<double>{100, 200, 400, 800, 1600};
-  json rows = json::array();
+  Figures figures;
   double worst = 0;
   std::printf(
       "\nposition display: damping that is needed over the bound, most over tissue of %.0f to %.0f N/m\n",
@@ -114,46 +125,38 @@ json measure(bool quick, std::vector<Target>& targets) {
           const double share = border_share({hand, stiffness_n_m, update_s, delay_s});
           most = std::max(most, share);
           const double bound_n_s_m = client::coupling_damping_n_s_m(stiffness_n_m, kServoS);
-          rows.push_back({{"hand", hand.name},
-                          {"stiffness_n_m", stiffness_n_m},
-                          {"update_s", update_s},
-                          {"model_delay_s", delay_s},
-                          {"border_n_s_m", share * bound_n_s_m},
-                          {"bound_n_s_m", bound_n_s_m}});
+          figures.rows.push_back(
+              {hand.name, stiffness_n_m, update_s, delay_s, share * bound_n_s_m, bound_n_s_m});
         }
     std::printf("  %.3f  %s\n", most, hand.name);
     worst = std::max(worst, most);
   }
-  targets.push_back({"position display: damping that is needed, over the coupling's", worst, 1, ""});
-  return {{"rows", rows}};
+  targets.push_back({"position_display_damping_needed_over_the_couplings", worst, 1});
+  return figures;
 }
 
-void draw(const json& figures, const std::string& folder) {
-  std::string script, curves;
-  for (std::size_t k = 0; k < hands().size(); ++k) {
-    script += fmt::format("$hand{} << EOD\n", k);
-    for (const json& row : figures["rows"])
-      if (row["hand"] == hands()[k].name)
-        script +=
-            fmt::format("{} {}\n", row["stiffness_n_m"].get<double>(), row["border_n_s_m"].get<double>());
-    script += "EOD\n";
-    curves += fmt::format(", $hand{} with points pt 7 lc {} title 'hand: {}'", k, k + 1, hands()[k].name);
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  std::vector<Curve> curves;
+  for (const Row& row : figures.rows) {
+    const std::string title = "hand: " + row.hand;
+    if (curves.empty() || curves.back().title != title) curves.push_back({.title = title, .line = false});
+    curves.back().add(row.stiffness_n_m, row.border_n_s_m);
   }
-  plot(std::filesystem::path(folder) / "stability_position.png",
-       script +
-           fmt::format(
-               "bound(k) = {} + {} * k\n", client::coupling_damping_n_s_m(0, kServoS),
-               client::coupling_damping_n_s_m(1, kServoS) - client::coupling_damping_n_s_m(0, kServoS)) +
-           "set title 'A display that commands a position: damping of the virtual tool'\nset logscale xy\n"
-           "set xlabel 'tissue (N/m)'\nset ylabel 'damping (N s/m)'\nset key bottom right\n"
-           "plot bound(x) with lines lw 2 lc rgb 'black' title 'the coupling damps by'" +
-           curves + "\n");
+  const double at_rest = client::coupling_damping_n_s_m(0, kServoS),
+               more = client::coupling_damping_n_s_m(1, kServoS) - at_rest;
+  plot(folder / "stability_position.png",
+       script_of(curves,
+                 "set logscale xy\nset key bottom right\n" +
+                     axes("A display that commands a position: damping of the virtual tool", "tissue (N/m)",
+                          "damping (N s/m)"),
+                 fmt::format(", {} + {} * x with lines lw 2 lc rgb 'black' title 'the coupling damps by'",
+                             at_rest, more)));
 }
 
 }  // namespace
 
-StabilityPart stability_position() {
-  return {"position", measure, draw};
+Part stability_position() {
+  return make_part("position", measure, draw);
 }
 
 }  // namespace teletact::bench

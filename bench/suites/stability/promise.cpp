@@ -13,16 +13,20 @@
 #include <cstdio>
 #include <map>
 
+#include "bench/curves.h"
 #include "bench/stability/parallel.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability/stability.h"
 
 namespace teletact::bench {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TrialResult, swing_m, generated_j, stored_j, drawdown, force_error,
+                                   exact_law_error, exact_tangent_error, degraded_share, damping_share)
+
 namespace {
 
 using client::DeviceProfile;
-using nlohmann::json;
 
 constexpr double kHeldS = 0.02;
 constexpr double kOfServoBound = 0.9;
@@ -86,26 +90,35 @@ double best_ratio(const TrialResult& result) {
          std::max(std::min(result.exact_law_error, result.exact_tangent_error), kComparedBest);
 }
 
-json describe(const TrialOptions& t, const TrialResult& r) {
-  return {{"device", t.device.name},
-          {"hand", t.hand.name},
-          {"scene", t.scene == Scene::kHomogeneous ? "homogeneous" : "inclusions"},
-          {"stiffness_n_m", t.stiffness_n_m},
-          {"damping_n_s_m", t.damping_n_s_m},
-          {"update_s", t.update_s},
-          {"model_delay_s", t.model_delay_s},
-          {"damping_known", t.damping_known},
-          {"foreseen", t.foreseen},
-          {"verdict", to_string(r.verdict)},
-          {"swing_m", std::isfinite(r.swing_m) ? r.swing_m : -1},
-          {"generated_j", r.generated_j},
-          {"stored_j", r.stored_j},
-          {"drawdown", r.drawdown},
-          {"force_error", r.force_error},
-          {"exact_law_error", r.exact_law_error},
-          {"exact_tangent_error", r.exact_tangent_error},
-          {"degraded_share", r.degraded_share},
-          {"damping_share", r.damping_share}};
+struct Row {
+  std::string device, hand, scene;
+  double stiffness_n_m = 0, damping_n_s_m = 0, update_s = 0, model_delay_s = 0;
+  bool damping_known = false, foreseen = false, within_age_limit = false;
+  std::string verdict;
+  TrialResult result{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Row, device, hand, scene, stiffness_n_m, damping_n_s_m, update_s,
+                                   model_delay_s, damping_known, foreseen, within_age_limit, verdict, result)
+struct Unknown {
+  std::size_t trials = 0;
+  std::vector<Row> failing{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Unknown, trials, failing)
+struct Figures {
+  std::vector<Row> rows;
+  Unknown damping_not_known;
+  std::vector<Row> failures;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, rows, damping_not_known, failures)
+
+bool in_age(const TrialOptions& t) {
+  return t.model_delay_s <= kLateMostS;
+}
+
+Row describe(const TrialOptions& t, const TrialResult& r) {
+  return {t.device.name,   t.hand.name, to_string(t.scene),   t.stiffness_n_m,
+          t.damping_n_s_m, t.update_s,  t.model_delay_s,      t.damping_known,
+          t.foreseen,      in_age(t),   to_string(r.verdict), r};
 }
 
 bool gives_energy(const TrialResult& r) {
@@ -142,43 +155,41 @@ struct Tally {
   }
 };
 
-void promise(const Tally& t, std::vector<Target>& targets) {
-  targets.push_back({"Kalman with tangent: trials not stable", double(t.not_stable), 0, "trials"});
-  targets.push_back({"Kalman with tangent and controller: most energy generated", t.worst_generated,
-                     kGeneratedMost, "of what it held"});
-  targets.push_back({"Kalman with tangent: force error over the exact model's of the same age", t.worst_law,
-                     kForceErrorMost, ""});
-  targets.push_back({"Kalman with tangent: the same over the better of that and the exact tangent",
-                     t.worst_best, kForceErrorMost, ""});
+void promise(const Tally& t, Targets& targets) {
+  targets.push_back({"kalman_with_tangent_trials_not_stable", double(t.not_stable), 0, "trials"});
+  targets.push_back({"kalman_with_tangent_and_controller_most_energy_generated_over_what_it_held",
+                     t.worst_generated, kGeneratedMost});
+  targets.push_back({"kalman_with_tangent_force_error_over_the_exact_models_of_the_same_age", t.worst_law,
+                     kForceErrorMost});
+  targets.push_back({"kalman_with_tangent_force_error_over_the_better_of_that_and_the_exact_tangent",
+                     t.worst_best, kForceErrorMost});
   targets.push_back(
-      {"Kalman with tangent: trials DEGRADED, answers up to 0.2 s late", double(t.degraded), 0, "trials"});
+      {"kalman_with_tangent_trials_degraded_answers_up_to_0_2_s_late", double(t.degraded), 0, "trials"});
 }
 
 // Where it fails, and that it is said: tissue pressed into of which nothing was told before.
-json measure_failures(bool quick, std::vector<Target>& targets) {
-  json rows = json::array();
+std::vector<Row> measure_failures(bool quick, Targets& targets) {
+  std::vector<Row> rows;
   Tally all;
-  std::size_t failing = 0, unsaid = 0;
+  std::size_t unsaid = 0;
   std::vector<TrialOptions> chosen = trials(quick);
-  std::erase_if(chosen, [](const TrialOptions& t) { return t.model_delay_s > kLateMostS; });
+  std::erase_if(chosen, [](const TrialOptions& t) { return !in_age(t); });
   for (TrialOptions& t : chosen) t.foreseen = false;
   const std::vector<TrialResult> results = run_trials(chosen);
   for (std::size_t n = 0; n < chosen.size(); ++n) {
-    const TrialOptions& t = chosen[n];
     const TrialResult& r = results[n];
     all.add(r);
     const bool felt = errs(r) && r.force_error > kFeltError;
     if (r.verdict == Verdict::kStable && !gives_energy(r) && !felt) continue;
-    ++failing;
     unsaid += r.degraded_share <= 0;
-    rows.push_back(describe(t, r));
+    rows.push_back(describe(chosen[n], r));
   }
   std::printf(
       "  into tissue of which nothing was told: of %zu trials not stable %zu, active %zu, force error "
       "above %.1f of exact %zu; %zu unsaid\n",
       all.trials, all.not_stable, all.active, kForceErrorMost, all.error, unsaid);
-  targets.push_back({"failures (not stable, active, a force missing that is felt) not said as DEGRADED",
-                     double(unsaid), 0, "trials"});
+  // Failures: not stable, active, a force missing that is felt.
+  targets.push_back({"failures_not_said_as_degraded", double(unsaid), 0, "trials"});
   return rows;
 }
 
@@ -191,33 +202,31 @@ void print(const std::string& what, const Tally& t) {
 }
 
 // The same with devices whose maker does not state their damping, as none does: told.
-json measure_unknown(bool quick) {
+Unknown measure_unknown(bool quick) {
   std::vector<TrialOptions> all = trials(quick);
   for (TrialOptions& t : all) t.damping_known = false;
-  std::erase_if(all, [](const TrialOptions& t) { return t.model_delay_s > kLateMostS; });
+  std::erase_if(all, [](const TrialOptions& t) { return !in_age(t); });
   const std::vector<TrialResult> results = run_trials(all);
   Tally tally;
-  json failing = json::array();
+  Unknown out{all.size()};
   for (std::size_t n = 0; n < all.size(); ++n) {
     tally.add(results[n]);
-    if (fails(results[n])) failing.push_back(describe(all[n], results[n]));
+    if (fails(results[n])) out.failing.push_back(describe(all[n], results[n]));
   }
   print("with damping that is there but not known", tally);
-  return {{"trials", tally.trials}, {"failing", failing}};
+  return out;
 }
 
-json measure(bool quick, std::vector<Target>& targets) {
+Figures measure(bool quick, Targets& targets) {
   Tally within, beyond;
   std::map<std::string, Tally> by_pair;
-  json rows = json::array();
+  Figures figures;
   const std::vector<TrialOptions> all = trials(quick);
   const std::vector<TrialResult> results = run_trials(all);
   for (std::size_t n = 0; n < all.size(); ++n) {
-    const bool in_age = all[n].model_delay_s <= kLateMostS;
-    (in_age ? within : beyond).add(results[n]);
-    if (in_age) by_pair[all[n].device.name + ", " + all[n].hand.name].add(results[n]);
-    rows.push_back(describe(all[n], results[n]));
-    rows.back()["within_age_limit"] = in_age;
+    (in_age(all[n]) ? within : beyond).add(results[n]);
+    if (in_age(all[n])) by_pair[all[n].device.name + ", " + all[n].hand.name].add(results[n]);
+    figures.rows.push_back(describe(all[n], results[n]));
   }
   std::printf("\nKalman with tangent where a held 50 Hz force is active\n");
   print("all", within);
@@ -227,43 +236,39 @@ json measure(bool quick, std::vector<Target>& targets) {
               beyond.not_stable);
   promise(within, targets);
   targets.push_back(
-      {"answers 0.3 s late, not said as DEGRADED", double(beyond.trials - beyond.degraded), 0, "trials"});
-  return {{"rows", rows},
-          {"damping_not_known", measure_unknown(quick)},
-          {"failures", measure_failures(quick, targets)}};
+      {"answers_0_3_s_late_not_said_as_degraded", double(beyond.trials - beyond.degraded), 0, "trials"});
+  figures.damping_not_known = measure_unknown(quick);
+  figures.failures = measure_failures(quick, targets);
+  return figures;
 }
 
 // Force error against model age, every trial a point, ours beside the exact models.
-void draw(const json& figures, const std::string& folder) {
-  std::string script;
-  for (const char* scene : {"homogeneous", "inclusions"}) {
-    script += fmt::format("${} << EOD\n", scene);
-    for (const json& row : figures["rows"])
-      if (row["scene"] == scene)
-        script += fmt::format(
-            "{} {} {} {} {}\n", 1e3 * (row["update_s"].get<double>() + row["model_delay_s"].get<double>()),
-            100 * row["force_error"].get<double>(), 100 * row["exact_law_error"].get<double>(),
-            100 * row["exact_tangent_error"].get<double>(), row["within_age_limit"].get<bool>() ? 1 : 0);
-    script += "EOD\n";
-  }
-  script +=
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  std::string script =
       "set multiplot layout 1,2 title 'Force error while exploring at 120 mm/s, through the servo loop'\n"
-      "set xlabel 'largest model age (ms)'\nset ylabel 'RMS force error (%)'\nset key top left\n";
-  for (const char* scene : {"homogeneous", "inclusions"})
-    script += fmt::format(
-        "set title '{0}'\nset yrange [0:{1}]\nplot ${0} using 1:3 with points pt 6 lc rgb '#999999' title "
-        "'exact "
-        "law of that age', ${0} using 1:4 with points pt 8 lc 2 title 'exact tangent of that age', ${0} "
-        "using 1:2 "
-        "with points pt 7 ps 0.6 lc 1 title 'Kalman with tangent'\n",
-        scene, scene == std::string("inclusions") ? 120 : 20);
-  plot(std::filesystem::path(folder) / "stability_force_error.png", script + "unset multiplot\n");
+      "set key top left\n";
+  for (const Scene scene : {Scene::kHomogeneous, Scene::kInclusions}) {
+    Curve law{.title = "exact law of that age", .style = "points pt 6 lc rgb '#999999'"},
+        tangent{.title = "exact tangent of that age", .style = "points pt 8 lc 2"},
+        ours{.title = "Kalman with tangent", .style = "points pt 7 ps 0.6 lc 1"};
+    for (const Row& row : figures.rows) {
+      if (row.scene != to_string(scene)) continue;
+      const double age_ms = 1e3 * (row.update_s + row.model_delay_s);
+      law.add(age_ms, 100 * row.result.exact_law_error);
+      tangent.add(age_ms, 100 * row.result.exact_tangent_error);
+      ours.add(age_ms, 100 * row.result.force_error);
+    }
+    script += script_of({law, tangent, ours},
+                        fmt::format("set yrange [0:{}]\n", scene == Scene::kInclusions ? 120 : 20) +
+                            axes(to_string(scene), "largest model age (ms)", "RMS force error (%)"));
+  }
+  plot(folder / "stability_force_error.png", script + "unset multiplot\n");
 }
 
 }  // namespace
 
-StabilityPart stability_promise() {
-  return {"promise", measure, draw};
+Part stability_promise() {
+  return make_part("promise", measure, draw);
 }
 
 }  // namespace teletact::bench

@@ -6,27 +6,26 @@
 #include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
+#include <future>
 #include <memory>
-#include <thread>
 
+#include "bench/curves.h"
 #include "bench/own_scene.h"
 #include "bench/service.h"
 #include "bench/suite.h"
 #include "bench/touch_client.h"
+#include "client/acquire/estimate_client.h"
 #include "client/link/channel.h"
-#include "teletact/v1/info.grpc.pb.h"
 
 namespace teletact::bench {
 namespace {
 
-using nlohmann::json;
-
 // What a single operator is promised on two processor cores.
 constexpr double kTouchesPerS = 200, kLatencyS = 0.010;
 constexpr double kSlopeTolerance = 2e-2;  // central difference of the energy over 0.2 mm
-constexpr double kConnectWaitS = 5;
 constexpr const char* kOwnScene = "bench-throughput";
 
 struct Arguments {
@@ -82,124 +81,111 @@ LoadOptions load_over(v1::Palpation::Stub& stub, const std::string& scene_id) {
   return load;
 }
 
-json measure(const Arguments& arguments, LoadOptions load, double rate_hz) {
+struct ClientFigures {
+  std::uint64_t poses = 0, answers = 0, without_force = 0;
+  double answers_per_s = 0;
+  Quantiles latency_s;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ClientFigures, poses, answers, without_force, answers_per_s, latency_s)
+struct LoopFigures {
+  double rate_hz_per_client = 0, answers_per_s = 0;
+  std::vector<ClientFigures> clients{};
+  Quantiles latency_s{};
+  std::vector<double> latencies_s{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopFigures, rate_hz_per_client, answers_per_s, clients, latency_s,
+                                   latencies_s)
+struct ServiceFigures {
+  std::string build, api, device, driver_version, grpc;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ServiceFigures, build, api, device, driver_version, grpc)
+struct Figures {
+  ServiceFigures service;
+  unsigned clients = 0;
+  Checked checked;
+  LoopFigures closed_loop, open_loop;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, service, clients, checked, closed_loop, open_loop)
+
+LoopFigures run_clients(const Arguments& arguments, LoadOptions load, double rate_hz) {
   load.rate_hz = rate_hz;
   load.duration_s = arguments.suite.quick ? std::min(1.0, arguments.duration_s) : arguments.duration_s;
-  std::vector<LoadResult> results(arguments.clients);
-  std::vector<std::exception_ptr> failures(arguments.clients);
-  std::vector<std::thread> threads;
+  std::vector<std::future<LoadResult>> clients;
   for (unsigned k = 0; k < arguments.clients; ++k)
-    threads.emplace_back([&, k] {
-      try {
-        results[k] =
-            run_load(client::make_channel(arguments.service.address, arguments.service.tls_ca), load, k);
-      } catch (...) {
-        failures[k] = std::current_exception();
-      }
-    });
-  for (std::thread& thread : threads) thread.join();
-  for (const auto& failure : failures)
-    if (failure) std::rethrow_exception(failure);
-  json out{{"clients", json::array()}, {"rate_hz_per_client", rate_hz}};
-  std::vector<double> all;
-  double answers_per_s = 0;
-  for (const LoadResult& r : results) {
+    clients.push_back(std::async(std::launch::async, [&, k] {
+      return run_load(client::make_channel(arguments.service.address, arguments.service.tls_ca), load, k);
+    }));
+  LoopFigures out{rate_hz};
+  for (auto& running : clients) {
+    const LoadResult r = running.get();
     const double rate = static_cast<double>(r.answers) / r.elapsed_s;
-    answers_per_s += rate;
-    all.insert(all.end(), r.latency_s.begin(), r.latency_s.end());
-    out["clients"].push_back({{"poses", r.poses},
-                              {"answers", r.answers},
-                              {"without_force", r.without_force},
-                              {"answers_per_s", rate},
-                              {"latency_s", quantiles(r.latency_s)}});
+    out.answers_per_s += rate;
+    out.latencies_s.insert(out.latencies_s.end(), r.latency_s.begin(), r.latency_s.end());
+    out.clients.push_back({r.poses, r.answers, r.without_force, rate, quantiles(r.latency_s)});
   }
-  out["answers_per_s"] = answers_per_s;
-  out["latency_s"] = quantiles(all);
-  out["latencies_s"] = std::move(all);
+  out.latency_s = quantiles(out.latencies_s);
   return out;
 }
 
-void draw(const json& result, const std::string& folder) {
-  std::filesystem::create_directories(folder);
-  std::string script;
-  for (const char* loop : {"closed_loop", "open_loop"}) {
-    std::vector<double> latency_s = result.at(loop).at("latencies_s");
-    std::sort(latency_s.begin(), latency_s.end());
-    script += fmt::format("${} << EOD\n", loop);
-    const std::size_t step = std::max<std::size_t>(1, latency_s.size() / 2000);
-    for (std::size_t k = 0; k < latency_s.size(); k += step)
-      script += fmt::format("{:.5f} {:.6f}\n", latency_s[k] * 1e3,
-                            (k + 0.5) / static_cast<double>(latency_s.size()));
-    script += "EOD\n";
-  }
-  plot(std::filesystem::path(folder) / "throughput.png",
-       script +
-           "set logscale x\nset xlabel 'latency (ms)'\nset ylabel 'share of the answers'\nset key bottom "
-           "right\n"
-           "plot $closed_loop with lines lw 2 title 'closed loop', $open_loop with lines lw 2 title 'open "
-           "loop'\n");
+Curve shares_of(const char* title, std::vector<double> latencies_s) {
+  std::sort(latencies_s.begin(), latencies_s.end());
+  Curve curve{.title = title, .style = "lines lw 2"};
+  const std::size_t step = std::max<std::size_t>(1, latencies_s.size() / 2000);
+  for (std::size_t k = 0; k < latencies_s.size(); k += step)
+    curve.add(latencies_s[k] * 1e3, (k + 0.5) / static_cast<double>(latencies_s.size()));
+  return curve;
 }
 
-void print(const char* name, const json& loop) {
-  const json& l = loop["latency_s"];
+void draw(const Figures& figures, const std::filesystem::path& folder) {
+  plot(folder / "throughput.png",
+       script_of({shares_of("closed loop", figures.closed_loop.latencies_s),
+                  shares_of("open loop", figures.open_loop.latencies_s)},
+                 "set logscale x\nset key bottom right\n" +
+                     axes("touches of a running service", "latency (ms)", "share of the answers")));
+}
+
+void print(const char* name, const LoopFigures& loop) {
+  const Quantiles& l = loop.latency_s;
   std::printf("%-12s %8.0f answers/s  latency p50 %.3f ms  p95 %.3f ms  p99 %.3f ms  max %.3f ms\n", name,
-              loop["answers_per_s"].get<double>(), 1e3 * l["p50"].get<double>(), 1e3 * l["p95"].get<double>(),
-              1e3 * l["p99"].get<double>(), 1e3 * l["max"].get<double>());
+              loop.answers_per_s, 1e3 * l.p50, 1e3 * l.p95, 1e3 * l.p99, 1e3 * l.max);
 }
 
-json describe_service(const std::shared_ptr<grpc::Channel>& channel) {
-  v1::GetInfoResponse info;
-  grpc::ClientContext context;
-  const grpc::Status status = v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
-  if (!status.ok()) throw BenchError("GetInfo: " + client::describe(status));
-  return {{"build", info.build()},
-          {"api", info.api_version()},
-          {"device", info.device().name()},
-          {"driver_version", info.device().driver_version()},
-          {"grpc", grpc::Version()}};
+ServiceFigures describe_service(const std::shared_ptr<grpc::Channel>& channel) {
+  const v1::GetInfoResponse info = client::get_info(channel);
+  return {info.build(), info.api_version(), info.device().name(), info.device().driver_version(),
+          grpc::Version()};
 }
 
-bool run(const Arguments& arguments) {
-  if (replotted(arguments.suite, "throughput", draw)) return true;
-  require_named(arguments.service);
-  const auto channel = client::make_channel(arguments.service.address, arguments.service.tls_ca);
-  if (!client::wait_connected(*channel, kConnectWaitS))
-    throw BenchError(client::nobody_answers(arguments.service.address, arguments.service.tls_ca));
-  const auto stub = v1::Palpation::NewStub(channel);
-  json result{
-      {"suite", "throughput"}, {"service", describe_service(channel)}, {"clients", arguments.clients}};
+Figures measure(const Arguments& arguments, Targets& targets) {
+  const auto channel = connect(arguments.service);
+  Figures figures{describe_service(channel), arguments.clients, {}, {}, {}};
   const bool own = arguments.scene_id.empty();
-  const reference::TouchedTissue tissue = own_tissue();
-  if (own) create_own_scene(*stub, kOwnScene, tissue);
-  const LoadOptions load = load_over(*stub, own ? kOwnScene : arguments.scene_id);
-  result["checked"] =
-      own ? json{{"against", "dense reference"},
-                 {"largest_relative_error",
-                  check_against_reference(channel, kOwnScene, tissue, load.indentation_m)}}
-          : json{{"against", "slope of the energy"},
-                 {"largest_relative_error", check_energy_slope(channel, load.scene_id, load)}};
-  std::printf("answers checked against the %s: off by at most %.2g\n",
-              result["checked"]["against"].get<std::string>().c_str(),
-              result["checked"]["largest_relative_error"].get<double>());
-  result["closed_loop"] = measure(arguments, load, 0);
-  print("closed loop", result["closed_loop"]);
-  result["open_loop"] = measure(arguments, load, arguments.open_loop_hz);
-  print("open loop", result["open_loop"]);
-  const bool met =
-      finish(result,
-             {{"closed loop answers", result["closed_loop"]["answers_per_s"], kTouchesPerS, "1/s", false},
-              {"closed loop latency p99", result["closed_loop"]["latency_s"]["p99"], kLatencyS, "s"},
-              {"open loop latency p99", result["open_loop"]["latency_s"]["p99"], kLatencyS, "s"}},
-             arguments.suite);
-  if (!arguments.suite.out.empty()) draw(result, arguments.suite.out);
-  return met;
+  if (own)
+    figures.checked = make_checked_scene(channel, kOwnScene, own_tissue(), LoadOptions{}.indentation_m);
+  const LoadOptions load = load_over(*v1::Palpation::NewStub(channel), own ? kOwnScene : arguments.scene_id);
+  if (!own) figures.checked = {"slope of the energy", check_energy_slope(channel, load.scene_id, load)};
+  std::printf("answers checked against the %s: off by at most %.2g\n", figures.checked.against.c_str(),
+              figures.checked.largest_relative_error);
+  figures.closed_loop = run_clients(arguments, load, 0);
+  print("closed loop", figures.closed_loop);
+  figures.open_loop = run_clients(arguments, load, arguments.open_loop_hz);
+  print("open loop", figures.open_loop);
+  targets = {{"closed_loop_answers", figures.closed_loop.answers_per_s, kTouchesPerS, "1/s", false},
+             {"closed_loop_latency_p99", figures.closed_loop.latency_s.p99, kLatencyS, "s"},
+             {"open_loop_latency_p99", figures.open_loop.latency_s.p99, kLatencyS, "s"}};
+  return figures;
 }
 
 }  // namespace
 
 void add_throughput_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = *app.add_subcommand("throughput", "touches/s and latency of a running service");
+  CLI::App& command = add_suite(app, "throughput", "touches/s and latency of a running service",
+                                arguments->suite, met, [arguments] {
+                                  return run_suite(
+                                      "throughput", arguments->suite,
+                                      [&](Targets& targets) { return measure(*arguments, targets); }, draw);
+                                });
   add_service_options(command, arguments->service);
   command.add_option("--scene", arguments->scene_id, "a scene to touch; without it the suite makes its own");
   command.add_option("--clients", arguments->clients, "touch streams at once")->check(CLI::Range(1, 256));
@@ -210,8 +196,6 @@ void add_throughput_suite(CLI::App& app, bool& met) {
       .add_option("--open-loop-hz", arguments->open_loop_hz, "poses per second and client in the open loop")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  add_common_options(command, arguments->suite);
-  command.callback([arguments, &met] { met = run(*arguments); });
 }
 
 }  // namespace teletact::bench
