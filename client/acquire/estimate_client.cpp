@@ -1,10 +1,11 @@
 #include "client/acquire/estimate_client.h"
 
-#include <algorithm>
 #include <chrono>
 #include <thread>
 
+#include "client/clock/clock.h"
 #include "client/link/channel.h"
+#include "client/link/retry.h"
 #include "teletact/v1/info.grpc.pb.h"
 
 namespace teletact::client {
@@ -12,7 +13,6 @@ namespace {
 
 constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  // the contract's largest chunk
 constexpr auto kCallDeadline = std::chrono::seconds(120);  // a slow device estimates large frames for seconds
-constexpr double kFirstBackoffS = 0.05, kLastBackoffS = 0.5;
 
 using Stream = grpc::ClientReaderWriter<v1::EstimateRequest, v1::EstimateResponse>;
 
@@ -48,11 +48,6 @@ void read_all(Stream& stream, const EstimateCallbacks& callbacks, EstimateOutcom
 
 }  // namespace
 
-std::int64_t monotonic_ns() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
-}
-
 void throw_status(const char* call, const grpc::Status& status) {
   throw ServiceError(status.error_code(), std::string(call) + ": " + describe(status));
 }
@@ -72,7 +67,7 @@ EstimateOutcome EstimateClient::estimate(const v1::Acquisition& acquisition, con
                                          const std::string& post, const EstimateCallbacks& callbacks,
                                          const std::atomic<bool>& stop) {
   const std::int64_t give_up_ns = monotonic_ns() + static_cast<std::int64_t>(retry_for_s_ * 1e9);
-  double backoff_s = kFirstBackoffS;
+  Backoff backoff(0.05, 0.5);
   EstimateOutcome outcome;
   while (true) {
     ++outcome.attempts;
@@ -83,8 +78,7 @@ EstimateOutcome EstimateClient::estimate(const v1::Acquisition& acquisition, con
     if (outcome.attempts == 1 && callbacks.waiting)
       callbacks.waiting("waiting for the service (" + describe(status) + ")");
     if (stop) throw ServiceError(grpc::StatusCode::CANCELLED, "Estimate: stopped");
-    std::this_thread::sleep_for(std::chrono::duration<double>(backoff_s));
-    backoff_s = std::min(2 * backoff_s, kLastBackoffS);
+    std::this_thread::sleep_for(std::chrono::duration<double>(backoff.next_s()));
   }
 }
 

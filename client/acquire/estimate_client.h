@@ -63,7 +63,4 @@ class EstimateClient {
   double retry_for_s_;
 };
 
-// CLOCK_MONOTONIC, ns.
-std::int64_t monotonic_ns();
-
 }  // namespace teletact::client

@@ -4,32 +4,14 @@
 #include <chrono>
 #include <utility>
 
-#include "client/acquire/estimate_client.h"
+#include "client/clock/clock.h"
 #include "client/link/channel.h"
+#include "client/link/retry.h"
 
 namespace teletact::client {
 namespace {
 constexpr auto kReconnectAfter = std::chrono::milliseconds(100);
 constexpr double kExtrapolateAtMostS = 0.1;
-
-// What the same call would meet again; the rest (a link, a service that restarts or has too many callers) may
-// pass.
-bool is_final(const grpc::Status& status) {
-  using enum grpc::StatusCode;
-  switch (status.error_code()) {
-    case INVALID_ARGUMENT:
-    case NOT_FOUND:
-    case ABORTED:  // the scene was deleted
-    case PERMISSION_DENIED:
-    case UNAUTHENTICATED:
-    case UNIMPLEMENTED:
-    case FAILED_PRECONDITION:
-      return true;
-    default:
-      return false;
-  }
-}
-
 }  // namespace
 
 FingerWatch::FingerWatch(std::string address, std::string tls_ca, std::string scene_id)
@@ -54,15 +36,10 @@ FingerMotion FingerWatch::motion(std::int64_t now_ns) const {
   const std::lock_guard lock(mutex_);
   FingerMotion motion = newest_;
   if (motion.present) {
-    const double age_s = std::clamp((now_ns - news_ns_) * 1e-9, 0.0, kExtrapolateAtMostS);
+    const double age_s = std::clamp(seconds(now_ns - news_ns_), 0.0, kExtrapolateAtMostS);
     motion.x_m += motion.velocity_m_s * age_s;
   }
   return motion;
-}
-
-bool FingerWatch::seen() const {
-  const std::lock_guard lock(mutex_);
-  return seen_;
 }
 
 std::optional<std::int64_t> FingerWatch::gone_since_ns() const {
@@ -83,7 +60,7 @@ void FingerWatch::end_dead_streams() {
   constexpr auto kLookEvery = std::chrono::milliseconds(100);
   std::unique_lock lock(mutex_);
   while (!stopped_.wait_for(lock, kLookEvery, [this] { return stopping_; })) {
-    const double silence_s = static_cast<double>(monotonic_ns() - arrived_ns_) * 1e-9;
+    const double silence_s = seconds(monotonic_ns() - arrived_ns_);
     if (context_ && silence_s > kDeadS) context_->TryCancel();  // ends the reader
   }
 }
@@ -112,7 +89,10 @@ bool FingerWatch::read_stream() {
   // A finger that cannot be seen is not away: the session waits for the service to come back.
   newest_.velocity_m_s = 0;
   if (stopping_) return false;
-  if (!is_final(status)) return true;
+  const bool deleted = status.error_code() == grpc::StatusCode::ABORTED;  // the scene
+  // The rest, a link, a service that restarts or has too many callers, may pass.
+  if (!refused_for_good(status) && !deleted && status.error_code() != grpc::StatusCode::FAILED_PRECONDITION)
+    return true;
   failure_ = "WatchFinger: " + describe(status);
   return false;
 }

@@ -31,7 +31,6 @@ class FingerWatch {
   // none).
   FingerMotion motion(std::int64_t now_ns) const;
 
-  bool seen() const;  // a finger has been present at some time
   // Since when the finger has been away (CLOCK_MONOTONIC ns); nothing while it is present or was never there.
   std::optional<std::int64_t> gone_since_ns() const;
   // Why the watch ended for good (no such scene, call refused); empty while it runs or reconnects.

@@ -5,8 +5,6 @@
 // lift. Frames exist only at the ticks of the scanner's frame rate, counted from time 0.
 #pragma once
 
-#include <vector>
-
 namespace teletact::client {
 
 struct ArmLimits {
@@ -20,13 +18,9 @@ struct ArmLimits {
 // Duration (s) of a rest-to-rest move over |distance_m| with a trapezoidal (or triangular) speed profile.
 double move_duration_s(double distance_m, double speed_m_s, double acceleration_m_s2);
 
-// Share of the way, 0 .. 1, done `elapsed_s` after the start of such a move.
-double move_progress(double elapsed_s, double distance_m, double speed_m_s, double acceleration_m_s2);
-
 // When each step of one acquisition ends, seconds on the caller's clock.
 struct ArmSchedule {
   double begin_s = 0;
-  double above_s = 0;    // lateral move ended
   double contact_s = 0;  // probe face on the skin
   double pre_frame_s = 0;
   double compressed_s = 0;
@@ -34,38 +28,23 @@ struct ArmSchedule {
   double lifted_s = 0;  // free for the next move
 };
 
-struct ArmPose {
-  double window_x_m = 0;  // left border of the probe's footprint, scene x
-  double depth_m = 0;     // of the probe face: -lift when lifted, 0 at contact, > 0 in compression
-};
-
 class RobotArm {
  public:
-  // The arm rests lifted at `window_x_m` from time `now_s`. Throws std::invalid_argument on limits <= 0.
+  // The arm rests lifted at `window_x_m`, the left border of the probe's footprint, from time `now_s`. Throws
+  // std::invalid_argument on limits <= 0.
   RobotArm(const ArmLimits& limits, double window_x_m, double now_s);
 
   // Plans the acquisition of the window at `window_x_m` with compression `compression_m` > 0, beginning at
   // `now_s` or when the last one has lifted, whichever is later. Lateral moves are made lifted only.
   ArmSchedule acquire(double window_x_m, double compression_m, double now_s);
 
-  // Where the probe is at `time_s`, over everything planned since the last acquisition began.
-  ArmPose pose(double time_s) const;
-
-  double window_x_m() const { return rest_.window_x_m; }  // after all that is planned
-  double free_s() const { return free_s_; }
+  double free_s() const { return free_s_; }  // when all that is planned has ended
 
  private:
-  struct Move {
-    double begin_s, end_s;
-    ArmPose from, to;
-  };
-  void move_to(const ArmPose& target, double begin_s);
   double next_frame_s(double not_before_s) const;
 
   ArmLimits limits_;
-  ArmPose rest_;   // at the end of the last planned move
-  double free_s_;  // when that is
-  std::vector<Move> moves_;
+  double window_x_m_, free_s_;  // at the end of the last planned move, and when that is
 };
 
 }  // namespace teletact::client

@@ -163,9 +163,9 @@ bool AcquireSession::finished(std::int64_t begin_ns) {
   const std::string failure = finger_.failure();
   if (!failure.empty()) throw ServiceError(grpc::StatusCode::ABORTED, failure);
   const std::int64_t now = monotonic_ns();
-  if (options_.duration_s > 0 && (now - begin_ns) * 1e-9 >= options_.duration_s) return true;
+  if (options_.duration_s > 0 && seconds(now - begin_ns) >= options_.duration_s) return true;
   const auto gone = finger_.gone_since_ns();
-  return options_.until_finger_leaves && gone && (now - *gone) * 1e-9 >= options_.finger_gone_s;
+  return options_.until_finger_leaves && gone && seconds(now - *gone) >= options_.finger_gone_s;
 }
 
 bool AcquireSession::idle() {

@@ -22,6 +22,7 @@
 #include "client/acquire/frame_source.h"
 #include "client/acquire/robot_arm.h"
 #include "client/acquire/window_planner.h"
+#include "client/clock/clock.h"
 #include "teletact/v1/recording.pb.h"
 
 namespace teletact::client {
@@ -88,7 +89,7 @@ class AcquireSession {
   bool idle();
   void rethrow_failure();
   std::vector<WindowKnowledge> knowledge();
-  double now_s() const { return (monotonic_ns() - epoch_ns_) * 1e-9; }
+  double now_s() const { return seconds(monotonic_ns() - epoch_ns_); }
   void sleep_until(double time_s, const std::atomic<bool>& stop) const;
 
   FrameSource& source_;

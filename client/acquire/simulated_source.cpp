@@ -1,12 +1,10 @@
 #include "client/acquire/simulated_source.h"
 
 #include <algorithm>
-#include <atomic>
-#include <exception>
 #include <mutex>
 #include <stdexcept>
-#include <thread>
 
+#include "client/patient/parallel.h"
 #include "client/patient/rf.h"
 
 namespace teletact::client {
@@ -52,29 +50,17 @@ SimulatedSource::SimulatedSource(const Patient& patient, std::size_t passes, uns
       windows_(static_cast<std::size_t>(patient.tissue().width_m / patient.tissue().probe.width_m + 1e-6)) {
   if (windows_.empty()) throw std::invalid_argument("the tissue is narrower than the probe");
   if (passes == 0) throw std::invalid_argument("at least one pass must be prepared");
-  std::atomic<std::size_t> next{0};
-  std::mutex mutex;  // guards `done` and `failure`
+  std::mutex mutex;  // guards `done`
   std::size_t done = 0;
-  std::exception_ptr failure;
-  const auto work = [&] {
-    for (std::size_t k = next++; k < windows_.size(); k = next++) {
-      try {
+  in_parallel(
+      windows_.size(),
+      [&](std::size_t k) {
         simulate(patient, k, passes);
         const std::lock_guard lock(mutex);
         ++done;
         if (progress) progress(done, windows_.size());
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        failure = std::current_exception();
-        return;
-      }
-    }
-  };
-  std::vector<std::thread> workers;
-  const unsigned count = threads > 0 ? threads : std::max(1u, std::thread::hardware_concurrency());
-  for (unsigned i = 0; i < count; ++i) workers.emplace_back(work);
-  for (std::thread& worker : workers) worker.join();
-  if (failure) std::rethrow_exception(failure);
+      },
+      threads);
 }
 
 void SimulatedSource::simulate(const Patient& patient, std::size_t window, std::size_t passes) {

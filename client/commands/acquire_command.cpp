@@ -12,12 +12,14 @@
 
 #include "client/acquire/session.h"
 #include "client/acquire/simulated_source.h"
+#include "client/clock/clock.h"
 #include "client/commands/commands.h"
 #include "client/commands/modulus_options.h"
 #include "client/files/different_files.h"
 #include "client/files/file_io.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
+#include "client/link/scenes.h"
 #include "client/servo/ending.h"
 
 namespace teletact::client {
@@ -54,10 +56,7 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
   if (status.error_code() == grpc::StatusCode::INVALID_ARGUMENT)
     throw CommandError(with_flags(status.error_message(), {{"scene_id", "--scene " + scene_id}}));
   if (status.error_code() != grpc::StatusCode::ALREADY_EXISTS) throw_status("CreateScene", status);
-  v1::GetSceneRequest get;
-  get.set_scene_id(scene_id);
-  grpc::ClientContext again;
-  if (const grpc::Status got = palpation.GetScene(&again, get, &scene); !got.ok())
+  if (const grpc::Status got = get_scene(palpation, scene_id, v1::SCENE_VIEW_BASIC, scene); !got.ok())
     throw_status("GetScene", got);
   for (int axis = 0; axis < 2; ++axis)
     if (scene.geometry().size_m_size() < 2 ||
@@ -84,42 +83,24 @@ class Recorder {
     writer_.emplace(arguments.record_path, header);
   }
   void request(std::uint32_t call, const v1::EstimateRequest& request) {
-    if (!with_rf_) return;
-    v1::RecordEntry entry;
-    *entry.mutable_estimate_request() = request;
-    append(call, std::move(entry));
+    if (with_rf_) append(call, request);
   }
   void response(std::uint32_t call, const v1::EstimateResponse& response) {
     if (response.has_map() && !with_rf_) return;  // maps belong to a recording that can be replayed
-    v1::RecordEntry entry;
-    *entry.mutable_estimate_response() = response;
-    append(call, std::move(entry));
+    append(call, response);
   }
-  void window(std::uint32_t call, const v1::WindowTiming& timing) {
-    v1::RecordEntry entry;
-    *entry.mutable_window() = timing;
-    append(call, std::move(entry));
-  }
-  void info(const v1::GetInfoResponse& info) {
-    v1::RecordEntry entry;
-    *entry.mutable_info() = info;
-    append(0, std::move(entry));
-  }
+  void window(std::uint32_t call, const v1::WindowTiming& timing) { append(call, timing); }
+  void info(const v1::GetInfoResponse& info) { append(0, info); }
   void close(const v1::Scene& scene) {
-    if (!writer_) return;
-    v1::RecordEntry entry;
-    *entry.mutable_scene() = scene;
-    append(0, std::move(entry));
-    writer_->close();
+    append(0, scene);
+    if (writer_) writer_->close();
   }
   bool recording() const { return writer_.has_value(); }
 
  private:
-  void append(std::uint32_t call, v1::RecordEntry entry) {
-    if (!writer_) return;
-    entry.set_monotonic_ns(monotonic_ns());
-    entry.set_call(call);
-    writer_->append_waiting(std::move(entry));
+  template <class Message>
+  void append(std::uint32_t call, const Message& message) {
+    if (writer_) writer_->append_waiting(recorded(message, monotonic_ns(), call));
   }
   std::optional<RecordWriter> writer_;
   bool with_rf_;
@@ -213,13 +194,9 @@ void run(const Arguments& arguments) {
         "(%zu)\n",
         result.exhausted, arguments.passes);
   if (!recorder.recording()) return;
-  v1::GetSceneRequest get;
-  get.set_scene_id(arguments.acquire.scene_id);
-  get.set_view(v1::SCENE_VIEW_FULL);
   v1::Scene scene;
-  grpc::ClientContext context;
-  if (const grpc::Status status = palpation->GetScene(&context, get, &scene); !status.ok())
-    throw_status("GetScene", status);
+  const grpc::Status status = get_scene(*palpation, arguments.acquire.scene_id, v1::SCENE_VIEW_FULL, scene);
+  if (!status.ok()) throw_status("GetScene", status);
   recorder.close(scene);
 }
 

@@ -25,7 +25,7 @@ bool run(const Arguments& arguments) {
   if (error) throw CommandError("--out " + arguments.out + ": cannot be created (" + error.message() + ")");
   const TouchRecord touch = read_touch_record(arguments.touch_record);
   const AcquireRecord acquire = read_acquire_record(arguments.acquire_record);
-  if (const std::string doubt = doubt_of_one_session(touch, acquire); !doubt.empty())
+  if (const std::string doubt = session_mismatch(touch, acquire); !doubt.empty())
     std::fprintf(stderr, "warning: %s\n", doubt.c_str());
   const Tissue tissue = read_tissue(arguments.tissue);
   const ModulusGrid modulus = measured_modulus(acquire);

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
 namespace {
 
@@ -38,7 +40,7 @@ ServoAnswer SpringAnswers::answer_to(const ServoPose& pose) {
   ServoAnswer answer;
   answer.covered = true;
   answer.region = {.begin_x_m = -1e3, .end_x_m = 1e3};
-  answer.period_s = 1e-9 * static_cast<double>(period_ns_);
+  answer.period_s = seconds(period_ns_);
   answer.received_ns = pose.time_ns + age_ns_;
   const Vector3& tool_m = pose.pose.position_m;
   const bool contact = tool_m.y() > 0;
@@ -47,7 +49,7 @@ ServoAnswer SpringAnswers::answer_to(const ServoPose& pose) {
   sample.contact = contact;
   sample.foreseen = !contact;
   sample.sequence = ++sequence_;
-  sample.pose_time_s = 1e-9 * static_cast<double>(pose.time_ns);
+  sample.pose_time_s = seconds(pose.time_ns);
   return answer;
 }
 

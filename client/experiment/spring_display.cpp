@@ -139,7 +139,7 @@ void SpringDisplay::answer_poses() {
       const std::lock_guard lock(mutex_);
       if (servo_->poses().take(pose)) answers_.add(pose);
       if (const std::optional<ServoAnswer> answer = answers_.take(clock_.now_ns())) {
-        perfect_.tell(answers_.shown());
+        perfect_.set_tissue(answers_.shown());
         servo_->answers().put(*answer);
       }
       drain();

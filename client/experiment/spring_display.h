@@ -48,19 +48,19 @@ void validate(const SpringPlace&);
 // Renders the tissue that it was told of last as it is.
 class PerfectRenderer final : public Renderer {
  public:
-  void tell(const SpringTissue& tissue) noexcept {
-    told_.put(tissue);
+  void set_tissue(const SpringTissue& tissue) noexcept {
+    newest_.put(tissue);
   }  // one thread; taken with the next answer
   void reset() noexcept override {}
   bool update(const ForceSample&, const ToolPose&, double) noexcept override {
-    told_.take(tissue_);
+    newest_.take(tissue_);
     return true;
   }
   using Renderer::render;
   Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
 
  private:
-  LatestSlot<SpringTissue> told_;
+  LatestSlot<SpringTissue> newest_;
   SpringTissue tissue_;
 };
 

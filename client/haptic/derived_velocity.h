@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "client/clock/clock.h"
 #include "client/render/renderer.h"
 
 namespace teletact::client {
@@ -28,13 +29,13 @@ class DerivedVelocity {
       keep({position_m, now_ns});
       return Vector3::Zero();
     }
-    const double since_s = seconds(now_ns, changes_[0]);
+    const double since_s = seconds(now_ns - changes_[0].time_ns);
     if (position_m == changes_[0].position_m || !(since_s > 0))
       return since_s > gap_s_ ? Vector3(velocity_m_s_ * (gap_s_ / since_s)) : velocity_m_s_;
     // Back to the newest change that is a window old.
     std::size_t from = 0;
-    while (from + 1 < known_ && seconds(now_ns, changes_[from]) < kWindowS) ++from;
-    const double span_s = std::max(seconds(now_ns, changes_[from]), kWindowS);
+    while (from + 1 < known_ && seconds(now_ns - changes_[from].time_ns) < kWindowS) ++from;
+    const double span_s = std::max(seconds(now_ns - changes_[from].time_ns), kWindowS);
     velocity_m_s_ = (position_m - changes_[from].position_m) / span_s;
     gap_s_ = span_s / static_cast<double>(from + 1);
     keep({position_m, now_ns});
@@ -46,9 +47,6 @@ class DerivedVelocity {
     Vector3 position_m = Vector3::Zero();
     std::int64_t time_ns = 0;
   };
-  static double seconds(std::int64_t now_ns, const Change& since) noexcept {
-    return 1e-9 * static_cast<double>(now_ns - since.time_ns);
-  }
   void keep(const Change& change) noexcept {
     std::move_backward(changes_.begin(), changes_.end() - 1, changes_.end());
     changes_[0] = change;

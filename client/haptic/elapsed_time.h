@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
 
 class ElapsedTime {
@@ -14,7 +16,7 @@ class ElapsedTime {
   double since_last_s(std::int64_t now_ns) noexcept {
     if (!started_) last_ns_ = now_ns;
     started_ = true;
-    const double elapsed_s = 1e-9 * static_cast<double>(now_ns - last_ns_);
+    const double elapsed_s = seconds(now_ns - last_ns_);
     last_ns_ = now_ns;
     return std::clamp(elapsed_s, 0.0, longest_s_);
   }

@@ -10,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "client/clock/clock.h"
 #include "client/haptic/inverse3_protocol.h"
 
 namespace teletact::client {
@@ -22,10 +23,6 @@ using tcp = asio::ip::tcp;
 
 constexpr std::chrono::milliseconds kHandshake{1000}, kIdle{300}, kRetry{200};
 constexpr std::chrono::microseconds kExchange{500};  // a new force reaches the device this soon, at most
-
-std::int64_t now_ns() {
-  return std::chrono::steady_clock::now().time_since_epoch().count();
-}
 
 Eigen::Vector3d to_device(const Vector3& scene) {
   return {scene.x(), scene.z(), -scene.y()};
@@ -133,7 +130,7 @@ void Inverse3Device::close() noexcept {
 }
 
 bool Inverse3Device::read(std::int64_t, DeviceReading& reading) noexcept {
-  read_ns_ = now_ns();
+  read_ns_ = monotonic_ns();
   states_.take(state_);
   // Stale by the clock that stamped it, whatever clock the servo runs on.
   if (static_cast<double>(read_ns_ - state_.received_ns) > kStaleS * 1e9) return false;
@@ -200,7 +197,7 @@ void Inverse3Device::exchange(Connection& connection) {
     stands = stands || first_place;
     if (stands)
       states_.put(
-          {to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, now_ns()});
+          {to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, monotonic_ns()});
     else
       tell("it states no position yet; calibrate it");
     if (first_place) {  // open() returns now, and the first read() finds it
@@ -213,7 +210,7 @@ void Inverse3Device::exchange(Connection& connection) {
     forces_.take(force);
     const bool stopping = stop_;
     const bool lives = !first && !stopping && !let_go_ && stands &&
-                       static_cast<double>(now_ns() - force.written_ns) < kForceLivesS * 1e9;
+                       static_cast<double>(monotonic_ns() - force.written_ns) < kForceLivesS * 1e9;
     if (!sent_early) send(lives ? force.force_n : Vector3(Vector3::Zero()), first);
     if (stopping) break;
   }

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <string>
 
+#include "client/clock/clock.h"
 #include "client/haptic/anchor.h"
 #include "client/haptic/derived_velocity.h"
 #include "client/haptic/haptic_device.h"
@@ -26,7 +27,7 @@ class PluginDevice final : public HapticDevice {
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
   bool write(const Vector3& force_n) noexcept override;
   void let_go() noexcept override;
-  double longest_call_s() noexcept override { return 1e-9 * static_cast<double>(longest_ns_.exchange(0)); }
+  double longest_call_s() noexcept override { return seconds(longest_ns_.exchange(0)); }
 
  private:
   template <typename Call>

@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
 
 ReplayDevice::ReplayDevice(DeviceProfile profile, std::vector<MotionPoint> motion)
@@ -20,7 +22,7 @@ ReplayDevice::ReplayDevice(DeviceProfile profile, std::vector<MotionPoint> motio
 
 void ReplayDevice::open() {
   next_ = 1;
-  asked_ = 0;
+  asking_reads_ = 0;
   moving_ = false;
   ended_ = false;
   open_ = true;
@@ -32,7 +34,7 @@ bool ReplayDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
     moving_ = true;
     begin_ns_ = now_ns;
   }
-  const double elapsed_s = moving_ ? 1e-9 * static_cast<double>(now_ns - begin_ns_) : 0;
+  const double elapsed_s = moving_ ? seconds(now_ns - begin_ns_) : 0;
   const double time_s = motion_.front().time_s + elapsed_s;
   while (next_ + 1 < motion_.size() && motion_[next_].time_s <= time_s) ++next_;
   const MotionPoint &from = motion_[next_ - 1], &to = motion_[next_];
@@ -47,8 +49,8 @@ bool ReplayDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   // The button is pressed and released until it has been heard.
   constexpr unsigned kPressReads = 50;
   const bool asks = !view_.force_on && view_.link_alive;
-  reading.resume_pressed = asks && asked_ % (2 * kPressReads) < kPressReads;
-  asked_ = asks ? asked_ + 1 : 0;
+  reading.resume_pressed = asks && asking_reads_ % (2 * kPressReads) < kPressReads;
+  asking_reads_ = asks ? asking_reads_ + 1 : 0;
   return true;
 }
 

@@ -33,8 +33,8 @@ class ReplayDevice final : public HapticDevice {
   DeviceProfile profile_;
   std::vector<MotionPoint> motion_;
   OperatorView view_;
-  std::size_t next_ = 1;  // the point ahead
-  unsigned asked_ = 0;    // reads since it began to ask for force
+  std::size_t next_ = 1;       // the point ahead
+  unsigned asking_reads_ = 0;  // reads since it began to ask for force
   std::int64_t begin_ns_ = 0;
   bool open_ = false, moving_ = false;
   std::atomic<bool> ended_{false};

@@ -18,6 +18,38 @@ namespace teletact::client {
 
 constexpr std::uint32_t kRecordingVersion = 2;  // of the messages: RecordHeader.version
 
+inline void set_message(v1::RecordEntry& entry, const v1::TouchRequest& m) {
+  *entry.mutable_touch_request() = m;
+}
+inline void set_message(v1::RecordEntry& entry, const v1::TouchResponse& m) {
+  *entry.mutable_touch_response() = m;
+}
+inline void set_message(v1::RecordEntry& entry, const v1::EstimateRequest& m) {
+  *entry.mutable_estimate_request() = m;
+}
+inline void set_message(v1::RecordEntry& entry, const v1::EstimateResponse& m) {
+  *entry.mutable_estimate_response() = m;
+}
+inline void set_message(v1::RecordEntry& entry, const v1::WindowTiming& m) {
+  *entry.mutable_window() = m;
+}
+inline void set_message(v1::RecordEntry& entry, const v1::Scene& m) {
+  *entry.mutable_scene() = m;
+}
+inline void set_message(v1::RecordEntry& entry, const v1::GetInfoResponse& m) {
+  *entry.mutable_info() = m;
+}
+
+// A message as it is recorded: sent or heard at `time_ns` (CLOCK_MONOTONIC), of the call of that number.
+template <class Message>
+v1::RecordEntry recorded(const Message& message, std::int64_t time_ns, std::uint32_t call) {
+  v1::RecordEntry entry;
+  entry.set_monotonic_ns(time_ns);
+  entry.set_call(call);
+  set_message(entry, message);
+  return entry;
+}
+
 // Writes entries on a thread of its own, so that neither the servo nor the link ever waits for a disk.
 class RecordWriter {
  public:

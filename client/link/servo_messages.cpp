@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
 namespace {
 
@@ -67,7 +69,7 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, const 
   out.region = *region;
   ForceSample& sample = out.sample;
   sample.sequence = answer.sequence();
-  sample.pose_time_s = 1e-9 * static_cast<double>(answer.pose_stamp().monotonic_ns());
+  sample.pose_time_s = seconds(answer.pose_stamp().monotonic_ns());
   sample.surface = surface;
   sample.position_m = *position_m;
 
@@ -122,7 +124,7 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_modulus_age_s(tick.modulus_age_s);
   sample.set_reason(static_cast<std::uint32_t>(tick.reason));
   sample.set_degraded(tick.degraded);
-  sample.set_indebted(tick.indebted);
+  sample.set_indebted(tick.energy_generated);
   sample.set_service_degraded(tick.service_degraded);
   sample.set_faded(tick.faded);
   sample.set_stiffness_n_m(tick.stiffness_n_m);

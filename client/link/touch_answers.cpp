@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/clock/clock.h"
 #include "client/link/servo_messages.h"
 
 namespace teletact::client {
 namespace {
 
 // A stay or a clock that no service has would overflow the sums.
-bool sane(const v1::TouchAnswer& answer) {
+bool plausible_stamps(const v1::TouchAnswer& answer) {
   constexpr std::int64_t kLongestStayNs = 3'600'000'000'000, kLatestNs = std::int64_t{1} << 61;
   const auto within = [](std::int64_t value, std::int64_t most) { return value >= 0 && value <= most; };
   return within(answer.queued_ns(), kLongestStayNs) && within(answer.compute_ns(), kLongestStayNs) &&
@@ -76,18 +77,19 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
     stats.largest_strain = std::max(stats.largest_strain, answer.largest_strain());
   if (converted->sample.position_m != last_position_m_) {
     ++stats.distinct;
-    stats.latencies_s.add(1e-9 * static_cast<double>(received_ns) - converted->sample.pose_time_s);
+    stats.latencies_s.add(seconds(received_ns) - converted->sample.pose_time_s);
   }
   last_position_m_ = converted->sample.position_m;
   stats.last_version = answer.model_version();
-  stats.last_answer_s = 1e-9 * static_cast<double>(received_ns);
+  stats.last_answer_s = seconds(received_ns);
   if (stats.first_answer_s == 0) stats.first_answer_s = stats.last_answer_s;
   return converted;
 }
 
 // The pose left at sent_ns, came to the service `queued` and `compute` before its answer left there.
 void TouchAnswers::take_stamps(const v1::TouchAnswer& answer, std::int64_t sent_ns, ServoAnswer& converted) {
-  if (answer.answer_stamp().instance() != service_instance_ || sent_ns == 0 || !sane(answer)) return;
+  if (answer.answer_stamp().instance() != service_instance_ || sent_ns == 0 || !plausible_stamps(answer))
+    return;
   const std::int64_t left_ns = answer.answer_stamp().monotonic_ns();
   const std::int64_t stayed_ns = answer.queued_ns() + answer.compute_ns();
   const std::int64_t received_ns = converted.received_ns;
@@ -97,9 +99,8 @@ void TouchAnswers::take_stamps(const v1::TouchAnswer& answer, std::int64_t sent_
   converted.clock_offset_s = stats.clock_offset_s = clock_offset_.offset_s(received_ns);
   stats.clock_offset_error_s = clock_offset_.error_s(received_ns);
   if (answer.model_stamp().instance() == service_instance_)
-    converted.modulus_time_s =
-        1e-9 * static_cast<double>(answer.model_stamp().monotonic_ns()) - converted.clock_offset_s;
-  stats.round_trips_s.add(1e-9 * static_cast<double>(received_ns - sent_ns - stayed_ns));
+    converted.modulus_time_s = seconds(answer.model_stamp().monotonic_ns()) - converted.clock_offset_s;
+  stats.round_trips_s.add(seconds(received_ns - sent_ns - stayed_ns));
 }
 
 // What is not trusted is said once a second at most; what is only remarkable (status OK) once.

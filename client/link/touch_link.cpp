@@ -29,6 +29,12 @@ std::chrono::steady_clock::duration duration(std::int64_t ns) {
   return std::chrono::nanoseconds(ns);
 }
 
+// Refused for what there is now.
+bool may_pass_later(grpc::StatusCode code) {
+  using enum grpc::StatusCode;
+  return code == RESOURCE_EXHAUSTED || code == FAILED_PRECONDITION || code == OUT_OF_RANGE || code == ABORTED;
+}
+
 }  // namespace
 
 TouchLink::TouchLink(TouchLinkOptions options, LatestSlot<ServoPose>& poses, LatestSlot<ServoAnswer>& answers,
@@ -62,7 +68,7 @@ void TouchLink::stop() {
 
 TouchLinkStats TouchLink::stats() const {
   std::lock_guard lock(mutex_);
-  return told_.stats;
+  return received_.stats;
 }
 
 std::string TouchLink::trouble() const {
@@ -72,7 +78,7 @@ std::string TouchLink::trouble() const {
 
 bool TouchLink::covered() const {
   std::lock_guard lock(mutex_);
-  return told_.covered();
+  return received_.covered();
 }
 
 std::string TouchLink::failure() const {
@@ -116,27 +122,11 @@ void TouchLink::run() {
 std::optional<double> TouchLink::retry_after_s(const grpc::Status& status) {
   constexpr std::int64_t kSettledNs = 5'000'000'000;
   std::lock_guard lock(mutex_);
-  bool refused = false, for_good = false;
-  switch (status.error_code()) {
-    case grpc::StatusCode::INVALID_ARGUMENT:
-    case grpc::StatusCode::NOT_FOUND:
-    case grpc::StatusCode::UNIMPLEMENTED:
-    case grpc::StatusCode::PERMISSION_DENIED:
-    case grpc::StatusCode::UNAUTHENTICATED:
-    case grpc::StatusCode::DATA_LOSS:
-      // What was accepted once may be again: a restarted service reads its scenes first. Meanwhile silence
-      // takes the force away.
-      for_good = told_.stats.streams == 0;
-      [[fallthrough]];
-    case grpc::StatusCode::RESOURCE_EXHAUSTED:
-    case grpc::StatusCode::FAILED_PRECONDITION:
-    case grpc::StatusCode::OUT_OF_RANGE:
-    case grpc::StatusCode::ABORTED:
-      refused = true;
-      break;
-    default:
-      break;
-  }
+  // What was accepted once may be again: a restarted service reads its scenes first. Meanwhile silence takes
+  // the force away.
+  const bool never = refused_for_good(status) || status.error_code() == grpc::StatusCode::DATA_LOSS;
+  const bool for_good = never && received_.stats.streams == 0;
+  const bool refused = never || may_pass_later(status.error_code());
   const std::string reason = describe(status);
   if (for_good) {
     failure_ = reason;
@@ -148,10 +138,8 @@ std::optional<double> TouchLink::retry_after_s(const grpc::Status& status) {
                  refused ? "trying again, ever more seldom" : "opening it again");
   last_reason_ = reason;
   if (!refused) return kRetryS;
-  if (shared_.opened && clock_.now_ns() - shared_.opened_ns > kSettledNs) refused_wait_s_ = kRetryS;
-  const double wait_s = refused_wait_s_;
-  refused_wait_s_ = std::min(2 * refused_wait_s_, kMostRetryS);
-  return wait_s;
+  if (shared_.opened && clock_.now_ns() - shared_.opened_ns > kSettledNs) refused_.restart();
+  return refused_.next_s();
 }
 
 grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
@@ -188,8 +176,9 @@ void TouchLink::guard(grpc::ClientContext& context) {
   std::unique_lock lock(mutex_);
   while (!shared_.over) {
     const double dead_s =
-        shared_.opened ? std::max({options_.dead_s, 10 * told_.stats.period_s, 4 * told_.round_trip_s()})
-                       : options_.open_wait_s;
+        shared_.opened
+            ? std::max({options_.dead_s, 10 * received_.stats.period_s, 4 * received_.round_trip_s()})
+            : options_.open_wait_s;
     const std::int64_t since_ns =
         shared_.writing_ns == 0 ? shared_.heard_ns : std::min(shared_.heard_ns, shared_.writing_ns);
     const std::int64_t left_ns = since_ns + to_ns(dead_s) - clock_.now_ns();
@@ -207,10 +196,8 @@ void TouchLink::read(Stream& stream) {
   v1::TouchResponse response;
   while (stream.Read(&response)) {
     const std::int64_t now_ns = clock_.now_ns();
-    v1::RecordEntry entry;
-    *entry.mutable_touch_response() = response;
-    std::lock_guard lock(mutex_);
-    record(std::move(entry), now_ns);
+    std::lock_guard lock(mutex_);  // a recording has the link's own order of what was sent and heard
+    if (options_.recorder != nullptr) options_.recorder->append(recorded(response, now_ns, call_));
     if (response.has_opened()) take_opened(response.opened());
     if (response.has_answer()) take_answer(response.answer(), now_ns);
   }
@@ -222,20 +209,20 @@ void TouchLink::read(Stream& stream) {
 void TouchLink::take_opened(const v1::TouchOpened& opened) {
   if (shared_.opened) return;  // once per stream
   shared_.heard_ns = shared_.opened_ns = clock_.now_ns();
-  shared_.problem = told_.take_opened(opened);
+  shared_.problem = received_.take_opened(opened);
   shared_.opened = shared_.problem.empty();
   credit_ = opened.credit();
   changed_.notify_all();
 }
 
 void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns) {
-  if (!shared_.opened) return;  // there is no line and no period yet
+  if (!shared_.opened) return;  // there is no layer and no period yet
   shared_.heard_ns = received_ns;
   shared_.acknowledged = answer.answer();
   const bool ours = answer.pose_stamp().instance() == instance_ && answer.sequence() <= sequence_;
   const bool recent = ours && sequence_ - answer.sequence() < sent_ns_.size();
   const std::int64_t sent_ns = recent ? sent_ns_[answer.sequence() % sent_ns_.size()] : 0;
-  if (const auto converted = told_.take_answer(answer, ours, sent_ns, received_ns)) {
+  if (const auto converted = received_.take_answer(answer, ours, sent_ns, received_ns)) {
     shared_.answered_sequence = std::max(shared_.answered_sequence, answer.sequence());
     answers_.put(*converted);
   }
@@ -289,10 +276,10 @@ void TouchLink::write_poses(Stream& stream) {
       continue;
     }
     // Keeps the average rate when a wake-up is late, without bursts.
-    const std::int64_t period_ns = to_ns(std::max(told_.stats.period_s, 0.001));
+    const std::int64_t period_ns = to_ns(std::max(received_.stats.period_s, 0.001));
     next_ns = std::max(next_ns + period_ns, now_ns + period_ns / 2);
     sent_ns = now_ns;
-    ++told_.stats.poses;
+    ++received_.stats.poses;
     sent_ns_[++sequence_ % sent_ns_.size()] = now_ns;
     if (!write(stream, to_request(pose, sequence_, shared_.acknowledged, instance_), now_ns, lock)) return;
   }
@@ -302,23 +289,13 @@ void TouchLink::write_poses(Stream& stream) {
 // learns of it too, and Finish() says why.
 bool TouchLink::write(Stream& stream, const v1::TouchRequest& request, std::int64_t now_ns,
                       std::unique_lock<std::mutex>& lock) {
-  v1::RecordEntry entry;
-  *entry.mutable_touch_request() = request;
-  record(std::move(entry), now_ns);
+  if (options_.recorder != nullptr) options_.recorder->append(recorded(request, now_ns, call_));
   shared_.writing_ns = now_ns;
   lock.unlock();
   const bool written = stream.Write(request);
   lock.lock();
   shared_.writing_ns = 0;
   return written;
-}
-
-// Called with the lock: a recording has the link's own order of what was sent and heard.
-void TouchLink::record(v1::RecordEntry entry, std::int64_t now_ns) {
-  if (options_.recorder == nullptr) return;
-  entry.set_monotonic_ns(now_ns);
-  entry.set_call(call_);
-  options_.recorder->append(std::move(entry));
 }
 
 }  // namespace teletact::client

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "client/link/recording.h"
+#include "client/link/retry.h"
 #include "client/link/touch_answers.h"
 #include "client/servo/servo_loop.h"
 #include "teletact/v1/palpation.grpc.pb.h"
@@ -89,7 +90,6 @@ class TouchLink {
   bool wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns);
   void take_opened(const v1::TouchOpened& opened);
   void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
-  void record(v1::RecordEntry entry, std::int64_t now_ns);
   std::optional<double> retry_after_s(const grpc::Status& status);
   void pause(double wait_s);
 
@@ -102,10 +102,10 @@ class TouchLink {
   mutable std::mutex mutex_;  // everything below
   std::condition_variable changed_;
   Shared shared_;
-  TouchAnswers told_;
+  TouchAnswers received_;
   std::string failure_;
   std::string last_reason_;  // why the last stream ended: said once, not with every try
-  double refused_wait_s_ = kRetryS;
+  Backoff refused_{kRetryS, kMostRetryS};
   std::string hand_over_to_;  // empty: nobody
   bool stopping_ = false;
   bool gave_up_ = false;                    // on the current stream, for its silence

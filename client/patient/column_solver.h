@@ -1,4 +1,4 @@
-// Direct solver for a long, thin strip of tissue: K u = f with the bottom bonded and sides and top free,
+// Direct solver for wide, shallow tissue: K u = f with the bottom bonded and sides and top free,
 // eliminated column of nodes by column along x. K is block tridiagonal, A_i the diagonal blocks, C_i = K(i,
 // i+1):
 //   D_0 = A_0,  D_{i+1} = A_{i+1} - C_i^T D_i^-1 C_i,  P_i = D_i^-1 kept.

@@ -10,28 +10,28 @@ namespace {
 constexpr double kFineDepth = 0.025, kBelowInclusion = 0.002, kGrowth = 1.15;
 constexpr double kMostBytes = 4e9;  // of the column solver's factor, nx (2 ny)^2 doubles
 
-std::vector<double> depth_lines(const Tissue& tissue, double spacing_m) {
+std::vector<double> row_depths(const Tissue& tissue, double spacing_m) {
   double fine = kFineDepth;
   for (const Inclusion& i : tissue.inclusions)
     fine = std::max(fine, i.y_m + i.diameter_m / 2 + kBelowInclusion);
   fine = std::min(fine, tissue.depth_m);
   std::size_t count = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(fine / spacing_m)));
   if (fine == tissue.depth_m) {
-    std::vector<double> lines(count + 1);
+    std::vector<double> rows_m(count + 1);
     for (std::size_t k = 0; k <= count; ++k)
-      lines[k] = tissue.depth_m * static_cast<double>(k) / static_cast<double>(count);
-    return lines;
+      rows_m[k] = tissue.depth_m * static_cast<double>(k) / static_cast<double>(count);
+    return rows_m;
   }
-  std::vector<double> lines;
-  for (std::size_t k = 0; k <= count; ++k) lines.push_back(spacing_m * static_cast<double>(k));
-  for (double step = spacing_m; lines.back() < tissue.depth_m;) {
+  std::vector<double> rows_m;
+  for (std::size_t k = 0; k <= count; ++k) rows_m.push_back(spacing_m * static_cast<double>(k));
+  for (double step = spacing_m; rows_m.back() < tissue.depth_m;) {
     step = std::min(step * kGrowth, 2 * spacing_m);
-    lines.push_back(lines.back() + step);
+    rows_m.push_back(rows_m.back() + step);
   }
   // Stretch the coarse part so that it ends at the bottom.
-  const double begin = lines[count], scale = (tissue.depth_m - begin) / (lines.back() - begin);
-  for (std::size_t k = count + 1; k < lines.size(); ++k) lines[k] = begin + (lines[k] - begin) * scale;
-  return lines;
+  const double begin = rows_m[count], scale = (tissue.depth_m - begin) / (rows_m.back() - begin);
+  for (std::size_t k = count + 1; k < rows_m.size(); ++k) rows_m[k] = begin + (rows_m[k] - begin) * scale;
+  return rows_m;
 }
 
 double mean_modulus(const Tissue& tissue, double x0, double x1, double y0, double y1) {
@@ -53,7 +53,7 @@ PatientMesh make_mesh(const Tissue& tissue, double spacing_m) {
       std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(tissue.width_m / spacing_m)));
   for (std::size_t i = 0; i <= columns; ++i)
     mesh.x_m.push_back(tissue.width_m * static_cast<double>(i) / static_cast<double>(columns));
-  mesh.y_m = depth_lines(tissue, spacing_m);
+  mesh.y_m = row_depths(tissue, spacing_m);
   if (32 * static_cast<double>(columns) * std::pow(static_cast<double>(mesh.ny()), 2) > kMostBytes)
     throw TissueError("tissue.width_m, tissue.depth_m: the mesh needs more than 4 GB; reduce them");
   for (std::size_t j = 0; j + 1 < mesh.ny(); ++j)

@@ -16,22 +16,23 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   const AgeLimits ages = age_limits(input.period_s);
   const double aged = age_gain(input.model_age_s, ages);
   const double energy_j = passivity_.energy_j();
-  indebted_ = energy_j < (indebted_ ? 0 : -options_.debt_limit_j);
+  energy_generated_ = energy_j < (energy_generated_ ? 0 : -options_.debt_limit_j);
   if (!input.on) {
     age_gain_ = aged;
     debt_gain_ = 1;
-    indebted_ = false;
+    energy_generated_ = false;
   }
   age_gain_ = std::min(aged, age_gain_ + options_.recover_1_s * dt_s);
   // A force that comes back puts energy under a pressed finger: no further than is paid for.
   const double settle_1_s = energy_j >= 0 ? options_.settle_1_s : 0;
-  debt_gain_ = std::clamp(debt_gain_ + (indebted_ ? -options_.fade_1_s : settle_1_s) * dt_s, 0.0, 1.0);
+  debt_gain_ =
+      std::clamp(debt_gain_ + (energy_generated_ ? -options_.fade_1_s : settle_1_s) * dt_s, 0.0, 1.0);
   const bool withholds = input.on && input.rendered.withheld > options_.withheld_share;
   withheld_s_ = withholds ? withheld_s_ + dt_s : 0;
-  output.indebted = indebted_;
-  output.withheld = withheld_s_ > options_.withheld_s;
-  output.fades = !(input.model_age_s <= ages.degraded_s) || indebted_;
-  output.degraded = output.fades || output.withheld;
+  output.energy_generated = energy_generated_;
+  output.withholds = withheld_s_ > options_.withheld_s;
+  output.fades = !(input.model_age_s <= ages.degraded_s) || energy_generated_;
+  output.degraded = output.fades || output.withholds;
 }
 
 // The step made under the last force, in the time that has passed, however late the tick.

@@ -61,12 +61,12 @@ struct ForceChainOutput {
   double energy_j = 0;       // the passivity observer's
   double stored_j = 0;       // held by the model, as far as its force goes out
   double silence_gain = 1;
-  bool degraded = false;    // model age or energy generated past its limit, or force withheld
-  bool indebted = false;    // the second of them
-  bool withheld = false;    // the third
-  bool fades = false;       // the first or the second
-  bool not_finite = false;  // what was rendered was no number: fault
-  bool too_fast = false;    // the device runs away: fault
+  bool degraded = false;          // model age or energy generated past its limit, or force withheld
+  bool energy_generated = false;  // the second of them
+  bool withholds = false;         // the third
+  bool fades = false;             // the first or the second
+  bool not_finite = false;        // what was rendered was no number: fault
+  bool too_fast = false;          // the device runs away: fault
 };
 
 class ForceChain {
@@ -92,7 +92,7 @@ class ForceChain {
   double age_gain_ = 1;   // falls with the age, recovers slowly: answers that come in bursts do not shake
   double debt_gain_ = 1;  // 1: no energy is owed
   double share_ = 0;      // of what the rendered model holds, as far as its force goes out
-  bool indebted_ = false;
+  bool energy_generated_ = false;
   double withheld_s_ = 0;  // that much has been withheld for
   Vector3 last_force_n_ = Vector3::Zero();
   double last_indentation_m_ = 0;

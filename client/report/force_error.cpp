@@ -1,11 +1,10 @@
 #include "client/report/force_error.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <stdexcept>
-#include <thread>
 
+#include "client/patient/parallel.h"
 #include "client/servo/tick_statistics.h"
 
 namespace teletact::client {
@@ -56,16 +55,10 @@ ForceError force_error(const Patient& patient, const TouchRecord& record, const 
   const std::vector<TouchTick> path = path_of(record.ticks, options);
   ForceError result;
   result.samples.resize(path.size());
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < path.size(); i = next++)
-      result.samples[i] = compare(patient, record.finger, path[i], options);
-  };
-  std::vector<std::thread> workers;
-  const unsigned count =
-      options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
-  for (unsigned i = 0; i < count; ++i) workers.emplace_back(work);
-  for (std::thread& worker : workers) worker.join();
+  in_parallel(
+      path.size(),
+      [&](std::size_t i) { result.samples[i] = compare(patient, record.finger, path[i], options); },
+      options.threads);
   std::vector<double> errors;
   for (const ForceSamplePoint& point : result.samples)
     if (point.judged) errors.push_back(point.relative_error);

@@ -4,6 +4,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "client/clock/clock.h"
 #include "client/link/recording.h"
 #include "client/servo/states.h"
 
@@ -51,8 +52,8 @@ void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, Tou
   record.failed += answer.status() == v1::TOUCH_STATUS_FAILED;
   if (answer.position_m_size() < 2)
     throw std::runtime_error("the touch recording holds an answer without its pose");
-  record.answers.push_back({entry.monotonic_ns() * 1e-9,
-                            (entry.monotonic_ns() - answer.pose_stamp().monotonic_ns()) * 1e-9,
+  record.answers.push_back({seconds(entry.monotonic_ns()),
+                            seconds(entry.monotonic_ns() - answer.pose_stamp().monotonic_ns()),
                             answer.position_m(0), answer.position_m(1)});
 }
 
@@ -78,7 +79,7 @@ TouchRecord read_touch_record(const std::string& path) {
     if (entry->has_touch_response() && entry->touch_response().has_answer())
       add_answer(entry->touch_response().answer(), *entry, record);
     if (entry->has_servo())
-      record.ticks.push_back(tick_of(entry->servo(), entry->monotonic_ns() * 1e-9, record.layer_depth_m));
+      record.ticks.push_back(tick_of(entry->servo(), seconds(entry->monotonic_ns()), record.layer_depth_m));
   }
   if (record.ticks.empty())
     throw std::runtime_error(path + ": holds no servo samples; touch again with --record");
@@ -98,8 +99,8 @@ AcquireRecord read_acquire_record(const std::string& path) {
       const v1::WindowTiming& timing = entry->window();
       if (timing.window().origin_m().empty())
         throw std::runtime_error(path + ": holds a window without its place");
-      record.windows.push_back({timing.window().origin_m(0), timing.published_ns() * 1e-9,
-                                (timing.published_ns() - timing.asked_ns()) * 1e-9,
+      record.windows.push_back({timing.window().origin_m(0), seconds(timing.published_ns()),
+                                seconds(timing.published_ns() - timing.asked_ns()),
                                 received_to_published_s[entry->call()]});
     }
     if (entry->has_scene()) record.scene = entry->scene();
@@ -108,7 +109,7 @@ AcquireRecord read_acquire_record(const std::string& path) {
   return record;
 }
 
-std::string doubt_of_one_session(const TouchRecord& touch, const AcquireRecord& acquire) {
+std::string session_mismatch(const TouchRecord& touch, const AcquireRecord& acquire) {
   if (touch.scene_id != acquire.scene_id)
     throw std::runtime_error("the recordings are of different scenes: " + touch.scene_id + " and " +
                              acquire.scene_id);

@@ -60,6 +60,6 @@ AcquireRecord read_acquire_record(const std::string& path);
 
 // Why the two may not belong to one session, one line; empty when nothing speaks against it. Throws
 // std::runtime_error when they cannot: other scenes, or all windows published after the touch had ended.
-std::string doubt_of_one_session(const TouchRecord& touch, const AcquireRecord& acquire);
+std::string session_mismatch(const TouchRecord& touch, const AcquireRecord& acquire);
 
 }  // namespace teletact::client

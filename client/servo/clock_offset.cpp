@@ -4,15 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
-namespace {
-
-double seconds(std::int64_t ns) noexcept {
-  return 1e-9 * static_cast<double>(ns);
-}
-
-}  // namespace
-
 double ClockOffset::Best::error_s(std::int64_t now_ns) const noexcept {
   if (round_trip_s < 0) return std::numeric_limits<double>::infinity();
   return round_trip_s / 2 + kDrift * seconds(std::abs(now_ns - received_ns));

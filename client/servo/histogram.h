@@ -26,12 +26,6 @@ class Histogram {
     least_ = std::min(least_, value);
     most_ = std::max(most_, value);
   }
-  void merge(const Histogram& other) noexcept {
-    for (std::size_t k = 0; k < counts_.size(); ++k) counts_[k] += other.counts_[k];
-    count_ += other.count_;
-    least_ = std::min(least_, other.least_);
-    most_ = std::max(most_, other.most_);
-  }
 
   std::uint64_t count() const noexcept { return count_; }
   // The smallest value that covers `share` (0 .. 1) of all; 0 of none.

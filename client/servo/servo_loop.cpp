@@ -2,12 +2,10 @@
 
 #include <cmath>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
 namespace {
-
-double seconds(std::int64_t ns) noexcept {
-  return 1e-9 * static_cast<double>(ns);
-}
 
 // Silence and age before anything has arrived: longer than any limit.
 constexpr double kForeverS = 1e9;
@@ -59,10 +57,10 @@ bool ServoLoop::read_device(std::int64_t now_ns) noexcept {
   DeviceReading fresh;
   const bool answered = device_.read(now_ns, fresh);
   finite_reading_ = !answered || (fresh.pose.position_m.allFinite() && fresh.pose.velocity_m_s.allFinite());
-  asked_ = false;
+  resume_pressed_ = false;
   if (answered && finite_reading_) {
     reading_ = fresh;
-    asked_ = button_.asks(fresh.resume_pressed);
+    resume_pressed_ = button_.asks(fresh.resume_pressed);
   } else {
     reading_.pose.velocity_m_s.setZero();
     button_.unseen();
@@ -122,7 +120,7 @@ StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device
   inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
   inputs.silence_is_zero = limited.silence_gain <= 0;
   inputs.out_of_contact = answer_.sample.surface.depth_m(reading_.pose.position_m) < -options_.clearance_m;
-  inputs.resume = resume_.exchange(false) || asked_;
+  inputs.resume = resume_.exchange(false) || resume_pressed_;
   inputs.pause = pause_.exchange(false);
   inputs.disable = disable_.exchange(false);
   return inputs;
@@ -154,9 +152,9 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.held_at_border = reading_.held_at_border;
   tick.withheld = rendered.withheld;
-  tick.withholds = limited.withheld && !limited.fades;
+  tick.withholds = limited.withholds && !limited.fades;
   tick.degraded = limited.degraded;
-  tick.indebted = limited.indebted;
+  tick.energy_generated = limited.energy_generated;
   tick.service_degraded = force_degraded_;
   tick.faded = limited.silence_gain < 1;
   ticks_.fetch_add(1, std::memory_order_relaxed);

@@ -7,11 +7,11 @@
 #include <atomic>
 #include <cstdint>
 
+#include "client/clock/clock.h"
 #include "client/haptic/haptic_device.h"
 #include "client/haptic/latest_slot.h"
 #include "client/render/force_chain.h"
 #include "client/render/renderer.h"
-#include "client/servo/clock.h"
 #include "client/servo/ring.h"
 #include "client/servo/states.h"
 
@@ -64,7 +64,7 @@ struct ServoTick {
   double withheld = 0;     // share of the model's stiffness that is not paid for, 0 .. 1
   bool withholds = false;  // DEGRADED for that alone: much of it, for longer than a hand-over takes
   bool degraded = false;   // the chain trusts the force no longer and fades it, or much of it is withheld
-  bool indebted = false;   // of these: for energy generated
+  bool energy_generated = false;  // of these: for energy generated
   bool service_degraded =
       false;           // the service does not trust the answer behind the force; rendered all the same
   bool faded = false;  // silence takes force away
@@ -131,7 +131,7 @@ class ServoLoop {
 
   DeviceReading reading_;  // the newest that the device gave in numbers
   ResumeButton button_;
-  bool asked_ = false;  // by the button, at this tick
+  bool resume_pressed_ = false;  // by the button, at this tick
   bool finite_reading_ = true;
   ServoAnswer answer_;  // newest that arrived
   ServoAnswer incoming_;

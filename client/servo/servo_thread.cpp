@@ -3,6 +3,7 @@
 #include <chrono>
 #include <utility>
 
+#include "client/clock/clock.h"
 #include "client/servo/ending.h"
 #include "client/servo/tick_watch.h"
 
@@ -21,7 +22,7 @@ void ServoThread::join() noexcept {
   TickWatch watch;
   while (!over()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    const double now_s = 1e-9 * static_cast<double>(clock.now_ns());
+    const double now_s = seconds(clock.now_ns());
     if (looping() && watch.still_s(servo_.ticks(), now_s) >= TickWatch::kStuckS)
       end_now(kStuckCode,
               "teletact-client: the device's adapter did not return from a call: it has been told to let go, "
@@ -36,7 +37,7 @@ void ServoThread::stop() {
 }
 
 std::optional<RealTime> ServoThread::real_time() const {
-  if (!asked_.load(std::memory_order_acquire)) return std::nullopt;
+  if (!granted_known_.load(std::memory_order_acquire)) return std::nullopt;
   return granted_;
 }
 
@@ -45,7 +46,7 @@ void ServoThread::run() noexcept {
   try {
     if (options_.real_time) {
       granted_ = ask_for_real_time(&servo_, sizeof servo_);
-      asked_.store(true, std::memory_order_release);
+      granted_known_.store(true, std::memory_order_release);
     }
     options_.begins();
     looping_.store(true, std::memory_order_release);

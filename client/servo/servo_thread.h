@@ -49,7 +49,7 @@ class ServoThread {
   ServoLoop& servo_;
   Options options_;
   RealTime granted_;
-  std::atomic<bool> asked_{false};
+  std::atomic<bool> granted_known_{false};
   std::atomic<bool> stop_{false};
   std::atomic<bool> looping_{false};
   std::atomic<bool> over_{false};

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
 
 void StallCounter::add(double time_s, bool held) noexcept {
@@ -41,9 +43,9 @@ double percentile(std::vector<double>& values, double share) {
 void TickStatistics::add(const ServoTick& tick) {
   const bool changed = ticks_ == 0 || tick.state != last_.state || tick.reason != last_.reason;
   if (ticks_ == 0) first_ns_ = tick.time_ns;
-  const double time_s = 1e-9 * static_cast<double>(tick.time_ns - first_ns_);
+  const double time_s = seconds(tick.time_ns - first_ns_);
   if (ticks_ > 0) {
-    const double step_s = 1e-9 * static_cast<double>(tick.time_ns - last_.time_ns);
+    const double step_s = seconds(tick.time_ns - last_.time_ns);
     if (last_.state == ServoState::kEnabled) {
       enabled_s_ += step_s;
       lost_now_s_ = 0;
@@ -71,7 +73,7 @@ void TickStatistics::add(const ServoTick& tick) {
 }
 
 double TickStatistics::duration_s() const noexcept {
-  return ticks_ == 0 ? 0 : 1e-9 * static_cast<double>(last_.time_ns - first_ns_);
+  return ticks_ == 0 ? 0 : seconds(last_.time_ns - first_ns_);
 }
 
 double TickStatistics::rate_hz() const noexcept {

@@ -7,7 +7,7 @@
 
 namespace teletact::client {
 
-std::string AdapterWatch::line(HapticDevice& device, std::uint64_t ticks, double now_s) {
+std::string AdapterWatch::message(HapticDevice& device, std::uint64_t ticks, double now_s) {
   const double still_s = ticks_.still_s(ticks, now_s);
   if (!stuck_ && still_s >= TickWatch::kStuckS) {
     stuck_ = true;

@@ -13,11 +13,11 @@ namespace teletact::client {
 class AdapterWatch {
  public:
   static constexpr double kSlowS = 0.005;  // a tick has 1 ms
-  static constexpr double kEveryS = 5;     // from line to line
+  static constexpr double kEveryS = 5;     // from message to message
 
-  // The line that is due at `now_s` (any clock that only goes forward), `ticks` ticks after the servo's loop
-  // began; mostly empty.
-  std::string line(HapticDevice& device, std::uint64_t ticks, double now_s);
+  // The message that is due at `now_s` (any clock that only goes forward), `ticks` ticks after the servo's
+  // loop began; mostly empty.
+  std::string message(HapticDevice& device, std::uint64_t ticks, double now_s);
   // The device has let go: the session is over.
   bool stuck() const noexcept { return stuck_; }
 

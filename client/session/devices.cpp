@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "client/clock/clock.h"
 #include "client/haptic/inverse3_device.h"
 #include "client/haptic/plugin_device.h"
 #include "client/haptic/replay_device.h"
@@ -28,7 +29,7 @@ std::vector<MotionPoint> read_motion(const std::string& path) {
     if (!position_m || !velocity_m_s)
       throw std::runtime_error("recording '" + path + "': a servo tick without a position");
     MotionPoint point;
-    point.time_s = 1e-9 * static_cast<double>(entry->monotonic_ns());
+    point.time_s = seconds(entry->monotonic_ns());
     point.pose = {*position_m, *velocity_m_s};
     if (motion.empty() || point.time_s > motion.back().time_s) motion.push_back(point);
   }

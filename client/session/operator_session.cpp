@@ -10,7 +10,9 @@
 #include <stdexcept>
 #include <thread>
 
+#include "client/clock/clock.h"
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 #include "client/link/servo_messages.h"
 #include "client/render/renderers.h"
 #include "client/session/adapter_watch.h"
@@ -38,16 +40,10 @@ v1::Scene wait_for_scene(const OperatorSessionOptions& options, const std::atomi
   const auto stub = v1::Palpation::NewStub(channel);
   const auto scene_deadline = std::chrono::steady_clock::now() + Seconds(options.wait_s);
   while (true) {
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(5));
-    v1::GetSceneRequest request;
-    request.set_scene_id(options.open.scene_id());
     v1::Scene scene;
-    const grpc::Status status = stub->GetScene(&context, request, &scene);
-    if (status.ok() && std::any_of(scene.windows().begin(), scene.windows().end(),
-                                   [](const v1::Window& window) { return window.touchable(); })) {
-      return scene;
-    }
+    const grpc::Status status =
+        get_scene(*stub, options.open.scene_id(), v1::SCENE_VIEW_BASIC, scene, std::chrono::seconds(5));
+    if (status.ok() && touchable_extent(scene)) return scene;
     if (stop || std::chrono::steady_clock::now() >= scene_deadline) {
       if (status.ok()) {
         throw std::runtime_error("scene '" + options.open.scene_id() +
@@ -92,16 +88,11 @@ double touchable_near(const v1::Scene& scene, double wish_m) {
 // Where a person's hand begins: with tissue to both sides of it.
 double start_of_real_device(const v1::Scene& scene, const std::optional<double>& asked_m) {
   require_within(scene, "--start-x-m", asked_m);
-  double begin_m = 1e300, end_m = -1e300;
-  bool covered = false;
-  for (const v1::Window& window : scene.windows()) {
-    if (!window.touchable()) continue;
-    begin_m = std::min(begin_m, window.covers().begin_x_m());
-    end_m = std::max(end_m, window.covers().end_x_m());
-    covered = covered ||
-              (asked_m && *asked_m >= window.covers().begin_x_m() && *asked_m <= window.covers().end_x_m());
-  }
-  const double start_m = asked_m ? *asked_m : touchable_near(scene, (begin_m + end_m) / 2);
+  const Extent extent = touchable_extent(scene).value();
+  const bool covered = std::any_of(scene.windows().begin(), scene.windows().end(), [&](const v1::Window& w) {
+    return w.touchable() && asked_m && *asked_m >= w.covers().begin_x_m() && *asked_m <= w.covers().end_x_m();
+  });
+  const double start_m = asked_m ? *asked_m : touchable_near(scene, (extent.begin_x_m + extent.end_x_m) / 2);
   if (asked_m && !covered)
     spdlog::warn("--start-x-m {}: no window covers it yet, so nothing is felt there; {:.3f} m can be touched",
                  start_m, touchable_near(scene, start_m));
@@ -118,16 +109,10 @@ HandOptions hand_on(const v1::Scene& scene, const OperatorSessionOptions& option
   }
   require_within(scene, "--begin-m", options.begin_m);
   require_within(scene, "--end-m", options.end_m);
-  double begin_m = 1e300;
-  double end_m = -1e300;
-  for (const v1::Window& window : scene.windows()) {
-    if (!window.touchable()) continue;
-    begin_m = std::min(begin_m, window.covers().begin_x_m() + kInsideM);
-    end_m = std::max(end_m, window.covers().end_x_m() - kInsideM);
-  }
+  const Extent extent = touchable_extent(scene).value();
   HandOptions hand = options.hand;
-  hand.begin_m = options.begin_m.value_or(begin_m);
-  hand.end_m = options.end_m.value_or(end_m);
+  hand.begin_m = options.begin_m.value_or(extent.begin_x_m + kInsideM);
+  hand.end_m = options.end_m.value_or(extent.end_x_m - kInsideM);
   if (!(hand.end_m > hand.begin_m)) {
     throw std::invalid_argument("the sweep ends (" + std::to_string(hand.end_m) + " m) before it begins (" +
                                 std::to_string(hand.begin_m) + " m); set --begin-m and --end-m");
@@ -156,8 +141,8 @@ void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordWri
   ServoTick tick;
   while (servo.telemetry().pop(tick)) {
     statistics.add(tick);
-    for (const LogLine& line : log.add(tick))
-      spdlog::log(line.warning ? spdlog::level::warn : spdlog::level::info, "{}", line.text);
+    for (const LogMessage& message : log.add(tick))
+      spdlog::log(message.warning ? spdlog::level::warn : spdlog::level::info, "{}", message.text);
     if (recorder != nullptr) recorder->append(to_record(tick));
   }
 }
@@ -246,13 +231,13 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
     if (granted && summary.real_time.text.empty()) spdlog::info("servo: {}", granted->text);
     summary.real_time = granted.value_or(RealTime());
     obey_keys(options, *servo, link);
-    const double now_s = 1e-9 * static_cast<double>(clock.now_ns());
-    const std::string slow = servo_thread.looping() ? adapter.line(*device, servo->ticks(), now_s) : "";
+    const double now_s = seconds(clock.now_ns());
+    const std::string slow = servo_thread.looping() ? adapter.message(*device, servo->ticks(), now_s) : "";
     if (!slow.empty()) spdlog::warn("{}", slow);
     const bool has_keys = static_cast<bool>(options.key);
-    const std::string line =
-        waiting.line(situation_of(link, summary.ticks, width_of(scene), has_keys), now_s);
-    if (!line.empty()) spdlog::warn("{}", line);
+    const std::string message =
+        waiting.message(situation_of(link, summary.ticks, width_of(scene), has_keys), now_s);
+    if (!message.empty()) spdlog::warn("{}", message);
   }
   servo_thread.stop();
   link.stop();

@@ -10,8 +10,10 @@
 #include <thread>
 #include <vector>
 
+#include "client/clock/clock.h"
 #include "client/files/different_files.h"
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 #include "teletact/v1/elastography.grpc.pb.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
@@ -98,11 +100,11 @@ class Player {
   void play_estimate(const Call& call);
   void compare(const v1::Map& map, const v1::Map& recorded, const std::string& name);
   void compare_scene(const v1::Scene& recorded);
-  void keep(const v1::TouchRequest& request);
-  void keep(const v1::TouchResponse& response);
-  void keep(const v1::EstimateRequest& request);
-  void keep(const v1::EstimateResponse& response);
-  void keep(v1::RecordEntry entry);
+  template <class Message>
+  void keep(const Message& message) {
+    if (recorder_)
+      recorder_->append_waiting(recorded(message, monotonic_ns(), static_cast<std::uint32_t>(report_.calls)));
+  }
   void need_scene();
   void make_scene(v1::Palpation::Stub& stub);
   [[noreturn]] void fail_nothing_to_play() const;
@@ -138,19 +140,15 @@ Player::Player(const ReplayOptions& options, const std::atomic<bool>& stop)
 // A touch needs a scene with its windows. Frames need at least an empty one: it is made as it was recorded.
 void Player::need_scene() {
   const auto stub = v1::Palpation::NewStub(channel_);
-  v1::GetSceneRequest request;
-  request.set_scene_id(scene_id_);
   v1::Scene scene;
-  grpc::ClientContext context;
-  const grpc::Status status = stub->GetScene(&context, request, &scene);
+  const grpc::Status status = get_scene(*stub, scene_id_, v1::SCENE_VIEW_BASIC, scene);
   const bool acquire = report_.kind == "acquire";
   const bool unknown = status.error_code() == grpc::StatusCode::NOT_FOUND;
   if (!status.ok() && !unknown)
     throw std::runtime_error("cannot replay into scene '" + scene_id_ + "': " + describe(status));
   if (acquire && unknown) make_scene(*stub);
   if (acquire) return;
-  const auto touchable = [](const v1::Window& window) { return window.touchable(); };
-  if (std::any_of(scene.windows().begin(), scene.windows().end(), touchable)) return;
+  if (touchable_extent(scene)) return;
   throw std::runtime_error(
       (unknown ? "no scene '" + scene_id_ + "' here"
                : "scene '" + scene_id_ + "' has nothing to touch here") +
@@ -318,12 +316,9 @@ double largest_difference(const std::string& a, const std::string& b) {
 
 // What all windows together have become.
 void Player::compare_scene(const v1::Scene& recorded) {
-  v1::GetSceneRequest request;
-  request.set_scene_id(scene_id_);
-  request.set_view(v1::SCENE_VIEW_FULL);
   v1::Scene scene;
-  grpc::ClientContext context;
-  const grpc::Status status = v1::Palpation::NewStub(channel_)->GetScene(&context, request, &scene);
+  const grpc::Status status =
+      get_scene(*v1::Palpation::NewStub(channel_), scene_id_, v1::SCENE_VIEW_FULL, scene);
   if (!status.ok()) fail("reading the scene", status);
   compare(scene.youngs_modulus(), recorded.youngs_modulus(), "the scene's modulus");
   compare(scene.valid(), recorded.valid(), "the scene's validity");
@@ -346,41 +341,6 @@ void Player::compare(const v1::Map& map, const v1::Map& recorded, const std::str
     report_.largest_map_difference = difference;
     report_.largest_map = name;
   }
-}
-
-void Player::keep(v1::RecordEntry entry) {
-  entry.set_monotonic_ns(
-      std::chrono::duration_cast<std::chrono::nanoseconds>(SteadyClock::now().time_since_epoch()).count());
-  entry.set_call(static_cast<std::uint32_t>(report_.calls));
-  recorder_->append_waiting(std::move(entry));
-}
-
-void Player::keep(const v1::TouchRequest& request) {
-  if (!recorder_) return;
-  v1::RecordEntry entry;
-  *entry.mutable_touch_request() = request;
-  keep(std::move(entry));
-}
-
-void Player::keep(const v1::TouchResponse& response) {
-  if (!recorder_) return;
-  v1::RecordEntry entry;
-  *entry.mutable_touch_response() = response;
-  keep(std::move(entry));
-}
-
-void Player::keep(const v1::EstimateRequest& request) {
-  if (!recorder_) return;
-  v1::RecordEntry entry;
-  *entry.mutable_estimate_request() = request;
-  keep(std::move(entry));
-}
-
-void Player::keep(const v1::EstimateResponse& response) {
-  if (!recorder_) return;
-  v1::RecordEntry entry;
-  *entry.mutable_estimate_response() = response;
-  keep(std::move(entry));
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "client/clock/clock.h"
+
 namespace teletact::client {
 namespace {
 
@@ -12,10 +14,11 @@ std::string degraded(const ServoTick& tick) {
         "and press anew",
         100 * tick.withheld);
   if (tick.sequence == 0) return "DEGRADED, no force: no answer to render yet";
-  return tick.indebted ? fmt::format("DEGRADED, force fading: the display generated energy, {:.1f} mJ in all",
-                                     -1e3 * tick.energy_j)
-                       : fmt::format("DEGRADED, force fading: the answer behind it is {:.0f} ms old",
-                                     1e3 * tick.model_age_s);
+  return tick.energy_generated
+             ? fmt::format("DEGRADED, force fading: the display generated energy, {:.1f} mJ in all",
+                           -1e3 * tick.energy_j)
+             : fmt::format("DEGRADED, force fading: the answer behind it is {:.0f} ms old",
+                           1e3 * tick.model_age_s);
 }
 
 std::string degraded_by_service(const ServoTick&) {
@@ -28,42 +31,43 @@ std::string fading(const ServoTick& tick) {
 
 }  // namespace
 
-void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what, std::vector<LogLine>& lines) {
-  const double time_s = 1e-9 * static_cast<double>(tick.time_ns);
+void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what,
+                     std::vector<LogMessage>& messages) {
+  const double time_s = seconds(tick.time_ns);
   if (on && !spell.on) {
     spell.begin_s = time_s;
-    spell.told = time_s - spell.told_s >= kEveryS;
-    if (spell.told) {
+    spell.logged = time_s - spell.logged_s >= kEveryS;
+    if (spell.logged) {
       const std::string more =
-          spell.untold > 0 ? fmt::format("; {} times more since this was said last", spell.untold) : "";
-      lines.push_back({true, "servo " + what(tick) + more});
-      spell.told_s = time_s;
-      spell.untold = 0;
+          spell.left_out > 0 ? fmt::format("; {} times more since this was said last", spell.left_out) : "";
+      messages.push_back({true, "servo " + what(tick) + more});
+      spell.logged_s = time_s;
+      spell.left_out = 0;
     } else {
-      ++spell.untold;
+      ++spell.left_out;
     }
   }
-  if (!on && spell.on && spell.told) {
+  if (!on && spell.on && spell.logged) {
     const std::string text = what(tick);
-    lines.push_back({false, fmt::format("servo no longer {}, after {:.2f} s", text.substr(0, text.find(',')),
-                                        time_s - spell.begin_s)});
+    messages.push_back({false, fmt::format("servo no longer {}, after {:.2f} s",
+                                           text.substr(0, text.find(',')), time_s - spell.begin_s)});
   }
   spell.on = on;
 }
 
-std::vector<LogLine> TickLog::add(const ServoTick& tick) {
-  std::vector<LogLine> lines;
+std::vector<LogMessage> TickLog::add(const ServoTick& tick) {
+  std::vector<LogMessage> messages;
   if (!started_ || tick.state != last_.state || tick.reason != last_.reason) {
     const bool trouble = tick.reason == StateReason::kSilence || tick.state == ServoState::kFault;
-    lines.push_back({trouble, fmt::format("servo {}: {}", name(tick.state), describe(tick.reason))});
+    messages.push_back({trouble, fmt::format("servo {}: {}", name(tick.state), describe(tick.reason))});
   }
   const bool enabled = tick.state == ServoState::kEnabled;
-  follow(degraded_, enabled && tick.degraded, tick, degraded, lines);
-  follow(service_degraded_, enabled && tick.service_degraded, tick, degraded_by_service, lines);
-  follow(faded_, enabled && tick.faded, tick, fading, lines);
+  follow(degraded_, enabled && tick.degraded, tick, degraded, messages);
+  follow(service_degraded_, enabled && tick.service_degraded, tick, degraded_by_service, messages);
+  follow(faded_, enabled && tick.faded, tick, fading, messages);
   started_ = true;
   last_ = tick;
-  return lines;
+  return messages;
 }
 
 }  // namespace teletact::client

@@ -1,4 +1,4 @@
-// What of the servo's ticks is worth a line for a person: its states, and the beginnings and ends of what
+// What of the servo's ticks is worth a message to a person: its states, and the beginnings and ends of what
 // takes force away or trust from it.
 #pragma once
 
@@ -10,29 +10,31 @@
 
 namespace teletact::client {
 
-struct LogLine {
+struct LogMessage {
   bool warning = false;
   std::string text;
 };
 
 class TickLog {
  public:
-  // Between lines of one kind, DEGRADED or fading: on a jittery link they come and go several times a second.
+  // Between messages of one kind, DEGRADED or fading: on a jittery link they come and go several times a
+  // second.
   static constexpr double kEveryS = 1;
 
-  // The lines that are due at this tick, with their reason; mostly none.
-  std::vector<LogLine> add(const ServoTick& tick);
+  // The messages that are due at this tick, with their reason; mostly none.
+  std::vector<LogMessage> add(const ServoTick& tick);
 
  private:
   struct Spell {
     bool on = false;
-    bool told = false;  // this spell has had its first line, so its end is said too
+    bool logged = false;  // this spell has had its first message, so its end is said too
     double begin_s = 0;
-    double told_s = -kEveryS;
-    std::uint64_t untold = 0;  // spells since the last line
+    double logged_s = -kEveryS;
+    std::uint64_t left_out = 0;  // spells since the last message
   };
   using What = std::string (*)(const ServoTick&);  // its name up to the first comma, then the reason
-  static void follow(Spell& spell, bool on, const ServoTick& tick, What what, std::vector<LogLine>& lines);
+  static void follow(Spell& spell, bool on, const ServoTick& tick, What what,
+                     std::vector<LogMessage>& messages);
 
   bool started_ = false;
   ServoTick last_;

@@ -11,7 +11,7 @@ Waiting::For Waiting::waited_for(const TouchSituation& situation) {
   return situation.held_at_border || !situation.covered ? For::kWindow : For::kNothing;
 }
 
-std::string Waiting::line(const TouchSituation& situation, double now_s) {
+std::string Waiting::message(const TouchSituation& situation, double now_s) {
   const For now = waited_for(situation);
   if (now != for_) due_s_ = now_s + kFirstS;
   for_ = now;

@@ -1,4 +1,4 @@
-// What a session of touching waits for, said in lines for a person: nothing may stand still in silence.
+// What a session of touching waits for, said in messages to a person: nothing may stand still in silence.
 #pragma once
 
 #include <string>
@@ -19,12 +19,12 @@ struct TouchSituation {
 
 class Waiting {
  public:
-  static constexpr double kFirstS = 3;    // of standing still before the first line
-  static constexpr double kTroubleS = 5;  // from line to line without a stream
-  static constexpr double kRepeatS = 30;  // from line to line of what a person can change
+  static constexpr double kFirstS = 3;    // of standing still before the first message
+  static constexpr double kTroubleS = 5;  // from message to message without a stream
+  static constexpr double kRepeatS = 30;  // from message to message of what a person can change
 
-  // The line that is due at `now_s` (any clock that only goes forward); mostly empty.
-  std::string line(const TouchSituation& situation, double now_s);
+  // The message that is due at `now_s` (any clock that only goes forward); mostly empty.
+  std::string message(const TouchSituation& situation, double now_s);
 
  private:
   enum class For { kNothing, kStream, kButton, kTissue, kWindow };

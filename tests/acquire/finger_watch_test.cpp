@@ -6,7 +6,7 @@
 #include <chrono>
 #include <thread>
 
-#include "client/acquire/estimate_client.h"
+#include "client/clock/clock.h"
 #include "tests/support/fake_service.h"
 #include "tests/support/fault_proxy.h"
 

@@ -80,7 +80,7 @@ Felt lift(const std::string& name, const ForceLimits& limits, const Tissue& tiss
     felt.above_cap += force_n > capped_n * (1 + 1e-12);
     felt.held_up += force_n > rendered.force_n.norm() + damping_n + 1e-12;
     felt.fades += output.fades;
-    felt.withheld += output.withheld;
+    felt.withheld += output.withholds;
     felt.largest_n = std::max(felt.largest_n, force_n);
     felt.pulled_n = std::max(felt.pulled_n, output.force_n.y());
     felt.stored_j = std::max(felt.stored_j, output.stored_j);

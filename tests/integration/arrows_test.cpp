@@ -89,22 +89,23 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
 
 TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
   // commands -> {session, acquire, report, experiment}; {session, report} -> link -> servo -> haptic ->
-  // render; acquire -> link; experiment -> servo; {acquire, report} -> patient; files stand alone.
+  // render; acquire -> link; experiment -> servo; {acquire, report} -> patient; files and clock stand alone.
   expect_only({{"files", {}},
                {"matlab", {"files"}},
                {"no_matlab", {"files"}},
                {"patient", {"files"}},
                {"render", {}},
-               {"haptic", {"render"}},
-               {"servo", {"haptic", "render"}},
-               {"experiment", {"servo", "haptic", "render"}},
-               {"link", {"servo", "haptic", "render"}},
-               {"session", {"link", "servo", "haptic", "render", "files"}},
-               {"acquire", {"link", "patient", "files"}},
-               {"report", {"link", "servo", "patient", "files"}},
+               {"clock", {}},
+               {"haptic", {"render", "clock"}},
+               {"servo", {"haptic", "render", "clock"}},
+               {"experiment", {"servo", "haptic", "render", "clock"}},
+               {"link", {"servo", "haptic", "render", "clock"}},
+               {"session", {"link", "servo", "haptic", "render", "clock", "files"}},
+               {"acquire", {"link", "clock", "patient", "files"}},
+               {"report", {"link", "servo", "clock", "patient", "files"}},
                {"commands",
-                {"session", "acquire", "report", "experiment", "link", "servo", "haptic", "render", "patient",
-                 "files"}}},
+                {"session", "acquire", "report", "experiment", "link", "servo", "haptic", "render", "clock",
+                 "patient", "files"}}},
               "client");
 }
 
@@ -165,7 +166,7 @@ TEST(Arrows, OnlyDeviceIncludesOpenClAndOnlyRpcTheContract) {
 }
 
 TEST(Arrows, ServoRenderHapticPatientFilesAndExperimentKnowNeitherGrpcNorOpenCl) {
-  const std::vector<std::string> pure{"client/servo",   "client/render", "client/haptic",
+  const std::vector<std::string> pure{"client/servo",   "client/render", "client/haptic",    "client/clock",
                                       "client/patient", "client/files",  "client/experiment"};
   std::size_t seen = 0;
   for (const Include& i : includes_of("client")) {

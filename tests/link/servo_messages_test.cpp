@@ -97,7 +97,7 @@ TEST(ServoMessages, ARecordedTickSaysEverythingThatTheServoKnows) {
   ServoTick tick;
   tick.state = ServoState::kPaused;
   tick.reason = StateReason::kSilence;
-  tick.degraded = tick.indebted = tick.service_degraded = tick.faded = true;
+  tick.degraded = tick.energy_generated = tick.service_degraded = tick.faded = true;
   tick.stiffness_n_m = 310;
   tick.stiffness_variance = 16;
   tick.lateral_stiffness_n_m = {-41, 7};

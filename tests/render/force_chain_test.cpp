@@ -143,7 +143,7 @@ TEST(ForceChain, NothingIsOwedOfTheTimeBeforeAPause) {
     chain.apply(input);
   }
   ASSERT_LT(chain.apply(input).energy_j, -0.01);
-  ASSERT_TRUE(chain.apply(input).indebted);
+  ASSERT_TRUE(chain.apply(input).energy_generated);
   input.on = false;
   chain.apply(input);
   input.on = true;

@@ -156,21 +156,21 @@ TEST(Sessions, RecordingsThatDoNotBelongTogetherAreToldApart) {
   TouchRecord touched = touch();
   AcquireRecord acquired = acquire();
   touched.scene_id = acquired.scene_id = "a";
-  EXPECT_EQ(doubt_of_one_session(touched, acquired), "");
+  EXPECT_EQ(session_mismatch(touched, acquired), "");
   touched.instances = {7, 8};
   acquired.info.emplace().set_instance(8);
   acquired.scene.emplace().set_version(3);
   touched.model_version = 3;
-  EXPECT_EQ(doubt_of_one_session(touched, acquired), "");
+  EXPECT_EQ(session_mismatch(touched, acquired), "");
   touched.model_version = 4;
-  EXPECT_NE(doubt_of_one_session(touched, acquired).find("newer"), std::string::npos);
+  EXPECT_NE(session_mismatch(touched, acquired).find("newer"), std::string::npos);
   acquired.info->set_instance(9);
-  EXPECT_NE(doubt_of_one_session(touched, acquired).find("two runs of the service"), std::string::npos);
+  EXPECT_NE(session_mismatch(touched, acquired).find("two runs of the service"), std::string::npos);
   for (AcquiredWindow& window : acquired.windows) window.published_s += 3;
-  EXPECT_THROW(doubt_of_one_session(touched, acquired), std::runtime_error);
+  EXPECT_THROW(session_mismatch(touched, acquired), std::runtime_error);
   acquired = acquire();
   acquired.scene_id = "b";
-  EXPECT_THROW(doubt_of_one_session(touched, acquired), std::runtime_error);
+  EXPECT_THROW(session_mismatch(touched, acquired), std::runtime_error);
 }
 
 }  // namespace

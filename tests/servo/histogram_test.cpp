@@ -56,19 +56,6 @@ TEST(Histogram, OfNoneOfOneAndOfWhatIsBeyondItsRange) {
   EXPECT_EQ(histogram.percentile(1), INFINITY);
 }
 
-TEST(Histogram, OfTwoPartsIsThatOfTheWhole) {
-  Histogram first, second, whole;
-  for (int n = 0; n < 1000; ++n) {
-    const double value = 1e-4 * (n - 200);
-    (n % 3 == 0 ? first : second).add(value);
-    whole.add(value);
-  }
-  first.merge(second);
-  EXPECT_EQ(first.count(), whole.count());
-  for (double share = 0; share <= 1; share += 0.05)
-    EXPECT_EQ(first.percentile(share), whole.percentile(share)) << share;
-}
-
 // An hour beside the service: 3.6 million ticks, and states that flicker.
 TEST(TickStatistics, TakeNoMemoryHoweverLongTheSession) {
   const auto statistics = std::make_unique<TickStatistics>();

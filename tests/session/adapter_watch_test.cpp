@@ -26,7 +26,7 @@ TEST(AdapterWatch, ACallThatTakesLongIsSaidAndNotTooOften) {
   std::uint64_t ticks = 0;
   const auto line_at = [&](double now_s, double longest_s) {
     adapter.longest_s = longest_s;
-    return watch.line(adapter, ++ticks, now_s);
+    return watch.message(adapter, ++ticks, now_s);
   };
   EXPECT_EQ(line_at(1, 0.0009), "");
   EXPECT_NE(line_at(2, 0.012).find("took 12.0 ms"), std::string::npos);
@@ -45,17 +45,17 @@ TEST(AdapterWatch, ACallThatDoesNotComeBackIsLetGoOfOnce) {
     AdapterWatch watch;
     double now_s = 100;
     for (std::uint64_t tick = 0; tick < blocked_at; ++tick, now_s += 0.9)
-      EXPECT_EQ(watch.line(adapter, tick, now_s), "");
+      EXPECT_EQ(watch.message(adapter, tick, now_s), "");
     const double blocked_s = now_s;
-    for (; now_s < blocked_s + 0.97; now_s += 0.02) EXPECT_EQ(watch.line(adapter, blocked_at, now_s), "");
+    for (; now_s < blocked_s + 0.97; now_s += 0.02) EXPECT_EQ(watch.message(adapter, blocked_at, now_s), "");
     EXPECT_EQ(adapter.let_gos, 0);
     std::string said;
     for (; said.empty() && now_s < blocked_s + 1.1; now_s += 0.02)
-      said = watch.line(adapter, blocked_at, now_s);
+      said = watch.message(adapter, blocked_at, now_s);
     EXPECT_NE(said.find("no tick for 1.0 s"), std::string::npos) << said;
     EXPECT_EQ(adapter.let_gos, 1);
     EXPECT_TRUE(watch.stuck());
-    EXPECT_EQ(watch.line(adapter, blocked_at, now_s + 2), "");
+    EXPECT_EQ(watch.message(adapter, blocked_at, now_s + 2), "");
     EXPECT_EQ(adapter.let_gos, 1);
   }
 }
@@ -64,9 +64,9 @@ TEST(AdapterWatch, ACallThatDoesNotComeBackIsLetGoOfOnce) {
 TEST(AdapterWatch, AStoppedProcessIsNoAdapterThatDoesNotComeBack) {
   Adapter adapter;
   AdapterWatch watch;
-  EXPECT_EQ(watch.line(adapter, 7, 1), "");
-  EXPECT_EQ(watch.line(adapter, 7, 61), "");
-  EXPECT_EQ(watch.line(adapter, 8, 61.02), "");
+  EXPECT_EQ(watch.message(adapter, 7, 1), "");
+  EXPECT_EQ(watch.message(adapter, 7, 61), "");
+  EXPECT_EQ(watch.message(adapter, 8, 61.02), "");
   EXPECT_FALSE(watch.stuck());
 }
 

@@ -15,7 +15,8 @@ class TickLogTest : public ::testing::Test {
  protected:
   void run(int ticks) {
     for (int n = 0; n < ticks; ++n) {
-      for (const LogLine& line : log_.add(tick_)) said_.push_back((line.warning ? "W " : "I ") + line.text);
+      for (const LogMessage& line : log_.add(tick_))
+        said_.push_back((line.warning ? "W " : "I ") + line.text);
       tick_.time_ns += 1'000'000;
     }
   }
@@ -48,7 +49,7 @@ TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   run(300);
   tick_.degraded = false;
   run(2000);
-  tick_.degraded = tick_.indebted = true;
+  tick_.degraded = tick_.energy_generated = true;
   tick_.energy_j = -0.0062;
   run(5);
   ASSERT_EQ(said_.size(), 3u);

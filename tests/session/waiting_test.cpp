@@ -12,8 +12,8 @@ std::vector<std::pair<double, std::string>> lines(Waiting& waiting, const TouchS
                                                   double from_s, double to_s) {
   std::vector<std::pair<double, std::string>> said;
   for (int n = 0; from_s + 0.02 * n < to_s; ++n) {
-    const std::string line = waiting.line(situation, from_s + 0.02 * n);
-    if (!line.empty()) said.emplace_back(from_s + 0.02 * n, line);
+    const std::string message = waiting.message(situation, from_s + 0.02 * n);
+    if (!message.empty()) said.emplace_back(from_s + 0.02 * n, message);
   }
   return said;
 }

@@ -14,11 +14,11 @@
 #include "bench/basics/median.h"
 #include "bench/curves.h"
 #include "bench/stability/felt.h"
-#include "bench/stability/parallel.h"
 #include "bench/stability/servo_period.h"
 #include "bench/suites/paper/paper.h"
 #include "client/experiment/bootstrap.h"
 #include "client/experiment/observer.h"
+#include "client/patient/parallel.h"
 
 namespace teletact::client {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StimulusCount, stimulus_n_m, harder, not_harder)
@@ -265,7 +265,7 @@ std::vector<ChainFigures> observe_chain(const Effort& effort, Targets& targets) 
   const Effort fewer{std::min(effort.experiments, 300u), std::min(effort.resamples, 99u)};
   const std::vector<ChainCase> cases = chain_cases();
   std::vector<ChainFigures> rows(cases.size() * kWeberFractions.size());
-  in_parallel(rows.size(), [&](std::size_t n) {
+  client::in_parallel(rows.size(), [&](std::size_t n) {
     const ChainCase& one = cases[n / kWeberFractions.size()];
     const FeltOptions& chain = one.chain;
     const ObserverDescription observer{kWeberFractions[n % kWeberFractions.size()], 0, 0};

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "client/servo/clock.h"
+#include "client/clock/clock.h"
 #include "client/servo/realtime.h"
 #include "client/servo/servo_loop.h"
 

@@ -5,6 +5,7 @@
 #include "bench/basics/clock.h"
 #include "bench/suites/soak/soak.h"
 #include "client/acquire/estimate_client.h"
+#include "client/clock/clock.h"
 #include "client/link/channel.h"
 
 namespace teletact::bench::soak {
@@ -30,7 +31,7 @@ double width_m(const v1::Acquisition& acquisition) {
 }
 
 double seconds_since_ns(std::int64_t then_ns) {
-  return static_cast<double>(client::monotonic_ns() - then_ns) * 1e-9;
+  return client::seconds(client::monotonic_ns() - then_ns);
 }
 
 // "DEADLINE_EXCEEDED" of "Estimate: DEADLINE_EXCEEDED: ..."

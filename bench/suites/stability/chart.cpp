@@ -13,11 +13,11 @@
 
 #include "bench/basics/median.h"
 #include "bench/curves.h"
-#include "bench/stability/parallel.h"
 #include "bench/stability/passivity_border.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability/stability.h"
+#include "client/patient/parallel.h"
 #include "client/render/renderers.h"
 
 namespace teletact::bench {
@@ -148,8 +148,9 @@ Figures measure(bool quick, Targets& targets) {
   Figures figures;
   std::vector<Row>& rows = figures.rows;
   rows.resize(points.size());
-  in_parallel(points.size(),
-              [&](std::size_t n) { rows[n] = chart(points[n].trial, *points[n].axis, points[n].value); });
+  client::in_parallel(points.size(), [&](std::size_t n) {
+    rows[n] = chart(points[n].trial, *points[n].axis, points[n].value);
+  });
   // Colgate's bound is sufficient: a held force inside of it may not shake.
   const auto passive_unstable = std::count_if(rows.begin(), rows.end(), [](const Row& row) {
     return row.renderer == "hold" && row.stable_n_m < row.colgate_n_m;

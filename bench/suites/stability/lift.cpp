@@ -5,8 +5,8 @@
 #include <map>
 
 #include "bench/stability/lift.h"
-#include "bench/stability/parallel.h"
 #include "bench/suites/stability/stability.h"
+#include "client/patient/parallel.h"
 #include "client/render/renderers.h"
 
 namespace teletact::bench {
@@ -107,7 +107,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, rows)
 Figures measure(bool quick, Targets& targets) {
   const std::vector<LiftOptions> all = trials(quick);
   std::vector<LiftResult> results(all.size());
-  in_parallel(all.size(), [&](std::size_t n) { results[n] = run_lift(all[n]); });
+  client::in_parallel(all.size(), [&](std::size_t n) { results[n] = run_lift(all[n]); });
   Tally all_of_them, honest_ones;
   std::map<std::string, Tally> by_renderer;
   Figures figures;

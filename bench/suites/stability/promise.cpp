@@ -14,10 +14,10 @@
 #include <map>
 
 #include "bench/curves.h"
-#include "bench/stability/parallel.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability/stability.h"
+#include "client/patient/parallel.h"
 
 namespace teletact::bench {
 
@@ -133,7 +133,7 @@ bool fails(const TrialResult& r) {
 
 std::vector<TrialResult> run_trials(const std::vector<TrialOptions>& trials) {
   std::vector<TrialResult> results(trials.size());
-  in_parallel(trials.size(), [&](std::size_t n) { results[n] = run_trial(trials[n]); });
+  client::in_parallel(trials.size(), [&](std::size_t n) { results[n] = run_trial(trials[n]); });
   return results;
 }
 

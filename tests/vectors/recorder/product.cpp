@@ -333,7 +333,8 @@ Answer Servo::tick(const TickCase& c) {
           {"withheld", {t.withheld}},
           {"age", {t.silence_s, t.model_age_s}},
           {"flags",
-           {flag(t.withholds), flag(t.degraded), flag(t.indebted), flag(t.service_degraded), flag(t.faded)},
+           {flag(t.withholds), flag(t.degraded), flag(t.energy_generated), flag(t.service_degraded),
+            flag(t.faded)},
            true}};
 }
 

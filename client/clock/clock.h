@@ -5,6 +5,12 @@
 
 namespace teletact::client {
 
+std::int64_t monotonic_ns() noexcept;  // CLOCK_MONOTONIC
+
+inline double seconds(std::int64_t ns) noexcept {
+  return 1e-9 * static_cast<double>(ns);
+}
+
 class Clock {
  public:
   virtual ~Clock() = default;
@@ -15,7 +21,7 @@ class Clock {
 // CLOCK_MONOTONIC, absolute-time sleep.
 class MonotonicClock final : public Clock {
  public:
-  std::int64_t now_ns() noexcept override;
+  std::int64_t now_ns() noexcept override { return monotonic_ns(); }
   void sleep_until_ns(std::int64_t time_ns) noexcept override;
 };
 

@@ -1,4 +1,4 @@
-#include "client/servo/clock.h"
+#include "client/clock/clock.h"
 
 #include <time.h>
 
@@ -11,7 +11,7 @@ constexpr std::int64_t kNsPerS = 1'000'000'000;
 
 }  // namespace
 
-std::int64_t MonotonicClock::now_ns() noexcept {
+std::int64_t monotonic_ns() noexcept {
   timespec time{};
   clock_gettime(CLOCK_MONOTONIC, &time);
   return time.tv_sec * kNsPerS + time.tv_nsec;

@@ -1,0 +1,22 @@
+// Scenes as a service holds them.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "teletact/v1/palpation.grpc.pb.h"
+
+namespace teletact::client {
+
+// GetScene; `within`: its deadline, 0 s for none.
+grpc::Status get_scene(v1::Palpation::Stub& stub, const std::string& scene_id, v1::SceneView view,
+                       v1::Scene& scene, std::chrono::seconds within = {});
+
+// From the first to the last window that can be touched; none where there is none. Between them may be gaps.
+struct Extent {
+  double begin_x_m = 0, end_x_m = 0;
+};
+std::optional<Extent> touchable_extent(const v1::Scene& scene);
+
+}  // namespace teletact::client
