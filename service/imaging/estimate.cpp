@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "service/device/look.h"
+#include "service/device/worked.h"
 #include "service/imaging/tracking/input_checks.h"
 
 namespace teletact::service {
@@ -17,12 +18,6 @@ namespace {
 // Before a pair is called decorrelated it is searched once more over so many times the strain, up to the
 // largest that can be asked for.
 constexpr double kWiderSearch = 2;
-
-// Of the thread's own work: while others have their turn it stands still.
-double worked_s() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count() -
-         waited_s();
-}
 
 class StageClock {
  public:

@@ -56,6 +56,12 @@ void Calls::require_open() const {
     throw Error(ErrorKind::kUnavailable, "the service is shutting down; connect again later");
 }
 
+void Calls::require_first_message(const char* field, Clock::time_point begun, Clock::time_point now) const {
+  if (now - begun > std::chrono::duration<double>(limits_.first_message_s))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("{}: not sent within {} s; open a new stream", field, limits_.first_message_s));
+}
+
 std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served> call,
                                             const std::string& client) {
   const std::lock_guard lock(mutex_);

@@ -53,6 +53,8 @@ class Calls {
   // Calls are refused with Error(kUnavailable) before open() and after drain().
   void open();
   void require_open() const;
+  // Throws Error(kDeadline) when `field`, a call's first message, was not sent in time.
+  void require_first_message(const char* field, Clock::time_point begun, Clock::time_point now) const;
   // Throws Error(kUnavailable | kExhausted). Places are counted for each kind. A `client` that is named is
   // given another place only while more are free than it holds: none of them takes what others need.
   std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>, const std::string& client = "");

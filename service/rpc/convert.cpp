@@ -190,8 +190,7 @@ void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1
   out->set_quality(in.quality);
   out->set_measured_share(in.measured_share);
   if (in.taken_in == std::chrono::steady_clock::time_point()) return;
-  out->mutable_taken_in()->set_monotonic_ns(monotonic_ns(in.taken_in));
-  out->mutable_taken_in()->set_instance(instance);
+  stamp_to(monotonic_ns(in.taken_in), instance, out->mutable_taken_in());
 }
 
 }  // namespace
@@ -232,6 +231,11 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
   map_to(view, "valid", "1", v1::DATA_TYPE_UINT8, view.valid, out->mutable_valid());
 }
 
+void stamp_to(std::int64_t monotonic_ns, std::uint64_t instance, v1::Stamp* out) {
+  out->set_monotonic_ns(monotonic_ns);
+  out->set_instance(instance);
+}
+
 void region_to(const Region& in, v1::Region* out) {
   out->set_begin_x_m(in.begin_x_m);
   out->set_end_x_m(in.end_x_m);
@@ -245,8 +249,9 @@ void layer_to(const Layer& in, v1::Layer* out) {
   for (const double component : in.pushes) out->add_normal(component);
 }
 
-TouchOptions touch_options_from(const v1::TouchOpen& in) {
-  TouchOptions options;
+TouchWishes wishes_from(const v1::TouchOpen& in) {
+  TouchWishes wishes{in.session_id(), in.credit(), in.period_s(), {}};
+  TouchOptions& options = wishes.touch;
   Fingertip& tip = options.fingertip;
   switch (in.fingertip().shape()) {
     case v1::FINGERTIP_SHAPE_UNSPECIFIED:
@@ -282,7 +287,17 @@ TouchOptions touch_options_from(const v1::TouchOpen& in) {
     default:
       throw std::invalid_argument("open.path: unknown; leave it out, or use COMPLIANCE or PCG");
   }
-  return options;
+  return wishes;
+}
+
+FingerPose pose_from(const v1::ContactPose& in) {
+  return {in.sequence(),
+          in.acknowledged(),
+          vector_from("pose.position_m", in.position_m(), false),
+          vector_from("pose.velocity_m_s", in.velocity_m_s(), true),
+          static_cast<std::size_t>(in.position_m_size()),
+          in.stamp().monotonic_ns(),
+          in.stamp().instance()};
 }
 
 std::array<double, 3> vector_from(const char* field, const google::protobuf::RepeatedField<double>& in,
@@ -337,7 +352,18 @@ void force_and_tangent_to(const ContactAnswer& c, Message* out) {
 
 }  // namespace
 
-void answer_to(const TouchAnswer& in, v1::TouchAnswer* out) {
+void answer_to(const TouchStream::Arrived& asked, const TouchStream::Answered& answered,
+               std::uint64_t instance, v1::TouchAnswer* out) {
+  const TouchAnswer& in = answered.answer;
+  const FingerPose& pose = asked.pose;
+  out->set_answer(answered.number);
+  out->set_sequence(pose.sequence);
+  stamp_to(pose.stamp_ns, pose.stamp_instance, out->mutable_pose_stamp());
+  for (std::size_t k = 0; k < pose.components; ++k) out->add_position_m(pose.position_m[k]);
+  out->set_compute_ns(answered.computing.count());
+  out->set_queued_ns(answered.queued.count());
+  if (in.taken_in != std::chrono::steady_clock::time_point())
+    stamp_to(monotonic_ns(in.taken_in), instance, out->mutable_model_stamp());
   const ContactAnswer& c = in.contact;
   out->set_status(status_to(in.status));
   force_and_tangent_to(c, out);

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "service/scene/scene.h"
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_stream.h"
 #include "teletact/v1/palpation.pb.h"
 
 namespace teletact::service {
@@ -20,18 +20,22 @@ std::size_t bytes_per_item(v1::DataType);
 SceneGeometry geometry_from(const v1::SceneGeometry&, const Limits&);
 // `most_elements`: beyond it Error(kExhausted), before the values are read.
 ExplicitModulus modulus_from(const v1::ModulusMap&, std::size_t most_elements);
-// `instance`: the process', for stamps.
 // Of the message that scene_to() makes, and what it is made of meanwhile.
 std::uint64_t scene_bytes(const Scene&, v1::SceneView);
+// `instance`: the process', for stamps.
 void scene_to(const Scene&, v1::SceneView, std::uint64_t instance, v1::Scene*);
 
+// CLOCK_MONOTONIC of the process `instance`.
+void stamp_to(std::int64_t monotonic_ns, std::uint64_t instance, v1::Stamp*);
 void region_to(const Region&, v1::Region*);
 void layer_to(const Layer&, v1::Layer*);
-TouchOptions touch_options_from(const v1::TouchOpen&);
+TouchWishes wishes_from(const v1::TouchOpen&);
+FingerPose pose_from(const v1::ContactPose&);
 // [x, y] or [x, y, z]; what is absent is zero. Throws std::invalid_argument.
 std::array<double, 3> vector_from(const char* field, const google::protobuf::RepeatedField<double>&,
                                   bool may_be_empty);
-// Fills status, force, tangent, pressure, window, solve report; the caller adds sequence and stamps.
-void answer_to(const TouchAnswer&, v1::TouchAnswer*);
+// `instance`: the process', for stamps. The caller adds when it was answered.
+void answer_to(const TouchStream::Arrived&, const TouchStream::Answered&, std::uint64_t instance,
+               v1::TouchAnswer*);
 
 }  // namespace teletact::service

@@ -5,11 +5,11 @@
 #include <cstdint>
 #include <memory>
 
-#include "service/device/device.h"
+#include "service/device/current_device.h"
+#include "service/imaging_plane/imaging_plane.h"
 #include "service/limits/limits.h"
 #include "service/limits/memory.h"
 #include "service/rpc/calls.h"
-#include "service/rpc/device_recovery.h"
 #include "service/scene/scenes.h"
 
 namespace teletact::service {
@@ -23,16 +23,20 @@ struct Core {
   const std::shared_ptr<const TouchModels> models;
   Calls calls;
   Scenes scenes;
+  ImagingPlane imaging;  // last: its threads use the rest
 
+  // `reopen`, `tell`: as ImagingPlane's.
   Core(std::shared_ptr<Device> device_, std::uint64_t instance_, const std::filesystem::path& state_directory,
-       const Limits& asked_for, std::shared_ptr<const TouchModels> models_ = plane_models())
+       const Limits& asked_for, std::shared_ptr<const TouchModels> models_,
+       std::function<std::shared_ptr<Device>()> reopen, std::function<void(bool works)> tell)
       : device(std::move(device_)),
         limits(resolved(asked_for, host_memory_bytes(), device->info().global_memory_bytes)),
         instance(instance_),
         memory(std::make_shared<MemoryBudget>(limits)),
         models(std::move(models_)),
         calls(limits),
-        scenes(state_directory, limits, machine_files(), memory, models) {}
+        scenes(state_directory, limits, machine_files(), memory, models),
+        imaging(device, scenes, memory, models, std::move(reopen), std::move(tell)) {}
 
   // In whose name memory is held.
   MemoryAccount account(std::string client, std::string scene = {}) const {

@@ -59,8 +59,7 @@ void add_stage(v1::EstimateSummary* summary, const char* name, double s) {
   time->set_seconds(s);
 }
 
-void summary_to(const EstimateOutcome& outcome, const EstimateRequest& request,
-                v1::EstimateSummary* summary) {
+void summary_to(const EstimateOutcome& outcome, const EstimateCall& call, v1::EstimateSummary* summary) {
   const Estimate& e = outcome.estimate;
   estimate_to(e, summary);
   add_stage(summary, "queued", outcome.queued_s);
@@ -71,7 +70,7 @@ void summary_to(const EstimateOutcome& outcome, const EstimateRequest& request,
   if (!outcome.published) return;
   for (const std::string& warning : outcome.published->warnings) summary->add_warnings(warning);
   add_stage(summary, "publish", outcome.publish_s);
-  summary->set_scene_id(request.scene->id());
+  summary->set_scene_id(call.request.scene->id());
   summary->set_window_id(outcome.published->window_id);
   summary->set_scene_version(outcome.published->version);
   summary->set_received_to_published_s(outcome.received_to_published_s);
@@ -91,14 +90,14 @@ v1::EstimateStage stage_to(Stage stage) {
   return v1::ESTIMATE_STAGE_UNSPECIFIED;
 }
 
-bool answer_to(const EstimateOutcome& outcome, const EstimateRequest& request, std::size_t index,
+bool answer_to(const EstimateOutcome& outcome, const EstimateCall& call, std::size_t index,
                v1::EstimateResponse* out) {
   out->Clear();
-  if (index > request.maps.size()) return false;
-  if (index < request.maps.size())
-    map_to(outcome.estimate, *find_map(request.maps[index]), out->mutable_map()->mutable_map());
+  if (index > call.maps.size()) return false;
+  if (index < call.maps.size())
+    map_to(outcome.estimate, *find_map(call.maps[index]), out->mutable_map()->mutable_map());
   else
-    summary_to(outcome, request, out->mutable_summary());
+    summary_to(outcome, call, out->mutable_summary());
   return true;
 }
 

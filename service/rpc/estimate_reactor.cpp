@@ -5,7 +5,8 @@
 
 #include <algorithm>
 
-#include "service/device/look.h"
+#include "service/rpc/client.h"
+#include "service/rpc/estimate_answer.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -27,13 +28,11 @@ JobTerms::Time deadline_of(const grpc::CallbackServerContext& context) {
 
 }  // namespace
 
-EstimateReactor::EstimateReactor(ElastographyService& service, grpc::CallbackServerContext* context)
-    : ServedCall(service.core().calls, context),
-      service_(service),
-      whole_upload_s_(service.core().limits.least_upload_s) {}
+EstimateReactor::EstimateReactor(Core& core, grpc::CallbackServerContext* context)
+    : ServedCall(core.calls, context), core_(core), whole_upload_s_(core.limits.least_upload_s) {}
 
-EstimateReactor* EstimateReactor::serve(ElastographyService& service, grpc::CallbackServerContext* context) {
-  return ServedCall::serve(std::make_shared<EstimateReactor>(service, context), CallKind::kEstimate,
+EstimateReactor* EstimateReactor::serve(Core& core, grpc::CallbackServerContext* context) {
+  return ServedCall::serve(std::make_shared<EstimateReactor>(core, context), CallKind::kEstimate,
                            client_of(*context));
 }
 
@@ -51,21 +50,20 @@ void EstimateReactor::OnReadDone(bool ok) {
 }
 
 void EstimateReactor::receive() {
-  const Limits& limits = service_.core().limits;
-  if (!request_) {
+  const Limits& limits = core_.limits;
+  if (!call_) {
     if (!message_.has_acquisition())
       throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
-    service_.device().require();
-    request_ = request_from(message_.acquisition(), service_.core().scenes, limits);
-    refuse_the_hopeless();
+    core_.imaging.require_device();
+    call_ = call_from(message_.acquisition(), core_.scenes, limits);
+    core_.imaging.refuse_the_hopeless(call_->request, terms());
     // As it comes, and as samples.
-    upload_bytes_ = service_.core()
-                        .account(client_of(*context_))
+    upload_bytes_ = core_.account(client_of(*context_))
                         .charge(Place::kHost, "uploads",
-                                2 * (request_->frame_bytes() + sizeof(float) * request_->samples()));
-    upload_.emplace(*request_, limits.most_chunk_bytes);
+                                2 * (call_->frame_bytes() + sizeof(float) * call_->request.samples()));
+    upload_.emplace(*call_, limits.most_chunk_bytes);
     const std::lock_guard lock(mutex_);
-    whole_upload_s_ += 2 * static_cast<double>(request_->frame_bytes()) / limits.least_upload_rate;
+    whole_upload_s_ += 2 * static_cast<double>(call_->frame_bytes()) / limits.least_upload_rate;
     return;
   }
   if (!message_.has_chunk())
@@ -78,43 +76,17 @@ void EstimateReactor::receive() {
 JobTerms EstimateReactor::terms() const {
   JobTerms terms;
   terms.client = client_of(*context_);
-  terms.cost_s = service_.cost().expected_s(request_->size());
   terms.deadline = deadline_of(*context_);
-  if (request_->finish_within_s > 0)
-    terms.deadline = std::min(terms.deadline, later(Clock::now(), request_->finish_within_s));
   return terms;
-}
-
-// Before the upload: even alone it could not be done.
-void EstimateReactor::refuse_the_hopeless() const {
-  const JobTerms terms = this->terms();
-  if (later(Clock::now(), terms.cost_s) <= terms.deadline) return;
-  service_.cost().refused();
-  throw Error(
-      ErrorKind::kDeadline,
-      fmt::format("acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
-                  "allow more, or send a smaller frame or a smaller modulus_time_limit_s",
-                  terms.cost_s));
 }
 
 // The client has closed its side: the pair is whole, or refused.
 void EstimateReactor::uploaded() {
   if (context_->IsCancelled()) throw Error(ErrorKind::kCancelled, "the upload was cut");
-  if (!request_)
-    throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
+  if (!call_) throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
   upload_->require_whole();
   received_ = Clock::now();
-  const JobTerms terms = this->terms();
-  FairWorkers& workers = service_.core().scenes.worker();
-  const double done_in_s = workers.done_in_s(terms);
-  if (later(received_, done_in_s) > terms.deadline) {
-    service_.cost().refused();
-    throw Error(ErrorKind::kDeadline,
-                fmt::format("not to be done in time beside what is being served; it could be done in {:.1f} "
-                            "s: allow so much (acquisition.finish_within_s, the call's deadline), or try "
-                            "again later",
-                            done_in_s));
-  }
+  const JobTerms terms = core_.imaging.admit(call_->request, this->terms());
   {
     const std::lock_guard lock(mutex_);
     uploading_ = false;
@@ -122,7 +94,7 @@ void EstimateReactor::uploaded() {
   progressed(v1::ESTIMATE_STAGE_RECEIVED);
   if (!hold()) return;
   try {
-    const FairWorkers::Id job = workers.post(
+    const FairWorkers::Id job = core_.imaging.workers().post(
         terms, [this] { work(); }, [this](std::exception_ptr error) { worked(std::move(error)); });
     const std::lock_guard lock(mutex_);
     job_ = job;
@@ -134,25 +106,35 @@ void EstimateReactor::uploaded() {
 }
 
 void EstimateReactor::work() {
-  const double queued_s = Seconds(Clock::now() - received_).count(), waited_before_s = waited_s();
-  const auto [pre, post] = upload_->finish();
-  upload_.reset();
-  upload_bytes_.shrink(2 * sizeof(float) * request_->samples());
-  EstimateOutcome outcome = service_.work(client_of(*context_), *request_, pre, post, received_,
-                                          [this](v1::EstimateStage stage) { progressed(stage); });
-  outcome.queued_s = queued_s;
-  outcome.waited_s = waited_s() - waited_before_s;
-  outcome.received_to_published_s = Seconds(Clock::now() - received_).count();
-  if (outcome.published) progressed(v1::ESTIMATE_STAGE_PUBLISHED);
-  service_.log_done(id(), context_->peer(), outcome, Seconds(Clock::now() - received_));
-  outcome_ = std::move(outcome);
+  const ReceivedPair pair{call_->request, client_of(*context_), received_, [this] {
+                            auto frames = upload_->finish();
+                            upload_.reset();
+                            upload_bytes_.shrink(2 * sizeof(float) * call_->request.samples());
+                            return frames;
+                          }};
+  outcome_ = core_.imaging.estimate(pair, [this](Stage stage) { progressed(stage_to(stage)); });
+  if (outcome_->published) progressed(v1::ESTIMATE_STAGE_PUBLISHED);
+  log_done();
+}
+
+void EstimateReactor::log_done() const {
+  const Estimate& e = outcome_->estimate;
+  spdlog::info(
+      "event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} warnings={} elapsed_s={:.4f}",
+      id(), context_->peer(), e.valid_fraction, e.median_correlation,
+      e.input_warnings.size() + e.modulus_warnings.size(), Seconds(Clock::now() - received_).count());
+  for (const std::string& warning : e.input_warnings)
+    spdlog::warn("event=estimate_doubtful call={} flag=input text=\"{}\"", id(), warning);
+  for (const ModulusWarning& warning : e.modulus_warnings)
+    spdlog::warn("event=estimate_doubtful call={} flag={} text=\"{}\"", id(), name_of(warning.flag),
+                 warning.text);
 }
 
 void EstimateReactor::worked(std::exception_ptr error) {
   upload_.reset();
   upload_bytes_ = {};
   if (error) {
-    end(service_.status_of_work(error));
+    end(status_of(error));
   } else {
     {
       const std::lock_guard lock(mutex_);
@@ -181,7 +163,7 @@ bool EstimateReactor::next_message() {
     progress_.pop_front();
     return true;
   }
-  return worked_ && answer_to(*outcome_, *request_, written_++, &answer_);
+  return worked_ && answer_to(*outcome_, *call_, written_++, &answer_);
 }
 
 void EstimateReactor::go_on() {
@@ -214,7 +196,7 @@ void EstimateReactor::OnWriteDone(bool ok) {
 
 void EstimateReactor::tick(Clock::time_point now) {
   calls_.require_open();
-  const Limits& limits = service_.core().limits;
+  const Limits& limits = core_.limits;
   const std::lock_guard lock(mutex_);
   if (uploading_ && now - last_bytes_ > Seconds(limits.upload_idle_s))
     throw Error(ErrorKind::kDeadline,
@@ -237,7 +219,7 @@ void EstimateReactor::ended() {
     const std::lock_guard lock(mutex_);
     if (!worked_) job = job_;
   }
-  if (job != 0) service_.core().scenes.worker().cancel(job);  // worked() comes at its next look, or at once
+  if (job != 0) core_.imaging.workers().cancel(job);  // worked() comes at its next look, or at once
 }
 
 void EstimateReactor::closed() {

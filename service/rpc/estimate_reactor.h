@@ -8,16 +8,18 @@
 #include <optional>
 
 #include "service/limits/memory.h"
-#include "service/rpc/elastography_service.h"
+#include "service/rpc/acquisition.h"
+#include "service/rpc/core.h"
 #include "service/rpc/served_call.h"
+#include "teletact/v1/elastography.pb.h"
 
 namespace teletact::service {
 
 class EstimateReactor final
     : public ServedCall<grpc::ServerBidiReactor<v1::EstimateRequest, v1::EstimateResponse>> {
  public:
-  EstimateReactor(ElastographyService&, grpc::CallbackServerContext*);
-  static EstimateReactor* serve(ElastographyService&, grpc::CallbackServerContext*);
+  EstimateReactor(Core&, grpc::CallbackServerContext*);
+  static EstimateReactor* serve(Core&, grpc::CallbackServerContext*);
 
  private:
   void begun() override;
@@ -29,23 +31,23 @@ class EstimateReactor final
 
   void receive();
   void uploaded();
-  void refuse_the_hopeless() const;
-  JobTerms terms() const;
+  JobTerms terms() const;  // whose call, and by when
 
   void work();  // on the imaging plane
+  void log_done() const;
   void worked(std::exception_ptr);
   void progressed(v1::EstimateStage);
   // Writes what is to be written next, if nothing is in flight; ends the call after the last of it.
   void go_on();
   bool next_message();
 
-  ElastographyService& service_;
+  Core& core_;
   const Clock::time_point opened_ = Clock::now();
   bool begun_ = false;  // it has its place
 
   // gRPC's reading thread; the imaging plane's from uploaded() on.
   v1::EstimateRequest message_;
-  std::optional<EstimateRequest> request_;
+  std::optional<EstimateCall> call_;
   Charge upload_bytes_;
   std::optional<FrameUpload> upload_;
   Clock::time_point received_{};

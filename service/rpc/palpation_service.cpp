@@ -13,32 +13,19 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
                                                         const v1::CreateSceneRequest* request,
                                                         v1::Scene* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
-    // Building a model is imaging work: on its threads, below touch.
-    JobTerms terms;
-    terms.client = client_of(*context);
+    const std::string client = client_of(*context);
     // The request, and what is read from it: numbers of 4 bytes become such of 8.
-    call->hold(core_.account(terms.client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
+    call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus;
     if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
-    const FairWorkers::Id job = core_.scenes.worker().post(
-        terms,
-        [this, call, response, client = terms.client, id = request->scene_id(), geometry,
-         modulus = std::move(modulus)]() mutable {
-          // Answered when it is on disk, which imaging does not wait for.
-          core_.scenes.make(
-              id, geometry, std::move(modulus),
-              [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
-                if (error) return call->fail(error);
-                call->answer(*response,
-                             [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
-              },
-              client);
-        },
-        [call](std::exception_ptr error) {
-          if (error) call->fail(error);
+    const FairWorkers::Id job = core_.imaging.make_scene(
+        request->scene_id(), geometry, std::move(modulus), client,
+        [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
+          if (error) return call->fail(error);
+          call->answer(*response, [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
         });
-    call->drop_by([this, job] { core_.scenes.worker().cancel(job); });
+    call->drop_by([this, job] { core_.imaging.workers().cancel(job); });
   });
 }
 

@@ -60,10 +60,10 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
 Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
   const std::string address = prepare_address(options.listen);
   const auto credentials = credentials_of(options.listen);
-  core_ = std::make_unique<Core>(std::move(device), random_instance(), options.state_directory,
-                                 options.limits, options.models);
-  elastography_ = std::make_unique<ElastographyService>(*core_, options.reopen,
-                                                        [this](bool works) { tell_device(works); });
+  core_ =
+      std::make_unique<Core>(std::move(device), random_instance(), options.state_directory, options.limits,
+                             options.models, options.reopen, [this](bool works) { tell_device(works); });
+  elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
   grpc::EnableDefaultHealthCheckService(true);
@@ -104,7 +104,7 @@ void Server::tell_device(bool works) {
 
 void Server::make_ready() {
   core_->scenes.restore();
-  elastography_->warm();
+  core_->imaging.warm();
   core_->models->warm(core_->device);
   core_->calls.open();
   set_health(true);
@@ -117,8 +117,7 @@ void Server::drain() {
   spdlog::info("event=drain calls={}", open);
   server_->GetHealthCheckService()->Shutdown();
   core_->calls.drain();
-  core_->scenes.worker().stop();  // what runs ends at its next look
-  elastography_->close();
+  core_->imaging.stop();
   // Told streams get this long to end by themselves, then they are cancelled.
   const std::chrono::milliseconds patience(std::llround(1e3 * core_->limits.drain_s));
   server_->Shutdown(std::chrono::system_clock::now() + patience);

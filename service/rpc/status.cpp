@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "service/device/device.h"
+#include "service/imaging/tracking/quality.h"
 #include "service/limits/memory.h"
 #include "service/scene/errors.h"
 
@@ -45,6 +46,8 @@ grpc::Status status_of(std::exception_ptr error) noexcept {
     return {code_of(e.kind), e.what()};
   } catch (const std::invalid_argument& e) {
     return {grpc::StatusCode::INVALID_ARGUMENT, e.what()};
+  } catch (const TrackingError& e) {
+    return {grpc::StatusCode::FAILED_PRECONDITION, e.what()};
   } catch (const MemoryRefused& e) {
     return {grpc::StatusCode::RESOURCE_EXHAUSTED, e.what()};
   } catch (const DeviceMemoryError& e) {

@@ -4,17 +4,9 @@
 
 #include <stdexcept>
 
+#include "service/limits/require_between.h"
+
 namespace teletact::service {
-
-namespace {
-
-void require_between(const char* field, double value, double least, double most, const char* remedy) {
-  if (value >= least && value <= most) return;  // false for NaN
-  throw std::invalid_argument(
-      fmt::format("{}: {} is not within [{}, {}]; {}", field, value, least, most, remedy));
-}
-
-}  // namespace
 
 void validate(const SceneGeometry& g, const Limits& limits) {
   require_between("geometry.size_m[0]", g.width_m, limits.least_scene_m, limits.most_scene_width_m,

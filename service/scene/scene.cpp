@@ -237,7 +237,7 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   const double end_of_estimate_m = estimate.window_x_m + estimate.width_m;
   check_window(estimate.window_x_m, end_of_estimate_m);
   const auto check = [&] {
-    if (deleted()) throw Error(ErrorKind::kAborted, fmt::format("scene {} was deleted", id_));
+    require_exists();
     if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
   };
   const std::lock_guard lock(publishing_);
@@ -331,6 +331,10 @@ bool Scene::refresh_stale_window() {
                std::shared_ptr<const WindowModel>(fresh));
   swap_in(next);
   return !stale_.empty();
+}
+
+void Scene::require_exists() const {
+  if (deleted()) throw Error(ErrorKind::kAborted, fmt::format("scene {} was deleted", id_));
 }
 
 void Scene::use_layer(const Layer& layer) {

@@ -106,6 +106,7 @@ class Scene {
 
   // Streams look at it.
   bool deleted() const { return deleted_.load(); }
+  void require_exists() const;  // Error(kAborted) once it is deleted
   void mark_deleted() { deleted_ = true; }
 
  private:

@@ -10,7 +10,6 @@
 #include <random>
 #include <stdexcept>
 
-#include "service/device/look.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -76,7 +75,6 @@ Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limit
       state_(state_directory, limits, std::move(files)) {}
 
 Scenes::~Scenes() {
-  worker_.stop();
   preparer_->stop();
   state_.finish();
 }
@@ -216,111 +214,6 @@ void Scenes::remove(const std::string& id) {
                   scenes_.erase(id);
                 });
   spdlog::info("event=scene_deleted scene={}", id);
-}
-
-// A scene is changed by one job at a time. One that is made to wait in the midst of it must get its turn
-// before another may wait for the scene itself.
-class Scenes::Changing {
- public:
-  Changing(Scenes& scenes, const Scene& scene) : scenes_(scenes), scene_(scene) {}
-  ~Changing() {
-    if (!begun_) return;
-    const std::lock_guard lock(scenes_.mutex_);
-    scenes_.changing_.erase(&scene_);
-  }
-  // Nothing, or the job that changes it now.
-  std::optional<FairWorkers::Id> begin() {
-    const std::lock_guard lock(scenes_.mutex_);
-    const auto [at, first] = scenes_.changing_.emplace(&scene_, FairWorkers::current());
-    begun_ = first;
-    return first ? std::nullopt : std::optional(at->second);
-  }
-
- private:
-  Scenes& scenes_;
-  const Scene& scene_;
-  bool begun_ = false;
-};
-
-namespace {
-
-constexpr std::chrono::milliseconds kSoon{100};
-
-void log_failure(const std::string& scene, std::exception_ptr error) {
-  try {
-    std::rethrow_exception(error);
-  } catch (const Error&) {  // given up: the service ends
-  } catch (const std::exception& e) {
-    spdlog::error("event=refresh_failed scene={} error=\"{}\"", scene, e.what());
-  }
-}
-
-}  // namespace
-
-Published Scenes::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
-                          const std::string& client) {
-  Published published = [&] {
-    Changing changing(*this, *scene);
-    while (const auto other = changing.begin()) worker_.step_aside(*other);
-    return scene->publish(estimate, [] {
-      look();
-      return false;
-    });
-  }();
-  spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
-               scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
-  if (!state_.trouble().empty())
-    published.warnings.emplace_back(
-        "state: the disk does not take it, and a restart of the service would lose it; the service's log "
-        "says why");
-  state_.keep_later(scene);
-  JobTerms terms;
-  terms.client = client;
-  terms.deadline = FairWorkers::Clock::now() + kFreshWithin;
-  terms.owed = true;
-  refresh_later(scene, terms);
-  return published;
-}
-
-void Scenes::refresh_later(const std::shared_ptr<Scene>& scene, const JobTerms& terms) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!refreshing_.insert(scene.get()).second) return;  // the job that waits will see the newest
-  }
-  try {
-    worker_.post(
-        terms,
-        [this, scene, terms] {
-          {
-            const std::lock_guard lock(mutex_);
-            refreshing_.erase(scene.get());
-          }
-          refresh(scene, terms);
-        },
-        [id = scene->id()](std::exception_ptr error) {
-          if (error) log_failure(id, error);
-        });
-  } catch (const Error&) {  // the service ends: nobody will touch it
-  }
-}
-
-// One window for each job: a new estimate goes before the rest, until they are due.
-void Scenes::refresh(const std::shared_ptr<Scene>& scene, JobTerms terms) {
-  const auto begun = FairWorkers::Clock::now();
-  bool more = false;
-  {
-    Changing changing(*this, *scene);
-    if (changing.begin()) {  // soon: who changes it needs a turn for that
-      terms.deadline = begun + kSoon;
-      terms.cost_s = 0;
-      return refresh_later(scene, terms);
-    }
-    more = scene->refresh_stale_window();
-  }
-  state_.keep_later(scene);
-  if (!more) return;
-  terms.cost_s = std::chrono::duration<double>(FairWorkers::Clock::now() - begun).count();
-  refresh_later(scene, terms);
 }
 
 }  // namespace teletact::service

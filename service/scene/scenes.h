@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "service/scene/fair_workers.h"
 #include "service/scene/niced_worker.h"
 #include "service/scene/scene.h"
 #include "service/scene/state_keeper.h"
@@ -45,23 +44,17 @@ class Scenes {
   // Error(kNotFound), and kUnavailable where the disk keeps it: nothing is changed then.
   void remove(const std::string& id);
 
-  // The neighbours of a window that was published are fresh within this time, whatever else is worked on.
-  static constexpr std::chrono::seconds kFreshWithin{1};
-  // On the imaging plane: publishes; the neighbours are then refreshed and the scene is kept on disk by
-  // themselves, at the client's account.
-  Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&, const std::string& client);
-  // The imaging plane.
-  FairWorkers& worker() { return worker_; }
+  // Writes it to disk soon, as it is then.
+  void keep_later(const std::shared_ptr<Scene>& scene) { state_.keep_later(scene); }
+  // Whether the disk takes nothing at present.
+  bool trouble_with_disk() const { return !state_.trouble().empty(); }
   // Returns once what was to be kept so far has been written, or could not be.
   void wait_until_kept() { state_.wait_until_idle(); }
 
  private:
-  class Changing;
   void restore(const SceneRecord&);
   void leave_on_disk(const std::string& id, const char* why);
   std::string reserve(const std::string& wanted_id);
-  void refresh_later(const std::shared_ptr<Scene>&, const JobTerms&);
-  void refresh(const std::shared_ptr<Scene>&, JobTerms);
   void add(const std::shared_ptr<Scene>&);
   const Limits limits_;
   const std::shared_ptr<MemoryBudget> memory_;
@@ -70,14 +63,10 @@ class Scenes {
   std::map<std::string, std::shared_ptr<Scene>> scenes_;
   std::set<std::string> being_made_;    // ids taken while their models are built and first kept
   std::set<std::string> left_on_disk_;  // ids of scenes that did not fit at the start
-  std::set<const Scene*> refreshing_;   // a background job waits for them
-  // The job, which others may have made wait, that changes them.
-  std::map<const Scene*, FairWorkers::Id> changing_;
   // Last: their jobs use all of the above.
   StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.
   const std::shared_ptr<NicedWorker> preparer_ = std::make_shared<NicedWorker>();
-  FairWorkers worker_;
 };
 
 }  // namespace teletact::service

@@ -113,7 +113,7 @@ TEST(Cancelled, ACallThatWaitsForImagingLeavesTheQueueAtOnceWithAllThatItHolds) 
   std::promise<void> begun;
   JobTerms terms;
   terms.client = "other";
-  const auto busy = server->core().scenes.worker().run(terms, [&] {
+  const auto busy = server->core().imaging.workers().run(terms, [&] {
     begun.set_value();
     while (!enough) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   });

@@ -204,11 +204,11 @@ TEST_F(Estimates, AnAnswerForWhichThereIsNoMemoryEndsItsCallAndNothingElse) {
 }
 
 TEST(FrameUpload, SixteenBitSamplesKeepTheirSign) {
-  EstimateRequest request;
-  request.sample_count = 4, request.line_count = 1;
-  request.dtype = v1::DATA_TYPE_INT16;
+  EstimateCall call;
+  call.request.sample_count = 4, call.request.line_count = 1;
+  call.dtype = v1::DATA_TYPE_INT16;
   const std::int16_t samples[] = {-32768, -1, 0, 32767};
-  FrameUpload upload(request, sizeof(samples));
+  FrameUpload upload(call, sizeof(samples));
   for (const auto kind : {v1::FRAME_KIND_PRE, v1::FRAME_KIND_POST}) {
     v1::FrameChunk chunk;
     chunk.set_frame(kind);
@@ -390,14 +390,14 @@ TEST_F(Estimates, ClientThatDiesMidUploadLeavesNothing) {
 TEST_F(Estimates, CancelledCallPublishesNothing) {
   // The worker is held until the call is cancelled: no matter how fast this machine is.
   std::promise<void> release;
-  (*server)->core().scenes.worker().run({}, [&] { release.get_future().wait(); });
+  (*server)->core().imaging.workers().run({}, [&] { release.get_future().wait(); });
   Elastographer late(channel);
   upload(late, acquisition("scene"));
   late.context().TryCancel();
   EXPECT_EQ(late.finish().status.error_code(), grpc::StatusCode::CANCELLED);
   server->expect_all_calls_end();  // it does not wait for the worker
   release.set_value();
-  (*server)->core().scenes.worker().run({}, [] {}).future.get();
+  (*server)->core().imaging.workers().run({}, [] {}).future.get();
   EXPECT_EQ(scene().version(), 0U);
 }
 
@@ -408,7 +408,7 @@ TEST_F(Estimates, SceneThatIsDeletedMeanwhileAbortsThePublication) {
   request.mutable_geometry()->add_size_m(0.02);
   ASSERT_TRUE(server->create(request).ok());
   std::promise<void> release;  // the worker is held until the scene is gone
-  (*server)->core().scenes.worker().run({}, [&] { release.get_future().wait(); });
+  (*server)->core().imaging.workers().run({}, [&] { release.get_future().wait(); });
   Elastographer call(channel);
   upload(call, acquisition("doomed"));
   v1::EstimateResponse received;

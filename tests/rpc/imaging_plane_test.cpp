@@ -20,7 +20,7 @@ FairWorkers::Running<void> endless(Server& server, const std::string& client, do
   JobTerms terms;
   terms.client = client;
   terms.cost_s = cost_s;
-  return server.core().scenes.worker().run(terms, [] {
+  return server.core().imaging.workers().run(terms, [] {
     for (;;) {
       look();
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -58,12 +58,12 @@ double seconds_of(const Outcome& outcome, const std::string& stage) {
   return 0;
 }
 
-class ImagingPlane : public OnOneServer {
+class Plane : public OnOneServer {
  protected:
-  FairWorkers& workers() { return (*server)->core().scenes.worker(); }
+  FairWorkers& workers() { return (*server)->core().imaging.workers(); }
 };
 
-TEST_F(ImagingPlane, EstimatesAreMadeInTimeBesideAClientThatWantsItAll) {
+TEST_F(Plane, EstimatesAreMadeInTimeBesideAClientThatWantsItAll) {
   std::vector<FairWorkers::Running<void>> greedy;
   for (int k = 0; k < 8; ++k) greedy.push_back(endless(**server, "greedy@local", 60));
   Wide fair(4);
@@ -79,7 +79,7 @@ TEST_F(ImagingPlane, EstimatesAreMadeInTimeBesideAClientThatWantsItAll) {
   for (const auto& running : greedy) workers().cancel(running.id);
 }
 
-TEST_F(ImagingPlane, MapsAreTheSameWhetherOthersHaveTheirTurnOrNot) {
+TEST_F(Plane, MapsAreTheSameWhetherOthersHaveTheirTurnOrNot) {
   v1::Acquisition a = acquisition();
   a.set_modulus_method(v1::MODULUS_METHOD_DIRECT);
   std::vector<std::string> maps[2];
@@ -94,7 +94,7 @@ TEST_F(ImagingPlane, MapsAreTheSameWhetherOthersHaveTheirTurnOrNot) {
   EXPECT_EQ(maps[0], maps[1]);
 }
 
-TEST_F(ImagingPlane, WhatCannotBeDoneInTimeIsRefusedBeforeItsUpload) {
+TEST_F(Plane, WhatCannotBeDoneInTimeIsRefusedBeforeItsUpload) {
   v1::Acquisition a = acquisition();
   a.set_finish_within_s(1e-4);
   Elastographer call(channel);
@@ -104,7 +104,7 @@ TEST_F(ImagingPlane, WhatCannotBeDoneInTimeIsRefusedBeforeItsUpload) {
   expect_refused(call.finish().status, grpc::StatusCode::DEADLINE_EXCEEDED, "could be done in");
 }
 
-TEST_F(ImagingPlane, WhatCannotBeDoneInTimeBesideOthersIsRefusedAtOnceWithATime) {
+TEST_F(Plane, WhatCannotBeDoneInTimeBesideOthersIsRefusedAtOnceWithATime) {
   const auto mine = endless(**server, "local", 1000);  // of the same client: it is finished first
   v1::Acquisition a = acquisition();
   a.set_finish_within_s(100);
@@ -114,7 +114,7 @@ TEST_F(ImagingPlane, WhatCannotBeDoneInTimeBesideOthersIsRefusedAtOnceWithATime)
   workers().cancel(mine.id);
 }
 
-TEST_F(ImagingPlane, NonsenseForATimeIsNamed) {
+TEST_F(Plane, NonsenseForATimeIsNamed) {
   for (const double bad : {-1.0, 1e9, std::nan("")}) {
     v1::Acquisition a = acquisition();
     a.set_finish_within_s(bad);
@@ -124,7 +124,7 @@ TEST_F(ImagingPlane, NonsenseForATimeIsNamed) {
   }
 }
 
-TEST_F(ImagingPlane, MissedTimeEndsTheWorkItself) {
+TEST_F(Plane, MissedTimeEndsTheWorkItself) {
   const auto greedy = endless(**server, "local");  // it claims to be short, and is not
   // By now nobody else was served lately.
   std::this_thread::sleep_for(FairQueue::kLately + std::chrono::milliseconds(100));
@@ -138,7 +138,7 @@ TEST_F(ImagingPlane, MissedTimeEndsTheWorkItself) {
   server->expect_all_calls_end();
 }
 
-TEST_F(ImagingPlane, CancelledEstimateLeavesThePlaneToOthers) {
+TEST_F(Plane, CancelledEstimateLeavesThePlaneToOthers) {
   for (const int pause_ms : {0, 50, 200}) {
     Elastographer call(channel);
     upload(call, acquisition());

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "service/device/device.h"
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 #include "tests/support/environment.h"
 

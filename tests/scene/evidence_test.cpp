@@ -14,7 +14,8 @@
 #include "service/imaging/modulus/modulus.h"
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_session.h"
+#include "tests/scene/published.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {

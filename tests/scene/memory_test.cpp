@@ -12,8 +12,9 @@
 #include "service/limits/memory.h"
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_session.h"
 #include "tests/scene/losing_disk.h"
+#include "tests/scene/published.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {

@@ -13,8 +13,9 @@
 
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_session.h"
 #include "tests/scene/losing_disk.h"
+#include "tests/scene/published.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -325,6 +326,7 @@ class WatchedDisk final : public Files {
 TEST(KeepingState, IsNeverDoneByWhoMakesScenesAndPublishes) {
   const auto disk = std::make_shared<WatchedDisk>();
   Scenes scenes(kState, {}, disk);
+  Publisher publisher(scenes);
   std::set<std::thread::id> workers;
   std::thread imaging([&] {
     workers.insert(std::this_thread::get_id());
@@ -339,11 +341,11 @@ TEST(KeepingState, IsNeverDoneByWhoMakesScenesAndPublishes) {
     const auto scene = kept.get();
     disk->stuck = true;
     for (int k = 0; k < 3; ++k)
-      scenes.worker()
+      publisher.workers()
           .run({},
                [&] {
                  workers.insert(std::this_thread::get_id());
-                 scenes.publish(scene, window_of(homogeneous(10e3), 0.03 * k, 0.03, 0.02), {});
+                 publisher.publish(scene, window_of(homogeneous(10e3), 0.03 * k, 0.03, 0.02), {});
                })
           .future.get();
     disk->stuck = false;

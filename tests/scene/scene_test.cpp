@@ -4,7 +4,7 @@
 
 #include "service/scene/errors.h"
 #include "service/scene/strip.h"
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {

@@ -11,7 +11,8 @@
 
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
-#include "service/scene/touch_session.h"
+#include "service/touch_plane/touch_session.h"
+#include "tests/scene/published.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -28,18 +29,8 @@ class StateOnDisk : public testing::Test {
   }
   ~StateOnDisk() override { fs::remove_all(directory); }
 
-  // Publishes and waits until its background work is done: what is owed goes by deadlines.
   static Published publish(Scenes& scenes, const std::string& id, double x_m, double modulus_pa) {
-    const auto scene = scenes.find(id);
-    const Published published =
-        publish_into(scenes, scene, window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03));
-    settle(scenes);
-    return published;
-  }
-  static void settle(Scenes& scenes) {
-    JobTerms last;  // after all that has a deadline
-    last.owed = true;
-    scenes.worker().run(last, [] {}).future.get();
+    return publish_into(scenes, scenes.find(id), window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03));
   }
   static double force_n(Scenes& scenes, const std::string& id, double x_m) {
     TouchSession session(scenes.find(id), {}, nullptr);

@@ -42,14 +42,6 @@ inline WindowEstimate window_of(const TrueModulus& truth, double window_x_m, dou
   return w;
 }
 
-// On the imaging plane, as estimates do.
-inline Published publish_into(Scenes& scenes, const std::shared_ptr<Scene>& scene,
-                              const WindowEstimate& window, const std::string& client = {}) {
-  JobTerms terms;
-  terms.client = client;
-  return scenes.worker().run(terms, [&] { return scenes.publish(scene, window, client); }).future.get();
-}
-
 inline SceneGeometry tissue(double width_m, double depth_m) {
   SceneGeometry g;
   g.width_m = width_m;

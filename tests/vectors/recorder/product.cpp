@@ -8,8 +8,8 @@
 #include "client/servo/servo_loop.h"
 #include "service/contact/contact.h"
 #include "service/imaging/estimate.h"
-#include "service/scene/touch_session.h"
 #include "service/tissue/tissue_model.h"
+#include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::vectors {

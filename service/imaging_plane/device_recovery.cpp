@@ -1,0 +1,81 @@
+#include "service/imaging_plane/device_recovery.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+DeviceRecovery::DeviceRecovery(std::function<void()> again, std::function<void(bool)> tell)
+    : again_(std::move(again)), tell_(std::move(tell)), thread_([this] { recover(); }) {}
+
+DeviceRecovery::~DeviceRecovery() {
+  stop();
+}
+
+void DeviceRecovery::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void DeviceRecovery::failed(const std::string& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!why_.empty()) return;
+    why_ = why.empty() ? "unknown failure" : why;
+  }
+  spdlog::error("event=device_failed error=\"{}\"", why);
+  changed_.notify_all();
+}
+
+void DeviceRecovery::require() const {
+  const std::lock_guard lock(mutex_);
+  if (why_.empty()) return;
+  throw Error(ErrorKind::kUnavailable,
+              fmt::format("the device failed ({}) and is being opened anew; send the pair again once the "
+                          "health of teletact.v1.Elastography is SERVING",
+                          why_));
+}
+
+void DeviceRecovery::recover() {
+  using Clock = std::chrono::steady_clock;
+  std::unique_lock lock(mutex_);
+  auto pause = kFirstPause;
+  Clock::time_point worked_since;
+  while (!stop_) {
+    changed_.wait(lock, [this] { return stop_ || !why_.empty(); });
+    if (stop_) return;
+    lock.unlock();
+    tell_(false);
+    lock.lock();
+    if (Clock::now() - worked_since > kLongestPause) pause = kFirstPause;
+    for (; !why_.empty(); pause = std::min(2 * pause, kLongestPause)) {
+      if (changed_.wait_for(lock, pause, [this] { return stop_; })) return;
+      lock.unlock();
+      std::string still;
+      try {
+        again_();
+      } catch (const std::exception& error) {
+        still = error.what();
+        spdlog::error("event=device_still_failed error=\"{}\"", still);
+      }
+      lock.lock();
+      why_ = still;
+    }
+    lock.unlock();
+    spdlog::warn("event=device_works_again");
+    worked_since = Clock::now();
+    tell_(true);
+    lock.lock();
+  }
+}
+
+}  // namespace teletact::service

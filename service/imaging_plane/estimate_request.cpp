@@ -1,0 +1,178 @@
+#include "service/imaging_plane/estimate_request.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "service/limits/require_between.h"
+
+namespace teletact::service {
+
+EstimateSize EstimateRequest::size() const {
+  const ElastographyOptions usual;
+  return {sample_count,
+          line_count,
+          max_strain,
+          window_width_m(),
+          tissue.depth_m,
+          modulus.kind.value_or(usual.modulus),
+          modulus.time_limit_s.value_or(usual.modulus_time_limit_s),
+          scene != nullptr};
+}
+
+namespace {
+
+// Where they are not stated: standard deviations of the force sensor and of the contact area, over their
+// values.
+constexpr double kUsualForceDeviation = 0.03, kUsualAreaDeviation = 0.05;
+constexpr double kUsualMaxStrain = 0.05, kUsualPoissonRatio = 0.49;
+
+double relative_deviation(double stated, double value, double usual) {
+  return stated == 0 ? usual : stated / value;
+}
+
+void check_frames(const EstimateRequest& r, const Limits& limits) {
+  require_between<std::uint64_t>("acquisition.sample_count", r.sample_count, limits.least_samples,
+                                 limits.most_samples, "give the samples of one A-line");
+  require_between<std::uint64_t>("acquisition.line_count", r.line_count, limits.least_lines,
+                                 limits.most_lines, "give the number of A-lines");
+  const AcquisitionGeometry& g = r.geometry;
+  require_between("acquisition.center_frequency_hz", g.center_frequency_hz, limits.least_center_frequency_hz,
+                  limits.most_center_frequency_hz, "give the transducer's centre frequency");
+  if (!(g.sampling_frequency_hz > 2 * g.center_frequency_hz) || !std::isfinite(g.sampling_frequency_hz))
+    throw std::invalid_argument(fmt::format(
+        "acquisition.sampling_frequency_hz: {} is not > 2 x center_frequency_hz; give the digitiser's rate",
+        g.sampling_frequency_hz));
+  require_between("acquisition.sound_speed_m_s", g.sound_speed_m_s, limits.least_sound_speed_m_s,
+                  limits.most_sound_speed_m_s, "soft tissue is about 1540");
+  require_between("acquisition.line_pitch_m", g.line_pitch_m, limits.least_line_pitch_m,
+                  limits.most_line_pitch_m, "give the distance of two A-lines in metres");
+  require_between("acquisition.first_sample_depth_m", g.first_sample_depth_m, 0.0,
+                  limits.most_first_sample_depth_m, "give the depth of the first sample in metres");
+  require_between("acquisition.line_pitch_m x line_count", r.window_width_m(), 0.0,
+                  limits.most_window_width_m,
+                  "no probe is wider; give the distance of two A-lines in metres");
+}
+
+void check_deviation(const char* field, double stated, double value, double usual) {
+  if (stated >= 0 && stated < value) return;
+  throw std::invalid_argument(fmt::format(
+      "acquisition.probe_force.{}: {} is not within [0, {}), the value that it belongs to; give its "
+      "standard deviation, or leave it out for {:.0f} %",
+      field, stated, value, 100 * usual));
+}
+
+void check_force(const EstimateRequest& r, const Limits& limits) {
+  require_between("acquisition.probe_force.force_n", r.force->force_n, limits.least_probe_force_n,
+                  limits.most_probe_force_n, "give the sensor's change from pre to post, > 0 in compression");
+  // Of 0.1 mm to 0.5 m across the image plane: cm^2 or mm^2 given for m^2 lie outside.
+  require_between("acquisition.probe_force.contact_area_m2", r.force->contact_area_m2,
+                  limits.least_probe_elevation_m * r.window_width_m(),
+                  limits.most_probe_elevation_m * r.window_width_m(),
+                  "give the area of the probe's face that touches, the window's width times the face's "
+                  "elevation, in m^2 (1 cm^2 is 1e-4)");
+  check_deviation("force_std_n", r.force_std_n, r.force->force_n, kUsualForceDeviation);
+  check_deviation("contact_area_std_m2", r.contact_area_std_m2, r.force->contact_area_m2,
+                  kUsualAreaDeviation);
+}
+
+// How the estimate is to be made.
+void settle_way(EstimateRequest& r, const Limits& limits) {
+  if (r.modulus.time_limit_s)
+    require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.least_modulus_time_s,
+                    limits.most_modulus_time_s, "leave it out for 0.35");
+  if (r.max_strain == 0) r.max_strain = kUsualMaxStrain;
+  require_between("acquisition.max_strain", r.max_strain, limits.least_max_strain, limits.most_max_strain,
+                  "leave it out for 0.05");
+  DisplacementOptions search;
+  search.max_strain = r.max_strain;
+  DisplacementEstimator::require_fits({r.sample_count, r.line_count, {}}, r.geometry, search);
+  require_between("acquisition.finish_within_s", r.finish_within_s, 0.0, limits.most_finish_within_s,
+                  "give seconds after the last byte, or leave it out");
+}
+
+void check_publication(const EstimateRequest& r) {
+  r.scene->check_window(r.window_x_m, r.window_x_m + r.window_width_m());
+  if (!r.force)
+    throw std::invalid_argument(
+        "acquisition.probe_force: missing; without it the modulus is relative and nothing can be published");
+  if (r.tissue.plane == Plane::kStress)
+    throw std::invalid_argument(
+        "acquisition.plane: a scene is touched in plane strain; leave STRESS out, or publish out");
+}
+
+// What the scene states and the acquisition states otherwise: the modulus would be identified with one value
+// and felt with another.
+void check_agrees(const char* field, double stated, double scenes, const Scene& scene) {
+  constexpr double kRounding = 1e-6;
+  if (stated == 0 || std::abs(stated - scenes) <= kRounding * scenes) return;
+  throw std::invalid_argument(
+      fmt::format("acquisition.{}: {}, but scene {} has {} and is touched with it; leave the field out, or "
+                  "publish into a scene that has the same",
+                  field, stated, scene.id(), scenes));
+}
+
+void settle_tissue(EstimateRequest& r, const Limits& limits) {
+  TissueExtent& tissue = r.tissue;
+  const TissueExtent stated = tissue;
+  const SceneGeometry* scene = r.scene ? &r.scene->geometry() : nullptr;
+  const double frame_end_m =
+      r.geometry.first_sample_depth_m + r.geometry.sample_pitch_m() * static_cast<double>(r.sample_count);
+  if (stated.depth_m == 0) tissue.depth_m = scene ? scene->depth_m : frame_end_m;
+  if (stated.poisson_ratio == 0) tissue.poisson_ratio = scene ? scene->poisson_ratio : kUsualPoissonRatio;
+  require_between("acquisition.tissue_depth_m", tissue.depth_m, limits.least_tissue_depth_m,
+                  limits.most_tissue_depth_m, "give the depth of the fixed far side in metres");
+  require_between("acquisition.poisson_ratio", tissue.poisson_ratio, 0.0, TissueExtent::kLargestPoissonRatio,
+                  "soft tissue is about 0.49; an estimate's modulus would hang on nu alone nearer to 1/2");
+  const double width_m = r.window_width_m();
+  if (scene) {
+    check_agrees("tissue_depth_m", stated.depth_m, scene->depth_m, *r.scene);
+    check_agrees("poisson_ratio", stated.poisson_ratio, scene->poisson_ratio, *r.scene);
+    check_agrees("tissue_width_m", stated.width_m, scene->width_m, *r.scene);
+    // A window may stick out of the scene by Scene::kOverhangM; the probe touches what is there.
+    tissue.width_m = std::max(scene->width_m, width_m);
+    tissue.window_x_m = std::clamp(r.window_x_m, 0.0, tissue.width_m - width_m);
+  } else {
+    if (stated.width_m == 0) tissue.width_m = width_m;
+    require_between("acquisition.tissue_width_m", tissue.width_m, width_m, limits.most_tissue_width_m,
+                    "the tissue is at least as wide as the window");
+    tissue.window_x_m = (tissue.width_m - width_m) / 2;
+  }
+}
+
+}  // namespace
+
+void settle(EstimateRequest& request, const Limits& limits) {
+  check_frames(request, limits);
+  if (request.force) check_force(request, limits);
+  settle_way(request, limits);
+  if (request.scene) check_publication(request);
+  settle_tissue(request, limits);
+}
+
+std::vector<std::string> warnings_of(const Estimate& e) {
+  std::vector<std::string> warnings = e.input_warnings;
+  for (const ModulusWarning& warning : e.modulus_warnings)
+    warnings.push_back(fmt::format("{}: {}", name_of(warning.flag), warning.text));
+  return warnings;
+}
+
+WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
+                         std::chrono::steady_clock::time_point received) {
+  WindowEstimate window{request.window_x_m,     request.window_width_m(), e.grid, e.youngs_modulus, e.valid,
+                        e.modulus_log_deviation};
+  WindowEvidence& evidence = window.evidence;
+  evidence.warnings = warnings_of(e);
+  evidence.force_relative_deviation =
+      relative_deviation(request.force_std_n, request.force->force_n, kUsualForceDeviation);
+  evidence.area_relative_deviation =
+      relative_deviation(request.contact_area_std_m2, request.force->contact_area_m2, kUsualAreaDeviation);
+  evidence.background_modulus_pa = e.background_modulus;
+  evidence.quality = e.quality;
+  evidence.taken_in = received;
+  return window;
+}
+
+}  // namespace teletact::service

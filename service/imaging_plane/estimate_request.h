@@ -1,0 +1,46 @@
+// What is to be estimated of a pair of RF frames: as its client states it, and once settled with all that was
+// left out.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "service/imaging/estimate.h"
+#include "service/imaging_plane/estimate_cost.h"
+#include "service/scene/scene.h"
+
+namespace teletact::service {
+
+// 0 and empty: not stated.
+struct EstimateRequest {
+  std::size_t sample_count = 0, line_count = 0;
+  AcquisitionGeometry geometry;
+  std::optional<ProbeForce> force;
+  double force_std_n = 0, contact_area_std_m2 = 0;
+  TissueExtent tissue{0, 0, 0, 0};
+  double max_strain = 0;
+  ModulusChoice modulus;
+  std::shared_ptr<Scene> scene;  // null: nothing is published
+  double window_x_m = 0;
+  double finish_within_s = 0;  // of the last byte; 0: whenever
+
+  double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
+  std::size_t samples() const { return sample_count * line_count; }
+  EstimateSize size() const;
+};
+
+// Checks what is stated and fills in the rest: by the scene, else by what is usual. Throws
+// std::invalid_argument (field named as in the contract), Error(kPrecondition).
+void settle(EstimateRequest&, const Limits&);
+
+// What makes an estimate doubtful, each "name: words for people".
+std::vector<std::string> warnings_of(const Estimate&);
+
+// What is published of an estimate. `received`: when the last byte of its frames came in.
+WindowEstimate window_of(const EstimateRequest&, const Estimate&,
+                         std::chrono::steady_clock::time_point received);
+
+}  // namespace teletact::service

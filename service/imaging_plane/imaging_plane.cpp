@@ -1,0 +1,157 @@
+#include "service/imaging_plane/imaging_plane.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "service/device/look.h"
+#include "service/device/worked.h"
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+
+JobTerms::Time later(JobTerms::Time from, double seconds) {
+  return from + std::chrono::duration_cast<Clock::duration>(Seconds(seconds));
+}
+
+}  // namespace
+
+ImagingPlane::ImagingPlane(CurrentDevice& device, Scenes& scenes, std::shared_ptr<MemoryBudget> memory,
+                           std::shared_ptr<const TouchModels> models,
+                           std::function<std::shared_ptr<Device>()> reopen, std::function<void(bool)> tell)
+    : device_(device),
+      scenes_(scenes),
+      memory_(std::move(memory)),
+      models_(std::move(models)),
+      reopen_(std::move(reopen)),
+      engines_(device),
+      publisher_(scenes),
+      recovery_([this] { open_again(); }, std::move(tell)) {
+  device_.on_failure([this](const std::string& why) { recovery_.failed(why); });
+}
+
+void ImagingPlane::warm() {
+  workers().run({}, [this] { engines_.borrow("")->warm(); }).future.get();
+}
+
+void ImagingPlane::stop() {
+  workers().stop();  // what runs ends at its next look
+  recovery_.stop();
+}
+
+// A new device, tried by an estimate and by touch's kernels; then it is everybody's.
+void ImagingPlane::open_again() {
+  const std::shared_ptr<Device> device = reopen_();
+  workers()
+      .run({},
+           [this, device] {
+             engines_.use(device);
+             engines_.borrow("")->warm();
+             models_->warm(device);
+           })
+      .future.get();
+  device_.replace(device);
+}
+
+JobTerms ImagingPlane::terms(const EstimateRequest& request, const JobTerms& asked) const {
+  JobTerms terms = asked;
+  terms.cost_s = cost_.expected_s(request.size());
+  if (request.finish_within_s > 0)
+    terms.deadline = std::min(terms.deadline, later(Clock::now(), request.finish_within_s));
+  return terms;
+}
+
+// A wish that even the least that is ever expected would not meet says nothing of what is expected.
+void ImagingPlane::require_in_time(const EstimateRequest& request, JobTerms terms, Beside beside,
+                                   const char* words) {
+  const auto done_in_s = [&] {
+    return beside == Beside::kNobody ? terms.cost_s : workers().done_in_s(terms);
+  };
+  const auto in_time = [&] { return later(Clock::now(), done_in_s()) <= terms.deadline; };
+  if (in_time()) return;
+  const double could_be_done_in_s = done_in_s();
+  terms.cost_s = cost_.least_s(request.size());
+  if (in_time()) cost_.refused();
+  throw Error(ErrorKind::kDeadline, fmt::format(fmt::runtime(words), could_be_done_in_s));
+}
+
+void ImagingPlane::refuse_the_hopeless(const EstimateRequest& request, const JobTerms& asked) {
+  require_in_time(request, terms(request, asked), Beside::kNobody,
+                  "acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
+                  "allow more, or send a smaller frame or a smaller modulus_time_limit_s");
+}
+
+JobTerms ImagingPlane::admit(const EstimateRequest& request, const JobTerms& asked) {
+  const JobTerms terms = this->terms(request, asked);
+  require_in_time(
+      request, terms, Beside::kOthers,
+      "not to be done in time beside what is being served; it could be done in {:.1f} s: allow so "
+      "much (acquisition.finish_within_s, the call's deadline), or try again later");
+  return terms;
+}
+
+EstimateOutcome ImagingPlane::estimate(const ReceivedPair& pair,
+                                       const std::function<void(Stage)>& ended) try {
+  const double queued_s = Seconds(Clock::now() - pair.received).count(), waited_before_s = waited_s();
+  EstimateOutcome outcome = work(pair, ended);
+  outcome.queued_s = queued_s;
+  outcome.waited_s = waited_s() - waited_before_s;
+  outcome.received_to_published_s = Seconds(Clock::now() - pair.received).count();
+  return outcome;
+} catch (const Error& error) {
+  if (error.kind == ErrorKind::kDeadline) cost_.late();
+  throw;
+} catch (const DeviceMemoryError&) {  // says nothing of the device
+  throw;
+} catch (const DeviceError& error) {
+  recovery_.failed(error.what());
+  recovery_.require();
+  throw;
+}
+
+EstimateOutcome ImagingPlane::work(const ReceivedPair& pair, const std::function<void(Stage)>& ended) {
+  const EstimateRequest& r = pair.request;
+  const auto [pre, post] = pair.frames();
+  recovery_.require();
+  EstimateOutcome outcome;
+  // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
+  const KnownModulus known = r.scene ? known_modulus(r.scene->snapshot()->map) : KnownModulus{};
+  {
+    const auto engine = engines_.borrow(pair.client);
+    engine->charge_to({memory_, pair.client});
+    engine->set_max_strain(r.max_strain);
+    outcome.estimate =
+        engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, r.modulus}, {ended});
+  }
+  const Estimate& e = outcome.estimate;
+  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0};
+  if (r.scene) {
+    const double begun_s = worked_s();
+    outcome.published = publisher_.publish(r.scene, window_of(r, e, pair.received), pair.client);
+    took.publishing = outcome.publish_s = worked_s() - begun_s;
+  }
+  cost_.took(r.size(), took);
+  return outcome;
+}
+
+FairWorkers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeometry& geometry,
+                                         std::optional<ExplicitModulus> modulus, const std::string& client,
+                                         const Scenes::Made& made) {
+  JobTerms terms;
+  terms.client = client;
+  return workers().post(
+      terms,
+      [this, id, geometry, modulus = std::move(modulus), client, made]() mutable {
+        scenes_.make(id, geometry, std::move(modulus), made, client);
+      },
+      [made](std::exception_ptr error) {
+        if (error) made(nullptr, error);
+      });
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,82 @@
+// The imaging plane: RF pairs in, estimates out, windows published. Its jobs take turns (fair_workers.h),
+// below touch. Thread-safe.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "service/device/current_device.h"
+#include "service/imaging/engines.h"
+#include "service/imaging_plane/device_recovery.h"
+#include "service/imaging_plane/estimate_cost.h"
+#include "service/imaging_plane/estimate_request.h"
+#include "service/imaging_plane/publisher.h"
+
+namespace teletact::service {
+
+// A pair that has come in.
+struct ReceivedPair {
+  const EstimateRequest& request;
+  std::string client;                                   // in whose name it is worked on
+  std::chrono::steady_clock::time_point received;       // its last byte
+  std::function<std::pair<RfFrame, RfFrame>()> frames;  // pre and post, asked for once
+};
+
+struct EstimateOutcome {
+  Estimate estimate;
+  std::optional<Published> published;
+  // waited_s: of the time since the upload, while others had their turn.
+  double publish_s = 0, received_to_published_s = 0, queued_s = 0, waited_s = 0;
+};
+
+class ImagingPlane {
+ public:
+  // `reopen` opens the device anew after it failed; `tell` is told whether it works, on another thread.
+  ImagingPlane(CurrentDevice&, Scenes&, std::shared_ptr<MemoryBudget>, std::shared_ptr<const TouchModels>,
+               std::function<std::shared_ptr<Device>()> reopen, std::function<void(bool works)> tell);
+
+  // Compiles the kernels.
+  void warm();
+  // Gives up what is worked on; nobody is told of the device any more.
+  void stop();
+  // Throws Error(kUnavailable) with the remedy while the device does not work.
+  void require_device() const { recovery_.require(); }
+
+  // `asked`, here and below: the client, and the deadline of its call, which the request may bring forward.
+  // Before the upload: throws Error(kDeadline) for an estimate that even alone could not be done in time.
+  void refuse_the_hopeless(const EstimateRequest&, const JobTerms& asked);
+  // After it: the terms on which estimate() is to be posted to the workers. Throws Error(kDeadline) for one
+  // that beside the others could not be done in time.
+  JobTerms admit(const EstimateRequest&, const JobTerms& asked);
+  // On one of the workers. `ended` is told each stage. What it throws, a device that fails among it, is seen
+  // to.
+  EstimateOutcome estimate(const ReceivedPair&, const std::function<void(Stage)>& ended);
+
+  // Makes a scene as Scenes::make. `made` is told with what became of it, once.
+  FairWorkers::Id make_scene(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
+                             const std::string& client, const Scenes::Made& made);
+  FairWorkers& workers() { return publisher_.workers(); }
+
+ private:
+  void open_again();
+  JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
+  enum class Beside { kNobody, kOthers };
+  // Throws Error(kDeadline) with `words`, which show by when it could be done, unless that is in time.
+  void require_in_time(const EstimateRequest&, JobTerms, Beside, const char* words);
+  EstimateOutcome work(const ReceivedPair&, const std::function<void(Stage)>& ended);
+  CurrentDevice& device_;
+  Scenes& scenes_;
+  const std::shared_ptr<MemoryBudget> memory_;
+  const std::shared_ptr<const TouchModels> models_;
+  const std::function<std::shared_ptr<Device>()> reopen_;
+  EstimateCost cost_;
+  Engines engines_;
+  Publisher publisher_;
+  DeviceRecovery recovery_;  // last: its thread uses the rest
+};
+
+}  // namespace teletact::service

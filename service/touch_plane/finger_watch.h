@@ -1,0 +1,44 @@
+// One watcher of a scene's finger: when it is to be told of it. The newest state, at most at the rate of the
+// limits, and only once it has acknowledged the last: a watcher that stops reading is never more than one
+// state behind. Thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "service/scene/scene.h"
+
+namespace teletact::service {
+
+class FingerWatch {
+ public:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds kHeartbeat{500};  // between states of a finger at rest
+
+  struct State {
+    std::uint64_t number = 0;  // counts the states from 1
+    Finger finger;
+    std::uint64_t scene_version = 0;
+  };
+
+  explicit FingerWatch(std::shared_ptr<Scene> scene) : scene_(std::move(scene)) {}
+  Scene& scene() const { return *scene_; }
+  // The newest state that was received. Throws std::invalid_argument for one that was not sent.
+  void acknowledge(std::uint64_t state);
+  // What is to be told now, if anything. `told`: the last was sent. Throws Error(kDeadline) when that is not
+  // acknowledged for too long.
+  std::optional<State> due(Clock::time_point now, bool told);
+  std::uint64_t count() const;
+
+ private:
+  const std::shared_ptr<Scene> scene_;
+  mutable std::mutex mutex_;
+  std::uint64_t count_ = 0, acknowledged_ = 0;
+  Clock::time_point since_{};     // the last state was told
+  std::uint64_t generation_ = 0;  // of its finger
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,254 @@
+#include "service/touch_plane/touch_session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <stdexcept>
+#include <vector>
+
+#include "service/device/device.h"
+#include "service/plan/choices.h"
+
+namespace teletact::service {
+
+namespace {
+
+void check_fingertip(const Fingertip& tip, const Limits& limits) {
+  const auto check_length = [&](const char* field, double value_m, double least_m) {
+    if (value_m >= least_m && value_m <= limits.most_tip_m) return;
+    throw std::invalid_argument(
+        fmt::format("{}: {} m is not within [{}, {}]", field, value_m, least_m, limits.most_tip_m));
+  };
+  switch (tip.shape) {
+    case FingertipShape::kNode:
+      // A Gaussian is cut at three standard deviations or so.
+      if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= limits.most_tip_m))
+        throw std::invalid_argument(fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]",
+                                                tip.footprint_m, limits.most_tip_m / 3));
+      return;
+    case FingertipShape::kFlatPunch:
+      check_length("open.fingertip.half_width_m", tip.half_width_m, limits.least_tip_m);
+      check_length("open.fingertip.radius_m", tip.radius_m, 0);
+      return;
+    case FingertipShape::kRoundedTip:
+      check_length("open.fingertip.radius_m", tip.radius_m, limits.least_tip_m);
+      return;
+  }
+}
+
+bool all_finite(std::span<const double> values) {
+  return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
+}
+
+void fail(TouchAnswer& answer, const char* why) {
+  answer.contact = {};
+  answer.status = TouchStatus::kFailed;
+  answer.warning = why;
+}
+
+bool finite(const ContactAnswer& c) {
+  const auto known = [](const NodalPressure& p) {
+    return all_finite(p.position_m) && std::isfinite(p.pressure_pa) && all_finite(p.traction_pa);
+  };
+  return all_finite(c.force_n) && all_finite(c.tangent_n_m) && std::isfinite(c.energy_j) &&
+         std::all_of(c.pressure.begin(), c.pressure.end(), known);
+}
+
+void check_normal(const Vector3& asked, const Layer& layer) {
+  constexpr double kRounding = 1e-6;
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    if (!(std::abs(asked[i] - layer.pushes[i]) <= kRounding))
+      throw std::invalid_argument(
+          fmt::format("open.layer.normal: [{:.4g}] is not this layer's, which is [{:.4g}]; leave it out",
+                      fmt::join(asked, ", "), fmt::join(layer.pushes, ", ")));
+}
+
+}  // namespace
+
+TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, std::shared_ptr<Device> device)
+    : scene_(std::move(scene)),
+      options_(options),
+      layer_(scene_->layer_near(options.layer_depth_m)),
+      way_{options.path, std::move(device), options.client} {
+  check_fingertip(options_.fingertip, scene_->limits());
+  if (options_.layer_normal) check_normal(*options_.layer_normal, layer_);
+  scene_->use_layer(layer_);
+}
+
+TouchSession::~TouchSession() {
+  scene_->leave_layer(layer_);
+}
+
+void TouchSession::use(const std::shared_ptr<Device>& device) {
+  if (device == way_.device) return;
+  way_.device = device;
+  if (way_.path == SolvePath::kPcg) leave_window();
+}
+
+// In what way the position is not one of a finger on this tissue; empty when it is.
+std::string TouchSession::outside(const Vector3& position_m) const {
+  const SceneGeometry& g = scene_->geometry();
+  if (position_m[0] < 0 || position_m[0] > g.width_m)
+    return fmt::format("pose.position_m[0]: {:.4g} m is beside the tissue, which reaches from 0 to {} m",
+                       position_m[0], g.width_m);
+  if (position_m[1] >= g.depth_m)
+    return fmt::format(
+        "pose.position_m[1]: {:.4g} m is deeper than the tissue, which is {} m; lift the finger",
+        position_m[1], g.depth_m);
+  return "";
+}
+
+TouchAnswer TouchSession::solve(const Vector3& position_m) {
+  if (!all_finite(position_m))
+    throw std::invalid_argument("pose.position_m: not finite; send numbers in metres");
+  const double x_m = position_m[0];
+  TouchAnswer answer;
+  answer.warning = outside(position_m);
+  const auto snapshot = scene_->snapshot();
+  answer.covered = snapshot->covered_around(x_m);
+  const auto window = answer.warning.empty()
+                          ? snapshot->window_at(x_m, window_ ? window_->id : 0, choices::kHandOver)
+                          : nullptr;
+  if (!window) {
+    leave_window();
+    answer.status = TouchStatus::kNotCovered;
+    return answer;
+  }
+  answer.window_id = window->id;
+  try {
+    if (!enter(window, *snapshot)) {
+      answer.status = TouchStatus::kPreparing;
+      answer.warning = fmt::format(
+          "the touched layer, {:.4f} m deep, is being made ready in this window; hold the finger above",
+          layer_.depth_m);
+      return answer;
+    }
+    answer.model_version = window_->version;
+    answer.taken_in = window_->taken_in;
+    for (const std::string_view flag : snapshot->flags_of(*window_)) answer.window_flags.emplace_back(flag);
+    const TouchPose pose{{x_m, position_m[1] - layer_.depth_m, position_m[2]}};
+    touch_into(answer, pose);
+    judge(answer, *snapshot, pose);
+    if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*snapshot, pose);
+  } catch (const DeviceMemoryError& error) {  // says nothing of the device
+    fail(answer, error.what());
+  } catch (const DeviceError& error) {
+    fail(answer, error.what());
+    answer.device_failed = true;
+  } catch (const std::exception& error) {  // the model's or the solver's limits, not the client's fault
+    fail(answer, error.what());
+  }
+  return answer;
+}
+
+void TouchSession::leave_window() {
+  window_.reset(), touched_.reset();
+}
+
+// False while the window's layer is being made ready. Until a newer model of the same window has it, the one
+// before answers.
+bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot) {
+  if (window == window_) return true;
+  const TouchWork& work = scene_->touch_work();
+  if (window_ && window_->id != window->id) leave_window();
+  auto layer = window->model->layer(layer_, way_, work);
+  if (!layer) return window_ != nullptr;
+  window_ = window, touched_ = std::move(layer);
+  if (way_.path == SolvePath::kPcg || !work) return true;
+  for (const auto& next : snapshot.windows)  // where the finger may go from here
+    if (next != window && adjoin(*next, *window)) try {
+        next->model->layer(layer_, way_, work);
+      } catch (const std::exception&) {  // said when the finger is there
+      }
+  return true;
+}
+
+// For no longer than about this; false when some of what is needed is left.
+bool TouchSession::prepare(const TouchPose& pose, double around_m, std::chrono::milliseconds time) {
+  return touched_->prepare(options_.fingertip, pose, around_m, TouchedLayer::Clock::now() + time);
+}
+
+// Nothing is owed: without room for more the finger finds less ready.
+void TouchSession::look_ahead(const TouchPose& pose) {
+  try {
+    prepare(pose, choices::kWidestReach, choices::kAhead);
+  } catch (const MemoryRefused&) {
+  }
+}
+
+void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
+  answer.path = touched_->path();
+  if (indentation_m(layer_, pose) > 0 && !prepare(pose, 0, choices::kLongestSolve))
+    throw std::runtime_error(
+        "columns of the contact are still being solved; hold the finger above, or use "
+        "the compliance");
+  answer.contact = touched_->touch(options_.fingertip, pose);
+  look_ahead(pose);
+  if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
+}
+
+double TouchSession::measured_share(const StitchedMap& map, double x_m) const {
+  const double above_m = std::max(0.0, layer_.depth_m - kFeltDepthM / 2);
+  const double below_m = std::min(scene_->geometry().depth_m, above_m + kFeltDepthM);
+  return map.measured_share(x_m - choices::kWidestReach / 2, x_m + choices::kWidestReach / 2, above_m,
+                            below_m);
+}
+
+// Why a contact is not to be trusted; empty when it is.
+std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& snapshot, double x_m) const {
+  const double measured = snapshot.map ? measured_share(*snapshot.map, x_m) : 1;
+  if (!c.solve.converged)
+    return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
+                       c.solve.relative_error);
+  if (!(c.solve.relative_error <= choices::kTrustedForceError))
+    return fmt::format(
+        "the solve may be off by up to {:.2g} of the force; nu near 1/2 beside high contrast does this",
+        c.solve.relative_error);
+  if (window_->evidence)
+    for (const std::string& warning : window_->evidence->warnings)
+      if (effect_of(flag_of(warning)) == FlagEffect::kDegrade) return "of the window: " + warning;
+  if (measured < kTrustedShare)
+    return fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
+                       100 * measured);
+  return "";
+}
+
+void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, const TouchPose& pose) const {
+  const ContactAnswer& c = answer.contact;
+  if (!finite(c)) throw std::runtime_error("the contact solve gave a force that is not finite");
+  // These are said, but no reason to fade the force: it is the linear model's on this mesh, and continuous.
+  answer.warning = touched_->remark(options_.fingertip, pose);
+  if (c.state == ContactState::kNoContact) return;
+  const auto say = [&answer](const std::string& words) {
+    answer.warning += (answer.warning.empty() ? "" : "; ") + words;
+  };
+  if (const std::string why = doubt(c, snapshot, pose.position_m[0]); !why.empty()) {
+    answer.warning = why;
+    answer.status = TouchStatus::kDegraded;
+    return;
+  }
+  if (c.strain_beyond_linear)
+    say(fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain));
+  if (!answer.window_flags.empty())
+    say(fmt::format("the window's estimate is doubtful: {}; the scene says why",
+                    fmt::join(answer.window_flags, ", ")));
+}
+
+// Only where all is ready by now: nobody waits for it.
+std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot,
+                                                   const TouchPose& above) try {
+  const TouchPose pose = at_indentation(layer_, above, kLightTouchM);
+  if (!prepare(pose, 0, std::chrono::milliseconds(0))) return std::nullopt;
+  const auto& [x_m, y_m, z_m] = pose.position_m;
+  ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->touch(options_.fingertip, pose)};
+  if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
+      !doubt(touch.contact, snapshot, x_m).empty())
+    return std::nullopt;
+  return touch;
+} catch (const std::exception&) {  // the model's limits: nothing is foreseen, the answer stands
+  return std::nullopt;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,127 @@
+#include "service/touch_plane/touch_stream.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes it
+
+using Clock = TouchStream::Clock;
+
+Clock::duration seconds(double s) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(s));
+}
+
+std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
+  if (wished > limits.most_credit)
+    throw std::invalid_argument(fmt::format(
+        "open.credit: {} is more than {}; ask for fewer answers in flight", wished, limits.most_credit));
+  return std::max<std::uint64_t>(1, wished);
+}
+
+Clock::duration period_from(double wished_s, const Limits& limits) {
+  if (wished_s == 0) wished_s = TouchStream::kUsualPeriodS;
+  if (!(wished_s > 0 && wished_s <= limits.most_touch_period_s))
+    throw std::invalid_argument(fmt::format("open.period_s: {} is not within (0, {}]; leave it out for {} s",
+                                            wished_s, limits.most_touch_period_s,
+                                            TouchStream::kUsualPeriodS));
+  return seconds(std::max(wished_s, 1 / limits.most_touch_rate_hz));
+}
+
+const std::string& checked(const std::string& session_id) {
+  if (session_id.size() <= TouchStream::kMostSessionIdBytes) return session_id;
+  throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
+                                          session_id.size(), TouchStream::kMostSessionIdBytes));
+}
+
+}  // namespace
+
+TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const CurrentDevice& device)
+    : scene_(std::move(scene)),
+      device_(device),
+      credit_(credit_from(wishes.credit, scene_->limits())),
+      period_(period_from(wishes.period_s, scene_->limits())),
+      session_(scene_, std::move(wishes.touch), device),
+      finger_(scene_->finger().join(checked(wishes.session_id), Clock::now())) {}
+
+Region TouchStream::covered() const {
+  return scene_->snapshot()->covered_around(scene_->finger().now().position_m[0]);
+}
+
+FingerBoard::Steering TouchStream::steering() {
+  return scene_->finger().steering(finger_, Clock::now());
+}
+
+void TouchStream::bring(const FingerPose& pose) {
+  const auto arrived = Clock::now();
+  if (pose.sequence <= last_sequence_)
+    throw std::invalid_argument(
+        fmt::format("pose.sequence: {} after {}; count up from 1", pose.sequence, last_sequence_));
+  if (pose.acknowledged > answered_ || pose.acknowledged < acknowledged_)
+    throw std::invalid_argument(fmt::format(
+        "pose.acknowledged: {}, but {} answers were sent and {} acknowledged; give the number of the "
+        "newest answer received",
+        pose.acknowledged, answered_.load(), acknowledged_.load()));
+  // Whoever is silent may be idle; whoever sends poses has had the time to read.
+  const double patience_s = scene_->limits().acknowledge_s;
+  if (pose.acknowledged > acknowledged_)
+    owed_ = arrived;
+  else if (acknowledged_ < answered_ && arrived - owed_.load() > seconds(patience_s))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("pose.acknowledged: still {} after {} s, {} answers were sent; acknowledge the "
+                            "newest answer with each pose, or open a new stream",
+                            acknowledged_.load(), patience_s, answered_.load()));
+  last_sequence_ = pose.sequence;
+  heard_ = arrived;
+  scene_->finger().arrive(finger_, pose.position_m, pose.velocity_m_s, arrived);
+  ++poses_;
+  replaced_ += inbox_.put({pose, arrived});
+  // After the pose: what it makes room for is its own answer, not an older one's.
+  if (acknowledged_.exchange(pose.acknowledged) != pose.acknowledged) inbox_.wake();
+}
+
+void TouchStream::hand_over(const std::string& session_id) {
+  scene_->finger().hand_over(finger_, session_id, Clock::now());
+}
+
+std::optional<TouchStream::Arrived> TouchStream::next(const std::function<bool()>& may_answer,
+                                                      const std::function<bool()>& stopped) {
+  inbox_.wait(due_, stopped);  // keep the period; poses that come meanwhile replace each other
+  auto pose = inbox_.take(
+      Clock::now() + kLook, [&] { return may_answer() && answered_ - acknowledged_ < credit_; }, stopped);
+  // A late pose is caught up with over one period, no more.
+  if (pose) due_ = std::max(due_, Clock::now() - period_) + period_;
+  return pose;
+}
+
+TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
+  const auto begun = Clock::now();
+  const std::shared_ptr<Device> device = device_;
+  session_.use(device);
+  Answered answered{session_.solve(arrived.pose.position_m), 0, begun - arrived.at, {}, {}};
+  answered.computing = Clock::now() - begun;
+  if (answered.answer.device_failed) device_.failed(device, answered.answer.warning);
+  answered.steering = steering();
+  if (acknowledged_ == answered_) owed_ = Clock::now();
+  answered.number = ++answered_;  // before it is sent: its acknowledgement may be quicker than we are
+  return answered;
+}
+
+void TouchStream::leave() {
+  scene_->finger().leave(finger_, Clock::now());
+}
+
+void TouchStream::require_poses(Clock::time_point now) const {
+  if (now - heard_.load() > seconds(scene_->limits().touch_idle_s))
+    throw Error(ErrorKind::kDeadline,
+                fmt::format("no pose for {} s; open a new stream", scene_->limits().touch_idle_s));
+}
+
+}  // namespace teletact::service

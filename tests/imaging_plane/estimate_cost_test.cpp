@@ -1,0 +1,90 @@
+// What is expected of an estimate, by what the ones before took; time is told.
+#include "service/imaging_plane/estimate_cost.h"
+
+#include <gtest/gtest.h>
+
+namespace teletact::service {
+namespace {
+
+using std::chrono::minutes;
+
+class Cost : public testing::Test {
+ protected:
+  Cost() {
+    size.samples = 2000, size.lines = 128, size.window_width_m = 0.04, size.depth_m = 0.04;
+    size.method = ModulusKind::kDirect, size.published = true;
+  }
+  void take(double share) {
+    for (int k = 0; k < 40; ++k)
+      cost.took(size, {share * kTracking, share * kModulus, share * kPublishing}, now);
+  }
+  static constexpr double kTracking = 0.05, kModulus = 0.02, kPublishing = 0.01, kAll = 0.08;
+  EstimateSize size;
+  EstimateCost cost;
+  EstimateCost::Time now = std::chrono::steady_clock::now();
+};
+
+TEST_F(Cost, IsLearntFromWhatItTook) {
+  take(1);
+  EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-3 * kAll);
+  EstimateSize twice = size;
+  twice.lines *= 2;
+  EXPECT_NEAR(cost.expected_s(twice, now), kAll + kTracking, 1e-3 * kAll);
+  twice.published = false;
+  EXPECT_NEAR(cost.expected_s(twice, now), kAll + kTracking - kPublishing, 1e-3 * kAll);
+}
+
+// GIVEN a minute in which everything took ten times as long, and windows that are refused for it ever since,
+// THEN they are tried again, and one that is done in its time puts it right.
+TEST_F(Cost, OfABusyMinuteIsNotBelievedForEver) {
+  take(10);
+  EXPECT_NEAR(cost.expected_s(size, now), 10 * kAll, 1e-2 * kAll);
+  for (int k = 0; k <= 5; ++k, now += minutes(1)) cost.refused(now);
+  EXPECT_NEAR(cost.expected_s(size, now), 5 * kAll, 1e-2 * kAll);
+  for (int k = 0; k < 20; ++k, now += minutes(1)) cost.refused(now);
+  EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-2 * kAll);
+  EXPECT_NEAR(cost.least_s(size), kAll, 1e-2 * kAll);
+  take(1);
+  EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-2 * kAll);
+}
+
+// GIVEN a night in which nobody asked for anything, THEN a window that could not be done in its time is
+// refused in the morning, and not late.
+TEST_F(Cost, IsNotForgottenWhileNobodyAsks) {
+  take(1);
+  now += minutes(5);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  now += minutes(1000);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  cost.refused(now);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  take(1);
+  now += minutes(10);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll) << "the refusal was of before";
+}
+
+// GIVEN one that was refused, THEN what is expected of the next falls while more are refused, and not by
+// itself.
+TEST_F(Cost, FallsBetweenRefusalsAlone) {
+  take(1);
+  cost.refused(now);
+  now += minutes(30);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+}
+
+TEST_F(Cost, IsBelievedAgainWhenWhatWasTriedIsLate) {
+  take(1);
+  for (int k = 0; k < 30; ++k, now += minutes(1)) cost.refused(now);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.1 * kAll, 1e-3 * kAll);
+  cost.late(now);
+  EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-3 * kAll);
+}
+
+TEST_F(Cost, OfPartsThatWereNotDoneStaysAsItWas) {
+  take(1);
+  cost.took(size, {0, 0, 0}, now);
+  EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-3 * kAll);
+}
+
+}  // namespace
+}  // namespace teletact::service

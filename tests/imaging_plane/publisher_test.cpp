@@ -1,0 +1,98 @@
+// Publications and what they owe: jobs that change one scene one at a time, and neighbours that are fresh in
+// time.
+#include "service/imaging_plane/publisher.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <optional>
+#include <thread>
+
+#include "service/device/look.h"
+#include "tests/scene/windows.h"
+
+namespace teletact::service {
+namespace {
+
+class Publishing : public testing::Test {
+ protected:
+  static JobTerms of(const std::string& client) {
+    JobTerms terms;
+    terms.client = client;
+    return terms;
+  }
+  Published publish(double x_m, const char* client) {
+    return publisher.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), client);
+  }
+  Scenes scenes{""};
+  const std::shared_ptr<Scene> scene = scenes.create("s", tissue(0.12, 0.03), std::nullopt);
+  Publisher publisher{scenes};
+};
+
+TEST_F(Publishing, IsRefusedOnAThreadThatIsNotOneOfItsWorkers) {
+  EXPECT_THROW(publish(0.03, "anybody"), std::logic_error);
+  EXPECT_TRUE(scene->snapshot()->windows.empty());
+  Publisher another(scenes);
+  auto elsewhere = another.workers().run(of("anybody"), [&] { publish(0.03, "anybody"); });
+  EXPECT_THROW(elsewhere.future.get(), std::logic_error);
+  EXPECT_THROW(publisher.workers().step_aside(1), std::logic_error);
+}
+
+TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinning) {
+  // GIVEN a publication that has to make way in the midst of it
+  std::atomic<bool> first_published{false};
+  std::atomic<int> looks_meanwhile{0};
+  std::optional<FairWorkers::Running<Published>> second;
+  auto first = publisher.workers().run(of("first"), [&] {
+    const Looking in_the_midst([&] {
+      if (second) return;
+      second = publisher.workers().run(of("second"), [&] {
+        const Looking counted([&] {
+          if (!first_published) ++looks_meanwhile;
+        });
+        return publish(0.06, "second");
+      });
+      // Longer than a slice: it is the other's turn now.
+      std::this_thread::sleep_for(std::chrono::duration<double>(1.5 * FairQueue::kSliceS));
+    });
+    const Published published = publish(0.03, "first");
+    first_published = true;
+    return published;
+  });
+  // THEN the second, whose turn it is, waits without a look for the first, which goes on at once
+  const Published published = first.future.get();
+  ASSERT_TRUE(second);
+  EXPECT_GT(second->future.get().version, published.version);
+  EXPECT_EQ(looks_meanwhile, 0);
+  EXPECT_EQ(scene->snapshot()->windows.size(), 2U);
+}
+
+// Time is told by what the others got of the plane, one of them at a time, in steps of a millisecond or more:
+// a machine that is busy with something else makes none of it.
+TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
+  std::atomic<std::int64_t> steps{0};
+  std::vector<FairWorkers::Running<void>> greedy;
+  for (const char* client : {"a", "b"})
+    greedy.push_back(publisher.workers().run(of(client), [&] {
+      for (;;) {
+        look();
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        ++steps;
+      }
+    }));
+  const auto publish_fairly = [&](double x_m) {
+    return publisher.workers().run(of("fair"), [&] { return publish(x_m, "fair"); }).future.get().version;
+  };
+  const std::uint64_t first = publish_fairly(0.0);
+  publish_fairly(0.03);
+  const std::int64_t published_at = steps;
+  const auto version_of_first = [&] { return scene->snapshot()->windows.front()->version; };
+  constexpr std::chrono::milliseconds kPromised = Publisher::kFreshWithin;
+  while (version_of_first() == first && steps - published_at < 2 * kPromised.count())
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_GT(version_of_first(), first);
+  for (const auto& running : greedy) publisher.workers().cancel(running.id);
+}
+
+}  // namespace
+}  // namespace teletact::service
