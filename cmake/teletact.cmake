@@ -41,14 +41,21 @@ endfunction()
 
 # One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest
 # entry each, with its own OpenCL kernel cache. LABELS go to ctest. What tests a half of teletact that is not
-# built is left out.
+# built is left out. SOURCES, without their _test.cpp, are all that the folder has; or every *_test.cpp.
 function(teletact_tests folder)
-  cmake_parse_arguments(arg "" "" "LIBRARIES;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "" "" "SOURCES;LIBRARIES;LABELS" ${ARGN})
   if((NOT TELETACT_SERVICE AND "${arg_LIBRARIES}" MATCHES "service_|bench_")
      OR (NOT TELETACT_CLIENT AND "${arg_LIBRARIES}" MATCHES "client_|bench_"))
     return()
   endif()
   file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${folder}/*_test.cpp)
+  if(arg_SOURCES)
+    list(TRANSFORM arg_SOURCES REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/tests/${folder}/\\1_test.cpp")
+    list(SORT arg_SOURCES)
+    if(NOT "${arg_SOURCES}" STREQUAL "${sources}")
+      message(FATAL_ERROR "tests/${folder}: its tests are not those that tests/CMakeLists.txt lists")
+    endif()
+  endif()
   string(REPLACE "/" "_" name ${folder})
   add_executable(${name}_test ${sources})
   target_link_libraries(${name}_test PRIVATE teletact_options tests_support ${arg_LIBRARIES} GTest::gtest GTest::gtest_main)

@@ -45,7 +45,7 @@ bool is_stiff(Pattern pattern, double x_m, double y_m, double depth_m) {
 
 // Nodes that a tip of this radius touches; too many where it reaches past the tissue.
 std::size_t touched_nodes(const service::TissueModel& model, double radius_m,
-                          const service::ContactPose& pose) {
+                          const service::PlanePose& pose) {
   service::Fingertip tip;
   tip.radius_m = radius_m;
   try {
@@ -55,7 +55,7 @@ std::size_t touched_nodes(const service::TissueModel& model, double radius_m,
   }
 }
 
-double find_radius_m(const reference::TouchedTissue& tissue, const service::ContactPose& pose,
+double find_radius_m(const reference::TouchedTissue& tissue, const service::PlanePose& pose,
                      std::size_t nodes) {
   const service::TissueModel model(tissue.grid, tissue.material, tissue.supports, {});
   double low = 1e-5, high = 10;

@@ -40,7 +40,7 @@ struct ContactProblem {
   ContactCase of;
   reference::TouchedTissue tissue;
   service::Fingertip tip;
-  service::ContactPose pose;
+  service::PlanePose pose;
   Eigen::SparseMatrix<double> stiffness;  // of every degree of freedom, supported ones as the identity
   std::vector<std::size_t> contact_dofs;  // axial degrees of freedom of the nodes in contact
   // Of each node in contact: its axial displacement in the reference's answer, and the slope of the tip

@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 constexpr double kLargestLinearStrain = 0.15;  // T4.5
 constexpr double kPeakStrain = 0.42;           // of (1 + nu) p / E, see solve_contact
 
-void validate(const TissueProblem& problem, std::size_t line, const ContactPose& pose) {
+void validate(const TissueProblem& problem, std::size_t line, const PlanePose& pose) {
   if (line >= problem.grid.ny()) throw std::out_of_range("line " + std::to_string(line) + " is absent");
   if (!std::isfinite(pose.x_m)) throw std::invalid_argument("pose.x_m is not finite; give metres");
   if (!std::isfinite(pose.indentation_m))
@@ -41,7 +41,7 @@ void validate(const TissueProblem& problem, std::size_t line, const ContactPose&
 }
 
 // Every node that the tip overlaps must be one that is served; beside the tissue there is nothing to overlap.
-void check_reach(const TissueProblem& problem, const Fingertip& tip, const ContactPose& pose) {
+void check_reach(const TissueProblem& problem, const Fingertip& tip, const PlanePose& pose) {
   const auto& x = problem.grid.x_m;
   const ColumnRange columns = problem.touchable;
   if (pose.x_m < x.front() || pose.x_m > x.back()) outside(problem, pose.x_m);
@@ -66,7 +66,7 @@ void add_pressure(const TissueProblem& problem, std::size_t line, const Touch& t
   }
 }
 
-double largest_strain(const TissueProblem& problem, std::size_t line, const ContactPose& pose,
+double largest_strain(const TissueProblem& problem, std::size_t line, const PlanePose& pose,
                       const Touch& touch) {
   double force = 0, stiffness = 0;  // stiffness: modulus weighted by the force that it bears
   for (Index k = 0; k < touch.normal.size(); ++k) {
@@ -118,7 +118,7 @@ double amplification(const Eigen::MatrixX2d& sensitivity, const VectorXd& p, con
 }
 
 ContactAnswer solve_contact(const TissueProblem& problem, std::size_t line, Compliance& compliance,
-                            const Fingertip& tip, const ContactPose& pose, const ContactOptions& options) {
+                            const Fingertip& tip, const PlanePose& pose, const ContactOptions& options) {
   validate(tip);
   validate(problem, line, pose);
   ContactAnswer answer;

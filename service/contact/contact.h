@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "service/contact/touch_model.h"
+#include "service/plan/choices.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/tissue_problem.h"
 
@@ -11,16 +12,14 @@ namespace teletact::service {
 
 // Pose in the plane: lateral position of the tip's centre and its indentation along +y, measured from the
 // undeformed touched line (negative: not touching).
-struct ContactPose {
+struct PlanePose {
   double x_m = 0;
   double indentation_m = 0;
 };
 
 // How the candidates of the unilateral contact are chosen; the answer does not depend on it.
 struct ContactOptions {
-  // Nodes whose gap to the tip is smaller than this fraction of the indentation may touch (tissue bulges
-  // beside the tip); the range grows by itself while its outermost node touches.
-  double candidate_margin = 0.25;
+  double candidate_margin = choices::kCandidateMargin;
 };
 
 // Solves the contact for one pose from one energy (T4.5), per metre of thickness:
@@ -42,6 +41,6 @@ struct ContactOptions {
 // touched on, std::invalid_argument (field named) for an unusable fingertip or pose, e.g. an indentation
 // deeper than the tissue below the line, std::domain_error when no finite answer exists.
 ContactAnswer solve_contact(const TissueProblem&, std::size_t line, Compliance&, const Fingertip&,
-                            const ContactPose&, const ContactOptions& = {});
+                            const PlanePose&, const ContactOptions& = {});
 
 }  // namespace teletact::service

@@ -101,7 +101,7 @@ void validate(const Fingertip& tip) {
   if (tip.shape == FingertipShape::kFlatPunch) require_positive(tip.half_width_m, "half_width_m");
 }
 
-Overlap overlap(const Fingertip& tip, const ContactPose& pose, double x_m) {
+Overlap overlap(const Fingertip& tip, const PlanePose& pose, double x_m) {
   const double d = beyond_flat(tip, x_m - pose.x_m);
   return {pose.indentation_m - d * d / (2 * tip.radius_m), d / tip.radius_m,
           d == 0 && tip.shape == FingertipShape::kFlatPunch ? 0 : -1 / tip.radius_m};

@@ -19,7 +19,7 @@ struct Overlap {
   double slope = 0;          // dw/dX
   double curvature_1_m = 0;  // d2w/dX2
 };
-Overlap overlap(const Fingertip&, const ContactPose&, double x_m);
+Overlap overlap(const Fingertip&, const PlanePose&, double x_m);
 
 // Half width of the range around the tip's centre where w > -margin_m.
 double reach_m(const Fingertip&, double indentation_m, double margin_m);

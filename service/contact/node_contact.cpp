@@ -28,7 +28,7 @@ MatrixXd both_components(Compliance& compliance, Friction friction, std::span<co
 }  // namespace
 
 Touch touch_node(const TissueProblem& problem, Compliance& compliance, const Fingertip& tip,
-                 const ContactPose& pose, SolveReport& report) {
+                 const PlanePose& pose, SolveReport& report) {
   const Footprint foot = footprint(tip, pose.x_m, problem.grid.x_m, problem.touchable);
   const Index n = foot.weights.rows();
   Touch touch;

@@ -48,7 +48,7 @@ void tie_sideways(const MatrixXd& s, Patch& patch) {
   for (std::size_t t = 0; t < patch.tie.size(); ++t) patch.programme.a(Index(t), Index(t)) += patch.tie[t];
 }
 
-Patch make_patch(Compliance& compliance, const Fingertip& tip, const ContactPose& pose,
+Patch make_patch(Compliance& compliance, const Fingertip& tip, const PlanePose& pose,
                  std::span<const double> grid_x_m, ColumnRange columns, SolveReport& report) {
   Patch patch;
   for (std::size_t i = columns.first; i <= columns.last; ++i) {
@@ -164,7 +164,7 @@ double effective_width_m(const VectorXd& force, std::span<const std::size_t> nod
 }  // namespace
 
 Touch touch_patch(const TissueProblem& problem, Compliance& compliance, const Fingertip& tip,
-                  const ContactPose& pose, const ContactOptions& options, SolveReport& report) {
+                  const PlanePose& pose, const ContactOptions& options, SolveReport& report) {
   const auto& x = problem.grid.x_m;
   const ColumnRange all = problem.touchable;
   const auto begin = x.begin() + all.first, end = x.begin() + all.last + 1;

@@ -17,7 +17,7 @@ namespace {
 // Half of the width that a contact asks for.
 double touched_m(const Fingertip& tip, double indentation_m) {
   if (tip.shape == FingertipShape::kNode) return 3 * tip.footprint_m;
-  return reach_m(tip, indentation_m, ContactOptions{}.candidate_margin * indentation_m);
+  return reach_m(tip, indentation_m, choices::kCandidateMargin * indentation_m);
 }
 
 class PlaneLayer final : public TouchedLayer {
@@ -31,7 +31,7 @@ class PlaneLayer final : public TouchedLayer {
   bool prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
                Clock::time_point until) override {
     if (path_ != SolvePath::kPcg) return true;
-    const ContactPose at = in_plane(pose);
+    const PlanePose at = in_plane(pose);
     const double reach = std::max(around_m, touched_m(tip, std::max(0.0, at.indentation_m)));
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
     const ColumnRange touchable = tissue_->problem().touchable;
@@ -51,10 +51,10 @@ class PlaneLayer final : public TouchedLayer {
   // What is wrong with the mesh under a pressed tip. One that only begins to touch is judged as pressed
   // lightly: it overlaps few nodes of any mesh.
   std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
-    const ContactPose at = in_plane(pose);
+    const PlanePose at = in_plane(pose);
     if (tip.shape == FingertipShape::kNode || at.indentation_m <= 0) return "";
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
-    const double reach = reach_m(tip, std::max(at.indentation_m, kLightTouchM), 0);
+    const double reach = reach_m(tip, std::max(at.indentation_m, choices::kLightTouch), 0);
     double widest_m = 0;
     for (std::size_t i = 0; i + 1 < columns_m.size(); ++i)
       if (columns_m[i + 1] > at.x_m - reach && columns_m[i] < at.x_m + reach)
@@ -68,7 +68,7 @@ class PlaneLayer final : public TouchedLayer {
   }
 
  private:
-  static ContactPose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
+  static PlanePose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 
   const std::shared_ptr<const TissueModel> tissue_;
   const std::size_t line_;
@@ -99,7 +99,7 @@ std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const T
                                                      const TouchWork& work) const {
   const std::vector<double>& y_m = tissue_->problem().grid.y_m;
   const auto at = std::find(y_m.begin(), y_m.end(), layer.depth_m);
-  if (at == y_m.end() || layer.pushes != Layer{}.pushes)
+  if (at == y_m.end() || layer.normal != Layer{}.normal)
     throw std::out_of_range(fmt::format("layer {} m deep: no line of nodes", layer.depth_m));
   const auto line = static_cast<std::size_t>(at - y_m.begin());
   const bool by_pcg = way.path == SolvePath::kPcg;

@@ -37,11 +37,11 @@ double amplification(const Eigen::MatrixX2d& sensitivity, const Eigen::VectorXd&
 
 // One node, hat function or footprint: U = max over f of f^T d - 1/2 f^T A(X) f with A = B^T S B, B the
 // weights, d = (0, indentation).
-Touch touch_node(const TissueProblem&, Compliance&, const Fingertip&, const ContactPose&, SolveReport&);
+Touch touch_node(const TissueProblem&, Compliance&, const Fingertip&, const PlanePose&, SolveReport&);
 
 // Punch or rounded tip: unilateral contact of a patch of nodes under the tip's skin (skin.h). No nodes where
 // nothing touches.
-Touch touch_patch(const TissueProblem&, Compliance&, const Fingertip&, const ContactPose&,
+Touch touch_patch(const TissueProblem&, Compliance&, const Fingertip&, const PlanePose&,
                   const ContactOptions&, SolveReport&);
 
 }  // namespace teletact::service

@@ -4,7 +4,7 @@ namespace teletact::service {
 
 double indentation_m(const Layer& layer, const TouchPose& pose) {
   double along_m = 0;
-  for (std::size_t k = 0; k < 3; ++k) along_m += layer.pushes[k] * pose.position_m[k];
+  for (std::size_t k = 0; k < 3; ++k) along_m += layer.normal[k] * pose.position_m[k];
   return along_m;
 }
 
@@ -12,7 +12,7 @@ TouchPose at_indentation(const Layer& layer, const TouchPose& pose, double wante
   const double now_m = indentation_m(layer, pose);
   TouchPose at = pose;
   for (std::size_t k = 0; k < 3; ++k)  // through the layer: exact where it is level
-    at.position_m[k] = (pose.position_m[k] - layer.pushes[k] * now_m) + layer.pushes[k] * wanted_m;
+    at.position_m[k] = (pose.position_m[k] - layer.normal[k] * now_m) + layer.normal[k] * wanted_m;
   return at;
 }
 

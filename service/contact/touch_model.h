@@ -45,7 +45,7 @@ struct Region {
 // A plane of points in the undeformed tissue that a tip is pressed on: the surface, or one inside.
 struct Layer {
   double depth_m = 0;       // of its point below the scene's origin
-  Vector3 pushes{0, 1, 0};  // unit vector across it, the way a tip is pressed
+  Vector3 normal{0, 1, 0};  // unit vector across it, the way a tip is pressed
   auto operator<=>(const Layer&) const = default;
 };
 
@@ -66,8 +66,8 @@ struct NodalPressure {
 
 enum class ContactState { kNoContact, kContact };
 
-// What the client gets (T4.5). force_n acts on the finger: F = -dU/dposition, so it points against `pushes`.
-// tangent_n_m = dF/dposition, symmetric.
+// What the client gets (T4.5). force_n acts on the finger: F = -dU/dposition, so it points against the
+// layer's normal. tangent_n_m = dF/dposition, symmetric.
 struct ContactAnswer {
   ContactState state = ContactState::kNoContact;
   Vector3 force_n{};
@@ -87,9 +87,6 @@ struct TouchWay {
   std::shared_ptr<Device> device;     // where the path asks for one
   std::string client;                 // in whose turn it is made ready
 };
-
-// A light touch: what fingers make out stiffness with before they press.
-constexpr double kLightTouchM = 5e-4;
 
 // Has jobs done that a touch asks for and must not wait for, some time, on another thread, where clients take
 // turns. Empty: nobody does; what is asked for is then made in place.

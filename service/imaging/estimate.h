@@ -20,6 +20,7 @@
 #include "service/imaging/tracking/measured.h"
 #include "service/imaging/tracking/quality.h"
 #include "service/imaging/tracking/strain.h"
+#include "service/plan/choices.h"
 
 namespace teletact::service {
 
@@ -29,9 +30,9 @@ struct ElastographyOptions {
   ReferenceStressOptions reference_stress;
   DirectOptions direct;
   IterativeOptions iterative;
-  ModulusKind modulus = ModulusKind::kIterative;  // where the caller does not choose
-  double modulus_time_limit_s = 0.35;             // the same
-  double least_median_correlation = 0.6;          // of the textured nodes; below it the pair is refused
+  ModulusKind modulus = ModulusKind::kIterative;        // where the caller does not choose
+  double modulus_time_limit_s = choices::kModulusTime;  // the same
+  double least_median_correlation = choices::kLeastMedianCorrelation;
 };
 
 // How the modulus is to be found.

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "service/limits/require_between.h"
+#include "service/plan/choices.h"
 
 namespace teletact::service {
 
@@ -82,10 +83,11 @@ void check_force(const EstimateRequest& r, const Limits& limits) {
 void settle_way(EstimateRequest& r, const Limits& limits) {
   if (r.modulus.time_limit_s)
     require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.least_modulus_time_s,
-                    limits.most_modulus_time_s, "leave it out for 0.35");
+                    limits.most_modulus_time_s,
+                    fmt::format("leave it out for {}", choices::kModulusTime).c_str());
   if (r.max_strain == 0) r.max_strain = kUsualMaxStrain;
   require_between("acquisition.max_strain", r.max_strain, limits.least_max_strain, limits.most_max_strain,
-                  "leave it out for 0.05");
+                  fmt::format("leave it out for {}", kUsualMaxStrain).c_str());
   DisplacementOptions search;
   search.max_strain = r.max_strain;
   DisplacementEstimator::require_fits({r.sample_count, r.line_count, {}}, r.geometry, search);

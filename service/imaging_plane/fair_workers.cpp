@@ -1,8 +1,6 @@
 #include "service/imaging_plane/fair_workers.h"
 
 #include <spdlog/spdlog.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include <stdexcept>
 #include <system_error>
@@ -10,6 +8,7 @@
 
 #include "service/device/look.h"
 #include "service/scene/errors.h"
+#include "service/scene/niced_worker.h"
 
 namespace teletact::service {
 
@@ -105,9 +104,7 @@ void FairWorkers::dispatch() {
 }
 
 void FairWorkers::work() {
-  // Linux gives each thread its own nice value.
-  if (setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness) != 0)
-    spdlog::warn("event=niceness_refused errno={}", errno);
+  be_nice();
   Lock lock(mutex_);
   for (;;) {
     ++idle_;

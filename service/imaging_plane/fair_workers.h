@@ -23,7 +23,6 @@ class FairWorkers {
  public:
   using Clock = std::chrono::steady_clock;
   using Id = FairQueue::Id;
-  static constexpr int kNiceness = 10;
 
   FairWorkers() = default;
   ~FairWorkers();

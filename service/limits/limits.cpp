@@ -8,6 +8,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "service/plan/choices.h"
+
 namespace teletact::service {
 
 namespace {
@@ -66,8 +68,10 @@ const std::vector<LimitRow>& limit_rows() {
        "contact area over the window's width"},
       {"least_max_strain", &L::least_max_strain, 1e-3, "1", 1e-4, 0.01, "max_strain that is searched"},
       {"most_max_strain", &L::most_max_strain, 0.125, "1", 0.05, 0.125, "max_strain that is searched"},
-      {"least_modulus_time_s", &L::least_modulus_time_s, 1e-3, "s", 1e-6, 0.35, "modulus_time_limit_s"},
-      {"most_modulus_time_s", &L::most_modulus_time_s, 60, "s", 0.35, 3600, "modulus_time_limit_s"},
+      {"least_modulus_time_s", &L::least_modulus_time_s, 1e-3, "s", 1e-6, choices::kModulusTime,
+       "modulus_time_limit_s"},
+      {"most_modulus_time_s", &L::most_modulus_time_s, 60, "s", choices::kModulusTime, 3600,
+       "modulus_time_limit_s"},
       {"most_credit", &L::most_credit, 8, "1", 1, 64, "answers of touch that were not acknowledged"},
       {"most_touch_rate_hz", &L::most_touch_rate_hz, 1000, "Hz", 10, 1000, "answers of a touch stream"},
       {"most_touch_period_s", &L::most_touch_period_s, 1, "s", 0.1, 10, "longest period of answers"},

@@ -1,6 +1,6 @@
-// What touch is computed with, chosen by constants: meshes, ways of solving, times. A planner that chooses
-// from what a scene needs takes their place. What an answer is trusted for stays with the session, the limits of
-// an estimate with imaging. Lengths in metres.
+// What touch and estimates are computed with and trusted for, chosen by constants: meshes, ways of solving,
+// times, thresholds. A planner that chooses from what a scene needs takes their place. Lengths in metres,
+// times in seconds.
 #pragma once
 
 #include <chrono>
@@ -8,7 +8,7 @@
 
 namespace teletact::service::choices {
 
-// The strip that a window is touched on.
+// The tissue that a window is touched on (scene/window_tissue.h).
 inline constexpr double kFine = 0.001;        // columns under the finger; lines down to kFineDepth
 inline constexpr double kCoarse = 0.008;      // columns far away
 inline constexpr double kCoarseLine = 0.002;  // lines below kFineDepth
@@ -26,6 +26,12 @@ inline constexpr double kWidestReach = 0.014;  // half of the widest contact
 // depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
 inline constexpr double kLeastSpacings = 1.5;
 
+// A light touch: what fingers make out stiffness with before they press.
+inline constexpr double kLightTouch = 5e-4;
+// Nodes whose gap to the tip is smaller than this fraction of the indentation may touch (tissue bulges beside
+// the tip); the range grows by itself while its outermost node touches.
+inline constexpr double kCandidateMargin = 0.25;
+
 // Which way a line is condensed: interior lines that wide tissue condenses one by one. About then all of them
 // line by line are as cheap.
 inline constexpr std::size_t kLinesByColumns = 4;
@@ -41,5 +47,15 @@ inline constexpr double kColumnError = 1e-4;
 inline constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
 // Force error beyond which an answer is not trusted: that of a float solver.
 inline constexpr double kTrustedForceError = 2e-3;
+// Tissue that a touch feels: as wide as a wide tip, and so deep in all, half of it above the line where the
+// surface leaves room. Where less than this share of its cells was measured, the answer is not trusted.
+inline constexpr double kFeltDepth = 0.025;
+inline constexpr double kTrustedShare = 0.5;
+
+// The modulus of an estimate, where its client states no limit: no iterative step is begun that would end
+// later.
+inline constexpr double kModulusTime = 0.35;
+// Of an estimate's textured nodes: below this median correlation the pair is refused.
+inline constexpr double kLeastMedianCorrelation = 0.6;
 
 }  // namespace teletact::service::choices

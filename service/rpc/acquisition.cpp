@@ -10,7 +10,7 @@
 
 #include "service/device/look.h"
 #include "service/imaging/maps.h"
-#include "service/rpc/convert.h"
+#include "service/rpc/palpation_messages.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

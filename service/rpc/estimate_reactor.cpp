@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
-
 #include "service/rpc/client.h"
 #include "service/rpc/estimate_answer.h"
 #include "service/scene/errors.h"
@@ -15,15 +13,11 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
-JobTerms::Time later(JobTerms::Time from, double seconds) {
-  return from + std::chrono::duration_cast<JobTerms::Time::duration>(Seconds(seconds));
-}
-
 // The call's own, on our clock; never, where it has none.
 JobTerms::Time deadline_of(const grpc::CallbackServerContext& context) {
   constexpr double kFar = 86400;
   const double left_s = Seconds(context.deadline() - std::chrono::system_clock::now()).count();
-  return left_s < kFar ? later(JobTerms::Time::clock::now(), left_s) : JobTerms::Time::max();
+  return left_s < kFar ? JobTerms::Time::clock::now() + seconds(left_s) : JobTerms::Time::max();
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 #include "service/rpc/palpation_service.h"
 
 #include "service/rpc/client.h"
-#include "service/rpc/convert.h"
+#include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_reactor.h"
 #include "service/rpc/unary_call.h"
 #include "service/rpc/watch_reactor.h"

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "service/rpc/client.h"
-#include "service/rpc/convert.h"
+#include "service/rpc/palpation_messages.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

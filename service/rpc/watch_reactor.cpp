@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "service/rpc/convert.h"
+#include "service/rpc/palpation_messages.h"
 
 namespace teletact::service {
 

@@ -16,7 +16,7 @@ struct Effect {
 constexpr std::array<Effect, 14> kEffects{{
     {"wrong-force", FlagEffect::kDegrade},  // the force may be off by any factor
     {"misfit", FlagEffect::kDegrade},       // no modulus explains what was measured
-    // Each touch judges the tissue that it feels itself: kTrustedShare of TouchSession.
+    // Each touch judges the tissue that it feels itself: choices::kTrustedShare.
     {"untracked", FlagEffect::kRemark},
     {"noise", FlagEffect::kRemark},
     {"streaks", FlagEffect::kRemark},

@@ -9,6 +9,13 @@
 
 namespace teletact::service {
 
+void be_nice() {
+  constexpr int kNiceness = 10;
+  // Linux gives each thread its own nice value.
+  if (setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness) != 0)
+    spdlog::warn("event=niceness_refused errno={}", errno);
+}
+
 NicedWorker::NicedWorker() : thread_([this] { work(); }) {}
 
 NicedWorker::~NicedWorker() {
@@ -75,9 +82,7 @@ std::function<void()> NicedWorker::take() {
 }
 
 void NicedWorker::work() {
-  // Linux gives each thread its own nice value.
-  if (setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness) != 0)
-    spdlog::warn("event=niceness_refused errno={}", errno);
+  be_nice();
   for (;;) {
     std::function<void()> job;
     {

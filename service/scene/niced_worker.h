@@ -13,10 +13,12 @@
 
 namespace teletact::service {
 
+// Raises the nice value of this thread alone, for work that touch, at normal priority, must not wait for
+// (T1).
+void be_nice();
+
 class NicedWorker {
  public:
-  static constexpr int kNiceness = 10;
-
   NicedWorker();
   ~NicedWorker();
   NicedWorker(const NicedWorker&) = delete;

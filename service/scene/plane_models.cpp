@@ -4,8 +4,8 @@
 
 #include "service/contact/plane_touch_model.h"
 #include "service/plan/choices.h"
-#include "service/scene/strip.h"
 #include "service/scene/touch_models.h"
+#include "service/scene/window_tissue.h"
 
 namespace teletact::service {
 namespace {
@@ -18,20 +18,20 @@ std::size_t line_of(const TissueModel& tissue, const Layer& layer) {
 class PlaneModels final : public TouchModels {
  public:
   std::vector<Layer> layers(const SceneGeometry& geometry) const override {
-    return free_layers(strip_lines(geometry), geometry.supports);
+    return free_layers(window_rows_m(geometry), geometry.supports);
   }
 
   double context_m() const override { return choices::kRefresh; }
 
   std::shared_ptr<const TouchModel> of_window(const WantedModel& wanted) const override {
-    StripOptions strip;
-    strip.account = wanted.account;
-    strip.interior_lines = std::any_of(wanted.in_use.begin(), wanted.in_use.end(),
-                                       [](const Layer& layer) { return layer.depth_m > 0; });
+    WindowTissueOptions options;
+    options.account = wanted.account;
+    options.interior_lines = std::any_of(wanted.in_use.begin(), wanted.in_use.end(),
+                                         [](const Layer& layer) { return layer.depth_m > 0; });
     const auto* same_kind = dynamic_cast<const PlaneTouchModel*>(wanted.before);
     const TissueModel* before = same_kind ? &same_kind->tissue() : nullptr;
-    auto tissue = build_strip(wanted.geometry, wanted.map, wanted.region.begin_x_m, wanted.region.end_x_m,
-                              strip, before);
+    auto tissue = build_window_tissue(wanted.geometry, wanted.map, wanted.region.begin_x_m,
+                                      wanted.region.end_x_m, options, before);
     for (const Layer& layer : wanted.in_use) try {
         tissue->condensed(line_of(*tissue, layer), before);
       } catch (

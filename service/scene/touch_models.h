@@ -39,7 +39,7 @@ class TouchModels {
   virtual void warm(const std::shared_ptr<Device>&) const {}
 };
 
-// Plane strain: strips (strip.h), and given grids as they are.
+// Plane strain: tissue around a window (window_tissue.h), and given grids as they are.
 std::shared_ptr<const TouchModels> plane_models();
 
 }  // namespace teletact::service

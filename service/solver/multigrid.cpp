@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
-#include "service/solver/convert.h"
 #include "service/solver/dense_inverse.h"
+#include "service/solver/precision.h"
 #include "service/solver/smoother.h"
 
 namespace teletact::service {

@@ -64,7 +64,7 @@ struct ElasticitySolver::Core {
   Core(const std::shared_ptr<Device>&, TissueGrid, const Supports&, ElasticitySolverOptions);
   void reserve(std::size_t count);
   std::vector<double> forces(std::size_t count, std::span<const double> displacement);
-  std::vector<double> forces_again(const Units&, std::size_t count, std::span<const double> displacement);
+  std::vector<double> forces_in(const Units&, std::size_t count, std::span<const double> displacement);
   void check(std::size_t count, std::span<const double> loads, std::span<const double> prescribed,
              std::span<const double> displacement) const;
   std::vector<Column> solve(std::size_t count, std::span<const double> loads,
@@ -151,8 +151,8 @@ std::vector<double> ElasticitySolver::Core::forces(std::size_t count, std::span<
   return force;
 }
 
-std::vector<double> ElasticitySolver::Core::forces_again(const Units& units, std::size_t count,
-                                                         std::span<const double> u) {
+std::vector<double> ElasticitySolver::Core::forces_in(const Units& units, std::size_t count,
+                                                      std::span<const double> u) {
   std::vector<double> force(count * grid.dofs()), other_u(u.begin(), u.end());
   for (double& value : other_u) value *= units.length;
   if (exact) {
@@ -384,14 +384,14 @@ std::vector<double> ElasticitySolver::nodal_forces(std::size_t count, std::span<
   });
 }
 
-std::vector<double> ElasticitySolver::nodal_forces_again(std::size_t which, std::size_t count,
-                                                         std::span<const double> displacement) {
+std::vector<double> ElasticitySolver::nodal_forces_in_units(std::size_t which, std::size_t count,
+                                                            std::span<const double> displacement) {
   return core_->in_batches(count, displacement, [&](std::size_t batch, std::span<const double> part) {
-    return core_->forces_again(kOtherUnits[which], batch, part);
+    return core_->forces_in(kOtherUnits[which], batch, part);
   });
 }
 
-std::vector<double> ElasticitySolver::nearly_solved(std::size_t count, std::span<const double> residual) {
+std::vector<double> ElasticitySolver::preconditioned(std::size_t count, std::span<const double> residual) {
   return core_->in_batches(count, residual, [&](std::size_t batch, std::span<const double> part) {
     return core_->correction->preconditioned(batch, core_->masked(batch, part));
   });

@@ -60,11 +60,11 @@ class ElasticitySolver {
   std::vector<double> nodal_forces(std::size_t count, std::span<const double> displacement);
   // The same in other units of length and modulus, `which` < kOtherUnits, and back in N/m: rounded
   // differently, so that the difference is a sample of the rounding error.
-  std::vector<double> nodal_forces_again(std::size_t which, std::size_t count,
-                                         std::span<const double> displacement);
+  std::vector<double> nodal_forces_in_units(std::size_t which, std::size_t count,
+                                            std::span<const double> displacement);
   // About K^-1 r, by one application of the preconditioner: [count][dof] (m) of residuals r (N/m), which are
   // taken as zero where nothing is free.
-  std::vector<double> nearly_solved(std::size_t count, std::span<const double> residual);
+  std::vector<double> preconditioned(std::size_t count, std::span<const double> residual);
 
  private:
   struct Core;

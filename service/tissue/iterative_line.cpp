@@ -213,7 +213,7 @@ std::optional<Eigen::Vector2d> IterativeLine::unfinished_between(std::span<const
 struct IterativeLine::Solved {
   SolveReport report;
   // [column][dof]: u; r = f - K u; M r; K M r.
-  std::vector<double> displacement, residual, nearly_solved, step_force;
+  std::vector<double> displacement, residual, preconditioned, step_force;
   std::vector<std::vector<double>> rounding;  // what else r could have been
 };
 
@@ -236,10 +236,10 @@ IterativeLine::Solved IterativeLine::solve(ElasticitySolver& solver, std::size_t
     return force;
   };
   s.residual = less(solver.nodal_forces(count, s.displacement));
-  s.nearly_solved = solver.nearly_solved(count, s.residual);
-  s.step_force = solver.nodal_forces(count, s.nearly_solved);
+  s.preconditioned = solver.preconditioned(count, s.residual);
+  s.step_force = solver.nodal_forces(count, s.preconditioned);
   for (std::size_t k = 0; k < kRoundingSamples; ++k)
-    s.rounding.push_back(less(solver.nodal_forces_again(k, count, s.displacement)));
+    s.rounding.push_back(less(solver.nodal_forces_in_units(k, count, s.displacement)));
   return s;
 }
 
@@ -270,7 +270,7 @@ void IterativeLine::solve_columns(const std::vector<std::size_t>& missing, std::
     };
     Column& column = columns_[missing[q]];
     column.displacement = vector(s.displacement);
-    column.nearly_solved = vector(s.nearly_solved).cast<float>();
+    column.preconditioned = vector(s.preconditioned).cast<float>();
     column.report = s.report;
     column.charge = std::move(room[q]);
     column.solved = true;
@@ -300,8 +300,8 @@ void IterativeLine::add_to_compliance(std::size_t unknown, std::span<const doubl
     if (!column.solved) continue;
     const double uncorrected = columns_[unknown].displacement[Index(grid_dof(other))];
     set(compliance_, other, uncorrected + column.displacement.dot(vector(residual)));
-    set(unfinished_, other, column.nearly_solved.dot(small_residual));
-    set(step_energy_, other, column.nearly_solved.dot(small_force));
+    set(unfinished_, other, column.preconditioned.dot(small_residual));
+    set(step_energy_, other, column.preconditioned.dot(small_force));
     for (std::size_t k = 0; k < rounding.size(); ++k) {
       const double length = kOtherUnits[k].length, moved = length * uncorrected / length;
       const double again = moved + column.displacement.dot(vector(rounding[k]));

@@ -43,8 +43,8 @@ class IterativeLine final : public Compliance, public Reclaimable {
   // A unit force on one degree of freedom of the line.
   struct Column {
     bool solved = false;
-    Eigen::VectorXd displacement;   // u, [dof of the grid]
-    Eigen::VectorXf nearly_solved;  // M r
+    Eigen::VectorXd displacement;    // u, [dof of the grid]
+    Eigen::VectorXf preconditioned;  // M r
     SolveReport report;
     Charge charge;
     std::uint64_t used = 0;  // stamp

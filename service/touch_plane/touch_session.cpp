@@ -59,10 +59,10 @@ bool finite(const ContactAnswer& c) {
 void check_normal(const Vector3& asked, const Layer& layer) {
   constexpr double kRounding = 1e-6;
   for (std::size_t i = 0; i < asked.size(); ++i)
-    if (!(std::abs(asked[i] - layer.pushes[i]) <= kRounding))
+    if (!(std::abs(asked[i] - layer.normal[i]) <= kRounding))
       throw std::invalid_argument(
           fmt::format("open.layer.normal: [{:.4g}] is not this layer's, which is [{:.4g}]; leave it out",
-                      fmt::join(asked, ", "), fmt::join(layer.pushes, ", ")));
+                      fmt::join(asked, ", "), fmt::join(layer.normal, ", ")));
 }
 
 }  // namespace
@@ -190,8 +190,8 @@ void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
 }
 
 double TouchSession::measured_share(const StitchedMap& map, double x_m) const {
-  const double above_m = std::max(0.0, layer_.depth_m - kFeltDepthM / 2);
-  const double below_m = std::min(scene_->geometry().depth_m, above_m + kFeltDepthM);
+  const double above_m = std::max(0.0, layer_.depth_m - choices::kFeltDepth / 2);
+  const double below_m = std::min(scene_->geometry().depth_m, above_m + choices::kFeltDepth);
   return map.measured_share(x_m - choices::kWidestReach / 2, x_m + choices::kWidestReach / 2, above_m,
                             below_m);
 }
@@ -209,7 +209,7 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   if (window_->evidence)
     for (const std::string& warning : window_->evidence->warnings)
       if (effect_of(flag_of(warning)) == FlagEffect::kDegrade) return "of the window: " + warning;
-  if (measured < kTrustedShare)
+  if (measured < choices::kTrustedShare)
     return fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
                        100 * measured);
   return "";
@@ -239,7 +239,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
 // Only where all is ready by now: nobody waits for it.
 std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot,
                                                    const TouchPose& above) try {
-  const TouchPose pose = at_indentation(layer_, above, kLightTouchM);
+  const TouchPose pose = at_indentation(layer_, above, choices::kLightTouch);
   if (!prepare(pose, 0, std::chrono::milliseconds(0))) return std::nullopt;
   const auto& [x_m, y_m, z_m] = pose.position_m;
   ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->touch(options_.fingertip, pose)};

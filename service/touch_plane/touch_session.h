@@ -46,11 +46,6 @@ struct TouchAnswer {
 // Not thread-safe: one thread solves.
 class TouchSession {
  public:
-  // Tissue that a touch feels: as wide as a wide tip, and so deep in all, half of it above the line where the
-  // surface leaves room. Where less than this share of its cells was measured, the answer is not trusted.
-  static constexpr double kFeltDepthM = 0.025;
-  static constexpr double kTrustedShare = 0.5;
-
   // Throws std::invalid_argument (field named) for an unusable fingertip or layer.
   TouchSession(std::shared_ptr<Scene>, TouchOptions, std::shared_ptr<Device>);
   ~TouchSession();

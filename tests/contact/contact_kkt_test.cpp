@@ -15,11 +15,11 @@
 namespace teletact {
 namespace {
 
-using service::ContactPose;
 using service::Fingertip;
 using service::FingertipShape;
 using service::Friction;
 using service::Material;
+using service::PlanePose;
 using service::TissueGrid;
 using service::TissueModel;
 
@@ -48,7 +48,7 @@ std::vector<Kind> every_kind() {
 
 // Force of the product over the reference's, as a vector.
 double force_error(const reference::TouchedTissue& tissue, TissueModel& model, const Kind& kind,
-                   const ContactPose& pose, reference::KktMethod method) {
+                   const PlanePose& pose, reference::KktMethod method) {
   const auto expected = reference::touch(tissue, kind.tip, pose, method);
   const auto answer =
       service::solve_contact(model.problem(), tissue.line, *model.condensed(tissue.line), kind.tip, pose);
@@ -118,7 +118,7 @@ TEST(PaperFig16, TouchingUnderTheSurfaceTable) {
     TissueModel model(grid, material, {}, {});
     for (std::size_t line = 0; line < 9; ++line) {
       const auto stiffness = [&](std::size_t column) {
-        const ContactPose pose{grid.x_m[column], 0.002};
+        const PlanePose pose{grid.x_m[column], 0.002};
         const auto answer = service::solve_contact(model.problem(), line, *model.condensed(line), node, pose);
         EXPECT_NEAR(answer.tangent_n_m[4], answer.force_n[1] / pose.indentation_m,
                     1e-9 * std::abs(answer.tangent_n_m[4]));

@@ -19,12 +19,12 @@ namespace {
 
 using service::ContactAnswer;
 using service::ContactOptions;
-using service::ContactPose;
 using service::ContactState;
 using service::Fingertip;
 using service::FingertipShape;
 using service::Friction;
 using service::Material;
+using service::PlanePose;
 using service::TissueGrid;
 using service::TissueModel;
 
@@ -121,8 +121,7 @@ TEST(Contact, TangentIsDerivativeOfForceAndSymmetric) {
 }
 
 // Work of the force along a straight path by Gauss-Legendre with 3 points per step, in `steps` steps.
-double work_along(const TissueModel& model, const Fingertip& tip, ContactPose from, ContactPose to,
-                  int steps) {
+double work_along(const TissueModel& model, const Fingertip& tip, PlanePose from, PlanePose to, int steps) {
   const std::array<double, 3> points{0.5 - std::sqrt(0.15), 0.5, 0.5 + std::sqrt(0.15)};
   const std::array<double, 3> weights{5.0 / 18, 8.0 / 18, 5.0 / 18};
   double work = 0;
@@ -142,7 +141,7 @@ double work_along(const TissueModel& model, const Fingertip& tip, ContactPose fr
 TEST(Contact, ClosedLoopDoesNoWork) {
   // Press beside the inclusion, slide onto it, release: an active wall would have made energy.
   for (const Kind& kind : smooth_kinds()) {
-    const ContactPose a{0.0152, -1e-5}, b{0.0152, 3e-3}, c{0.0274, 3e-3}, d{0.0274, -1e-5};
+    const PlanePose a{0.0152, -1e-5}, b{0.0152, 3e-3}, c{0.0274, 3e-3}, d{0.0274, -1e-5};
     const double press_work = work_along(inclusion_model(), kind.tip, a, b, 3000);
     const double slide_work = work_along(inclusion_model(), kind.tip, b, c, 6000);
     const double release_work = work_along(inclusion_model(), kind.tip, c, d, 3000);

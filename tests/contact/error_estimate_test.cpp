@@ -19,10 +19,10 @@ namespace teletact {
 namespace {
 
 using service::Compliance;
-using service::ContactPose;
 using service::Fingertip;
 using service::Friction;
 using service::Material;
+using service::PlanePose;
 using service::SolvePrecision;
 using service::TissueGrid;
 using service::TissueModel;
@@ -65,7 +65,7 @@ double add_touches(const TissueModel& model, Compliance& exact, Compliance& trie
   for (const double share : {0.22, 0.31, 0.4, 0.5, 0.63, 0.72})
     for (const Friction friction : {Friction::kFrictionless, Friction::kStuck}) {
       const Fingertip tip{.friction = friction};
-      const ContactPose pose{x.front() + share * (x.back() - x.front()), 0.001};
+      const PlanePose pose{x.front() + share * (x.back() - x.front()), 0.001};
       const auto answer = service::solve_contact(model.problem(), 0, tried, tip, pose);
       const auto truth = service::solve_contact(model.problem(), 0, exact, tip, pose).force_n;
       const double error = std::hypot(answer.force_n[0] - truth[0], answer.force_n[1] - truth[1]) /

@@ -16,19 +16,19 @@ namespace teletact {
 namespace {
 
 using service::ContactAnswer;
-using service::ContactPose;
 using service::ContactState;
 using service::Fingertip;
 using service::FingertipShape;
 using service::Friction;
+using service::PlanePose;
 using service::TissueGrid;
 using service::TissueModel;
 
-ContactAnswer press(const TissueModel& model, const Fingertip& tip, const ContactPose& pose) {
+ContactAnswer press(const TissueModel& model, const Fingertip& tip, const PlanePose& pose) {
   return service::solve_contact(model.problem(), 0, *model.condensed(0), tip, pose);
 }
 
-double force_error(const TissueModel& model, const Fingertip& tip, const ContactPose& pose) {
+double force_error(const TissueModel& model, const Fingertip& tip, const PlanePose& pose) {
   const reference::TouchedTissue tissue{model.problem().grid, model.problem().material,
                                         model.problem().supports, 0, model.problem().thickness_m};
   const auto expected = reference::touch(tissue, tip, pose, reference::KktMethod::kDense);
@@ -40,7 +40,7 @@ double force_error(const TissueModel& model, const Fingertip& tip, const Contact
 struct Judged {
   double error = 0, stated = 0;  // against long double
 };
-Judged judged(const TissueModel& model, const Fingertip& tip, const ContactPose& pose) {
+Judged judged(const TissueModel& model, const Fingertip& tip, const PlanePose& pose) {
   tests::ExactCompliance exact(model.problem().grid, model.problem().material);
   const auto truth = service::solve_contact(model.problem(), 0, exact, tip, pose).force_n;
   const ContactAnswer answer = press(model, tip, pose);
@@ -150,7 +150,7 @@ TEST(ContactLimits, GridOfOneElementIsTouched) {
   const TissueGrid grid = tests::uniform_grid(2, 2, 0.01);
   const TissueModel model(grid, tests::inclusion(grid, 1, 0.49), {}, {});
   for (double x : {0.0, 0.0031, 0.005, 0.01}) {
-    const ContactPose pose{x, 0.002};
+    const PlanePose pose{x, 0.002};
     EXPECT_EQ(press(model, {.radius_m = 0.1}, pose).state, ContactState::kContact) << x;
     EXPECT_LE(force_error(model, {.radius_m = 0.1}, pose), 1e-9) << x;
   }
@@ -163,7 +163,7 @@ TEST(ContactLimits, TipWiderThanTheTissueTouchesAllOfIt) {
   for (Friction friction : {Friction::kFrictionless, Friction::kStuck}) {
     const Fingertip tip{.friction = friction, .radius_m = 0.5};
     for (double x : {0.0, 0.0047, 0.006, 0.012}) {
-      const ContactPose pose{x, 0.001};
+      const PlanePose pose{x, 0.001};
       EXPECT_LE(force_error(model, tip, pose), 1e-8) << x;
       EXPECT_EQ(press(model, tip, pose).pressure.size(), grid.nx());
     }

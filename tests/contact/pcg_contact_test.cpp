@@ -18,12 +18,12 @@ namespace teletact {
 namespace {
 
 using service::Compliance;
-using service::ContactPose;
 using service::Device;
 using service::ElasticitySolverOptions;
 using service::Fingertip;
 using service::FingertipShape;
 using service::Friction;
+using service::PlanePose;
 using service::SolvePrecision;
 using service::TissueGrid;
 using service::TissueModel;
@@ -60,7 +60,7 @@ Worst worst_error(std::size_t rows, double nu, double contrast, std::size_t line
   const reference::TouchedTissue tissue{grid, material, {}, line, model.problem().thickness_m};
   Worst worst;
   for (const Fingertip& tip : every_tip()) {
-    const ContactPose pose{0.0437, 0.0021};
+    const PlanePose pose{0.0437, 0.0021};
     const auto expected = reference::touch(tissue, tip, pose, reference::KktMethod::kSparseFactor);
     const auto answer = service::solve_contact(model.problem(), line, *compliance, tip, pose);
     const double error =
@@ -142,7 +142,7 @@ struct Judged {
   service::SolveReport report;
 };
 Judged touch_by(const TissueModel& model, Compliance& columns, Compliance& truth) {
-  const ContactPose pose{0.47 * model.problem().grid.x_m.back(), 0.001};
+  const PlanePose pose{0.47 * model.problem().grid.x_m.back(), 0.001};
   const auto answer = service::solve_contact(model.problem(), 0, columns, {}, pose);
   const auto right = service::solve_contact(model.problem(), 0, truth, {}, pose);
   const auto f = right.force_n;

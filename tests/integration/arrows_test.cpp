@@ -69,8 +69,8 @@ void expect_only(const std::map<std::string, std::set<std::string>>& allowed, co
 
 TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
   // rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> tissue -> solver -> device ->
-  // limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the others
-  // choose.
+  // limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
+  // others choose.
   expect_only(
       {{"limits", {"plan"}},
        {"plan", {}},
@@ -88,7 +88,8 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
          "limits"}},
        {"touch_plane", {"plan", "scene", "contact", "tissue", "solver", "device", "limits"}},
        {"rpc",
-        {"imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device", "limits"}}},
+        {"imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking", "contact", "tissue",
+         "solver", "device", "limits"}}},
       "service");
 }
 
@@ -145,8 +146,8 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
 
 // What makes plane models, and what says where tissue is held, may know the tissue.
 TEST(Arrows, ScenePlanesAndRpcSeeModelsThroughTheSeamAlone) {
-  const std::set<std::string> makers{"service/scene/plane_models.cpp", "service/scene/strip.h",
-                                     "service/scene/strip.cpp"};
+  const std::set<std::string> makers{"service/scene/plane_models.cpp", "service/scene/window_tissue.h",
+                                     "service/scene/window_tissue.cpp"};
   std::size_t through = 0;
   for (const Include& i : includes_of("service")) {
     if (!starts_with_any(i.folder,

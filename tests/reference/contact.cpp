@@ -18,10 +18,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Factor = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>;
-using service::ContactPose;
 using service::Fingertip;
 using service::FingertipShape;
 using service::Friction;
+using service::PlanePose;
 
 // Tie of the stuck contact: compliance 0.01 S_xx (1 mm / w)^3, so stiffness k = w^3 / (0.01 S_xx 1e-9).
 constexpr double kTieShare = 0.01, kTieOverlapM = 1e-3;
@@ -85,7 +85,7 @@ Weights node_weights(const TouchedTissue& tissue, const Fingertip& tip, double x
 }
 
 ContactSolution touch_node(const TouchedTissue& tissue, const Eigen::SparseMatrix<double>& k,
-                           const Factor& factor, const Fingertip& tip, const ContactPose& pose,
+                           const Factor& factor, const Fingertip& tip, const PlanePose& pose,
                            KktMethod method) {
   const bool stuck = tip.friction == Friction::kStuck;
   const auto rows = [&](const VectorXd& weights) {
@@ -245,7 +245,7 @@ void check_conditions(const ContactSolution& result, const std::vector<Skin>& sk
 }
 
 ContactSolution touch_tip(const TouchedTissue& tissue, const Eigen::SparseMatrix<double>& free_k,
-                          const Factor& free_factor, const Fingertip& tip, const ContactPose& pose,
+                          const Factor& free_factor, const Fingertip& tip, const PlanePose& pose,
                           KktMethod method) {
   const auto& x = tissue.grid.x_m;
   VectorXd w(Index(x.size())), slope(Index(x.size()));  // overlap and its derivative by X
@@ -298,7 +298,7 @@ ContactSolution touch_tip(const TouchedTissue& tissue, const Eigen::SparseMatrix
 
 }  // namespace
 
-ContactSolution touch(const TouchedTissue& tissue, const Fingertip& tip, const ContactPose& pose,
+ContactSolution touch(const TouchedTissue& tissue, const Fingertip& tip, const PlanePose& pose,
                       KktMethod method) {
   const auto k = with_fixed(assemble(tissue.grid, tissue.material), fixed_dofs(tissue.grid, tissue.supports));
   const Factor factor(k);

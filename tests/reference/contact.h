@@ -38,7 +38,6 @@ struct ContactSolution {
 
 // Any node of the line may touch. Throws std::logic_error when the multipliers of the final KKT solution are
 // not what the skins bear.
-ContactSolution touch(const TouchedTissue&, const service::Fingertip&, const service::ContactPose&,
-                      KktMethod);
+ContactSolution touch(const TouchedTissue&, const service::Fingertip&, const service::PlanePose&, KktMethod);
 
 }  // namespace teletact::reference

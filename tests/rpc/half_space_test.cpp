@@ -1,6 +1,7 @@
 // A model in three dimensions through the whole service: what a client sends and gets has all components.
 #include <cmath>
 
+#include "service/plan/choices.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/scene/half_space.h"
 
@@ -18,7 +19,7 @@ TEST_F(ServedHalfSpace, IsTouchedWithForceAndTangentInThreeComponents) {
   ASSERT_TRUE(toucher.opened(&opened));
   EXPECT_EQ(opened.layer().depth_m(), 0);
   constexpr double kIndentationM = 0.002;
-  const Vector3 at = on_tilted_surface(0.05, 0.015, kIndentationM), n = tilted_surface().pushes;
+  const Vector3 at = on_tilted_surface(0.05, 0.015, kIndentationM), n = tilted_surface().normal;
   ASSERT_EQ(opened.layer().normal_size(), 3);
   for (int i = 0; i < 3; ++i) EXPECT_EQ(opened.layer().normal(i), n[std::size_t(i)]);
   v1::TouchRequest request;
@@ -44,7 +45,7 @@ TEST_F(ServedHalfSpace, IsTouchedWithForceAndTangentInThreeComponents) {
 TEST_F(ServedHalfSpace, TellsTheLightTouchBelowWithAllItsComponents) {
   Toucher toucher(channel, "s");
   ASSERT_TRUE(toucher.opened());
-  const Vector3 above = on_tilted_surface(0.05, 0.015, -0.001), n = tilted_surface().pushes;
+  const Vector3 above = on_tilted_surface(0.05, 0.015, -0.001), n = tilted_surface().normal;
   v1::TouchRequest request;
   for (const double x_m : above) request.mutable_pose()->add_position_m(x_m);
   ASSERT_TRUE(toucher.send(request));
@@ -54,7 +55,7 @@ TEST_F(ServedHalfSpace, TellsTheLightTouchBelowWithAllItsComponents) {
   ASSERT_EQ(answer.foreseen().position_m_size(), 3);
   for (int i = 0; i < 3; ++i)
     EXPECT_NEAR(answer.foreseen().position_m(i),
-                above[std::size_t(i)] + (0.001 + kLightTouchM) * n[std::size_t(i)], 1e-12);
+                above[std::size_t(i)] + (0.001 + choices::kLightTouch) * n[std::size_t(i)], 1e-12);
   EXPECT_LT(answer.foreseen().force_n(2), 0);
 }
 

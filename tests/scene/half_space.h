@@ -21,7 +21,7 @@ inline Layer tilted_surface() {
 
 // The position over x and z that is so deep.
 inline Vector3 on_tilted_surface(double x_m, double z_m, double indentation_m) {
-  const Vector3 n = tilted_surface().pushes;
+  const Vector3 n = tilted_surface().normal;
   return {x_m, (indentation_m - n[0] * x_m - n[2] * z_m) / n[1], z_m};
 }
 
@@ -59,9 +59,9 @@ class HalfSpace final : public TouchModel {
       answer.state = ContactState::kContact;
       answer.energy_j = 8.0 / 15 * stiffness * d * d;
       for (std::size_t i = 0; i < 3; ++i) {
-        answer.force_n[i] = -4.0 / 3 * stiffness * d * surface.pushes[i];
+        answer.force_n[i] = -4.0 / 3 * stiffness * d * surface.normal[i];
         for (std::size_t j = 0; j < 3; ++j)
-          answer.tangent_n_m[3 * i + j] = -2 * stiffness * surface.pushes[i] * surface.pushes[j];
+          answer.tangent_n_m[3 * i + j] = -2 * stiffness * surface.normal[i] * surface.normal[j];
       }
       return answer;
     }

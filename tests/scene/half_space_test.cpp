@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "service/plan/choices.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 
@@ -24,7 +25,7 @@ class OnAHalfSpace : public testing::Test {
 TEST_F(OnAHalfSpace, ForceAndTangentHaveThreeComponents) {
   TouchSession session(scene, {}, nullptr);
   const double nu = scene->geometry().poisson_ratio, radius_m = Fingertip{}.radius_m, d = 0.003;
-  const Vector3 n = tilted_surface().pushes;
+  const Vector3 n = tilted_surface().normal;
   const TouchAnswer answer = session.solve(on_tilted_surface(0.03, 0.012, d));
   ASSERT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
   const double hertz_n = 4.0 / 3 * kModulusPa / (1 - nu * nu) * std::sqrt(radius_m * d * d * d);
@@ -57,9 +58,9 @@ TEST_F(OnAHalfSpace, TheLightTouchThatWaitsIsBelowAlongTheNormal) {
   const TouchAnswer answer = session.solve(above);
   EXPECT_EQ(answer.contact.state, ContactState::kNoContact);
   ASSERT_TRUE(answer.foreseen.has_value());
-  const Vector3 n = tilted_surface().pushes;
+  const Vector3 n = tilted_surface().normal;
   for (std::size_t k = 0; k < 3; ++k)
-    EXPECT_NEAR(answer.foreseen->position_m[k], above[k] + (0.002 + kLightTouchM) * n[k], 1e-12);
+    EXPECT_NEAR(answer.foreseen->position_m[k], above[k] + (0.002 + choices::kLightTouch) * n[k], 1e-12);
   const TouchAnswer there = session.solve(answer.foreseen->position_m);
   for (std::size_t k = 0; k < 3; ++k)
     EXPECT_NEAR(answer.foreseen->contact.force_n[k], there.contact.force_n[k], 1e-9);

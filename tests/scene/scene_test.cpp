@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "service/scene/errors.h"
-#include "service/scene/strip.h"
+#include "service/scene/window_tissue.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 
@@ -114,8 +114,8 @@ TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
     }
     const auto snapshot = scene.snapshot();
     for (const auto& window : snapshot->windows) {
-      const auto anew =
-          build_strip(scene.geometry(), *snapshot->map, window->region.begin_x_m, window->region.end_x_m);
+      const auto anew = build_window_tissue(scene.geometry(), *snapshot->map, window->region.begin_x_m,
+                                            window->region.end_x_m);
       std::vector<std::size_t> nodes;
       for (std::size_t i = anew->problem().touchable.first; i <= anew->problem().touchable.last; ++i)
         nodes.push_back(i);

@@ -98,8 +98,8 @@ TEST_F(Session, OutOfContactItTellsTheLightTouchThatWaitsBelow) {
   for (const double x_m : {0.03, 0.0301, 0.06, 0.0899}) {
     const TouchAnswer above = session.solve({x_m, -0.002});
     ASSERT_TRUE(above.foreseen.has_value()) << x_m;
-    EXPECT_EQ(above.foreseen->position_m, (Vector3{x_m, kLightTouchM, 0}));
-    const TouchAnswer there = session.solve({x_m, kLightTouchM});
+    EXPECT_EQ(above.foreseen->position_m, (Vector3{x_m, choices::kLightTouch, 0}));
+    const TouchAnswer there = session.solve({x_m, choices::kLightTouch});
     EXPECT_LT(there.contact.force_n[1], -0.01);
     EXPECT_EQ(above.foreseen->contact.force_n, there.contact.force_n);
     EXPECT_EQ(above.foreseen->contact.tangent_n_m, there.contact.tangent_n_m);

@@ -11,14 +11,14 @@
 #include "bench/basics/clock.h"
 #include "bench/suites/contact/contact.h"
 #include "service/plan/choices.h"
-#include "service/scene/strip.h"
+#include "service/scene/window_tissue.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {
 namespace {
 
 using service::ContactAnswer;
-using service::ContactPose;
+using service::PlanePose;
 using service::TissueModel;
 
 TissueModel model_of(const reference::TouchedTissue& t) {
@@ -47,8 +47,8 @@ StripFigures measure_strip(int repeats) {
   geometry.width_m = 0.260;
   geometry.depth_m = 0.040;
   constexpr double kBeginM = 0.100, kEndM = 0.160;
-  const service::TissueGrid grid{service::strip_columns(geometry, kBeginM, kEndM),
-                                 service::strip_lines(geometry)};
+  const service::TissueGrid grid{service::window_columns_m(geometry, kBeginM, kEndM),
+                                 service::window_rows_m(geometry)};
   service::Material material{std::vector<double>(grid.elements(), 10e3), geometry.poisson_ratio};
   for (std::size_t e = 0; e < grid.elements(); e += 7) material.youngs_modulus_pa[e] = 100e3;
   const double reach_m = service::choices::kHandOver + service::choices::kWidestReach;
@@ -100,7 +100,7 @@ double loop_work(const ContactProblem& p, const TissueModel& model, int steps) {
   constexpr double kSlideM = 0.010;
   const double x0 = p.pose.x_m - kSlideM / 2, x1 = p.pose.x_m + kSlideM / 2, deep = p.pose.indentation_m;
   double work = 0, energy = 0;
-  const auto leg = [&](ContactPose from, ContactPose to) {
+  const auto leg = [&](PlanePose from, PlanePose to) {
     const double hx = (to.x_m - from.x_m) / steps, hy = (to.indentation_m - from.indentation_m) / steps;
     const auto along = [&](const ContactAnswer& a) {  // power, and its slope along the leg
       return std::array{

@@ -1,5 +1,5 @@
 // How often a device is opened anew.
-#include "service/rpc/device_recovery.h"
+#include "service/imaging_plane/device_recovery.h"
 
 #include <gtest/gtest.h>
 

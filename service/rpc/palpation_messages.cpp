@@ -1,4 +1,4 @@
-#include "service/rpc/convert.h"
+#include "service/rpc/palpation_messages.h"
 
 #include <fmt/format.h>
 
@@ -246,7 +246,7 @@ void region_to(const Region& in, v1::Region* out) {
 
 void layer_to(const Layer& in, v1::Layer* out) {
   out->set_depth_m(in.depth_m);
-  for (const double component : in.pushes) out->add_normal(component);
+  for (const double component : in.normal) out->add_normal(component);
 }
 
 TouchWishes wishes_from(const v1::TouchOpen& in) {

@@ -1,4 +1,4 @@
-#include "service/scene/strip.h"
+#include "service/scene/window_tissue.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,27 +21,28 @@ Range widened(const SceneGeometry& g, double begin_m, double end_m, double by_m)
 
 }  // namespace
 
-std::vector<double> strip_lines(const SceneGeometry& g) {
+std::vector<double> window_rows_m(const SceneGeometry& g) {
   if (g.depth_m <= kFineDepth + kCoarseLine)
     return uniform_coordinates(0, g.depth_m,
                                std::max<std::size_t>(1, std::llround(std::ceil(g.depth_m / kFine - 1e-9))));
   return graded_coordinates(0, g.depth_m, 0, kFineDepth, kFine, kCoarseLine, kLineGrowth);
 }
 
-std::vector<double> strip_columns(const SceneGeometry& g, double begin_m, double end_m) {
+std::vector<double> window_columns_m(const SceneGeometry& g, double begin_m, double end_m) {
   const Range reach = widened(g, begin_m, end_m, kHandOver + kWidestReach);
   // On the scene's lattice of fine columns.
   const double fine_begin_m = std::max(0.0, std::floor(reach.begin_m / kFine + 1e-9) * kFine);
   const double fine_end_m = std::min(g.width_m, std::ceil(reach.end_m / kFine - 1e-9) * kFine);
-  const Range strip = widened(g, begin_m, end_m, kContext);
-  return graded_coordinates(std::min(strip.begin_m, fine_begin_m), std::max(strip.end_m, fine_end_m),
+  const Range whole = widened(g, begin_m, end_m, kContext);
+  return graded_coordinates(std::min(whole.begin_m, fine_begin_m), std::max(whole.end_m, fine_end_m),
                             fine_begin_m, fine_end_m, kFine, kCoarse, kColumnGrowth);
 }
 
-std::shared_ptr<const TissueModel> build_strip(const SceneGeometry& g, const StitchedMap& map, double begin_m,
-                                               double end_m, const StripOptions& o,
-                                               const TissueModel* before) {
-  TissueGrid grid{strip_columns(g, begin_m, end_m), strip_lines(g)};
+std::shared_ptr<const TissueModel> build_window_tissue(const SceneGeometry& g, const StitchedMap& map,
+                                                       double begin_m, double end_m,
+                                                       const WindowTissueOptions& o,
+                                                       const TissueModel* before) {
+  TissueGrid grid{window_columns_m(g, begin_m, end_m), window_rows_m(g)};
   Material material;
   material.poisson_ratio = g.poisson_ratio;
   material.youngs_modulus_pa.reserve(grid.elements());

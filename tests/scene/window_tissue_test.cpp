@@ -1,4 +1,4 @@
-#include "service/scene/strip.h"
+#include "service/scene/window_tissue.h"
 
 #include <gtest/gtest.h>
 
@@ -17,9 +17,9 @@ double smallest_step(const std::vector<double>& at, double begin, double end, bo
   return found;
 }
 
-TEST(Strip, FineUnderTheFingerCoarseFarAwayAndInsideTheTissue) {
+TEST(WindowTissue, FineUnderTheFingerCoarseFarAwayAndInsideTheTissue) {
   const SceneGeometry g = tissue(0.300, 0.040);
-  const auto x = strip_columns(g, 0.120, 0.180);
+  const auto x = window_columns_m(g, 0.120, 0.180);
   EXPECT_NEAR(x.front(), 0.020, 1e-9);
   EXPECT_NEAR(x.back(), 0.280, 1e-9);
   EXPECT_LE(smallest_step(x, 0.104, 0.196, true), 0.001 + 1e-9);
@@ -27,14 +27,14 @@ TEST(Strip, FineUnderTheFingerCoarseFarAwayAndInsideTheTissue) {
   EXPECT_GE(smallest_step(x, 0, 0.104, true), 0.004);
   EXPECT_GE(smallest_step(x, 0, 0.3, false), 0.0005);
   EXPECT_LE(x.size(), 140U);
-  const auto at_border = strip_columns(g, 0, 0.060);
+  const auto at_border = window_columns_m(g, 0, 0.060);
   EXPECT_EQ(at_border.front(), 0);
   EXPECT_NEAR(at_border.back(), 0.160, 1e-9);
 }
 
-TEST(Strip, NeighboursHaveTheSameNodesUnderTheFinger) {
+TEST(WindowTissue, NeighboursHaveTheSameNodesUnderTheFinger) {
   const SceneGeometry g = tissue(0.300, 0.040);
-  const auto a = strip_columns(g, 0.0597, 0.1199), b = strip_columns(g, 0.1199, 0.1801);
+  const auto a = window_columns_m(g, 0.0597, 0.1199), b = window_columns_m(g, 0.1199, 0.1801);
   const auto near = [](const std::vector<double>& at, double x) {
     double nearest = HUGE_VAL;
     for (const double k : at) nearest = std::min(nearest, std::abs(k - x));
@@ -46,9 +46,9 @@ TEST(Strip, NeighboursHaveTheSameNodesUnderTheFinger) {
     }
 }
 
-TEST(Strip, LinesCoverTheDepth) {
+TEST(WindowTissue, LinesCoverTheDepth) {
   for (const double depth_m : {0.0031, 0.020, 0.0247, 0.040, 0.0633, 0.2}) {
-    const auto y = strip_lines(tissue(0.1, depth_m));
+    const auto y = window_rows_m(tissue(0.1, depth_m));
     EXPECT_EQ(y.front(), 0);
     EXPECT_NEAR(y.back(), depth_m, 1e-12);
     EXPECT_LE(smallest_step(y, 0, 0.022, true), 0.001 + 1e-9) << depth_m;
@@ -56,15 +56,15 @@ TEST(Strip, LinesCoverTheDepth) {
   }
 }
 
-// Where a strip ends inside of the tissue nothing holds it.
-TEST(Strip, TakesTheScenesThicknessAndItsSupportsWhereItReachesThem) {
+// Where the grid ends inside of the tissue nothing holds it.
+TEST(WindowTissue, TakesTheScenesThicknessAndItsSupportsWhereItReachesThem) {
   SceneGeometry g = tissue(0.400, 0.040);
   g.thickness_m = 0.021;
   g.supports.left = g.supports.right = EdgeSupport::kFixed;
   StitchedMap map(g);
   map.paste(window_of(homogeneous(10e3), 0, 0.400, 0.040));
   const auto supports = [&](double begin_m, double end_m) {
-    const auto model = build_strip(g, map, begin_m, end_m);
+    const auto model = build_window_tissue(g, map, begin_m, end_m);
     EXPECT_EQ(model->problem().thickness_m, 0.021);
     EXPECT_EQ(model->problem().supports.bottom, EdgeSupport::kFixed);
     return std::pair(model->problem().supports.left, model->problem().supports.right);
@@ -74,11 +74,11 @@ TEST(Strip, TakesTheScenesThicknessAndItsSupportsWhereItReachesThem) {
   EXPECT_EQ(supports(0.340, 0.400), std::pair(EdgeSupport::kFree, EdgeSupport::kFixed));
 }
 
-TEST(Strip, ElementsTakeTheMapsModulus) {
+TEST(WindowTissue, ElementsTakeTheMapsModulus) {
   const SceneGeometry g = tissue(0.120, 0.030);
   StitchedMap map(g);
   map.paste(window_of(inclusion(10e3, 6, 0.060, 0.012, 0.005), 0.030, 0.060, 0.030));
-  const auto model = build_strip(g, map, 0.030, 0.090);
+  const auto model = build_window_tissue(g, map, 0.030, 0.090);
   const TissueGrid& grid = model->problem().grid;
   for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
     for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
