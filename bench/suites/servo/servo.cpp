@@ -4,11 +4,11 @@
 //
 // The suite touches a scene of its own, whose forces are first checked against the dense reference (T4.1).
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <memory>
 #include <numeric>
 
@@ -74,8 +74,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BareFigures, rate_hz, overruns, lateness_s, l
 struct LoopFigures {
   double duration_s = 0, with_force_s = 0;
   std::string scheduling;
-  bool real_time = false;
-  double processor_s = 0;
+  double processor_s = 0;  // of this process, all threads
   std::uint64_t ticks = 0;
   double rate_hz = 0;
   std::size_t allocations = 0;
@@ -86,27 +85,17 @@ struct LoopFigures {
   Slack slack_s;
   Quantiles model_age_s;
   double histogram_bin_s = kBinS;
-  Bins lateness_histogram, period_histogram;
+  Bins lateness_histogram;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopFigures, duration_s, with_force_s, scheduling, real_time, processor_s,
-                                   ticks, rate_hz, allocations, overruns, telemetry_dropped, answers, streams,
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopFigures, duration_s, with_force_s, scheduling, processor_s, ticks,
+                                   rate_hz, allocations, overruns, telemetry_dropped, answers, streams,
                                    largest_force_n, bare_timer, period_s, lateness_s, slack_s, model_age_s,
-                                   histogram_bin_s, lateness_histogram, period_histogram)
+                                   histogram_bin_s, lateness_histogram)
 struct Figures {
   Checked checked;
   LoopFigures loop;
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, checked, loop)
-
-// Of this process, all threads, user and system.
-double processor_s() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
 
 LoopFigures touch(const Arguments& arguments) {
   client::OperatorSessionOptions session;
@@ -123,7 +112,7 @@ LoopFigures touch(const Arguments& arguments) {
     test::count_allocations(false);
     allocations = test::counted_allocations();
   };
-  const double before_s = processor_s();
+  const std::clock_t before = std::clock();
   const std::atomic<bool> stop{false};
   BareTimer bare(session.duration_s + kStartAndEndS);
   const client::TouchSummary summary = client::run_operator_session(session, stop);
@@ -132,8 +121,7 @@ LoopFigures touch(const Arguments& arguments) {
   return {ticks.duration_s(),
           ticks.enabled_s(),
           summary.real_time.text,
-          summary.real_time.fifo,
-          processor_s() - before_s,
+          static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC,
           ticks.ticks(),
           ticks.rate_hz(),
           allocations,
@@ -148,8 +136,7 @@ LoopFigures touch(const Arguments& arguments) {
           {ticks.slack_s().percentile(0), ticks.slack_s().percentile(0.01), ticks.slack_s().percentile(0.5)},
           quantiles_of(ticks.model_age_s()),
           kBinS,
-          histogram(ticks.lateness_s()),
-          histogram(ticks.period_s())};
+          histogram(ticks.lateness_s())};
 }
 
 void print(const LoopFigures& loop) {
