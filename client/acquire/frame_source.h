@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "teletact/v1/elastography.pb.h"
 
@@ -13,6 +14,11 @@ struct FramePair {
   teletact::v1::Acquisition acquisition;  // all but `publish`
   std::string pre, post;                  // line after line, axial fastest, of acquisition.dtype()
 };
+
+template <class T>
+std::string bytes_of(const std::vector<T>& samples) {
+  return {reinterpret_cast<const char*>(samples.data()), samples.size() * sizeof(T)};
+}
 
 // Windows of the probe's width lie side by side: window k covers [k w, (k + 1) w) of the scene.
 class FrameSource {

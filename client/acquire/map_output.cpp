@@ -46,27 +46,19 @@ Shown shown(const v1::Map& map) {
 }
 
 template <class T>
-void convert(const std::string& bytes, std::vector<float>& out) {
+std::vector<float> values_as(const v1::Map& map) {
+  std::size_t points = 1;
+  for (const std::uint32_t size : map.grid().size()) points *= size;
+  const std::string& bytes = map.values().data();
+  if (map.grid().size_size() < 2 || bytes.size() != points * sizeof(T))
+    throw std::runtime_error("the service sent map '" + map.name() + "' that does not fill its grid");
+  std::vector<float> out(points);
   for (std::size_t i = 0; i < out.size(); ++i) {
     T value;
     std::memcpy(&value, bytes.data() + i * sizeof(T), sizeof(T));
     out[i] = static_cast<float>(value);
   }
-}
-
-std::size_t item_bytes(v1::DataType type) {
-  switch (type) {
-    case v1::DATA_TYPE_INT16:
-      return 2;
-    case v1::DATA_TYPE_FLOAT32:
-      return 4;
-    case v1::DATA_TYPE_FLOAT64:
-      return 8;
-    case v1::DATA_TYPE_UINT8:
-      return 1;
-    default:
-      throw std::runtime_error("the service sent a map of unknown data type");
-  }
+  return out;
 }
 
 const v1::Map* find_map(const std::vector<v1::Map>& maps, const std::string& name) {
@@ -179,27 +171,18 @@ void require_writable_folder(const std::filesystem::path& folder) {
 }
 
 std::vector<float> values_of(const v1::Map& map) {
-  std::size_t points = 1;
-  for (const std::uint32_t size : map.grid().size()) points *= size;
-  const v1::Array& array = map.values();
-  if (map.grid().size_size() < 2 || array.data().size() != points * item_bytes(array.dtype()))
-    throw std::runtime_error("the service sent map '" + map.name() + "' that does not fill its grid");
-  std::vector<float> out(points);
-  switch (array.dtype()) {
+  switch (map.values().dtype()) {
     case v1::DATA_TYPE_INT16:
-      convert<std::int16_t>(array.data(), out);
-      break;
+      return values_as<std::int16_t>(map);
     case v1::DATA_TYPE_FLOAT32:
-      convert<float>(array.data(), out);
-      break;
+      return values_as<float>(map);
     case v1::DATA_TYPE_FLOAT64:
-      convert<double>(array.data(), out);
-      break;
+      return values_as<double>(map);
+    case v1::DATA_TYPE_UINT8:
+      return values_as<std::uint8_t>(map);
     default:
-      convert<std::uint8_t>(array.data(), out);
-      break;
+      throw std::runtime_error("the service sent a map of unknown data type");
   }
-  return out;
 }
 
 std::vector<std::string> write_estimate(const std::filesystem::path& folder,

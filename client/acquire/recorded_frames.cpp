@@ -26,11 +26,6 @@ bool differ(double a, double b) {
   return !(std::abs(a - b) <= kSpacingTolerance * std::abs(b));
 }
 
-template <class T>
-std::string bytes_of(const std::vector<T>& samples) {
-  return {reinterpret_cast<const char*>(samples.data()), samples.size() * sizeof(T)};
-}
-
 Frame read_mha_frame(const std::filesystem::path& path, const RecordedFrameOptions& options) {
   const MetaImage image = read_metaimage(path);
   if (image.channels != 1 || image.size.size() < 2 || (image.size.size() > 2 && image.size[2] != 1))

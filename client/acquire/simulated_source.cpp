@@ -10,10 +10,6 @@
 namespace teletact::client {
 namespace {
 
-std::string bytes_of(const std::vector<std::int16_t>& samples) {
-  return {reinterpret_cast<const char*>(samples.data()), samples.size() * sizeof(std::int16_t)};
-}
-
 // SplitMix64: neighbouring inputs give unrelated outputs.
 std::uint64_t mix(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
