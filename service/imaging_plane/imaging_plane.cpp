@@ -6,6 +6,7 @@
 
 #include "service/device/look.h"
 #include "service/device/worked.h"
+#include "service/limits/seconds.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -14,10 +15,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
-
-JobTerms::Time later(JobTerms::Time from, double seconds) {
-  return from + std::chrono::duration_cast<Clock::duration>(Seconds(seconds));
-}
 
 }  // namespace
 
@@ -62,7 +59,7 @@ JobTerms ImagingPlane::terms(const EstimateRequest& request, const JobTerms& ask
   JobTerms terms = asked;
   terms.cost_s = cost_.expected_s(request.size());
   if (request.finish_within_s > 0)
-    terms.deadline = std::min(terms.deadline, later(Clock::now(), request.finish_within_s));
+    terms.deadline = std::min(terms.deadline, Clock::now() + seconds(request.finish_within_s));
   return terms;
 }
 
@@ -72,7 +69,7 @@ void ImagingPlane::require_in_time(const EstimateRequest& request, JobTerms term
   const auto done_in_s = [&] {
     return beside == Beside::kNobody ? terms.cost_s : workers().done_in_s(terms);
   };
-  const auto in_time = [&] { return later(Clock::now(), done_in_s()) <= terms.deadline; };
+  const auto in_time = [&] { return Clock::now() + seconds(done_in_s()) <= terms.deadline; };
   if (in_time()) return;
   const double could_be_done_in_s = done_in_s();
   terms.cost_s = cost_.least_s(request.size());

@@ -35,6 +35,9 @@ inline constexpr double kCandidateMargin = 0.25;
 // Which way a line is condensed: interior lines that wide tissue condenses one by one. About then all of them
 // line by line are as cheap.
 inline constexpr std::size_t kLinesByColumns = 4;
+// Interior lines that are kept, those used last, at 8 bytes for each pair of freedoms of a line; one more
+// is made again when it is asked for. One is always kept, and those that somebody holds are.
+inline constexpr std::size_t kMostLineBytes = std::size_t{256} << 20;
 
 // How conjugate gradients solve. Devices without double: up to here float alone converges at any contrast
 // tested on square elements.

@@ -9,6 +9,7 @@
 #include "service/imaging_plane/imaging_plane.h"
 #include "service/limits/limits.h"
 #include "service/limits/memory.h"
+#include "service/limits/seconds.h"
 #include "service/rpc/calls.h"
 #include "service/scene/scenes.h"
 
@@ -43,10 +44,6 @@ struct Core {
     return {memory, std::move(client), std::move(scene)};
   }
 };
-
-inline std::chrono::steady_clock::duration seconds(double s) {
-  return std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(s));
-}
 
 // CLOCK_MONOTONIC.
 inline std::int64_t monotonic_ns(

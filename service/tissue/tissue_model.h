@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "service/limits/memory.h"
+#include "service/plan/choices.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/tissue_problem.h"
 
@@ -31,9 +32,7 @@ struct TissueModelOptions {
   // from this one can take over, at most 32 (T^2 + 2 T L + 4 L^2) bytes for each line in use, T touchable
   // columns, L free lines.
   bool will_change = false;
-  // Interior lines that are kept, those used last, at 8 bytes for each pair of freedoms of a line; one more
-  // is made again when it is asked for. One is always kept, and those that somebody holds are.
-  std::size_t most_line_bytes = std::size_t{256} << 20;
+  std::size_t most_line_bytes = choices::kMostLineBytes;  // of interior lines that are kept
   MemoryAccount account = {};  // in whose name the model and all that is made for it is held
 };
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "service/limits/seconds.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -13,12 +14,6 @@ namespace {
 
 constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes it
 
-using Clock = TouchStream::Clock;
-
-Clock::duration seconds(double s) {
-  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(s));
-}
-
 std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
   if (wished > limits.most_credit)
     throw std::invalid_argument(fmt::format(
@@ -26,7 +21,7 @@ std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
   return std::max<std::uint64_t>(1, wished);
 }
 
-Clock::duration period_from(double wished_s, const Limits& limits) {
+TouchStream::Clock::duration period_from(double wished_s, const Limits& limits) {
   if (wished_s == 0) wished_s = TouchStream::kUsualPeriodS;
   if (!(wished_s > 0 && wished_s <= limits.most_touch_period_s))
     throw std::invalid_argument(fmt::format("open.period_s: {} is not within (0, {}]; leave it out for {} s",
