@@ -91,7 +91,10 @@ TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
   while (version_of_first() == first && steps - published_at < 2 * kPromised.count())
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_GT(version_of_first(), first);
-  for (const auto& running : greedy) publisher.workers().cancel(running.id);
+  for (auto& running : greedy) {
+    publisher.workers().cancel(running.id);
+    running.future.wait();  // it counts steps
+  }
 }
 
 }  // namespace
