@@ -2,7 +2,7 @@
 //
 // A suite checks its answers before it times, computes structs of raw figures, and draws from those alone, so
 // that an earlier run can be drawn again from its JSON (--replot). A struct says once what it is called in
-// JSON, by NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE; NaN is null there.
+// JSON, by NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE; NaN and infinity are null there.
 #pragma once
 
 #include <filesystem>

@@ -48,16 +48,17 @@ void DeviceRecovery::require() const {
 void DeviceRecovery::recover() {
   using Clock = std::chrono::steady_clock;
   std::unique_lock lock(mutex_);
-  auto pause = kFirstPause;
-  Clock::time_point worked_since;
+  auto first_pause = kFirstPause;
+  auto worked_since = Clock::now() - kLongestPause;
   while (!stop_) {
     changed_.wait(lock, [this] { return stop_ || !why_.empty(); });
     if (stop_) return;
     lock.unlock();
     tell_(false);
     lock.lock();
-    if (Clock::now() - worked_since > kLongestPause) pause = kFirstPause;
-    for (; !why_.empty(); pause = std::min(2 * pause, kLongestPause)) {
+    const bool at_once = Clock::now() - worked_since < kLongestPause;
+    first_pause = at_once ? std::min(2 * first_pause, kLongestPause) : kFirstPause;
+    for (auto pause = first_pause; !why_.empty(); pause = std::min(2 * pause, kLongestPause)) {
       if (changed_.wait_for(lock, pause, [this] { return stop_; })) return;
       lock.unlock();
       std::string still;

@@ -13,7 +13,8 @@ namespace teletact::service {
 
 class DeviceRecovery {
  public:
-  // Between tries: twice as long each time, until the device has worked for longer than the longest.
+  // Between tries: twice as long each time. The first pause too, when the device worked for less than the
+  // longest.
   static constexpr std::chrono::milliseconds kFirstPause{250}, kLongestPause{30'000};
   // `again` opens the device anew, tries it and puts it into use, or throws. `tell` is told each change of
   // whether the device works. Both are called on a thread of its own.

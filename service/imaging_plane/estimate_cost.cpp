@@ -17,24 +17,28 @@ double tracking_work(const EstimateSize& s) {
   return samples * (1 + kSearched * s.max_strain / 0.05 * std::min(1.0, lags));
 }
 
+double seconds_between(EstimateCost::Time since, EstimateCost::Time until) {
+  return std::chrono::duration<double>(until - since).count();
+}
+
 struct Nodes {
   double columns, rows;
 };
-Nodes strip_nodes(const EstimateSize& s) {
+Nodes mesh_nodes(const EstimateSize& s) {
   constexpr double kContext = 20;  // columns beside the window
   return {1e3 * s.window_width_m + kContext, std::clamp(1e3 * s.depth_m, 4.0, 200.0)};
 }
 
 // Operations of sparse factors, and of the direct method's blocks.
 double modulus_work(const EstimateSize& s) {
-  const Nodes n = strip_nodes(s);
+  const Nodes n = mesh_nodes(s);
   const double sparse = 60 * std::pow(2 * n.columns * n.rows, 1.5);
   if (s.method == ModulusKind::kReferenceStress) return 4 * sparse;
   return 8 * sparse + 6 * n.columns * std::pow(2 * n.rows, 3);
 }
 
 double publishing_work(const EstimateSize& s) {
-  const Nodes n = strip_nodes(s);
+  const Nodes n = mesh_nodes(s);
   return 3 * n.columns * std::pow(2 * n.rows, 3);
 }
 
@@ -46,13 +50,10 @@ void EstimateCost::Rate::learn(double seconds, double work) {
 }
 
 double EstimateCost::believed(Time now) const {
-  const auto left = [](Time since, Time until) {
-    const double age_s = std::chrono::duration<double>(until - since).count();
-    return std::exp2(-std::max(age_s, 0.0) / kHalfLifeS);
-  };
-  const double idle = std::max(left(measured_, now), kLeastShare);
+  const auto left = [](double age_s) { return std::exp2(-std::max(age_s, 0.0) / kHalfLifeS); };
+  const double idle = std::max(left(seconds_between(measured_, now)), kLeastShare);
   if (!refused_) return idle;
-  return std::max(std::min(idle, left(refused_->first, refused_->last)), kLeastShareRefused);
+  return std::max(std::min(idle, left(refused_->lasted_s)), kLeastShareRefused);
 }
 
 double EstimateCost::expected_s(const EstimateSize& s, Time now) const {
@@ -80,7 +81,8 @@ double EstimateCost::measured_s(const EstimateSize& s) const {
 
 void EstimateCost::refused(Time now) {
   const std::lock_guard lock(mutex_);
-  if (!refused_) refused_ = {now, now};
+  if (!refused_) refused_ = {now};
+  refused_->lasted_s += std::min(seconds_between(refused_->last, now), kHalfLifeS);
   refused_->last = now;
 }
 

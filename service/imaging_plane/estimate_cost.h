@@ -2,8 +2,8 @@
 // work is what the operations grow with. Good to a factor of two for sizes not seen yet, to some 20 % for
 // those that come again and again. What was measured in a busy minute is not believed for ever: the longer
 // nothing was measured the less is expected, down to half of it. While estimates go on being refused,
-// whoever's, less and less still, down to a tenth, or what was refused would never be tried again; an
-// estimate that is done or late ends that. Thread-safe.
+// whoever's, less and less still, down to a tenth, or what was refused would never be tried again; a pause
+// between two counts as a half-life at most, and an estimate that is done or late ends that. Thread-safe.
 #pragma once
 
 #include <array>
@@ -56,7 +56,8 @@ class EstimateCost {
   mutable std::mutex mutex_;
   Time measured_ = std::chrono::steady_clock::now();
   struct Refusals {
-    Time first, last;
+    Time last;
+    double lasted_s = 0;  // from the first to the last
   };
   std::optional<Refusals> refused_;  // since then
   // Those of a slow core, until something was measured.

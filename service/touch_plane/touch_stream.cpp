@@ -30,10 +30,11 @@ TouchStream::Clock::duration period_from(double wished_s, const Limits& limits) 
   return seconds(std::max(wished_s, 1 / limits.most_touch_rate_hz));
 }
 
-const std::string& checked(const std::string& session_id) {
-  if (session_id.size() <= TouchStream::kMostSessionIdBytes) return session_id;
-  throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
-                                          session_id.size(), TouchStream::kMostSessionIdBytes));
+TouchOptions&& options_of(TouchWishes& wishes) {
+  if (wishes.session_id.size() > TouchStream::kMostSessionIdBytes)
+    throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
+                                            wishes.session_id.size(), TouchStream::kMostSessionIdBytes));
+  return std::move(wishes.touch);
 }
 
 }  // namespace
@@ -43,8 +44,8 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       device_(device),
       credit_(credit_from(wishes.credit, scene_->limits())),
       period_(period_from(wishes.period_s, scene_->limits())),
-      session_(scene_, std::move(wishes.touch), device),
-      finger_(scene_->finger().join(checked(wishes.session_id), Clock::now())) {}
+      session_(scene_, options_of(wishes), device),
+      finger_(scene_->finger().join(wishes.session_id, Clock::now())) {}
 
 Region TouchStream::covered() const {
   return scene_->snapshot()->covered_around(scene_->finger().now().position_m[0]);

@@ -70,6 +70,11 @@ TEST_F(Cost, FallsBetweenRefusalsAlone) {
   cost.refused(now);
   now += minutes(30);
   EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  cost.refused(now);  // the second, after a pause that counts as one of 5 minutes
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  now += minutes(30);
+  cost.refused(now);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.25 * kAll, 1e-3 * kAll);
 }
 
 TEST_F(Cost, IsBelievedAgainWhenWhatWasTriedIsLate) {

@@ -121,8 +121,10 @@ void add_growth(const ContactFigures& figures, Targets& targets) {
 }  // namespace
 
 void add_contact_targets(const ContactFigures& figures, Targets& targets) {
-  const CaseFigures& base = *std::find_if(figures.cases.begin(), figures.cases.end(),
-                                          [](const CaseFigures& c) { return c.in("base"); });
+  const auto found = std::find_if(figures.cases.begin(), figures.cases.end(),
+                                  [](const CaseFigures& c) { return c.in("base"); });
+  if (found == figures.cases.end()) throw BenchError("cases: none is the base");
+  const CaseFigures& base = *found;
   add_condensation(base, figures.product, targets);
   add_speed(figures, base, targets);
   add_iterations(figures, targets);

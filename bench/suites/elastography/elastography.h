@@ -203,7 +203,7 @@ struct ElastographyFigures {
   ModulusFigures modulus{};
   StageFigures stages{};
   std::map<std::string, double> elapsed_s{};  // of each part
-  const Condition& middle() const { return conditions.front(); }
+  const Condition& middle() const { return conditions.at(0); }
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ElastographyFigures, edge_m, edge_rule, kernels_m, kernel_lateral_m,
                                    device, threads, rigid, conditions, images, failures, without_figure,

@@ -23,7 +23,7 @@ void add_rigid(const RigidFigures& rigid, Targets& targets) {
   }
   const double rmse_m = std::sqrt(squares / static_cast<double>(phases.size()));
   const double bound_m = rigid.bound_m / std::sqrt(rigid.independent_lines);
-  targets.push_back({"rigid_shift_rmse_over_the_bound_of_a_window", rmse_m / bound_m, 1.2});
+  targets.push_back({"regularised_rigid_shift_rmse_over_the_bound_of_one_window", rmse_m / bound_m, 1.0});
   targets.push_back({"rigid_shift_largest_bias", 1e6 * bias_m, 0.1, "um"});
 }
 
