@@ -68,5 +68,5 @@ function(teletact_tests folder)
     set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
   endif()
   set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "${arg_LABELS}"
-    ENVIRONMENT "POCL_CACHE_DIR=${PROJECT_BINARY_DIR}/pocl-cache/${name};LSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tests/support/lsan.supp;TSAN_OPTIONS=ignore_noninstrumented_modules=1:suppressions=${PROJECT_SOURCE_DIR}/tests/support/tsan.supp;TELETACT_SOURCE_DIR=${PROJECT_SOURCE_DIR};TELETACT_BINARY_DIR=${PROJECT_BINARY_DIR}")
+    ENVIRONMENT "ASAN_OPTIONS=use_sigaltstack=0;POCL_CACHE_DIR=${PROJECT_BINARY_DIR}/pocl-cache/${name};LSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tests/support/lsan.supp;TSAN_OPTIONS=ignore_noninstrumented_modules=1:suppressions=${PROJECT_SOURCE_DIR}/tests/support/tsan.supp;TELETACT_SOURCE_DIR=${PROJECT_SOURCE_DIR};TELETACT_BINARY_DIR=${PROJECT_BINARY_DIR}")
 endfunction()
