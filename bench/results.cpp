@@ -61,12 +61,15 @@ std::string head(const std::vector<std::string>& cells) {
   return row(cells) + line + "\n";
 }
 
-// Records of the same kind, the first of which says the columns; `names`, where given, are a column before.
+// Records of the same kind: a column for each key that one of them has; `names`, where given, are a column
+// before.
 std::string table(const std::vector<const json*>& records, const std::vector<std::string>& names = {}) {
   std::vector<std::string> columns, keys;
   if (!names.empty()) columns.emplace_back();
-  for (const auto& [key, value] : records.front()->items())
-    keys.push_back(key), columns.push_back(words(key));
+  for (const json* record : records)
+    for (const auto& [key, value] : record->items())
+      if (std::find(keys.begin(), keys.end(), key) == keys.end())
+        keys.push_back(key), columns.push_back(words(key));
   std::string text = head(columns);
   for (std::size_t k = 0; k < records.size(); ++k) {
     std::vector<std::string> cells;

@@ -67,6 +67,7 @@ CLI::App& add_suite(CLI::App& app, const char* name, const char* about, SuiteOpt
 json machine() {
   utsname kernel{};
   uname(&kernel);
+  const std::string release = kernel.release;
   const double memory =
       static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
   return {{"date", fmt::format("{:%F}", fmt::gmtime(std::time(nullptr)))},
@@ -74,7 +75,7 @@ json machine() {
           {"processor", processor_name()},
           {"cores", std::thread::hardware_concurrency()},
           {"memory_bytes", memory},
-          {"kernel", std::string(kernel.sysname) + " " + kernel.release},
+          {"kernel", fmt::format("{} {}", kernel.sysname, release.substr(0, release.find('-')))},
           {"compiler", __VERSION__}};
 }
 

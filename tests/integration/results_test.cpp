@@ -38,13 +38,13 @@ TEST(Results, APageHoldsTheMachineThePromisesAndTheTables) {
   const auto finished = report(folder, R"({"suite": "reach", "quick": false, "clients": 4,
     "machine": {"date": "2026-11-21", "version": "0.1.0", "cores": 2},
     "targets": [{"name": "reach", "value": 1.23456, "target": 2, "unit": "m", "at_most": false, "met": false}],
-    "by_tip": [{"tip": "round", "force_n": 0.5}, {"tip": "flat", "force_n": 0.25}],
+    "by_tip": [{"tip": "round", "force_n": 0.5}, {"tip": "flat", "force_n": 0.25, "stuck": true}],
     "samples": [1, 2, 3]})");
   ASSERT_EQ(finished.code, 0) << finished.output;
   const std::string page = text_of(folder / "pages/reach.md");
   for (const char* part : {"# Results of `teletact-bench reach`", "- date: 2026-11-21", "- version: 0.1.0",
                            "| reach | 1.235 m | >= 2 m | **not met** |", "- clients: 4", "## by tip",
-                           "| force n | tip |", "| 0.25 | flat |"})
+                           "| force n | tip | stuck |", "| 0.25 | flat | yes |", "| 0.5 | round | - |"})
     EXPECT_NE(page.find(part), std::string::npos) << part << "\n" << page;
   EXPECT_EQ(page.find("samples"), std::string::npos) << "raw figures stay in the JSON";
   EXPECT_EQ(page.find("quick"), std::string::npos);
