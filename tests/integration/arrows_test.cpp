@@ -130,8 +130,7 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
       {"bench/stability", {}},
       {"bench/phantoms", {"bench/peers", "bench/basics"}},
       {"bench/fuzz", {"bench/stability"}},
-      {"suite",
-       {"bench", "bench/basics", "bench/fuzz", "bench/peers", "bench/phantoms", "bench/stability"}}};
+      {"suite", {"bench", "bench/basics", "bench/fuzz", "bench/peers", "bench/phantoms", "bench/stability"}}};
   std::set<std::string> suites;
   for (const Include& i : includes_of("bench")) {
     if (i.target.rfind("bench/", 0) != 0) continue;
