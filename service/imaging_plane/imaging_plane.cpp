@@ -84,7 +84,7 @@ void ImagingPlane::refuse_the_hopeless(const EstimateRequest& request, const Job
 }
 
 JobTerms ImagingPlane::admit(const EstimateRequest& request, const JobTerms& asked) {
-  const JobTerms terms = this->terms(request, asked);
+  JobTerms terms = this->terms(request, asked);
   require_in_time(
       request, terms, Beside::kOthers,
       "not to be done in time beside what is being served; it could be done in {:.1f} s: allow so "
@@ -146,7 +146,7 @@ FairWorkers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeome
       [this, id, geometry, modulus = std::move(modulus), client, made]() mutable {
         scenes_.make(id, geometry, std::move(modulus), made, client);
       },
-      [made](std::exception_ptr error) {
+      [made](const std::exception_ptr& error) {
         if (error) made(nullptr, error);
       });
 }

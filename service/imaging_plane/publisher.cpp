@@ -37,7 +37,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kSoon{100};
 
-void log_failure(const std::string& scene, std::exception_ptr error) {
+void log_failure(const std::string& scene, const std::exception_ptr& error) {
   try {
     std::rethrow_exception(error);
   } catch (const Error&) {  // given up: the service ends
@@ -88,7 +88,7 @@ void Publisher::refresh_later(const std::shared_ptr<Scene>& scene, const JobTerm
           }
           refresh(scene, terms);
         },
-        [id = scene->id()](std::exception_ptr error) {
+        [id = scene->id()](const std::exception_ptr& error) {
           if (error) log_failure(id, error);
         });
   } catch (const Error&) {  // the service ends: nobody will touch it
