@@ -124,7 +124,7 @@ void EstimateReactor::log_done() const {
                  warning.text);
 }
 
-void EstimateReactor::worked(std::exception_ptr error) {
+void EstimateReactor::worked(const std::exception_ptr& error) {
   upload_.reset();
   upload_bytes_ = {};
   if (error) {

@@ -35,7 +35,7 @@ class EstimateReactor final
 
   void work();  // on the imaging plane
   void log_done() const;
-  void worked(std::exception_ptr);
+  void worked(const std::exception_ptr&);
   void progressed(v1::EstimateStage);
   // Writes what is to be written next, if nothing is in flight; ends the call after the last of it.
   void go_on();

@@ -336,7 +336,7 @@ Figures measure(Arguments arguments, Targets& targets) {
   for (unsigned k = 0; k < arguments.fair; ++k) scenes.push_back(fmt::format("soak-fair-{}", k));
   for (const std::string& id : scenes) create_empty_scene(*stub, id, tissue);
   create_own_scene(*stub, kTouchedScene, own_tissue());
-  const Figures figures = everything(arguments, pairs, channel);
+  Figures figures = everything(arguments, pairs, channel);
   scenes.push_back(kTouchedScene);
   for (const std::string& id : scenes) remove_scene(*stub, id);
   print(figures);
