@@ -216,6 +216,46 @@ TEST(FaultProxy, LimitsBandwidth) {
   EXPECT_LE(now_s() - begin_s, 1.5);
 }
 
+TEST(FaultProxy, ADelayIsThatOfEveryByteAndLowersNoThroughput) {
+  // GIVEN 0.1 s each way, THEN what fills the way many times over takes little longer than one byte.
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  proxy.play({.faults = both({.delay_s = 0.1})});
+  Peer peer(proxy.address());
+  std::string text(8 * FaultProxy::kMostQueuedBytes, ' ');
+  for (std::size_t k = 0; k < text.size(); ++k) text[k] = static_cast<char>('a' + k % 23);
+  const double begin_s = now_s();
+  std::thread saying([&] { peer.say(text); });
+  EXPECT_EQ(peer.hear(text.size(), 5), text);
+  saying.join();
+  EXPECT_GE(now_s() - begin_s, 0.2);
+  EXPECT_LE(now_s() - begin_s, 0.8) << "at least 0.9 s where a way holds kMostQueuedBytes";
+}
+
+TEST(FaultProxy, ALongNarrowLinkAddsItsDelayToTheSendingAndKeepsMessagesApart) {
+  Echo echo;
+  FaultProxy proxy(echo.address);
+  proxy.play({.faults = {{.delay_s = 0.1, .bandwidth_bytes_s = 8e3}, {.delay_s = 0.05}}});
+  Peer peer(proxy.address());
+  const std::string text(400, 'x');  // 0.05 s on the wire
+  double before_s = now_s();
+  peer.say(text);
+  EXPECT_EQ(peer.hear(text.size(), 2), text);
+  EXPECT_GE(now_s() - before_s, 0.2);
+  EXPECT_LE(now_s() - before_s, 0.4);
+  // Two more in one breath come one sending after the other, however they were read.
+  peer.say(text + text);
+  before_s = now_s();
+  EXPECT_EQ(peer.hear(2 * text.size(), 2), text + text);
+  EXPECT_GE(now_s() - before_s, 0.25 - 0.01);
+  // A long message is on its way while its end is still being sent.
+  before_s = now_s();
+  const std::string longer(4000, 'y');  // 0.5 s
+  peer.say(longer);
+  EXPECT_EQ(peer.hear(100, 2)->substr(0, 100), std::string(100, 'y'));
+  EXPECT_LE(now_s() - before_s, 0.5);
+}
+
 TEST(FaultProxy, AServiceThatIsNotThereIsAReset) {
   FaultProxy proxy("unix:/nonexistent/socket");
   Peer peer(proxy.address());

@@ -191,24 +191,35 @@ void FaultProxy::close_connection(Connection& connection, bool reset) {
   }
 }
 
-// When a chunk that arrives now is delivered: never before the one ahead of it.
-std::int64_t FaultProxy::due_of(const DirectionFaults& faults, const Pipe& pipe, std::size_t bytes,
-                                std::int64_t now_ns) {
+std::size_t FaultProxy::Pipe::queued_bytes(std::int64_t now_ns) const {
+  std::size_t bytes = 0;
+  for (const Chunk& chunk : chunks)
+    if (chunk.wired_ns > now_ns || chunk.due_ns <= now_ns) bytes += chunk.bytes.size() - chunk.sent;
+  return bytes;
+}
+
+// A chunk that arrives now: never delivered before the one ahead of it.
+void FaultProxy::put_on_wire(const DirectionFaults& faults, Pipe& pipe, Chunk chunk, std::int64_t now_ns) {
   std::uniform_real_distribution<double> share(0, 1);
   double wait_s = faults.delay_s + faults.jitter_s * share(random_);
   if (share(random_) < faults.loss_share) wait_s += faults.retransmission_s;
-  std::int64_t due_ns = std::max(now_ns + to_ns(wait_s), pipe.last_due_ns);
-  if (faults.bandwidth_bytes_s > 0) {
-    const double sending_s = static_cast<double>(bytes) / faults.bandwidth_bytes_s;
-    due_ns = std::max(due_ns, std::max(pipe.last_due_ns, now_ns) + to_ns(sending_s));
-  }
-  return due_ns;
+  chunk.wired_ns = now_ns;
+  if (faults.bandwidth_bytes_s > 0)
+    chunk.wired_ns = std::max(now_ns, pipe.last_wired_ns) +
+                     to_ns(static_cast<double>(chunk.bytes.size()) / faults.bandwidth_bytes_s);
+  chunk.due_ns = std::max(chunk.wired_ns + to_ns(wait_s), pipe.last_due_ns);
+  pipe.last_wired_ns = chunk.wired_ns;
+  pipe.last_due_ns = chunk.due_ns;
+  pipe.chunks.push_back(std::move(chunk));
 }
 
 void FaultProxy::read_some(Pipe& pipe, const DirectionFaults& faults, std::int64_t now_ns,
                            Connection& connection) {
+  // A wire takes packets: what is sent of a long message arrives while the rest is being sent.
+  constexpr std::size_t kPacketBytes = 1448;
   std::array<char, 16384> buffer;
-  const ssize_t count = read(pipe.from, buffer.data(), buffer.size());
+  const ssize_t count =
+      read(pipe.from, buffer.data(), faults.bandwidth_bytes_s > 0 ? kPacketBytes : buffer.size());
   if (count < 0) {
     connection.failed = errno != EAGAIN && errno != EINTR;
     return;
@@ -220,9 +231,7 @@ void FaultProxy::read_some(Pipe& pipe, const DirectionFaults& faults, std::int64
   connection.carried_ns = now_ns;
   Chunk chunk;
   chunk.bytes.assign(buffer.begin(), buffer.begin() + count);
-  chunk.due_ns = pipe.last_due_ns = due_of(faults, pipe, chunk.bytes.size(), now_ns);
-  pipe.queued_bytes += chunk.bytes.size();
-  pipe.chunks.push_back(std::move(chunk));
+  put_on_wire(faults, pipe, std::move(chunk), now_ns);
 }
 
 // Writes what is due; when there is more to do.
@@ -241,7 +250,6 @@ std::int64_t FaultProxy::deliver(Pipe& pipe, std::int64_t now_ns, Connection& co
       return kNever;  // poll says when
     }
     chunk.sent += static_cast<std::size_t>(count);
-    pipe.queued_bytes -= static_cast<std::size_t>(count);
     delivered += static_cast<std::uint64_t>(count);
     if (chunk.sent == chunk.bytes.size()) pipe.chunks.pop_front();
   }
@@ -253,10 +261,10 @@ std::int64_t FaultProxy::deliver(Pipe& pipe, std::int64_t now_ns, Connection& co
   return kNever;
 }
 
-std::vector<pollfd> FaultProxy::polls() const {
+std::vector<pollfd> FaultProxy::polls(std::int64_t now_ns) const {
   std::vector<pollfd> polls{{wake_, POLLIN, 0}, {listening_, POLLIN, 0}};
-  const auto events = [](const Pipe& in, const Pipe& out) {
-    const bool read = !in.read_ended && in.queued_bytes < kMostQueuedBytes;
+  const auto events = [now_ns](const Pipe& in, const Pipe& out) {
+    const bool read = !in.read_ended && in.queued_bytes(now_ns) < kMostQueuedBytes;
     return static_cast<short>((read ? POLLIN : 0) | (out.blocked ? POLLOUT : 0));
   };
   for (const Connection& connection : connections_) {
@@ -308,7 +316,7 @@ void FaultProxy::run() {
   std::int64_t next_ns = 0;
   while (!stopping_) {
     next_ns = std::min(next_ns, play_due_events(now()));
-    std::vector<pollfd> polled = polls();
+    std::vector<pollfd> polled = polls(now());
     const std::int64_t wait_ns = std::clamp<std::int64_t>(next_ns - now(), 0, 1'000'000'000);
     const timespec wait{.tv_sec = wait_ns / 1'000'000'000, .tv_nsec = wait_ns % 1'000'000'000};
     lock.unlock();

@@ -2,9 +2,13 @@
 // delay, jitter, loss-like waits, limited bandwidth, stalls, half-open connections, resets, and streams that
 // overtake each other. Scripted by a schedule, random choices seeded.
 //
+// A direction is a wire of limited bandwidth, then a delay line that holds whatever is on it: what a chunk
+// takes is its turn on the wire, its sending, and the delay; a delay alone lowers no throughput.
+//
 // What it keeps of TCP: bytes of one connection and direction stay in order (a late chunk holds up all behind
-// it); a writer that fills kMostQueuedBytes waits. What it does not repeat: where the stream is cut into
-// chunks depends on timing, so a seed fixes the sequence of random choices, not the byte each falls on.
+// it); a writer that fills kMostQueuedBytes before the wire, or behind a receiver that does not read, waits.
+// What it does not repeat: where the stream is cut into chunks depends on timing, so a seed fixes the
+// sequence of random choices, not the byte each falls on.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +28,7 @@ namespace teletact::test {
 
 // What one direction of every connection suffers all the time.
 struct DirectionFaults {
-  double delay_s = 0;
+  double delay_s = 0;             // of every chunk
   double jitter_s = 0;            // on top of the delay, uniform in [0, jitter_s] for each chunk
   double loss_share = 0;          // of the chunks: "lost", so that they and all behind them wait ...
   double retransmission_s = 0.2;  // ... for so long
@@ -53,7 +57,7 @@ struct FaultEvent {
 
 class FaultProxy {
  public:
-  static constexpr std::size_t kMostQueuedBytes = 256 << 10;  // per connection and direction
+  static constexpr std::size_t kMostQueuedBytes = 256 << 10;  // per connection and direction, not on its way
 
   // Passes connections on to `target`, "unix:/path" or "127.0.0.1:port". Throws std::runtime_error.
   explicit FaultProxy(std::string target, std::uint64_t seed = 1);
@@ -77,14 +81,16 @@ class FaultProxy {
   struct Chunk {
     std::vector<char> bytes;
     std::size_t sent = 0;
-    std::int64_t due_ns = 0;
+    std::int64_t wired_ns = 0;  // when its last byte has left the wire for the delay line
+    std::int64_t due_ns = 0;    // when it is delivered
   };
   struct Pipe {
     int from = -1, to = -1;
     std::deque<Chunk> chunks;
-    std::size_t queued_bytes = 0;
-    std::int64_t last_due_ns = 0;
+    std::int64_t last_wired_ns = 0, last_due_ns = 0;
     bool read_ended = false, write_ended = false, blocked = false;
+    // Waits for the wire, or was not taken when it was due.
+    std::size_t queued_bytes(std::int64_t now_ns) const;
   };
   struct Connection {
     int client = -1, service = -1;
@@ -100,12 +106,11 @@ class FaultProxy {
   void accept_one();
   void read_some(Pipe& pipe, const DirectionFaults& faults, std::int64_t now_ns, Connection& connection);
   std::int64_t deliver(Pipe& pipe, std::int64_t now_ns, Connection& connection, std::uint64_t& delivered);
-  std::int64_t due_of(const DirectionFaults& faults, const Pipe& pipe, std::size_t bytes,
-                      std::int64_t now_ns);
+  void put_on_wire(const DirectionFaults& faults, Pipe& pipe, Chunk chunk, std::int64_t now_ns);
   void close_connection(Connection& connection, bool reset);
   std::int64_t drop_if_idle(Connection& connection, std::int64_t now_ns) const;
   std::int64_t move_bytes(const std::vector<pollfd>& polled, std::int64_t now_ns);
-  std::vector<pollfd> polls() const;
+  std::vector<pollfd> polls(std::int64_t now_ns) const;
   void wake();
 
   std::string target_, address_;
