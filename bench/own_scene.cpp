@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "bench/suite.h"
@@ -64,24 +65,29 @@ void create_own_scene(v1::Palpation::Stub& stub, const std::string& scene_id,
   create_scene(stub, request);
 }
 
+double largest_error(const char* of, double tolerance, const std::vector<double>& shares,
+                     const std::function<double(double share)>& error_at) {
+  double largest = 0;
+  for (const double share : shares) {
+    const double error = error_at(share);
+    if (!(error <= tolerance))
+      throw BenchError(
+          fmt::format("the force at {:.0f} % of the tissue is off by {:.3g} of {}: not worth timing",
+                      100 * share, error, of));
+    largest = std::max(largest, error);
+  }
+  return largest;
+}
+
 double check_against_reference(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
                                const reference::TouchedTissue& tissue, double indentation_m) {
-  double worst = 0;
-  for (const double share : {0.2592, 0.4892, 0.6367}) {
+  return largest_error("the reference", kForceTolerance, {0.2592, 0.4892, 0.6367}, [&](double share) {
     const double x_m = share * tissue.grid.x_m.back();
-    const auto expected =
-        reference::touch(tissue, {}, {x_m, indentation_m}, reference::KktMethod::kSparseFactor);
+    const auto f =
+        reference::touch(tissue, {}, {x_m, indentation_m}, reference::KktMethod::kSparseFactor).force_n;
     const v1::TouchAnswer answer = touch_once(channel, scene_id, x_m, indentation_m);
-    if (answer.force_n_size() < 2) throw BenchError("an answer without force: " + answer.warning());
-    const double error =
-        std::hypot(answer.force_n(0) - expected.force_n[0], answer.force_n(1) - expected.force_n[1]) /
-        std::hypot(expected.force_n[0], expected.force_n[1]);
-    if (!(error <= kForceTolerance))
-      throw BenchError(fmt::format(
-          "the force at x = {} m is off by {:.3g} of the reference: not worth timing", x_m, error));
-    worst = std::max(worst, error);
-  }
-  return worst;
+    return std::hypot(answer.force_n(0) - f[0], answer.force_n(1) - f[1]) / std::hypot(f[0], f[1]);
+  });
 }
 
 Checked make_checked_scene(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,

@@ -3,9 +3,11 @@
 
 #include <grpcpp/channel.h>
 
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "teletact/v1/palpation.grpc.pb.h"
 #include "tests/reference/contact.h"
@@ -29,6 +31,10 @@ void create_scene(v1::Palpation::Stub& stub, const v1::CreateSceneRequest& reque
 void create_own_scene(v1::Palpation::Stub& stub, const std::string& scene_id,
                       const reference::TouchedTissue& tissue);
 
+// The largest of the relative errors that `error_at` finds of a force at these shares of the width; throws
+// BenchError for one beyond the tolerance. `of`: what it is compared with.
+double largest_error(const char* of, double tolerance, const std::vector<double>& shares,
+                     const std::function<double(double share)>& error_at);
 // Largest relative force error of the service over a few poses; throws BenchError when it is not worth
 // timing.
 double check_against_reference(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,

@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
@@ -91,6 +92,16 @@ bool run_suite(const std::string& suite, const SuiteOptions& options, Measure&& 
   const bool met = finish(suite, figures, targets, options);
   if (!options.out.empty()) draw(figures, std::filesystem::path(options.out));
   return met;
+}
+
+// add_suite() of one that runs run_suite(): figures measure(const Options&, Targets&), draw(figures, folder).
+template <class Options, class Measure, class Draw>
+CLI::App& add_suite(CLI::App& app, const char* name, const char* about,
+                    const std::shared_ptr<Options>& options, bool& met, Measure measure, Draw draw) {
+  return add_suite(app, name, about, *options, met, [=] {
+    return run_suite(
+        name, *options, [&](Targets& targets) { return measure(*options, targets); }, draw);
+  });
 }
 
 // An experiment of a suite that has several, each with figures, promises and pictures of its own.

@@ -158,6 +158,8 @@ v1::TouchAnswer touch_once(const std::shared_ptr<grpc::Channel>& channel, const 
     if (!open.stream->Read(&response)) open.fail();
   } while (!response.has_answer());
   open.close();
+  if (response.answer().force_n_size() < 2)
+    throw BenchError("an answer without force: " + response.answer().warning());
   return response.answer();
 }
 

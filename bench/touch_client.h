@@ -34,7 +34,7 @@ struct LoadResult {
 LoadResult run_load(const std::shared_ptr<grpc::Channel>& channel, const LoadOptions& options,
                     unsigned client);
 
-// The answer to one pose, on a stream of its own.
+// The answer to one pose, on a stream of its own. Throws BenchError for one without force.
 teletact::v1::TouchAnswer touch_once(const std::shared_ptr<grpc::Channel>& channel,
                                      const std::string& scene_id, double x_m, double indentation_m);
 

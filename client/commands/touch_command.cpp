@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -34,21 +35,24 @@ struct Arguments {
   unsigned credit = 2;
 };
 
+const std::map<std::string, v1::FingertipShape> kTips = {{"rounded", v1::FINGERTIP_SHAPE_ROUNDED_TIP},
+                                                         {"punch", v1::FINGERTIP_SHAPE_FLAT_PUNCH},
+                                                         {"node", v1::FINGERTIP_SHAPE_NODE}};
+const std::map<std::string, v1::SolvePath> kPaths = {{"auto", v1::SOLVE_PATH_UNSPECIFIED},
+                                                     {"compliance", v1::SOLVE_PATH_COMPLIANCE},
+                                                     {"pcg", v1::SOLVE_PATH_PCG}};
+
 v1::TouchOpen to_open(const Arguments& arguments) {
   v1::TouchOpen open;
   open.set_scene_id(arguments.scene_id);
   v1::Fingertip& tip = *open.mutable_fingertip();
-  tip.set_shape(arguments.tip == "rounded" ? v1::FINGERTIP_SHAPE_ROUNDED_TIP
-                : arguments.tip == "punch" ? v1::FINGERTIP_SHAPE_FLAT_PUNCH
-                                           : v1::FINGERTIP_SHAPE_NODE);
+  tip.set_shape(kTips.at(arguments.tip));
   tip.set_stuck(arguments.stuck);
   tip.set_radius_m(arguments.tip_radius_m);
   tip.set_half_width_m(arguments.tip_half_width_m);
   tip.set_footprint_m(arguments.tip_footprint_m);
   open.mutable_layer()->set_depth_m(arguments.layer_depth_m);
-  open.set_path(arguments.path == "compliance" ? v1::SOLVE_PATH_COMPLIANCE
-                : arguments.path == "pcg"      ? v1::SOLVE_PATH_PCG
-                                               : v1::SOLVE_PATH_UNSPECIFIED);
+  open.set_path(kPaths.at(arguments.path));
   open.set_credit(arguments.credit);
   open.set_period_s(arguments.period_s);
   open.set_session_id(arguments.session_id);
@@ -226,7 +230,7 @@ void run(Arguments arguments, const CLI::App& command) {
 
 void add_tip_options(CLI::App& command, Arguments& arguments) {
   command.add_option("--tip", arguments.tip, "fingertip: rounded, punch or node")
-      ->check(CLI::IsMember({"rounded", "punch", "node"}));
+      ->check(CLI::IsMember(kTips));
   command
       .add_option("--tip-radius-m", arguments.tip_radius_m,
                   "radius of the tip, or of a punch's edges, 0.0001 to 0.014")
@@ -242,7 +246,7 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
                      "depth of the touched layer, 0 = the surface");
   command
       .add_option("--path", arguments.path, "auto, compliance or pcg (slow: ask for a --period-s to match)")
-      ->check(CLI::IsMember({"auto", "compliance", "pcg"}));
+      ->check(CLI::IsMember(kPaths));
 }
 
 void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {

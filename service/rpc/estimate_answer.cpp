@@ -5,27 +5,18 @@
 #include <string>
 
 #include "service/imaging/maps.h"
+#include "service/rpc/map_message.h"
 
 namespace teletact::service {
 
 namespace {
 
 void map_to(const Estimate& e, const EstimateMap& map, v1::Map* out) {
-  out->set_name(map.name);
-  v1::Grid* grid = out->mutable_grid();
-  grid->add_size(static_cast<std::uint32_t>(e.grid.nx)),
-      grid->add_size(static_cast<std::uint32_t>(e.grid.ny));
-  grid->add_origin_m(e.grid.origin_x_m), grid->add_origin_m(e.grid.origin_y_m);
-  grid->add_spacing_m(e.grid.dx_m), grid->add_spacing_m(e.grid.dy_m);
-  v1::Array* array = out->mutable_values();
-  array->add_shape(static_cast<std::uint32_t>(e.grid.ny)),
-      array->add_shape(static_cast<std::uint32_t>(e.grid.nx));
-  out->set_unit(map.unit ? map.unit : e.modulus_absolute ? "Pa" : "1");
-  array->set_dtype(map.numbers ? v1::DATA_TYPE_FLOAT32 : v1::DATA_TYPE_UINT8);
+  const char* unit = map.unit ? map.unit : e.modulus_absolute ? "Pa" : "1";
   if (map.numbers)
-    array->set_data((e.*map.numbers).data(), (e.*map.numbers).size() * sizeof(float));
+    map_to(map.name, unit, e.grid, e.*map.numbers, out);
   else
-    array->set_data((e.*map.flags).data(), (e.*map.flags).size());
+    map_to(map.name, unit, e.grid, e.*map.flags, out);
 }
 
 v1::ModulusMethod method_to(ModulusKind kind) {

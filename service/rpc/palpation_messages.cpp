@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "service/rpc/core.h"
+#include "service/rpc/map_message.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -131,53 +132,39 @@ void geometry_to(const SceneGeometry& g, v1::SceneGeometry* out) {
   supports->set_x_max(fixed(g.supports.right));
 }
 
-// The uniform cells on which a scene is shown.
+// The uniform cells on which a scene is shown, by their centres.
 struct CellView {
-  std::size_t nx = 0, ny = 0;
-  double cell_x_m = 0, cell_y_m = 0;
+  ImageGrid grid;
   std::vector<float> modulus_pa;
   std::vector<std::uint8_t> valid;
 };
 
+ImageGrid centres_of(const StitchedMap& map) {
+  return {map.nx(), map.ny(), map.cell_x_m() / 2, map.cell_y_m() / 2, map.cell_x_m(), map.cell_y_m()};
+}
+
 CellView view_of(const StitchedMap& map) {
-  CellView view{map.nx(), map.ny(), map.cell_x_m(), map.cell_y_m(), map.youngs_modulus_pa(), {}};
+  CellView view{centres_of(map), map.youngs_modulus_pa(), {}};
   for (const CellState state : map.states()) view.valid.push_back(state == CellState::kMeasured);
   return view;
 }
 
 // Each cell shows the element that its centre lies in.
 CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
-  const StitchedMap cells(g);
-  CellView view{cells.nx(), cells.ny(), cells.cell_x_m(), cells.cell_y_m(), {}, {}};
+  CellView view{centres_of(StitchedMap(g)), {}, {}};
   const auto element_at = [](const std::vector<double>& nodes_m, double at_m) {
     const auto after = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
     return static_cast<std::size_t>(after - nodes_m.begin()) - 1;
   };
-  for (std::size_t j = 0; j < view.ny; ++j) {
-    const std::size_t row = element_at(e.y_m, (static_cast<double>(j) + 0.5) * view.cell_y_m);
-    for (std::size_t i = 0; i < view.nx; ++i) {
-      const std::size_t column = element_at(e.x_m, (static_cast<double>(i) + 0.5) * view.cell_x_m);
+  for (std::size_t j = 0; j < view.grid.ny; ++j) {
+    const std::size_t row = element_at(e.y_m, (static_cast<double>(j) + 0.5) * view.grid.dy_m);
+    for (std::size_t i = 0; i < view.grid.nx; ++i) {
+      const std::size_t column = element_at(e.x_m, (static_cast<double>(i) + 0.5) * view.grid.dx_m);
       view.modulus_pa.push_back(static_cast<float>(e.youngs_modulus_pa[column + (e.x_m.size() - 1) * row]));
     }
   }
   view.valid.assign(view.modulus_pa.size(), 1);
   return view;
-}
-
-template <class T>
-void map_to(const CellView& view, const char* name, const char* unit, v1::DataType dtype,
-            const std::vector<T>& values, v1::Map* out) {
-  out->set_name(name);
-  out->set_unit(unit);
-  v1::Grid* grid = out->mutable_grid();
-  grid->add_size(static_cast<std::uint32_t>(view.nx)), grid->add_size(static_cast<std::uint32_t>(view.ny));
-  grid->add_origin_m(view.cell_x_m / 2), grid->add_origin_m(view.cell_y_m / 2);
-  grid->add_spacing_m(view.cell_x_m), grid->add_spacing_m(view.cell_y_m);
-  v1::Array* array = out->mutable_values();
-  array->set_dtype(dtype);
-  array->add_shape(static_cast<std::uint32_t>(view.ny)),
-      array->add_shape(static_cast<std::uint32_t>(view.nx));
-  array->set_data(values.data(), values.size() * sizeof(T));
 }
 
 void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1::WindowEvidence* out) {
@@ -227,8 +214,8 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
   if (wanted != v1::SCENE_VIEW_FULL) return;
   const CellView view = scene.explicit_modulus() ? view_of(*scene.explicit_modulus(), scene.geometry())
                                                  : view_of(*snapshot->map);
-  map_to(view, "youngs_modulus", "Pa", v1::DATA_TYPE_FLOAT32, view.modulus_pa, out->mutable_youngs_modulus());
-  map_to(view, "valid", "1", v1::DATA_TYPE_UINT8, view.valid, out->mutable_valid());
+  map_to("youngs_modulus", "Pa", view.grid, view.modulus_pa, out->mutable_youngs_modulus());
+  map_to("valid", "1", view.grid, view.valid, out->mutable_valid());
 }
 
 void stamp_to(std::int64_t monotonic_ns, std::uint64_t instance, v1::Stamp* out) {

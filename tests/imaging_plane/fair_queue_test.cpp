@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "service/scene/errors.h"
+#include "tests/imaging_plane/error_kind.h"
 
 namespace teletact::service {
 namespace {
@@ -59,16 +60,6 @@ class Plane {
   std::map<FairQueue::Id, double> left_s_;
   FairQueue::Id running_ = 0;
 };
-
-ErrorKind refused(const std::function<void()>& add) {
-  try {
-    add();
-  } catch (const Error& error) {
-    return error.kind;
-  }
-  ADD_FAILURE() << "not refused";
-  return ErrorKind::kNotFound;
-}
 
 TEST(FairQueue, OneOfLongCallsDoesNotHoldAnother) {
   Plane plane;
@@ -183,12 +174,12 @@ TEST(FairQueue, WhatIsOwedIsChargedToItsClient) {
 TEST(FairQueue, BoundedForEachClientAndInAll) {
   Plane plane;
   for (std::size_t k = 0; k < FairQueue::kMostWaitingPerClient; ++k) plane.add("greedy", 60);
-  EXPECT_EQ(refused([&] { plane.add("greedy", 60); }), ErrorKind::kExhausted);
+  EXPECT_EQ(kind_of([&] { plane.add("greedy", 60); }), ErrorKind::kExhausted);
   EXPECT_NO_THROW(plane.add("fair", 1));  // its place is its own
   std::size_t all = FairQueue::kMostWaitingPerClient + 1;
   for (int client = 0; all < FairQueue::kMostWaiting; ++all, ++client)
     plane.add("client " + std::to_string(client), 1);
-  EXPECT_EQ(refused([&] { plane.add("one too many", 1); }), ErrorKind::kExhausted);
+  EXPECT_EQ(kind_of([&] { plane.add("one too many", 1); }), ErrorKind::kExhausted);
   EXPECT_NO_THROW(plane.add("one too many", 1, 1001, true));  // debts are bounded by who owes
 }
 

@@ -14,6 +14,7 @@
 
 #include "service/device/look.h"
 #include "service/scene/errors.h"
+#include "tests/imaging_plane/error_kind.h"
 
 namespace teletact::service {
 namespace {
@@ -33,16 +34,6 @@ void work_until(const std::function<bool()>& until) {
     look();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-}
-
-ErrorKind kind_of(const std::function<void()>& get) {
-  try {
-    get();
-  } catch (const Error& error) {
-    return error.kind;
-  }
-  ADD_FAILURE() << "ended well";
-  return ErrorKind::kNotFound;
 }
 
 TEST(FairWorkers, ShortJobIsDoneWhileALongOneOfAnotherClientGoesOn) {

@@ -3,13 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
 #include "client/session/operator_session.h"
 #include "tests/haptic/inverse3_service.h"
 #include "tests/link/fake_palpation.h"
 #include "tests/session/session_options.h"
 #include "tests/support/allocation/allocation_count.h"
+#include "tests/support/environment.h"
 
 namespace teletact::client {
 namespace {
@@ -38,6 +37,11 @@ OperatorSessionOptions session_options(const std::string& address) {
     allocations += teletact::test::counted_allocations();
   };
   return options;
+}
+
+std::string template_device(const std::string& settings) {
+  return "plugin:" + teletact::test::required_environment("TELETACT_BINARY_DIR") +
+         "/client/teletact_device_template.so," + settings;
 }
 
 TEST(Devices, AreChosenByTheirNamesAndRefusedWithAReason) {
@@ -90,12 +94,10 @@ TEST(Devices, ADisplayThatCommandsAPositionFeelsTheTissue) {
 }
 
 TEST(Devices, APluginIsTouchedWith) {
-  const char* folder = std::getenv("TELETACT_BINARY_DIR");
-  ASSERT_NE(folder, nullptr) << "run the tests with ctest";
   FakePalpation service(test::socket_address("plugin"));
   service.serve();
   OperatorSessionOptions options = session_options(test::socket_address("plugin"));
-  options.device = "plugin:" + std::string(folder) + "/client/teletact_device_template.so,stiffness=300";
+  options.device = template_device("stiffness=300");
   std::atomic<bool> stop{false};
   TouchSummary summary;
   std::thread session([&] { summary = run_operator_session(options, stop); });
@@ -112,12 +114,10 @@ TEST(Devices, APluginIsTouchedWith) {
 
 // What the template says of itself: with a hand in its settings the chain can be seen to work.
 TEST(Devices, TheTemplatePressesWhenItIsAskedTo) {
-  const char* folder = std::getenv("TELETACT_BINARY_DIR");
-  ASSERT_NE(folder, nullptr) << "run the tests with ctest";
   FakePalpation service(test::socket_address("press"));
   service.serve();
   OperatorSessionOptions options = session_options(test::socket_address("press"));
-  options.device = "plugin:" + std::string(folder) + "/client/teletact_device_template.so,press=0.009";
+  options.device = template_device("press=0.009");
   options.begin_m = 0.05;
   options.duration_s = 4.5;  // one press at least
   const std::atomic<bool> stop{false};

@@ -28,7 +28,8 @@ class TickLogTest : public ::testing::Test {
   }
   TickLog log_;
   ServoTick tick_;
-  std::vector<std::string> said_;
+  using Lines = std::vector<std::string>;
+  Lines said_;
 };
 
 TEST_F(TickLogTest, SaysEveryStateOnceWithItsReason) {
@@ -52,10 +53,9 @@ TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   tick_.degraded = tick_.energy_generated = true;
   tick_.energy_j = -0.0062;
   run(5);
-  ASSERT_EQ(said_.size(), 3u);
-  EXPECT_EQ(said_[0], "W servo DEGRADED, force fading: the answer behind it is 262 ms old");
-  EXPECT_EQ(said_[1], "I servo no longer DEGRADED, after 0.30 s");
-  EXPECT_EQ(said_[2], "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all");
+  EXPECT_EQ(said_, (Lines{"W servo DEGRADED, force fading: the answer behind it is 262 ms old",
+                          "I servo no longer DEGRADED, after 0.30 s",
+                          "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all"}));
 }
 
 TEST_F(TickLogTest, BeforeTheFirstAnswerThereIsNoAge) {
@@ -63,8 +63,7 @@ TEST_F(TickLogTest, BeforeTheFirstAnswerThereIsNoAge) {
   tick_.degraded = true;
   tick_.model_age_s = 1e9;
   run(10);
-  ASSERT_EQ(said_.size(), 1u);
-  EXPECT_EQ(said_[0], "W servo DEGRADED, no force: no answer to render yet");
+  EXPECT_EQ(said_, (Lines{"W servo DEGRADED, no force: no answer to render yet"}));
   TickStatistics statistics;
   statistics.add(tick_);
   EXPECT_EQ(statistics.model_age_s().count(), 0u);
@@ -79,11 +78,11 @@ TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
   tick_.withheld = 0.62;
   tick_.withholds = true;
   run(10);
-  ASSERT_EQ(said_.size(), 1u);
   EXPECT_EQ(
-      said_[0],
-      "W servo DEGRADED, 62 % of the force withheld: harder tissue than was told of; lift the finger and "
-      "press anew");
+      said_,
+      (Lines{
+          "W servo DEGRADED, 62 % of the force withheld: harder tissue than was told of; lift the finger and "
+          "press anew"}));
 }
 
 TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswerAndThatTheForceStays) {
@@ -92,9 +91,8 @@ TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswerAndThatTheForceStays) {
   run(100);
   tick_.service_degraded = false;
   run(1);
-  ASSERT_EQ(said_.size(), 2u);
-  EXPECT_EQ(said_[0], "W servo DEGRADED by the service, felt as it is: the service's warning says why");
-  EXPECT_EQ(said_[1], "I servo no longer DEGRADED by the service, after 0.10 s");
+  EXPECT_EQ(said_, (Lines{"W servo DEGRADED by the service, felt as it is: the service's warning says why",
+                          "I servo no longer DEGRADED by the service, after 0.10 s"}));
 }
 
 // A jittery link fades ten times a second: two lines a second are enough, and none is uncounted.

@@ -42,7 +42,8 @@ CaseFigures measure_case(const ChartCase& chart, const ContactProblem& problem, 
   return out;
 }
 
-ContactFigures measure(bool quick, Targets& targets) {
+ContactFigures measure(const SuiteOptions& options, Targets& targets) {
+  const bool quick = options.quick;
   const auto device = service::Device::open();
   Peers peers = make_peers(device);
   for (const std::string& absent : peers.absent) std::printf("skipped: %s\n", absent.c_str());
@@ -64,13 +65,8 @@ ContactFigures measure(bool quick, Targets& targets) {
 }  // namespace
 
 void add_contact_suite(CLI::App& app, bool& met) {
-  const auto options = std::make_shared<SuiteOptions>();
-  add_suite(app, "contact", "the contact solve by every method on this machine, ours and others'", *options,
-            met, [options] {
-              return run_suite(
-                  "contact", *options, [&](Targets& targets) { return measure(options->quick, targets); },
-                  draw_contact);
-            });
+  add_suite(app, "contact", "the contact solve by every method on this machine, ours and others'",
+            std::make_shared<SuiteOptions>(), met, measure, draw_contact);
 }
 
 }  // namespace teletact::bench

@@ -24,7 +24,8 @@ void print_lost(const std::vector<WithoutFigure>& rows) {
         r.seeds, r.of_seeds);
 }
 
-ElastographyFigures measure(bool quick, Targets& targets) {
+ElastographyFigures measure(const SuiteOptions& options, Targets& targets) {
+  const bool quick = options.quick;
   const auto device = service::Device::open();
   ElastographyFigures figures{.device = describe(device->info())};
   const Trackers trackers = make_trackers(device);
@@ -48,14 +49,9 @@ ElastographyFigures measure(bool quick, Targets& targets) {
 }  // namespace
 
 void add_elastography_suite(CLI::App& app, bool& met) {
-  const auto options = std::make_shared<SuiteOptions>();
   add_suite(app, "elastography",
-            "displacement, strain and modulus by every method on phantoms: error against time", *options, met,
-            [options] {
-              return run_suite(
-                  "elastography", *options,
-                  [&](Targets& targets) { return measure(options->quick, targets); }, draw_elastography);
-            });
+            "displacement, strain and modulus by every method on phantoms: error against time",
+            std::make_shared<SuiteOptions>(), met, measure, draw_elastography);
 }
 
 }  // namespace teletact::bench

@@ -26,8 +26,7 @@ constexpr double kProbeM = 0.06;
 constexpr std::size_t kQueuedUploads = 2;  // as the client's session
 constexpr double kForeverS = 1e9;
 
-struct Arguments {
-  SuiteOptions suite;
+struct Arguments : SuiteOptions {
   // The demonstration's 95 %: 327 to 409 ms on two quiet cores (README).
   double service_s = 0.41;
 };
@@ -150,11 +149,7 @@ void add_exploration_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command =
       add_suite(app, "exploration", "the fastest exploring finger that never waits for tissue (T1)",
-                arguments->suite, met, [arguments] {
-                  return run_suite(
-                      "exploration", arguments->suite,
-                      [&](Targets& targets) { return measure(*arguments, targets); }, draw);
-                });
+                arguments, met, measure, draw);
   command
       .add_option("--service-s", arguments->service_s,
                   "from the last RF byte to a window that can be touched")

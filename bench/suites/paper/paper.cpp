@@ -7,15 +7,14 @@
 namespace teletact::bench {
 
 void add_paper_suite(CLI::App& app, bool& met) {
-  struct Arguments {
-    SuiteOptions suite;
+  struct Arguments : SuiteOptions {
     std::string experiment = "all";
   };
   const auto arguments = std::make_shared<Arguments>();
   const std::vector<Part> parts{paper_fig14(), paper_fig15(), paper_fig16(), paper_psychometric()};
-  CLI::App& command = add_suite(
-      app, "paper", "the source paper's experiments, ours beside theirs", arguments->suite, met,
-      [arguments, parts] { return run_parts("paper", parts, arguments->experiment, arguments->suite); });
+  CLI::App& command =
+      add_suite(app, "paper", "the source paper's experiments, ours beside theirs", *arguments, met,
+                [arguments, parts] { return run_parts("paper", parts, arguments->experiment, *arguments); });
   std::vector<std::string> names{"all"};
   for (const Part& part : parts) names.emplace_back(part.name);
   command

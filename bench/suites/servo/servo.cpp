@@ -31,8 +31,7 @@ constexpr const char* kScene = "bench-servo";
 constexpr double kBinS = 10e-6;
 constexpr std::size_t kBins = 2000;  // up to 20 ms; the last holds all above
 
-struct Arguments {
-  SuiteOptions suite;
+struct Arguments : SuiteOptions {
   Service service;
   double duration_s = 600;
 };
@@ -105,7 +104,7 @@ LoopFigures touch(const Arguments& arguments) {
   session.open.set_period_s(0.002);
   session.open.set_credit(2);
   session.hand.indentation_m = kIndentationM;
-  session.duration_s = arguments.suite.quick ? std::min(kQuickS, arguments.duration_s) : arguments.duration_s;
+  session.duration_s = arguments.quick ? std::min(kQuickS, arguments.duration_s) : arguments.duration_s;
   std::size_t allocations = 0;
   session.servo_begins = [] { test::count_allocations(true); };
   session.servo_ended = [&allocations] {
@@ -195,12 +194,9 @@ Figures measure(const Arguments& arguments, Targets& targets) {
 
 void add_servo_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_suite(
-      app, "servo", "the 1 kHz loop beside a running service: period, overruns, slack, heap",
-      arguments->suite, met, [arguments] {
-        return run_suite(
-            "servo", arguments->suite, [&](Targets& targets) { return measure(*arguments, targets); }, draw);
-      });
+  CLI::App& command =
+      add_suite(app, "servo", "the 1 kHz loop beside a running service: period, overruns, slack, heap",
+                arguments, met, measure, draw);
   add_service_options(command, arguments->service);
   command.add_option("--duration-s", arguments->duration_s, "with force on")
       ->check(CLI::PositiveNumber)

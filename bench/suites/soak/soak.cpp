@@ -36,8 +36,7 @@ constexpr double kMemoryFrom = 0.25;  // of the time: what comes first is warmin
 constexpr const char* kTouchedScene = "soak-touched";
 constexpr double kSliceS = 5;  // answers judged together; the first of each part is left out
 
-struct Arguments {
-  SuiteOptions suite;
+struct Arguments : SuiteOptions {
   Service service;
   pid_t pid = 0;
   double duration_s = 3600, every_s = 2, finish_within_s = 5, touch_rate_hz = 20;
@@ -324,7 +323,7 @@ void promise(const Figures& figures, Targets& targets) {
 }
 
 Figures measure(Arguments arguments, Targets& targets) {
-  if (arguments.suite.quick) arguments.duration_s = soak::kRoundS;
+  if (arguments.quick) arguments.duration_s = soak::kRoundS;
   const auto channel = connect(arguments.service);
   if (arguments.pid == 0 && client::get_info(channel).memory().empty())
     throw BenchError("the service does not report its memory: give --pid");
@@ -349,11 +348,7 @@ Figures measure(Arguments arguments, Targets& targets) {
 void add_soak_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = add_suite(app, "soak", "an hour of touch and imaging beside clients that misbehave",
-                                arguments->suite, met, [arguments] {
-                                  return run_suite(
-                                      "soak", arguments->suite,
-                                      [&](Targets& targets) { return measure(*arguments, targets); }, draw);
-                                });
+                                arguments, met, measure, draw);
   add_service_options(command, arguments->service);
   command.add_option("--pid", arguments->pid,
                      "process of the service, on this machine: its resident memory is looked at instead of "

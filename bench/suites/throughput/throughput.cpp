@@ -28,8 +28,7 @@ constexpr double kTouchesPerS = 200, kLatencyS = 0.010;
 constexpr double kSlopeTolerance = 2e-2;  // central difference of the energy over 0.2 mm
 constexpr const char* kOwnScene = "bench-throughput";
 
-struct Arguments {
-  SuiteOptions suite;
+struct Arguments : SuiteOptions {
   Service service;
   std::string scene_id;
   unsigned clients = 1;
@@ -40,22 +39,13 @@ struct Arguments {
 double check_energy_slope(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id,
                           const LoadOptions& load) {
   constexpr double kStepM = 1e-4;
-  double worst = 0;
-  for (const double share : {0.2, 0.5, 0.8}) {
+  const double y_m = load.indentation_m;
+  return largest_error("its energy's slope", kSlopeTolerance, {0.2, 0.5, 0.8}, [&](double share) {
     const double x_m = load.begin_m + share * (load.end_m - load.begin_m);
-    const auto at = [&](double y_m) { return touch_once(channel, scene_id, x_m, y_m); };
-    const double slope =
-        (at(load.indentation_m + kStepM).energy_j() - at(load.indentation_m - kStepM).energy_j()) /
-        (2 * kStepM);
-    const v1::TouchAnswer answer = at(load.indentation_m);
-    if (answer.force_n_size() < 2) throw BenchError("an answer without force: " + answer.warning());
-    const double error = std::abs(-slope - answer.force_n(1)) / std::abs(slope);
-    if (!(error <= kSlopeTolerance))
-      throw BenchError(fmt::format(
-          "the force at x = {} m is off by {:.3g} of its energy's slope: not worth timing", x_m, error));
-    worst = std::max(worst, error);
-  }
-  return worst;
+    const auto at = [&](double indentation_m) { return touch_once(channel, scene_id, x_m, indentation_m); };
+    const double slope = (at(y_m + kStepM).energy_j() - at(y_m - kStepM).energy_j()) / (2 * kStepM);
+    return std::abs(-slope - at(y_m).force_n(1)) / std::abs(slope);
+  });
 }
 
 // The widest range that windows cover without a gap, 8 mm inside.
@@ -109,7 +99,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, service, clients, checked, closed_lo
 
 LoopFigures run_clients(const Arguments& arguments, LoadOptions load, double rate_hz) {
   load.rate_hz = rate_hz;
-  load.duration_s = arguments.suite.quick ? std::min(1.0, arguments.duration_s) : arguments.duration_s;
+  load.duration_s = arguments.quick ? std::min(1.0, arguments.duration_s) : arguments.duration_s;
   std::vector<std::future<LoadResult>> clients;
   for (unsigned k = 0; k < arguments.clients; ++k)
     clients.push_back(std::async(std::launch::async, [&, k] {
@@ -180,12 +170,8 @@ Figures measure(const Arguments& arguments, Targets& targets) {
 
 void add_throughput_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_suite(app, "throughput", "touches/s and latency of a running service",
-                                arguments->suite, met, [arguments] {
-                                  return run_suite(
-                                      "throughput", arguments->suite,
-                                      [&](Targets& targets) { return measure(*arguments, targets); }, draw);
-                                });
+  CLI::App& command = add_suite(app, "throughput", "touches/s and latency of a running service", arguments,
+                                met, measure, draw);
   add_service_options(command, arguments->service);
   command.add_option("--scene", arguments->scene_id, "a scene to touch; without it the suite makes its own");
   command.add_option("--clients", arguments->clients, "touch streams at once")->check(CLI::Range(1, 256));
