@@ -14,16 +14,26 @@ grpc::Status get_scene(v1::Palpation::Stub& stub, const std::string& scene_id, v
   return stub.GetScene(&context, request, &scene);
 }
 
-std::optional<Extent> touchable_extent(const v1::Scene& scene) {
-  std::optional<Extent> extent;
-  for (const v1::Window& window : scene.windows()) {
-    if (!window.touchable()) continue;
-    const Extent covered{window.covers().begin_x_m(), window.covers().end_x_m()};
-    if (!extent) extent = covered;
-    extent->begin_x_m = std::min(extent->begin_x_m, covered.begin_x_m);
-    extent->end_x_m = std::max(extent->end_x_m, covered.end_x_m);
+std::vector<Extent> touchable_extents(const v1::Scene& scene) {
+  constexpr double kRoundingM = 1e-6;
+  std::vector<Extent> windows, extents;
+  for (const v1::Window& window : scene.windows())
+    if (window.touchable()) windows.push_back({window.covers().begin_x_m(), window.covers().end_x_m()});
+  std::sort(windows.begin(), windows.end(),
+            [](const Extent& a, const Extent& b) { return a.begin_x_m < b.begin_x_m; });
+  for (const Extent& window : windows) {
+    if (extents.empty() || window.begin_x_m > extents.back().end_x_m + kRoundingM)
+      extents.push_back(window);
+    else
+      extents.back().end_x_m = std::max(extents.back().end_x_m, window.end_x_m);
   }
-  return extent;
+  return extents;
+}
+
+std::optional<Extent> touchable_extent(const v1::Scene& scene) {
+  const std::vector<Extent> extents = touchable_extents(scene);
+  if (extents.empty()) return std::nullopt;
+  return Extent{extents.front().begin_x_m, extents.back().end_x_m};
 }
 
 }  // namespace teletact::client

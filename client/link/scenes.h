@@ -4,6 +4,7 @@
 #include <chrono>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "teletact/v1/palpation.grpc.pb.h"
 
@@ -13,10 +14,12 @@ namespace teletact::client {
 grpc::Status get_scene(v1::Palpation::Stub& stub, const std::string& scene_id, v1::SceneView view,
                        v1::Scene& scene, std::chrono::seconds within = {});
 
-// From the first to the last window that can be touched; none where there is none. Between them may be gaps.
 struct Extent {
   double begin_x_m = 0, end_x_m = 0;
 };
+// What windows that can be touched cover without a gap, along x.
+std::vector<Extent> touchable_extents(const v1::Scene& scene);
+// From the first to the last of them; none where there is none.
 std::optional<Extent> touchable_extent(const v1::Scene& scene);
 
 }  // namespace teletact::client

@@ -104,10 +104,21 @@ json servo_figures(const TouchRecord& touch) {
           {"lateness_s_p99", percentile(lateness_s, 0.99)}};
 }
 
-json inclusion_json(const Inclusion& truth, const InclusionReport& report, int match) {
+// Whether a window was acquired over its middle; so it is where the recording does not say.
+bool acquired(const Inclusion& truth, const AcquireRecord& acquire) {
+  if (!acquire.scene) return true;
+  const auto& windows = acquire.scene->windows();
+  return std::any_of(windows.begin(), windows.end(), [&](const v1::Window& window) {
+    return truth.x_m >= window.covers().begin_x_m() && truth.x_m <= window.covers().end_x_m();
+  });
+}
+
+json inclusion_json(const Inclusion& truth, const AcquireRecord& acquire, const InclusionReport& report,
+                    int match) {
   json out{{"position_m", {truth.x_m, truth.y_m}},
            {"diameter_m", truth.diameter_m},
            {"contrast", truth.contrast},
+           {"acquired", match >= 0 || acquired(truth, acquire)},
            {"found", match >= 0}};
   if (match < 0) return out;
   const FoundInclusion& found = report.found[static_cast<std::size_t>(match)];
@@ -116,15 +127,15 @@ json inclusion_json(const Inclusion& truth, const InclusionReport& report, int m
   return out;
 }
 
-json inclusion_figures(const Tissue& tissue, const InclusionReport& report) {
+json inclusion_figures(const Tissue& tissue, const AcquireRecord& acquire, const InclusionReport& report) {
   json truth = json::array(), found = json::array(), spurious = json::array();
   std::size_t missed = 0;
   for (std::size_t t = 0; t < tissue.inclusions.size(); ++t) {
     const Inclusion& inclusion = tissue.inclusions[t];
-    truth.push_back(inclusion_json(inclusion, report, report.match[t]));
+    truth.push_back(inclusion_json(inclusion, acquire, report, report.match[t]));
     const bool promised = inclusion.contrast >= kLeastContrast && inclusion.diameter_m >= kLeastDiameterM &&
                           inclusion.y_m - inclusion.diameter_m / 2 <= kDeepestM;
-    missed += promised && report.match[t] < 0;
+    missed += promised && truth.back()["acquired"].get<bool>() && report.match[t] < 0;
   }
   const auto as_json = [](const FoundInclusion& f) {
     return json{{"position_m", {f.x_m, f.y_m}}, {"diameter_m", f.diameter_m}, {"contrast", f.contrast}};
@@ -152,6 +163,7 @@ json device_figures(const AcquireRecord& acquire) {
 
 // After the true contrast: the found one and how far off it lies.
 std::string found_or_missed(const json& truth) {
+  if (!truth["acquired"].get<bool>()) return "not acquired";
   if (!truth["found"].get<bool>()) return "MISSED";
   return fmt::format("{:.1f} (true / found), {:.1f} mm off", truth["found_contrast"].get<double>(),
                      1e3 * truth["distance_m"].get<double>());
@@ -193,7 +205,7 @@ json summarise(const Tissue& tissue, const TouchRecord& touch, const AcquireReco
                             {"coverage", force.coverage},
                             {"samples", force.judged},
                             {"excluded", "the start ramp of the force, and true forces of 0.05 N or less"}};
-  summary["inclusions"] = inclusion_figures(tissue, inclusions);
+  summary["inclusions"] = inclusion_figures(tissue, acquire, inclusions);
   summary["device"] = device_figures(acquire);
   summary["versions"] = {{"client", client_version},
                          {"service", acquire.info ? json(acquire.info->build()) : json(nullptr)},

@@ -47,7 +47,7 @@ void ServoLoop::tick(std::int64_t due_ns) noexcept {
   device_ok = device_.write(limited.force_n) && device_ok;
   if (states_.step(state_inputs(limited, device_ok), now_ns) && states_.state() == ServoState::kFault)
     start_over();
-  publish(rendered, limited, now_ns, due_ns);
+  publish(rendered, limited, device_ok, now_ns, due_ns);
   show();
   last_ns_ = now_ns;
 }
@@ -126,8 +126,8 @@ StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device
   return inputs;
 }
 
-void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limited, std::int64_t now_ns,
-                        std::int64_t due_ns) noexcept {
+void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limited, bool device_ok,
+                        std::int64_t now_ns, std::int64_t due_ns) noexcept {
   ServoTick tick;
   tick.time_ns = now_ns;
   tick.pose = reading_.pose;
@@ -150,6 +150,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.energy_j = limited.energy_j;
   tick.stored_j = limited.stored_j;
   tick.damping_n_s_m = limited.damping_n_s_m;
+  tick.device_ok = device_ok;
   tick.held_at_border = reading_.held_at_border;
   tick.withheld = rendered.withheld;
   tick.withholds = limited.withholds && !limited.fades;

@@ -60,6 +60,7 @@ struct ServoTick {
   double energy_j = 0;       // the passivity observer's: < 0 was generated
   double stored_j = 0;       // held by the rendered model, as far as its force goes out
   double damping_n_s_m = 0;  // the passivity controller's
+  bool device_ok = true;     // was read and written
   bool held_at_border = false;
   double withheld = 0;     // share of the model's stiffness that is not paid for, 0 .. 1
   bool withholds = false;  // DEGRADED for that alone: much of it, for longer than a hand-over takes
@@ -108,7 +109,7 @@ class ServoLoop {
   void take_answer(std::int64_t now_ns) noexcept;
   ForceChainInput chain_input(const Rendered& rendered, std::int64_t now_ns) noexcept;
   StateInputs state_inputs(const ForceChainOutput& limited, bool device_ok) noexcept;
-  void publish(const Rendered& rendered, const ForceChainOutput& limited, std::int64_t now_ns,
+  void publish(const Rendered& rendered, const ForceChainOutput& limited, bool device_ok, std::int64_t now_ns,
                std::int64_t due_ns) noexcept;
   void show() noexcept;
 

@@ -29,7 +29,7 @@ const char* describe(StateReason reason) noexcept {
     case StateReason::kDisabledByUser:
       return "disabled by the operator";
     case StateReason::kDeviceLost:
-      return "the device could not be read or written: check its cable";
+      return "the device could not be read or written, or states no position yet: check its cable and power";
     case StateReason::kNotFinite:
       return "a force or position was not a number";
     case StateReason::kTooFast:

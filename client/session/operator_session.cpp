@@ -70,14 +70,12 @@ void require_within(const v1::Scene& scene, const char* option, const std::optio
 
 constexpr double kInsideM = 0.008;  // the tip's own reach
 
-// The place nearest to `wish_m` at which the whole tip is over a window that can be touched.
+// The place nearest to `wish_m` at which the whole tip is over windows that can be touched.
 double touchable_near(const v1::Scene& scene, double wish_m) {
   double nearest_m = wish_m, distance_m = 1e300;
-  for (const v1::Window& window : scene.windows()) {
-    if (!window.touchable()) continue;
-    const double inside_m = std::min(kInsideM, (window.covers().end_x_m() - window.covers().begin_x_m()) / 2);
-    const double x_m =
-        std::clamp(wish_m, window.covers().begin_x_m() + inside_m, window.covers().end_x_m() - inside_m);
+  for (const Extent& extent : touchable_extents(scene)) {
+    const double inside_m = std::min(kInsideM, (extent.end_x_m - extent.begin_x_m) / 2);
+    const double x_m = std::clamp(wish_m, extent.begin_x_m + inside_m, extent.end_x_m - inside_m);
     if (std::abs(x_m - wish_m) >= distance_m) continue;
     distance_m = std::abs(x_m - wish_m);
     nearest_m = x_m;
@@ -89,15 +87,14 @@ double touchable_near(const v1::Scene& scene, double wish_m) {
 double start_of_real_device(const v1::Scene& scene, const std::optional<double>& asked_m) {
   require_within(scene, "--start-x-m", asked_m);
   const Extent extent = touchable_extent(scene).value();
-  const bool covered = std::any_of(scene.windows().begin(), scene.windows().end(), [&](const v1::Window& w) {
-    return w.touchable() && asked_m && *asked_m >= w.covers().begin_x_m() && *asked_m <= w.covers().end_x_m();
+  const std::vector<Extent> extents = touchable_extents(scene);
+  const bool covered = std::any_of(extents.begin(), extents.end(), [&](const Extent& e) {
+    return asked_m && *asked_m >= e.begin_x_m && *asked_m <= e.end_x_m;
   });
   const double start_m = asked_m ? *asked_m : touchable_near(scene, (extent.begin_x_m + extent.end_x_m) / 2);
   if (asked_m && !covered)
     spdlog::warn("--start-x-m {}: no window covers it yet, so nothing is felt there; {:.3f} m can be touched",
                  start_m, touchable_near(scene, start_m));
-  spdlog::info("the device stands at x = {:.3f} m of {:.3f} m, {:.0f} mm above the tissue", start_m,
-               width_of(scene), 1e3 * HandOptions().hover_m);
   return start_m;
 }
 
@@ -178,8 +175,17 @@ void finish(TouchSummary& summary, const TouchLink& link, const ServoLoop& servo
 TouchSituation situation_of(const TouchLink& link, const TickStatistics& statistics, double width_m,
                             bool has_keys) {
   const ServoTick& tick = statistics.last();
-  return {link.trouble(),           tick.state, link.covered(), tick.held_at_border,
+  return {link.trouble(),           tick.state, tick.device_ok, link.covered(), tick.held_at_border,
           tick.pose.position_m.x(), width_m,    has_keys};
+}
+
+// The service takes the interior layer that is nearest to the wish.
+void say_layer(const OperatorSessionOptions& options, const TouchLinkStats& link) {
+  constexpr double kRoundingM = 1e-6;
+  const double asked_m = options.open.layer().depth_m();
+  if (std::abs(link.layer_depth_m - asked_m) > kRoundingM)
+    spdlog::warn("--layer-depth-m {}: no layer lies there; the nearest is touched, at {:.4f} m", asked_m,
+                 link.layer_depth_m);
 }
 
 void say_keys(const OperatorSessionOptions& options) {
@@ -207,9 +213,13 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   ServoOptions servo_options;
   const auto renderer = make_renderer(options.renderer, servo_options.period_s);
   const v1::Scene scene = wait_for_scene(options, stop);
-  const auto device = make_device({options.device, options.profile, hand_on(scene, options)});
+  const HandOptions hand = hand_on(scene, options);
+  const auto device = make_device({options.device, options.profile, hand});
   // Destroyed in the opposite order: the force goes first, while the link still answers; the device last.
   const OpenDevice open(*device);
+  if (is_real(options.device))
+    spdlog::info("the device stands at x = {:.3f} m of {:.3f} m, {:.0f} mm above the tissue", hand.start_m,
+                 width_of(scene), 1e3 * hand.hover_m);
   const auto recorder = open_recording(options);
   servo_options.chain.limits = device->profile().limits();
   MonotonicClock clock;
@@ -223,6 +233,7 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   Waiting waiting;
   AdapterWatch adapter;
   say_keys(options);
+  bool layer_said = false;
   while (!stop && link.failure().empty() && !servo_thread.over() && !adapter.stuck() &&
          !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
@@ -230,6 +241,7 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
     const std::optional<RealTime> granted = servo_thread.real_time();
     if (granted && summary.real_time.text.empty()) spdlog::info("servo: {}", granted->text);
     summary.real_time = granted.value_or(RealTime());
+    if (!layer_said && (layer_said = link.stats().streams > 0)) say_layer(options, link.stats());
     obey_keys(options, *servo, link);
     const double now_s = seconds(clock.now_ns());
     const std::string slow = servo_thread.looping() ? adapter.message(*device, servo->ticks(), now_s) : "";

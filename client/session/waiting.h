@@ -10,7 +10,8 @@ namespace teletact::client {
 struct TouchSituation {
   std::string trouble = {};  // why no stream is open; empty while one is
   ServoState state = ServoState::kDisabled;
-  bool covered = true;  // the last answer's: a window covers the finger
+  bool device_ok = true;  // it could be read and written
+  bool covered = true;    // the last answer's: a window covers the finger
   bool held_at_border = false;
   double x_m = 0;         // of the finger
   double width_m = 0;     // of the tissue; 0: not known
@@ -27,7 +28,7 @@ class Waiting {
   std::string message(const TouchSituation& situation, double now_s);
 
  private:
-  enum class For { kNothing, kStream, kButton, kTissue, kWindow };
+  enum class For { kNothing, kStream, kDevice, kButton, kTissue, kWindow };
   static For waited_for(const TouchSituation& situation);
 
   For for_ = For::kNothing;

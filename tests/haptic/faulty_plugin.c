@@ -1,6 +1,7 @@
 /* Adapters with one fault each, chosen by a definition: OLD_ABI, NO_LIMITS, BAD_DAMPING, NO_SYMBOL;
  * SLOW_START has no position at first, then one that is no number, and never a velocity; BLOCKS does not
- * return from the read whose number its settings say, and tells stderr that it has been let go of. */
+ * return from the read whose number its settings say, and tells stderr that it has been let go of; SILENT
+ * has no other fault than that it never has a position. */
 #include <math.h>
 #include <stdlib.h>
 #include <unistd.h>

@@ -14,6 +14,8 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "teletact/v1/palpation.grpc.pb.h"
 #include "tests/render/analytic_tissue.h"
@@ -96,14 +98,19 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<unsigned> credit{2};
   static constexpr std::chrono::seconds kModulusAge{7};
   std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
+  std::atomic<double> layer_depth_m{0};                            // of TouchOpened
+  std::vector<std::pair<double, double>> windows_m = {{0, 0.12}};
   AnalyticTissue tissue;
 
   grpc::Status GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request, v1::Scene* scene) override {
     if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene '" + request->scene_id() + "' is unknown"};
     scene->set_scene_id(request->scene_id());
-    v1::Window& window = *scene->add_windows();
-    window.mutable_covers()->set_end_x_m(0.12);
-    window.set_touchable(true);
+    for (const auto& [begin_x_m, end_x_m] : windows_m) {
+      v1::Window& window = *scene->add_windows();
+      window.mutable_covers()->set_begin_x_m(begin_x_m);
+      window.mutable_covers()->set_end_x_m(end_x_m);
+      window.set_touchable(true);
+    }
     scene->mutable_geometry()->add_size_m(0.12);
     scene->mutable_geometry()->add_size_m(0.04);
     return grpc::Status::OK;
@@ -123,6 +130,7 @@ class FakePalpation final : public v1::Palpation::Service {
     opened.mutable_opened()->set_steers(steers);
     opened.mutable_opened()->set_credit(credit);
     opened.mutable_opened()->set_instance(instance_);
+    if (layer_depth_m != 0) opened.mutable_opened()->mutable_layer()->set_depth_m(layer_depth_m);
     stream->Write(opened);
     if (refuses) {
       stream->Read(&request);

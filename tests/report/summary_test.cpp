@@ -144,6 +144,25 @@ TEST(Summary, SaysWhichInclusionsWereMissedAndInventedWithBothContrasts) {
     EXPECT_NE(table.find(words), std::string::npos) << words << " is not in:\n" << table;
 }
 
+// Where no window was acquired nothing can be found: that is said, and not held against the run.
+TEST(Summary, AnInclusionWhereNobodyAcquiredIsNotMissed) {
+  AcquireRecord record = acquire();
+  const auto end_at = [&](double end_x_m) {
+    v1::Scene scene;
+    scene.add_windows()->mutable_covers()->set_end_x_m(end_x_m);
+    record.scene = scene;
+    return summarise(tissue(), touch(), record, force(), one_found_one_missed_one_invented(), "1.2.3");
+  };
+  const json beside = end_at(0.1499), over = end_at(0.1501);  // the second inclusion lies at 0.15 m
+  EXPECT_FALSE(beside["inclusions"]["true"][1]["acquired"].get<bool>());
+  EXPECT_EQ(beside["inclusions"]["missed"].get<int>(), 0);
+  EXPECT_TRUE(target(beside, "inclusions missed")["met"].get<bool>());
+  EXPECT_NE(readable(beside).find("4.0 / not acquired"), std::string::npos) << readable(beside);
+  EXPECT_EQ(readable(beside).find("MISSED"), std::string::npos);
+  EXPECT_EQ(over["inclusions"]["missed"].get<int>(), 1);
+  EXPECT_NE(readable(over).find("4.0 / MISSED"), std::string::npos);
+}
+
 TEST(Summary, AFigureThatIsNoNumberIsNotMet) {
   Target figure{"x", std::numeric_limits<double>::quiet_NaN(), 1, "s"};
   EXPECT_FALSE(figure.met());

@@ -104,10 +104,12 @@ TEST_F(ServoTest, ForceReturnsOnlyWhenResumedOutOfContact) {
 
 TEST_F(ServoTest, ADeviceThatIsReadButTakesNoForceIsLost) {
   enable();
+  EXPECT_TRUE(last.device_ok);
   device.takes_force = false;
   run(0.001);
   EXPECT_EQ(last.state, ServoState::kFault);
   EXPECT_EQ(last.reason, StateReason::kDeviceLost);
+  EXPECT_FALSE(last.device_ok);
 }
 
 TEST_F(ServoTest, RunawayIsAFaultAndSlewsToZero) {

@@ -6,6 +6,7 @@
 #include "client/session/operator_session.h"
 #include "tests/haptic/inverse3_service.h"
 #include "tests/link/fake_palpation.h"
+#include "tests/session/kept_log.h"
 #include "tests/session/session_options.h"
 #include "tests/support/allocation/allocation_count.h"
 #include "tests/support/environment.h"
@@ -95,6 +96,7 @@ TEST(Devices, ADisplayThatCommandsAPositionFeelsTheTissue) {
 
 TEST(Devices, APluginIsTouchedWith) {
   FakePalpation service(test::socket_address("plugin"));
+  service.windows_m = {{0.058, 0.12}, {0, 0.062}};  // they overlap amid the tissue
   service.serve();
   OperatorSessionOptions options = session_options(test::socket_address("plugin"));
   options.device = template_device("stiffness=300");
@@ -110,6 +112,34 @@ TEST(Devices, APluginIsTouchedWith) {
   EXPECT_EQ(allocations, 0u);
   EXPECT_EQ(summary.ticks.largest_force_n(), 0);
   for (const StateChange& change : summary.ticks.changes()) EXPECT_EQ(change.state, ServoState::kDisabled);
+}
+
+// It never says where it is: a button would not help.
+TEST(Devices, APluginWithoutAPositionIsToldOfAsADeviceToSeeTo) {
+  FakePalpation service(test::socket_address("silent"));
+  service.serve();
+  OperatorSessionOptions options = session_options(test::socket_address("silent"));
+  options.device =
+      "plugin:" + teletact::test::required_environment("TELETACT_BINARY_DIR") + "/tests/plugin_silent.so";
+  const test::KeptLog log;
+  std::atomic<bool> stop{false};
+  std::thread session([&] { run_operator_session(options, stop); });
+  EXPECT_TRUE(log.comes("waiting for the device, which cannot be read or written, or states no position"));
+  stop = true;
+  session.join();
+  EXPECT_TRUE(log.has("the device stands at x = 0.060 m of 0.120 m"));
+  EXPECT_FALSE(log.has("button"));
+}
+
+TEST(Devices, APluginThatCannotBeLoadedStandsNowhere) {
+  FakePalpation service(test::socket_address("nowhere"));
+  service.serve();
+  OperatorSessionOptions options = session_options(test::socket_address("nowhere"));
+  options.device = "plugin:/nonexistent.so";
+  const test::KeptLog log;
+  const std::atomic<bool> stop{false};
+  EXPECT_THROW(run_operator_session(options, stop), std::runtime_error);
+  EXPECT_FALSE(log.has("the device stands"));
 }
 
 // What the template says of itself: with a hand in its settings the chain can be seen to work.

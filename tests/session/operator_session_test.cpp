@@ -9,6 +9,7 @@
 
 #include "client/session/replay.h"
 #include "tests/link/fake_palpation.h"
+#include "tests/session/kept_log.h"
 #include "tests/session/session_options.h"
 
 namespace teletact::client {
@@ -83,6 +84,23 @@ TEST(OperatorSession, EndsInTimeThoughItsSceneIsGone) {
   EXPECT_LT(summary.ticks.enabled_s(), 2);
   EXPECT_GE(summary.ticks.lost_s(), OperatorSessionOptions::kLostS - 0.1);
   EXPECT_LT(summary.ticks.lost_s(), OperatorSessionOptions::kLostS + 1);
+}
+
+TEST(OperatorSession, SaysWhichLayerIsTouchedWhereNoneLiesAtTheDepthAskedFor) {
+  FakePalpation service(test::socket_address("layer"));
+  service.layer_depth_m = 0.0139999999;
+  service.serve();
+  OperatorSessionOptions options = test::session_options(test::socket_address("layer"));
+  options.duration_s = 0.1;
+  const std::atomic<bool> stop{false};
+  const auto says_layer = [&](double asked_m) {
+    const test::KeptLog log;
+    options.open.mutable_layer()->set_depth_m(asked_m);
+    run_operator_session(options, stop);
+    return log.has("no layer lies there; the nearest is touched, at 0.0140 m");
+  };
+  EXPECT_TRUE(says_layer(0.013));
+  EXPECT_FALSE(says_layer(0.014)) << "a rounding is no other layer";
 }
 
 TEST(OperatorSession, RefusesASweepBesideTheTissue) {

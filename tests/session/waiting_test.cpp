@@ -48,6 +48,17 @@ TEST(Waiting, AsksForTheButtonAndNamesThePlaceThatNobodyAcquires) {
       << "the same wait goes on: its next line is due at 103";
 }
 
+TEST(Waiting, NamesADeviceThatCannotBeReadAndTheButtonOnceItCan) {
+  Waiting waiting;
+  const auto said = lines(waiting, {.state = ServoState::kFault, .device_ok = false}, 0, 10);
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_NE(said[0].second.find("waiting for the device"), std::string::npos) << said[0].second;
+  EXPECT_EQ(said[0].second.find("button"), std::string::npos);
+  const auto back = lines(waiting, {.state = ServoState::kFault}, 10, 20);
+  ASSERT_EQ(back.size(), 1u);
+  EXPECT_NE(back[0].second.find("button"), std::string::npos);
+}
+
 // A hand that waits now and then for a moment is not spoken of.
 TEST(Waiting, ShortStopsAreNotTold) {
   Waiting waiting;

@@ -19,6 +19,7 @@
 #include "bench/touch_client.h"
 #include "client/acquire/estimate_client.h"
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 
 namespace teletact::bench {
 namespace {
@@ -50,21 +51,16 @@ double check_energy_slope(const std::shared_ptr<grpc::Channel>& channel, const s
 
 // The widest range that windows cover without a gap, 8 mm inside.
 LoadOptions load_over(v1::Palpation::Stub& stub, const std::string& scene_id) {
-  v1::GetSceneRequest request;
-  request.set_scene_id(scene_id);
   v1::Scene scene;
-  grpc::ClientContext context;
-  const grpc::Status status = stub.GetScene(&context, request, &scene);
+  const grpc::Status status = client::get_scene(stub, scene_id, v1::SCENE_VIEW_BASIC, scene);
   if (!status.ok()) throw BenchError("GetScene: " + client::describe(status));
   constexpr double kInsideM = 0.008;
   LoadOptions load;
   load.scene_id = scene_id;
-  for (const v1::Window& window : scene.windows()) {
-    if (!window.touchable() ||
-        window.covers().end_x_m() - window.covers().begin_x_m() <= load.end_m - load.begin_m + 2 * kInsideM)
-      continue;
-    load.begin_m = window.covers().begin_x_m() + kInsideM;
-    load.end_m = window.covers().end_x_m() - kInsideM;
+  for (const client::Extent& extent : client::touchable_extents(scene)) {
+    if (extent.end_x_m - extent.begin_x_m <= load.end_m - load.begin_m + 2 * kInsideM) continue;
+    load.begin_m = extent.begin_x_m + kInsideM;
+    load.end_m = extent.end_x_m - kInsideM;
   }
   if (!(load.end_m > load.begin_m))
     throw BenchError("--scene " + scene_id + ": nothing in it can be touched");

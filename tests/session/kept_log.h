@@ -1,0 +1,48 @@
+// What is logged while one of these lives, read from any thread.
+#pragma once
+
+#include <spdlog/sinks/base_sink.h>
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+namespace teletact::client::test {
+
+class KeptLog {
+ public:
+  KeptLog() { spdlog::set_default_logger(std::make_shared<spdlog::logger>("kept", sink_)); }
+  ~KeptLog() { spdlog::set_default_logger(usual_); }
+  KeptLog(const KeptLog&) = delete;
+  KeptLog& operator=(const KeptLog&) = delete;
+
+  bool has(const std::string& words) const { return sink_->text().find(words) != std::string::npos; }
+  // Waits for the words; false when they have not come within 10 s.
+  bool comes(const std::string& words) const {
+    for (int n = 0; n < 1000 && !has(words); ++n) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return has(words);
+  }
+
+ private:
+  class Sink final : public spdlog::sinks::base_sink<std::mutex> {
+   public:
+    std::string text() {
+      const std::lock_guard lock(mutex_);
+      return text_;
+    }
+
+   private:
+    void sink_it_(const spdlog::details::log_msg& message) override {
+      text_.append(message.payload.data(), message.payload.size()).append("\n");
+    }
+    void flush_() override {}
+    std::string text_;
+  };
+  const std::shared_ptr<Sink> sink_ = std::make_shared<Sink>();
+  const std::shared_ptr<spdlog::logger> usual_ = spdlog::default_logger();
+};
+
+}  // namespace teletact::client::test
