@@ -61,11 +61,6 @@ double EstimateCost::expected_s(const EstimateSize& s, Time now) const {
   return believed(now) * measured_s(s);
 }
 
-double EstimateCost::least_s(const EstimateSize& s) const {
-  const std::lock_guard lock(mutex_);
-  return kLeastShareRefused * measured_s(s);
-}
-
 double EstimateCost::measured_s(const EstimateSize& s) const {
   const auto rate = [&](ModulusKind kind) { return modulus_[static_cast<std::size_t>(kind)].s_per_work; };
   double modulus_s = rate(s.method) * modulus_work(s);
@@ -79,8 +74,9 @@ double EstimateCost::measured_s(const EstimateSize& s) const {
   return tracking_.s_per_work * tracking_work(s) + modulus_s + publishing_s;
 }
 
-void EstimateCost::refused(Time now) {
+void EstimateCost::refused(const EstimateSize& s, double left_s, Time now) {
   const std::lock_guard lock(mutex_);
+  if (!(kLeastShareRefused * measured_s(s) <= left_s)) return;
   if (!refused_) refused_ = {now};
   refused_->lasted_s += std::min(seconds_between(refused_->last, now), kHalfLifeS);
   refused_->last = now;

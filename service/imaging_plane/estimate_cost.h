@@ -37,10 +37,9 @@ class EstimateCost {
   static constexpr double kLeastShareRefused = 0.1;  // the same, once estimates were refused for long
 
   double expected_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
-  // The least that is ever expected of it, as long as nothing is measured.
-  double least_s(const EstimateSize&) const;
-  // One was refused for what is expected of it, and would have been tried for least_s().
-  void refused(Time now = std::chrono::steady_clock::now());
+  // One was refused that had `left_s` seconds. What could not even by itself be done in the least that is
+  // ever expected says nothing of what is expected, and does not count.
+  void refused(const EstimateSize&, double left_s, Time now = std::chrono::steady_clock::now());
   // One was tried and was not done in its time: what was measured holds again.
   void late(Time now = std::chrono::steady_clock::now());
   // The parts that were done; 0: was not, though it was tried.

@@ -63,22 +63,17 @@ JobTerms ImagingPlane::terms(const EstimateRequest& request, const JobTerms& ask
   return terms;
 }
 
-// A wish that even the least that is ever expected would not meet says nothing of what is expected.
-void ImagingPlane::require_in_time(const EstimateRequest& request, JobTerms terms, Beside beside,
+void ImagingPlane::require_in_time(const EstimateRequest& request, const JobTerms& terms, double done_in_s,
                                    const char* words) {
-  const auto done_in_s = [&] {
-    return beside == Beside::kNobody ? terms.cost_s : workers().done_in_s(terms);
-  };
-  const auto in_time = [&] { return Clock::now() + seconds(done_in_s()) <= terms.deadline; };
-  if (in_time()) return;
-  const double could_be_done_in_s = done_in_s();
-  terms.cost_s = cost_.least_s(request.size());
-  if (in_time()) cost_.refused();
-  throw Error(ErrorKind::kDeadline, fmt::format(fmt::runtime(words), could_be_done_in_s));
+  const double left_s = Seconds(terms.deadline - Clock::now()).count();
+  if (done_in_s <= left_s) return;
+  cost_.refused(request.size(), left_s);
+  throw Error(ErrorKind::kDeadline, fmt::format(fmt::runtime(words), done_in_s));
 }
 
 void ImagingPlane::refuse_the_hopeless(const EstimateRequest& request, const JobTerms& asked) {
-  require_in_time(request, terms(request, asked), Beside::kNobody,
+  const JobTerms terms = this->terms(request, asked);
+  require_in_time(request, terms, terms.cost_s,
                   "acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
                   "allow more, or send a smaller frame or a smaller modulus_time_limit_s");
 }
@@ -86,7 +81,7 @@ void ImagingPlane::refuse_the_hopeless(const EstimateRequest& request, const Job
 JobTerms ImagingPlane::admit(const EstimateRequest& request, const JobTerms& asked) {
   JobTerms terms = this->terms(request, asked);
   require_in_time(
-      request, terms, Beside::kOthers,
+      request, terms, workers().done_in_s(terms),
       "not to be done in time beside what is being served; it could be done in {:.1f} s: allow so "
       "much (acquisition.finish_within_s, the call's deadline), or try again later");
   return terms;

@@ -64,9 +64,8 @@ class ImagingPlane {
  private:
   void open_again();
   JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
-  enum class Beside { kNobody, kOthers };
-  // Throws Error(kDeadline) with `words`, which show by when it could be done, unless that is in time.
-  void require_in_time(const EstimateRequest&, JobTerms, Beside, const char* words);
+  // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.
+  void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
   EstimateOutcome work(const ReceivedPair&, const std::function<void(Stage)>& ended);
   CurrentDevice& device_;
   Scenes& scenes_;

@@ -18,6 +18,7 @@ class Cost : public testing::Test {
     for (int k = 0; k < 40; ++k)
       cost.took(size, {share * kTracking, share * kModulus, share * kPublishing}, now);
   }
+  void refuse() { cost.refused(size, 2 * kAll, now); }
   static constexpr double kTracking = 0.05, kModulus = 0.02, kPublishing = 0.01, kAll = 0.08;
   EstimateSize size;
   EstimateCost cost;
@@ -39,11 +40,10 @@ TEST_F(Cost, IsLearntFromWhatItTook) {
 TEST_F(Cost, OfABusyMinuteIsNotBelievedForEver) {
   take(10);
   EXPECT_NEAR(cost.expected_s(size, now), 10 * kAll, 1e-2 * kAll);
-  for (int k = 0; k <= 5; ++k, now += minutes(1)) cost.refused(now);
+  for (int k = 0; k <= 5; ++k, now += minutes(1)) refuse();
   EXPECT_NEAR(cost.expected_s(size, now), 5 * kAll, 1e-2 * kAll);
-  for (int k = 0; k < 20; ++k, now += minutes(1)) cost.refused(now);
+  for (int k = 0; k < 20; ++k, now += minutes(1)) refuse();
   EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-2 * kAll);
-  EXPECT_NEAR(cost.least_s(size), kAll, 1e-2 * kAll);
   take(1);
   EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-2 * kAll);
 }
@@ -56,7 +56,7 @@ TEST_F(Cost, IsNotForgottenWhileNobodyAsks) {
   EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
   now += minutes(1000);
   EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
-  cost.refused(now);
+  refuse();
   EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
   take(1);
   now += minutes(10);
@@ -67,19 +67,28 @@ TEST_F(Cost, IsNotForgottenWhileNobodyAsks) {
 // itself.
 TEST_F(Cost, FallsBetweenRefusalsAlone) {
   take(1);
-  cost.refused(now);
+  refuse();
   now += minutes(30);
   EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
-  cost.refused(now);  // the second, after a pause that counts as one of 5 minutes
+  refuse();  // the second, after a pause that counts as one of 5 minutes
   EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
   now += minutes(30);
-  cost.refused(now);
+  refuse();
   EXPECT_NEAR(cost.expected_s(size, now), 0.25 * kAll, 1e-3 * kAll);
+}
+
+// GIVEN wishes that could not be met at any time, THEN to refuse them says nothing of those that could.
+TEST_F(Cost, DoesNotFallForWhatIsHopelessAnyway) {
+  take(1);
+  for (int k = 0; k < 30; ++k, now += minutes(1)) cost.refused(size, 0.09 * kAll, now);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.5 * kAll, 1e-3 * kAll);
+  for (int k = 0; k < 30; ++k, now += minutes(1)) cost.refused(size, 0.11 * kAll, now);
+  EXPECT_NEAR(cost.expected_s(size, now), 0.1 * kAll, 1e-3 * kAll);
 }
 
 TEST_F(Cost, IsBelievedAgainWhenWhatWasTriedIsLate) {
   take(1);
-  for (int k = 0; k < 30; ++k, now += minutes(1)) cost.refused(now);
+  for (int k = 0; k < 30; ++k, now += minutes(1)) refuse();
   EXPECT_NEAR(cost.expected_s(size, now), 0.1 * kAll, 1e-3 * kAll);
   cost.late(now);
   EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-3 * kAll);
