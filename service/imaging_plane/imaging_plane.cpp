@@ -87,29 +87,34 @@ JobTerms ImagingPlane::admit(const EstimateRequest& request, const JobTerms& ask
   return terms;
 }
 
-EstimateOutcome ImagingPlane::estimate(const ReceivedPair& pair,
-                                       const std::function<void(Stage)>& ended) try {
+EstimateOutcome ImagingPlane::estimate(const ReceivedPair& pair, const std::function<void(Stage)>& ended) {
   const double queued_s = Seconds(Clock::now() - pair.received).count(), waited_before_s = waited_s();
-  EstimateOutcome outcome = work(pair, ended);
-  outcome.queued_s = queued_s;
-  outcome.waited_s = waited_s() - waited_before_s;
-  outcome.received_to_published_s = Seconds(Clock::now() - pair.received).count();
-  return outcome;
-} catch (const Error& error) {
-  if (error.kind == ErrorKind::kDeadline) cost_.late();
-  throw;
-} catch (const DeviceMemoryError&) {  // says nothing of the device
-  throw;
-} catch (const DeviceError& error) {
-  recovery_.failed(error.what());
+  const auto frames = pair.frames();
   recovery_.require();
-  throw;
+  const std::shared_ptr<Device> device = device_;
+  try {
+    EstimateOutcome outcome = work(pair, frames, ended);
+    outcome.queued_s = queued_s;
+    outcome.waited_s = waited_s() - waited_before_s;
+    outcome.received_to_published_s = Seconds(Clock::now() - pair.received).count();
+    return outcome;
+  } catch (const Error& error) {
+    if (error.kind == ErrorKind::kDeadline) cost_.late();
+    throw;
+  } catch (const DeviceMemoryError&) {  // says nothing of the device
+    throw;
+  } catch (const DeviceError& error) {
+    device_.failed(device, error.what());
+    recovery_.require();
+    throw Error(ErrorKind::kUnavailable,
+                fmt::format("the device failed ({}) and is open anew; send the pair again", error.what()));
+  }
 }
 
-EstimateOutcome ImagingPlane::work(const ReceivedPair& pair, const std::function<void(Stage)>& ended) {
+EstimateOutcome ImagingPlane::work(const ReceivedPair& pair, const std::pair<RfFrame, RfFrame>& frames,
+                                   const std::function<void(Stage)>& ended) {
   const EstimateRequest& r = pair.request;
-  const auto [pre, post] = pair.frames();
-  recovery_.require();
+  const auto& [pre, post] = frames;
   EstimateOutcome outcome;
   // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
   const KnownModulus known = r.scene ? known_modulus(r.scene->snapshot()->map) : KnownModulus{};

@@ -66,7 +66,8 @@ class ImagingPlane {
   JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
   // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.
   void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
-  EstimateOutcome work(const ReceivedPair&, const std::function<void(Stage)>& ended);
+  EstimateOutcome work(const ReceivedPair&, const std::pair<RfFrame, RfFrame>& frames,
+                       const std::function<void(Stage)>& ended);
   CurrentDevice& device_;
   Scenes& scenes_;
   const std::shared_ptr<MemoryBudget> memory_;
