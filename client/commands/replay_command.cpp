@@ -40,7 +40,7 @@ void run(const ReplayOptions& options) {
     throw CommandError(
         std::to_string(report.not_alike) + " of " + std::to_string(report.compared) +
         (report.kind == "acquire" ? " maps" : " answers") +
-        " are of another status or size than recorded, or did not come: the scene is not as it "
+        " are of another status or size than recorded, no numbers, or did not come: the scene is not as it "
         "was");
 }
 

@@ -242,17 +242,19 @@ void Player::play_touch(const Call& call) {
 
 void Player::compare(const v1::TouchAnswer& answer, const v1::TouchAnswer& recorded) {
   ++report_.compared;
-  if (answer.status() != recorded.status() || answer.force_n_size() != recorded.force_n_size()) {
-    ++report_.not_alike;
-    return;
-  }
-  report_.forces += answer.force_n_size() > 0;
+  const int axes = std::min(answer.force_n_size(), recorded.force_n_size());
   double squared = 0, force = 0;
-  for (int axis = 0; axis < answer.force_n_size(); ++axis) {
+  for (int axis = 0; axis < axes; ++axis) {
     squared += std::pow(answer.force_n(axis) - recorded.force_n(axis), 2);
     force += std::pow(recorded.force_n(axis), 2);
   }
-  if (!(std::sqrt(squared) <= report_.largest_force_difference_n)) {
+  if (answer.status() != recorded.status() || answer.force_n_size() != recorded.force_n_size() ||
+      !std::isfinite(squared)) {
+    ++report_.not_alike;
+    return;
+  }
+  report_.forces += axes > 0;
+  if (std::sqrt(squared) > report_.largest_force_difference_n) {
     report_.largest_force_difference_n = std::sqrt(squared);
     report_.recorded_force_n = std::sqrt(force);
     report_.largest_at_x_m = recorded.position_m_size() > 0 ? recorded.position_m(0) : 0;

@@ -24,7 +24,7 @@ struct ReplayReport {
   std::uint64_t calls = 0;      // touch streams or Estimate calls played
   std::uint64_t requests = 0;   // poses or pairs
   std::uint64_t compared = 0;   // answers, or maps, that have a recorded partner
-  std::uint64_t not_alike = 0;  // other status, shape or none at all
+  std::uint64_t not_alike = 0;  // other status or shape, no number, or none at all
   std::uint64_t forces = 0;     // answers of which both have a force
   // Touch: |F - F_recorded|, its largest, with the recorded force there and where it was.
   double largest_force_difference_n = 0;

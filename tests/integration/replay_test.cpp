@@ -2,6 +2,8 @@
 // the same scene, and the same forces for the same poses.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <functional>
 #include <memory>
 
 #include "client/session/replay.h"
@@ -55,16 +57,14 @@ test::Outcome acquire(const std::string& address, const std::string& scene, cons
   return test::run(command, folder / "acquire.log", {}, 120);
 }
 
-// The same touch, as if nothing had been covered.
-void without_forces(const std::string& from, const std::string& to) {
+// The same touch with other answers.
+void with_answers(const std::string& from, const std::string& to,
+                  const std::function<void(v1::TouchAnswer&)>& change) {
   client::RecordReader reader(from);
   client::RecordWriter writer(to, reader.header());
   while (auto entry = reader.next()) {
-    if (entry->has_touch_response() && entry->touch_response().has_answer()) {
-      v1::TouchAnswer& answer = *entry->mutable_touch_response()->mutable_answer();
-      answer.set_status(v1::TOUCH_STATUS_NOT_COVERED);
-      answer.clear_force_n();
-    }
+    if (entry->has_touch_response() && entry->touch_response().has_answer())
+      change(*entry->mutable_touch_response()->mutable_answer());
     writer.append_waiting(std::move(*entry));
   }
   writer.close();
@@ -142,12 +142,25 @@ TEST(Replay, ATouchIsOnlyPlayedIntoASceneThatCanBeTouched) {
 
   // WHEN the tissue was not covered then and is now THEN no force is like another, and that is no success
   test::create_touched_scene(address, "a");
-  without_forces(folder / "touch.record", folder / "other.record");
-  const test::Outcome other = client({"replay", folder / "other.record", "--speed", "0"});
+  const auto play_with = [&](const std::function<void(v1::TouchAnswer&)>& change) {
+    with_answers(folder / "touch.record", folder / "other.record", change);
+    return client({"replay", folder / "other.record", "--speed", "0"});
+  };
+  const test::Outcome other = play_with([](v1::TouchAnswer& answer) {
+    answer.set_status(v1::TOUCH_STATUS_NOT_COVERED);
+    answer.clear_force_n();
+  });
   EXPECT_EQ(other.code, 1);
   EXPECT_NE(other.output.find("no force could be compared"), std::string::npos) << other.output;
   EXPECT_NE(other.output.find("of another status or size"), std::string::npos) << other.output;
   EXPECT_EQ(other.output.find("every force"), std::string::npos) << other.output;
+
+  // WHEN what was recorded is no number THEN it is not taken for the same
+  const test::Outcome no_number = play_with([](v1::TouchAnswer& answer) {
+    for (double& force_n : *answer.mutable_force_n()) force_n = std::nan("");
+  });
+  EXPECT_EQ(no_number.code, 1);
+  EXPECT_EQ(no_number.output.find("every force"), std::string::npos) << no_number.output;
 }
 
 }  // namespace
