@@ -196,8 +196,10 @@ void TouchLink::read(Stream& stream) {
   v1::TouchResponse response;
   while (stream.Read(&response)) {
     const std::int64_t now_ns = clock_.now_ns();
+    v1::RecordEntry entry;  // copied before the lock, which the writer of poses waits for
+    if (options_.recorder != nullptr) entry = recorded(response, now_ns, call_);
     std::lock_guard lock(mutex_);  // a recording has the link's own order of what was sent and heard
-    if (options_.recorder != nullptr) options_.recorder->append(recorded(response, now_ns, call_));
+    if (options_.recorder != nullptr) options_.recorder->append(std::move(entry));
     if (response.has_opened()) take_opened(response.opened());
     if (response.has_answer()) take_answer(response.answer(), now_ns);
   }
