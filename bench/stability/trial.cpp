@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "bench/stability/path.h"
 #include "bench/stability/rig.h"
@@ -116,6 +115,7 @@ TrialResult run_trial(const TrialOptions& options) {
   ForceErrors errors;
   Drawdown drawdown;
   TrialResult result;
+  const double lost_m = kLostM + options.stiffness_n_m * options.indentation_m / options.hand.stiffness_n_m;
   bool lost = false;
   for (std::size_t tick = 0; tick < ticks && !lost && !rest.settled(); ++tick, ++result.ticks) {
     const double time_s = kServoS * static_cast<double>(tick);
@@ -131,11 +131,10 @@ TrialResult run_trial(const TrialOptions& options) {
     result.stored_j = std::max(result.stored_j, plant.port_energy_j());
     drawdown.add(tissue, plant);
     if (time_s >= path.stopped_s()) rest.add(plant.position_m(), time_s - path.stopped_s());
-    lost = !((plant.position_m() - target.position_m).norm() <
-             kLostM + options.stiffness_n_m * options.indentation_m / options.hand.stiffness_n_m);
+    lost = !((plant.position_m() - target.position_m).norm() < lost_m);
   }
   result.verdict = lost ? Verdict::kUnstable : rest.verdict();
-  result.swing_m = lost ? std::numeric_limits<double>::infinity() : rest.swing_m();
+  result.swing_m = lost ? lost_m : rest.swing_m();
   finish(errors, drawdown, result);
   return result;
 }

@@ -40,7 +40,7 @@ struct TrialOptions {
 
 struct TrialResult {
   Verdict verdict = Verdict::kStable;
-  double swing_m = 0;      // peak to peak at the end of the rest
+  double swing_m = 0;      // peak to peak at the end of the rest, or how far off a hand was given up
   double generated_j = 0;  // most that the display, damping and friction included, has given in excess
   double stored_j = 0;     // most that it has held
   // Most that it has given since any moment, beyond what the true tissue gave back and its own damping and

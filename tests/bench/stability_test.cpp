@@ -117,6 +117,21 @@ TEST(RestWatch, NoNumberIsUnstable) {
   EXPECT_EQ(watched({}, std::nan(""), 0).verdict(), Verdict::kUnstable);
 }
 
+// JSON knows no infinity, and what is read back of it would be of another version.
+TEST(Trial, GivenAHandThatIsThrownOffThenItsSwingIsANumberAllTheSame) {
+  TrialOptions options;
+  options.renderer = "hold";
+  options.sweep_m = 0;
+  options.update_s = 0.1;
+  options.stiffness_n_m = 20000;
+  const TrialResult result = run_trial(options);
+  EXPECT_EQ(result.verdict, Verdict::kUnstable);
+  EXPECT_GE(result.swing_m, 0.05);
+  for (const double value : {result.swing_m, result.generated_j, result.stored_j, result.drawdown,
+                             result.force_error, result.exact_law_error, result.exact_tangent_error})
+    EXPECT_TRUE(std::isfinite(value));
+}
+
 TEST(Trial, GivenAHandThatConvergesSlowlyUnderFewAnswersThenThatIsStable) {
   TrialOptions options;
   options.device = client::device_profile("premium-1.5");
