@@ -2,6 +2,8 @@
 // promises of time, cancellation, uploads and readers that do not get on, drain.
 #include <algorithm>
 #include <cstdio>
+#include <functional>
+#include <future>
 #include <optional>
 #include <thread>
 #include <vector>
@@ -16,11 +18,14 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 // Work of a client that never ends, but looks up as all work does; it says how much it has left.
-FairWorkers::Running<void> endless(Server& server, const std::string& client, double cost_s = 0) {
+FairWorkers::Running<void> endless(
+    Server& server, const std::string& client, double cost_s = 0,
+    const std::function<void()>& begins = [] {}) {
   JobTerms terms;
   terms.client = client;
   terms.cost_s = cost_s;
-  return server.core().imaging.workers().run(terms, [] {
+  return server.core().imaging.workers().run(terms, [begins] {
+    begins();
     for (;;) {
       look();
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -105,7 +110,9 @@ TEST_F(Plane, WhatCannotBeDoneInTimeIsRefusedBeforeItsUpload) {
 }
 
 TEST_F(Plane, WhatCannotBeDoneInTimeBesideOthersIsRefusedAtOnceWithATime) {
-  const auto mine = endless(**server, "local", 1000);  // of the same client: it is finished first
+  std::promise<void> begun;  // by the same client: it is finished first
+  const auto mine = endless(**server, "local", 1000, [&] { begun.set_value(); });
+  begun.get_future().wait();
   v1::Acquisition a = acquisition();
   a.set_finish_within_s(100);
   const Outcome outcome = estimate(channel, a);
