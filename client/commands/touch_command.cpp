@@ -2,8 +2,10 @@
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <memory>
@@ -193,6 +195,23 @@ void refuse_what_the_device_ignores(const CLI::App& command, const std::string& 
   if (!played_recording(device).empty()) alone(kHandOptions, "moves as it was recorded");
 }
 
+[[noreturn]] void throw_not_writable(const std::string& json_path) {
+  throw CommandError("cannot write '" + json_path + "'; choose another file with --json");
+}
+
+// Before a session that would be lost. What is there stays as it is, and what is not there does not appear.
+void require_writable(const std::string& json_path) {
+  namespace fs = std::filesystem;
+  if (json_path.empty()) return;
+  std::error_code ignored;
+  const bool there = fs::exists(json_path, ignored);
+  const bool writable = there
+                            ? !fs::is_directory(json_path, ignored) && ::access(json_path.c_str(), W_OK) == 0
+                            : std::ofstream(json_path).is_open();
+  if (!there) fs::remove(json_path, ignored);
+  if (!writable) throw_not_writable(json_path);
+}
+
 void run(Arguments arguments, const CLI::App& command) {
   refuse_what_the_device_ignores(command, arguments.session.device);
   require_different_files({{"--device replay", played_recording(arguments.session.device)},
@@ -203,12 +222,7 @@ void run(Arguments arguments, const CLI::App& command) {
   auto logger = spdlog::get("touch");
   if (!logger) logger = spdlog::stderr_color_mt("touch");
   spdlog::set_default_logger(logger);
-  std::ofstream json_file;
-  if (!arguments.json_path.empty()) {
-    json_file.open(arguments.json_path);
-    if (!json_file)
-      throw CommandError("cannot write '" + arguments.json_path + "'; choose another file with --json");
-  }
+  require_writable(arguments.json_path);
   arguments.session.open = to_open(arguments);
   TouchSummary summary;
   Keyboard keyboard;
@@ -223,9 +237,9 @@ void run(Arguments arguments, const CLI::App& command) {
   }
   const nlohmann::json json = to_json(arguments, summary);
   print(json);
-  if (json_file.is_open() && !(json_file << json.dump(2) << '\n').flush()) {
-    throw CommandError("cannot write '" + arguments.json_path + "'; choose another file with --json");
-  }
+  if (!arguments.json_path.empty() && !(std::ofstream(arguments.json_path) << json.dump(2) << '\n'
+                                                                           << std::flush))
+    throw_not_writable(arguments.json_path);
 }
 
 void add_tip_options(CLI::App& command, Arguments& arguments) {

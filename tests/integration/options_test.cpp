@@ -63,10 +63,13 @@ TEST_F(Refusals, AFileThatExistsIsKeptUnlessForced) {
                    {option, "it exists", "--force"});
   expect_refused({"replay", folder / "other", "--service", nowhere, "--record", file},
                  {"--record", "it exists", "--force"});
+  expect_refused(with(touch, {"--json", file, "--force"}), {"no service at"});
+  expect_refused(with(touch, {"--json", folder / "new"}), {"no service at"});
+  expect_refused(with(touch, {"--json", folder / "absent/new"}), {"--json", "absent"});
   std::string text;
   std::ifstream(file) >> text;
-  EXPECT_EQ(text, "kept");
-  expect_refused(with(touch, {"--json", file, "--force"}), {"no service at"});
+  EXPECT_EQ(text, "kept") << "by sessions that did not begin";
+  EXPECT_FALSE(std::filesystem::exists(folder / "new"));
 }
 
 TEST_F(Refusals, WhatADeviceIgnoresIsNotTaken) {
