@@ -8,6 +8,21 @@ if(TARGET teletact-service)
   list(APPEND CPACK_COMPONENTS_ALL service)
   install(TARGETS teletact-service RUNTIME COMPONENT service)
   install(FILES service/teletact.service DESTINATION lib/systemd/system COMPONENT service)
+  if(TARGET service_main)
+    install(TARGETS service_main LIBRARY DESTINATION lib/teletact COMPONENT service)
+    set(CPACK_DEBIAN_SERVICE_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR}/service)
+  endif()
+  if(TELETACT_LEVELS AND TELETACT_LEVEL STREQUAL "x86-64-v2")
+    include(ExternalProject)
+    ExternalProject_Add(x86-64-v3 SOURCE_DIR ${PROJECT_SOURCE_DIR} BINARY_DIR ${PROJECT_BINARY_DIR}/x86-64-v3
+      CMAKE_ARGS -DCMAKE_BUILD_TYPE=${CMAKE_BUILD_TYPE} -DCMAKE_CXX_COMPILER=${CMAKE_CXX_COMPILER}
+                 -DTELETACT_NATIVE=OFF -DTELETACT_LEVEL=x86-64-v3 -DTELETACT_CLIENT=OFF -DBUILD_TESTING=OFF
+                 -DCMAKE_SHARED_LINKER_FLAGS=-s  # CPack strips targets alone
+      BUILD_COMMAND ${CMAKE_COMMAND} --build <BINARY_DIR> --target service_main
+      BUILD_ALWAYS ON USES_TERMINAL_BUILD ON INSTALL_COMMAND "")
+    install(FILES ${PROJECT_BINARY_DIR}/x86-64-v3/service/libteletact-service.so
+      DESTINATION lib/teletact/glibc-hwcaps/x86-64-v3 COMPONENT service)
+  endif()
 endif()
 if(TARGET teletact-client)
   list(APPEND CPACK_COMPONENTS_ALL client)

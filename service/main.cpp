@@ -234,7 +234,8 @@ void add_serve(CLI::App& app, ServeOptions& o) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+// Seen from outside of the library that it is in for packages (CMakeLists.txt).
+[[gnu::visibility("default")]] int main(int argc, char** argv) {
   CLI::App app("teletact-service: turns ultrasound into tissue that can be touched from afar",
                "teletact-service");
   app.set_version_flag("--version", "teletact-service " TELETACT_VERSION);
