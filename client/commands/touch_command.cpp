@@ -34,7 +34,7 @@ struct Arguments {
   std::string scene_id, session_id;
   double layer_depth_m = 0;
   double period_s = 0.002;
-  unsigned credit = 2;
+  unsigned credit = Pacing::kMost;
 };
 
 const std::map<std::string, v1::FingertipShape> kTips = {{"rounded", v1::FINGERTIP_SHAPE_ROUNDED_TIP},
@@ -314,7 +314,8 @@ void add_touch_command(CLI::App& app) {
                      "session that steers from when h is pressed here on; without it nobody");
   command.add_option("--period-s", arguments->period_s, "wish between answers")
       ->check(CLI::Range(0.001, 1.0));
-  command.add_option("--credit", arguments->credit, "answers in flight")->check(CLI::Range(1, 8));
+  command.add_option("--credit", arguments->credit, "most answers in flight; the link says how many are")
+      ->check(CLI::Range(1U, Pacing::kMost));
   command
       .add_option("--wait-s", session.wait_s, "wait so long for the service, the scene and its first window")
       ->check(zero_or_more());

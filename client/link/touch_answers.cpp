@@ -38,10 +38,10 @@ std::string TouchAnswers::take_opened(const v1::TouchOpened& opened) {
   const v1::Region& covered = opened.covered();
   for (const double end_m : {covered.begin_x_m(), covered.end_x_m(), covered.begin_z_m(), covered.end_z_m()})
     if (!(std::abs(end_m) <= kFarthestM)) return problem("covered", end_m, "it must be within 10 m");
-  constexpr std::uint32_t kMostCredit = 8;  // palpation.proto
-  if (opened.credit() < 1 || opened.credit() > kMostCredit)
-    return problem("credit", opened.credit(), "it must be 1 to 8");
+  if (opened.credit() < 1 || opened.credit() > Pacing::kMost)
+    return problem("credit", opened.credit(), "it must be 1 to 256");
   stats.period_s = opened.period_s();
+  pacing = Pacing(opened.period_s(), opened.credit());
   surface_ = *surface;
   stats.layer_depth_m = opened.layer().depth_m();
   ++stats.streams;
@@ -100,7 +100,9 @@ void TouchAnswers::take_stamps(const v1::TouchAnswer& answer, std::int64_t sent_
   stats.clock_offset_error_s = clock_offset_.error_s(received_ns);
   if (answer.model_stamp().instance() == service_instance_)
     converted.modulus_time_s = seconds(answer.model_stamp().monotonic_ns()) - converted.clock_offset_s;
-  stats.round_trips_s.add(seconds(received_ns - sent_ns - stayed_ns));
+  const double round_trip_s = seconds(received_ns - sent_ns - stayed_ns);
+  stats.round_trips_s.add(round_trip_s);
+  if (round_trip_s >= 0) pacing.answered(answer.sequence(), round_trip_s, received_ns);
 }
 
 // What is not trusted is said once a second at most; what is only remarkable (status OK) once.

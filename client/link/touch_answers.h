@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "client/link/pacing.h"
 #include "client/servo/clock_offset.h"
 #include "client/servo/histogram.h"
 #include "client/servo/servo_loop.h"
@@ -46,6 +47,7 @@ class TouchAnswers {
                                          std::int64_t received_ns);
 
   TouchLinkStats stats;
+  Pacing pacing;                             // of the current stream
   bool covered() const { return covered_; }  // the last answer's; true before there is any
   double round_trip_s() const { return clock_offset_.round_trip_s(); }
 

@@ -15,6 +15,7 @@ namespace teletact::client {
 namespace {
 
 constexpr double kConnectWaitS = 0.05;  // per look at the attempts, and whether to stop
+constexpr unsigned kOlderCredit = 8;    // at most, of services that refuse a wish instead of keeping less
 
 std::uint64_t random_number() {
   std::random_device random;
@@ -128,6 +129,11 @@ std::optional<double> TouchLink::retry_after_s(const grpc::Status& status) {
   const bool for_good = never && received_.stats.streams == 0;
   const bool refused = never || may_pass_later(status.error_code());
   const std::string reason = describe(status);
+  if (refused_for_good(status) && reason.find("open.credit") != std::string::npos &&
+      options_.open.credit() > kOlderCredit) {
+    options_.open.set_credit(kOlderCredit);
+    return 0;
+  }
   if (for_good) {
     failure_ = reason;
     changed_.notify_all();
@@ -213,7 +219,6 @@ void TouchLink::take_opened(const v1::TouchOpened& opened) {
   shared_.heard_ns = shared_.opened_ns = clock_.now_ns();
   shared_.problem = received_.take_opened(opened);
   shared_.opened = shared_.problem.empty();
-  credit_ = opened.credit();
   changed_.notify_all();
 }
 
@@ -233,12 +238,12 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
 
 // True when a pose may be sent now; false when the stream is over.
 bool TouchLink::wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns) {
-  const std::int64_t heartbeat_ns = next_ns + to_ns(kHeartbeatS);
   while (true) {
     if (stopping_ || shared_.ended) return false;
     const std::int64_t now_ns = clock_.now_ns();
-    const bool has_credit = sequence_ - shared_.answered_sequence < credit_;
-    const std::int64_t send_ns = has_credit ? next_ns : heartbeat_ns;
+    const bool has_room = sequence_ - shared_.answered_sequence < received_.pacing.in_flight();
+    const double heartbeat_s = std::max(kHeartbeatS, received_.round_trip_s());
+    const std::int64_t send_ns = next_ns + (has_room ? 0 : to_ns(heartbeat_s));
     if (!shared_.opened) {
       changed_.wait(lock);
     } else if (now_ns < send_ns) {
@@ -278,11 +283,12 @@ void TouchLink::write_poses(Stream& stream) {
       continue;
     }
     // Keeps the average rate when a wake-up is late, without bursts.
-    const std::int64_t period_ns = to_ns(std::max(received_.stats.period_s, 0.001));
-    next_ns = std::max(next_ns + period_ns, now_ns + period_ns / 2);
+    const std::int64_t interval_ns = to_ns(std::max(received_.pacing.interval_s(), 0.001));
+    next_ns = std::max(next_ns + interval_ns, now_ns + interval_ns / 2);
     sent_ns = now_ns;
     ++received_.stats.poses;
     sent_ns_[++sequence_ % sent_ns_.size()] = now_ns;
+    received_.pacing.sent(sequence_);
     if (!write(stream, to_request(pose, sequence_, shared_.acknowledged, instance_), now_ns, lock)) return;
   }
 }

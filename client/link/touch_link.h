@@ -1,13 +1,13 @@
 // The touch stream as the operator side keeps it: the newest pose out, the newest answer in, and the stream
 // opened again, with the same session, whenever it ends.
 //
-// A pose is sent when fewer than `credit` poses are unanswered, at most one per negotiated period, and always
-// the newest: nothing queues. Each pose acknowledges the last answer. When answers stay away, a heartbeat
-// pose goes out every kHeartbeatS, so that the service works on a fresh pose once it can, and no proxy
-// between takes the stream for idle. A stream counts as dead, and a new one is made, after `dead_s` (or ten
-// periods, or four round trips, when those are longer) in which the service said nothing, since half-open
-// connections say nothing, or did not take what was written. A stream that was refused for what it asks is
-// tried ever more seldom.
+// A pose is sent when fewer are unanswered than fill the link (pacing.h), at most one per negotiated period,
+// and always the newest: nothing queues. Each pose acknowledges the last answer. When answers stay away, a
+// heartbeat pose goes out after kHeartbeatS, or a round trip where that is longer, so that the service works
+// on a fresh pose once it can, and no proxy between takes the stream for idle. A stream counts as dead, and a
+// new one is made, after `dead_s` (or ten periods, or four round trips, when those are longer) in which the
+// service said nothing, since half-open connections say nothing, or did not take what was written. A stream
+// that was refused for what it asks is tried ever more seldom.
 //
 // Every answer also tells the round trip and the service's clock (servo/clock_offset.h).
 #pragma once
@@ -23,6 +23,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/link/pacing.h"
 #include "client/link/recording.h"
 #include "client/link/retry.h"
 #include "client/link/touch_answers.h"
@@ -108,11 +109,10 @@ class TouchLink {
   Backoff refused_{kRetryS, kMostRetryS};
   std::string hand_over_to_;  // empty: nobody
   bool stopping_ = false;
-  bool gave_up_ = false;                    // on the current stream, for its silence
-  std::array<std::int64_t, 64> sent_ns_{};  // of the last poses, by sequence modulo its size
-  std::uint64_t sequence_ = 0;              // never starts again, so that the servo can tell old from new
-  std::uint32_t call_ = 0;                  // stream attempts, for recordings
-  std::uint32_t credit_ = 1;
+  bool gave_up_ = false;                                   // on the current stream, for its silence
+  std::array<std::int64_t, 2 * Pacing::kMost> sent_ns_{};  // of the last poses, by sequence modulo its size
+  std::uint64_t sequence_ = 0;  // never starts again, so that the servo can tell old from new
+  std::uint32_t call_ = 0;      // stream attempts, for recordings
   std::thread thread_;
 };
 

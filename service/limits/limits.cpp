@@ -72,7 +72,7 @@ const std::vector<LimitRow>& limit_rows() {
        "modulus_time_limit_s"},
       {"most_modulus_time_s", &L::most_modulus_time_s, 60, "s", choices::kModulusTime, 3600,
        "modulus_time_limit_s"},
-      {"most_credit", &L::most_credit, 8, "1", 1, 64, "answers of touch that were not acknowledged"},
+      {"most_credit", &L::most_credit, 256, "1", 1, 256, "answers of touch that were not acknowledged"},
       {"most_touch_rate_hz", &L::most_touch_rate_hz, 1000, "Hz", 10, 1000, "answers of a touch stream"},
       {"most_touch_period_s", &L::most_touch_period_s, 1, "s", 0.1, 10, "longest period of answers"},
       {"most_finger_rate_hz", &L::most_finger_rate_hz, 100, "Hz", 2, 100,

@@ -15,10 +15,11 @@ namespace {
 constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes it
 
 std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
-  if (wished > limits.most_credit)
-    throw std::invalid_argument(fmt::format(
-        "open.credit: {} is more than {}; ask for fewer answers in flight", wished, limits.most_credit));
-  return std::max<std::uint64_t>(1, wished);
+  if (wished > TouchStream::kMostCredit)
+    throw std::invalid_argument(
+        fmt::format("open.credit: {} is more than {}; ask for fewer answers in flight", wished,
+                    TouchStream::kMostCredit));
+  return std::clamp<std::uint64_t>(wished, 1, limits.most_credit);
 }
 
 TouchStream::Clock::duration period_from(double wished_s, const Limits& limits) {

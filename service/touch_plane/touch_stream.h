@@ -40,6 +40,7 @@ class TouchStream {
   using Clock = std::chrono::steady_clock;
   static constexpr double kUsualPeriodS = 0.002;
   static constexpr std::size_t kMostSessionIdBytes = 64;
+  static constexpr std::uint64_t kMostCredit = 256;  // of a wish; kept is what the limits say
 
   struct Arrived {
     FingerPose pose;

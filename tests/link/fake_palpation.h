@@ -96,6 +96,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<double> compute_s{0};        // per answer
   std::atomic<double> way_s{0};            // of each answer, to the client
   std::atomic<unsigned> credit{2};
+  std::atomic<unsigned> refuses_credit_above{256};
   static constexpr std::chrono::seconds kModulusAge{7};
   std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
   std::atomic<double> layer_depth_m{0};                            // of TouchOpened
@@ -123,6 +124,8 @@ class FakePalpation final : public v1::Palpation::Service {
     v1::TouchRequest request;
     if (!stream->Read(&request) || !request.has_open()) return {grpc::StatusCode::INVALID_ARGUMENT, "open"};
     if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    if (request.open().credit() > refuses_credit_above)
+      return {grpc::StatusCode::INVALID_ARGUMENT, "open.credit: ask for fewer answers in flight"};
     begin_stream(request.open());
     v1::TouchResponse opened;
     opened.mutable_opened()->set_period_s(opened_period_s == 0 ? std::max(request.open().period_s(), 0.001)

@@ -66,6 +66,8 @@ TEST(TouchPeers, AStreamOpenedWithNoNumbersIsRefusedAndNamesTheField) {
   v1::TouchOpened opened;
   opened.set_period_s(0.002);
   EXPECT_NE(told.take_opened(opened).find("credit"), std::string::npos);
+  opened.set_credit(257);
+  EXPECT_NE(told.take_opened(opened).find("credit"), std::string::npos);
   opened.set_credit(2);
   opened.mutable_layer()->set_depth_m(INFINITY);
   EXPECT_NE(told.take_opened(opened).find("layer.depth_m"), std::string::npos);
@@ -81,6 +83,16 @@ TEST(TouchPeers, AStreamOpenedWithNoNumbersIsRefusedAndNamesTheField) {
   EXPECT_NE(told.take_opened(opened).find("covered"), std::string::npos);
   opened.mutable_covered()->clear_end_z_m();
   EXPECT_EQ(told.take_opened(opened), "");
+}
+
+TEST(TouchPeers, AServiceThatRefusesALargeCreditIsAskedForLess) {
+  FakePalpation service(test::socket_address("older"));
+  service.refuses_credit_above = 8;
+  service.serve();
+  Operator finger(test::socket_address("older"),
+                  [](TouchLinkOptions& options) { options.open.set_credit(Pacing::kMost); });
+  EXPECT_TRUE(service.wait_until(answers_at_least(10)));
+  EXPECT_EQ(finger.link->failure(), "");
 }
 
 TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {

@@ -216,7 +216,7 @@ TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
   refused(NOT_FOUND, "scene_id", [](auto& o) { o.set_scene_id("nowhere"); });
   // Longer than a status may be: what is shown of it is cut, so that the message arrives.
   refused(NOT_FOUND, "scene_id", [](auto& o) { o.set_scene_id(std::string(1 << 20, '\n')); });
-  refused(INVALID_ARGUMENT, "open.credit", [](auto& o) { o.set_credit(9); });
+  refused(INVALID_ARGUMENT, "open.credit", [](auto& o) { o.set_credit(257); });
   refused(INVALID_ARGUMENT, "open.credit", [](auto& o) { o.set_credit(1'000'000'000); });
   refused(INVALID_ARGUMENT, "open.period_s", [](auto& o) { o.set_period_s(-1); });
   refused(INVALID_ARGUMENT, "open.period_s", [](auto& o) { o.set_period_s(kNan); });

@@ -64,7 +64,8 @@ TEST_F(Stream, RefusesPosesOutOfOrderAndWishesThatCannotBeMet) {
   EXPECT_THROW(stream.bring(pose(2, 0)), std::invalid_argument);
   EXPECT_THROW(stream.bring(pose(3, 1)), std::invalid_argument) << "nothing was answered";
   const Limits limits;
-  EXPECT_THROW(TouchStream(scene, {"", limits.most_credit + 1, 0, {}}, no_device), std::invalid_argument);
+  EXPECT_THROW(TouchStream(scene, {"", TouchStream::kMostCredit + 1, 0, {}}, no_device),
+               std::invalid_argument);
   EXPECT_THROW(TouchStream(scene, {"", 0, 2 * limits.most_touch_period_s, {}}, no_device),
                std::invalid_argument);
   EXPECT_THROW(

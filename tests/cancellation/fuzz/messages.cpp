@@ -43,7 +43,7 @@ std::string odd_name(Random& random) {
 v1::TouchOpen touch_open(const std::string& scene, Random& random) {
   v1::TouchOpen open;
   open.set_scene_id(scene);
-  open.set_credit(static_cast<unsigned>(random.below(9)));
+  open.set_credit(static_cast<unsigned>(random.below(257)));
   if (random.chance(0.5)) open.set_period_s(random.within(0.0005, 0.01));
   if (random.chance(0.3)) open.mutable_layer()->set_depth_m(random.within(0, 0.015));
   if (random.chance(0.5)) open.set_path(static_cast<v1::SolvePath>(random.below(3)));
@@ -91,7 +91,7 @@ void spoil(v1::TouchOpen& open, Random& random) {
     case 0:
       return open.set_scene_id(odd_name(random));
     case 1:
-      return open.set_credit(random.chance(0.5) ? 9 : 0xffffffffU);
+      return open.set_credit(random.chance(0.5) ? 257 : 0xffffffffU);
     case 2:
       return open.set_period_s(odd_number(random));
     case 3:
@@ -231,7 +231,7 @@ void spoil(v1::CreateSceneRequest& request, Random& random) {
     case 7:
       return map.mutable_youngs_modulus_pa()->mutable_data()->resize(random.below(1000));
     case 8:
-      return map.mutable_youngs_modulus_pa()->set_dtype(static_cast<v1::DataType>(random.below(9)));
+      return map.mutable_youngs_modulus_pa()->set_dtype(static_cast<v1::DataType>(random.below(257)));
     default:
       map.mutable_x_m()->Resize(70'000, 0.01);
       return request.mutable_geometry()->mutable_supports()->set_z_min(random.chance(0.5));
