@@ -175,6 +175,7 @@ void TouchSession::look_ahead(const TouchPose& pose) {
   try {
     prepare(pose, choices::kWidestReach, choices::kAhead);
   } catch (const MemoryRefused&) {
+  } catch (const DeviceMemoryError&) {
   }
 }
 

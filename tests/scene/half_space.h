@@ -25,12 +25,16 @@ inline Vector3 on_tilted_surface(double x_m, double z_m, double indentation_m) {
   return {x_m, (indentation_m - n[0] * x_m - n[2] * z_m) / n[1], z_m};
 }
 
+struct HalfSpaceFaults {
+  double stated_error = 8 * std::numeric_limits<double>::epsilon();  // that its forces state, relative
+  void (*ahead)() = [] {};                                           // when the finger's way is made ready
+};
+
 class HalfSpace final : public TouchModel {
  public:
-  // `stated_error`: that its forces state, relative.
-  HalfSpace(double youngs_modulus_pa, double poisson_ratio, Region region, double stated_error)
+  HalfSpace(double youngs_modulus_pa, double poisson_ratio, Region region, const HalfSpaceFaults& faults)
       : modulus_pa_(youngs_modulus_pa / (1 - poisson_ratio * poisson_ratio)),
-        stated_error_(stated_error),
+        faults_(faults),
         region_(region) {}
   const char* name() const override { return "half-space"; }
   Region region() const override { return region_; }
@@ -38,14 +42,18 @@ class HalfSpace final : public TouchModel {
   TouchCost cost() const override { return {}; }
   std::shared_ptr<TouchedLayer> layer(const Layer& layer, const TouchWay&, const TouchWork&) const override {
     if (layer != tilted_surface()) throw std::out_of_range("a half-space has its surface alone");
-    return std::make_shared<Surface>(modulus_pa_, stated_error_);
+    return std::make_shared<Surface>(modulus_pa_, faults_);
   }
 
  private:
   class Surface final : public TouchedLayer {
    public:
-    Surface(double modulus_pa, double stated_error) : modulus_pa_(modulus_pa), stated_error_(stated_error) {}
+    Surface(double modulus_pa, const HalfSpaceFaults& faults) : modulus_pa_(modulus_pa), faults_(faults) {}
     SolvePath path() const override { return SolvePath::kCompliance; }
+    bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point) override {
+      if (around_m > 0) faults_.ahead();
+      return true;
+    }
     ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
       if (tip.shape != FingertipShape::kRoundedTip)
         throw std::invalid_argument("fingertip.shape: a half-space is touched by rounded tips alone");
@@ -53,7 +61,7 @@ class HalfSpace final : public TouchModel {
       const double d = indentation_m(surface, pose);
       ContactAnswer answer;
       answer.solve.reason = "closed form";
-      answer.solve.relative_error = stated_error_;
+      answer.solve.relative_error = faults_.stated_error;
       if (d <= 0) return answer;
       const double stiffness = modulus_pa_ * std::sqrt(tip.radius_m * d);  // half of dF/dd
       answer.state = ContactState::kContact;
@@ -67,32 +75,33 @@ class HalfSpace final : public TouchModel {
     }
 
    private:
-    const double modulus_pa_, stated_error_;
+    const double modulus_pa_;
+    const HalfSpaceFaults faults_;
   };
-  const double modulus_pa_, stated_error_;
+  const double modulus_pa_;
+  const HalfSpaceFaults faults_;
   const Region region_;
 };
 
 // Every window is a half-space of its mean modulus.
 class HalfSpaces final : public TouchModels {
  public:
-  explicit HalfSpaces(double stated_error = 8 * std::numeric_limits<double>::epsilon())
-      : stated_error_(stated_error) {}
+  explicit HalfSpaces(const HalfSpaceFaults& faults = {}) : faults_(faults) {}
   std::vector<Layer> layers(const SceneGeometry&) const override { return {tilted_surface()}; }
   double context_m() const override { return 0; }
   std::shared_ptr<const TouchModel> of_window(const WantedModel& w) const override {
     const double modulus_pa =
         w.map.mean_modulus_pa(w.region.begin_x_m, w.region.end_x_m, 0, w.geometry.depth_m);
-    return std::make_shared<const HalfSpace>(modulus_pa, w.geometry.poisson_ratio, w.region, stated_error_);
+    return std::make_shared<const HalfSpace>(modulus_pa, w.geometry.poisson_ratio, w.region, faults_);
   }
   std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry& geometry, const ExplicitModulus& e,
                                                const MemoryAccount&) const override {
     return std::make_shared<const HalfSpace>(e.youngs_modulus_pa.front(), geometry.poisson_ratio,
-                                             Region{0, geometry.width_m}, stated_error_);
+                                             Region{0, geometry.width_m}, faults_);
   }
 
  private:
-  const double stated_error_;
+  const HalfSpaceFaults faults_;
 };
 
 }  // namespace teletact::service

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "service/device/device.h"
 #include "service/plan/choices.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
@@ -66,6 +67,16 @@ TEST_F(OnAHalfSpace, TheLightTouchThatWaitsIsBelowAlongTheNormal) {
     EXPECT_NEAR(answer.foreseen->contact.force_n[k], there.contact.force_n[k], 1e-9);
 }
 
+TEST_F(OnAHalfSpace, AnAnswerStandsThoughThereIsNoRoomForWhatMayBeTouchedNext) {
+  const Vector3 at = on_tilted_surface(0.05, 0, 0.002);
+  for (const auto full :
+       {+[] { throw MemoryRefused("the budget"); }, +[] { throw DeviceMemoryError("the device"); }})
+    EXPECT_EQ(TouchSession(scene_of(HalfSpaces({.ahead = full})), {}, nullptr).solve(at).status,
+              TouchStatus::kOk);
+  const auto failed = [] { throw DeviceError("it is gone"); };
+  EXPECT_TRUE(TouchSession(scene_of(HalfSpaces({.ahead = failed})), {}, nullptr).solve(at).device_failed);
+}
+
 TEST_F(OnAHalfSpace, WhatItCannotDoIsAFailedAnswer) {
   TouchOptions punch;
   punch.fingertip.shape = FingertipShape::kFlatPunch;
@@ -77,8 +88,8 @@ TEST_F(OnAHalfSpace, WhatItCannotDoIsAFailedAnswer) {
 
 TEST_F(OnAHalfSpace, AForceThatItsModelHardlyKnowsIsDegradedAndSaysWhy) {
   const Vector3 at = on_tilted_surface(0.05, 0, 0.001);
-  EXPECT_EQ(TouchSession(scene_of(HalfSpaces(1e-3)), {}, nullptr).solve(at).status, TouchStatus::kOk);
-  const TouchAnswer answer = TouchSession(scene_of(HalfSpaces(0.01)), {}, nullptr).solve(at);
+  EXPECT_EQ(TouchSession(scene_of(HalfSpaces({1e-3})), {}, nullptr).solve(at).status, TouchStatus::kOk);
+  const TouchAnswer answer = TouchSession(scene_of(HalfSpaces({0.01})), {}, nullptr).solve(at);
   EXPECT_EQ(answer.status, TouchStatus::kDegraded);
   EXPECT_NE(answer.warning.find("up to 0.01"), std::string::npos) << answer.warning;
   EXPECT_EQ(answer.warning.find("stopped"), std::string::npos) << answer.warning;
