@@ -103,6 +103,7 @@ nlohmann::json to_json(const Arguments& arguments, const TouchSummary& summary) 
         {"period_s", quantiles(ticks.period_s())},
         {"slack_s_min", ticks.slack_s().percentile(0)},
         {"scheduling", summary.real_time.text}}},
+      {"by_law_share", ticks.by_law_share()},
       {"stalls", {{"count", ticks.stalls().count()}, {"s", ticks.stalls().seconds()}}},
       {"largest_force_n", ticks.largest_force_n()},
       {"degraded", spells(ticks.degraded())},
@@ -129,6 +130,8 @@ nlohmann::json to_json(const Arguments& arguments, const TouchSummary& summary) 
         {"clock_offset_error_s", link.clock_offset_error_s},
         {"layer_depth_m", link.layer_depth_m},
         {"largest_strain", link.largest_strain},
+        {"law_pieces", link.law_pieces},
+        {"laws_dropped", link.laws_dropped},
         {"last_version", link.last_version}}},
       {"telemetry_dropped", summary.telemetry_dropped},
       {"record_dropped", summary.record_dropped},
@@ -157,6 +160,8 @@ void print(const nlohmann::json& json) {
   const auto count = [&link](const char* name) { return link[name].get<unsigned long>(); };
   std::printf("  layer     %.4f m deep; largest strain under the finger %.2f\n",
               link["layer_depth_m"].get<double>(), link["largest_strain"].get<double>());
+  std::printf("  law       felt in %.1f %% of the contact; %lu pieces, %lu malformed\n",
+              100 * json["by_law_share"].get<double>(), count("law_pieces"), count("laws_dropped"));
   std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
               json["stalls"]["s"].get<double>());
   const auto spell = [&json](const char* name) {
@@ -298,7 +303,10 @@ void add_touch_command(CLI::App& app) {
                      "replay:RECORDING");
   command.add_option("--profile", session.profile,
                      "of a simulated or replayed device: premium-1.5, premium-3.0, omni or touch");
-  command.add_option("--renderer", session.renderer, "kalman, kalman-force, interpolate or hold")
+  command
+      .add_option("--renderer", session.renderer,
+                  "law (the tissue's contact law, felt without the link's delay), kalman, kalman-force, "
+                  "interpolate or hold")
       ->check(CLI::IsMember(renderer_names()));
   command.add_option("--record", session.record_path,
                      "keep poses, answers and every servo tick in this file; without it nothing is kept");

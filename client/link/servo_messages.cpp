@@ -69,6 +69,7 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, const 
   out.region = *region;
   ForceSample& sample = out.sample;
   sample.sequence = answer.sequence();
+  sample.model_version = answer.model_version();
   sample.pose_time_s = seconds(answer.pose_stamp().monotonic_ns());
   sample.surface = surface;
   sample.position_m = *position_m;
@@ -126,6 +127,7 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_degraded(tick.degraded);
   sample.set_indebted(tick.energy_generated);
   sample.set_service_degraded(tick.service_degraded);
+  sample.set_by_law(tick.by_law);
   sample.set_faded(tick.faded);
   sample.set_stiffness_n_m(tick.stiffness_n_m);
   sample.set_stiffness_variance(tick.stiffness_variance);

@@ -24,6 +24,8 @@ struct TouchLinkStats {
   std::uint64_t degraded = 0;      // status DEGRADED
   double largest_strain = 0;       // under the finger
   std::uint64_t dropped = 0;       // malformed or foreign answers
+  std::uint64_t law_pieces = 0;    // of contact laws
+  std::uint64_t laws_dropped = 0;  // malformed ones
   std::uint64_t streams = 0;       // opened, the first included
   std::uint64_t instances = 0;     // service processes seen
   std::uint64_t last_version = 0;  // model version of the last answer

@@ -45,6 +45,7 @@ TouchLink::TouchLink(TouchLinkOptions options, LatestSlot<ServoPose>& poses, Lat
       answers_(answers),
       clock_(clock),
       instance_(random_number()) {
+  options_.open.set_laws(options_.laws != nullptr);
   if (options_.open.session_id().empty()) {
     options_.open.set_session_id("touch-" + std::to_string(instance_ % 1'000'000'000));
   }
@@ -208,6 +209,7 @@ void TouchLink::read(Stream& stream) {
     if (options_.recorder != nullptr) options_.recorder->append(std::move(entry));
     if (response.has_opened()) take_opened(response.opened());
     if (response.has_answer()) take_answer(response.answer(), now_ns);
+    if (response.has_law()) take_law(response.law());
   }
   std::lock_guard lock(mutex_);
   shared_.ended = true;
@@ -219,6 +221,8 @@ void TouchLink::take_opened(const v1::TouchOpened& opened) {
   shared_.heard_ns = shared_.opened_ns = clock_.now_ns();
   shared_.problem = received_.take_opened(opened);
   shared_.opened = shared_.problem.empty();
+  law_.open(opened.layer().depth_m());
+  tell_law(finger_x_m_);
   changed_.notify_all();
 }
 
@@ -234,6 +238,21 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
     answers_.put(*converted);
   }
   changed_.notify_all();
+}
+
+void TouchLink::take_law(const v1::LawPiece& piece) {
+  if (!shared_.opened || options_.laws == nullptr) return;
+  shared_.heard_ns = clock_.now_ns();
+  if (law_.take(piece, finger_x_m_))
+    ++received_.stats.law_pieces;
+  else if (++received_.stats.laws_dropped == 1)
+    spdlog::warn("a piece of a contact law was malformed: forces come from answers alone");
+  tell_law(finger_x_m_);
+}
+
+void TouchLink::tell_law(double x_m) {
+  if (options_.laws == nullptr) return;
+  if (const auto law = law_.fresh(x_m)) options_.laws->put(*law);
 }
 
 // True when a pose may be sent now; false when the stream is over.
@@ -283,13 +302,19 @@ void TouchLink::write_poses(Stream& stream) {
       continue;
     }
     // Keeps the average rate when a wake-up is late, without bursts.
-    const std::int64_t interval_ns = to_ns(std::max(received_.pacing.interval_s(), 0.001));
+    finger_x_m_ = pose.pose.position_m.x();
+    tell_law(finger_x_m_);
+    const bool by_law = law_.covers(finger_x_m_, received_.stats.last_version);
+    const std::int64_t interval_ns =
+        to_ns(std::max({received_.pacing.interval_s(), 0.001, by_law ? kLawPeriodS : 0.0}));
     next_ns = std::max(next_ns + interval_ns, now_ns + interval_ns / 2);
     sent_ns = now_ns;
     ++received_.stats.poses;
     sent_ns_[++sequence_ % sent_ns_.size()] = now_ns;
     received_.pacing.sent(sequence_);
-    if (!write(stream, to_request(pose, sequence_, shared_.acknowledged, instance_), now_ns, lock)) return;
+    v1::TouchRequest request = to_request(pose, sequence_, shared_.acknowledged, instance_);
+    request.mutable_pose()->set_laws_acknowledged(law_.pieces());
+    if (!write(stream, request, now_ns, lock)) return;
   }
 }
 

@@ -23,6 +23,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/link/law_book.h"
 #include "client/link/pacing.h"
 #include "client/link/recording.h"
 #include "client/link/retry.h"
@@ -39,13 +40,15 @@ struct TouchLinkOptions {
   double dead_s = 0.6;       // the force is long zero then: nothing is lost by opening a new stream
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first
   RecordWriter* recorder = nullptr;
+  LatestSlot<NearLaw>* laws = nullptr;  // where the law around the finger goes; null: none is asked for
 };
 
 class TouchLink {
  public:
   static constexpr double kHeartbeatS = 0.1;
-  static constexpr double kRetryS = 0.1;      // from a stream's end to the next
-  static constexpr double kMostRetryS = 5.0;  // when it is refused again and again
+  static constexpr double kLawPeriodS = 0.05;  // between poses where a law is rendered: answers only check it
+  static constexpr double kRetryS = 0.1;       // from a stream's end to the next
+  static constexpr double kMostRetryS = 5.0;   // when it is refused again and again
 
   // Poses come from `poses`, answers go to `answers`; this link is the one reader and the one writer.
   TouchLink(TouchLinkOptions options, LatestSlot<ServoPose>& poses, LatestSlot<ServoAnswer>& answers,
@@ -91,6 +94,8 @@ class TouchLink {
   bool wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns);
   void take_opened(const v1::TouchOpened& opened);
   void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
+  void take_law(const v1::LawPiece& piece);
+  void tell_law(double x_m);
   std::optional<double> retry_after_s(const grpc::Status& status);
   void pause(double wait_s);
 
@@ -104,6 +109,8 @@ class TouchLink {
   std::condition_variable changed_;
   Shared shared_;
   TouchAnswers received_;
+  LawBook law_;
+  double finger_x_m_ = 0;  // of the newest pose sent
   std::string failure_;
   std::string last_reason_;  // why the last stream ended: said once, not with every try
   Backoff refused_{kRetryS, kMostRetryS};

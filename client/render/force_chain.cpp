@@ -116,7 +116,7 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
     indentation_m = depth_m;
     if (input.on) observe(input);
   }
-  output.silence_gain = silence_gain(input.silence_s, silence_limits(input.period_s));
+  output.silence_gain = silence_gain(input.silence_s, silence_limits(input.period_s, input.rendered.by_law));
   judge(input, dt_s, output);
   Vector3 wanted_n = Vector3::Zero();
   if (!output.not_finite) wanted_n = wanted(input, indentation_m, dt_s, output);

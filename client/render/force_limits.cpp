@@ -15,12 +15,13 @@ double falling(double value, double full, double none) noexcept {
 
 }  // namespace
 
-SilenceLimits silence_limits(double negotiated_period_s) noexcept {
+SilenceLimits silence_limits(double negotiated_period_s, bool by_law) noexcept {
   constexpr double kShortestFadeS = 0.05;
   constexpr double kLongestZeroS = 0.5;
   // Silence is counted from an answer that left a little before the link broke, and the force is written on
   // the tick after: zero comes this much before the limit, so that it holds however it is counted.
   constexpr double kMarginS = 0.008;
+  if (by_law) return {.fade_s = 0.34, .zero_s = kLongestZeroS - kMarginS};
   SilenceLimits limits;
   const double period_s = std::isfinite(negotiated_period_s) ? negotiated_period_s : 0;
   limits.fade_s = std::clamp(2 * period_s, kShortestFadeS, kLongestZeroS / 2);

@@ -24,7 +24,8 @@ struct SilenceLimits {
   double fade_s = 0.05;
   double zero_s = 0.142;
 };
-SilenceLimits silence_limits(double negotiated_period_s) noexcept;
+// A contact law stays true without answers: past 0.34 s, whatever the period.
+SilenceLimits silence_limits(double negotiated_period_s, bool by_law = false) noexcept;
 
 // 1 while fresh, falling linearly to 0 from fade_s to zero_s; 0 for NaN.
 double silence_gain(double silence_s, const SilenceLimits&) noexcept;

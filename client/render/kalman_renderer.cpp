@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace teletact::client {
 namespace {
@@ -161,10 +162,7 @@ double KalmanRenderer::variance_at(const Place& place, double time_s) const noex
 
 Vector3 KalmanRenderer::felt_at(const Place& place) const noexcept {
   if (place.indentation_m <= 0) return Vector3::Zero();
-  Vector3 k = offset_n_m_;
-  if (known_) k += (1 - withheld_) * stiffness_at(place);
-  k.y() = std::max(k.y(), 0.0);
-  return k;
+  return blend_.felt(known_ ? stiffness_at(place) : Vector3(Vector3::Zero()));
 }
 
 // Of the field that is felt, straight up to the surface: Int k d dd, by Gauss' rule of three points (exact
@@ -179,39 +177,11 @@ double KalmanRenderer::stored_at(const Place& place) const noexcept {
   return half_m / 9 * (5 * resistance_n(-kOutermost) + 8 * resistance_n(0) + 5 * resistance_n(kOutermost));
 }
 
-// What is felt at the tool stays what it was: of a harder model the surplus is withheld, the rest is an
-// offset.
+// What is felt at the tool stays what it was.
 void KalmanRenderer::blend_from(const Vector3& before_n_m, const Vector3& position_m) noexcept {
-  withheld_ = 0;
-  offset_n_m_.setZero();
   const Place place = place_of(position_m);
-  if (place.indentation_m <= 0) return;
-  Vector3 after_n_m = Vector3::Zero();
-  if (known_) after_n_m = stiffness_at(place);
-  if (after_n_m.y() > before_n_m.y()) withheld_ = 1 - before_n_m.y() / after_n_m.y();
-  offset_n_m_ = before_n_m - (1 - withheld_) * after_n_m;
-}
-
-// Some servo periods further towards the model: no faster than `largest_jump`, and no more of what is
-// withheld than is paid for.
-void KalmanRenderer::settle(const Vector3& model_n_m, double indentation_m, double ticks) noexcept {
-  const double half_square = indentation_m * indentation_m / 2;  // 1/2 d^2: energy per stiffness
-  const double felt_n_m = (offset_n_m_ + (1 - withheld_) * model_n_m).norm();
-  double step_n_m = std::max(std::expm1(ticks * std::log1p(options_.largest_jump)) * felt_n_m,
-                             ticks * options_.unfelt_jump_n / indentation_m);
-  const double missing_n_m = withheld_ * std::max(model_n_m.y(), 0.0);
-  if (missing_n_m > 0) {
-    const double given_n_m = std::min({missing_n_m, step_n_m, reserve_j_ / half_square});
-    withheld_ -= withheld_ * given_n_m / missing_n_m;
-    reserve_j_ -= half_square * given_n_m;
-    step_n_m -= given_n_m;
-  }
-  const double offset_n_m = offset_n_m_.norm();
-  if (offset_n_m > 0) {
-    const Vector3 less_n_m = std::min(1.0, step_n_m / offset_n_m) * offset_n_m_;
-    offset_n_m_ -= less_n_m;
-    reserve_j_ += half_square * std::max(less_n_m.y(), 0.0);
-  }
+  if (place.indentation_m <= 0) return blend_.change(Vector3::Zero(), Vector3::Zero());
+  blend_.change(before_n_m, known_ ? stiffness_at(place) : Vector3(Vector3::Zero()));
 }
 
 Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
@@ -221,18 +191,13 @@ Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double diss
   const double indentation_m = place.indentation_m;
   rendered.variance = variance_at(place, time_s);
   rendered.lateral_variance.setConstant(rendered.variance);
-  constexpr double kMostTicks = 1000;  // all is blended in by then
-  const double ticks = std::clamp((time_s - rendered_s_) / options_.servo_period_s, 0.0, kMostTicks);
-  rendered_s_ = time_s;
+  const double elapsed_s = time_s - std::exchange(rendered_s_, time_s);
   if (indentation_m <= 0) {
-    withheld_ = reserve_j_ = 0;
-    offset_n_m_.setZero();
+    blend_.clear();
     return rendered;
   }
-  reserve_j_ = std::isfinite(dissipated_j) ? std::min(reserve_j_ + dissipated_j, options_.largest_reserve_j)
-                                           : dissipated_j;
   const Vector3 model_n_m = known_ ? stiffness_at(place) : Vector3(Vector3::Zero());
-  settle(model_n_m, indentation_m, ticks);
+  blend_.settle(model_n_m, indentation_m, elapsed_s, dissipated_j);
   const Vector3 k = felt_at(place);
   rendered.stiffness_n_m = k.y();
   rendered.lateral_stiffness_n_m = lateral(k);
@@ -241,7 +206,7 @@ Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double diss
   rendered.lateral_variance += lateral(missing);
   rendered.force_n = frame_.to_scene(-indentation_m * k);
   rendered.stored_j = stored_at(place);
-  rendered.withheld = withheld_;
+  rendered.withheld = blend_.withheld();
   return rendered;
 }
 

@@ -18,11 +18,7 @@
 // Between poses k moves by the gradient (the anchor moves with the finger), and all states walk with Q dt.
 // With `use_tangent` off the gradients are held at zero and this is the paper's one-state filter [k].
 //
-// Model updates are continuous (T5.4): the rendered stiffness goes from the old model's to the new one's so
-// slowly that no servo period passes more than `largest_jump` of the force. A softer model gives up stored
-// energy as it is blended in. A harder one would put energy under the pressed finger that nobody has put in:
-// its surplus, 1/2 dk d^2, is withheld until display and softer updates have dissipated as much since the
-// finger came into contact. Both end at the surface: a finger that comes anew feels the model as it is.
+// Model updates are continuous (T5.4) and paid for: paid_blend.h.
 //
 // The variance that is reported is the covariance carried on from the newest answer to the tool, h P h^T + Q
 // t (t: tissue_walk.h), the same for all channels, and the square of what is not yet blended in.
@@ -30,6 +26,7 @@
 
 #include <Eigen/Core>
 
+#include "client/render/paid_blend.h"
 #include "client/render/renderer.h"
 #include "client/render/tissue_walk.h"
 
@@ -56,16 +53,12 @@ struct KalmanOptions {
   double reach_m = 0.004;
   double correlation_m = kCorrelationM;
   double largest_growth = 3;
-  // Model updates.
-  double servo_period_s = 0.001;
-  double largest_jump = 0.06;       // of the force, per servo period: 7 % (T5.4) less what the finger moves
-  double unfelt_jump_n = 0.005;     // so that a first contact does not take for ever
-  double largest_reserve_j = 0.02;  // dissipation is not saved up beyond this
+  PaidBlendOptions blend = {};  // of model updates
 };
 
 class KalmanRenderer final : public Renderer {
  public:
-  explicit KalmanRenderer(const KalmanOptions& options = {}) : options_(options) {}
+  explicit KalmanRenderer(const KalmanOptions& options = {}) : options_(options), blend_(options.blend) {}
   void reset() noexcept override;
   bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   using Renderer::render;
@@ -97,7 +90,6 @@ class KalmanRenderer final : public Renderer {
   Vector3 felt_at(const Place&) const noexcept;
   double stored_at(const Place&) const noexcept;
   void blend_from(const Vector3& before_n_m, const Vector3& position_m) noexcept;
-  void settle(const Vector3& model_n_m, double indentation_m, double ticks) noexcept;
 
   KalmanOptions options_;
   State state_ = State::Zero();
@@ -109,10 +101,7 @@ class KalmanRenderer final : public Renderer {
   TouchedSurface surface_;
   ContactFrame frame_;
   double gain_ = 0;
-  // Felt: (1 - withheld) x model + offset.
-  double withheld_ = 0;
-  Vector3 offset_n_m_ = Vector3::Zero();
-  double reserve_j_ = 0;  // dissipated in this contact, and not yet used up
+  PaidBlend blend_;
   double rendered_s_ = 0;
   int consecutive_outliers_ = 0;
   std::uint64_t outliers_ = 0;

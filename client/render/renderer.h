@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "client/render/contact_frame.h"
+#include "client/render/near_law.h"
 
 namespace teletact::client {
 
@@ -19,6 +20,7 @@ struct ToolPose {
 // One answer of the service: a force and the pose that it was computed for (T5.4: kept paired).
 struct ForceSample {
   std::uint64_t sequence = 0;             // of that pose
+  std::uint64_t model_version = 0;        // that it was computed with
   double pose_time_s = 0;                 // when that pose was sampled, servo clock
   Vector3 position_m = Vector3::Zero();   // that pose
   Vector3 force_n = Vector3::Zero();      // on the finger: against the normal for a push
@@ -46,6 +48,7 @@ struct Rendered {
   double stored_j = 0;
   double gain = 0;      // of the last update: how much of the innovation was believed, 0 .. 1
   double withheld = 0;  // share of the model's stiffness that waits to be paid for, 0 .. 1
+  bool by_law = false;  // a contact law is felt, or would be were the finger in contact
 };
 
 class Renderer {
@@ -55,6 +58,8 @@ class Renderer {
   // A new answer, `pose` and `time_s` being those of this tick. Samples and pose must be finite, samples in
   // order. False: not believed; what is rendered is as old as before.
   virtual bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept = 0;
+  // A newer part of the contact law around the finger; who renders none ignores it.
+  virtual void take_law(const NearLaw&) noexcept {}
   // The force at `pose` now. `dissipated_j`: by the display since the last call; what a harder model puts
   // under a pressed finger is paid from it.
   virtual Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept = 0;

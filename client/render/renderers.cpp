@@ -5,18 +5,25 @@
 #include "client/render/hold_renderer.h"
 #include "client/render/interpolating_renderer.h"
 #include "client/render/kalman_renderer.h"
+#include "client/render/law_renderer.h"
 
 namespace teletact::client {
 
 const std::vector<std::string>& renderer_names() {
-  static const std::vector<std::string> names{"kalman", "kalman-force", "interpolate", "hold"};
+  static const std::vector<std::string> names{"law", "kalman", "kalman-force", "interpolate", "hold"};
   return names;
 }
 
-std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_period_s) {
+std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_period_s,
+                                        const ForceLimits& limits) {
   KalmanOptions options;
-  options.servo_period_s = servo_period_s;
+  options.blend.servo_period_s = servo_period_s;
   options.use_tangent = name != "kalman-force";
+  if (name == "law")
+    return std::make_unique<LawRenderer>(
+        LawRendererOptions{.kalman = options,
+                           .largest_force_n = limits.largest_force_n,
+                           .largest_stiffness_n_m = limits.largest_stiffness_n_m});
   if (name == "kalman" || name == "kalman-force") return std::make_unique<KalmanRenderer>(options);
   if (name == "interpolate") return std::make_unique<InterpolatingRenderer>();
   if (name == "hold") return std::make_unique<HoldRenderer>();

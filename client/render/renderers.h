@@ -5,14 +5,18 @@
 #include <string>
 #include <vector>
 
+#include "client/render/force_limits.h"
 #include "client/render/renderer.h"
 
 namespace teletact::client {
 
-// kalman (force and tangent), kalman-force (the source paper's), interpolate, hold.
+// law (the tissue's contact law, kalman where there is none), kalman (force and tangent), kalman-force (the
+// source paper's), interpolate, hold.
 const std::vector<std::string>& renderer_names();
 
 // Throws std::invalid_argument listing the known names.
-std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_period_s);
+// `limits`: of the display.
+std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_period_s,
+                                        const ForceLimits& limits = {});
 
 }  // namespace teletact::client

@@ -39,8 +39,10 @@ void ServoLoop::tick(std::int64_t due_ns) noexcept {
   bool device_ok = read_device(now_ns);
   poses_.put({reading_.pose, now_ns});
   take_answer(now_ns);
+  if (laws_.take(law_)) renderer_.take_law(law_);
   // render
   const Rendered rendered = renderer_.render(reading_.pose, seconds(now_ns), chain_.dissipated_j());
+  by_law_ = rendered.by_law;
   // limit, and check finite
   const ForceChainOutput limited = chain_.apply(chain_input(rendered, now_ns));
   // write
@@ -106,7 +108,8 @@ ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t no
   input.on = states_.state() == ServoState::kEnabled;
   input.enabled_s = seconds(now_ns - states_.since_ns());
   input.silence_s = silence_s_;
-  input.model_age_s = model_age_s_;
+  // A law is as old as what says that it still holds: the newest answer.
+  input.model_age_s = by_law_ ? silence_s_ : model_age_s_;
   input.period_s = answer_.period_s;
   input.dt_s = last_ns_ == 0 ? options_.period_s : seconds(now_ns - last_ns_);
   return input;
@@ -117,7 +120,7 @@ StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device
   inputs.device_ok = device_ok;
   inputs.finite = finite_reading_ && !limited.not_finite;
   inputs.too_fast = limited.too_fast;
-  inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
+  inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s, by_law_).fade_s;
   inputs.silence_is_zero = limited.silence_gain <= 0;
   inputs.out_of_contact = answer_.sample.surface.depth_m(reading_.pose.position_m) < -options_.clearance_m;
   inputs.resume = resume_.exchange(false) || resume_pressed_;
@@ -157,6 +160,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.degraded = limited.degraded;
   tick.energy_generated = limited.energy_generated;
   tick.service_degraded = force_degraded_;
+  tick.by_law = by_law_;
   tick.faded = limited.silence_gain < 1;
   ticks_.fetch_add(1, std::memory_order_relaxed);
   if (tick.lateness_s > options_.overrun_s) overruns_.fetch_add(1, std::memory_order_relaxed);
@@ -166,7 +170,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
 void ServoLoop::show() noexcept {
   OperatorView view;
   view.force_on = states_.state() == ServoState::kEnabled;
-  view.link_alive = silence_s_ <= silence_limits(answer_.period_s).fade_s;
+  view.link_alive = silence_s_ <= silence_limits(answer_.period_s, by_law_).fade_s;
   view.covered = answered_ && answer_.covered;
   view.region = answer_.region;
   view.surface = answer_.sample.surface;

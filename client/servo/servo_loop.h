@@ -67,8 +67,9 @@ struct ServoTick {
   bool degraded = false;   // the chain trusts the force no longer and fades it, or much of it is withheld
   bool energy_generated = false;  // of these: for energy generated
   bool service_degraded =
-      false;           // the service does not trust the answer behind the force; rendered all the same
-  bool faded = false;  // silence takes force away
+      false;            // the service does not trust the answer behind the force; rendered all the same
+  bool by_law = false;  // a contact law is rendered, not what answers tell
+  bool faded = false;   // silence takes force away
 };
 
 struct ServoOptions {
@@ -91,6 +92,7 @@ class ServoLoop {
   void tick(std::int64_t due_ns) noexcept;
 
   LatestSlot<ServoAnswer>& answers() noexcept { return answers_; }  // written by the link
+  LatestSlot<NearLaw>& laws() noexcept { return laws_; }            // written by the link
   LatestSlot<ServoPose>& poses() noexcept { return poses_; }        // read by the link
   Ring<ServoTick, kTelemetryTicks>& telemetry() noexcept { return telemetry_; }
   const Ring<ServoTick, kTelemetryTicks>& telemetry() const noexcept { return telemetry_; }
@@ -121,6 +123,7 @@ class ServoLoop {
   StateMachine states_;
 
   LatestSlot<ServoAnswer> answers_;
+  LatestSlot<NearLaw> laws_;
   LatestSlot<ServoPose> poses_;
   Ring<ServoTick, kTelemetryTicks> telemetry_;
   std::atomic<bool> resume_{false};
@@ -136,6 +139,8 @@ class ServoLoop {
   bool finite_reading_ = true;
   ServoAnswer answer_;  // newest that arrived
   ServoAnswer incoming_;
+  NearLaw law_;                  // newest that arrived
+  bool by_law_ = false;          // a contact law is rendered
   bool answered_ = false;        // any answer yet
   bool has_force_ = false;       // any with a force
   bool force_degraded_ = false;  // what the service says of the newest force

@@ -65,6 +65,7 @@ void TickStatistics::add(const ServoTick& tick) {
   service_degraded_.add(time_s, enabled && tick.service_degraded);
   faded_.add(time_s, enabled && tick.faded);
   stalls_.add(time_s, tick.held_at_border);
+  if (tick.force_n.squaredNorm() > 0) ++with_force_, by_law_ += tick.by_law;
   largest_force_n_ = std::max(largest_force_n_, tick.force_n.norm());
   lateness_s_.add(tick.lateness_s);
   if (enabled && tick.sequence != 0) model_age_s_.add(tick.model_age_s);
@@ -74,6 +75,10 @@ void TickStatistics::add(const ServoTick& tick) {
 
 double TickStatistics::duration_s() const noexcept {
   return ticks_ == 0 ? 0 : seconds(last_.time_ns - first_ns_);
+}
+
+double TickStatistics::by_law_share() const noexcept {
+  return with_force_ == 0 ? 0 : static_cast<double>(by_law_) / static_cast<double>(with_force_);
 }
 
 double TickStatistics::rate_hz() const noexcept {

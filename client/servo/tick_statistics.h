@@ -64,6 +64,7 @@ class TickStatistics {
   const SpellCounter& degraded() const noexcept { return degraded_; }
   const SpellCounter& service_degraded() const noexcept { return service_degraded_; }
   const SpellCounter& faded() const noexcept { return faded_; }
+  double by_law_share() const noexcept;                       // of the ticks with force, from a contact law
   double lost_s() const noexcept { return lost_s_; }          // PAUSED or in FAULT after force was on first
   double lost_now_s() const noexcept { return lost_now_s_; }  // of these, up to now at a stretch
   const ServoTick& last() const noexcept { return last_; }
@@ -85,6 +86,7 @@ class TickStatistics {
   SpellCounter degraded_;
   SpellCounter service_degraded_;
   SpellCounter faded_;
+  std::uint64_t with_force_ = 0, by_law_ = 0;
   double lost_s_ = 0;
   double lost_now_s_ = 0;
   double largest_force_n_ = 0;

@@ -153,7 +153,7 @@ bool finished(const OperatorSessionOptions& options, const HapticDevice& device,
   return options.duration_s > 0 && spent_s >= options.duration_s;
 }
 
-TouchLinkOptions link_options(const OperatorSessionOptions& options, RecordWriter* recorder) {
+TouchLinkOptions link_options_of(const OperatorSessionOptions& options, RecordWriter* recorder) {
   TouchLinkOptions link;
   link.address = options.address;
   link.tls_ca = options.tls_ca;
@@ -211,7 +211,6 @@ void obey_keys(const OperatorSessionOptions& options, ServoLoop& servo, TouchLin
 
 TouchSummary run_operator_session(const OperatorSessionOptions& options, const std::atomic<bool>& stop) {
   ServoOptions servo_options;
-  const auto renderer = make_renderer(options.renderer, servo_options.period_s);
   const v1::Scene scene = wait_for_scene(options, stop);
   const HandOptions hand = hand_on(scene, options);
   const auto device = make_device({options.device, options.profile, hand});
@@ -222,9 +221,12 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
                  width_of(scene), 1e3 * hand.hover_m);
   const auto recorder = open_recording(options);
   servo_options.chain.limits = device->profile().limits();
+  const auto renderer = make_renderer(options.renderer, servo_options.period_s, servo_options.chain.limits);
   MonotonicClock clock;
   const auto servo = std::make_unique<ServoLoop>(*device, *renderer, clock, servo_options);
-  TouchLink link(link_options(options, recorder.get()), servo->poses(), servo->answers(), clock);
+  TouchLinkOptions link_options = link_options_of(options, recorder.get());
+  if (options.renderer == "law") link_options.laws = &servo->laws();
+  TouchLink link(std::move(link_options), servo->poses(), servo->answers(), clock);
   ServoThread servo_thread(*servo, {options.real_time, options.servo_begins, options.servo_ended});
 
   TouchSummary summary;

@@ -222,8 +222,13 @@ void Player::play_touch(const Call& call) {
     if (request.has_open() && !options_.scene_id.empty()) {
       request.mutable_open()->set_scene_id(options_.scene_id);
     }
-    if (request.has_hand_over()) continue;  // nobody else is there, and no answer follows it
-    if (request.has_pose()) request.mutable_pose()->set_acknowledged(acknowledged);
+    if (request.has_open())
+      request.mutable_open()->set_laws(false);  // an answer for each pose, nothing between
+    if (request.has_hand_over()) continue;      // nobody else is there, and no answer follows it
+    if (request.has_pose()) {
+      request.mutable_pose()->set_acknowledged(acknowledged);
+      request.mutable_pose()->clear_laws_acknowledged();
+    }
     pace_.wait(entry.monotonic_ns());
     keep(request);
     open = stream->Write(request) && stream->Read(&response);

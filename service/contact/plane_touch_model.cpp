@@ -78,8 +78,10 @@ class PlaneLayer final : public TouchedLayer {
 
 }  // namespace
 
-PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue)
-    : tissue_(std::move(tissue)), lines_(std::make_shared<PreparedLines>(tissue_)) {}
+PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue, MemoryAccount account)
+    : TouchModel(std::move(account)),
+      tissue_(std::move(tissue)),
+      lines_(std::make_shared<PreparedLines>(tissue_)) {}
 
 Region PlaneTouchModel::region() const {
   const TissueProblem& tissue = tissue_->problem();

@@ -12,7 +12,7 @@ namespace teletact::service {
 
 class PlaneTouchModel final : public TouchModel {
  public:
-  explicit PlaneTouchModel(std::shared_ptr<const TissueModel>);
+  explicit PlaneTouchModel(std::shared_ptr<const TissueModel>, MemoryAccount = {});
   const char* name() const override { return "plane-strain"; }
   Region region() const override;
   std::vector<Layer> layers() const override;

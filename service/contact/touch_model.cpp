@@ -1,6 +1,12 @@
 #include "service/contact/touch_model.h"
 
+#include <utility>
+
+#include "service/contact/contact_laws.h"
+
 namespace teletact::service {
+
+TouchModel::TouchModel(MemoryAccount account) : laws_(std::make_shared<ContactLaws>(std::move(account))) {}
 
 double indentation_m(const Layer& layer, const TouchPose& pose) {
   double along_m = 0;

@@ -15,10 +15,12 @@
 #include <string>
 #include <vector>
 
+#include "service/limits/memory.h"
 #include "service/tissue/compliance.h"
 
 namespace teletact::service {
 
+class ContactLaws;
 class Device;
 
 using Vector3 = std::array<double, 3>;
@@ -33,6 +35,7 @@ struct Fingertip {
   double radius_m = 0.008;      // rounded tip: radius of curvature; flat punch: radius of its edges
   double half_width_m = 0.004;  // flat punch only: half of the flat part
   double footprint_m = 0;       // node only: standard deviation of a Gaussian footprint, 0 = the hat function
+  bool operator==(const Fingertip&) const = default;
 };
 
 // What is covered, [begin, end) both ways; a plane covers every z.
@@ -119,6 +122,8 @@ struct TouchCost {
 // The model that is touched: immutable once made, shared by any number of touch streams. Thread-safe.
 class TouchModel {
  public:
+  // `account`: in whose name its contact laws are held.
+  explicit TouchModel(MemoryAccount account = {});
   virtual ~TouchModel() = default;
   virtual const char* name() const = 0;           // of its kind, for logs
   virtual Region region() const = 0;              // where it can be touched
@@ -128,6 +133,11 @@ class TouchModel {
   // Throws std::out_of_range for a layer that it has not, and what making it ready throws, here or
   // elsewhere.
   virtual std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork& work) const = 0;
+  // What the forces of its layers are interpolated from, so that they can be felt far away.
+  ContactLaws& laws() const { return *laws_; }
+
+ private:
+  const std::shared_ptr<ContactLaws> laws_;
 };
 
 }  // namespace teletact::service

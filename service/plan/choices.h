@@ -55,6 +55,23 @@ inline constexpr double kTrustedForceError = 2e-3;
 inline constexpr double kFeltDepth = 0.025;
 inline constexpr double kTrustedShare = 0.5;
 
+// Contact laws (contact/law_sampler.h): what the force that is interpolated may be off by; columns of samples
+// that every law has, on one lattice of the scene whose pitch is no multiple of a mesh's, so that they do not
+// share its phase; how often a cell between two is halved, and how small it may become; the depths that every
+// column has.
+inline constexpr double kLawShare = 0.005, kLawFloor = 0.001;
+inline constexpr double kLawKept =
+    0.65;  // of the tolerance, at the poses that are tried: between them it is a little worse
+// What the worst of the poses that were tried is multiplied with to say what any may be off by.
+inline constexpr double kLawBetween = 1.3;
+inline constexpr double kLawPitch = 0.00618, kLawLeastCell = 0.001;
+inline constexpr int kLawHalvings = 2;
+// How they are sent: windows this near, what is nearest to where the finger will be so much later first, so
+// many bytes between two answers.
+inline constexpr double kLawReach = 0.060, kLawAhead = 0.1;
+inline constexpr std::size_t kLawPieceBytes = 300;
+inline constexpr double kLawDepths[] = {3e-4, 9e-4, 2.7e-3, 8e-3};
+
 // The modulus of an estimate, where its client states no limit: no iterative step is begun that would end
 // later.
 inline constexpr double kModulusTime = 0.35;

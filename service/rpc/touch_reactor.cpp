@@ -77,8 +77,15 @@ void TouchReactor::answer_and_write() {
   const auto stopped = [this] { return life().ended(); };
   const auto may_answer = [this] { return !writing(); };
   during([this] { write_opened(); });
-  while (!stopped())
+  while (!stopped()) {
+    during([&] {
+      if (const auto piece = stream_->next_law()) {
+        stream_->wait(may_answer, stopped);
+        if (!stopped()) write_law(*piece);
+      }
+    });
     if (const auto pose = stream_->next(may_answer, stopped)) during([&] { write_answer(*pose); });
+  }
   stream_->leave();  // here already: the end itself may wait for the peer
   release();         // last: OnDone may follow at once
 }
@@ -101,6 +108,11 @@ void TouchReactor::write_answer(const TouchStream::Arrived& pose) {
   answer_to(pose, answered, core_.instance, answer);
   steering_to(answered.steering, answer);
   stamp_to(monotonic_ns(), core_.instance, answer->mutable_answer_stamp());
+  write(response_);
+}
+
+void TouchReactor::write_law(const LawPiece& piece) {
+  law_to(piece, response_.mutable_law());  // replaces the answer
   write(response_);
 }
 

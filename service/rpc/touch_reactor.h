@@ -35,6 +35,7 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   void answer_and_write();  // the stream's thread
   void write_opened();
   void write_answer(const TouchStream::Arrived&);
+  void write_law(const LawPiece&);
 
   Core& core_;
   const Clock::time_point begun_ = Clock::now();

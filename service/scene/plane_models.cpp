@@ -38,7 +38,7 @@ class PlaneModels final : public TouchModels {
           const MemoryRefused& refused) {  // who touches it finds it unprepared; others have their window
         spdlog::warn("event=line_not_prepared depth_m={} error=\"{}\"", layer.depth_m, refused.what());
       }
-    return std::make_shared<const PlaneTouchModel>(std::move(tissue));
+    return std::make_shared<const PlaneTouchModel>(std::move(tissue), wanted.account);
   }
 
   std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry& geometry, const ExplicitModulus& e,
@@ -48,9 +48,11 @@ class PlaneModels final : public TouchModels {
     options.touch_end_m = e.x_m.back();
     options.thickness_m = geometry.thickness_m;
     options.account = account;
-    return std::make_shared<const PlaneTouchModel>(std::make_shared<const TissueModel>(
-        TissueGrid{e.x_m, e.y_m}, Material{e.youngs_modulus_pa, geometry.poisson_ratio}, geometry.supports,
-        options));
+    return std::make_shared<const PlaneTouchModel>(
+        std::make_shared<const TissueModel>(TissueGrid{e.x_m, e.y_m},
+                                            Material{e.youngs_modulus_pa, geometry.poisson_ratio},
+                                            geometry.supports, options),
+        account);
   }
 
   void warm(const std::shared_ptr<Device>& device) const override { warm_iterative(device); }

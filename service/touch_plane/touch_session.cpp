@@ -143,6 +143,15 @@ TouchAnswer TouchSession::solve(const Vector3& position_m) {
   return answer;
 }
 
+std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window) const try {
+  const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
+  if (!touched) return nullptr;
+  return window.model->laws().get(options_.fingertip, layer_, touched, window.region.begin_x_m,
+                                  window.region.end_x_m, scene_->touch_work(), options_.client);
+} catch (const std::exception&) {  // said by the answer when the finger is there
+  return nullptr;
+}
+
 void TouchSession::leave_window() {
   window_.reset(), touched_.reset();
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "service/contact/contact_laws.h"
 #include "service/contact/touch_model.h"
 #include "service/scene/scene.h"
 
@@ -61,6 +62,8 @@ class TouchSession {
   // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a
   // warning.
   TouchAnswer solve(const Vector3& position_m);
+  // Of one of the scene's windows, for this finger: null while it is being sampled, or where there is none.
+  std::shared_ptr<const ContactLaw> law_of(const WindowModel&) const;
 
  private:
   std::string outside(const Vector3& position_m) const;

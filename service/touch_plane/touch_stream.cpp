@@ -46,7 +46,9 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       credit_(credit_from(wishes.credit, scene_->limits())),
       period_(period_from(wishes.period_s, scene_->limits())),
       session_(scene_, options_of(wishes), device),
-      finger_(scene_->finger().join(wishes.session_id, Clock::now())) {}
+      finger_(scene_->finger().join(wishes.session_id, Clock::now())) {
+  if (wishes.laws) laws_.emplace();
+}
 
 Region TouchStream::covered() const {
   return scene_->snapshot()->covered_around(scene_->finger().now().position_m[0]);
@@ -66,6 +68,7 @@ void TouchStream::bring(const FingerPose& pose) {
         "pose.acknowledged: {}, but {} answers were sent and {} acknowledged; give the number of the "
         "newest answer received",
         pose.acknowledged, answered_.load(), acknowledged_.load()));
+  if (laws_) laws_->acknowledge(pose.laws_acknowledged);
   // Whoever is silent may be idle; whoever sends poses has had the time to read.
   const double patience_s = scene_->limits().acknowledge_s;
   if (pose.acknowledged > acknowledged_)
@@ -104,11 +107,23 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
   session_.use(device);
   Answered answered{session_.solve(arrived.pose.position_m), 0, begun - arrived.at, {}, {}};
   answered.computing = Clock::now() - begun;
+  finger_at_ = arrived.pose;
   if (answered.answer.device_failed) device_.failed(device, answered.answer.warning);
   answered.steering = steering();
   if (acknowledged_ == answered_) owed_ = Clock::now();
   answered.number = ++answered_;  // before it is sent: its acknowledgement may be quicker than we are
   return answered;
+}
+
+std::optional<LawPiece> TouchStream::next_law() {
+  if (!laws_ || !finger_at_) return std::nullopt;
+  return laws_->next(*scene_->snapshot(), finger_at_->position_m[0], finger_at_->velocity_m_s[0],
+                     [this](const WindowModel& window) { return session_.law_of(window); });
+}
+
+void TouchStream::wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped) {
+  while (!inbox_.wait(Clock::now() + kLook, [&] { return stopped() || may_write(); })) {
+  }
 }
 
 void TouchStream::leave() {

@@ -13,6 +13,7 @@
 
 #include "service/device/current_device.h"
 #include "service/scene/finger.h"
+#include "service/touch_plane/law_outbox.h"
 #include "service/touch_plane/mailbox.h"
 #include "service/touch_plane/touch_session.h"
 
@@ -24,15 +25,17 @@ struct TouchWishes {
   std::uint64_t credit = 0;  // 0: 1
   double period_s = 0;       // 0: TouchStream::kUsualPeriodS
   TouchOptions touch;
+  bool laws = false;  // contact laws, too
 };
 
 struct FingerPose {
-  std::uint64_t sequence = 0;      // counts up
-  std::uint64_t acknowledged = 0;  // the newest answer that was received
+  std::uint64_t sequence = 0;           // counts up
+  std::uint64_t acknowledged = 0;       // the newest answer that was received
   Vector3 position_m{}, velocity_m_s{};
   std::size_t components = 3;  // of position_m, that were sent
   std::int64_t stamp_ns = 0;   // of its client's clock
   std::uint64_t stamp_instance = 0;
+  std::uint64_t laws_acknowledged = 0;  // the newest piece of a law
 };
 
 class TouchStream {
@@ -76,6 +79,11 @@ class TouchStream {
   // or after a while. Both read atomics, nothing more.
   std::optional<Arrived> next(const std::function<bool()>& may_answer, const std::function<bool()>& stopped);
   Answered answer(const Arrived&);
+  // What goes before the next answer: a piece of a law near the finger that was answered last, if there is
+  // one.
+  std::optional<LawPiece> next_law();
+  // Waits until `may_write` or `stopped`.
+  void wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped);
   // From now on another stream steers; again: changes nothing.
   void leave();
 
@@ -95,6 +103,8 @@ class TouchStream {
   const std::uint64_t credit_;
   const Clock::duration period_;
   TouchSession session_;                                // of who answers
+  std::optional<LawOutbox> laws_;                       // where they are asked for
+  std::optional<FingerPose> finger_at_;                 // that was answered last; of who answers
   const FingerBoard::Stream finger_;                    // this stream's at the scene's board
   std::atomic<Clock::time_point> heard_{Clock::now()};  // since when the next pose is waited for
   std::atomic<Clock::time_point> owed_{};               // since when an answer waits to be acknowledged

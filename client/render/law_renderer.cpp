@@ -1,0 +1,141 @@
+#include "client/render/law_renderer.h"
+
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace teletact::client {
+namespace {
+
+constexpr double kSharpness = 8;  // of the soft minimum
+// Of the display's limits: a soft minimum's force exceeds its lesser potential's by some percent, and a
+// lateral part comes to the push.
+constexpr double kBelow = 0.94;
+
+}  // namespace
+
+void LawRenderer::reset() noexcept {
+  kalman_.reset();
+  blend_.clear();
+  by_law_ = false;
+  felt_n_m_.setZero();
+}
+
+LawValue LawRenderer::law_at(const Vector3& position_m) const noexcept {
+  return evaluate(law_.used(), position_m.x(), position_m.y() - law_.layer_depth_m);
+}
+
+bool LawRenderer::trusted(const LawValue& value) const noexcept {
+  return value.covered && value.version >= newest_version_ && value.version > wrong_version_ &&
+         surface_.normal == TouchedSurface{}.normal && surface_.offset_m == law_.layer_depth_m;
+}
+
+// The soft minimum of U and the spring: Phi = (U^-p + S^-p)^(-1/p), so dPhi = (Phi / U)^(p + 1) dU + the same
+// of S.
+LawRenderer::Potential LawRenderer::softened(const LawValue& value, double d) const noexcept {
+  if (!(d > 0) || !(value.energy_j > 0)) return {};
+  const double stiffness = kBelow * options_.largest_stiffness_n_m, spring_j = stiffness * d * d / 2;
+  const double least_j = std::min(value.energy_j, spring_j);
+  const double sum =
+      std::pow(least_j / value.energy_j, kSharpness) + std::pow(least_j / spring_j, kSharpness);
+  const double phi_j = least_j * std::pow(sum, -1 / kSharpness);
+  const double of_law = std::pow(phi_j / value.energy_j, kSharpness + 1);
+  const double of_spring = std::pow(phi_j / spring_j, kSharpness + 1);
+  return {{-of_law * value.by_x_n, -(of_law * value.by_d_n + of_spring * stiffness * d), 0}, phi_j};
+}
+
+// Deeper than where the largest force is reached the energy goes on straight: as with a slider that slips
+// there.
+LawRenderer::Potential LawRenderer::potential(const LawValue& value, double x_m, double d) const noexcept {
+  const double most_n = kBelow * options_.largest_force_n;
+  const Potential free = softened(value, d);
+  if (-free.force_n.y() <= most_n) return free;
+  constexpr int kHalvings = 30;
+  double below_m = 0, above_m = d;
+  for (int k = 0; k < kHalvings; ++k) {
+    const double middle_m = (below_m + above_m) / 2;
+    const bool slips = -softened(evaluate(law_.used(), x_m, middle_m), middle_m).force_n.y() > most_n;
+    (slips ? above_m : below_m) = middle_m;
+  }
+  const Potential slips = softened(evaluate(law_.used(), x_m, below_m), below_m);
+  return {{slips.force_n.x(), -most_n, 0}, slips.energy_j + most_n * (d - below_m)};
+}
+
+// Of the version that is rendered, in contact.
+void LawRenderer::check(const ForceSample& sample) noexcept {
+  if (!sample.contact || sample.model_version != newest_version_) return;
+  const LawValue value = law_at(sample.position_m);
+  if (!trusted(value) || value.beyond) return;
+  const Vector3 off_n = Vector3(-value.by_x_n, -value.by_d_n, 0) - sample.force_n;
+  contradictions_ = off_n.norm() > options_.contradicts * value.error_n ? contradictions_ + 1 : 0;
+  if (contradictions_ < options_.contradictions_in_a_row) return;
+  wrong_version_ = value.version;
+  contradictions_ = 0;
+  ++dropped_;
+}
+
+bool LawRenderer::update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept {
+  surface_ = sample.surface;
+  newest_version_ = std::max(newest_version_, sample.model_version);
+  check(sample);
+  return kalman_.update(sample, pose, time_s);
+}
+
+void LawRenderer::take_law(const NearLaw& law) noexcept {
+  const double d = surface_.depth_m(position_m_);
+  const auto stiffness = [&] {
+    return Vector3(-potential(law_at(position_m_), position_m_.x(), d).force_n / d);
+  };
+  const bool felt = by_law_ && d > 0;
+  const Vector3 before_n_m = felt ? stiffness() : Vector3(Vector3::Zero());
+  law_ = law;
+  if (!felt || !trusted(law_at(position_m_))) return;
+  const Vector3 after_n_m = stiffness();
+  if (after_n_m != before_n_m) blend_.change(felt_n_m_, after_n_m);
+}
+
+Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
+  const double elapsed_s = time_s - std::exchange(rendered_s_, time_s);
+  // What is dissipated pays once.
+  const bool pays_here = std::isfinite(dissipated_j) && (by_law_ || blend_.withheld() > 0);
+  Rendered rendered = kalman_.render(pose, time_s, pays_here ? 0 : dissipated_j);
+  const double d = surface_.depth_m(pose.position_m);
+  position_m_ = pose.position_m;
+  const LawValue value = law_at(pose.position_m);
+  const bool by_law = trusted(value);
+  if (!(d > 0)) {
+    blend_.clear();
+    felt_n_m_.setZero();
+    by_law_ = by_law;
+    rendered.by_law = by_law;
+    return rendered;
+  }
+  const Potential law = by_law ? potential(value, pose.position_m.x(), d) : Potential{};
+  const Vector3 model_n_m =
+      by_law ? Vector3(-law.force_n / d) : ContactFrame(surface_.normal).to_contact(-rendered.force_n) / d;
+  if (by_law != by_law_) blend_.change(felt_n_m_, model_n_m);
+  by_law_ = by_law;
+  blend_.settle(model_n_m, d, elapsed_s, dissipated_j);
+  felt_n_m_ = blend_.felt(model_n_m);
+  rendered.by_law = by_law;
+  if (!by_law && blend_.withheld() == 0 && blend_.offset_n_m().isZero(0)) return rendered;
+  const Vector3 missing = (felt_n_m_ - model_n_m).cwiseAbs2();
+  if (by_law) {
+    const double off_n_m = value.error_n / d;
+    rendered.variance = off_n_m * off_n_m;
+    rendered.lateral_variance.setConstant(rendered.variance);
+    rendered.stored_j = law.energy_j;
+    rendered.withheld = 0;
+  }
+  rendered.variance += missing.y();
+  rendered.lateral_variance += lateral(missing);
+  rendered.force_n = ContactFrame(surface_.normal).to_scene(-d * felt_n_m_);
+  rendered.stiffness_n_m = felt_n_m_.y();
+  rendered.lateral_stiffness_n_m = lateral(felt_n_m_);
+  rendered.stored_j =
+      std::max((1 - blend_.withheld()) * rendered.stored_j + blend_.offset_n_m().y() * d * d / 2, 0.0);
+  rendered.withheld = std::max(rendered.withheld, blend_.withheld());
+  return rendered;
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,67 @@
+// Renders the tissue's contact law (T7): F = -grad Phi at every tick, whatever the network does. Phi is a
+// soft minimum of the law's energy U and of a spring of the display's largest stiffness, and goes on straight
+// from where the display's largest force is reached. A cap on the force would itself be active (pressed on an
+// inclusion, slid off it and let go, it gives back half of what it holds); of a potential nothing can be had.
+//
+// Answers of the version that is rendered only check it. Where there is no law, where answers are of a newer
+// version, or where the law was found wrong, the Kalman filter's model is felt, as without laws. From one to
+// the other what is felt changes no faster, and no harder, than a model update may (paid_blend.h).
+#pragma once
+
+#include "client/render/force_limits.h"
+#include "client/render/kalman_renderer.h"
+#include "client/render/near_law.h"
+
+namespace teletact::client {
+
+struct LawRendererOptions {
+  KalmanOptions kalman = {};
+  // Of the display; in Phi each a little lower, so that the soft minimum's force stays below.
+  double largest_force_n = ForceLimits{}.largest_force_n;
+  double largest_stiffness_n_m = ForceLimits{}.largest_stiffness_n_m;
+  // An answer contradicts the law when its force is off by more than this much of what the law states, and
+  // the law is dropped after so many in a row.
+  double contradicts = 2;
+  int contradictions_in_a_row = 4;
+};
+
+class LawRenderer final : public Renderer {
+ public:
+  explicit LawRenderer(const LawRendererOptions& options = {})
+      : options_(options), kalman_(options.kalman), blend_(options.kalman.blend) {}
+  void reset() noexcept override;
+  bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
+  void take_law(const NearLaw& law) noexcept override;
+  using Renderer::render;
+  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+
+  std::uint64_t dropped() const noexcept { return dropped_; }  // laws found wrong
+
+ private:
+  // Of Phi at one place: the force on the finger, scene coordinates, and what it holds.
+  struct Potential {
+    Vector3 force_n = Vector3::Zero();
+    double energy_j = 0;
+  };
+  LawValue law_at(const Vector3& position_m) const noexcept;
+  bool trusted(const LawValue&) const noexcept;
+  Potential softened(const LawValue&, double indentation_m) const noexcept;
+  Potential potential(const LawValue&, double x_m, double indentation_m) const noexcept;
+  void check(const ForceSample&) noexcept;
+
+  LawRendererOptions options_;
+  KalmanRenderer kalman_;
+  PaidBlend blend_;
+  NearLaw law_;
+  std::uint64_t newest_version_ = 0;  // that an answer was of
+  std::uint64_t wrong_version_ = 0;   // found wrong: it and older ones are not rendered
+  TouchedSurface surface_;
+  int contradictions_ = 0;
+  std::uint64_t dropped_ = 0;
+  bool by_law_ = false;                   // the last tick was
+  Vector3 felt_n_m_ = Vector3::Zero();    // at it: resistance over indentation
+  Vector3 position_m_ = Vector3::Zero();  // of it
+  double rendered_s_ = 0;
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,22 @@
+// The part of a contact law (law/contact_law.h) that is near the finger, as the link hands it to the servo:
+// of a fixed size, copied as a whole.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "law/contact_law.h"
+
+namespace teletact::client {
+
+struct NearLaw {
+  static constexpr std::size_t kMost = 64;  // columns: 60 mm of a window whose law is fine
+  std::array<LawColumn, kMost> columns{};
+  std::size_t count = 0;
+  double layer_depth_m = 0;  // of the layer that it is of, whose normal is y
+  std::span<const LawColumn> used() const noexcept { return {columns.data(), count}; }
+};
+
+}  // namespace teletact::client

@@ -1,0 +1,58 @@
+// The contact law of one fingertip on one layer (T7): the energy of its contact, U(x, d), by place along the
+// layer and indentation, interpolated from samples. The force is F = -grad U of what is interpolated, so it
+// is conservative by construction, whatever the samples are off by, and whoever evaluates it however late.
+//
+// W = ln U is interpolated over (x, s), s = ln d. A column holds samples of W and its derivatives at one x,
+// each at depths of its own; W and W_x are cubic in s between them, and W is cubic in x between the curves of
+// two columns: once continuously differentiable everywhere, and columns need no common depths. Above the
+// first depth U is a power of d, as it is at first contact; below the last it goes on as one, and that is
+// said.
+//
+// Shared by the service, which samples it, and the client, which renders it. No allocation, no exceptions.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace teletact {
+
+// Of W = ln(U / 1 J), at one pose.
+struct LawSample {
+  float log_energy = 0;
+  float by_x_1_m = 0;      // dW/dx
+  float by_log_depth = 0;  // dW/ds: the power of d that U grows with
+  float mixed_1_m = 0;     // d2W/dx ds
+};
+
+struct LawColumn {
+  static constexpr std::size_t kMostRows = 24;
+  double x_m = 0;             // scene
+  std::uint64_t version = 0;  // of the model that it was sampled from
+  // What the interpolated force may be off by around it: a share of it, and so much more.
+  float error_share = 0, error_n = 0;
+  bool joined = true;  // no column is missing between the one before it and this one
+  std::uint8_t rows = 0;
+  std::array<float, kMostRows> log_depth{};  // s = ln(d / 1 m), increasing
+  std::array<LawSample, kMostRows> samples{};
+};
+
+// U and its derivatives by x and indentation d.
+struct LawValue {
+  double energy_j = 0;
+  double by_x_n = 0, by_d_n = 0;                       // the force's components, their signs turned
+  double by_xx_n_m = 0, by_xd_n_m = 0, by_dd_n_m = 0;  // bounded, with steps from cell to cell
+  std::uint64_t version = 0;                           // the newer of the two columns'
+  double error_n = 0;                                  // what the force may be off by
+  bool covered = false;  // false: no two columns that are joined around x; all is zero
+  bool beyond = false;   // deeper than a column's last sample
+};
+
+// `columns`: by x, strictly increasing, each with at least one row. No contact (d <= 0): zeros.
+LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indentation_m) noexcept;
+
+// Whether it may be evaluated: finite, rows within bounds and increasing, U growing with d in every sample.
+bool usable(const LawColumn&) noexcept;
+
+}  // namespace teletact

@@ -1,0 +1,52 @@
+// The contact laws of one model (T7): one for each fingertip and layer, sampled when it is first asked for,
+// beside touch, and shared by every stream from then on.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "law/contact_law.h"
+#include "service/contact/touch_model.h"
+#include "service/limits/memory.h"
+
+namespace teletact::service {
+
+// A law that is done: what is interpolated is off by about `tolerances` x (choices::kLawShare of the force +
+// kLawFloor) at most, measured at poses that it was not made from.
+struct ContactLaw {
+  std::vector<LawColumn> columns;  // by x; versions are the sender's to say
+  double tolerances = 0;
+  std::size_t solves = 0;  // contacts that it took
+};
+
+// Thread-safe.
+class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
+ public:
+  static constexpr std::size_t kMost = 8;  // tips and layers of one model; more have none
+
+  explicit ContactLaws(MemoryAccount account) : account_(std::move(account)) {}
+  // Null while it is being sampled, which this asks `work` for, in the client's turn; and for good where the
+  // model has none: its layer is not level, it is solved iteratively, or there is no room. [begin_m, end_m]:
+  // of x. `touched`: the layer, ready.
+  std::shared_ptr<const ContactLaw> get(const Fingertip&, const Layer&,
+                                        const std::shared_ptr<TouchedLayer>& touched, double begin_m,
+                                        double end_m, const TouchWork& work, const std::string& client);
+
+ private:
+  struct Entry {
+    Fingertip tip;
+    Layer layer;
+    std::shared_ptr<const ContactLaw> law;
+    Charge charge;
+  };
+  void sample(std::size_t entry, const std::shared_ptr<TouchedLayer>&, double begin_m, double end_m);
+
+  const MemoryAccount account_;
+  std::mutex mutex_;
+  std::vector<Entry> entries_;  // none goes before the model does
+};
+
+}  // namespace teletact::service

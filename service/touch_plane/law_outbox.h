@@ -1,0 +1,54 @@
+// What one stream is told of contact laws: columns near the finger first, in pieces small enough to go
+// between answers, each once for each version of its window, and no more than a few that nobody has
+// acknowledged.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "service/contact/contact_laws.h"
+#include "service/scene/scene.h"
+
+namespace teletact::service {
+
+// Columns of one version of a window's law.
+struct LawPiece {
+  std::uint64_t number = 0;  // counts the pieces of this stream from 1
+  std::uint64_t window_id = 0, version = 0;
+  // Between these the version rules: whoever holds columns of an older one there drops them.
+  double begin_m = 0, end_m = 0;
+  std::vector<LawColumn> columns;             // by x
+};
+
+class LawOutbox {
+ public:
+  static constexpr std::uint64_t kMostUnacknowledged = 4;
+
+  // Null while a window's law is being sampled, or where it has none.
+  using LawOf = std::function<std::shared_ptr<const ContactLaw>(const WindowModel&)>;
+
+  // The next piece for a finger at x that moves along it so fast; none where all is sent, or waits to be
+  // acknowledged. One thread.
+  std::optional<LawPiece> next(const SceneSnapshot&, double x_m, double velocity_m_s, const LawOf&);
+  // By any thread. Throws std::invalid_argument for a piece that was not sent.
+  void acknowledge(std::uint64_t pieces);
+
+ private:
+  struct Sent {
+    std::uint64_t version = 0;
+    std::shared_ptr<const ContactLaw> law;
+    std::vector<bool> columns;  // that were sent
+  };
+  void look(const SceneSnapshot&, double x_m, const LawOf&);
+  LawPiece piece_of(std::uint64_t window_id, Sent&, std::size_t nearest);
+
+  std::map<std::uint64_t, Sent> windows_;  // by id, near the finger
+  std::atomic<std::uint64_t> sent_{0}, acknowledged_{0};
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,122 @@
+#include "client/link/law_book.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace teletact::client {
+namespace {
+
+v1::LawPiece piece_of(std::uint64_t number, const std::vector<double>& x_m, std::uint64_t version = 1) {
+  v1::LawPiece piece;
+  piece.set_piece(number);
+  piece.set_model_version(version);
+  piece.set_begin_x_m(x_m.front());
+  piece.set_end_x_m(x_m.back());
+  piece.set_force_error_share(0.005F);
+  piece.set_force_error_n(0.001F);
+  for (const double x : x_m) {
+    v1::LawColumn* column = piece.add_columns();
+    column->set_x_m(x);
+    for (const double d : {3e-4, 8e-3}) {
+      column->add_log_indentation(float(std::log(d)));
+      for (const float value : {float(6 + 2.5 * std::log(d)), 0.0F, 2.5F, 0.0F}) column->add_samples(value);
+    }
+  }
+  return piece;
+}
+
+LawBook book_with(std::initializer_list<v1::LawPiece> pieces) {
+  LawBook book;
+  book.open(0);
+  for (const v1::LawPiece& piece : pieces) EXPECT_TRUE(book.take(piece, 0.02));
+  return book;
+}
+
+TEST(LawBook, GivesTheServoWhatIsNearTheFingerOnceForEachChange) {
+  LawBook book = book_with({piece_of(1, {0.01, 0.02, 0.03})});
+  const auto law = book.fresh(0.02);
+  ASSERT_TRUE(law);
+  ASSERT_EQ(law->count, 3u);
+  EXPECT_TRUE(evaluate(law->used(), 0.015, 0.002).covered);
+  EXPECT_FALSE(book.fresh(0.021));
+  EXPECT_TRUE(book.fresh(0.03));
+  EXPECT_TRUE(book.take(piece_of(2, {0.035}), 0.03));
+  EXPECT_EQ(book.pieces(), 2u);
+  EXPECT_TRUE(book.fresh(0.03));
+}
+
+TEST(LawBook, InterpolatesNothingOverAGap) {
+  LawBook book = book_with({piece_of(1, {0.01, 0.02}), piece_of(2, {0.04, 0.05})});
+  EXPECT_TRUE(book.covers(0.015, 1));
+  EXPECT_FALSE(book.covers(0.03, 1));
+  EXPECT_FALSE(evaluate(book.fresh(0.03)->used(), 0.03, 0.002).covered);
+  v1::LawPiece between = piece_of(3, {0.03});
+  between.set_begin_x_m(0.01), between.set_end_x_m(0.05);  // now none is missing
+  EXPECT_TRUE(book.take(between, 0.03));
+  EXPECT_TRUE(book.covers(0.03, 1) && book.covers(0.025, 1) && book.covers(0.045, 1));
+}
+
+TEST(LawBook, ANewerVersionTakesThePlaceOfTheOlderWhereItRules) {
+  LawBook book = book_with({piece_of(1, {0.01, 0.015, 0.02, 0.03, 0.04}), piece_of(2, {0.01, 0.02}, 2)});
+  const auto law = book.fresh(0.02);
+  ASSERT_EQ(law->count, 4u);  // not 15 mm: it was the older one's
+  EXPECT_EQ(law->columns[1].x_m, 0.02);
+  EXPECT_EQ(law->columns[1].version, 2u);
+  EXPECT_EQ(law->columns[2].version, 1u);
+  EXPECT_TRUE(book.covers(0.025, 2));  // across the border of versions
+  EXPECT_FALSE(book.covers(0.035, 2));
+  // An older one that is late changes nothing that rules.
+  EXPECT_TRUE(book.take(piece_of(3, {0.02}), 0.02));
+  EXPECT_EQ(book.fresh(0.02)->columns[1].version, 2u);
+}
+
+TEST(LawBook, AStreamThatOpensAgainKnowsNothing) {
+  LawBook book = book_with({piece_of(1, {0.01, 0.02})});
+  book.open(0.005);
+  EXPECT_FALSE(book.covers(0.015, 0));
+  EXPECT_EQ(book.pieces(), 0u);
+  EXPECT_EQ(book.fresh(0.015)->count, 0u);
+}
+
+TEST(LawBook, RefusesWhatIsMalformedAndKeepsWhatItHas) {
+  LawBook book = book_with({piece_of(1, {0.01, 0.02})});
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = [&](auto change) {
+    v1::LawPiece piece = piece_of(2, {0.03, 0.04});
+    change(piece);
+    return !book.take(piece, 0.02) && book.pieces() == 1 && book.covers(0.015, 1) && !book.covers(0.035, 1);
+  };
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_piece(3); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_piece(1); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.clear_columns(); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(0)->add_samples(1); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(0)->set_log_indentation(1, -20); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_x_m(0.03); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_x_m(0.05); }));  // beyond its span
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_samples(0, NAN); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_samples(2, -1); }));
+  EXPECT_TRUE(refused([&](v1::LawPiece& p) { p.set_begin_x_m(kNan); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_force_error_share(2); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_force_error_n(-1); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) {
+    for (int k = 0; k < 70; ++k) *p.add_columns() = p.columns(1);
+  }));
+}
+
+TEST(LawBook, IsBoundedWhateverASenderSends) {
+  LawBook book;
+  book.open(0);
+  std::uint64_t number = 0;
+  for (int k = 0; k < 4000; ++k)
+    ASSERT_TRUE(book.take(piece_of(++number, {0.002 * k, 0.002 * k + 0.001}), 4.0));
+  const auto law = book.fresh(4.0);
+  EXPECT_EQ(law->count, NearLaw::kMost);
+  EXPECT_NEAR(law->columns[0].x_m, 4.0, 0.05);
+  EXPECT_FALSE(book.covers(0.0005, 0));
+}
+
+}  // namespace
+}  // namespace teletact::client

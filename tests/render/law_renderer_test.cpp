@@ -1,0 +1,217 @@
+#include "client/render/law_renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+
+namespace teletact::client {
+namespace {
+
+constexpr double kTickS = 0.001;
+
+// U = k(x) d^2.5 with a stiff place at x = 30 mm; columns every 2 mm.
+double stiffness_at(double x_m, double peak) {
+  const double off = (x_m - 0.03) / 0.006;
+  return 600 * (1 + peak * std::exp(-off * off));
+}
+double stiffness_slope(double x_m, double peak) {
+  const double off = (x_m - 0.03) / 0.006;
+  return -600 * peak * 2 * off / 0.006 * std::exp(-off * off);
+}
+
+NearLaw law_of(double peak, std::uint64_t version = 1) {
+  NearLaw law;
+  for (int i = 0; i <= 30; ++i) {
+    LawColumn& column = law.columns[law.count++];
+    column.x_m = 0.002 * i;
+    column.version = version;
+    column.error_share = 0.005F, column.error_n = 0.001F;
+    const double k = stiffness_at(column.x_m, peak), slope = stiffness_slope(column.x_m, peak);
+    for (const double d : {3e-4, 9e-4, 2.7e-3, 8e-3}) {
+      column.log_depth[column.rows] = float(std::log(d));
+      column.samples[column.rows++] = {float(std::log(k) + 2.5 * std::log(d)), float(slope / k), 2.5F, 0};
+    }
+  }
+  return law;
+}
+
+ForceSample answer_at(double x_m, double d_m, double peak, std::uint64_t sequence, double time_s,
+                      std::uint64_t version = 1) {
+  ForceSample sample;
+  sample.sequence = sequence, sample.model_version = version;
+  sample.pose_time_s = time_s;
+  sample.position_m = {x_m, d_m, 0};
+  sample.contact = d_m > 0;
+  const double k = stiffness_at(x_m, peak);
+  if (sample.contact)
+    sample.force_n = {-stiffness_slope(x_m, peak) * std::pow(d_m, 2.5), -2.5 * k * std::pow(d_m, 1.5), 0};
+  return sample;
+}
+
+ToolPose at(double x_m, double d_m) {
+  return {{x_m, d_m, 0}, Vector3::Zero()};
+}
+
+struct Rendering {
+  explicit Rendering(const LawRendererOptions& options = {}) : renderer(options) {}
+  Rendered tick(double x_m, double d_m, double dissipated_j = std::numeric_limits<double>::infinity()) {
+    time_s += kTickS;
+    return renderer.render(at(x_m, d_m), time_s, dissipated_j);
+  }
+  bool answer(double x_m, double d_m, double peak, std::uint64_t version = 1) {
+    return renderer.update(answer_at(x_m, d_m, peak, ++sequence, time_s, version), at(x_m, d_m), time_s);
+  }
+  LawRenderer renderer;
+  double time_s = 0;
+  std::uint64_t sequence = 0;
+};
+
+TEST(LawRenderer, FeelsTheTissueWhereTheFingerIsWithoutNewAnswers) {
+  Rendering law;
+  law.renderer.take_law(law_of(3));
+  law.answer(0.01, -0.001, 3);
+  double d = -0.001;
+  for (double x = 0.01; x < 0.05; x += 1.2e-4) {
+    d = std::min(d + 5e-5, 0.003);
+    const Rendered rendered = law.tick(x, d);
+    EXPECT_TRUE(rendered.by_law);
+    if (d <= 1e-3) continue;
+    const Vector3 expected_n = answer_at(x, d, 3, 1, 0).force_n;
+    EXPECT_NEAR((rendered.force_n - expected_n).norm(), 0, 0.01 * expected_n.norm()) << x;
+    EXPECT_NEAR(rendered.stored_j, stiffness_at(x, 3) * std::pow(d, 2.5), 0.01 * rendered.stored_j);
+  }
+}
+
+TEST(LawRenderer, WithoutALawItIsTheKalmanFilter) {
+  Rendering law;
+  KalmanRenderer kalman;
+  for (int k = 0; k < 2000; ++k) {
+    const double x = 0.01 + 2e-5 * k, d = 0.002 * std::sin(2e-3 * k);
+    if (k % 20 == 0) {
+      law.answer(x, d, 3);
+      kalman.update(answer_at(x, d, 3, law.sequence, law.time_s), at(x, d), law.time_s);
+    }
+    const Rendered one = law.tick(x, d, 1e-6), other = kalman.render(at(x, d), law.time_s, 1e-6);
+    ASSERT_EQ(one.force_n, other.force_n) << k;
+    ASSERT_EQ(one.stored_j, other.stored_j) << k;
+    ASSERT_FALSE(one.by_law);
+  }
+}
+
+// Press on the stiff place, slide off it, let go, and back outside of the tissue: nothing is gained or lost,
+// though the display's largest stiffness is reached. A cap on the force would give back half of what it
+// holds.
+TEST(LawRenderer, ALoopThroughTheCapsGivesNothing) {
+  LawRendererOptions options;
+  options.largest_stiffness_n_m = 150, options.largest_force_n = 0.35;
+  Rendering law(options);
+  law.renderer.take_law(law_of(3));
+  law.answer(0.03, -0.001, 3);
+  double work_j = 0, largest_n = 0, x = 0.03, d = -1e-5, held_j = 0;
+  Vector3 last_n = Vector3::Zero();
+  const auto move = [&](double to_x, double to_d) {
+    constexpr int kSteps = 20000;
+    const double from_x = x, from_d = d;
+    for (int k = 1; k <= kSteps; ++k) {
+      const double was_x = x, was_d = d;
+      x = from_x + (to_x - from_x) * k / kSteps, d = from_d + (to_d - from_d) * k / kSteps;
+      const Rendered rendered = law.tick(x, d);
+      EXPECT_LE(rendered.force_n.norm(), std::min(150 * std::max(d, 0.0), 0.35) * (1 + 1e-9));
+      const Vector3 mean_n = (last_n + rendered.force_n) / 2;
+      work_j += mean_n.x() * (x - was_x) + mean_n.y() * (d - was_d);
+      largest_n = std::max(largest_n, rendered.force_n.norm());
+      held_j = std::max(held_j, rendered.stored_j);
+      last_n = rendered.force_n;
+    }
+  };
+  move(0.03, 0.004), move(0.055, 0.004), move(0.055, -1e-5);
+  EXPECT_GT(largest_n, 0.3);  // the caps are reached
+  EXPECT_NEAR(work_j / held_j, 0, 2e-3);
+}
+
+// Nothing is dissipated: a softer law is felt within a fifth of a second, a harder one's surplus is withheld.
+TEST(LawRenderer, AnotherLawUnderAPressedFingerIsFeltGraduallyAndPaidFor) {
+  for (const double after : {0.5, 6.0}) {
+    Rendering law;
+    law.renderer.take_law(law_of(3, 1));
+    law.answer(0.03, -0.001, 3);
+    Rendered before;
+    for (double d = -0.001; d < 0.003; d += 1e-5) before = law.tick(0.03, d, 0);
+    before = law.tick(0.03, 0.003, 0);
+    const double pressed_n = before.force_n.norm();
+    law.renderer.take_law(law_of(after, 2));
+    for (int k = 0; k < 200; ++k) {
+      const Rendered now = law.tick(0.03, 0.003, 0);
+      ASSERT_LT((now.force_n - before.force_n).norm(), 0.07 * before.force_n.norm());
+      ASSERT_LE(now.force_n.norm(), pressed_n * (1 + 1e-9));
+      before = now;
+    }
+    if (after < 3) {
+      const Vector3 expected_n = answer_at(0.03, 0.003, after, 1, 0).force_n;
+      EXPECT_NEAR((before.force_n - expected_n).norm(), 0, 0.01 * expected_n.norm());
+    } else {
+      EXPECT_NEAR(before.withheld, 1 - stiffness_at(0.03, 3) / stiffness_at(0.03, after),
+                  0.02);  // the display's stiffness is felt in it
+      for (int k = 0; k < 400; ++k) before = law.tick(0.03, 0.003, 1e-5);  // now it is paid for
+      EXPECT_EQ(before.withheld, 0);
+    }
+  }
+}
+
+TEST(LawRenderer, ALawThatAnswersContradictIsDroppedAfterFourInARow) {
+  Rendering law;
+  law.renderer.take_law(law_of(3));
+  law.answer(0.02, -0.001, 1);
+  for (double d = -0.001; d < 0.002; d += 1e-5) law.tick(0.03, d);
+  for (int k = 0; k < 3; ++k) {
+    law.answer(0.03, 0.002, 1);  // half as stiff as the law says
+    EXPECT_TRUE(law.tick(0.03, 0.002).by_law);
+  }
+  law.answer(0.03, 0.002, 3);  // one that agrees begins the count again
+  for (int k = 0; k < 3; ++k) law.answer(0.03, 0.002, 1);
+  const Rendered last = law.tick(0.03, 0.002);
+  EXPECT_TRUE(last.by_law);
+  law.answer(0.03, 0.002, 1);
+  const Rendered dropped = law.tick(0.03, 0.002);
+  EXPECT_FALSE(dropped.by_law);
+  EXPECT_EQ(law.renderer.dropped(), 1u);
+  EXPECT_LT((dropped.force_n - last.force_n).norm(), 0.07 * last.force_n.norm());
+  // The filter's model takes over.
+  Rendered now;
+  for (int k = 0; k < 200; ++k) now = law.tick(0.03, 0.002);
+  const Vector3 expected_n = answer_at(0.03, 0.002, 1, 1, 0).force_n;
+  EXPECT_NEAR((now.force_n - expected_n).norm(), 0, 0.02 * expected_n.norm());
+  // A newer version is another law.
+  law.renderer.take_law(law_of(1, 2));
+  law.answer(0.03, 0.002, 1, 2);
+  EXPECT_TRUE(law.tick(0.03, 0.002).by_law);
+}
+
+TEST(LawRenderer, AnOlderLawThanTheAnswersIsNotRendered) {
+  Rendering law;
+  law.renderer.take_law(law_of(3, 4));
+  law.answer(0.03, -0.001, 3, 4);
+  EXPECT_TRUE(law.tick(0.03, 0.001).by_law);
+  law.answer(0.03, 0.001, 3, 5);
+  EXPECT_FALSE(law.tick(0.03, 0.001).by_law);
+  law.renderer.take_law(law_of(3, 5));
+  EXPECT_TRUE(law.tick(0.03, 0.001).by_law);
+}
+
+TEST(LawRenderer, BesideTheLawAndOnAnotherLayerItIsTheFilter) {
+  Rendering law;
+  law.renderer.take_law(law_of(3));
+  law.answer(0.03, -0.001, 3);
+  EXPECT_TRUE(law.tick(0.03, 0.001).by_law);
+  EXPECT_FALSE(law.tick(0.07, 0.001).by_law);
+  NearLaw deeper = law_of(3);
+  deeper.layer_depth_m = 0.005;
+  law.renderer.take_law(deeper);
+  EXPECT_FALSE(law.tick(0.03, 0.001).by_law);
+}
+
+}  // namespace
+}  // namespace teletact::client

@@ -1,0 +1,121 @@
+#include "service/touch_plane/law_outbox.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "tests/scene/windows.h"
+
+namespace teletact::service {
+namespace {
+
+// Two windows of 60 mm, a column of four rows every 5 mm.
+class Outbox : public testing::Test {
+ protected:
+  Outbox() {
+    for (int k = 0; k < 2; ++k) {
+      auto window = std::make_shared<WindowModel>();
+      window->id = 1 + static_cast<std::uint64_t>(k), window->version = 10 + window->id;
+      window->region = {0.06 * k, 0.06 * (k + 1)};
+      snapshot.windows.push_back(std::move(window));
+    }
+  }
+  static std::shared_ptr<const ContactLaw> law_of(const WindowModel& window) {
+    ContactLaw law;
+    for (int i = 0; i <= 12; ++i) {
+      LawColumn& column = law.columns.emplace_back();
+      column.x_m = window.region.begin_x_m + 0.005 * i;
+      column.rows = 4;
+    }
+    return std::make_shared<const ContactLaw>(std::move(law));
+  }
+  std::optional<LawPiece> next(double x_m, double velocity_m_s = 0) {
+    auto piece = outbox.next(snapshot, x_m, velocity_m_s, law_of);
+    if (piece && acknowledges) outbox.acknowledge(piece->number);
+    return piece;
+  }
+  SceneSnapshot snapshot;
+  LawOutbox outbox;
+  bool acknowledges = true;
+};
+
+TEST_F(Outbox, SendsWhatIsNearestFirstAndEachColumnOnce) {
+  std::multiset<double> sent_m;
+  std::uint64_t number = 0;
+  double last_m = 0;
+  while (const auto piece = next(0.02)) {
+    EXPECT_EQ(piece->number, ++number);
+    ASSERT_FALSE(piece->columns.empty());
+    EXPECT_LE(piece->columns.size(), 3u);  // 300 bytes
+    double nearest_m = HUGE_VAL;
+    for (const LawColumn& column : piece->columns) {
+      EXPECT_EQ(column.version, piece->version);
+      EXPECT_GE(column.x_m, piece->begin_m);
+      EXPECT_LE(column.x_m, piece->end_m);
+      sent_m.insert(column.x_m);
+      nearest_m = std::min(nearest_m, std::abs(column.x_m - 0.02));
+    }
+    EXPECT_GE(nearest_m, last_m);
+    last_m = nearest_m;
+  }
+  EXPECT_EQ(sent_m.size(), 26u);
+  EXPECT_EQ(std::set<double>(sent_m.begin(), sent_m.end()).size(), 25u);  // both have one at their border
+}
+
+TEST_F(Outbox, SendsAheadOfAFingerThatMoves) {
+  const auto piece = next(0.03, 0.2);
+  ASSERT_TRUE(piece);
+  EXPECT_NEAR(piece->columns[piece->columns.size() / 2].x_m, 0.05, 0.006);
+}
+
+// Whoever holds older columns must not drop them before the new ones are there.
+TEST_F(Outbox, SaysOverWhichSpanNoColumnOfItsVersionIsMissing) {
+  double begin_m = 0.02, end_m = 0.02;
+  for (int k = 0; k < 3; ++k) {
+    const auto piece = next(0.02);
+    ASSERT_TRUE(piece);
+    begin_m = std::min(begin_m, piece->columns.front().x_m);
+    end_m = std::max(end_m, piece->columns.back().x_m);
+    EXPECT_EQ(piece->begin_m, begin_m);
+    EXPECT_EQ(piece->end_m, end_m);
+  }
+}
+
+TEST_F(Outbox, StopsWhereNothingIsAcknowledged) {
+  acknowledges = false;
+  for (std::uint64_t k = 0; k < LawOutbox::kMostUnacknowledged; ++k) EXPECT_TRUE(next(0.02));
+  EXPECT_FALSE(next(0.02));
+  outbox.acknowledge(1);
+  EXPECT_TRUE(next(0.02));
+  EXPECT_FALSE(next(0.02));
+  EXPECT_THROW(outbox.acknowledge(0), std::invalid_argument);
+  EXPECT_THROW(outbox.acknowledge(6), std::invalid_argument);
+  outbox.acknowledge(5);
+}
+
+TEST_F(Outbox, SendsANewVersionAgainAndNothingOfWindowsFarAway) {
+  while (next(0.02)) {
+  }
+  auto newer = std::make_shared<WindowModel>(*snapshot.windows[0]);
+  newer->version = 20;
+  snapshot.windows[0] = newer;
+  std::size_t columns = 0;
+  while (const auto piece = next(0.02)) {
+    EXPECT_EQ(piece->version, 20u);
+    columns += piece->columns.size();
+  }
+  EXPECT_EQ(columns, 13u);
+  EXPECT_FALSE(next(5.0));
+}
+
+TEST_F(Outbox, WaitsForALawThatIsBeingSampled) {
+  bool ready = false;
+  const auto later = [&](const WindowModel& window) { return ready ? law_of(window) : nullptr; };
+  EXPECT_FALSE(outbox.next(snapshot, 0.02, 0, later));
+  ready = true;
+  EXPECT_TRUE(outbox.next(snapshot, 0.02, 0, later));
+}
+
+}  // namespace
+}  // namespace teletact::service
