@@ -112,9 +112,9 @@ void add(std::string& page, const std::string& title, const json& value) {
     if (!is_cell(inner)) add(page, title + ", " + words(key), inner);
 }
 
-std::string promises(const json& targets) {
+std::string promised(const json& promises) {
   std::string text = head({"promise", "measured", "promised", ""});
-  for (const json& t : targets) {
+  for (const json& t : promises) {
     std::string unit = t.at("unit");
     unit = unit.empty() || unit == "1" ? "" : " " + unit;
     text += row({t.at("name"), cell(t.at("value")) + unit,
@@ -133,7 +133,7 @@ std::string results_page(const json& result) try {
                   result.at("suite").get<std::string>());
   page += list(result.at("machine"));
   if (result.value("quick", false)) page += "\n**A quick run: to see that it works, not to quote.**\n";
-  if (!result.at("targets").empty()) page += "\n## Promised and measured\n\n" + promises(result["targets"]);
+  if (!result.at("targets").empty()) page += "\n## Promised and measured\n\n" + promised(result["targets"]);
   for (const char* key : {"suite", "machine", "targets", "quick"}) rest.erase(key);
   json figures = json::object();
   for (const auto& [key, value] : rest.items())

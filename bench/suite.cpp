@@ -100,13 +100,13 @@ std::string snake_case(const std::string& text) {
   return name;
 }
 
-bool finish(const std::string& suite, json figures, const Targets& targets, const SuiteOptions& options) {
+bool finish(const std::string& suite, json figures, const Promises& promises, const SuiteOptions& options) {
   bool met = true;
   figures["suite"] = suite;
   figures["machine"] = machine();
   figures["quick"] = options.quick;
   figures["targets"] = json::array();
-  for (const Target& t : targets) {
+  for (const client::Promise& t : promises) {
     met = met && t.met();
     figures["targets"].push_back({{"name", t.name},
                                   {"value", t.value},
@@ -150,10 +150,10 @@ json earlier_figures(const std::string& suite, const SuiteOptions& options) {
 
 bool run_parts(const std::string& suite, const std::vector<Part>& parts, const std::string& which,
                const SuiteOptions& options) {
-  const auto measure = [&](Targets& targets) {
+  const auto measure = [&](Promises& promises) {
     json figures = json::object();
     for (const Part& part : parts)
-      if (which == "all" || which == part.name) figures[part.name] = part.measure(options.quick, targets);
+      if (which == "all" || which == part.name) figures[part.name] = part.measure(options.quick, promises);
     return figures;
   };
   const auto draw = [&](const json& figures, const std::filesystem::path& folder) {

@@ -14,6 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "client/report/promise.h"
+
 namespace CLI {
 class App;
 }
@@ -33,17 +35,10 @@ struct SuiteOptions {
   std::string replot;  // JSON of an earlier run: draw its pictures again, measure nothing
 };
 
-// One figure that the project promises; the exit code is 1 when one is not met.
-struct Target {
-  std::string name;  // snake_case words; snake_case() makes them of any text
-  double value = 0, target = 0;
-  std::string unit{};
-  bool at_most = true;
-  bool met() const { return at_most ? value <= target : value >= target; }  // false for NaN
-};
-using Targets = std::vector<Target>;
+// The exit code is 1 when one is not met. Their names are snake_case words.
+using Promises = std::vector<client::Promise>;
 
-// "line 80 mm, 0.49" -> "line_80_mm_0_49"
+// "layer 80 mm, 0.49" -> "layer_80_mm_0_49"
 std::string snake_case(const std::string& text);
 
 // The subcommand `name` with --json, --out, --quick, --force and --replot, for options of its own to be added
@@ -66,19 +61,19 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Quantiles, count, min, p50, p95, p99, max)
 // Throws BenchError when there are none.
 Quantiles quantiles(std::vector<double> seconds);
 
-// Adds the suite's name, machine, whether it was quick, targets and their state, writes --json, prints the
-// targets. Returns whether all were met.
-bool finish(const std::string& suite, nlohmann::json figures, const Targets&, const SuiteOptions&);
+// Adds the suite's name, machine, whether it was quick, promises and their state, writes --json, prints the
+// promises. Returns whether all were met.
+bool finish(const std::string& suite, nlohmann::json figures, const Promises&, const SuiteOptions&);
 
 // --replot. Throws BenchError for a file that is no JSON of this suite.
 nlohmann::json earlier_figures(const std::string& suite, const SuiteOptions&);
 [[noreturn]] void throw_foreign(const std::string& suite, const SuiteOptions&);
 
-// Figures measure(Targets&), which adds what it promises, and draw(figures, folder), which is also what
+// Figures measure(Promises&), which adds what it promises, and draw(figures, folder), which is also what
 // --replot does. Returns whether all promises were met.
 template <class Measure, class Draw>
 bool run_suite(const std::string& suite, const SuiteOptions& options, Measure&& measure, Draw&& draw) {
-  using Figures = decltype(measure(std::declval<Targets&>()));
+  using Figures = decltype(measure(std::declval<Promises&>()));
   if (!options.replot.empty()) {
     try {
       draw(earlier_figures(suite, options).template get<Figures>(), std::filesystem::path(options.out));
@@ -87,31 +82,32 @@ bool run_suite(const std::string& suite, const SuiteOptions& options, Measure&& 
     }
     return true;
   }
-  Targets targets;
-  const Figures figures = measure(targets);
-  const bool met = finish(suite, figures, targets, options);
+  Promises promises;
+  const Figures figures = measure(promises);
+  const bool met = finish(suite, figures, promises, options);
   if (!options.out.empty()) draw(figures, std::filesystem::path(options.out));
   return met;
 }
 
-// add_suite() of one that runs run_suite(): figures measure(const Options&, Targets&), draw(figures, folder).
+// add_suite() of one that runs run_suite(): figures measure(const Options&, Promises&), draw(figures,
+// folder).
 template <class Options, class Measure, class Draw>
 CLI::App& add_suite(CLI::App& app, const char* name, const char* about,
                     const std::shared_ptr<Options>& options, bool& met, Measure measure, Draw draw) {
   return add_suite(app, name, about, *options, met, [=] {
     return run_suite(
-        name, *options, [&](Targets& targets) { return measure(*options, targets); }, draw);
+        name, *options, [&](Promises& promises) { return measure(*options, promises); }, draw);
   });
 }
 
 // An experiment of a suite that has several, each with figures, promises and pictures of its own.
 struct Part {
   const char* name;
-  std::function<nlohmann::json(bool quick, Targets&)> measure;
+  std::function<nlohmann::json(bool quick, Promises&)> measure;
   std::function<void(const nlohmann::json& figures, const std::filesystem::path& folder)> draw;
 };
 template <class Figures>
-Part make_part(const char* name, Figures (*measure)(bool, Targets&),
+Part make_part(const char* name, Figures (*measure)(bool, Promises&),
                void (*draw)(const Figures&, const std::filesystem::path&) = nullptr) {
   return {name, measure, [draw](const nlohmann::json& figures, const std::filesystem::path& folder) {
             if (draw != nullptr) draw(figures.get<Figures>(), folder);

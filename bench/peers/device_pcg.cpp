@@ -8,7 +8,7 @@
 #include "bench/basics/clock.h"
 #include "bench/peers/peer.h"
 #include "service/tissue/elasticity_solver.h"
-#include "service/tissue/iterative_lines.h"
+#include "service/tissue/iterative_compliances.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <stdexcept>
 
 #include "bench/stability/path.h"
 #include "bench/stability/rig.h"
@@ -87,6 +88,25 @@ void finish(const ForceErrors& errors, const Drawdown& drawdown, TrialResult& re
 }
 
 }  // namespace
+
+const std::vector<HandProfile>& hands() {
+  static const std::vector<HandProfile> all{{"middle", 0.1, 5, 500},
+                                            {"light, loose, soft", 0.01, 2, 200},
+                                            {"light, loose, stiff", 0.01, 2, 1000},
+                                            {"light, damped, soft", 0.01, 10, 200},
+                                            {"light, damped, stiff", 0.01, 10, 1000},
+                                            {"heavy, loose, soft", 0.2, 2, 200},
+                                            {"heavy, loose, stiff", 0.2, 2, 1000},
+                                            {"heavy, damped, soft", 0.2, 10, 200},
+                                            {"heavy, damped, stiff", 0.2, 10, 1000}};
+  return all;
+}
+
+const HandProfile& hand(const std::string& name) {
+  for (const HandProfile& one : hands())
+    if (one.name == name) return one;
+  throw std::out_of_range("no hand " + name);
+}
 
 client::DeviceProfile ideal_display() {
   constexpr double kNone = 1e6;

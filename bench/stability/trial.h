@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "bench/stability/plant.h"
 #include "bench/stability/rest.h"
@@ -16,6 +17,9 @@ struct HandProfile {
   const char* name;
   double mass_kg, damping_n_s_m, stiffness_n_m;
 };
+// Its middle and corners, the middle first; one by its name. Throws std::out_of_range for another name.
+const std::vector<HandProfile>& hands();
+const HandProfile& hand(const std::string& name);
 
 // A display without mass of its own, friction, resolution or limits: the servo alone bounds it.
 client::DeviceProfile ideal_display();
@@ -25,7 +29,7 @@ struct TrialOptions {
   client::DeviceProfile device = ideal_display();
   double damping_n_s_m = 0.5;  // of the display
   bool damping_known = true;   // its profile states it; else 0, as for a device whose maker does not
-  HandProfile hand{"middle", 0.1, 5, 500};
+  HandProfile hand = hands().front();
   Scene scene = Scene::kHomogeneous;
   double stiffness_n_m = 500;    // largest of the scene
   double update_s = 0.02;        // between answers

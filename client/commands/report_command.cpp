@@ -12,7 +12,7 @@
 namespace teletact::client {
 namespace {
 
-constexpr int kTargetsMissed = 2;  // exit code, beside 1 for a report that could not be made
+constexpr int kPromisesMissed = 2;  // exit code, beside 1 for a report that could not be made
 
 struct Arguments {
   std::string tissue, touch_record, acquire_record, out;
@@ -40,8 +40,8 @@ bool run(const Arguments& arguments) {
   draw_periods(out / "periods.png", touch);
   std::printf("%s", readable(summary).c_str());
   std::fflush(stdout);
-  for (const Target& target : targets_of(summary))
-    if (!target.met()) return false;
+  for (const Promise& promise : promises_of(summary))
+    if (!promise.met()) return false;
   return true;
 }
 
@@ -57,7 +57,7 @@ void add_report_command(CLI::App& app) {
       ->required();
   command.add_option("--out", arguments->out, "folder for summary.json and the pictures")->required();
   command.callback([arguments] {
-    if (!run(*arguments)) throw CLI::RuntimeError(kTargetsMissed);
+    if (!run(*arguments)) throw CLI::RuntimeError(kPromisesMissed);
   });
 }
 

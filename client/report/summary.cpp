@@ -213,16 +213,16 @@ json summarise(const Tissue& tissue, const TouchRecord& touch, const AcquireReco
                          {"grpc", grpc::Version()},
                          {"compiler", __VERSION__}};
   summary["targets"] = json::array();
-  for (const Target& target : targets_of(summary))
-    summary["targets"].push_back({{"name", target.name},
-                                  {"value", target.value},
-                                  {"target", target.target},
-                                  {"unit", target.unit},
-                                  {"met", target.met()}});
+  for (const Promise& promise : promises_of(summary))
+    summary["targets"].push_back({{"name", promise.name},
+                                  {"value", promise.value},
+                                  {"target", promise.target},
+                                  {"unit", promise.unit},
+                                  {"met", promise.met()}});
   return summary;
 }
 
-std::vector<Target> targets_of(const json& s) {
+std::vector<Promise> promises_of(const json& s) {
   const json& inclusions = s.at("inclusions");
   return {
       {"stalls", s.at("stalls").at("count").get<double>(), 0, "1"},

@@ -7,18 +7,10 @@
 
 #include "client/report/force_error.h"
 #include "client/report/inclusions.h"
+#include "client/report/promise.h"
 #include "client/report/session_record.h"
 
 namespace teletact::client {
-
-// One figure that the project promises.
-struct Target {
-  std::string name;
-  double value = 0, target = 0;
-  std::string unit;
-  bool at_most = true;                                                      // else at least
-  bool met() const { return at_most ? value <= target : value >= target; }  // false for NaN
-};
 
 // The scene's stitched modulus; values that were not measured are NaN. Throws std::runtime_error when the
 // recording holds no scene.
@@ -34,7 +26,7 @@ nlohmann::json summarise(const Tissue& tissue, const TouchRecord& touch, const A
                          const std::string& client_version);
 
 // The promised figures of a summary of a demo, also written into it as `targets`.
-std::vector<Target> targets_of(const nlohmann::json& summary);
+std::vector<Promise> promises_of(const nlohmann::json& summary);
 
 // A table for people.
 std::string readable(const nlohmann::json& summary);

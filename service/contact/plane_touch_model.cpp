@@ -94,7 +94,7 @@ std::vector<Layer> PlaneTouchModel::layers() const {
 }
 
 TouchCost PlaneTouchModel::cost() const {
-  return {tissue_->line_bytes(), tissue_->line_operations()};
+  return {tissue_->compliance_bytes(), tissue_->condensation_operations()};
 }
 
 std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const TouchWay& way,

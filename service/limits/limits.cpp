@@ -79,7 +79,7 @@ const std::vector<LimitRow>& limit_rows() {
        "states to a watcher of the finger"},
       {"least_tip_m", &L::least_tip_m, 1e-4, "m", 1e-5, 1e-3, "radius or half width of a fingertip"},
       {"most_tip_m", &L::most_tip_m, 0.014, "m", 1e-3, 0.014,
-       "radius or half width of a fingertip; strips are fine that far"},
+       "radius or half width of a fingertip; the tissue of a window is fine that far"},
       {"most_touch_streams", &L::most_touch_streams, 64, "1", 1, 4096, "touch streams at once"},
       {"most_watchers", &L::most_watchers, 64, "1", 1, 4096, "watchers of fingers at once"},
       {"most_estimates", &L::most_estimates, 8, "1", 1, 256, "uploads and estimates at once"},

@@ -9,11 +9,11 @@
 namespace teletact::service::choices {
 
 // The tissue that a window is touched on (scene/window_tissue.h).
-inline constexpr double kFine = 0.001;        // columns under the finger; lines down to kFineDepth
-inline constexpr double kCoarse = 0.008;      // columns far away
-inline constexpr double kCoarseLine = 0.002;  // lines below kFineDepth
+inline constexpr double kFine = 0.001;       // columns under the finger; rows down to kFineDepth
+inline constexpr double kCoarse = 0.008;     // columns far away
+inline constexpr double kCoarseRow = 0.002;  // rows below kFineDepth
 inline constexpr double kFineDepth = 0.022;
-inline constexpr double kColumnGrowth = 1.3, kLineGrowth = 1.15;  // from fine to coarse
+inline constexpr double kColumnGrowth = 1.3, kRowGrowth = 1.15;  // from fine to coarse
 // Tissue on each side of the window. T4 asks for 60 mm, which leaves a jump of 1.8 % where a finger is handed
 // over at the tissue's border; 80 mm leave 1.0 %, 100 mm 0.5 %, for 5 more coarse columns a side.
 inline constexpr double kContext = 0.100;
@@ -32,12 +32,12 @@ inline constexpr double kLightTouch = 5e-4;
 // the tip); the range grows by itself while its outermost node touches.
 inline constexpr double kCandidateMargin = 0.25;
 
-// Which way a line is condensed: interior lines that wide tissue condenses one by one. About then all of them
-// line by line are as cheap.
-inline constexpr std::size_t kLinesByColumns = 4;
-// Interior lines that are kept, those used last, at 8 bytes for each pair of freedoms of a line; one more
+// Which way a row is condensed: interior rows that wide tissue condenses one by one. About then all of them
+// row by row are as cheap.
+inline constexpr std::size_t kRowsByColumns = 4;
+// Interior rows that are kept, those used last, at 8 bytes for each pair of freedoms of a row; one more
 // is made again when it is asked for. One is always kept, and those that somebody holds are.
-inline constexpr std::size_t kMostLineBytes = std::size_t{256} << 20;
+inline constexpr std::size_t kMostComplianceBytes = std::size_t{256} << 20;
 
 // How conjugate gradients solve. Devices without double: up to here float alone converges at any contrast
 // tested on square elements.
@@ -50,7 +50,7 @@ inline constexpr double kColumnError = 1e-4;
 inline constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
 // Force error beyond which an answer is not trusted: that of a float solver.
 inline constexpr double kTrustedForceError = 2e-3;
-// Tissue that a touch feels: as wide as a wide tip, and so deep in all, half of it above the line where the
+// Tissue that a touch feels: as wide as a wide tip, and so deep in all, half of it above the row where the
 // surface leaves room. Where less than this share of its cells was measured, the answer is not trusted.
 inline constexpr double kFeltDepth = 0.025;
 inline constexpr double kTrustedShare = 0.5;

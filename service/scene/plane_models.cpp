@@ -10,7 +10,7 @@
 namespace teletact::service {
 namespace {
 
-std::size_t line_of(const TissueModel& tissue, const Layer& layer) {
+std::size_t row_of(const TissueModel& tissue, const Layer& layer) {
   const std::vector<double>& y_m = tissue.problem().grid.y_m;
   return static_cast<std::size_t>(std::find(y_m.begin(), y_m.end(), layer.depth_m) - y_m.begin());
 }
@@ -26,14 +26,14 @@ class PlaneModels final : public TouchModels {
   std::shared_ptr<const TouchModel> of_window(const WantedModel& wanted) const override {
     WindowTissueOptions options;
     options.account = wanted.account;
-    options.interior_lines = std::any_of(wanted.in_use.begin(), wanted.in_use.end(),
-                                         [](const Layer& layer) { return layer.depth_m > 0; });
+    options.interior_layers = std::any_of(wanted.in_use.begin(), wanted.in_use.end(),
+                                          [](const Layer& layer) { return layer.depth_m > 0; });
     const auto* same_kind = dynamic_cast<const PlaneTouchModel*>(wanted.before);
     const TissueModel* before = same_kind ? &same_kind->tissue() : nullptr;
     auto tissue = build_window_tissue(wanted.geometry, wanted.map, wanted.region.begin_x_m,
                                       wanted.region.end_x_m, options, before);
     for (const Layer& layer : wanted.in_use) try {
-        tissue->condensed(line_of(*tissue, layer), before);
+        tissue->condensed(row_of(*tissue, layer), before);
       } catch (
           const MemoryRefused& refused) {  // who touches it finds it unprepared; others have their window
         spdlog::warn("event=line_not_prepared depth_m={} error=\"{}\"", layer.depth_m, refused.what());

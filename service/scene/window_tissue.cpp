@@ -22,10 +22,10 @@ Range widened(const SceneGeometry& g, double begin_m, double end_m, double by_m)
 }  // namespace
 
 std::vector<double> window_rows_m(const SceneGeometry& g) {
-  if (g.depth_m <= kFineDepth + kCoarseLine)
+  if (g.depth_m <= kFineDepth + kCoarseRow)
     return uniform_coordinates(0, g.depth_m,
                                std::max<std::size_t>(1, std::llround(std::ceil(g.depth_m / kFine - 1e-9))));
-  return graded_coordinates(0, g.depth_m, 0, kFineDepth, kFine, kCoarseLine, kLineGrowth);
+  return graded_coordinates(0, g.depth_m, 0, kFineDepth, kFine, kCoarseRow, kRowGrowth);
 }
 
 std::vector<double> window_columns_m(const SceneGeometry& g, double begin_m, double end_m) {
@@ -58,7 +58,7 @@ std::shared_ptr<const TissueModel> build_window_tissue(const SceneGeometry& g, c
   options.touch_begin_m = reach.begin_m;
   options.touch_end_m = reach.end_m;
   options.thickness_m = g.thickness_m;
-  options.interior_lines = o.interior_lines;
+  options.interior_layers = o.interior_layers;
   options.will_change = true;
   options.account = o.account;
   return std::make_shared<const TissueModel>(std::move(grid), std::move(material), supports, options, before);

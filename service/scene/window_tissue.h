@@ -13,8 +13,8 @@
 namespace teletact::service {
 
 struct WindowTissueOptions {
-  bool interior_lines = false;  // as in TissueModelOptions
-  MemoryAccount account = {};   // the same
+  bool interior_layers = false;  // as in TissueModelOptions
+  MemoryAccount account = {};    // the same
 };
 
 // Node coordinates of the rows (y), the same for every window of a scene.

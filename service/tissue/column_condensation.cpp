@@ -150,11 +150,11 @@ MatrixXd joined(const CondensedSides& sides, const TouchedNodes& touched) {
 }
 
 CondensationCost condensation_cost(const FreeNodes& free, const ColumnRange& touched) {
-  const double lines = double(free.lines()), columns = double(free.columns());
-  const double width = 2 * columns, depth = 2 * lines, nodes = double(touched.last - touched.first + 1);
-  return {(lines + 1) * width * width * width, columns * depth * depth * depth +
-                                                   depth * depth * nodes * nodes +
-                                                   depth * nodes * nodes * (nodes / 3 + 4)};
+  const double rows = double(free.rows()), columns = double(free.columns());
+  const double width = 2 * columns, depth = 2 * rows, nodes = double(touched.last - touched.first + 1);
+  return {(rows + 1) * width * width * width, columns * depth * depth * depth +
+                                                  depth * depth * nodes * nodes +
+                                                  depth * nodes * nodes * (nodes / 3 + 4)};
 }
 
 }  // namespace teletact::service

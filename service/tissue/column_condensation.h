@@ -1,4 +1,4 @@
-// Compliance of one line of nodes by elimination column by column, from both ends of the tissue to a column
+// Compliance of one row of nodes by elimination column by column, from both ends of the tissue to a column
 // in between, the seam (T4.2c).
 //
 // A side is the tissue from one end to a column c. With c held its touched nodes have the compliance H, and
@@ -20,9 +20,9 @@
 
 namespace teletact::service {
 
-// Which nodes are touched: those of one line in a range of columns.
+// Which nodes are touched: those of one row in a range of columns.
 struct TouchedNodes {
-  Eigen::Index position = 0;  // of the line among the free lines
+  Eigen::Index position = 0;  // of the row among the free rows
   ColumnRange columns;
 };
 
@@ -48,10 +48,10 @@ CondensedSides condensed_sides(const LayeredStiffness& columns, const TouchedNod
 // The compliance among the touched nodes, from the left; lower triangle.
 Eigen::MatrixXd joined(const CondensedSides&, const TouchedNodes&);
 
-// Operations in floating point to the surface, by columns as here and by lines (condensation.h).
+// Operations in floating point to the surface, by columns as here and by rows (condensation.h).
 struct CondensationCost {
-  double by_lines = 0, by_columns = 0;
-  bool columns_are_cheaper() const { return by_columns < by_lines; }
+  double by_rows = 0, by_columns = 0;
+  bool columns_are_cheaper() const { return by_columns < by_rows; }
 };
 CondensationCost condensation_cost(const FreeNodes&, const ColumnRange& touched);
 

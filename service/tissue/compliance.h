@@ -1,4 +1,4 @@
-// Compliance of one touched line (T4.2): displacement of its nodes under unit nodal forces on it, everything
+// Compliance of one touched row (T4.2): displacement of its nodes under unit nodal forces on it, everything
 // else condensed. Two ways give the same numbers: layer-by-layer elimination on the host (condensed, the fast
 // path) and device PCG (columns on demand).
 #pragma once
@@ -37,7 +37,7 @@ struct FormError {
 class Compliance {
  public:
   virtual ~Compliance() = default;
-  // Compliance (m per N/m, plane strain: force per metre of thickness) among `nodes`, indices along the line
+  // Compliance (m per N/m, plane strain: force per metre of thickness) among `nodes`, indices along the row
   // (grid columns i), strictly increasing. Rows and columns are ordered [u_x of node 0, u_y of node 0, u_x of
   // node 1, ...]; size 2n x 2n, symmetric positive definite. `report` may be null.
   // Throws std::out_of_range for a node that this compliance does not serve.

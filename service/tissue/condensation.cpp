@@ -21,14 +21,14 @@ FreeNodes free_nodes(const TissueGrid& grid, const Supports& supports) {
         "example the bottom");
   }
   FreeNodes free;
-  free.first_line = fixed(supports.top) ? 1 : 0;
+  free.first_row = fixed(supports.top) ? 1 : 0;
   free.first_column = fixed(supports.left) ? 1 : 0;
-  const std::size_t end_line = grid.ny() - (fixed(supports.bottom) ? 1 : 0);
+  const std::size_t end_row = grid.ny() - (fixed(supports.bottom) ? 1 : 0);
   const std::size_t end_column = grid.nx() - (fixed(supports.right) ? 1 : 0);
-  if (end_line <= free.first_line || end_column <= free.first_column) {
+  if (end_row <= free.first_row || end_column <= free.first_column) {
     throw std::invalid_argument("supports: every node is fixed; leave an edge free or use a finer grid");
   }
-  free.last_line = end_line - 1;
+  free.last_row = end_row - 1;
   free.last_column = end_column - 1;
   return free;
 }
@@ -38,7 +38,7 @@ LayeredStiffness::LayeredStiffness(const TissueGrid& grid, const Material& mater
     : grid_(grid), material_(material), layers_(layers) {
   validate(grid, material);
   const FreeNodes free = free_nodes(grid, supports);
-  first_layer_ = free.first_line, last_layer_ = free.last_line;
+  first_layer_ = free.first_row, last_layer_ = free.last_row;
   first_node_ = free.first_column, last_node_ = free.last_column;
   if (layers == Layers::kColumns) {
     std::swap(first_layer_, first_node_);
@@ -49,21 +49,21 @@ LayeredStiffness::LayeredStiffness(const TissueGrid& grid, const Material& mater
 // Linear in the modulus, so that equal neighbours share their integration: of the first
 // one's modulus, whose rounding other units change (T4.2b); that of 1 Pa they would not.
 ElementLayer LayeredStiffness::elements_after(std::size_t layer) const {
-  const bool by_lines = layers_ == Layers::kLines;
-  const std::size_t count = (by_lines ? grid_.nx() : grid_.ny()) - 1;
+  const bool by_rows = layers_ == Layers::kRows;
+  const std::size_t count = (by_rows ? grid_.nx() : grid_.ny()) - 1;
   ElementLayer elements(first_node_, last_node_, count);
   double last_width_m = 0, last_height_m = 0;
   ElementLayer::Stiffness unit;
   const double unit_pa =
-      material_.youngs_modulus_pa[by_lines ? grid_.element(0, layer) : grid_.element(layer, 0)];
+      material_.youngs_modulus_pa[by_rows ? grid_.element(0, layer) : grid_.element(layer, 0)];
   for (std::size_t k = 0; k < count; ++k) {
-    const std::size_t i = by_lines ? k : layer, j = by_lines ? layer : k;
+    const std::size_t i = by_rows ? k : layer, j = by_rows ? layer : k;
     const double width_m = grid_.x_m[i + 1] - grid_.x_m[i], height_m = grid_.y_m[j + 1] - grid_.y_m[j];
     if (width_m != last_width_m || height_m != last_height_m) {
       last_width_m = width_m, last_height_m = height_m;
       unit = element_stiffness(width_m, height_m, unit_pa, material_.poisson_ratio);
       constexpr std::array kAlongColumns{0, 1, 4, 5, 2, 3, 6, 7};
-      if (!by_lines) unit = unit(kAlongColumns, kAlongColumns).eval();
+      if (!by_rows) unit = unit(kAlongColumns, kAlongColumns).eval();
     }
     elements.add(material_.youngs_modulus_pa[grid_.element(i, j)] / unit_pa * unit);
   }
@@ -76,7 +76,7 @@ void LayeredStiffness::add_own(std::size_t layer, MatrixXd& block) const {
 }
 
 std::size_t LayeredStiffness::layers() const {
-  return layers_ == Layers::kLines ? grid_.ny() : grid_.nx();
+  return layers_ == Layers::kRows ? grid_.ny() : grid_.nx();
 }
 
 MatrixXd LayeredStiffness::own(std::size_t layer) const {
@@ -117,34 +117,34 @@ LayerCoupling ElementLayer::coupling() const {
   return coupling;
 }
 
-MatrixXd eliminated_below(const LayeredStiffness& lines, std::vector<MatrixXd>* kept) {
-  const std::size_t first = lines.first_layer(), last = lines.last_layer();
+MatrixXd eliminated_below(const LayeredStiffness& rows, std::vector<MatrixXd>* kept) {
+  const std::size_t first = rows.first_layer(), last = rows.last_layer();
   if (kept) kept->resize(last - first + 1);
-  MatrixXd stiffness = lines.own(last), next = MatrixXd::Zero(lines.size(), lines.size());
-  LayerWorkspace workspace(lines.size());
+  MatrixXd stiffness = rows.own(last), next = MatrixXd::Zero(rows.size(), rows.size());
+  LayerWorkspace workspace(rows.size());
   for (std::size_t j = last; j-- > first;) {
     look();
     if (kept) (*kept)[j + 1 - first] = stiffness;
-    eliminate(stiffness, lines.elements_after(j).coupling(), workspace, next);
-    lines.add_own(j, next);
+    eliminate(stiffness, rows.elements_after(j).coupling(), workspace, next);
+    rows.add_own(j, next);
     stiffness.swap(next);
   }
   if (kept) kept->front() = stiffness;
   return stiffness;
 }
 
-std::vector<MatrixXd> condensed_lines(const LayeredStiffness& lines, std::vector<MatrixXd> below) {
+std::vector<MatrixXd> condensed_rows(const LayeredStiffness& rows, std::vector<MatrixXd> below) {
   std::vector<MatrixXd> condensed = std::move(below);
-  if (condensed.empty()) eliminated_below(lines, &condensed);
-  const std::size_t first = lines.first_layer();
-  LayerWorkspace workspace(lines.size());
+  if (condensed.empty()) eliminated_below(rows, &condensed);
+  const std::size_t first = rows.first_layer();
+  LayerWorkspace workspace(rows.size());
   // A_j, from the top down.
-  MatrixXd above = lines.own(first), change = MatrixXd::Zero(lines.size(), lines.size());
-  for (std::size_t j = first + 1; j <= lines.last_layer(); ++j) {
+  MatrixXd above = rows.own(first), change = MatrixXd::Zero(rows.size(), rows.size());
+  for (std::size_t j = first + 1; j <= rows.last_layer(); ++j) {
     look();
-    eliminate(above, lines.elements_after(j - 1).coupling().transposed(), workspace, change);
+    eliminate(above, rows.elements_after(j - 1).coupling().transposed(), workspace, change);
     condensed[j - first] += change;  // A_j - D_j
-    lines.add_own(j, change);
+    rows.add_own(j, change);
     above.swap(change);
   }
   return condensed;

@@ -1,10 +1,10 @@
-// The stiffness of the tissue by layers of nodes, and its condensation onto one line (T4.2, T4.4).
+// The stiffness of the tissue by layers of nodes, and its condensation onto one row (T4.2, T4.4).
 //
-// Ordered by lines of nodes, K is block tridiagonal: own blocks D_j, couplings E_j = K(j, j+1) that reach
-// three nodes. With everything below line j eliminated, B_j = D_j - E_j B_{j+1}^-1 E_j^T; with everything
-// above, A_j = D_j - E_{j-1}^T A_{j-1}^-1 E_{j-1}. Line j then sees the Schur complement A_j + B_j - D_j
-// (above + own + below), whose inverse is the compliance among its nodes: exact, whatever the line. Cost per
-// line: one dense symmetric inverse (m^3 flops, m = 2 nx) and O(m^2) for the sparse couplings.
+// Ordered by rows of nodes, K is block tridiagonal: own blocks D_j, couplings E_j = K(j, j+1) that reach
+// three nodes. With everything below row j eliminated, B_j = D_j - E_j B_{j+1}^-1 E_j^T; with everything
+// above, A_j = D_j - E_{j-1}^T A_{j-1}^-1 E_{j-1}. Row j then sees the Schur complement A_j + B_j - D_j
+// (above + own + below), whose inverse is the compliance among its nodes: exact, whatever the row. Cost per
+// row: one dense symmetric inverse (m^3 flops, m = 2 nx) and O(m^2) for the sparse couplings.
 // Ordered by columns K has the same form: column_condensation.h.
 #pragma once
 
@@ -19,8 +19,8 @@ namespace teletact::service {
 
 // Free nodes of the grid: those that no fixed edge holds. All bounds inclusive.
 struct FreeNodes {
-  std::size_t first_line = 0, last_line = 0, first_column = 0, last_column = 0;
-  std::size_t lines() const { return last_line - first_line + 1; }
+  std::size_t first_row = 0, last_row = 0, first_column = 0, last_column = 0;
+  std::size_t rows() const { return last_row - first_row + 1; }
   std::size_t columns() const { return last_column - first_column + 1; }
 };
 // Throws std::invalid_argument when no edge is fixed (a free body has no compliance) or no node is free.
@@ -46,7 +46,7 @@ class ElementLayer {
   std::vector<Stiffness> elements_;
 };
 
-enum class Layers { kLines, kColumns };  // of nodes: what K is ordered by
+enum class Layers { kRows, kColumns };  // of nodes: what K is ordered by
 
 // The block tridiagonal stiffness over free degrees of freedom: fixed layers and nodes are left out. A
 // layer's freedoms are [u_x, u_y] of its nodes, from the left or from the top. Refers to grid and material.
@@ -69,12 +69,11 @@ class LayeredStiffness {
   std::size_t first_layer_ = 0, last_layer_ = 0, first_node_ = 0, last_node_ = 0;
 };
 
-// B_j of the first free line: its stiffness with all lines below it eliminated; the lower triangle. `kept`
-// (may be null) gets B_j of every free line, in order, for condensed_lines.
-Eigen::MatrixXd eliminated_below(const LayeredStiffness& lines, std::vector<Eigen::MatrixXd>* kept);
-// A_j + B_j - D_j of every free line, in order; lower triangles. `below`: B_j of every free line where they
+// B_j of the first free row: its stiffness with all rows below it eliminated; the lower triangle. `kept`
+// (may be null) gets B_j of every free row, in order, for condensed_rows.
+Eigen::MatrixXd eliminated_below(const LayeredStiffness& rows, std::vector<Eigen::MatrixXd>* kept);
+// A_j + B_j - D_j of every free row, in order; lower triangles. `below`: B_j of every free row where they
 // are known, else empty.
-std::vector<Eigen::MatrixXd> condensed_lines(const LayeredStiffness& lines,
-                                             std::vector<Eigen::MatrixXd> below);
+std::vector<Eigen::MatrixXd> condensed_rows(const LayeredStiffness& rows, std::vector<Eigen::MatrixXd> below);
 
 }  // namespace teletact::service

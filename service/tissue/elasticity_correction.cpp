@@ -135,7 +135,7 @@ std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision preci
                                                                  const PcgOptions& options) {
   if (precision == Precision::kFloat)
     return std::make_unique<Correction<float, float>>(queue, grid, free, capacity, options);
-  // Lines in float take two to three times the iterations near nu = 1/2.
+  // Compliances in float take two to three times the iterations near nu = 1/2.
   if (short_side({grid.x_m, grid.y_m}) == ShortSide::kNeither)
     return std::make_unique<Correction<double, float>>(queue, grid, free, capacity, options);
   return std::make_unique<Correction<double, double>>(queue, grid, free, capacity, options);

@@ -1,4 +1,4 @@
-// One solver for all lines of a model on one device, used by one thread at a time. It is made when it is
+// One solver for all rows of a model on one device, used by one thread at a time. It is made when it is
 // needed and gives back the device's memory when others need it.
 #pragma once
 

@@ -48,15 +48,15 @@ TissueProblem make_problem(TissueGrid grid, Material material, const Supports& s
   return problem;
 }
 
-double modulus_near_pa(const TissueProblem& problem, std::size_t column, std::size_t line) {
+double modulus_near_pa(const TissueProblem& problem, std::size_t column, std::size_t row) {
   const TissueGrid& grid = problem.grid;
-  if (column >= grid.nx() || line >= grid.ny()) {
-    throw std::out_of_range("modulus_near_pa: column or line outside the grid");
+  if (column >= grid.nx() || row >= grid.ny()) {
+    throw std::out_of_range("modulus_near_pa: column or row outside the grid");
   }
-  const std::size_t row = std::min(line, grid.ny() - 2);
+  const std::size_t below = std::min(row, grid.ny() - 2);
   const std::size_t left = column > 0 ? column - 1 : 0, right = std::min(column, grid.nx() - 2);
-  return (problem.material.youngs_modulus_pa[grid.element(left, row)] +
-          problem.material.youngs_modulus_pa[grid.element(right, row)]) /
+  return (problem.material.youngs_modulus_pa[grid.element(left, below)] +
+          problem.material.youngs_modulus_pa[grid.element(right, below)]) /
          2;
 }
 

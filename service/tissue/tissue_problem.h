@@ -19,7 +19,7 @@ struct TissueProblem {
 TissueProblem make_problem(TissueGrid, Material, const Supports&, double thickness_m, double touch_begin_m,
                            double touch_end_m);
 
-// Young's modulus of the elements beside `column` just below the line (above it on the last one): their mean.
-double modulus_near_pa(const TissueProblem&, std::size_t column, std::size_t line);
+// Young's modulus of the elements beside `column` just below the row (above it on the last one): their mean.
+double modulus_near_pa(const TissueProblem&, std::size_t column, std::size_t row);
 
 }  // namespace teletact::service

@@ -21,7 +21,7 @@ struct TouchOptions {
   Fingertip fingertip;
   double layer_depth_m = 0;
   SolvePath path = SolvePath::kAuto;
-  std::string client = {};                   // in whose turn lines are made ready
+  std::string client = {};                   // in whose turn layers are made ready
   std::optional<Vector3> layer_normal = {};  // as it was asked for; none: as the model says
 };
 

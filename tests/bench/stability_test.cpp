@@ -187,11 +187,10 @@ TEST(Trial, GivenAHardTissueWhenItWasNotToldOfThenItsForceIsWithheldAndDegradedS
 // Pressed to the largest force of each device, and lifted: nothing in the air, and no more comes back than
 // was put in but for what a force held between ticks gives.
 TEST(Lift, OfAFingerThatPressedWithTheLargestForceLeavesNothingBehindByAnyRenderer) {
-  static const HandProfile hand{"middle", 0.1, 5, 500};
   for (const client::DeviceProfile& device : client::device_profiles())
     for (const std::string renderer : {"kalman", "kalman-force", "interpolate", "hold"})
       for (const LiftMotion motion : {LiftMotion::kLift, LiftMotion::kTap})
-        for (const HandProfile* mover : {static_cast<const HandProfile*>(nullptr), &hand}) {
+        for (const HandProfile* mover : {static_cast<const HandProfile*>(nullptr), &hands().front()}) {
           LiftOptions options;
           options.renderer = renderer;
           options.device = device;

@@ -164,7 +164,7 @@ TEST(Summary, AnInclusionWhereNobodyAcquiredIsNotMissed) {
 }
 
 TEST(Summary, AFigureThatIsNoNumberIsNotMet) {
-  Target figure{"x", std::numeric_limits<double>::quiet_NaN(), 1, "s"};
+  Promise figure{"x", std::numeric_limits<double>::quiet_NaN(), 1, "s"};
   EXPECT_FALSE(figure.met());
   figure.at_most = false;
   EXPECT_FALSE(figure.met());

@@ -90,7 +90,7 @@ TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
 }
 
 // Its first answers come while it is made elsewhere, and say so.
-TEST_F(Palpation, InteriorLineIsPreparedBeforeItHasAForce) {
+TEST_F(Palpation, InteriorLayerIsPreparedBeforeItHasAForce) {
   v1::TouchOpen open = Toucher::open_on("s");
   open.mutable_layer()->set_depth_m(0.02);
   Toucher toucher(channel, open);

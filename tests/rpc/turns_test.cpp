@@ -1,4 +1,4 @@
-// Lines that touches wait for are made ready in turns of the clients.
+// Layers that touches wait for are made ready in turns of the clients.
 #include <atomic>
 #include <future>
 #include <thread>
@@ -11,24 +11,24 @@ namespace {
 
 using Turns = OnOneServer;
 
-v1::TouchOpen on_line(double y_m) {
+v1::TouchOpen on_layer(double y_m) {
   v1::TouchOpen open = Toucher::open_on("s");
   open.mutable_layer()->set_depth_m(y_m);
   return open;
 }
 
-TEST_F(Turns, OneWhoWaitsForManyLinesKeepsNobodyWaiting) {
+TEST_F(Turns, OneWhoWaitsForManyLayersKeepsNobodyWaiting) {
   const auto scene = (*server)->core().scenes.find("s");
   const auto is_made = [&](double y_m) {
-    constexpr double kLineM = 0.002;  // apart
-    const auto line = static_cast<std::size_t>(std::lround(y_m / kLineM));
-    return tissue_of(*scene->snapshot()->windows[0]).made(line) != nullptr;
+    constexpr double kRowM = 0.002;  // apart
+    const auto row = static_cast<std::size_t>(std::lround(y_m / kRowM));
+    return tissue_of(*scene->snapshot()->windows[0]).made(row) != nullptr;
   };
   const auto wait_until = [](const auto& condition) {
     for (int k = 0; k < 4000 && !condition(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     return condition();
   };
-  // GIVEN somebody at work, behind whom one client asks for two lines, and then another for one
+  // GIVEN somebody at work, behind whom one client asks for two layers, and then another for one
   struct Gates {
     std::atomic<bool> first_done{false}, last_begun{false}, last_done{false};
   };
@@ -36,7 +36,7 @@ TEST_F(Turns, OneWhoWaitsForManyLinesKeepsNobodyWaiting) {
   scene->touch_work()("a", [=] { wait_until([&gates = *gates] { return gates.first_done.load(); }); });
   std::vector<std::unique_ptr<Toucher>> touching;
   const auto ask = [&](const char* client, double y_m) {
-    touching.push_back(std::make_unique<Toucher>(channel, on_line(y_m), client));
+    touching.push_back(std::make_unique<Toucher>(channel, on_layer(y_m), client));
     v1::TouchAnswer answer;
     ASSERT_TRUE(touching.back()->opened());
     ASSERT_TRUE(touching.back()->send(0.05, y_m + 0.002) && touching.back()->read(&answer));

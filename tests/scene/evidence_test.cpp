@@ -91,22 +91,22 @@ WindowEstimate measured_where(const std::function<bool(double)>& measured) {
   return window;
 }
 
-TouchStatus at_line(const WindowEstimate& window, double line_y_m) {
+TouchStatus at_layer(const WindowEstimate& window, double depth_m) {
   auto scene = std::make_shared<Scene>("s", tissue(0.12, kDepthM), versions());
   scene->publish(window, {});
   TouchOptions options;
-  options.layer_depth_m = line_y_m;
+  options.layer_depth_m = depth_m;
   TouchSession session(scene, options, nullptr);
   return session.solve({0.06, session.layer().depth_m + 0.002}).status;
 }
 
-TEST(Evidence, TissueNotMeasuredUnderTheTouchedLineCounts) {
+TEST(Evidence, TissueNotMeasuredUnderTheTouchedLayerCounts) {
   const WindowEstimate above = measured_where([](double y_m) { return y_m < 0.020; });
-  EXPECT_EQ(at_line(above, 0), TouchStatus::kOk);
-  EXPECT_EQ(at_line(above, 0.030), TouchStatus::kDegraded);
+  EXPECT_EQ(at_layer(above, 0), TouchStatus::kOk);
+  EXPECT_EQ(at_layer(above, 0.030), TouchStatus::kDegraded);
   const WindowEstimate below = measured_where([](double y_m) { return y_m > 0.022; });
-  EXPECT_EQ(at_line(below, 0), TouchStatus::kDegraded);
-  EXPECT_EQ(at_line(below, 0.030), TouchStatus::kOk);
+  EXPECT_EQ(at_layer(below, 0), TouchStatus::kDegraded);
+  EXPECT_EQ(at_layer(below, 0.030), TouchStatus::kOk);
 }
 
 TEST(Evidence, ARefreshedNeighbourKeepsWhenItWasTakenIn) {

@@ -104,8 +104,8 @@ TEST_F(SceneWithWindows, NeighboursAreRebuiltWithTheNewContext) {
 // Parts of the models before are taken over: of the window itself when it is published again, of its
 // neighbours when they get its context.
 TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
-  constexpr std::size_t kLine = 7;
-  scene.use_layer(scene.layer_near(0.001 * kLine));
+  constexpr std::size_t kRow = 7;
+  scene.use_layer(scene.layer_near(0.001 * kRow));
   for (const double begin_m : {0.0, 0.03, 0.06, 0.03, 0.015, 0.06, 0.06}) {
     scene.publish(
         window_of(inclusion(10e3, 3 + 100 * begin_m, begin_m + 0.012, 0.008, 0.006), begin_m, 0.03, kDepthM),
@@ -119,10 +119,10 @@ TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
       std::vector<std::size_t> nodes;
       for (std::size_t i = anew->problem().touchable.first; i <= anew->problem().touchable.last; ++i)
         nodes.push_back(i);
-      for (const std::size_t line : {std::size_t{0}, kLine})
-        EXPECT_EQ(tissue_of(*window).condensed(line)->among(nodes, nullptr),
-                  anew->condensed(line)->among(nodes, nullptr))
-            << "window at " << window->region.begin_x_m << " m, line " << line;
+      for (const std::size_t row : {std::size_t{0}, kRow})
+        EXPECT_EQ(tissue_of(*window).condensed(row)->among(nodes, nullptr),
+                  anew->condensed(row)->among(nodes, nullptr))
+            << "window at " << window->region.begin_x_m << " m, row " << row;
     }
   }
 }
@@ -156,7 +156,7 @@ TEST_F(SceneWithWindows, WindowOutsideTheTissueIsRefused) {
     EXPECT_THROW(publish(x_m), std::invalid_argument) << x_m;
 }
 
-TEST_F(SceneWithWindows, LineThatIsHeldCannotBeTouched) {
+TEST_F(SceneWithWindows, LayerThatIsHeldCannotBeTouched) {
   EXPECT_EQ(scene.layer_near(0.0004), Layer{});
   EXPECT_THROW(scene.layer_near(kDepthM), std::invalid_argument);
   EXPECT_THROW(scene.layer_near(-0.01), std::invalid_argument);

@@ -46,7 +46,7 @@ TEST(WindowTissue, NeighboursHaveTheSameNodesUnderTheFinger) {
     }
 }
 
-TEST(WindowTissue, LinesCoverTheDepth) {
+TEST(WindowTissue, RowsCoverTheDepth) {
   for (const double depth_m : {0.0031, 0.020, 0.0247, 0.040, 0.0633, 0.2}) {
     const auto y = window_rows_m(tissue(0.1, depth_m));
     EXPECT_EQ(y.front(), 0);

@@ -25,14 +25,14 @@ using service::TissueGrid;
 using service::TissueModel;
 using service::TouchedNodes;
 
-// Of the touchable columns of a line, by a sparse factor of the reference assembly.
-MatrixXd reference_compliance(const TissueModel& model, std::size_t line) {
+// Of the touchable columns of a row, by a sparse factor of the reference assembly.
+MatrixXd reference_compliance(const TissueModel& model, std::size_t row) {
   const TissueGrid& grid = model.problem().grid;
   const auto k = reference::with_fixed(reference::assemble(grid, model.problem().material),
                                        reference::fixed_dofs(grid, model.problem().supports));
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(k);
   const ColumnRange columns = model.problem().touchable;
-  const Index first = Index(2 * grid.node(columns.first, line));
+  const Index first = Index(2 * grid.node(columns.first, row));
   const Index size = Index(2 * (columns.last - columns.first + 1));
   MatrixXd s(size, size);
   for (Index b = 0; b < size; ++b)
@@ -40,12 +40,12 @@ MatrixXd reference_compliance(const TissueModel& model, std::size_t line) {
   return s;
 }
 
-MatrixXd compliance(const TissueModel& model, std::size_t line, const TissueModel* before,
+MatrixXd compliance(const TissueModel& model, std::size_t row, const TissueModel* before,
                     service::SolveReport* report = nullptr) {
   const ColumnRange columns = model.problem().touchable;
   std::vector<std::size_t> nodes(columns.last - columns.first + 1);
   std::iota(nodes.begin(), nodes.end(), columns.first);
-  return model.condensed(line, before)->among(nodes, report);
+  return model.condensed(row, before)->among(nodes, report);
 }
 
 // The columns [first, end) of elements times a factor of 0.1 to 10 each.
@@ -82,14 +82,14 @@ TEST(ColumnCondensation, ChangedModelIsTheModelMadeAnewToTheBit) {
         const Material now = changed(grid, before.problem().material, first, end, random);
         const TissueModel anew(grid, now, Supports{}, options),
             model(grid, now, Supports{}, options, &before);
-        for (const std::size_t line : {0, 3}) {
+        for (const std::size_t row : {0, 3}) {
           service::SolveReport report;
-          const MatrixXd s = compliance(model, line, &before, &report);
-          EXPECT_EQ((s - compliance(anew, line, nullptr)).cwiseAbs().maxCoeff(), 0)
-              << "columns " << first << " to " << end << " line " << line << " nu " << nu;
-          const MatrixXd exact = reference_compliance(model, line);
+          const MatrixXd s = compliance(model, row, &before, &report);
+          EXPECT_EQ((s - compliance(anew, row, nullptr)).cwiseAbs().maxCoeff(), 0)
+              << "columns " << first << " to " << end << " row " << row << " nu " << nu;
+          const MatrixXd exact = reference_compliance(model, row);
           EXPECT_LE((s - exact).cwiseAbs().maxCoeff(), report.relative_error * exact.diagonal().maxCoeff())
-              << "columns " << first << " to " << end << " line " << line << " nu " << nu << " contrast "
+              << "columns " << first << " to " << end << " row " << row << " nu " << nu << " contrast "
               << contrast;
         }
       }
@@ -160,7 +160,7 @@ TEST(ColumnCondensation, WhatDidNotChangeIsTakenOver) {
   EXPECT_EQ(kept(6, 22), (std::array{false, false, false, false}));
 }
 
-// Whatever the shape; the elimination by lines is held to what it states, this to what double precision
+// Whatever the shape; the elimination by rows is held to what it states, this to what double precision
 // allows.
 TEST(ColumnCondensation, EqualsSparseFactorNearIncompressibility) {
   for (const auto& [nx, ny] : {std::pair{2, 2}, {3, 12}, {17, 9}, {41, 3}, {9, 26}})

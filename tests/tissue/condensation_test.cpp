@@ -26,19 +26,19 @@ using service::Supports;
 using service::TissueGrid;
 using service::TissueModel;
 
-// B K^-1 B^T over the given columns of a line, by a sparse factor of the reference assembly.
+// B K^-1 B^T over the given columns of a row, by a sparse factor of the reference assembly.
 MatrixXd reference_compliance(const TissueGrid& grid, const Material& material, const Supports& supports,
-                              std::size_t line, const std::vector<std::size_t>& columns) {
+                              std::size_t row, const std::vector<std::size_t>& columns) {
   const auto k =
       reference::with_fixed(reference::assemble(grid, material), reference::fixed_dofs(grid, supports));
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(k);
   MatrixXd s(Index(2 * columns.size()), Index(2 * columns.size()));
   for (std::size_t b = 0; b < 2 * columns.size(); ++b) {
     VectorXd f = VectorXd::Zero(k.rows());
-    f[Index(2 * grid.node(columns[b / 2], line) + b % 2)] = 1;
+    f[Index(2 * grid.node(columns[b / 2], row) + b % 2)] = 1;
     const VectorXd u = factor.solve(f);
     for (std::size_t a = 0; a < 2 * columns.size(); ++a) {
-      s(Index(a), Index(b)) = u[Index(2 * grid.node(columns[a / 2], line) + a % 2)];
+      s(Index(a), Index(b)) = u[Index(2 * grid.node(columns[a / 2], row) + a % 2)];
     }
   }
   return s;
@@ -84,20 +84,20 @@ TEST(Condensation, IndefiniteMatrixIsRefused) {
   }
 }
 
-TEST(Condensation, EveryLineEqualsSparseFactor) {
+TEST(Condensation, EveryRowEqualsSparseFactor) {
   for (const auto& [nx, ny] : {std::pair{17, 9}, {9, 26}, {41, 3}}) {
     const TissueGrid grid = tests::uneven_grid(nx, ny);
     const auto columns = range(0, grid.nx() - 1);
     for (double nu : {0.0, 0.3, 0.495, 0.4999}) {
       for (double contrast : {1.0, 100.0, 1e4}) {
         const Material material = tests::scattered(grid, contrast, nu);
-        const TissueModel model(grid, material, Supports{}, {.interior_lines = contrast > 1});
-        for (std::size_t line = 0; line + 1 < grid.ny(); ++line) {
-          const MatrixXd expected = reference_compliance(grid, material, Supports{}, line, columns);
+        const TissueModel model(grid, material, Supports{}, {.interior_layers = contrast > 1});
+        for (std::size_t row = 0; row + 1 < grid.ny(); ++row) {
+          const MatrixXd expected = reference_compliance(grid, material, Supports{}, row, columns);
           service::SolveReport report;
-          const MatrixXd s = model.condensed(line)->among(columns, &report);
+          const MatrixXd s = model.condensed(row)->among(columns, &report);
           EXPECT_LE(relative_difference(s, expected), report.relative_error)
-              << nx << "x" << ny << " line " << line << " nu " << nu << " contrast " << contrast;
+              << nx << "x" << ny << " row " << row << " nu " << nu << " contrast " << contrast;
           EXPECT_LE(report.relative_error, contrast <= 100 && nu < 0.499 ? 1e-6 : 1e-3);
           EXPECT_LE(relative_difference(s, s.transpose()), 1e-15);
           EXPECT_EQ(Eigen::LLT<MatrixXd>(s).info(), Eigen::Success);
@@ -118,15 +118,15 @@ TEST(Condensation, AnyEdgeMayBeFixed) {
     EXPECT_EQ(touchable.first, mask & 4 ? 1u : 0u);
     EXPECT_EQ(touchable.last, grid.nx() - (mask & 8 ? 2u : 1u));
     const auto columns = range(touchable.first, touchable.last);
-    for (std::size_t line : {0u, 3u, 7u}) {
-      const bool fixed = (line == 0 && (mask & 1)) || (line == 7 && (mask & 2));
+    for (std::size_t row : {0u, 3u, 7u}) {
+      const bool fixed = (row == 0 && (mask & 1)) || (row == 7 && (mask & 2));
       if (fixed) {
-        EXPECT_THROW(model.condensed(line), std::out_of_range);
+        EXPECT_THROW(model.condensed(row), std::out_of_range);
         continue;
       }
-      const MatrixXd expected = reference_compliance(grid, material, supports, line, columns);
-      EXPECT_LE(relative_difference(model.condensed(line)->among(columns, nullptr), expected), 1e-10)
-          << "mask " << mask << " line " << line;
+      const MatrixXd expected = reference_compliance(grid, material, supports, row, columns);
+      EXPECT_LE(relative_difference(model.condensed(row)->among(columns, nullptr), expected), 1e-10)
+          << "mask " << mask << " row " << row;
     }
   }
 }
@@ -138,12 +138,12 @@ TEST(TissueModel, ComplianceIsKeptAmongTouchableColumnsAlone) {
   EXPECT_EQ(model.problem().touchable.first, 5u);
   EXPECT_EQ(model.problem().touchable.last, 12u);
   const std::vector<std::size_t> nodes{5, 8, 12};
-  for (std::size_t line : {0u, 2u}) {
-    EXPECT_LE(relative_difference(model.condensed(line)->among(nodes, nullptr),
-                                  reference_compliance(grid, material, Supports{}, line, nodes)),
+  for (std::size_t row : {0u, 2u}) {
+    EXPECT_LE(relative_difference(model.condensed(row)->among(nodes, nullptr),
+                                  reference_compliance(grid, material, Supports{}, row, nodes)),
               1e-11);
-    EXPECT_THROW(model.condensed(line)->among(std::vector<std::size_t>{4, 5}, nullptr), std::out_of_range);
-    EXPECT_THROW(model.condensed(line)->among(std::vector<std::size_t>{13}, nullptr), std::out_of_range);
+    EXPECT_THROW(model.condensed(row)->among(std::vector<std::size_t>{4, 5}, nullptr), std::out_of_range);
+    EXPECT_THROW(model.condensed(row)->among(std::vector<std::size_t>{13}, nullptr), std::out_of_range);
   }
   EXPECT_THROW(model.condensed(5), std::out_of_range);  // the fixed bottom
   EXPECT_THROW(model.condensed(60), std::out_of_range);
@@ -156,15 +156,15 @@ TEST(TissueModel, ModulusNearAColumnIsTheMeanOfBothSides) {
   EXPECT_EQ(modulus_near_pa(model.problem(), 1, 0), 2e3);
   EXPECT_EQ(modulus_near_pa(model.problem(), 2, 0), 3e3);
   EXPECT_EQ(modulus_near_pa(model.problem(), 1, 1), 7e3);
-  EXPECT_EQ(modulus_near_pa(model.problem(), 1, 2), 7e3);  // the lowest line has elements above it alone
+  EXPECT_EQ(modulus_near_pa(model.problem(), 1, 2), 7e3);  // the lowest row has elements above it alone
 }
 
-// Two of them fit, so that none is made line by line, which makes all at once.
-TEST(TissueModel, InteriorLinesUsedLastAreKept) {
+// Two of them fit, so that none is made row by row, which makes all at once.
+TEST(TissueModel, InteriorLayersUsedLastAreKept) {
   const TissueGrid grid = tests::uniform_grid(21, 9);
   const Material material = tests::inclusion(grid, 10, 0.49);
   const auto columns = range(0, 20);
-  const TissueModel model(grid, material, Supports{}, {.most_line_bytes = 2 * 8 * 42 * 42});
+  const TissueModel model(grid, material, Supports{}, {.most_compliance_bytes = 2 * 8 * 42 * 42});
   const std::weak_ptr<service::Compliance> one = model.condensed(1), two = model.condensed(2);
   const MatrixXd of_two = model.condensed(2)->among(columns, nullptr);
   model.condensed(1);
@@ -173,28 +173,28 @@ TEST(TissueModel, InteriorLinesUsedLastAreKept) {
   EXPECT_TRUE(two.expired());
   EXPECT_EQ(model.condensed(2)->among(columns, nullptr), of_two);
   EXPECT_TRUE(one.expired());
-  for (std::size_t line = 4; line < 8; ++line)
-    EXPECT_LE(relative_difference(model.condensed(line)->among(columns, nullptr),
-                                  reference_compliance(grid, material, Supports{}, line, columns)),
+  for (std::size_t row = 4; row < 8; ++row)
+    EXPECT_LE(relative_difference(model.condensed(row)->among(columns, nullptr),
+                                  reference_compliance(grid, material, Supports{}, row, columns)),
               1e-11);
   EXPECT_EQ(model.condensed(3), three);  // somebody holds it
 }
 
-// Lines that were made line by line and dropped are made again too.
-TEST(TissueModel, InteriorLinesAreMadeAgainWhicheverWay) {
+// Rows that were made row by row and dropped are made again too.
+TEST(TissueModel, InteriorLayersAreMadeAgainWhicheverWay) {
   const TissueGrid grid = tests::uniform_grid(11, 30);
   const Material material = tests::inclusion(grid, 10, 0.49);
   const auto columns = range(0, 10);
-  const TissueModel model(grid, material, Supports{}, {.most_line_bytes = 29 * 22 * 22 * 8});
+  const TissueModel model(grid, material, Supports{}, {.most_compliance_bytes = 29 * 22 * 22 * 8});
   for (int pass = 0; pass < 2; ++pass)
-    for (std::size_t line = 1; line < 29; ++line)
-      EXPECT_LE(relative_difference(model.condensed(line)->among(columns, nullptr),
-                                    reference_compliance(grid, material, Supports{}, line, columns)),
+    for (std::size_t row = 1; row < 29; ++row)
+      EXPECT_LE(relative_difference(model.condensed(row)->among(columns, nullptr),
+                                    reference_compliance(grid, material, Supports{}, row, columns)),
                 1e-10)
-          << "pass " << pass << " line " << line;
+          << "pass " << pass << " row " << row;
 }
 
-TEST(TissueModel, LinesAreCondensedOnceAmongManyThreads) {
+TEST(TissueModel, RowsAreCondensedOnceAmongManyThreads) {
   const TissueGrid grid = tests::uniform_grid(21, 11);
   const Material material = tests::inclusion(grid, 10, 0.49);
   const TissueModel model(grid, material, Supports{}, {});
@@ -202,13 +202,13 @@ TEST(TissueModel, LinesAreCondensedOnceAmongManyThreads) {
   std::vector<std::thread> threads;
   for (std::size_t t = 0; t < 4; ++t) {
     threads.emplace_back([&, t] {
-      for (std::size_t line = 0; line < 10; ++line) seen[10 * t + line] = model.condensed(line).get();
+      for (std::size_t row = 0; row < 10; ++row) seen[10 * t + row] = model.condensed(row).get();
     });
   }
   for (std::thread& thread : threads) thread.join();
-  for (std::size_t line = 0; line < 10; ++line) {
-    EXPECT_NE(seen[line], nullptr);
-    for (std::size_t t = 1; t < 4; ++t) EXPECT_EQ(seen[10 * t + line], seen[line]);
+  for (std::size_t row = 0; row < 10; ++row) {
+    EXPECT_NE(seen[row], nullptr);
+    for (std::size_t t = 1; t < 4; ++t) EXPECT_EQ(seen[10 * t + row], seen[row]);
   }
 }
 

@@ -10,7 +10,7 @@
 #include <random>
 
 #include "service/tissue/elasticity.h"
-#include "service/tissue/iterative_lines.h"
+#include "service/tissue/iterative_compliances.h"
 #include "tests/reference/elasticity.h"
 
 namespace teletact::service {

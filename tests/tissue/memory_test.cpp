@@ -41,15 +41,15 @@ struct Budget {
   std::shared_ptr<MemoryBudget> memory;
 };
 
-constexpr std::size_t kColumns = 96, kLines = 48;
-constexpr std::uint64_t kSolvingBytes = 14 * 8 * 2 * (kColumns + 1) * (kLines + 1);  // a column, meanwhile
+constexpr std::size_t kColumns = 96, kRows = 48;
+constexpr std::uint64_t kSolvingBytes = 14 * 8 * 2 * (kColumns + 1) * (kRows + 1);  // a column, meanwhile
 
 TissueGrid wide_grid() {
-  return {uniform_coordinates(0, 0.1, kColumns), uniform_coordinates(0, 0.05, kLines)};
+  return {uniform_coordinates(0, 0.1, kColumns), uniform_coordinates(0, 0.05, kRows)};
 }
 
 Material with_inclusion() {
-  Material material{std::vector<double>(kColumns * kLines, 10e3), 0.45};
+  Material material{std::vector<double>(kColumns * kRows, 10e3), 0.45};
   for (std::size_t j = 8; j < 16; ++j)
     for (std::size_t i = 40; i < 56; ++i) material.youngs_modulus_pa[i + kColumns * j] = 50e3;
   return material;
@@ -59,25 +59,25 @@ std::vector<std::size_t> around(std::size_t column) {
   return {column - 1, column, column + 1};
 }
 
-// Positions all along several lines: far more columns than there is room for.
+// Positions all along several rows: far more columns than there is room for.
 TEST(ModelMemory, ColumnsByPcgStayWithinTheBudgetAndTheirNumbersAreRight) {
   const std::uint64_t column = 12 * wide_grid().dofs(),
                       columns_bytes = 24 * column + 6 * kSolvingBytes;  // while six are solved
   const Budget unbounded(std::uint64_t{1} << 40, std::uint64_t{1} << 40);
   const TissueModel free_model(wide_grid(), with_inclusion(), {}, unbounded.options());
-  std::vector<std::shared_ptr<Compliance>> free_lines;
-  for (const std::size_t line : {0, 5, 12}) free_lines.push_back(free_model.iterative(line, device()));
-  const std::uint64_t fixed = unbounded.held();  // model, matrices of three lines, solver
+  std::vector<std::shared_ptr<Compliance>> free_compliances;
+  for (const std::size_t row : {0, 5, 12}) free_compliances.push_back(free_model.iterative(row, device()));
+  const std::uint64_t fixed = unbounded.held();  // model, matrices of three rows, solver
   const Budget budget(fixed + columns_bytes, std::uint64_t{1} << 40);
   const TissueModel model(wide_grid(), with_inclusion(), {}, budget.options());
   std::size_t k = 0;
-  for (const std::size_t line : {0, 5, 12}) {
-    const auto touched = model.iterative(line, device());
+  for (const std::size_t row : {0, 5, 12}) {
+    const auto touched = model.iterative(row, device());
     for (const std::size_t at : {10, 30, 50, 70, 85, 10}) {
       const auto nodes = around(at);
       SolveReport report, free_report;
       const Eigen::MatrixXd c = touched->among(nodes, &report),
-                            expected = free_lines[k]->among(nodes, &free_report);
+                            expected = free_compliances[k]->among(nodes, &free_report);
       const double error = 2 * (report.relative_error + free_report.relative_error);
       const Eigen::VectorXd scale = expected.diagonal().cwiseSqrt();
       EXPECT_LE(((c - expected).array() / (scale * scale.transpose()).array()).abs().maxCoeff(), error);
@@ -92,7 +92,7 @@ TEST(ModelMemory, ColumnsByPcgStayWithinTheBudgetAndTheirNumbersAreRight) {
 TEST(ModelMemory, WhatOneAnswerNeedsAtOnceIsHeldTogetherOrRefused) {
   const Budget budget(std::uint64_t{1} << 40, std::uint64_t{1} << 40);
   const TissueModel first(wide_grid(), with_inclusion(), {}, budget.options());
-  const auto line = first.iterative(0, device());
+  const auto row = first.iterative(0, device());
   const std::uint64_t fixed = budget.held(), column = 12 * wide_grid().dofs();
   const Budget tight(fixed + 20 * column + 3 * kSolvingBytes, std::uint64_t{1} << 40);
   const TissueModel model(wide_grid(), with_inclusion(), {}, tight.options());
@@ -133,7 +133,7 @@ TEST(ModelMemory, ASolverThatNobodyUsesGivesTheDeviceBack) {
   EXPECT_EQ(none.held(Place::kDevice), 0U);
 }
 
-TEST(ModelMemory, InteriorLinesAreGivenBackAndModelsAreRefusedBeforehand) {
+TEST(ModelMemory, InteriorLayersAreGivenBackAndModelsAreRefusedBeforehand) {
   const Budget unbounded(std::uint64_t{1} << 40, 0);
   std::uint64_t with_one = 0;
   {
@@ -143,12 +143,12 @@ TEST(ModelMemory, InteriorLinesAreGivenBackAndModelsAreRefusedBeforehand) {
     with_one = unbounded.held();
   }
   EXPECT_EQ(unbounded.held(), 0U);
-  // Room for the work on one more line beside what is kept.
+  // Room for the work on one more row beside what is kept.
   const std::uint64_t slack = 4 * 4 * kColumns * kColumns * sizeof(double);
   const Budget budget(with_one + slack, 0);
   const TissueModel model(wide_grid(), with_inclusion(), {}, budget.options(true));
   const Eigen::MatrixXd third = model.condensed(3)->among(around(50), nullptr);
-  for (const std::size_t line : {4, 5}) EXPECT_NO_THROW(model.condensed(line));
+  for (const std::size_t row : {4, 5}) EXPECT_NO_THROW(model.condensed(row));
   EXPECT_LE(budget.held(), with_one + slack);
   EXPECT_EQ(model.condensed(3)->among(around(50), nullptr), third);
   const Budget small(10000, 0);

@@ -24,14 +24,14 @@ using service::TissueModel;
 struct Case {
   std::string name;
   TissueGrid grid;
-  std::vector<std::size_t> lines;
-  std::size_t most_line_bytes = std::size_t{256} << 20;  // small: interior lines column by column
+  std::vector<std::size_t> rows;
+  std::size_t most_compliance_bytes = std::size_t{256} << 20;  // small: interior rows column by column
 };
 
-// Columns 1 mm apart under the finger and up to 8 mm beside it, as strips of windows are.
-TissueGrid strip(std::size_t lines) {
+// Columns 1 mm apart under the finger and up to 8 mm beside it, as the tissue of windows is.
+TissueGrid window_tissue(std::size_t rows) {
   return {service::graded_coordinates(0, 0.26, 0.1, 0.16, 1e-3, 8e-3, 1.3),
-          service::uniform_coordinates(0, 1e-3 * double(lines), lines)};
+          service::uniform_coordinates(0, 1e-3 * double(rows), rows)};
 }
 
 std::vector<Case> cases() {
@@ -47,29 +47,29 @@ std::vector<Case> cases() {
           {"tall elements", tall, {0, 3}},
           {"61x121 deep", tests::uniform_grid(61, 121), {0, 60}},
           {"61x121 deep, columns", tests::uniform_grid(61, 121), {60}, 1},
-          {"strip", strip(33), {0, 10}},
-          {"strip, columns", strip(33), {10}, 1}};
+          {"window", window_tissue(33), {0, 10}},
+          {"window, columns", window_tissue(33), {10}, 1}};
 }
 
-Eigen::MatrixXd compliance(const TissueModel& model, std::size_t line, service::SolveReport* report) {
+Eigen::MatrixXd compliance(const TissueModel& model, std::size_t row, service::SolveReport* report) {
   std::vector<std::size_t> nodes(model.problem().grid.nx());
   std::iota(nodes.begin(), nodes.end(), 0);
-  return model.condensed(line)->among(nodes, report);
+  return model.condensed(row)->among(nodes, report);
 }
 
 // Largest |dC_ij| / sqrt(C_ii C_jj) between the tissue in two units.
-double measured(const Case& c, const Material& material, std::size_t line, double* stated) {
-  const TissueModel model(c.grid, material, {}, {.most_line_bytes = c.most_line_bytes});
+double measured(const Case& c, const Material& material, std::size_t row, double* stated) {
+  const TissueModel model(c.grid, material, {}, {.most_compliance_bytes = c.most_compliance_bytes});
   service::SolveReport report;
-  const Eigen::MatrixXd here = compliance(model, line, &report);
+  const Eigen::MatrixXd here = compliance(model, row, &report);
   *stated = report.relative_error;
   const Eigen::VectorXd root = here.diagonal().cwiseSqrt();
   double largest = 0;
   for (std::size_t k = 0; k < 2; ++k) {
     const service::Units& units = service::kOtherUnits[k];
     const TissueModel other(in_units(c.grid, units), in_units(material, units), {},
-                            {.most_line_bytes = c.most_line_bytes});
-    const Eigen::MatrixXd difference = units.modulus * compliance(other, line, nullptr) - here;
+                            {.most_compliance_bytes = c.most_compliance_bytes});
+    const Eigen::MatrixXd difference = units.modulus * compliance(other, row, nullptr) - here;
     largest = std::max(largest, (difference.array() / (root * root.transpose()).array()).abs().maxCoeff());
   }
   return largest;
@@ -82,27 +82,27 @@ bool refused(const std::domain_error& error, double nu) {
 
 TEST(Rounding, IsBoundedByWhatIsStatedAtAnySizeContrastAndPoissonRatio) {
   std::vector<double> ratios;
-  const auto compare = [&ratios](const Case& c, const Material& material, std::size_t line) {
+  const auto compare = [&ratios](const Case& c, const Material& material, std::size_t row) {
     double stated = 0;
-    const double error = measured(c, material, line, &stated);
-    EXPECT_LE(error, stated) << c.name << ", line " << line << ", nu " << material.poisson_ratio;
+    const double error = measured(c, material, row, &stated);
+    EXPECT_LE(error, stated) << c.name << ", row " << row << ", nu " << material.poisson_ratio;
     ratios.push_back(stated / error);
   };
   for (const Case& c : cases())
     for (const double nu : {0.0, 0.3, 0.49, 0.499, 0.4999, 0.499999})
       for (const double contrast : {1.0, 10.0, 1e3, 1e6})
         for (const bool scattered : {false, true})
-          for (const std::size_t line : c.lines) try {
+          for (const std::size_t row : c.rows) try {
               compare(
                   c,
                   scattered ? tests::scattered(c.grid, contrast, nu) : tests::inclusion(c.grid, contrast, nu),
-                  line);
+                  row);
             } catch (const std::domain_error& error) {
               EXPECT_TRUE(refused(error, nu))
                   << c.name << " " << nu << " " << contrast << ": " << error.what();
             }
   std::sort(ratios.begin(), ratios.end());
-  std::printf("%zu lines: stated over measured, least %.1f, median %.0f, most %.0f\n", ratios.size(),
+  std::printf("%zu rows: stated over measured, least %.1f, median %.0f, most %.0f\n", ratios.size(),
               ratios.front(), ratios[ratios.size() / 2], ratios.back());
   EXPECT_LE(ratios[ratios.size() / 2], 1000);
 }

@@ -169,7 +169,7 @@ TEST_F(Session, TissueOfWhichAQuarterWasMeasuredIsNotTrusted) {
       << touched.warning;
 }
 
-TEST_F(Session, FingertipsWiderThanTheStripsReachAreRefused) {
+TEST_F(Session, FingertipsWiderThanTheWindowsReachAreRefused) {
   TouchOptions options;
   options.fingertip.radius_m = 0.02;
   EXPECT_THROW(TouchSession(scene, options, nullptr), std::invalid_argument);
@@ -216,14 +216,14 @@ TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
   EXPECT_NEAR(first.contact.force_n[1], want, 1e-6 * std::abs(want));
   // Enough answers later, the widest contact is there.
   for (int k = 0; k < 20; ++k) by_pcg.solve({0.0603, -0.001});
-  const auto line = tissue_of(*scene->snapshot()->windows.front()).iterative(0, device);
-  EXPECT_TRUE(line->prepare(std::vector<std::size_t>{}, false, {}));
+  const auto compliance = tissue_of(*scene->snapshot()->windows.front()).iterative(0, device);
+  EXPECT_TRUE(compliance->prepare(std::vector<std::size_t>{}, false, {}));
   std::vector<std::size_t> near;
   const auto& x = tissue_of(*scene->snapshot()->windows.front()).problem().grid.x_m;
   for (std::size_t i = 0; i < x.size(); ++i)
     if (std::abs(x[i] - 0.0603) < choices::kWidestReach) near.push_back(i);
-  EXPECT_TRUE(line->prepare(near, false, {}));  // without time for any step
-  EXPECT_FALSE(line->prepare(near, true, {}));  // sideways nothing was asked for
+  EXPECT_TRUE(compliance->prepare(near, false, {}));  // without time for any step
+  EXPECT_FALSE(compliance->prepare(near, true, {}));  // sideways nothing was asked for
 }
 
 TEST_F(Session, TouchesUnderTheSurface) {

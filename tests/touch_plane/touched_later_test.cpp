@@ -50,7 +50,7 @@ class TouchedLater : public testing::Test {
   std::deque<std::function<void()>> preparing;
 };
 
-TEST_F(TouchedLater, AnInteriorLineIsNeverMadeByTheTouch) {
+TEST_F(TouchedLater, AnInteriorLayerIsNeverMadeByTheTouch) {
   TouchSession session(scene, inside(), nullptr);
   EXPECT_TRUE(preparing.empty());  // opening asks for nothing yet: where the finger is, is not known
   for (int k = 0; k < 3; ++k) expect_preparing(session.solve({0.045, 0.012}));
@@ -65,7 +65,7 @@ TEST_F(TouchedLater, AnInteriorLineIsNeverMadeByTheTouch) {
   EXPECT_EQ(session.solve({0.075, 0.012}).status, TouchStatus::kOk);
 }
 
-TEST_F(TouchedLater, ALineThatTwoClientsWaitForIsMadeOnceAndInTheTurnOfEither) {
+TEST_F(TouchedLater, ALayerThatTwoClientsWaitForIsMadeOnceAndInTheTurnOfEither) {
   TouchOptions annas = inside(), bertas = inside();
   annas.client = "anna", bertas.client = "berta";
   TouchSession anna(scene, annas, nullptr), berta(scene, bertas, nullptr);
@@ -92,7 +92,7 @@ TEST_F(TouchedLater, AnotherWindowThatIsNotReadyIsSaidAndHasNoForce) {
   EXPECT_EQ(session.solve({0.075, 0.012}).status, TouchStatus::kOk);
 }
 
-TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLinesInUse) {
+TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLayersInUse) {
   TouchSession surface(scene, {}, nullptr);
   EXPECT_EQ(surface.solve({0.045, 0.002}).status, TouchStatus::kOk);
   EXPECT_TRUE(preparing.empty());
@@ -122,7 +122,7 @@ TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
   EXPECT_GT(session.solve({0.045, -0.001}).model_version, before.model_version);
 }
 
-TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALineIsMadeIsSaid) {
+TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALayerIsMadeIsSaid) {
   TouchOptions options;
   options.path = SolvePath::kPcg;
   TouchSession session(scene, options, Device::open());

@@ -42,7 +42,7 @@ CaseFigures measure_case(const ChartCase& chart, const ContactProblem& problem, 
   return out;
 }
 
-ContactFigures measure(const SuiteOptions& options, Targets& targets) {
+ContactFigures measure(const SuiteOptions& options, Promises& promises) {
   const bool quick = options.quick;
   const auto device = service::Device::open();
   Peers peers = make_peers(device);
@@ -58,7 +58,7 @@ ContactFigures measure(const SuiteOptions& options, Targets& targets) {
     print(figures.kernels);
   }
   figures.convergence = measure_convergence(quick);
-  add_contact_targets(figures, targets);
+  add_contact_promises(figures, promises);
   return figures;
 }
 

@@ -78,18 +78,19 @@ struct CaseFigures {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseFigures, sweeps, columns, rows, poisson_ratio, contrast, pattern,
                                    stretch, unknowns, contact_nodes, tip_radius_m, methods, by_columns)
 
-// Of the condensed touch: all lines, the scene's strip, tangent, work around a loop, ripple; of the device: a
-// moving finger.
-struct LineFigures {
-  Quantiles surface_s, all_lines_s;
+// Of the condensed touch: all layers, the window's tissue, tangent, work around a loop, ripple; of the
+// device: a moving finger.
+struct LayerFigures {
+  Quantiles surface_s, all_layers_s;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LineFigures, surface_s, all_lines_s)
-struct StripFigures {
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LayerFigures, surface_s, all_layers_s)
+struct WindowTissueFigures {
   std::size_t columns = 0, rows = 0;
   Quantiles ready_s, refreshed_s;
   double refreshed_difference = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StripFigures, columns, rows, ready_s, refreshed_s, refreshed_difference)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowTissueFigures, columns, rows, ready_s, refreshed_s,
+                                   refreshed_difference)
 struct Ripple {
   double secant = 0, tangent = 0;
 };
@@ -102,13 +103,14 @@ struct PathFigures {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PathFigures, first_patch_s, warm_mean_s, warm_s, solving_s,
                                    largest_force_error)
 struct ProductFigures {
-  LineFigures lines;
-  StripFigures strip;
+  LayerFigures layers;
+  WindowTissueFigures window_tissue;
   double tangent_error = 0, loop_work = 0;
   Ripple ripple;
   PathFigures path;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ProductFigures, lines, strip, tangent_error, loop_work, ripple, path)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ProductFigures, layers, window_tissue, tangent_error, loop_work, ripple,
+                                   path)
 
 // One tip on one mesh, against a mesh twice as fine as the finest of them.
 struct MeshFigures {
@@ -148,7 +150,7 @@ std::vector<ConvergenceFigures> measure_convergence(bool quick);
 KernelProfile measure_kernels(const ContactProblem&, std::size_t device_index, int touches);
 
 // Acceptance lines that there are figures for.
-void add_contact_targets(const ContactFigures&, Targets&);
+void add_contact_promises(const ContactFigures&, Promises&);
 void draw_contact(const ContactFigures&, const std::filesystem::path& folder);
 
 // Slope of log y over log x by least squares; NaN for fewer than two points.

@@ -1,5 +1,5 @@
-// Figures of ours that have no rival: all touchable lines, the strip that the service builds, tangent, work
-// around a closed loop, ripple between nodes, and conjugate gradients under a moving finger.
+// Figures of ours that have no rival: all touchable layers, the window's tissue that the service makes,
+// tangent, work around a closed loop, ripple between nodes, and conjugate gradients under a moving finger.
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -25,13 +25,13 @@ TissueModel model_of(const reference::TouchedTissue& t) {
   return {t.grid, t.material, t.supports, {.thickness_m = t.thickness_m}};
 }
 
-// The surface alone, and a model that foresees touches below it with all of its lines; processor time.
-LineFigures measure_lines(const ContactProblem& p, int repeats) {
+// The surface alone, and a model that foresees touches below it with all of its layers; processor time.
+LayerFigures measure_layers(const ContactProblem& p, int repeats) {
   std::vector<double> surface_s, all_s;
-  const auto build = [&](bool interior_lines) {
+  const auto build = [&](bool interior_layers) {
     const TissueModel model(p.tissue.grid, p.tissue.material, p.tissue.supports,
-                            {.interior_lines = interior_lines});
-    for (std::size_t line = 1; interior_lines && line + 1 < p.tissue.grid.ny(); ++line) model.condensed(line);
+                            {.interior_layers = interior_layers});
+    for (std::size_t row = 1; interior_layers && row + 1 < p.tissue.grid.ny(); ++row) model.condensed(row);
   };
   for (int k = 0; k < repeats; ++k) {
     surface_s.push_back(processor_seconds_of([&] { build(false); }));
@@ -40,9 +40,10 @@ LineFigures measure_lines(const ContactProblem& p, int repeats) {
   return {quantiles(surface_s), quantiles(all_s)};
 }
 
-// A window of 60 mm in tissue wide enough that its strip has all of its context on both sides: its model as
-// the service makes it, and made again when the tissue right of the window has changed. Both must be equal.
-StripFigures measure_strip(int repeats) {
+// A window of 60 mm in tissue wide enough that its tissue for touch has all of its context on both sides: its
+// model as the service makes it, and made again when the tissue right of the window has changed. Both must be
+// equal.
+WindowTissueFigures measure_window_tissue(int repeats) {
   service::SceneGeometry geometry;
   geometry.width_m = 0.260;
   geometry.depth_m = 0.040;
@@ -221,8 +222,12 @@ ProductFigures measure_product(const ContactProblem& base, const std::shared_ptr
                                bool quick) {
   const TissueModel model = model_of(base.tissue);
   const int repeats = quick ? 3 : 11;
-  return {measure_lines(base, quick ? 2 : 5),          measure_strip(repeats), tangent_error(base, model),
-          loop_work(base, model, quick ? 1000 : 4000), measure_ripple(base),   measure_path(base, device)};
+  return {measure_layers(base, quick ? 2 : 5),
+          measure_window_tissue(repeats),
+          tangent_error(base, model),
+          loop_work(base, model, quick ? 1000 : 4000),
+          measure_ripple(base),
+          measure_path(base, device)};
 }
 
 }  // namespace teletact::bench

@@ -24,7 +24,7 @@ void print_lost(const std::vector<WithoutFigure>& rows) {
         r.seeds, r.of_seeds);
 }
 
-ElastographyFigures measure(const SuiteOptions& options, Targets& targets) {
+ElastographyFigures measure(const SuiteOptions& options, Promises& promises) {
   const bool quick = options.quick;
   const auto device = service::Device::open();
   ElastographyFigures figures{.device = describe(device->info())};
@@ -42,7 +42,7 @@ ElastographyFigures measure(const SuiteOptions& options, Targets& targets) {
   timed("stages", [&] { figures.stages = measure_stages(device, quick); });
   for (const KernelProfile& profile : figures.stages.devices) print(profile);
   print_lost(figures.without_figure);
-  add_elastography_targets(figures, targets);
+  add_elastography_promises(figures, promises);
   return figures;
 }
 

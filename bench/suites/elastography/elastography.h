@@ -220,8 +220,8 @@ std::vector<Failure> failures(const std::vector<Condition>&);
 std::vector<WithoutFigure> without_figure(const std::vector<Condition>&);
 
 // Acceptance lines that there are figures for.
-void add_elastography_targets(const ElastographyFigures&, Targets&);
-void add_modulus_targets(const ModulusFigures&, Targets&);
+void add_elastography_promises(const ElastographyFigures&, Promises&);
+void add_modulus_promises(const ModulusFigures&, Promises&);
 
 void draw_elastography(const ElastographyFigures&, const std::filesystem::path& folder);
 void draw_modulus(const ElastographyFigures&, const std::filesystem::path& folder);

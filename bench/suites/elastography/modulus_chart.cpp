@@ -30,7 +30,7 @@ bool keeps(const ModulusSeed& seed, const Range& range, double contrast, double 
 }
 
 void add_promise(const ModulusFigures& modulus, const std::string& method, Range (*range)(double),
-                 Targets& targets) {
+                 Promises& promises) {
   std::map<double, std::pair<double, double>> by_contrast;  // kept, seeds
   for (const ModulusCase& c : modulus.cases)
     for (const ModulusMethodFigures& m : c.methods) {
@@ -41,7 +41,7 @@ void add_promise(const ModulusFigures& modulus, const std::string& method, Range
       }
     }
   for (const auto& [contrast, share] : by_contrast)
-    targets.push_back(
+    promises.push_back(
         {fmt::format("modulus_{}_contrast_{:.0f}_share_of_seeds_as_promised", snake_case(method), contrast),
          share.first / share.second, 0.9, "", false});
 }
@@ -107,9 +107,9 @@ void draw_time(const ModulusFigures& modulus, const std::filesystem::path& file)
 
 }  // namespace
 
-void add_modulus_targets(const ModulusFigures& modulus, Targets& targets) {
-  add_promise(modulus, "ours, direct", of_direct, targets);
-  add_promise(modulus, "ours, iterative", of_iterative, targets);
+void add_modulus_promises(const ModulusFigures& modulus, Promises& promises) {
+  add_promise(modulus, "ours, direct", of_direct, promises);
+  add_promise(modulus, "ours, iterative", of_iterative, promises);
 }
 
 void draw_modulus(const ElastographyFigures& figures, const std::filesystem::path& folder) {

@@ -110,7 +110,7 @@ struct Figures {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, service_s, way_m, fastest)
 
-Figures measure(const Arguments& arguments, Targets& targets) {
+Figures measure(const Arguments& arguments, Promises& promises) {
   Figures figures{arguments.service_s};
   std::printf("fastest finger that never waits (mm/s): window (mm), then service (ms): finger\n");
   for (const double window_m : {0.02, 0.03, 0.04, 0.05, 0.06, 0.08}) {
@@ -120,7 +120,7 @@ Figures measure(const Arguments& arguments, Targets& targets) {
       std::printf("  %3.0f: %4.0f", 1e3 * service_s, 1e3 * speed_m_s);
       figures.fastest.push_back({window_m, service_s, speed_m_s});
       if (window_m == kProbeM && service_s == arguments.service_s)
-        targets.push_back(
+        promises.push_back(
             {"fastest_finger_that_never_waits_60_mm_windows", speed_m_s, kExploringMS, "m/s", false});
     }
     std::printf("\n");

@@ -37,31 +37,31 @@ constexpr double kSettledS = 0.05;  // before, the filters have seen too little
 constexpr double kLagS = 0.010;
 constexpr std::size_t kAnswersFitted = 4;
 
-struct Line {
+struct TouchedLayer {
   const char* name;
   std::size_t row;
   double rms_most;  // promised, of the mean stiffness
 };
-constexpr std::array<Line, 2> kLines{{{"surface", 0, 0.03}, {"line 80 mm", 8, 0.10}}};
+constexpr std::array<TouchedLayer, 2> kLayers{{{"surface", 0, 0.03}, {"layer 80 mm", 8, 0.10}}};
 
-// One filter on one line.
+// One filter on one layer.
 struct Filter {
   std::string name;
   double lag_s = 0, rms_error = 0, largest_error = 0;  // errors over the mean stiffness
   std::vector<double> stiffness_n_m;
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Filter, name, lag_s, rms_error, largest_error, stiffness_n_m)
-struct LineFigures {
-  std::string line;
+struct LayerFigures {
+  std::string layer;
   std::vector<double> time_s{}, x_m{}, real_n_m{};
   std::vector<Filter> filters{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LineFigures, line, time_s, x_m, real_n_m, filters)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LayerFigures, layer, time_s, x_m, real_n_m, filters)
 struct Figures {
   double speed_m_s = kSpeedMS, indentation_m = kIndentationM, rate_hz = kRateHz;
-  std::vector<LineFigures> lines;
+  std::vector<LayerFigures> layers;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, speed_m_s, indentation_m, rate_hz, lines)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, speed_m_s, indentation_m, rate_hz, layers)
 
 struct Series {
   std::vector<ForceSample> truth;  // one per servo period
@@ -201,9 +201,9 @@ Filter judge(const Series& series, const std::string& name, std::vector<double> 
   return {name, lag, std::sqrt(squares / count) / mean, largest / mean, std::move(felt)};
 }
 
-LineFigures measure_line(const service::TissueModel& model, const Line& line, Targets& targets) {
-  const Series series = run_along(model, line.row, kRateHz);
-  LineFigures out{line.name};
+LayerFigures measure_layer(const service::TissueModel& model, const TouchedLayer& layer, Promises& promises) {
+  const Series series = run_along(model, layer.row, kRateHz);
+  LayerFigures out{layer.name};
   for (std::size_t n = 0; n < series.truth.size(); ++n) {
     out.time_s.push_back(series.truth[n].pose_time_s);
     out.x_m.push_back(series.truth[n].position_m.x());
@@ -215,54 +215,54 @@ LineFigures measure_line(const service::TissueModel& model, const Line& line, Ta
   out.filters.push_back(judge(series, "best linear filter, force and tangent", best_linear(series, true)));
   out.filters.push_back(judge(series, "best linear filter, force alone", best_linear(series, false)));
   std::printf("\nfig14, %s, answers at %.0f Hz: lag (ms), RMS error, largest (of the mean stiffness)\n",
-              line.name, kRateHz);
+              layer.name, kRateHz);
   for (const Filter& f : out.filters) {
     std::printf("  %5.1f  %6.2f %%  %6.2f %%  %s\n", 1e3 * f.lag_s, 100 * f.rms_error, 100 * f.largest_error,
                 f.name.c_str());
     if (f.name != "kalman" && f.name != "kalman-force") continue;
-    const std::string of = snake_case(f.name + " on " + line.name);
-    targets.push_back({"stiffness_lag_of_" + of, f.lag_s, kLagS, "s"});
-    targets.push_back(
-        {"stiffness_rms_error_of_" + of + "_over_the_mean_stiffness", f.rms_error, line.rms_most});
+    const std::string of = snake_case(f.name + " on " + layer.name);
+    promises.push_back({"stiffness_lag_of_" + of, f.lag_s, kLagS, "s"});
+    promises.push_back(
+        {"stiffness_rms_error_of_" + of + "_over_the_mean_stiffness", f.rms_error, layer.rms_most});
   }
   return out;
 }
 
-Figures measure(bool, Targets& targets) {
+Figures measure(bool, Promises& promises) {
   const service::TissueModel model = paper_tissue(kPoissonRatio);
   Figures figures;
-  for (const Line& line : kLines) figures.lines.push_back(measure_line(model, line, targets));
+  for (const TouchedLayer& layer : kLayers) figures.layers.push_back(measure_layer(model, layer, promises));
   return figures;
 }
 
 // The paper's form: stiffness against time, the real one as circles, the filter's as stars.
-void draw_line(const LineFigures& line, const std::filesystem::path& file) {
+void draw_layer(const LayerFigures& layer, const std::filesystem::path& file) {
   const auto curve_of = [&](const std::string& title, const std::vector<double>& values, std::size_t begin,
                             std::size_t every, const char* style) {
     Curve curve{.title = title, .style = style};
     begin += static_cast<std::size_t>(std::lround(kSettledS / kServoS));
-    for (std::size_t n = begin; n < values.size(); n += every) curve.add(line.time_s[n], values[n]);
+    for (std::size_t n = begin; n < values.size(); n += every) curve.add(layer.time_s[n], values[n]);
     return curve;
   };
   const auto title = [](const Filter& f) {
     return fmt::format("{}: {:.1f} ms late, RMS error {:.1f} %", f.name, 1e3 * f.lag_s, 100 * f.rms_error);
   };
-  const Filter &first = line.filters[0], &second = line.filters[1];
+  const Filter &first = layer.filters[0], &second = layer.filters[1];
   plot(
       file,
-      script_of({curve_of("real", line.real_n_m, 0, 10, "points pt 6 ps 0.9 lc rgb 'black'"),
+      script_of({curve_of("real", layer.real_n_m, 0, 10, "points pt 6 ps 0.9 lc rgb 'black'"),
                  curve_of(title(first), first.stiffness_n_m, 5, 10, "points pt 3 ps 0.9 lc 1"),
                  curve_of(title(second), second.stiffness_n_m, 0, 1, "lines lw 1 lc 2")},
                 "set key outside bottom center\n" +
-                    axes("Kalman filter and real stiffness (the paper's Fig. 14), " + line.line +
+                    axes("Kalman filter and real stiffness (the paper's Fig. 14), " + layer.layer +
                              ", 120 mm/s\\nof its curve the paper states no figures: 'only a short delay was "
                              "recorded'",
                          "time (s)", "stiffness (N/m)")));
 }
 
 void draw(const Figures& figures, const std::filesystem::path& folder) {
-  draw_line(figures.lines.at(0), folder / "fig14_surface.png");
-  draw_line(figures.lines.at(1), folder / "fig14_line80.png");
+  draw_layer(figures.layers.at(0), folder / "fig14_surface.png");
+  draw_layer(figures.layers.at(1), folder / "fig14_layer80.png");
 }
 
 }  // namespace

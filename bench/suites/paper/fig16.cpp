@@ -1,4 +1,4 @@
-// The paper's Fig. 16 (T6.3): stiffness felt along nine lines, from the natural surface to the one above the
+// The paper's Fig. 16 (T6.3): stiffness felt along nine layers, from the natural surface to the one above the
 // inclusion, through the service's own tissue model and contact.
 #include <fmt/format.h>
 
@@ -16,88 +16,89 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kLines = 9, kCentreColumn = 25, kSideColumn = 10;
+constexpr std::size_t kLayers = 9, kCentreColumn = 25, kSideColumn = 10;
 constexpr double kIndentationM = 0.002;
 constexpr double kTolerance = 0.005;
 
-// Contrast of the nine lines by an independent solver, to the digits it printed (T6.3).
+// Contrast of the nine layers by an independent solver, to the digits it printed (T6.3).
 struct Expected {
   double poisson_ratio;
-  std::array<double, kLines> contrast;
+  std::array<double, kLayers> contrast;
 };
 constexpr std::array<Expected, 2> kExpected{
     {{0.49, {1.191, 1.207, 1.207, 1.209, 1.219, 1.230, 1.256, 1.487, 2.763}},
      {0.30, {1.209, 1.256, 1.268, 1.271, 1.267, 1.257, 1.253, 1.340, 2.984}}}};
 
-struct LineFigures {
+struct LayerFigures {
   double depth_m = 0;
   std::vector<double> stiffness_n_m;
   double contrast = 0, expected_contrast = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LineFigures, depth_m, stiffness_n_m, contrast, expected_contrast)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LayerFigures, depth_m, stiffness_n_m, contrast, expected_contrast)
 struct CaseFigures {
   double poisson_ratio = 0;
   std::vector<double> x_m;
-  std::vector<LineFigures> lines{};
+  std::vector<LayerFigures> layers{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseFigures, poisson_ratio, x_m, lines)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseFigures, poisson_ratio, x_m, layers)
 struct Figures {
   double indentation_m = kIndentationM;
   std::vector<CaseFigures> cases{};
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, indentation_m, cases)
 
-// Force over displacement of every node of the line, one pressed at a time and free to move sideways.
-std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t line) {
-  const auto compliance = model.condensed(line);
+// Force over displacement of every node of the layer, one pressed at a time and free to move sideways.
+std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t layer) {
+  const auto compliance = model.condensed(layer);
   const service::Fingertip node{.shape = service::FingertipShape::kNode};
   std::vector<double> stiffness;
   for (const double x_m : model.problem().grid.x_m) {
     const auto answer =
-        service::solve_contact(model.problem(), line, *compliance, node, {x_m, kIndentationM});
+        service::solve_contact(model.problem(), layer, *compliance, node, {x_m, kIndentationM});
     stiffness.push_back(-answer.force_n[1] / kIndentationM);
   }
   return stiffness;
 }
 
-CaseFigures measure_at(const Expected& expected, Targets& targets) {
+CaseFigures measure_at(const Expected& expected, Promises& promises) {
   const service::TissueModel model = paper_tissue(expected.poisson_ratio);
   CaseFigures out{expected.poisson_ratio, model.problem().grid.x_m};
   double worst = 0;
-  std::printf("\nnu = %.2f: contrast, expected, line\n", expected.poisson_ratio);
-  for (std::size_t line = 0; line < kLines; ++line) {
-    LineFigures l{model.problem().grid.y_m[line], stiffness_n_m(model, line)};
+  std::printf("\nnu = %.2f: contrast, expected, layer\n", expected.poisson_ratio);
+  for (std::size_t layer = 0; layer < kLayers; ++layer) {
+    LayerFigures l{model.problem().grid.y_m[layer], stiffness_n_m(model, layer)};
     l.contrast = l.stiffness_n_m[kCentreColumn] / l.stiffness_n_m[kSideColumn];
-    l.expected_contrast = expected.contrast[line];
+    l.expected_contrast = expected.contrast[layer];
     const double error = std::abs(l.contrast / l.expected_contrast - 1);
     worst = error <= worst ? worst : error;  // NaN stays
     std::printf("  %.3f  %.3f  y = %.0f mm\n", l.contrast, l.expected_contrast, 1e3 * l.depth_m);
-    out.lines.push_back(std::move(l));
+    out.layers.push_back(std::move(l));
   }
-  targets.push_back({snake_case(fmt::format("contrast of nine lines off the expected at poisson ratio {:.2f}",
-                                            expected.poisson_ratio)),
-                     worst, kTolerance});
+  promises.push_back(
+      {snake_case(fmt::format("contrast of nine layers off the expected at poisson ratio {:.2f}",
+                              expected.poisson_ratio)),
+       worst, kTolerance});
   return out;
 }
 
-Figures measure(bool, Targets& targets) {
+Figures measure(bool, Promises& promises) {
   Figures figures;
-  for (const Expected& expected : kExpected) figures.cases.push_back(measure_at(expected, targets));
+  for (const Expected& expected : kExpected) figures.cases.push_back(measure_at(expected, promises));
   return figures;
 }
 
-// The paper's form: stiffness along the surface for the nine lines, over the largest of all.
-void draw_lines(const CaseFigures& one, const std::filesystem::path& file) {
+// The paper's form: stiffness along the surface for the nine layers, over the largest of all.
+void draw_layers(const CaseFigures& one, const std::filesystem::path& file) {
   double largest = 0;
   std::vector<Curve> curves;
-  for (const LineFigures& line : one.lines)
-    for (const double stiffness : line.stiffness_n_m) largest = std::max(largest, stiffness);
-  for (const LineFigures& line : one.lines) {
-    curves.push_back({.title = fmt::format("y = {:.0f} mm", 1e3 * line.depth_m),
+  for (const LayerFigures& layer : one.layers)
+    for (const double stiffness : layer.stiffness_n_m) largest = std::max(largest, stiffness);
+  for (const LayerFigures& layer : one.layers) {
+    curves.push_back({.title = fmt::format("y = {:.0f} mm", 1e3 * layer.depth_m),
                       .style = fmt::format("lines lw 2 lc palette frac {:.3f}",
-                                           static_cast<double>(curves.size()) / kLines)});
+                                           static_cast<double>(curves.size()) / kLayers)});
     for (std::size_t i = 0; i < one.x_m.size(); ++i)
-      curves.back().add(1e3 * one.x_m[i], line.stiffness_n_m[i] / largest);
+      curves.back().add(1e3 * one.x_m[i], layer.stiffness_n_m[i] / largest);
   }
   plot(file, script_of(curves,
                        "set yrange [0:1.05]\nset key outside right\nunset colorbox\n"
@@ -116,24 +117,24 @@ void draw_contrast(const Figures& figures, const std::filesystem::path& file) {
                 .style = fmt::format("lines lw 2 lc {}", colour)},
         expected{.title = fmt::format("expected, nu = {:.2f}", one.poisson_ratio),
                  .style = fmt::format("points pt 6 ps 1.6 lc {}", colour)};
-    for (const LineFigures& line : one.lines) {
-      found.add(1e3 * line.depth_m, line.contrast);
-      expected.add(1e3 * line.depth_m, line.expected_contrast);
+    for (const LayerFigures& layer : one.layers) {
+      found.add(1e3 * layer.depth_m, layer.contrast);
+      expected.add(1e3 * layer.depth_m, layer.expected_contrast);
     }
     curves.insert(curves.end(), {found, expected});
   }
   plot(file,
        script_of(curves, "set key top left\n" +
                              axes("How far the inclusion stands out, against the depth of the touched "
-                                  "line\\nexpected: an independent solver's; the paper states no figures: "
+                                  "layer\\nexpected: an independent solver's; the paper states no figures: "
                                   "'the closer ... the bigger'",
-                                  "depth of the touched line (mm)",
+                                  "depth of the touched layer (mm)",
                                   "stiffness at the centre over that 30 mm beside it")));
 }
 
 void draw(const Figures& figures, const std::filesystem::path& folder) {
   for (const CaseFigures& one : figures.cases)
-    draw_lines(one, folder / fmt::format("fig16_nu{:03.0f}.png", 100 * one.poisson_ratio));
+    draw_layers(one, folder / fmt::format("fig16_nu{:03.0f}.png", 100 * one.poisson_ratio));
   draw_contrast(figures, folder / "fig16_contrast.png");
 }
 

@@ -88,7 +88,7 @@ TableFit fit_table(const std::vector<StimulusCount>& counts, FitMethod method, u
   return out;
 }
 
-FittedTable fit_paper(const PaperTable& table, unsigned resamples, Targets& targets) {
+FittedTable fit_paper(const PaperTable& table, unsigned resamples, Promises& promises) {
   FittedTable out{table.name,
                   table.title,
                   table.counts,
@@ -97,8 +97,8 @@ FittedTable fit_paper(const PaperTable& table, unsigned resamples, Targets& targ
                   {table.printed[0], table.printed[1], kNan, table.printed[2]}};
   const TableFit& squares = out.least_squares;
   const auto promise = [&](const char* what, double value, double expected, const char* unit) {
-    targets.push_back({snake_case(fmt::format("{} {} off {:.3f}", table.name, what, expected)),
-                       std::abs(value - expected), kDigit, unit});
+    promises.push_back({snake_case(fmt::format("{} {} off {:.3f}", table.name, what, expected)),
+                        std::abs(value - expected), kDigit, unit});
   };
   promise("alpha", squares.alpha_n_m, table.reproduced[0], "N/m");
   promise("beta", squares.beta, table.reproduced[1], "");
@@ -186,13 +186,13 @@ void print(const Observed& o) {
 }
 
 // Returns the observer's name, for further promises.
-std::string promise(const Observed& o, Targets& targets, const std::string& how = "") {
+std::string promise(const Observed& o, Promises& promises, const std::string& how = "") {
   const std::string name =
       snake_case(fmt::format("observer of Weber fraction {:.2f} {}{}", o.weber_fraction, o.method, how));
-  targets.push_back(
+  promises.push_back(
       {name + "_interval_covers_the_truth_least", o.coverage, kCoverLeast, "of experiments", false});
-  targets.push_back({name + "_interval_covers_the_truth_most", o.coverage, kCoverMost, "of experiments"});
-  targets.push_back({name + "_bias_of_the_weber_fraction", std::abs(o.bias), kBiasMost});
+  promises.push_back({name + "_interval_covers_the_truth_most", o.coverage, kCoverMost, "of experiments"});
+  promises.push_back({name + "_bias_of_the_weber_fraction", std::abs(o.bias), kBiasMost});
   return name;
 }
 
@@ -206,7 +206,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ObserverFigures, stimuli_n_m, trials_per_stim
 
 // Promised without lapses, by both methods; told beside it: what lapses of 3 % do to a fit that knows of them
 // and to one that does not.
-ObserverFigures observe_all(const Effort& effort, Targets& targets) {
+ObserverFigures observe_all(const Effort& effort, Promises& promises) {
   const ExperimentPlan plan;
   const Effort fewer{std::min(effort.experiments, 200u), std::min(effort.resamples, 99u)};
   ObserverFigures out{plan.stimuli_n_m, plan.trials_per_stimulus, effort.experiments, effort.resamples,
@@ -214,7 +214,7 @@ ObserverFigures observe_all(const Effort& effort, Targets& targets) {
   for (const double weber : kWeberFractions)
     for (const FitMethod method : {FitMethod::kMaximumLikelihood, FitMethod::kLeastSquares}) {
       out.rows.push_back(observe({weber, 0, 0}, {method, 0}, effort));
-      promise(out.rows.back(), targets);
+      promise(out.rows.back(), promises);
       print(out.rows.back());
     }
   for (const double most : {0.0, 0.1}) {
@@ -261,7 +261,7 @@ struct ChainFigures {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ChainFigures, how, promised, renderer, update_s, model_delay_s, edge_m,
                                    observed)
 
-std::vector<ChainFigures> observe_chain(const Effort& effort, Targets& targets) {
+std::vector<ChainFigures> observe_chain(const Effort& effort, Promises& promises) {
   const Effort fewer{std::min(effort.experiments, 300u), std::min(effort.resamples, 99u)};
   const std::vector<ChainCase> cases = chain_cases();
   std::vector<ChainFigures> rows(cases.size() * kWeberFractions.size());
@@ -283,8 +283,8 @@ std::vector<ChainFigures> observe_chain(const Effort& effort, Targets& targets) 
     std::printf("%s: ", how.c_str());
     print(row.observed);
     if (!row.promised) continue;
-    const std::string name = promise(row.observed, targets, how);
-    targets.push_back({name + "_the_chain_adds", row.observed.bias, kChainAddsMost});
+    const std::string name = promise(row.observed, promises, how);
+    promises.push_back({name + "_the_chain_adds", row.observed.bias, kChainAddsMost});
   }
   return rows;
 }
@@ -297,14 +297,14 @@ struct Figures {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, background_n_m, fits, observers, chain)
 
-Figures measure(bool quick, Targets& targets) {
+Figures measure(bool quick, Promises& promises) {
   Figures figures;
   std::printf("\n");
   for (const PaperTable& table : paper_tables())
-    figures.fits.push_back(fit_paper(table, quick ? 200 : 2000, targets));
+    figures.fits.push_back(fit_paper(table, quick ? 200 : 2000, promises));
   const Effort effort = quick ? Effort{200, 59} : Effort{1000, 199};
-  figures.observers = observe_all(effort, targets);
-  figures.chain = observe_chain(effort, targets);
+  figures.observers = observe_all(effort, promises);
+  figures.chain = observe_chain(effort, promises);
   return figures;
 }
 

@@ -176,17 +176,17 @@ void draw(const Figures& figures, const std::filesystem::path& folder) {
                           "woken later than (ms)", "share of the ticks")));
 }
 
-Figures measure(const Arguments& arguments, Targets& targets) {
+Figures measure(const Arguments& arguments, Promises& promises) {
   const auto channel = connect(arguments.service);
   const Checked checked = make_checked_scene(channel, kScene, own_tissue(), kIndentationM);
   Figures figures{checked, touch(arguments)};
   const LoopFigures& loop = figures.loop;
   print(loop);
-  targets.push_back({"allocations_in_the_loop", static_cast<double>(loop.allocations), 0});
-  targets.push_back({"servo_rate", loop.rate_hz, kRateHz, "Hz", false});
-  targets.push_back(
+  promises.push_back({"allocations_in_the_loop", static_cast<double>(loop.allocations), 0});
+  promises.push_back({"servo_rate", loop.rate_hz, kRateHz, "Hz", false});
+  promises.push_back(
       {"servo_rate_lost_beyond_a_bare_timers", loop.bare_timer.rate_hz - loop.rate_hz, kLostHz, "Hz"});
-  targets.push_back({"telemetry_dropped", static_cast<double>(loop.telemetry_dropped), 0});
+  promises.push_back({"telemetry_dropped", static_cast<double>(loop.telemetry_dropped), 0});
   return figures;
 }
 

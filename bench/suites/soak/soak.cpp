@@ -306,11 +306,11 @@ void draw(const Figures& figures, const std::filesystem::path& folder) {
                                                       "memory of the service (MB)")));
 }
 
-void promise(const Figures& figures, Targets& targets) {
+void promise(const Figures& figures, Promises& promises) {
   const TouchFigures& touched = figures.touch;
   double late = 0, published = 0;
   for (const WindowFigures& w : figures.fair) late += double(w.late), published += double(w.published);
-  targets = {
+  promises = {
       {"touch_p99_growth_by_imaging", touched.imaging.p99_s / touched.idle.p99_s - 1, kMostP99Growth},
       {"touch_p99_growth_by_imaging_beside_busy_cores", touched.imaging.p99_s / touched.busy_cores.p99_s - 1,
        kMostP99Growth},
@@ -322,7 +322,7 @@ void promise(const Figures& figures, Targets& targets) {
        figures.memory.growth_bytes, kMostMemoryGrowthBytes, "B"}};
 }
 
-Figures measure(Arguments arguments, Targets& targets) {
+Figures measure(Arguments arguments, Promises& promises) {
   if (arguments.quick) arguments.duration_s = soak::kRoundS;
   const auto channel = connect(arguments.service);
   if (arguments.pid == 0 && client::get_info(channel).memory().empty())
@@ -339,7 +339,7 @@ Figures measure(Arguments arguments, Targets& targets) {
   scenes.push_back(kTouchedScene);
   for (const std::string& id : scenes) remove_scene(*stub, id);
   print(figures);
-  promise(figures, targets);
+  promise(figures, promises);
   return figures;
 }
 

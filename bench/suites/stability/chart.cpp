@@ -27,10 +27,9 @@ constexpr double kSoftestNM = 1, kHardestNM = 2e4;
 constexpr double kSweepM = 0.03, kRestS = 2;
 constexpr double kFeltNM = 400;  // where the generated energy is told: a stiff inclusion
 
-const std::vector<HandProfile>& hands() {
-  static const std::vector<HandProfile> all{
-      {"light", 0.01, 2, 200}, {"middle", 0.1, 5, 500}, {"heavy", 0.2, 10, 1000}};
-  return all;
+const HandProfile& charted_hand(double value) {
+  static const char* const kNames[] = {"light, loose, soft", "middle", "heavy, damped, stiff"};
+  return hand(kNames[static_cast<std::size_t>(value)]);
 }
 
 struct Axis {
@@ -48,7 +47,7 @@ std::vector<Axis> axes_of(bool quick) {
        {0, 0.01, 0.03, 0.1, 0.2, 0.3},
        [](TrialOptions& t, double v) { t.model_delay_s = v; }},
       {"damping_n_s_m", {0.005, 0.05, 0.5, 5}, [](TrialOptions& t, double v) { t.damping_n_s_m = v; }},
-      {"hand", {0, 1, 2}, [](TrialOptions& t, double v) { t.hand = hands()[static_cast<std::size_t>(v)]; }},
+      {"hand", {0, 1, 2}, [](TrialOptions& t, double v) { t.hand = charted_hand(v); }},
       {"device", {0, 1, 2, 3, 4}, [](TrialOptions& t, double v) {
          const auto k = static_cast<std::size_t>(v);
          t.device = k < client::device_profiles().size() ? client::device_profiles()[k] : ideal_display();
@@ -128,7 +127,7 @@ Row chart(const TrialOptions& at, const Axis& axis, double value) {
           felt.generated_j};
 }
 
-Figures measure(bool quick, Targets& targets) {
+Figures measure(bool quick, Promises& promises) {
   struct Point {
     TrialOptions trial;
     const Axis* axis;
@@ -164,13 +163,13 @@ Figures measure(bool quick, Targets& targets) {
         std::printf("  %s %.0f", row.renderer.c_str(), row.stable_n_m);
     std::printf("\n");
   }
-  targets.push_back(
+  promises.push_back(
       {"points_where_hold_is_not_stable_inside_colgates_bound", double(passive_unstable), 0, "points"});
   return figures;
 }
 
 std::string value_name(const std::string& axis, double value) {
-  if (axis == "hand") return std::string(hands()[static_cast<std::size_t>(value)].name) + " hand";
+  if (axis == "hand") return std::string("hand: ") + charted_hand(value).name;
   if (axis == "device") {
     const auto k = static_cast<std::size_t>(value);
     return k < client::device_profiles().size() ? client::device_profiles()[k].name : "ideal";

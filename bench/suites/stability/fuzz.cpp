@@ -14,13 +14,13 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FuzzResult, cases, not_finite, too_large, too
 
 namespace {
 
-void promise(const FuzzShares& one, Targets& targets) {
+void promise(const FuzzShares& one, Promises& promises) {
   const double non_zero = one.share(one.non_zero), slewed = one.share(one.slew_limited);
   const double largest = one.share(one.at_largest);
   std::printf("  %-13s force in %.3f of them, slew-limited %.4f, F_max %.4f\n", one.renderer.c_str(),
               non_zero, slewed, largest);
   const auto least = [&](const char* what, double value, double least) {
-    targets.push_back({snake_case("fuzzed " + one.renderer + " " + what), value, least, "of ticks", false});
+    promises.push_back({snake_case("fuzzed " + one.renderer + " " + what), value, least, "of ticks", false});
   };
   least("with a force", non_zero, FuzzShares::kNonZeroLeast);
   least("slew-limited", slewed, FuzzShares::kSlewLimitedLeast);
@@ -30,13 +30,13 @@ void promise(const FuzzShares& one, Targets& targets) {
   least("in silence past every limit", one.share(one.silent), FuzzShares::kSilentLeast);
 }
 
-FuzzResult measure(bool quick, Targets& targets) {
+FuzzResult measure(bool quick, Promises& promises) {
   const FuzzResult result = fuzz_forces(quick ? 400'000 : 4'000'000, 5);
   std::printf("\nfuzzed answers: %zu servo ticks, %zu violations\n", result.cases, result.violations());
   // Forces not finite, above F_max or the stiffness cap, past the slew, growing while not ENABLED, in
   // silence.
-  targets.push_back({"fuzzed_ticks_that_violate_a_bound", double(result.violations()), 0, "ticks"});
-  for (const FuzzShares& one : result.renderers) promise(one, targets);
+  promises.push_back({"fuzzed_ticks_that_violate_a_bound", double(result.violations()), 0, "ticks"});
+  for (const FuzzShares& one : result.renderers) promise(one, promises);
   return result;
 }
 

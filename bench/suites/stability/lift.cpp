@@ -30,18 +30,13 @@ std::vector<client::DeviceProfile> devices() {
   return all;
 }
 
-const std::vector<HandProfile>& hands() {
-  static const std::vector<HandProfile> all{{"middle", 0.1, 5, 500}, {"heavy, damped, stiff", 0.2, 10, 1000}};
-  return all;
-}
-
 std::vector<LiftOptions> trials(bool quick) {
   const std::vector<Rate> rates = quick ? std::vector<Rate>{{0.002, 0.003}}
                                         : std::vector<Rate>{{0.001, 0.001}, {0.002, 0.003}, {0.005, 0.005},
                                                             {0.01, 0.01},   {0.02, 0.02},   {0.05, 0.05}};
   const std::vector<double> speeds = quick ? std::vector<double>{0.5} : std::vector<double>{0.05, 0.3, 0.5};
-  std::vector<const HandProfile*> movers{nullptr, &hands()[0]};
-  if (!quick) movers.push_back(&hands()[1]);
+  std::vector<const HandProfile*> movers{nullptr, &hand("middle")};
+  if (!quick) movers.push_back(&hand("heavy, damped, stiff"));
   std::vector<LiftOptions> all;
   LiftOptions t;
   for (const client::DeviceProfile& device : devices())
@@ -50,8 +45,8 @@ std::vector<LiftOptions> trials(bool quick) {
         for (const double share : {0.5, 1.0})
           for (const Rate& rate : rates)
             for (const bool known : {true, false})
-              for (const HandProfile* hand : movers) {
-                t.device = device, t.renderer = renderer, t.scene = scene, t.hand = hand,
+              for (const HandProfile* mover : movers) {
+                t.device = device, t.renderer = renderer, t.scene = scene, t.hand = mover,
                 t.damping_known = known;
                 t.stiffness_n_m = share * device.largest_stiffness_n_m;
                 t.update_s = rate.update_s, t.model_delay_s = rate.model_delay_s;
@@ -104,7 +99,7 @@ struct Figures {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, rows)
 
-Figures measure(bool quick, Targets& targets) {
+Figures measure(bool quick, Promises& promises) {
   const std::vector<LiftOptions> all = trials(quick);
   std::vector<LiftResult> results(all.size());
   client::in_parallel(all.size(), [&](std::size_t n) { results[n] = run_lift(all[n]); });
@@ -128,13 +123,13 @@ Figures measure(bool quick, Targets& targets) {
         "of K T/2; DEGRADED %zu, damped %zu, not ENABLED throughout %zu\n",
         name.c_str(), t.trials, t.in_air, t.most_in_air_n, 1e3 * t.most_given_j, t.most_given, t.degraded,
         t.damped, t.lost);
-  targets.push_back({"lifts_and_taps_largest_force_in_the_air", all_of_them.most_in_air_n, 0, "N"});
-  targets.push_back({"lifts_and_taps_by_a_model_most_given_back_beyond_what_was_put_in",
-                     honest_ones.most_given, kOverAllowed, "of K T/2"});
-  targets.push_back({"lifts_and_taps_by_a_model_degraded", double(honest_ones.degraded), 0, "trials"});
-  targets.push_back(
+  promises.push_back({"lifts_and_taps_largest_force_in_the_air", all_of_them.most_in_air_n, 0, "N"});
+  promises.push_back({"lifts_and_taps_by_a_model_most_given_back_beyond_what_was_put_in",
+                      honest_ones.most_given, kOverAllowed, "of K T/2"});
+  promises.push_back({"lifts_and_taps_by_a_model_degraded", double(honest_ones.degraded), 0, "trials"});
+  promises.push_back(
       {"lifts_and_taps_by_a_model_not_enabled_throughout", double(honest_ones.lost), 0, "trials"});
-  targets.push_back(
+  promises.push_back(
       {"lifts_and_taps_force_reached_over_the_largest", honest_ones.most_force, 0.999, "", false});
   return figures;
 }

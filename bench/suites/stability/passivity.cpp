@@ -37,7 +37,7 @@ struct Figures {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, rows, spread_over_stiffness_and_period)
 
-Figures measure(bool quick, Targets& targets) {
+Figures measure(bool quick, Promises& promises) {
   Figures figures;
   double worst = 0;
   std::printf("\npassivity border of hold over (T5.2): delay (periods), worst motion\n");
@@ -62,7 +62,7 @@ Figures measure(bool quick, Targets& targets) {
     figures.rows.push_back(std::move(row));
   }
   std::printf("  over stiffness and period these differ by %.1e\n", figures.spread_over_stiffness_and_period);
-  targets.push_back({"passivity_border_of_hold_off_colgates_bound_with_delay", worst, kWithin});
+  promises.push_back({"passivity_border_of_hold_off_colgates_bound_with_delay", worst, kWithin});
   return figures;
 }
 

@@ -22,13 +22,10 @@ namespace {
 using client::ForceSample;
 
 // The first is worse than any (T5.7): light, stiff, and dissipates nothing.
-const std::vector<HandProfile>& hands() {
-  static const std::vector<HandProfile> all{{"without damping", 0.01, 0, 1000},
-                                            {"light and soft", 0.01, 2, 200},
-                                            {"light and stiff", 0.01, 2, 1000},
-                                            {"heavy and loose", 0.2, 2, 1000}};
-  return all;
-}
+const std::vector<HandProfile> kHands{{"without damping", 0.01, 0, 1000},
+                                      hand("light, loose, soft"),
+                                      hand("light, loose, stiff"),
+                                      hand("heavy, loose, stiff")};
 
 struct Press {
   HandProfile hand;
@@ -109,7 +106,7 @@ struct Figures {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, rows)
 
-Figures measure(bool quick, Targets& targets) {
+Figures measure(bool quick, Promises& promises) {
   const std::vector<double> stiffnesses =
       quick ? std::vector<double>{800} : std::vector<double>{100, 200, 400, 800, 1600};
   Figures figures;
@@ -117,7 +114,7 @@ Figures measure(bool quick, Targets& targets) {
   std::printf(
       "\nposition display: damping that is needed over the bound, most over tissue of %.0f to %.0f N/m\n",
       stiffnesses.front(), stiffnesses.back());
-  for (const HandProfile& hand : hands()) {
+  for (const HandProfile& hand : kHands) {
     double most = 0;
     for (const double update_s : {0.001, 0.02})
       for (const double delay_s : {0.0, 0.05})
@@ -131,7 +128,7 @@ Figures measure(bool quick, Targets& targets) {
     std::printf("  %.3f  %s\n", most, hand.name);
     worst = std::max(worst, most);
   }
-  targets.push_back({"position_display_damping_needed_over_the_couplings", worst, 1});
+  promises.push_back({"position_display_damping_needed_over_the_couplings", worst, 1});
   return figures;
 }
 

@@ -142,7 +142,7 @@ ServiceFigures describe_service(const std::shared_ptr<grpc::Channel>& channel) {
           grpc::Version()};
 }
 
-Figures measure(const Arguments& arguments, Targets& targets) {
+Figures measure(const Arguments& arguments, Promises& promises) {
   const auto channel = connect(arguments.service);
   Figures figures{describe_service(channel), arguments.clients, {}, {}, {}};
   const bool own = arguments.scene_id.empty();
@@ -156,9 +156,9 @@ Figures measure(const Arguments& arguments, Targets& targets) {
   print("closed loop", figures.closed_loop);
   figures.open_loop = run_clients(arguments, load, arguments.open_loop_hz);
   print("open loop", figures.open_loop);
-  targets = {{"closed_loop_answers", figures.closed_loop.answers_per_s, kTouchesPerS, "1/s", false},
-             {"closed_loop_latency_p99", figures.closed_loop.latency_s.p99, kLatencyS, "s"},
-             {"open_loop_latency_p99", figures.open_loop.latency_s.p99, kLatencyS, "s"}};
+  promises = {{"closed_loop_answers", figures.closed_loop.answers_per_s, kTouchesPerS, "1/s", false},
+              {"closed_loop_latency_p99", figures.closed_loop.latency_s.p99, kLatencyS, "s"},
+              {"open_loop_latency_p99", figures.open_loop.latency_s.p99, kLatencyS, "s"}};
   return figures;
 }
 

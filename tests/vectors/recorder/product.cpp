@@ -198,12 +198,12 @@ Touching::Touching(const TissueCase& c, const Finger& f)
     scene = std::make_shared<service::Scene>("explicit", geometry_of(c), explicit_of(c), service::versions());
   for (const double window_m : c.windows) publish(window_m, c.modulus_pa);
   product_->session = std::make_unique<service::TouchSession>(
-      scene, service::TouchOptions{product_->tip, f.line_m, service::SolvePath::kCompliance}, nullptr);
+      scene, service::TouchOptions{product_->tip, f.layer_m, service::SolvePath::kCompliance}, nullptr);
 }
 
 Touching::~Touching() = default;
 
-double Touching::line_m() const {
+double Touching::layer_m() const {
   return product_->session->layer().depth_m;
 }
 

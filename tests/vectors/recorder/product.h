@@ -54,14 +54,14 @@ struct Finger {
   Tip tip = Tip::kRounded;
   bool stuck = false;
   double size_m = 0.008;  // radius; half of the punch's flat part; deviation of the node's footprint
-  double line_m = 0;      // depth of the touched line
+  double layer_m = 0;     // depth of the touched layer
 };
 
 class Touching {
  public:
   Touching(const TissueCase&, const Finger&);
   ~Touching();
-  double line_m() const;  // the one that is nearest
+  double layer_m() const;  // the one that is nearest
   void publish(double window_m, const Modulus& modulus_pa);
   Answer touch(double x_m, double y_m);
   // By conjugate gradients on the device, however long that takes, on the first window; pressed.

@@ -46,7 +46,7 @@ std::vector<Scene> scenes() {
       {"contrast-2", {.modulus_pa = inclusion(2, 0.05, 0.010, 0.006)}, {.stuck = true, .size_m = 0.006}},
       {"contrast-10", {.modulus_pa = inclusion(10, 0.045, 0.012, 0.008)}, {Tip::kPunch, false, 0.004}},
       {"contrast-100", {.modulus_pa = inclusion(100, 0.055, 0.015, 0.005)}, {Tip::kNode, true, 0}},
-      {"layers", {.poisson_ratio = 0.45, .modulus_pa = layers}, {.line_m = 0.010}},
+      {"layers", {.poisson_ratio = 0.45, .modulus_pa = layers}, {.layer_m = 0.010}},
       {"nearly-incompressible", {.poisson_ratio = 0.4999, .modulus_pa = homogeneous(8e3)}, {}},
       {"sides-held",
        {.poisson_ratio = 0.495, .left = true, .right = true, .modulus_pa = inclusion(5, 0.03, 0.01, 0.006)},
@@ -81,10 +81,10 @@ void record(Recording& recording, const Scene& scene) {
   for (int k = 0; k < kTouches; ++k) {
     if (k == kTouches / 2)
       for (const Later& later : scene.later) touching.publish(later.window_m, later.modulus_pa);
-    // From beside one end to beside the other, from 2 mm above the line to 5 mm below.
+    // From beside one end to beside the other, from 2 mm above the layer to 5 mm below.
     const double x_m = width_m * (-0.01 + 1.02 * to_and_fro(k, 691));
     const double depth_m = -0.002 + 0.007 * to_and_fro(k, 83);
-    append(recording, scene.name, touching.touch(x_m, touching.line_m() + depth_m), kTouch);
+    append(recording, scene.name, touching.touch(x_m, touching.layer_m() + depth_m), kTouch);
   }
 }
 

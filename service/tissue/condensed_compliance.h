@@ -1,4 +1,4 @@
-// The compliance of a line that was condensed on the host (T4.2).
+// The compliance of a row that was condensed on the host (T4.2).
 #pragma once
 
 #include <Eigen/Core>
@@ -16,9 +16,9 @@
 namespace teletact::service {
 
 // Bound of the relative error |dC_ij| / sqrt(C_ii C_jj) that rounding leaves in any entry, calibrated once on
-// measured rounding (rounding_test): it grows with bulk over shear, by lines of nodes with its square, with
-// the stiffest element over the softest node, E C, and with the elements, most for a line amid deep tissue.
-// Measured were at most 230 (1 + elements / 500) (1 + b) E C eps by columns, 210 + 0.8 b of it by lines,
+// measured rounding (rounding_test): it grows with bulk over shear, by rows of nodes with its square, with
+// the stiffest element over the softest node, E C, and with the elements, most for a row amid deep tissue.
+// Measured were at most 230 (1 + elements / 500) (1 + b) E C eps by columns, 210 + 0.8 b of it by rows,
 // up to 29 000 elements.
 inline double condensation_rounding(const Material& material, double largest_compliance, bool by_columns) {
   const double nu = material.poisson_ratio, bulk_over_shear = 2 * nu / (1 - 2 * nu);
@@ -30,10 +30,10 @@ inline double condensation_rounding(const Material& material, double largest_com
          std::numeric_limits<double>::epsilon();
 }
 
-class CondensedLine final : public Compliance {
+class CondensedCompliance final : public Compliance {
  public:
   // `compliance`: of the touchable columns, its lower triangle. `rounding`: bound of its relative error.
-  CondensedLine(const Eigen::MatrixXd& compliance, ColumnRange touchable, double rounding, Charge held)
+  CondensedCompliance(const Eigen::MatrixXd& compliance, ColumnRange touchable, double rounding, Charge held)
       : held_(std::move(held)),
         columns_(touchable),
         rounding_(rounding),

@@ -1,5 +1,5 @@
-// The lines of a problem that are touched by conjugate gradients, with one solver for each device. When
-// others need room their columns are given back, and then what is left of lines that nobody touches.
+// The compliances of a problem by conjugate gradients, with one solver for each device. When others need room
+// their columns are given back, and then what is left of those that nobody touches.
 #pragma once
 
 #include <map>
@@ -7,20 +7,20 @@
 #include <mutex>
 #include <utility>
 
-#include "service/tissue/iterative_line.h"
+#include "service/tissue/iterative_compliance.h"
 #include "service/tissue/tissue_problem.h"
 
 namespace teletact::service {
 
-class IterativeLines final : public Reclaimable {
+class IterativeCompliances final : public Reclaimable {
  public:
-  IterativeLines(std::shared_ptr<const TissueProblem> problem, MemoryAccount account)
+  IterativeCompliances(std::shared_ptr<const TissueProblem> problem, MemoryAccount account)
       : problem_(std::move(problem)), account_(std::move(account)) {}
-  // The line, made if it is not kept; throws what making it throws.
-  std::shared_ptr<IterativeLine> at(std::size_t line, const std::shared_ptr<Device>&);
+  // That of the row, made if it is not kept; throws what making it throws.
+  std::shared_ptr<IterativeCompliance> at(std::size_t row, const std::shared_ptr<Device>&);
   // One of its own, with a solver of its own.
-  std::shared_ptr<IterativeLine> make(std::size_t line, const std::shared_ptr<Device>&,
-                                      const ElasticitySolverOptions&) const;
+  std::shared_ptr<IterativeCompliance> make(std::size_t row, const std::shared_ptr<Device>&,
+                                            const ElasticitySolverOptions&) const;
   std::uint64_t last_use() const override;
   bool give_back() override;
 
@@ -28,16 +28,16 @@ class IterativeLines final : public Reclaimable {
   using Key = std::pair<std::size_t, std::shared_ptr<Device>>;
   std::shared_ptr<SharedSolver> make_solver(const std::shared_ptr<Device>&,
                                             const ElasticitySolverOptions&) const;
-  std::shared_ptr<IterativeLine> make_line(std::size_t line, std::shared_ptr<SharedSolver>) const;
+  std::shared_ptr<IterativeCompliance> make_one(std::size_t row, std::shared_ptr<SharedSolver>) const;
   const std::shared_ptr<const TissueProblem> problem_;
   const MemoryAccount account_;
   std::mutex making_;         // one at a time; not held by give_back()
   mutable std::mutex mutex_;  // of the maps
   std::map<std::shared_ptr<Device>, std::shared_ptr<SharedSolver>> solvers_;
-  std::map<Key, std::shared_ptr<IterativeLine>> lines_;
+  std::map<Key, std::shared_ptr<IterativeCompliance>> kept_;
 };
 
-// How lines are solved: in double where the device has it, which costs what float does and converges from
+// How they are solved: in double where the device has it, which costs what float does and converges from
 // nu = 0 to .4999, contrasts of 1 to 1000 and elements up to 1:5; else in float up to nu = .495, refined
 // beyond, which near nu = 1/2 and for stretched elements may stop short of what is asked, and says so.
 ElasticitySolverOptions iterative_options(const Device&, double poisson_ratio);

@@ -1,4 +1,4 @@
-// Compliance of one line by conjugate gradients on a device: one solve per unit nodal force, when first asked
+// Compliance of one row by conjugate gradients on a device: one solve per unit nodal force, when first asked
 // for.
 //
 // With u_j the answer to the unit force f_j and r_j = f_j - K u_j its residual, C_ij is taken as
@@ -24,10 +24,10 @@ namespace teletact::service {
 // Keeps 12 bytes per degree of freedom of the grid for every column asked for, as long as there is room: the
 // column used least recently is given back first, and solved again when it is asked for again. What one call
 // asks for is held together while it runs; where it does not fit the call throws MemoryRefused.
-class IterativeLine final : public Compliance, public Reclaimable {
+class IterativeCompliance final : public Compliance, public Reclaimable {
  public:
-  IterativeLine(std::shared_ptr<SharedSolver>, const TissueGrid&, double poisson_ratio, std::size_t line,
-                ColumnRange touchable, const MemoryAccount& = {});
+  IterativeCompliance(std::shared_ptr<SharedSolver>, const TissueGrid&, double poisson_ratio, std::size_t row,
+                      ColumnRange touchable, const MemoryAccount& = {});
   Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override;
   Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override;
   std::optional<FormError> error_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
@@ -40,7 +40,7 @@ class IterativeLine final : public Compliance, public Reclaimable {
   bool empty() const { return solved_ == 0; }   // no column is kept
 
  private:
-  // A unit force on one degree of freedom of the line.
+  // A unit force on one degree of freedom of the row.
   struct Column {
     bool solved = false;
     Eigen::VectorXd displacement;    // u, [dof of the grid]
@@ -68,7 +68,7 @@ class IterativeLine final : public Compliance, public Reclaimable {
 
   std::shared_ptr<SharedSolver> shared_;
   const MemoryAccount account_;
-  std::size_t dofs_, first_dof_;  // of the grid; of the first touchable node of the line
+  std::size_t dofs_, first_dof_;  // of the grid; of the first touchable node of the row
   ColumnRange touchable_;
   double rounding_bound_;     // of the relative error of any entry, made beforehand
   mutable std::mutex mutex_;  // not held while room is made: give_back() takes it

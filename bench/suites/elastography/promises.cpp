@@ -14,7 +14,7 @@ const auto& ours_of(const Methods& methods) {
   return methods.front();
 }
 
-void add_rigid(const RigidFigures& rigid, Targets& targets) {
+void add_rigid(const RigidFigures& rigid, Promises& promises) {
   const std::vector<RigidPhase>& phases = ours_of(rigid.methods).phases;
   double squares = 0, bias_m = 0;
   for (const RigidPhase& phase : phases) {
@@ -23,8 +23,8 @@ void add_rigid(const RigidFigures& rigid, Targets& targets) {
   }
   const double rmse_m = std::sqrt(squares / static_cast<double>(phases.size()));
   const double bound_m = rigid.bound_m / std::sqrt(rigid.independent_lines);
-  targets.push_back({"regularised_rigid_shift_rmse_over_the_bound_of_one_window", rmse_m / bound_m, 1.0});
-  targets.push_back({"rigid_shift_largest_bias", 1e6 * bias_m, 0.1, "um"});
+  promises.push_back({"regularised_rigid_shift_rmse_over_the_bound_of_one_window", rmse_m / bound_m, 1.0});
+  promises.push_back({"rigid_shift_largest_bias", 1e6 * bias_m, 0.1, "um"});
 }
 
 // The phantoms of T2.7 are compressed by up to 5 %; the strain's curve goes on beyond.
@@ -33,7 +33,7 @@ bool promised(const Condition& c) {
   return c.of.strain <= kMostStrain;
 }
 
-void add_calibration(const ElastographyFigures& figures, Targets& targets) {
+void add_calibration(const ElastographyFigures& figures, Promises& promises) {
   double least = std::numeric_limits<double>::infinity(), most = 0;
   for (const Condition& c : figures.conditions)
     for (const Spread* where : {&c.calibration.inside, &c.calibration.outside}) {
@@ -42,8 +42,8 @@ void add_calibration(const ElastographyFigures& figures, Targets& targets) {
       least = z >= least || std::isnan(least) ? least : z;  // one without a figure is a loss, too
       most = z <= most || std::isnan(most) ? most : z;
     }
-  targets.push_back({"standardised_errors_least_deviation_of_all_conditions", least, 0.8, "", false});
-  targets.push_back({"standardised_errors_most_deviation_of_all_conditions", most, 1.2});
+  promises.push_back({"standardised_errors_least_deviation_of_all_conditions", least, 0.8, "", false});
+  promises.push_back({"standardised_errors_most_deviation_of_all_conditions", most, 1.2});
 }
 
 // How ours stands to one peer at one condition, paired by seed.
@@ -71,7 +71,7 @@ bool is_filter_point(const Condition& c) {
 }
 
 // SNRe against strain, 0 where the image is lost; on beyond what is promised until it falls.
-void add_band_pass(const ElastographyFigures& figures, Targets& targets) {
+void add_band_pass(const ElastographyFigures& figures, Promises& promises) {
   std::vector<std::pair<double, double>> curve;
   for (const Condition& c : figures.conditions) {
     if (!c.on("strain")) continue;
@@ -82,11 +82,11 @@ void add_band_pass(const ElastographyFigures& figures, Targets& targets) {
   std::sort(curve.begin(), curve.end());
   double peak = kNan;
   for (const auto& [strain, snre] : curve) peak = std::fmax(peak, snre);
-  targets.push_back({"snre_at_the_least_strain_over_its_peak", curve.front().second / peak, 0.5});
-  targets.push_back({"snre_at_the_largest_strain_over_its_peak", curve.back().second / peak, 0.999});
+  promises.push_back({"snre_at_the_least_strain_over_its_peak", curve.front().second / peak, 0.5});
+  promises.push_back({"snre_at_the_largest_strain_over_its_peak", curve.back().second / peak, 0.999});
 }
 
-void add_strain_filter(const ElastographyFigures& figures, Targets& targets) {
+void add_strain_filter(const ElastographyFigures& figures, Promises& promises) {
   double points = 0, above = 0, below = 0;
   for (const Condition& c : figures.conditions) {
     if (!is_filter_point(c)) continue;
@@ -100,10 +100,10 @@ void add_strain_filter(const ElastographyFigures& figures, Targets& targets) {
     ++points;
     above += above_all;
   }
-  targets.push_back(
+  promises.push_back(
       {"points_where_snre_at_the_same_edge_width_is_above_every_peer", above / points, 0.8, "", false});
-  targets.push_back({"points_where_a_peer_is_above_beyond_the_95_percent_interval", below, 0});
-  add_band_pass(figures, targets);
+  promises.push_back({"points_where_a_peer_is_above_beyond_the_95_percent_interval", below, 0});
+  add_band_pass(figures, promises);
 }
 
 // Who has no valid node has lost; ours also where neither has one.
@@ -113,7 +113,7 @@ double error_ratio(double ours, double peer) {
 }
 
 // Medians of ratios, seed by seed, over the conditions of the filter.
-void add_speed(const ElastographyFigures& figures, Targets& targets) {
+void add_speed(const ElastographyFigures& figures, Promises& promises) {
   const std::vector<TrackerFigures>& methods = figures.middle().methods;
   for (std::size_t m = 0; m < methods.size(); ++m) {
     if (methods[m].ours) continue;
@@ -128,17 +128,17 @@ void add_speed(const ElastographyFigures& figures, Targets& targets) {
       }
     }
     const std::string over = "_over_" + snake_case(methods[m].method);
-    targets.push_back({"displacement_time" + over, median_of(time), 1});
-    targets.push_back({"displacement_processor_time" + over, median_of(processor), 1});
-    targets.push_back({"displacement_axial_rmse" + over, median_of(error), 1});
+    promises.push_back({"displacement_time" + over, median_of(time), 1});
+    promises.push_back({"displacement_processor_time" + over, median_of(processor), 1});
+    promises.push_back({"displacement_axial_rmse" + over, median_of(error), 1});
   }
 }
 
-void add_plane(const StageFigures& stages, Targets& targets) {
-  targets.push_back(
+void add_plane(const StageFigures& stages, Promises& promises) {
+  promises.push_back(
       {"imaging_with_direct_modulus_beside_a_touch_stream_p50", 1e3 * stages.direct.total_s.p50, 150, "ms"});
-  targets.push_back({"imaging_with_iterative_modulus_beside_a_touch_stream_p50",
-                     1e3 * stages.iterative.total_s.p50, 450, "ms"});
+  promises.push_back({"imaging_with_iterative_modulus_beside_a_touch_stream_p50",
+                      1e3 * stages.iterative.total_s.p50, 450, "ms"});
 }
 
 // Where a method does not work any more, in the order of the questions.
@@ -191,13 +191,13 @@ std::vector<WithoutFigure> without_figure(const std::vector<Condition>& conditio
   return out;
 }
 
-void add_elastography_targets(const ElastographyFigures& figures, Targets& targets) {
-  add_rigid(figures.rigid, targets);
-  add_calibration(figures, targets);
-  add_strain_filter(figures, targets);
-  add_modulus_targets(figures.modulus, targets);
-  add_speed(figures, targets);
-  add_plane(figures.stages, targets);
+void add_elastography_promises(const ElastographyFigures& figures, Promises& promises) {
+  add_rigid(figures.rigid, promises);
+  add_calibration(figures, promises);
+  add_strain_filter(figures, promises);
+  add_modulus_promises(figures.modulus, promises);
+  add_speed(figures, promises);
+  add_plane(figures.stages, promises);
 }
 
 }  // namespace teletact::bench

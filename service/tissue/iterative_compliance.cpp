@@ -1,4 +1,4 @@
-#include "service/tissue/iterative_line.h"
+#include "service/tissue/iterative_compliance.h"
 
 #include <algorithm>
 #include <cmath>
@@ -42,38 +42,38 @@ void merge(const SolveReport& one, SolveReport& worst) {
 }  // namespace
 
 // Columns that a call needs, which stay while it lives.
-class IterativeLine::Asked {
+class IterativeCompliance::Asked {
  public:
-  Asked(IterativeLine& line, std::span<const std::size_t> unknowns) : line_(line), unknowns_(unknowns) {
-    const std::lock_guard lock(line_.mutex_);
-    line_.used_ = use_stamp();
+  Asked(IterativeCompliance& of, std::span<const std::size_t> unknowns) : of_(of), unknowns_(unknowns) {
+    const std::lock_guard lock(of_.mutex_);
+    of_.used_ = use_stamp();
     for (const std::size_t unknown : unknowns_)
-      ++line_.columns_[unknown].asked, line_.columns_[unknown].used = line_.used_;
+      ++of_.columns_[unknown].asked, of_.columns_[unknown].used = of_.used_;
   }
   ~Asked() {
-    const std::lock_guard lock(line_.mutex_);
-    for (const std::size_t unknown : unknowns_) --line_.columns_[unknown].asked;
+    const std::lock_guard lock(of_.mutex_);
+    for (const std::size_t unknown : unknowns_) --of_.columns_[unknown].asked;
   }
   Asked(const Asked&) = delete;
   Asked& operator=(const Asked&) = delete;
 
  private:
-  IterativeLine& line_;
+  IterativeCompliance& of_;
   const std::span<const std::size_t> unknowns_;
 };
 
-IterativeLine::IterativeLine(std::shared_ptr<SharedSolver> shared, const TissueGrid& grid,
-                             double poisson_ratio, std::size_t line, ColumnRange touchable,
-                             const MemoryAccount& account)
+IterativeCompliance::IterativeCompliance(std::shared_ptr<SharedSolver> shared, const TissueGrid& grid,
+                                         double poisson_ratio, std::size_t row, ColumnRange touchable,
+                                         const MemoryAccount& account)
     : shared_(std::move(shared)),
       account_(account),
       dofs_(grid.dofs()),
-      first_dof_(2 * grid.node(touchable.first, line)),
+      first_dof_(2 * grid.node(touchable.first, row)),
       touchable_(touchable),
       rounding_bound_(rounding_error(poisson_ratio)),
       columns_(2 * (touchable.last - touchable.first + 1)) {
   const std::size_t pairs = columns_.size() * columns_.size();
-  matrices_charge_ = account_.charge(Place::kHost, "lines",
+  matrices_charge_ = account_.charge(Place::kHost, "compliances",
                                      pairs * (sizeof(double) + (2 + kRoundingSamples) * sizeof(float)));
   const auto size = Index(columns_.size());
   compliance_.setZero(size, size);
@@ -82,7 +82,7 @@ IterativeLine::IterativeLine(std::shared_ptr<SharedSolver> shared, const TissueG
   rounding_.assign(kRoundingSamples, Eigen::MatrixXf::Zero(size, size));
 }
 
-MatrixXd IterativeLine::among(std::span<const std::size_t> nodes, SolveReport* report) {
+MatrixXd IterativeCompliance::among(std::span<const std::size_t> nodes, SolveReport* report) {
   std::vector<std::size_t> unknowns;
   for (std::size_t node : nodes) {
     const std::size_t at = 2 * position_among(node, touchable_);
@@ -91,14 +91,14 @@ MatrixXd IterativeLine::among(std::span<const std::size_t> nodes, SolveReport* r
   return between(unknowns, report);
 }
 
-MatrixXd IterativeLine::axial_among(std::span<const std::size_t> nodes, SolveReport* report) {
+MatrixXd IterativeCompliance::axial_among(std::span<const std::size_t> nodes, SolveReport* report) {
   std::vector<std::size_t> unknowns;
   for (std::size_t node : nodes) unknowns.push_back(2 * position_among(node, touchable_) + 1);
   return between(unknowns, report);
 }
 
-bool IterativeLine::prepare(std::span<const std::size_t> nodes, bool tangential,
-                            std::chrono::steady_clock::time_point until) {
+bool IterativeCompliance::prepare(std::span<const std::size_t> nodes, bool tangential,
+                                  std::chrono::steady_clock::time_point until) {
   std::vector<std::size_t> unknowns;
   for (const std::size_t node : nodes) {
     const std::size_t axial = 2 * position_among(node, touchable_) + 1;
@@ -120,7 +120,7 @@ bool IterativeLine::prepare(std::span<const std::size_t> nodes, bool tangential,
   return true;
 }
 
-MatrixXd IterativeLine::between(const std::vector<std::size_t>& unknowns, SolveReport* report) {
+MatrixXd IterativeCompliance::between(const std::vector<std::size_t>& unknowns, SolveReport* report) {
   const Asked asked(*this, unknowns);
   const std::size_t batch = std::clamp(kMostSolvingBytes / (kSolvingBytes * dofs_), kStep, kBatch);
   for (std::size_t begin = 0; begin < unknowns.size();) {
@@ -140,14 +140,14 @@ MatrixXd IterativeLine::between(const std::vector<std::size_t>& unknowns, SolveR
   return compliance_(unknowns, unknowns);
 }
 
-std::uint64_t IterativeLine::last_use() const {
+std::uint64_t IterativeCompliance::last_use() const {
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock) return UINT64_MAX;
   const auto oldest = oldest_unasked();
   return oldest == columns_.end() ? UINT64_MAX : oldest->used;
 }
 
-bool IterativeLine::give_back() {
+bool IterativeCompliance::give_back() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock) return false;
   const auto oldest = oldest_unasked();
@@ -157,16 +157,16 @@ bool IterativeLine::give_back() {
   return true;
 }
 
-std::vector<IterativeLine::Column>::const_iterator IterativeLine::oldest_unasked() const {
+std::vector<IterativeCompliance::Column>::const_iterator IterativeCompliance::oldest_unasked() const {
   auto oldest = columns_.end();
   for (auto at = columns_.begin(); at != columns_.end(); ++at)
     if (at->solved && at->asked == 0 && (oldest == columns_.end() || at->used < oldest->used)) oldest = at;
   return oldest;
 }
 
-std::optional<FormError> IterativeLine::error_between(std::span<const std::size_t> unknowns,
-                                                      const Eigen::MatrixX2d& left,
-                                                      const Eigen::VectorXd& right) const {
+std::optional<FormError> IterativeCompliance::error_between(std::span<const std::size_t> unknowns,
+                                                            const Eigen::MatrixX2d& left,
+                                                            const Eigen::VectorXd& right) const {
   const std::lock_guard lock(mutex_);
   const auto first = 2 * Index(touchable_.first);
   FormError error;
@@ -192,9 +192,9 @@ std::optional<FormError> IterativeLine::error_between(std::span<const std::size_
 // |left^T R^T K^-1 R right| <= |R left| |R right| in the norm of K^-1. Of r = R left its square is estimated
 // by one step of conjugate gradients, (r . M r)^2 / (M r . K M r), which is less than it. Empty where M shows
 // that it is not positive definite: the columns' own bounds are then all there is.
-std::optional<Eigen::Vector2d> IterativeLine::unfinished_between(std::span<const std::size_t> unknowns,
-                                                                 const Eigen::MatrixX2d& left,
-                                                                 const Eigen::VectorXd& right) const {
+std::optional<Eigen::Vector2d> IterativeCompliance::unfinished_between(std::span<const std::size_t> unknowns,
+                                                                       const Eigen::MatrixX2d& left,
+                                                                       const Eigen::VectorXd& right) const {
   std::vector<Index> at;
   for (const std::size_t unknown : unknowns) at.push_back(Index(unknown) - 2 * Index(touchable_.first));
   const MatrixXd step = unfinished_(at, at).cast<double>(), energy = step_energy_(at, at).cast<double>();
@@ -210,19 +210,19 @@ std::optional<Eigen::Vector2d> IterativeLine::unfinished_between(std::span<const
   return Eigen::Vector2d(std::sqrt(of_right * of_first), std::sqrt(of_right * of_second));
 }
 
-struct IterativeLine::Solved {
+struct IterativeCompliance::Solved {
   SolveReport report;
   // [column][dof]: u; r = f - K u; M r; K M r.
   std::vector<double> displacement, residual, preconditioned, step_force;
   std::vector<std::vector<double>> rounding;  // what else r could have been
 };
 
-IterativeLine::Solved IterativeLine::solve(std::size_t count, const std::vector<double>& loads) {
+IterativeCompliance::Solved IterativeCompliance::solve(std::size_t count, const std::vector<double>& loads) {
   return shared_->with([&](ElasticitySolver& solver) { return solve(solver, count, loads); });
 }
 
-IterativeLine::Solved IterativeLine::solve(ElasticitySolver& solver, std::size_t count,
-                                           const std::vector<double>& loads) {
+IterativeCompliance::Solved IterativeCompliance::solve(ElasticitySolver& solver, std::size_t count,
+                                                       const std::vector<double>& loads) {
   Solved s;
   s.displacement.resize(loads.size());
   s.report = solver.solve(count, loads, {}, s.displacement);
@@ -244,7 +244,7 @@ IterativeLine::Solved IterativeLine::solve(ElasticitySolver& solver, std::size_t
 }
 
 // Solves what is missing of `unknowns`, which are asked for, so that what is there stays.
-void IterativeLine::get_ready(std::span<const std::size_t> unknowns) {
+void IterativeCompliance::get_ready(std::span<const std::size_t> unknowns) {
   // Room is made without the lock. Others may solve some of them meanwhile: their room is returned.
   std::vector<Charge> room;
   for (std::size_t k = 0; k < unknowns.size(); ++k)
@@ -257,7 +257,7 @@ void IterativeLine::get_ready(std::span<const std::size_t> unknowns) {
   if (!missing.empty()) solve_columns(missing, room);
 }
 
-void IterativeLine::solve_columns(const std::vector<std::size_t>& missing, std::vector<Charge>& room) {
+void IterativeCompliance::solve_columns(const std::vector<std::size_t>& missing, std::vector<Charge>& room) {
   std::vector<double> loads(missing.size() * dofs_);
   for (std::size_t q = 0; q < missing.size(); ++q) loads[q * dofs_ + grid_dof(missing[q])] = 1;
   Solved s = solve(missing.size(), loads);
@@ -284,9 +284,9 @@ void IterativeLine::solve_columns(const std::vector<std::size_t>& missing, std::
 
 // Entries of `unknown`'s column against every column solved so far, itself included. u and M r vanish where r
 // is a support's reaction. `rounding`: samples of r's error.
-void IterativeLine::add_to_compliance(std::size_t unknown, std::span<const double> residual,
-                                      std::span<const double> step_force,
-                                      const std::vector<std::span<const double>>& rounding) {
+void IterativeCompliance::add_to_compliance(std::size_t unknown, std::span<const double> residual,
+                                            std::span<const double> step_force,
+                                            const std::vector<std::span<const double>>& rounding) {
   const auto vector = [&](std::span<const double> v) {
     return Eigen::Map<const Eigen::VectorXd>(v.data(), Index(dofs_));
   };
