@@ -27,6 +27,7 @@ ProfiledDevice::ProfiledDevice(std::size_t index) {
   constexpr int kChains = 8, kSteps = 256, kRepeats = 40;                   // chains of roofline.cl
   service::DeviceOptions options;
   options.select = std::to_string(index);
+  options.kernel_directory = TELETACT_BENCH_KERNELS;
   const service::Queue queue = service::Device::open(options)->queue();
   const auto a = queue.array<float>(8 * kVectors);
   auto b = queue.array<float>(8 * kVectors), c = queue.array<float>(8 * kVectors);
@@ -41,6 +42,7 @@ ProfiledDevice::ProfiledDevice(std::size_t index) {
                chains({{kItems}, {64}}, a, 0.999f, kSteps);
                queue.finish();
              });
+  options.kernel_directory.clear();
   options.profiling = true;
   device_ = service::Device::open(options);
 }

@@ -42,7 +42,7 @@ struct KernelProfile {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KernelProfile, device, bytes_s, flops_s, kernels)
 void print(const KernelProfile&);
 
-// A device whose ceiling was measured, by a triad and by chains of multiply-adds (kernels/roofline.cl),
+// A device whose ceiling was measured, by a triad and by chains of multiply-adds (bench/kernels/roofline.cl),
 // opened again with profiling.
 class ProfiledDevice {
  public:

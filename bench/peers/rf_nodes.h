@@ -25,7 +25,9 @@ struct Nodes {
   Nodes(const service::RfFrame&, const service::AcquisitionGeometry&, double dx_m, double dy_m);
   int sample(int j) const { return grid.first_sample + j * grid.sample_step; }
   int line(int i) const { return grid.first_line + i * grid.line_step; }
-  std::size_t at(int i, int j) const { return static_cast<std::size_t>(i + grid.nx * j); }
+  std::size_t at(int i, int j) const {
+    return static_cast<std::size_t>(i) + static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(j);
+  }
   reference::Window window(double axial_m, double lateral_m, int stride = 1) const;
 };
 

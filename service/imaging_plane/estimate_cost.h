@@ -13,12 +13,13 @@
 #include <optional>
 
 #include "service/imaging/modulus/modulus.h"
+#include "service/plan/choices.h"
 
 namespace teletact::service {
 
 struct EstimateSize {
   std::size_t samples = 0, lines = 0;
-  double max_strain = 0.05;
+  double max_strain = choices::kMaxStrain;
   double window_width_m = 0, depth_m = 0;
   ModulusKind method = ModulusKind::kIterative;
   double modulus_time_limit_s = 0;  // of the iterative method

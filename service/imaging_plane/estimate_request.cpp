@@ -25,11 +25,6 @@ EstimateSize EstimateRequest::size() const {
 
 namespace {
 
-// Where they are not stated: standard deviations of the force sensor and of the contact area, over their
-// values.
-constexpr double kUsualForceDeviation = 0.03, kUsualAreaDeviation = 0.05;
-constexpr double kUsualMaxStrain = 0.05, kUsualPoissonRatio = 0.49;
-
 double relative_deviation(double stated, double value, double usual) {
   return stated == 0 ? usual : stated / value;
 }
@@ -74,9 +69,9 @@ void check_force(const EstimateRequest& r, const Limits& limits) {
                   limits.most_probe_elevation_m * r.window_width_m(),
                   "give the area of the probe's face that touches, the window's width times the face's "
                   "elevation, in m^2 (1 cm^2 is 1e-4)");
-  check_deviation("force_std_n", r.force_std_n, r.force->force_n, kUsualForceDeviation);
+  check_deviation("force_std_n", r.force_std_n, r.force->force_n, choices::kForceDeviation);
   check_deviation("contact_area_std_m2", r.contact_area_std_m2, r.force->contact_area_m2,
-                  kUsualAreaDeviation);
+                  choices::kAreaDeviation);
 }
 
 // How the estimate is to be made.
@@ -85,9 +80,9 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
     require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.least_modulus_time_s,
                     limits.most_modulus_time_s,
                     fmt::format("leave it out for {}", choices::kModulusTime).c_str());
-  if (r.max_strain == 0) r.max_strain = kUsualMaxStrain;
+  if (r.max_strain == 0) r.max_strain = choices::kMaxStrain;
   require_between("acquisition.max_strain", r.max_strain, limits.least_max_strain, limits.most_max_strain,
-                  fmt::format("leave it out for {}", kUsualMaxStrain).c_str());
+                  fmt::format("leave it out for {}", choices::kMaxStrain).c_str());
   DisplacementOptions search;
   search.max_strain = r.max_strain;
   DisplacementEstimator::require_fits({r.sample_count, r.line_count, {}}, r.geometry, search);
@@ -123,7 +118,7 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
   const double frame_end_m =
       r.geometry.first_sample_depth_m + r.geometry.sample_pitch_m() * static_cast<double>(r.sample_count);
   if (stated.depth_m == 0) tissue.depth_m = scene ? scene->depth_m : frame_end_m;
-  if (stated.poisson_ratio == 0) tissue.poisson_ratio = scene ? scene->poisson_ratio : kUsualPoissonRatio;
+  if (stated.poisson_ratio == 0) tissue.poisson_ratio = scene ? scene->poisson_ratio : choices::kPoissonRatio;
   require_between("acquisition.tissue_depth_m", tissue.depth_m, limits.least_tissue_depth_m,
                   limits.most_tissue_depth_m, "give the depth of the fixed far side in metres");
   require_between("acquisition.poisson_ratio", tissue.poisson_ratio, 0.0, TissueExtent::kLargestPoissonRatio,
@@ -168,9 +163,9 @@ WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
   WindowEvidence& evidence = window.evidence;
   evidence.warnings = warnings_of(e);
   evidence.force_relative_deviation =
-      relative_deviation(request.force_std_n, request.force->force_n, kUsualForceDeviation);
-  evidence.area_relative_deviation =
-      relative_deviation(request.contact_area_std_m2, request.force->contact_area_m2, kUsualAreaDeviation);
+      relative_deviation(request.force_std_n, request.force->force_n, choices::kForceDeviation);
+  evidence.area_relative_deviation = relative_deviation(
+      request.contact_area_std_m2, request.force->contact_area_m2, choices::kAreaDeviation);
   evidence.background_modulus_pa = e.background_modulus;
   evidence.quality = e.quality;
   evidence.taken_in = received;

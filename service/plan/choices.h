@@ -60,8 +60,8 @@ inline constexpr double kTrustedShare = 0.5;
 // share its phase; how often a cell between two is halved, and how small it may become; the depths that every
 // column has.
 inline constexpr double kLawShare = 0.005, kLawFloor = 0.001;
-inline constexpr double kLawKept =
-    0.65;  // of the tolerance, at the poses that are tried: between them it is a little worse
+// Of the tolerance, at the poses that are tried: between them it is a little worse.
+inline constexpr double kLawKept = 0.65;
 // What the worst of the poses that were tried is multiplied with to say what any may be off by.
 inline constexpr double kLawBetween = 1.3;
 inline constexpr double kLawPitch = 0.00618, kLawLeastCell = 0.001;
@@ -71,6 +71,13 @@ inline constexpr int kLawHalvings = 2;
 inline constexpr double kLawReach = 0.060, kLawAhead = 0.1;
 inline constexpr std::size_t kLawPieceBytes = 300;
 inline constexpr double kLawDepths[] = {3e-4, 9e-4, 2.7e-3, 8e-3};
+
+// Of an acquisition that does not state them: standard deviations of the force sensor and of the contact
+// area, over their values; the largest strain that is looked for; the Poisson ratio.
+inline constexpr double kForceDeviation = 0.03, kAreaDeviation = 0.05;
+inline constexpr double kMaxStrain = 0.05, kPoissonRatio = 0.49;
+// A window is refused when less than this share of its cells was measured.
+inline constexpr double kLeastMeasuredShare = 0.2;
 
 // The modulus of an estimate, where its client states no limit: no iterative step is begun that would end
 // later.

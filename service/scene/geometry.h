@@ -2,13 +2,14 @@
 #pragma once
 
 #include "service/limits/limits.h"
+#include "service/plan/choices.h"
 #include "service/tissue/grid.h"
 
 namespace teletact::service {
 
 struct SceneGeometry {
   double width_m = 0, depth_m = 0;
-  double poisson_ratio = 0.49;
+  double poisson_ratio = choices::kPoissonRatio;
   double thickness_m = 0.010;  // out-of-plane contact width of the finger
   Supports supports;
 };

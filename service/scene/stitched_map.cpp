@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/plan/choices.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -198,12 +199,13 @@ std::vector<float> StitchedMap::resample(const WindowEstimate& w, std::size_t fi
       ++in_image;
     }
   }
-  if (measured == 0 || static_cast<double>(measured) < kLeastMeasuredShare * static_cast<double>(in_image))
+  if (measured == 0 ||
+      static_cast<double>(measured) < choices::kLeastMeasuredShare * static_cast<double>(in_image))
     throw Error(
         ErrorKind::kPrecondition,
         fmt::format("only {} of the window's {} cells have a valid modulus (at least {:.0f} % are needed); "
                     "acquire the window again",
-                    measured, in_image, 100 * kLeastMeasuredShare));
+                    measured, in_image, 100 * choices::kLeastMeasuredShare));
   return cells;
 }
 

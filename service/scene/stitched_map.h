@@ -36,8 +36,6 @@ struct WindowEstimate {
 class StitchedMap {
  public:
   static constexpr double kCellM = 0.0005;
-  // A window is refused when less than this share of its cells was measured.
-  static constexpr double kLeastMeasuredShare = 0.2;
   // Pixels further than this factor from the window's median are taken as invalid.
   static constexpr double kLargestContrast = 100;
 

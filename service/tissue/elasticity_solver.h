@@ -23,10 +23,11 @@ struct ElasticitySolverOptions {
   // Energy norm of the error relative to that of the solution; 0 = 1e-7, for kFloat 6e-4. Forces and
   // compliances are at least as good: |C_ij error| <= relative_error sqrt(C_ii C_jj).
   double relative_error = 0;
-  std::size_t max_iterations = 500;      // of one conjugate gradient run
-  std::vector<std::uint8_t> prescribed;  // [dof], 1 where the displacement is prescribed, besides the
-                                         // supports; empty = nowhere
-  MemoryAccount account = {};            // of the device's arrays
+  std::size_t max_iterations = 500;  // of one conjugate gradient run
+  // [dof], 1 where the displacement is prescribed, besides the supports; empty = nowhere, as the service has
+  // it. With the nodes in contact prescribed the contact chart compares one solve with other methods' (T6.2).
+  std::vector<std::uint8_t> prescribed;
+  MemoryAccount account = {};  // of the device's arrays
 };
 
 // One thread at a time; it has a queue of its own. Solves are done in batches of 32 right-hand sides.

@@ -69,9 +69,9 @@ void check_normal(const Vector3& asked, const Layer& layer) {
 
 TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, std::shared_ptr<Device> device)
     : scene_(std::move(scene)),
-      options_(options),
-      layer_(scene_->layer_near(options.layer_depth_m)),
-      way_{options.path, std::move(device), options.client} {
+      options_(std::move(options)),
+      layer_(scene_->layer_near(options_.layer_depth_m)),
+      way_{options_.path, std::move(device), options_.client} {
   check_fingertip(options_.fingertip, scene_->limits());
   if (options_.layer_normal) check_normal(*options_.layer_normal, layer_);
   scene_->use_layer(layer_);

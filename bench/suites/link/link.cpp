@@ -103,15 +103,15 @@ Touched touch(const Arguments& arguments, const Condition& condition) {
           ticks.largest_force_n()};
 }
 
-void promise(const Touched& t, Targets& targets) {
+void promise(const Touched& t, Promises& promises) {
   const std::string name = snake_case(t.name) + "_";
   if (t.bits_s == kNarrowBits) {
-    targets.push_back({name + "answers", t.answers_per_s, 8, "1/s", false});
+    promises.push_back({name + "answers", t.answers_per_s, 8, "1/s", false});
     return;
   }
 }
 
-Figures measure(const Arguments& arguments, Targets& targets) {
+Figures measure(const Arguments& arguments, Promises& promises) {
   const auto channel = connect(arguments.service);
   Figures figures{make_checked_scene(channel, kScene, own_tissue(), kIndentationM)};
   std::printf("%-20s answers/s  faded s  lost s  DEGRADED s  age p50 ms  p95 ms  up kB/s  down kB/s  N\n",
@@ -121,7 +121,7 @@ Figures measure(const Arguments& arguments, Targets& targets) {
     std::printf("%-20s %9.0f %8.2f %7.2f %11.2f %11.1f %7.1f %8.1f %10.1f  %.3f\n", t.name.c_str(),
                 t.answers_per_s, t.faded_s, t.lost_s, t.degraded_s, 1e3 * t.age_p50_s, 1e3 * t.age_p95_s,
                 1e-3 * t.up_bytes_per_s, 1e-3 * t.down_bytes_per_s, t.largest_force_n);
-    promise(t, targets);
+    promise(t, promises);
   }
   return figures;
 }
@@ -143,7 +143,7 @@ void add_link_suite(CLI::App& app, bool& met) {
                                 arguments->suite, met, [arguments] {
                                   return run_suite(
                                       "link", arguments->suite,
-                                      [&](Targets& targets) { return measure(*arguments, targets); }, draw);
+                                      [&](Promises& promises) { return measure(*arguments, promises); }, draw);
                                 });
   add_service_options(command, arguments->service);
 }
