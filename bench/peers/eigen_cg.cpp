@@ -1,8 +1,6 @@
 // Eigen's conjugate gradients on one thread with Jacobi, with its incomplete Cholesky factor (shifted until
 // it exists), and with the factor of K for a uniform modulus (T4.6), which is what knowing the problem adds
 // to it. `tolerance` is its own: the residual over that of the right-hand side.
-#include <fmt/format.h>
-
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
@@ -44,11 +42,7 @@ class EigenCg final : public Peer {
   EigenCg(std::string name, std::size_t most_dofs) : name_(std::move(name)), most_dofs_(most_dofs) {}
   std::string name() const override { return name_; }
   bool iterative() const override { return true; }
-  std::string declines(const ContactProblem& p) const override {
-    return p.tissue.grid.dofs() <= most_dofs_
-               ? std::string()
-               : fmt::format("more than {} unknowns would take minutes", most_dofs_);
-  }
+  std::size_t most_unknowns() const override { return most_dofs_; }
   double prepare(const ContactProblem& p) override {
     if (of_ != describe(p.of)) {  // the matrix is given to a rival: not timed twice
       system_.emplace(p);

@@ -39,12 +39,8 @@ void LineSystem::add_datum(std::size_t n, double axial_slope, double lateral_slo
   right_[2 * n + 1] += lateral_slope * residual;
 }
 
-void LineSystem::add_smoothness_of(const std::vector<double>& axial, const std::vector<double>& lateral) {
-  const auto couple = [&](std::size_t a, std::size_t b, double axial_weight, double lateral_weight) {
-    const double da = axial_weight * (axial[a] - axial[b]), dl = lateral_weight * (lateral[a] - lateral[b]);
-    right_[2 * a] -= da, right_[2 * a + 1] -= dl;
-    right_[2 * b] += da, right_[2 * b + 1] += dl;
-  };
+template <class Couple>
+void LineSystem::for_neighbours(Couple&& couple) const {
   for (int l = 0; l < lines_; ++l)
     for (int k = 0; k < samples_; ++k) {
       const auto n = static_cast<std::size_t>(k + samples_ * l);
@@ -52,6 +48,15 @@ void LineSystem::add_smoothness_of(const std::vector<double>& axial, const std::
       if (l + 1 < lines_)
         couple(n, n + static_cast<std::size_t>(samples_), weights_.axial_2, weights_.lateral_2);
     }
+}
+
+void LineSystem::add_smoothness_of(const std::vector<double>& axial, const std::vector<double>& lateral) {
+  const auto couple = [&](std::size_t a, std::size_t b, double axial_weight, double lateral_weight) {
+    const double da = axial_weight * (axial[a] - axial[b]), dl = lateral_weight * (lateral[a] - lateral[b]);
+    right_[2 * a] -= da, right_[2 * a + 1] -= dl;
+    right_[2 * b] += da, right_[2 * b + 1] += dl;
+  };
+  for_neighbours(couple);
 }
 
 void LineSystem::factor() {
@@ -103,13 +108,7 @@ std::vector<double> LineSystem::times(const std::vector<double>& x) const {
     y[2 * m] -= axial * x[2 * n], y[2 * m + 1] -= lateral * x[2 * n + 1];
     y[2 * n] -= axial * x[2 * m], y[2 * n + 1] -= lateral * x[2 * m + 1];
   };
-  for (int l = 0; l < lines_; ++l)
-    for (int k = 0; k < samples_; ++k) {
-      const auto n = static_cast<std::size_t>(k + samples_ * l);
-      if (k + 1 < samples_) couple(n, n + 1, weights_.axial_1, weights_.lateral_1);
-      if (l + 1 < lines_)
-        couple(n, n + static_cast<std::size_t>(samples_), weights_.axial_2, weights_.lateral_2);
-    }
+  for_neighbours(couple);
   return y;
 }
 

@@ -29,6 +29,9 @@ class LineSystem {
 
  private:
   using Block = std::array<double, 3>;  // aa, al, ll of a symmetric 2 x 2 matrix
+  // couple(n, m, axial weight, lateral weight) for each sample and the next one, and that of the next line.
+  template <class Couple>
+  void for_neighbours(Couple&&) const;
   void factor();
   std::vector<double> times(const std::vector<double>& x) const;
   void solve_line(int line, double* x) const;  // in place

@@ -54,11 +54,7 @@ class Octave final : public Peer {
     fs::remove_all(folder_, ignored);
   }
   std::string name() const override { return "Octave, KKT by backslash"; }
-  std::string declines(const ContactProblem& p) const override {
-    return p.tissue.grid.dofs() <= kMostDofs
-               ? std::string()
-               : fmt::format("more than {} unknowns are too long to write as text", kMostDofs);
-  }
+  std::size_t most_unknowns() const override { return kMostDofs; }
   double prepare(const ContactProblem& p) override {
     fs::create_directories(folder_);
     std::ofstream k(folder_ / "k.txt"), contact(folder_ / "contact.txt"), script(folder_ / "solve.m");

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -35,8 +36,8 @@ class Peer {
   virtual bool products_choice(const ContactProblem&) const { return false; }
   // Iterative: `tolerance` of touch means something (to itself), and smaller is more accurate.
   virtual bool iterative() const { return false; }
-  // Why it is not run on a problem; empty: it is.
-  virtual std::string declines(const ContactProblem&) const { return {}; }
+  // It is not run on more: that would take minutes.
+  virtual std::size_t most_unknowns() const { return SIZE_MAX; }
   // Everything that depends on the modulus and may be kept between touches. Returns seconds that it measured
   // itself, < 0 where the caller is to.
   virtual double prepare(const ContactProblem&) = 0;

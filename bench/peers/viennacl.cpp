@@ -3,7 +3,6 @@
 #include "bench/peers/peer.h"
 
 #ifdef TELETACT_BENCH_VIENNACL
-#include <fmt/format.h>
 #include <viennacl/compressed_matrix.hpp>
 #include <viennacl/linalg/cg.hpp>
 #include <viennacl/linalg/jacobi_precond.hpp>
@@ -38,11 +37,7 @@ class ViennaCl final : public Peer {
  public:
   std::string name() const override { return "ViennaCL CG, Jacobi"; }
   bool iterative() const override { return true; }
-  std::string declines(const ContactProblem& p) const override {
-    return p.tissue.grid.dofs() <= kMostDofs
-               ? std::string()
-               : fmt::format("more than {} unknowns would take minutes", kMostDofs);
-  }
+  std::size_t most_unknowns() const override { return kMostDofs; }
   double prepare(const ContactProblem& p) override {
     if (of_ != describe(p.of)) {  // the matrix is given to a rival: not timed twice
       system_.emplace(p);

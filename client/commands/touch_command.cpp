@@ -104,7 +104,7 @@ nlohmann::json to_json(const Arguments& arguments, const TouchSummary& summary) 
         {"slack_s_min", ticks.slack_s().percentile(0)},
         {"scheduling", summary.real_time.text}}},
       {"by_law_share", ticks.by_law_share()},
-      {"stalls", {{"count", ticks.stalls().count()}, {"s", ticks.stalls().seconds()}}},
+      {"stalls", spells(ticks.stalls())},
       {"largest_force_n", ticks.largest_force_n()},
       {"degraded", spells(ticks.degraded())},
       {"service_degraded", spells(ticks.service_degraded())},

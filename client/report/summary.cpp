@@ -77,7 +77,7 @@ json touch_figures(const TouchRecord& touch) {
   for (const TouchAnswerTime& answer : touch.answers) latency_s.push_back(answer.latency_s);
   const std::size_t distinct = distinct_poses(touch.answers);
   const double span_s = touch.answers.back().arrived_s - touch.answers.front().arrived_s;
-  StallCounter stalls;
+  SpellCounter stalls(kStallS);
   for (const TouchTick& tick : touch.ticks) stalls.add(tick.time_s, tick.at_border);
   return {{"touch_rate_hz", span_s > 0 ? static_cast<double>(distinct - 1) / span_s : 0},
           {"touch_latency_s", quantiles(latency_s, "p99", 0.99)},

@@ -7,27 +7,18 @@
 
 namespace teletact::client {
 
-void StallCounter::add(double time_s, bool held) noexcept {
-  if (held && !held_) {
+void SpellCounter::add(double time_s, bool on) noexcept {
+  if (on && !on_) {
     begin_s_ = last_s_ = time_s;
     counted_ = false;
-  } else if (held_) {
-    // The tick that is free again still ends the hold: it was held until now.
-    if (!counted_ && time_s - begin_s_ > kShortestS) {
-      counted_ = true;
-      ++count_;
-      seconds_ += time_s - begin_s_;
-    } else if (counted_) {
-      seconds_ += time_s - last_s_;
-    }
-    last_s_ = time_s;
   }
-  held_ = held;
-}
-
-void SpellCounter::add(double time_s, bool on) noexcept {
-  if (on_) seconds_ += time_s - last_s_;
-  count_ += on && !on_;
+  if (counted_ && on_) {  // the first tick without it still ends the spell: it lasted until now
+    seconds_ += time_s - last_s_;
+  } else if ((on || on_) && time_s - begin_s_ > longer_s_) {
+    counted_ = true;
+    ++count_;
+    seconds_ += time_s - begin_s_;
+  }
   on_ = on;
   last_s_ = time_s;
 }

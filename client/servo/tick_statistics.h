@@ -10,36 +10,24 @@
 
 namespace teletact::client {
 
-// A stall is the hand held for longer than 1 ms at the border of what is covered.
-class StallCounter {
- public:
-  static constexpr double kShortestS = 0.001;
-  void add(double time_s, bool held) noexcept;
-  std::uint64_t count() const noexcept { return count_; }
-  double seconds() const noexcept { return seconds_; }  // held, of the stalls counted
-
- private:
-  bool held_ = false;
-  bool counted_ = false;
-  double begin_s_ = 0;
-  double last_s_ = 0;
-  std::uint64_t count_ = 0;
-  double seconds_ = 0;
-};
-
-// Spells of something that a tick says, and how long they were in all.
+// Spells of something that a tick says, and how long they were in all: each, or those longer than `longer_s`.
 class SpellCounter {
  public:
+  explicit SpellCounter(double longer_s = -1) : longer_s_(longer_s) {}
   void add(double time_s, bool on) noexcept;
   std::uint64_t count() const noexcept { return count_; }
   double seconds() const noexcept { return seconds_; }
 
  private:
-  bool on_ = false;
-  double last_s_ = 0;
+  double longer_s_;
+  bool on_ = false, counted_ = false;
+  double begin_s_ = 0, last_s_ = 0;
   std::uint64_t count_ = 0;
   double seconds_ = 0;
 };
+
+// A stall is the hand held for longer than this at the border of what is covered.
+inline constexpr double kStallS = 0.001;
 
 // The value below which `share` (0 .. 1) of the values lie; 0 of none. Reorders them.
 double percentile(std::vector<double>& values, double share);
@@ -69,7 +57,7 @@ class TickStatistics {
   double lost_now_s() const noexcept { return lost_now_s_; }  // of these, up to now at a stretch
   const ServoTick& last() const noexcept { return last_; }
   double largest_force_n() const noexcept { return largest_force_n_; }
-  const StallCounter& stalls() const noexcept { return stalls_; }
+  const SpellCounter& stalls() const noexcept { return stalls_; }
   const Histogram& lateness_s() const noexcept { return lateness_s_; }
   const Histogram& period_s() const noexcept { return period_s_; }        // from tick to tick
   const Histogram& slack_s() const noexcept { return slack_s_; }          // left of each period
@@ -90,7 +78,7 @@ class TickStatistics {
   double lost_s_ = 0;
   double lost_now_s_ = 0;
   double largest_force_n_ = 0;
-  StallCounter stalls_;
+  SpellCounter stalls_{kStallS};
   Histogram lateness_s_;
   Histogram period_s_;
   Histogram slack_s_;

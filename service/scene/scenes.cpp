@@ -165,21 +165,6 @@ void Scenes::make(const std::string& wanted_id, const SceneGeometry& geometry,
   });
 }
 
-std::shared_ptr<Scene> Scenes::create(const std::string& id, const SceneGeometry& geometry,
-                                      std::optional<ExplicitModulus> modulus, const std::string& client) {
-  std::promise<std::shared_ptr<Scene>> made;
-  make(
-      id, geometry, std::move(modulus),
-      [&](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
-        if (error)
-          made.set_exception(error);
-        else
-          made.set_value(scene);
-      },
-      client);
-  return made.get_future().get();
-}
-
 void Scenes::add(const std::shared_ptr<Scene>& scene) {
   scene->set_touch_work([worker = preparer_](const std::string& client, std::function<void()> job) {
     worker->post(std::move(job), client);

@@ -36,9 +36,6 @@ class Scenes {
   // kExhausted). `client`: who pays for the scene's memory; MemoryRefused when there is none left.
   void make(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>, const Made& made,
             const std::string& client = {});
-  // The same, waiting for it.
-  std::shared_ptr<Scene> create(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
-                                const std::string& client = {});
   std::shared_ptr<Scene> find(const std::string& id) const;  // Error(kNotFound)
   std::vector<std::shared_ptr<Scene>> list() const;
   // Error(kNotFound), and kUnavailable where the disk keeps it: nothing is changed then.

@@ -18,26 +18,6 @@ ElasticitySolverOptions iterative_options(const Device& device, double poisson_r
   return options;
 }
 
-std::shared_ptr<SharedSolver> IterativeCompliances::make_solver(
-    const std::shared_ptr<Device>& device, const ElasticitySolverOptions& options) const {
-  return std::make_shared<SharedSolver>(device, problem_->grid, problem_->supports, problem_->material,
-                                        options, account_);
-}
-
-std::shared_ptr<IterativeCompliance> IterativeCompliances::make_one(
-    std::size_t row, std::shared_ptr<SharedSolver> solver) const {
-  return std::make_shared<IterativeCompliance>(std::move(solver), problem_->grid,
-                                               problem_->material.poisson_ratio, row, problem_->touchable,
-                                               account_);
-}
-
-std::shared_ptr<IterativeCompliance> IterativeCompliances::make(
-    std::size_t row, const std::shared_ptr<Device>& device, const ElasticitySolverOptions& options) const {
-  auto made = make_one(row, make_solver(device, options));
-  account_.add(Place::kHost, made);
-  return made;
-}
-
 std::shared_ptr<IterativeCompliance> IterativeCompliances::at(std::size_t row,
                                                               const std::shared_ptr<Device>& device) {
   const std::lock_guard making(making_);
@@ -50,10 +30,13 @@ std::shared_ptr<IterativeCompliance> IterativeCompliances::at(std::size_t row,
   }
   // Without the lock: to make one may take room, and compliances be given back for it.
   if (!solver) {
-    solver = make_solver(device, iterative_options(*device, problem_->material.poisson_ratio));
+    solver = std::make_shared<SharedSolver>(device, problem_->grid, problem_->supports, problem_->material,
+                                            iterative_options(*device, problem_->material.poisson_ratio),
+                                            account_);
     account_.add(Place::kDevice, solver);
   }
-  auto made = make_one(row, solver);
+  auto made = std::make_shared<IterativeCompliance>(solver, problem_->grid, problem_->material.poisson_ratio,
+                                                    row, problem_->touchable, account_);
   const std::lock_guard lock(mutex_);
   solvers_[device] = std::move(solver);
   kept_[{row, device}] = made;

@@ -18,17 +18,11 @@ class IterativeCompliances final : public Reclaimable {
       : problem_(std::move(problem)), account_(std::move(account)) {}
   // That of the row, made if it is not kept; throws what making it throws.
   std::shared_ptr<IterativeCompliance> at(std::size_t row, const std::shared_ptr<Device>&);
-  // One of its own, with a solver of its own.
-  std::shared_ptr<IterativeCompliance> make(std::size_t row, const std::shared_ptr<Device>&,
-                                            const ElasticitySolverOptions&) const;
   std::uint64_t last_use() const override;
   bool give_back() override;
 
  private:
   using Key = std::pair<std::size_t, std::shared_ptr<Device>>;
-  std::shared_ptr<SharedSolver> make_solver(const std::shared_ptr<Device>&,
-                                            const ElasticitySolverOptions&) const;
-  std::shared_ptr<IterativeCompliance> make_one(std::size_t row, std::shared_ptr<SharedSolver>) const;
   const std::shared_ptr<const TissueProblem> problem_;
   const MemoryAccount account_;
   std::mutex making_;         // one at a time; not held by give_back()

@@ -60,12 +60,6 @@ std::shared_ptr<Compliance> TissueModel::iterative(std::size_t row,
   return iterative_->at(row, device);
 }
 
-std::shared_ptr<Compliance> TissueModel::iterative(std::size_t row, const std::shared_ptr<Device>& device,
-                                                   const ElasticitySolverOptions& options) const {
-  condenser_->check_free(row);
-  return iterative_->make(row, device, options);
-}
-
 std::size_t TissueModel::compliance_bytes() const {
   return condenser_->compliance_bytes();
 }

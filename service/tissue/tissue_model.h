@@ -17,7 +17,6 @@ class Device;
 class IterativeCompliances;
 class ComplianceCache;
 class Condenser;
-struct ElasticitySolverOptions;
 
 struct TissueModelOptions {
   // Columns of nodes within [touch_begin_m, touch_end_m] can be touched: compliance is kept among them alone.
@@ -54,11 +53,9 @@ class TissueModel {
   std::shared_ptr<Compliance> made(std::size_t row) const;
   // The same by preconditioned conjugate gradients on `device`, columns computed when asked for. The model
   // keeps one for each row and device, solved by iterative_options, so that the columns are kept too, as
-  // long as there is room for them; with options of its own it is a new one. Throws std::out_of_range as
-  // above, DeviceError when the device cannot do it.
+  // long as there is room for them. Throws std::out_of_range as above, DeviceError when the device cannot do
+  // it.
   std::shared_ptr<Compliance> iterative(std::size_t row, const std::shared_ptr<Device>& device) const;
-  std::shared_ptr<Compliance> iterative(std::size_t row, const std::shared_ptr<Device>& device,
-                                        const ElasticitySolverOptions&) const;
   // Held for each row that is condensed onto; operations in floating point to condense one.
   std::size_t compliance_bytes() const;
   double condensation_operations() const;

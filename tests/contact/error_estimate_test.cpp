@@ -13,6 +13,7 @@
 #include "service/tissue/elasticity_solver.h"
 #include "service/tissue/tissue_model.h"
 #include "tests/contact/exact_compliance.h"
+#include "tests/contact/iterative_with.h"
 #include "tests/tissue/tissue_cases.h"
 
 namespace teletact {
@@ -120,7 +121,8 @@ TEST_P(PcgErrorEstimate, BoundsAndIsClose) {
   for (const Tissue& t : tissues()) {
     if (t.contrast != 10 && t.contrast != 1e3) continue;
     const TissueModel model(t.grid, t.material, {}, {});
-    const auto columns = GetParam() ? model.iterative(0, device, options) : model.iterative(0, device);
+    const auto columns =
+        GetParam() ? service::iterative_with(options, model, 0, device) : model.iterative(0, device);
     largest = std::max(largest, add_touches(model, *t.exact, *columns, ratios));
   }
   std::printf("largest error of a force: %.1e\n", largest);

@@ -11,6 +11,7 @@
 #include "service/contact/contact.h"
 #include "service/tissue/elasticity_solver.h"
 #include "service/tissue/tissue_model.h"
+#include "tests/contact/iterative_with.h"
 #include "tests/reference/contact.h"
 #include "tests/tissue/tissue_cases.h"
 
@@ -56,7 +57,7 @@ Worst worst_error(std::size_t rows, double nu, double contrast, std::size_t line
   const TissueModel model(grid, material, {}, {});
   ElasticitySolverOptions options;
   options.precision = precision;
-  const auto compliance = model.iterative(line, device(), options);
+  const auto compliance = service::iterative_with(options, model, line, device());
   const reference::TouchedTissue tissue{grid, material, {}, line, model.problem().thickness_m};
   Worst worst;
   for (const Fingertip& tip : every_tip()) {
@@ -168,7 +169,8 @@ TEST(IterativeCompliance, BreakdownStatesNoSmallError) {
       ElasticitySolverOptions options;
       options.precision = precision;
       try {
-        const Judged j = touch_by(model, *model.iterative(0, device(), options), *model.condensed(0));
+        const Judged j =
+            touch_by(model, *service::iterative_with(options, model, 0, device()), *model.condensed(0));
         EXPECT_LE(j.error, j.report.relative_error + j.of_truth) << c.nu << " " << c.contrast;
       } catch (const std::runtime_error& error) {
         ++broken;
@@ -203,7 +205,7 @@ TEST(IterativeCompliance, ProductConvergesInFewIterationsAllOverItsRange) {
         ElasticitySolverOptions tight;
         tight.precision = SolvePrecision::kDouble;
         const auto columns_of = model.iterative(0, device());
-        const Judged j = touch_by(model, *columns_of, *model.iterative(0, device(), tight));
+        const Judged j = touch_by(model, *columns_of, *service::iterative_with(tight, model, 0, device()));
         const std::string where = "nu " + std::to_string(c.nu) + " stretch " + std::to_string(stretch) +
                                   " squares of " + std::to_string(columns);
         EXPECT_TRUE(j.report.converged) << where << ": " << j.report.reason;

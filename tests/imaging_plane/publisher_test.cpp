@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "service/device/look.h"
+#include "tests/scene/create_scene.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -25,7 +26,7 @@ class Publishing : public testing::Test {
     return publisher.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), client);
   }
   Scenes scenes{""};
-  const std::shared_ptr<Scene> scene = scenes.create("s", tissue(0.12, 0.03), std::nullopt);
+  const std::shared_ptr<Scene> scene = create_scene(scenes, "s", tissue(0.12, 0.03), std::nullopt);
   Publisher publisher{scenes};
 };
 

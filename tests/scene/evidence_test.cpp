@@ -15,6 +15,7 @@
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_session.h"
+#include "tests/scene/create_scene.h"
 #include "tests/scene/published.h"
 #include "tests/scene/windows.h"
 
@@ -150,7 +151,7 @@ class EvidenceOnDisk : public testing::Test {
       window.log_deviation.push_back(static_cast<float>(0.1 + window.grid.y_m(n)));
     window.evidence = {{"misfit: such and such", "noise: much"}, 0, 0.02, 0.07, 10e3, 0.8, 0, Clock::now()};
     Scenes scenes(directory);
-    publish_into(scenes, scenes.create("a", tissue(0.12, kDepthM), std::nullopt), window);
+    publish_into(scenes, create_scene(scenes, "a", tissue(0.12, kDepthM), std::nullopt), window);
     kept = *scenes.find("a")->snapshot()->windows[0]->evidence;
     deviation = scenes.find("a")->snapshot()->map->log_deviation();
   }

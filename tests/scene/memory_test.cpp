@@ -13,6 +13,7 @@
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_session.h"
+#include "tests/scene/create_scene.h"
 #include "tests/scene/losing_disk.h"
 #include "tests/scene/published.h"
 #include "tests/scene/windows.h"
@@ -49,7 +50,7 @@ TEST(SceneMemory, EmptyScenesOfTheLargestSizeCostLessThanAMebibyteEach) {
   const std::uint64_t before = allocated();
   Scenes scenes({}, {}, machine_files(), budget);
   for (std::uint64_t k = 0; k < Limits{}.most_scenes; ++k)
-    scenes.create("s" + std::to_string(k), largest(), std::nullopt, "anna");
+    create_scene(scenes, "s" + std::to_string(k), largest(), std::nullopt, "anna");
   EXPECT_LT(budget->held(Place::kHost), Limits{}.most_scenes * kMiB);
   EXPECT_LT(allocated() - before, Limits{}.most_scenes * kMiB);
 }
@@ -79,8 +80,8 @@ TEST(SceneMemory, EverythingIsGivenBackWithTheScene) {
   const auto budget = budget_of(4096 * kMiB);
   {
     Scenes scenes({}, {}, machine_files(), budget);
-    scenes.create("a", tissue(0.1, 0.03), uniform_modulus(50, 15), "anna");
-    const auto b = scenes.create("b", tissue(0.2, 0.03), std::nullopt, "berta");
+    create_scene(scenes, "a", tissue(0.1, 0.03), uniform_modulus(50, 15), "anna");
+    const auto b = create_scene(scenes, "b", tissue(0.2, 0.03), std::nullopt, "berta");
     publish_into(scenes, b, window_of(homogeneous(10e3), 0.05, 0.04, 0.03));
     EXPECT_GT(budget->held(Place::kHost, "anna"), 50U * 15 * sizeof(double));
     EXPECT_GT(budget->held(Place::kHost, "berta"), 0U);
@@ -95,7 +96,7 @@ TEST(SceneMemory, AClientAtItsShareIsRefusedAndLeavesNothingAndOthersAreServed) 
   const auto budget = budget_of(40 * kMiB, 0.1);
   Scenes scenes({}, {}, machine_files(), budget);
   const auto create = [&](const std::string& id, std::size_t columns, const std::string& client) {
-    return scenes.create(id, tissue(0.1, 0.03), uniform_modulus(columns, 15), client);
+    return create_scene(scenes, id, tissue(0.1, 0.03), uniform_modulus(columns, 15), client);
   };
   create("a", 50, "anna");
   const std::uint64_t held = budget->held(Place::kHost);
@@ -111,7 +112,7 @@ TEST(SceneMemory, ARestoredSceneIsTheServicesOwn) {
       std::filesystem::temp_directory_path() / ("teletact-memory-" + std::to_string(getpid()));
   {
     Scenes scenes(folder);
-    scenes.create("a", tissue(0.1, 0.03), uniform_modulus(50, 15));
+    create_scene(scenes, "a", tissue(0.1, 0.03), uniform_modulus(50, 15));
   }
   const auto budget = budget_of(40 * kMiB, 0.001);  // shares of 40 KiB
   {
@@ -137,7 +138,8 @@ class RestoredScenes : public testing::Test {
  protected:
   RestoredScenes() {
     Scenes scenes("/state", {}, disk);
-    for (const char* id : {"a", "b", "c"}) scenes.create(id, tissue(0.1, 0.03), uniform_modulus(50, 15));
+    for (const char* id : {"a", "b", "c"})
+      create_scene(scenes, id, tissue(0.1, 0.03), uniform_modulus(50, 15));
   }
   const std::shared_ptr<ReadDisk> disk = std::make_shared<ReadDisk>();
 };

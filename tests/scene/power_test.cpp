@@ -14,6 +14,7 @@
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_session.h"
+#include "tests/scene/create_scene.h"
 #include "tests/scene/losing_disk.h"
 #include "tests/scene/published.h"
 #include "tests/scene/windows.h"
@@ -188,7 +189,7 @@ TEST_F(TroubledDisk, AFullOneStopsKeepingNotPublishingAndIsSaid) {
   std::uint64_t last = 0;
   {
     Scenes scenes(kState, {}, disk);
-    scenes.create("a", tissue(0.09, 0.02), std::nullopt);
+    create_scene(scenes, "a", tissue(0.09, 0.02), std::nullopt);
     EXPECT_FALSE(says_so(publish(scenes, 0)));
     disk->fail_from(0, ENOSPC);
     publish(scenes, 0.03);
@@ -197,7 +198,7 @@ TEST_F(TroubledDisk, AFullOneStopsKeepingNotPublishingAndIsSaid) {
     TouchSession session(scenes.find("a"), {}, nullptr);
     EXPECT_EQ(session.solve({0.075, 0.001}).status, TouchStatus::kOk);
     try {
-      scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+      create_scene(scenes, "b", tissue(0.09, 0.02), std::nullopt);
       ADD_FAILURE() << "acknowledged, and it would not survive";
     } catch (const Error& error) {
       EXPECT_EQ(error.kind, ErrorKind::kExhausted);
@@ -207,7 +208,7 @@ TEST_F(TroubledDisk, AFullOneStopsKeepingNotPublishingAndIsSaid) {
     disk->work_again();
     last = publish(scenes, 0.06).version;
     EXPECT_FALSE(says_so(publish(scenes, 0.06)));
-    scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+    create_scene(scenes, "b", tissue(0.09, 0.02), std::nullopt);
   }
   disk->restart(Unsynced::kLost, 0);
   Scenes scenes(kState, {}, disk);
@@ -224,17 +225,17 @@ TEST_F(TroubledDisk, AFailureAtAnyOperationRefusesTheSceneAndTheServiceGoesOn) {
       bool made = false;
       {
         Scenes scenes(kState, {}, own);
-        scenes.create("a", tissue(0.09, 0.02), std::nullopt);
+        create_scene(scenes, "a", tissue(0.09, 0.02), std::nullopt);
         own->fail_from(at, number, true);
         try {
-          scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+          create_scene(scenes, "b", tissue(0.09, 0.02), std::nullopt);
           made = true;
         } catch (const Error& error) {
           EXPECT_EQ(error.kind, number == ENOSPC ? ErrorKind::kExhausted : ErrorKind::kUnavailable);
         }
         EXPECT_EQ(scenes.list().size(), made ? 2U : 1U);
         own->work_again();
-        if (!made) scenes.create("b", tissue(0.09, 0.02), std::nullopt);
+        if (!made) create_scene(scenes, "b", tissue(0.09, 0.02), std::nullopt);
       }
       own->restart(Unsynced::kLost, 0);
       Scenes scenes(kState, {}, own);
@@ -247,7 +248,10 @@ TEST(KeepingState, ASceneThatDoesNotFitIntoMemoryAtTheStartIsNotWrittenOver) {
   const auto disk = std::make_shared<LosingDisk>();
   const ExplicitModulus large{uniform_coordinates(0, 0.1, 200), uniform_coordinates(0, 0.03, 20),
                               std::vector<double>(4000, 10e3)};
-  Scenes(kState, {}, disk).create("a", tissue(0.1, 0.03), large);
+  {
+    Scenes first(kState, {}, disk);
+    create_scene(first, "a", tissue(0.1, 0.03), large);
+  }
   {
     Limits limits;
     limits.host_memory_bytes = limits.device_memory_bytes = 1000;
@@ -255,7 +259,7 @@ TEST(KeepingState, ASceneThatDoesNotFitIntoMemoryAtTheStartIsNotWrittenOver) {
     small.restore();
     EXPECT_TRUE(small.list().empty());
     try {
-      small.create("a", tissue(0.1, 0.03), std::nullopt);
+      create_scene(small, "a", tissue(0.1, 0.03), std::nullopt);
       ADD_FAILURE() << "written over";
     } catch (const Error& error) {
       EXPECT_EQ(error.kind, ErrorKind::kAlreadyExists);
@@ -279,13 +283,16 @@ class UnreadableDisk final : public LosingDisk {
 
 TEST(KeepingState, ASceneThatCannotBeReadNowStaysWhereItIs) {
   const auto disk = std::make_shared<UnreadableDisk>();
-  Scenes(kState, {}, disk).create("a", tissue(0.1, 0.03), std::nullopt);
+  {
+    Scenes first(kState, {}, disk);
+    create_scene(first, "a", tissue(0.1, 0.03), std::nullopt);
+  }
   disk->unreadable = true;
   {
     Scenes blind(kState, {}, disk);
     blind.restore();
     EXPECT_TRUE(blind.list().empty());
-    EXPECT_THROW(blind.create("a", tissue(0.1, 0.03), std::nullopt), Error) << "written over";
+    EXPECT_THROW(create_scene(blind, "a", tissue(0.1, 0.03), std::nullopt), Error) << "written over";
   }
   disk->unreadable = false;
   Scenes again(kState, {}, disk);

@@ -12,6 +12,7 @@
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_session.h"
+#include "tests/scene/create_scene.h"
 #include "tests/scene/published.h"
 #include "tests/scene/windows.h"
 
@@ -46,8 +47,8 @@ TEST_F(StateOnDisk, ScenesSurviveWithTheirForceAndVersionsGoOn) {
                     std::vector<double>(300, 7e3)};
   {
     Scenes scenes(directory);
-    scenes.create("a", tissue(0.12, 0.03), std::nullopt);
-    scenes.create("b", tissue(0.06, 0.02), e);
+    create_scene(scenes, "a", tissue(0.12, 0.03), std::nullopt);
+    create_scene(scenes, "b", tissue(0.06, 0.02), e);
     publish(scenes, "a", 0.03, 10e3);
     window = publish(scenes, "a", 0.06, 20e3).window_id;
     version = scenes.find("a")->snapshot()->version;
@@ -70,11 +71,11 @@ TEST_F(StateOnDisk, VersionsAreNotReusedAfterDeletionOrLoss) {
   std::uint64_t version = 0;
   {
     Scenes scenes(directory);
-    scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+    create_scene(scenes, "a", tissue(0.12, 0.03), std::nullopt);
     version = publish(scenes, "a", 0.03, 10e3).version;
     scenes.remove("a");
     EXPECT_THROW(scenes.find("a"), Error);
-    scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+    create_scene(scenes, "a", tissue(0.12, 0.03), std::nullopt);
     const auto again = publish(scenes, "a", 0.03, 10e3).version;
     EXPECT_GT(again, version);
     version = again;
@@ -82,7 +83,7 @@ TEST_F(StateOnDisk, VersionsAreNotReusedAfterDeletionOrLoss) {
   fs::remove_all(directory / "scenes");  // as if it had died before it wrote them
   Scenes scenes(directory);
   scenes.restore();
-  scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+  create_scene(scenes, "a", tissue(0.12, 0.03), std::nullopt);
   EXPECT_GT(publish(scenes, "a", 0.03, 10e3).version, version);
 }
 
@@ -90,7 +91,7 @@ TEST_F(StateOnDisk, DamagedSceneIsSetAsideAndTheOthersLive) {
   {
     Scenes scenes(directory);
     for (const char* id : {"cut-map", "flipped-map", "bad-json", "no-map", "whole"}) {
-      scenes.create(id, tissue(0.12, 0.03), std::nullopt);
+      create_scene(scenes, id, tissue(0.12, 0.03), std::nullopt);
       publish(scenes, id, 0.03, 10e3);
     }
   }
@@ -126,7 +127,7 @@ TEST_F(StateOnDisk, VersionsNeverGoBackWhateverTheFileSays) {
         "{\"first_unused\": \"7\"}", "{\"first_unused\": 18446744073709551615}", ""}) {
     Scenes scenes(directory);
     scenes.restore();
-    if (scenes.list().empty()) scenes.create("a", tissue(0.12, 0.03), std::nullopt);
+    if (scenes.list().empty()) create_scene(scenes, "a", tissue(0.12, 0.03), std::nullopt);
     const std::uint64_t version = publish(scenes, "a", 0.03, 10e3).version;
     EXPECT_GT(version, last) << text;
     last = scenes.find("a")->snapshot()->version;
@@ -141,7 +142,7 @@ TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
   {
     Scenes scenes(directory);
     for (std::size_t k = 0; k < changes.size(); ++k) {
-      scenes.create("s" + std::to_string(k), tissue(0.12, 0.03), std::nullopt);
+      create_scene(scenes, "s" + std::to_string(k), tissue(0.12, 0.03), std::nullopt);
       publish(scenes, "s" + std::to_string(k), 0.03, 10e3);
     }
   }
@@ -161,7 +162,7 @@ TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
   spdlog::set_level(spdlog::level::off);
   Scenes scenes(directory);
   scenes.restore();
-  if (scenes.list().empty()) scenes.create("a", tissue(0.02, 0.01), std::nullopt);
+  if (scenes.list().empty()) create_scene(scenes, "a", tissue(0.02, 0.01), std::nullopt);
   for (int k = 0;; ++k) {
     const auto scene = scenes.find("a");
     const std::uint64_t version =
@@ -227,17 +228,18 @@ TEST(Scenes, IdsAndLimitsAreChecked) {
   Limits limits;
   limits.most_scenes = 3, limits.most_scene_elements = 100, limits.most_scene_columns = 20;
   Scenes scenes({}, limits);
-  EXPECT_THROW(scenes.create("../x", tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
-  EXPECT_THROW(scenes.create(std::string(65, 'a'), tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
-  scenes.create("a", tissue(0.1, 0.03), std::nullopt);
-  EXPECT_THROW(scenes.create("a", tissue(0.1, 0.03), std::nullopt), Error);
-  const auto chosen = scenes.create("", tissue(0.1, 0.03), std::nullopt);
+  EXPECT_THROW(create_scene(scenes, "../x", tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
+  EXPECT_THROW(create_scene(scenes, std::string(65, 'a'), tissue(0.1, 0.03), std::nullopt),
+               std::invalid_argument);
+  create_scene(scenes, "a", tissue(0.1, 0.03), std::nullopt);
+  EXPECT_THROW(create_scene(scenes, "a", tissue(0.1, 0.03), std::nullopt), Error);
+  const auto chosen = create_scene(scenes, "", tissue(0.1, 0.03), std::nullopt);
   EXPECT_NE(chosen->id(), "");
   ExplicitModulus e{uniform_coordinates(0, 0.1, 15), uniform_coordinates(0, 0.03, 10),
                     std::vector<double>(150, 1e4)};
-  EXPECT_THROW(scenes.create("b", tissue(0.1, 0.03), e), Error);  // 150 elements of 100
-  scenes.create("c", tissue(0.1, 0.03), std::nullopt);
-  EXPECT_THROW(scenes.create("d", tissue(0.1, 0.03), std::nullopt), Error);
+  EXPECT_THROW(create_scene(scenes, "b", tissue(0.1, 0.03), e), Error);  // 150 elements of 100
+  create_scene(scenes, "c", tissue(0.1, 0.03), std::nullopt);
+  EXPECT_THROW(create_scene(scenes, "d", tissue(0.1, 0.03), std::nullopt), Error);
   scenes.remove("c");
   EXPECT_THROW(scenes.remove("c"), Error);
 }
@@ -245,7 +247,7 @@ TEST(Scenes, IdsAndLimitsAreChecked) {
 TEST(Scenes, ModulusAndGeometryAreChecked) {
   Scenes scenes({});
   const auto refused = [&](SceneGeometry g, ExplicitModulus e) {
-    EXPECT_THROW(scenes.create("x", g, e), std::invalid_argument);
+    EXPECT_THROW(create_scene(scenes, "x", g, e), std::invalid_argument);
     EXPECT_TRUE(scenes.list().empty());
   };
   const ExplicitModulus good{uniform_coordinates(0, 0.1, 5), uniform_coordinates(0, 0.03, 3),

@@ -362,8 +362,8 @@ TEST(TickStatistics, LostForceIsWhatWasTakenNotTheEndThatWasAskedFor) {
   EXPECT_NEAR(statistics.lost_now_s(), 0.007, 1e-9);
 }
 
-TEST(StallCounter, CountsHoldsLongerThanAMillisecond) {
-  StallCounter stalls;
+TEST(SpellCounter, CountsStallsLongerThanAMillisecond) {
+  SpellCounter stalls(kStallS);
   const auto hold = [&](double from_s, double to_s) {
     for (double t = from_s - 0.0005; t < to_s + 0.0006; t += 0.0005) {
       stalls.add(t, t > from_s - 1e-9 && t < to_s - 1e-9);

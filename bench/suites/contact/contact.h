@@ -36,8 +36,8 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Rung, tolerance, seconds, iterations, force_e
 struct MethodFigures {
   std::string method;
   bool ours = false, iterative = false, products_choice = false;
-  std::string declined, failed;  // why nothing was measured
-  Quantiles setup_s, touch_s, surface_s, one_solve_s;
+  std::string declined{}, failed{};  // why nothing was measured
+  Quantiles setup_s{}, touch_s{}, surface_s{}, one_solve_s{};
   double kept_bytes_per_unknown = 0, tolerance = 0;
   std::size_t iterations = 0;
   double force_error = 0, displacement_error = 0, stated_error = 0;

@@ -1,6 +1,8 @@
 // One method on one case. An iterative one walks down a ladder of its own tolerances, half a decade a step,
 // until its force is within the goal twice in a row (an error may cross zero on its way), and is timed at the
 // first of the two.
+#include <fmt/format.h>
+
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -103,10 +105,11 @@ void time(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget& 
 }  // namespace
 
 MethodFigures measure_method(Peer& peer, const ContactProblem& p, bool whole_ladder, bool quick) {
-  MethodFigures out{
-      peer.name(), peer.ours(), peer.iterative(), peer.products_choice(p), peer.declines(p), {}, {}, {},
-      {},          {}};
-  if (!out.declined.empty()) return out;
+  MethodFigures out{peer.name(), peer.ours(), peer.iterative(), peer.products_choice(p)};
+  if (p.tissue.grid.dofs() > peer.most_unknowns()) {
+    out.declined = fmt::format("more than {} unknowns would take minutes", peer.most_unknowns());
+    return out;
+  }
   try {
     time(peer, p, whole_ladder, budget(quick), out);
   } catch (const std::exception& error) {  // a rival that breaks down is a result, not the end of the chart
