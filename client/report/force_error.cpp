@@ -10,8 +10,12 @@
 namespace teletact::client {
 namespace {
 
-// The ticks to compare, one per `every_s`, outside the start ramps; from the first contact to the last.
-std::vector<TouchTick> path_of(const std::vector<TouchTick>& ticks, const ForceErrorOptions& options) {
+constexpr double kEveryS = 0.01;       // the path is sampled so often
+constexpr double kStartRampS = 0.5;    // after force comes on it is ramped: not judged
+constexpr double kLeastForceN = 0.05;  // relative errors are taken where the true force exceeds this
+
+// The ticks to compare, outside the start ramps; from the first contact to the last.
+std::vector<TouchTick> path_of(const std::vector<TouchTick>& ticks) {
   const auto touches = [](const TouchTick& tick) { return tick.enabled && tick.indentation_m > 0; };
   const auto first = std::find_if(ticks.begin(), ticks.end(), touches);
   const auto last = std::find_if(ticks.rbegin(), ticks.rend(), touches).base();
@@ -21,16 +25,15 @@ std::vector<TouchTick> path_of(const std::vector<TouchTick>& ticks, const ForceE
   for (auto tick = ticks.begin(); tick < last; ++tick) {
     if (tick->enabled && !was_enabled) enabled_since_s = tick->time_s;
     was_enabled = tick->enabled;
-    const bool in_ramp = tick->enabled && tick->time_s < enabled_since_s + options.start_ramp_s;
+    const bool in_ramp = tick->enabled && tick->time_s < enabled_since_s + kStartRampS;
     if (tick < first || in_ramp || tick->time_s < next_s) continue;
-    next_s = tick->time_s + options.every_s;
+    next_s = tick->time_s + kEveryS;
     path.push_back(*tick);
   }
   return path;
 }
 
-ForceSamplePoint compare(const Patient& patient, const Finger& finger, const TouchTick& tick,
-                         const ForceErrorOptions& options) {
+ForceSamplePoint compare(const Patient& patient, const Finger& finger, const TouchTick& tick) {
   ForceSamplePoint point;
   point.time_s = tick.time_s;
   point.x_m = tick.x_m;
@@ -40,7 +43,7 @@ ForceSamplePoint compare(const Patient& patient, const Finger& finger, const Tou
   const TouchForce truth = patient.touch(finger, tick.x_m, tick.indentation_m);
   point.true_n = -truth.force_n[1];
   const double size = std::hypot(truth.force_n[0], truth.force_n[1]);
-  point.judged = tick.enabled && size > options.least_force_n;
+  point.judged = tick.enabled && size > kLeastForceN;
   if (point.judged)
     point.relative_error =
         std::hypot(tick.force_x_n - truth.force_n[0], tick.force_y_n - truth.force_n[1]) / size;
@@ -49,16 +52,14 @@ ForceSamplePoint compare(const Patient& patient, const Finger& finger, const Tou
 
 }  // namespace
 
-ForceError force_error(const Patient& patient, const TouchRecord& record, const ForceErrorOptions& options) {
+ForceError force_error(const Patient& patient, const TouchRecord& record) {
   if (record.layer_depth_m > patient.mesh().y_m.at(1) / 2)
     throw std::runtime_error("an interior layer was touched; the true force is known for the surface");
-  const std::vector<TouchTick> path = path_of(record.ticks, options);
+  const std::vector<TouchTick> path = path_of(record.ticks);
   ForceError result;
   result.samples.resize(path.size());
-  in_parallel(
-      path.size(),
-      [&](std::size_t i) { result.samples[i] = compare(patient, record.finger, path[i], options); },
-      options.threads);
+  in_parallel(path.size(),
+              [&](std::size_t i) { result.samples[i] = compare(patient, record.finger, path[i]); });
   std::vector<double> errors;
   for (const ForceSamplePoint& point : result.samples)
     if (point.judged) errors.push_back(point.relative_error);

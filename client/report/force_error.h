@@ -8,13 +8,6 @@
 
 namespace teletact::client {
 
-struct ForceErrorOptions {
-  double every_s = 0.01;        // the path is sampled so often
-  double start_ramp_s = 0.5;    // after force comes on it is ramped: not judged
-  double least_force_n = 0.05;  // relative errors are taken where the true force exceeds this
-  unsigned threads = 0;         // 0: one per processor
-};
-
 struct ForceSamplePoint {
   double time_s = 0, x_m = 0, indentation_m = 0;
   double felt_n = 0, true_n = 0;  // along the push, > 0 resisting
@@ -30,7 +23,6 @@ struct ForceError {
 };
 
 // Throws std::runtime_error when nothing of the path can be judged, or when an interior layer was touched.
-ForceError force_error(const Patient& patient, const TouchRecord& record,
-                       const ForceErrorOptions& options = {});
+ForceError force_error(const Patient& patient, const TouchRecord& record);
 
 }  // namespace teletact::client

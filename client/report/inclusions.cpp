@@ -9,6 +9,10 @@
 namespace teletact::client {
 namespace {
 
+constexpr double kSmoothM = 0.002;  // width of the median filter before the threshold
+constexpr double kThreshold = 1.5;  // times the background's median
+constexpr double kLeastAreaM2 = 15e-6;
+constexpr double kMatchM = 0.005;     // found and true centres this close are the same
 constexpr double kInnerRadius = 0.7;  // (T3.3): contrast is taken well inside
 
 bool known(float pa) {
@@ -74,7 +78,7 @@ FoundInclusion measure(const ModulusGrid& map, const std::vector<std::size_t>& n
 }
 
 // Nearest pairs first, each inclusion at most once.
-void match(const std::vector<Inclusion>& truth, const InclusionOptions& options, InclusionReport& report) {
+void match(const std::vector<Inclusion>& truth, InclusionReport& report) {
   struct Pair {
     double distance_m;
     std::size_t truth, found;
@@ -84,7 +88,7 @@ void match(const std::vector<Inclusion>& truth, const InclusionOptions& options,
     for (std::size_t f = 0; f < report.found.size(); ++f) {
       const double distance =
           std::hypot(truth[t].x_m - report.found[f].x_m, truth[t].y_m - report.found[f].y_m);
-      if (distance <= options.match_m) pairs.push_back({distance, t, f});
+      if (distance <= kMatchM) pairs.push_back({distance, t, f});
     }
   std::sort(pairs.begin(), pairs.end(),
             [](const Pair& a, const Pair& b) { return a.distance_m < b.distance_m; });
@@ -101,8 +105,7 @@ void match(const std::vector<Inclusion>& truth, const InclusionOptions& options,
 
 }  // namespace
 
-InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclusion>& truth,
-                                const InclusionOptions& options) {
+InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclusion>& truth) {
   if (map.pa.size() != map.nx * map.ny || !(map.dx_m > 0) || !(map.dy_m > 0))
     throw std::invalid_argument("the modulus map does not fill its grid");
   InclusionReport report;
@@ -110,17 +113,16 @@ InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclus
   std::copy_if(map.pa.begin(), map.pa.end(), std::back_inserter(values), known);
   if (values.empty()) throw std::invalid_argument("nothing of the modulus map is known");
   report.background_pa = median(values);
-  const std::vector<float> smooth = smoothed(map, options.smooth_m);
+  const std::vector<float> smooth = smoothed(map, kSmoothM);
   std::vector<char> above(smooth.size());
-  for (std::size_t k = 0; k < smooth.size(); ++k)
-    above[k] = smooth[k] > options.threshold * report.background_pa;
+  for (std::size_t k = 0; k < smooth.size(); ++k) above[k] = smooth[k] > kThreshold * report.background_pa;
   for (std::size_t k = 0; k < above.size(); ++k) {
     if (!above[k]) continue;
     const std::vector<std::size_t> nodes = take_component(map, k, above);
-    if (static_cast<double>(nodes.size()) * map.dx_m * map.dy_m >= options.least_area_m2)
+    if (static_cast<double>(nodes.size()) * map.dx_m * map.dy_m >= kLeastAreaM2)
       report.found.push_back(measure(map, nodes, report.background_pa));
   }
-  match(truth, options, report);
+  match(truth, report);
   return report;
 }
 

@@ -17,13 +17,6 @@ struct ModulusGrid {
   double y(std::size_t j) const { return y0_m + static_cast<double>(j) * dy_m; }
 };
 
-struct InclusionOptions {
-  double smooth_m = 0.002;  // width of the median filter before the threshold
-  double threshold = 1.5;   // times the background's median
-  double least_area_m2 = 15e-6;
-  double match_m = 0.005;  // found and true centres this close are the same
-};
-
 struct FoundInclusion {
   double x_m = 0, y_m = 0, diameter_m = 0;  // centroid; of the disc with the same area
   double contrast = 0;                      // median over the inner 70 % of the radius over the background's
@@ -38,7 +31,6 @@ struct InclusionReport {
 
 // Connected components above the threshold. Throws std::invalid_argument when the map does not fill its grid
 // or nothing in it is known.
-InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclusion>& truth,
-                                const InclusionOptions& options = {});
+InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclusion>& truth);
 
 }  // namespace teletact::client
