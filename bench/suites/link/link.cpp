@@ -139,12 +139,13 @@ void draw(const Figures& figures, const std::filesystem::path& folder) {
 
 void add_link_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_suite(app, "link", "touch over long and narrow links: answers, fading, age",
-                                arguments->suite, met, [arguments] {
-                                  return run_suite(
-                                      "link", arguments->suite,
-                                      [&](Promises& promises) { return measure(*arguments, promises); }, draw);
-                                });
+  CLI::App& command =
+      add_suite(app, "link", "touch over long and narrow links: answers, fading, age", arguments->suite, met,
+                [arguments] {
+                  return run_suite(
+                      "link", arguments->suite,
+                      [&](Promises& promises) { return measure(*arguments, promises); }, draw);
+                });
   add_service_options(command, arguments->service);
 }
 
