@@ -77,7 +77,10 @@ LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indenta
   value.error_n = std::max(left->error_share, right->error_share) * std::hypot(value.by_x_n, value.by_d_n) +
                   std::max(left->error_n, right->error_n);
   value.by_dd_n_m = u * (by_ss + by_s.value * (by_s.value - 1)) / (d * d);
-  return value;
+  // What no tissue has may overflow: then it covers nothing.
+  const double all = value.energy_j + value.by_x_n + value.by_d_n + value.by_xx_n_m + value.by_xd_n_m +
+                     value.by_dd_n_m + value.error_n;
+  return std::isfinite(all) ? value : LawValue{};
 }
 
 bool usable(const LawColumn& column) noexcept {

@@ -45,7 +45,7 @@ struct LawValue {
   double by_xx_n_m = 0, by_xd_n_m = 0, by_dd_n_m = 0;  // bounded, with steps from cell to cell
   std::uint64_t version = 0;                           // the newer of the two columns'
   double error_n = 0;                                  // what the force may be off by
-  bool covered = false;  // false: no two columns that are joined around x; all is zero
+  bool covered = false;  // false: no two columns that are joined around x, or no numbers; all is zero
   bool beyond = false;   // deeper than a column's last sample
 };
 

@@ -26,8 +26,14 @@ LawValue LawRenderer::law_at(const Vector3& position_m) const noexcept {
 }
 
 bool LawRenderer::trusted(const LawValue& value) const noexcept {
-  return value.covered && value.version >= newest_version_ && value.version > wrong_version_ &&
+  return value.covered && !stale_ && (wrong_version_ == 0 || value.version != wrong_version_) &&
          surface_.normal == TouchedSurface{}.normal && surface_.offset_m == law_.layer_depth_m;
+}
+
+// Where the newest answer was computed, of a newer version than what is known there.
+void LawRenderer::judge_age() noexcept {
+  const LawValue value = law_at(answered_m_);
+  stale_ = value.covered && value.version < answered_version_;
 }
 
 // The soft minimum of U and the spring: Phi = (U^-p + S^-p)^(-1/p), so dPhi = (Phi / U)^(p + 1) dU + the same
@@ -63,9 +69,8 @@ LawRenderer::Potential LawRenderer::potential(const LawValue& value, double x_m,
 
 // Of the version that is rendered, in contact.
 void LawRenderer::check(const ForceSample& sample) noexcept {
-  if (!sample.contact || sample.model_version != newest_version_) return;
   const LawValue value = law_at(sample.position_m);
-  if (!trusted(value) || value.beyond) return;
+  if (!sample.contact || !trusted(value) || value.beyond || value.version != sample.model_version) return;
   const Vector3 off_n = Vector3(-value.by_x_n, -value.by_d_n, 0) - sample.force_n;
   contradictions_ = off_n.norm() > options_.contradicts * value.error_n ? contradictions_ + 1 : 0;
   if (contradictions_ < options_.contradictions_in_a_row) return;
@@ -76,8 +81,12 @@ void LawRenderer::check(const ForceSample& sample) noexcept {
 
 bool LawRenderer::update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept {
   surface_ = sample.surface;
-  newest_version_ = std::max(newest_version_, sample.model_version);
-  check(sample);
+  if (sample.model_version != 0) {  // 0: of no window
+    answered_m_ = sample.position_m;
+    answered_version_ = sample.model_version;
+    judge_age();
+    check(sample);
+  }
   return kalman_.update(sample, pose, time_s);
 }
 
@@ -89,6 +98,8 @@ void LawRenderer::take_law(const NearLaw& law) noexcept {
   const bool felt = by_law_ && d > 0;
   const Vector3 before_n_m = felt ? stiffness() : Vector3(Vector3::Zero());
   law_ = law;
+  if (law.count == 0) wrong_version_ = answered_version_ = 0;  // another stream, perhaps another service
+  judge_age();
   if (!felt || !trusted(law_at(position_m_))) return;
   const Vector3 after_n_m = stiffness();
   if (after_n_m != before_n_m) blend_.change(felt_n_m_, after_n_m);

@@ -47,14 +47,17 @@ class LawRenderer final : public Renderer {
   bool trusted(const LawValue&) const noexcept;
   Potential softened(const LawValue&, double indentation_m) const noexcept;
   Potential potential(const LawValue&, double x_m, double indentation_m) const noexcept;
+  void judge_age() noexcept;
   void check(const ForceSample&) noexcept;
 
   LawRendererOptions options_;
   KalmanRenderer kalman_;
   PaidBlend blend_;
   NearLaw law_;
-  std::uint64_t newest_version_ = 0;  // that an answer was of
-  std::uint64_t wrong_version_ = 0;   // found wrong: it and older ones are not rendered
+  Vector3 answered_m_ = Vector3::Zero();  // where the newest answer was computed, and with which version
+  std::uint64_t answered_version_ = 0;
+  bool stale_ = false;               // the law is of an older one there
+  std::uint64_t wrong_version_ = 0;  // found wrong: not rendered; 0: none
   TouchedSurface surface_;
   int contradictions_ = 0;
   std::uint64_t dropped_ = 0;

@@ -75,6 +75,21 @@ TEST(ContactLaw, CoversNothingBesideItsColumnsNorWhereOneIsMissing) {
   EXPECT_FALSE(evaluate({}, 0, 0.001).covered);
 }
 
+TEST(ContactLaw, WhatOverflowsCoversNothing) {
+  Law law;
+  law.columns[1].samples[1].log_energy = 3e4F;
+  law.columns[2].samples[2].by_x_1_m = 1e30F;
+  std::size_t refused = 0;
+  for (double x = 0; x <= 0.02; x += 1e-4)
+    for (double d = 1e-4; d < 0.010; d *= 1.2) {
+      const LawValue value = law.at(x, d);
+      ASSERT_TRUE(std::isfinite(value.energy_j) && std::isfinite(value.by_x_n) &&
+                  std::isfinite(value.by_d_n));
+      refused += !value.covered;
+    }
+  EXPECT_GT(refused, 100u);
+}
+
 TEST(ContactLaw, OutOfContactIsNothing) {
   const Law law;
   for (const double d : {0.0, -0.001, -1e9, std::numeric_limits<double>::quiet_NaN()}) {

@@ -201,6 +201,31 @@ TEST(LawRenderer, AnOlderLawThanTheAnswersIsNotRendered) {
   EXPECT_TRUE(law.tick(0.03, 0.001).by_law);
 }
 
+// Windows have versions of their own: one that was published before its neighbour is no older law.
+TEST(LawRenderer, AnOlderWindowBesideANewerOneIsRendered) {
+  Rendering law;
+  NearLaw windows = law_of(3, 4);
+  for (std::size_t i = 16; i < windows.count; ++i) windows.columns[i].version = 7;
+  law.renderer.take_law(windows);
+  law.answer(0.04, 0.001, 3, 7);
+  EXPECT_TRUE(law.tick(0.04, 0.001).by_law);
+  EXPECT_TRUE(law.tick(0.02, 0.001).by_law);  // before an answer came of there
+  law.answer(0.02, 0.001, 3, 4);
+  EXPECT_TRUE(law.tick(0.02, 0.001).by_law);
+  EXPECT_TRUE(law.tick(0.04, 0.001).by_law);
+}
+
+// A service that was restarted may count from one again.
+TEST(LawRenderer, AnotherStreamBeginsAnew) {
+  Rendering law;
+  law.renderer.take_law(law_of(3, 40));
+  law.answer(0.03, 0.001, 3, 41);
+  EXPECT_FALSE(law.tick(0.03, 0.001).by_law);
+  law.renderer.take_law({});
+  law.renderer.take_law(law_of(3, 1));
+  EXPECT_TRUE(law.tick(0.03, 0.001).by_law);
+}
+
 TEST(LawRenderer, BesideTheLawAndOnAnotherLayerItIsTheFilter) {
   Rendering law;
   law.renderer.take_law(law_of(3));

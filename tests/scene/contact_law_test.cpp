@@ -170,7 +170,7 @@ TEST(ContactLaws, AModelThatIsGoneSamplesNothing) {
 }
 
 TEST(ContactLaws, ATiltedLayerHasNone) {
-  const HalfSpace half_space(10e3, 0.49, {}, 0);
+  const HalfSpace half_space(10e3, 0.49, {}, {});
   const auto touched = half_space.layer(tilted_surface(), {}, {});
   EXPECT_FALSE(half_space.laws().get({}, tilted_surface(), touched, 0, 0.1, {}, ""));
 }
