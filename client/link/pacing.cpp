@@ -65,7 +65,7 @@ void Pacing::judge(std::int64_t now_ns) noexcept {
   const double jitter_s = std::min(2 * differ_s_, smooth_s_ / 3);
   const double start_s = filling_ ? std::min(shortest_s / 8, kMostStartS) : 0;
   if (least_s_ - shortest_s <= period_s_ + std::max(jitter_s, start_s)) {
-    filling_ = filling_ || in_flight_ > 1.25 * full_ + kFewest;
+    filling_ = filling_ || in_flight_ > 2 * full_ + kFewest;
   } else if (in_flight_ < kFewest + 1) {
     shortest_s_.restart();
     shortest_s_.add(least_s_, now_ns);

@@ -5,7 +5,7 @@
 // (and past twice what round trips differ by from one to the next, which jitter does and a queue does not) as
 // many are in flight as the link held without the queue, and one less, so that the shortest round trip is
 // seen again. Otherwise more: one for each answer until that happened first, from then on one or a little
-// more for each round trip, and again one for each answer where a quarter more than the link held made no
+// more for each round trip, and again one for each answer where twice what the link held made no
 // queue. With the fewest in flight no queue is ours: what the link takes then is its own.
 //
 // Pure: time is an argument. One thread.

@@ -22,7 +22,7 @@ bool plausible_stamps(const v1::TouchAnswer& answer) {
 
 }  // namespace
 
-std::string TouchAnswers::take_opened(const v1::TouchOpened& opened) {
+std::string TouchAnswers::take_opened(const v1::TouchOpened& opened, std::int64_t received_ns) {
   constexpr double kLongestPeriodS = 10, kFarthestM = 10;
   const auto problem = [](const char* field, const auto& value, const char* remedy) {
     return fmt::format("the service opened the stream with {} {}: {}", field, value, remedy);
@@ -42,6 +42,8 @@ std::string TouchAnswers::take_opened(const v1::TouchOpened& opened) {
     return problem("credit", opened.credit(), "it must be 1 to 256");
   stats.period_s = opened.period_s();
   pacing = Pacing(opened.period_s(), opened.credit());
+  arrivals_ = ArrivalIntervals();
+  arrivals_.add(received_ns);  // the first answer has come as far as from there
   surface_ = *surface;
   stats.layer_depth_m = opened.layer().depth_m();
   ++stats.streams;
@@ -64,7 +66,10 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
     ++stats.dropped;
     return std::nullopt;
   }
+  arrivals_.add(received_ns);
+  converted->period_s = std::max(stats.period_s, arrivals_.expected_s());
   take_stamps(answer, sent_ns, *converted);
+  say_how_far_away();
   say_what_it_warns_of(answer, received_ns);
   say_whether_prepared(answer);
   say_who_steers(answer.steers(), answer.steered_by());
@@ -116,6 +121,21 @@ void TouchAnswers::say_what_it_warns_of(const v1::TouchAnswer& answer, std::int6
     spdlog::warn("the service warns: {}", answer.warning());
     warned_ns_ = received_ns;
   }
+}
+
+// What is felt is a round trip old: said once when that is much, and when it no longer is.
+void TouchAnswers::say_how_far_away() {
+  constexpr double kFarS = 0.1, kNearS = 0.08;
+  const double round_trip_s = clock_offset_.round_trip_s();
+  const bool far_away = round_trip_s > (far_away_ ? kNearS : kFarS);
+  if (far_away && !far_away_)
+    spdlog::warn(
+        "the round trip is {:.0f} ms: without a contact law (--renderer law) the force is that of where the "
+        "finger "
+        "was then; move slowly",
+        1e3 * round_trip_s);
+  if (!far_away && far_away_) spdlog::info("the round trip is {:.0f} ms now", 1e3 * round_trip_s);
+  far_away_ = far_away;
 }
 
 void TouchAnswers::say_whether_prepared(const v1::TouchAnswer& answer) {

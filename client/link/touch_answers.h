@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "client/link/arrival_intervals.h"
 #include "client/link/pacing.h"
 #include "client/servo/clock_offset.h"
 #include "client/servo/histogram.h"
@@ -42,7 +43,7 @@ struct TouchLinkStats {
 class TouchAnswers {
  public:
   // What is wrong with it, the field named; empty when it can be worked with, and is from now on.
-  std::string take_opened(const v1::TouchOpened& opened);
+  std::string take_opened(const v1::TouchOpened& opened, std::int64_t received_ns);
   // `sent_ns`: when its pose went out on the servo's clock; 0: not known. `ours`: it answers a pose of this
   // link. None when it is not, or is malformed.
   std::optional<ServoAnswer> take_answer(const v1::TouchAnswer& answer, bool ours, std::int64_t sent_ns,
@@ -56,11 +57,13 @@ class TouchAnswers {
  private:
   void take_stamps(const v1::TouchAnswer& answer, std::int64_t sent_ns, ServoAnswer& converted);
   void say_what_it_warns_of(const v1::TouchAnswer& answer, std::int64_t received_ns);
+  void say_how_far_away();
   void say_whether_prepared(const v1::TouchAnswer& answer);
   void say_who_steers(bool steers, const std::string& steered_by);
 
   std::int64_t warned_ns_ = -1'000'000'000;  // when an answer's warning was logged last
-  bool remarked_ = false, preparing_ = false;
+  bool remarked_ = false, preparing_ = false, far_away_ = false;
+  ArrivalIntervals arrivals_;  // on the current stream
   TouchedSurface surface_;
   std::string who_steers_;  // as it was said last
   bool covered_ = true;

@@ -207,7 +207,7 @@ void TouchLink::read(Stream& stream) {
     if (options_.recorder != nullptr) entry = recorded(response, now_ns, call_);
     std::lock_guard lock(mutex_);  // a recording has the link's own order of what was sent and heard
     if (options_.recorder != nullptr) options_.recorder->append(std::move(entry));
-    if (response.has_opened()) take_opened(response.opened());
+    if (response.has_opened()) take_opened(response.opened(), now_ns);
     if (response.has_answer()) take_answer(response.answer(), now_ns);
     if (response.has_law()) take_law(response.law());
   }
@@ -216,10 +216,10 @@ void TouchLink::read(Stream& stream) {
   changed_.notify_all();
 }
 
-void TouchLink::take_opened(const v1::TouchOpened& opened) {
+void TouchLink::take_opened(const v1::TouchOpened& opened, std::int64_t received_ns) {
   if (shared_.opened) return;  // once per stream
-  shared_.heard_ns = shared_.opened_ns = clock_.now_ns();
-  shared_.problem = received_.take_opened(opened);
+  shared_.heard_ns = shared_.opened_ns = received_ns;
+  shared_.problem = received_.take_opened(opened, received_ns);
   shared_.opened = shared_.problem.empty();
   law_.open(opened.layer().depth_m());
   tell_law(finger_x_m_);

@@ -92,7 +92,7 @@ class TouchLink {
              std::unique_lock<std::mutex>& lock);
   void guard(grpc::ClientContext& context);
   bool wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns);
-  void take_opened(const v1::TouchOpened& opened);
+  void take_opened(const v1::TouchOpened& opened, std::int64_t received_ns);
   void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
   void take_law(const v1::LawPiece& piece);
   void tell_law(double x_m);

@@ -31,7 +31,7 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   withheld_s_ = withholds ? withheld_s_ + dt_s : 0;
   output.energy_generated = energy_generated_;
   output.withholds = withheld_s_ > options_.withheld_s;
-  output.fades = !(input.model_age_s <= ages.degraded_s) || energy_generated_;
+  output.fades = !(age_gain_ >= 1) || energy_generated_;
   output.degraded = output.fades || output.withholds;
 }
 

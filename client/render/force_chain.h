@@ -51,7 +51,7 @@ struct ForceChainInput {
   double enabled_s = 0;    // since the state became ENABLED
   double silence_s = 0;    // since the last answer arrived
   double model_age_s = 0;  // since the pose behind the answer was sampled
-  double period_s = 0;     // negotiated between answers
+  double period_s = 0;     // expected between answers
   double dt_s = 0.001;     // since the last tick
 };
 

@@ -19,7 +19,7 @@ struct ForceLimits {
 
 // When silence since the last answer starts to fade the force, and when it is zero: past max(50 ms, 2
 // periods), zero a few ms before three times that but at most 0.5 s. A period over 125 ms fades from 0.25 s
-// on.
+// on. A link that brings fewer answers than negotiated has a longer period (link/arrival_intervals.h).
 struct SilenceLimits {
   double fade_s = 0.05;
   double zero_s = 0.142;

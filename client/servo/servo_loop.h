@@ -25,7 +25,7 @@ struct ServoAnswer {
   bool degraded = false;         // the service says that its force is not to be trusted
   Region region = {};            // that is covered around it
   std::int64_t received_ns = 0;  // servo clock
-  double period_s = 0;           // negotiated for the stream
+  double period_s = 0;           // expected to the next: negotiated, or what the link has shown
   double round_trip_s = 0;       // of the link, smoothed; 0: not known
   double clock_offset_s = 0;     // the service's clock minus the servo's
   double modulus_time_s = 0;     // servo clock when the modulus under the finger came in; 0: not known

@@ -17,8 +17,11 @@ std::string degraded(const ServoTick& tick) {
   return tick.energy_generated
              ? fmt::format("DEGRADED, force fading: the display generated energy, {:.1f} mJ in all",
                            -1e3 * tick.energy_j)
-             : fmt::format("DEGRADED, force fading: the answer behind it is {:.0f} ms old",
-                           1e3 * tick.model_age_s);
+             : fmt::format("DEGRADED, force fading: the answer behind it is {:.0f} ms old{}",
+                           1e3 * tick.model_age_s,
+                           2 * tick.round_trip_s > tick.model_age_s
+                               ? fmt::format(", the round trip {:.0f} ms", 1e3 * tick.round_trip_s)
+                               : "");
 }
 
 std::string degraded_by_service(const ServoTick&) {

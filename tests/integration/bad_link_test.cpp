@@ -119,6 +119,37 @@ INSTANTIATE_TEST_SUITE_P(
         BadLink{"LossOf60ms", {.loss_share = 0.1, .retransmission_s = 0.06}, 0.7}),
     [](const auto& test) { return std::string(test.param.name); });
 
+// A long link is no bad one: neither its round trip nor what is under way in it is silence.
+TEST_F(Faults, AConstantRoundTripOf100MsTakesNeitherAnswersNorForce) {
+  constexpr double kPeriodS = 0.005, kRoundTripS = 0.1, kSecondsS = 3;
+  proxy.play({.faults = {{.delay_s = kRoundTripS / 2}, {.delay_s = kRoundTripS / 2}}});
+  double begin_s = 0;
+  touch(
+      kPeriodS,
+      [&] {
+        begin_s = test::now_s();
+        sleep_s(kSecondsS);
+      },
+      client::Pacing::kMost);
+  std::vector<double> ages_s;
+  for (const test::TouchRecording::Answer& answer : recording.answers)
+    if (answer.received_s > begin_s) ages_s.push_back(answer.age_s);
+  EXPECT_GE(static_cast<double>(ages_s.size()), 0.5 * kSecondsS / kPeriodS);
+  EXPECT_GE(client::percentile(ages_s, 0), kRoundTripS);
+  std::size_t faded = 0;
+  const auto ticks = between(begin_s, begin_s + kSecondsS);
+  for (const test::TouchTick& tick : ticks) {
+    ASSERT_EQ(tick.state, ServoState::kEnabled) << "silent for " << tick.silence_s;
+    ASSERT_FALSE(tick.degraded) << "model " << tick.model_age_s << " s old";
+    faded += tick.faded;
+  }
+  // The link itself takes none; a busy machine may keep an answer for 50 ms now and then.
+  EXPECT_LE(static_cast<double>(faded), 0.02 * static_cast<double>(ticks.size()));
+  std::printf("[ far   ] %zu answers in %.0f s, age median %.3f s, 95 %% %.3f s; %zu of %zu ticks faded\n",
+              ages_s.size(), kSecondsS, client::percentile(ages_s, 0.5), client::percentile(ages_s, 0.95),
+              faded, ticks.size());
+}
+
 TEST_F(Faults, ANarrowLinkSlowsTheStreamButDoesNotAgeIt) {
   double begin_s = 0;
   touch(0.01, [&] {

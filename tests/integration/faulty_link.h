@@ -73,9 +73,13 @@ class Faults : public ::testing::Test {
     expect_the_laws();
   }
 
+  // By the negotiated period, or what the link had shown until then.
+  client::SilenceLimits silence_of(const test::TouchTick& tick) const {
+    return client::silence_limits(std::max(period_s, tick.expected_s));
+  }
+
   // What holds whatever the link does.
   void expect_the_laws() const {
-    const client::SilenceLimits silence = client::silence_limits(period_s);
     const double slew_n_s = client::device_profile("premium-1.5").limits().largest_slew_n_s;
     ASSERT_GT(recording.ticks.size(), 1000u);
     double worst_step = 0;
@@ -84,6 +88,8 @@ class Faults : public ::testing::Test {
       const double allowed_n = slew_n_s * std::min(tick.time_s - before.time_s, 0.002);
       ASSERT_LE(tick.rise_n(before), allowed_n * (1 + 1e-6) + 1e-9) << "a rise over the slew limit";
       worst_step = std::max(worst_step, tick.rise_n(before) / allowed_n);
+      const client::SilenceLimits silence = silence_of(tick);
+      ASSERT_LE(silence.zero_s, 0.5) << "whatever the link has shown";
       // What silence or age has taken away is gone, or is going as fast as the slew limit lets it.
       const bool over = tick.silence_s > silence.zero_s || tick.model_age_s > kAgeIsZeroS;
       if (over && tick.size_n() > 0) {
@@ -134,11 +140,10 @@ class Faults : public ::testing::Test {
 
   // Deep in the tissue, past the ramp, told in time and trusted: then it is felt, however bad the link.
   void expect_force_where_nothing_takes_it() const {
-    const client::SilenceLimits silence = client::silence_limits(period_s);
     double enabled_s = -1;
     std::size_t seen = 0;
     for (const test::TouchTick& tick : recording.ticks) {
-      if (tick.state != ServoState::kEnabled || tick.degraded || tick.silence_s > silence.fade_s)
+      if (tick.state != ServoState::kEnabled || tick.degraded || tick.silence_s > silence_of(tick).fade_s)
         enabled_s = -1;
       else if (enabled_s < 0)
         enabled_s = tick.time_s;
@@ -176,11 +181,11 @@ class Faults : public ::testing::Test {
 
   // Fades in the middle of the silence, is zero at its end and PAUSED, back only out of contact.
   void expect_faded(double begin_s, double end_s) const {
-    const client::SilenceLimits silence = client::silence_limits(period_s);
     const double before_n = force_before_n(begin_s);
     EXPECT_GT(before_n, 0.3);
     bool faded = false, zero = false;
     for (const test::TouchTick& tick : between(begin_s, end_s)) {
+      const client::SilenceLimits silence = silence_of(tick);
       // The hand sinks in as the force goes, so what is rendered grows while its gain falls.
       if (tick.silence_s > 0.9 * silence.zero_s && tick.silence_s < silence.zero_s) {
         faded = true;

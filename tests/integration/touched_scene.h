@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "client/haptic/profiles.h"
+#include "client/link/arrival_intervals.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
 #include "client/servo/states.h"
@@ -67,7 +68,8 @@ struct TouchTick {
   double time_s, y_m, force_n[2];
   client::ServoState state;
   double silence_s, model_age_s;
-  bool degraded;
+  bool degraded, faded;
+  double expected_s = 0;  // to the next answer, by those that had come
   double size_n() const { return std::hypot(force_n[0], force_n[1]); }
   // Beyond what the finger itself pressed in, at the device's stiffness cap.
   double rise_n(const TouchTick& before) const {
@@ -80,6 +82,7 @@ struct TouchRecording {
   struct Answer {
     double received_s, age_s;  // age: since its pose was sampled
     std::uint64_t sequence;
+    double expected_s;  // from it to the next
   };
   struct Pose {
     std::uint32_t call;  // of which stream
@@ -101,6 +104,7 @@ inline TouchRecording read_touch_recording(const std::string& path) {
   TouchRecording recording;
   client::RecordReader reader(path);
   std::uint64_t answered = 0, sent = 0;
+  client::ArrivalIntervals arrivals;
   while (const auto entry = reader.next()) {
     const double time_s = 1e-9 * static_cast<double>(entry->monotonic_ns());
     if (entry->has_servo()) {
@@ -111,19 +115,31 @@ inline TouchRecording read_touch_recording(const std::string& path) {
                                  static_cast<client::ServoState>(s.state()),
                                  s.silence_s(),
                                  s.model_age_s(),
-                                 s.degraded()});
+                                 s.degraded(),
+                                 s.faded()});
     }
     if (entry->has_touch_request() && entry->touch_request().has_open()) answered = sent;
     if (entry->has_touch_request() && entry->touch_request().has_pose()) {
       sent = entry->touch_request().pose().sequence();
       recording.poses.push_back({entry->call(), time_s, sent - answered});
     }
+    if (entry->has_touch_response() && entry->touch_response().has_opened()) {
+      arrivals = {};
+      arrivals.add(entry->monotonic_ns());
+    }
     if (entry->has_touch_response() && entry->touch_response().has_answer()) {
       const v1::TouchAnswer& answer = entry->touch_response().answer();
       answered = std::max(answered, answer.sequence());
       const double posed_s = 1e-9 * static_cast<double>(answer.pose_stamp().monotonic_ns());
-      recording.answers.push_back({time_s, time_s - posed_s, answer.sequence()});
+      arrivals.add(entry->monotonic_ns());
+      recording.answers.push_back({time_s, time_s - posed_s, answer.sequence(), arrivals.expected_s()});
     }
+  }
+  for (TouchTick& tick : recording.ticks) {  // the answer whose silence it counts
+    const auto later = std::upper_bound(
+        recording.answers.begin(), recording.answers.end(), tick.time_s - tick.silence_s + 1e-6,
+        [](double time_s, const TouchRecording::Answer& answer) { return time_s < answer.received_s; });
+    if (later != recording.answers.begin()) tick.expected_s = std::prev(later)->expected_s;
   }
   return recording;
 }

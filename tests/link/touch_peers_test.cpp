@@ -65,24 +65,24 @@ TEST(TouchPeers, AStreamOpenedWithNoNumbersIsRefusedAndNamesTheField) {
   TouchAnswers told;
   v1::TouchOpened opened;
   opened.set_period_s(0.002);
-  EXPECT_NE(told.take_opened(opened).find("credit"), std::string::npos);
+  EXPECT_NE(told.take_opened(opened, 1).find("credit"), std::string::npos);
   opened.set_credit(257);
-  EXPECT_NE(told.take_opened(opened).find("credit"), std::string::npos);
+  EXPECT_NE(told.take_opened(opened, 1).find("credit"), std::string::npos);
   opened.set_credit(2);
   opened.mutable_layer()->set_depth_m(INFINITY);
-  EXPECT_NE(told.take_opened(opened).find("layer.depth_m"), std::string::npos);
+  EXPECT_NE(told.take_opened(opened, 1).find("layer.depth_m"), std::string::npos);
   opened.mutable_layer()->set_depth_m(0);
   for (const double component : {0.6, 0.6, 0.6}) opened.mutable_layer()->add_normal(component);
-  EXPECT_NE(told.take_opened(opened).find("layer.normal 0.6, 0.6, 0.6"), std::string::npos)
-      << told.take_opened(opened);
+  EXPECT_NE(told.take_opened(opened, 1).find("layer.normal 0.6, 0.6, 0.6"), std::string::npos)
+      << told.take_opened(opened, 1);
   opened.mutable_layer()->clear_normal();
   opened.mutable_covered()->set_end_x_m(NAN);
-  EXPECT_NE(told.take_opened(opened).find("covered"), std::string::npos);
+  EXPECT_NE(told.take_opened(opened, 1).find("covered"), std::string::npos);
   opened.mutable_covered()->set_end_x_m(0.1);
   opened.mutable_covered()->set_end_z_m(INFINITY);
-  EXPECT_NE(told.take_opened(opened).find("covered"), std::string::npos);
+  EXPECT_NE(told.take_opened(opened, 1).find("covered"), std::string::npos);
   opened.mutable_covered()->clear_end_z_m();
-  EXPECT_EQ(told.take_opened(opened), "");
+  EXPECT_EQ(told.take_opened(opened, 1), "");
 }
 
 TEST(TouchPeers, AServiceThatRefusesALargeCreditIsAskedForLess) {
@@ -101,7 +101,7 @@ TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {
   opened.set_period_s(0.002);
   opened.set_credit(2);
   opened.set_instance(5);
-  ASSERT_EQ(told.take_opened(opened), "");
+  ASSERT_EQ(told.take_opened(opened, 1), "");
   v1::TouchAnswer answer;
   answer.set_status(v1::TOUCH_STATUS_NOT_COVERED);
   for (const double m : {0.02, 0.0, 0.0}) answer.add_position_m(m);

@@ -50,12 +50,22 @@ TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   run(300);
   tick_.degraded = false;
   run(2000);
+  tick_.degraded = true;
+  tick_.model_age_s = 0.304;
+  tick_.round_trip_s = 0.3;
+  run(20);
+  tick_.degraded = false;
+  run(2000);
   tick_.degraded = tick_.energy_generated = true;
   tick_.energy_j = -0.0062;
   run(5);
-  EXPECT_EQ(said_, (Lines{"W servo DEGRADED, force fading: the answer behind it is 262 ms old",
-                          "I servo no longer DEGRADED, after 0.30 s",
-                          "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all"}));
+  EXPECT_EQ(
+      said_,
+      (Lines{"W servo DEGRADED, force fading: the answer behind it is 262 ms old",
+             "I servo no longer DEGRADED, after 0.30 s",
+             "W servo DEGRADED, force fading: the answer behind it is 304 ms old, the round trip 300 ms",
+             "I servo no longer DEGRADED, after 0.02 s",
+             "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all"}));
 }
 
 TEST_F(TickLogTest, BeforeTheFirstAnswerThereIsNoAge) {
