@@ -128,7 +128,7 @@ Explored FarLink::explore(const std::string& renderer, double round_trip_s) {
   client::TouchLinkOptions link_options;
   link_options.address = proxy.address();
   link_options.open = service::Toucher::open_on("s");
-  link_options.open.set_credit(2);
+  link_options.open.set_credit(256);
   if (renderer == "law") link_options.laws = &servo->laws();
   client::TouchLink link(link_options, servo->poses(), servo->answers(), clock);
   client::TickStatistics ticks;
@@ -180,7 +180,7 @@ Explored FarLink::explore(const std::string& renderer, double round_trip_s) {
 }
 
 TEST_F(FarLink, TheLawIsFeltWhereTheFingerIs) {
-  for (const double round_trip_s : {0.0, 0.1}) {
+  for (const double round_trip_s : {0.0, 0.1, 0.2}) {
     const Explored law = explore("law", round_trip_s);
     EXPECT_GE(law.share_in_tolerance, 0.95) << round_trip_s;
     EXPECT_GE(law.by_law_share, 0.95) << round_trip_s;
