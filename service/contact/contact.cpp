@@ -19,16 +19,16 @@ using Eigen::VectorXd;
 constexpr double kLargestLinearStrain = 0.15;  // T4.5
 constexpr double kPeakStrain = 0.42;           // of (1 + nu) p / E, see solve_contact
 
-void validate(const TissueProblem& problem, std::size_t line, const PlanePose& pose) {
-  if (line >= problem.grid.ny()) throw std::out_of_range("line " + std::to_string(line) + " is absent");
+void validate(const TissueProblem& problem, std::size_t row, const PlanePose& pose) {
+  if (row >= problem.grid.ny()) throw std::out_of_range("row " + std::to_string(row) + " is absent");
   if (!std::isfinite(pose.x_m)) throw std::invalid_argument("pose.x_m is not finite; give metres");
   if (!std::isfinite(pose.indentation_m))
     throw std::invalid_argument("pose.indentation_m is not finite; give metres");
-  const double depth = problem.grid.y_m.back() - problem.grid.y_m[line];
+  const double depth = problem.grid.y_m.back() - problem.grid.y_m[row];
   if (pose.indentation_m > 0 && pose.indentation_m >= depth) {
     throw std::invalid_argument("pose.indentation_m is " + std::to_string(pose.indentation_m) +
                                 ", not less than the " + std::to_string(depth) +
-                                " m of tissue below the touched line; press less deep");
+                                " m of tissue below the touched layer; press less deep");
   }
 }
 
@@ -55,8 +55,8 @@ void check_reach(const TissueProblem& problem, const Fingertip& tip, const Plane
   if (left || right || beyond) outside(problem, pose.x_m);
 }
 
-void add_pressure(const TissueProblem& problem, std::size_t line, const Touch& touch, ContactAnswer& answer) {
-  const double y_m = problem.grid.y_m[line];
+void add_pressure(const TissueProblem& problem, std::size_t row, const Touch& touch, ContactAnswer& answer) {
+  const double y_m = problem.grid.y_m[row];
   const auto& x = problem.grid.x_m;
   for (Index k = 0; k < touch.normal.size(); ++k) {
     if (touch.normal[k] == 0 && touch.tangential[k] == 0) continue;
@@ -66,15 +66,15 @@ void add_pressure(const TissueProblem& problem, std::size_t line, const Touch& t
   }
 }
 
-double largest_strain(const TissueProblem& problem, std::size_t line, const PlanePose& pose,
+double largest_strain(const TissueProblem& problem, std::size_t row, const PlanePose& pose,
                       const Touch& touch) {
   double force = 0, stiffness = 0;  // stiffness: modulus weighted by the force that it bears
   for (Index k = 0; k < touch.normal.size(); ++k) {
     if (!(touch.normal[k] > 0)) continue;
     force += touch.normal[k];
-    stiffness += touch.normal[k] * modulus_near_pa(problem, touch.nodes[std::size_t(k)], line);
+    stiffness += touch.normal[k] * modulus_near_pa(problem, touch.nodes[std::size_t(k)], row);
   }
-  const double depth = problem.grid.y_m.back() - problem.grid.y_m[line];
+  const double depth = problem.grid.y_m.back() - problem.grid.y_m[row];
   const double layer = pose.indentation_m / depth;
   if (!(force > 0)) return layer;
   const double local =
@@ -117,10 +117,10 @@ double amplification(const Eigen::MatrixX2d& sensitivity, const VectorXd& p, con
   return gradient.norm() > 0 ? error.norm() / gradient.norm() : 0;
 }
 
-ContactAnswer solve_contact(const TissueProblem& problem, std::size_t line, Compliance& compliance,
+ContactAnswer solve_contact(const TissueProblem& problem, std::size_t row, Compliance& compliance,
                             const Fingertip& tip, const PlanePose& pose, const ContactOptions& options) {
   validate(tip);
-  validate(problem, line, pose);
+  validate(problem, row, pose);
   ContactAnswer answer;
   if (pose.indentation_m <= 0) return answer;
   check_reach(problem, tip, pose);
@@ -138,8 +138,8 @@ ContactAnswer solve_contact(const TissueProblem& problem, std::size_t line, Comp
   const double cross = -thickness * (u.hessian(0, 1) + u.hessian(1, 0)) / 2;
   answer.tangent_n_m = {
       -thickness * u.hessian(0, 0), cross, 0, cross, -thickness * u.hessian(1, 1), 0, 0, 0, 0};
-  add_pressure(problem, line, touch, answer);
-  answer.largest_strain = largest_strain(problem, line, pose, touch);
+  add_pressure(problem, row, touch, answer);
+  answer.largest_strain = largest_strain(problem, row, pose, touch);
   answer.strain_beyond_linear = answer.largest_strain > kLargestLinearStrain;
   check_finite(answer);
   return answer;

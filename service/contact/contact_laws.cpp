@@ -47,7 +47,8 @@ void ContactLaws::sample(std::size_t entry, const std::shared_ptr<TouchedLayer>&
   sampler.advance((begin_m + end_m) / 2, TouchedLayer::Clock::time_point::max());
   if (sampler.columns().size() < 2) return;
   Charge charge = account_.charge(Place::kHost, "contact laws", sampler.columns().size() * sizeof(LawColumn));
-  ContactLaw law{sampler.columns(), choices::kLawBetween * sampler.report().worst_error, sampler.report().solves};
+  ContactLaw law{sampler.columns(), choices::kLawBetween * sampler.report().worst_error,
+                 sampler.report().solves};
   for (LawColumn& column : law.columns) {
     column.error_share = float(choices::kLawShare * law.tolerances);
     column.error_n = float(choices::kLawFloor * law.tolerances);

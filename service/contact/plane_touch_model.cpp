@@ -22,9 +22,9 @@ double touched_m(const Fingertip& tip, double indentation_m) {
 
 class PlaneLayer final : public TouchedLayer {
  public:
-  PlaneLayer(std::shared_ptr<const TissueModel> tissue, std::size_t line,
+  PlaneLayer(std::shared_ptr<const TissueModel> tissue, std::size_t row,
              std::shared_ptr<Compliance> compliance, SolvePath path)
-      : tissue_(std::move(tissue)), line_(line), compliance_(std::move(compliance)), path_(path) {}
+      : tissue_(std::move(tissue)), row_(row), compliance_(std::move(compliance)), path_(path) {}
 
   SolvePath path() const override { return path_; }
 
@@ -45,7 +45,7 @@ class PlaneLayer final : public TouchedLayer {
   }
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
-    return solve_contact(tissue_->problem(), line_, *compliance_, tip, in_plane(pose));
+    return solve_contact(tissue_->problem(), row_, *compliance_, tip, in_plane(pose));
   }
 
   // What is wrong with the mesh under a pressed tip. One that only begins to touch is judged as pressed
@@ -71,7 +71,7 @@ class PlaneLayer final : public TouchedLayer {
   static PlanePose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 
   const std::shared_ptr<const TissueModel> tissue_;
-  const std::size_t line_;
+  const std::size_t row_;
   const std::shared_ptr<Compliance> compliance_;
   const SolvePath path_;
 };
@@ -81,7 +81,7 @@ class PlaneLayer final : public TouchedLayer {
 PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue, MemoryAccount account)
     : TouchModel(std::move(account)),
       tissue_(std::move(tissue)),
-      lines_(std::make_shared<PreparedLines>(tissue_)) {}
+      compliances_(std::make_shared<PreparedCompliances>(tissue_)) {}
 
 Region PlaneTouchModel::region() const {
   const TissueProblem& tissue = tissue_->problem();
@@ -102,12 +102,12 @@ std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const T
   const std::vector<double>& y_m = tissue_->problem().grid.y_m;
   const auto at = std::find(y_m.begin(), y_m.end(), layer.depth_m);
   if (at == y_m.end() || layer.normal != Layer{}.normal)
-    throw std::out_of_range(fmt::format("layer {} m deep: no line of nodes", layer.depth_m));
-  const auto line = static_cast<std::size_t>(at - y_m.begin());
+    throw std::out_of_range(fmt::format("layer {} m deep: no row of nodes", layer.depth_m));
+  const auto row = static_cast<std::size_t>(at - y_m.begin());
   const bool by_pcg = way.path == SolvePath::kPcg;
-  auto compliance = lines_->get(line, by_pcg ? way.device : nullptr, work, way.client);
+  auto compliance = compliances_->get(row, by_pcg ? way.device : nullptr, work, way.client);
   if (!compliance) return nullptr;
-  return std::make_shared<PlaneLayer>(tissue_, line, std::move(compliance),
+  return std::make_shared<PlaneLayer>(tissue_, row, std::move(compliance),
                                       by_pcg ? SolvePath::kPcg : SolvePath::kCompliance);
 }
 

@@ -1,10 +1,10 @@
-// The plane-strain model (T4) as what is touched: its lines of nodes are the layers, on each the contact of a
-// fingertip is solved over the line's compliance. Force and tangent along z are zero.
+// The plane-strain model (T4) as what is touched: its rows of nodes are the layers, on each the contact of a
+// fingertip is solved over the row's compliance. Force and tangent along z are zero.
 #pragma once
 
 #include <memory>
 
-#include "service/contact/prepared_lines.h"
+#include "service/contact/prepared_compliances.h"
 #include "service/contact/touch_model.h"
 #include "service/tissue/tissue_model.h"
 
@@ -24,10 +24,10 @@ class PlaneTouchModel final : public TouchModel {
 
  private:
   const std::shared_ptr<const TissueModel> tissue_;
-  const std::shared_ptr<PreparedLines> lines_;
+  const std::shared_ptr<PreparedCompliances> compliances_;
 };
 
-// The lines that no support holds, of those at `y_m`.
+// The rows that no support holds, of those at `y_m`.
 std::vector<Layer> free_layers(const std::vector<double>& y_m, const Supports&);
 
 }  // namespace teletact::service

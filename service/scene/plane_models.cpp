@@ -36,7 +36,7 @@ class PlaneModels final : public TouchModels {
         tissue->condensed(row_of(*tissue, layer), before);
       } catch (
           const MemoryRefused& refused) {  // who touches it finds it unprepared; others have their window
-        spdlog::warn("event=line_not_prepared depth_m={} error=\"{}\"", layer.depth_m, refused.what());
+        spdlog::warn("event=layer_not_prepared depth_m={} error=\"{}\"", layer.depth_m, refused.what());
       }
     return std::make_shared<const PlaneTouchModel>(std::move(tissue), wanted.account);
   }

@@ -1,4 +1,4 @@
-#include "service/contact/prepared_lines.h"
+#include "service/contact/prepared_compliances.h"
 
 #include <spdlog/spdlog.h>
 
@@ -6,15 +6,15 @@
 
 namespace teletact::service {
 
-std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shared_ptr<Device>& device,
-                                               const TouchWork& work, const std::string& client) {
+std::shared_ptr<Compliance> PreparedCompliances::get(std::size_t row, const std::shared_ptr<Device>& device,
+                                                     const TouchWork& work, const std::string& client) {
   if (!device)
-    if (auto made = model_->made(line)) return made;
-  const Key key{line, device};
+    if (auto made = model_->made(row)) return made;
+  const Key key{row, device};
   if (!work) return make(key);
   {
     const std::lock_guard lock(mutex_);
-    Line& state = lines_[key];
+    Entry& state = entries_[key];
     if (auto made = state.iterative.lock()) return made;
     if (state.asked.contains(client)) return nullptr;
     if (state.asked.empty() && state.error && Clock::now() < state.retry) std::rethrow_exception(state.error);
@@ -24,14 +24,14 @@ std::shared_ptr<Compliance> PreparedLines::get(std::size_t line, const std::shar
   return nullptr;
 }
 
-std::shared_ptr<Compliance> PreparedLines::make(const Key& key) const {
+std::shared_ptr<Compliance> PreparedCompliances::make(const Key& key) const {
   return key.second ? model_->iterative(key.first, key.second) : model_->condensed(key.first);
 }
 
-void PreparedLines::make_for_others(const Key& key) {
+void PreparedCompliances::make_for_others(const Key& key) {
   {
     const std::lock_guard lock(mutex_);
-    if (lines_[key].asked.empty()) return;  // made in another's turn
+    if (entries_[key].asked.empty()) return;  // made in another's turn
   }
   std::shared_ptr<Compliance> made;
   std::exception_ptr error;
@@ -39,10 +39,10 @@ void PreparedLines::make_for_others(const Key& key) {
     made = make(key);
   } catch (const std::exception& e) {
     error = std::current_exception();
-    spdlog::warn("event=line_not_prepared line={} error=\"{}\"", key.first, e.what());
+    spdlog::warn("event=layer_not_prepared row={} error=\"{}\"", key.first, e.what());
   }
   const std::lock_guard lock(mutex_);
-  Line& state = lines_[key];
+  Entry& state = entries_[key];
   if (key.second) state.iterative = made;
   state.asked.clear();
   state.error = std::move(error);
