@@ -6,9 +6,9 @@
 namespace teletact {
 namespace {
 
-// A function of one variable and its first two derivatives.
+// A function of one variable and its slope.
 struct Curve {
-  double value = 0, slope = 0, curvature = 0;
+  double value = 0, slope = 0;
 };
 
 // The cubic with these values and slopes at the ends of [0, width], at share t of it.
@@ -17,8 +17,7 @@ Curve hermite(double value_0, double slope_0, double value_1, double slope_1, do
   const double a = width * slope_0 - rise,
                b = rise - width * slope_1;  // v0 + t rise + t (1 - t) ((1 - t) a + t b)
   const double u = 1 - t, bend = u * a + t * b;
-  return {value_0 + t * rise + t * u * bend, (rise + (u - t) * bend + t * u * (b - a)) / width,
-          (-2 * bend + 2 * (u - t) * (b - a)) / (width * width)};
+  return {value_0 + t * rise + t * u * bend, (rise + (u - t) * bend + t * u * (b - a)) / width};
 }
 
 // W and W_x of one column, by s.
@@ -32,8 +31,8 @@ Column column_at(const LawColumn& column, double s) {
   const auto above = std::upper_bound(column.log_depth.begin(), end, static_cast<float>(s));
   const auto straight = [s](const LawSample& sample, double at) {
     const double off = s - at;
-    return Column{{sample.log_energy + off * sample.by_log_depth, sample.by_log_depth, 0},
-                  {sample.by_x_1_m + off * sample.mixed_1_m, sample.mixed_1_m, 0}};
+    return Column{{sample.log_energy + off * sample.by_log_depth, sample.by_log_depth},
+                  {sample.by_x_1_m + off * sample.mixed_1_m, sample.mixed_1_m}};
   };
   if (above == column.log_depth.begin()) return straight(column.samples[0], column.log_depth[0]);
   const std::size_t i = static_cast<std::size_t>(above - column.log_depth.begin()) - 1;
@@ -58,7 +57,8 @@ LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indenta
   if (!right->joined) return value;
   value.covered = true;
   const auto left = right - 1;
-  value.version = std::max(left->version, right->version);
+  value.oldest = std::min(left->version, right->version);
+  value.newest = std::max(left->version, right->version);
   if (!(indentation_m > 0)) return value;
   const double s = std::log(indentation_m);
   const Column a = column_at(*left, s), b = column_at(*right, s);
@@ -66,20 +66,14 @@ LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indenta
   const double width = right->x_m - left->x_m, t = (x_m - left->x_m) / width;
   const Curve w = hermite(a.w.value, a.by_x.value, b.w.value, b.by_x.value, width, t);
   const Curve by_s = hermite(a.w.slope, a.by_x.slope, b.w.slope, b.by_x.slope, width, t);
-  const double by_ss =
-      hermite(a.w.curvature, a.by_x.curvature, b.w.curvature, b.by_x.curvature, width, t).value;
   const double u = std::exp(w.value), d = indentation_m;
   value.energy_j = u;
   value.by_x_n = u * w.slope;
   value.by_d_n = u * by_s.value / d;
-  value.by_xx_n_m = u * (w.curvature + w.slope * w.slope);
-  value.by_xd_n_m = u * (by_s.slope + w.slope * by_s.value) / d;
   value.error_n = std::max(left->error_share, right->error_share) * std::hypot(value.by_x_n, value.by_d_n) +
                   std::max(left->error_n, right->error_n);
-  value.by_dd_n_m = u * (by_ss + by_s.value * (by_s.value - 1)) / (d * d);
   // What no tissue has may overflow: then it covers nothing.
-  const double all = value.energy_j + value.by_x_n + value.by_d_n + value.by_xx_n_m + value.by_xd_n_m +
-                     value.by_dd_n_m + value.error_n;
+  const double all = value.energy_j + value.by_x_n + value.by_d_n + value.error_n;
   return std::isfinite(all) ? value : LawValue{};
 }
 

@@ -38,13 +38,12 @@ struct LawColumn {
   std::array<LawSample, kMostRows> samples{};
 };
 
-// U and its derivatives by x and indentation d.
+// U and its slopes along x and indentation d.
 struct LawValue {
   double energy_j = 0;
-  double by_x_n = 0, by_d_n = 0;                       // the force's components, their signs turned
-  double by_xx_n_m = 0, by_xd_n_m = 0, by_dd_n_m = 0;  // bounded, with steps from cell to cell
-  std::uint64_t version = 0;                           // the newer of the two columns'
-  double error_n = 0;                                  // what the force may be off by
+  double by_x_n = 0, by_d_n = 0;         // the force's components, their signs turned
+  std::uint64_t oldest = 0, newest = 0;  // versions of the two columns
+  double error_n = 0;                    // what the force may be off by
   bool covered = false;  // false: no two columns that are joined around x, or no numbers; all is zero
   bool beyond = false;   // deeper than a column's last sample
 };

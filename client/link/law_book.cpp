@@ -47,6 +47,7 @@ void LawBook::open(double layer_depth_m) {
 
 bool LawBook::take(const v1::LawPiece& piece, double finger_x_m) {
   if (piece.piece() != pieces_ + 1) return false;
+  ++pieces_;  // whatever it holds, it has come
   auto columns = columns_from(piece);
   const double begin_m = piece.begin_x_m(), end_m = piece.end_x_m();
   if (!columns || !(begin_m <= columns->front().x_m && end_m >= columns->back().x_m)) return false;
@@ -57,13 +58,16 @@ bool LawBook::take(const v1::LawPiece& piece, double finger_x_m) {
     return known.first >= begin_m && known.first <= end_m && known.second.version < piece.model_version();
   });
   for (const LawColumn& column : *columns) {
-    LawColumn& known = columns_[column.x_m];
-    if (known.version <= column.version) known = column;
+    const auto right = columns_.lower_bound(column.x_m);
+    const bool known = right != columns_.end() && right->first == column.x_m;
+    // Not amid, nor in place of, what is newer.
+    const bool amid = right != columns_.end() && right != columns_.begin() && right->second.joined &&
+                      std::min(right->second.version, std::prev(right)->second.version) > column.version;
+    if (known ? right->second.version <= column.version : !amid) columns_[column.x_m] = column;
   }
   for (auto at = columns_.lower_bound(begin_m); at != columns_.end() && at->first <= end_m; ++at)
     at->second.joined = at->first > begin_m || joined_before;
   forget_far_from(finger_x_m);
-  ++pieces_;
   return changed_ = true;
 }
 

@@ -18,9 +18,9 @@ class LawBook {
 
   // Another stream, on the layer at this depth: nothing is known.
   void open(double layer_depth_m);
-  // False for a piece that is malformed, or not the next: nothing changes.
+  // False for a piece that is malformed, or not the next: nothing that is known changes.
   bool take(const v1::LawPiece& piece, double finger_x_m);
-  std::uint64_t pieces() const { return pieces_; }  // taken, of this stream
+  std::uint64_t pieces() const { return pieces_; }  // that have come on this stream
 
   // What the servo should have for a finger at x; none when that is what it was given last.
   std::optional<NearLaw> fresh(double x_m);

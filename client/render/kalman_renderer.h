@@ -64,6 +64,9 @@ class KalmanRenderer final : public Renderer {
   using Renderer::render;
   Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
 
+  // The model is felt as it is from now on, nothing blended in: by who does not render this one's force.
+  void take_all() noexcept { blend_.clear(); }
+
   std::uint64_t outliers() const noexcept { return outliers_; }
 
  private:

@@ -15,10 +15,7 @@ constexpr double kBelow = 0.94;
 }  // namespace
 
 void LawRenderer::reset() noexcept {
-  kalman_.reset();
-  blend_.clear();
-  by_law_ = false;
-  felt_n_m_.setZero();
+  *this = LawRenderer(options_);
 }
 
 LawValue LawRenderer::law_at(const Vector3& position_m) const noexcept {
@@ -26,14 +23,16 @@ LawValue LawRenderer::law_at(const Vector3& position_m) const noexcept {
 }
 
 bool LawRenderer::trusted(const LawValue& value) const noexcept {
-  return value.covered && !stale_ && (wrong_version_ == 0 || value.version != wrong_version_) &&
+  const auto wrong = [this](std::uint64_t version) { return version != 0 && version == wrong_version_; };
+  return value.covered && !value.beyond && !stale_ && !wrong(value.oldest) && !wrong(value.newest) &&
          surface_.normal == TouchedSurface{}.normal && surface_.offset_m == law_.layer_depth_m;
 }
 
-// Where the newest answer was computed, of a newer version than what is known there.
+// Where the newest answer was computed: of a newer version than what is known there, or of no window any
+// more.
 void LawRenderer::judge_age() noexcept {
   const LawValue value = law_at(answered_m_);
-  stale_ = value.covered && value.version < answered_version_;
+  if (value.covered) stale_ = answered_version_ == 0 || value.newest < answered_version_;
 }
 
 // The soft minimum of U and the spring: Phi = (U^-p + S^-p)^(-1/p), so dPhi = (Phi / U)^(p + 1) dU + the same
@@ -67,26 +66,28 @@ LawRenderer::Potential LawRenderer::potential(const LawValue& value, double x_m,
   return {{slips.force_n.x(), -most_n, 0}, slips.energy_j + most_n * (d - below_m)};
 }
 
-// Of the version that is rendered, in contact.
+// Where both columns are of the answer's version: across a border of versions neither is right or wrong
+// alone. An answer without force contradicts a law that says some.
 void LawRenderer::check(const ForceSample& sample) noexcept {
   const LawValue value = law_at(sample.position_m);
-  if (!sample.contact || !trusted(value) || value.beyond || value.version != sample.model_version) return;
+  if (value.oldest != sample.model_version || value.newest != sample.model_version) return;
+  if (!trusted(value) || !(value.energy_j > 0)) return;
+  if (contradicted_ != sample.model_version) contradictions_ = 0;
+  contradicted_ = sample.model_version;
   const Vector3 off_n = Vector3(-value.by_x_n, -value.by_d_n, 0) - sample.force_n;
   contradictions_ = off_n.norm() > options_.contradicts * value.error_n ? contradictions_ + 1 : 0;
   if (contradictions_ < options_.contradictions_in_a_row) return;
-  wrong_version_ = value.version;
+  wrong_version_ = sample.model_version;
   contradictions_ = 0;
   ++dropped_;
 }
 
 bool LawRenderer::update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept {
   surface_ = sample.surface;
-  if (sample.model_version != 0) {  // 0: of no window
-    answered_m_ = sample.position_m;
-    answered_version_ = sample.model_version;
-    judge_age();
-    check(sample);
-  }
+  answered_m_ = sample.position_m;
+  answered_version_ = sample.model_version;  // 0: of no window
+  judge_age();
+  check(sample);
   return kalman_.update(sample, pose, time_s);
 }
 
@@ -98,8 +99,13 @@ void LawRenderer::take_law(const NearLaw& law) noexcept {
   const bool felt = by_law_ && d > 0;
   const Vector3 before_n_m = felt ? stiffness() : Vector3(Vector3::Zero());
   law_ = law;
-  if (law.count == 0) wrong_version_ = answered_version_ = 0;  // another stream, perhaps another service
-  judge_age();
+  if (law.count == 0) {  // another stream, perhaps another service
+    wrong_version_ = 0;
+    stale_ = false;
+    answered_m_.setConstant(std::numeric_limits<double>::quiet_NaN());
+  } else {
+    judge_age();
+  }
   if (!felt || !trusted(law_at(position_m_))) return;
   const Vector3 after_n_m = stiffness();
   if (after_n_m != before_n_m) blend_.change(felt_n_m_, after_n_m);
@@ -107,7 +113,8 @@ void LawRenderer::take_law(const NearLaw& law) noexcept {
 
 Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
   const double elapsed_s = time_s - std::exchange(rendered_s_, time_s);
-  // What is dissipated pays once.
+  // What is dissipated pays once; a filter that is not felt follows its answers for nothing.
+  if (by_law_) kalman_.take_all();
   const bool pays_here = std::isfinite(dissipated_j) && (by_law_ || blend_.withheld() > 0);
   Rendered rendered = kalman_.render(pose, time_s, pays_here ? 0 : dissipated_j);
   const double d = surface_.depth_m(pose.position_m);

@@ -8,6 +8,8 @@
 // the other what is felt changes no faster, and no harder, than a model update may (paid_blend.h).
 #pragma once
 
+#include <limits>
+
 #include "client/render/force_limits.h"
 #include "client/render/kalman_renderer.h"
 #include "client/render/near_law.h"
@@ -54,12 +56,14 @@ class LawRenderer final : public Renderer {
   KalmanRenderer kalman_;
   PaidBlend blend_;
   NearLaw law_;
-  Vector3 answered_m_ = Vector3::Zero();  // where the newest answer was computed, and with which version
+  // Where the newest answer was computed, and with which version (0: none); nowhere on a new stream.
+  Vector3 answered_m_ = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
   std::uint64_t answered_version_ = 0;
   bool stale_ = false;               // the law is of an older one there
   std::uint64_t wrong_version_ = 0;  // found wrong: not rendered; 0: none
   TouchedSurface surface_;
-  int contradictions_ = 0;
+  int contradictions_ = 0;  // in a row, of this version:
+  std::uint64_t contradicted_ = 0;
   std::uint64_t dropped_ = 0;
   bool by_law_ = false;                   // the last tick was
   Vector3 felt_n_m_ = Vector3::Zero();    // at it: resistance over indentation

@@ -37,7 +37,7 @@ void ServoLoop::tick(std::int64_t due_ns) noexcept {
   const std::int64_t now_ns = clock_.now_ns();
   // read
   bool device_ok = read_device(now_ns);
-  poses_.put({reading_.pose, now_ns});
+  poses_.put({reading_.pose, now_ns, by_law_});
   take_answer(now_ns);
   if (laws_.take(law_)) renderer_.take_law(law_);
   // render
@@ -86,6 +86,7 @@ void ServoLoop::take_answer(std::int64_t now_ns) noexcept {
       answered_ = true;
       if (answer_.has_force) {
         force_degraded_ = answer_.degraded;
+        if (answer_.covered) law_holds_s_ = seconds(answer_.received_ns);
         if (renderer_.update(answer_.sample, reading_.pose, seconds(now_ns))) {
           has_force_ = true;
           force_sequence_ = answer_.sample.sequence;
@@ -108,8 +109,8 @@ ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t no
   input.on = states_.state() == ServoState::kEnabled;
   input.enabled_s = seconds(now_ns - states_.since_ns());
   input.silence_s = silence_s_;
-  // A law is as old as what says that it still holds: the newest answer.
-  input.model_age_s = by_law_ ? silence_s_ : model_age_s_;
+  // A law is as old as what says that it still holds: the newest answer with a force.
+  input.model_age_s = by_law_ ? seconds(now_ns) - law_holds_s_ : model_age_s_;
   input.period_s = answer_.period_s;
   input.dt_s = last_ns_ == 0 ? options_.period_s : seconds(now_ns - last_ns_);
   return input;

@@ -35,6 +35,7 @@ struct ServoAnswer {
 struct ServoPose {
   ToolPose pose;
   std::int64_t time_ns = 0;
+  bool by_law = false;  // a contact law is rendered: answers only check it
 };
 
 // One tick, for telemetry and recordings.
@@ -141,6 +142,7 @@ class ServoLoop {
   ServoAnswer incoming_;
   NearLaw law_;                  // newest that arrived
   bool by_law_ = false;          // a contact law is rendered
+  double law_holds_s_ = 0;       // since when an answer said last that there is something to feel
   bool answered_ = false;        // any answer yet
   bool has_force_ = false;       // any with a force
   bool force_degraded_ = false;  // what the service says of the newest force

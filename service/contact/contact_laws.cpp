@@ -8,54 +8,73 @@
 
 namespace teletact::service {
 
+ContactLaws::ContactLaws(MemoryAccount account) : account_(std::move(account)) {}
+ContactLaws::~ContactLaws() = default;
+
 std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const Layer& layer,
                                                    const std::shared_ptr<TouchedLayer>& touched,
                                                    double begin_m, double end_m, const TouchWork& work,
                                                    const std::string& client) {
   if (layer.normal != Layer{}.normal || touched->path() != SolvePath::kCompliance) return nullptr;
-  std::size_t entry = 0;
+  auto entry = std::make_shared<Entry>();
   {
     const std::lock_guard lock(mutex_);
     const auto found = std::find_if(entries_.begin(), entries_.end(),
-                                    [&](const Entry& e) { return e.tip == tip && e.layer == layer; });
-    if (found != entries_.end()) return found->law;
-    if (entries_.size() == kMost) return nullptr;
-    entry = entries_.size();
-    entries_.push_back({tip, layer, nullptr, {}});
+                                    [&](const auto& e) { return e->tip == tip && e->layer == layer; });
+    if (found != entries_.end()) {
+      (*found)->asked = ++asked_;
+      return (*found)->law;
+    }
+    if (entries_.size() == kMost)
+      entries_.erase(
+          std::min_element(entries_.begin(), entries_.end(),
+                           [](const auto& one, const auto& other) { return one->asked < other->asked; }));
+    entry->tip = tip, entry->layer = layer;
+    entry->near_m = (begin_m + end_m) / 2;
+    entry->sampler = std::make_unique<LawSampler>(touched, layer, tip, begin_m, end_m);
+    entry->asked = ++asked_;
+    entries_.push_back(entry);
   }
-  const auto job = [self = weak_from_this(), entry, touched, begin_m, end_m] {
-    if (const auto laws = self.lock()) laws->sample(entry, touched, begin_m, end_m);
-  };
   if (work) {
-    work(client, job);
+    post(entry, work, client);
     return nullptr;
   }
-  job();
+  step(*entry, TouchedLayer::Clock::time_point::max());
   const std::lock_guard lock(mutex_);
-  return entries_[entry].law;
+  return entry->law;
 }
 
-void ContactLaws::sample(std::size_t entry, const std::shared_ptr<TouchedLayer>& touched, double begin_m,
-                         double end_m) try {
-  Fingertip tip;
-  Layer layer;
-  {
-    const std::lock_guard lock(mutex_);
-    tip = entries_[entry].tip, layer = entries_[entry].layer;
-  }
-  LawSampler sampler(touched, layer, tip, begin_m, end_m);
-  sampler.advance((begin_m + end_m) / 2, TouchedLayer::Clock::time_point::max());
-  if (sampler.columns().size() < 2) return;
-  Charge charge = account_.charge(Place::kHost, "contact laws", sampler.columns().size() * sizeof(LawColumn));
-  ContactLaw law{sampler.columns(), choices::kLawBetween * sampler.report().worst_error,
-                 sampler.report().solves};
+// In steps, so that others have their turns, for as long as the model is there and its tip is asked for.
+void ContactLaws::post(const std::shared_ptr<Entry>& entry, const TouchWork& work,
+                       const std::string& client) {
+  work(client, [weak = weak_from_this(), asked_for = std::weak_ptr(entry), work, client] {
+    const auto self = weak.lock();
+    const auto entry = asked_for.lock();
+    if (!self || !entry) return;
+    if (!self->step(*entry, TouchedLayer::Clock::now() + choices::kLawStep)) self->post(entry, work, client);
+  });
+}
+
+bool ContactLaws::step(Entry& entry, TouchedLayer::Clock::time_point until) {
+  if (!entry.sampler->advance(entry.near_m, until)) return false;
+  finish(entry);
+  entry.sampler.reset();
+  return true;
+}
+
+void ContactLaws::finish(Entry& entry) try {
+  const std::vector<LawColumn>& columns = entry.sampler->columns();
+  if (columns.size() < 2) return;
+  Charge charge = account_.charge(Place::kHost, "contact laws", columns.size() * sizeof(LawColumn));
+  const LawReport& report = entry.sampler->report();
+  ContactLaw law{columns, choices::kLawBetween * report.worst_error, report.solves};
   for (LawColumn& column : law.columns) {
-    column.error_share = float(choices::kLawShare * law.tolerances);
+    column.error_share = float(std::min(1.0, choices::kLawShare * law.tolerances));
     column.error_n = float(choices::kLawFloor * law.tolerances);
   }
   const std::lock_guard lock(mutex_);
-  entries_[entry].law = std::make_shared<const ContactLaw>(std::move(law));
-  entries_[entry].charge = std::move(charge);
+  entry.law = std::make_shared<const ContactLaw>(std::move(law));
+  entry.charge = std::move(charge);
 } catch (const MemoryRefused&) {  // forces are solved for, as without a law
 }
 

@@ -2,7 +2,9 @@
 // beside touch, and shared by every stream from then on.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -22,13 +24,18 @@ struct ContactLaw {
   std::size_t solves = 0;  // contacts that it took
 };
 
+class LawSampler;
+
 // Thread-safe.
 class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
  public:
-  static constexpr std::size_t kMost = 8;  // tips and layers of one model; more have none
+  // Tips and layers of one model: another takes the place of the one that was asked for least recently.
+  static constexpr std::size_t kMost = 8;
 
-  explicit ContactLaws(MemoryAccount account) : account_(std::move(account)) {}
-  // Null while it is being sampled, which this asks `work` for, in the client's turn; and for good where the
+  explicit ContactLaws(MemoryAccount account);
+  ~ContactLaws();
+  // Null while it is being sampled, which this asks `work` for, in the client's turn
+  // and in small steps; and for good where the
   // model has none: its layer is not level, it is solved iteratively, or there is no room. [begin_m, end_m]:
   // of x. `touched`: the layer, ready.
   std::shared_ptr<const ContactLaw> get(const Fingertip&, const Layer&,
@@ -39,14 +46,20 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
   struct Entry {
     Fingertip tip;
     Layer layer;
+    double near_m = 0;                    // where sampling begins
+    std::unique_ptr<LawSampler> sampler;  // while it is at work, by its job
+    std::uint64_t asked = 0;              // counts with every question
     std::shared_ptr<const ContactLaw> law;
     Charge charge;
   };
-  void sample(std::size_t entry, const std::shared_ptr<TouchedLayer>&, double begin_m, double end_m);
+  void post(const std::shared_ptr<Entry>&, const TouchWork&, const std::string& client);
+  bool step(Entry&, std::chrono::steady_clock::time_point until);
+  void finish(Entry&);
 
   const MemoryAccount account_;
-  std::mutex mutex_;
-  std::vector<Entry> entries_;  // none goes before the model does
+  std::mutex mutex_;  // held for looking things up only
+  std::vector<std::shared_ptr<Entry>> entries_;
+  std::uint64_t asked_ = 0;
 };
 
 }  // namespace teletact::service

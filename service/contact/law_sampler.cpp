@@ -18,6 +18,7 @@ LawSampler::LawSampler(std::shared_ptr<TouchedLayer> touched, const Layer& layer
     if (k * pitch_m - wanted_.back() > choices::kLawLeastCell && end_m - k * pitch_m > choices::kLawLeastCell)
       wanted_.push_back(k * pitch_m);
   wanted_.push_back(end_m);
+  if (wanted_.size() > choices::kMostLawColumns) wanted_.clear();
 }
 
 std::optional<LawSampler::Contact> LawSampler::touch(double x_m, double log_depth) try {
@@ -100,7 +101,7 @@ void LawSampler::check(const Cell& cell) {
     const Contact contact{{}, u * column.samples[i].by_x_1_m, u * column.samples[i].by_log_depth / d};
     off = std::max(off, error(contact, value.by_x_n, value.by_d_n));
   }
-  if (off <= choices::kLawKept || cell.halvings == 0) {
+  if (off <= choices::kLawKept || cell.halvings == 0 || columns_.size() >= choices::kMostLawColumns) {
     report_.worst_error = std::max(report_.worst_error, off);
     return;
   }

@@ -66,6 +66,9 @@ inline constexpr double kLawKept = 0.65;
 inline constexpr double kLawBetween = 1.3;
 inline constexpr double kLawPitch = 0.00618, kLawLeastCell = 0.001;
 inline constexpr int kLawHalvings = 2;
+// Tissue that takes more columns has no law. So long a law is sampled in one turn.
+inline constexpr std::size_t kMostLawColumns = 512;
+inline constexpr std::chrono::milliseconds kLawStep{10};
 // How they are sent: windows this near, what is nearest to where the finger will be so much later first, so
 // many bytes between two answers.
 inline constexpr double kLawReach = 0.060, kLawAhead = 0.1;

@@ -38,6 +38,20 @@ void check_fingertip(const Fingertip& tip, const Limits& limits) {
   }
 }
 
+// What its shape does not use is as in every other tip of that shape.
+Fingertip canonical(Fingertip tip) {
+  const Fingertip usual;
+  if (tip.shape != FingertipShape::kFlatPunch) tip.half_width_m = usual.half_width_m;
+  if (tip.shape != FingertipShape::kNode) tip.footprint_m = usual.footprint_m;
+  if (tip.shape == FingertipShape::kNode) tip.radius_m = usual.radius_m;
+  return tip;
+}
+
+TouchOptions canonical(TouchOptions options) {
+  options.fingertip = canonical(options.fingertip);
+  return options;
+}
+
 bool all_finite(std::span<const double> values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
 }
@@ -69,7 +83,7 @@ void check_normal(const Vector3& asked, const Layer& layer) {
 
 TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, std::shared_ptr<Device> device)
     : scene_(std::move(scene)),
-      options_(std::move(options)),
+      options_(canonical(std::move(options))),
       layer_(scene_->layer_near(options_.layer_depth_m)),
       way_{options_.path, std::move(device), options_.client} {
   check_fingertip(options_.fingertip, scene_->limits());
@@ -144,6 +158,7 @@ TouchAnswer TouchSession::solve(const Vector3& position_m) {
 }
 
 std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window) const try {
+  if (way_.path == SolvePath::kPcg) return nullptr;
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
   if (!touched) return nullptr;
   return window.model->laws().get(options_.fingertip, layer_, touched, window.region.begin_x_m,

@@ -69,8 +69,9 @@ TEST(LawBook, ANewerVersionTakesThePlaceOfTheOlderWhereItRules) {
   EXPECT_TRUE(book.covers(0.025, 2));  // across the border of versions
   EXPECT_FALSE(book.covers(0.035, 2));
   // An older one that is late changes nothing that rules.
-  EXPECT_TRUE(book.take(piece_of(3, {0.02}), 0.02));
-  EXPECT_EQ(book.fresh(0.02)->columns[1].version, 2u);
+  EXPECT_TRUE(book.take(piece_of(3, {0.015, 0.02}), 0.02));
+  EXPECT_EQ(book.fresh(0.02)->count, 4u);
+  EXPECT_EQ(book.fresh(0.03)->columns[1].version, 2u);
 }
 
 TEST(LawBook, AStreamThatOpensAgainKnowsNothing) {
@@ -87,7 +88,8 @@ TEST(LawBook, RefusesWhatIsMalformedAndKeepsWhatItHas) {
   const auto refused = [&](auto change) {
     v1::LawPiece piece = piece_of(2, {0.03, 0.04});
     change(piece);
-    return !book.take(piece, 0.02) && book.pieces() == 1 && book.covers(0.015, 1) && !book.covers(0.035, 1);
+    LawBook other = book;
+    return !other.take(piece, 0.02) && other.covers(0.015, 1) && !other.covers(0.035, 1);
   };
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_piece(3); }));
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_piece(1); }));
@@ -104,6 +106,18 @@ TEST(LawBook, RefusesWhatIsMalformedAndKeepsWhatItHas) {
   EXPECT_TRUE(refused([](v1::LawPiece& p) {
     for (int k = 0; k < 70; ++k) *p.add_columns() = p.columns(1);
   }));
+}
+
+// One window's bad piece takes no law from the others.
+TEST(LawBook, APieceThatIsRefusedIsAcknowledgedAllTheSame) {
+  LawBook book = book_with({piece_of(1, {0.01, 0.02})});
+  v1::LawPiece bad = piece_of(2, {0.03, 0.04});
+  bad.mutable_columns(0)->set_samples(0, NAN);
+  EXPECT_FALSE(book.take(bad, 0.02));
+  EXPECT_EQ(book.pieces(), 2u);
+  EXPECT_FALSE(book.take(piece_of(4, {0.05, 0.06}), 0.02));
+  EXPECT_EQ(book.pieces(), 2u);
+  EXPECT_TRUE(book.take(piece_of(3, {0.05, 0.06}), 0.02));
 }
 
 TEST(LawBook, IsBoundedWhateverASenderSends) {

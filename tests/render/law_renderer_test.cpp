@@ -215,6 +215,42 @@ TEST(LawRenderer, AnOlderWindowBesideANewerOneIsRendered) {
   EXPECT_TRUE(law.tick(0.04, 0.001).by_law);
 }
 
+// Between the columns of two versions neither is right or wrong alone.
+TEST(LawRenderer, ABorderOfVersionsCondemnsNoLaw) {
+  Rendering law;
+  NearLaw mixed = law_of(3, 5);
+  for (std::size_t i = 0; i < 15; ++i) mixed.columns[i].version = 4;
+  law.renderer.take_law(mixed);
+  for (int k = 0; k < 10; ++k) law.answer(0.029, 0.002, 1, 5);
+  EXPECT_TRUE(law.tick(0.029, 0.002).by_law);
+  EXPECT_EQ(law.renderer.dropped(), 0u);
+}
+
+TEST(LawRenderer, WhereAnswersFeelNothingTheLawIsNotFelt) {
+  Rendering law;
+  law.renderer.take_law(law_of(3));
+  law.answer(0.03, 0.002, 3);
+  EXPECT_TRUE(law.tick(0.03, 0.002).by_law);
+  ForceSample nothing = answer_at(0.03, 0.002, 3, 2, law.time_s, 0);  // of no window: not covered
+  nothing.contact = false, nothing.force_n.setZero();
+  law.renderer.update(nothing, at(0.03, 0.002), law.time_s);
+  EXPECT_FALSE(law.tick(0.03, 0.002).by_law);
+  law.sequence = 2;
+  law.answer(0.03, 0.002, 3);
+  EXPECT_TRUE(law.tick(0.03, 0.002).by_law);
+  nothing.model_version = 1;  // of its window, and without force
+  for (int k = 0; k < 4; ++k) law.renderer.update(nothing, at(0.03, 0.002), law.time_s);
+  EXPECT_FALSE(law.tick(0.03, 0.002).by_law);
+}
+
+TEST(LawRenderer, DeeperThanTheLawWasSampledItIsTheFilter) {
+  Rendering law;
+  law.renderer.take_law(law_of(0));
+  law.answer(0.03, 0.007, 0);
+  EXPECT_TRUE(law.tick(0.03, 0.0079).by_law);
+  EXPECT_FALSE(law.tick(0.03, 0.0081).by_law);
+}
+
 // A service that was restarted may count from one again.
 TEST(LawRenderer, AnotherStreamBeginsAnew) {
   Rendering law;

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <deque>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "service/contact/contact_laws.h"
@@ -137,7 +139,7 @@ TEST(ContactLaws, AreSampledOnceBesideTouchAndSharedByTipAndLayer) {
   const auto window = scene.snapshot()->windows[0];
   const Layer layer = scene.layer_near(0);
   const auto touched = window->model->layer(layer, {}, {});
-  std::vector<std::function<void()>> jobs;
+  std::deque<std::function<void()>> jobs;
   const TouchWork work = [&](const std::string&, std::function<void()> job) {
     jobs.push_back(std::move(job));
   };
@@ -148,25 +150,37 @@ TEST(ContactLaws, AreSampledOnceBesideTouchAndSharedByTipAndLayer) {
   EXPECT_FALSE(ask({}));
   EXPECT_FALSE(ask({}));
   ASSERT_EQ(jobs.size(), 1u);
-  jobs[0]();
+  for (std::size_t k = 0; k < jobs.size(); ++k) jobs[k]();  // each step asks for the next
+  jobs.resize(1);
   const auto law = ask({});
   ASSERT_TRUE(law);
   EXPECT_EQ(ask({}), law);
   EXPECT_EQ(jobs.size(), 1u);
-  for (std::size_t k = 1; k < ContactLaws::kMost + 3; ++k) ask({.radius_m = 0.008 + 1e-4 * double(k)});
-  EXPECT_EQ(jobs.size(), ContactLaws::kMost);
+  // Others take the places of those that were asked for least recently.
+  for (std::size_t k = 1; k < ContactLaws::kMost; ++k) ask({.radius_m = 0.008 + 1e-4 * double(k)});
+  EXPECT_EQ(ask({}), law);
+  ask({.radius_m = 0.02});
+  EXPECT_EQ(ask({}), law);
+  EXPECT_EQ(jobs.size(), ContactLaws::kMost + 1);
+  jobs[1]();  // of one whose place was taken: nothing is left to do
+  EXPECT_FALSE(ask({.radius_m = 0.008 + 1e-4}));
+  EXPECT_EQ(jobs.size(), ContactLaws::kMost + 2);
 }
 
 TEST(ContactLaws, AModelThatIsGoneSamplesNothing) {
   auto scene = std::make_unique<Scene>("s", tissue(0.1, 0.04), versions());
   scene->publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM), {});
   auto window = scene->snapshot()->windows[0];
-  std::function<void()> job;
-  const TouchWork work = [&](const std::string&, std::function<void()> j) { job = std::move(j); };
+  std::function<void()> posted;
+  const TouchWork work = [&](const std::string&, std::function<void()> job) { posted = std::move(job); };
   const Layer layer = scene->layer_near(0);
   window->model->laws().get({}, layer, window->model->layer(layer, {}, {}), 0.03, 0.05, work, "");
+  const std::weak_ptr<const TouchModel> model = window->model;
   scene.reset(), window.reset();
+  EXPECT_TRUE(model.expired());  // the job holds none
+  const auto job = std::exchange(posted, nullptr);
   job();
+  EXPECT_FALSE(posted);
 }
 
 TEST(ContactLaws, ATiltedLayerHasNone) {
