@@ -10,7 +10,16 @@
 namespace teletact::client {
 
 const std::vector<std::string>& renderer_names() {
-  static const std::vector<std::string> names{"law", "kalman", "kalman-force", "interpolate", "hold"};
+  static const std::vector<std::string> names{"kalman", "kalman-force", "interpolate", "hold"};
+  return names;
+}
+
+const std::vector<std::string>& touch_renderer_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all = renderer_names();
+    all.insert(all.begin(), "law");
+    return all;
+  }();
   return names;
 }
 
@@ -28,7 +37,7 @@ std::unique_ptr<Renderer> make_renderer(const std::string& name, double servo_pe
   if (name == "interpolate") return std::make_unique<InterpolatingRenderer>();
   if (name == "hold") return std::make_unique<HoldRenderer>();
   std::string known;
-  for (const std::string& one : renderer_names()) known += (known.empty() ? "" : ", ") + one;
+  for (const std::string& one : touch_renderer_names()) known += (known.empty() ? "" : ", ") + one;
   throw std::invalid_argument("unknown renderer '" + name + "'; known: " + known);
 }
 

@@ -10,9 +10,11 @@
 
 namespace teletact::client {
 
-// law (the tissue's contact law, kalman where there is none), kalman (force and tangent), kalman-force (the
-// source paper's), interpolate, hold.
+// That render what answers tell: kalman (force and tangent), kalman-force (the source paper's), interpolate,
+// hold.
 const std::vector<std::string>& renderer_names();
+// These, and law: the tissue's contact law, which a link has to bring; without one it is the Kalman filter.
+const std::vector<std::string>& touch_renderer_names();
 
 // Throws std::invalid_argument listing the known names.
 // `limits`: of the display.

@@ -165,7 +165,7 @@ TEST(Variance, OfHeldValuesIsLearntFromTheirChanges) {
 // The least of the standardised errors on smooth tissue, which changes less than the walk says: lateral,
 // push.
 Vector2 least_on_smooth_tissue(const std::string& name) {
-  if (name == "kalman" || name == "law") return {0.009, 0.02};  // the tangent tells nearly all
+  if (name == "kalman") return {0.009, 0.02};  // the tangent tells nearly all
   if (name == "interpolate") return {0.09, 0.25};
   return {0.05, 0.15};
 }

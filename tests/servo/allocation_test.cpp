@@ -60,7 +60,7 @@ TEST_P(AllocationTest, NothingThroughContactHandOverReconnectAndFault) {
   EXPECT_GT(device.force.norm(), 0.3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Renderers, AllocationTest, ::testing::ValuesIn(renderer_names()),
+INSTANTIATE_TEST_SUITE_P(Renderers, AllocationTest, ::testing::ValuesIn(touch_renderer_names()),
                          [](const auto& test) {
                            std::string name = test.param;
                            std::erase(name, '-');

@@ -303,12 +303,8 @@ struct Servo::Product {
   client::ServoLoop loop;
 };
 
-// All but the contact law's: no law is among the answers that are replayed, and without one it is the Kalman
-// filter (law_renderer_test).
 std::vector<std::string> renderers() {
-  std::vector<std::string> names = client::renderer_names();
-  std::erase(names, "law");
-  return names;
+  return client::renderer_names();
 }
 
 Servo::Servo(const std::string& renderer) : product_(std::make_unique<Product>(renderer)) {}
