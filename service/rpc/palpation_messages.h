@@ -29,7 +29,6 @@ void scene_to(const Scene&, v1::SceneView, std::uint64_t instance, v1::Scene*);
 void stamp_to(std::int64_t monotonic_ns, std::uint64_t instance, v1::Stamp*);
 void region_to(const Region&, v1::Region*);
 void layer_to(const Layer&, v1::Layer*);
-void law_to(const LawPiece&, v1::LawPiece*);
 TouchWishes wishes_from(const v1::TouchOpen&);
 FingerPose pose_from(const v1::ContactPose&);
 // [x, y] or [x, y, z]; what is absent is zero. Throws std::invalid_argument.

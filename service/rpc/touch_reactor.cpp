@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "service/rpc/client.h"
+#include "service/rpc/law_messages.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/scene/errors.h"
 
