@@ -341,9 +341,9 @@ TEST(Contact, AboveTheSurfaceThereIsNoForce) {
 }
 
 template <class Exception>
-std::string refusal(const Fingertip& tip, double x_m, double indentation_m, std::size_t line = 0) {
+std::string refusal(const Fingertip& tip, double x_m, double indentation_m, std::size_t row = 0) {
   try {
-    service::solve_contact(inclusion_model().problem(), line, *inclusion_model().condensed(0), tip,
+    service::solve_contact(inclusion_model().problem(), row, *inclusion_model().condensed(0), tip,
                            {x_m, indentation_m});
   } catch (const Exception& e) {
     return e.what();
@@ -361,7 +361,7 @@ TEST(Contact, UnusablePoseOrTipIsRefusedByName) {
   names(refusal<Invalid>({}, 0.03, nan), "pose.indentation_m");
   names(refusal<Invalid>({}, 0.03, std::numeric_limits<double>::infinity()), "pose.indentation_m");
   names(refusal<Invalid>({}, 0.03, 0.041), "pose.indentation_m");
-  names(refusal<Invalid>({}, 0.03, 0.034, 7), "pose.indentation_m");  // 33 mm below that line
+  names(refusal<Invalid>({}, 0.03, 0.034, 7), "pose.indentation_m");  // 33 mm below that row
   names(refusal<Invalid>({.radius_m = 0}, 0.03, 0.001), "fingertip.radius_m");
   names(refusal<Invalid>({.radius_m = nan}, 0.03, 0.001), "fingertip.radius_m");
   names(refusal<Invalid>({.shape = FingertipShape::kFlatPunch, .half_width_m = -1}, 0.03, 0.001),
@@ -373,7 +373,7 @@ TEST(Contact, UnusablePoseOrTipIsRefusedByName) {
   names(refusal<std::out_of_range>({}, -0.002, 0.001), "pose.x_m");
   names(refusal<std::out_of_range>({}, 0.0605, 0.001), "pose.x_m");
   names(refusal<std::out_of_range>({.shape = FingertipShape::kNode}, 0.0605, 0.001), "pose.x_m");
-  names(refusal<std::out_of_range>({}, 0.03, 0.001, 60), "line");
+  names(refusal<std::out_of_range>({}, 0.03, 0.001, 60), "row");
 }
 
 TEST(Contact, TipMustOverlapTouchableNodesAlone) {
