@@ -30,6 +30,7 @@ struct Arguments {
   double tip_half_width_m = 0;
   double tip_footprint_m = 0.001;  // one node spacing: smooth between nodes (T4.5b)
   bool stuck = false;
+  bool pressure = false;
   bool force = false;
   std::string scene_id, session_id;
   double layer_depth_m = 0;
@@ -55,6 +56,7 @@ v1::TouchOpen to_open(const Arguments& arguments) {
   tip.set_footprint_m(arguments.tip_footprint_m);
   open.mutable_layer()->set_depth_m(arguments.layer_depth_m);
   open.set_path(kPaths.at(arguments.path));
+  open.set_pressure(arguments.pressure);
   open.set_credit(arguments.credit);
   open.set_period_s(arguments.period_s);
   open.set_session_id(arguments.session_id);
@@ -260,6 +262,8 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
       ->default_str("0.004");
   command.add_option("--tip-footprint-m", arguments.tip_footprint_m,
                      "node: Gaussian footprint; 0 = one node, as in the paper: lateral force jumps at nodes");
+  command.add_flag("--pressure", arguments.pressure,
+                   "have the nodal pressures sent, too, for the recording: twice the bytes");
   command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
   command.add_option("--layer-depth-m", arguments.layer_depth_m,
                      "depth of the touched layer, 0 = the surface");

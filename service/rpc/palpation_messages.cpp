@@ -237,7 +237,7 @@ void layer_to(const Layer& in, v1::Layer* out) {
 }
 
 TouchWishes wishes_from(const v1::TouchOpen& in) {
-  TouchWishes wishes{in.session_id(), in.credit(), in.period_s(), {}, in.laws()};
+  TouchWishes wishes{in.session_id(), in.credit(), in.period_s(), {}, in.laws(), in.pressure()};
   TouchOptions& options = wishes.touch;
   Fingertip& tip = options.fingertip;
   switch (in.fingertip().shape()) {

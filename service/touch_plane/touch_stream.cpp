@@ -45,6 +45,7 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       device_(device),
       credit_(credit_from(wishes.credit, scene_->limits())),
       period_(period_from(wishes.period_s, scene_->limits())),
+      pressure_(wishes.pressure),
       session_(scene_, options_of(wishes), device),
       finger_(scene_->finger().join(wishes.session_id, Clock::now())) {
   if (wishes.laws) laws_.emplace();
@@ -107,6 +108,7 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
   session_.use(device);
   Answered answered{session_.solve(arrived.pose.position_m), 0, begun - arrived.at, {}, {}};
   answered.computing = Clock::now() - begun;
+  if (!pressure_) answered.answer.contact.pressure.clear();
   finger_at_ = arrived.pose;
   if (answered.answer.device_failed) device_.failed(device, answered.answer.warning);
   answered.steering = steering();

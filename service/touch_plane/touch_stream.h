@@ -25,7 +25,8 @@ struct TouchWishes {
   std::uint64_t credit = 0;  // 0: 1
   double period_s = 0;       // 0: TouchStream::kUsualPeriodS
   TouchOptions touch;
-  bool laws = false;  // contact laws, too
+  bool laws = false;      // contact laws, too
+  bool pressure = false;  // nodal pressures, too
 };
 
 struct FingerPose {
@@ -102,6 +103,7 @@ class TouchStream {
   const CurrentDevice& device_;
   const std::uint64_t credit_;
   const Clock::duration period_;
+  const bool pressure_;
   TouchSession session_;                                // of who answers
   std::optional<LawOutbox> laws_;                       // where they are asked for
   std::optional<FingerPose> finger_at_;                 // that was answered last; of who answers

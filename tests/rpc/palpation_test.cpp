@@ -14,7 +14,9 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 using Palpation = OnOneServer;
 
 TEST_F(Palpation, AnswerCarriesThePoseItBelongsTo) {
-  Toucher toucher(channel, "s");
+  v1::TouchOpen open = Toucher::open_on("s");
+  open.set_pressure(true);
+  Toucher toucher(channel, open);
   v1::TouchOpened opened;
   ASSERT_TRUE(toucher.opened(&opened));
   EXPECT_EQ(opened.credit(), 1U);
@@ -60,6 +62,16 @@ TEST_F(Palpation, AnswerCarriesThePoseItBelongsTo) {
   EXPECT_GT(answer.model_stamp().monotonic_ns(), 0);
   EXPECT_LT(answer.model_stamp().monotonic_ns(), answer.answer_stamp().monotonic_ns());
   EXPECT_TRUE(toucher.finish().ok());
+}
+
+TEST_F(Palpation, PressureIsSentOnRequestAlone) {
+  Toucher toucher(channel, "s");
+  ASSERT_TRUE(toucher.opened());
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
+  EXPECT_LT(answer.force_n(1), -0.05);
+  EXPECT_EQ(answer.pressure_size(), 0);
+  EXPECT_LE(answer.ByteSizeLong(), 400U);
 }
 
 TEST_F(Palpation, ForceIsTheWorkThatThePoseDoes) {
