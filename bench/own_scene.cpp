@@ -17,14 +17,26 @@ constexpr double kForceTolerance = 2e-3;  // plain float's promise against the r
 
 }  // namespace
 
-reference::TouchedTissue own_tissue() {
+reference::TouchedTissue own_tissue(double element_m) {
+  constexpr double kWidthM = 0.12, kDepthM = 0.04;
+  constexpr double kBlockBeginM = 0.054, kBlockEndM = 0.064, kBlockTopM = 0.006, kBlockBottomM = 0.016;
   reference::TouchedTissue tissue;
-  constexpr int kColumns = 60, kRows = 20;
-  for (int i = 0; i <= kColumns; ++i) tissue.grid.x_m.push_back(0.12 * i / kColumns);
-  for (int j = 0; j <= kRows; ++j) tissue.grid.y_m.push_back(0.04 * j / kRows);
-  tissue.material.youngs_modulus_pa.assign(tissue.grid.elements(), 10e3);
-  for (std::size_t j = 3; j < 8; ++j)
-    for (std::size_t i = 27; i < 32; ++i) tissue.material.youngs_modulus_pa[tissue.grid.element(i, j)] = 40e3;
+  const auto nodes = [element_m](double length_m) {
+    const long count = std::lround(length_m / element_m);
+    std::vector<double> at_m;
+    for (long i = 0; i <= count; ++i)
+      at_m.push_back(length_m * static_cast<double>(i) / static_cast<double>(count));
+    return at_m;
+  };
+  tissue.grid.x_m = nodes(kWidthM);
+  tissue.grid.y_m = nodes(kDepthM);
+  for (std::size_t j = 0; j + 1 < tissue.grid.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < tissue.grid.nx(); ++i) {
+      const double x_m = (tissue.grid.x_m[i] + tissue.grid.x_m[i + 1]) / 2;
+      const double y_m = (tissue.grid.y_m[j] + tissue.grid.y_m[j + 1]) / 2;
+      const bool stiff = x_m > kBlockBeginM && x_m < kBlockEndM && y_m > kBlockTopM && y_m < kBlockBottomM;
+      tissue.material.youngs_modulus_pa.push_back(stiff ? 40e3 : 10e3);
+    }
   return tissue;
 }
 

@@ -14,8 +14,8 @@
 
 namespace teletact::bench {
 
-// 120 x 40 mm, 2 mm elements, a stiffer block in the middle.
-reference::TouchedTissue own_tissue();
+// 120 x 40 mm, square elements of 2 mm or another whole part of that, a stiffer block in the middle.
+reference::TouchedTissue own_tissue(double element_m = 0.002);
 
 // What answers were checked against before they were timed, and what they were off by.
 struct Checked {

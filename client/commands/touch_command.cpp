@@ -162,8 +162,9 @@ void print(const nlohmann::json& json) {
   const auto count = [&link](const char* name) { return link[name].get<unsigned long>(); };
   std::printf("  layer     %.4f m deep; largest strain under the finger %.2f\n",
               link["layer_depth_m"].get<double>(), link["largest_strain"].get<double>());
-  std::printf("  law       felt in %.1f %% of the contact; %lu pieces, %lu malformed\n",
-              100 * json["by_law_share"].get<double>(), count("law_pieces"), count("laws_dropped"));
+  std::printf("  law       felt in %.1f %% of the contact, version %lu at last; %lu pieces, %lu malformed\n",
+              100 * json["by_law_share"].get<double>(), count("last_version"), count("law_pieces"),
+              count("laws_dropped"));
   std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
               json["stalls"]["s"].get<double>());
   const auto spell = [&json](const char* name) {
@@ -309,8 +310,8 @@ void add_touch_command(CLI::App& app) {
                      "of a simulated or replayed device: premium-1.5, premium-3.0, omni or touch");
   command
       .add_option("--renderer", session.renderer,
-                  "law (the tissue's contact law, felt without the link's delay), kalman, kalman-force, "
-                  "interpolate or hold")
+                  "law (the tissue's contact law, felt without the link's delay; where there is none as kalman), "
+                  "kalman, kalman-force, interpolate or hold")
       ->check(CLI::IsMember(touch_renderer_names()));
   command.add_option("--record", session.record_path,
                      "keep poses, answers and every servo tick in this file; without it nothing is kept");

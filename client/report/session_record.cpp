@@ -42,6 +42,8 @@ TouchTick tick_of(const v1::ServoSample& sample, double time_s, double layer_dep
   if (sample.has_degraded()) tick.degraded = sample.degraded();
   if (sample.has_service_degraded()) tick.service_degraded = sample.service_degraded();
   if (sample.has_faded()) tick.faded = sample.faded();
+  if (sample.has_by_law()) tick.by_law = sample.by_law();
+  tick.round_trip_s = sample.round_trip_s();
   return tick;
 }
 

@@ -21,7 +21,8 @@ struct TouchTick {
   double lateness_s = 0;
   bool enabled = false;
   bool at_border = false;
-  std::optional<bool> degraded, service_degraded, faded;  // absent in recordings of earlier versions
+  double round_trip_s = 0;  // of the link, without the service's own time; 0: not known
+  std::optional<bool> degraded, service_degraded, faded, by_law;  // absent in recordings of earlier versions
 };
 
 struct TouchAnswerTime {

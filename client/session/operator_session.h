@@ -22,7 +22,7 @@ struct OperatorSessionOptions {
   v1::TouchOpen open;
   std::string device = "simulated";     // as devices.h reads it
   std::string profile = "premium-1.5";  // of a simulated or replayed device
-  std::string renderer = "kalman";      // law, kalman, kalman-force, interpolate, hold
+  std::string renderer = "law";         // or kalman, kalman-force, interpolate, hold
   HandOptions hand;                     // of a simulated device; begin and end: see below
   std::optional<double> begin_m;        // of the sweep; absent: what is covered at the start, 8 mm inside
   std::optional<double> end_m;

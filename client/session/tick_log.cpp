@@ -58,6 +58,18 @@ void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what,
   spell.on = on;
 }
 
+// In contact alone: above the tissue nobody feels which it is.
+void TickLog::follow_law(const ServoTick& tick, std::vector<LogMessage>& messages) {
+  const double time_s = seconds(tick.time_ns);
+  if (tick.by_law == by_law_ || tick.force_n.isZero(0) || time_s - by_law_s_ < kEveryS) return;
+  by_law_ = tick.by_law;
+  by_law_s_ = time_s;
+  const std::string link = fmt::format("the round trip is {:.0f} ms", 1e3 * tick.round_trip_s);
+  messages.push_back({false, by_law_
+                                 ? "the force is a contact law's: that of where the finger is; " + link
+                                 : "no contact law here: the force is that of the newest answer; " + link});
+}
+
 std::vector<LogMessage> TickLog::add(const ServoTick& tick) {
   std::vector<LogMessage> messages;
   if (!started_ || tick.state != last_.state || tick.reason != last_.reason) {
@@ -68,6 +80,7 @@ std::vector<LogMessage> TickLog::add(const ServoTick& tick) {
   follow(degraded_, enabled && tick.degraded, tick, degraded, messages);
   follow(service_degraded_, enabled && tick.service_degraded, tick, degraded_by_service, messages);
   follow(faded_, enabled && tick.faded, tick, fading, messages);
+  if (enabled) follow_law(tick, messages);
   started_ = true;
   last_ = tick;
   return messages;

@@ -1,5 +1,5 @@
 // What of the servo's ticks is worth a message to a person: its states, and the beginnings and ends of what
-// takes force away or trust from it.
+// takes force away or trust from it, and whether it is a contact law's.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +36,11 @@ class TickLog {
   static void follow(Spell& spell, bool on, const ServoTick& tick, What what,
                      std::vector<LogMessage>& messages);
 
+  void follow_law(const ServoTick& tick, std::vector<LogMessage>& messages);
+
   bool started_ = false;
+  bool by_law_ = false;         // as it was said last
+  double by_law_s_ = -kEveryS;  // when
   ServoTick last_;
   Spell degraded_, service_degraded_, faded_;
 };

@@ -55,6 +55,7 @@ class Faults : public ::testing::Test {
     options.open.set_scene_id(kScene);
     options.open.set_period_s(period_s);
     options.open.set_credit(credit);
+    options.renderer = "kalman";  // by answers alone
     options.begin_m = 0.03;
     options.end_m = 0.09;
     options.wait_s = 10;

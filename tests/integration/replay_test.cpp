@@ -31,6 +31,7 @@ struct Service {
 
 test::Outcome record_touch(const std::string& address, const test::TemporaryFolder& folder) {
   return test::run({test::client_binary(), "touch", "--service", address, "--scene", "a", "--duration-s", "1",
+                    "--renderer", "kalman",  // many answers
                     "--record", folder / "touch.record"},
                    folder / "touch.log");
 }

@@ -44,7 +44,7 @@ TEST(System, AnInclusionInRfIsFoundAndFeltAndTheReportSaysSo) {
     EXPECT_TRUE(std::filesystem::exists(folder / (std::string("out/") + file))) << file;
   const nlohmann::json summary = nlohmann::json::parse(std::ifstream(folder / "out/summary.json"));
   // Only how fast it was may be missed, on a machine that others use too; and the exit code says so.
-  const std::set<std::string> speeds = {"window_s p95", "touch_rate_hz", "touch_latency_s p99"};
+  const std::set<std::string> speeds = {"window_s p95", "touch_rate_hz", "touch_latency_s p99 beyond the round trip"};
   bool missed = false;
   for (const nlohmann::json& target : summary["targets"]) {
     if (target["met"].get<bool>()) continue;
@@ -59,8 +59,11 @@ TEST(System, AnInclusionInRfIsFoundAndFeltAndTheReportSaysSo) {
   EXPECT_EQ(summary["inclusions"]["false"].size(), 0u) << report.output;
   EXPECT_LE(summary["force_error"]["median"].get<double>(), 0.10) << report.output;
   EXPECT_GE(summary["force_error"]["coverage"].get<double>(), 0.90) << report.output;
-  // The 500 /s that were asked for, or what the latency allows to one that waits for each answer.
-  const double allowed_hz = std::min(500.0, 1 / summary["touch_latency_s"]["p50"].get<double>());
+  // The 500 /s that were asked for, or what the latency allows to one that waits for each answer; 20 /s where
+  // they only check a contact law.
+  const double answered_hz = std::min(500.0, 1 / summary["touch_latency_s"]["p50"].get<double>());
+  const double by_law = summary["by_law_share"].get<double>();
+  const double allowed_hz = by_law * 20 + (1 - by_law) * answered_hz;
   EXPECT_GE(summary["touch_rate_hz"].get<double>(), 0.5 * allowed_hz) << report.output;
   EXPECT_FALSE(summary["device"]["name"].get<std::string>().empty());
 }

@@ -94,6 +94,26 @@ TEST(Summary, ARestingFingerAddsNoTouches) {
   EXPECT_FALSE(target(s, "touch_rate_hz")["met"].get<bool>());
 }
 
+TEST(Summary, AnswersThatCheckALawAreFewerAndTheRoundTripIsNoneOfTheServicesTime) {
+  TouchRecord record = touch();
+  const auto summed = [&] {
+    return summarise(tissue(), record, acquire(), force(), one_found_one_missed_one_invented(), "1.2.3");
+  };
+  EXPECT_EQ(summed()["by_law_share"].get<double>(), 0);  // a recording from before
+  EXPECT_EQ(target(summed(), "touch_rate_hz")["target"].get<double>(), 200);
+  for (std::size_t k = 0; k < record.ticks.size(); ++k) {
+    record.ticks[k].enabled = k > 0;
+    record.ticks[k].by_law = k > 250;
+    record.ticks[k].round_trip_s = k > 100 ? 0.1 : 0;  // not known at first
+  }
+  for (TouchAnswerTime& answer : record.answers) answer.latency_s = 0.109;
+  EXPECT_EQ(summed()["by_law_share"].get<double>(), 0.75);
+  EXPECT_NEAR(target(summed(), "touch_rate_hz")["target"].get<double>(), 0.75 * 18 + 0.25 * 200, 1e-9);
+  const std::string latency = "touch_latency_s p99 beyond the round trip";
+  EXPECT_NEAR(target(summed(), latency)["value"].get<double>(), 0.009, 1e-9);
+  EXPECT_TRUE(target(summed(), latency)["met"].get<bool>());
+}
+
 TEST(Summary, WindowsAreTimedWhileTouchingGoesOn) {
   const json s = summary();
   EXPECT_EQ(s["windows"].get<int>(), 3);

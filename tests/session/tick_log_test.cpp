@@ -42,6 +42,28 @@ TEST_F(TickLogTest, SaysEveryStateOnceWithItsReason) {
   EXPECT_EQ(said_[1].rfind("W servo PAUSED: no answer", 0), 0u) << said_[1];
 }
 
+TEST_F(TickLogTest, SaysWhetherTheForceIsAContactLawsOnceASecondAtMost) {
+  enable();
+  tick_.by_law = true;
+  tick_.round_trip_s = 0.1;
+  run(100);
+  EXPECT_EQ(said_, Lines()) << "above the tissue";
+  tick_.force_n.y() = -0.1;
+  run(100);
+  for (int k = 0; k < 400; ++k) {
+    tick_.by_law = !tick_.by_law;
+    run(1);
+  }
+  ASSERT_EQ(said_.size(), 1u);
+  EXPECT_EQ(said_[0],
+            "I the force is a contact law's: that of where the finger is; the round trip is 100 ms");
+  tick_.by_law = false;
+  run(1000);
+  ASSERT_EQ(said_.size(), 2u);
+  EXPECT_EQ(said_[1],
+            "I no contact law here: the force is that of the newest answer; the round trip is 100 ms");
+}
+
 TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   enable();
   tick_.degraded = true;
