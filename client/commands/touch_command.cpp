@@ -309,9 +309,10 @@ void add_touch_command(CLI::App& app) {
   command.add_option("--profile", session.profile,
                      "of a simulated or replayed device: premium-1.5, premium-3.0, omni or touch");
   command
-      .add_option("--renderer", session.renderer,
-                  "law (the tissue's contact law, felt without the link's delay; where there is none as kalman), "
-                  "kalman, kalman-force, interpolate or hold")
+      .add_option(
+          "--renderer", session.renderer,
+          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman), "
+          "kalman, kalman-force, interpolate or hold")
       ->check(CLI::IsMember(touch_renderer_names()));
   command.add_option("--record", session.record_path,
                      "keep poses, answers and every servo tick in this file; without it nothing is kept");

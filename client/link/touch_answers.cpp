@@ -130,7 +130,8 @@ void TouchAnswers::say_how_far_away() {
   const bool far_away = round_trip_s > (far_away_ ? kNearS : kFarS);
   if (far_away && !far_away_)
     spdlog::warn(
-        "the round trip is {:.0f} ms: where there is no contact law (--renderer law) the force is that of where the "
+        "the round trip is {:.0f} ms: where there is no contact law (--renderer law) the force is that of "
+        "where the "
         "finger "
         "was then; move slowly",
         1e3 * round_trip_s);

@@ -30,8 +30,8 @@ struct TouchWishes {
 };
 
 struct FingerPose {
-  std::uint64_t sequence = 0;           // counts up
-  std::uint64_t acknowledged = 0;       // the newest answer that was received
+  std::uint64_t sequence = 0;      // counts up
+  std::uint64_t acknowledged = 0;  // the newest answer that was received
   Vector3 position_m{}, velocity_m_s{};
   std::size_t components = 3;  // of position_m, that were sent
   std::int64_t stamp_ns = 0;   // of its client's clock

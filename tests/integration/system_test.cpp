@@ -44,7 +44,8 @@ TEST(System, AnInclusionInRfIsFoundAndFeltAndTheReportSaysSo) {
     EXPECT_TRUE(std::filesystem::exists(folder / (std::string("out/") + file))) << file;
   const nlohmann::json summary = nlohmann::json::parse(std::ifstream(folder / "out/summary.json"));
   // Only how fast it was may be missed, on a machine that others use too; and the exit code says so.
-  const std::set<std::string> speeds = {"window_s p95", "touch_rate_hz", "touch_latency_s p99 beyond the round trip"};
+  const std::set<std::string> speeds = {"window_s p95", "touch_rate_hz",
+                                        "touch_latency_s p99 beyond the round trip"};
   bool missed = false;
   for (const nlohmann::json& target : summary["targets"]) {
     if (target["met"].get<bool>()) continue;
