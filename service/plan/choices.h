@@ -73,6 +73,8 @@ inline constexpr std::chrono::milliseconds kLawStep{10};
 // many bytes between two answers.
 inline constexpr double kLawReach = 0.060, kLawAhead = 0.1;
 inline constexpr std::size_t kLawPieceBytes = 300;
+// A new version's law is expected within this: so long the version before answers who feels a law.
+inline constexpr std::chrono::milliseconds kLawExpected{300};
 inline constexpr double kLawDepths[] = {3e-4, 9e-4, 2.7e-3, 8e-3};
 
 // Of an acquisition that does not state them: standard deviations of the force sensor and of the contact

@@ -37,7 +37,12 @@ void LawOutbox::look(const SceneSnapshot& snapshot, double x_m, const LawOf& law
       continue;
     Sent& sent = near[window->id];
     const auto known = windows_.find(window->id);
-    if (known != windows_.end() && known->second.version == window->version) sent = std::move(known->second);
+    if (known != windows_.end() && known->second.version == window->version) {
+      sent = std::move(known->second);
+    } else {
+      sent.since = Clock::now();
+      sent.follows = known != windows_.end() && (known->second.law || known->second.follows);
+    }
     sent.version = window->version;
     if (sent.law) continue;
     sent.law = law_of(*window);
@@ -61,6 +66,29 @@ std::optional<LawPiece> LawOutbox::next(const SceneSnapshot& snapshot, double x_
     }
   if (!std::isfinite(least_m)) return std::nullopt;
   return piece_of(window_id, windows_.at(window_id), nearest);
+}
+
+bool LawOutbox::expects_more(Clock::time_point now) const {
+  if (sent_ - acknowledged_ >= kMostUnacknowledged) return false;  // the acknowledgement wakes
+  return std::any_of(windows_.begin(), windows_.end(), [now](const auto& window) {
+    const Sent& sent = window.second;
+    return sent.law ? std::find(sent.columns.begin(), sent.columns.end(), false) != sent.columns.end()
+                    : now - sent.since < choices::kLawExpected;
+  });
+}
+
+bool LawOutbox::owes(const WindowModel& window, double x_m) const {
+  const auto known = windows_.find(window.id);
+  if (known == windows_.end()) return false;
+  const Sent& sent = known->second;
+  if (sent.version != window.version) return sent.law || sent.follows;  // it is looked at next
+  if (!sent.follows || !sent.law) return sent.follows;
+  const auto& columns = sent.law->columns;
+  const auto right = static_cast<std::size_t>(
+      std::upper_bound(columns.begin(), columns.end(), x_m,
+                       [](double x, const LawColumn& column) { return x < column.x_m; }) -
+      columns.begin());
+  return (right > 0 && !sent.columns[right - 1]) || (right < columns.size() && !sent.columns[right]);
 }
 
 // The nearest column, and as many unsent ones beside it as fit, on either side by turns.

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -22,12 +23,13 @@ struct LawPiece {
   std::uint64_t window_id = 0, version = 0;
   // Between these the version rules: whoever holds columns of an older one there drops them.
   double begin_m = 0, end_m = 0;
-  std::vector<LawColumn> columns;             // by x
+  std::vector<LawColumn> columns;  // by x
 };
 
 class LawOutbox {
  public:
-  static constexpr std::uint64_t kMostUnacknowledged = 4;
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::uint64_t kMostUnacknowledged = 8;
 
   // Null while a window's law is being sampled, or where it has none.
   using LawOf = std::function<std::shared_ptr<const ContactLaw>(const WindowModel&)>;
@@ -35,6 +37,11 @@ class LawOutbox {
   // The next piece for a finger at x that moves along it so fast; none where all is sent, or waits to be
   // acknowledged. One thread.
   std::optional<LawPiece> next(const SceneSnapshot&, double x_m, double velocity_m_s, const LawOf&);
+  // Whether there may soon be more to send.
+  bool expects_more(Clock::time_point now) const;
+  // Whether an older version's law was told of this window, and this one's, soon to be told, was not yet
+  // around x.
+  bool owes(const WindowModel&, double x_m) const;
   // By any thread. Throws std::invalid_argument for a piece that was not sent.
   void acknowledge(std::uint64_t pieces);
 
@@ -43,6 +50,8 @@ class LawOutbox {
     std::uint64_t version = 0;
     std::shared_ptr<const ContactLaw> law;
     std::vector<bool> columns;  // that were sent
+    Clock::time_point since{};  // this version is looked at
+    bool follows = false;       // an older one whose law was told
   };
   void look(const SceneSnapshot&, double x_m, const LawOf&);
   LawPiece piece_of(std::uint64_t window_id, Sent&, std::size_t nearest);

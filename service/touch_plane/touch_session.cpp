@@ -114,7 +114,7 @@ std::string TouchSession::outside(const Vector3& position_m) const {
   return "";
 }
 
-TouchAnswer TouchSession::solve(const Vector3& position_m) {
+TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_enter) {
   if (!all_finite(position_m))
     throw std::invalid_argument("pose.position_m: not finite; send numbers in metres");
   const double x_m = position_m[0];
@@ -132,7 +132,7 @@ TouchAnswer TouchSession::solve(const Vector3& position_m) {
   }
   answer.window_id = window->id;
   try {
-    if (!enter(window, *snapshot)) {
+    if (!enter(window, *snapshot, may_enter)) {
       answer.status = TouchStatus::kPreparing;
       answer.warning = fmt::format(
           "the touched layer, {:.4f} m deep, is being made ready in this window; hold the finger above",
@@ -173,12 +173,14 @@ void TouchSession::leave_window() {
 
 // False while the window's layer is being made ready. Until a newer model of the same window has it, the one
 // before answers.
-bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot) {
+bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot,
+                         const MayEnter& may_enter) {
   if (window == window_) return true;
   const TouchWork& work = scene_->touch_work();
   if (window_ && window_->id != window->id) leave_window();
   auto layer = window->model->layer(layer_, way_, work);
   if (!layer) return window_ != nullptr;
+  if (window_ && !may_enter(*window)) return true;
   window_ = window, touched_ = std::move(layer);
   if (way_.path == SolvePath::kPcg || !work) return true;
   for (const auto& next : snapshot.windows)  // where the finger may go from here

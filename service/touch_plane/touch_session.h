@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,13 +62,16 @@ class TouchSession {
   // Throws std::invalid_argument for a pose that is not finite. Everything else is an answer: NOT_COVERED
   // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a
   // warning.
-  TouchAnswer solve(const Vector3& position_m);
+  // Where a newer model of the window may not be entered yet, the one before answers.
+  using MayEnter = std::function<bool(const WindowModel&)>;
+  TouchAnswer solve(
+      const Vector3& position_m, const MayEnter& = [](const WindowModel&) { return true; });
   // Of one of the scene's windows, for this finger: null while it is being sampled, or where there is none.
   std::shared_ptr<const ContactLaw> law_of(const WindowModel&) const;
 
  private:
   std::string outside(const Vector3& position_m) const;
-  bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&);
+  bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const MayEnter&);
   void leave_window();
   bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);
   void look_ahead(const TouchPose&);

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 #include "service/limits/seconds.h"
+#include "service/plan/choices.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -13,6 +15,7 @@ namespace teletact::service {
 namespace {
 
 constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes it
+constexpr unsigned kMostPieces = 2;       // of laws, between two answers: they wait for no more
 
 std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
   if (wished > TouchStream::kMostCredit)
@@ -95,8 +98,11 @@ void TouchStream::hand_over(const std::string& session_id) {
 std::optional<TouchStream::Arrived> TouchStream::next(const std::function<bool()>& may_answer,
                                                       const std::function<bool()>& stopped) {
   inbox_.wait(due_, stopped);  // keep the period; poses that come meanwhile replace each other
+  const auto now = Clock::now();
+  const bool looks_soon = laws_ && pieces_ < kMostPieces && laws_->expects_more(now);
   auto pose = inbox_.take(
-      Clock::now() + kLook, [&] { return may_answer() && answered_ - acknowledged_ < credit_; }, stopped);
+      now + (looks_soon ? Clock::duration(choices::kLawStep) : kLook),
+      [&] { return may_answer() && answered_ - acknowledged_ < credit_; }, stopped);
   // A late pose is caught up with over one period, no more.
   if (pose) due_ = std::max(due_, Clock::now() - period_) + period_;
   return pose;
@@ -106,10 +112,14 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
   const auto begun = Clock::now();
   const std::shared_ptr<Device> device = device_;
   session_.use(device);
-  Answered answered{session_.solve(arrived.pose.position_m), 0, begun - arrived.at, {}, {}};
+  const auto may_enter = [&](const WindowModel& window) {
+    return this->may_enter(window, arrived.pose.position_m[0]);
+  };
+  Answered answered{session_.solve(arrived.pose.position_m, may_enter), 0, begun - arrived.at, {}, {}};
   answered.computing = Clock::now() - begun;
   if (!pressure_) answered.answer.contact.pressure.clear();
   finger_at_ = arrived.pose;
+  pieces_ = 0;
   if (answered.answer.device_failed) device_.failed(device, answered.answer.warning);
   answered.steering = steering();
   if (acknowledged_ == answered_) owed_ = Clock::now();
@@ -118,9 +128,20 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
 }
 
 std::optional<LawPiece> TouchStream::next_law() {
-  if (!laws_ || !finger_at_) return std::nullopt;
-  return laws_->next(*scene_->snapshot(), finger_at_->position_m[0], finger_at_->velocity_m_s[0],
-                     [this](const WindowModel& window) { return session_.law_of(window); });
+  if (!laws_ || !finger_at_ || pieces_ == kMostPieces) return std::nullopt;
+  auto piece = laws_->next(*scene_->snapshot(), finger_at_->position_m[0], finger_at_->velocity_m_s[0],
+                           [this](const WindowModel& window) { return session_.law_of(window); });
+  pieces_ += piece.has_value();
+  return piece;
+}
+
+// Whoever feels a law is answered from its version until the next one's is told: an answer of a version
+// without a law is felt a round trip late.
+bool TouchStream::may_enter(const WindowModel& window, double x_m) {
+  if (!laws_ || !laws_->owes(window, x_m)) return true;
+  const auto now = Clock::now();
+  if (std::exchange(awaited_, window.version) != window.version) awaited_since_ = now;
+  return now - awaited_since_ >= choices::kLawExpected;
 }
 
 void TouchStream::wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped) {

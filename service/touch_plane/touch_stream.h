@@ -81,7 +81,7 @@ class TouchStream {
   std::optional<Arrived> next(const std::function<bool()>& may_answer, const std::function<bool()>& stopped);
   Answered answer(const Arrived&);
   // What goes before the next answer: a piece of a law near the finger that was answered last, if there is
-  // one.
+  // one, and at most two of them.
   std::optional<LawPiece> next_law();
   // Waits until `may_write` or `stopped`.
   void wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped);
@@ -99,13 +99,18 @@ class TouchStream {
   Counts counts() const { return {poses_, replaced_, answered_}; }
 
  private:
+  bool may_enter(const WindowModel&, double x_m);
+
   const std::shared_ptr<Scene> scene_;
   const CurrentDevice& device_;
   const std::uint64_t credit_;
   const Clock::duration period_;
   const bool pressure_;
-  TouchSession session_;                                // of who answers
-  std::optional<LawOutbox> laws_;                       // where they are asked for
+  TouchSession session_;           // of who answers
+  std::optional<LawOutbox> laws_;  // where they are asked for
+  unsigned pieces_ = 0;            // of laws, since the last answer
+  std::uint64_t awaited_ = 0;      // version whose law is waited for
+  Clock::time_point awaited_since_{};
   std::optional<FingerPose> finger_at_;                 // that was answered last; of who answers
   const FingerBoard::Stream finger_;                    // this stream's at the scene's board
   std::atomic<Clock::time_point> heard_{Clock::now()};  // since when the next pose is waited for

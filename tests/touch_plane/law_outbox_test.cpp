@@ -90,8 +90,8 @@ TEST_F(Outbox, StopsWhereNothingIsAcknowledged) {
   EXPECT_TRUE(next(0.02));
   EXPECT_FALSE(next(0.02));
   EXPECT_THROW(outbox.acknowledge(0), std::invalid_argument);
-  EXPECT_THROW(outbox.acknowledge(6), std::invalid_argument);
-  outbox.acknowledge(5);
+  EXPECT_THROW(outbox.acknowledge(LawOutbox::kMostUnacknowledged + 2), std::invalid_argument);
+  outbox.acknowledge(LawOutbox::kMostUnacknowledged + 1);
 }
 
 TEST_F(Outbox, SendsANewVersionAgainAndNothingOfWindowsFarAway) {
@@ -107,6 +107,27 @@ TEST_F(Outbox, SendsANewVersionAgainAndNothingOfWindowsFarAway) {
   }
   EXPECT_EQ(columns, 13u);
   EXPECT_FALSE(next(5.0));
+}
+
+TEST_F(Outbox, OwesANewVersionUntilItsColumnsAboutTheFingerAreSent) {
+  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], 0.02))
+      << "nothing was told of it yet: no version is held for it";
+  while (next(0.02)) {
+  }
+  EXPECT_FALSE(outbox.expects_more(LawOutbox::Clock::now()));
+  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], 0.02));
+  auto newer = std::make_shared<WindowModel>(*snapshot.windows[0]);
+  newer->version = 20;
+  snapshot.windows[0] = newer;
+  EXPECT_TRUE(outbox.owes(*newer, 0.022)) << "not looked at yet";
+  const auto nothing = [](const WindowModel&) { return nullptr; };
+  EXPECT_FALSE(outbox.next(snapshot, 0.02, 0, nothing));
+  EXPECT_TRUE(outbox.owes(*newer, 0.022)) << "is being sampled";
+  EXPECT_TRUE(outbox.expects_more(LawOutbox::Clock::now()));
+  EXPECT_FALSE(outbox.expects_more(LawOutbox::Clock::now() + std::chrono::seconds(1)));
+  ASSERT_TRUE(next(0.022));
+  EXPECT_FALSE(outbox.owes(*newer, 0.022));
+  EXPECT_TRUE(outbox.owes(*newer, 0.052));
 }
 
 TEST_F(Outbox, WaitsForALawThatIsBeingSampled) {

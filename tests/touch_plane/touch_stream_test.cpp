@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "service/plan/choices.h"
 #include "service/scene/errors.h"
 #include "service/touch_plane/finger_watch.h"
 #include "tests/scene/windows.h"
@@ -57,6 +58,39 @@ TEST_F(Stream, AnswersTheNewestPoseOnceTheLastAnswerIsAcknowledged) {
   EXPECT_EQ(asked->pose.sequence, 3U);
   EXPECT_LT(stream.answer(*asked).answer.contact.force_n[1], first.answer.contact.force_n[1]);
   EXPECT_EQ(stream.counts().replaced, 1U);
+}
+
+// Who feels a law must not be told of a version that it has none of.
+TEST(StreamWithLaws, AnswersFromTheVersionBeforeUntilTheNewLawIsTold) {
+  const auto scene = std::make_shared<Scene>("s", tissue(0.06, 0.02), versions());
+  const auto publish = [&](double pa) {
+    const auto never = [] { return false; };
+    return scene->publish(window_of(homogeneous(pa), 0, 0.06, 0.02), never).version;
+  };
+  const std::uint64_t first = publish(1e4);
+  const CurrentDevice no_device{nullptr};
+  TouchStream stream(scene, {"hand", 8, 0, {}, true}, no_device);
+  std::uint64_t sequence = 0;
+  const auto answered_version = [&] {
+    stream.bring({++sequence, sequence - 1, {0.03, 0.002, 0}, {}});
+    const auto asked = stream.next([] { return true; }, [] { return false; });
+    return asked ? stream.answer(*asked).answer.model_version : 0;
+  };
+  EXPECT_EQ(answered_version(), first);
+  ASSERT_TRUE(stream.next_law());
+  ASSERT_TRUE(stream.next_law());
+  EXPECT_FALSE(stream.next_law()) << "two between answers";
+  const std::uint64_t second = publish(2e4);
+  EXPECT_EQ(answered_version(), first) << "nothing is told of the newer yet";
+  const auto piece = stream.next_law();
+  ASSERT_TRUE(piece);
+  EXPECT_EQ(piece->version, second);
+  EXPECT_EQ(answered_version(), second);
+  // A law that never comes is not waited for.
+  const std::uint64_t third = publish(3e4);
+  EXPECT_EQ(answered_version(), second);
+  std::this_thread::sleep_for(choices::kLawExpected);
+  EXPECT_EQ(answered_version(), third);
 }
 
 TEST_F(Stream, RefusesPosesOutOfOrderAndWishesThatCannotBeMet) {
