@@ -4,6 +4,17 @@
 #include <cmath>
 
 namespace teletact::client {
+namespace {
+
+// How fast a law fades in silence: 7 % in 10 ms (T5.8).
+constexpr double kLawFade1S = 1 / (kLawSilence.zero_s - kLawSilence.fade_s);
+constexpr double kLargestLedgerJ = 0.02;  // no more is saved up
+
+double passed_s(const ForceChainInput& input) {
+  return std::isfinite(input.dt_s) ? std::max(input.dt_s, 0.0) : 0;
+}
+
+}  // namespace
 
 ForceChain::ForceChain(const ForceChainOptions& options)
     : options_(options),
@@ -27,7 +38,7 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   const double settle_1_s = energy_j >= 0 ? options_.settle_1_s : 0;
   debt_gain_ =
       std::clamp(debt_gain_ + (energy_generated_ ? -options_.fade_1_s : settle_1_s) * dt_s, 0.0, 1.0);
-  const bool withholds = input.on && input.rendered.withheld > options_.withheld_share;
+  const bool withholds = input.on && std::max(input.rendered.withheld, gain_short_) > options_.withheld_share;
   withheld_s_ = withholds ? withheld_s_ + dt_s : 0;
   output.energy_generated = energy_generated_;
   output.withholds = withheld_s_ > options_.withheld_s;
@@ -40,28 +51,55 @@ void ForceChain::observe(const ForceChainInput& input) noexcept {
   const Vector3& position_m = input.pose.position_m;
   const bool contact = input.surface.depth_m(position_m) > 0;
   passivity_.observe(position_m, last_force_n_, contact ? share_ * input.rendered.stored_j : 0, contact,
-                     std::isfinite(input.dt_s) ? std::max(input.dt_s, 0.0) : 0);
+                     passed_s(input));
+}
+
+// Of silence, age and the ramp together. Where a law ends, in silence or because an older answer is all that
+// is left, they do not step to what that is trusted: they fall no faster than a law fades.
+void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m) noexcept {
+  const bool by_law = input.rendered.by_law;
+  const double last = gain_, last_silence = silence_gain_, way = kLawFade1S * passed_s(input);
+  const double silence = silence_gain(input.silence_s, silence_limits(input.period_s, by_law));
+  law_fades_ = by_law || law_fades_;
+  silence_gain_ = std::min(law_fades_ ? std::max(silence, last_silence - way) : silence,
+                           silence_gain(input.silence_s, kLawSilence));
+  const double wanted = silence_gain_ * age_gain_ * start_gain(input.enabled_s, options_.start_ramp_s);
+  gain_ = law_fades_ ? std::max(wanted, std::min(last - way, silence_gain_)) : wanted;
+  law_fades_ = by_law || (law_fades_ && (silence < last_silence || wanted < last));
+  const bool owed = gain_short_ > 0;
+  dissipated_j_ = owed ? 0 : passivity_.dissipated_j();
+  const double stored_j = input.rendered.stored_j;
+  const double most_j = options_.limits.largest_force_n * std::max(indentation_m, 0.0);
+  const double held_j = std::isfinite(stored_j) ? std::min(stored_j, most_j) : 0;
+  law_touched_ = held_j > 0 && (by_law || law_touched_);
+  if (!law_touched_) {
+    ledger_j_ = gain_short_ = 0;
+    return;
+  }
+  if (owed) ledger_j_ += passivity_.dissipated_j();
+  const double paid = last + ledger_j_ / held_j;
+  gain_short_ = paid < gain_ ? 1 - paid / gain_ : 0;
+  gain_ = std::min(gain_, by_law ? std::min(paid, last + way) : paid);
+  ledger_j_ = std::min(ledger_j_ - (gain_ - last) * held_j, kLargestLedgerJ);
 }
 
 // The force before slew: zero unless enabled, finite and in contact.
 Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, double dt_s,
                            ForceChainOutput& output) noexcept {
   const ForceLimits& limits = options_.limits;
-  // Silence, model age and the ramp scale the force and its ceiling alike, so that a force beyond the ceiling
-  // fades with it and the slew limit can follow.
-  const double gain = output.silence_gain * age_gain_ * start_gain(input.enabled_s, options_.start_ramp_s);
-  const double ceiling_n = gain * limits.largest_force_n;
-
   output.not_finite = !input.rendered.force_n.allFinite();
   if (output.not_finite || !input.on) return Vector3::Zero();
+  // The gain scales the force and its ceiling alike, so that a force beyond the ceiling fades with it and the
+  // slew limit can follow.
+  const double ceiling_n = gain_ * limits.largest_force_n;
   const Vector3 soft_n =
-      cap_stiffness(gain * input.rendered.force_n, indentation_m, limits.largest_stiffness_n_m);
+      cap_stiffness(gain_ * input.rendered.force_n, indentation_m, limits.largest_stiffness_n_m);
   const Vector3 model_n = cap_magnitude(soft_n, ceiling_n);
   const double rendered_n = input.rendered.force_n.stableNorm(), soft = soft_n.stableNorm();
   // Of 1/2 k d^2 a softer spring holds its share, and one that is cut off at F_max 2 s - s^2, s the share of
   // the force that is left.
   const double left = soft > 0 ? model_n.stableNorm() / soft : 1;
-  share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain) * left * (2 - left);
+  share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain_) * left * (2 - left);
   // A debt fades what is rendered, not the damping that pays it; and that never pulls a finger in.
   Vector3 force_n = debt_gain_ * model_n + passivity_.damping_force(input.pose.velocity_m_s, dt_s);
   const Vector3& normal = input.surface.normal;
@@ -116,8 +154,9 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
     indentation_m = depth_m;
     if (input.on) observe(input);
   }
-  output.silence_gain = silence_gain(input.silence_s, silence_limits(input.period_s, input.rendered.by_law));
   judge(input, dt_s, output);
+  settle_gain(input, indentation_m);
+  output.silence_gain = silence_gain_;
   Vector3 wanted_n = Vector3::Zero();
   if (!output.not_finite) wanted_n = wanted(input, indentation_m, dt_s, output);
   if (!wanted_n.allFinite()) output.not_finite = true;  // whatever the way: nothing but numbers goes out
@@ -127,7 +166,8 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
                               : cap_rise(wanted_n, last_force_n_, largest_rise_n(input, indentation_m, dt_s));
   if (fades) {
     passivity_.reset();
-    share_ = 0;
+    share_ = gain_ = gain_short_ = ledger_j_ = dissipated_j_ = 0;
+    law_touched_ = false;
   } else if (force_n.norm() < wanted_n.norm()) {
     share_ *= force_n.norm() / wanted_n.norm();
   }
@@ -138,6 +178,7 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   if (pose.position_m.allFinite()) last_position_m_ = pose.position_m;
   output.damping_n_s_m = passivity_.damping_n_s_m();
   output.energy_j = passivity_.energy_j();
+  output.ledger_j = ledger_j_;
   output.stored_j = passivity_.stored_j();
   return output;
 }

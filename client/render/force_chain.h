@@ -13,6 +13,8 @@
 //     quick press would come later, and nobody would have done its work;
 //   - falls as fast as the model does: no limit holds a force up;
 //   - fades by the slew limit after a fault, a pause or silence, and at least as fast as the finger lifts.
+// In a contact where a law is felt, what silence, age and the ramp have taken from it comes back no further
+// than their falls have earned, or than is paid for by what is dissipated: the ledger of potential_blend.h.
 // So what the display gives back in a lift is no more than what the model held and half a tick's K T/2.
 #pragma once
 
@@ -61,6 +63,7 @@ struct ForceChainOutput {
   double energy_j = 0;       // the passivity observer's
   double stored_j = 0;       // held by the model, as far as its force goes out
   double silence_gain = 1;
+  double ledger_j = 0;            // earned by gains that fell in this contact, and by dissipation; not spent
   bool degraded = false;          // model age or energy generated past its limit, or force withheld
   bool energy_generated = false;  // the second of them
   bool withholds = false;         // the third
@@ -75,8 +78,8 @@ class ForceChain {
   ForceChainOutput apply(const ForceChainInput& input) noexcept;
   // What the device last took, for the slew: the chain's own output unless the device was closed meanwhile.
   const Vector3& last_force_n() const noexcept { return last_force_n_; }
-  // Over the last step in contact, for the renderer's budget (passivity.h).
-  double dissipated_j() const noexcept { return passivity_.dissipated_j(); }
+  // Over the last step in contact, for the renderer's budget (passivity.h): what the gain does not need.
+  double dissipated_j() const noexcept { return dissipated_j_; }
 
  private:
   void observe(const ForceChainInput& input) noexcept;
@@ -86,12 +89,19 @@ class ForceChain {
   bool too_fast(const ForceChainInput& input) const noexcept;
   double largest_rise_n(const ForceChainInput& input, double indentation_m, double dt_s) const noexcept;
   void judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
+  void settle_gain(const ForceChainInput& input, double indentation_m) noexcept;
 
   ForceChainOptions options_;
   PassivityController passivity_;
   double age_gain_ = 1;   // falls with the age, recovers slowly: answers that come in bursts do not shake
   double debt_gain_ = 1;  // 1: no energy is owed
-  double share_ = 0;      // of what the rendered model holds, as far as its force goes out
+  double silence_gain_ = 0, gain_ = 0;  // at the last tick; the second: silence, age and ramp together
+  double ledger_j_ = 0;                 // of gain_
+  double gain_short_ = 0;               // share of it that waits to be paid for
+  double dissipated_j_ = 0;
+  bool law_fades_ = false;    // a law was felt since nothing faded last
+  bool law_touched_ = false;  // and in this contact
+  double share_ = 0;          // of what the rendered model holds, as far as its force goes out
   bool energy_generated_ = false;
   double withheld_s_ = 0;  // that much has been withheld for
   Vector3 last_force_n_ = Vector3::Zero();

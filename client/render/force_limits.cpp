@@ -15,15 +15,16 @@ double falling(double value, double full, double none) noexcept {
 
 }  // namespace
 
-SilenceLimits silence_limits(double negotiated_period_s, bool by_law) noexcept {
+SilenceLimits silence_limits(double expected_period_s, bool by_law) noexcept {
   constexpr double kShortestFadeS = 0.05;
   constexpr double kLongestZeroS = 0.5;
   // Silence is counted from an answer that left a little before the link broke, and the force is written on
   // the tick after: zero comes this much before the limit, so that it holds however it is counted.
   constexpr double kMarginS = 0.008;
-  if (by_law) return {.fade_s = 0.34, .zero_s = kLongestZeroS - kMarginS};
+  static_assert(kLawSilence.zero_s <= kLongestZeroS - kMarginS);
+  if (by_law) return kLawSilence;
   SilenceLimits limits;
-  const double period_s = std::isfinite(negotiated_period_s) ? negotiated_period_s : 0;
+  const double period_s = std::isfinite(expected_period_s) ? expected_period_s : 0;
   limits.fade_s = std::clamp(2 * period_s, kShortestFadeS, kLongestZeroS / 2);
   limits.zero_s = std::min(3 * limits.fade_s, kLongestZeroS) - kMarginS;
   return limits;
@@ -33,10 +34,10 @@ double silence_gain(double silence_s, const SilenceLimits& limits) noexcept {
   return falling(silence_s, limits.fade_s, limits.zero_s);
 }
 
-AgeLimits age_limits(double negotiated_period_s) noexcept {
+AgeLimits age_limits(double expected_period_s) noexcept {
   constexpr double kLateS = 0.2, kMarginS = 0.01, kLongestS = 0.4;
   AgeLimits limits;
-  const double period_s = std::isfinite(negotiated_period_s) ? negotiated_period_s : 0;
+  const double period_s = std::isfinite(expected_period_s) ? expected_period_s : 0;
   limits.degraded_s = std::clamp(kLateS + period_s + kMarginS, limits.degraded_s, kLongestS);
   return limits;
 }

@@ -19,13 +19,14 @@ struct ForceLimits {
 
 // When silence since the last answer starts to fade the force, and when it is zero: past max(50 ms, 2
 // periods), zero a few ms before three times that but at most 0.5 s. A period over 125 ms fades from 0.25 s
-// on. A link that brings fewer answers than negotiated has a longer period (link/arrival_intervals.h).
+// on. The period is the one expected: negotiated, or what the link has shown (link/arrival_intervals.h).
 struct SilenceLimits {
   double fade_s = 0.05;
   double zero_s = 0.142;
 };
 // A contact law stays true without answers: past 0.34 s, whatever the period.
-SilenceLimits silence_limits(double negotiated_period_s, bool by_law = false) noexcept;
+constexpr SilenceLimits kLawSilence{.fade_s = 0.34, .zero_s = 0.492};
+SilenceLimits silence_limits(double expected_period_s, bool by_law = false) noexcept;
 
 // 1 while fresh, falling linearly to 0 from fade_s to zero_s; 0 for NaN.
 double silence_gain(double silence_s, const SilenceLimits&) noexcept;
@@ -36,7 +37,7 @@ struct AgeLimits {
   double degraded_s = 0.25;
   double zero_s = 0.5;
 };
-AgeLimits age_limits(double negotiated_period_s) noexcept;
+AgeLimits age_limits(double expected_period_s) noexcept;
 
 // 1 up to degraded_s, falling linearly to 0 at zero_s; 0 for NaN.
 double age_gain(double model_age_s, const AgeLimits&) noexcept;

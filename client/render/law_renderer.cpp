@@ -1,6 +1,6 @@
 #include "client/render/law_renderer.h"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -22,8 +22,16 @@ LawValue LawRenderer::law_at(const Vector3& position_m) const noexcept {
   return evaluate(law_.used(), position_m.x(), position_m.y() - law_.layer_depth_m);
 }
 
+bool LawRenderer::wrong(std::uint64_t version) const noexcept {
+  return version != 0 && std::find(wrong_.begin(), wrong_.end(), version) != wrong_.end();
+}
+
+// Where the finger was at the last tick, along the surface.
+Vector2 LawRenderer::along_m() const noexcept {
+  return lateral(ContactFrame(surface_.normal).to_contact(position_m_));
+}
+
 bool LawRenderer::trusted(const LawValue& value) const noexcept {
-  const auto wrong = [this](std::uint64_t version) { return version != 0 && version == wrong_version_; };
   return value.covered && !value.beyond && !stale_ && !wrong(value.oldest) && !wrong(value.newest) &&
          surface_.normal == TouchedSurface{}.normal && surface_.offset_m == law_.layer_depth_m;
 }
@@ -37,7 +45,7 @@ void LawRenderer::judge_age() noexcept {
 
 // The soft minimum of U and the spring: Phi = (U^-p + S^-p)^(-1/p), so dPhi = (Phi / U)^(p + 1) dU + the same
 // of S.
-LawRenderer::Potential LawRenderer::softened(const LawValue& value, double d) const noexcept {
+Potential LawRenderer::softened(const LawValue& value, double d) const noexcept {
   if (!(d > 0) || !(value.energy_j > 0)) return {};
   const double stiffness = kBelow * options_.largest_stiffness_n_m, spring_j = stiffness * d * d / 2;
   const double least_j = std::min(value.energy_j, spring_j);
@@ -46,24 +54,24 @@ LawRenderer::Potential LawRenderer::softened(const LawValue& value, double d) co
   const double phi_j = least_j * std::pow(sum, -1 / kSharpness);
   const double of_law = std::pow(phi_j / value.energy_j, kSharpness + 1);
   const double of_spring = std::pow(phi_j / spring_j, kSharpness + 1);
-  return {{-of_law * value.by_x_n, -(of_law * value.by_d_n + of_spring * stiffness * d), 0}, phi_j};
+  return {{of_law * value.by_x_n, of_law * value.by_d_n + of_spring * stiffness * d, 0}, phi_j};
 }
 
 // Deeper than where the largest force is reached the energy goes on straight: as with a slider that slips
 // there.
-LawRenderer::Potential LawRenderer::potential(const LawValue& value, double x_m, double d) const noexcept {
+Potential LawRenderer::potential(const LawValue& value, double x_m, double d) const noexcept {
   const double most_n = kBelow * options_.largest_force_n;
   const Potential free = softened(value, d);
-  if (-free.force_n.y() <= most_n) return free;
+  if (free.resistance_n.y() <= most_n) return free;
   constexpr int kHalvings = 30;
   double below_m = 0, above_m = d;
   for (int k = 0; k < kHalvings; ++k) {
     const double middle_m = (below_m + above_m) / 2;
-    const bool slips = -softened(evaluate(law_.used(), x_m, middle_m), middle_m).force_n.y() > most_n;
+    const bool slips = softened(evaluate(law_.used(), x_m, middle_m), middle_m).resistance_n.y() > most_n;
     (slips ? above_m : below_m) = middle_m;
   }
   const Potential slips = softened(evaluate(law_.used(), x_m, below_m), below_m);
-  return {{slips.force_n.x(), -most_n, 0}, slips.energy_j + most_n * (d - below_m)};
+  return {{slips.resistance_n.x(), most_n, 0}, slips.energy_j + most_n * (d - below_m)};
 }
 
 // Where both columns are of the answer's version: across a border of versions neither is right or wrong
@@ -77,7 +85,8 @@ void LawRenderer::check(const ForceSample& sample) noexcept {
   const Vector3 off_n = Vector3(-value.by_x_n, -value.by_d_n, 0) - sample.force_n;
   contradictions_ = off_n.norm() > options_.contradicts * value.error_n ? contradictions_ + 1 : 0;
   if (contradictions_ < options_.contradictions_in_a_row) return;
-  wrong_version_ = sample.model_version;
+  std::shift_right(wrong_.begin(), wrong_.end(), 1);
+  wrong_.front() = sample.model_version;
   contradictions_ = 0;
   ++dropped_;
 }
@@ -92,66 +101,59 @@ bool LawRenderer::update(const ForceSample& sample, const ToolPose& pose, double
 }
 
 void LawRenderer::take_law(const NearLaw& law) noexcept {
-  const double d = surface_.depth_m(position_m_);
-  const auto stiffness = [&] {
-    return Vector3(-potential(law_at(position_m_), position_m_.x(), d).force_n / d);
-  };
-  const bool felt = by_law_ && d > 0;
-  const Vector3 before_n_m = felt ? stiffness() : Vector3(Vector3::Zero());
   law_ = law;
   if (law.count == 0) {  // another stream, perhaps another service
-    wrong_version_ = 0;
+    wrong_ = {};
     stale_ = false;
     answered_m_.setConstant(std::numeric_limits<double>::quiet_NaN());
   } else {
     judge_age();
   }
-  if (!felt || !trusted(law_at(position_m_))) return;
-  const Vector3 after_n_m = stiffness();
-  if (after_n_m != before_n_m) blend_.change(felt_n_m_, after_n_m);
+  const double d = surface_.depth_m(position_m_);
+  const LawValue value = law_at(position_m_);
+  if (!by_law_ || !(d > 0) || !trusted(value)) return;
+  const Potential now = potential(value, position_m_.x(), d);
+  if (now.resistance_n != model_.resistance_n || now.energy_j != model_.energy_j)
+    blend_.change(felt_, along_m(), d);
 }
 
 Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
   const double elapsed_s = time_s - std::exchange(rendered_s_, time_s);
   // What is dissipated pays once; a filter that is not felt follows its answers for nothing.
   if (by_law_) kalman_.take_all();
-  const bool pays_here = std::isfinite(dissipated_j) && (by_law_ || blend_.withheld() > 0);
+  const bool pays_here = std::isfinite(dissipated_j) && (by_law_ || !blend_.settled());
   Rendered rendered = kalman_.render(pose, time_s, pays_here ? 0 : dissipated_j);
   const double d = surface_.depth_m(pose.position_m);
-  position_m_ = pose.position_m;
   const LawValue value = law_at(pose.position_m);
   const bool by_law = trusted(value);
+  if (d > 0 && by_law != by_law_) blend_.change(felt_, along_m(), surface_.depth_m(position_m_));
+  position_m_ = pose.position_m;
+  by_law_ = rendered.by_law = by_law;
   if (!(d > 0)) {
     blend_.clear();
-    felt_n_m_.setZero();
-    by_law_ = by_law;
-    rendered.by_law = by_law;
+    model_ = felt_ = {};
     return rendered;
   }
-  const Potential law = by_law ? potential(value, pose.position_m.x(), d) : Potential{};
-  const Vector3 model_n_m =
-      by_law ? Vector3(-law.force_n / d) : ContactFrame(surface_.normal).to_contact(-rendered.force_n) / d;
-  if (by_law != by_law_) blend_.change(felt_n_m_, model_n_m);
-  by_law_ = by_law;
-  blend_.settle(model_n_m, d, elapsed_s, dissipated_j);
-  felt_n_m_ = blend_.felt(model_n_m);
-  rendered.by_law = by_law;
-  if (!by_law && blend_.withheld() == 0 && blend_.offset_n_m().isZero(0)) return rendered;
-  const Vector3 missing = (felt_n_m_ - model_n_m).cwiseAbs2();
+  const ContactFrame frame(surface_.normal);
+  model_ = by_law ? potential(value, pose.position_m.x(), d)
+                  : Potential{frame.to_contact(-rendered.force_n), rendered.stored_j};
+  felt_ = blend_.settle(model_, along_m(), d, elapsed_s, dissipated_j);
+  rendered.ledger_j = blend_.balance_j();
+  if (!by_law && blend_.settled()) return rendered;
   if (by_law) {
     const double off_n_m = value.error_n / d;
     rendered.variance = off_n_m * off_n_m;
     rendered.lateral_variance.setConstant(rendered.variance);
-    rendered.stored_j = law.energy_j;
     rendered.withheld = 0;
   }
+  const Vector3 felt_n_m = felt_.resistance_n / d;
+  const Vector3 missing = (felt_n_m - model_.resistance_n / d).cwiseAbs2();
   rendered.variance += missing.y();
   rendered.lateral_variance += lateral(missing);
-  rendered.force_n = ContactFrame(surface_.normal).to_scene(-d * felt_n_m_);
-  rendered.stiffness_n_m = felt_n_m_.y();
-  rendered.lateral_stiffness_n_m = lateral(felt_n_m_);
-  rendered.stored_j =
-      std::max((1 - blend_.withheld()) * rendered.stored_j + blend_.offset_n_m().y() * d * d / 2, 0.0);
+  rendered.force_n = frame.to_scene(-felt_.resistance_n);
+  rendered.stiffness_n_m = felt_n_m.y();
+  rendered.lateral_stiffness_n_m = lateral(felt_n_m);
+  rendered.stored_j = felt_.energy_j;
   rendered.withheld = std::max(rendered.withheld, blend_.withheld());
   return rendered;
 }

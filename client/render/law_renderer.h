@@ -5,14 +5,17 @@
 //
 // Answers of the version that is rendered only check it. Where there is no law, where answers are of a newer
 // version, or where the law was found wrong, the Kalman filter's model is felt, as without laws. From one to
-// the other what is felt changes no faster, and no harder, than a model update may (paid_blend.h).
+// the other, and from a law to a newer one, what is felt changes no faster than by 7 % in 10 ms, and no
+// harder than is paid for (potential_blend.h).
 #pragma once
 
+#include <array>
 #include <limits>
 
 #include "client/render/force_limits.h"
 #include "client/render/kalman_renderer.h"
 #include "client/render/near_law.h"
+#include "client/render/potential_blend.h"
 
 namespace teletact::client {
 
@@ -30,7 +33,9 @@ struct LawRendererOptions {
 class LawRenderer final : public Renderer {
  public:
   explicit LawRenderer(const LawRendererOptions& options = {})
-      : options_(options), kalman_(options.kalman), blend_(options.kalman.blend) {}
+      : options_(options),
+        kalman_(options.kalman),
+        blend_({.servo_period_s = options.kalman.blend.servo_period_s}) {}
   void reset() noexcept override;
   bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   void take_law(const NearLaw& law) noexcept override;
@@ -40,33 +45,31 @@ class LawRenderer final : public Renderer {
   std::uint64_t dropped() const noexcept { return dropped_; }  // laws found wrong
 
  private:
-  // Of Phi at one place: the force on the finger, scene coordinates, and what it holds.
-  struct Potential {
-    Vector3 force_n = Vector3::Zero();
-    double energy_j = 0;
-  };
   LawValue law_at(const Vector3& position_m) const noexcept;
   bool trusted(const LawValue&) const noexcept;
   Potential softened(const LawValue&, double indentation_m) const noexcept;
   Potential potential(const LawValue&, double x_m, double indentation_m) const noexcept;
+  Vector2 along_m() const noexcept;
+  bool wrong(std::uint64_t version) const noexcept;
   void judge_age() noexcept;
   void check(const ForceSample&) noexcept;
 
   LawRendererOptions options_;
   KalmanRenderer kalman_;
-  PaidBlend blend_;
+  PotentialBlend blend_;
   NearLaw law_;
   // Where the newest answer was computed, and with which version (0: none); nowhere on a new stream.
   Vector3 answered_m_ = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
   std::uint64_t answered_version_ = 0;
-  bool stale_ = false;               // the law is of an older one there
-  std::uint64_t wrong_version_ = 0;  // found wrong: not rendered; 0: none
+  bool stale_ = false;  // the law is of an older one there
+  // Found wrong on this stream: not rendered. The newest of them; 0: none.
+  std::array<std::uint64_t, 8> wrong_{};
   TouchedSurface surface_;
   int contradictions_ = 0;  // in a row, of this version:
   std::uint64_t contradicted_ = 0;
   std::uint64_t dropped_ = 0;
   bool by_law_ = false;                   // the last tick was
-  Vector3 felt_n_m_ = Vector3::Zero();    // at it: resistance over indentation
+  Potential model_, felt_;                // at it; in the air: nothing
   Vector3 position_m_ = Vector3::Zero();  // of it
   double rendered_s_ = 0;
 };

@@ -48,6 +48,7 @@ struct Rendered {
   double stored_j = 0;
   double gain = 0;      // of the last update: how much of the innovation was believed, 0 .. 1
   double withheld = 0;  // share of the model's stiffness that waits to be paid for, 0 .. 1
+  double ledger_j = 0;  // earned in this contact and not spent, by who keeps a ledger (potential_blend.h)
   bool by_law = false;  // a contact law is felt, or would be were the finger in contact
 };
 

@@ -1,5 +1,6 @@
 #include "client/servo/servo_loop.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "client/clock/clock.h"
@@ -109,8 +110,9 @@ ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t no
   input.on = states_.state() == ServoState::kEnabled;
   input.enabled_s = seconds(now_ns - states_.since_ns());
   input.silence_s = silence_s_;
-  // A law is as old as what says that it still holds: the newest answer with a force.
-  input.model_age_s = by_law_ ? seconds(now_ns) - law_holds_s_ : model_age_s_;
+  // A law is as old as what says that it still holds, an answer with a force, was when the newest came: that
+  // none comes is silence.
+  input.model_age_s = by_law_ ? seconds(answer_.received_ns) - law_holds_s_ : model_age_s_;
   input.period_s = answer_.period_s;
   input.dt_s = last_ns_ == 0 ? options_.period_s : seconds(now_ns - last_ns_);
   return input;
@@ -156,6 +158,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.device_ok = device_ok;
   tick.held_at_border = reading_.held_at_border;
+  tick.ledger_j = std::min(rendered.ledger_j, limited.ledger_j);
   tick.withheld = rendered.withheld;
   tick.withholds = limited.withholds && !limited.fades;
   tick.degraded = limited.degraded;

@@ -36,7 +36,7 @@ TEST(ForceLimits, SilenceFadesFromFiftyToHundredFiftyMilliseconds) {
   EXPECT_EQ(silence_gain(kNaN, limits), 0);
 }
 
-TEST(ForceLimits, SilenceScalesWithTheNegotiatedPeriodUpToHalfASecond) {
+TEST(ForceLimits, SilenceScalesWithTheExpectedPeriodUpToHalfASecond) {
   EXPECT_DOUBLE_EQ(silence_limits(0.1).fade_s, 0.2);
   EXPECT_NEAR(silence_limits(0.1).zero_s, 0.5, 0.01);
   EXPECT_LT(silence_limits(2).zero_s, 0.5);

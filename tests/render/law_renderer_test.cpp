@@ -190,6 +190,29 @@ TEST(LawRenderer, ALawThatAnswersContradictIsDroppedAfterFourInARow) {
   EXPECT_TRUE(law.tick(0.03, 0.002).by_law);
 }
 
+// Windows of versions of their own, each found wrong in its turn: none of them is rendered again.
+TEST(LawRenderer, LawsOfSeveralWindowsThatWereFoundWrongStayDropped) {
+  Rendering law;
+  NearLaw windows = law_of(3, 4);
+  for (std::size_t i = 14; i < 17; ++i) windows.columns[i].version = 6;
+  for (std::size_t i = 17; i < windows.count; ++i) windows.columns[i].version = 5;
+  law.renderer.take_law(windows);
+  const struct {
+    double x_m;
+    std::uint64_t version;
+  } places[] = {{0.025, 4}, {0.031, 6}, {0.035, 5}};
+  for (const auto& place : places) {
+    law.answer(place.x_m, 0.002, 3, place.version);
+    EXPECT_TRUE(law.tick(place.x_m, 0.002).by_law) << place.version;
+    for (int k = 0; k < 4; ++k) law.answer(place.x_m, 0.002, 20, place.version);
+  }
+  EXPECT_EQ(law.renderer.dropped(), 3u);
+  for (const auto& place : places) {
+    law.answer(place.x_m, 0.002, 3, place.version);
+    EXPECT_FALSE(law.tick(place.x_m, 0.002).by_law) << place.version;
+  }
+}
+
 TEST(LawRenderer, AnOlderLawThanTheAnswersIsNotRendered) {
   Rendering law;
   law.renderer.take_law(law_of(3, 4));

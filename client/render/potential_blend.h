@@ -1,0 +1,57 @@
+// From what is felt to what another model says, as a mixture of potentials, Phi = (1 - a) Phi_0 + a Phi_1: at
+// any a it is conservative itself. a rises so slowly that at a fixed pose a tenth of a second passes from one
+// to the other, and its energy is kept a ledger of (T7.4): at a fixed pose Phi that falls earns, what was
+// dissipated earns, Phi that rises spends, and what is not there is not spent. Out of contact all is free.
+//
+// Phi_0 is what was felt when the model changed, carried on from that place: e (d / d_0)^p exp(tanh(q . (u -
+// u_0))), whose energy and force there are those that were felt. So whatever is changed from, a mixture too,
+// is a few numbers, and nothing steps: neither the force nor the energy.
+#pragma once
+
+#include "client/render/contact_frame.h"
+
+namespace teletact::client {
+
+// At one place, in the contact's axes (contact_frame.h).
+struct Potential {
+  Vector3 resistance_n = Vector3::Zero();  // its gradient: the force on the finger, its sign turned
+  double energy_j = 0;
+};
+
+struct PotentialBlendOptions {
+  double servo_period_s = 0.001;
+  double largest_jump = 0.006;      // of the force, per servo period: less than 7 % in 10 ms (T5.8), and
+  double unfelt_jump_n = 0.0002;    // so much, so that it does not take for ever from nothing
+  double largest_balance_j = 0.02;  // no more is saved up
+};
+
+class PotentialBlend {
+ public:
+  explicit PotentialBlend(const PotentialBlendOptions& options = {}) : options_(options) {}
+
+  // Another model from now on: `felt` is what was felt last, at this place.
+  void change(const Potential& felt, const Vector2& along_m, double indentation_m) noexcept;
+  // What is felt there, `elapsed_s` further towards the model; `dissipated_j`: since the last call, infinite
+  // where everything is paid for. Indentation > 0.
+  Potential settle(const Potential& model, const Vector2& along_m, double indentation_m, double elapsed_s,
+                   double dissipated_j) noexcept;
+  // At the surface, whoever comes anew feels the model as it is.
+  void clear() noexcept;
+
+  bool settled() const noexcept { return share_ >= 1; }
+  double balance_j() const noexcept { return balance_j_; }  // earned in this contact and not spent
+  // Of the model's resistance along the push, where it holds more energy than what was felt before; 0 .. 1.
+  double withheld() const noexcept { return withheld_; }
+
+ private:
+  Potential before(const Vector2& along_m, double indentation_m) const noexcept;
+
+  PotentialBlendOptions options_;
+  double share_ = 1;  // a
+  // Phi_0.
+  double energy_j_ = 0, power_ = 0, indentation_m_ = 0;
+  Vector2 along_m_ = Vector2::Zero(), slope_1_m_ = Vector2::Zero();  // u_0, q
+  double balance_j_ = 0, withheld_ = 0;
+};
+
+}  // namespace teletact::client
