@@ -1,13 +1,13 @@
 #include "bench/fuzz/fuzz.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <optional>
-#include <random>
 
+#include "bench/fuzz/laws.h"
+#include "bench/fuzz/source.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/tissue.h"
 #include "client/link/servo_messages.h"
@@ -20,36 +20,7 @@ using client::Vector3;
 
 constexpr std::size_t kSessionTicks = 4000;
 constexpr double kSurfaceM = 0;
-
-class Source {
- public:
-  explicit Source(std::uint64_t seed) : random_(seed) {}
-  std::uint64_t one_of(std::uint64_t count) { return random_() % count; }
-  bool happens(double probability) { return (distribution_(random_) + 1) / 2 < probability; }
-  double between(double low, double high) { return low + (high - low) * (distribution_(random_) + 1) / 2; }
-  // As likely in every decade.
-  double logarithmic(double low, double high) { return low * std::pow(high / low, between(0, 1)); }
-  double wild() {
-    switch (one_of(9)) {
-      case 8:
-        return std::numeric_limits<double>::max() * (one_of(2) == 0 ? 1 : -1);
-      case 0:
-        return std::numeric_limits<double>::quiet_NaN();
-      case 1:
-        return std::numeric_limits<double>::infinity() * between(-1, 1);
-      case 2:
-        return 1e300 * between(-1, 1);
-      case 3:
-        return 0;
-      default:
-        return std::pow(10, between(-4, 4)) * between(-1, 1);
-    }
-  }
-
- private:
-  std::mt19937_64 random_;
-  std::uniform_real_distribution<double> distribution_{-1, 1};
-};
+constexpr double kHandOver = 0.01;  // of the answers: another window, under the finger
 
 // A finger that presses, slides, along and across, and lifts.
 class Finger {
@@ -116,9 +87,10 @@ void set_force(const client::ForceSample& sample, Message* out) {
 }
 
 v1::TouchAnswer honest_answer(const StabilityTissue& tissue, const Vector3& position_m, double pose_time_s,
-                              std::uint64_t sequence) {
+                              std::uint64_t sequence, std::uint64_t version) {
   v1::TouchAnswer answer;
   answer.set_sequence(sequence);
+  answer.set_model_version(version);
   answer.mutable_pose_stamp()->set_monotonic_ns(std::llround(1e9 * pose_time_s));
   answer.set_status(v1::TOUCH_STATUS_OK);
   set_vector(position_m, answer.mutable_position_m());
@@ -151,9 +123,11 @@ void spoil_numbers(Source& source, google::protobuf::RepeatedField<double>* valu
 
 // One thing wrong with it.
 void spoil(Source& source, v1::TouchAnswer& answer) {
-  switch (source.one_of(7)) {
+  switch (source.one_of(8)) {
     case 0:
       return spoil_numbers(source, answer.mutable_position_m());
+    case 6:
+      return answer.set_model_version(source.one_of(20));
     case 5: {
       v1::ForeseenTouch& foreseen = *answer.mutable_foreseen();  // in contact too, where none belongs
       return spoil_numbers(source, source.happens(0.3)   ? foreseen.mutable_position_m()
@@ -216,11 +190,12 @@ class Session {
         finger_(source),
         tissue_(some_tissue(source)),
         device_(source),
-        renderer_(client::make_renderer(renderer, kServoS)),
+        renderer_(client::make_renderer(renderer, kServoS, device_.profile().limits())),
         period_s_(source.logarithmic(0.001, 0.05)),
         late_s_(source.happens(0.7) ? source.between(0, 0.02) : source.between(0, 0.3)),
         hostile_answers_(source.one_of(4) == 0 ? 0 : source.logarithmic(0.01, 0.7)),
-        hostile_readings_(source.one_of(3) == 0 ? 0 : source.logarithmic(1e-4, 1e-3)) {
+        hostile_readings_(source.one_of(3) == 0 ? 0 : source.logarithmic(1e-4, 1e-3)),
+        laws_(source, source.one_of(4) == 0 ? 0 : source.logarithmic(0.01, 0.7)) {
     client::ServoOptions options;
     options.chain.limits = device_.profile().limits();
     limits_ = options.chain.limits;
@@ -234,6 +209,9 @@ class Session {
     clock_.time_ns += late ? std::llround(source_.between(0, 0.1) * 1e9) : kServoNs;
     read(shares);
     answer(shares);
+    if (shares.renderer == "law")
+      if (const auto law = laws_.next(tissue_, version_, device_.next.pose.position_m.x(), shares))
+        loop_->laws().put(*law);
     if (source_.happens(1e-4)) loop_->request_pause();
     loop_->tick(clock_.time_ns);
     const client::ServoState before = tick_.state;
@@ -262,14 +240,15 @@ class Session {
     if (source_.happens(2e-4)) next_s_ = now_s() + source_.between(0, 1.5);  // the link is gone
     if (now_s() < next_s_) return;
     next_s_ = now_s() + period_s_ * source_.between(0.5, 1.5);
-    if (source_.happens(0.01)) tissue_ = some_tissue(source_);  // handed over to another window
+    if (source_.happens(kHandOver)) tissue_ = some_tissue(source_), ++version_;
     const double pose_s = std::max(now_s() - late_s_ - kServoS, kStartS);
     v1::TouchAnswer answer =
-        honest_answer(tissue_, finger_.at(pose_s - kStartS).position_m, pose_s, sequence_ += 20);
+        honest_answer(tissue_, finger_.at(pose_s - kStartS).position_m, pose_s, sequence_ += 20, version_);
     if (source_.happens(hostile_answers_)) {
       spoil(source_, answer);
       ++shares.hostile_answers;
     }
+    ++shares.answers;
     // What the stream was opened with may be as hostile.
     const auto surface = client::surface_from(some_layer());
     const double period_s = source_.happens(1e-3) ? source_.wild() : period_s_;
@@ -309,13 +288,16 @@ class Session {
     if (!enabled && grows) ++result.grown;
     if (silent && force_n.norm() > 0) ++result.in_silence;
     ++shares.cases;
+    shares.by_law += tick_.by_law && force_n.norm() > 0;
+    if (!(tick_.ledger_j >= -kRounding)) ++result.overdrawn;
     shares.fading += !enabled && force_n.norm() > 0;
     shares.silent += silent;
     shares.non_zero += force_n.norm() > 0;
     shares.after_no_number += no_number_;
     shares.non_zero_after += no_number_ && force_n.norm() > 0;
     shares.slew_limited += dt_s > 0 && grows && step_n >= most_n * (1 - 1e-9);
-    shares.at_largest += force_n.norm() >= limits_.largest_force_n * (1 - 1e-9);
+    // A law's potential goes on straight a little below.
+    shares.at_largest += force_n.norm() >= limits_.largest_force_n * (tick_.by_law ? 0.93 : 1 - 1e-9);
     last_n_ = force_n;
     last_m_ = tick_.pose.position_m;
   }
@@ -331,7 +313,9 @@ class Session {
   client::ForceLimits limits_;
   double longest_dt_s_ = 0;
   double period_s_, late_s_, hostile_answers_, hostile_readings_;
+  FuzzLaws laws_;
   double next_s_ = 0;
+  std::uint64_t version_ = 1;
   std::uint64_t sequence_ = 100, ticks_ = 0;
   std::uint64_t burst_ = 0;  // ticks that are hostile still
   bool no_number_ = false;
@@ -345,7 +329,8 @@ class Session {
 FuzzResult fuzz_forces(std::size_t cases, std::uint64_t seed) {
   Source source(seed);
   FuzzResult result;
-  for (const std::string& name : client::renderer_names()) result.renderers.push_back({.renderer = name});
+  for (const std::string& name : client::touch_renderer_names())
+    result.renderers.push_back({.renderer = name});
   for (std::size_t number = 0; result.cases < cases; ++number) {
     FuzzShares& shares = result.renderers[number % result.renderers.size()];
     Session session(source, shares.renderer);

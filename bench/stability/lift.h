@@ -12,7 +12,11 @@ namespace teletact::bench {
 // That anybody presses; on the flank of an inclusion, where the force sideways grows with the square of it.
 inline constexpr double kDeepestM = 0.025, kDeepestOnFlankM = 0.01;
 
-enum class LiftMotion { kLift, kTap };  // pressed, held and lifted, twice; tapped at 3 Hz for a second
+// Pressed, held and lifted, twice; tapped at 3 Hz for a second; or, pressed on the middle of an inclusion,
+// slid off it at up to 120 mm/s while it is held.
+enum class LiftMotion { kLift, kTap, kSlide };
+// By law: told from the beginning; or another one each 0.3 s, harder and softer by a third in turn, or none.
+enum class LawTold { kOne, kChanging, kComingAndGoing };
 
 struct LiftOptions {
   std::string renderer = "kalman";
@@ -21,6 +25,8 @@ struct LiftOptions {
   Scene scene = Scene::kHomogeneous;
   double stiffness_n_m = 500;  // largest of the scene
   double update_s = 0.002, model_delay_s = 0.003;
+  double stall_s = 0;  // see RigOptions
+  LawTold law = LawTold::kOne;
   LiftMotion motion = LiftMotion::kLift;
   double lift_m_s = 0.5;
   // The finger goes exactly where it is meant to; or a hand (T5.7) pulls it after it.
@@ -36,6 +42,10 @@ struct LiftResult {
   // of a step of the resolution. Where the renderer has no model the answer's age and period come to that
   // T/2.
   double given_j = 0, over_allowed = 0;
+  // The same where what the device states to dissipate, or of one that states nothing a hand's least, 2 N
+  // s/m, comes to what is put in: a harder model is paid for with it (T5.4b).
+  double over_paid = 0;
+  double least_ledger_j = 0;  // least that the ledgers had left
   double degraded_share = 0;  // of the ticks while ENABLED
   double damping_share = 0;   // of them: the passivity controller at work
   double enabled_share = 0;   // of the ticks after the start

@@ -6,13 +6,14 @@
 
 namespace teletact::bench {
 
-HandPath::HandPath(const TrialOptions& options, double background_n_m) : sweep_m_(options.sweep_m) {
+HandPath::HandPath(const TrialOptions& options, double background_n_m)
+    : hover_s_(kHoverS + options.model_delay_s), sweep_m_(options.sweep_m) {
   const double resisted = 1 + background_n_m / options.hand.stiffness_n_m;
   depth_m_ = options.indentation_m * resisted;
   // Into the tissue the finger itself moves at kApproachMS: the target goes as much faster as the resistance
   // takes, but not so fast that the hand pulls by its damper instead of its stiffness.
   const HandProfile& hand = options.hand;
-  touched_s_ = kHoverS + kHoverM / kApproachMS;
+  touched_s_ = hover_s_ + kHoverM / kApproachMS;
   pressed_s_ = touched_s_ + std::max(options.indentation_m / kApproachMS,
                                      hand.damping_n_s_m / (kByDamper * hand.stiffness_n_m));
   begun_s_ = pressed_s_ + kPressedS;
@@ -20,7 +21,8 @@ HandPath::HandPath(const TrialOptions& options, double background_n_m) : sweep_m
 }
 
 double HandPath::depth(double time_s) const {
-  return -kHoverM + std::clamp((time_s - kHoverS) / (pressed_s_ - kHoverS), 0.0, 1.0) * (kHoverM + depth_m_);
+  return -kHoverM +
+         std::clamp((time_s - hover_s_) / (pressed_s_ - hover_s_), 0.0, 1.0) * (kHoverM + depth_m_);
 }
 
 double HandPath::along(double time_s) const {

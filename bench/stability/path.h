@@ -9,7 +9,7 @@ namespace teletact::bench {
 
 class HandPath {
  public:
-  static constexpr double kHoverS = 0.6;  // the start-up ramp is over
+  static constexpr double kHoverS = 0.6;  // at least
   static constexpr double kBeginM = 0.01;
   HandPath(const TrialOptions& options, double background_n_m);
 
@@ -25,6 +25,7 @@ class HandPath {
   double depth(double time_s) const;
   double along(double time_s) const;
 
+  double hover_s_;  // until answers come, and the start-up ramp is over
   double depth_m_;  // of the target: what the tissue's resistance takes is added
   double sweep_m_;
   double touched_s_, pressed_s_, begun_s_, stopped_s_;

@@ -47,7 +47,7 @@ class Controller::Device final : public client::HapticDevice {
 
 Controller::Controller(const RigOptions& options)
     : options_(options),
-      renderer_(client::make_renderer(options.renderer, kServoS)),
+      renderer_(client::make_renderer(options.renderer, kServoS, options.profile.limits())),
       device_(std::make_unique<Device>(options.profile)) {
   if (!options.safe) return;
   client::ServoOptions servo;
@@ -79,21 +79,33 @@ Vector3 Controller::tick(const ToolPose& pose, const ForceSample* answer, double
   return device_->force_n;
 }
 
+void Controller::take_law(const client::NearLaw& law) noexcept {
+  if (options_.safe) {
+    loop_->laws().put(law);
+  } else {
+    renderer_->take_law(law);
+  }
+}
+
 Answers::Answers(const StabilityTissue& tissue, const RigOptions& options)
-    : tissue_(tissue),
+    : tissue_(&tissue),
       every_(std::max<std::size_t>(static_cast<std::size_t>(std::lround(options.update_s / kServoS)), 1)),
       late_(static_cast<std::size_t>(std::lround(options.model_delay_s / kServoS))),
+      stall_(static_cast<std::size_t>(std::lround(options.stall_s / kServoS))),
       foreseen_(options.foreseen) {}
 
 const ForceSample* Answers::at(std::size_t tick, const ToolPose& pose) {
   if (tick % every_ == 0) {
     ForceSample& sample = waiting_[asked_ % waiting_.size()];
-    sample = foreseen_ ? tissue_.told(pose.position_m) : tissue_.answer(pose.position_m);
+    sample = foreseen_ ? tissue_->told(pose.position_m) : tissue_->answer(pose.position_m);
     sample.sequence = ++asked_;
+    sample.model_version = version_;
     sample.pose_time_s = kServoS * static_cast<double>(tick);
   }
   if (tick < late_ || (tick - late_) % every_ != 0) return nullptr;
-  return &(newest_ = waiting_[given_++ % waiting_.size()]);
+  newest_ = waiting_[given_++ % waiting_.size()];
+  constexpr std::size_t kStalled = 10, kOnes = 5;  // in the sixth of ten
+  return stall_ > 0 && tick / stall_ % kStalled == kOnes ? nullptr : &newest_;
 }
 
 }  // namespace teletact::bench

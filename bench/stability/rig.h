@@ -24,6 +24,7 @@ struct RigOptions {
   double model_delay_s = 0;  // from a pose to its answer
   bool foreseen = true;      // answers out of contact tell what waits below the finger
   double asks_until_s = 0;   // the button is pressed and released so long
+  double stall_s = 0;        // nothing arrives for so long, every ten times that
   bool safe = true;          // through the servo loop with its whole safety chain
 };
 
@@ -45,6 +46,8 @@ class Controller {
   ~Controller();
   // The force on the finger from now on; `answer`, if not null, has just come in.
   Vector3 tick(const client::ToolPose& pose, const client::ForceSample* answer, double time_s) noexcept;
+  // Arrives at the next tick.
+  void take_law(const client::NearLaw& law) noexcept;
   const client::ServoTick& last() const noexcept { return last_; }
 
  private:
@@ -65,10 +68,13 @@ class Answers {
   // The answer that arrives at this tick, if one does.
   const client::ForceSample* at(std::size_t tick, const client::ToolPose& pose);
   const client::ForceSample& newest() const { return newest_; }
+  // Poses are answered with it from now on.
+  void is(const StabilityTissue& tissue, std::uint64_t version) { tissue_ = &tissue, version_ = version; }
 
  private:
-  const StabilityTissue& tissue_;
-  std::size_t every_, late_;
+  const StabilityTissue* tissue_;
+  std::uint64_t version_ = 1;
+  std::size_t every_, late_, stall_;
   bool foreseen_;
   std::array<client::ForceSample, kLongestDelayTicks> waiting_;
   std::size_t asked_ = 0, given_ = 0;

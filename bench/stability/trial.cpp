@@ -23,7 +23,7 @@ RigOptions rig_of(const TrialOptions& options) {
   client::DeviceProfile profile = options.device;
   profile.damping_n_s_m = options.damping_known ? options.damping_n_s_m : 0;
   return {options.renderer, profile,           options.update_s, options.model_delay_s,
-          options.foreseen, HandPath::kHoverS, options.safe};
+          options.foreseen, HandPath::kHoverS, options.stall_s,  options.safe};
 }
 
 // Squares of the force error of what was written and of two exact models of the same age.
@@ -56,6 +56,65 @@ class Drawdown {
 
  private:
   double highest_j_ = 0, worst_j_ = 0, stored_j_ = 0;
+};
+
+// What a law's renderer is to display (T7.3), of the exact energy; below the display's largest force.
+struct Displayed {
+  double energy_j = 0;
+  Vector3 force_n = Vector3::Zero();
+};
+Displayed displayed(const StabilityTissue& tissue, double largest_n_m, const Vector3& position_m) {
+  constexpr double kSharp = 8, kBelow = 0.94;
+  const double d = position_m.y(), u = tissue.energy_j(position_m), k = kBelow * largest_n_m;
+  if (!(d > 0)) return {};
+  const double s = k * d * d / 2, phi = std::pow(std::pow(u, -kSharp) + std::pow(s, -kSharp), -1 / kSharp);
+  const double of_u = std::pow(phi / u, kSharp + 1), of_s = std::pow(phi / s, kSharp + 1);
+  return {phi, of_u * tissue.force_n(position_m) - of_s * Vector3(0, k * d, 0)};
+}
+
+// A law that is felt against the exact one.
+class LawErrors {
+ public:
+  explicit LawErrors(const TrialOptions& options)
+      : largest_n_m_(options.device.largest_stiffness_n_m),
+        tangent_n_m_(std::min(options.stiffness_n_m, largest_n_m_)),
+        resolution_m_(options.device.resolution_m),
+        capped_(options.stiffness_n_m > kLawWithinCap * largest_n_m_) {}
+  void add(const StabilityTissue& tissue, const ToolPose& read, const Vector3& written_n) {
+    if (!(read.position_m.y() > 0)) return;
+    constexpr double kFastMS = 0.15, kFloorN = 0.001;
+    ++contact_;
+    if (read.velocity_m_s.norm() > kFastMS) return;
+    const Vector3 exact_n =
+        capped_ ? displayed(tissue, largest_n_m_, read.position_m).force_n : tissue.force_n(read.position_m);
+    const double off_n = (written_n - exact_n).norm() - kFloorN;
+    ++judged_;
+    half_ += off_n <= 0.005 * exact_n.norm();
+    one_ += off_n <= 0.01 * exact_n.norm();
+  }
+  // From here to there under that force.
+  void moved(const StabilityTissue& tissue, const Vector3& from_m, const Vector3& to_m,
+             const Vector3& force_n) {
+    const double way_m = (to_m - from_m).norm();
+    put_in_j_ += tangent_n_m_ * way_m * (way_m + resolution_m_) / 2 - force_n.dot(to_m - from_m);
+    const double held_j = displayed(tissue, largest_n_m_, to_m).energy_j;
+    most_j_ = std::max(most_j_, put_in_j_ - held_j);
+    given_j_ = std::max(given_j_, most_j_ - (put_in_j_ - held_j));
+    held_j_ = std::max(held_j_, held_j);
+  }
+  void finish(TrialResult& result) const {
+    const double judged = std::max(judged_, 1.0);
+    result.within_half = half_ / judged;
+    result.within_one = one_ / judged;
+    result.fast_share = 1 - judged_ / std::max(contact_, 1.0);
+    result.given = held_j_ > 0 ? given_j_ / held_j_ : 0;
+  }
+
+ private:
+  double largest_n_m_, tangent_n_m_, resolution_m_;
+  bool capped_;
+  double contact_ = 0, judged_ = 0, half_ = 0, one_ = 0;
+  double put_in_j_ = 0, most_j_ = 0, given_j_ = 0, held_j_ = 0;
 };
 
 constexpr double kLostM = 0.05;  // this far from where it should be, nothing is left to simulate
@@ -133,8 +192,10 @@ TrialResult run_trial(const TrialOptions& options) {
   const std::size_t ticks = ticks_of(path.stopped_s() + rest.length_s());
   const std::size_t late = ticks_of(options.force_delay_s);
   ForceErrors errors;
+  LawErrors law_errors(options);
   Drawdown drawdown;
   TrialResult result;
+  if (options.renderer == "law") controller.take_law(tissue.law(1, options.law_end_m));
   const double lost_m = kLostM + options.stiffness_n_m * options.indentation_m / options.hand.stiffness_n_m;
   bool lost = false;
   for (std::size_t tick = 0; tick < ticks && !lost && !rest.settled(); ++tick, ++result.ticks) {
@@ -144,8 +205,12 @@ TrialResult run_trial(const TrialOptions& options) {
     newest_n = controller.tick(pose, answers.at(tick, pose), time_s);
     const Vector3& felt_n = written_n[(tick + written_n.size() - late) % written_n.size()];
     if (path.exploring(time_s)) errors.add(tissue, plant, pose, answers.newest(), felt_n);
+    if (time_s >= HandPath::kHoverS) law_errors.add(tissue, pose, felt_n);
     const HandTarget target = path.at(time_s);
+    const Vector3 from_m = plant.position_m();
     plant.step(felt_n, target);
+    law_errors.moved(tissue, from_m, plant.position_m(), felt_n);
+    result.least_ledger_j = std::min(result.least_ledger_j, controller.last().ledger_j);
     if (options.safe && time_s >= HandPath::kHoverS) count_safety(controller, result);
     result.generated_j = std::max(result.generated_j, -plant.port_energy_j());
     result.stored_j = std::max(result.stored_j, plant.port_energy_j());
@@ -156,6 +221,7 @@ TrialResult run_trial(const TrialOptions& options) {
   result.verdict = lost ? Verdict::kUnstable : rest.verdict();
   result.swing_m = lost ? lost_m : rest.swing_m();
   finish(errors, drawdown, result);
+  law_errors.finish(result);
   return result;
 }
 

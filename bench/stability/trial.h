@@ -39,7 +39,10 @@ struct TrialOptions {
   double sweep_m = 0.1;          // explored at 120 mm/s; 0: pressed alone
   double rest_s = 1;             // at the end, watched, at least; see rest.h
   bool foreseen = true;          // false: answers out of contact do not tell what waits below the finger
-  bool safe = false;             // through the servo loop with its whole safety chain
+  double stall_s = 0;            // see RigOptions
+  // By law: told from the beginning, of the tissue up to here.
+  double law_end_m = 0.124;
+  bool safe = false;  // through the servo loop with its whole safety chain
 };
 
 struct TrialResult {
@@ -57,7 +60,17 @@ struct TrialResult {
   double enabled_share = 0;   // of the ticks after the start
   double damping_share = 0;   // of the ticks: the passivity controller at work
   std::size_t ticks = 0;
+  // By law, of the ticks in contact with force on and the finger below 150 mm/s: written within 0.5 % + 1 mN
+  // and 1 % + 1 mN of the exact force at the place that was read; where the display's stiffness is not
+  // enough, of the exact potential's (T7.3). Of all ticks in contact those that were faster.
+  double within_half = 1, within_one = 1, fast_share = 0;
+  // By law: most that the display has given since any moment, beyond what that potential gave back and what a
+  // force held between ticks gives (K T/2 v^2 over time, half a step of the resolution), over the most that
+  // the potential held. And the least that the ledgers had left.
+  double given = 0, least_ledger_j = 0;
 };
+
+inline constexpr double kLawWithinCap = 0.6;  // of the display's stiffness: the soft minimum is not felt
 
 TrialResult run_trial(const TrialOptions&);
 

@@ -213,6 +213,61 @@ TEST(Lift, OfAFingerThatPressedWithTheLargestForceLeavesNothingBehindByAnyRender
         }
 }
 
+// The contact law over a far link: 20 answers a second, 300 ms late or none for 200 ms, past the display's
+// stiffness and within it.
+TEST(Trial, ByTheContactLawTheForceIsThatOfTheFingersOwnPlaceAndNothingIsGiven) {
+  for (const double share : {kLawWithinCap, 1.5})
+    for (const double delay_s : {0.0, 0.3}) {
+      TrialOptions options;
+      options.renderer = "law";
+      options.device = client::device_profile("omni");
+      options.scene = Scene::kInclusions;
+      options.stiffness_n_m = share * options.device.largest_stiffness_n_m;
+      options.update_s = 0.05;
+      options.model_delay_s = delay_s;
+      options.stall_s = delay_s > 0 ? 0 : 0.2;
+      options.indentation_m = 0.002;
+      options.safe = true;
+      const TrialResult result = run_trial(options);
+      EXPECT_EQ(result.verdict, Verdict::kStable);
+      EXPECT_GE(result.within_half, 0.99);
+      EXPECT_LT(result.fast_share, 0.1);
+      EXPECT_LT(result.given, 0.001);
+      EXPECT_EQ(result.degraded_share, 0);
+      options.law_end_m = 0.05;  // and where it ends, answers alone are felt
+      const TrialResult half = run_trial(options);
+      EXPECT_LT(half.within_one, 0.9);
+      EXPECT_EQ(half.verdict, Verdict::kStable);
+      options.renderer = "hold";
+      EXPECT_GT(run_trial(options).given, 0.01);
+    }
+}
+
+TEST(Lift, ByContactLawsThatChangeAndEndUnderTheFingerNoMoreComesBackThanWasPaidFor) {
+  for (const LawTold law : {LawTold::kOne, LawTold::kChanging, LawTold::kComingAndGoing})
+    for (const double stall_s : {0.0, 0.4})
+      for (const LiftMotion motion : {LiftMotion::kLift, LiftMotion::kTap, LiftMotion::kSlide})
+        for (const Scene scene : {Scene::kHomogeneous, Scene::kInclusions}) {
+          LiftOptions options;
+          options.renderer = "law";
+          options.device = client::device_profile("premium-1.5");
+          options.scene = scene;
+          options.stiffness_n_m = 1.5 * options.device.largest_stiffness_n_m;
+          options.update_s = 0.05;
+          options.model_delay_s = 0.1;
+          options.law = law, options.stall_s = stall_s, options.motion = motion;
+          const LiftResult result = run_lift(options);
+          EXPECT_EQ(result.in_air_n, 0);
+          EXPECT_GT(result.largest_n, 0.5 * options.device.largest_force_n);
+          EXPECT_LE(result.over_paid, 1);
+          EXPECT_GE(result.least_ledger_j, -1e-12);
+          if (law == LawTold::kOne && stall_s == 0) {
+            EXPECT_LE(result.over_allowed, 1.1);
+            EXPECT_EQ(result.degraded_share, 0);
+          }
+        }
+}
+
 TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNotAtAll) {
   for (const char* renderer : {"kalman", "kalman-force"})
     for (const double stimulus_n_m : {15.0, 25.0, 30.0, 45.0}) {

@@ -1,4 +1,5 @@
-// Hostile answers and readings through the link's conversion and the servo loop, with every renderer.
+// Hostile answers, contact laws and readings through the link's conversion and the servo loop, with every
+// renderer.
 #include "bench/fuzz/fuzz.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +7,7 @@
 namespace teletact::bench {
 namespace {
 
-TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndThereWereForcesToBound) {
+TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndLawsAndThereWereForcesToBound) {
   constexpr std::size_t kCases = 1'000'000;
   const FuzzResult result = fuzz_forces(kCases, 20240611);
   EXPECT_EQ(result.cases, kCases);
@@ -16,10 +17,15 @@ TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndThereWereForcesToBound) {
   EXPECT_EQ(result.above_cap, 0u);
   EXPECT_EQ(result.grown, 0u);
   EXPECT_EQ(result.in_silence, 0u);
-  ASSERT_EQ(result.renderers.size(), 4u);
+  EXPECT_EQ(result.overdrawn, 0u);
+  ASSERT_EQ(result.renderers.size(), 5u);
   for (const FuzzShares& one : result.renderers) {
     EXPECT_GT(one.share(one.hostile_answers), 0.005) << one.renderer;
     EXPECT_GT(one.share(one.hostile_readings), 2e-4) << one.renderer;
+    if (one.renderer == "law") {
+      EXPECT_GT(one.share(one.hostile_laws), 1e-4);
+      EXPECT_GE(one.share(one.by_law), FuzzShares::kByLawLeast);
+    }
     EXPECT_GE(one.share(one.non_zero), FuzzShares::kNonZeroLeast) << one.renderer;
     EXPECT_GE(one.share(one.slew_limited), FuzzShares::kSlewLimitedLeast) << one.renderer;
     EXPECT_GE(one.share(one.at_largest), FuzzShares::kAtLargestLeast) << one.renderer;

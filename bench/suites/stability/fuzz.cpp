@@ -1,5 +1,5 @@
-// Any stream of answers: the bounds of bench/fuzz/fuzz.h hold; and for each renderer enough of it reached a
-// limit for that to say something.
+// Any stream of answers and contact laws: the bounds of bench/fuzz/fuzz.h hold; and for each renderer enough
+// of it reached a limit for that to say something.
 #include <cstdio>
 
 #include "bench/fuzz/fuzz.h"
@@ -7,18 +7,21 @@
 
 namespace teletact::bench {
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FuzzShares, renderer, cases, hostile_answers, hostile_readings, non_zero,
-                                   slew_limited, at_largest, fading, silent, after_no_number, non_zero_after)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FuzzShares, renderer, cases, answers, pieces, hostile_answers,
+                                   hostile_readings, hostile_laws, non_zero, slew_limited, at_largest, by_law,
+                                   fading, silent, after_no_number, non_zero_after)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FuzzResult, cases, not_finite, too_large, too_fast, above_cap, grown,
-                                   in_silence, renderers)
+                                   in_silence, overdrawn, renderers)
 
 namespace {
 
 void promise(const FuzzShares& one, Promises& promises) {
   const double non_zero = one.share(one.non_zero), slewed = one.share(one.slew_limited);
   const double largest = one.share(one.at_largest);
-  std::printf("  %-13s force in %.3f of them, slew-limited %.4f, F_max %.4f\n", one.renderer.c_str(),
-              non_zero, slewed, largest);
+  std::printf(
+      "  %-13s %zu answers and %zu pieces of laws, force in %.3f of the ticks, by a law in %.3f, "
+      "slew-limited %.4f, F_max %.4f\n",
+      one.renderer.c_str(), one.answers, one.pieces, non_zero, one.share(one.by_law), slewed, largest);
   const auto least = [&](const char* what, double value, double least) {
     promises.push_back({snake_case("fuzzed " + one.renderer + " " + what), value, least, "of ticks", false});
   };
@@ -26,15 +29,16 @@ void promise(const FuzzShares& one, Promises& promises) {
   least("slew-limited", slewed, FuzzShares::kSlewLimitedLeast);
   least("at the largest force", largest, FuzzShares::kAtLargestLeast);
   least("with a force after a position that was no number", one.again(), FuzzShares::kAgainLeast);
+  if (one.renderer == "law") least("by a law", one.share(one.by_law), FuzzShares::kByLawLeast);
   least("with a force while not enabled", one.share(one.fading), FuzzShares::kFadingLeast);
   least("in silence past every limit", one.share(one.silent), FuzzShares::kSilentLeast);
 }
 
 FuzzResult measure(bool quick, Promises& promises) {
-  const FuzzResult result = fuzz_forces(quick ? 400'000 : 4'000'000, 5);
+  const FuzzResult result = fuzz_forces(quick ? 1'000'000 : 10'000'000, 5);
   std::printf("\nfuzzed answers: %zu servo ticks, %zu violations\n", result.cases, result.violations());
   // Forces not finite, above F_max or the stiffness cap, past the slew, growing while not ENABLED, in
-  // silence.
+  // silence; ledgers overdrawn.
   promises.push_back({"fuzzed_ticks_that_violate_a_bound", double(result.violations()), 0, "ticks"});
   for (const FuzzShares& one : result.renderers) promise(one, promises);
   return result;
