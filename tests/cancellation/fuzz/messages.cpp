@@ -52,6 +52,8 @@ v1::TouchOpen touch_open(const std::string& scene, Random& random) {
     open.mutable_fingertip()->set_stuck(random.chance(0.3));
   }
   if (random.chance(0.5)) open.set_session_id("session-" + std::to_string(random.below(4)));
+  open.set_laws(random.chance(0.5));
+  open.set_pressure(random.chance(0.3));
   return open;
 }
 
