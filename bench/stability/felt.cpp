@@ -1,5 +1,6 @@
 #include "bench/stability/felt.h"
 #include "bench/stability/servo_period.h"
+#include "bench/stability/spring_law.h"
 
 #include <cmath>
 #include <deque>
@@ -20,6 +21,7 @@ using client::Vector3;
 
 constexpr double kCentreM = 0.06, kHalfWidthM = 0.01, kWayM = 0.09;
 constexpr double kJudgedM = 0.01;
+constexpr std::uint64_t kVersion = 1;
 constexpr double kBackgroundBeginM = 0.03, kBackgroundEndM = 0.045;
 
 struct Mean {
@@ -50,9 +52,10 @@ double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) 
   ForceSample foreseen = tissue.answer({0, o.indentation_m, 0});
   foreseen.contact = false;
   foreseen.foreseen = true;
+  foreseen.model_version = kVersion;
   renderer->update(foreseen, {}, 0);
   std::deque<ForceSample> on_the_way;
-  double next_s = share * o.update_s;
+  double next_s = share * o.update_s, told_m = 0;
   Mean background;
   std::vector<double> felt;
   for (int tick = 0; tick * kServoS * o.speed_m_s < kWayM; ++tick) {
@@ -63,7 +66,13 @@ double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) 
     if (time_s >= next_s) {
       on_the_way.push_back(tissue.answer(pose.position_m));
       on_the_way.back().pose_time_s = time_s;
+      on_the_way.back().model_version = kVersion;
       next_s += o.update_s;
+    }
+    if (o.renderer == "law" && exact_m.x() >= told_m) {
+      constexpr double kApartM = 0.001, kBehindM = 0.03, kEveryM = 0.01;
+      renderer->take_law(spring_law(tissue, told_m - kBehindM, kApartM, 1, kVersion));
+      told_m += kEveryM;
     }
     while (!on_the_way.empty() && on_the_way.front().pose_time_s + o.model_delay_s <= time_s) {
       renderer->update(on_the_way.front(), pose, time_s);

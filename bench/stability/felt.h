@@ -8,9 +8,9 @@
 namespace teletact::bench {
 
 struct FeltOptions {
-  std::string renderer = "kalman";
-  double update_s = 0.01;        // between answers
-  double model_delay_s = 0.005;  // from a pose to its answer
+  std::string renderer = "kalman";  // law: its columns 1 mm apart, told before the finger comes
+  double update_s = 0.01;           // between answers
+  double model_delay_s = 0.005;     // from a pose to its answer
   double resolution_m = 3e-5;
   double speed_m_s = 0.12;
   double indentation_m = 0.002;  // in the mean; it sways by a tenth of it

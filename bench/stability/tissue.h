@@ -7,8 +7,8 @@
 #include <cmath>
 #include <vector>
 
+#include "bench/stability/spring_law.h"
 #include "client/experiment/spring_tissue.h"
-#include "client/render/near_law.h"
 
 namespace teletact::bench {
 
@@ -49,27 +49,9 @@ class StabilityTissue {
     sample.foreseen = true;
     return sample;
   }
-  // Its contact law (T7.1) from x = -2 mm to `end_m`, at most 124 mm.
+  // Its contact law from x = -2 mm to `end_m`, at most 124 mm.
   client::NearLaw law(std::uint64_t version, double end_m = 0.124) const {
-    constexpr double kBeginM = -0.002, kApartM = 0.002;
-    client::NearLaw law;
-    for (std::size_t i = 0; i < client::NearLaw::kMost; ++i) {
-      LawColumn& column = law.columns[i];
-      column.x_m = kBeginM + kApartM * double(i);
-      if (column.x_m > end_m) break;
-      ++law.count;
-      column.version = version;
-      column.error_share = 0.005F, column.error_n = 0.001F;
-      const client::ForceSample at = answer({column.x_m, 1, 0});
-      const double k = -at.force_n.y();
-      for (const double depth_m : {1e-3, 0.04}) {
-        const double s = std::log(depth_m);
-        column.log_depth[column.rows] = float(s);
-        column.samples[column.rows++] = {float(std::log(k / 2) + 2 * s), float(-2 * at.force_n.x() / k), 2,
-                                         0};
-      }
-    }
-    return law;
+    return spring_law(*this, -0.002, 0.002, end_m, version);
   }
   client::Vector3 force_n(const client::Vector3& position_m) const { return answer(position_m).force_n; }
 
