@@ -47,6 +47,9 @@ void Pacing::answered(std::uint64_t sequence, double round_trip_s, std::int64_t 
   last_s_ = round_trip_s;
   shortest_s_.add(round_trip_s, now_ns);
   if (sequence < waits_for_) return;
+  // Nobody wanted more in flight: what came says nothing of the room for it.
+  const auto in_use = static_cast<double>(sent_ - sequence + 1);
+  if (in_use < in_flight_ / 2 - 1) return;
 
   constexpr double kGrowth = 1.0 / 32, kFilling = 1.0 / 8;  // per answer, so much more in a round trip
   in_flight_ += std::max(1 / in_flight_, filling_ ? std::min(kFilling * in_flight_, 1.0) : kGrowth);

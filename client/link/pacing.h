@@ -6,7 +6,8 @@
 // many are in flight as the link held without the queue, and one less, so that the shortest round trip is
 // seen again. Otherwise more: one for each answer until that happened first, from then on one or a little
 // more for each round trip, and again one for each answer where twice what the link held made no
-// queue. With the fewest in flight no queue is ours: what the link takes then is its own.
+// queue. With the fewest in flight no queue is ours: what the link takes then is its own. While fewer are
+// sent than might be, what comes says nothing of the room for more.
 //
 // Pure: time is an argument. One thread.
 #pragma once

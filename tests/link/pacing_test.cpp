@@ -34,14 +34,15 @@ struct Flown {
   }
 };
 
-// Sends as the link's writer does, every 0.25 ms at most. `link` is asked at each pose: it may change.
+// Sends as the link's writer does, every 0.25 ms at most. `link` is asked at each pose: it may change. Until
+// `seldom_until_s` as where a contact law is felt: 20 poses a second at most.
 template <class LinkAt>
-Flown run(Pacing pacing, double seconds, LinkAt&& link_at) {
+Flown run(Pacing pacing, double seconds, LinkAt&& link_at, double seldom_until_s = 0) {
   struct Flight {
     std::uint64_t sequence;
     double sent_s, arrives_s;
   };
-  constexpr double kStepS = 0.00025;
+  constexpr double kStepS = 0.00025, kSeldomS = 0.05;
   Flown flown;
   std::deque<Flight> flights;
   std::mt19937_64 random(3);
@@ -64,7 +65,8 @@ Flown run(Pacing pacing, double seconds, LinkAt&& link_at) {
     flights.push_back({++sequence, now_s, last_s});
     pacing.sent(sequence);
     flown.most_in_flight = std::max(flown.most_in_flight, static_cast<unsigned>(flights.size()));
-    next_s = std::max(next_s + pacing.interval_s(), now_s + pacing.interval_s() / 2);
+    const double interval_s = std::max(pacing.interval_s(), now_s < seldom_until_s ? kSeldomS : 0);
+    next_s = std::max(next_s + interval_s, now_s + interval_s / 2);
   }
   return flown;
 }
@@ -124,6 +126,16 @@ TEST(Pacing, ALinkThatGetsNarrowIsEmptiedAndOneThatWidensFilled) {
       oldest_s = std::max(oldest_s, touched.ages_s[k]);
   EXPECT_LE(oldest_s, 0.12 + 0.08);
   EXPECT_GE(touched.answers_per_s(20, 24), 0.9 / kPeriodS);
+}
+
+// Few poses show no queue, whatever the link: it must not be taken for a wide one.
+TEST(Pacing, PosesThatAreFewSayNothingOfTheRoomForMore) {
+  const auto narrow = [](double) { return Link{0.1, 0.02}; };
+  const Flown touched = run(Pacing(kPeriodS, 256), 15, narrow, 10);
+  EXPECT_NEAR(touched.answers_per_s(5, 10), 20, 1);
+  EXPECT_LE(touched.age_s(1, 0), 1.2 * run(Pacing(kPeriodS, 256), 5, narrow).age_s(1, 0))
+      << "as a new stream";
+  EXPECT_GE(touched.answers_per_s(12, 15), 0.8 / 0.02);
 }
 
 TEST(Pacing, AMachineThatWasBusyIsFilledAgainSoon) {
