@@ -82,8 +82,14 @@ void LawRenderer::check(const ForceSample& sample) noexcept {
   if (!trusted(value) || !(value.energy_j > 0)) return;
   if (contradicted_ != sample.model_version) contradictions_ = 0;
   contradicted_ = sample.model_version;
-  const Vector3 off_n = Vector3(-value.by_x_n, -value.by_d_n, 0) - sample.force_n;
-  contradictions_ = off_n.norm() > options_.contradicts * value.error_n ? contradictions_ + 1 : 0;
+  const double off = (Vector3(-value.by_x_n, -value.by_d_n, 0) - sample.force_n).norm() / value.error_n;
+  const bool elsewhere =
+      contradictions_ == 0 || (sample.position_m - contradicted_m_).norm() > options_.place_m;
+  if (!(off > 1)) contradictions_ = 0;
+  if (off > (elsewhere ? 1 : options_.contradicts_again)) {
+    ++contradictions_;
+    contradicted_m_ = sample.position_m;
+  }
   if (contradictions_ < options_.contradictions_in_a_row) return;
   std::shift_right(wrong_.begin(), wrong_.end(), 1);
   wrong_.front() = sample.model_version;

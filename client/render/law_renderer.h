@@ -24,10 +24,10 @@ struct LawRendererOptions {
   // Of the display; in Phi each a little lower, so that the soft minimum's force stays below.
   double largest_force_n = ForceLimits{}.largest_force_n;
   double largest_stiffness_n_m = ForceLimits{}.largest_stiffness_n_m;
-  // An answer contradicts the law when its force is off by more than this much of what the law states, and
-  // the law is dropped after so many in a row.
-  double contradicts = 2;
-  int contradictions_in_a_row = 4;
+  // An answer contradicts the law when its force is off by more than what the law states; one of the place of
+  // the contradiction before, by more than this much of it: what a finger at rest says again is one answer.
+  double contradicts_again = 2, place_m = 0.001;
+  int contradictions_in_a_row = 4;  // and the law is dropped
 };
 
 class LawRenderer final : public Renderer {
@@ -67,6 +67,7 @@ class LawRenderer final : public Renderer {
   TouchedSurface surface_;
   int contradictions_ = 0;  // in a row, of this version:
   std::uint64_t contradicted_ = 0;
+  Vector3 contradicted_m_ = Vector3::Zero();  // place of the last
   std::uint64_t dropped_ = 0;
   bool by_law_ = false;                   // the last tick was
   Potential model_, felt_;                // at it; in the air: nothing

@@ -190,6 +190,24 @@ TEST(LawRenderer, ALawThatAnswersContradictIsDroppedAfterFourInARow) {
   EXPECT_TRUE(law.tick(0.03, 0.002).by_law);
 }
 
+// By half more than it states: in four places it is wrong, in one it may be a ripple.
+TEST(LawRenderer, ALawThatIsOffByMoreThanItStatesIsDroppedWhereAFingerThatMovesFindsItSo) {
+  for (const bool moves : {true, false}) {
+    Rendering law;
+    law.renderer.take_law(law_of(0));
+    law.answer(0.02, -0.001, 0);
+    for (int k = 0; k < 4; ++k) {
+      const double x = 0.02 + (moves ? 0.002 * k : 1e-4 * k);
+      EXPECT_TRUE(law.tick(x, 0.002).by_law);
+      ForceSample sample = answer_at(x, 0.002, 0, ++law.sequence, law.time_s, 1);
+      const double force_n = sample.force_n.norm();
+      sample.force_n *= 1 + 1.5 * (0.005 * force_n + 0.001) / force_n;
+      law.renderer.update(sample, at(x, 0.002), law.time_s);
+    }
+    EXPECT_EQ(law.tick(0.026, 0.002).by_law, !moves);
+  }
+}
+
 // Windows of versions of their own, each found wrong in its turn: none of them is rendered again.
 TEST(LawRenderer, LawsOfSeveralWindowsThatWereFoundWrongStayDropped) {
   Rendering law;

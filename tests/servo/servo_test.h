@@ -50,6 +50,7 @@ class ServoTest : public ::testing::Test {
         ServoAnswer answer;
         const double now_s = 1e-9 * static_cast<double>(clock.time_ns);
         answer.sample = tissue.told(device.reading.pose.position_m, now_s, ++sequence);
+        answer.sample.model_version = version;
         answer.received_ns = clock.time_ns;
         answer.covered = true;
         answer.region.end_x_m = 0.1;
@@ -84,7 +85,7 @@ class ServoTest : public ::testing::Test {
   bool silent = false;
   bool service_degraded = false;  // the service's status
   bool has_force = true;          // it could compute one
-  std::uint64_t sequence = 0;
+  std::uint64_t sequence = 0, version = 0;
   ServoTick last;
   double largest_step_n = 0;
 };
