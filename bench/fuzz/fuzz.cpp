@@ -332,7 +332,9 @@ FuzzResult fuzz_forces(std::size_t cases, std::uint64_t seed) {
   for (const std::string& name : client::touch_renderer_names())
     result.renderers.push_back({.renderer = name});
   for (std::size_t number = 0; result.cases < cases; ++number) {
-    FuzzShares& shares = result.renderers[number % result.renderers.size()];
+    // Every other session by law, which has the most to be hostile with.
+    const std::size_t others = result.renderers.size() - 1;
+    FuzzShares& shares = result.renderers[number % 2 == 0 ? 0 : 1 + number / 2 % others];
     Session session(source, shares.renderer);
     for (std::size_t n = 0; n < kSessionTicks && result.cases < cases; ++n) session.tick(result, shares);
   }

@@ -53,7 +53,7 @@ struct FuzzResult {
   }
 };
 
-// `cases` servo ticks, shared by all renderers in sessions of a few seconds each.
+// `cases` servo ticks in sessions of a few seconds each: half of them by law, half shared by the others.
 FuzzResult fuzz_forces(std::size_t cases, std::uint64_t seed);
 
 }  // namespace teletact::bench

@@ -8,7 +8,7 @@ namespace teletact::bench {
 namespace {
 
 TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndLawsAndThereWereForcesToBound) {
-  constexpr std::size_t kCases = 1'000'000;
+  constexpr std::size_t kCases = 2'000'000;
   const FuzzResult result = fuzz_forces(kCases, 20240611);
   EXPECT_EQ(result.cases, kCases);
   EXPECT_EQ(result.not_finite, 0u);

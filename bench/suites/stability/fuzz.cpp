@@ -35,7 +35,7 @@ void promise(const FuzzShares& one, Promises& promises) {
 }
 
 FuzzResult measure(bool quick, Promises& promises) {
-  const FuzzResult result = fuzz_forces(quick ? 1'000'000 : 10'000'000, 5);
+  const FuzzResult result = fuzz_forces(quick ? 2'000'000 : 10'000'000, 5);
   std::printf("\nfuzzed answers: %zu servo ticks, %zu violations\n", result.cases, result.violations());
   // Forces not finite, above F_max or the stiffness cap, past the slew, growing while not ENABLED, in
   // silence; ledgers overdrawn.
