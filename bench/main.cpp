@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_contact_suite(app, met);
   teletact::bench::add_stability_suite(app, met);
   teletact::bench::add_exploration_suite(app, met);
+  teletact::bench::add_law_suite(app, met);
   teletact::bench::add_link_suite(app, met);
   teletact::bench::add_elastography_suite(app, met);
   teletact::bench::add_report_command(app);

@@ -126,6 +126,7 @@ void add_contact_suite(CLI::App& app, bool& met);
 void add_stability_suite(CLI::App& app, bool& met);
 void add_elastography_suite(CLI::App& app, bool& met);
 void add_exploration_suite(CLI::App& app, bool& met);
+void add_law_suite(CLI::App& app, bool& met);
 void add_link_suite(CLI::App& app, bool& met);
 
 // Pages for people from the --json of suites.

@@ -22,8 +22,9 @@ std::optional<std::vector<LawColumn>> columns_from(const v1::LawPiece& piece) {
     LawColumn& column = columns.emplace_back();
     column.x_m = in.x_m();
     column.version = piece.model_version();
-    column.error_share = piece.force_error_share();
-    column.error_n = piece.force_error_n();
+    const float share = in.of_force_error() == 0 ? 1 : in.of_force_error();
+    column.error_share = share * piece.force_error_share();
+    column.error_n = share * piece.force_error_n();
     column.rows = static_cast<std::uint8_t>(rows);
     for (int i = 0; i < rows; ++i) {
       const auto row = static_cast<std::size_t>(i);

@@ -13,8 +13,8 @@ ContactLaws::~ContactLaws() = default;
 
 std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const Layer& layer,
                                                    const std::shared_ptr<TouchedLayer>& touched,
-                                                   double begin_m, double end_m, const TouchWork& work,
-                                                   const std::string& client) {
+                                                   double begin_m, double end_m, double near_m,
+                                                   const TouchWork& work, const std::string& client) {
   if (layer.normal != Layer{}.normal || touched->path() != SolvePath::kCompliance) return nullptr;
   auto entry = std::make_shared<Entry>();
   {
@@ -30,8 +30,7 @@ std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const L
           std::min_element(entries_.begin(), entries_.end(),
                            [](const auto& one, const auto& other) { return one->asked < other->asked; }));
     entry->tip = tip, entry->layer = layer;
-    entry->near_m = (begin_m + end_m) / 2;
-    entry->sampler = std::make_unique<LawSampler>(touched, layer, tip, begin_m, end_m);
+    entry->sampler = std::make_unique<LawSampler>(touched, layer, tip, begin_m, end_m, near_m);
     entry->asked = ++asked_;
     entries_.push_back(entry);
   }
@@ -55,27 +54,29 @@ void ContactLaws::post(const std::shared_ptr<Entry>& entry, const TouchWork& wor
   });
 }
 
+// Whoever asks has what is near the finger long before the rest.
 bool ContactLaws::step(Entry& entry, TouchedLayer::Clock::time_point until) {
-  if (!entry.sampler->advance(entry.near_m, until)) return false;
-  finish(entry);
+  for (bool done = false; !done;) {
+    const auto now = TouchedLayer::Clock::now();
+    if (now >= until) return false;
+    done = entry.sampler->advance(now + choices::kLawShown);
+    if (!publish(entry, done)) break;
+  }
   entry.sampler.reset();
   return true;
 }
 
-void ContactLaws::finish(Entry& entry) try {
-  const std::vector<LawColumn>& columns = entry.sampler->columns();
-  if (columns.size() < 2) return;
+bool ContactLaws::publish(Entry& entry, bool whole) try {
+  std::vector<LawColumn> columns = entry.sampler->columns();
+  if (columns.size() < 2) return true;
   Charge charge = account_.charge(Place::kHost, "contact laws", columns.size() * sizeof(LawColumn));
-  const LawReport& report = entry.sampler->report();
-  ContactLaw law{columns, choices::kLawBetween * report.worst_error, report.solves};
-  for (LawColumn& column : law.columns) {
-    column.error_share = float(std::min(1.0, choices::kLawShare * law.tolerances));
-    column.error_n = float(choices::kLawFloor * law.tolerances);
-  }
+  auto law = std::make_shared<const ContactLaw>(ContactLaw{std::move(columns), whole});
   const std::lock_guard lock(mutex_);
-  entry.law = std::make_shared<const ContactLaw>(std::move(law));
+  entry.law = std::move(law);
   entry.charge = std::move(charge);
+  return true;
 } catch (const MemoryRefused&) {  // forces are solved for, as without a law
+  return false;
 }
 
 }  // namespace teletact::service

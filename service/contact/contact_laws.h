@@ -16,12 +16,10 @@
 
 namespace teletact::service {
 
-// A law that is done: what is interpolated is off by about `tolerances` x (choices::kLawShare of the force +
-// kLawFloor) at most, measured at poses that it was not made from.
+// What of a law is known. Each column states what the force around it may be off by.
 struct ContactLaw {
-  std::vector<LawColumn> columns;  // by x; versions are the sender's to say
-  double tolerances = 0;
-  std::size_t solves = 0;  // contacts that it took
+  std::vector<LawColumn> columns;  // by x, none missing between two; versions are the sender's to say
+  bool whole = false;              // else more will come at both ends
 };
 
 class LawSampler;
@@ -34,19 +32,19 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
 
   explicit ContactLaws(MemoryAccount account);
   ~ContactLaws();
-  // Null while it is being sampled, which this asks `work` for, in the client's turn
-  // and in small steps; and for good where the
-  // model has none: its layer is not level, it is solved iteratively, or there is no room. [begin_m, end_m]:
-  // of x. `touched`: the layer, ready.
+  // What is known by now: the rest is being sampled, which this asks `work` for, in the client's turn, in
+  // small steps, and from where the first who asked has the finger (near_m). Null while nothing is known, and
+  // for good where the model has no law: its layer is not level, it is solved iteratively, or there is no
+  // room. [begin_m, end_m]: of x. `touched`: the layer, ready.
   std::shared_ptr<const ContactLaw> get(const Fingertip&, const Layer&,
                                         const std::shared_ptr<TouchedLayer>& touched, double begin_m,
-                                        double end_m, const TouchWork& work, const std::string& client);
+                                        double end_m, double near_m, const TouchWork& work,
+                                        const std::string& client);
 
  private:
   struct Entry {
     Fingertip tip;
     Layer layer;
-    double near_m = 0;                    // where sampling begins
     std::unique_ptr<LawSampler> sampler;  // while it is at work, by its job
     std::uint64_t asked = 0;              // counts with every question
     std::shared_ptr<const ContactLaw> law;
@@ -54,7 +52,7 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
   };
   void post(const std::shared_ptr<Entry>&, const TouchWork&, const std::string& client);
   bool step(Entry&, std::chrono::steady_clock::time_point until);
-  void finish(Entry&);
+  bool publish(Entry&, bool whole);  // false: there is no room
 
   const MemoryAccount account_;
   std::mutex mutex_;  // held for looking things up only

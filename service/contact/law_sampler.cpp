@@ -1,141 +1,219 @@
 #include "service/contact/law_sampler.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <exception>
-#include <iterator>
-#include <span>
 #include <utility>
 
 namespace teletact::service {
+namespace {
 
-LawSampler::LawSampler(std::shared_ptr<TouchedLayer> touched, const Layer& layer, const Fingertip& tip,
-                       double begin_m, double end_m, const LawTolerance& tolerance)
-    : touched_(std::move(touched)), layer_(layer), tip_(tip), tolerance_(tolerance) {
-  wanted_.push_back(begin_m);
-  const double pitch_m = choices::kLawPitch;
-  for (double k = std::floor(begin_m / pitch_m) + 1; k * pitch_m < end_m; ++k)
-    if (k * pitch_m - wanted_.back() > choices::kLawLeastCell && end_m - k * pitch_m > choices::kLawLeastCell)
-      wanted_.push_back(k * pitch_m);
-  wanted_.push_back(end_m);
-  if (wanted_.size() > choices::kMostLawColumns) wanted_.clear();
+// Poses that are tried lie at this share of an interval, from one end or the other: about where the slopes of
+// a cubic are most off. In the middle they are right whatever its value is off by.
+constexpr double kTriedAt = 0.3;
+
+double depth_m(const LawColumn& column, std::size_t row) {
+  return std::exp(double(column.log_depth[row]));
 }
 
-std::optional<LawSampler::Contact> LawSampler::touch(double x_m, double log_depth) try {
-  ++report_.solves;
-  const double d = std::exp(log_depth);
+// The depth in the interval below this row that is tried.
+double tried_depth_m(const LawColumn& column, std::size_t row, double share) {
+  const double begin = column.log_depth[row], end = column.log_depth[row + 1];
+  return std::exp(begin + share * (end - begin));
+}
+
+void end_at(LawColumn& column, double deepest_m) {
+  while (column.rows > 1 && depth_m(column, column.rows - 1u) > deepest_m * 1.000001) --column.rows;
+}
+
+}  // namespace
+
+LawSampler::LawSampler(std::shared_ptr<TouchedLayer> touched, const Layer& layer, const Fingertip& tip,
+                       double begin_m, double end_m, double near_m)
+    : touched_(std::move(touched)),
+      layer_(layer),
+      tip_(tip),
+      near_m_(near_m),
+      kept_(tip.friction == Friction::kStuck ? std::span<const double>(choices::kStuckLawKept)
+                                             : choices::kLawKept) {
+  const bool stuck = tip.friction == Friction::kStuck;
+  for (const double depth_m : stuck ? choices::kStuckLawDepths : choices::kLawDepths)
+    first_rows_.log_depth[first_rows_.rows++] = float(std::log(depth_m));
+  const double pitch_m = choices::kLawPitch;
+  if (end_m - begin_m > pitch_m * double(choices::kMostLawColumns)) return;
+  const auto add = [this](double x_m) { places_.emplace_back().column.x_m = x_m; };
+  add(begin_m);
+  for (double k = std::floor(begin_m / pitch_m) + 1; k * pitch_m < end_m; ++k)
+    if (k * pitch_m - places_.back().column.x_m > choices::kLawLeastCell &&
+        end_m - k * pitch_m > choices::kLawLeastCell)
+      add(k * pitch_m);
+  add(end_m);
+}
+
+// None: the model cannot say. A tip that touches no node yet has no force.
+std::optional<LawSampler::Contact> LawSampler::touch(double x_m, double d) try {
+  ++solves_;
   const TouchPose at = at_indentation(layer_, {{x_m, 0, 0}}, d);
   touched_->prepare(tip_, at, 0, Clock::now() + choices::kLongestSolve);
   const ContactAnswer answer = touched_->touch(tip_, at);
+  if (!answer.solve.converged) return std::nullopt;
   const double u = answer.energy_j;
-  if (!(u > 0) || !answer.solve.converged) return std::nullopt;
+  if (!(u > 0)) return Contact{};
   const double by_x = -answer.force_n[0], by_d = -answer.force_n[1], by_xd = -answer.tangent_n_m[1];
   const double w_x = by_x / u, w_s = d * by_d / u;
-  const Contact contact{
-      {float(std::log(u)), float(w_x), float(w_s), float(d * by_xd / u - w_x * w_s)}, by_x, by_d};
-  return w_s > 0 ? std::optional(contact) : std::nullopt;
+  return Contact{{float(std::log(u)), float(w_x), float(w_s), float(d * by_xd / u - w_x * w_s)}, by_x, by_d};
 } catch (const std::exception&) {  // the model's limits
   return std::nullopt;
 }
 
-double LawSampler::error(const Contact& contact, double by_x_n, double by_d_n) const {
-  const double off_n = std::hypot(by_x_n - contact.by_x_n, by_d_n - contact.by_d_n);
-  return off_n / (tolerance_.share * std::hypot(contact.by_x_n, contact.by_d_n) + tolerance_.floor_n);
+double LawSampler::kept(const Place& place) const {
+  return kept_[std::min(place.halved, kept_.size() - 1)];
 }
 
-// The samples that every column has, and what it takes between them.
-LawColumn LawSampler::column_at(double x_m) {
-  LawColumn column;
-  column.x_m = x_m;
-  for (const double depth_m : choices::kLawDepths) {
-    const auto contact = touch(x_m, std::log(depth_m));
-    if (!contact) break;
-    column.log_depth[column.rows] = float(std::log(depth_m));
-    column.samples[column.rows++] = contact->sample;
-  }
-  return column;
+double LawSampler::off(const LawValue& value, const Contact& contact) const {
+  return std::hypot(value.by_x_n - contact.by_x_n, value.by_d_n - contact.by_d_n) /
+         (choices::kLawShare * std::hypot(contact.by_x_n, contact.by_d_n) + choices::kLawFloor);
 }
 
-// Halves intervals of depth until the force between is right.
-void LawSampler::refine_rows(LawColumn& column) {
-  for (std::size_t i = 0; i + 1 < column.rows;) {
-    const float middle = (column.log_depth[i] + column.log_depth[i + 1]) / 2;
-    const auto contact = touch(column.x_m, middle);
-    if (!contact) return;
-    // At its own place nothing of the column beside it is felt.
-    std::array<LawColumn, 2> alone{column, column};
-    alone[1].x_m += choices::kLawPitch;
-    const LawValue value = evaluate(alone, column.x_m, std::exp(double(middle)));
-    const double off = error(*contact, value.by_x_n, value.by_d_n);
-    if (off <= choices::kLawKept || column.rows == LawColumn::kMostRows) {
-      report_.worst_error = std::max(report_.worst_error, off);
-      ++i;
-      continue;
-    }
-    const auto row = static_cast<std::ptrdiff_t>(i) + 1;
-    std::shift_right(column.log_depth.begin() + row, column.log_depth.begin() + column.rows + 1, 1);
-    std::shift_right(column.samples.begin() + row, column.samples.begin() + column.rows + 1, 1);
-    column.log_depth[i + 1] = middle;
-    column.samples[i + 1] = contact->sample;
+// Where a cell beside it is settled: it is shown, and not altered any more.
+bool LawSampler::known(std::size_t place) const {
+  return places_[place].settled || (place > 0 && places_[place - 1].settled);
+}
+
+// At the depths of another, down to where the model ends.
+void LawSampler::sample(Place& place, const LawColumn& like) {
+  place.sampled = true;
+  LawColumn& column = place.column;
+  for (std::size_t i = 0; i < like.rows; ++i) {
+    const auto contact = touch(column.x_m, depth_m(like, i));
+    if (!contact || !(contact->sample.by_log_depth > 0)) return;
+    column.log_depth[i] = like.log_depth[i];
+    column.samples[i] = contact->sample;
     ++column.rows;
   }
 }
 
-void LawSampler::insert(const LawColumn& column) {
-  if (column.rows == 0) return;
-  const auto at = std::upper_bound(columns_.begin(), columns_.end(), column.x_m,
-                                   [](double x, const LawColumn& other) { return x < other.x_m; });
-  columns_.insert(at, column);
-  report_.samples += column.rows;
-}
-
-// A column in the middle: kept, and both halves checked, where the force of the cell is off at its samples.
-void LawSampler::check(const Cell& cell) {
-  const double middle_m = (cell.begin_m + cell.end_m) / 2;
-  LawColumn column = column_at(middle_m);
-  double off = 0;
-  for (std::size_t i = 0; i < column.rows; ++i) {
-    const double d = std::exp(double(column.log_depth[i]));
-    const LawValue value = evaluate(columns_, middle_m, d);
-    const double u = std::exp(double(column.samples[i].log_energy));
-    const Contact contact{{}, u * column.samples[i].by_x_1_m, u * column.samples[i].by_log_depth / d};
-    off = std::max(off, error(contact, value.by_x_n, value.by_d_n));
-  }
-  if (off <= choices::kLawKept || cell.halvings == 0 || columns_.size() >= choices::kMostLawColumns) {
-    report_.worst_error = std::max(report_.worst_error, off);
-    return;
-  }
-  refine_rows(column);
-  insert(column);
-  cells_.push_back({cell.begin_m, middle_m, cell.halvings - 1});
-  cells_.push_back({middle_m, cell.end_m, cell.halvings - 1});
-}
-
-bool LawSampler::advance(double x_m, Clock::time_point until) {
-  const auto distance = [x_m](const Cell& c) { return std::max({0.0, c.begin_m - x_m, x_m - c.end_m}); };
-  while (Clock::now() < until) {
-    if (!wanted_.empty()) {
-      const auto next = std::min_element(wanted_.begin(), wanted_.end(), [x_m](double a, double b) {
-        return std::abs(a - x_m) < std::abs(b - x_m);
-      });
-      LawColumn column = column_at(*next);
-      wanted_.erase(next);
-      refine_rows(column);
-      insert(column);
-      if (wanted_.empty())
-        for (std::size_t i = 0; i + 1 < columns_.size(); ++i)
-          cells_.push_back({columns_[i].x_m, columns_[i + 1].x_m, choices::kLawHalvings});
+// Halves intervals of depth until the force between is right, at the column's own place, where nothing of the
+// one beside it is felt.
+void LawSampler::refine_rows(Place& place) {
+  place.refined = true;
+  LawColumn& column = place.column;
+  for (std::size_t i = 0; i + 1 < column.rows && column.rows < LawColumn::kMostRows;) {
+    std::array<LawColumn, 2> alone{column, column};
+    alone[1].x_m += choices::kLawPitch;
+    const double d = tried_depth_m(column, i, kTriedAt);
+    const auto contact = touch(column.x_m, d);
+    if (!contact) return;  // the cell's poses will say so, too
+    if (off(evaluate(alone, column.x_m, d), *contact) <= kept(place)) {
+      ++i;
       continue;
     }
-    if (cells_.empty()) return true;
-    const auto next = std::min_element(cells_.begin(), cells_.end(), [&](const Cell& a, const Cell& b) {
-      return distance(a) < distance(b);
-    });
-    const Cell cell = *next;
-    cells_.erase(next);
-    check(cell);
+    const float middle = (column.log_depth[i] + column.log_depth[i + 1]) / 2;
+    const auto between = touch(column.x_m, std::exp(double(middle)));
+    if (!between || !(between->sample.by_log_depth > 0)) return;
+    const auto row = static_cast<std::ptrdiff_t>(i) + 1;
+    std::shift_right(column.log_depth.begin() + row, column.log_depth.begin() + column.rows + 1, 1);
+    std::shift_right(column.samples.begin() + row, column.samples.begin() + column.rows + 1, 1);
+    column.log_depth[i + 1] = middle;
+    column.samples[i + 1] = between->sample;
+    ++column.rows;
   }
-  return wanted_.empty() && cells_.empty();
+}
+
+// Two poses above the first row and two between any two rows. Where one cannot be tried the columns end
+// above, as far as they are not shown yet.
+std::vector<LawSampler::Tried> LawSampler::try_cell(std::size_t cell) {
+  LawColumn &left = places_[cell].column, &right = places_[cell + 1].column;
+  const LawColumn finer = left.rows > right.rows ? left : right;
+  std::vector<Tried> tried;
+  const std::size_t each = tip_.friction == Friction::kStuck ? 4 : 2;
+  for (std::size_t i = 0; i < finer.rows; ++i)
+    for (std::size_t k = 0; k < each; ++k) {
+      const double share = k % 2 ? kTriedAt : 1 - kTriedAt;
+      const double below = (i + k + k / 2) % 2 ? kTriedAt : 1 - kTriedAt;
+      const double x_m = left.x_m + share * (right.x_m - left.x_m);
+      const double d_m = i == 0 ? depth_m(finer, 0) * std::pow(choices::kLawLightest, below + 0.2)
+                                : tried_depth_m(finer, i - 1, below);
+      if (d_m > std::min(depth_m(left, left.rows - 1u), depth_m(right, right.rows - 1u))) return tried;
+      const auto contact = touch(x_m, d_m);
+      if (!contact) {
+        if (i == 0) return {};
+        if (!known(cell)) end_at(left, depth_m(finer, i - 1));
+        if (!known(cell + 1)) end_at(right, depth_m(finer, i - 1));
+        return tried;
+      }
+      tried.push_back({x_m, d_m, *contact});
+    }
+  return tried;
+}
+
+double LawSampler::worst(std::size_t cell, const std::vector<Tried>& tried) const {
+  const std::array<LawColumn, 2> pair{places_[cell].column, places_[cell + 1].column};
+  double most = 0;
+  for (const Tried& t : tried) most = std::max(most, off(evaluate(pair, t.x_m, t.d_m), t.contact));
+  return most;
+}
+
+// Where the poses that are tried are off, both columns have more rows, and if that is not it, the cell is
+// halved. What it is off by in the end is stated by those of its columns that are not shown yet.
+void LawSampler::settle(std::size_t cell) {
+  for (const std::size_t i : {cell, cell + 1})
+    if (!places_[i].sampled) sample(places_[i], first_rows_);
+  const auto both_have_rows = [&] {
+    return places_[cell].column.rows > 0 && places_[cell + 1].column.rows > 0;
+  };
+  double off_here = 1 / choices::kLawShare;  // where nothing can be tried
+  if (both_have_rows()) {
+    const std::vector<Tried> tried = try_cell(cell);
+    if (!tried.empty()) off_here = worst(cell, tried);
+    if (off_here > kept(places_[cell]) && !tried.empty()) {
+      for (const std::size_t i : {cell, cell + 1})
+        if (!places_[i].refined && !known(i)) refine_rows(places_[i]);
+      off_here = worst(cell, tried);
+    }
+  }
+  Place &left = places_[cell], &right = places_[cell + 1];
+  if (off_here > kept(left) && left.halved < kept_.size() && places_.size() < choices::kMostLawColumns) {
+    ++left.halved;
+    Place middle;
+    middle.halved = left.halved;
+    middle.column.x_m = (left.column.x_m + right.column.x_m) / 2;
+    sample(middle, left.column.rows > right.column.rows ? left.column : right.column);
+    places_.insert(places_.begin() + std::ptrdiff_t(cell) + 1, middle);
+    return;
+  }
+  for (const std::size_t i : {cell, cell + 1})
+    if (!known(i)) places_[i].off = off_here;
+  left.settled = true;
+}
+
+bool LawSampler::advance(Clock::time_point until) {
+  do {
+    double least_m = HUGE_VAL;
+    std::size_t next = places_.size();
+    for (std::size_t i = 0; i + 1 < places_.size(); ++i) {
+      const double off_m =
+          std::max({0.0, places_[i].column.x_m - near_m_, near_m_ - places_[i + 1].column.x_m});
+      if (!places_[i].settled && off_m < least_m) least_m = off_m, next = i;
+    }
+    if (next == places_.size()) return true;
+    settle(next);
+  } while (Clock::now() < until);
+  return false;
+}
+
+std::vector<LawColumn> LawSampler::columns() const {
+  std::vector<LawColumn> shown;
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    if (!known(i) || places_[i].column.rows == 0) continue;
+    const double stated =
+        std::clamp(choices::kLawBetween * places_[i].off, choices::kLawLeastStated, 1 / choices::kLawShare);
+    shown.push_back(places_[i].column);
+    shown.back().error_share = float(choices::kLawShare * stated);
+    shown.back().error_n = float(choices::kLawFloor * stated);
+  }
+  return shown;
 }
 
 }  // namespace teletact::service

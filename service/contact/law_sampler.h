@@ -1,10 +1,12 @@
 // Samples the contact law of one fingertip on one layer of a model (T7): columns along the layer, as few as
-// keep the interpolated force within a tolerance of the model's.
+// keep the interpolated force within a tolerance of the model's, and what each may be off by, as the poses
+// around it that it was not made from have shown. What could not be tried is not claimed.
 #pragma once
 
 #include <cstddef>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "law/contact_law.h"
@@ -13,60 +15,55 @@
 
 namespace teletact::service {
 
-// What an interpolated force may be off by: a share of it and a floor, together.
-struct LawTolerance {
-  double share = choices::kLawShare;
-  double floor_n = choices::kLawFloor;
-};
-
-// Of a law that was sampled.
-struct LawReport {
-  std::size_t samples = 0;  // that it is made of
-  std::size_t solves = 0;   // contacts solved for it, those that only checked it too
-  double worst_error =
-      0;  // of the force at poses that it does not hold, in tolerances; those left over 1 too
-};
-
 // One thread at a time.
 class LawSampler {
  public:
   using Clock = TouchedLayer::Clock;
-  // Over [begin_m, end_m] of the layer's x. `touched` is that layer, ready. Throws nothing of the model's:
-  // where it cannot be touched, columns end above or are missing.
+  // Over [begin_m, end_m] of the layer's x, what is nearest to `near_m` first. `touched` is that layer,
+  // ready. Throws nothing of the model's: where it cannot be touched, columns end above or are missing.
   LawSampler(std::shared_ptr<TouchedLayer> touched, const Layer&, const Fingertip&, double begin_m,
-             double end_m, const LawTolerance& = {});
+             double end_m, double near_m);
 
-  // Works on what is nearest to x, until all is done or the next contact would begin after `until`. True when
-  // done.
-  bool advance(double x_m, Clock::time_point until);
-  // Made so far, by x. Between two of them the law may still be refined.
-  const std::vector<LawColumn>& columns() const { return columns_; }
-  const LawReport& report() const { return report_; }
+  // Works on one cell at least, until all is done or the next would begin after `until`. True when done.
+  bool advance(Clock::time_point until);
+  // Those that no further work will alter, by x, with what they state; none is missing between two of them.
+  std::vector<LawColumn> columns() const;
+  std::size_t solves() const { return solves_; }  // contacts solved, those that only check too
 
  private:
-  struct Cell {
-    double begin_m, end_m;  // columns stand at both
-    int halvings;
+  // A column, and the cell from it to the next one.
+  struct Place {
+    LawColumn column;        // no rows: not sampled yet, or the model cannot be touched there
+    std::size_t halved = 0;  // how often the cell was
+    bool sampled = false, refined = false, settled = false;
+    double off = 0;  // of the force, in tolerances: the worst that was measured for it
   };
   struct Contact {  // of one pose, as the model answers it
     LawSample sample;
-    double by_x_n, by_d_n;
+    double by_x_n = 0, by_d_n = 0;
   };
-  std::optional<Contact> touch(double x_m, double log_depth);
-  double error(const Contact&, double by_x_n, double by_d_n) const;
-  LawColumn column_at(double x_m);
-  void refine_rows(LawColumn&);
-  void check(const Cell&);
-  void insert(const LawColumn&);
+  struct Tried {  // a pose of a cell that the law does not hold
+    double x_m, d_m;
+    Contact contact;
+  };
+  std::optional<Contact> touch(double x_m, double d_m);
+  double kept(const Place&) const;  // what its cell may be off by, in tolerances, without being halved
+  double off(const LawValue&, const Contact&) const;  // of the force, in tolerances
+  bool known(std::size_t place) const;
+  void sample(Place&, const LawColumn& like);
+  void refine_rows(Place&);
+  std::vector<Tried> try_cell(std::size_t cell);
+  double worst(std::size_t cell, const std::vector<Tried>&) const;
+  void settle(std::size_t cell);
 
   const std::shared_ptr<TouchedLayer> touched_;
   const Layer layer_;
   const Fingertip tip_;
-  const LawTolerance tolerance_;
-  std::vector<double> wanted_;  // x of columns that every law has
-  std::vector<Cell> cells_;     // still to be checked
-  std::vector<LawColumn> columns_;
-  LawReport report_;
+  const double near_m_;
+  const std::span<const double> kept_;  // by how often a cell was halved
+  LawColumn first_rows_;                // the depths that every column has
+  std::vector<Place> places_;           // by x
+  std::size_t solves_ = 0;
 };
 
 }  // namespace teletact::service

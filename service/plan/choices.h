@@ -57,25 +57,32 @@ inline constexpr double kTrustedShare = 0.5;
 
 // Contact laws (contact/law_sampler.h): what the force that is interpolated may be off by; columns of samples
 // that every law has, on one lattice of the scene whose pitch is no multiple of a mesh's, so that they do not
-// share its phase; how often a cell between two is halved, and how small it may become; the depths that every
-// column has.
+// share its phase, and how near to a window's end the last one stands; the depths that every column has.
 inline constexpr double kLawShare = 0.005, kLawFloor = 0.001;
-// Of the tolerance, at the poses that are tried: between them it is a little worse.
-inline constexpr double kLawKept = 0.65;
-// What the worst of the poses that were tried is multiplied with to say what any may be off by.
-inline constexpr double kLawBetween = 1.3;
 inline constexpr double kLawPitch = 0.00618, kLawLeastCell = 0.001;
-inline constexpr int kLawHalvings = 2;
-// Tissue that takes more columns has no law. So long a law is sampled in one turn.
+inline constexpr double kLawDepths[] = {3e-4, 9e-4, 2.7e-3, 8e-3};
+// What a cell is halved beyond, of the tolerance, that was not halved yet, once, twice. What is tried is a
+// little better than what lies between. The third time it becomes finer than the mesh: for ripples of it
+// alone.
+inline constexpr double kLawKept[] = {0.58, 0.68, 1.0};
+// Of a stuck tip deeper or finer columns take many times the samples.
+inline constexpr double kStuckLawDepths[] = {3e-4, 7e-4, 1.7e-3, 4e-3}, kStuckLawKept[] = {0.85, 0.85};
+// Above the first depth poses are tried down to about this share of it.
+inline constexpr double kLawLightest = 0.45;
+// What the worst of the poses that were tried around a column is multiplied with to say what any may be off
+// by; and the least that is stated, of the tolerance.
+inline constexpr double kLawBetween = 2.3, kLawLeastStated = 0.02;
+// Tissue that takes more columns has no law. So long a law is sampled in one turn, and so long before what is
+// known is shown.
 inline constexpr std::size_t kMostLawColumns = 512;
 inline constexpr std::chrono::milliseconds kLawStep{10};
+inline constexpr std::chrono::microseconds kLawShown{500};
 // How they are sent: windows this near, what is nearest to where the finger will be so much later first, so
 // many bytes between two answers.
 inline constexpr double kLawReach = 0.060, kLawAhead = 0.1;
 inline constexpr std::size_t kLawPieceBytes = 300;
 // A new version's law is expected within this: so long the version before answers who feels a law.
 inline constexpr std::chrono::milliseconds kLawExpected{300};
-inline constexpr double kLawDepths[] = {3e-4, 9e-4, 2.7e-3, 8e-3};
 
 // Of an acquisition that does not state them: standard deviations of the force sensor and of the contact
 // area, over their values; the largest strain that is looked for; the Poisson ratio.

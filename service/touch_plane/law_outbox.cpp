@@ -13,7 +13,7 @@ namespace teletact::service {
 namespace {
 
 std::size_t bytes_of(const LawColumn& column) {  // on the wire, about
-  return 16 + column.rows * (sizeof(float) + sizeof(LawSample));
+  return 20 + column.rows * (sizeof(float) + sizeof(LawSample));
 }
 
 }  // namespace
@@ -26,6 +26,19 @@ void LawOutbox::acknowledge(std::uint64_t pieces) {
                     "piece received",
                     pieces, sent_.load(), acknowledged_.load()));
   acknowledged_ = pieces;
+}
+
+// A law that is being sampled grows at its ends.
+void LawOutbox::grow(Sent& sent, std::shared_ptr<const ContactLaw> law) {
+  if (!law) return;
+  if (sent.law) {
+    const double begin_m = sent.law->columns.front().x_m;
+    const auto before = std::count_if(law->columns.begin(), law->columns.end(),
+                                      [&](const LawColumn& column) { return column.x_m < begin_m; });
+    sent.columns.insert(sent.columns.begin(), static_cast<std::size_t>(before), false);
+  }
+  sent.columns.resize(law->columns.size());
+  sent.law = std::move(law);
 }
 
 // Windows within reach, at their present version; the others are forgotten, and sent again on return.
@@ -44,9 +57,7 @@ void LawOutbox::look(const SceneSnapshot& snapshot, double x_m, const LawOf& law
       sent.follows = known != windows_.end() && (known->second.law || known->second.follows);
     }
     sent.version = window->version;
-    if (sent.law) continue;
-    sent.law = law_of(*window);
-    if (sent.law) sent.columns.resize(sent.law->columns.size());
+    if (!sent.law || !sent.law->whole) grow(sent, law_of(*window));
   }
   windows_ = std::move(near);
 }
@@ -72,8 +83,9 @@ bool LawOutbox::expects_more(Clock::time_point now) const {
   if (sent_ - acknowledged_ >= kMostUnacknowledged) return false;  // the acknowledgement wakes
   return std::any_of(windows_.begin(), windows_.end(), [now](const auto& window) {
     const Sent& sent = window.second;
-    return sent.law ? std::find(sent.columns.begin(), sent.columns.end(), false) != sent.columns.end()
-                    : now - sent.since < choices::kLawExpected;
+    const bool unsent = std::find(sent.columns.begin(), sent.columns.end(), false) != sent.columns.end();
+    const bool grows = !sent.law || !sent.law->whole;
+    return unsent || (grows && now - sent.since < choices::kLawExpected);
   });
 }
 
@@ -88,6 +100,7 @@ bool LawOutbox::owes(const WindowModel& window, double x_m) const {
       std::upper_bound(columns.begin(), columns.end(), x_m,
                        [](double x, const LawColumn& column) { return x < column.x_m; }) -
       columns.begin());
+  if (!sent.law->whole && (right == 0 || right == columns.size())) return true;
   return (right > 0 && !sent.columns[right - 1]) || (right < columns.size() && !sent.columns[right]);
 }
 

@@ -31,7 +31,7 @@ class LawOutbox {
   using Clock = std::chrono::steady_clock;
   static constexpr std::uint64_t kMostUnacknowledged = 8;
 
-  // Null while a window's law is being sampled, or where it has none.
+  // What is known of a window's law by now; null for nothing.
   using LawOf = std::function<std::shared_ptr<const ContactLaw>(const WindowModel&)>;
 
   // The next piece for a finger at x that moves along it so fast; none where all is sent, or waits to be
@@ -53,6 +53,7 @@ class LawOutbox {
     Clock::time_point since{};  // this version is looked at
     bool follows = false;       // an older one whose law was told
   };
+  static void grow(Sent&, std::shared_ptr<const ContactLaw>);
   void look(const SceneSnapshot&, double x_m, const LawOf&);
   LawPiece piece_of(std::uint64_t window_id, Sent&, std::size_t nearest);
 

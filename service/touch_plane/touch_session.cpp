@@ -157,12 +157,12 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
   return answer;
 }
 
-std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window) const try {
+std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, double x_m) const try {
   if (way_.path == SolvePath::kPcg) return nullptr;
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
   if (!touched) return nullptr;
   return window.model->laws().get(options_.fingertip, layer_, touched, window.region.begin_x_m,
-                                  window.region.end_x_m, scene_->touch_work(), options_.client);
+                                  window.region.end_x_m, x_m, scene_->touch_work(), options_.client);
 } catch (const std::exception&) {  // said by the answer when the finger is there
   return nullptr;
 }

@@ -66,8 +66,8 @@ class TouchSession {
   using MayEnter = std::function<bool(const WindowModel&)>;
   TouchAnswer solve(
       const Vector3& position_m, const MayEnter& = [](const WindowModel&) { return true; });
-  // Of one of the scene's windows, for this finger: null while it is being sampled, or where there is none.
-  std::shared_ptr<const ContactLaw> law_of(const WindowModel&) const;
+  // Of one of the scene's windows, for this finger: what is known of it, near x first; null where nothing is.
+  std::shared_ptr<const ContactLaw> law_of(const WindowModel&, double x_m) const;
 
  private:
   std::string outside(const Vector3& position_m) const;

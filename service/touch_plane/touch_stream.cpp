@@ -129,8 +129,9 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
 
 std::optional<LawPiece> TouchStream::next_law() {
   if (!laws_ || !finger_at_ || pieces_ == kMostPieces) return std::nullopt;
-  auto piece = laws_->next(*scene_->snapshot(), finger_at_->position_m[0], finger_at_->velocity_m_s[0],
-                           [this](const WindowModel& window) { return session_.law_of(window); });
+  const double x_m = finger_at_->position_m[0];
+  auto piece = laws_->next(*scene_->snapshot(), x_m, finger_at_->velocity_m_s[0],
+                           [&](const WindowModel& window) { return session_.law_of(window, x_m); });
   pieces_ += piece.has_value();
   return piece;
 }

@@ -48,6 +48,16 @@ TEST(LawBook, GivesTheServoWhatIsNearTheFingerOnceForEachChange) {
   EXPECT_TRUE(book.fresh(0.03));
 }
 
+TEST(LawBook, EachColumnHasItsOwnErrorAndThatOfThePieceWhereItSaysNone) {
+  v1::LawPiece piece = piece_of(1, {0.01, 0.02, 0.03});
+  piece.mutable_columns(1)->set_of_force_error(0.25F), piece.mutable_columns(2)->set_of_force_error(0.5F);
+  const auto law = book_with({piece}).fresh(0.02);
+  ASSERT_TRUE(law);
+  EXPECT_FLOAT_EQ(law->columns[0].error_n, 0.001F);
+  EXPECT_FLOAT_EQ(law->columns[1].error_n, 0.00025F);
+  EXPECT_FLOAT_EQ(law->columns[2].error_share, 0.0025F);
+}
+
 TEST(LawBook, InterpolatesNothingOverAGap) {
   LawBook book = book_with({piece_of(1, {0.01, 0.02}), piece_of(2, {0.04, 0.05})});
   EXPECT_TRUE(book.covers(0.015, 1));
@@ -103,6 +113,7 @@ TEST(LawBook, RefusesWhatIsMalformedAndKeepsWhatItHas) {
   EXPECT_TRUE(refused([&](v1::LawPiece& p) { p.set_begin_x_m(kNan); }));
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_force_error_share(2); }));
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_force_error_n(-1); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(0)->set_of_force_error(-1); }));
   EXPECT_TRUE(refused([](v1::LawPiece& p) {
     for (int k = 0; k < 70; ++k) *p.add_columns() = p.columns(1);
   }));

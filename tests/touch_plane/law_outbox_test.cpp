@@ -22,7 +22,7 @@ class Outbox : public testing::Test {
     }
   }
   static std::shared_ptr<const ContactLaw> law_of(const WindowModel& window) {
-    ContactLaw law;
+    ContactLaw law{{}, true};
     for (int i = 0; i <= 12; ++i) {
       LawColumn& column = law.columns.emplace_back();
       column.x_m = window.region.begin_x_m + 0.005 * i;
@@ -128,6 +128,27 @@ TEST_F(Outbox, OwesANewVersionUntilItsColumnsAboutTheFingerAreSent) {
   ASSERT_TRUE(next(0.022));
   EXPECT_FALSE(outbox.owes(*newer, 0.022));
   EXPECT_TRUE(outbox.owes(*newer, 0.052));
+}
+
+// It grows at both ends; what was sent is not sent again, and nothing is said of what is not known yet.
+TEST_F(Outbox, SendsWhatIsKnownOfALawThatIsBeingSampled) {
+  std::ptrdiff_t known = 2;  // columns to either side of the middle
+  const auto growing = [&](const WindowModel& window) {
+    const auto all = law_of(window);
+    ContactLaw law{{all->columns.begin() + 6 - known, all->columns.begin() + 7 + known}, known == 6};
+    return std::make_shared<const ContactLaw>(std::move(law));
+  };
+  snapshot.windows.pop_back();
+  std::multiset<double> sent_m;
+  for (; known <= 6; known += 2)
+    while (const auto piece = outbox.next(snapshot, 0.03, 0, growing)) {
+      outbox.acknowledge(piece->number);
+      for (const LawColumn& column : piece->columns) sent_m.insert(column.x_m);
+      EXPECT_GE(piece->begin_m, 0.03 - 0.005 * double(known) - 1e-9);
+      EXPECT_LE(piece->end_m, 0.03 + 0.005 * double(known) + 1e-9);
+    }
+  EXPECT_EQ(sent_m.size(), 13u);
+  EXPECT_EQ(std::set<double>(sent_m.begin(), sent_m.end()).size(), 13u);
 }
 
 TEST_F(Outbox, WaitsForALawThatIsBeingSampled) {
