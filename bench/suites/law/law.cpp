@@ -294,7 +294,7 @@ void draw(const Figures& figures, const std::filesystem::path& folder) {
     by_samples.push_back(std::move(samples)), by_time.push_back(std::move(time));
   }
   const std::string scales = "set logscale xy\nset key bottom left\n";
-  const std::string error = "99 % of the force's error (0.5 % + 1 mN)";
+  const std::string error = "error of the force, 99 % (0.5 % + 1 mN)";
   plot(folder / "law_samples.png",
        script_of(by_samples, scales + axes("Contact laws of 60 mm", "samples", error)));
   plot(folder / "law_time.png",
