@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <stdexcept>
-#include <utility>
 
 #include "service/limits/seconds.h"
 #include "service/plan/choices.h"
@@ -139,10 +138,14 @@ std::optional<LawPiece> TouchStream::next_law() {
 // Whoever feels a law is answered from its version until the next one's is told: an answer of a version
 // without a law is felt a round trip late.
 bool TouchStream::may_enter(const WindowModel& window, double x_m) {
-  if (!laws_ || !laws_->owes(window, x_m)) return true;
   const auto now = Clock::now();
-  if (std::exchange(awaited_, window.version) != window.version) awaited_since_ = now;
-  return now - awaited_since_ >= choices::kLawExpected;
+  const bool waits =
+      laws_ && laws_->owes(window, x_m) && now - awaited_since_.value_or(now) < choices::kLawExpected;
+  if (!waits)
+    awaited_since_.reset();
+  else if (!awaited_since_)
+    awaited_since_ = now;
+  return !waits;
 }
 
 void TouchStream::wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped) {

@@ -106,13 +106,12 @@ class TouchStream {
   const std::uint64_t credit_;
   const Clock::duration period_;
   const bool pressure_;
-  TouchSession session_;           // of who answers
-  std::optional<LawOutbox> laws_;  // where they are asked for
-  unsigned pieces_ = 0;            // of laws, since the last answer
-  std::uint64_t awaited_ = 0;      // version whose law is waited for
-  Clock::time_point awaited_since_{};
-  std::optional<FingerPose> finger_at_;                 // that was answered last; of who answers
-  const FingerBoard::Stream finger_;                    // this stream's at the scene's board
+  TouchSession session_;                            // of who answers
+  std::optional<LawOutbox> laws_;                   // where they are asked for
+  unsigned pieces_ = 0;                             // of laws, since the last answer
+  std::optional<Clock::time_point> awaited_since_;  // the law of a newer version than the one that answers
+  std::optional<FingerPose> finger_at_;             // that was answered last; of who answers
+  const FingerBoard::Stream finger_;                // this stream's at the scene's board
   std::atomic<Clock::time_point> heard_{Clock::now()};  // since when the next pose is waited for
   std::atomic<Clock::time_point> owed_{};               // since when an answer waits to be acknowledged
   std::atomic<std::uint64_t> answered_{0}, acknowledged_{0};
