@@ -47,6 +47,13 @@ Column column_at(const LawColumn& column, double s) {
           hermite(a.by_x_1_m, a.mixed_1_m, b.by_x_1_m, b.mixed_1_m, width, t)};
 }
 
+// The force's size against that of one column alone, carried on to `off_m` from it.
+double differs_n(const LawValue& value, const Column& column, double off_m, double d) {
+  const double u = std::exp(column.w.value + off_m * column.by_x.value);
+  const double by_s = column.w.slope + off_m * column.by_x.slope;
+  return std::hypot(value.by_x_n - u * column.by_x.value, value.by_d_n - u * by_s / d);
+}
+
 }  // namespace
 
 LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indentation_m) noexcept {
@@ -72,6 +79,11 @@ LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indenta
   value.by_d_n = u * by_s.value / d;
   value.error_n = std::max(left->error_share, right->error_share) * std::hypot(value.by_x_n, value.by_d_n) +
                   std::max(left->error_n, right->error_n);
+  if (value.oldest != value.newest) {
+    value.disagreement_n =
+        std::max(differs_n(value, a, x_m - left->x_m, d), differs_n(value, b, x_m - right->x_m, d));
+    value.error_n += value.disagreement_n;
+  }
   // What no tissue has may overflow: then it covers nothing.
   const double all = value.energy_j + value.by_x_n + value.by_d_n + value.error_n;
   return std::isfinite(all) ? value : LawValue{};
@@ -88,7 +100,9 @@ bool usable(const LawColumn& column) noexcept {
         !std::isfinite(sample.mixed_1_m) || !std::isfinite(column.log_depth[i]) ||
         !(sample.by_log_depth > 0 && std::isfinite(sample.by_log_depth)))
       return false;
-    if (i > 0 && !(column.log_depth[i] > column.log_depth[i - 1])) return false;
+    if (i > 0 && !(column.log_depth[i] > column.log_depth[i - 1] &&
+                   sample.log_energy > column.samples[i - 1].log_energy))
+      return false;
   }
   return true;
 }

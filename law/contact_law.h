@@ -43,7 +43,8 @@ struct LawValue {
   double energy_j = 0;
   double by_x_n = 0, by_d_n = 0;         // the force's components, their signs turned
   std::uint64_t oldest = 0, newest = 0;  // versions of the two columns
-  double error_n = 0;                    // what the force may be off by
+  double error_n = 0;                    // what the force may be off by, with
+  double disagreement_n = 0;             // what it differs by from either of two versions that meet here
   bool covered = false;  // false: no two columns that are joined around x, or no numbers; all is zero
   bool beyond = false;   // deeper than a column's last sample
 };

@@ -28,6 +28,7 @@ void FuzzLaws::tell(const StabilityTissue& tissue, std::uint64_t version) {
     for (std::size_t i = first; i < end; ++i) {
       v1::LawColumn* column = piece.add_columns();
       column->set_x_m(law.columns[i].x_m);
+      column->set_of_force_error(static_cast<float>(source_.between(0, 1)));
       for (std::size_t row = 0; row < law.columns[i].rows; ++row) {
         const LawSample& sample = law.columns[i].samples[row];
         column->add_log_indentation(law.columns[i].log_depth[row]);
@@ -47,7 +48,7 @@ void FuzzLaws::spoil(v1::LawPiece& piece) {
     for (float& value : *values)
       if (source_.one_of(3) == 0) value = static_cast<float>(source_.wild());
   };
-  switch (source_.one_of(9)) {
+  switch (source_.one_of(10)) {
     case 0:
       return some(column.mutable_samples());
     case 1:
@@ -66,6 +67,8 @@ void FuzzLaws::spoil(v1::LawPiece& piece) {
                                     : piece.set_force_error_share(static_cast<float>(source_.wild()));
     case 7:
       return piece.set_model_version(source_.one_of(20));
+    case 8:
+      return column.set_of_force_error(static_cast<float>(source_.wild()));
     default:
       return piece.clear_columns();
   }

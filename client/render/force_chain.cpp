@@ -38,7 +38,8 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   const double settle_1_s = energy_j >= 0 ? options_.settle_1_s : 0;
   debt_gain_ =
       std::clamp(debt_gain_ + (energy_generated_ ? -options_.fade_1_s : settle_1_s) * dt_s, 0.0, 1.0);
-  const bool withholds = input.on && std::max(input.rendered.withheld, gain_short_) > options_.withheld_share;
+  output.withheld = std::max(input.rendered.withheld, gain_short_);
+  const bool withholds = input.on && output.withheld > options_.withheld_share;
   withheld_s_ = withholds ? withheld_s_ + dt_s : 0;
   output.energy_generated = energy_generated_;
   output.withholds = withheld_s_ > options_.withheld_s;

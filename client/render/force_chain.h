@@ -67,6 +67,7 @@ struct ForceChainOutput {
   bool degraded = false;          // model age or energy generated past its limit, or force withheld
   bool energy_generated = false;  // the second of them
   bool withholds = false;         // the third
+  double withheld = 0;            // share of the force that is not paid for: the renderer's, or of a gain
   bool fades = false;             // the first or the second
   bool not_finite = false;        // what was rendered was no number: fault
   bool too_fast = false;          // the device runs away: fault

@@ -31,9 +31,16 @@ Vector2 LawRenderer::along_m() const noexcept {
   return lateral(ContactFrame(surface_.normal).to_contact(position_m_));
 }
 
+// What is known worse than to this is left to answers; what is felt, to twice that. A law that draws the
+// finger in is none.
 bool LawRenderer::trusted(const LawValue& value) const noexcept {
-  return value.covered && !value.beyond && !stale_ && !wrong(value.oldest) && !wrong(value.newest) &&
-         surface_.normal == TouchedSurface{}.normal && surface_.offset_m == law_.layer_depth_m;
+  constexpr double kShare = 0.1, kFloorN = 0.005;
+  const double most_n = kShare * std::hypot(value.by_x_n, value.by_d_n) + kFloorN;
+  const bool known = value.error_n - value.disagreement_n <= (by_law_ ? 2 : 1) * most_n;
+  const bool resists = !(value.energy_j > 0) || value.by_d_n > 0;
+  return value.covered && !value.beyond && known && resists && !stale_ && !wrong(value.oldest) &&
+         !wrong(value.newest) && surface_.normal == TouchedSurface{}.normal &&
+         surface_.offset_m == law_.layer_depth_m;
 }
 
 // Where the newest answer was computed: of a newer version than what is known there, or of no window any
@@ -132,7 +139,8 @@ Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipa
   const double d = surface_.depth_m(pose.position_m);
   const LawValue value = law_at(pose.position_m);
   const bool by_law = trusted(value);
-  if (d > 0 && by_law != by_law_) blend_.change(felt_, along_m(), surface_.depth_m(position_m_));
+  const double before_m = surface_.depth_m(position_m_);  // in the air nothing was felt that is to go on
+  if (d > 0 && before_m > 0 && by_law != by_law_) blend_.change(felt_, along_m(), before_m);
   position_m_ = pose.position_m;
   by_law_ = rendered.by_law = by_law;
   if (!(d > 0)) {
@@ -143,11 +151,13 @@ Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipa
   const ContactFrame frame(surface_.normal);
   model_ = by_law ? potential(value, pose.position_m.x(), d)
                   : Potential{frame.to_contact(-rendered.force_n), rendered.stored_j};
-  felt_ = blend_.settle(model_, along_m(), d, elapsed_s, dissipated_j);
+  felt_ = blend_.settle(model_, along_m(), d, elapsed_s,
+                        pays_here || !std::isfinite(dissipated_j) ? dissipated_j : 0);
   rendered.ledger_j = blend_.balance_j();
   if (!by_law && blend_.settled()) return rendered;
   if (by_law) {
-    const double off_n_m = value.error_n / d;
+    const Vector3 softened_n = Vector3(value.by_x_n, value.by_d_n, 0) - model_.resistance_n;
+    const double off_n_m = (value.error_n + softened_n.norm()) / d;
     rendered.variance = off_n_m * off_n_m;
     rendered.lateral_variance.setConstant(rendered.variance);
     rendered.withheld = 0;

@@ -159,7 +159,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.device_ok = device_ok;
   tick.held_at_border = reading_.held_at_border;
   tick.ledger_j = std::min(rendered.ledger_j, limited.ledger_j);
-  tick.withheld = rendered.withheld;
+  tick.withheld = limited.withheld;
   tick.withholds = limited.withholds && !limited.fades;
   tick.degraded = limited.degraded;
   tick.energy_generated = limited.energy_generated;

@@ -10,7 +10,7 @@ namespace {
 std::string degraded(const ServoTick& tick) {
   if (tick.withholds)
     return fmt::format(
-        "DEGRADED, {:.0f} % of the force withheld: harder tissue than was told of; lift the finger "
+        "DEGRADED, {:.0f} % of the force withheld until it is paid for; lift the finger "
         "and press anew",
         100 * tick.withheld);
   if (tick.sequence == 0) return "DEGRADED, no force: no answer to render yet";

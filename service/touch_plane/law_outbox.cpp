@@ -28,16 +28,18 @@ void LawOutbox::acknowledge(std::uint64_t pieces) {
   acknowledged_ = pieces;
 }
 
-// A law that is being sampled grows at its ends.
+// A law that is being sampled grows; one that is sampled anew, from elsewhere, has other columns.
 void LawOutbox::grow(Sent& sent, std::shared_ptr<const ContactLaw> law) {
-  if (!law) return;
-  if (sent.law) {
-    const double begin_m = sent.law->columns.front().x_m;
-    const auto before = std::count_if(law->columns.begin(), law->columns.end(),
-                                      [&](const LawColumn& column) { return column.x_m < begin_m; });
-    sent.columns.insert(sent.columns.begin(), static_cast<std::size_t>(before), false);
+  if (!law || law == sent.law) return;
+  std::vector<bool> columns(law->columns.size());
+  const auto before = [](const LawColumn& one, const LawColumn& other) { return one.x_m < other.x_m; };
+  for (std::size_t i = 0; sent.law && i < columns.size(); ++i) {
+    const auto& known = sent.law->columns;
+    const auto at = std::lower_bound(known.begin(), known.end(), law->columns[i], before);
+    columns[i] = at != known.end() && at->x_m == law->columns[i].x_m &&
+                 sent.columns[static_cast<std::size_t>(at - known.begin())];
   }
-  sent.columns.resize(law->columns.size());
+  sent.columns = std::move(columns);
   sent.law = std::move(law);
 }
 
@@ -90,6 +92,7 @@ bool LawOutbox::expects_more(Clock::time_point now) const {
 }
 
 bool LawOutbox::owes(const WindowModel& window, double x_m) const {
+  if (sent_ - acknowledged_ >= kMostUnacknowledged) return false;  // nothing can be told now
   const auto known = windows_.find(window.id);
   if (known == windows_.end()) return false;
   const Sent& sent = known->second;

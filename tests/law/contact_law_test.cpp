@@ -99,14 +99,20 @@ TEST(ContactLaw, OutOfContactIsNothing) {
   }
 }
 
-TEST(ContactLaw, SaysBothVersionsAndTheLargerError) {
+TEST(ContactLaw, SaysBothVersionsTheLargerErrorAndHowFarTheyDisagree) {
   Law law;
   law.columns[0].version = 3, law.columns[1].version = 7;
   law.columns[1].error_share = 0.01F, law.columns[0].error_n = 0.002F;
   const LawValue value = law.at(0.002, 0.003);
   EXPECT_EQ(value.oldest, 3u);
   EXPECT_EQ(value.newest, 7u);
-  EXPECT_NEAR(value.error_n, 0.01 * std::hypot(value.by_x_n, value.by_d_n) + 0.002, 1e-6);
+  EXPECT_NEAR(value.error_n - value.disagreement_n, 0.01 * std::hypot(value.by_x_n, value.by_d_n) + 0.002,
+              1e-6);
+  for (LawSample& sample : law.columns[1].samples) sample.log_energy += 0.5F;  // 65 % harder
+  const LawValue apart = law.at(0.002, 0.003);
+  EXPECT_GT(apart.disagreement_n, 0.2 * apart.by_d_n);
+  law.columns[0].version = 7;
+  EXPECT_EQ(law.at(0.002, 0.003).disagreement_n, 0);
 }
 
 TEST(ContactLaw, AColumnThatCannotBeIsNotUsable) {
@@ -122,6 +128,7 @@ TEST(ContactLaw, AColumnThatCannotBeIsNotUsable) {
   EXPECT_TRUE(refused([](LawColumn& c) { c.x_m = HUGE_VAL; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.log_depth[2] = c.log_depth[1]; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.samples[3].by_log_depth = 0; }));
+  EXPECT_TRUE(refused([](LawColumn& c) { c.samples[3].log_energy = c.samples[2].log_energy; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.samples[0].log_energy = kNan; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.samples[1].by_x_1_m = kNan; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.samples[2].mixed_1_m = -HUGE_VALF; }));

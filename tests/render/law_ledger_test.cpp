@@ -98,6 +98,21 @@ class Loop {
 // Of what was held: a step's work is by the mean force of two ticks, while a blend goes on at the second.
 constexpr double kRounding = 6e-3;
 
+// What is dissipated while answers alone are felt pays for their changes, and not again for a law that comes.
+TEST(LawLedger, WhatIsDissipatedPaysOnce) {
+  Loop loop;
+  loop.answers(tissue_of(1), 1, 0);
+  loop.hold(0.2);
+  loop.move(kInclusionM + 0.005, 0.004, 0.1);
+  loop.answers(tissue_of(4), 2, 0);
+  loop.hold(1, 2e-6);
+  loop.answers(tissue_of(8), 3, 0);
+  loop.law(test::law_of(tissue_of(8), 3, -0.02, 0.07));
+  loop.hold(1);
+  loop.move(kInclusionM + 0.005, -0.001, 0.1);
+  EXPECT_GT(loop.in_j() + loop.dissipated_j(), -kRounding * loop.held_j());
+}
+
 // Pressed, another law, slid off and on again while that is blended in, and lifted.
 TEST(LawLedger, AChangeOfLawUnderAPressedFingerGivesNoEnergyNeitherAtTheCapsNorAtTheFlankOfAnInclusion) {
   for (const double most_n :

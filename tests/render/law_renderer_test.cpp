@@ -293,6 +293,32 @@ TEST(LawRenderer, DeeperThanTheLawWasSampledItIsTheFilter) {
 }
 
 // A service that was restarted may count from one again.
+TEST(LawRenderer, ALawThatComesAsTheFingerTouchesDownIsFeltAtOnce) {
+  Rendering touch;
+  touch.answer(0.03, -0.001, 1);
+  touch.tick(0.03, -0.0001, 0);
+  touch.renderer.take_law(law_of(1));
+  Rendered felt;
+  for (double d = 0.0001; d < 0.004; d += 0.0001) felt = touch.tick(0.03, d, 0);
+  EXPECT_TRUE(felt.by_law);
+  EXPECT_EQ(felt.withheld, 0);
+  EXPECT_GT(felt.force_n.norm(), 0.3);
+}
+
+TEST(LawRenderer, ALawThatIsHardlyKnownOrPullsIsLeftToAnswers) {
+  const auto felt_by_law = [](auto change) {
+    NearLaw law = law_of(1);
+    for (std::size_t i = 0; i < law.count; ++i) change(law.columns[i]);
+    Rendering touch;
+    touch.renderer.take_law(law);
+    return touch.tick(0.031, 0.002).by_law;
+  };
+  EXPECT_TRUE(felt_by_law([](LawColumn&) {}));
+  EXPECT_FALSE(felt_by_law([](LawColumn& c) { c.error_share = 0.2F; }));
+  EXPECT_FALSE(felt_by_law([](LawColumn& c) { c.error_n = 1e30F; }));
+  EXPECT_FALSE(felt_by_law([](LawColumn& c) { c.samples[2].log_energy = c.samples[1].log_energy - 1; }));
+}
+
 TEST(LawRenderer, AnotherStreamBeginsAnew) {
   Rendering law;
   law.renderer.take_law(law_of(3, 40));

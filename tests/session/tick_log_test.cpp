@@ -110,11 +110,9 @@ TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
   tick_.withheld = 0.62;
   tick_.withholds = true;
   run(10);
-  EXPECT_EQ(
-      said_,
-      (Lines{
-          "W servo DEGRADED, 62 % of the force withheld: harder tissue than was told of; lift the finger and "
-          "press anew"}));
+  EXPECT_EQ(said_,
+            (Lines{"W servo DEGRADED, 62 % of the force withheld until it is paid for; lift the finger and "
+                   "press anew"}));
 }
 
 TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswerAndThatTheForceStays) {

@@ -151,6 +151,35 @@ TEST_F(Outbox, SendsWhatIsKnownOfALawThatIsBeingSampled) {
   EXPECT_EQ(std::set<double>(sent_m.begin(), sent_m.end()).size(), 13u);
 }
 
+// As when another tip took its place meanwhile.
+TEST_F(Outbox, SendsALawThatIsSampledAnewFromElsewhere) {
+  snapshot.windows.pop_back();
+  const auto columns_of = [&](std::size_t begin, std::size_t end) {
+    return [=](const WindowModel& window) {
+      const auto all = law_of(window)->columns;
+      ContactLaw law{{all.begin() + std::ptrdiff_t(begin), all.begin() + std::ptrdiff_t(end)},
+                     begin == 0 && end == 13};
+      return std::make_shared<const ContactLaw>(std::move(law));
+    };
+  };
+  std::set<double> sent_m;
+  const auto send = [&](const LawOutbox::LawOf& law_of_window) {
+    while (const auto piece = outbox.next(snapshot, 0.03, 0, law_of_window)) {
+      outbox.acknowledge(piece->number);
+      for (const LawColumn& column : piece->columns) sent_m.insert(column.x_m);
+      // Of the span that is said to rule none is missing.
+      for (const LawColumn& column : law_of(*snapshot.windows[0])->columns)
+        if (column.x_m >= piece->begin_m && column.x_m <= piece->end_m) {
+          EXPECT_TRUE(sent_m.contains(column.x_m));
+        }
+    }
+  };
+  send(columns_of(0, 6));
+  send(columns_of(8, 11));
+  send(columns_of(0, 13));
+  EXPECT_EQ(sent_m.size(), 13u);
+}
+
 TEST_F(Outbox, WaitsForALawThatIsBeingSampled) {
   bool ready = false;
   const auto later = [&](const WindowModel& window) { return ready ? law_of(window) : nullptr; };
