@@ -9,6 +9,7 @@
 #include "bench/stability/lift.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
+#include "bench/suites/stability/lift_tally.h"
 #include "bench/suites/stability/stability.h"
 #include "client/patient/parallel.h"
 
@@ -101,24 +102,6 @@ struct Tally {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Tally, trials, not_stable, degraded, generated, half, one, given, fast,
                                    least_ledger_j)
-
-struct LiftTally {
-  std::size_t trials = 0, in_air = 0, degraded = 0, not_enabled = 0;
-  double over_allowed = 0, over_paid = 0, given_j = 0, most_force = 0, least_ledger_j = 0;
-  void add(const LiftOptions& t, const LiftResult& r) {
-    ++trials;
-    in_air += r.in_air_n > 0;
-    degraded += r.degraded_share > 0;
-    not_enabled += r.enabled_share < 1;
-    over_allowed = std::max(over_allowed, r.over_allowed);
-    over_paid = std::max(over_paid, r.over_paid);
-    given_j = std::max(given_j, r.given_j);
-    most_force = std::max(most_force, r.largest_n / t.device.largest_force_n);
-    least_ledger_j = std::min(least_ledger_j, r.least_ledger_j);
-  }
-};
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LiftTally, trials, in_air, degraded, not_enabled, over_allowed, over_paid,
-                                   given_j, most_force, least_ledger_j)
 
 struct Figures {
   std::map<std::string, Tally> trials;
