@@ -5,7 +5,7 @@
 //
 // Phi_0 is what was felt when the model changed, carried on from that place: e (d / d_0)^p exp(tanh(q . (u -
 // u_0))), whose energy and force there are those that were felt. So whatever is changed from, a mixture too,
-// is a few numbers, and nothing steps: neither the force nor the energy.
+// is a few numbers, and nothing steps: neither the force nor the energy, where that is a contact's.
 #pragma once
 
 #include "client/render/contact_frame.h"
