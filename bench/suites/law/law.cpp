@@ -60,7 +60,8 @@ struct Pooled {
   std::string group;
   std::size_t poses = 0;
   double within = 0, within_twice = 0, stated_over_p99 = 0;
-  double contradicting = 0;  // share of the poses whose error is twice what is stated, which a client counts
+  double contradicting =
+      0;  // share of the poses whose error is more than what is stated, which a client counts
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Pooled, group, poses, within, within_twice, stated_over_p99, contradicting)
 
@@ -100,7 +101,7 @@ struct Errors {
     within_twice += off_n <= twice * force_n + kFloorN;
     tolerances.push_back(off_n / (kShare * force_n + kFloorN));
     over_stated.push_back(off_n / stated_n);
-    contradicting += over_stated.back() > 2;
+    contradicting += over_stated.back() > 1;
   }
   void add(const Errors& more) {
     tolerances.insert(tolerances.end(), more.tolerances.begin(), more.tolerances.end());
@@ -233,7 +234,6 @@ void promise(const Figures& f, Promises& promises) {
   promises.push_back({"sampling_median_tissue", median_of(values("resolved", &Judged::ms)), 3, "ms"});
   promises.push_back(
       {"near_columns_median_tissue", median_of(values("resolved", &Judged::near_ms)), 0.5, "ms"});
-  promises.push_back({"not_covered_worst_tissue", most(values("resolved", &Judged::not_covered)), 0});
   promises.push_back(
       {"checkerboards_within_one_percent", pooled("checkerboards").within_twice, 0.95, "1", false});
   promises.push_back(
@@ -252,6 +252,8 @@ void promise(const Figures& f, Promises& promises) {
     const std::vector<double> dropped = values(group.group.c_str(), &Judged::dropped_sweeps);
     promises.push_back({snake_case(group.group) + "_sweeps_that_drop_a_law",
                         std::accumulate(dropped.begin(), dropped.end(), 0.0), 0});
+    promises.push_back({snake_case(group.group) + "_not_covered_worst_tissue",
+                        most(values(group.group.c_str(), &Judged::not_covered)), 0});
   }
   promises.push_back({"evaluation", f.evaluation_us, 0.2, "us"});
   promises.push_back({"allocations", double(f.allocations), 0});
