@@ -70,8 +70,8 @@ void expect_only(const std::map<std::string, std::set<std::string>>& allowed, co
 }
 
 TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
-  // rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> tissue -> solver -> device ->
-  // limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
+  // rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue, solid} -> solver -> device
+  // -> limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
   // others choose.
   expect_only(
       {{"limits", {"plan"}},
@@ -79,7 +79,8 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
        {"device", {"limits"}},
        {"solver", {"device", "limits"}},
        {"tissue", {"plan", "solver", "device", "limits"}},
-       {"contact", {"plan", "tissue", "solver", "device", "limits"}},
+       {"solid", {"solver", "device", "limits"}},
+       {"contact", {"plan", "tissue", "solid", "solver", "device", "limits"}},
        {"tracking", {"solver", "device", "limits"}},
        {"modulus", {"tracking", "tissue", "solver", "device", "limits"}},
        {"imaging", {"plan", "modulus", "tracking", "tissue", "solver", "device", "limits"}},

@@ -1,0 +1,270 @@
+#include "service/solid/solid_solver.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "service/solid/hexahedron.h"
+#include "service/solid/radau_bound.h"
+
+namespace teletact::service {
+namespace {
+
+// Scalars, as in kernels/solid.cl.
+enum Scalar : std::size_t { kRho, kAlpha, kBeta, kCurvature, kScalars };
+
+constexpr std::size_t kMostChunks = 512;
+
+std::size_t lanes(const Queue& queue, std::size_t nx, std::size_t bytes) {
+  return std::min<std::size_t>({nx, 16, std::max<std::size_t>(1, queue.info().vector_bytes / bytes)});
+}
+
+Range over(std::size_t groups, std::size_t nz, std::size_t planes) {
+  return {{groups, nz, planes}, {std::min<std::size_t>(groups, 64), 1, 1}};
+}
+
+}  // namespace
+
+double SolidSolution::relative_error() const {
+  const double energy = energy_j - energy_error_j;  // at least
+  return energy > 0 ? std::sqrt(energy_error_j / energy) : energy_error_j > 0 ? HUGE_VAL : 0;
+}
+
+template <class T>
+SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
+    : queue_(queue),
+      grid_((validate(tissue), tissue.grid)),
+      layered_(layered(tissue)),
+      preconditioner_(queue, grid_, layered_, tissue.poisson_ratio),
+      width_(lanes(queue, grid_.nx, sizeof(T))),
+      nx_(static_cast<int>(grid_.nx)),
+      nz_(static_cast<int>(grid_.nz)),
+      rows_(static_cast<int>(grid_.layers())) {
+  const std::size_t layers = grid_.layers(), columns = grid_.columns(), unknowns = grid_.unknowns();
+  const std::size_t groups = unknowns / width_, wide = grid_.nx + 2 * width_;
+  chunk_ = (groups + kMostChunks - 1) / kMostChunks;
+  chunks_ = (groups + chunk_ - 1) / chunk_;
+  std::vector<T> stiffness, modulus;
+  stiffness.reserve(576 * layers);
+  modulus.reserve(layers * grid_.nz * wide);
+  for (std::size_t j = 0; j < layers; ++j) {
+    const HexahedronMatrix k = hexahedron_stiffness(grid_.spacing_x_m, grid_.y_m[j + 1] - grid_.y_m[j],
+                                                    grid_.spacing_z_m, tissue.poisson_ratio);
+    for (int row = 0; row < 24; ++row)
+      for (int column = 0; column < 24; ++column) stiffness.push_back(static_cast<T>(k(row, column)));
+    for (std::size_t n = 0; n < grid_.nz; ++n)
+      for (std::size_t i = 0; i < wide; ++i)
+        modulus.push_back(static_cast<T>(
+            tissue.youngs_modulus_pa[j * columns + n * grid_.nx + (i + grid_.nx - width_) % grid_.nx]));
+  }
+  stiffness_ = queue.array(stiffness);
+  modulus_ = queue.array(modulus);
+  for (Array<T>* field : {&u_, &r_, &z_, &kd_}) *field = queue.array<T>(unknowns);
+  d_ = queue.array<T>(3 * (layers + 1) * grid_.nz * wide);
+  surface_ = queue.array<T>(3 * columns);
+  scalars_ = queue.array<T>(kScalars);
+  partial_ = queue.array<T>(std::max(chunks_, layers * grid_.nz * (grid_.nx / width_)));
+  slots_ = queue.array<int>(3 * columns);
+  const Defines defines{{"WIDTH", std::to_string(width_)}};
+  const auto get = [&](const char* name) { return queue.kernel("solid", name, precision_of<T>, defines); };
+  apply_ = get("solid_apply");
+  direction_ = get("solid_direction");
+  dot_ = get("solid_dot");
+  step_ = get("solid_step");
+  subtract_ = get("solid_subtract");
+  project_ = get("patch_project");
+  spread_ = get("patch_spread");
+  turn_ = get("patch_turn");
+  patch_step_ = get("patch_step");
+  queue_.fill_zero(d_);
+}
+
+template <class T>
+Eigen::MatrixXd SolidSolver<T>::layered_compliance(const std::vector<std::size_t>& unknowns) const {
+  const SurfaceCompliance& table = preconditioner_.surface_compliance();
+  const std::size_t columns = grid_.columns(), nx = grid_.nx, nz = grid_.nz;
+  // The nearest of the period's copies.
+  const auto offset = [](std::size_t to, std::size_t from, std::size_t n) {
+    const auto ahead = static_cast<long>((to + n - from) % n), size = static_cast<long>(n);
+    return 2 * ahead > size ? ahead - size : ahead;
+  };
+  const auto n = static_cast<Eigen::Index>(unknowns.size());
+  Eigen::MatrixXd s(n, n);
+  for (Eigen::Index a = 0; a < n; ++a)
+    for (Eigen::Index b = 0; b < n; ++b) {
+      const std::size_t to = unknowns[static_cast<std::size_t>(a)],
+                        from = unknowns[static_cast<std::size_t>(b)];
+      s(a, b) = table(to / columns, from / columns, offset(to % nx, from % nx, nx),
+                      offset(to % columns / nx, from % columns / nx, nz));
+    }
+  return s;
+}
+
+template <class T>
+auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pushed) -> Patch {
+  const std::size_t columns = grid_.columns(), n = unknowns.size();
+  if (n == 0) throw std::invalid_argument("patch: no unknowns; give at least one");
+  std::vector<int> slots(3 * columns, -1), at;
+  for (const std::size_t unknown : unknowns) {
+    if (unknown >= 3 * columns || slots[unknown] >= 0)
+      throw std::invalid_argument(
+          fmt::format("patch: unknown {} is none of the surface's {}, or there twice", unknown, 3 * columns));
+    slots[unknown] = static_cast<int>(at.size());
+    at.push_back(static_cast<int>(unknown));
+  }
+  if (unknowns_.size() < n) {
+    unknowns_ = queue_.array<int>(2 * n);
+    for (Array<T>* a : {&q_, &dq_, &p_}) *a = queue_.array<T>(2 * n);
+    inverse_ = queue_.array<T>(4 * n * n);
+  }
+  queue_.write(unknowns_, at.data(), n);
+  queue_.write(slots_, slots.data(), slots.size());
+  const auto [low, high] = std::minmax_element(unknowns.begin(), unknowns.end());
+  return {static_cast<int>(n), {*low / columns, *high / columns - *low / columns + 1}, pushed};
+}
+
+template <class T>
+void SolidSolver<T>::spread(const Array<T>& values, Array<T>& field, T sign, const Components& components) {
+  const auto begin = static_cast<int>(components.first * grid_.columns());
+  const auto end = static_cast<int>((components.first + components.count) * grid_.columns());
+  spread_({{static_cast<std::size_t>(end - begin)}, {64}}, slots_, values, field, sign, begin, end);
+}
+
+template <class T>
+double SolidSolver<T>::dot(const Array<T>& a, const Array<T>& b) {
+  dot_({{chunks_}, {1}}, a, b, partial_, static_cast<int>(grid_.unknowns() / width_),
+       static_cast<int>(chunk_));
+  std::vector<T> sums(chunks_);
+  queue_.read(partial_, sums.data(), chunks_);
+  double sum = 0;
+  for (const T s : sums) sum += static_cast<double>(s);
+  return sum;
+}
+
+template <class T>
+void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
+  const Eigen::Matrix<T, Eigen::Dynamic, 1> force = force_n.cast<T>();
+  queue_.write(p_, force.data(), static_cast<std::size_t>(patch.count));
+  spread(p_, surface_, T{1}, patch.components);
+  preconditioner_.solve_surface(surface_, patch.components, u_);
+  const std::vector<T> none(kScalars, T{0});
+  queue_.write(scalars_, none.data(), none.size());
+  const int planes = 3 * rows_, groups = static_cast<int>(grid_.unknowns() / width_);
+  direction_(over(grid_.nx / width_, grid_.nz, 3 * grid_.layers()), scalars_, u_, d_, nx_, nz_, planes);
+  apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_, d_, kd_, partial_, nx_, nz_,
+         rows_);
+  queue_.fill_zero(z_);
+  spread(p_, z_, T{1}, {0, 3});
+  subtract_({{static_cast<std::size_t>(groups)}, {64}}, z_, kd_, r_, groups);
+}
+
+template <class T>
+void SolidSolver<T>::precondition(const Patch& patch) {
+  const Components components = patch.pushed ? patch.components : Components{0, 0};
+  preconditioner_.up(r_, components, surface_);
+  if (patch.pushed) {
+    project_({{static_cast<std::size_t>(patch.count)}, {1}}, inverse_, unknowns_, surface_, q_, patch.count);
+    spread(q_, surface_, T{-1}, components);
+  }
+  preconditioner_.down(surface_, components, z_);
+}
+
+template <class T>
+SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, const SolidOptions& options) {
+  const int planes = 3 * rows_, count = patch.pushed ? patch.count : 0;
+  const Range fields = over(grid_.nx / width_, grid_.nz, 3 * grid_.layers());
+  const auto groups = static_cast<int>(grid_.unknowns() / width_);
+  const auto partials = static_cast<int>(grid_.layers() * grid_.nz * (grid_.nx / width_));
+  SolidSolution solution;
+  RadauBound bound(layered_.least);
+  double rho = 0;
+  for (std::size_t k = 0;; ++k) {
+    precondition(patch);
+    dot_({{chunks_}, {1}}, r_, z_, partial_, groups, static_cast<int>(chunk_));
+    turn_({{1}, {1}}, partial_, scalars_, q_, dq_, static_cast<int>(chunks_), count, k == 0 ? 1 : 0);
+    std::array<T, kScalars> scalars;
+    queue_.read(scalars_, scalars.data(), kScalars);
+    const auto next = static_cast<double>(scalars[kRho]), alpha = static_cast<double>(scalars[kAlpha]);
+    if (k > 0) {
+      twice_energy += (patch.pushed ? -1 : 1) * alpha * rho;
+      bound.step(alpha, rho, next);
+    }
+    rho = next;
+    solution.iterations = k;
+    solution.energy_j = twice_energy / 2;
+    solution.energy_error_j = bound.squared(rho) / 2;
+    solution.certified = bound.holds();
+    if (!std::isfinite(rho) || !std::isfinite(twice_energy))
+      solution.reason = StopReason::kNotFinite;
+    else if (rho < 0 || (k > 0 && !(alpha > 0)))
+      solution.reason = StopReason::kIndefinite;
+    else if (rho == 0 || solution.relative_error() <= options.relative_error)
+      solution.reason = StopReason::kConverged;
+    else if (k == options.max_iterations)
+      solution.reason = StopReason::kIterationLimit;
+    if (solution.reason != StopReason::kRunning) return solution;
+    direction_(fields, scalars_, z_, d_, nx_, nz_, planes);
+    apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_, d_, kd_, partial_, nx_,
+           nz_, rows_);
+    patch_step_({{1}, {1}}, partial_, scalars_, unknowns_, d_, kd_, p_, dq_, partials, count, nx_);
+    step_(fields, scalars_, d_, kd_, u_, r_, nx_, nz_, planes);
+  }
+}
+
+template <class T>
+SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::VectorXd& w,
+                                   const SolidOptions& options) {
+  const Patch set = set_patch(patch.unknowns, true);
+  const Eigen::Index n = set.count;
+  if (patch.skin_m_n.size() != n || !(patch.skin_m_n.minCoeff() >= 0) || !patch.skin_m_n.allFinite())
+    throw std::invalid_argument("patch: give each unknown a skin whose compliance is finite, 0 or more");
+  if (w.size() != n || !w.allFinite())
+    throw std::invalid_argument("patch: give each unknown a finite displacement");
+  Eigen::MatrixXd felt = layered_compliance(patch.unknowns);
+  felt.diagonal() += patch.skin_m_n;
+  const Eigen::LLT<Eigen::MatrixXd> factor(felt);
+  if (factor.info() != Eigen::Success)
+    throw std::domain_error("patch: the compliance of the layered surface is not positive definite");
+  const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> inverse =
+      factor.solve(Eigen::MatrixXd::Identity(n, n)).template cast<T>();
+  queue_.write(inverse_, inverse.data(), static_cast<std::size_t>(inverse.size()));
+  const Eigen::VectorXd start = factor.solve(w);
+  begin(set, start);
+  SolidSolution solution = iterate(set, w.dot(start) - dot(u_, r_), options);
+  Eigen::Matrix<T, Eigen::Dynamic, 1> p(n);
+  queue_.read(p_, p.data(), static_cast<std::size_t>(n));
+  solution.force_n = p.template cast<double>();
+  solution.displacement_m = w - patch.skin_m_n.cwiseProduct(solution.force_n);
+  return solution;
+}
+
+template <class T>
+SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
+                                   const SolidOptions& options) {
+  const Patch set = set_patch(unknowns, false);
+  if (p.size() != set.count || !p.allFinite())
+    throw std::invalid_argument("patch: give each unknown a finite force");
+  begin(set, p);
+  const auto work = [&] {  // B u
+    std::vector<T> surface(3 * grid_.columns());
+    queue_.read(u_, surface.data(), surface.size());
+    Eigen::VectorXd out(p.size());
+    for (Eigen::Index n = 0; n < p.size(); ++n)
+      out[n] = static_cast<double>(surface[unknowns[static_cast<std::size_t>(n)]]);
+    return out;
+  };
+  SolidSolution solution = iterate(set, p.dot(work()) + dot(u_, r_), options);
+  solution.force_n = p;
+  solution.displacement_m = work();
+  return solution;
+}
+
+template class SolidSolver<float>;
+template class SolidSolver<double>;
+
+}  // namespace teletact::service

@@ -1,0 +1,96 @@
+// A patch of the surface of solid tissue is pressed (T8.2): conjugate gradients on the whole block,
+// preconditioned by layered tissue under the same patch, on the device.
+//
+// Find u and forces p with  K u = B^T p,  B u + C p = w:  B picks the patch's unknowns, w is how far they are
+// pushed, C how far each gives way to its own force (the tip's skin; 0 for a rigid tip). That minimises
+// u K u / 2 + p C p / 2 under the constraint, and A = K + B^T C^-1 B is what conjugate gradients see. They
+// start from the layered tissue's contact and keep the constraint at every step: each preconditioned residual
+// is corrected by q = (S0 + C)^-1 B z0, S0 the layered surface's compliance (Gould, Hribar and Nocedal 2001,
+// where C = 0).
+//
+// What is bounded, at every iteration, is the energy norm of the error (radau_bound.h): the eigenvalues of
+// the preconditioned operator are not below min E / E0.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "service/solid/layered_preconditioner.h"
+#include "service/solid/solid_tissue.h"
+#include "service/solver/pcg.h"
+
+namespace teletact::service {
+
+// Unknowns of the surface, i + nx (k + nz c) for component c of node (i, k), each once.
+struct SurfacePatch {
+  std::vector<std::size_t> unknowns;
+  Eigen::VectorXd skin_m_n;  // C, >= 0
+};
+
+struct SolidOptions {
+  double relative_error = 1e-6;  // ||e||_A / ||u||_A, by the bound
+  std::size_t max_iterations = 200;
+};
+
+struct SolidSolution {
+  Eigen::VectorXd force_n;         // p, of each unknown of the patch
+  Eigen::VectorXd displacement_m;  // B u; where the patch is pushed, w - C p
+  // Energy of the tissue and the skins, J: too large where the patch is pushed, too small where it is loaded;
+  // by how much, at most.
+  double energy_j = 0, energy_error_j = 0;
+  std::size_t iterations = 0;
+  StopReason reason = StopReason::kRunning;
+  // False where rounding has broken the bound: below that it says nothing (T8.2).
+  bool certified = true;
+  // ||e||_A / ||u||_A, at most.
+  double relative_error() const;
+};
+
+template <class T>
+class SolidSolver {
+ public:
+  // Throws as validate() does.
+  SolidSolver(const Queue&, const SolidTissue&);
+  // Of the layered tissue, among unknowns of the surface, m/N.
+  Eigen::MatrixXd layered_compliance(const std::vector<std::size_t>& unknowns) const;
+  // Throws std::invalid_argument where the patch is not one of this surface.
+  SolidSolution push(const SurfacePatch&, const Eigen::VectorXd& w, const SolidOptions& = {});
+  // Under given forces instead (N), with no skin: K u = B^T p.
+  SolidSolution load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
+                     const SolidOptions& = {});
+  // Displacement of the last solution, [plane = 3 row + component][z][x].
+  std::vector<T> displacement() const { return queue_.read(u_); }
+  const LayeredTissue& layers() const { return layered_; }
+
+ private:
+  using Components = typename LayeredPreconditioner<T>::Components;
+  // A patch in the device's arrays: pushed, or loaded.
+  struct Patch {
+    int count = 0;
+    Components components;
+    bool pushed = true;
+  };
+  Patch set_patch(const std::vector<std::size_t>& unknowns, bool pushed);
+  // Sets u to the layered tissue's answer to the patch's forces, and r to what that leaves of them.
+  void begin(const Patch&, const Eigen::VectorXd& force_n);
+  // Conjugate gradients from there; `twice_energy`: of the beginning.
+  SolidSolution iterate(const Patch&, double twice_energy, const SolidOptions&);
+  void precondition(const Patch&);  // z from r
+  void spread(const Array<T>& values, Array<T>& field, T sign, const Components&);
+  double dot(const Array<T>& a, const Array<T>& b);
+  Queue queue_;
+  SolidGrid grid_;
+  LayeredTissue layered_;
+  LayeredPreconditioner<T> preconditioner_;
+  std::size_t width_ = 1, chunk_ = 1, chunks_ = 1;
+  int nx_, nz_, rows_;
+  Array<T> stiffness_, modulus_;
+  Array<T> u_, r_, z_, kd_, d_, surface_;
+  Array<T> scalars_, partial_;
+  Array<int> unknowns_, slots_;
+  Array<T> inverse_, q_, dq_, p_;
+  Kernel apply_, direction_, dot_, step_, subtract_, project_, spread_, turn_, patch_step_;
+};
+
+}  // namespace teletact::service

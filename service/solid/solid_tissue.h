@@ -1,0 +1,40 @@
+// A block of solid tissue (T8): hexahedra, uniform along x and z, graded along y.
+//
+// x and z are periodic: the block's far end meets its near one, so what is touched needs tissue around it.
+// y points into the tissue, y_m[0] the surface, the last row of nodes held. Node (i, j, k) lies at
+// (i spacing_x_m, y_m[j], k spacing_z_m); element (i, j, k) begins there.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace teletact::service {
+
+struct SolidGrid {
+  std::size_t nx = 0, nz = 0;  // of nodes and of elements: powers of two
+  double spacing_x_m = 0, spacing_z_m = 0;
+  std::vector<double> y_m;                               // strictly increasing, >= 2
+  std::size_t layers() const { return y_m.size() - 1; }  // of elements; of rows of nodes that are free
+  std::size_t columns() const { return nx * nz; }
+  std::size_t elements() const { return columns() * layers(); }
+  std::size_t unknowns() const { return 3 * elements(); }
+};
+
+struct SolidTissue {
+  SolidGrid grid;
+  std::vector<double> youngs_modulus_pa;  // [layer][z][x], > 0
+  double poisson_ratio = 0.49;            // 0 <= . < 0.5
+};
+
+// Throws std::invalid_argument naming the field.
+void validate(const SolidTissue&);
+
+// What the tissue is compared with: E0(y), the geometric mean of each layer, and the least and the largest
+// E / E0 of any element. The eigenvalues of K(E0)^-1 K(E) lie between them (T4.6).
+struct LayeredTissue {
+  std::vector<double> youngs_modulus_pa;  // of each layer
+  double least = 1, largest = 1;
+};
+LayeredTissue layered(const SolidTissue&);
+
+}  // namespace teletact::service

@@ -1,0 +1,86 @@
+#include "service/solid/surface_compliance.h"
+
+#include <bit>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <stdexcept>
+
+#include "service/solid/layered_factor.h"
+
+namespace teletact::service {
+namespace {
+
+// Every entry of the compliance is even or odd in x and in z: [xx, xy, xz, yy, yz, zz].
+constexpr std::array<bool, 6> kOddX{false, true, true, false, false, false};
+constexpr std::array<bool, 6> kOddZ{false, false, true, false, true, false};
+// Its transform is real in a basis in which u_y is multiplied with -i: what that and the sines leave.
+constexpr std::array<double, 6> kSign{1, 1, -1, 1, -1, 1};
+constexpr std::array<std::array<std::size_t, 3>, 3> kEntry{{{0, 1, 2}, {1, 3, 4}, {2, 4, 5}}};
+
+struct Turn {
+  double cosine, sine;
+};
+std::vector<Turn> turns(std::size_t n) {
+  std::vector<Turn> out(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double angle = 2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(n);
+    out[i] = {std::cos(angle), std::sin(angle)};
+  }
+  return out;
+}
+
+}  // namespace
+
+SurfaceCompliance::SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol,
+                                     std::size_t pitch, std::size_t most_x, std::size_t most_z)
+    : most_x_(most_x), most_z_(most_z), table_(6 * (most_x + 1) * (most_z + 1), 0.0) {
+  const std::size_t half_x = nx / 2, half_z = nz / 2;
+  const std::vector<Turn> along_x = turns(nx), along_z = turns(nz);
+  std::vector<double> half((most_x + 1) * (half_z + 1));
+  for (std::size_t e = 0; e < 6; ++e) {
+    for (std::size_t kz = 0; kz <= half_z; ++kz)
+      for (std::size_t i = 0; i <= most_x; ++i) {
+        double sum = 0;
+        for (std::size_t kx = 0; kx <= half_x; ++kx) {
+          const Turn& turn = along_x[kx * i % nx];
+          sum += (kx == 0 || 2 * kx == nx ? 1 : 2) * symbol[(e * (half_z + 1) + kz) * pitch + kx] *
+                 (kOddX[e] ? turn.sine : turn.cosine);
+        }
+        half[kz * (most_x + 1) + i] = sum;
+      }
+    for (std::size_t k = 0; k <= most_z; ++k)
+      for (std::size_t kz = 0; kz <= half_z; ++kz) {
+        const Turn& turn = along_z[kz * k % nz];
+        const double share = kSign[e] * (kz == 0 || 2 * kz == nz ? 1 : 2) *
+                             (kOddZ[e] ? turn.sine : turn.cosine) / static_cast<double>(nx * nz);
+        for (std::size_t i = 0; i <= most_x; ++i)
+          table_[(e * (most_z + 1) + k) * (most_x + 1) + i] += share * half[kz * (most_x + 1) + i];
+      }
+  }
+}
+
+double SurfaceCompliance::operator()(std::size_t p, std::size_t q, long dx, long dz) const {
+  const std::size_t entry = kEntry[p][q];
+  const auto i = static_cast<std::size_t>(std::labs(dx)), k = static_cast<std::size_t>(std::labs(dz));
+  const bool turned = (p > q && (p == 1 || q == 1)) != ((kOddX[entry] && dx < 0) != (kOddZ[entry] && dz < 0));
+  const double value = table_[(entry * (most_z_ + 1) + k) * (most_x_ + 1) + i];
+  return turned ? -value : value;
+}
+
+SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
+                               double least_period_m) {
+  SolidGrid wide = grid;
+  const auto widened = [&](std::size_t n, double spacing_m) {
+    std::size_t wanted = n;
+    while (static_cast<double>(wanted) * spacing_m < least_period_m) wanted *= 2;
+    return wanted;
+  };
+  wide.nx = widened(grid.nx, grid.spacing_x_m);
+  if (grid.nz > 1) wide.nz = widened(grid.nz, grid.spacing_z_m);
+  const std::size_t pitch = wide.nx / 2 + 1;
+  return {wide.nx, wide.nz,     surface_symbol(wide, tissue, poisson_ratio, pitch),
+          pitch,   grid.nx / 2, grid.nz / 2};
+}
+
+}  // namespace teletact::service

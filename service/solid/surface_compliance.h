@@ -1,0 +1,30 @@
+// Compliance of the surface of layered tissue (T8.1), m/N, by the offset from the node that is pushed.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "service/solid/solid_tissue.h"
+
+namespace teletact::service {
+
+class SurfaceCompliance {
+ public:
+  // From the transformed compliance of a block, [6][kz = 0 .. nz/2][pitch] (surface_symbol), up to offsets of
+  // most_x and most_z nodes, at most half of the block's.
+  SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol, std::size_t pitch,
+                    std::size_t most_x, std::size_t most_z);
+  // Displacement of component p under a unit force of component q, the first `dx`, `dz` nodes from the other.
+  double operator()(std::size_t p, std::size_t q, long dx, long dz) const;
+
+ private:
+  std::size_t most_x_, most_z_;
+  std::vector<double> table_;  // [xx, xy, xz, yy, yz, zz][z][x]
+};
+
+// The same for tissue so wide that its period, at least `least_period_m`, is not felt.
+SurfaceCompliance wide_surface(const SolidGrid&, const LayeredTissue&, double poisson_ratio,
+                               double least_period_m);
+
+}  // namespace teletact::service
