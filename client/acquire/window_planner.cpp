@@ -19,7 +19,9 @@ std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
     x_m_ = finger.x_m;
     if (std::abs(finger.velocity_m_s) > options_.still_m_s) direction_ = finger.velocity_m_s < 0 ? -1 : 1;
   }
-  const std::vector<std::size_t> path = path_ahead(options_.lookahead);
+  const double soon_m = x_m_ + direction_ * options_.link_s * std::abs(finger.velocity_m_s);
+  const auto [near, far] = std::minmax({window_at(x_m_), window_at(soon_m)});
+  const std::vector<std::size_t> path = path_ahead(options_.lookahead + far - near);
   for (std::size_t window : path)
     if (!windows.at(window).acquired_s && windows[window].frames_left > 0) return window;
   if (!finger.present) return std::nullopt;  // nothing grows stale before anybody touches

@@ -20,6 +20,9 @@ struct PlannerOptions {
   // A renewal must be ready before the finger arrives: the model under it changes only when it has to. About
   // what the arm and the service need from asking to publishing.
   double renewal_lead_s = 0.5;
+  // Where the finger is, and what is published to it, are told late: unknown windows are asked for as if it
+  // had come further by its velocity times this, an operator's round trip.
+  double link_s = 0.1;
   double still_m_s = 0.01;  // slower than this the finger has no direction: the last one holds
 };
 

@@ -95,11 +95,4 @@ std::optional<NearLaw> LawBook::fresh(double x_m) {
   return law;
 }
 
-bool LawBook::covers(double x_m, std::uint64_t version) const {
-  const auto right = columns_.upper_bound(x_m);
-  if (right == columns_.begin() || right == columns_.end()) return false;
-  const auto left = std::prev(right);
-  return right->second.joined && std::max(left->second.version, right->second.version) >= version;
-}
-
 }  // namespace teletact::client

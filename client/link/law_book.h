@@ -24,8 +24,6 @@ class LawBook {
 
   // What the servo should have for a finger at x; none when that is what it was given last.
   std::optional<NearLaw> fresh(double x_m);
-  // Whether x lies between two columns that are joined, one of them of `version` or newer.
-  bool covers(double x_m, std::uint64_t version) const;
 
  private:
   void forget_far_from(double x_m);

@@ -304,9 +304,8 @@ void TouchLink::write_poses(Stream& stream) {
     // Keeps the average rate when a wake-up is late, without bursts.
     finger_x_m_ = pose.pose.position_m.x();
     tell_law(finger_x_m_);
-    const bool by_law = pose.by_law && law_.covers(finger_x_m_, received_.stats.last_version);
     const std::int64_t interval_ns =
-        to_ns(std::max({received_.pacing.interval_s(), 0.001, by_law ? kLawPeriodS : 0.0}));
+        to_ns(std::max({received_.pacing.interval_s(), 0.001, pose.by_law ? kLawPeriodS : 0.0}));
     next_ns = std::max(next_ns + interval_ns, now_ns + interval_ns / 2);
     sent_ns = now_ns;
     ++received_.stats.poses;

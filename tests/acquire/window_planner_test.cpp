@@ -111,7 +111,8 @@ struct Sweep {
   bool arrived_at_unknown = false;
 };
 
-Sweep sweep(double compute_s, std::size_t lookahead) {
+// What the planner knows of the finger, and the finger of windows, is half of `round_trip_s` late.
+Sweep sweep(double compute_s, std::size_t lookahead, double round_trip_s = 0) {
   PlannerOptions options = five_windows();
   options.lookahead = lookahead;
   const double speed = 0.12, left = 0.03, right = 0.27;
@@ -123,23 +124,25 @@ Sweep sweep(double compute_s, std::size_t lookahead) {
   Sweep result;
   double start = -1;
   for (double t = 0; start < 0 || t < start + 10; t += 0.005) {
-    const bool touching = start >= 0 && t >= start;
-    const double way = touching ? std::fmod((t - start) * speed, 2 * (right - left)) : 0;
-    const bool out = way < right - left;
-    const double x = out ? left + way : right - (way - (right - left));
-    const FingerMotion finger{touching, x, !touching ? 0 : (out ? speed : -speed)};
+    const auto finger_at = [&](double time) -> FingerMotion {
+      if (start < 0 || time < start) return {false, left, 0};
+      const double way = std::fmod((time - start) * speed, 2 * (right - left));
+      const bool out = way < right - left;
+      return {true, out ? left + way : right - (way - (right - left)), out ? speed : -speed};
+    };
     if (t >= arm.free_s()) {
-      if (const auto next = planner.next(finger, windows, t)) {
+      if (const auto next = planner.next(finger_at(t - round_trip_s / 2), windows, t)) {
         const ArmSchedule schedule = arm.acquire(planner.window_x_m(*next), 0.00045, t);
         windows[*next].acquired_s = schedule.post_frame_s;
-        first_published[*next] = std::min(first_published[*next], schedule.post_frame_s + compute_s);
+        const double told_s = schedule.post_frame_s + compute_s + round_trip_s / 2;
+        first_published[*next] = std::min(first_published[*next], told_s);
         ++result.acquired;
       } else if (start < 0) {
         start = t + compute_s;  // all that the start needs is known: the operator may begin
       }
     }
-    if (!touching) continue;
-    const std::size_t here = planner.window_at(x);
+    if (!finger_at(t).present) continue;
+    const std::size_t here = planner.window_at(finger_at(t).x_m);
     if (!std::exchange(visited[here], char{1}))
       result.least_slack_s = std::min(result.least_slack_s, t - first_published[here]);
     if (t < first_published[here]) result.arrived_at_unknown = true;
@@ -152,6 +155,11 @@ TEST(WindowPlanner, ArmAndPlannerStayAheadOfAFingerAt120MillimetresPerSecond) {
   EXPECT_FALSE(run.arrived_at_unknown);
   EXPECT_GE(run.least_slack_s, 0.0);
   EXPECT_GE(run.acquired, 14u);  // windows are renewed on every pass
+}
+
+// A link of 0.1 s takes as much of the slack: windows are asked for so much earlier.
+TEST(WindowPlanner, AFarOperatorWaitsForNoWindow) {
+  EXPECT_GE(sweep(0.45, 2, 0.1).least_slack_s, 0.1);
 }
 
 TEST(WindowPlanner, OneWindowOfLookaheadWouldStall) {

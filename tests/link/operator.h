@@ -31,6 +31,7 @@ class Operator {
         ServoPose pose;
         pose.pose.position_m = Vector3(x_m, 0.004, 0);
         pose.time_ns = clock.now_ns();
+        pose.by_law = by_law;
         poses.put(pose);
         clock.sleep_until_ns(due_ns += 1'000'000);
       }
@@ -46,6 +47,7 @@ class Operator {
   LatestSlot<ServoPose> poses;
   LatestSlot<ServoAnswer> answers;
   std::unique_ptr<TouchLink> link;
+  std::atomic<bool> by_law{false};  // as its servo says
 
  private:
   std::atomic<bool> stop_{false};

@@ -60,6 +60,25 @@ TEST(TouchLink, AnswersCarryTheirOwnPose) {
   EXPECT_GE(stats.distinct, 19u);
 }
 
+// Whatever the versions of the windows that answer: the servo says whether it follows answers.
+TEST(TouchLink, PosesAreFewWhileAContactLawIsFelt) {
+  FakePalpation service(test::socket_address("law"));
+  service.serve();
+  Operator person(test::socket_address("law"));
+  const auto poses_in_a_second = [&] {
+    const auto before = service.account().poses;
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    return service.account().poses - before;
+  };
+  ASSERT_TRUE(service.wait_until(answers_at_least(10)));
+  EXPECT_GE(poses_in_a_second(), 100u);
+  person.by_law = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  const auto few = poses_in_a_second();
+  EXPECT_LE(few, 22u);
+  EXPECT_GE(few, 10u);
+}
+
 TEST(TouchLink, AnAnswerToAnotherSessionsPoseIsNotFelt) {
   // GIVEN answers whose number is one of ours, THEN whose pose they answer decides.
   FakePalpation service(test::socket_address("foreign"));
