@@ -1,15 +1,19 @@
 // Real two-dimensional Fourier transforms of planes, on processors (GPUs: fourier_groups.cl). One item a
-// plane, or so many flat ones that their rows fill a vector: rows first, WIDTH at a time, each as NX / 2
-// complex numbers; then columns, WIDTH at a time, in place. Column 0 meanwhile holds what columns 0 and NX /
-// 2 of the spectrum come from, as its parts: both are transforms of real numbers along z.
+// plane, or so many flat ones that their rows fill a vector: rows first, WIDTH at a time, each as HALF
+// complex numbers; then columns, WIDTH at a time, in place. Column 0 meanwhile holds what columns 0 and HALF
+// of the spectrum come from, as its parts: both are transforms of real numbers along z.
 //
 // Layouts: service/solver/fourier.h. The inverse is the same with parts exchanged. Buffers of an item hold
 // complex numbers of WIDTH lanes, part next to part.
 #include "fourier.clh"
 #include "wide.clh"
 
+// A vector anywhere in an array of numbers. What vstore16 is on PoCL stores four times.
+typedef vec Loose __attribute__((aligned(TELETACT_DOUBLE ? 8 : 4)));
+// Sizes are known within every function: a third of the time.
+#define INLINE __attribute__((always_inline))
 #define PLANES (WIDTH > NZ ? WIDTH / NZ : 1)  // of an item
-#define ROOM (2 * WIDTH * (HALF > NZ ? HALF : NZ))
+#define ROOM (2 * (HALF > NZ ? HALF : NZ))
 
 void butterfly2(vec* re, vec* im) {
   const vec r = re[0] - re[1], i = im[0] - im[1];
@@ -57,48 +61,49 @@ void butterfly8(vec* re, vec* im) {
   }
 }
 
-// A stage of Stockham's transform: `span` of what is still to be transformed, done in `done` places.
-#define STAGE(RADIX)                                                                                   \
-  void stage##RADIX(const real* from, real* to, const int exchanged, const int span, const int done,   \
-                    global const real* restrict roots) {                                               \
-    const int re = exchanged ? WIDTH : 0, im = WIDTH - re;                                             \
-    for (int p = 0; p < span / RADIX; ++p)                                                             \
-      for (int q = 0; q < done; ++q) {                                                                 \
-        vec r[RADIX], i[RADIX];                                                                        \
-        _Pragma("unroll") for (int j = 0; j < RADIX; ++j) {                                            \
-          const real* at = from + 2 * WIDTH * (q + done * (p + j * (span / RADIX)));                   \
-          r[j] = LOAD(at + re);                                                                        \
-          i[j] = LOAD(at + im);                                                                        \
-        }                                                                                              \
-        butterfly##RADIX(r, i);                                                                        \
-        _Pragma("unroll") for (int j = 0; j < RADIX; ++j) {                                            \
-          const real c = roots[2 * (ROOTS / span) * j * p], s = roots[2 * (ROOTS / span) * j * p + 1]; \
-          real* at = to + 2 * WIDTH * (q + done * (RADIX * p + j));                                    \
-          STORE(j == 0 || span == RADIX ? r[j] : r[j] * c - i[j] * s, at + re);                        \
-          STORE(j == 0 || span == RADIX ? i[j] : r[j] * s + i[j] * c, at + im);                        \
-        }                                                                                              \
-      }                                                                                                \
+// A stage of Stockham's transform of span x done numbers: those before it transformed `done` at a time, this
+// one RADIX times so many.
+#define STAGE(RADIX)                                                                                      \
+  INLINE void stage##RADIX(const vec* from, vec* to, const int exchanged, const int span, const int done, \
+                           global const real* restrict roots) {                                           \
+    const int re = exchanged, im = 1 - exchanged;                                                         \
+    for (int p = 0; p < span / RADIX; ++p)                                                                \
+      for (int q = 0; q < done; ++q) {                                                                    \
+        vec r[RADIX], i[RADIX];                                                                           \
+        _Pragma("unroll") for (int j = 0; j < RADIX; ++j) {                                               \
+          const int n = q + done * (p + j * (span / RADIX));                                              \
+          r[j] = from[2 * n + re];                                                                        \
+          i[j] = from[2 * n + im];                                                                        \
+        }                                                                                                 \
+        butterfly##RADIX(r, i);                                                                           \
+        _Pragma("unroll") for (int j = 0; j < RADIX; ++j) {                                               \
+          const int n = q + done * (RADIX * p + j), root = 2 * (ROOTS / span) * j * p;                    \
+          const bool turn = j > 0 && span > RADIX;                                                        \
+          to[2 * n + re] = turn ? r[j] * roots[root] - i[j] * roots[root + 1] : r[j];                     \
+          to[2 * n + im] = turn ? r[j] * roots[root + 1] + i[j] * roots[root] : i[j];                     \
+        }                                                                                                 \
+      }                                                                                                   \
   }
 STAGE(2)
 STAGE(4)
 STAGE(8)
-#undef STAGE
 
-// Of `length` numbers in a; b is as much room. Where the result is: a or b.
-real* transform(real* a, real* b, const int exchanged, const int length, global const real* restrict roots) {
-  int span = length, done = 1;
-  while (span > 1) {
-    const int radix = span == 16 ? 4 : min(span, 8);
-    if (radix == 8) stage8(a, b, exchanged, span, done, roots);
-    if (radix == 4) stage4(a, b, exchanged, span, done, roots);
-    if (radix == 2) stage2(a, b, exchanged, span, done, roots);
-    span /= radix;
-    done *= radix;
-    real* last = a;
-    a = b;
-    b = last;
-  }
-  return a;
+INLINE void stage(const vec* from, vec* to, const int exchanged, const int radix, const int span,
+                  const int done, global const real* restrict roots) {
+  if (radix == 2) stage2(from, to, exchanged, span, done, roots);
+  if (radix == 4) stage4(from, to, exchanged, span, done, roots);
+  if (radix == 8) stage8(from, to, exchanged, span, done, roots);
+}
+
+// Of `length` numbers in a, by at most three stages; b is as much room. Where the result is: a or b.
+INLINE vec* transform(vec* a, vec* b, const int exchanged, const int length,
+                      global const real* restrict roots) {
+  const int first = length == 16 ? 4 : min(length, 8), rest = length / first;
+  const int second = rest == 16 ? 4 : min(rest, 8), third = rest / second;
+  stage(a, b, exchanged, first, length, 1, roots);
+  stage(b, a, exchanged, second, rest, first, roots);
+  stage(a, b, exchanged, third, third, first * second, roots);
+  return third > 1 || (first > 1 && second == 1) ? b : a;
 }
 
 // Lane j of vector i goes to lane i of vector j.
@@ -126,97 +131,97 @@ int row_place(const int r) {
 }
 
 // Rows r to r + WIDTH - 1 of an item's field, of which `rows` exist.
-void rows_forward(global const real* restrict field, global real* restrict spectrum, const int r,
-                  const int rows, real* a, real* b, global const real* restrict roots) {
+INLINE void rows_forward(global const real* restrict field, global real* restrict spectrum, const int r,
+                         const int rows, vec* a, vec* b, global const real* restrict roots) {
   vec v[WIDTH];
   for (int x = 0; x < NX; x += WIDTH) {
 #pragma unroll
-    for (int i = 0; i < WIDTH; ++i) v[i] = LOAD(field + min(r + i, rows - 1) * NX + x);
+    for (int i = 0; i < WIDTH; ++i)
+      v[i] = *(global const Loose*)(field + (PLANES == 1 ? r + i : min(r + i, rows - 1)) * NX + x);
     transpose(v);
 #pragma unroll
-    for (int i = 0; i < WIDTH; ++i) STORE(v[i], a + (x + i) * WIDTH);
+    for (int i = 0; i < WIDTH; ++i) a[x + i] = v[i];
   }
-  real* z = transform(a, b, 0, HALF, roots);
-  const vec first = LOAD(z);
-  STORE(first + LOAD(z + WIDTH), z);
-  STORE(first - LOAD(z + WIDTH), z + WIDTH);
+  vec* z = transform(a, b, 0, HALF, roots);
+  const vec first = z[0];
+  z[0] = first + z[1];
+  z[1] = first - z[1];
   for (int k = 1; k <= HALF / 2; ++k) {
-    real *at = z + 2 * WIDTH * k, *mirror = z + 2 * WIDTH * (HALF - k);
+    vec *at = z + 2 * k, *mirror = z + 2 * (HALF - k);
     const real c = roots[2 * (ROOTS / NX) * k], s = roots[2 * (ROOTS / NX) * k + 1];
-    const vec zr = LOAD(at), zi = LOAD(at + WIDTH), mr = LOAD(mirror), mi = LOAD(mirror + WIDTH);
-    const vec er = REAL(0.5) * (zr + mr), ei = REAL(0.5) * (zi - mi);
-    const vec odd_r = REAL(0.5) * (zi + mi), odd_i = REAL(0.5) * (mr - zr);
+    const vec er = REAL(0.5) * (at[0] + mirror[0]), ei = REAL(0.5) * (at[1] - mirror[1]);
+    const vec odd_r = REAL(0.5) * (at[1] + mirror[1]), odd_i = REAL(0.5) * (mirror[0] - at[0]);
     const vec tr = odd_r * c - odd_i * s, ti = odd_r * s + odd_i * c;
-    STORE(er - tr, mirror);
-    STORE(ti - ei, mirror + WIDTH);
-    STORE(er + tr, at);
-    STORE(ei + ti, at + WIDTH);
+    mirror[0] = er - tr;
+    mirror[1] = ti - ei;
+    at[0] = er + tr;
+    at[1] = ei + ti;
   }
   for (int k = 0; k < HALF; k += WIDTH)
-#pragma unroll
     for (int part = 0; part < 2; ++part) {
 #pragma unroll
-      for (int i = 0; i < WIDTH; ++i) v[i] = LOAD(z + (2 * (k + i) + part) * WIDTH);
+      for (int i = 0; i < WIDTH; ++i) v[i] = z[2 * (k + i) + part];
       transpose(v);
 #pragma unroll
       for (int i = 0; i < WIDTH; ++i)
-        if (PLANES == 1 || r + i < rows) STORE(v[i], spectrum + row_place(r + i) + part * PART + k);
+        if (PLANES == 1 || r + i < rows)
+          *(global Loose*)(spectrum + row_place(r + i) + part * PART + k) = v[i];
     }
 }
 
-void rows_backward(global const real* restrict spectrum, global real* restrict field, const int r,
-                   const int rows, real* a, real* b, global const real* restrict roots) {
+INLINE void rows_backward(global const real* restrict spectrum, global real* restrict field, const int r,
+                          const int rows, vec* a, vec* b, global const real* restrict roots) {
   vec v[WIDTH];
   for (int k = 0; k < HALF; k += WIDTH)
-#pragma unroll
     for (int part = 0; part < 2; ++part) {
 #pragma unroll
-      for (int i = 0; i < WIDTH; ++i)
-        v[i] = LOAD(spectrum + row_place(min(r + i, rows - 1)) + part * PART + k);
+      for (int i = 0; i < WIDTH; ++i) {
+        const int row = PLANES == 1 ? r + i : min(r + i, rows - 1);
+        v[i] = *(global const Loose*)(spectrum + row_place(row) + part * PART + k);
+      }
       transpose(v);
 #pragma unroll
-      for (int i = 0; i < WIDTH; ++i) STORE(v[i], a + (2 * (k + i) + part) * WIDTH);
+      for (int i = 0; i < WIDTH; ++i) a[2 * (k + i) + part] = v[i];
     }
   const real scale = REAL(1.0) / (NX * NZ);
-  const vec first = scale * LOAD(a), last = scale * LOAD(a + WIDTH);
-  STORE(first + last, a);
-  STORE(first - last, a + WIDTH);
+  const vec first = scale * a[0], last = scale * a[1];
+  a[0] = first + last;
+  a[1] = first - last;
   for (int k = 1; k <= HALF / 2; ++k) {
-    real *at = a + 2 * WIDTH * k, *mirror = a + 2 * WIDTH * (HALF - k);
+    vec *at = a + 2 * k, *mirror = a + 2 * (HALF - k);
     const real c = scale * roots[2 * (ROOTS / NX) * k], s = scale * roots[2 * (ROOTS / NX) * k + 1];
-    const vec xr = LOAD(at), xi = LOAD(at + WIDTH), mr = LOAD(mirror), mi = LOAD(mirror + WIDTH);
-    const vec er = scale * (xr + mr), ei = scale * (xi - mi);
-    const vec dr = xr - mr, di = xi + mi;
+    const vec er = scale * (at[0] + mirror[0]), ei = scale * (at[1] - mirror[1]);
+    const vec dr = at[0] - mirror[0], di = at[1] + mirror[1];
     const vec tr = dr * s - di * c, ti = dr * c + di * s;  // i conj(root) d
-    STORE(er - tr, mirror);
-    STORE(ti - ei, mirror + WIDTH);
-    STORE(er + tr, at);
-    STORE(ei + ti, at + WIDTH);
+    mirror[0] = er - tr;
+    mirror[1] = ti - ei;
+    at[0] = er + tr;
+    at[1] = ei + ti;
   }
-  const real* z = transform(a, b, 1, HALF, roots);
+  const vec* z = transform(a, b, 1, HALF, roots);
   for (int x = 0; x < NX; x += WIDTH) {
 #pragma unroll
-    for (int i = 0; i < WIDTH; ++i) v[i] = LOAD(z + (x + i) * WIDTH);
+    for (int i = 0; i < WIDTH; ++i) v[i] = z[x + i];
     transpose(v);
 #pragma unroll
     for (int i = 0; i < WIDTH; ++i)
-      if (PLANES == 1 || r + i < rows) STORE(v[i], field + (r + i) * NX + x);
+      if (PLANES == 1 || r + i < rows) *(global Loose*)(field + (r + i) * NX + x) = v[i];
   }
 }
 
 // Columns of a plane but the last, in place.
-void columns(global real* restrict plane, const int exchanged, real* a, real* b,
-             global const real* restrict roots) {
+INLINE void columns(global real* restrict plane, const int exchanged, vec* a, vec* b,
+                    global const real* restrict roots) {
   for (int k = 0; k < HALF; k += WIDTH) {
-    for (int n = 0; n < NZ; ++n)
-#pragma unroll
-      for (int part = 0; part < 2; ++part)
-        STORE(LOAD(plane + part * PART + n * PITCH + k), a + (2 * n + part) * WIDTH);
-    const real* z = transform(a, b, exchanged, NZ, roots);
-    for (int n = 0; n < NZ; ++n)
-#pragma unroll
-      for (int part = 0; part < 2; ++part)
-        STORE(LOAD(z + (2 * n + part) * WIDTH), plane + part * PART + n * PITCH + k);
+    for (int n = 0; n < NZ; ++n) {
+      a[2 * n] = *(global const Loose*)(plane + n * PITCH + k);
+      a[2 * n + 1] = *(global const Loose*)(plane + PART + n * PITCH + k);
+    }
+    const vec* z = transform(a, b, exchanged, NZ, roots);
+    for (int n = 0; n < NZ; ++n) {
+      *(global Loose*)(plane + n * PITCH + k) = z[2 * n];
+      *(global Loose*)(plane + PART + n * PITCH + k) = z[2 * n + 1];
+    }
   }
 }
 
@@ -250,7 +255,7 @@ kernel void forward(global const real* restrict field, global real* restrict spe
                     global const real* restrict roots, const int first, const int count) {
   const int done = PLANES * get_global_id(0), planes = min(count - done, PLANES);
   if (planes <= 0) return;
-  real a[ROOM], b[ROOM];
+  vec a[ROOM], b[ROOM];
   field += (size_t)(first + done) * NZ * NX;
   spectrum += (size_t)(first + done) * 2 * PART;
   for (int r = 0; r < planes * NZ; r += WIDTH) rows_forward(field, spectrum, r, planes * NZ, a, b, roots);
@@ -265,7 +270,7 @@ kernel void backward(global real* restrict spectrum, global real* restrict field
                      global const real* restrict roots, const int first, const int count) {
   const int done = PLANES * get_global_id(0), planes = min(count - done, PLANES);
   if (planes <= 0) return;
-  real a[ROOM], b[ROOM];
+  vec a[ROOM], b[ROOM];
   field += (size_t)(first + done) * NZ * NX;
   spectrum += (size_t)(first + done) * 2 * PART;
   for (int p = 0; p < planes; ++p) {

@@ -79,9 +79,9 @@ void Fourier<T>::check(const Array<T>& field, const Array<T>& spectrum, std::siz
 template <class T>
 void Fourier<T>::rows(Kernel& kernel, const Array<T>& from, const Array<T>& to, std::size_t first,
                       std::size_t count) {
-  const std::size_t rows = 4 * group_ / (nx_ / 2), groups = (count * nz_ + rows - 1) / rows;
-  const Range range =
-      group_ > 0 ? Range{{groups * group_}, {group_}} : Range{{(count + at_once_ - 1) / at_once_}, {1}};
+  const std::size_t lines = 4 * group_ / (nx_ / 2);  // of a group
+  const Range range = group_ > 0 ? Range{{(count * nz_ + lines - 1) / lines * group_}, {group_}}
+                                 : Range{{(count + at_once_ - 1) / at_once_}, {1}};
   kernel(range, from, to, roots_, static_cast<int>(first), static_cast<int>(count));
 }
 

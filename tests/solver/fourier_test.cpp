@@ -20,12 +20,11 @@ struct Size {
 // Sums of `count` numbers, `step` apart from `at` on, times exp(-2 pi i k n / count).
 std::vector<Complex> sums(const std::vector<Complex>& values, std::size_t at, std::size_t step,
                           std::size_t count) {
-  std::vector<Complex> result(count);
+  std::vector<Complex> roots(count), result(count);
   for (std::size_t k = 0; k < count; ++k)
-    for (std::size_t n = 0; n < count; ++n)
-      result[k] +=
-          values[at + n * step] * std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k * n % count) /
-                                                      static_cast<double>(count));
+    roots[k] = std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(count));
+  for (std::size_t k = 0; k < count; ++k)
+    for (std::size_t n = 0; n < count; ++n) result[k] += values[at + n * step] * roots[k * n % count];
   return result;
 }
 
@@ -52,27 +51,25 @@ std::vector<double> random_field(std::size_t size) {
 }
 
 template <class T>
-class OnDevice {
- public:
+struct OnDevice {
   OnDevice(const Size& size, FourierKernels kernels)
-      : size_(size),
-        queue_(test_device()->queue()),
-        fourier(queue_, size.nx, size.nz, size.planes, kernels),
+      : size(size),
+        fourier(queue, size.nx, size.nz, size.planes, kernels),
         field(random_field(fourier.field_size())),
-        field_(queue_.array(std::vector<T>(field.begin(), field.end()))),
-        spectrum_(queue_.array(std::vector<T>(fourier.spectrum_size(), kUntouched))) {}
-  void forward(std::size_t first, std::size_t count) { fourier.forward(field_, spectrum_, first, count); }
+        field_array(queue.array(std::vector<T>(field.begin(), field.end()))),
+        spectrum(queue.array(std::vector<T>(fourier.spectrum_size(), kUntouched))) {}
+  void forward(std::size_t first, std::size_t count) { fourier.forward(field_array, spectrum, first, count); }
   // Into another field.
   std::vector<T> backward(std::size_t first, std::size_t count) {
-    auto back = queue_.array(std::vector<T>(fourier.field_size(), kUntouched));
-    fourier.backward(spectrum_, back, first, count);
-    return queue_.read(back);
+    auto back = queue.array(std::vector<T>(fourier.field_size(), kUntouched));
+    fourier.backward(spectrum, back, first, count);
+    return queue.read(back);
   }
-  // Largest difference of a plane's spectrum from sums in double, over what rounding explains: the transform
-  // of a plane of ones has nx nz for its largest number.
+  // Largest difference of a plane's spectrum from sums in double, over sqrt(nx nz) epsilon: its numbers are
+  // of the size of sqrt(nx nz).
   double error(std::size_t plane) {
-    const std::vector<T> spectrum = queue_.read(spectrum_);
-    const auto [nx, nz, planes] = size_;
+    const std::vector<T> host = queue.read(spectrum);
+    const auto [nx, nz, planes] = size;
     const auto expected = plain_transform(field.data() + plane * nx * nz, nx, nz);
     const std::size_t pitch = fourier.pitch();
     double largest = 0;
@@ -80,33 +77,27 @@ class OnDevice {
       for (std::size_t kx = 0; kx < pitch; ++kx) {
         const std::size_t at = (2 * plane * nz + kz) * pitch + kx;
         const Complex wanted = kx <= nx / 2 ? expected[kz * nx + kx] : 0;
-        largest = std::max(largest, std::abs(Complex(spectrum[at], spectrum[at + nz * pitch]) - wanted));
+        largest = std::max(largest, std::abs(Complex(host[at], host[at + nz * pitch]) - wanted));
       }
     return largest / std::sqrt(static_cast<double>(nx * nz)) / std::numeric_limits<T>::epsilon();
   }
   bool untouched(std::size_t plane) {
-    const std::vector<T> spectrum = queue_.read(spectrum_);
-    const std::size_t size = fourier.spectrum_size() / size_.planes;
-    return std::all_of(spectrum.begin() + static_cast<long>(plane * size),
-                       spectrum.begin() + static_cast<long>((plane + 1) * size),
+    const std::vector<T> host = queue.read(spectrum);
+    const std::size_t each = fourier.spectrum_size() / size.planes;
+    return std::all_of(host.begin() + static_cast<long>(plane * each),
+                       host.begin() + static_cast<long>((plane + 1) * each),
                        [](T value) { return value == kUntouched; });
   }
   static constexpr T kUntouched = 123;
-
- private:
-  Size size_;
-  Queue queue_;
-
- public:
+  Size size;
+  Queue queue = test_device()->queue();
   Fourier<T> fourier;
   std::vector<double> field;
-
- private:
-  Array<T> field_, spectrum_;
+  Array<T> field_array, spectrum;
 };
 
-// Of sqrt(nx nz) epsilon, to which rounding adds up.
-constexpr double kRounding = 20;
+// What rounding may come to, in epsilons.
+constexpr double kRounding = 8;
 
 template <class T>
 void expect_sums_and_back(const Size& size, FourierKernels kernels) {
@@ -145,9 +136,8 @@ void expect_the_range_alone(const Size& size, FourierKernels kernels, std::size_
 class FourierOf : public testing::TestWithParam<FourierKernels> {};
 
 TEST_P(FourierOf, PlanesAreSumsAndComeBack) {
-  for (const Size& size :
-       {Size{2, 1, 3}, Size{4, 1, 5}, Size{2, 2, 2}, Size{8, 4, 3}, Size{4, 16, 2}, Size{16, 2, 7},
-        Size{32, 8, 2}, Size{64, 32, 5}, Size{128, 64, 2}, Size{128, 1, 21}})
+  for (const Size& size : {Size{2, 1, 3}, Size{4, 1, 5}, Size{8, 4, 3}, Size{4, 16, 2}, Size{16, 2, 7},
+                           Size{32, 8, 2}, Size{64, 32, 5}, Size{128, 64, 2}, Size{128, 1, 21}})
     expect_sums_and_back<float>(size, GetParam());
 }
 
@@ -158,14 +148,13 @@ TEST_P(FourierOf, PlanesInDoubleAreSumsAndComeBack) {
 }
 
 TEST_P(FourierOf, LargestPlanesAreSumsAndComeBack) {
-  expect_sums_and_back<float>({512, 8, 1}, GetParam());
-  expect_sums_and_back<float>({8, 512, 1}, GetParam());
-  expect_sums_and_back<float>({256, 256, 1}, GetParam());
+  expect_sums_and_back<float>({512, 256, 1}, GetParam());
+  expect_sums_and_back<float>({256, 512, 1}, GetParam());
 }
 
 TEST_P(FourierOf, OtherPlanesAreLeftAlone) {
-  expect_the_range_alone<float>({16, 4, 6}, GetParam(), 1, 3);
-  expect_the_range_alone<float>({32, 1, 13}, GetParam(), 3, 5);
+  expect_the_range_alone<float>({16, 2, 7}, GetParam(), 1, 5);
+  expect_the_range_alone<float>({128, 1, 21}, GetParam(), 3, 17);
   expect_the_range_alone<float>({64, 32, 5}, GetParam(), 2, 3);
   expect_the_range_alone<float>({64, 32, 3}, GetParam(), 3, 0);
 }
