@@ -78,14 +78,20 @@ void TouchReactor::answer_and_write() {
   const auto stopped = [this] { return life().ended(); };
   const auto may_answer = [this] { return !writing(); };
   during([this] { write_opened(); });
+  const auto write_free = [&](const LawPiece& piece) {
+    stream_->wait(may_answer, stopped);
+    if (!stopped()) write_law(piece);
+  };
   while (!stopped()) {
     during([&] {
-      if (const auto piece = stream_->next_law()) {
-        stream_->wait(may_answer, stopped);
-        if (!stopped()) write_law(*piece);
-      }
+      if (const auto piece = stream_->next_law()) write_free(*piece);
     });
-    if (const auto pose = stream_->next(may_answer, stopped)) during([&] { write_answer(*pose); });
+    if (const auto pose = stream_->next(may_answer, stopped))
+      during([&] {
+        while (const auto piece = stream_->law_before(*pose, stopped)) write_free(*piece);
+        stream_->wait(may_answer, stopped);
+        if (!stopped()) write_answer(*pose);
+      });
   }
   stream_->leave();  // here already: the end itself may wait for the peer
   release();         // last: OnDone may follow at once

@@ -65,11 +65,11 @@ void LawOutbox::look(const SceneSnapshot& snapshot, double x_m, const LawOf& law
 }
 
 std::optional<LawPiece> LawOutbox::next(const SceneSnapshot& snapshot, double x_m, double velocity_m_s,
-                                        const LawOf& law_of) {
+                                        const LawOf& law_of, double farthest_m) {
   if (sent_ - acknowledged_ >= kMostUnacknowledged) return std::nullopt;
   look(snapshot, x_m, law_of);
   const double ahead_m = x_m + choices::kLawAhead * velocity_m_s;
-  double least_m = std::numeric_limits<double>::infinity();
+  double least_m = farthest_m;
   std::uint64_t window_id = 0;
   std::size_t nearest = 0;
   for (const auto& [id, sent] : windows_)
@@ -77,7 +77,7 @@ std::optional<LawPiece> LawOutbox::next(const SceneSnapshot& snapshot, double x_
       const double off_m = std::abs(sent.law->columns[i].x_m - ahead_m);
       if (!sent.columns[i] && off_m < least_m) least_m = off_m, window_id = id, nearest = i;
     }
-  if (!std::isfinite(least_m)) return std::nullopt;
+  if (!(least_m < farthest_m)) return std::nullopt;
   return piece_of(window_id, windows_.at(window_id), nearest);
 }
 

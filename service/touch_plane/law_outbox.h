@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -34,9 +35,10 @@ class LawOutbox {
   // What is known of a window's law by now; null for nothing.
   using LawOf = std::function<std::shared_ptr<const ContactLaw>(const WindowModel&)>;
 
-  // The next piece for a finger at x that moves along it so fast; none where all is sent, or waits to be
-  // acknowledged. One thread.
-  std::optional<LawPiece> next(const SceneSnapshot&, double x_m, double velocity_m_s, const LawOf&);
+  // The next piece for a finger at x that moves along it so fast, if it begins no farther than this from
+  // where the finger will be soon; none where all is sent, or waits to be acknowledged. One thread.
+  std::optional<LawPiece> next(const SceneSnapshot&, double x_m, double velocity_m_s, const LawOf&,
+                               double farthest_m = std::numeric_limits<double>::infinity());
   // Whether there may soon be more to send.
   bool expects_more(Clock::time_point now) const;
   // Whether an older version's law was told of this window, and this one's, soon to be told, was not yet

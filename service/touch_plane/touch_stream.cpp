@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "service/limits/seconds.h"
@@ -15,6 +17,7 @@ namespace {
 
 constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes it
 constexpr unsigned kMostPieces = 2;       // of laws, between two answers: they wait for no more
+constexpr std::chrono::milliseconds kLookForLaw{1};
 
 std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
   if (wished > TouchStream::kMostCredit)
@@ -126,11 +129,25 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
   return answered;
 }
 
+std::optional<LawPiece> TouchStream::piece_for(const FingerPose& finger, double farthest_m) {
+  const double x_m = finger.position_m[0];
+  if (!laws_ || !std::isfinite(x_m)) return std::nullopt;
+  const auto law_of = [&](const WindowModel& window) { return session_.law_of(window, x_m); };
+  return laws_->next(*scene_->snapshot(), x_m, finger.velocity_m_s[0], law_of, farthest_m);
+}
+
+std::optional<LawPiece> TouchStream::law_before(const Arrived& arrived,
+                                                const std::function<bool()>& stopped) {
+  while (true) {
+    auto piece = piece_for(arrived.pose, kLawNearM);
+    const bool waits = laws_ && answered_ == 0 && Clock::now() < arrived.at + choices::kLawStep;
+    if (piece || !waits || inbox_.wait(Clock::now() + kLookForLaw, stopped)) return piece;
+  }
+}
+
 std::optional<LawPiece> TouchStream::next_law() {
-  if (!laws_ || !finger_at_ || pieces_ == kMostPieces) return std::nullopt;
-  const double x_m = finger_at_->position_m[0];
-  auto piece = laws_->next(*scene_->snapshot(), x_m, finger_at_->velocity_m_s[0],
-                           [&](const WindowModel& window) { return session_.law_of(window, x_m); });
+  if (!finger_at_ || pieces_ == kMostPieces) return std::nullopt;
+  auto piece = piece_for(*finger_at_, std::numeric_limits<double>::infinity());
   pieces_ += piece.has_value();
   return piece;
 }

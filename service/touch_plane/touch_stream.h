@@ -45,6 +45,7 @@ class TouchStream {
   static constexpr double kUsualPeriodS = 0.002;
   static constexpr std::size_t kMostSessionIdBytes = 64;
   static constexpr std::uint64_t kMostCredit = 256;  // of a wish; kept is what the limits say
+  static constexpr double kLawNearM = 0.010;         // columns of laws this near go before the answer
 
   struct Arrived {
     FingerPose pose;
@@ -80,8 +81,11 @@ class TouchStream {
   // or after a while. Both read atomics, nothing more.
   std::optional<Arrived> next(const std::function<bool()>& may_answer, const std::function<bool()>& stopped);
   Answered answer(const Arrived&);
-  // What goes before the next answer: a piece of a law near the finger that was answered last, if there is
-  // one, and at most two of them.
+  // What goes before the answer to this pose: the next piece of a law near its finger, if there is one. The
+  // first answer waits for it a little.
+  std::optional<LawPiece> law_before(const Arrived&, const std::function<bool()>& stopped);
+  // What goes before the next answer: a piece of a law, from the finger that was answered last outwards, if
+  // there is one, and at most two of them.
   std::optional<LawPiece> next_law();
   // Waits until `may_write` or `stopped`.
   void wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped);
@@ -100,6 +104,7 @@ class TouchStream {
 
  private:
   bool may_enter(const WindowModel&, double x_m);
+  std::optional<LawPiece> piece_for(const FingerPose&, double farthest_m);
 
   const std::shared_ptr<Scene> scene_;
   const CurrentDevice& device_;

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <deque>
+#include <functional>
 #include <stdexcept>
 #include <thread>
 
@@ -92,6 +95,69 @@ TEST(StreamWithLaws, AnswersFromTheVersionBeforeUntilTheNewLawIsTold) {
   std::this_thread::sleep_for(choices::kLawExpected);
   const std::uint64_t fourth = publish(4e4);
   EXPECT_EQ(answered_version(), fourth);
+}
+
+// On a narrow link an answer takes as long as the columns around the finger.
+TEST(StreamWithLaws, WhatIsNearTheFingerGoesBeforeItsAnswer) {
+  const auto scene = std::make_shared<Scene>("s", tissue(0.06, 0.02), versions());
+  const auto never = [] { return false; };
+  scene->publish(window_of(homogeneous(1e4), 0, 0.06, 0.02), never);
+  const CurrentDevice no_device{nullptr};
+  TouchStream stream(scene, {"hand", 8, 0, {}, true}, no_device);
+  EXPECT_FALSE(stream.next_law()) << "where is the finger?";
+  const double x_m = 0.03;
+  stream.bring({1, 0, {x_m, 0.002, 0}, {}});
+  const auto asked = stream.next([] { return true; }, never);
+  ASSERT_TRUE(asked);
+  double begin_m = x_m, end_m = x_m;
+  while (const auto piece = stream.law_before(*asked, never)) begin_m = piece->begin_m, end_m = piece->end_m;
+  EXPECT_LE(begin_m, x_m - TouchStream::kLawNearM + choices::kLawPitch);
+  EXPECT_GE(end_m, x_m + TouchStream::kLawNearM - choices::kLawPitch);
+  stream.answer(*asked);
+  const auto far = stream.next_law();
+  ASSERT_TRUE(far);
+  for (const LawColumn& column : far->columns) EXPECT_GT(std::abs(column.x_m - x_m), TouchStream::kLawNearM);
+  stream.bring({2, 1, {std::nan(""), 0.002, 0}, {}});
+  const auto nowhere = stream.next([] { return true; }, never);
+  ASSERT_TRUE(nowhere);
+  EXPECT_FALSE(stream.law_before(*nowhere, never));
+}
+
+// Nothing is felt before the first answer. Later ones must not wait for what is being sampled.
+TEST(StreamWithLaws, OnlyTheFirstAnswerWaitsForALawThatIsBeingSampled) {
+  const auto scene = std::make_shared<Scene>("s", tissue(0.06, 0.02), versions());
+  std::deque<std::function<void()>> jobs;
+  scene->set_touch_work(
+      [&jobs](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); });
+  const auto never = [] { return false; };
+  const auto publish = [&](double pa) {
+    scene->publish(window_of(homogeneous(pa), 0, 0.06, 0.02), never);
+    scene->snapshot()->windows[0]->model->layer({}, {}, {});  // ready to be touched
+  };
+  publish(1e4);
+  const CurrentDevice no_device{nullptr};
+  TouchStream stream(scene, {"hand", 8, 0, {}, true}, no_device);
+  unsigned looks = 0;
+  const auto work = [&] {  // looked at by who waits
+    ++looks;
+    for (; !jobs.empty(); jobs.pop_front()) jobs.front()();
+    return false;
+  };
+  const auto brought = [&](std::uint64_t sequence) {
+    const FingerPose pose{sequence, sequence - 1, {0.03, 0.002, 0}, {}};
+    stream.bring(pose);
+    EXPECT_TRUE(stream.next([] { return true; }, never));
+    return TouchStream::Arrived{pose, TouchStream::Clock::now() + std::chrono::hours(1)};
+  };
+  const auto first = brought(1);
+  EXPECT_TRUE(stream.law_before(first, work));
+  EXPECT_GT(looks, 0U);
+  EXPECT_EQ(stream.answer(first).answer.status, TouchStatus::kOk);
+  publish(2e4);
+  looks = 0;
+  const auto second = brought(2);
+  EXPECT_FALSE(stream.law_before(second, work));
+  EXPECT_EQ(looks, 0U);
 }
 
 TEST_F(Stream, RefusesPosesOutOfOrderAndWishesThatCannotBeMet) {
