@@ -84,6 +84,13 @@ inline constexpr std::size_t kLawPieceBytes = 300;
 // A new version's law is expected within this: so long the version before answers who feels a law.
 inline constexpr std::chrono::milliseconds kLawExpected{300};
 
+// Solid tissue (contact/solid_contact.h). Its surface answers as if the block's copies were this far from each
+// other at least, in depths of the tissue: nearer ones make it stiffer. The contact is corrected on the whole
+// block until its force is known to this, at most so often.
+inline constexpr double kLeastPeriod = 6.4;
+inline constexpr double kSolidForceError = 2e-3;
+inline constexpr std::size_t kMostCorrections = 8;
+
 // Of an acquisition that does not state them: standard deviations of the force sensor and of the contact
 // area, over their values; the largest strain that is looked for; the Poisson ratio.
 inline constexpr double kForceDeviation = 0.03, kAreaDeviation = 0.05;

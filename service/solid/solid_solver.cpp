@@ -85,27 +85,6 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
 }
 
 template <class T>
-Eigen::MatrixXd SolidSolver<T>::layered_compliance(const std::vector<std::size_t>& unknowns) const {
-  const SurfaceCompliance& table = preconditioner_.surface_compliance();
-  const std::size_t columns = grid_.columns(), nx = grid_.nx, nz = grid_.nz;
-  // The nearest of the period's copies.
-  const auto offset = [](std::size_t to, std::size_t from, std::size_t n) {
-    const auto ahead = static_cast<long>((to + n - from) % n), size = static_cast<long>(n);
-    return 2 * ahead > size ? ahead - size : ahead;
-  };
-  const auto n = static_cast<Eigen::Index>(unknowns.size());
-  Eigen::MatrixXd s(n, n);
-  for (Eigen::Index a = 0; a < n; ++a)
-    for (Eigen::Index b = 0; b < n; ++b) {
-      const std::size_t to = unknowns[static_cast<std::size_t>(a)],
-                        from = unknowns[static_cast<std::size_t>(b)];
-      s(a, b) = table(to / columns, from / columns, offset(to % nx, from % nx, nx),
-                      offset(to % columns / nx, from % columns / nx, nz));
-    }
-  return s;
-}
-
-template <class T>
 auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pushed) -> Patch {
   const std::size_t columns = grid_.columns(), n = unknowns.size();
   if (n == 0) throw std::invalid_argument("patch: no unknowns; give at least one");
@@ -225,7 +204,7 @@ SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::Vecto
     throw std::invalid_argument("patch: give each unknown a skin whose compliance is finite, 0 or more");
   if (w.size() != n || !w.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite displacement");
-  Eigen::MatrixXd felt = layered_compliance(patch.unknowns);
+  Eigen::MatrixXd felt = layered_surface().among(patch.unknowns, grid_.nx, grid_.nz);
   felt.diagonal() += patch.skin_m_n;
   const Eigen::LLT<Eigen::MatrixXd> factor(felt);
   if (factor.info() != Eigen::Success)
@@ -250,18 +229,29 @@ SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, con
   if (p.size() != set.count || !p.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite force");
   begin(set, p);
-  const auto work = [&] {  // B u
-    std::vector<T> surface(3 * grid_.columns());
-    queue_.read(u_, surface.data(), surface.size());
-    Eigen::VectorXd out(p.size());
-    for (Eigen::Index n = 0; n < p.size(); ++n)
-      out[n] = static_cast<double>(surface[unknowns[static_cast<std::size_t>(n)]]);
-    return out;
-  };
-  SolidSolution solution = iterate(set, p.dot(work()) + dot(u_, r_), options);
+  const auto moved = [&]() -> Eigen::VectorXd { return surface_of(u_)(unknowns); };
+  SolidSolution solution = iterate(set, p.dot(moved()) + dot(u_, r_), options);
   solution.force_n = p;
-  solution.displacement_m = work();
+  solution.displacement_m = moved();
   return solution;
+}
+
+template <class T>
+Eigen::VectorXd SolidSolver<T>::surface_of(const Array<T>& field) const {
+  Eigen::Matrix<T, Eigen::Dynamic, 1> surface(static_cast<Eigen::Index>(3 * grid_.columns()));
+  queue_.read(field, surface.data(), 3 * grid_.columns());
+  return surface.template cast<double>();
+}
+
+template <class T>
+SurfaceExcess SolidSolver<T>::surface_excess() {
+  preconditioner_.up(r_, {0, 3}, surface_);
+  SurfaceExcess out{surface_of(u_), surface_of(surface_)};
+  queue_.fill_zero(surface_);
+  spread(p_, surface_, T{1}, {0, 3});
+  preconditioner_.solve_surface(surface_, {0, 3}, z_);
+  out.moved_m += out.last_m - surface_of(z_);
+  return out;
 }
 
 template class SolidSolver<float>;

@@ -47,18 +47,25 @@ struct SolidSolution {
   double relative_error() const;
 };
 
+// What the surface moves by under some forces beyond the layered tissue's, all its 3 nx nz unknowns, m; and
+// how much of it the last step of the preconditioner brought: about what it may still be off by.
+struct SurfaceExcess {
+  Eigen::VectorXd moved_m, last_m;
+};
+
 template <class T>
 class SolidSolver {
  public:
   // Throws as validate() does.
   SolidSolver(const Queue&, const SolidTissue&);
-  // Of the layered tissue, among unknowns of the surface, m/N.
-  Eigen::MatrixXd layered_compliance(const std::vector<std::size_t>& unknowns) const;
+  const SurfaceCompliance& layered_surface() const { return preconditioner_.surface_compliance(); }
   // Throws std::invalid_argument where the patch is not one of this surface.
   SolidSolution push(const SurfacePatch&, const Eigen::VectorXd& w, const SolidOptions& = {});
   // Under given forces instead (N), with no skin: K u = B^T p.
   SolidSolution load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
                      const SolidOptions& = {});
+  // Of the last solution.
+  SurfaceExcess surface_excess();
   // Displacement of the last solution, [plane = 3 row + component][z][x].
   std::vector<T> displacement() const { return queue_.read(u_); }
   const LayeredTissue& layers() const { return layered_; }
@@ -78,6 +85,7 @@ class SolidSolver {
   SolidSolution iterate(const Patch&, double twice_energy, const SolidOptions&);
   void precondition(const Patch&);  // z from r
   void spread(const Array<T>& values, Array<T>& field, T sign, const Components&);
+  Eigen::VectorXd surface_of(const Array<T>& field) const;
   double dot(const Array<T>& a, const Array<T>& b);
   Queue queue_;
   SolidGrid grid_;

@@ -1,6 +1,6 @@
 #include "service/solid/surface_compliance.h"
 
-#include <bit>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
@@ -28,6 +28,12 @@ std::vector<Turn> turns(std::size_t n) {
     out[i] = {std::cos(angle), std::sin(angle)};
   }
   return out;
+}
+
+// Nodes from one to another, by the nearest of the period's copies.
+long nearest(std::size_t to, std::size_t from, std::size_t n) {
+  const auto ahead = static_cast<long>((to + n - from) % n), size = static_cast<long>(n);
+  return 2 * ahead > size ? ahead - size : ahead;
 }
 
 }  // namespace
@@ -66,6 +72,39 @@ double SurfaceCompliance::operator()(std::size_t p, std::size_t q, long dx, long
   const bool turned = (p > q && (p == 1 || q == 1)) != ((kOddX[entry] && dx < 0) != (kOddZ[entry] && dz < 0));
   const double value = table_[(entry * (most_z_ + 1) + k) * (most_x_ + 1) + i];
   return turned ? -value : value;
+}
+
+Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknowns, std::size_t nx,
+                                         std::size_t nz) const {
+  const std::size_t columns = nx * nz;
+  const auto n = static_cast<Eigen::Index>(unknowns.size());
+  Eigen::MatrixXd s(n, n);
+  for (Eigen::Index b = 0; b < n; ++b)
+    for (Eigen::Index a = b; a < n; ++a) {
+      const std::size_t to = unknowns[static_cast<std::size_t>(a)],
+                        from = unknowns[static_cast<std::size_t>(b)];
+      s(a, b) = s(b, a) = (*this)(to / columns, from / columns, nearest(to % nx, from % nx, nx),
+                                  nearest(to % columns / nx, from % columns / nx, nz));
+    }
+  return s;
+}
+
+Eigen::VectorXd SurfaceCompliance::times(const std::vector<std::size_t>& unknowns,
+                                         const Eigen::VectorXd& force_n, std::size_t nx, std::size_t nz,
+                                         std::size_t first, std::size_t count) const {
+  const std::size_t columns = nx * nz;
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count * columns));
+  for (std::size_t u = 0; u < unknowns.size(); ++u) {
+    const std::size_t from = unknowns[u], q = from / columns;
+    const double force = force_n[static_cast<Eigen::Index>(u)];
+    for (std::size_t p = first; p < first + count; ++p)
+      for (std::size_t k = 0; k < nz; ++k) {
+        const long dz = nearest(k, from % columns / nx, nz);
+        double* row = out.data() + ((p - first) * nz + k) * nx;
+        for (std::size_t i = 0; i < nx; ++i) row[i] += force * (*this)(p, q, nearest(i, from % nx, nx), dz);
+      }
+  }
+  return out;
 }
 
 SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,

@@ -1,7 +1,7 @@
 // Compliance of the surface of layered tissue (T8.1), m/N, by the offset from the node that is pushed.
 #pragma once
 
-#include <array>
+#include <Eigen/Core>
 #include <cstddef>
 #include <vector>
 
@@ -17,6 +17,13 @@ class SurfaceCompliance {
                     std::size_t most_x, std::size_t most_z);
   // Displacement of component p under a unit force of component q, the first `dx`, `dz` nodes from the other.
   double operator()(std::size_t p, std::size_t q, long dx, long dz) const;
+  // Among unknowns of the surface of an nx x nz block (SurfacePatch), each pair by the nearest of the
+  // period's copies.
+  Eigen::MatrixXd among(const std::vector<std::size_t>& unknowns, std::size_t nx, std::size_t nz) const;
+  // Displacement of components first ... first + count - 1 of the whole surface, [component][z][x], under
+  // forces of some of its unknowns.
+  Eigen::VectorXd times(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n,
+                        std::size_t nx, std::size_t nz, std::size_t first, std::size_t count) const;
 
  private:
   std::size_t most_x_, most_z_;

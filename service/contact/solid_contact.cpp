@@ -1,0 +1,160 @@
+#include "service/contact/solid_contact.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "service/contact/fingertip.h"
+#include "service/contact/solid_patch.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kLargestLinearStrain = 0.15;
+// Largest principal strain over (1 + nu) p / E, p the mean pressure: 2/3 of twice the largest shear stress,
+// 0.31 of the largest pressure, which is 1.5 p (Johnson, Contact Mechanics, 1985, 3.4).
+constexpr double kPeakStrain = 0.62;
+// A node that touches although it overlaps by less than this share of the margin: there may be others beyond.
+constexpr double kInnerMargin = 0.8;
+// Of the force error that is asked, what a correction is solved to, in energy.
+constexpr double kCorrectionShare = 0.3;
+// What rounding leaves of a force (solid_contact_test).
+template <class T>
+constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 1e-4;
+
+void require_touchable(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose) {
+  validate(tip);
+  if (tip.shape == FingertipShape::kNode)
+    throw std::invalid_argument(
+        "fingertip.shape is a node; solid tissue is touched by flat punches and rounded tips");
+  for (const double component : pose)
+    if (!std::isfinite(component)) throw std::invalid_argument("pose: not finite");
+  if (pose[1] >= grid.y_m.back())
+    throw std::invalid_argument(
+        fmt::format("pose: {} m deep in tissue of {} m; stay above its bottom", pose[1], grid.y_m.back()));
+}
+
+// Modulus of the elements around a node of the surface.
+double modulus_near_pa(const SolidTissue& tissue, std::size_t node) {
+  const SolidGrid& grid = tissue.grid;
+  const std::size_t i = node % grid.nx, k = node / grid.nx;
+  const std::size_t west = (i + grid.nx - 1) % grid.nx, before = (k + grid.nz - 1) % grid.nz;
+  double sum = 0;
+  for (const std::size_t x : {west, i})
+    for (const std::size_t z : {before, k}) sum += tissue.youngs_modulus_pa[x + grid.nx * z];
+  return sum / 4;
+}
+
+void set_pressure(const SolidTissue& tissue, const SolidPatch& patch, const PatchSolution& s, double depth_m,
+                  ContactAnswer& answer) {
+  const SolidGrid& grid = tissue.grid;
+  const double area = grid.spacing_x_m * grid.spacing_z_m;
+  const Index tied = patch.programme.first_node();
+  std::vector<Vector3> traction(patch.nodes.size(), Vector3{});
+  for (Index t = 0; t < tied; ++t)
+    traction[patch.node_of[static_cast<std::size_t>(t)]][t % 2 == 0 ? 0 : 2] = s.p[t] / area;
+  double force = 0, squares = 0, stiffness = 0;
+  for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
+    const double p = s.p[tied + static_cast<Index>(n)];
+    if (!(p > 0)) continue;
+    const std::size_t node = patch.nodes[n];
+    answer.pressure.push_back({{static_cast<double>(node % grid.nx) * grid.spacing_x_m, 0,
+                                static_cast<double>(node / grid.nx) * grid.spacing_z_m},
+                               p / area,
+                               traction[n]});
+    force += p;
+    squares += p * p;
+    stiffness += p * modulus_near_pa(tissue, node);
+  }
+  // Mean pressure, weighted by itself, over the modulus, weighted by what it bears.
+  const double local =
+      kPeakStrain * (1 + tissue.poisson_ratio) * (squares / force / area) / (stiffness / force);
+  answer.largest_strain = std::max(local, depth_m / grid.y_m.back());
+  answer.strain_beyond_linear = answer.largest_strain > kLargestLinearStrain;
+}
+
+void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {
+  answer.state = ContactState::kContact;
+  answer.energy_j = energy.value;
+  bool finite = std::isfinite(energy.value);
+  for (Index c = 0; c < 3; ++c) {
+    answer.force_n[static_cast<std::size_t>(c)] = -energy.gradient[c];
+    finite = finite && std::isfinite(energy.gradient[c]);
+    for (Index d = 0; d < 3; ++d) {
+      answer.tangent_n_m[static_cast<std::size_t>(3 * c + d)] = -energy.hessian(c, d);
+      finite = finite && std::isfinite(energy.hessian(c, d));
+    }
+  }
+  if (!finite) throw std::domain_error("contact: the answer is not finite; the model is unusable");
+}
+
+}  // namespace
+
+template <class T>
+SolidContact<T>::SolidContact(const Queue& queue, const SolidTissue& tissue)
+    : tissue_(tissue),
+      solver_(queue, tissue),
+      wide_(wide_surface(tissue.grid, solver_.layers(), tissue.poisson_ratio,
+                         choices::kLeastPeriod * tissue.grid.y_m.back())),
+      frictionless_(tissue.grid, solver_.layers(), 1, 1, wide_, solver_.layered_surface()),
+      stuck_(tissue.grid, solver_.layers(), 0, 3, wide_, solver_.layered_surface()) {}
+
+template <class T>
+ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
+                                     const SolidContactOptions& options) {
+  const SolidGrid& grid = tissue_.grid;
+  require_touchable(grid, tip, pose);
+  RecycledCompliance& compliance = tip.friction == Friction::kStuck ? stuck_ : frictionless_;
+  const double depth = pose[1];
+  ContactAnswer answer;
+  answer.solve.reason = "recycled";
+  if (depth <= 0) return answer;
+  double margin = choices::kCandidateMargin * depth;
+  for (std::size_t corrections = 0;;) {
+    const SolidPatch patch = patch_under(grid, compliance, tip, pose, margin);
+    if (patch.nodes.empty()) return answer;  // between nodes, above all of them
+    const PatchSolution s = solve_patch(patch.programme, first_guess(patch, depth));
+    answer.iterations += s.iterations;
+    const double least = least_overlap_m(patch, s);
+    if (least == HUGE_VAL) return answer;
+    if (least < -kInnerMargin * margin) {  // the tissue bulges up to the outermost nodes
+      margin *= 2;
+      continue;
+    }
+    const SolidEnergy energy = energy_of(patch, s);
+    LinearisedContact contact = linearise(patch, s);
+    const VectorXd error =
+        compliance.error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
+    answer.solve.relative_error = kRounding<T> + error.norm() / energy.gradient.norm();
+    const bool good = answer.solve.relative_error <= options.force_error;
+    if (good || corrections == options.most_corrections) {
+      answer.solve.converged = good;
+      if (!good) answer.solve.reason = "correction limit";
+      set_forces(energy, answer);
+      set_pressure(tissue_, patch, s, depth, answer);
+      return answer;
+    }
+    // The block is periodic; the contact's surface is not.
+    contact.w_m -= compliance.wider_m(contact.patch.unknowns, contact.force_n);
+    const SolidSolution solved =
+        solver_.push(contact.patch, contact.w_m, {.relative_error = kCorrectionShare * options.force_error});
+    if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
+      throw std::domain_error(
+          fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
+    compliance.add(contact.patch.unknowns, solved.force_n, solver_.surface_excess());
+    answer.solve.reason = to_string(solved.reason);
+    answer.solve.iterations += solved.iterations;
+    ++corrections;
+    ++corrections_;
+  }
+}
+
+template class SolidContact<float>;
+template class SolidContact<double>;
+
+}  // namespace teletact::service

@@ -1,0 +1,44 @@
+// Contact of a rigid fingertip with the surface of solid tissue (T4.3 to T4.5b on a surface, T8.4).
+#pragma once
+
+#include <memory>
+
+#include "service/contact/touch_model.h"
+#include "service/plan/choices.h"
+#include "service/solid/recycled_compliance.h"
+#include "service/solid/solid_solver.h"
+
+namespace teletact::service {
+
+struct SolidContactOptions {
+  double force_error = choices::kSolidForceError;  // over the force: the contact is corrected until below it
+  std::size_t most_corrections = choices::kMostCorrections;
+};
+
+// A block of tissue that is touched on its surface. One thread at a time.
+//
+// The contact is solved on the recycled compliance S' (recycled_compliance.h). Where that may put the force
+// off by more than is asked, the whole block is solved under the contact that was found (SolidSolver::push).
+// S' is then exact for its forces, and the contact is solved again.
+template <class T>
+class SolidContact {
+ public:
+  // Throws as SolidSolver does.
+  SolidContact(const Queue&, const SolidTissue&);
+  // Pose: [x, indentation, z], x and z in the block's coordinates. U(pose) = max over p_y >= 0, p_x, p_z of
+  // p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in solve_contact (contact.h); frictionless: p_y
+  // alone. Rounded tip: w = indentation - r^2 / (2 radius), r from its axis; flat punch: a disc of radius
+  // half_width, r beyond its rim. Throws as solve_contact does.
+  ContactAnswer touch(const Fingertip&, const Vector3& pose, const SolidContactOptions& = {});
+  const SolidTissue& tissue() const { return tissue_; }
+  std::size_t corrections() const { return corrections_; }  // contacts solved on the whole block, in all
+
+ private:
+  SolidTissue tissue_;
+  SolidSolver<T> solver_;
+  SurfaceCompliance wide_;
+  RecycledCompliance frictionless_, stuck_;
+  std::size_t corrections_ = 0;
+};
+
+}  // namespace teletact::service

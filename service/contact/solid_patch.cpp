@@ -1,0 +1,181 @@
+#include "service/contact/solid_patch.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+#include "service/contact/fingertip.h"
+#include "service/contact/skin.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::Matrix3d;
+using Eigen::VectorXd;
+using Three = Eigen::Vector3d;
+
+// Tangential ties of a stuck contact, as in patch_contact.cpp.
+constexpr double kTieShare = 0.01, kTieOverlapM = 1e-3, kTieNegligible = 1e12;
+constexpr int kTieOrder = 3;
+
+SolidOverlap overlap(const Fingertip& tip, double indentation_m, double dx, double dz) {
+  const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
+  const double r = std::hypot(dx, dz), beyond = std::max(0.0, r - flat);
+  SolidOverlap o;
+  o.w_m = indentation_m - beyond * beyond / (2 * tip.radius_m);
+  o.slope[1] = 1;
+  if (!(beyond > 0)) {
+    if (flat == 0) o.curvature.diagonal() = Three(-1, 0, -1) / tip.radius_m;
+    return o;
+  }
+  const Three out(dx / r, 0, dz / r), plane(1, 0, 1);
+  o.slope += beyond / tip.radius_m * out;
+  const Matrix3d radial = out * out.transpose();
+  o.curvature = -(radial + beyond / r * (Matrix3d(plane.asDiagonal()) - radial)) / tip.radius_m;
+  return o;
+}
+
+void find_nodes(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose, double margin_m,
+                SolidPatch& patch) {
+  const double reach = reach_m(tip, pose[1], margin_m);
+  const auto nx = static_cast<long>(grid.nx), nz = static_cast<long>(grid.nz);
+  if (2 * reach >= static_cast<double>(nx) * grid.spacing_x_m ||
+      2 * reach >= static_cast<double>(nz) * grid.spacing_z_m)
+    throw std::out_of_range(
+        "contact: the tip is as wide as the block of tissue; use a smaller one or press less");
+  const auto first = [&](double centre, double spacing) {
+    return std::lround(std::ceil((centre - reach) / spacing));
+  };
+  const auto last = [&](double centre, double spacing) {
+    return std::lround(std::floor((centre + reach) / spacing));
+  };
+  for (long k = first(pose[2], grid.spacing_z_m); k <= last(pose[2], grid.spacing_z_m); ++k)
+    for (long i = first(pose[0], grid.spacing_x_m); i <= last(pose[0], grid.spacing_x_m); ++i) {
+      const SolidOverlap o = overlap(tip, pose[1], static_cast<double>(i) * grid.spacing_x_m - pose[0],
+                                     static_cast<double>(k) * grid.spacing_z_m - pose[2]);
+      if (o.w_m < -margin_m) continue;
+      patch.nodes.push_back(static_cast<std::size_t>((i % nx + nx) % nx + nx * ((k % nz + nz) % nz)));
+      patch.overlaps.push_back(o);
+    }
+}
+
+void tie_sideways(const SolidGrid& grid, double compliance_m_n, SolidPatch& patch) {
+  for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
+    const double w = patch.overlaps[n].w_m;
+    if (w <= 0) continue;
+    const double share = kTieShare * std::pow(kTieOverlapM / w, kTieOrder);
+    if (share > kTieNegligible) continue;
+    for (const std::size_t component : {std::size_t{0}, std::size_t{2}}) {
+      patch.unknowns.push_back(component * grid.columns() + patch.nodes[n]);
+      patch.node_of.push_back(n);
+      patch.tie.push_back(share * compliance_m_n);
+    }
+  }
+}
+
+}  // namespace
+
+SolidPatch patch_under(const SolidGrid& grid, const RecycledCompliance& compliance, const Fingertip& tip,
+                       const Vector3& pose, double margin_m) {
+  SolidPatch patch;
+  find_nodes(grid, tip, pose, margin_m, patch);
+  if (patch.nodes.empty()) return patch;
+  if (tip.friction == Friction::kStuck) tie_sideways(grid, compliance.layered(0), patch);
+  const auto tied = static_cast<Index>(patch.tie.size());
+  for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
+    patch.unknowns.push_back(grid.columns() + patch.nodes[n]);
+    patch.node_of.push_back(n);
+  }
+  PatchProgramme& q = patch.programme;
+  q.a = compliance.among(patch.unknowns);
+  q.w = VectorXd::Zero(q.a.rows());
+  for (Index t = 0; t < tied; ++t) q.a(t, t) += patch.tie[static_cast<std::size_t>(t)];
+  for (std::size_t n = 0; n < patch.nodes.size(); ++n)
+    q.w[tied + static_cast<Index>(n)] = patch.overlaps[n].w_m;
+  // By the layered tissue's compliance: with the recycled one the skin would change with every pair.
+  q.stiffness.assign(patch.nodes.size(), kSkinStiffness / compliance.layered(1));
+  patch.skin = skin_thickness(tip, pose[1], std::sqrt(grid.spacing_x_m * grid.spacing_z_m));
+  q.thickness_m.assign(patch.nodes.size(), patch.skin.t_m);
+  return patch;
+}
+
+VectorXd first_guess(const SolidPatch& patch, double indentation_m) {
+  constexpr double kEdge = 0.5;  // overlap over indentation where contact ends on a half space
+  const PatchProgramme& q = patch.programme;
+  VectorXd p = VectorXd::Zero(q.w.size());
+  for (Index u = q.first_node(); u < p.size(); ++u)
+    p[u] = std::sqrt(std::max(0.0, q.w[u] / indentation_m - kEdge));
+  const double curvature = p.dot(q.a * p);
+  if (curvature > 0) p *= p.dot(q.w) / curvature;
+  return p;
+}
+
+double least_overlap_m(const SolidPatch& patch, const PatchSolution& s) {
+  double least = HUGE_VAL;
+  const Index tied = patch.programme.first_node();
+  for (std::size_t n = 0; n < patch.nodes.size(); ++n)
+    if (s.p[tied + static_cast<Index>(n)] > 0) least = std::min(least, patch.overlaps[n].w_m);
+  return least;
+}
+
+// As set_energy in patch_contact.cpp, by three components of the pose.
+SolidEnergy energy_of(const SolidPatch& patch, const PatchSolution& s) {
+  SolidEnergy energy;
+  const PatchProgramme& q = patch.programme;
+  const Index tied = q.first_node(), active = static_cast<Index>(s.active.size());
+  Eigen::MatrixX3d v(active, 3);
+  energy.value = s.p.dot(q.w) - s.p.dot(q.a * s.p) / 2;
+  for (Index row = 0; row < active; ++row) {
+    const Index unknown = s.active[static_cast<std::size_t>(row)];
+    const double p = s.p[unknown];
+    const std::size_t node = patch.node_of[static_cast<std::size_t>(unknown)];
+    const SolidOverlap& o = patch.overlaps[node];
+    if (unknown >= tied) {
+      const SkinState& skin = s.skin[node];
+      const SkinThickness& t = patch.skin;
+      const SkinEnergy w = skin_energy(skin, p, q.stiffness[node], t.t_m);
+      v.row(row) = o.slope + Three(0, skin.gap_by_t * t.slope, 0);
+      energy.value += w.w;
+      energy.gradient += p * o.slope + Three(0, w.by_t * t.slope, 0);
+      energy.hessian += p * o.curvature;
+      energy.hessian(1, 1) += w.by_t2 * t.slope * t.slope + w.by_t * t.curvature_1_m;
+      continue;
+    }
+    // C = c w^-m: dC/dw = -m C / w, d2C/dw2 = m (m + 1) C / w^2.
+    const double slope = -kTieOrder * patch.tie[static_cast<std::size_t>(unknown)] / o.w_m;
+    v.row(row) = (-slope * p) * o.slope;
+    energy.gradient -= (slope / 2 * p * p) * o.slope;
+    energy.hessian += ((kTieOrder + 1) * slope / (2 * o.w_m) * p * p) * o.slope * o.slope.transpose();
+    energy.hessian -= (slope / 2 * p * p) * o.curvature;
+  }
+  energy.sensitivity = v;
+  for (Index c = 0; c < 3; ++c) s.factor.solve(energy.sensitivity.col(c));
+  energy.hessian += v.transpose() * energy.sensitivity;
+  energy.hessian = (energy.hessian + energy.hessian.transpose()).eval() / 2;
+  return energy;
+}
+
+LinearisedContact linearise(const SolidPatch& patch, const PatchSolution& s) {
+  LinearisedContact out;
+  const auto active = static_cast<Index>(s.active.size());
+  const Index tied = patch.programme.first_node();
+  out.patch.skin_m_n.resize(active);
+  out.w_m = VectorXd::Zero(active);
+  out.force_n = s.p(s.active);
+  for (Index row = 0; row < active; ++row) {
+    const Index unknown = s.active[static_cast<std::size_t>(row)];
+    out.patch.unknowns.push_back(patch.unknowns[static_cast<std::size_t>(unknown)]);
+    if (unknown < tied) {
+      out.patch.skin_m_n[row] = patch.tie[static_cast<std::size_t>(unknown)];
+      continue;
+    }
+    const SkinState& skin = s.skin[patch.node_of[static_cast<std::size_t>(unknown)]];
+    out.patch.skin_m_n[row] = skin.compliance;
+    out.w_m[row] = patch.programme.w[unknown] + skin.gap_m + skin.compliance * s.p[unknown];
+  }
+  return out;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,62 @@
+// The patch of a solid's surface under a fingertip: which nodes may touch, the programme that says which do
+// (T4.5), its energy, and what the block is to be solved under (T8.4).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "service/contact/patch_solver.h"
+#include "service/contact/skin.h"
+#include "service/contact/touch_model.h"
+#include "service/solid/recycled_compliance.h"
+#include "service/solid/solid_solver.h"
+
+namespace teletact::service {
+
+// Overlap of a node with the tip, and its derivatives by the pose [x, indentation, z].
+struct SolidOverlap {
+  double w_m = 0;
+  Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();  // 1/m
+};
+
+// Unknowns of the programme: tangential forces of tied nodes first, then all normal ones.
+struct SolidPatch {
+  std::vector<std::size_t> nodes;  // i + nx k
+  std::vector<SolidOverlap> overlaps;
+  std::vector<std::size_t> unknowns;  // of the surface (SurfacePatch)
+  std::vector<std::size_t> node_of;   // position in `nodes` of each unknown
+  std::vector<double> tie;            // compliance of each tied unknown, m/N
+  SkinThickness skin;
+  PatchProgramme programme;
+};
+
+// All nodes that overlap by more than -margin. pose: [x, indentation, z] in the block's coordinates. Throws
+// std::out_of_range where the tip is as wide as the block.
+SolidPatch patch_under(const SolidGrid&, const RecycledCompliance&, const Fingertip&, const Vector3& pose,
+                       double margin_m);
+
+// About what a round tip is pressed by.
+Eigen::VectorXd first_guess(const SolidPatch&, double indentation_m);
+
+// Overlap of the node that touches and overlaps least; infinite where none touches.
+double least_overlap_m(const SolidPatch&, const PatchSolution&);
+
+// U and its derivatives by the pose, J.
+struct SolidEnergy {
+  double value = 0;
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+  Eigen::MatrixX3d sensitivity;  // (A + D)^-1 v_q of the active unknowns
+};
+SolidEnergy energy_of(const SolidPatch&, const PatchSolution&);
+
+// The contact linearised where it was found: S p + D p = w + g + D p.
+struct LinearisedContact {
+  SurfacePatch patch;
+  Eigen::VectorXd w_m, force_n;  // force: p where it was found
+};
+LinearisedContact linearise(const SolidPatch&, const PatchSolution&);
+
+}  // namespace teletact::service

@@ -1,0 +1,202 @@
+// A fingertip on solid tissue: against the exact theory of layers, against a sparse factor, its derivatives,
+// and what it states that it is off by.
+#include "service/contact/solid_contact.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "service/contact/skin.h"
+#include "tests/reference/solid.h"
+#include "tests/solid/solids.h"
+#include "tests/solver/block_stencil.h"
+
+namespace teletact::service {
+namespace {
+
+// A ball of contrast 10 in a block of 64 x 64 x 40 mm, 2 mm columns, its centre 12 mm deep in the middle.
+constexpr double kMiddle = 0.032;
+SolidTissue with_ball(double nu = 0.49) {
+  return solid({32, 32, 0.002, 0.002, graded_rows(0.040, 12, 1.06)}, nu, [](double x, double y, double z) {
+    return std::hypot(x - kMiddle, y - 0.012, z - kMiddle) < 0.008 ? 1e5 : 1e4;
+  });
+}
+
+Queue queue() {
+  return test_device()->queue();
+}
+bool has_double() {
+  return queue().supports(Precision::kDouble);
+}
+
+constexpr Fingertip kRound{};
+constexpr Fingertip kStuckRound{.friction = Friction::kStuck};
+constexpr Fingertip kPunch{.shape = FingertipShape::kFlatPunch, .radius_m = 0.002, .half_width_m = 0.004};
+
+// Forces of a paraboloid of 8 mm on a bonded layer of 40 mm, 10 kPa, nu 0.49, by the Fredholm equation of the
+// exact layer: it knows neither elements nor a period.
+TEST(SolidContact, OnAHomogeneousLayerItIsTheExactOnes) {
+  if (!has_double()) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = solid({64, 64, 0.001, 0.001, graded_rows(0.040, 32, 1.04)}, 0.49,
+                                   [](double, double, double) { return 1e4; });
+  SolidContact<double> contact(queue(), tissue);
+  for (const auto& [depth, force, tolerance] :
+       {std::tuple{0.001, 0.0538890, 0.02}, std::tuple{0.002, 0.1581039, 0.006},
+        std::tuple{0.004, 0.4721386, 0.003}}) {
+    double mean = 0, low = HUGE_VAL, high = 0;
+    for (const double x : {0.0, 0.00025, 0.0005})
+      for (const double z : {0.0, 0.00025, 0.0005}) {
+        const double f = -contact.touch(kRound, {kMiddle + x, depth, kMiddle + z}).force_n[1];
+        mean += f / 9;
+        low = std::min(low, f);
+        high = std::max(high, f);
+      }
+    EXPECT_NEAR(mean, force, tolerance * force) << depth;
+    EXPECT_LT(high - low, 0.002 * mean) << "ripple of the mesh at " << depth;
+  }
+  EXPECT_EQ(contact.corrections(), 0u) << "layered tissue needs none";
+}
+
+// What the skins bear is what they carry: with the sparse factor's compliance every node is where its
+// pressure says that it is.
+TEST(SolidContact, TheTissueIsWhereTheSparseFactorPutsIt) {
+  if (!has_double()) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue =
+      solid({32, 16, 0.002, 0.0025, graded_rows(0.020, 6, 1.2)}, 0.49, [](double x, double y, double z) {
+        return std::hypot(x - 0.03, y - 0.008, z - 0.02) < 0.006
+                   ? 8e4
+                   : 1e4 * (1 + 0.3 * std::sin(400 * x + 300 * z));
+      });
+  const SolidGrid& grid = tissue.grid;
+  SolidContact<double> contact(queue(), tissue);
+  const Vector3 pose{0.0312, 0.0018, 0.0193};
+  const ContactAnswer answer = contact.touch(kRound, pose, {.force_error = 1e-8});
+  EXPECT_GT(contact.corrections(), 0u);
+  std::vector<std::size_t> nodes;
+  Eigen::VectorXd p(Eigen::Index(answer.pressure.size()));
+  const double area = grid.spacing_x_m * grid.spacing_z_m;
+  for (const NodalPressure& node : answer.pressure) {
+    const auto i = std::size_t(std::lround(node.position_m[0] / grid.spacing_x_m));
+    const auto k = std::size_t(std::lround(node.position_m[2] / grid.spacing_z_m));
+    p[Eigen::Index(nodes.size())] = node.pressure_pa * area;
+    nodes.push_back(reference::unknown(grid, i, 0, k, 1));
+  }
+  // The truth's block is periodic; what the wider surface gives beyond that is the layered tissue's.
+  const LayeredTissue layers = layered(tissue);
+  const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kLeastPeriod * 0.020);
+  const SurfaceCompliance periodic = wide_surface(grid, layers, 0.49, 0);
+  const Eigen::VectorXd moved =
+      (reference::SolidReference(tissue).compliance(nodes) + wide.among(nodes, grid.nx, grid.nz) -
+       periodic.among(nodes, grid.nx, grid.nz)) *
+      p;
+  const SkinThickness skin = skin_thickness(kRound, pose[1], std::sqrt(area));
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    const Vector3& at = answer.pressure[n].position_m;
+    const double r = std::hypot(at[0] - pose[0], at[2] - pose[2]);
+    const SkinState state = skin_state(p[Eigen::Index(n)], kSkinStiffness / wide(1, 1, 0, 0), skin.t_m);
+    EXPECT_NEAR(moved[Eigen::Index(n)], pose[1] - r * r / 0.016 + state.gap_m, 1e-6 * pose[1]) << n;
+  }
+}
+
+TEST(SolidContact, ForceAndTangentAreTheEnergysDerivatives) {
+  if (!has_double()) GTEST_SKIP() << "the device has no double";
+  SolidContact<double> contact(queue(), with_ball());
+  const SolidContactOptions exact{.force_error = 1e-7};
+  for (const Fingertip& tip : {kRound, kStuckRound, kPunch}) {
+    const Vector3 pose{kMiddle + 0.0043, 0.0021, kMiddle - 0.0027};
+    const ContactAnswer answer = contact.touch(tip, pose, exact);
+    const double size = std::abs(answer.force_n[1]), stiff = std::abs(answer.tangent_n_m[4]);
+    for (std::size_t c = 0; c < 3; ++c) {
+      constexpr double kStep = 2e-5;
+      Vector3 after = pose, before = pose;
+      after[c] += kStep;
+      before[c] -= kStep;
+      const ContactAnswer a = contact.touch(tip, after, exact), b = contact.touch(tip, before, exact);
+      EXPECT_NEAR(answer.force_n[c], -(a.energy_j - b.energy_j) / (2 * kStep), 1e-3 * size);
+      for (std::size_t d = 0; d < 3; ++d) {
+        EXPECT_NEAR(answer.tangent_n_m[3 * d + c], (a.force_n[d] - b.force_n[d]) / (2 * kStep), 0.02 * stiff)
+            << "dF" << d << "/d" << c;
+        EXPECT_DOUBLE_EQ(answer.tangent_n_m[3 * d + c], answer.tangent_n_m[3 * c + d]);
+      }
+    }
+  }
+}
+
+TEST(SolidContact, DoesNotDependOnWhatWasTouchedBefore) {
+  if (!has_double()) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = with_ball();
+  const SolidContactOptions exact{.force_error = 1e-7};
+  for (const Fingertip& tip : {kRound, kStuckRound}) {
+    SolidContact<double> travelled(queue(), tissue), fresh(queue(), tissue);
+    for (const double x : {-0.010, -0.004, 0.002, 0.0035})
+      travelled.touch(tip, {kMiddle + x, 0.0025, kMiddle}, exact);
+    const Vector3 pose{kMiddle + 0.003, 0.002, kMiddle + 0.001};
+    const ContactAnswer a = travelled.touch(tip, pose, exact), b = fresh.touch(tip, pose, exact);
+    for (std::size_t c = 0; c < 3; ++c)
+      EXPECT_NEAR(a.force_n[c], b.force_n[c], 1e-6 * std::abs(b.force_n[1])) << c;
+  }
+}
+
+TEST(SolidContact, IsTheSameMirroredAndTurned) {
+  SolidContact<float> contact(queue(), with_ball());
+  const double asked = 5e-4;
+  const auto at = [&](double x, double z) {
+    return contact.touch(kRound, {kMiddle + x, 0.002, kMiddle + z}, {.force_error = asked}).force_n;
+  };
+  const Vector3 f = at(0.006, 0.002), mirrored = at(-0.006, 0.002), turned = at(0.002, 0.006);
+  const double tolerance = 2 * asked * std::abs(f[1]);
+  EXPECT_GT(std::abs(f[0]), 10 * tolerance) << "the ball pushes sideways";
+  EXPECT_NEAR(f[0], -mirrored[0], tolerance);
+  EXPECT_NEAR(f[1], mirrored[1], tolerance);
+  EXPECT_NEAR(f[0], turned[2], tolerance);
+  EXPECT_NEAR(f[2], turned[0], tolerance);
+}
+
+// A finger travels over the ball; corrected when it is asked to be. What it states is about what it is off
+// by.
+TEST(SolidContact, StatesWhatItIsOffBy) {
+  if (!has_double()) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = with_ball();
+  SolidContact<double> exact(queue(), tissue);
+  for (const double asked : {choices::kSolidForceError, 0.02}) {
+    SolidContact<float> contact(queue(), tissue);
+    std::size_t touches = 0, covered = 0;
+    std::vector<double> ratio;
+    for (double x = -0.016; x < 0.016; x += 0.0009, ++touches) {
+      const Vector3 pose{kMiddle + x, 0.002 + 0.0005 * std::sin(300 * x),
+                         kMiddle + 0.003 * std::sin(200 * x)};
+      const ContactAnswer a = contact.touch(kRound, pose, {.force_error = asked});
+      const ContactAnswer b = exact.touch(kRound, pose, {.force_error = 1e-6});
+      EXPECT_LE(a.solve.relative_error, asked);
+      const Eigen::Vector3d f(a.force_n.data()), truth(b.force_n.data());
+      const double error = (f - truth).norm() / truth.norm();
+      covered += error <= a.solve.relative_error;
+      ratio.push_back(a.solve.relative_error / error);
+    }
+    std::ranges::nth_element(ratio, ratio.begin() + long(ratio.size() / 2));
+    EXPECT_GE(covered, touches - touches / 20) << asked;
+    EXPECT_LT(ratio[ratio.size() / 2], 20) << asked;
+    EXPECT_LT(contact.corrections(), 2 * touches);
+  }
+}
+
+TEST(SolidContact, FailsWithAnAnswerThatSaysSo) {
+  SolidContact<float> contact(queue(), with_ball());
+  const ContactAnswer early =
+      contact.touch(kRound, {kMiddle, 0.002, kMiddle}, {.force_error = 1e-3, .most_corrections = 0});
+  EXPECT_FALSE(early.solve.converged);
+  EXPECT_GT(early.solve.relative_error, 0.05) << "the layered guess is far off over a ball";
+  EXPECT_STREQ(early.solve.reason, "correction limit");
+  EXPECT_EQ(contact.touch(kRound, {kMiddle, 0, kMiddle}).state, ContactState::kNoContact);
+  EXPECT_THROW(contact.touch({.shape = FingertipShape::kNode}, {kMiddle, 0.001, kMiddle}),
+               std::invalid_argument);
+  EXPECT_THROW(contact.touch(kRound, {kMiddle, 0.041, kMiddle}), std::invalid_argument);
+  EXPECT_THROW(contact.touch(kRound, {NAN, 0.001, kMiddle}), std::invalid_argument);
+  EXPECT_THROW(contact.touch({.radius_m = 0.5}, {kMiddle, 0.002, kMiddle}), std::out_of_range);
+}
+
+}  // namespace
+}  // namespace teletact::service
