@@ -114,9 +114,8 @@ Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
 // stiffer than before.
 Vector3 ForceChain::fade(double indentation_m, double silence_gain, double dt_s) const noexcept {
   const ForceLimits& limits = options_.limits;
-  const Vector3 force_n =
-      cap_magnitude(cap_slew(Vector3::Zero(), last_force_n_, limits.largest_slew_n_s, dt_s),
-                    silence_gain * limits.largest_force_n);
+  Vector3 force_n = cap_magnitude(cap_slew(Vector3::Zero(), last_force_n_, limits.largest_slew_n_s, dt_s),
+                                  silence_gain * limits.largest_force_n);
   if (!(indentation_m < last_indentation_m_)) return force_n;
   return cap_stiffness(force_n, indentation_m, last_force_n_.norm() / last_indentation_m_);
 }

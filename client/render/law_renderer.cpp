@@ -68,7 +68,7 @@ Potential LawRenderer::softened(const LawValue& value, double d) const noexcept 
 // there.
 Potential LawRenderer::potential(const LawValue& value, double x_m, double d) const noexcept {
   const double most_n = kBelow * options_.largest_force_n;
-  const Potential free = softened(value, d);
+  Potential free = softened(value, d);
   if (free.resistance_n.y() <= most_n) return free;
   constexpr int kHalvings = 30;
   double below_m = 0, above_m = d;

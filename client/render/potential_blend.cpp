@@ -61,7 +61,7 @@ Potential PotentialBlend::settle(const Potential& model, const Vector2& along_m,
   share_ = step < 1 - share_ ? share_ + step : 1;
   balance_j_ = std::min(balance_j_ - step * rise_j, options_.largest_balance_j);
   if (settled()) return model;
-  const Potential now = felt();
+  Potential now = felt();
   if (rise_j > 0 && model.resistance_n.y() > 0)
     withheld_ = std::clamp(1 - now.resistance_n.y() / model.resistance_n.y(), 0.0, 1.0);
   return now;

@@ -153,7 +153,7 @@ void Scenes::make(const std::string& wanted_id, const SceneGeometry& geometry,
     give_up();
     throw;
   }
-  state_.keep_new(scene, [this, made, scene, give_up](std::exception_ptr error) {
+  state_.keep_new(scene, [this, made, scene, give_up](const std::exception_ptr& error) {
     if (error) {
       give_up();
       return made(nullptr, error);
