@@ -117,6 +117,7 @@ TEST(LawBook, RefusesWhatIsMalformedAndKeepsWhatItHas) {
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_x_m(0.05); }));  // beyond its span
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_samples(0, NAN); }));
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_samples(2, -1); }));
+  EXPECT_TRUE(refused([](v1::LawPiece& p) { p.mutable_columns(1)->set_x_m(11), p.set_end_x_m(11); }));
   EXPECT_TRUE(refused([&](v1::LawPiece& p) { p.set_begin_x_m(kNan); }));
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_force_error_share(2); }));
   EXPECT_TRUE(refused([](v1::LawPiece& p) { p.set_force_error_n(-1); }));
@@ -146,7 +147,9 @@ TEST(LawBook, IsBoundedWhateverASenderSends) {
     ASSERT_TRUE(book.take(piece_of(++number, {0.002 * k, 0.002 * k + 0.001}), 4.0));
   const auto law = book.fresh(4.0);
   EXPECT_EQ(law->count, NearLaw::kMost);
-  EXPECT_NEAR(law->columns[0].x_m, 4.0, 0.05);
+  // As far to the left of the finger as to the right.
+  EXPECT_NEAR(law->columns[0].x_m, 4.0 - 0.032, 0.002);
+  EXPECT_NEAR(law->columns[NearLaw::kMost - 1].x_m, 4.0 + 0.032, 0.002);
   EXPECT_FALSE(covers(book, 0.0005, 0));
 }
 

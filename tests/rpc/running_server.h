@@ -183,11 +183,15 @@ class Toucher {
     return stream_->Write(request);
   }
   bool send_as_is(const v1::TouchRequest& request) { return stream_->Write(request); }
+  bool read(v1::TouchResponse* response) {
+    if (!stream_->Read(response)) return false;
+    if (response->has_answer()) read_ = response->answer().answer();
+    return true;
+  }
   bool read(v1::TouchAnswer* answer) {
     v1::TouchResponse response;
-    if (!stream_->Read(&response)) return false;
+    if (!read(&response)) return false;
     *answer = response.answer();
-    read_ = answer->answer();
     return response.has_answer();
   }
   // One pose and its answer; false when the stream has ended.
