@@ -187,7 +187,8 @@ std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
   constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 512, kWarningBytes = 64,
                           kCellBytes = 2 * (sizeof(float) + 1) + sizeof(CellState);
   std::uint64_t bytes = kSceneBytes;
-  for (const auto& window : scene.snapshot()->windows) {
+  const auto snapshot = scene.snapshot();
+  for (const auto& window : snapshot->windows) {
     bytes += kWindowBytes;
     if (window->evidence)
       for (const std::string& warning : window->evidence->warnings) bytes += kWarningBytes + warning.size();

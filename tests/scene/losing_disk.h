@@ -53,7 +53,8 @@ class LosingDisk : public Files {
   }
   std::vector<std::string> list(const Path& folder) override {
     std::vector<std::string> names;
-    for (const auto& [name, node] : at("list", folder)->names) names.push_back(name);
+    const auto listed = at("list", folder);
+    for (const auto& [name, node] : listed->names) names.push_back(name);
     return names;
   }
   std::uint64_t size(const Path& file) override { return at("read", file)->bytes.size(); }

@@ -154,6 +154,7 @@ TEST_F(Outbox, SendsWhatIsKnownOfALawThatIsBeingSampled) {
 // As when another tip took its place meanwhile.
 TEST_F(Outbox, SendsALawThatIsSampledAnewFromElsewhere) {
   snapshot.windows.pop_back();
+  const auto whole = law_of(*snapshot.windows[0]);
   const auto columns_of = [&](std::size_t begin, std::size_t end) {
     return [=](const WindowModel& window) {
       const auto all = law_of(window)->columns;
@@ -168,7 +169,7 @@ TEST_F(Outbox, SendsALawThatIsSampledAnewFromElsewhere) {
       outbox.acknowledge(piece->number);
       for (const LawColumn& column : piece->columns) sent_m.insert(column.x_m);
       // Of the span that is said to rule none is missing.
-      for (const LawColumn& column : law_of(*snapshot.windows[0])->columns)
+      for (const LawColumn& column : whole->columns)
         if (column.x_m >= piece->begin_m && column.x_m <= piece->end_m) {
           EXPECT_TRUE(sent_m.contains(column.x_m));
         }
