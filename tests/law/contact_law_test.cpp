@@ -61,6 +61,16 @@ TEST(ContactLaw, ForceIsTheGradientOfTheEnergyEverywhere) {
     }
 }
 
+TEST(ContactLaw, IsBeyondBesideAColumnThatEndsAbove) {
+  Law law;
+  law.columns[1].rows = 3;  // down to 2.7 mm, at 5 mm
+  for (const double x : {0.002, 0.007}) {
+    EXPECT_FALSE(law.at(x, 0.0026).beyond);
+    EXPECT_TRUE(law.at(x, 0.0028).beyond);
+  }
+  EXPECT_FALSE(law.at(0.012, 0.0028).beyond);
+}
+
 TEST(ContactLaw, CoversNothingBesideItsColumnsNorWhereOneIsMissing) {
   Law law;
   EXPECT_FALSE(law.at(-1e-9, 0.001).covered);
@@ -133,6 +143,7 @@ TEST(ContactLaw, AColumnThatCannotBeIsNotUsable) {
   EXPECT_TRUE(refused([](LawColumn& c) { c.samples[1].by_x_1_m = kNan; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.samples[2].mixed_1_m = -HUGE_VALF; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.error_share = -0.1F; }));
+  EXPECT_TRUE(refused([](LawColumn& c) { c.error_share = 1.1F; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.error_n = kNan; }));
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -256,15 +257,46 @@ TEST(LawRenderer, AnOlderWindowBesideANewerOneIsRendered) {
   EXPECT_TRUE(law.tick(0.04, 0.001).by_law);
 }
 
-// Between the columns of two versions neither is right or wrong alone.
+// Between the columns of two versions neither is right or wrong alone, however far they are apart.
 TEST(LawRenderer, ABorderOfVersionsCondemnsNoLaw) {
   Rendering law;
   NearLaw mixed = law_of(3, 5);
-  for (std::size_t i = 0; i < 15; ++i) mixed.columns[i].version = 4;
+  const NearLaw older = law_of(1, 4);
+  std::copy_n(older.columns.begin(), 15, mixed.columns.begin());
+  const LawValue border = evaluate(mixed.used(), 0.029, 0.002);
+  ASSERT_GT(border.disagreement_n, 0.3 * std::hypot(border.by_x_n, border.by_d_n));
   law.renderer.take_law(mixed);
+  EXPECT_TRUE(law.tick(0.029, 0.002).by_law);
   for (int k = 0; k < 10; ++k) law.answer(0.029, 0.002, 1, 5);
   EXPECT_TRUE(law.tick(0.029, 0.002).by_law);
   EXPECT_EQ(law.renderer.dropped(), 0u);
+}
+
+TEST(LawRenderer, WhatContradictsOneLawDoesNotCountAgainstAnother) {
+  Rendering law;
+  NearLaw windows = law_of(3, 4);
+  for (std::size_t i = 16; i < windows.count; ++i) windows.columns[i].version = 7;
+  law.renderer.take_law(windows);
+  for (int k = 0; k < 3; ++k) law.answer(0.02, 0.002, 20, 4);
+  for (int k = 0; k < 3; ++k) law.answer(0.04, 0.002, 20, 7);
+  EXPECT_EQ(law.renderer.dropped(), 0u);
+  law.answer(0.04, 0.002, 20, 7);
+  EXPECT_EQ(law.renderer.dropped(), 1u);
+}
+
+// Known worse than to 10 % it is not begun with; where it is felt it goes on to twice that.
+TEST(LawRenderer, ALawThatIsFeltGoesOnWhereItIsKnownWorse) {
+  const auto felt_by_law = [](float error_share, double from_x_m) {
+    NearLaw law = law_of(0);
+    for (std::size_t i = 16; i < law.count; ++i) law.columns[i].error_share = error_share;  // from 32 mm on
+    Rendering touch;
+    touch.renderer.take_law(law);
+    touch.tick(from_x_m, 0.002);
+    return touch.tick(0.04, 0.002).by_law;
+  };
+  EXPECT_TRUE(felt_by_law(0.15F, 0.02));
+  EXPECT_FALSE(felt_by_law(0.15F, 0.04));
+  EXPECT_FALSE(felt_by_law(0.4F, 0.02));
 }
 
 TEST(LawRenderer, WhereAnswersFeelNothingTheLawIsNotFelt) {

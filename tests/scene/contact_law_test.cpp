@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "service/contact/contact_laws.h"
+#include "service/limits/limits.h"
+#include "service/limits/memory.h"
 #include "tests/scene/half_space.h"
 #include "tests/scene/windows.h"
 
@@ -172,6 +174,36 @@ TEST(ContactLaws, AreSampledOnceBesideTouchAndSharedByTipAndLayer) {
   jobs[1]();  // of one whose place was taken: nothing is left to do
   EXPECT_FALSE(ask({.radius_m = 0.008 + 1e-4}));
   EXPECT_EQ(jobs.size(), ContactLaws::kMost + 2);
+}
+
+TEST(ContactLaws, OfEachLayerAreItsOwnAndHeldInTheTissuesName) {
+  Limits limits;
+  limits.host_memory_bytes = 1 << 30, limits.client_memory_share = 1;
+  const auto budget = std::make_shared<MemoryBudget>(limits);
+  const auto held = [&] {
+    for (const MemoryUse& use : budget->uses())
+      if (use.kind == "contact laws") return use.bytes;
+    return std::uint64_t{0};
+  };
+  {
+    Scene scene("s", tissue(0.1, 0.04), versions(), {}, {budget, "anna", "s"});
+    scene.publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM), {});
+    const auto window = scene.snapshot()->windows[0];
+    std::size_t columns = 0;
+    std::shared_ptr<const ContactLaw> of_last;
+    for (const double depth_m : {0.0, 0.01}) {
+      const Layer layer = scene.layer_near(depth_m);
+      const auto law =
+          window->model->laws().get({}, layer, window->model->layer(layer, {}, {}), window->region.begin_x_m,
+                                    window->region.end_x_m, 0.05, {}, "");
+      ASSERT_TRUE(law);
+      EXPECT_NE(law, of_last);
+      columns += law->columns.size();
+      EXPECT_EQ(held(), columns * sizeof(LawColumn));
+      of_last = law;
+    }
+  }
+  EXPECT_EQ(held(), 0U);
 }
 
 TEST(ContactLaws, AModelThatIsGoneSamplesNothing) {
