@@ -148,19 +148,29 @@ json earlier_figures(const std::string& suite, const SuiteOptions& options) {
   return figures;
 }
 
-bool run_parts(const std::string& suite, const std::vector<Part>& parts, const std::string& which,
-               const SuiteOptions& options) {
-  const auto measure = [&](Promises& promises) {
+void add_suite(CLI::App& app, const char* name, const char* about, const char* experiments,
+               std::vector<Part> parts, bool& met) {
+  struct Arguments : SuiteOptions {
+    std::string experiment = "all";
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  std::vector<std::string> names{"all"};
+  for (const Part& part : parts) names.emplace_back(part.name);
+  const auto measure = [parts](const Arguments& of, Promises& promises) {
     json figures = json::object();
     for (const Part& part : parts)
-      if (which == "all" || which == part.name) figures[part.name] = part.measure(options.quick, promises);
+      if (of.experiment == "all" || of.experiment == part.name)
+        figures[part.name] = part.measure(of.quick, promises);
     return figures;
   };
-  const auto draw = [&](const json& figures, const std::filesystem::path& folder) {
+  const auto draw = [parts](const json& figures, const std::filesystem::path& folder) {
     for (const Part& part : parts)
       if (figures.contains(part.name)) part.draw(figures[part.name], folder);
   };
-  return run_suite(suite, options, measure, draw);
+  add_suite(app, name, about, arguments, met, measure, draw)
+      .add_option("experiment", arguments->experiment, experiments)
+      ->check(CLI::IsMember(names))
+      ->capture_default_str();
 }
 
 }  // namespace teletact::bench

@@ -113,9 +113,10 @@ Part make_part(const char* name, Figures (*measure)(bool, Promises&),
             if (draw != nullptr) draw(figures.get<Figures>(), folder);
           }};
 }
-// Those of `parts` that are called `which`, or "all".
-bool run_parts(const std::string& suite, const std::vector<Part>& parts, const std::string& which,
-               const SuiteOptions&);
+// add_suite() of one with several experiments: the user names one of `parts`, or "all"; `experiments` says
+// what each is.
+void add_suite(CLI::App& app, const char* name, const char* about, const char* experiments,
+               std::vector<Part> parts, bool& met);
 
 // Suites; each adds its subcommand and sets `met` when it has run.
 void add_paper_suite(CLI::App& app, bool& met);
@@ -128,6 +129,7 @@ void add_elastography_suite(CLI::App& app, bool& met);
 void add_exploration_suite(CLI::App& app, bool& met);
 void add_law_suite(CLI::App& app, bool& met);
 void add_link_suite(CLI::App& app, bool& met);
+void add_solid_suite(CLI::App& app, bool& met);
 
 // Pages for people from the --json of suites.
 void add_report_command(CLI::App& app);

@@ -1,0 +1,13 @@
+// teletact-bench solid: touch of solid tissue (T8), one part each.
+#pragma once
+
+#include "bench/suite.h"
+
+namespace teletact::bench {
+
+Part solid_iterations();  // to a true and to a certified error, over contrast, texture, nu, sizes and shapes
+Part solid_bound();       // what is certified over the true error, at every iteration of random touches
+Part solid_speed();       // time and memory, beside a sparse factor and plain conjugate gradients
+Part solid_plane();       // one element thick: the plane solver's compliance
+
+}  // namespace teletact::bench

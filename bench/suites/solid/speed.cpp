@@ -1,0 +1,243 @@
+// Time and memory of a touch of solid tissue, beside Eigen's sparse factor until it takes too long, and
+// Eigen's conjugate gradients with Jacobi's preconditioner and an incomplete factor.
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "bench/basics/clock.h"
+#include "bench/basics/median.h"
+#include "bench/curves.h"
+#include "bench/roofline.h"
+#include "bench/suites/solid/solid.h"
+#include "bench/suites/solid/truth.h"
+
+namespace teletact::bench {
+namespace {
+
+using Sparse = Eigen::SparseMatrix<double>;
+
+// The factor's fill grows with the nodes' 4/3, its time with their square.
+constexpr std::size_t kMostPeerNodes = 100'000, kMostFactoredNodes = 15'000;
+constexpr double kCertified = 1e-3, kPeerError = 1e-6, kQuietLoad = 0.5;
+
+struct Own {
+  std::size_t nodes = 0;
+  std::string precision;
+  double setup_s = 0, iteration_s = 0, certified_s = 0;  // to 1e-3, from the load on
+  std::size_t certified_iterations = 0;
+  double held_bytes = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Own, nodes, precision, setup_s, iteration_s, certified_s,
+                                   certified_iterations, held_bytes)
+
+struct Point {
+  std::size_t nodes = 0;
+  std::string method;
+  bool ours = false;
+  double setup_s = 0, solve_s = 0, error = 0;  // true, of the energy norm
+  std::size_t iterations = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Point, nodes, method, ours, setup_s, solve_s, error, iterations)
+
+struct Figures {
+  DeviceFigures device;
+  double load_average = 0;  // when it began: other programs' if above 0
+  std::vector<Own> own{};
+  std::vector<Point> points{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, device, load_average, own, points)
+
+template <class T>
+void measure_own(const std::shared_ptr<service::Device>& device, const service::SolidTissue& tissue,
+                 const SolidTouch& touch, const SolidTruth* truth, int repeats, Figures& f) {
+  constexpr std::size_t kSteps = 20;
+  const std::size_t nodes = tissue.grid.elements();
+  const service::Queue queue = device->queue();
+  Own own{nodes, std::is_same_v<T, float> ? "float" : "double"};
+  { service::SolidSolver<T> compiles(queue, tissue); }
+  const double before = double(device->held_bytes());
+  std::unique_ptr<service::SolidSolver<T>> solver;
+  std::vector<double> setups, iterations, certified;
+  for (int k = 0; k < repeats; ++k) {
+    solver.reset();
+    setups.push_back(seconds_of([&] {
+      solver = std::make_unique<service::SolidSolver<T>>(queue, tissue);
+      queue.finish();
+    }));
+  }
+  const auto seconds_to = [&](double error, std::size_t most, service::SolidSolution* answer = nullptr) {
+    return seconds_of([&] {
+      const auto s = touch.solve(*solver, {.relative_error = error, .max_iterations = most});
+      if (answer != nullptr) *answer = s;
+    });
+  };
+  seconds_to(0, 1);  // compiles
+  own.held_bytes = double(device->held_bytes()) - before;
+  for (int k = 0; k < repeats; ++k) {
+    iterations.push_back((seconds_to(0, kSteps) - seconds_to(0, 0)) / kSteps);
+    service::SolidSolution s;
+    certified.push_back(seconds_to(kCertified, 1000, &s));
+    own.certified_iterations = s.iterations;
+    if (s.reason != service::StopReason::kConverged || !s.certified)
+      throw BenchError(fmt::format("{} nodes in {}: not certified to 1e-3", nodes, own.precision));
+  }
+  own.setup_s = median_of(setups), own.iteration_s = median_of(iterations),
+  own.certified_s = median_of(certified);
+  std::printf(
+      "%7zu nodes, %-6s set-up %8.2f ms  iteration %7.3f ms  certified to 1e-3 in %2zu, %8.2f ms  "
+      "arrays %6.1f MB\n",
+      nodes, own.precision.c_str(), 1e3 * own.setup_s, 1e3 * own.iteration_s, own.certified_iterations,
+      1e3 * own.certified_s, 1e-6 * own.held_bytes);
+  f.own.push_back(own);
+  if (truth == nullptr) return;
+  for (const std::size_t k : {0, 1, 2, 4, 6, 8, 10, 12, 15, 20, 25}) {
+    service::SolidSolution s;
+    std::vector<double> seconds;
+    for (int n = 0; n < repeats; ++n) seconds.push_back(seconds_to(0, k, &s));
+    f.points.push_back({nodes, "layered PCG, " + own.precision, true, own.setup_s, median_of(seconds),
+                        std::sqrt(truth->squared_error(*solver, s)), k});
+  }
+}
+
+void add(Point p, Figures& f) {
+  std::printf("%7zu nodes, %-24s set-up %10.1f ms  solve %10.1f ms  %5zu iterations  error %.1e\n", p.nodes,
+              p.method.c_str(), 1e3 * p.setup_s, 1e3 * p.solve_s, p.iterations, p.error);
+  std::fflush(stdout);
+  f.points.push_back(std::move(p));
+}
+
+template <class Preconditioner>
+void measure_cg(const char* name, const Sparse& k, const Eigen::VectorXd& load, const SolidTruth& truth,
+                std::size_t nodes, double to_error, Figures& f) {
+  Eigen::ConjugateGradient<Sparse, Eigen::Lower | Eigen::Upper, Preconditioner> cg;
+  const double setup_s = seconds_of([&] { cg.compute(k); });
+  if (cg.info() != Eigen::Success) throw BenchError(std::string(name) + ": no preconditioner");
+  cg.setTolerance(0);
+  for (int most = 16; most <= 1 << 14; most *= 2) {
+    cg.setMaxIterations(most);
+    Eigen::VectorXd u;
+    const double solve_s = seconds_of([&] { u = cg.solve(load); });
+    const double error = std::sqrt(truth.squared_error(u));
+    add({nodes, name, false, setup_s, solve_s, error, std::size_t(most)}, f);
+    if (error <= to_error) return;
+  }
+}
+
+void measure_peers(const Sparse& k, const Eigen::VectorXd& load, const SolidTruth& truth, std::size_t nodes,
+                   bool quick, Figures& f) {
+  const double to_error = quick ? kCertified : kPeerError;
+  measure_cg<Eigen::DiagonalPreconditioner<double>>("CG, Jacobi", k, load, truth, nodes, to_error, f);
+  measure_cg<Eigen::IncompleteCholesky<double>>("CG, incomplete Cholesky", k, load, truth, nodes, to_error,
+                                                f);
+  if (nodes > (quick ? kMostFactoredNodes / 3 : kMostFactoredNodes)) return;
+  Eigen::SimplicialLDLT<Sparse> factor;
+  const double setup_s = seconds_of([&] { factor.compute(k); });
+  if (factor.info() != Eigen::Success) throw BenchError("Eigen's factor failed");
+  Eigen::VectorXd u;
+  const double solve_s = seconds_of([&] { u = factor.solve(load); });
+  add({nodes, "Eigen SimplicialLDLT", false, setup_s, solve_s, std::sqrt(truth.squared_error(u)), 0}, f);
+}
+
+void promise(const Figures& f, Promises& promises) {
+  struct Size {
+    std::size_t nodes;
+    const char* name;
+    double bytes, iteration_s;
+  };
+  const bool quiet = f.load_average < kQuietLoad;
+  if (!quiet)
+    std::printf("other programs are running (load %.1f): times are reported, not promised\n", f.load_average);
+  for (const Size& size :
+       {Size{solid_70k().elements(), "70k", 16e6, 1.6e-3}, {solid_336k().elements(), "336k", 64e6, 7e-3}})
+    for (const Own& own : f.own) {
+      if (own.nodes != size.nodes || own.precision != "float") continue;
+      promises.push_back({fmt::format("arrays_held_{}", size.name), own.held_bytes, size.bytes, "bytes"});
+      if (quiet)
+        promises.push_back({fmt::format("iteration_{}", size.name), own.iteration_s, size.iteration_s, "s"});
+    }
+  for (const Point& p : f.points)
+    for (const Own& own : f.own)
+      if (p.method == "Eigen SimplicialLDLT" && own.nodes == p.nodes && own.precision == "float")
+        promises.push_back({fmt::format("sparse_factor_and_solve_over_certified_touch_{}_nodes", p.nodes),
+                            (p.setup_s + p.solve_s) / (own.setup_s + own.certified_s), 200, "1", false});
+}
+
+Figures measure(bool quick, Promises& promises) {
+  const auto device = service::Device::open();
+  Figures f{describe(device->info())};
+  getloadavg(&f.load_average, 1);
+  std::vector<service::SolidGrid> sizes{quick ? solid_grid(32, 16, 8, 0.004, 0.004) : solid_13k(),
+                                        solid_70k()};
+  if (!quick) sizes.push_back(solid_336k());
+  for (const service::SolidGrid& grid : sizes) {
+    const service::SolidTissue tissue = solid_tissue(grid, 0.49, {});
+    const SolidTouch touch{hertz_load(grid)};
+    const bool peers = grid.elements() <= (quick ? kMostFactoredNodes : kMostPeerNodes);
+    Sparse k;
+    std::optional<SolidTruth> truth;
+    if (peers) {
+      k = reference::assemble(tissue);
+      service::SolidSolver<double> solver(device->queue(), tissue);
+      truth.emplace(k, solver, touch);
+    }
+    const int repeats = quick ? 3 : 9;
+    measure_own<float>(device, tissue, touch, truth ? &*truth : nullptr, repeats, f);
+    measure_own<double>(device, tissue, touch, truth ? &*truth : nullptr, repeats, f);
+    if (!peers) continue;
+    Eigen::VectorXd load = Eigen::VectorXd::Zero(k.rows());
+    for (std::size_t n = 0; n < touch.surface.unknowns.size(); ++n)
+      load[Eigen::Index(touch.surface.unknowns[n])] = touch.surface.values[Eigen::Index(n)];
+    measure_peers(k, load, *truth, grid.elements(), quick, f);
+  }
+  promise(f, promises);
+  return f;
+}
+
+void draw(const Figures& f, const std::filesystem::path& folder) {
+  std::vector<std::size_t> sizes;
+  std::vector<Curve> time;
+  for (const Own& own : f.own) {
+    const std::string title = "certified to 1e-3, " + own.precision;
+    auto curve = std::find_if(time.begin(), time.end(), [&](const Curve& c) { return c.title == title; });
+    if (curve == time.end()) curve = time.insert(time.end(), {.title = title, .ours = true});
+    curve->add(double(own.nodes), 1e3 * (own.setup_s + own.certified_s));
+  }
+  std::vector<std::string> methods;
+  for (const Point& p : f.points) {
+    if (std::find(sizes.begin(), sizes.end(), p.nodes) == sizes.end()) sizes.push_back(p.nodes);
+    if (std::find(methods.begin(), methods.end(), p.method) == methods.end()) methods.push_back(p.method);
+  }
+  for (const std::size_t nodes : sizes) {
+    std::vector<Curve> curves;
+    for (std::size_t m = 0; m < methods.size(); ++m) {
+      Curve curve{.title = methods[m], .look = m};
+      for (const Point& p : f.points) {
+        if (p.nodes != nodes || p.method != methods[m]) continue;
+        curve.ours = p.ours;
+        curve.add(std::max(1e-12, p.error), 1e3 * (p.setup_s + p.solve_s));
+      }
+      if (!curve.x.empty()) curves.push_back(std::move(curve));
+    }
+    plot(folder / fmt::format("solid_accuracy_{}.png", nodes),
+         script_of(curves,
+                   "set logscale xy\nset format x '10^{%L}'\nset key outside bottom center horizontal\n" +
+                       axes(fmt::format("{} nodes, nu 0.49, a sphere of contrast 10", nodes),
+                            "true error of the energy norm", "set-up and one touch (ms)")));
+  }
+  plot(folder / "solid_time.png",
+       script_of(time, "set logscale xy\nset key top left\n" +
+                           axes("A sphere of contrast 10", "nodes", "set-up and one touch (ms)")));
+}
+
+}  // namespace
+
+Part solid_speed() {
+  return make_part("speed", measure, draw);
+}
+
+}  // namespace teletact::bench
