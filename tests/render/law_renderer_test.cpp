@@ -359,6 +359,24 @@ TEST(LawRenderer, AnotherStreamBeginsAnew) {
   law.renderer.take_law({});
   law.renderer.take_law(law_of(3, 1));
   EXPECT_TRUE(law.tick(0.03, 0.001).by_law);
+  // One that was found wrong was the other service's.
+  for (int k = 0; k < 4; ++k) law.answer(0.03, 0.002, 20, 1);
+  EXPECT_FALSE(law.tick(0.03, 0.002).by_law);
+  law.renderer.take_law({});
+  law.renderer.take_law(law_of(3, 1));
+  EXPECT_TRUE(law.tick(0.03, 0.002).by_law);
+}
+
+// A law is of x and the depth along y.
+TEST(LawRenderer, OnASurfaceThatLiesAskewItIsTheFilter) {
+  for (const bool askew : {false, true}) {
+    Rendering law;
+    law.renderer.take_law(law_of(3));
+    ForceSample sample = answer_at(0.03, -0.001, 3, 1, 0);
+    if (askew) sample.surface.normal = Vector3(0.02, 1, 0).normalized();
+    law.renderer.update(sample, at(0.03, -0.001), 0);
+    EXPECT_EQ(law.tick(0.03, 0.001).by_law, !askew);
+  }
 }
 
 TEST(LawRenderer, BesideTheLawAndOnAnotherLayerItIsTheFilter) {
