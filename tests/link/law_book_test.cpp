@@ -91,6 +91,13 @@ TEST(LawBook, ANewerVersionTakesThePlaceOfTheOlderWhereItRules) {
   EXPECT_EQ(book.fresh(0.03)->columns[1].version, 2u);
 }
 
+TEST(LawBook, ANewerVersionThatBeginsAmidTheOlderLeavesNoGapBeforeIt) {
+  LawBook book = book_with({piece_of(1, {0.01, 0.02, 0.03}), piece_of(2, {0.02, 0.03}, 2)});
+  EXPECT_TRUE(covers(book, 0.015, 2));
+  book = book_with({piece_of(1, {0.01, 0.02}), piece_of(2, {0.03, 0.04}), piece_of(3, {0.03, 0.04}, 2)});
+  EXPECT_FALSE(covers(book, 0.025, 1));
+}
+
 TEST(LawBook, AStreamThatOpensAgainKnowsNothing) {
   LawBook book = book_with({piece_of(1, {0.01, 0.02})});
   book.open(0.005);

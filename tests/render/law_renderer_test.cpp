@@ -282,6 +282,8 @@ TEST(LawRenderer, WhatContradictsOneLawDoesNotCountAgainstAnother) {
   EXPECT_EQ(law.renderer.dropped(), 0u);
   law.answer(0.04, 0.002, 20, 7);
   EXPECT_EQ(law.renderer.dropped(), 1u);
+  EXPECT_TRUE(law.tick(0.029, 0.002).by_law);
+  EXPECT_FALSE(law.tick(0.031, 0.002).by_law);  // between a column of either
 }
 
 // Known worse than to 10 % it is not begun with; where it is felt it goes on to twice that.
