@@ -37,6 +37,8 @@ const std::vector<LimitRow>& limit_rows() {
        "elements of an explicit modulus"},
       {"most_scene_columns", &L::most_scene_columns, 513, "1", 2, 513,
        "nodes of such a scene along x; the work grows with their cube"},
+      {"most_solid_elements", &L::most_solid_elements, 400000, "1", 1, 1000000,
+       "elements of a solid's explicit modulus"},
       {"most_windows", &L::most_windows, 256, "1", 1, 4096, "windows of a scene"},
       {"least_scene_m", &L::least_scene_m, 0.002, "m", 0.002, 0.02, "least width and depth of a scene"},
       {"most_scene_width_m", &L::most_scene_width_m, 2, "m", 0.02, 2, "width of a scene"},

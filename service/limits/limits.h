@@ -15,7 +15,7 @@ struct Limits {
   std::uint64_t host_memory_bytes, device_memory_bytes;
   double client_memory_share;
   // What a scene may be.
-  std::uint64_t most_scenes, most_scene_elements, most_scene_columns, most_windows;
+  std::uint64_t most_scenes, most_scene_elements, most_scene_columns, most_solid_elements, most_windows;
   double least_scene_m, most_scene_width_m, most_scene_depth_m;
   double least_thickness_m, most_thickness_m;
   // What an acquisition may be.

@@ -88,6 +88,9 @@ inline constexpr std::chrono::milliseconds kLawExpected{300};
 // other at least, in depths of the tissue: nearer ones make it stiffer. The contact is corrected on the whole
 // block until its force is known to this, at most so often.
 inline constexpr double kLeastPeriod = 6.4;
+// Columns along z are at most so far apart, whatever the pitch of the slices; and so much tissue lies between
+// one end of a block and its other end's copy, at least.
+inline constexpr double kSolidSpacing = 0.002, kSolidPadding = 0.016;
 inline constexpr double kSolidForceError = 2e-3;
 inline constexpr std::size_t kMostCorrections = 8;
 

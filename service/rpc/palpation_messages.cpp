@@ -83,24 +83,33 @@ SceneGeometry geometry_from(const v1::SceneGeometry& in, const Limits& limits) {
   return g;
 }
 
-ExplicitModulus modulus_from(const v1::ModulusMap& in, std::size_t most_elements) {
+ExplicitModulus modulus_from(const v1::ModulusMap& in, const Limits& limits) {
   const v1::Array& array = in.youngs_modulus_pa();
-  if (!in.z_m().empty()) refuse_solid("modulus.z_m", "leave it out: a plane scene is the same for every z");
   if (in.x_m_size() < 2 || in.y_m_size() < 2)
     throw std::invalid_argument("modulus.x_m, modulus.y_m: give at least 2 node coordinates each");
+  if (in.z_m_size() == 1)
+    throw std::invalid_argument("modulus.z_m: give at least 2 node coordinates, or none for a plane scene");
+  const bool solid = in.z_m_size() > 0;
+  const std::size_t most_elements = solid ? limits.most_solid_elements : limits.most_scene_elements;
   const std::size_t columns = static_cast<std::size_t>(in.x_m_size()) - 1,
-                    rows = static_cast<std::size_t>(in.y_m_size()) - 1;
-  if (rows > most_elements / columns)
+                    rows = static_cast<std::size_t>(in.y_m_size()) - 1,
+                    slices = solid ? static_cast<std::size_t>(in.z_m_size()) - 1 : 1;
+  if (rows > most_elements / columns || slices > most_elements / columns / rows)
     throw Error(ErrorKind::kExhausted,
-                fmt::format("modulus: {} x {} elements, at most {} are allowed; use a coarser grid", columns,
-                            rows, most_elements));
-  if (array.shape_size() != 2 || array.shape(0) != rows || array.shape(1) != columns)
-    throw std::invalid_argument(fmt::format(
-        "modulus.youngs_modulus_pa.shape: must be [len(y_m) - 1, len(x_m) - 1] = [{}, {}]", rows, columns));
+                fmt::format("modulus: {} x {} x {} elements, at most {} are allowed; use a coarser grid",
+                            columns, rows, slices, most_elements));
+  const std::vector<std::uint64_t> shape(array.shape().begin(), array.shape().end());
+  const auto wanted =
+      solid ? std::vector<std::uint64_t>{slices, rows, columns} : std::vector<std::uint64_t>{rows, columns};
+  if (shape != wanted)
+    throw std::invalid_argument(
+        fmt::format("modulus.youngs_modulus_pa.shape: must be [{}len(y_m) - 1, len(x_m) - 1] = [{}]",
+                    solid ? "len(z_m) - 1, " : "", fmt::join(wanted, ", ")));
   const std::size_t items = checked_items("modulus.youngs_modulus_pa", array);
   ExplicitModulus e;
   e.x_m.assign(in.x_m().begin(), in.x_m().end());
   e.y_m.assign(in.y_m().begin(), in.y_m().end());
+  e.z_m.assign(in.z_m().begin(), in.z_m().end());
   e.youngs_modulus_pa.resize(items);
   if (array.dtype() == v1::DATA_TYPE_FLOAT64) {
     std::memcpy(e.youngs_modulus_pa.data(), array.data().data(), items * sizeof(double));
@@ -149,9 +158,11 @@ CellView view_of(const StitchedMap& map) {
   return view;
 }
 
-// Each cell shows the element that its centre lies in.
+// Each cell shows the element that its centre lies in; of a solid, in the slice in the middle.
 CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
   CellView view{centres_of(StitchedMap(g)), {}, {}};
+  const std::size_t slices = e.solid() ? e.z_m.size() - 1 : 1;
+  const std::size_t first = slices / 2 * (e.x_m.size() - 1) * (e.y_m.size() - 1);
   const auto element_at = [](const std::vector<double>& nodes_m, double at_m) {
     const auto after = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
     return static_cast<std::size_t>(after - nodes_m.begin()) - 1;
@@ -160,7 +171,8 @@ CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
     const std::size_t row = element_at(e.y_m, (static_cast<double>(j) + 0.5) * view.grid.dy_m);
     for (std::size_t i = 0; i < view.grid.nx; ++i) {
       const std::size_t column = element_at(e.x_m, (static_cast<double>(i) + 0.5) * view.grid.dx_m);
-      view.modulus_pa.push_back(static_cast<float>(e.youngs_modulus_pa[column + (e.x_m.size() - 1) * row]));
+      view.modulus_pa.push_back(
+          static_cast<float>(e.youngs_modulus_pa[first + column + (e.x_m.size() - 1) * row]));
     }
   }
   view.valid.assign(view.modulus_pa.size(), 1);

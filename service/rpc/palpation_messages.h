@@ -18,8 +18,8 @@ std::size_t checked_items(const char* field, const v1::Array&);
 std::size_t bytes_per_item(v1::DataType);
 
 SceneGeometry geometry_from(const v1::SceneGeometry&, const Limits&);
-// `most_elements`: beyond it Error(kExhausted), before the values are read.
-ExplicitModulus modulus_from(const v1::ModulusMap&, std::size_t most_elements);
+// Beyond the limits' elements Error(kExhausted), before the values are read.
+ExplicitModulus modulus_from(const v1::ModulusMap&, const Limits&);
 // Of the message that scene_to() makes, and what it is made of meanwhile.
 std::uint64_t scene_bytes(const Scene&, v1::SceneView);
 // `instance`: the process', for stamps.

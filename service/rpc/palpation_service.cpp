@@ -18,7 +18,7 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
     call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus;
-    if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits.most_scene_elements);
+    if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits);
     const FairWorkers::Id job = core_.imaging.make_scene(
         request->scene_id(), geometry, std::move(modulus), client,
         [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {

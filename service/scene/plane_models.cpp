@@ -3,7 +3,9 @@
 #include <algorithm>
 
 #include "service/contact/plane_touch_model.h"
+#include "service/contact/solid_touch_model.h"
 #include "service/plan/choices.h"
+#include "service/scene/solid_block.h"
 #include "service/scene/touch_models.h"
 #include "service/scene/window_tissue.h"
 
@@ -43,6 +45,7 @@ class PlaneModels final : public TouchModels {
 
   std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry& geometry, const ExplicitModulus& e,
                                                const MemoryAccount& account) const override {
+    if (e.solid()) return std::make_shared<const SolidTouchModel>(solid_block(geometry, e), account);
     TissueModelOptions options;
     options.touch_begin_m = e.x_m.front();
     options.touch_end_m = e.x_m.back();

@@ -67,7 +67,7 @@ namespace {
 
 Charge charged(const std::optional<ExplicitModulus>& e, const MemoryAccount& account) {
   if (!e) return {};
-  const std::size_t values = e->x_m.size() + e->y_m.size() + e->youngs_modulus_pa.size();
+  const std::size_t values = e->x_m.size() + e->y_m.size() + e->z_m.size() + e->youngs_modulus_pa.size();
   return account.charge(Place::kHost, "maps", values * sizeof(double));
 }
 

@@ -120,7 +120,8 @@ EncodedScene encoded(const SceneRecord& record) {
   if (record.explicit_modulus) {
     const ExplicitModulus& e = *record.explicit_modulus;
     scene["explicit_nodes"] = {e.x_m.size(), e.y_m.size()};
-    append(raw, e.x_m), append(raw, e.y_m), append(raw, e.youngs_modulus_pa);
+    if (e.solid()) scene["explicit_nodes"].push_back(e.z_m.size());
+    append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.youngs_modulus_pa);
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -155,9 +156,15 @@ SceneRecord decoded(const std::string& description,
   std::string_view rest = raw;
   if (scene.contains("explicit_nodes")) {
     const std::size_t nx = scene["explicit_nodes"].at(0), ny = scene["explicit_nodes"].at(1);
-    if (nx < 2 || ny < 2) throw std::runtime_error("explicit_nodes: at least 2 x 2");
-    record.explicit_modulus = ExplicitModulus{take<double>(rest, nx), take<double>(rest, ny),
-                                              take<double>(rest, (nx - 1) * (ny - 1))};
+    const bool solid = scene["explicit_nodes"].size() > 2;
+    const std::size_t nz = solid ? std::size_t{scene["explicit_nodes"].at(2)} : 2;
+    if (nx < 2 || ny < 2 || nz < 2) throw std::runtime_error("explicit_nodes: at least 2 each way");
+    ExplicitModulus e;
+    e.x_m = take<double>(rest, nx);
+    e.y_m = take<double>(rest, ny);
+    if (solid) e.z_m = take<double>(rest, nz);
+    e.youngs_modulus_pa = take<double>(rest, (nx - 1) * (ny - 1) * (nz - 1));
+    record.explicit_modulus = std::move(e);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known
       if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();

@@ -23,9 +23,12 @@ struct WindowRecord {
       nullptr;  // null: none was kept, or the modulus is explicit
 };
 
-// An explicit modulus with its own grid: nodes x_m, y_m and E per element, x fastest.
+// An explicit modulus with its own grid: nodes x_m, y_m and E per element, x fastest. Of a solid nodes z_m
+// too, z slowest.
 struct ExplicitModulus {
   std::vector<double> x_m, y_m, youngs_modulus_pa;
+  std::vector<double> z_m = {};
+  bool solid() const { return !z_m.empty(); }
 };
 
 struct SceneRecord {

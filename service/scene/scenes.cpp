@@ -33,12 +33,18 @@ std::string random_id() {
   return fmt::format("scene-{:08x}", device());
 }
 
-void check_axis(const char* field, const std::vector<double>& nodes_m, double length_m, std::size_t most) {
+void check_nodes(const char* field, const std::vector<double>& nodes_m, std::size_t most) {
   if (nodes_m.size() < 2 || nodes_m.size() > most)
     throw std::invalid_argument(fmt::format("{}: {} nodes, must be 2 to {}", field, nodes_m.size(), most));
   for (std::size_t k = 0; k + 1 < nodes_m.size(); ++k)
     if (!(nodes_m[k + 1] > nodes_m[k]))
       throw std::invalid_argument(fmt::format("{}[{}]: nodes must be finite and increase", field, k + 1));
+  if (!std::isfinite(nodes_m.back() - nodes_m.front()))
+    throw std::invalid_argument(fmt::format("{}: nodes must be finite and increase", field));
+}
+
+void check_axis(const char* field, const std::vector<double>& nodes_m, double length_m, std::size_t most) {
+  check_nodes(field, nodes_m, most);
   const double slack_m = 1e-6 * length_m;
   if (!(std::abs(nodes_m.front()) <= slack_m && std::abs(nodes_m.back() - length_m) <= slack_m))
     throw std::invalid_argument(
@@ -49,11 +55,13 @@ void check_axis(const char* field, const std::vector<double>& nodes_m, double le
 void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, const Limits& limits) {
   check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.most_scene_columns);
   check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.most_scene_elements + 1);
-  const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1);
-  if (elements > limits.most_scene_elements)
-    throw Error(ErrorKind::kExhausted,
-                fmt::format("modulus: {} elements, at most {} are allowed; use a coarser grid", elements,
-                            limits.most_scene_elements));
+  if (e.solid()) check_nodes("modulus.z_m", e.z_m, limits.most_scene_columns);
+  const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1) * (e.solid() ? e.z_m.size() - 1 : 1);
+  const std::size_t most = e.solid() ? limits.most_solid_elements : limits.most_scene_elements;
+  if (elements > most)
+    throw Error(
+        ErrorKind::kExhausted,
+        fmt::format("modulus: {} elements, at most {} are allowed; use a coarser grid", elements, most));
   if (e.youngs_modulus_pa.size() != elements)
     throw std::invalid_argument(fmt::format("modulus.youngs_modulus_pa: {} values for {} elements",
                                             e.youngs_modulus_pa.size(), elements));

@@ -39,7 +39,8 @@ class TouchModels {
   virtual void warm(const std::shared_ptr<Device>&) const {}
 };
 
-// Plane strain: tissue around a window (window_tissue.h), and given grids as they are.
+// Plane strain: tissue around a window (window_tissue.h), and given grids as they are; solid where the given
+// modulus is one.
 std::shared_ptr<const TouchModels> plane_models();
 
 }  // namespace teletact::service

@@ -105,6 +105,49 @@ TEST_F(SceneCalls, ScenesThatMakeNoSenseAreNamed) {
   EXPECT_GT(bystander.answers(), 0U);
 }
 
+// A modulus in three dimensions makes a solid, which is touched with all three components.
+TEST_F(SceneCalls, SolidIsCreatedAndTouched) {
+  v1::CreateSceneRequest request;
+  request.set_scene_id("solid");
+  request.mutable_geometry()->add_size_m(0.04);
+  request.mutable_geometry()->add_size_m(0.02);
+  v1::ModulusMap* map = request.mutable_modulus();
+  for (int i = 0; i <= 20; ++i) map->add_x_m(0.002 * i);
+  for (int j = 0; j <= 8; ++j) map->add_y_m(0.0025 * j);
+  for (int k = 0; k <= 10; ++k) map->add_z_m(-0.01 + 0.002 * k);
+  std::vector<float> values;
+  for (int k = 0; k < 10; ++k)
+    for (int j = 0; j < 8; ++j)
+      for (int i = 0; i < 20; ++i) values.push_back(k < 5 ? 1e4F : 2e4F);
+  v1::Array* modulus = map->mutable_youngs_modulus_pa();
+  modulus->set_dtype(v1::DATA_TYPE_FLOAT32);
+  for (const unsigned n : {10U, 8U, 20U}) modulus->add_shape(n);
+  modulus->set_data(values.data(), values.size() * sizeof(float));
+  v1::CreateSceneRequest flat = request;
+  flat.mutable_modulus()->mutable_youngs_modulus_pa()->mutable_shape()->RemoveLast();
+  EXPECT_EQ(server->create(flat).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  v1::Scene scene;
+  const grpc::Status created = server->create(request, "", &scene);
+  ASSERT_TRUE(created.ok()) << created.error_message();
+  ASSERT_EQ(scene.windows_size(), 1);
+  EXPECT_DOUBLE_EQ(scene.windows(0).covers().begin_z_m(), -0.01);
+  EXPECT_NEAR(scene.windows(0).covers().end_z_m(), 0.01, 1e-12);
+  Toucher toucher(channel, "solid");
+  ASSERT_TRUE(toucher.opened());
+  v1::TouchAnswer answer;
+  do {  // it is made ready
+    v1::TouchRequest pose;
+    for (const double x_m : {0.02, 0.0015, 0.0}) pose.mutable_pose()->add_position_m(x_m);
+    ASSERT_TRUE(toucher.send(pose));
+    ASSERT_TRUE(toucher.read(&answer));
+  } while (answer.status() == v1::TOUCH_STATUS_PREPARING);
+  ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+  EXPECT_LT(answer.force_n(1), -0.05);
+  EXPECT_LT(answer.force_n(2), -0.001) << "from the harder half";
+  EXPECT_NEAR(answer.force_n(0), 0, 0.003 * -answer.force_n(1));
+  EXPECT_NE(answer.tangent_n_m(8), 0);
+}
+
 TEST_F(SceneCalls, SceneIsHeldWhereItsSupportsSay) {
   v1::CreateSceneRequest request = uniform_scene("held");
   request.mutable_geometry()->mutable_supports()->set_x_min(true);

@@ -1,0 +1,50 @@
+// A block of solid tissue behind the seam (touch_model.h): its surface, in three dimensions.
+#pragma once
+
+#include <chrono>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "service/contact/touch_model.h"
+#include "service/solid/solid_tissue.h"
+
+namespace teletact::service {
+
+// The block, and where it lies in the scene. What surrounds `region` is context, and the period's seam.
+struct SolidBlock {
+  SolidTissue tissue;
+  double origin_x_m = 0, origin_z_m = 0;  // of its node (0, 0)
+  Region region;                          // where it can be touched
+};
+
+// It answers by conjugate gradients on the device of whoever touches it, so it has no contact law yet.
+class SolidTouchModel final : public TouchModel {
+ public:
+  // A layer that could not be made is tried again after this long; until then asking for it says why.
+  static constexpr std::chrono::seconds kRetry{1};
+
+  SolidTouchModel(SolidBlock, MemoryAccount account);
+  const char* name() const override { return "solid"; }
+  Region region() const override { return state_->block.region; }
+  std::vector<Layer> layers() const override { return {Layer{}}; }  // the surface
+  TouchCost cost() const override;
+  std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork& work) const override;
+
+ private:
+  // Shared with the work that makes it ready, which may outlive the model.
+  struct State {
+    SolidBlock block;
+    MemoryAccount account;
+    std::mutex mutex;  // held for looking things up only
+    std::shared_ptr<Device> device;
+    std::shared_ptr<TouchedLayer> ready;  // on that device
+    bool asked = false;
+    std::exception_ptr error;
+    std::chrono::steady_clock::time_point retry{};
+  };
+  const std::shared_ptr<State> state_;
+};
+
+}  // namespace teletact::service

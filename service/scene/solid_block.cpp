@@ -1,0 +1,91 @@
+#include "service/scene/solid_block.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "service/plan/choices.h"
+
+namespace teletact::service {
+namespace {
+
+// The spacing of evenly spaced nodes.
+double spacing_of(const std::vector<double>& nodes_m, const char* field) {
+  const double spacing = (nodes_m.back() - nodes_m.front()) / static_cast<double>(nodes_m.size() - 1);
+  for (std::size_t n = 0; n + 1 < nodes_m.size(); ++n)
+    if (!(std::abs(nodes_m[n + 1] - nodes_m[n] - spacing) <= 1e-6 * spacing))
+      throw std::invalid_argument(fmt::format(
+          "{}: solid tissue takes increasing, evenly spaced nodes; {} m follows {} m where the mean "
+          "distance is {} m",
+          field, nodes_m[n + 1], nodes_m[n], spacing));
+  return spacing;
+}
+
+// Columns of the block: those given and some around, a power of two.
+std::size_t padded(std::size_t given, double spacing_m, const char* field) {
+  const auto around = static_cast<std::size_t>(std::ceil(choices::kSolidPadding / spacing_m));
+  const std::size_t columns = std::bit_ceil(given + around);
+  constexpr std::size_t kMost = 512;
+  if (columns > kMost)
+    throw std::invalid_argument(
+        fmt::format("{}: {} columns and {} around them are more than {}; use a coarser grid", field, given,
+                    around, kMost));
+  return columns;
+}
+
+// Of a column of the block, the given one: beyond the last, its own, and from half of the way round the
+// first.
+std::size_t given_of(std::size_t column, std::size_t given, std::size_t columns) {
+  if (column < given) return column;
+  return column < given + (columns - given) / 2 ? given - 1 : 0;
+}
+
+}  // namespace
+
+SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) {
+  if (geometry.supports != Supports{})
+    throw std::invalid_argument(
+        "geometry.supports: a solid is held at its bottom alone; leave geometry.supports out");
+  const double spacing_x = spacing_of(e.x_m, "modulus.x_m"), pitch_z = spacing_of(e.z_m, "modulus.z_m");
+  const std::size_t given_x = e.x_m.size() - 1, layers = e.y_m.size() - 1, slices = e.z_m.size() - 1;
+  const auto parts = static_cast<std::size_t>(std::ceil(pitch_z / choices::kSolidSpacing - 1e-9));
+  SolidBlock block;
+  SolidGrid& grid = block.tissue.grid;
+  grid.spacing_x_m = spacing_x;
+  grid.spacing_z_m = pitch_z / static_cast<double>(parts);
+  grid.y_m = e.y_m;
+  grid.nx = padded(given_x, grid.spacing_x_m, "modulus.x_m");
+  grid.nz = padded(slices * parts, grid.spacing_z_m, "modulus.z_m");
+  block.tissue.poisson_ratio = geometry.poisson_ratio;
+  block.origin_x_m = e.x_m.front();
+  block.origin_z_m = e.z_m.front();
+  const double inf = HUGE_VAL;  // the last column belongs to it
+  block.region = {e.x_m.front(), std::nextafter(e.x_m.back(), inf), e.z_m.front(),
+                  std::nextafter(e.z_m.back(), inf)};
+  const auto given = [&](std::size_t slice, std::size_t j, std::size_t i) {
+    return e.youngs_modulus_pa[(slice * layers + j) * given_x + i];
+  };
+  block.tissue.youngs_modulus_pa.reserve(grid.elements());
+  for (std::size_t j = 0; j < layers; ++j)
+    for (std::size_t k = 0; k < grid.nz; ++k) {
+      const std::size_t column = given_of(k, slices * parts, grid.nz);
+      // In slices, from the middle of the first one.
+      const double at = (static_cast<double>(column) + 0.5) / static_cast<double>(parts) - 0.5;
+      const auto before = static_cast<std::size_t>(std::clamp(at, 0.0, static_cast<double>(slices - 1)));
+      const std::size_t after = std::min(before + 1, slices - 1);
+      const double share = std::clamp(at - static_cast<double>(before), 0.0, 1.0);
+      for (std::size_t i = 0; i < grid.nx; ++i) {
+        const std::size_t x = given_of(i, given_x, grid.nx);
+        const double near = given(before, j, x), far = given(after, j, x);
+        block.tissue.youngs_modulus_pa.push_back(share > 0 ? near * std::pow(far / near, share) : near);
+      }
+    }
+  validate(block.tissue);
+  return block;
+}
+
+}  // namespace teletact::service

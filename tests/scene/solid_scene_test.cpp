@@ -1,0 +1,142 @@
+// A solid through scene and session: given, touched, kept on disk.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "service/scene/scene_record.h"
+#include "service/scene/solid_block.h"
+#include "service/touch_plane/touch_session.h"
+#include "tests/scene/windows.h"
+#include "tests/solver/block_stencil.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr double kWidthM = 0.048, kDepthM = 0.030, kBallX = 0.024, kBallZ = 0.002;
+
+// 24 x 12 columns of 2 x 3 mm; a hard ball under (kBallX, kBallZ).
+ExplicitModulus with_ball() {
+  ExplicitModulus e;
+  for (int i = 0; i <= 24; ++i) e.x_m.push_back(kWidthM * i / 24);
+  for (int j = 0; j <= 10; ++j) e.y_m.push_back(kDepthM * j / 10);
+  for (int k = 0; k <= 12; ++k) e.z_m.push_back(-0.018 + 0.003 * k);
+  for (int k = 0; k < 12; ++k)
+    for (int j = 0; j < 10; ++j)
+      for (int i = 0; i < 24; ++i)
+        e.youngs_modulus_pa.push_back(std::hypot(0.002 * (i + 0.5) - kBallX, 0.003 * (j + 0.5) - 0.009,
+                                                 -0.018 + 0.003 * (k + 0.5) - kBallZ) < 0.006
+                                          ? 8e4
+                                          : 1e4);
+  return e;
+}
+
+std::shared_ptr<Scene> scene_of(const ExplicitModulus& e) {
+  return std::make_shared<Scene>("s", tissue(kWidthM, kDepthM), e, versions(), Limits{}, MemoryAccount{},
+                                 plane_models());
+}
+
+// What the session answers once the layer is ready; nobody prepares it here, so that is at once.
+TouchAnswer touched(TouchSession& session, double x_m, double y_m, double z_m) {
+  return session.solve({x_m, y_m, z_m});
+}
+
+TEST(SolidScene, IsTouchedInThreeDimensions) {
+  const auto scene = scene_of(with_ball());
+  TouchSession session(scene, {}, test_device());
+  const TouchAnswer over = touched(session, kBallX, 0.002, kBallZ);
+  ASSERT_EQ(over.status, TouchStatus::kOk) << over.warning;
+  EXPECT_LE(over.contact.solve.relative_error, choices::kSolidForceError);
+  const TouchAnswer beside = touched(session, kBallX, 0.002, kBallZ - 0.012);
+  ASSERT_EQ(beside.status, TouchStatus::kOk) << beside.warning;
+  EXPECT_GT(over.contact.force_n[1] / beside.contact.force_n[1], 1.1) << "the ball is felt along z";
+  const TouchAnswer before = touched(session, kBallX, 0.002, kBallZ - 0.004);
+  EXPECT_GT(std::abs(before.contact.force_n[2]), 0.01 * std::abs(before.contact.force_n[1]));
+  EXPECT_LT(before.contact.force_n[2], 0) << "the ball, at larger z, pushes away";
+  EXPECT_NE(before.contact.tangent_n_m[8], 0);
+  ASSERT_FALSE(before.contact.pressure.empty());
+  double z = 0, p = 0;
+  for (const NodalPressure& n : before.contact.pressure)
+    z += n.position_m[2] * n.pressure_pa, p += n.pressure_pa;
+  EXPECT_NEAR(z / p, kBallZ - 0.004, 0.001) << "in the scene's coordinates";
+}
+
+TEST(SolidScene, EndsWhereItsModulusDoes) {
+  const auto scene = scene_of(with_ball());
+  const Region region = scene->snapshot()->windows.front()->region;
+  EXPECT_DOUBLE_EQ(region.begin_z_m, -0.018);
+  EXPECT_NEAR(region.end_z_m, 0.018, 1e-12);
+  TouchSession session(scene, {}, test_device());
+  const TouchAnswer beside = touched(session, 0.02, 0.001, 0.019);
+  EXPECT_EQ(beside.status, TouchStatus::kFailed);
+  EXPECT_NE(beside.warning.find("beside the solid"), std::string::npos) << beside.warning;
+  EXPECT_EQ(beside.contact.force_n, (Vector3{}));
+  EXPECT_EQ(touched(session, 0.02, 0.001, 0.017).status, TouchStatus::kOk) << "others go on";
+}
+
+TEST(SolidScene, BlockKeepsWhatIsGivenAndGoesOnAroundIt) {
+  const ExplicitModulus e = with_ball();
+  const SolidBlock block = solid_block(tissue(kWidthM, kDepthM), e);
+  const SolidGrid& grid = block.tissue.grid;
+  EXPECT_EQ(grid.nx, 32u);  // 24 and 16 mm
+  EXPECT_EQ(grid.nz, 64u);  // 12 slices in two parts, and 16 mm
+  EXPECT_DOUBLE_EQ(grid.spacing_z_m, 0.0015);
+  const auto at = [&](std::size_t i, std::size_t j, std::size_t k) {
+    return block.tissue.youngs_modulus_pa[i + grid.nx * (k + grid.nz * j)];
+  };
+  // Between the middles of two slices ln E is interpolated: a quarter of the way at a part's own middle.
+  const auto given = [&](std::size_t i, std::size_t j, std::size_t k) {
+    return e.youngs_modulus_pa[i + 24 * (j + 10 * k)];
+  };
+  for (std::size_t k = 1; k < 11; ++k)
+    EXPECT_NEAR(at(12, 3, 2 * k), std::pow(given(12, 3, k), 0.75) * std::pow(given(12, 3, k - 1), 0.25),
+                1e-6 * 8e4);
+  EXPECT_EQ(at(25, 3, 10), at(23, 3, 10));
+  EXPECT_EQ(at(31, 3, 10), at(0, 3, 10));
+}
+
+TEST(SolidScene, RefusesWhatNoBlockIs) {
+  const auto refused = [](const ExplicitModulus& e, SceneGeometry g, const char* field) {
+    try {
+      solid_block(g, e);
+      ADD_FAILURE() << field << " was taken";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).rfind(field, 0), 0u) << error.what();
+    }
+  };
+  const SceneGeometry good = tissue(kWidthM, kDepthM);
+  ExplicitModulus e = with_ball();
+  e.x_m[3] += 0.0005;
+  refused(e, good, "modulus.x_m");
+  e = with_ball();
+  e.z_m[3] += 0.0005;
+  refused(e, good, "modulus.z_m");
+  SceneGeometry held = good;
+  held.supports.left = EdgeSupport::kFixed;
+  refused(with_ball(), held, "geometry.supports");
+  TouchOptions by_compliance;
+  by_compliance.path = SolvePath::kCompliance;
+  TouchSession condensed(scene_of(with_ball()), by_compliance, test_device());
+  EXPECT_EQ(condensed.solve({0.02, 0.001, 0}).status, TouchStatus::kFailed);
+  TouchSession without(scene_of(with_ball()), {}, nullptr);
+  const TouchAnswer none = without.solve({0.02, 0.001, 0});
+  EXPECT_EQ(none.status, TouchStatus::kFailed);
+  EXPECT_TRUE(none.device_failed) << none.warning;
+}
+
+TEST(SolidScene, IsTheSameAfterARestart) {
+  SceneRecord record;
+  record.id = "s";
+  record.geometry = tissue(kWidthM, kDepthM);
+  record.version = 3;
+  record.explicit_modulus = with_ball();
+  const EncodedScene encoded_scene = encoded(record);
+  const SceneRecord again = decoded(
+      encoded_scene.description, [&](const std::string&) { return encoded_scene.map; }, Limits{});
+  ASSERT_TRUE(again.explicit_modulus && again.explicit_modulus->solid());
+  EXPECT_EQ(again.explicit_modulus->z_m, record.explicit_modulus->z_m);
+  EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa, record.explicit_modulus->youngs_modulus_pa);
+}
+
+}  // namespace
+}  // namespace teletact::service
