@@ -25,7 +25,7 @@ constexpr double kInnerMargin = 0.8;
 constexpr double kCorrectionShare = 0.3;
 // What rounding leaves of a force (solid_contact_test).
 template <class T>
-constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 1e-4;
+constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 4e-5;
 
 void require_touchable(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose) {
   validate(tip);
@@ -130,19 +130,22 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
     LinearisedContact contact = linearise(patch, s);
     const VectorXd error =
         compliance.error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
-    answer.solve.relative_error = kRounding<T> + error.norm() / energy.gradient.norm();
+    const double rounding = kRounding<T> + solver_.rounding(),
+                 learned = error.norm() / energy.gradient.norm();
+    answer.solve.relative_error = learned + rounding;
     const bool good = answer.solve.relative_error <= options.force_error;
-    if (good || corrections == options.most_corrections) {
+    const bool vain = learned <= rounding / 2;  // more corrections would only meet rounding
+    if (good || vain || corrections == options.most_corrections) {
       answer.solve.converged = good;
-      if (!good) answer.solve.reason = "correction limit";
+      if (!good) answer.solve.reason = vain ? "rounding" : "correction limit";
       set_forces(energy, answer);
       set_pressure(tissue_, patch, s, depth, answer);
       return answer;
     }
     // The block is periodic; the contact's surface is not.
     contact.w_m -= compliance.wider_m(contact.patch.unknowns, contact.force_n);
-    const SolidSolution solved =
-        solver_.push(contact.patch, contact.w_m, {.relative_error = kCorrectionShare * options.force_error});
+    const double asked = std::max(kCorrectionShare * options.force_error, 2 * solver_.rounding());
+    const SolidSolution solved = solver_.push(contact.patch, contact.w_m, {.relative_error = asked});
     if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
       throw std::domain_error(
           fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));

@@ -115,5 +115,25 @@ TEST(SolidSolver, InFloatItIsTheDoubleOneToRounding) {
   EXPECT_LT((s.force_n - t.force_n).norm(), 1e-4 * t.force_n.norm());
 }
 
+// In float the stiffness itself is rounded, and the bound knows nothing of it.
+TEST(SolidSolver, StatesWhatRoundingMayLeave) {
+  for (const double nu : {0.3, 0.49, 0.4999}) {
+    const SolidTissue tissue = rough(small_grid(), nu, 10);
+    const SurfacePatch patch = patch_of(tissue.grid, 1, 1, 0);
+    const Eigen::VectorXd w = pushed(patch);
+    const Truth t = truth(tissue, patch, w);
+    SolidSolver<float> solver(test_device()->queue(), tissue);
+    const SolidSolution s = solver.push(patch, w, {.relative_error = 1e-7});
+    EXPECT_NE(s.reason, StopReason::kConverged) << nu << ": float cannot";
+    EXPECT_LT(s.iterations, 80u) << "in vain";
+    // |p - truth| in the norm of the compliance is part of the error that is stated.
+    Eigen::MatrixXd compliance = reference::SolidReference(tissue).compliance(patch.unknowns);
+    const Eigen::VectorXd off = s.force_n - t.force_n;
+    const double error = std::sqrt(off.dot(compliance * off) / (2 * t.energy_j));
+    EXPECT_LE(error, s.relative_error()) << nu;
+    EXPECT_GT(s.relative_error(), 1e-7) << nu;
+  }
+}
+
 }  // namespace
 }  // namespace teletact::service
