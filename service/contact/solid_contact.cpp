@@ -137,7 +137,7 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
     const bool vain = learned <= rounding / 2;  // more corrections would only meet rounding
     if (good || vain || corrections == options.most_corrections) {
       answer.solve.converged = good;
-      if (!good) answer.solve.reason = vain ? "rounding" : "correction limit";
+      if (!good) answer.solve.reason = vain ? kRoundingReason : "correction limit";
       set_forces(energy, answer);
       set_pressure(tissue_, patch, s, depth, answer);
       return answer;

@@ -10,6 +10,9 @@
 
 namespace teletact::service {
 
+// Why an answer is off by more than was asked: no correction would make it better.
+inline constexpr const char* kRoundingReason = "rounding";
+
 struct SolidContactOptions {
   double force_error = choices::kSolidForceError;  // over the force: the contact is corrected until below it
   std::size_t most_corrections = choices::kMostCorrections;
@@ -25,6 +28,8 @@ class SolidContact {
  public:
   // Throws as SolidSolver does.
   SolidContact(const Queue&, const SolidTissue&);
+  SolidContact(const SolidContact&) = delete;  // its parts refer to each other
+  SolidContact& operator=(const SolidContact&) = delete;
   // Pose: [x, indentation, z], x and z in the block's coordinates. U(pose) = max over p_y >= 0, p_x, p_z of
   // p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in solve_contact (contact.h); frictionless: p_y
   // alone. Rounded tip: w = indentation - r^2 / (2 radius), r from its axis; flat punch: a disc of radius

@@ -1,12 +1,16 @@
 #include "service/contact/solid_patch.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 #include "service/contact/fingertip.h"
 #include "service/contact/skin.h"
+#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {
@@ -41,10 +45,17 @@ void find_nodes(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose
                 SolidPatch& patch) {
   const double reach = reach_m(tip, pose[1], margin_m);
   const auto nx = static_cast<long>(grid.nx), nz = static_cast<long>(grid.nz);
-  if (2 * reach >= static_cast<double>(nx) * grid.spacing_x_m ||
-      2 * reach >= static_cast<double>(nz) * grid.spacing_z_m)
+  // Half of the period: beyond, the nearest copy of one node under the tip would be that of another.
+  if (4 * reach >= static_cast<double>(nx) * grid.spacing_x_m ||
+      4 * reach >= static_cast<double>(nz) * grid.spacing_z_m)
     throw std::out_of_range(
-        "contact: the tip is as wide as the block of tissue; use a smaller one or press less");
+        "contact: the tip is too wide for the block of tissue; use a smaller one or press less");
+  const double nodes = std::numbers::pi * reach * reach / (grid.spacing_x_m * grid.spacing_z_m);
+  if (nodes * (tip.friction == Friction::kStuck ? 3 : 1) > static_cast<double>(choices::kMostPatchUnknowns))
+    throw std::out_of_range(fmt::format(
+        "contact: some {:.0f} nodes are under the tip, more than can be solved in time; use a smaller tip, "
+        "a coarser grid, or press less",
+        nodes));
   const auto first = [&](double centre, double spacing) {
     return std::lround(std::ceil((centre - reach) / spacing));
   };

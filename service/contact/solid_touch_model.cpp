@@ -3,14 +3,20 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "service/contact/fingertip.h"
 #include "service/contact/solid_contact.h"
 #include "service/device/device.h"
 
 namespace teletact::service {
 namespace {
+
+double around(double period_m, double begin_m, double end_m) {
+  return (period_m - (end_m - begin_m)) / 2;
+}
 
 class SolidSurface final : public TouchedLayer {
  public:
@@ -18,6 +24,11 @@ class SolidSurface final : public TouchedLayer {
       : region_(block.region),
         origin_x_m_(block.origin_x_m),
         origin_z_m_(block.origin_z_m),
+        around_x_m_(around(static_cast<double>(block.tissue.grid.nx) * block.tissue.grid.spacing_x_m,
+                           region_.begin_x_m, region_.end_x_m)),
+        around_z_m_(around(static_cast<double>(block.tissue.grid.nz) * block.tissue.grid.spacing_z_m,
+                           region_.begin_z_m, region_.end_z_m)),
+        spacing_m_(std::max(block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m)),
         device_(device),
         contact_(device->queue(account), block.tissue) {}
 
@@ -27,9 +38,24 @@ class SolidSurface final : public TouchedLayer {
   bool prepare(const Fingertip& tip, const TouchPose& pose, double, Clock::time_point until) override {
     if (pose.position_m[1] <= 0) return true;
     for (std::size_t corrections = 0;; ++corrections) {
-      if (corrected(tip, pose, corrections > 0 ? 1 : 0).solve.converged) return true;
-      if (Clock::now() >= until || corrections == choices::kMostCorrections) return false;
+      const SolveReport solve = corrected(tip, pose, corrections > 0 ? 1 : 0).solve;
+      // What no correction makes better is ready too: the answer says what it is off by.
+      if (solve.converged || solve.reason == kRoundingReason || corrections == choices::kMostCorrections)
+        return true;
+      if (Clock::now() >= until) return false;
     }
+  }
+
+  std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
+    if (tip.shape == FingertipShape::kNode || pose.position_m[1] <= 0) return "";
+    const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
+    const double curved = reach_m(tip, std::max(pose.position_m[1], choices::kLightTouch), 0) - flat;
+    if (curved >= choices::kLeastSpacings * spacing_m_) return "";
+    return fmt::format(
+        "the mesh is too coarse for this tip: nodes {:.2g} mm apart where its curved part spans {:.2g} mm a "
+        "side; "
+        "the force depends on where it stands between them, use a finer grid or a wider tip",
+        1e3 * spacing_m_, 1e3 * curved);
   }
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
@@ -44,12 +70,16 @@ class SolidSurface final : public TouchedLayer {
  private:
   ContactAnswer corrected(const Fingertip& tip, const TouchPose& pose, std::size_t most_corrections) {
     const auto [x, y, z] = pose.position_m;
-    const auto inside = [](double at, double begin, double end) { return at >= begin && at < end; };
-    if (!inside(x, region_.begin_x_m, region_.end_x_m) || !inside(z, region_.begin_z_m, region_.end_z_m))
+    const double reach = tip.shape == FingertipShape::kNode ? 0 : reach_m(tip, y, 0);
+    const auto inside = [reach](double at, double begin, double end, double around) {
+      return at >= begin && at < end && at - reach > begin - around && at + reach < end + around;
+    };
+    if (!inside(x, region_.begin_x_m, region_.end_x_m, around_x_m_) ||
+        !inside(z, region_.begin_z_m, region_.end_z_m, around_z_m_))
       throw std::out_of_range(
-          fmt::format("pose: x {:.4g} m, z {:.4g} m is beside the solid, which reaches from {:.4g} to {:.4g} "
-                      "m along x and from "
-                      "{:.4g} to {:.4g} m along z",
+          fmt::format("pose: at x {:.4g} m, z {:.4g} m the tip is beside the solid, which reaches from "
+                      "{:.4g} to {:.4g} m along x "
+                      "and from {:.4g} to {:.4g} m along z",
                       x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
     const std::lock_guard lock(mutex_);
     return contact_.touch(tip, {x - origin_x_m_, y, z - origin_z_m_}, {.most_corrections = most_corrections});
@@ -57,6 +87,8 @@ class SolidSurface final : public TouchedLayer {
 
   const Region region_;
   const double origin_x_m_, origin_z_m_;
+  const double around_x_m_, around_z_m_;  // tissue on each side, up to where the other side's begins
+  const double spacing_m_;
   const std::shared_ptr<Device> device_;  // outlives its queue's arrays
   std::mutex mutex_;
   SolidContact<float> contact_;
@@ -67,6 +99,10 @@ class SolidSurface final : public TouchedLayer {
 SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account)
     : TouchModel(account), state_(std::make_shared<State>()) {
   validate(block.tissue);
+  // The block and its copy that is touched, the factor while it is made, and what touches leave: 12 pairs of
+  // either friction.
+  const SolidGrid& grid = block.tissue.grid;
+  state_->charge = account.charge(Place::kHost, "solids", 60 * grid.elements() + 3100 * grid.columns());
   state_->block = std::move(block);
   state_->account = std::move(account);
 }
@@ -90,11 +126,13 @@ std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const T
     const std::lock_guard lock(state_->mutex);
     if (state_->device == way.device && state_->ready) return state_->ready;
     if (state_->asked) return nullptr;
-    if (state_->error && std::chrono::steady_clock::now() < state_->retry)
+    if (state_->error && state_->device == way.device && std::chrono::steady_clock::now() < state_->retry)
       std::rethrow_exception(state_->error);
     state_->asked = true;
   }
-  const auto get_ready = [state = state_, device = way.device] {
+  const auto get_ready = [model = std::weak_ptr<State>(state_), device = way.device] {
+    const std::shared_ptr<State> state = model.lock();
+    if (!state) return;  // its scene is gone
     std::shared_ptr<TouchedLayer> made;
     std::exception_ptr error;
     try {

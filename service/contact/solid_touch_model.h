@@ -37,6 +37,7 @@ class SolidTouchModel final : public TouchModel {
   struct State {
     SolidBlock block;
     MemoryAccount account;
+    Charge charge;
     std::mutex mutex;  // held for looking things up only
     std::shared_ptr<Device> device;
     std::shared_ptr<TouchedLayer> ready;  // on that device

@@ -92,6 +92,11 @@ inline constexpr double kLeastPeriod = 6.4;
 // one end of a block and its other end's copy, at least.
 inline constexpr double kSolidSpacing = 0.002, kSolidPadding = 0.016;
 inline constexpr double kSolidForceError = 2e-3;
+// What a block may be: its elements with those around it, its size along z, columns a side of the tissue as
+// wide as kLeastPeriod; and the unknowns under a tip.
+inline constexpr std::size_t kMostBlockElements = std::size_t{1} << 20;
+inline constexpr double kWidestSolid = 1, kMostWideColumns = 1024;
+inline constexpr std::size_t kMostPatchUnknowns = 1500;
 inline constexpr std::size_t kMostCorrections = 8;
 
 // Of an acquisition that does not state them: standard deviations of the force sensor and of the contact

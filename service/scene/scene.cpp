@@ -58,7 +58,7 @@ Region SceneSnapshot::covered_around(double x_m) const {
       begin_m = window->region.begin_x_m, end_m = begin_m;
     end_m = std::max(end_m, window->region.end_x_m);
     inside = x_m >= begin_m && x_m < end_m;
-    if (inside) covered = {begin_m, end_m};
+    if (inside) covered = {begin_m, end_m, window->region.begin_z_m, window->region.end_z_m};
   }
   return covered;
 }
@@ -136,7 +136,7 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
     *window = {kept.id, kept.version, {kept.begin_m, kept.end_m}, nullptr, {}, kept.evidence};
     window->model = explicit_ ? models_->of_modulus(geometry_, *explicit_, account_)
                               : build(*snapshot->map, window->region, nullptr);
-    if (explicit_) layers_ = window->model->layers();
+    if (explicit_) layers_ = window->model->layers(), window->region = window->model->region();
     snapshot->windows.push_back(std::move(window));
   }
   snapshot_ = snapshot;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "service/device/look.h"
 #include "service/plan/choices.h"
 
 namespace teletact::service {
@@ -37,6 +38,25 @@ std::size_t padded(std::size_t given, double spacing_m, const char* field) {
   return columns;
 }
 
+// What a block may take: its own elements, and columns of the tissue that is so wide that its period is not
+// felt (SolidContact).
+void require_modelled(const SolidGrid& grid) {
+  if (grid.layers() > choices::kMostBlockElements / grid.columns())
+    throw std::invalid_argument(fmt::format(
+        "modulus: {} x {} x {} elements with the tissue around them, at most {} are modelled; use a "
+        "coarser grid",
+        grid.nx, grid.layers(), grid.nz, choices::kMostBlockElements));
+  const double period_m = choices::kLeastPeriod * grid.y_m.back();
+  if (period_m > choices::kMostWideColumns * grid.spacing_x_m)
+    throw std::invalid_argument(
+        fmt::format("modulus.x_m: {} m between nodes is too fine for tissue {} m deep", grid.spacing_x_m,
+                    grid.y_m.back()));
+  if (period_m > choices::kMostWideColumns * grid.spacing_z_m)
+    throw std::invalid_argument(
+        fmt::format("modulus.z_m: {} m between nodes is too fine for tissue {} m deep", grid.spacing_z_m,
+                    grid.y_m.back()));
+}
+
 // Of a column of the block, the given one: beyond the last, its own, and from half of the way round the
 // first.
 std::size_t given_of(std::size_t column, std::size_t given, std::size_t columns) {
@@ -52,6 +72,10 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
         "geometry.supports: a solid is held at its bottom alone; leave geometry.supports out");
   const double spacing_x = spacing_of(e.x_m, "modulus.x_m"), pitch_z = spacing_of(e.z_m, "modulus.z_m");
   const std::size_t given_x = e.x_m.size() - 1, layers = e.y_m.size() - 1, slices = e.z_m.size() - 1;
+  const double extent_z = e.z_m.back() - e.z_m.front();
+  if (extent_z > choices::kWidestSolid)
+    throw std::invalid_argument(fmt::format("modulus.z_m: reaches over {} m, at most {} are modelled",
+                                            extent_z, choices::kWidestSolid));
   const auto parts = static_cast<std::size_t>(std::ceil(pitch_z / choices::kSolidSpacing - 1e-9));
   SolidBlock block;
   SolidGrid& grid = block.tissue.grid;
@@ -60,6 +84,7 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
   grid.y_m = e.y_m;
   grid.nx = padded(given_x, grid.spacing_x_m, "modulus.x_m");
   grid.nz = padded(slices * parts, grid.spacing_z_m, "modulus.z_m");
+  require_modelled(grid);
   block.tissue.poisson_ratio = geometry.poisson_ratio;
   block.origin_x_m = e.x_m.front();
   block.origin_z_m = e.z_m.front();
@@ -72,6 +97,7 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
   block.tissue.youngs_modulus_pa.reserve(grid.elements());
   for (std::size_t j = 0; j < layers; ++j)
     for (std::size_t k = 0; k < grid.nz; ++k) {
+      look();
       const std::size_t column = given_of(k, slices * parts, grid.nz);
       // In slices, from the middle of the first one.
       const double at = (static_cast<double>(column) + 0.5) / static_cast<double>(parts) - 0.5;

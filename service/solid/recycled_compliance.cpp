@@ -11,6 +11,8 @@ namespace {
 constexpr double kLeastNew = 1e-2;
 // What dS over S0 may be beyond the pairs, over the most that it was between them.
 constexpr double kBeyond = 2;
+// Of a contact's energy on layered tissue: more than this beyond the pairs is elsewhere.
+constexpr double kMostlyNew = 0.25;
 
 }  // namespace
 
@@ -111,8 +113,10 @@ Eigen::VectorXd RecycledCompliance::error_between(const std::vector<std::size_t>
     return std::sqrt(
         std::max(0.0, v.dot(s * v) - 2 * share.dot(l.transpose() * v) + share.dot(gram_ * share)));
   };
-  const double found = std::min(largest_, kBeyond * found_);
   const double right = beyond(b);
+  // What was learned elsewhere says little of a patch that is mostly new: there the bound holds.
+  const bool elsewhere = right * right > kMostlyNew * b.dot(s * b);
+  const double found = elsewhere ? largest_ : std::min(largest_, kBeyond * found_);
   const Eigen::VectorXd last = t * (q.transpose() * b);
   for (Eigen::Index c = 0; c < a.cols(); ++c)
     error[c] = found * beyond(a.col(c)) * right + std::abs(a.col(c).dot(last));

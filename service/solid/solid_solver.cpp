@@ -9,6 +9,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "service/solid/hexahedron.h"
 #include "service/solid/radau_bound.h"
@@ -106,9 +107,12 @@ auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pu
     at.push_back(static_cast<int>(unknown));
   }
   if (unknowns_.size() < n) {
-    unknowns_ = queue_.array<int>(2 * n);
-    for (Array<T>* a : {&q_, &dq_, &p_}) *a = queue_.array<T>(2 * n);
-    inverse_ = queue_.array<T>(4 * n * n);
+    // All of them or, where there is no room, none.
+    auto unknowns = queue_.array<int>(2 * n);
+    auto q = queue_.array<T>(2 * n), dq = queue_.array<T>(2 * n), p = queue_.array<T>(2 * n);
+    auto inverse = queue_.array<T>(4 * n * n);
+    unknowns_ = std::move(unknowns), q_ = std::move(q), dq_ = std::move(dq), p_ = std::move(p);
+    inverse_ = std::move(inverse);
   }
   queue_.write(unknowns_, at.data(), n);
   queue_.write(slots_, slots.data(), slots.size());

@@ -34,6 +34,10 @@ void validate(const SolidTissue& tissue) {
     if (!(grid.y_m[j] < grid.y_m[j + 1]) || !std::isfinite(grid.y_m[j + 1] - grid.y_m[j]))
       throw std::invalid_argument(
           fmt::format("y_m[{}] is {} after {}; give increasing depths", j + 1, grid.y_m[j + 1], grid.y_m[j]));
+  for (std::size_t j = 0; j + 1 < grid.y_m.size(); ++j)  // thinner ones are lost to rounding
+    if (grid.y_m[j + 1] - grid.y_m[j] < 1e-6 * (grid.y_m.back() - grid.y_m.front()))
+      throw std::invalid_argument(
+          fmt::format("y_m[{}]: the layer above it is thinner than a millionth of the depth", j + 1));
   if (!(tissue.poisson_ratio >= 0 && tissue.poisson_ratio < 0.5))
     throw std::invalid_argument(
         fmt::format("poisson_ratio is {}; give 0 or more, below 0.5", tissue.poisson_ratio));

@@ -98,7 +98,7 @@ TouchSession::~TouchSession() {
 void TouchSession::use(const std::shared_ptr<Device>& device) {
   if (device == way_.device) return;
   way_.device = device;
-  if (way_.path == SolvePath::kPcg) leave_window();
+  if (way_.path == SolvePath::kPcg || (touched_ && touched_->path() == SolvePath::kPcg)) leave_window();
 }
 
 // In what way the position is not one of a finger on this tissue; empty when it is.
@@ -125,6 +125,15 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
   const auto window = answer.warning.empty()
                           ? snapshot->window_at(x_m, window_ ? window_->id : 0, choices::kHandOver)
                           : nullptr;
+  const double z_m = position_m[2];
+  if (window && (z_m < window->region.begin_z_m || z_m >= window->region.end_z_m)) {
+    answer.warning = fmt::format(
+        "pose.position_m[2]: {:.4g} m is beside the tissue, which reaches from {:.4g} to {:.4g} m along z",
+        z_m, window->region.begin_z_m, window->region.end_z_m);
+    leave_window();
+    answer.status = TouchStatus::kNotCovered;
+    return answer;
+  }
   if (!window) {
     leave_window();
     answer.status = TouchStatus::kNotCovered;

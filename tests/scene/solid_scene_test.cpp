@@ -68,8 +68,9 @@ TEST(SolidScene, EndsWhereItsModulusDoes) {
   EXPECT_NEAR(region.end_z_m, 0.018, 1e-12);
   TouchSession session(scene, {}, test_device());
   const TouchAnswer beside = touched(session, 0.02, 0.001, 0.019);
-  EXPECT_EQ(beside.status, TouchStatus::kFailed);
-  EXPECT_NE(beside.warning.find("beside the solid"), std::string::npos) << beside.warning;
+  EXPECT_EQ(beside.status, TouchStatus::kNotCovered);
+  EXPECT_NE(beside.warning.find("beside the tissue"), std::string::npos) << beside.warning;
+  EXPECT_DOUBLE_EQ(touched(session, 0.02, 0.001, 0.0).covered.begin_z_m, -0.018);
   EXPECT_EQ(beside.contact.force_n, (Vector3{}));
   EXPECT_EQ(touched(session, 0.02, 0.001, 0.017).status, TouchStatus::kOk) << "others go on";
 }
@@ -124,6 +125,58 @@ TEST(SolidScene, RefusesWhatNoBlockIs) {
   EXPECT_TRUE(none.device_failed) << none.warning;
 }
 
+// Few values may ask for much: what is around them, and how wide the tissue is, is bounded before it is made.
+TEST(SolidScene, RefusesSmallRequestsForLargeBlocks) {
+  const auto even = [](std::size_t nodes, double end_m) {
+    std::vector<double> out;
+    for (std::size_t n = 0; n < nodes; ++n) out.push_back(end_m * double(n) / double(nodes - 1));
+    return out;
+  };
+  const auto refused = [&](const std::vector<double>& x, const std::vector<double>& y,
+                           const std::vector<double>& z, const char* field) {
+    ExplicitModulus e{x, y, std::vector<double>((x.size() - 1) * (y.size() - 1) * (z.size() - 1), 1e4)};
+    e.z_m = z;
+    try {
+      solid_block(tissue(x.back(), y.back()), e);
+      ADD_FAILURE() << field << " was taken";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).rfind(field, 0), 0u) << error.what();
+    }
+  };
+  refused(even(30, 0.002), even(13794, 0.3), {0, 6.1e-5}, "modulus: 512 x");
+  refused(even(57, 0.002), {0, 0.3}, {0, 3.2e-5}, "modulus.x_m: ");
+  refused(even(57, 0.05), {0, 0.3}, {0, 9.223372036854775e15, 1.8446744073709550e16}, "modulus.z_m: reaches");
+}
+
+TEST(SolidScene, ATipIsNoWiderThanWhatIsAroundItAndSaysWhenTheMeshIsTooCoarse) {
+  TouchOptions wide;
+  wide.fingertip = {.shape = FingertipShape::kFlatPunch,
+                    .friction = Friction::kFrictionless,
+                    .radius_m = 0.014,
+                    .half_width_m = 0.014};
+  TouchSession session(scene_of(with_ball()), wide, test_device());
+  EXPECT_EQ(touched(session, 0.001, 0.008, 0).status, TouchStatus::kFailed)
+      << "it would press the other end's tissue";
+  TouchOptions sharp;
+  sharp.fingertip.radius_m = 0.002;
+  TouchSession coarse(scene_of(with_ball()), sharp, test_device());
+  const TouchAnswer answer = touched(coarse, 0.02, 0.0006, 0);
+  EXPECT_NE(answer.warning.find("too coarse"), std::string::npos) << answer.warning;
+}
+
+// Float leaves more than is asked: the answer says so, and is not refused.
+TEST(SolidScene, NearlyIncompressibleTissueIsDegraded) {
+  SceneGeometry g = tissue(kWidthM, kDepthM);
+  g.poisson_ratio = 0.4999;
+  const auto scene =
+      std::make_shared<Scene>("s", g, with_ball(), versions(), Limits{}, MemoryAccount{}, plane_models());
+  TouchSession session(scene, {}, test_device());
+  const TouchAnswer answer = touched(session, kBallX, 0.002, kBallZ);
+  EXPECT_EQ(answer.status, TouchStatus::kDegraded) << answer.warning;
+  EXPECT_LT(answer.contact.force_n[1], -0.05);
+  EXPECT_GT(answer.contact.solve.relative_error, choices::kSolidForceError);
+}
+
 TEST(SolidScene, IsTheSameAfterARestart) {
   SceneRecord record;
   record.id = "s";
@@ -136,6 +189,9 @@ TEST(SolidScene, IsTheSameAfterARestart) {
   ASSERT_TRUE(again.explicit_modulus && again.explicit_modulus->solid());
   EXPECT_EQ(again.explicit_modulus->z_m, record.explicit_modulus->z_m);
   EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa, record.explicit_modulus->youngs_modulus_pa);
+  record.windows.push_back({1, 3, 0, kWidthM, nullptr});
+  const Scene restored(record, versions(), Limits{}, MemoryAccount{}, plane_models());
+  EXPECT_DOUBLE_EQ(restored.snapshot()->windows.front()->region.begin_z_m, -0.018);
 }
 
 }  // namespace
