@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <exception>
+#include <iterator>
 #include <utility>
 
 namespace teletact::service {
@@ -12,6 +13,8 @@ namespace {
 // Poses that are tried lie at this share of an interval, from one end or the other: about where the slopes of
 // a cubic are most off. In the middle they are right whatever its value is off by.
 constexpr double kTriedAt = 0.3;
+// In each interval of depth; many where ripples are not followed, and where the tip is stuck.
+constexpr std::size_t kFew = 2, kMany = 4;
 
 double depth_m(const LawColumn& column, std::size_t row) {
   return std::exp(double(column.log_depth[row]));
@@ -51,20 +54,33 @@ LawSampler::LawSampler(std::shared_ptr<TouchedLayer> touched, const Layer& layer
   add(end_m);
 }
 
-// None: the model cannot say. A tip that touches no node yet has no force.
-std::optional<LawSampler::Contact> LawSampler::touch(double x_m, double d) try {
-  ++solves_;
-  const TouchPose at = at_indentation(layer_, {{x_m, 0, 0}}, d);
-  touched_->prepare(tip_, at, 0, Clock::now() + choices::kLongestSolve);
-  const ContactAnswer answer = touched_->touch(tip_, at);
-  if (!answer.solve.converged) return std::nullopt;
-  const double u = answer.energy_j;
+// None: the model cannot say. A tip that touches no node yet has no force. Of two poses to both sides: the
+// mean of their energies, and its derivatives.
+std::optional<LawSampler::Contact> LawSampler::touch(double x_m, double d, double to_each_side_m) try {
+  double u = 0, by_x = 0, by_d = 0, by_xd = 0;
+  const double share = to_each_side_m > 0 ? 0.5 : 1;
+  for (const double side : {-1.0, 1.0}) {
+    if (side > 0 && share == 1) break;
+    ++solves_;
+    const TouchPose at = at_indentation(layer_, {{x_m + side * to_each_side_m, 0, 0}}, d);
+    touched_->prepare(tip_, at, 0, Clock::now() + choices::kLongestSolve);
+    const ContactAnswer answer = touched_->touch(tip_, at);
+    if (!answer.solve.converged) return std::nullopt;
+    u += share * answer.energy_j;
+    by_x -= share * answer.force_n[0], by_d -= share * answer.force_n[1];
+    by_xd -= share * answer.tangent_n_m[1];
+  }
   if (!(u > 0)) return Contact{};
-  const double by_x = -answer.force_n[0], by_d = -answer.force_n[1], by_xd = -answer.tangent_n_m[1];
   const double w_x = by_x / u, w_s = d * by_d / u;
   return Contact{{float(std::log(u)), float(w_x), float(w_s), float(d * by_xd / u - w_x * w_s)}, by_x, by_d};
 } catch (const std::exception&) {  // the model's limits
   return std::nullopt;
+}
+
+// For its samples.
+std::optional<LawSampler::Contact> LawSampler::touch(const Place& place, double d) {
+  const double x_m = place.column.x_m;
+  return touch(x_m, d, place.averaged ? touched_->spacing_m(x_m) / 4 : 0);
 }
 
 double LawSampler::kept(const Place& place) const {
@@ -86,7 +102,7 @@ void LawSampler::sample(Place& place, const LawColumn& like) {
   place.sampled = true;
   LawColumn& column = place.column;
   for (std::size_t i = 0; i < like.rows; ++i) {
-    const auto contact = touch(column.x_m, depth_m(like, i));
+    const auto contact = touch(place, depth_m(like, i));
     if (!contact || !(contact->sample.by_log_depth > 0)) return;
     column.log_depth[i] = like.log_depth[i];
     column.samples[i] = contact->sample;
@@ -103,14 +119,14 @@ void LawSampler::refine_rows(Place& place) {
     std::array<LawColumn, 2> alone{column, column};
     alone[1].x_m += choices::kLawPitch;
     const double d = tried_depth_m(column, i, kTriedAt);
-    const auto contact = touch(column.x_m, d);
+    const auto contact = touch(place, d);
     if (!contact) return;  // the cell's poses will say so, too
     if (off(evaluate(alone, column.x_m, d), *contact) <= kept(place)) {
       ++i;
       continue;
     }
     const float middle = (column.log_depth[i] + column.log_depth[i + 1]) / 2;
-    const auto between = touch(column.x_m, std::exp(double(middle)));
+    const auto between = touch(place, std::exp(double(middle)));
     if (!between || !(between->sample.by_log_depth > 0)) return;
     const auto row = static_cast<std::ptrdiff_t>(i) + 1;
     std::shift_right(column.log_depth.begin() + row, column.log_depth.begin() + column.rows + 1, 1);
@@ -123,13 +139,12 @@ void LawSampler::refine_rows(Place& place) {
 
 // Two poses above the first row and two between any two rows. Where one cannot be tried the columns end
 // above, as far as they are not shown yet.
-std::vector<LawSampler::Tried> LawSampler::try_cell(std::size_t cell) {
+std::vector<LawSampler::Tried> LawSampler::try_cell(std::size_t cell, std::size_t begin, std::size_t end) {
   LawColumn &left = places_[cell].column, &right = places_[cell + 1].column;
   const LawColumn finer = left.rows > right.rows ? left : right;
   std::vector<Tried> tried;
-  const std::size_t each = tip_.friction == Friction::kStuck ? 4 : 2;
   for (std::size_t i = 0; i < finer.rows; ++i)
-    for (std::size_t k = 0; k < each; ++k) {
+    for (std::size_t k = begin; k < end; ++k) {
       const double share = k % 2 ? kTriedAt : 1 - kTriedAt;
       const double below = (i + k + k / 2) % 2 ? kTriedAt : 1 - kTriedAt;
       const double x_m = left.x_m + share * (right.x_m - left.x_m);
@@ -155,6 +170,30 @@ double LawSampler::worst(std::size_t cell, const std::vector<Tried>& tried) cons
   return most;
 }
 
+// Of the mesh's ripple a column has one phase, and its slopes are the ripple's, which a cubic carries far.
+// Kept, and tried at more poses, where all of them are right then; where they are not, finer cells do better.
+void LawSampler::average(std::size_t cell, std::vector<Tried>& tried) {
+  const std::array before{places_[cell], places_[cell + 1]};
+  bool altered = false;
+  for (const std::size_t i : {cell, cell + 1}) {
+    Place& place = places_[i];
+    if (known(i) || !(touched_->spacing_m(place.column.x_m) > 0)) continue;
+    const LawColumn like = std::exchange(place.column, LawColumn{.x_m = place.column.x_m});
+    place.averaged = true;
+    sample(place, like);
+    if (place.column.rows < like.rows) place = before[i - cell];
+    altered = altered || place.averaged;
+  }
+  if (altered && worst(cell, tried) <= 1) {
+    std::vector<Tried> more = try_cell(cell, kFew, kMany);
+    if (worst(cell, more) <= 1) {
+      std::move(more.begin(), more.end(), std::back_inserter(tried));
+      return;
+    }
+  }
+  std::copy(before.begin(), before.end(), places_.begin() + std::ptrdiff_t(cell));
+}
+
 // Where the poses that are tried are off, both columns have more rows, and if that is not it, the cell is
 // halved. What it is off by in the end is stated by those of its columns that are not shown yet.
 void LawSampler::settle(std::size_t cell) {
@@ -163,11 +202,15 @@ void LawSampler::settle(std::size_t cell) {
   const auto both_have_rows = [&] {
     return places_[cell].column.rows > 0 && places_[cell + 1].column.rows > 0;
   };
+  const bool averaged = places_[cell].averaged || places_[cell + 1].averaged;
+  const bool stuck = tip_.friction == Friction::kStuck;
   double off_here = 1 / choices::kLawShare;  // where nothing can be tried
   if (both_have_rows()) {
-    const std::vector<Tried> tried = try_cell(cell);
+    std::vector<Tried> tried = try_cell(cell, 0, averaged || stuck ? kMany : kFew);
+    const auto fails = [&] { return !tried.empty() && worst(cell, tried) > kept(places_[cell]); };
+    if (!averaged && !stuck && places_[cell].halved == 0 && fails()) average(cell, tried);
     if (!tried.empty()) off_here = worst(cell, tried);
-    if (off_here > kept(places_[cell]) && !tried.empty()) {
+    if (fails()) {
       for (const std::size_t i : {cell, cell + 1})
         if (!places_[i].refined && !known(i)) refine_rows(places_[i]);
       off_here = worst(cell, tried);
@@ -178,6 +221,7 @@ void LawSampler::settle(std::size_t cell) {
     ++left.halved;
     Place middle;
     middle.halved = left.halved;
+    middle.averaged = left.averaged || right.averaged;
     middle.column.x_m = (left.column.x_m + right.column.x_m) / 2;
     sample(middle, left.column.rows > right.column.rows ? left.column : right.column);
     places_.insert(places_.begin() + std::ptrdiff_t(cell) + 1, middle);

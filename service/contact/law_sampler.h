@@ -36,7 +36,8 @@ class LawSampler {
     LawColumn column;        // no rows: not sampled yet, or the model cannot be touched there
     std::size_t halved = 0;  // how often the cell was
     bool sampled = false, refined = false, settled = false;
-    double off = 0;  // of the force, in tolerances: the worst that was measured for it
+    bool averaged = false;  // its samples are, over the ripple of the mesh
+    double off = 0;         // of the force, in tolerances: the worst that was measured for it
   };
   struct Contact {  // of one pose, as the model answers it
     LawSample sample;
@@ -46,13 +47,15 @@ class LawSampler {
     double x_m, d_m;
     Contact contact;
   };
-  std::optional<Contact> touch(double x_m, double d_m);
+  std::optional<Contact> touch(double x_m, double d_m, double to_each_side_m = 0);
+  std::optional<Contact> touch(const Place&, double d_m);  // as its samples are
   double kept(const Place&) const;  // what its cell may be off by, in tolerances, without being halved
   double off(const LawValue&, const Contact&) const;  // of the force, in tolerances
   bool known(std::size_t place) const;
   void sample(Place&, const LawColumn& like);
   void refine_rows(Place&);
-  std::vector<Tried> try_cell(std::size_t cell);
+  void average(std::size_t cell, std::vector<Tried>&);
+  std::vector<Tried> try_cell(std::size_t cell, std::size_t begin, std::size_t end);
   double worst(std::size_t cell, const std::vector<Tried>&) const;
   void settle(std::size_t cell);
 

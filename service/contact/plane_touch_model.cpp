@@ -67,6 +67,12 @@ class PlaneLayer final : public TouchedLayer {
         1e3 * widest_m, 1e3 * curved);
   }
 
+  double spacing_m(double x_m) const override {
+    const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
+    const auto right = std::upper_bound(columns_m.begin() + 1, columns_m.end() - 1, x_m);
+    return *right - *(right - 1);
+  }
+
  private:
   static PlanePose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 

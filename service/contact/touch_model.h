@@ -112,6 +112,8 @@ class TouchedLayer {
   // What to know of a touch that is answered all the same, such as a mesh too coarse for the tip; empty:
   // none.
   virtual std::string remark(const Fingertip&, const TouchPose&) const { return ""; }
+  // From one node to the next around here: forces ripple with it. 0: they do not.
+  virtual double spacing_m(double /*x_m*/) const { return 0; }
 };
 
 struct TouchCost {

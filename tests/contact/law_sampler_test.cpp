@@ -16,22 +16,24 @@ namespace {
 
 constexpr double kEndM = 0.06, kNearM = 0.02;
 
-// U = k(x) d^2.4, k(x) = 50 (1 + bumps sin(x / wave)).
+// U = k d^2.4, k = 50 (1 + bumps sin(x / wave) cos(turns ln d)).
 struct Written final : TouchedLayer {
   enum class Answer { kGood, kThrows, kNotConverged };
   std::function<Answer(double x_m, double d_m)> answer = [](double, double) { return Answer::kGood; };
-  double bumps = 0.1, wave_m = 0.01;
+  double bumps = 0.1, wave_m = 0.01, turns = 0, node_m = 0;
+  double spacing_m(double) const override { return node_m; }
   SolvePath path() const override { return SolvePath::kCompliance; }
   ContactAnswer touch(const Fingertip&, const TouchPose& pose) override {
     const double x = pose.position_m[0], d = pose.position_m[1];
     if (answer(x, d) == Answer::kThrows) throw std::out_of_range("here it cannot be touched");
-    const double k = 50 * (1 + bumps * std::sin(x / wave_m)),
-                 by_x = 50 * bumps / wave_m * std::cos(x / wave_m);
+    const double along = bumps * std::sin(x / wave_m), by_along = bumps / wave_m * std::cos(x / wave_m);
+    const double turn = std::cos(turns * std::log(d)), by_turn = -turns * std::sin(turns * std::log(d));
+    const double u = 50 * std::pow(d, 2.4), k = 1 + along * turn;
     ContactAnswer a;
     a.solve.converged = answer(x, d) == Answer::kGood;
-    a.energy_j = k * std::pow(d, 2.4);
-    a.force_n = {-by_x * std::pow(d, 2.4), -2.4 * k * std::pow(d, 1.4), 0};
-    a.tangent_n_m[1] = -2.4 * by_x * std::pow(d, 1.4);
+    a.energy_j = u * k;
+    a.force_n = {-u * by_along * turn, -u / d * (2.4 * k + along * by_turn), 0};
+    a.tangent_n_m[1] = -u / d * by_along * (2.4 * turn + by_turn);
     return a;
   }
   double force_n(double x, double d) {
@@ -118,6 +120,24 @@ TEST(LawSampler, StatesTheRipplesThatItCannotFollow) {
     ++poses;
   }
   EXPECT_LE(double(off), 0.02 * double(poses));
+}
+
+// Its slopes at a column are carried over the whole cell: samples are averaged over it.
+TEST(LawSampler, FollowsNoRippleOfTheMeshThatIsWithinTheTolerance) {
+  Sampled sampled;
+  const std::size_t smooth = Sampled().columns().size();
+  sampled.model->bumps = 7.7e-4, sampled.model->wave_m = 0.0008 / 6.2832, sampled.model->turns = 10;
+  EXPECT_GT(sampled.columns().size(), smooth + 2) << "a ripple that nobody told of";
+  sampled.model->node_m = 0.0008;
+  const auto columns = sampled.columns();
+  EXPECT_EQ(columns.size(), smooth);
+  for (const double d : {5e-4, 1e-3, 2e-3, 3e-3, 4e-3})  // deeper this ripple is more than the tolerance
+    for (double x = 1e-4; x < kEndM; x += 1.7e-4) {
+      const LawValue value = evaluate(columns, x, d);
+      const ContactAnswer exact = sampled.model->touch({}, {{x, d, 0}});
+      EXPECT_LE(std::hypot(value.by_x_n + exact.force_n[0], value.by_d_n + exact.force_n[1]),
+                0.005 * sampled.model->force_n(x, d) + 1e-3);
+    }
 }
 
 TEST(LawSampler, ShowsWhatIsNearFirstAndAltersNothingThatItHasShown) {
