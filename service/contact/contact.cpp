@@ -62,7 +62,10 @@ void add_pressure(const TissueProblem& problem, std::size_t row, const Touch& to
     if (touch.normal[k] == 0 && touch.tangential[k] == 0) continue;
     const std::size_t i = touch.nodes[std::size_t(k)];
     const double width = tributary_width_m(x, i);
-    answer.pressure.push_back({{x[i], y_m, 0}, touch.normal[k] / width, {touch.tangential[k] / width, 0, 0}});
+    answer.pressure.push_back({{x[i], y_m, 0},
+                               touch.normal[k] / width,
+                               {touch.tangential[k] / width, 0, 0},
+                               {width, problem.thickness_m}});
   }
 }
 
@@ -120,6 +123,9 @@ double amplification(const Eigen::MatrixX2d& sensitivity, const VectorXd& p, con
 ContactAnswer solve_contact(const TissueProblem& problem, std::size_t row, Compliance& compliance,
                             const Fingertip& tip, const PlanePose& pose, const ContactOptions& options) {
   validate(tip);
+  if (tip.shape == FingertipShape::kPad)
+    throw std::invalid_argument(
+        "fingertip.shape is a pad, which touches solid tissue; here use a flat punch");
   validate(problem, row, pose);
   ContactAnswer answer;
   if (pose.indentation_m <= 0) return answer;

@@ -19,8 +19,7 @@ void require_positive(double value, const char* field) {
 
 // Distance beyond the flat part, with sign.
 double beyond_flat(const Fingertip& tip, double distance_m) {
-  const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
-  return std::copysign(std::max(0.0, std::abs(distance_m) - flat), distance_m);
+  return std::copysign(std::max(0.0, std::abs(distance_m) - flat_half_m(tip)), distance_m);
 }
 
 Footprint hat_function(double x_m, std::span<const double> grid, ColumnRange columns) {
@@ -98,18 +97,24 @@ void validate(const Fingertip& tip) {
     return;
   }
   require_positive(tip.radius_m, "radius_m");
-  if (tip.shape == FingertipShape::kFlatPunch) require_positive(tip.half_width_m, "half_width_m");
+  if (tip.shape != FingertipShape::kRoundedTip) require_positive(tip.half_width_m, "half_width_m");
+  if (tip.shape == FingertipShape::kPad && !(tip.pad_m_pa > 0 && std::isfinite(tip.pad_m_pa)))
+    throw std::invalid_argument("fingertip.pad_m_pa is " + std::to_string(tip.pad_m_pa) +
+                                "; give the pad's thickness over its modulus, above 0 m/Pa");
+}
+
+double flat_half_m(const Fingertip& tip) {
+  return tip.shape == FingertipShape::kFlatPunch || tip.shape == FingertipShape::kPad ? tip.half_width_m : 0;
 }
 
 Overlap overlap(const Fingertip& tip, const PlanePose& pose, double x_m) {
   const double d = beyond_flat(tip, x_m - pose.x_m);
   return {pose.indentation_m - d * d / (2 * tip.radius_m), d / tip.radius_m,
-          d == 0 && tip.shape == FingertipShape::kFlatPunch ? 0 : -1 / tip.radius_m};
+          d == 0 && flat_half_m(tip) > 0 ? 0 : -1 / tip.radius_m};
 }
 
 double reach_m(const Fingertip& tip, double indentation_m, double margin_m) {
-  const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
-  return flat + std::sqrt(2 * tip.radius_m * std::max(0.0, indentation_m + margin_m));
+  return flat_half_m(tip) + std::sqrt(2 * tip.radius_m * std::max(0.0, indentation_m + margin_m));
 }
 
 Footprint footprint(const Fingertip& tip, double x_m, std::span<const double> grid_x_m, ColumnRange columns) {

@@ -13,6 +13,9 @@ namespace teletact::service {
 // Throws std::invalid_argument naming the field.
 void validate(const Fingertip&);
 
+// Half of its flat part; 0 where it has none.
+double flat_half_m(const Fingertip&);
+
 // Overlap w of a node at x with a punch or rounded tip at X, and its derivatives by X (dw/d indentation = 1).
 struct Overlap {
   double w_m = 0;

@@ -59,7 +59,7 @@ class PlaneLayer final : public TouchedLayer {
     for (std::size_t i = 0; i + 1 < columns_m.size(); ++i)
       if (columns_m[i + 1] > at.x_m - reach && columns_m[i] < at.x_m + reach)
         widest_m = std::max(widest_m, columns_m[i + 1] - columns_m[i]);
-    const double curved = tip.shape == FingertipShape::kFlatPunch ? reach - tip.half_width_m : reach;
+    const double curved = reach - flat_half_m(tip);
     if (curved >= choices::kLeastSpacings * widest_m) return "";
     return fmt::format(
         "the mesh is too coarse for this tip: nodes {:.2g} mm apart where its curved part spans {:.2g} mm a "

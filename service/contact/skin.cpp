@@ -2,14 +2,15 @@
 
 #include <cmath>
 
+#include "service/contact/fingertip.h"
+
 namespace teletact::service {
 
 SkinThickness skin_thickness(const Fingertip& tip, double indentation_m, double width_m) {
   const double d = indentation_m, h = width_m;
-  const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
   const double round = std::sqrt(2 * tip.radius_m * d);
   const double by_d = tip.radius_m / round, by_d2 = -by_d / (2 * d);  // of the half overlap flat + round
-  const double sum = h + flat + round, share = h / sum;
+  const double sum = h + flat_half_m(tip) + round, share = h / sum;
   const double share_by_d = -share * by_d / sum;
   const double share_by_d2 = -share * by_d2 / sum + 2 * share * by_d * by_d / (sum * sum);
   return {d * share, share + d * share_by_d, 2 * share_by_d + d * share_by_d2};

@@ -31,7 +31,7 @@ void require_touchable(const SolidGrid& grid, const Fingertip& tip, const Vector
   validate(tip);
   if (tip.shape == FingertipShape::kNode)
     throw std::invalid_argument(
-        "fingertip.shape is a node; solid tissue is touched by flat punches and rounded tips");
+        "fingertip.shape is a node; solid tissue is touched by rounded tips, flat punches and pads");
   for (const double component : pose)
     if (!std::isfinite(component)) throw std::invalid_argument("pose: not finite");
   if (pose[1] >= grid.y_m.back())
@@ -50,26 +50,42 @@ double modulus_near_pa(const SolidTissue& tissue, std::size_t node) {
   return sum / 4;
 }
 
-void set_pressure(const SolidTissue& tissue, const SolidPatch& patch, const PatchSolution& s, double depth_m,
-                  ContactAnswer& answer) {
-  const SolidGrid& grid = tissue.grid;
+std::vector<NodalPressure> pressure_of(const SolidGrid& grid, const SolidPatch& patch,
+                                       const PatchSolution& s) {
   const double area = grid.spacing_x_m * grid.spacing_z_m;
   const Index tied = patch.programme.first_node();
   std::vector<Vector3> traction(patch.nodes.size(), Vector3{});
   for (Index t = 0; t < tied; ++t)
     traction[patch.node_of[static_cast<std::size_t>(t)]][t % 2 == 0 ? 0 : 2] = s.p[t] / area;
-  double force = 0, squares = 0, stiffness = 0;
+  std::vector<NodalPressure> out;
   for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
     const double p = s.p[tied + static_cast<Index>(n)];
     if (!(p > 0)) continue;
     const std::size_t node = patch.nodes[n];
-    answer.pressure.push_back({{static_cast<double>(node % grid.nx) * grid.spacing_x_m, 0,
-                                static_cast<double>(node / grid.nx) * grid.spacing_z_m},
-                               p / area,
-                               traction[n]});
+    out.push_back({{static_cast<double>(node % grid.nx) * grid.spacing_x_m, 0,
+                    static_cast<double>(node / grid.nx) * grid.spacing_z_m},
+                   p / area,
+                   traction[n],
+                   {grid.spacing_x_m, grid.spacing_z_m}});
+  }
+  return out;
+}
+
+double force_of(const SolidPatch& patch, const PatchSolution& s) {
+  return s.p.tail(static_cast<Index>(patch.nodes.size())).sum();
+}
+
+void set_strain(const SolidTissue& tissue, const SolidPatch& patch, const PatchSolution& s, double depth_m,
+                ContactAnswer& answer) {
+  const SolidGrid& grid = tissue.grid;
+  const double area = grid.spacing_x_m * grid.spacing_z_m;
+  const Index tied = patch.programme.first_node();
+  double force = 0, squares = 0, stiffness = 0;
+  for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
+    const double p = s.p[tied + static_cast<Index>(n)];
     force += p;
     squares += p * p;
-    stiffness += p * modulus_near_pa(tissue, node);
+    stiffness += p * modulus_near_pa(tissue, patch.nodes[n]);
   }
   // Mean pressure, weighted by itself, over the modulus, weighted by what it bears.
   const double local =
@@ -93,6 +109,26 @@ void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {
   if (!finite) throw std::domain_error("contact: the answer is not finite; the model is unusable");
 }
 
+struct FoundContact {
+  SolidPatch patch;
+  PatchSolution solution;
+  bool touches = false;
+};
+// `margin_m`: of the nodes that may touch; grows where the tissue bulges up to the outermost.
+FoundContact find_contact(const SolidGrid& grid, const RecycledCompliance& compliance, const Fingertip& tip,
+                          const Vector3& pose, double& margin_m, std::size_t& iterations) {
+  while (true) {
+    FoundContact found{patch_under(grid, compliance, tip, pose, margin_m), {}, false};
+    if (found.patch.nodes.empty()) return found;  // between nodes, above all of them
+    found.solution = solve_patch(found.patch.programme, first_guess(found.patch, pose[1]));
+    iterations += found.solution.iterations;
+    const double least = least_overlap_m(found.patch, found.solution);
+    found.touches = least != HUGE_VAL;
+    if (!found.touches || least >= -kInnerMargin * margin_m) return found;
+    margin_m *= 2;
+  }
+}
+
 }  // namespace
 
 template <class T>
@@ -102,7 +138,8 @@ SolidContact<T>::SolidContact(const Queue& queue, const SolidTissue& tissue)
       wide_(wide_surface(tissue.grid, solver_.layers(), tissue.poisson_ratio,
                          choices::kLeastPeriod * tissue.grid.y_m.back())),
       frictionless_(tissue.grid, solver_.layers(), 1, 1, wide_, solver_.layered_surface()),
-      stuck_(tissue.grid, solver_.layers(), 0, 3, wide_, solver_.layered_surface()) {}
+      stuck_(tissue.grid, solver_.layers(), 0, 3, wide_, solver_.layered_surface()),
+      layered_(tissue.grid, solver_.layers(), 0, 3, wide_, solver_.layered_surface()) {}
 
 template <class T>
 ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
@@ -116,16 +153,8 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
   if (depth <= 0) return answer;
   double margin = choices::kCandidateMargin * depth;
   for (std::size_t corrections = 0;;) {
-    const SolidPatch patch = patch_under(grid, compliance, tip, pose, margin);
-    if (patch.nodes.empty()) return answer;  // between nodes, above all of them
-    const PatchSolution s = solve_patch(patch.programme, first_guess(patch, depth));
-    answer.iterations += s.iterations;
-    const double least = least_overlap_m(patch, s);
-    if (least == HUGE_VAL) return answer;
-    if (least < -kInnerMargin * margin) {  // the tissue bulges up to the outermost nodes
-      margin *= 2;
-      continue;
-    }
+    const auto [patch, s, touches] = find_contact(grid, compliance, tip, pose, margin, answer.iterations);
+    if (!touches) return answer;
     const SolidEnergy energy = energy_of(patch, s);
     LinearisedContact contact = linearise(patch, s);
     const VectorXd error =
@@ -139,7 +168,8 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
       answer.solve.converged = good;
       if (!good) answer.solve.reason = vain ? kRoundingReason : "correction limit";
       set_forces(energy, answer);
-      set_pressure(tissue_, patch, s, depth, answer);
+      answer.pressure = pressure_of(grid, patch, s);
+      set_strain(tissue_, patch, s, depth, answer);
       return answer;
     }
     // The block is periodic; the contact's surface is not.
@@ -155,6 +185,31 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
     ++corrections;
     ++corrections_;
   }
+}
+
+// The force grows about as a power of the depth: a line through the newest two in their logarithms.
+template <class T>
+std::vector<NodalPressure> SolidContact<T>::layered_pressure(const Fingertip& tip, const Vector3& pose,
+                                                             double force_n) const {
+  constexpr double kEqual = 1e-6;
+  constexpr int kMostTries = 30;
+  Vector3 at = pose;
+  double power = 1.5, before_n = 0, before_m = 0;  // of a round tip
+  for (int tries = 0; tries < kMostTries; ++tries) {
+    require_touchable(tissue_.grid, tip, at);
+    double margin = choices::kCandidateMargin * at[1];
+    std::size_t iterations = 0;
+    const auto [patch, s, touches] = find_contact(tissue_.grid, layered_, tip, at, margin, iterations);
+    if (!touches) break;
+    const double force = force_of(patch, s);
+    if (std::abs(force - force_n) <= kEqual * force_n) return pressure_of(tissue_.grid, patch, s);
+    if (tries > 0) power = std::log(force / before_n) / std::log(at[1] / before_m);
+    if (!(power > 0)) break;
+    before_n = force, before_m = at[1];
+    at[1] *= std::pow(force_n / force, 1 / power);
+  }
+  throw std::domain_error(
+      fmt::format("contact: layered tissue bears {:.4g} N at no depth that was found", force_n));
 }
 
 template class SolidContact<float>;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "service/contact/touch_model.h"
 #include "service/plan/choices.h"
@@ -33,8 +34,12 @@ class SolidContact {
   // Pose: [x, indentation, z], x and z in the block's coordinates. U(pose) = max over p_y >= 0, p_x, p_z of
   // p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in solve_contact (contact.h); frictionless: p_y
   // alone. Rounded tip: w = indentation - r^2 / (2 radius), r from its axis; flat punch: a disc of radius
-  // half_width, r beyond its rim. Throws as solve_contact does.
+  // half_width, r beyond its rim; pad: such a disc that gives way node by node, C on S's diagonal. Throws as
+  // solve_contact does.
   ContactAnswer touch(const Fingertip&, const Vector3& pose, const SolidContactOptions& = {});
+  // What bears `force_n` in all (to 1e-6 of it) of the layered tissue alone under the same tip, at the same x
+  // and z. By any thread, beside the others. Throws as touch() does, std::domain_error where no depth does.
+  std::vector<NodalPressure> layered_pressure(const Fingertip&, const Vector3& pose, double force_n) const;
   const SolidTissue& tissue() const { return tissue_; }
   std::size_t corrections() const { return corrections_; }  // contacts solved on the whole block, in all
 
@@ -43,6 +48,7 @@ class SolidContact {
   SolidSolver<T> solver_;
   SurfaceCompliance wide_;
   RecycledCompliance frictionless_, stuck_;
+  const RecycledCompliance layered_;  // that learns nothing
   std::size_t corrections_ = 0;
 };
 

@@ -25,7 +25,7 @@ constexpr double kTieShare = 0.01, kTieOverlapM = 1e-3, kTieNegligible = 1e12;
 constexpr int kTieOrder = 3;
 
 SolidOverlap overlap(const Fingertip& tip, double indentation_m, double dx, double dz) {
-  const double flat = tip.shape == FingertipShape::kFlatPunch ? tip.half_width_m : 0;
+  const double flat = flat_half_m(tip);
   const double r = std::hypot(dx, dz), beyond = std::max(0.0, r - flat);
   SolidOverlap o;
   o.w_m = indentation_m - beyond * beyond / (2 * tip.radius_m);
@@ -103,6 +103,9 @@ SolidPatch patch_under(const SolidGrid& grid, const RecycledCompliance& complian
   q.a = compliance.among(patch.unknowns);
   q.w = VectorXd::Zero(q.a.rows());
   for (Index t = 0; t < tied; ++t) q.a(t, t) += patch.tie[static_cast<std::size_t>(t)];
+  // A pad gives way node by node, sideways by its shear: it keeps its volume.
+  if (tip.shape == FingertipShape::kPad) patch.pad_m_n = tip.pad_m_pa / (grid.spacing_x_m * grid.spacing_z_m);
+  for (Index u = 0; u < q.a.rows(); ++u) q.a(u, u) += (u < tied ? 3 : 1) * patch.pad_m_n;
   for (std::size_t n = 0; n < patch.nodes.size(); ++n)
     q.w[tied + static_cast<Index>(n)] = patch.overlaps[n].w_m;
   // By the layered tissue's compliance: with the recycled one the skin would change with every pair.
@@ -179,11 +182,11 @@ LinearisedContact linearise(const SolidPatch& patch, const PatchSolution& s) {
     const Index unknown = s.active[static_cast<std::size_t>(row)];
     out.patch.unknowns.push_back(patch.unknowns[static_cast<std::size_t>(unknown)]);
     if (unknown < tied) {
-      out.patch.skin_m_n[row] = patch.tie[static_cast<std::size_t>(unknown)];
+      out.patch.skin_m_n[row] = patch.tie[static_cast<std::size_t>(unknown)] + 3 * patch.pad_m_n;
       continue;
     }
     const SkinState& skin = s.skin[patch.node_of[static_cast<std::size_t>(unknown)]];
-    out.patch.skin_m_n[row] = skin.compliance;
+    out.patch.skin_m_n[row] = skin.compliance + patch.pad_m_n;
     out.w_m[row] = patch.programme.w[unknown] + skin.gap_m + skin.compliance * s.p[unknown];
   }
   return out;

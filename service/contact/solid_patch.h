@@ -28,6 +28,7 @@ struct SolidPatch {
   std::vector<std::size_t> unknowns;  // of the surface (SurfacePatch)
   std::vector<std::size_t> node_of;   // position in `nodes` of each unknown
   std::vector<double> tie;            // compliance of each tied unknown, m/N
+  double pad_m_n = 0;                 // of a pad, of each node; 3 times that sideways
   SkinThickness skin;
   PatchProgramme programme;
 };

@@ -26,15 +26,16 @@ class Device;
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  // row-major
 
-enum class FingertipShape { kNode, kFlatPunch, kRoundedTip };
+enum class FingertipShape { kNode, kFlatPunch, kRoundedTip, kPad };
 enum class Friction { kFrictionless, kStuck };
 
 struct Fingertip {
   FingertipShape shape = FingertipShape::kRoundedTip;
   Friction friction = Friction::kFrictionless;
-  double radius_m = 0.008;      // rounded tip: radius of curvature; flat punch: radius of its edges
-  double half_width_m = 0.004;  // flat punch only: half of the flat part
+  double radius_m = 0.008;      // rounded tip: radius of curvature; flat punch and pad: radius of its edges
+  double half_width_m = 0.004;  // flat punch and pad: half of the flat part
   double footprint_m = 0;       // node only: standard deviation of a Gaussian footprint, 0 = the hat function
+  double pad_m_pa = 0;          // pad only: how far it gives way to a pressure, thickness over modulus
   bool operator==(const Fingertip&) const = default;
 };
 
@@ -62,9 +63,10 @@ double indentation_m(const Layer&, const TouchPose&);
 TouchPose at_indentation(const Layer&, const TouchPose&, double indentation_m);
 
 struct NodalPressure {
-  Vector3 position_m{};    // undeformed, in the scene
-  double pressure_pa = 0;  // >= 0 pushes into the tissue
-  Vector3 traction_pa{};   // tangential (stuck), on the tissue
+  Vector3 position_m{};             // undeformed, in the scene
+  double pressure_pa = 0;           // >= 0 pushes into the tissue
+  Vector3 traction_pa{};            // tangential (stuck), on the tissue
+  std::array<double, 2> width_m{};  // of its share of the layer, along x and z: what the pressure acts on
 };
 
 enum class ContactState { kNoContact, kContact };

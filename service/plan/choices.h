@@ -25,6 +25,7 @@ inline constexpr double kWidestReach = 0.014;  // half of the widest contact
 // What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
 // depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
 inline constexpr double kLeastSpacings = 1.5;
+inline constexpr double kLeastPadSpacings = 4.4;  // all of a pad (solid_contact_test)
 
 // A light touch: what fingers make out stiffness with before they press.
 inline constexpr double kLightTouch = 5e-4;

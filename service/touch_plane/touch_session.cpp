@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "service/contact/fingertip.h"
 #include "service/device/device.h"
 #include "service/plan/choices.h"
 
@@ -15,7 +16,7 @@ namespace teletact::service {
 
 namespace {
 
-void check_fingertip(const Fingertip& tip, const Limits& limits) {
+void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
   const auto check_length = [&](const char* field, double value_m, double least_m) {
     if (value_m >= least_m && value_m <= limits.most_tip_m) return;
     throw std::invalid_argument(
@@ -28,6 +29,12 @@ void check_fingertip(const Fingertip& tip, const Limits& limits) {
         throw std::invalid_argument(fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]",
                                                 tip.footprint_m, limits.most_tip_m / 3));
       return;
+    case FingertipShape::kPad:
+      if (!solid)
+        throw std::invalid_argument(
+            "open.fingertip.shape: a pad touches solid tissue (CreateScene with modulus.z_m); touch a plane "
+            "scene with a flat punch or a rounded tip");
+      [[fallthrough]];
     case FingertipShape::kFlatPunch:
       check_length("open.fingertip.half_width_m", tip.half_width_m, limits.least_tip_m);
       check_length("open.fingertip.radius_m", tip.radius_m, 0);
@@ -41,7 +48,8 @@ void check_fingertip(const Fingertip& tip, const Limits& limits) {
 // What its shape does not use is as in every other tip of that shape.
 Fingertip canonical(Fingertip tip) {
   const Fingertip usual;
-  if (tip.shape != FingertipShape::kFlatPunch) tip.half_width_m = usual.half_width_m;
+  if (flat_half_m(tip) == 0) tip.half_width_m = usual.half_width_m;
+  if (tip.shape != FingertipShape::kPad) tip.pad_m_pa = usual.pad_m_pa;
   if (tip.shape != FingertipShape::kNode) tip.footprint_m = usual.footprint_m;
   if (tip.shape == FingertipShape::kNode) tip.radius_m = usual.radius_m;
   return tip;
@@ -86,7 +94,8 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       options_(canonical(std::move(options))),
       layer_(scene_->layer_near(options_.layer_depth_m)),
       way_{options_.path, std::move(device), options_.client} {
-  check_fingertip(options_.fingertip, scene_->limits());
+  const bool solid = scene_->explicit_modulus() && scene_->explicit_modulus()->solid();
+  check_fingertip(options_.fingertip, solid, scene_->limits());
   if (options_.layer_normal) check_normal(*options_.layer_normal, layer_);
   scene_->use_layer(layer_);
 }

@@ -35,6 +35,13 @@ bool has_double() {
 constexpr Fingertip kRound{};
 constexpr Fingertip kStuckRound{.friction = Friction::kStuck};
 constexpr Fingertip kPunch{.shape = FingertipShape::kFlatPunch, .radius_m = 0.002, .half_width_m = 0.004};
+constexpr Fingertip kPad{
+    .shape = FingertipShape::kPad, .radius_m = 0.002, .half_width_m = 0.005, .pad_m_pa = 1e-7};
+constexpr Fingertip kStuckPad{.shape = FingertipShape::kPad,
+                              .friction = Friction::kStuck,
+                              .radius_m = 0.002,
+                              .half_width_m = 0.005,
+                              .pad_m_pa = 1e-7};
 
 // Forces of a paraboloid of 8 mm on a bonded layer of 40 mm, 10 kPa, nu 0.49, by the Fredholm equation of the
 // exact layer: it knows neither elements nor a period.
@@ -73,31 +80,38 @@ TEST(SolidContact, TheTissueIsWhereTheSparseFactorPutsIt) {
   const SolidGrid& grid = tissue.grid;
   SolidContact<double> contact(queue(), tissue);
   const Vector3 pose{0.0312, 0.0018, 0.0193};
-  const ContactAnswer answer = contact.touch(kRound, pose, {.force_error = 1e-8});
-  EXPECT_GT(contact.corrections(), 0u);
-  std::vector<std::size_t> nodes;
-  Eigen::VectorXd p(Eigen::Index(answer.pressure.size()));
   const double area = grid.spacing_x_m * grid.spacing_z_m;
-  for (const NodalPressure& node : answer.pressure) {
-    const auto i = std::size_t(std::lround(node.position_m[0] / grid.spacing_x_m));
-    const auto k = std::size_t(std::lround(node.position_m[2] / grid.spacing_z_m));
-    p[Eigen::Index(nodes.size())] = node.pressure_pa * area;
-    nodes.push_back(reference::unknown(grid, i, 0, k, 1));
-  }
   // The truth's block is periodic; what the wider surface gives beyond that is the layered tissue's.
   const LayeredTissue layers = layered(tissue);
   const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kLeastPeriod * 0.020);
   const SurfaceCompliance periodic = wide_surface(grid, layers, 0.49, 0);
-  const Eigen::VectorXd moved =
-      (reference::SolidReference(tissue).compliance(nodes) + wide.among(nodes, grid.nx, grid.nz) -
-       periodic.among(nodes, grid.nx, grid.nz)) *
-      p;
-  const SkinThickness skin = skin_thickness(kRound, pose[1], std::sqrt(area));
-  for (std::size_t n = 0; n < nodes.size(); ++n) {
-    const Vector3& at = answer.pressure[n].position_m;
-    const double r = std::hypot(at[0] - pose[0], at[2] - pose[2]);
-    const SkinState state = skin_state(p[Eigen::Index(n)], kSkinStiffness / wide(1, 1, 0, 0), skin.t_m);
-    EXPECT_NEAR(moved[Eigen::Index(n)], pose[1] - r * r / 0.016 + state.gap_m, 1e-6 * pose[1]) << n;
+  const reference::SolidReference truth(tissue);
+  for (const Fingertip& tip : {kRound, kPad}) {
+    const ContactAnswer answer = contact.touch(tip, pose, {.force_error = 1e-8});
+    EXPECT_GT(contact.corrections(), 0u);
+    std::vector<std::size_t> nodes;
+    Eigen::VectorXd p(Eigen::Index(answer.pressure.size()));
+    for (const NodalPressure& node : answer.pressure) {
+      const auto i = std::size_t(std::lround(node.position_m[0] / grid.spacing_x_m));
+      const auto k = std::size_t(std::lround(node.position_m[2] / grid.spacing_z_m));
+      p[Eigen::Index(nodes.size())] = node.pressure_pa * area;
+      nodes.push_back(reference::unknown(grid, i, 0, k, 1));
+    }
+    const Eigen::VectorXd moved = (truth.compliance(nodes) + wide.among(nodes, grid.nx, grid.nz) -
+                                   periodic.among(nodes, grid.nx, grid.nz)) *
+                                  p;
+    const SkinThickness skin = skin_thickness(tip, pose[1], std::sqrt(area));
+    const bool pad = tip.shape == FingertipShape::kPad;
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+      const Vector3& at = answer.pressure[n].position_m;
+      const double r = std::hypot(at[0] - pose[0], at[2] - pose[2]);
+      const double beyond = std::max(0.0, r - (pad ? tip.half_width_m : 0));
+      const double given = pad ? tip.pad_m_pa * answer.pressure[n].pressure_pa : 0;
+      const SkinState state = skin_state(p[Eigen::Index(n)], kSkinStiffness / wide(1, 1, 0, 0), skin.t_m);
+      EXPECT_NEAR(moved[Eigen::Index(n)],
+                  pose[1] - beyond * beyond / (2 * tip.radius_m) + state.gap_m - given, 1e-6 * pose[1])
+          << n;
+    }
   }
 }
 
@@ -105,7 +119,7 @@ TEST(SolidContact, ForceAndTangentAreTheEnergysDerivatives) {
   if (!has_double()) GTEST_SKIP() << "the device has no double";
   SolidContact<double> contact(queue(), with_ball());
   const SolidContactOptions exact{.force_error = 1e-7};
-  for (const Fingertip& tip : {kRound, kStuckRound, kPunch}) {
+  for (const Fingertip& tip : {kRound, kStuckRound, kPunch, kPad, kStuckPad}) {
     const Vector3 pose{kMiddle + 0.0043, 0.0021, kMiddle - 0.0027};
     const ContactAnswer answer = contact.touch(tip, pose, exact);
     const double size = std::abs(answer.force_n[1]), stiff = std::abs(answer.tangent_n_m[4]);

@@ -164,6 +164,26 @@ TEST(SolidScene, ATipIsNoWiderThanWhatIsAroundItAndSaysWhenTheMeshIsTooCoarse) {
   EXPECT_NE(answer.warning.find("too coarse"), std::string::npos) << answer.warning;
 }
 
+TEST(SolidScene, APadIsForSolidsAlone) {
+  TouchOptions pad;
+  pad.fingertip = {.shape = FingertipShape::kPad,
+                   .friction = Friction::kFrictionless,
+                   .radius_m = 0.001,
+                   .half_width_m = 0.008,
+                   .pad_m_pa = 1e-7};
+  TouchSession session(scene_of(with_ball()), pad, test_device());
+  const TouchAnswer answer = touched(session, kBallX, 0.002, kBallZ);
+  EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+  EXPECT_LT(answer.contact.force_n[1], 0);
+  const auto plane = std::make_shared<Scene>("p", tissue(0.06, 0.04), versions());
+  try {
+    TouchSession(plane, pad, test_device());
+    FAIL() << "a plane scene took a pad";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("open.fingertip.shape: a pad"), std::string::npos);
+  }
+}
+
 // Float leaves more than is asked: the answer says so, and is not refused.
 TEST(SolidScene, NearlyIncompressibleTissueIsDegraded) {
   SceneGeometry g = tissue(kWidthM, kDepthM);
