@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "service/contact/fingertip.h"
 #include "service/contact/solid_patch.h"
@@ -132,14 +133,43 @@ FoundContact find_contact(const SolidGrid& grid, const RecycledCompliance& compl
 }  // namespace
 
 template <class T>
-SolidContact<T>::SolidContact(const Queue& queue, const SolidTissue& tissue)
+SolidContact<T>::SolidContact(const SolidTissue& tissue, std::shared_ptr<SolidSolver<T>> solver,
+                              std::shared_ptr<const SurfaceCompliance> wide,
+                              std::shared_ptr<const SolidModulus<T>> modulus)
     : tissue_(tissue),
-      solver_(queue, tissue),
-      wide_(wide_surface(tissue.grid, solver_.layers(), tissue.poisson_ratio,
-                         choices::kLeastPeriod * tissue.grid.y_m.back())),
-      frictionless_(tissue.grid, solver_.layers(), 1, 1, wide_, solver_.layered_surface()),
-      stuck_(tissue.grid, solver_.layers(), 0, 3, wide_, solver_.layered_surface()),
-      layered_(tissue.grid, solver_.layers(), 0, 3, wide_, solver_.layered_surface()) {}
+      solver_(std::move(solver)),
+      wide_(std::move(wide)),
+      modulus_(std::move(modulus)),
+      frictionless_(tissue.grid, modulus_->layers, 1, 1, *wide_, solver_->layered_surface()),
+      stuck_(tissue.grid, modulus_->layers, 0, 3, *wide_, solver_->layered_surface()),
+      layered_(tissue.grid, modulus_->layers, 0, 3, *wide_, solver_->layered_surface()) {}
+
+template <class T>
+SolidContact<T>::SolidContact(const SolidTissue& tissue, std::shared_ptr<SolidSolver<T>> solver)
+    : SolidContact(tissue, solver,
+                   std::make_shared<const SurfaceCompliance>(
+                       wide_surface(tissue.grid, solver->layers(), tissue.poisson_ratio,
+                                    choices::kLeastPeriod * tissue.grid.y_m.back())),
+                   solver->modulus()) {}
+
+template <class T>
+SolidContact<T>::SolidContact(const Queue& queue, const SolidTissue& tissue)
+    : SolidContact(tissue, std::make_shared<SolidSolver<T>>(queue, tissue)) {}
+
+template <class T>
+SolidContact<T>::SolidContact(const Queue& queue, const SolidContact& before, const SolidTissue& tissue)
+    : SolidContact(tissue, before.solver_, before.wide_,
+                   std::make_shared<const SolidModulus<T>>(
+                       queue, tissue, beside(tissue, before.modulus_->layers.youngs_modulus_pa))) {}
+
+template <class T>
+double SolidContact<T>::drift() const {
+  const std::vector<double> own = layered(tissue_).youngs_modulus_pa;
+  double most = 0;
+  for (std::size_t j = 0; j < own.size(); ++j)
+    most = std::max(most, std::abs(std::log(own[j] / modulus_->layers.youngs_modulus_pa[j])));
+  return most;
+}
 
 template <class T>
 ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
@@ -159,7 +189,7 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
     LinearisedContact contact = linearise(patch, s);
     const VectorXd error =
         compliance.error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
-    const double rounding = kRounding<T> + solver_.rounding(),
+    const double rounding = kRounding<T> + solver_->rounding(),
                  learned = error.norm() / energy.gradient.norm();
     answer.solve.relative_error = learned + rounding;
     const bool good = answer.solve.relative_error <= options.force_error;
@@ -174,12 +204,13 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
     }
     // The block is periodic; the contact's surface is not.
     contact.w_m -= compliance.wider_m(contact.patch.unknowns, contact.force_n);
-    const double asked = std::max(kCorrectionShare * options.force_error, 2 * solver_.rounding());
-    const SolidSolution solved = solver_.push(contact.patch, contact.w_m, {.relative_error = asked});
+    const double asked = std::max(kCorrectionShare * options.force_error, 2 * solver_->rounding());
+    solver_->use(modulus_);
+    const SolidSolution solved = solver_->push(contact.patch, contact.w_m, {.relative_error = asked});
     if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
       throw std::domain_error(
           fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
-    compliance.add(contact.patch.unknowns, solved.force_n, solver_.surface_excess());
+    compliance.add(contact.patch.unknowns, solved.force_n, solver_->surface_excess());
     answer.solve.reason = to_string(solved.reason);
     answer.solve.iterations += solved.iterations;
     ++corrections;

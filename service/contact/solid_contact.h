@@ -29,6 +29,10 @@ class SolidContact {
  public:
   // Throws as SolidSolver does.
   SolidContact(const Queue&, const SolidTissue&);
+  // Another modulus of the same grid and Poisson ratio, soon (T8.7): it shares what the other solves with, so
+  // both together are one thread's at a time. Making it is none of that, and takes a queue of its own. What
+  // the other has learned is of its modulus, and stays there.
+  SolidContact(const Queue&, const SolidContact& before, const SolidTissue&);
   SolidContact(const SolidContact&) = delete;  // its parts refer to each other
   SolidContact& operator=(const SolidContact&) = delete;
   // Pose: [x, indentation, z], x and z in the block's coordinates. U(pose) = max over p_y >= 0, p_x, p_z of
@@ -41,12 +45,19 @@ class SolidContact {
   // and z. By any thread, beside the others. Throws as touch() does, std::domain_error where no depth does.
   std::vector<NodalPressure> layered_pressure(const Fingertip&, const Vector3& pose, double force_n) const;
   const SolidTissue& tissue() const { return tissue_; }
+  // The most that ln of a layer's own E0 is from that of the factor.
+  double drift() const;
   std::size_t corrections() const { return corrections_; }  // contacts solved on the whole block, in all
 
  private:
+  SolidContact(const SolidTissue&, std::shared_ptr<SolidSolver<T>>);
+  SolidContact(const SolidTissue&, std::shared_ptr<SolidSolver<T>>, std::shared_ptr<const SurfaceCompliance>,
+               std::shared_ptr<const SolidModulus<T>>);
   SolidTissue tissue_;
-  SolidSolver<T> solver_;
-  SurfaceCompliance wide_;
+  // Of the factor: shared by all contacts whose modulus it solves.
+  std::shared_ptr<SolidSolver<T>> solver_;
+  std::shared_ptr<const SurfaceCompliance> wide_;
+  std::shared_ptr<const SolidModulus<T>> modulus_;
   RecycledCompliance frictionless_, stuck_;
   const RecycledCompliance layered_;  // that learns nothing
   std::size_t corrections_ = 0;

@@ -30,8 +30,21 @@ class SolidSurface final : public TouchedLayer {
                            region_.begin_z_m, region_.end_z_m)),
         spacing_m_(std::max(block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m)),
         device_(device),
+        mutex_(std::make_shared<std::mutex>()),
         contact_(device->queue(account), block.tissue) {}
+  // Another modulus in the place of another's, solved with what that has. Ready while that is touched.
+  SolidSurface(const SolidBlock& block, const SolidSurface& before, const MemoryAccount& account)
+      : region_(before.region_),
+        origin_x_m_(before.origin_x_m_),
+        origin_z_m_(before.origin_z_m_),
+        around_x_m_(before.around_x_m_),
+        around_z_m_(before.around_z_m_),
+        spacing_m_(before.spacing_m_),
+        device_(before.device_),
+        mutex_(before.mutex_),
+        contact_(device_->queue(account), before.contact_, block.tissue) {}
 
+  double drift() const { return contact_.drift(); }
   SolvePath path() const override { return SolvePath::kPcg; }
 
   // A step is a correction on the whole block.
@@ -82,7 +95,7 @@ class SolidSurface final : public TouchedLayer {
                       "{:.4g} to {:.4g} m along x "
                       "and from {:.4g} to {:.4g} m along z",
                       x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(*mutex_);
     return contact_.touch(tip, {x - origin_x_m_, y, z - origin_z_m_}, {.most_corrections = most_corrections});
   }
 
@@ -90,14 +103,14 @@ class SolidSurface final : public TouchedLayer {
   const double origin_x_m_, origin_z_m_;
   const double around_x_m_, around_z_m_;  // tissue on each side, up to where the other side's begins
   const double spacing_m_;
-  const std::shared_ptr<Device> device_;  // outlives its queue's arrays
-  std::mutex mutex_;
+  const std::shared_ptr<Device> device_;     // outlives its queue's arrays
+  const std::shared_ptr<std::mutex> mutex_;  // of all that share the solver
   SolidContact<float> contact_;
 };
 
 }  // namespace
 
-SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account)
+SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const SolidTouchModel* before)
     : TouchModel(account), state_(std::make_shared<State>()) {
   validate(block.tissue);
   // The block and its copy that is touched, the factor while it is made, and what touches leave: 12 pairs of
@@ -106,6 +119,30 @@ SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account)
   state_->charge = account.charge(Place::kHost, "solids", 60 * grid.elements() + 3100 * grid.columns());
   state_->block = std::move(block);
   state_->account = std::move(account);
+  if (!before) return;
+  const auto [ready, device] = before->ready();
+  if (!ready) return;
+  state_->ready = std::make_shared<SolidSurface>(state_->block, static_cast<const SolidSurface&>(*ready),
+                                                 state_->account);
+  state_->device = device;
+}
+
+std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> SolidTouchModel::ready() const {
+  const std::lock_guard lock(state_->mutex);
+  return {state_->ready, state_->device};
+}
+
+double SolidTouchModel::drift() const {
+  const auto surface = ready().first;
+  return surface ? static_cast<const SolidSurface&>(*surface).drift() : 0;
+}
+
+std::shared_ptr<const SolidTouchModel> SolidTouchModel::renewed(const MemoryAccount& account) const {
+  auto fresh = std::make_shared<const SolidTouchModel>(state_->block, account);
+  TouchWay way;
+  way.device = ready().second;
+  fresh->layer(Layer{}, way, {});
+  return fresh;
 }
 
 TouchCost SolidTouchModel::cost() const {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 
 #include "service/contact/touch_model.h"
 #include "service/solid/solid_tissue.h"
@@ -25,7 +26,14 @@ class SolidTouchModel final : public TouchModel {
   // A layer that could not be made is tried again after this long; until then asking for it says why.
   static constexpr std::chrono::seconds kRetry{1};
 
-  SolidTouchModel(SolidBlock, MemoryAccount account);
+  // `before`: a model of the same grid whose place it takes: what that solves with is used again where it is
+  // ready, and this one is then ready at once.
+  SolidTouchModel(SolidBlock, MemoryAccount account, const SolidTouchModel* before = nullptr);
+  const SolidBlock& block() const { return state_->block; }
+  // SolidContact::drift(); 0 until it is ready.
+  double drift() const;
+  // The same tissue with a factor of its own layers, ready on the same device.
+  std::shared_ptr<const SolidTouchModel> renewed(const MemoryAccount&) const;
   const char* name() const override { return "solid"; }
   Region region() const override { return state_->block.region; }
   std::vector<Layer> layers() const override { return {Layer{}}; }  // the surface
@@ -45,6 +53,8 @@ class SolidTouchModel final : public TouchModel {
     std::exception_ptr error;
     std::chrono::steady_clock::time_point retry{};
   };
+  // What is ready, and on which device; null: nothing.
+  std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> ready() const;
   const std::shared_ptr<State> state_;
 };
 

@@ -85,9 +85,9 @@ inline constexpr std::size_t kLawPieceBytes = 300;
 // A new version's law is expected within this: so long the version before answers who feels a law.
 inline constexpr std::chrono::milliseconds kLawExpected{300};
 
-// Solid tissue (contact/solid_contact.h). Its surface answers as if the block's copies were this far from each
-// other at least, in depths of the tissue: nearer ones make it stiffer. The contact is corrected on the whole
-// block until its force is known to this, at most so often.
+// Solid tissue (contact/solid_contact.h). Its surface answers as if the block's copies were this far from
+// each other at least, in depths of the tissue: nearer ones make it stiffer. The contact is corrected on the
+// whole block until its force is known to this, at most so often.
 inline constexpr double kLeastPeriod = 6.4;
 // Columns along z are at most so far apart, whatever the pitch of the slices; and so much tissue lies between
 // one end of a block and its other end's copy, at least.
@@ -99,6 +99,9 @@ inline constexpr std::size_t kMostBlockElements = std::size_t{1} << 20;
 inline constexpr double kWidestSolid = 1, kMostWideColumns = 1024;
 inline constexpr std::size_t kMostPatchUnknowns = 1500;
 inline constexpr std::size_t kMostCorrections = 8;
+// The layers of a solid's factor are made anew once ln E0 of one has drifted so far (T8.7). A touch farther
+// than this from the nearest slice is of tissue that nobody measured.
+inline constexpr double kMostDrift = 0.02, kSliceReach = 0.005;
 
 // Of an acquisition that does not state them: standard deviations of the force sensor and of the contact
 // area, over their values; the largest strain that is looked for; the Poisson ratio.

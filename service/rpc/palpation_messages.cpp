@@ -161,8 +161,7 @@ CellView view_of(const StitchedMap& map) {
 // Each cell shows the element that its centre lies in; of a solid, in the slice in the middle.
 CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
   CellView view{centres_of(StitchedMap(g)), {}, {}};
-  const std::size_t slices = e.solid() ? e.z_m.size() - 1 : 1;
-  const std::size_t first = slices / 2 * (e.x_m.size() - 1) * (e.y_m.size() - 1);
+  const std::size_t first = e.slices() / 2 * (e.x_m.size() - 1) * (e.y_m.size() - 1);
   const auto element_at = [](const std::vector<double>& nodes_m, double at_m) {
     const auto after = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
     return static_cast<std::size_t>(after - nodes_m.begin()) - 1;
@@ -225,8 +224,8 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
       evidence_to(*window->evidence, snapshot->lone(*window), instance, w->mutable_evidence());
   }
   if (wanted != v1::SCENE_VIEW_FULL) return;
-  const CellView view = scene.explicit_modulus() ? view_of(*scene.explicit_modulus(), scene.geometry())
-                                                 : view_of(*snapshot->map);
+  const CellView view =
+      snapshot->modulus ? view_of(*snapshot->modulus, scene.geometry()) : view_of(*snapshot->map);
   map_to("youngs_modulus", "Pa", view.grid, view.modulus_pa, out->mutable_youngs_modulus());
   map_to("valid", "1", view.grid, view.valid, out->mutable_valid());
 }

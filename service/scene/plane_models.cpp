@@ -58,6 +58,20 @@ class PlaneModels final : public TouchModels {
         account);
   }
 
+  std::shared_ptr<const TouchModel> of_slice(const SceneGeometry& geometry, const ExplicitModulus& e,
+                                             std::size_t slice, const TouchModel& before,
+                                             const MemoryAccount& account) const override {
+    const auto* solid = dynamic_cast<const SolidTouchModel*>(&before);
+    if (!solid) return of_modulus(geometry, e, account);
+    return std::make_shared<const SolidTouchModel>(solid_block(solid->block(), e, slice), account, solid);
+  }
+
+  std::shared_ptr<const TouchModel> renewed(const TouchModel& model,
+                                            const MemoryAccount& account) const override {
+    const auto* solid = dynamic_cast<const SolidTouchModel*>(&model);
+    return solid && solid->drift() > choices::kMostDrift ? solid->renewed(account) : nullptr;
+  }
+
   void warm(const std::shared_ptr<Device>& device) const override { warm_iterative(device); }
 };
 

@@ -12,63 +12,18 @@
 
 namespace teletact::service {
 
-std::shared_ptr<const WindowModel> SceneSnapshot::window_at(double x_m, std::uint64_t current,
-                                                            double hysteresis_m) const {
-  std::shared_ptr<const WindowModel> best;
-  double best_margin_m = -1;
-  for (const auto& window : windows) {
-    if (x_m < window->region.begin_x_m || x_m >= window->region.end_x_m) continue;
-    const double margin_m = std::min(x_m - window->region.begin_x_m, window->region.end_x_m - x_m);
-    if (margin_m > best_margin_m) best = window, best_margin_m = margin_m;
-  }
-  if (!best) return nullptr;
-  for (const auto& window : windows)
-    if (window->id == current && x_m >= window->region.begin_x_m - hysteresis_m &&
-        x_m < window->region.end_x_m + hysteresis_m)
-      return window;
-  return best;
-}
-
-bool adjoin(const WindowModel& a, const WindowModel& b) {
-  return a.region.begin_x_m - Scene::kSameWindowM < b.region.end_x_m &&
-         a.region.end_x_m + Scene::kSameWindowM > b.region.begin_x_m;
-}
-
-bool SceneSnapshot::lone(const WindowModel& window) const {
-  return map && std::none_of(windows.begin(), windows.end(), [&window](const auto& other) {
-           return other->id != window.id && adjoin(*other, window);
-         });
-}
-
-std::vector<std::string_view> SceneSnapshot::flags_of(const WindowModel& window) const {
-  std::vector<std::string_view> flags;
-  if (window.evidence)
-    for (const std::string& warning : window.evidence->warnings) flags.push_back(flag_of(warning));
-  if (lone(window)) flags.emplace_back(kLoneFlag);
-  return flags;
-}
-
-Region SceneSnapshot::covered_around(double x_m) const {
-  constexpr double kAdjoiningM = 1e-6;  // rounding of positions and widths
-  Region covered{x_m, x_m};
-  bool inside = false;
-  double begin_m = 0, end_m = 0;
-  for (const auto& window : windows) {
-    if (windows.front() == window || window->region.begin_x_m > end_m + kAdjoiningM)
-      begin_m = window->region.begin_x_m, end_m = begin_m;
-    end_m = std::max(end_m, window->region.end_x_m);
-    inside = x_m >= begin_m && x_m < end_m;
-    if (inside) covered = {begin_m, end_m, window->region.begin_z_m, window->region.end_z_m};
-  }
-  return covered;
-}
-
 namespace {
 
-Charge charged(const std::optional<ExplicitModulus>& e, const MemoryAccount& account) {
-  if (!e) return {};
-  const std::size_t values = e->x_m.size() + e->y_m.size() + e->z_m.size() + e->youngs_modulus_pa.size();
-  return account.charge(Place::kHost, "maps", values * sizeof(double));
+std::shared_ptr<const ExplicitModulus> charged(ExplicitModulus e, const MemoryAccount& account) {
+  struct Charged {
+    Charge charge;
+    ExplicitModulus modulus;
+  };
+  const std::size_t values =
+      e.x_m.size() + e.y_m.size() + e.z_m.size() + e.slices_m.size() + e.youngs_modulus_pa.size();
+  auto held = std::make_shared<const Charged>(
+      Charged{account.charge(Place::kHost, "maps", values * sizeof(double)), std::move(e)});
+  return {held, &held->modulus};
 }
 
 }  // namespace
@@ -92,21 +47,20 @@ Scene::Scene(std::string id, const SceneGeometry& geometry, ExplicitModulus modu
              std::shared_ptr<const TouchModels> models)
     : id_(std::move(id)),
       geometry_(geometry),
-      explicit_charge_(charged(modulus, account)),
-      explicit_(std::move(modulus)),
       account_(account),
       models_(std::move(models)),
       versions_(std::move(versions)),
       limits_(limits),
       next_window_id_(2) {
+  auto snapshot = std::make_shared<SceneSnapshot>();
+  snapshot->modulus = charged(std::move(modulus), account_);
   auto window = std::make_shared<WindowModel>();
   window->id = 1;
   window->taken_in = std::chrono::steady_clock::now();
-  window->model = models_->of_modulus(geometry_, *explicit_, account_);
+  window->model = models_->of_modulus(geometry_, *snapshot->modulus, account_);
   window->region = window->model->region();
   layers_ = window->model->layers();
   window->version = versions_->next();
-  auto snapshot = std::make_shared<SceneSnapshot>();
   snapshot->version = window->version;
   snapshot->windows.push_back(std::move(window));
   snapshot_ = snapshot;
@@ -116,8 +70,6 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
              const MemoryAccount& account, std::shared_ptr<const TouchModels> models)
     : id_(record.id),
       geometry_(record.geometry),
-      explicit_charge_(charged(record.explicit_modulus, account)),
-      explicit_(record.explicit_modulus),
       account_(account),
       models_(std::move(models)),
       versions_(std::move(versions)),
@@ -125,7 +77,9 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
       next_window_id_(record.next_window_id) {
   auto snapshot = std::make_shared<SceneSnapshot>();
   snapshot->version = record.version;
-  if (!explicit_) {
+  if (record.explicit_modulus) {
+    snapshot->modulus = charged(*record.explicit_modulus, account_);
+  } else {
     auto map = std::make_shared<StitchedMap>(geometry_, account);
     map->restore(record.map_modulus_pa, record.map_states, record.map_log_deviation);
     snapshot->map = map;
@@ -134,9 +88,10 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
   for (const WindowRecord& kept : record.windows) {
     auto window = std::make_shared<WindowModel>();
     *window = {kept.id, kept.version, {kept.begin_m, kept.end_m}, nullptr, {}, kept.evidence};
-    window->model = explicit_ ? models_->of_modulus(geometry_, *explicit_, account_)
-                              : build(*snapshot->map, window->region, nullptr);
-    if (explicit_) layers_ = window->model->layers(), window->region = window->model->region();
+    const auto& given = snapshot->modulus;
+    window->model = given ? models_->of_modulus(geometry_, *given, account_)
+                          : build(*snapshot->map, window->region, nullptr);
+    if (given) layers_ = window->model->layers(), window->region = window->model->region();
     snapshot->windows.push_back(std::move(window));
   }
   snapshot_ = snapshot;
@@ -173,7 +128,7 @@ Layer Scene::layer_near(double depth_m) const {
 }
 
 void Scene::check_window(double begin_m, double end_m) const {
-  if (explicit_)
+  if (snapshot()->modulus)
     throw Error(
         ErrorKind::kPrecondition,
         fmt::format("publish.scene_id: scene {} was made from an explicit modulus and takes no windows; "
@@ -269,6 +224,34 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   return published;
 }
 
+Published Scene::publish(const ModulusSlice& slice) {
+  const std::lock_guard lock(publishing_);
+  require_exists();
+  const auto old = snapshot();
+  if (!old->modulus || !old->modulus->solid())
+    throw Error(ErrorKind::kPrecondition,
+                fmt::format("scene_id: scene {} is no solid and takes no slices; create one with "
+                            "modulus.z_m",
+                            id_));
+  GrownModulus grown = with_slice(*old->modulus, slice, limits_);
+  auto window = std::make_shared<WindowModel>(*old->windows.front());
+  window->taken_in = std::chrono::steady_clock::now();
+  window->model = models_->of_slice(geometry_, grown.modulus, grown.slice, *window->model, account_);
+  stale_.insert(window->id);
+  const std::uint64_t id = window->id;
+  swap_in(std::move(window), charged(std::move(grown.modulus), account_));
+  return {id, snapshot()->version, {}};
+}
+
+// Called with publishing_ held.
+void Scene::swap_in(std::shared_ptr<WindowModel> window, std::shared_ptr<const ExplicitModulus> modulus) {
+  auto next = std::make_shared<SceneSnapshot>();
+  next->version = window->version = versions_->next();
+  next->modulus = std::move(modulus);
+  next->windows.push_back(std::move(window));
+  swap_in(std::move(next));
+}
+
 std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnapshot& old,
                                                                  WindowModel& window) const {
   std::vector<std::shared_ptr<const WindowModel>> others;
@@ -322,6 +305,12 @@ bool Scene::refresh_stale_window() {
     return false;
   }
   auto fresh = std::make_shared<WindowModel>(*nearest);
+  if (old->modulus) {
+    fresh->model = models_->renewed(*nearest->model, account_);
+    stale_.clear();
+    if (fresh->model) swap_in(std::move(fresh), old->modulus);
+    return false;
+  }
   fresh->model = build(*old->map, nearest->region, nearest->model.get());
   fresh->version = versions_->next();
   stale_.erase(nearest->id);  // not before: what fails stays stale
@@ -354,7 +343,7 @@ SceneRecord Scene::record() const {
   record.id = id_;
   record.geometry = geometry_;
   record.version = now->version;
-  record.explicit_modulus = explicit_;
+  if (now->modulus) record.explicit_modulus = *now->modulus;
   if (now->map) {
     record.map_modulus_pa = now->map->youngs_modulus_pa();
     record.map_states = now->map->states();

@@ -19,6 +19,7 @@
 #include "service/scene/finger.h"
 #include "service/scene/geometry.h"
 #include "service/scene/scene_record.h"
+#include "service/scene/slices.h"
 #include "service/scene/stitched_map.h"
 #include "service/scene/touch_models.h"
 #include "service/scene/versions.h"
@@ -40,7 +41,9 @@ bool adjoin(const WindowModel&, const WindowModel&);
 struct SceneSnapshot {
   std::uint64_t version = 0;                                // 0 = nothing published
   std::vector<std::shared_ptr<const WindowModel>> windows;  // by where they begin
-  std::shared_ptr<const StitchedMap> map;                   // null for a scene made from an explicit modulus
+  // What it is made of, one of the two: stitched, or given.
+  std::shared_ptr<const StitchedMap> map;
+  std::shared_ptr<const ExplicitModulus> modulus;
 
   // The window for a finger at x: `current` (0 = none) as long as the finger is within `hysteresis_m` of it,
   // else the covering window whose border is farthest. Null where no window covers x.
@@ -77,7 +80,6 @@ class Scene {
   const std::string& id() const { return id_; }
   const SceneGeometry& geometry() const { return geometry_; }
   const Limits& limits() const { return limits_; }
-  const std::optional<ExplicitModulus>& explicit_modulus() const { return explicit_; }
   std::shared_ptr<const SceneSnapshot> snapshot() const;
   FingerBoard& finger() { return finger_; }
   // The layer nearest to this depth. Throws std::invalid_argument where a support that holds the tissue is
@@ -89,6 +91,9 @@ class Scene {
   // Stitches the estimate in, builds its window's model and swaps both in. `cancelled` is asked between the
   // steps. Windows whose context changed are left for refresh_stale_window(). Nothing changes when it throws.
   Published publish(const WindowEstimate&, const std::function<bool()>& cancelled);
+  // One more slice of a solid, or this one in the place of the one there. Throws std::invalid_argument (field
+  // named), Error(kPrecondition) where the scene is no solid, (kExhausted). Nothing changes when it throws.
+  Published publish(const ModulusSlice&);
   // Rebuilds the stale window nearest to the finger with its present context, so that the force does not jump
   // when the finger is handed over. False when none is stale.
   bool refresh_stale_window();
@@ -116,12 +121,12 @@ class Scene {
   // one whose place it takes, or a new one.
   std::vector<std::shared_ptr<const WindowModel>> make_room(const SceneSnapshot&, WindowModel& window) const;
   void swap_in(std::shared_ptr<SceneSnapshot>);
+  // A model for this window alone, from now on.
+  void swap_in(std::shared_ptr<WindowModel>, std::shared_ptr<const ExplicitModulus>);
   void mark_stale_around(const WindowModel& published, const SceneSnapshot&);
 
   const std::string id_;
   const SceneGeometry geometry_;
-  const Charge explicit_charge_;
-  const std::optional<ExplicitModulus> explicit_;
   const MemoryAccount account_;
   const std::shared_ptr<const TouchModels> models_;
   const std::shared_ptr<VersionCounter> versions_;

@@ -17,8 +17,8 @@ using nlohmann::json;
 
 namespace {
 
-// 1 had neither evidence nor deviations; it is still read.
-constexpr int kFormat = 2, kFirstFormat = 1;
+// 1 had neither evidence nor deviations, 2 no slices; they are still read. Without slices 2 is written.
+constexpr int kFormat = 3, kWithoutSlices = 2, kFirstFormat = 1;
 
 // FNV-1a, 64 bit: tells a damaged file from a whole one.
 std::string checksum(std::string_view bytes) {
@@ -106,7 +106,7 @@ void check(const SceneRecord& record) {
 
 EncodedScene encoded(const SceneRecord& record) {
   std::string raw;
-  json scene{{"format", kFormat},
+  json scene{{"format", kWithoutSlices},
              {"scene_id", record.id},
              {"geometry", to_json(record.geometry)},
              {"version", record.version},
@@ -121,7 +121,9 @@ EncodedScene encoded(const SceneRecord& record) {
     const ExplicitModulus& e = *record.explicit_modulus;
     scene["explicit_nodes"] = {e.x_m.size(), e.y_m.size()};
     if (e.solid()) scene["explicit_nodes"].push_back(e.z_m.size());
-    append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.youngs_modulus_pa);
+    if (!e.slices_m.empty()) scene["slices"] = e.slices_m.size(), scene["format"] = kFormat;
+    append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.slices_m);
+    append(raw, e.youngs_modulus_pa);
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -163,7 +165,8 @@ SceneRecord decoded(const std::string& description,
     e.x_m = take<double>(rest, nx);
     e.y_m = take<double>(rest, ny);
     if (solid) e.z_m = take<double>(rest, nz);
-    e.youngs_modulus_pa = take<double>(rest, (nx - 1) * (ny - 1) * (nz - 1));
+    if (scene.contains("slices")) e.slices_m = take<double>(rest, scene["slices"]);
+    e.youngs_modulus_pa = take<double>(rest, (nx - 1) * (ny - 1) * e.slices());
     record.explicit_modulus = std::move(e);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known

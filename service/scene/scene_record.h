@@ -24,11 +24,14 @@ struct WindowRecord {
 };
 
 // An explicit modulus with its own grid: nodes x_m, y_m and E per element, x fastest. Of a solid nodes z_m
-// too, z slowest.
+// too, z slowest: E of plane slices, one in the middle of each element, or where slices_m says, increasing.
 struct ExplicitModulus {
   std::vector<double> x_m, y_m, youngs_modulus_pa;
-  std::vector<double> z_m = {};
+  std::vector<double> z_m = {}, slices_m = {};
   bool solid() const { return !z_m.empty(); }
+  std::size_t slices() const { return !solid() ? 1 : slices_m.empty() ? z_m.size() - 1 : slices_m.size(); }
+  // Of a solid.
+  double slice_m(std::size_t n) const { return slices_m.empty() ? (z_m[n] + z_m[n + 1]) / 2 : slices_m[n]; }
 };
 
 struct SceneRecord {

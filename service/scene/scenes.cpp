@@ -56,7 +56,7 @@ void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, cons
   check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.most_scene_columns);
   check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.most_scene_elements + 1);
   if (e.solid()) check_nodes("modulus.z_m", e.z_m, limits.most_scene_columns);
-  const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1) * (e.solid() ? e.z_m.size() - 1 : 1);
+  const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1) * e.slices();
   const std::size_t most = e.solid() ? limits.most_solid_elements : limits.most_scene_elements;
   if (elements > most)
     throw Error(

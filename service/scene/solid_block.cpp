@@ -64,6 +64,46 @@ std::size_t given_of(std::size_t column, std::size_t given, std::size_t columns)
   return column < given + (columns - given) / 2 ? given - 1 : 0;
 }
 
+// A column along z of the block, between two slices: how far from the one to the other.
+struct Between {
+  std::size_t before = 0, after = 0;
+  double share = 0;
+};
+Between between(const ExplicitModulus& e, double z_m) {
+  constexpr double kRounding = 1e-9;
+  Between at;
+  const std::size_t slices = e.slices();
+  while (at.after + 1 < slices && e.slice_m(at.after) < z_m) at.before = at.after++;
+  const double first_m = e.slice_m(at.before), second_m = e.slice_m(at.after);
+  if (second_m < z_m) return {at.after, at.after, 0};
+  if (second_m > first_m) at.share = std::clamp((z_m - first_m) / (second_m - first_m), 0.0, 1.0);
+  if (at.share < kRounding) return {at.before, at.before, 0};
+  return at.share > 1 - kRounding ? Between{at.after, at.after, 0} : at;
+}
+
+// The columns along z that `wanted`.
+template <class Wanted>
+void fill(SolidBlock& block, const ExplicitModulus& e, const Wanted& wanted) {
+  const SolidGrid& grid = block.tissue.grid;
+  const std::size_t given_x = e.x_m.size() - 1, layers = grid.layers();
+  const auto given_z =
+      static_cast<std::size_t>(std::lround((e.z_m.back() - e.z_m.front()) / grid.spacing_z_m));
+  for (std::size_t k = 0; k < grid.nz; ++k) {
+    const auto column = static_cast<double>(given_of(k, given_z, grid.nz));
+    const Between at = between(e, block.origin_z_m + (column + 0.5) * grid.spacing_z_m);
+    if (!wanted(at)) continue;
+    look();
+    for (std::size_t j = 0; j < layers; ++j)
+      for (std::size_t i = 0; i < grid.nx; ++i) {
+        const std::size_t x = j * given_x + given_of(i, given_x, grid.nx);
+        const double near = e.youngs_modulus_pa[at.before * layers * given_x + x],
+                     far = e.youngs_modulus_pa[at.after * layers * given_x + x];
+        block.tissue.youngs_modulus_pa[(j * grid.nz + k) * grid.nx + i] =
+            at.share > 0 ? near * std::pow(far / near, at.share) : near;
+      }
+  }
+}
+
 }  // namespace
 
 SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) {
@@ -71,7 +111,7 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
     throw std::invalid_argument(
         "geometry.supports: a solid is held at its bottom alone; leave geometry.supports out");
   const double spacing_x = spacing_of(e.x_m, "modulus.x_m"), pitch_z = spacing_of(e.z_m, "modulus.z_m");
-  const std::size_t given_x = e.x_m.size() - 1, layers = e.y_m.size() - 1, slices = e.z_m.size() - 1;
+  const std::size_t given_x = e.x_m.size() - 1, given_z = e.z_m.size() - 1;
   const double extent_z = e.z_m.back() - e.z_m.front();
   if (extent_z > choices::kWidestSolid)
     throw std::invalid_argument(fmt::format("modulus.z_m: reaches over {} m, at most {} are modelled",
@@ -83,7 +123,7 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
   grid.spacing_z_m = pitch_z / static_cast<double>(parts);
   grid.y_m = e.y_m;
   grid.nx = padded(given_x, grid.spacing_x_m, "modulus.x_m");
-  grid.nz = padded(slices * parts, grid.spacing_z_m, "modulus.z_m");
+  grid.nz = padded(given_z * parts, grid.spacing_z_m, "modulus.z_m");
   require_modelled(grid);
   block.tissue.poisson_ratio = geometry.poisson_ratio;
   block.origin_x_m = e.x_m.front();
@@ -91,26 +131,15 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
   const double inf = HUGE_VAL;  // the last column belongs to it
   block.region = {e.x_m.front(), std::nextafter(e.x_m.back(), inf), e.z_m.front(),
                   std::nextafter(e.z_m.back(), inf)};
-  const auto given = [&](std::size_t slice, std::size_t j, std::size_t i) {
-    return e.youngs_modulus_pa[(slice * layers + j) * given_x + i];
-  };
-  block.tissue.youngs_modulus_pa.reserve(grid.elements());
-  for (std::size_t j = 0; j < layers; ++j)
-    for (std::size_t k = 0; k < grid.nz; ++k) {
-      look();
-      const std::size_t column = given_of(k, slices * parts, grid.nz);
-      // In slices, from the middle of the first one.
-      const double at = (static_cast<double>(column) + 0.5) / static_cast<double>(parts) - 0.5;
-      const auto before = static_cast<std::size_t>(std::clamp(at, 0.0, static_cast<double>(slices - 1)));
-      const std::size_t after = std::min(before + 1, slices - 1);
-      const double share = std::clamp(at - static_cast<double>(before), 0.0, 1.0);
-      for (std::size_t i = 0; i < grid.nx; ++i) {
-        const std::size_t x = given_of(i, given_x, grid.nx);
-        const double near = given(before, j, x), far = given(after, j, x);
-        block.tissue.youngs_modulus_pa.push_back(share > 0 ? near * std::pow(far / near, share) : near);
-      }
-    }
+  grow(block.tissue.youngs_modulus_pa, grid.elements(), 0.0);
+  fill(block, e, [](const Between&) { return true; });
   validate(block.tissue);
+  return block;
+}
+
+SolidBlock solid_block(const SolidBlock& before, const ExplicitModulus& e, std::size_t slice) {
+  SolidBlock block = before;
+  fill(block, e, [slice](const Between& at) { return at.before == slice || at.after == slice; });
   return block;
 }
 

@@ -8,8 +8,10 @@
 namespace teletact::service {
 
 // Columns as they are given, evenly spaced; along z at most choices::kSolidSpacing apart, ln E interpolated
-// between the middles of the given elements; rows as they are. Around it, to a power of two of columns, the
-// outermost elements go on. Throws std::invalid_argument (field named).
+// between the slices, beyond which the outermost go on; rows as they are. Around it, to a power of two of
+// columns, the outermost elements go on. Throws std::invalid_argument (field named).
 SolidBlock solid_block(const SceneGeometry&, const ExplicitModulus&);
+// The same where `before` was one slice less, or had another in this one's place.
+SolidBlock solid_block(const SolidBlock& before, const ExplicitModulus&, std::size_t slice);
 
 }  // namespace teletact::service

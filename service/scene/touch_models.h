@@ -35,6 +35,16 @@ class TouchModels {
   // Of the whole tissue, whose modulus is given, on exactly this grid.
   virtual std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry&, const ExplicitModulus&,
                                                        const MemoryAccount&) const = 0;
+  // Of a solid whose model `before` was one slice less, or had another in this one's place: soon.
+  virtual std::shared_ptr<const TouchModel> of_slice(const SceneGeometry& geometry, const ExplicitModulus& e,
+                                                     std::size_t /*slice*/, const TouchModel& /*before*/,
+                                                     const MemoryAccount& account) const {
+    return of_modulus(geometry, e, account);
+  }
+  // What is to take the place of a model that slices have worn: ready, where that was; null while it serves.
+  virtual std::shared_ptr<const TouchModel> renewed(const TouchModel&, const MemoryAccount&) const {
+    return nullptr;
+  }
   // Compiles what they use of the device: the first touch must not wait for the compiler.
   virtual void warm(const std::shared_ptr<Device>&) const {}
 };

@@ -45,11 +45,31 @@ double SolidSolution::bounded_error() const {
 }
 
 template <class T>
+SolidModulus<T>::SolidModulus(const Queue& queue, const SolidTissue& tissue, LayeredTissue beside)
+    : layers((validate(tissue), std::move(beside))) {
+  const SolidGrid& grid = tissue.grid;
+  const std::size_t width = lanes(queue, grid.nx, sizeof(T)), nx = grid.nx;
+  std::vector<T> wide((nx + 2 * width) * grid.nz * grid.layers());
+  auto to = wide.begin();
+  const auto append = [&to](auto begin, std::size_t count) {
+    to = std::transform(begin, begin + static_cast<std::ptrdiff_t>(count), to,
+                        [](double e) { return static_cast<T>(e); });
+  };
+  for (auto row = tissue.youngs_modulus_pa.begin(); row != tissue.youngs_modulus_pa.end();
+       row += static_cast<std::ptrdiff_t>(nx)) {
+    append(row + static_cast<std::ptrdiff_t>(nx - width), width);  // the period's copies on either side
+    append(row, nx);
+    append(row, width);
+  }
+  youngs_modulus_pa = queue.array(wide);
+}
+
+template <class T>
 SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
     : queue_(queue),
       grid_((validate(tissue), tissue.grid)),
-      layered_(layered(tissue)),
-      preconditioner_(queue, grid_, layered_, tissue.poisson_ratio),
+      modulus_(std::make_shared<const SolidModulus<T>>(queue, tissue, layered(tissue))),
+      preconditioner_(queue, grid_, modulus_->layers, tissue.poisson_ratio),
       width_(lanes(queue, grid_.nx, sizeof(T))),
       rounding_(rounding_of<T>(tissue.poisson_ratio)),
       nx_(static_cast<int>(grid_.nx)),
@@ -59,21 +79,15 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
   const std::size_t groups = unknowns / width_, wide = grid_.nx + 2 * width_;
   chunk_ = (groups + kMostChunks - 1) / kMostChunks;
   chunks_ = (groups + chunk_ - 1) / chunk_;
-  std::vector<T> stiffness, modulus;
+  std::vector<T> stiffness;
   stiffness.reserve(576 * layers);
-  modulus.reserve(layers * grid_.nz * wide);
   for (std::size_t j = 0; j < layers; ++j) {
     const HexahedronMatrix k = hexahedron_stiffness(grid_.spacing_x_m, grid_.y_m[j + 1] - grid_.y_m[j],
                                                     grid_.spacing_z_m, tissue.poisson_ratio);
     for (int row = 0; row < 24; ++row)
       for (int column = 0; column < 24; ++column) stiffness.push_back(static_cast<T>(k(row, column)));
-    for (std::size_t n = 0; n < grid_.nz; ++n)
-      for (std::size_t i = 0; i < wide; ++i)
-        modulus.push_back(static_cast<T>(
-            tissue.youngs_modulus_pa[j * columns + n * grid_.nx + (i + grid_.nx - width_) % grid_.nx]));
   }
   stiffness_ = queue.array(stiffness);
-  modulus_ = queue.array(modulus);
   for (Array<T>* field : {&u_, &r_, &z_, &kd_}) *field = queue.array<T>(unknowns);
   d_ = queue.array<T>(3 * (layers + 1) * grid_.nz * wide);
   surface_ = queue.array<T>(3 * columns);
@@ -148,8 +162,8 @@ void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
   queue_.write(scalars_, none.data(), none.size());
   const int planes = 3 * rows_, groups = static_cast<int>(grid_.unknowns() / width_);
   direction_(over(grid_.nx / width_, grid_.nz, 3 * grid_.layers()), scalars_, u_, d_, nx_, nz_, planes);
-  apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_, d_, kd_, partial_, nx_, nz_,
-         rows_);
+  apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_->youngs_modulus_pa, d_, kd_,
+         partial_, nx_, nz_, rows_);
   queue_.fill_zero(z_);
   spread(p_, z_, T{1}, {0, 3});
   subtract_({{static_cast<std::size_t>(groups)}, {64}}, z_, kd_, r_, groups);
@@ -173,7 +187,7 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
   const auto groups = static_cast<int>(grid_.unknowns() / width_);
   const auto partials = static_cast<int>(grid_.layers() * grid_.nz * (grid_.nx / width_));
   SolidSolution solution;
-  RadauBound bound(layered_.least);
+  RadauBound bound(layers().least);
   double rho = 0;
   for (std::size_t k = 0;; ++k) {
     precondition(patch);
@@ -204,8 +218,8 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
       solution.reason = StopReason::kIterationLimit;
     if (solution.reason != StopReason::kRunning) return solution;
     direction_(fields, scalars_, z_, d_, nx_, nz_, planes);
-    apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_, d_, kd_, partial_, nx_,
-           nz_, rows_);
+    apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_->youngs_modulus_pa, d_,
+           kd_, partial_, nx_, nz_, rows_);
     patch_step_({{1}, {1}}, partial_, scalars_, unknowns_, d_, kd_, p_, dq_, partials, count, nx_);
     step_(fields, scalars_, d_, kd_, u_, r_, nx_, nz_, planes);
   }
@@ -270,6 +284,8 @@ SurfaceExcess SolidSolver<T>::surface_excess() {
   return out;
 }
 
+template struct SolidModulus<float>;
+template struct SolidModulus<double>;
 template class SolidSolver<float>;
 template class SolidSolver<double>;
 

@@ -14,6 +14,8 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "service/solid/layered_preconditioner.h"
@@ -55,11 +57,26 @@ struct SurfaceExcess {
   Eigen::VectorXd moved_m, last_m;
 };
 
+// The modulus of tissue on the device. A solver's factor depends on `layers` and the Poisson ratio alone, so
+// it solves any modulus on its grid (T8.7).
+template <class T>
+struct SolidModulus {
+  // `layers`: those of the factor. Throws as validate() does.
+  SolidModulus(const Queue&, const SolidTissue&, LayeredTissue layers);
+  const LayeredTissue layers;
+  Array<T> youngs_modulus_pa;  // as the kernels take it
+};
+
 template <class T>
 class SolidSolver {
  public:
   // Throws as validate() does.
   SolidSolver(const Queue&, const SolidTissue&);
+  // What it solves: from the beginning its tissue's, then that of the last use().
+  const std::shared_ptr<const SolidModulus<T>>& modulus() const { return modulus_; }
+  // From now on, until the next solution is over and what it leaves is read. It must be on this grid, beside
+  // this solver's layers.
+  void use(std::shared_ptr<const SolidModulus<T>> modulus) { modulus_ = std::move(modulus); }
   const SurfaceCompliance& layered_surface() const { return preconditioner_.surface_compliance(); }
   // Throws std::invalid_argument where the patch is not one of this surface.
   SolidSolution push(const SurfacePatch&, const Eigen::VectorXd& w, const SolidOptions& = {});
@@ -70,7 +87,7 @@ class SolidSolver {
   SurfaceExcess surface_excess();
   // Displacement of the last solution, [plane = 3 row + component][z][x].
   std::vector<T> displacement() const { return queue_.read(u_); }
-  const LayeredTissue& layers() const { return layered_; }
+  const LayeredTissue& layers() const { return modulus_->layers; }
   double rounding() const { return rounding_; }  // of every solution
 
  private:
@@ -92,12 +109,12 @@ class SolidSolver {
   double dot(const Array<T>& a, const Array<T>& b);
   Queue queue_;
   SolidGrid grid_;
-  LayeredTissue layered_;
+  std::shared_ptr<const SolidModulus<T>> modulus_;
   LayeredPreconditioner<T> preconditioner_;
   std::size_t width_ = 1, chunk_ = 1, chunks_ = 1;
   double rounding_;
   int nx_, nz_, rows_;
-  Array<T> stiffness_, modulus_;
+  Array<T> stiffness_;
   Array<T> u_, r_, z_, kd_, d_, surface_;
   Array<T> scalars_, partial_;
   Array<int> unknowns_, slots_;

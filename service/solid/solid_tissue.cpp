@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <span>
 #include <stdexcept>
 
 namespace teletact::service {
@@ -18,6 +19,11 @@ void require_size(std::size_t n, const char* field) {
 void require_length(double value, const char* field) {
   if (!(value > 0) || !std::isfinite(value))
     throw std::invalid_argument(fmt::format("{} is {}; give a finite length above 0 m", field, value));
+}
+
+std::span<const double> elements_of(const SolidTissue& tissue, std::size_t layer) {
+  const std::size_t columns = tissue.grid.columns();
+  return {tissue.youngs_modulus_pa.data() + layer * columns, columns};
 }
 
 }  // namespace
@@ -51,18 +57,27 @@ void validate(const SolidTissue& tissue) {
 }
 
 LayeredTissue layered(const SolidTissue& tissue) {
-  const std::size_t columns = tissue.grid.columns();
-  LayeredTissue out;
+  std::vector<double> means;
   for (std::size_t j = 0; j < tissue.grid.layers(); ++j) {
-    const auto begin = tissue.youngs_modulus_pa.begin() + static_cast<std::ptrdiff_t>(j * columns);
-    const auto end = begin + static_cast<std::ptrdiff_t>(columns);
-    const auto [low, high] = std::minmax_element(begin, end);
+    const auto layer = elements_of(tissue, j);
+    const auto [low, high] = std::minmax_element(layer.begin(), layer.end());
     double sum = 0;
-    for (auto e = begin; e != end; ++e) sum += std::log(*e / *low);
-    const double mean = *low == *high ? *low : *low * std::exp(sum / static_cast<double>(columns));
-    out.youngs_modulus_pa.push_back(mean);
-    out.least = std::min(out.least, *low / mean);
-    out.largest = std::max(out.largest, *high / mean);
+    for (const double e : layer) sum += std::log(e / *low);
+    means.push_back(*low == *high ? *low : *low * std::exp(sum / static_cast<double>(layer.size())));
+  }
+  return beside(tissue, means);
+}
+
+LayeredTissue beside(const SolidTissue& tissue, const std::vector<double>& layers_pa) {
+  if (layers_pa.size() != tissue.grid.layers())
+    throw std::invalid_argument(
+        fmt::format("layers_pa has {} values for {} layers", layers_pa.size(), tissue.grid.layers()));
+  LayeredTissue out{layers_pa};
+  for (std::size_t j = 0; j < layers_pa.size(); ++j) {
+    const auto layer = elements_of(tissue, j);
+    const auto [low, high] = std::minmax_element(layer.begin(), layer.end());
+    out.least = std::min(out.least, *low / layers_pa[j]);
+    out.largest = std::max(out.largest, *high / layers_pa[j]);
   }
   return out;
 }

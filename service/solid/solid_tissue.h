@@ -36,5 +36,7 @@ struct LayeredTissue {
   double least = 1, largest = 1;
 };
 LayeredTissue layered(const SolidTissue&);
+// The same beside another E0, one for each layer: both bounds of E / E0 are this tissue's.
+LayeredTissue beside(const SolidTissue&, const std::vector<double>& layers_pa);
 
 }  // namespace teletact::service

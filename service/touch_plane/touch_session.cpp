@@ -94,7 +94,8 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       options_(canonical(std::move(options))),
       layer_(scene_->layer_near(options_.layer_depth_m)),
       way_{options_.path, std::move(device), options_.client} {
-  const bool solid = scene_->explicit_modulus() && scene_->explicit_modulus()->solid();
+  const auto given = scene_->snapshot()->modulus;
+  const bool solid = given && given->solid();
   check_fingertip(options_.fingertip, solid, scene_->limits());
   if (options_.layer_normal) check_normal(*options_.layer_normal, layer_);
   scene_->use_layer(layer_);
@@ -242,7 +243,9 @@ double TouchSession::measured_share(const StitchedMap& map, double x_m) const {
 }
 
 // Why a contact is not to be trusted; empty when it is.
-std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& snapshot, double x_m) const {
+std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& snapshot,
+                                const TouchPose& pose) const {
+  const auto& [x_m, y_m, z_m] = pose.position_m;
   const double measured = snapshot.map ? measured_share(*snapshot.map, x_m) : 1;
   if (!c.solve.converged)
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
@@ -257,6 +260,10 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   if (measured < choices::kTrustedShare)
     return fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
                        100 * measured);
+  if (const double away_m = snapshot.modulus ? from_slices_m(*snapshot.modulus, z_m) : 0;
+      away_m > choices::kSliceReach)
+    return fmt::format("the nearest slice is {:.1f} mm away along z: the tissue here is interpolated",
+                       1e3 * away_m);
   return "";
 }
 
@@ -269,7 +276,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };
-  if (const std::string why = doubt(c, snapshot, pose.position_m[0]); !why.empty()) {
+  if (const std::string why = doubt(c, snapshot, pose); !why.empty()) {
     answer.warning = why;
     answer.status = TouchStatus::kDegraded;
     return;
@@ -289,7 +296,7 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   const auto& [x_m, y_m, z_m] = pose.position_m;
   ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->touch(options_.fingertip, pose)};
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
-      !doubt(touch.contact, snapshot, x_m).empty())
+      !doubt(touch.contact, snapshot, pose).empty())
     return std::nullopt;
   return touch;
 } catch (const std::exception&) {  // the model's limits: nothing is foreseen, the answer stands

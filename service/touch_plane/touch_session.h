@@ -77,7 +77,7 @@ class TouchSession {
   void look_ahead(const TouchPose&);
   void touch_into(TouchAnswer&, const TouchPose&);
   void judge(TouchAnswer&, const SceneSnapshot&, const TouchPose&) const;
-  std::string doubt(const ContactAnswer&, const SceneSnapshot&, double x_m) const;
+  std::string doubt(const ContactAnswer&, const SceneSnapshot&, const TouchPose&) const;
   double measured_share(const StitchedMap&, double x_m) const;
   std::optional<ForeseenTouch> foresee(const SceneSnapshot&, const TouchPose&);
   const std::shared_ptr<Scene> scene_;

@@ -268,7 +268,7 @@ TEST(KeepingState, ASceneThatDoesNotFitIntoMemoryAtTheStartIsNotWrittenOver) {
   Scenes again(kState, {}, disk);
   again.restore();
   ASSERT_EQ(again.list().size(), 1U);
-  EXPECT_EQ(again.list()[0]->explicit_modulus()->youngs_modulus_pa.size(), 4000U);
+  EXPECT_EQ(again.list()[0]->snapshot()->modulus->youngs_modulus_pa.size(), 4000U);
 }
 
 // One that cannot be read for a while.

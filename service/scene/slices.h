@@ -1,0 +1,39 @@
+// Plane maps of a solid's modulus that come one by one (T8.7).
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "service/limits/limits.h"
+#include "service/scene/scene_record.h"
+
+namespace teletact::service {
+
+// Closer to each other they are the same slice: the newer one takes the older one's place.
+inline constexpr double kSameSliceM = 1e-5;
+
+struct ModulusSlice {
+  double z_m = 0;
+  // Nodes, which must be the solid's own; both empty: they are.
+  std::vector<double> x_m, y_m;
+  std::vector<double> youngs_modulus_pa;  // of each element between them, x fastest; > 0
+};
+
+// All of them, in any order, on the nodes of `grid`. Throws std::invalid_argument (field named: slices[n])
+// for none, two at one place, one beside the grid or on another, a modulus that is none; Error(kExhausted)
+// for more than the limits allow.
+ExplicitModulus stacked(ExplicitModulus grid, const std::vector<ModulusSlice>& slices, const Limits&);
+
+struct GrownModulus {
+  ExplicitModulus modulus;
+  std::size_t slice = 0;  // the new one's
+};
+// A solid with one more slice, or with this one in the place of the one there. Throws as stacked() does, the
+// fields being of `slice`.
+GrownModulus with_slice(const ExplicitModulus&, const ModulusSlice&, const Limits&);
+
+// How far z is from the nearest slice; 0 where the modulus is given throughout.
+double from_slices_m(const ExplicitModulus&, double z_m);
+
+}  // namespace teletact::service
