@@ -8,6 +8,22 @@ typedef struct {
   vec re[3], im[3];
 } Complex3;
 
+// Where the lanes of an item (group of lanes, kz) lie.
+typedef struct {
+  int at;     // in a part of a spectrum
+  int of;     // in a plane of the factor: of |kz|
+  real sign;  // of u_z in the blocks' basis
+} Lanes;
+
+Lanes lanes(const int group, const int kz, const int nz, const int pitch) {
+  const bool negative = kz > nz / 2;
+  Lanes l;
+  l.at = kz * pitch + group * WIDTH;
+  l.of = (negative ? nz - kz : kz) * pitch + group * WIDTH;
+  l.sign = negative ? -1 : 1;
+  return l;
+}
+
 // [plane of row 0][re] of the lanes; part: nz * pitch.
 Complex3 load_row(global const real* spectrum, const int part) {
   Complex3 u;
@@ -65,14 +81,13 @@ kernel void layers_up(global const real* restrict inverse, global const real* re
                       const int nz, const int pitch, const int first, const int count) {
   const int group = get_global_id(0), kz = get_global_id(1);
   if (group * WIDTH >= pitch || kz >= nz) return;
-  const int of = kz <= nz / 2 ? kz : nz - kz, plane = (nz / 2 + 1) * pitch, part = nz * pitch;
-  const real sign = kz <= nz / 2 ? 1 : -1;
-  global const real* s = inverse + of * pitch + group * WIDTH;
-  global const real* w = coupling + of * pitch + group * WIDTH;
-  global real* row = spectrum + kz * pitch + group * WIDTH;
+  const int plane = (nz / 2 + 1) * pitch, part = nz * pitch;
+  const Lanes l = lanes(group, kz, nz, pitch);
+  global const real *s = inverse + l.of, *w = coupling + l.of;
+  global real* row = spectrum + l.at;
   Complex3 below;
   for (int j = layers - 1; j >= 0; --j) {
-    Complex3 g = into_basis(load_row(row + 6 * j * part, part), sign);
+    Complex3 g = into_basis(load_row(row + 6 * j * part, part), l.sign);
     if (j < layers - 1)
       for (int p = 0; p < 3; ++p)
         for (int q = 0; q < 3; ++q) {
@@ -83,8 +98,8 @@ kernel void layers_up(global const real* restrict inverse, global const real* re
     store_row(g, row + 6 * j * part, part);
     below = g;
   }
-  const Complex3 u = out_of_basis(solve_block(s, plane, below), sign);
-  global real* at = surface + kz * pitch + group * WIDTH;
+  const Complex3 u = out_of_basis(solve_block(s, plane, below), l.sign);
+  global real* at = surface + l.at;
   for (int c = first; c < first + count; ++c) {
     STORE(u.re[c], at + 2 * c * part);
     STORE(u.im[c], at + (2 * c + 1) * part);
@@ -98,19 +113,18 @@ kernel void layers_down(global const real* restrict inverse, global const real* 
                         const int nz, const int pitch, const int first, const int count) {
   const int group = get_global_id(0), kz = get_global_id(1);
   if (group * WIDTH >= pitch || kz >= nz) return;
-  const int of = kz <= nz / 2 ? kz : nz - kz, plane = (nz / 2 + 1) * pitch, part = nz * pitch;
-  const real sign = kz <= nz / 2 ? 1 : -1;
-  global const real* s = inverse + of * pitch + group * WIDTH;
-  global const real* w = coupling + of * pitch + group * WIDTH;
-  global real* row = spectrum + kz * pitch + group * WIDTH;
-  global const real* at = surface + kz * pitch + group * WIDTH;
+  const int plane = (nz / 2 + 1) * pitch, part = nz * pitch;
+  const Lanes l = lanes(group, kz, nz, pitch);
+  global const real *s = inverse + l.of, *w = coupling + l.of;
+  global real* row = spectrum + l.at;
+  global const real* at = surface + l.at;
   Complex3 force;
   for (int c = 0; c < 3; ++c) {
     const bool there = c >= first && c < first + count;
     force.re[c] = there ? LOAD(at + 2 * c * part) : (vec)(0);
     force.im[c] = there ? LOAD(at + (2 * c + 1) * part) : (vec)(0);
   }
-  force = into_basis(force, sign);
+  force = into_basis(force, l.sign);
   Complex3 above;
   for (int j = 0; j < layers; ++j) {
     Complex3 g = load_row(row + 6 * j * part, part);
@@ -127,7 +141,7 @@ kernel void layers_down(global const real* restrict inverse, global const real* 
           u.re[p] -= c * above.re[q];
           u.im[p] -= c * above.im[q];
         }
-    store_row(out_of_basis(u, sign), row + 6 * j * part, part);
+    store_row(out_of_basis(u, l.sign), row + 6 * j * part, part);
     above = u;
   }
 }

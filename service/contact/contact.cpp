@@ -16,8 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kLargestLinearStrain = 0.15;  // T4.5
-constexpr double kPeakStrain = 0.42;           // of (1 + nu) p / E, see solve_contact
+constexpr double kPeakStrain = 0.42;  // of (1 + nu) p / E, see solve_contact
 
 void validate(const TissueProblem& problem, std::size_t row, const PlanePose& pose) {
   if (row >= problem.grid.ny()) throw std::out_of_range("row " + std::to_string(row) + " is absent");
@@ -137,7 +136,7 @@ ContactAnswer solve_contact(const TissueProblem& problem, std::size_t row, Compl
   answer.solve.relative_error = force_error(touch, answer.solve);
   if (touch.nodes.empty()) return answer;
   const double thickness = problem.thickness_m;
-  const Energy& u = touch.energy;
+  const PoseEnergy<2>& u = touch.energy;
   answer.state = ContactState::kContact;
   answer.energy_j = thickness * u.value;
   answer.force_n = {-thickness * u.gradient[0], -thickness * u.gradient[1], 0};

@@ -1,9 +1,13 @@
 #include "service/contact/fingertip.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+
+#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {
@@ -107,14 +111,30 @@ double flat_half_m(const Fingertip& tip) {
   return tip.shape == FingertipShape::kFlatPunch || tip.shape == FingertipShape::kPad ? tip.half_width_m : 0;
 }
 
-Overlap overlap(const Fingertip& tip, const PlanePose& pose, double x_m) {
+NodeOverlap<2> overlap(const Fingertip& tip, const PlanePose& pose, double x_m) {
   const double d = beyond_flat(tip, x_m - pose.x_m);
-  return {pose.indentation_m - d * d / (2 * tip.radius_m), d / tip.radius_m,
-          d == 0 && flat_half_m(tip) > 0 ? 0 : -1 / tip.radius_m};
+  NodeOverlap<2> o;
+  o.w_m = pose.indentation_m - d * d / (2 * tip.radius_m);
+  o.slope[0] = d / tip.radius_m;
+  o.curvature(0, 0) = d == 0 && flat_half_m(tip) > 0 ? 0 : -1 / tip.radius_m;
+  return o;
 }
 
 double reach_m(const Fingertip& tip, double indentation_m, double margin_m) {
   return flat_half_m(tip) + std::sqrt(2 * tip.radius_m * std::max(0.0, indentation_m + margin_m));
+}
+
+std::string coarse_mesh(const Fingertip& tip, double indentation_m, double spacing_m) {
+  if (tip.shape == FingertipShape::kNode || indentation_m <= 0) return "";
+  const double reach = reach_m(tip, std::max(indentation_m, choices::kLightTouch), 0);
+  // A pad's rim bears little: the whole of it must span enough.
+  const bool pad = tip.shape == FingertipShape::kPad;
+  const double spans = pad ? reach : reach - flat_half_m(tip);
+  if (spans >= (pad ? choices::kLeastPadSpacings : choices::kLeastSpacings) * spacing_m) return "";
+  return fmt::format(
+      "the mesh is too coarse for this tip: nodes {:.2g} mm apart where {} spans {:.2g} mm a side; the force "
+      "depends on where it stands between them, use a finer grid or a wider tip",
+      1e3 * spacing_m, pad ? "it" : "its curved part", 1e3 * spans);
 }
 
 Footprint footprint(const Fingertip& tip, double x_m, std::span<const double> grid_x_m, ColumnRange columns) {

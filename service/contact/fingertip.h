@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "service/contact/contact.h"
@@ -16,16 +17,29 @@ void validate(const Fingertip&);
 // Half of its flat part; 0 where it has none.
 double flat_half_m(const Fingertip&);
 
-// Overlap w of a node at x with a punch or rounded tip at X, and its derivatives by X (dw/d indentation = 1).
-struct Overlap {
+template <int N>
+using PoseVector = Eigen::Matrix<double, N, 1>;
+template <int N>
+using PoseMatrix = Eigen::Matrix<double, N, N>;
+
+// Overlap of a node with a punch or rounded tip, and its derivatives by the pose: [X, indentation], or
+// [x, indentation, z] in solid tissue.
+template <int N>
+struct NodeOverlap {
   double w_m = 0;
-  double slope = 0;          // dw/dX
-  double curvature_1_m = 0;  // d2w/dX2
+  PoseVector<N> slope = PoseVector<N>::Unit(1);
+  PoseMatrix<N> curvature = PoseMatrix<N>::Zero();  // 1/m
 };
-Overlap overlap(const Fingertip&, const PlanePose&, double x_m);
+
+// Of a node at x with a tip at X.
+NodeOverlap<2> overlap(const Fingertip&, const PlanePose&, double x_m);
 
 // Half width of the range around the tip's centre where w > -margin_m.
 double reach_m(const Fingertip&, double indentation_m, double margin_m);
+
+// Why nodes so far apart are too coarse a mesh for the tip that presses; empty where they are not. A tip that
+// only begins to touch is judged as pressed lightly: it overlaps few nodes of any mesh.
+std::string coarse_mesh(const Fingertip&, double indentation_m, double spacing_m);
 
 // Weights b of the single-node contact (sum 1) over the nodes first ... first + b.rows() - 1 of `x_m`, as
 // columns [b, db/dX, d2b/dX2]. Hat function: piecewise linear in X; at a node its slope is the mean of both

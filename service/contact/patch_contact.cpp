@@ -15,18 +15,15 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-constexpr double kTieShare = 0.01;       // tie compliance over S_xx,ii ...
-constexpr double kTieOverlapM = 1e-3;    // ... at this overlap
-constexpr int kTieOrder = 3;             // C_i = kTieShare S_xx,ii (kTieOverlapM / w_i)^kTieOrder
-constexpr double kTieNegligible = 1e12;  // ties softer than this times S_xx,ii carry nothing
+constexpr double kEdge = 0.48;  // of a contact on a half plane (first_guess)
 
 // The unknown nodal forces of a patch: tangential ones of tied nodes first, then the normal ones.
 struct Patch {
-  std::vector<std::size_t> nodes;   // grid columns
-  std::vector<Overlap> overlaps;    // of each node
-  std::vector<Index> tied;          // positions in `nodes`
-  std::vector<double> tie;          // C_i of each tied node, m per N/m
-  std::vector<SkinThickness> skin;  // of each node
+  std::vector<std::size_t> nodes;        // grid columns
+  std::vector<NodeOverlap<2>> overlaps;  // of each node
+  std::vector<Index> tied;               // positions in `nodes`
+  std::vector<double> tie;               // C_i of each tied node, m per N/m
+  std::vector<SkinThickness> skin;       // of each node
   PatchProgramme programme;
 };
 
@@ -35,12 +32,10 @@ void tie_sideways(const MatrixXd& s, Patch& patch) {
   std::vector<Index> unknowns;
   const Index n = Index(patch.nodes.size());
   for (Index k = 0; k < n; ++k) {
-    const double w = patch.overlaps[std::size_t(k)].w_m;
-    if (w <= 0) continue;
-    const double share = kTieShare * std::pow(kTieOverlapM / w, kTieOrder);
-    if (share > kTieNegligible) continue;
+    const auto share = tie_share(patch.overlaps[std::size_t(k)].w_m);
+    if (!share) continue;
     patch.tied.push_back(k);
-    patch.tie.push_back(share * s(2 * k, 2 * k));
+    patch.tie.push_back(*share * s(2 * k, 2 * k));
     unknowns.push_back(2 * k);
   }
   for (Index k = 0; k < n; ++k) unknowns.push_back(2 * k + 1);
@@ -74,18 +69,6 @@ Patch make_patch(Compliance& compliance, const Fingertip& tip, const PlanePose& 
   return patch;
 }
 
-// About what a round tip is pressed by, scaled to the most energy along it.
-VectorXd first_guess(const Patch& patch, double indentation_m) {
-  constexpr double kEdge = 0.48;  // overlap over indentation where contact ends on a half plane
-  const PatchProgramme& q = patch.programme;
-  VectorXd p = VectorXd::Zero(q.w.size());
-  for (Index u = q.first_node(); u < p.size(); ++u)
-    p[u] = std::sqrt(std::max(0.0, q.w[u] / indentation_m - kEdge));
-  const double curvature = p.dot(q.a * p);
-  if (curvature > 0) p *= p.dot(q.w) / curvature;
-  return p;
-}
-
 // What an error dA of the compliance does to the gradient: (A^-1 v_q)^T dA p.
 void set_measured_error(const Compliance& compliance, const Patch& patch, const std::vector<Index>& active,
                         const Eigen::MatrixX2d& sensitivity, const VectorXd& p, Touch& touch) {
@@ -112,7 +95,7 @@ void set_measured_error(const Compliance& compliance, const Patch& patch, const 
 // t_r + W_t t_qr - 1/2 p^T A_qr p with v_q = w_q + g_t t_q - A_q p. A varies by its ties alone, the skin with
 // the indentation.
 void set_energy(const Compliance& compliance, const Patch& patch, const PatchSolution& s, Touch& touch) {
-  Energy& energy = touch.energy;
+  PoseEnergy<2>& energy = touch.energy;
   const Index tied = Index(patch.tied.size()), active = Index(s.active.size());
   Eigen::MatrixX2d v(active, 2);
   energy.value = s.p.dot(patch.programme.w) - s.p.dot(patch.programme.a * s.p) / 2;
@@ -121,25 +104,14 @@ void set_energy(const Compliance& compliance, const Patch& patch, const PatchSol
     const double p = s.p[unknown];
     const bool normal = unknown >= tied;
     const std::size_t node = std::size_t(normal ? unknown - tied : patch.tied[std::size_t(unknown)]);
-    const Overlap& o = patch.overlaps[node];
-    const Vector2d w_q(o.slope, 1);
-    if (normal) {
-      const SkinState& skin = s.skin[node];
-      const SkinThickness& t = patch.skin[node];
-      const SkinEnergy w = skin_energy(skin, p, patch.programme.stiffness[node], t.t_m);
-      v.row(row) = w_q + Vector2d(0, skin.gap_by_t * t.slope);
-      energy.value += w.w;
-      energy.gradient += p * w_q + Vector2d(0, w.by_t * t.slope);
-      energy.hessian(0, 0) += p * o.curvature_1_m;
-      energy.hessian(1, 1) += w.by_t2 * t.slope * t.slope + w.by_t * t.curvature_1_m;
+    const NodeOverlap<2>& o = patch.overlaps[node];
+    if (!normal) {
+      v.row(row) = add_tie(p, patch.tie[std::size_t(unknown)], o, energy);
       continue;
     }
-    // C = c w^-m: dC/dw = -m C / w, d2C/dw2 = m (m + 1) C / w^2.
-    const double slope = -kTieOrder * patch.tie[std::size_t(unknown)] / o.w_m;
-    v.row(row) = (-slope * p) * w_q;
-    energy.gradient -= (slope / 2 * p * p) * w_q;
-    energy.hessian += ((kTieOrder + 1) * slope / (2 * o.w_m) * p * p) * w_q * w_q.transpose();
-    energy.hessian(0, 0) -= slope / 2 * p * p * o.curvature_1_m;
+    const SkinThickness& t = patch.skin[node];
+    const SkinEnergy w = skin_energy(s.skin[node], p, patch.programme.stiffness[node], t.t_m);
+    v.row(row) = add_node(p, o, s.skin[node], w, t, energy);
   }
   Eigen::MatrixX2d sensitivity = v;
   s.factor.solve(sensitivity.col(0));
@@ -177,7 +149,8 @@ Touch touch_patch(const TissueProblem& problem, Compliance& compliance, const Fi
     const ColumnRange columns{std::size_t(low - x.begin()), std::size_t(high - x.begin()) - 1};
     const Patch patch = make_patch(compliance, tip, pose, x, columns, report);
     const Index n = Index(patch.nodes.size()), tied = Index(patch.tied.size());
-    const PatchSolution s = solve_patch(patch.programme, first_guess(patch, pose.indentation_m));
+    const PatchSolution s =
+        solve_patch(patch.programme, first_guess(patch.programme, pose.indentation_m, kEdge));
     touch.iterations += s.iterations;
     const bool grow_left = s.p[tied] > 0 && columns.first > all.first;
     const bool grow_right = s.p[tied + n - 1] > 0 && columns.last < all.last;

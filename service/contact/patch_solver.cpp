@@ -35,6 +35,15 @@ void update_active(const PatchProgramme& q, const VectorXd& displacement, PatchS
 
 }  // namespace
 
+VectorXd first_guess(const PatchProgramme& q, double indentation_m, double edge) {
+  VectorXd p = VectorXd::Zero(q.w.size());
+  for (Index u = q.first_node(); u < p.size(); ++u)
+    p[u] = std::sqrt(std::max(0.0, q.w[u] / indentation_m - edge));
+  const double curvature = p.dot(q.a * p);
+  if (curvature > 0) p *= p.dot(q.w) / curvature;
+  return p;
+}
+
 PatchSolution solve_patch(const PatchProgramme& q, VectorXd guess) {
   PatchSolution s;
   s.p = std::move(guess);

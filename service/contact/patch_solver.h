@@ -27,6 +27,10 @@ struct PatchSolution {
   std::size_t iterations = 0;
 };
 
+// About what a round tip is pressed by, scaled to the most energy along it. `edge`: the overlap over the
+// indentation where contact ends on homogeneous tissue.
+Eigen::VectorXd first_guess(const PatchProgramme&, double indentation_m, double edge);
+
 // `guess`: p to start from, >= 0 for nodes; any gives the same, unique answer. Throws std::domain_error when
 // A is not positive definite or the iteration does not settle.
 PatchSolution solve_patch(const PatchProgramme&, Eigen::VectorXd guess);

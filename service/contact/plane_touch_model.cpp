@@ -48,23 +48,16 @@ class PlaneLayer final : public TouchedLayer {
     return solve_contact(tissue_->problem(), row_, *compliance_, tip, in_plane(pose));
   }
 
-  // What is wrong with the mesh under a pressed tip. One that only begins to touch is judged as pressed
-  // lightly: it overlaps few nodes of any mesh.
   std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
     const PlanePose at = in_plane(pose);
-    if (tip.shape == FingertipShape::kNode || at.indentation_m <= 0) return "";
+    if (tip.shape == FingertipShape::kNode) return "";
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
     const double reach = reach_m(tip, std::max(at.indentation_m, choices::kLightTouch), 0);
     double widest_m = 0;
     for (std::size_t i = 0; i + 1 < columns_m.size(); ++i)
       if (columns_m[i + 1] > at.x_m - reach && columns_m[i] < at.x_m + reach)
         widest_m = std::max(widest_m, columns_m[i + 1] - columns_m[i]);
-    const double curved = reach - flat_half_m(tip);
-    if (curved >= choices::kLeastSpacings * widest_m) return "";
-    return fmt::format(
-        "the mesh is too coarse for this tip: nodes {:.2g} mm apart where its curved part spans {:.2g} mm a "
-        "side; the force depends on where it stands between them, use a finer grid or a wider tip",
-        1e3 * widest_m, 1e3 * curved);
+    return coarse_mesh(tip, at.indentation_m, widest_m);
   }
 
   double spacing_m(double x_m) const override {

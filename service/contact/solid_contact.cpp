@@ -16,7 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kLargestLinearStrain = 0.15;
+constexpr double kEdge = 0.5;  // of a contact on a half space (first_guess)
 // Largest principal strain over (1 + nu) p / E, p the mean pressure: 2/3 of twice the largest shear stress,
 // 0.31 of the largest pressure, which is 1.5 p (Johnson, Contact Mechanics, 1985, 3.4).
 constexpr double kPeakStrain = 0.62;
@@ -121,7 +121,7 @@ FoundContact find_contact(const SolidGrid& grid, const RecycledCompliance& compl
   while (true) {
     FoundContact found{patch_under(grid, compliance, tip, pose, margin_m), {}, false};
     if (found.patch.nodes.empty()) return found;  // between nodes, above all of them
-    found.solution = solve_patch(found.patch.programme, first_guess(found.patch, pose[1]));
+    found.solution = solve_patch(found.patch.programme, first_guess(found.patch.programme, pose[1], kEdge));
     iterations += found.solution.iterations;
     const double least = least_overlap_m(found.patch, found.solution);
     found.touches = least != HUGE_VAL;

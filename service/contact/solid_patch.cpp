@@ -20,16 +20,11 @@ using Eigen::Matrix3d;
 using Eigen::VectorXd;
 using Three = Eigen::Vector3d;
 
-// Tangential ties of a stuck contact, as in patch_contact.cpp.
-constexpr double kTieShare = 0.01, kTieOverlapM = 1e-3, kTieNegligible = 1e12;
-constexpr int kTieOrder = 3;
-
-SolidOverlap overlap(const Fingertip& tip, double indentation_m, double dx, double dz) {
+NodeOverlap<3> overlap(const Fingertip& tip, double indentation_m, double dx, double dz) {
   const double flat = flat_half_m(tip);
   const double r = std::hypot(dx, dz), beyond = std::max(0.0, r - flat);
-  SolidOverlap o;
+  NodeOverlap<3> o;
   o.w_m = indentation_m - beyond * beyond / (2 * tip.radius_m);
-  o.slope[1] = 1;
   if (!(beyond > 0)) {
     if (flat == 0) o.curvature.diagonal() = Three(-1, 0, -1) / tip.radius_m;
     return o;
@@ -64,8 +59,8 @@ void find_nodes(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose
   };
   for (long k = first(pose[2], grid.spacing_z_m); k <= last(pose[2], grid.spacing_z_m); ++k)
     for (long i = first(pose[0], grid.spacing_x_m); i <= last(pose[0], grid.spacing_x_m); ++i) {
-      const SolidOverlap o = overlap(tip, pose[1], static_cast<double>(i) * grid.spacing_x_m - pose[0],
-                                     static_cast<double>(k) * grid.spacing_z_m - pose[2]);
+      const NodeOverlap<3> o = overlap(tip, pose[1], static_cast<double>(i) * grid.spacing_x_m - pose[0],
+                                       static_cast<double>(k) * grid.spacing_z_m - pose[2]);
       if (o.w_m < -margin_m) continue;
       patch.nodes.push_back(static_cast<std::size_t>((i % nx + nx) % nx + nx * ((k % nz + nz) % nz)));
       patch.overlaps.push_back(o);
@@ -74,14 +69,12 @@ void find_nodes(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose
 
 void tie_sideways(const SolidGrid& grid, double compliance_m_n, SolidPatch& patch) {
   for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
-    const double w = patch.overlaps[n].w_m;
-    if (w <= 0) continue;
-    const double share = kTieShare * std::pow(kTieOverlapM / w, kTieOrder);
-    if (share > kTieNegligible) continue;
+    const auto share = tie_share(patch.overlaps[n].w_m);
+    if (!share) continue;
     for (const std::size_t component : {std::size_t{0}, std::size_t{2}}) {
       patch.unknowns.push_back(component * grid.columns() + patch.nodes[n]);
       patch.node_of.push_back(n);
-      patch.tie.push_back(share * compliance_m_n);
+      patch.tie.push_back(*share * compliance_m_n);
     }
   }
 }
@@ -115,17 +108,6 @@ SolidPatch patch_under(const SolidGrid& grid, const RecycledCompliance& complian
   return patch;
 }
 
-VectorXd first_guess(const SolidPatch& patch, double indentation_m) {
-  constexpr double kEdge = 0.5;  // overlap over indentation where contact ends on a half space
-  const PatchProgramme& q = patch.programme;
-  VectorXd p = VectorXd::Zero(q.w.size());
-  for (Index u = q.first_node(); u < p.size(); ++u)
-    p[u] = std::sqrt(std::max(0.0, q.w[u] / indentation_m - kEdge));
-  const double curvature = p.dot(q.a * p);
-  if (curvature > 0) p *= p.dot(q.w) / curvature;
-  return p;
-}
-
 double least_overlap_m(const SolidPatch& patch, const PatchSolution& s) {
   double least = HUGE_VAL;
   const Index tied = patch.programme.first_node();
@@ -134,7 +116,6 @@ double least_overlap_m(const SolidPatch& patch, const PatchSolution& s) {
   return least;
 }
 
-// As set_energy in patch_contact.cpp, by three components of the pose.
 SolidEnergy energy_of(const SolidPatch& patch, const PatchSolution& s) {
   SolidEnergy energy;
   const PatchProgramme& q = patch.programme;
@@ -145,24 +126,13 @@ SolidEnergy energy_of(const SolidPatch& patch, const PatchSolution& s) {
     const Index unknown = s.active[static_cast<std::size_t>(row)];
     const double p = s.p[unknown];
     const std::size_t node = patch.node_of[static_cast<std::size_t>(unknown)];
-    const SolidOverlap& o = patch.overlaps[node];
-    if (unknown >= tied) {
-      const SkinState& skin = s.skin[node];
-      const SkinThickness& t = patch.skin;
-      const SkinEnergy w = skin_energy(skin, p, q.stiffness[node], t.t_m);
-      v.row(row) = o.slope + Three(0, skin.gap_by_t * t.slope, 0);
-      energy.value += w.w;
-      energy.gradient += p * o.slope + Three(0, w.by_t * t.slope, 0);
-      energy.hessian += p * o.curvature;
-      energy.hessian(1, 1) += w.by_t2 * t.slope * t.slope + w.by_t * t.curvature_1_m;
+    const NodeOverlap<3>& o = patch.overlaps[node];
+    if (unknown < tied) {
+      v.row(row) = add_tie(p, patch.tie[static_cast<std::size_t>(unknown)], o, energy);
       continue;
     }
-    // C = c w^-m: dC/dw = -m C / w, d2C/dw2 = m (m + 1) C / w^2.
-    const double slope = -kTieOrder * patch.tie[static_cast<std::size_t>(unknown)] / o.w_m;
-    v.row(row) = (-slope * p) * o.slope;
-    energy.gradient -= (slope / 2 * p * p) * o.slope;
-    energy.hessian += ((kTieOrder + 1) * slope / (2 * o.w_m) * p * p) * o.slope * o.slope.transpose();
-    energy.hessian -= (slope / 2 * p * p) * o.curvature;
+    const SkinEnergy w = skin_energy(s.skin[node], p, q.stiffness[node], patch.skin.t_m);
+    v.row(row) = add_node(p, o, s.skin[node], w, patch.skin, energy);
   }
   energy.sensitivity = v;
   for (Index c = 0; c < 3; ++c) s.factor.solve(energy.sensitivity.col(c));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "service/contact/patch_solver.h"
+#include "service/contact/pose_energy.h"
 #include "service/contact/skin.h"
 #include "service/contact/touch_model.h"
 #include "service/solid/recycled_compliance.h"
@@ -14,17 +15,10 @@
 
 namespace teletact::service {
 
-// Overlap of a node with the tip, and its derivatives by the pose [x, indentation, z].
-struct SolidOverlap {
-  double w_m = 0;
-  Eigen::Vector3d slope = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();  // 1/m
-};
-
 // Unknowns of the programme: tangential forces of tied nodes first, then all normal ones.
 struct SolidPatch {
   std::vector<std::size_t> nodes;  // i + nx k
-  std::vector<SolidOverlap> overlaps;
+  std::vector<NodeOverlap<3>> overlaps;
   std::vector<std::size_t> unknowns;  // of the surface (SurfacePatch)
   std::vector<std::size_t> node_of;   // position in `nodes` of each unknown
   std::vector<double> tie;            // compliance of each tied unknown, m/N
@@ -34,21 +28,16 @@ struct SolidPatch {
 };
 
 // All nodes that overlap by more than -margin. pose: [x, indentation, z] in the block's coordinates. Throws
-// std::out_of_range where the tip is as wide as the block.
+// std::out_of_range where the tip is wider than half of the period, or has more nodes under it than can be
+// solved in time.
 SolidPatch patch_under(const SolidGrid&, const RecycledCompliance&, const Fingertip&, const Vector3& pose,
                        double margin_m);
-
-// About what a round tip is pressed by.
-Eigen::VectorXd first_guess(const SolidPatch&, double indentation_m);
 
 // Overlap of the node that touches and overlaps least; infinite where none touches.
 double least_overlap_m(const SolidPatch&, const PatchSolution&);
 
-// U and its derivatives by the pose, J.
-struct SolidEnergy {
-  double value = 0;
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+// By [x, indentation, z], J.
+struct SolidEnergy : PoseEnergy<3> {
   Eigen::MatrixX3d sensitivity;  // (A + D)^-1 v_q of the active unknowns
 };
 SolidEnergy energy_of(const SolidPatch&, const PatchSolution&);

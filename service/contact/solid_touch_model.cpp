@@ -60,16 +60,7 @@ class SolidSurface final : public TouchedLayer {
   }
 
   std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
-    if (tip.shape == FingertipShape::kNode || pose.position_m[1] <= 0) return "";
-    const double reach = reach_m(tip, std::max(pose.position_m[1], choices::kLightTouch), 0);
-    // A pad's rim bears little: the whole of it must span enough.
-    const bool pad = tip.shape == FingertipShape::kPad;
-    const double spans = pad ? reach : reach - flat_half_m(tip);
-    if (spans >= (pad ? choices::kLeastPadSpacings : choices::kLeastSpacings) * spacing_m_) return "";
-    return fmt::format(
-        "the mesh is too coarse for this tip: nodes {:.2g} mm apart where {} spans {:.2g} mm a side; "
-        "the force depends on where it stands between them, use a finer grid or a wider tip",
-        1e3 * spacing_m_, pad ? "it" : "its curved part", 1e3 * spans);
+    return coarse_mesh(tip, pose.position_m[1], spacing_m_);
   }
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {

@@ -6,19 +6,13 @@
 #include <vector>
 
 #include "service/contact/contact.h"
+#include "service/contact/pose_energy.h"
 
 namespace teletact::service {
 
-// U and its derivatives by the pose (X, indentation), per metre of thickness.
-struct Energy {
-  double value = 0;
-  Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d hessian = Eigen::Matrix2d::Zero();
-};
-
 // Where the tip touches: nodal forces (N/m), what the pressure and the strain are made from.
 struct Touch {
-  Energy energy;
+  PoseEnergy<2> energy;      // of (X, indentation)
   double amplification = 0;  // of the compliance's relative error in the force
   // Relative errors of the force, where they are measured: what samples of the compliance's rounding make,
   // root mean square; the most that rounding as large could make; what unfinished iterations make, about.

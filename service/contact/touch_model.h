@@ -71,6 +71,9 @@ struct NodalPressure {
 
 enum class ContactState { kNoContact, kContact };
 
+// Of a linear model; beyond, it is said.
+inline constexpr double kLargestLinearStrain = 0.15;
+
 // What the client gets (T4.5). force_n acts on the finger: F = -dU/dposition, so it points against the
 // layer's normal. tangent_n_m = dF/dposition, symmetric.
 struct ContactAnswer {
@@ -80,7 +83,7 @@ struct ContactAnswer {
   double energy_j = 0;                  // U(position)
   std::vector<NodalPressure> pressure;  // where it is above zero
   double largest_strain = 0;            // peak principal strain in the tissue, about
-  bool strain_beyond_linear = false;    // largest_strain > 0.15 (T4.5)
+  bool strain_beyond_linear = false;    // largest_strain > kLargestLinearStrain
   std::size_t iterations = 0;           // of the contact solve, Newton's
   SolveReport solve;                    // relative_error: what the model states its force may be off by
 };

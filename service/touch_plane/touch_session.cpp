@@ -132,17 +132,15 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
   answer.warning = outside(position_m);
   const auto snapshot = scene_->snapshot();
   answer.covered = snapshot->covered_around(x_m);
-  const auto window = answer.warning.empty()
-                          ? snapshot->window_at(x_m, window_ ? window_->id : 0, choices::kHandOver)
-                          : nullptr;
+  auto window = answer.warning.empty()
+                    ? snapshot->window_at(x_m, window_ ? window_->id : 0, choices::kHandOver)
+                    : nullptr;
   const double z_m = position_m[2];
   if (window && (z_m < window->region.begin_z_m || z_m >= window->region.end_z_m)) {
     answer.warning = fmt::format(
         "pose.position_m[2]: {:.4g} m is beside the tissue, which reaches from {:.4g} to {:.4g} m along z",
         z_m, window->region.begin_z_m, window->region.end_z_m);
-    leave_window();
-    answer.status = TouchStatus::kNotCovered;
-    return answer;
+    window = nullptr;
   }
   if (!window) {
     leave_window();
