@@ -65,14 +65,30 @@ class SolidSurface final : public TouchedLayer {
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
     ContactAnswer answer = corrected(tip, pose, choices::kMostCorrections);
-    for (NodalPressure& p : answer.pressure) {
-      p.position_m[0] += origin_x_m_;
-      p.position_m[2] += origin_z_m_;
-    }
+    move_to_scene(answer.pressure);
     return answer;
   }
 
+  std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip& tip, const TouchPose& pose,
+                                                             double force_n) const override {
+    if (force_n <= 0) return std::vector<NodalPressure>{};
+    auto pressure = contact_.layered_pressure(tip, in_block(pose), force_n);
+    move_to_scene(pressure);
+    return pressure;
+  }
+
  private:
+  Vector3 in_block(const TouchPose& pose) const {
+    const auto [x, y, z] = pose.position_m;
+    return {x - origin_x_m_, y, z - origin_z_m_};
+  }
+  void move_to_scene(std::vector<NodalPressure>& nodes) const {
+    for (NodalPressure& p : nodes) {
+      p.position_m[0] += origin_x_m_;
+      p.position_m[2] += origin_z_m_;
+    }
+  }
+
   ContactAnswer corrected(const Fingertip& tip, const TouchPose& pose, std::size_t most_corrections) {
     const auto [x, y, z] = pose.position_m;
     const double reach = tip.shape == FingertipShape::kNode ? 0 : reach_m(tip, y, 0);
@@ -87,7 +103,7 @@ class SolidSurface final : public TouchedLayer {
                       "and from {:.4g} to {:.4g} m along z",
                       x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
     const std::lock_guard lock(*mutex_);
-    return contact_.touch(tip, {x - origin_x_m_, y, z - origin_z_m_}, {.most_corrections = most_corrections});
+    return contact_.touch(tip, in_block(pose), {.most_corrections = most_corrections});
   }
 
   const Region region_;
@@ -96,7 +112,7 @@ class SolidSurface final : public TouchedLayer {
   const double spacing_m_;
   const std::shared_ptr<Device> device_;     // outlives its queue's arrays
   const std::shared_ptr<std::mutex> mutex_;  // of all that share the solver
-  SolidContact<float> contact_;
+  SolidContact<float> contact_;              // touched under the mutex
 };
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 
 namespace teletact::service {
 namespace {
@@ -53,6 +54,22 @@ Taxels share_among_taxels(std::span<const NodalPressure> nodes, const TaxelGrid&
     out.outside_moment_n_m[1] += force * (z_m - pitch * z.moment * x.sum);
   }
   return out;
+}
+
+TactileImage tactile_image(const TouchedLayer& layer, const Fingertip& tip, const TouchPose& pose,
+                           std::span<const NodalPressure> nodes, const TaxelGrid& grid,
+                           const Vector3& centre_m) {
+  const std::array<double, 2> centre{centre_m[0], centre_m[2]};
+  TactileImage image{centre_m, grid, share_among_taxels(nodes, grid, centre), {}};
+  try {
+    const auto layered = layer.layered_pressure(tip, pose, image.pressure.force_n);
+    if (!layered) return image;
+    image.beyond_pa = image.pressure.pressure_pa;
+    const Taxels without = share_among_taxels(*layered, grid, centre);
+    for (std::size_t t = 0; t < image.beyond_pa.size(); ++t) image.beyond_pa[t] -= without.pressure_pa[t];
+  } catch (const std::exception&) {  // the model's limits, at the depth that bears the force: not known
+  }
+  return image;
 }
 
 }  // namespace teletact::service

@@ -29,4 +29,17 @@ struct Taxels {
 // moved into its border. `centre_m`: x and z of the grid's centre.
 Taxels share_among_taxels(std::span<const NodalPressure>, const TaxelGrid&, std::array<double, 2> centre_m);
 
+struct TactileImage {
+  Vector3 centre_m{};  // of the grid, on the undeformed layer, in the scene
+  TaxelGrid grid;
+  Taxels pressure;
+  // Less what tissue whose stiffness changes with depth alone would show at the same force: [z][x]; empty
+  // where that is not known.
+  std::vector<double> beyond_pa;
+};
+
+// Of what presses this layer under the tip. By any thread, beside the layer's touches.
+TactileImage tactile_image(const TouchedLayer&, const Fingertip&, const TouchPose&,
+                           std::span<const NodalPressure>, const TaxelGrid&, const Vector3& centre_m);
+
 }  // namespace teletact::service

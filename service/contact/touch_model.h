@@ -12,6 +12,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -114,6 +115,13 @@ class TouchedLayer {
   // Throws std::out_of_range where the model cannot be touched, std::invalid_argument (field named) for an
   // unusable fingertip or pose, std::domain_error when no finite answer exists.
   virtual ContactAnswer touch(const Fingertip&, const TouchPose&) = 0;
+  // What would press `force_n` in all under the same tip, at the same place, if the tissue's stiffness
+  // changed with depth alone; none where the model cannot tell. By any thread, beside the others. Throws as
+  // touch().
+  virtual std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
+                                                                     double /*force_n*/) const {
+    return std::nullopt;
+  }
   // What to know of a touch that is answered all the same, such as a mesh too coarse for the tip; empty:
   // none.
   virtual std::string remark(const Fingertip&, const TouchPose&) const { return ""; }

@@ -56,6 +56,9 @@ inline constexpr double kTrustedForceError = 2e-3;
 inline constexpr double kFeltDepth = 0.025;
 inline constexpr double kTrustedShare = 0.5;
 
+// Between tactile images, at least.
+inline constexpr std::chrono::milliseconds kTactilePeriod{20};
+
 // Contact laws (contact/law_sampler.h): what the force that is interpolated may be off by; columns of samples
 // that every law has, on one lattice of the scene whose pitch is no multiple of a mesh's, so that they do not
 // share its phase, and how near to a window's end the last one stands; the depths that every column has.

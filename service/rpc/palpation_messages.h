@@ -1,4 +1,4 @@
-// proto <-> domain for scenes and touch. Everything that comes in is checked before anything is allocated for
+// proto <-> domain for scenes. Everything that comes in is checked before anything is allocated for
 // it; std::invalid_argument names the field as the contract does and says what to do.
 #pragma once
 
@@ -29,13 +29,8 @@ void scene_to(const Scene&, v1::SceneView, std::uint64_t instance, v1::Scene*);
 void stamp_to(std::int64_t monotonic_ns, std::uint64_t instance, v1::Stamp*);
 void region_to(const Region&, v1::Region*);
 void layer_to(const Layer&, v1::Layer*);
-TouchWishes wishes_from(const v1::TouchOpen&);
-FingerPose pose_from(const v1::ContactPose&);
 // [x, y] or [x, y, z]; what is absent is zero. Throws std::invalid_argument.
 std::array<double, 3> vector_from(const char* field, const google::protobuf::RepeatedField<double>&,
                                   bool may_be_empty);
-// `instance`: the process', for stamps. The caller adds when it was answered.
-void answer_to(const TouchStream::Arrived&, const TouchStream::Answered&, std::uint64_t instance,
-               v1::TouchAnswer*);
 
 }  // namespace teletact::service

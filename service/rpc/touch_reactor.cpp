@@ -7,6 +7,7 @@
 #include "service/rpc/client.h"
 #include "service/rpc/law_messages.h"
 #include "service/rpc/palpation_messages.h"
+#include "service/rpc/touch_messages.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

@@ -174,6 +174,22 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
   return answer;
 }
 
+void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vector3& position_m,
+                        const TouchAnswer& answer) const {
+  if (answer.status != TouchStatus::kOk && answer.status != TouchStatus::kDegraded) return;
+  const auto now = TactileOutbox::Clock::now();
+  if (!touched_ || !outbox.due(now)) return;
+  const auto [x_m, y_m, z_m] = position_m;
+  // A plane's contact lies about z = 0, wherever the finger is.
+  const bool plane = !std::isfinite(window_->region.begin_z_m);
+  const auto make = [touched = touched_, tip = options_.fingertip, grid = outbox.grid(),
+                     nodes = answer.contact.pressure, pose = TouchPose{{x_m, y_m - layer_.depth_m, z_m}},
+                     centre = Vector3{x_m, layer_.depth_m, plane ? 0 : z_m}] {
+    return tactile_image(*touched, tip, pose, nodes, grid, centre);
+  };
+  outbox.begin(now, sequence, make, scene_->touch_work(), options_.client);
+}
+
 std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, double x_m) const try {
   if (way_.path == SolvePath::kPcg) return nullptr;
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());

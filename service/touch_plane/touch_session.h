@@ -13,6 +13,7 @@
 #include "service/contact/contact_laws.h"
 #include "service/contact/touch_model.h"
 #include "service/scene/scene.h"
+#include "service/touch_plane/tactile_outbox.h"
 
 namespace teletact::service {
 
@@ -66,6 +67,9 @@ class TouchSession {
   using MayEnter = std::function<bool(const WindowModel&)>;
   TouchAnswer solve(
       const Vector3& position_m, const MayEnter& = [](const WindowModel&) { return true; });
+  // Has the tactile image of this answer to a touch begun, where it says anything of the contact and the next
+  // is due.
+  void show(TactileOutbox&, std::uint64_t sequence, const Vector3& position_m, const TouchAnswer&) const;
   // Of one of the scene's windows, for this finger: what is known of it, near x first; null where nothing is.
   std::shared_ptr<const ContactLaw> law_of(const WindowModel&, double x_m) const;
 

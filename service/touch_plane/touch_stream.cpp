@@ -54,6 +54,7 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       session_(scene_, options_of(wishes), device),
       finger_(scene_->finger().join(wishes.session_id, Clock::now())) {
   if (wishes.laws) laws_.emplace();
+  if (wishes.tactile) tactile_.emplace(*wishes.tactile);
 }
 
 Region TouchStream::covered() const {
@@ -119,6 +120,10 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
   };
   Answered answered{session_.solve(arrived.pose.position_m, may_enter), 0, begun - arrived.at, {}, {}};
   answered.computing = Clock::now() - begun;
+  if (tactile_) {
+    session_.show(*tactile_, arrived.pose.sequence, arrived.pose.position_m, answered.answer);
+    answered.tactile = tactile_->take();
+  }
   if (!pressure_) answered.answer.contact.pressure.clear();
   finger_at_ = arrived.pose;
   pieces_ = 0;

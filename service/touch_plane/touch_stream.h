@@ -15,6 +15,7 @@
 #include "service/scene/finger.h"
 #include "service/touch_plane/law_outbox.h"
 #include "service/touch_plane/mailbox.h"
+#include "service/touch_plane/tactile_outbox.h"
 #include "service/touch_plane/touch_session.h"
 
 namespace teletact::service {
@@ -25,8 +26,9 @@ struct TouchWishes {
   std::uint64_t credit = 0;  // 0: 1
   double period_s = 0;       // 0: TouchStream::kUsualPeriodS
   TouchOptions touch;
-  bool laws = false;      // contact laws, too
-  bool pressure = false;  // nodal pressures, too
+  bool laws = false;                      // contact laws, too
+  bool pressure = false;                  // nodal pressures, too
+  std::optional<TaxelGrid> tactile = {};  // tactile images, too
 };
 
 struct FingerPose {
@@ -56,6 +58,7 @@ class TouchStream {
     std::uint64_t number = 0;               // counts the answers from 1
     Clock::duration queued{}, computing{};  // the pose, until it was worked on; from then on
     FingerBoard::Steering steering;
+    std::optional<SentTactile> tactile = {};  // of this answer or an earlier one
   };
 
   // Throws std::invalid_argument (field named) for wishes that cannot be met.
@@ -113,6 +116,7 @@ class TouchStream {
   const bool pressure_;
   TouchSession session_;                            // of who answers
   std::optional<LawOutbox> laws_;                   // where they are asked for
+  std::optional<TactileOutbox> tactile_;            // the same
   unsigned pieces_ = 0;                             // of laws, since the last answer
   std::optional<Clock::time_point> awaited_since_;  // the law of a newer version than the one that answers
   std::optional<FingerPose> finger_at_;             // that was answered last; of who answers

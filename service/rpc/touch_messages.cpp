@@ -1,0 +1,206 @@
+#include "service/rpc/touch_messages.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "service/rpc/core.h"
+#include "service/rpc/palpation_messages.h"
+
+namespace teletact::service {
+
+namespace {
+
+// 0: `usual`.
+double within(const char* field, double wished, double least, double most, double usual, const char* unit) {
+  if (wished == 0) return usual;
+  if (wished >= least && wished <= most) return wished;
+  throw std::invalid_argument(fmt::format("{}: {} {} is not within [{}, {}]; leave it out for {}", field,
+                                          wished, unit, least, most, usual));
+}
+
+void pad_from(const v1::Fingertip& in, Fingertip& tip) {
+  tip.shape = FingertipShape::kPad;
+  tip.radius_m = 0.001;
+  tip.half_width_m = 0.008;
+  tip.pad_m_pa =
+      within("open.fingertip.pad_thickness_m", in.pad_thickness_m(), 1e-4, 0.02, 0.002, "m") /
+      within("open.fingertip.pad_youngs_modulus_pa", in.pad_youngs_modulus_pa(), 1e3, 1e8, 2e4, "Pa");
+}
+
+TaxelGrid taxels_from(const v1::TactileWish& in) {
+  TaxelGrid grid;
+  if (in.taxels_x() != 0) grid.along_x = in.taxels_x();
+  if (in.taxels_z() != 0) grid.along_z = in.taxels_z();
+  if (in.pitch_m() != 0) grid.pitch_m = in.pitch_m();
+  return grid;
+}
+
+}  // namespace
+
+TouchWishes wishes_from(const v1::TouchOpen& in) {
+  TouchWishes wishes{in.session_id(), in.credit(), in.period_s(), {}, in.laws(), in.pressure()};
+  if (in.has_tactile()) wishes.tactile = taxels_from(in.tactile());
+  TouchOptions& options = wishes.touch;
+  Fingertip& tip = options.fingertip;
+  switch (in.fingertip().shape()) {
+    case v1::FINGERTIP_SHAPE_UNSPECIFIED:
+    case v1::FINGERTIP_SHAPE_ROUNDED_TIP:
+      tip.shape = FingertipShape::kRoundedTip;
+      break;
+    case v1::FINGERTIP_SHAPE_NODE:
+      tip.shape = FingertipShape::kNode;
+      break;
+    case v1::FINGERTIP_SHAPE_FLAT_PUNCH:
+      tip.shape = FingertipShape::kFlatPunch;
+      break;
+    case v1::FINGERTIP_SHAPE_PAD:
+      pad_from(in.fingertip(), tip);
+      break;
+    default:
+      throw std::invalid_argument("open.fingertip.shape: unknown; use NODE, FLAT_PUNCH, ROUNDED_TIP or PAD");
+  }
+  tip.friction = in.fingertip().stuck() ? Friction::kStuck : Friction::kFrictionless;
+  if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();
+  if (in.fingertip().half_width_m() != 0) tip.half_width_m = in.fingertip().half_width_m();
+  tip.footprint_m = in.fingertip().footprint_m();
+  options.layer_depth_m = in.layer().depth_m();
+  if (in.layer().normal_size() > 0)
+    options.layer_normal = vector_from("open.layer.normal", in.layer().normal(), false);
+  switch (in.path()) {
+    case v1::SOLVE_PATH_UNSPECIFIED:
+      options.path = SolvePath::kAuto;
+      break;
+    case v1::SOLVE_PATH_COMPLIANCE:
+      options.path = SolvePath::kCompliance;
+      break;
+    case v1::SOLVE_PATH_PCG:
+      options.path = SolvePath::kPcg;
+      break;
+    default:
+      throw std::invalid_argument("open.path: unknown; leave it out, or use COMPLIANCE or PCG");
+  }
+  return wishes;
+}
+
+FingerPose pose_from(const v1::ContactPose& in) {
+  return {in.sequence(),
+          in.acknowledged(),
+          vector_from("pose.position_m", in.position_m(), false),
+          vector_from("pose.velocity_m_s", in.velocity_m_s(), true),
+          static_cast<std::size_t>(in.position_m_size()),
+          in.stamp().monotonic_ns(),
+          in.stamp().instance(),
+          in.laws_acknowledged()};
+}
+
+namespace {
+
+v1::TouchStatus status_to(TouchStatus status) {
+  switch (status) {
+    case TouchStatus::kOk:
+      return v1::TOUCH_STATUS_OK;
+    case TouchStatus::kNotCovered:
+      return v1::TOUCH_STATUS_NOT_COVERED;
+    case TouchStatus::kDegraded:
+      return v1::TOUCH_STATUS_DEGRADED;
+    case TouchStatus::kFailed:
+      return v1::TOUCH_STATUS_FAILED;
+    case TouchStatus::kPreparing:
+      return v1::TOUCH_STATUS_PREPARING;
+  }
+  return v1::TOUCH_STATUS_UNSPECIFIED;
+}
+
+v1::SolvePath path_to(SolvePath path) {
+  switch (path) {
+    case SolvePath::kAuto:
+      return v1::SOLVE_PATH_UNSPECIFIED;
+    case SolvePath::kCompliance:
+      return v1::SOLVE_PATH_COMPLIANCE;
+    case SolvePath::kPcg:
+      return v1::SOLVE_PATH_PCG;
+  }
+  return v1::SOLVE_PATH_UNSPECIFIED;
+}
+
+template <class Message>
+void force_and_tangent_to(const ContactAnswer& c, Message* out) {
+  for (const double force_n : c.force_n) out->add_force_n(force_n);
+  for (const double k : c.tangent_n_m) out->add_tangent_n_m(k);
+}
+
+}  // namespace
+
+namespace {
+
+void taxels_to(const TaxelGrid& grid, const std::vector<double>& pressure_pa, v1::Array* out) {
+  const std::vector<float> values(pressure_pa.begin(), pressure_pa.end());
+  out->set_dtype(v1::DATA_TYPE_FLOAT32);
+  out->add_shape(static_cast<std::uint32_t>(grid.along_z));
+  out->add_shape(static_cast<std::uint32_t>(grid.along_x));
+  out->set_data(values.data(), values.size() * sizeof(float));
+}
+
+void tactile_to(const SentTactile& in, v1::TactileImage* out) {
+  const TactileImage& image = in.image;
+  out->set_sequence(in.sequence);
+  for (const double at_m : image.centre_m) out->add_centre_m(at_m);
+  out->set_pitch_m(image.grid.pitch_m);
+  taxels_to(image.grid, image.pressure.pressure_pa, out->mutable_pressure_pa());
+  if (!image.beyond_pa.empty()) taxels_to(image.grid, image.beyond_pa, out->mutable_beyond_homogeneous_pa());
+  out->set_force_n(image.pressure.force_n);
+  out->set_outside_n(image.pressure.outside_n);
+  for (const double moment : image.pressure.outside_moment_n_m) out->add_outside_moment_n_m(moment);
+  out->set_compute_ns(in.took.count());
+}
+
+}  // namespace
+
+void answer_to(const TouchStream::Arrived& asked, const TouchStream::Answered& answered,
+               std::uint64_t instance, v1::TouchAnswer* out) {
+  const TouchAnswer& in = answered.answer;
+  const FingerPose& pose = asked.pose;
+  out->set_answer(answered.number);
+  out->set_sequence(pose.sequence);
+  stamp_to(pose.stamp_ns, pose.stamp_instance, out->mutable_pose_stamp());
+  for (std::size_t k = 0; k < pose.components; ++k) out->add_position_m(pose.position_m[k]);
+  out->set_compute_ns(answered.computing.count());
+  out->set_queued_ns(answered.queued.count());
+  if (in.taken_in != std::chrono::steady_clock::time_point())
+    stamp_to(monotonic_ns(in.taken_in), instance, out->mutable_model_stamp());
+  const ContactAnswer& c = in.contact;
+  out->set_status(status_to(in.status));
+  force_and_tangent_to(c, out);
+  if (in.foreseen) {
+    for (const double at_m : in.foreseen->position_m) out->mutable_foreseen()->add_position_m(at_m);
+    force_and_tangent_to(in.foreseen->contact, out->mutable_foreseen());
+  }
+  out->set_energy_j(c.energy_j);
+  for (const NodalPressure& node : c.pressure) {
+    v1::NodalPressure* p = out->add_pressure();
+    for (const double at_m : node.position_m) p->add_position_m(at_m);
+    p->set_pressure_pa(node.pressure_pa);
+    for (const double traction_pa : node.traction_pa) p->add_traction_pa(traction_pa);
+  }
+  out->set_window_id(in.window_id);
+  out->set_model_version(in.model_version);
+  out->set_path(path_to(in.path));
+  if (in.path != SolvePath::kAuto) {
+    v1::SolveReport* solve = out->mutable_solve();
+    solve->set_iterations(static_cast<std::uint32_t>(c.solve.iterations));
+    solve->set_true_residual(c.solve.true_residual);
+    solve->set_recursive_residual(c.solve.recursive_residual);
+    solve->set_relative_force_error(c.solve.relative_error);
+    solve->set_reason(c.solve.reason);
+    solve->set_converged(c.solve.converged);
+  }
+  out->set_largest_strain(c.largest_strain);
+  out->set_warning(in.warning);
+  for (const std::string& flag : in.window_flags) out->add_window_flags(flag);
+  region_to(in.covered, out->mutable_covered());
+  if (answered.tactile) tactile_to(*answered.tactile, out->mutable_tactile());
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,64 @@
+#include "service/touch_plane/tactile_outbox.h"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+#include <utility>
+
+#include "service/plan/choices.h"
+
+namespace teletact::service {
+namespace {
+
+TaxelGrid checked(const TaxelGrid& grid) {
+  const auto check = [](const char* field, std::size_t taxels) {
+    if (taxels >= 1 && taxels <= TactileOutbox::kMostTaxels) return;
+    throw std::invalid_argument(fmt::format("open.tactile.{}: {} is not within [1, {}]; leave it out for 8",
+                                            field, taxels, TactileOutbox::kMostTaxels));
+  };
+  check("taxels_x", grid.along_x);
+  check("taxels_z", grid.along_z);
+  if (!(grid.pitch_m >= TactileOutbox::kLeastPitchM && grid.pitch_m <= TactileOutbox::kMostPitchM))
+    throw std::invalid_argument(
+        fmt::format("open.tactile.pitch_m: {} m is not within [{}, {}]; leave it out for 0.002", grid.pitch_m,
+                    TactileOutbox::kLeastPitchM, TactileOutbox::kMostPitchM));
+  return grid;
+}
+
+}  // namespace
+
+TactileOutbox::TactileOutbox(const TaxelGrid& grid) : grid_(checked(grid)) {}
+
+bool TactileOutbox::due(Clock::time_point now) const {
+  if (now < due_) return false;
+  const std::lock_guard lock(slot_->mutex);
+  return !slot_->busy;
+}
+
+void TactileOutbox::begin(Clock::time_point now, std::uint64_t sequence, std::function<TactileImage()> make,
+                          const TouchWork& work, const std::string& client) {
+  due_ = now + choices::kTactilePeriod;
+  {
+    const std::lock_guard lock(slot_->mutex);
+    slot_->busy = true;
+  }
+  auto job = [slot = slot_, sequence, make = std::move(make)] {
+    const auto begun = Clock::now();
+    SentTactile made{sequence, make(), {}};
+    made.took = Clock::now() - begun;
+    const std::lock_guard lock(slot->mutex);
+    slot->ready = std::move(made);
+    slot->busy = false;
+  };
+  if (work)
+    work(client, std::move(job));
+  else
+    job();
+}
+
+std::optional<SentTactile> TactileOutbox::take() {
+  const std::lock_guard lock(slot_->mutex);
+  return std::exchange(slot_->ready, std::nullopt);
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,53 @@
+// The tactile images of one touch stream: made beside its answers, at a rate of their own, and taken with a
+// later one. No answer waits for an image.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "service/contact/tactile_image.h"
+
+namespace teletact::service {
+
+struct SentTactile {
+  std::uint64_t sequence = 0;  // of the pose whose contact it shows
+  TactileImage image;
+  std::chrono::nanoseconds took{};
+};
+
+// By one thread; the images are made by another.
+class TactileOutbox {
+ public:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::size_t kMostTaxels = 32;  // a side
+  static constexpr double kLeastPitchM = 0.0005, kMostPitchM = 0.01;
+
+  // Throws std::invalid_argument (field named).
+  explicit TactileOutbox(const TaxelGrid&);
+  const TaxelGrid& grid() const { return grid_; }
+  // Whether the next may be begun: none is being made, and the last was begun a period ago.
+  bool due(Clock::time_point now) const;
+  // Has it made by `work`, or in place where there is none.
+  void begin(Clock::time_point now, std::uint64_t sequence, std::function<TactileImage()> make,
+             const TouchWork& work, const std::string& client);
+  // The newest that is ready, once.
+  std::optional<SentTactile> take();
+
+ private:
+  // Shared with the work, which may outlive the stream.
+  struct Slot {
+    std::mutex mutex;
+    std::optional<SentTactile> ready;
+    bool busy = false;
+  };
+  const TaxelGrid grid_;
+  const std::shared_ptr<Slot> slot_ = std::make_shared<Slot>();
+  Clock::time_point due_{};
+};
+
+}  // namespace teletact::service
