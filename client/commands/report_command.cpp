@@ -38,6 +38,7 @@ bool run(const Arguments& arguments) {
   draw_force(out / "force.png", force);
   draw_latency(out / "latency.png", touch);
   draw_periods(out / "periods.png", touch);
+  draw_tactile(out / "tactile.png", touch);
   std::printf("%s", readable(summary).c_str());
   std::fflush(stdout);
   for (const Promise& promise : promises_of(summary))

@@ -17,6 +17,7 @@
 #include "client/servo/ending.h"
 #include "client/session/keyboard.h"
 #include "client/session/operator_session.h"
+#include "client/session/tactile_view.h"
 
 namespace teletact::client {
 namespace {
@@ -31,6 +32,10 @@ struct Arguments {
   double tip_footprint_m = 0.001;  // one node spacing: smooth between nodes (T4.5b)
   bool stuck = false;
   bool pressure = false;
+  bool tactile = false;
+  unsigned taxels = 8;
+  double taxel_pitch_m = 0.002;
+  double pad_thickness_m = 0, pad_modulus_pa = 0;
   bool force = false;
   std::string scene_id, session_id;
   double layer_depth_m = 0;
@@ -40,7 +45,8 @@ struct Arguments {
 
 const std::map<std::string, v1::FingertipShape> kTips = {{"rounded", v1::FINGERTIP_SHAPE_ROUNDED_TIP},
                                                          {"punch", v1::FINGERTIP_SHAPE_FLAT_PUNCH},
-                                                         {"node", v1::FINGERTIP_SHAPE_NODE}};
+                                                         {"node", v1::FINGERTIP_SHAPE_NODE},
+                                                         {"pad", v1::FINGERTIP_SHAPE_PAD}};
 const std::map<std::string, v1::SolvePath> kPaths = {{"auto", v1::SOLVE_PATH_UNSPECIFIED},
                                                      {"compliance", v1::SOLVE_PATH_COMPLIANCE},
                                                      {"pcg", v1::SOLVE_PATH_PCG}};
@@ -54,9 +60,16 @@ v1::TouchOpen to_open(const Arguments& arguments) {
   tip.set_radius_m(arguments.tip_radius_m);
   tip.set_half_width_m(arguments.tip_half_width_m);
   tip.set_footprint_m(arguments.tip_footprint_m);
+  tip.set_pad_thickness_m(arguments.pad_thickness_m);
+  tip.set_pad_youngs_modulus_pa(arguments.pad_modulus_pa);
   open.mutable_layer()->set_depth_m(arguments.layer_depth_m);
   open.set_path(kPaths.at(arguments.path));
   open.set_pressure(arguments.pressure);
+  if (arguments.tactile) {
+    open.mutable_tactile()->set_taxels_x(arguments.taxels);
+    open.mutable_tactile()->set_taxels_z(arguments.taxels);
+    open.mutable_tactile()->set_pitch_m(arguments.taxel_pitch_m);
+  }
   open.set_credit(arguments.credit);
   open.set_period_s(arguments.period_s);
   open.set_session_id(arguments.session_id);
@@ -133,6 +146,8 @@ nlohmann::json to_json(const Arguments& arguments, const TouchSummary& summary) 
         {"layer_depth_m", link.layer_depth_m},
         {"largest_strain", link.largest_strain},
         {"law_pieces", link.law_pieces},
+        {"tactile_images", link.tactile_images},
+        {"tactile_dropped", link.tactile_dropped},
         {"laws_dropped", link.laws_dropped},
         {"last_version", link.last_version}}},
       {"telemetry_dropped", summary.telemetry_dropped},
@@ -234,6 +249,13 @@ void run(Arguments arguments, const CLI::App& command) {
   arguments.session.open = to_open(arguments);
   TouchSummary summary;
   Keyboard keyboard;
+  const bool terminal = ::isatty(STDOUT_FILENO) == 1;
+  const auto screen = std::make_shared<TactileScreen>(terminal);
+  if (arguments.tactile)
+    arguments.session.tactile = [screen](const TactileImage& image) {
+      std::fputs(screen->frame(image).c_str(), stdout);
+      std::fflush(stdout);
+    };
   if (keyboard.present()) arguments.session.key = [&keyboard] { return keyboard.key(); };
   try {
     summary = run_operator_session(arguments.session, end_in_order());
@@ -241,6 +263,10 @@ void run(Arguments arguments, const CLI::App& command) {
     throw CommandError(with_flags(error.what(), {{"open.fingertip.radius_m", "--tip-radius-m"},
                                                  {"open.fingertip.half_width_m", "--tip-half-width-m"},
                                                  {"open.fingertip.footprint_m", "--tip-footprint-m"},
+                                                 {"open.fingertip.pad_thickness_m", "--pad-thickness-m"},
+                                                 {"open.fingertip.pad_youngs_modulus_pa", "--pad-modulus-pa"},
+                                                 {"open.fingertip.shape", "--tip"},
+                                                 {"open.tactile.pitch_m", "--taxel-pitch-m"},
                                                  {"open.layer.depth_m", "--layer-depth-m"}}));
   }
   const nlohmann::json json = to_json(arguments, summary);
@@ -251,20 +277,38 @@ void run(Arguments arguments, const CLI::App& command) {
 }
 
 void add_tip_options(CLI::App& command, Arguments& arguments) {
-  command.add_option("--tip", arguments.tip, "fingertip: rounded, punch or node")
+  command.add_option("--tip", arguments.tip, "fingertip: rounded, punch, node, or pad (solid tissue alone)")
       ->check(CLI::IsMember(kTips));
   command
       .add_option("--tip-radius-m", arguments.tip_radius_m,
                   "radius of the tip, or of a punch's edges, 0.0001 to 0.014")
       ->check(above_zero())
-      ->default_str("0.008");
-  command.add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's flat part")
+      ->default_str("0.008, of a pad 0.001");
+  command
+      .add_option("--tip-half-width-m", arguments.tip_half_width_m, "half of a punch's or a pad's flat part")
       ->check(above_zero())
-      ->default_str("0.004");
+      ->default_str("0.004, of a pad 0.008");
+  command.add_option("--pad-thickness-m", arguments.pad_thickness_m, "of a pad's elastic layer")
+      ->check(above_zero())
+      ->default_str("0.002");
+  command
+      .add_option("--pad-modulus-pa", arguments.pad_modulus_pa, "Young's modulus of a pad's elastic layer")
+      ->check(above_zero())
+      ->default_str("20000");
   command.add_option("--tip-footprint-m", arguments.tip_footprint_m,
                      "node: Gaussian footprint; 0 = one node, as in the paper: lateral force jumps at nodes");
   command.add_flag("--pressure", arguments.pressure,
                    "have the nodal pressures sent, too, for the recording: twice the bytes");
+  CLI::Option* tactile = command.add_flag(
+      "--tactile", arguments.tactile,
+      "have tactile images sent, too: they are shown here and recorded; of solid tissue what a lump adds is "
+      "beside them");
+  command.add_option("--taxels", arguments.taxels, "of a tactile image, along x and along z")
+      ->check(CLI::Range(1U, 32U))
+      ->needs(tactile);
+  command.add_option("--taxel-pitch-m", arguments.taxel_pitch_m, "of a tactile image, 0.0005 to 0.01")
+      ->check(above_zero())
+      ->needs(tactile);
   command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
   command.add_option("--layer-depth-m", arguments.layer_depth_m,
                      "depth of the touched layer, 0 = the surface");

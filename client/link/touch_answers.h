@@ -27,11 +27,12 @@ struct TouchLinkStats {
   std::uint64_t dropped = 0;       // malformed or foreign answers
   std::uint64_t law_pieces = 0;    // of contact laws
   std::uint64_t laws_dropped = 0;  // malformed ones
-  std::uint64_t streams = 0;       // opened, the first included
-  std::uint64_t instances = 0;     // service processes seen
-  std::uint64_t last_version = 0;  // model version of the last answer
-  Histogram latencies_s;           // pose sampled -> answer received, of the distinct ones
-  double first_answer_s = 0;       // servo clock
+  std::uint64_t tactile_images = 0, tactile_dropped = 0;  // the same of tactile images
+  std::uint64_t streams = 0;                              // opened, the first included
+  std::uint64_t instances = 0;                            // service processes seen
+  std::uint64_t last_version = 0;                         // model version of the last answer
+  Histogram latencies_s;      // pose sampled -> answer received, of the distinct ones
+  double first_answer_s = 0;  // servo clock
   double last_answer_s = 0;
   double layer_depth_m = 0;         // in use
   double period_s = 0;              // negotiated

@@ -83,6 +83,11 @@ bool TouchLink::covered() const {
   return received_.covered();
 }
 
+std::optional<TactileImage> TouchLink::take_tactile() {
+  std::lock_guard lock(mutex_);
+  return std::exchange(tactile_, std::nullopt);
+}
+
 std::string TouchLink::failure() const {
   std::lock_guard lock(mutex_);
   return failure_;
@@ -236,8 +241,19 @@ void TouchLink::take_answer(const v1::TouchAnswer& answer, std::int64_t received
   if (const auto converted = received_.take_answer(answer, ours, sent_ns, received_ns)) {
     shared_.answered_sequence = std::max(shared_.answered_sequence, answer.sequence());
     answers_.put(*converted);
+    if (answer.has_tactile()) keep_tactile(answer.tactile());
   }
   changed_.notify_all();
+}
+
+void TouchLink::keep_tactile(const v1::TactileImage& image) {
+  auto read = tactile_from(image);
+  if (read) {
+    ++received_.stats.tactile_images;
+    tactile_ = std::move(read);
+  } else if (++received_.stats.tactile_dropped == 1) {
+    spdlog::warn("a tactile image was malformed: it is not shown");
+  }
 }
 
 void TouchLink::take_law(const v1::LawPiece& piece) {

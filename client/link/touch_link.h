@@ -27,6 +27,7 @@
 #include "client/link/pacing.h"
 #include "client/link/recording.h"
 #include "client/link/retry.h"
+#include "client/link/tactile_image.h"
 #include "client/link/touch_answers.h"
 #include "client/servo/servo_loop.h"
 #include "teletact/v1/palpation.grpc.pb.h"
@@ -63,6 +64,8 @@ class TouchLink {
   // Why no stream is open: empty while one is, or none has ended yet.
   std::string trouble() const;
   bool covered() const;  // the last answer's; true before there is any
+  // The newest tactile image, once; none since the last.
+  std::optional<TactileImage> take_tactile();
   // Why the link gave up (unknown scene, a refused field); empty while it has not.
   std::string failure() const;
   // Lets the session of this name steer, if this one does.
@@ -95,6 +98,7 @@ class TouchLink {
   void take_opened(const v1::TouchOpened& opened, std::int64_t received_ns);
   void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
   void take_law(const v1::LawPiece& piece);
+  void keep_tactile(const v1::TactileImage& image);
   void tell_law(double x_m);
   std::optional<double> retry_after_s(const grpc::Status& status);
   void pause(double wait_s);
@@ -110,7 +114,8 @@ class TouchLink {
   Shared shared_;
   TouchAnswers received_;
   LawBook law_;
-  double finger_x_m_ = 0;  // of the newest pose sent
+  std::optional<TactileImage> tactile_;  // that nobody took yet
+  double finger_x_m_ = 0;                // of the newest pose sent
   std::string failure_;
   std::string last_reason_;  // why the last stream ended: said once, not with every try
   Backoff refused_{kRetryS, kMostRetryS};

@@ -123,4 +123,46 @@ void draw_periods(const std::filesystem::path& file, const TouchRecord& touch) {
            "plot $answers using 1:2 with boxes lc rgb '#3060a0' notitle\nunset multiplot\n");
 }
 
+bool draw_tactile(const std::filesystem::path& file, const TouchRecord& touch) {
+  constexpr std::size_t kMostFrames = 8;
+  constexpr double kLeastShare = 0.2;  // of the largest force: less is hardly a contact
+  double largest_n = 0;
+  for (const TactileFrame& frame : touch.tactile) largest_n = std::max(largest_n, frame.image.force_n);
+  std::vector<const TactileFrame*> contacts;
+  for (const TactileFrame& frame : touch.tactile)
+    if (frame.image.force_n > 0 && frame.image.force_n >= kLeastShare * largest_n) contacts.push_back(&frame);
+  if (contacts.empty()) return false;
+  const std::size_t frames = std::min(kMostFrames, contacts.size());
+  std::vector<const TactileFrame*> shown;
+  for (std::size_t k = 0; k < frames; ++k)
+    shown.push_back(contacts[(2 * k + 1) * contacts.size() / (2 * frames)]);
+  std::vector<Panel> panels;
+  const auto add_row = [&](const std::vector<float> TactileImage::*values, const char* name,
+                           bool both_signs) {
+    double high = 0;
+    for (const TactileFrame* frame : shown)
+      for (const float value : frame->image.*values) high = std::max<double>(high, std::abs(value));
+    for (const TactileFrame* frame : shown) {
+      const TactileImage& image = frame->image;
+      Panel& panel = panels.emplace_back();
+      panel.title = fmt::format("{} {:.1f} s", name, frame->arrived_s - touch.tactile.front().arrived_s);
+      panel.nx = image.along_x, panel.ny = image.along_z;
+      panel.origin_x_m = image.begin_x_m, panel.origin_y_m = image.begin_z_m;
+      panel.dx_m = panel.dy_m = image.pitch_m;
+      panel.values = image.*values;
+      panel.unit = "kPa", panel.factor = 1e-3;
+      panel.low = both_signs ? -high : 0, panel.high = high;
+    }
+  };
+  add_row(&TactileImage::pressure_pa, "pressure", false);
+  const bool beyond = std::all_of(shown.begin(), shown.end(),
+                                  [](const TactileFrame* f) { return !f->image.beyond_pa.empty(); });
+  if (beyond) add_row(&TactileImage::beyond_pa, "beyond", true);
+  PictureOptions options;
+  options.columns = frames;
+  options.panel_width = 160;
+  write_png(file, panels, options);
+  return true;
+}
+
 }  // namespace teletact::client

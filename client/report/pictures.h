@@ -1,5 +1,5 @@
 // Pictures of a session: modulus.png (true above estimated), force.png (felt and true along the path),
-// latency.png and periods.png (histograms).
+// latency.png and periods.png (histograms), tactile.png (a film strip).
 #pragma once
 
 #include <filesystem>
@@ -19,5 +19,10 @@ void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const
 void draw_force(const std::filesystem::path& file, const ForceError& force);
 void draw_latency(const std::filesystem::path& file, const TouchRecord& touch);
 void draw_periods(const std::filesystem::path& file, const TouchRecord& touch);
+
+// A film strip of tactile images in contact, at most eight, evenly over the touch: pressure, and below it,
+// where that is known, what of it is beyond homogeneous tissue. False, and no file, where no image shows a
+// contact. Throws FileError.
+bool draw_tactile(const std::filesystem::path& file, const TouchRecord& touch);
 
 }  // namespace teletact::client

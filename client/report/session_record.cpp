@@ -57,6 +57,10 @@ void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, Tou
   record.answers.push_back({seconds(entry.monotonic_ns()),
                             seconds(entry.monotonic_ns() - answer.pose_stamp().monotonic_ns()),
                             answer.position_m(0), answer.position_m(1)});
+  if (!answer.has_tactile()) return;
+  auto image = tactile_from(answer.tactile());
+  if (!image) throw std::runtime_error("the touch recording holds a malformed tactile image");
+  record.tactile.push_back({seconds(entry.monotonic_ns()), std::move(*image)});
 }
 
 }  // namespace
@@ -70,6 +74,8 @@ TouchRecord read_touch_record(const std::string& path) {
     if (entry->has_touch_request() && entry->touch_request().has_open()) {
       const v1::TouchOpen& open = entry->touch_request().open();
       record.finger = finger_of(open.fingertip());
+      if (open.fingertip().shape() == v1::FINGERTIP_SHAPE_PAD)
+        throw std::runtime_error(path + ": touched with a pad; the true force is known for other tips");
       if (open.fingertip().stuck())
         throw std::runtime_error(
             path + ": touched with a sticking tip; the true force is known for a frictionless one");

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/link/tactile_image.h"
 #include "client/patient/patient.h"
 #include "teletact/v1/recording.pb.h"
 
@@ -31,12 +32,18 @@ struct TouchAnswerTime {
   double x_m = 0, y_m = 0;  // the pose that was answered
 };
 
+struct TactileFrame {
+  double arrived_s = 0;
+  TactileImage image;
+};
+
 struct TouchRecord {
   Finger finger;
   double layer_depth_m = 0;
   std::string scene_id;
   std::vector<TouchTick> ticks;
   std::vector<TouchAnswerTime> answers;
+  std::vector<TactileFrame> tactile;
   std::uint64_t not_covered = 0, degraded = 0, failed = 0;
   std::uint64_t model_version = 0;    // newest of the answers
   std::set<std::uint64_t> instances;  // of the service, as its streams were opened

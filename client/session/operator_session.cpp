@@ -172,6 +172,15 @@ void finish(TouchSummary& summary, const TouchLink& link, const ServoLoop& servo
   summary.device = device.profile().name;
 }
 
+// Returns when an image was shown last.
+double show_tactile(const OperatorSessionOptions& options, TouchLink& link, double shown_s, double now_s) {
+  if (!options.tactile || now_s - shown_s < OperatorSessionOptions::kTactileS) return shown_s;
+  const auto image = link.take_tactile();
+  if (!image) return shown_s;
+  options.tactile(*image);
+  return now_s;
+}
+
 TouchSituation situation_of(const TouchLink& link, const TickStatistics& statistics, double width_m,
                             bool has_keys) {
   const ServoTick& tick = statistics.last();
@@ -236,6 +245,7 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   AdapterWatch adapter;
   say_keys(options);
   bool layer_said = false;
+  double tactile_shown_s = 0;
   while (!stop && link.failure().empty() && !servo_thread.over() && !adapter.stuck() &&
          !finished(options, *device, summary.ticks)) {
     std::this_thread::sleep_for(Seconds(0.02));
@@ -248,6 +258,7 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
     const double now_s = seconds(clock.now_ns());
     const std::string slow = servo_thread.looping() ? adapter.message(*device, servo->ticks(), now_s) : "";
     if (!slow.empty()) spdlog::warn("{}", slow);
+    tactile_shown_s = show_tactile(options, link, tactile_shown_s, now_s);
     const bool has_keys = static_cast<bool>(options.key);
     const std::string message =
         waiting.message(situation_of(link, summary.ticks, width_of(scene), has_keys), now_s);

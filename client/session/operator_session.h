@@ -17,6 +17,7 @@ namespace teletact::client {
 
 struct OperatorSessionOptions {
   static constexpr double kLostS = 5;
+  static constexpr double kTactileS = 0.2;
   std::string address;
   std::string tls_ca;  // PEM text; empty: not encrypted
   v1::TouchOpen open;
@@ -36,6 +37,8 @@ struct OperatorSessionOptions {
   // The key that was pressed, 0 for none: Enter resumes, Space pauses, h hands the lease of the probe over.
   // Empty: there are no keys.
   std::function<char()> key;
+  // Where tactile images go, some of them, at most every kTactileS. Empty: nowhere.
+  std::function<void(const TactileImage&)> tactile;
   std::string hand_over_to;  // session_id of another touch; empty: h does nothing
   bool real_time = true;     // ask for SCHED_FIFO and locked memory
   // ServoThread::Options::begins and ended.
