@@ -7,8 +7,9 @@ void add_solid_suite(CLI::App& app, bool& met) {
   add_suite(
       app, "solid", "touch of solid tissue: iterations, what is certified, time and memory",
       "iterations: to a true and to a certified error; bound: what is certified over the true error; speed: "
-      "time and memory, beside a sparse factor and plain conjugate gradients; plane: one element thick",
-      {solid_iterations(), solid_bound(), solid_speed(), solid_plane()}, met);
+      "time and memory, beside a sparse factor and plain conjugate gradients; plane: one element thick; "
+      "tactile: images of a lump",
+      {solid_iterations(), solid_bound(), solid_speed(), solid_plane(), solid_tactile()}, met);
 }
 
 }  // namespace teletact::bench
