@@ -223,7 +223,7 @@ template <class T>
 std::vector<NodalPressure> SolidContact<T>::layered_pressure(const Fingertip& tip, const Vector3& pose,
                                                              double force_n) const {
   constexpr double kEqual = 1e-6;
-  constexpr int kMostTries = 30;
+  constexpr int kMostTries = 10;  // 4 or 5 do
   Vector3 at = pose;
   double power = 1.5, before_n = 0, before_m = 0;  // of a round tip
   for (int tries = 0; tries < kMostTries; ++tries) {

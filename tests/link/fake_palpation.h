@@ -95,6 +95,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<bool> confuses{false};       // answers another session's poses
   std::atomic<double> compute_s{0};        // per answer
   std::atomic<double> way_s{0};            // of each answer, to the client
+  std::atomic<float> tactile_pa{0};        // of one taxel, with each answer: 0: none, < 0: malformed
   std::atomic<unsigned> credit{2};
   std::atomic<unsigned> refuses_credit_above{256};
   static constexpr std::chrono::seconds kModulusAge{7};
@@ -250,6 +251,18 @@ class FakePalpation final : public v1::Palpation::Service {
       for (int column = 0; column < 3; ++column) out.add_tangent_n_m(sample.tangent_n_m(row, column));
   }
 
+  void add_tactile(v1::TouchAnswer& answer) const {
+    const float pressure_pa = tactile_pa;
+    if (pressure_pa == 0) return;
+    v1::TactileImage& image = *answer.mutable_tactile();
+    image.set_sequence(answer.sequence());
+    for (const double at_m : answer.position_m()) image.add_centre_m(at_m);
+    image.set_pitch_m(pressure_pa < 0 ? 0 : 0.002);
+    image.mutable_pressure_pa()->set_dtype(v1::DATA_TYPE_FLOAT32);
+    for (int k = 0; k < 2; ++k) image.mutable_pressure_pa()->add_shape(1);
+    image.mutable_pressure_pa()->set_data(&pressure_pa, sizeof(pressure_pa));
+  }
+
   void fill(const v1::ContactPose& pose, v1::TouchAnswer& answer) const {
     const Vector3 at_m(pose.position_m(0), pose.position_m(1), pose.position_m(2));
     answer.set_sequence(pose.sequence());
@@ -268,6 +281,7 @@ class FakePalpation final : public v1::Palpation::Service {
     answer.mutable_covered()->set_end_x_m(0.12);
     answer.mutable_answer_stamp()->set_instance(instance_);
     answer.set_model_version(1);
+    add_tactile(answer);
   }
 
   std::string address_;

@@ -60,6 +60,28 @@ TEST(TouchLink, AnswersCarryTheirOwnPose) {
   EXPECT_GE(stats.distinct, 19u);
 }
 
+TEST(TouchLink, TactileImagesAreTakenOnceAndAMalformedOneIsDroppedAlone) {
+  FakePalpation service(test::socket_address("tactile"));
+  service.tactile_pa = 700;
+  service.serve();
+  Operator person(test::socket_address("tactile"));
+  ASSERT_TRUE(service.wait_until(answers_at_least(20)));
+  ASSERT_TRUE(test::within(5, [&] { return person.link->stats().tactile_images > 0; }));
+  const auto image = person.link->take_tactile();
+  ASSERT_TRUE(image);
+  EXPECT_EQ(image->pressure_pa, std::vector<float>{700});
+  service.tactile_pa = -1;
+  ASSERT_TRUE(test::within(5, [&] { return person.link->stats().tactile_dropped > 1; }));
+  while (person.link->take_tactile()) {
+  }
+  const auto before = person.link->stats();
+  ASSERT_TRUE(
+      test::within(5, [&] { return person.link->stats().tactile_dropped > before.tactile_dropped + 5; }));
+  EXPECT_FALSE(person.link->take_tactile());
+  EXPECT_EQ(person.link->stats().tactile_images, before.tactile_images);
+  EXPECT_EQ(person.link->stats().dropped, 0u) << "the force it came with counts";
+}
+
 // Whatever the versions of the windows that answer: the servo says whether it follows answers.
 TEST(TouchLink, PosesAreFewWhileAContactLawIsFelt) {
   FakePalpation service(test::socket_address("law"));

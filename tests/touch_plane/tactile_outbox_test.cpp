@@ -65,7 +65,7 @@ TEST(TactileOutbox, RefusesWhatCannotBeShown) {
 class TactileStream : public testing::Test {
  protected:
   TouchStream::Answered touch(TouchStream& stream, double y_m) {
-    stream.bring({++sequence_, sequence_ - 1, {0.03, y_m, 0}, {}});
+    stream.bring({++sequence_, stream.counts().answers, {0.03, y_m, 0}, {}});
     const auto asked = stream.next([] { return true; }, [] { return false; });
     return stream.answer(asked.value());
   }
