@@ -121,7 +121,7 @@ void draw_axes(Picture& p, const Panel& panel, const Box& b) {
     write_text(p, b.x - 8 - text_width(number(t)), y - kGlyphHeight / 2, number(t));
   }
   write_text(p, b.x + b.width / 2 - text_width("x (mm)") / 2, b.y + b.height + kTick + 14, "x (mm)");
-  write_text(p, b.x - kLeft + 2, b.y - 14, "y (mm)");
+  write_text(p, b.x - kLeft + 2, b.y - 14, panel.down + " (mm)");
 }
 
 void draw_bar(Picture& p, const Panel& panel, const Box& map, const Range& range) {

@@ -20,6 +20,7 @@ struct Panel {
   std::size_t nx = 0, ny = 0;
   double origin_x_m = 0, origin_y_m = 0;  // of point (0, 0)
   double dx_m = 1e-3, dy_m = 1e-3;
+  std::string down = "y";     // the axis that goes down
   std::vector<float> values;  // NaN is drawn grey
   std::string unit;           // beside the colour bar, e.g. "kPa"
   double factor = 1;          // numbers on the bar are value * factor (Pa -> kPa: 1e-3)

@@ -149,6 +149,7 @@ bool draw_tactile(const std::filesystem::path& file, const TouchRecord& touch) {
       panel.nx = image.along_x, panel.ny = image.along_z;
       panel.origin_x_m = image.begin_x_m, panel.origin_y_m = image.begin_z_m;
       panel.dx_m = panel.dy_m = image.pitch_m;
+      panel.down = "z";
       panel.values = image.*values;
       panel.unit = "kPa", panel.factor = 1e-3;
       panel.low = both_signs ? -high : 0, panel.high = high;

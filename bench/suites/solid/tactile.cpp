@@ -97,6 +97,7 @@ void draw(const Figures& f, const std::filesystem::path& folder) {
         panel.title = title;
         panel.nx = kTaxels.along_x, panel.ny = kTaxels.along_z;
         panel.dx_m = panel.dy_m = kTaxels.pitch_m;
+        panel.down = "z";
         panel.origin_x_m = image.x_m - kTaxels.pitch_m * double(kTaxels.along_x - 1) / 2;
         panel.origin_y_m = -kTaxels.pitch_m * double(kTaxels.along_z - 1) / 2;
         panel.values.assign((image.*values).begin(), (image.*values).end());
