@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -30,7 +31,7 @@ class SolidSurface final : public TouchedLayer {
                            region_.begin_z_m, region_.end_z_m)),
         spacing_m_(std::max(block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m)),
         device_(device),
-        mutex_(std::make_shared<std::mutex>()),
+        mutex_(std::make_shared<std::timed_mutex>()),
         contact_(device->queue(account), block.tissue) {}
   // Another modulus in the place of another's, solved with what that has. Ready while that is touched.
   SolidSurface(const SolidBlock& block, const SolidSurface& before, const MemoryAccount& account)
@@ -51,10 +52,9 @@ class SolidSurface final : public TouchedLayer {
   bool prepare(const Fingertip& tip, const TouchPose& pose, double, Clock::time_point until) override {
     if (pose.position_m[1] <= 0) return true;
     for (std::size_t corrections = 0;; ++corrections) {
-      const SolveReport solve = corrected(tip, pose, corrections > 0 ? 1 : 0).solve;
-      // What no correction makes better is ready too: the answer says what it is off by.
-      if (solve.converged || solve.reason == kRoundingReason || corrections == choices::kMostCorrections)
-        return true;
+      const auto answer = corrected(tip, pose, corrections > 0 ? 1 : 0, until);
+      if (!answer) return false;
+      if (settled(answer->solve) || corrections == choices::kMostCorrections) return true;
       if (Clock::now() >= until) return false;
     }
   }
@@ -64,9 +64,10 @@ class SolidSurface final : public TouchedLayer {
   }
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
-    ContactAnswer answer = corrected(tip, pose, choices::kMostCorrections);
-    move_to_scene(answer.pressure);
-    return answer;
+    auto answer = corrected(tip, pose, choices::kMostCorrections, Clock::now() + choices::kLongestSolve);
+    if (!answer) throw std::runtime_error("the tissue is being solved for others; touch it again");
+    move_to_scene(answer->pressure);
+    return *std::move(answer);
   }
 
   std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip& tip, const TouchPose& pose,
@@ -89,7 +90,12 @@ class SolidSurface final : public TouchedLayer {
     }
   }
 
-  ContactAnswer corrected(const Fingertip& tip, const TouchPose& pose, std::size_t most_corrections) {
+  // What no correction makes better is settled too: the answer says what it is off by.
+  static bool settled(const SolveReport& solve) { return solve.converged || solve.reason == kRoundingReason; }
+
+  // Positions in the block. None: others were touching it until then.
+  std::optional<ContactAnswer> corrected(const Fingertip& tip, const TouchPose& pose,
+                                         std::size_t most_corrections, Clock::time_point until) {
     const auto [x, y, z] = pose.position_m;
     const double reach = tip.shape == FingertipShape::kNode ? 0 : reach_m(tip, y, 0);
     const auto inside = [reach](double at, double begin, double end, double around) {
@@ -102,17 +108,29 @@ class SolidSurface final : public TouchedLayer {
                       "{:.4g} to {:.4g} m along x "
                       "and from {:.4g} to {:.4g} m along z",
                       x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
-    const std::lock_guard lock(*mutex_);
-    return contact_.touch(tip, in_block(pose), {.most_corrections = most_corrections});
+    const std::unique_lock lock(*mutex_, until);
+    if (!lock) return std::nullopt;
+    if (last_ && last_->tip == tip && last_->position_m == pose.position_m && settled(last_->answer.solve))
+      return last_->answer;  // made ready, then touched, then looked ahead from
+    last_.reset();
+    last_ = {tip, pose.position_m,
+             contact_.touch(tip, in_block(pose), {.most_corrections = most_corrections})};
+    return last_->answer;
   }
 
   const Region region_;
   const double origin_x_m_, origin_z_m_;
   const double around_x_m_, around_z_m_;  // tissue on each side, up to where the other side's begins
   const double spacing_m_;
-  const std::shared_ptr<Device> device_;     // outlives its queue's arrays
-  const std::shared_ptr<std::mutex> mutex_;  // of all that share the solver
-  SolidContact<float> contact_;              // touched under the mutex
+  const std::shared_ptr<Device> device_;           // outlives its queue's arrays
+  const std::shared_ptr<std::timed_mutex> mutex_;  // of all that share the solver
+  SolidContact<float> contact_;                    // touched under the mutex
+  struct Last {
+    Fingertip tip;
+    Vector3 position_m;
+    ContactAnswer answer;
+  };
+  std::optional<Last> last_;
 };
 
 }  // namespace

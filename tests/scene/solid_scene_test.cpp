@@ -1,8 +1,11 @@
 // A solid through scene and session: given, touched, kept on disk.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
+#include <thread>
+#include <vector>
 
 #include "service/scene/scene_record.h"
 #include "service/scene/solid_block.h"
@@ -59,6 +62,61 @@ TEST(SolidScene, IsTouchedInThreeDimensions) {
   for (const NodalPressure& n : before.contact.pressure)
     z += n.position_m[2] * n.pressure_pa, p += n.pressure_pa;
   EXPECT_NEAR(z / p, kBallZ - 0.004, 0.001) << "in the scene's coordinates";
+}
+
+TEST(SolidScene, HasNoLayersBelowItsSurface) {
+  const auto scene = scene_of(with_ball());
+  TouchOptions options;
+  options.layer_depth_m = 0.005;
+  try {
+    const TouchSession session(scene, options, test_device());
+    ADD_FAILURE() << "the surface was touched instead";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("open.layer.depth_m: 0.005"), std::string::npos) << error.what();
+  }
+}
+
+TEST(SolidScene, TwoFingersAtOnceEachFeelTheirOwn) {
+  const auto scene = scene_of(with_ball());
+  const auto sweep = [&](TouchSession& session, double z_m) {
+    std::vector<ContactAnswer> answers;
+    for (int k = 0; k < 12; ++k) {
+      TouchAnswer a = touched(session, 0.018 + 0.001 * k, 0.002, z_m);
+      for (int tries = 0; tries < 200 && a.status != TouchStatus::kOk;
+           ++tries) {  // as long as the other's last
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        a = touched(session, 0.018 + 0.001 * k, 0.002, z_m);
+      }
+      EXPECT_EQ(a.status, TouchStatus::kOk) << a.warning;
+      answers.push_back(a.contact);
+    }
+    return answers;
+  };
+  std::array<std::vector<ContactAnswer>, 2> alone, together;
+  const auto place_of = [](std::size_t n) { return n == 0 ? kBallZ : kBallZ - 0.010; };
+  for (std::size_t n = 0; n < 2; ++n) {
+    TouchSession session(scene_of(with_ball()), {}, test_device());
+    alone[n] = sweep(session, place_of(n));
+  }
+  TouchSession first(scene, {}, test_device());  // whose touch makes it ready
+  EXPECT_EQ(touched(first, 0.020, 0.001, 0.0).status, TouchStatus::kOk);
+  std::vector<std::thread> fingers;
+  for (std::size_t n = 0; n < 2; ++n)
+    fingers.emplace_back([&, n] {
+      TouchSession session(scene, {}, test_device());
+      together[n] = sweep(session, place_of(n));
+    });
+  for (std::thread& finger : fingers) finger.join();
+  for (std::size_t n = 0; n < 2; ++n)
+    for (std::size_t k = 0; k < alone[n].size(); ++k) {
+      const ContactAnswer &a = alone[n][k], &b = together[n][k];
+      EXPECT_LT(a.force_n[1], -0.05);
+      for (std::size_t c = 0; c < 3; ++c)
+        EXPECT_NEAR(a.force_n[c], b.force_n[c],
+                    (a.solve.relative_error + b.solve.relative_error) * std::abs(a.force_n[1]))
+            << "finger " << n << ", place " << k << ", component " << c << ": " << a.force_n[c]
+            << " N, stated " << a.solve.relative_error << " and " << b.solve.relative_error;
+    }
 }
 
 TEST(SolidScene, EndsWhereItsModulusDoes) {

@@ -130,6 +130,31 @@ TEST_F(Outbox, OwesANewVersionUntilItsColumnsAboutTheFingerAreSent) {
   EXPECT_TRUE(outbox.owes(*newer, 0.052));
 }
 
+TEST_F(Outbox, OwesWhereANewVersionIsNotSampledYetAndWhenAnotherFollowsUntold) {
+  snapshot.windows.pop_back();
+  while (next(0.02)) {
+  }
+  const auto publish = [&](std::uint64_t version) {
+    auto newer = std::make_shared<WindowModel>(*snapshot.windows[0]);
+    newer->version = version;
+    snapshot.windows[0] = newer;
+  };
+  const auto nothing = [](const WindowModel&) { return nullptr; };
+  for (const std::uint64_t version : {20, 30}) {
+    publish(version);
+    EXPECT_FALSE(outbox.next(snapshot, 0.02, 0, nothing));
+    EXPECT_TRUE(outbox.owes(*snapshot.windows[0], 0.02)) << "version " << version;
+  }
+  const auto middle = [&](const WindowModel& window) {  // 0.02 to 0.04 m
+    const auto all = law_of(window)->columns;
+    return std::make_shared<const ContactLaw>(ContactLaw{{all.begin() + 4, all.begin() + 9}, false});
+  };
+  while (const auto piece = outbox.next(snapshot, 0.03, 0, middle)) outbox.acknowledge(piece->number);
+  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], 0.031));
+  EXPECT_TRUE(outbox.owes(*snapshot.windows[0], 0.045));
+  EXPECT_TRUE(outbox.owes(*snapshot.windows[0], 0.015));
+}
+
 // It grows at both ends; what was sent is not sent again, and nothing is said of what is not known yet.
 TEST_F(Outbox, SendsWhatIsKnownOfALawThatIsBeingSampled) {
   std::ptrdiff_t known = 2;  // columns to either side of the middle
