@@ -8,7 +8,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "service/contact/fingertip.h"
 #include "service/device/device.h"
 #include "service/plan/choices.h"
 
@@ -48,7 +47,8 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
 // What its shape does not use is as in every other tip of that shape.
 Fingertip canonical(Fingertip tip) {
   const Fingertip usual;
-  if (flat_half_m(tip) == 0) tip.half_width_m = usual.half_width_m;
+  const bool flat = tip.shape == FingertipShape::kFlatPunch || tip.shape == FingertipShape::kPad;
+  if (!flat) tip.half_width_m = usual.half_width_m;
   if (tip.shape != FingertipShape::kPad) tip.pad_m_pa = usual.pad_m_pa;
   if (tip.shape != FingertipShape::kNode) tip.footprint_m = usual.footprint_m;
   if (tip.shape == FingertipShape::kNode) tip.radius_m = usual.radius_m;
