@@ -91,7 +91,9 @@ void TouchReactor::answer_and_write() {
       during([&] {
         while (const auto piece = stream_->law_before(*pose, stopped)) write_free(*piece);
         stream_->wait(may_answer, stopped);
-        if (!stopped()) write_answer(*pose);
+        if (stopped()) return;
+        write_answer(*pose);
+        stream_->look_ahead();
       });
   }
   stream_->leave();  // here already: the end itself may wait for the peer

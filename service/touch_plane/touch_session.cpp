@@ -6,6 +6,7 @@
 #include <cmath>
 #include <span>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "service/device/device.h"
@@ -202,6 +203,7 @@ std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window
 
 void TouchSession::leave_window() {
   window_.reset(), touched_.reset();
+  at_.reset(), before_.reset();
 }
 
 // False while the window's layer is being made ready. Until a newer model of the same window has it, the one
@@ -229,12 +231,13 @@ bool TouchSession::prepare(const TouchPose& pose, double around_m, std::chrono::
   return touched_->prepare(options_.fingertip, pose, around_m, TouchedLayer::Clock::now() + time);
 }
 
-// Nothing is owed: what fails is said by the answer that needs it, and this one stands.
-void TouchSession::look_ahead(const TouchPose& pose) {
-  try {
-    prepare(pose, choices::kWidestReach, choices::kAhead);
-  } catch (const std::exception&) {
-  }
+void TouchSession::look_ahead() try {
+  if (!touched_ || !at_) return;
+  TouchPose next = *at_;
+  for (std::size_t k = 0; before_ && k < 3; ++k)
+    next.position_m[k] += at_->position_m[k] - before_->position_m[k];
+  prepare(next, choices::kWidestReach, choices::kAhead);
+} catch (const std::exception&) {
 }
 
 void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
@@ -244,7 +247,7 @@ void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
         "columns of the contact are still being solved; hold the finger above, or use "
         "the compliance");
   answer.contact = touched_->touch(options_.fingertip, pose);
-  look_ahead(pose);
+  before_ = std::exchange(at_, pose);
   if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
 }
 

@@ -70,6 +70,9 @@ class TouchSession {
   // Has the tactile image of this answer to a touch begun, where it says anything of the contact and the next
   // is due.
   void show(TactileOutbox&, std::uint64_t sequence, const Vector3& position_m, const TouchAnswer&) const;
+  // After an answer was handed on: what is likely to be needed for the next, where the finger will be if it
+  // moves on as it did between the last two. Nothing is owed: what fails is said by the answer that needs it.
+  void look_ahead();
   // Of one of the scene's windows, for this finger: what is known of it, near x first; null where nothing is.
   std::shared_ptr<const ContactLaw> law_of(const WindowModel&, double x_m) const;
 
@@ -78,7 +81,6 @@ class TouchSession {
   bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const MayEnter&);
   void leave_window();
   bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);
-  void look_ahead(const TouchPose&);
   void touch_into(TouchAnswer&, const TouchPose&);
   void judge(TouchAnswer&, const SceneSnapshot&, const TouchPose&) const;
   std::string doubt(const ContactAnswer&, const SceneSnapshot&, const TouchPose&) const;
@@ -90,6 +92,7 @@ class TouchSession {
   TouchWay way_;
   std::shared_ptr<const WindowModel> window_;  // that answers: the one under the finger, or that before it
   std::shared_ptr<TouchedLayer> touched_;      // layer_ of window_'s model; there whenever window_ is
+  std::optional<TouchPose> at_, before_;       // the poses that were touched last
 };
 
 }  // namespace teletact::service

@@ -76,6 +76,24 @@ TEST(SolidScene, HasNoLayersBelowItsSurface) {
   }
 }
 
+TEST(SolidScene, AFingerThatMovesOnIsAnsweredFromWhatWasCorrectedAhead) {
+  const auto corrected = [](bool ahead) {
+    TouchSession session(scene_of(with_ball()), {}, test_device());
+    int answers = 0;
+    for (int k = 0; k < 40; ++k) {  // 120 mm/s, answered every 5 ms or so
+      const TouchAnswer a = touched(session, 0.012 + 0.0006 * k + 2e-6 * (k % 3), 0.002, kBallZ);
+      EXPECT_EQ(a.status, TouchStatus::kOk) << a.warning;
+      answers += a.contact.solve.iterations > 0;
+      if (ahead) session.look_ahead();
+    }
+    return answers;
+  };
+  const int behind = corrected(false), ahead = corrected(true);
+  std::printf("answers of 40 that had to be corrected first: %d, looking ahead %d\n", behind, ahead);
+  EXPECT_GE(behind, 25);
+  EXPECT_LE(ahead, 10);
+}
+
 TEST(SolidScene, TwoFingersAtOnceEachFeelTheirOwn) {
   const auto scene = scene_of(with_ball());
   const auto sweep = [&](TouchSession& session, double z_m) {
