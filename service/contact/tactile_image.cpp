@@ -49,7 +49,7 @@ Taxels share_among_taxels(std::span<const NodalPressure> nodes, const TaxelGrid&
       for (std::size_t i = 0; i < x.of.size(); ++i)
         out.pressure_pa[(z.first + k) * grid.along_x + x.first + i] += force * z.of[k] * x.of[i] / area;
     out.force_n += force;
-    out.outside_n += force * (1 - x.sum * z.sum);
+    out.outside_n += force * std::max(0.0, 1 - x.sum * z.sum);  // not below it by rounding
     out.outside_moment_n_m[0] += force * (x_m - pitch * x.moment * z.sum);
     out.outside_moment_n_m[1] += force * (z_m - pitch * z.moment * x.sum);
   }
