@@ -19,6 +19,13 @@ struct SolidContactOptions {
   std::size_t most_corrections = choices::kMostCorrections;
 };
 
+// How a tissue's layers have left those of the factor that it is solved with (T8.7): as one, by which S0 is
+// scaled, and in ln E0 beside that, at most.
+struct LayersDrift {
+  double scale = 1, shape = 0;
+};
+LayersDrift drift_between(const LayeredTissue& factor, const LayeredTissue& own);
+
 // A block of tissue that is touched on its surface. One thread at a time.
 //
 // The contact is solved on the recycled compliance S' (recycled_compliance.h). Where that may put the force
@@ -45,8 +52,7 @@ class SolidContact {
   // and z. By any thread, beside the others. Throws as touch() does, std::domain_error where no depth does.
   std::vector<NodalPressure> layered_pressure(const Fingertip&, const Vector3& pose, double force_n) const;
   const SolidTissue& tissue() const { return tissue_; }
-  // The most that ln of a layer's own E0 is from that of the factor.
-  double drift() const;
+  const LayersDrift& drift() const { return drift_; }
   std::size_t corrections() const { return corrections_; }  // contacts solved on the whole block, in all
 
  private:
@@ -58,6 +64,7 @@ class SolidContact {
   std::shared_ptr<SolidSolver<T>> solver_;
   std::shared_ptr<const SurfaceCompliance> wide_;
   std::shared_ptr<const SolidModulus<T>> modulus_;
+  LayersDrift drift_;
   RecycledCompliance frictionless_, stuck_;
   const RecycledCompliance layered_;  // that learns nothing
   std::size_t corrections_ = 0;

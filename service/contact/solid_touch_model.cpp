@@ -45,7 +45,7 @@ class SolidSurface final : public TouchedLayer {
         mutex_(before.mutex_),
         contact_(device_->queue(account), before.contact_, block.tissue) {}
 
-  double drift() const { return contact_.drift(); }
+  double drift() const { return contact_.drift().shape; }
   SolvePath path() const override { return SolvePath::kPcg; }
 
   // A step is a correction on the whole block.

@@ -30,7 +30,7 @@ class SolidTouchModel final : public TouchModel {
   // ready, and this one is then ready at once.
   SolidTouchModel(SolidBlock, MemoryAccount account, const SolidTouchModel* before = nullptr);
   const SolidBlock& block() const { return state_->block; }
-  // SolidContact::drift(); 0 until it is ready.
+  // The shape of SolidContact::drift(); 0 until it is ready.
   double drift() const;
   // The same tissue with a factor of its own layers, ready on the same device.
   std::shared_ptr<const SolidTouchModel> renewed(const MemoryAccount&) const;

@@ -102,8 +102,8 @@ inline constexpr std::size_t kMostBlockElements = std::size_t{1} << 20;
 inline constexpr double kWidestSolid = 1, kMostWideColumns = 1024;
 inline constexpr std::size_t kMostPatchUnknowns = 1500;
 inline constexpr std::size_t kMostCorrections = 8;
-// The layers of a solid's factor are made anew once ln E0 of one has drifted so far (T8.7). A touch farther
-// than this from the nearest slice is of tissue that nobody measured.
+// The layers of a solid's factor are made anew once ln E0 of one has drifted so far from the others (T8.7). A
+// touch farther than this from the nearest slice is of tissue that nobody measured.
 inline constexpr double kMostDrift = 0.02, kSliceReach = 0.005;
 
 // Of an acquisition that does not state them: standard deviations of the force sensor and of the contact

@@ -18,11 +18,13 @@ constexpr double kMostlyNew = 0.25;
 
 RecycledCompliance::RecycledCompliance(const SolidGrid& grid, const LayeredTissue& tissue, std::size_t first,
                                        std::size_t count, const SurfaceCompliance& wide,
-                                       const SurfaceCompliance& periodic, std::size_t most_pairs)
+                                       const SurfaceCompliance& periodic, double scale,
+                                       std::size_t most_pairs)
     : grid_(grid),
       first_(first),
       count_(count),
-      largest_(std::max(1 / tissue.least - 1, 1 - 1 / tissue.largest)),
+      scale_(scale),
+      largest_(std::max({1 / (scale * tissue.least) - 1, 1 - 1 / (scale * tissue.largest), 0.0})),
       wide_(wide),
       periodic_(periodic),
       most_pairs_(most_pairs) {}
@@ -45,7 +47,9 @@ void RecycledCompliance::add(const std::vector<std::size_t>& unknowns, const Eig
             excess.last_m.segment(begin, size),
             {}};
   pair.force(places(unknowns)) = force_n;
-  pair.layered = periodic_.times(unknowns, force_n, grid_.nx, grid_.nz, first_, count_);
+  const Eigen::VectorXd factors = periodic_.times(unknowns, force_n, grid_.nx, grid_.nz, first_, count_);
+  pair.excess += (1 - scale_) * factors;  // it is told beyond the factor's layers
+  pair.layered = scale_ * factors;
   const auto at = places(unknowns);
   pair.share = pair.excess(at).norm() / pair.layered(at).norm();
   pairs_.push_front(std::move(pair));
@@ -83,7 +87,7 @@ void RecycledCompliance::add(const std::vector<std::size_t>& unknowns, const Eig
 }
 
 Eigen::MatrixXd RecycledCompliance::among(const std::vector<std::size_t>& unknowns) const {
-  Eigen::MatrixXd s = wide_.among(unknowns, grid_.nx, grid_.nz);
+  Eigen::MatrixXd s = scale_ * wide_.among(unknowns, grid_.nx, grid_.nz);
   if (pairs_.empty()) return s;
   const auto at = places(unknowns);
   const Eigen::MatrixXd q = basis_(at, Eigen::all), d = excess_(at, Eigen::all);
@@ -93,13 +97,14 @@ Eigen::MatrixXd RecycledCompliance::among(const std::vector<std::size_t>& unknow
 
 Eigen::VectorXd RecycledCompliance::wider_m(const std::vector<std::size_t>& unknowns,
                                             const Eigen::VectorXd& force_n) const {
-  return (wide_.among(unknowns, grid_.nx, grid_.nz) - periodic_.among(unknowns, grid_.nx, grid_.nz)) *
-         force_n;
+  return scale_ *
+         ((wide_.among(unknowns, grid_.nx, grid_.nz) - periodic_.among(unknowns, grid_.nx, grid_.nz)) *
+          force_n);
 }
 
 Eigen::VectorXd RecycledCompliance::error_between(const std::vector<std::size_t>& unknowns,
                                                   const Eigen::MatrixXd& a, const Eigen::VectorXd& b) const {
-  const Eigen::MatrixXd s = periodic_.among(unknowns, grid_.nx, grid_.nz);
+  const Eigen::MatrixXd s = scale_ * periodic_.among(unknowns, grid_.nx, grid_.nz);
   Eigen::VectorXd error(a.cols());
   if (pairs_.empty()) {
     for (Eigen::Index c = 0; c < a.cols(); ++c)

@@ -19,14 +19,15 @@ namespace teletact::service {
 class RecycledCompliance {
  public:
   // Of components first ... first + count - 1 of the surface (1, 1: frictionless). Keeps so many pairs, the
-  // newest. `wide`: S0 without the block's period; `periodic`: with it, as the pairs have it.
+  // newest. `wide`: S0 without the block's period; `periodic`: with it, as the pairs have it; both of the
+  // factor's layers, which the tissue's may have left: S0 is `scale` times that (T8.7).
   RecycledCompliance(const SolidGrid&, const LayeredTissue&, std::size_t first, std::size_t count,
-                     const SurfaceCompliance& wide, const SurfaceCompliance& periodic,
+                     const SurfaceCompliance& wide, const SurfaceCompliance& periodic, double scale = 1,
                      std::size_t most_pairs = 12);
   // Forces of unknowns of the surface (SurfacePatch) and their dS p.
   void add(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n, const SurfaceExcess&);
   // S0 of a node under its own force, of a component, m/N: it does not change with the pairs.
-  double layered(std::size_t component) const { return wide_(component, component, 0, 0); }
+  double layered(std::size_t component) const { return scale_ * wide_(component, component, 0, 0); }
   // S' among unknowns, m/N.
   Eigen::MatrixXd among(const std::vector<std::size_t>& unknowns) const;
   // By how much more the wide surface moves than the periodic one, m: what a contact that is solved on the
@@ -47,6 +48,7 @@ class RecycledCompliance {
   std::vector<Eigen::Index> places(const std::vector<std::size_t>& unknowns) const;
   SolidGrid grid_;
   std::size_t first_, count_;
+  double scale_;
   double largest_;    // of dS over S0, at most
   double found_ = 0;  // the most of the pairs
   const SurfaceCompliance &wide_, &periodic_;

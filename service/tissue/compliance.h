@@ -20,6 +20,7 @@ struct SolveReport {
   // Of a compliance C: |C_ij error| <= relative_error sqrt(C_ii C_jj). Of a contact answer: what its force
   // may be off by because of that, over the force.
   double relative_error = 0;
+  double of_model = 0;  // of that, what no solve makes less: the model is being made anew
   bool converged = true;
   const char* reason = "direct";  // why it stopped
 };

@@ -266,7 +266,7 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   if (!c.solve.converged)
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
                        c.solve.relative_error);
-  if (!(c.solve.relative_error <= choices::kTrustedForceError))
+  if (!(c.solve.relative_error - c.solve.of_model <= choices::kTrustedForceError))
     return fmt::format(
         "the solve may be off by up to {:.2g} of the force; nu near 1/2 beside high contrast does this",
         c.solve.relative_error);

@@ -213,8 +213,8 @@ TEST(SolidContact, FailsWithAnAnswerThatSaysSo) {
 }
 
 // Another modulus on the same factor: each is felt as if it were alone, and what one has learned is not the
-// other's. The factor's E0, 8 % off here, enters the skin and the period's share: one made anew differs by
-// 0.1 %.
+// other's. Of the factor's E0 the shape is left in the skin and the period's share: one made anew differs by
+// a little.
 TEST(SolidContact, AnotherModulusOnTheSameFactorIsFeltAsItsOwn) {
   if (!has_double()) GTEST_SKIP() << "the device has no double";
   const SolidTissue with = with_ball();
