@@ -151,4 +151,17 @@ FairWorkers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeome
       });
 }
 
+FairWorkers::Id ImagingPlane::publish_slice(const std::shared_ptr<Scene>& scene, ModulusSlice slice,
+                                            const std::string& client, const Told& told) {
+  JobTerms terms;
+  terms.client = client;
+  const auto published = std::make_shared<Published>();
+  return workers().post(
+      terms,
+      [this, scene, slice = std::move(slice), client, published] {
+        *published = publisher_.publish(scene, slice, client);
+      },
+      [told, published](const std::exception_ptr& error) { told(*published, error); });
+}
+
 }  // namespace teletact::service

@@ -59,6 +59,10 @@ class ImagingPlane {
   // Makes a scene as Scenes::make. `made` is told with what became of it, once.
   FairWorkers::Id make_scene(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
                              const std::string& client, const Scenes::Made& made);
+  // Publishes it. `told` what became of that, once.
+  using Told = std::function<void(const Published&, std::exception_ptr)>;
+  FairWorkers::Id publish_slice(const std::shared_ptr<Scene>&, ModulusSlice, const std::string& client,
+                                const Told& told);
   FairWorkers& workers() { return publisher_.workers(); }
 
  private:

@@ -48,18 +48,14 @@ void log_failure(const std::string& scene, const std::exception_ptr& error) {
 
 }  // namespace
 
-Published Publisher::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
-                             const std::string& client) {
+template <class Change>
+Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::string& client,
+                            const Change& change) {
   Published published = [&] {
     Changing changing(*this, *scene);
     while (const auto other = changing.begin()) workers_.step_aside(*other);
-    return scene->publish(estimate, [] {
-      look();
-      return false;
-    });
+    return change();
   }();
-  spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
-               scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
   if (scenes_.trouble_with_disk())
     published.warnings.emplace_back(
         "state: the disk does not take it, and a restart of the service would lose it; the service's log "
@@ -70,6 +66,27 @@ Published Publisher::publish(const std::shared_ptr<Scene>& scene, const WindowEs
   terms.deadline = FairWorkers::Clock::now() + kFreshWithin;
   terms.owed = true;
   refresh_later(scene, terms);
+  return published;
+}
+
+Published Publisher::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
+                             const std::string& client) {
+  const Published published = change(scene, client, [&] {
+    return scene->publish(estimate, [] {
+      look();
+      return false;
+    });
+  });
+  spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
+               scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
+  return published;
+}
+
+Published Publisher::publish(const std::shared_ptr<Scene>& scene, const ModulusSlice& slice,
+                             const std::string& client) {
+  const Published published = change(scene, client, [&] { return scene->publish(slice); });
+  spdlog::info("event=slice_published scene={} version={} z_m={:.6f}", scene->id(), published.version,
+               slice.z_m);
   return published;
 }
 

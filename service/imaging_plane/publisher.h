@@ -22,10 +22,15 @@ class Publisher {
   // On one of its workers, else std::logic_error: publishes; the neighbours are then refreshed and the scene
   // is kept on disk by themselves, at the client's account.
   Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&, const std::string& client);
+  // So a slice of a solid, whose model is renewed by itself where it must be.
+  Published publish(const std::shared_ptr<Scene>&, const ModulusSlice&, const std::string& client);
   FairWorkers& workers() { return workers_; }
 
  private:
   class Changing;
+  // Has `change` change the scene, alone, and sees to what follows.
+  template <class Change>
+  Published change(const std::shared_ptr<Scene>&, const std::string& client, const Change& change);
   void refresh_later(const std::shared_ptr<Scene>&, const JobTerms&);
   void refresh(const std::shared_ptr<Scene>&, JobTerms);
   Scenes& scenes_;

@@ -10,6 +10,7 @@
 
 #include "service/device/look.h"
 #include "service/imaging/maps.h"
+#include "service/rpc/modulus_messages.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/scene/errors.h"
 

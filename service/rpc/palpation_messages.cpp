@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <stdexcept>
 
 #include "service/rpc/core.h"
@@ -12,38 +11,6 @@
 #include "service/scene/errors.h"
 
 namespace teletact::service {
-
-std::size_t bytes_per_item(v1::DataType dtype) {
-  switch (dtype) {
-    case v1::DATA_TYPE_INT16:
-      return 2;
-    case v1::DATA_TYPE_FLOAT32:
-      return 4;
-    case v1::DATA_TYPE_FLOAT64:
-      return 8;
-    case v1::DATA_TYPE_UINT8:
-      return 1;
-    default:
-      return 0;
-  }
-}
-
-std::size_t checked_items(const char* field, const v1::Array& array) {
-  const std::size_t item = bytes_per_item(array.dtype());
-  if (item == 0)
-    throw std::invalid_argument(
-        fmt::format("{}.dtype: unspecified; state how the bytes are to be read", field));
-  unsigned __int128 items = 1;
-  for (const std::uint32_t size : array.shape()) {
-    items *= size;
-    if (items > array.data().size()) break;
-  }
-  if (array.shape().empty() || items * item != array.data().size())
-    throw std::invalid_argument(
-        fmt::format("{}.data: {} bytes do not fill its shape; send product(shape) x {} bytes", field,
-                    array.data().size(), item));
-  return static_cast<std::size_t>(items);
-}
 
 namespace {
 
@@ -81,48 +48,6 @@ SceneGeometry geometry_from(const v1::SceneGeometry& in, const Limits& limits) {
   g.supports = supports_from(in);
   validate(g, limits);
   return g;
-}
-
-ExplicitModulus modulus_from(const v1::ModulusMap& in, const Limits& limits) {
-  const v1::Array& array = in.youngs_modulus_pa();
-  if (in.x_m_size() < 2 || in.y_m_size() < 2)
-    throw std::invalid_argument("modulus.x_m, modulus.y_m: give at least 2 node coordinates each");
-  if (in.z_m_size() == 1)
-    throw std::invalid_argument("modulus.z_m: give at least 2 node coordinates, or none for a plane scene");
-  const bool solid = in.z_m_size() > 0;
-  const std::size_t most_elements = solid ? limits.most_solid_elements : limits.most_scene_elements;
-  const std::size_t columns = static_cast<std::size_t>(in.x_m_size()) - 1,
-                    rows = static_cast<std::size_t>(in.y_m_size()) - 1,
-                    slices = solid ? static_cast<std::size_t>(in.z_m_size()) - 1 : 1;
-  if (rows > most_elements / columns || slices > most_elements / columns / rows)
-    throw Error(ErrorKind::kExhausted,
-                fmt::format("modulus: {} x {} x {} elements, at most {} are allowed; use a coarser grid",
-                            columns, rows, slices, most_elements));
-  const std::vector<std::uint64_t> shape(array.shape().begin(), array.shape().end());
-  const auto wanted =
-      solid ? std::vector<std::uint64_t>{slices, rows, columns} : std::vector<std::uint64_t>{rows, columns};
-  if (shape != wanted)
-    throw std::invalid_argument(
-        fmt::format("modulus.youngs_modulus_pa.shape: must be [{}len(y_m) - 1, len(x_m) - 1] = [{}]",
-                    solid ? "len(z_m) - 1, " : "", fmt::join(wanted, ", ")));
-  const std::size_t items = checked_items("modulus.youngs_modulus_pa", array);
-  ExplicitModulus e;
-  e.x_m.assign(in.x_m().begin(), in.x_m().end());
-  e.y_m.assign(in.y_m().begin(), in.y_m().end());
-  e.z_m.assign(in.z_m().begin(), in.z_m().end());
-  e.youngs_modulus_pa.resize(items);
-  if (array.dtype() == v1::DATA_TYPE_FLOAT64) {
-    std::memcpy(e.youngs_modulus_pa.data(), array.data().data(), items * sizeof(double));
-  } else if (array.dtype() == v1::DATA_TYPE_FLOAT32) {
-    for (std::size_t n = 0; n < items; ++n) {
-      float value = 0;
-      std::memcpy(&value, array.data().data() + n * sizeof(float), sizeof(float));
-      e.youngs_modulus_pa[n] = value;
-    }
-  } else {
-    throw std::invalid_argument("modulus.youngs_modulus_pa.dtype: must be FLOAT32 or FLOAT64");
-  }
-  return e;
 }
 
 namespace {
@@ -197,8 +122,9 @@ std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
   // Messages with their fields and what allocating each adds; of a cell, its values twice and its state.
   constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 512, kWarningBytes = 64,
                           kCellBytes = 2 * (sizeof(float) + 1) + sizeof(CellState);
-  std::uint64_t bytes = kSceneBytes;
   const auto snapshot = scene.snapshot();
+  std::uint64_t bytes = kSceneBytes;
+  if (snapshot->modulus) bytes += 2 * sizeof(double) * snapshot->modulus->slices_m.size();
   for (const auto& window : snapshot->windows) {
     bytes += kWindowBytes;
     if (window->evidence)
@@ -214,6 +140,8 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
   out->set_scene_id(scene.id());
   geometry_to(scene.geometry(), out->mutable_geometry());
   out->set_version(snapshot->version);
+  if (snapshot->modulus)
+    for (const double z_m : snapshot->modulus->slices_m) out->add_slices_z_m(z_m);
   for (const auto& window : snapshot->windows) {
     v1::Window* w = out->add_windows();
     w->set_window_id(window->id);

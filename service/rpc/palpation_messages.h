@@ -13,13 +13,7 @@ namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
 
-// Product of the shape, checked against the bytes and the dtype's size. Throws std::invalid_argument.
-std::size_t checked_items(const char* field, const v1::Array&);
-std::size_t bytes_per_item(v1::DataType);
-
 SceneGeometry geometry_from(const v1::SceneGeometry&, const Limits&);
-// Beyond the limits' elements Error(kExhausted), before the values are read.
-ExplicitModulus modulus_from(const v1::ModulusMap&, const Limits&);
 // Of the message that scene_to() makes, and what it is made of meanwhile.
 std::uint64_t scene_bytes(const Scene&, v1::SceneView);
 // `instance`: the process', for stamps.

@@ -1,6 +1,7 @@
 #include "service/rpc/palpation_service.h"
 
 #include "service/rpc/client.h"
+#include "service/rpc/modulus_messages.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_reactor.h"
 #include "service/rpc/unary_call.h"
@@ -14,17 +15,39 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
                                                         v1::Scene* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
     const std::string client = client_of(*context);
-    // The request, and what is read from it: numbers of 4 bytes become such of 8.
-    call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
+    // The request, and what is read from it: numbers of 4 bytes become such of 8. Slices are then stacked.
+    call->hold(core_.account(client).charge(Place::kHost, "uploads",
+                                            (request->slices().empty() ? 3 : 5) * request->ByteSizeLong()));
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
-    std::optional<ExplicitModulus> modulus;
-    if (request->has_modulus()) modulus = modulus_from(request->modulus(), core_.limits);
+    std::optional<ExplicitModulus> modulus = modulus_from(*request, core_.limits);
     const FairWorkers::Id job = core_.imaging.make_scene(
         request->scene_id(), geometry, std::move(modulus), client,
         [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
           if (error) return call->fail(error);
           call->answer(*response, [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
         });
+    call->drop_by([this, job] { core_.imaging.workers().cancel(job); });
+  });
+}
+
+grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerContext* context,
+                                                         const v1::PublishSliceRequest* request,
+                                                         v1::PublishSliceResponse* response) {
+  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+    const std::string client = client_of(*context);
+    call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
+    const auto scene = core_.scenes.find(request->scene_id());
+    const FairWorkers::Id job =
+        core_.imaging.publish_slice(scene, slice_from("slice", request->slice(), *scene->solid()), client,
+                                    [=](const Published& published, std::exception_ptr error) {
+                                      if (error) return call->fail(error);
+                                      call->answer(*response, [&] {
+                                        response->set_window_id(published.window_id);
+                                        response->set_version(published.version);
+                                        for (const std::string& warning : published.warnings)
+                                          response->add_warnings(warning);
+                                      });
+                                    });
     call->drop_by([this, job] { core_.imaging.workers().cancel(job); });
   });
 }

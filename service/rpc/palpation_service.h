@@ -15,6 +15,8 @@ class PalpationService final : public v1::Palpation::CallbackService {
 
   grpc::ServerUnaryReactor* CreateScene(grpc::CallbackServerContext*, const v1::CreateSceneRequest*,
                                         v1::Scene*) override;
+  grpc::ServerUnaryReactor* PublishSlice(grpc::CallbackServerContext*, const v1::PublishSliceRequest*,
+                                         v1::PublishSliceResponse*) override;
   grpc::ServerUnaryReactor* GetScene(grpc::CallbackServerContext*, const v1::GetSceneRequest*,
                                      v1::Scene*) override;
   grpc::ServerUnaryReactor* ListScenes(grpc::CallbackServerContext*, const v1::ListScenesRequest*,

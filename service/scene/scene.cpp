@@ -227,16 +227,20 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   return published;
 }
 
+std::shared_ptr<const ExplicitModulus> Scene::solid() const {
+  const auto modulus = snapshot()->modulus;
+  if (!modulus || !modulus->solid())
+    throw Error(
+        ErrorKind::kPrecondition,
+        fmt::format("scene_id: scene {} is no solid and takes no slices; create one with modulus.z_m", id_));
+  return modulus;
+}
+
 Published Scene::publish(const ModulusSlice& slice) {
   const std::lock_guard lock(publishing_);
   require_exists();
   const auto old = snapshot();
-  if (!old->modulus || !old->modulus->solid())
-    throw Error(ErrorKind::kPrecondition,
-                fmt::format("scene_id: scene {} is no solid and takes no slices; create one with "
-                            "modulus.z_m",
-                            id_));
-  GrownModulus grown = with_slice(*old->modulus, slice, limits_);
+  GrownModulus grown = with_slice(*solid(), slice, limits_);
   auto window = std::make_shared<WindowModel>(*old->windows.front());
   window->taken_in = std::chrono::steady_clock::now();
   window->model = models_->of_slice(geometry_, grown.modulus, grown.slice, *window->model, account_);

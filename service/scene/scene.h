@@ -91,6 +91,8 @@ class Scene {
   // Stitches the estimate in, builds its window's model and swaps both in. `cancelled` is asked between the
   // steps. Windows whose context changed are left for refresh_stale_window(). Nothing changes when it throws.
   Published publish(const WindowEstimate&, const std::function<bool()>& cancelled);
+  // What slices are given of. Throws Error(kPrecondition) where the scene is no solid.
+  std::shared_ptr<const ExplicitModulus> solid() const;
   // One more slice of a solid, or this one in the place of the one there. Throws std::invalid_argument (field
   // named), Error(kPrecondition) where the scene is no solid, (kExhausted). Nothing changes when it throws.
   Published publish(const ModulusSlice&);

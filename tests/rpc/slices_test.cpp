@@ -1,0 +1,141 @@
+// Slices of a solid as a client gives them: at its creation, later, and while somebody touches it.
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "tests/rpc/estimate_client.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr int kColumns = 20, kRows = 8;
+
+// 20 x 8 elements of 2 x 2.5 mm.
+v1::ModulusSlice slice_at(double z_m, float modulus_pa) {
+  v1::ModulusSlice slice;
+  for (const double o : {0.0, 0.0, z_m}) slice.mutable_pose()->add_origin_m(o);
+  const std::vector<float> values(kColumns * kRows, modulus_pa);
+  v1::Array* array = slice.mutable_modulus()->mutable_youngs_modulus_pa();
+  array->set_dtype(v1::DATA_TYPE_FLOAT32);
+  for (const unsigned n : {unsigned(kRows), unsigned(kColumns)}) array->add_shape(n);
+  array->set_data(values.data(), values.size() * sizeof(float));
+  return slice;
+}
+
+// 40 x 20 x 20 mm around z = 0, of one slice there.
+v1::CreateSceneRequest growing(const std::string& id) {
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  for (const double size : {0.04, 0.02}) request.mutable_geometry()->add_size_m(size);
+  for (int i = 0; i <= kColumns; ++i) request.mutable_modulus()->add_x_m(0.002 * i);
+  for (int j = 0; j <= kRows; ++j) request.mutable_modulus()->add_y_m(0.0025 * j);
+  for (int k = 0; k <= 10; ++k) request.mutable_modulus()->add_z_m(-0.01 + 0.002 * k);
+  *request.add_slices() = slice_at(0, 1e4F);
+  return request;
+}
+
+class SliceCalls : public OnOneServer {
+ protected:
+  static void SetUpTestSuite() {
+    serve();
+    ASSERT_TRUE(server->create(growing("grows")).ok());
+  }
+  grpc::Status publish(const v1::ModulusSlice& slice, v1::PublishSliceResponse* out = nullptr,
+                       const std::string& scene = "grows") const {
+    grpc::ClientContext context;
+    set_deadline(context);
+    v1::PublishSliceRequest request;
+    request.set_scene_id(scene);
+    *request.mutable_slice() = slice;
+    v1::PublishSliceResponse response;
+    return stub->PublishSlice(&context, request, out ? out : &response);
+  }
+  v1::Scene scene() const {
+    grpc::ClientContext context;
+    set_deadline(context);
+    v1::GetSceneRequest request;
+    request.set_scene_id("grows");
+    request.set_view(v1::SCENE_VIEW_FULL);
+    v1::Scene out;
+    EXPECT_TRUE(stub->GetScene(&context, request, &out).ok());
+    return out;
+  }
+  const std::unique_ptr<v1::Palpation::Stub> stub = v1::Palpation::NewStub(channel);
+};
+
+TEST_F(SliceCalls, AreFeltByWhoTouchesMeanwhile) {
+  Toucher toucher(channel, "grows");
+  ASSERT_TRUE(toucher.opened());
+  v1::TouchAnswer answer;
+  ASSERT_TRUE(toucher.touch(0.02, 0.002, &answer));
+  ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+  const double soft = answer.force_n(1);
+  EXPECT_EQ(answer.model_version(), scene().version());
+  v1::PublishSliceResponse published;
+  ASSERT_TRUE(publish(slice_at(0.004, 2e4F), &published).ok());
+  EXPECT_GT(published.version(), answer.model_version());
+  EXPECT_EQ(published.warnings_size(), 0);
+  ASSERT_TRUE(toucher.touch(0.02, 0.002, &answer));
+  EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+  EXPECT_GE(answer.model_version(), published.version()) << "once it answers it is touched";
+  EXPECT_LT(answer.force_n(1), 1.05 * soft);
+  EXPECT_EQ(answer.window_id(), published.window_id());
+  const v1::Scene now = scene();
+  ASSERT_EQ(now.slices_z_m_size(), 2);
+  EXPECT_EQ(now.slices_z_m(1), 0.004);
+  ASSERT_TRUE(publish(slice_at(0.004, 1e4F), &published).ok()) << "in its place";
+  EXPECT_EQ(scene().slices_z_m_size(), 2);
+  ASSERT_TRUE(toucher.touch(0.02, 0.002, &answer));
+  EXPECT_NEAR(answer.force_n(1), soft, 4e-3 * std::abs(soft));
+  float shown = 0;
+  std::memcpy(&shown, scene().youngs_modulus().values().data().data(), sizeof(float));
+  EXPECT_NEAR(shown, 1e4, 1);
+}
+
+TEST_F(SliceCalls, ThatMakeNoSenseAreNamed) {
+  using enum grpc::StatusCode;
+  const int slices = scene().slices_z_m_size();
+  const auto refused = [&](auto change, const char* field, grpc::StatusCode code = INVALID_ARGUMENT) {
+    v1::ModulusSlice slice = slice_at(0.006, 1e4F);
+    change(slice);
+    expect_refused(publish(slice), code, (std::string("slice.") + field).c_str());
+    v1::CreateSceneRequest request = growing("bad");
+    *request.add_slices() = slice;
+    expect_refused(server->create(request), code, (std::string("slices[1].") + field).c_str());
+  };
+  refused([](auto& s) { s.mutable_pose()->set_origin_m(2, 0.0101); }, "pose.origin_m[2]");
+  refused([](auto& s) { s.mutable_pose()->set_origin_m(2, std::nan("")); }, "pose.origin_m[2]");
+  refused([](auto& s) { s.mutable_pose()->set_origin_m(0, 0.001); }, "pose.origin_m[0]");
+  refused([](auto& s) { s.mutable_pose()->mutable_origin_m()->RemoveLast(); }, "pose.origin_m");
+  refused([](auto& s) { s.clear_pose(); }, "pose.origin_m");
+  const auto axis = [](auto* to, double x, double y, double z) {
+    for (const double c : {x, y, z}) to->Add(c);
+  };
+  refused([&](auto& s) { axis(s.mutable_pose()->mutable_lateral(), 0.6, 0, 0.8); }, "pose.lateral");
+  refused([&](auto& s) { axis(s.mutable_pose()->mutable_axial(), 0, 0.8, 0.6); }, "pose.axial");
+  refused([](auto& s) { s.mutable_modulus()->add_z_m(0); }, "modulus.z_m");
+  refused([](auto& s) { s.mutable_modulus()->add_x_m(0); }, "modulus.x_m");
+  refused([](auto& s) { s.clear_modulus(); }, "modulus.youngs_modulus_pa");
+  refused([](auto& s) { s.mutable_modulus()->mutable_youngs_modulus_pa()->mutable_data()->pop_back(); },
+          "modulus.youngs_modulus_pa.data");
+  refused([](auto& s) { s.mutable_modulus()->mutable_youngs_modulus_pa()->set_shape(0, 9); },
+          "modulus.youngs_modulus_pa.shape");
+  for (const float e : {0.0F, -1.0F, std::numeric_limits<float>::quiet_NaN()})
+    refused([e](auto& s) { s = slice_at(0.006, e); }, "modulus.youngs_modulus_pa[0]");
+  expect_refused(publish(slice_at(0, 1e4F), nullptr, "s"), FAILED_PRECONDITION, "scene_id");
+  expect_refused(publish(slice_at(0, 1e4F), nullptr, "none"), NOT_FOUND, "scene_id");
+  v1::CreateSceneRequest request = growing("bad");
+  request.mutable_modulus()->clear_z_m();
+  expect_refused(server->create(request), INVALID_ARGUMENT, "modulus.z_m");
+  request = growing("bad");
+  *request.mutable_modulus()->mutable_youngs_modulus_pa() = slice_at(0, 1e4F).modulus().youngs_modulus_pa();
+  expect_refused(server->create(request), INVALID_ARGUMENT, "modulus.youngs_modulus_pa");
+  request = growing("bad");
+  *request.add_slices() = slice_at(2e-6, 1e4F);
+  expect_refused(server->create(request), INVALID_ARGUMENT, "slices[1].pose.origin_m[2]");
+  EXPECT_EQ(scene().slices_z_m_size(), slices);
+}
+
+}  // namespace
+}  // namespace teletact::service
