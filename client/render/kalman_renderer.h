@@ -66,6 +66,8 @@ class KalmanRenderer final : public Renderer {
 
   // The model is felt as it is from now on, nothing blended in: by who does not render this one's force.
   void take_all() noexcept { blend_.clear(); }
+  // What it knows is of other tissue than the next answer, which is believed as the first one is.
+  void distrust() noexcept { known_ = false; }
 
   std::uint64_t outliers() const noexcept { return outliers_; }
 

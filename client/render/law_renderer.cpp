@@ -107,10 +107,17 @@ void LawRenderer::check(const ForceSample& sample) noexcept {
 bool LawRenderer::update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept {
   surface_ = sample.surface;
   answered_m_ = sample.position_m;
-  answered_version_ = sample.model_version;  // 0: of no window
+  const std::uint64_t before = std::exchange(answered_version_, sample.model_version);  // 0: of no window
   judge_age();
   check(sample);
-  return kalman_.update(sample, pose, time_s);
+  const double d = surface_.depth_m(position_m_);
+  const bool another = before != 0 && answered_version_ != 0 && answered_version_ != before;
+  if (!another || by_law_ || !(d > 0)) return kalman_.update(sample, pose, time_s);
+  kalman_.distrust();
+  const bool believed = kalman_.update(sample, pose, time_s);
+  kalman_.take_all();
+  blend_.change(felt_, along_m(), d);
+  return believed;
 }
 
 void LawRenderer::take_law(const NearLaw& law) noexcept {

@@ -5,8 +5,8 @@
 //
 // Answers of the version that is rendered only check it. Where there is no law, where answers are of a newer
 // version, or where the law was found wrong, the Kalman filter's model is felt, as without laws. From one to
-// the other, and from a law to a newer one, what is felt changes no faster than by 7 % in 10 ms, and no
-// harder than is paid for (potential_blend.h).
+// the other, from a law to a newer one, and from the filter's model to that of another version, what is felt
+// changes no faster than by 7 % in 10 ms, and no harder than is paid for (potential_blend.h).
 #pragma once
 
 #include <array>
