@@ -237,6 +237,9 @@ void TouchSession::look_ahead() try {
   for (std::size_t k = 0; before_ && k < 3; ++k)
     next.position_m[k] += at_->position_m[k] - before_->position_m[k];
   prepare(next, choices::kWidestReach, choices::kAhead);
+} catch (const DeviceMemoryError&) {  // says nothing of the device
+} catch (const DeviceError&) {
+  throw;
 } catch (const std::exception&) {
 }
 

@@ -72,6 +72,7 @@ class TouchSession {
   void show(TactileOutbox&, std::uint64_t sequence, const Vector3& position_m, const TouchAnswer&) const;
   // After an answer was handed on: what is likely to be needed for the next, where the finger will be if it
   // moves on as it did between the last two. Nothing is owed: what fails is said by the answer that needs it.
+  // Throws DeviceError, though, where the device failed.
   void look_ahead();
   // Of one of the scene's windows, for this finger: what is known of it, near x first; null where nothing is.
   std::shared_ptr<const ContactLaw> law_of(const WindowModel&, double x_m) const;

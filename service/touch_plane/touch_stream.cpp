@@ -134,6 +134,16 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
   return answered;
 }
 
+void TouchStream::look_ahead() {
+  const std::shared_ptr<Device> device = device_;
+  session_.use(device);
+  try {
+    session_.look_ahead();
+  } catch (const DeviceError& error) {
+    device_.failed(device, error.what());
+  }
+}
+
 std::optional<LawPiece> TouchStream::piece_for(const FingerPose& finger, double farthest_m) {
   const double x_m = finger.position_m[0];
   if (!laws_ || !std::isfinite(x_m)) return std::nullopt;

@@ -85,7 +85,7 @@ class TouchStream {
   std::optional<Arrived> next(const std::function<bool()>& may_answer, const std::function<bool()>& stopped);
   Answered answer(const Arrived&);
   // After an answer was handed on (TouchSession::look_ahead).
-  void look_ahead() { session_.look_ahead(); }
+  void look_ahead();
   // What goes before the answer to this pose: the next piece of a law near its finger, if there is one. The
   // first answer waits for it a little.
   std::optional<LawPiece> law_before(const Arrived&, const std::function<bool()>& stopped);

@@ -70,11 +70,17 @@ TEST_F(OnAHalfSpace, TheLightTouchThatWaitsIsBelowAlongTheNormal) {
 TEST_F(OnAHalfSpace, AnAnswerStandsThoughThereIsNoRoomForWhatMayBeTouchedNext) {
   const Vector3 at = on_tilted_surface(0.05, 0, 0.002);
   for (const auto full :
-       {+[] { throw MemoryRefused("the budget"); }, +[] { throw DeviceMemoryError("the device"); }})
-    EXPECT_EQ(TouchSession(scene_of(HalfSpaces({.ahead = full})), {}, nullptr).solve(at).status,
-              TouchStatus::kOk);
+       {+[] { throw MemoryRefused("the budget"); }, +[] { throw DeviceMemoryError("the device"); },
+        +[] { throw std::domain_error("the next place"); }}) {
+    TouchSession session(scene_of(HalfSpaces({.ahead = full})), {}, nullptr);
+    EXPECT_EQ(session.solve(at).status, TouchStatus::kOk);
+    EXPECT_NO_THROW(session.look_ahead());
+    EXPECT_EQ(session.solve(at).status, TouchStatus::kOk);
+  }
   const auto failed = [] { throw DeviceError("it is gone"); };
-  EXPECT_TRUE(TouchSession(scene_of(HalfSpaces({.ahead = failed})), {}, nullptr).solve(at).device_failed);
+  TouchSession session(scene_of(HalfSpaces({.ahead = failed})), {}, nullptr);
+  EXPECT_EQ(session.solve(at).status, TouchStatus::kOk);
+  EXPECT_THROW(session.look_ahead(), DeviceError);
 }
 
 TEST_F(OnAHalfSpace, WhatItCannotDoIsAFailedAnswer) {
