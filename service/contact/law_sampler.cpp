@@ -186,7 +186,7 @@ void LawSampler::average(std::size_t cell, std::vector<Tried>& tried) {
   }
   if (altered && worst(cell, tried) <= 1) {
     std::vector<Tried> more = try_cell(cell, kFew, kMany);
-    if (worst(cell, more) <= 1) {
+    if (!more.empty() && worst(cell, more) <= 1) {
       std::move(more.begin(), more.end(), std::back_inserter(tried));
       return;
     }

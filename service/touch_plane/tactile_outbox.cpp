@@ -1,6 +1,7 @@
 #include "service/touch_plane/tactile_outbox.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <stdexcept>
 #include <utility>
@@ -44,10 +45,15 @@ void TactileOutbox::begin(Clock::time_point now, std::uint64_t sequence, std::fu
   }
   auto job = [slot = slot_, sequence, make = std::move(make)] {
     const auto begun = Clock::now();
-    SentTactile made{sequence, make(), {}};
-    made.took = Clock::now() - begun;
+    std::optional<SentTactile> made;
+    try {
+      made = SentTactile{sequence, make(), {}};
+      made->took = Clock::now() - begun;
+    } catch (const std::exception& error) {  // the next may do
+      spdlog::warn("event=tactile_not_made error=\"{}\"", error.what());
+    }
     const std::lock_guard lock(slot->mutex);
-    slot->ready = std::move(made);
+    if (made) slot->ready = std::move(made);
     slot->busy = false;
   };
   if (work)

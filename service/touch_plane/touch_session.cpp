@@ -178,6 +178,7 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
 void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vector3& position_m,
                         const TouchAnswer& answer) const {
   if (answer.status != TouchStatus::kOk && answer.status != TouchStatus::kDegraded) return;
+  if (!answer.contact.solve.converged) return;  // an image cannot say so
   const auto now = TactileOutbox::Clock::now();
   if (!touched_ || !outbox.due(now)) return;
   const auto [x_m, y_m, z_m] = position_m;

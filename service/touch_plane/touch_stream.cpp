@@ -52,10 +52,10 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       period_(period_from(wishes.period_s, scene_->limits())),
       pressure_(wishes.pressure),
       session_(scene_, options_of(wishes), device),
+      laws_(wishes.laws ? std::make_optional<LawOutbox>() : std::nullopt),
+      tactile_(wishes.tactile ? std::make_optional<TactileOutbox>(*wishes.tactile) : std::nullopt),
       finger_(scene_->finger().join(wishes.session_id, Clock::now())) {
-  if (wishes.laws) laws_.emplace();
-  if (wishes.tactile) tactile_.emplace(*wishes.tactile);
-}
+}  // last: one that is refused never was
 
 Region TouchStream::covered() const {
   return scene_->snapshot()->covered_around(scene_->finger().now().position_m[0]);

@@ -174,6 +174,15 @@ TEST_F(Stream, RefusesPosesOutOfOrderAndWishesThatCannotBeMet) {
       std::invalid_argument);
 }
 
+TEST_F(Stream, ThatIsRefusedNeverWasAtTheScene) {
+  stream.leave();
+  ASSERT_FALSE(scene->finger().now().present);
+  TouchWishes wishes{"ghost", 0, 0, {}};
+  wishes.tactile = TaxelGrid{.along_x = TactileOutbox::kMostTaxels + 1};
+  EXPECT_THROW(TouchStream(scene, std::move(wishes), no_device), std::invalid_argument);
+  EXPECT_FALSE(scene->finger().now().present);
+}
+
 TEST_F(Stream, IsToldToWhoWatchesOneStateAfterTheOther) {
   FingerWatch watch(scene);
   const auto now = FingerWatch::Clock::now();
