@@ -9,6 +9,7 @@ Part solid_iterations();  // to a true and to a certified error, over contrast, 
 Part solid_bound();       // what is certified over the true error, at every iteration of random touches
 Part solid_speed();       // time and memory, beside a sparse factor and plain conjugate gradients
 Part solid_plane();       // one element thick: the plane solver's compliance
-Part solid_tactile();     // images of a lump under a rounded tip and a pad, and how well it is seen
+Part solid_sweep();    // a fast finger's answers at 1 kHz beside the converged contact, and what they state
+Part solid_tactile();  // images of a lump under a rounded tip and a pad, and how well it is seen
 
 }  // namespace teletact::bench
