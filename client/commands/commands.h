@@ -49,6 +49,7 @@ void add_patient_command(CLI::App& app);     // simulated RF pairs with their tr
 void add_replay_command(CLI::App& app);      // plays a recording again
 void add_report_command(CLI::App& app);      // recordings + truth -> summary.json and pictures
 void add_scenes_command(CLI::App& app);      // list the scenes of a service, delete one
+void add_slices_command(CLI::App& app);      // a stack of plane maps becomes a scene, slice by slice
 void add_touch_command(CLI::App& app);       // operator side: servo, device, link
 
 }  // namespace teletact::client

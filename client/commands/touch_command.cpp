@@ -201,9 +201,17 @@ std::string played_recording(const std::string& device) {
 }
 
 // What only a hand that is simulated has.
-const std::vector<std::string> kHandOptions = {
-    "--indentation-m",      "--speed-m-s",          "--begin-m", "--end-m", "--hand-mass-kg",
-    "--hand-damping-n-s-m", "--hand-stiffness-n-m", "--passes"};
+const std::vector<std::string> kHandOptions = {"--indentation-m",
+                                               "--speed-m-s",
+                                               "--begin-m",
+                                               "--end-m",
+                                               "--along",
+                                               "--across-m",
+                                               "--circle-radius-m",
+                                               "--hand-mass-kg",
+                                               "--hand-damping-n-s-m",
+                                               "--hand-stiffness-n-m",
+                                               "--passes"};
 
 void refuse_what_the_device_ignores(const CLI::App& command, const std::string& device) {
   const auto alone = [&](const std::vector<std::string>& options, const std::string& reason) {
@@ -324,6 +332,18 @@ void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {
   command.add_option("--begin-m", session.begin_m,
                      "sweep from here, metres along the tissue (default: what is covered at the start)");
   command.add_option("--end-m", session.end_m, "sweep to here (default: as --begin-m)");
+  command
+      .add_option_function<std::string>(
+          "--along", [&session](const std::string& axis) { session.hand.along_z = axis == "z"; },
+          "axis of the sweep: x, or z of solid tissue")
+      ->check(CLI::IsMember({"x", "z"}))
+      ->default_str("x");
+  command.add_option("--across-m", session.across_m,
+                     "where the sweep's line lies on the other axis (default: amid the tissue)");
+  command
+      .add_option("--circle-radius-m", session.hand.circle_radius_m,
+                  "go in circles about a point that sweeps on by so much in each turn; 0: straight")
+      ->check(CLI::Range(0.0, 0.05));
   command.add_option("--hand-mass-kg", session.hand.mass_kg, "of the simulated hand")
       ->check(CLI::Range(0.01, 0.2));
   command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m, "of the simulated hand")

@@ -2,11 +2,50 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace teletact::client {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+// How far it is to the border that lies ahead; `unit`: along the surface.
+double to_border_m(const Region& region, double inside_m, const Vector3& from_m, const Vector3& unit) {
+  const auto along = [inside_m](double from_m, double direction, double begin_m, double end_m) {
+    if (direction == 0) return HUGE_VAL;
+    return ((direction > 0 ? end_m - inside_m : begin_m + inside_m) - from_m) / direction;
+  };
+  return std::min(along(from_m.x(), unit.x(), region.begin_x_m, region.end_x_m),
+                  along(from_m.z(), unit.z(), region.begin_z_m, region.end_z_m));
+}
+
+}  // namespace
 
 Hand::Hand(const HandOptions& options) : options_(options) {
-  target_m_ = Vector3(options.start_m, -options.hover_m, 0);
+  target_m_.y() = -options.hover_m;
+  go_to(options.start_m);
+}
+
+void Hand::go_to(double along_m) noexcept {
+  along_m_ = along_m;
+  double across_m = options_.across_m;
+  if (const double radius_m = options_.circle_radius_m; radius_m > 0) {
+    const double angle = kTurn * (along_m_ - options_.begin_m) / radius_m;
+    along_m += radius_m * std::sin(angle);
+    across_m += radius_m * std::cos(angle);
+  }
+  target_m_.x() = options_.along_z ? across_m : along_m;
+  target_m_.z() = options_.along_z ? along_m : across_m;
+}
+
+Vector3 Hand::forward() const noexcept {
+  double along = 1, across = 0;
+  if (const double radius_m = options_.circle_radius_m; radius_m > 0) {
+    const double angle = kTurn * (along_m_ - options_.begin_m) / radius_m;
+    along += kTurn * std::cos(angle);
+    across -= kTurn * std::sin(angle);
+  }
+  return options_.along_z ? Vector3(across, 0, along) : Vector3(along, 0, across);
 }
 
 Vector3 Hand::force(const Vector3& position_m, const Vector3& velocity_m_s) const noexcept {
@@ -54,29 +93,31 @@ void Hand::press(const OperatorView& view, double indentation_m, double dt_s) no
 }
 
 void Hand::sweep(const OperatorView& view, double dt_s) noexcept {
-  const double covered_m =
-      direction_ > 0 ? view.region.end_x_m - options_.border_m : view.region.begin_x_m + options_.border_m;
-  const double end_m = direction_ > 0 ? options_.end_m : options_.begin_m;
-  const double to_end_m = direction_ * (end_m - target_m_.x());
-  const double to_border_m = view.covered ? direction_ * (covered_m - target_m_.x()) : 0;
+  const Vector3 forward = this->forward();
+  const double by_the_metre = forward.norm();  // of the line, how long the way is
+  const double line_end_m = direction_ > 0 ? options_.end_m : options_.begin_m;
+  const double to_end_m = by_the_metre * direction_ * (line_end_m - along_m_);
+  const double covered_m = view.covered ? to_border_m(view.region, options_.border_m, target_m_,
+                                                      direction_ / by_the_metre * forward)
+                                        : 0;
   // v^2 = 2 a s: the speed from which the hand still stops in time.
   const auto stopping = [this](double distance_m) {
     return std::sqrt(2 * options_.acceleration_m_s2 * std::max(distance_m, 0.0));
   };
   const double free_m_s =
       std::min({speed_m_s_ + options_.acceleration_m_s2 * dt_s, options_.speed_m_s, stopping(to_end_m)});
-  speed_m_s_ = std::min(free_m_s, stopping(to_border_m));
+  speed_m_s_ = std::min(free_m_s, stopping(covered_m));
   held_ = speed_m_s_ < free_m_s;
   constexpr double kArrivedM = 2e-5;
   if (to_end_m <= std::max(speed_m_s_ * dt_s, kArrivedM)) {
-    target_m_.x() = end_m;
+    go_to(line_end_m);
     direction_ = -direction_;
     speed_m_s_ = 0;
     held_ = false;
     passes_.fetch_add(1, std::memory_order_relaxed);
     return;
   }
-  target_m_.x() += direction_ * speed_m_s_ * dt_s;
+  go_to(along_m_ + direction_ * speed_m_s_ * dt_s / by_the_metre);
 }
 
 }  // namespace teletact::client

@@ -36,4 +36,11 @@ std::optional<Extent> touchable_extent(const v1::Scene& scene) {
   return Extent{extents.front().begin_x_m, extents.back().end_x_m};
 }
 
+std::optional<ExtentZ> touchable_extent_z(const v1::Scene& scene) {
+  for (const v1::Window& window : scene.windows())
+    if (window.touchable() && window.covers().has_begin_z_m() && window.covers().has_end_z_m())
+      return ExtentZ{window.covers().begin_z_m(), window.covers().end_z_m()};
+  return std::nullopt;
+}
+
 }  // namespace teletact::client

@@ -21,5 +21,10 @@ struct Extent {
 std::vector<Extent> touchable_extents(const v1::Scene& scene);
 // From the first to the last of them; none where there is none.
 std::optional<Extent> touchable_extent(const v1::Scene& scene);
+// Of a solid, along z; none of a plane scene.
+struct ExtentZ {
+  double begin_z_m = 0, end_z_m = 0;
+};
+std::optional<ExtentZ> touchable_extent_z(const v1::Scene& scene);
 
 }  // namespace teletact::client

@@ -48,7 +48,7 @@ bool is_real(const std::string& device) {
 std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
   const std::string kind = choice.device.substr(0, choice.device.find(':'));
   const std::string rest = kind.size() < choice.device.size() ? choice.device.substr(kind.size() + 1) : "";
-  const Vector3 start_m(choice.hand.start_m, -choice.hand.hover_m, 0);
+  const Vector3 start_m(choice.hand.start_m, -choice.hand.hover_m, choice.hand.across_m);
   if (kind == "simulated" && rest.empty()) {
     SimulatedDeviceOptions options;
     options.profile = device_profile(choice.profile);

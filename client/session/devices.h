@@ -14,7 +14,7 @@ struct DeviceChoice {
   std::string device = "simulated";
   std::string profile = "premium-1.5";  // of a simulated or a replayed device
   HandOptions hand =
-      {};  // the simulated hand; other devices start above its start_m, hover_m over the surface
+      {};  // the simulated hand; other devices start above its start_m, across_m, hover_m over the surface
 };
 
 // Plugins and the Inverse3: a person's hand moves it.

@@ -60,12 +60,15 @@ double width_of(const v1::Scene& scene) {
 }
 
 // A sweep beyond the tissue would never end.
-void require_within(const v1::Scene& scene, const char* option, const std::optional<double>& x_m) {
-  const double width_m = width_of(scene);
-  if (!x_m || width_m == 0) return;
-  if (*x_m >= 0 && *x_m <= width_m) return;
-  throw std::invalid_argument(fmt::format("{} {}: the tissue of scene '{}' reaches from 0 to {} m", option,
-                                          *x_m, scene.scene_id(), width_m));
+void require_within(const v1::Scene& scene, const char* option, const std::optional<double>& at_m,
+                    bool along_z = false) {
+  const ExtentZ z = touchable_extent_z(scene).value_or(ExtentZ{});
+  const double begin_m = along_z ? z.begin_z_m : 0, end_m = along_z ? z.end_z_m : width_of(scene);
+  if (!at_m || end_m == begin_m) return;
+  if (*at_m >= begin_m && *at_m <= end_m) return;
+  throw std::invalid_argument(fmt::format("{} {}: the tissue of scene '{}' reaches from {} to {} m{}", option,
+                                          *at_m, scene.scene_id(), begin_m, end_m,
+                                          along_z ? " along z" : ""));
 }
 
 constexpr double kInsideM = 0.008;  // the tip's own reach
@@ -99,23 +102,33 @@ double start_of_real_device(const v1::Scene& scene, const std::optional<double>&
 }
 
 HandOptions hand_on(const v1::Scene& scene, const OperatorSessionOptions& options) {
+  const std::optional<ExtentZ> z = touchable_extent_z(scene);
+  const double middle_z_m = z ? (z->begin_z_m + z->end_z_m) / 2 : 0;
   if (is_real(options.device)) {
     HandOptions hand;
     hand.start_m = start_of_real_device(scene, options.start_x_m);
+    hand.across_m = middle_z_m;
     return hand;
   }
-  require_within(scene, "--begin-m", options.begin_m);
-  require_within(scene, "--end-m", options.end_m);
-  const Extent extent = touchable_extent(scene).value();
   HandOptions hand = options.hand;
-  hand.begin_m = options.begin_m.value_or(extent.begin_x_m + kInsideM);
-  hand.end_m = options.end_m.value_or(extent.end_x_m - kInsideM);
+  if (hand.along_z && !z)
+    throw std::invalid_argument(
+        fmt::format("--along z: scene '{}' is the same for every z; leave it out", scene.scene_id()));
+  require_within(scene, "--begin-m", options.begin_m, hand.along_z);
+  require_within(scene, "--end-m", options.end_m, hand.along_z);
+  require_within(scene, "--across-m", options.across_m, !hand.along_z);
+  const Extent extent = touchable_extent(scene).value();
+  const double inside_m = kInsideM + hand.circle_radius_m;
+  hand.begin_m = options.begin_m.value_or((hand.along_z ? z->begin_z_m : extent.begin_x_m) + inside_m);
+  hand.end_m = options.end_m.value_or((hand.along_z ? z->end_z_m : extent.end_x_m) - inside_m);
+  hand.across_m =
+      options.across_m.value_or(hand.along_z ? (extent.begin_x_m + extent.end_x_m) / 2 : middle_z_m);
   if (!(hand.end_m > hand.begin_m)) {
     throw std::invalid_argument("the sweep ends (" + std::to_string(hand.end_m) + " m) before it begins (" +
                                 std::to_string(hand.begin_m) + " m); set --begin-m and --end-m");
   }
   // The first press is where something can be touched already: at the beginning, or as near to it as can be.
-  hand.start_m = touchable_near(scene, hand.begin_m);
+  hand.start_m = hand.along_z ? hand.begin_m : touchable_near(scene, hand.begin_m);
   return hand;
 }
 

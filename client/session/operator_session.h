@@ -24,9 +24,10 @@ struct OperatorSessionOptions {
   std::string device = "simulated";     // as devices.h reads it
   std::string profile = "premium-1.5";  // of a simulated or replayed device
   std::string renderer = "law";         // or kalman, kalman-force, interpolate, hold
-  HandOptions hand;                     // of a simulated device; begin and end: see below
+  HandOptions hand;                     // of a simulated device; its places: see below
   std::optional<double> begin_m;        // of the sweep; absent: what is covered at the start, 8 mm inside
   std::optional<double> end_m;
+  std::optional<double> across_m;   // where the sweep's line lies; absent: amid the tissue
   std::optional<double> start_x_m;  // where a real device begins; absent: amid what is covered
   unsigned passes = 0;              // end after so many sweeps; 0 = no limit
   double duration_s =

@@ -71,6 +71,57 @@ TEST(SimulatedDevice, SweepsToAndFroAtTheSpeedAndDepthAskedFor) {
   EXPECT_NEAR(device.hand().passes(), 7, 1);
 }
 
+// From its pressing on, the hand's own way: what the device does of it is the tests' beside this.
+std::vector<Vector3> way_of(const HandOptions& options, double seconds, const Region& region) {
+  Hand hand(options);
+  OperatorView view = felt();
+  view.region = region;
+  std::vector<Vector3> way;
+  Vector3 at = hand.target_m();
+  for (int n = 0; n < seconds * 1000; ++n) {
+    hand.intend(view, at, 0.001);
+    at = hand.target_m();
+    way.push_back(at);
+  }
+  return way;
+}
+
+TEST(Hand, GoesInCirclesAboutAPointThatSweeps) {
+  HandOptions options;
+  options.begin_m = options.start_m = 0.02, options.end_m = 0.09;
+  options.across_m = 0.003, options.circle_radius_m = 0.006, options.speed_m_s = 0.05;
+  const std::vector<Vector3> way = way_of(options, 9, {.end_x_m = 0.12, .begin_z_m = -0.02, .end_z_m = 0.02});
+  double least_z = 1, largest_z = -1, furthest_x = 0;
+  unsigned crossings = 0;
+  for (std::size_t n = 1000; n < way.size(); ++n) {
+    EXPECT_NEAR((way[n] - way[n - 1]).norm(), 0.05e-3, 0.002e-3) << "the finger's speed, not the point's";
+    least_z = std::min(least_z, way[n].z()), largest_z = std::max(largest_z, way[n].z());
+    furthest_x = std::max(furthest_x, way[n].x());
+    crossings += way[n - 1].z() < 0.003 && way[n].z() >= 0.003;
+  }
+  EXPECT_NEAR(least_z, -0.003, 1e-5);
+  EXPECT_NEAR(largest_z, 0.009, 1e-5);
+  // 8 s at 50 mm/s are 400 mm; a turn is about 40 mm long and goes on by 6 mm.
+  EXPECT_NEAR(crossings, 10, 1);
+  EXPECT_NEAR(furthest_x, 0.02 + 10 * 0.006 + 0.006, 0.009);
+}
+
+TEST(Hand, SweepsAlongZAndIsHeldAtItsBorder) {
+  HandOptions options;
+  options.along_z = true, options.across_m = 0.05;
+  options.begin_m = options.start_m = -0.02, options.end_m = 0.02;
+  const Region all{.end_x_m = 0.12, .begin_z_m = -0.03, .end_z_m = 0.03};
+  double furthest = -1;
+  for (const Vector3& at : way_of(options, 2, all)) {
+    EXPECT_EQ(at.x(), 0.05);
+    furthest = std::max(furthest, at.z());
+  }
+  EXPECT_EQ(furthest, 0.02);
+  Region some = all;
+  some.end_z_m = 0.01;
+  EXPECT_NEAR(way_of(options, 2, some).back().z(), 0.009, 1e-5);
+}
+
 TEST(SimulatedDevice, InclusionsLiftTheFinger) {
   SimulatedDevice device(options());
   device.open();

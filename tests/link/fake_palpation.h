@@ -102,6 +102,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
   std::atomic<double> layer_depth_m{0};                            // of TouchOpened
   std::vector<std::pair<double, double>> windows_m = {{0, 0.12}};
+  std::pair<double, double> z_m{0, 0};  // of a solid
   AnalyticTissue tissue;
 
   grpc::Status GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request, v1::Scene* scene) override {
@@ -111,6 +112,10 @@ class FakePalpation final : public v1::Palpation::Service {
       v1::Window& window = *scene->add_windows();
       window.mutable_covers()->set_begin_x_m(begin_x_m);
       window.mutable_covers()->set_end_x_m(end_x_m);
+      if (z_m.second > z_m.first) {
+        window.mutable_covers()->set_begin_z_m(z_m.first);
+        window.mutable_covers()->set_end_z_m(z_m.second);
+      }
       window.set_touchable(true);
     }
     scene->mutable_geometry()->add_size_m(0.12);

@@ -122,6 +122,14 @@ TEST(OperatorSession, RefusesASweepBesideTheTissue) {
   EXPECT_NE(refusal(0.01, 0.29).find("--end-m 0.29"), std::string::npos);
   EXPECT_NE(refusal(-0.01, 0.1).find("--begin-m"), std::string::npos);
   EXPECT_NE(refusal(0.01, NAN).find("--end-m"), std::string::npos);
+  options.hand.along_z = true;
+  EXPECT_NE(refusal(0.01, 0.02).find("--along z: scene 's' is the same for every z"), std::string::npos);
+  service.z_m = {-0.02, 0.03};
+  EXPECT_NE(refusal(0.01, 0.05).find("--end-m 0.05: the tissue of scene 's' reaches from -0.02 to 0.03 m"),
+            std::string::npos);
+  options.across_m = 0.2;
+  EXPECT_NE(refusal(0.01, 0.02).find("--across-m 0.2: the tissue of scene 's' reaches from 0 to 0.12 m"),
+            std::string::npos);
 }
 
 TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
