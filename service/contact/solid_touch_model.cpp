@@ -144,28 +144,48 @@ SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const 
   state_->charge = account.charge(Place::kHost, "solids", 60 * grid.elements() + 3100 * grid.columns());
   state_->block = std::move(block);
   state_->account = std::move(account);
-  if (!before) return;
-  const auto [ready, device] = before->ready();
-  if (!ready) return;
-  state_->ready = std::make_shared<SolidSurface>(state_->block, static_cast<const SolidSurface&>(*ready),
-                                                 state_->account);
-  state_->device = device;
+  if (!before || take_over(*state_, *before->state_, nullptr)) return;
+  const std::lock_guard lock(before->state_->mutex);
+  // The oldest: what is begun of those between is not needed.
+  state_->before = before->state_->before  ? before->state_->before
+                   : before->state_->asked ? before->state_
+                                           : nullptr;
 }
 
-std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> SolidTouchModel::ready() const {
+std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> SolidTouchModel::ready(const State& state) {
+  const std::lock_guard lock(state.mutex);
+  return {state.ready, state.device};
+}
+
+bool SolidTouchModel::take_over(State& state, const State& before,
+                                const std::shared_ptr<Device>& wanted) try {
+  const auto [former, device] = ready(before);
+  if (!former || (wanted && wanted != device)) return false;
+  auto made =
+      std::make_shared<SolidSurface>(state.block, static_cast<const SolidSurface&>(*former), state.account);
+  const std::lock_guard lock(state.mutex);
+  state.ready = std::move(made);
+  state.device = device;
+  state.before.reset();
+  return true;
+} catch (const DeviceError&) {  // it has failed since: another one's time will come
+  return false;
+}
+
+std::shared_ptr<SolidTouchModel::State> SolidTouchModel::being_made_before() const {
   const std::lock_guard lock(state_->mutex);
-  return {state_->ready, state_->device};
+  return state_->before;
 }
 
 double SolidTouchModel::drift() const {
-  const auto surface = ready().first;
+  const auto surface = ready(*state_).first;
   return surface ? static_cast<const SolidSurface&>(*surface).drift() : 0;
 }
 
 std::shared_ptr<const SolidTouchModel> SolidTouchModel::renewed(const MemoryAccount& account) const {
   auto fresh = std::make_shared<const SolidTouchModel>(state_->block, account);
   TouchWay way;
-  way.device = ready().second;
+  way.device = ready(*state_).second;
   fresh->layer(Layer{}, way, {});
   return fresh;
 }
@@ -185,6 +205,11 @@ std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const T
   if (way.path == SolvePath::kCompliance)
     throw std::invalid_argument("open.path: a solid has too many unknowns to be condensed; use auto or pcg");
   if (!way.device) throw DeviceError("solid tissue is solved on an OpenCL device, and there is none");
+  if (const auto before = being_made_before()) {
+    if (take_over(*state_, *before, way.device)) return ready(*state_).first;
+    const std::lock_guard lock(before->mutex);
+    if (before->asked) return nullptr;
+  }
   {
     const std::lock_guard lock(state_->mutex);
     if (state_->device == way.device && state_->ready) return state_->ready;
@@ -207,6 +232,7 @@ std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const T
     const std::lock_guard lock(state->mutex);
     state->device = device;
     state->ready = std::move(made);
+    state->before.reset();
     state->asked = false;
     state->error = std::move(error);
     state->retry = std::chrono::steady_clock::now() + kRetry;

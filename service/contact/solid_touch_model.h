@@ -26,8 +26,8 @@ class SolidTouchModel final : public TouchModel {
   // A layer that could not be made is tried again after this long; until then asking for it says why.
   static constexpr std::chrono::seconds kRetry{1};
 
-  // `before`: a model of the same grid whose place it takes: what that solves with is used again where it is
-  // ready, and this one is then ready at once.
+  // `before`: a model of the same grid whose place it takes: what that solves with is used again. This one is
+  // ready at once where that is, else once that is, if it is being made ready.
   SolidTouchModel(SolidBlock, MemoryAccount account, const SolidTouchModel* before = nullptr);
   const SolidBlock& block() const { return state_->block; }
   // The shape of SolidContact::drift(); 0 until it is ready.
@@ -46,15 +46,19 @@ class SolidTouchModel final : public TouchModel {
     SolidBlock block;
     MemoryAccount account;
     Charge charge;
-    std::mutex mutex;  // held for looking things up only
+    mutable std::mutex mutex;  // held for looking things up only
     std::shared_ptr<Device> device;
     std::shared_ptr<TouchedLayer> ready;  // on that device
+    std::shared_ptr<State> before;        // that is being made ready, until this one is
     bool asked = false;
     std::exception_ptr error;
     std::chrono::steady_clock::time_point retry{};
   };
   // What is ready, and on which device; null: nothing.
-  std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> ready() const;
+  static std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> ready(const State&);
+  std::shared_ptr<State> being_made_before() const;
+  // Ready with what `before` solves with, if that is ready on this device (null: on any).
+  static bool take_over(State&, const State& before, const std::shared_ptr<Device>&);
   const std::shared_ptr<State> state_;
 };
 

@@ -115,6 +115,12 @@ void Publisher::refresh_later(const std::shared_ptr<Scene>& scene, const JobTerm
 // One window for each job: a new estimate goes before the rest, until they are due.
 void Publisher::refresh(const std::shared_ptr<Scene>& scene, JobTerms terms) {
   const auto begun = FairWorkers::Clock::now();
+  if (const auto renewed = scene->renewed()) {  // while slices come
+    Changing changing(*this, *scene);
+    while (const auto other = changing.begin()) workers_.step_aside(*other);
+    scene->renew(*renewed);
+    return scenes_.keep_later(scene);
+  }
   bool more = false;
   {
     Changing changing(*this, *scene);

@@ -51,6 +51,9 @@ inline constexpr double kColumnError = 1e-4;
 inline constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
 // Force error beyond which an answer is not trusted: that of a float solver.
 inline constexpr double kTrustedForceError = 2e-3;
+// What a model may put the force off by, beside that, before its answers are not trusted: half of what a
+// finger that presses can tell.
+inline constexpr double kTrustedModelError = 0.03;
 // Tissue that a touch feels: as wide as a wide tip, and so deep in all, half of it above the row where the
 // surface leaves room. Where less than this share of its cells was measured, the answer is not trusted.
 inline constexpr double kFeltDepth = 0.025;

@@ -83,10 +83,19 @@ CellView view_of(const StitchedMap& map) {
   return view;
 }
 
-// Each cell shows the element that its centre lies in; of a solid, in the slice in the middle.
+std::size_t slice_in_the_middle(const ExplicitModulus& e) {
+  if (!e.solid()) return 0;
+  const double middle_m = (e.z_m.front() + e.z_m.back()) / 2;
+  std::size_t nearest = 0;
+  for (std::size_t n = 1; n < e.slices(); ++n)
+    if (std::abs(e.slice_m(n) - middle_m) < std::abs(e.slice_m(nearest) - middle_m)) nearest = n;
+  return nearest;
+}
+
+// Each cell shows the element that its centre lies in; of a solid, in the slice nearest to the middle.
 CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
   CellView view{centres_of(StitchedMap(g)), {}, {}};
-  const std::size_t first = e.slices() / 2 * (e.x_m.size() - 1) * (e.y_m.size() - 1);
+  const std::size_t first = slice_in_the_middle(e) * (e.x_m.size() - 1) * (e.y_m.size() - 1);
   const auto element_at = [](const std::vector<double>& nodes_m, double at_m) {
     const auto after = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
     return static_cast<std::size_t>(after - nodes_m.begin()) - 1;

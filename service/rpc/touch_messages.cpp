@@ -131,10 +131,6 @@ void force_and_tangent_to(const ContactAnswer& c, Message* out) {
   for (const double k : c.tangent_n_m) out->add_tangent_n_m(k);
 }
 
-}  // namespace
-
-namespace {
-
 void taxels_to(const TaxelGrid& grid, const std::vector<double>& pressure_pa, v1::Array* out) {
   const std::vector<float> values(pressure_pa.begin(), pressure_pa.end());
   out->set_dtype(v1::DATA_TYPE_FLOAT32);

@@ -59,7 +59,7 @@ class PlaneModels final : public TouchModels {
   }
 
   std::shared_ptr<const TouchModel> of_slice(const SceneGeometry& geometry, const ExplicitModulus& e,
-                                             std::size_t slice, const TouchModel& before,
+                                             std::optional<std::size_t> slice, const TouchModel& before,
                                              const MemoryAccount& account) const override {
     const auto* solid = dynamic_cast<const SolidTouchModel*>(&before);
     if (!solid) return of_modulus(geometry, e, account);

@@ -244,10 +244,23 @@ Published Scene::publish(const ModulusSlice& slice) {
   auto window = std::make_shared<WindowModel>(*old->windows.front());
   window->taken_in = std::chrono::steady_clock::now();
   window->model = models_->of_slice(geometry_, grown.modulus, grown.slice, *window->model, account_);
-  stale_.insert(window->id);
   const std::uint64_t id = window->id;
   swap_in(std::move(window), charged(std::move(grown.modulus), account_));
   return {id, snapshot()->version, {}};
+}
+
+std::shared_ptr<const TouchModel> Scene::renewed() const {
+  const auto now = snapshot();
+  return now->modulus ? models_->renewed(*now->windows.front()->model, account_) : nullptr;
+}
+
+void Scene::renew(const TouchModel& renewed) {
+  const std::lock_guard lock(publishing_);
+  if (deleted()) return;
+  const auto old = snapshot();
+  auto window = std::make_shared<WindowModel>(*old->windows.front());
+  window->model = models_->of_slice(geometry_, *old->modulus, std::nullopt, renewed, account_);
+  swap_in(std::move(window), old->modulus);
 }
 
 // Called with publishing_ held.
@@ -312,12 +325,6 @@ bool Scene::refresh_stale_window() {
     return false;
   }
   auto fresh = std::make_shared<WindowModel>(*nearest);
-  if (old->modulus) {
-    fresh->model = models_->renewed(*nearest->model, account_);
-    stale_.clear();
-    if (fresh->model) swap_in(std::move(fresh), old->modulus);
-    return false;
-  }
   fresh->model = build(*old->map, nearest->region, nearest->model.get());
   fresh->version = versions_->next();
   stale_.erase(nearest->id);  // not before: what fails stays stale

@@ -99,6 +99,10 @@ class Scene {
   // Rebuilds the stale window nearest to the finger with its present context, so that the force does not jump
   // when the finger is handed over. False when none is stale.
   bool refresh_stale_window();
+  // Of a solid: what is to take the place of a model that slices have worn, which takes long to make; null
+  // while it serves. Slices may come meanwhile: renew() has the newest ones solved with what that has.
+  std::shared_ptr<const TouchModel> renewed() const;
+  void renew(const TouchModel& renewed);
 
   // Who does what touches ask for and must not wait for. Said once, before the scene is known to others.
   void set_touch_work(TouchWork work) { touch_work_ = std::move(work); }

@@ -65,11 +65,7 @@ void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, cons
   if (e.youngs_modulus_pa.size() != elements)
     throw std::invalid_argument(fmt::format("modulus.youngs_modulus_pa: {} values for {} elements",
                                             e.youngs_modulus_pa.size(), elements));
-  for (std::size_t n = 0; n < elements; ++n)
-    if (!(e.youngs_modulus_pa[n] > 0) || !std::isfinite(e.youngs_modulus_pa[n]))
-      throw std::invalid_argument(
-          fmt::format("modulus.youngs_modulus_pa[{}]: {} Pa; a modulus must be finite and > 0", n,
-                      e.youngs_modulus_pa[n]));
+  check_moduli("modulus.youngs_modulus_pa", e.youngs_modulus_pa);
 }
 
 }  // namespace

@@ -35,10 +35,7 @@ void check(const std::string& field, const ModulusSlice& slice, const ExplicitMo
   if (slice.youngs_modulus_pa.size() != elements)
     throw std::invalid_argument(fmt::format("{}.modulus.youngs_modulus_pa: {} values for {} elements", field,
                                             slice.youngs_modulus_pa.size(), elements));
-  for (std::size_t n = 0; n < elements; ++n)
-    if (const double e = slice.youngs_modulus_pa[n]; !(e > 0) || !std::isfinite(e))
-      throw std::invalid_argument(fmt::format(
-          "{}.modulus.youngs_modulus_pa[{}]: {} Pa; a modulus must be finite and > 0", field, n, e));
+  check_moduli(field + ".modulus.youngs_modulus_pa", slice.youngs_modulus_pa);
 }
 
 void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits& limits) {
@@ -51,6 +48,14 @@ void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits&
 }
 
 }  // namespace
+
+void check_moduli(const std::string& field, const std::vector<double>& youngs_modulus_pa) {
+  constexpr double kSoftest = 1, kHardest = 1e12;
+  for (std::size_t n = 0; n < youngs_modulus_pa.size(); ++n)
+    if (const double e = youngs_modulus_pa[n]; !(e >= kSoftest && e <= kHardest))
+      throw std::invalid_argument(fmt::format("{}[{}]: {} Pa; a modulus must be within [{}, {}] Pa", field, n,
+                                              e, kSoftest, kHardest));
+}
 
 ExplicitModulus stacked(ExplicitModulus grid, const std::vector<ModulusSlice>& slices, const Limits& limits) {
   if (slices.empty()) throw std::invalid_argument("slices: none; give at least one");
@@ -95,9 +100,11 @@ GrownModulus with_slice(const ExplicitModulus& old, const ModulusSlice& slice, c
 }
 
 double from_slices_m(const ExplicitModulus& e, double z_m) {
-  double nearest_m = e.slices_m.empty() ? 0 : HUGE_VAL;
+  if (e.slices_m.empty()) return 0;
+  double nearest_m = HUGE_VAL;
   for (const double slice_m : e.slices_m) nearest_m = std::min(nearest_m, std::abs(slice_m - z_m));
-  return nearest_m;
+  const double spacing_m = (e.z_m.back() - e.z_m.front()) / static_cast<double>(e.z_m.size() - 1);
+  return nearest_m <= spacing_m / 2 ? 0 : nearest_m;
 }
 
 }  // namespace teletact::service

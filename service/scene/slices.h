@@ -33,7 +33,11 @@ struct GrownModulus {
 // fields being of `slice`.
 GrownModulus with_slice(const ExplicitModulus&, const ModulusSlice&, const Limits&);
 
-// How far z is from the nearest slice; 0 where the modulus is given throughout.
+// Young's moduli, Pa, that a model can be made of. Throws std::invalid_argument, field[n] named.
+void check_moduli(const std::string& field, const std::vector<double>& youngs_modulus_pa);
+
+// How far z is from the nearest slice; 0 within half a spacing of the solid's nodes, and where the modulus is
+// given throughout.
 double from_slices_m(const ExplicitModulus&, double z_m);
 
 }  // namespace teletact::service

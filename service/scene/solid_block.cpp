@@ -137,9 +137,9 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
   return block;
 }
 
-SolidBlock solid_block(const SolidBlock& before, const ExplicitModulus& e, std::size_t slice) {
+SolidBlock solid_block(const SolidBlock& before, const ExplicitModulus& e, std::optional<std::size_t> slice) {
   SolidBlock block = before;
-  fill(block, e, [slice](const Between& at) { return at.before == slice || at.after == slice; });
+  fill(block, e, [slice](const Between& at) { return !slice || at.before == slice || at.after == slice; });
   return block;
 }
 

@@ -11,7 +11,7 @@ namespace teletact::service {
 // between the slices, beyond which the outermost go on; rows as they are. Around it, to a power of two of
 // columns, the outermost elements go on. Throws std::invalid_argument (field named).
 SolidBlock solid_block(const SceneGeometry&, const ExplicitModulus&);
-// The same where `before` was one slice less, or had another in this one's place.
-SolidBlock solid_block(const SolidBlock& before, const ExplicitModulus&, std::size_t slice);
+// The same where `before` was one slice less, or had another in this one's place; none: any may be another.
+SolidBlock solid_block(const SolidBlock& before, const ExplicitModulus&, std::optional<std::size_t> slice);
 
 }  // namespace teletact::service

@@ -35,9 +35,11 @@ class TouchModels {
   // Of the whole tissue, whose modulus is given, on exactly this grid.
   virtual std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry&, const ExplicitModulus&,
                                                        const MemoryAccount&) const = 0;
-  // Of a solid whose model `before` was one slice less, or had another in this one's place: soon.
+  // Of a solid whose model `before` was one slice less, or had another in this one's place (none: any of
+  // them may be another one): soon.
   virtual std::shared_ptr<const TouchModel> of_slice(const SceneGeometry& geometry, const ExplicitModulus& e,
-                                                     std::size_t /*slice*/, const TouchModel& /*before*/,
+                                                     std::optional<std::size_t> /*slice*/,
+                                                     const TouchModel& /*before*/,
                                                      const MemoryAccount& account) const {
     return of_modulus(geometry, e, account);
   }

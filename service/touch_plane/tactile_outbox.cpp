@@ -31,18 +31,12 @@ TaxelGrid checked(const TaxelGrid& grid) {
 TactileOutbox::TactileOutbox(const TaxelGrid& grid) : grid_(checked(grid)) {}
 
 bool TactileOutbox::due(Clock::time_point now) const {
-  if (now < due_) return false;
-  const std::lock_guard lock(slot_->mutex);
-  return !slot_->busy;
+  return now >= due_ && slot_.use_count() == 1;  // else the work that makes one has it too
 }
 
 void TactileOutbox::begin(Clock::time_point now, std::uint64_t sequence, std::function<TactileImage()> make,
                           const TouchWork& work, const std::string& client) {
   due_ = now + choices::kTactilePeriod;
-  {
-    const std::lock_guard lock(slot_->mutex);
-    slot_->busy = true;
-  }
   auto job = [slot = slot_, sequence, make = std::move(make)] {
     const auto begun = Clock::now();
     std::optional<SentTactile> made;
@@ -52,9 +46,9 @@ void TactileOutbox::begin(Clock::time_point now, std::uint64_t sequence, std::fu
     } catch (const std::exception& error) {  // the next may do
       spdlog::warn("event=tactile_not_made error=\"{}\"", error.what());
     }
+    if (!made) return;
     const std::lock_guard lock(slot->mutex);
-    if (made) slot->ready = std::move(made);
-    slot->busy = false;
+    slot->ready = std::move(made);
   };
   if (work)
     work(client, std::move(job));

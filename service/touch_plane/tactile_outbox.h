@@ -43,7 +43,6 @@ class TactileOutbox {
   struct Slot {
     std::mutex mutex;
     std::optional<SentTactile> ready;
-    bool busy = false;
   };
   const TaxelGrid grid_;
   const std::shared_ptr<Slot> slot_ = std::make_shared<Slot>();

@@ -159,11 +159,12 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
     }
     answer.model_version = window_->version;
     answer.taken_in = window_->taken_in;
-    for (const std::string_view flag : snapshot->flags_of(*window_)) answer.window_flags.emplace_back(flag);
+    if (window == window_) seen_ = snapshot;
+    for (const std::string_view flag : seen_->flags_of(*window_)) answer.window_flags.emplace_back(flag);
     const TouchPose pose{{x_m, position_m[1] - layer_.depth_m, position_m[2]}};
     touch_into(answer, pose);
-    judge(answer, *snapshot, pose);
-    if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*snapshot, pose);
+    judge(answer, *seen_, pose);
+    if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*seen_, pose);
   } catch (const DeviceMemoryError& error) {  // says nothing of the device
     fail(answer, error.what());
   } catch (const DeviceError& error) {
@@ -203,7 +204,7 @@ std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window
 }
 
 void TouchSession::leave_window() {
-  window_.reset(), touched_.reset();
+  window_.reset(), touched_.reset(), seen_.reset();
   at_.reset(), before_.reset();
 }
 
@@ -270,6 +271,9 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   if (!c.solve.converged)
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
                        c.solve.relative_error);
+  if (!(c.solve.of_model <= choices::kTrustedModelError))
+    return fmt::format("the tissue's layers changed: the force may be off by {:.2g} until they are made anew",
+                       c.solve.of_model);
   if (!(c.solve.relative_error - c.solve.of_model <= choices::kTrustedForceError))
     return fmt::format(
         "the solve may be off by up to {:.2g} of the force; nu near 1/2 beside high contrast does this",

@@ -93,6 +93,7 @@ class TouchSession {
   TouchWay way_;
   std::shared_ptr<const WindowModel> window_;  // that answers: the one under the finger, or that before it
   std::shared_ptr<TouchedLayer> touched_;      // layer_ of window_'s model; there whenever window_ is
+  std::shared_ptr<const SceneSnapshot> seen_;  // the newest that has window_
   std::optional<TouchPose> at_, before_;       // the poses that were touched last
 };
 

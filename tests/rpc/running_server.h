@@ -10,9 +10,12 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <functional>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "service/rpc/server.h"
 #include "teletact/v1/elastography.grpc.pb.h"
@@ -105,6 +108,39 @@ class RunningServer {
 };
 
 // A request for a scene of uniform modulus on 2 mm elements, touchable at once.
+inline void set_values(v1::Array* array, std::initializer_list<std::size_t> shape,
+                       const std::vector<float>& values) {
+  array->set_dtype(v1::DATA_TYPE_FLOAT32);
+  for (const std::size_t n : shape) array->add_shape(static_cast<std::uint32_t>(n));
+  array->set_data(values.data(), values.size() * sizeof(float));
+}
+
+// 40 x 20 mm, around z = 0: 20 columns of 2 mm, so many rows, slices of 2 mm. Without `modulus_pa`, of the
+// middle of an element (x, y, z), its nodes alone.
+inline v1::CreateSceneRequest solid_scene(
+    const std::string& id, std::size_t rows, std::size_t slices,
+    const std::function<float(double, double, double)>& modulus_pa = nullptr) {
+  constexpr std::size_t kColumns = 20;
+  constexpr double kSpacingM = 0.002, kDepthM = 0.02;
+  const double row_m = kDepthM / double(rows), begin_z_m = -kSpacingM * double(slices) / 2;
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  for (const double size_m : {kSpacingM * kColumns, kDepthM}) request.mutable_geometry()->add_size_m(size_m);
+  v1::ModulusMap* map = request.mutable_modulus();
+  for (std::size_t i = 0; i <= kColumns; ++i) map->add_x_m(kSpacingM * double(i));
+  for (std::size_t j = 0; j <= rows; ++j) map->add_y_m(row_m * double(j));
+  for (std::size_t k = 0; k <= slices; ++k) map->add_z_m(begin_z_m + kSpacingM * double(k));
+  if (!modulus_pa) return request;
+  std::vector<float> values;
+  for (std::size_t k = 0; k < slices; ++k)
+    for (std::size_t j = 0; j < rows; ++j)
+      for (std::size_t i = 0; i < kColumns; ++i)
+        values.push_back(modulus_pa(kSpacingM * (double(i) + 0.5), row_m * (double(j) + 0.5),
+                                    begin_z_m + kSpacingM * (double(k) + 0.5)));
+  set_values(map->mutable_youngs_modulus_pa(), {slices, rows, kColumns}, values);
+  return request;
+}
+
 inline v1::CreateSceneRequest uniform_scene(const std::string& id, double modulus_pa = 10e3,
                                             double width_m = 0.1, double depth_m = 0.04) {
   v1::CreateSceneRequest request;
@@ -117,10 +153,7 @@ inline v1::CreateSceneRequest uniform_scene(const std::string& id, double modulu
   for (int i = 0; i <= columns; ++i) map->add_x_m(width_m * i / columns);
   for (int j = 0; j <= rows; ++j) map->add_y_m(depth_m * j / rows);
   const std::vector<float> values(static_cast<std::size_t>(columns * rows), static_cast<float>(modulus_pa));
-  map->mutable_youngs_modulus_pa()->set_dtype(v1::DATA_TYPE_FLOAT32);
-  map->mutable_youngs_modulus_pa()->add_shape(static_cast<unsigned>(rows));
-  map->mutable_youngs_modulus_pa()->add_shape(static_cast<unsigned>(columns));
-  map->mutable_youngs_modulus_pa()->set_data(values.data(), values.size() * sizeof(float));
+  set_values(map->mutable_youngs_modulus_pa(), {std::size_t(rows), std::size_t(columns)}, values);
   return request;
 }
 

@@ -107,22 +107,8 @@ TEST_F(SceneCalls, ScenesThatMakeNoSenseAreNamed) {
 
 // A modulus in three dimensions makes a solid, which is touched with all three components.
 TEST_F(SceneCalls, SolidIsCreatedAndTouched) {
-  v1::CreateSceneRequest request;
-  request.set_scene_id("solid");
-  request.mutable_geometry()->add_size_m(0.04);
-  request.mutable_geometry()->add_size_m(0.02);
-  v1::ModulusMap* map = request.mutable_modulus();
-  for (int i = 0; i <= 20; ++i) map->add_x_m(0.002 * i);
-  for (int j = 0; j <= 8; ++j) map->add_y_m(0.0025 * j);
-  for (int k = 0; k <= 10; ++k) map->add_z_m(-0.01 + 0.002 * k);
-  std::vector<float> values;
-  for (int k = 0; k < 10; ++k)
-    for (int j = 0; j < 8; ++j)
-      for (int i = 0; i < 20; ++i) values.push_back(k < 5 ? 1e4F : 2e4F);
-  v1::Array* modulus = map->mutable_youngs_modulus_pa();
-  modulus->set_dtype(v1::DATA_TYPE_FLOAT32);
-  for (const unsigned n : {10U, 8U, 20U}) modulus->add_shape(n);
-  modulus->set_data(values.data(), values.size() * sizeof(float));
+  const v1::CreateSceneRequest request =
+      solid_scene("solid", 8, 10, [](double, double, double z_m) { return z_m < 0 ? 1e4F : 2e4F; });
   v1::CreateSceneRequest flat = request;
   flat.mutable_modulus()->mutable_youngs_modulus_pa()->mutable_shape()->RemoveLast();
   EXPECT_EQ(server->create(flat).error_code(), grpc::StatusCode::INVALID_ARGUMENT);

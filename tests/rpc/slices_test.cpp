@@ -9,28 +9,20 @@
 namespace teletact::service {
 namespace {
 
-constexpr int kColumns = 20, kRows = 8;
+constexpr std::size_t kColumns = 20, kRows = 8;
 
 // 20 x 8 elements of 2 x 2.5 mm.
 v1::ModulusSlice slice_at(double z_m, float modulus_pa) {
   v1::ModulusSlice slice;
   for (const double o : {0.0, 0.0, z_m}) slice.mutable_pose()->add_origin_m(o);
-  const std::vector<float> values(kColumns * kRows, modulus_pa);
-  v1::Array* array = slice.mutable_modulus()->mutable_youngs_modulus_pa();
-  array->set_dtype(v1::DATA_TYPE_FLOAT32);
-  for (const unsigned n : {unsigned(kRows), unsigned(kColumns)}) array->add_shape(n);
-  array->set_data(values.data(), values.size() * sizeof(float));
+  set_values(slice.mutable_modulus()->mutable_youngs_modulus_pa(), {kRows, kColumns},
+             std::vector<float>(kColumns * kRows, modulus_pa));
   return slice;
 }
 
-// 40 x 20 x 20 mm around z = 0, of one slice there.
+// 20 mm around z = 0, of one slice there.
 v1::CreateSceneRequest growing(const std::string& id) {
-  v1::CreateSceneRequest request;
-  request.set_scene_id(id);
-  for (const double size : {0.04, 0.02}) request.mutable_geometry()->add_size_m(size);
-  for (int i = 0; i <= kColumns; ++i) request.mutable_modulus()->add_x_m(0.002 * i);
-  for (int j = 0; j <= kRows; ++j) request.mutable_modulus()->add_y_m(0.0025 * j);
-  for (int k = 0; k <= 10; ++k) request.mutable_modulus()->add_z_m(-0.01 + 0.002 * k);
+  v1::CreateSceneRequest request = solid_scene(id, kRows, 10);
   *request.add_slices() = slice_at(0, 1e4F);
   return request;
 }

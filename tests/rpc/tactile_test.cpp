@@ -10,29 +10,11 @@ namespace {
 
 constexpr double kBallX = 0.02;
 
-// 40 x 20 x 40 mm, a ball of contrast 5 in the middle, 8 mm deep.
-v1::CreateSceneRequest solid_scene(const std::string& id) {
-  v1::CreateSceneRequest request;
-  request.set_scene_id(id);
-  request.mutable_geometry()->add_size_m(0.04);
-  request.mutable_geometry()->add_size_m(0.02);
-  v1::ModulusMap* map = request.mutable_modulus();
-  for (int i = 0; i <= 20; ++i) map->add_x_m(0.002 * i);
-  for (int j = 0; j <= 10; ++j) map->add_y_m(0.002 * j);
-  for (int k = 0; k <= 20; ++k) map->add_z_m(-0.02 + 0.002 * k);
-  std::vector<float> values;
-  for (int k = 0; k < 20; ++k)
-    for (int j = 0; j < 10; ++j)
-      for (int i = 0; i < 20; ++i)
-        values.push_back(std::hypot(0.002 * (i + 0.5) - kBallX, 0.002 * (j + 0.5) - 0.008,
-                                    0.002 * (k + 0.5) - 0.02) < 0.005
-                             ? 5e4F
-                             : 1e4F);
-  v1::Array* modulus = map->mutable_youngs_modulus_pa();
-  modulus->set_dtype(v1::DATA_TYPE_FLOAT32);
-  for (const unsigned n : {20U, 10U, 20U}) modulus->add_shape(n);
-  modulus->set_data(values.data(), values.size() * sizeof(float));
-  return request;
+// A ball of 5 mm and contrast 5 in the middle, 8 mm deep.
+v1::CreateSceneRequest with_a_ball(const std::string& id) {
+  return solid_scene(id, 10, 20, [](double x_m, double y_m, double z_m) {
+    return std::hypot(x_m - kBallX, y_m - 0.008, z_m) < 0.005 ? 5e4F : 1e4F;
+  });
 }
 
 std::vector<float> taxels(const v1::Array& array) {
@@ -59,7 +41,7 @@ class TactileCalls : public OnOneServer {
 };
 
 TEST_F(TactileCalls, AnImageOfASolidHasItsForceAndShowsWhatTheLumpDoes) {
-  ASSERT_TRUE(server->create(solid_scene("solid")).ok());
+  ASSERT_TRUE(server->create(with_a_ball("solid")).ok());
   for (const bool pad : {false, true}) {
     v1::TouchOpen open = Toucher::open_on("solid");
     open.mutable_tactile()->set_taxels_x(10);

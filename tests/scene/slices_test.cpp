@@ -107,6 +107,10 @@ TEST(Slices, AreTakenByASolidThatWasGivenThroughout) {
   EXPECT_EQ(grown.modulus.slices(), 18u) << "at 1 mm it had one";
   EXPECT_EQ(grown.slice, 9u);
   EXPECT_EQ(with_slice(e, slice_at(0.0005), Limits{}).modulus.slices(), 19u);
+  e.z_m = {-0.018, 0, 0.018};  // coarse ones: each is its element's
+  e.youngs_modulus_pa.resize(24 * 10 * 2);
+  const ExplicitModulus coarse = with_slice(e, slice_at(0.0), Limits{}).modulus;
+  for (const double z_m : {-0.0179, -0.001, 0.0135}) EXPECT_EQ(from_slices_m(coarse, z_m), 0) << z_m;
 }
 
 TEST(Slices, AreRefusedByName) {
@@ -119,7 +123,7 @@ TEST(Slices, AreRefusedByName) {
   };
   for (const double z_m : {0.0181, -0.1, kNan, HUGE_VAL})
     refused([z_m](ModulusSlice& s) { s.z_m = z_m; }, "slice.pose.origin_m[2]");
-  for (const double e : {0.0, -1.0, kNan, HUGE_VAL})
+  for (const double e : {0.0, -1.0, 0.99, 1.01e12, 1e300, kNan, HUGE_VAL})
     refused([e](ModulusSlice& s) { s.youngs_modulus_pa[7] = e; }, "slice.modulus.youngs_modulus_pa[7]");
   refused([](ModulusSlice& s) { s.youngs_modulus_pa.pop_back(); }, "slice.modulus.youngs_modulus_pa");
   refused([](ModulusSlice& s) { s.x_m = grid().x_m, s.x_m[3] += 1e-4; }, "slice.modulus.x_m");
@@ -186,6 +190,47 @@ TEST(Slices, AContactThatLeavesThemIsNotTrusted) {
   session.solve({0.012, choices::kLightTouch, 0.0065});
   EXPECT_TRUE(session.solve({0.012, -0.002, 0.0065}).foreseen);
   EXPECT_EQ(at(0.0185).status, TouchStatus::kNotCovered);
+}
+
+// While a newer version is made ready the one before answers, and is judged by its own slices.
+TEST(Slices, TheVersionBeforeIsNotTrustedForANewSlice) {
+  const auto scene = scene_of(stack({-0.01}));
+  TouchSession session(scene, {}, test_device());
+  const Vector3 pose{0.012, 0.001, 0.008};
+  EXPECT_EQ(session.solve(pose).status, TouchStatus::kDegraded);
+  scene->publish(slice_at(0.008));
+  const auto wait = [](const WindowModel&) { return false; };
+  const TouchAnswer before = session.solve(pose, wait);
+  EXPECT_EQ(before.model_version, 1u);
+  EXPECT_EQ(before.status, TouchStatus::kDegraded);
+  EXPECT_NE(before.warning.find("the nearest slice is 18.0 mm away"), std::string::npos) << before.warning;
+  EXPECT_EQ(session.solve(pose).status, TouchStatus::kOk);
+}
+
+// Slices that come before the solid was ever ready do not begin it anew: what was begun for an older version
+// serves the newest.
+TEST(Slices, ThatComeWhileTheSolidIsMadeReadyDoNotDelayIt) {
+  const auto scene = scene_of(stack({-0.01}));
+  std::vector<std::function<void()>> jobs;
+  scene->set_touch_work(
+      [&](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); });
+  TouchSession session(scene, {}, test_device());
+  const Vector3 pose{kBallX, 0.002, kBallZ};
+  EXPECT_EQ(session.solve(pose).status, TouchStatus::kPreparing);
+  ASSERT_EQ(jobs.size(), 1u);
+  scene->publish(slice_at(-0.002));
+  scene->publish(slice_at(kBallZ));
+  EXPECT_EQ(session.solve(pose).status, TouchStatus::kPreparing);
+  scene->publish(slice_at(0.01));
+  for (const auto& job : std::exchange(jobs, {})) job();
+  const TouchAnswer answer = session.solve(pose);
+  EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+  EXPECT_EQ(answer.model_version, 4u);
+  EXPECT_TRUE(jobs.empty()) << "nothing was begun anew";
+  TouchSession fresh(scene_of(*scene->snapshot()->modulus), {}, test_device());
+  const double truth = fresh.solve(pose).contact.force_n[1];
+  EXPECT_NEAR(answer.contact.force_n[1], truth,
+              (answer.contact.solve.relative_error + choices::kSolidForceError) * -truth);
 }
 
 // Slices come while a finger presses: each answer is one version's, whole, within what it states.
@@ -274,21 +319,29 @@ TEST(Slices, AWornFactorIsRenewed) {
   touched(session);
   ModulusSlice slice = slice_at(0.01);
   scene->publish(slice);
-  scene->refresh_stale_window();
-  EXPECT_EQ(scene->snapshot()->version, 2u) << "next to nothing changed";
+  EXPECT_FALSE(scene->renewed()) << "next to nothing changed";
   for (double& e : slice.youngs_modulus_pa) e *= 4;  // all layers alike: S0 is scaled
   scene->publish(slice);
-  scene->refresh_stale_window();
-  EXPECT_EQ(scene->snapshot()->version, 3u);
+  EXPECT_FALSE(scene->renewed());
   EXPECT_LT(felt_as_made_anew(), 0.1 * choices::kMostDrift);
-  for (std::size_t n = 24 * 5; n < 24 * 10; ++n) slice.youngs_modulus_pa[n] *= 3;
+  for (std::size_t n = 24 * 5; n < 24 * 10; ++n) slice.youngs_modulus_pa[n] *= 6;
   scene->publish(slice);
   EXPECT_GT(felt_as_made_anew(), 0.01);
-  EXPECT_FALSE(scene->refresh_stale_window());
-  EXPECT_EQ(scene->snapshot()->version, 5u);
-  EXPECT_LE(felt_as_made_anew(), 0);
-  scene->refresh_stale_window();
-  EXPECT_EQ(scene->snapshot()->version, 5u);
+  const TouchAnswer worn = session.solve({kBallX, 0.002, 0.001});
+  EXPECT_EQ(worn.status, TouchStatus::kDegraded);
+  EXPECT_NE(worn.warning.find("layers changed"), std::string::npos) << worn.warning;
+  const auto renewed = scene->renewed();
+  ASSERT_TRUE(renewed);
+  ModulusSlice between{0.001, {}, {}, {}};  // while it was made: what is there already, 1.3 times as hard
+  for (std::size_t n = 0; n < slice.youngs_modulus_pa.size(); ++n)
+    between.youngs_modulus_pa.push_back(1.3 * std::pow(slice_at(-0.01).youngs_modulus_pa[n], 0.45) *
+                                        std::pow(slice.youngs_modulus_pa[n], 0.55));
+  scene->publish(between);
+  scene->renew(*renewed);
+  EXPECT_EQ(scene->snapshot()->version, 6u);
+  EXPECT_EQ(session.solve({kBallX, 0.002, 0.001}).status, TouchStatus::kOk);
+  EXPECT_LE(felt_as_made_anew(), 0.1 * choices::kMostDrift);
+  EXPECT_FALSE(scene->renewed());
 }
 
 // A lump at the end of what is given goes on around it, up to where the other end's goes on.

@@ -58,4 +58,13 @@ inline std::shared_ptr<VersionCounter> versions() {
   return std::make_shared<VersionCounter>(nullptr);
 }
 
+// Of 10 kPa, given, 60 x 20 mm in so many columns and rows.
+inline std::shared_ptr<Scene> given_scene(std::size_t columns, std::size_t rows) {
+  return std::make_shared<Scene>(
+      "s", tissue(0.06, 0.02),
+      ExplicitModulus{uniform_coordinates(0, 0.06, columns), uniform_coordinates(0, 0.02, rows),
+                      std::vector<double>(columns * rows, 1e4)},
+      versions());
+}
+
 }  // namespace teletact::service

@@ -36,6 +36,7 @@ TEST(TactileOutbox, ImagesAreBegunOneAtATimeAndAPeriodApart) {
   EXPECT_FALSE(outbox.take()) << "it is not made yet";
   EXPECT_FALSE(outbox.due(begin + 10 * choices::kTactilePeriod)) << "one at a time";
   jobs.front()();
+  jobs.clear();
   EXPECT_FALSE(outbox.due(begin + choices::kTactilePeriod / 2));
   EXPECT_TRUE(outbox.due(begin + choices::kTactilePeriod));
   const auto sent = outbox.take();
@@ -43,6 +44,17 @@ TEST(TactileOutbox, ImagesAreBegunOneAtATimeAndAPeriodApart) {
   EXPECT_EQ(sent->sequence, 7u);
   EXPECT_EQ(sent->image.pressure.force_n, 0.1);
   EXPECT_FALSE(outbox.take()) << "once";
+}
+
+TEST(TactileOutbox, AnImageThatIsNeverBegunIsNotWaitedFor) {
+  TactileOutbox outbox({});
+  const auto begin = Clock::now();
+  const TouchWork full = [](const std::string&, const std::function<void()>&) {
+    throw std::runtime_error("no room");
+  };
+  EXPECT_ANY_THROW(outbox.begin(
+      begin, 1, [] { return image_of(0.1); }, full, "c"));
+  EXPECT_TRUE(outbox.due(begin + choices::kTactilePeriod));
 }
 
 TEST(TactileOutbox, RefusesWhatCannotBeShown) {
@@ -74,11 +86,7 @@ class TactileStream : public testing::Test {
     wishes.tactile = TaxelGrid{};
     return wishes;
   }
-  const std::shared_ptr<Scene> scene = std::make_shared<Scene>(
-      "s", tissue(0.06, 0.02),
-      ExplicitModulus{uniform_coordinates(0, 0.06, 60), uniform_coordinates(0, 0.02, 20),
-                      std::vector<double>(1200, 1e4)},
-      versions());
+  const std::shared_ptr<Scene> scene = given_scene(60, 20);
   const CurrentDevice no_device{nullptr};
 
  private:

@@ -35,11 +35,7 @@ class Stream : public testing::Test {
   static FingerPose pose(std::uint64_t sequence, std::uint64_t acknowledged, double y_m = 0.002) {
     return {sequence, acknowledged, {0.03, y_m, 0}, {}};
   }
-  const std::shared_ptr<Scene> scene = std::make_shared<Scene>(
-      "s", tissue(0.06, 0.02),
-      ExplicitModulus{uniform_coordinates(0, 0.06, 30), uniform_coordinates(0, 0.02, 10),
-                      std::vector<double>(300, 1e4)},
-      versions());
+  const std::shared_ptr<Scene> scene = given_scene(30, 10);
   const CurrentDevice no_device{nullptr};
   TouchStream stream{scene, {"hand", 0, 0, {}}, no_device};
 };

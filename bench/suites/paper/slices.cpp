@@ -139,7 +139,7 @@ void feel_path(const std::shared_ptr<service::Device>& device, bool quick, Figur
     }
     if (slices == kSlices) return;
     scene->publish(slice(grid, slices));
-    scene->refresh_stale_window();
+    if (const auto renewed = scene->renewed()) scene->renew(*renewed);
   }
 }
 
@@ -179,8 +179,9 @@ TimeFigures time_slices(const std::shared_ptr<service::Device>& device, double s
     came.emplace_back(published.version, arrived);
     std::this_thread::sleep_for(std::chrono::milliseconds(spacing_m < 0.002 ? 500 : 150));
     const Clock::time_point begun = Clock::now();
-    scene->refresh_stale_window();
-    if (scene->snapshot()->version == published.version) continue;
+    const auto renewed = scene->renewed();
+    if (!renewed) continue;
+    scene->renew(*renewed);
     ++out.renewals;
     out.renewal_s = std::max(out.renewal_s, std::chrono::duration<double>(Clock::now() - begun).count());
     std::this_thread::sleep_for(std::chrono::milliseconds(spacing_m < 0.002 ? 500 : 150));
