@@ -1,6 +1,7 @@
-// teletact-client report: recordings and the true tissue -> summary.json and pictures.
+// teletact-client report: recordings, and the true tissue where it is known -> summary.json and pictures.
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -18,12 +19,8 @@ struct Arguments {
   std::string tissue, touch_record, acquire_record, out;
 };
 
-bool run(const Arguments& arguments) {
-  const std::filesystem::path out = arguments.out;
-  std::error_code error;
-  std::filesystem::create_directories(out, error);
-  if (error) throw CommandError("--out " + arguments.out + ": cannot be created (" + error.message() + ")");
-  const TouchRecord touch = read_touch_record(arguments.touch_record);
+// Beside the true tissue; `draw`: what its own pictures take.
+nlohmann::json judged(const Arguments& arguments, const TouchRecord& touch, std::function<void()>& draw) {
   const AcquireRecord acquire = read_acquire_record(arguments.acquire_record);
   if (const std::string doubt = session_mismatch(touch, acquire); !doubt.empty())
     std::fprintf(stderr, "warning: %s\n", doubt.c_str());
@@ -32,14 +29,31 @@ bool run(const Arguments& arguments) {
   const InclusionReport inclusions = find_inclusions(modulus, tissue.inclusions);
   std::fprintf(stderr, "solving the true tissue's forces along the path\n");
   const ForceError force = force_error(Patient(tissue), touch);
-  const nlohmann::json summary = summarise(tissue, touch, acquire, force, inclusions, TELETACT_VERSION);
+  draw = [=, out = std::filesystem::path(arguments.out)] {
+    draw_modulus(out / "modulus.png", tissue, modulus);
+    draw_force(out / "force.png", force);
+  };
+  return summarise(tissue, touch, acquire, force, inclusions, TELETACT_VERSION);
+}
+
+bool run(const Arguments& arguments) {
+  const std::filesystem::path out = arguments.out;
+  std::error_code error;
+  std::filesystem::create_directories(out, error);
+  if (error) throw CommandError("--out " + arguments.out + ": cannot be created (" + error.message() + ")");
+  const TouchRecord touch = read_touch_record(arguments.touch_record);
+  if (touch.malformed_images > 0)
+    std::fprintf(stderr, "warning: %llu malformed tactile images of the recording are left out\n",
+                 static_cast<unsigned long long>(touch.malformed_images));
+  std::function<void()> draw_judged = [] {};
+  const nlohmann::json summary =
+      arguments.tissue.empty() ? summarise(touch, TELETACT_VERSION) : judged(arguments, touch, draw_judged);
   write_file(out / "summary.json", summary.dump(2) + "\n");
-  draw_modulus(out / "modulus.png", tissue, modulus);
-  draw_force(out / "force.png", force);
+  draw_judged();
   draw_latency(out / "latency.png", touch);
   draw_periods(out / "periods.png", touch);
   draw_tactile(out / "tactile.png", touch);
-  std::printf("%s", readable(summary).c_str());
+  std::printf("%s%s", readable(summary).c_str(), not_met(summary).c_str());
   std::fflush(stdout);
   for (const Promise& promise : promises_of(summary))
     if (!promise.met()) return false;
@@ -52,10 +66,15 @@ void add_report_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command =
       *app.add_subcommand("report", "recordings and the true tissue -> summary.json and pictures");
-  command.add_option("--tissue", arguments->tissue, "the true tissue (acquire --save-tissue)")->required();
+  CLI::Option* tissue =
+      command.add_option("--tissue", arguments->tissue,
+                         "the true plane tissue (acquire --save-tissue); without it no force is judged");
   command.add_option("--touch-record", arguments->touch_record, "written by touch --record")->required();
-  command.add_option("--acquire-record", arguments->acquire_record, "written by acquire --record")
-      ->required();
+  CLI::Option* acquire =
+      command.add_option("--acquire-record", arguments->acquire_record,
+                         "written by acquire --record; without it windows and inclusions are left out");
+  tissue->needs(acquire);
+  acquire->needs(tissue);
   command.add_option("--out", arguments->out, "folder for summary.json and the pictures")->required();
   command.callback([arguments] {
     if (!run(*arguments)) throw CLI::RuntimeError(kPromisesMissed);

@@ -53,6 +53,7 @@ ForceSamplePoint compare(const Patient& patient, const Finger& finger, const Tou
 }  // namespace
 
 ForceError force_error(const Patient& patient, const TouchRecord& record) {
+  if (!record.untold.empty()) throw std::runtime_error(record.untold);
   if (record.layer_depth_m > patient.mesh().y_m.at(1) / 2)
     throw std::runtime_error("an interior layer was touched; the true force is known for the surface");
   const std::vector<TouchTick> path = path_of(record.ticks);

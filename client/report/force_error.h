@@ -22,7 +22,8 @@ struct ForceError {
   std::vector<ForceSamplePoint> samples;
 };
 
-// Throws std::runtime_error when nothing of the path can be judged, or when an interior layer was touched.
+// Throws std::runtime_error when nothing of the path can be judged, or when an interior layer was touched, or
+// with a tip under which the true force is not known.
 ForceError force_error(const Patient& patient, const TouchRecord& record);
 
 }  // namespace teletact::client

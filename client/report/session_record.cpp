@@ -54,13 +54,17 @@ void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, Tou
   record.failed += answer.status() == v1::TOUCH_STATUS_FAILED;
   if (answer.position_m_size() < 2)
     throw std::runtime_error("the touch recording holds an answer without its pose");
-  record.answers.push_back({seconds(entry.monotonic_ns()),
-                            seconds(entry.monotonic_ns() - answer.pose_stamp().monotonic_ns()),
-                            answer.position_m(0), answer.position_m(1)});
+  TouchAnswerTime& last = record.answers.emplace_back();
+  last.arrived_s = seconds(entry.monotonic_ns());
+  last.latency_s = seconds(entry.monotonic_ns() - answer.pose_stamp().monotonic_ns());
+  last.x_m = answer.position_m(0), last.y_m = answer.position_m(1);
+  if (answer.position_m_size() == 3) last.z_m = answer.position_m(2);
+  if (answer.force_n_size() == 3) std::copy_n(answer.force_n().begin(), 3, last.force_n.begin());
   if (!answer.has_tactile()) return;
-  auto image = tactile_from(answer.tactile());
-  if (!image) throw std::runtime_error("the touch recording holds a malformed tactile image");
-  record.tactile.push_back({seconds(entry.monotonic_ns()), std::move(*image)});
+  if (auto image = tactile_from(answer.tactile()))
+    record.tactile.push_back({last.arrived_s, std::move(*image)});
+  else
+    ++record.malformed_images;
 }
 
 }  // namespace
@@ -75,10 +79,10 @@ TouchRecord read_touch_record(const std::string& path) {
       const v1::TouchOpen& open = entry->touch_request().open();
       record.finger = finger_of(open.fingertip());
       if (open.fingertip().shape() == v1::FINGERTIP_SHAPE_PAD)
-        throw std::runtime_error(path + ": touched with a pad; the true force is known for other tips");
+        record.untold = path + ": touched with a pad; the true force is known for other tips";
       if (open.fingertip().stuck())
-        throw std::runtime_error(
-            path + ": touched with a sticking tip; the true force is known for a frictionless one");
+        record.untold =
+            path + ": touched with a sticking tip; the true force is known for a frictionless one";
     }
     if (entry->has_touch_response() && entry->touch_response().has_opened()) {
       record.layer_depth_m = entry->touch_response().opened().layer().depth_m();

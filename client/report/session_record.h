@@ -3,6 +3,7 @@
 // related.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <set>
@@ -28,8 +29,9 @@ struct TouchTick {
 
 struct TouchAnswerTime {
   double arrived_s = 0;
-  double latency_s = 0;     // since the pose was sampled
-  double x_m = 0, y_m = 0;  // the pose that was answered
+  double latency_s = 0;              // since the pose was sampled
+  double x_m = 0, y_m = 0, z_m = 0;  // the pose that was answered
+  std::array<double, 3> force_n{};   // on the finger
 };
 
 struct TactileFrame {
@@ -39,11 +41,13 @@ struct TactileFrame {
 
 struct TouchRecord {
   Finger finger;
+  std::string untold;  // why the true force under this tip is not known; empty: it is
   double layer_depth_m = 0;
   std::string scene_id;
   std::vector<TouchTick> ticks;
   std::vector<TouchAnswerTime> answers;
   std::vector<TactileFrame> tactile;
+  std::uint64_t malformed_images = 0;  // left out
   std::uint64_t not_covered = 0, degraded = 0, failed = 0;
   std::uint64_t model_version = 0;    // newest of the answers
   std::set<std::uint64_t> instances;  // of the service, as its streams were opened

@@ -29,9 +29,13 @@ json quantiles(std::vector<double> values, const char* middle_name, double middl
           {"max", percentile(values, 1)}};
 }
 
+void require_answers(const TouchRecord& touch) {
+  if (touch.answers.empty()) throw std::runtime_error("the touch recording holds no answers");
+}
+
 // Windows published between the first and the last touch answer.
 std::vector<AcquiredWindow> while_touching(const AcquireRecord& acquire, const TouchRecord& touch) {
-  if (touch.answers.empty()) throw std::runtime_error("the touch recording holds no answers");
+  require_answers(touch);
   std::vector<AcquiredWindow> windows;
   for (const AcquiredWindow& window : acquire.windows)
     if (window.published_s >= touch.answers.front().arrived_s &&
@@ -59,7 +63,8 @@ json window_figures(const AcquireRecord& acquire, const TouchRecord& touch) {
 std::size_t distinct_poses(const std::vector<TouchAnswerTime>& answers) {
   std::size_t distinct = answers.empty() ? 0 : 1;
   for (std::size_t k = 1; k < answers.size(); ++k)
-    distinct += answers[k].x_m != answers[k - 1].x_m || answers[k].y_m != answers[k - 1].y_m;
+    distinct += answers[k].x_m != answers[k - 1].x_m || answers[k].y_m != answers[k - 1].y_m ||
+                answers[k].z_m != answers[k - 1].z_m;
   return distinct;
 }
 
@@ -91,6 +96,7 @@ double round_trip_s(const TouchRecord& touch) {
 }
 
 json touch_figures(const TouchRecord& touch) {
+  require_answers(touch);
   std::vector<double> latency_s;
   for (const TouchAnswerTime& answer : touch.answers) latency_s.push_back(answer.latency_s);
   const std::size_t distinct = distinct_poses(touch.answers);
@@ -189,6 +195,21 @@ std::string found_or_missed(const json& truth) {
                      1e3 * truth["distance_m"].get<double>());
 }
 
+std::string readable_inclusions(const json& inclusions) {
+  const auto mm = [](const json& metres) { return 1e3 * metres.get<double>(); };
+  std::string out;
+  for (const json& truth : inclusions["true"])
+    out +=
+        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, diameter {:4.1f} mm: contrast {:.1f} / {}\n",
+                    mm(truth["position_m"][0]), mm(truth["position_m"][1]), mm(truth["diameter_m"]),
+                    truth["contrast"].get<double>(), found_or_missed(truth));
+  for (const json& wrong : inclusions["false"])
+    out +=
+        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, contrast {:.1f}: INVENTED\n",
+                    mm(wrong["position_m"][0]), mm(wrong["position_m"][1]), wrong["contrast"].get<double>());
+  return out;
+}
+
 }  // namespace
 
 ModulusGrid measured_modulus(const AcquireRecord& record) {
@@ -217,9 +238,8 @@ ModulusGrid measured_modulus(const AcquireRecord& record) {
 json summarise(const Tissue& tissue, const TouchRecord& touch, const AcquireRecord& acquire,
                const ForceError& force, const InclusionReport& inclusions,
                const std::string& client_version) {
-  json summary = window_figures(acquire, touch);
-  summary.update(touch_figures(touch));
-  summary["servo"] = servo_figures(touch);
+  json summary = summarise(touch, client_version);
+  summary.update(window_figures(acquire, touch));
   summary["force_error"] = {{"median", force.median},
                             {"p95", force.p95},
                             {"coverage", force.coverage},
@@ -227,29 +247,42 @@ json summarise(const Tissue& tissue, const TouchRecord& touch, const AcquireReco
                             {"excluded", "the start ramp of the force, and true forces of 0.05 N or less"}};
   summary["inclusions"] = inclusion_figures(tissue, acquire, inclusions);
   summary["device"] = device_figures(acquire);
-  summary["versions"] = {{"client", client_version},
-                         {"service", acquire.info ? json(acquire.info->build()) : json(nullptr)},
-                         {"api", acquire.info ? json(acquire.info->api_version()) : json(nullptr)},
-                         {"grpc", grpc::Version()},
-                         {"compiler", __VERSION__}};
-  summary["targets"] = json::array();
-  for (const Promise& promise : promises_of(summary))
-    summary["targets"].push_back({{"name", promise.name},
-                                  {"value", promise.value},
-                                  {"target", promise.target},
-                                  {"unit", promise.unit},
-                                  {"met", promise.met()}});
+  summary["versions"]["service"] = acquire.info ? json(acquire.info->build()) : json(nullptr);
+  summary["versions"]["api"] = acquire.info ? json(acquire.info->api_version()) : json(nullptr);
+  set_targets(summary, promises_of(summary));
   return summary;
 }
 
+json summarise(const TouchRecord& touch, const std::string& client_version) {
+  json summary = touch_figures(touch);
+  summary["servo"] = servo_figures(touch);
+  summary["tactile"] = {{"images", touch.tactile.size()}, {"malformed", touch.malformed_images}};
+  summary["versions"] = {{"client", client_version}, {"grpc", grpc::Version()}, {"compiler", __VERSION__}};
+  set_targets(summary, promises_of(summary));
+  return summary;
+}
+
+bool set_targets(json& summary, const std::vector<Promise>& promises) {
+  json& targets = summary["targets"] = json::array();
+  for (const Promise& promise : promises)
+    targets.push_back({{"name", promise.name},
+                       {"value", promise.value},
+                       {"target", promise.target},
+                       {"unit", promise.unit},
+                       {"met", promise.met()}});
+  return std::all_of(promises.begin(), promises.end(), [](const Promise& p) { return p.met(); });
+}
+
 std::vector<Promise> promises_of(const json& s) {
+  const Promise stalls{"stalls", s.at("stalls").at("count").get<double>(), 0, "1"};
+  if (!s.contains("windows")) return {stalls};
   const json& inclusions = s.at("inclusions");
   const double by_law = s.at("by_law_share").get<double>();
   const double rate_hz = by_law * kCheckRateHz + (1 - by_law) * kTouchRateHz;
   const double beyond_s =
       s.at("touch_latency_s").at("p99").get<double>() - s.at("round_trip_s").get<double>();
   return {
-      {"stalls", s.at("stalls").at("count").get<double>(), 0, "1"},
+      stalls,
       {"window_s p95", s.at("window_s").at("p95").get<double>(), kWindowS, "s"},
       {"touch_rate_hz", s.at("touch_rate_hz").get<double>(), rate_hz, "Hz", false},
       {"touch_latency_s p99 beyond the round trip", beyond_s, kTouchLatencyS, "s"},
@@ -263,33 +296,40 @@ std::vector<Promise> promises_of(const json& s) {
 std::string readable(const json& s) {
   const auto ms = [](const json& seconds) { return 1e3 * seconds.get<double>(); };
   const auto percent = [](const json& share) { return 100 * share.get<double>(); };
-  const json &window = s["window_s"], &request = s["window_request_s"], &latency = s["touch_latency_s"];
-  const json &servo = s["servo"], &force = s["force_error"], &inclusions = s["inclusions"];
-  std::string out = fmt::format(
-      "windows       {} published, {} of them while touching; {} stalls, {:.3f} s\n"
-      "window        received to published p50 {:.0f} ms, p95 {:.0f} ms, max {:.0f} ms; asked for to "
-      "published p95 "
-      "{:.0f} ms\n"
+  const json &latency = s["touch_latency_s"], &servo = s["servo"], &tactile = s["tactile"];
+  const std::string stalls =
+      fmt::format("{} stalls, {:.3f} s", s["stalls"]["count"].get<int>(), s["stalls"]["s"].get<double>());
+  std::string out;
+  if (s.contains("windows")) {
+    const json &window = s["window_s"], &request = s["window_request_s"];
+    out += fmt::format(
+        "windows       {} published, {} of them while touching; {}\n"
+        "window        received to published p50 {:.0f} ms, p95 {:.0f} ms, max {:.0f} ms; asked for to "
+        "published p95 {:.0f} ms\n",
+        s["windows"].get<int>(), s["windows_while_touching"].get<int>(), stalls, ms(window["p50"]),
+        ms(window["p95"]), ms(window["max"]), ms(request["p95"]));
+  } else {
+    out += fmt::format("stalls        {}\n", stalls);
+  }
+  out += fmt::format(
       "touch         {:.0f} answers/s over a round trip of {:.2f} ms; latency p50 {:.2f} ms, p99 {:.2f} ms, "
-      "max "
-      "{:.2f} ms; {:.0f} % by a contact law\n"
-      "servo         {:.1f} Hz, {} overruns, lateness p99 {:.3f} ms\n"
-      "force error   median {:.1f} %, p95 {:.1f} %, over {:.1f} % of the path\n",
-      s["windows"].get<int>(), s["windows_while_touching"].get<int>(), s["stalls"]["count"].get<int>(),
-      s["stalls"]["s"].get<double>(), ms(window["p50"]), ms(window["p95"]), ms(window["max"]),
-      ms(request["p95"]), s["touch_rate_hz"].get<double>(), ms(s["round_trip_s"]), ms(latency["p50"]),
-      ms(latency["p99"]), ms(latency["max"]), percent(s["by_law_share"]), servo["rate_hz"].get<double>(),
-      servo["overruns"].get<int>(), ms(servo["lateness_s_p99"]), percent(force["median"]),
-      percent(force["p95"]), percent(force["coverage"]));
-  for (const json& truth : inclusions["true"])
-    out +=
-        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, diameter {:4.1f} mm: contrast {:.1f} / {}\n",
-                    ms(truth["position_m"][0]), ms(truth["position_m"][1]), ms(truth["diameter_m"]),
-                    truth["contrast"].get<double>(), found_or_missed(truth));
-  for (const json& wrong : inclusions["false"])
-    out +=
-        fmt::format("inclusion     x {:5.1f} mm, y {:4.1f} mm, contrast {:.1f}: INVENTED\n",
-                    ms(wrong["position_m"][0]), ms(wrong["position_m"][1]), wrong["contrast"].get<double>());
+      "max {:.2f} ms; {:.0f} % by a contact law\n"
+      "servo         {:.1f} Hz, {} overruns, lateness p99 {:.3f} ms\n",
+      s["touch_rate_hz"].get<double>(), ms(s["round_trip_s"]), ms(latency["p50"]), ms(latency["p99"]),
+      ms(latency["max"]), percent(s["by_law_share"]), servo["rate_hz"].get<double>(),
+      servo["overruns"].get<int>(), ms(servo["lateness_s_p99"]));
+  if (tactile["images"].get<int>() + tactile["malformed"].get<int>() > 0)
+    out += fmt::format("tactile       {} images, {} malformed and left out\n", tactile["images"].get<int>(),
+                       tactile["malformed"].get<int>());
+  if (s.contains("force_error"))
+    out += fmt::format("force error   median {:.1f} %, p95 {:.1f} %, over {:.1f} % of the path\n",
+                       percent(s["force_error"]["median"]), percent(s["force_error"]["p95"]),
+                       percent(s["force_error"]["coverage"]));
+  return out + (s.contains("inclusions") ? readable_inclusions(s["inclusions"]) : "");
+}
+
+std::string not_met(const json& s) {
+  std::string out;
   for (const json& target : s["targets"])
     if (!target["met"].get<bool>())
       out += fmt::format("NOT MET       {}: {:.4g} instead of {:.4g} {}\n", target["name"].get<std::string>(),

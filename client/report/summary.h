@@ -26,10 +26,16 @@ nlohmann::json summarise(const Tissue& tissue, const TouchRecord& touch, const A
                          const ForceError& force, const InclusionReport& inclusions,
                          const std::string& client_version);
 
-// The promised figures of a summary of a demo, also written into it as `targets`.
-std::vector<Promise> promises_of(const nlohmann::json& summary);
+// Of a touch alone: those of its keys that such a recording tells, and tactile {images, malformed}.
+nlohmann::json summarise(const TouchRecord& touch, const std::string& client_version);
 
-// A table for people.
+// The promised figures of a summary, of a demo or of a touch alone; also written into it as `targets`.
+std::vector<Promise> promises_of(const nlohmann::json& summary);
+// As `targets`; then whether all are met.
+bool set_targets(nlohmann::json& summary, const std::vector<Promise>& promises);
+
+// A table for people, and what of the targets is not met.
 std::string readable(const nlohmann::json& summary);
+std::string not_met(const nlohmann::json& summary);
 
 }  // namespace teletact::client

@@ -31,13 +31,20 @@ v1::TouchResponse answer(int k, bool image, float pressure_pa) {
 
 class FilmStrip : public testing::Test {
  protected:
-  TouchRecord recorded_touch(bool images, float pressure_pa) {
+  // With a pad; every `malformed`th image is of no pitch.
+  TouchRecord recorded_touch(bool images, float pressure_pa, int malformed = 100) {
     const std::string path = (folder / "touch").string();
     v1::RecordHeader header;
     header.set_kind("touch");
     RecordWriter writer(path, header);
-    for (int k = 1; k <= 20; ++k)
-      writer.append(recorded(answer(k, images, pressure_pa), 1'000'000'000LL * k, 1));
+    v1::TouchRequest open;
+    open.mutable_open()->mutable_fingertip()->set_shape(v1::FINGERTIP_SHAPE_PAD);
+    writer.append(recorded(open, 0, 1));
+    for (int k = 1; k <= 20; ++k) {
+      v1::TouchResponse response = answer(k, images, pressure_pa);
+      if (k % malformed == 0) response.mutable_answer()->mutable_tactile()->set_pitch_m(0);
+      writer.append(recorded(response, 1'000'000'000LL * k, 1));
+    }
     v1::RecordEntry tick;
     for (const double at : {0.05, 0.003}) tick.mutable_servo()->add_position_m(at);
     for (const double f : {0.0, 0.1}) tick.mutable_servo()->add_force_n(f);
@@ -55,6 +62,25 @@ TEST_F(FilmStrip, IsDrawnOfTheImagesThatShowAContact) {
   EXPECT_EQ(touch.tactile[3].image.pressure_pa, std::vector<float>(4, 1000));
   EXPECT_TRUE(draw_tactile(folder / "tactile.png", touch));
   EXPECT_GT(std::filesystem::file_size(folder / "tactile.png"), 1000u);
+}
+
+TEST_F(FilmStrip, LeavesOutAndCountsWhatIsMalformed) {
+  const TouchRecord touch = recorded_touch(true, 1000, 5);
+  EXPECT_EQ(touch.tactile.size(), 16u);
+  EXPECT_EQ(touch.malformed_images, 4u);
+  EXPECT_EQ(touch.answers.size(), 20u) << "its force is not";
+  EXPECT_TRUE(draw_tactile(folder / "tactile.png", touch));
+}
+
+TEST_F(FilmStrip, IsOfAnyTipButTheTrueForceIsNotKnownUnderAPad) {
+  const TouchRecord touch = recorded_touch(true, 1000);
+  EXPECT_NE(touch.untold.find("touched with a pad"), std::string::npos);
+  try {
+    force_error(Patient(Tissue{}, 0.002), touch);
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_EQ(error.what(), touch.untold);
+  }
 }
 
 TEST_F(FilmStrip, IsNotDrawnOfARecordingWithoutImagesOrContact) {

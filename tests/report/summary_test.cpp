@@ -24,7 +24,7 @@ TouchRecord touch() {
     record.ticks.push_back(tick);
   }
   for (int k = 0; k <= 250; ++k)
-    record.answers.push_back({kBegin + 0.004 * k, 0.002, 1e-4 * std::min(k, 125), 0.004});
+    record.answers.push_back({kBegin + 0.004 * k, 0.002, 1e-4 * std::min(k, 125), 0.004, 0, {}});
   return record;
 }
 
@@ -159,7 +159,7 @@ TEST(Summary, SaysWhichInclusionsWereMissedAndInventedWithBothContrasts) {
   EXPECT_NEAR(s["inclusions"]["true"][0]["distance_m"].get<double>(), 0.001, 1e-12);
   EXPECT_FALSE(target(s, "inclusions missed")["met"].get<bool>());
   EXPECT_FALSE(target(s, "inclusions invented")["met"].get<bool>());
-  const std::string table = readable(s);
+  const std::string table = readable(s) + not_met(s);
   for (const char* words : {"5.0 / 3.5 (true / found), 1.0 mm off", "4.0 / MISSED", "INVENTED", "NOT MET"})
     EXPECT_NE(table.find(words), std::string::npos) << words << " is not in:\n" << table;
 }
@@ -181,6 +181,21 @@ TEST(Summary, AnInclusionWhereNobodyAcquiredIsNotMissed) {
   EXPECT_EQ(readable(beside).find("MISSED"), std::string::npos);
   EXPECT_EQ(over["inclusions"]["missed"].get<int>(), 1);
   EXPECT_NE(readable(over).find("4.0 / MISSED"), std::string::npos);
+}
+
+TEST(Summary, OfATouchAloneSaysWhatItsRecordingTells) {
+  TouchRecord record = touch();
+  record.malformed_images = 3;
+  json s = summarise(record, "1.2.3");
+  for (const char* key : {"stalls", "touch_latency_s", "servo"}) EXPECT_EQ(s[key], summary()[key]) << key;
+  for (const char* key : {"windows", "force_error", "inclusions"}) EXPECT_FALSE(s.contains(key)) << key;
+  EXPECT_NE(readable(s).find("0 images, 3 malformed and left out"), std::string::npos) << readable(s);
+  EXPECT_NE(not_met(s).find("stalls: 1 instead of 0"), std::string::npos) << not_met(s);
+  EXPECT_FALSE(set_targets(s, {{"a", 1, 0}, {"b", 0, 0}}));
+  EXPECT_EQ(not_met(s), "NOT MET       a: 1 instead of 0 \n");
+  EXPECT_TRUE(set_targets(s, {{"b", 0, 0}}));
+  record.answers.clear();
+  EXPECT_THROW(summarise(record, "1.2.3"), std::runtime_error);
 }
 
 TEST(Summary, AFigureThatIsNoNumberIsNotMet) {
