@@ -46,7 +46,8 @@ struct Arguments {
 const std::map<std::string, v1::FingertipShape> kTips = {{"rounded", v1::FINGERTIP_SHAPE_ROUNDED_TIP},
                                                          {"punch", v1::FINGERTIP_SHAPE_FLAT_PUNCH},
                                                          {"node", v1::FINGERTIP_SHAPE_NODE},
-                                                         {"pad", v1::FINGERTIP_SHAPE_PAD}};
+                                                         {"pad", v1::FINGERTIP_SHAPE_PAD},
+                                                         {"sphere", v1::FINGERTIP_SHAPE_SPHERE}};
 const std::map<std::string, v1::SolvePath> kPaths = {{"auto", v1::SOLVE_PATH_UNSPECIFIED},
                                                      {"compliance", v1::SOLVE_PATH_COMPLIANCE},
                                                      {"pcg", v1::SOLVE_PATH_PCG}};
@@ -285,7 +286,9 @@ void run(Arguments arguments, const CLI::App& command) {
 }
 
 void add_tip_options(CLI::App& command, Arguments& arguments) {
-  command.add_option("--tip", arguments.tip, "fingertip: rounded, punch, node, or pad (solid tissue alone)")
+  command
+      .add_option("--tip", arguments.tip,
+                  "fingertip: rounded, punch, node; pad or sphere (solid tissue alone)")
       ->check(CLI::IsMember(kTips));
   command
       .add_option("--tip-radius-m", arguments.tip_radius_m,

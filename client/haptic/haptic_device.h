@@ -3,7 +3,9 @@
 // with the device's travel.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 
 #include "client/haptic/profiles.h"
@@ -28,6 +30,13 @@ struct OperatorView {
   TouchedSurface surface = {};
 };
 
+// What a tactile display shows: [z][x], of square taxels.
+struct TaxelView {
+  std::size_t along_x = 0, along_z = 0;
+  double pitch_m = 0;
+  std::span<const float> pressure_pa, beyond_pa;  // beyond_pa empty: not known
+};
+
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
@@ -40,6 +49,8 @@ class HapticDevice {
   // Newtons on the finger; false: the device did not take it.
   virtual bool write(const Vector3& force_n) noexcept = 0;
   virtual void show(const OperatorView&) noexcept {}
+  // From the thread that opens and closes; it does not wait.
+  virtual void show_taxels(const TaxelView&) noexcept {}
   // Takes the force away for good: until open() no write is taken any more. From any thread, and from a
   // signal handler while the process dies: async-signal-safe. A device that no hand feels needs none.
   virtual void let_go() noexcept {}

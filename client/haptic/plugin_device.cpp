@@ -138,6 +138,17 @@ bool PluginDevice::write(const Vector3& force_n) noexcept {
   return timed([&] { return plugin_->write(device_, force_n.data()); }) == 0;
 }
 
+void PluginDevice::show_taxels(const TaxelView& view) noexcept {
+  if (device_ == nullptr || plugin_->show_taxels == nullptr) return;
+  const teletact_taxels taxels{
+      static_cast<std::uint32_t>(view.along_x), static_cast<std::uint32_t>(view.along_z), view.pitch_m,
+      view.pressure_pa.data(), view.beyond_pa.empty() ? nullptr : view.beyond_pa.data()};
+  timed([&] {
+    plugin_->show_taxels(device_, &taxels);
+    return 0;
+  });
+}
+
 void PluginDevice::let_go() noexcept {
   let_go_ = true;
   if (device_ != nullptr && plugin_->let_go != nullptr) plugin_->let_go(device_);

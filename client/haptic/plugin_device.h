@@ -26,6 +26,7 @@ class PluginDevice final : public HapticDevice {
   void close() noexcept override;
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
   bool write(const Vector3& force_n) noexcept override;
+  void show_taxels(const TaxelView& view) noexcept override;
   void let_go() noexcept override;
   double longest_call_s() noexcept override { return seconds(longest_ns_.exchange(0)); }
 

@@ -11,9 +11,9 @@
  * first read becomes the point above the tissue at which a session begins. In a plane scene the tissue is the
  * same for every z: the model's force along z is zero, and only damping of the safety chain acts there.
  *
- * Threads: open and close are called from one thread, read and write from another, the servo's, 1000 times a
- * second: these two may not wait, allocate, log or throw. A vendor's library that runs a loop of its own
- * leaves its newest position in memory for read() and takes the newest force from there.
+ * Threads: open, close and show_taxels are called from one thread, read and write from another, the servo's,
+ * 1000 times a second: these two may not wait, allocate, log or throw. A vendor's library that runs a loop of
+ * its own leaves its newest position in memory for read() and takes the newest force from there.
  *
  * No hand is left with a force that nobody renews. The device holds the force of a write() until the next
  * one, but for 10 ms at most: then it lets go by itself, whatever keeps the client, a wait, Ctrl-Z, kill -9.
@@ -30,8 +30,8 @@ extern "C" {
 #endif
 
 /* Goes up with every change that a library and a client of different versions would not survive.
- * 2: limits.damping_n_s_m. 3: let_go. 4: z is passed on, away from the operator. */
-#define TELETACT_DEVICE_ABI 4u
+ * 2: limits.damping_n_s_m. 3: let_go. 4: z is passed on, away from the operator. 5: show_taxels. */
+#define TELETACT_DEVICE_ABI 5u
 
 /* What the device may be asked for. The first three must be > 0; 0 where the others are not known. */
 typedef struct teletact_device_limits {
@@ -50,6 +50,14 @@ typedef struct teletact_device_reading {
   double velocity_m_s[3]; /* all zero: not known, it is derived from the positions */
   int32_t resume_pressed; /* not 0: the button is down; the operator asks for force when it goes down */
 } teletact_device_reading;
+
+/* What a tactile display shows: the pressure under the tip, on a grid of square taxels around its axis. */
+typedef struct teletact_taxels {
+  uint32_t along_x, along_z;
+  double pitch_m;
+  const float* pressure_pa; /* [z][x], into the tissue; this and the next are there until the call returns */
+  const float* beyond_pa;   /* of it what is beyond homogeneous tissue at the same force; NULL: not known */
+} teletact_taxels;
 
 typedef struct teletact_device_plugin {
   uint32_t abi;          /* TELETACT_DEVICE_ABI */
@@ -79,6 +87,10 @@ typedef struct teletact_device_plugin {
    * async-signal-safe, which rules out locks, memory, files and most of any SDK. Storing to shared memory,
    * or one write() to an open descriptor, is. */
   void (*let_go)(void* device);
+
+  /* May be NULL. A new tactile image, at most 50 times a second, where the operator asks for them (touch
+   * --tactile). It may not wait: a display that is slower takes the newest one from memory. */
+  void (*show_taxels)(void* device, const teletact_taxels* taxels);
 } teletact_device_plugin;
 
 /* The one function that the library exports. What it returns lives as long as the library. */

@@ -185,11 +185,13 @@ void finish(TouchSummary& summary, const TouchLink& link, const ServoLoop& servo
   summary.device = device.profile().name;
 }
 
-// Returns when an image was shown last.
-double show_tactile(const OperatorSessionOptions& options, TouchLink& link, double shown_s, double now_s) {
-  if (!options.tactile || now_s - shown_s < OperatorSessionOptions::kTactileS) return shown_s;
+// Every image to the device, some to who else looks. Returns when the latter was last.
+double show_tactile(const OperatorSessionOptions& options, TouchLink& link, HapticDevice& device,
+                    double shown_s, double now_s) {
   const auto image = link.take_tactile();
   if (!image) return shown_s;
+  device.show_taxels({image->along_x, image->along_z, image->pitch_m, image->pressure_pa, image->beyond_pa});
+  if (!options.tactile || now_s - shown_s < OperatorSessionOptions::kTactileS) return shown_s;
   options.tactile(*image);
   return now_s;
 }
@@ -271,7 +273,7 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
     const double now_s = seconds(clock.now_ns());
     const std::string slow = servo_thread.looping() ? adapter.message(*device, servo->ticks(), now_s) : "";
     if (!slow.empty()) spdlog::warn("{}", slow);
-    tactile_shown_s = show_tactile(options, link, tactile_shown_s, now_s);
+    tactile_shown_s = show_tactile(options, link, *device, tactile_shown_s, now_s);
     const bool has_keys = static_cast<bool>(options.key);
     const std::string message =
         waiting.message(situation_of(link, summary.ticks, width_of(scene), has_keys), now_s);

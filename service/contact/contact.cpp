@@ -122,9 +122,10 @@ double amplification(const Eigen::MatrixX2d& sensitivity, const VectorXd& p, con
 ContactAnswer solve_contact(const TissueProblem& problem, std::size_t row, Compliance& compliance,
                             const Fingertip& tip, const PlanePose& pose, const ContactOptions& options) {
   validate(tip);
-  if (tip.shape == FingertipShape::kPad)
+  if (tip.shape == FingertipShape::kPad || tip.shape == FingertipShape::kSphere)
     throw std::invalid_argument(
-        "fingertip.shape is a pad, which touches solid tissue; here use a flat punch");
+        "fingertip.shape is a pad or a sphere, which touch solid tissue; here use a flat punch or a rounded "
+        "tip");
   validate(problem, row, pose);
   ContactAnswer answer;
   if (pose.indentation_m <= 0) return answer;

@@ -21,9 +21,15 @@ void require_positive(double value, const char* field) {
   }
 }
 
-// Distance beyond the flat part, with sign.
-double beyond_flat(const Fingertip& tip, double distance_m) {
-  return std::copysign(std::max(0.0, std::abs(distance_m) - flat_half_m(tip)), distance_m);
+constexpr double kSteepSphere = 0.9;  // of its radius
+
+Rise on_sphere(double radius_m, double distance_m) {
+  const double at = std::min(distance_m, kSteepSphere * radius_m), rest = distance_m - at;
+  const double height = std::sqrt(radius_m * radius_m - at * at);
+  Rise r{radius_m - height, at / height, radius_m * radius_m / (height * height * height)};
+  r.m += rest * (r.slope + rest * r.curvature_1_m / 2);
+  r.slope += rest * r.curvature_1_m;
+  return r;
 }
 
 Footprint hat_function(double x_m, std::span<const double> grid, ColumnRange columns) {
@@ -101,7 +107,8 @@ void validate(const Fingertip& tip) {
     return;
   }
   require_positive(tip.radius_m, "radius_m");
-  if (tip.shape != FingertipShape::kRoundedTip) require_positive(tip.half_width_m, "half_width_m");
+  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
+  if (!round) require_positive(tip.half_width_m, "half_width_m");
   if (tip.shape == FingertipShape::kPad && !(tip.pad_m_pa > 0 && std::isfinite(tip.pad_m_pa)))
     throw std::invalid_argument("fingertip.pad_m_pa is " + std::to_string(tip.pad_m_pa) +
                                 "; give the pad's thickness over its modulus, above 0 m/Pa");
@@ -111,16 +118,30 @@ double flat_half_m(const Fingertip& tip) {
   return tip.shape == FingertipShape::kFlatPunch || tip.shape == FingertipShape::kPad ? tip.half_width_m : 0;
 }
 
+Rise rise(const Fingertip& tip, double distance_m) {
+  if (tip.shape == FingertipShape::kSphere) return on_sphere(tip.radius_m, distance_m);
+  const double flat = flat_half_m(tip), d = std::max(0.0, distance_m - flat);
+  return {d * d / (2 * tip.radius_m), d / tip.radius_m, d == 0 && flat > 0 ? 0 : 1 / tip.radius_m};
+}
+
 NodeOverlap<2> overlap(const Fingertip& tip, const PlanePose& pose, double x_m) {
-  const double d = beyond_flat(tip, x_m - pose.x_m);
+  const double d = x_m - pose.x_m;
+  const Rise r = rise(tip, std::abs(d));
   NodeOverlap<2> o;
-  o.w_m = pose.indentation_m - d * d / (2 * tip.radius_m);
-  o.slope[0] = d / tip.radius_m;
-  o.curvature(0, 0) = d == 0 && flat_half_m(tip) > 0 ? 0 : -1 / tip.radius_m;
+  o.w_m = pose.indentation_m - r.m;
+  o.slope[0] = std::copysign(r.slope, d);
+  o.curvature(0, 0) = -r.curvature_1_m;
   return o;
 }
 
 double reach_m(const Fingertip& tip, double indentation_m, double margin_m) {
+  if (tip.shape == FingertipShape::kSphere) {
+    const double r = tip.radius_m, m = std::max(0.0, indentation_m + margin_m);
+    const Rise steep = on_sphere(r, kSteepSphere * r);
+    if (m <= steep.m) return std::sqrt(m * (2 * r - m));
+    const double c = steep.curvature_1_m, s = steep.slope;
+    return kSteepSphere * r + (std::sqrt(s * s + 2 * c * (m - steep.m)) - s) / c;
+  }
   return flat_half_m(tip) + std::sqrt(2 * tip.radius_m * std::max(0.0, indentation_m + margin_m));
 }
 

@@ -31,6 +31,14 @@ struct NodeOverlap {
   PoseMatrix<N> curvature = PoseMatrix<N>::Zero();  // 1/m
 };
 
+// How far a tip has risen above its lowest part at some distance from the axis, and its derivatives by that.
+// Beyond the flat part: r^2 / (2 radius); a sphere's: radius - sqrt(radius^2 - r^2), and where that grows too
+// steep, beyond 0.9 of the radius, on along the parabola that touches it there.
+struct Rise {
+  double m = 0, slope = 0, curvature_1_m = 0;
+};
+Rise rise(const Fingertip&, double distance_m);
+
 // Of a node at x with a tip at X.
 NodeOverlap<2> overlap(const Fingertip&, const PlanePose&, double x_m);
 

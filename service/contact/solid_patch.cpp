@@ -21,18 +21,19 @@ using Eigen::VectorXd;
 using Three = Eigen::Vector3d;
 
 NodeOverlap<3> overlap(const Fingertip& tip, double indentation_m, double dx, double dz) {
-  const double flat = flat_half_m(tip);
-  const double r = std::hypot(dx, dz), beyond = std::max(0.0, r - flat);
+  const double r = std::hypot(dx, dz);
+  const Rise up = rise(tip, r);
+  const Three plane(1, 0, 1);
   NodeOverlap<3> o;
-  o.w_m = indentation_m - beyond * beyond / (2 * tip.radius_m);
-  if (!(beyond > 0)) {
-    if (flat == 0) o.curvature.diagonal() = Three(-1, 0, -1) / tip.radius_m;
+  o.w_m = indentation_m - up.m;
+  if (!(up.slope > 0)) {
+    o.curvature = Matrix3d((-up.curvature_1_m * plane).asDiagonal());
     return o;
   }
-  const Three out(dx / r, 0, dz / r), plane(1, 0, 1);
-  o.slope += beyond / tip.radius_m * out;
+  const Three out(dx / r, 0, dz / r);
+  o.slope += up.slope * out;
   const Matrix3d radial = out * out.transpose();
-  o.curvature = -(radial + beyond / r * (Matrix3d(plane.asDiagonal()) - radial)) / tip.radius_m;
+  o.curvature = -up.curvature_1_m * radial - up.slope / r * (Matrix3d(plane.asDiagonal()) - radial);
   return o;
 }
 

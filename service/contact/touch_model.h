@@ -27,7 +27,7 @@ class Device;
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  // row-major
 
-enum class FingertipShape { kNode, kFlatPunch, kRoundedTip, kPad };
+enum class FingertipShape { kNode, kFlatPunch, kRoundedTip, kPad, kSphere };
 enum class Friction { kFrictionless, kStuck };
 
 struct Fingertip {

@@ -55,11 +55,14 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
     case v1::FINGERTIP_SHAPE_FLAT_PUNCH:
       tip.shape = FingertipShape::kFlatPunch;
       break;
+    case v1::FINGERTIP_SHAPE_SPHERE:
+      tip.shape = FingertipShape::kSphere;
+      break;
     case v1::FINGERTIP_SHAPE_PAD:
       pad_from(in.fingertip(), tip);
       break;
     default:
-      throw std::invalid_argument("open.fingertip.shape: unknown; use NODE, FLAT_PUNCH, ROUNDED_TIP or PAD");
+      throw std::invalid_argument("open.fingertip.shape: unknown; use NODE, FLAT_PUNCH, ROUNDED_TIP, PAD or SPHERE");
   }
   tip.friction = in.fingertip().stuck() ? Friction::kStuck : Friction::kFrictionless;
   if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();

@@ -22,6 +22,13 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
     throw std::invalid_argument(
         fmt::format("{}: {} m is not within [{}, {}]", field, value_m, least_m, limits.most_tip_m));
   };
+  const auto require_solid = [solid](const char* what) {
+    if (solid) return;
+    throw std::invalid_argument(
+        fmt::format("open.fingertip.shape: {} touches solid tissue (CreateScene with modulus.z_m); touch a "
+                    "plane scene with a flat punch or a rounded tip",
+                    what));
+  };
   switch (tip.shape) {
     case FingertipShape::kNode:
       // A Gaussian is cut at three standard deviations or so.
@@ -30,15 +37,15 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
                                                 tip.footprint_m, limits.most_tip_m / 3));
       return;
     case FingertipShape::kPad:
-      if (!solid)
-        throw std::invalid_argument(
-            "open.fingertip.shape: a pad touches solid tissue (CreateScene with modulus.z_m); touch a plane "
-            "scene with a flat punch or a rounded tip");
+      require_solid("a pad");
       [[fallthrough]];
     case FingertipShape::kFlatPunch:
       check_length("open.fingertip.half_width_m", tip.half_width_m, limits.least_tip_m);
       check_length("open.fingertip.radius_m", tip.radius_m, 0);
       return;
+    case FingertipShape::kSphere:
+      require_solid("a sphere");
+      [[fallthrough]];
     case FingertipShape::kRoundedTip:
       check_length("open.fingertip.radius_m", tip.radius_m, limits.least_tip_m);
       return;

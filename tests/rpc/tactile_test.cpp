@@ -104,6 +104,8 @@ TEST_F(TactileCalls, ComesOnRequestAloneAndWhatCannotBeIsRefused) {
   refused([](auto& open) { open.mutable_tactile()->set_pitch_m(NAN); }, "open.tactile.pitch_m");
   refused([](auto& open) { open.mutable_fingertip()->set_shape(v1::FINGERTIP_SHAPE_PAD); },
           "open.fingertip.shape: a pad");
+  refused([](auto& open) { open.mutable_fingertip()->set_shape(v1::FINGERTIP_SHAPE_SPHERE); },
+          "open.fingertip.shape: a sphere");
   const auto pad = [](auto& open) { open.mutable_fingertip()->set_shape(v1::FINGERTIP_SHAPE_PAD); };
   refused([&](auto& open) { pad(open), open.mutable_fingertip()->set_pad_thickness_m(1); },
           "open.fingertip.pad_thickness_m: 1");

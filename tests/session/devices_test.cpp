@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "client/session/operator_session.h"
+#include "tests/files/temporary_folder.h"
 #include "tests/haptic/inverse3_service.h"
 #include "tests/link/fake_palpation.h"
 #include "tests/session/kept_log.h"
@@ -112,6 +115,36 @@ TEST(Devices, APluginIsTouchedWith) {
   EXPECT_EQ(allocations, 0u);
   EXPECT_EQ(summary.ticks.largest_force_n(), 0);
   for (const StateChange& change : summary.ticks.changes()) EXPECT_EQ(change.state, ServoState::kDisabled);
+}
+
+// A tactile display is given each image that comes; a device without one is not asked.
+TEST(Devices, APluginsDisplayShowsTactileImages) {
+  FakePalpation service(test::socket_address("taxels"));
+  service.tactile_pa = 1234;
+  service.serve();
+  const TemporaryFolder folder;
+  OperatorSessionOptions options = session_options(test::socket_address("taxels"));
+  options.device = template_device("page=" + (folder / "page").string());
+  std::atomic<bool> stop{false};
+  unsigned elsewhere = 0;
+  options.tactile = [&](const TactileImage&) { ++elsewhere; };
+  TouchSummary summary;
+  std::thread session([&] { summary = run_operator_session(options, stop); });
+  EXPECT_TRUE(service.wait_until([](const FakeAccount& account) { return account.answers > 200; }));
+  stop = true;
+  session.join();
+  // As client/haptic/plugins/template.c shares it: motor, 3 counts, command and its time, 6 of motion, its
+  // time.
+  constexpr std::streamoff kImages = (3 + 3 + 3 + 1 + 6 + 1) * 8;
+  std::ifstream page(folder / "page", std::ios::binary);
+  page.seekg(kImages);
+  std::int64_t images = 0;
+  double shown_pa = 0;
+  page.read(reinterpret_cast<char*>(&images), sizeof images);
+  page.read(reinterpret_cast<char*>(&shown_pa), sizeof shown_pa);
+  EXPECT_GT(images, elsewhere);
+  EXPECT_LE(images, static_cast<std::int64_t>(summary.link.tactile_images));
+  EXPECT_EQ(shown_pa, 1234);
 }
 
 // It never says where it is: a button would not help.

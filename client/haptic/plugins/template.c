@@ -45,6 +45,8 @@ typedef struct page {
   _Atomic int64_t commanded_ns; /* CLOCK_MONOTONIC, as the others; 0: never */
   _Atomic double position_m[3], velocity_m_s[3];
   _Atomic int64_t moved_ns;
+  _Atomic int64_t images;  /* tactile images shown */
+  _Atomic double shown_pa; /* the largest pressure of the newest */
 } page;
 
 static int64_t now_ns(void) {
@@ -223,6 +225,16 @@ static int adapter_write(void* device, const double force_n[3]) {
   return 0;
 }
 
+/* No display is here: yours sets its pins or cells, or leaves the image to the process that does. */
+static void adapter_show_taxels(void* device, const teletact_taxels* taxels) {
+  page* shared = ((adapter*)device)->shared;
+  float largest_pa = 0;
+  for (uint32_t k = 0; k < taxels->along_x * taxels->along_z; ++k)
+    if (taxels->pressure_pa[k] > largest_pa) largest_pa = taxels->pressure_pa[k];
+  shared->shown_pa = largest_pa;
+  ++shared->images;
+}
+
 static void adapter_let_go(void* device) {
   ++((adapter*)device)->shared->let_go;
 }
@@ -245,6 +257,7 @@ const teletact_device_plugin* teletact_device_plugin_get(void) {
       .write = adapter_write,
       .close = adapter_close,
       .let_go = adapter_let_go,
+      .show_taxels = adapter_show_taxels,
   };
   return &plugin;
 }
