@@ -210,6 +210,8 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
       solution.reason = StopReason::kNotFinite;
     else if (rho < 0 || (k > 0 && !(alpha > 0)))
       solution.reason = StopReason::kIndefinite;
+    else if (options.watch && !options.watch(solution))
+      solution.reason = StopReason::kIterationLimit;
     else if (rho == 0 || solution.relative_error() <= options.relative_error)
       solution.reason = StopReason::kConverged;
     else if (options.relative_error > 0 && solution.bounded_error() <= rounding_ / 2)
@@ -281,6 +283,8 @@ SurfaceExcess SolidSolver<T>::surface_excess() {
   spread(p_, surface_, T{1}, {0, 3});
   preconditioner_.solve_surface(surface_, {0, 3}, z_);
   out.moved_m += out.last_m - surface_of(z_);
+  if (!out.moved_m.allFinite() || !out.last_m.allFinite())
+    throw std::domain_error("solid: the surface's displacement is not finite");
   return out;
 }
 

@@ -14,6 +14,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -30,11 +31,6 @@ struct SurfacePatch {
   Eigen::VectorXd skin_m_n;  // C, >= 0
 };
 
-struct SolidOptions {
-  double relative_error = 1e-6;  // ||e||_A / ||u||_A; what lies below the rounding is not tried for
-  std::size_t max_iterations = 200;
-};
-
 struct SolidSolution {
   Eigen::VectorXd force_n;         // p, of each unknown of the patch
   Eigen::VectorXd displacement_m;  // B u; where the patch is pushed, w - C p
@@ -49,6 +45,13 @@ struct SolidSolution {
   // ||e||_A / ||u||_A, at most: by the bound, and that with rounding.
   double bounded_error() const;
   double relative_error() const { return bounded_error() + rounding; }
+};
+
+struct SolidOptions {
+  double relative_error = 1e-6;  // ||e||_A / ||u||_A; what lies below the rounding is not tried for
+  std::size_t max_iterations = 200;
+  // Sees every iterate, without its forces and displacements; where it says false, that one is the last.
+  std::function<bool(const SolidSolution&)> watch = {};
 };
 
 // What the surface moves by under some forces beyond the layered tissue's, all its 3 nx nz unknowns, m; and
@@ -83,9 +86,9 @@ class SolidSolver {
   // Under given forces instead (N), with no skin: K u = B^T p.
   SolidSolution load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
                      const SolidOptions& = {});
-  // Of the last solution.
+  // Of the last solution. Throws std::domain_error where it is not finite.
   SurfaceExcess surface_excess();
-  // Displacement of the last solution, [plane = 3 row + component][z][x].
+  // Displacement of the last solution, or of the iterate that is watched, [plane = 3 row + component][z][x].
   std::vector<T> displacement() const { return queue_.read(u_); }
   const LayeredTissue& layers() const { return modulus_->layers; }
   double rounding() const { return rounding_; }  // of every solution

@@ -24,12 +24,17 @@ TEST(SolidSuite, WhatIsNoMatterOfTimeHolds) {
     return result.at(part);
   };
   const auto bound = measured("bound");
-  EXPECT_GT(bound.at("iterations"), 200);
-  EXPECT_EQ(bound.at("broken"), 0);
+  for (const char* of : {"energy", "force"}) {
+    EXPECT_GT(bound.at(of).at("iterations"), 100) << of;
+    EXPECT_EQ(bound.at(of).at("broken"), 0) << of;
+  }
   EXPECT_TRUE(std::filesystem::exists(folder / "bound/solid_bound.png"));
   const auto plane = measured("plane").at("beside");
   EXPECT_GT(plane.front().at("difference"), 1e-5) << "two ways that are the same show nothing";
-  EXPECT_LT(plane.back().at("difference"), 1e-9);
+  EXPECT_LT(plane.back().at("difference"), 1e-10);
+  const auto exact = measured("exact");
+  EXPECT_EQ(exact.at("forces").size(), 3) << "rigid tips alone: the quick one";
+  EXPECT_GT(exact.at("tangents").size(), 5);
 }
 
 }  // namespace

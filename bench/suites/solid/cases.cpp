@@ -27,7 +27,7 @@ service::SolidGrid solid_grid(std::size_t nx, std::size_t nz, std::size_t layers
   return {nx, nz, spacing_x_m, spacing_z_m, service::graded_rows(kSolidDepthM, layers, kGrowth)};
 }
 service::SolidGrid solid_13k() {
-  return solid_grid(64, 16, 13, 0.002, 0.004);
+  return solid_grid(32, 32, 13, 0.002, 0.002);
 }
 service::SolidGrid solid_70k() {
   return solid_grid(64, 32, 34, 0.002, 0.002);
@@ -87,16 +87,17 @@ SurfaceValues hertz_load(const service::SolidGrid& grid) {
   return load;
 }
 
-SurfaceValues paraboloid_push(const service::SolidGrid& grid, double x_m, double z_m, double radius_m) {
+SurfaceValues paraboloid_push(const service::SolidGrid& grid, double x_m, double z_m, double indentation_m) {
   SurfaceValues push;
   std::vector<double> depths;
   for (std::size_t k = 0; k < grid.nz; ++k)
     for (std::size_t i = 0; i < grid.nx; ++i) {
       const double away = std::hypot((double(i) - double(grid.nx / 2)) * grid.spacing_x_m - x_m,
                                      (double(k) - double(grid.nz / 2)) * grid.spacing_z_m - z_m);
-      if (away > radius_m) continue;
+      const double overlap = indentation_m - away * away / (2 * kTipRadiusM);
+      if (overlap <= 0) continue;
       push.unknowns.push_back(surface_unknown(grid, long(i), long(k), 1));
-      depths.push_back((2 * radius_m * radius_m - away * away) / (2 * kTipRadiusM));
+      depths.push_back(overlap);
     }
   push.values = Eigen::Map<Eigen::VectorXd>(depths.data(), Eigen::Index(depths.size()));
   return push;

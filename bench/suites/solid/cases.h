@@ -18,7 +18,7 @@ inline constexpr double kSolidModulusPa = 10e3, kSolidDepthM = 0.040;
 // Rows grow by 3 % each.
 service::SolidGrid solid_grid(std::size_t nx, std::size_t nz, std::size_t layers, double spacing_x_m,
                               double spacing_z_m);
-service::SolidGrid solid_13k();   // in steps of 2 x 4 mm
+service::SolidGrid solid_13k();   // in steps of 2 mm; the period is 64 x 64 mm
 service::SolidGrid solid_70k();   // in steps of 2 mm
 service::SolidGrid solid_336k();  // in steps of 1 mm
 
@@ -40,9 +40,9 @@ struct SurfaceValues {
 };
 // 0.14 N with Hertz's pressure of radius 4 mm on the middle.
 SurfaceValues hertz_load(const service::SolidGrid&);
-// The nodes within `radius_m` of (x, z) from the middle, pushed by a paraboloid that just touches at that
-// radius.
-SurfaceValues paraboloid_push(const service::SolidGrid&, double x_m, double z_m, double radius_m);
+// The nodes that a paraboloid of 8 mm, `indentation_m` deep at (x, z) from the middle, overlaps while the
+// tissue is at rest, by how much.
+SurfaceValues paraboloid_push(const service::SolidGrid&, double x_m, double z_m, double indentation_m);
 
 // Number of the surface's unknown: component c at node (i, k), both taken around the period.
 std::size_t surface_unknown(const service::SolidGrid&, long i, long k, std::size_t c);

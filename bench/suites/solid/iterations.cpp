@@ -116,6 +116,9 @@ Figures measure(bool quick, Promises& promises) {
       for (const std::size_t nz : {1, 4, 16})
         f.shapes.push_back(count(queue, fmt::format("2 mm, {} along z", nz),
                                  solid_grid(64, nz, 34, 0.002, 0.002), 0.49, contrast));
+      f.shapes.push_back(count(queue, "2 x 4 mm", solid_grid(64, 16, 13, 0.002, 0.004), 0.49, contrast));
+      f.shapes.push_back(
+          count(queue, "64 x 64 mm of 1 mm", solid_grid(64, 64, 17, 0.001, 0.001), 0.49, contrast));
       f.shapes.push_back(count(queue, "4 mm", solid_grid(32, 16, 26, 0.004, 0.004), 0.49, contrast));
       f.shapes.push_back(
           count(queue, "64 x 32 mm of 2 mm", solid_grid(32, 16, 26, 0.002, 0.002), 0.49, contrast));

@@ -1,8 +1,9 @@
-// Time and memory of a touch of solid tissue, beside Eigen's sparse factor until it takes too long, and
-// Eigen's conjugate gradients with Jacobi's preconditioner and an incomplete factor.
+// Time and memory of a touch of solid tissue, and of its force; beside sparse factors until they take too
+// long, and conjugate gradients with Jacobi's preconditioner, an incomplete factor and algebraic multigrid.
 #include <fmt/format.h>
 #include <stdlib.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/curves.h"
+#include "bench/peers/linear_solver.h"
 #include "bench/roofline.h"
 #include "bench/suites/solid/solid.h"
 #include "bench/suites/solid/truth.h"
@@ -35,6 +37,19 @@ struct Own {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Own, nodes, precision, setup_s, iteration_s, certified_s,
                                    certified_iterations, held_bytes)
 
+// Under a tip 2 mm deep over a ball of contrast 10, which nodes touch being known; in float.
+struct Force {
+  std::size_t nodes = 0;
+  double ball_depth_m = 0;
+  double certified_s = 0, certified = 0;  // to 1e-3: its time, and what the interval comes to
+  double certified_error = 0;             // the true one
+  std::size_t certified_iterations = 0;
+  double true_s = 0, true_error = 0;  // as soon as it is within 1e-3, and stays so
+  std::size_t true_iterations = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Force, nodes, ball_depth_m, certified_s, certified, certified_error,
+                                   certified_iterations, true_s, true_error, true_iterations)
+
 struct Point {
   std::size_t nodes = 0;
   std::string method;
@@ -48,10 +63,12 @@ struct Figures {
   DeviceFigures device;
   double load_average = 0;  // when it began: other programs' if above 0
   std::vector<Own> own{};
+  std::vector<Force> forces{};
   std::vector<Point> points{};
-  KernelProfile kernels{};  // of a touch in float, 70 k nodes
+  std::vector<std::string> absent{};  // peers that are not installed
+  KernelProfile kernels{};            // of a touch in float, 70 k nodes
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, device, load_average, own, points, kernels)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, device, load_average, own, forces, points, absent, kernels)
 
 template <class T>
 void measure_own(const std::shared_ptr<service::Device>& device, const service::SolidTissue& tissue,
@@ -101,8 +118,75 @@ void measure_own(const std::shared_ptr<service::Device>& device, const service::
     std::vector<double> seconds;
     for (int n = 0; n < repeats; ++n) seconds.push_back(seconds_to(0, k, &s));
     f.points.push_back({nodes, "layered PCG, " + own.precision, true, own.setup_s, median_of(seconds),
-                        std::sqrt(truth->squared_error(*solver, s)), k});
+                        std::sqrt(truth->squared_error(field_of(*solver))), k});
   }
+}
+
+struct CertifiedForce {
+  double force_n = 0, error_n = 0;  // at most
+  std::size_t iterations = 0;
+};
+// From two energies: pushed by s more and by s less they differ by 2 s F, and each is known from both sides.
+// With s = |u| / |z|, z the unit push, it is off by about |e_u| |e_z| at most.
+CertifiedForce certified_force(service::SolidSolver<float>& solver, const service::SolidGrid& grid,
+                               const SolidTouch& touch, double relative_error) {
+  const Eigen::VectorXd &w = touch.surface.values, one = Eigen::VectorXd::Ones(w.size());
+  const Eigen::LLT<Eigen::MatrixXd> layered(
+      solver.layered_surface().among(touch.surface.unknowns, grid.nx, grid.nz));
+  const Eigen::VectorXd p = layered.solve(w), z = layered.solve(one);
+  const double s = std::sqrt(w.dot(p) / z.sum());
+  // Of the layered tissue: the whole is stiffer, or asks for a little more.
+  const double each_j = 0.8 * relative_error * 2 * s * p.sum();
+  CertifiedForce out;
+  for (const double side : {1.0, -1.0}) {
+    const double energy_j = (w.dot(p) + 2 * side * s * p.sum() + s * s * z.sum()) / 2;
+    const auto answer =
+        solver.push({touch.surface.unknowns, Eigen::VectorXd::Zero(w.size())}, w + side * s * one,
+                    {.relative_error = std::min(0.5, std::sqrt(each_j / energy_j))});
+    out.force_n += side * (answer.energy_j - answer.energy_error_j / 2) / (2 * s);
+    out.error_n += answer.energy_error_j / (4 * s);
+    out.iterations += answer.iterations;
+  }
+  return out;
+}
+
+void measure_force(const service::Queue& queue, const service::SolidGrid& grid, double ball_depth_m,
+                   int repeats, Figures& f) {
+  const service::SolidTissue tissue = solid_tissue(grid, 0.49, {.centre_m = {0, ball_depth_m, 0}});
+  SolidTouch touch;
+  double exact_n = 0;
+  {
+    service::SolidSolver<double> solver(queue, tissue);
+    touch = settled_touch(solver, grid, 0, 0, 0.002, 0);
+    exact_n = touch.solve(solver, {.relative_error = 1e-9, .max_iterations = 1000}).force_n.sum();
+  }
+  service::SolidSolver<float> solver(queue, tissue);
+  Force out{grid.elements(), ball_depth_m};
+  const auto median_seconds = [&](auto&& work) {
+    std::vector<double> seconds;
+    for (int k = 0; k < repeats; ++k) seconds.push_back(seconds_of(work));
+    return median_of(seconds);
+  };
+  CertifiedForce c;
+  out.certified_s = median_seconds([&] { c = certified_force(solver, grid, touch, kCertified); });
+  out.certified = c.error_n / c.force_n, out.certified_iterations = c.iterations;
+  out.certified_error = std::abs(c.force_n / exact_n - 1);
+  const auto error_after = [&](std::size_t k) {
+    return std::abs(touch.solve(solver, {.relative_error = 0, .max_iterations = k}).force_n.sum() / exact_n -
+                    1);
+  };
+  constexpr std::size_t kMost = 20;
+  for (std::size_t k = 0; k <= kMost; ++k)
+    if (error_after(k) > kCertified) out.true_iterations = k + 1;
+  out.true_error = error_after(out.true_iterations);
+  out.true_s = median_seconds([&] { error_after(out.true_iterations); });
+  std::printf(
+      "%7zu nodes, ball %2.0f mm deep: force certified to %.1e (true %.1e) in %2zu, %8.2f ms; true to %.1e "
+      "in "
+      "%2zu, %8.2f ms\n",
+      out.nodes, 1e3 * ball_depth_m, out.certified, out.certified_error, out.certified_iterations,
+      1e3 * out.certified_s, out.true_error, out.true_iterations, 1e3 * out.true_s);
+  f.forces.push_back(out);
 }
 
 void add(Point p, Figures& f) {
@@ -131,7 +215,22 @@ void measure_cg(const char* name, const Sparse& k, const Eigen::VectorXd& load, 
 
 void measure_peers(const Sparse& k, const Eigen::VectorXd& load, const SolidTruth& truth, std::size_t nodes,
                    bool quick, Figures& f) {
-  const double to_error = quick ? kCertified : kPeerError;
+  std::vector<std::string> absent(2);
+  for (const auto& peer : {make_cholmod_factor(absent[0]), make_viennacl_multigrid(absent[1])}) {
+    if (!peer) continue;
+    const double setup_s = seconds_of([&] { peer->prepare(k); });
+    for (int most = peer->iterative() ? 8 : 0; most <= 1 << 12; most = std::max(1, 2 * most)) {
+      Eigen::VectorXd u;
+      const double solve_s = seconds_of([&] { u = peer->solve(load, most); });
+      const double error = std::sqrt(truth.squared_error(u));
+      add({nodes, peer->name(), false, setup_s, solve_s, error, std::size_t(most)}, f);
+      if (!peer->iterative() || error <= kCertified) break;
+    }
+  }
+  std::erase(absent, "");
+  f.absent = absent;
+  for (const std::string& why : absent) std::printf("not compared with: %s\n", why.c_str());
+  const double to_error = quick || nodes > kMostFactoredNodes ? kCertified : kPeerError;
   measure_cg<Eigen::DiagonalPreconditioner<double>>("CG, Jacobi", k, load, truth, nodes, to_error, f);
   measure_cg<Eigen::IncompleteCholesky<double>>("CG, incomplete Cholesky", k, load, truth, nodes, to_error,
                                                 f);
@@ -177,24 +276,40 @@ void promise(const Figures& f, Promises& promises) {
   struct Size {
     std::size_t nodes;
     const char* name;
-    double bytes, iteration_s;
+    double bytes, iteration_s, certified_s, true_s;
   };
   const bool quiet = f.load_average < kQuietLoad;
   if (!quiet)
     std::printf("other programs are running (load %.1f): times are reported, not promised\n", f.load_average);
-  for (const Size& size :
-       {Size{solid_70k().elements(), "70k", 16e6, 1.6e-3}, {solid_336k().elements(), "336k", 64e6, 7e-3}})
+  for (const Size& size : {Size{solid_70k().elements(), "70k", 16e6, 1.6e-3, 0.030, 0.012},
+                           {solid_336k().elements(), "336k", 64e6, 7e-3, 0.150, 0.055}})
     for (const Own& own : f.own) {
       if (own.nodes != size.nodes || own.precision != "float") continue;
       promises.push_back({fmt::format("arrays_held_{}", size.name), own.held_bytes, size.bytes, "bytes"});
       if (quiet)
         promises.push_back({fmt::format("iteration_{}", size.name), own.iteration_s, size.iteration_s, "s"});
+      if (!quiet) continue;
+      double certified_s = 0, true_s = 0;
+      for (const Force& force : f.forces)
+        if (force.nodes == size.nodes)
+          certified_s = std::max(certified_s, force.certified_s), true_s = std::max(true_s, force.true_s);
+      promises.push_back({fmt::format("force_certified_{}", size.name), certified_s, size.certified_s, "s"});
+      promises.push_back({fmt::format("force_true_{}", size.name), true_s, size.true_s, "s"});
     }
+  for (const Force& force : f.forces)
+    promises.push_back(
+        {fmt::format("force_certified_to_{}_nodes_ball_{}_mm_deep", force.nodes, 1e3 * force.ball_depth_m),
+         std::max(force.certified, force.certified_error), kCertified});
   for (const Point& p : f.points)
     for (const Own& own : f.own)
-      if (p.method == "Eigen SimplicialLDLT" && own.nodes == p.nodes && own.precision == "float")
-        promises.push_back({fmt::format("sparse_factor_and_solve_over_certified_touch_{}_nodes", p.nodes),
-                            (p.setup_s + p.solve_s) / (own.setup_s + own.certified_s), 200, "1", false});
+      if (p.nodes == own.nodes && own.precision == "float") {
+        const double ratio = (p.setup_s + p.solve_s) / (own.setup_s + own.certified_s);
+        const std::string name = snake_case(p.method);
+        const bool multigrid = name.find("multigrid") != std::string::npos;
+        if (multigrid ? p.error <= kCertified : !p.ours && p.iterations == 0)
+          promises.push_back({fmt::format("{}_over_certified_touch_{}_nodes", name, p.nodes), ratio,
+                              multigrid ? 50.0 : 200.0, "1", false});
+      }
 }
 
 Figures measure(bool quick, Promises& promises) {
@@ -218,6 +333,7 @@ Figures measure(bool quick, Promises& promises) {
     const int repeats = quick ? 3 : 9;
     measure_own<float>(device, tissue, touch, truth ? &*truth : nullptr, repeats, f);
     measure_own<double>(device, tissue, touch, truth ? &*truth : nullptr, repeats, f);
+    for (const double depth : {0.007, 0.012}) measure_force(device->queue(), grid, depth, repeats, f);
     if (!peers) continue;
     Eigen::VectorXd load = Eigen::VectorXd::Zero(k.rows());
     for (std::size_t n = 0; n < touch.surface.unknowns.size(); ++n)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/SparseCore>
+#include <cmath>
 #include <vector>
 
 #include "bench/suite.h"
@@ -23,48 +24,71 @@ struct SolidTouch {
     return solver.push({surface.unknowns, Eigen::VectorXd::Constant(surface.values.size(), skin_m_n)},
                        surface.values, options);
   }
+  // The same nodes pushed by 1 m: a force is the work of the one's field in the other's.
+  SolidTouch unit() const {
+    return {{surface.unknowns, Eigen::VectorXd::Ones(surface.values.size())}, pushed, skin_m_n};
+  }
 };
+
+// Displacements of the whole block, one a column.
+using Fields = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+Fields fields_of(const std::vector<Eigen::VectorXd>& columns);
+template <class T>
+Eigen::VectorXd field_of(const service::SolidSolver<T>& solver) {
+  const std::vector<T> u = solver.displacement();
+  return Eigen::Map<const Eigen::VectorX<T>>(u.data(), Eigen::Index(u.size())).template cast<double>();
+}
 
 class SolidTruth {
  public:
   static constexpr double kError = 1e-10;  // certified, of the energy norm
   // `k`: the tissue's stiffness, which must outlive this. Throws BenchError where the answer is not K's.
-  SolidTruth(const Eigen::SparseMatrix<double>& k, service::SolidSolver<double>& solver,
-             const SolidTouch& touch)
-      : k_(k), skin_m_n_(touch.pushed ? touch.skin_m_n : 0) {
-    const service::SolidSolution s = touch.solve(solver, {.relative_error = kError, .max_iterations = 1000});
-    u_ = field(solver), force_n_ = s.force_n;
-    energy_ = squared(u_, force_n_);
-    Eigen::VectorXd rest = k_ * u_;
-    for (Eigen::Index n = 0; n < force_n_.size(); ++n)
-      rest[Eigen::Index(touch.surface.unknowns[std::size_t(n)])] -= force_n_[n];
-    if (s.reason != service::StopReason::kConverged || !(rest.norm() <= 1e-6 * force_n_.norm()))
-      throw BenchError("the solid solver's converged answer does not solve K u = f");
-  }
-  // |u|^2 of the energy norm.
-  double energy() const { return energy_; }
+  SolidTruth(const Eigen::SparseMatrix<double>& k, service::SolidSolver<double>&, const SolidTouch&);
+  double energy() const { return energy_; }  // |u|^2 of the energy norm
   const Eigen::VectorXd& displacement() const { return u_; }
-  // Of the solver's last answer: |e|^2 / |u|^2.
-  template <class T>
-  double squared_error(const service::SolidSolver<T>& solver, const service::SolidSolution& s) const {
-    return squared(field(solver) - u_, s.force_n - force_n_) / energy_;
-  }
-  double squared_error(const Eigen::VectorXd& u) const {
-    return squared(u - u_, force_n_ - force_n_) / energy_;
-  }
+  const Eigen::VectorXd& force_n() const { return force_n_; }
+  // |e|^2 / |u|^2 of each.
+  Eigen::VectorXd squared_errors(const Fields& u) const;
+  double squared_error(const Eigen::VectorXd& u) const { return squared_errors(u)[0]; }
+  // Each field's work in that of the unit push on the same nodes: where both are the tissue's, the force.
+  Eigen::VectorXd works(const Fields& u, const Fields& unit) const;
 
  private:
-  template <class T>
-  static Eigen::VectorXd field(const service::SolidSolver<T>& solver) {
-    const std::vector<T> u = solver.displacement();
-    return Eigen::Map<const Eigen::VectorX<T>>(u.data(), Eigen::Index(u.size())).template cast<double>();
-  }
-  double squared(const Eigen::VectorXd& u, const Eigen::VectorXd& p) const {
-    return u.dot(k_ * u) + skin_m_n_ * p.squaredNorm();
-  }
+  // Skins give way by what is left of the push.
+  Eigen::VectorXd inner(const Fields& a, const Eigen::VectorXd& pushed_a, const Fields& b,
+                        const Eigen::VectorXd& pushed_b) const;
   const Eigen::SparseMatrix<double>& k_;
-  double skin_m_n_, energy_ = 0;
+  const SolidTouch touch_;
+  double energy_ = 0;
   Eigen::VectorXd u_, force_n_;
 };
+
+// Which candidates a rigid tip presses: no pull, and none of the others overlaps it.
+struct Pressed {
+  Eigen::VectorXd force_n, moved_m;  // of those that are pressed; of all candidates
+};
+template <class Press>
+std::vector<Eigen::Index> settled(const Eigen::VectorXd& overlap_m, Press&& press) {
+  constexpr int kMost = 50;
+  const double deepest = overlap_m.maxCoeff();
+  std::vector<Eigen::Index> active, next;
+  for (Eigen::Index n = 0; n < overlap_m.size(); ++n)
+    if (overlap_m[n] >= deepest / 2) next.push_back(n);
+  for (int tries = 0; tries < kMost && next != active; ++tries) {
+    active = next;
+    const Pressed p = press(active);
+    next.clear();
+    auto force = p.force_n.begin();
+    for (Eigen::Index n = 0; n < overlap_m.size(); ++n) {
+      const bool pressed = std::ranges::binary_search(active, n);
+      if (pressed ? *force++ > 0 : overlap_m[n] - p.moved_m[n] > 1e-9 * deepest) next.push_back(n);
+    }
+  }
+  if (next != active) throw BenchError("which nodes touch does not settle");
+  return active;
+}
+// Under a paraboloid of 8 mm, `indentation_m` deep at (x, z) from the middle, with that skin.
+SolidTouch settled_touch(service::SolidSolver<double>&, const service::SolidGrid&, double x_m, double z_m,
+                         double indentation_m, double skin_m_n);
 
 }  // namespace teletact::bench
