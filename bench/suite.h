@@ -131,6 +131,10 @@ void add_law_suite(CLI::App& app, bool& met);
 void add_link_suite(CLI::App& app, bool& met);
 void add_solid_suite(CLI::App& app, bool& met);
 
+// A touch of the simulated solid patient beside that patient's own tissue. Its exit code is 2 where what is
+// promised is not met.
+void add_solid_felt_command(CLI::App& app);
+
 // Pages for people from the --json of suites.
 void add_report_command(CLI::App& app);
 

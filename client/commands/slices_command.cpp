@@ -24,9 +24,6 @@ struct Arguments {
   double poisson_ratio = SolidPatient::kPoissonRatio, every_s = 0;
 };
 
-// Elements of the simulated patient's slices: 2 mm apart, 2 x 1 mm each.
-constexpr std::array<double, 3> kPatientElementsM{0.002, 0.001, 0.002};
-
 class Stack {
  public:
   // Throws CommandError where the volume is no such stack.
@@ -86,9 +83,8 @@ void call(const std::string& what, Call&& one) {
 }
 
 void run(const Arguments& arguments) {
-  const MetaImage image = arguments.volume.empty()
-                              ? modulus_volume(random_solid_patient(arguments.seed), kPatientElementsM)
-                              : read_metaimage(arguments.volume);
+  const MetaImage image = arguments.volume.empty() ? modulus_volume(random_solid_patient(arguments.seed))
+                                                   : read_metaimage(arguments.volume);
   const Stack stack(image, arguments.volume.empty() ? "--seed" : arguments.volume);
   const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.tls_ca, say));
   v1::Scene scene;

@@ -22,6 +22,8 @@ struct SolidPatient {
   static constexpr double kBorderM = 0.002;
   static constexpr double kWidthM = 0.112, kDepthM = 0.040, kEndM = 0.024;  // z from -kEndM to kEndM
   static constexpr double kPoissonRatio = 0.49;
+  // Elements that it is published in: planes 2 mm apart.
+  static constexpr std::array<double, 3> kElementsM{0.002, 0.001, 0.002};
 
   std::array<double, 3> layers_pa{};  // from above
   std::array<double, 2> borders_m{};  // depths between them
@@ -38,6 +40,7 @@ struct SolidPatient {
 SolidPatient random_solid_patient(std::uint64_t seed);
 
 // A stack of plane maps of modulus, Pa: float, [z][y][x], of elements of such sides, each that of its middle.
-MetaImage modulus_volume(const SolidPatient& patient, const std::array<double, 3>& spacing_m);
+MetaImage modulus_volume(const SolidPatient& patient,
+                         const std::array<double, 3>& spacing_m = SolidPatient::kElementsM);
 
 }  // namespace teletact::client

@@ -78,8 +78,9 @@ TouchRecord read_touch_record(const std::string& path) {
     if (entry->has_touch_request() && entry->touch_request().has_open()) {
       const v1::TouchOpen& open = entry->touch_request().open();
       record.finger = finger_of(open.fingertip());
-      if (open.fingertip().shape() == v1::FINGERTIP_SHAPE_PAD)
-        record.untold = path + ": touched with a pad; the true force is known for other tips";
+      if (open.fingertip().shape() == v1::FINGERTIP_SHAPE_PAD ||
+          open.fingertip().shape() == v1::FINGERTIP_SHAPE_SPHERE)
+        record.untold = path + ": touched with a pad or a sphere; the true force is known for other tips";
       if (open.fingertip().stuck())
         record.untold =
             path + ": touched with a sticking tip; the true force is known for a frictionless one";

@@ -24,6 +24,15 @@ class SolidTouch : public testing::Test {
     words.insert(words.end(), more.begin(), more.end());
     return test::run(words, folder / "slices.log");
   }
+  // Until it has been felt once: kernels are compiled by then.
+  void feel_once() const {
+    test::Process touch({test::client_binary(), "touch", "--service", address(), "--scene", "a",
+                         "--indentation-m", "0.001", "--tactile"},
+                        folder / "first.log");
+    ASSERT_TRUE(touch.says("beyond homogeneous", 300)) << touch.output();
+    touch.kill(SIGINT);
+    EXPECT_EQ(touch.wait(30), 0) << touch.output();
+  }
   test::TemporaryFolder folder;
 };
 
@@ -36,7 +45,7 @@ TEST_F(SolidTouch, OfAVolumeThatIsPublishedSliceBySlice) {
     EXPECT_NE(outcome.output.find(why), std::string::npos) << outcome.output;
   };
   refused({"--volume", volume("beside.mha", 0)}, "half of an ElementSpacing");
-  refused({"--volume", volume("void.mha", 0.001, 0)}, "a modulus must be finite and > 0");
+  refused({"--volume", volume("void.mha", 0.001, 0)}, "a modulus must be");
   client::write_metaimage(folder / "plane.mha", client::MetaImage::of<float>({2, 2}, {1, 1}, {0.5, 0.5},
                                                                              std::vector<float>(4, 1e4F)));
   refused({"--volume", folder / "plane.mha"}, "NDims = 3");
@@ -48,6 +57,7 @@ TEST_F(SolidTouch, OfAVolumeThatIsPublishedSliceBySlice) {
       << made.output;
   refused({"--volume", folder / "v.mha"}, "ALREADY_EXISTS");
 
+  feel_once();
   const test::Outcome touch = test::run({test::client_binary(),
                                          "touch",
                                          "--service",
@@ -77,6 +87,61 @@ TEST_F(SolidTouch, OfAVolumeThatIsPublishedSliceBySlice) {
   EXPECT_EQ(summary["link"]["not_covered"], 0);
   EXPECT_GT(summary["largest_force_n"], 0.02);
   EXPECT_GT(summary["link"]["tactile_images"], 0);
+}
+
+// The demo of solids in short, with its report; and what that says of another patient.
+TEST_F(SolidTouch, OfTheSimulatedPatientIsHeldAgainstItsOwnTissue) {
+  test::Process service({test::service_binary(), "serve", "--listen", address()}, folder / "service.log");
+  ASSERT_TRUE(service.says("serving on", 300)) << service.output();
+  const test::Outcome made = slices({"--seed", "7"});
+  ASSERT_EQ(made.code, 0) << made.output;
+  feel_once();
+  const test::Outcome touch = test::run({test::client_binary(),
+                                         "touch",
+                                         "--service",
+                                         address(),
+                                         "--scene",
+                                         "a",
+                                         "--indentation-m",
+                                         "0.002",
+                                         "--speed-m-s",
+                                         "0.01",
+                                         "--circle-radius-m",
+                                         "0.004",
+                                         "--begin-m",
+                                         "0.03",
+                                         "--end-m",
+                                         "0.08",
+                                         "--duration-s",
+                                         "5",
+                                         "--tactile",
+                                         "--record",
+                                         folder / "touch.record"},
+                                        folder / "touch.log");
+  ASSERT_EQ(touch.code, 0) << touch.output;
+  const auto felt = [&](const std::string& seed, nlohmann::json& summary) {
+    const test::Outcome outcome = test::run(
+        {test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench", "solid-felt",
+         "--touch-record", folder / "touch.record", "--seed", seed, "--poses", "4", "--out", folder / seed},
+        folder / "felt.log", {}, 300);
+    std::ifstream file(folder / (seed + "/summary.json"));
+    summary = nlohmann::json::parse(file, nullptr, false);
+    if (!summary.is_object()) throw std::runtime_error(outcome.output);
+    return outcome;
+  };
+  nlohmann::json own, others;
+  const test::Outcome met = felt("7", own), missed = felt("8", others);
+  EXPECT_LT(own["force_error"]["median"], 0.02) << met.output;
+  EXPECT_EQ(own["force_error"]["samples"], 4) << met.output;
+  EXPECT_LT(own["force_error"]["median"], own["force_error_with_nodes"]["median"]) << met.output;
+  EXPECT_GT(own["plane_error"]["median"], 0.02) << met.output;
+  EXPECT_LT(std::abs(own["truths_nodes"]["min"].get<double>()), 0.01) << met.output;
+  EXPECT_EQ(own["stalls"]["count"], 0) << met.output;
+  for (const char* file : {"force.png", "tactile.png", "latency.png"})
+    EXPECT_TRUE(std::filesystem::exists(folder / ("7/" + std::string(file)))) << file;
+  EXPECT_EQ(missed.code, 2) << missed.output;
+  EXPECT_GT(others["force_error"]["median"], 0.02) << missed.output;
+  EXPECT_NE(missed.output.find("NOT MET       force_error median"), std::string::npos) << missed.output;
 }
 
 }  // namespace

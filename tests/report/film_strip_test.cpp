@@ -74,7 +74,7 @@ TEST_F(FilmStrip, LeavesOutAndCountsWhatIsMalformed) {
 
 TEST_F(FilmStrip, IsOfAnyTipButTheTrueForceIsNotKnownUnderAPad) {
   const TouchRecord touch = recorded_touch(true, 1000);
-  EXPECT_NE(touch.untold.find("touched with a pad"), std::string::npos);
+  EXPECT_NE(touch.untold.find("touched with a pad or a sphere"), std::string::npos);
   try {
     force_error(Patient(Tissue{}, 0.002), touch);
     FAIL();

@@ -1,0 +1,317 @@
+// teletact-bench solid-felt: the forces that answered a touch of the simulated solid patient, beside those of
+// that patient's own tissue at the same poses, and beside what a plane model would have answered.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "bench/curves.h"
+#include "bench/suite.h"
+#include "client/files/file_io.h"
+#include "client/patient/solid_patient.h"
+#include "client/report/pictures.h"
+#include "client/report/session_record.h"
+#include "client/report/summary.h"
+#include "service/contact/solid_contact.h"
+#include "service/device/device.h"
+#include "service/touch_plane/touch_session.h"
+#include "tests/solid/solids.h"
+
+namespace teletact::bench {
+namespace {
+
+using client::SolidPatient;
+using Eigen::Vector3d;
+using nlohmann::json;
+
+constexpr int kPromisesMissed = 2;     // exit code, as of teletact-client report
+constexpr double kLeastForceN = 0.05;  // relative errors are taken where a force exceeds this
+constexpr double kPressedM = 0.001;    // so deep a finger is owed a force
+constexpr double kForceMedian = 0.02, kCoverage = 0.90;
+constexpr double kTruthError = 1e-3;  // of the truth's force, what its solver states
+
+constexpr const char* kShared =
+    "what both share: the equations of linear elasticity, the kind of element, the layered preconditioner, "
+    "the contact's programme, the shape of the tip and the rule of its skin";
+constexpr const char* kOwn =
+    "the truth's own: the patient's modulus at each element (no slices), nodes 1 mm apart (the service's: 2) "
+    "at other places, finer rows, more tissue around, double, each pose solved anew";
+
+struct Options {
+  std::string touch_record, out;
+  std::uint64_t seed = 1;
+  std::size_t poses = 60;
+};
+
+// A block of nodes, and where its node (0, 0) lies in the patient.
+struct Place {
+  service::SolidGrid grid;
+  double x_m = 0, z_m = 0;
+  service::Vector3 in_block(const service::Vector3& pose) const {
+    return {pose[0] - x_m, pose[1], pose[2] - z_m};
+  }
+};
+
+// Nodes as the service has them at every tip; layered tissue has no other place.
+Place services_nodes() {
+  const auto [x_m, y_m, z_m] = SolidPatient::kElementsM;
+  return {{64, 32, x_m, z_m,
+           service::uniform_coordinates(0, SolidPatient::kDepthM,
+                                        std::size_t(std::lround(SolidPatient::kDepthM / y_m)))},
+          0,
+          -SolidPatient::kEndM};
+}
+// The patient amid 128 x 128 mm.
+Place truths_nodes() {
+  return {{128, 128, 0.001, 0.001, service::graded_rows(SolidPatient::kDepthM, 48, 1.03)}, -0.0083, -0.0643};
+}
+// Of half that spacing, for layered tissue alone: so small a block is wide enough for it.
+Place finest_nodes(const service::Vector3& pose) {
+  return {{64, 64, 0.0005, 0.0005, service::graded_rows(SolidPatient::kDepthM, 72, 1.03)},
+          pose[0] - 0.0161,
+          pose[2] - 0.0161};
+}
+
+class Layers {
+ public:
+  Layers(const service::Queue& queue, const SolidPatient& patient, const Place& place)
+      : contact_(queue, service::solid(place.grid, SolidPatient::kPoissonRatio,
+                                       [&](double, double y, double) { return patient.layered_pa(y); })) {}
+  double force_n(const service::Fingertip& tip, const service::Vector3& in_block) {
+    const auto answer = contact_.touch(tip, in_block);
+    if (!answer.solve.converged) throw BenchError("layered tissue was not solved exactly");
+    return -answer.force_n[1];
+  }
+
+ private:
+  service::SolidContact<double> contact_;
+};
+
+struct Felt {
+  double time_s = 0, way_m = 0;
+  service::Vector3 at{};
+  Vector3d answered_n, true_n, plane_n;
+  double nodes = 1,
+         truths_nodes = 1;  // force on the service's nodes over the truth's, theirs over finer ones
+};
+
+service::Fingertip tip_of(const client::TouchRecord& touch) {
+  if (!touch.untold.empty()) throw BenchError(touch.untold);
+  if (touch.finger.shape == client::FingerShape::kNode) throw BenchError("touched by a node; solids are not");
+  service::Fingertip tip;
+  if (touch.finger.shape == client::FingerShape::kFlatPunch) tip.shape = service::FingertipShape::kFlatPunch;
+  tip.radius_m = touch.finger.radius_m, tip.half_width_m = touch.finger.half_width_m;
+  return tip;
+}
+
+bool answered(const client::TouchAnswerTime& answer) {
+  return -answer.force_n[1] > kLeastForceN;
+}
+
+// Of the answers with force `count`, evenly over their time.
+std::vector<Felt> chosen(const client::TouchRecord& touch, std::size_t count) {
+  const auto first = std::find_if(touch.answers.begin(), touch.answers.end(), answered);
+  const auto last = std::find_if(touch.answers.rbegin(), touch.answers.rend(), answered).base();
+  if (first >= last) throw BenchError("the finger never felt the tissue: there is no force to judge");
+  const double begin_s = first->arrived_s, span_s = (last - 1)->arrived_s - begin_s;
+  std::vector<Felt> out;
+  double way_m = 0, next_s = 0;
+  for (auto a = first; a != last; ++a) {
+    if (a != first) way_m += std::hypot(a->x_m - (a - 1)->x_m, a->z_m - (a - 1)->z_m);
+    const double time_s = a->arrived_s - begin_s;
+    if (!answered(*a) || time_s < next_s) continue;
+    if (out.size() == count) break;
+    next_s = span_s > 0 ? (std::floor(time_s / span_s * double(count)) + 1) * span_s / double(count) : 0;
+    Felt& f = out.emplace_back();
+    f.time_s = time_s, f.way_m = way_m, f.at = {a->x_m, a->y_m - touch.layer_depth_m, a->z_m};
+    f.answered_n = Vector3d(a->force_n[0], a->force_n[1], a->force_n[2]);
+  }
+  return out;
+}
+
+// Of the time at which answers were to fingers this deep: the share that had a force.
+double coverage_of(const client::TouchRecord& touch) {
+  double pressed_s = 0, answered_s = 0;
+  for (std::size_t n = 1; n < touch.answers.size(); ++n) {
+    const client::TouchAnswerTime& a = touch.answers[n];
+    if (a.y_m - touch.layer_depth_m < kPressedM) continue;
+    const double s = a.arrived_s - touch.answers[n - 1].arrived_s;
+    pressed_s += s;
+    if (answered(a)) answered_s += s;
+  }
+  return pressed_s > 0 ? answered_s / pressed_s : 0;
+}
+
+// Plane strain through the finger's z.
+Vector3d plane_force(const std::shared_ptr<service::Device>& device, const SolidPatient& patient,
+                     const service::Fingertip& tip, const service::Vector3& pose) {
+  service::ExplicitModulus e;
+  e.x_m = service::uniform_coordinates(0, SolidPatient::kWidthM, 112);
+  e.y_m = service::uniform_coordinates(0, SolidPatient::kDepthM, 40);
+  for (std::size_t j = 0; j + 1 < e.y_m.size(); ++j)
+    for (std::size_t i = 0; i + 1 < e.x_m.size(); ++i)
+      e.youngs_modulus_pa.push_back(
+          patient.modulus_pa((e.x_m[i] + e.x_m[i + 1]) / 2, (e.y_m[j] + e.y_m[j + 1]) / 2, pose[2]));
+  service::SceneGeometry geometry;
+  geometry.width_m = SolidPatient::kWidthM, geometry.depth_m = SolidPatient::kDepthM;
+  service::TouchSession finger(
+      std::make_shared<service::Scene>("plane", geometry, std::move(e),
+                                       std::make_shared<service::VersionCounter>(nullptr)),
+      {.fingertip = tip}, device);
+  const auto answer = finger.solve({pose[0], pose[1], 0});
+  if (answer.contact.state != service::ContactState::kContact)
+    throw BenchError("the plane model does not answer: " + answer.warning);
+  return Eigen::Map<const Vector3d>(answer.contact.force_n.data());
+}
+
+void solve(const SolidPatient& patient, const service::Fingertip& tip, std::vector<Felt>& felt) {
+  const auto device = service::Device::open();
+  const service::Queue queue = device->queue();
+  const Place coarse = services_nodes(), fine = truths_nodes();
+  Layers on_services(queue, patient, coarse), on_truths(queue, patient, fine),
+      on_finest(queue, patient, finest_nodes({}));
+  const service::SolidTissue tissue = service::solid(
+      fine.grid, SolidPatient::kPoissonRatio,
+      [&](double x, double y, double z) { return patient.modulus_pa(x + fine.x_m, y, z + fine.z_m); });
+  const service::SolidContact<double> base(queue, tissue);
+  for (std::size_t n = 0; n < felt.size(); ++n) {
+    show_progress(fmt::format("pose {} of {}", n + 1, felt.size()));
+    Felt& f = felt[n];
+    service::SolidContact<double> contact(queue, base, tissue);  // it has learned nothing
+    const auto truth = contact.touch(tip, fine.in_block(f.at), {.force_error = kTruthError});
+    if (!truth.solve.converged) throw BenchError(fmt::format("no true force: {}", truth.solve.reason));
+    f.true_n = Eigen::Map<const Vector3d>(truth.force_n.data());
+    const double layered_n = on_truths.force_n(tip, fine.in_block(f.at));
+    f.nodes = on_services.force_n(tip, coarse.in_block(f.at)) / layered_n;
+    f.truths_nodes = layered_n / on_finest.force_n(tip, finest_nodes(f.at).in_block(f.at));
+    f.plane_n = plane_force(device, patient, tip, f.at);
+  }
+}
+
+template <class Value>
+json quantiles_of(const std::vector<Felt>& felt, const Value& value) {
+  std::vector<double> values;
+  for (const Felt& f : felt) values.push_back(value(f));
+  const Quantiles q = quantiles(values);
+  return {{"median", q.p50}, {"p95", q.p95}, {"min", q.min}, {"max", q.max}};
+}
+
+json judge(json summary, const std::vector<Felt>& felt, double coverage) {
+  const auto off = [](const Vector3d& force_n, const Felt& f) {
+    return (force_n - f.true_n).norm() / f.true_n.norm();
+  };
+  json& error = summary["force_error"] =
+      quantiles_of(felt, [&](const Felt& f) { return off(f.answered_n / f.nodes, f); });
+  error["coverage"] = coverage, error["samples"] = felt.size();
+  error["excluded"] = "answers of 0.05 N or less; the share of the service's nodes, `nodes`";
+  summary["force_error_with_nodes"] = quantiles_of(felt, [&](const Felt& f) { return off(f.answered_n, f); });
+  summary["plane_error"] = quantiles_of(felt, [&](const Felt& f) { return off(f.plane_n, f); });
+  summary["nodes"] = quantiles_of(felt, [](const Felt& f) { return f.nodes - 1; });
+  summary["truths_nodes"] = quantiles_of(felt, [](const Felt& f) { return f.truths_nodes - 1; });
+  summary["truth"] = {{"shared", kShared}, {"own", kOwn}, {"force_error", kTruthError}};
+  for (const Felt& f : felt)
+    summary["poses"].push_back({{"time_s", f.time_s},
+                                {"position_m", f.at},
+                                {"answered_n", {f.answered_n[0], f.answered_n[1], f.answered_n[2]}},
+                                {"true_n", {f.true_n[0], f.true_n[1], f.true_n[2]}},
+                                {"plane_n", {f.plane_n[0], f.plane_n[1], f.plane_n[2]}},
+                                {"nodes", f.nodes - 1}});
+  return summary;
+}
+
+std::string readable(const json& s) {
+  const auto two = [&](const char* key) {
+    return fmt::format("median {:.1f} %, p95 {:.1f} %", 100 * s[key]["median"].get<double>(),
+                       100 * s[key]["p95"].get<double>());
+  };
+  const auto range = [&](const char* key) {
+    return fmt::format("{:+.1f} to {:+.1f} %", 100 * s[key]["min"].get<double>(),
+                       100 * s[key]["max"].get<double>());
+  };
+  return fmt::format(
+      "with nodes    {}: as it was answered, on nodes 2 mm apart\n"
+      "nodes         those change the force by {} of that on 1 mm, which is off by {} of 0.5 mm's (layers "
+      "alone): the first is subtracted above\n"
+      "plane model   {}, through the finger's z, 10 mm thick\n"
+      "truth         at {} of {} answered poses\n              {}\n              {}\n",
+      two("force_error_with_nodes"), range("nodes"), range("truths_nodes"), two("plane_error"),
+      s["force_error"]["samples"].get<int>(), s["answers"]["count"].get<int>(), kOwn, kShared);
+}
+
+void draw(const std::vector<Felt>& felt, const SolidPatient& patient, const std::filesystem::path& file) {
+  Curve answered{.title = "answered", .ours = true, .style = "lines lw 2 lc rgb '#c03020'"},
+      truth{.title = "the patient, solid", .style = "points pt 6 ps 1 lc rgb 'black'"},
+      plane{.title = "plane model through its z", .style = "lines lw 2 dt 2 lc rgb '#3060a0'"},
+      way{.title = "", .style = "linespoints pt 7 ps 0.6 lc rgb '#888888'"};
+  for (const Felt& f : felt) {
+    answered.add(1e3 * f.way_m, f.answered_n.norm());
+    truth.add(1e3 * f.way_m, f.true_n.norm());
+    plane.add(1e3 * f.way_m, f.plane_n.norm());
+    way.add(1e3 * f.at[0], 1e3 * f.at[2]);
+  }
+  std::string lumps;
+  for (const client::Lump& l : patient.lumps)
+    lumps += fmt::format("set object circle at {},{} size {} fc rgb '#e0b070' fs solid noborder behind\n",
+                         1e3 * l.x_m, 1e3 * l.z_m, 1e3 * l.radius_m);
+  plot(file,
+       "set multiplot layout 2,1\n" +
+           script_of({answered, truth, plane},
+                     "set yrange [0:*]\nset key bottom right\n" +
+                         axes("Force along the way of the finger", "way (mm)", "force (N)")) +
+           script_of({way}, "unset key\nset yrange [*:*]\nset size ratio -1\n" + lumps +
+                                axes("The judged poses and the lumps, from above", "x (mm)", "z (mm)")) +
+           "unset multiplot\n");
+}
+
+bool run(const Options& options) {
+  const std::filesystem::path out = options.out;
+  std::error_code error;
+  std::filesystem::create_directories(out, error);
+  if (error) throw BenchError("--out " + options.out + ": cannot be created (" + error.message() + ")");
+  const client::TouchRecord touch = client::read_touch_record(options.touch_record);
+  const SolidPatient patient = client::random_solid_patient(options.seed);
+  const double coverage = coverage_of(touch);
+  const service::Fingertip tip = tip_of(touch);
+  std::vector<Felt> felt = chosen(touch, options.poses);
+  std::fprintf(stderr, "solving the patient's own tissue at %zu of %zu answered poses\n", felt.size(),
+               touch.answers.size());
+  solve(patient, tip, felt);
+  json summary = judge(client::summarise(touch, TELETACT_VERSION), felt, coverage);
+  std::vector<client::Promise> promises = client::promises_of(summary);
+  promises.push_back({"force_error median", summary["force_error"]["median"], kForceMedian, "1"});
+  promises.push_back({"force_error coverage", coverage, kCoverage, "1", false});
+  const bool met = client::set_targets(summary, promises);
+  client::write_file(out / "summary.json", summary.dump(2) + "\n");
+  draw(felt, patient, out / "force.png");
+  client::draw_latency(out / "latency.png", touch);
+  client::draw_periods(out / "periods.png", touch);
+  client::draw_tactile(out / "tactile.png", touch);
+  std::printf("%s%s%s", client::readable(summary).c_str(), readable(summary).c_str(),
+              client::not_met(summary).c_str());
+  return met;
+}
+
+}  // namespace
+
+void add_solid_felt_command(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App& command = *app.add_subcommand(
+      "solid-felt", "a touch of the simulated solid patient beside that patient's own tissue");
+  command.add_option("--touch-record", options->touch_record, "written by teletact-client touch --record")
+      ->required();
+  command.add_option("--seed", options->seed, "of the patient that was touched: teletact-client slices")
+      ->capture_default_str();
+  command.add_option("--poses", options->poses, "so many are judged, evenly over the touch")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command.add_option("--out", options->out, "folder for summary.json and the pictures")->required();
+  command.callback([options] {
+    if (!run(*options)) throw CLI::RuntimeError(kPromisesMissed);
+  });
+}
+
+}  // namespace teletact::bench
