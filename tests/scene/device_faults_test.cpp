@@ -62,6 +62,25 @@ class FaultyDevice : public testing::Test {
     }
   }
 
+  // A solid whose modulus changes along x, so that its contact is solved on the device.
+  void expect_failing_solid(const std::string& why) {
+    constexpr std::size_t kElements = 16;  // along each side
+    ExplicitModulus e{uniform_coordinates(0, 0.048, kElements), uniform_coordinates(0, 0.03, kElements), {}};
+    e.z_m = uniform_coordinates(-0.024, 0.024, kElements);
+    for (std::size_t n = 0; n < kElements * kElements * kElements; ++n)
+      e.youngs_modulus_pa.push_back(n % kElements < kElements / 2 ? 1e4 : 5e4);
+    const auto solid = std::make_shared<Scene>("s", tissue(0.048, 0.03), e, versions(), Limits{},
+                                               MemoryAccount{}, plane_models());
+    TouchSession session(solid, {}, Device::open(options_));
+    for (int k = 0; k < 2; ++k) {
+      const TouchAnswer answer = session.solve({0.024, 0.002, 0});
+      EXPECT_EQ(answer.status, TouchStatus::kFailed);
+      EXPECT_NE(answer.warning.find(why), std::string::npos) << answer.warning;
+      EXPECT_EQ(answer.contact.force_n, Vector3{});
+      EXPECT_FALSE(answer.device_failed) << "it takes work";
+    }
+  }
+
   fs::path folder_;
   DeviceOptions options_;
   std::shared_ptr<Scene> scene_ = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
@@ -87,6 +106,16 @@ TEST_F(FaultyDevice, DeviceThatTakesNoMoreWorkIsSaid) {
   sabotage("pcg.cl", "kernel void pcg_update",
            "kernel __attribute__((reqd_work_group_size(7, 1, 1))) void pcg_update");
   expect_failure("launch of kernel pcg_update", true);
+}
+
+TEST_F(FaultyDevice, NanInASolidIsSaid) {
+  sabotage("solid.cl", "STORE(LOAD(u + at) + alpha", "STORE((real)NAN * LOAD(u + at) + alpha");
+  expect_failing_solid("not finite");
+}
+
+TEST_F(FaultyDevice, SolidWithoutRoomIsSaid) {
+  options_.most_array_bytes = 10000;
+  expect_failing_solid("exceeds the 10000 that");
 }
 
 }  // namespace
