@@ -52,7 +52,7 @@ void run(const Arguments& arguments) {
   const grpc::Status status = stub->ListScenes(&context, {}, &scenes);
   if (!status.ok()) throw CommandError("cannot list the scenes: " + describe(status));
   for (const v1::Scene& scene : scenes.scenes()) print(scene);
-  if (scenes.scenes().empty()) std::printf("no scenes: acquire publishes one\n");
+  if (scenes.scenes().empty()) std::printf("no scenes: acquire or slices publishes one\n");
 }
 
 }  // namespace
