@@ -24,6 +24,8 @@ constexpr double kPeakStrain = 0.62;
 constexpr double kInnerMargin = 0.8;
 // Of the force error that is asked, what a correction is solved to, in energy.
 constexpr double kCorrectionShare = 0.3;
+// Forces this smooth are felt through the tissue below, finer ones by what lies at the surface.
+constexpr double kFeltM = 0.001;
 // What rounding leaves of a force (solid_contact_test).
 template <class T>
 constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 4e-5;
@@ -148,82 +150,139 @@ LayersDrift drift_between(const LayeredTissue& factor, const LayeredTissue& own)
 }
 
 template <class T>
-SolidContact<T>::SolidContact(const SolidTissue& tissue, std::shared_ptr<SolidSolver<T>> solver,
-                              std::shared_ptr<const SurfaceCompliance> wide,
-                              std::shared_ptr<const SolidModulus<T>> modulus)
-    : tissue_(tissue),
-      solver_(std::move(solver)),
-      wide_(std::move(wide)),
-      modulus_(std::move(modulus)),
-      drift_(drift_between(modulus_->layers, layered(tissue))),
-      frictionless_(tissue.grid, modulus_->layers, 1, 1, *wide_, solver_->layered_surface(), drift_.scale),
-      stuck_(tissue.grid, modulus_->layers, 0, 3, *wide_, solver_->layered_surface(), drift_.scale),
-      layered_(tissue.grid, modulus_->layers, 0, 3, *wide_, solver_->layered_surface(), drift_.scale) {}
+SolidContact<T>::Factor::Factor(const Queue& queue, const SolidTissue& tissue)
+    : solver(queue, tissue),
+      wide(wide_surface(tissue.grid, solver.layers(), tissue.poisson_ratio,
+                        choices::kLeastPeriod * tissue.grid.y_m.back())),
+      smooth(wide_surface(tissue.grid, solver.layers(), tissue.poisson_ratio,
+                          choices::kLeastPeriod * tissue.grid.y_m.back(), kFeltM)),
+      shares([&] {
+        const auto load = EnergyShares::usual_load(tissue.grid);
+        solver.load(load.unknowns, load.force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
+        const std::vector<T> u = solver.displacement();
+        return EnergyShares(queue, tissue.grid, solver.layers(), tissue.poisson_ratio,
+                            std::vector<double>(u.begin(), u.end()));
+      }()) {}
 
 template <class T>
-SolidContact<T>::SolidContact(const SolidTissue& tissue, std::shared_ptr<SolidSolver<T>> solver)
-    : SolidContact(tissue, solver,
-                   std::make_shared<const SurfaceCompliance>(
-                       wide_surface(tissue.grid, solver->layers(), tissue.poisson_ratio,
-                                    choices::kLeastPeriod * tissue.grid.y_m.back())),
-                   solver->modulus()) {}
+SolidContact<T>::SolidContact(const SolidTissue& tissue, std::shared_ptr<Factor> factor,
+                              std::shared_ptr<const SolidModulus<T>> modulus)
+    : tissue_(tissue),
+      factor_(std::move(factor)),
+      modulus_(modulus ? std::move(modulus) : factor_->solver.modulus()),
+      drift_(drift_between(modulus_->layers, layered(tissue))),
+      layered_(std::make_shared<const RecycledCompliance>(tissue.grid, modulus_->layers, 0, 3, factor_->wide,
+                                                          factor_->smooth, factor_->solver.layered_surface(),
+                                                          drift_.scale)),
+      frictionless_(std::make_shared<const RecycledCompliance>(
+          tissue.grid, modulus_->layers, 1, 1, factor_->wide, factor_->smooth,
+          factor_->solver.layered_surface(), drift_.scale)),
+      stuck_(layered_) {}
 
 template <class T>
 SolidContact<T>::SolidContact(const Queue& queue, const SolidTissue& tissue)
-    : SolidContact(tissue, std::make_shared<SolidSolver<T>>(queue, tissue)) {}
+    : SolidContact(tissue, std::make_shared<Factor>(queue, tissue), nullptr) {
+  feel();
+}
 
 template <class T>
 SolidContact<T>::SolidContact(const Queue& queue, const SolidContact& before, const SolidTissue& tissue)
-    : SolidContact(tissue, before.solver_, before.wide_,
+    : SolidContact(tissue, before.factor_,
                    std::make_shared<const SolidModulus<T>>(
                        queue, tissue, beside(tissue, before.modulus_->layers.youngs_modulus_pa))) {}
 
 template <class T>
-ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
-                                     const SolidContactOptions& options) {
-  const SolidGrid& grid = tissue_.grid;
-  require_touchable(grid, tip, pose);
-  RecycledCompliance& compliance = tip.friction == Friction::kStuck ? stuck_ : frictionless_;
+auto SolidContact<T>::known(const Fingertip& tip) const -> Known {
+  const std::lock_guard lock(mutex_);
+  return tip.friction == Friction::kStuck ? stuck_ : frictionless_;
+}
+
+template <class T>
+void SolidContact<T>::feel() {
+  if (std::exchange(felt_, true)) return;
+  const auto felt = std::make_shared<const FeltModulus>(factor_->shares.felt(tissue_, drift_.scale));
+  const std::lock_guard lock(mutex_);
+  for (Known* known : {&frictionless_, &stuck_}) {
+    auto next = std::make_shared<RecycledCompliance>(**known);
+    next->feel(felt);
+    *known = std::move(next);
+  }
+}
+
+template <class T>
+ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose, double force_error) const {
+  require_touchable(tissue_.grid, tip, pose);
   const double depth = pose[1];
   ContactAnswer answer;
   answer.solve.reason = "recycled";
   if (depth <= 0) return answer;
+  const Known compliance = known(tip);
   double margin = choices::kCandidateMargin * depth;
-  for (std::size_t corrections = 0;;) {
-    const auto [patch, s, touches] = find_contact(grid, compliance, tip, pose, margin, answer.iterations);
-    if (!touches) return answer;
-    const SolidEnergy energy = energy_of(patch, s);
-    LinearisedContact contact = linearise(patch, s);
-    const VectorXd error =
-        compliance.error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
-    const double rounding = kRounding<T> + solver_->rounding(),
-                 learned = error.norm() / energy.gradient.norm();
-    answer.solve.of_model = kOfDrift * drift_.shape;
-    answer.solve.relative_error = learned + rounding + answer.solve.of_model;
-    const bool good = learned + rounding <= options.force_error;
-    const bool vain = learned <= rounding / 2;  // more corrections would only meet rounding
-    if (good || vain || corrections == options.most_corrections) {
-      answer.solve.converged = good;
-      if (!good) answer.solve.reason = vain ? kRoundingReason : "correction limit";
-      set_forces(energy, answer);
-      answer.pressure = pressure_of(grid, patch, s);
-      set_strain(tissue_, patch, s, depth, answer);
-      return answer;
-    }
-    // The block is periodic; the contact's surface is not.
-    contact.w_m -= compliance.wider_m(contact.patch.unknowns, contact.force_n);
-    const double asked = std::max(kCorrectionShare * options.force_error, 2 * solver_->rounding());
-    solver_->use(modulus_);
-    const SolidSolution solved = solver_->push(contact.patch, contact.w_m, {.relative_error = asked});
-    if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
-      throw std::domain_error(
-          fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
-    compliance.add(contact.patch.unknowns, solved.force_n, solver_->surface_excess());
-    answer.solve.reason = to_string(solved.reason);
-    answer.solve.iterations += solved.iterations;
-    ++corrections;
-    ++corrections_;
+  const auto [patch, s, touches] =
+      find_contact(tissue_.grid, *compliance, tip, pose, margin, answer.iterations);
+  if (!touches) return answer;
+  const SolidEnergy energy = energy_of(patch, s);
+  const LinearisedContact contact = linearise(patch, s);
+  const VectorXd error =
+      compliance->error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
+  const double rounding = kRounding<T> + factor_->solver.rounding(),
+               learned = error.norm() / energy.gradient.norm();
+  answer.solve.of_model = kOfDrift * drift_.shape;
+  answer.solve.relative_error = learned + rounding + answer.solve.of_model;
+  answer.solve.converged = learned + rounding <= force_error;
+  if (!answer.solve.converged)  // more corrections would only meet rounding, or help
+    answer.solve.reason = learned <= rounding / 2 ? kRoundingReason : "correction limit";
+  set_forces(energy, answer);
+  answer.pressure = pressure_of(tissue_.grid, patch, s);
+  set_strain(tissue_, patch, s, depth, answer);
+  return answer;
+}
+
+template <class T>
+SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, double force_error) {
+  require_touchable(tissue_.grid, tip, pose);
+  feel();
+  SolveReport report;
+  if (pose[1] <= 0) return report;
+  const Known before = known(tip);
+  double margin = choices::kCandidateMargin * pose[1];
+  std::size_t iterations = 0;
+  const auto [patch, s, touches] = find_contact(tissue_.grid, *before, tip, pose, margin, iterations);
+  if (!touches) return report;
+  LinearisedContact contact = linearise(patch, s);
+  // The block is periodic; the contact's surface is not.
+  contact.w_m -= before->wider_m(contact.patch.unknowns, contact.force_n);
+  SolidSolver<T>& solver = factor_->solver;
+  const double asked = std::max(kCorrectionShare * force_error, 2 * solver.rounding());
+  solver.use(modulus_);
+  const SolidSolution solved = solver.push(contact.patch, contact.w_m, {.relative_error = asked});
+  if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
+    throw std::domain_error(
+        fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
+  auto next = std::make_shared<RecycledCompliance>(*before);
+  next->add(contact.patch.unknowns, solved.force_n, solver.surface_excess());
+  ++corrections_;
+  report.iterations = solved.iterations;
+  report.reason = to_string(solved.reason);
+  const std::lock_guard lock(mutex_);
+  (tip.friction == Friction::kStuck ? stuck_ : frictionless_) = std::move(next);
+  return report;
+}
+
+template <class T>
+ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
+                                     const SolidContactOptions& options) {
+  ContactAnswer answer = this->answer(tip, pose, options.force_error);
+  std::size_t iterations = 0;
+  for (std::size_t corrections = 0; corrections < options.most_corrections; ++corrections) {
+    if (answer.solve.converged || answer.solve.reason == kRoundingReason) break;
+    const SolveReport corrected = correct(tip, pose, options.force_error);
+    iterations += corrected.iterations;
+    answer = this->answer(tip, pose, options.force_error);
+    answer.solve.iterations = iterations;
+    if (answer.solve.converged) answer.solve.reason = corrected.reason;
   }
+  return answer;
 }
 
 // The force grows about as a power of the depth: a line through the newest two in their logarithms.
@@ -238,7 +297,7 @@ std::vector<NodalPressure> SolidContact<T>::layered_pressure(const Fingertip& ti
     require_touchable(tissue_.grid, tip, at);
     double margin = choices::kCandidateMargin * at[1];
     std::size_t iterations = 0;
-    const auto [patch, s, touches] = find_contact(tissue_.grid, layered_, tip, at, margin, iterations);
+    const auto [patch, s, touches] = find_contact(tissue_.grid, *layered_, tip, at, margin, iterations);
     if (!touches) break;
     const double force = force_of(patch, s);
     if (std::abs(force - force_n) <= kEqual * force_n) return pressure_of(tissue_.grid, patch, s);

@@ -1,11 +1,14 @@
 // Contact of a rigid fingertip with the surface of solid tissue (T4.3 to T4.5b on a surface, T8.4).
 #pragma once
 
+#include <atomic>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 #include "service/contact/touch_model.h"
 #include "service/plan/choices.h"
+#include "service/solid/felt_modulus.h"
 #include "service/solid/recycled_compliance.h"
 #include "service/solid/solid_solver.h"
 
@@ -26,27 +29,37 @@ struct LayersDrift {
 };
 LayersDrift drift_between(const LayeredTissue& factor, const LayeredTissue& own);
 
-// A block of tissue that is touched on its surface. One thread at a time.
+// A block of tissue that is touched on its surface.
 //
 // The contact is solved on the recycled compliance S' (recycled_compliance.h). Where that may put the force
 // off by more than is asked, the whole block is solved under the contact that was found (SolidSolver::push).
-// S' is then exact for its forces, and the contact is solved again.
+// S' is then exact for its forces, and the contact is solved again. S' is never changed but replaced: answers
+// go on from the one before while the next is learned.
 template <class T>
 class SolidContact {
  public:
   // Throws as SolidSolver does.
   SolidContact(const Queue&, const SolidTissue&);
   // Another modulus of the same grid and Poisson ratio, soon (T8.7): it shares what the other solves with, so
-  // both together are one thread's at a time. Making it is none of that, and takes a queue of its own. What
-  // the other has learned is of its modulus, and stays there.
+  // both together are corrected by one thread at a time. Making it is none of that, and takes a queue of its
+  // own. What the other has learned is of its modulus, and stays there; how this one's is felt is found with
+  // its first correction.
   SolidContact(const Queue&, const SolidContact& before, const SolidTissue&);
   SolidContact(const SolidContact&) = delete;  // its parts refer to each other
   SolidContact& operator=(const SolidContact&) = delete;
+  // What is known by now, by any thread beside the others.
   // Pose: [x, indentation, z], x and z in the block's coordinates. U(pose) = max over p_y >= 0, p_x, p_z of
   // p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in solve_contact (contact.h); frictionless: p_y
   // alone. Rounded tip: w = indentation - r^2 / (2 radius), r from its axis; flat punch: a disc of radius
   // half_width, r beyond its rim; pad: such a disc that gives way node by node, C on S's diagonal. Throws as
   // solve_contact does.
+  ContactAnswer answer(const Fingertip&, const Vector3& pose,
+                       double force_error = choices::kSolidForceError) const;
+  // Solves the block under the contact at this pose, to what that force error takes; answers after it know
+  // what it showed. One thread at a time. Throws as answer() does, std::domain_error where the block's
+  // solution breaks down.
+  SolveReport correct(const Fingertip&, const Vector3& pose, double force_error = choices::kSolidForceError);
+  // Answers, corrected before as long as that helps.
   ContactAnswer touch(const Fingertip&, const Vector3& pose, const SolidContactOptions& = {});
   // What bears `force_n` in all (to 1e-6 of it) of the layered tissue alone under the same tip, at the same x
   // and z. By any thread, beside the others. Throws as touch() does, std::domain_error where no depth does.
@@ -56,18 +69,26 @@ class SolidContact {
   std::size_t corrections() const { return corrections_; }  // contacts solved on the whole block, in all
 
  private:
-  SolidContact(const SolidTissue&, std::shared_ptr<SolidSolver<T>>);
-  SolidContact(const SolidTissue&, std::shared_ptr<SolidSolver<T>>, std::shared_ptr<const SurfaceCompliance>,
-               std::shared_ptr<const SolidModulus<T>>);
+  // Of a factor: shared by all contacts whose modulus it solves.
+  struct Factor {
+    Factor(const Queue&, const SolidTissue&);
+    SolidSolver<T> solver;
+    const SurfaceCompliance wide, smooth;
+    EnergyShares shares;
+  };
+  SolidContact(const SolidTissue&, std::shared_ptr<Factor>, std::shared_ptr<const SolidModulus<T>>);
+  using Known = std::shared_ptr<const RecycledCompliance>;
+  Known known(const Fingertip&) const;
+  void feel();
   SolidTissue tissue_;
-  // Of the factor: shared by all contacts whose modulus it solves.
-  std::shared_ptr<SolidSolver<T>> solver_;
-  std::shared_ptr<const SurfaceCompliance> wide_;
+  std::shared_ptr<Factor> factor_;
   std::shared_ptr<const SolidModulus<T>> modulus_;
   LayersDrift drift_;
-  RecycledCompliance frictionless_, stuck_;
-  const RecycledCompliance layered_;  // that learns nothing
-  std::size_t corrections_ = 0;
+  const Known layered_;       // that learns nothing
+  bool felt_ = false;         // of who corrects
+  mutable std::mutex mutex_;  // of the pointers
+  Known frictionless_, stuck_;
+  std::atomic<std::size_t> corrections_ = 0;
 };
 
 }  // namespace teletact::service

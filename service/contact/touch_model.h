@@ -57,6 +57,10 @@ struct Layer {
 // Of a tip's foremost point, measured from the layer's point below the origin: [x, y - depth_m, z].
 struct TouchPose {
   Vector3 position_m{};
+  // How it moves, where that is known: what is made ready meanwhile is for where it will be. turn: of the
+  // velocity, from x towards z.
+  Vector3 velocity_m_s{};
+  double turn_rad_s = 0;
 };
 // How deep it is beyond the undeformed layer; negative: not touching.
 double indentation_m(const Layer&, const TouchPose&);

@@ -51,6 +51,10 @@ inline constexpr double kColumnError = 1e-4;
 inline constexpr std::chrono::milliseconds kLongestSolve{200}, kAhead{5};
 // Force error beyond which an answer is not trusted: that of a float solver.
 inline constexpr double kTrustedForceError = 2e-3;
+// The same where it is being corrected while the finger moves on: less than is told apart by touch. Who was
+// given a trusted one so short a time before waits for no correction.
+inline constexpr double kTrustedMeanwhile = 0.05;
+inline constexpr std::chrono::milliseconds kTrustLasts{100};
 // What a model may put the force off by, beside that, before its answers are not trusted: half of what a
 // finger that presses can tell.
 inline constexpr double kTrustedModelError = 0.03;

@@ -9,8 +9,9 @@ namespace {
 
 // Of a pair's forces, what must be new beyond those kept: less would magnify what its excess is off by.
 constexpr double kLeastNew = 1e-2;
-// What dS over S0 may be beyond the pairs, over the most that it was between them.
-constexpr double kBeyond = 2;
+// What dS may be beyond the pairs, over the most of what shares of energy let it be that it was found to be
+// so far; and what is added to the latter: what lies far away is in no share.
+constexpr double kBeyond = 0.7, kFloor = 2e-3;
 // Of a contact's energy on layered tissue: more than this beyond the pairs is elsewhere.
 constexpr double kMostlyNew = 0.25;
 
@@ -18,14 +19,15 @@ constexpr double kMostlyNew = 0.25;
 
 RecycledCompliance::RecycledCompliance(const SolidGrid& grid, const LayeredTissue& tissue, std::size_t first,
                                        std::size_t count, const SurfaceCompliance& wide,
-                                       const SurfaceCompliance& periodic, double scale,
-                                       std::size_t most_pairs)
+                                       const SurfaceCompliance& smooth, const SurfaceCompliance& periodic,
+                                       double scale, std::size_t most_pairs)
     : grid_(grid),
       first_(first),
       count_(count),
       scale_(scale),
       largest_(std::max({1 / (scale * tissue.least) - 1, 1 - 1 / (scale * tissue.largest), 0.0})),
       wide_(wide),
+      smooth_(smooth),
       periodic_(periodic),
       most_pairs_(most_pairs) {}
 
@@ -37,61 +39,104 @@ std::vector<Eigen::Index> RecycledCompliance::places(const std::vector<std::size
   return out;
 }
 
+Eigen::MatrixXd RecycledCompliance::columns(Eigen::VectorXd Pair::*field,
+                                            const std::vector<Eigen::Index>& at) const {
+  Eigen::MatrixXd out(at.size(), pairs_.size());
+  for (std::size_t c = 0; c < pairs_.size(); ++c)
+    out.col(static_cast<Eigen::Index>(c)) = ((*pairs_[c]).*field)(at);
+  return out;
+}
+
+Eigen::VectorXd RecycledCompliance::scale_at(const std::vector<std::size_t>& unknowns) const {
+  Eigen::VectorXd d = Eigen::VectorXd::Ones(static_cast<Eigen::Index>(unknowns.size()));
+  for (std::size_t n = 0; felt_ && n < unknowns.size(); ++n)
+    d[static_cast<Eigen::Index>(n)] = felt_->scale[static_cast<Eigen::Index>(unknowns[n] % grid_.columns())];
+  return d;
+}
+
+Eigen::MatrixXd RecycledCompliance::guess_among(const std::vector<std::size_t>& unknowns) const {
+  Eigen::MatrixXd g = wide_.among(unknowns, grid_.nx, grid_.nz);
+  if (felt_) {
+    const Eigen::VectorXd d = scale_at(unknowns);
+    g.array() += smooth_.among(unknowns, grid_.nx, grid_.nz).array() * ((d * d.transpose()).array() - 1);
+  }
+  return scale_ * g;
+}
+
 void RecycledCompliance::add(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n,
                              const SurfaceExcess& excess) {
   if (!(force_n.squaredNorm() > 0)) return;
   const auto begin = static_cast<Eigen::Index>(first_ * grid_.columns());
   const auto size = static_cast<Eigen::Index>(count_ * grid_.columns());
-  Pair pair{Eigen::VectorXd::Zero(size),
-            excess.moved_m.segment(begin, size),
-            excess.last_m.segment(begin, size),
-            {}};
-  pair.force(places(unknowns)) = force_n;
-  const Eigen::VectorXd factors = periodic_.times(unknowns, force_n, grid_.nx, grid_.nz, first_, count_);
-  pair.excess += (1 - scale_) * factors;  // it is told beyond the factor's layers
-  pair.layered = scale_ * factors;
+  const auto moves = [&](const SurfaceCompliance& s, const Eigen::VectorXd& p) {
+    return s.times(unknowns, p, grid_.nx, grid_.nz, first_, count_);
+  };
+  Pair pair{Eigen::VectorXd::Zero(size), excess.moved_m.segment(begin, size),
+            excess.last_m.segment(begin, size), scale_ * moves(wide_, force_n)};
   const auto at = places(unknowns);
-  pair.share = pair.excess(at).norm() / pair.layered(at).norm();
-  pairs_.push_front(std::move(pair));
+  pair.force(at) = force_n;
+  if (scale_ != 1)
+    pair.excess += (1 - scale_) * moves(periodic_, force_n);  // told beyond the factor's layers
+  if (felt_) {
+    Eigen::VectorXd further = moves(smooth_, scale_at(unknowns).cwiseProduct(force_n));
+    for (std::size_t c = 0; c < count_; ++c)
+      further.segment(static_cast<Eigen::Index>(c * grid_.columns()), felt_->scale.size()).array() *=
+          felt_->scale.array();
+    further = scale_ * (further - moves(smooth_, force_n));
+    pair.guess += further, pair.excess -= further;
+  }
+  // What those kept make of it is not what it was found to be: by how much of what is new of it.
+  const Eigen::MatrixXd q = columns(&Pair::force, at) * basis_, e = columns(&Pair::excess, at) * basis_,
+                        g = columns(&Pair::guess, at) * basis_;
+  const Eigen::VectorXd share = q.transpose() * force_n;
+  const Eigen::VectorXd known = e * share + q * (e.transpose() * force_n - core_ * share);
+  pair.share = (pair.excess(at) - known).norm() / (pair.guess(at) - g * share).norm() /
+               (kFloor + most_beyond(unknowns, force_n));
+  pairs_.push_front(std::make_shared<const Pair>(std::move(pair)));
   if (pairs_.size() > most_pairs_) pairs_.pop_back();
-  const auto most = static_cast<Eigen::Index>(pairs_.size());
-  for (Eigen::MatrixXd* m : {&basis_, &excess_, &last_, &layered_}) m->resize(size, most);
-  Eigen::Index kept = 0;
-  std::erase_if(pairs_, [&](const Pair& p) {
-    Eigen::VectorXd q = p.force, d = p.excess, t = p.last, l = p.layered;
-    const double before = q.norm();
-    for (int twice = 0; twice < 2; ++twice) {  // Gram and Schmidt, again for orthogonality to rounding
-      const Eigen::VectorXd share = basis_.leftCols(kept).transpose() * q;
-      q -= basis_.leftCols(kept) * share;
-      d -= excess_.leftCols(kept) * share;
-      t -= last_.leftCols(kept) * share;
-      l -= layered_.leftCols(kept) * share;
+  orthonormalise();
+}
+
+// Gram and Schmidt, the newest first: those of which little is new beyond the newer ones are left out.
+void RecycledCompliance::orthonormalise() {
+  std::deque<std::shared_ptr<const Pair>> kept;
+  Eigen::MatrixXd basis(0, 0);
+  for (const auto& pair : pairs_) {
+    const auto n = static_cast<Eigen::Index>(kept.size());
+    Eigen::VectorXd among(n);  // p.p of those kept
+    for (Eigen::Index c = 0; c < n; ++c) among[c] = kept[static_cast<std::size_t>(c)]->force.dot(pair->force);
+    const Eigen::VectorXd share = basis.transpose() * among;
+    const double squares = pair->force.squaredNorm(), rest = squares - share.squaredNorm();
+    if (!(rest >= kLeastNew * kLeastNew * squares)) continue;
+    basis.conservativeResizeLike(Eigen::MatrixXd::Zero(n + 1, n + 1));
+    basis.col(n).head(n) = -(basis.topLeftCorner(n, n) * share);
+    basis(n, n) = 1;
+    basis.col(n) /= std::sqrt(rest);
+    kept.push_back(pair);
+  }
+  pairs_ = std::move(kept);
+  basis_ = std::move(basis);
+  const auto n = static_cast<Eigen::Index>(pairs_.size());
+  Eigen::MatrixXd core(n, n), gram(n, n);
+  for (Eigen::Index i = 0; i < n; ++i)
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const Pair &a = *pairs_[static_cast<std::size_t>(i)], &b = *pairs_[static_cast<std::size_t>(j)];
+      core(i, j) = a.excess.dot(b.force);
+      gram(i, j) = a.force.dot(b.guess);
     }
-    const double rest = q.norm();
-    if (!(rest >= kLeastNew * before)) return true;
-    basis_.col(kept) = q / rest;
-    excess_.col(kept) = d / rest;
-    last_.col(kept) = t / rest;
-    layered_.col(kept++) = l / rest;
-    return false;
-  });
-  for (Eigen::MatrixXd* m : {&basis_, &excess_, &last_, &layered_})
-    m->conservativeResize(Eigen::NoChange, kept);
-  // Q^T D is symmetric but for what the pairs are off by. Of two entries the one with the newer pair's forces
-  // and the older one's excess is taken: S' is then exact for the newest pair whatever the older ones are.
-  core_ = excess_.transpose() * basis_;
+  // Q^T dS Q is symmetric but for what the pairs are off by. Of two entries the one with the newer pair's
+  // forces and the older one's excess is taken: S' is then exact for the newest pair whatever the older are.
+  core_ = basis_.transpose() * core * basis_;
   core_.triangularView<Eigen::StrictlyUpper>() = core_.transpose();
-  gram_ = basis_.transpose() * layered_;
-  found_ = 0;
-  for (const Pair& p : pairs_) found_ = std::max(found_, p.share);
+  gram_ = basis_.transpose() * gram * basis_;
 }
 
 Eigen::MatrixXd RecycledCompliance::among(const std::vector<std::size_t>& unknowns) const {
-  Eigen::MatrixXd s = scale_ * wide_.among(unknowns, grid_.nx, grid_.nz);
+  Eigen::MatrixXd s = guess_among(unknowns);
   if (pairs_.empty()) return s;
   const auto at = places(unknowns);
-  const Eigen::MatrixXd q = basis_(at, Eigen::all), d = excess_(at, Eigen::all);
-  const Eigen::MatrixXd half = (d - q * core_ / 2) * q.transpose();
+  const Eigen::MatrixXd q = columns(&Pair::force, at) * basis_, e = columns(&Pair::excess, at) * basis_;
+  const Eigen::MatrixXd half = (e - q * core_ / 2) * q.transpose();
   return s + half + half.transpose();
 }
 
@@ -102,29 +147,39 @@ Eigen::VectorXd RecycledCompliance::wider_m(const std::vector<std::size_t>& unkn
           force_n);
 }
 
+// Where p presses.
+double RecycledCompliance::most_beyond(const std::vector<std::size_t>& unknowns,
+                                       const Eigen::VectorXd& p) const {
+  if (!felt_) return largest_;
+  double most = 0;
+  for (std::size_t n = 0; n < unknowns.size(); ++n)
+    most += std::abs(p[static_cast<Eigen::Index>(n)]) *
+            felt_->beyond[static_cast<Eigen::Index>(unknowns[n] % grid_.columns())];
+  return most / p.lpNorm<1>();
+}
+
 Eigen::VectorXd RecycledCompliance::error_between(const std::vector<std::size_t>& unknowns,
                                                   const Eigen::MatrixXd& a, const Eigen::VectorXd& b) const {
-  const Eigen::MatrixXd s = scale_ * periodic_.among(unknowns, grid_.nx, grid_.nz);
-  Eigen::VectorXd error(a.cols());
-  if (pairs_.empty()) {
-    for (Eigen::Index c = 0; c < a.cols(); ++c)
-      error[c] = largest_ * std::sqrt(a.col(c).dot(s * a.col(c)) * b.dot(s * b));
-    return error;
-  }
+  const Eigen::MatrixXd g = guess_among(unknowns);
+  double most = most_beyond(unknowns, b);
   const auto at = places(unknowns);
-  const Eigen::MatrixXd q = basis_(at, Eigen::all), l = layered_(at, Eigen::all), t = last_(at, Eigen::all);
-  const auto beyond = [&](const Eigen::VectorXd& v) {  // the pairs: its norm by S0
+  const Eigen::MatrixXd q = columns(&Pair::force, at) * basis_, l = columns(&Pair::guess, at) * basis_;
+  const auto beyond = [&](const Eigen::VectorXd& v) {  // the pairs: its norm by G
     const Eigen::VectorXd share = q.transpose() * v;
     return std::sqrt(
-        std::max(0.0, v.dot(s * v) - 2 * share.dot(l.transpose() * v) + share.dot(gram_ * share)));
+        std::max(0.0, v.dot(g * v) - 2 * share.dot(l.transpose() * v) + share.dot(gram_ * share)));
   };
   const double right = beyond(b);
   // What was learned elsewhere says little of a patch that is mostly new: there the bound holds.
-  const bool elsewhere = right * right > kMostlyNew * b.dot(s * b);
-  const double found = elsewhere ? largest_ : std::min(largest_, kBeyond * found_);
-  const Eigen::VectorXd last = t * (q.transpose() * b);
+  if (!(right * right > kMostlyNew * b.dot(g * b))) {
+    double found = 0;
+    for (const auto& pair : pairs_) found = std::max(found, pair->share);
+    most = (kFloor + most) * std::min(1.0, kBeyond * found);
+  }
+  const Eigen::VectorXd last = columns(&Pair::last, at) * (basis_ * (q.transpose() * b));
+  Eigen::VectorXd error(a.cols());
   for (Eigen::Index c = 0; c < a.cols(); ++c)
-    error[c] = found * beyond(a.col(c)) * right + std::abs(a.col(c).dot(last));
+    error[c] = most * beyond(a.col(c)) * right + std::abs(a.col(c).dot(last));
   return error;
 }
 

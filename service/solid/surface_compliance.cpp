@@ -32,7 +32,8 @@ std::vector<Turn> turns(std::size_t n) {
 
 // Nodes from one to another, by the nearest of the period's copies.
 long nearest(std::size_t to, std::size_t from, std::size_t n) {
-  const auto ahead = static_cast<long>((to + n - from) % n), size = static_cast<long>(n);
+  const auto size = static_cast<long>(n), away = static_cast<long>(to) - static_cast<long>(from);
+  const long ahead = away < 0 ? away + size : away;
   return 2 * ahead > size ? ahead - size : ahead;
 }
 
@@ -76,16 +77,25 @@ double SurfaceCompliance::operator()(std::size_t p, std::size_t q, long dx, long
 
 Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknowns, std::size_t nx,
                                          std::size_t nz) const {
-  const std::size_t columns = nx * nz;
+  struct Place {
+    std::size_t component, x, z;
+  };
+  std::vector<Place> places;
+  places.reserve(unknowns.size());
+  for (const std::size_t unknown : unknowns) {
+    const std::size_t node = unknown % (nx * nz);
+    places.push_back({unknown / (nx * nz), node % nx, node / nx});
+  }
   const auto n = static_cast<Eigen::Index>(unknowns.size());
   Eigen::MatrixXd s(n, n);
-  for (Eigen::Index b = 0; b < n; ++b)
+  for (Eigen::Index b = 0; b < n; ++b) {
+    const Place from = places[static_cast<std::size_t>(b)];
     for (Eigen::Index a = b; a < n; ++a) {
-      const std::size_t to = unknowns[static_cast<std::size_t>(a)],
-                        from = unknowns[static_cast<std::size_t>(b)];
-      s(a, b) = s(b, a) = (*this)(to / columns, from / columns, nearest(to % nx, from % nx, nx),
-                                  nearest(to % columns / nx, from % columns / nx, nz));
+      const Place to = places[static_cast<std::size_t>(a)];
+      s(a, b) = s(b, a) =
+          (*this)(to.component, from.component, nearest(to.x, from.x, nx), nearest(to.z, from.z, nz));
     }
+  }
   return s;
 }
 
@@ -108,7 +118,7 @@ Eigen::VectorXd SurfaceCompliance::times(const std::vector<std::size_t>& unknown
 }
 
 SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
-                               double least_period_m) {
+                               double least_period_m, double smooth_m) {
   SolidGrid wide = grid;
   const auto widened = [&](std::size_t n, double spacing_m) {
     std::size_t wanted = n;
@@ -118,8 +128,18 @@ SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissu
   wide.nx = widened(grid.nx, grid.spacing_x_m);
   if (grid.nz > 1) wide.nz = widened(grid.nz, grid.spacing_z_m);
   const std::size_t pitch = wide.nx / 2 + 1;
-  return {wide.nx, wide.nz,     surface_symbol(wide, tissue, poisson_ratio, pitch),
-          pitch,   grid.nx / 2, grid.nz / 2};
+  std::vector<double> symbol = surface_symbol(wide, tissue, poisson_ratio, pitch);
+  const auto left = [&](std::size_t k, std::size_t n, double spacing_m) {
+    const double smeared =
+        2 * std::numbers::pi * static_cast<double>(k) * smooth_m / (static_cast<double>(n) * spacing_m);
+    return std::exp(-smeared * smeared / 2);
+  };
+  for (std::size_t e = 0; e < 6; ++e)
+    for (std::size_t kz = 0; kz <= wide.nz / 2; ++kz)
+      for (std::size_t kx = 0; kx <= wide.nx / 2; ++kx)
+        symbol[(e * (wide.nz / 2 + 1) + kz) * pitch + kx] *=
+            left(kx, wide.nx, wide.spacing_x_m) * left(kz, wide.nz, wide.spacing_z_m);
+  return {wide.nx, wide.nz, symbol, pitch, grid.nx / 2, grid.nz / 2};
 }
 
 }  // namespace teletact::service

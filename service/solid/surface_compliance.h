@@ -30,8 +30,9 @@ class SurfaceCompliance {
   std::vector<double> table_;  // [xx, xy, xz, yy, yz, zz][z][x]
 };
 
-// The same for tissue so wide that its period, at least `least_period_m`, is not felt.
+// The same for tissue so wide that its period, at least `least_period_m`, is not felt; `smooth_m`: of what is
+// left of it once forces are smeared by a Gaussian of this deviation.
 SurfaceCompliance wide_surface(const SolidGrid&, const LayeredTissue&, double poisson_ratio,
-                               double least_period_m);
+                               double least_period_m, double smooth_m = 0);
 
 }  // namespace teletact::service

@@ -22,6 +22,7 @@ struct SolveReport {
   double relative_error = 0;
   double of_model = 0;  // of that, what no solve makes less: the model is being made anew
   bool converged = true;
+  bool improving = false;  // it is made better meanwhile: trusted up to choices::kTrustedMeanwhile
   const char* reason = "direct";  // why it stopped
 };
 

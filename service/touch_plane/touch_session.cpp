@@ -86,6 +86,10 @@ bool finite(const ContactAnswer& c) {
          std::all_of(c.pressure.begin(), c.pressure.end(), known);
 }
 
+bool trusted_meanwhile(const SolveReport& solve) {
+  return solve.improving && solve.relative_error - solve.of_model <= choices::kTrustedMeanwhile;
+}
+
 void check_normal(const Vector3& asked, const Layer& layer) {
   constexpr double kRounding = 1e-6;
   for (std::size_t i = 0; i < asked.size(); ++i)
@@ -168,7 +172,8 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
     answer.taken_in = window_->taken_in;
     if (window == window_) seen_ = snapshot;
     for (const std::string_view flag : seen_->flags_of(*window_)) answer.window_flags.emplace_back(flag);
-    const TouchPose pose{{x_m, position_m[1] - layer_.depth_m, position_m[2]}};
+    TouchPose pose{{x_m, position_m[1] - layer_.depth_m, position_m[2]}};
+    motion_.see(pose, FingerMotion::Clock::now());
     touch_into(answer, pose);
     judge(answer, *seen_, pose);
     if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*seen_, pose);
@@ -186,7 +191,8 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
 void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vector3& position_m,
                         const TouchAnswer& answer) const {
   if (answer.status != TouchStatus::kOk && answer.status != TouchStatus::kDegraded) return;
-  if (!answer.contact.solve.converged) return;  // an image cannot say so
+  const SolveReport& solve = answer.contact.solve;
+  if (!solve.converged && !trusted_meanwhile(solve)) return;  // an image cannot say so
   const auto now = TactileOutbox::Clock::now();
   if (!touched_ || !outbox.due(now)) return;
   const auto [x_m, y_m, z_m] = position_m;
@@ -275,13 +281,14 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
                                 const TouchPose& pose) const {
   const auto& [x_m, y_m, z_m] = pose.position_m;
   const double measured = snapshot.map ? measured_share(*snapshot.map, x_m) : 1;
-  if (!c.solve.converged)
+  const bool meanwhile = trusted_meanwhile(c.solve);
+  if (!c.solve.converged && !meanwhile)
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
                        c.solve.relative_error);
   if (!(c.solve.of_model <= choices::kTrustedModelError))
     return fmt::format("the tissue's layers changed: the force may be off by {:.2g} until they are made anew",
                        c.solve.of_model);
-  if (!(c.solve.relative_error - c.solve.of_model <= choices::kTrustedForceError))
+  if (!meanwhile && !(c.solve.relative_error - c.solve.of_model <= choices::kTrustedForceError))
     return fmt::format(
         "the solve may be off by up to {:.2g} of the force; nu near 1/2 beside high contrast does this",
         c.solve.relative_error);

@@ -13,6 +13,7 @@
 #include "service/contact/contact_laws.h"
 #include "service/contact/touch_model.h"
 #include "service/scene/scene.h"
+#include "service/touch_plane/finger_motion.h"
 #include "service/touch_plane/tactile_outbox.h"
 
 namespace teletact::service {
@@ -95,6 +96,7 @@ class TouchSession {
   std::shared_ptr<TouchedLayer> touched_;      // layer_ of window_'s model; there whenever window_ is
   std::shared_ptr<const SceneSnapshot> seen_;  // the newest that has window_
   std::optional<TouchPose> at_, before_;       // the poses that were touched last
+  FingerMotion motion_;
 };
 
 }  // namespace teletact::service

@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -256,6 +257,44 @@ TEST(SolidContact, FailsWithAnAnswerThatSaysSo) {
   EXPECT_THROW(contact.touch(kRound, {kMiddle, 0.041, kMiddle}), std::invalid_argument);
   EXPECT_THROW(contact.touch(kRound, {NAN, 0.001, kMiddle}), std::invalid_argument);
   EXPECT_THROW(contact.touch({.radius_m = 0.5}, {kMiddle, 0.002, kMiddle}), std::out_of_range);
+}
+
+// Before anything was learned: S0 scaled by shares of energy is nearer to the truth, whatever lies below, and
+// exactly S0 where nothing does.
+TEST(SolidContact, TheGuessKnowsWhatLiesBelow) {
+  if (!has_double()) GTEST_SKIP() << "the device has no double";
+  const SolidGrid grid{32, 32, 0.002, 0.002, graded_rows(0.040, 12, 1.06)};
+  const auto ball = [](double x, double y, double z, double deep, double aside) {
+    return std::hypot(x - kMiddle - aside, y - deep, z - kMiddle) < 0.006;
+  };
+  const std::vector<std::function<double(double, double, double)>> tissues{
+      [&](double x, double y, double z) { return ball(x, y, z, 0.007, 0) ? 1e5 : 1e4; },
+      [&](double x, double y, double z) { return ball(x, y, z, 0.012, 0) ? 1e5 : 1e4; },
+      [&](double x, double y, double z) { return ball(x, y, z, 0.009, 0) ? 1e3 : 1e4; },
+      [&](double x, double y, double z) {
+        return 1e4 * (ball(x, y, z, 0.010, 0.008) ? 6 : 1) * (ball(x, y, z, 0.008, -0.008) ? 0.3 : 1);
+      }};
+  for (std::size_t n = 0; n < tissues.size(); ++n) {
+    const SolidTissue tissue = solid(grid, 0.49, tissues[n]);
+    SolidContact<double> contact(queue(), tissue);
+    SolidContact<double> unfelt(queue(), contact, tissue);  // that has corrected nothing yet
+    double guessed = 0, layered = 0;                        // squares of errors
+    for (const double x : {0.0, 0.006, -0.009}) {
+      const Vector3 pose{kMiddle + x, 0.002, kMiddle};
+      SolidContact<double> exact(queue(), contact, tissue);
+      const double truth = exact.touch(kRound, pose, {.force_error = 1e-4}).force_n[1];
+      guessed += std::pow(contact.answer(kRound, pose).force_n[1] / truth - 1, 2);
+      layered += std::pow(unfelt.answer(kRound, pose).force_n[1] / truth - 1, 2);
+    }
+    EXPECT_LT(std::sqrt(guessed), 0.6 * std::sqrt(layered)) << n;
+    std::printf("tissue %zu: the guess is off by %.3f, layered tissue by %.3f\n", n, std::sqrt(guessed / 3),
+                std::sqrt(layered / 3));
+  }
+  const SolidTissue layers = solid(grid, 0.49, [](double, double y, double) { return 1e4 * (1 + 50 * y); });
+  SolidContact<double> contact(queue(), layers), unfelt(queue(), contact, layers);
+  const Vector3 pose{kMiddle, 0.002, kMiddle};
+  EXPECT_EQ(contact.answer(kRound, pose).force_n, unfelt.answer(kRound, pose).force_n);
+  EXPECT_TRUE(contact.answer(kRound, pose).solve.converged);
 }
 
 // Another modulus on the same factor: each is felt as if it were alone, and what one has learned is not the

@@ -27,7 +27,7 @@ namespace {
 
 constexpr double kSpeedMS = 0.120, kPeriodS = 0.001, kIndentationM = 0.002;
 constexpr double kWidthM = 0.112, kEndM = 0.024;  // given; z from -kEndM to kEndM
-constexpr double kTruthError = 3e-4;              // stated, of the force that answers are held against
+constexpr double kTruthError = 5e-5;              // stated, of the force that answers are held against
 
 struct Sample {
   double time_s = 0, force_n = 0, error = 0, stated = 0;  // over the converged force
@@ -131,7 +131,7 @@ std::vector<Answered> answered(service::TouchSession& session, const Path& path)
 }
 
 void judge(const std::vector<Answered>& answers, const service::SolidBlock& block,
-           service::SolidContact<float>& exact, std::size_t samples, Sweep& sweep) {
+           service::SolidContact<double>& exact, std::size_t samples, Sweep& sweep) {
   std::vector<double> processor, late, ratios;
   for (const Answered& a : answers) {
     processor.push_back(a.processor_s), late.push_back(std::max(0.0, a.late_s - kPeriodS));
@@ -165,7 +165,7 @@ void measure_mesh(const std::shared_ptr<service::Device>& device, const Mesh& me
   for (const double ball_m : {0.007, 0.012}) {
     const service::ExplicitModulus modulus = volume(mesh, ball_m);
     const service::SolidBlock block = service::solid_block(geometry, modulus);
-    service::SolidContact<float> exact(device->queue(), block.tissue);
+    service::SolidContact<double> exact(device->queue(), block.tissue);
     for (const Path& path : kPaths) {
       const auto scene = std::make_shared<service::Scene>("sweep", geometry, modulus,
                                                           std::make_shared<service::VersionCounter>(nullptr));
