@@ -12,6 +12,7 @@ namespace {
 
 // Of a round tip of 8 mm, 2 mm deep.
 constexpr double kRadiusM = 0.004;
+constexpr double kFineShare = 0.15;
 
 }  // namespace
 
@@ -109,6 +110,8 @@ FeltModulus EnergyShares::felt(const SolidTissue& tissue, double softer) {
   const Eigen::ArrayXd m = mean(logarithm), stiff = mean(stiffer), weak = mean(weaker);
   out.scale = (-m / 2).exp();
   out.beyond = ((1 + weak) * m.exp() - 1).max(1 - (-m).exp() / (1 + stiff)).max(0.0);
+  // Finer forces than what D scales are left as they were: that share of a contact's energy, about.
+  out.beyond.array() += kFineShare * (out.scale.array().square() - 1).abs();
   if (!out.scale.allFinite() || !out.beyond.allFinite())
     throw std::domain_error("solid: how it is felt at the surface is not finite");
   return out;
