@@ -225,8 +225,7 @@ ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose,
   const LinearisedContact contact = linearise(patch, s);
   const VectorXd error =
       compliance->error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
-  const double rounding = kRounding<T> + factor_->solver.rounding(),
-               learned = error.norm() / energy.gradient.norm();
+  const double rounding = kRounding<T> + modulus_->rounding, learned = error.norm() / energy.gradient.norm();
   answer.solve.of_model = kOfDrift * drift_.shape;
   answer.solve.relative_error = learned + rounding + answer.solve.of_model;
   answer.solve.converged = learned + rounding <= force_error;
@@ -253,7 +252,7 @@ SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, 
   // The block is periodic; the contact's surface is not.
   contact.w_m -= before->wider_m(contact.patch.unknowns, contact.force_n);
   SolidSolver<T>& solver = factor_->solver;
-  const double asked = std::max(kCorrectionShare * force_error, 2 * solver.rounding());
+  const double asked = std::max(kCorrectionShare * force_error, 2 * modulus_->rounding);
   solver.use(modulus_);
   const SolidSolution solved = solver.push(contact.patch, contact.w_m, {.relative_error = asked});
   if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)

@@ -22,11 +22,15 @@ enum Scalar : std::size_t { kRho, kAlpha, kBeta, kCurvature, kScalars };
 
 constexpr std::size_t kMostChunks = 512;
 
-// The largest relative error, in energy, that rounding was found to leave: of the stiffness in T, magnified
-// as nu nears 1/2 (bench solid: 1.2e-6, 9e-6 and 8e-4 at nu 0.3, 0.49 and 0.4999 in float).
+// The largest relative error, in energy, that rounding was found to leave (T8.3): of the stiffness in T,
+// magnified as nu nears 1/2, and by contrast (bench solid bound, in float at nu 0.3, 0.49 and 0.4999: 1.1e-6,
+// 1.3e-5 and 8.7e-4 at contrast 10, 1.3e-4, 4e-4 and 5.1e-2 at 1000).
 template <class T>
-double rounding_of(double poisson_ratio) {
-  return 4 * static_cast<double>(std::numeric_limits<T>::epsilon()) / (1 - 2 * poisson_ratio);
+double rounding_of(double poisson_ratio, const LayeredTissue& beside) {
+  constexpr double kOfStiffness = 4, kMagnifies = 45;
+  const double epsilon = static_cast<double>(std::numeric_limits<T>::epsilon());
+  const double beyond = beside.largest / beside.least - 1;
+  return epsilon * (kOfStiffness / (1 - 2 * poisson_ratio) * (1 + beyond / kMagnifies) + beyond);
 }
 
 std::size_t lanes(const Queue& queue, std::size_t nx, std::size_t bytes) {
@@ -46,7 +50,7 @@ double SolidSolution::bounded_error() const {
 
 template <class T>
 SolidModulus<T>::SolidModulus(const Queue& queue, const SolidTissue& tissue, LayeredTissue beside)
-    : layers((validate(tissue), std::move(beside))) {
+    : layers((validate(tissue), std::move(beside))), rounding(rounding_of<T>(tissue.poisson_ratio, layers)) {
   const SolidGrid& grid = tissue.grid;
   const std::size_t width = lanes(queue, grid.nx, sizeof(T)), nx = grid.nx;
   std::vector<T> wide((nx + 2 * width) * grid.nz * grid.layers());
@@ -71,7 +75,6 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       modulus_(std::make_shared<const SolidModulus<T>>(queue, tissue, layered(tissue))),
       preconditioner_(queue, grid_, modulus_->layers, tissue.poisson_ratio),
       width_(lanes(queue, grid_.nx, sizeof(T))),
-      rounding_(rounding_of<T>(tissue.poisson_ratio)),
       nx_(static_cast<int>(grid_.nx)),
       nz_(static_cast<int>(grid_.nz)),
       rows_(static_cast<int>(grid_.layers())) {
@@ -205,7 +208,7 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
     solution.energy_j = twice_energy / 2;
     solution.energy_error_j = bound.squared(rho) / 2;
     solution.certified = bound.holds();
-    solution.rounding = rounding_;
+    solution.rounding = rounding();
     if (!std::isfinite(rho) || !std::isfinite(twice_energy))
       solution.reason = StopReason::kNotFinite;
     else if (rho < 0 || (k > 0 && !(alpha > 0)))
@@ -214,7 +217,7 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
       solution.reason = StopReason::kIterationLimit;
     else if (rho == 0 || solution.relative_error() <= options.relative_error)
       solution.reason = StopReason::kConverged;
-    else if (options.relative_error > 0 && solution.bounded_error() <= rounding_ / 2)
+    else if (options.relative_error > 0 && solution.bounded_error() <= rounding() / 2)
       solution.reason = StopReason::kIterationLimit;  // no iteration makes it better
     else if (k == options.max_iterations)
       solution.reason = StopReason::kIterationLimit;

@@ -67,6 +67,7 @@ struct SolidModulus {
   // `layers`: those of the factor. Throws as validate() does.
   SolidModulus(const Queue&, const SolidTissue&, LayeredTissue layers);
   const LayeredTissue layers;
+  const double rounding;       // what it may add to the relative error of any solution (T8.3)
   Array<T> youngs_modulus_pa;  // as the kernels take it
 };
 
@@ -91,7 +92,7 @@ class SolidSolver {
   // Displacement of the last solution, or of the iterate that is watched, [plane = 3 row + component][z][x].
   std::vector<T> displacement() const { return queue_.read(u_); }
   const LayeredTissue& layers() const { return modulus_->layers; }
-  double rounding() const { return rounding_; }  // of every solution
+  double rounding() const { return modulus_->rounding; }  // of every solution
 
  private:
   using Components = typename LayeredPreconditioner<T>::Components;
@@ -115,7 +116,6 @@ class SolidSolver {
   std::shared_ptr<const SolidModulus<T>> modulus_;
   LayeredPreconditioner<T> preconditioner_;
   std::size_t width_ = 1, chunk_ = 1, chunks_ = 1;
-  double rounding_;
   int nx_, nz_, rows_;
   Array<T> stiffness_;
   Array<T> u_, r_, z_, kd_, d_, surface_;

@@ -135,7 +135,9 @@ TEST_F(SolidTouch, OfTheSimulatedPatientIsHeldAgainstItsOwnTissue) {
   EXPECT_EQ(own["force_error"]["samples"], 4) << met.output;
   EXPECT_LT(own["force_error"]["median"], own["force_error_with_nodes"]["median"]) << met.output;
   EXPECT_GT(own["plane_error"]["median"], 0.02) << met.output;
-  EXPECT_LT(std::abs(own["truths_nodes"]["min"].get<double>()), 0.01) << met.output;
+  // A pose on the way down, 1 mm deep, is 1.2 % off on nodes 1 mm apart.
+  EXPECT_LT(std::abs(own["truths_nodes"]["median"].get<double>()), 0.005) << met.output;
+  EXPECT_LT(std::abs(own["truths_nodes"]["min"].get<double>()), 0.015) << met.output;
   EXPECT_EQ(own["stalls"]["count"], 0) << met.output;
   for (const char* file : {"force.png", "tactile.png", "latency.png"})
     EXPECT_TRUE(std::filesystem::exists(folder / ("7/" + std::string(file)))) << file;

@@ -107,7 +107,8 @@ TEST(Memory, UnusableNumbersAreTheClientsAndNotInternal) {
     const std::vector<double> values(elements, modulus_pa);
     map->mutable_youngs_modulus_pa()->set_dtype(v1::DATA_TYPE_FLOAT64);
     map->mutable_youngs_modulus_pa()->set_data(values.data(), values.size() * sizeof(double));
-    expect_refused(server.create(request), grpc::StatusCode::INVALID_ARGUMENT, "moduli");
+    expect_refused(server.create(request), grpc::StatusCode::INVALID_ARGUMENT,
+                   "modulus.youngs_modulus_pa[0]: ");
   }
 }
 
