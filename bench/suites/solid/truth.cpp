@@ -23,7 +23,8 @@ Fields fields_of(const std::vector<VectorXd>& columns) {
 SolidTruth::SolidTruth(const Eigen::SparseMatrix<double>& k, service::SolidSolver<double>& solver,
                        const SolidTouch& touch)
     : k_(k), touch_(touch) {
-  const service::SolidSolution s = touch.solve(solver, {.relative_error = kError, .max_iterations = 1000});
+  const service::SolidSolution s =
+      touch.solve(solver, {.relative_error = kError + solver.rounding(), .max_iterations = 1000});
   u_ = field_of(solver), force_n_ = s.force_n;
   energy_ = inner(u_, touch.surface.values, u_, touch.surface.values)[0];
   VectorXd rest = k_ * u_;
