@@ -4,10 +4,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <string>
 
 #include "service/contact/skin.h"
@@ -15,12 +11,10 @@
 #include "tests/reference/solid.h"
 #include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
-#include "tests/support/environment.h"
+#include "tests/support/faulty_kernels.h"
 
 namespace teletact::service {
 namespace {
-
-namespace fs = std::filesystem;
 
 SolidTissue with_ball(double contrast) {
   return solid({32, 16, 0.002, 0.0025, graded_rows(0.020, 6, 1.2)}, 0.49,
@@ -30,25 +24,8 @@ SolidTissue with_ball(double contrast) {
 }
 constexpr Vector3 kPose{0.0312, 0.0018, 0.0193};
 
-class FaultySolid : public testing::Test {
+class FaultySolid : public FaultyKernels {
  protected:
-  void SetUp() override {
-    std::string folder = (fs::temp_directory_path() / "teletact-solid-faults-XXXXXX").string();
-    ASSERT_NE(mkdtemp(folder.data()), nullptr);
-    folder_ = folder;
-    fs::copy(teletact::test::source_kernels(), folder_, fs::copy_options::recursive);
-    options_.kernel_directory = folder_.string();
-    options_.cache_directory = "none";
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-  void sabotage(const std::string& file, const std::string& from, const std::string& to) {
-    std::stringstream text;
-    text << std::ifstream(folder_ / file).rdbuf();
-    std::string source = text.str();
-    const auto at = source.find(from);
-    ASSERT_NE(at, std::string::npos) << file << " has no " << from;
-    std::ofstream(folder_ / file) << source.replace(at, from.size(), to);
-  }
   // Touched twice: what a failure has left must not be believed afterwards.
   void expect_error(const std::string& why) {
     SolidContact<float> contact(Device::open(options_)->queue(), with_ball(10));
@@ -61,8 +38,6 @@ class FaultySolid : public testing::Test {
       }
     }
   }
-  fs::path folder_;
-  DeviceOptions options_;
 };
 
 TEST_F(FaultySolid, NanInTheModuliIsSaid) {

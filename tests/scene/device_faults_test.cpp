@@ -2,43 +2,20 @@
 // it: the answer says so and bears no force, and the model stays touchable through its compliance.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <string>
 
-#include "service/device/device.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
-#include "tests/support/environment.h"
+#include "tests/support/faulty_kernels.h"
 
 namespace teletact::service {
 namespace {
 
-namespace fs = std::filesystem;
-
-class FaultyDevice : public testing::Test {
+class FaultyDevice : public FaultyKernels {
  protected:
   void SetUp() override {
-    std::string folder = (fs::temp_directory_path() / "teletact-faults-XXXXXX").string();
-    ASSERT_NE(mkdtemp(folder.data()), nullptr);
-    folder_ = folder;
-    fs::copy(teletact::test::source_kernels(), folder_, fs::copy_options::recursive);
+    FaultyKernels::SetUp();
     scene_->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03), {});
-    options_.kernel_directory = folder_.string();
-    options_.cache_directory = "none";
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  // Replaces `from` in a kernel file.
-  void sabotage(const std::string& file, const std::string& from, const std::string& to) {
-    std::stringstream text;
-    text << std::ifstream(folder_ / file).rdbuf();
-    std::string source = text.str();
-    const auto at = source.find(from);
-    ASSERT_NE(at, std::string::npos) << file << " has no " << from;
-    std::ofstream(folder_ / file) << source.replace(at, from.size(), to);
   }
 
   // Presses by way of the device, again and again, and by compliance beside it. `of_device`: it is the device
@@ -81,8 +58,6 @@ class FaultyDevice : public testing::Test {
     }
   }
 
-  fs::path folder_;
-  DeviceOptions options_;
   std::shared_ptr<Scene> scene_ = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
 };
 

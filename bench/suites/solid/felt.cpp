@@ -113,19 +113,21 @@ bool answered(const client::TouchAnswerTime& answer) {
 }
 
 // Of the answers with force `count`, evenly over their time.
+// In the middle of each of so many parts of the touch.
 std::vector<Felt> chosen(const client::TouchRecord& touch, std::size_t count) {
   const auto first = std::find_if(touch.answers.begin(), touch.answers.end(), answered);
   const auto last = std::find_if(touch.answers.rbegin(), touch.answers.rend(), answered).base();
   if (first >= last) throw BenchError("the finger never felt the tissue: there is no force to judge");
   const double begin_s = first->arrived_s, span_s = (last - 1)->arrived_s - begin_s;
   std::vector<Felt> out;
-  double way_m = 0, next_s = 0;
+  const double part_s = span_s / double(count);
+  double way_m = 0, next_s = part_s / 2;
   for (auto a = first; a != last; ++a) {
     if (a != first) way_m += std::hypot(a->x_m - (a - 1)->x_m, a->z_m - (a - 1)->z_m);
     const double time_s = a->arrived_s - begin_s;
     if (!answered(*a) || time_s < next_s) continue;
     if (out.size() == count) break;
-    next_s = span_s > 0 ? (std::floor(time_s / span_s * double(count)) + 1) * span_s / double(count) : 0;
+    next_s = part_s > 0 ? (std::floor(time_s / part_s) + 1.5) * part_s : 0;
     Felt& f = out.emplace_back();
     f.time_s = time_s, f.way_m = way_m, f.at = {a->x_m, a->y_m - touch.layer_depth_m, a->z_m};
     f.answered_n = Vector3d(a->force_n[0], a->force_n[1], a->force_n[2]);

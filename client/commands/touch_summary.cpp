@@ -1,0 +1,131 @@
+#include "client/commands/touch_summary.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+namespace teletact::client {
+namespace {
+
+double touch_rate_hz(const TouchLinkStats& link) {
+  const double span_s = link.last_answer_s - link.first_answer_s;
+  return span_s > 0 ? static_cast<double>(link.distinct) / span_s : 0;
+}
+
+nlohmann::json quantiles(const Histogram& values_s) {
+  return {
+      {"p50", values_s.percentile(0.5)}, {"p99", values_s.percentile(0.99)}, {"max", values_s.percentile(1)}};
+}
+
+nlohmann::json spells(const SpellCounter& counter) {
+  return {{"count", counter.count()}, {"s", counter.seconds()}};
+}
+
+}  // namespace
+
+nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
+                       const TouchSummary& summary) {
+  const TickStatistics& ticks = summary.ticks;
+  const TouchLinkStats& link = summary.link;
+  nlohmann::json changes = nlohmann::json::array();
+  for (const StateChange& change : ticks.changes()) {
+    changes.push_back(
+        {{"time_s", change.time_s}, {"state", name(change.state)}, {"reason", describe(change.reason)}});
+  }
+  return {
+      {"scene", scene_id},
+      {"renderer", renderer},
+      {"device", summary.device},
+      {"duration_s", ticks.duration_s()},
+      {"enabled_s", ticks.enabled_s()},
+      {"passes", summary.passes},
+      {"touch_rate_hz", touch_rate_hz(link)},
+      {"touch_latency_s", quantiles(link.latencies_s)},
+      {"model_age_s", quantiles(ticks.model_age_s())},
+      {"servo",
+       {{"rate_hz", ticks.rate_hz()},
+        {"ticks", ticks.ticks()},
+        {"overruns", summary.overruns},
+        {"lateness_s_p50", ticks.lateness_s().percentile(0.5)},
+        {"lateness_s_p99", ticks.lateness_s().percentile(0.99)},
+        {"lateness_s_max", ticks.lateness_s().percentile(1)},
+        {"period_s", quantiles(ticks.period_s())},
+        {"slack_s_min", ticks.slack_s().percentile(0)},
+        {"scheduling", summary.real_time.text}}},
+      {"by_law_share", ticks.by_law_share()},
+      {"stalls", spells(ticks.stalls())},
+      {"largest_force_n", ticks.largest_force_n()},
+      {"degraded", spells(ticks.degraded())},
+      {"service_degraded", spells(ticks.service_degraded())},
+      {"faded", spells(ticks.faded())},
+      {"lost_s", ticks.lost_s()},
+      {"states", changes},
+      {"states_left_out", ticks.changes_left_out()},
+      {"link",
+       {{"poses", link.poses},
+        {"answers", link.answers},
+        {"distinct", link.distinct},
+        {"not_covered", link.not_covered},
+        {"failed", link.failed},
+        {"preparing", link.preparing},
+        {"degraded", link.degraded},
+        {"dropped", link.dropped},
+        {"rejected", summary.rejected_answers},
+        {"streams", link.streams},
+        {"service_instances", link.instances},
+        {"period_s", link.period_s},
+        {"round_trip_s", quantiles(link.round_trips_s)},
+        {"clock_offset_s", link.clock_offset_s},
+        {"clock_offset_error_s", link.clock_offset_error_s},
+        {"layer_depth_m", link.layer_depth_m},
+        {"largest_strain", link.largest_strain},
+        {"law_pieces", link.law_pieces},
+        {"tactile_images", link.tactile_images},
+        {"tactile_dropped", link.tactile_dropped},
+        {"laws_dropped", link.laws_dropped},
+        {"last_version", link.last_version}}},
+      {"telemetry_dropped", summary.telemetry_dropped},
+      {"record_dropped", summary.record_dropped},
+  };
+}
+
+void print(const nlohmann::json& json) {
+  const auto ms = [](const nlohmann::json& seconds) { return 1e3 * seconds.get<double>(); };
+  const auto& latency = json["touch_latency_s"];
+  const auto& servo = json["servo"];
+  std::printf("touched scene %s for %.1f s, %u passes\n", json["scene"].get<std::string>().c_str(),
+              json["enabled_s"].get<double>(), json["passes"].get<unsigned>());
+  std::printf("  answers   %.0f /s with distinct poses, latency p50 %.2f ms, p99 %.2f ms, max %.2f ms\n",
+              json["touch_rate_hz"].get<double>(), ms(latency["p50"]), ms(latency["p99"]),
+              ms(latency["max"]));
+  std::printf("  servo     %.1f Hz, %lu overruns (> 1 ms late), lateness p99 %.3f ms, max %.3f ms; %s\n",
+              servo["rate_hz"].get<double>(), servo["overruns"].get<unsigned long>(),
+              ms(servo["lateness_s_p99"]), ms(servo["lateness_s_max"]),
+              servo["scheduling"].get<std::string>().c_str());
+  const auto& link = json["link"];
+  std::printf(
+      "  link      round trip p50 %.2f ms, p99 %.2f ms; its clock is %+.3f ms from ours, to %.3f ms; age of "
+      "what is felt p99 %.2f ms\n",
+      ms(link["round_trip_s"]["p50"]), ms(link["round_trip_s"]["p99"]), ms(link["clock_offset_s"]),
+      ms(link["clock_offset_error_s"]), ms(json["model_age_s"]["p99"]));
+  const auto count = [&link](const char* name) { return link[name].get<unsigned long>(); };
+  std::printf("  layer     %.4f m deep; largest strain under the finger %.2f\n",
+              link["layer_depth_m"].get<double>(), link["largest_strain"].get<double>());
+  std::printf("  law       felt in %.1f %% of the contact, version %lu at last; %lu pieces, %lu malformed\n",
+              100 * json["by_law_share"].get<double>(), count("last_version"), count("law_pieces"),
+              count("laws_dropped"));
+  std::printf("  stalls    %lu, %.3f s\n", json["stalls"]["count"].get<unsigned long>(),
+              json["stalls"]["s"].get<double>());
+  const auto spell = [&json](const char* name) {
+    return fmt::format("{:.3f} s ({} times)", json[name]["s"].get<double>(),
+                       json[name]["count"].get<unsigned long>());
+  };
+  std::printf(
+      "  force     largest %.3f N; lost (PAUSED, FAULT) %.3f s, fading %s, DEGRADED %s; by the service %s\n",
+      json["largest_force_n"].get<double>(), json["lost_s"].get<double>(), spell("faded").c_str(),
+      spell("degraded").c_str(), spell("service_degraded").c_str());
+  std::printf("  not good  of %lu answers %lu NOT_COVERED, %lu DEGRADED, %lu FAILED; %lu streams\n",
+              count("answers"), count("not_covered"), count("degraded"), count("failed"), count("streams"));
+}
+
+}  // namespace teletact::client
