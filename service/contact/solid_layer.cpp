@@ -1,0 +1,194 @@
+#include "service/contact/solid_layer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "service/contact/fingertip.h"
+#include "service/device/device.h"
+
+namespace teletact::service {
+namespace {
+
+double around(double period_m, double begin_m, double end_m) {
+  return (period_m - (end_m - begin_m)) / 2;
+}
+
+// A finger slower than this rests; one that would be faster, or is farther from where it was known, was put
+// down elsewhere. A correction is as good as this share of what is stated where it is made: at most so
+// coarse, a fast finger is soon elsewhere.
+constexpr double kStillMS = 0.001, kFastestMS = 0.5, kFarthestM = 0.008, kCorrected = 0.2,
+                 kMostCorrected = 0.01;
+
+// What no correction makes better is settled too: the answer says what it is off by.
+bool settled(const SolveReport& solve) {
+  return solve.converged || solve.reason == kRoundingReason;
+}
+
+bool good(const SolveReport& solve) {
+  return settled(solve) || solve.relative_error - solve.of_model <= choices::kTrustedMeanwhile;
+}
+
+}  // namespace
+
+SolidLayer::SolidLayer(const SolidBlock& block, const std::shared_ptr<Device>& device,
+                       const MemoryAccount& account)
+    : region_(block.region),
+      origin_x_m_(block.origin_x_m),
+      origin_z_m_(block.origin_z_m),
+      around_x_m_(around(static_cast<double>(block.tissue.grid.nx) * block.tissue.grid.spacing_x_m,
+                         region_.begin_x_m, region_.end_x_m)),
+      around_z_m_(around(static_cast<double>(block.tissue.grid.nz) * block.tissue.grid.spacing_z_m,
+                         region_.begin_z_m, region_.end_z_m)),
+      spacing_m_(std::max(block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m)),
+      device_(device),
+      mutex_(std::make_shared<std::mutex>()),
+      contact_(device->queue(account), block.tissue) {}
+
+SolidLayer::SolidLayer(const SolidBlock& block, const SolidLayer& before, const MemoryAccount& account)
+    : region_(before.region_),
+      origin_x_m_(before.origin_x_m_),
+      origin_z_m_(before.origin_z_m_),
+      around_x_m_(before.around_x_m_),
+      around_z_m_(before.around_z_m_),
+      spacing_m_(before.spacing_m_),
+      device_(before.device_),
+      mutex_(before.mutex_),
+      contact_(device_->queue(account), before.contact_, block.tissue) {}
+
+bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
+                         Clock::time_point until) {
+  if (pose.position_m[1] <= 0 || around_m > 0) return true;
+  for (std::size_t corrections = 0;; ++corrections) {
+    const std::uint64_t done = corrector_.done();
+    if (settled(answered(tip, pose).solve) || follows(pose) || corrections == choices::kMostCorrections)
+      return true;
+    const std::exception_ptr failure = corrector_.failure();
+    if (failure && corrections > 0) std::rethrow_exception(failure);  // it was waited for
+    if (Clock::now() >= until) return false;
+    corrector_.ask(tip, {pose.position_m});
+    corrector_.wait_for_more_than(done, until + choices::kLongestSolve);  // one that is begun ends
+  }
+}
+
+std::string SolidLayer::remark(const Fingertip& tip, const TouchPose& pose) const {
+  return coarse_mesh(tip, pose.position_m[1], spacing_m_);
+}
+
+ContactAnswer SolidLayer::touch(const Fingertip& tip, const TouchPose& pose) {
+  const std::exception_ptr failure = corrector_.failure();
+  if (failure) rethrow_of_device(failure);
+  ContactAnswer answer = answered(tip, pose);
+  const auto [vx, vy, vz] = pose.velocity_m_s;
+  if (pose.position_m[1] > 0 && (!settled(answer.solve) || std::hypot(vx, vy, vz) > kStillMS))
+    corrector_.ask(tip, pose);
+  answer.solve.iterations = iterations_.exchange(0);
+  if (!settled(answer.solve)) {
+    answer.solve.improving = !failure;
+    answer.solve.reason = failure ? "its correction failed" : "not corrected yet";
+  }
+  if (good(answer.solve)) follow(pose);
+  move_to_scene(answer.pressure);
+  return answer;
+}
+
+std::optional<std::vector<NodalPressure>> SolidLayer::layered_pressure(const Fingertip& tip,
+                                                                       const TouchPose& pose,
+                                                                       double force_n) const {
+  if (force_n <= 0) return std::vector<NodalPressure>{};
+  auto pressure = contact_.layered_pressure(tip, in_block(pose), force_n);
+  move_to_scene(pressure);
+  return pressure;
+}
+
+Vector3 SolidLayer::in_block(const TouchPose& pose) const {
+  const auto [x, y, z] = pose.position_m;
+  return {x - origin_x_m_, y, z - origin_z_m_};
+}
+
+void SolidLayer::move_to_scene(std::vector<NodalPressure>& nodes) const {
+  for (NodalPressure& p : nodes) {
+    p.position_m[0] += origin_x_m_;
+    p.position_m[2] += origin_z_m_;
+  }
+}
+
+bool SolidLayer::follows(const TouchPose& pose) {
+  const std::lock_guard lock(last_mutex_);
+  return own_track(pose) != tracks_.end();
+}
+
+void SolidLayer::follow(const TouchPose& pose) {
+  const std::lock_guard lock(last_mutex_);
+  if (const auto own = own_track(pose); own != tracks_.end()) tracks_.erase(own);
+  tracks_.push_back({pose.position_m, Clock::now()});
+  if (tracks_.size() > Corrector::kMostFingers) tracks_.pop_front();
+}
+
+auto SolidLayer::own_track(const TouchPose& pose) -> std::deque<Track>::iterator {
+  return std::ranges::find_if(tracks_, [&, now = Clock::now()](const Track& track) {
+    const auto& [x, y, z] = track.position_m;
+    const auto& [px, py, pz] = pose.position_m;
+    const auto passed = now - track.at;
+    const double could_m = std::min(kFarthestM, kFastestMS * std::chrono::duration<double>(passed).count());
+    return passed < choices::kTrustLasts && std::hypot(px - x, py - y, pz - z) <= could_m;
+  });
+}
+
+bool SolidLayer::covers(const Fingertip& tip, const Vector3& position_m) const {
+  const auto [x, y, z] = position_m;
+  const double reach = tip.shape == FingertipShape::kNode ? 0 : reach_m(tip, y, 0);
+  const auto inside = [reach](double at, double begin, double end, double around) {
+    return at >= begin && at < end && at - reach > begin - around && at + reach < end + around;
+  };
+  return inside(x, region_.begin_x_m, region_.end_x_m, around_x_m_) &&
+         inside(z, region_.begin_z_m, region_.end_z_m, around_z_m_);
+}
+
+ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) {
+  const auto [x, y, z] = pose.position_m;
+  if (!covers(tip, pose.position_m))
+    throw std::out_of_range(
+        fmt::format("pose: at x {:.4g} m, z {:.4g} m the tip is beside the solid, which reaches from "
+                    "{:.4g} to {:.4g} m along x "
+                    "and from {:.4g} to {:.4g} m along z",
+                    x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
+  const std::uint64_t done = corrector_.done();
+  {
+    const std::lock_guard lock(last_mutex_);
+    if (last_ && last_->done == done && last_->tip == tip && last_->position_m == pose.position_m)
+      return last_->answer;  // made ready, then touched
+  }
+  Last last{tip, pose.position_m, done, contact_.answer(tip, in_block(pose))};
+  const std::lock_guard lock(last_mutex_);
+  last_ = last;
+  return std::move(last.answer);
+}
+
+void SolidLayer::correct(const Fingertip& tip, const TouchPose& pose) {
+  if (!covers(tip, pose.position_m)) return;  // it leaves
+  try {
+    const SolveReport known = contact_.answer(tip, in_block(pose)).solve;
+    if (settled(known)) return;
+    const std::lock_guard lock(*mutex_);
+    const double asked =
+        std::clamp(kCorrected * known.relative_error, choices::kSolidForceError, kMostCorrected);
+    iterations_ += contact_.correct(tip, in_block(pose), asked).iterations;
+  } catch (const std::out_of_range&) {  // said by the answer when the finger is there
+  } catch (const std::invalid_argument&) {
+  }
+}
+
+void SolidLayer::rethrow_of_device(const std::exception_ptr& failure) try {
+  std::rethrow_exception(failure);
+} catch (const DeviceMemoryError&) {
+} catch (const DeviceError&) {
+  corrector_.forget_failure();
+  throw;
+} catch (const std::exception&) {
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,73 @@
+// A plane of nodes of a block of solid tissue, ready to be touched: answers at once, corrections beside.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "service/contact/corrector.h"
+#include "service/contact/solid_contact.h"
+#include "service/contact/solid_touch_model.h"
+
+namespace teletact::service {
+
+class SolidLayer final : public TouchedLayer {
+ public:
+  SolidLayer(const SolidBlock&, const std::shared_ptr<Device>&, const MemoryAccount&);
+  // Another modulus in the place of another's, solved with what that has. Ready while that is touched.
+  SolidLayer(const SolidBlock&, const SolidLayer& before, const MemoryAccount&);
+
+  double drift() const { return contact_.drift().shape; }
+  SolvePath path() const override { return SolvePath::kPcg; }
+  // Corrections are made beside; none is waited for by a finger that is followed.
+  bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point until) override;
+  ContactAnswer touch(const Fingertip&, const TouchPose&) override;
+  std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
+                                                             double force_n) const override;
+  std::string remark(const Fingertip&, const TouchPose&) const override;
+
+ private:
+  struct Last {
+    Fingertip tip;
+    Vector3 position_m;
+    std::uint64_t done;  // corrections by then
+    ContactAnswer answer;
+  };
+  struct Track {
+    Vector3 position_m;
+    Clock::time_point at;
+  };
+  Vector3 in_block(const TouchPose&) const;
+  void move_to_scene(std::vector<NodalPressure>&) const;
+  // Whether a finger that may have come from there was answered well a short time ago.
+  bool follows(const TouchPose&);
+  void follow(const TouchPose&);
+  std::deque<Track>::iterator own_track(const TouchPose&);
+  bool covers(const Fingertip&, const Vector3& position_m) const;
+  ContactAnswer answered(const Fingertip&, const TouchPose&);  // by what was learned up to now
+  void correct(const Fingertip&, const TouchPose&);            // by the corrector's thread
+  // Others would fail as well, and another device may not. Once: the next touch tries again.
+  void rethrow_of_device(const std::exception_ptr&);
+
+  const Region region_;
+  const double origin_x_m_, origin_z_m_;
+  const double around_x_m_, around_z_m_;  // tissue on each side, up to where the other side's begins
+  const double spacing_m_;
+  const std::shared_ptr<Device> device_;     // outlives its queue's arrays
+  const std::shared_ptr<std::mutex> mutex_;  // of all that share the solver
+  SolidContact<float> contact_;              // corrected under the mutex
+  std::mutex last_mutex_;                    // of these
+  std::optional<Last> last_;
+  std::deque<Track> tracks_;                 // of fingers that are followed
+  std::atomic<std::size_t> iterations_ = 0;  // of corrections since the last answer
+  Corrector corrector_{
+      [this](const Fingertip& tip, const TouchPose& pose) { correct(tip, pose); }};  // ends first
+};
+
+}  // namespace teletact::service
