@@ -12,8 +12,6 @@
 namespace teletact::service {
 namespace {
 
-constexpr double kGaussianReach = 8;  // standard deviations; what is cut off is 1e-14 of the peak
-
 void require_positive(double value, const char* field) {
   if (!(value > 0) || !std::isfinite(value)) {
     throw std::invalid_argument(std::string("fingertip.") + field + " is " + std::to_string(value) +
@@ -68,8 +66,8 @@ Footprint hat_function(double x_m, std::span<const double> grid, ColumnRange col
 
 Footprint gaussian(double sigma, double x_m, std::span<const double> grid, ColumnRange columns) {
   const auto begin = grid.begin() + columns.first, end = grid.begin() + columns.last + 1;
-  const auto low = std::lower_bound(begin, end, x_m - kGaussianReach * sigma);
-  const auto high = std::upper_bound(low, end, x_m + kGaussianReach * sigma);
+  const auto low = std::lower_bound(begin, end, x_m - kFootprintReach * sigma);
+  const auto high = std::upper_bound(low, end, x_m + kFootprintReach * sigma);
   Footprint f;
   f.first = std::size_t(low - grid.begin());
   const Eigen::Index n = high - low;
@@ -84,7 +82,8 @@ Footprint gaussian(double sigma, double x_m, std::span<const double> grid, Colum
     sum += f.weights.row(k).transpose().array();
     widest = std::max(widest, width);
   }
-  if (n < 3 || sigma < 0.5 * widest) {
+  constexpr double kRounding = 1e-9;
+  if (n < 3 || sigma < (0.5 - kRounding) * widest) {
     throw std::invalid_argument("fingertip.footprint_m is " + std::to_string(sigma) +
                                 ", below half of the node spacing here; use 0 (hat function) or at least " +
                                 std::to_string(0.5 * widest));

@@ -49,6 +49,9 @@ double reach_m(const Fingertip&, double indentation_m, double margin_m);
 // only begins to touch is judged as pressed lightly: it overlaps few nodes of any mesh.
 std::string coarse_mesh(const Fingertip&, double indentation_m, double spacing_m);
 
+// Standard deviations of a Gaussian footprint that it reaches; what is cut off is 1e-14 of the peak.
+inline constexpr double kFootprintReach = 8;
+
 // Weights b of the single-node contact (sum 1) over the nodes first ... first + b.rows() - 1 of `x_m`, as
 // columns [b, db/dX, d2b/dX2]. Hat function: piecewise linear in X; at a node its slope is the mean of both
 // sides. Gaussian footprint: exp(-d^2 / 2 sigma^2) times the node's tributary width, normalised; smooth in X.

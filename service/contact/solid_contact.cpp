@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "service/contact/fingertip.h"
-#include "service/contact/solid_patch.h"
+#include "service/contact/solid_node.h"
 
 namespace teletact::service {
 namespace {
@@ -36,9 +38,6 @@ constexpr double kOfDrift = 0.1;
 
 void require_touchable(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose) {
   validate(tip);
-  if (tip.shape == FingertipShape::kNode)
-    throw std::invalid_argument(
-        "fingertip.shape is a node; solid tissue is touched by rounded tips, flat punches and pads");
   for (const double component : pose)
     if (!std::isfinite(component)) throw std::invalid_argument("pose: not finite");
   if (pose[1] >= grid.y_m.back())
@@ -57,43 +56,52 @@ double modulus_near_pa(const SolidTissue& tissue, std::size_t node) {
   return sum / 4;
 }
 
-std::vector<NodalPressure> pressure_of(const SolidGrid& grid, const SolidPatch& patch,
-                                       const PatchSolution& s) {
+// What presses: f(node, force) of each.
+template <class F>
+void each_push(const SolidGrid& grid, const LinearisedContact& contact, const F& f) {
+  for (std::size_t n = 0; n < contact.patch.unknowns.size(); ++n) {
+    const std::size_t unknown = contact.patch.unknowns[n];
+    const double p = contact.force_n[static_cast<Index>(n)];
+    if (unknown / grid.columns() == 1 && p > 0) f(unknown % grid.columns(), p);
+  }
+}
+
+std::vector<NodalPressure> pressure_of(const SolidGrid& grid, const LinearisedContact& contact) {
   const double area = grid.spacing_x_m * grid.spacing_z_m;
-  const Index tied = patch.programme.first_node();
-  std::vector<Vector3> traction(patch.nodes.size(), Vector3{});
-  for (Index t = 0; t < tied; ++t)
-    traction[patch.node_of[static_cast<std::size_t>(t)]][t % 2 == 0 ? 0 : 2] = s.p[t] / area;
+  std::map<std::size_t, Vector3> traction;
+  for (std::size_t n = 0; n < contact.patch.unknowns.size(); ++n) {
+    const std::size_t unknown = contact.patch.unknowns[n], component = unknown / grid.columns();
+    if (component != 1)
+      traction[unknown % grid.columns()][component] = contact.force_n[static_cast<Index>(n)] / area;
+  }
   std::vector<NodalPressure> out;
-  for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
-    const double p = s.p[tied + static_cast<Index>(n)];
-    if (!(p > 0)) continue;
-    const std::size_t node = patch.nodes[n];
+  each_push(grid, contact, [&](std::size_t node, double p) {
+    const auto sideways = traction.find(node);
     out.push_back({{static_cast<double>(node % grid.nx) * grid.spacing_x_m, 0,
                     static_cast<double>(node / grid.nx) * grid.spacing_z_m},
                    p / area,
-                   traction[n],
+                   sideways == traction.end() ? Vector3{} : sideways->second,
                    {grid.spacing_x_m, grid.spacing_z_m}});
-  }
+  });
   return out;
 }
 
-double force_of(const SolidPatch& patch, const PatchSolution& s) {
-  return s.p.tail(static_cast<Index>(patch.nodes.size())).sum();
+double force_of(const SolidGrid& grid, const LinearisedContact& contact) {
+  double force = 0;
+  each_push(grid, contact, [&](std::size_t, double p) { force += p; });
+  return force;
 }
 
-void set_strain(const SolidTissue& tissue, const SolidPatch& patch, const PatchSolution& s, double depth_m,
+void set_strain(const SolidTissue& tissue, const LinearisedContact& contact, double depth_m,
                 ContactAnswer& answer) {
   const SolidGrid& grid = tissue.grid;
   const double area = grid.spacing_x_m * grid.spacing_z_m;
-  const Index tied = patch.programme.first_node();
   double force = 0, squares = 0, stiffness = 0;
-  for (std::size_t n = 0; n < patch.nodes.size(); ++n) {
-    const double p = s.p[tied + static_cast<Index>(n)];
+  each_push(grid, contact, [&](std::size_t node, double p) {
     force += p;
     squares += p * p;
-    stiffness += p * modulus_near_pa(tissue, patch.nodes[n]);
-  }
+    stiffness += p * modulus_near_pa(tissue, node);
+  });
   // Mean pressure, weighted by itself, over the modulus, weighted by what it bears.
   const double local =
       kPeakStrain * (1 + tissue.poisson_ratio) * (squares / force / area) / (stiffness / force);
@@ -116,23 +124,19 @@ void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {
   if (!finite) throw std::domain_error("contact: the answer is not finite; the model is unusable");
 }
 
-struct FoundContact {
-  SolidPatch patch;
-  PatchSolution solution;
-  bool touches = false;
-};
-// `margin_m`: of the nodes that may touch; grows where the tissue bulges up to the outermost.
-FoundContact find_contact(const SolidGrid& grid, const RecycledCompliance& compliance, const Fingertip& tip,
-                          const Vector3& pose, double& margin_m, std::size_t& iterations) {
-  while (true) {
-    FoundContact found{patch_under(grid, compliance, tip, pose, margin_m), {}, false};
-    if (found.patch.nodes.empty()) return found;  // between nodes, above all of them
-    found.solution = solve_patch(found.patch.programme, first_guess(found.patch.programme, pose[1], kEdge));
-    iterations += found.solution.iterations;
-    const double least = least_overlap_m(found.patch, found.solution);
-    found.touches = least != HUGE_VAL;
-    if (!found.touches || least >= -kInnerMargin * margin_m) return found;
-    margin_m *= 2;
+// None where nothing touches.
+std::optional<SolidTouch> find_contact(const SolidGrid& grid, const RecycledCompliance& compliance,
+                                       const Fingertip& tip, const Vector3& pose, std::size_t& iterations) {
+  if (tip.shape == FingertipShape::kNode) return touch_node(grid, compliance, tip, pose);
+  // Of the nodes that may touch; grows where the tissue bulges up to the outermost.
+  for (double margin_m = choices::kCandidateMargin * pose[1];; margin_m *= 2) {
+    const SolidPatch patch = patch_under(grid, compliance, tip, pose, margin_m);
+    if (patch.nodes.empty()) return {};  // between nodes, above all of them
+    const PatchSolution s = solve_patch(patch.programme, first_guess(patch.programme, pose[1], kEdge));
+    iterations += s.iterations;
+    const double least = least_overlap_m(patch, s);
+    if (least == HUGE_VAL) return {};
+    if (least >= -kInnerMargin * margin_m) return SolidTouch{energy_of(patch, s), linearise(patch, s)};
   }
 }
 
@@ -217,12 +221,9 @@ ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose,
   answer.solve.reason = "recycled";
   if (depth <= 0) return answer;
   const Known compliance = known(tip);
-  double margin = choices::kCandidateMargin * depth;
-  const auto [patch, s, touches] =
-      find_contact(tissue_.grid, *compliance, tip, pose, margin, answer.iterations);
-  if (!touches) return answer;
-  const SolidEnergy energy = energy_of(patch, s);
-  const LinearisedContact contact = linearise(patch, s);
+  const auto touch = find_contact(tissue_.grid, *compliance, tip, pose, answer.iterations);
+  if (!touch) return answer;
+  const auto& [energy, contact] = *touch;
   const VectorXd error =
       compliance->error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
   const double rounding = kRounding<T> + modulus_->rounding, learned = error.norm() / energy.gradient.norm();
@@ -232,8 +233,8 @@ ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose,
   if (!answer.solve.converged)  // more corrections would only meet rounding, or help
     answer.solve.reason = learned <= rounding / 2 ? kRoundingReason : "correction limit";
   set_forces(energy, answer);
-  answer.pressure = pressure_of(tissue_.grid, patch, s);
-  set_strain(tissue_, patch, s, depth, answer);
+  answer.pressure = pressure_of(tissue_.grid, contact);
+  set_strain(tissue_, contact, depth, answer);
   return answer;
 }
 
@@ -244,25 +245,33 @@ SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, 
   SolveReport report;
   if (pose[1] <= 0) return report;
   const Known before = known(tip);
-  double margin = choices::kCandidateMargin * pose[1];
   std::size_t iterations = 0;
-  const auto [patch, s, touches] = find_contact(tissue_.grid, *before, tip, pose, margin, iterations);
-  if (!touches) return report;
-  LinearisedContact contact = linearise(patch, s);
-  // The block is periodic; the contact's surface is not.
-  contact.w_m -= before->wider_m(contact.patch.unknowns, contact.force_n);
+  const auto touch = find_contact(tissue_.grid, *before, tip, pose, iterations);
+  if (!touch) return report;
+  const auto& [energy, contact] = *touch;
+  const std::vector<std::size_t>& unknowns = contact.patch.unknowns;
   SolidSolver<T>& solver = factor_->solver;
-  const double asked = std::max(kCorrectionShare * force_error, 2 * modulus_->rounding);
+  const SolidOptions options{.relative_error =
+                                 std::max(kCorrectionShare * force_error, 2 * modulus_->rounding)};
   solver.use(modulus_);
-  const SolidSolution solved = solver.push(contact.patch, contact.w_m, {.relative_error = asked});
-  if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
-    throw std::domain_error(
-        fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
   auto next = std::make_shared<RecycledCompliance>(*before);
-  next->add(contact.patch.unknowns, solved.force_n, solver.surface_excess());
+  const auto learn = [&](const SolidSolution& solved) {
+    if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
+      throw std::domain_error(
+          fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
+    next->add(unknowns, solved.force_n, solver.surface_excess());
+    report.iterations += solved.iterations;
+    report.reason = to_string(solved.reason);
+  };
+  if (tip.shape == FingertipShape::kNode) {
+    // The shape of its forces is known: a load under them is exact for its force; two more, under what they
+    // change by along x and z, for its tangent.
+    for (const Index q : {0, 2}) learn(solver.load(unknowns, energy.sensitivity.col(q), options));
+    learn(solver.load(unknowns, contact.force_n, options));
+  } else {  // The block is periodic; the contact's surface is not.
+    learn(solver.push(contact.patch, contact.w_m - before->wider_m(unknowns, contact.force_n), options));
+  }
   ++corrections_;
-  report.iterations = solved.iterations;
-  report.reason = to_string(solved.reason);
   const std::lock_guard lock(mutex_);
   (tip.friction == Friction::kStuck ? stuck_ : frictionless_) = std::move(next);
   return report;
@@ -294,12 +303,11 @@ std::vector<NodalPressure> SolidContact<T>::layered_pressure(const Fingertip& ti
   double power = 1.5, before_n = 0, before_m = 0;  // of a round tip
   for (int tries = 0; tries < kMostTries; ++tries) {
     require_touchable(tissue_.grid, tip, at);
-    double margin = choices::kCandidateMargin * at[1];
     std::size_t iterations = 0;
-    const auto [patch, s, touches] = find_contact(tissue_.grid, *layered_, tip, at, margin, iterations);
-    if (!touches) break;
-    const double force = force_of(patch, s);
-    if (std::abs(force - force_n) <= kEqual * force_n) return pressure_of(tissue_.grid, patch, s);
+    const auto touch = find_contact(tissue_.grid, *layered_, tip, at, iterations);
+    if (!touch) break;
+    const double force = force_of(tissue_.grid, touch->contact);
+    if (std::abs(force - force_n) <= kEqual * force_n) return pressure_of(tissue_.grid, touch->contact);
     if (tries > 0) power = std::log(force / before_n) / std::log(at[1] / before_m);
     if (!(power > 0)) break;
     before_n = force, before_m = at[1];

@@ -51,8 +51,8 @@ class SolidContact {
   // Pose: [x, indentation, z], x and z in the block's coordinates. U(pose) = max over p_y >= 0, p_x, p_z of
   // p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in solve_contact (contact.h); frictionless: p_y
   // alone. Rounded tip: w = indentation - r^2 / (2 radius), r from its axis; flat punch: a disc of radius
-  // half_width, r beyond its rim; pad: such a disc that gives way node by node, C on S's diagonal. Throws as
-  // solve_contact does.
+  // half_width, r beyond its rim; pad: such a disc that gives way node by node, C on S's diagonal. Node: as
+  // touch_node has it. Throws as solve_contact does.
   ContactAnswer answer(const Fingertip&, const Vector3& pose,
                        double force_error = choices::kSolidForceError) const;
   // Solves the block under the contact at this pose, to what that force error takes; answers after it know

@@ -140,7 +140,7 @@ auto SolidLayer::own_track(const TouchPose& pose) -> std::deque<Track>::iterator
 
 bool SolidLayer::covers(const Fingertip& tip, const Vector3& position_m) const {
   const auto [x, y, z] = position_m;
-  const double reach = tip.shape == FingertipShape::kNode ? 0 : reach_m(tip, y, 0);
+  const double reach = tip.shape == FingertipShape::kNode ? 3 * tip.footprint_m : reach_m(tip, y, 0);
   const auto inside = [reach](double at, double begin, double end, double around) {
     return at >= begin && at < end && at - reach > begin - around && at + reach < end + around;
   };

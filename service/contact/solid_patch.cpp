@@ -42,16 +42,7 @@ void find_nodes(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose
   const double reach = reach_m(tip, pose[1], margin_m);
   const auto nx = static_cast<long>(grid.nx), nz = static_cast<long>(grid.nz);
   // Half of the period: beyond, the nearest copy of one node under the tip would be that of another.
-  if (4 * reach >= static_cast<double>(nx) * grid.spacing_x_m ||
-      4 * reach >= static_cast<double>(nz) * grid.spacing_z_m)
-    throw std::out_of_range(
-        "contact: the tip is too wide for the block of tissue; use a smaller one or press less");
-  const double nodes = std::numbers::pi * reach * reach / (grid.spacing_x_m * grid.spacing_z_m);
-  if (nodes * (tip.friction == Friction::kStuck ? 3 : 1) > static_cast<double>(choices::kMostPatchUnknowns))
-    throw std::out_of_range(fmt::format(
-        "contact: some {:.0f} nodes are under the tip, more than can be solved in time; use a smaller tip, "
-        "a coarser grid, or press less",
-        nodes));
+  require_room(grid, tip, reach, std::numbers::pi * reach * reach / (grid.spacing_x_m * grid.spacing_z_m));
   const auto first = [&](double centre, double spacing) {
     return std::lround(std::ceil((centre - reach) / spacing));
   };
@@ -81,6 +72,18 @@ void tie_sideways(const SolidGrid& grid, double compliance_m_n, SolidPatch& patc
 }
 
 }  // namespace
+
+void require_room(const SolidGrid& grid, const Fingertip& tip, double reach_m, double nodes) {
+  if (4 * reach_m >= static_cast<double>(grid.nx) * grid.spacing_x_m ||
+      4 * reach_m >= static_cast<double>(grid.nz) * grid.spacing_z_m)
+    throw std::out_of_range(
+        "contact: the tip is too wide for the block of tissue; use a smaller one or press less");
+  if (nodes * (tip.friction == Friction::kStuck ? 3 : 1) > static_cast<double>(choices::kMostPatchUnknowns))
+    throw std::out_of_range(fmt::format(
+        "contact: some {:.0f} nodes are under the tip, more than can be solved in time; use a smaller tip, "
+        "a coarser grid, or press less",
+        nodes));
+}
 
 SolidPatch patch_under(const SolidGrid& grid, const RecycledCompliance& compliance, const Fingertip& tip,
                        const Vector3& pose, double margin_m) {

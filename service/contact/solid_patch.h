@@ -27,9 +27,12 @@ struct SolidPatch {
   PatchProgramme programme;
 };
 
+// Throws std::out_of_range where twice as much as the tip reaches to both sides is not within the period, or
+// more nodes are under it than can be solved in time.
+void require_room(const SolidGrid&, const Fingertip&, double reach_m, double nodes);
+
 // All nodes that overlap by more than -margin. pose: [x, indentation, z] in the block's coordinates. Throws
-// std::out_of_range where the tip is wider than half of the period, or has more nodes under it than can be
-// solved in time.
+// as require_room().
 SolidPatch patch_under(const SolidGrid&, const RecycledCompliance&, const Fingertip&, const Vector3& pose,
                        double margin_m);
 

@@ -296,6 +296,20 @@ TEST(SolidScene, APadIsForSolidsAlone) {
   }
 }
 
+TEST(SolidScene, ANodeTouchesIt) {
+  for (const double footprint_m : {0.0, 0.0015}) {
+    TouchOptions node;
+    node.fingertip = {.shape = FingertipShape::kNode, .footprint_m = footprint_m};
+    TouchSession session(scene_of(with_ball()), node, test_device());
+    const TouchAnswer over = touched(session, kBallX, 0.001, kBallZ);
+    ASSERT_EQ(over.status, TouchStatus::kOk) << over.warning;
+    EXPECT_LE(over.contact.solve.relative_error, choices::kSolidForceError);
+    const TouchAnswer edge = touched(session, 0.001, 0.001, 0.0175);
+    ASSERT_EQ(edge.status, TouchStatus::kOk) << edge.warning;
+    EXPECT_GT(over.contact.force_n[1] / edge.contact.force_n[1], 1.02) << "the ball is felt";
+  }
+}
+
 // Float leaves more than is asked: the answer says so, and is not refused.
 TEST(SolidScene, NearlyIncompressibleTissueIsDegraded) {
   SceneGeometry g = tissue(kWidthM, kDepthM);

@@ -101,8 +101,11 @@ struct Felt {
 
 service::Fingertip tip_of(const client::TouchRecord& touch) {
   if (!touch.untold.empty()) throw BenchError(touch.untold);
-  if (touch.finger.shape == client::FingerShape::kNode) throw BenchError("touched by a node; solids are not");
   service::Fingertip tip;
+  if (touch.finger.shape == client::FingerShape::kNode) {
+    tip.shape = service::FingertipShape::kNode, tip.footprint_m = touch.finger.footprint_m;
+    if (!(tip.footprint_m > 0)) throw BenchError("touched by one node of its mesh: others feel another tip");
+  }
   if (touch.finger.shape == client::FingerShape::kFlatPunch) tip.shape = service::FingertipShape::kFlatPunch;
   tip.radius_m = touch.finger.radius_m, tip.half_width_m = touch.finger.half_width_m;
   return tip;
