@@ -8,6 +8,7 @@
 
 #include "client/commands/commands.h"
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
 namespace teletact::client {
@@ -23,7 +24,7 @@ void give_deadline(grpc::ClientContext& context) {
 }
 
 void print(const v1::Scene& scene) {
-  std::printf("%s  %.3f x %.3f m, version %lu, %d windows:", scene.scene_id().c_str(),
+  std::printf("%s  %s, %.3f x %.3f m, version %lu, %d windows:", scene.scene_id().c_str(), kind_of(scene),
               scene.geometry().size_m(0), scene.geometry().size_m(1),
               static_cast<unsigned long>(scene.version()), scene.windows_size());
   for (const v1::Window& window : scene.windows())

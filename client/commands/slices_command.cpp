@@ -19,7 +19,7 @@ namespace teletact::client {
 namespace {
 
 struct Arguments {
-  std::string address, tls_ca, scene_id, volume;
+  std::string address, tls_ca, scene_id, volume, log_std;
   std::uint64_t seed = 1;
   double poisson_ratio = SolidPatient::kPoissonRatio, every_s = 0;
 };
@@ -27,7 +27,8 @@ struct Arguments {
 class Stack {
  public:
   // Throws CommandError where the volume is no such stack.
-  explicit Stack(const MetaImage& image, const std::string& name) : image_(image), pa_(image.as<float>()) {
+  explicit Stack(const MetaImage& image, const std::string& name)
+      : image_(image), values_(image.as<float>()) {
     const auto refuse = [&](const std::string& why) { throw CommandError(name + ": " + why); };
     if (image.size.size() != 3 || image.channels != 1)
       refuse("slices take one value for each element along x, y and z (NDims = 3, one channel)");
@@ -42,16 +43,15 @@ class Stack {
   double size_m(std::size_t axis) const {
     return static_cast<double>(image_.size[axis]) * image_.spacing[axis];
   }
-  v1::ModulusSlice slice(std::size_t k) const {
-    v1::ModulusSlice out;
-    for (const double o : {0.0, 0.0, z_m(k)}) out.mutable_pose()->add_origin_m(o);
-    v1::Array& array = *out.mutable_modulus()->mutable_youngs_modulus_pa();
+  v1::Array plane(std::size_t k) const {
+    v1::Array array;
     array.set_dtype(v1::DATA_TYPE_FLOAT32);
     for (const std::size_t n : {image_.size[1], image_.size[0]}) array.add_shape(static_cast<unsigned>(n));
     const std::size_t plane = image_.size[0] * image_.size[1];
-    array.set_data(pa_.data() + k * plane, plane * sizeof(float));
-    return out;
+    array.set_data(values_.data() + k * plane, plane * sizeof(float));
+    return array;
   }
+  // Without slices.
   v1::CreateSceneRequest scene(const Arguments& arguments) const {
     v1::CreateSceneRequest out;
     out.set_scene_id(arguments.scene_id);
@@ -64,13 +64,12 @@ class Stack {
     for (std::size_t n = 0; n <= image_.size[0]; ++n) out.mutable_modulus()->add_x_m(node(0, n));
     for (std::size_t n = 0; n <= image_.size[1]; ++n) out.mutable_modulus()->add_y_m(node(1, n));
     for (std::size_t n = 0; n <= image_.size[2]; ++n) out.mutable_modulus()->add_z_m(node(2, n));
-    *out.add_slices() = slice(0);
     return out;
   }
 
  private:
   const MetaImage& image_;
-  std::vector<float> pa_;
+  std::vector<float> values_;
 };
 
 template <class Call>
@@ -86,11 +85,25 @@ void run(const Arguments& arguments) {
   const MetaImage image = arguments.volume.empty() ? modulus_volume(random_solid_patient(arguments.seed))
                                                    : read_metaimage(arguments.volume);
   const Stack stack(image, arguments.volume.empty() ? "--seed" : arguments.volume);
+  const std::optional<MetaImage> log_std =
+      arguments.log_std.empty() ? std::nullopt : std::optional(read_metaimage(arguments.log_std));
+  const auto deviation =
+      log_std ? std::optional<Stack>(std::in_place, *log_std, arguments.log_std) : std::nullopt;
+  if (log_std && log_std->size != image.size)
+    throw CommandError(arguments.log_std + ": give one value for each element of the volume");
+  const auto slice = [&](std::size_t k) {
+    v1::ModulusSlice out;
+    for (const double o : {0.0, 0.0, stack.z_m(k)}) out.mutable_pose()->add_origin_m(o);
+    *out.mutable_modulus()->mutable_youngs_modulus_pa() = stack.plane(k);
+    if (deviation) *out.mutable_youngs_modulus_log_std() = deviation->plane(k);
+    return out;
+  };
   const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.tls_ca, say));
+  v1::CreateSceneRequest wanted = stack.scene(arguments);
+  *wanted.add_slices() = slice(0);
   v1::Scene scene;
-  call("make scene '" + arguments.scene_id + "'", [&](grpc::ClientContext& context) {
-    return stub->CreateScene(&context, stack.scene(arguments), &scene);
-  });
+  call("make scene '" + arguments.scene_id + "'",
+       [&](grpc::ClientContext& context) { return stub->CreateScene(&context, wanted, &scene); });
   const auto told = [&](std::size_t k, std::uint64_t version) {
     std::printf("slice %zu of %zu at z %.1f mm can be touched: version %llu\n", k + 1, stack.slices(),
                 1e3 * stack.z_m(k), static_cast<unsigned long long>(version));
@@ -101,7 +114,7 @@ void run(const Arguments& arguments) {
     std::this_thread::sleep_for(std::chrono::duration<double>(arguments.every_s));
     v1::PublishSliceRequest request;
     request.set_scene_id(arguments.scene_id);
-    *request.mutable_slice() = stack.slice(k);
+    *request.mutable_slice() = slice(k);
     v1::PublishSliceResponse response;
     call("publish slice " + std::to_string(k + 1),
          [&](grpc::ClientContext& context) { return stub->PublishSlice(&context, request, &response); });
@@ -123,6 +136,11 @@ void add_slices_command(CLI::App& app) {
       "--volume", arguments->volume,
       "Young's modulus (Pa) as a MetaImage (.mha) along x, y and z; without it a simulated patient's");
   command.add_option("--seed", arguments->seed, "which simulated patient")->excludes(volume);
+  command
+      .add_option("--log-std", arguments->log_std,
+                  "standard deviation of the modulus' logarithm, of the volume's elements (.mha); without it "
+                  "the modulus is taken as exact")
+      ->needs(volume);
   command.add_option("--poisson-ratio", arguments->poisson_ratio, "of all of it, below 0.5")
       ->check(zero_or_more());
   command.add_option("--every-s", arguments->every_s, "wait so long before each further slice")

@@ -14,6 +14,19 @@ grpc::Status get_scene(v1::Palpation::Stub& stub, const std::string& scene_id, v
   return stub.GetScene(&context, request, &scene);
 }
 
+const char* kind_of(const v1::Scene& scene) {
+  switch (scene.kind()) {
+    case v1::SCENE_KIND_PLANE:
+      return "plane";
+    case v1::SCENE_KIND_EXTRUDED:
+      return "extruded";
+    case v1::SCENE_KIND_SOLID:
+      return "solid";
+    default:
+      return "tissue";
+  }
+}
+
 std::vector<Extent> touchable_extents(const v1::Scene& scene) {
   constexpr double kRoundingM = 1e-6;
   std::vector<Extent> windows, extents;

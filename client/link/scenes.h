@@ -14,6 +14,9 @@ namespace teletact::client {
 grpc::Status get_scene(v1::Palpation::Stub& stub, const std::string& scene_id, v1::SceneView view,
                        v1::Scene& scene, std::chrono::seconds within = {});
 
+// What a scene is, in a word: "plane", "extruded", "solid"; "tissue" where the service does not say.
+const char* kind_of(const v1::Scene& scene);
+
 struct Extent {
   double begin_x_m = 0, end_x_m = 0;
 };

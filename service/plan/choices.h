@@ -112,6 +112,8 @@ inline constexpr std::size_t kMostCorrections = 8;
 // The layers of a solid's factor are made anew once ln E0 of one has drifted so far from the others (T8.7). A
 // touch farther than this from the nearest slice is of tissue that nobody measured.
 inline constexpr double kMostDrift = 0.02, kSliceReach = 0.005;
+// Standard deviation of ln E of such tissue: two of it are a factor of three, which few lumps are beyond.
+inline constexpr double kUnseenDeviation = 0.55;
 
 // Of an acquisition that does not state them: standard deviations of the force sensor and of the contact
 // area, over their values; the largest strain that is looked for; the Poisson ratio.

@@ -142,6 +142,9 @@ ModulusSlice slice_from(const std::string& field, const v1::ModulusSlice& in, co
   slice.y_m.assign(map.y_m().begin(), map.y_m().end());
   slice.youngs_modulus_pa = values_from(field + ".modulus.youngs_modulus_pa", map.youngs_modulus_pa(),
                                         {solid.y_m.size() - 1, solid.x_m.size() - 1});
+  if (in.has_youngs_modulus_log_std())
+    slice.log_deviation = values_from(field + ".youngs_modulus_log_std", in.youngs_modulus_log_std(),
+                                      {solid.y_m.size() - 1, solid.x_m.size() - 1});
   return slice;
 }
 

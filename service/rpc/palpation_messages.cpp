@@ -112,6 +112,11 @@ CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
   return view;
 }
 
+v1::SceneKind kind_of(const SceneSnapshot& snapshot) {
+  if (!snapshot.modulus || !snapshot.modulus->solid()) return v1::SCENE_KIND_PLANE;
+  return extruded(*snapshot.modulus) ? v1::SCENE_KIND_EXTRUDED : v1::SCENE_KIND_SOLID;
+}
+
 void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1::WindowEvidence* out) {
   for (const std::string& warning : in.warnings) out->add_warnings(warning);
   if (lone) out->add_warnings(kLoneWarning);
@@ -149,6 +154,7 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
   out->set_scene_id(scene.id());
   geometry_to(scene.geometry(), out->mutable_geometry());
   out->set_version(snapshot->version);
+  out->set_kind(kind_of(*snapshot));
   if (snapshot->modulus)
     for (const double z_m : snapshot->modulus->slices_m) out->add_slices_z_m(z_m);
   for (const auto& window : snapshot->windows) {

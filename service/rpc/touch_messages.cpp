@@ -62,7 +62,8 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
       pad_from(in.fingertip(), tip);
       break;
     default:
-      throw std::invalid_argument("open.fingertip.shape: unknown; use NODE, FLAT_PUNCH, ROUNDED_TIP, PAD or SPHERE");
+      throw std::invalid_argument(
+          "open.fingertip.shape: unknown; use NODE, FLAT_PUNCH, ROUNDED_TIP, PAD or SPHERE");
   }
   tip.friction = in.fingertip().stuck() ? Friction::kStuck : Friction::kFrictionless;
   if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();
@@ -198,6 +199,7 @@ void answer_to(const TouchStream::Arrived& asked, const TouchStream::Answered& a
   out->set_largest_strain(c.largest_strain);
   out->set_warning(in.warning);
   for (const std::string& flag : in.window_flags) out->add_window_flags(flag);
+  if (in.log_deviation) out->set_youngs_modulus_log_std(*in.log_deviation);
   region_to(in.covered, out->mutable_covered());
   if (answered.tactile) tactile_to(*answered.tactile, out->mutable_tactile());
 }

@@ -19,8 +19,8 @@ std::shared_ptr<const ExplicitModulus> charged(ExplicitModulus e, const MemoryAc
     Charge charge;
     ExplicitModulus modulus;
   };
-  const std::size_t values =
-      e.x_m.size() + e.y_m.size() + e.z_m.size() + e.slices_m.size() + e.youngs_modulus_pa.size();
+  const std::size_t values = e.x_m.size() + e.y_m.size() + e.z_m.size() + e.slices_m.size() +
+                             e.youngs_modulus_pa.size() + e.log_deviation.size();
   auto held = std::make_shared<const Charged>(
       Charged{account.charge(Place::kHost, "maps", values * sizeof(double)), std::move(e)});
   return {held, &held->modulus};

@@ -17,8 +17,9 @@ using nlohmann::json;
 
 namespace {
 
-// 1 had neither evidence nor deviations, 2 no slices; they are still read. Without slices 2 is written.
-constexpr int kFormat = 3, kWithoutSlices = 2, kFirstFormat = 1;
+// 1 had neither evidence nor deviations, 2 no slices, 3 none that state deviations; they are still read. What
+// has no slices is written as 2, what states no deviations of them as 3.
+constexpr int kFormat = 4, kExactSlices = 3, kWithoutSlices = 2, kFirstFormat = 1;
 
 // FNV-1a, 64 bit: tells a damaged file from a whole one.
 std::string checksum(std::string_view bytes) {
@@ -121,9 +122,10 @@ EncodedScene encoded(const SceneRecord& record) {
     const ExplicitModulus& e = *record.explicit_modulus;
     scene["explicit_nodes"] = {e.x_m.size(), e.y_m.size()};
     if (e.solid()) scene["explicit_nodes"].push_back(e.z_m.size());
-    if (!e.slices_m.empty()) scene["slices"] = e.slices_m.size(), scene["format"] = kFormat;
+    if (!e.slices_m.empty()) scene["slices"] = e.slices_m.size(), scene["format"] = kExactSlices;
+    if (!e.log_deviation.empty()) scene["log_deviation"] = true, scene["format"] = kFormat;
     append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.slices_m);
-    append(raw, e.youngs_modulus_pa);
+    append(raw, e.youngs_modulus_pa), append(raw, e.log_deviation);
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -167,6 +169,7 @@ SceneRecord decoded(const std::string& description,
     if (solid) e.z_m = take<double>(rest, nz);
     if (scene.contains("slices")) e.slices_m = take<double>(rest, scene["slices"]);
     e.youngs_modulus_pa = take<double>(rest, (nx - 1) * (ny - 1) * e.slices());
+    if (scene.value("log_deviation", false)) e.log_deviation = take<double>(rest, e.youngs_modulus_pa.size());
     record.explicit_modulus = std::move(e);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/plan/choices.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -36,6 +37,46 @@ void check(const std::string& field, const ModulusSlice& slice, const ExplicitMo
     throw std::invalid_argument(fmt::format("{}.modulus.youngs_modulus_pa: {} values for {} elements", field,
                                             slice.youngs_modulus_pa.size(), elements));
   check_moduli(field + ".modulus.youngs_modulus_pa", slice.youngs_modulus_pa);
+  const std::vector<double>& deviation = slice.log_deviation;
+  const std::string of_deviation = field + ".youngs_modulus_log_std";
+  if (!deviation.empty() && deviation.size() != elements)
+    throw std::invalid_argument(
+        fmt::format("{}: {} values for {} elements", of_deviation, deviation.size(), elements));
+  constexpr double kMost = 10;
+  for (std::size_t n = 0; n < deviation.size(); ++n)
+    if (!(deviation[n] >= 0 && deviation[n] <= kMost))
+      throw std::invalid_argument(
+          fmt::format("{}[{}]: {} is not within [0, {}]", of_deviation, n, deviation[n], kMost));
+}
+
+// Puts a slice's values among the others', at `slice` of theirs.
+void put(std::vector<double>& all, std::size_t slice, const std::vector<double>& own, bool in_its_place) {
+  const auto to = all.begin() + static_cast<std::ptrdiff_t>(slice * own.size());
+  if (in_its_place)
+    std::copy(own.begin(), own.end(), to);
+  else
+    all.insert(to, own.begin(), own.end());
+}
+
+// Puts it there; where one states deviations the others are exact.
+void put(ExplicitModulus& all, std::size_t at, const ModulusSlice& slice, bool in_its_place) {
+  if (!slice.log_deviation.empty() || !all.log_deviation.empty()) {
+    all.log_deviation.resize(all.youngs_modulus_pa.size());
+    std::vector<double> own = slice.log_deviation;
+    own.resize(slice.youngs_modulus_pa.size());
+    put(all.log_deviation, at, own, in_its_place);
+  }
+  put(all.youngs_modulus_pa, at, slice.youngs_modulus_pa, in_its_place);
+}
+
+double nearest_slice_m(const ExplicitModulus& e, double z_m) {
+  double nearest_m = HUGE_VAL;
+  for (const double slice_m : e.slices_m) nearest_m = std::min(nearest_m, std::abs(slice_m - z_m));
+  return nearest_m;
+}
+
+double squared(double value) {
+  return value * value;
 }
 
 void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits& limits) {
@@ -72,9 +113,8 @@ ExplicitModulus stacked(ExplicitModulus grid, const std::vector<ModulusSlice>& s
       throw std::invalid_argument(
           fmt::format("{}.pose.origin_m[2]: {} m has another slice already; give one for each place", name(n),
                       slice.z_m));
+    put(grid, grid.slices_m.size(), slice, false);
     grid.slices_m.push_back(slice.z_m);
-    grid.youngs_modulus_pa.insert(grid.youngs_modulus_pa.end(), slice.youngs_modulus_pa.begin(),
-                                  slice.youngs_modulus_pa.end());
   }
   return grid;
 }
@@ -87,22 +127,64 @@ GrownModulus with_slice(const ExplicitModulus& old, const ModulusSlice& slice, c
     for (std::size_t n = 0; n < old.slices(); ++n) places.push_back(old.slice_m(n));
   const auto at = std::lower_bound(places.begin(), places.end(), slice.z_m - kSameSliceM);
   out.slice = static_cast<std::size_t>(at - places.begin());
-  std::vector<double>& all = out.modulus.youngs_modulus_pa;
-  const auto to = all.begin() + static_cast<std::ptrdiff_t>(out.slice * slice.youngs_modulus_pa.size());
-  if (at != places.end() && *at - slice.z_m < kSameSliceM) {
-    std::copy(slice.youngs_modulus_pa.begin(), slice.youngs_modulus_pa.end(), to);
-    return out;
-  }
-  require_room(old, places.size() + 1, limits);
-  places.insert(at, slice.z_m);
-  all.insert(to, slice.youngs_modulus_pa.begin(), slice.youngs_modulus_pa.end());
+  const bool in_its_place = at != places.end() && *at - slice.z_m < kSameSliceM;
+  if (!in_its_place) require_room(old, places.size() + 1, limits);
+  put(out.modulus, out.slice, slice, in_its_place);
+  if (!in_its_place) places.insert(at, slice.z_m);
   return out;
+}
+
+bool extruded(const ExplicitModulus& e) {
+  const auto second =
+      e.youngs_modulus_pa.begin() + static_cast<std::ptrdiff_t>((e.x_m.size() - 1) * (e.y_m.size() - 1));
+  return std::equal(second, e.youngs_modulus_pa.end(), e.youngs_modulus_pa.begin());
+}
+
+Between between(const ExplicitModulus& e, double z_m) {
+  constexpr double kRounding = 1e-9;
+  Between at;
+  const std::size_t slices = e.slices();
+  while (at.after + 1 < slices && e.slice_m(at.after) < z_m) at.before = at.after++;
+  const double first_m = e.slice_m(at.before), second_m = e.slice_m(at.after);
+  if (second_m < z_m) return {at.after, at.after, 0};
+  if (second_m > first_m) at.share = std::clamp((z_m - first_m) / (second_m - first_m), 0.0, 1.0);
+  if (at.share < kRounding) return {at.before, at.before, 0};
+  return at.share > 1 - kRounding ? Between{at.after, at.after, 0} : at;
+}
+
+std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, double z_m) {
+  if (e.slices_m.empty()) return std::nullopt;
+  const auto element = [](const std::vector<double>& nodes_m, double at_m) {
+    const auto above = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
+    return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
+  };
+  const std::size_t first = element(e.x_m, x_m - choices::kWidestReach / 2),
+                    last = element(e.x_m, x_m + choices::kWidestReach / 2),
+                    deepest = element(e.y_m, choices::kFeltDepth), nx = e.x_m.size() - 1,
+                    plane = nx * (e.y_m.size() - 1);
+  const Between at = between(e, z_m);
+  const double *near = e.youngs_modulus_pa.data() + at.before * plane,
+               *far = e.youngs_modulus_pa.data() + at.after * plane;
+  double variances = 0, area = 0;
+  for (std::size_t j = 0; j <= deepest; ++j)
+    for (std::size_t i = first; i <= last; ++i) {
+      const std::size_t n = i + nx * j;
+      const double size = (e.x_m[i + 1] - e.x_m[i]) * (e.y_m[j + 1] - e.y_m[j]);
+      const double differ = at.share > 0 ? std::log(far[n] / near[n]) : 0;
+      double variance = at.share * (1 - at.share) * differ * differ;
+      if (!e.log_deviation.empty())
+        variance += (1 - at.share) * squared(e.log_deviation[at.before * plane + n]) +
+                    at.share * squared(e.log_deviation[at.after * plane + n]);
+      variances += size * variance;
+      area += size;
+    }
+  const double unseen = std::min(1.0, nearest_slice_m(e, z_m) / choices::kSliceReach);
+  return std::sqrt(variances / area + squared(choices::kUnseenDeviation * unseen));
 }
 
 double from_slices_m(const ExplicitModulus& e, double z_m) {
   if (e.slices_m.empty()) return 0;
-  double nearest_m = HUGE_VAL;
-  for (const double slice_m : e.slices_m) nearest_m = std::min(nearest_m, std::abs(slice_m - z_m));
+  const double nearest_m = nearest_slice_m(e, z_m);
   const double spacing_m = (e.z_m.back() - e.z_m.front()) / static_cast<double>(e.z_m.size() - 1);
   return nearest_m <= spacing_m / 2 ? 0 : nearest_m;
 }

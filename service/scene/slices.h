@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,8 @@ struct ModulusSlice {
   double z_m = 0;
   // Nodes, which must be the solid's own; both empty: they are.
   std::vector<double> x_m, y_m;
-  std::vector<double> youngs_modulus_pa;  // of each element between them, x fastest; > 0
+  std::vector<double> youngs_modulus_pa;   // of each element between them, x fastest; > 0
+  std::vector<double> log_deviation = {};  // standard deviation of ln E of each; empty: exact
 };
 
 // All of them, in any order, on the nodes of `grid`. Throws std::invalid_argument (field named: slices[n])
@@ -35,6 +37,20 @@ GrownModulus with_slice(const ExplicitModulus&, const ModulusSlice&, const Limit
 
 // Young's moduli, Pa, that a model can be made of. Throws std::invalid_argument, field[n] named.
 void check_moduli(const std::string& field, const std::vector<double>& youngs_modulus_pa);
+
+// Whether a solid's modulus is the same for every z.
+bool extruded(const ExplicitModulus&);
+
+// A place between two slices: how far it is from the one to the other.
+struct Between {
+  std::size_t before = 0, after = 0;
+  double share = 0;
+};
+Between between(const ExplicitModulus&, double z_m);
+
+// Standard deviation of ln E there, root mean square over the elements around (x, z) that a touch on the
+// surface feels (T8.7); none where the modulus was given throughout.
+std::optional<double> felt_log_deviation(const ExplicitModulus&, double x_m, double z_m);
 
 // How far z is from the nearest slice; 0 within half a spacing of the solid's nodes, and where the modulus is
 // given throughout.

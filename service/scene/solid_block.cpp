@@ -10,6 +10,7 @@
 
 #include "service/device/look.h"
 #include "service/plan/choices.h"
+#include "service/scene/slices.h"
 
 namespace teletact::service {
 namespace {
@@ -62,23 +63,6 @@ void require_modelled(const SolidGrid& grid) {
 std::size_t given_of(std::size_t column, std::size_t given, std::size_t columns) {
   if (column < given) return column;
   return column < given + (columns - given) / 2 ? given - 1 : 0;
-}
-
-// A column along z of the block, between two slices: how far from the one to the other.
-struct Between {
-  std::size_t before = 0, after = 0;
-  double share = 0;
-};
-Between between(const ExplicitModulus& e, double z_m) {
-  constexpr double kRounding = 1e-9;
-  Between at;
-  const std::size_t slices = e.slices();
-  while (at.after + 1 < slices && e.slice_m(at.after) < z_m) at.before = at.after++;
-  const double first_m = e.slice_m(at.before), second_m = e.slice_m(at.after);
-  if (second_m < z_m) return {at.after, at.after, 0};
-  if (second_m > first_m) at.share = std::clamp((z_m - first_m) / (second_m - first_m), 0.0, 1.0);
-  if (at.share < kRounding) return {at.before, at.before, 0};
-  return at.share > 1 - kRounding ? Between{at.after, at.after, 0} : at;
 }
 
 // The columns along z that `wanted`.

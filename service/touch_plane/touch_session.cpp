@@ -311,6 +311,8 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   // These are said, but no reason to fade the force: it is the linear model's on this mesh, and continuous.
   answer.warning = touched_->remark(options_.fingertip, pose);
   if (c.state == ContactState::kNoContact) return;
+  if (snapshot.modulus)
+    answer.log_deviation = felt_log_deviation(*snapshot.modulus, pose.position_m[0], pose.position_m[2]);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };

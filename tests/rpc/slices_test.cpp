@@ -43,11 +43,11 @@ class SliceCalls : public OnOneServer {
     v1::PublishSliceResponse response;
     return stub->PublishSlice(&context, request, out ? out : &response);
   }
-  v1::Scene scene() const {
+  v1::Scene scene(const std::string& id = "grows") const {
     grpc::ClientContext context;
     set_deadline(context);
     v1::GetSceneRequest request;
-    request.set_scene_id("grows");
+    request.set_scene_id(id);
     request.set_view(v1::SCENE_VIEW_FULL);
     v1::Scene out;
     EXPECT_TRUE(stub->GetScene(&context, request, &out).ok());
@@ -64,6 +64,8 @@ TEST_F(SliceCalls, AreFeltByWhoTouchesMeanwhile) {
   ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
   const double soft = answer.force_n(1);
   EXPECT_EQ(answer.model_version(), scene().version());
+  EXPECT_EQ(scene().kind(), v1::SCENE_KIND_EXTRUDED);
+  EXPECT_EQ(scene("s").kind(), v1::SCENE_KIND_PLANE);
   v1::PublishSliceResponse published;
   ASSERT_TRUE(publish(slice_at(0.004, 2e4F), &published).ok());
   EXPECT_GT(published.version(), answer.model_version());
@@ -73,6 +75,7 @@ TEST_F(SliceCalls, AreFeltByWhoTouchesMeanwhile) {
   EXPECT_GE(answer.model_version(), published.version()) << "once it answers it is touched";
   EXPECT_LT(answer.force_n(1), 1.05 * soft);
   EXPECT_EQ(answer.window_id(), published.window_id());
+  EXPECT_EQ(scene().kind(), v1::SCENE_KIND_SOLID);
   const v1::Scene now = scene();
   ASSERT_EQ(now.slices_z_m_size(), 2);
   EXPECT_EQ(now.slices_z_m(1), 0.004);
@@ -83,6 +86,26 @@ TEST_F(SliceCalls, AreFeltByWhoTouchesMeanwhile) {
   float shown = 0;
   std::memcpy(&shown, scene().youngs_modulus().values().data().data(), sizeof(float));
   EXPECT_NEAR(shown, 1e4, 1);
+}
+
+TEST_F(SliceCalls, WhatTheyAreUncertainOfIsStatedWithTheForce) {
+  v1::CreateSceneRequest request = growing("doubtful");
+  set_values(request.mutable_slices(0)->mutable_youngs_modulus_log_std(), {kRows, kColumns},
+             std::vector<float>(kColumns * kRows, 0.25F));
+  ASSERT_TRUE(server->create(request).ok());
+  const auto stated = [&](const std::string& scene) {
+    Toucher toucher(channel, scene);
+    EXPECT_TRUE(toucher.opened());
+    v1::TouchAnswer answer;
+    EXPECT_TRUE(toucher.touch(0.02, 0.002, &answer));
+    EXPECT_LT(answer.force_n(1), 0) << answer.warning();
+    return answer.has_youngs_modulus_log_std() ? answer.youngs_modulus_log_std() : -1;
+  };
+  EXPECT_NEAR(stated("doubtful"), 0.25, 1e-6);
+  v1::ModulusSlice exact = slice_at(0, 1e4F);
+  ASSERT_TRUE(publish(exact, nullptr, "doubtful").ok());
+  EXPECT_EQ(stated("doubtful"), 0);
+  EXPECT_EQ(stated("s"), -1) << "a plane scene's windows state theirs";
 }
 
 TEST_F(SliceCalls, ThatMakeNoSenseAreNamed) {
@@ -113,6 +136,11 @@ TEST_F(SliceCalls, ThatMakeNoSenseAreNamed) {
           "modulus.youngs_modulus_pa.data");
   refused([](auto& s) { s.mutable_modulus()->mutable_youngs_modulus_pa()->set_shape(0, 9); },
           "modulus.youngs_modulus_pa.shape");
+  refused(
+      [](auto& s) {
+        set_values(s.mutable_youngs_modulus_log_std(), {2, 2}, std::vector<float>(4));
+      },
+      "youngs_modulus_log_std.shape");
   for (const float e : {0.0F, -1.0F, std::numeric_limits<float>::quiet_NaN()})
     refused([e](auto& s) { s = slice_at(0.006, e); }, "modulus.youngs_modulus_pa[0]");
   expect_refused(publish(slice_at(0, 1e4F), nullptr, "s"), FAILED_PRECONDITION, "scene_id");

@@ -48,6 +48,68 @@ TEST(Slices, OneByOneTheyMakeWhatTheyMakeTogether) {
   EXPECT_EQ(grown.youngs_modulus_pa, together.youngs_modulus_pa);
 }
 
+TEST(Slices, AreExtrudedWhileAllAreEqual) {
+  ExplicitModulus e = stack({0.015});
+  EXPECT_TRUE(extruded(e)) << "one slice";
+  e = with_slice(e, slice_at(-0.015), Limits{}).modulus;
+  EXPECT_TRUE(extruded(e)) << "both beside the ball";
+  EXPECT_FALSE(extruded(with_slice(e, slice_at(kBallZ), Limits{}).modulus));
+  e = grid();
+  e.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
+  EXPECT_TRUE(extruded(e));
+  e.youngs_modulus_pa.back() = 2e4;
+  EXPECT_FALSE(extruded(e));
+}
+
+ModulusSlice uniform(double z_m, double pa, double deviation) {
+  ModulusSlice slice{z_m, {}, {}, std::vector<double>(240, pa)};
+  if (deviation > 0) slice.log_deviation.assign(240, deviation);
+  return slice;
+}
+
+TEST(Slices, TheirDeviationGrowsBetweenThem) {
+  const ExplicitModulus e =
+      stacked(grid(), {uniform(-0.004, 1e4, 0.1), uniform(0.004, 3e4, 0), uniform(0.006, 3e4, 0.2)}, {});
+  const auto at = [&](double z_m) { return felt_log_deviation(e, kBallX, z_m).value(); };
+  EXPECT_NEAR(at(-0.004), 0.1, 1e-12);
+  EXPECT_NEAR(at(0.004), 0, 1e-12) << "exact where it states none";
+  EXPECT_NEAR(at(0.006), 0.2, 1e-12);
+  // By hand: a quarter of the way 2 mm from the nearest; then amid slices that do not differ.
+  const double differ = std::log(3.0), seen = 0.75 * 0.01 + 0.25 * 0.75 * differ * differ;
+  EXPECT_NEAR(at(-0.002), std::sqrt(seen + std::pow(choices::kUnseenDeviation * 0.4, 2)), 1e-12);
+  EXPECT_NEAR(at(0.005), std::sqrt(0.5 * 0.04 + std::pow(choices::kUnseenDeviation * 0.2, 2)), 1e-12);
+  for (double z_m = -0.004; z_m < -0.0005; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
+  for (double z_m = 0.006; z_m < 0.010; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
+  EXPECT_DOUBLE_EQ(at(0.012), at(0.018)) << "no farther than what nobody measured";
+  ExplicitModulus throughout = grid();
+  throughout.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
+  EXPECT_FALSE(felt_log_deviation(throughout, kBallX, 0));
+}
+
+// What the finger feels: not what is far from it, at its side or below.
+TEST(Slices, TheirDeviationIsThatUnderTheFinger) {
+  ModulusSlice slice = uniform(0, 1e4, 0.1);
+  for (std::size_t n = 0; n < 240; ++n)
+    if (n % 24 >= 16 || n / 24 >= 9) slice.log_deviation[n] = 1;
+  const ExplicitModulus e = stacked(grid(), {slice}, {});
+  EXPECT_NEAR(felt_log_deviation(e, 0.016, 0).value(), 0.1, 1e-12);
+  EXPECT_GT(felt_log_deviation(e, 0.028, 0).value(), 0.3);
+  EXPECT_GT(felt_log_deviation(e, 0.047, 0).value(), 0.9);
+}
+
+TEST(Slices, DeviationsComeOneByOneAsTheyComeTogether) {
+  const std::vector<ModulusSlice> all{uniform(-0.004, 1e4, 0), uniform(0.001, 2e4, 0.3),
+                                      uniform(0.004, 3e4, 0)};
+  ExplicitModulus grown = stacked(grid(), {all[2]}, {});
+  EXPECT_TRUE(grown.log_deviation.empty());
+  for (const std::size_t n : {0, 1}) grown = with_slice(grown, all[n], {}).modulus;
+  EXPECT_EQ(grown.log_deviation, stacked(grid(), all, {}).log_deviation);
+  EXPECT_EQ(grown.log_deviation[239], 0);
+  EXPECT_EQ(grown.log_deviation[240], 0.3);
+  grown = with_slice(grown, uniform(0.001, 2e4, 0), {}).modulus;
+  EXPECT_EQ(grown.log_deviation, std::vector<double>(3 * 240)) << "another in its place, which states none";
+}
+
 // A solid given throughout takes slices too: its own are in the middle of its elements.
 TEST(Slices, AreTakenByASolidThatWasGivenThroughout) {
   ExplicitModulus e = grid();
@@ -76,6 +138,10 @@ TEST(Slices, AreRefusedByName) {
   for (const double e : {0.0, -1.0, 0.99, 1.01e12, 1e300, kNan, HUGE_VAL})
     refused([e](ModulusSlice& s) { s.youngs_modulus_pa[7] = e; }, "slice.modulus.youngs_modulus_pa[7]");
   refused([](ModulusSlice& s) { s.youngs_modulus_pa.pop_back(); }, "slice.modulus.youngs_modulus_pa");
+  for (const double deviation : {-0.1, 10.1, kNan})
+    refused([&](ModulusSlice& s) { s.log_deviation.assign(240, 0), s.log_deviation[7] = deviation; },
+            "slice.youngs_modulus_log_std[7]");
+  refused([](ModulusSlice& s) { s.log_deviation.assign(239, 0); }, "slice.youngs_modulus_log_std");
   refused([](ModulusSlice& s) { s.x_m = grid().x_m, s.x_m[3] += 1e-4; }, "slice.modulus.x_m");
   refused([](ModulusSlice& s) { s.y_m = grid().y_m, s.y_m.pop_back(); }, "slice.modulus.y_m");
   ModulusSlice same = slice_at(0.004);
@@ -127,6 +193,13 @@ TEST(Slices, AreKeptOnDisk) {
   TouchSession one(scene, {}, test_device()), other(restored, {}, test_device());
   const double force = one.solve({kBallX, 0.002, 0.0}).contact.force_n[1];
   EXPECT_NEAR(other.solve({kBallX, 0.002, 0.0}).contact.force_n[1], force, 2e-3 * std::abs(force));
+  EXPECT_TRUE(again.explicit_modulus->log_deviation.empty());
+  scene->publish(uniform(0.005, 1e4, 0.2));
+  const EncodedScene doubtful = encoded(scene->record());
+  EXPECT_EQ(decoded(
+                doubtful.description, [&](const std::string&) { return doubtful.map; }, Limits{})
+                .explicit_modulus->log_deviation,
+            scene->snapshot()->modulus->log_deviation);
   std::string broken = kept.description;
   broken.replace(broken.find("\"slices\": 3"), 11, "\"slices\": 9");
   EXPECT_THROW(decoded(
