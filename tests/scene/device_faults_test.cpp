@@ -2,8 +2,12 @@
 // it: the answer says so and bears no force, and the model stays touchable through its compliance.
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <cmath>
 #include <string>
+#include <thread>
 
+#include "service/device/fault.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 #include "tests/support/faulty_kernels.h"
@@ -40,15 +44,17 @@ class FaultyDevice : public FaultyKernels {
   }
 
   // A solid whose modulus changes along x, so that its contact is solved on the device.
-  void expect_failing_solid(const std::string& why) {
+  static std::shared_ptr<Scene> solid(double hard_pa) {
     constexpr std::size_t kElements = 16;  // along each side
     ExplicitModulus e{uniform_coordinates(0, 0.048, kElements), uniform_coordinates(0, 0.03, kElements), {}};
     e.z_m = uniform_coordinates(-0.024, 0.024, kElements);
     for (std::size_t n = 0; n < kElements * kElements * kElements; ++n)
-      e.youngs_modulus_pa.push_back(n % kElements < kElements / 2 ? 1e4 : 5e4);
-    const auto solid = std::make_shared<Scene>("s", tissue(0.048, 0.03), e, versions(), Limits{},
-                                               MemoryAccount{}, plane_models());
-    TouchSession session(solid, {}, Device::open(options_));
+      e.youngs_modulus_pa.push_back(n % kElements < kElements / 2 ? 1e4 : hard_pa);
+    return std::make_shared<Scene>("s", tissue(0.048, 0.03), e, versions(), Limits{}, MemoryAccount{},
+                                   plane_models());
+  }
+  void expect_failing_solid(const std::string& why) {
+    TouchSession session(solid(5e4), {}, Device::open(options_));
     for (int k = 0; k < 2; ++k) {
       const TouchAnswer answer = session.solve({0.024, 0.002, 0});
       EXPECT_EQ(answer.status, TouchStatus::kFailed);
@@ -56,6 +62,23 @@ class FaultyDevice : public FaultyKernels {
       EXPECT_EQ(answer.contact.force_n, Vector3{});
       EXPECT_FALSE(answer.device_failed) << "it takes work";
     }
+  }
+
+  // On which a step of a correction takes a tenth of a second or more.
+  std::shared_ptr<Device> slow_device() {
+    sabotage("solid.cl", "  STORE(LOAD(u + at) + alpha",
+             "  for (volatile int n = 0; n < 20000; ++n) {}\n  STORE(LOAD(u + at) + alpha");
+    return Device::open(options_);
+  }
+  // To and fro over where the modulus changes.
+  static Vector3 at(double way) { return {0.024 + 0.004 * std::sin(way), 0.002, 0}; }
+  // It is put down until it is corrected.
+  static TouchAnswer put_down(TouchSession& finger) {
+    TouchAnswer answer = finger.solve(at(0));
+    for (int tries = 0; tries < 600 && answer.status != TouchStatus::kOk; ++tries)
+      answer = finger.solve(at(0));
+    EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+    return answer;
   }
 
   std::shared_ptr<Scene> scene_ = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
@@ -86,6 +109,42 @@ TEST_F(FaultyDevice, DeviceThatTakesNoMoreWorkIsSaid) {
 TEST_F(FaultyDevice, NanInASolidIsSaid) {
   sabotage("solid.cl", "STORE(LOAD(u + at) + alpha", "STORE((real)NAN * LOAD(u + at) + alpha");
   expect_failing_solid("not finite");
+}
+
+TEST_F(FaultyDevice, HoweverSlowAFollowedFingerWaitsForNoCorrectionOfASolid) {
+  TouchSession finger(solid(1.5e4), {}, slow_device());
+  put_down(finger);
+  std::size_t answers = 0, corrected = 0;
+  for (double way = 0; corrected < 3; way += 0.002) {
+    const TouchAnswer answer = finger.solve(at(way));
+    answers += answer.status == TouchStatus::kOk;
+    corrected += answer.contact.solve.iterations > 0;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_GT(answers, 20 * corrected) << "given while corrections were being made";
+}
+
+TEST_F(FaultyDevice, LostAmidACorrectionOfASolidItIsSaidAndAnotherTakesItsPlace) {
+  TouchSession finger(solid(1.5e4), {}, slow_device());
+  put_down(finger);
+  std::size_t meanwhile = 0;
+  TouchAnswer answer = finger.solve(at(0.1));  // it is corrected where it has come to
+  fail_launches(true);
+  for (double way = 0.1; answer.status != TouchStatus::kFailed && way < 60; way += 0.002, ++meanwhile) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    answer = finger.solve(at(way));
+  }
+  fail_launches(false);
+  EXPECT_GT(meanwhile, 1u) << "what was known answered meanwhile";
+  EXPECT_EQ(answer.status, TouchStatus::kFailed);
+  EXPECT_TRUE(answer.device_failed);
+  EXPECT_NE(answer.warning.find("launch of kernel"), std::string::npos) << answer.warning;
+  EXPECT_EQ(answer.contact.force_n, Vector3{});
+  finger.use(Device::open());
+  answer = put_down(finger);
+  TouchSession fresh(solid(1.5e4), {}, Device::open());
+  const double truth = fresh.solve(at(0)).contact.force_n[1];
+  EXPECT_NEAR(answer.contact.force_n[1], truth, 2 * choices::kSolidForceError * -truth);
 }
 
 TEST_F(FaultyDevice, SolidWithoutRoomIsSaid) {
