@@ -16,7 +16,7 @@
 
 #include "service/device/look.h"
 #include "service/device/program.h"
-#include "tests/support/environment.h"
+#include "tests/support/faulty_kernels.h"
 
 namespace teletact::service {
 namespace {
@@ -36,24 +36,16 @@ kernel void scale(global const real* restrict x, global real* restrict y, const 
 }
 )";
 
-// A folder of kernels that is removed at the end.
-class Device_ : public testing::Test {
+// Kernels of its own beside the product's, and a cache.
+class Device_ : public FaultyKernels {
  protected:
   void SetUp() override {
-    std::string folder = (fs::temp_directory_path() / "teletact-device-XXXXXX").string();
-    ASSERT_NE(mkdtemp(folder.data()), nullptr);
-    folder_ = folder;
-    fs::create_directory(folder_ / "kernels");
-    fs::copy(teletact::test::source_kernels() / "real.clh", folder_ / "kernels");
+    FaultyKernels::SetUp();
     put("factor.clh", "real factor() { return 2; }\n");
     put("scale.cl", kScale);
-    options_.kernel_directory = (folder_ / "kernels").string();
     options_.cache_directory = (folder_ / "cache").string();
   }
-  void TearDown() override { fs::remove_all(folder_); }
-  void put(const std::string& name, const std::string& text) {
-    std::ofstream(folder_ / "kernels" / name) << text;
-  }
+  void put(const std::string& name, const std::string& text) { std::ofstream(folder_ / name) << text; }
   std::vector<fs::path> cached() const {
     std::vector<fs::path> files;
     for (const auto& entry : fs::directory_iterator(folder_ / "cache")) files.push_back(entry.path());
@@ -70,8 +62,6 @@ class Device_ : public testing::Test {
     kernel({{5}, {4}}, x, y, 5, Local{16});
     return queue.read(y);
   }
-  fs::path folder_;
-  DeviceOptions options_;
 };
 
 TEST_F(Device_, ListHasTheOpenedDevice) {
@@ -141,7 +131,7 @@ TEST_F(Device_, ChangedIncludeIsAnotherProgram) {
 }
 
 TEST_F(Device_, UnwritableCacheOnlyCostsTime) {
-  put("../cache", "a file where a folder should be");
+  put("cache", "a file where a folder should be");
   EXPECT_EQ(scaled<float>(*Device::open(options_)).at(4), 10.f);
   options_.cache_directory = "none";
   EXPECT_EQ(scaled<float>(*Device::open(options_)).at(4), 10.f);
@@ -236,7 +226,7 @@ void expect_failure_mentions(const char* variable, const std::string& value, con
 
 TEST_F(Device_, UnwritableKernelCacheIsNamedWithItsRemedy) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
-  put("../file", "");
+  put("file", "");
   const std::string blocked = (folder_ / "file" / "cache").string();
   EXPECT_EXIT(expect_failure_mentions("POCL_CACHE_DIR", blocked, "POCL_CACHE_DIR"),
               testing::ExitedWithCode(42), "");
