@@ -304,7 +304,7 @@ TEST(SolidScene, ANodeTouchesIt) {
     const TouchAnswer over = touched(session, kBallX, 0.001, kBallZ);
     ASSERT_EQ(over.status, TouchStatus::kOk) << over.warning;
     EXPECT_LE(over.contact.solve.relative_error, choices::kSolidForceError);
-    const TouchAnswer edge = touched(session, 0.001, 0.001, 0.0175);
+    const TouchAnswer edge = touched(session, 0.002, 0.001, 0.017);  // as far between nodes
     ASSERT_EQ(edge.status, TouchStatus::kOk) << edge.warning;
     EXPECT_GT(over.contact.force_n[1] / edge.contact.force_n[1], 1.02) << "the ball is felt";
   }
