@@ -60,8 +60,13 @@ TEST_F(SliceCalls, AreFeltByWhoTouchesMeanwhile) {
   Toucher toucher(channel, "grows");
   ASSERT_TRUE(toucher.opened());
   v1::TouchAnswer answer;
-  ASSERT_TRUE(toucher.touch(0.02, 0.002, &answer));
-  ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+  // The first correction on a machine compiles its kernels, for seconds.
+  const auto touched = [&] {
+    for (int tries = 0; tries < 300; ++tries)
+      if (!toucher.touch(0.02, 0.002, &answer) || answer.status() == v1::TOUCH_STATUS_OK) break;
+    return answer.status() == v1::TOUCH_STATUS_OK;
+  };
+  ASSERT_TRUE(touched()) << answer.warning();
   const double soft = answer.force_n(1);
   EXPECT_EQ(answer.model_version(), scene().version());
   EXPECT_EQ(scene().kind(), v1::SCENE_KIND_EXTRUDED);
@@ -70,8 +75,7 @@ TEST_F(SliceCalls, AreFeltByWhoTouchesMeanwhile) {
   ASSERT_TRUE(publish(slice_at(0.004, 2e4F), &published).ok());
   EXPECT_GT(published.version(), answer.model_version());
   EXPECT_EQ(published.warnings_size(), 0);
-  ASSERT_TRUE(toucher.touch(0.02, 0.002, &answer));
-  EXPECT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+  ASSERT_TRUE(touched()) << answer.warning();
   EXPECT_GE(answer.model_version(), published.version()) << "once it answers it is touched";
   EXPECT_LT(answer.force_n(1), 1.05 * soft);
   EXPECT_EQ(answer.window_id(), published.window_id());
@@ -81,7 +85,7 @@ TEST_F(SliceCalls, AreFeltByWhoTouchesMeanwhile) {
   EXPECT_EQ(now.slices_z_m(1), 0.004);
   ASSERT_TRUE(publish(slice_at(0.004, 1e4F), &published).ok()) << "in its place";
   EXPECT_EQ(scene().slices_z_m_size(), 2);
-  ASSERT_TRUE(toucher.touch(0.02, 0.002, &answer));
+  ASSERT_TRUE(touched()) << answer.warning();
   EXPECT_NEAR(answer.force_n(1), soft, 4e-3 * std::abs(soft));
   float shown = 0;
   std::memcpy(&shown, scene().youngs_modulus().values().data().data(), sizeof(float));
