@@ -121,10 +121,10 @@ accum sum_of(global const accum* restrict partial, const int count) {
   return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
 }
 
-// The patch: `freedoms` says where in a field its unknowns are, all in the surface's planes; those whose
+// The patch: `freedoms` says where in a field its unknowns are, all in the planes of one row of nodes; those whose
 // skins bear q give way by C q. M = (S0 + C)^-1, dense.
 
-// q = M B z0, z0 how the surface would move by itself. Items: rows of M.
+// q = M B z0, z0 how the tissue would move by itself. Items: rows of M.
 kernel void patch_project(global const real* restrict inverse, global const int* restrict freedoms,
                           global const real* restrict surface, global real* restrict q, const int count) {
   const int row = get_global_id(0);
@@ -134,11 +134,13 @@ kernel void patch_project(global const real* restrict inverse, global const int*
   q[row] = sum;
 }
 
-// surface = sign B^T q. slots: of each unknown of the surface, its number in the patch or -1.
+// field = sign B^T q, in unknowns begin ... end - 1 of a row of nodes that begins at `row` in the field. slots:
+// of each unknown of the row, its number in the patch or -1.
 kernel void patch_spread(global const int* restrict slots, global const real* restrict q,
-                         global real* restrict surface, const real sign, const int begin, const int end) {
+                         global real* restrict field, const real sign, const int begin, const int end,
+                         const int row) {
   const int n = begin + get_global_id(0);
-  if (n < end) surface[n] = slots[n] >= 0 ? sign * q[slots[n]] : 0;
+  if (n < end) field[row + n] = slots[n] >= 0 ? sign * q[slots[n]] : 0;
 }
 
 // beta from r . z, and the patch's direction dq = q + beta dq. One item, here and below.

@@ -26,6 +26,8 @@ constexpr double kPeakStrain = 0.62;
 constexpr double kInnerMargin = 0.8;
 // Of the force error that is asked, what a correction is solved to, in energy.
 constexpr double kCorrectionShare = 0.3;
+// How much less well the block is solved for the tangent, and how well at least.
+constexpr double kTangentShare = 30, kLeastForTangent = 0.05;
 // Forces this smooth are felt through the tissue below, finer ones by what lies at the surface.
 constexpr double kFeltM = 0.001;
 // What rounding leaves of a force (solid_contact_test).
@@ -36,24 +38,28 @@ constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 4e-5;
 // block. Measured: 0.055 (slices_test).
 constexpr double kOfDrift = 0.1;
 
-void require_touchable(const SolidGrid& grid, const Fingertip& tip, const Vector3& pose) {
+void require_touchable(const SolidGrid& grid, std::size_t row, const Fingertip& tip, const Vector3& pose) {
   validate(tip);
   for (const double component : pose)
     if (!std::isfinite(component)) throw std::invalid_argument("pose: not finite");
-  if (pose[1] >= grid.y_m.back())
+  const double below_m = grid.y_m.back() - grid.y_m[row];
+  if (pose[1] >= below_m)
     throw std::invalid_argument(
-        fmt::format("pose: {} m deep in tissue of {} m; stay above its bottom", pose[1], grid.y_m.back()));
+        fmt::format("pose: {} m deep in tissue of {} m; stay above its bottom", pose[1], below_m));
 }
 
-// Modulus of the elements around a node of the surface.
-double modulus_near_pa(const SolidTissue& tissue, std::size_t node) {
+// Modulus of the elements around a node.
+double modulus_near_pa(const SolidTissue& tissue, std::size_t row, std::size_t node) {
   const SolidGrid& grid = tissue.grid;
   const std::size_t i = node % grid.nx, k = node / grid.nx;
   const std::size_t west = (i + grid.nx - 1) % grid.nx, before = (k + grid.nz - 1) % grid.nz;
+  const std::size_t above = row > 0 ? row - 1 : row;
   double sum = 0;
-  for (const std::size_t x : {west, i})
-    for (const std::size_t z : {before, k}) sum += tissue.youngs_modulus_pa[x + grid.nx * z];
-  return sum / 4;
+  for (const std::size_t y : {above, row})
+    for (const std::size_t x : {west, i})
+      for (const std::size_t z : {before, k})
+        sum += tissue.youngs_modulus_pa[x + grid.nx * (z + grid.nz * y)];
+  return sum / 8;
 }
 
 // What presses: f(node, force) of each.
@@ -66,7 +72,8 @@ void each_push(const SolidGrid& grid, const LinearisedContact& contact, const F&
   }
 }
 
-std::vector<NodalPressure> pressure_of(const SolidGrid& grid, const LinearisedContact& contact) {
+std::vector<NodalPressure> pressure_of(const SolidGrid& grid, std::size_t row,
+                                       const LinearisedContact& contact) {
   const double area = grid.spacing_x_m * grid.spacing_z_m;
   std::map<std::size_t, Vector3> traction;
   for (std::size_t n = 0; n < contact.patch.unknowns.size(); ++n) {
@@ -77,7 +84,7 @@ std::vector<NodalPressure> pressure_of(const SolidGrid& grid, const LinearisedCo
   std::vector<NodalPressure> out;
   each_push(grid, contact, [&](std::size_t node, double p) {
     const auto sideways = traction.find(node);
-    out.push_back({{static_cast<double>(node % grid.nx) * grid.spacing_x_m, 0,
+    out.push_back({{static_cast<double>(node % grid.nx) * grid.spacing_x_m, grid.y_m[row],
                     static_cast<double>(node / grid.nx) * grid.spacing_z_m},
                    p / area,
                    sideways == traction.end() ? Vector3{} : sideways->second,
@@ -92,7 +99,7 @@ double force_of(const SolidGrid& grid, const LinearisedContact& contact) {
   return force;
 }
 
-void set_strain(const SolidTissue& tissue, const LinearisedContact& contact, double depth_m,
+void set_strain(const SolidTissue& tissue, std::size_t row, const LinearisedContact& contact, double depth_m,
                 ContactAnswer& answer) {
   const SolidGrid& grid = tissue.grid;
   const double area = grid.spacing_x_m * grid.spacing_z_m;
@@ -100,12 +107,12 @@ void set_strain(const SolidTissue& tissue, const LinearisedContact& contact, dou
   each_push(grid, contact, [&](std::size_t node, double p) {
     force += p;
     squares += p * p;
-    stiffness += p * modulus_near_pa(tissue, node);
+    stiffness += p * modulus_near_pa(tissue, row, node);
   });
   // Mean pressure, weighted by itself, over the modulus, weighted by what it bears.
   const double local =
       kPeakStrain * (1 + tissue.poisson_ratio) * (squares / force / area) / (stiffness / force);
-  answer.largest_strain = std::max(local, depth_m / grid.y_m.back());
+  answer.largest_strain = std::max(local, depth_m / (grid.y_m.back() - grid.y_m[row]));
   answer.strain_beyond_linear = answer.largest_strain > kLargestLinearStrain;
 }
 
@@ -155,37 +162,42 @@ LayersDrift drift_between(const LayeredTissue& factor, const LayeredTissue& own)
 
 template <class T>
 SolidContact<T>::Factor::Factor(const Queue& queue, const SolidTissue& tissue)
-    : solver(queue, tissue),
-      wide(wide_surface(tissue.grid, solver.layers(), tissue.poisson_ratio,
-                        choices::kLeastPeriod * tissue.grid.y_m.back())),
-      smooth(wide_surface(tissue.grid, solver.layers(), tissue.poisson_ratio,
-                          choices::kLeastPeriod * tissue.grid.y_m.back(), kFeltM)),
-      shares([&] {
-        const auto load = EnergyShares::usual_load(tissue.grid);
-        solver.load(load.unknowns, load.force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
-        const std::vector<T> u = solver.displacement();
-        return EnergyShares(queue, tissue.grid, solver.layers(), tissue.poisson_ratio,
-                            std::vector<double>(u.begin(), u.end()));
-      }()) {}
+    : queue(queue), solver(queue, tissue), surface(solver.row()) {}
+
+template <class T>
+auto SolidContact<T>::Factor::row(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
+                                  std::size_t index) -> std::shared_ptr<Row> {
+  const std::lock_guard lock(mutex);
+  if (auto made = rows[index].lock()) return made;
+  const auto compliance = [&](double least_period_m, double smooth_m) {
+    return wide_surface(grid, tissue, poisson_ratio, least_period_m, smooth_m, index);
+  };
+  const double wide_m = choices::kLeastPeriod * grid.y_m.back();
+  auto solved = index == 0 ? surface : std::make_shared<const SolidRow>(SolidRow{index, compliance(0, 0)});
+  auto made = std::make_shared<Row>(
+      Row{std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM), std::nullopt});
+  rows[index] = made;
+  return made;
+}
 
 template <class T>
 SolidContact<T>::SolidContact(const SolidTissue& tissue, std::shared_ptr<Factor> factor,
-                              std::shared_ptr<const SolidModulus<T>> modulus)
+                              std::shared_ptr<const SolidModulus<T>> modulus, std::size_t row)
     : tissue_(tissue),
       factor_(std::move(factor)),
       modulus_(modulus ? std::move(modulus) : factor_->solver.modulus()),
+      row_(factor_->row(tissue.grid, modulus_->layers, tissue.poisson_ratio, row)),
       drift_(drift_between(modulus_->layers, layered(tissue))),
-      layered_(std::make_shared<const RecycledCompliance>(tissue.grid, modulus_->layers, 0, 3, factor_->wide,
-                                                          factor_->smooth, factor_->solver.layered_surface(),
-                                                          drift_.scale)),
-      frictionless_(std::make_shared<const RecycledCompliance>(
-          tissue.grid, modulus_->layers, 1, 1, factor_->wide, factor_->smooth,
-          factor_->solver.layered_surface(), drift_.scale)),
+      layered_(std::make_shared<const RecycledCompliance>(tissue.grid, modulus_->layers, 0, 3, row_->wide,
+                                                          row_->smooth, row_->solved->layered, drift_.scale)),
+      frictionless_(std::make_shared<const RecycledCompliance>(tissue.grid, modulus_->layers, 1, 1,
+                                                               row_->wide, row_->smooth,
+                                                               row_->solved->layered, drift_.scale)),
       stuck_(layered_) {}
 
 template <class T>
 SolidContact<T>::SolidContact(const Queue& queue, const SolidTissue& tissue)
-    : SolidContact(tissue, std::make_shared<Factor>(queue, tissue), nullptr) {
+    : SolidContact(tissue, std::make_shared<Factor>(queue, tissue), nullptr, 0) {
   feel();
 }
 
@@ -193,7 +205,12 @@ template <class T>
 SolidContact<T>::SolidContact(const Queue& queue, const SolidContact& before, const SolidTissue& tissue)
     : SolidContact(tissue, before.factor_,
                    std::make_shared<const SolidModulus<T>>(
-                       queue, tissue, beside(tissue, before.modulus_->layers.youngs_modulus_pa))) {}
+                       queue, tissue, beside(tissue, before.modulus_->layers.youngs_modulus_pa)),
+                   before.row_->solved->index) {}
+
+template <class T>
+SolidContact<T>::SolidContact(const SolidContact& surface, std::size_t row)
+    : SolidContact(surface.tissue_, surface.factor_, surface.modulus_, row) {}
 
 template <class T>
 auto SolidContact<T>::known(const Fingertip& tip) const -> Known {
@@ -203,8 +220,19 @@ auto SolidContact<T>::known(const Fingertip& tip) const -> Known {
 
 template <class T>
 void SolidContact<T>::feel() {
-  if (std::exchange(felt_, true)) return;
-  const auto felt = std::make_shared<const FeltModulus>(factor_->shares.felt(tissue_, drift_.scale));
+  if (felt_) return;
+  if (!row_->shares) {
+    SolidSolver<T>& solver = factor_->solver;
+    const auto load = EnergyShares::usual_load(tissue_.grid);
+    solver.use(modulus_);
+    solver.at(row_->solved);
+    solver.load(load.unknowns, load.force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
+    const std::vector<T> u = solver.displacement();
+    row_->shares.emplace(factor_->queue, tissue_.grid, modulus_->layers, tissue_.poisson_ratio,
+                         std::vector<double>(u.begin(), u.end()));
+  }
+  const auto felt = std::make_shared<const FeltModulus>(row_->shares->felt(tissue_, drift_.scale));
+  felt_ = true;
   const std::lock_guard lock(mutex_);
   for (Known* known : {&frictionless_, &stuck_}) {
     auto next = std::make_shared<RecycledCompliance>(**known);
@@ -215,7 +243,7 @@ void SolidContact<T>::feel() {
 
 template <class T>
 ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose, double force_error) const {
-  require_touchable(tissue_.grid, tip, pose);
+  require_touchable(tissue_.grid, row_->solved->index, tip, pose);
   const double depth = pose[1];
   ContactAnswer answer;
   answer.solve.reason = "recycled";
@@ -233,14 +261,14 @@ ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose,
   if (!answer.solve.converged)  // more corrections would only meet rounding, or help
     answer.solve.reason = learned <= rounding / 2 ? kRoundingReason : "correction limit";
   set_forces(energy, answer);
-  answer.pressure = pressure_of(tissue_.grid, contact);
-  set_strain(tissue_, contact, depth, answer);
+  answer.pressure = pressure_of(tissue_.grid, row_->solved->index, contact);
+  set_strain(tissue_, row_->solved->index, contact, depth, answer);
   return answer;
 }
 
 template <class T>
 SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, double force_error) {
-  require_touchable(tissue_.grid, tip, pose);
+  require_touchable(tissue_.grid, row_->solved->index, tip, pose);
   feel();
   SolveReport report;
   if (pose[1] <= 0) return report;
@@ -254,19 +282,26 @@ SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, 
   const SolidOptions options{.relative_error =
                                  std::max(kCorrectionShare * force_error, 2 * modulus_->rounding)};
   solver.use(modulus_);
+  solver.at(row_->solved);
   auto next = std::make_shared<RecycledCompliance>(*before);
   const auto learn = [&](const SolidSolution& solved) {
     if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
       throw std::domain_error(
           fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
-    next->add(unknowns, solved.force_n, solver.surface_excess());
+    next->add(unknowns, solved.force_n, solver.excess());
     report.iterations += solved.iterations;
     report.reason = to_string(solved.reason);
   };
-  if (tip.shape == FingertipShape::kNode) {
-    // The shape of its forces is known: a load under them is exact for its force; two more, under what they
-    // change by along x and z, for its tangent.
-    for (const Index q : {0, 2}) learn(solver.load(unknowns, energy.sensitivity.col(q), options));
+  // Solved under what the forces change by, too, coarsely, the tangent is exact. For the surface's patches
+  // the guess is good enough; rows below may go through a lump.
+  const bool node = tip.shape == FingertipShape::kNode;
+  if (node || row_->solved->index > 0)
+    for (const Index q : {0, 1, 2})
+      if (!node || q != 1)
+        learn(solver.load(
+            unknowns, energy.sensitivity.col(q),
+            {.relative_error = std::min(kLeastForTangent, kTangentShare * options.relative_error)}));
+  if (node) {  // the shape of its forces is known
     learn(solver.load(unknowns, contact.force_n, options));
   } else {  // The block is periodic; the contact's surface is not.
     learn(solver.push(contact.patch, contact.w_m - before->wider_m(unknowns, contact.force_n), options));
@@ -302,12 +337,13 @@ std::vector<NodalPressure> SolidContact<T>::layered_pressure(const Fingertip& ti
   Vector3 at = pose;
   double power = 1.5, before_n = 0, before_m = 0;  // of a round tip
   for (int tries = 0; tries < kMostTries; ++tries) {
-    require_touchable(tissue_.grid, tip, at);
+    require_touchable(tissue_.grid, row_->solved->index, tip, at);
     std::size_t iterations = 0;
     const auto touch = find_contact(tissue_.grid, *layered_, tip, at, iterations);
     if (!touch) break;
     const double force = force_of(tissue_.grid, touch->contact);
-    if (std::abs(force - force_n) <= kEqual * force_n) return pressure_of(tissue_.grid, touch->contact);
+    if (std::abs(force - force_n) <= kEqual * force_n)
+      return pressure_of(tissue_.grid, row_->solved->index, touch->contact);
     if (tries > 0) power = std::log(force / before_n) / std::log(at[1] / before_m);
     if (!(power > 0)) break;
     before_n = force, before_m = at[1];

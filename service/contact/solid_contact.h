@@ -1,9 +1,12 @@
-// Contact of a rigid fingertip with the surface of solid tissue (T4.3 to T4.5b on a surface, T8.4).
+// Contact of a rigid fingertip with the surface of solid tissue, or with a row of nodes below it (T4.3 to
+// T4.5b on a surface, T8.4).
 #pragma once
 
 #include <atomic>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "service/contact/touch_model.h"
@@ -29,7 +32,7 @@ struct LayersDrift {
 };
 LayersDrift drift_between(const LayeredTissue& factor, const LayeredTissue& own);
 
-// A block of tissue that is touched on its surface.
+// A block of tissue that is touched on its surface, or on a row of nodes below it.
 //
 // The contact is solved on the recycled compliance S' (recycled_compliance.h). Where that may put the force
 // off by more than is asked, the whole block is solved under the contact that was found (SolidSolver::push).
@@ -45,14 +48,17 @@ class SolidContact {
   // own. What the other has learned is of its modulus, and stays there; how this one's is felt is found with
   // its first correction.
   SolidContact(const Queue&, const SolidContact& before, const SolidTissue&);
+  // The same tissue on a row of nodes below its surface: it shares and takes as the one above, and nothing of
+  // the device before its first correction.
+  SolidContact(const SolidContact& surface, std::size_t row);
   SolidContact(const SolidContact&) = delete;  // its parts refer to each other
   SolidContact& operator=(const SolidContact&) = delete;
   // What is known by now, by any thread beside the others.
-  // Pose: [x, indentation, z], x and z in the block's coordinates. U(pose) = max over p_y >= 0, p_x, p_z of
-  // p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in solve_contact (contact.h); frictionless: p_y
-  // alone. Rounded tip: w = indentation - r^2 / (2 radius), r from its axis; flat punch: a disc of radius
-  // half_width, r beyond its rim; pad: such a disc that gives way node by node, C on S's diagonal. Node: as
-  // touch_node has it. Throws as solve_contact does.
+  // Pose: [x, indentation, z], x and z in the block's coordinates, the indentation from the undeformed row.
+  // U(pose) = max over p_y >= 0, p_x, p_z of p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in
+  // solve_contact (contact.h); frictionless: p_y alone. Rounded tip: w = indentation - r^2 / (2 radius), r
+  // from its axis; flat punch: a disc of radius half_width, r beyond its rim; pad: such a disc that gives way
+  // node by node, C on S's diagonal. Node: as touch_node has it. Throws as solve_contact does.
   ContactAnswer answer(const Fingertip&, const Vector3& pose,
                        double force_error = choices::kSolidForceError) const;
   // Solves the block under the contact at this pose, to what that force error takes; answers after it know
@@ -69,20 +75,31 @@ class SolidContact {
   std::size_t corrections() const { return corrections_; }  // contacts solved on the whole block, in all
 
  private:
-  // Of a factor: shared by all contacts whose modulus it solves.
+  // A row of nodes of a factor: shared by all contacts with it.
+  struct Row {
+    std::shared_ptr<const SolidRow> solved;
+    SurfaceCompliance wide, smooth;
+    std::optional<EnergyShares> shares;  // of who corrects
+  };
+  // Shared by all contacts whose modulus it solves.
   struct Factor {
     Factor(const Queue&, const SolidTissue&);
+    std::shared_ptr<Row> row(const SolidGrid&, const LayeredTissue&, double poisson_ratio, std::size_t);
+    Queue queue;
     SolidSolver<T> solver;
-    const SurfaceCompliance wide, smooth;
-    EnergyShares shares;
+    const std::shared_ptr<const SolidRow> surface;
+    std::mutex mutex;
+    std::map<std::size_t, std::weak_ptr<Row>> rows;  // under the mutex
   };
-  SolidContact(const SolidTissue&, std::shared_ptr<Factor>, std::shared_ptr<const SolidModulus<T>>);
+  SolidContact(const SolidTissue&, std::shared_ptr<Factor>, std::shared_ptr<const SolidModulus<T>>,
+               std::size_t row);
   using Known = std::shared_ptr<const RecycledCompliance>;
   Known known(const Fingertip&) const;
   void feel();
   SolidTissue tissue_;
   std::shared_ptr<Factor> factor_;
   std::shared_ptr<const SolidModulus<T>> modulus_;
+  std::shared_ptr<Row> row_;
   LayersDrift drift_;
   const Known layered_;       // that learns nothing
   bool felt_ = false;         // of who corrects

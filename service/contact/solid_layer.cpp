@@ -48,16 +48,32 @@ SolidLayer::SolidLayer(const SolidBlock& block, const std::shared_ptr<Device>& d
       mutex_(std::make_shared<std::mutex>()),
       contact_(device->queue(account), block.tissue) {}
 
+// At the same place.
+template <class Make>
+SolidLayer::SolidLayer(const SolidLayer& other, Charge charge, const Make& contact)
+    : region_(other.region_),
+      origin_x_m_(other.origin_x_m_),
+      origin_z_m_(other.origin_z_m_),
+      around_x_m_(other.around_x_m_),
+      around_z_m_(other.around_z_m_),
+      spacing_m_(other.spacing_m_),
+      device_(other.device_),
+      mutex_(other.mutex_),
+      charge_(std::move(charge)),
+      contact_(contact()) {}
+
 SolidLayer::SolidLayer(const SolidBlock& block, const SolidLayer& before, const MemoryAccount& account)
-    : region_(before.region_),
-      origin_x_m_(before.origin_x_m_),
-      origin_z_m_(before.origin_z_m_),
-      around_x_m_(before.around_x_m_),
-      around_z_m_(before.around_z_m_),
-      spacing_m_(before.spacing_m_),
-      device_(before.device_),
-      mutex_(before.mutex_),
-      contact_(device_->queue(account), before.contact_, block.tissue) {}
+    : SolidLayer(before, {}, [&] {
+        return SolidContact<float>(before.device_->queue(account), before.contact_, block.tissue);
+      }) {}
+
+// Its copy of the moduli, what its touches leave and the shares of energy.
+SolidLayer::SolidLayer(const SolidLayer& surface, std::size_t row, const MemoryAccount& account)
+    : SolidLayer(surface,
+                 account.charge(Place::kHost, "solids",
+                                16 * surface.contact_.tissue().grid.elements() +
+                                    1600 * surface.contact_.tissue().grid.columns()),
+                 [&] { return SolidContact<float>(surface.contact_, row); }) {}
 
 bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
                          Clock::time_point until) {

@@ -22,6 +22,8 @@ class SolidLayer final : public TouchedLayer {
   SolidLayer(const SolidBlock&, const std::shared_ptr<Device>&, const MemoryAccount&);
   // Another modulus in the place of another's, solved with what that has. Ready while that is touched.
   SolidLayer(const SolidBlock&, const SolidLayer& before, const MemoryAccount&);
+  // A row of nodes below the surface, solved with what that has.
+  SolidLayer(const SolidLayer& surface, std::size_t row, const MemoryAccount&);
 
   double drift() const { return contact_.drift().shape; }
   SolvePath path() const override { return SolvePath::kPcg; }
@@ -33,6 +35,8 @@ class SolidLayer final : public TouchedLayer {
   std::string remark(const Fingertip&, const TouchPose&) const override;
 
  private:
+  template <class Make>
+  SolidLayer(const SolidLayer& other, Charge, const Make& contact);
   struct Last {
     Fingertip tip;
     Vector3 position_m;
@@ -61,8 +65,9 @@ class SolidLayer final : public TouchedLayer {
   const double spacing_m_;
   const std::shared_ptr<Device> device_;     // outlives its queue's arrays
   const std::shared_ptr<std::mutex> mutex_;  // of all that share the solver
-  SolidContact<float> contact_;              // corrected under the mutex
-  std::mutex last_mutex_;                    // of these
+  const Charge charge_;
+  SolidContact<float> contact_;  // corrected under the mutex
+  std::mutex last_mutex_;        // of these
   std::optional<Last> last_;
   std::deque<Track> tracks_;                 // of fingers that are followed
   std::atomic<std::size_t> iterations_ = 0;  // of corrections since the last answer

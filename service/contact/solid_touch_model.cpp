@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "service/contact/plane_touch_model.h"
 #include "service/contact/solid_layer.h"
 #include "service/device/device.h"
 
@@ -23,25 +25,26 @@ SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const 
   if (!before || take_over(*state_, *before->state_, nullptr)) return;
   const std::lock_guard lock(before->state_->mutex);
   // The oldest: what is begun of those between is not needed.
-  state_->before = before->state_->before  ? before->state_->before
-                   : before->state_->asked ? before->state_
-                                           : nullptr;
+  state_->before = before->state_->before          ? before->state_->before
+                   : before->state_->rows[0].asked ? before->state_
+                                                   : nullptr;
 }
 
-std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> SolidTouchModel::ready(const State& state) {
+std::pair<std::shared_ptr<SolidLayer>, std::shared_ptr<Device>> SolidTouchModel::ready(const State& state) {
   const std::lock_guard lock(state.mutex);
-  return {state.ready, state.device};
+  const Row& surface = state.rows.at(0);
+  return {surface.kept, surface.device};
 }
 
 bool SolidTouchModel::take_over(State& state, const State& before,
                                 const std::shared_ptr<Device>& wanted) try {
   const auto [former, device] = ready(before);
   if (!former || (wanted && wanted != device)) return false;
-  auto made =
-      std::make_shared<SolidLayer>(state.block, static_cast<const SolidLayer&>(*former), state.account);
+  auto made = std::make_shared<SolidLayer>(state.block, *former, state.account);
   const std::lock_guard lock(state.mutex);
-  state.ready = std::move(made);
-  state.device = device;
+  Row& surface = state.rows[0];
+  surface.ready = surface.kept = std::move(made);
+  surface.device = device;
   state.before.reset();
   return true;
 } catch (const DeviceError&) {  // it has failed since: another one's time will come
@@ -55,7 +58,7 @@ std::shared_ptr<SolidTouchModel::State> SolidTouchModel::being_made_before() con
 
 double SolidTouchModel::drift() const {
   const auto surface = ready(*state_).first;
-  return surface ? static_cast<const SolidLayer&>(*surface).drift() : 0;
+  return surface ? surface->drift() : 0;
 }
 
 std::shared_ptr<const SolidTouchModel> SolidTouchModel::renewed(const MemoryAccount& account) const {
@@ -64,6 +67,10 @@ std::shared_ptr<const SolidTouchModel> SolidTouchModel::renewed(const MemoryAcco
   way.device = ready(*state_).second;
   fresh->layer(Layer{}, way, {});
   return fresh;
+}
+
+std::vector<Layer> SolidTouchModel::layers() const {
+  return free_layers(state_->block.tissue.grid.y_m, Supports{});
 }
 
 TouchCost SolidTouchModel::cost() const {
@@ -76,51 +83,78 @@ TouchCost SolidTouchModel::cost() const {
 
 std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const TouchWay& way,
                                                      const TouchWork& work) const {
-  if (layer != Layer{})
-    throw std::out_of_range(fmt::format("layer {} m deep: a solid is touched on its surface", layer.depth_m));
+  const std::vector<Layer> all = layers();
+  const auto at = std::find(all.begin(), all.end(), layer);
+  if (at == all.end())
+    throw std::out_of_range(fmt::format("layer {} m deep: no row of nodes that is free", layer.depth_m));
   if (way.path == SolvePath::kCompliance)
     throw std::invalid_argument("open.path: a solid has too many unknowns to be condensed; use auto or pcg");
   if (!way.device) throw DeviceError("solid tissue is solved on an OpenCL device, and there is none");
+  auto top = surface(way, work);
+  const auto below = static_cast<std::size_t>(at - all.begin());
+  if (!top || below == 0) return top;
+  return row(below, way, work, [top, below](const State& state) {
+    return std::make_shared<SolidLayer>(*top, below, state.account);
+  });
+}
+
+std::shared_ptr<SolidLayer> SolidTouchModel::surface(const TouchWay& way, const TouchWork& work) const {
   if (const auto before = being_made_before()) {
     if (take_over(*state_, *before, way.device)) return ready(*state_).first;
     const std::lock_guard lock(before->mutex);
-    if (before->asked) return nullptr;
+    if (before->rows[0].asked) return nullptr;
   }
+  return row(0, way, work, [device = way.device](const State& state) {
+    return std::make_shared<SolidLayer>(state.block, device, state.account);
+  });
+}
+
+std::shared_ptr<SolidLayer> SolidTouchModel::row(std::size_t index, const TouchWay& way,
+                                                 const TouchWork& work, const Make& make) const {
   {
     const std::lock_guard lock(state_->mutex);
-    if (state_->device == way.device && state_->ready) return state_->ready;
-    if (state_->asked) return nullptr;
-    if (state_->error && state_->device == way.device && std::chrono::steady_clock::now() < state_->retry)
-      std::rethrow_exception(state_->error);
-    state_->asked = true;
+    Row& own = state_->rows[index];
+    auto made = own.ready.lock();
+    if (own.device == way.device && made) return made;
+    if (own.asked) return nullptr;
+    if (own.error && own.device == way.device && std::chrono::steady_clock::now() < own.retry)
+      std::rethrow_exception(own.error);
+    own.asked = true;
   }
-  const auto get_ready = [model = std::weak_ptr<State>(state_), device = way.device] {
-    const std::shared_ptr<State> state = model.lock();
-    if (!state) return;  // its scene is gone
-    std::shared_ptr<TouchedLayer> made;
-    std::exception_ptr error;
-    try {
-      made = std::make_shared<SolidLayer>(state->block, device, state->account);
-    } catch (const std::exception& e) {
-      error = std::current_exception();
-      spdlog::warn("event=solid_not_prepared error=\"{}\"", e.what());
-    }
-    const std::lock_guard lock(state->mutex);
-    state->device = device;
-    state->ready = std::move(made);
-    state->before.reset();
-    state->asked = false;
-    state->error = std::move(error);
-    state->retry = std::chrono::steady_clock::now() + kRetry;
-  };
   if (work) {
-    work(way.client, get_ready);
+    work(way.client, [model = std::weak_ptr<State>(state_), index, device = way.device, make] {
+      if (const auto state = model.lock()) make_ready(*state, index, device, make);  // else its scene is gone
+    });
     return nullptr;
   }
-  get_ready();
+  make_ready(*state_, index, way.device, make);
   const std::lock_guard lock(state_->mutex);
-  if (state_->error) std::rethrow_exception(state_->error);
-  return state_->ready;
+  const Row& own = state_->rows[index];
+  if (own.error) std::rethrow_exception(own.error);
+  return own.kept;
+}
+
+void SolidTouchModel::make_ready(State& state, std::size_t index, const std::shared_ptr<Device>& device,
+                                 const Make& make) {
+  std::shared_ptr<SolidLayer> made;
+  std::exception_ptr error;
+  try {
+    made = make(state);
+  } catch (const std::exception& e) {
+    error = std::current_exception();
+    spdlog::warn("event=solid_not_prepared row={} error=\"{}\"", index, e.what());
+  }
+  std::vector<std::shared_ptr<SolidLayer>> dropped;  // outside the lock: each waits for its correction
+  const std::lock_guard lock(state.mutex);
+  for (auto& [other, row] : state.rows)
+    if (other == index || (index > 0 && other > 0)) dropped.push_back(std::exchange(row.kept, nullptr));
+  Row& own = state.rows[index];
+  own.device = device;
+  own.ready = own.kept = std::move(made);
+  own.asked = false;
+  own.error = std::move(error);
+  own.retry = std::chrono::steady_clock::now() + kRetry;
+  if (index == 0) state.before.reset();
 }
 
 }  // namespace teletact::service

@@ -1,17 +1,23 @@
-// A block of solid tissue behind the seam (touch_model.h): its surface, in three dimensions.
+// A block of solid tissue behind the seam (touch_model.h): its surface and the rows of nodes below it,
+// touched in three dimensions.
 #pragma once
 
 #include <chrono>
 #include <exception>
+#include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "service/contact/touch_model.h"
 #include "service/solid/solid_tissue.h"
 
 namespace teletact::service {
+
+class SolidLayer;
 
 // The block, and where it lies in the scene. What surrounds `region` is context, and the period's seam.
 struct SolidBlock {
@@ -20,7 +26,9 @@ struct SolidBlock {
   Region region;                          // where it can be touched
 };
 
-// It answers by conjugate gradients on the device of whoever touches it, so it has no contact law yet.
+// It answers by conjugate gradients on the device of whoever touches it, so it has no contact law yet. Its
+// surface is kept once it is ready, and what all layers are solved with; of those below the one that was made
+// last, and the others while they are touched.
 class SolidTouchModel final : public TouchModel {
  public:
   // A layer that could not be made is tried again after this long; until then asking for it says why.
@@ -36,26 +44,36 @@ class SolidTouchModel final : public TouchModel {
   std::shared_ptr<const SolidTouchModel> renewed(const MemoryAccount&) const;
   const char* name() const override { return "solid"; }
   Region region() const override { return state_->block.region; }
-  std::vector<Layer> layers() const override { return {Layer{}}; }  // the surface
+  std::vector<Layer> layers() const override;  // every row of nodes that is not held
   TouchCost cost() const override;
   std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork& work) const override;
 
  private:
+  // A row of nodes.
+  struct Row {
+    std::shared_ptr<Device> device;
+    std::weak_ptr<SolidLayer> ready;   // on that device
+    std::shared_ptr<SolidLayer> kept;  // the same
+    bool asked = false;
+    std::exception_ptr error;
+    std::chrono::steady_clock::time_point retry{};
+  };
   // Shared with the work that makes it ready, which may outlive the model.
   struct State {
     SolidBlock block;
     MemoryAccount account;
     Charge charge;
     mutable std::mutex mutex;  // held for looking things up only
-    std::shared_ptr<Device> device;
-    std::shared_ptr<TouchedLayer> ready;  // on that device
-    std::shared_ptr<State> before;        // that is being made ready, until this one is
-    bool asked = false;
-    std::exception_ptr error;
-    std::chrono::steady_clock::time_point retry{};
+    std::map<std::size_t, Row> rows{{0, {}}};
+    std::shared_ptr<State> before;  // whose surface is being made ready, until this one's is
   };
-  // What is ready, and on which device; null: nothing.
-  static std::pair<std::shared_ptr<TouchedLayer>, std::shared_ptr<Device>> ready(const State&);
+  using Make = std::function<std::shared_ptr<SolidLayer>(const State&)>;
+  std::shared_ptr<SolidLayer> surface(const TouchWay&, const TouchWork&) const;
+  // The row; null while it is being made, which this asks `work` for.
+  std::shared_ptr<SolidLayer> row(std::size_t, const TouchWay&, const TouchWork&, const Make&) const;
+  static void make_ready(State&, std::size_t row, const std::shared_ptr<Device>&, const Make&);
+  // The surface that is ready, and on which device; null: none.
+  static std::pair<std::shared_ptr<SolidLayer>, std::shared_ptr<Device>> ready(const State&);
   std::shared_ptr<State> being_made_before() const;
   // Ready with what `before` solves with, if that is ready on this device (null: on any).
   static bool take_over(State&, const State& before, const std::shared_ptr<Device>&);

@@ -113,9 +113,6 @@ Layer Scene::layer_near(double depth_m) const {
     throw std::invalid_argument(
         fmt::format("open.layer.depth_m: {} is outside the tissue; give a depth within [0, {}] m", depth_m,
                     geometry_.depth_m));
-  if (const auto given = snapshot()->modulus; given && given->solid() && depth_m > 0)
-    throw std::invalid_argument(fmt::format(
-        "open.layer.depth_m: {}, but a solid is touched on its surface; leave the layer out", depth_m));
   const auto away_m = [depth_m](const Layer& layer) { return std::abs(layer.depth_m - depth_m); };
   const Layer nearest = *std::min_element(
       layers_.begin(), layers_.end(), [&](const Layer& a, const Layer& b) { return away_m(a) < away_m(b); });

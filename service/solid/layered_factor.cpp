@@ -134,14 +134,20 @@ LayeredFactor factor(const SolidGrid& grid, const LayeredTissue& tissue, double 
   return out;
 }
 
-std::vector<double> surface_symbol(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
-                                   std::size_t pitch) {
+std::vector<double> row_symbol(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
+                               std::size_t pitch, std::size_t row) {
   const std::size_t plane = (grid.nz / 2 + 1) * pitch;
   std::vector<double> out(6 * plane, 0.0);
+  std::vector<Matrix3d> inverses(row + 1), couplings(row + 1);  // of one pair of wave numbers
   eliminate(grid, tissue, poisson_ratio,
-            [&](std::size_t kx, std::size_t kz, std::size_t j, const Matrix3d& inverse, const Matrix3d&) {
+            [&](std::size_t kx, std::size_t kz, std::size_t j, const Matrix3d& inverse, const Matrix3d& w) {
+              if (j > row) return;
+              inverses[j] = inverse, couplings[j] = w;
               if (j > 0) return;
-              const std::array<double, 6> entries = upper(inverse);
+              Matrix3d compliance = inverse;
+              for (std::size_t i = 1; i <= row; ++i)
+                compliance = inverses[i] + couplings[i] * compliance * couplings[i].transpose();
+              const std::array<double, 6> entries = upper(compliance);
               for (std::size_t e = 0; e < 6; ++e) out[e * plane + kz * pitch + kx] = entries[e];
             });
   return out;

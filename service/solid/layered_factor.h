@@ -24,8 +24,10 @@ struct LayeredFactor {
 // `pitch`: numbers in a row, > nx / 2.
 LayeredFactor factor(const SolidGrid&, const LayeredTissue&, double poisson_ratio, std::size_t pitch);
 
-// The inverse of S_0 alone, [6][kz = 0 .. nz/2][pitch].
-std::vector<double> surface_symbol(const SolidGrid&, const LayeredTissue&, double poisson_ratio,
-                                   std::size_t pitch);
+// The transformed compliance of a row of nodes, what lies above it and below in the model,
+// [6][kz = 0 .. nz/2][pitch]: of the surface S_0^-1, of row j + 1 S_(j+1)^-1 + W_j G_j W_j^T, G_j that of
+// row j.
+std::vector<double> row_symbol(const SolidGrid&, const LayeredTissue&, double poisson_ratio,
+                               std::size_t pitch, std::size_t row = 0);
 
 }  // namespace teletact::service

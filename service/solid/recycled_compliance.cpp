@@ -64,7 +64,7 @@ Eigen::MatrixXd RecycledCompliance::guess_among(const std::vector<std::size_t>& 
 }
 
 void RecycledCompliance::add(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n,
-                             const SurfaceExcess& excess) {
+                             const RowExcess& excess) {
   if (!(force_n.squaredNorm() > 0)) return;
   const auto begin = static_cast<Eigen::Index>(first_ * grid_.columns());
   const auto size = static_cast<Eigen::Index>(count_ * grid_.columns());

@@ -31,7 +31,7 @@ class RecycledCompliance {
   // From now on the guess is scaled by this; pairs there are none yet.
   void feel(std::shared_ptr<const FeltModulus> felt) { felt_ = std::move(felt); }
   // Forces of unknowns of the surface (SurfacePatch) and their excess beyond the factor's layered tissue.
-  void add(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n, const SurfaceExcess&);
+  void add(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n, const RowExcess&);
   // S0 of a node under its own force, of a component, m/N: it does not change with D or the pairs.
   double layered(std::size_t component) const { return scale_ * wide_(component, component, 0, 0); }
   // S' among unknowns, m/N.

@@ -74,6 +74,7 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       grid_((validate(tissue), tissue.grid)),
       modulus_(std::make_shared<const SolidModulus<T>>(queue, tissue, layered(tissue))),
       preconditioner_(queue, grid_, modulus_->layers, tissue.poisson_ratio),
+      row_(std::make_shared<const SolidRow>(SolidRow{0, preconditioner_.surface_compliance()})),
       width_(lanes(queue, grid_.nx, sizeof(T))),
       nx_(static_cast<int>(grid_.nx)),
       nz_(static_cast<int>(grid_.nz)),
@@ -113,7 +114,7 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
 
 template <class T>
 auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pushed) -> Patch {
-  const std::size_t columns = grid_.columns(), n = unknowns.size();
+  const std::size_t columns = grid_.columns(), n = unknowns.size(), begin = row_begin();
   if (n == 0) throw std::invalid_argument("patch: no unknowns; give at least one");
   std::vector<int> slots(3 * columns, -1), at;
   for (const std::size_t unknown : unknowns) {
@@ -121,7 +122,7 @@ auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pu
       throw std::invalid_argument(
           fmt::format("patch: unknown {} is none of the surface's {}, or there twice", unknown, 3 * columns));
     slots[unknown] = static_cast<int>(at.size());
-    at.push_back(static_cast<int>(unknown));
+    at.push_back(static_cast<int>(begin + unknown));
   }
   if (unknowns_.size() < n) {
     // All of them or, where there is no room, none.
@@ -138,10 +139,30 @@ auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pu
 }
 
 template <class T>
-void SolidSolver<T>::spread(const Array<T>& values, Array<T>& field, T sign, const Components& components) {
-  const auto begin = static_cast<int>(components.first * grid_.columns());
+void SolidSolver<T>::spread(const Array<T>& values, Array<T>& field, T sign, const Components& components,
+                            std::size_t begin) {
+  const auto first = static_cast<int>(components.first * grid_.columns());
   const auto end = static_cast<int>((components.first + components.count) * grid_.columns());
-  spread_({{static_cast<std::size_t>(end - begin)}, {64}}, slots_, values, field, sign, begin, end);
+  spread_({{static_cast<std::size_t>(end - first)}, {64}}, slots_, values, field, sign, first, end,
+          static_cast<int>(begin));
+}
+
+template <class T>
+void SolidSolver<T>::solve_layers(const Array<T>& r, Array<T>& z) {
+  preconditioner_.up(r, {0, 0}, surface_);
+  preconditioner_.down(surface_, {0, 0}, z);
+}
+
+template <class T>
+void SolidSolver<T>::move_layers(const Components& components, Array<T>& u) {
+  if (row_->index == 0) {
+    spread(p_, surface_, T{1}, components, 0);
+    preconditioner_.solve_surface(surface_, components, u);
+    return;
+  }
+  queue_.fill_zero(kd_);
+  spread(p_, kd_, T{1}, {0, 3}, row_begin());
+  solve_layers(kd_, u);
 }
 
 template <class T>
@@ -159,8 +180,7 @@ template <class T>
 void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
   const Eigen::Matrix<T, Eigen::Dynamic, 1> force = force_n.cast<T>();
   queue_.write(p_, force.data(), static_cast<std::size_t>(patch.count));
-  spread(p_, surface_, T{1}, patch.components);
-  preconditioner_.solve_surface(surface_, patch.components, u_);
+  move_layers(patch.components, u_);
   const std::vector<T> none(kScalars, T{0});
   queue_.write(scalars_, none.data(), none.size());
   const int planes = 3 * rows_, groups = static_cast<int>(grid_.unknowns() / width_);
@@ -168,19 +188,31 @@ void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
   apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_->youngs_modulus_pa, d_, kd_,
          partial_, nx_, nz_, rows_);
   queue_.fill_zero(z_);
-  spread(p_, z_, T{1}, {0, 3});
+  spread(p_, z_, T{1}, {0, 3}, row_begin());
   subtract_({{static_cast<std::size_t>(groups)}, {64}}, z_, kd_, r_, groups);
 }
 
 template <class T>
 void SolidSolver<T>::precondition(const Patch& patch) {
-  const Components components = patch.pushed ? patch.components : Components{0, 0};
-  preconditioner_.up(r_, components, surface_);
-  if (patch.pushed) {
-    project_({{static_cast<std::size_t>(patch.count)}, {1}}, inverse_, unknowns_, surface_, q_, patch.count);
-    spread(q_, surface_, T{-1}, components);
+  if (!patch.pushed) return solve_layers(r_, z_);
+  const auto project = [&](const Array<T>& field) {
+    project_({{static_cast<std::size_t>(patch.count)}, {1}}, inverse_, unknowns_, field, q_, patch.count);
+  };
+  if (row_->index == 0) {
+    preconditioner_.up(r_, patch.components, surface_);
+    project(surface_);
+    spread(q_, surface_, T{-1}, patch.components, 0);
+    preconditioner_.down(surface_, patch.components, z_);
+    return;
   }
-  preconditioner_.down(surface_, components, z_);
+  // No condition enters between the sweeps: q from z0, and the layers again, under r - B^T q.
+  solve_layers(r_, z_);
+  project(z_);
+  queue_.fill_zero(z_);
+  spread(q_, z_, T{1}, {0, 3}, row_begin());
+  const auto groups = static_cast<int>(grid_.unknowns() / width_);
+  subtract_({{static_cast<std::size_t>(groups)}, {64}}, r_, z_, kd_, groups);
+  solve_layers(kd_, z_);
 }
 
 template <class T>
@@ -239,7 +271,7 @@ SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::Vecto
     throw std::invalid_argument("patch: give each unknown a skin whose compliance is finite, 0 or more");
   if (w.size() != n || !w.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite displacement");
-  Eigen::MatrixXd felt = layered_surface().among(patch.unknowns, grid_.nx, grid_.nz);
+  Eigen::MatrixXd felt = row_->layered.among(patch.unknowns, grid_.nx, grid_.nz);
   felt.diagonal() += patch.skin_m_n;
   const Eigen::LLT<Eigen::MatrixXd> factor(felt);
   if (factor.info() != Eigen::Success)
@@ -264,7 +296,7 @@ SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, con
   if (p.size() != set.count || !p.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite force");
   begin(set, p);
-  const auto moved = [&]() -> Eigen::VectorXd { return surface_of(u_)(unknowns); };
+  const auto moved = [&]() -> Eigen::VectorXd { return row_of(u_)(unknowns); };
   SolidSolution solution = iterate(set, p.dot(moved()) + dot(u_, r_), options);
   solution.force_n = p;
   solution.displacement_m = moved();
@@ -272,22 +304,24 @@ SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, con
 }
 
 template <class T>
-Eigen::VectorXd SolidSolver<T>::surface_of(const Array<T>& field) const {
-  Eigen::Matrix<T, Eigen::Dynamic, 1> surface(static_cast<Eigen::Index>(3 * grid_.columns()));
-  queue_.read(field, surface.data(), 3 * grid_.columns());
-  return surface.template cast<double>();
+Eigen::VectorXd SolidSolver<T>::row_of(const Array<T>& field) const {
+  Eigen::Matrix<T, Eigen::Dynamic, 1> row(static_cast<Eigen::Index>(3 * grid_.columns()));
+  queue_.read(field, row.data(), 3 * grid_.columns(), row_begin());
+  return row.template cast<double>();
 }
 
 template <class T>
-SurfaceExcess SolidSolver<T>::surface_excess() {
-  preconditioner_.up(r_, {0, 3}, surface_);
-  SurfaceExcess out{surface_of(u_), surface_of(surface_)};
-  queue_.fill_zero(surface_);
-  spread(p_, surface_, T{1}, {0, 3});
-  preconditioner_.solve_surface(surface_, {0, 3}, z_);
-  out.moved_m += out.last_m - surface_of(z_);
+RowExcess SolidSolver<T>::excess() {
+  const bool surface = row_->index == 0;
+  if (surface)
+    preconditioner_.up(r_, {0, 3}, surface_);
+  else
+    solve_layers(r_, z_);
+  RowExcess out{row_of(u_), row_of(surface ? surface_ : z_)};
+  move_layers({0, 3}, z_);
+  out.moved_m += out.last_m - row_of(z_);
   if (!out.moved_m.allFinite() || !out.last_m.allFinite())
-    throw std::domain_error("solid: the surface's displacement is not finite");
+    throw std::domain_error("solid: the displacement of the touched nodes is not finite");
   return out;
 }
 

@@ -118,7 +118,7 @@ Eigen::VectorXd SurfaceCompliance::times(const std::vector<std::size_t>& unknown
 }
 
 SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
-                               double least_period_m, double smooth_m) {
+                               double least_period_m, double smooth_m, std::size_t row) {
   SolidGrid wide = grid;
   const auto widened = [&](std::size_t n, double spacing_m) {
     std::size_t wanted = n;
@@ -128,7 +128,7 @@ SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissu
   wide.nx = widened(grid.nx, grid.spacing_x_m);
   if (grid.nz > 1) wide.nz = widened(grid.nz, grid.spacing_z_m);
   const std::size_t pitch = wide.nx / 2 + 1;
-  std::vector<double> symbol = surface_symbol(wide, tissue, poisson_ratio, pitch);
+  std::vector<double> symbol = row_symbol(wide, tissue, poisson_ratio, pitch, row);
   const auto left = [&](std::size_t k, std::size_t n, double spacing_m) {
     const double smeared =
         2 * std::numbers::pi * static_cast<double>(k) * smooth_m / (static_cast<double>(n) * spacing_m);

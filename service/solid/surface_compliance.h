@@ -1,4 +1,5 @@
-// Compliance of the surface of layered tissue (T8.1), m/N, by the offset from the node that is pushed.
+// Compliance of the surface of layered tissue (T8.1), or of a row of nodes below it, m/N, by the offset from
+// the node that is pushed.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +12,7 @@ namespace teletact::service {
 
 class SurfaceCompliance {
  public:
-  // From the transformed compliance of a block, [6][kz = 0 .. nz/2][pitch] (surface_symbol), up to offsets of
+  // From the transformed compliance of a block, [6][kz = 0 .. nz/2][pitch] (row_symbol), up to offsets of
   // most_x and most_z nodes, at most half of the block's.
   SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol, std::size_t pitch,
                     std::size_t most_x, std::size_t most_z);
@@ -31,8 +32,8 @@ class SurfaceCompliance {
 };
 
 // The same for tissue so wide that its period, at least `least_period_m`, is not felt; `smooth_m`: of what is
-// left of it once forces are smeared by a Gaussian of this deviation.
+// left of it once forces are smeared by a Gaussian of this deviation; `row`: of nodes, 0 the surface.
 SurfaceCompliance wide_surface(const SolidGrid&, const LayeredTissue&, double poisson_ratio,
-                               double least_period_m, double smooth_m = 0);
+                               double least_period_m, double smooth_m = 0, std::size_t row = 0);
 
 }  // namespace teletact::service

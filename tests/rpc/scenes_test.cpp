@@ -118,20 +118,34 @@ TEST_F(SceneCalls, SolidIsCreatedAndTouched) {
   ASSERT_EQ(scene.windows_size(), 1);
   EXPECT_DOUBLE_EQ(scene.windows(0).covers().begin_z_m(), -0.01);
   EXPECT_NEAR(scene.windows(0).covers().end_z_m(), 0.01, 1e-12);
-  Toucher toucher(channel, "solid");
-  ASSERT_TRUE(toucher.opened());
-  v1::TouchAnswer answer;
-  do {  // it is made ready
-    v1::TouchRequest pose;
-    for (const double x_m : {0.02, 0.0015, 0.0}) pose.mutable_pose()->add_position_m(x_m);
-    ASSERT_TRUE(toucher.send(pose));
-    ASSERT_TRUE(toucher.read(&answer));
-  } while (answer.status() == v1::TOUCH_STATUS_PREPARING);
-  ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
-  EXPECT_LT(answer.force_n(1), -0.05);
-  EXPECT_LT(answer.force_n(2), -0.001) << "from the harder half";
-  EXPECT_NEAR(answer.force_n(0), 0, 0.003 * -answer.force_n(1));
-  EXPECT_NE(answer.tangent_n_m(8), 0);
+  for (const double asked_m : {0.0, 0.0045}) {  // rows are 2.5 mm apart
+    v1::TouchOpen open = Toucher::open_on("solid");
+    open.mutable_layer()->set_depth_m(asked_m);
+    Toucher toucher(channel, open);
+    v1::TouchOpened opened;
+    ASSERT_TRUE(toucher.opened(&opened));
+    const double depth_m = opened.layer().depth_m();
+    EXPECT_DOUBLE_EQ(depth_m, asked_m > 0 ? 0.005 : 0);
+    v1::TouchAnswer answer;
+    do {  // it is made ready
+      v1::TouchRequest pose;
+      for (const double x_m : {0.02, depth_m + 0.0015, 0.0}) pose.mutable_pose()->add_position_m(x_m);
+      ASSERT_TRUE(toucher.send(pose));
+      ASSERT_TRUE(toucher.read(&answer));
+    } while (answer.status() == v1::TOUCH_STATUS_PREPARING);
+    ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+    EXPECT_LT(answer.force_n(1), -0.05);
+    EXPECT_LT(answer.force_n(2), -0.001) << "from the harder half";
+    EXPECT_NEAR(answer.force_n(0), 0, 0.003 * -answer.force_n(1));
+    EXPECT_NE(answer.tangent_n_m(8), 0);
+  }
+  v1::TouchOpen below = Toucher::open_on("solid");
+  below.mutable_layer()->set_depth_m(0.021);
+  Toucher refused(channel, below);
+  EXPECT_FALSE(refused.opened());
+  const grpc::Status why = refused.finish();
+  EXPECT_EQ(why.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_NE(why.error_message().find("open.layer.depth_m: 0.021"), std::string::npos) << why.error_message();
 }
 
 TEST_F(SceneCalls, SceneIsHeldWhereItsSupportsSay) {

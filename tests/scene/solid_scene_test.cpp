@@ -10,39 +10,11 @@
 #include "service/scene/scene_record.h"
 #include "service/scene/solid_block.h"
 #include "service/touch_plane/touch_session.h"
-#include "tests/scene/windows.h"
+#include "tests/scene/solid_with_ball.h"
 #include "tests/solver/block_stencil.h"
 
 namespace teletact::service {
 namespace {
-
-constexpr double kWidthM = 0.048, kDepthM = 0.030, kBallX = 0.024, kBallZ = 0.002;
-
-// 24 x 12 columns of 2 x 3 mm; a hard ball under (kBallX, kBallZ).
-ExplicitModulus with_ball() {
-  ExplicitModulus e;
-  for (int i = 0; i <= 24; ++i) e.x_m.push_back(kWidthM * i / 24);
-  for (int j = 0; j <= 10; ++j) e.y_m.push_back(kDepthM * j / 10);
-  for (int k = 0; k <= 12; ++k) e.z_m.push_back(-0.018 + 0.003 * k);
-  for (int k = 0; k < 12; ++k)
-    for (int j = 0; j < 10; ++j)
-      for (int i = 0; i < 24; ++i)
-        e.youngs_modulus_pa.push_back(std::hypot(0.002 * (i + 0.5) - kBallX, 0.003 * (j + 0.5) - 0.009,
-                                                 -0.018 + 0.003 * (k + 0.5) - kBallZ) < 0.006
-                                          ? 8e4
-                                          : 1e4);
-  return e;
-}
-
-std::shared_ptr<Scene> scene_of(const ExplicitModulus& e) {
-  return std::make_shared<Scene>("s", tissue(kWidthM, kDepthM), e, versions(), Limits{}, MemoryAccount{},
-                                 plane_models());
-}
-
-// What the session answers once the layer is ready; nobody prepares it here, so that is at once.
-TouchAnswer touched(TouchSession& session, double x_m, double y_m, double z_m) {
-  return session.solve({x_m, y_m, z_m});
-}
 
 TEST(SolidScene, IsTouchedInThreeDimensions) {
   const auto scene = scene_of(with_ball());
@@ -62,18 +34,6 @@ TEST(SolidScene, IsTouchedInThreeDimensions) {
   for (const NodalPressure& n : before.contact.pressure)
     z += n.position_m[2] * n.pressure_pa, p += n.pressure_pa;
   EXPECT_NEAR(z / p, kBallZ - 0.004, 0.001) << "in the scene's coordinates";
-}
-
-TEST(SolidScene, HasNoLayersBelowItsSurface) {
-  const auto scene = scene_of(with_ball());
-  TouchOptions options;
-  options.layer_depth_m = 0.005;
-  try {
-    const TouchSession session(scene, options, test_device());
-    ADD_FAILURE() << "the surface was touched instead";
-  } catch (const std::invalid_argument& error) {
-    EXPECT_NE(std::string(error.what()).find("open.layer.depth_m: 0.005"), std::string::npos) << error.what();
-  }
 }
 
 // Corrections are made beside: a finger that moves is answered without them, and says what it is off by; one

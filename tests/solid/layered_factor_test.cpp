@@ -36,8 +36,30 @@ TEST(LayeredFactor, TheSurfacesComplianceIsTheSparseFactors) {
                 << "from " << q << " to " << p << " at " << i << ", " << k;
           }
     }
-    EXPECT_EQ(surface_symbol(grid, layered(tissue), tissue.poisson_ratio, 16),
+    EXPECT_EQ(row_symbol(grid, layered(tissue), tissue.poisson_ratio, 16),
               std::vector<double>(f.inverse.begin(), f.inverse.begin() + 6 * long(nz / 2 + 1) * 16));
+  }
+}
+
+TEST(LayeredFactor, ARowsComplianceIsTheSparseFactors) {
+  const SolidGrid grid = small_grid();
+  const SolidTissue tissue = layers(grid, 0.49);
+  const reference::SolidReference truth(tissue);
+  for (std::size_t row = 0; row < grid.layers(); ++row) {
+    const SurfaceCompliance table = wide_surface(grid, layered(tissue), 0.49, 0, 0, row);
+    for (std::size_t q = 0; q < 3; ++q) {
+      Eigen::VectorXd load = Eigen::VectorXd::Zero(truth.stiffness().rows());
+      load[Eigen::Index(reference::unknown(grid, 0, row, 0, q))] = 1;
+      const Eigen::VectorXd u = truth.solve(load);
+      for (std::size_t p = 0; p < 3; ++p)
+        for (long k = -4; k <= 4; ++k)
+          for (long i = -8; i <= 8; ++i)
+            EXPECT_NEAR(
+                table(p, q, i, k),
+                u[Eigen::Index(reference::unknown(grid, std::size_t(i + 16), row, std::size_t(k + 8), p))],
+                1e-11 * u.lpNorm<Eigen::Infinity>())
+                << "row " << row << ", from " << q << " to " << p << " at " << i << ", " << k;
+    }
   }
 }
 

@@ -74,6 +74,51 @@ TEST_P(SolidSolverTest, IsTheSparseFactorsAndItsBoundHoldsAtEveryIteration) {
 
 INSTANTIATE_TEST_SUITE_P(PoissonRatios, SolidSolverTest, testing::Values(0.3, 0.49, 0.4999));
 
+// Below the surface the same holds: push, load and what both leave.
+TEST(SolidSolver, OnARowItIsTheSparseFactorsAndItsBoundHolds) {
+  const Queue queue = test_device()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = rough(small_grid(), 0.49, 30);
+  const SolidGrid& grid = tissue.grid;
+  const reference::SolidReference reference(tissue);
+  SolidSolver<double> solver(queue, tissue);
+  for (const std::size_t row : {1U, 4U, 5U}) {
+    solver.at(std::make_shared<const SolidRow>(
+        SolidRow{row, wide_surface(grid, solver.layers(), 0.49, 0, 0, row)}));
+    for (const auto& [first, last, skin] :
+         {std::tuple{1, 1, 0.0}, std::tuple{1, 1, 2e-3}, std::tuple{0, 2, 0.0}}) {
+      const SurfacePatch patch = patch_of(grid, std::size_t(first), std::size_t(last), skin);
+      const Eigen::VectorXd w = pushed(patch);
+      std::vector<std::size_t> in_field = patch.unknowns;
+      for (std::size_t& unknown : in_field) unknown += 3 * row * grid.columns();
+      Eigen::MatrixXd s = reference.compliance(in_field);
+      s.diagonal() += patch.skin_m_n;
+      const Eigen::VectorXd p = s.ldlt().solve(w);
+      const double energy_j = p.dot(w) / 2;
+      const SolidSolution all = solver.push(patch, w, {.relative_error = 1e-10});
+      EXPECT_EQ(all.reason, StopReason::kConverged);
+      EXPECT_LT((all.force_n - p).norm(), 1e-8 * p.norm()) << "row " << row;
+      for (std::size_t k = 0; k < all.iterations; k += 4) {
+        const SolidSolution early = solver.push(patch, w, {.relative_error = 0, .max_iterations = k});
+        EXPECT_GE(early.energy_j - energy_j, -1e-12 * energy_j);
+        EXPECT_LE(early.energy_j - energy_j, early.energy_error_j + 1e-12 * energy_j) << "iteration " << k;
+      }
+      // Pushed or loaded, its excess is what the row moves by beyond the layered tissue.
+      Eigen::VectorXd load = Eigen::VectorXd::Zero(Eigen::Index(grid.unknowns()));
+      load(in_field) = p;
+      const Eigen::VectorXd moved = reference.solve(load).segment(Eigen::Index(3 * row * grid.columns()),
+                                                                  Eigen::Index(3 * grid.columns()));
+      const Eigen::VectorXd beyond =
+          moved - solver.row()->layered.times(patch.unknowns, p, grid.nx, grid.nz, 0, 3);
+      solver.push(patch, w, {.relative_error = 1e-10});
+      EXPECT_LT((solver.excess().moved_m - beyond).norm(), 1e-7 * moved.norm());
+      const SolidSolution loaded = solver.load(patch.unknowns, p, {.relative_error = 1e-10});
+      EXPECT_LT((solver.excess().moved_m - beyond).norm(), 1e-7 * moved.norm());
+      EXPECT_NEAR(loaded.energy_j, p.dot(moved(patch.unknowns)) / 2, 1e-8 * loaded.energy_j);
+    }
+  }
+}
+
 TEST(SolidSolver, LayeredTissueTakesNoIteration) {
   const SolidTissue tissue =
       solid(small_grid(), 0.49, [](double, double y, double) { return y < 0.008 ? 1e4 : 5e4; });
