@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -71,6 +72,33 @@ TEST(SolidLayers, AreKeptWhileTheyAreTouched) {
   EXPECT_TRUE(asked.empty());
   EXPECT_THROW(model->layer(Layer{kDepthM}, way, later), std::out_of_range) << "held by the bottom";
   EXPECT_THROW(model->layer(Layer{0.0065}, way, later), std::out_of_range) << "no row of nodes";
+}
+
+// A slice takes the surface over at once; a layer below it follows, and then feels what the slice has shown.
+TEST(SolidLayers, FeelANewSlice) {
+  const auto scene = scene_of(stack({-0.01, 0.01}));
+  TouchOptions options;
+  options.layer_depth_m = 0.003;
+  TouchSession session(scene, options, test_device());
+  const auto force = [&](TouchSession& finger) {
+    TouchAnswer a = touched(finger, kBallX, 0.005, kBallZ);
+    for (int rests = 0; rests < 2000 && !a.contact.solve.converged; ++rests) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      a = touched(finger, kBallX, 0.005, kBallZ);
+    }
+    EXPECT_TRUE(a.contact.solve.converged);
+    EXPECT_EQ(a.model_version, scene->snapshot()->version);
+    return -a.contact.force_n[1];
+  };
+  const double soft = force(session);
+  scene->publish(slice_at(kBallZ));
+  const double hard = force(session);
+  EXPECT_GT(hard, 1.1 * soft);
+  TouchSession fresh(scene_of(stack({-0.01, kBallZ, 0.01})), options, test_device());
+  const TouchAnswer truth = touched(fresh, kBallX, 0.005, kBallZ);
+  ASSERT_TRUE(truth.contact.solve.converged);
+  EXPECT_NEAR(hard, -truth.contact.force_n[1],
+              2 * choices::kSolidForceError * hard + choices::kMostDrift * hard);
 }
 
 TEST(SolidLayers, AreRefusedWhereThereIsNone) {

@@ -2,15 +2,12 @@
 #pragma once
 
 #include <cmath>
-#include <memory>
 
 #include "service/touch_plane/touch_session.h"
-#include "tests/scene/windows.h"
+#include "tests/scene/stacks.h"
 #include "tests/solver/block_stencil.h"
 
 namespace teletact::service {
-
-inline constexpr double kWidthM = 0.048, kDepthM = 0.030, kBallX = 0.024, kBallZ = 0.002;
 
 // 24 x 12 columns of 2 x 3 mm; a hard ball under (kBallX, kBallZ).
 inline ExplicitModulus with_ball() {
@@ -26,11 +23,6 @@ inline ExplicitModulus with_ball() {
                                           ? 8e4
                                           : 1e4);
   return e;
-}
-
-inline std::shared_ptr<Scene> scene_of(const ExplicitModulus& e) {
-  return std::make_shared<Scene>("s", tissue(kWidthM, kDepthM), e, versions(), Limits{}, MemoryAccount{},
-                                 plane_models());
 }
 
 // What the session answers once the layer is ready; nobody prepares it here, so that is at once.
