@@ -1,5 +1,5 @@
-// The contact law as one stream has been told it: columns by place, of the versions that rule there. Checked
-// as everything is that comes from the network.
+// The contact law as one stream has been told it: lanes of columns by place, of the versions that rule there.
+// Checked as everything is that comes from the network.
 #pragma once
 
 #include <cstddef>
@@ -19,20 +19,24 @@ class LawBook {
   // Another stream, on the layer at this depth: nothing is known.
   void open(double layer_depth_m);
   // False for a piece that is malformed, or not the next: nothing that is known changes.
-  bool take(const v1::LawPiece& piece, double finger_x_m);
+  bool take(const v1::LawPiece& piece, double finger_x_m, double finger_z_m = 0);
   std::uint64_t pieces() const { return pieces_; }  // that have come on this stream
 
-  // What the servo should have for a finger at x; none when that is what it was given last.
-  std::optional<NearLaw> fresh(double x_m);
+  // What the servo should have for a finger there; none when that is what it was given last. `guesses`: what
+  // is not corrected, too, as whoever is so far away needs that his answers are worse than a guess.
+  std::optional<NearLaw> fresh(double x_m, double z_m = 0, bool guesses = true);
 
  private:
-  void forget_far_from(double x_m);
+  using Lane = std::map<double, LawColumn>;  // by x
+  void forget_far_from(double x_m, double z_m);
 
-  std::map<double, LawColumn> columns_;  // by x
+  std::map<double, Lane> lanes_;  // by z; none is empty
+  std::size_t columns_ = 0;
   double layer_depth_m_ = 0;
   std::uint64_t pieces_ = 0;
   bool changed_ = false;
-  double given_x_m_ = 0;
+  double given_x_m_ = 0, given_z_m_ = 0;
+  bool given_guesses_ = true;
 };
 
 }  // namespace teletact::client

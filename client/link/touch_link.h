@@ -99,7 +99,7 @@ class TouchLink {
   void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
   void take_law(const v1::LawPiece& piece);
   void keep_tactile(const v1::TactileImage& image);
-  void tell_law(double x_m);
+  void tell_law();
   std::optional<double> retry_after_s(const grpc::Status& status);
   void pause(double wait_s);
 
@@ -115,7 +115,7 @@ class TouchLink {
   TouchAnswers received_;
   LawBook law_;
   std::optional<TactileImage> tactile_;  // that nobody took yet
-  double finger_x_m_ = 0;                // of the newest pose sent
+  Vector3 finger_m_ = Vector3::Zero();   // of the newest pose sent
   std::string failure_;
   std::string last_reason_;  // why the last stream ended: said once, not with every try
   Backoff refused_{kRetryS, kMostRetryS};

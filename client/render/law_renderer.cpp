@@ -12,6 +12,11 @@ constexpr double kSharpness = 8;  // of the soft minimum
 // lateral part comes to the push.
 constexpr double kBelow = 0.94;
 
+// What a law's force is against, along the scene's axes.
+Vector3 resistance_of(const LawValue& value) {
+  return {value.by_x_n, value.by_d_n, value.by_z_n};
+}
+
 }  // namespace
 
 void LawRenderer::reset() noexcept {
@@ -19,7 +24,7 @@ void LawRenderer::reset() noexcept {
 }
 
 LawValue LawRenderer::law_at(const Vector3& position_m) const noexcept {
-  return evaluate(law_.used(), position_m.x(), position_m.y() - law_.layer_depth_m);
+  return evaluate(law_.used(), position_m.x(), position_m.y() - law_.layer_depth_m, position_m.z());
 }
 
 bool LawRenderer::wrong(std::uint64_t version) const noexcept {
@@ -35,7 +40,7 @@ Vector2 LawRenderer::along_m() const noexcept {
 // finger in is none.
 bool LawRenderer::trusted(const LawValue& value) const noexcept {
   constexpr double kShare = 0.1, kFloorN = 0.005;
-  const double most_n = kShare * std::hypot(value.by_x_n, value.by_d_n) + kFloorN;
+  const double most_n = kShare * resistance_of(value).norm() + kFloorN;
   const bool known = value.error_n - value.disagreement_n <= (by_law_ ? 2 : 1) * most_n;
   const bool resists = !(value.energy_j > 0) || value.by_d_n > 0;
   return value.covered && !value.beyond && known && resists && !stale_ && !wrong(value.oldest) &&
@@ -61,24 +66,27 @@ Potential LawRenderer::softened(const LawValue& value, double d) const noexcept 
   const double phi_j = least_j * std::pow(sum, -1 / kSharpness);
   const double of_law = std::pow(phi_j / value.energy_j, kSharpness + 1);
   const double of_spring = std::pow(phi_j / spring_j, kSharpness + 1);
-  return {{of_law * value.by_x_n, of_law * value.by_d_n + of_spring * stiffness * d, 0}, phi_j};
+  return {of_law * resistance_of(value) + Vector3(0, of_spring * stiffness * d, 0), phi_j};
 }
 
 // Deeper than where the largest force is reached the energy goes on straight: as with a slider that slips
 // there.
-Potential LawRenderer::potential(const LawValue& value, double x_m, double d) const noexcept {
+Potential LawRenderer::potential(const LawValue& value, const Vector3& position_m, double d) const noexcept {
   const double most_n = kBelow * options_.largest_force_n;
   Potential free = softened(value, d);
   if (free.resistance_n.y() <= most_n) return free;
   constexpr int kHalvings = 30;
+  const auto at = [&](double depth_m) {
+    return softened(evaluate(law_.used(), position_m.x(), depth_m, position_m.z()), depth_m);
+  };
   double below_m = 0, above_m = d;
   for (int k = 0; k < kHalvings; ++k) {
     const double middle_m = (below_m + above_m) / 2;
-    const bool slips = softened(evaluate(law_.used(), x_m, middle_m), middle_m).resistance_n.y() > most_n;
+    const bool slips = at(middle_m).resistance_n.y() > most_n;
     (slips ? above_m : below_m) = middle_m;
   }
-  const Potential slips = softened(evaluate(law_.used(), x_m, below_m), below_m);
-  return {{slips.resistance_n.x(), most_n, 0}, slips.energy_j + most_n * (d - below_m)};
+  const Potential slips = at(below_m);
+  return {{slips.resistance_n.x(), most_n, slips.resistance_n.z()}, slips.energy_j + most_n * (d - below_m)};
 }
 
 // Where both columns are of the answer's version: across a border of versions neither is right or wrong
@@ -89,7 +97,7 @@ void LawRenderer::check(const ForceSample& sample) noexcept {
   if (!trusted(value) || !(value.energy_j > 0)) return;
   if (contradicted_ != sample.model_version) contradictions_ = 0;
   contradicted_ = sample.model_version;
-  const double off = (Vector3(-value.by_x_n, -value.by_d_n, 0) - sample.force_n).norm() / value.error_n;
+  const double off = (resistance_of(value) + sample.force_n).norm() / value.error_n;
   const bool elsewhere =
       contradictions_ == 0 || (sample.position_m - contradicted_m_).norm() > options_.place_m;
   if (!(off > 1)) contradictions_ = 0;
@@ -132,7 +140,7 @@ void LawRenderer::take_law(const NearLaw& law) noexcept {
   const double d = surface_.depth_m(position_m_);
   const LawValue value = law_at(position_m_);
   if (!by_law_ || !(d > 0) || !trusted(value)) return;
-  const Potential now = potential(value, position_m_.x(), d);
+  const Potential now = potential(value, position_m_, d);
   if (now.resistance_n != model_.resistance_n || now.energy_j != model_.energy_j)
     blend_.change(felt_, along_m(), d);
 }
@@ -156,14 +164,14 @@ Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipa
     return rendered;
   }
   const ContactFrame frame(surface_.normal);
-  model_ = by_law ? potential(value, pose.position_m.x(), d)
+  model_ = by_law ? potential(value, pose.position_m, d)
                   : Potential{frame.to_contact(-rendered.force_n), rendered.stored_j};
   felt_ = blend_.settle(model_, along_m(), d, elapsed_s,
                         pays_here || !std::isfinite(dissipated_j) ? dissipated_j : 0);
   rendered.ledger_j = blend_.balance_j();
   if (!by_law && blend_.settled()) return rendered;
   if (by_law) {
-    const Vector3 softened_n = Vector3(value.by_x_n, value.by_d_n, 0) - model_.resistance_n;
+    const Vector3 softened_n = resistance_of(value) - model_.resistance_n;
     const double off_n_m = (value.error_n + softened_n.norm()) / d;
     rendered.variance = off_n_m * off_n_m;
     rendered.lateral_variance.setConstant(rendered.variance);

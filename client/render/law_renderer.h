@@ -48,7 +48,7 @@ class LawRenderer final : public Renderer {
   LawValue law_at(const Vector3& position_m) const noexcept;
   bool trusted(const LawValue&) const noexcept;
   Potential softened(const LawValue&, double indentation_m) const noexcept;
-  Potential potential(const LawValue&, double x_m, double indentation_m) const noexcept;
+  Potential potential(const LawValue&, const Vector3& position_m, double indentation_m) const noexcept;
   Vector2 along_m() const noexcept;
   bool wrong(std::uint64_t version) const noexcept;
   void judge_age() noexcept;

@@ -1,21 +1,39 @@
 #include "service/contact/contact_laws.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "service/contact/area_sampler.h"
 #include "service/contact/law_sampler.h"
 #include "service/plan/choices.h"
 
 namespace teletact::service {
+
+namespace {
+
+// Null: the model has none.
+std::unique_ptr<LawSampling> sampler_of(const Fingertip& tip, const Layer& layer,
+                                        const std::shared_ptr<TouchedLayer>& touched, const Region& region,
+                                        const Vector3& near_m) {
+  if (layer.normal != Layer{}.normal) return nullptr;
+  if (std::isfinite(region.begin_z_m)) {
+    auto apart = touched->apart();
+    return apart ? std::make_unique<AreaSampler>(std::move(apart), layer, tip, region, near_m) : nullptr;
+  }
+  if (touched->path() != SolvePath::kCompliance) return nullptr;
+  return std::make_unique<LawSampler>(touched, layer, tip, region.begin_x_m, region.end_x_m, near_m[0]);
+}
+
+}  // namespace
 
 ContactLaws::ContactLaws(MemoryAccount account) : account_(std::move(account)) {}
 ContactLaws::~ContactLaws() = default;
 
 std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const Layer& layer,
                                                    const std::shared_ptr<TouchedLayer>& touched,
-                                                   double begin_m, double end_m, double near_m,
+                                                   const Region& region, const Vector3& near_m,
                                                    const TouchWork& work, const std::string& client) {
-  if (layer.normal != Layer{}.normal || touched->path() != SolvePath::kCompliance) return nullptr;
   auto entry = std::make_shared<Entry>();
   {
     const std::lock_guard lock(mutex_);
@@ -25,12 +43,14 @@ std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const L
       (*found)->asked = ++asked_;
       return (*found)->law;
     }
+    auto sampler = sampler_of(tip, layer, touched, region, near_m);
+    if (!sampler) return nullptr;
     if (entries_.size() == kMost)
       entries_.erase(
           std::min_element(entries_.begin(), entries_.end(),
                            [](const auto& one, const auto& other) { return one->asked < other->asked; }));
     entry->tip = tip, entry->layer = layer;
-    entry->sampler = std::make_unique<LawSampler>(touched, layer, tip, begin_m, end_m, near_m);
+    entry->sampler = std::move(sampler);
     entry->asked = ++asked_;
     entries_.push_back(entry);
   }

@@ -18,11 +18,21 @@ namespace teletact::service {
 
 // What of a law is known. Each column states what the force around it may be off by.
 struct ContactLaw {
-  std::vector<LawColumn> columns;  // by x, none missing between two; versions are the sender's to say
-  bool whole = false;              // else more will come at both ends
+  std::vector<LawColumn> columns;  // by z, then x; versions are the sender's to say
+  bool whole = false;              // else more will come, or some will be corrected
 };
 
-class LawSampler;
+// Samples one law, for one thread at a time.
+class LawSampling {
+ public:
+  using Clock = TouchedLayer::Clock;
+  virtual ~LawSampling() = default;
+  // Works a little at least, until all is done or more would begin after `until`. True when done.
+  virtual bool advance(Clock::time_point until) = 0;
+  // Those that are known by now, by z, then x, with what they state; none of a lane is missing between two of
+  // them. A column that is corrected is not altered any more.
+  virtual std::vector<LawColumn> columns() const = 0;
+};
 
 // Thread-safe.
 class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
@@ -34,19 +44,19 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
   ~ContactLaws();
   // What is known by now: the rest is being sampled, which this asks `work` for, in the client's turn, in
   // small steps, and from where the first who asked has the finger (near_m). Null while nothing is known, and
-  // for good where the model has no law: its layer is not level, it is solved iteratively, or there is no
-  // room. [begin_m, end_m]: of x. `touched`: the layer, ready.
+  // for good where the model has no law: its layer is not level, it is a plane that is solved iteratively, or
+  // there is no room. `touched`: the layer, ready.
   std::shared_ptr<const ContactLaw> get(const Fingertip&, const Layer&,
-                                        const std::shared_ptr<TouchedLayer>& touched, double begin_m,
-                                        double end_m, double near_m, const TouchWork& work,
+                                        const std::shared_ptr<TouchedLayer>& touched, const Region&,
+                                        const Vector3& near_m, const TouchWork& work,
                                         const std::string& client);
 
  private:
   struct Entry {
     Fingertip tip;
     Layer layer;
-    std::unique_ptr<LawSampler> sampler;  // while it is at work, by its job
-    std::uint64_t asked = 0;              // counts with every question
+    std::unique_ptr<LawSampling> sampler;  // while it is at work, by its job
+    std::uint64_t asked = 0;               // counts with every question
     std::shared_ptr<const ContactLaw> law;
     Charge charge;
   };

@@ -80,7 +80,7 @@ std::optional<LawSampler::Contact> LawSampler::touch(double x_m, double d, doubl
 // For its samples.
 std::optional<LawSampler::Contact> LawSampler::touch(const Place& place, double d) {
   const double x_m = place.column.x_m;
-  return touch(x_m, d, place.averaged ? touched_->spacing_m(x_m) / 4 : 0);
+  return touch(x_m, d, place.averaged ? touched_->spacing_m(x_m)[0] / 4 : 0);
 }
 
 double LawSampler::kept(const Place& place) const {
@@ -177,7 +177,7 @@ void LawSampler::average(std::size_t cell, std::vector<Tried>& tried) {
   bool altered = false;
   for (const std::size_t i : {cell, cell + 1}) {
     Place& place = places_[i];
-    if (known(i) || !(touched_->spacing_m(place.column.x_m) > 0)) continue;
+    if (known(i) || !(touched_->spacing_m(place.column.x_m)[0] > 0)) continue;
     const LawColumn like = std::exchange(place.column, LawColumn{.x_m = place.column.x_m});
     place.averaged = true;
     sample(place, like);

@@ -10,24 +10,23 @@
 #include <vector>
 
 #include "law/contact_law.h"
+#include "service/contact/contact_laws.h"
 #include "service/contact/touch_model.h"
 #include "service/plan/choices.h"
 
 namespace teletact::service {
 
-// One thread at a time.
-class LawSampler {
+class LawSampler final : public LawSampling {
  public:
-  using Clock = TouchedLayer::Clock;
   // Over [begin_m, end_m] of the layer's x, what is nearest to `near_m` first. `touched` is that layer,
   // ready. Throws nothing of the model's: where it cannot be touched, columns end above or are missing.
   LawSampler(std::shared_ptr<TouchedLayer> touched, const Layer&, const Fingertip&, double begin_m,
              double end_m, double near_m);
 
-  // Works on one cell at least, until all is done or the next would begin after `until`. True when done.
-  bool advance(Clock::time_point until);
-  // Those that no further work will alter, by x, with what they state; none is missing between two of them.
-  std::vector<LawColumn> columns() const;
+  // Works on one cell at least.
+  bool advance(Clock::time_point until) override;
+  // Those that no further work will alter.
+  std::vector<LawColumn> columns() const override;
   std::size_t solves() const { return solves_; }  // contacts solved, those that only check too
 
  private:

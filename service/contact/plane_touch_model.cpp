@@ -60,10 +60,10 @@ class PlaneLayer final : public TouchedLayer {
     return coarse_mesh(tip, at.indentation_m, widest_m);
   }
 
-  double spacing_m(double x_m) const override {
+  std::array<double, 2> spacing_m(double x_m) const override {
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
     const auto right = std::upper_bound(columns_m.begin() + 1, columns_m.end() - 1, x_m);
-    return *right - *(right - 1);
+    return {*right - *(right - 1), 0};
   }
 
  private:

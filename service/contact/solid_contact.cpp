@@ -209,8 +209,8 @@ SolidContact<T>::SolidContact(const Queue& queue, const SolidContact& before, co
                    before.row_->solved->index) {}
 
 template <class T>
-SolidContact<T>::SolidContact(const SolidContact& surface, std::size_t row)
-    : SolidContact(surface.tissue_, surface.factor_, surface.modulus_, row) {}
+SolidContact<T>::SolidContact(const SolidContact& same, std::size_t row)
+    : SolidContact(same.tissue_, same.factor_, same.modulus_, row) {}
 
 template <class T>
 auto SolidContact<T>::known(const Fingertip& tip) const -> Known {

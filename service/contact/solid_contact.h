@@ -48,11 +48,14 @@ class SolidContact {
   // own. What the other has learned is of its modulus, and stays there; how this one's is felt is found with
   // its first correction.
   SolidContact(const Queue&, const SolidContact& before, const SolidTissue&);
-  // The same tissue on a row of nodes below its surface: it shares and takes as the one above, and nothing of
-  // the device before its first correction.
-  SolidContact(const SolidContact& surface, std::size_t row);
+  // The same tissue on a row of nodes, another or the same: it shares and takes as the one above, learns on
+  // its own, and takes nothing of the device before its first correction.
+  SolidContact(const SolidContact& same, std::size_t row);
   SolidContact(const SolidContact&) = delete;  // its parts refer to each other
   SolidContact& operator=(const SolidContact&) = delete;
+  // Finds how its modulus is felt, once: answers before that take all tissue for layered. One thread at a
+  // time.
+  void feel();
   // What is known by now, by any thread beside the others.
   // Pose: [x, indentation, z], x and z in the block's coordinates, the indentation from the undeformed row.
   // U(pose) = max over p_y >= 0, p_x, p_z of p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in
@@ -71,6 +74,7 @@ class SolidContact {
   // and z. By any thread, beside the others. Throws as touch() does, std::domain_error where no depth does.
   std::vector<NodalPressure> layered_pressure(const Fingertip&, const Vector3& pose, double force_n) const;
   const SolidTissue& tissue() const { return tissue_; }
+  std::size_t row() const { return row_->solved->index; }
   const LayersDrift& drift() const { return drift_; }
   std::size_t corrections() const { return corrections_; }  // contacts solved on the whole block, in all
 
@@ -95,7 +99,6 @@ class SolidContact {
                std::size_t row);
   using Known = std::shared_ptr<const RecycledCompliance>;
   Known known(const Fingertip&) const;
-  void feel();
   SolidTissue tissue_;
   std::shared_ptr<Factor> factor_;
   std::shared_ptr<const SolidModulus<T>> modulus_;

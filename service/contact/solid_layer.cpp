@@ -43,37 +43,74 @@ SolidLayer::SolidLayer(const SolidBlock& block, const std::shared_ptr<Device>& d
                          region_.begin_x_m, region_.end_x_m)),
       around_z_m_(around(static_cast<double>(block.tissue.grid.nz) * block.tissue.grid.spacing_z_m,
                          region_.begin_z_m, region_.end_z_m)),
-      spacing_m_(std::max(block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m)),
+      spacing_m_{block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m},
+      account_(account),
       device_(device),
       mutex_(std::make_shared<std::mutex>()),
       contact_(device->queue(account), block.tissue) {}
 
 // At the same place.
 template <class Make>
-SolidLayer::SolidLayer(const SolidLayer& other, Charge charge, const Make& contact)
+SolidLayer::SolidLayer(const SolidLayer& other, const MemoryAccount& account, Charge charge,
+                       const Make& contact)
     : region_(other.region_),
       origin_x_m_(other.origin_x_m_),
       origin_z_m_(other.origin_z_m_),
       around_x_m_(other.around_x_m_),
       around_z_m_(other.around_z_m_),
       spacing_m_(other.spacing_m_),
+      account_(account),
       device_(other.device_),
       mutex_(other.mutex_),
       charge_(std::move(charge)),
       contact_(contact()) {}
 
 SolidLayer::SolidLayer(const SolidBlock& block, const SolidLayer& before, const MemoryAccount& account)
-    : SolidLayer(before, {}, [&] {
+    : SolidLayer(before, account, {}, [&] {
         return SolidContact<float>(before.device_->queue(account), before.contact_, block.tissue);
       }) {}
 
 // Its copy of the moduli, what its touches leave and the shares of energy.
-SolidLayer::SolidLayer(const SolidLayer& surface, std::size_t row, const MemoryAccount& account)
-    : SolidLayer(surface,
+SolidLayer::SolidLayer(const SolidLayer& same, std::size_t row, const MemoryAccount& account)
+    : SolidLayer(same, account,
                  account.charge(Place::kHost, "solids",
-                                16 * surface.contact_.tissue().grid.elements() +
-                                    1600 * surface.contact_.tissue().grid.columns()),
-                 [&] { return SolidContact<float>(surface.contact_, row); }) {}
+                                16 * same.contact_.tissue().grid.elements() +
+                                    1600 * same.contact_.tissue().grid.columns()),
+                 [&] { return SolidContact<float>(same.contact_, row); }) {}
+
+// Touched in many places by one thread, which waits for the corrections that it asks for.
+class LayerApart final : public TouchedLayer {
+ public:
+  explicit LayerApart(const SolidLayer& same) : layer_(same, same.contact_.row(), same.account_) {}
+  SolvePath path() const override { return layer_.path(); }
+  std::array<double, 2> spacing_m(double x_m) const override { return layer_.spacing_m(x_m); }
+
+  bool prepare(const Fingertip& tip, const TouchPose& pose, double, Clock::time_point) override {
+    layer_.require_covered(tip, pose);
+    const std::lock_guard lock(*layer_.mutex_);
+    layer_.contact_.touch(tip, layer_.in_block(pose), {.force_error = choices::kLawShare});
+    return true;
+  }
+
+  ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
+    layer_.require_covered(tip, pose);
+    if (!std::exchange(felt_, true)) {
+      const std::lock_guard lock(*layer_.mutex_);
+      layer_.contact_.feel();
+    }
+    ContactAnswer answer = layer_.contact_.answer(tip, layer_.in_block(pose));
+    layer_.move_to_scene(answer.pressure);
+    return answer;
+  }
+
+ private:
+  SolidLayer layer_;
+  bool felt_ = false;
+};
+
+std::shared_ptr<TouchedLayer> SolidLayer::apart() {
+  return std::make_shared<LayerApart>(*this);
+}
 
 bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
                          Clock::time_point until) {
@@ -91,7 +128,7 @@ bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double aro
 }
 
 std::string SolidLayer::remark(const Fingertip& tip, const TouchPose& pose) const {
-  return coarse_mesh(tip, pose.position_m[1], spacing_m_);
+  return coarse_mesh(tip, pose.position_m[1], std::max(spacing_m_[0], spacing_m_[1]));
 }
 
 ContactAnswer SolidLayer::touch(const Fingertip& tip, const TouchPose& pose) {
@@ -164,7 +201,7 @@ bool SolidLayer::covers(const Fingertip& tip, const Vector3& position_m) const {
          inside(z, region_.begin_z_m, region_.end_z_m, around_z_m_);
 }
 
-ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) {
+void SolidLayer::require_covered(const Fingertip& tip, const TouchPose& pose) const {
   const auto [x, y, z] = pose.position_m;
   if (!covers(tip, pose.position_m))
     throw std::out_of_range(
@@ -172,6 +209,10 @@ ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) 
                     "{:.4g} to {:.4g} m along x "
                     "and from {:.4g} to {:.4g} m along z",
                     x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
+}
+
+ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) {
+  require_covered(tip, pose);
   const std::uint64_t done = corrector_.done();
   {
     const std::lock_guard lock(last_mutex_);

@@ -1,6 +1,7 @@
 // A plane of nodes of a block of solid tissue, ready to be touched: answers at once, corrections beside.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <deque>
@@ -22,8 +23,8 @@ class SolidLayer final : public TouchedLayer {
   SolidLayer(const SolidBlock&, const std::shared_ptr<Device>&, const MemoryAccount&);
   // Another modulus in the place of another's, solved with what that has. Ready while that is touched.
   SolidLayer(const SolidBlock&, const SolidLayer& before, const MemoryAccount&);
-  // A row of nodes below the surface, solved with what that has.
-  SolidLayer(const SolidLayer& surface, std::size_t row, const MemoryAccount&);
+  // A row of nodes of the same tissue, solved with what that has.
+  SolidLayer(const SolidLayer& same, std::size_t row, const MemoryAccount&);
 
   double drift() const { return contact_.drift().shape; }
   SolvePath path() const override { return SolvePath::kPcg; }
@@ -33,10 +34,13 @@ class SolidLayer final : public TouchedLayer {
   std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                              double force_n) const override;
   std::string remark(const Fingertip&, const TouchPose&) const override;
+  std::shared_ptr<TouchedLayer> apart() override;
+  std::array<double, 2> spacing_m(double) const override { return spacing_m_; }
 
  private:
+  friend class LayerApart;
   template <class Make>
-  SolidLayer(const SolidLayer& other, Charge, const Make& contact);
+  SolidLayer(const SolidLayer& other, const MemoryAccount&, Charge, const Make& contact);
   struct Last {
     Fingertip tip;
     Vector3 position_m;
@@ -54,6 +58,7 @@ class SolidLayer final : public TouchedLayer {
   void follow(const TouchPose&);
   std::deque<Track>::iterator own_track(const TouchPose&);
   bool covers(const Fingertip&, const Vector3& position_m) const;
+  void require_covered(const Fingertip&, const TouchPose&) const;
   ContactAnswer answered(const Fingertip&, const TouchPose&);  // by what was learned up to now
   void correct(const Fingertip&, const TouchPose&);            // by the corrector's thread
   // Others would fail as well, and another device may not. Once: the next touch tries again.
@@ -61,8 +66,9 @@ class SolidLayer final : public TouchedLayer {
 
   const Region region_;
   const double origin_x_m_, origin_z_m_;
-  const double around_x_m_, around_z_m_;  // tissue on each side, up to where the other side's begins
-  const double spacing_m_;
+  const double around_x_m_, around_z_m_;   // tissue on each side, up to where the other side's begins
+  const std::array<double, 2> spacing_m_;  // along x and z
+  const MemoryAccount account_;
   const std::shared_ptr<Device> device_;     // outlives its queue's arrays
   const std::shared_ptr<std::mutex> mutex_;  // of all that share the solver
   const Charge charge_;

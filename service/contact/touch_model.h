@@ -129,8 +129,12 @@ class TouchedLayer {
   // What to know of a touch that is answered all the same, such as a mesh too coarse for the tip; empty:
   // none.
   virtual std::string remark(const Fingertip&, const TouchPose&) const { return ""; }
-  // From one node to the next around here: forces ripple with it. 0: they do not.
-  virtual double spacing_m(double /*x_m*/) const { return 0; }
+  // The same, for the sampling of a law: it learns on its own, at no loss to whoever touches this one, and
+  // answers by a guess until prepare() has had its contact corrected. Null: touching this one costs it
+  // nothing.
+  virtual std::shared_ptr<TouchedLayer> apart() { return nullptr; }
+  // From one node to the next around here, along x and z: forces ripple with it. 0: they do not.
+  virtual std::array<double, 2> spacing_m(double /*x_m*/) const { return {}; }
 };
 
 struct TouchCost {

@@ -1,6 +1,6 @@
 // What one stream is told of contact laws: columns near the finger first, in pieces small enough to go
-// between answers, each once for each version of its window, and no more than a few that nobody has
-// acknowledged.
+// between answers, each once for each version of its window, and again once it is corrected, and no more than
+// a few that nobody has acknowledged.
 #pragma once
 
 #include <atomic>
@@ -18,13 +18,19 @@
 
 namespace teletact::service {
 
-// Columns of one version of a window's law.
+// Columns of one version of a window's law, all of one lane.
 struct LawPiece {
   std::uint64_t number = 0;  // counts the pieces of this stream from 1
   std::uint64_t window_id = 0, version = 0;
   // Between these the version rules: whoever holds columns of an older one there drops them.
   double begin_m = 0, end_m = 0;
-  std::vector<LawColumn> columns;  // by x
+  bool lanes = false;              // of a solid's law
+  std::vector<LawColumn> columns;  // by x, one at least; all corrected, or none
+};
+
+// Where a finger is on a layer, or how it moves along it.
+struct Along {
+  double x = 0, z = 0;
 };
 
 class LawOutbox {
@@ -35,23 +41,24 @@ class LawOutbox {
   // What is known of a window's law by now; null for nothing.
   using LawOf = std::function<std::shared_ptr<const ContactLaw>(const WindowModel&)>;
 
-  // The next piece for a finger at x that moves along it so fast, if it begins no farther than this from
-  // where the finger will be soon; none where all is sent, or waits to be acknowledged. One thread.
-  std::optional<LawPiece> next(const SceneSnapshot&, double x_m, double velocity_m_s, const LawOf&,
+  // The next piece for a finger at a place that moves so fast, if it begins no farther than this from where
+  // the finger will be soon; none where all is sent, or waits to be acknowledged. One thread.
+  std::optional<LawPiece> next(const SceneSnapshot&, Along place_m, Along velocity_m_s, const LawOf&,
                                double farthest_m = std::numeric_limits<double>::infinity());
   // Whether there may soon be more to send.
   bool expects_more(Clock::time_point now) const;
   // Whether an older version's law was told of this window, and this one's, soon to be told, was not yet
-  // around x.
-  bool owes(const WindowModel&, double x_m) const;
+  // around a place.
+  bool owes(const WindowModel&, Along place_m) const;
   // By any thread. Throws std::invalid_argument for a piece that was not sent.
   void acknowledge(std::uint64_t pieces);
 
  private:
   struct Sent {
     std::uint64_t version = 0;
+    bool lanes = false;  // its place along z matters
     std::shared_ptr<const ContactLaw> law;
-    std::vector<bool> columns;  // that were sent
+    std::vector<bool> columns;  // that were sent as they are
     Clock::time_point since{};  // this version is looked at
     bool follows = false;       // an older one whose law was told
   };

@@ -206,12 +206,12 @@ void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vec
   outbox.begin(now, sequence, make, scene_->touch_work(), options_.client);
 }
 
-std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, double x_m) const try {
-  if (way_.path == SolvePath::kPcg) return nullptr;
+std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, const Vector3& near_m) const
+    try {
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
   if (!touched) return nullptr;
-  return window.model->laws().get(options_.fingertip, layer_, touched, window.region.begin_x_m,
-                                  window.region.end_x_m, x_m, scene_->touch_work(), options_.client);
+  return window.model->laws().get(options_.fingertip, layer_, touched, window.region, near_m,
+                                  scene_->touch_work(), options_.client);
 } catch (const std::exception&) {  // said by the answer when the finger is there
   return nullptr;
 }

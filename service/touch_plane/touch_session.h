@@ -77,7 +77,7 @@ class TouchSession {
   // Throws DeviceError, though, where the device failed.
   void look_ahead();
   // Of one of the scene's windows, for this finger: what is known of it, near x first; null where nothing is.
-  std::shared_ptr<const ContactLaw> law_of(const WindowModel&, double x_m) const;
+  std::shared_ptr<const ContactLaw> law_of(const WindowModel&, const Vector3& near_m) const;
 
  private:
   std::string outside(const Vector3& position_m) const;

@@ -36,6 +36,10 @@ TouchStream::Clock::duration period_from(double wished_s, const Limits& limits) 
   return seconds(std::max(wished_s, 1 / limits.most_touch_rate_hz));
 }
 
+Along along(const Vector3& vector) {
+  return {vector[0], vector[2]};
+}
+
 TouchOptions&& options_of(TouchWishes& wishes) {
   if (wishes.session_id.size() > TouchStream::kMostSessionIdBytes)
     throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
@@ -116,7 +120,7 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
   const std::shared_ptr<Device> device = device_;
   session_.use(device);
   const auto may_enter = [&](const WindowModel& window) {
-    return this->may_enter(window, arrived.pose.position_m[0]);
+    return this->may_enter(window, arrived.pose.position_m);
   };
   Answered answered{session_.solve(arrived.pose.position_m, may_enter), 0, begun - arrived.at, {}, {}};
   answered.computing = Clock::now() - begun;
@@ -145,10 +149,10 @@ void TouchStream::look_ahead() {
 }
 
 std::optional<LawPiece> TouchStream::piece_for(const FingerPose& finger, double farthest_m) {
-  const double x_m = finger.position_m[0];
-  if (!laws_ || !std::isfinite(x_m)) return std::nullopt;
-  const auto law_of = [&](const WindowModel& window) { return session_.law_of(window, x_m); };
-  return laws_->next(*scene_->snapshot(), x_m, finger.velocity_m_s[0], law_of, farthest_m);
+  const Along place_m = along(finger.position_m);
+  if (!laws_ || !std::isfinite(place_m.x) || !std::isfinite(place_m.z)) return std::nullopt;
+  const auto law_of = [&](const WindowModel& window) { return session_.law_of(window, finger.position_m); };
+  return laws_->next(*scene_->snapshot(), place_m, along(finger.velocity_m_s), law_of, farthest_m);
 }
 
 std::optional<LawPiece> TouchStream::law_before(const Arrived& arrived,
@@ -169,10 +173,10 @@ std::optional<LawPiece> TouchStream::next_law() {
 
 // Whoever feels a law is answered from its version until the next one's is told: an answer of a version
 // without a law is felt a round trip late.
-bool TouchStream::may_enter(const WindowModel& window, double x_m) {
+bool TouchStream::may_enter(const WindowModel& window, const Vector3& position_m) {
   const auto now = Clock::now();
-  const bool waits =
-      laws_ && laws_->owes(window, x_m) && now - awaited_since_.value_or(now) < choices::kLawExpected;
+  const bool waits = laws_ && laws_->owes(window, along(position_m)) &&
+                     now - awaited_since_.value_or(now) < choices::kLawExpected;
   if (!waits)
     awaited_since_.reset();
   else if (!awaited_since_)

@@ -108,7 +108,7 @@ class TouchStream {
   Counts counts() const { return {poses_, replaced_, answered_}; }
 
  private:
-  bool may_enter(const WindowModel&, double x_m);
+  bool may_enter(const WindowModel&, const Vector3& position_m);
   std::optional<LawPiece> piece_for(const FingerPose&, double farthest_m);
 
   const std::shared_ptr<Scene> scene_;

@@ -21,7 +21,7 @@ struct Written final : TouchedLayer {
   enum class Answer { kGood, kThrows, kNotConverged };
   std::function<Answer(double x_m, double d_m)> answer = [](double, double) { return Answer::kGood; };
   double bumps = 0.1, wave_m = 0.01, turns = 0, node_m = 0;
-  double spacing_m(double) const override { return node_m; }
+  std::array<double, 2> spacing_m(double) const override { return {node_m, 0}; }
   SolvePath path() const override { return SolvePath::kCompliance; }
   ContactAnswer touch(const Fingertip&, const TouchPose& pose) override {
     const double x = pose.position_m[0], d = pose.position_m[1];

@@ -160,5 +160,89 @@ TEST(LawBook, IsBoundedWhateverASenderSends) {
   EXPECT_FALSE(covers(book, 0.0005, 0));
 }
 
+// A lane of a solid's law.
+v1::LawPiece lane_of(std::uint64_t number, double z_m, double before_m, std::vector<double> x_m,
+                     std::uint64_t version = 1) {
+  v1::LawPiece piece = piece_of(number, x_m, version);
+  piece.set_z_m(z_m), piece.set_lane_before_m(before_m);
+  for (v1::LawColumn& column : *piece.mutable_columns()) {
+    column.clear_samples();
+    for (const double d : {3e-4, 8e-3})
+      for (const float value : {float(6 + 2.5 * std::log(d)), 0.0F, 2.5F, 0.0F, 30.0F, 0.0F, 0.0F, 0.0F})
+        column.add_samples(value);
+  }
+  return piece;
+}
+LawValue felt(LawBook book, double x_m, double z_m, bool guesses = true) {
+  book.fresh(x_m + 1, z_m + 1);  // it has gone elsewhere since
+  return evaluate(book.fresh(x_m, z_m, guesses)->used(), x_m, 0.002, z_m);
+}
+
+TEST(LawBook, LanesCoverWhatLiesBetweenThemAndAreFeltAcross) {
+  LawBook book =
+      book_with({lane_of(1, 0.000, 0.000, {0.01, 0.02, 0.03}), lane_of(2, 0.006, 0.000, {0.01, 0.02, 0.03}),
+                 lane_of(3, 0.018, 0.012, {0.01, 0.02, 0.03})});
+  const LawValue value = felt(book, 0.015, 0.003);
+  EXPECT_TRUE(value.covered);
+  EXPECT_NE(value.by_z_n, 0);
+  EXPECT_FALSE(felt(book, 0.015, 0.008).covered) << "a lane is missing";
+  EXPECT_TRUE(book.take(lane_of(4, 0.012, 0.006, {0.01, 0.02}), 0.02, 0.008));
+  EXPECT_TRUE(felt(book, 0.015, 0.008).covered);
+  EXPECT_TRUE(felt(book, 0.015, 0.015).covered);
+  EXPECT_FALSE(felt(book, 0.025, 0.008).covered);
+}
+
+TEST(LawBook, AGuessIsReplacedAndGivenToThoseAloneWhoAskForGuesses) {
+  v1::LawPiece guess = lane_of(1, 0, 0, {0.01, 0.02, 0.03}), other = lane_of(2, 0.006, 0, {0.01, 0.02, 0.03});
+  guess.set_guess(true), other.set_guess(true);
+  LawBook book = book_with({guess, other});
+  EXPECT_TRUE(felt(book, 0.015, 0.003).covered);
+  EXPECT_FALSE(felt(book, 0.015, 0.003).corrected);
+  EXPECT_FALSE(felt(book, 0.015, 0.003, false).covered);
+  // Corrected one by one: the span tells that none is missing.
+  const auto corrected = [&](std::uint64_t number, double z_m, double x_m) {
+    v1::LawPiece piece = lane_of(number, z_m, 0, {x_m});
+    piece.set_begin_x_m(0.01), piece.set_end_x_m(0.03);
+    EXPECT_TRUE(book.take(piece, 0.02, 0.003));
+  };
+  corrected(3, 0, 0.02), corrected(4, 0, 0.03), corrected(5, 0.006, 0.02);
+  EXPECT_FALSE(felt(book, 0.025, 0.003, false).covered) << "a corner is a guess";
+  corrected(6, 0.006, 0.03);
+  EXPECT_TRUE(felt(book, 0.025, 0.003, false).covered);
+  EXPECT_TRUE(felt(book, 0.025, 0.003, false).corrected);
+  EXPECT_FALSE(felt(book, 0.015, 0.003, false).covered);
+  EXPECT_TRUE(felt(book, 0.015, 0.003).covered);
+  corrected(7, 0, 0.01), corrected(8, 0.006, 0.01);
+  EXPECT_TRUE(felt(book, 0.015, 0.003, false).covered);
+}
+
+TEST(LawBook, OfManyLanesTheServoIsGivenThoseAroundTheFinger) {
+  LawBook book = book_with({});
+  std::vector<double> x_m;
+  for (int i = 0; i < 20; ++i) x_m.push_back(0.005 * i);
+  for (int lane = 0; lane < 20; ++lane)
+    EXPECT_TRUE(book.take(lane_of(std::uint64_t(lane) + 1, 0.005 * lane, 0.005 * std::max(lane - 1, 0), x_m),
+                          0.05, 0.05));
+  const auto law = book.fresh(0.052, 0.048);
+  ASSERT_TRUE(law);
+  EXPECT_EQ(law->count, 64u);
+  for (const double x : {0.036, 0.052, 0.066})
+    for (const double z : {0.033, 0.048, 0.063})
+      EXPECT_TRUE(evaluate(law->used(), x, 0.002, z).covered) << x << z;
+  EXPECT_FALSE(book.fresh(0.053, 0.049));
+  EXPECT_TRUE(book.fresh(0.053, 0.060));
+}
+
+TEST(LawBook, LanesInNoOrderAreRefused) {
+  LawBook book = book_with({});
+  EXPECT_FALSE(book.take(lane_of(1, 0.006, 0.012, {0.01, 0.02}), 0.02));
+  EXPECT_FALSE(book.take(lane_of(2, std::nan(""), 0, {0.01, 0.02}), 0.02));
+  EXPECT_FALSE(book.take(lane_of(3, 1e9, 0, {0.01, 0.02}), 0.02));
+  v1::LawPiece five = lane_of(4, 0, 0, {0.01, 0.02});
+  five.mutable_columns(0)->mutable_samples()->Truncate(10);
+  EXPECT_FALSE(book.take(five, 0.02));
+  EXPECT_EQ(book.fresh(0.015)->count, 0u);
+}
+
 }  // namespace
 }  // namespace teletact::client

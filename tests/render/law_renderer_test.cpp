@@ -393,5 +393,59 @@ TEST(LawRenderer, BesideTheLawAndOnAnotherLayerItIsTheFilter) {
   EXPECT_FALSE(law.tick(0.03, 0.001).by_law);
 }
 
+// U = 600 exp(20 z) d^2.5 in two lanes, 12 mm apart.
+NearLaw across_law() {
+  NearLaw law;
+  for (const double z_m : {0.0, 0.012})
+    for (const double x_m : {0.0, 0.03, 0.06}) {
+      LawColumn& column = law.columns[law.count++];
+      column.x_m = x_m, column.z_m = z_m;
+      column.version = 1;
+      column.error_share = 0.005F, column.error_n = 0.001F;
+      for (const double d : {3e-4, 8e-3}) {
+        column.log_depth[column.rows] = float(std::log(d));
+        column.samples[column.rows++] = {float(std::log(600) + 20 * z_m + 2.5 * std::log(d)), 0, 2.5F, 0, 20};
+      }
+    }
+  return law;
+}
+
+TEST(LawRenderer, OfASolidFeelsTheForceAcross) {
+  LawRenderer renderer;
+  ForceSample sample = answer_at(0.03, 0.002, 0, 1, 0);
+  const double z_m = 0.004;
+  const auto resistance_at = [](double z, double d) {
+    const double k = 600 * std::exp(20 * z);
+    return Vector3(0, 2.5 * k * std::pow(d, 1.5), 20 * k * std::pow(d, 2.5));
+  };
+  const auto answer = [&](const Vector3& force_n, double x_m) {
+    sample.position_m = {x_m, 0.002, z_m};
+    sample.force_n = force_n;
+    ++sample.sequence;
+    renderer.update(sample, {sample.position_m, Vector3::Zero()}, 1e-3 * double(sample.sequence));
+  };
+  const auto felt = [&](double z, double d) {
+    return renderer.render({{0.03, d, z}, Vector3::Zero()}, 1, std::numeric_limits<double>::infinity());
+  };
+  answer(-resistance_at(z_m, 0.002), 0.03);
+  renderer.take_law(across_law());
+  felt(z_m, -0.001);
+  for (const double z : {0.001, 0.006, 0.011}) {
+    const Rendered rendered = felt(z, 0.002);
+    ASSERT_TRUE(rendered.by_law);
+    EXPECT_LT((rendered.force_n + resistance_at(z, 0.002)).norm(), 0.02 * resistance_at(z, 0.002).norm())
+        << z;
+    felt(z, -0.001);
+  }
+  EXPECT_FALSE(felt(0.013, 0.002).by_law) << "beside the lanes";
+  // Answers without the part across contradict it, those with it do not.
+  for (int k = 0; k < 10; ++k) answer(-resistance_at(z_m, 0.002), 0.02 + 0.002 * k);
+  EXPECT_EQ(renderer.dropped(), 0u);
+  for (int k = 0; k < 10; ++k)
+    answer(Vector3(0, 1, 0).cwiseProduct(-1.0 * resistance_at(z_m, 0.002)) + Vector3(0, 0, 0.05),
+           0.02 + 0.002 * k);
+  EXPECT_EQ(renderer.dropped(), 1u);
+}
+
 }  // namespace
 }  // namespace teletact::client

@@ -29,7 +29,7 @@ LawColumn column_from(const v1::LawPiece& piece, int k) {
 }
 
 TEST(LawMessages, SayOfEachColumnWhatWasSampledAndItsOwnError) {
-  LawPiece piece{7, 3, 11, -0.01, 0.05, {}};
+  LawPiece piece{7, 3, 11, -0.01, 0.05, false, {}};
   for (int k = 0; k < 3; ++k) {
     LawColumn& column = piece.columns.emplace_back();
     column.x_m = 0.01 * k;
@@ -65,6 +65,34 @@ TEST(LawMessages, SayOfEachColumnWhatWasSampledAndItsOwnError) {
       EXPECT_EQ(read.samples[i].mixed_1_m, sent.samples[i].mixed_1_m);
     }
   }
+}
+
+TEST(LawMessages, SayOfASolidsLaneWhereItStandsAndWhetherItIsAGuess) {
+  LawPiece piece{7, 3, 11, 0, 0, true, {}};
+  LawColumn& column = piece.columns.emplace_back();
+  column.z_m = 0.012, column.lane_before_m = 0.006;
+  column.corrected = false;
+  column.error_share = 0.1F, column.error_n = 0.002F;
+  column.rows = 1;
+  column.samples[0] = {1, 2, 3, 4, 5, 6, 7, 8};
+  piece.columns.push_back(column);
+  piece.columns[1].x_m = 0.006;
+  piece.columns[1].error_share = 0.02F, piece.columns[1].error_n = 0.004F;  // another ratio
+  v1::LawPiece told;
+  law_to(piece, &told);
+  EXPECT_EQ(told.z_m(), 0.012);
+  EXPECT_EQ(told.lane_before_m(), 0.006);
+  EXPECT_TRUE(told.guess());
+  ASSERT_EQ(told.columns(0).samples_size(), 8);
+  for (int i = 0; i < 8; ++i) EXPECT_EQ(told.columns(0).samples(i), float(i + 1));
+  for (int k = 0; k < 2; ++k) {  // never less than was stated
+    const LawColumn read = column_from(told, k), &sent = piece.columns[std::size_t(k)];
+    EXPECT_GE(read.error_share, sent.error_share * 0.9999F);
+    EXPECT_GE(read.error_n, sent.error_n * 0.9999F);
+  }
+  piece.columns[0].corrected = piece.columns[1].corrected = true;
+  law_to(piece, &told);
+  EXPECT_FALSE(told.guess());
 }
 
 class Laws : public OnOneServer {

@@ -31,7 +31,7 @@ class Outbox : public testing::Test {
     return std::make_shared<const ContactLaw>(std::move(law));
   }
   std::optional<LawPiece> next(double x_m, double velocity_m_s = 0) {
-    auto piece = outbox.next(snapshot, x_m, velocity_m_s, law_of);
+    auto piece = outbox.next(snapshot, {x_m}, {velocity_m_s}, law_of);
     if (piece && acknowledges) outbox.acknowledge(piece->number);
     return piece;
   }
@@ -110,24 +110,24 @@ TEST_F(Outbox, SendsANewVersionAgainAndNothingOfWindowsFarAway) {
 }
 
 TEST_F(Outbox, OwesANewVersionUntilItsColumnsAboutTheFingerAreSent) {
-  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], 0.02))
+  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], {0.02}))
       << "nothing was told of it yet: no version is held for it";
   while (next(0.02)) {
   }
   EXPECT_FALSE(outbox.expects_more(LawOutbox::Clock::now()));
-  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], 0.02));
+  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], {0.02}));
   auto newer = std::make_shared<WindowModel>(*snapshot.windows[0]);
   newer->version = 20;
   snapshot.windows[0] = newer;
-  EXPECT_TRUE(outbox.owes(*newer, 0.022)) << "not looked at yet";
+  EXPECT_TRUE(outbox.owes(*newer, {0.022})) << "not looked at yet";
   const auto nothing = [](const WindowModel&) { return nullptr; };
-  EXPECT_FALSE(outbox.next(snapshot, 0.02, 0, nothing));
-  EXPECT_TRUE(outbox.owes(*newer, 0.022)) << "is being sampled";
+  EXPECT_FALSE(outbox.next(snapshot, {0.02}, {0}, nothing));
+  EXPECT_TRUE(outbox.owes(*newer, {0.022})) << "is being sampled";
   EXPECT_TRUE(outbox.expects_more(LawOutbox::Clock::now()));
   EXPECT_FALSE(outbox.expects_more(LawOutbox::Clock::now() + std::chrono::seconds(1)));
   ASSERT_TRUE(next(0.022));
-  EXPECT_FALSE(outbox.owes(*newer, 0.022));
-  EXPECT_TRUE(outbox.owes(*newer, 0.052));
+  EXPECT_FALSE(outbox.owes(*newer, {0.022}));
+  EXPECT_TRUE(outbox.owes(*newer, {0.052}));
 }
 
 TEST_F(Outbox, OwesWhereANewVersionIsNotSampledYetAndWhenAnotherFollowsUntold) {
@@ -142,17 +142,17 @@ TEST_F(Outbox, OwesWhereANewVersionIsNotSampledYetAndWhenAnotherFollowsUntold) {
   const auto nothing = [](const WindowModel&) { return nullptr; };
   for (const std::uint64_t version : {20, 30}) {
     publish(version);
-    EXPECT_FALSE(outbox.next(snapshot, 0.02, 0, nothing));
-    EXPECT_TRUE(outbox.owes(*snapshot.windows[0], 0.02)) << "version " << version;
+    EXPECT_FALSE(outbox.next(snapshot, {0.02}, {0}, nothing));
+    EXPECT_TRUE(outbox.owes(*snapshot.windows[0], {0.02})) << "version " << version;
   }
   const auto middle = [&](const WindowModel& window) {  // 0.02 to 0.04 m
     const auto all = law_of(window)->columns;
     return std::make_shared<const ContactLaw>(ContactLaw{{all.begin() + 4, all.begin() + 9}, false});
   };
-  while (const auto piece = outbox.next(snapshot, 0.03, 0, middle)) outbox.acknowledge(piece->number);
-  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], 0.031));
-  EXPECT_TRUE(outbox.owes(*snapshot.windows[0], 0.045));
-  EXPECT_TRUE(outbox.owes(*snapshot.windows[0], 0.015));
+  while (const auto piece = outbox.next(snapshot, {0.03}, {0}, middle)) outbox.acknowledge(piece->number);
+  EXPECT_FALSE(outbox.owes(*snapshot.windows[0], {0.031}));
+  EXPECT_TRUE(outbox.owes(*snapshot.windows[0], {0.045}));
+  EXPECT_TRUE(outbox.owes(*snapshot.windows[0], {0.015}));
 }
 
 // It grows at both ends; what was sent is not sent again, and nothing is said of what is not known yet.
@@ -166,7 +166,7 @@ TEST_F(Outbox, SendsWhatIsKnownOfALawThatIsBeingSampled) {
   snapshot.windows.pop_back();
   std::multiset<double> sent_m;
   for (; known <= 6; known += 2)
-    while (const auto piece = outbox.next(snapshot, 0.03, 0, growing)) {
+    while (const auto piece = outbox.next(snapshot, {0.03}, {0}, growing)) {
       outbox.acknowledge(piece->number);
       for (const LawColumn& column : piece->columns) sent_m.insert(column.x_m);
       EXPECT_GE(piece->begin_m, 0.03 - 0.005 * double(known) - 1e-9);
@@ -190,7 +190,7 @@ TEST_F(Outbox, SendsALawThatIsSampledAnewFromElsewhere) {
   };
   std::set<double> sent_m;
   const auto send = [&](const LawOutbox::LawOf& law_of_window) {
-    while (const auto piece = outbox.next(snapshot, 0.03, 0, law_of_window)) {
+    while (const auto piece = outbox.next(snapshot, {0.03}, {0}, law_of_window)) {
       outbox.acknowledge(piece->number);
       for (const LawColumn& column : piece->columns) sent_m.insert(column.x_m);
       // Of the span that is said to rule none is missing.
@@ -209,9 +209,82 @@ TEST_F(Outbox, SendsALawThatIsSampledAnewFromElsewhere) {
 TEST_F(Outbox, WaitsForALawThatIsBeingSampled) {
   bool ready = false;
   const auto later = [&](const WindowModel& window) { return ready ? law_of(window) : nullptr; };
-  EXPECT_FALSE(outbox.next(snapshot, 0.02, 0, later));
+  EXPECT_FALSE(outbox.next(snapshot, {0.02}, {0}, later));
   ready = true;
-  EXPECT_TRUE(outbox.next(snapshot, 0.02, 0, later));
+  EXPECT_TRUE(outbox.next(snapshot, {0.02}, {0}, later));
+}
+
+// A solid of 30 mm along x, three lanes 10 mm apart.
+TEST_F(Outbox, SendsALaneAtATimeAndAgainWhatWasCorrected) {
+  auto window = std::make_shared<WindowModel>();
+  window->id = 1, window->version = 5;
+  window->region = {0, 0.03, -0.01, 0.0101};
+  snapshot.windows = {window};
+  ContactLaw law{{}, false};
+  for (const double z_m : {-0.01, 0.0, 0.01})
+    for (int i = 0; i <= 6; ++i) {
+      LawColumn& column = law.columns.emplace_back();
+      column.x_m = 0.005 * i, column.z_m = z_m;
+      column.lane_before_m = std::max(z_m - 0.01, -0.01);
+      column.rows = 4;
+      column.corrected = false;
+      column.joined = i > 0;
+    }
+  auto known = std::make_shared<const ContactLaw>(law);
+  const auto law_of_window = [&](const WindowModel&) { return known; };
+  const auto send_all = [&] {
+    std::vector<LawPiece> pieces;
+    while (auto piece = outbox.next(snapshot, {0.015, 0.009}, {}, law_of_window)) {
+      outbox.acknowledge(piece->number);
+      for (const LawColumn& column : piece->columns) {
+        EXPECT_EQ(column.z_m, piece->columns.front().z_m);
+        EXPECT_EQ(column.corrected, piece->columns.front().corrected);
+        EXPECT_GE(column.x_m, piece->begin_m);
+        EXPECT_LE(column.x_m, piece->end_m);
+      }
+      EXPECT_TRUE(piece->lanes);
+      pieces.push_back(std::move(*piece));
+    }
+    return pieces;
+  };
+  auto pieces = send_all();
+  std::size_t columns = 0;
+  for (const LawPiece& piece : pieces) columns += piece.columns.size();
+  EXPECT_EQ(columns, 21u);
+  EXPECT_EQ(pieces.front().columns.front().z_m, 0.01) << "the lane that is nearest";
+  EXPECT_TRUE(outbox.expects_more(LawOutbox::Clock::now()));
+  EXPECT_TRUE(send_all().empty());
+  for (const std::size_t i : {8u, 9u, 17u}) law.columns[i].corrected = true;
+  law.whole = true;
+  known = std::make_shared<const ContactLaw>(law);
+  pieces = send_all();
+  columns = 0;
+  for (const LawPiece& piece : pieces) {
+    columns += piece.columns.size();
+    EXPECT_TRUE(piece.columns.front().corrected);
+  }
+  EXPECT_EQ(columns, 3u);
+  EXPECT_FALSE(outbox.expects_more(LawOutbox::Clock::now()));
+}
+
+TEST_F(Outbox, WhereAColumnIsMissingNoPieceReachesAcross) {
+  auto window = std::make_shared<WindowModel>();
+  window->id = 1, window->version = 5;
+  window->region = {0, 0.03, 0, 0.01};
+  snapshot.windows = {window};
+  ContactLaw law{{}, true};
+  for (int i = 0; i <= 6; ++i) {
+    if (i == 3) continue;
+    LawColumn& column = law.columns.emplace_back();
+    column.x_m = 0.005 * i;
+    column.rows = 1;
+    column.joined = i > 0 && i != 4;
+  }
+  const auto law_of_window = [&](const WindowModel&) { return std::make_shared<const ContactLaw>(law); };
+  while (const auto piece = outbox.next(snapshot, {0.014, 0}, {}, law_of_window)) {
+    outbox.acknowledge(piece->number);
+    EXPECT_TRUE(piece->end_m < 0.015 || piece->begin_m > 0.015) << piece->begin_m << " " << piece->end_m;
+  }
 }
 
 }  // namespace
