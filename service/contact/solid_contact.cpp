@@ -84,8 +84,9 @@ std::vector<NodalPressure> pressure_of(const SolidGrid& grid, std::size_t row,
   std::vector<NodalPressure> out;
   each_push(grid, contact, [&](std::size_t node, double p) {
     const auto sideways = traction.find(node);
-    out.push_back({{static_cast<double>(node % grid.nx) * grid.spacing_x_m, grid.y_m[row],
-                    static_cast<double>(node / grid.nx) * grid.spacing_z_m},
+    const std::size_t i = node % grid.nx, k = node / grid.nx;
+    out.push_back({{static_cast<double>(i) * grid.spacing_x_m, grid.y_m[row],
+                    static_cast<double>(k) * grid.spacing_z_m},
                    p / area,
                    sideways == traction.end() ? Vector3{} : sideways->second,
                    {grid.spacing_x_m, grid.spacing_z_m}});

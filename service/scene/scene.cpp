@@ -225,7 +225,7 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
 }
 
 std::shared_ptr<const ExplicitModulus> Scene::solid() const {
-  const auto modulus = snapshot()->modulus;
+  auto modulus = snapshot()->modulus;
   if (!modulus || !modulus->solid())
     throw Error(
         ErrorKind::kPrecondition,

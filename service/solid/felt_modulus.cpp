@@ -69,6 +69,7 @@ EnergyShares::EnergyShares(const Queue& queue, const SolidGrid& grid, const Laye
   double sum = 0;
   for (const double e : energy) sum += e;
   std::vector<float> shares;
+  shares.reserve(energy.size());
   for (const double e : energy) shares.push_back(static_cast<float>(e / sum));
   queue_.write(field_, shares.data(), shares.size());
   elements_.forward(field_, spectrum_, 0, grid.layers());
