@@ -120,11 +120,12 @@ LawCell cell_at(std::span<const LawColumn> columns, double x_m, double z_m) noex
   LawCell cell;
   if (columns.empty()) return cell;
   std::size_t left = 0;
-  if (columns.front().z_m == columns.back().z_m) {
-    if (left_of(columns, 0, columns.size(), x_m, left)) cell = {{left, left + 1, 0, 0}, 2};
+  const bool one_lane = columns.front().z_m == columns.back().z_m;
+  if (!columns.front().of_area) {
+    if (one_lane && left_of(columns, 0, columns.size(), x_m, left)) cell = {{left, left + 1, 0, 0}, 2};
     return cell;
   }
-  if (!(z_m >= columns.front().z_m && z_m <= columns.back().z_m)) return cell;
+  if (one_lane || !(z_m >= columns.front().z_m && z_m <= columns.back().z_m)) return cell;
   std::size_t after = lane_from(columns, z_m, true);
   if (after == columns.size()) after = lane_from(columns, z_m, false);  // on the last lane
   const std::size_t end = lane_from(columns, columns[after].z_m, true);

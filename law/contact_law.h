@@ -6,8 +6,8 @@
 // place, each at depths of its own; W and its derivatives are cubic in s between them. Columns of one z are a
 // lane. W is cubic in x between the curves of two columns of a lane, and cubic in z between two lanes: once
 // continuously differentiable everywhere, and columns need no common depths, lanes no common x. Of a plane
-// there is one lane, which holds at every z. Above the first depth U is a power of d, as it is at first
-// contact; below the last it goes on as one, and that is said.
+// there is one lane, which holds at every z; one lane of a solid covers nothing. Above the first depth U is a
+// power of d, as it is at first contact; below the last it goes on as one, and that is said.
 //
 // Shared by the service, which samples it, and the client, which renders it. No allocation, no exceptions.
 #pragma once
@@ -41,6 +41,7 @@ struct LawColumn {
   std::uint64_t version = 0;  // of the model that it was sampled from
   // What the interpolated force may be off by around it: a share of it, and so much more.
   float error_share = 0, error_n = 0;
+  bool of_area = false;   // of a solid: its lane holds at its z alone
   bool joined = true;     // no column of its lane is missing between the one before it and this one
   bool corrected = true;  // false: a guess, which a better one will replace
   std::uint8_t rows = 0;

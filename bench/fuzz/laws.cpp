@@ -1,6 +1,7 @@
 #include "bench/fuzz/laws.h"
 
 #include <algorithm>
+#include <vector>
 
 namespace teletact::bench {
 namespace {
@@ -17,27 +18,32 @@ void FuzzLaws::tell(const StabilityTissue& tissue, std::uint64_t version) {
   told_version_ = version;
   client::NearLaw law = tissue.law(version);
   const double wrong = source_.happens(hostile_) ? std::log(source_.logarithmic(0.01, 100)) : 0;
-  for (std::size_t first = 0; first < law.count; first += kColumnsInPiece) {
-    const std::size_t end = std::min(first + kColumnsInPiece + 1, law.count);  // pieces share a column
-    v1::LawPiece& piece = waiting_.emplace_back();
-    piece.set_model_version(version);
-    piece.set_begin_x_m(law.columns[first].x_m);
-    piece.set_end_x_m(law.columns[end - 1].x_m);
-    piece.set_force_error_share(law.columns[first].error_share);
-    piece.set_force_error_n(law.columns[first].error_n);
-    for (std::size_t i = first; i < end; ++i) {
-      v1::LawColumn* column = piece.add_columns();
-      column->set_x_m(law.columns[i].x_m);
-      column->set_of_force_error(static_cast<float>(source_.between(0, 1)));
-      for (std::size_t row = 0; row < law.columns[i].rows; ++row) {
-        const LawSample& sample = law.columns[i].samples[row];
-        column->add_log_indentation(law.columns[i].log_depth[row]);
-        for (const double value : {sample.log_energy + wrong, double(sample.by_x_1_m),
-                                   double(sample.by_log_depth), double(sample.mixed_1_m)})
-          column->add_samples(float(value));
+  for (const double z_m : across_ ? std::vector<double>{-0.01, 0.01} : std::vector<double>{0})
+    for (std::size_t first = 0; first < law.count; first += kColumnsInPiece) {
+      const std::size_t end = std::min(first + kColumnsInPiece + 1, law.count);  // pieces share a column
+      v1::LawPiece& piece = waiting_.emplace_back();
+      piece.set_model_version(version);
+      piece.set_z_m(z_m);
+      piece.set_lane_before_m(std::min(z_m, 0.0) - (z_m > 0) * 0.01);
+      piece.set_guess(across_ && source_.one_of(2) == 0);
+      piece.set_begin_x_m(law.columns[first].x_m);
+      piece.set_end_x_m(law.columns[end - 1].x_m);
+      piece.set_force_error_share(law.columns[first].error_share);
+      piece.set_force_error_n(law.columns[first].error_n);
+      for (std::size_t i = first; i < end; ++i) {
+        v1::LawColumn* column = piece.add_columns();
+        column->set_x_m(law.columns[i].x_m);
+        column->set_of_force_error(static_cast<float>(source_.between(0, 1)));
+        for (std::size_t row = 0; row < law.columns[i].rows; ++row) {
+          const LawSample& sample = law.columns[i].samples[row];
+          column->add_log_indentation(law.columns[i].log_depth[row]);
+          for (const double value : {sample.log_energy + wrong, double(sample.by_x_1_m),
+                                     double(sample.by_log_depth), double(sample.mixed_1_m)})
+            column->add_samples(float(value));
+          for (int k = 0; across_ && k < 4; ++k) column->add_samples(float(source_.between(-1, 1)));
+        }
       }
     }
-  }
 }
 
 // One thing wrong with it.
@@ -48,7 +54,7 @@ void FuzzLaws::spoil(v1::LawPiece& piece) {
     for (float& value : *values)
       if (source_.one_of(3) == 0) value = static_cast<float>(source_.wild());
   };
-  switch (source_.one_of(10)) {
+  switch (source_.one_of(12)) {
     case 0:
       return some(column.mutable_samples());
     case 1:
@@ -69,6 +75,10 @@ void FuzzLaws::spoil(v1::LawPiece& piece) {
       return piece.set_model_version(source_.one_of(20));
     case 8:
       return column.set_of_force_error(static_cast<float>(source_.wild()));
+    case 9:
+      return source_.one_of(2) == 0 ? piece.set_z_m(source_.wild()) : piece.set_lane_before_m(source_.wild());
+    case 10:
+      return piece.set_guess(!piece.guess());
     default:
       return piece.clear_columns();
   }
@@ -83,6 +93,7 @@ std::optional<client::NearLaw> FuzzLaws::next(const StabilityTissue& tissue, std
     piece_ = 0;
     waiting_.clear();
     told_version_ = 0;
+    across_ = source_.one_of(2) == 0;
   }
   if (!waiting_.empty() && source_.happens(0.3)) {
     v1::LawPiece piece = waiting_.front();

@@ -26,6 +26,7 @@ class FuzzLaws {
 
   Source& source_;
   double hostile_;
+  bool across_ = false;  // told as a solid's, in two lanes: of this stream
   client::LawBook book_;
   std::deque<v1::LawPiece> waiting_;
   std::uint64_t told_version_ = 0, piece_ = 0;

@@ -26,6 +26,7 @@ std::optional<std::vector<LawColumn>> columns_from(const v1::LawPiece& piece) {
     column.z_m = piece.z_m();
     column.lane_before_m = piece.lane_before_m();
     column.version = piece.model_version();
+    column.of_area = area;
     column.corrected = !piece.guess();
     const float share = in.of_force_error() == 0 ? 1 : in.of_force_error();
     column.error_share = share * piece.force_error_share();

@@ -70,6 +70,7 @@ AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer& layer
     for (const double x_m : x_m_) {
       LawColumn& column = places_.emplace_back().sampled;
       column.x_m = x_m;
+      column.of_area = true;
       column.z_m = z_m_[lane];
       column.lane_before_m = z_m_[lane - std::min<std::size_t>(lane, 1)];
     }

@@ -24,6 +24,7 @@ struct Tissue {
 LawColumn column_at(double x, double z, double lane_before) {
   LawColumn column;
   column.x_m = x, column.z_m = z, column.lane_before_m = lane_before;
+  column.of_area = true;
   const Tissue at{x, z};
   for (const double d : {3e-4, 9e-4, 2.7e-3, 8e-3}) {
     const double s = std::log(d);
@@ -118,6 +119,14 @@ TEST(AreaLaw, CoversNothingBesideItsLanesNorWhereOneOrAColumnIsMissing) {
   for (std::size_t i = 9; i < columns.size(); ++i) columns[i].lane_before_m = 0.008;  // a lane
   EXPECT_TRUE(covered(0.009, 0.005));
   EXPECT_FALSE(covered(0.009, 0.007));
+}
+
+TEST(AreaLaw, OneLaneCoversNothing) {
+  std::vector<LawColumn> lane;
+  for (const double x : {0.0, 0.005, 0.01}) lane.push_back(column_at(x, 0.001, 0.001));
+  for (const double z : {0.0, 0.001, 0.002}) EXPECT_FALSE(evaluate(lane, 0.003, 0.001, z).covered);
+  for (LawColumn& column : lane) column.of_area = false;  // a plane's
+  for (const double z : {-1.0, 0.001, 1.0}) EXPECT_TRUE(evaluate(lane, 0.003, 0.001, z).covered);
 }
 
 TEST(AreaLaw, SaysTheWorstOfTheColumnsAroundAPlace) {

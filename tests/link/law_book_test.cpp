@@ -185,6 +185,7 @@ TEST(LawBook, LanesCoverWhatLiesBetweenThemAndAreFeltAcross) {
   const LawValue value = felt(book, 0.015, 0.003);
   EXPECT_TRUE(value.covered);
   EXPECT_NE(value.by_z_n, 0);
+  EXPECT_FALSE(felt(book_with({lane_of(1, 0, 0, {0.01, 0.02})}), 0.015, 0).covered) << "one lane";
   EXPECT_FALSE(felt(book, 0.015, 0.008).covered) << "a lane is missing";
   EXPECT_TRUE(book.take(lane_of(4, 0.012, 0.006, {0.01, 0.02}), 0.02, 0.008));
   EXPECT_TRUE(felt(book, 0.015, 0.008).covered);

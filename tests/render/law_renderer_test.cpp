@@ -400,6 +400,7 @@ NearLaw across_law() {
     for (const double x_m : {0.0, 0.03, 0.06}) {
       LawColumn& column = law.columns[law.count++];
       column.x_m = x_m, column.z_m = z_m;
+      column.of_area = true;
       column.version = 1;
       column.error_share = 0.005F, column.error_n = 0.001F;
       for (const double d : {3e-4, 8e-3}) {

@@ -225,6 +225,7 @@ TEST_F(Outbox, SendsALaneAtATimeAndAgainWhatWasCorrected) {
     for (int i = 0; i <= 6; ++i) {
       LawColumn& column = law.columns.emplace_back();
       column.x_m = 0.005 * i, column.z_m = z_m;
+      column.of_area = true;
       column.lane_before_m = std::max(z_m - 0.01, -0.01);
       column.rows = 4;
       column.corrected = false;
