@@ -121,7 +121,8 @@ bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double aro
       return true;
     const std::exception_ptr failure = corrector_.failure();
     if (failure && corrections > 0) std::rethrow_exception(failure);  // it was waited for
-    if (Clock::now() >= until) return false;
+    // The time is up: what is known so well is told, as to a finger that is followed.
+    if (Clock::now() >= until) return corrections > 0 && good(answered(tip, pose).solve);
     corrector_.ask(tip, {pose.position_m});
     corrector_.wait_for_more_than(done, until + choices::kLongestSolve);  // one that is begun ends
   }

@@ -9,6 +9,7 @@
 
 #include "service/device/fault.h"
 #include "service/touch_plane/touch_session.h"
+#include "tests/scene/stacks.h"
 #include "tests/scene/windows.h"
 #include "tests/support/faulty_kernels.h"
 
@@ -123,6 +124,27 @@ TEST_F(FaultyDevice, HoweverSlowAFollowedFingerWaitsForNoCorrectionOfASolid) {
   }
   EXPECT_EQ(corrected, 3u);
   EXPECT_GT(meanwhile, 20 * corrected) << "answers that wait for a correction are as good as is asked";
+}
+
+// On a worn factor (T8.7) corrections do not settle: what is known well enough is told when the time is up.
+TEST_F(FaultyDevice, HoweverSlowItIsAWornSolidIsAnswered) {
+  const auto scene = scene_of(stack({-0.01}));
+  TouchSession finger(scene, {}, slow_device());
+  const auto touched = [&] {
+    TouchAnswer answer;
+    answer.status = TouchStatus::kFailed;
+    for (int tries = 0; tries < 50 && answer.status == TouchStatus::kFailed; ++tries)
+      answer = finger.solve({kBallX, 0.002, 0.001});
+    return answer;
+  };
+  EXPECT_LT(touched().contact.force_n[1], 0);
+  ModulusSlice slice = slice_at(0.01);
+  for (double& e : slice.youngs_modulus_pa) e *= 4;
+  for (std::size_t n = 24 * 5; n < 24 * 10; ++n) slice.youngs_modulus_pa[n] *= 6;
+  scene->publish(slice);
+  const TouchAnswer worn = touched();
+  EXPECT_EQ(worn.status, TouchStatus::kDegraded);
+  EXPECT_NE(worn.warning.find("layers changed"), std::string::npos) << worn.warning;
 }
 
 TEST_F(FaultyDevice, LostAmidACorrectionOfASolidItIsSaidAndAnotherTakesItsPlace) {
