@@ -303,6 +303,7 @@ bool TouchLink::write_open(Stream& stream) {
 
 void TouchLink::write_poses(Stream& stream) {
   constexpr std::int64_t kLookAgainNs = 250'000;  // for the servo's next pose
+  const double by_law_s = options_.open.has_tactile() ? kTactilePeriodS : kLawPeriodS;
   ServoPose pose;
   bool has_pose = false;
   std::int64_t next_ns = clock_.now_ns();
@@ -326,7 +327,7 @@ void TouchLink::write_poses(Stream& stream) {
     finger_m_ = pose.pose.position_m;
     tell_law();
     const std::int64_t interval_ns =
-        to_ns(std::max({received_.pacing.interval_s(), 0.001, pose.by_law ? kLawPeriodS : 0.0}));
+        to_ns(std::max({received_.pacing.interval_s(), 0.001, pose.by_law ? by_law_s : 0.0}));
     next_ns = std::max(next_ns + interval_ns, now_ns + interval_ns / 2);
     sent_ns = now_ns;
     ++received_.stats.poses;

@@ -47,9 +47,10 @@ struct TouchLinkOptions {
 class TouchLink {
  public:
   static constexpr double kHeartbeatS = 0.1;
-  static constexpr double kLawPeriodS = 0.05;  // between poses where a law is rendered: answers only check it
-  static constexpr double kRetryS = 0.1;       // from a stream's end to the next
-  static constexpr double kMostRetryS = 5.0;   // when it is refused again and again
+  // Between poses where a law is rendered: answers only check it; and where they bring tactile images.
+  static constexpr double kLawPeriodS = 0.05, kTactilePeriodS = 0.02;
+  static constexpr double kRetryS = 0.1;      // from a stream's end to the next
+  static constexpr double kMostRetryS = 5.0;  // when it is refused again and again
 
   // Poses come from `poses`, answers go to `answers`; this link is the one reader and the one writer.
   TouchLink(TouchLinkOptions options, LatestSlot<ServoPose>& poses, LatestSlot<ServoAnswer>& answers,

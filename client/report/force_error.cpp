@@ -14,25 +14,6 @@ constexpr double kEveryS = 0.01;       // the path is sampled so often
 constexpr double kStartRampS = 0.5;    // after force comes on it is ramped: not judged
 constexpr double kLeastForceN = 0.05;  // relative errors are taken where the true force exceeds this
 
-// The ticks to compare, outside the start ramps; from the first contact to the last.
-std::vector<TouchTick> path_of(const std::vector<TouchTick>& ticks) {
-  const auto touches = [](const TouchTick& tick) { return tick.enabled && tick.indentation_m > 0; };
-  const auto first = std::find_if(ticks.begin(), ticks.end(), touches);
-  const auto last = std::find_if(ticks.rbegin(), ticks.rend(), touches).base();
-  std::vector<TouchTick> path;
-  bool was_enabled = false;
-  double enabled_since_s = 0, next_s = 0;
-  for (auto tick = ticks.begin(); tick < last; ++tick) {
-    if (tick->enabled && !was_enabled) enabled_since_s = tick->time_s;
-    was_enabled = tick->enabled;
-    const bool in_ramp = tick->enabled && tick->time_s < enabled_since_s + kStartRampS;
-    if (tick < first || in_ramp || tick->time_s < next_s) continue;
-    next_s = tick->time_s + kEveryS;
-    path.push_back(*tick);
-  }
-  return path;
-}
-
 ForceSamplePoint compare(const Patient& patient, const Finger& finger, const TouchTick& tick) {
   ForceSamplePoint point;
   point.time_s = tick.time_s;
@@ -52,11 +33,29 @@ ForceSamplePoint compare(const Patient& patient, const Finger& finger, const Tou
 
 }  // namespace
 
+std::vector<TouchTick> felt_path(const std::vector<TouchTick>& ticks) {
+  const auto touches = [](const TouchTick& tick) { return tick.enabled && tick.indentation_m > 0; };
+  const auto first = std::find_if(ticks.begin(), ticks.end(), touches);
+  const auto last = std::find_if(ticks.rbegin(), ticks.rend(), touches).base();
+  std::vector<TouchTick> path;
+  bool was_enabled = false;
+  double enabled_since_s = 0, next_s = 0;
+  for (auto tick = ticks.begin(); tick < last; ++tick) {
+    if (tick->enabled && !was_enabled) enabled_since_s = tick->time_s;
+    was_enabled = tick->enabled;
+    const bool in_ramp = tick->enabled && tick->time_s < enabled_since_s + kStartRampS;
+    if (tick < first || in_ramp || tick->time_s < next_s) continue;
+    next_s = tick->time_s + kEveryS;
+    path.push_back(*tick);
+  }
+  return path;
+}
+
 ForceError force_error(const Patient& patient, const TouchRecord& record) {
   if (!record.untold.empty()) throw std::runtime_error(record.untold);
   if (record.layer_depth_m > patient.mesh().y_m.at(1) / 2)
     throw std::runtime_error("an interior layer was touched; the true force is known for the surface");
-  const std::vector<TouchTick> path = path_of(record.ticks);
+  const std::vector<TouchTick> path = felt_path(record.ticks);
   ForceError result;
   result.samples.resize(path.size());
   in_parallel(path.size(),

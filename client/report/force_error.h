@@ -22,6 +22,10 @@ struct ForceError {
   std::vector<ForceSamplePoint> samples;
 };
 
+// The ticks that are compared with a true force: every 10 ms from the first contact to the last, but none
+// while force is ramped after it came on.
+std::vector<TouchTick> felt_path(const std::vector<TouchTick>&);
+
 // Throws std::runtime_error when nothing of the path can be judged, or when an interior layer was touched, or
 // with a tip under which the true force is not known.
 ForceError force_error(const Patient& patient, const TouchRecord& record);

@@ -36,6 +36,8 @@ TouchTick tick_of(const v1::ServoSample& sample, double time_s, double layer_dep
   tick.indentation_m = sample.position_m(1) - layer_depth_m;
   tick.force_x_n = sample.force_n(0);
   tick.force_y_n = sample.force_n(1);
+  if (sample.position_m_size() == 3) tick.z_m = sample.position_m(2);
+  if (sample.force_n_size() == 3) tick.force_z_n = sample.force_n(2);
   tick.lateness_s = sample.lateness_s();
   tick.enabled = sample.state() == static_cast<std::uint32_t>(ServoState::kEnabled);
   tick.at_border = sample.at_border();

@@ -18,8 +18,8 @@ namespace teletact::client {
 
 struct TouchTick {
   double time_s = 0;
-  double x_m = 0, indentation_m = 0;    // of the device's tip; indentation from the touched layer
-  double force_x_n = 0, force_y_n = 0;  // written to the device
+  double x_m = 0, indentation_m = 0, z_m = 0;  // of the device's tip; indentation from the touched layer
+  double force_x_n = 0, force_y_n = 0, force_z_n = 0;  // written to the device
   double lateness_s = 0;
   bool enabled = false;
   bool at_border = false;

@@ -101,6 +101,22 @@ TEST(TouchLink, PosesAreFewWhileAContactLawIsFelt) {
   EXPECT_GE(few, 10u);
 }
 
+// Images come with answers.
+TEST(TouchLink, PosesAreAsManyAsTactileImagesWhileAContactLawIsFelt) {
+  FakePalpation service(test::socket_address("law-tactile"));
+  service.serve();
+  Operator person(test::socket_address("law-tactile"),
+                  [](TouchLinkOptions& options) { options.open.mutable_tactile(); });
+  ASSERT_TRUE(service.wait_until(answers_at_least(10)));
+  person.by_law = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  const auto before = service.account().poses;
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  const auto poses = service.account().poses - before;
+  EXPECT_LE(poses, 55u);
+  EXPECT_GE(poses, 27u);
+}
+
 TEST(TouchLink, AnAnswerToAnotherSessionsPoseIsNotFelt) {
   // GIVEN answers whose number is one of ours, THEN whose pose they answer decides.
   FakePalpation service(test::socket_address("foreign"));

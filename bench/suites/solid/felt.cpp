@@ -1,5 +1,5 @@
-// teletact-bench solid-felt: the forces that answered a touch of the simulated solid patient, beside those of
-// that patient's own tissue at the same poses, and beside what a plane model would have answered.
+// teletact-bench solid-felt: the forces that were felt in a touch of the simulated solid patient, beside
+// those of that patient's own tissue at the same poses, and beside what a plane model would have answered.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -13,6 +13,7 @@
 #include "bench/suite.h"
 #include "client/files/file_io.h"
 #include "client/patient/solid_patient.h"
+#include "client/report/force_error.h"
 #include "client/report/pictures.h"
 #include "client/report/session_record.h"
 #include "client/report/summary.h"
@@ -29,7 +30,7 @@ using Eigen::Vector3d;
 using nlohmann::json;
 
 constexpr int kPromisesMissed = 2;     // exit code, as of teletact-client report
-constexpr double kLeastForceN = 0.05;  // relative errors are taken where a force exceeds this
+constexpr double kLeastForceN = 0.05;  // a force that is felt is more
 constexpr double kPressedM = 0.001;    // so deep a finger is owed a force
 constexpr double kForceMedian = 0.02, kCoverage = 0.90;
 constexpr double kTruthError = 1e-3;  // of the truth's force, what its solver states
@@ -94,7 +95,7 @@ class Layers {
 struct Felt {
   double time_s = 0, way_m = 0;
   service::Vector3 at{};
-  Vector3d answered_n, true_n, plane_n;
+  Vector3d felt_n, true_n, plane_n;
   double nodes = 1,
          truths_nodes = 1;  // force on the service's nodes over the truth's, theirs over finer ones
 };
@@ -111,44 +112,38 @@ service::Fingertip tip_of(const client::TouchRecord& touch) {
   return tip;
 }
 
-bool answered(const client::TouchAnswerTime& answer) {
-  return -answer.force_n[1] > kLeastForceN;
+// Deep enough to be owed a force, whatever was felt.
+bool pressed(const client::TouchTick& tick) {
+  return tick.indentation_m >= kPressedM;
 }
 
-// Of the answers with force `count`, evenly over their time.
-// In the middle of each of so many parts of the touch.
-std::vector<Felt> chosen(const client::TouchRecord& touch, std::size_t count) {
-  const auto first = std::find_if(touch.answers.begin(), touch.answers.end(), answered);
-  const auto last = std::find_if(touch.answers.rbegin(), touch.answers.rend(), answered).base();
-  if (first >= last) throw BenchError("the finger never felt the tissue: there is no force to judge");
-  const double begin_s = first->arrived_s, span_s = (last - 1)->arrived_s - begin_s;
+// In the middle of each of so many parts of the path.
+std::vector<Felt> chosen(const std::vector<client::TouchTick>& path, std::size_t count) {
+  const auto first = std::find_if(path.begin(), path.end(), pressed);
+  const auto last = std::find_if(path.rbegin(), path.rend(), pressed).base();
+  if (first >= last) throw BenchError("the finger never pressed the tissue: there is no force to judge");
+  const double begin_s = first->time_s, part_s = ((last - 1)->time_s - begin_s) / double(count);
   std::vector<Felt> out;
-  const double part_s = span_s / double(count);
   double way_m = 0, next_s = part_s / 2;
-  for (auto a = first; a != last; ++a) {
-    if (a != first) way_m += std::hypot(a->x_m - (a - 1)->x_m, a->z_m - (a - 1)->z_m);
-    const double time_s = a->arrived_s - begin_s;
-    if (!answered(*a) || time_s < next_s) continue;
-    if (out.size() == count) break;
+  for (auto tick = first; tick != last && out.size() < count; ++tick) {
+    if (tick != first) way_m += std::hypot(tick->x_m - (tick - 1)->x_m, tick->z_m - (tick - 1)->z_m);
+    const double time_s = tick->time_s - begin_s;
+    if (!pressed(*tick) || time_s < next_s) continue;
     next_s = part_s > 0 ? (std::floor(time_s / part_s) + 1.5) * part_s : 0;
     Felt& f = out.emplace_back();
-    f.time_s = time_s, f.way_m = way_m, f.at = {a->x_m, a->y_m - touch.layer_depth_m, a->z_m};
-    f.answered_n = Vector3d(a->force_n[0], a->force_n[1], a->force_n[2]);
+    f.time_s = time_s, f.way_m = way_m, f.at = {tick->x_m, tick->indentation_m, tick->z_m};
+    f.felt_n = Vector3d(tick->force_x_n, tick->force_y_n, tick->force_z_n);
   }
   return out;
 }
 
-// Of the time at which answers were to fingers this deep: the share that had a force.
-double coverage_of(const client::TouchRecord& touch) {
-  double pressed_s = 0, answered_s = 0;
-  for (std::size_t n = 1; n < touch.answers.size(); ++n) {
-    const client::TouchAnswerTime& a = touch.answers[n];
-    if (a.y_m - touch.layer_depth_m < kPressedM) continue;
-    const double s = a.arrived_s - touch.answers[n - 1].arrived_s;
-    pressed_s += s;
-    if (answered(a)) answered_s += s;
-  }
-  return pressed_s > 0 ? answered_s / pressed_s : 0;
+// Of the pressed path: the share that had a force.
+double coverage_of(const std::vector<client::TouchTick>& path) {
+  const auto owed = std::ranges::count_if(path, pressed);
+  const auto felt = std::ranges::count_if(path, [](const client::TouchTick& tick) {
+    return pressed(tick) && tick.enabled && -tick.force_y_n > kLeastForceN;
+  });
+  return owed > 0 ? double(felt) / double(owed) : 0;
 }
 
 // Plane strain through the finger's z.
@@ -210,10 +205,11 @@ json judge(json summary, const std::vector<Felt>& felt, double coverage) {
     return (force_n - f.true_n).norm() / f.true_n.norm();
   };
   json& error = summary["force_error"] =
-      quantiles_of(felt, [&](const Felt& f) { return off(f.answered_n / f.nodes, f); });
+      quantiles_of(felt, [&](const Felt& f) { return off(f.felt_n / f.nodes, f); });
   error["coverage"] = coverage, error["samples"] = felt.size();
-  error["excluded"] = "answers of 0.05 N or less; the share of the service's nodes, `nodes`";
-  summary["force_error_with_nodes"] = quantiles_of(felt, [&](const Felt& f) { return off(f.answered_n, f); });
+  error["excluded"] =
+      "less than 1 mm deep, and while force is ramped; the share of the service's nodes, `nodes`";
+  summary["force_error_with_nodes"] = quantiles_of(felt, [&](const Felt& f) { return off(f.felt_n, f); });
   summary["plane_error"] = quantiles_of(felt, [&](const Felt& f) { return off(f.plane_n, f); });
   summary["nodes"] = quantiles_of(felt, [](const Felt& f) { return f.nodes - 1; });
   summary["truths_nodes"] = quantiles_of(felt, [](const Felt& f) { return f.truths_nodes - 1; });
@@ -221,7 +217,7 @@ json judge(json summary, const std::vector<Felt>& felt, double coverage) {
   for (const Felt& f : felt)
     summary["poses"].push_back({{"time_s", f.time_s},
                                 {"position_m", f.at},
-                                {"answered_n", {f.answered_n[0], f.answered_n[1], f.answered_n[2]}},
+                                {"felt_n", {f.felt_n[0], f.felt_n[1], f.felt_n[2]}},
                                 {"true_n", {f.true_n[0], f.true_n[1], f.true_n[2]}},
                                 {"plane_n", {f.plane_n[0], f.plane_n[1], f.plane_n[2]}},
                                 {"nodes", f.nodes - 1}});
@@ -238,22 +234,22 @@ std::string readable(const json& s) {
                        100 * s[key]["max"].get<double>());
   };
   return fmt::format(
-      "with nodes    {}: as it was answered, on nodes 2 mm apart\n"
+      "with nodes    {}: as it was felt, on nodes 2 mm apart\n"
       "nodes         those change the force by {} of that on 1 mm, which is off by {} of 0.5 mm's (layers "
       "alone): the first is subtracted above\n"
       "plane model   {}, through the finger's z, 10 mm thick\n"
-      "truth         at {} of {} answered poses\n              {}\n              {}\n",
+      "truth         at {} poses of {:.0f} s\n              {}\n              {}\n",
       two("force_error_with_nodes"), range("nodes"), range("truths_nodes"), two("plane_error"),
-      s["force_error"]["samples"].get<int>(), s["answers"]["count"].get<int>(), kOwn, kShared);
+      s["force_error"]["samples"].get<int>(), s["poses"].back()["time_s"].get<double>(), kOwn, kShared);
 }
 
 void draw(const std::vector<Felt>& felt, const SolidPatient& patient, const std::filesystem::path& file) {
-  Curve answered{.title = "answered", .ours = true, .style = "lines lw 2 lc rgb '#c03020'"},
+  Curve felt_n{.title = "felt", .ours = true, .style = "lines lw 2 lc rgb '#c03020'"},
       truth{.title = "the patient, solid", .style = "points pt 6 ps 1 lc rgb 'black'"},
       plane{.title = "plane model through its z", .style = "lines lw 2 dt 2 lc rgb '#3060a0'"},
       way{.title = "", .style = "linespoints pt 7 ps 0.6 lc rgb '#888888'"};
   for (const Felt& f : felt) {
-    answered.add(1e3 * f.way_m, f.answered_n.norm());
+    felt_n.add(1e3 * f.way_m, f.felt_n.norm());
     truth.add(1e3 * f.way_m, f.true_n.norm());
     plane.add(1e3 * f.way_m, f.plane_n.norm());
     way.add(1e3 * f.at[0], 1e3 * f.at[2]);
@@ -264,7 +260,7 @@ void draw(const std::vector<Felt>& felt, const SolidPatient& patient, const std:
                          1e3 * l.x_m, 1e3 * l.z_m, 1e3 * l.radius_m);
   plot(file,
        "set multiplot layout 2,1\n" +
-           script_of({answered, truth, plane},
+           script_of({felt_n, truth, plane},
                      "set yrange [0:*]\nset key bottom right\n" +
                          axes("Force along the way of the finger", "way (mm)", "force (N)")) +
            script_of({way}, "unset key\nset yrange [*:*]\nset size ratio -1\n" + lumps +
@@ -279,11 +275,11 @@ bool run(const Options& options) {
   if (error) throw BenchError("--out " + options.out + ": cannot be created (" + error.message() + ")");
   const client::TouchRecord touch = client::read_touch_record(options.touch_record);
   const SolidPatient patient = client::random_solid_patient(options.seed);
-  const double coverage = coverage_of(touch);
+  const std::vector<client::TouchTick> path = client::felt_path(touch.ticks);
+  const double coverage = coverage_of(path);
   const service::Fingertip tip = tip_of(touch);
-  std::vector<Felt> felt = chosen(touch, options.poses);
-  std::fprintf(stderr, "solving the patient's own tissue at %zu of %zu answered poses\n", felt.size(),
-               touch.answers.size());
+  std::vector<Felt> felt = chosen(path, options.poses);
+  std::fprintf(stderr, "solving the patient's own tissue at %zu poses\n", felt.size());
   solve(patient, tip, felt);
   json summary = judge(client::summarise(touch, TELETACT_VERSION), felt, coverage);
   std::vector<client::Promise> promises = client::promises_of(summary);
