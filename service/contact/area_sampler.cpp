@@ -153,23 +153,30 @@ std::optional<AreaSampler::Contact> AreaSampler::averaged(double x_m, double z_m
   return mean;
 }
 
-// From below: what corrects a deep contact is most of what corrects those above it.
+void AreaSampler::begin(Place& place) {
+  place.sampled.rows = 0;
+  place.sampled.corrected = correcting_;
+  rows_left_ = depths_of(tip_).size();
+  rows_.assign(rows_left_, std::nullopt);
+}
+
+// One row, from below: what corrects a deep contact is most of what corrects those above it. With the last of
+// them the column is known.
 void AreaSampler::sample(Place& place) {
-  place.is_sampled = true;
   LawColumn& column = place.sampled;
-  column.rows = 0;
-  column.corrected = correcting_;
   const auto depths = depths_of(tip_);
-  std::vector<std::optional<Contact>> rows(depths.size());
-  for (std::size_t i = depths.size(); i-- > 0;) rows[i] = averaged(column.x_m, column.z_m, depths[i]);
+  --rows_left_;
+  rows_[rows_left_] = averaged(column.x_m, column.z_m, depths[rows_left_]);
+  if (rows_left_ > 0) return;
   for (std::size_t i = 0; i < depths.size(); ++i) {
-    if (!rows[i] || !(rows[i]->energy_j > 0) || !(rows[i]->by_n[1] > 0)) break;
+    if (!rows_[i] || !(rows_[i]->energy_j > 0) || !(rows_[i]->by_n[1] > 0)) break;
     column.log_depth[i] = float(std::log(depths[i]));
-    column.samples[i] = rows[i]->at(depths[i]);
+    column.samples[i] = rows_[i]->at(depths[i]);
     column.rows = std::uint8_t(i + 1);
-    place.known_to = std::max(place.known_to, rows[i]->known_to);
+    place.known_to = std::max(place.known_to, rows_[i]->known_to);
   }
   set_slopes(column);
+  place.is_sampled = true;
 }
 
 // Poses amid the cell. What cannot be tried is not claimed.
@@ -219,15 +226,24 @@ void AreaSampler::show(Place& place) {
 
 bool AreaSampler::advance(Clock::time_point until) {
   do {
-    if (next_ == order_.size()) {
-      if (correcting_ || order_.empty()) return true;
-      begin_turn(true);
+    if (!untried_.empty()) {
+      try_cell(untried_.back());
+      untried_.pop_back();
+      continue;
     }
-    const std::size_t place = order_[next_++];
+    if (rows_left_ == 0) {
+      if (next_ == order_.size()) {
+        if (correcting_ || order_.empty()) return true;
+        begin_turn(true);
+      }
+      begin(places_[order_[next_++]]);
+    }
+    const std::size_t place = order_[next_ - 1];
     sample(places_[place]);
+    if (rows_left_ > 0) continue;
     for (const Corners& corners : cells_around(place))
       if (std::ranges::all_of(corners, [&](std::size_t i) { return places_[i].is_sampled; }))
-        try_cell(corners);
+        untried_.push_back(corners);
   } while (Clock::now() < until);
   return false;
 }

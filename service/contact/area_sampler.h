@@ -23,7 +23,7 @@ class AreaSampler final : public LawSampling {
   AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer&, const Fingertip&, const Region&,
               const Vector3& near_m);
 
-  // Works on one column at least, and on the cells that it completes.
+  // Works on one contact at least, or on a cell's: on a fine block each takes tens of milliseconds.
   bool advance(Clock::time_point until) override;
   std::vector<LawColumn> columns() const override;
   std::size_t solves() const { return solves_; }  // contacts answered, those that only check too
@@ -49,6 +49,7 @@ class AreaSampler final : public LawSampling {
   std::optional<Contact> touch(double x_m, double z_m, double d_m);
   std::optional<Contact> averaged(double x_m, double z_m, double d_m);
   void begin_turn(bool correcting);
+  void begin(Place&);
   void sample(Place&);
   void try_cell(const Corners&);
   void show(Place&);
@@ -61,7 +62,10 @@ class AreaSampler final : public LawSampling {
   std::vector<Place> places_;       // lane by lane
   std::vector<std::size_t> order_;  // of places, the nearest first
   std::size_t next_ = 0;            // of them, in this turn
-  bool correcting_ = false;         // the second turn
+  std::size_t rows_left_ = 0;       // of the place before that
+  std::vector<std::optional<Contact>> rows_;
+  std::vector<Corners> untried_;  // cells that are sampled in this turn
+  bool correcting_ = false;       // the second turn
   std::size_t solves_ = 0;
 };
 

@@ -122,6 +122,16 @@ TEST_F(Area, ComesFromTheFingerOutwards) {
   EXPECT_LT(corrected.size(), sampler->columns().size() / 2);
 }
 
+// Others wait for their turn that long.
+TEST_F(Area, AStepIsAContactOrThoseOfOneCell) {
+  sample();
+  for (bool done = false; !done;) {
+    const std::size_t before = sampler->solves();
+    done = sampler->advance(LawSampling::Clock::now());
+    EXPECT_LE(sampler->solves() - before, 2U);
+  }
+}
+
 TEST_F(Area, WhatIsCorrectedIsNotAlteredAnyMore) {
   sample();
   std::map<std::pair<double, double>, LawColumn> known;
