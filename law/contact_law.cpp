@@ -144,11 +144,13 @@ LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indenta
   if (cell.count == 0) return value;
   const auto column = [&](std::size_t i) -> const LawColumn& { return columns[cell.columns[i]]; };
   value.covered = value.corrected = true;
+  bool meets_guess = false;  // columns that are corrected, and others
   value.oldest = value.newest = column(0).version;
   for (std::size_t i = 0; i < cell.count; ++i) {
     value.oldest = std::min(value.oldest, column(i).version);
     value.newest = std::max(value.newest, column(i).version);
     value.corrected = value.corrected && column(i).corrected;
+    meets_guess = meets_guess || column(i).corrected != column(0).corrected;
   }
   if (!(indentation_m > 0)) return value;
   const double s = std::log(indentation_m);
@@ -171,7 +173,7 @@ LawValue evaluate(std::span<const LawColumn> columns, double x_m, double indenta
   }
   set_energy(point, indentation_m, value);
   value.error_n = share * std::hypot(value.by_x_n, value.by_d_n, value.by_z_n) + error_n;
-  if (value.oldest != value.newest) {
+  if (value.oldest != value.newest || meets_guess) {
     for (std::size_t i = 0; i < cell.count; ++i) {
       LawValue alone;
       set_energy(carried(at[i], x_m - column(i).x_m, cell.count == 4 ? z_m - column(i).z_m : 0),

@@ -61,10 +61,11 @@ struct LawValue {
   double by_x_n = 0, by_d_n = 0, by_z_n = 0;  // the force's components, their signs turned
   std::uint64_t oldest = 0, newest = 0;       // versions of the columns
   double error_n = 0;                         // what the force may be off by, with
-  double disagreement_n = 0;                  // what it differs by from either of two versions that meet here
-  bool covered = false;                       // false: no cell around the place, or no numbers; all is zero
-  bool beyond = false;                        // deeper than a column's last sample
-  bool corrected = false;                     // every column is
+  double disagreement_n = 0;  // what it differs by from any of the columns, where versions meet here
+                              // or a guess and what is corrected
+  bool covered = false;       // false: no cell around the place, or no numbers; all is zero
+  bool beyond = false;        // deeper than a column's last sample
+  bool corrected = false;     // every column is
 };
 
 // `columns`: by z, then x, strictly increasing, each with at least one row.

@@ -83,6 +83,9 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, const 
   const auto force_n = vector_from(answer.force_n());
   if (!force_n) return std::nullopt;
   sample.contact = !force_n->isZero(0);
+  // Of the whole force at most; what is no number is believed to be right.
+  const double error = answer.solve().relative_force_error();
+  sample.relative_error = error > 0 ? std::min(error, 1.0) : 0;
   if (sample.contact) return read_force(answer, sample) ? std::optional(out) : std::nullopt;
   if (answer.has_foreseen()) {
     const v1::ForeseenTouch& foreseen = answer.foreseen();

@@ -17,7 +17,7 @@ namespace {
 constexpr double kConnectWaitS = 0.05;  // per look at the attempts, and whether to stop
 // From this round trip on a guessed law is nearer to the tissue than answers are: at 120 mm/s they are of 4
 // mm before.
-constexpr double kGuessedFromS = 0.03;
+constexpr double kGuessedFromS = 0.03, kGuessedToS = 0.02;
 constexpr unsigned kOlderCredit = 8;  // at most, of services that refuse a wish instead of keeping less
 
 std::uint64_t random_number() {
@@ -272,8 +272,8 @@ void TouchLink::take_law(const v1::LawPiece& piece) {
 // Whose answers are quick feels those sooner than a guess.
 void TouchLink::tell_law() {
   if (options_.laws == nullptr) return;
-  const bool far = received_.round_trip_s() > kGuessedFromS;
-  if (const auto law = law_.fresh(finger_m_.x(), finger_m_.z(), far)) options_.laws->put(*law);
+  guesses_ = received_.round_trip_s() > (guesses_ ? kGuessedToS : kGuessedFromS);
+  if (const auto law = law_.fresh(finger_m_.x(), finger_m_.z(), guesses_)) options_.laws->put(*law);
 }
 
 // True when a pose may be sent now; false when the stream is over.

@@ -115,6 +115,7 @@ class TouchLink {
   Shared shared_;
   TouchAnswers received_;
   LawBook law_;
+  bool guesses_ = false;                 // of it are felt
   std::optional<TactileImage> tactile_;  // that nobody took yet
   Vector3 finger_m_ = Vector3::Zero();   // of the newest pose sent
   std::string failure_;

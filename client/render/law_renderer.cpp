@@ -90,14 +90,16 @@ Potential LawRenderer::potential(const LawValue& value, const Vector3& position_
 }
 
 // Where both columns are of the answer's version: across a border of versions neither is right or wrong
-// alone. An answer without force contradicts a law that says some.
+// alone. An answer without force contradicts a law that says some. A guess says itself that it is one; an
+// answer may be off, too: of a solid it is corrected beside.
 void LawRenderer::check(const ForceSample& sample) noexcept {
   const LawValue value = law_at(sample.position_m);
   if (value.oldest != sample.model_version || value.newest != sample.model_version) return;
-  if (!trusted(value) || !(value.energy_j > 0)) return;
+  if (!trusted(value) || !value.corrected || !(value.energy_j > 0)) return;
   if (contradicted_ != sample.model_version) contradictions_ = 0;
   contradicted_ = sample.model_version;
-  const double off = (resistance_of(value) + sample.force_n).norm() / value.error_n;
+  const double may_n = value.error_n + sample.relative_error * sample.force_n.norm();
+  const double off = (resistance_of(value) + sample.force_n).norm() / may_n;
   const bool elsewhere =
       contradictions_ == 0 || (sample.position_m - contradicted_m_).norm() > options_.place_m;
   if (!(off > 1)) contradictions_ = 0;

@@ -26,6 +26,7 @@ struct ForceSample {
   Vector3 force_n = Vector3::Zero();      // on the finger: against the normal for a push
   Matrix3 tangent_n_m = Matrix3::Zero();  // d force / d position
   TouchedSurface surface = {};            // undeformed
+  double relative_error = 0;              // what the service says that the force may be off by, over it
   bool contact = false;                   // false: the finger was not in contact, force zero
   // Not in contact, but told what waits there: position, force and tangent are those of a light touch below
   // the finger. Feels like nothing; a model that knows it has its stiffness when the finger arrives.

@@ -7,6 +7,7 @@
 #include <span>
 #include <utility>
 
+#include "service/device/device.h"
 #include "service/plan/choices.h"
 
 namespace teletact::service {
@@ -117,7 +118,8 @@ LawSample AreaSampler::Contact::at(double d) const {
           0};
 }
 
-// None: the model cannot say. A tip that touches no node yet has no energy.
+// None: the model cannot say. A tip that touches no node yet has no energy. A device that fails, and memory
+// that there is none of, end the sampling.
 std::optional<AreaSampler::Contact> AreaSampler::touch(double x_m, double z_m, double d) try {
   ++solves_;
   const TouchPose at = at_indentation(layer_, {{x_m, 0, z_m}}, d);
@@ -126,7 +128,11 @@ std::optional<AreaSampler::Contact> AreaSampler::touch(double x_m, double z_m, d
   const auto& f = answer.force_n;
   const auto& t = answer.tangent_n_m;
   return Contact{answer.energy_j, {-f[0], -f[1], -f[2]}, {-t[1], -t[5], -t[2]}, answer.solve.relative_error};
-} catch (const std::exception&) {  // the model's limits, or a device that is lost: said to who touches
+} catch (const DeviceError&) {
+  throw;
+} catch (const MemoryRefused&) {
+  throw;
+} catch (const std::exception&) {  // the model's limits
   return std::nullopt;
 }
 
@@ -169,10 +175,11 @@ void AreaSampler::sample(Place& place) {
   rows_[rows_left_] = averaged(column.x_m, column.z_m, depths[rows_left_]);
   if (rows_left_ > 0) return;
   for (std::size_t i = 0; i < depths.size(); ++i) {
-    if (!rows_[i] || !(rows_[i]->energy_j > 0) || !(rows_[i]->by_n[1] > 0)) break;
-    column.log_depth[i] = float(std::log(depths[i]));
-    column.samples[i] = rows_[i]->at(depths[i]);
-    column.rows = std::uint8_t(i + 1);
+    const bool touches = rows_[i] && rows_[i]->energy_j > 0 && rows_[i]->by_n[1] > 0;
+    if (!touches && column.rows == 0 && rows_[i]) continue;  // the tip is above its nodes still
+    if (!touches) break;
+    column.log_depth[column.rows] = float(std::log(depths[i]));
+    column.samples[column.rows++] = rows_[i]->at(depths[i]);
     place.known_to = std::max(place.known_to, rows_[i]->known_to);
   }
   set_slopes(column);
@@ -215,6 +222,7 @@ void AreaSampler::try_cell(const Corners& corners) {
 
 // A guess stays where nothing better was found.
 void AreaSampler::show(Place& place) {
+  if (place.sampled.rows > 0 && !usable(place.sampled)) return;  // no tissue's: nobody would take it
   const bool tried = place.sampled.rows >= place.shown.rows && place.off < 1 / choices::kLawShare;
   if (correcting_ && !tried) return;
   place.shown = place.sampled;

@@ -18,12 +18,13 @@ namespace teletact::service {
 class AreaSampler final : public LawSampling {
  public:
   // Over the whole region, what is nearest to `near_m` first. `apart`: the layer (TouchedLayer::apart).
-  // Throws nothing of the model's: where it cannot be touched columns end above, are missing, or stay
+  // Where it cannot be touched columns end above, are missing, or stay
   // guesses.
   AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer&, const Fingertip&, const Region&,
               const Vector3& near_m);
 
   // Works on one contact at least, or on a cell's: on a fine block each takes tens of milliseconds.
+  // Throws DeviceError, MemoryRefused.
   bool advance(Clock::time_point until) override;
   std::vector<LawColumn> columns() const override;
   std::size_t solves() const { return solves_; }  // contacts answered, those that only check too

@@ -1,5 +1,7 @@
 #include "service/contact/contact_laws.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -12,17 +14,21 @@ namespace teletact::service {
 
 namespace {
 
-// Null: the model has none.
+constexpr std::chrono::seconds kRetry{1};
+
+bool has_law(const Layer& layer, const TouchedLayer& touched, const Region& region) {
+  return layer.normal == Layer{}.normal &&
+         (std::isfinite(region.begin_z_m) || touched.path() == SolvePath::kCompliance);
+}
+
+// Null: there is none.
 std::unique_ptr<LawSampling> sampler_of(const Fingertip& tip, const Layer& layer,
                                         const std::shared_ptr<TouchedLayer>& touched, const Region& region,
                                         const Vector3& near_m) {
-  if (layer.normal != Layer{}.normal) return nullptr;
-  if (std::isfinite(region.begin_z_m)) {
-    auto apart = touched->apart();
-    return apart ? std::make_unique<AreaSampler>(std::move(apart), layer, tip, region, near_m) : nullptr;
-  }
-  if (touched->path() != SolvePath::kCompliance) return nullptr;
-  return std::make_unique<LawSampler>(touched, layer, tip, region.begin_x_m, region.end_x_m, near_m[0]);
+  if (!std::isfinite(region.begin_z_m))
+    return std::make_unique<LawSampler>(touched, layer, tip, region.begin_x_m, region.end_x_m, near_m[0]);
+  auto apart = touched->apart();
+  return apart ? std::make_unique<AreaSampler>(std::move(apart), layer, tip, region, near_m) : nullptr;
 }
 
 }  // namespace
@@ -39,18 +45,20 @@ std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const L
     const std::lock_guard lock(mutex_);
     const auto found = std::find_if(entries_.begin(), entries_.end(),
                                     [&](const auto& e) { return e->tip == tip && e->layer == layer; });
-    if (found != entries_.end()) {
+    const bool failed = found != entries_.end() && (*found)->retry;
+    if (failed && *(*found)->retry < TouchedLayer::Clock::now()) {
+      entries_.erase(found);
+    } else if (found != entries_.end()) {
       (*found)->asked = ++asked_;
       return (*found)->law;
     }
-    auto sampler = sampler_of(tip, layer, touched, region, near_m);
-    if (!sampler) return nullptr;
+    if (!has_law(layer, *touched, region)) return nullptr;
     if (entries_.size() == kMost)
       entries_.erase(
           std::min_element(entries_.begin(), entries_.end(),
                            [](const auto& one, const auto& other) { return one->asked < other->asked; }));
     entry->tip = tip, entry->layer = layer;
-    entry->sampler = std::move(sampler);
+    entry->make = [=] { return sampler_of(tip, layer, touched, region, near_m); };
     entry->asked = ++asked_;
     entries_.push_back(entry);
   }
@@ -79,7 +87,16 @@ bool ContactLaws::step(Entry& entry, TouchedLayer::Clock::time_point until) {
   for (bool done = false; !done;) {
     const auto now = TouchedLayer::Clock::now();
     if (now >= until) return false;
-    done = entry.sampler->advance(now + choices::kLawShown);
+    try {
+      if (const auto make = std::exchange(entry.make, nullptr)) entry.sampler = make();
+      if (!entry.sampler) return true;
+      done = entry.sampler->advance(now + choices::kLawShown);
+    } catch (const std::exception& error) {
+      spdlog::warn("event=law_not_sampled error=\"{}\"", error.what());
+      const std::lock_guard lock(mutex_);
+      entry.retry = now + kRetry;
+      break;
+    }
     if (!publish(entry, done)) break;
   }
   entry.sampler.reset();

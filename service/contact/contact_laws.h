@@ -5,8 +5,10 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,7 +29,8 @@ class LawSampling {
  public:
   using Clock = TouchedLayer::Clock;
   virtual ~LawSampling() = default;
-  // Works a little at least, until all is done or more would begin after `until`. True when done.
+  // Works a little at least, until all is done or more would begin after `until`. True when done. What it
+  // throws ends it: it may be begun anew later.
   virtual bool advance(Clock::time_point until) = 0;
   // Those that are known by now, by z, then x, with what they state; none of a lane is missing between two of
   // them. A column that is corrected is not altered any more.
@@ -55,8 +58,10 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
   struct Entry {
     Fingertip tip;
     Layer layer;
-    std::unique_ptr<LawSampling> sampler;  // while it is at work, by its job
-    std::uint64_t asked = 0;               // counts with every question
+    std::function<std::unique_ptr<LawSampling>()> make;    // by its job, as it takes some time
+    std::unique_ptr<LawSampling> sampler;                  // while it is at work, by its job
+    std::uint64_t asked = 0;                               // counts with every question
+    std::optional<TouchedLayer::Clock::time_point> retry;  // it failed: not to be begun anew before
     std::shared_ptr<const ContactLaw> law;
     Charge charge;
   };

@@ -87,16 +87,21 @@ class LayerApart final : public TouchedLayer {
 
   bool prepare(const Fingertip& tip, const TouchPose& pose, double, Clock::time_point) override {
     layer_.require_covered(tip, pose);
-    const std::lock_guard lock(*layer_.mutex_);
-    layer_.contact_.touch(tip, layer_.in_block(pose), {.force_error = choices::kLawShare});
+    for (std::size_t corrections = 0; corrections < choices::kMostCorrections; ++corrections) {
+      const SolveReport known = layer_.contact_.answer(tip, layer_.in_block(pose), choices::kLawShare).solve;
+      if (settled(known)) break;
+      const std::lock_guard lock(*layer_.mutex_);  // for one: others wait with a finger
+      layer_.contact_.correct(tip, layer_.in_block(pose), choices::kLawShare);
+    }
     return true;
   }
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
     layer_.require_covered(tip, pose);
-    if (!std::exchange(felt_, true)) {
+    if (!felt_) {
       const std::lock_guard lock(*layer_.mutex_);
       layer_.contact_.feel();
+      felt_ = true;
     }
     ContactAnswer answer = layer_.contact_.answer(tip, layer_.in_block(pose));
     layer_.move_to_scene(answer.pressure);

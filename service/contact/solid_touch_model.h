@@ -26,8 +26,9 @@ struct SolidBlock {
   Region region;                          // where it can be touched
 };
 
-// It answers by conjugate gradients on the device of whoever touches it. Its surface is kept once it is ready, and what all layers are solved with; of those below the one that was made
-// last, and the others while they are touched.
+// It answers by conjugate gradients on the device of whoever touches it. Its surface is kept once it is
+// ready, and what all layers are solved with; of those below the one that was made last, and the others while
+// they are touched.
 class SolidTouchModel final : public TouchModel {
  public:
   // A layer that could not be made is tried again after this long; until then asking for it says why.

@@ -152,21 +152,23 @@ Between between(const ExplicitModulus& e, double z_m) {
   return at.share > 1 - kRounding ? Between{at.after, at.after, 0} : at;
 }
 
-std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, double z_m) {
+std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, double depth_m, double z_m) {
   if (e.slices_m.empty()) return std::nullopt;
   const auto element = [](const std::vector<double>& nodes_m, double at_m) {
     const auto above = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
     return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
   };
+  const double above_m = std::max(0.0, depth_m - choices::kFeltDepth / 2);
   const std::size_t first = element(e.x_m, x_m - choices::kWidestReach / 2),
                     last = element(e.x_m, x_m + choices::kWidestReach / 2),
-                    deepest = element(e.y_m, choices::kFeltDepth), nx = e.x_m.size() - 1,
+                    shallowest = element(e.y_m, above_m),
+                    deepest = element(e.y_m, above_m + choices::kFeltDepth), nx = e.x_m.size() - 1,
                     plane = nx * (e.y_m.size() - 1);
   const Between at = between(e, z_m);
   const double *near = e.youngs_modulus_pa.data() + at.before * plane,
                *far = e.youngs_modulus_pa.data() + at.after * plane;
   double variances = 0, area = 0;
-  for (std::size_t j = 0; j <= deepest; ++j)
+  for (std::size_t j = shallowest; j <= deepest; ++j)
     for (std::size_t i = first; i <= last; ++i) {
       const std::size_t n = i + nx * j;
       const double size = (e.x_m[i + 1] - e.x_m[i]) * (e.y_m[j + 1] - e.y_m[j]);

@@ -50,7 +50,7 @@ Between between(const ExplicitModulus&, double z_m);
 
 // Standard deviation of ln E there, root mean square over the elements around (x, z) that a touch on the
 // surface feels (T8.7); none where the modulus was given throughout.
-std::optional<double> felt_log_deviation(const ExplicitModulus&, double x_m, double z_m);
+std::optional<double> felt_log_deviation(const ExplicitModulus&, double x_m, double depth_m, double z_m);
 
 // How far z is from the nearest slice; 0 within half a spacing of the solid's nodes, and where the modulus is
 // given throughout.

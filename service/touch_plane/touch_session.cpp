@@ -208,6 +208,8 @@ void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vec
 
 std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, const Vector3& near_m) const
     try {
+  const bool plane = !std::isfinite(window.region.begin_z_m);
+  if (plane && way_.path == SolvePath::kPcg) return nullptr;
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
   if (!touched) return nullptr;
   return window.model->laws().get(options_.fingertip, layer_, touched, window.region, near_m,
@@ -312,7 +314,8 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   answer.warning = touched_->remark(options_.fingertip, pose);
   if (c.state == ContactState::kNoContact) return;
   if (snapshot.modulus)
-    answer.log_deviation = felt_log_deviation(*snapshot.modulus, pose.position_m[0], pose.position_m[2]);
+    answer.log_deviation =
+        felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer_.depth_m, pose.position_m[2]);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };

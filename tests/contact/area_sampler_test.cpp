@@ -11,6 +11,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/device/device.h"
+
 namespace teletact::service {
 namespace {
 
@@ -23,11 +25,13 @@ struct Written final : TouchedLayer {
     return false;
   };
   std::function<bool(double x_m)> fails_to_correct = [](double) { return false; };
-  double bumps = 0.1, guessed = 1.03, stated = 0.05;
+  double bumps = 0.1, guessed = 1.03, stated = 0.05, touches_from_m = 0;
+  bool loses_device = false;
   mutable Vector3 prepared{1e9, 0, 0};
 
   SolvePath path() const override { return SolvePath::kPcg; }
   bool prepare(const Fingertip&, const TouchPose& pose, double, Clock::time_point) override {
+    if (loses_device) throw DeviceError("lost");
     if (fails_to_correct(pose.position_m[0])) throw std::runtime_error("the device is lost");
     prepared = pose.position_m;
     return true;
@@ -35,6 +39,7 @@ struct Written final : TouchedLayer {
   ContactAnswer touch(const Fingertip&, const TouchPose& pose) override {
     const auto [x, d, z] = pose.position_m;
     if (throws(x, z, d)) throw std::out_of_range("here it cannot be touched");
+    if (d < touches_from_m) return {};
     constexpr double kX = 0.01, kZ = 0.008;
     const double k = 1 + bumps * std::sin(x / kX) * std::cos(z / kZ),
                  by_x = bumps / kX * std::cos(x / kX) * std::cos(z / kZ),
@@ -188,6 +193,28 @@ TEST_F(Area, WhatCannotBeCorrectedStaysAGuessAndSaysSo) {
   }
   EXPECT_GT(guesses, 0U);
   EXPECT_LT(worst(sampler->columns()), 1);
+}
+
+TEST_F(Area, ADeviceThatFailsEndsTheSampling) {
+  model->loses_device = true;
+  sample();
+  EXPECT_THROW(
+      {
+        while (!sampler->advance(LawSampling::Clock::now())) {
+        }
+      },
+      DeviceError);
+}
+
+TEST_F(Area, ATipThatIsAboveTheNodesStillHasItsDeeperRows) {
+  model->touches_from_m = 5e-4;
+  sample();
+  finish();
+  ASSERT_FALSE(sampler->columns().empty());
+  for (const LawColumn& column : sampler->columns()) {
+    EXPECT_EQ(column.rows, 3);
+    EXPECT_NEAR(std::exp(column.log_depth[0]), 9e-4, 1e-6);
+  }
 }
 
 TEST_F(Area, TooWideATissueHasNone) {

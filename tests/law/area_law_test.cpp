@@ -142,7 +142,11 @@ TEST(AreaLaw, SaysTheWorstOfTheColumnsAroundAPlace) {
   EXPECT_FLOAT_EQ(float(beside.error_n), 0.001F);
   const LawValue at = evaluate(columns, 0.002, 0.002, 0.008);
   EXPECT_FALSE(at.corrected);
-  EXPECT_FLOAT_EQ(float(at.error_n), 0.004F);
+  EXPECT_FLOAT_EQ(float(at.error_n - at.disagreement_n), 0.004F);
+  for (LawSample& sample : columns[9].samples) sample.log_energy += 0.05F;
+  EXPECT_GT(evaluate(columns, 0.002, 0.002, 0.008).disagreement_n, at.disagreement_n)
+      << "a guess that is off";
+  for (LawSample& sample : columns[9].samples) sample.log_energy -= 0.05F;
   columns[9].version = 8;
   const LawValue border = evaluate(columns, 0.002, 0.002, 0.008);
   EXPECT_EQ(border.oldest, 7);

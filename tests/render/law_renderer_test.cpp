@@ -448,5 +448,26 @@ TEST(LawRenderer, OfASolidFeelsTheForceAcross) {
   EXPECT_EQ(renderer.dropped(), 1u);
 }
 
+// Of a solid answers are corrected beside, and what comes first of a law is a guess.
+TEST(LawRenderer, IsNotDroppedForAnswersThatSayTheyAreOffNorAsAGuess) {
+  for (const double states : {0.05, 0.0}) {
+    for (const bool corrected : {true, false}) {
+      Rendering law;
+      NearLaw near = law_of(3);
+      for (LawColumn& column : near.columns) column.corrected = corrected;
+      law.answer(0.02, 0.002, 3);
+      law.renderer.take_law(near);
+      law.tick(0.02, 0.002);
+      for (int k = 0; k < 10; ++k) {
+        ForceSample sample = answer_at(0.01 + 0.002 * k, 0.003, 3, 10 + std::uint64_t(k), law.time_s);
+        sample.force_n *= 1.04;
+        sample.relative_error = states;
+        law.renderer.update(sample, at(0.02, 0.002), law.time_s);
+      }
+      EXPECT_EQ(law.renderer.dropped() > 0, states == 0 && corrected) << states << " " << corrected;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace teletact::client

@@ -70,7 +70,7 @@ ModulusSlice uniform(double z_m, double pa, double deviation) {
 TEST(Slices, TheirDeviationGrowsBetweenThem) {
   const ExplicitModulus e =
       stacked(grid(), {uniform(-0.004, 1e4, 0.1), uniform(0.004, 3e4, 0), uniform(0.006, 3e4, 0.2)}, {});
-  const auto at = [&](double z_m) { return felt_log_deviation(e, kBallX, z_m).value(); };
+  const auto at = [&](double z_m) { return felt_log_deviation(e, kBallX, 0, z_m).value(); };
   EXPECT_NEAR(at(-0.004), 0.1, 1e-12);
   EXPECT_NEAR(at(0.004), 0, 1e-12) << "exact where it states none";
   EXPECT_NEAR(at(0.006), 0.2, 1e-12);
@@ -83,7 +83,7 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   EXPECT_DOUBLE_EQ(at(0.012), at(0.018)) << "no farther than what nobody measured";
   ExplicitModulus throughout = grid();
   throughout.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
-  EXPECT_FALSE(felt_log_deviation(throughout, kBallX, 0));
+  EXPECT_FALSE(felt_log_deviation(throughout, kBallX, 0, 0));
 }
 
 // What the finger feels: not what is far from it, at its side or below.
@@ -92,9 +92,10 @@ TEST(Slices, TheirDeviationIsThatUnderTheFinger) {
   for (std::size_t n = 0; n < 240; ++n)
     if (n % 24 >= 16 || n / 24 >= 9) slice.log_deviation[n] = 1;
   const ExplicitModulus e = stacked(grid(), {slice}, {});
-  EXPECT_NEAR(felt_log_deviation(e, 0.016, 0).value(), 0.1, 1e-12);
-  EXPECT_GT(felt_log_deviation(e, 0.028, 0).value(), 0.3);
-  EXPECT_GT(felt_log_deviation(e, 0.047, 0).value(), 0.9);
+  EXPECT_GT(felt_log_deviation(e, 0.016, e.y_m.back() - 0.001, 0).value(), 0.3) << "felt from a row below";
+  EXPECT_NEAR(felt_log_deviation(e, 0.016, 0, 0).value(), 0.1, 1e-12);
+  EXPECT_GT(felt_log_deviation(e, 0.028, 0, 0).value(), 0.3);
+  EXPECT_GT(felt_log_deviation(e, 0.047, 0, 0).value(), 0.9);
 }
 
 TEST(Slices, DeviationsComeOneByOneAsTheyComeTogether) {
