@@ -268,7 +268,8 @@ ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose,
 }
 
 template <class T>
-SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, double force_error) {
+SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, double force_error,
+                                     std::size_t most_iterations) {
   require_touchable(tissue_.grid, row_->solved->index, tip, pose);
   feel();
   SolveReport report;
@@ -280,8 +281,9 @@ SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, 
   const auto& [energy, contact] = *touch;
   const std::vector<std::size_t>& unknowns = contact.patch.unknowns;
   SolidSolver<T>& solver = factor_->solver;
-  const SolidOptions options{.relative_error =
-                                 std::max(kCorrectionShare * force_error, 2 * modulus_->rounding)};
+  const SolidOptions options{
+      .relative_error = std::max(kCorrectionShare * force_error, 2 * modulus_->rounding),
+      .max_iterations = most_iterations};
   solver.use(modulus_);
   solver.at(row_->solved);
   auto next = std::make_shared<RecycledCompliance>(*before);

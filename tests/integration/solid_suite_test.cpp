@@ -1,40 +1,63 @@
-// The solid suite for seconds, as a process: what it promises of numbers holds on any machine.
+// The suites of solid tissue for seconds, as processes: what they promise of numbers holds on any machine.
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "tests/integration/process.h"
 
 namespace teletact {
 namespace {
 
-TEST(SolidSuite, WhatIsNoMatterOfTimeHolds) {
+// `what`: a suite, and a part of it.
+nlohmann::json measured(const test::TemporaryFolder& folder, std::vector<std::string> what) {
   constexpr double kSuiteS = 600;
+  const std::string name = what.back(), json_file = folder / (name + ".json");
+  std::vector<std::string> command{test::required_environment("TELETACT_BINARY_DIR") +
+                                   "/bench/teletact-bench"};
+  command.insert(command.end(), what.begin(), what.end());
+  command.insert(command.end(), {"--quick", "--json", json_file, "--out", folder / name});
+  const auto run = test::run(command, folder / (name + ".log"), {}, kSuiteS);
+  EXPECT_EQ(run.code, 0) << run.output;
+  std::ifstream file(json_file);
+  const auto result = nlohmann::json::parse(file, nullptr, false);
+  if (!result.is_object()) throw std::runtime_error(run.output);
+  return what.size() > 1 ? result.at(name) : result;
+}
+
+TEST(SolidSuite, WhatIsNoMatterOfTimeHolds) {
   const test::TemporaryFolder folder;
-  const auto measured = [&](const std::string& part) {
-    const std::string json_file = folder / (part + ".json"), pictures = folder / part;
-    const auto run = test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench",
-                                "solid", part, "--quick", "--json", json_file, "--out", pictures},
-                               folder / (part + ".log"), {}, kSuiteS);
-    EXPECT_EQ(run.code, 0) << run.output;
-    std::ifstream file(json_file);
-    const auto result = nlohmann::json::parse(file, nullptr, false);
-    if (!result.is_object()) throw std::runtime_error(run.output);
-    return result.at(part);
-  };
-  const auto bound = measured("bound");
+  const auto bound = measured(folder, {"solid", "bound"});
   for (const char* of : {"energy", "force"}) {
     EXPECT_GT(bound.at(of).at("iterations"), 100) << of;
     EXPECT_EQ(bound.at(of).at("broken"), 0) << of;
   }
   EXPECT_TRUE(std::filesystem::exists(folder / "bound/solid_bound.png"));
-  const auto plane = measured("plane").at("beside");
+  const auto plane = measured(folder, {"solid", "plane"}).at("beside");
   EXPECT_GT(plane.front().at("difference"), 1e-5) << "two ways that are the same show nothing";
   EXPECT_LT(plane.back().at("difference"), 1e-10);
-  const auto exact = measured("exact");
+  const auto exact = measured(folder, {"solid", "exact"});
   EXPECT_EQ(exact.at("forces").size(), 3) << "rigid tips alone: the quick one";
   EXPECT_GT(exact.at("tangents").size(), 5);
+}
+
+TEST(PlanSuite, EveryModelAnswersEveryPair) {
+  const test::TemporaryFolder folder;
+  const auto plan = measured(folder, {"plan"});
+  EXPECT_EQ(plan.at("pairs").size(), 12);
+  EXPECT_TRUE(plan.at("failures").empty());
+  const auto of_all = [&](const std::string& model) {
+    for (const auto& s : plan.at("summaries"))
+      if (s.at("kind") == "all" && s.at("model") == model) return s;
+    throw std::runtime_error("no model " + model);
+  };
+  EXPECT_LT(of_all("M3 mesh").at("p95"), of_all("M0").at("p95")) << "the solid is no better than a layer";
+  EXPECT_GT(of_all("M3").at("ms"), of_all("M0").at("ms"));
+  EXPECT_LT(of_all("M3 8").at("beside_most"), 0.005) << "off the converged contact on its own nodes";
+  EXPECT_TRUE(std::filesystem::exists(folder / "plan/plan.png"));
 }
 
 }  // namespace

@@ -9,16 +9,11 @@
 namespace teletact::bench {
 namespace {
 
-constexpr double kTipRadiusM = 0.008, kGrowth = 1.03;
+constexpr double kGrowth = 1.03;
 
 // Of texture: cubes along x, y, z.
 constexpr double kCubeM = 0.004;
 constexpr std::size_t kCubesX = 32, kCubesY = 10, kCubesZ = 16;
-
-std::size_t around(long n, std::size_t period) {
-  const auto size = static_cast<long>(period);
-  return static_cast<std::size_t>((n % size + size) % size);
-}
 
 }  // namespace
 
@@ -55,10 +50,6 @@ service::SolidTissue solid_tissue(const service::SolidGrid& grid, double poisson
   });
 }
 
-std::size_t surface_unknown(const service::SolidGrid& grid, long i, long k, std::size_t c) {
-  return around(i, grid.nx) + grid.nx * (around(k, grid.nz) + grid.nz * c);
-}
-
 SurfaceValues hertz_load(const service::SolidGrid& grid) {
   constexpr double kRadiusM = 0.004, kForceN = 0.14;
   constexpr int kSamples = 80;  // along the radius; each is shared by the element's four nodes
@@ -85,22 +76,6 @@ SurfaceValues hertz_load(const service::SolidGrid& grid) {
     load.unknowns.push_back(unknown);
   }
   return load;
-}
-
-SurfaceValues paraboloid_push(const service::SolidGrid& grid, double x_m, double z_m, double indentation_m) {
-  SurfaceValues push;
-  std::vector<double> depths;
-  for (std::size_t k = 0; k < grid.nz; ++k)
-    for (std::size_t i = 0; i < grid.nx; ++i) {
-      const double away = std::hypot((double(i) - double(grid.nx / 2)) * grid.spacing_x_m - x_m,
-                                     (double(k) - double(grid.nz / 2)) * grid.spacing_z_m - z_m);
-      const double overlap = indentation_m - away * away / (2 * kTipRadiusM);
-      if (overlap <= 0) continue;
-      push.unknowns.push_back(surface_unknown(grid, long(i), long(k), 1));
-      depths.push_back(overlap);
-    }
-  push.values = Eigen::Map<Eigen::VectorXd>(depths.data(), Eigen::Index(depths.size()));
-  return push;
 }
 
 }  // namespace teletact::bench

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/rigid_contact.h"
 #include "service/solid/solid_tissue.h"
 
 namespace teletact::bench {
@@ -33,18 +34,7 @@ struct SolidLump {
 service::SolidTissue solid_tissue(const service::SolidGrid&, double poisson_ratio, const SolidLump&,
                                   double texture = 0, std::uint64_t seed = 1);
 
-// Forces on the surface, N, or how far it is pushed, m: axial, each unknown once.
-struct SurfaceValues {
-  std::vector<std::size_t> unknowns;
-  Eigen::VectorXd values;
-};
 // 0.14 N with Hertz's pressure of radius 4 mm on the middle.
 SurfaceValues hertz_load(const service::SolidGrid&);
-// The nodes that a paraboloid of 8 mm, `indentation_m` deep at (x, z) from the middle, overlaps while the
-// tissue is at rest, by how much.
-SurfaceValues paraboloid_push(const service::SolidGrid&, double x_m, double z_m, double indentation_m);
-
-// Number of the surface's unknown: component c at node (i, k), both taken around the period.
-std::size_t surface_unknown(const service::SolidGrid&, long i, long k, std::size_t c);
 
 }  // namespace teletact::bench

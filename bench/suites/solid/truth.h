@@ -63,30 +63,6 @@ class SolidTruth {
   Eigen::VectorXd u_, force_n_;
 };
 
-// Which candidates a rigid tip presses: no pull, and none of the others overlaps it.
-struct Pressed {
-  Eigen::VectorXd force_n, moved_m;  // of those that are pressed; of all candidates
-};
-template <class Press>
-std::vector<Eigen::Index> settled(const Eigen::VectorXd& overlap_m, Press&& press) {
-  constexpr int kMost = 50;
-  const double deepest = overlap_m.maxCoeff();
-  std::vector<Eigen::Index> active, next;
-  for (Eigen::Index n = 0; n < overlap_m.size(); ++n)
-    if (overlap_m[n] >= deepest / 2) next.push_back(n);
-  for (int tries = 0; tries < kMost && next != active; ++tries) {
-    active = next;
-    const Pressed p = press(active);
-    next.clear();
-    auto force = p.force_n.begin();
-    for (Eigen::Index n = 0; n < overlap_m.size(); ++n) {
-      const bool pressed = std::ranges::binary_search(active, n);
-      if (pressed ? *force++ > 0 : overlap_m[n] - p.moved_m[n] > 1e-9 * deepest) next.push_back(n);
-    }
-  }
-  if (next != active) throw BenchError("which nodes touch does not settle");
-  return active;
-}
 // Under a paraboloid of 8 mm, `indentation_m` deep at (x, z) from the middle, with that skin.
 SolidTouch settled_touch(service::SolidSolver<double>&, const service::SolidGrid&, double x_m, double z_m,
                          double indentation_m, double skin_m_n);

@@ -1,0 +1,258 @@
+// teletact-bench plan: models of a touch of solid tissue, speed against accuracy, each against a truth (T9).
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "bench/basics/median.h"
+#include "bench/curves.h"
+#include "bench/rigid_contact.h"
+#include "bench/suite.h"
+#include "bench/suites/plan/models.h"
+#include "bench/suites/plan/scenes.h"
+
+namespace teletact::bench {
+namespace {
+
+struct Arguments : SuiteOptions {
+  std::size_t pairs = 1000, finer = 6;
+  std::uint64_t seed = 1;
+};
+
+struct Answer {
+  std::string model;
+  double force_n = 0, ms = 0;
+  double error = 0;   // over the truth
+  double beside = 0;  // over the converged answer on nodes 2 mm apart: without what the mesh is off by
+  double stated = 0;  // 0: it states none
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Answer, model, force_n, ms, error, beside, stated)
+
+struct Pair {
+  std::size_t scene = 0;
+  std::string kind;
+  double poisson_ratio = 0, texture = 0;
+  std::vector<PlanLump> lumps{};
+  PlanPose pose{};
+  double coarse_n = 0, fine_n = 0, truth_n = 0;  // rigid, nodes 2 and 1 mm apart, extrapolated
+  double finer_n = 0;                            // extrapolated from 1 and 0.5 mm; 0: not computed
+  double converged_n = 0, layer_n = 0, mesh_share = 0;
+  std::vector<Answer> answers{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Pair, scene, kind, poisson_ratio, texture, lumps, pose, coarse_n, fine_n,
+                                   truth_n, finer_n, converged_n, layer_n, mesh_share, answers)
+
+// Sizes of the errors of one model's pairs of a kind, "all" for all.
+struct Summary {
+  std::string kind, model;
+  std::size_t pairs = 0;
+  double ms = 0;  // median
+  double p50 = 0, p95 = 0, most = 0, beside_p50 = 0, beside_p95 = 0, beside_most = 0;
+  double covered = 0;  // by what is stated, of what it is off by beside the mesh
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Summary, kind, model, pairs, ms, p50, p95, most, beside_p50, beside_p95,
+                                   beside_most, covered)
+
+struct Figures {
+  std::uint64_t seed = 0;
+  std::vector<Summary> summaries{};
+  std::vector<std::string> failures{};
+  std::vector<Pair> pairs{};
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, seed, summaries, failures, pairs)
+
+// Rigid, at so many places a side of a square of one spacing about the pose: the mesh's phase is averaged,
+// and both that and the mesh are off by the spacing's square.
+double mean_over_shifts(RigidContact& contact, const PlanPose& pose, double spacing_m, int a_side) {
+  double sum = 0;
+  const auto shift = [&](int n) { return ((n + 0.5) / a_side - 0.5) * spacing_m; };
+  for (int a = 0; a < a_side; ++a)
+    for (int b = 0; b < a_side; ++b)
+      sum += contact.force_n(pose.x_m + shift(a), pose.z_m + shift(b), pose.indentation_m);
+  return sum / (a_side * a_side);
+}
+
+double extrapolated(double coarse, double fine) {
+  return (4 * fine - coarse) / 3;
+}
+
+Pair measure_pair(PlanModels& models, RigidContact& coarse, RigidContact& fine, const PlanScene& scene,
+                  const PlanPose& pose) {
+  Pair pair{.kind = scene.kind,
+            .poisson_ratio = scene.poisson_ratio,
+            .texture = scene.texture,
+            .lumps = scene.lumps,
+            .pose = pose};
+  pair.coarse_n = mean_over_shifts(coarse, pose, kVoxelM, 4);
+  pair.fine_n = mean_over_shifts(fine, pose, kVoxelM / 2, 2);
+  pair.truth_n = extrapolated(pair.coarse_n, pair.fine_n);
+  pair.converged_n = models.converged_n(pose);
+  pair.layer_n = models.layer_n(pose);
+  pair.mesh_share = models.mesh_share(pose);
+  const auto add = [&](const PlanAnswer& a, const char* more, double force_n, double beside) {
+    pair.answers.push_back({a.model + more, force_n, a.ms, force_n / pair.truth_n - 1, beside, a.stated});
+  };
+  for (const PlanAnswer& a : models.at(pose)) {
+    const bool closed = a.spacing_m == 0, coarse_nodes = a.spacing_m == kVoxelM;
+    const double same_mesh_n = closed         ? pair.converged_n / pair.mesh_share
+                               : coarse_nodes ? pair.converged_n
+                                              : models.fine_converged_n();
+    add(a, "", a.force_n, a.force_n / same_mesh_n - 1);
+    // The mesh is off by what it is on homogeneous tissue, where the force is known.
+    if (coarse_nodes) add(a, " mesh", a.force_n / pair.mesh_share, a.force_n / same_mesh_n - 1);
+  }
+  return pair;
+}
+
+Summary summary_of(const std::vector<Pair>& pairs, const std::string& kind, std::size_t model) {
+  Summary s{.kind = kind, .model = pairs.front().answers[model].model};
+  std::vector<double> ms, errors, beside;
+  for (const Pair& pair : pairs) {
+    if (kind != "all" && pair.kind != kind) continue;
+    const Answer& a = pair.answers[model];
+    ms.push_back(a.ms), errors.push_back(std::abs(a.error)), beside.push_back(std::abs(a.beside));
+    s.covered += a.stated > 0 && std::abs(a.beside) <= a.stated;
+  }
+  s.pairs = ms.size(), s.ms = median_of(ms), s.covered /= double(s.pairs);
+  const Quantiles e = quantiles(errors), b = quantiles(beside);
+  s.p50 = e.p50, s.p95 = e.p95, s.most = e.max;
+  s.beside_p50 = b.p50, s.beside_p95 = b.p95, s.beside_most = b.max;
+  return s;
+}
+
+std::vector<Summary> summaries_of(const std::vector<Pair>& pairs) {
+  std::vector<Summary> out;
+  if (pairs.empty()) throw BenchError("no pair has a truth");
+  std::vector<std::string> kinds{"all"};
+  for (const Pair& pair : pairs)
+    if (std::ranges::find(kinds, pair.kind) == kinds.end()) kinds.push_back(pair.kind);
+  for (const std::string& kind : kinds)
+    for (std::size_t model = 0; model < pairs.front().answers.size(); ++model)
+      out.push_back(summary_of(pairs, kind, model));
+  return out;
+}
+
+void print(const std::vector<Summary>& summaries) {
+  std::printf("plan: %-13s %10s  off the truth by %%            off the same mesh by %%\n", "all", "ms");
+  std::vector<std::string> models;
+  std::string kinds;
+  for (const Summary& s : summaries) {
+    if (s.kind == "all") {
+      models.push_back(s.model);
+      std::printf("plan: %-13s %10.4g  %6.2f /%6.2f /%6.1f  %6.2f /%6.2f /%6.1f  %s\n", s.model.c_str(), s.ms,
+                  100 * s.p50, 100 * s.p95, 100 * s.most, 100 * s.beside_p50, 100 * s.beside_p95,
+                  100 * s.beside_most,
+                  s.covered > 0 ? fmt::format("stated covers {:.0f} %", 100 * s.covered).c_str() : "");
+    } else if (s.model == models.front()) {
+      kinds += fmt::format(" {:>20}", fmt::format("{} ({})", s.kind, s.pairs));
+    }
+  }
+  std::printf("plan: off by %%: median / 95 %% / worst\nplan: %-13s%s\n", "", kinds.c_str());
+  for (const std::string& model : models) {
+    std::string line;
+    for (const Summary& s : summaries)
+      if (s.kind != "all" && s.model == model)
+        line += fmt::format(" {:>20}",
+                            fmt::format("{:.2f}/{:.1f}/{:.1f}", 100 * s.p50, 100 * s.p95, 100 * s.most));
+    std::printf("plan: %-13s%s\n", model.c_str(), line.c_str());
+  }
+}
+
+void promise(const Figures& f, Promises& promises) {
+  std::vector<double> layer, finer, stated;
+  for (const Pair& pair : f.pairs) {
+    if (pair.kind == "homogeneous") layer.push_back(std::abs(pair.truth_n / pair.layer_n - 1));
+    if (pair.finer_n > 0) finer.push_back(std::abs(pair.truth_n / pair.finer_n - 1));
+    for (const Answer& a : pair.answers)
+      if (a.model == "M3") stated.push_back(std::abs(a.beside) <= a.stated);
+  }
+  double covered = 0;
+  for (const double c : stated) covered += c / double(stated.size());
+  promises.push_back({"truth_off_the_exact_layer", quantiles(layer).max, 0.01});
+  if (!finer.empty()) promises.push_back({"truth_off_a_finer_one", quantiles(finer).max, 0.02});
+  promises.push_back({"converged_stated_covers", covered, 0.95, "1", false});
+  promises.push_back({"pairs_without_a_truth", double(f.failures.size()) / double(f.pairs.size()), 0.01});
+}
+
+Figures measure(const Arguments& arguments, Promises& promises) {
+  const auto device = service::Device::open();
+  const std::size_t wanted = arguments.quick ? 12 : arguments.pairs, poses = arguments.quick ? 2 : 5;
+  Figures f{.seed = arguments.seed};
+  PlanModels models(device);
+  std::vector<std::string> checked;
+  for (std::size_t n = 0; n * poses < wanted; ++n) {
+    const PlanScene scene =
+        plan_scene(arguments.seed, n, std::min(poses, wanted - n * poses), arguments.quick);
+    models.enter(scene);
+    RigidContact coarse(device->queue(), scene.tissue(1)), fine(device->queue(), scene.tissue(2));
+    for (const PlanPose& pose : scene.poses) try {
+        show_progress(fmt::format("scene {}, {}, {} pairs", n, scene.kind, f.pairs.size()));
+        Pair pair = measure_pair(models, coarse, fine, scene, pose);
+        pair.scene = n;
+        if (!arguments.quick && checked.size() < arguments.finer &&
+            std::ranges::find(checked, scene.kind) == checked.end()) {
+          RigidContact finest(device->queue(), scene.tissue(4));
+          pair.finer_n = extrapolated(pair.fine_n, mean_over_shifts(finest, pose, kVoxelM / 4, 1));
+          checked.push_back(scene.kind);
+        }
+        f.pairs.push_back(std::move(pair));
+      } catch (const std::exception& e) {
+        f.failures.push_back(fmt::format("scene {}, {}, x {} z {} d {}: {}", n, scene.kind, pose.x_m,
+                                         pose.z_m, pose.indentation_m, e.what()));
+      }
+  }
+  f.summaries = summaries_of(f.pairs);
+  print(f.summaries);
+  for (const std::string& failure : f.failures) std::printf("plan: %s\n", failure.c_str());
+  promise(f, promises);
+  return f;
+}
+
+// Those that nothing quicker is better than.
+Curve front(std::vector<Summary> all, double Summary::*error, const char* title) {
+  std::ranges::sort(all, {}, &Summary::ms);
+  Curve out{.title = title, .style = "steps lw 2 lc rgb '#888888'"};
+  double best = HUGE_VAL;
+  for (const Summary& s : all)
+    if (s.*error < best) out.add(s.ms, 100 * (best = s.*error));
+  return out;
+}
+
+void draw(const Figures& f, const std::filesystem::path& folder) {
+  std::vector<Summary> all = f.summaries;
+  std::erase_if(all, [](const Summary& s) { return s.kind != "all"; });
+  Curve half{.title = "half of the pairs", .line = false}, most{.title = "95 % of the pairs", .line = false};
+  std::string labels;
+  for (const Summary& s : all) {
+    half.add(s.ms, 100 * s.p50), most.add(s.ms, 100 * s.p95);
+    labels +=
+        fmt::format("set label '{}' at {:.6g},{:.6g} offset 0.6,0.4 font ',8'\n", s.model, s.ms, 100 * s.p95);
+  }
+  plot(folder / "plan.png",
+       script_of(
+           {half, most, front(all, &Summary::p50, "no quicker one is better"), front(all, &Summary::p95, "")},
+           "set logscale xy\nset format x '10^{%L}'\nset key outside bottom center horizontal\n" + labels +
+               axes(fmt::format("Touch of solid tissue: {} pairs of a scene and a pose", f.pairs.size()),
+                    "processor time of a touch (ms)", "off the true force (%)")));
+}
+
+}  // namespace
+
+void add_plan_suite(CLI::App& app, bool& met) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = add_suite(app, "plan", "models of a touch of solid tissue: speed against accuracy",
+                                arguments, met, measure, draw);
+  command.add_option("--pairs", arguments->pairs, "scenes times poses")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command
+      .add_option("--finer", arguments->finer,
+                  "pairs, each of another kind, whose truth is checked on nodes 0.5 mm apart")
+      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of the tissues and poses")->capture_default_str();
+}
+
+}  // namespace teletact::bench
