@@ -176,7 +176,7 @@ auto SolidContact<T>::Factor::row(const SolidGrid& grid, const LayeredTissue& ti
   const double wide_m = choices::kLeastPeriod * grid.y_m.back();
   auto solved = index == 0 ? surface : std::make_shared<const SolidRow>(SolidRow{index, compliance(0, 0)});
   auto made = std::make_shared<Row>(
-      Row{std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM), std::nullopt});
+      Row{std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM), std::nullopt, {}});
   rows[index] = made;
   return made;
 }
@@ -244,17 +244,49 @@ void SolidContact<T>::feel() {
 
 template <class T>
 ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose, double force_error) const {
+  return answer_by(*known(tip), tip, pose, force_error);
+}
+
+template <class T>
+std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_layers(const Fingertip& tip) const {
+  constexpr std::size_t kMostTips = 8;
+  if (row() > 0 || !LayeredTouch::knows(tip)) return nullptr;
+  const std::lock_guard lock(factor_->mutex);
+  auto& exact = row_->exact;
+  const auto found = std::ranges::find(exact, tip, [](const auto& e) { return e.first; });
+  if (found != exact.end()) return found->second;
+  LayerStack stack{{}, modulus_->layers.youngs_modulus_pa, tissue_.poisson_ratio};
+  for (std::size_t j = 0; j < tissue_.grid.layers(); ++j)
+    stack.thickness_m.push_back(tissue_.grid.y_m[j + 1] - tissue_.grid.y_m[j]);
+  if (exact.size() == kMostTips) exact.pop_front();
+  return exact.emplace_back(tip, std::make_shared<const LayeredTouch>(stack, tip)).second;
+}
+
+template <class T>
+ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& pose,
+                                           double force_error) const {
+  ContactAnswer answer = this->answer(tip, pose, force_error);
+  if (answer.state != ContactState::kContact) return answer;
+  const auto exact = exact_layers(tip);
+  if (!exact || pose[1] > exact->most_m()) return answer;
+  const LayeredTouch::At layers = exact->at(pose[1]).times(1 / drift_.scale);
+  make_layers_exact(answer, answer_by(*layered_, tip, pose, force_error), layers);
+  return answer;
+}
+
+template <class T>
+ContactAnswer SolidContact<T>::answer_by(const RecycledCompliance& compliance, const Fingertip& tip,
+                                         const Vector3& pose, double force_error) const {
   require_touchable(tissue_.grid, row_->solved->index, tip, pose);
   const double depth = pose[1];
   ContactAnswer answer;
   answer.solve.reason = "recycled";
   if (depth <= 0) return answer;
-  const Known compliance = known(tip);
-  const auto touch = find_contact(tissue_.grid, *compliance, tip, pose, answer.iterations);
+  const auto touch = find_contact(tissue_.grid, compliance, tip, pose, answer.iterations);
   if (!touch) return answer;
   const auto& [energy, contact] = *touch;
   const VectorXd error =
-      compliance->error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
+      compliance.error_between(contact.patch.unknowns, energy.sensitivity, contact.force_n);
   const double rounding = kRounding<T> + modulus_->rounding, learned = error.norm() / energy.gradient.norm();
   answer.solve.of_model = kOfDrift * drift_.shape;
   answer.solve.relative_error = learned + rounding + answer.solve.of_model;

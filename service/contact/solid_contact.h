@@ -3,12 +3,15 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <utility>
 #include <vector>
 
+#include "service/contact/layered_touch.h"
 #include "service/contact/touch_model.h"
 #include "service/plan/choices.h"
 #include "service/solid/felt_modulus.h"
@@ -64,6 +67,10 @@ class SolidContact {
   // node by node, C on S's diagonal. Node: as touch_node has it. Throws as solve_contact does.
   ContactAnswer answer(const Fingertip&, const Vector3& pose,
                        double force_error = choices::kSolidForceError) const;
+  // The same with its layered part exact instead of on nodes (make_layers_exact): of frictionless round tips
+  // on the surface, as deep as LayeredTouch knows; else as answer().
+  ContactAnswer felt_answer(const Fingertip& tip, const Vector3& pose,
+                            double force_error = choices::kSolidForceError) const;
   // Solves the block under the contact at this pose, to what that force error takes; answers after it know
   // what it showed. One thread at a time; after `most_iterations` of conjugate gradients it takes what there
   // is. Throws as answer() does, std::domain_error where the block's solution breaks down.
@@ -85,6 +92,8 @@ class SolidContact {
     std::shared_ptr<const SolidRow> solved;
     SurfaceCompliance wide, smooth;
     std::optional<EnergyShares> shares;  // of who corrects
+    // Of the factor's layers under the tips touched last, under the factor's mutex.
+    std::deque<std::pair<Fingertip, std::shared_ptr<const LayeredTouch>>> exact = {};
   };
   // Shared by all contacts whose modulus it solves.
   struct Factor {
@@ -100,6 +109,10 @@ class SolidContact {
                std::size_t row);
   using Known = std::shared_ptr<const RecycledCompliance>;
   Known known(const Fingertip&) const;
+  ContactAnswer answer_by(const RecycledCompliance&, const Fingertip&, const Vector3& pose,
+                          double force_error) const;
+  // Null where it does not know the tip, or the row is not the surface.
+  std::shared_ptr<const LayeredTouch> exact_layers(const Fingertip&) const;
   SolidTissue tissue_;
   std::shared_ptr<Factor> factor_;
   std::shared_ptr<const SolidModulus<T>> modulus_;

@@ -103,7 +103,7 @@ class LayerApart final : public TouchedLayer {
       layer_.contact_.feel();
       felt_ = true;
     }
-    ContactAnswer answer = layer_.contact_.answer(tip, layer_.in_block(pose));
+    ContactAnswer answer = layer_.contact_.felt_answer(tip, layer_.in_block(pose));
     layer_.move_to_scene(answer.pressure);
     return answer;
   }
@@ -225,7 +225,7 @@ ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) 
     if (last_ && last_->done == done && last_->tip == tip && last_->position_m == pose.position_m)
       return last_->answer;  // made ready, then touched
   }
-  Last last{tip, pose.position_m, done, contact_.answer(tip, in_block(pose))};
+  Last last{tip, pose.position_m, done, contact_.felt_answer(tip, in_block(pose))};
   const std::lock_guard lock(last_mutex_);
   last_ = last;
   return std::move(last.answer);

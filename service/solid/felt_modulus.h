@@ -4,12 +4,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <complex>
 #include <cstddef>
 #include <vector>
 
+#include "service/solid/element_shares.h"
 #include "service/solid/solid_tissue.h"
-#include "service/solver/fourier.h"
 
 namespace teletact::service {
 
@@ -38,13 +37,10 @@ class EnergyShares {
   FeltModulus felt(const SolidTissue&, double softer = 1);
 
  private:
-  Eigen::VectorXd mean(const std::vector<float>& of_elements);
-  Queue queue_;
-  SolidGrid grid_;
+  std::size_t columns_;
   std::vector<double> layers_pa_;
-  Fourier<float> elements_, surface_;
-  Array<float> field_, spectrum_, plane_, sum_;
-  std::vector<float> shares_;  // their spectrum
+  ElementMeans means_;
+  ElementMeans::Map shares_;
 };
 
 }  // namespace teletact::service

@@ -83,9 +83,10 @@ std::vector<Truth> truths(const service::SolidBlock& block, service::SolidContac
     const double aside = out.size() % 2 ? 0.012 : kWidthM / 2 - 0.001;
     const service::Vector3 at{kWidthM / 2 + between(-aside, aside), between(kShallowestM, kDeepestM),
                               kWidthM / 2 + between(-aside, aside)};
-    const auto answer = exact.touch({}, {at[0] - block.origin_x_m, at[1], at[2] - block.origin_z_m},
-                                    {.force_error = kTruthError});
-    if (!answer.solve.converged) throw BenchError("the force that laws are held against is not known");
+    const service::Vector3 pose{at[0] - block.origin_x_m, at[1], at[2] - block.origin_z_m};
+    const bool converged = exact.touch({}, pose, {.force_error = kTruthError}).solve.converged;
+    const auto answer = exact.felt_answer({}, pose);
+    if (!converged) throw BenchError("the force that laws are held against is not known");
     out.push_back({at, Eigen::Vector3d(answer.force_n.data())});
   }
   return out;

@@ -1,0 +1,205 @@
+#include "service/contact/layered_touch.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Radii of contacts in the table, each so much wider than the one before, up to this share of the tip's.
+constexpr double kLeastRadius = 1e-4, kWider = 1.15, kWidest = 0.97;
+constexpr double kMostRadius = 0.02;
+constexpr Index kPoints = 32;  // of the equation, over the contact
+// Waves shorter than this times the topmost layer's thickness do not feel what lies below it.
+constexpr double kMostWave = 18;
+constexpr Index kPanel = 12;  // points of a panel of wave numbers
+
+struct Quadrature {
+  std::vector<double> at, weight;
+};
+// Gauss and Legendre's over [0, 1], by Newton's iteration from Tricomi's guess.
+Quadrature gauss_legendre(Index n) {
+  Quadrature q;
+  for (Index k = 0; k < n; ++k) {
+    double x = std::cos(std::numbers::pi * (static_cast<double>(k) + 0.75) / (static_cast<double>(n) + 0.5));
+    double slope = 1;
+    for (int tries = 0; tries < 5; ++tries) {
+      double before = 1, p = x;
+      for (Index m = 2; m <= n; ++m) {
+        const auto order = static_cast<double>(m);
+        before = std::exchange(p, ((2 * order - 1) * x * p - (order - 1) * before) / order);
+      }
+      slope = static_cast<double>(n) * (before - x * p) / (1 - x * x);
+      x -= p / slope;
+    }
+    q.at.push_back((1 + x) / 2);
+    q.weight.push_back(1 / ((1 - x * x) * slope * slope));
+  }
+  return q;
+}
+
+// M - 1 of the stack, times its weight in an integral over all wave numbers; panels grow from the whole
+// depth's to those that the widest contact's cosines ask for.
+struct Waves {
+  VectorXd at, share;
+};
+Waves waves_of(const LayerStack& stack, double widest_m) {
+  const double depth_m = std::accumulate(stack.thickness_m.begin(), stack.thickness_m.end(), 0.0);
+  const double last = kMostWave / stack.thickness_m.front(), longest = 2 * std::numbers::pi / widest_m;
+  const Quadrature panel = gauss_legendre(kPanel);
+  std::vector<double> at, share;
+  double begin = 0, length = 1 / depth_m;
+  while (begin < last) {
+    for (std::size_t n = 0; n < panel.at.size(); ++n) {
+      at.push_back(begin + length * panel.at[n]);
+      share.push_back(length * panel.weight[n] * (layered_kernel(stack, at.back()) - 1));
+    }
+    begin += length;
+    length = std::min(1.5 * length, longest);
+  }
+  return {Eigen::Map<VectorXd>(at.data(), static_cast<Index>(at.size())),
+          Eigen::Map<VectorXd>(share.data(), static_cast<Index>(share.size()))};
+}
+
+// Neighbours of the same modulus are one layer.
+LayerStack merged(const LayerStack& stack) {
+  LayerStack out{{}, {}, stack.poisson_ratio};
+  for (std::size_t n = 0; n < stack.thickness_m.size(); ++n) {
+    if (n > 0 && stack.youngs_modulus_pa[n] == out.youngs_modulus_pa.back()) {
+      out.thickness_m.back() += stack.thickness_m[n];
+      continue;
+    }
+    out.thickness_m.push_back(stack.thickness_m[n]);
+    out.youngs_modulus_pa.push_back(stack.youngs_modulus_pa[n]);
+  }
+  return out;
+}
+
+}  // namespace
+
+double LayeredTouch::Row::force_n() const {
+  return std::exp(log_force);
+}
+
+bool LayeredTouch::knows(const Fingertip& tip) {
+  return tip.friction == Friction::kFrictionless &&
+         (tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere);
+}
+
+// Cubic through two rows, of ln F over ln d, at share t of the way.
+struct LayeredTouch::Between {
+  Between(const Row& before, const Row& after)
+      : before(before), after(after), width(after.log_indentation - before.log_indentation) {}
+  double force_n(double t) const {
+    const double u = 1 - t;
+    return std::exp(u * u * (1 + 2 * t) * before.log_force + t * t * (3 - 2 * t) * after.log_force +
+                    width * t * u * (u * before.power - t * after.power));
+  }
+  double power(double t) const {
+    const double u = 1 - t;
+    return 6 * t * u / width * (after.log_force - before.log_force) + u * (1 - 3 * t) * before.power +
+           t * (3 * t - 2) * after.power;
+  }
+  // From the row before.
+  double work_j(double t) const {
+    static const Quadrature parts = gauss_legendre(4);
+    double sum = 0;
+    for (std::size_t q = 0; q < parts.at.size(); ++q) {
+      const double at = t * parts.at[q];
+      sum += parts.weight[q] * force_n(at) * std::exp(before.log_indentation + width * at);
+    }
+    return width * t * sum;
+  }
+  const Row &before, &after;
+  const double width;
+};
+
+// Pressure p of Hankel transform P(s) = E*/pi Int_0^a f(t) cos(s t) dt, E* that of the topmost layer, moves
+// the surface as a tip does whose Abel transform is f(t) + 2/pi Int f(u) Int (M - 1) cos(s t) cos(s u) ds du:
+// d - t^2 / R of a paraboloid, d - t artanh(t / R) of a sphere. It is borne up to where f(a) = 0.
+LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
+  if (!knows(tip)) throw std::invalid_argument("layered touch: a frictionless rounded tip or a sphere alone");
+  const LayerStack stack = merged(given);
+  const double nu = stack.poisson_ratio, plane_pa = stack.youngs_modulus_pa.front() / (1 - nu * nu);
+  const bool sphere = tip.shape == FingertipShape::kSphere;
+  const double widest = std::min(kMostRadius, (sphere ? kWidest : 1.2) * tip.radius_m);
+  const Quadrature contact = gauss_legendre(kPoints);
+  const Eigen::Map<const VectorXd> point(contact.at.data(), kPoints), weight(contact.weight.data(), kPoints);
+  const Waves waves = waves_of(stack, widest);
+  const auto rise = [&](double t) {
+    return sphere ? t * std::atanh(t / tip.radius_m) : t * t / tip.radius_m;
+  };
+  for (double a = std::min(kLeastRadius, widest / 4); a <= widest; a *= kWider) {
+    const MatrixXd cosines = (a * waves.at * point.transpose()).array().cos();
+    const MatrixXd weighted = (2 * a / std::numbers::pi * waves.share).asDiagonal() * cosines;
+    MatrixXd equation = (cosines.transpose() * weighted) * weight.asDiagonal();
+    equation.diagonal().array() += 1;
+    MatrixXd right(kPoints, 2);
+    right << VectorXd::Ones(kPoints), (a * point).unaryExpr(rise);
+    const MatrixXd f = equation.partialPivLu().solve(right);
+    const Eigen::RowVector2d sum = a * weight.transpose() * f;
+    const VectorXd edge = (weighted.transpose() * (a * waves.at).array().cos().matrix()).cwiseProduct(weight);
+    const Eigen::RowVector2d at_edge = Eigen::RowVector2d(1, rise(a)) - edge.transpose() * f;
+    const double d = at_edge[1] / at_edge[0], force = 2 * plane_pa * (d * sum[0] - sum[1]);
+    rows_.push_back({d, std::log(d), std::log(force), 2 * plane_pa * sum[0] * d / force, std::log(a), 0});
+  }
+  for (std::size_t n = 0; n < rows_.size(); ++n)
+    rows_[n].energy_j = n == 0 ? rows_[0].force_n() * rows_[0].indentation_m / (rows_[0].power + 1)
+                               : rows_[n - 1].energy_j + Between(rows_[n - 1], rows_[n]).work_j(1);
+}
+
+LayeredTouch::At LayeredTouch::at(double d) const {
+  if (!(d > 0)) return {};
+  if (d > most_m())
+    throw std::out_of_range(fmt::format("layered touch: {} m deep, up to {} m are known", d, most_m()));
+  const auto above = std::ranges::upper_bound(rows_, d, {}, &Row::indentation_m);
+  if (above == rows_.begin()) {  // of the topmost layer alone, about
+    const Row& first = rows_.front();
+    const double share = d / first.indentation_m, force = first.force_n() * std::pow(share, first.power);
+    return {force, first.power * force / d, force * d / (first.power + 1),
+            std::exp(first.log_radius) * std::sqrt(share)};
+  }
+  const auto after = above == rows_.end() ? above - 1 : above;
+  const Between rows(*(after - 1), *after);
+  const double t = (std::log(d) - rows.before.log_indentation) / rows.width, force = rows.force_n(t);
+  return {force, rows.power(t) * force / d, rows.before.energy_j + rows.work_j(t),
+          std::exp((1 - t) * rows.before.log_radius + t * rows.after.log_radius)};
+}
+
+void make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact) {
+  if (answer.state != ContactState::kContact || !(layered.energy_j > 0) || !(answer.energy_j > 0)) return;
+  using Three = Eigen::Vector3d;
+  using Square = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  // Of ln U: its gradient, and its second derivatives.
+  const auto slope = [](const ContactAnswer& a) -> Three { return -Three(a.force_n.data()) / a.energy_j; };
+  const auto bend = [](const ContactAnswer& a, const Three& g) -> Square {
+    return -Square(a.tangent_n_m.data()) / a.energy_j - g * g.transpose();
+  };
+  const Three of_nodes = slope(answer), of_layers = slope(layered);
+  const double power = exact.force_n / exact.energy_j;
+  const Three g = of_nodes - of_layers + Three(0, power, 0);
+  Square h = bend(answer, of_nodes) - bend(layered, of_layers);
+  h(1, 1) += exact.stiffness_n_m / exact.energy_j - power * power;
+  h += g * g.transpose();
+  const double before_n = answer.force_n[1];
+  answer.energy_j *= exact.energy_j / layered.energy_j;
+  for (std::size_t c = 0; c < 3; ++c) answer.force_n[c] = -answer.energy_j * g[static_cast<Index>(c)];
+  Square::Map(answer.tangent_n_m.data()) = -answer.energy_j * (h + h.transpose()) / 2;
+  for (NodalPressure& p : answer.pressure) {
+    p.pressure_pa *= answer.force_n[1] / before_n;
+    for (double& t : p.traction_pa) t *= answer.force_n[1] / before_n;
+  }
+}
+
+}  // namespace teletact::service

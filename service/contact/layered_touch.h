@@ -1,0 +1,44 @@
+// A round tip pressed without friction on tissue whose stiffness changes with depth alone (T9.1): exact, with
+// no mesh and no device. A table is made once; a touch takes a fraction of a microsecond.
+#pragma once
+
+#include <vector>
+
+#include "service/contact/touch_model.h"
+#include "service/solid/layered_kernel.h"
+
+namespace teletact::service {
+
+// Immutable: by any number of threads.
+class LayeredTouch {
+ public:
+  struct At {
+    double force_n = 0, stiffness_n_m = 0, energy_j = 0;  // F, dF/dd, the integral of F
+    double radius_m = 0;                                  // of the contact
+    // Of tissue so much stiffer.
+    At times(double stiffer) const {
+      return {force_n * stiffer, stiffness_n_m * stiffer, energy_j * stiffer, radius_m};
+    }
+  };
+  // A rounded tip or a sphere, frictionless; else std::invalid_argument.
+  static bool knows(const Fingertip&);
+  LayeredTouch(const LayerStack&, const Fingertip&);
+  double most_m() const { return rows_.back().indentation_m; }  // indentation that it knows
+  // Nothing where the indentation is not above 0; std::out_of_range beyond most_m().
+  At at(double indentation_m) const;
+
+ private:
+  struct Row {
+    double indentation_m, log_indentation, log_force, power, log_radius, energy_j;
+    double force_n() const;
+  };
+  struct Between;
+  std::vector<Row> rows_;  // by growing indentation
+};
+
+// Makes the layered part of an answer on nodes exact (T9.3): energies multiply, U = U(nodes) U0 / U0(nodes),
+// and forces, tangents and pressures follow. `layered`: of the layered tissue on the same nodes at the same
+// pose; where that has no contact, nothing is changed.
+void make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact);
+
+}  // namespace teletact::service

@@ -1,0 +1,156 @@
+// The exact touch of layered tissue, and answers on nodes whose layered part is made exact by it.
+#include "service/contact/layered_touch.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <numbers>
+
+#include "service/contact/solid_contact.h"
+#include "tests/solid/solids.h"
+#include "tests/solver/block_stencil.h"
+
+namespace teletact::service {
+namespace {
+
+Fingertip tip_of(FingertipShape shape) {
+  Fingertip tip;
+  tip.shape = shape;
+  return tip;
+}
+const Fingertip kRounded = tip_of(FingertipShape::kRoundedTip);
+
+// Of a paraboloid of 8 mm, nu 0.49, by another program: Fredholm's equation at 32 and 48 points.
+TEST(LayeredTouch, IsTheReferenceForces) {
+  const struct {
+    LayerStack stack;
+    double force_n[3];  // 1, 2 and 4 mm deep
+  } kCases[] = {{{{0.1}, {1e4}, 0.49}, {0.0512389, 0.1469131, 0.4237821}},
+                {{{0.04}, {1e4}, 0.49}, {0.0538890, 0.1581039, 0.4721386}},
+                {{{0.01}, {1e4}, 0.49}, {0.0725967, 0.2490097, 0.9399686}},
+                {{{0.01, 0.03}, {1e4, 3e4}, 0.49}, {0.0637098, 0.2021822, 0.6733664}},
+                {{{0.01, 0.03}, {3e4, 1e4}, 0.49}, {0.1252700, 0.3361256, 0.8984514}}};
+  for (const auto& c : kCases) {
+    const LayeredTouch touch(c.stack, kRounded);
+    for (const int n : {0, 1, 2}) {
+      const double d = 1e-3 * std::pow(2.0, n);
+      EXPECT_NEAR(touch.at(d).force_n, c.force_n[n], 2e-6 * c.force_n[n]) << d;
+    }
+  }
+  EXPECT_NEAR(LayeredTouch({{0.04}, {1e4}, 0.49}, kRounded).at(0.002).radius_m, 4.1606e-3, 1e-6);
+}
+
+// So deep that it is a half space: Hertz, and the sphere's own force (Sneddon 1965).
+TEST(LayeredTouch, OfDeepTissueIsHertzAndSneddon) {
+  const LayerStack deep{{50}, {1e4}, 0.49};
+  const double plane_pa = 1e4 / (1 - 0.49 * 0.49), radius = 0.008;
+  const LayeredTouch paraboloid(deep, kRounded), sphere(deep, tip_of(FingertipShape::kSphere));
+  for (const double d : {2e-5, 3e-4, 1e-3, 3e-3})
+    EXPECT_NEAR(paraboloid.at(d).force_n / (4.0 / 3 * plane_pa * std::sqrt(radius * d) * d), 1, 3e-4) << d;
+  for (const double a : {0.002, 0.005}) {
+    const double d = a * std::atanh(a / radius);
+    const double force = plane_pa * ((a * a + radius * radius) * std::atanh(a / radius) - a * radius);
+    EXPECT_NEAR(sphere.at(d).force_n / force, 1, 5e-4) << a;
+  }
+}
+
+TEST(LayeredTouch, EnergyForceAndStiffnessAreEachOthersDerivatives) {
+  const LayeredTouch touch({{0.002, 0.006, 0.03}, {4e4, 8e3, 2e4}, 0.45}, kRounded);
+  for (const double d : {2e-6, 5e-5, 1.03e-3, 2.8e-3}) {
+    const double step = 1e-4 * d;
+    const LayeredTouch::At at = touch.at(d), more = touch.at(d + step), less = touch.at(d - step);
+    EXPECT_NEAR((more.energy_j - less.energy_j) / (2 * step), at.force_n, 1e-6 * at.force_n) << d;
+    EXPECT_NEAR((more.force_n - less.force_n) / (2 * step), at.stiffness_n_m, 1e-6 * at.stiffness_n_m) << d;
+  }
+  EXPECT_EQ(touch.at(0).force_n, 0);
+  EXPECT_EQ(touch.at(-1).force_n, 0);
+  EXPECT_THROW(touch.at(1.01 * touch.most_m()), std::out_of_range);
+}
+
+TEST(LayeredTouch, KnowsFrictionlessRoundTipsAlone) {
+  Fingertip stuck = kRounded;
+  stuck.friction = Friction::kStuck;
+  for (const Fingertip& tip : {stuck, tip_of(FingertipShape::kFlatPunch), tip_of(FingertipShape::kNode)}) {
+    EXPECT_FALSE(LayeredTouch::knows(tip));
+    EXPECT_THROW(LayeredTouch({{0.04}, {1e4}, 0.49}, tip), std::invalid_argument);
+  }
+}
+
+class ExactLayers : public testing::Test {
+ protected:
+  static SolidTissue layers_and_ball(double contrast) {
+    const SolidGrid grid{32, 32, 0.002, 0.002, graded_rows(0.020, 14, 1.05)};
+    return solid(grid, 0.49, [=](double x, double y, double z) {
+      const bool ball = std::hypot(x - 0.032, y - 0.008, z - 0.032) < 0.005;
+      return (y < 0.006 ? 2e4 : 1e4) * (ball ? contrast : 1);
+    });
+  }
+  Queue queue = test_device()->queue();
+};
+
+// Where tissue is layered nothing is left of the nodes: neither their size nor the ripple between them.
+TEST_F(ExactLayers, OfLayeredTissueAreTheExactTouch) {
+  const SolidTissue tissue = layers_and_ball(1);
+  const SolidContact<float> contact(queue, tissue);
+  const LayeredTouch exact({{0.006, 0.014}, {2e4, 1e4}, 0.49}, kRounded);
+  for (const double d : {0.0008, 0.002, 0.003})
+    for (const double aside : {0.0, 0.0004, 0.001}) {
+      const Vector3 pose{0.03 + aside, d, 0.031};
+      const ContactAnswer answer = contact.felt_answer(kRounded, pose);
+      // The layer's boundary lies between rows of nodes of these elements, not at them.
+      EXPECT_NEAR(-answer.force_n[1] / exact.at(d).force_n, 1, 0.03);
+      EXPECT_NEAR(answer.force_n[0] / answer.force_n[1], 0, 1e-5);
+      const ContactAnswer beside = contact.felt_answer(kRounded, {0.0312, d, 0.0305});
+      EXPECT_NEAR(answer.force_n[1] / beside.force_n[1], 1, 2e-5);
+    }
+}
+
+TEST_F(ExactLayers, LeaveForceAndTangentDerivativesOfTheEnergy) {
+  SolidContact<double> contact(queue, layers_and_ball(10));
+  const Vector3 pose{0.0285, 0.0022, 0.0301};
+  contact.touch(kRounded, pose);
+  const ContactAnswer at = contact.felt_answer(kRounded, pose);
+  constexpr double kStep = 2e-6;
+  for (const std::size_t c : {0, 1, 2}) {
+    Vector3 more = pose, less = pose;
+    more[c] += kStep, less[c] -= kStep;
+    const ContactAnswer above = contact.felt_answer(kRounded, more),
+                        below = contact.felt_answer(kRounded, less);
+    EXPECT_NEAR(-(above.energy_j - below.energy_j) / (2 * kStep), at.force_n[c],
+                1e-5 * std::abs(at.force_n[1]));
+    for (const std::size_t k : {0, 1, 2})
+      EXPECT_NEAR((above.force_n[k] - below.force_n[k]) / (2 * kStep), at.tangent_n_m[3 * k + c],
+                  1e-3 * std::abs(at.tangent_n_m[4]));
+  }
+  double pressed_n = 0;
+  for (const NodalPressure& p : at.pressure) pressed_n += p.pressure_pa * p.width_m[0] * p.width_m[1];
+  EXPECT_NEAR(pressed_n / -at.force_n[1], 1,
+              0.02);  // the skin's part of U changes with the depth, too (T8.6)
+}
+
+// Over a ball, on nodes 2 mm apart, against the same tissue on nodes 1 mm apart.
+TEST_F(ExactLayers, TakeMostOfTheNodesErrorAway) {
+  const auto tissue = [](double spacing) {
+    const auto n = std::size_t(std::lround(0.064 / spacing));
+    SolidGrid grid{n, n, spacing, spacing, {}};
+    for (std::size_t j = 0; double(j) * spacing < 0.0201; ++j) grid.y_m.push_back(double(j) * spacing);
+    return solid(grid, 0.49, [](double x, double y, double z) {  // of voxels of 2 mm, on any nodes
+      const auto voxel = [](double at) { return 0.002 * std::floor(at / 0.002) + 0.001; };
+      return std::hypot(voxel(x) - 0.032, voxel(y) - 0.009, voxel(z) - 0.032) < 0.005 ? 1e5 : 1e4;
+    });
+  };
+  SolidContact<double> coarse(queue, tissue(0.002)), fine(queue, tissue(0.001));
+  for (const double d : {0.001, 0.002}) {
+    const Vector3 pose{0.0333, d, 0.0316};
+    const double on_nodes = coarse.touch(kRounded, pose).force_n[1];
+    fine.touch(kRounded, pose);
+    const double truth = fine.felt_answer(kRounded, pose).force_n[1];
+    const double off = coarse.felt_answer(kRounded, pose).force_n[1] / truth - 1;
+    EXPECT_LT(std::abs(off), 0.02) << d;
+    EXPECT_LT(std::abs(off), 0.4 * std::abs(on_nodes / truth - 1)) << d;
+  }
+}
+
+}  // namespace
+}  // namespace teletact::service
