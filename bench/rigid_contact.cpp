@@ -9,7 +9,7 @@ namespace {
 
 // Certified, of the energy norm; and what a correction may change the force by so that the next one need not
 // be made: it leaves its square.
-constexpr double kError = 1e-4, kLastChange = 3e-3;
+constexpr double kError = 5e-4, kLastChange = 3e-3;
 constexpr int kMostCorrections = 12;
 
 std::size_t around(long n, std::size_t period) {
