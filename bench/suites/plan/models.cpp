@@ -14,15 +14,18 @@ constexpr service::Fingertip kTip;  // rounded, 8 mm
 constexpr double kConverged = 1e-5;
 constexpr double kNearM = 7e-4;  // along x and z
 
-// Timed; what is too quick for the clock many times over.
-PlanAnswer timed(std::string model, double spacing_m, auto&& force_n, int times = 1) {
-  PlanAnswer out{.model = std::move(model), .spacing_m = spacing_m};
-  out.ms = 1e3 / times *
-           processor_seconds_of(
-               [&] {
-                 for (int n = 0; n < times; ++n) out.force_n = force_n();
-               },
-               CLOCK_PROCESS_CPUTIME_ID);
+double all_processor_ms(auto&& work) {
+  return 1e3 * processor_seconds_of(work, CLOCK_PROCESS_CPUTIME_ID);
+}
+
+// What is too quick for the clock, many times over.
+PlanAnswer timed(std::string model, double converged_n, auto&& force_n) {
+  constexpr int kTimes = 100;
+  PlanAnswer out{.model = std::move(model), .converged_n = converged_n};
+  out.ms = all_processor_ms([&] {
+             for (int n = 0; n < kTimes; ++n) out.force_n = force_n();
+           }) /
+           kTimes;
   return out;
 }
 
@@ -65,23 +68,41 @@ auto PlanModels::layer_of(const PlanScene& scene) -> Layer& {
   auto& layer = layers_[{scene.poisson_ratio, scene.depth_m, scene.nx}];
   if (!layer) {
     const service::SolidTissue tissue = homogeneous(scene);
-    layer.reset(new Layer{service::LayerTouch(scene.poisson_ratio), Contact(queue_, tissue),
-                          shares_of(queue_, tissue),
+    layer.reset(new Layer{service::LayerTouch(scene.poisson_ratio), shares_of(queue_, tissue),
                           std::make_unique<RigidContact>(queue_, plane_of(tissue))});
   }
   return *layer;
 }
 
-void PlanModels::enter(const PlanScene& scene) {
+auto PlanModels::enter(const PlanScene& scene) -> Ready {
   scene_ = &scene;
   layer_ = &layer_of(scene);
-  const service::SolidTissue tissue = scene.tissue(1);
+  const service::SolidTissue tissue = scene.tissue(1), halved = scene.tissue(2);
   felt_ln_ = -2 * layer_->shares.felt(tissue).scale.array().log() + std::log(kPlanModulusPa);
   mean_pa_ = std::exp(felt_ln_.mean());
-  coarse_.emplace(queue_, tissue);
-  layered_.emplace(*coarse_, 0);
-  fine_.emplace(queue_, scene.tissue(2));
   exact_.emplace(queue_, tissue);
+  fine_exact_.emplace(queue_, halved);
+  Ready ready;
+  // M1: the layers' fields are those of the same factor as M3's.
+  service::SolidSolver<float> solver(queue_, tissue);
+  ready.m1_ms = all_processor_ms([&] {
+    const service::LayeredTissue& layers = solver.layers();
+    layered_ = std::make_shared<const service::LayeredTouch>(
+        service::LayerStack{std::vector<double>(scene.layers(), kVoxelM), layers.youngs_modulus_pa,
+                            scene.poisson_ratio},
+        kTip);
+    service::ForceShares shares(
+        queue_, tissue.grid, layers, scene.poisson_ratio, [&](const auto& unknowns, const auto& force_n) {
+          solver.load(unknowns, force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
+          return solver.displacement();
+        });
+    log_weighted_.emplace(layered_, std::make_shared<const service::FeltForce>(shares.felt(tissue)));
+  });
+  // With the closed form of their layers.
+  const service::Vector3 any = in_block({.indentation_m = 0.002});
+  ready.m3_ms = all_processor_ms([&] { coarse_.emplace(queue_, tissue).felt_answer(kTip, any); });
+  ready.m4_ms = all_processor_ms([&] { fine_.emplace(queue_, halved).felt_answer(kTip, any); });
+  return ready;
 }
 
 service::Vector3 PlanModels::in_block(const PlanPose& pose) const {
@@ -101,75 +122,74 @@ double PlanModels::felt_pa(const PlanPose& pose) const {
   return std::exp((1 - v) * ((1 - u) * ln(0, 0) + u * ln(1, 0)) + v * ((1 - u) * ln(0, 1) + u * ln(1, 1)));
 }
 
+double PlanModels::closed_n(const PlanPose& pose, double modulus_pa) const {
+  return layer_->touch.touch(modulus_pa, scene_->depth_m, kTip.radius_m, pose.indentation_m).force_n;
+}
 double PlanModels::layer_n(const PlanPose& pose) const {
-  return layer_->touch.touch(mean_pa_, scene_->depth_m, kTip.radius_m, pose.indentation_m).force_n;
+  return closed_n(pose, mean_pa_);
 }
 
-double PlanModels::mesh_share(const PlanPose& pose) const {
-  return -layer_->nodes.answer(kTip, in_block(pose)).force_n[1] /
-         layer_->touch.touch(kPlanModulusPa, scene_->depth_m, kTip.radius_m, pose.indentation_m).force_n;
-}
-
-double PlanModels::converged_n(const PlanPose& pose) {
-  return -exact_->touch(kTip, in_block(pose), {.force_error = kConverged}).force_n[1];
-}
-
-double PlanModels::answer_on(const Contact& felt, const PlanPose& pose, const char* guess,
-                             const std::string& corrected, const std::vector<std::size_t>& iterations,
-                             std::vector<PlanAnswer>& out) const {
-  const service::Vector3 at = in_block(pose);
-  const auto add = [&](const std::string& model, auto&& answered) {
-    service::ContactAnswer answer;
-    out.push_back(timed(model, felt.tissue().grid.spacing_x_m, [&] {
-      answer = answered();
-      return -answer.force_n[1];
-    }));
-    out.back().stated = answer.solve.relative_error;
+void PlanModels::answer_of_slice(const PlanPose& pose, double converged_n, std::vector<PlanAnswer>& out) {
+  const service::SolidTissue slice = extruded(coarse_->tissue(), std::size_t(in_block(pose)[2] / kVoxelM));
+  const auto once = [&](const char* model, auto&& force_n) {
+    PlanAnswer& a = out.emplace_back(PlanAnswer{.model = model, .converged_n = converged_n});
+    a.ms = all_processor_ms([&] { a.force_n = force_n(); });
   };
-  add(guess, [&] { return felt.answer(kTip, at); });
+  RigidContact plane(queue_, plane_of(slice));
+  const double thickness_m =
+      closed_n(pose, kPlanModulusPa) / layer_->plane->force_n(pose.x_m, 0, pose.indentation_m);
+  once("plane", [&] { return thickness_m * plane.force_n(pose.x_m, 0, pose.indentation_m); });
+  Contact contact(queue_, slice);
+  contact.felt_answer(kTip, in_block(pose));  // its layers' closed form
+  once("extruded", [&] {
+    contact.touch(kTip, in_block(pose));
+    return -contact.felt_answer(kTip, in_block(pose)).force_n[1];
+  });
+}
+
+void PlanModels::answer_on(const Contact& felt, double converged_n, const PlanPose& pose,
+                           const std::string& name, const char* guess,
+                           const std::vector<std::size_t>& iterations, std::vector<PlanAnswer>& out) const {
+  const service::Vector3 at = in_block(pose);
+  const auto add = [&](const std::string& model, const Contact& contact, double before_ms = 0) {
+    service::ContactAnswer a;
+    const double ms = before_ms + all_processor_ms([&] { a = contact.felt_answer(kTip, at); });
+    out.push_back({model, -a.force_n[1], ms, a.solve.relative_error, converged_n});
+  };
+  add(guess, felt);
   for (const std::size_t k : iterations) {
     Contact contact(felt, 0);
     contact.feel();
-    add(fmt::format("{} {}", corrected, k), [&] {
-      contact.correct(kTip, at, 0, k);
-      return contact.answer(kTip, at);
-    });
+    const double ms = all_processor_ms([&] { contact.correct(kTip, at, 0, k); });
+    add(fmt::format("{} {}", name, k), contact, ms);
   }
   Contact contact(felt, 0), near(felt, 0);
-  contact.feel();
-  add(corrected, [&] { return contact.touch(kTip, at); });
   near.correct(kTip, {at[0] + kNearM, at[1], at[2] + kNearM});
-  add(corrected + " near", [&] { return near.answer(kTip, at); });
-  return -contact.touch(kTip, at, {.force_error = kConverged}).force_n[1];
-}
-
-void PlanModels::answer_of_slice(const PlanPose& pose, std::vector<PlanAnswer>& out) {
-  const service::SolidTissue slice = extruded(coarse_->tissue(), std::size_t(in_block(pose)[2] / kVoxelM));
-  RigidContact plane(queue_, plane_of(slice));
-  const double thickness_m =
-      layer_->touch.touch(kPlanModulusPa, scene_->depth_m, kTip.radius_m, pose.indentation_m).force_n /
-      layer_->plane->force_n(pose.x_m, 0, pose.indentation_m);
-  out.push_back(
-      timed("plane", 0, [&] { return thickness_m * plane.force_n(pose.x_m, 0, pose.indentation_m); }));
-  Contact contact(queue_, slice);
-  out.push_back(timed("extruded", kVoxelM, [&] { return -contact.touch(kTip, in_block(pose)).force_n[1]; }));
+  add(name + " near", near);
+  contact.feel();
+  const double ms = all_processor_ms([&] { contact.touch(kTip, at); });
+  add(name, contact, ms);
 }
 
 std::vector<PlanAnswer> PlanModels::at(const PlanPose& pose) {
-  constexpr int kTimes = 100;
-  std::vector<PlanAnswer> out;
-  const auto closed_n = [&](double modulus_pa) {
-    return layer_->touch.touch(modulus_pa, scene_->depth_m, kTip.radius_m, pose.indentation_m).force_n;
+  const service::Vector3 at = in_block(pose);
+  const auto converge = [&](service::SolidContact<double>& exact) {
+    exact.touch(kTip, at, {.force_error = kConverged});
+    return -exact.felt_answer(kTip, at).force_n[1];
   };
-  out.push_back(timed(
-      "M0", 0, [&] { return closed_n(mean_pa_); }, kTimes));
-  out.push_back(timed(
-      "M0 felt", 0, [&] { return closed_n(felt_pa(pose)); }, kTimes));
-  // M1, log-weighted shares of the force over M2, goes here.
-  out.push_back(timed("M2", kVoxelM, [&] { return -layered_->answer(kTip, in_block(pose)).force_n[1]; }));
-  answer_of_slice(pose, out);
-  answer_on(*coarse_, pose, "G", "M3", {1, 2, 4, 8}, out);
-  fine_converged_n_ = answer_on(*fine_, pose, "G 1 mm", "M4", {2, 8}, out);
+  const double converged_n = converge(*exact_), nodes_n = -exact_->answer(kTip, at).force_n[1];
+  std::vector<PlanAnswer> out;
+  out.push_back(timed("M0", converged_n, [&] { return closed_n(pose, mean_pa_); }));
+  out.push_back(timed("M0 felt", converged_n, [&] { return closed_n(pose, felt_pa(pose)); }));
+  out.push_back(timed("M2", converged_n, [&] { return layered_->at(pose.indentation_m).force_n; }));
+  out.push_back(timed("M1", converged_n, [&] { return -log_weighted_->answer(at).force_n[1]; }));
+  out.back().stated = log_weighted_->log_variance(at);
+  answer_of_slice(pose, converged_n, out);
+  out.push_back({"M3 nodes", nodes_n, 0, 0, nodes_n});
+  const std::size_t nodes = out.size() - 1;
+  answer_on(*coarse_, converged_n, pose, "M3", "G", {1, 2, 4, 8}, out);
+  out[nodes].ms = out.back().ms;
+  answer_on(*fine_, converge(*fine_exact_), pose, "M4", "G 1 mm", {2, 8}, out);
   return out;
 }
 
