@@ -27,6 +27,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_law_suite(app, met);
   teletact::bench::add_link_suite(app, met);
   teletact::bench::add_elastography_suite(app, met);
+  teletact::bench::add_posterior_suite(app, met);
   teletact::bench::add_solid_suite(app, met);
   teletact::bench::add_plan_suite(app, met);
   teletact::bench::add_solid_felt_command(app);

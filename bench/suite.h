@@ -129,6 +129,7 @@ void add_elastography_suite(CLI::App& app, bool& met);
 void add_exploration_suite(CLI::App& app, bool& met);
 void add_law_suite(CLI::App& app, bool& met);
 void add_link_suite(CLI::App& app, bool& met);
+void add_posterior_suite(CLI::App& app, bool& met);
 void add_solid_suite(CLI::App& app, bool& met);
 void add_plan_suite(CLI::App& app, bool& met);
 

@@ -116,6 +116,7 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
       {"modulus",
        {{"absolute", summary.modulus_absolute()},
         {"background", summary.background_modulus_pa()},
+        {"correlation_m", summary.youngs_modulus_correlation_m()},
         {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"},
         {"method", name_of(summary.modulus_method())},
         {"asked_for", asked_for(modulus_methods(), acquisition.modulus_method())},

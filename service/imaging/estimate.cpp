@@ -169,6 +169,7 @@ void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice,
     e.modulus_iterations = modulus.iterations;
     e.modulus_warnings = std::move(modulus.warnings);
     e.modulus_log_deviation = std::move(modulus.log_deviation);
+    e.modulus_correlation_m = modulus.correlation_m;
     e.youngs_modulus = std::move(modulus.youngs_modulus);
     e.modulus_absolute = modulus.absolute;
     e.background_modulus = modulus.background;

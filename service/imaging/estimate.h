@@ -76,7 +76,8 @@ struct Estimate : Measured {
   ModulusKind modulus_kind = ModulusKind::kReferenceStress;
   bool modulus_converged = false;  // of an iterative method, and of the linear system of a direct one
   int modulus_iterations = 0;
-  Field modulus_log_deviation;  // standard deviation of log E; NaN where valid = 0
+  Field modulus_log_deviation;       // standard deviation of log E; NaN where valid = 0
+  double modulus_correlation_m = 0;  // its errors correlate by exp(-distance / it)
   std::vector<ModulusWarning> modulus_warnings;
   // Frames that contradict what is stated of them; tracking that failed in part.
   std::vector<std::string> input_warnings;

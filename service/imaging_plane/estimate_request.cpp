@@ -162,6 +162,7 @@ WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
                         e.modulus_log_deviation};
   WindowEvidence& evidence = window.evidence;
   evidence.warnings = warnings_of(e);
+  evidence.correlation_m = e.modulus_correlation_m;
   evidence.force_relative_deviation =
       relative_deviation(request.force_std_n, request.force->force_n, choices::kForceDeviation);
   evidence.area_relative_deviation = relative_deviation(

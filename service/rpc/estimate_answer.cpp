@@ -38,6 +38,7 @@ void estimate_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_valid_fraction(e.valid_fraction);
   out->set_mean_axial_strain(e.mean_axial_strain);
   out->set_background_modulus_pa(e.background_modulus);
+  out->set_youngs_modulus_correlation_m(e.modulus_correlation_m);
   out->set_modulus_method(method_to(e.modulus_kind));
   out->set_modulus_converged(e.modulus_converged);
   out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));

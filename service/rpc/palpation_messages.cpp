@@ -121,6 +121,7 @@ void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1
   for (const std::string& warning : in.warnings) out->add_warnings(warning);
   if (lone) out->add_warnings(kLoneWarning);
   out->set_youngs_modulus_log_std(in.log_deviation);
+  if (in.correlation_m > 0) out->set_youngs_modulus_correlation_m(in.correlation_m);
   out->set_force_relative_std(in.force_relative_deviation);
   out->set_contact_area_relative_std(in.area_relative_deviation);
   out->set_background_modulus_pa(in.background_modulus_pa);

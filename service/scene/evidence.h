@@ -13,6 +13,7 @@ struct WindowEvidence {
   // What makes the estimate doubtful, each "name: words for people".
   std::vector<std::string> warnings;
   double log_deviation = 0;  // median standard deviation of log E over the measured cells; 0: not known
+  double correlation_m = 0;  // errors of log E at two places correlate by exp(-distance / it); 0: not known
   double force_relative_deviation = 0;  // of the force sensor, over the force
   double area_relative_deviation = 0;   // of the contact area
   double background_modulus_pa = 0, quality = 0;

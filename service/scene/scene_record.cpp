@@ -72,6 +72,7 @@ json to_json(const WindowEvidence& e) {
   const auto number = [](double value) { return std::isfinite(value) ? value : 0; };  // json knows no other
   return {{"warnings", e.warnings},
           {"log_deviation", number(e.log_deviation)},
+          {"correlation_m", number(e.correlation_m)},
           {"force_relative_deviation", number(e.force_relative_deviation)},
           {"area_relative_deviation", number(e.area_relative_deviation)},
           {"background_modulus_pa", number(e.background_modulus_pa)},
@@ -83,6 +84,7 @@ std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
   auto e = std::make_shared<WindowEvidence>();
   e->warnings = j.at("warnings").get<std::vector<std::string>>();
   e->log_deviation = j.at("log_deviation");
+  e->correlation_m = j.value("correlation_m", 0.0);  // files of before have none
   e->force_relative_deviation = j.at("force_relative_deviation");
   e->area_relative_deviation = j.at("area_relative_deviation");
   e->background_modulus_pa = j.at("background_modulus_pa");

@@ -89,6 +89,8 @@ TEST_F(Estimates, AWindowShowsWhatItWasMadeOf) {
   EXPECT_EQ(e.background_modulus_pa(), outcome.summary.background_modulus_pa());
   EXPECT_EQ(e.quality(), outcome.summary.quality());
   EXPECT_GT(e.youngs_modulus_log_std(), 0.01);
+  EXPECT_GT(e.youngs_modulus_correlation_m(), 1e-4);
+  EXPECT_EQ(e.youngs_modulus_correlation_m(), outcome.summary.youngs_modulus_correlation_m());
   EXPECT_GT(e.measured_share(), 0.5);
   EXPECT_LE(e.measured_share(), 1);
   // Taken in with the last byte: the whole estimate ago.

@@ -149,7 +149,8 @@ class EvidenceOnDisk : public testing::Test {
     WindowEstimate window = window_of(homogeneous(10e3), 0.03, kWindowM, kDepthM);
     for (std::size_t n = 0; n < window.valid.size(); ++n)
       window.log_deviation.push_back(static_cast<float>(0.1 + window.grid.y_m(n)));
-    window.evidence = {{"misfit: such and such", "noise: much"}, 0, 0.02, 0.07, 10e3, 0.8, 0, Clock::now()};
+    window.evidence = {
+        {"misfit: such and such", "noise: much"}, 0, 0.0011, 0.02, 0.07, 10e3, 0.8, 0, Clock::now()};
     Scenes scenes(directory);
     publish_into(scenes, create_scene(scenes, "a", tissue(0.12, kDepthM), std::nullopt), window);
     kept = *scenes.find("a")->snapshot()->windows[0]->evidence;
@@ -172,6 +173,7 @@ TEST_F(EvidenceOnDisk, SurvivesTheService) {
   ASSERT_TRUE(window->evidence);
   EXPECT_EQ(window->evidence->warnings, kept.warnings);
   EXPECT_EQ(window->evidence->log_deviation, kept.log_deviation);
+  EXPECT_EQ(window->evidence->correlation_m, 0.0011);
   EXPECT_EQ(window->evidence->force_relative_deviation, 0.02);
   EXPECT_EQ(window->evidence->area_relative_deviation, 0.07);
   EXPECT_EQ(window->evidence->background_modulus_pa, 10e3);

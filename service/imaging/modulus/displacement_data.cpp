@@ -1,12 +1,16 @@
 #include "service/imaging/modulus/displacement_data.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "service/device/look.h"
 
 namespace teletact::service {
 namespace {
+
+constexpr std::size_t kDataAtOnce = 512;  // between two looks
 
 std::size_t cell_of(const std::vector<double>& coordinates, double at) {
   const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
@@ -113,6 +117,34 @@ std::vector<double> DisplacementData::weighted(const Fit& fit) const {
   std::vector<double> out = fit.residual;
   for (double& r : out) r *= std::sqrt(independence_);
   return out;
+}
+
+// With A = (modelled, 1), W the weights, S the interpolation and U the columns: U^T S^T (W - W A (A^T W A)^-1
+// A^T W) S U.
+DisplacementData::Products DisplacementData::products(const Fit& fit,
+                                                      const StripModel::NodeColumns& u) const {
+  StripModel::NodeColumns weighted = StripModel::NodeColumns::Zero(u.rows(), u.cols());  // S^T W S U
+  Eigen::MatrixXd line = Eigen::MatrixXd::Zero(2, u.cols());                             // A^T W S U
+  Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+  Eigen::RowVectorXd seen(u.cols());
+  for (std::size_t k = 0; k < data_.size(); ++k) {
+    if (k % kDataAtOnce == 0) look();
+    const Datum& d = data_[k];
+    seen.setZero();
+    for (int a = 0; a < 4; ++a) seen += d.share[a] * u.row(static_cast<Eigen::Index>(d.node[a]));
+    seen *= d.weight * d.weight;
+    for (int a = 0; a < 4; ++a) weighted.row(static_cast<Eigen::Index>(d.node[a])) += d.share[a] * seen;
+    line.row(0) += fit.modelled[k] * seen;
+    line.row(1) += seen;
+    const Eigen::Vector2d of(fit.modelled[k], 1);
+    normal += d.weight * d.weight * of * of.transpose();
+  }
+  const Eigen::MatrixXd followed = normal.fullPivLu().solve(line);
+  look();
+  Eigen::MatrixXd of_changes = u.transpose() * weighted;
+  of_changes -= line.transpose() * followed;
+  of_changes *= fit.amplitude * fit.amplitude * independence_;
+  return {std::move(of_changes), -followed.row(0).transpose()};
 }
 
 std::vector<double> DisplacementData::weight_of_elements(const TissueGrid& grid, const Fit& fit,

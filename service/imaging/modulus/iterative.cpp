@@ -14,7 +14,8 @@ namespace teletact::service {
 namespace {
 
 using Eigen::VectorXd;
-constexpr double kStepSolves = 4;  // a step takes about as long as so many forward solves
+// A step takes about as long as so many forward solves, and so does what says how well its answer is known.
+constexpr double kStepSolves = 4, kPosteriorSolves = 4;
 
 // A start needs no more. Corrected on, beside an inclusion that goes on beyond the window, it once came with
 // one of its own (demo, patient 3), and the steps did not take that away; the direct method stops there by
@@ -65,12 +66,13 @@ class Iterative : public ModulusMethod {
     const auto left = [&in] { return in.seconds_left ? in.seconds_left() : 1e9; };
     const double begun = left();
     ModulusProblem::Point best = problem.at(start);
-    double longest_s = kStepSolves * (begun - left()), factor = 1;
+    const double solve_s = begun - left(), kept_s = kPosteriorSolves * solve_s;
+    double longest_s = kStepSolves * solve_s, factor = 1;
     out.converged = false;
     VectorXd step;
     for (out.iterations = 0; out.iterations < options_.most_steps && !out.converged;) {
       const double before = left();
-      if (before <= longest_s) break;
+      if (before <= longest_s + kept_s) break;
       if (factor == 1) step = problem.step(best);
       ModulusProblem::Point next = problem.at(best.theta + factor * step);
       ++out.iterations;
@@ -83,7 +85,7 @@ class Iterative : public ModulusMethod {
       }
       longest_s = std::max(longest_s, before - left());
     }
-    return best;
+    return factor == 1 ? best : problem.at(best.theta);
   }
 
   std::string unsettled(int steps) const {
@@ -97,7 +99,7 @@ class Iterative : public ModulusMethod {
     return "the iterative modulus was stopped after " + std::to_string(steps) + " steps, the most" + best;
   }
 
-  void publish(const ModulusInput& in, const StripModel& model, const ModulusProblem& problem,
+  void publish(const ModulusInput& in, const StripModel& model, ModulusProblem& problem,
                const ModulusProblem::Point& best, ModulusEstimate& out) const {
     if (!out.converged) out.warnings.push_back({ModulusFlag::kDeadline, unsettled(out.iterations)});
     if (out.iterations == 0) {
@@ -119,6 +121,10 @@ class Iterative : public ModulusMethod {
     for (std::size_t n = 0; n < map.size(); ++n)
       if (std::isfinite(out.youngs_modulus[n])) out.youngs_modulus[n] = static_cast<float>(scale) * map[n];
     normalise(out);
+    const ModulusPosterior posterior = problem.posterior(best, out.absolute);
+    out.log_deviation =
+        model.on_image({posterior.deviation.begin(), posterior.deviation.end()}, in.measured.grid);
+    out.correlation_m = posterior.correlation_m;
   }
 
   IterativeOptions options_;

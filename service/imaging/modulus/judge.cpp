@@ -23,7 +23,9 @@ constexpr double kSoftLog = 0.1;          // log(background / E) from which on i
 constexpr double kPoissonError = 0.01;    // how well nu of tissue is known
 constexpr double kBorderM = 4e-3;         // on each side of a border
 constexpr std::size_t kLeastShared = 50;  // nodes that a comparison needs
-constexpr double kSmear = 0.4;            // standard deviation of a triangular kernel over its reach
+// Over a region the posterior's errors average out: of a median's deviation over that of its nodes.
+constexpr double kOfMedian = 0.5;
+constexpr double kSmear = 0.4;  // standard deviation of a triangular kernel over its reach
 
 std::string text(const char* format, double a, double b = 0) {
   char line[256];
@@ -78,6 +80,22 @@ double off_background(const ModulusEstimate& e) {
 
 void widen(Field& log_deviation, double by) {
   for (float& d : log_deviation) d = static_cast<float>(std::hypot(d, by));
+}
+
+// Over the nodes that say something.
+double mean_square(const Field& field) {
+  double squares = 0, said = 0;
+  for (const float d : field)
+    if (std::isfinite(d)) squares += d * d, ++said;
+  return said > 0 ? squares / said : 0;
+}
+
+// Of a sum of errors, variance `own` of correlation length `length_m` and `common`, alike all around: the
+// length with which it correlates as it does at the distance of what a fingertip feels.
+double with_common(double length_m, double own, double common) {
+  constexpr double kFeltM = 5e-3, kMost = 0.99;
+  const double share = (own * std::exp(-kFeltM / length_m) + common) / (own + common);
+  return -kFeltM / std::log(std::min(share, kMost));
 }
 
 // log E against what was known at the same place, and what both claim of it together.
@@ -157,7 +175,7 @@ ModulusJudge::ModulusJudge(std::shared_ptr<StripCache> strips, JudgeLimits limit
     : strips_(std::move(strips)), limits_(limits), reach_(reach) {}
 
 void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
-  deviation(in, out);
+  const double own = deviation(in, out);
   untracked(in, out);
   ramp(in, out);
   out_of_plane(in, out);
@@ -165,12 +183,20 @@ void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   scale(in, out);
   look();
   extent(out);
+  const double common = mean_square(out.log_deviation) - own;
+  if (common > 0) out.correlation_m = with_common(out.correlation_m, own, common);
 }
 
-void ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const {
+// What the axial strain tells of log E; where that is not measured the modulus is a guess: within a factor of
+// two. What a jump of the modulus is smeared over and what contrast is kept of none of the methods knows
+// itself. One that has found its posterior knows its noise better than the strain does, as long as the strain
+// tells something: else what it states is its prior.
+double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const {
   const Measured& m = in.measured;
   const MethodError error = method_error(out.kind);
-  out.log_deviation.assign(in.measured.grid.size(), std::numeric_limits<float>::quiet_NaN());
+  const auto nowhere = std::numeric_limits<float>::quiet_NaN();
+  const Field posterior = std::exchange(out.log_deviation, Field(m.grid.size(), nowhere));
+  Field of_model(m.grid.size(), nowhere);
   std::vector<float> said;
   for (std::size_t n = 0; n < m.grid.size(); ++n) {
     if (n % m.grid.nx == 0) look();
@@ -179,12 +205,10 @@ void ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const
         kSmear * jump_over(out.youngs_modulus, in.measured.grid, n, reach_.x_m, reach_.y_m);
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     const double soft = error.soft * std::clamp(-logarithm / kSoftLog - 1, 0.0, 1.0);
-    const double shrunk = std::hypot(error.of_contrast * logarithm, soft);
-    // Where the axial strain is not measured, the modulus is a guess: within a factor of two.
+    of_model[n] = static_cast<float>(std::hypot(smeared, error.of_contrast * logarithm, soft));
     const float noise = m.axial_strain_std[n] / std::abs(m.axial_strain[n]);
     const double own = std::isfinite(noise) ? noise : std::log(2.0);
-    out.log_deviation[n] =
-        static_cast<float>(std::hypot(std::hypot(own, smeared), std::hypot(shrunk, error.floor)));
+    out.log_deviation[n] = static_cast<float>(std::hypot(own, of_model[n], error.floor));
     said.push_back(out.log_deviation[n]);
   }
   if (!said.empty() && median(said) > limits_.deviation)
@@ -192,6 +216,12 @@ void ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const
         {ModulusFlag::kNoise, text("the modulus is uncertain by %.0f %% (median): the strain is noisy; press "
                                    "further between the frames",
                                    100 * median(said))});
+  else if (!posterior.empty()) {
+    for (std::size_t n = 0; n < posterior.size(); ++n)
+      out.log_deviation[n] = std::hypot(posterior[n], of_model[n]);
+    return mean_square(posterior);
+  }
+  return mean_square(out.log_deviation);
 }
 
 void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const {
@@ -275,7 +305,8 @@ void ModulusJudge::scale(const ModulusInput& in, ModulusEstimate& out) const {
   for (Comparison& c : compare(in, out)) {
     if (c.places.size() < kLeastShared) continue;
     const Comparison::Place typical = c.typical();
-    const double off = std::abs(typical.difference) / typical.deviation;
+    const double of_median = out.kind == ModulusKind::kIterative ? kOfMedian : 1;
+    const double off = std::abs(typical.difference) / (of_median * typical.deviation);
     if (off > worst) worst = off, shift = typical.difference;
   }
   if (!(worst > limits_.disagreement)) return;

@@ -19,16 +19,18 @@ struct JudgeLimits {
   double disagreement = 3;
 };
 
-// Adds to `out`, whatever the method: log_deviation (noise of the axial strain, what a jump of the modulus is
-// smeared over, and the method's own error), and the flags kNoise, kUntracked, kRamp, kOutOfPlane,
-// kPressure, kScale, kExtent with their words. The last three widen the deviation by what they found.
+// Adds to `out`, whatever the method: log_deviation (the method's posterior, else the noise of the axial
+// strain and a floor; what a jump of the modulus is smeared over and what is lost of its contrast), the
+// length that it correlates over, and the flags kNoise, kUntracked, kRamp, kOutOfPlane, kPressure, kScale,
+// kExtent with their words. The last three widen the deviation by what they found.
 class ModulusJudge {
  public:
   explicit ModulusJudge(std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
   void judge(const ModulusInput&, ModulusEstimate& out) const;
 
  private:
-  void deviation(const ModulusInput&, ModulusEstimate&) const;
+  // The mean square of what correlates as the method says; the rest is alike all around.
+  double deviation(const ModulusInput&, ModulusEstimate&) const;
   void untracked(const ModulusInput&, ModulusEstimate&) const;
   void ramp(const ModulusInput&, ModulusEstimate&) const;
   void out_of_plane(const ModulusInput&, ModulusEstimate&) const;

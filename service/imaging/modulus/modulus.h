@@ -53,6 +53,9 @@ struct ModulusWarning {
 struct ModulusEstimate {
   Field youngs_modulus;  // Pa, or relative (median 1); NaN where nothing can be said
   Field log_deviation;   // standard deviation of log E; NaN where youngs_modulus is; empty: not computed
+  // Errors of log E at two places correlate by exp(-distance / it). Of a method that does not find it:
+  // assumed.
+  double correlation_m = 0.0035;
   ModulusKind kind = ModulusKind::kReferenceStress;
   bool converged = true;
   int iterations = 0;

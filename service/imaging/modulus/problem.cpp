@@ -17,6 +17,19 @@ constexpr double kSeenBy = 3;         // an element's shortening is seen by the 
 
 }  // namespace
 
+VectorXd prior_weight(const StripModel& model, const IterativeOptions& options) {
+  const TissueGrid& g = model.grid();
+  const double per_m2 = 1 / (options.prior_deviation * options.prior_deviation * 1e-6);
+  VectorXd out(static_cast<Eigen::Index>(g.elements()));
+  for (std::size_t e = 0; e < g.elements(); ++e) {
+    const std::size_t i = e % (g.nx() - 1), j = e / (g.nx() - 1);
+    const bool under = i >= model.first_column() && i < model.last_column();
+    out[static_cast<Eigen::Index>(e)] =
+        (under ? 1 : options.prior_beside) * per_m2 * (g.x_m[i + 1] - g.x_m[i]) * (g.y_m[j + 1] - g.y_m[j]);
+  }
+  return out;
+}
+
 ModulusProblem::ModulusProblem(StripModel& model, DisplacementData data, VectorXd prior, double background,
                                const IterativeOptions& options)
     : model_(model),
@@ -25,16 +38,7 @@ ModulusProblem::ModulusProblem(StripModel& model, DisplacementData data, VectorX
       background_(background),
       options_(options),
       variation_(model.grid(), options.tv_floor_per_m),
-      prior_weight_(prior_.size()) {
-  const TissueGrid& g = model.grid();
-  const double per_m2 = 1 / (options.prior_deviation * options.prior_deviation * 1e-6);
-  for (std::size_t e = 0; e < g.elements(); ++e) {
-    const std::size_t i = e % (g.nx() - 1), j = e / (g.nx() - 1);
-    const bool under = i >= model.first_column() && i < model.last_column();
-    prior_weight_[static_cast<Eigen::Index>(e)] =
-        (under ? 1 : options.prior_beside) * per_m2 * (g.x_m[i + 1] - g.x_m[i]) * (g.y_m[j + 1] - g.y_m[j]);
-  }
-}
+      prior_weight_(prior_weight(model, options)) {}
 
 ModulusProblem::Point ModulusProblem::at(VectorXd theta) {
   Point p{std::move(theta), {}, {}, 0};

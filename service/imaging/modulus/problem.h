@@ -15,6 +15,16 @@
 
 namespace teletact::service {
 
+// How well log E is known where the objective is least (Laplace, T3.5).
+struct ModulusPosterior {
+  Eigen::VectorXd deviation;  // standard deviation of log E as it is published, per element of the strip
+  double correlation_m = 0;   // of exp(-distance / it), with which means over patches vary as they do
+  double texture = 1;         // variance of the tissue over the prior's, as far as it was seen
+};
+
+// What holds theta near its prior, per element.
+Eigen::VectorXd prior_weight(const StripModel&, const IterativeOptions&);
+
 class ModulusProblem {
  public:
   // prior: of theta, [element]. Model and options must outlive the problem.
@@ -35,6 +45,8 @@ class ModulusProblem {
   // changes little from one step to the next (Morales and Nocedal 2000).
   Eigen::VectorXd step(const Point&);
   std::vector<double> modulus(const Eigen::VectorXd& theta) const;
+  // About the latest at(), the last thing that is asked (posterior.cpp).
+  ModulusPosterior posterior(const Point&, bool absolute);
 
  private:
   // Of the matrix, by a product: y = H s.

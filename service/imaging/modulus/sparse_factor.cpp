@@ -163,4 +163,57 @@ Eigen::VectorXd SparseFactor::solve(const Eigen::VectorXd& b) const {
   return place_.inverse() * x;
 }
 
+SparseFactor::Columns SparseFactor::solve_columns(const Columns& b) const {
+  Columns x = place_ * b;
+  Work work;
+  const auto end = [this](Eigen::Index k) { return column_[static_cast<std::size_t>(k) + 1]; };
+  for (Eigen::Index k = 0; k < x.rows(); ++k) {
+    const Eigen::Index first = column_[static_cast<std::size_t>(k)], last = end(k);
+    const Eigen::Matrix<double, 1, 8> solved = x.row(k) /= value_[static_cast<std::size_t>(first)];
+    for (auto p = static_cast<std::size_t>(first) + 1; p < static_cast<std::size_t>(last); ++p)
+      x.row(row_[p]) -= value_[p] * solved;
+    work.add(8 * (last - first));
+  }
+  for (Eigen::Index k = x.rows(); k-- > 0;) {
+    const Eigen::Index first = column_[static_cast<std::size_t>(k)], last = end(k);
+    Eigen::Matrix<double, 1, 8> rest = x.row(k);
+    for (auto p = static_cast<std::size_t>(first) + 1; p < static_cast<std::size_t>(last); ++p)
+      rest -= value_[p] * x.row(row_[p]);
+    x.row(k) = rest / value_[static_cast<std::size_t>(first)];
+    work.add(8 * (last - first));
+  }
+  return place_.inverse() * x;
+}
+
+// The inverse Z where L has entries, from the last column to the first (Takahashi, Fagan and Chin 1973): Z L
+// = L^-T, so that sum_(k >= j) Z_ik L_kj is 0 below the diagonal and 1 / L_jj on it.
+Eigen::VectorXd SparseFactor::inverse_diagonal() const {
+  const std::size_t n = column_.size() - 1;
+  std::vector<double> z(value_.size(), 0.0);
+  std::vector<std::size_t> place_of(n, 0);  // of a row in the column at hand; 0: it has none
+  Eigen::VectorXd diagonal(static_cast<Eigen::Index>(n));
+  Work work;
+  for (std::size_t j = n; j-- > 0;) {
+    const auto first = static_cast<std::size_t>(column_[j]), last = static_cast<std::size_t>(column_[j + 1]);
+    for (std::size_t p = first + 1; p < last; ++p) place_of[static_cast<std::size_t>(row_[p])] = p;
+    for (std::size_t p = first + 1; p < last; ++p) {
+      const auto k = static_cast<std::size_t>(row_[p]);
+      auto q = static_cast<std::size_t>(column_[k]);
+      z[p] -= value_[p] * z[q];
+      for (const auto end = static_cast<std::size_t>(column_[k + 1]); ++q < end;)
+        if (const std::size_t other = place_of[static_cast<std::size_t>(row_[q])]; other > 0)
+          z[p] -= value_[other] * z[q], z[other] -= value_[p] * z[q];
+      work.add(column_[k + 1] - column_[k]);
+    }
+    double sum = 1 / value_[first];
+    for (std::size_t p = first + 1; p < last; ++p) {
+      z[p] /= value_[first];
+      sum -= value_[p] * z[p];
+      place_of[static_cast<std::size_t>(row_[p])] = 0;
+    }
+    z[first] = diagonal[static_cast<Eigen::Index>(j)] = sum / value_[first];
+  }
+  return place_.inverse() * diagonal;
+}
+
 }  // namespace teletact::service

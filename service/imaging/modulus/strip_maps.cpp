@@ -48,7 +48,43 @@ std::size_t cell_of(const std::vector<double>& coordinates, double at) {
       std::clamp<std::ptrdiff_t>(upper - 1, 0, static_cast<std::ptrdiff_t>(coordinates.size()) - 2));
 }
 
+struct Position {
+  std::size_t cell;
+  double fraction;  // towards cell + 1
+};
+
+// Between the centres of the intervals of `coordinates`, held outside the first and last centre.
+Position between_centres(const std::vector<double>& coordinates, double at) {
+  const auto cells = static_cast<std::ptrdiff_t>(coordinates.size()) - 1;
+  const auto centre = [&](std::size_t c) { return 0.5 * (coordinates[c] + coordinates[c + 1]); };
+  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
+  auto c = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(upper - 1, 0, cells - 1));
+  if (at < centre(c) && c > 0) --c;
+  if (c + 1 >= static_cast<std::size_t>(cells)) return {c - 1, 1.0};
+  return {c, std::clamp((at - centre(c)) / (centre(c + 1) - centre(c)), 0.0, 1.0)};
+}
+
 }  // namespace
+
+Field StripModel::on_image(const std::vector<double>& element_values, const ImageGrid& image) const {
+  Field field(image.size(), std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t j = 0; j < image.ny; ++j) {
+    look();
+    const double y = image.origin_y_m + static_cast<double>(j) * image.dy_m;
+    if (y > grid_.y_m.back()) continue;
+    const Position v = between_centres(grid_.y_m, y);
+    for (std::size_t i = 0; i < image.nx; ++i) {
+      const Position h = between_centres(grid_.x_m, image.origin_x_m + static_cast<double>(i) * image.dx_m);
+      const auto at = [&](std::size_t a, std::size_t b) {
+        return element_values[grid_.element(h.cell + a, v.cell + b)];
+      };
+      field[i + image.nx * j] =
+          static_cast<float>((1 - v.fraction) * ((1 - h.fraction) * at(0, 0) + h.fraction * at(1, 0)) +
+                             v.fraction * ((1 - h.fraction) * at(0, 1) + h.fraction * at(1, 1)));
+    }
+  }
+  return field;
+}
 
 // The map's logarithm on the elements under the probe.
 StripModel::WindowMap StripModel::window_map(const Field& youngs_modulus, const ImageGrid& image) const {

@@ -67,22 +67,6 @@ Vector8 gather(const std::vector<double>& values, const std::array<std::size_t, 
   return out;
 }
 
-struct Position {
-  std::size_t cell;
-  double fraction;  // towards cell + 1
-};
-
-// Between the centres of the intervals of `coordinates`, held outside the first and last centre.
-Position between_centres(const std::vector<double>& coordinates, double at) {
-  const auto cells = static_cast<std::ptrdiff_t>(coordinates.size()) - 1;
-  const auto centre = [&](std::size_t c) { return 0.5 * (coordinates[c] + coordinates[c + 1]); };
-  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
-  auto c = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(upper - 1, 0, cells - 1));
-  if (at < centre(c) && c > 0) --c;
-  if (c + 1 >= static_cast<std::size_t>(cells)) return {c - 1, 1.0};
-  return {c, std::clamp((at - centre(c)) / (centre(c + 1) - centre(c)), 0.0, 1.0)};
-}
-
 // The plane-strain tissue that moves like this one: the same mu; lambda = E nu / (1 - nu^2) in plane stress.
 InPlaneStrain in_plane_strain(Plane plane, double nu) {
   if (plane == Plane::kStrain) return {nu, 1};
@@ -232,27 +216,43 @@ double StripModel::log_force_slope(const StripResponse& homogeneous) const {
   return change / (2 * step) / homogeneous.force_n_per_m;
 }
 
+// The forces that a change of an element's modulus by `change_pa` adds: add(degree of freedom, force).
+void StripModel::pull(const StripResponse& at, std::size_t element, double change_pa, auto&& add) const {
+  const std::size_t i = element % (grid_.nx() - 1), j = element / (grid_.nx() - 1);
+  const auto dofs = element_dofs(grid_, i, j);
+  const Vector8 k = element_[i] * gather(at.displacement, dofs);
+  for (int r = 0; r < 8; ++r) add(dofs[static_cast<std::size_t>(r)], -change_pa * k[r]);
+}
+
 std::vector<double> StripModel::change(const StripResponse& at, const std::vector<double>& change_pa) {
   std::vector<double> force(grid_.dofs(), 0.0);
   for (std::size_t e = 0; e < change_pa.size(); ++e) {
-    const std::size_t i = e % (grid_.nx() - 1), j = e / (grid_.nx() - 1);
     if (e % kElementsAtOnce == 0) look();
-    if (change_pa[e] == 0) continue;
-    const auto dofs = element_dofs(grid_, i, j);
-    const Vector8 k = element_[i] * gather(at.displacement, dofs);
-    for (int r = 0; r < 8; ++r) force[dofs[static_cast<std::size_t>(r)]] -= change_pa[e] * k[r];
+    if (change_pa[e] != 0) pull(at, e, change_pa[e], [&](std::size_t dof, double f) { force[dof] += f; });
   }
   return back_substituted(force);
 }
 
 std::vector<double> StripModel::sensitivity(const StripResponse& at, const std::vector<double>& load) {
-  const std::vector<double> adjoint = back_substituted(load);
+  std::vector<double> out = products(back_substituted(load), at.displacement);
+  for (double& product : out) product = -product;
+  return out;
+}
+
+std::vector<double> StripModel::force_shares(const StripResponse& at,
+                                             const std::vector<double>& youngs_modulus_pa) const {
+  std::vector<double> out = products(at.displacement, at.displacement);
+  for (std::size_t e = 0; e < out.size(); ++e) out[e] *= youngs_modulus_pa[e] / at.force_n_per_m;
+  return out;
+}
+
+std::vector<double> StripModel::products(const std::vector<double>& a, const std::vector<double>& b) const {
   std::vector<double> out(grid_.elements());
   for (std::size_t e = 0; e < out.size(); ++e) {
     const std::size_t i = e % (grid_.nx() - 1), j = e / (grid_.nx() - 1);
     if (e % kElementsAtOnce == 0) look();
     const auto dofs = element_dofs(grid_, i, j);
-    out[e] = -gather(adjoint, dofs).dot(element_[i] * gather(at.displacement, dofs));
+    out[e] = gather(a, dofs).dot(element_[i] * gather(b, dofs));
   }
   return out;
 }
@@ -269,24 +269,26 @@ std::vector<double> StripModel::back_substituted(const std::vector<double>& forc
   return out;
 }
 
-Field StripModel::on_image(const std::vector<double>& element_values, const ImageGrid& image) const {
-  Field field(image.size(), std::numeric_limits<float>::quiet_NaN());
-  for (std::size_t j = 0; j < image.ny; ++j) {
-    look();
-    const double y = image.origin_y_m + static_cast<double>(j) * image.dy_m;
-    if (y > grid_.y_m.back()) continue;
-    const Position v = between_centres(grid_.y_m, y);
-    for (std::size_t i = 0; i < image.nx; ++i) {
-      const Position h = between_centres(grid_.x_m, image.origin_x_m + static_cast<double>(i) * image.dx_m);
-      const auto at = [&](std::size_t a, std::size_t b) {
-        return element_values[grid_.element(h.cell + a, v.cell + b)];
-      };
-      field[i + image.nx * j] =
-          static_cast<float>((1 - v.fraction) * ((1 - h.fraction) * at(0, 0) + h.fraction * at(1, 0)) +
-                             v.fraction * ((1 - h.fraction) * at(0, 1) + h.fraction * at(1, 1)));
-    }
+StripModel::NodeColumns StripModel::axial_changes(const StripResponse& at,
+                                                  const std::vector<double>& youngs_modulus_pa,
+                                                  const Groups& group_of, int groups) {
+  using Columns = SparseFactor::Columns;
+  constexpr int kAtOnce = Columns::ColsAtCompileTime;
+  NodeColumns out = NodeColumns::Zero(static_cast<Eigen::Index>(grid_.nodes()), groups);
+  for (int first = 0; first < groups; first += kAtOnce) {
+    Columns force = Columns::Zero(unknown_count_, kAtOnce);
+    for (std::size_t e = 0; e < grid_.elements(); ++e)
+      if (const int column = group_of[e] - first; column >= 0 && column < kAtOnce)
+        pull(at, e, youngs_modulus_pa[e], [&](std::size_t dof, double f) {
+          if (const int u = unknown_[dof]; u >= 0) force(u, column) += f;
+        });
+    const Columns solved = factor_.solve_columns(force);
+    const int count = std::min(kAtOnce, groups - first);
+    for (std::size_t n = 0; n < grid_.nodes(); ++n)
+      if (const int u = unknown_[2 * n + 1]; u >= 0)
+        out.row(static_cast<Eigen::Index>(n)).segment(first, count) = solved.row(u).head(count);
   }
-  return field;
+  return out;
 }
 
 StripCache::Entry::Entry(const TissueExtent& tissue, double window_width_m, Charge held)

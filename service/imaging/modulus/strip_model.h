@@ -56,6 +56,15 @@ class StripModel {
   //   sensitivity: per element - (K^-1 load) . K_e u_e, the derivative of load . u by its modulus (adjoint)
   std::vector<double> change(const StripResponse& at, const std::vector<double>& change_pa);
   std::vector<double> sensitivity(const StripResponse& at, const std::vector<double>& load);
+  // change() with E of each group of elements grown alike by 1 (of log E): the axial displacement, [node]
+  // [group]. `group_of`: of every element, -1 for none.
+  using Groups = std::vector<int>;
+  using NodeColumns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  NodeColumns axial_changes(const StripResponse& at, const std::vector<double>& youngs_modulus_pa,
+                            const Groups& group_of, int groups);
+  // d log(force) / d log(E) of each element: its share of the energy.
+  std::vector<double> force_shares(const StripResponse& at,
+                                   const std::vector<double>& youngs_modulus_pa) const;
   // Values of the elements at the nodes of an image grid, bilinear between centres; NaN below the tissue.
   Field on_image(const std::vector<double>& element_values, const ImageGrid&) const;
   // Young's modulus of every element from a map that has NaN where nothing is said: geometric mean over the
@@ -78,6 +87,9 @@ class StripModel {
   double known_over_element(const KnownModulus&, std::size_t column, double y_m) const;
   double matching_shift(const KnownModulus&, bool left, const WindowMap&) const;
   void fill(const std::vector<double>& youngs_modulus_pa);
+  void pull(const StripResponse& at, std::size_t element, double change_pa, auto&& add) const;
+  // a . K_e b of each element, K_e of 1 Pa.
+  std::vector<double> products(const std::vector<double>& a, const std::vector<double>& b) const;
   std::vector<double> back_substituted(const std::vector<double>& force) const;
 
   TissueGrid grid_;

@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <random>
 #include <stdexcept>
@@ -60,6 +62,19 @@ TEST(SparseFactor, AgreesWithEigensInTheSameOrder) {
     ASSERT_TRUE(factor.factorize(a));
     EXPECT_LE((factor.solve(b) - eigen.solve(b)).cwiseAbs().maxCoeff(), 1e-12);
   }
+}
+
+TEST(SparseFactor, SolvesSeveralAtOnceAndKnowsTheInversesDiagonal) {
+  const Sparse a = grid(23);
+  SparseFactor factor;
+  factor.analyze(a, nested_dissection(23, 23));
+  ASSERT_TRUE(factor.factorize(a));
+  const Eigen::MatrixXd inverse = Eigen::MatrixXd(a).inverse();
+  EXPECT_LE(((factor.inverse_diagonal() - inverse.diagonal()).cwiseQuotient(inverse.diagonal())).norm(),
+            1e-10);
+  SparseFactor::Columns b(a.rows(), 8);
+  for (Eigen::Index k = 0; k < b.size(); ++k) b(k / 8, k % 8) = std::sin(0.7 * static_cast<double>(k));
+  EXPECT_LE((factor.solve_columns(b) - inverse * b).norm(), 1e-10 * b.norm() * inverse.norm());
 }
 
 TEST(SparseFactor, SaysWhatIsNotPositiveDefinite) {

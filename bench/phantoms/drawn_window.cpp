@@ -1,0 +1,188 @@
+#include "bench/phantoms/drawn_window.h"
+
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <random>
+#include <stdexcept>
+
+#include "service/imaging/modulus/problem.h"
+#include "tests/reference/elasticity.h"
+
+namespace teletact::bench {
+namespace {
+
+using Eigen::VectorXd;
+using service::ImageGrid;
+using service::TissueGrid;
+
+constexpr double kFineM = 0.52e-3, kElevationM = 0.010, kLeastStatedM = 0.3e-6;
+constexpr double kLateralNoise = 10;  // over the axial
+constexpr std::size_t kRows = 74;
+const ImageGrid kImage{127, 98, 0.35e-3, 0.2e-3, 0.47e-3, 0.404e-3};
+
+std::size_t cell_of(const std::vector<double>& coordinates, double at) {
+  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
+  return static_cast<std::size_t>(
+      std::clamp<std::ptrdiff_t>(upper - 1, 0, static_cast<std::ptrdiff_t>(coordinates.size()) - 2));
+}
+
+double centre(const std::vector<double>& coordinates, std::size_t cell) {
+  return 0.5 * (coordinates[cell] + coordinates[cell + 1]);
+}
+
+// White noise over 3 x 3 nodes, the area that errors of tracking agree over.
+std::vector<double> smooth_noise(const ImageGrid& grid, double size_m, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const std::size_t wide = grid.nx + 2;
+  std::vector<double> white(wide * (grid.ny + 2)), out(grid.size());
+  for (double& w : white) w = normal(random);
+  for (std::size_t n = 0; n < grid.size(); ++n)
+    for (std::size_t b = 0; b < 3; ++b)
+      for (std::size_t a = 0; a < 3; ++a)
+        out[n] += size_m / 3 * white[n % grid.nx + a + wide * (grid.row(n) + b)];
+  return out;
+}
+
+}  // namespace
+
+DrawnWindow::DrawnWindow(const DrawnCase& of, std::uint64_t seed, service::Queue queue)
+    : of_(of), tissue_{kTissueM, kDepthM, (kTissueM - kWindowM) / 2} {
+  std::mt19937_64 random(seed);
+  const double radius_m = of.diameter_m / 2;
+  x_m_ = std::uniform_real_distribution<double>(0.010 + radius_m, kWindowM - 0.010 - radius_m)(random);
+  y_m_ = std::uniform_real_distribution<double>(0.005 + radius_m, 0.020 + radius_m / 2)(random);
+  draw_texture(random());
+  measure(queue, press(), random());
+}
+
+double DrawnWindow::lump(double x_m, double y_m) const {
+  return 2 * std::hypot(x_m - x_m_, y_m - y_m_) < of_.diameter_m ? std::log(of_.contrast) : 0;
+}
+
+double DrawnWindow::log_modulus(double x_m, double y_m) const {
+  return std::log(kBackgroundPa) + lump(x_m, y_m) +
+         texture_[strip_.element(cell_of(strip_.x_m, x_m), cell_of(strip_.y_m, y_m))];
+}
+
+double DrawnWindow::log_modulus(std::size_t node) const {
+  return log_modulus(grid().x_m(node), grid().y_m(node));
+}
+
+double DrawnWindow::from_edge_m(std::size_t node) const {
+  return std::hypot(grid().x_m(node) - x_m_, grid().y_m(node) - y_m_) - of_.diameter_m / 2;
+}
+
+// Gaussian, of the precision that the iterative method has about the lump.
+void DrawnWindow::draw_texture(std::uint64_t seed) {
+  const service::IterativeOptions options;
+  const service::StripModel model(tissue_, kWindowM);
+  strip_ = model.grid();
+  texture_.assign(strip_.elements(), 0.0);
+  if (!of_.texture) return;
+  VectorXd theta(static_cast<Eigen::Index>(strip_.elements())), white = theta;
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  for (std::size_t j = 0; j + 1 < strip_.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < strip_.nx(); ++i) {
+      const auto e = static_cast<Eigen::Index>(strip_.element(i, j));
+      theta[e] = lump(centre(strip_.x_m, i), centre(strip_.y_m, j));
+      white[e] = normal(random);
+    }
+  const service::TotalVariation variation(strip_, options.tv_floor_per_m);
+  Eigen::SparseMatrix<double> precision = options.tv_per_m * variation.lagged(theta);
+  precision.diagonal() += service::prior_weight(model, options);
+  const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factor(precision);
+  if (factor.info() != Eigen::Success) throw std::domain_error("the prior is not positive definite");
+  VectorXd drawn = factor.matrixU().solve(white);
+  drawn = factor.permutationPinv() * drawn;
+  texture_.assign(drawn.begin(), drawn.end());
+}
+
+std::vector<double> DrawnWindow::press() {
+  const double left = tissue_.window_x_m, push_m = of_.strain * kDepthM;
+  TissueGrid fine;
+  fine.x_m = service::graded_coordinates(-left, kTissueM - left, 0, kWindowM, kFineM, 6e-3, 1.3);
+  fine.y_m = service::uniform_coordinates(0, kDepthM, kRows);
+  service::Material material;
+  material.poisson_ratio = tissue_.poisson_ratio;
+  constexpr int kWithin = 4;  // an edge runs through an element
+  for (std::size_t j = 0; j + 1 < fine.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < fine.nx(); ++i) {
+      double sum = 0;
+      for (int k = 0; k < kWithin * kWithin; ++k) {
+        const double s = (k % kWithin + 0.5) / kWithin, t = (k / kWithin + 0.5) / kWithin;
+        sum += log_modulus((1 - s) * fine.x_m[i] + s * fine.x_m[i + 1],
+                           (1 - t) * fine.y_m[j] + t * fine.y_m[j + 1]);
+      }
+      material.youngs_modulus_pa.push_back(std::exp(sum / (kWithin * kWithin)));
+    }
+  const Eigen::SparseMatrix<double> k = reference::assemble(fine, material);
+  std::vector<std::size_t> held;
+  VectorXd pushed = VectorXd::Zero(k.rows());
+  for (std::size_t i = 0; i < fine.nx(); ++i) {
+    const std::size_t top = 2 * fine.node(i, 0) + 1, bottom = 2 * fine.node(i, fine.ny() - 1);
+    held.insert(held.end(), {bottom, bottom + 1});
+    if (fine.x_m[i] < -1e-9 || fine.x_m[i] > kWindowM + 1e-9) continue;
+    held.push_back(top);
+    pushed[static_cast<Eigen::Index>(top)] = push_m;
+  }
+  VectorXd load = -(k * pushed);
+  for (const std::size_t d : held) load[static_cast<Eigen::Index>(d)] = 0;
+  std::sort(held.begin(), held.end());
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(reference::with_fixed(k, held));
+  const VectorXd u = pushed + factor.solve(load);
+  force_ = {u.dot(k * u) / push_m * kElevationM, kWindowM * kElevationM};
+  std::vector<double> axial;
+  for (std::size_t n = 0; n < kImage.size(); ++n) {
+    const std::size_t i = cell_of(fine.x_m, kImage.x_m(n)), j = cell_of(fine.y_m, kImage.y_m(n));
+    const double s = (kImage.x_m(n) - fine.x_m[i]) / (fine.x_m[i + 1] - fine.x_m[i]),
+                 t = (kImage.y_m(n) - fine.y_m[j]) / (fine.y_m[j + 1] - fine.y_m[j]);
+    const auto at = [&](std::size_t a, std::size_t b) {
+      return u[static_cast<Eigen::Index>(2 * fine.node(i + a, j + b) + 1)];
+    };
+    axial.push_back((1 - t) * ((1 - s) * at(0, 0) + s * at(1, 0)) + t * ((1 - s) * at(0, 1) + s * at(1, 1)));
+  }
+  return axial;
+}
+
+// With the strain that the product makes of it, and the noise's structure, as tracking would state it.
+void DrawnWindow::measure(const service::Queue& queue, std::vector<double> axial, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const std::vector<double> noise = smooth_noise(kImage, of_.noise_m, random),
+                            lateral = smooth_noise(kImage, kLateralNoise * of_.noise_m, random);
+  const double stated_m = std::max(of_.noise_m, kLeastStatedM),
+               size_m[] = {kLateralNoise * stated_m, stated_m};
+  std::vector<float> field, std_m;
+  for (std::size_t n = 0; n < kImage.size(); ++n) {
+    field.insert(field.end(), {static_cast<float>(lateral[n]), static_cast<float>(axial[n] + noise[n])});
+    for (const double s : size_m) std_m.push_back(static_cast<float>(s));
+  }
+  constexpr double kInformation = 1;
+  auto structure = std::make_shared<service::NoiseStructure>();
+  for (std::size_t c = 0; c < 2; ++c) {
+    structure->response[c] =
+        service::NoiseResponse(service::SmootherResponse{1, 1, 3, 1}, kInformation, 1, 1);
+    const service::DeviationTable whole = structure->response[c].table([](double, double) { return 1.0; });
+    structure->unit_m[c] = size_m[c] / static_cast<double>(whole.deviation[service::DeviationTable::kBelow]);
+  }
+  service::DisplacementEstimate displacement;
+  displacement.grid.nx = static_cast<int>(kImage.nx), displacement.grid.ny = static_cast<int>(kImage.ny);
+  displacement.field_m = queue.array(field);
+  displacement.trusted = queue.array(std::vector<std::uint8_t>(kImage.size(), 1));
+  displacement.correlation = queue.array(std::vector<float>(kImage.size(), 1));
+  displacement.std_m = queue.array(std_m);
+  displacement.information =
+      queue.array(std::vector<float>(2 * kImage.size(), static_cast<float>(kInformation)));
+  displacement.noise = structure;
+  measured_.grid = kImage;
+  service::download(queue, displacement, measured_);
+  service::download(queue, service::StrainEstimator(queue, {}).estimate(displacement, kImage), measured_);
+}
+
+service::ModulusInput DrawnWindow::input() const {
+  return {measured_, kWindowM, tissue_, force_, {}};
+}
+
+}  // namespace teletact::bench
