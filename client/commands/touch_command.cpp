@@ -33,6 +33,7 @@ struct Arguments {
   double tip_footprint_m = 0.001;  // one node spacing: smooth between nodes (T4.5b)
   bool stuck = false;
   bool pressure = false;
+  double tolerance = -1;  // negative: not asked for
   bool tactile = false;
   unsigned taxels = 8;
   double taxel_pitch_m = 0.002;
@@ -43,6 +44,8 @@ struct Arguments {
   double period_s = 0.002;
   unsigned credit = Pacing::kMost;
 };
+
+constexpr double kToleratedN = 0.005;  // less is hardly felt
 
 const std::map<std::string, v1::FingertipShape> kTips = {{"rounded", v1::FINGERTIP_SHAPE_ROUNDED_TIP},
                                                          {"punch", v1::FINGERTIP_SHAPE_FLAT_PUNCH},
@@ -67,6 +70,10 @@ v1::TouchOpen to_open(const Arguments& arguments) {
   open.mutable_layer()->set_depth_m(arguments.layer_depth_m);
   open.set_path(kPaths.at(arguments.path));
   open.set_pressure(arguments.pressure);
+  if (arguments.tolerance >= 0) {
+    open.mutable_tolerance()->set_relative(arguments.tolerance);
+    open.mutable_tolerance()->set_force_n(kToleratedN);
+  }
   if (arguments.tactile) {
     open.mutable_tactile()->set_taxels_x(arguments.taxels);
     open.mutable_tactile()->set_taxels_z(arguments.taxels);
@@ -159,6 +166,7 @@ void run(Arguments arguments, const CLI::App& command) {
                                                  {"open.fingertip.pad_youngs_modulus_pa", "--pad-modulus-pa"},
                                                  {"open.fingertip.shape", "--tip"},
                                                  {"open.tactile.pitch_m", "--taxel-pitch-m"},
+                                                 {"open.tolerance.relative", "--tolerance"},
                                                  {"open.layer.depth_m", "--layer-depth-m"}}));
   }
   const nlohmann::json json = to_json(arguments.scene_id, arguments.session.renderer, summary);
@@ -193,6 +201,11 @@ void add_tip_options(CLI::App& command, Arguments& arguments) {
                      "node: Gaussian footprint; 0 = one node, as in the paper: lateral force jumps at nodes");
   command.add_flag("--pressure", arguments.pressure,
                    "have the nodal pressures sent, too, for the recording: twice the bytes");
+  command
+      .add_option("--tolerance", arguments.tolerance,
+                  "what the model may put a force off by, over it: answers beyond that, and beyond 5 mN, are "
+                  "DEGRADED; of round tips on solids")
+      ->check(CLI::Range(0.0, 1.0));
   CLI::Option* tactile = command.add_flag(
       "--tactile", arguments.tactile,
       "have tactile images sent, too: they are shown here and recorded; of solid tissue what a lump adds is "

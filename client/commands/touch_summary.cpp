@@ -79,6 +79,10 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
         {"clock_offset_error_s", link.clock_offset_error_s},
         {"layer_depth_m", link.layer_depth_m},
         {"largest_strain", link.largest_strain},
+        {"force_budget",
+         {{"answers", link.force_budget.count()},
+          {"p50", link.force_budget.percentile(0.5)},
+          {"p95", link.force_budget.percentile(0.95)}}},
         {"law_pieces", link.law_pieces},
         {"tactile_images", link.tactile_images},
         {"tactile_dropped", link.tactile_dropped},
@@ -111,6 +115,11 @@ void print(const nlohmann::json& json) {
   const auto count = [&link](const char* name) { return link[name].get<unsigned long>(); };
   std::printf("  layer     %.4f m deep; largest strain under the finger %.2f\n",
               link["layer_depth_m"].get<double>(), link["largest_strain"].get<double>());
+  if (const auto& budget = link["force_budget"]; budget["answers"].get<std::uint64_t>() > 0)
+    std::printf(
+        "  budget    forces are within %.1f %% of the tissue's (median), %.1f %% (95 %% of the answers), by "
+        "what the model states\n",
+        100 * budget["p50"].get<double>(), 100 * budget["p95"].get<double>());
   std::printf("  law       felt in %.1f %% of the contact, version %lu at last; %lu pieces, %lu malformed\n",
               100 * json["by_law_share"].get<double>(), count("last_version"), count("law_pieces"),
               count("laws_dropped"));

@@ -24,6 +24,7 @@ struct TouchLinkStats {
   std::uint64_t preparing = 0;     // status PREPARING
   std::uint64_t degraded = 0;      // status DEGRADED
   double largest_strain = 0;       // under the finger
+  Histogram force_budget;          // half of the 95 % interval over the force, of answers that state it
   std::uint64_t dropped = 0;       // malformed or foreign answers
   std::uint64_t law_pieces = 0;    // of contact laws
   std::uint64_t laws_dropped = 0;  // malformed ones

@@ -177,8 +177,8 @@ LayeredTouch::At LayeredTouch::at(double d) const {
           std::exp((1 - t) * rows.before.log_radius + t * rows.after.log_radius)};
 }
 
-void make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact) {
-  if (answer.state != ContactState::kContact || !(layered.energy_j > 0) || !(answer.energy_j > 0)) return;
+double make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact) {
+  if (answer.state != ContactState::kContact || !(layered.energy_j > 0) || !(answer.energy_j > 0)) return 0;
   using Three = Eigen::Vector3d;
   using Square = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   // Of ln U: its gradient, and its second derivatives.
@@ -192,7 +192,7 @@ void make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, cons
   Square h = bend(answer, of_nodes) - bend(layered, of_layers);
   h(1, 1) += exact.stiffness_n_m / exact.energy_j - power * power;
   h += g * g.transpose();
-  const double before_n = answer.force_n[1];
+  const double before_n = answer.force_n[1], own = std::abs(std::log(answer.energy_j / layered.energy_j));
   answer.energy_j *= exact.energy_j / layered.energy_j;
   for (std::size_t c = 0; c < 3; ++c) answer.force_n[c] = -answer.energy_j * g[static_cast<Index>(c)];
   Square::Map(answer.tangent_n_m.data()) = -answer.energy_j * (h + h.transpose()) / 2;
@@ -200,6 +200,7 @@ void make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, cons
     p.pressure_pa *= answer.force_n[1] / before_n;
     for (double& t : p.traction_pa) t *= answer.force_n[1] / before_n;
   }
+  return own;
 }
 
 }  // namespace teletact::service

@@ -38,7 +38,8 @@ class LayeredTouch {
 
 // Makes the layered part of an answer on nodes exact (T9.3): energies multiply, U = U(nodes) U0 / U0(nodes),
 // and forces, tangents and pressures follow. `layered`: of the layered tissue on the same nodes at the same
-// pose; where that has no contact, nothing is changed.
-void make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact);
+// pose; where that has no contact, nothing is changed. Returns |ln(U(nodes) / U0(nodes))|: how much of the
+// answer is the nodes' own.
+double make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact);
 
 }  // namespace teletact::service

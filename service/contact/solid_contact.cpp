@@ -34,6 +34,13 @@ constexpr double kFeltM = 0.001;
 template <class T>
 constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 4e-5;
 
+// Error of the force that is left to nodes so far apart over the square of their distance over the contact's
+// radius: of a rounded tip in all; and, where the layered part is exact, over the logarithm of what the
+// answer is of that (T9.4; solid_contact_test).
+constexpr double kOfMesh = 0.165, kOfMeshBeyondLayers = 0.12, kOfMeshOfTexture = 0.0025;
+// Error of a linear model over d / R (T9.4).
+constexpr double kOfFiniteStrain = 0.05;
+
 // Error of the force over how far the factor's layers have drifted: of the skin, and of what lies beyond the
 // block. Measured: 0.055 (slices_test).
 constexpr double kOfDrift = 0.1;
@@ -267,10 +274,21 @@ ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& 
                                            double force_error) const {
   ContactAnswer answer = this->answer(tip, pose, force_error);
   if (answer.state != ContactState::kContact) return answer;
+  double of_mesh = kOfMesh;
   const auto exact = exact_layers(tip);
-  if (!exact || pose[1] > exact->most_m()) return answer;
-  const LayeredTouch::At layers = exact->at(pose[1]).times(1 / drift_.scale);
-  make_layers_exact(answer, answer_by(*layered_, tip, pose, force_error), layers);
+  if (exact && pose[1] <= exact->most_m()) {
+    const LayeredTouch::At layers = exact->at(pose[1]).times(1 / drift_.scale);
+    of_mesh =
+        kOfMeshBeyondLayers * make_layers_exact(answer, answer_by(*layered_, tip, pose, force_error), layers);
+  }
+  // Nothing is known of the mesh under edges and pads.
+  if (tip.shape != FingertipShape::kRoundedTip && tip.shape != FingertipShape::kSphere) return answer;
+  const double spacing_m = std::max(tissue_.grid.spacing_x_m, tissue_.grid.spacing_z_m);
+  answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
+  const double mesh = of_mesh * spacing_m * spacing_m / (tip.radius_m * pose[1]);
+  answer.budget.add({ErrorTerm::kMesh, TermKind::kEstimate, mesh + kOfMeshOfTexture});
+  answer.budget.add(
+      {ErrorTerm::kFiniteStrain, TermKind::kEstimate, kOfFiniteStrain * pose[1] / tip.radius_m});
   return answer;
 }
 

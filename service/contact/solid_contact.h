@@ -68,7 +68,7 @@ class SolidContact {
   ContactAnswer answer(const Fingertip&, const Vector3& pose,
                        double force_error = choices::kSolidForceError) const;
   // The same with its layered part exact instead of on nodes (make_layers_exact): of frictionless round tips
-  // on the surface, as deep as LayeredTouch knows; else as answer().
+  // on the surface, as deep as LayeredTouch knows; else as answer(). Of round tips with its budget.
   ContactAnswer felt_answer(const Fingertip& tip, const Vector3& pose,
                             double force_error = choices::kSolidForceError) const;
   // Solves the block under the contact at this pose, to what that force error takes; answers after it know

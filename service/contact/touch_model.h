@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "service/limits/memory.h"
+#include "service/plan/force_budget.h"
 #include "service/tissue/compliance.h"
 
 namespace teletact::service {
@@ -91,6 +92,7 @@ struct ContactAnswer {
   bool strain_beyond_linear = false;    // largest_strain > kLargestLinearStrain
   std::size_t iterations = 0;           // of the contact solve, Newton's
   SolveReport solve;                    // relative_error: what the model states its force may be off by
+  ForceBudget budget;                   // empty: the model does not state all that it may be off by
 };
 
 // How answers are computed, where a model has several ways.

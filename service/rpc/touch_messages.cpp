@@ -72,6 +72,15 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
   options.layer_depth_m = in.layer().depth_m();
   if (in.layer().normal_size() > 0)
     options.layer_normal = vector_from("open.layer.normal", in.layer().normal(), false);
+  if (in.has_tolerance()) {
+    const auto tolerance = [](const char* field, double value, double most) {
+      if (value >= 0 && value <= most) return value;
+      throw std::invalid_argument(
+          fmt::format("open.tolerance.{}: {} is not within [0, {}]", field, value, most));
+    };
+    options.tolerance = Tolerance{tolerance("relative", in.tolerance().relative(), 1),
+                                  tolerance("force_n", in.tolerance().force_n(), 100)};
+  }
   switch (in.path()) {
     case v1::SOLVE_PATH_UNSPECIFIED:
       options.path = SolvePath::kAuto;
@@ -133,6 +142,39 @@ template <class Message>
 void force_and_tangent_to(const ContactAnswer& c, Message* out) {
   for (const double force_n : c.force_n) out->add_force_n(force_n);
   for (const double k : c.tangent_n_m) out->add_tangent_n_m(k);
+}
+
+void budget_to(const ForceBudget& in, v1::ForceBudget* out) {
+  for (const ForceError& error : in.terms()) {
+    v1::ForceError* term = out->add_terms();
+    switch (error.term) {
+      case ErrorTerm::kSolver:
+        term->set_term(v1::ForceError::TERM_SOLVER);
+        break;
+      case ErrorTerm::kMesh:
+        term->set_term(v1::ForceError::TERM_MESH);
+        break;
+      case ErrorTerm::kFiniteStrain:
+        term->set_term(v1::ForceError::TERM_FINITE_STRAIN);
+        break;
+      case ErrorTerm::kModulus:
+        term->set_term(v1::ForceError::TERM_MODULUS);
+        break;
+    }
+    switch (error.kind) {
+      case TermKind::kBound:
+        term->set_kind(v1::ForceError::KIND_BOUND);
+        break;
+      case TermKind::kEstimate:
+        term->set_kind(v1::ForceError::KIND_ESTIMATE);
+        break;
+      case TermKind::kDeviation:
+        term->set_kind(v1::ForceError::KIND_DEVIATION);
+        break;
+    }
+    term->set_relative(error.relative);
+  }
+  out->set_half_width(in.half_width());
 }
 
 void taxels_to(const TaxelGrid& grid, const std::vector<double>& pressure_pa, v1::Array* out) {
@@ -199,6 +241,7 @@ void answer_to(const TouchStream::Arrived& asked, const TouchStream::Answered& a
   out->set_largest_strain(c.largest_strain);
   out->set_warning(in.warning);
   for (const std::string& flag : in.window_flags) out->add_window_flags(flag);
+  if (!c.budget.terms().empty()) budget_to(c.budget, out->mutable_budget());
   if (in.log_deviation) out->set_youngs_modulus_log_std(*in.log_deviation);
   region_to(in.covered, out->mutable_covered());
   if (answered.tactile) tactile_to(*answered.tactile, out->mutable_tactile());

@@ -294,6 +294,16 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
     return fmt::format(
         "the solve may be off by up to {:.2g} of the force; nu near 1/2 beside high contrast does this",
         c.solve.relative_error);
+  if (const auto& asked = options_.tolerance; asked && !c.budget.terms().empty()) {
+    const double force_n = std::hypot(c.force_n[0], c.force_n[1], c.force_n[2]);
+    if (!asked->meets(c.budget, force_n))
+      return fmt::format(
+          "the model may put the force off by {:.2g} of it (solver {:.2g}, mesh {:.2g}, finite strain "
+          "{:.2g}), "
+          "more than was asked for",
+          c.budget.of_model(), c.budget.relative(ErrorTerm::kSolver), c.budget.relative(ErrorTerm::kMesh),
+          c.budget.relative(ErrorTerm::kFiniteStrain));
+  }
   if (window_->evidence)
     for (const std::string& warning : window_->evidence->warnings)
       if (effect_of(flag_of(warning)) == FlagEffect::kDegrade) return "of the window: " + warning;
@@ -316,6 +326,9 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   if (snapshot.modulus)
     answer.log_deviation =
         felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer_.depth_m, pose.position_m[2]);
+  ForceBudget& budget = answer.contact.budget;
+  if (answer.log_deviation && !budget.terms().empty())
+    budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *answer.log_deviation});
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };

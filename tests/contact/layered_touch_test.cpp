@@ -123,6 +123,8 @@ TEST_F(ExactLayers, LeaveForceAndTangentDerivativesOfTheEnergy) {
       EXPECT_NEAR((above.force_n[k] - below.force_n[k]) / (2 * kStep), at.tangent_n_m[3 * k + c],
                   1e-3 * std::abs(at.tangent_n_m[4]));
   }
+  EXPECT_EQ(at.budget.relative(ErrorTerm::kSolver), at.solve.relative_error);
+  EXPECT_NEAR(at.budget.relative(ErrorTerm::kFiniteStrain), 0.05 * 2.2 / 8, 1e-12);
   double pressed_n = 0;
   for (const NodalPressure& p : at.pressure) pressed_n += p.pressure_pa * p.width_m[0] * p.width_m[1];
   EXPECT_NEAR(pressed_n / -at.force_n[1], 1,
@@ -146,7 +148,11 @@ TEST_F(ExactLayers, TakeMostOfTheNodesErrorAway) {
     const double on_nodes = coarse.touch(kRounded, pose).force_n[1];
     fine.touch(kRounded, pose);
     const double truth = fine.felt_answer(kRounded, pose).force_n[1];
-    const double off = coarse.felt_answer(kRounded, pose).force_n[1] / truth - 1;
+    const ContactAnswer answer = coarse.felt_answer(kRounded, pose);
+    const double off = answer.force_n[1] / truth - 1;
+    const double stated = answer.budget.relative(ErrorTerm::kMesh);
+    EXPECT_LT(std::abs(off), 2 * stated) << d;
+    EXPECT_LT(stated, 0.03) << d;
     EXPECT_LT(std::abs(off), 0.02) << d;
     EXPECT_LT(std::abs(off), 0.4 * std::abs(on_nodes / truth - 1)) << d;
   }

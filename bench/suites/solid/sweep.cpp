@@ -145,9 +145,10 @@ void judge(const std::vector<Answered>& answers, const service::SolidBlock& bloc
   for (std::size_t s = 0; s < samples; ++s) {
     const Answered& a = answers[(2 * s + 1) * answers.size() / (2 * samples)];
     const auto [x, y, z] = a.position_m;
-    const auto truth =
-        exact.touch({}, {x - block.origin_x_m, y, z - block.origin_z_m}, {.force_error = kTruthError});
-    if (!truth.solve.converged) throw BenchError("the force that answers are held against is not known");
+    const service::Vector3 pose{x - block.origin_x_m, y, z - block.origin_z_m};
+    const bool converged = exact.touch({}, pose, {.force_error = kTruthError}).solve.converged;
+    const auto truth = exact.felt_answer({}, pose);
+    if (!converged) throw BenchError("the force that answers are held against is not known");
     const Eigen::Vector3d f(a.force_n.data()), t(truth.force_n.data());
     const double error = (f - t).norm() / t.norm();
     sweep.samples.push_back({a.time_s, t.norm(), error, a.stated});
