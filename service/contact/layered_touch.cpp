@@ -17,9 +17,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Radii of contacts in the table, each so much wider than the one before, up to this share of the tip's.
+// Radii of contacts in the table, each so much wider than the one before, up to this share of a sphere's;
+// of a paraboloid so many times its radius of curvature.
 constexpr double kLeastRadius = 1e-4, kWider = 1.15, kWidest = 0.97;
-constexpr double kMostRadius = 0.02;
+constexpr double kMostRadius = 0.03, kOfParaboloid = 3;
 constexpr Index kPoints = 32;  // of the equation, over the contact
 // Waves shorter than this times the topmost layer's thickness do not feel what lies below it.
 constexpr double kMostWave = 18;
@@ -133,7 +134,7 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
   const LayerStack stack = merged(given);
   const double nu = stack.poisson_ratio, plane_pa = stack.youngs_modulus_pa.front() / (1 - nu * nu);
   const bool sphere = tip.shape == FingertipShape::kSphere;
-  const double widest = std::min(kMostRadius, (sphere ? kWidest : 1.2) * tip.radius_m);
+  const double widest = std::min(kMostRadius, (sphere ? kWidest : kOfParaboloid) * tip.radius_m);
   const Quadrature contact = gauss_legendre(kPoints);
   const Eigen::Map<const VectorXd> point(contact.at.data(), kPoints), weight(contact.weight.data(), kPoints);
   const Waves waves = waves_of(stack, widest);

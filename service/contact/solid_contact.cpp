@@ -183,7 +183,7 @@ auto SolidContact<T>::Factor::row(const SolidGrid& grid, const LayeredTissue& ti
   const double wide_m = choices::kLeastPeriod * grid.y_m.back();
   auto solved = index == 0 ? surface : std::make_shared<const SolidRow>(SolidRow{index, compliance(0, 0)});
   auto made = std::make_shared<Row>(
-      Row{std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM), std::nullopt, {}});
+      Row{std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM), std::nullopt});
   rows[index] = made;
   return made;
 }
@@ -258,15 +258,24 @@ template <class T>
 std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_layers(const Fingertip& tip) const {
   constexpr std::size_t kMostTips = 8;
   if (row() > 0 || !LayeredTouch::knows(tip)) return nullptr;
-  const std::lock_guard lock(factor_->mutex);
-  auto& exact = row_->exact;
-  const auto found = std::ranges::find(exact, tip, [](const auto& e) { return e.first; });
-  if (found != exact.end()) return found->second;
+  auto& exact = factor_->exact;
+  const auto found = [&]() -> std::shared_ptr<const LayeredTouch> {
+    const auto at = std::ranges::find(exact, tip, [](const auto& e) { return e.first; });
+    return at == exact.end() ? nullptr : at->second;
+  };
+  {
+    const std::lock_guard lock(factor_->exact_mutex);
+    if (auto known = found()) return known;
+  }
   LayerStack stack{{}, modulus_->layers.youngs_modulus_pa, tissue_.poisson_ratio};
   for (std::size_t j = 0; j < tissue_.grid.layers(); ++j)
     stack.thickness_m.push_back(tissue_.grid.y_m[j + 1] - tissue_.grid.y_m[j]);
+  auto made = std::make_shared<const LayeredTouch>(stack, tip);
+  const std::lock_guard lock(factor_->exact_mutex);
+  if (auto known = found()) return known;
   if (exact.size() == kMostTips) exact.pop_front();
-  return exact.emplace_back(tip, std::make_shared<const LayeredTouch>(stack, tip)).second;
+  exact.emplace_back(tip, made);
+  return made;
 }
 
 template <class T>

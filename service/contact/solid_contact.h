@@ -92,8 +92,6 @@ class SolidContact {
     std::shared_ptr<const SolidRow> solved;
     SurfaceCompliance wide, smooth;
     std::optional<EnergyShares> shares;  // of who corrects
-    // Of the factor's layers under the tips touched last, under the factor's mutex.
-    std::deque<std::pair<Fingertip, std::shared_ptr<const LayeredTouch>>> exact = {};
   };
   // Shared by all contacts whose modulus it solves.
   struct Factor {
@@ -104,6 +102,10 @@ class SolidContact {
     const std::shared_ptr<const SolidRow> surface;
     std::mutex mutex;
     std::map<std::size_t, std::weak_ptr<Row>> rows;  // under the mutex
+    // Of the layers under the tips touched last, under this mutex: answers wait for no row that is being
+    // made.
+    std::mutex exact_mutex;
+    std::deque<std::pair<Fingertip, std::shared_ptr<const LayeredTouch>>> exact;
   };
   SolidContact(const SolidTissue&, std::shared_ptr<Factor>, std::shared_ptr<const SolidModulus<T>>,
                std::size_t row);

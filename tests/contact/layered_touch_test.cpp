@@ -68,6 +68,12 @@ TEST(LayeredTouch, EnergyForceAndStiffnessAreEachOthersDerivatives) {
   EXPECT_THROW(touch.at(1.01 * touch.most_m()), std::out_of_range);
 }
 
+// As deep as tissue lets a finger of usual size.
+TEST(LayeredTouch, KnowsDeepTouches) {
+  EXPECT_GT(LayeredTouch({{0.04}, {1e4}, 0.49}, kRounded).most_m(), 0.03);
+  EXPECT_GT(LayeredTouch({{0.04}, {1e4}, 0.49}, tip_of(FingertipShape::kSphere)).most_m(), 0.008);
+}
+
 TEST(LayeredTouch, KnowsFrictionlessRoundTipsAlone) {
   Fingertip stuck = kRounded;
   stuck.friction = Friction::kStuck;
