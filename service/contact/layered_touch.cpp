@@ -21,7 +21,14 @@ using Eigen::VectorXd;
 // of a paraboloid so many times its radius of curvature.
 constexpr double kLeastRadius = 1e-4, kWider = 1.15, kWidest = 0.97;
 constexpr double kMostRadius = 0.03, kOfParaboloid = 3;
-constexpr Index kPoints = 32;  // of the equation, over the contact
+// A contact is at most so many times as wide as the topmost layer is thick: points of its equation are added
+// with that.
+constexpr double kMostOfTopLayer = 16;
+constexpr Index kPoints = 32, kPointsOfTopLayer = 8;
+// F grows with so high a power of d at least, and at most: rows beyond are not solved well.
+constexpr double kLeastPower = 1, kMostPower = 4;
+// Deeper than is known what was added to ln U fades to a constant within this share of what is known.
+constexpr double kFades = 0.25;
 // Waves shorter than this times the topmost layer's thickness do not feel what lies below it.
 constexpr double kMostWave = 18;
 constexpr Index kPanel = 12;  // points of a panel of wave numbers
@@ -134,26 +141,32 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
   const LayerStack stack = merged(given);
   const double nu = stack.poisson_ratio, plane_pa = stack.youngs_modulus_pa.front() / (1 - nu * nu);
   const bool sphere = tip.shape == FingertipShape::kSphere;
-  const double widest = std::min(kMostRadius, (sphere ? kWidest : kOfParaboloid) * tip.radius_m);
-  const Quadrature contact = gauss_legendre(kPoints);
-  const Eigen::Map<const VectorXd> point(contact.at.data(), kPoints), weight(contact.weight.data(), kPoints);
+  const double widest = std::min({kMostRadius, (sphere ? kWidest : kOfParaboloid) * tip.radius_m,
+                                  kMostOfTopLayer * stack.thickness_m.front()});
   const Waves waves = waves_of(stack, widest);
   const auto rise = [&](double t) {
     return sphere ? t * std::atanh(t / tip.radius_m) : t * t / tip.radius_m;
   };
   for (double a = std::min(kLeastRadius, widest / 4); a <= widest; a *= kWider) {
+    const Index points = kPoints + kPointsOfTopLayer * std::lround(a / stack.thickness_m.front());
+    const Quadrature contact = gauss_legendre(points);
+    const Eigen::Map<const VectorXd> point(contact.at.data(), points), weight(contact.weight.data(), points);
     const MatrixXd cosines = (a * waves.at * point.transpose()).array().cos();
     const MatrixXd weighted = (2 * a / std::numbers::pi * waves.share).asDiagonal() * cosines;
     MatrixXd equation = (cosines.transpose() * weighted) * weight.asDiagonal();
     equation.diagonal().array() += 1;
-    MatrixXd right(kPoints, 2);
-    right << VectorXd::Ones(kPoints), (a * point).unaryExpr(rise);
+    MatrixXd right(points, 2);
+    right << VectorXd::Ones(points), (a * point).unaryExpr(rise);
     const MatrixXd f = equation.partialPivLu().solve(right);
     const Eigen::RowVector2d sum = a * weight.transpose() * f;
     const VectorXd edge = (weighted.transpose() * (a * waves.at).array().cos().matrix()).cwiseProduct(weight);
     const Eigen::RowVector2d at_edge = Eigen::RowVector2d(1, rise(a)) - edge.transpose() * f;
     const double d = at_edge[1] / at_edge[0], force = 2 * plane_pa * (d * sum[0] - sum[1]);
-    rows_.push_back({d, std::log(d), std::log(force), 2 * plane_pa * sum[0] * d / force, std::log(a), 0});
+    const Row row{d, std::log(d), std::log(force), 2 * plane_pa * sum[0] * d / force, std::log(a), 0};
+    const bool solved = d > 0 && force > 0 && row.power > kLeastPower && row.power < kMostPower &&
+                        (rows_.empty() || (d > most_m() && row.log_force > rows_.back().log_force));
+    if (!solved) break;
+    rows_.push_back(row);
   }
   for (std::size_t n = 0; n < rows_.size(); ++n)
     rows_[n].energy_j = n == 0 ? rows_[0].force_n() * rows_[0].indentation_m / (rows_[0].power + 1)
@@ -162,8 +175,11 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
 
 LayeredTouch::At LayeredTouch::at(double d) const {
   if (!(d > 0)) return {};
-  if (d > most_m())
+  if (rows_.empty() || d > most_m())
     throw std::out_of_range(fmt::format("layered touch: {} m deep, up to {} m are known", d, most_m()));
+  if (rows_.size() == 1 && d == most_m())
+    return {rows_[0].force_n(), rows_[0].power * rows_[0].force_n() / d, rows_[0].energy_j,
+            std::exp(rows_[0].log_radius)};
   const auto above = std::ranges::upper_bound(rows_, d, {}, &Row::indentation_m);
   if (above == rows_.begin()) {  // of the topmost layer alone, about
     const Row& first = rows_.front();
@@ -178,8 +194,10 @@ LayeredTouch::At LayeredTouch::at(double d) const {
           std::exp((1 - t) * rows.before.log_radius + t * rows.after.log_radius)};
 }
 
-double make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact) {
-  if (answer.state != ContactState::kContact || !(layered.energy_j > 0) || !(answer.energy_j > 0)) return 0;
+bool make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact,
+                       double beyond_m, double known_m) {
+  if (answer.state != ContactState::kContact || !(layered.energy_j > 0) || !(answer.energy_j > 0))
+    return false;
   using Three = Eigen::Vector3d;
   using Square = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   // Of ln U: its gradient, and its second derivatives.
@@ -189,19 +207,31 @@ double make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, co
   };
   const Three of_nodes = slope(answer), of_layers = slope(layered);
   const double power = exact.force_n / exact.energy_j;
-  const Three g = of_nodes - of_layers + Three(0, power, 0);
-  Square h = bend(answer, of_nodes) - bend(layered, of_layers);
-  h(1, 1) += exact.stiffness_n_m / exact.energy_j - power * power;
+  double ratio = std::log(exact.energy_j / layered.energy_j);  // what is added to ln U
+  Three by = -of_layers + Three(0, power, 0);
+  Square twice = -bend(layered, of_layers);
+  twice(1, 1) += exact.stiffness_n_m / exact.energy_j - power * power;
+  if (beyond_m > 0) {  // it goes on with that slope, ever less
+    const double length = kFades * known_m, left = std::exp(-beyond_m / length);
+    ratio += by[1] * length * (1 - left);
+    by[1] *= left;
+    twice.row(1).setZero(), twice.col(1).setZero();
+    twice(1, 1) = -by[1] / length;
+  }
+  const Three g = of_nodes + by;
+  Square h = bend(answer, of_nodes) + twice;
   h += g * g.transpose();
-  const double before_n = answer.force_n[1], own = std::abs(std::log(answer.energy_j / layered.energy_j));
-  answer.energy_j *= exact.energy_j / layered.energy_j;
+  const double before_n = answer.force_n[1];
+  answer.energy_j *= std::exp(ratio);
   for (std::size_t c = 0; c < 3; ++c) answer.force_n[c] = -answer.energy_j * g[static_cast<Index>(c)];
   Square::Map(answer.tangent_n_m.data()) = -answer.energy_j * (h + h.transpose()) / 2;
+  answer.largest_strain *= answer.force_n[1] / before_n;
+  answer.strain_beyond_linear = answer.largest_strain > kLargestLinearStrain;
   for (NodalPressure& p : answer.pressure) {
     p.pressure_pa *= answer.force_n[1] / before_n;
     for (double& t : p.traction_pa) t *= answer.force_n[1] / before_n;
   }
-  return own;
+  return true;
 }
 
 }  // namespace teletact::service

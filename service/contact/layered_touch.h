@@ -23,7 +23,8 @@ class LayeredTouch {
   // A rounded tip or a sphere, frictionless; else std::invalid_argument.
   static bool knows(const Fingertip&);
   LayeredTouch(const LayerStack&, const Fingertip&);
-  double most_m() const { return rows_.back().indentation_m; }  // indentation that it knows
+  // Indentation that it knows; 0 where no contact could be solved.
+  double most_m() const { return rows_.empty() ? 0 : rows_.back().indentation_m; }
   // Nothing where the indentation is not above 0; std::out_of_range beyond most_m().
   At at(double indentation_m) const;
 
@@ -37,9 +38,11 @@ class LayeredTouch {
 };
 
 // Makes the layered part of an answer on nodes exact (T9.3): energies multiply, U = U(nodes) U0 / U0(nodes),
-// and forces, tangents and pressures follow. `layered`: of the layered tissue on the same nodes at the same
-// pose; where that has no contact, nothing is changed. Returns |ln(U(nodes) / U0(nodes))|: how much of the
-// answer is the nodes' own.
-double make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact);
+// and forces, tangents, pressures and strains follow. `layered`: of the layered tissue on the same nodes,
+// `exact`: its exact touch, both at the same pose; of a pose that is beyond_m deeper than the known_m that
+// are known, at that depth: ln(U0 / U0(nodes)) then goes on with the slope it has there, ever less. False,
+// and nothing is changed, where either has no contact.
+bool make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact,
+                       double beyond_m = 0, double known_m = 0);
 
 }  // namespace teletact::service

@@ -35,9 +35,9 @@ template <class T>
 constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 4e-5;
 
 // Error of the force that is left to nodes so far apart over the square of their distance over the contact's
-// radius: of a rounded tip in all; and, where the layered part is exact, over the logarithm of what the
-// answer is of that (T9.4; solid_contact_test).
-constexpr double kOfMesh = 0.165, kOfMeshBeyondLayers = 0.12, kOfMeshOfTexture = 0.0025;
+// radius: of a round tip in all; and, where the layered part is exact, over the spread of ln(E / E0) in what
+// is felt (T9.4).
+constexpr double kOfMesh = 0.165, kOfMeshBeyondLayers = 0.09, kOfMeshOfTexture = 0.0025;
 // Error of a linear model over d / R (T9.4).
 constexpr double kOfFiniteStrain = 0.05;
 
@@ -137,6 +137,30 @@ void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {
     }
   }
   if (!finite) throw std::domain_error("contact: the answer is not finite; the model is unusable");
+}
+
+std::size_t nearest_node(const SolidGrid& grid, const Vector3& pose) {
+  const auto column = [](double at_m, double spacing_m, std::size_t period) {
+    const auto n = static_cast<long>(period);
+    return static_cast<std::size_t>((std::lround(at_m / spacing_m) % n + n) % n);
+  };
+  return column(pose[0], grid.spacing_x_m, grid.nx) + grid.nx * column(pose[2], grid.spacing_z_m, grid.nz);
+}
+
+// The exact touch of the layers alone, on the nearest node: of a tip so light that it touches none.
+void touch_layers(const SolidGrid& grid, const LayeredTouch::At& layers, const Vector3& pose,
+                  ContactAnswer& answer) {
+  answer.state = ContactState::kContact;
+  answer.energy_j = layers.energy_j;
+  answer.force_n = {0, -layers.force_n, 0};
+  answer.tangent_n_m[4] = -layers.stiffness_n_m;
+  const std::size_t node = nearest_node(grid, pose);
+  const double x_m = grid.spacing_x_m, z_m = grid.spacing_z_m;
+  answer.pressure = {{{static_cast<double>(node % grid.nx) * x_m, grid.y_m.front(),
+                       static_cast<double>(node / grid.nx) * z_m},
+                      layers.force_n / (x_m * z_m),
+                      {},
+                      {x_m, z_m}}};
 }
 
 // None where nothing touches.
@@ -256,12 +280,14 @@ ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose,
 
 template <class T>
 std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_layers(const Fingertip& tip) const {
-  constexpr std::size_t kMostTips = 8;
+  constexpr std::size_t kMostTips = 32;
   if (row() > 0 || !LayeredTouch::knows(tip)) return nullptr;
   auto& exact = factor_->exact;
   const auto found = [&]() -> std::shared_ptr<const LayeredTouch> {
     const auto at = std::ranges::find(exact, tip, [](const auto& e) { return e.first; });
-    return at == exact.end() ? nullptr : at->second;
+    if (at == exact.end()) return nullptr;
+    std::rotate(at, at + 1, exact.end());  // the one used longest ago goes first
+    return exact.back().second;
   };
   {
     const std::lock_guard lock(factor_->exact_mutex);
@@ -282,19 +308,25 @@ template <class T>
 ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& pose,
                                            double force_error) const {
   ContactAnswer answer = this->answer(tip, pose, force_error);
-  if (answer.state != ContactState::kContact) return answer;
+  if (!(pose[1] > 0)) return answer;
+  const SolidGrid& grid = tissue_.grid;
+  const double spacing_m =
+      std::max({grid.spacing_x_m, grid.spacing_z_m, grid.y_m[row() + 1] - grid.y_m[row()]});
   double of_mesh = kOfMesh;
-  const auto exact = exact_layers(tip);
-  if (exact && pose[1] <= exact->most_m()) {
-    const LayeredTouch::At layers = exact->at(pose[1]).times(1 / drift_.scale);
-    of_mesh =
-        kOfMeshBeyondLayers * make_layers_exact(answer, answer_by(*layered_, tip, pose, force_error), layers);
+  if (const auto exact = exact_layers(tip); exact && exact->most_m() > 0) {
+    const double known_m = exact->most_m();
+    const Vector3 at{pose[0], std::min(pose[1], known_m), pose[2]};
+    const LayeredTouch::At layers = exact->at(at[1]).times(1 / drift_.scale);
+    if (answer.state != ContactState::kContact)  // above all nodes
+      touch_layers(grid, layers, pose, answer);
+    else if (make_layers_exact(answer, answer_by(*layered_, tip, at, force_error), layers, pose[1] - known_m,
+                               known_m))
+      of_mesh = kOfMeshBeyondLayers * std::sqrt(known(tip)->beyond_layers(nearest_node(grid, pose)));
   }
-  // Nothing is known of the mesh under edges and pads.
-  if (tip.shape != FingertipShape::kRoundedTip && tip.shape != FingertipShape::kSphere) return answer;
-  const double spacing_m = std::max(tissue_.grid.spacing_x_m, tissue_.grid.spacing_z_m);
-  answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
+  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
+  if (!round || answer.state != ContactState::kContact) return answer;  // under edges no rule is known
   const double mesh = of_mesh * spacing_m * spacing_m / (tip.radius_m * pose[1]);
+  answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
   answer.budget.add({ErrorTerm::kMesh, TermKind::kEstimate, mesh + kOfMeshOfTexture});
   answer.budget.add(
       {ErrorTerm::kFiniteStrain, TermKind::kEstimate, kOfFiniteStrain * pose[1] / tip.radius_m});

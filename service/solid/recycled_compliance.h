@@ -44,6 +44,11 @@ class RecycledCompliance {
   // mostly beyond them, what dS is at most.
   Eigen::VectorXd error_between(const std::vector<std::size_t>& unknowns, const Eigen::MatrixXd& a,
                                 const Eigen::VectorXd& b) const;
+  // What a guess may be off by at a node of the row over itself (FeltModulus::beyond): 0 where all is
+  // layered.
+  double beyond_layers(std::size_t node) const {
+    return felt_ ? felt_->beyond[static_cast<Eigen::Index>(node)] : largest_;
+  }
   std::size_t pairs() const { return pairs_.size(); }
 
  private:

@@ -90,6 +90,11 @@ bool trusted_meanwhile(const SolveReport& solve) {
   return solve.improving && solve.relative_error - solve.of_model <= choices::kTrustedMeanwhile;
 }
 
+void add_modulus(const std::optional<double>& log_deviation, ContactAnswer& contact) {
+  if (log_deviation && !contact.budget.terms().empty())
+    contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *log_deviation});
+}
+
 void check_normal(const Vector3& asked, const Layer& layer) {
   constexpr double kRounding = 1e-6;
   for (std::size_t i = 0; i < asked.size(); ++i)
@@ -326,9 +331,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   if (snapshot.modulus)
     answer.log_deviation =
         felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer_.depth_m, pose.position_m[2]);
-  ForceBudget& budget = answer.contact.budget;
-  if (answer.log_deviation && !budget.terms().empty())
-    budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *answer.log_deviation});
+  add_modulus(answer.log_deviation, answer.contact);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };
@@ -351,6 +354,8 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   if (!prepare(pose, 0, std::chrono::milliseconds(0))) return std::nullopt;
   const auto& [x_m, y_m, z_m] = pose.position_m;
   ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->touch(options_.fingertip, pose)};
+  if (snapshot.modulus)
+    add_modulus(felt_log_deviation(*snapshot.modulus, x_m, layer_.depth_m, z_m), touch.contact);
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
       !doubt(touch.contact, snapshot, pose).empty())
     return std::nullopt;

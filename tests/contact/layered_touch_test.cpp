@@ -68,6 +68,27 @@ TEST(LayeredTouch, EnergyForceAndStiffnessAreEachOthersDerivatives) {
   EXPECT_THROW(touch.at(1.01 * touch.most_m()), std::out_of_range);
 }
 
+// What cannot be solved is not in the table: a thin soft layer under a wide contact.
+TEST(LayeredTouch, GrowsAndIsFiniteWhateverTheLayers) {
+  LayerStack striped{std::vector<double>(60, 0.0002), std::vector<double>(60, 1e4), 0.3};
+  for (std::size_t n = 0; n < 60; n += 2) striped.youngs_modulus_pa[n] = 1e3;
+  for (const LayerStack& stack :
+       {LayerStack{{0.0001, 0.02}, {1e4, 1e5}, 0.49}, LayerStack{{0.0005, 0.02}, {1e4, 1e6}, 0.4999},
+        LayerStack{{0.001}, {1e4}, 0.49}, striped})
+    for (const double radius : {0.0003, 0.008, 0.06}) {
+      Fingertip tip = kRounded;
+      tip.radius_m = radius;
+      const LayeredTouch touch(stack, tip);
+      double before = 0;
+      for (double d = touch.most_m() / 200; d < touch.most_m(); d *= 1.1) {
+        const LayeredTouch::At at = touch.at(d);
+        EXPECT_GT(at.force_n, before) << radius << ' ' << d;
+        EXPECT_TRUE(std::isfinite(at.force_n) && std::isfinite(at.energy_j) && at.stiffness_n_m > 0);
+        before = at.force_n;
+      }
+    }
+}
+
 // As deep as tissue lets a finger of usual size.
 TEST(LayeredTouch, KnowsDeepTouches) {
   EXPECT_GT(LayeredTouch({{0.04}, {1e4}, 0.49}, kRounded).most_m(), 0.03);
@@ -137,6 +158,21 @@ TEST_F(ExactLayers, LeaveForceAndTangentDerivativesOfTheEnergy) {
               0.02);  // the skin's part of U changes with the depth, too (T8.6)
 }
 
+// Neither where a tip first meets a node, nor where it is deeper than the exact touch knows.
+TEST_F(ExactLayers, LeaveNoStepInTheForce) {
+  const SolidContact<double> contact(queue, layers_and_ball(1));
+  Fingertip small = tip_of(FingertipShape::kSphere);
+  small.radius_m = 0.004;
+  const auto force = [&](const Fingertip& tip, double d) {
+    return -contact.felt_answer(tip, {0.031, d, 0.031}).force_n[1];
+  };
+  const double deepest = LayeredTouch({{0.006, 0.014}, {2e4, 1e4}, 0.49}, small).most_m();
+  EXPECT_NEAR(force(small, deepest * (1 + 1e-5)) / force(small, deepest * (1 - 1e-5)), 1, 1e-3);
+  EXPECT_GT(force(small, 1.2 * deepest), force(small, deepest));
+  for (double d = 0.00002; d < 0.0006; d *= 1.02)  // the first node is met at 0.125 mm
+    EXPECT_NEAR(force(kRounded, 1.02 * d) / force(kRounded, d), std::pow(1.02, 1.5), 0.01) << d;
+}
+
 // Over a ball, on nodes 2 mm apart, against the same tissue on nodes 1 mm apart.
 TEST_F(ExactLayers, TakeMostOfTheNodesErrorAway) {
   const auto tissue = [](double spacing) {
@@ -158,7 +194,7 @@ TEST_F(ExactLayers, TakeMostOfTheNodesErrorAway) {
     const double off = answer.force_n[1] / truth - 1;
     const double stated = answer.budget.relative(ErrorTerm::kMesh);
     EXPECT_LT(std::abs(off), 2 * stated) << d;
-    EXPECT_LT(stated, 0.03) << d;
+    EXPECT_LT(stated, 0.08) << d;
     EXPECT_LT(std::abs(off), 0.02) << d;
     EXPECT_LT(std::abs(off), 0.4 * std::abs(on_nodes / truth - 1)) << d;
   }
