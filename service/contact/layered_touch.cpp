@@ -147,7 +147,10 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
   const auto rise = [&](double t) {
     return sphere ? t * std::atanh(t / tip.radius_m) : t * t / tip.radius_m;
   };
-  for (double a = std::min(kLeastRadius, widest / 4); a <= widest; a *= kWider) {
+  const double least = std::min(kLeastRadius, widest / 4);
+  const auto rows = static_cast<int>(std::log(widest / least) / std::log(kWider));
+  for (int n = 0; n <= rows; ++n) {
+    const double a = least * std::pow(kWider, n);
     const Index points = kPoints + kPointsOfTopLayer * std::lround(a / stack.thickness_m.front());
     const Quadrature contact = gauss_legendre(points);
     const Eigen::Map<const VectorXd> point(contact.at.data(), points), weight(contact.weight.data(), points);

@@ -154,10 +154,9 @@ void touch_layers(const SolidGrid& grid, const LayeredTouch::At& layers, const V
   answer.energy_j = layers.energy_j;
   answer.force_n = {0, -layers.force_n, 0};
   answer.tangent_n_m[4] = -layers.stiffness_n_m;
-  const std::size_t node = nearest_node(grid, pose);
+  const std::size_t node = nearest_node(grid, pose), i = node % grid.nx, k = node / grid.nx;
   const double x_m = grid.spacing_x_m, z_m = grid.spacing_z_m;
-  answer.pressure = {{{static_cast<double>(node % grid.nx) * x_m, grid.y_m.front(),
-                       static_cast<double>(node / grid.nx) * z_m},
+  answer.pressure = {{{static_cast<double>(i) * x_m, grid.y_m.front(), static_cast<double>(k) * z_m},
                       layers.force_n / (x_m * z_m),
                       {},
                       {x_m, z_m}}};
