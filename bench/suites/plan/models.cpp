@@ -68,7 +68,8 @@ auto PlanModels::layer_of(const PlanScene& scene) -> Layer& {
   auto& layer = layers_[{scene.poisson_ratio, scene.depth_m, scene.nx}];
   if (!layer) {
     const service::SolidTissue tissue = homogeneous(scene);
-    layer.reset(new Layer{service::LayerTouch(scene.poisson_ratio), shares_of(queue_, tissue),
+    layer.reset(new Layer{service::LayeredTouch({{scene.depth_m}, {1}, scene.poisson_ratio}, kTip),
+                          shares_of(queue_, tissue),
                           std::make_unique<RigidContact>(queue_, plane_of(tissue))});
   }
   return *layer;
@@ -123,7 +124,7 @@ double PlanModels::felt_pa(const PlanPose& pose) const {
 }
 
 double PlanModels::closed_n(const PlanPose& pose, double modulus_pa) const {
-  return layer_->touch.touch(modulus_pa, scene_->depth_m, kTip.radius_m, pose.indentation_m).force_n;
+  return layer_->touch.at(pose.indentation_m).times(modulus_pa).force_n;
 }
 double PlanModels::layer_n(const PlanPose& pose) const {
   return closed_n(pose, mean_pa_);

@@ -11,7 +11,7 @@
 
 #include "bench/rigid_contact.h"
 #include "bench/suites/plan/scenes.h"
-#include "service/contact/layer_touch.h"
+#include "service/contact/layered_touch.h"
 #include "service/contact/log_weighted_touch.h"
 #include "service/contact/solid_contact.h"
 #include "service/device/device.h"
@@ -52,7 +52,7 @@ class PlanModels {
   using Contact = service::SolidContact<float>;
   // Homogeneous tissue of the same size, whatever its modulus.
   struct Layer {
-    service::LayerTouch touch;
+    service::LayeredTouch touch;  // of 1 Pa
     service::EnergyShares shares;
     std::unique_ptr<RigidContact> plane;
   };
