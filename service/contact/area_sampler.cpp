@@ -54,6 +54,12 @@ double size_n(const Vector3& force) {
   return std::hypot(force[0], force[1], force[2]);
 }
 
+// In tolerances.
+double off_by(const LawValue& value, const Vector3& by_n) {
+  return size_n({value.by_x_n - by_n[0], value.by_d_n - by_n[1], value.by_z_n - by_n[2]}) /
+         (choices::kLawShare * size_n(by_n) + choices::kLawFloor);
+}
+
 }  // namespace
 
 AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer& layer, const Fingertip& tip,
@@ -203,14 +209,12 @@ void AreaSampler::try_cell(const Corners& corners) {
     const double d =
         std::exp(std::lerp(double(cell[0].log_depth[above]), double(cell[0].log_depth[above + 1]), row));
     const auto contact = touch(x_m, z_m, d);
-    if (!contact) {
+    const double here = contact ? off_by(evaluate(cell, x_m, d, z_m), contact->by_n) : HUGE_VAL;
+    if (!std::isfinite(here)) {
       off = 1 / choices::kLawShare;
       break;
     }
-    const LawValue value = evaluate(cell, x_m, d, z_m);
-    const auto& by = contact->by_n;
-    off = std::max(off, size_n({value.by_x_n - by[0], value.by_d_n - by[1], value.by_z_n - by[2]}) /
-                            (choices::kLawShare * size_n(by) + choices::kLawFloor));
+    off = std::max(off, here);
     known_to = std::max(known_to, contact->known_to);
   }
   for (const std::size_t i : corners) {

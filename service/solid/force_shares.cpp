@@ -1,6 +1,7 @@
 #include "service/solid/force_shares.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>

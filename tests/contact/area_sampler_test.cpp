@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <stdexcept>
@@ -21,9 +22,8 @@ constexpr Vector3 kNear{0.01, 0, 0.004};
 
 // U = k d^2.4, k = 50 (1 + bumps sin(x / 10 mm) cos(z / 8 mm)); a guess of it is `guessed` times that.
 struct Written final : TouchedLayer {
-  std::function<bool(double x_m, double z_m, double d_m)> throws = [](double, double, double) {
-    return false;
-  };
+  using At = std::function<bool(double x_m, double z_m, double d_m)>;
+  At throws = [](double, double, double) { return false; }, is_nan = throws;
   std::function<bool(double x_m)> fails_to_correct = [](double) { return false; };
   double bumps = 0.1, guessed = 1.03, stated = 0.05, touches_from_m = 0;
   bool loses_device = false;
@@ -51,6 +51,7 @@ struct Written final : TouchedLayer {
     a.solve.relative_error = corrected ? 1e-3 : stated;
     a.energy_j = u * k;
     a.force_n = {-u * by_x, -2.4 * u / d * k, -u * by_z};
+    if (is_nan(x, z, d)) a.force_n.fill(std::numeric_limits<double>::quiet_NaN());
     a.tangent_n_m[1] = -2.4 * u / d * by_x;
     a.tangent_n_m[2] = -u * by_xz;
     a.tangent_n_m[5] = -2.4 * u / d * by_z;
@@ -168,15 +169,18 @@ TEST_F(Area, EndsAboveWhatCannotBeTouchedAndIsMissingWhereNothingCan) {
 }
 
 TEST_F(Area, ClaimsNothingWhereNothingCouldBeTried) {
-  model->throws = [](double x, double z, double) {  // amid its cells
-    return x > 0.0125 && x < 0.0245 && std::abs(z) < 0.006 && std::fmod(x, 0.00618) > 1e-6 &&
-           0.00618 - std::fmod(x, 0.00618) > 1e-6;
-  };
-  sample();
-  guess();
-  const LawValue amid = evaluate(sampler->columns(), 0.0155, 2e-3, 0.001);
-  ASSERT_TRUE(amid.covered);
-  EXPECT_GE(amid.error_n, std::hypot(amid.by_x_n, amid.by_d_n, amid.by_z_n));
+  for (const auto fails : {&Written::throws, &Written::is_nan}) {
+    model = std::make_shared<Written>();
+    (*model).*fails = [](double x, double z, double) {  // amid its cells
+      return x > 0.0125 && x < 0.0245 && std::abs(z) < 0.006 && std::fmod(x, 0.00618) > 1e-6 &&
+             0.00618 - std::fmod(x, 0.00618) > 1e-6;
+    };
+    sample();
+    guess();
+    const LawValue amid = evaluate(sampler->columns(), 0.0155, 2e-3, 0.001);
+    ASSERT_TRUE(amid.covered);
+    EXPECT_GE(amid.error_n, std::hypot(amid.by_x_n, amid.by_d_n, amid.by_z_n));
+  }
 }
 
 TEST_F(Area, WhatCannotBeCorrectedStaysAGuessAndSaysSo) {
