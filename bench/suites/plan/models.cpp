@@ -35,6 +35,13 @@ service::SolidTissue homogeneous(const PlanScene& scene) {
   return tissue;
 }
 
+double linear_half_width(const service::ForceBudget& budget) {
+  service::ForceBudget linear;
+  for (const service::ForceError& e : budget.terms())
+    if (e.term != service::ErrorTerm::kFiniteStrain) linear.add(e);
+  return linear.half_width();
+}
+
 // The modulus at one z everywhere.
 service::SolidTissue extruded(service::SolidTissue tissue, std::size_t slice) {
   const std::size_t nx = tissue.grid.nx, nz = tissue.grid.nz;
@@ -155,7 +162,8 @@ void PlanModels::answer_on(const Contact& felt, double converged_n, const PlanPo
   const auto add = [&](const std::string& model, const Contact& contact, double before_ms = 0) {
     service::ContactAnswer a;
     const double ms = before_ms + all_processor_ms([&] { a = contact.felt_answer(kTip, at); });
-    out.push_back({model, -a.force_n[1], ms, a.solve.relative_error, converged_n});
+    out.push_back(
+        {model, -a.force_n[1], ms, a.solve.relative_error, converged_n, linear_half_width(a.budget)});
   };
   add(guess, felt);
   for (const std::size_t k : iterations) {

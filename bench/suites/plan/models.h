@@ -26,6 +26,8 @@ struct PlanAnswer {
   double ms = 0;           // of the processor, all threads, without what a scene is made ready with
   double stated = 0;       // that the force may be off by, over itself; 0: it states nothing
   double converged_n = 0;  // in double: of the solid on the model's nodes, or on those of M3
+  // Half width of its budget (T9.4) without finite strain: tissue is linear here. 0: it states none.
+  double budget = 0;
 };
 
 // M0: the closed form, of the modulus that is felt in the mean, and of the one felt at the place (T8.4's
