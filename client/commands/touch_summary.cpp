@@ -21,6 +21,17 @@ nlohmann::json spells(const SpellCounter& counter) {
   return {{"count", counter.count()}, {"s", counter.seconds()}};
 }
 
+// Share of the answers in contact, by the model that gave them: the contract's names.
+nlohmann::json solved_by(const std::map<v1::SolvePath, std::uint64_t>& answers) {
+  std::uint64_t all = 0;
+  for (const auto& [path, count] : answers) all += count;
+  nlohmann::json shares = nlohmann::json::object();
+  for (const auto& [path, count] : answers)
+    shares[v1::SolvePath_Name(path).substr(sizeof("SOLVE_PATH_") - 1)] =
+        static_cast<double>(count) / static_cast<double>(all);
+  return shares;
+}
+
 }  // namespace
 
 nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
@@ -79,6 +90,7 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
         {"clock_offset_error_s", link.clock_offset_error_s},
         {"layer_depth_m", link.layer_depth_m},
         {"largest_strain", link.largest_strain},
+        {"solved_by", solved_by(link.solved_by)},
         {"force_budget",
          {{"answers", link.force_budget.count()},
           {"p50", link.force_budget.percentile(0.5)},
@@ -115,6 +127,12 @@ void print(const nlohmann::json& json) {
   const auto count = [&link](const char* name) { return link[name].get<unsigned long>(); };
   std::printf("  layer     %.4f m deep; largest strain under the finger %.2f\n",
               link["layer_depth_m"].get<double>(), link["largest_strain"].get<double>());
+  if (const auto& solved_by = link["solved_by"]; !solved_by.empty()) {
+    std::string shares;
+    for (const auto& [path, share] : solved_by.items())
+      shares += fmt::format("{}{} {:.1f} %", shares.empty() ? "" : ", ", path, 100 * share.get<double>());
+    std::printf("  solved by %s of the answers in contact\n", shares.c_str());
+  }
   if (const auto& budget = link["force_budget"]; budget["answers"].get<std::uint64_t>() > 0)
     std::printf(
         "  budget    forces are within %.1f %% of the tissue's (median), %.1f %% (95 %% of the answers), by "

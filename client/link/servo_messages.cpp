@@ -70,6 +70,7 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, const 
   ForceSample& sample = out.sample;
   sample.sequence = answer.sequence();
   sample.model_version = answer.model_version();
+  sample.solved_by = static_cast<std::uint32_t>(answer.path());
   sample.pose_time_s = seconds(answer.pose_stamp().monotonic_ns());
   sample.surface = surface;
   sample.position_m = *position_m;
@@ -84,7 +85,10 @@ std::optional<ServoAnswer> to_servo_answer(const v1::TouchAnswer& answer, const 
   if (!force_n) return std::nullopt;
   sample.contact = !force_n->isZero(0);
   // Of the whole force at most; what is no number is believed to be right.
-  const double error = answer.solve().relative_force_error();
+  constexpr double kOf95 = 1.96;
+  double error = answer.solve().relative_force_error();
+  for (const v1::ForceError& term : answer.budget().terms())
+    if (term.term() == v1::ForceError::TERM_MODEL) error += kOf95 * term.relative();
   sample.relative_error = error > 0 ? std::min(error, 1.0) : 0;
   if (sample.contact) return read_force(answer, sample) ? std::optional(out) : std::nullopt;
   if (answer.has_foreseen()) {

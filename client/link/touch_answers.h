@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -20,10 +21,11 @@ struct TouchLinkStats {
   std::uint64_t answers = 0;   // received
   std::uint64_t distinct = 0;  // of them, to a pose at another position than the answer before
   std::uint64_t not_covered = 0;
-  std::uint64_t failed = 0;        // no force came: status FAILED, or one that is not known here
-  std::uint64_t preparing = 0;     // status PREPARING
-  std::uint64_t degraded = 0;      // status DEGRADED
-  double largest_strain = 0;       // under the finger
+  std::uint64_t failed = 0;     // no force came: status FAILED, or one that is not known here
+  std::uint64_t preparing = 0;  // status PREPARING
+  std::uint64_t degraded = 0;   // status DEGRADED
+  double largest_strain = 0;    // under the finger
+  std::map<v1::SolvePath, std::uint64_t> solved_by;  // answers in contact, by the model that gave them
   Histogram force_budget;          // half of the 95 % interval over the force, of answers that state it
   std::uint64_t dropped = 0;       // malformed or foreign answers
   std::uint64_t law_pieces = 0;    // of contact laws

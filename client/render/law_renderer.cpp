@@ -121,7 +121,9 @@ bool LawRenderer::update(const ForceSample& sample, const ToolPose& pose, double
   judge_age();
   check(sample);
   const double d = surface_.depth_m(position_m_);
-  const bool another = before != 0 && answered_version_ != 0 && answered_version_ != before;
+  const std::uint32_t solved_before = sample.solved_by ? std::exchange(solved_by_, sample.solved_by) : 0;
+  const bool another = before != 0 && answered_version_ != 0 &&
+                       (answered_version_ != before || (solved_before && solved_by_ != solved_before));
   if (!another || by_law_ || !(d > 0)) return kalman_.update(sample, pose, time_s);
   kalman_.distrust();
   const bool believed = kalman_.update(sample, pose, time_s);

@@ -5,8 +5,9 @@
 //
 // Answers of the version that is rendered only check it. Where there is no law, where answers are of a newer
 // version, or where the law was found wrong, the Kalman filter's model is felt, as without laws. From one to
-// the other, from a law to a newer one, and from the filter's model to that of another version, what is felt
-// changes no faster than by 7 % in 10 ms, and no harder than is paid for (potential_blend.h).
+// the other, from a law to a newer one, and from the filter's model to that of another version or of another
+// model of the service, what is felt changes no faster than by 7 % in 10 ms, and no harder than is paid for
+// (potential_blend.h).
 #pragma once
 
 #include <array>
@@ -61,7 +62,8 @@ class LawRenderer final : public Renderer {
   // Where the newest answer was computed, and with which version (0: none); nowhere on a new stream.
   Vector3 answered_m_ = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
   std::uint64_t answered_version_ = 0;
-  bool stale_ = false;  // the law is of an older one there
+  std::uint32_t solved_by_ = 0;  // the newest answer in contact
+  bool stale_ = false;           // the law is of an older one there
   // Found wrong on this stream: not rendered. The newest of them; 0: none.
   std::array<std::uint64_t, 8> wrong_{};
   TouchedSurface surface_;

@@ -21,6 +21,7 @@ struct ToolPose {
 struct ForceSample {
   std::uint64_t sequence = 0;             // of that pose
   std::uint64_t model_version = 0;        // that it was computed with
+  std::uint32_t solved_by = 0;            // which model of that version gave it; 0: it is not said
   double pose_time_s = 0;                 // when that pose was sampled, servo clock
   Vector3 position_m = Vector3::Zero();   // that pose
   Vector3 force_n = Vector3::Zero();      // on the finger: against the normal for a push

@@ -133,7 +133,11 @@ std::optional<AreaSampler::Contact> AreaSampler::touch(double x_m, double z_m, d
   const ContactAnswer answer = touched_->touch(tip_, at);
   const auto& f = answer.force_n;
   const auto& t = answer.tangent_n_m;
-  return Contact{answer.energy_j, {-f[0], -f[1], -f[2]}, {-t[1], -t[5], -t[2]}, answer.solve.relative_error};
+  return Contact{
+      answer.energy_j,
+      {-f[0], -f[1], -f[2]},
+      {-t[1], -t[5], -t[2]},
+      answer.solve.relative_error + ForceBudget::kOf95 * answer.budget.relative(ErrorTerm::kModel)};
 } catch (const DeviceError&) {
   throw;
 } catch (const MemoryRefused&) {

@@ -37,14 +37,16 @@ ContactLaws::ContactLaws(MemoryAccount account) : account_(std::move(account)) {
 ContactLaws::~ContactLaws() = default;
 
 std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const Layer& layer,
+                                                   const TouchWay& way,
                                                    const std::shared_ptr<TouchedLayer>& touched,
                                                    const Region& region, const Vector3& near_m,
-                                                   const TouchWork& work, const std::string& client) {
+                                                   const TouchWork& work) {
   auto entry = std::make_shared<Entry>();
   {
     const std::lock_guard lock(mutex_);
-    const auto found = std::find_if(entries_.begin(), entries_.end(),
-                                    [&](const auto& e) { return e->tip == tip && e->layer == layer; });
+    const auto found = std::find_if(entries_.begin(), entries_.end(), [&](const auto& e) {
+      return e->tip == tip && e->layer == layer && e->path == way.path && e->tolerance == way.tolerance;
+    });
     const bool failed = found != entries_.end() && (*found)->retry;
     if (failed && *(*found)->retry < TouchedLayer::Clock::now()) {
       entries_.erase(found);
@@ -58,12 +60,13 @@ std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const L
           std::min_element(entries_.begin(), entries_.end(),
                            [](const auto& one, const auto& other) { return one->asked < other->asked; }));
     entry->tip = tip, entry->layer = layer;
+    entry->path = way.path, entry->tolerance = way.tolerance;
     entry->make = [=] { return sampler_of(tip, layer, touched, region, near_m); };
     entry->asked = ++asked_;
     entries_.push_back(entry);
   }
   if (work) {
-    post(entry, work, client);
+    post(entry, work, way.client);
     return nullptr;
   }
   step(*entry, TouchedLayer::Clock::time_point::max());

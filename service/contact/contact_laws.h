@@ -1,5 +1,5 @@
-// The contact laws of one model (T7): one for each fingertip and layer, sampled when it is first asked for,
-// beside touch, and shared by every stream from then on.
+// The contact laws of one model (T7): one for each fingertip, layer, path and tolerance, sampled when it is
+// first asked for, beside touch, and shared by every stream from then on.
 #pragma once
 
 #include <chrono>
@@ -40,7 +40,8 @@ class LawSampling {
 // Thread-safe.
 class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
  public:
-  // Tips and layers of one model: another takes the place of the one that was asked for least recently.
+  // Tips, layers and tolerances of one model: another takes the place of the one that was asked for least
+  // recently.
   static constexpr std::size_t kMost = 8;
 
   explicit ContactLaws(MemoryAccount account);
@@ -48,16 +49,17 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
   // What is known by now: the rest is being sampled, which this asks `work` for, in the client's turn, in
   // small steps, and from where the first who asked has the finger (near_m). Null while nothing is known, and
   // for good where the model has no law: its layer is not level, it is a plane that is solved iteratively, or
-  // there is no room. `touched`: the layer, ready.
-  std::shared_ptr<const ContactLaw> get(const Fingertip&, const Layer&,
+  // there is no room. `touched`: the layer, ready, to be touched this way.
+  std::shared_ptr<const ContactLaw> get(const Fingertip&, const Layer&, const TouchWay&,
                                         const std::shared_ptr<TouchedLayer>& touched, const Region&,
-                                        const Vector3& near_m, const TouchWork& work,
-                                        const std::string& client);
+                                        const Vector3& near_m, const TouchWork& work);
 
  private:
   struct Entry {
     Fingertip tip;
     Layer layer;
+    SolvePath path;
+    std::optional<Tolerance> tolerance;
     std::function<std::unique_ptr<LawSampling>()> make;    // by its job, as it takes some time
     std::unique_ptr<LawSampling> sampler;                  // while it is at work, by its job
     std::uint64_t asked = 0;                               // counts with every question

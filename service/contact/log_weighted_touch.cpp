@@ -17,8 +17,8 @@ constexpr std::array<double, 5> kWeight{0.118463442528095, 0.239314335249683, 0.
 }  // namespace
 
 LogWeightedTouch::LogWeightedTouch(std::shared_ptr<const LayeredTouch> layered,
-                                   std::shared_ptr<const FeltForce> felt)
-    : layered_(std::move(layered)), felt_(std::move(felt)) {}
+                                   std::shared_ptr<const FeltForce> felt, double softer)
+    : layered_(std::move(layered)), felt_(std::move(felt)), softer_(softer) {}
 
 ContactAnswer LogWeightedTouch::answer(const Vector3& pose) const {
   const auto [x, d, z] = pose;
@@ -28,14 +28,14 @@ ContactAnswer LogWeightedTouch::answer(const Vector3& pose) const {
   Eigen::Matrix2d bend = Eigen::Matrix2d::Zero();
   for (std::size_t q = 0; q < kAt.size(); ++q) {
     const double t = kAt[q], at = d * t * t;
-    const LayeredTouch::At layer = layered_->at(at);
+    const LayeredTouch::At layer = layered_->at(at).times(1 / softer_);
     const FeltForce::At felt = felt_->at(x, z, layer.radius_m);
     const double work = 2 * d * t * kWeight[q] * layer.force_n * std::exp(felt.log_mean);
     out.energy_j += work;
     sideways += work * felt.slope;
     bend += work * (felt.slope * felt.slope.transpose() + felt.curvature);
   }
-  const LayeredTouch::At layer = layered_->at(d);
+  const LayeredTouch::At layer = layered_->at(d).times(1 / softer_);
   const FeltForce::At felt = felt_->at(x, z, layer.radius_m);
   const double force = layer.force_n * std::exp(felt.log_mean);
   // The radius grows as the layered stiffness has it: dF = k dd, and dF / da of a rounder contact.
@@ -51,9 +51,9 @@ ContactAnswer LogWeightedTouch::answer(const Vector3& pose) const {
   return out;
 }
 
-double LogWeightedTouch::log_variance(const Vector3& pose) const {
-  if (!(pose[1] > 0)) return 0;
-  return felt_->at(pose[0], pose[2], layered_->at(pose[1]).radius_m).log_variance;
+FeltForce::At LogWeightedTouch::felt(const Vector3& pose) const {
+  if (!(pose[1] > 0)) return {};
+  return felt_->at(pose[0], pose[2], layered_->at(pose[1]).radius_m);
 }
 
 }  // namespace teletact::service

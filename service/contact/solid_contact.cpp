@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "service/contact/fingertip.h"
+#include "service/contact/solid_answer.h"
 #include "service/contact/solid_node.h"
 
 namespace teletact::service {
@@ -19,9 +19,6 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kEdge = 0.5;  // of a contact on a half space (first_guess)
-// Largest principal strain over (1 + nu) p / E, p the mean pressure: 2/3 of twice the largest shear stress,
-// 0.31 of the largest pressure, which is 1.5 p (Johnson, Contact Mechanics, 1985, 3.4).
-constexpr double kPeakStrain = 0.62;
 // A node that touches although it overlaps by less than this share of the margin: there may be others beyond.
 constexpr double kInnerMargin = 0.8;
 // Of the force error that is asked, what a correction is solved to, in energy.
@@ -37,10 +34,7 @@ constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 4e-5;
 // Error of the force that is left to nodes so far apart over the square of their distance over the contact's
 // radius: of a round tip in all; and, where the layered part is exact, over the spread of ln(E / E0) in what
 // is felt (T9.4).
-constexpr double kOfMesh = 0.165, kOfMeshBeyondLayers = 0.09, kOfMeshOfTexture = 0.0025;
-// Error of a linear model over d / R (T9.4).
-constexpr double kOfFiniteStrain = 0.05;
-
+constexpr double kOfMesh = 0.165, kOfMeshBeyondLayers = 0.09, kOfMeshOfTexture = 0.0015;
 // Error of the force over how far the factor's layers have drifted: of the skin, and of what lies beyond the
 // block. Measured: 0.055 (slices_test).
 constexpr double kOfDrift = 0.1;
@@ -53,113 +47,6 @@ void require_touchable(const SolidGrid& grid, std::size_t row, const Fingertip& 
   if (pose[1] >= below_m)
     throw std::invalid_argument(
         fmt::format("pose: {} m deep in tissue of {} m; stay above its bottom", pose[1], below_m));
-}
-
-// Modulus of the elements around a node.
-double modulus_near_pa(const SolidTissue& tissue, std::size_t row, std::size_t node) {
-  const SolidGrid& grid = tissue.grid;
-  const std::size_t i = node % grid.nx, k = node / grid.nx;
-  const std::size_t west = (i + grid.nx - 1) % grid.nx, before = (k + grid.nz - 1) % grid.nz;
-  const std::size_t above = row > 0 ? row - 1 : row;
-  double sum = 0;
-  for (const std::size_t y : {above, row})
-    for (const std::size_t x : {west, i})
-      for (const std::size_t z : {before, k})
-        sum += tissue.youngs_modulus_pa[x + grid.nx * (z + grid.nz * y)];
-  return sum / 8;
-}
-
-// What presses: f(node, force) of each.
-template <class F>
-void each_push(const SolidGrid& grid, const LinearisedContact& contact, const F& f) {
-  for (std::size_t n = 0; n < contact.patch.unknowns.size(); ++n) {
-    const std::size_t unknown = contact.patch.unknowns[n];
-    const double p = contact.force_n[static_cast<Index>(n)];
-    if (unknown / grid.columns() == 1 && p > 0) f(unknown % grid.columns(), p);
-  }
-}
-
-std::vector<NodalPressure> pressure_of(const SolidGrid& grid, std::size_t row,
-                                       const LinearisedContact& contact) {
-  const double area = grid.spacing_x_m * grid.spacing_z_m;
-  std::map<std::size_t, Vector3> traction;
-  for (std::size_t n = 0; n < contact.patch.unknowns.size(); ++n) {
-    const std::size_t unknown = contact.patch.unknowns[n], component = unknown / grid.columns();
-    if (component != 1)
-      traction[unknown % grid.columns()][component] = contact.force_n[static_cast<Index>(n)] / area;
-  }
-  std::vector<NodalPressure> out;
-  each_push(grid, contact, [&](std::size_t node, double p) {
-    const auto sideways = traction.find(node);
-    const std::size_t i = node % grid.nx, k = node / grid.nx;
-    out.push_back({{static_cast<double>(i) * grid.spacing_x_m, grid.y_m[row],
-                    static_cast<double>(k) * grid.spacing_z_m},
-                   p / area,
-                   sideways == traction.end() ? Vector3{} : sideways->second,
-                   {grid.spacing_x_m, grid.spacing_z_m}});
-  });
-  return out;
-}
-
-double force_of(const SolidGrid& grid, const LinearisedContact& contact) {
-  double force = 0;
-  each_push(grid, contact, [&](std::size_t, double p) { force += p; });
-  return force;
-}
-
-void set_strain(const SolidTissue& tissue, std::size_t row, const LinearisedContact& contact, double depth_m,
-                ContactAnswer& answer) {
-  const SolidGrid& grid = tissue.grid;
-  const double area = grid.spacing_x_m * grid.spacing_z_m;
-  double force = 0, squares = 0, stiffness = 0;
-  each_push(grid, contact, [&](std::size_t node, double p) {
-    force += p;
-    squares += p * p;
-    stiffness += p * modulus_near_pa(tissue, row, node);
-  });
-  // Mean pressure, weighted by itself, over the modulus, weighted by what it bears.
-  const double local =
-      kPeakStrain * (1 + tissue.poisson_ratio) * (squares / force / area) / (stiffness / force);
-  answer.largest_strain = std::max(local, depth_m / (grid.y_m.back() - grid.y_m[row]));
-  answer.strain_beyond_linear = answer.largest_strain > kLargestLinearStrain;
-}
-
-void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {
-  answer.state = ContactState::kContact;
-  answer.energy_j = energy.value;
-  bool finite = std::isfinite(energy.value);
-  for (Index c = 0; c < 3; ++c) {
-    answer.force_n[static_cast<std::size_t>(c)] = -energy.gradient[c];
-    finite = finite && std::isfinite(energy.gradient[c]);
-    for (Index d = 0; d < 3; ++d) {
-      answer.tangent_n_m[static_cast<std::size_t>(3 * c + d)] = -energy.hessian(c, d);
-      finite = finite && std::isfinite(energy.hessian(c, d));
-    }
-  }
-  if (!finite) throw std::domain_error("contact: the answer is not finite; the model is unusable");
-}
-
-std::size_t nearest_node(const SolidGrid& grid, const Vector3& pose) {
-  const auto column = [](double at_m, double spacing_m, std::size_t period) {
-    const auto n = static_cast<long>(period);
-    return static_cast<std::size_t>((std::lround(at_m / spacing_m) % n + n) % n);
-  };
-  return column(pose[0], grid.spacing_x_m, grid.nx) + grid.nx * column(pose[2], grid.spacing_z_m, grid.nz);
-}
-
-// The exact touch of the layers alone, on the nearest node: of a tip so light that it touches none.
-void touch_layers(const SolidGrid& grid, const LayeredTouch::At& layers, const Vector3& pose,
-                  ContactAnswer& answer) {
-  answer.state = ContactState::kContact;
-  answer.energy_j = layers.energy_j;
-  answer.force_n = {0, -layers.force_n, 0};
-  answer.tangent_n_m[4] = -layers.stiffness_n_m;
-  const std::size_t node = nearest_node(grid, pose), i = node % grid.nx, k = node / grid.nx;
-  const double x_m = grid.spacing_x_m, z_m = grid.spacing_z_m;
-  answer.pressure = {{{static_cast<double>(i) * x_m, grid.y_m.front(), static_cast<double>(k) * z_m},
-                      layers.force_n / (x_m * z_m),
-                      {},
-                      {x_m, z_m}}};
 }
 
 // None where nothing touches.
@@ -205,8 +92,7 @@ auto SolidContact<T>::Factor::row(const SolidGrid& grid, const LayeredTissue& ti
   };
   const double wide_m = choices::kLeastPeriod * grid.y_m.back();
   auto solved = index == 0 ? surface : std::make_shared<const SolidRow>(SolidRow{index, compliance(0, 0)});
-  auto made = std::make_shared<Row>(
-      Row{std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM), std::nullopt});
+  auto made = std::make_shared<Row>(std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM));
   rows[index] = made;
   return made;
 }
@@ -278,26 +164,75 @@ ContactAnswer SolidContact<T>::answer(const Fingertip& tip, const Vector3& pose,
 }
 
 template <class T>
-std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_layers(const Fingertip& tip) const {
+void SolidContact<T>::learn_shares(const Queue& queue, std::mutex& solving) {
+  if (row() > 0) return;
+  const std::lock_guard learning(row_->learning);
+  {
+    const std::lock_guard lock(mutex_);
+    if (felt_force_) return;
+  }
+  SolidSolver<T>& solver = factor_->solver;
+  const auto layered_field = [&](const std::vector<std::size_t>& unknowns, const VectorXd& force_n) {
+    const std::lock_guard lock(solving);  // others' corrections in between
+    solver.use(modulus_);
+    solver.at(row_->solved);
+    solver.load(unknowns, force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
+    const std::vector<T> u = solver.displacement();
+    return std::vector<float>(u.begin(), u.end());
+  };
+  if (!row_->force_shares)
+    row_->force_shares.emplace(queue, tissue_.grid, modulus_->layers, tissue_.poisson_ratio, layered_field);
+  auto felt = std::make_shared<const FeltForce>(row_->force_shares->felt(tissue_, drift_.scale));
+  const std::lock_guard lock(mutex_);
+  felt_force_ = std::move(felt);
+}
+
+template <class T>
+bool SolidContact<T>::has_learned() const {
+  const std::lock_guard lock(mutex_);
+  return felt_force_ != nullptr;
+}
+
+template <class T>
+std::shared_ptr<const ClosedTouch> SolidContact<T>::closed(const Fingertip& tip) const {
+  const auto felt = [&] {
+    const std::lock_guard lock(mutex_);
+    return felt_force_;
+  }();
+  if (!felt) return nullptr;
+  const ExactTouches exact = exact_touches(tip);
+  if (!exact.layers || exact.layers->most_m() == 0 || exact.unit_layer->most_m() == 0) return nullptr;
+  auto closed =
+      std::make_shared<const ClosedTouch>(tissue_, tip, exact.unit_layer, exact.layers, felt, drift_.scale);
+  return closed->most_m() > 0 ? closed : nullptr;
+}
+
+template <class T>
+auto SolidContact<T>::exact_touches(const Fingertip& tip) const -> ExactTouches {
   constexpr std::size_t kMostTips = 32;
-  if (row() > 0 || !LayeredTouch::knows(tip)) return nullptr;
+  if (row() > 0 || !LayeredTouch::knows(tip)) return {};
   auto& exact = factor_->exact;
-  const auto found = [&]() -> std::shared_ptr<const LayeredTouch> {
+  const auto found = [&]() -> std::optional<ExactTouches> {
     const auto at = std::ranges::find(exact, tip, [](const auto& e) { return e.first; });
-    if (at == exact.end()) return nullptr;
+    if (at == exact.end()) return {};
     std::rotate(at, at + 1, exact.end());  // the one used longest ago goes first
     return exact.back().second;
   };
   {
     const std::lock_guard lock(factor_->exact_mutex);
-    if (auto known = found()) return known;
+    if (const auto known = found()) return *known;
   }
-  LayerStack stack{{}, modulus_->layers.youngs_modulus_pa, tissue_.poisson_ratio};
+  const auto table = [&](std::vector<double> thickness_m, std::vector<double> modulus_pa) {
+    return std::make_shared<const LayeredTouch>(
+        LayerStack{std::move(thickness_m), std::move(modulus_pa), tissue_.poisson_ratio}, tip);
+  };
+  std::vector<double> thickness_m;
   for (std::size_t j = 0; j < tissue_.grid.layers(); ++j)
-    stack.thickness_m.push_back(tissue_.grid.y_m[j + 1] - tissue_.grid.y_m[j]);
-  auto made = std::make_shared<const LayeredTouch>(stack, tip);
+    thickness_m.push_back(tissue_.grid.y_m[j + 1] - tissue_.grid.y_m[j]);
+  const ExactTouches made{table(thickness_m, modulus_->layers.youngs_modulus_pa),
+                          table({tissue_.grid.y_m.back()}, {1})};
   const std::lock_guard lock(factor_->exact_mutex);
-  if (auto known = found()) return known;
+  if (const auto known = found()) return *known;
   if (exact.size() == kMostTips) exact.pop_front();
   exact.emplace_back(tip, made);
   return made;
@@ -312,7 +247,7 @@ ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& 
   const double spacing_m =
       std::max({grid.spacing_x_m, grid.spacing_z_m, grid.y_m[row() + 1] - grid.y_m[row()]});
   double of_mesh = kOfMesh;
-  if (const auto exact = exact_layers(tip); exact && exact->most_m() > 0) {
+  if (const auto exact = exact_touches(tip).layers; exact && exact->most_m() > 0) {
     const double known_m = exact->most_m();
     const Vector3 at{pose[0], std::min(pose[1], known_m), pose[2]};
     const LayeredTouch::At layers = exact->at(at[1]).times(1 / drift_.scale);
@@ -327,8 +262,7 @@ ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& 
   const double mesh = of_mesh * spacing_m * spacing_m / (tip.radius_m * pose[1]);
   answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
   answer.budget.add({ErrorTerm::kMesh, TermKind::kEstimate, mesh + kOfMeshOfTexture});
-  answer.budget.add(
-      {ErrorTerm::kFiniteStrain, TermKind::kEstimate, kOfFiniteStrain * pose[1] / tip.radius_m});
+  answer.budget.add(finite_strain(tip, pose[1]));
   return answer;
 }
 

@@ -11,10 +11,12 @@
 #include <utility>
 #include <vector>
 
+#include "service/contact/closed_touch.h"
 #include "service/contact/layered_touch.h"
 #include "service/contact/touch_model.h"
 #include "service/plan/choices.h"
 #include "service/solid/felt_modulus.h"
+#include "service/solid/force_shares.h"
 #include "service/solid/recycled_compliance.h"
 #include "service/solid/solid_solver.h"
 
@@ -59,6 +61,13 @@ class SolidContact {
   // Finds how its modulus is felt, once: answers before that take all tissue for layered. One thread at a
   // time.
   void feel();
+  // Finds how forces on its surface follow from its modulus alone, once: closed() is null before that. By any
+  // thread, beside the others; on this queue, and with the solver, which it locks for each of its solutions.
+  void learn_shares(const Queue&, std::mutex& solving);
+  bool has_learned() const;
+  // The same touch without nodes; null where no closed form is known: of other tips, below the surface. By
+  // any thread; the first of a tip takes some ms.
+  std::shared_ptr<const ClosedTouch> closed(const Fingertip&) const;
   // What is known by now, by any thread beside the others.
   // Pose: [x, indentation, z], x and z in the block's coordinates, the indentation from the undeformed row.
   // U(pose) = max over p_y >= 0, p_x, p_z of p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in
@@ -89,9 +98,17 @@ class SolidContact {
  private:
   // A row of nodes of a factor: shared by all contacts with it.
   struct Row {
+    Row(std::shared_ptr<const SolidRow> solved, SurfaceCompliance wide, SurfaceCompliance smooth)
+        : solved(std::move(solved)), wide(std::move(wide)), smooth(std::move(smooth)) {}
     std::shared_ptr<const SolidRow> solved;
     SurfaceCompliance wide, smooth;
     std::optional<EnergyShares> shares;  // of who corrects
+    std::mutex learning;                 // of the shares of forces on the surface
+    std::optional<ForceShares> force_shares;
+  };
+  // Of a tip: of the layers, and of a homogeneous layer of 1 Pa.
+  struct ExactTouches {
+    std::shared_ptr<const LayeredTouch> layers, unit_layer;
   };
   // Shared by all contacts whose modulus it solves.
   struct Factor {
@@ -105,7 +122,7 @@ class SolidContact {
     // Of the layers under the tips touched last, under this mutex: answers wait for no row that is being
     // made.
     std::mutex exact_mutex;
-    std::deque<std::pair<Fingertip, std::shared_ptr<const LayeredTouch>>> exact;
+    std::deque<std::pair<Fingertip, ExactTouches>> exact;
   };
   SolidContact(const SolidTissue&, std::shared_ptr<Factor>, std::shared_ptr<const SolidModulus<T>>,
                std::size_t row);
@@ -113,8 +130,8 @@ class SolidContact {
   Known known(const Fingertip&) const;
   ContactAnswer answer_by(const RecycledCompliance&, const Fingertip&, const Vector3& pose,
                           double force_error) const;
-  // Null where it does not know the tip, or the row is not the surface.
-  std::shared_ptr<const LayeredTouch> exact_layers(const Fingertip&) const;
+  // Both null where they do not know the tip, or the row is not the surface.
+  ExactTouches exact_touches(const Fingertip&) const;
   SolidTissue tissue_;
   std::shared_ptr<Factor> factor_;
   std::shared_ptr<const SolidModulus<T>> modulus_;
@@ -124,6 +141,7 @@ class SolidContact {
   bool felt_ = false;         // of who corrects
   mutable std::mutex mutex_;  // of the pointers
   Known frictionless_, stuck_;
+  std::shared_ptr<const FeltForce> felt_force_;
   std::atomic<std::size_t> corrections_ = 0;
 };
 

@@ -1,6 +1,7 @@
 #include "service/contact/solid_layer.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -20,6 +21,7 @@ double around(double period_m, double begin_m, double end_m) {
 // A finger slower than this rests; one that would be faster, or is farther from where it was known, was put
 // down elsewhere. A correction is as good as this share of what is stated where it is made: at most so
 // coarse, a fast finger is soon elsewhere.
+constexpr std::chrono::seconds kLearnAgain{1};
 constexpr double kStillMS = 0.001, kFastestMS = 0.5, kFarthestM = 0.008, kCorrected = 0.2,
                  kMostCorrected = 0.01;
 
@@ -68,7 +70,9 @@ SolidLayer::SolidLayer(const SolidLayer& other, const MemoryAccount& account, Ch
 SolidLayer::SolidLayer(const SolidBlock& block, const SolidLayer& before, const MemoryAccount& account)
     : SolidLayer(before, account, {}, [&] {
         return SolidContact<float>(before.device_->queue(account), before.contact_, block.tissue);
-      }) {}
+      }) {
+  follows_learned_ = before.contact_.has_learned();
+}
 
 // Its copy of the moduli, what its touches leave and the shares of energy.
 SolidLayer::SolidLayer(const SolidLayer& same, std::size_t row, const MemoryAccount& account)
@@ -115,6 +119,50 @@ class LayerApart final : public TouchedLayer {
 
 std::shared_ptr<TouchedLayer> SolidLayer::apart() {
   return std::make_shared<LayerApart>(*this);
+}
+
+void SolidLayer::learn_shares() {
+  contact_.learn_shares(device_->queue(account_), *mutex_);
+  const std::lock_guard lock(learned_mutex_);
+  learned_ = true;
+  not_learned_ = nullptr;
+}
+
+bool SolidLayer::learned(const std::shared_ptr<SolidLayer>& layer, const TouchWork& work,
+                         const std::string& client) {
+  {
+    const std::lock_guard lock(layer->learned_mutex_);
+    if (layer->learned_) return true;
+    if (layer->asked_to_learn_ || Clock::now() < layer->learns_again_) return false;
+    layer->asked_to_learn_ = true;
+  }
+  const auto learn = [weak = std::weak_ptr(layer)] {
+    const auto layer = weak.lock();
+    if (!layer) return;
+    std::exception_ptr failure;
+    try {
+      layer->learn_shares();
+    } catch (const std::exception& error) {
+      spdlog::warn("event=shares_not_learned error=\"{}\"", error.what());
+      failure = std::current_exception();
+    }
+    const std::lock_guard lock(layer->learned_mutex_);
+    layer->asked_to_learn_ = false;
+    if (!failure) return;
+    layer->not_learned_ = failure;
+    layer->learns_again_ = Clock::now() + kLearnAgain;
+  };
+  if (work)
+    work(client, learn);
+  else
+    learn();
+  const std::lock_guard lock(layer->learned_mutex_);
+  return layer->learned_;
+}
+
+std::exception_ptr SolidLayer::not_learned() {
+  const std::lock_guard lock(learned_mutex_);
+  return not_learned_;
 }
 
 bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double around_m,

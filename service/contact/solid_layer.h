@@ -35,6 +35,18 @@ class SolidLayer final : public TouchedLayer {
                                                              double force_n) const override;
   std::string remark(const Fingertip&, const TouchPose&) const override;
   std::shared_ptr<TouchedLayer> apart() override;
+  // SolidContact's, by any thread. Throws DeviceError, MemoryRefused.
+  void learn_shares();
+  // Whether that is done; has it done by `work`, and again a while after it failed, which the log says.
+  static bool learned(const std::shared_ptr<SolidLayer>&, const TouchWork& work, const std::string& client);
+  // Of the last time; null: nothing failed.
+  std::exception_ptr not_learned();
+  // Whether what it took the place of had learned: until it has, that one answers.
+  bool follows_learned() const { return follows_learned_; }
+  std::shared_ptr<const ClosedTouch> closed(const Fingertip& tip) const { return contact_.closed(tip); }
+  Vector3 in_block(const TouchPose&) const;
+  // Throws std::out_of_range where the tip is beside the block.
+  void require_covered(const Fingertip&, const TouchPose&) const;
   std::array<double, 2> spacing_m(double) const override { return spacing_m_; }
 
  private:
@@ -51,14 +63,12 @@ class SolidLayer final : public TouchedLayer {
     Vector3 position_m;
     Clock::time_point at;
   };
-  Vector3 in_block(const TouchPose&) const;
   void move_to_scene(std::vector<NodalPressure>&) const;
   // Whether a finger that may have come from there was answered well a short time ago.
   bool follows(const TouchPose&);
   void follow(const TouchPose&);
   std::deque<Track>::iterator own_track(const TouchPose&);
   bool covers(const Fingertip&, const Vector3& position_m) const;
-  void require_covered(const Fingertip&, const TouchPose&) const;
   ContactAnswer answered(const Fingertip&, const TouchPose&);  // by what was learned up to now
   void correct(const Fingertip&, const TouchPose&);            // by the corrector's thread
   // Others would fail as well, and another device may not. Once: the next touch tries again.
@@ -77,6 +87,11 @@ class SolidLayer final : public TouchedLayer {
   std::optional<Last> last_;
   std::deque<Track> tracks_;                 // of fingers that are followed
   std::atomic<std::size_t> iterations_ = 0;  // of corrections since the last answer
+  bool follows_learned_ = false;
+  std::mutex learned_mutex_;  // of these
+  bool asked_to_learn_ = false, learned_ = false;
+  std::exception_ptr not_learned_;
+  Clock::time_point learns_again_{};
   Corrector corrector_{
       [this](const Fingertip& tip, const TouchPose& pose) { correct(tip, pose); }};  // ends first
 };

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "service/contact/plane_touch_model.h"
+#include "service/contact/planned_layer.h"
 #include "service/contact/solid_layer.h"
 #include "service/device/device.h"
 
@@ -16,10 +17,10 @@ namespace teletact::service {
 SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const SolidTouchModel* before)
     : TouchModel(account), state_(std::make_shared<State>()) {
   validate(block.tissue);
-  // The block and its copy that is touched, the factor while it is made, and what touches leave: 12 pairs of
-  // either friction.
+  // The block and its copy that is touched, the factor while it is made, its shares of forces, and what
+  // touches leave: 12 pairs of either friction.
   const SolidGrid& grid = block.tissue.grid;
-  state_->charge = account.charge(Place::kHost, "solids", 70 * grid.elements() + 3100 * grid.columns());
+  state_->charge = account.charge(Place::kHost, "solids", 95 * grid.elements() + 3250 * grid.columns());
   state_->block = std::move(block);
   state_->account = std::move(account);
   if (!before || take_over(*state_, *before->state_, nullptr)) return;
@@ -81,6 +82,14 @@ TouchCost SolidTouchModel::cost() const {
   return {elements * (5 * 3 + 4 + 4 + 1) * sizeof(float), 150.0 * static_cast<double>(elements)};
 }
 
+std::string SolidTouchModel::plan() const {
+  const Fingertip usual;
+  const auto surface = ready(*state_).first;
+  const auto closed = surface ? surface->closed(usual) : nullptr;
+  if (!closed) return "how its surface is touched is planned at the first touch";
+  return plan_of(usual, *closed, usual_tolerance(state_->block.log_deviation));
+}
+
 std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const TouchWay& way,
                                                      const TouchWork& work) const {
   const std::vector<Layer> all = layers();
@@ -90,8 +99,19 @@ std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const T
   if (way.path == SolvePath::kCompliance)
     throw std::invalid_argument("open.path: a solid has too many unknowns to be condensed; use auto or pcg");
   if (!way.device) throw DeviceError("solid tissue is solved on an OpenCL device, and there is none");
-  auto top = surface(way, work);
+  const bool closed = way.path != SolvePath::kAuto && way.path != SolvePath::kPcg;
   const auto below = static_cast<std::size_t>(at - all.begin());
+  if (closed && below > 0)
+    throw std::invalid_argument("open.path: below the surface a solid has no closed form; use auto or pcg");
+  auto top = surface(way, work);
+  if (top && below == 0 && way.path != SolvePath::kPcg && way.closed_forms) {
+    if (!SolidLayer::learned(top, work, way.client)) {
+      const auto failure = top->not_learned();
+      if (closed && failure) std::rethrow_exception(failure);
+      if (closed || (top->follows_learned() && !failure)) return nullptr;
+    }
+    return std::make_shared<PlannedLayer>(std::move(top), way, state_->block.log_deviation);
+  }
   if (!top || below == 0) return top;
   return row(below, way, work, [top, below](const State& state) {
     return std::make_shared<SolidLayer>(*top, below, state.account);

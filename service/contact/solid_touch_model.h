@@ -24,6 +24,8 @@ struct SolidBlock {
   SolidTissue tissue;
   double origin_x_m = 0, origin_z_m = 0;  // of its node (0, 0)
   Region region;                          // where it can be touched
+  // Standard deviation of ln E, the least of what the slices state; 0: they are exact, or none was given.
+  double log_deviation = 0;
 };
 
 // It answers by conjugate gradients on the device of whoever touches it. Its surface is kept once it is
@@ -46,6 +48,7 @@ class SolidTouchModel final : public TouchModel {
   Region region() const override { return state_->block.region; }
   std::vector<Layer> layers() const override;  // every row of nodes that is not held
   TouchCost cost() const override;
+  std::string plan() const override;
   std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork& work) const override;
 
  private:

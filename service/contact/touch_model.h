@@ -18,6 +18,7 @@
 
 #include "service/limits/memory.h"
 #include "service/plan/force_budget.h"
+#include "service/plan/planner.h"
 #include "service/tissue/compliance.h"
 
 namespace teletact::service {
@@ -27,6 +28,10 @@ class Device;
 
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  // row-major
+
+// How answers are computed, where a model has several ways; kAuto: the model's own choice. Of solids kLayer,
+// kLayers and kShares are closed forms (closed_touch.h), from the cheapest to the best.
+enum class SolvePath { kAuto, kCompliance, kPcg, kLayer, kLayers, kShares };
 
 enum class FingertipShape { kNode, kFlatPunch, kRoundedTip, kPad, kSphere };
 enum class Friction { kFrictionless, kStuck };
@@ -91,16 +96,19 @@ struct ContactAnswer {
   double largest_strain = 0;            // peak principal strain in the tissue, about
   bool strain_beyond_linear = false;    // largest_strain > kLargestLinearStrain
   std::size_t iterations = 0;           // of the contact solve, Newton's
-  SolveReport solve;                    // relative_error: what the model states its force may be off by
+  SolveReport solve;                    // relative_error: what the solver states the force may be off by
+  SolvePath path = SolvePath::kAuto;    // by which it was found; kAuto: as all of its layer's
   ForceBudget budget;                   // empty: the model does not state all that it may be off by
 };
 
-// How answers are computed, where a model has several ways.
-enum class SolvePath { kAuto, kCompliance, kPcg };
 struct TouchWay {
-  SolvePath path = SolvePath::kAuto;  // kAuto: the model's own choice
-  std::shared_ptr<Device> device;     // where the path asks for one
-  std::string client;                 // in whose turn it is made ready
+  SolvePath path = SolvePath::kAuto;
+  std::shared_ptr<Device> device = {};      // where the path asks for one
+  std::string client = {};                  // in whose turn it is made ready
+  bool closed_forms = true;                 // of a tip that has some
+  std::optional<Tolerance> tolerance = {};  // none: as usual, or half of what the modulus is known to
+  bool pressure = false;                    // answers have to tell pressures
+  std::shared_ptr<Planner> planner = {};    // of the finger; none: each touch is planned on its own
 };
 
 // Has jobs done that a touch asks for and must not wait for, some time, on another thread, where clients take
@@ -154,6 +162,8 @@ class TouchModel {
   virtual Region region() const = 0;              // where it can be touched
   virtual std::vector<Layer> layers() const = 0;  // by depth
   virtual TouchCost cost() const = 0;
+  // Which of its ways a usual touch is answered by, and why, in a sentence; empty: it has no choice.
+  virtual std::string plan() const { return ""; }
   // One of its layers, to be touched this way; null while it is being made ready, which this asks `work` for.
   // Throws std::out_of_range for a layer that it has not, and what making it ready throws, here or
   // elsewhere.

@@ -14,7 +14,8 @@ enum class ErrorTerm : std::uint8_t {
   kSolver,        // the equations on these nodes, and layers that have drifted from those solved with
   kMesh,          // nodes so far apart
   kFiniteStrain,  // a linear model of what is pressed so deep
-  kModulus        // Young's modulus of what is felt
+  kModulus,       // Young's modulus of what is felt
+  kModel          // what a cheaper model than the solid leaves out of the tissue (T9.5)
 };
 enum class TermKind : std::uint8_t {
   kBound,     // it is not off by more
@@ -32,7 +33,8 @@ struct ForceError {
 // Terms are taken for independent: deviations and estimates add as squares, bounds on top of that.
 class ForceBudget {
  public:
-  static constexpr std::size_t kMostTerms = 4;  // each once
+  static constexpr std::size_t kMostTerms = 5;  // each once
+  static constexpr double kOf95 = 1.96;         // half of the interval over a deviation or an estimate
   void add(const ForceError& error) {
     if (count_ < kMostTerms) terms_[count_++] = error;
   }
@@ -61,21 +63,21 @@ class ForceBudget {
       (e.kind == TermKind::kBound ? bounds : squares) +=
           e.kind == TermKind::kBound ? e.relative : e.relative * e.relative;
     }
-    constexpr double kOf95 = 1.96;
     return bounds + kOf95 * std::sqrt(squares);
   }
   std::array<ForceError, kMostTerms> terms_{};
   std::size_t count_ = 0;
 };
 
-// What a force may be off by at most, by whoever asks for it: a share of it, and newtons, the larger.
+// What a model may put a force off by, the larger of a share of it and newtons. As it is here where nobody
+// asks for one.
 struct Tolerance {
   double relative = 0.03, force_n = 0.005;
-  // No model need be better than half of what the modulus is known to.
-  bool meets(const ForceBudget& budget, double force) const {
-    const double of_force = std::max(relative, budget.relative(ErrorTerm::kModulus) / 2);
-    return budget.of_model() * force <= std::max(of_force * force, force_n);
+  double of_n(double force) const { return std::max(relative * force, force_n); }
+  bool allows(const ForceBudget& budget, double force) const {
+    return budget.of_model() * force <= of_n(force);
   }
+  bool operator==(const Tolerance&) const = default;
 };
 
 }  // namespace teletact::service

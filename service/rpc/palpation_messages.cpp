@@ -135,7 +135,7 @@ void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1
 
 std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
   // Messages with their fields and what allocating each adds; of a cell, its values twice and its state.
-  constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 512, kWarningBytes = 64,
+  constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 1024, kWarningBytes = 64,
                           kCellBytes = 2 * (sizeof(float) + 1) + sizeof(CellState);
   const auto snapshot = scene.snapshot();
   std::uint64_t bytes = kSceneBytes;
@@ -164,6 +164,7 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
     w->set_version(window->version);
     region_to(window->region, w->mutable_covers());
     w->set_touchable(window->model != nullptr);
+    if (window->model) w->set_plan(window->model->plan());
     if (window->evidence)
       evidence_to(*window->evidence, snapshot->lone(*window), instance, w->mutable_evidence());
   }

@@ -91,8 +91,18 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
     case v1::SOLVE_PATH_PCG:
       options.path = SolvePath::kPcg;
       break;
+    case v1::SOLVE_PATH_LAYER:
+      options.path = SolvePath::kLayer;
+      break;
+    case v1::SOLVE_PATH_LAYERS:
+      options.path = SolvePath::kLayers;
+      break;
+    case v1::SOLVE_PATH_SHARES:
+      options.path = SolvePath::kShares;
+      break;
     default:
-      throw std::invalid_argument("open.path: unknown; leave it out, or use COMPLIANCE or PCG");
+      throw std::invalid_argument(
+          "open.path: unknown; leave it out, or use COMPLIANCE, PCG, LAYER, LAYERS or SHARES");
   }
   return wishes;
 }
@@ -134,6 +144,12 @@ v1::SolvePath path_to(SolvePath path) {
       return v1::SOLVE_PATH_COMPLIANCE;
     case SolvePath::kPcg:
       return v1::SOLVE_PATH_PCG;
+    case SolvePath::kLayer:
+      return v1::SOLVE_PATH_LAYER;
+    case SolvePath::kLayers:
+      return v1::SOLVE_PATH_LAYERS;
+    case SolvePath::kShares:
+      return v1::SOLVE_PATH_SHARES;
   }
   return v1::SOLVE_PATH_UNSPECIFIED;
 }
@@ -159,6 +175,9 @@ void budget_to(const ForceBudget& in, v1::ForceBudget* out) {
         break;
       case ErrorTerm::kModulus:
         term->set_term(v1::ForceError::TERM_MODULUS);
+        break;
+      case ErrorTerm::kModel:
+        term->set_term(v1::ForceError::TERM_MODEL);
         break;
     }
     switch (error.kind) {

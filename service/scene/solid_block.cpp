@@ -86,6 +86,7 @@ void fill(SolidBlock& block, const ExplicitModulus& e, const Wanted& wanted) {
             at.share > 0 ? near * std::pow(far / near, at.share) : near;
       }
   }
+  block.log_deviation = e.log_deviation.empty() ? 0 : std::ranges::min(e.log_deviation);
 }
 
 }  // namespace

@@ -52,6 +52,22 @@ FeltForce::FeltForce(const SolidGrid& grid, std::vector<double> radius_m,
   for (double& a : log_radius_) a = std::log(a);
 }
 
+std::vector<FeltForce::Extent> FeltForce::extents() const {
+  const auto nx = static_cast<Eigen::Index>(nx_), nz = static_cast<Eigen::Index>(nz_);
+  std::vector<Extent> out;
+  for (std::size_t r = 0; r < mean_.size(); ++r) {
+    const Eigen::Map<const Eigen::MatrixXd> mean(mean_[r].data(), nx, nz);
+    double steepest = 0;
+    for (Eigen::Index k = 0; k < nz; ++k)
+      for (Eigen::Index i = 0; i < nx; ++i)
+        steepest = std::max(steepest, std::hypot((mean((i + 1) % nx, k) - mean(i, k)) / spacing_x_m_,
+                                                 (mean(i, (k + 1) % nz) - mean(i, k)) / spacing_z_m_));
+    out.push_back({std::exp(log_radius_[r]), mean.minCoeff(), mean.maxCoeff(), steepest,
+                   std::max(0.0, variance_[r].maxCoeff())});
+  }
+  return out;
+}
+
 FeltForce::At FeltForce::at(double x_m, double z_m, double radius_m) const {
   const auto last = static_cast<long>(log_radius_.size()) - 1;
   const double log_a = std::clamp(std::log(radius_m), log_radius_.front(), log_radius_.back());

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "service/contact/layered_touch.h"
 #include "service/device/device.h"
 #include "service/plan/choices.h"
 
@@ -50,6 +51,20 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
       check_length("open.fingertip.radius_m", tip.radius_m, limits.least_tip_m);
       return;
   }
+}
+
+// Closed forms are of a solid's surface and round tips.
+bool has_closed_forms(const TouchOptions& options, const Layer& layer, bool solid) {
+  return solid && layer == Layer{} && LayeredTouch::knows(options.fingertip);
+}
+
+void check_path(const TouchOptions& options, bool closed_forms) {
+  const SolvePath path = options.path;
+  if (path != SolvePath::kLayer && path != SolvePath::kLayers && path != SolvePath::kShares) return;
+  if (closed_forms && !options.pressure) return;
+  throw std::invalid_argument(
+      "open.path: LAYER, LAYERS and SHARES are closed forms of a frictionless ROUNDED_TIP or SPHERE on a "
+      "solid's surface, without pressures or tactile images; leave the path out");
 }
 
 // What its shape does not use is as in every other tip of that shape.
@@ -110,10 +125,17 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
     : scene_(std::move(scene)),
       options_(canonical(std::move(options))),
       layer_(scene_->layer_near(options_.layer_depth_m)),
-      way_{options_.path, std::move(device), options_.client} {
+      way_{.path = options_.path, .device = std::move(device), .client = options_.client} {
   const auto given = scene_->snapshot()->modulus;
   const bool solid = given && given->solid();
   check_fingertip(options_.fingertip, solid, scene_->limits());
+  way_.closed_forms = has_closed_forms(options_, layer_, solid);
+  check_path(options_, way_.closed_forms);
+  if (way_.closed_forms) {  // laws are of each tolerance
+    way_.tolerance = options_.tolerance;
+    way_.pressure = options_.pressure;
+    way_.planner = std::make_shared<Planner>();
+  }
   if (options_.layer_normal) check_normal(*options_.layer_normal, layer_);
   scene_->use_layer(layer_);
 }
@@ -217,8 +239,8 @@ std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window
   if (plane && way_.path == SolvePath::kPcg) return nullptr;
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
   if (!touched) return nullptr;
-  return window.model->laws().get(options_.fingertip, layer_, touched, window.region, near_m,
-                                  scene_->touch_work(), options_.client);
+  return window.model->laws().get(options_.fingertip, layer_, way_, touched, window.region, near_m,
+                                  scene_->touch_work());
 } catch (const std::exception&) {  // said by the answer when the finger is there
   return nullptr;
 }
@@ -272,6 +294,7 @@ void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
         "columns of the contact are still being solved; hold the finger above, or use "
         "the compliance");
   answer.contact = touched_->touch(options_.fingertip, pose);
+  if (answer.contact.path != SolvePath::kAuto) answer.path = answer.contact.path;
   before_ = std::exchange(at_, pose);
   if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
 }
@@ -301,13 +324,13 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
         c.solve.relative_error);
   if (const auto& asked = options_.tolerance; asked && !c.budget.terms().empty()) {
     const double force_n = std::hypot(c.force_n[0], c.force_n[1], c.force_n[2]);
-    if (!asked->meets(c.budget, force_n))
+    if (!asked->allows(c.budget, force_n))
       return fmt::format(
           "the model may put the force off by {:.2g} of it (solver {:.2g}, mesh {:.2g}, finite strain "
-          "{:.2g}), "
-          "more than was asked for",
+          "{:.2g}, "
+          "left out {:.2g}), more than was asked for",
           c.budget.of_model(), c.budget.relative(ErrorTerm::kSolver), c.budget.relative(ErrorTerm::kMesh),
-          c.budget.relative(ErrorTerm::kFiniteStrain));
+          c.budget.relative(ErrorTerm::kFiniteStrain), c.budget.relative(ErrorTerm::kModel));
   }
   if (window_->evidence)
     for (const std::string& warning : window_->evidence->warnings)
@@ -340,6 +363,9 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
     answer.status = TouchStatus::kDegraded;
     return;
   }
+  if (const double off = ForceBudget::kOf95 * answer.contact.budget.relative(ErrorTerm::kModel);
+      options_.path != SolvePath::kAuto && off > Tolerance{}.relative)
+    say(fmt::format("the model that was asked for may put the force off by {:.2g} of it", off));
   if (c.strain_beyond_linear)
     say(fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain));
   if (!answer.window_flags.empty())

@@ -27,6 +27,7 @@ struct TouchOptions {
   std::string client = {};                   // in whose turn layers are made ready
   std::optional<Vector3> layer_normal = {};  // as it was asked for; none: as the model says
   std::optional<Tolerance> tolerance = {};   // answers that may be off by more are not trusted
+  bool pressure = false;                     // answers have to tell pressures
 };
 
 // What waits below a finger out of contact: a light touch of the same place.

@@ -44,6 +44,7 @@ TouchOptions&& options_of(TouchWishes& wishes) {
   if (wishes.session_id.size() > TouchStream::kMostSessionIdBytes)
     throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
                                             wishes.session_id.size(), TouchStream::kMostSessionIdBytes));
+  wishes.touch.pressure = wishes.pressure || wishes.tactile;
   return std::move(wishes.touch);
 }
 

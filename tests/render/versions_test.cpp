@@ -1,5 +1,5 @@
-// Another version of the tissue under a finger that rests and is felt by answers alone, as a new slice of a
-// solid is: gradually, and in the end as it is.
+// Another version of the tissue, or another model of it, under a finger that rests and is felt by answers
+// alone: gradually, and in the end as it is.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -26,9 +26,10 @@ ForceSample answer_of(double stiffness_n_m, double lateral_n_m, std::uint64_t ve
   return sample;
 }
 
-// A second on each of these versions, an answer every `answers_s`: the force at every tick. What was
-// dissipated before pays for the second one: at rest nothing is.
-std::vector<Vector3> felt(const std::vector<std::pair<double, double>>& versions, double answers_s) {
+// A second on each of these, versions or `models` of one, an answer every `answers_s`: the force at every
+// tick. What was dissipated before pays for the second one: at rest nothing is.
+std::vector<Vector3> felt(const std::vector<std::pair<double, double>>& versions, double answers_s,
+                          bool models) {
   LawRenderer renderer;
   std::vector<Vector3> forces;
   std::uint64_t sequence = 0;
@@ -39,8 +40,10 @@ std::vector<Vector3> felt(const std::vector<std::pair<double, double>>& versions
       const ToolPose pose{{0.02, kDepthM, 0.004}, Vector3::Zero()};
       if (time_s >= next_s) {
         next_s += answers_s;
-        renderer.update(answer_of(versions[n].first, versions[n].second, n + 1, ++sequence, time_s), pose,
-                        time_s);
+        ForceSample answer =
+            answer_of(versions[n].first, versions[n].second, models ? 1 : n + 1, ++sequence, time_s);
+        if (models) answer.solved_by = std::uint32_t(n + 1);
+        renderer.update(answer, pose, time_s);
       }
       forces.push_back(
           renderer.render(pose, time_s, n == 0 ? std::numeric_limits<double>::infinity() : 0).force_n);
@@ -52,8 +55,9 @@ TEST(Versions, OfAnswersAtAFixedPoseAreFeltByLessThanSevenPercentInTenMillisecon
   constexpr std::size_t kTicks = 10;
   const double kUnfeltN = kTicks * PotentialBlendOptions{}.unfelt_jump_n;  // else nothing would take for ever
   for (const auto& [before, after] : {std::pair{100.0, 108.0}, {100.0, 40.0}, {60.0, 240.0}, {200.0, 20.0}})
-    for (const double answers_s : {0.002, 0.030}) {
-      const std::vector<Vector3> f = felt({{before, 0.1 * before}, {after, -0.1 * after}}, answers_s);
+    for (const auto& [answers_s, models] :
+         {std::pair{0.002, false}, {0.030, false}, {0.002, true}, {0.030, true}}) {
+      const std::vector<Vector3> f = felt({{before, 0.1 * before}, {after, -0.1 * after}}, answers_s, models);
       EXPECT_NEAR(f[999].y(), -before * kDepthM, 0.02 * before * kDepthM);
       EXPECT_NEAR(f.back().y(), -after * kDepthM, 0.02 * after * kDepthM) << before << " to " << after;
       double largest = 0;

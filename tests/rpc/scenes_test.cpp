@@ -121,6 +121,7 @@ TEST_F(SceneCalls, SolidIsCreatedAndTouched) {
   for (const double asked_m : {0.0, 0.0045}) {  // rows are 2.5 mm apart
     v1::TouchOpen open = Toucher::open_on("solid");
     open.mutable_layer()->set_depth_m(asked_m);
+    open.set_path(v1::SOLVE_PATH_PCG);
     Toucher toucher(channel, open);
     v1::TouchOpened opened;
     ASSERT_TRUE(toucher.opened(&opened));
@@ -165,6 +166,51 @@ TEST_F(SceneCalls, SolidIsCreatedAndTouched) {
   const grpc::Status why = refused.finish();
   EXPECT_EQ(why.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_NE(why.error_message().find("open.layer.depth_m: 0.021"), std::string::npos) << why.error_message();
+}
+
+// By name, or the cheapest that is good enough; the scene says which that is for a usual touch, and why.
+TEST_F(SceneCalls, AClosedFormAnswersASolidWhereItIsGoodEnough) {
+  ASSERT_TRUE(server->create(solid_scene("even", 8, 10, [](double, double, double) { return 1e4F; })).ok());
+  const auto plan = [this] {
+    grpc::ClientContext context;
+    v1::GetSceneRequest request;
+    request.set_scene_id("even");
+    v1::Scene scene;
+    EXPECT_TRUE(stub->GetScene(&context, request, &scene).ok());
+    return scene.windows(0).plan();
+  };
+  EXPECT_NE(plan().find("at the first touch"), std::string::npos) << plan();
+  v1::TouchAnswer answer;
+  const auto touch = [&](v1::SolvePath path, v1::SolvePath until) {
+    v1::TouchOpen open = Toucher::open_on("even");
+    open.set_path(path);
+    Toucher toucher(channel, open);
+    ASSERT_TRUE(toucher.opened());
+    for (int asked = 0; asked < 2000; ++asked) {  // it is made ready, and learns
+      v1::TouchRequest pose;
+      for (const double at_m : {0.02, 0.0015, 0.0}) pose.mutable_pose()->add_position_m(at_m);
+      ASSERT_TRUE(toucher.send(pose));
+      ASSERT_TRUE(toucher.read(&answer));
+      if (answer.status() == v1::TOUCH_STATUS_OK && answer.path() == until) break;
+    }
+  };
+  touch(v1::SOLVE_PATH_UNSPECIFIED, v1::SOLVE_PATH_LAYER);
+  ASSERT_EQ(answer.path(), v1::SOLVE_PATH_LAYER) << answer.warning();
+  EXPECT_TRUE(answer.solve().converged());
+  EXPECT_EQ(answer.budget().terms(0).term(), v1::ForceError::TERM_MODEL);
+  EXPECT_NE(plan().find("answered by a homogeneous layer"), std::string::npos) << plan();
+  const double by_layer_n = answer.force_n(1);
+  touch(v1::SOLVE_PATH_SHARES, v1::SOLVE_PATH_SHARES);
+  EXPECT_EQ(answer.path(), v1::SOLVE_PATH_SHARES);
+  EXPECT_NEAR(answer.force_n(1) / by_layer_n, 1, 0.001);
+  for (const char* scene : {"even", "s"}) {
+    v1::TouchOpen open = Toucher::open_on(scene);
+    open.set_path(v1::SOLVE_PATH_LAYERS);
+    open.set_pressure(true);
+    Toucher refused(channel, open);
+    EXPECT_FALSE(refused.opened());
+    EXPECT_NE(refused.finish().error_message().find("open.path: LAYER"), std::string::npos);
+  }
 }
 
 TEST_F(SceneCalls, SceneIsHeldWhereItsSupportsSay) {

@@ -49,7 +49,7 @@ Measured measure(const Case& c) {
   const Layer layer = scene.layer_near(c.layer_m);
   const auto touched = window->model->layer(layer, {}, {});
   const Region& region = window->region;
-  const auto law = window->model->laws().get(c.tip, layer, touched, region, {0.08, 0, 0}, {}, "");
+  const auto law = window->model->laws().get(c.tip, layer, {}, touched, region, {0.08, 0, 0}, {});
   EXPECT_TRUE(law) << c.name;
   if (!law) return {};
   std::mt19937 random(11);
@@ -152,7 +152,7 @@ TEST(ContactLaws, AreSampledOnceBesideTouchAndSharedByTipAndLayer) {
     jobs.push_back(std::move(job));
   };
   const auto ask = [&](const Fingertip& tip) {
-    return window->model->laws().get(tip, layer, touched, window->region, {0.05, 0, 0}, work, "");
+    return window->model->laws().get(tip, layer, {}, touched, window->region, {0.05, 0, 0}, work);
   };
   EXPECT_FALSE(ask({}));
   EXPECT_FALSE(ask({}));
@@ -191,8 +191,8 @@ TEST(ContactLaws, OfEachLayerAreItsOwnAndHeldInTheTissuesName) {
     std::shared_ptr<const ContactLaw> of_last;
     for (const double depth_m : {0.0, 0.01}) {
       const Layer layer = scene.layer_near(depth_m);
-      const auto law = window->model->laws().get({}, layer, window->model->layer(layer, {}, {}),
-                                                 window->region, {0.05, 0, 0}, {}, "");
+      const auto law = window->model->laws().get({}, layer, {}, window->model->layer(layer, {}, {}),
+                                                 window->region, {0.05, 0, 0}, {});
       ASSERT_TRUE(law);
       EXPECT_NE(law, of_last);
       columns += law->columns.size();
@@ -210,8 +210,8 @@ TEST(ContactLaws, AModelThatIsGoneSamplesNothing) {
   std::function<void()> posted;
   const TouchWork work = [&](const std::string&, std::function<void()> job) { posted = std::move(job); };
   const Layer layer = scene->layer_near(0);
-  window->model->laws().get({}, layer, window->model->layer(layer, {}, {}), Region{0.03, 0.05}, {0.04, 0, 0},
-                            work, "");
+  window->model->laws().get({}, layer, {}, window->model->layer(layer, {}, {}), Region{0.03, 0.05},
+                            {0.04, 0, 0}, work);
   const std::weak_ptr<const TouchModel> model = window->model;
   scene.reset(), window.reset();
   EXPECT_TRUE(model.expired());  // the job holds none
@@ -223,7 +223,7 @@ TEST(ContactLaws, AModelThatIsGoneSamplesNothing) {
 TEST(ContactLaws, ATiltedLayerHasNone) {
   const HalfSpace half_space(10e3, 0.49, {}, {});
   const auto touched = half_space.layer(tilted_surface(), {}, {});
-  EXPECT_FALSE(half_space.laws().get({}, tilted_surface(), touched, Region{0, 0.1}, {0.05, 0, 0}, {}, ""));
+  EXPECT_FALSE(half_space.laws().get({}, tilted_surface(), {}, touched, Region{0, 0.1}, {0.05, 0, 0}, {}));
 }
 
 }  // namespace

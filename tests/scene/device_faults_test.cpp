@@ -148,7 +148,8 @@ TEST_F(FaultyDevice, HoweverSlowItIsAWornSolidIsAnswered) {
 }
 
 TEST_F(FaultyDevice, LostAmidACorrectionOfASolidItIsSaidAndAnotherTakesItsPlace) {
-  TouchSession finger(solid(1.5e4), {}, slow_device());
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
+  TouchSession finger(solid(1.5e4), by_nodes, slow_device());
   put_down(finger);
   TouchAnswer answer = finger.solve(at(0.1));  // it is corrected where it has come to
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -164,7 +165,7 @@ TEST_F(FaultyDevice, LostAmidACorrectionOfASolidItIsSaidAndAnotherTakesItsPlace)
   EXPECT_EQ(answer.contact.force_n, Vector3{});
   finger.use(Device::open());
   answer = put_down(finger);
-  TouchSession fresh(solid(1.5e4), {}, Device::open());
+  TouchSession fresh(solid(1.5e4), by_nodes, Device::open());
   const double truth = fresh.solve(at(0)).contact.force_n[1];
   EXPECT_NEAR(answer.contact.force_n[1], truth, 2 * choices::kSolidForceError * -truth);
 }

@@ -91,6 +91,7 @@ TEST(SolidScene, EndsWhileItIsCorrected) {
 }
 
 TEST(SolidScene, TwoFingersAtOnceEachFeelTheirOwn) {
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
   const auto scene = scene_of(with_ball());
   const auto sweep = [&](TouchSession& session, double z_m) {
     std::vector<ContactAnswer> answers;
@@ -109,15 +110,15 @@ TEST(SolidScene, TwoFingersAtOnceEachFeelTheirOwn) {
   std::array<std::vector<ContactAnswer>, 2> alone, together;
   const auto place_of = [](std::size_t n) { return n == 0 ? kBallZ : kBallZ - 0.010; };
   for (std::size_t n = 0; n < 2; ++n) {
-    TouchSession session(scene_of(with_ball()), {}, test_device());
+    TouchSession session(scene_of(with_ball()), by_nodes, test_device());
     alone[n] = sweep(session, place_of(n));
   }
-  TouchSession first(scene, {}, test_device());  // whose touch makes it ready
+  TouchSession first(scene, by_nodes, test_device());  // whose touch makes it ready
   EXPECT_EQ(touched(first, 0.020, 0.001, 0.0).status, TouchStatus::kOk);
   std::vector<std::thread> fingers;
   for (std::size_t n = 0; n < 2; ++n)
     fingers.emplace_back([&, n] {
-      TouchSession session(scene, {}, test_device());
+      TouchSession session(scene, by_nodes, test_device());
       together[n] = sweep(session, place_of(n));
     });
   for (std::thread& finger : fingers) finger.join();
@@ -230,6 +231,7 @@ TEST(SolidScene, ATipIsNoWiderThanWhatIsAroundItAndSaysWhenTheMeshIsTooCoarse) {
   EXPECT_EQ(touched(session, 0.001, 0.008, 0).status, TouchStatus::kFailed)
       << "it would press the other end's tissue";
   TouchOptions sharp;
+  sharp.path = SolvePath::kPcg;  // others have no mesh
   sharp.fingertip.radius_m = 0.002;
   TouchSession coarse(scene_of(with_ball()), sharp, test_device());
   const TouchAnswer answer = touched(coarse, 0.02, 0.0006, 0);

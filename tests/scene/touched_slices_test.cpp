@@ -86,7 +86,8 @@ TEST(TouchedSlices, ThatComeWhileTheSolidIsMadeReadyDoNotDelayIt) {
   std::vector<std::function<void()>> jobs;
   scene->set_touch_work(
       [&](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); });
-  TouchSession session(scene, {}, test_device());
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
+  TouchSession session(scene, by_nodes, test_device());
   const Vector3 pose{kBallX, 0.002, kBallZ};
   EXPECT_EQ(session.solve(pose).status, TouchStatus::kPreparing);
   ASSERT_EQ(jobs.size(), 1u);
@@ -99,7 +100,7 @@ TEST(TouchedSlices, ThatComeWhileTheSolidIsMadeReadyDoNotDelayIt) {
   EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
   EXPECT_EQ(answer.model_version, 4u);
   EXPECT_TRUE(jobs.empty()) << "nothing was begun anew";
-  TouchSession fresh(scene_of(*scene->snapshot()->modulus), {}, test_device());
+  TouchSession fresh(scene_of(*scene->snapshot()->modulus), by_nodes, test_device());
   const double truth = fresh.solve(pose).contact.force_n[1];
   EXPECT_NEAR(answer.contact.force_n[1], truth,
               (answer.contact.solve.relative_error + choices::kSolidForceError) * -truth);
@@ -159,6 +160,7 @@ TEST(TouchedSlices, WhatAnAnswerStatesCoversRightAfterOne) {
   const auto scene = scene_of(stack({-0.01, 0.01}));
   TouchWay way;
   way.device = test_device();
+  way.path = SolvePath::kPcg;
   const TouchPose pose{{kBallX, 0.002, kBallZ}};
   const auto layer = [&] { return scene->snapshot()->windows.front()->model->layer(Layer{}, way, {}); };
   const auto settled = [&](TouchedLayer& touched) {

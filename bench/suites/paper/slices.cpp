@@ -112,6 +112,8 @@ struct Figures {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, path_x_m, truth_n, path, times)
 
+const service::TouchOptions kByNodes{.fingertip = {}, .path = service::SolvePath::kPcg};
+
 void feel_path(const std::shared_ptr<service::Device>& device, bool quick, Figures& figures) {
   const service::ExplicitModulus grid = volume(0.002, 34);
   service::ExplicitModulus whole = grid;
@@ -119,11 +121,11 @@ void feel_path(const std::shared_ptr<service::Device>& device, bool quick, Figur
     const std::vector<double> plane = plane_of(grid, (grid.z_m[k] + grid.z_m[k + 1]) / 2);
     whole.youngs_modulus_pa.insert(whole.youngs_modulus_pa.end(), plane.begin(), plane.end());
   }
-  service::TouchSession true_finger(scene_of(std::move(whole)), {}, device);
+  service::TouchSession true_finger(scene_of(std::move(whole)), kByNodes, device);
   figures.truth_n = along_path(true_finger);
   for (std::size_t n = 0; n < kPoses; ++n) figures.path_x_m.push_back(pose(n)[0]);
   const auto scene = growing(grid);
-  service::TouchSession finger(scene, {}, device);
+  service::TouchSession finger(scene, kByNodes, device);
   for (std::size_t slices = 1;; ++slices) {
     show_progress(fmt::format("slice {} of {}", slices, kSlices));
     if (!quick || slices % 10 == 1) {
@@ -149,11 +151,11 @@ TimeFigures time_slices(const std::shared_ptr<service::Device>& device, double s
   const service::ExplicitModulus grid = volume(spacing_m, layers);
   const service::Vector3 at{kLumps[0].x_m, kIndentationM, kLumps[0].z_m};
   {  // the kernels of a correction are compiled before
-    service::TouchSession warm(scene_of(service::stacked(grid, {slice(grid, 10)}, {})), {}, device);
+    service::TouchSession warm(scene_of(service::stacked(grid, {slice(grid, 10)}, {})), kByNodes, device);
     warm.solve(at);
   }
   const auto scene = growing(grid);
-  service::TouchSession session(scene, {}, device);
+  service::TouchSession session(scene, kByNodes, device);
   session.solve(at);
   TimeFigures out;
   std::atomic<bool> stop{false};

@@ -2,10 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <mutex>
+#include <utility>
 
 #include "bench/basics/clock.h"
-#include "service/solid/solid_solver.h"
+#include "service/contact/planned_layer.h"
 
 namespace teletact::bench {
 namespace {
@@ -62,13 +66,6 @@ service::SolidTissue plane_of(const service::SolidTissue& extruded) {
   return plane;
 }
 
-service::EnergyShares shares_of(const service::Queue& queue, const service::SolidTissue& tissue) {
-  service::SolidSolver<double> solver(queue, tissue);
-  const auto load = service::EnergyShares::usual_load(tissue.grid);
-  solver.load(load.unknowns, load.force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
-  return {queue, tissue.grid, solver.layers(), tissue.poisson_ratio, solver.displacement()};
-}
-
 }  // namespace
 
 auto PlanModels::layer_of(const PlanScene& scene) -> Layer& {
@@ -76,7 +73,6 @@ auto PlanModels::layer_of(const PlanScene& scene) -> Layer& {
   if (!layer) {
     const service::SolidTissue tissue = homogeneous(scene);
     layer.reset(new Layer{service::LayeredTouch({{scene.depth_m}, {1}, scene.poisson_ratio}, kTip),
-                          shares_of(queue_, tissue),
                           std::make_unique<RigidContact>(queue_, plane_of(tissue))});
   }
   return *layer;
@@ -86,29 +82,17 @@ auto PlanModels::enter(const PlanScene& scene) -> Ready {
   scene_ = &scene;
   layer_ = &layer_of(scene);
   const service::SolidTissue tissue = scene.tissue(1), halved = scene.tissue(2);
-  felt_ln_ = -2 * layer_->shares.felt(tissue).scale.array().log() + std::log(kPlanModulusPa);
-  mean_pa_ = std::exp(felt_ln_.mean());
   exact_.emplace(queue_, tissue);
   fine_exact_.emplace(queue_, halved);
   Ready ready;
-  // M1: the layers' fields are those of the same factor as M3's.
-  service::SolidSolver<float> solver(queue_, tissue);
-  ready.m1_ms = all_processor_ms([&] {
-    const service::LayeredTissue& layers = solver.layers();
-    layered_ = std::make_shared<const service::LayeredTouch>(
-        service::LayerStack{std::vector<double>(scene.layers(), kVoxelM), layers.youngs_modulus_pa,
-                            scene.poisson_ratio},
-        kTip);
-    service::ForceShares shares(
-        queue_, tissue.grid, layers, scene.poisson_ratio, [&](const auto& unknowns, const auto& force_n) {
-          solver.load(unknowns, force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
-          return solver.displacement();
-        });
-    log_weighted_.emplace(layered_, std::make_shared<const service::FeltForce>(shares.felt(tissue)));
-  });
   // With the closed form of their layers.
   const service::Vector3 any = in_block({.indentation_m = 0.002});
   ready.m3_ms = all_processor_ms([&] { coarse_.emplace(queue_, tissue).felt_answer(kTip, any); });
+  ready.m1_ms = all_processor_ms([&] {
+    std::mutex solving;
+    coarse_->learn_shares(queue_, solving);
+    closed_ = coarse_->closed(kTip);
+  });
   ready.m4_ms = all_processor_ms([&] { fine_.emplace(queue_, halved).felt_answer(kTip, any); });
   return ready;
 }
@@ -118,23 +102,11 @@ service::Vector3 PlanModels::in_block(const PlanPose& pose) const {
           double(scene_->nz) * kVoxelM / 2 + pose.z_m};
 }
 
-// Between the four nodes around.
-double PlanModels::felt_pa(const PlanPose& pose) const {
-  const service::Vector3 at = in_block(pose);
-  const double x = at[0] / kVoxelM, z = at[2] / kVoxelM;
-  const auto i = std::size_t(x), k = std::size_t(z);
-  const auto ln = [&](std::size_t a, std::size_t b) {
-    return felt_ln_[Eigen::Index((i + a) % scene_->nx + scene_->nx * ((k + b) % scene_->nz))];
-  };
-  const double u = x - double(i), v = z - double(k);
-  return std::exp((1 - v) * ((1 - u) * ln(0, 0) + u * ln(1, 0)) + v * ((1 - u) * ln(0, 1) + u * ln(1, 1)));
-}
-
 double PlanModels::closed_n(const PlanPose& pose, double modulus_pa) const {
   return layer_->touch.at(pose.indentation_m).times(modulus_pa).force_n;
 }
 double PlanModels::layer_n(const PlanPose& pose) const {
-  return closed_n(pose, mean_pa_);
+  return closed_n(pose, closed_->modulus_pa());
 }
 
 void PlanModels::answer_of_slice(const PlanPose& pose, double converged_n, std::vector<PlanAnswer>& out) {
@@ -180,6 +152,41 @@ void PlanModels::answer_on(const Contact& felt, double converged_n, const PlanPo
   add(name, contact, ms);
 }
 
+void PlanModels::answer_planned(double converged_n, const PlanPose& pose,
+                                std::vector<PlanAnswer>& out) const {
+  const service::Vector3 at = in_block(pose);
+  for (const double share : kPlanTolerances) {
+    const service::Tolerance tolerance{share, kPlanFloor * share};
+    std::size_t chosen = 0;
+    std::array<double, service::kClosedForms.size() + 1> over{};
+    const auto choose = [&] {
+      std::ranges::copy(service::over_allowed(*closed_, at, tolerance, service::FiniteStrain::kLeftOut),
+                        over.begin());
+      chosen = service::Planner(service::Planner::Clock::duration::zero())
+                   .choose(over, service::Planner::Clock::now());
+    };
+    service::ContactAnswer a;
+    const auto by_closed = [&] {
+      choose();
+      if (chosen < service::kClosedForms.size()) a = closed_->answer(service::kClosedForms[chosen], at);
+      return -a.force_n[1];
+    };
+    PlanAnswer answer = timed(fmt::format("planned {:.0f} %", 100 * share), converged_n, by_closed);
+    if (chosen == service::kClosedForms.size()) {
+      Contact contact(*coarse_, 0);
+      contact.feel();
+      answer.ms += all_processor_ms([&] {
+        contact.touch(kTip, at);
+        a = contact.felt_answer(kTip, at);
+      });
+    }
+    answer.force_n = -a.force_n[1];
+    answer.budget = linear_half_width(a.budget);
+    answer.by = std::array{"M0", "M2", "M1", "M3"}[chosen];
+    out.push_back(answer);
+  }
+}
+
 std::vector<PlanAnswer> PlanModels::at(const PlanPose& pose) {
   const service::Vector3 at = in_block(pose);
   const auto converge = [&](service::SolidContact<double>& exact) {
@@ -188,16 +195,22 @@ std::vector<PlanAnswer> PlanModels::at(const PlanPose& pose) {
   };
   const double converged_n = converge(*exact_), nodes_n = -exact_->answer(kTip, at).force_n[1];
   std::vector<PlanAnswer> out;
-  out.push_back(timed("M0", converged_n, [&] { return closed_n(pose, mean_pa_); }));
-  out.push_back(timed("M0 felt", converged_n, [&] { return closed_n(pose, felt_pa(pose)); }));
-  out.push_back(timed("M2", converged_n, [&] { return layered_->at(pose.indentation_m).force_n; }));
-  out.push_back(timed("M1", converged_n, [&] { return -log_weighted_->answer(at).force_n[1]; }));
-  out.back().stated = log_weighted_->log_variance(at);
+  for (const auto& [name, path] : {std::pair{"M0", service::SolvePath::kLayer},
+                                   {"M2", service::SolvePath::kLayers},
+                                   {"M1", service::SolvePath::kShares}}) {
+    service::ContactAnswer a;
+    out.push_back(timed(name, converged_n, [&] {
+      a = closed_->answer(path, at);
+      return -a.force_n[1];
+    }));
+    out.back().budget = linear_half_width(a.budget);
+  }
   answer_of_slice(pose, converged_n, out);
   out.push_back({"M3 nodes", nodes_n, 0, 0, nodes_n});
   const std::size_t nodes = out.size() - 1;
   answer_on(*coarse_, converged_n, pose, "M3", "G", {1, 2, 4, 8}, out);
   out[nodes].ms = out.back().ms;
+  answer_planned(converged_n, pose, out);
   answer_on(*fine_, converge(*fine_exact_), pose, "M4", "G 1 mm", {2, 8}, out);
   return out;
 }

@@ -46,12 +46,13 @@ v1::TouchOpen touch_open(const std::string& scene, Random& random) {
   open.set_credit(static_cast<unsigned>(random.below(257)));
   if (random.chance(0.5)) open.set_period_s(random.within(0.0005, 0.01));
   if (random.chance(0.3)) open.mutable_layer()->set_depth_m(random.within(0, 0.015));
-  if (random.chance(0.5)) open.set_path(static_cast<v1::SolvePath>(random.below(3)));
+  if (random.chance(0.5)) open.set_path(static_cast<v1::SolvePath>(random.below(7)));
   if (random.chance(0.5)) {
     open.mutable_fingertip()->set_shape(static_cast<v1::FingertipShape>(random.below(4)));
     open.mutable_fingertip()->set_stuck(random.chance(0.3));
   }
   if (random.chance(0.5)) open.set_session_id("session-" + std::to_string(random.below(4)));
+  if (random.chance(0.3)) open.mutable_tolerance()->set_relative(random.within(0, 1));
   open.set_laws(random.chance(0.5));
   open.set_pressure(random.chance(0.3));
   return open;

@@ -1,0 +1,185 @@
+// The surface of solid tissue as one finger touches it: which model answers, and what that takes.
+#include "service/contact/planned_layer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "service/contact/solid_touch_model.h"
+#include "tests/solid/solids.h"
+#include "tests/solver/block_stencil.h"
+
+namespace teletact::service {
+namespace {
+
+const Fingertip kTip;
+const TouchPose kOver{{0.032, 0.002, 0.032}};
+
+// A lump 3 mm below the surface.
+SolidTouchModel model(double contrast, double deviation = 0) {
+  SolidBlock block;
+  SolidGrid grid{32, 32, 0.002, 0.002, {}};
+  for (std::size_t j = 0; j <= 20; ++j) grid.y_m.push_back(double(j) * 0.002);
+  block.tissue = solid(grid, 0.49, [=](double x, double y, double z) {
+    return 1e4 * (std::hypot(x - 0.032, y - 0.007, z - 0.032) < 0.004 ? contrast : 1);
+  });
+  block.region = {0, 0.064, 0, 0.064};
+  block.log_deviation = deviation;
+  return {std::move(block), MemoryAccount{}};
+}
+
+TouchWay way(std::optional<Tolerance> tolerance = {}, SolvePath path = SolvePath::kAuto) {
+  TouchWay out;
+  out.device = test_device();
+  out.path = path, out.tolerance = tolerance;
+  return out;
+}
+
+ContactAnswer touch(TouchedLayer& layer, const TouchPose& pose = kOver) {
+  layer.prepare(kTip, pose, 0, TouchedLayer::Clock::now() + std::chrono::seconds(10));
+  return layer.touch(kTip, pose);
+}
+
+TEST(PlannedLayer, TakesTheCheapestModelThatIsGoodEnough) {
+  const SolidTouchModel lump = model(4);
+  const auto path_at = [&](const Tolerance& tolerance) {
+    return touch(*lump.layer({}, way(tolerance), {})).path;
+  };
+  EXPECT_EQ(path_at({0.5, 0}), SolvePath::kLayer);
+  EXPECT_EQ(path_at({0.12, 0}), SolvePath::kShares);
+  EXPECT_EQ(path_at({0.0005, 0}), SolvePath::kAuto) << "by the nodes, as all of its layer";
+  EXPECT_EQ(path_at({0.0005, 1}), SolvePath::kLayer) << "a newton is allowed";
+}
+
+TEST(PlannedLayer, WhereTheModulusIsBadlyKnownLessWillDo) {
+  EXPECT_EQ(touch(*model(3, 0.2).layer({}, way(), {})).path, SolvePath::kShares);
+  EXPECT_EQ(touch(*model(3, 0.0).layer({}, way(), {})).path, SolvePath::kAuto);
+  EXPECT_EQ(touch(*model(3, 0.2).layer({}, way(Tolerance{}), {})).path, SolvePath::kAuto) << "it was asked";
+}
+
+TEST(PlannedLayer, NoModulusIsSoBadlyKnownThatAnythingWillDo) {
+  EXPECT_EQ(usual_tolerance(0), Tolerance{});
+  EXPECT_EQ(usual_tolerance(0.1).relative, 0.05);
+  EXPECT_EQ(usual_tolerance(10).relative, 0.1);
+}
+
+// An answer that was asked for with a tolerance is never one that the tolerance then does not allow, if
+// another is allowed.
+TEST(PlannedLayer, WhatItTakesIsAllowed) {
+  const SolidTouchModel lump = model(4);
+  for (double share = 0.02; share < 0.3; share *= 1.15)
+    for (const double d : {0.0005, 0.002, 0.004}) {
+      const Tolerance tolerance{share, 0};
+      const ContactAnswer answer = touch(*lump.layer({}, way(tolerance), {}), {{0.032, d, 0.032}});
+      const ContactAnswer nodes = touch(*lump.layer({}, way({}, SolvePath::kPcg), {}), {{0.032, d, 0.032}});
+      if (tolerance.allows(nodes.budget, -nodes.force_n[1])) {
+        EXPECT_TRUE(tolerance.allows(answer.budget, -answer.force_n[1])) << share << ", " << d;
+      }
+    }
+}
+
+TEST(PlannedLayer, AnswersAreCloseToEachOtherWhateverTheModel) {
+  const SolidTouchModel lump = model(4);
+  const auto layer = lump.layer({}, way(Tolerance{0.12, 0}), {}),
+             nodes = lump.layer({}, way({}, SolvePath::kPcg), {});
+  const ContactAnswer one = touch(*layer), other = touch(*nodes);
+  ASSERT_EQ(one.path, SolvePath::kShares);
+  EXPECT_NEAR(one.force_n[1] / other.force_n[1], 1, one.budget.of_model());
+  EXPECT_TRUE(one.pressure.empty());
+  EXPECT_EQ(layer->remark(kTip, {{0.032, 0.0001, 0.032}}), "") << "no mesh";
+}
+
+TEST(PlannedLayer, ANameOverrules) {
+  const SolidTouchModel lump = model(30);
+  for (const SolvePath path : {SolvePath::kLayer, SolvePath::kLayers, SolvePath::kShares})
+    EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1e-4, 0}, path), {})).path, path);
+  EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1, 1}, SolvePath::kPcg), {})).path, SolvePath::kAuto);
+  EXPECT_THROW(lump.layer(lump.layers()[2], way({}, SolvePath::kShares), {}), std::invalid_argument);
+}
+
+TEST(PlannedLayer, PressuresAreTheNodes) {
+  const SolidTouchModel lump = model(1);
+  TouchWay wants = way();
+  wants.pressure = true;
+  const ContactAnswer answer = touch(*lump.layer({}, wants, {}));
+  EXPECT_EQ(answer.path, SolvePath::kAuto);
+  EXPECT_FALSE(answer.pressure.empty());
+}
+
+// Nobody waits for what is learned: the nodes answer until then.
+TEST(PlannedLayer, IsAnsweredByTheNodesUntilItHasLearned) {
+  const SolidTouchModel lump = model(1);
+  lump.layer({}, way({}, SolvePath::kPcg), {});  // its surface is ready
+  std::vector<std::function<void()>> jobs;
+  const TouchWork later = [&](const std::string&, std::function<void()> job) {
+    jobs.push_back(std::move(job));
+  };
+  EXPECT_NE(lump.plan().find("at the first touch"), std::string::npos);
+  const auto layer = lump.layer({}, way(), later);
+  ASSERT_TRUE(layer);
+  EXPECT_EQ(touch(*layer).path, SolvePath::kAuto);
+  EXPECT_EQ(lump.layer({}, way({}, SolvePath::kShares), later), nullptr) << "by name it waits";
+  ASSERT_EQ(jobs.size(), 1u) << "asked for once";
+  jobs.front()();
+  EXPECT_EQ(touch(*layer).path, SolvePath::kLayer);
+  EXPECT_NE(lump.layer({}, way({}, SolvePath::kShares), later), nullptr);
+  EXPECT_NE(lump.plan().find("a homogeneous layer"), std::string::npos) << lump.plan();
+}
+
+// A new modulus in the place of one that closed forms answer: that answers on until they know the new one.
+TEST(PlannedLayer, IsNotLeftForTheNodesBetweenVersions) {
+  const SolidTouchModel before = model(1);
+  before.layer({}, way(), {});
+  const SolidTouchModel next(before.block(), MemoryAccount{}, &before);
+  std::vector<std::function<void()>> jobs;
+  const TouchWork later = [&](const std::string&, std::function<void()> job) {
+    jobs.push_back(std::move(job));
+  };
+  EXPECT_EQ(next.layer({}, way(), later), nullptr);
+  ASSERT_EQ(jobs.size(), 1u);
+  EXPECT_NE(next.layer({}, way({}, SolvePath::kPcg), later), nullptr) << "nodes wait for nothing";
+  jobs.front()();
+  const auto layer = next.layer({}, way(), later);
+  ASSERT_TRUE(layer);
+  EXPECT_EQ(touch(*layer).path, SolvePath::kLayer);
+}
+
+// Nodes of a hard lump at the surface: a deep tip has no contact there.
+TEST(PlannedLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
+  SolidBlock block = model(1).block();
+  SolidTissue& tissue = block.tissue;
+  tissue = solid(tissue.grid, 0.49, [](double x, double y, double z) {
+    return std::hypot(x - 0.032, y - 0.002, z - 0.032) < 0.006 ? 3e5 : 1e4;
+  });
+  const SolidTouchModel hard(std::move(block), MemoryAccount{});
+  const TouchPose deep{{0.032, 0.004, 0.032}};
+  EXPECT_THROW(touch(*hard.layer({}, way({}, SolvePath::kPcg), {}), deep), std::domain_error);
+  const ContactAnswer answer = touch(*hard.layer({}, way(), {}), deep);
+  EXPECT_EQ(answer.path, SolvePath::kShares);
+  EXPECT_LT(answer.force_n[1], -0.5);
+  EXPECT_FALSE(answer.solve.converged);
+  EXPECT_GT(answer.solve.relative_error, 0.5);
+  EXPECT_STREQ(answer.solve.reason, kNoContactReason);
+}
+
+TEST(PlannedLayer, WhatALawIsSampledByIsPlannedToo) {
+  const SolidTouchModel lump = model(4);
+  const auto apart = lump.layer({}, way(Tolerance{0.12, 0}), {})->apart(),
+             fine = lump.layer({}, way(Tolerance{0.0005, 0}), {})->apart();
+  EXPECT_EQ(touch(*apart).path, SolvePath::kShares);
+  EXPECT_EQ(touch(*apart, {{0.01, 0.002, 0.01}}).path, SolvePath::kShares);
+  EXPECT_EQ(touch(*fine).path, SolvePath::kAuto);
+}
+
+TEST(PlannedLayer, BesideTheBlockItIsNotTouched) {
+  EXPECT_THROW(model(1).layer({}, way(), {})->touch(kTip, {{-0.001, 0.002, 0.03}}), std::out_of_range);
+}
+
+}  // namespace
+}  // namespace teletact::service
