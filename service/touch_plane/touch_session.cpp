@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "service/contact/layered_touch.h"
 #include "service/device/device.h"
 #include "service/plan/choices.h"
 
@@ -55,7 +54,9 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
 
 // Closed forms are of a solid's surface and round tips.
 bool has_closed_forms(const TouchOptions& options, const Layer& layer, bool solid) {
-  return solid && layer == Layer{} && LayeredTouch::knows(options.fingertip);
+  const Fingertip& tip = options.fingertip;
+  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
+  return solid && layer == Layer{} && round && tip.friction == Friction::kFrictionless;
 }
 
 void check_path(const TouchOptions& options, bool closed_forms) {
