@@ -109,15 +109,21 @@ bool LayeredTouch::knows(const Fingertip& tip) {
 struct LayeredTouch::Between {
   Between(const Row& before, const Row& after)
       : before(before), after(after), width(after.log_indentation - before.log_indentation) {}
-  double force_n(double t) const {
+  double cubic(double t, double from, double to, double slope_from, double slope_to) const {
     const double u = 1 - t;
-    return std::exp(u * u * (1 + 2 * t) * before.log_force + t * t * (3 - 2 * t) * after.log_force +
-                    width * t * u * (u * before.power - t * after.power));
+    return u * u * (1 + 2 * t) * from + t * t * (3 - 2 * t) * to +
+           width * t * u * (u * slope_from - t * slope_to);
+  }
+  double force_n(double t) const {
+    return std::exp(cubic(t, before.log_force, after.log_force, before.power, after.power));
   }
   double power(double t) const {
     const double u = 1 - t;
     return 6 * t * u / width * (after.log_force - before.log_force) + u * (1 - 3 * t) * before.power +
            t * (3 * t - 2) * after.power;
+  }
+  double radius_m(double t) const {
+    return std::exp(cubic(t, before.log_radius, after.log_radius, before.radius_power, after.radius_power));
   }
   // From the row before.
   double work_j(double t) const {
@@ -165,11 +171,23 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
     const VectorXd edge = (weighted.transpose() * (a * waves.at).array().cos().matrix()).cwiseProduct(weight);
     const Eigen::RowVector2d at_edge = Eigen::RowVector2d(1, rise(a)) - edge.transpose() * f;
     const double d = at_edge[1] / at_edge[0], force = 2 * plane_pa * (d * sum[0] - sum[1]);
-    const Row row{d, std::log(d), std::log(force), 2 * plane_pa * sum[0] * d / force, std::log(a), 0};
+    const Row row{d, std::log(d), std::log(force), 2 * plane_pa * sum[0] * d / force, std::log(a), 0, 0};
     const bool solved = d > 0 && force > 0 && row.power > kLeastPower && row.power < kMostPower &&
                         (rows_.empty() || (d > most_m() && row.log_force > rows_.back().log_force));
     if (!solved) break;
     rows_.push_back(row);
+  }
+  // Radii are as many times as wide each: ln d by ln a is their difference, by as many of them as there are.
+  for (std::size_t n = 0; n < rows_.size(); ++n) {
+    const std::size_t beside = std::min({n, rows_.size() - 1 - n, std::size_t{2}});
+    const auto across = [&](std::size_t k) {
+      return rows_[n + k].log_indentation - rows_[n - k].log_indentation;
+    };
+    const double step = std::log(kWider);
+    rows_[n].radius_power = beside == 2   ? 12 * step / (8 * across(1) - across(2))
+                            : beside == 1 ? 2 * step / across(1)
+                            : n == 0      ? 0.5
+                                          : rows_[n - 1].radius_power;
   }
   for (std::size_t n = 0; n < rows_.size(); ++n)
     rows_[n].energy_j = n == 0 ? rows_[0].force_n() * rows_[0].indentation_m / (rows_[0].power + 1)
@@ -193,8 +211,7 @@ LayeredTouch::At LayeredTouch::at(double d) const {
   const auto after = above == rows_.end() ? above - 1 : above;
   const Between rows(*(after - 1), *after);
   const double t = (std::log(d) - rows.before.log_indentation) / rows.width, force = rows.force_n(t);
-  return {force, rows.power(t) * force / d, rows.before.energy_j + rows.work_j(t),
-          std::exp((1 - t) * rows.before.log_radius + t * rows.after.log_radius)};
+  return {force, rows.power(t) * force / d, rows.before.energy_j + rows.work_j(t), rows.radius_m(t)};
 }
 
 bool make_layers_exact(ContactAnswer& answer, const ContactAnswer& layered, const LayeredTouch::At& exact,

@@ -30,7 +30,7 @@ class LayeredTouch {
 
  private:
   struct Row {
-    double indentation_m, log_indentation, log_force, power, log_radius, energy_j;
+    double indentation_m, log_indentation, log_force, power, log_radius, radius_power, energy_j;
     double force_n() const;
   };
   struct Between;

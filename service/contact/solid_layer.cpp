@@ -123,16 +123,13 @@ std::shared_ptr<TouchedLayer> SolidLayer::apart() {
 
 void SolidLayer::learn_shares() {
   contact_.learn_shares(device_->queue(account_), *mutex_);
-  const std::lock_guard lock(learned_mutex_);
-  learned_ = true;
-  not_learned_ = nullptr;
 }
 
 bool SolidLayer::learned(const std::shared_ptr<SolidLayer>& layer, const TouchWork& work,
                          const std::string& client) {
+  if (layer->contact_.has_learned()) return true;
   {
     const std::lock_guard lock(layer->learned_mutex_);
-    if (layer->learned_) return true;
     if (layer->asked_to_learn_ || Clock::now() < layer->learns_again_) return false;
     layer->asked_to_learn_ = true;
   }
@@ -148,7 +145,6 @@ bool SolidLayer::learned(const std::shared_ptr<SolidLayer>& layer, const TouchWo
     }
     const std::lock_guard lock(layer->learned_mutex_);
     layer->asked_to_learn_ = false;
-    if (!failure) return;
     layer->not_learned_ = failure;
     layer->learns_again_ = Clock::now() + kLearnAgain;
   };
@@ -156,8 +152,7 @@ bool SolidLayer::learned(const std::shared_ptr<SolidLayer>& layer, const TouchWo
     work(client, learn);
   else
     learn();
-  const std::lock_guard lock(layer->learned_mutex_);
-  return layer->learned_;
+  return layer->contact_.has_learned();
 }
 
 std::exception_ptr SolidLayer::not_learned() {

@@ -89,7 +89,7 @@ class SolidLayer final : public TouchedLayer {
   std::atomic<std::size_t> iterations_ = 0;  // of corrections since the last answer
   bool follows_learned_ = false;
   std::mutex learned_mutex_;  // of these
-  bool asked_to_learn_ = false, learned_ = false;
+  bool asked_to_learn_ = false;
   std::exception_ptr not_learned_;
   Clock::time_point learns_again_{};
   Corrector corrector_{
