@@ -55,7 +55,7 @@ Phantom linear(const Vector& shift_m, double axial, double lateral, double snr_d
   const double side = lateral * t.width_m / 2, below = shift_m.y + axial * t.depth_m;
   client::ProbeState probe;
   probe.width_m = kWindowM;
-  probe.field = std::make_shared<client::DisplacementField>(
+  probe.field = std::make_shared<client::PlaneField>(
       mesh, std::vector<double>{shift_m.x - side, shift_m.y, shift_m.x - side, below, shift_m.x + side,
                                 shift_m.y, shift_m.x + side, below});
   return phantom_of(t, probe, client::simulate_rf(t, probe, client::RfFrame::kProbe, seed), snr_db,

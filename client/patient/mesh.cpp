@@ -90,13 +90,13 @@ std::array<double, 64> element_stiffness(double dx_m, double dy_m, double poisso
   return k;
 }
 
-DisplacementField::DisplacementField(const PatientMesh& mesh, std::vector<double> u)
+PlaneField::PlaneField(const PatientMesh& mesh, std::vector<double> u)
     : x_m_(mesh.x_m), y_m_(mesh.y_m), u_(std::move(u)) {
   if (u_.size() != 2 * x_m_.size() * y_m_.size())
-    throw std::invalid_argument("DisplacementField: u does not fit the mesh");
+    throw std::invalid_argument("PlaneField: u does not fit the mesh");
 }
 
-DisplacementField::Vector DisplacementField::at(double x_m, double y_m) const {
+DisplacementField::Vector PlaneField::at(double x_m, double y_m, double) const {
   const std::size_t nx = x_m_.size(), ny = y_m_.size();
   const double x = std::clamp(x_m, x_m_.front(), x_m_.back()), y = std::clamp(y_m, 0.0, y_m_.back());
   const double across = x / x_m_.back() * static_cast<double>(nx - 1);  // columns are equally spaced
@@ -109,7 +109,7 @@ DisplacementField::Vector DisplacementField::at(double x_m, double y_m) const {
   const auto mix = [&](std::size_t c) {
     return (1 - s) * ((1 - t) * left[c] + t * left[c + 2]) + s * ((1 - t) * right[c] + t * right[c + 2]);
   };
-  return {mix(0), mix(1)};
+  return {mix(0), mix(1), 0};
 }
 
 }  // namespace teletact::client

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "client/patient/displacement_field.h"
 #include "client/patient/tissue.h"
 
 namespace teletact::client {
@@ -29,17 +30,13 @@ PatientMesh make_mesh(const Tissue& tissue, double spacing_m);
 // row-major.
 std::array<double, 64> element_stiffness(double dx_m, double dy_m, double poisson_ratio);
 
-// A displacement on the mesh, bilinear between its nodes.
-class DisplacementField {
+// A displacement on the mesh, bilinear between its nodes, the same at every z.
+class PlaneField : public DisplacementField {
  public:
-  struct Vector {
-    double x = 0, y = 0;
-  };
   // `u` holds u_x, u_y of node (i, j) at 2 (j + ny i): column after column along x.
-  DisplacementField(const PatientMesh& mesh, std::vector<double> u);
-  // Displacement (m) in the LAB frame (the bonded bottom rests). Points outside the tissue move with its
-  // nearest point.
-  Vector at(double x_m, double y_m) const;
+  PlaneField(const PatientMesh& mesh, std::vector<double> u);
+  using DisplacementField::at;
+  Vector at(double x_m, double y_m, double z_m) const override;
 
  private:
   std::vector<double> x_m_, y_m_, u_;

@@ -11,6 +11,7 @@ namespace {
 
 Tissue validated(Tissue tissue) {
   validate(tissue);
+  if (tissue.solid) throw TissueError("solid: this patient is of plane tissue; take [solid] out");
   return tissue;
 }
 
@@ -46,7 +47,7 @@ ProbeState Patient::press(double window_x_m, double compression_m) const {
   state.compression_m = compression_m;
   state.force_n = force.sum() * probe.elevation_m;
   state.contact_area_m2 = probe.contact_area_m2();
-  state.field = std::make_shared<DisplacementField>(mesh_, solver_.displacement(force));
+  state.field = std::make_shared<PlaneField>(mesh_, solver_.displacement(force));
   return state;
 }
 

@@ -13,14 +13,20 @@
 
 namespace teletact::client {
 
-// The flat frictionless probe pressed into the tissue by `compression_m`.
+// The flat probe pressed into the tissue by `compression_m`.
 struct ProbeState {
   double window_x_m = 0;  // left end of its face, scene coordinates
   double width_m = 0;
-  double compression_m = 0;
-  double force_n = 0;  // true sensor force, > 0 in compression: reaction per metre x elevation
+  double compression_m = 0;  // of its middle
+  double tilt = 0;           // beside it the face goes down by compression_m + tilt (x - middle)
+  double force_n = 0;        // true sensor force, > 0 in compression: reaction per metre x elevation
   double contact_area_m2 = 0;
   std::shared_ptr<const DisplacementField> field;  // LAB displacement over the whole tissue
+
+  // Of the probe and all that is fixed to it, at a point: what its PROBE frame takes off.
+  DisplacementField::Vector motion(double x_m, double y_m) const {
+    return {-tilt * y_m, compression_m + tilt * (x_m - window_x_m - width_m / 2), 0};
+  }
 };
 
 enum class FingerShape { kNode, kFlatPunch, kRoundedTip };

@@ -198,13 +198,13 @@ RfBase simulate_rf(const Tissue& tissue, const ProbeState& probe, RfFrame frame,
   const double bottom = tissue.depth_m + kReach * psf.axial_sigma_m + 2 * probe.compression_m;
   const double cell = 8 * std::numbers::ln2 * psf.axial_sigma_m * psf.lateral_sigma_m;
   const auto count = static_cast<std::size_t>((right - left) * bottom / cell * kScatterersPerCell);
-  const double rest = frame == RfFrame::kProbe ? probe.compression_m : 0;
   Random random(seed);
   for (std::size_t n = 0; n < count; ++n) {
     const double x = left + (right - left) * uniform(random), y = bottom * uniform(random);
     const auto u = probe.field->at(x, y);
+    const auto rest = frame == RfFrame::kProbe ? probe.motion(x, y) : DisplacementField::Vector{};
     add_scatterer(g, psf, table, x, y, base.pre);
-    add_scatterer(g, psf, table, x + u.x, y + u.y - rest, base.post);
+    add_scatterer(g, psf, table, x + u.x - rest.x, y + u.y - rest.y, base.post);
   }
   const double scale = rms(base.pre);
   for (auto* rf : {&base.pre, &base.post})

@@ -15,7 +15,7 @@
 namespace teletact::client {
 
 // Coordinates of the post frame. PROBE: the probe's face is y = 0 in both frames, so that
-// post(x + u) = pre(x) with u_y = LAB u_y - compression: zero at the face, negative below.
+// post(x + u) = pre(x) with u = LAB u - motion of the probe: u_y zero at the face, negative below.
 // LAB: the far side rests; the face has moved to y = compression, where the tissue's echoes now begin.
 enum class RfFrame { kProbe, kLab };
 

@@ -25,6 +25,24 @@ void validate_inclusion(const Tissue& t, const Inclusion& inclusion, std::size_t
   in_range(key + "contrast", inclusion.contrast, .01, 1000);
   in_range(key + "position_m[0]", inclusion.x_m, 0, t.width_m);
   in_range(key + "position_m[1]", inclusion.y_m, 0, t.depth_m);
+  require(t.solid || !inclusion.sphere, key + "shape", "cylinder where there is no [solid]", 0);
+  const double side_m = t.solid ? t.solid->elevational_width_m / 2 : 0;
+  in_range(key + "position_m[2]", inclusion.z_m, -side_m, side_m);
+}
+
+void validate_solid(const Tissue& t) {
+  const Solid& s = *t.solid;
+  in_range("solid.elevational_width_m", s.elevational_width_m, t.probe.elevation_m, 2);
+  in_range("solid.bed_depth_m", s.bed_depth_m, 1e-3, .3);
+  in_range("solid.bed_modulus_pa", s.bed_modulus_pa, 1, 1e9);
+  require(s.friction >= 0, "solid.friction", "0 or more", s.friction);
+  in_range("solid.uneven", s.uneven, -.5, .5);
+  in_range("solid.preload_m", s.preload_m, 1e-5, .1);
+  in_range("solid.lean_m", s.lean_m, -2 * s.preload_m, 2 * s.preload_m);
+  in_range("solid.capsule_m", s.capsule_m, 0, t.depth_m);
+  in_range("solid.capsule_contrast", s.capsule_contrast, .01, 1000);
+  in_range("solid.texture", s.texture, 0, 1);
+  in_range("solid.texture_length_m", s.texture_length_m, 1e-3, 1);
 }
 
 void validate_probe(const Tissue& t) {
@@ -53,10 +71,14 @@ void validate_ultrasound(const Ultrasound& u) {
 
 }  // namespace
 
-double Tissue::true_modulus(double x_m, double y_m) const {
+double Tissue::true_modulus(double x_m, double y_m, double z_m) const {
   double modulus = youngs_modulus_pa;
-  for (const Inclusion& i : inclusions)
-    if (std::hypot(x_m - i.x_m, y_m - i.y_m) <= i.diameter_m / 2) modulus = youngs_modulus_pa * i.contrast;
+  if (solid && y_m < solid->capsule_m) modulus *= solid->capsule_contrast;
+  for (const Inclusion& i : inclusions) {
+    const double across = i.sphere ? z_m - i.z_m : 0;
+    if (std::hypot(x_m - i.x_m, y_m - i.y_m, across) <= i.diameter_m / 2)
+      modulus = youngs_modulus_pa * i.contrast;
+  }
   return modulus;
 }
 
@@ -70,6 +92,7 @@ void validate(const Tissue& t) {
   for (std::size_t i = 0; i < t.inclusions.size(); ++i) validate_inclusion(t, t.inclusions[i], i);
   validate_probe(t);
   validate_ultrasound(t.ultrasound);
+  if (t.solid) validate_solid(t);
 }
 
 }  // namespace teletact::client

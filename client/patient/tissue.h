@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -16,11 +17,14 @@ struct TissueError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// A stiff or soft disc with a sharp border: modulus = contrast times the background's inside it.
+// A stiff or soft lump with a sharp border: modulus = contrast times the background's inside it. A disc of
+// plane tissue; of a solid a cylinder along z, or a sphere.
 struct Inclusion {
   double x_m = 0, y_m = 0;  // centre
   double diameter_m = 0;
   double contrast = 1;
+  bool sphere = false;
+  double z_m = 0;  // centre of a sphere, from the image plane
 };
 
 // The probe: flat, rigid, frictionless, `lines` A-lines across its width; its force sensor.
@@ -48,6 +52,30 @@ struct Ultrasound {
   double sample_pitch_m() const { return sound_speed_m_s / (2 * sampling_frequency_hz); }
 };
 
+// What the bottom of a solid rests on.
+enum class Support {
+  kBonded,
+  kSliding,  // it stays level, and is free to slide
+  kBed       // bonded to a layer that is bonded to a rigid ground
+};
+
+// Solid tissue: what it has beside plane tissue, and how the probe meets it. Lengths along z, across the
+// image plane, are from that plane. Its sides and ends are free.
+struct Solid {
+  double elevational_width_m = 0.100;  // from -half of it to half of it
+  Support support = Support::kBonded;
+  double bed_depth_m = 0.010, bed_modulus_pa = 2e3;
+  double friction = 0;  // Coulomb's coefficient under the face; infinite: it holds the tissue
+  // The right end of the face is pushed by 1 + uneven of what its middle is, the left one by 1 - uneven.
+  double uneven = 0;
+  // Before the push the middle of the face is pressed in by preload_m, its right end by lean_m more, its left
+  // end by lean_m less: where it then does not touch, it never does.
+  double preload_m = 0.0015, lean_m = 0;
+  double capsule_m = 0, capsule_contrast = 1;  // a layer at the surface, times the background
+  // Standard deviation of ln E, Gaussian with correlation exp(-d^2 / 2 length^2); the tissue's seed draws it.
+  double texture = 0, texture_length_m = 0.004;
+};
+
 struct Tissue {
   double width_m = 0.300, depth_m = 0.040;
   double youngs_modulus_pa = 10e3;  // of the background
@@ -56,10 +84,11 @@ struct Tissue {
   std::vector<Inclusion> inclusions;
   Probe probe;
   Ultrasound ultrasound;
-  std::uint64_t seed = 1;  // of scatterers, noise and sensor
+  std::optional<Solid> solid;  // empty: plane strain
+  std::uint64_t seed = 1;      // of scatterers, noise, sensor and texture
 
-  // Young's modulus (Pa) at a point; where discs overlap the later one counts.
-  double true_modulus(double x_m, double y_m) const;
+  // Young's modulus (Pa) at a point, without texture (TrueModulus); where lumps overlap the later one counts.
+  double true_modulus(double x_m, double y_m, double z_m = 0) const;
 };
 
 // Throws TissueError naming the key.

@@ -164,6 +164,23 @@ TEST(Rf, PostIsPreMovedByTheDisplacementInTheProbesFrame) {
   EXPECT_LE(errors[errors.size() * 9 / 10], 10e-6);
 }
 
+// Tissue that goes with the probe, which tilts, has not moved for it.
+TEST(Rf, TheProbesFrameTiltsWithIt) {
+  const World& w = world();
+  ProbeState state = w.state;
+  state.tilt = .1 * state.compression_m / (state.width_m / 2);
+  struct WithTheProbe : DisplacementField {
+    explicit WithTheProbe(const ProbeState& of) : probe(of) {}
+    Vector at(double x_m, double y_m, double) const override { return probe.motion(x_m, y_m); }
+    const ProbeState& probe;
+  };
+  ProbeState moved = state;
+  moved.field = std::make_shared<WithTheProbe>(state);
+  const RfBase base = simulate_rf(w.tissue, moved, RfFrame::kProbe, 11);
+  EXPECT_GE(correlation(base.pre, base.post), 1 - 1e-6);
+  EXPECT_LE(correlation(base.pre, simulate_rf(w.tissue, moved, RfFrame::kLab, 11).post), .5);
+}
+
 TEST(Rf, LabFrameKeepsTheFarSide) {
   const World& w = world();
   const RfBase lab = simulate_rf(w.tissue, w.state, RfFrame::kLab, 11);
