@@ -55,7 +55,8 @@ double sensed_force(const Probe& probe, double true_force_n, std::uint64_t seed)
   std::mt19937_64 random(seed ^ 0x5E4507F0ACE00000u);
   std::normal_distribution<double> normal;
   const double relative = probe.force_noise_relative * normal(random);
-  return true_force_n * (1 + relative) + probe.force_noise_n * normal(random);
+  const double shown_n = true_force_n * (1 + probe.force_gain_error) + probe.force_zero_n;
+  return shown_n + true_force_n * relative + probe.force_noise_n * normal(random);
 }
 
 }  // namespace teletact::client

@@ -80,7 +80,8 @@ class Patient {
   Eigen::MatrixXd compliance_;
 };
 
-// What the probe's force sensor reads: force x (1 + relative noise) + absolute noise, Gaussian (Probe).
+// What the probe's force sensor reads: the force by its gain and zero, and relative and absolute noise, both
+// Gaussian (Probe).
 double sensed_force(const Probe& probe, double true_force_n, std::uint64_t seed);
 
 }  // namespace teletact::client

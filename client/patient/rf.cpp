@@ -11,6 +11,7 @@ namespace {
 
 // Reach of the truncated PSF in standard deviations: e^-8 of the peak.
 constexpr double kReach = 4;
+constexpr double kBeamReach = 2.5;    // the same across the image plane, where nothing is as sharp
 constexpr std::size_t kPhases = 512;  // sub-sample positions of the tabulated pulse: 0.04 um at 40 MHz
 
 using Random = std::mt19937_64;
@@ -24,13 +25,18 @@ struct Psf {
   double cycles_per_m = 0;  // of the RF along depth: 2 f0 / c
 };
 
-Psf psf_of(const Ultrasound& u) {
-  const double fwhm_per_sigma = 2 * std::sqrt(2 * std::numbers::ln2);
-  // |spectrum| falls to one half (-6 dB) at f0 (1 -+ B/2): sigma_f = B f0 / 2.355, sigma_t = 1 / (2 pi
-  // sigma_f)
-  const double sigma_f = u.bandwidth * u.center_frequency_hz / fwhm_per_sigma;
-  return {u.sound_speed_m_s / 2 / (2 * std::numbers::pi * sigma_f),
-          u.wavelength_m() * u.f_number / fwhm_per_sigma, 2 * u.center_frequency_hz / u.sound_speed_m_s};
+const double kFwhmPerSigma = 2 * std::sqrt(2 * std::numbers::ln2);
+
+// sigma_t = 1 / (2 pi sigma_f)
+Psf psf_of(const Ultrasound& u, double depth_m = 0) {
+  return {u.sound_speed_m_s / 2 / (2 * std::numbers::pi * spectrum_sigma_hz(u)),
+          u.wavelength_m() * u.f_number / kFwhmPerSigma,
+          2 * centre_frequency_hz(u, depth_m) / u.sound_speed_m_s};
+}
+
+// Of the beam's widths at a depth, over those at its focus.
+double widening(const Ultrasound& u, double depth_m) {
+  return std::sqrt(1 + std::pow(u.beam_growth * (depth_m / u.focus_m - 1), 2));
 }
 
 double pulse(const Psf& psf, double depth_m) {
@@ -56,9 +62,26 @@ struct PulseTable {
   std::vector<float> values;
 };
 
+// Of the depths of an image; one for all where nothing is attenuated.
+class Pulses {
+ public:
+  Pulses(const Ultrasound& u, double sample_pitch_m, double deepest_m) {
+    const auto bands = u.attenuation_db_cm_mhz > 0 ? static_cast<std::size_t>(deepest_m / kBandM) + 1 : 1;
+    for (std::size_t n = 0; n < bands; ++n)
+      tables_.emplace_back(psf_of(u, bands > 1 ? kBandM * (static_cast<double>(n) + .5) : 0), sample_pitch_m);
+  }
+  const PulseTable& at(double depth_m) const {
+    return tables_[std::min(tables_.size() - 1, static_cast<std::size_t>(depth_m / kBandM))];
+  }
+
+ private:
+  static constexpr double kBandM = .001;
+  std::vector<PulseTable> tables_;
+};
+
 // Adds one scatterer at (x, y) to every A-line within reach.
-void add_scatterer(const RfGeometry& g, const Psf& psf, const PulseTable& table, double x, double y,
-                   std::vector<float>& rf) {
+void add_scatterer(const RfGeometry& g, double lateral_sigma_m, const PulseTable& table, double strength,
+                   double x, double y, std::vector<float>& rf) {
   const double at = y / g.sample_pitch_m, whole = std::floor(at);
   const auto first = static_cast<std::ptrdiff_t>(whole) - table.reach;
   const auto samples = static_cast<std::ptrdiff_t>(g.sample_count),
@@ -68,13 +91,13 @@ void add_scatterer(const RfGeometry& g, const Psf& psf, const PulseTable& table,
   const float* values = &table.values[phase * table.width];
   const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(0, -first), end = std::min(width, samples - first);
   const double line = (x - g.first_line_x_m) / g.line_pitch_m,
-               reach = kReach * psf.lateral_sigma_m / g.line_pitch_m;
+               reach = kReach * lateral_sigma_m / g.line_pitch_m;
   const auto from = std::max<std::ptrdiff_t>(0, static_cast<std::ptrdiff_t>(std::ceil(line - reach)));
   const auto to = std::min(static_cast<std::ptrdiff_t>(g.line_count) - 1,
                            static_cast<std::ptrdiff_t>(std::floor(line + reach)));
   for (std::ptrdiff_t l = from; l <= to; ++l) {
-    const double s = (static_cast<double>(l) - line) * g.line_pitch_m / psf.lateral_sigma_m;
-    const auto weight = static_cast<float>(std::exp(-.5 * s * s));
+    const double s = (static_cast<double>(l) - line) * g.line_pitch_m / lateral_sigma_m;
+    const auto weight = static_cast<float>(strength * std::exp(-.5 * s * s));
     float* out = rf.data() + l * samples + first;
     for (std::ptrdiff_t k = begin; k < end; ++k) out[k] += weight * values[k];
   }
@@ -167,6 +190,21 @@ std::vector<float> independent_speckle(Random& random, const RfGeometry& g, cons
                           g.line_count);
 }
 
+// Of each sample of a line: what makes up for attenuation makes it louder below.
+std::vector<double> noise_level(const RfBase& base) {
+  const Ultrasound& u = base.ultrasound;
+  std::vector<double> level(base.geometry.sample_count, std::pow(10, -u.snr_db / 20));
+  if (u.attenuation_db_cm_mhz == 0) return level;
+  const double per_m = attenuation_per_m_hz(u) * u.center_frequency_hz;
+  double squares = 0;
+  for (std::size_t k = 0; k < level.size(); ++k)
+    squares += std::exp(2 * per_m * base.geometry.sample_pitch_m * static_cast<double>(k));
+  const double mean = std::sqrt(squares / static_cast<double>(level.size()));
+  for (std::size_t k = 0; k < level.size(); ++k)
+    level[k] *= std::exp(per_m * base.geometry.sample_pitch_m * static_cast<double>(k)) / mean;
+  return level;
+}
+
 std::int16_t to_counts(double value) {
   return static_cast<std::int16_t>(std::lround(std::clamp(kSpeckleCounts * value, -32767.0, 32767.0)));
 }
@@ -174,7 +212,7 @@ std::int16_t to_counts(double value) {
 RfGeometry geometry_of(const Tissue& tissue, const ProbeState& probe) {
   RfGeometry g;
   g.sample_pitch_m = tissue.ultrasound.sample_pitch_m();
-  g.sample_count = static_cast<std::size_t>(std::floor(tissue.depth_m / g.sample_pitch_m)) + 1;
+  g.sample_count = static_cast<std::size_t>(std::floor(tissue.imaged_depth_m() / g.sample_pitch_m)) + 1;
   g.line_count = tissue.probe.lines;
   g.line_pitch_m = tissue.probe.line_pitch_m();
   g.first_line_x_m = probe.window_x_m + g.line_pitch_m / 2;
@@ -186,25 +224,40 @@ RfGeometry geometry_of(const Tissue& tissue, const ProbeState& probe) {
 RfBase simulate_rf(const Tissue& tissue, const ProbeState& probe, RfFrame frame, std::uint64_t seed) {
   RfBase base{geometry_of(tissue, probe), tissue.ultrasound, {}, {}};
   const RfGeometry& g = base.geometry;
-  const Psf psf = psf_of(base.ultrasound);
-  const PulseTable table(psf, g.sample_pitch_m);
+  const Ultrasound& u = base.ultrasound;
+  const Psf psf = psf_of(u);
   base.pre.assign(g.values(), 0.0f);
   base.post.assign(g.values(), 0.0f);
   // Scatterers that either frame can see: the PSF's reach and the motion (at most 4 compressions) around the
   // image.
-  const double side = kReach * psf.lateral_sigma_m + 4 * probe.compression_m;
+  const double bottom = tissue.imaged_depth_m() + kReach * psf.axial_sigma_m + 2 * probe.compression_m;
+  const double widest = std::max(widening(u, 0), widening(u, bottom));
+  const double side = kReach * psf.lateral_sigma_m * widest + 4 * probe.compression_m;
   const double left = std::max(0.0, probe.window_x_m - side);
   const double right = std::min(tissue.width_m, probe.window_x_m + probe.width_m + side);
-  const double bottom = tissue.depth_m + kReach * psf.axial_sigma_m + 2 * probe.compression_m;
   const double cell = 8 * std::numbers::ln2 * psf.axial_sigma_m * psf.lateral_sigma_m;
-  const auto count = static_cast<std::size_t>((right - left) * bottom / cell * kScatterersPerCell);
+  const Pulses pulses(u, g.sample_pitch_m, bottom);
+  const bool solid_beam = u.elevation_beam_m > 0;
+  const double beam_sigma = u.elevation_beam_m / kFwhmPerSigma;
+  double across = kBeamReach * beam_sigma * widest;
+  if (tissue.solid) across = std::min(across, tissue.solid->elevational_width_m / 2);
+  const double cells = (right - left) * bottom / cell * (solid_beam ? 2 * across / u.elevation_beam_m : 1);
+  const auto count = static_cast<std::size_t>(cells * kScatterersPerCell);
   Random random(seed);
   for (std::size_t n = 0; n < count; ++n) {
     const double x = left + (right - left) * uniform(random), y = bottom * uniform(random);
-    const auto u = probe.field->at(x, y);
+    const double z = solid_beam ? across * (2 * uniform(random) - 1) : 0;
+    const auto moved = probe.field->at(x, y, z);
     const auto rest = frame == RfFrame::kProbe ? probe.motion(x, y) : DisplacementField::Vector{};
-    add_scatterer(g, psf, table, x, y, base.pre);
-    add_scatterer(g, psf, table, x + u.x - rest.x, y + u.y - rest.y, base.post);
+    const double wide = widening(u, y), sigma = psf.lateral_sigma_m * wide;
+    // As loud at every depth: energy spread over a wider beam comes back from more scatterers.
+    const auto strength = [&](double at_z) {
+      return solid_beam ? std::exp(-.5 * std::pow(at_z / (beam_sigma * wide), 2)) / wide
+                        : 1 / std::sqrt(wide);
+    };
+    add_scatterer(g, sigma, pulses.at(y), strength(z), x, y, base.pre);
+    add_scatterer(g, sigma, pulses.at(y), strength(z + moved.z), x + moved.x - rest.x, y + moved.y - rest.y,
+                  base.post);
   }
   const double scale = rms(base.pre);
   for (auto* rf : {&base.pre, &base.post})
@@ -215,7 +268,7 @@ RfBase simulate_rf(const Tissue& tissue, const ProbeState& probe, RfFrame frame,
 RfPair with_noise(const RfBase& base, std::uint64_t seed) {
   Random random(seed);
   const double rho = base.ultrasound.correlation, fresh = std::sqrt(1 - rho * rho);
-  const double level = std::pow(10, -base.ultrasound.snr_db / 20);
+  const std::vector<double> level = noise_level(base);
   RfPair pair{base.geometry, {}, {}};
   const auto pre_noise = band_noise(random, base.geometry, base.ultrasound);
   const auto post_noise = band_noise(random, base.geometry, base.ultrasound);
@@ -223,8 +276,9 @@ RfPair with_noise(const RfBase& base, std::uint64_t seed) {
   pair.pre.resize(base.pre.size());
   pair.post.resize(base.post.size());
   for (std::size_t i = 0; i < base.pre.size(); ++i) {
-    pair.pre[i] = to_counts(base.pre[i] + level * pre_noise[i]);
-    pair.post[i] = to_counts(rho * base.post[i] + fresh * other[i] + level * post_noise[i]);
+    const double noise = level[i % base.geometry.sample_count];
+    pair.pre[i] = to_counts(base.pre[i] + noise * pre_noise[i]);
+    pair.post[i] = to_counts(rho * base.post[i] + fresh * other[i] + noise * post_noise[i]);
   }
   return pair;
 }

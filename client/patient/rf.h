@@ -1,9 +1,10 @@
 // RF simulation (T2.7): point scatterers moved by the FE displacement (evaluated at each scatterer; no image
 // is warped), convolved with a separable point-spread function: axially a cosine of the centre frequency
 // under a Gaussian whose spectrum has the stated -6 dB bandwidth, laterally a Gaussian of FWHM wavelength x
-// f_number. Then, per pass: speckle decorrelation (post = rho moved + sqrt(1 - rho^2) independent speckle of
-// the same PSF) and white noise limited to center_frequency (1 -+ bandwidth), snr_db below the speckle in
-// RMS.
+// f_number, wider out of focus. With an elevational beam scatterers lie across the image plane too, and move
+// there. Attenuation lowers the pulse's centre frequency with depth. Then, per pass: speckle decorrelation
+// (post = rho moved + sqrt(1 - rho^2) independent speckle of the PSF at the focus and face) and white noise
+// limited to center_frequency (1 -+ bandwidth), snr_db below the speckle in RMS over the frame.
 #pragma once
 
 #include <cstddef>

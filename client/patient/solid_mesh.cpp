@@ -11,45 +11,45 @@ namespace teletact::client {
 
 namespace {
 
-constexpr double kAlongYAndZ = 0.7, kGrowth = 1.35, kCoarsest = 6;
+constexpr double kAlongYAndZ = 0.7, kGrowth = 0.4, kCoarsest = 6, kAtEdge = 0.1;
 constexpr double kFineDepth = 0.025, kBeyondLump = 0.002, kFineBesideM = 0.003;
 constexpr double kMostNodes = 2e6;
 
-// Distances from 0 to length_m that begin with spacing_m and grow.
-std::vector<double> growing(double length_m, double spacing_m) {
-  std::vector<double> at_m;
-  double step = spacing_m, end = 0;
-  while (end < length_m * (1 - 1e-9)) {
-    step = std::min(step * kGrowth, kCoarsest * spacing_m);
-    end += step;
-    at_m.push_back(end);
+// How far apart lines are, anywhere along an axis.
+struct Spacing {
+  double fine_m;                // between begin and end
+  double begin_m, end_m;        // beyond them it grows
+  std::vector<double> edges_m;  // borders of the face: lines lie on them, close together
+  double at(double x_m) const {
+    const double beyond_m = std::max({0.0, begin_m - x_m, x_m - end_m});
+    double spacing_m = std::min(fine_m + kGrowth * beyond_m, kCoarsest * fine_m);
+    for (const double edge : edges_m)
+      spacing_m = std::min(spacing_m, kAtEdge * fine_m + kGrowth * std::abs(x_m - edge));
+    return spacing_m;
   }
-  for (double& a : at_m) a *= length_m / end;
-  return at_m;
-}
-
-struct Fine {
-  double begin, end, spacing_m;
 };
 
-// From begin to end: spacing_m apart in the fine part, with lines on its borders: those of the face, where
-// what the tissue does has edges.
-std::vector<double> lines(double begin, double end, const Fine& fine, const std::vector<double>& borders) {
-  std::vector<double> at_m;
-  const std::vector<double> before = growing(fine.begin - begin, fine.spacing_m),
-                            after = growing(end - fine.end, fine.spacing_m);
-  for (std::size_t n = before.size(); n-- > 0;) at_m.push_back(fine.begin - before[n]);
-  at_m.push_back(fine.begin);
-  const auto go_on_to = [&](double border) {
-    const double from = at_m.back(), length = border - from;
-    if (length < 1e-6) return;
-    const auto count = std::max(1L, std::lround(length / fine.spacing_m));
-    for (long n = 1; n <= count; ++n)
-      at_m.push_back(from + length * static_cast<double>(n) / static_cast<double>(count));
-  };
-  for (const double border : borders) go_on_to(border);
-  go_on_to(fine.end);
-  for (const double a : after) at_m.push_back(fine.end + a);
+// Lines from begin to end through all edges: between two of those they lie at equal steps of the integral of
+// 1 / spacing.
+std::vector<double> lines(double begin, double end, const Spacing& spacing) {
+  constexpr int kSteps = 2000;
+  std::vector<double> stops;
+  for (const double edge : spacing.edges_m)
+    if (edge > begin + 1e-6 && edge < end - 1e-6) stops.push_back(edge);
+  stops.push_back(end);
+  std::vector<double> at_m{begin};
+  for (const double stop : stops) {
+    const double from = at_m.back(), step = (stop - from) / kSteps;
+    std::vector<double> count(kSteps + 1, 0.0);
+    for (int n = 0; n < kSteps; ++n) count[n + 1] = count[n] + step / spacing.at(from + step * (n + .5));
+    const double cells = std::max(1.0, std::round(count.back()));
+    for (int n = 0, cell = 1; cell < cells; ++cell) {
+      const double wanted = count.back() * cell / cells;
+      while (count[n + 1] < wanted) ++n;
+      at_m.push_back(from + step * (n + (wanted - count[n]) / (count[n + 1] - count[n])));
+    }
+    at_m.push_back(stop);
+  }
   return at_m;
 }
 
@@ -92,16 +92,16 @@ SolidMesh make_solid_mesh(const Tissue& t, double window_x_m, double spacing_m) 
   const double face_m = std::min(end_m, t.probe.elevation_m / 2);
   const double fine_m = std::min(end_m, std::max(face_m + kFineBesideM, across_m));
   const double right_m = window_x_m + t.probe.width_m;
-  mesh.x_m = lines(
-      0, t.width_m,
-      {std::max(0.0, window_x_m - kFineBesideM), std::min(t.width_m, right_m + kFineBesideM), spacing_m},
-      {window_x_m, right_m});
-  mesh.y_m = lines(0, t.depth_m, {0, deep_m, narrow_m}, {});
-  mesh.z_m = lines(mesh.half ? 0 : -end_m, end_m, {mesh.half ? 0 : -fine_m, fine_m, narrow_m},
-                   mesh.half ? std::vector{face_m} : std::vector{-face_m, 0.0, face_m});
+  mesh.x_m = lines(0, t.width_m,
+                   {spacing_m, window_x_m - kFineBesideM, right_m + kFineBesideM, {window_x_m, right_m}});
+  mesh.y_m = lines(0, t.depth_m, {narrow_m, 0, deep_m, {0}});
+  mesh.z_m = lines(0, end_m, {narrow_m, 0, fine_m, {face_m}});
+  if (!mesh.half)
+    for (std::size_t n = 1; n < mesh.z_m.size(); n += 2) mesh.z_m.insert(mesh.z_m.begin(), -mesh.z_m[n]);
   const std::size_t rows = mesh.y_m.size() - 1;  // of tissue
   if (solid.support == Support::kBed)
-    for (const double below : growing(solid.bed_depth_m, 2 * narrow_m)) mesh.y_m.push_back(t.depth_m + below);
+    for (const double below : lines(t.depth_m, t.depth_m + solid.bed_depth_m, {2 * narrow_m, 0, 1, {}}))
+      if (below > t.depth_m) mesh.y_m.push_back(below);
   if (static_cast<double>(mesh.nodes()) > kMostNodes)
     throw TissueError(
         "tissue.width_m, tissue.depth_m, solid.elevational_width_m: the mesh needs more than two million "

@@ -4,8 +4,10 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <stdexcept>
 
 namespace teletact::client {
@@ -15,7 +17,9 @@ namespace {
 using Matrix = Eigen::SparseMatrix<double>;
 using Index = Eigen::Index;
 
-constexpr double kResidual = 1e-6;
+constexpr double kLeftOver = 1e-6;  // of the energy
+constexpr std::size_t kRun = 10;
+constexpr int kMostSteps = 20000;
 constexpr double kSmoothedSlide = 1e-3;  // of the push
 constexpr int kMostFrictionSteps = 30, kMostContactSteps = 12;
 constexpr double kFrictionSettled = 0.01;
@@ -96,6 +100,32 @@ struct Condition {
   }
 };
 
+// Conjugate gradients on K u = f from u, whose energy u.K u is `energy`. Each step takes alpha rho of it
+// (Hestenes and Stiefel 1952): it ends when a run of them took next to nothing of what is left.
+void descend(const Matrix& k, const Eigen::VectorXd& f, double energy, Eigen::VectorXd& u) {
+  const Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>> factor(k);
+  const auto lower = k.selfadjointView<Eigen::Lower>();
+  Eigen::VectorXd r = f - lower * u, z = factor.solve(r), p = z, kp(u.size());
+  double rho = r.dot(z);
+  std::deque<double> run;
+  for (int step = 0; step < kMostSteps; ++step) {
+    if (rho == 0) return;
+    kp.noalias() = lower * p;
+    const double alpha = rho / p.dot(kp);
+    u += alpha * p;
+    r -= alpha * kp;
+    run.push_back(alpha * rho);
+    energy -= run.back();
+    if (run.size() > kRun) run.pop_front();
+    if (run.size() == kRun && std::accumulate(run.begin(), run.end(), 0.0) <= kLeftOver * energy) return;
+    z = factor.solve(r);
+    const double next = r.dot(z);
+    p = z + next / rho * p;
+    rho = next;
+  }
+  throw std::runtime_error("the solid patient's equations were not solved");
+}
+
 // K u = 0 but for what is held; `u` is the first guess.
 void solve(const Matrix& stiffness, const Condition& c, Eigen::VectorXd& u) {
   Matrix k = stiffness;
@@ -117,15 +147,11 @@ void solve(const Matrix& stiffness, const Condition& c, Eigen::VectorXd& u) {
       if (row_held || column_held) entry.valueRef() = 0;
     }
   k.prune(0.0);
-  Eigen::ConjugateGradient<Matrix, Eigen::Lower,
-                           Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>>>
-      solver;
-  solver.setTolerance(kResidual);
-  solver.setMaxIterations(20000);
-  solver.compute(k);
-  u = solver.solveWithGuess(f, u);
-  if (solver.info() != Eigen::Success)
-    throw std::runtime_error("the solid patient's equations were not solved");
+  for (Index n = 0; n < u.size(); ++n)
+    if (c.held[static_cast<std::size_t>(n)]) u(n) = c.value(n);
+  const double energy =
+      u.dot(stiffness.selfadjointView<Eigen::Lower>() * u) + u.dot(c.spring.cwiseProduct(u));
+  descend(k, f, energy, u);
 }
 
 // A node under the face.
@@ -155,6 +181,7 @@ class Press {
       c.hold(3 * n.node + 1, compression_m * (1 + solid_.uneven * from_middle(n.x_m)));
       if (stuck || solid_.friction > 0) c.hold(3 * n.node), c.hold(3 * n.node + 2);
     }
+    guess(compression_m);
     solve(stiffness_, c, u_);
     if (!stuck && solid_.friction > 0) slide(c, compression_m);
     return {mesh_, {u_.begin(), u_.end()}};
@@ -170,6 +197,23 @@ class Press {
  private:
   double from_middle(double x_m) const { return (x_m - middle_m_) / (tissue_.probe.width_m / 2); }
   Eigen::VectorXd reaction() const { return stiffness_.selfadjointView<Eigen::Lower>() * u_; }
+
+  // Smooth, as deep as the tissue and somewhat wider than the face: a jump at its border would take long to
+  // go.
+  void guess(double compression_m) {
+    constexpr double kBesideM = .01;
+    for (std::size_t k = 0; k < mesh_.nz(); ++k)
+      for (std::size_t i = 0; i < mesh_.nx(); ++i) {
+        const double across = from_middle(mesh_.x_m[i]);
+        const double beyond_m =
+            std::hypot(std::max(0.0, std::abs(across) - 1) * tissue_.probe.width_m / 2,
+                       std::max(0.0, std::abs(mesh_.z_m[k]) - tissue_.probe.elevation_m / 2));
+        const double above = compression_m * (1 + solid_.uneven * std::clamp(across, -1.0, 1.0)) *
+                             std::exp(-beyond_m / kBesideM);
+        for (std::size_t j = 0; j < mesh_.ny(); ++j)
+          u_(static_cast<Index>(3 * mesh_.node(i, j, k) + 1)) = above * (1 - mesh_.y_m[j] / mesh_.y_m.back());
+      }
+  }
 
   void find_face(double window_x_m) {
     const double slack = 1e-9;

@@ -8,8 +8,8 @@
 
 namespace teletact::client {
 
-// Along x under the probe. The force is within 1 % of that at half of it, the displacement in the image plane
-// within 0.5 % of the push.
+// Along x under the probe. The force is then some 1 % too large, of which half comes back at half the
+// spacing.
 inline constexpr double kSolidSpacing = 0.0015;
 
 // The face covers [window_x_m, window_x_m + probe.width_m] x [-1/2, 1/2] probe.elevation_m; every node under

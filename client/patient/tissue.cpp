@@ -1,6 +1,7 @@
 #include "client/patient/tissue.h"
 
 #include <cmath>
+#include <numbers>
 
 namespace teletact::client {
 
@@ -54,9 +55,12 @@ void validate_probe(const Tissue& t) {
           "more than 0 and at most a tenth of tissue.depth_m (linear elasticity)", p.compression_m);
   in_range("probe.force_noise_relative", p.force_noise_relative, 0, .5);
   in_range("probe.force_noise_n", p.force_noise_n, 0, 10);
+  in_range("probe.force_gain_error", p.force_gain_error, -.5, .5);
+  in_range("probe.force_zero_n", p.force_zero_n, -10, 10);
 }
 
-void validate_ultrasound(const Ultrasound& u) {
+void validate_ultrasound(const Tissue& t) {
+  const Ultrasound& u = t.ultrasound;
   in_range("ultrasound.center_frequency_hz", u.center_frequency_hz, 1e5, 1e8);
   in_range("ultrasound.bandwidth", u.bandwidth, .05, 1.5);
   require(std::isfinite(u.sampling_frequency_hz) && u.sampling_frequency_hz <= 1e9 &&
@@ -67,6 +71,15 @@ void validate_ultrasound(const Ultrasound& u) {
   in_range("ultrasound.f_number", u.f_number, .5, 10);
   in_range("ultrasound.snr_db", u.snr_db, -20, 200);
   in_range("ultrasound.correlation", u.correlation, 0, 1);
+  in_range("ultrasound.depth_m", u.depth_m, 0, t.depth_m);
+  require(u.depth_m == 0 || u.depth_m >= 2e-3, "ultrasound.depth_m", "0, or at least 0.002", u.depth_m);
+  in_range("ultrasound.elevation_beam_m", u.elevation_beam_m, 0, .02);
+  in_range("ultrasound.focus_m", u.focus_m, 1e-3, 1);
+  in_range("ultrasound.beam_growth", u.beam_growth, 0, 3);
+  in_range("ultrasound.attenuation_db_cm_mhz", u.attenuation_db_cm_mhz, 0, 2);
+  require(centre_frequency_hz(u, t.imaged_depth_m()) >= .3 * u.center_frequency_hz,
+          "ultrasound.attenuation_db_cm_mhz",
+          "so little that 0.3 of the centre frequency is left at the bottom", u.attenuation_db_cm_mhz);
 }
 
 }  // namespace
@@ -82,6 +95,32 @@ double Tissue::true_modulus(double x_m, double y_m, double z_m) const {
   return modulus;
 }
 
+// |spectrum| falls to one half (-6 dB) at f0 (1 -+ B/2): B f0 / 2.355.
+double spectrum_sigma_hz(const Ultrasound& u) {
+  return u.bandwidth * u.center_frequency_hz / (2 * std::sqrt(2 * std::numbers::ln2));
+}
+
+double attenuation_per_m_hz(const Ultrasound& u) {
+  constexpr double kDecibelsPerNeper = 8.685889638;
+  return 2 * u.attenuation_db_cm_mhz * 100 / 1e6 / kDecibelsPerNeper;
+}
+
+double centre_frequency_hz(const Ultrasound& u, double depth_m) {
+  return u.center_frequency_hz - std::pow(spectrum_sigma_hz(u), 2) * attenuation_per_m_hz(u) * depth_m;
+}
+
+const char* name_of(Support support) {
+  switch (support) {
+    case Support::kBonded:
+      return "bonded";
+    case Support::kSliding:
+      return "sliding";
+    case Support::kBed:
+      return "bed";
+  }
+  return "";
+}
+
 void validate(const Tissue& t) {
   in_range("tissue.width_m", t.width_m, 5e-3, 2);
   in_range("tissue.depth_m", t.depth_m, 2e-3, .3);
@@ -91,7 +130,7 @@ void validate(const Tissue& t) {
   in_range("tissue.thickness_m", t.thickness_m, 1e-4, 1);
   for (std::size_t i = 0; i < t.inclusions.size(); ++i) validate_inclusion(t, t.inclusions[i], i);
   validate_probe(t);
-  validate_ultrasound(t.ultrasound);
+  validate_ultrasound(t);
   if (t.solid) validate_solid(t);
 }
 

@@ -39,6 +39,24 @@ class Section {
       throw TissueError(prefix_ + std::string(key) + ": must be a number");
     out = *value;
   }
+  // Like read(), but for a coefficient that may be without bound.
+  void read_boundless(std::string_view key, double& out) const {
+    if (has(key) && table_[key].value<double>() == std::numeric_limits<double>::infinity())
+      out = std::numeric_limits<double>::infinity();
+    else
+      read(key, out);
+  }
+  // Which of `words` is given; `otherwise` where none is.
+  std::size_t word(std::string_view key, std::initializer_list<std::string_view> words,
+                   std::size_t otherwise) const {
+    if (!has(key)) return otherwise;
+    const auto value = table_[key].value<std::string>();
+    const auto found = value ? std::find(words.begin(), words.end(), *value) : words.end();
+    if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
+    std::string list;
+    for (const std::string_view w : words) list += (list.empty() ? "" : ", ") + std::string(w);
+    throw TissueError(prefix_ + std::string(key) + ": must be one of " + list);
+  }
   template <class Unsigned>
   void read_count(std::string_view key, Unsigned& out) const {
     if (!has(key)) return;
@@ -71,14 +89,19 @@ Inclusion read_inclusion(const toml::node& node, std::size_t index) {
   const std::string name = "inclusion[" + std::to_string(index) + "]";
   if (!node.is_table()) throw TissueError(name + ": must be a table [[inclusion]]");
   const Section s(*node.as_table(), name + ".");
-  s.only({"position_m", "diameter_m", "contrast"});
+  s.only({"position_m", "diameter_m", "contrast", "shape"});
   for (const char* key : {"position_m", "diameter_m", "contrast"})
     if (!s.has(key)) throw TissueError(s.prefix() + key + ": is missing; add it");
   const toml::array& position = *s.array("position_m");
-  const auto x = position.size() == 2 ? position[0].value<double>() : std::nullopt;
-  const auto y = position.size() == 2 ? position[1].value<double>() : std::nullopt;
-  if (!x || !y) throw TissueError(s.prefix() + "position_m: must be two numbers [x, y]");
-  Inclusion inclusion{*x, *y, 0, 1};
+  Inclusion inclusion;
+  const bool deep = position.size() == 3;
+  const std::array<double*, 3> to{&inclusion.x_m, &inclusion.y_m, &inclusion.z_m};
+  for (std::size_t k = 0; k < (deep ? 3 : 2); ++k) {
+    const auto number = deep || position.size() == 2 ? position[k].value<double>() : std::nullopt;
+    if (!number) throw TissueError(s.prefix() + "position_m: must be two numbers [x, y], or three [x, y, z]");
+    *to[k] = *number;
+  }
+  inclusion.sphere = s.word("shape", {"cylinder", "sphere"}, 0) == 1;
   s.read("diameter_m", inclusion.diameter_m);
   s.read("contrast", inclusion.contrast);
   return inclusion;
@@ -86,7 +109,7 @@ Inclusion read_inclusion(const toml::node& node, std::size_t index) {
 
 void read_probe(const Section& s, double depth_m, Probe& probe) {
   s.only({"width_m", "lines", "elevation_m", "compression_m", "compression_strain", "force_noise_relative",
-          "force_noise_n"});
+          "force_noise_n", "force_gain_error", "force_zero_n"});
   if (s.has("compression_m") && s.has("compression_strain"))
     throw TissueError("probe.compression_strain: give it or compression_m, not both");
   s.read("width_m", probe.width_m);
@@ -99,11 +122,14 @@ void read_probe(const Section& s, double depth_m, Probe& probe) {
   if (s.has("compression_strain")) probe.compression_m = strain * depth_m;
   s.read("force_noise_relative", probe.force_noise_relative);
   s.read("force_noise_n", probe.force_noise_n);
+  s.read("force_gain_error", probe.force_gain_error);
+  s.read("force_zero_n", probe.force_zero_n);
 }
 
 void read_ultrasound(const Section& s, Ultrasound& u) {
   s.only({"center_frequency_hz", "bandwidth", "sampling_frequency_hz", "sound_speed_m_s", "f_number",
-          "snr_db", "correlation"});
+          "snr_db", "correlation", "depth_m", "elevation_beam_m", "focus_m", "beam_growth",
+          "attenuation_db_cm_mhz"});
   s.read("center_frequency_hz", u.center_frequency_hz);
   s.read("bandwidth", u.bandwidth);
   s.read("sampling_frequency_hz", u.sampling_frequency_hz);
@@ -111,11 +137,36 @@ void read_ultrasound(const Section& s, Ultrasound& u) {
   s.read("f_number", u.f_number);
   s.read("snr_db", u.snr_db);
   s.read("correlation", u.correlation);
+  s.read("depth_m", u.depth_m);
+  s.read("elevation_beam_m", u.elevation_beam_m);
+  s.read("focus_m", u.focus_m);
+  s.read("beam_growth", u.beam_growth);
+  s.read("attenuation_db_cm_mhz", u.attenuation_db_cm_mhz);
+}
+
+Solid read_solid(const Section& s) {
+  s.only({"elevational_width_m", "support", "bed_depth_m", "bed_modulus_pa", "friction", "uneven",
+          "preload_m", "lean_m", "capsule_m", "capsule_contrast", "texture", "texture_length_m"});
+  Solid solid;
+  s.read("elevational_width_m", solid.elevational_width_m);
+  solid.support = static_cast<Support>(
+      s.word("support", {name_of(Support::kBonded), name_of(Support::kSliding), name_of(Support::kBed)}, 0));
+  s.read("bed_depth_m", solid.bed_depth_m);
+  s.read("bed_modulus_pa", solid.bed_modulus_pa);
+  s.read_boundless("friction", solid.friction);
+  s.read("uneven", solid.uneven);
+  s.read("preload_m", solid.preload_m);
+  s.read("lean_m", solid.lean_m);
+  s.read("capsule_m", solid.capsule_m);
+  s.read("capsule_contrast", solid.capsule_contrast);
+  s.read("texture", solid.texture);
+  s.read("texture_length_m", solid.texture_length_m);
+  return solid;
 }
 
 Tissue tissue_of(const toml::table& file) {
   const Section root(file, "");
-  root.only({"seed", "tissue", "inclusion", "probe", "ultrasound"});
+  root.only({"seed", "tissue", "inclusion", "probe", "ultrasound", "solid"});
   Tissue t;
   root.read_count("seed", t.seed);
   const Section body = root.table("tissue");
@@ -129,6 +180,7 @@ Tissue tissue_of(const toml::table& file) {
     for (std::size_t i = 0; i < list->size(); ++i) t.inclusions.push_back(read_inclusion((*list)[i], i));
   read_probe(root.table("probe"), t.depth_m, t.probe);
   read_ultrasound(root.table("ultrasound"), t.ultrasound);
+  if (root.has("solid")) t.solid = read_solid(root.table("solid"));
   validate(t);
   return t;
 }
@@ -178,7 +230,9 @@ void write_tissue(const std::filesystem::path& path, const Tissue& t) {
   key("thickness_m", t.thickness_m);
   for (const Inclusion& i : t.inclusions) {
     section("[[inclusion]]");
-    out += "position_m = [" + digits(i.x_m) + ", " + digits(i.y_m) + "]\n";
+    out += "position_m = [" + digits(i.x_m) + ", " + digits(i.y_m) + (t.solid ? ", " + digits(i.z_m) : "") +
+           "]\n";
+    if (t.solid) out += std::string("shape = \"") + (i.sphere ? "sphere" : "cylinder") + "\"\n";
     key("diameter_m", i.diameter_m);
     key("contrast", i.contrast);
   }
@@ -189,6 +243,8 @@ void write_tissue(const std::filesystem::path& path, const Tissue& t) {
   key("compression_m", t.probe.compression_m);
   key("force_noise_relative", t.probe.force_noise_relative);
   key("force_noise_n", t.probe.force_noise_n);
+  key("force_gain_error", t.probe.force_gain_error);
+  key("force_zero_n", t.probe.force_zero_n);
   section("[ultrasound]");
   key("center_frequency_hz", t.ultrasound.center_frequency_hz);
   key("bandwidth", t.ultrasound.bandwidth);
@@ -197,6 +253,27 @@ void write_tissue(const std::filesystem::path& path, const Tissue& t) {
   key("f_number", t.ultrasound.f_number);
   key("snr_db", t.ultrasound.snr_db);
   key("correlation", t.ultrasound.correlation);
+  key("depth_m", t.ultrasound.depth_m);
+  key("elevation_beam_m", t.ultrasound.elevation_beam_m);
+  key("focus_m", t.ultrasound.focus_m);
+  key("beam_growth", t.ultrasound.beam_growth);
+  key("attenuation_db_cm_mhz", t.ultrasound.attenuation_db_cm_mhz);
+  if (t.solid) {
+    const Solid& s = *t.solid;
+    section("[solid]");
+    key("elevational_width_m", s.elevational_width_m);
+    out += std::string("support = \"") + name_of(s.support) + "\"\n";
+    key("bed_depth_m", s.bed_depth_m);
+    key("bed_modulus_pa", s.bed_modulus_pa);
+    key("friction", s.friction);
+    key("uneven", s.uneven);
+    key("preload_m", s.preload_m);
+    key("lean_m", s.lean_m);
+    key("capsule_m", s.capsule_m);
+    key("capsule_contrast", s.capsule_contrast);
+    key("texture", s.texture);
+    key("texture_length_m", s.texture_length_m);
+  }
   write_file(path, out);
 }
 

@@ -137,6 +137,14 @@ TEST(Press, MovesTheFaceByTheCompressionAndKeepsTheBottom) {
   EXPECT_NEAR(patient.press(.03, 1e-4).force_n * 3, state.force_n, 1e-9) << "linear";
 }
 
+TEST(SensedForce, HasTheSensorsGainAndZero) {
+  Probe probe;
+  probe.force_noise_relative = 0, probe.force_noise_n = 0;
+  EXPECT_EQ(sensed_force(probe, .3, 1), .3);
+  probe.force_gain_error = .03, probe.force_zero_n = -.005;
+  EXPECT_NEAR(sensed_force(probe, .3, 1), .3 * 1.03 - .005, 1e-12);
+}
+
 TEST(Press, ForceConvergesUnderRefinement) {
   double force[3];
   const double spacing[3] = {.001, .0005, .00025};

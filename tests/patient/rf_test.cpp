@@ -181,6 +181,105 @@ TEST(Rf, TheProbesFrameTiltsWithIt) {
   EXPECT_LE(correlation(base.pre, simulate_rf(w.tissue, moved, RfFrame::kLab, 11).post), .5);
 }
 
+// The tissue of world() with such a beam, moved across the image plane alone.
+RfBase moved_across(const Ultrasound& ultrasound, double across_m) {
+  Tissue t = world().tissue;
+  t.ultrasound = ultrasound;
+  struct Across : DisplacementField {
+    explicit Across(double by_m) : across_m(by_m) {}
+    Vector at(double, double, double) const override { return {0, 0, across_m}; }
+    double across_m;
+  };
+  ProbeState state = world().state;
+  state.field = std::make_shared<Across>(across_m);
+  return simulate_rf(t, state, RfFrame::kLab, 12);
+}
+
+// A beam of FWHM b, both echoes of one scatterer weighted by exp(-z^2 / 2 s^2): the echoes' correlation is
+// exp(-d^2 / 4 s^2), s = b / 2.355.
+TEST(Rf, SpeckleDecorrelatesAsScatterersLeaveThePlane) {
+  Ultrasound u;
+  u.elevation_beam_m = .001;
+  for (const double across_m : {0.0, .0002, .0005}) {
+    const RfBase base = moved_across(u, across_m);
+    const double s = u.elevation_beam_m / 2.3548;
+    EXPECT_NEAR(correlation(base.pre, base.post), std::exp(-across_m * across_m / (4 * s * s)), .02)
+        << across_m;
+  }
+  const RfBase thin = moved_across({}, .0005);
+  EXPECT_EQ(thin.pre, thin.post) << "only the plane echoes";
+}
+
+// Correlation of neighbouring lines about a depth.
+double between_lines(const RfBase& base, double depth_m) {
+  const RfGeometry& g = base.geometry;
+  const auto half = static_cast<std::size_t>(.002 / g.sample_pitch_m);
+  const std::size_t first = static_cast<std::size_t>(depth_m / g.sample_pitch_m) - half;
+  double sum = 0;
+  for (std::size_t l = 0; l + 1 < g.line_count; ++l)
+    sum += correlation(base.pre, g.sample_count * l + first, base.pre, g.sample_count * (l + 1) + first,
+                       2 * half);
+  return sum / static_cast<double>(g.line_count - 1);
+}
+
+TEST(Rf, BeamIsWiderOutOfFocusAndAsLoud) {
+  Ultrasound u;
+  u.focus_m = .012, u.beam_growth = 1;
+  for (const double elevation_m : {0.0, .001}) {
+    u.elevation_beam_m = elevation_m;
+    const RfBase base = moved_across(u, 0);
+    const double pitch = base.geometry.line_pitch_m, sigma = u.wavelength_m() * u.f_number / 2.3548;
+    for (const double depth_m : {.004, .012, .026}) {
+      const double wide = sigma * std::hypot(1, depth_m / .012 - 1);
+      EXPECT_NEAR(between_lines(base, depth_m), std::exp(-pitch * pitch / (4 * wide * wide)), .06) << depth_m;
+    }
+    const auto loudness = [&](double depth_m) {
+      const RfGeometry& g = base.geometry;
+      double sum = 0;
+      for (std::size_t l = 0; l < g.line_count; ++l)
+        for (int k = -150; k < 150; ++k)
+          sum += std::pow(
+              base.pre[g.sample_count * l + static_cast<std::size_t>(depth_m / g.sample_pitch_m + k)], 2);
+      return std::sqrt(sum);
+    };
+    EXPECT_NEAR(loudness(.026) / loudness(.012), 1, .15);
+  }
+}
+
+TEST(Rf, AttenuationLowersThePulseAndLiftsTheNoise) {
+  Tissue t = world().tissue;
+  t.ultrasound.attenuation_db_cm_mhz = .7;
+  const RfBase base = simulate_rf(t, world().state, RfFrame::kProbe, 11);
+  const RfGeometry& g = base.geometry;
+  // Mean frequency about a depth, by the phase between a sample and the next: cos = r1 / r0 for a narrow
+  // band.
+  const auto frequency = [&](double depth_m) {
+    double r0 = 0, r1 = 0;
+    for (std::size_t l = 0; l < g.line_count; ++l)
+      for (int k = -200; k < 200; ++k) {
+        const float* rf =
+            &base.pre[g.sample_count * l + static_cast<std::size_t>(depth_m / g.sample_pitch_m + k)];
+        r0 += rf[0] * rf[0], r1 += rf[0] * rf[1];
+      }
+    return std::acos(r1 / r0) / (2 * std::numbers::pi) * t.ultrasound.sampling_frequency_hz;
+  };
+  const double lower = frequency(.005) - frequency(.025);
+  EXPECT_NEAR(lower / (centre_frequency_hz(t.ultrasound, .005) - centre_frequency_hz(t.ultrasound, .025)), 1,
+              .25);
+  EXPECT_NEAR(centre_frequency_hz(t.ultrasound, .025), 6.0e6, .2e6);
+  const auto noise = noise_of(with_noise(base, 3), base);
+  EXPECT_NEAR(20 * std::log10(rms(noise)), -30, .3) << "over the frame as stated";
+  const auto level = [&](double depth_m) {
+    double sum = 0;
+    for (std::size_t l = 0; l < g.line_count; ++l)
+      for (int k = -200; k < 200; ++k)
+        sum +=
+            std::pow(noise[g.sample_count * l + static_cast<std::size_t>(depth_m / g.sample_pitch_m + k)], 2);
+    return 10 * std::log10(sum);
+  };
+  EXPECT_NEAR(level(.025) - level(.005), .7 * 2 * 2 * 7.3, 1) << "dB over 2 cm, there and back";
+}
+
 TEST(Rf, LabFrameKeepsTheFarSide) {
   const World& w = world();
   const RfBase lab = simulate_rf(w.tissue, w.state, RfFrame::kLab, 11);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <set>
 
 #include "client/files/file_io.h"
@@ -55,6 +56,27 @@ TEST(TissueFile, ReadsBackWhatWasWritten) {
   EXPECT_EQ(read.ultrasound.sampling_frequency_hz, 40e6);
 }
 
+TEST(TissueFile, ReadsBackEverySolid) {
+  const auto path =
+      std::filesystem::temp_directory_path() / ("teletact-solid-" + std::to_string(::getpid()) + ".toml");
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    Tissue t = unlike_model(seed);
+    t.solid->texture_length_m = 1.0 / 301;
+    write_tissue(path, t);
+    const Tissue read = read_tissue(path);
+    EXPECT_EQ(read.solid, t.solid) << seed;
+    EXPECT_EQ(read.inclusions, t.inclusions) << seed;
+    EXPECT_EQ(read.probe, t.probe) << seed;
+    EXPECT_EQ(read.ultrasound, t.ultrasound) << seed;
+    EXPECT_EQ(read.depth_m, t.depth_m);
+    EXPECT_EQ(read.poisson_ratio, t.poisson_ratio);
+  }
+  std::filesystem::remove(path);
+  EXPECT_FALSE(parse_tissue("").solid);
+  EXPECT_TRUE(parse_tissue("[solid]").solid);
+  EXPECT_EQ(parse_tissue("[solid]\nfriction = inf").solid->friction, std::numeric_limits<double>::infinity());
+}
+
 TEST(TissueFile, EachErrorNamesItsKey) {
   struct Case {
     const char *toml, *key, *word;
@@ -76,6 +98,16 @@ TEST(TissueFile, EachErrorNamesItsKey) {
         {"[[inclusion]]\ndiameter_m = 0.01\ncontrast = 3", "inclusion[0].position_m", "missing"},
         {"[[inclusion]]\nposition_m = [1]\ndiameter_m = 0.01\ncontrast = 3", "inclusion[0].position_m",
          "[x, y]"},
+        {"[[inclusion]]\nposition_m = [0.1, 0.01]\ndiameter_m = 0.01\ncontrast = 3\nshape = \"cube\"",
+         "inclusion[0].shape", "sphere"},
+        {"[[inclusion]]\nposition_m = [0.1, 0.01]\ndiameter_m = 0.01\ncontrast = 3\nshape = \"sphere\"",
+         "inclusion[0].shape", "[solid]"},
+        {"[solid]\nsupport = \"air\"", "solid.support", "bonded, sliding, bed"},
+        {"[solid]\nelevational_width_m = 0.001", "solid.elevational_width_m", "must be"},
+        {"[solid]\nfriction = nan", "solid.friction", "number"},
+        {"[solid]\nlean_m = 0.01", "solid.lean_m", "must be"},
+        {"[ultrasound]\ndepth_m = 0.05", "ultrasound.depth_m", "must be"},
+        {"[ultrasound]\nattenuation_db_cm_mhz = 2", "ultrasound.attenuation_db_cm_mhz", "centre frequency"},
         {"[[inclusion]]\nposition_m = [1, 0]\ndiameter_m = 0.01\ncontrast = 3", "inclusion[0].position_m[0]",
          "must be"},
         {"[[inclusion]]\nposition_m = [0.1, 0.01]\ndiameter_m = 0.01\ncontrast = 0", "inclusion[0].contrast",
@@ -130,6 +162,37 @@ TEST(RandomTissue, KeepsItsRulesForEverySeed) {
     EXPECT_EQ(across, 1) << seed;
   }
   EXPECT_EQ(counts, (std::set<std::size_t>{3, 4, 5}));
+}
+
+TEST(UnlikeModel, DrawsWhatIsAllowedOfEveryOption) {
+  std::set<Support> supports;
+  int held = 0, slides = 0, rubs = 0, narrow = 0, leans = 0, capsules = 0, spheres = 0, deeper = 0;
+  constexpr int kSeeds = 200;
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    const Tissue t = unlike_model(seed);
+    EXPECT_NO_THROW(validate(t)) << seed;
+    const Solid& s = *t.solid;
+    supports.insert(s.support);
+    held += std::isinf(s.friction), slides += s.friction == 0, rubs += s.friction > 0 && s.friction < 1;
+    narrow += t.width_m == t.probe.width_m, leans += s.lean_m != 0, capsules += s.capsule_m > 0;
+    spheres += t.inclusions[0].sphere, deeper += t.depth_m > t.imaged_depth_m();
+    EXPECT_GE(s.preload_m, .0015);
+    EXPECT_LE(std::abs(s.uneven), .1);
+    EXPECT_GE(s.texture, .05);
+    EXPECT_LE(s.texture, .2);
+    EXPECT_GE(t.ultrasound.elevation_beam_m, .001);
+    EXPECT_LE(t.ultrasound.elevation_beam_m, .003);
+    EXPECT_NE(t.probe.force_gain_error, 0);
+  }
+  EXPECT_EQ(supports.size(), 3u);
+  for (const int n : {held, slides, rubs, narrow, capsules, spheres, deeper}) {
+    EXPECT_GT(n, kSeeds / 10);
+    EXPECT_LT(n, kSeeds * 7 / 10);
+  }
+  EXPECT_GT(leans, 5);
+  EXPECT_EQ(unlike_model(3), unlike_model(3));
+  EXPECT_EQ(unlike_model(3, 5).inclusions[0].contrast, 5);
+  EXPECT_EQ(unlike_model(3, 5).solid, unlike_model(3).solid);
 }
 
 TEST(RandomTissue, SameSeedSamePatient) {
