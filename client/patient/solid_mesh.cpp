@@ -11,18 +11,18 @@ namespace teletact::client {
 
 namespace {
 
-constexpr double kAlongYAndZ = 0.7, kGrowth = 0.4, kCoarsest = 6, kAtEdge = 0.1;
+constexpr double kAlongYAndZ = 0.7, kGrowth = 0.4, kCoarsest = 6, kCoarsestBelow = 2, kAtEdge = 0.1;
 constexpr double kFineDepth = 0.025, kBeyondLump = 0.002, kFineBesideM = 0.003;
 constexpr double kMostNodes = 2e6;
 
 // How far apart lines are, anywhere along an axis.
 struct Spacing {
-  double fine_m;                // between begin and end
+  double fine_m, coarsest_m;    // between begin and end; the most
   double begin_m, end_m;        // beyond them it grows
   std::vector<double> edges_m;  // borders of the face: lines lie on them, close together
   double at(double x_m) const {
     const double beyond_m = std::max({0.0, begin_m - x_m, x_m - end_m});
-    double spacing_m = std::min(fine_m + kGrowth * beyond_m, kCoarsest * fine_m);
+    double spacing_m = std::min(fine_m + kGrowth * beyond_m, coarsest_m);
     for (const double edge : edges_m)
       spacing_m = std::min(spacing_m, kAtEdge * fine_m + kGrowth * std::abs(x_m - edge));
     return spacing_m;
@@ -93,20 +93,24 @@ SolidMesh make_solid_mesh(const Tissue& t, double window_x_m, double spacing_m) 
   const double fine_m = std::min(end_m, std::max(face_m + kFineBesideM, across_m));
   const double right_m = window_x_m + t.probe.width_m;
   mesh.x_m = lines(0, t.width_m,
-                   {spacing_m, window_x_m - kFineBesideM, right_m + kFineBesideM, {window_x_m, right_m}});
-  mesh.y_m = lines(0, t.depth_m, {narrow_m, 0, deep_m, {0}});
-  mesh.z_m = lines(0, end_m, {narrow_m, 0, fine_m, {face_m}});
+                   {spacing_m,
+                    kCoarsest * spacing_m,
+                    window_x_m - kFineBesideM,
+                    right_m + kFineBesideM,
+                    {window_x_m, right_m}});
+  mesh.y_m = lines(0, t.depth_m, {narrow_m, kCoarsestBelow * narrow_m, 0, deep_m, {0}});
+  mesh.z_m = lines(0, end_m, {narrow_m, kCoarsest * narrow_m, 0, fine_m, {face_m}});
   if (!mesh.half)
     for (std::size_t n = 1; n < mesh.z_m.size(); n += 2) mesh.z_m.insert(mesh.z_m.begin(), -mesh.z_m[n]);
   const std::size_t rows = mesh.y_m.size() - 1;  // of tissue
   if (solid.support == Support::kBed)
-    for (const double below : lines(t.depth_m, t.depth_m + solid.bed_depth_m, {2 * narrow_m, 0, 1, {}}))
+    for (const double below : lines(t.depth_m, t.depth_m + solid.bed_depth_m,
+                                    {kCoarsestBelow * narrow_m, kCoarsestBelow * narrow_m, 0, 1, {}}))
       if (below > t.depth_m) mesh.y_m.push_back(below);
   if (static_cast<double>(mesh.nodes()) > kMostNodes)
     throw TissueError(
-        "tissue.width_m, tissue.depth_m, solid.elevational_width_m: the mesh needs more than two million "
-        "nodes; "
-        "reduce them");
+        "tissue.width_m, tissue.depth_m, solid.elevational_width_m: the mesh needs more than two "
+        "million nodes; reduce them");
   const TrueModulus modulus(t);
   mesh.youngs_modulus_pa.resize((mesh.nx() - 1) * (mesh.ny() - 1) * (mesh.nz() - 1));
   in_parallel(mesh.nz() - 1, [&](std::size_t k) {

@@ -28,9 +28,9 @@ struct SolidMesh {
   }
 };
 
-// Of tissue with a solid, for a probe whose face begins at window_x_m: spacing_m along x, 0.7 of it along y and
-// z where it is fine; a tenth at the face's borders, up to six times as wide beyond. Throws TissueError above
-// two million nodes.
+// Of tissue with a solid, for a probe whose face begins at window_x_m: spacing_m along x, 0.7 of it along y
+// and z where it is fine; a tenth at the face's borders, up to twice as wide below and six times beside. Throws
+// TissueError above two million nodes.
 SolidMesh make_solid_mesh(const Tissue& tissue, double window_x_m, double spacing_m);
 
 // Stiffness of a box of such sides and unit Young's modulus: 2 mu eps:eps by 2 x 2 x 2 Gauss points, lambda

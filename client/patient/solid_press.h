@@ -8,7 +8,7 @@
 
 namespace teletact::client {
 
-// Along x under the probe. The force is then some 1 % too large, of which half comes back at half the
+// Along x under the probe. The force is then 1 % too large, and what shows of it is halved by half of the
 // spacing.
 inline constexpr double kSolidSpacing = 0.0015;
 

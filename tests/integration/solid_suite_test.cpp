@@ -61,5 +61,19 @@ TEST(PlanSuite, EveryModelAnswersEveryPair) {
   EXPECT_TRUE(std::filesystem::exists(folder / "plan/plan.png"));
 }
 
+TEST(RealTissueSuite, EveryRowIsTrackedAndPlaneStrainIsNotEnough) {
+  const test::TemporaryFolder folder;
+  const auto rows = measured(folder, {"real-tissue"}).at("rows");
+  ASSERT_GE(rows.size(), 5);
+  for (const auto& row : rows) {
+    EXPECT_EQ(row.at("refused"), 0) << row.at("name");
+    EXPECT_TRUE(row.at("background").is_number()) << row.at("name");
+    if (row.at("name") == "no lump" && row.at("estimator") == "plane strain") {
+      EXPECT_GT(row.at("ramp"), 2) << "else this solid is not unlike the estimator";
+      EXPECT_GT(row.at("background"), 1.3);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace teletact

@@ -109,9 +109,9 @@ TEST(SolidPress, CylinderWithoutPoissonIsThePlanePatient) {
 // half-space is K = 2 G L / (1 - nu) (0.73 + 1.54 (B / L)^0.75) stiff. A bottom takes off what a half-space
 // moves there, P (1 + nu) (3 - 2 nu) / (2 pi E depth) (Boussinesq).
 TEST(SolidPress, OnDeepTissueIsTheFootingOfSoilMechanics) {
-  Tissue t = block(.4, .2, .4);
+  Tissue t = block(.32, .16, .32);
   t.poisson_ratio = .3;
-  const ProbeState state = press(t, .003);
+  const ProbeState state = press(t, .0035);
   const double shear = t.youngs_modulus_pa / (2 * 1.3);
   const double stiffness = 2 * shear * .03 / .7 * (.73 + 1.54 * std::pow(1.0 / 6, .75));
   const double below = 1.3 * 2.4 / (2 * std::numbers::pi * t.youngs_modulus_pa * t.depth_m);
@@ -121,7 +121,7 @@ TEST(SolidPress, OnDeepTissueIsTheFootingOfSoilMechanics) {
 TEST(SolidPress, ConvergesUnderRefinement) {
   const Tissue t = block(.08, .03, .04);
   double force[3], middle[3];
-  const double spacing[3] = {.0035, .002, .0014};
+  const double spacing[3] = {.004, .0024, .0017};
   for (int k = 0; k < 3; ++k) {
     const ProbeState state = press(t, spacing[k]);
     force[k] = state.force_n, middle[k] = state.field->at(t.width_m / 2, .01).y / kPushM;

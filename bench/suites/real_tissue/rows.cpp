@@ -1,0 +1,111 @@
+#include "bench/suites/real_tissue/rows.h"
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <random>
+
+namespace teletact::bench {
+namespace {
+
+using client::Support;
+using client::Tissue;
+
+constexpr double kLumpM = 0.010, kHighestM = 0.012, kLowestM = 0.018, kAsideM = 0.015;
+constexpr double kHeld = std::numeric_limits<double>::infinity();
+constexpr double kMostGain = 0.03;
+
+using Set = std::function<void(Tissue&, const Draw&)>;
+
+Set solid(std::function<void(client::Solid&)> set) {
+  return [set](Tissue& t, const Draw&) { set(*t.solid); };
+}
+
+// Two of a standard deviation are drawn by less than 1 in 20.
+double gaussian(const Draw& draw) {
+  const double radius = std::sqrt(-2 * std::log(1 - draw()));
+  return radius * std::cos(2 * std::numbers::pi * draw());
+}
+
+void cylinder(Tissue& t, const Draw&) {
+  for (client::Inclusion& i : t.inclusions) i.sphere = false;
+}
+
+void as_wide_as_the_probe(Tissue& t, const Draw&) {
+  const double left_m = (t.width_m - t.probe.width_m) / 2;
+  t.width_m = t.probe.width_m;
+  t.solid->elevational_width_m = t.probe.elevation_m;
+  for (client::Inclusion& i : t.inclusions) i.x_m -= left_m;
+}
+
+void sensor(Tissue& t, const Draw& draw) {
+  t.probe.force_gain_error = kMostGain * gaussian(draw);
+  t.probe.force_zero_n = .003 * gaussian(draw);
+}
+
+void beam(Tissue& t, double elevation_m) {
+  t.ultrasound.elevation_beam_m = elevation_m;
+}
+
+}  // namespace
+
+std::vector<RealRow> real_rows() {
+  std::vector<RealRow> rows;
+  const auto row = [&](const std::string& name, const Set& set, bool quick = false) {
+    for (const double contrast : {3.0, 5.0}) rows.push_back({name, contrast, quick && contrast == 3, set});
+  };
+  const Set nothing = [](Tissue&, const Draw&) {};
+  rows.push_back({"no lump", 1, true, nothing});
+  rows.push_back({"no lump, capsule 2 mm", 1, false,
+                  solid([](auto& s) { s.capsule_m = .002, s.capsule_contrast = 3; })});
+  row("sphere", nothing, true);
+  row("cylinder", cylinder, true);
+  row("friction 0.3", solid([](auto& s) { s.friction = .3; }));
+  row("held by the probe", solid([](auto& s) { s.friction = kHeld; }));
+  row("as wide as the probe", as_wide_as_the_probe, true);
+  row("as wide as the probe and held", [](Tissue& t, const Draw& d) {
+    as_wide_as_the_probe(t, d);
+    t.solid->friction = kHeld;
+  });
+  row("60 mm across", solid([](auto& s) { s.elevational_width_m = .060; }));
+  row("sliding bottom", solid([](auto& s) { s.support = Support::kSliding; }));
+  row("bed of 10 mm, 2 kPa", solid([](auto& s) { s.support = Support::kBed; }));
+  row("60 mm deep, 40 mm imaged", [](Tissue& t, const Draw&) {
+    t.ultrasound.depth_m = t.depth_m;
+    t.depth_m = .060;
+  });
+  row("uneven by 10 %", solid([](auto& s) { s.uneven = .1; }));
+  row("contact in part, lean 2.5 mm", solid([](auto& s) { s.lean_m = .0025; }));
+  row("capsule 1 mm of 3", solid([](auto& s) { s.capsule_m = .001, s.capsule_contrast = 3; }));
+  row("capsule 2 mm of 3", solid([](auto& s) { s.capsule_m = .002, s.capsule_contrast = 3; }));
+  row("texture 5 %", solid([](auto& s) { s.texture = .05; }));
+  row("texture 20 %", solid([](auto& s) { s.texture = .20; }));
+  row("beam 1 mm across", [](Tissue& t, const Draw&) { beam(t, .001); });
+  row("beam 3 mm across, wider with depth, 0.5 dB/cm/MHz", [](Tissue& t, const Draw&) {
+    beam(t, .003);
+    t.ultrasound.beam_growth = 1;
+    t.ultrasound.attenuation_db_cm_mhz = .5;
+  });
+  row("sensor: gain 3 %, zero 3 mN", sensor);
+  row("nu 0.495", [](Tissue& t, const Draw&) { t.poisson_ratio = .495; });
+  for (const double contrast : {3.0, 5.0}) rows.push_back({"all together", contrast, contrast == 3, {}});
+  return rows;
+}
+
+Tissue tissue_of(const RealRow& row, std::uint64_t seed) {
+  if (!row.set) return client::unlike_model(seed, row.contrast);
+  const auto random = std::make_shared<std::mt19937_64>(seed * 0x9E3779B97F4A7C15u + 77);
+  const Draw draw = [random] { return static_cast<double>((*random)() >> 11) * 0x1p-53; };
+  Tissue t;
+  t.width_m = .120, t.depth_m = .040, t.seed = seed;
+  t.solid.emplace();
+  const double aside = 2 * draw() - 1, deep = draw();
+  if (row.contrast != 1)
+    t.inclusions = {{t.width_m / 2 + kAsideM * aside, kHighestM + (kLowestM - kHighestM) * deep, kLumpM,
+                     row.contrast, true}};
+  row.set(t, draw);
+  return t;
+}
+
+}  // namespace teletact::bench
