@@ -91,7 +91,7 @@ inline constexpr std::chrono::microseconds kLawShown{500};
 // How they are sent: windows this near, what is nearest to where the finger will be so much later first, so
 // many bytes between two answers.
 inline constexpr double kLawReach = 0.060, kLawAhead = 0.1;
-inline constexpr std::size_t kLawPieceBytes = 300;
+inline constexpr std::size_t kLawPieceBytes = 340;
 // A new version's law is expected within this: so long the version before answers who feels a law.
 inline constexpr std::chrono::milliseconds kLawExpected{300};
 

@@ -251,7 +251,7 @@ TEST_F(FarLink, ASolidsLawIsFeltWhereTheFingerIs) {
   for (const double round_trip_s : {0.1, 0.2}) {
     const Explored law = explore(place, "law", round_trip_s);
     EXPECT_GE(law.share_in_tolerance, 0.95) << round_trip_s;
-    EXPECT_GE(law.by_law_share, 0.93) << round_trip_s << ", the first answers are there before the law";
+    EXPECT_GE(law.by_law_share, 0.95) << round_trip_s;
     EXPECT_EQ(law.lost_s, 0) << round_trip_s;
     EXPECT_EQ(law.faded_s, 0) << round_trip_s;
   }
