@@ -57,11 +57,11 @@ template std::vector<double> work_of_elements(const SolidTissue&, const std::vec
 template std::vector<double> work_of_elements(const SolidTissue&, const std::vector<double>&,
                                               const std::vector<double>&, bool);
 
-ElementMeans::ElementMeans(const Queue& queue, const SolidGrid& grid)
+ElementMeans::ElementMeans(const Queue& queue, const SolidGrid& grid, std::size_t at_once)
     : queue_(queue),
       layers_(grid.layers()),
       elements_(queue, grid.nx, grid.nz, grid.layers()),
-      surface_(queue, grid.nx, grid.nz, 1),
+      surface_(queue, grid.nx, grid.nz, at_once),
       field_(queue.array<float>(elements_.field_size())),
       spectrum_(queue.array<float>(elements_.spectrum_size())),
       plane_(queue.array<float>(surface_.field_size())),
@@ -74,21 +74,35 @@ ElementMeans::Map ElementMeans::transformed(const std::vector<float>& of_element
 }
 
 Eigen::VectorXd ElementMeans::means(const Map& shares, const Map& map) {
-  const std::size_t part = surface_.spectrum_size() / 2;  // real, imaginary
-  std::vector<float> sum(2 * part);
-  for (std::size_t j = 0; j < layers_; ++j) {
-    const float *real = map.data() + 2 * j * part, *imaginary = real + part;
-    const float *share_real = shares.data() + 2 * j * part, *share_imaginary = share_real + part;
-    for (std::size_t k = 0; k < part; ++k) {
-      sum[k] += share_real[k] * real[k] + share_imaginary[k] * imaginary[k];
-      sum[part + k] += share_real[k] * imaginary[k] - share_imaginary[k] * real[k];
+  return means({{&shares, &map}}).front();
+}
+
+std::vector<Eigen::VectorXd> ElementMeans::means(const std::vector<std::pair<const Map*, const Map*>>& all) {
+  const std::size_t plane = elements_.spectrum_size() / layers_, part = plane / 2;  // real, imaginary
+  std::vector<float> sums(all.size() * plane);
+  using Of = Eigen::Map<const Eigen::ArrayXf>;
+  const auto length = static_cast<Eigen::Index>(part);
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    Eigen::Map<Eigen::ArrayXf> sum(sums.data() + n * plane, length),
+        sum_imaginary(sums.data() + n * plane + part, length);
+    for (std::size_t j = 0; j < layers_; ++j) {
+      const float *map = all[n].second->data() + j * plane, *share = all[n].first->data() + j * plane;
+      const Of real(map, length), imaginary(map + part, length), share_real(share, length),
+          share_imaginary(share + part, length);
+      sum += share_real * real + share_imaginary * imaginary;
+      sum_imaginary += share_real * imaginary - share_imaginary * real;
     }
   }
-  queue_.write(sum_, sum.data(), sum.size());
-  surface_.backward(sum_, plane_, 0, 1);
+  queue_.write(sum_, sums.data(), sums.size());
+  surface_.backward(sum_, plane_, 0, all.size());
   const std::vector<float> means = queue_.read(plane_);
-  return Eigen::Map<const Eigen::VectorXf>(means.data(), static_cast<Eigen::Index>(means.size()))
-      .cast<double>();
+  const std::size_t nodes = elements_.field_size() / layers_;
+  std::vector<Eigen::VectorXd> out;
+  for (std::size_t n = 0; n < all.size(); ++n)
+    out.push_back(
+        Eigen::Map<const Eigen::VectorXf>(means.data() + n * nodes, static_cast<Eigen::Index>(nodes))
+            .cast<double>());
+  return out;
 }
 
 }  // namespace teletact::service

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <utility>
 #include <vector>
 
 #include "service/device/device.h"
@@ -23,10 +24,13 @@ class ElementMeans {
  public:
   // The transform of a map over the elements.
   using Map = std::vector<float>;
-  ElementMeans(const Queue&, const SolidGrid&);
+  // at_once: so many means at most.
+  ElementMeans(const Queue&, const SolidGrid&, std::size_t at_once = 1);
   Map transformed(const std::vector<float>& of_elements);
   // About each node of the surface, [z][x]: sum over e of share_e map_(e + node).
   Eigen::VectorXd means(const Map& shares, const Map& map);
+  // Of each pair of shares and a map, at once.
+  std::vector<Eigen::VectorXd> means(const std::vector<std::pair<const Map*, const Map*>>&);
 
  private:
   Queue queue_;

@@ -149,7 +149,10 @@ ForceShares::Contact ForceShares::contact(const SolidGrid& grid, double radius_m
 
 ForceShares::ForceShares(const Queue& queue, const SolidGrid& grid, const LayeredTissue& tissue,
                          double poisson_ratio, const Solve& solve)
-    : grid_(grid), layers_pa_(tissue.youngs_modulus_pa), radius_m_(radii_m(grid)), means_(queue, grid) {
+    : grid_(grid),
+      layers_pa_(tissue.youngs_modulus_pa),
+      radius_m_(radii_m(grid)),
+      means_(queue, grid, 2 * radius_m_.size()) {
   SolidTissue layers{grid, {}, poisson_ratio};
   for (const double e : layers_pa_)
     layers.youngs_modulus_pa.insert(layers.youngs_modulus_pa.end(), grid.columns(), e);
@@ -167,19 +170,25 @@ ForceShares::ForceShares(const Queue& queue, const SolidGrid& grid, const Layere
 }
 
 FeltForce ForceShares::felt(const SolidTissue& tissue, double softer) {
-  std::vector<float> logarithm(tissue.youngs_modulus_pa.size()), square(logarithm);
-  for (std::size_t e = 0; e < logarithm.size(); ++e) {
-    const double ratio = std::log(softer * tissue.youngs_modulus_pa[e] / layers_pa_[e / grid_.columns()]);
-    logarithm[e] = static_cast<float>(ratio);
-    square[e] = static_cast<float>(ratio * ratio);
+  std::vector<float> logarithm(tissue.youngs_modulus_pa.size()), square(logarithm.size());
+  const auto columns = static_cast<Eigen::Index>(grid_.columns());
+  for (std::size_t j = 0; j < layers_pa_.size(); ++j) {
+    const std::size_t first = j * grid_.columns();
+    const Eigen::Map<const Eigen::ArrayXd> pa(tissue.youngs_modulus_pa.data() + first, columns);
+    Eigen::Map<Eigen::ArrayXf> to(logarithm.data() + first, columns);
+    to = (softer / layers_pa_[j] * pa).cast<float>();
+    to = to.log();
+    Eigen::Map<Eigen::ArrayXf>(square.data() + first, columns) = to.square();
   }
   const ElementMeans::Map of_logarithm = means_.transformed(logarithm),
                           of_square = means_.transformed(square);
-  std::vector<Eigen::VectorXd> mean, variance;
-  for (const ElementMeans::Map& shares : shares_) {
-    mean.push_back(means_.means(shares, of_logarithm));
-    variance.push_back(means_.means(shares, of_square) - mean.back().cwiseAbs2());
-  }
+  std::vector<std::pair<const ElementMeans::Map*, const ElementMeans::Map*>> all;
+  for (const ElementMeans::Map& shares : shares_) all.emplace_back(&shares, &of_logarithm);
+  for (const ElementMeans::Map& shares : shares_) all.emplace_back(&shares, &of_square);
+  std::vector<Eigen::VectorXd> mean = means_.means(all), variance;
+  for (std::size_t r = 0; r < shares_.size(); ++r)
+    variance.push_back(mean[shares_.size() + r] - mean[r].cwiseAbs2());
+  mean.resize(shares_.size());
   return {grid_, radius_m_, std::move(mean), std::move(variance)};
 }
 
