@@ -84,6 +84,28 @@ TouchOptions canonical(TouchOptions options) {
   return options;
 }
 
+constexpr double kBesideShare = 0.07;
+
+// More than anybody is allowed who asks for nothing (planned_layer.cpp).
+constexpr Tolerance kMostUsual{0.1, 0.005};
+
+// The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond it
+// is three times as stiff or as soft: the share of the force that is borne there (T9.6) times ln 3.
+struct Beside {
+  double away_m = HUGE_VAL, share = 0;
+};
+Beside beside_what_was_given(const Region& region, const Fingertip& tip, const TouchPose& pose,
+                             double depth_m) {
+  const auto& [x_m, d_m, z_m] = pose.position_m;
+  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
+  if (!std::isfinite(region.begin_z_m) || !round || !(d_m > 0)) return {};
+  const double radius_m = std::sqrt(tip.radius_m * d_m),
+               away_m = std::max(0.0, std::min({x_m - region.begin_x_m, region.end_x_m - x_m,
+                                                z_m - region.begin_z_m, region.end_z_m - z_m}));
+  const double borne = kBesideShare * depth_m * radius_m / (away_m * (away_m + depth_m / 4));
+  return {away_m, std::min(0.5, borne) * std::log(3)};
+}
+
 bool all_finite(std::span<const double> values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
 }
@@ -364,9 +386,18 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
     answer.status = TouchStatus::kDegraded;
     return;
   }
-  if (const double off = ForceBudget::kOf95 * answer.contact.budget.relative(ErrorTerm::kModel);
-      options_.path != SolvePath::kAuto && off > Tolerance{}.relative)
+  const double force_n = std::hypot(c.force_n[0], c.force_n[1], c.force_n[2]),
+               off = ForceBudget::kOf95 * answer.contact.budget.relative(ErrorTerm::kModel);
+  if (options_.path != SolvePath::kAuto && off > Tolerance{}.relative)
     say(fmt::format("the model that was asked for may put the force off by {:.2g} of it", off));
+  else if (!options_.tolerance && off * force_n > kMostUsual.of_n(force_n))
+    say(fmt::format("until the nodes are corrected the force may be off by {:.2g} of it", off));
+  if (const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
+                                                  scene_->geometry().depth_m - layer_.depth_m);
+      beside.share > Tolerance{}.relative)
+    say(fmt::format(
+        "{:.0f} mm from here ends the tissue that was given: a lump beyond may change the force by {:.2g}",
+        1e3 * beside.away_m, beside.share));
   if (c.strain_beyond_linear)
     say(fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain));
   if (!answer.window_flags.empty())

@@ -64,6 +64,15 @@ TEST(TouchedSlices, AContactThatLeavesThemIsNotTrusted) {
   EXPECT_EQ(at(0.0185).status, TouchStatus::kNotCovered);
 }
 
+// A lump beyond the end would be felt: by more than a few percent only from near by.
+TEST(TouchedSlices, NearAnEndTheAnswerSaysWhatMayLieBeyond) {
+  TouchSession session(scene_of(stack(kPlaces)), {}, test_device());
+  const auto said = [&](double x_m) { return session.solve({x_m, 5e-4, kBallZ}).warning; };
+  EXPECT_EQ(said(0.024).find("ends the tissue that was given"), std::string::npos) << said(0.024);
+  EXPECT_NE(said(0.043).find("5 mm from here ends the tissue that was given"), std::string::npos)
+      << said(0.043);
+}
+
 // While a newer version is made ready the one before answers, and is judged by its own slices.
 TEST(TouchedSlices, TheVersionBeforeIsNotTrustedForANewSlice) {
   const auto scene = scene_of(stack({-0.01}));
