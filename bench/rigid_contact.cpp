@@ -19,6 +19,13 @@ std::size_t around(long n, std::size_t period) {
 
 }  // namespace
 
+double linear_half_width(const service::ForceBudget& budget) {
+  service::ForceBudget linear;
+  for (const service::ForceError& e : budget.terms())
+    if (e.term != service::ErrorTerm::kFiniteStrain) linear.add(e);
+  return linear.half_width();
+}
+
 std::size_t surface_unknown(const service::SolidGrid& grid, long i, long k, std::size_t c) {
   return around(i, grid.nx) + grid.nx * (around(k, grid.nz) + grid.nz * c);
 }

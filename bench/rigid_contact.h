@@ -9,12 +9,16 @@
 #include <vector>
 
 #include "bench/suite.h"
+#include "service/plan/force_budget.h"
 #include "service/solid/recycled_compliance.h"
 #include "service/solid/solid_solver.h"
 
 namespace teletact::bench {
 
 inline constexpr double kTipRadiusM = 0.008;
+
+// Half of the 95 % interval of an answer, over its force, for a truth that is linear.
+double linear_half_width(const service::ForceBudget&);
 
 // Number of the surface's unknown: component c at node (i, k), both taken around the period.
 std::size_t surface_unknown(const service::SolidGrid& grid, long i, long k, std::size_t c);

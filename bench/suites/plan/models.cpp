@@ -39,13 +39,6 @@ service::SolidTissue homogeneous(const PlanScene& scene) {
   return tissue;
 }
 
-double linear_half_width(const service::ForceBudget& budget) {
-  service::ForceBudget linear;
-  for (const service::ForceError& e : budget.terms())
-    if (e.term != service::ErrorTerm::kFiniteStrain) linear.add(e);
-  return linear.half_width();
-}
-
 // The modulus at one z everywhere.
 service::SolidTissue extruded(service::SolidTissue tissue, std::size_t slice) {
   const std::size_t nx = tissue.grid.nx, nz = tissue.grid.nz;
@@ -78,22 +71,36 @@ auto PlanModels::layer_of(const PlanScene& scene) -> Layer& {
   return *layer;
 }
 
-auto PlanModels::enter(const PlanScene& scene) -> Ready {
+auto PlanModels::learned(Contact& contact) const -> Learned {
+  std::mutex solving;
+  const auto learn_ms = [&](Contact& of) {
+    return all_processor_ms([&] { of.learn_shares(queue_, solving); });
+  };
+  const double both_ms = learn_ms(contact);
+  Contact other(queue_, contact, contact.tissue());  // another slice has the same factor
+  Learned out;
+  out.slice_ms = learn_ms(other), out.fields_ms = both_ms - out.slice_ms;
+  service::Fingertip tip = kTip;
+  tip.radius_m *= 0.99;  // that nobody touched with
+  out.tip_ms = all_processor_ms([&] { contact.closed(tip); });
+  return out;
+}
+
+auto PlanModels::enter(const PlanScene& scene, bool learn_fine) -> Ready {
   scene_ = &scene;
   layer_ = &layer_of(scene);
   const service::SolidTissue tissue = scene.tissue(1), halved = scene.tissue(2);
   exact_.emplace(queue_, tissue);
-  fine_exact_.emplace(queue_, halved);
+  if (!offered_) fine_exact_.emplace(queue_, halved);
   Ready ready;
   // With the closed form of their layers.
   const service::Vector3 any = in_block({.indentation_m = 0.002});
   ready.m3_ms = all_processor_ms([&] { coarse_.emplace(queue_, tissue).felt_answer(kTip, any); });
-  ready.m1_ms = all_processor_ms([&] {
-    std::mutex solving;
-    coarse_->learn_shares(queue_, solving);
-    closed_ = coarse_->closed(kTip);
-  });
+  ready.coarse = learned(*coarse_);
+  closed_ = coarse_->closed(kTip);
+  if (offered_ && !learn_fine) return ready;
   ready.m4_ms = all_processor_ms([&] { fine_.emplace(queue_, halved).felt_answer(kTip, any); });
+  if (learn_fine) ready.fine = learned(*fine_);
   return ready;
 }
 
@@ -127,29 +134,36 @@ void PlanModels::answer_of_slice(const PlanPose& pose, double converged_n, std::
   });
 }
 
+void PlanModels::answer_by(const Contact& contact, double converged_n, const PlanPose& pose,
+                           const std::string& model, double before_ms, std::vector<PlanAnswer>& out) const {
+  service::ContactAnswer a;
+  const double ms = before_ms + all_processor_ms([&] { a = contact.felt_answer(kTip, in_block(pose)); });
+  out.push_back({model, -a.force_n[1], ms, a.solve.relative_error, converged_n, linear_half_width(a.budget)});
+}
+
+void PlanModels::answer_corrected(const Contact& felt, double converged_n, const PlanPose& pose,
+                                  const std::string& name, std::vector<PlanAnswer>& out) const {
+  Contact contact(felt, 0);
+  contact.feel();
+  const double ms = all_processor_ms([&] { contact.touch(kTip, in_block(pose)); });
+  answer_by(contact, converged_n, pose, name, ms, out);
+}
+
 void PlanModels::answer_on(const Contact& felt, double converged_n, const PlanPose& pose,
                            const std::string& name, const char* guess,
                            const std::vector<std::size_t>& iterations, std::vector<PlanAnswer>& out) const {
   const service::Vector3 at = in_block(pose);
-  const auto add = [&](const std::string& model, const Contact& contact, double before_ms = 0) {
-    service::ContactAnswer a;
-    const double ms = before_ms + all_processor_ms([&] { a = contact.felt_answer(kTip, at); });
-    out.push_back(
-        {model, -a.force_n[1], ms, a.solve.relative_error, converged_n, linear_half_width(a.budget)});
-  };
-  add(guess, felt);
+  answer_by(felt, converged_n, pose, guess, 0, out);
   for (const std::size_t k : iterations) {
     Contact contact(felt, 0);
     contact.feel();
     const double ms = all_processor_ms([&] { contact.correct(kTip, at, 0, k); });
-    add(fmt::format("{} {}", name, k), contact, ms);
+    answer_by(contact, converged_n, pose, fmt::format("{} {}", name, k), ms, out);
   }
-  Contact contact(felt, 0), near(felt, 0);
+  Contact near(felt, 0);
   near.correct(kTip, {at[0] + kNearM, at[1], at[2] + kNearM});
-  add(name + " near", near);
-  contact.feel();
-  const double ms = all_processor_ms([&] { contact.touch(kTip, at); });
-  add(name, contact, ms);
+  answer_by(near, converged_n, pose, name + " near", 0, out);
+  answer_corrected(felt, converged_n, pose, name, out);
 }
 
 void PlanModels::answer_planned(double converged_n, const PlanPose& pose,
@@ -204,6 +218,11 @@ std::vector<PlanAnswer> PlanModels::at(const PlanPose& pose) {
       return -a.force_n[1];
     }));
     out.back().budget = linear_half_width(a.budget);
+  }
+  if (offered_) {
+    answer_corrected(*coarse_, converged_n, pose, "M3", out);
+    answer_planned(converged_n, pose, out);
+    return out;
   }
   answer_of_slice(pose, converged_n, out);
   out.push_back({"M3 nodes", nodes_n, 0, 0, nodes_n});

@@ -41,13 +41,22 @@ inline constexpr double kPlanTolerances[] = {0.01, 0.03, 0.05, 0.1}, kPlanFloor 
 // mesh is off by. planned: the one of M0, M2, M1 and M3 that the product's planner takes, at a tolerance.
 class PlanModels {
  public:
-  explicit PlanModels(const std::shared_ptr<service::Device>& device) : queue_(device->queue()) {}
-  // Made ready for this one; it must outlive the next at(). How long what models learn from the scene took,
-  // ms.
-  struct Ready {
-    double m1_ms = 0, m3_ms = 0, m4_ms = 0;
+  // `offered`: M0, M2, M1, M3 and what is planned alone, not those that they are compared with.
+  explicit PlanModels(const std::shared_ptr<service::Device>& device, bool offered)
+      : queue_(device->queue()), offered_(offered) {}
+  // What is learned before closed forms are known, of the processor, ms: the fields of a factor, the shares
+  // of another slice, a tip's tables.
+  struct Learned {
+    double fields_ms = 0, slice_ms = 0, tip_ms = 0;
   };
-  Ready enter(const PlanScene&);
+  // What a scene takes to be made ready with the nodes of one grid, ms, and what it learns on them.
+  struct Ready {
+    double m3_ms = 0, m4_ms = 0;
+    Learned coarse{}, fine{};  // 2 and 1 mm
+  };
+  // Made ready for this one; it must outlive the next at(). `learn_fine`: what is learned on nodes 1 mm apart
+  // is timed, too.
+  Ready enter(const PlanScene&, bool learn_fine);
   std::vector<PlanAnswer> at(const PlanPose&);
   // The exact layer of M0's modulus.
   double layer_n(const PlanPose&) const;
@@ -60,15 +69,22 @@ class PlanModels {
     std::unique_ptr<RigidContact> plane;
   };
   Layer& layer_of(const PlanScene&);
+  Learned learned(Contact&) const;
   void answer_of_slice(const PlanPose&, double converged_n, std::vector<PlanAnswer>&);
   // Models of the contact on one grid; `name`: that of the corrected ones.
   void answer_on(const Contact& felt, double converged_n, const PlanPose&, const std::string& name,
                  const char* guess, const std::vector<std::size_t>& iterations,
                  std::vector<PlanAnswer>&) const;
+  void answer_by(const Contact&, double converged_n, const PlanPose&, const std::string& model,
+                 double before_ms, std::vector<PlanAnswer>&) const;
+  // Until the product is content.
+  void answer_corrected(const Contact& felt, double converged_n, const PlanPose&, const std::string& name,
+                        std::vector<PlanAnswer>&) const;
   double closed_n(const PlanPose&, double modulus_pa) const;
   service::Vector3 in_block(const PlanPose&) const;
   void answer_planned(double converged_n, const PlanPose&, std::vector<PlanAnswer>&) const;
   service::Queue queue_;
+  const bool offered_;
   std::map<std::tuple<double, double, std::size_t>, std::unique_ptr<Layer>> layers_;
   const PlanScene* scene_ = nullptr;
   Layer* layer_ = nullptr;

@@ -3,17 +3,23 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
-#include <map>
+#include <functional>
 #include <memory>
+#include <set>
+#include <utility>
 
+#include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/curves.h"
 #include "bench/rigid_contact.h"
 #include "bench/suite.h"
+#include "bench/suites/plan/cases.h"
 #include "bench/suites/plan/models.h"
 #include "bench/suites/plan/scenes.h"
+#include "bench/suites/plan/truth.h"
 
 namespace teletact::bench {
 namespace {
@@ -21,6 +27,9 @@ namespace {
 struct Arguments : SuiteOptions {
   std::size_t pairs = 1000, finer = 6;
   std::uint64_t seed = 1;
+  bool offered = false;
+  double minutes = 1e6;
+  std::string pairs_of;  // --json of an earlier run
 };
 
 struct Answer {
@@ -63,6 +72,30 @@ struct Summary {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Summary, kind, model, pairs, ms, p50, p95, most, beside_p50, beside_p95,
                                    beside_most, covered, budget_covers, budget_over_error, suffices, cheapest)
 
+// The same of all pairs, of the models that state what they are off by or are offered.
+struct Model {
+  std::string model;
+  double ms = 0, p50 = 0, p95 = 0, most = 0, suffices = 0, cheapest = 0, budget_covers = 0,
+         budget_over_error = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Model, model, ms, p50, p95, most, suffices, cheapest, budget_covers,
+                                   budget_over_error)
+
+// Shares of a class of pairs that budgets cover.
+struct Class {
+  std::string pairs_of;
+  std::size_t pairs = 0, scenes = 0;
+  double m1_covers = 0, m3_covers = 0, planned_covers = 0;  // planned at 3 %
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Class, pairs_of, pairs, scenes, m1_covers, m3_covers, planned_covers)
+
+// Medians over the scenes of what is learned before closed forms are known, ms of the processor (models.h).
+struct Learning {
+  std::size_t nodes = 0;
+  double fields_ms = 0, slice_ms = 0, tip_ms = 0;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Learning, nodes, fields_ms, slice_ms, tip_ms)
+
 // The planner's choices at one tolerance: shares of the pairs.
 struct Planned {
   double tolerance = 0;
@@ -70,35 +103,26 @@ struct Planned {
   double said = 0;               // the budget is beyond it
   double cheap = 0;              // takes at most 1.5 times the cheapest that is within it, and 1 ms
   double ms = 0, finest_ms = 0;  // of the processor, in the mean: its own, and of M3 for all
-  std::map<std::string, double> by{};
+  double by_m0 = 0, by_m2 = 0, by_m1 = 0, by_m3 = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Planned, tolerance, missed, said, cheap, ms, finest_ms, by)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Planned, tolerance, missed, said, cheap, ms, finest_ms, by_m0, by_m2,
+                                   by_m1, by_m3)
 
 struct Figures {
   std::uint64_t seed = 0;
-  double m1_ready_ms = 0, m3_ready_ms = 0, m4_ready_ms = 0;  // medians, for a scene
+  double m3_ready_ms = 0, m4_ready_ms = 0;  // medians, for a scene
+  std::size_t changes_on_a_border = 0;      // in ten minutes (cases.h)
+  std::vector<Learning> learning{};
+  std::vector<Model> models{};
   std::vector<Summary> summaries{};
+  std::vector<Class> classes{};
   std::vector<Planned> planned{};
+  std::vector<HardCase> cases{};
   std::vector<std::string> failures{};
   std::vector<Pair> pairs{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, seed, m1_ready_ms, m3_ready_ms, m4_ready_ms, summaries, planned,
-                                   failures, pairs)
-
-// Rigid, at so many places a side of a square of one spacing about the pose: the mesh's phase is averaged,
-// and both that and the mesh are off by the spacing's square.
-double mean_over_shifts(RigidContact& contact, const PlanPose& pose, double spacing_m, int a_side) {
-  double sum = 0;
-  const auto shift = [&](int n) { return ((n + 0.5) / a_side - 0.5) * spacing_m; };
-  for (int a = 0; a < a_side; ++a)
-    for (int b = 0; b < a_side; ++b)
-      sum += contact.force_n(pose.x_m + shift(a), pose.z_m + shift(b), pose.indentation_m);
-  return sum / (a_side * a_side);
-}
-
-double extrapolated(double coarse, double fine) {
-  return (4 * fine - coarse) / 3;
-}
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, seed, m3_ready_ms, m4_ready_ms, changes_on_a_border, learning,
+                                   models, summaries, classes, planned, cases, failures, pairs)
 
 Pair measure_pair(PlanModels& models, RigidContact& coarse, RigidContact& fine, const PlanScene& scene,
                   const PlanPose& pose) {
@@ -107,9 +131,8 @@ Pair measure_pair(PlanModels& models, RigidContact& coarse, RigidContact& fine, 
             .texture = scene.texture,
             .lumps = scene.lumps,
             .pose = pose};
-  pair.coarse_n = mean_over_shifts(coarse, pose, kVoxelM, 4);
-  pair.fine_n = mean_over_shifts(fine, pose, kVoxelM / 2, 2);
-  pair.truth_n = extrapolated(pair.coarse_n, pair.fine_n);
+  const TrueForce truth = true_force(coarse, fine, pose);
+  pair.coarse_n = truth.coarse_n, pair.fine_n = truth.fine_n, pair.truth_n = truth.force_n();
   pair.layer_n = models.layer_n(pose);
   for (const PlanAnswer& a : models.at(pose))
     pair.answers.push_back({a.model, a.force_n, a.ms, a.force_n / pair.truth_n - 1,
@@ -171,8 +194,54 @@ Planned planned_of(const std::vector<Pair>& pairs, double tolerance) {
     out.missed += each * (!said && !suffices(pair, a, tolerance));
     out.cheap += each * (a.ms <= 1.5 * cheapest_ms + 1);
     out.ms += each * a.ms;
-    out.by[a.by] += each;
+    (a.by == "M0" ? out.by_m0 : a.by == "M2" ? out.by_m2 : a.by == "M1" ? out.by_m1 : out.by_m3) += each;
   }
+  return out;
+}
+
+constexpr double kShallowM = 0.0014;  // half of the poses, about
+
+std::vector<Class> classes_of(const std::vector<Pair>& pairs) {
+  std::vector<std::pair<std::string, std::function<bool(const Pair&)>>> all{
+      {"all", [](const Pair&) { return true; }},
+      {"lumps", [](const Pair& p) { return !p.lumps.empty(); }},
+      {"no lump", [](const Pair& p) { return p.lumps.empty(); }},
+      {"nu 0.49 and more", [](const Pair& p) { return p.poisson_ratio > 0.485; }},
+      {"nu less", [](const Pair& p) { return p.poisson_ratio < 0.485; }},
+      {"less than 1.4 mm deep", [](const Pair& p) { return p.pose.indentation_m < kShallowM; }},
+      {"deeper", [](const Pair& p) { return p.pose.indentation_m >= kShallowM; }}};
+  std::vector<std::string> kinds;
+  for (const Pair& p : pairs)
+    if (std::ranges::find(kinds, p.kind) == kinds.end()) kinds.push_back(p.kind);
+  for (const std::string& kind : kinds)
+    all.emplace_back(kind, [kind](const Pair& p) { return p.kind == kind; });
+  std::vector<Class> out;
+  for (const auto& [name, holds] : all) {
+    Class c{.pairs_of = name};
+    std::set<std::size_t> scenes;
+    for (const Pair& pair : pairs) {
+      if (!holds(pair)) continue;
+      ++c.pairs, scenes.insert(pair.scene);
+      for (const Answer& a : pair.answers)
+        (a.model == "M1"   ? c.m1_covers
+         : a.model == "M3" ? c.m3_covers
+                           : c.planned_covers) +=
+            (a.model == "M1" || a.model == "M3" || a.model == "planned 3 %") && within_budget(a);
+    }
+    if (c.pairs == 0) continue;
+    c.scenes = scenes.size();
+    for (double* share : {&c.m1_covers, &c.m3_covers, &c.planned_covers}) *share /= double(c.pairs);
+    out.push_back(c);
+  }
+  return out;
+}
+
+std::vector<Model> models_of(const std::vector<Summary>& summaries) {
+  std::vector<Model> out;
+  for (const Summary& s : summaries)
+    if (s.kind == "all")
+      out.push_back({s.model, s.ms, s.p50, s.p95, s.most, s.suffices, s.cheapest, s.budget_covers,
+                     s.budget_over_error});
   return out;
 }
 
@@ -221,52 +290,94 @@ void print(const std::vector<Summary>& summaries) {
 }
 
 void print(const Planned& p) {
-  std::string by;
-  for (const auto& [model, share] : p.by) by += fmt::format(" {} {:.0f} %,", model, 100 * share);
   std::printf(
-      "plan: planned at %2.0f %%:%s missed %.1f %%, said beforehand %.1f %%, cheap enough %.0f %%; %.3g ms a "
-      "touch, "
-      "M3 %.3g\n",
-      100 * p.tolerance, by.c_str(), 100 * p.missed, 100 * p.said, 100 * p.cheap, p.ms, p.finest_ms);
+      "plan: planned at %2.0f %%: M0 %.0f %%, M2 %.0f %%, M1 %.0f %%, M3 %.0f %%; missed %.1f %%, said "
+      "beforehand %.1f %%, cheap enough %.0f %%; %.3g ms a touch, M3 %.3g\n",
+      100 * p.tolerance, 100 * p.by_m0, 100 * p.by_m2, 100 * p.by_m1, 100 * p.by_m3, 100 * p.missed,
+      100 * p.said, 100 * p.cheap, p.ms, p.finest_ms);
+}
+
+void print(const Class& c) {
+  std::printf(
+      "plan: budgets of %-22s (%4zu pairs, %3zu scenes) cover M1 %5.1f %%, M3 %5.1f %%, planned %5.1f %%\n",
+      c.pairs_of.c_str(), c.pairs, c.scenes, 100 * c.m1_covers, 100 * c.m3_covers, 100 * c.planned_covers);
+}
+
+void print(const Learning& l) {
+  std::printf("plan: learned on %6zu nodes: a factor's fields %.1f ms, a slice %.2f, a tip %.1f\n", l.nodes,
+              l.fields_ms, l.slice_ms, l.tip_ms);
+}
+
+void print(const HardCase& c) {
+  std::printf("plan: %-52s %8.4f N: %s off by %5.1f %%, stated %5.1f; shares %5.1f, stated %5.1f%s%s\n",
+              c.name.c_str(), c.true_n, c.by.c_str(), 100 * c.error, 100 * c.stated, 100 * c.shares_error,
+              100 * c.shares_stated, c.said.empty() ? "" : "; said: ", c.said.c_str());
 }
 
 void promise(const Figures& f, Promises& promises) {
-  std::vector<double> layer, finer;
-  double stated = 0, budget = 0;  // shares of the pairs that M3 covers so
-  for (const Pair& pair : f.pairs) {
-    if (pair.kind == "homogeneous") layer.push_back(std::abs(pair.truth_n / pair.layer_n - 1));
-    if (pair.finer_n > 0) finer.push_back(std::abs(pair.truth_n / pair.finer_n - 1));
-    for (const Answer& a : pair.answers)
-      if (a.model == "M3") stated += std::abs(a.beside) <= a.stated, budget += within_budget(a);
+  if (!f.pairs.empty()) {
+    std::vector<double> layer, finer;
+    double stated = 0, budget = 0;  // shares of the pairs that M3 covers so
+    for (const Pair& pair : f.pairs) {
+      if (pair.kind == "homogeneous") layer.push_back(std::abs(pair.truth_n / pair.layer_n - 1));
+      if (pair.finer_n > 0) finer.push_back(std::abs(pair.truth_n / pair.finer_n - 1));
+      for (const Answer& a : pair.answers)
+        if (a.model == "M3") stated += std::abs(a.beside) <= a.stated, budget += within_budget(a);
+    }
+    promises.push_back({"truth_off_the_exact_layer", quantiles(layer).max, 0.01});
+    if (!finer.empty()) promises.push_back({"truth_off_a_finer_one", quantiles(finer).max, 0.02});
+    promises.push_back({"converged_stated_covers", stated / double(f.pairs.size()), 0.95, "1", false});
+    promises.push_back({"converged_within_its_budget", budget / double(f.pairs.size()), 0.95, "1", false});
+    // Of fewer pairs one class of tissue decides.
+    constexpr std::size_t kFew = 100, kMany = 400, kManyScenes = 100;
+    double m1 = 1, m3 = 1, planned = 1;
+    for (const Class& c : f.classes)
+      if (&c == f.classes.data() || (c.pairs >= kMany && c.scenes >= kManyScenes))
+        m1 = std::min(m1, c.m1_covers), m3 = std::min(m3, c.m3_covers),
+        planned = std::min(planned, c.planned_covers);
+    promises.push_back({"shares_budget_covers_in_the_worst_class", m1, 0.92, "1", false});
+    promises.push_back({"nodes_budget_covers_in_the_worst_class", m3, 0.92, "1", false});
+    promises.push_back({"planned_budget_covers_in_the_worst_class", planned, 0.92, "1", false});
+    for (const Model& m : f.models) {
+      const char* name = m.model == "M1" ? "shares" : m.model == "M3" ? "nodes" : nullptr;
+      if (name && f.pairs.size() >= kFew)
+        promises.push_back({fmt::format("{}_budget_over_error_median", name), m.budget_over_error, 5});
+    }
+    for (const Planned& p : f.planned) {
+      promises.push_back({fmt::format("planned_misses_{:.0f}_percent", 100 * p.tolerance), p.missed, 0.05});
+      if (f.pairs.size() < kFew) continue;
+      promises.push_back(
+          {fmt::format("planned_is_cheap_{:.0f}_percent", 100 * p.tolerance), p.cheap, 0.75, "1", false});
+    }
+    promises.push_back({"pairs_without_a_truth", double(f.failures.size()) / double(f.pairs.size()), 0.01});
+    promises.push_back({"fields_of_a_factor", f.learning.front().fields_ms, 15, "ms"});
+    promises.push_back({"shares_of_a_slice", f.learning.front().slice_ms, 0.5, "ms"});
   }
-  stated /= double(f.pairs.size()), budget /= double(f.pairs.size());
-  promises.push_back({"truth_off_the_exact_layer", quantiles(layer).max, 0.01});
-  if (!finer.empty()) promises.push_back({"truth_off_a_finer_one", quantiles(finer).max, 0.02});
-  promises.push_back({"converged_stated_covers", stated, 0.95, "1", false});
-  promises.push_back({"converged_within_its_budget", budget, 0.95, "1", false});
-  for (const Planned& p : f.planned) {
-    promises.push_back({fmt::format("planned_misses_{:.0f}_percent", 100 * p.tolerance), p.missed, 0.05});
-    constexpr std::size_t kFew = 100;  // of fewer one class of tissue decides
-    if (f.pairs.size() < kFew) continue;
-    promises.push_back(
-        {fmt::format("planned_is_cheap_{:.0f}_percent", 100 * p.tolerance), p.cheap, 0.75, "1", false});
-  }
-  promises.push_back({"pairs_without_a_truth", double(f.failures.size()) / double(f.pairs.size()), 0.01});
+  promises.push_back(
+      {"hard_cases_missed_without_a_word", double(std::ranges::count_if(f.cases, &HardCase::missed)), 0});
+  promises.push_back({"changes_of_model_on_a_border", double(f.changes_on_a_border), 0});
 }
 
-Figures measure(const Arguments& arguments, Promises& promises) {
-  const auto device = service::Device::open();
+void measure_pairs(const std::shared_ptr<service::Device>& device, const Arguments& arguments, Figures& f) {
+  constexpr std::size_t kFineEvery = 10;  // scenes
   const std::size_t wanted = arguments.quick ? 12 : arguments.pairs, poses = arguments.quick ? 2 : 5;
-  Figures f{.seed = arguments.seed};
-  PlanModels models(device);
+  PlanModels models(device, arguments.offered);
   std::vector<std::string> checked;
-  std::vector<double> m1, m3, m4;
-  for (std::size_t n = 0; n * poses < wanted; ++n) {
+  std::vector<double> m3, m4;
+  std::vector<PlanModels::Learned> coarse_learned, fine_learned;
+  std::array<std::size_t, 2> nodes{};
+  const auto begin = Clock::now();
+  for (std::size_t n = 0; n * poses < wanted && seconds_since(begin) < 60 * arguments.minutes; ++n) {
     const PlanScene scene =
         plan_scene(arguments.seed, n, std::min(poses, wanted - n * poses), arguments.quick);
-    const PlanModels::Ready made = models.enter(scene);
-    m1.push_back(made.m1_ms), m3.push_back(made.m3_ms), m4.push_back(made.m4_ms);
+    const bool thin = scene.kind == "thin";
+    const PlanModels::Ready made = models.enter(scene, n % kFineEvery == 0);
+    m3.push_back(made.m3_ms);
+    if (made.m4_ms > 0) m4.push_back(made.m4_ms);
     RigidContact coarse(device->queue(), scene.tissue(1)), fine(device->queue(), scene.tissue(2));
+    if (!thin) coarse_learned.push_back(made.coarse), nodes[0] = scene.modulus_pa.size();
+    if (!thin && n % kFineEvery == 0)
+      fine_learned.push_back(made.fine), nodes[1] = 8 * scene.modulus_pa.size();
     for (const PlanPose& pose : scene.poses) try {
         show_progress(fmt::format("scene {}, {}, {} pairs", n, scene.kind, f.pairs.size()));
         Pair pair = measure_pair(models, coarse, fine, scene, pose);
@@ -283,14 +394,48 @@ Figures measure(const Arguments& arguments, Promises& promises) {
                                          pose.z_m, pose.indentation_m, e.what()));
       }
   }
+  f.m3_ready_ms = median_of(m3), f.m4_ready_ms = median_of(m4);
+  const auto add = [&](std::size_t count, const std::vector<PlanModels::Learned>& learned) {
+    const auto median = [&](double PlanModels::Learned::*of) {
+      std::vector<double> all;
+      for (const PlanModels::Learned& l : learned) all.push_back(l.*of);
+      return median_of(all);
+    };
+    f.learning.push_back({count, median(&PlanModels::Learned::fields_ms),
+                          median(&PlanModels::Learned::slice_ms), median(&PlanModels::Learned::tip_ms)});
+  };
+  add(nodes[0], coarse_learned), add(nodes[1], fine_learned);
+}
+
+// What follows from the pairs.
+void sum_up(Figures& f) {
   f.summaries = summaries_of(f.pairs);
-  f.m1_ready_ms = median_of(m1), f.m3_ready_ms = median_of(m3), f.m4_ready_ms = median_of(m4);
+  f.models = models_of(f.summaries);
+  f.classes = classes_of(f.pairs);
+  f.planned.clear();
   for (const double tolerance : kPlanTolerances) f.planned.push_back(planned_of(f.pairs, tolerance));
   print(f.summaries);
+  for (const Class& c : f.classes) print(c);
   for (const Planned& p : f.planned) print(p);
-  std::printf("plan: made ready for a scene: M1 %.1f ms, M3 %.1f ms, M4 %.0f ms\n", f.m1_ready_ms,
-              f.m3_ready_ms, f.m4_ready_ms);
+  std::printf("plan: made ready for a scene: M3 %.1f ms, M4 %.0f ms\n", f.m3_ready_ms, f.m4_ready_ms);
+  for (const Learning& l : f.learning) print(l);
   for (const std::string& failure : f.failures) std::printf("plan: %s\n", failure.c_str());
+}
+
+Figures measure(const Arguments& arguments, Promises& promises) {
+  const auto device = service::Device::open();
+  Figures f{.seed = arguments.seed};
+  if (!arguments.pairs_of.empty()) {
+    SuiteOptions earlier = arguments;
+    earlier.replot = arguments.pairs_of;
+    f = earlier_figures("plan", earlier).get<Figures>();
+  } else if (arguments.pairs > 0) {
+    measure_pairs(device, arguments, f);
+  }
+  if (!f.pairs.empty()) sum_up(f);
+  f.cases = hard_cases(device, arguments.quick, [](const HardCase& c) { print(c); });
+  f.changes_on_a_border = changes_on_a_border(device);
+  std::printf("plan: a finger on a border for ten minutes: %zu changes of model\n", f.changes_on_a_border);
   promise(f, promises);
   return f;
 }
@@ -307,6 +452,7 @@ Curve front(std::vector<Summary> all, double Summary::*error, const char* title)
 }
 
 void draw(const Figures& f, const std::filesystem::path& folder) {
+  if (f.pairs.empty()) return;
   std::vector<Summary> all = f.summaries;
   std::erase_if(all, [](const Summary& s) { return s.kind != "all"; });
   Curve half{.title = "half of the pairs", .line = false}, most{.title = "95 % of the pairs", .line = false};
@@ -337,13 +483,17 @@ void add_plan_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = add_suite(app, "plan", "models of a touch of solid tissue: speed against accuracy",
                                 arguments, met, measure, draw);
-  command.add_option("--pairs", arguments->pairs, "scenes times poses")
-      ->check(CLI::PositiveNumber)
+  command.add_option("--pairs", arguments->pairs, "scenes times poses; 0: the hard cases alone")
       ->capture_default_str();
   command
       .add_option("--finer", arguments->finer,
                   "pairs, each of another kind, whose truth is checked on nodes 0.5 mm apart")
       ->capture_default_str();
+  command.add_flag("--offered", arguments->offered,
+                   "the planner's offers alone: a third of the time, for many pairs");
+  command.add_option("--minutes", arguments->minutes, "no scene is begun after so many");
+  command.add_option("--pairs-of", arguments->pairs_of,
+                     "pairs and times of an earlier --json instead: the hard cases are measured anew");
   command.add_option("--seed", arguments->seed, "of the tissues and poses")->capture_default_str();
 }
 

@@ -32,26 +32,6 @@ void add_layers(Random& random, PlanScene& scene) {
   for (std::size_t e = 0; e < scene.modulus_pa.size(); ++e) scene.modulus_pa[e] *= of[e / columns];
 }
 
-void add_lump(PlanScene& scene, const PlanLump& lump) {
-  constexpr int kPoints = 4;  // along each side of a voxel
-  const double x0 = -double(scene.nx) * kVoxelM / 2, z0 = -double(scene.nz) * kVoxelM / 2;
-  const auto at = [](std::size_t voxel, int point) {
-    return (double(voxel) + (point + 0.5) / kPoints) * kVoxelM;
-  };
-  for (std::size_t e = 0; e < scene.modulus_pa.size(); ++e) {
-    const std::size_t i = e % scene.nx, k = e / scene.nx % scene.nz, j = e / (scene.nx * scene.nz);
-    int inside = 0;
-    for (int a = 0; a < kPoints; ++a)
-      for (int b = 0; b < kPoints; ++b)
-        for (int c = 0; c < kPoints; ++c)
-          inside += std::hypot(x0 + at(i, a) - lump.centre_m[0], at(j, b) - lump.centre_m[1],
-                               z0 + at(k, c) - lump.centre_m[2]) <= lump.radius_m;
-    if (inside > 0)
-      scene.modulus_pa[e] *= std::pow(lump.contrast, inside / double(kPoints * kPoints * kPoints));
-  }
-  scene.lumps.push_back(lump);
-}
-
 // Near the middle, as deep as there is room for.
 PlanLump lump_of(Random& random, const PlanScene& scene, double aside_m) {
   const bool thin = scene.depth_m < kDeepM;
@@ -112,6 +92,26 @@ void add_poses(Random& random, PlanScene& scene, std::size_t count) {
 }
 
 }  // namespace
+
+void add_lump(PlanScene& scene, const PlanLump& lump) {
+  constexpr int kPoints = 4;  // along each side of a voxel
+  const double x0 = -double(scene.nx) * kVoxelM / 2, z0 = -double(scene.nz) * kVoxelM / 2;
+  const auto at = [](std::size_t voxel, int point) {
+    return (double(voxel) + (point + 0.5) / kPoints) * kVoxelM;
+  };
+  for (std::size_t e = 0; e < scene.modulus_pa.size(); ++e) {
+    const std::size_t i = e % scene.nx, k = e / scene.nx % scene.nz, j = e / (scene.nx * scene.nz);
+    int inside = 0;
+    for (int a = 0; a < kPoints; ++a)
+      for (int b = 0; b < kPoints; ++b)
+        for (int c = 0; c < kPoints; ++c)
+          inside += std::hypot(x0 + at(i, a) - lump.centre_m[0], at(j, b) - lump.centre_m[1],
+                               z0 + at(k, c) - lump.centre_m[2]) <= lump.radius_m;
+    if (inside > 0)
+      scene.modulus_pa[e] *= std::pow(lump.contrast, inside / double(kPoints * kPoints * kPoints));
+  }
+  scene.lumps.push_back(lump);
+}
 
 service::SolidTissue PlanScene::tissue(std::size_t cuts) const {
   service::SolidTissue out;

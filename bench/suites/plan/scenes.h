@@ -41,6 +41,9 @@ struct PlanScene {
   service::SolidTissue tissue(std::size_t cuts) const;
 };
 
+// Stiffer by the ball.
+void add_lump(PlanScene&, const PlanLump&);
+
 // The `index`-th: kinds take turns, the first six are all different. The period is 128 x 64 mm, or 64 x 64
 // mm.
 PlanScene plan_scene(std::uint64_t seed, std::size_t index, std::size_t poses, bool small);

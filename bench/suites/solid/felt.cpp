@@ -11,13 +11,13 @@
 
 #include "bench/curves.h"
 #include "bench/suite.h"
+#include "bench/suites/solid/patient_truth.h"
 #include "client/files/file_io.h"
 #include "client/patient/solid_patient.h"
 #include "client/report/force_error.h"
 #include "client/report/pictures.h"
 #include "client/report/session_record.h"
 #include "client/report/summary.h"
-#include "service/contact/solid_contact.h"
 #include "service/device/device.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/solid/solids.h"
@@ -33,7 +33,6 @@ constexpr int kPromisesMissed = 2;     // exit code, as of teletact-client repor
 constexpr double kLeastForceN = 0.05;  // a force that is felt is more
 constexpr double kPressedM = 0.001;    // so deep a finger is owed a force
 constexpr double kForceMedian = 0.02, kCoverage = 0.90;
-constexpr double kTruthError = 1e-3;  // of the truth's force, what its solver states
 
 constexpr const char* kShared =
     "what both share: the equations of linear elasticity, the kind of element, the layered preconditioner, "
@@ -46,41 +45,6 @@ struct Options {
   std::string touch_record, out;
   std::uint64_t seed = 1;
   std::size_t poses = 60;
-};
-
-// A block of nodes, and where its node (0, 0) lies in the patient.
-struct Place {
-  service::SolidGrid grid;
-  double x_m = 0, z_m = 0;
-  service::Vector3 in_block(const service::Vector3& pose) const {
-    return {pose[0] - x_m, pose[1], pose[2] - z_m};
-  }
-};
-
-// The patient amid 128 x 128 mm.
-Place truths_nodes() {
-  return {{128, 128, 0.001, 0.001, service::graded_rows(SolidPatient::kDepthM, 48, 1.03)}, -0.0083, -0.0643};
-}
-// Of half that spacing, for layered tissue alone: so small a block is wide enough for it.
-Place finest_nodes(const service::Vector3& pose) {
-  return {{64, 64, 0.0005, 0.0005, service::graded_rows(SolidPatient::kDepthM, 72, 1.03)},
-          pose[0] - 0.0161,
-          pose[2] - 0.0161};
-}
-
-class Layers {
- public:
-  Layers(const service::Queue& queue, const SolidPatient& patient, const Place& place)
-      : contact_(queue, service::solid(place.grid, SolidPatient::kPoissonRatio,
-                                       [&](double, double y, double) { return patient.layered_pa(y); })) {}
-  double force_n(const service::Fingertip& tip, const service::Vector3& in_block) {
-    const auto answer = contact_.touch(tip, in_block);
-    if (!answer.solve.converged) throw BenchError("layered tissue was not solved exactly");
-    return -answer.force_n[1];
-  }
-
- private:
-  service::SolidContact<double> contact_;
 };
 
 struct Felt {
@@ -160,23 +124,12 @@ Vector3d plane_force(const std::shared_ptr<service::Device>& device, const Solid
 
 void solve(const SolidPatient& patient, const service::Fingertip& tip, std::vector<Felt>& felt) {
   const auto device = service::Device::open();
-  const service::Queue queue = device->queue();
-  const Place fine = truths_nodes();
-  Layers on_truths(queue, patient, fine), on_finest(queue, patient, finest_nodes({}));
-  const service::SolidTissue tissue = service::solid(
-      fine.grid, SolidPatient::kPoissonRatio,
-      [&](double x, double y, double z) { return patient.modulus_pa(x + fine.x_m, y, z + fine.z_m); });
-  const service::SolidContact<double> base(queue, tissue);
+  PatientTruth truth(device->queue(), patient, tip);
   for (std::size_t n = 0; n < felt.size(); ++n) {
     show_progress(fmt::format("pose {} of {}", n + 1, felt.size()));
     Felt& f = felt[n];
-    service::SolidContact<double> contact(queue, base, tissue);  // it has learned nothing
-    const auto truth = contact.touch(tip, fine.in_block(f.at), {.force_error = kTruthError});
-    if (!truth.solve.converged) throw BenchError(fmt::format("no true force: {}", truth.solve.reason));
-    const double layered_n = on_truths.force_n(tip, fine.in_block(f.at));
-    const double finest_n = on_finest.force_n(tip, finest_nodes(f.at).in_block(f.at));
-    f.truths_nodes = 3 * layered_n / (4 * finest_n - layered_n);  // Richardson
-    f.true_n = Eigen::Map<const Vector3d>(truth.force_n.data()) / f.truths_nodes;
+    const auto [force_n, nodes] = truth.at(f.at);
+    f.true_n = force_n, f.truths_nodes = nodes;
     f.plane_n = plane_force(device, patient, tip, f.at);
   }
 }
@@ -198,7 +151,7 @@ json judge(json summary, const std::vector<Felt>& felt, double coverage) {
   error["excluded"] = "less than 1 mm deep, and while force is ramped";
   summary["plane_error"] = quantiles_of(felt, [&](const Felt& f) { return off(f.plane_n, f); });
   summary["truths_nodes"] = quantiles_of(felt, [](const Felt& f) { return f.truths_nodes - 1; });
-  summary["truth"] = {{"shared", kShared}, {"own", kOwn}, {"force_error", kTruthError}};
+  summary["truth"] = {{"shared", kShared}, {"own", kOwn}, {"force_error", PatientTruth::kForceError}};
   for (const Felt& f : felt)
     summary["poses"].push_back({{"time_s", f.time_s},
                                 {"position_m", f.at},

@@ -10,10 +10,10 @@ void add_solid_suite(CLI::App& app, bool& met) {
       "is "
       "certified over the true error; speed: time and memory, beside a sparse factor and plain conjugate "
       "gradients; plane: one element thick; sweep: a fast finger's answers at 1 kHz; law: "
-      "a contact law over an area; tactile: images of a "
+      "a contact law over an area; paths: ways over simulated patients as planned; tactile: images of a "
       "lump",
       {solid_exact(), solid_iterations(), solid_bound(), solid_speed(), solid_plane(), solid_sweep(),
-       solid_law(), solid_tactile()},
+       solid_law(), solid_paths(), solid_tactile()},
       met);
 }
 

@@ -1,0 +1,44 @@
+// The force of the simulated solid patient's own tissue: its modulus at each element, nodes 1 mm apart at
+// other places than any scene's, more tissue around, in double, each pose solved anew.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "client/patient/solid_patient.h"
+#include "service/contact/solid_contact.h"
+
+namespace teletact::bench {
+
+class PatientTruth {
+ public:
+  static constexpr double kForceError = 1e-3;  // of the force, what its solver states
+  PatientTruth(const service::Queue&, const client::SolidPatient&, const service::Fingertip&);
+  struct Force {
+    Eigen::Vector3d force_n;
+    // Of layered tissue there: force on the truth's nodes over that on ever finer ones, which is taken off.
+    double nodes = 1;
+  };
+  // At [x, indentation, z] in the patient. Throws BenchError where it is not known.
+  Force at(const service::Vector3& position_m);
+
+ private:
+  // A block of nodes, and where its node (0, 0) lies in the patient.
+  struct Place {
+    service::SolidGrid grid;
+    double x_m = 0, z_m = 0;
+    service::Vector3 in_block(const service::Vector3& pose) const {
+      return {pose[0] - x_m, pose[1], pose[2] - z_m};
+    }
+  };
+  static Place nodes();
+  static Place finest_nodes(const service::Vector3& pose);
+  double layered_n(service::SolidContact<double>&, const service::Vector3& in_block) const;
+  const service::Queue queue_;
+  const service::Fingertip tip_;
+  const Place nodes_;
+  const service::SolidTissue tissue_;
+  const service::SolidContact<double> base_;
+  service::SolidContact<double> layers_, finest_layers_;
+};
+
+}  // namespace teletact::bench
