@@ -71,7 +71,7 @@ Tissue unlike_model(std::uint64_t seed, double contrast) {
   Tissue t;
   t.seed = seed;
   t.poisson_ratio = d.between(.485, .495);
-  t.probe.compression_m = d.between(.0004, .0006);
+  t.probe.compression_m = d.between(.0005, .0009);
   draw_solid(d, t);
   draw_machine(d, t);
   const bool sphere = d.one_in(2);

@@ -94,8 +94,21 @@ struct Figures {
   double background_error = kNan, background_deviation = kNan;  // the same beside it
   double deviation = kNan;                                      // median stated
   double off = kNan;                                            // 95 % of the nodes are off by less, |ln|
+  double tracking_m = kNan;                                     // median error of the axial displacement
   double seconds = 0, modulus_s = 0;
 };
+
+// Median of what the tracked axial displacement is off by, where it is trusted.
+double tracking_error(const service::Estimate& e, const Window& w) {
+  std::vector<double> off_m;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    if (!e.displacement_valid[n]) continue;
+    const double x = w.state.window_x_m + e.grid.x_m(n), y = e.grid.y_m(n);
+    const double truth_m = w.state.field->at(x, y).y - w.state.motion(x, y).y;
+    off_m.push_back(std::abs(e.axial_displacement[n] - truth_m));
+  }
+  return median_of(off_m);
+}
 
 // A mean over nodes of errors that correlate by exp(-distance / length).
 void mean_of(const service::Estimate& e, const std::vector<double>& error, std::vector<std::size_t> nodes,
@@ -150,6 +163,7 @@ Figures judge(const service::Estimate& e, const Window& w) {
     if (y > deepest_m - third_m) below.push_back(ratio);
   }
   Figures f;
+  f.tracking_m = tracking_error(e, w);
   f.background = median_of(beside);
   if (!inside.empty()) f.contrast = median_of(inside) / f.background;
   f.ramp = median_of(below) / median_of(above);
@@ -169,11 +183,12 @@ struct RealResult {
   double background = kNan, background_worst = kNan, contrast = kNan, contrast_worst = kNan;
   double ramp = kNan, ramp_worst = kNan, off = kNan, coverage = kNan, deviation = kNan;
   std::size_t background_held = 0, lump_held = 0;  // windows whose stated 95 % interval has the truth
-  double seconds = kNan, modulus_s = kNan;
+  double tracking_m = kNan, seconds = kNan, modulus_s = kNan;
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealResult, name, estimator, contrast_of_lump, seeds, refused, background,
                                    background_worst, contrast, contrast_worst, ramp, ramp_worst, off,
-                                   coverage, deviation, background_held, lump_held, seconds, modulus_s)
+                                   coverage, deviation, background_held, lump_held, tracking_m, seconds,
+                                   modulus_s)
 struct RealFigures {
   std::vector<RealResult> rows;
 };
@@ -205,26 +220,32 @@ RealResult summary(const RealRow& row, const std::string& estimator, const std::
     r.background_held += std::abs(f.background_error) <= kQuantile * f.background_deviation;
     r.lump_held += std::abs(f.lump_error) <= kQuantile * f.lump_deviation;
   }
+  r.tracking_m = median_of(all(&Figures::tracking_m));
   r.seconds = median_of(all(&Figures::seconds)), r.modulus_s = median_of(all(&Figures::modulus_s));
   return r;
 }
 
+constexpr const char* kLine =
+    "{:<50} {:<14} {:>4} {:>13} {:>13} {:>13} {:>5} {:>8} {:>6} {:>9} {:>7} {:>5}{}\n";
+
 void print_head() {
-  std::printf("%-50s %-13s %4s  %-13s %-13s %-13s %-5s %-8s %-6s %-9s %s\n", "median (worst) over truth",
-              "estimator", "lump", "background", "contrast", "ramp", "off", "coverage", "stated", "held",
-              "seconds");
+  fmt::print(kLine, "median (worst) over truth", "estimator", "lump", "background", "contrast", "ramp", "off",
+             "coverage", "stated", "held", "um off", "s", "");
 }
 
 void print(const RealResult& r) {
   const auto pair = [](double median, double worst) {
     return std::isfinite(median) ? fmt::format("{:.2f} ({:.2f})", median, worst) : std::string("-");
   };
-  std::printf("%-50s %-13s %4g  %-13s %-13s %-13s %-5.2f %-8.2f %-6.2f %zu,%zu/%-5zu %.1f%s\n",
-              r.name.c_str(), r.estimator.c_str(), r.contrast_of_lump,
-              pair(r.background, r.background_worst).c_str(), pair(r.contrast, r.contrast_worst).c_str(),
-              pair(r.ramp, r.ramp_worst).c_str(), r.off, r.coverage, r.deviation, r.background_held,
-              r.lump_held, r.seeds, r.seconds,
-              r.refused > 0 ? fmt::format(", {} not tracked", r.refused).c_str() : "");
+  const auto number = [](double value, int digits) { return fmt::format("{:.{}f}", value, digits); };
+  const bool lump = r.contrast_of_lump != 1;
+  const std::string held = lump ? fmt::format("{},{}/{}", r.background_held, r.lump_held, r.seeds)
+                                : fmt::format("{}/{}", r.background_held, r.seeds);
+  fmt::print(kLine, r.name, r.estimator, lump ? number(r.contrast_of_lump, 0) : "-",
+             pair(r.background, r.background_worst), pair(r.contrast, r.contrast_worst),
+             pair(r.ramp, r.ramp_worst), number(r.off, 2), number(r.coverage, 2), number(r.deviation, 2),
+             held, number(1e6 * r.tracking_m, 2), number(r.seconds, 1),
+             r.refused > 0 ? fmt::format(", {} not tracked", r.refused) : "");
   std::fflush(stdout);
 }
 

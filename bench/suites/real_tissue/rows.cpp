@@ -15,6 +15,7 @@ using client::Tissue;
 constexpr double kLumpM = 0.010, kHighestM = 0.012, kLowestM = 0.018, kAsideM = 0.015;
 constexpr double kHeld = std::numeric_limits<double>::infinity();
 constexpr double kMostGain = 0.03;
+constexpr double kPushM = 0.0008;  // 3 % of strain below the face, 1 % at 20 mm
 
 using Set = std::function<void(Tissue&, const Draw&)>;
 
@@ -98,7 +99,7 @@ Tissue tissue_of(const RealRow& row, std::uint64_t seed) {
   const auto random = std::make_shared<std::mt19937_64>(seed * 0x9E3779B97F4A7C15u + 77);
   const Draw draw = [random] { return static_cast<double>((*random)() >> 11) * 0x1p-53; };
   Tissue t;
-  t.width_m = .120, t.depth_m = .040, t.seed = seed;
+  t.width_m = .120, t.depth_m = .040, t.seed = seed, t.probe.compression_m = kPushM;
   t.solid.emplace();
   const double aside = 2 * draw() - 1, deep = draw();
   if (row.contrast != 1)
