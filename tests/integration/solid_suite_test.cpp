@@ -49,6 +49,10 @@ TEST(PlanSuite, EveryModelAnswersEveryPair) {
   const auto plan = measured(folder, {"plan"});
   EXPECT_EQ(plan.at("pairs").size(), 12);
   EXPECT_TRUE(plan.at("failures").empty());
+  ASSERT_EQ(plan.at("cases").size(), 2);
+  EXPECT_GT(plan.at("cases")[0].at("shares_error"), 0.1) << "a case that is hard for nobody";
+  EXPECT_NE(plan.at("cases")[1].at("said").get<std::string>().find("DEGRADED"), std::string::npos);
+  EXPECT_EQ(plan.at("learning").size(), 2);
   const auto of_all = [&](const std::string& model) {
     for (const auto& s : plan.at("summaries"))
       if (s.at("kind") == "all" && s.at("model") == model) return s;

@@ -3,10 +3,10 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <map>
 #include <memory>
 #include <set>
 #include <utility>
@@ -204,8 +204,8 @@ constexpr double kShallowM = 0.0014;  // half of the poses, about
 std::vector<Class> classes_of(const std::vector<Pair>& pairs) {
   std::vector<std::pair<std::string, std::function<bool(const Pair&)>>> all{
       {"all", [](const Pair&) { return true; }},
-      {"lumps", [](const Pair& p) { return !p.lumps.empty(); }},
-      {"no lump", [](const Pair& p) { return p.lumps.empty(); }},
+      {"with lumps", [](const Pair& p) { return !p.lumps.empty(); }},
+      {"without", [](const Pair& p) { return p.lumps.empty(); }},
       {"nu 0.49 and more", [](const Pair& p) { return p.poisson_ratio > 0.485; }},
       {"nu less", [](const Pair& p) { return p.poisson_ratio < 0.485; }},
       {"less than 1.4 mm deep", [](const Pair& p) { return p.pose.indentation_m < kShallowM; }},
@@ -350,34 +350,58 @@ void promise(const Figures& f, Promises& promises) {
           {fmt::format("planned_is_cheap_{:.0f}_percent", 100 * p.tolerance), p.cheap, 0.75, "1", false});
     }
     promises.push_back({"pairs_without_a_truth", double(f.failures.size()) / double(f.pairs.size()), 0.01});
-    promises.push_back({"fields_of_a_factor", f.learning.front().fields_ms, 15, "ms"});
-    promises.push_back({"shares_of_a_slice", f.learning.front().slice_ms, 0.5, "ms"});
+    if (f.pairs.size() >= kFew) {
+      promises.push_back({"fields_of_a_factor", f.learning.front().fields_ms, 15, "ms"});
+      promises.push_back({"shares_of_a_slice", f.learning.front().slice_ms, 0.5, "ms"});
+    }
   }
   promises.push_back(
       {"hard_cases_missed_without_a_word", double(std::ranges::count_if(f.cases, &HardCase::missed)), 0});
   promises.push_back({"changes_of_model_on_a_border", double(f.changes_on_a_border), 0});
 }
 
+// What scenes take to be made ready, and what is learned of them: medians.
+class Readiness {
+ public:
+  void add(const PlanScene& scene, const PlanModels::Ready& made) {
+    m3_.push_back(made.m3_ms);
+    if (made.m4_ms > 0) m4_.push_back(made.m4_ms);
+    if (scene.kind == "thin") return;  // a quarter of the nodes
+    add(made.coarse, scene.modulus_pa.size());
+    if (made.fine.fields_ms > 0) add(made.fine, 8 * scene.modulus_pa.size());
+  }
+  void put(Figures& f) const {
+    f.m3_ready_ms = median_of(m3_), f.m4_ready_ms = median_of(m4_);
+    f.learning.clear();
+    for (const auto& [nodes, all] : learned_) {
+      const auto median = [&all](double PlanModels::Learned::*of) {
+        std::vector<double> values;
+        for (const PlanModels::Learned& l : all) values.push_back(l.*of);
+        return median_of(values);
+      };
+      f.learning.push_back({nodes, median(&PlanModels::Learned::fields_ms),
+                            median(&PlanModels::Learned::slice_ms), median(&PlanModels::Learned::tip_ms)});
+    }
+  }
+
+ private:
+  void add(const PlanModels::Learned& learned, std::size_t nodes) { learned_[nodes].push_back(learned); }
+  std::vector<double> m3_, m4_;
+  std::map<std::size_t, std::vector<PlanModels::Learned>> learned_;  // by nodes
+};
+
 void measure_pairs(const std::shared_ptr<service::Device>& device, const Arguments& arguments, Figures& f) {
   constexpr std::size_t kFineEvery = 10;  // scenes
   const std::size_t wanted = arguments.quick ? 12 : arguments.pairs, poses = arguments.quick ? 2 : 5;
   PlanModels models(device, arguments.offered);
   std::vector<std::string> checked;
-  std::vector<double> m3, m4;
-  std::vector<PlanModels::Learned> coarse_learned, fine_learned;
-  std::array<std::size_t, 2> nodes{};
+  Readiness ready;
   const auto begin = Clock::now();
   for (std::size_t n = 0; n * poses < wanted && seconds_since(begin) < 60 * arguments.minutes; ++n) {
     const PlanScene scene =
         plan_scene(arguments.seed, n, std::min(poses, wanted - n * poses), arguments.quick);
-    const bool thin = scene.kind == "thin";
-    const PlanModels::Ready made = models.enter(scene, n % kFineEvery == 0);
-    m3.push_back(made.m3_ms);
-    if (made.m4_ms > 0) m4.push_back(made.m4_ms);
+    ready.add(scene, models.enter(scene, n % kFineEvery == 0));
     RigidContact coarse(device->queue(), scene.tissue(1)), fine(device->queue(), scene.tissue(2));
-    if (!thin) coarse_learned.push_back(made.coarse), nodes[0] = scene.modulus_pa.size();
-    if (!thin && n % kFineEvery == 0)
-      fine_learned.push_back(made.fine), nodes[1] = 8 * scene.modulus_pa.size();
     for (const PlanPose& pose : scene.poses) try {
         show_progress(fmt::format("scene {}, {}, {} pairs", n, scene.kind, f.pairs.size()));
         Pair pair = measure_pair(models, coarse, fine, scene, pose);
@@ -394,17 +418,23 @@ void measure_pairs(const std::shared_ptr<service::Device>& device, const Argumen
                                          pose.z_m, pose.indentation_m, e.what()));
       }
   }
-  f.m3_ready_ms = median_of(m3), f.m4_ready_ms = median_of(m4);
-  const auto add = [&](std::size_t count, const std::vector<PlanModels::Learned>& learned) {
-    const auto median = [&](double PlanModels::Learned::*of) {
-      std::vector<double> all;
-      for (const PlanModels::Learned& l : learned) all.push_back(l.*of);
-      return median_of(all);
-    };
-    f.learning.push_back({count, median(&PlanModels::Learned::fields_ms),
-                          median(&PlanModels::Learned::slice_ms), median(&PlanModels::Learned::tip_ms)});
-  };
-  add(nodes[0], coarse_learned), add(nodes[1], fine_learned);
+  ready.put(f);
+}
+
+// The pairs of an earlier run; times anew, of a few of its scenes.
+Figures earlier_pairs(const std::shared_ptr<service::Device>& device, const Arguments& arguments) {
+  constexpr std::size_t kScenes = 8;
+  SuiteOptions earlier = arguments;
+  earlier.replot = arguments.pairs_of, earlier.out = ".";  // nothing is drawn there
+  Figures f = earlier_figures("plan", earlier).get<Figures>();
+  PlanModels models(device, true);
+  Readiness ready;
+  for (std::size_t n = 0; n < kScenes; ++n) {
+    const PlanScene scene = plan_scene(f.seed, n, 1, false);
+    ready.add(scene, models.enter(scene, true));
+  }
+  ready.put(f);
+  return f;
 }
 
 // What follows from the pairs.
@@ -425,13 +455,10 @@ void sum_up(Figures& f) {
 Figures measure(const Arguments& arguments, Promises& promises) {
   const auto device = service::Device::open();
   Figures f{.seed = arguments.seed};
-  if (!arguments.pairs_of.empty()) {
-    SuiteOptions earlier = arguments;
-    earlier.replot = arguments.pairs_of;
-    f = earlier_figures("plan", earlier).get<Figures>();
-  } else if (arguments.pairs > 0) {
+  if (!arguments.pairs_of.empty())
+    f = earlier_pairs(device, arguments);
+  else if (arguments.pairs > 0)
     measure_pairs(device, arguments, f);
-  }
   if (!f.pairs.empty()) sum_up(f);
   f.cases = hard_cases(device, arguments.quick, [](const HardCase& c) { print(c); });
   f.changes_on_a_border = changes_on_a_border(device);

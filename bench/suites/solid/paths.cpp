@@ -48,11 +48,11 @@ struct Way {
   double ready_s = 0, processor_s = 0;  // of the processor, all threads: until the first answer, on the way
   double held = 0, held_linear = 0;     // share of the way where the interval holds the true force
   double error_p50 = 0, error_most = 0, stated_p50 = 0;  // stated without finite strain
-  double closed = 0;                                     // share of the answers without nodes
+  double closed = 0, failed = 0;                         // shares of the answers: without nodes; no force
   std::vector<Sample> samples{};
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Way, patient, by, ready_s, processor_s, held, held_linear, error_p50,
-                                   error_most, stated_p50, closed, samples)
+                                   error_most, stated_p50, closed, failed, samples)
 
 // Of all ways by one kind of model.
 struct Kind {
@@ -138,16 +138,15 @@ std::vector<Answered> felt(const std::shared_ptr<service::Device>& device,
       const double time_s = seconds_since(begin);
       const Vector3 at = place(way_number, time_s);
       const service::TouchAnswer answer = session->solve(at);
-      if (answer.contact.state != service::ContactState::kContact)
-        throw BenchError("no contact on the way: " + answer.warning);
-      out.push_back({time_s, at, answer.contact});
+      out.push_back({time_s, at, answer.contact});  // FAILED: no force, and none stated
       way.closed += answer.contact.path != service::SolvePath::kAuto;
+      way.failed += answer.contact.state != service::ContactState::kContact;
       session->look_ahead();
       due_s =
           kPeriodS * std::max(std::round(due_s / kPeriodS) + 1, std::ceil(seconds_since(begin) / kPeriodS));
     }
   });
-  way.closed /= double(out.size());
+  way.closed /= double(out.size()), way.failed /= double(out.size());
   return out;
 }
 
@@ -189,7 +188,9 @@ Kind kind_of(const std::vector<Way>& ways, const char* name) {
 
 void promise(const Figures& f, Promises& promises) {
   const Kind &planned = f.kinds[0], &fine = f.kinds[2];
-  promises.push_back({"planned_interval_holds_least_of_a_way", planned.least_held_linear, 0.9, "1", false});
+  promises.push_back({"planned_interval_holds_least_of_a_way", planned.least_held, 0.9, "1", false});
+  promises.push_back(
+      {"planned_interval_holds_least_without_finite_strain", planned.least_held_linear, 0.9, "1", false});
   promises.push_back({"planned_within_tolerance", planned.within_tolerance, 0.95, "1", false});
   promises.push_back({"planned_over_finest_processor",
                       (planned.ready_s + planned.processor_s) / (fine.ready_s + fine.processor_s), 1.0 / 3,
