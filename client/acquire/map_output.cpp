@@ -122,6 +122,7 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
         {"asked_for", asked_for(modulus_methods(), acquisition.modulus_method())},
         {"time_limit_s", acquisition.modulus_time_limit_s()},
         {"plane", asked_for(plane_conditions(), acquisition.plane())},
+        {"model", summary.modulus_model()},
         {"converged", summary.modulus_converged()},
         {"iterations", summary.modulus_iterations()}}},
       {"warnings", std::vector<std::string>(summary.warnings().begin(), summary.warnings().end())},

@@ -8,13 +8,15 @@ const std::map<std::string, v1::ModulusMethod>& modulus_methods() {
   static const std::map<std::string, v1::ModulusMethod> names{
       {"reference-stress", v1::MODULUS_METHOD_REFERENCE_STRESS},
       {"direct", v1::MODULUS_METHOD_DIRECT},
-      {"iterative", v1::MODULUS_METHOD_ITERATIVE}};
+      {"iterative", v1::MODULUS_METHOD_ITERATIVE},
+      {"solid", v1::MODULUS_METHOD_SOLID}};
   return names;
 }
 
 const std::map<std::string, v1::PlaneCondition>& plane_conditions() {
   static const std::map<std::string, v1::PlaneCondition> names{{"strain", v1::PLANE_CONDITION_STRAIN},
-                                                               {"stress", v1::PLANE_CONDITION_STRESS}};
+                                                               {"stress", v1::PLANE_CONDITION_STRESS},
+                                                               {"solid", v1::PLANE_CONDITION_SOLID}};
   return names;
 }
 

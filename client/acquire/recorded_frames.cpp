@@ -183,7 +183,12 @@ FramePair read_recorded_frames(const RecordedFrameOptions& options) {
   acquisition.set_tissue_depth_m(options.tissue_depth_m);
   acquisition.set_tissue_width_m(options.tissue_width_m);
   acquisition.set_modulus_method(options.modulus_method);
-  acquisition.set_plane(options.plane);
+  const bool of_planes = options.modulus_method != v1::MODULUS_METHOD_UNSPECIFIED &&
+                         options.modulus_method != v1::MODULUS_METHOD_SOLID;
+  acquisition.set_plane(options.plane != v1::PLANE_CONDITION_UNSPECIFIED ? options.plane
+                        : of_planes                                      ? v1::PLANE_CONDITION_STRAIN
+                                                                         : v1::PLANE_CONDITION_SOLID);
+  acquisition.set_probe_elevation_m(options.probe_elevation_m);
   acquisition.set_modulus_time_limit_s(options.modulus_time_limit_s);
   if (options.force_n) {
     acquisition.mutable_probe_force()->set_force_n(*options.force_n);

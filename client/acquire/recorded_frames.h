@@ -32,7 +32,9 @@ struct RecordedFrameOptions {
   // 0: the service's default
   teletact::v1::ModulusMethod modulus_method = teletact::v1::MODULUS_METHOD_UNSPECIFIED;
   double modulus_time_limit_s = 20;  // nobody waits with a finger: until it has settled
-  teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_STRAIN;
+  // Unspecified: a solid, or plane strain where a method of planes is given.
+  teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;
+  double probe_elevation_m = 0;  // of a solid; 0: by the contact area, or fitted
 };
 
 // Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.

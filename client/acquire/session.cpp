@@ -129,6 +129,7 @@ void AcquireSession::upload_one(Upload upload) {
   upload.pair.acquisition.mutable_publish()->set_scene_id(options_.scene_id);
   upload.pair.acquisition.mutable_publish()->mutable_window()->CopyFrom(upload.timing.window());
   upload.pair.acquisition.set_modulus_method(options_.modulus_method);
+  upload.pair.acquisition.set_plane(options_.plane);
   upload.pair.acquisition.set_modulus_time_limit_s(options_.modulus_time_limit_s);
   if (options_.all_maps) upload.pair.acquisition.clear_maps();
   EstimateCallbacks callbacks;

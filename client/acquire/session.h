@@ -39,8 +39,9 @@ struct AcquireOptions {
   double retry_for_s = 60;     // a service that is started again restores its scenes first
   bool all_maps = false;       // ask for every map of every pair: for recordings
   teletact::v1::ModulusMethod modulus_method =
-      teletact::v1::MODULUS_METHOD_UNSPECIFIED;  // the service's choice
-  double modulus_time_limit_s = 0;               // the same
+      teletact::v1::MODULUS_METHOD_UNSPECIFIED;                                    // the service's choice
+  teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;  // plane strain
+  double modulus_time_limit_s = 0;                                                 // 0: the service's
 };
 
 // What happens, as it happens; every member optional. The calls come from the uploader's thread, `ready` and

@@ -234,6 +234,7 @@ void add_acquire_command(CLI::App& app) {
                   "end after so long; without it the finger's leaving or Ctrl-C ends it")
       ->check(above_zero());
   add_modulus_options(command, acquire.modulus_method, acquire.modulus_time_limit_s);
+  add_plane_option(command, acquire.plane, "strain");
   command.add_option("--start-x-m", acquire.start_x_m, "where the finger is expected first")
       ->capture_default_str();
   command.add_option("--start-direction", acquire.start_direction, "1 or -1: where it will go first")

@@ -40,6 +40,7 @@ const char* stage_name(v1::EstimateStage stage) {
 // The modulus hangs on how far the probe's stress spreads: an assumed tissue is said, not hidden.
 void warn_of_assumptions(const v1::Acquisition& acquisition) {
   const TissueExtent tissue = tissue_extent(acquisition);
+  if (acquisition.plane() == v1::PLANE_CONDITION_SOLID) return;  // which says what it assumed and fitted
   if (tissue.width_assumed)
     std::fprintf(stderr,
                  "warning: --tissue-width-m is not given: the tissue is taken to end where the frame does "
@@ -104,7 +105,8 @@ void run(const Arguments& arguments) {
         tissue_extent(pair.acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
     std::printf("modulus relative to its median (no force given)\n");
-  std::printf("modulus method: %s\n", name_of(summary.modulus_method()).c_str());
+  std::printf("modulus method: %s%s%s\n", name_of(summary.modulus_method()).c_str(),
+              summary.modulus_model().empty() ? "" : ", ", summary.modulus_model().c_str());
   for (const std::string& warning : summary.warnings())
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   if (summary.mean_axial_strain() > 0)
@@ -169,7 +171,12 @@ void add_estimate_command(CLI::App& app) {
                   "of the tissue that the probe stands on the middle of (default: the frame's width)")
       ->check(above_zero());
   add_modulus_options(command, frames.modulus_method, frames.modulus_time_limit_s);
-  add_plane_option(command, frames.plane);
+  add_plane_option(command, frames.plane, "solid");
+  command
+      .add_option(
+          "--probe-elevation-m", frames.probe_elevation_m,
+          "length of the probe's face across the image plane (default: by the contact area, or fitted)")
+      ->check(above_zero());
   command.add_option("--out", arguments->out, "folder for the results")->required();
   command.callback([arguments] { run(*arguments); });
 }

@@ -24,14 +24,17 @@ CLI::Option* add_named(CLI::App& command, const std::string& flag, Value& value,
 
 }  // namespace
 
-void add_plane_option(CLI::App& command, v1::PlaneCondition& plane) {
-  add_named(command, "--plane", plane, plane_conditions(),
-            "strain: the tissue's neighbours hold it (default); stress: a thin slice");
+void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::string& usual) {
+  add_named(
+      command, "--plane", plane, plane_conditions(),
+      "solid: tissue that goes on around a narrow probe, or a block as wide as the probe, as the strain "
+      "tells; strain: the tissue's neighbours hold it; stress: a thin slice (default: " +
+          usual + ")");
 }
 
 void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& time_limit_s) {
   add_named(command, "--modulus-method", method, modulus_methods(),
-            "reference-stress, direct or iterative (default: the service's choice)");
+            "reference-stress, direct or iterative (default: the service's choice); a solid has its own");
   command
       .add_option("--modulus-time-limit-s", time_limit_s,
                   "an iterative modulus begins no step that would end later, and returns its best")

@@ -7,8 +7,8 @@
 
 namespace teletact::client {
 
-// --plane; left alone (unspecified) the service chooses.
-void add_plane_option(CLI::App& command, v1::PlaneCondition& plane);
+// --plane; `usual`: what is taken where it is left alone.
+void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::string& usual);
 
 // --modulus-method and --modulus-time-limit-s; left alone they stay as they are; 0 is
 // the service's choice.

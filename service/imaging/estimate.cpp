@@ -56,7 +56,8 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
       strain_(queue_, options.strain) {
   modulus_ = {make_reference_stress(queue_, options.reference_stress, strips_),
               make_direct(queue_, options.direct, strips_),
-              make_iterative(queue_, options.iterative, options.direct, strips_)};
+              make_iterative(queue_, options.iterative, options.direct, strips_),
+              make_solid(queue_, options.solid)};
   judge_ = std::make_unique<ModulusJudge>(strips_, JudgeLimits{}, options.direct.reach);
   if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
     throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
@@ -65,7 +66,7 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
 void Elastography::charge_to(const MemoryAccount& account) {
   // What another's pair left behind is not this one's to keep.
   if (account.client != queue_.account().client || account.budget != queue_.account().budget)
-    displacement_.forget();
+    displacement_.forget(), modulus_[static_cast<std::size_t>(ModulusKind::kSolid)]->forget();
   queue_.charge_to(account);
   strips_->charge_to(account);
 }
@@ -160,13 +161,15 @@ void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice,
                         limit = choice.time_limit_s.value_or(options_.modulus_time_limit_s)] {
     return limit - (worked_s() - begun_s);
   };
-  const auto kind = static_cast<std::size_t>(choice.kind.value_or(options_.modulus));
+  const auto kind = static_cast<std::size_t>(
+      input.tissue.plane == Plane::kSolid ? ModulusKind::kSolid : choice.kind.value_or(options_.modulus));
   try {
     ModulusEstimate modulus = modulus_.at(kind)->estimate(input);
     judge_->judge(input, modulus);
     e.modulus_kind = modulus.kind;
     e.modulus_converged = modulus.converged;
     e.modulus_iterations = modulus.iterations;
+    e.modulus_model = std::move(modulus.model);
     e.modulus_warnings = std::move(modulus.warnings);
     e.modulus_log_deviation = std::move(modulus.log_deviation);
     e.modulus_correlation_m = modulus.correlation_m;

@@ -30,6 +30,7 @@ struct ElastographyOptions {
   ReferenceStressOptions reference_stress;
   DirectOptions direct;
   IterativeOptions iterative;
+  SolidModulusOptions solid;
   ModulusKind modulus = ModulusKind::kIterative;        // where the caller does not choose
   double modulus_time_limit_s = choices::kModulusTime;  // the same
   double least_median_correlation = choices::kLeastMedianCorrelation;
@@ -76,6 +77,7 @@ struct Estimate : Measured {
   ModulusKind modulus_kind = ModulusKind::kReferenceStress;
   bool modulus_converged = false;  // of an iterative method, and of the linear system of a direct one
   int modulus_iterations = 0;
+  std::string modulus_model;         // ModulusEstimate::model
   Field modulus_log_deviation;       // standard deviation of log E; NaN where valid = 0
   double modulus_correlation_m = 0;  // its errors correlate by exp(-distance / it)
   std::vector<ModulusWarning> modulus_warnings;
@@ -112,7 +114,7 @@ class Elastography {
   ElastographyOptions options_;
   DisplacementEstimator displacement_;
   StrainEstimator strain_;
-  std::array<std::unique_ptr<ModulusMethod>, 3> modulus_;  // by ModulusKind
+  std::array<std::unique_ptr<ModulusMethod>, 4> modulus_;  // by ModulusKind
   std::unique_ptr<ModulusJudge> judge_;
 };
 

@@ -62,7 +62,7 @@ class EstimateCost {
   std::optional<Refusals> refused_;  // since then
   // Those of a slow core, until something was measured.
   Rate tracking_{6e-7}, publishing_{1e-10};
-  std::array<Rate, 3> modulus_{{{1e-9}, {1e-9}, {2e-9}}};  // by ModulusKind
+  std::array<Rate, 4> modulus_{{{1e-9}, {1e-9}, {2e-9}, {2e-9}}};  // by ModulusKind
 };
 
 }  // namespace teletact::service

@@ -76,6 +76,19 @@ void check_force(const EstimateRequest& r, const Limits& limits) {
 
 // How the estimate is to be made.
 void settle_way(EstimateRequest& r, const Limits& limits) {
+  const bool solid = r.tissue.plane == Plane::kSolid;
+  if (r.modulus.kind && (*r.modulus.kind == ModulusKind::kSolid) != solid)
+    throw std::invalid_argument(
+        "acquisition.modulus_method: SOLID goes with the plane condition SOLID, and no other method does; "
+        "leave "
+        "it out");
+  if (!solid && r.tissue.probe_elevation_m != 0)
+    throw std::invalid_argument(
+        "acquisition.probe_elevation_m: only the plane condition SOLID takes it; leave it out");
+  if (r.tissue.probe_elevation_m != 0)
+    require_between("acquisition.probe_elevation_m", r.tissue.probe_elevation_m,
+                    limits.least_probe_elevation_m, limits.most_probe_elevation_m,
+                    "give the length of the probe's face across the image plane, in m");
   if (r.modulus.time_limit_s)
     require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.least_modulus_time_s,
                     limits.most_modulus_time_s,
@@ -117,6 +130,7 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
   const SceneGeometry* scene = r.scene ? &r.scene->geometry() : nullptr;
   const double frame_end_m =
       r.geometry.first_sample_depth_m + r.geometry.sample_pitch_m() * static_cast<double>(r.sample_count);
+  tissue.depth_stated = stated.depth_m != 0 || scene;
   if (stated.depth_m == 0) tissue.depth_m = scene ? scene->depth_m : frame_end_m;
   if (stated.poisson_ratio == 0) tissue.poisson_ratio = scene ? scene->poisson_ratio : choices::kPoissonRatio;
   require_between("acquisition.tissue_depth_m", tissue.depth_m, limits.least_tissue_depth_m,

@@ -59,9 +59,12 @@ std::optional<ModulusKind> modulus_kind_from(v1::ModulusMethod in) {
       return ModulusKind::kDirect;
     case v1::MODULUS_METHOD_ITERATIVE:
       return ModulusKind::kIterative;
+    case v1::MODULUS_METHOD_SOLID:
+      return ModulusKind::kSolid;
     default:
       throw std::invalid_argument(
-          "acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS, DIRECT or ITERATIVE");
+          "acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS, DIRECT, ITERATIVE or "
+          "SOLID");
   }
 }
 
@@ -72,8 +75,10 @@ Plane plane_from(v1::PlaneCondition in) {
       return Plane::kStrain;
     case v1::PLANE_CONDITION_STRESS:
       return Plane::kStress;
+    case v1::PLANE_CONDITION_SOLID:
+      return Plane::kSolid;
     default:
-      throw std::invalid_argument("acquisition.plane: unknown; leave it out or use STRAIN or STRESS");
+      throw std::invalid_argument("acquisition.plane: unknown; leave it out or use STRAIN, STRESS or SOLID");
   }
 }
 
@@ -125,7 +130,8 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes) {
     request.force_std_n = in.probe_force().force_std_n();
     request.contact_area_std_m2 = in.probe_force().contact_area_std_m2();
   }
-  request.tissue = {in.tissue_width_m(), in.tissue_depth_m(), 0, in.poisson_ratio(), plane_from(in.plane())};
+  request.tissue = {in.tissue_width_m(), in.tissue_depth_m(),    0,
+                    in.poisson_ratio(),  plane_from(in.plane()), in.probe_elevation_m()};
   request.max_strain = in.max_strain();
   request.modulus.kind = modulus_kind_from(in.modulus_method());
   if (in.modulus_time_limit_s() != 0) request.modulus.time_limit_s = in.modulus_time_limit_s();

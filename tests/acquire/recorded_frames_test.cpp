@@ -72,7 +72,7 @@ TEST(RecordedFrames, DefaultsAreSent) {
   const v1::Acquisition acquisition = read_recorded_frames(options).acquisition;
   EXPECT_EQ(acquisition.poisson_ratio(), 0.49);
   EXPECT_EQ(acquisition.max_strain(), 0.05);
-  EXPECT_EQ(acquisition.plane(), v1::PLANE_CONDITION_STRAIN);
+  EXPECT_EQ(acquisition.plane(), v1::PLANE_CONDITION_SOLID);
 }
 
 TEST(TissueExtent, IsAsStated) {

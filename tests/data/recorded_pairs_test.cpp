@@ -184,6 +184,54 @@ TEST(SimulatedInclusion, ModulusKeepsItsContrast) {
   }
 }
 
+// Both were pressed by plates wider than the tissue: nobody states it, the strain tells.
+TEST(SimulatedInclusion, IsTakenForABlock) {
+  SKIP_WITHOUT_DATA("simulated-inclusion");
+  const RecordedPair pair = simulated_inclusion();
+  const double width_m = static_cast<double>(pair.pre.line_count) * pair.geometry.line_pitch_m;
+  const double first_line_m =
+      client::read_metaimage(data_folder() / "simulated-inclusion" / "pre.mha").origin.at(1);
+  TissueExtent extent{width_m, 0.050, 0, 0.495, Plane::kSolid};
+  extent.depth_stated = false;
+  const Estimate e =
+      Elastography(Device::open())
+          .estimate({pair.pre, pair.post, pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
+  const double contrast = inclusion_contrast(e, first_line_m, pair.geometry.line_pitch_m);
+  std::printf("simulated-inclusion: contrast %.2f of 4; %s\n", contrast, e.modulus_model.c_str());
+  EXPECT_EQ(e.modulus_model.find("a block"), 0u) << e.modulus_model;
+  EXPECT_GE(contrast, 3.2);
+  EXPECT_LE(contrast, 4.8);
+}
+
+TEST(PhantomS2000, IsTakenForABlockWithoutARamp) {
+  SKIP_WITHOUT_DATA("phantom-s2000");
+  const RecordedPair pair = phantom_s2000();
+  const double width_m = static_cast<double>(pair.pre.line_count) * pair.geometry.line_pitch_m;
+  TissueExtent extent{width_m, 0.055, 0, 0.49, Plane::kSolid};
+  extent.depth_stated = false;
+  const Estimate e =
+      Elastography(Device::open())
+          .estimate({pair.pre, pair.post, pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
+  EXPECT_EQ(e.modulus_model.find("a block"), 0u) << e.modulus_model;
+  const auto typical = [](std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+  };
+  std::vector<double> above, below, deviations;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    if (!e.valid[n] || y_of(e, n) < 0.007) continue;
+    deviations.push_back(e.modulus_log_deviation[n]);
+    if (std::hypot(x_of(e, n) - 0.0197, y_of(e, n) - 0.0355) < 0.009) continue;  // the sphere
+    if (y_of(e, n) < 0.022) above.push_back(e.youngs_modulus[n]);
+    if (y_of(e, n) > 0.040) below.push_back(e.youngs_modulus[n]);
+  }
+  std::printf("phantom-s2000: ramp %.2f, deviation %.2f; %s\n", typical(below) / typical(above),
+              typical(deviations), e.modulus_model.c_str());
+  EXPECT_NEAR(std::log(typical(below) / typical(above)), 0, std::log(1.2));
+  EXPECT_LE(typical(deviations), 0.2);
+}
+
 struct WindowStatistics {
   double mean = 0, variance = 0, valid = 0;
 };

@@ -59,6 +59,18 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
   refused(INVALID_ARGUMENT, "acquisition.line_pitch_m x line_count",
           [](auto& a) { a.set_line_count(200), a.set_line_pitch_m(5e-3); });
   refused(INVALID_ARGUMENT, "acquisition.plane", [](auto& a) { a.set_plane(v1::PLANE_CONDITION_STRESS); });
+  refused(INVALID_ARGUMENT, "acquisition.modulus_method",
+          [](auto& a) { a.set_modulus_method(v1::MODULUS_METHOD_SOLID); });
+  refused(INVALID_ARGUMENT, "acquisition.modulus_method", [](auto& a) {
+    a.set_plane(v1::PLANE_CONDITION_SOLID);
+    a.set_modulus_method(v1::MODULUS_METHOD_DIRECT);
+  });
+  refused(INVALID_ARGUMENT, "acquisition.probe_elevation_m", [](auto& a) { a.set_probe_elevation_m(0.01); });
+  for (const double elevation_m : {-0.01, 1.0, double(NAN)})
+    refused(INVALID_ARGUMENT, "acquisition.probe_elevation_m", [=](auto& a) {
+      a.set_plane(v1::PLANE_CONDITION_SOLID);
+      a.set_probe_elevation_m(elevation_m);
+    });
   refused(INVALID_ARGUMENT, "acquisition.maps", [](auto& a) {  // each would be sent
     for (int k = 0; k < 100'000; ++k) a.add_maps("valid");
   });

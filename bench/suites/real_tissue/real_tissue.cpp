@@ -54,6 +54,12 @@ service::TissueExtent plane_strain(const Window& w) {
   return {t.width_m, t.imaged_depth_m(), w.state.window_x_m, kStatedPoissonRatio};
 }
 
+service::TissueExtent solid(const Window& w) {
+  service::TissueExtent extent = plane_strain(w);
+  extent.plane = service::Plane::kSolid;
+  return extent;
+}
+
 struct Estimator {
   std::string name;
   service::TissueExtent (*extent)(const Window&);
@@ -61,7 +67,7 @@ struct Estimator {
 };
 
 std::vector<Estimator> estimators() {
-  return {{"plane strain", plane_strain, false}};
+  return {{"solid", solid, true}, {"plane strain", plane_strain, false}};
 }
 
 service::Estimate estimate(service::Elastography& elastography, const Window& w, const Estimator& by,

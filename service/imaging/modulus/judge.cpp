@@ -63,6 +63,8 @@ MethodError method_error(ModulusKind kind) {
       return {0.045, 0.12, 0.3, 0.13};
     case ModulusKind::kIterative:
       return {0.03, 0.075, 0.15, 0.13};
+    case ModulusKind::kSolid:
+      return {0.03, 0.12, 0.15, 0.25};
   }
   throw std::logic_error("modulus kind");
 }
@@ -272,13 +274,16 @@ void ModulusJudge::out_of_plane(const ModulusInput& in, ModulusEstimate& out) co
     if (m.strain_valid[n]) lateral.push_back(m.lateral_strain[n]), axial.push_back(m.axial_strain[n]);
   if (lateral.empty()) return;
   const double ratio = -median(lateral) / median(axial), nu = in.tissue.poisson_ratio;
-  const double expected = in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu;
+  const double expected = out.lateral_ratio > 0               ? out.lateral_ratio
+                          : in.tissue.plane == Plane::kStrain ? nu / (1 - nu)
+                                                              : nu;
   if (std::abs(ratio - expected) > limits_.lateral_ratio)
     out.warnings.push_back(
         {ModulusFlag::kOutOfPlane,
          text("the tissue spreads sideways by %.2f of its axial strain, not by %.2f as assumed: it moves "
               "across "
-              "the image plane, or nu or the plane condition is another; the modulus is off by a third to "
+              "the image plane, or nu or the plane condition is another (SOLID is that of a narrow probe on "
+              "wide tissue); the modulus is off by a third to "
               "twofold",
               ratio, expected)});
 }
@@ -286,7 +291,7 @@ void ModulusJudge::out_of_plane(const ModulusInput& in, ModulusEstimate& out) co
 // Near nu = 1/2 the tissue carries the push by pressure as far as it cannot give way sideways. Pressure
 // leaves no trace in the displacement: the scale of the modulus then hangs on nu.
 void ModulusJudge::pressure(const ModulusInput& in, ModulusEstimate& out) const {
-  if (!out.absolute) return;
+  if (!out.absolute || out.kind == ModulusKind::kSolid) return;  // which gives way across the plane
   const double off = kPoissonError * std::abs(strips_->get(in.tissue, in.window_width_m)->log_force_slope);
   if (!(off > limits_.pressure)) return;
   widen(out.log_deviation, off);

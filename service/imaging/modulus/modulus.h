@@ -15,6 +15,7 @@
 #include "service/imaging/modulus/window_nodes.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/measured.h"
+#include "service/imaging/tracking/strain.h"
 
 namespace teletact::service {
 
@@ -29,7 +30,7 @@ struct ModulusInput {
   std::function<double()> seconds_left = {};
 };
 
-enum class ModulusKind { kReferenceStress, kDirect, kIterative };
+enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };
 
 // What makes an estimate doubtful (T3.4); the words that go with it say where and how much.
 enum class ModulusFlag {
@@ -63,6 +64,8 @@ struct ModulusEstimate {
   bool absolute = false;
   double background = 0;         // median over the nodes that say something, Pa or 1
   double mean_axial_strain = 0;  // median over the trusted nodes, negative in compression
+  double lateral_ratio = 0;      // - eps_xx / eps_yy that the model has; 0: that of its plane condition
+  std::string model;             // what was assumed and fitted of the tissue; empty: what was stated
 };
 
 // The pair shows less strain than can be measured.
@@ -75,6 +78,8 @@ class ModulusMethod {
   virtual ~ModulusMethod() = default;
   // Throws NoCompression; std::invalid_argument for an unusable tissue extent or force (field named).
   virtual ModulusEstimate estimate(const ModulusInput&) = 0;
+  // What is kept for the next pair.
+  virtual void forget() {}
 };
 
 struct ReferenceStressOptions {
@@ -133,5 +138,17 @@ struct IterativeOptions {
 // measured, the sensor's traction for the scale. Stops at `seconds_left` with the best so far and says so.
 std::unique_ptr<ModulusMethod> make_iterative(Queue, IterativeOptions, DirectOptions,
                                               std::shared_ptr<StripCache> = {});
+
+struct SolidModulusOptions {
+  double tv_per_m = 5000, tv_floor_per_m = 50;  // as IterativeOptions
+  int most_steps = 10;
+  double converged_step = 0.01;  // rms change of log E over the cells
+  double least_strain = 2e-4;    // magnitude of the median
+  StrainOptions strain;          // with which it was measured
+};
+
+// T3.6: E <- E eps[E] / eps, eps[E] the axial strain of solid tissue under the rectangular face
+// (ProbedSolid), with total variation on log E; tilt, and what is not stated of the face, fitted with it.
+std::unique_ptr<ModulusMethod> make_solid(Queue, SolidModulusOptions);
 
 }  // namespace teletact::service

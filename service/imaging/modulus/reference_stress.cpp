@@ -17,15 +17,6 @@ namespace {
 constexpr std::size_t kGroup = 32;  // WORK_GROUP of modulus.cl
 const KnownModulus kNothingKnown;
 
-void validate(const std::optional<ProbeForce>& force) {
-  if (!force) return;
-  if (!(force->force_n > 0 && std::isfinite(force->force_n)))
-    throw std::invalid_argument(
-        "force_n: must be above 0 N, the rise of the probe's force between pre and post");
-  if (!(force->contact_area_m2 > 0 && std::isfinite(force->contact_area_m2)))
-    throw std::invalid_argument("contact_area_m2: must be above 0 m2, the probe's face on the tissue");
-}
-
 class ReferenceStress : public ModulusMethod {
  public:
   ReferenceStress(Queue queue, ReferenceStressOptions options, std::shared_ptr<StripCache> strips)

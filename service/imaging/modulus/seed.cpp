@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "service/imaging/tracking/median.h"
 
@@ -66,6 +67,15 @@ double force_scale(const ModulusInput& in, const ForwardSolve& forward) {
   if (!in.force) return 1;
   const double force_n_per_m = in.force->force_n / in.force->contact_area_m2 * in.window_width_m;
   return force_n_per_m / (forward.response.force_n_per_m * std::abs(forward.amplitude_m));
+}
+
+void validate(const std::optional<ProbeForce>& force) {
+  if (!force) return;
+  if (!(force->force_n > 0 && std::isfinite(force->force_n)))
+    throw std::invalid_argument(
+        "force_n: must be above 0 N, the rise of the probe's force between pre and post");
+  if (!(force->contact_area_m2 > 0 && std::isfinite(force->contact_area_m2)))
+    throw std::invalid_argument("contact_area_m2: must be above 0 m2, the probe's face on the tissue");
 }
 
 void normalise(ModulusEstimate& out) {

@@ -40,6 +40,9 @@ ForwardSolve solve_forward(StripModel&, const Eigen::VectorXd& log_modulus, doub
 // True modulus over that of the forward solve, from the sensor's force; 1 without a force.
 double force_scale(const ModulusInput&, const ForwardSolve&);
 
+// Throws std::invalid_argument naming the field.
+void validate(const std::optional<ProbeForce>&);
+
 // Median over what is said -> background; a relative map is divided by it. Throws NoCompression when nothing
 // is said.
 void normalise(ModulusEstimate&);

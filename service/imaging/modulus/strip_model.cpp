@@ -69,7 +69,7 @@ Vector8 gather(const std::vector<double>& values, const std::array<std::size_t, 
 
 // The plane-strain tissue that moves like this one: the same mu; lambda = E nu / (1 - nu^2) in plane stress.
 InPlaneStrain in_plane_strain(Plane plane, double nu) {
-  if (plane == Plane::kStrain) return {nu, 1};
+  if (plane != Plane::kStress) return {nu, 1};
   return {nu / (1 + nu), (1 + 2 * nu) / ((1 + nu) * (1 + nu))};
 }
 

@@ -13,9 +13,9 @@ struct ProbeForce {
   double contact_area_m2 = 0;
 };
 
-// What the tissue does across the image plane: nothing (thick tissue between its neighbours), or whatever
-// leaves it free of stress there (a thin slice).
-enum class Plane { kStrain, kStress };
+// What the tissue does across the image plane: nothing (thick tissue between its neighbours), whatever leaves
+// it free of stress there (a thin slice), or what a narrow probe on wide tissue makes it do.
+enum class Plane { kStrain, kStress, kSolid };
 
 // Where the window [window_x_m, window_x_m + lines * pitch) lies in its tissue: [0, width_m] x [0, depth_m],
 // y = 0 at the probe face, bonded below, free sides (T4).
@@ -25,6 +25,10 @@ struct TissueExtent {
   double width_m = 0, depth_m = 0, window_x_m = 0;
   double poisson_ratio = 0.49;  // 0 <= nu <= kLargestPoissonRatio
   Plane plane = Plane::kStrain;
+  // Where plane is kSolid: length of the probe's face across the image, 0 where it is not known; whether
+  // depth_m is known. What is not known is fitted.
+  double probe_elevation_m = 0;
+  bool depth_stated = true;
 };
 
 // Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and

@@ -1,0 +1,98 @@
+#include "service/imaging/modulus/cell_strains.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "service/device/look.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kLargestNoise = 0.7;  // of the strain: with more a cell tells nothing
+constexpr double kLeastPart = 0.5;     // of a cell's nodes that must be measured
+
+// Weights of the kernel's cells from the middle one on: the slope of a least-squares line weighs strain by a
+// parabola along the slope, and evenly across.
+std::vector<double> kernel(double length_m, double cell_m, bool along) {
+  const double half = length_m / 2;
+  const auto integral = [&](double t) {
+    t = std::clamp(t, -half, half);
+    return along ? t - t * t * t / (3 * half * half) : t;
+  };
+  std::vector<double> weights;
+  for (double t = -cell_m / 2; t < half; t += cell_m) weights.push_back(integral(t + cell_m) - integral(t));
+  return weights;
+}
+
+VectorXd weighted(const VectorXd& in, const CellGrid& cells, const std::vector<double>& weights, bool down) {
+  const auto nx = static_cast<Index>(cells.columns), ny = static_cast<Index>(cells.rows);
+  const auto reach = static_cast<Index>(weights.size()) - 1;
+  VectorXd out(in.size());
+  for (Index j = 0; j < ny; ++j)
+    for (Index i = 0; i < nx; ++i) {
+      double sum = 0, of_weights = 0;
+      for (Index k = -reach; k <= reach; ++k) {
+        const Index a = down ? i : i + k, b = down ? j + k : j;
+        if (a < 0 || a >= nx || b < 0 || b >= ny) continue;
+        const double weight = weights[static_cast<std::size_t>(std::abs(k))];
+        sum += weight * in[a + nx * b], of_weights += weight;
+      }
+      out[i + nx * j] = sum / of_weights;
+    }
+  return out;
+}
+
+}  // namespace
+
+CellStrains cell_strains(const Measured& m, const CellGrid& cells, double top_m, double sign) {
+  const auto size = static_cast<Index>(cells.size());
+  VectorXd sum = VectorXd::Zero(size), squares = sum, count = sum, nodes = sum;
+  for (std::size_t n = 0; n < m.grid.size(); ++n) {
+    if (n % m.grid.nx == 0) look();
+    const double i = (m.grid.x_m(n) - cells.first_x_m) / cells.spacing_m + 0.5,
+                 j = (m.grid.y_m(n) - top_m) / cells.row_m;
+    if (!(i >= 0 && j >= 0 && i < static_cast<double>(cells.columns) && j < static_cast<double>(cells.rows)))
+      continue;
+    const auto cell =
+        static_cast<Index>(static_cast<std::size_t>(i) + cells.columns * static_cast<std::size_t>(j));
+    ++nodes[cell];
+    if (!m.strain_valid[n]) continue;
+    sum[cell] += sign * m.axial_strain[n], ++count[cell];
+    squares[cell] += std::pow(m.axial_strain_std[n], 2);
+  }
+  CellStrains out{VectorXd::Zero(size), VectorXd::Zero(size), VectorXd::Zero(size)};
+  for (Index c = 0; c < size; ++c) {
+    if (!(count[c] > 0 && count[c] >= kLeastPart * nodes[c])) continue;
+    const double strain = sum[c] / count[c], deviation = std::sqrt(squares[c] / count[c]);
+    if (!(strain > 0 && deviation < kLargestNoise * strain)) continue;
+    out.log_strain[c] = std::log(strain), out.deviation[c] = deviation / strain, out.told[c] = 1;
+  }
+  return out;
+}
+
+VectorXd as_measured(const VectorXd& strain, const CellGrid& cells, const StrainOptions& options) {
+  return weighted(weighted(strain, cells, kernel(options.kernel_axial_m, cells.row_m, true), true), cells,
+                  kernel(options.kernel_lateral_m, cells.spacing_m, false), false);
+}
+
+double at_node(const VectorXd& of_cells, const CellGrid& cells, const ImageGrid& image, double top_m,
+               std::size_t n) {
+  const auto place = [](double at, std::size_t count) {
+    return std::clamp(at, 0.0, static_cast<double>(count - 1));
+  };
+  const double x = place((image.x_m(n) - cells.first_x_m) / cells.spacing_m, cells.columns),
+               y = place((image.y_m(n) - top_m) / cells.row_m - 0.5, cells.rows);
+  const auto i = std::min(static_cast<std::size_t>(x), cells.columns - 2),
+             j = std::min(static_cast<std::size_t>(y), cells.rows - 2);
+  const double s = x - static_cast<double>(i), t = y - static_cast<double>(j);
+  const auto at = [&](std::size_t a, std::size_t b) {
+    return of_cells[static_cast<Index>(i + a + cells.columns * (j + b))];
+  };
+  return (1 - t) * ((1 - s) * at(0, 0) + s * at(1, 0)) + t * ((1 - s) * at(0, 1) + s * at(1, 1));
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,26 @@
+// Axial strain as it was measured, and as it is modelled, in the cells of a probed tissue (T3.6).
+#pragma once
+
+#include <Eigen/Core>
+
+#include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/tracking/measured.h"
+
+namespace teletact::service {
+
+// Of the cells. ln of the strain's size; what it is off by, as a part of it; told: 1 where it was measured.
+struct CellStrains {
+  Eigen::VectorXd log_strain, deviation, told;
+};
+
+// `top_m`: depth of the face in the image; `sign` of the strain that counts, -1 compression.
+CellStrains cell_strains(const Measured&, const CellGrid&, double top_m, double sign);
+
+// A field of the cells as the least-squares kernel of the strain sees it; at the ends it is cut.
+Eigen::VectorXd as_measured(const Eigen::VectorXd& strain, const CellGrid&, const StrainOptions&);
+
+// Values of the cells at node n of the image, bilinear; beyond the cells those of the nearest.
+double at_node(const Eigen::VectorXd& of_cells, const CellGrid&, const ImageGrid&, double top_m,
+               std::size_t n);
+
+}  // namespace teletact::service

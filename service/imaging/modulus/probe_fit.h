@@ -1,0 +1,70 @@
+// How the probe stands on the tissue, fitted to the axial strain of what looks homogeneous (T3.6): which kind
+// of tissue it is, tilt, and what is not stated of the face.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "service/imaging/modulus/cell_strains.h"
+#include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/modulus/tissue_extent.h"
+
+namespace teletact::service {
+
+// ln(modelled / measured) over the cells told, robustly: a level, and so much tilt more that explains it.
+struct StrainFit {
+  double level = 0, tilt = 0, tilt_deviation = 0;
+  double rest = 0;  // typical size of what is left
+};
+// `residual` of the cells, their weights (0: not told), and what ln of the strain gains per unit of tilt.
+StrainFit fit_strain(const Eigen::VectorXd& residual, const Eigen::VectorXd& weight,
+                     const Eigen::VectorXd& by_tilt);
+
+struct ProbeFit {
+  std::shared_ptr<ProbedTissue> tissue;
+  ProbeFace face;
+  double top_m = 0;  // depth of the face in the image
+  CellStrains measured;
+  Eigen::VectorXd homogeneous;  // strain of the cells as measured, > 0 where it is compression, per metre
+  Eigen::VectorXd by_tilt;      // d ln(strain) of the cells per unit of tilt
+  double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are told
+  // Of ln E of the cells, for each thing that was fitted: what one standard deviation of it changes.
+  std::vector<Eigen::VectorXd> changes;
+  double rest = 0;    // of ln(strain): what is unexplained where tissue looks homogeneous
+  std::string words;  // what was assumed and what was found
+};
+
+class ProbeFitter {
+ public:
+  ProbeFitter(const Queue&, const StrainOptions&);
+  // Throws NoCompression.
+  ProbeFit fit(const Measured&, double window_width_m, const TissueExtent&, double elevation_m, double sign);
+
+  void forget() { kept_.reset(); }
+
+ private:
+  struct Pair {
+    const Measured& measured;
+    double top_m, sign;
+  };
+  struct Unknown;
+  void search(const Pair&, Unknown&);
+  // Tissue, and how it answers where it is homogeneous.
+  struct Kept {
+    ProbeFace face;
+    bool block;
+    std::shared_ptr<ProbedTissue> tissue;
+    ProbedTissue::Response level, tilted;
+  };
+  const Kept& kept(const ProbeFace&, bool block);
+  // The tissue under such a face, and how well it explains what was measured.
+  ProbeFit tried(const Pair&, const ProbeFace&, bool block);
+  Queue queue_;
+  StrainOptions strain_;
+  std::optional<Kept> kept_;  // of the pair before
+};
+
+}  // namespace teletact::service

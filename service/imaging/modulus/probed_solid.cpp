@@ -1,0 +1,211 @@
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "service/device/look.h"
+#include "service/imaging/modulus/probed_tissue.h"
+#include "service/solid/solid_solver.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kCellM = 1e-3;     // about, under the probe
+constexpr std::size_t kAcross = 7;  // nodes under the probe across the plane, odd: one lies in it
+// Nodes h apart that are pushed alike act as a face that ends a quarter of h beyond the last: strains at 4 mm
+// and deeper are then within 2 % of those of a mesh three times as fine.
+constexpr double kBeyond = 0.5;
+constexpr std::size_t kPeriodAcross = 64;
+constexpr double kLeastGap = 1.6;   // to the period's next probe, in depths of tissue
+constexpr double kLeastPeriod = 8;  // the same, of tissue whose period is not felt
+constexpr std::size_t kMostColumns = 256, kMostRows = 64;
+constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
+constexpr double kMirroredM = 0.020;
+constexpr double kAccuracy = 2e-3;  // of the solution, in energy
+
+void require_above_zero(double value, const char* field) {
+  if (!(value > 0 && std::isfinite(value)))
+    throw std::invalid_argument(std::string(field) + ": must be above 0 m");
+}
+
+// `fine` rows of the image, and growing ones below it.
+std::vector<double> rows_of_nodes(const ProbeFace& face, double image_m, std::size_t fine) {
+  std::vector<double> y;
+  const double row_m = image_m / static_cast<double>(fine), left_m = face.depth_m - image_m;
+  for (std::size_t j = 0; j <= fine; ++j) y.push_back(row_m * static_cast<double>(j));
+  if (left_m >= row_m / 2) {
+    std::vector<double> steps;
+    double reached_m = 0;
+    for (double step_m = row_m; reached_m < left_m; reached_m += step_m)
+      steps.push_back(step_m = std::min(step_m * kCoarsen, std::max(kCoarsestM, left_m / 16)));
+    for (const double step_m : steps) y.push_back(y.back() + step_m * left_m / reached_m);
+  }
+  return y;
+}
+
+// Nodes pressed along the image.
+std::size_t nodes_along(const ProbeFace& face) {
+  require_above_zero(face.width_m, "window_width_m");
+  return std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(face.width_m / kCellM)), 8,
+                                 kMostColumns / 2);
+}
+
+double spacing(double length_m, std::size_t nodes) {
+  return length_m / (static_cast<double>(nodes - 1) + kBeyond);
+}
+
+CellGrid cells_under(const ProbeFace& face) {
+  require_above_zero(face.image_depth_m, "image_depth_m");
+  require_above_zero(face.depth_m, "depth_m");
+  CellGrid cells;
+  const double image_m = std::min(face.image_depth_m, face.depth_m);
+  cells.columns = nodes_along(face) - 1;
+  cells.spacing_m = spacing(face.width_m, nodes_along(face));
+  cells.first_x_m = (kBeyond / 2 + 0.5) * cells.spacing_m;
+  cells.rows = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(image_m / kCellM)), 4, kMostRows);
+  cells.row_m = image_m / static_cast<double>(cells.rows);
+  return cells;
+}
+
+SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells) {
+  require_above_zero(face.elevation_m, "probe_elevation_m");
+  SolidTissue tissue;
+  const auto gap = static_cast<std::size_t>(kLeastGap * face.depth_m / cells.spacing_m);
+  tissue.grid.nx = std::min(kMostColumns, std::bit_ceil(cells.columns + 1 + gap));
+  tissue.grid.nz = kPeriodAcross;
+  tissue.grid.spacing_x_m = cells.spacing_m;
+  tissue.grid.spacing_z_m = spacing(face.elevation_m, kAcross);
+  tissue.grid.y_m = rows_of_nodes(face, cells.row_m * static_cast<double>(cells.rows), cells.rows);
+  tissue.poisson_ratio = face.poisson_ratio;
+  tissue.youngs_modulus_pa.assign(tissue.grid.elements(), 1.0);
+  return tissue;
+}
+
+// Nodes (i, k) of the surface, the face's corner at i = 0, its middle at k = 0.
+SurfacePatch patch_under(const SolidGrid& grid, const CellGrid& cells) {
+  SurfacePatch patch;
+  for (std::size_t k = 0; k < kAcross; ++k)
+    for (std::size_t i = 0; i <= cells.columns; ++i)
+      patch.unknowns.push_back(i + grid.nx * ((k + grid.nz - kAcross / 2) % grid.nz + grid.nz));
+  patch.skin_m_n = VectorXd::Zero(static_cast<Index>(patch.unknowns.size()));
+  return patch;
+}
+
+// Of a face that is pushed by 1 m into layers of this compliance.
+double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch, std::size_t nx, std::size_t nz) {
+  const Eigen::MatrixXd among = layered.among(patch.unknowns, nx, nz);
+  return among.llt().solve(VectorXd::Ones(among.rows())).sum();
+}
+
+class ProbedSolid : public ProbedTissue {
+ public:
+  ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells)
+      : tissue_(tissue_under(face, cells)),
+        patch_(patch_under(tissue_.grid, cells)),
+        queue_(queue),
+        solver_(queue, tissue_) {
+    cells_ = cells;
+  }
+
+  Response push(const VectorXd& log_modulus, double tilt) override {
+    fill(log_modulus);
+    const auto& layers_pa = solver_.layers().youngs_modulus_pa;
+    solver_.use(std::make_shared<const SolidModulus<float>>(queue_, tissue_, beside(tissue_, layers_pa)));
+    const auto nodes = static_cast<Index>(cells_.columns + 1);
+    VectorXd w(static_cast<Index>(patch_.unknowns.size()));
+    for (Index n = 0; n < w.size(); ++n)
+      w[n] = 1 + tilt * (2 * (static_cast<double>(n % nodes) + 0.5) / static_cast<double>(nodes) - 1);
+    SolidOptions options;
+    options.relative_error = kAccuracy;
+    const SolidSolution solution = solver_.push(patch_, w, options);
+    if (solution.reason == StopReason::kNotFinite || solution.reason == StopReason::kIndefinite)
+      throw std::domain_error("the forward solve of solid tissue failed: " +
+                              std::string(to_string(solution.reason)));
+    Response out = strains(solver_.displacement());
+    out.force_n = solution.force_n.sum();
+    return out;
+  }
+
+  double force_share() override {
+    if (!force_share_) {
+      const SolidGrid& grid = tissue_.grid;
+      const LayeredTissue layers{solver_.layers().youngs_modulus_pa};
+      const auto wide = wide_surface(grid, layers, tissue_.poisson_ratio, kLeastPeriod * grid.y_m.back());
+      look();
+      force_share_ = force_of(solver_.row()->layered, patch_, grid.nx, grid.nz) /
+                     force_of(wide, patch_, grid.nx, grid.nz);
+    }
+    return *force_share_;
+  }
+
+ private:
+  void fill(const VectorXd& log_modulus) {
+    const SolidGrid& grid = tissue_.grid;
+    const auto columns = static_cast<Index>(cells_.columns);
+    const auto mirrored = std::min(columns, static_cast<Index>(kMirroredM / cells_.spacing_m));
+    std::vector<double> row(grid.nx);
+    for (std::size_t j = 0; j < grid.layers(); ++j) {
+      look();
+      const auto cells =
+          log_modulus.segment(static_cast<Index>(std::min(j, cells_.rows - 1)) * columns, columns);
+      const double mean = cells.mean();
+      for (std::size_t n = 0; n < grid.nx; ++n) {
+        const auto i = static_cast<Index>(n), right = i + 1 - columns, left = static_cast<Index>(grid.nx) - i;
+        double logarithm = mean;
+        if (i < columns)
+          logarithm = cells[i];
+        else if (right <= left && right <= mirrored)
+          logarithm = cells[columns - right];
+        else if (left < right && left <= mirrored)
+          logarithm = cells[left - 1];
+        row[n] = std::exp(logarithm);
+      }
+      for (std::size_t k = 0; k < grid.nz; ++k)
+        std::copy(
+            row.begin(), row.end(),
+            tissue_.youngs_modulus_pa.begin() + static_cast<std::ptrdiff_t>(grid.nx * (k + grid.nz * j)));
+    }
+  }
+
+  // In the plane of nodes under the face's middle; the last row of nodes rests.
+  Response strains(const std::vector<float>& u) const {
+    const SolidGrid& grid = tissue_.grid;
+    const auto at = [&](std::size_t i, std::size_t j, std::size_t component) {
+      return j < grid.layers() ? static_cast<double>(u[i + grid.columns() * (3 * j + component)]) : 0.0;
+    };
+    Response out;
+    out.axial_strain.resize(static_cast<Index>(cells_.size()));
+    out.lateral_strain.resize(static_cast<Index>(cells_.size()));
+    for (std::size_t j = 0; j < cells_.rows; ++j)
+      for (std::size_t i = 0; i < cells_.columns; ++i) {
+        const auto cell = static_cast<Index>(i + cells_.columns * j);
+        out.axial_strain[cell] = (at(i, j + 1, 1) + at(i + 1, j + 1, 1) - at(i, j, 1) - at(i + 1, j, 1)) /
+                                 (2 * (grid.y_m[j + 1] - grid.y_m[j]));
+        out.lateral_strain[cell] =
+            (at(i + 1, j, 0) + at(i + 1, j + 1, 0) - at(i, j, 0) - at(i, j + 1, 0)) / (2 * cells_.spacing_m);
+      }
+    return out;
+  }
+
+  SolidTissue tissue_;
+  SurfacePatch patch_;
+  Queue queue_;
+  SolidSolver<float> solver_;
+  std::optional<double> force_share_;
+};
+
+}  // namespace
+
+std::unique_ptr<ProbedTissue> make_probed_solid(const Queue& queue, const ProbeFace& face) {
+  return std::make_unique<ProbedSolid>(queue, face, cells_under(face));
+}
+
+}  // namespace teletact::service

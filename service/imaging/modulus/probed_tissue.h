@@ -1,0 +1,63 @@
+// The tissue under a probe as a forward model in three dimensions (T3.6): which strain a modulus would have
+// shown in the image plane. Two kinds: tissue that goes on beside the probe and across the plane, into which
+// the load spreads, so that strain falls with depth; and a block as wide as the probe, whose strain does not.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <memory>
+
+#include "service/device/queue.h"
+
+namespace teletact::service {
+
+// The probe's face, width_m along the image and elevation_m across it, on tissue that is depth_m deep; the
+// image shows image_depth_m of it.
+struct ProbeFace {
+  double width_m = 0, elevation_m = 0, depth_m = 0, image_depth_m = 0;
+  double poisson_ratio = 0.49;
+  bool operator==(const ProbeFace&) const = default;
+};
+
+// Cells of the image plane under the face, index i + columns j: centres at first_x_m + i spacing_m of the
+// window and (j + 1/2) row_m below the face.
+struct CellGrid {
+  std::size_t columns = 0, rows = 0;
+  double first_x_m = 0, spacing_m = 0, row_m = 0;
+  std::size_t size() const { return columns * rows; }
+  double x_m(std::size_t cell) const { return first_x_m + spacing_m * static_cast<double>(cell % columns); }
+  double y_m(std::size_t cell) const { return row_m * (static_cast<double>(cell / columns) + 0.5); }
+};
+
+// Used by one thread at a time.
+class ProbedTissue {
+ public:
+  virtual ~ProbedTissue() = default;
+  const CellGrid& cells() const { return cells_; }
+  // Of the cells, per metre that the face's middle is pushed down: axial < 0.
+  struct Response {
+    Eigen::VectorXd axial_strain, lateral_strain;
+    double force_n = 0;  // on the face, > 0
+  };
+  // Under a frictionless face in whole contact, pushed by 1 + tilt (2 x / width - 1). `log_modulus`: ln(E /
+  // Pa) of the cells, the same all across the plane; beside the cells mirrored, then the row's mean; below
+  // them the last row's.
+  virtual Response push(const Eigen::VectorXd& log_modulus, double tilt = 0) = 0;
+  Response push_homogeneous(double tilt = 0) {
+    return push(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size())), tilt);
+  }
+  // What push() has of the force of tissue that goes on for ever, over 1.
+  virtual double force_share() { return 1; }
+
+ protected:
+  CellGrid cells_;
+};
+
+// Bonded at its depth (T8's finite elements). Throws std::invalid_argument naming what is unusable,
+// DeviceError.
+std::unique_ptr<ProbedTissue> make_probed_solid(const Queue&, const ProbeFace&);
+// Ends where the probe does, free of stress there and across the plane; its far side lies so deep that the
+// image does not show it (StripModel in plane stress).
+std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace&);
+
+}  // namespace teletact::service

@@ -1,0 +1,252 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "service/device/look.h"
+#include "service/imaging/modulus/cell_strains.h"
+#include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/probe_fit.h"
+#include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/modulus/seed.h"
+#include "service/imaging/modulus/sparse_factor.h"
+#include "service/imaging/modulus/total_variation.h"
+#include "service/imaging/tracking/median.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kModelLog = 0.05;  // of ln(strain) of a cell: what no such model explains
+// A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
+constexpr double kOverstep = 1.4;
+constexpr double kGuessLog = 0.6931;  // ln 2: of what no strain tells
+constexpr double kTiltLog = 0.25;     // of the tilt: the tissue's own ramp may look like it
+constexpr double kRangeLog = 3;       // of ln E about the background
+constexpr double kCorrelationM = 5e-3;
+constexpr double kCommonLog = 0.04;  // of the level: the mesh, and what the tissue does at its sides
+constexpr double kMostRest = 0.15;   // of the strain, unexplained
+
+TissueGrid mesh_of(const CellGrid& cells) {
+  TissueGrid grid;
+  for (std::size_t i = 0; i <= cells.columns; ++i)
+    grid.x_m.push_back(cells.first_x_m + cells.spacing_m * (static_cast<double>(i) - 0.5));
+  for (std::size_t j = 0; j <= cells.rows; ++j) grid.y_m.push_back(cells.row_m * static_cast<double>(j));
+  return grid;
+}
+
+// What a modulus that is told cell by cell, with weights, and total variation agree on.
+class Denoiser {
+ public:
+  Denoiser(const CellGrid& cells, const SolidModulusOptions& options)
+      : options_(options),
+        grid_(mesh_of(cells)),
+        variation_(grid_, options.tv_floor_per_m),
+        order_(nested_dissection(cells.columns, cells.rows)) {}
+  // From `v` on, by lagged diffusivity.
+  VectorXd operator()(const VectorXd& told, const VectorXd& weight, VectorXd v) {
+    for (int step = 0; step < kLagged; ++step) {
+      factorize(weight, v);
+      v = factor_.solve(weight.cwiseProduct(told));
+    }
+    return v;
+  }
+  // Standard deviation about v.
+  VectorXd deviation(const VectorXd& weight, const VectorXd& v) {
+    factorize(weight, v);
+    return factor_.inverse_diagonal().cwiseMax(0).cwiseSqrt();
+  }
+
+ private:
+  static constexpr int kLagged = 5;
+  static constexpr double kLeastWeight = 1e-6;  // so that a map of nothing has an answer
+  void factorize(const VectorXd& weight, const VectorXd& v) {
+    look();
+    Eigen::SparseMatrix<double> matrix = options_.tv_per_m * variation_.lagged(v);
+    matrix.diagonal() += (weight.array() + kLeastWeight).matrix();
+    if (!factor_.analyzed()) factor_.analyze(matrix, order_);
+    if (!factor_.factorize(matrix)) throw std::domain_error("the modulus of the cells is not determined");
+  }
+  SolidModulusOptions options_;
+  TissueGrid grid_;
+  TotalVariation variation_;
+  std::vector<int> order_;
+  SparseFactor factor_;
+};
+
+class SolidModulusMethod : public ModulusMethod {
+ public:
+  SolidModulusMethod(const Queue& queue, const SolidModulusOptions& options)
+      : options_(options), fitter_(queue, options.strain) {}
+
+  ModulusEstimate estimate(const ModulusInput& in) override {
+    validate(in.force);
+    ModulusEstimate out;
+    out.kind = ModulusKind::kSolid;
+    out.absolute = in.force.has_value();
+    out.correlation_m = kCorrelationM;
+    out.mean_axial_strain = mean_strain(in.measured);
+    double elevation_m = in.tissue.probe_elevation_m;
+    if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
+    const ProbeFit fit = fitter_.fit(in.measured, in.window_width_m, in.tissue, elevation_m,
+                                     out.mean_axial_strain < 0 ? -1 : 1);
+    out.lateral_ratio = fit.lateral_ratio;
+    out.model = fit.words;
+    if (fit.rest > kMostRest)
+      out.warnings.push_back(
+          {ModulusFlag::kMisfit,
+           fmt::format(
+               "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it "
+               "looks homogeneous; check the probe's size and the tissue's depth and support",
+               100 * fit.rest)});
+    const Found found = find(in, fit, out);
+    const double log_scale = in.force ? std::log(in.force->force_n / found.force_n) : 0;
+    publish(in, fit, found, log_scale, out);
+    return out;
+  }
+
+  void forget() override { fitter_.forget(); }
+
+ private:
+  struct Found {
+    VectorXd log_modulus, deviation;  // of the cells, E in Pa under which the probe bears force_n
+    double force_n = 0;
+  };
+
+  double mean_strain(const Measured& m) const {
+    std::vector<float> told;
+    for (std::size_t n = 0; n < m.grid.size(); ++n)
+      if (m.strain_valid[n]) told.push_back(m.axial_strain[n]);
+    if (told.empty())
+      throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
+    const double mean = median(told);
+    if (!(std::abs(mean) >= options_.least_strain))
+      throw NoCompression(
+          fmt::format("the median axial strain is {:.3f} %, less than {:.3f} %: press further "
+                      "between the frames",
+                      100 * mean, 100 * options_.least_strain));
+    return mean;
+  }
+
+  // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
+  Found find(const ModulusInput& in, const ProbeFit& fit, ModulusEstimate& out) const {
+    const CellGrid& cells = fit.tissue->cells();
+    const auto size = static_cast<Index>(cells.size());
+    // Cells share what the strain's kernel covers.
+    const double share =
+        cells.spacing_m * cells.row_m / (options_.strain.kernel_axial_m * options_.strain.kernel_lateral_m);
+    VectorXd weight = VectorXd::Zero(size);
+    for (Index c = 0; c < size; ++c)
+      if (fit.measured.told[c] > 0)
+        weight[c] = share / (std::pow(fit.measured.deviation[c], 2) + kModelLog * kModelLog);
+    Denoiser denoise(cells, options_);
+    Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
+    VectorXd& theta = found.log_modulus;
+    double tilt = 0, tilt_deviation = 0, took_s = 0;
+    VectorXd told = weight;
+    out.converged = false;
+    while (out.iterations < options_.most_steps) {
+      const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
+      if (out.iterations > 0 && left_s < took_s) {
+        out.warnings.push_back({ModulusFlag::kDeadline,
+                                fmt::format("the modulus of the solid was stopped by its time limit after {} "
+                                            "steps, before it had settled",
+                                            out.iterations)});
+        break;
+      }
+      look();
+      const auto response = fit.tissue->push(theta, tilt);
+      const VectorXd strain = -as_measured(response.axial_strain, cells, options_.strain);
+      VectorXd residual = VectorXd::Zero(size);
+      told = weight;
+      for (Index c = 0; c < size; ++c)
+        if (!(strain[c] > 0))
+          told[c] = 0;
+        else if (told[c] > 0)
+          residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
+      if (!(told.maxCoeff() > 0))
+        throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
+      const StrainFit at = fit_strain(theta + residual, told, fit.by_tilt);
+      tilt = std::clamp(tilt + at.tilt, -kMostTilt, kMostTilt), tilt_deviation = at.tilt_deviation;
+      residual += at.tilt * fit.by_tilt;
+      const double level = level_of(residual, told);
+      const VectorXd pseudo =
+          (theta + kOverstep * (residual.array() - level).matrix()).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
+      const bool first = out.iterations == 0;
+      VectorXd next = denoise(pseudo, told / kOverstep, first ? VectorXd(filled(pseudo, told)) : theta);
+      const double change = std::sqrt((next - theta).squaredNorm() / static_cast<double>(size));
+      theta = std::move(next);
+      ++out.iterations;
+      if (in.seconds_left) took_s = std::max(took_s, left_s - in.seconds_left());
+      out.converged = change < options_.converged_step;
+      if (out.converged) break;
+    }
+    if (in.force) found.force_n = force_with(fit, theta, tilt, told);
+    found.deviation = denoise.deviation(told, theta);
+    const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
+    for (Index c = 0; c < size; ++c) {
+      double squares =
+          kCommonLog * kCommonLog + std::pow(found.deviation[c], 2) + std::pow(of_tilt * fit.by_tilt[c], 2);
+      for (const VectorXd& change : fit.changes) squares += change[c] * change[c];
+      found.deviation[c] = std::sqrt(squares);
+      if (!(told[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kGuessLog);
+    }
+    return found;
+  }
+  static constexpr double kMostTilt = 0.5;
+
+  // On the probe, N: of the push that leaves as much strain as was measured.
+  double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& told) const {
+    const auto response = fit.tissue->push(theta, tilt);
+    const VectorXd strain = -as_measured(response.axial_strain, fit.tissue->cells(), options_.strain);
+    VectorXd residual = VectorXd::Zero(theta.size());
+    for (Index c = 0; c < theta.size(); ++c)
+      if (told[c] > 0 && strain[c] > 0) residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
+    return response.force_n * std::exp(-level_of(residual, told)) / fit.tissue->force_share();
+  }
+
+  static VectorXd filled(const VectorXd& v, const VectorXd& told) {
+    return (told.array() > 0).select(v, 0.0);
+  }
+
+  static double level_of(const VectorXd& residual, const VectorXd& told) {
+    std::vector<double> values;
+    for (Index c = 0; c < residual.size(); ++c)
+      if (told[c] > 0) values.push_back(residual[c]);
+    return median(values);
+  }
+
+  void publish(const ModulusInput& in, const ProbeFit& fit, const Found& found, double log_scale,
+               ModulusEstimate& out) const {
+    const ImageGrid& image = in.measured.grid;
+    const CellGrid& cells = fit.tissue->cells();
+    out.youngs_modulus.assign(image.size(), std::numeric_limits<float>::quiet_NaN());
+    out.log_deviation = out.youngs_modulus;
+    for (std::size_t n = 0; n < image.size(); ++n) {
+      if (n % image.nx == 0) look();
+      const double y_m = image.y_m(n) - fit.top_m;
+      if (!in.measured.displacement_valid[n] || y_m < 0 || y_m > fit.face.depth_m) continue;
+      out.youngs_modulus[n] =
+          static_cast<float>(std::exp(at_node(found.log_modulus, cells, image, fit.top_m, n) + log_scale));
+      out.log_deviation[n] = static_cast<float>(at_node(found.deviation, cells, image, fit.top_m, n));
+    }
+    normalise(out);
+  }
+
+  SolidModulusOptions options_;
+  ProbeFitter fitter_;
+};
+
+}  // namespace
+
+std::unique_ptr<ModulusMethod> make_solid(Queue queue, SolidModulusOptions options) {
+  return std::make_unique<SolidModulusMethod>(queue, options);
+}
+
+}  // namespace teletact::service
