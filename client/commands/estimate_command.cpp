@@ -102,7 +102,9 @@ void run(const Arguments& arguments) {
   if (summary.modulus_absolute())
     std::printf(
         "background %.2f kPa%s\n", summary.background_modulus_pa() * 1e-3,
-        tissue_extent(pair.acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
+        pair.acquisition.plane() != v1::PLANE_CONDITION_SOLID && tissue_extent(pair.acquisition).width_assumed
+            ? " (tissue as wide as the frame: assumed)"
+            : "");
   else
     std::printf("modulus relative to its median (no force given)\n");
   std::printf("modulus method: %s%s%s\n", name_of(summary.modulus_method()).c_str(),

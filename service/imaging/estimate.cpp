@@ -57,7 +57,7 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
   modulus_ = {make_reference_stress(queue_, options.reference_stress, strips_),
               make_direct(queue_, options.direct, strips_),
               make_iterative(queue_, options.iterative, options.direct, strips_),
-              make_solid(queue_, options.solid)};
+              make_solid(queue_, options.solid, strips_)};
   judge_ = std::make_unique<ModulusJudge>(strips_, JudgeLimits{}, options.direct.reach);
   if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
     throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
@@ -88,7 +88,10 @@ HostBytes host_bytes(const EstimateInput& in, const ElastographyOptions& options
   const double rows = std::min(kMostRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
   const ModulusKind method = in.modulus.kind.value_or(options.modulus);
-  const double direct = method == ModulusKind::kReferenceStress ? 0 : 4 * columns * rows * rows;
+  constexpr double kAcross = 64, kBeside = 2, kOfElement = 2;  // of a solid: E and its copy
+  const double direct = in.tissue.plane == Plane::kSolid ? kOfElement * kBeside * columns * rows * kAcross
+                        : method == ModulusKind::kReferenceStress ? 0
+                                                                  : 4 * columns * rows * rows;
   return {static_cast<std::uint64_t>(nodes * (kMaps * sizeof(float) + 3)),
           static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
 }

@@ -82,6 +82,7 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
         "acquisition.modulus_method: SOLID goes with the plane condition SOLID, and no other method does; "
         "leave "
         "it out");
+  if (solid) r.modulus.kind = ModulusKind::kSolid;
   if (!solid && r.tissue.probe_elevation_m != 0)
     throw std::invalid_argument(
         "acquisition.probe_elevation_m: only the plane condition SOLID takes it; leave it out");
@@ -137,6 +138,10 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
                   limits.most_tissue_depth_m, "give the depth of the fixed far side in metres");
   require_between("acquisition.poisson_ratio", tissue.poisson_ratio, 0.0, TissueExtent::kLargestPoissonRatio,
                   "soft tissue is about 0.49; an estimate's modulus would hang on nu alone nearer to 1/2");
+  constexpr double kSolidPoissonRatio = 0.499;  // beyond it single precision does not carry the forward solve
+  if (tissue.plane == Plane::kSolid)
+    require_between("acquisition.poisson_ratio", tissue.poisson_ratio, 0.0, kSolidPoissonRatio,
+                    "a SOLID is solved up to that; soft tissue is about 0.49");
   const double width_m = r.window_width_m();
   if (scene) {
     check_agrees("tissue_depth_m", stated.depth_m, scene->depth_m, *r.scene);

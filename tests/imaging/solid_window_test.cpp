@@ -44,6 +44,7 @@ struct Asked {
   Plane plane = Plane::kSolid;
   bool force = true, depth = true;
   double time_limit_s = 60;
+  double stated_depth_m = 0.040, elevation_m = 0;
 };
 
 // Of a tissue, pressed once and estimated as often as asked.
@@ -63,8 +64,8 @@ class Window {
     g.center_frequency_hz = tissue_.ultrasound.center_frequency_hz;
     g.sampling_frequency_hz = tissue_.ultrasound.sampling_frequency_hz;
     g.line_pitch_m = rf_.geometry.line_pitch_m;
-    TissueExtent extent{tissue_.width_m, tissue_.depth_m, left_m_, tissue_.poisson_ratio, asked.plane};
-    extent.depth_stated = asked.depth;
+    TissueExtent extent{tissue_.width_m, asked.stated_depth_m, left_m_, tissue_.poisson_ratio, asked.plane};
+    extent.depth_stated = asked.depth, extent.probe_elevation_m = asked.elevation_m;
     std::optional<ProbeForce> force;
     if (asked.force) force = ProbeForce{probe_.force_n, probe_.contact_area_m2};
     static Elastography elastography(imaging_device());
@@ -142,10 +143,13 @@ TEST(SolidWindow, HomogeneousTissueIsRightWherePlaneStrainIsNot) {
   EXPECT_GT(background(plane) / kBackgroundPa, 1.4);  // the data are not of a plane
   EXPECT_TRUE(warned(plane, ModulusFlag::kOutOfPlane));
   // The topmost millimetres tell nothing: a guess.
+  std::size_t guessed = 0;
   for (std::size_t n = 0; n < solid.grid.size(); ++n) {
     if (!solid.valid[n] || solid.grid.y_m(n) > 0.002) continue;
     ASSERT_GE(solid.modulus_log_deviation[n], 0.69) << n;
+    ++guessed;
   }
+  EXPECT_GT(guessed, 100u);
 }
 
 TEST(SolidWindow, SpheresAndCylindersKeepTheirContrast) {
@@ -181,11 +185,32 @@ TEST(SolidWindow, TiltAndFrictionAreNoModulus) {
 
 // Neither the force, which tells the probe's elevation, nor the depth of the tissue.
 TEST(SolidWindow, WhatIsNotStatedIsFitted) {
-  const Estimate e = Window(tissue()).estimate({.force = false, .depth = false});
+  const Window window(tissue());
+  const Estimate e = window.estimate({.force = false, .depth = false});
   print("nothing stated", e);
   EXPECT_FALSE(e.modulus_absolute);
   EXPECT_NEAR(std::log(ramp(e)), 0, std::log(1.15));
-  EXPECT_NE(e.modulus_model.find("fitted"), std::string::npos) << e.modulus_model;
+  double depth_mm = 0, width_mm = 0, elevation_mm = 0;
+  ASSERT_EQ(std::sscanf(e.modulus_model.c_str(),
+                        "solid tissue %lf mm deep (fitted) under a face of %lf x %lf mm (fitted)", &depth_mm,
+                        &width_mm, &elevation_mm),
+            3)
+      << e.modulus_model;
+  EXPECT_NEAR(depth_mm, 40, 8);
+  EXPECT_NEAR(elevation_mm, 10, 2.5);
+  // Without the time to fit it is as usual, and that is said.
+  const Estimate hurried = window.estimate({.force = false, .depth = false, .time_limit_s = 1e-6});
+  EXPECT_TRUE(warned(hurried, ModulusFlag::kDeadline));
+  EXPECT_LT(hurried.modulus_s, e.modulus_s / 2);
+}
+
+// A depth that is stated wrongly is seen, and fitted where there is time.
+TEST(SolidWindow, AWrongDepthIsSeen) {
+  client::Tissue deep = tissue();
+  deep.ultrasound.depth_m = deep.depth_m, deep.depth_m = 0.060;
+  const Estimate e = Window(deep).estimate({.stated_depth_m = 0.040});
+  print("60 mm, stated 40", e);
+  EXPECT_NE(e.modulus_model.find("(fitted) under"), std::string::npos) << e.modulus_model;
 }
 
 TEST(SolidWindow, ABlockIsToldFromTissueThatGoesOn) {
@@ -211,6 +236,26 @@ TEST(SolidWindow, ATimeLimitIsKeptAndSaid) {
   EXPECT_EQ(e.modulus_iterations, 1);
   EXPECT_FALSE(e.modulus_converged);
   EXPECT_TRUE(warned(e, ModulusFlag::kDeadline));
+}
+
+// A narrow probe, and sizes at the ends of what a request may state: answered or refused, in bounded memory.
+TEST(SolidWindow, ExtremeSizesAreAnsweredOrRefused) {
+  const Window window(tissue());
+  for (const double depth_m : {0.004, 0.3, 1.0})
+    for (const double elevation_m : {1e-4, 2e-3, 0.2}) {
+      try {
+        const Estimate e =
+            window.estimate({.time_limit_s = 1e-6, .stated_depth_m = depth_m, .elevation_m = elevation_m});
+        for (std::size_t n = 0; n < e.grid.size(); ++n) {
+          if (!e.valid[n]) continue;
+          ASSERT_TRUE(std::isfinite(e.youngs_modulus[n]) && e.modulus_log_deviation[n] > 0) << n;
+        }
+      } catch (const std::invalid_argument& refused) {
+        EXPECT_STRNE(refused.what(), "");
+      } catch (const TrackingError& refused) {
+        EXPECT_STRNE(refused.what(), "");
+      }
+    }
 }
 
 }  // namespace

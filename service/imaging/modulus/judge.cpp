@@ -213,17 +213,19 @@ double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) con
     out.log_deviation[n] = static_cast<float>(std::hypot(own, of_model[n], error.floor));
     said.push_back(out.log_deviation[n]);
   }
-  if (!said.empty() && median(said) > limits_.deviation)
+  const bool noisy = !said.empty() && median(said) > limits_.deviation;
+  if (noisy)
     out.warnings.push_back(
         {ModulusFlag::kNoise, text("the modulus is uncertain by %.0f %% (median): the strain is noisy; press "
                                    "further between the frames",
                                    100 * median(said))});
-  else if (!posterior.empty()) {
-    for (std::size_t n = 0; n < posterior.size(); ++n)
-      out.log_deviation[n] = std::hypot(posterior[n], of_model[n]);
-    return mean_square(posterior);
+  if (posterior.empty() || (noisy && out.kind != ModulusKind::kSolid)) return mean_square(out.log_deviation);
+  // That of a solid also holds what was fitted, and where no strain tells anything.
+  for (std::size_t n = 0; n < posterior.size(); ++n) {
+    const float own = std::hypot(posterior[n], of_model[n]);
+    out.log_deviation[n] = noisy ? std::max(own, out.log_deviation[n]) : own;
   }
-  return mean_square(out.log_deviation);
+  return mean_square(noisy ? out.log_deviation : posterior);
 }
 
 void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const {
@@ -274,24 +276,25 @@ void ModulusJudge::out_of_plane(const ModulusInput& in, ModulusEstimate& out) co
     if (m.strain_valid[n]) lateral.push_back(m.lateral_strain[n]), axial.push_back(m.axial_strain[n]);
   if (lateral.empty()) return;
   const double ratio = -median(lateral) / median(axial), nu = in.tissue.poisson_ratio;
-  const double expected = out.lateral_ratio > 0               ? out.lateral_ratio
-                          : in.tissue.plane == Plane::kStrain ? nu / (1 - nu)
-                                                              : nu;
+  const double expected = out.lateral_ratio.value_or(in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu);
   if (std::abs(ratio - expected) > limits_.lateral_ratio)
     out.warnings.push_back(
         {ModulusFlag::kOutOfPlane,
          text("the tissue spreads sideways by %.2f of its axial strain, not by %.2f as assumed: it moves "
               "across "
-              "the image plane, or nu or the plane condition is another (SOLID is that of a narrow probe on "
-              "wide tissue); the modulus is off by a third to "
+              "the image plane, or nu or the plane condition is another; the modulus is off by a third to "
               "twofold",
-              ratio, expected)});
+              ratio, expected) +
+             (in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID")});
 }
 
 // Near nu = 1/2 the tissue carries the push by pressure as far as it cannot give way sideways. Pressure
 // leaves no trace in the displacement: the scale of the modulus then hangs on nu.
 void ModulusJudge::pressure(const ModulusInput& in, ModulusEstimate& out) const {
-  if (!out.absolute || out.kind == ModulusKind::kSolid) return;  // which gives way across the plane
+  if (!out.absolute) return;
+  // Under a narrow face the tissue gives way across the plane.
+  if (out.kind == ModulusKind::kSolid && in.force->contact_area_m2 < in.window_width_m * in.tissue.depth_m)
+    return;
   const double off = kPoissonError * std::abs(strips_->get(in.tissue, in.window_width_m)->log_force_slope);
   if (!(off > limits_.pressure)) return;
   widen(out.log_deviation, off);

@@ -1,5 +1,5 @@
-// Young's modulus from displacement and strain (T3). One interface, three methods: reference stress (T3.1),
-// direct (T3.2), iterative (T3.3).
+// Young's modulus from displacement and strain (T3). One interface, four methods: reference stress (T3.1),
+// direct (T3.2), iterative (T3.3), solid (T3.6).
 #pragma once
 
 #include <functional>
@@ -62,10 +62,10 @@ struct ModulusEstimate {
   int iterations = 0;
   std::vector<ModulusWarning> warnings;
   bool absolute = false;
-  double background = 0;         // median over the nodes that say something, Pa or 1
-  double mean_axial_strain = 0;  // median over the trusted nodes, negative in compression
-  double lateral_ratio = 0;      // - eps_xx / eps_yy that the model has; 0: that of its plane condition
-  std::string model;             // what was assumed and fitted of the tissue; empty: what was stated
+  double background = 0;                // median over the nodes that say something, Pa or 1
+  double mean_axial_strain = 0;         // median over the trusted nodes, negative in compression
+  std::optional<double> lateral_ratio;  // - eps_xx / eps_yy of the model; else of its plane condition
+  std::string model;                    // what was assumed and fitted of the tissue; empty: what was stated
 };
 
 // The pair shows less strain than can be measured.
@@ -149,6 +149,6 @@ struct SolidModulusOptions {
 
 // T3.6: E <- E eps[E] / eps, eps[E] the axial strain of solid tissue under the rectangular face
 // (ProbedSolid), with total variation on log E; tilt, and what is not stated of the face, fitted with it.
-std::unique_ptr<ModulusMethod> make_solid(Queue, SolidModulusOptions);
+std::unique_ptr<ModulusMethod> make_solid(Queue, SolidModulusOptions, std::shared_ptr<StripCache> = {});
 
 }  // namespace teletact::service

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 #include "service/device/look.h"
@@ -21,10 +22,12 @@ constexpr double kNearFieldM = 3e-3;  // what the face's condition decides, not 
 constexpr double kTold = 0.4;         // of the median modelled strain: with less a cell tells no modulus
 constexpr double kTextureLog = 0.1;   // of ln E of what still looks homogeneous
 constexpr int kReweighted = 12;
-constexpr double kCorrelatedM2 = 25e-6;  // area over which tissue and model differ alike
-constexpr double kBlockRatio = 0.33;     // of lateral strain: more is not tissue that goes on
-constexpr double kStandoffM = 4e-3;      // of no echo above the tissue: less is the tracking window's
-constexpr double kTrackedFromM = 1e-3;   // depth below the face where tracking begins
+constexpr double kBlockRatio = 0.33;  // of lateral strain: more is not tissue that goes on
+constexpr double kStandoffM = 4e-3;   // of the image without a trusted strain: less is the kernels'
+constexpr double kUsualTilt = 0.3;
+constexpr double kTimeToDoubtS = 2;     // that must be left before a stated depth is doubted
+constexpr double kDeepestBlockM = 0.4;  // of an image
+constexpr double kTrackedFromM = 1e-3;  // depth below the face where tracking begins
 constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
 constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image shows
 constexpr double kVary = 0.15, kTiltStep = 0.1;
@@ -34,14 +37,14 @@ constexpr int kGolden = 5, kRounds = 2;
 constexpr double kWellExplained = 0.08;  // of the strain, unexplained: nothing else is tried
 constexpr double kBetterBy = 0.7;        // another explanation must leave so much of what is left
 
-// The depth in the image at which the tissue begins, where nothing was tracked above it.
+// The depth at which the tissue begins, where what the image shows above it was not tracked.
 double top_of(const Measured& m) {
   for (std::size_t j = 0; j < m.grid.ny; ++j) {
     std::size_t tracked = 0;
     for (std::size_t i = 0; i < m.grid.nx; ++i) tracked += m.strain_valid[i + m.grid.nx * j];
     if (2 * tracked < m.grid.nx) continue;
     const double y_m = m.grid.y_m(m.grid.nx * j);
-    return y_m < kStandoffM ? 0 : y_m - kTrackedFromM;
+    return y_m - m.grid.origin_y_m < kStandoffM ? 0 : y_m - kTrackedFromM;
   }
   throw NoCompression("no depth of the image was tracked over half of its width; press further");
 }
@@ -70,8 +73,9 @@ double squared(double v) {
 }
 
 // Of ln E of the cells, what one deviation of an unknown changes that was varied by kVary; `usual`: how well
-// it is known beforehand.
-VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual) {
+// it is known beforehand. An absolute modulus changes as the strain that goes with a force does, a relative
+// one as the strain beside its mean.
+VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, bool absolute) {
   const Index size = found.homogeneous.size();
   VectorXd by = VectorXd::Zero(size);
   if (varied.homogeneous.size() != size) return by;
@@ -81,10 +85,11 @@ VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual) {
     by[c] = std::log(varied.homogeneous[c] / found.homogeneous[c]) / kVary;
     sum += found.measured.told[c] * by[c], told += found.measured.told[c];
   }
-  by.array() -= sum / std::max(told, 1.0);
+  const double mean = sum / std::max(told, 1.0), of_force = std::log(varied.force_n / found.force_n) / kVary;
   const CellGrid& cells = found.tissue->cells();
-  const double squares =
-      found.measured.told.dot(by.cwiseAbs2()) * cells.spacing_m * cells.row_m / kCorrelatedM2;
+  const double squares = found.measured.told.dot((by.array() - mean).square().matrix()) * cells.spacing_m *
+                         cells.row_m / kAlikeM2;
+  by.array() -= absolute ? of_force : mean;
   return by / std::sqrt(squares / squared(found.rest) + 1 / squared(usual));
 }
 
@@ -110,6 +115,7 @@ StrainFit fit_strain(const VectorXd& residual, const VectorXd& weight, const Vec
       normal += share * f * f.transpose(), load += share * residual[c] * f;
       sizes.push_back(std::abs(left));
     }
+    normal(1, 1) += squared(out.rest / kUsualTilt);
     const Eigen::Vector2d solution = normal.fullPivLu().solve(load);
     out.level = solution[0], out.tilt = solution[1];
     out.rest = std::max(1.48 * median(sizes), 0.02);
@@ -119,12 +125,13 @@ StrainFit fit_strain(const VectorXd& residual, const VectorXd& weight, const Vec
   return out;
 }
 
-ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain) : queue_(queue), strain_(strain) {}
+ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
+    : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
 
 const ProbeFitter::Kept& ProbeFitter::kept(const ProbeFace& face, bool block) {
   if (kept_ && kept_->face == face && kept_->block == block) return *kept_;
   kept_.reset();
-  Kept made{face, block, block ? make_probed_block(face) : make_probed_solid(queue_, face), {}, {}};
+  Kept made{face, block, block ? make_probed_block(face, *strips_) : make_probed_solid(queue_, face), {}, {}};
   look();
   made.level = made.tissue->push_homogeneous();
   made.tilted = made.tissue->push_homogeneous(kTiltStep);
@@ -157,7 +164,7 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block)
   }
   if (ratios.empty())
     throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
-  out.lateral_ratio = median(ratios);
+  out.lateral_ratio = median(ratios), out.force_n = kept.level.force_n;
   out.rest = fit_strain(residual, out.measured.told, out.by_tilt).rest;
   return out;
 }
@@ -176,49 +183,57 @@ struct ProbeFitter::Unknown {
 };
 
 // The least of what is left, by golden sections along one unknown and the other.
-void ProbeFitter::search(const Pair& pair, Unknown& u) {
-  const double usual_depth = u.log_depth, usual_elevation = u.log_elevation;
-  // Half squares of what is left, over as many as are independent, and of what is unusual.
-  const auto cost = [&](double e, double h) {
-    const ProbeFit fit = tried(pair, u.at(e, h), false);
-    const CellGrid& cells = fit.tissue->cells();
-    const double independent = fit.measured.told.sum() * cells.spacing_m * cells.row_m / kCorrelatedM2;
-    return independent * std::log(fit.rest) + squared((e - usual_elevation) / kLogUsualElevation) / 2 +
-           squared((h - usual_depth) / kLogUsualDepth) / 2;
-  };
+bool ProbeFitter::search(const Pair& pair, Unknown& u, const ModulusInput& in) {
   const double image_m = u.face.image_depth_m;
+  // Half squares of what is left, over as many places of the image as differ, and of what is unusual.
+  const double differ = u.face.width_m * image_m / kAlikeM2;
+  const auto cost = [&](double e, double h) {
+    return differ * std::log(tried(pair, u.at(e, h), false).rest) +
+           squared((e - std::log(kUsualElevationM)) / kLogUsualElevation) / 2 +
+           squared((h - std::log(kUsualDepths * image_m)) / kLogUsualDepth) / 2;
+  };
+  const auto late = [&] { return in.seconds_left && in.seconds_left() <= 0; };
   for (int round = 0; round < kRounds && (u.elevation || u.depth); ++round) {
+    if (late()) return false;
     if (u.elevation)
       u.log_elevation = least(std::log(kLeastElevationM), std::log(kMostElevationM), kGolden,
                               [&](double e) { return cost(e, u.log_depth); });
+    if (u.depth && late()) return false;
     if (u.depth)
       u.log_depth = least(std::log(image_m), std::log(kMostDepths * image_m), kGolden,
                           [&](double h) { return cost(u.log_elevation, h); });
   }
+  return true;
 }
 
-ProbeFit ProbeFitter::fit(const Measured& m, double window_width_m, const TissueExtent& tissue,
-                          double elevation_m, double sign) {
+ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign) {
+  const Measured& m = in.measured;
   const Pair pair{m, top_of(m), sign};
   const double image_m = m.grid.y_m(m.grid.size() - 1) + m.grid.dy_m / 2 - pair.top_m;
-  Unknown u{!(elevation_m > 0),
-            !tissue.depth_stated,
-            std::log(kUsualElevationM),
-            std::log(kUsualDepths * image_m),
-            {window_width_m, elevation_m, tissue.depth_m - pair.top_m, image_m, tissue.poisson_ratio}};
-  search(pair, u);
+  if (!(in.tissue.depth_m > pair.top_m))
+    throw std::invalid_argument(
+        fmt::format("tissue_depth_m: the tissue ends {:.1f} mm deep, but nothing was tracked above {:.1f} mm",
+                    1e3 * in.tissue.depth_m, 1e3 * pair.top_m));
+  Unknown u{
+      !(elevation_m > 0),
+      !in.tissue.depth_stated,
+      std::log(kUsualElevationM),
+      std::log(kUsualDepths * image_m),
+      {in.window_width_m, elevation_m, in.tissue.depth_m - pair.top_m, image_m, in.tissue.poisson_ratio}};
+  const bool in_time = search(pair, u, in);
   ProbeFit out = tried(pair, u.at(u.log_elevation, u.log_depth), false);
-  if (!u.depth && out.rest > kWellExplained) {  // is it as deep as stated?
-    Unknown deeper = u;
+  if (!u.depth && out.rest > kWellExplained && (!in.seconds_left || in.seconds_left() > kTimeToDoubtS)) {
+    Unknown deeper = u;  // is it as deep as stated?
     deeper.depth = true;
-    search(pair, deeper);
+    search(pair, deeper, in);
     ProbeFit other = tried(pair, deeper.at(deeper.log_elevation, deeper.log_depth), false);
     if (other.rest < kBetterBy * out.rest) u = deeper, out = std::move(other);
   }
+  out.hurried = !in_time;
   const ProbeFace found = u.at(u.log_elevation, u.log_depth);
   const auto vary = [&](double by_e, double by_h, double usual) {
-    out.changes.push_back(
-        change(out, tried(pair, u.at(u.log_elevation + by_e, u.log_depth + by_h), false), usual));
+    out.changes.push_back(change(out, tried(pair, u.at(u.log_elevation + by_e, u.log_depth + by_h), false),
+                                 usual, in.force.has_value()));
   };
   if (u.elevation) vary(kVary, 0, kLogUsualElevation);
   if (u.depth) vary(0, kVary, kLogUsualDepth);
@@ -228,7 +243,7 @@ ProbeFit ProbeFitter::fit(const Measured& m, double window_width_m, const Tissue
       "unexplained where it is homogeneous",
       1e3 * found.depth_m, origin(u.depth), 1e3 * found.width_m, 1e3 * found.elevation_m, origin(u.elevation),
       100 * out.rest);
-  if (out.rest > kWellExplained) {
+  if (out.rest > kWellExplained && image_m < kDeepestBlockM) {
     const double ratio = measured_lateral_ratio(m);
     ProbeFit block = tried(pair, found, true);
     if (block.rest < (ratio > kBlockRatio ? 1 : kBetterBy) * out.rest) {

@@ -9,10 +9,14 @@
 #include <vector>
 
 #include "service/imaging/modulus/cell_strains.h"
+#include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/modulus/tissue_extent.h"
 
 namespace teletact::service {
+
+// Over so much of the image tissue and model differ alike.
+inline constexpr double kAlikeM2 = 25e-6;
 
 // ln(modelled / measured) over the cells told, robustly: a level, and so much tilt more that explains it.
 struct StrainFit {
@@ -33,15 +37,18 @@ struct ProbeFit {
   double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are told
   // Of ln E of the cells, for each thing that was fitted: what one standard deviation of it changes.
   std::vector<Eigen::VectorXd> changes;
-  double rest = 0;    // of ln(strain): what is unexplained where tissue looks homogeneous
-  std::string words;  // what was assumed and what was found
+  double rest = 0;       // of ln(strain): what is unexplained where tissue looks homogeneous
+  double force_n = 0;    // on the face, of homogeneous tissue of 1 Pa, per metre of push
+  bool hurried = false;  // something was left as usual
+  std::string words;     // what was assumed and what was found
 };
 
 class ProbeFitter {
  public:
-  ProbeFitter(const Queue&, const StrainOptions&);
-  // Throws NoCompression.
-  ProbeFit fit(const Measured&, double window_width_m, const TissueExtent&, double elevation_m, double sign);
+  ProbeFitter(const Queue&, const StrainOptions&, std::shared_ptr<StripCache>);
+  // `elevation_m`: 0 where it is not known; `sign` of the strain that counts. What there is no time for is
+  // left as usual. Throws NoCompression, and std::invalid_argument naming the field.
+  ProbeFit fit(const ModulusInput&, double elevation_m, double sign);
 
   void forget() { kept_.reset(); }
 
@@ -51,7 +58,8 @@ class ProbeFitter {
     double top_m, sign;
   };
   struct Unknown;
-  void search(const Pair&, Unknown&);
+  // False: there was no time for all of it.
+  bool search(const Pair&, Unknown&, const ModulusInput&);
   // Tissue, and how it answers where it is homogeneous.
   struct Kept {
     ProbeFace face;
@@ -64,6 +72,7 @@ class ProbeFitter {
   ProbeFit tried(const Pair&, const ProbeFace&, bool block);
   Queue queue_;
   StrainOptions strain_;
+  std::shared_ptr<StripCache> strips_;
   std::optional<Kept> kept_;  // of the pair before
 };
 

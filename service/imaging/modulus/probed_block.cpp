@@ -16,10 +16,10 @@ constexpr double kDeeper = 2;  // than the image: what is bonded there is not se
 
 class ProbedBlock : public ProbedTissue {
  public:
-  explicit ProbedBlock(const ProbeFace& face)
+  ProbedBlock(const ProbeFace& face, StripCache& strips)
       : face_(face),
-        strip_({face.width_m, kDeeper * face.image_depth_m, 0, face.poisson_ratio, Plane::kStress},
-               face.width_m) {
+        strip_(strips.get({face.width_m, kDeeper * face.image_depth_m, 0, face.poisson_ratio, Plane::kStress},
+                          face.width_m)) {
     const auto cells = [](double length_m) {
       return std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(length_m / kCellM)));
     };
@@ -36,9 +36,9 @@ class ProbedBlock : public ProbedTissue {
     Field map(cells_.size());
     for (std::size_t c = 0; c < map.size(); ++c)
       map[c] = static_cast<float>(std::exp(log_modulus[static_cast<Index>(c)]));
-    const std::vector<double> e = strip_.on_elements(map, image_, std::exp(log_modulus.mean()));
-    const StripResponse response = strip_.solve(e);
-    const TissueGrid& grid = strip_.grid();
+    const std::vector<double> e = strip_->model.on_elements(map, image_, std::exp(log_modulus.mean()));
+    const StripResponse response = strip_->model.solve(e);
+    const TissueGrid& grid = strip_->model.grid();
     std::vector<double> axial(grid.elements()), lateral(grid.elements());
     for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
       for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
@@ -51,8 +51,8 @@ class ProbedBlock : public ProbedTissue {
             (u(i + 1, j) + u(i + 1, j + 1) - u(i, j) - u(i, j + 1)) / (2 * (grid.x_m[i + 1] - grid.x_m[i]));
       }
     Response out;
-    out.axial_strain = tilted(strip_.on_image(axial, image_), tilt);
-    out.lateral_strain = tilted(strip_.on_image(lateral, image_), tilt);
+    out.axial_strain = tilted(strip_->model.on_image(axial, image_), tilt);
+    out.lateral_strain = tilted(strip_->model.on_image(lateral, image_), tilt);
     out.force_n = response.force_n_per_m * face_.elevation_m;
     return out;
   }
@@ -65,14 +65,14 @@ class ProbedBlock : public ProbedTissue {
     return out;
   }
   ProbeFace face_;
-  StripModel strip_;
+  std::shared_ptr<StripCache::Entry> strip_;
   ImageGrid image_;  // the cells' centres
 };
 
 }  // namespace
 
-std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace& face) {
-  return std::make_unique<ProbedBlock>(face);
+std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace& face, StripCache& strips) {
+  return std::make_unique<ProbedBlock>(face, strips);
 }
 
 }  // namespace teletact::service

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <bit>
@@ -18,15 +20,16 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kCellM = 1e-3;     // about, under the probe
-constexpr std::size_t kAcross = 7;  // nodes under the probe across the plane, odd: one lies in it
+constexpr double kCellM = 1e-3;  // about, under the probe
+// Nodes under the probe across the plane, odd: one lies in it; fewer where the period would be too short.
+constexpr std::size_t kMostAcross = 7, kLeastAcross = 3;
 // Nodes h apart that are pushed alike act as a face that ends a quarter of h beyond the last: strains at 4 mm
 // and deeper are then within 2 % of those of a mesh three times as fine.
 constexpr double kBeyond = 0.5;
-constexpr std::size_t kPeriodAcross = 64;
-constexpr double kLeastGap = 1.6;   // to the period's next probe, in depths of tissue
+constexpr double kLeastGap = 1.6;  // to the period's next probe, in depths of tissue, as far as there is room
 constexpr double kLeastPeriod = 8;  // the same, of tissue whose period is not felt
-constexpr std::size_t kMostColumns = 256, kMostRows = 64;
+constexpr std::size_t kMostColumns = 256, kMostRows = 64, kLeastPeriodAcross = 32, kMostWide = 512;
+constexpr std::size_t kMostElements = 2'000'000;
 constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
 constexpr double kMirroredM = 0.020;
 constexpr double kAccuracy = 2e-3;  // of the solution, in energy
@@ -75,26 +78,46 @@ CellGrid cells_under(const ProbeFace& face) {
   return cells;
 }
 
+// Nodes of the face across the plane.
+std::size_t nodes_across(const ProbeFace& face) {
+  std::size_t nodes = kMostAcross;
+  const auto fits = [&] {
+    return static_cast<double>(nodes) + kLeastGap * face.depth_m / spacing(face.elevation_m, nodes) <=
+           static_cast<double>(kMostColumns);
+  };
+  while (nodes > kLeastAcross && !fits()) nodes -= 2;
+  return nodes;
+}
+
+std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
+  const double wanted =
+      std::min(static_cast<double>(nodes) + gap_m / spacing_m, static_cast<double>(kMostColumns));
+  return std::bit_ceil(static_cast<std::size_t>(wanted));
+}
+
 SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells) {
   require_above_zero(face.elevation_m, "probe_elevation_m");
   SolidTissue tissue;
-  const auto gap = static_cast<std::size_t>(kLeastGap * face.depth_m / cells.spacing_m);
-  tissue.grid.nx = std::min(kMostColumns, std::bit_ceil(cells.columns + 1 + gap));
-  tissue.grid.nz = kPeriodAcross;
+  const double gap_m = kLeastGap * face.depth_m;
+  const std::size_t across = nodes_across(face);
   tissue.grid.spacing_x_m = cells.spacing_m;
-  tissue.grid.spacing_z_m = spacing(face.elevation_m, kAcross);
+  tissue.grid.spacing_z_m = spacing(face.elevation_m, across);
+  tissue.grid.nx = period(cells.columns + 1, gap_m, tissue.grid.spacing_x_m);
+  tissue.grid.nz = std::max(kLeastPeriodAcross, period(across, gap_m, tissue.grid.spacing_z_m));
   tissue.grid.y_m = rows_of_nodes(face, cells.row_m * static_cast<double>(cells.rows), cells.rows);
+  while (tissue.grid.elements() > kMostElements && tissue.grid.nz > kLeastPeriodAcross) tissue.grid.nz /= 2;
   tissue.poisson_ratio = face.poisson_ratio;
   tissue.youngs_modulus_pa.assign(tissue.grid.elements(), 1.0);
   return tissue;
 }
 
 // Nodes (i, k) of the surface, the face's corner at i = 0, its middle at k = 0.
-SurfacePatch patch_under(const SolidGrid& grid, const CellGrid& cells) {
+SurfacePatch patch_under(const ProbeFace& face, const SolidGrid& grid, const CellGrid& cells) {
+  const std::size_t across = nodes_across(face);
   SurfacePatch patch;
-  for (std::size_t k = 0; k < kAcross; ++k)
+  for (std::size_t k = 0; k < across; ++k)
     for (std::size_t i = 0; i <= cells.columns; ++i)
-      patch.unknowns.push_back(i + grid.nx * ((k + grid.nz - kAcross / 2) % grid.nz + grid.nz));
+      patch.unknowns.push_back(i + grid.nx * ((k + grid.nz - across / 2) % grid.nz + grid.nz));
   patch.skin_m_n = VectorXd::Zero(static_cast<Index>(patch.unknowns.size()));
   return patch;
 }
@@ -108,8 +131,9 @@ double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch, std
 class ProbedSolid : public ProbedTissue {
  public:
   ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells)
-      : tissue_(tissue_under(face, cells)),
-        patch_(patch_under(tissue_.grid, cells)),
+      : face_(face),
+        tissue_(tissue_under(face, cells)),
+        patch_(patch_under(face, tissue_.grid, cells)),
         queue_(queue),
         solver_(queue, tissue_) {
     cells_ = cells;
@@ -127,8 +151,10 @@ class ProbedSolid : public ProbedTissue {
     options.relative_error = kAccuracy;
     const SolidSolution solution = solver_.push(patch_, w, options);
     if (solution.reason == StopReason::kNotFinite || solution.reason == StopReason::kIndefinite)
-      throw std::domain_error("the forward solve of solid tissue failed: " +
-                              std::string(to_string(solution.reason)));
+      throw std::invalid_argument(fmt::format(
+          "probe_elevation_m, tissue_depth_m: a face of {:.3g} m x {:.3g} m on tissue {:.3g} m deep "
+          "is beyond what is modelled ({}); check both",
+          face_.width_m, face_.elevation_m, face_.depth_m, to_string(solution.reason)));
     Response out = strains(solver_.displacement());
     out.force_n = solution.force_n.sum();
     return out;
@@ -138,7 +164,10 @@ class ProbedSolid : public ProbedTissue {
     if (!force_share_) {
       const SolidGrid& grid = tissue_.grid;
       const LayeredTissue layers{solver_.layers().youngs_modulus_pa};
-      const auto wide = wide_surface(grid, layers, tissue_.poisson_ratio, kLeastPeriod * grid.y_m.back());
+      const double period_m =
+          std::min(kLeastPeriod * grid.y_m.back(),
+                   static_cast<double>(kMostWide) * std::min(grid.spacing_x_m, grid.spacing_z_m));
+      const auto wide = wide_surface(grid, layers, tissue_.poisson_ratio, period_m);
       look();
       force_share_ = force_of(solver_.row()->layered, patch_, grid.nx, grid.nz) /
                      force_of(wide, patch_, grid.nx, grid.nz);
@@ -195,6 +224,7 @@ class ProbedSolid : public ProbedTissue {
     return out;
   }
 
+  ProbeFace face_;
   SolidTissue tissue_;
   SurfacePatch patch_;
   Queue queue_;

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "service/device/queue.h"
+#include "service/imaging/modulus/strip_model.h"
 
 namespace teletact::service {
 
@@ -58,6 +59,6 @@ class ProbedTissue {
 std::unique_ptr<ProbedTissue> make_probed_solid(const Queue&, const ProbeFace&);
 // Ends where the probe does, free of stress there and across the plane; its far side lies so deep that the
 // image does not show it (StripModel in plane stress).
-std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace&);
+std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace&, StripCache&);
 
 }  // namespace teletact::service

@@ -82,8 +82,10 @@ class Denoiser {
 
 class SolidModulusMethod : public ModulusMethod {
  public:
-  SolidModulusMethod(const Queue& queue, const SolidModulusOptions& options)
-      : options_(options), fitter_(queue, options.strain) {}
+  SolidModulusMethod(const Queue& queue, const SolidModulusOptions& options,
+                     std::shared_ptr<StripCache> strips)
+      : options_(options),
+        fitter_(queue, options.strain, strips ? std::move(strips) : std::make_shared<StripCache>()) {}
 
   ModulusEstimate estimate(const ModulusInput& in) override {
     validate(in.force);
@@ -94,10 +96,14 @@ class SolidModulusMethod : public ModulusMethod {
     out.mean_axial_strain = mean_strain(in.measured);
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
-    const ProbeFit fit = fitter_.fit(in.measured, in.window_width_m, in.tissue, elevation_m,
-                                     out.mean_axial_strain < 0 ? -1 : 1);
+    const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1);
     out.lateral_ratio = fit.lateral_ratio;
     out.model = fit.words;
+    if (fit.hurried)
+      out.warnings.push_back(
+          {ModulusFlag::kDeadline,
+           "the probe's elevation or the tissue's depth was not stated, and there was no time "
+           "to fit it: it is taken as usual; state it, or give more time"});
     if (fit.rest > kMostRest)
       out.warnings.push_back(
           {ModulusFlag::kMisfit,
@@ -173,8 +179,10 @@ class SolidModulusMethod : public ModulusMethod {
       if (!(told.maxCoeff() > 0))
         throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
       const StrainFit at = fit_strain(theta + residual, told, fit.by_tilt);
-      tilt = std::clamp(tilt + at.tilt, -kMostTilt, kMostTilt), tilt_deviation = at.tilt_deviation;
-      residual += at.tilt * fit.by_tilt;
+      const double before = tilt;
+      tilt = std::clamp(tilt + at.tilt, -kMostTilt, kMostTilt);
+      tilt_deviation = at.tilt_deviation * std::sqrt(kAlikeM2 / (cells.spacing_m * cells.row_m));
+      residual += (tilt - before) * fit.by_tilt;
       const double level = level_of(residual, told);
       const VectorXd pseudo =
           (theta + kOverstep * (residual.array() - level).matrix()).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
@@ -245,8 +253,9 @@ class SolidModulusMethod : public ModulusMethod {
 
 }  // namespace
 
-std::unique_ptr<ModulusMethod> make_solid(Queue queue, SolidModulusOptions options) {
-  return std::make_unique<SolidModulusMethod>(queue, options);
+std::unique_ptr<ModulusMethod> make_solid(Queue queue, SolidModulusOptions options,
+                                          std::shared_ptr<StripCache> strips) {
+  return std::make_unique<SolidModulusMethod>(queue, options, std::move(strips));
 }
 
 }  // namespace teletact::service
