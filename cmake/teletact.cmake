@@ -51,9 +51,10 @@ endfunction()
 
 # One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest
 # entry each, with its own OpenCL kernel cache. LABELS go to ctest. What tests a half of teletact that is not
-# built is left out. SOURCES: without their _test.cpp.
+# built is left out. SOURCES: without their _test.cpp. UNTIMED: waits for no clock, so that others may run
+# beside it (ctest -j); the rest run alone.
 function(teletact_tests folder)
-  cmake_parse_arguments(arg "" "" "SOURCES;LIBRARIES;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "UNTIMED" "" "SOURCES;LIBRARIES;LABELS" ${ARGN})
   if((NOT TELETACT_SERVICE AND "${arg_LIBRARIES}" MATCHES "service_|bench_")
      OR (NOT TELETACT_CLIENT AND "${arg_LIBRARIES}" MATCHES "client_|bench_"))
     return()
@@ -66,6 +67,9 @@ function(teletact_tests folder)
   file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/pocl-cache/${name})
   if("data" IN_LIST arg_LABELS)  # recorded data that may be absent: ctest then says Skipped, not Passed
     set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
+  endif()
+  if(NOT arg_UNTIMED)
+    set_tests_properties(${name} PROPERTIES RUN_SERIAL ON)
   endif()
   set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "${arg_LABELS}"
     ENVIRONMENT "ASAN_OPTIONS=use_sigaltstack=0;POCL_CACHE_DIR=${PROJECT_BINARY_DIR}/pocl-cache/${name};LSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tests/support/lsan.supp;TSAN_OPTIONS=ignore_noninstrumented_modules=1:suppressions=${PROJECT_SOURCE_DIR}/tests/support/tsan.supp;TELETACT_SOURCE_DIR=${PROJECT_SOURCE_DIR};TELETACT_BINARY_DIR=${PROJECT_BINARY_DIR}")
