@@ -26,18 +26,39 @@ bool differ(double a, double b) {
   return !(std::abs(a - b) <= kSpacingTolerance * std::abs(b));
 }
 
-Frame read_mha_frame(const std::filesystem::path& path, const RecordedFrameOptions& options) {
+// Which of a file's frames.
+std::size_t chosen(const std::filesystem::path& path, std::size_t frame_count,
+                   std::optional<std::size_t> index, const char* index_option) {
+  if (frame_count > 1 && !index)
+    throw FrameInputError(
+        fmt::format("give {}: {} holds {} frames", index_option, path.string(), frame_count));
+  if (index.value_or(0) >= frame_count)
+    throw FrameInputError(
+        fmt::format("{} {}: {} holds frames 0 to {}", index_option, *index, path.string(), frame_count - 1));
+  return index.value_or(0);
+}
+
+Frame read_mha_frame(const std::filesystem::path& path, std::optional<std::size_t> index,
+                     const char* index_option, const RecordedFrameOptions& options) {
   const MetaImage image = read_metaimage(path);
-  if (image.channels != 1 || image.size.size() < 2 || (image.size.size() > 2 && image.size[2] != 1))
-    throw FrameInputError(path.string() + ": RF must be one 2-D image of samples x A-lines; split the file");
+  if (image.channels != 1 || image.size.size() < 2)
+    throw FrameInputError(path.string() +
+                          ": RF must be an image of samples x A-lines, or of samples x A-lines x frames");
+  const std::size_t frame_count = image.size.size() > 2 ? image.size[2] : 1;
+  const std::size_t which = chosen(path, frame_count, index, index_option);
   Frame frame;
   frame.sample_count = image.size[0];
   frame.line_count = image.size[1];
+  const std::size_t values = frame.sample_count * frame.line_count;
+  const auto bytes_of_frame = [&](const auto& samples) {
+    return std::string(reinterpret_cast<const char*>(samples.data() + which * values),
+                       values * sizeof samples[0]);
+  };
   if (image.type == ElementType::kInt16) {
     frame.dtype = v1::DATA_TYPE_INT16;
-    frame.bytes = bytes_of(image.as<std::int16_t>());
+    frame.bytes = bytes_of_frame(image.as<std::int16_t>());
   } else {
-    frame.bytes = bytes_of(image.as<float>());
+    frame.bytes = bytes_of_frame(image.as<float>());
   }
   const double unit_m = options.spacing_unit == "mm" ? 1e-3 : 1;
   if (image.spacing.size() >= 2) {
@@ -58,13 +79,7 @@ Frame read_mat_frame(const std::filesystem::path& path, std::optional<std::size_
         "give --axial-axis rows|columns: a .mat file does not say along which axis depth runs");
   const AxialAxis axis = options.axial_axis == "rows" ? AxialAxis::kRows : AxialAxis::kColumns;
   MatFrames frames = read_mat(path, options.variable, axis);
-  if (frames.frame_count > 1 && !index)
-    throw FrameInputError(
-        fmt::format("give {}: {} holds {} frames", index_option, path.string(), frames.frame_count));
-  const std::size_t which = index.value_or(0);
-  if (which >= frames.frame_count)
-    throw FrameInputError(fmt::format("{} {}: {} holds frames 0 to {}", index_option, which, path.string(),
-                                      frames.frame_count - 1));
+  const std::size_t which = chosen(path, frames.frame_count, index, index_option);
   const std::size_t values = frames.sample_count * frames.line_count;
   Frame frame;
   frame.sample_count = frames.sample_count;
@@ -79,7 +94,7 @@ Frame read_frame(const std::filesystem::path& path, std::optional<std::size_t> i
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  if (extension == ".mha") return read_mha_frame(path, options);
+  if (extension == ".mha") return read_mha_frame(path, index, index_option, options);
   if (extension == ".mat") return read_mat_frame(path, index, index_option, options);
   throw FrameInputError(path.string() + ": not a .mha or .mat file; convert it to one of them");
 }

@@ -24,7 +24,7 @@ struct RecordedFrameOptions {
   std::optional<double> force_n, contact_area_m2;
   std::string variable;                              // .mat: name of the RF variable
   std::string axial_axis;                            // .mat: "rows" or "columns"
-  std::optional<std::size_t> pre_frame, post_frame;  // .mat with several frames: which, from 0
+  std::optional<std::size_t> pre_frame, post_frame;  // of a file with several frames: which, from 0
   std::string spacing_unit = "m";                    // of the MetaImage header: "m" or "mm"
   // The service's defaults, sent as stated: on the wire a 0 would stand for them, so none can be given.
   double max_strain = 0.05, poisson_ratio = 0.49;

@@ -11,13 +11,15 @@
 #include "client/commands/commands.h"
 #include "client/commands/modulus_options.h"
 #include "client/link/channel.h"
+#include "client/recordings/recorded_set.h"
+#include "client/recordings/set_output.h"
 
 namespace teletact::client {
 namespace {
 
 struct Arguments {
   std::string address, tls_ca, out;
-  RecordedFrameOptions frames;
+  RecordedSetOptions set;
 };
 
 const char* stage_name(v1::EstimateStage stage) {
@@ -78,59 +80,164 @@ void let_writing_end() {
   std::signal(SIGTERM, SIG_IGN);
 }
 
-void run(const Arguments& arguments) {
-  require_writable_folder(arguments.out);
-  const FramePair pair = read_recorded_frames(arguments.frames);
-  const auto channel = reach_service(arguments.address, arguments.tls_ca, say);
+EstimateCallbacks progress() {
   EstimateCallbacks callbacks;
-  warn_of_assumptions(pair.acquisition);
   callbacks.response = [](const v1::EstimateResponse& response) {
     if (response.has_progress())
       std::fprintf(stderr, "%6.2f s  %s\n", response.progress().elapsed_s(),
                    stage_name(response.progress().stage()));
   };
-  EstimateClient client(channel);
-  const EstimateOutcome outcome = estimate(client, pair, callbacks, arguments.frames);
-  let_writing_end();
-  const auto files = write_estimate(arguments.out, pair.acquisition, outcome,
-                                    {arguments.frames.pre, arguments.frames.post, get_info(channel)});
-  const v1::EstimateSummary& summary = outcome.summary;
+  return callbacks;
+}
+
+void print(const v1::Acquisition& acquisition, const v1::EstimateSummary& summary) {
   std::printf(
       "%u x %u samples: quality %.2f, median correlation %.3f, valid %.1f %%, mean axial strain %.3f %%, ",
-      pair.acquisition.sample_count(), pair.acquisition.line_count(), summary.quality(),
-      summary.median_correlation(), 100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
+      acquisition.sample_count(), acquisition.line_count(), summary.quality(), summary.median_correlation(),
+      100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
   if (summary.modulus_absolute())
-    std::printf(
-        "background %.2f kPa%s\n", summary.background_modulus_pa() * 1e-3,
-        pair.acquisition.plane() != v1::PLANE_CONDITION_SOLID && tissue_extent(pair.acquisition).width_assumed
-            ? " (tissue as wide as the frame: assumed)"
-            : "");
+    std::printf("background %.2f kPa%s\n", summary.background_modulus_pa() * 1e-3,
+                tissue_extent(acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
     std::printf("modulus relative to its median (no force given)\n");
   std::printf("modulus method: %s%s%s\n", name_of(summary.modulus_method()).c_str(),
               summary.modulus_model().empty() ? "" : ", ", summary.modulus_model().c_str());
-  for (const std::string& warning : summary.warnings())
-    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+}
+
+void warn_if_stretched(const v1::EstimateSummary& summary) {
   if (summary.mean_axial_strain() > 0)
     std::fprintf(stderr,
                  "warning: the tissue stretches from pre to post (strain %+.3f %%): are the two swapped?\n",
                  100 * summary.mean_axial_strain());
-  std::printf("%zu files in %s\n", files.size(), arguments.out.c_str());
 }
 
-void add_file_options(CLI::App& command, RecordedFrameOptions& frames) {
-  command.add_option("--pre", frames.pre, "frame before compression: .mha or .mat")->required();
-  command.add_option("--post", frames.post, "frame after compression")->required();
+void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& channel,
+              const RecordedFrameOptions& frames, const std::string& out) {
+  const FramePair pair = read_recorded_frames(frames);
+  warn_of_assumptions(pair.acquisition);
+  const EstimateOutcome outcome = estimate(client, pair, progress(), frames);
+  let_writing_end();
+  const auto files =
+      write_estimate(out, pair.acquisition, outcome, {frames.pre, frames.post, get_info(channel)});
+  print(pair.acquisition, outcome.summary);
+  for (const std::string& warning : outcome.summary.warnings())
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  warn_if_stretched(outcome.summary);
+  std::printf("%zu files in %s\n", files.size(), out.c_str());
+}
+
+std::string named(const RecordedFrameOptions& frames) {
+  const auto with_frame = [](const std::filesystem::path& file, const std::optional<std::size_t>& frame) {
+    return file.string() + (frame ? "[" + std::to_string(*frame) + "]" : "");
+  };
+  return with_frame(frames.pre, frames.pre_frame) + " -> " + with_frame(frames.post, frames.post_frame);
+}
+
+// What one pair has against it leaves it out; what the service has, ends all.
+EstimatedPair estimate_one(EstimateClient& client, const RecordedFrameOptions& frames) {
+  FramePair pair = read_recorded_frames(frames);
+  EstimatedPair out{frames, pair.acquisition, {}, {}};
+  try {
+    out.outcome = client.estimate(pair.acquisition, pair.pre, pair.post, progress(), false);
+    warn_if_stretched(out.outcome.summary);
+  } catch (const ServiceError& error) {
+    if (error.code != grpc::StatusCode::INVALID_ARGUMENT &&
+        error.code != grpc::StatusCode::FAILED_PRECONDITION)
+      throw;
+    out.refusal = error.what();
+  }
+  return out;
+}
+
+void print(const EstimatedPlace& place) {
+  if (place.z_m) std::printf("plane at z = %.4g mm:\n", 1e3 * *place.z_m);
+  std::size_t estimated = 0;
+  for (std::size_t p = 0; p < place.pairs.size(); ++p) {
+    const EstimatedPair& pair = place.pairs[p];
+    std::printf("pair %zu, %s: ", p + 1, named(pair.frames).c_str());
+    if (pair.refusal.empty()) {
+      const v1::EstimateSummary& summary = pair.outcome.summary;
+      const PairUse& use = place.joined.pairs[estimated++];
+      std::printf("quality %.2f, mean axial strain %.3f %%, ", summary.quality(),
+                  100 * summary.mean_axial_strain());
+      if (place.left_out[p].empty()) std::printf("used, %.0f %% of the weight\n", 100 * use.share);
+    }
+    if (!place.left_out[p].empty()) std::printf("left out: %s\n", place.left_out[p].c_str());
+  }
+  if (place.joined.used == 0) return;
+  const JoinedModulus& joined = place.joined;
+  std::printf("%zu of %zu pairs used, ", joined.used, place.pairs.size());
+  if (place.absolute)
+    std::printf("background %.2f kPa\n", 1e-3 * place.background);
+  else
+    std::printf("modulus relative to its median\n");
+  if (joined.used > 1)
+    std::printf(
+        "log deviation: one pair states %.3f; pairs differ by %.3f, which falls with their number; "
+        "%.3f is shared and does not\n",
+        joined.of_one, joined.scatter, joined.shared);
+  for (const std::string& assumed : place.assumed) std::printf("assumed: %s\n", assumed.c_str());
+  for (const std::string& warning : place.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+}
+
+void run_set(EstimateClient& client, const std::shared_ptr<grpc::Channel>& channel,
+             const std::vector<RecordedPlace>& set, const std::string& out) {
+  warn_of_assumptions(read_recorded_frames(set.front().pairs.front()).acquisition);
+  std::vector<EstimatedPlace> places;
+  std::size_t used = 0;
+  for (const RecordedPlace& recorded : set) {
+    std::vector<EstimatedPair> pairs;
+    for (const RecordedFrameOptions& frames : recorded.pairs) {
+      std::fprintf(stderr, "%s\n", named(frames).c_str());
+      pairs.push_back(estimate_one(client, frames));
+    }
+    places.push_back(join_place(recorded.z_m, std::move(pairs)));
+    used += places.back().joined.used;
+  }
+  if (used == 0)
+    throw CommandError("none of the pairs could be used; the first: " + places.front().left_out.front());
+  let_writing_end();
+  const auto info = get_info(channel);
+  const auto files =
+      set.front().z_m ? write_volume(out, places, info) : write_place(out, places.front(), info);
+  for (const EstimatedPlace& place : places) print(place);
+  std::printf("%zu files in %s\n", files.size(), out.c_str());
+}
+
+void run(const Arguments& arguments) {
+  require_writable_folder(arguments.out);
+  const std::vector<RecordedPlace> set = recorded_places(arguments.set);
+  require_one_geometry(set);
+  const auto channel = reach_service(arguments.address, arguments.tls_ca, say);
+  EstimateClient client(channel);
+  if (set.size() == 1 && set.front().pairs.size() == 1 && !set.front().z_m)
+    run_pair(client, channel, set.front().pairs.front(), arguments.out);
+  else
+    run_set(client, channel, set, arguments.out);
+}
+
+void add_file_options(CLI::App& command, RecordedSetOptions& set) {
+  RecordedFrameOptions& frames = set.common;
+  command
+      .add_option("--pre", set.pre,
+                  "frame before compression: .mha or .mat; several: one for each --post, or one for all")
+      ->required();
+  command
+      .add_option("--post", set.post,
+                  "frame after compression; several, of one place: what each pair says is joined")
+      ->required();
+  command.add_option("--z-m", set.z_m,
+                     "where each pair's image plane lies across the image: planes become one volume");
   command.add_option("--variable", frames.variable,
                      ".mat: name of the RF variable; without it a .mat is refused");
   command
       .add_option("--axial-axis", frames.axial_axis,
                   ".mat: depth runs along rows or columns; without it a .mat is refused")
       ->transform(CLI::IsMember({"rows", "columns"}, CLI::ignore_case));
-  command.add_option("--pre-frame", frames.pre_frame,
-                     ".mat with several frames: which one, from 0; without it such a file is refused");
-  command.add_option("--post-frame", frames.post_frame,
-                     ".mat with several frames: which one, from 0; without it such a file is refused");
+  command.add_option("--pre-frame", set.pre_frame,
+                     "of a file with several frames: which, from 0; without it such a file is refused");
+  command.add_option("--post-frame", set.post_frame,
+                     "of a file with several frames: which, from 0; without it such a file is refused");
   command.add_option("--spacing-unit", frames.spacing_unit, ".mha: unit of the header's spacing and offset")
       ->check(CLI::IsMember({"m", "mm"}))
       ->capture_default_str();
@@ -140,11 +247,11 @@ void add_file_options(CLI::App& command, RecordedFrameOptions& frames) {
 
 void add_estimate_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
-  RecordedFrameOptions& frames = arguments->frames;
+  RecordedFrameOptions& frames = arguments->set.common;
   CLI::App& command =
       *app.add_subcommand("estimate", "recorded RF frames -> displacement, strain, modulus on disk");
   add_service_options(command, arguments->address, arguments->tls_ca);
-  add_file_options(command, frames);
+  add_file_options(command, arguments->set);
   command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
   command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz, "of the RF")->required();
   command.add_option("--sound-speed-m-s", frames.sound_speed_m_s, "in the tissue, m/s")
@@ -155,8 +262,9 @@ void add_estimate_command(CLI::App& app) {
                   "LAB: the far side rests; PROBE: the probe face rests; without it nothing is estimated")
       ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
   command.add_option(
-      "--force-n", frames.force_n,
-      "resisting force on the probe, change between pre and post; without it the modulus is relative");
+      "--force-n", arguments->set.force_n,
+      "resisting force on the probe, change between pre and post, of each pair or of all; without it the "
+      "modulus is relative");
   command.add_option("--contact-area-m2", frames.contact_area_m2,
                      "of the probe; with the force the modulus is in Pa, without it relative");
   command

@@ -97,7 +97,7 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
 }
 
 TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
-  // commands -> {session, acquire, report, experiment}; {session, report} -> link -> servo -> haptic ->
+  // commands -> {session, recordings, report, experiment}; recordings -> acquire; {session, report} -> link -> servo -> haptic ->
   // render; acquire -> link; experiment -> servo; {acquire, report} -> patient; files and clock stand alone.
   expect_only({{"files", {}},
                {"matlab", {"files"}},
@@ -111,9 +111,10 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
                {"link", {"servo", "haptic", "render", "clock"}},
                {"session", {"link", "servo", "haptic", "render", "clock", "files"}},
                {"acquire", {"link", "clock", "patient", "files"}},
+               {"recordings", {"acquire", "files"}},
                {"report", {"link", "servo", "clock", "patient", "files"}},
                {"commands",
-                {"session", "acquire", "report", "experiment", "link", "servo", "haptic", "render", "clock",
+                {"session", "acquire", "recordings", "report", "experiment", "link", "servo", "haptic", "render", "clock",
                  "patient", "files"}}},
               "client");
 }

@@ -98,6 +98,28 @@ TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
       {"--line-pitch-m", "contradicts"});
 }
 
+TEST_F(EstimateInput, OfSeveralPairsWhatDoesNotFitIsNamed) {
+  for (const char* name : {"a.mha", "b.mha", "c.mha"}) write(folder_ / name, mha("1.925e-5 0.000234"));
+  const std::string a = folder_ / "a.mha", b = folder_ / "b.mha", c = folder_ / "c.mha";
+  expect_one_clear_line(estimate(a, a, usual({"--pre", b, "--post", b, c})),
+                        {"--pre is given 2 times, --post 3", "once for each pair"});
+  expect_one_clear_line(estimate(a, a, usual({"--post", b, c, "--z-m", "0", "0.001", "0.005"})),
+                        {"--z-m", "evenly"});
+  write(folder_ / "d.mha", mha("1.925e-5 0.000300"));
+  expect_one_clear_line(estimate(a, b, usual({"--pre", folder_ / "d.mha", "--post", folder_ / "d.mha"})),
+                        {"d.mha", "another line pitch"});
+  std::string frames = mha("1.925e-5 0.000234 1") + std::string(64 * 8 * 2, '\1');
+  frames.replace(frames.find("NDims = 2"), 9, "NDims = 3");
+  frames.replace(frames.find("DimSize = 64 8"), 14, "DimSize = 64 8 2");
+  write(folder_ / "frames.mha", frames);
+  const std::string all = folder_ / "frames.mha";
+  expect_one_clear_line(estimate(all, all, usual()), {"give --pre-frame", "holds 2 frames"});
+  expect_one_clear_line(estimate(all, all, usual({"--pre-frame", "0", "--post-frame", "1", "2"})),
+                        {"--post-frame 2", "holds frames 0 to 1"});
+  expect_one_clear_line(estimate(all, all, usual({"--pre-frame", "0", "--post-frame", "1"})),
+                        {"no service at"});
+}
+
 TEST_F(EstimateInput, AnOutputFolderThatCannotBeWrittenIsSaidBeforeAnythingElse) {
   write(folder_ / "file", "not a folder");
   expect_one_clear_line(
