@@ -88,11 +88,20 @@ double median(std::vector<double> values) {
 }
 
 // Median of the modulus where it is wanted, by x and y of the window.
-double median_where(const Estimate& e, const std::function<bool(double, double)>& wanted) {
+double median_where(const std::vector<float>& map, const Estimate& e,
+                    const std::function<bool(double, double)>& where) {
   std::vector<double> values;
   for (std::size_t n = 0; n < e.grid.size(); ++n)
-    if (e.valid[n] && wanted(e.grid.x_m(n), e.grid.y_m(n))) values.push_back(e.youngs_modulus[n]);
+    if (e.valid[n] && where(e.grid.x_m(n), e.grid.y_m(n))) values.push_back(map[n]);
   return median(values);
+}
+
+double median_where(const Estimate& e, const std::function<bool(double, double)>& where) {
+  return median_where(e.youngs_modulus, e, where);
+}
+
+double deviation_where(const Estimate& e, const std::function<bool(double, double)>& where) {
+  return median_where(e.modulus_log_deviation, e, where);
 }
 
 double background(const Estimate& e) {
@@ -162,6 +171,9 @@ TEST(SolidWindow, SpheresAndCylindersKeepTheirContrast) {
     EXPECT_NEAR(background(e) / kBackgroundPa, 1, 0.1);
     EXPECT_GE(inside / kBackgroundPa, 0.8 * 3);
     EXPECT_LE(inside / kBackgroundPa, 1.2 * 3);
+    const double stated =
+        deviation_where(e, [](double x, double y) { return std::hypot(x - 0.03, y - 0.015) < 0.0035; });
+    EXPECT_LE(std::abs(std::log(inside / kBackgroundPa / 3)), 1.96 * stated) << "one slice tells no shape";
     EXPECT_GE(covered(e,
                       [](double x, double y) {
                         return std::hypot(x - 0.03, y - 0.015) < 0.005 ? 3 * kBackgroundPa : kBackgroundPa;
@@ -236,6 +248,11 @@ TEST(SolidWindow, ATimeLimitIsKeptAndSaid) {
   EXPECT_EQ(e.modulus_iterations, 1);
   EXPECT_FALSE(e.modulus_converged);
   EXPECT_TRUE(warned(e, ModulusFlag::kDeadline));
+  const auto lump = [](double x, double y) { return std::hypot(x - 0.03, y - 0.015) < 0.0035; };
+  const double inside = median_where(e, lump);
+  std::printf("one step: contrast %.2f of 5, stated %.2f\n", inside / kBackgroundPa,
+              deviation_where(e, lump));
+  EXPECT_LE(std::abs(std::log(inside / kBackgroundPa / 5)), 1.96 * deviation_where(e, lump));
 }
 
 // A narrow probe, and sizes at the ends of what a request may state: answered or refused, in bounded memory.
