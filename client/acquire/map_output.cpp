@@ -143,9 +143,13 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
         {"poisson_ratio", acquisition.poisson_ratio()},
         {"frame", acquisition.displacement_frame() == v1::DISPLACEMENT_FRAME_LAB ? "LAB" : "PROBE"}}}};
   const TissueExtent tissue = tissue_extent(acquisition);
-  json["tissue"] = {{"width_m", tissue.width_m},
+  const auto stated = [](double length_m) -> nlohmann::json {
+    if (length_m > 0) return length_m;
+    return nullptr;
+  };
+  json["tissue"] = {{"width_m", stated(tissue.width_m)},
                     {"width_assumed", tissue.width_assumed},
-                    {"depth_m", tissue.depth_m},
+                    {"depth_m", stated(tissue.depth_m)},
                     {"depth_assumed", tissue.depth_assumed}};
   if (acquisition.has_probe_force())
     json["acquisition"]["probe_force"] = {{"force_n", acquisition.probe_force().force_n()},

@@ -161,6 +161,7 @@ void check_sample_spacing(double stated_m, double sound_speed_m_s, double sampli
 TissueExtent tissue_extent(const v1::Acquisition& acquisition) {
   const double sample_pitch_m = acquisition.sound_speed_m_s() / (2 * acquisition.sampling_frequency_hz());
   TissueExtent extent{acquisition.tissue_width_m(), acquisition.tissue_depth_m()};
+  if (acquisition.plane() == v1::PLANE_CONDITION_SOLID) return extent;
   extent.width_assumed = extent.width_m == 0;
   extent.depth_assumed = extent.depth_m == 0;
   if (extent.width_assumed) extent.width_m = acquisition.line_count() * acquisition.line_pitch_m();

@@ -40,7 +40,8 @@ struct RecordedFrameOptions {
 // Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.
 FramePair read_recorded_frames(const RecordedFrameOptions& options);
 
-// The tissue that the service takes for the reference stress: as stated in the request, or else the frame.
+// The tissue that the service takes for a plane: as stated in the request, or else the frame. Of a solid
+// nothing is assumed here: the summary's modulus_model says what was assumed and fitted; 0: not stated.
 struct TissueExtent {
   double width_m = 0, depth_m = 0;
   bool width_assumed = false, depth_assumed = false;

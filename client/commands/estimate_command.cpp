@@ -42,7 +42,6 @@ const char* stage_name(v1::EstimateStage stage) {
 // The modulus hangs on how far the probe's stress spreads: an assumed tissue is said, not hidden.
 void warn_of_assumptions(const v1::Acquisition& acquisition) {
   const TissueExtent tissue = tissue_extent(acquisition);
-  if (acquisition.plane() == v1::PLANE_CONDITION_SOLID) return;  // which says what it assumed and fitted
   if (tissue.width_assumed)
     std::fprintf(stderr,
                  "warning: --tissue-width-m is not given: the tissue is taken to end where the frame does "

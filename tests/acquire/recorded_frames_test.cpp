@@ -75,6 +75,17 @@ TEST(RecordedFrames, DefaultsAreSent) {
   EXPECT_EQ(acquisition.plane(), v1::PLANE_CONDITION_SOLID);
 }
 
+TEST(TissueExtent, OfASolidIsNotAssumed) {
+  v1::Acquisition acquisition = phantom();
+  acquisition.set_plane(v1::PLANE_CONDITION_SOLID);
+  acquisition.set_tissue_depth_m(0.05);
+  const TissueExtent extent = tissue_extent(acquisition);
+  EXPECT_EQ(extent.width_m, 0);
+  EXPECT_EQ(extent.depth_m, 0.05);
+  EXPECT_FALSE(extent.width_assumed);
+  EXPECT_FALSE(extent.depth_assumed);
+}
+
 TEST(TissueExtent, IsAsStated) {
   v1::Acquisition acquisition = phantom();
   acquisition.set_tissue_width_m(0.2);

@@ -241,7 +241,9 @@ std::size_t changes_on_a_border(const std::shared_ptr<service::Device>& device) 
   service::Planner planner;
   const service::Planner::Clock::time_point begin{};
   std::size_t changes = 0, chosen = planner.choose(over(0), begin);  // over the lump: by the nodes
-  for (double time_s = kEachS; time_s < std::chrono::duration<double>(kLasts).count(); time_s += kEachS) {
+  const auto steps = static_cast<int>(std::chrono::duration<double>(kLasts).count() / kEachS);
+  for (int step = 1; step < steps; ++step) {
+    const double time_s = kEachS * step;
     const double aside_m = beside_m + kAsideM * std::sin(2 * std::numbers::pi * kTurnsHz * time_s);
     const auto now = begin + std::chrono::duration_cast<service::Planner::Clock::duration>(
                                  std::chrono::duration<double>(time_s));

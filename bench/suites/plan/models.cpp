@@ -65,8 +65,9 @@ auto PlanModels::layer_of(const PlanScene& scene) -> Layer& {
   auto& layer = layers_[{scene.poisson_ratio, scene.depth_m, scene.nx}];
   if (!layer) {
     const service::SolidTissue tissue = homogeneous(scene);
-    layer.reset(new Layer{service::LayeredTouch({{scene.depth_m}, {1}, scene.poisson_ratio}, kTip),
-                          std::make_unique<RigidContact>(queue_, plane_of(tissue))});
+    layer = std::make_unique<Layer>(
+        Layer{service::LayeredTouch({{scene.depth_m}, {1}, scene.poisson_ratio}, kTip),
+              std::make_unique<RigidContact>(queue_, plane_of(tissue))});
   }
   return *layer;
 }
@@ -213,7 +214,7 @@ std::vector<PlanAnswer> PlanModels::at(const PlanPose& pose) {
                                    {"M2", service::SolvePath::kLayers},
                                    {"M1", service::SolvePath::kShares}}) {
     service::ContactAnswer a;
-    out.push_back(timed(name, converged_n, [&] {
+    out.push_back(timed(name, converged_n, [&, path = path] {
       a = closed_->answer(path, at);
       return -a.force_n[1];
     }));

@@ -373,8 +373,8 @@ class Readiness {
   void put(Figures& f) const {
     f.m3_ready_ms = median_of(m3_), f.m4_ready_ms = median_of(m4_);
     f.learning.clear();
-    for (const auto& [nodes, all] : learned_) {
-      const auto median = [&all](double PlanModels::Learned::*of) {
+    for (const auto& [nodes, learned] : learned_) {
+      const auto median = [&all = learned](double PlanModels::Learned::*of) {
         std::vector<double> values;
         for (const PlanModels::Learned& l : all) values.push_back(l.*of);
         return median_of(values);

@@ -221,6 +221,7 @@ RealResult summary(const RealRow& row, const std::string& estimator, const std::
                    std::size_t refused) {
   const auto all = [&](double Figures::*member) {
     std::vector<double> values;
+    values.reserve(seeds.size());
     for (const Figures& f : seeds) values.push_back(f.*member);
     return values;
   };

@@ -19,7 +19,7 @@ constexpr double kPushM = 0.0008;  // 3 % of strain below the face, 1 % at 20 mm
 
 using Set = std::function<void(Tissue&, const Draw&)>;
 
-Set solid(std::function<void(client::Solid&)> set) {
+Set solid(const std::function<void(client::Solid&)>& set) {
   return [set](Tissue& t, const Draw&) { set(*t.solid); };
 }
 
