@@ -14,10 +14,11 @@ constexpr auto kReconnectAfter = std::chrono::milliseconds(100);
 constexpr double kExtrapolateAtMostS = 0.1;
 }  // namespace
 
-FingerWatch::FingerWatch(std::string address, std::string tls_ca, std::string scene_id)
+FingerWatch::FingerWatch(std::string address, std::string tls_ca, std::string scene_id, int axis)
     : address_(std::move(address)),
       tls_ca_(std::move(tls_ca)),
       scene_id_(std::move(scene_id)),
+      axis_(axis),
       thread_([this] { follow(); }),
       guard_([this] { end_dead_streams(); }) {}
 
@@ -101,8 +102,8 @@ void FingerWatch::store(const v1::FingerState& state) {
   const std::int64_t now_ns = monotonic_ns();
   const std::lock_guard lock(mutex_);
   newest_.present = state.present();
-  if (state.position_m_size() > 0) newest_.x_m = state.position_m(0);
-  newest_.velocity_m_s = state.velocity_m_s_size() > 0 ? state.velocity_m_s(0) : 0;
+  if (state.position_m_size() > axis_) newest_.x_m = state.position_m(axis_);
+  newest_.velocity_m_s = state.velocity_m_s_size() > axis_ ? state.velocity_m_s(axis_) : 0;
   arrived_ns_ = now_ns;
   if (state.stamp().monotonic_ns() != stamp_ns_) news_ns_ = now_ns;
   stamp_ns_ = state.stamp().monotonic_ns();

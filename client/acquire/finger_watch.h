@@ -20,8 +20,9 @@ class FingerWatch {
  public:
   static constexpr double kDeadS = 2;
 
+  // Along the axis that windows lie on: 0 for x, 2 for z.
   // `tls_ca`: PEM text; empty: not encrypted.
-  FingerWatch(std::string address, std::string tls_ca, std::string scene_id);
+  FingerWatch(std::string address, std::string tls_ca, std::string scene_id, int axis = 0);
   ~FingerWatch();
   FingerWatch(const FingerWatch&) = delete;
   FingerWatch& operator=(const FingerWatch&) = delete;
@@ -43,6 +44,7 @@ class FingerWatch {
   void store(const teletact::v1::FingerState& state);
 
   std::string address_, tls_ca_, scene_id_;
+  int axis_;
   mutable std::mutex mutex_;  // everything below
   std::condition_variable stopped_;
   FingerMotion newest_;

@@ -23,17 +23,24 @@ PlannerOptions planner_for(const FrameSource& source, PlannerOptions options) {
 
 AcquireSession::AcquireSession(const std::string& address, const std::string& tls_ca, FrameSource& source,
                                const AcquireOptions& options, AcquireObserver observer)
-    : source_(source),
+    : address_(address),
+      tls_ca_(tls_ca),
+      source_(source),
       options_(options),
       observer_(std::move(observer)),
       planner_(planner_for(source, options.planner), options.start_x_m, options.start_direction),
       epoch_ns_(monotonic_ns()),
       arm_(options.arm, planner_.window_x_m(planner_.window_at(options.start_x_m)), 0),
       client_(make_channel(address, tls_ca), options.retry_for_s),
-      finger_(address, tls_ca, options.scene_id),
       acquired_s_(source.window_count()),
-      passes_(source.window_count(), 0),
-      uploader_([this] { upload_loop(); }) {}
+      passes_(source.window_count(), 0) {
+  if (options.slices)
+    scene_.emplace(make_channel(address, tls_ca), options.scene_id, options.slices->grid,
+                   options.retry_for_s);
+  else
+    finger_.emplace(address, tls_ca, options.scene_id);
+  uploader_ = std::thread([this] { upload_loop(); });
+}
 
 AcquireSession::~AcquireSession() {
   {
@@ -47,17 +54,17 @@ AcquireSession::~AcquireSession() {
 
 AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
   const std::int64_t begin_ns = monotonic_ns();
-  bool ready = false;
+  bool was_ready = false;
   while (!stop && !finished(begin_ns)) {
     rethrow_failure();
-    const auto next = planner_.next(finger_.motion(monotonic_ns()), knowledge(), now_s());
+    const auto next = planner_.next(finger(), knowledge(), now_s());
+    if (!was_ready && (options_.slices ? ready() : !next && idle())) {
+      was_ready = true;
+      if (observer_.ready) observer_.ready();
+    }
     if (next) {
       acquire(*next, stop);
       continue;
-    }
-    if (!ready && idle()) {
-      ready = true;
-      if (observer_.ready) observer_.ready();
     }
     sleep_until(now_s() + kLookEveryS, stop);
   }
@@ -77,7 +84,8 @@ AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
 // they travel.
 void AcquireSession::acquire(std::size_t window, const std::atomic<bool>& stop) {
   Upload upload{{}, window, {}};
-  for (const double origin_m : {planner_.window_x_m(window), 0.0, 0.0})
+  const double z_m = options_.slices ? options_.slices->grid.places.z_m(window) : 0;
+  for (const double origin_m : {options_.slices ? 0 : planner_.window_x_m(window), 0.0, z_m})
     upload.timing.mutable_window()->add_origin_m(origin_m);
   upload.timing.set_asked_ns(monotonic_ns());
   const ArmSchedule schedule = arm_.acquire(planner_.window_x_m(window), source_.compression_m(), now_s());
@@ -126,12 +134,21 @@ void AcquireSession::upload_loop() {
 }
 
 void AcquireSession::upload_one(Upload upload) {
-  upload.pair.acquisition.mutable_publish()->set_scene_id(options_.scene_id);
-  upload.pair.acquisition.mutable_publish()->mutable_window()->CopyFrom(upload.timing.window());
-  upload.pair.acquisition.set_modulus_method(options_.modulus_method);
-  upload.pair.acquisition.set_plane(options_.plane);
-  upload.pair.acquisition.set_modulus_time_limit_s(options_.modulus_time_limit_s);
-  if (options_.all_maps) upload.pair.acquisition.clear_maps();
+  v1::Acquisition& acquisition = upload.pair.acquisition;
+  acquisition.set_modulus_method(options_.modulus_method);
+  acquisition.set_modulus_time_limit_s(options_.modulus_time_limit_s);
+  if (options_.slices) {
+    acquisition.set_plane(v1::PLANE_CONDITION_SOLID);
+    acquisition.set_tissue_depth_m(options_.slices->grid.depth_m);
+    acquisition.set_poisson_ratio(options_.slices->grid.poisson_ratio);
+    acquisition.set_probe_elevation_m(options_.slices->probe_elevation_m);
+    for (const char* map : {"youngs_modulus", "youngs_modulus_log_std"}) acquisition.add_maps(map);
+  } else {
+    acquisition.mutable_publish()->set_scene_id(options_.scene_id);
+    acquisition.mutable_publish()->mutable_window()->CopyFrom(upload.timing.window());
+    acquisition.set_plane(options_.plane);
+  }
+  if (options_.all_maps) acquisition.clear_maps();
   EstimateCallbacks callbacks;
   callbacks.request = [this](const v1::EstimateRequest& request) {
     if (request.has_acquisition()) ++calls_;  // a repeated call is a call of its own
@@ -143,13 +160,7 @@ void AcquireSession::upload_one(Upload upload) {
       observer_.response(calls_, response);
     };
   try {
-    const EstimateOutcome outcome =
-        client_.estimate(upload.pair.acquisition, upload.pair.pre, upload.pair.post, callbacks, abandon_);
-    upload.timing.set_last_byte_ns(outcome.last_byte_ns);
-    upload.timing.set_published_ns(outcome.published_ns);
-    if (observer_.window) observer_.window(calls_, upload.timing, outcome.summary);
-    const std::lock_guard lock(mutex_);
-    result_.windows.push_back(upload.timing);
+    publish(upload, client_.estimate(acquisition, upload.pair.pre, upload.pair.post, callbacks, abandon_));
   } catch (const ServiceError& error) {
     // A pair that cannot be tracked is a fact of ultrasound: the window stays unknown and is acquired again.
     if (error.code != grpc::StatusCode::FAILED_PRECONDITION) throw;
@@ -160,12 +171,55 @@ void AcquireSession::upload_one(Upload upload) {
   }
 }
 
+void AcquireSession::publish(Upload& upload, const EstimateOutcome& outcome) {
+  std::uint64_t version = 0;
+  if (scene_) version = scene_->publish(upload.window, outcome.maps, abandon_);
+  upload.timing.set_last_byte_ns(outcome.last_byte_ns);
+  upload.timing.set_published_ns(scene_ ? monotonic_ns() : outcome.published_ns);
+  if (observer_.window) observer_.window(calls_, upload.timing, outcome.summary);
+  if (scene_ && observer_.slice) observer_.slice(upload.window, version);
+  const std::lock_guard lock(mutex_);
+  scene_made_ = true;
+  result_.windows.push_back(upload.timing);
+}
+
+// As the planner counts: from the first window's left border, or half of a pitch before the first slice.
+FingerMotion AcquireSession::finger() {
+  if (!finger_) {
+    const std::lock_guard lock(mutex_);
+    if (!scene_made_) return {};
+  }
+  if (!finger_) finger_.emplace(address_, tls_ca_, options_.scene_id, 2);
+  FingerMotion motion = finger_->motion(monotonic_ns());
+  if (options_.slices) {
+    const SlicePlaces& places = options_.slices->grid.places;
+    motion.x_m -= places.first_z_m - places.pitch_m / 2;
+  }
+  return motion;
+}
+
+// Those ahead of a finger at the start, or all that can be had.
+bool AcquireSession::ready() {
+  const bool all = all_slices();
+  const std::lock_guard lock(mutex_);
+  return scene_made_ && (all || result_.windows.size() > options_.planner.lookahead);
+}
+
+bool AcquireSession::all_slices() {
+  if (!idle()) return false;
+  const std::lock_guard lock(mutex_);
+  for (std::size_t k = 0; k < acquired_s_.size(); ++k)
+    if (!acquired_s_[k] && source_.frames_left(k) > 0) return false;
+  return true;
+}
+
 bool AcquireSession::finished(std::int64_t begin_ns) {
-  const std::string failure = finger_.failure();
+  const std::string failure = finger_ ? finger_->failure() : "";
   if (!failure.empty()) throw ServiceError(grpc::StatusCode::ABORTED, failure);
   const std::int64_t now = monotonic_ns();
   if (options_.duration_s > 0 && seconds(now - begin_ns) >= options_.duration_s) return true;
-  const auto gone = finger_.gone_since_ns();
+  if (options_.slices && !options_.until_finger_leaves && options_.duration_s == 0) return all_slices();
+  const auto gone = finger_ ? finger_->gone_since_ns() : std::nullopt;
   return options_.until_finger_leaves && gone && seconds(now - *gone) >= options_.finger_gone_s;
 }
 

@@ -21,11 +21,18 @@
 #include "client/acquire/finger_watch.h"
 #include "client/acquire/frame_source.h"
 #include "client/acquire/robot_arm.h"
+#include "client/acquire/slice_scene.h"
 #include "client/acquire/window_planner.h"
 #include "client/clock/clock.h"
 #include "teletact/v1/recording.pb.h"
 
 namespace teletact::client {
+
+// Slices of a solid instead of windows of a plane: the arm goes along z.
+struct SliceOptions {
+  SliceGrid grid;
+  double probe_elevation_m = 0;
+};
 
 struct AcquireOptions {
   std::string scene_id;
@@ -42,6 +49,9 @@ struct AcquireOptions {
       teletact::v1::MODULUS_METHOD_UNSPECIFIED;                                    // the service's choice
   teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;  // plane strain
   double modulus_time_limit_s = 0;                                                 // 0: the service's
+  // The source's windows are then these slices, the scene is made with the first, and `plane` is SOLID.
+  // Without a duration or a finger to wait for all of them are acquired once.
+  std::optional<SliceOptions> slices;
 };
 
 // What happens, as it happens; every member optional. The calls come from the uploader's thread, `ready` and
@@ -52,6 +62,7 @@ struct AcquireObserver {
   std::function<void(std::uint32_t call, const teletact::v1::WindowTiming&,
                      const teletact::v1::EstimateSummary&)>
       window;
+  std::function<void(std::size_t slice, std::uint64_t version)> slice;  // of a solid, after `window`
   std::function<void()> ready;                   // what the finger needs first is published
   std::function<void(const std::string&)> note;  // one line for people
 };
@@ -66,14 +77,17 @@ class AcquireSession {
  public:
   static constexpr std::size_t kMaxQueuedUploads = 2;
 
-  // The scene must exist. `tls_ca`: PEM text; empty: not encrypted. `source` outlives the session.
+  // The scene must exist, or, with slices, must not. `tls_ca`: PEM text; empty: not encrypted. `source`
+  // outlives the session.
   AcquireSession(const std::string& address, const std::string& tls_ca, FrameSource& source,
                  const AcquireOptions& options, AcquireObserver observer);
   ~AcquireSession();
 
-  // Works until the finger has left, the duration is over or `stop` is set. Throws ServiceError when the
-  // service refuses a call or stays unavailable.
+  // Works until the finger has left, the duration is over, all slices are there or `stop` is set. Throws
+  // ServiceError when the service refuses a call or stays unavailable.
   AcquireResult run(const std::atomic<bool>& stop);
+  // What was published of slices; once run() has ended, however it did.
+  const std::map<std::size_t, SlicePlane>& planes() const { return scene_->planes(); }
 
  private:
   struct Upload {
@@ -88,11 +102,16 @@ class AcquireSession {
   void upload_one(Upload upload);
   bool finished(std::int64_t begin_ns);
   bool idle();
+  bool all_slices();
+  bool ready();
+  FingerMotion finger();
+  void publish(Upload& upload, const EstimateOutcome& outcome);
   void rethrow_failure();
   std::vector<WindowKnowledge> knowledge();
   double now_s() const { return seconds(monotonic_ns() - epoch_ns_); }
   void sleep_until(double time_s, const std::atomic<bool>& stop) const;
 
+  const std::string address_, tls_ca_;
   FrameSource& source_;
   AcquireOptions options_;
   AcquireObserver observer_;
@@ -100,14 +119,16 @@ class AcquireSession {
   std::int64_t epoch_ns_;  // time 0 of the arm and of the scanner's ticks
   RobotArm arm_;
   EstimateClient client_;
-  FingerWatch finger_;
+  std::optional<FingerWatch> finger_;  // of a scene that is there
 
-  std::uint32_t calls_ = 0;  // the uploader's alone
+  // The uploader's alone.
+  std::uint32_t calls_ = 0;
+  std::optional<SliceScene> scene_;
 
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   std::deque<Upload> queue_;
-  bool uploading_ = false, closing_ = false;
+  bool uploading_ = false, closing_ = false, scene_made_ = false;
   std::vector<std::optional<double>> acquired_s_;
   std::vector<std::uint32_t> passes_;
   std::exception_ptr failure_;

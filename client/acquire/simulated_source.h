@@ -2,7 +2,6 @@
 // noise, decorrelation and sensor noise for each pass; no noise seed is used twice.
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -36,8 +35,5 @@ class SimulatedSource final : public FrameSource {
   Probe probe_;
   std::vector<Window> windows_;
 };
-
-// A seed of its own for every (patient, window, pass): passes never share noise.
-std::uint64_t pass_seed(std::uint64_t patient_seed, std::size_t window, std::size_t pass);
 
 }  // namespace teletact::client

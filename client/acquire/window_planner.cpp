@@ -24,6 +24,7 @@ std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
   const std::vector<std::size_t> path = path_ahead(options_.lookahead + far - near);
   for (std::size_t window : path)
     if (!windows.at(window).acquired_s && windows[window].frames_left > 0) return window;
+  if (const auto other = options_.all ? nearest_unknown(windows) : std::nullopt) return other;
   if (!finger.present) return std::nullopt;  // nothing grows stale before anybody touches
   // A renewal may not delay a window that the finger has never seen, so all that lies ahead must be known.
   const std::vector<std::size_t> all_ahead = path_ahead(options_.window_count);
@@ -36,6 +37,18 @@ std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
       return all_ahead[i];
   }
   return std::nullopt;
+}
+
+std::optional<std::size_t> WindowPlanner::nearest_unknown(const std::vector<WindowKnowledge>& windows) const {
+  const auto away_m = [this](std::size_t window) {
+    return std::abs(window_x_m(window) + options_.window_width_m / 2 - x_m_);
+  };
+  std::optional<std::size_t> nearest;
+  for (std::size_t window = 0; window < windows.size(); ++window)
+    if (!windows[window].acquired_s && windows[window].frames_left > 0 &&
+        (!nearest || away_m(window) < away_m(*nearest)))
+      nearest = window;
+  return nearest;
 }
 
 std::size_t WindowPlanner::window_at(double x_m) const {

@@ -24,6 +24,7 @@ struct PlannerOptions {
   // had come further by its velocity times this, an operator's round trip.
   double link_s = 0.1;
   double still_m_s = 0.01;  // slower than this the finger has no direction: the last one holds
+  bool all = false;  // then the other unknown windows, too, nearest first, whether a finger is there or not
 };
 
 struct FingerMotion {
@@ -56,7 +57,8 @@ class WindowPlanner {
 
  private:
   double arrival_s(const FingerMotion& finger, std::size_t window) const;  // until the finger enters it
-  std::vector<std::size_t> path_ahead(std::size_t lookahead) const;        // the finger's own window first
+  std::optional<std::size_t> nearest_unknown(const std::vector<WindowKnowledge>& windows) const;
+  std::vector<std::size_t> path_ahead(std::size_t lookahead) const;  // the finger's own window first
 
   PlannerOptions options_;
   double x_m_;

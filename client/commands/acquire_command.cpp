@@ -12,11 +12,13 @@
 
 #include "client/acquire/session.h"
 #include "client/acquire/simulated_source.h"
+#include "client/acquire/solid_source.h"
 #include "client/clock/clock.h"
 #include "client/commands/commands.h"
 #include "client/commands/modulus_options.h"
 #include "client/files/different_files.h"
 #include "client/files/file_io.h"
+#include "client/files/metaimage.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
 #include "client/link/scenes.h"
@@ -32,11 +34,46 @@ struct Arguments {
   unsigned threads = 0;
   bool record_rf = false, force = false;
   AcquireOptions acquire;
+  // Of a solid:
+  std::optional<std::size_t> slices;
+  double slice_pitch_m = 0.005;
+  std::optional<double> first_slice_z_m;  // absent: as many before z = 0 as behind it
+  bool unlike_model = false;
+  std::string save_modulus_path, save_log_std_path;
 };
 
 Tissue tissue_of(const Arguments& arguments) {
   if (!arguments.tissue_path.empty()) return read_tissue(arguments.tissue_path);
-  return random_tissue(*arguments.seed);
+  if (arguments.unlike_model) return unlike_model(*arguments.seed);
+  return arguments.slices ? random_solid_tissue(*arguments.seed) : random_tissue(*arguments.seed);
+}
+
+SlicePlaces places_of(const Arguments& arguments) {
+  const double pitch_m = arguments.slice_pitch_m;
+  const auto count = *arguments.slices;
+  return {count, arguments.first_slice_z_m.value_or(-pitch_m * static_cast<double>(count - 1) / 2), pitch_m};
+}
+
+// Of the tissue under the probe, which stands on the middle of it.
+SliceOptions slices_of(const Arguments& arguments, const Tissue& tissue) {
+  SliceOptions slices;
+  slices.grid = {tissue.probe.width_m, tissue.depth_m, tissue.poisson_ratio, places_of(arguments)};
+  slices.probe_elevation_m = tissue.probe.elevation_m;
+  return slices;
+}
+
+// A solid's scene is made with its first slice.
+void require_no_scene(v1::Palpation::Stub& palpation, const std::string& scene_id) {
+  v1::Scene scene;
+  const grpc::Status got = get_scene(palpation, scene_id, v1::SCENE_VIEW_BASIC, scene);
+  if (got.ok())
+    throw CommandError(fmt::format(
+        "--scene {}: it exists ({}); slices make a scene of their own, so choose another name or delete it "
+        "(scenes --delete {})",
+        scene_id, kind_of(scene), scene_id));
+  if (got.error_code() == grpc::StatusCode::INVALID_ARGUMENT)
+    throw CommandError(with_flags(got.error_message(), {{"scene_id", "--scene " + scene_id}}));
+  if (got.error_code() != grpc::StatusCode::NOT_FOUND) throw_status("GetScene", got);
 }
 
 // Creates the scene, or goes on with one that has the tissue's size.
@@ -110,15 +147,21 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
   AcquireObserver observer;
   observer.request = [&recorder](auto call, const auto& request) { recorder.request(call, request); };
   observer.response = [&recorder](auto call, const auto& response) { recorder.response(call, response); };
-  observer.window = [&recorder](auto call, const v1::WindowTiming& timing,
-                                const v1::EstimateSummary& summary) {
+  observer.window = [&recorder, &arguments](auto call, const v1::WindowTiming& timing,
+                                            const v1::EstimateSummary& summary) {
     recorder.window(call, timing);
-    std::printf(
-        "window %3.0f mm  pass %u  asked to published %.0f ms, service %.0f ms, background %.2f kPa\n",
-        timing.window().origin_m(0) * 1e3, timing.pass() + 1,
-        (timing.published_ns() - timing.asked_ns()) * 1e-6, summary.received_to_published_s() * 1e3,
-        summary.background_modulus_pa() * 1e-3);
+    const std::string place = arguments.slices
+                                  ? fmt::format("slice z {:5.1f} mm", timing.window().origin_m(2) * 1e3)
+                                  : fmt::format("window {:3.0f} mm", timing.window().origin_m(0) * 1e3);
+    std::printf("%s  pass %u  asked to published %.0f ms, service %.0f ms, background %.2f kPa\n",
+                place.c_str(), timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6,
+                summary.received_to_published_s() * 1e3, summary.background_modulus_pa() * 1e-3);
     for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
+    std::fflush(stdout);
+  };
+  observer.slice = [&arguments](std::size_t slice, std::uint64_t version) {
+    std::printf("  slice %zu of %zu can be touched: version %llu\n", slice + 1, *arguments.slices,
+                static_cast<unsigned long long>(version));
     std::fflush(stdout);
   };
   observer.note = say;
@@ -130,15 +173,29 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
   return observer;
 }
 
-SimulatedSource prepare(const Tissue& tissue, const Arguments& arguments) {
+std::unique_ptr<FrameSource> prepare_slices(const Tissue& tissue, const Arguments& arguments) {
+  std::fprintf(stderr,
+               "pressing the probe into the patient's tissue (%.0f x %.0f x %.0f mm, %zu inclusions)\n",
+               tissue.width_m * 1e3, tissue.depth_m * 1e3, tissue.solid->elevational_width_m * 1e3,
+               tissue.inclusions.size());
+  return std::make_unique<SolidSource>(tissue, places_of(arguments), arguments.passes, arguments.threads,
+                                       [&](std::size_t done, std::size_t total) {
+                                         std::fprintf(stderr,
+                                                      "simulated RF of %zu of %zu slices, %zu passes each\n",
+                                                      done, total, arguments.passes);
+                                       });
+}
+
+std::unique_ptr<FrameSource> prepare(const Tissue& tissue, const Arguments& arguments) {
+  if (arguments.slices) return prepare_slices(tissue, arguments);
   std::fprintf(stderr, "solving the patient's tissue (%.0f x %.0f mm, %zu inclusions)\n",
                tissue.width_m * 1e3, tissue.depth_m * 1e3, tissue.inclusions.size());
   const Patient patient(tissue);
-  return SimulatedSource(patient, arguments.passes, arguments.threads,
-                         [&](std::size_t done, std::size_t total) {
-                           std::fprintf(stderr, "simulated RF of %zu of %zu windows, %zu passes each\n", done,
-                                        total, arguments.passes);
-                         });
+  return std::make_unique<SimulatedSource>(
+      patient, arguments.passes, arguments.threads, [&](std::size_t done, std::size_t total) {
+        std::fprintf(stderr, "simulated RF of %zu of %zu windows, %zu passes each\n", done, total,
+                     arguments.passes);
+      });
 }
 
 void check(const Arguments& arguments) {
@@ -149,8 +206,13 @@ void check(const Arguments& arguments) {
   require_different_files({{"--tissue", arguments.tissue_path},
                            {"--save-tissue", arguments.save_tissue_path},
                            {"--record", arguments.record_path},
+                           {"--save-modulus", arguments.save_modulus_path},
+                           {"--save-log-std", arguments.save_log_std_path},
                            {"--ready-file", arguments.ready_path}});
-  require_new_files({{"--save-tissue", arguments.save_tissue_path}, {"--record", arguments.record_path}},
+  require_new_files({{"--save-tissue", arguments.save_tissue_path},
+                     {"--save-modulus", arguments.save_modulus_path},
+                     {"--save-log-std", arguments.save_log_std_path},
+                     {"--record", arguments.record_path}},
                     arguments.force);
 }
 
@@ -168,26 +230,55 @@ AcquireResult acquire(AcquireSession& session) {
   }
 }
 
+void save_slices(const Arguments& arguments, const SliceGrid& grid,
+                 const std::map<std::size_t, SlicePlane>& planes) {
+  const std::size_t missing = *arguments.slices - planes.size();
+  if (missing > 0)
+    std::printf(
+        "%zu of %zu slices could not be estimated, or not in time: what lies there continues its "
+        "neighbours\n",
+        missing, *arguments.slices);
+  if (!arguments.save_modulus_path.empty())
+    write_metaimage(arguments.save_modulus_path, slice_volume(grid, planes, &SlicePlane::pa));
+  if (!arguments.save_log_std_path.empty())
+    write_metaimage(arguments.save_log_std_path, slice_volume(grid, planes, &SlicePlane::log_std));
+}
+
 void run(const Arguments& arguments) {
   check(arguments);
   const Tissue tissue = tissue_of(arguments);
+  if (arguments.slices)
+    if (const std::string problem = slice_problem(tissue, places_of(arguments)); !problem.empty())
+      throw CommandError("--slices " + std::to_string(*arguments.slices) + ": " + problem);
   if (!(arguments.acquire.start_x_m >= 0 && arguments.acquire.start_x_m <= tissue.width_m))
     throw CommandError(fmt::format("--start-x-m {}: the tissue reaches from 0 to {} m",
                                    arguments.acquire.start_x_m, tissue.width_m));
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
   const auto channel = reach_service(arguments.address, arguments.tls_ca, say);
   const auto palpation = v1::Palpation::NewStub(channel);
-  open_scene(*palpation, arguments.acquire.scene_id, tissue);
+  if (arguments.slices)
+    require_no_scene(*palpation, arguments.acquire.scene_id);
+  else
+    open_scene(*palpation, arguments.acquire.scene_id, tissue);
   Recorder recorder(arguments);
   recorder.info(get_info(channel));
-  SimulatedSource source = prepare(tissue, arguments);
+  const std::unique_ptr<FrameSource> source = prepare(tissue, arguments);
   end_in_order();  // from here on; the simulation before is simply cut off
   AcquireOptions options = arguments.acquire;
   options.all_maps = arguments.record_rf;
-  AcquireSession session(arguments.address, arguments.tls_ca, source, options, observe(arguments, recorder));
+  if (arguments.slices) {
+    options.slices = slices_of(arguments, tissue);
+    options.planner.all = true;
+    const double pitch_m = arguments.slice_pitch_m;
+    options.start_x_m = options.start_direction > 0 ? 0 : pitch_m * static_cast<double>(*arguments.slices);
+  }
+  AcquireSession session(arguments.address, arguments.tls_ca, *source, options, observe(arguments, recorder));
   const AcquireResult result = acquire(session);
-  std::printf("%zu windows published, %zu pairs not tracked\n", result.windows.size(), result.untracked);
-  if (result.exhausted > 0)
+  std::printf("%zu %s published, %zu pairs not tracked\n", result.windows.size(),
+              arguments.slices ? "slices" : "windows", result.untracked);
+  if (arguments.slices)
+    save_slices(arguments, options.slices->grid, session.planes());
+  else if (result.exhausted > 0)
     std::printf(
         "%zu windows have no frames left and could not be acquired again: prepare more with "
         "--passes-prepared "
@@ -198,6 +289,49 @@ void run(const Arguments& arguments) {
   const grpc::Status status = get_scene(*palpation, arguments.acquire.scene_id, v1::SCENE_VIEW_FULL, scene);
   if (!status.ok()) throw_status("GetScene", status);
   recorder.close(scene);
+}
+
+void add_slice_options(CLI::App& command, Arguments& arguments) {
+  CLI::Option* slices =
+      command
+          .add_option(
+              "--slices", arguments.slices,
+              "solid tissue: so many image planes side by side, which the arm takes across the plane; "
+              "without it the tissue is plane")
+          ->check(CLI::Range(1, 1000));
+  command.add_option("--slice-pitch-m", arguments.slice_pitch_m, "from one slice to the next")
+      ->check(above_zero())
+      ->needs(slices)
+      ->capture_default_str();
+  command
+      .add_option("--first-slice-z-m", arguments.first_slice_z_m,
+                  "where the first one lies; without it the middle one lies at z = 0")
+      ->needs(slices);
+  command
+      .add_flag("--unlike-model", arguments.unlike_model,
+                "--seed's patient is unlike what an estimate assumes in every way")
+      ->needs(slices)
+      ->excludes(command.get_option("--tissue"));
+  command
+      .add_option("--save-modulus", arguments.save_modulus_path,
+                  "write the slices' moduli, a volume (.mha) that slices takes; without it they are not kept")
+      ->needs(slices);
+  command
+      .add_option("--save-log-std", arguments.save_log_std_path,
+                  "the same of the standard deviations of their logarithms")
+      ->needs(slices);
+}
+
+// What is otherwise with slices, unless it is given; what windows alone have is refused.
+void prefer_slices(const CLI::App& command, Arguments& arguments) {
+  constexpr double kTimeLimitS = 5;
+  AcquireOptions& acquire = arguments.acquire;
+  refuse_beside(command, {"--start-x-m"}, "--slices begins with the first slice");
+  refuse_beside(command, {"--modulus-method"}, "--slices has a method of its own");
+  if (command.count("--plane") > 0 && acquire.plane != v1::PLANE_CONDITION_SOLID)
+    throw CommandError("--plane: the tissue of --slices is solid; leave it out");
+  if (command.count("--modulus-time-limit-s") == 0) acquire.modulus_time_limit_s = kTimeLimitS;
+  if (command.count("--refresh-after-s") == 0) acquire.planner.refresh_after_s = HUGE_VAL;
 }
 
 }  // namespace
@@ -220,6 +354,7 @@ void add_acquire_command(CLI::App& app) {
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   command.add_option("--threads", arguments->threads, "for the simulation; 0 = one per processor");
+  add_slice_options(command, *arguments);
   command.add_option("--record", arguments->record_path,
                      "keep timings, summaries and the final scene in this file; without it nothing is kept");
   add_force_option(command, arguments->force);
@@ -245,7 +380,10 @@ void add_acquire_command(CLI::App& app) {
   command.add_option("--refresh-after-s", acquire.planner.refresh_after_s, "older windows are acquired anew")
       ->check(above_zero())
       ->capture_default_str();
-  command.callback([arguments] { run(*arguments); });
+  command.callback([arguments, &command] {
+    if (arguments->slices) prefer_slices(command, *arguments);
+    run(*arguments);
+  });
 }
 
 }  // namespace teletact::client

@@ -16,6 +16,7 @@ namespace teletact::client {
 // The flat probe pressed into the tissue by `compression_m`.
 struct ProbeState {
   double window_x_m = 0;  // left end of its face, scene coordinates
+  double window_z_m = 0;  // of its middle, the image plane; of a solid
   double width_m = 0;
   double compression_m = 0;  // of its middle
   double tilt = 0;           // beside it the face goes down by compression_m + tilt (x - middle)

@@ -84,4 +84,40 @@ Tissue random_tissue(std::uint64_t seed) {
   return tissue;
 }
 
+Tissue random_solid_tissue(std::uint64_t seed) {
+  constexpr std::size_t kLumps = 3;
+  constexpr double kLeastM = 0.008, kMostM = 0.012, kContrast = 6, kBottomM = 0.020, kAsideM = 0.018,
+                   kApartM = 0.006;
+  Random random(seed * 0x9E3779B97F4A7C15u + 3);
+  Tissue tissue;
+  tissue.seed = seed;
+  tissue.width_m = 0.120;
+  tissue.probe.compression_m = 0.0008;
+  tissue.ultrasound.elevation_beam_m = 0.0015;
+  tissue.solid.emplace();
+  tissue.solid->texture = 0.05;
+  const auto sizes = shuffled(random, kLumps), depths = shuffled(random, kLumps),
+             contrasts = shuffled(random, kLumps);
+  const auto clear = [&](const Inclusion& next) {
+    return std::all_of(tissue.inclusions.begin(), tissue.inclusions.end(), [&](const Inclusion& other) {
+      return std::hypot(next.x_m - other.x_m, next.y_m - other.y_m, next.z_m - other.z_m) >=
+             (next.diameter_m + other.diameter_m) / 2 + kApartM;
+    });
+  };
+  for (std::size_t k = 0; k < kLumps; ++k) {
+    Inclusion next;
+    next.sphere = true;
+    next.diameter_m = stratified(random, sizes, k, kLeastM, kMostM);
+    next.contrast = stratified(random, contrasts, k, kLeastContrast, kContrast);
+    const double radius = next.diameter_m / 2;
+    next.y_m = stratified(random, depths, k, radius + kCover, kBottomM - radius);
+    do {
+      next.x_m = tissue.width_m / 2 + uniform(random, -kAsideM, kAsideM);
+      next.z_m = uniform(random, -kAsideM, kAsideM);
+    } while (!clear(next));
+    tissue.inclusions.push_back(next);
+  }
+  return tissue;
+}
+
 }  // namespace teletact::client

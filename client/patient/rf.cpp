@@ -240,14 +240,15 @@ RfBase simulate_rf(const Tissue& tissue, const ProbeState& probe, RfFrame frame,
   const bool solid_beam = u.elevation_beam_m > 0;
   const double beam_sigma = u.elevation_beam_m / kFwhmPerSigma;
   double across = kBeamReach * beam_sigma * widest;
-  if (tissue.solid) across = std::min(across, tissue.solid->elevational_width_m / 2);
+  if (tissue.solid)
+    across = std::min(across, tissue.solid->elevational_width_m / 2 - std::abs(probe.window_z_m));
   const double cells = (right - left) * bottom / cell * (solid_beam ? 2 * across / u.elevation_beam_m : 1);
   const auto count = static_cast<std::size_t>(cells * kScatterersPerCell);
   Random random(seed);
   for (std::size_t n = 0; n < count; ++n) {
     const double x = left + (right - left) * uniform(random), y = bottom * uniform(random);
-    const double z = solid_beam ? across * (2 * uniform(random) - 1) : 0;
-    const auto moved = probe.field->at(x, y, z);
+    const double z = solid_beam ? across * (2 * uniform(random) - 1) : 0;  // from the image plane
+    const auto moved = probe.field->at(x, y, probe.window_z_m + z);
     const auto rest = frame == RfFrame::kProbe ? probe.motion(x, y) : DisplacementField::Vector{};
     const double wide = widening(u, y), sigma = psf.lateral_sigma_m * wide;
     // As loud at every depth: energy spread over a wider beam comes back from more scatterers.

@@ -53,8 +53,8 @@ std::vector<double> lines(double begin, double end, const Spacing& spacing) {
   return at_m;
 }
 
-bool symmetric(const Tissue& t) {
-  return t.solid->texture == 0 &&
+bool symmetric(const Tissue& t, double window_z_m) {
+  return window_z_m == 0 && t.solid->texture == 0 &&
          std::all_of(t.inclusions.begin(), t.inclusions.end(), [](const Inclusion& i) { return i.z_m == 0; });
 }
 
@@ -76,21 +76,25 @@ double mean_modulus(const Tissue& tissue, const TrueModulus& modulus, const Soli
 
 }  // namespace
 
-SolidMesh make_solid_mesh(const Tissue& t, double window_x_m, double spacing_m) {
+SolidMesh make_solid_mesh(const Tissue& t, double window_x_m, double spacing_m, double window_z_m) {
   if (!(spacing_m >= 1e-4)) throw TissueError("spacing_m: must be at least 1e-4");
   const Solid& solid = *t.solid;
   SolidMesh mesh;
   mesh.poisson_ratio = t.poisson_ratio;
-  mesh.half = symmetric(t);
+  mesh.half = symmetric(t, window_z_m);
   const double narrow_m = kAlongYAndZ * spacing_m, end_m = solid.elevational_width_m / 2;
-  double deep_m = kFineDepth, across_m = 0;
+  const double face_m = std::min(end_m, t.probe.elevation_m / 2);
+  double deep_m = kFineDepth, fine_m = face_m + kFineBesideM;
   for (const Inclusion& i : t.inclusions) {
     deep_m = std::max(deep_m, i.y_m + i.diameter_m / 2 + kBeyondLump);
-    if (i.sphere) across_m = std::max(across_m, std::abs(i.z_m) + i.diameter_m / 2 + kBeyondLump);
+    const double away_m = std::abs(i.z_m - window_z_m), radius_m = i.diameter_m / 2;
+    if (i.sphere && away_m - radius_m < face_m + kFineBesideM)
+      fine_m = std::max(fine_m, away_m + radius_m + kBeyondLump);
   }
   deep_m = std::min(deep_m, t.depth_m);
-  const double face_m = std::min(end_m, t.probe.elevation_m / 2);
-  const double fine_m = std::min(end_m, std::max(face_m + kFineBesideM, across_m));
+  const auto across = [&](double length_m) {
+    return lines(0, length_m, {narrow_m, kCoarsest * narrow_m, 0, std::min(fine_m, length_m), {face_m}});
+  };
   const double right_m = window_x_m + t.probe.width_m;
   mesh.x_m = lines(0, t.width_m,
                    {spacing_m,
@@ -99,9 +103,11 @@ SolidMesh make_solid_mesh(const Tissue& t, double window_x_m, double spacing_m) 
                     right_m + kFineBesideM,
                     {window_x_m, right_m}});
   mesh.y_m = lines(0, t.depth_m, {narrow_m, kCoarsestBelow * narrow_m, 0, deep_m, {0}});
-  mesh.z_m = lines(0, end_m, {narrow_m, kCoarsest * narrow_m, 0, fine_m, {face_m}});
+  mesh.z_m = across(end_m - window_z_m);
+  for (double& z : mesh.z_m) z += window_z_m;
   if (!mesh.half)
-    for (std::size_t n = 1; n < mesh.z_m.size(); n += 2) mesh.z_m.insert(mesh.z_m.begin(), -mesh.z_m[n]);
+    for (const double beyond_m : across(end_m + window_z_m))
+      if (beyond_m > 0) mesh.z_m.insert(mesh.z_m.begin(), window_z_m - beyond_m);
   const std::size_t rows = mesh.y_m.size() - 1;  // of tissue
   if (solid.support == Support::kBed)
     for (const double below : lines(t.depth_m, t.depth_m + solid.bed_depth_m,

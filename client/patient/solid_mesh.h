@@ -16,7 +16,7 @@ struct SolidMesh {
   std::vector<double> x_m, y_m, z_m;      // y_m goes on through the bed, if there is one
   std::vector<double> youngs_modulus_pa;  // per element: the mean of the true modulus over its volume
   double poisson_ratio = 0;
-  bool half = false;  // z_m begins at the image plane, about which all is symmetric
+  bool half = false;  // z_m begins at z = 0, the image plane, about which all is symmetric
 
   std::size_t nx() const { return x_m.size(); }
   std::size_t ny() const { return y_m.size(); }
@@ -28,10 +28,11 @@ struct SolidMesh {
   }
 };
 
-// Of tissue with a solid, for a probe whose face begins at window_x_m: spacing_m along x, 0.7 of it along y
-// and z where it is fine; a tenth at the face's borders, up to twice as wide below and six times beside. Throws
-// TissueError above two million nodes.
-SolidMesh make_solid_mesh(const Tissue& tissue, double window_x_m, double spacing_m);
+// Of tissue with a solid, for a probe whose face begins at window_x_m, its middle at window_z_m: spacing_m
+// along x, 0.7 of it along y and z where it is fine, which is near the face and about lumps that reach there;
+// a tenth at the face's borders, up to twice as wide below and six times beside. Throws TissueError above two
+// million nodes.
+SolidMesh make_solid_mesh(const Tissue& tissue, double window_x_m, double spacing_m, double window_z_m = 0);
 
 // Stiffness of a box of such sides and unit Young's modulus: 2 mu eps:eps by 2 x 2 x 2 Gauss points, lambda
 // (div u)^2 at the centre. Order: nodes (0,0,0), (1,0,0), (0,1,0), (1,1,0), then those of z = 1, each u_x,

@@ -162,11 +162,12 @@ struct FaceNode {
 
 class Press {
  public:
-  Press(const Tissue& tissue, double window_x_m, double spacing_m)
+  Press(const Tissue& tissue, double window_x_m, double spacing_m, double window_z_m)
       : tissue_(tissue),
         solid_(*tissue.solid),
         middle_m_(window_x_m + tissue.probe.width_m / 2),
-        mesh_(make_solid_mesh(tissue, window_x_m, spacing_m)),
+        plane_m_(window_z_m),
+        mesh_(make_solid_mesh(tissue, window_x_m, spacing_m, window_z_m)),
         stiffness_(stiffness(mesh_)),
         u_(Eigen::VectorXd::Zero(stiffness_.rows())) {
     find_face(window_x_m);
@@ -207,7 +208,7 @@ class Press {
         const double across = from_middle(mesh_.x_m[i]);
         const double beyond_m =
             std::hypot(std::max(0.0, std::abs(across) - 1) * tissue_.probe.width_m / 2,
-                       std::max(0.0, std::abs(mesh_.z_m[k]) - tissue_.probe.elevation_m / 2));
+                       std::max(0.0, std::abs(mesh_.z_m[k] - plane_m_) - tissue_.probe.elevation_m / 2));
         const double above = compression_m * (1 + solid_.uneven * std::clamp(across, -1.0, 1.0)) *
                              std::exp(-beyond_m / kBesideM);
         for (std::size_t j = 0; j < mesh_.ny(); ++j)
@@ -221,7 +222,7 @@ class Press {
       for (std::size_t i = 0; i < mesh_.nx(); ++i) {
         const double x = mesh_.x_m[i], z = mesh_.z_m[k];
         if (x >= window_x_m - slack && x <= window_x_m + tissue_.probe.width_m + slack &&
-            std::abs(z) <= tissue_.probe.elevation_m / 2 + slack)
+            std::abs(z - plane_m_) <= tissue_.probe.elevation_m / 2 + slack)
           face_.push_back({mesh_.node(i, 0, k), x});
       }
   }
@@ -305,7 +306,7 @@ class Press {
 
   const Tissue& tissue_;
   const Solid& solid_;
-  double middle_m_;
+  double middle_m_, plane_m_;
   SolidMesh mesh_;
   Matrix stiffness_;
   Eigen::VectorXd u_;
@@ -314,7 +315,8 @@ class Press {
 
 }  // namespace
 
-ProbeState press_solid(const Tissue& tissue, double window_x_m, double compression_m, double spacing_m) {
+ProbeState press_solid(const Tissue& tissue, double window_x_m, double compression_m, double spacing_m,
+                       double window_z_m) {
   validate(tissue);
   if (!tissue.solid) throw TissueError("solid: the tissue is not solid; add [solid]");
   const Probe& probe = tissue.probe;
@@ -322,12 +324,18 @@ ProbeState press_solid(const Tissue& tissue, double window_x_m, double compressi
   if (!(window_x_m >= -slack) || !(window_x_m + probe.width_m <= tissue.width_m + slack))
     throw std::invalid_argument(
         "window_x_m: the probe's face reaches beyond the tissue; choose 0 to width_m - probe.width_m");
+  const double end_m = tissue.solid->elevational_width_m / 2;
+  if (!(std::abs(window_z_m) + probe.elevation_m / 2 <= end_m + slack))
+    throw std::invalid_argument(
+        "window_z_m: the probe's face reaches beyond the tissue's ends; choose at most "
+        "(solid.elevational_width_m - probe.elevation_m) / 2 to either side");
   if (!(compression_m > 0) || !(compression_m <= .1 * tissue.depth_m))
     throw std::invalid_argument("compression_m: must be more than 0 and at most a tenth of the depth");
   window_x_m = std::clamp(window_x_m, 0.0, tissue.width_m - probe.width_m);
-  Press press(tissue, window_x_m, spacing_m);
+  Press press(tissue, window_x_m, spacing_m, window_z_m);
   ProbeState state;
   state.window_x_m = window_x_m;
+  state.window_z_m = window_z_m;
   state.width_m = probe.width_m;
   state.compression_m = compression_m;
   state.tilt = tissue.solid->uneven * compression_m / (probe.width_m / 2);

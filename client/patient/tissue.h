@@ -140,6 +140,11 @@ void write_tissue(const std::filesystem::path& path, const Tissue& tissue);
 // a border of two 60 mm windows (x = 60 k mm). The same seed gives the same patient.
 Tissue random_tissue(std::uint64_t seed);
 
+// A solid of 120 x 40 x 100 mm, texture of 5 %, with 3 hidden spheres: contrast 3 to 6, diameter 8 to 12 mm,
+// wholly within 20 mm of the surface, at most 18 mm from the middle along x and along z, borders >= 6 mm
+// apart. The same seed gives the same solid.
+Tissue random_solid_tissue(std::uint64_t seed);
+
 // A solid unlike what an estimator assumes, all of it drawn: size (one in four no wider than the probe),
 // support, friction, an uneven push, in part without contact, capsule, texture, Poisson's ratio, a lump of 10
 // mm (sphere or cylinder, 12 to 18 mm deep; `contrast` of it, drawn from 2 to 6 where that is 0), beam,

@@ -57,6 +57,21 @@ TEST(WindowPlanner, PreparesTheStartBeforeAnybodyTouchesAndThenWaits) {
   EXPECT_FALSE(planner.next({}, windows, 1000.0));
 }
 
+TEST(WindowPlanner, TakesAllWhereItIsToldTo) {
+  PlannerOptions options = five_windows();
+  options.all = true, options.lookahead = 1;
+  WindowPlanner planner(options, 0.15, +1);
+  auto windows = unknown(5);
+  windows[0].frames_left = 0;
+  for (const std::size_t expected : {2u, 3u, 1u, 4u}) {
+    const auto next = planner.next({}, windows, 0.0);
+    ASSERT_TRUE(next);
+    EXPECT_EQ(*next, expected);
+    windows[*next].acquired_s = 0.0;
+  }
+  EXPECT_FALSE(planner.next({}, windows, 0.0));
+}
+
 TEST(WindowPlanner, UnknownComesBeforeStale) {
   WindowPlanner planner(five_windows(), 0.03, +1);
   auto windows = unknown(5);

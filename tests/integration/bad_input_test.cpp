@@ -171,6 +171,42 @@ TEST(AcquireInput, NeedsATissueAndOneThatCanBeRead) {
         << start;
 }
 
+TEST(AcquireInput, SlicesThatCannotBeTakenAreRefusedInWords) {
+  TemporaryFolder folder;
+  write(folder / "plane.toml", "[tissue]\nwidth_m = 0.1\n");
+  write(folder / "thin.toml", "[tissue]\nwidth_m = 0.1\n[solid]\nelevational_width_m = 0.03\n");
+  const auto refused = [&](const std::vector<std::string>& more, const std::vector<std::string>& words) {
+    std::vector<std::string> command{test::client_binary(), "acquire", "--service",
+                                     "unix:/tmp/tt-nobody", "--scene", "s"};
+    command.insert(command.end(), more.begin(), more.end());
+    expect_one_clear_line(test::run(command, folder / "log"), words);
+  };
+  refused({"--tissue", folder / "plane.toml", "--slices", "3"}, {"--slices 3", "[solid]"});
+  refused({"--tissue", folder / "thin.toml", "--slices", "6"}, {"from z -0.0125 to 0.0125", "-0.01 to 0.01"});
+  refused({"--tissue", folder / "thin.toml", "--slices", "1", "--first-slice-z-m", "0.02"}, {"z 0.02"});
+  refused({"--seed", "1", "--slices", "3", "--start-x-m", "0.01"}, {"--start-x-m", "first slice"});
+  refused({"--seed", "1", "--slices", "3", "--plane", "strain"}, {"--plane", "solid"});
+  refused({"--seed", "1", "--slices", "3", "--modulus-method", "direct"}, {"--modulus-method"});
+  refused({"--seed", "1", "--slices", "2", "--save-modulus", folder / "a", "--save-log-std", folder / "./a"},
+          {"--save-modulus", "same file"});
+  for (const std::vector<std::string>& words :
+       std::vector<std::vector<std::string>>{{"--slices", "0"},
+                                             {"--slices", "-1"},
+                                             {"--slices", "2", "--slice-pitch-m", "0"},
+                                             {"--slices", "2", "--slice-pitch-m", "nan"},
+                                             {"--slice-pitch-m", "0.01"},
+                                             {"--unlike-model"}}) {
+    std::vector<std::string> command{
+        test::client_binary(), "acquire", "--service", "unix:/tmp/tt-nobody", "--scene", "s", "--seed", "1"};
+    command.insert(command.end(), words.begin(), words.end());
+    const test::Outcome outcome = test::run(command, folder / "log");
+    EXPECT_NE(outcome.code, 0) << words.front();
+    EXPECT_NE(outcome.output.find(words.front() == "--slices" && words.size() > 2 ? words[2] : words.front()),
+              std::string::npos)
+        << outcome.output;
+  }
+}
+
 // One file under two names, by another spelling, a link, or before it exists, is refused before anything is
 // opened for writing: what was recorded stays.
 TEST(RecordInput, WhatIsReadIsNeverWrittenOver) {

@@ -61,6 +61,10 @@ TEST_F(Refusals, AFileThatExistsIsKeptUnlessForced) {
   for (const char* option : {"--record", "--save-tissue"})
     expect_refused({"acquire", "--service", nowhere, "--scene", "s", "--seed", "1", option, file},
                    {option, "it exists", "--force"});
+  for (const char* option : {"--save-modulus", "--save-log-std"})
+    expect_refused(
+        {"acquire", "--service", nowhere, "--scene", "s", "--seed", "1", "--slices", "2", option, file},
+        {option, "it exists", "--force"});
   expect_refused({"replay", folder / "other", "--service", nowhere, "--record", file},
                  {"--record", "it exists", "--force"});
   expect_refused(with(touch, {"--json", file, "--force"}), {"no service at"});

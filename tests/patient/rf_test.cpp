@@ -181,6 +181,22 @@ TEST(Rf, TheProbesFrameTiltsWithIt) {
   EXPECT_LE(correlation(base.pre, simulate_rf(w.tissue, moved, RfFrame::kLab, 11).post), .5);
 }
 
+// Tissue that has moved on one side of z = 5 mm alone is seen to have moved by a probe there.
+TEST(Rf, ImagesThePlaneThatTheProbeStandsOn) {
+  struct Beyond : DisplacementField {
+    Vector at(double, double, double z_m) const override { return {0, z_m > .005 ? 1e-4 : 0, 0}; }
+  };
+  ProbeState state = world().state;
+  state.field = std::make_shared<Beyond>();
+  Tissue t = world().tissue;
+  t.ultrasound.elevation_beam_m = .001;
+  const RfBase here = simulate_rf(t, state, RfFrame::kLab, 11);
+  state.window_z_m = .01;
+  const RfBase there = simulate_rf(t, state, RfFrame::kLab, 11);
+  EXPECT_GE(correlation(here.pre, here.post), 1 - 1e-6);
+  EXPECT_LE(correlation(there.pre, there.post), .5);
+}
+
 // The tissue of world() with such a beam, moved across the image plane alone.
 RfBase moved_across(const Ultrasound& ultrasound, double across_m) {
   Tissue t = world().tissue;

@@ -132,6 +132,22 @@ TEST(SolidPress, ConvergesUnderRefinement) {
   EXPECT_NEAR(middle[1], middle[2], .005) << middle[0];
 }
 
+// The probe beside z = 0 feels what it feels at 0 of tissue that was moved: its ends are far away.
+TEST(SolidPress, AcrossThePlaneIsTheSameTissueMoved) {
+  Tissue t = block(.08, .03, .1);
+  t.inclusions = {{.045, .012, .01, 4, true, .009}};
+  const ProbeState there = press_solid(t, middle_window(t), kPushM, .0025, .01);
+  EXPECT_EQ(there.window_z_m, .01);
+  t.inclusions[0].z_m = -.001;
+  const ProbeState here = press(t, .0025);
+  EXPECT_NEAR(there.force_n / here.force_n, 1, .003);
+  for (const double x : {.02, .04, .055})
+    for (const double z : {-.004, 0., .004})
+      EXPECT_NEAR(there.field->at(x, .012, .01 + z).y, here.field->at(x, .012, z).y, .01 * kPushM)
+          << x << " " << z;
+  EXPECT_GT(std::abs(there.field->at(.04, .012, .01).y - there.field->at(.04, .012, 0).y), .05 * kPushM);
+}
+
 // What is pressed in above is carried through every row of elements: their mean vertical stress times area.
 TEST(SolidPress, ForceIsCarriedDownToTheBottom) {
   Tissue t = block(.08, .03, .04);
@@ -238,6 +254,9 @@ TEST(SolidPress, RefusesWhatItCannotPress) {
   Tissue t = block(.1, .03, .04);
   EXPECT_THROW(press_solid(t, .05, kPushM), std::invalid_argument);
   EXPECT_THROW(press_solid(t, 0, .01), std::invalid_argument);
+  const double beyond_m = (t.solid->elevational_width_m - t.probe.elevation_m) / 2 + 1e-3;
+  EXPECT_THROW(press_solid(t, 0, kPushM, kSolidSpacing, beyond_m), std::invalid_argument);
+  EXPECT_THROW(press_solid(t, 0, kPushM, kSolidSpacing, -beyond_m), std::invalid_argument);
   EXPECT_THROW(Patient{t}, TissueError);
   t.solid->friction = -1;
   EXPECT_THROW(press_solid(t, 0, kPushM), TissueError);

@@ -164,6 +164,26 @@ TEST(RandomTissue, KeepsItsRulesForEverySeed) {
   EXPECT_EQ(counts, (std::set<std::size_t>{3, 4, 5}));
 }
 
+TEST(RandomTissue, OfASolidKeepsItsRulesForEverySeed) {
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    const Tissue t = random_solid_tissue(seed);
+    ASSERT_NO_THROW(validate(t)) << seed;
+    EXPECT_EQ(t, random_solid_tissue(seed));
+    ASSERT_EQ(t.inclusions.size(), 3u);
+    for (const Inclusion& i : t.inclusions) {
+      EXPECT_TRUE(i.sphere && i.contrast >= 3 && i.diameter_m >= .008) << seed;
+      EXPECT_LE(i.y_m + i.diameter_m / 2, .02 + 1e-12) << seed;
+      EXPECT_LE(std::max(std::abs(i.x_m - t.width_m / 2), std::abs(i.z_m)), .018) << seed;
+      for (const Inclusion& other : t.inclusions)
+        if (!(other == i))
+          EXPECT_GE(std::hypot(i.x_m - other.x_m, i.y_m - other.y_m, i.z_m - other.z_m),
+                    (i.diameter_m + other.diameter_m) / 2 + .006 - 1e-12)
+              << seed;
+    }
+  }
+  EXPECT_NE(random_solid_tissue(1), random_solid_tissue(2));
+}
+
 TEST(UnlikeModel, DrawsWhatIsAllowedOfEveryOption) {
   std::set<Support> supports;
   int held = 0, slides = 0, rubs = 0, narrow = 0, leans = 0, capsules = 0, spheres = 0, deeper = 0;

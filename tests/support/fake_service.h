@@ -81,11 +81,32 @@ class FakeElastography final : public v1::Elastography::Service {
       summary.set_scene_version(calls_.size());
       summary.set_received_to_published_s(compute_ms * 1e-3);
     }
+    for (const std::string& name : call.acquisition.maps()) send_map(*stream, name, call.pre[0]);
     stream->Write(response);
     return grpc::Status::OK;
   }
 
  private:
+  // 2 x 2 nodes, 10 mm apart: a modulus of 10 kPa and one more for each of the frame's first sample, known to
+  // 0.1.
+  static void send_map(grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>& stream,
+                       const std::string& name, char frame) {
+    v1::EstimateResponse response;
+    v1::Map& map = *response.mutable_map()->mutable_map();
+    map.set_name(name);
+    for (int axis = 0; axis < 2; ++axis) {
+      map.mutable_grid()->add_size(2);
+      map.mutable_grid()->add_origin_m(0.005);
+      map.mutable_grid()->add_spacing_m(0.01);
+      map.mutable_values()->add_shape(2);
+    }
+    const float modulus = 1e4F + 1e3F * static_cast<float>(frame);
+    const std::vector<float> values(4, name == "youngs_modulus" ? modulus : name == "valid" ? 1.0F : 0.1F);
+    map.mutable_values()->set_dtype(v1::DATA_TYPE_FLOAT32);
+    map.mutable_values()->set_data(values.data(), values.size() * sizeof(float));
+    stream.Write(response);
+  }
+
   mutable std::mutex mutex_;
   std::vector<Call> calls_;
 };
@@ -93,16 +114,18 @@ class FakeElastography final : public v1::Elastography::Service {
 class FakePalpation final : public v1::Palpation::Service {
  public:
   // What WatchFinger tells from now on.
-  void set_finger(bool present, double x_m, double velocity_m_s) {
+  void set_finger(bool present, double x_m, double velocity_m_s, double z_m = 0, double velocity_z_m_s = 0) {
     const std::lock_guard lock(mutex_);
     finger_.mutable_stamp()->set_monotonic_ns(static_cast<std::int64_t>(++changes_));
     finger_.set_present(present);
     finger_.mutable_position_m()->Clear();
     finger_.add_position_m(x_m);
     finger_.add_position_m(0);
+    finger_.add_position_m(z_m);
     finger_.mutable_velocity_m_s()->Clear();
     finger_.add_velocity_m_s(velocity_m_s);
     finger_.add_velocity_m_s(0);
+    finger_.add_velocity_m_s(velocity_z_m_s);
     changed_.notify_all();
   }
 
@@ -125,8 +148,30 @@ class FakePalpation final : public v1::Palpation::Service {
     if (!fresh) return {grpc::StatusCode::ALREADY_EXISTS, "scene_id is taken"};
     it->second.set_scene_id(request->scene_id());
     *it->second.mutable_geometry() = request->geometry();
+    for (const v1::ModulusSlice& slice : request->slices()) take(it->second, slice);
     *scene = it->second;
     return grpc::Status::OK;
+  }
+
+  std::atomic<int> unavailable_slices{0};  // the next n of PublishSlice fail so
+  grpc::Status PublishSlice(grpc::ServerContext*, const v1::PublishSliceRequest* request,
+                            v1::PublishSliceResponse* response) override {
+    if (unavailable_slices > 0 && unavailable_slices-- > 0)
+      return {grpc::StatusCode::UNAVAILABLE, "draining"};
+    const std::lock_guard lock(mutex_);
+    const auto it = scenes_.find(request->scene_id());
+    if (it == scenes_.end()) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    take(it->second, request->slice());
+    response->set_version(it->second.version());
+    return grpc::Status::OK;
+  }
+  std::vector<v1::ModulusSlice> slices() {  // as they came, whatever their scene
+    const std::lock_guard lock(mutex_);
+    return slices_;
+  }
+  void forget_scenes() {
+    const std::lock_guard lock(mutex_);
+    scenes_.clear();
   }
 
   std::vector<std::string> clients() {  // of ListScenes and WatchFinger, a name for each call
@@ -177,7 +222,13 @@ class FakePalpation final : public v1::Palpation::Service {
   }
 
  private:
+  void take(v1::Scene& scene, const v1::ModulusSlice& slice) {
+    slices_.push_back(slice);
+    scene.set_version(scene.version() + 1);
+  }
+
   std::mutex mutex_;
+  std::vector<v1::ModulusSlice> slices_;
   std::condition_variable changed_;
   std::uint64_t changes_ = 1;  // a watcher hears of the first state at once
   v1::FingerState finger_;

@@ -1,0 +1,181 @@
+#include "client/acquire/slice_scene.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <thread>
+#include <utility>
+
+#include "client/acquire/map_output.h"
+#include "client/clock/clock.h"
+#include "client/link/retry.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kColumnM = 0.002, kRowM = 0.001;
+constexpr auto kCallDeadline = std::chrono::seconds(60);
+
+std::size_t parts(double whole_m, double part_m) {
+  return static_cast<std::size_t>(std::max(2.0, std::round(whole_m / part_m)));
+}
+
+const v1::Map& map_of(const std::vector<v1::Map>& maps, const std::string& name) {
+  for (const v1::Map& map : maps)
+    if (map.name() == name) return map;
+  throw ServiceError(grpc::StatusCode::INTERNAL, "Estimate: the service sent no map '" + name + "'");
+}
+
+v1::Array array_of(const SliceGrid& grid, const std::vector<float>& values) {
+  v1::Array out;
+  out.set_dtype(v1::DATA_TYPE_FLOAT32);
+  for (const std::size_t n : {grid.rows(), grid.columns()}) out.add_shape(static_cast<std::uint32_t>(n));
+  out.set_data(values.data(), values.size() * sizeof(float));
+  return out;
+}
+
+// Elements that nothing was measured of.
+void continue_measured(const SliceGrid& grid, const std::vector<int>& nodes, SlicePlane& plane) {
+  const std::size_t columns = grid.columns();
+  const SlicePlane measured = plane;
+  const auto apart_m = [&](std::size_t a, std::size_t b) {
+    const auto between = [](std::size_t p, std::size_t q) {
+      return static_cast<double>(p) - static_cast<double>(q);
+    };
+    return std::hypot(between(a % columns, b % columns) * grid.column_m(),
+                      between(a / columns, b / columns) * grid.row_m());
+  };
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    if (nodes[n] > 0) continue;
+    std::size_t nearest = nodes.size();
+    for (std::size_t m = 0; m < nodes.size(); ++m)
+      if (nodes[m] > 0 && (nearest == nodes.size() || apart_m(n, m) < apart_m(n, nearest))) nearest = m;
+    plane.pa[n] = measured.pa[nearest];
+    plane.log_std[n] = std::hypot(measured.log_std[nearest], std::numbers::ln2_v<float>);
+  }
+}
+
+}  // namespace
+
+std::size_t SliceGrid::columns() const {
+  return parts(width_m, kColumnM);
+}
+std::size_t SliceGrid::rows() const {
+  return parts(depth_m, kRowM);
+}
+
+SlicePlane slice_plane(const std::vector<v1::Map>& maps, const SliceGrid& grid) {
+  const v1::Map& modulus = map_of(maps, "youngs_modulus");
+  const std::vector<float> pa = values_of(modulus), valid = values_of(map_of(maps, "valid")),
+                           log_std = values_of(map_of(maps, "youngs_modulus_log_std"));
+  if (valid.size() != pa.size() || log_std.size() != pa.size())
+    throw ServiceError(grpc::StatusCode::INTERNAL, "Estimate: the service's maps have different sizes");
+  const v1::Grid& nodes = modulus.grid();
+  const std::size_t columns = grid.columns(), elements = columns * grid.rows();
+  std::vector<int> count(elements, 0);
+  std::vector<double> logarithm(elements, 0), deviation(elements, 0);
+  for (std::size_t n = 0; n < pa.size(); ++n) {
+    if (valid[n] == 0 || !(pa[n] > 0) || !std::isfinite(pa[n]) || !std::isfinite(log_std[n])) continue;
+    const auto across = static_cast<double>(n % nodes.size(0)), down = static_cast<double>(n / nodes.size(0));
+    const double i = (nodes.origin_m(0) + across * nodes.spacing_m(0)) / grid.column_m(),
+                 j = (nodes.origin_m(1) + down * nodes.spacing_m(1)) / grid.row_m();
+    if (!(i >= 0 && j >= 0 && i < static_cast<double>(columns) && j < static_cast<double>(grid.rows())))
+      continue;
+    const std::size_t element = static_cast<std::size_t>(i) + columns * static_cast<std::size_t>(j);
+    ++count[element], logarithm[element] += std::log(pa[n]), deviation[element] += log_std[n];
+  }
+  if (std::ranges::all_of(count, [](int c) { return c == 0; }))
+    throw ServiceError(grpc::StatusCode::FAILED_PRECONDITION, "Estimate: the slice has no valid modulus");
+  SlicePlane plane{std::vector<float>(elements), std::vector<float>(elements)};
+  for (std::size_t n = 0; n < elements; ++n) {
+    if (count[n] == 0) continue;
+    plane.pa[n] = static_cast<float>(std::exp(logarithm[n] / count[n]));
+    plane.log_std[n] = static_cast<float>(deviation[n] / count[n]);
+  }
+  continue_measured(grid, count, plane);
+  return plane;
+}
+
+SliceScene::SliceScene(const std::shared_ptr<grpc::Channel>& channel, std::string scene_id, SliceGrid grid,
+                       double retry_for_s)
+    : stub_(v1::Palpation::NewStub(channel)),
+      scene_id_(std::move(scene_id)),
+      grid_(grid),
+      retry_for_s_(retry_for_s) {}
+
+std::uint64_t SliceScene::publish(std::size_t slice, const std::vector<v1::Map>& maps,
+                                  const std::atomic<bool>& stop) {
+  SlicePlane plane = slice_plane(maps, grid_);
+  v1::ModulusSlice message;
+  for (const double o : {0.0, 0.0, grid_.places.z_m(slice)}) message.mutable_pose()->add_origin_m(o);
+  *message.mutable_modulus()->mutable_youngs_modulus_pa() = array_of(grid_, plane.pa);
+  *message.mutable_youngs_modulus_log_std() = array_of(grid_, plane.log_std);
+  const std::int64_t give_up_ns = monotonic_ns() + static_cast<std::int64_t>(retry_for_s_ * 1e9);
+  Backoff backoff(0.05, 0.5);
+  for (bool again = false;; again = true) {
+    std::uint64_t version = 0;
+    grpc::Status status = made() ? add(message, version) : create(message, version);
+    // An attempt whose answer was lost may have made it.
+    if (again && !made() && status.error_code() == grpc::StatusCode::ALREADY_EXISTS)
+      status = add(message, version);
+    if (status.ok()) {
+      planes_[slice] = std::move(plane);
+      return version;
+    }
+    if (status.error_code() != grpc::StatusCode::UNAVAILABLE || monotonic_ns() > give_up_ns)
+      throw_status(made() ? "PublishSlice" : "CreateScene", status);
+    if (stop) throw ServiceError(grpc::StatusCode::CANCELLED, "PublishSlice: stopped");
+    std::this_thread::sleep_for(std::chrono::duration<double>(backoff.next_s()));
+  }
+}
+
+grpc::Status SliceScene::create(const v1::ModulusSlice& slice, std::uint64_t& version) {
+  v1::CreateSceneRequest request;
+  request.set_scene_id(scene_id_);
+  for (const double size_m : {grid_.width_m, grid_.depth_m}) request.mutable_geometry()->add_size_m(size_m);
+  request.mutable_geometry()->set_poisson_ratio(grid_.poisson_ratio);
+  request.mutable_geometry()->set_has_poisson_ratio(true);
+  const auto nodes = [](std::size_t count, double step_m, double whole_m, auto* out) {
+    for (std::size_t n = 0; n < count; ++n) out->Add(step_m * static_cast<double>(n));
+    out->Add(whole_m);
+  };
+  nodes(grid_.columns(), grid_.column_m(), grid_.width_m, request.mutable_modulus()->mutable_x_m());
+  nodes(grid_.rows(), grid_.row_m(), grid_.depth_m, request.mutable_modulus()->mutable_y_m());
+  const SlicePlaces& places = grid_.places;
+  for (std::size_t n = 0; n <= places.count; ++n)
+    request.mutable_modulus()->add_z_m(places.z_m(n) - places.pitch_m / 2);
+  *request.add_slices() = slice;
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
+  v1::Scene scene;
+  const grpc::Status status = stub_->CreateScene(&context, request, &scene);
+  version = scene.version();
+  return status;
+}
+
+grpc::Status SliceScene::add(const v1::ModulusSlice& slice, std::uint64_t& version) {
+  v1::PublishSliceRequest request;
+  request.set_scene_id(scene_id_);
+  *request.mutable_slice() = slice;
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
+  v1::PublishSliceResponse response;
+  const grpc::Status status = stub_->PublishSlice(&context, request, &response);
+  version = response.version();
+  return status;
+}
+
+MetaImage slice_volume(const SliceGrid& grid, const std::map<std::size_t, SlicePlane>& planes,
+                       std::vector<float> SlicePlane::*values) {
+  const std::size_t plane = grid.columns() * grid.rows();
+  std::vector<float> all(plane * grid.places.count, std::numeric_limits<float>::quiet_NaN());
+  for (const auto& [slice, values_there] : planes)
+    std::ranges::copy(values_there.*values, all.begin() + static_cast<std::ptrdiff_t>(slice * plane));
+  return MetaImage::of<float>({grid.columns(), grid.rows(), grid.places.count},
+                              {grid.column_m(), grid.row_m(), grid.places.pitch_m},
+                              {grid.column_m() / 2, grid.row_m() / 2, grid.places.first_z_m}, all);
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,241 @@
+#include "client/acquire/slice_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "client/acquire/session.h"
+#include "client/link/channel.h"
+#include "tests/support/fake_service.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+// Nodes 1 mm apart from half of a millimetre on.
+v1::Map map_of(const std::string& name, std::uint32_t columns, std::uint32_t rows,
+               const std::vector<float>& values) {
+  v1::Map map;
+  map.set_name(name);
+  for (const std::uint32_t n : {columns, rows}) {
+    map.mutable_grid()->add_size(n);
+    map.mutable_grid()->add_origin_m(0.0005);
+    map.mutable_grid()->add_spacing_m(0.001);
+  }
+  map.mutable_values()->set_dtype(v1::DATA_TYPE_FLOAT32);
+  map.mutable_values()->set_data(values.data(), values.size() * sizeof(float));
+  return map;
+}
+
+SliceGrid grid_of(double width_m, double depth_m, std::size_t slices = 3) {
+  return {width_m, depth_m, 0.48, {slices, -0.005, 0.005}};
+}
+
+TEST(SlicePlane, IsTheMeanOfTheLogarithmsInEachElement) {
+  const SliceGrid grid = grid_of(0.004, 0.002);
+  ASSERT_EQ(grid.columns(), 2u);
+  ASSERT_EQ(grid.rows(), 2u);
+  // The node that is not valid, and the one that is no number, count for nothing.
+  const SlicePlane plane =
+      slice_plane({map_of("youngs_modulus", 4, 2, {1e4, 4e4, 1e9, 5e3, 2e4, kNan, 3e4, 3e4}),
+                   map_of("valid", 4, 2, {1, 1, 0, 1, 1, 1, 1, 1}),
+                   map_of("youngs_modulus_log_std", 4, 2, {0.1F, 0.3F, 9, 0.2F, 0.4F, 0.4F, 0.5F, 0.7F})},
+                  grid);
+  const std::vector<float> pa{2e4, 5e3, 2e4, 3e4}, log_std{0.2F, 0.2F, 0.4F, 0.6F};
+  for (std::size_t n = 0; n < 4; ++n) {
+    EXPECT_NEAR(plane.pa[n], pa[n], 1e-3 * pa[n]) << n;
+    EXPECT_NEAR(plane.log_std[n], log_std[n], 1e-6) << n;
+  }
+}
+
+TEST(SlicePlane, WhatWasNotMeasuredContinuesTheNearestAndSaysSo) {
+  const SliceGrid grid = grid_of(0.004, 0.004);  // the image is half as deep
+  const std::vector<v1::Map> maps{map_of("youngs_modulus", 4, 2, {1e4, 1e4, 2e4, 2e4, 1e4, 1e4, 2e4, 2e4}),
+                                  map_of("valid", 4, 2, std::vector<float>(8, 1)),
+                                  map_of("youngs_modulus_log_std", 4, 2, std::vector<float>(8, 0.1F))};
+  const SlicePlane plane = slice_plane(maps, grid);
+  for (std::size_t n = 0; n < 8; ++n) {
+    EXPECT_NEAR(plane.pa[n], n % 2 == 0 ? 1e4 : 2e4, 1) << n;
+    EXPECT_NEAR(plane.log_std[n], n < 4 ? 0.1 : std::hypot(0.1, std::numbers::ln2), 1e-6) << n;
+  }
+  std::vector<v1::Map> nothing = maps;
+  nothing[1] = map_of("valid", 4, 2, std::vector<float>(8, 0));
+  try {
+    slice_plane(nothing, grid);
+    FAIL() << "a slice was made of nothing";
+  } catch (const ServiceError& error) {
+    EXPECT_EQ(error.code, grpc::StatusCode::FAILED_PRECONDITION);
+  }
+  EXPECT_THROW(slice_plane({maps[0], maps[1]}, grid), ServiceError);
+}
+
+TEST(SliceVolume, LiesAsTheCommandSlicesWantsIt) {
+  const SliceGrid grid = grid_of(0.004, 0.002);
+  const MetaImage image = slice_volume(grid, {{1, {{1, 2, 3, 4}, {}}}}, &SlicePlane::pa);
+  EXPECT_EQ(image.size, (std::vector<std::size_t>{2, 2, 3}));
+  EXPECT_EQ(image.origin, (std::vector<double>{0.001, 0.0005, -0.005}));
+  EXPECT_EQ(image.spacing, (std::vector<double>{0.002, 0.001, 0.005}));
+  const std::vector<float> values = image.as<float>();
+  EXPECT_TRUE(std::isnan(values[3]) && std::isnan(values[8])) << "no slice was published there";
+  EXPECT_EQ(std::vector<float>(values.begin() + 4, values.begin() + 8), (std::vector<float>{1, 2, 3, 4}));
+}
+
+// Frames whose first sample says which slice they are of.
+class NumberedSlices final : public FrameSource {
+ public:
+  NumberedSlices(std::size_t slices, std::size_t passes) : left_(slices, passes) {}
+  std::size_t window_count() const override { return left_.size(); }
+  double window_width_m() const override { return 0.005; }
+  double compression_m() const override { return 0.0008; }
+  std::size_t frames_left(std::size_t slice) const override { return left_.at(slice); }
+  FramePair take(std::size_t slice) override {
+    --left_.at(slice);
+    FramePair pair;
+    pair.acquisition.add_maps("valid");
+    pair.acquisition.mutable_probe_force()->set_force_n(1);
+    pair.pre.assign(64, static_cast<char>(slice));
+    pair.post = pair.pre;
+    return pair;
+  }
+
+ private:
+  std::vector<std::size_t> left_;
+};
+
+AcquireOptions options_of(std::size_t slices) {
+  AcquireOptions options;
+  options.scene_id = "s";
+  options.arm = {.speed_m_s = 10, .acceleration_m_s2 = 1000, .settle_s = 0, .frame_rate_hz = 1000};
+  options.planner.all = true;
+  options.planner.refresh_after_s = HUGE_VAL;
+  options.start_x_m = 0;
+  options.retry_for_s = 5;
+  options.slices = SliceOptions{{0.02, 0.02, 0.48, {slices, -0.01, 0.005}}, 0.012};
+  return options;
+}
+
+std::vector<double> places_of(const std::vector<v1::ModulusSlice>& slices) {
+  std::vector<double> z_m;
+  for (const v1::ModulusSlice& slice : slices) z_m.push_back(slice.pose().origin_m(2));
+  return z_m;
+}
+
+void expect_places(const std::vector<v1::ModulusSlice>& slices, const std::vector<double>& z_m) {
+  const std::vector<double> found = places_of(slices);
+  ASSERT_EQ(found.size(), z_m.size());
+  for (std::size_t n = 0; n < z_m.size(); ++n) EXPECT_NEAR(found[n], z_m[n], 1e-12) << n;
+}
+
+TEST(AcquireSlices, TakesThemAllAndPublishesEachWhereItWasTaken) {
+  test::FakeServer server;
+  NumberedSlices frames(5, 2);
+  AcquireOptions options = options_of(5);
+  options.planner.lookahead = 1;
+  std::atomic<bool> stop{false};
+  AcquireObserver observer;
+  std::size_t ready_after = 0;
+  std::vector<std::uint64_t> versions;
+  observer.slice = [&](std::size_t, std::uint64_t version) { versions.push_back(version); };
+  observer.ready = [&] { ready_after = server.palpation.slices().size(); };
+  AcquireSession session(server.address(), "", frames, options, observer);
+  const AcquireResult result = session.run(stop);
+  EXPECT_EQ(result.windows.size(), 5u);
+  EXPECT_GE(ready_after, 2u);
+  EXPECT_EQ(versions, (std::vector<std::uint64_t>{1, 2, 3, 4, 5}));
+  const auto slices = server.palpation.slices();
+  expect_places(slices, {-0.01, -0.005, 0, 0.005, 0.01});
+  for (std::size_t n = 0; n < slices.size(); ++n) {
+    const v1::Array& pa = slices[n].modulus().youngs_modulus_pa();
+    ASSERT_EQ(pa.data().size(), sizeof(float) * 10 * 20);
+    float first = 0;
+    std::memcpy(&first, pa.data().data(), sizeof first);
+    EXPECT_NEAR(first, 1e4 + 1e3 * double(n), 1) << "a slice was published with another's frames";
+    EXPECT_EQ(slices[n].youngs_modulus_log_std().data().size(), pa.data().size());
+    EXPECT_EQ(frames.frames_left(n), 1u) << "one acquisition of each";
+  }
+  for (const auto& call : server.elastography.calls()) {
+    EXPECT_EQ(call.acquisition.plane(), v1::PLANE_CONDITION_SOLID);
+    EXPECT_FALSE(call.acquisition.has_publish());
+    EXPECT_EQ(call.acquisition.probe_elevation_m(), 0.012);
+    EXPECT_EQ(call.acquisition.tissue_depth_m(), 0.02);
+  }
+  EXPECT_EQ(session.planes().size(), 5u);
+}
+
+TEST(AcquireSlices, OneThatCannotBeEstimatedDoesNotEndTheOthers) {
+  test::FakeServer server;
+  server.elastography.untracked_calls = 1;
+  NumberedSlices frames(3, 1);
+  std::atomic<bool> stop{false};
+  std::vector<std::string> said;
+  AcquireObserver observer;
+  observer.note = [&](const std::string& line) { said.push_back(line); };
+  AcquireSession session(server.address(), "", frames, options_of(3), observer);
+  const AcquireResult result = session.run(stop);
+  EXPECT_EQ(result.untracked, 1u);
+  expect_places(server.palpation.slices(), {-0.005, 0});
+  EXPECT_EQ(session.planes().count(0), 0u);
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_NE(said[0].find("could not be tracked"), std::string::npos) << said[0];
+}
+
+TEST(AcquireSlices, OutlivesAServiceThatIsNotThereForAWhile) {
+  test::FakeServer server;
+  server.elastography.unavailable_calls = 2;
+  server.palpation.unavailable_slices = 2;
+  NumberedSlices frames(3, 1);
+  std::atomic<bool> stop{false};
+  AcquireSession session(server.address(), "", frames, options_of(3), {});
+  EXPECT_EQ(session.run(stop).windows.size(), 3u);
+  expect_places(server.palpation.slices(), {-0.01, -0.005, 0});
+}
+
+TEST(AcquireSlices, AServiceThatForgotTheSceneEndsIt) {
+  test::FakeServer server;
+  NumberedSlices frames(3, 1);
+  std::atomic<bool> stop{false};
+  AcquireObserver observer;
+  observer.slice = [&](std::size_t, std::uint64_t) { server.palpation.forget_scenes(); };
+  AcquireSession session(server.address(), "", frames, options_of(3), observer);
+  try {
+    session.run(stop);
+    FAIL() << "slices went nowhere";
+  } catch (const ServiceError& error) {
+    EXPECT_NE(std::string(error.what()).find("NOT_FOUND"), std::string::npos) << error.what();
+  }
+  EXPECT_EQ(session.planes().size(), 1u);
+}
+
+// It comes from the first slices, jumps to the last and goes back.
+TEST(AcquireSlices, FollowsAFingerAcrossThePlane) {
+  test::FakeServer server;
+  NumberedSlices frames(7, 1);
+  AcquireOptions options = options_of(7);
+  options.planner.lookahead = 1;
+  options.until_finger_leaves = true;
+  options.finger_gone_s = 0.1;
+  options.arm.settle_s = 0.1;  // time for what is told of the finger
+  std::atomic<bool> stop{false};
+  AcquireObserver observer;
+  observer.slice = [&](std::size_t, std::uint64_t) {
+    const std::size_t published = server.palpation.slices().size();
+    if (published == 1) server.palpation.set_finger(true, 0.01, 0, 0.0199, -0.05);
+    if (published == 7) server.palpation.set_finger(false, 0.01, 0, 0.01, 0);
+  };
+  AcquireSession session(server.address(), "", frames, options, observer);
+  session.run(stop);
+  const std::vector<double> z_m = places_of(server.palpation.slices());
+  ASSERT_EQ(z_m.size(), 7u);
+  const auto when = [&](double z) {
+    return std::find_if(z_m.begin(), z_m.end(), [z](double at) { return std::abs(at - z) < 1e-9; }) -
+           z_m.begin();
+  };
+  EXPECT_LT(when(0.02), when(0.01)) << "the finger's own first";
+  EXPECT_LT(when(0.015), when(0.005)) << "then what it comes to";
+  EXPECT_LT(when(0.015), when(0)) << "and before what is nearest to where it was";
+}
+
+}  // namespace
+}  // namespace teletact::client
