@@ -324,7 +324,7 @@ void add_slice_options(CLI::App& command, Arguments& arguments) {
 
 // What is otherwise with slices, unless it is given; what windows alone have is refused.
 void prefer_slices(const CLI::App& command, Arguments& arguments) {
-  constexpr double kTimeLimitS = 5;
+  constexpr double kTimeLimitS = 10;
   AcquireOptions& acquire = arguments.acquire;
   refuse_beside(command, {"--start-x-m"}, "--slices begins with the first slice");
   refuse_beside(command, {"--modulus-method"}, "--slices has a method of its own");

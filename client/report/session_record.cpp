@@ -62,6 +62,7 @@ void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, Tou
   last.x_m = answer.position_m(0), last.y_m = answer.position_m(1);
   if (answer.position_m_size() == 3) last.z_m = answer.position_m(2);
   if (answer.force_n_size() == 3) std::copy_n(answer.force_n().begin(), 3, last.force_n.begin());
+  if (answer.has_budget()) last.half_width = answer.budget().half_width();
   if (!answer.has_tactile()) return;
   if (auto image = tactile_from(answer.tactile()))
     record.tactile.push_back({last.arrived_s, std::move(*image)});
@@ -114,9 +115,10 @@ AcquireRecord read_acquire_record(const std::string& path) {
       const v1::WindowTiming& timing = entry->window();
       if (timing.window().origin_m().empty())
         throw std::runtime_error(path + ": holds a window without its place");
-      record.windows.push_back({timing.window().origin_m(0), seconds(timing.published_ns()),
-                                seconds(timing.published_ns() - timing.asked_ns()),
-                                received_to_published_s[entry->call()]});
+      const auto& origin_m = timing.window().origin_m();
+      record.windows.push_back(
+          {origin_m[0], seconds(timing.published_ns()), seconds(timing.published_ns() - timing.asked_ns()),
+           received_to_published_s[entry->call()], origin_m.size() > 2 ? origin_m[2] : 0});
     }
     if (entry->has_scene()) record.scene = entry->scene();
     if (entry->has_info()) record.info = entry->info();

@@ -29,9 +29,10 @@ struct TouchTick {
 
 struct TouchAnswerTime {
   double arrived_s = 0;
-  double latency_s = 0;              // since the pose was sampled
-  double x_m = 0, y_m = 0, z_m = 0;  // the pose that was answered
-  std::array<double, 3> force_n{};   // on the finger
+  double latency_s = 0;                // since the pose was sampled
+  double x_m = 0, y_m = 0, z_m = 0;    // the pose that was answered
+  std::array<double, 3> force_n{};     // on the finger
+  std::optional<double> half_width{};  // of the interval that it states for the force, over the force
 };
 
 struct TactileFrame {
@@ -57,6 +58,7 @@ struct AcquiredWindow {
   double x_m = 0, published_s = 0;
   double request_s = 0;                // asked for to published
   double received_to_published_s = 0;  // as the service measured it
+  double z_m = 0;                      // of a slice
 };
 
 struct AcquireRecord {

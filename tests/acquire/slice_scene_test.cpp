@@ -221,7 +221,7 @@ TEST(AcquireSlices, FollowsAFingerAcrossThePlane) {
   AcquireObserver observer;
   observer.slice = [&](std::size_t, std::uint64_t) {
     const std::size_t published = server.palpation.slices().size();
-    if (published == 1) server.palpation.set_finger(true, 0.01, 0, 0.0199, -0.05);
+    if (published == 1) server.palpation.set_finger(true, 0.01, 0, 0.0199, -0.011);
     if (published == 7) server.palpation.set_finger(false, 0.01, 0, 0.01, 0);
   };
   AcquireSession session(server.address(), "", frames, options, observer);

@@ -319,6 +319,7 @@ TEST(ScriptInput, HelpAndVersionBuildNothingAndADemoOfNoTimeIsRefused) {
   say({"--version"}, "teletact " TELETACT_VERSION, 0);
   for (const char* none : {"0", "0.0", "-3"}) say({"demo", "--duration-s", none}, "--duration-s", 1);
   say({"demo", "--help"}, "--solid-given", 0);
+  say({"demo", "--solid", "--passes", "3"}, "acquired once", 1);
   say({"demo", "--solid-given", "--passes", "3"}, "nothing is acquired", 1);
   EXPECT_FALSE(std::filesystem::exists(folder / "build"));
   for (const char* binary : {"/client/teletact-client", "/service/teletact-service"}) {

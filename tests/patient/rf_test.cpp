@@ -184,7 +184,7 @@ TEST(Rf, TheProbesFrameTiltsWithIt) {
 // Tissue that has moved on one side of z = 5 mm alone is seen to have moved by a probe there.
 TEST(Rf, ImagesThePlaneThatTheProbeStandsOn) {
   struct Beyond : DisplacementField {
-    Vector at(double, double, double z_m) const override { return {0, z_m > .005 ? 1e-4 : 0, 0}; }
+    Vector at(double, double, double z_m) const override { return {0, z_m > .005 ? 5e-5 : 0, 0}; }
   };
   ProbeState state = world().state;
   state.field = std::make_shared<Beyond>();
@@ -194,7 +194,7 @@ TEST(Rf, ImagesThePlaneThatTheProbeStandsOn) {
   state.window_z_m = .01;
   const RfBase there = simulate_rf(t, state, RfFrame::kLab, 11);
   EXPECT_GE(correlation(here.pre, here.post), 1 - 1e-6);
-  EXPECT_LE(correlation(there.pre, there.post), .5);
+  EXPECT_LE(correlation(there.pre, there.post), .2);
 }
 
 // The tissue of world() with such a beam, moved across the image plane alone.

@@ -174,11 +174,12 @@ TEST(RandomTissue, OfASolidKeepsItsRulesForEverySeed) {
       EXPECT_TRUE(i.sphere && i.contrast >= 3 && i.diameter_m >= .008) << seed;
       EXPECT_LE(i.y_m + i.diameter_m / 2, .02 + 1e-12) << seed;
       EXPECT_LE(std::max(std::abs(i.x_m - t.width_m / 2), std::abs(i.z_m)), .018) << seed;
-      for (const Inclusion& other : t.inclusions)
-        if (!(other == i))
-          EXPECT_GE(std::hypot(i.x_m - other.x_m, i.y_m - other.y_m, i.z_m - other.z_m),
-                    (i.diameter_m + other.diameter_m) / 2 + .006 - 1e-12)
-              << seed;
+      for (const Inclusion& other : t.inclusions) {
+        if (other == i) continue;
+        EXPECT_GE(std::hypot(i.x_m - other.x_m, i.y_m - other.y_m, i.z_m - other.z_m),
+                  (i.diameter_m + other.diameter_m) / 2 + .006 - 1e-12)
+            << seed;
+      }
     }
   }
   EXPECT_NE(random_solid_tissue(1), random_solid_tissue(2));

@@ -206,7 +206,7 @@ Figures measure(bool quick, Promises& promises) {
   for (std::size_t way = 0; way < f.ways_each; ++way) {
     const std::uint64_t seed = 1 + way / kOfAPatient;
     const SolidPatient patient = client::random_solid_patient(seed);
-    PatientTruth truth(device->queue(), patient, kTip);
+    PatientTruth truth(device->queue(), true_solid(patient), kTip);
     for (const Model& model : kModels) {
       Way& w = f.ways.emplace_back(Way{.patient = seed, .by = model.name});
       judge(felt(device, scene_of(patient, model.spacing_m), model.path, way, w), truth, samples, w);

@@ -2,7 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <memory>
+
 #include "bench/suite.h"
+#include "client/acquire/solid_source.h"
+#include "client/patient/true_modulus.h"
 #include "tests/solid/solids.h"
 
 namespace teletact::bench {
@@ -10,36 +14,66 @@ namespace {
 
 using client::SolidPatient;
 
-service::SolidTissue layered(const SolidPatient& patient, const service::SolidGrid& grid) {
-  return service::solid(grid, SolidPatient::kPoissonRatio,
-                        [&](double, double y, double) { return patient.layered_pa(y); });
+constexpr double kNodeM = 0.001;
+
+service::SolidTissue layered(const TrueSolid& solid, const service::SolidGrid& grid) {
+  return service::solid(grid, solid.poisson_ratio,
+                        [&](double, double y, double) { return solid.layered_pa(y); });
+}
+
+// Over an element of 1 mm.
+double mean_modulus(const client::Tissue& tissue, double x_m, double y_m, double z_m) {
+  constexpr double kAsideM = kNodeM / 4;
+  double sum = 0;
+  for (const double dx : {-kAsideM, kAsideM})
+    for (const double dy : {-kAsideM, kAsideM})
+      for (const double dz : {-kAsideM, kAsideM}) sum += tissue.true_modulus(x_m + dx, y_m + dy, z_m + dz);
+  return sum / 8;
 }
 
 }  // namespace
 
-// The patient amid 128 x 128 mm.
-auto PatientTruth::nodes() -> Place {
-  return {{128, 128, 0.001, 0.001, service::graded_rows(SolidPatient::kDepthM, 48, 1.03)}, -0.0083, -0.0643};
-}
-// Of half that spacing, for layered tissue alone: so small a block is wide enough for it.
-auto PatientTruth::finest_nodes(const service::Vector3& pose) -> Place {
-  return {{64, 64, 0.0005, 0.0005, service::graded_rows(SolidPatient::kDepthM, 72, 1.03)},
-          pose[0] - 0.0161,
-          pose[2] - 0.0161};
+TrueSolid true_solid(const SolidPatient& patient) {
+  return {SolidPatient::kWidthM / 2, SolidPatient::kDepthM, SolidPatient::kPoissonRatio,
+          [&patient](double x, double y, double z) { return patient.modulus_pa(x, y, z); },
+          [&patient](double y) { return patient.layered_pa(y); }};
 }
 
-PatientTruth::PatientTruth(const service::Queue& queue, const SolidPatient& patient,
-                           const service::Fingertip& tip)
+TrueSolid true_solid(const client::Tissue& tissue) {
+  const double left_m = client::slice_window_x_m(tissue);
+  const auto texture = std::make_shared<client::TrueModulus>(tissue);
+  const auto even = std::make_shared<client::Tissue>(tissue);
+  even->inclusions.clear();
+  return {tissue.probe.width_m / 2, tissue.depth_m, tissue.poisson_ratio,
+          [&tissue, texture, left_m](double x, double y, double z) {
+            return mean_modulus(tissue, x + left_m, y, z) * texture->texture(x + left_m, y, z);
+          },
+          [even](double y) { return even->true_modulus(even->width_m / 2, y); }};
+}
+
+// The patient amid 128 x 128 mm.
+auto PatientTruth::nodes(const TrueSolid& solid) -> Place {
+  return {{128, 128, kNodeM, kNodeM, service::graded_rows(solid.depth_m, 48, 1.03)},
+          solid.middle_x_m - 0.0643,
+          -0.0643};
+}
+// Of half that spacing, for layered tissue alone: so small a block is wide enough for it.
+auto PatientTruth::finest_nodes(double depth_m, const service::Vector3& pose) -> Place {
+  return {
+      {64, 64, 0.0005, 0.0005, service::graded_rows(depth_m, 72, 1.03)}, pose[0] - 0.0161, pose[2] - 0.0161};
+}
+
+PatientTruth::PatientTruth(const service::Queue& queue, const TrueSolid& solid, const service::Fingertip& tip)
     : queue_(queue),
       tip_(tip),
-      nodes_(nodes()),
-      tissue_(service::solid(nodes_.grid, SolidPatient::kPoissonRatio,
-                             [&](double x, double y, double z) {
-                               return patient.modulus_pa(x + nodes_.x_m, y, z + nodes_.z_m);
-                             })),
+      depth_m_(solid.depth_m),
+      nodes_(nodes(solid)),
+      tissue_(service::solid(
+          nodes_.grid, solid.poisson_ratio,
+          [&](double x, double y, double z) { return solid.modulus_pa(x + nodes_.x_m, y, z + nodes_.z_m); })),
       base_(queue, tissue_),
-      layers_(queue, layered(patient, nodes_.grid)),
-      finest_layers_(queue, layered(patient, finest_nodes({}).grid)) {}
+      layers_(queue, layered(solid, nodes_.grid)),
+      finest_layers_(queue, layered(solid, finest_nodes(solid.depth_m, {}).grid)) {}
 
 double PatientTruth::layered_n(service::SolidContact<double>& contact,
                                const service::Vector3& in_block) const {
@@ -53,7 +87,7 @@ auto PatientTruth::at(const service::Vector3& position_m) -> Force {
   const auto truth = contact.touch(tip_, nodes_.in_block(position_m), {.force_error = kForceError});
   if (!truth.solve.converged) throw BenchError(fmt::format("no true force: {}", truth.solve.reason));
   const double layered = layered_n(layers_, nodes_.in_block(position_m));
-  const double finest = layered_n(finest_layers_, finest_nodes(position_m).in_block(position_m));
+  const double finest = layered_n(finest_layers_, finest_nodes(depth_m_, position_m).in_block(position_m));
   Force out;
   out.nodes = 3 * layered / (4 * finest - layered);  // Richardson
   out.force_n = Eigen::Map<const Eigen::Vector3d>(truth.force_n.data()) / out.nodes;

@@ -1,18 +1,34 @@
-// The force of the simulated solid patient's own tissue: its modulus at each element, nodes 1 mm apart at
-// other places than any scene's, more tissue around, in double, each pose solved anew.
+// The force of a simulated solid patient's own tissue: its modulus at each element, nodes 1 mm apart at other
+// places than any scene's, more tissue around, in double, each pose solved anew.
 #pragma once
 
 #include <Eigen/Core>
 
+#include <functional>
+
 #include "client/patient/solid_patient.h"
+#include "client/patient/tissue.h"
 #include "service/contact/solid_contact.h"
 
 namespace teletact::bench {
 
+// Young's modulus (Pa) anywhere, in a scene's coordinates.
+struct TrueSolid {
+  double middle_x_m = 0;  // of what is touched
+  double depth_m = 0, poisson_ratio = 0;
+  std::function<double(double x_m, double y_m, double z_m)> modulus_pa;
+  std::function<double(double y_m)> layered_pa;  // without lumps and texture
+};
+// Both must outlive it.
+TrueSolid true_solid(const client::SolidPatient&);
+// As `acquire --slices` makes a scene of it: x from the left border of what the probe images, on its middle.
+// Of an element 1 mm wide the mean over eight points, its sides continued where they end.
+TrueSolid true_solid(const client::Tissue&);
+
 class PatientTruth {
  public:
   static constexpr double kForceError = 1e-3;  // of the force, what its solver states
-  PatientTruth(const service::Queue&, const client::SolidPatient&, const service::Fingertip&);
+  PatientTruth(const service::Queue&, const TrueSolid&, const service::Fingertip&);
   struct Force {
     Eigen::Vector3d force_n;
     // Of layered tissue there: force on the truth's nodes over that on ever finer ones, which is taken off.
@@ -30,11 +46,12 @@ class PatientTruth {
       return {pose[0] - x_m, pose[1], pose[2] - z_m};
     }
   };
-  static Place nodes();
-  static Place finest_nodes(const service::Vector3& pose);
+  static Place nodes(const TrueSolid&);
+  static Place finest_nodes(double depth_m, const service::Vector3& pose);
   double layered_n(service::SolidContact<double>&, const service::Vector3& in_block) const;
   const service::Queue queue_;
   const service::Fingertip tip_;
+  const double depth_m_;
   const Place nodes_;
   const service::SolidTissue tissue_;
   const service::SolidContact<double> base_;
