@@ -4,6 +4,7 @@
 #include <exception>
 
 #include "bench/suite.h"
+#include "bench/suites/warnings/warnings.h"
 
 int main(int argc, char** argv) {
   CLI::App app("teletact-bench: measurements against promises; exit code 1 when one is not met",
@@ -31,6 +32,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_solid_suite(app, met);
   teletact::bench::add_plan_suite(app, met);
   teletact::bench::add_real_tissue_suite(app, met);
+  teletact::bench::add_warnings_suite(app, met);
   teletact::bench::add_solid_felt_command(app);
   teletact::bench::add_report_command(app);
   try {

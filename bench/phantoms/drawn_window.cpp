@@ -3,10 +3,11 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <random>
 #include <stdexcept>
+#include <utility>
 
+#include "bench/phantoms/given_measurement.h"
 #include "service/imaging/modulus/problem.h"
 #include "tests/reference/elasticity.h"
 
@@ -17,10 +18,9 @@ using Eigen::VectorXd;
 using service::ImageGrid;
 using service::TissueGrid;
 
-constexpr double kFineM = 0.52e-3, kElevationM = 0.010, kLeastStatedM = 0.3e-6;
-constexpr double kLateralNoise = 10;  // over the axial
+constexpr double kFineM = 0.52e-3, kElevationM = 0.010;
 constexpr std::size_t kRows = 74;
-const ImageGrid kImage{127, 98, 0.35e-3, 0.2e-3, 0.47e-3, 0.404e-3};
+constexpr const ImageGrid& kImage = kGivenImage;
 
 std::size_t cell_of(const std::vector<double>& coordinates, double at) {
   const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
@@ -30,19 +30,6 @@ std::size_t cell_of(const std::vector<double>& coordinates, double at) {
 
 double centre(const std::vector<double>& coordinates, std::size_t cell) {
   return 0.5 * (coordinates[cell] + coordinates[cell + 1]);
-}
-
-// White noise over 3 x 3 nodes, the area that errors of tracking agree over.
-std::vector<double> smooth_noise(const ImageGrid& grid, double size_m, std::mt19937_64& random) {
-  std::normal_distribution<double> normal;
-  const std::size_t wide = grid.nx + 2;
-  std::vector<double> white(wide * (grid.ny + 2)), out(grid.size());
-  for (double& w : white) w = normal(random);
-  for (std::size_t n = 0; n < grid.size(); ++n)
-    for (std::size_t b = 0; b < 3; ++b)
-      for (std::size_t a = 0; a < 3; ++a)
-        out[n] += size_m / 3 * white[n % grid.nx + a + wide * (grid.row(n) + b)];
-  return out;
 }
 
 }  // namespace
@@ -147,38 +134,9 @@ std::vector<double> DrawnWindow::press() {
   return axial;
 }
 
-// With the strain that the product makes of it, and the noise's structure, as tracking would state it.
 void DrawnWindow::measure(const service::Queue& queue, std::vector<double> axial, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  const std::vector<double> noise = smooth_noise(kImage, of_.noise_m, random),
-                            lateral = smooth_noise(kImage, kLateralNoise * of_.noise_m, random);
-  const double stated_m = std::max(of_.noise_m, kLeastStatedM),
-               size_m[] = {kLateralNoise * stated_m, stated_m};
-  std::vector<float> field, std_m;
-  for (std::size_t n = 0; n < kImage.size(); ++n) {
-    field.insert(field.end(), {static_cast<float>(lateral[n]), static_cast<float>(axial[n] + noise[n])});
-    for (const double s : size_m) std_m.push_back(static_cast<float>(s));
-  }
-  constexpr double kInformation = 1;
-  auto structure = std::make_shared<service::NoiseStructure>();
-  for (std::size_t c = 0; c < 2; ++c) {
-    structure->response[c] =
-        service::NoiseResponse(service::SmootherResponse{1, 1, 3, 1}, kInformation, 1, 1);
-    const service::DeviationTable whole = structure->response[c].table([](double, double) { return 1.0; });
-    structure->unit_m[c] = size_m[c] / static_cast<double>(whole.deviation[service::DeviationTable::kBelow]);
-  }
-  service::DisplacementEstimate displacement;
-  displacement.grid.nx = static_cast<int>(kImage.nx), displacement.grid.ny = static_cast<int>(kImage.ny);
-  displacement.field_m = queue.array(field);
-  displacement.trusted = queue.array(std::vector<std::uint8_t>(kImage.size(), 1));
-  displacement.correlation = queue.array(std::vector<float>(kImage.size(), 1));
-  displacement.std_m = queue.array(std_m);
-  displacement.information =
-      queue.array(std::vector<float>(2 * kImage.size(), static_cast<float>(kInformation)));
-  displacement.noise = structure;
-  measured_.grid = kImage;
-  service::download(queue, displacement, measured_);
-  service::download(queue, service::StrainEstimator(queue, {}).estimate(displacement, kImage), measured_);
+  std::vector<double> lateral(axial.size());
+  measured_ = measured_of(queue, {std::move(axial), std::move(lateral), {}, of_.noise_m}, seed);
 }
 
 service::ModulusInput DrawnWindow::input() const {

@@ -243,6 +243,21 @@ TEST(SolidWindow, ASupportThatIsNotModelledIsSaid) {
   EXPECT_TRUE(warned(e, ModulusFlag::kMisfit));
 }
 
+// Where an end of the face does not touch, the background is off by a factor: no silent wrong number. A face
+// that is pushed in unevenly is another matter.
+TEST(SolidWindow, AFaceThatTouchesInPartIsSaid) {
+  client::Solid solid;
+  solid.lean_m = 0.0025;
+  const Estimate part = Window(tissue(solid)).estimate();
+  print("in part", part);
+  EXPECT_TRUE(warned(part, ModulusFlag::kMisfit));
+  solid.lean_m = 0, solid.uneven = 0.1;
+  const Estimate uneven = Window(tissue(solid, 0.120, Lump{0.015, 4, true})).estimate();
+  print("uneven", uneven);
+  EXPECT_FALSE(warned(uneven, ModulusFlag::kMisfit));
+  EXPECT_FALSE(warned(uneven, ModulusFlag::kExtent));
+}
+
 TEST(SolidWindow, ATimeLimitIsKeptAndSaid) {
   const Estimate e = Window(tissue({}, 0.120, Lump{0.015, 5, true})).estimate({.time_limit_s = 1e-6});
   EXPECT_EQ(e.modulus_iterations, 1);

@@ -16,9 +16,9 @@
 namespace teletact::service {
 namespace {
 
-constexpr double kBackgroundLog = 0.4;      // |log(E / background)| of what the ramp is judged by
-constexpr double kOffBackgroundLog = 0.15;  // |log(E / background)| from which on it is none
-constexpr double kOfExtent = 2;             // of log E, for each part of the window beyond the usual
+constexpr double kBackgroundLog = 0.4;    // |log(E / background)| of what the ramp is judged by
+constexpr double kGuessLog = 0.69;        // of log E, from which on it is one: a factor of two
+constexpr double kOfExtent = 2;           // of log E, for each part of the window beyond the usual
 constexpr double kSoftLog = 0.1;          // log(background / E) from which on it is soft; fully at twice that
 constexpr double kPoissonError = 0.01;    // how well nu of tissue is known
 constexpr double kBorderM = 4e-3;         // on each side of a border
@@ -50,34 +50,24 @@ double jump_over(const Field& e, const ImageGrid& g, std::size_t n, double reach
 // Of log E, without any noise: everywhere; as a part of |log(E / background)|, which every method falls short
 // of (the stress that an inclusion draws to itself, total variation), both measured on 80 windows of the
 // simulated patient, contrasts of 2 to 10; where it is softer than the background, since what is given up
-// of small contrasts on the border is most of a soft inclusion's. `usual`: part of the window that is no
-// background with an inclusion of 15 mm.
+// of small contrasts on the border is most of a soft inclusion's. `off_log`: |log(E / background)| from which
+// on a place is no background; `usual`: part of the window that is none with an inclusion of 15 mm. The solid
+// method leaves patches of texture in the background, and a ramp as it is: neither fills the window.
 struct MethodError {
-  double floor, of_contrast, soft, usual;
+  double floor, of_contrast, soft, off_log, usual;
 };
 MethodError method_error(ModulusKind kind) {
   switch (kind) {
     case ModulusKind::kReferenceStress:
-      return {0.06, 0.25, 0.33, 0.25};
+      return {0.06, 0.25, 0.33, 0.15, 0.25};
     case ModulusKind::kDirect:
-      return {0.045, 0.12, 0.3, 0.13};
+      return {0.045, 0.12, 0.3, 0.15, 0.13};
     case ModulusKind::kIterative:
-      return {0.03, 0.075, 0.15, 0.13};
+      return {0.03, 0.075, 0.15, 0.15, 0.13};
     case ModulusKind::kSolid:
-      return {0.03, 0.12, 0.15, 0.25};
+      return {0.03, 0.12, 0.15, 0.3, 0.08};
   }
   throw std::logic_error("modulus kind");
-}
-
-// Part of the window that is no background.
-double off_background(const ModulusEstimate& e) {
-  double said = 0, off = 0;
-  for (const float modulus : e.youngs_modulus) {
-    if (!std::isfinite(modulus)) continue;
-    ++said;
-    if (std::abs(std::log(modulus / e.background)) > kOffBackgroundLog) ++off;
-  }
-  return said > 0 ? off / said : 0;
 }
 
 void widen(Field& log_deviation, double by) {
@@ -145,6 +135,39 @@ std::array<Comparison, 3> compare(const ModulusInput& in, const ModulusEstimate&
   return out;
 }
 
+// Of a node of the image: 1 and its place in the window, from 0 to 1.
+Eigen::Vector3d place_of(const ModulusInput& in, std::size_t n) {
+  const ImageGrid& g = in.measured.grid;
+  return {1, (g.x_m(n) - g.origin_x_m) / in.window_width_m,
+          (g.y_m(n) - g.origin_y_m) / (static_cast<double>(g.ny - 1) * g.dy_m)};
+}
+
+// A plane through log E of what looks like background: the traction under a flat frictionless probe leaves
+// none.
+Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& out) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d load = Eigen::Vector3d::Zero();
+  for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
+    if (n % in.measured.grid.nx == 0) look();
+    const double logarithm = std::log(out.youngs_modulus[n] / out.background);
+    if (!(std::abs(logarithm) < kBackgroundLog)) continue;
+    const Eigen::Vector3d f = place_of(in, n);
+    normal += f * f.transpose();
+    load += logarithm * f;
+  }
+  return normal.fullPivLu().solve(load);
+}
+
+// |log E| from the background, of a solid from its ramp.
+std::vector<double> from_background(const ModulusInput& in, const ModulusEstimate& out) {
+  const Eigen::Vector3d plane =
+      out.kind == ModulusKind::kSolid ? background_plane(in, out) : Eigen::Vector3d::Zero();
+  std::vector<double> off(out.youngs_modulus.size());
+  for (std::size_t n = 0; n < off.size(); ++n)
+    off[n] = std::abs(std::log(out.youngs_modulus[n] / out.background) - plane.dot(place_of(in, n)));
+  return off;
+}
+
 }  // namespace
 
 const char* name_of(ModulusFlag flag) {
@@ -184,7 +207,7 @@ void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   pressure(in, out);
   scale(in, out);
   look();
-  extent(out);
+  extent(in, out);
   const double common = mean_square(out.log_deviation) - own;
   if (common > 0) out.correlation_m = with_common(out.correlation_m, own, common);
 }
@@ -244,22 +267,8 @@ void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const
               100 * without / inside)});
 }
 
-// A plane through log E of what looks like background: the traction under a flat frictionless probe leaves
-// none.
 void ModulusJudge::ramp(const ModulusInput& in, ModulusEstimate& out) const {
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d load = Eigen::Vector3d::Zero();
-  const double height = static_cast<double>(in.measured.grid.ny - 1) * in.measured.grid.dy_m;
-  for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
-    if (n % in.measured.grid.nx == 0) look();
-    const double logarithm = std::log(out.youngs_modulus[n] / out.background);
-    if (!(std::abs(logarithm) < kBackgroundLog)) continue;
-    const Eigen::Vector3d f(1, (in.measured.grid.x_m(n) - in.measured.grid.origin_x_m) / in.window_width_m,
-                            (in.measured.grid.y_m(n) - in.measured.grid.origin_y_m) / height);
-    normal += f * f.transpose();
-    load += logarithm * f;
-  }
-  const Eigen::Vector3d plane = normal.fullPivLu().solve(load);
+  const Eigen::Vector3d plane = background_plane(in, out);
   const double across = std::exp(std::abs(plane[1])), down = std::exp(std::abs(plane[2]));
   if (std::max(across, down) > limits_.ramp)
     out.warnings.push_back(
@@ -326,14 +335,22 @@ void ModulusJudge::scale(const ModulusInput& in, ModulusEstimate& out) const {
             std::exp(shift), worst)});
 }
 
-// What fills much of the window comes back short, least so what is taken for background.
-void ModulusJudge::extent(ModulusEstimate& out) const {
-  const double off = off_background(out), beyond = off - method_error(out.kind).usual;
-  for (std::size_t n = 0; beyond > 0 && n < out.log_deviation.size(); ++n) {
-    const double apart = std::abs(std::log(out.youngs_modulus[n] / out.background)) / kOffBackgroundLog;
-    out.log_deviation[n] = static_cast<float>(
-        std::hypot(out.log_deviation[n], kOfExtent * beyond * std::clamp(1.5 * apart - 0.5, 0.0, 1.0)));
+// What fills much of the window comes back short, least so what is taken for background. What a solid's
+// strain does not tell is a guess, and not counted.
+void ModulusJudge::extent(const ModulusInput& in, ModulusEstimate& out) const {
+  const MethodError error = method_error(out.kind);
+  const std::vector<double> from = from_background(in, out);
+  double said = 0, away = 0;
+  for (std::size_t n = 0; n < from.size(); ++n) {
+    if (!std::isfinite(from[n])) continue;
+    if (out.kind == ModulusKind::kSolid && out.log_deviation[n] >= kGuessLog) continue;
+    ++said, away += from[n] > error.off_log;
   }
+  const double off = said > 0 ? away / said : 0, beyond = off - error.usual;
+  for (std::size_t n = 0; beyond > 0 && n < out.log_deviation.size(); ++n)
+    out.log_deviation[n] = static_cast<float>(
+        std::hypot(out.log_deviation[n],
+                   kOfExtent * beyond * std::clamp(1.5 * from[n] / error.off_log - 0.5, 0.0, 1.0)));
   if (beyond > limits_.extent)
     out.warnings.push_back(
         {ModulusFlag::kExtent,

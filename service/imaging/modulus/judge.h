@@ -36,7 +36,7 @@ class ModulusJudge {
   void out_of_plane(const ModulusInput&, ModulusEstimate&) const;
   void pressure(const ModulusInput&, ModulusEstimate&) const;
   void scale(const ModulusInput&, ModulusEstimate&) const;
-  void extent(ModulusEstimate&) const;
+  void extent(const ModulusInput&, ModulusEstimate&) const;
   std::shared_ptr<StripCache> strips_;
   JudgeLimits limits_;
   SlopeReach reach_;

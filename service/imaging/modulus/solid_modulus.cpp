@@ -32,6 +32,9 @@ constexpr double kRangeLog = 3;       // of ln E about the background
 constexpr double kCorrelationM = 5e-3;
 constexpr double kCommonLog = 0.04;  // of the level: the mesh, and what the tissue does at its sides
 constexpr double kMostRest = 0.15;   // of the strain, unexplained
+// Of the push, from the middle of the face to an end: more is no tilt. Where an end does not touch, the tilt
+// that is fitted goes to its bound.
+constexpr double kMostUneven = 0.35;
 // Of a lump's ln E: a sphere and a cylinder of contrast 3 differ by 12 % in one slice (5: 14 %), and total
 // variation takes some.
 constexpr double kOneSliceLog = 0.1;
@@ -201,6 +204,12 @@ class SolidModulusMethod : public ModulusMethod {
       out.converged = change < options_.converged_step;
       if (out.converged) break;
     }
+    if (std::abs(tilt) > kMostUneven)
+      out.warnings.push_back(
+          {ModulusFlag::kMisfit,
+           fmt::format("the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to "
+                       "touch in part, and the modulus is off by a factor; press it flat",
+                       100 * std::abs(tilt), tilt > 0 ? "left" : "right")});
     if (in.force) found.force_n = force_with(fit, theta, tilt, told);
     found.deviation = denoise.deviation(told, theta);
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);

@@ -1,0 +1,191 @@
+#include "bench/suites/warnings/cases.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <random>
+
+#include "client/patient/solid_press.h"
+#include "client/patient/true_modulus.h"
+
+namespace teletact::bench {
+namespace {
+
+using client::Support;
+using client::Tissue;
+using service::ModulusFlag;
+using service::ModulusKind;
+
+constexpr double kPushM = 0.8e-3, kSpacingM = 0.002, kWidthM = 0.060, kElevationM = 0.010, kDepthM = 0.040;
+
+// Solid tissue that an estimate is made for: 3 % friction and all, but nothing that it does not have.
+Tissue plain(std::uint64_t seed) {
+  std::mt19937_64 random(seed * 7919 + 3);
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  Tissue t;
+  t.width_m = 0.120, t.depth_m = kDepthM, t.seed = seed;
+  t.probe.width_m = kWidthM, t.probe.elevation_m = kElevationM, t.probe.compression_m = kPushM;
+  client::Solid solid;
+  solid.friction = between(0, 0.3), solid.uneven = between(-0.1, 0.1), solid.texture = between(0, 0.1);
+  client::Inclusion lump;
+  lump.x_m = t.width_m / 2 + between(-0.015, 0.015), lump.y_m = between(0.010, 0.020);
+  lump.diameter_m = between(0.006, 0.012), lump.contrast = between(2, 6), lump.sphere = between(0, 1) < 0.5;
+  t.inclusions = {lump};
+  t.probe.force_gain_error = between(-0.03, 0.03);
+  t.solid = solid;
+  return t;
+}
+
+WarnedWindow pressed(const Tissue& t) {
+  const double left_m = (t.width_m - t.probe.width_m) / 2;
+  const client::ProbeState probe = client::press_solid(t, left_m, kPushM, kSpacingM);
+  std::mt19937_64 random(t.seed * 104729 + 5);
+  WarnedWindow w;
+  for (std::size_t n = 0; n < kGivenImage.size(); ++n) {
+    const double x = left_m + kGivenImage.x_m(n), y = kGivenImage.y_m(n);
+    const auto u = probe.field->at(x, y), moved = probe.motion(x, y);
+    w.displacement.axial_m.push_back(u.y - moved.y), w.displacement.lateral_m.push_back(u.x - moved.x);
+  }
+  w.displacement.noise_m = std::uniform_real_distribution<double>(0.3e-6, 1e-6)(random);
+  w.tissue = {t.width_m, t.imaged_depth_m(), left_m, 0.49, service::Plane::kSolid};
+  w.tissue.probe_elevation_m = kElevationM;
+  // A user states the probe's face, whether all of it touches or not.
+  w.force = service::ProbeForce{client::sensed_force(t.probe, probe.force_n, t.seed), kWidthM * kElevationM};
+  return w;
+}
+
+// Of the axial strain, by depth.
+void scale_strain(WarnedWindow& w, const std::function<double(double y_m)>& by) {
+  std::vector<double>& u = w.displacement.axial_m;
+  const std::vector<double> before = u;
+  const std::size_t nx = kGivenImage.nx;
+  for (std::size_t n = nx; n < u.size(); ++n)
+    u[n] = u[n - nx] + (before[n] - before[n - nx]) * by(kGivenImage.y_m(n));
+}
+
+// `share` of the axial strain more to the sides.
+void spread(WarnedWindow& w, double share) {
+  const std::vector<double>& u = w.displacement.axial_m;
+  const std::size_t nx = kGivenImage.nx;
+  for (std::size_t j = 0; j < kGivenImage.ny; ++j) {
+    const std::size_t row = nx * std::min(j, kGivenImage.ny - 2);
+    double moved = 0;
+    for (std::size_t i = 0; i < nx; ++i) {
+      moved -= share * (u[row + nx + i] - u[row + i]) / kGivenImage.dy_m * kGivenImage.dx_m;
+      w.displacement.lateral_m[i + nx * j] += moved;
+    }
+  }
+}
+
+// Nothing is trusted in this part of the columns.
+void lose(WarnedWindow& w, double part) {
+  w.displacement.trusted.assign(kGivenImage.size(), 1);
+  for (std::size_t n = 0; n < kGivenImage.size(); ++n)
+    if (static_cast<double>(n % kGivenImage.nx) < part * static_cast<double>(kGivenImage.nx))
+      w.displacement.trusted[n] = 0;
+}
+
+service::KnownModulus told(const Tissue& t, double times) {
+  const auto truth = std::make_shared<client::TrueModulus>(t);
+  return {[truth, times](double x, double y) { return times * (*truth)(x, y); },
+          [](double, double) { return 0.1; }};
+}
+
+WarnedWindow of_plane(const DrawnCase& drawn, std::uint64_t seed, ModulusKind kind,
+                      const service::Queue& queue) {
+  WarnedWindow w;
+  const auto window = std::make_shared<DrawnWindow>(drawn, seed, queue);
+  w.plane = window;
+  w.tissue = window->input().tissue, w.force = window->input().force, w.kind = kind;
+  return w;
+}
+
+}  // namespace
+
+std::vector<WarningRow> warning_rows(const service::Queue& queue) {
+  // Each tissue is pressed once for all rows that need it.
+  const auto kept = std::make_shared<std::map<std::uint64_t, WarnedWindow>>();
+  const auto usual = [kept](std::uint64_t seed) {
+    if (const auto found = kept->find(seed); found != kept->end()) return found->second;
+    return kept->emplace(seed, pressed(plain(seed))).first->second;
+  };
+  std::vector<WarningRow> rows;
+  const auto row = [&](ModulusFlag flag, const std::string& name, bool provoked, auto window) {
+    rows.push_back({flag, name, provoked, window});
+  };
+  const auto changed = [usual](auto change) {
+    return [usual, change](std::uint64_t seed) {
+      WarnedWindow w = usual(seed);
+      change(w);
+      return w;
+    };
+  };
+  const auto other = [](auto change) {
+    return [change](std::uint64_t seed) {
+      Tissue t = plain(seed);
+      change(t);
+      return pressed(t);
+    };
+  };
+  row(ModulusFlag::kNoise, "noise of the displacement 4 um", true,
+      changed([](WarnedWindow& w) { w.displacement.noise_m = 4e-6; }));
+  row(ModulusFlag::kNoise, "noise of the displacement 0.3 to 1 um", false, usual);
+  row(ModulusFlag::kMisfit, "bottom slides", true,
+      other([](Tissue& t) { t.solid->support = Support::kSliding; }));
+  row(ModulusFlag::kMisfit, "bed of 10 mm, 2 kPa", true,
+      other([](Tissue& t) { t.solid->support = Support::kBed; }));
+  row(ModulusFlag::kMisfit, "face touches in part, lean 2.5 mm", true,
+      other([](Tissue& t) { t.solid->lean_m = 0.0025; }));
+  row(ModulusFlag::kMisfit, "bonded, whole contact, friction to 0.3, uneven to 10 %", false, usual);
+  row(ModulusFlag::kUntracked, "20 % of the image lost", true,
+      changed([](WarnedWindow& w) { lose(w, 0.2); }));
+  row(ModulusFlag::kUntracked, "5 % of the image lost", false,
+      changed([](WarnedWindow& w) { lose(w, 0.05); }));
+  constexpr double kRamp = 1.6;
+  const auto ramp = [](WarnedWindow& w) {
+    scale_strain(w, [](double y) { return std::pow(kRamp, y / kDepthM - 0.5); });
+  };
+  row(ModulusFlag::kRamp, "modulus falls by 1.6 from top to bottom", true, changed(ramp));
+  row(ModulusFlag::kRamp, "even background, texture to 10 %, a lump", false, usual);
+  row(ModulusFlag::kOutOfPlane, "spreads sideways by 0.4 of the strain more", true,
+      changed([](WarnedWindow& w) { spread(w, 0.4); }));
+  row(ModulusFlag::kOutOfPlane, "spreads as solid tissue", false, usual);
+  row(ModulusFlag::kExtent, "lump of 30 mm, contrast 3", true, other([](Tissue& t) {
+        t.inclusions.front().x_m = t.width_m / 2, t.inclusions.front().y_m = 0.018;
+        t.inclusions.front().diameter_m = 0.030, t.inclusions.front().contrast = 3;
+      }));
+  row(ModulusFlag::kExtent, "lump of 6 to 12 mm, contrast 2 to 6", false, usual);
+  row(ModulusFlag::kExtent, "the same, modulus falls by 1.6", false, changed(ramp));
+  const auto beside = [usual](double times) {
+    return [usual, times](std::uint64_t seed) {
+      WarnedWindow w = usual(seed);
+      w.known = told(plain(seed), times);
+      return w;
+    };
+  };
+  row(ModulusFlag::kScale, "force 1.5 times what it is", true, beside(1 / 1.5));
+  row(ModulusFlag::kScale, "gain within 3 %", false, beside(1));
+  row(ModulusFlag::kDeadline, "no time", true,
+      changed([](WarnedWindow& w) { w.seconds_left = [] { return 0.0; }; }));
+  row(ModulusFlag::kDeadline, "no limit", false, usual);
+  row(ModulusFlag::kPressure, "plane strain, nu 0.499", true, [queue](std::uint64_t seed) {
+    WarnedWindow w = of_plane({}, seed, ModulusKind::kIterative, queue);
+    w.tissue.poisson_ratio = 0.499;
+    return w;
+  });
+  row(ModulusFlag::kPressure, "plane strain, nu 0.49", false,
+      [queue](std::uint64_t seed) { return of_plane({}, seed, ModulusKind::kIterative, queue); });
+  row(ModulusFlag::kStreaks, "direct, plane strain, strain 0.3 %, noise 6 um", true,
+      [queue](std::uint64_t seed) {
+        DrawnCase drawn;
+        drawn.strain = 0.003, drawn.noise_m = 6e-6;
+        return of_plane(drawn, seed, ModulusKind::kDirect, queue);
+      });
+  row(ModulusFlag::kStreaks, "direct, plane strain, strain 1 %, noise 0.5 um", false,
+      [queue](std::uint64_t seed) { return of_plane({}, seed, ModulusKind::kDirect, queue); });
+  return rows;
+}
+
+}  // namespace teletact::bench

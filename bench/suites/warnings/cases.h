@@ -1,0 +1,40 @@
+// The cases of `warnings`: windows that provoke a warning of an estimate, at a stated level, and windows that
+// do not. The displacement is given, from the patient's own finite elements with noise: tracking is not what
+// is asked.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bench/phantoms/drawn_window.h"
+#include "bench/phantoms/given_measurement.h"
+#include "service/imaging/modulus/modulus.h"
+
+namespace teletact::bench {
+
+// A pair as it comes to the modulus.
+struct WarnedWindow {
+  GivenDisplacement displacement;
+  std::shared_ptr<const DrawnWindow> plane;  // has what is measured itself; else `displacement`
+  service::TissueExtent tissue;
+  std::optional<service::ProbeForce> force;
+  service::KnownModulus known;
+  std::function<double()> seconds_left;
+  service::ModulusKind kind = service::ModulusKind::kSolid;
+  double background_pa = 10e3;
+};
+
+struct WarningRow {
+  service::ModulusFlag flag;
+  std::string name;  // with its level
+  bool provoked;
+  std::function<WarnedWindow(std::uint64_t seed)> window;
+};
+
+std::vector<WarningRow> warning_rows(const service::Queue&);
+
+}  // namespace teletact::bench
