@@ -4,7 +4,6 @@
 #include <exception>
 
 #include "bench/suite.h"
-#include "bench/suites/warnings/warnings.h"
 
 int main(int argc, char** argv) {
   CLI::App app("teletact-bench: measurements against promises; exit code 1 when one is not met",

@@ -133,6 +133,7 @@ void add_posterior_suite(CLI::App& app, bool& met);
 void add_solid_suite(CLI::App& app, bool& met);
 void add_plan_suite(CLI::App& app, bool& met);
 void add_real_tissue_suite(CLI::App& app, bool& met);
+void add_warnings_suite(CLI::App& app, bool& met);
 
 // A touch of the simulated solid patient beside that patient's own tissue. Its exit code is 2 where what is
 // promised is not met.

@@ -129,8 +129,8 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
       return pressed(t);
     };
   };
-  row(ModulusFlag::kNoise, "noise of the displacement 4 um", true,
-      changed([](WarnedWindow& w) { w.displacement.noise_m = 4e-6; }));
+  row(ModulusFlag::kNoise, "noise of the displacement 8 um", true,
+      changed([](WarnedWindow& w) { w.displacement.noise_m = 8e-6; }));
   row(ModulusFlag::kNoise, "noise of the displacement 0.3 to 1 um", false, usual);
   row(ModulusFlag::kMisfit, "bottom slides", true,
       other([](Tissue& t) { t.solid->support = Support::kSliding; }));

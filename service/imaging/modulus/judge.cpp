@@ -65,7 +65,7 @@ MethodError method_error(ModulusKind kind) {
     case ModulusKind::kIterative:
       return {0.03, 0.075, 0.15, 0.15, 0.13};
     case ModulusKind::kSolid:
-      return {0.03, 0.12, 0.15, 0.3, 0.08};
+      return {0.03, 0.12, 0.15, 0.3, 0.12};
   }
   throw std::logic_error("modulus kind");
 }
