@@ -172,12 +172,14 @@ void AcquireSession::upload_one(Upload upload) {
 }
 
 void AcquireSession::publish(Upload& upload, const EstimateOutcome& outcome) {
-  std::uint64_t version = 0;
-  if (scene_) version = scene_->publish(upload.window, outcome.maps, abandon_);
+  PublishedSlice slice;
+  if (scene_) slice = scene_->publish(upload.window, outcome.maps, abandon_);
   upload.timing.set_last_byte_ns(outcome.last_byte_ns);
   upload.timing.set_published_ns(scene_ ? monotonic_ns() : outcome.published_ns);
   if (observer_.window) observer_.window(calls_, upload.timing, outcome.summary);
-  if (scene_ && observer_.slice) observer_.slice(upload.window, version);
+  if (scene_ && observer_.slice) observer_.slice(upload.window, slice.version);
+  if (observer_.note)
+    for (const std::string& warning : slice.warnings) observer_.note("warning: " + warning);
   const std::lock_guard lock(mutex_);
   scene_made_ = true;
   result_.windows.push_back(upload.timing);

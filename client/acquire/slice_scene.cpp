@@ -105,8 +105,8 @@ SliceScene::SliceScene(const std::shared_ptr<grpc::Channel>& channel, std::strin
       grid_(grid),
       retry_for_s_(retry_for_s) {}
 
-std::uint64_t SliceScene::publish(std::size_t slice, const std::vector<v1::Map>& maps,
-                                  const std::atomic<bool>& stop) {
+PublishedSlice SliceScene::publish(std::size_t slice, const std::vector<v1::Map>& maps,
+                                   const std::atomic<bool>& stop) {
   SlicePlane plane = slice_plane(maps, grid_);
   v1::ModulusSlice message;
   for (const double o : {0.0, 0.0, grid_.places.z_m(slice)}) message.mutable_pose()->add_origin_m(o);
@@ -115,14 +115,14 @@ std::uint64_t SliceScene::publish(std::size_t slice, const std::vector<v1::Map>&
   const std::int64_t give_up_ns = monotonic_ns() + static_cast<std::int64_t>(retry_for_s_ * 1e9);
   Backoff backoff(0.05, 0.5);
   for (bool again = false;; again = true) {
-    std::uint64_t version = 0;
-    grpc::Status status = made() ? add(message, version) : create(message, version);
+    PublishedSlice published;
+    grpc::Status status = made() ? add(message, published) : create(message, published);
     // An attempt whose answer was lost may have made it.
     if (again && !made() && status.error_code() == grpc::StatusCode::ALREADY_EXISTS)
-      status = add(message, version);
+      status = add(message, published);
     if (status.ok()) {
       planes_[slice] = std::move(plane);
-      return version;
+      return published;
     }
     if (status.error_code() != grpc::StatusCode::UNAVAILABLE || monotonic_ns() > give_up_ns)
       throw_status(made() ? "PublishSlice" : "CreateScene", status);
@@ -131,7 +131,7 @@ std::uint64_t SliceScene::publish(std::size_t slice, const std::vector<v1::Map>&
   }
 }
 
-grpc::Status SliceScene::create(const v1::ModulusSlice& slice, std::uint64_t& version) {
+grpc::Status SliceScene::create(const v1::ModulusSlice& slice, PublishedSlice& published) {
   v1::CreateSceneRequest request;
   request.set_scene_id(scene_id_);
   for (const double size_m : {grid_.width_m, grid_.depth_m}) request.mutable_geometry()->add_size_m(size_m);
@@ -151,11 +151,11 @@ grpc::Status SliceScene::create(const v1::ModulusSlice& slice, std::uint64_t& ve
   context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
   v1::Scene scene;
   const grpc::Status status = stub_->CreateScene(&context, request, &scene);
-  version = scene.version();
+  published.version = scene.version();
   return status;
 }
 
-grpc::Status SliceScene::add(const v1::ModulusSlice& slice, std::uint64_t& version) {
+grpc::Status SliceScene::add(const v1::ModulusSlice& slice, PublishedSlice& published) {
   v1::PublishSliceRequest request;
   request.set_scene_id(scene_id_);
   *request.mutable_slice() = slice;
@@ -163,7 +163,7 @@ grpc::Status SliceScene::add(const v1::ModulusSlice& slice, std::uint64_t& versi
   context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
   v1::PublishSliceResponse response;
   const grpc::Status status = stub_->PublishSlice(&context, request, &response);
-  version = response.version();
+  published = {response.version(), {response.warnings().begin(), response.warnings().end()}};
   return status;
 }
 

@@ -35,6 +35,11 @@ struct SlicePlane {
 // that has some, with ln 2 more deviation. Throws ServiceError (FAILED_PRECONDITION) when nothing is valid.
 SlicePlane slice_plane(const std::vector<teletact::v1::Map>& maps, const SliceGrid& grid);
 
+struct PublishedSlice {
+  std::uint64_t version = 0;  // the scene's, that has it
+  std::vector<std::string> warnings;
+};
+
 // Used by one thread at a time.
 class SliceScene {
  public:
@@ -42,17 +47,17 @@ class SliceScene {
   SliceScene(const std::shared_ptr<grpc::Channel>& channel, std::string scene_id, SliceGrid grid,
              double retry_for_s);
 
-  // Publishes an estimate's maps as that slice, another time in its own place. Returns the scene's version.
-  // Throws ServiceError, also (CANCELLED) when `stop` becomes true between attempts.
-  std::uint64_t publish(std::size_t slice, const std::vector<teletact::v1::Map>& maps,
-                        const std::atomic<bool>& stop);
+  // Publishes an estimate's maps as that slice, another time in its own place. Throws ServiceError, also
+  // (CANCELLED) when `stop` becomes true between attempts.
+  PublishedSlice publish(std::size_t slice, const std::vector<teletact::v1::Map>& maps,
+                         const std::atomic<bool>& stop);
 
   bool made() const { return !planes_.empty(); }
   const std::map<std::size_t, SlicePlane>& planes() const { return planes_; }  // published, by slice
 
  private:
-  grpc::Status create(const teletact::v1::ModulusSlice& slice, std::uint64_t& version);
-  grpc::Status add(const teletact::v1::ModulusSlice& slice, std::uint64_t& version);
+  grpc::Status create(const teletact::v1::ModulusSlice& slice, PublishedSlice& published);
+  grpc::Status add(const teletact::v1::ModulusSlice& slice, PublishedSlice& published);
 
   std::unique_ptr<teletact::v1::Palpation::Stub> stub_;
   std::string scene_id_;

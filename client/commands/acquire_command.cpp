@@ -153,9 +153,12 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
     const std::string place = arguments.slices
                                   ? fmt::format("slice z {:5.1f} mm", timing.window().origin_m(2) * 1e3)
                                   : fmt::format("window {:3.0f} mm", timing.window().origin_m(0) * 1e3);
+    double service_s = summary.received_to_published_s();
+    if (arguments.slices)  // published by a call of its own
+      for (const v1::StageTime& stage : summary.stages()) service_s += stage.seconds();
     std::printf("%s  pass %u  asked to published %.0f ms, service %.0f ms, background %.2f kPa\n",
                 place.c_str(), timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6,
-                summary.received_to_published_s() * 1e3, summary.background_modulus_pa() * 1e-3);
+                service_s * 1e3, summary.background_modulus_pa() * 1e-3);
     for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
     std::fflush(stdout);
   };

@@ -185,10 +185,15 @@ TEST(AcquireSlices, OutlivesAServiceThatIsNotThereForAWhile) {
   test::FakeServer server;
   server.elastography.unavailable_calls = 2;
   server.palpation.unavailable_slices = 2;
+  server.palpation.slice_warnings = {"state: not kept"};
   NumberedSlices frames(3, 1);
   std::atomic<bool> stop{false};
-  AcquireSession session(server.address(), "", frames, options_of(3), {});
+  std::vector<std::string> said;
+  AcquireObserver observer;
+  observer.note = [&](const std::string& line) { said.push_back(line); };
+  AcquireSession session(server.address(), "", frames, options_of(3), observer);
   EXPECT_EQ(session.run(stop).windows.size(), 3u);
+  EXPECT_EQ(std::count(said.begin(), said.end(), "warning: state: not kept"), 2);
   expect_places(server.palpation.slices(), {-0.01, -0.005, 0});
 }
 

@@ -153,7 +153,8 @@ class FakePalpation final : public v1::Palpation::Service {
     return grpc::Status::OK;
   }
 
-  std::atomic<int> unavailable_slices{0};  // the next n of PublishSlice fail so
+  std::atomic<int> unavailable_slices{0};   // the next n of PublishSlice fail so
+  std::vector<std::string> slice_warnings;  // of every PublishSlice; set before any
   grpc::Status PublishSlice(grpc::ServerContext*, const v1::PublishSliceRequest* request,
                             v1::PublishSliceResponse* response) override {
     if (unavailable_slices > 0 && unavailable_slices-- > 0)
@@ -163,6 +164,7 @@ class FakePalpation final : public v1::Palpation::Service {
     if (it == scenes_.end()) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
     take(it->second, request->slice());
     response->set_version(it->second.version());
+    for (const std::string& warning : slice_warnings) response->add_warnings(warning);
     return grpc::Status::OK;
   }
   std::vector<v1::ModulusSlice> slices() {  // as they came, whatever their scene
