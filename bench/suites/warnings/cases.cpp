@@ -88,8 +88,13 @@ void lose(WarnedWindow& w, double part) {
 }
 
 service::KnownModulus told(const Tissue& t, double times) {
-  const auto truth = std::make_shared<client::TrueModulus>(t);
-  return {[truth, times](double x, double y) { return times * (*truth)(x, y); },
+  struct Truth {  // which refers to its tissue
+    explicit Truth(const Tissue& of) : tissue(of), modulus(tissue) {}
+    Tissue tissue;
+    client::TrueModulus modulus;
+  };
+  const auto truth = std::make_shared<const Truth>(t);
+  return {[truth, times](double x, double y) { return times * truth->modulus(x, y); },
           [](double, double) { return 0.1; }};
 }
 
