@@ -141,8 +141,10 @@ void SolidContact<T>::feel() {
   if (!row_->shares) {
     SolidSolver<T>& solver = factor_->solver;
     const auto load = EnergyShares::usual_load(tissue_.grid);
+    solver.use(modulus_);
     solver.at(row_->solved);
-    const std::vector<T> u = solver.layered_field(load.unknowns, load.force_n);
+    solver.load(load.unknowns, load.force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
+    const std::vector<T> u = solver.displacement();
     row_->shares.emplace(factor_->queue, tissue_.grid, modulus_->layers, tissue_.poisson_ratio,
                          std::vector<double>(u.begin(), u.end()));
   }
@@ -172,12 +174,11 @@ void SolidContact<T>::learn_shares(const Queue& queue, std::mutex& solving) {
   SolidSolver<T>& solver = factor_->solver;
   const auto layered_field = [&](const std::vector<std::size_t>& unknowns, const VectorXd& force_n) {
     const std::lock_guard lock(solving);  // others' corrections in between
+    solver.use(modulus_);
     solver.at(row_->solved);
-    const std::vector<T> u = solver.layered_field(unknowns, force_n);
-    if constexpr (std::is_same_v<T, float>)
-      return u;
-    else
-      return std::vector<float>(u.begin(), u.end());
+    solver.load(unknowns, force_n, {.relative_error = HUGE_VAL, .max_iterations = 0});
+    const std::vector<T> u = solver.displacement();
+    return std::vector<float>(u.begin(), u.end());
   };
   if (!row_->force_shares)
     row_->force_shares.emplace(queue, tissue_.grid, modulus_->layers, tissue_.poisson_ratio, layered_field);

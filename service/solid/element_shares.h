@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <utility>
 #include <vector>
 
 #include "service/device/device.h"
@@ -21,22 +22,21 @@ std::vector<double> work_of_elements(const SolidTissue&, const std::vector<T>& u
 // One thread at a time, as its queue.
 class ElementMeans {
  public:
-  // Transforms of maps over the elements, one after the other.
-  using Maps = std::vector<float>;
-  // So many maps and so many of shares at once, at most.
-  ElementMeans(const Queue&, const SolidGrid&, std::size_t most_maps, std::size_t most_shares);
-  // Of one map or several, one after the other.
-  void transform(const std::vector<float>& of_elements, Maps& to);
-  // About each node of the surface, [z][x]: sum over e of share_e map_(e + node). Of all shares, each one
-  // map, with the first of the maps, then with the second, and so on.
-  std::vector<Eigen::VectorXd> means(const std::vector<Maps>& shares, const Maps& maps);
+  // The transform of a map over the elements.
+  using Map = std::vector<float>;
+  // at_once: so many means at most.
+  ElementMeans(const Queue&, const SolidGrid&, std::size_t at_once = 1);
+  Map transformed(const std::vector<float>& of_elements);
+  // About each node of the surface, [z][x]: sum over e of share_e map_(e + node).
+  Eigen::VectorXd means(const Map& shares, const Map& map);
+  // Of each pair of shares and a map, at once.
+  std::vector<Eigen::VectorXd> means(const std::vector<std::pair<const Map*, const Map*>>&);
 
  private:
   Queue queue_;
   std::size_t layers_;
   Fourier<float> elements_, surface_;
   Array<float> field_, spectrum_, plane_, sum_;
-  std::vector<float> sums_, means_;  // kept: fresh memory takes longer than what is computed in it
 };
 
 }  // namespace teletact::service

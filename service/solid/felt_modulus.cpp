@@ -34,7 +34,7 @@ EnergyShares::Load EnergyShares::usual_load(const SolidGrid& grid) {
 
 EnergyShares::EnergyShares(const Queue& queue, const SolidGrid& grid, const LayeredTissue& tissue,
                            double poisson_ratio, const std::vector<double>& u)
-    : columns_(grid.columns()), layers_pa_(tissue.youngs_modulus_pa), means_(queue, grid, 3, 1) {
+    : columns_(grid.columns()), layers_pa_(tissue.youngs_modulus_pa), means_(queue, grid) {
   SolidTissue layers{grid, {}, poisson_ratio};
   for (const double e : layers_pa_)
     layers.youngs_modulus_pa.insert(layers.youngs_modulus_pa.end(), columns_, e);
@@ -43,23 +43,22 @@ EnergyShares::EnergyShares(const Queue& queue, const SolidGrid& grid, const Laye
   std::vector<float> shares;
   shares.reserve(energy.size());
   for (const double e : energy) shares.push_back(static_cast<float>(e / sum));
-  means_.transform(shares, shares_.emplace_back());
+  shares_ = means_.transformed(shares);
 }
 
 FeltModulus EnergyShares::felt(const SolidTissue& tissue, double softer) {
-  const std::size_t elements = tissue.youngs_modulus_pa.size();
-  std::vector<float> maps(3 * elements);
-  for (std::size_t e = 0; e < elements; ++e) {
+  std::vector<float> logarithm(tissue.youngs_modulus_pa.size()), stiffer(logarithm), weaker(logarithm);
+  for (std::size_t e = 0; e < logarithm.size(); ++e) {
     const double ratio = softer * tissue.youngs_modulus_pa[e] / layers_pa_[e / columns_];
-    maps[e] = static_cast<float>(std::log(ratio));
-    maps[elements + e] = static_cast<float>(ratio - 1);
-    maps[2 * elements + e] = static_cast<float>(1 / ratio - 1);
+    logarithm[e] = static_cast<float>(std::log(ratio));
+    stiffer[e] = static_cast<float>(ratio - 1);
+    weaker[e] = static_cast<float>(1 / ratio - 1);
   }
-  ElementMeans::Maps transformed;
-  means_.transform(maps, transformed);
-  const std::vector<Eigen::VectorXd> means = means_.means(shares_, transformed);
-  const Eigen::ArrayXd m = means[0], stiff = means[1], weak = means[2];
   FeltModulus out;
+  const auto mean = [&](const std::vector<float>& map) {
+    return means_.means(shares_, means_.transformed(map));
+  };
+  const Eigen::ArrayXd m = mean(logarithm), stiff = mean(stiffer), weak = mean(weaker);
   out.scale = (-m / 2).exp();
   out.beyond = ((1 + weak) * m.exp() - 1).max(1 - (-m).exp() / (1 + stiff)).max(0.0);
   // Finer forces than what D scales are left as they were: that share of a contact's energy, about.

@@ -40,7 +40,7 @@ class EnergyShares {
   std::size_t columns_;
   std::vector<double> layers_pa_;
   ElementMeans means_;
-  std::vector<ElementMeans::Maps> shares_;  // one
+  ElementMeans::Map shares_;
 };
 
 }  // namespace teletact::service

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <numeric>
 #include <utility>
 
@@ -24,22 +23,17 @@ struct Cubic {
         curvature{2 - 3 * t, -5 + 9 * t, 4 - 9 * t, -1 + 3 * t} {}
 };
 
-// Shares of a node's part of the surface, spacing_x x spacing_z about it, that bear Hertz's pressure and a
-// flat punch's.
-struct Borne {
-  double hertz = 0, punch = 0;
-};
-Borne borne(double x_m, double z_m, const SolidGrid& grid, double radius_m) {
+// Share of a node's part of the surface, spacing_x x spacing_z about it, that bears density(r / radius).
+template <class F>
+double borne(double x_m, double z_m, const SolidGrid& grid, double radius_m, const F& density) {
   constexpr int kParts = 16;
-  Borne sum;
+  double sum = 0;
   for (int k = 0; k < kParts; ++k)
     for (int i = 0; i < kParts; ++i) {
-      const double x = (x_m + ((i + 0.5) / kParts - 0.5) * grid.spacing_x_m) / radius_m;
-      const double z = (z_m + ((k + 0.5) / kParts - 0.5) * grid.spacing_z_m) / radius_m;
-      const double beside = 1 - x * x - z * z;
-      if (!(beside > 0)) continue;
-      const double root = std::sqrt(beside);
-      sum.hertz += root, sum.punch += 1 / root;
+      const double x = x_m + ((i + 0.5) / kParts - 0.5) * grid.spacing_x_m;
+      const double z = z_m + ((k + 0.5) / kParts - 0.5) * grid.spacing_z_m;
+      const double r = std::hypot(x, z) / radius_m;
+      if (r < 1) sum += density(r);
     }
   return sum;
 }
@@ -139,10 +133,11 @@ ForceShares::Contact ForceShares::contact(const SolidGrid& grid, double radius_m
     const double x = away(node % grid.nx, grid.nx, grid.spacing_x_m),
                  z = away(node / grid.nx, grid.nz, grid.spacing_z_m);
     if (std::hypot(x, z) > radius_m + std::hypot(grid.spacing_x_m, grid.spacing_z_m)) continue;
-    const Borne of_node = borne(x, z, grid, radius_m);
-    if (of_node.hertz <= 0) continue;
+    const double of_hertz = borne(x, z, grid, radius_m, [](double r) { return std::sqrt(1 - r * r); });
+    const double of_punch = borne(x, z, grid, radius_m, [](double r) { return 1 / std::sqrt(1 - r * r); });
+    if (of_hertz <= 0) continue;
     out.unknowns.push_back(grid.columns() + node);
-    hertz.push_back(of_node.hertz), punch.push_back(of_node.punch);
+    hertz.push_back(of_hertz), punch.push_back(of_punch);
   }
   const auto unit = [](const std::vector<double>& f) {
     const Eigen::Map<const Eigen::VectorXd> all(f.data(), static_cast<Eigen::Index>(f.size()));
@@ -157,7 +152,7 @@ ForceShares::ForceShares(const Queue& queue, const SolidGrid& grid, const Layere
     : grid_(grid),
       layers_pa_(tissue.youngs_modulus_pa),
       radius_m_(radii_m(grid)),
-      means_(queue, grid, 2, radius_m_.size()) {
+      means_(queue, grid, 2 * radius_m_.size()) {
   SolidTissue layers{grid, {}, poisson_ratio};
   for (const double e : layers_pa_)
     layers.youngs_modulus_pa.insert(layers.youngs_modulus_pa.end(), grid.columns(), e);
@@ -170,28 +165,30 @@ ForceShares::ForceShares(const Queue& queue, const SolidGrid& grid, const Layere
     std::vector<float> shares;
     shares.reserve(work.size());
     for (const double w : work) shares.push_back(static_cast<float>(w / sum));
-    means_.transform(shares, shares_.emplace_back());
+    shares_.push_back(means_.transformed(shares));
   }
 }
 
 FeltForce ForceShares::felt(const SolidTissue& tissue, double softer) {
-  const std::size_t elements = grid_.elements(), radii = radius_m_.size();
-  maps_.resize(2 * elements);  // ln(E / E0), and its square
+  std::vector<float> logarithm(tissue.youngs_modulus_pa.size()), square(logarithm.size());
   const auto columns = static_cast<Eigen::Index>(grid_.columns());
   for (std::size_t j = 0; j < layers_pa_.size(); ++j) {
     const std::size_t first = j * grid_.columns();
     const Eigen::Map<const Eigen::ArrayXd> pa(tissue.youngs_modulus_pa.data() + first, columns);
-    Eigen::Map<Eigen::ArrayXf> to(maps_.data() + first, columns);
+    Eigen::Map<Eigen::ArrayXf> to(logarithm.data() + first, columns);
     to = (softer / layers_pa_[j] * pa).cast<float>();
     to = to.log();
-    Eigen::Map<Eigen::ArrayXf>(maps_.data() + elements + first, columns) = to.square();
+    Eigen::Map<Eigen::ArrayXf>(square.data() + first, columns) = to.square();
   }
-  means_.transform(maps_, transformed_);
-  std::vector<Eigen::VectorXd> mean = means_.means(shares_, transformed_);
-  std::vector<Eigen::VectorXd> variance(std::make_move_iterator(mean.begin() + static_cast<long>(radii)),
-                                        std::make_move_iterator(mean.end()));
-  mean.resize(radii);
-  for (std::size_t r = 0; r < radii; ++r) variance[r] -= mean[r].cwiseAbs2();
+  const ElementMeans::Map of_logarithm = means_.transformed(logarithm),
+                          of_square = means_.transformed(square);
+  std::vector<std::pair<const ElementMeans::Map*, const ElementMeans::Map*>> all;
+  for (const ElementMeans::Map& shares : shares_) all.emplace_back(&shares, &of_logarithm);
+  for (const ElementMeans::Map& shares : shares_) all.emplace_back(&shares, &of_square);
+  std::vector<Eigen::VectorXd> mean = means_.means(all), variance;
+  for (std::size_t r = 0; r < shares_.size(); ++r)
+    variance.push_back(mean[shares_.size() + r] - mean[r].cwiseAbs2());
+  mean.resize(shares_.size());
   return {grid_, radius_m_, std::move(mean), std::move(variance)};
 }
 

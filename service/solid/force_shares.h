@@ -65,9 +65,7 @@ class ForceShares {
   SolidGrid grid_;
   std::vector<double> layers_pa_, radius_m_;
   ElementMeans means_;
-  std::vector<ElementMeans::Maps> shares_;  // of each radius
-  std::vector<float> maps_;                 // of the last tissue: kept, as what ElementMeans keeps
-  ElementMeans::Maps transformed_;
+  std::vector<ElementMeans::Map> shares_;  // of each radius
 };
 
 }  // namespace teletact::service

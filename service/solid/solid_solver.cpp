@@ -177,15 +177,10 @@ double SolidSolver<T>::dot(const Array<T>& a, const Array<T>& b) {
 }
 
 template <class T>
-void SolidSolver<T>::move_layers(const Patch& patch, const Eigen::VectorXd& force_n, Array<T>& u) {
+void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
   const Eigen::Matrix<T, Eigen::Dynamic, 1> force = force_n.cast<T>();
   queue_.write(p_, force.data(), static_cast<std::size_t>(patch.count));
-  move_layers(patch.components, u);
-}
-
-template <class T>
-void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
-  move_layers(patch, force_n, u_);
+  move_layers(patch.components, u_);
   const std::vector<T> none(kScalars, T{0});
   queue_.write(scalars_, none.data(), none.size());
   const int planes = 3 * rows_, groups = static_cast<int>(grid_.unknowns() / width_);
@@ -295,24 +290,11 @@ SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::Vecto
 }
 
 template <class T>
-auto SolidSolver<T>::loaded(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p) -> Patch {
+SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
+                                   const SolidOptions& options) {
   const Patch set = set_patch(unknowns, false);
   if (p.size() != set.count || !p.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite force");
-  return set;
-}
-
-template <class T>
-std::vector<T> SolidSolver<T>::layered_field(const std::vector<std::size_t>& unknowns,
-                                             const Eigen::VectorXd& p) {
-  move_layers(loaded(unknowns, p), p, z_);
-  return queue_.read(z_);
-}
-
-template <class T>
-SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
-                                   const SolidOptions& options) {
-  const Patch set = loaded(unknowns, p);
   begin(set, p);
   const auto moved = [&]() -> Eigen::VectorXd { return row_of(u_)(unknowns); };
   SolidSolution solution = iterate(set, p.dot(moved()) + dot(u_, r_), options);

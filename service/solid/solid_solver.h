@@ -97,9 +97,6 @@ class SolidSolver {
   // Under given forces instead (N), with no skin: K u = B^T p.
   SolidSolution load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
                      const SolidOptions& = {});
-  // How layered tissue moves under them, [plane = 3 row + component][z][x]: no solution, and quicker than
-  // one.
-  std::vector<T> layered_field(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p);
   // Of the last solution. Throws std::domain_error where it is not finite.
   RowExcess excess();
   // Displacement of the last solution, or of the iterate that is watched, [plane = 3 row + component][z][x].
@@ -116,14 +113,10 @@ class SolidSolver {
     bool pushed = true;
   };
   Patch set_patch(const std::vector<std::size_t>& unknowns, bool pushed);
-  // Of forces p; throws std::invalid_argument unless each unknown has a finite one.
-  Patch loaded(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p);
   std::size_t row_begin() const { return 3 * row_->index * grid_.columns(); }  // in a field
   void solve_layers(const Array<T>& r, Array<T>& z);                           // z = K0^-1 r
   // u: how layered tissue moves under the patch's forces.
   void move_layers(const Components&, Array<T>& u);
-  // The same under forces that are given, N.
-  void move_layers(const Patch&, const Eigen::VectorXd& force_n, Array<T>& u);
   // Sets u to the layered tissue's answer to the patch's forces, and r to what that leaves of them.
   void begin(const Patch&, const Eigen::VectorXd& force_n);
   // Conjugate gradients from there; `twice_energy`: of the beginning.

@@ -25,7 +25,6 @@ class Fourier {
   Fourier(const Queue&, std::size_t nx, std::size_t nz, std::size_t planes,
           FourierKernels = FourierKernels::kOfDevice);
   std::size_t pitch() const { return (nx_ / 2 + 8) / 8 * 8; }  // numbers in a row of the spectrum
-  std::size_t planes() const { return planes_; }
   std::size_t field_size() const { return planes_ * nz_ * nx_; }
   std::size_t spectrum_size() const { return planes_ * 2 * nz_ * pitch(); }
   // Of planes first .. first + count - 1; the others are left alone. Throws std::invalid_argument if there
