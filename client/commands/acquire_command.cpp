@@ -321,7 +321,7 @@ void add_slice_options(CLI::App& command, Arguments& arguments) {
       ->needs(slices);
   command
       .add_option("--save-log-std", arguments.save_log_std_path,
-                  "the same of the standard deviations of their logarithms")
+                  "the same of the standard deviations of their logarithms; without it they are not kept")
       ->needs(slices);
 }
 
