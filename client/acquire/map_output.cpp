@@ -176,6 +176,12 @@ void require_writable_folder(const std::filesystem::path& folder) {
   if (!written) throw FileError(folder, "cannot be written; give another folder with --out");
 }
 
+const v1::Map& map_of(const std::vector<v1::Map>& maps, const std::string& name) {
+  for (const v1::Map& map : maps)
+    if (map.name() == name) return map;
+  throw ServiceError(grpc::StatusCode::INTERNAL, "Estimate: the service sent no map '" + name + "'");
+}
+
 std::vector<float> values_of(const v1::Map& map) {
   switch (map.values().dtype()) {
     case v1::DATA_TYPE_INT16:

@@ -1,5 +1,9 @@
 #include "client/acquire/simulated_pair.h"
 
+#include <cstdint>
+
+#include "client/patient/rf.h"
+
 namespace teletact::client {
 namespace {
 
@@ -19,8 +23,7 @@ v1::Acquisition acquisition_of(const RfBase& base, const ProbeState& state, doub
   return out;
 }
 
-}  // namespace
-
+// SplitMix64: neighbouring inputs give unrelated outputs.
 std::uint64_t mixed(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -28,15 +31,19 @@ std::uint64_t mixed(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
-std::uint64_t pass_seed(std::uint64_t patient_seed, std::size_t window, std::size_t pass) {
-  return mixed(mixed(mixed(patient_seed) + window) + pass);
-}
+}  // namespace
 
-FramePair simulated_pair(const RfBase& base, const ProbeState& state, const Probe& probe,
-                         std::uint64_t seed) {
-  const RfPair frames = with_noise(base, seed);
-  return {acquisition_of(base, state, sensed_force(probe, state.force_n, mixed(seed))), bytes_of(frames.pre),
-          bytes_of(frames.post)};
+std::vector<FramePair> simulated_pairs(const Tissue& tissue, const ProbeState& state, std::size_t window,
+                                       std::size_t passes) {
+  const RfBase base = simulate_rf(tissue, state, RfFrame::kProbe, mixed(tissue.seed) + window);
+  std::vector<FramePair> out;
+  for (std::size_t pass = 0; pass < passes; ++pass) {
+    const std::uint64_t seed = mixed(mixed(mixed(tissue.seed) + window) + pass);
+    const RfPair frames = with_noise(base, seed);
+    out.push_back({acquisition_of(base, state, sensed_force(tissue.probe, state.force_n, mixed(seed))),
+                   bytes_of(frames.pre), bytes_of(frames.post)});
+  }
+  return out;
 }
 
 }  // namespace teletact::client

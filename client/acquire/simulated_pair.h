@@ -1,21 +1,17 @@
-// A simulated pair of RF frames as a scanner would hand it over.
+// Simulated pairs of RF frames as a scanner would hand them over.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
+#include <vector>
 
 #include "client/acquire/frame_source.h"
 #include "client/patient/patient.h"
-#include "client/patient/rf.h"
 
 namespace teletact::client {
 
-// SplitMix64: neighbouring inputs give unrelated outputs.
-std::uint64_t mixed(std::uint64_t seed);
-
-// A seed of its own for every (patient, window, pass): passes never share noise.
-std::uint64_t pass_seed(std::uint64_t patient_seed, std::size_t window, std::size_t pass);
-
-// That pass of a window: fresh noise in both frames and in the force. Of maps it asks for `valid` alone.
-FramePair simulated_pair(const RfBase& base, const ProbeState& state, const Probe& probe, std::uint64_t seed);
+// The passes of a window of a patient: fresh noise in both frames and in the force of each, none of it twice.
+// Of maps they ask for `valid` alone.
+std::vector<FramePair> simulated_pairs(const Tissue& tissue, const ProbeState& state, std::size_t window,
+                                       std::size_t passes);
 
 }  // namespace teletact::client

@@ -22,12 +22,6 @@ std::size_t parts(double whole_m, double part_m) {
   return static_cast<std::size_t>(std::max(2.0, std::round(whole_m / part_m)));
 }
 
-const v1::Map& map_of(const std::vector<v1::Map>& maps, const std::string& name) {
-  for (const v1::Map& map : maps)
-    if (map.name() == name) return map;
-  throw ServiceError(grpc::StatusCode::INTERNAL, "Estimate: the service sent no map '" + name + "'");
-}
-
 v1::Array array_of(const SliceGrid& grid, const std::vector<float>& values) {
   v1::Array out;
   out.set_dtype(v1::DATA_TYPE_FLOAT32);

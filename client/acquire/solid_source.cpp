@@ -4,12 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
-#include <stdexcept>
 #include <thread>
 
 #include "client/acquire/simulated_pair.h"
-#include "client/patient/parallel.h"
 #include "client/patient/solid_press.h"
 
 namespace teletact::client {
@@ -36,37 +33,14 @@ double slice_window_x_m(const Tissue& tissue) {
 
 SolidSource::SolidSource(const Tissue& tissue, const SlicePlaces& places, std::size_t passes,
                          unsigned threads, const Progress& progress)
-    : places_(places), compression_m_(tissue.probe.compression_m), slices_(places.count) {
+    : places_(places), compression_m_(tissue.probe.compression_m) {
   if (const std::string problem = slice_problem(tissue, places); !problem.empty()) throw TissueError(problem);
-  if (passes == 0) throw std::invalid_argument("at least one pass must be prepared");
   if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
-  std::mutex mutex;  // guards `done`
-  std::size_t done = 0;
-  in_parallel(
-      slices_.size(),
-      [&](std::size_t k) {
-        const ProbeState state =
-            press_solid(tissue, slice_window_x_m(tissue), compression_m_, kSpacingM, places_.z_m(k));
-        const RfBase base = simulate_rf(tissue, state, RfFrame::kProbe, mixed(tissue.seed) + k);
-        for (std::size_t pass = 0; pass < passes; ++pass)
-          slices_[k].passes.push_back(
-              simulated_pair(base, state, tissue.probe, pass_seed(tissue.seed, k, pass)));
-        const std::lock_guard lock(mutex);
-        ++done;
-        if (progress) progress(done, slices_.size());
-      },
-      std::min(threads, kMostThreads));
-}
-
-std::size_t SolidSource::frames_left(std::size_t slice) const {
-  const Slice& s = slices_.at(slice);
-  return s.passes.size() - s.taken;
-}
-
-FramePair SolidSource::take(std::size_t slice) {
-  Slice& s = slices_.at(slice);
-  if (s.taken == s.passes.size()) throw std::out_of_range("every prepared pass of this slice is used up");
-  return std::move(s.passes[s.taken++]);
+  prepare(places.count, passes, std::min(threads, kMostThreads), progress, [&](std::size_t k) {
+    const ProbeState state =
+        press_solid(tissue, slice_window_x_m(tissue), compression_m_, kSpacingM, places_.z_m(k));
+    return simulated_pairs(tissue, state, k, passes);
+  });
 }
 
 }  // namespace teletact::client

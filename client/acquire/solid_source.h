@@ -2,11 +2,9 @@
 // an image plane, above the middle of the tissue along x.
 #pragma once
 
-#include <cstdint>
-#include <functional>
-#include <vector>
+#include <string>
 
-#include "client/acquire/frame_source.h"
+#include "client/acquire/prepared_source.h"
 #include "client/patient/patient.h"
 
 namespace teletact::client {
@@ -25,33 +23,24 @@ std::string slice_problem(const Tissue& tissue, const SlicePlaces& places);
 double slice_window_x_m(const Tissue& tissue);
 
 // Window k is slice k, as wide as the slices are apart.
-class SolidSource final : public FrameSource {
+class SolidSource final : public PreparedSource {
  public:
   // Along x under the probe: a third coarser than kSolidSpacing, for 2.4 times less to solve.
   static constexpr double kSpacingM = 0.002;
   // A solve takes half a gigabyte.
   static constexpr unsigned kMostThreads = 4;
-  using Progress = std::function<void(std::size_t done, std::size_t total)>;
 
   // Presses and images every slice, `passes` pairs each with fresh noise, on `threads` threads (0: one per
-  // processor), kMostThreads at most; `progress` is called from them, one at a time. Throws TissueError.
+  // processor), kMostThreads at most. Throws TissueError.
   SolidSource(const Tissue& tissue, const SlicePlaces& places, std::size_t passes, unsigned threads,
               const Progress& progress);
 
-  std::size_t window_count() const override { return slices_.size(); }
   double window_width_m() const override { return places_.pitch_m; }
   double compression_m() const override { return compression_m_; }
-  std::size_t frames_left(std::size_t slice) const override;
-  FramePair take(std::size_t slice) override;
 
  private:
-  struct Slice {
-    std::vector<FramePair> passes;
-    std::size_t taken = 0;
-  };
   SlicePlaces places_;
   double compression_m_;
-  std::vector<Slice> slices_;
 };
 
 }  // namespace teletact::client

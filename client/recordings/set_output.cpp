@@ -19,15 +19,9 @@ constexpr char kDisagree[] =
     "the pairs differ by more than they state: the probe or the tissue moved otherwise in some; look at each "
     "pair's own maps";
 
-const v1::Map& map_of(const EstimatedPair& pair, const std::string& name) {
-  for (const v1::Map& map : pair.outcome.maps)
-    if (map.name() == name) return map;
-  throw std::runtime_error("the service sent no map '" + name + "'");
-}
-
 const v1::Grid& grid_of(const EstimatedPlace& place) {
   for (const EstimatedPair& pair : place.pairs)
-    if (pair.refusal.empty()) return map_of(pair, "youngs_modulus").grid();
+    if (pair.refusal.empty()) return map_of(pair.outcome.maps, "youngs_modulus").grid();
   throw std::invalid_argument("no pair of the place was estimated");
 }
 
@@ -36,9 +30,10 @@ MapNodes nodes_of(const v1::Grid& grid) {
 }
 
 PairModulus modulus_of(const EstimatedPair& pair) {
-  PairModulus out{values_of(map_of(pair, "youngs_modulus")),
-                  values_of(map_of(pair, "youngs_modulus_log_std")), pair.outcome.summary.quality()};
-  const std::vector<float> valid = values_of(map_of(pair, "valid"));
+  PairModulus out{values_of(map_of(pair.outcome.maps, "youngs_modulus")),
+                  values_of(map_of(pair.outcome.maps, "youngs_modulus_log_std")),
+                  pair.outcome.summary.quality()};
+  const std::vector<float> valid = values_of(map_of(pair.outcome.maps, "valid"));
   if (valid.size() != out.log_modulus.size() || out.log_deviation.size() != out.log_modulus.size())
     throw std::runtime_error("the service sent maps of one pair on several grids");
   for (std::size_t n = 0; n < valid.size(); ++n)
@@ -206,7 +201,8 @@ EstimatedPlace join_place(std::optional<double> z_m, std::vector<EstimatedPair> 
     if (!pair.refusal.empty()) continue;
     maps.push_back(modulus_of(pair));
     place.absolute = place.absolute && pair.outcome.summary.modulus_absolute();
-    if (map_of(pair, "youngs_modulus").grid().SerializeAsString() != grid_of(place).SerializeAsString())
+    if (map_of(pair.outcome.maps, "youngs_modulus").grid().SerializeAsString() !=
+        grid_of(place).SerializeAsString())
       throw std::runtime_error("the service sent the pairs' maps on several grids");
   }
   if (!maps.empty()) place.joined = join_moduli(nodes_of(grid_of(place)), maps, place.absolute);

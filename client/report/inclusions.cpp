@@ -5,6 +5,9 @@
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <utility>
+
+#include "client/report/nearest_matches.h"
 
 namespace teletact::client {
 namespace {
@@ -77,32 +80,6 @@ FoundInclusion measure(const ModulusGrid& map, const std::vector<std::size_t>& n
   return found;
 }
 
-// Nearest pairs first, each inclusion at most once.
-void match(const std::vector<Inclusion>& truth, InclusionReport& report) {
-  struct Pair {
-    double distance_m;
-    std::size_t truth, found;
-  };
-  std::vector<Pair> pairs;
-  for (std::size_t t = 0; t < truth.size(); ++t)
-    for (std::size_t f = 0; f < report.found.size(); ++f) {
-      const double distance =
-          std::hypot(truth[t].x_m - report.found[f].x_m, truth[t].y_m - report.found[f].y_m);
-      if (distance <= kMatchM) pairs.push_back({distance, t, f});
-    }
-  std::sort(pairs.begin(), pairs.end(),
-            [](const Pair& a, const Pair& b) { return a.distance_m < b.distance_m; });
-  report.match.assign(truth.size(), -1);
-  std::vector<char> used(report.found.size(), 0);
-  for (const Pair& pair : pairs) {
-    if (report.match[pair.truth] >= 0 || used[pair.found]) continue;
-    report.match[pair.truth] = static_cast<int>(pair.found);
-    used[pair.found] = 1;
-  }
-  for (std::size_t f = 0; f < used.size(); ++f)
-    if (!used[f]) report.spurious.push_back(f);
-}
-
 }  // namespace
 
 InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclusion>& truth) {
@@ -122,7 +99,11 @@ InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclus
     if (static_cast<double>(nodes.size()) * map.dx_m * map.dy_m >= kLeastAreaM2)
       report.found.push_back(measure(map, nodes, report.background_pa));
   }
-  match(truth, report);
+  NearestMatches matches =
+      nearest_matches(truth.size(), report.found.size(), kMatchM, [&](std::size_t t, std::size_t f) {
+        return std::hypot(truth[t].x_m - report.found[f].x_m, truth[t].y_m - report.found[f].y_m);
+      });
+  report.match = std::move(matches.of_truth), report.spurious = std::move(matches.unmatched);
   return report;
 }
 

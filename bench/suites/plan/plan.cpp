@@ -1,4 +1,5 @@
 // teletact-bench plan: models of a touch of solid tissue, speed against accuracy, each against a truth (T9).
+// Over 400 lines: the figures, what sums them up and what prints them change together.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

@@ -4,9 +4,11 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "bench/basics/median.h"
 #include "bench/suite.h"
+#include "client/report/nearest_matches.h"
 
 namespace teletact::bench {
 namespace {
@@ -120,30 +122,6 @@ FoundLump measure(const Points& p, const std::vector<std::size_t>& points) {
   return lump;
 }
 
-// Nearest first, each once.
-void match(const std::vector<client::Inclusion>& truth, LumpReport& report) {
-  struct Pair {
-    double apart_m;
-    std::size_t truth, found;
-  };
-  std::vector<Pair> pairs;
-  for (std::size_t t = 0; t < truth.size(); ++t)
-    for (std::size_t f = 0; f < report.found.size(); ++f) {
-      const FoundLump& lump = report.found[f];
-      const double apart_m =
-          std::hypot(truth[t].x_m - lump.x_m, truth[t].y_m - lump.y_m, truth[t].z_m - lump.z_m);
-      if (apart_m <= kLumpMatchM) pairs.push_back({apart_m, t, f});
-    }
-  std::ranges::sort(pairs, {}, &Pair::apart_m);
-  report.match.assign(truth.size(), -1);
-  std::vector<char> used(report.found.size(), 0);
-  for (const Pair& pair : pairs)
-    if (report.match[pair.truth] < 0 && !used[pair.found])
-      report.match[pair.truth] = int(pair.found), used[pair.found] = 1;
-  for (std::size_t f = 0; f < used.size(); ++f)
-    if (!used[f]) report.invented.push_back(f);
-}
-
 }  // namespace
 
 LumpReport find_lumps(const client::MetaImage& volume, const std::vector<client::Inclusion>& truth) {
@@ -160,7 +138,12 @@ LumpReport find_lumps(const client::MetaImage& volume, const std::vector<client:
       if (const FoundLump lump = measure(points, take_component(points, n, above));
           lump.diameter_m >= kSmallestM)
         report.found.push_back(lump);
-  match(truth, report);
+  client::NearestMatches matches = client::nearest_matches(
+      truth.size(), report.found.size(), kLumpMatchM, [&](std::size_t t, std::size_t f) {
+        const FoundLump& lump = report.found[f];
+        return std::hypot(truth[t].x_m - lump.x_m, truth[t].y_m - lump.y_m, truth[t].z_m - lump.z_m);
+      });
+  report.match = std::move(matches.of_truth), report.invented = std::move(matches.unmatched);
   return report;
 }
 
