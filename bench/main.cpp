@@ -20,6 +20,8 @@ int main(int argc, char** argv) {
   teletact::bench::add_paper_suite(app, met);
   teletact::bench::add_servo_suite(app, met);
   teletact::bench::add_throughput_suite(app, met);
+  teletact::bench::add_load_suite(app, met);
+  teletact::bench::add_load_worker(app);
   teletact::bench::add_soak_suite(app, met);
   teletact::bench::add_contact_suite(app, met);
   teletact::bench::add_stability_suite(app, met);

@@ -122,6 +122,7 @@ void add_suite(CLI::App& app, const char* name, const char* about, const char* e
 void add_paper_suite(CLI::App& app, bool& met);
 void add_servo_suite(CLI::App& app, bool& met);
 void add_throughput_suite(CLI::App& app, bool& met);
+void add_load_suite(CLI::App& app, bool& met);
 void add_soak_suite(CLI::App& app, bool& met);
 void add_contact_suite(CLI::App& app, bool& met);
 void add_stability_suite(CLI::App& app, bool& met);
@@ -138,6 +139,9 @@ void add_warnings_suite(CLI::App& app, bool& met);
 // A touch of the simulated solid patient beside that patient's own tissue. Its exit code is 2 where what is
 // promised is not met.
 void add_solid_felt_command(CLI::App& app);
+
+// One of the processes of the suite `load`, which starts them.
+void add_load_worker(CLI::App& app);
 
 // Pages for people from the --json of suites.
 void add_report_command(CLI::App& app);

@@ -2,11 +2,12 @@
 
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <thread>
 
+#include "bench/load/sweep.h"
 #include "bench/suite.h"
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 
 namespace teletact::bench {
 namespace {
@@ -41,11 +42,8 @@ v1::TouchRequest pose_request(std::uint64_t sequence, std::uint64_t acknowledged
   return request;
 }
 
-// Where the finger is after `time_s`: to and fro, every client elsewhere on the way.
-double sweep_x(const LoadOptions& options, unsigned client, double time_s) {
-  const double width = options.end_m - options.begin_m;
-  const double way = std::fmod(options.speed_m_s * time_s + 0.37 * width * client, 2 * width);
-  return options.begin_m + (way < width ? way : 2 * width - way);
+double finger_m(const LoadOptions& options, unsigned client, double time_s) {
+  return sweep_m(options.begin_m, options.end_m, options.speed_m_s, client, time_s);
 }
 
 // A stream that was accepted.
@@ -92,7 +90,7 @@ LoadResult closed_loop(OpenStream& open, const LoadOptions& options, unsigned cl
     const Clock::time_point sent = Clock::now();
     result.elapsed_s = std::chrono::duration<double>(sent - begin).count();
     if (result.elapsed_s >= options.duration_s) return result;
-    const double x_m = sweep_x(options, client, result.elapsed_s);
+    const double x_m = finger_m(options, client, result.elapsed_s);
     ++result.poses;
     if (!open.stream->Write(pose_request(result.poses, result.answers, sent, x_m, options.indentation_m)))
       open.fail();
@@ -126,7 +124,7 @@ LoadResult open_loop(OpenStream& open, const LoadOptions& options, unsigned clie
     std::this_thread::sleep_until(due);
     ++poses;
     alive = open.stream->Write(
-        pose_request(poses, received, due, sweep_x(options, client, due_s), options.indentation_m));
+        pose_request(poses, received, due, finger_m(options, client, due_s), options.indentation_m));
   }
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - begin).count();
   open.stream->WritesDone();
@@ -139,6 +137,24 @@ LoadResult open_loop(OpenStream& open, const LoadOptions& options, unsigned clie
 }
 
 }  // namespace
+
+LoadOptions load_over(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id) {
+  v1::Scene scene;
+  const grpc::Status status =
+      client::get_scene(*v1::Palpation::NewStub(channel), scene_id, v1::SCENE_VIEW_BASIC, scene);
+  if (!status.ok()) throw BenchError("GetScene: " + client::describe(status));
+  constexpr double kInsideM = 0.008;
+  LoadOptions load;
+  load.scene_id = scene_id;
+  for (const client::Extent& extent : client::touchable_extents(scene)) {
+    if (extent.end_x_m - extent.begin_x_m <= load.end_m - load.begin_m + 2 * kInsideM) continue;
+    load.begin_m = extent.begin_x_m + kInsideM;
+    load.end_m = extent.end_x_m - kInsideM;
+  }
+  if (!(load.end_m > load.begin_m))
+    throw BenchError("--scene " + scene_id + ": nothing in it can be touched");
+  return load;
+}
 
 LoadResult run_load(const std::shared_ptr<grpc::Channel>& channel, const LoadOptions& options,
                     unsigned client) {

@@ -22,6 +22,9 @@ struct LoadOptions {
   double rate_hz = 0;  // poses per second; 0 = closed loop
 };
 
+// The widest range of a scene that windows cover without a gap, 8 mm inside. Throws BenchError.
+LoadOptions load_over(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene_id);
+
 struct LoadResult {
   std::uint64_t poses = 0, answers = 0, without_force = 0;
   double elapsed_s = 0;

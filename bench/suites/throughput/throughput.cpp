@@ -1,4 +1,5 @@
-// teletact-bench throughput: touches per second and latency of a running service, closed and open loop.
+// teletact-bench throughput: touches per second and latency of a running service, closed and open loop; the
+// suite `load` in its usual form.
 //
 // Before timing, answers are checked: on the suite's own scene against the dense reference (T4.1) of the same
 // grid and modulus; on a given scene, whose tissue is unknown here, the force against the slope of the energy
@@ -7,25 +8,25 @@
 #include <grpcpp/grpcpp.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <future>
 #include <memory>
 
 #include "bench/curves.h"
+#include "bench/load/figures.h"
 #include "bench/own_scene.h"
 #include "bench/service.h"
 #include "bench/suite.h"
 #include "bench/touch_client.h"
 #include "client/acquire/estimate_client.h"
-#include "client/link/channel.h"
-#include "client/link/scenes.h"
 
 namespace teletact::bench {
 namespace {
 
 // What a single operator is promised on two processor cores.
 constexpr double kTouchesPerS = 200, kLatencyS = 0.010;
+constexpr double kWarmUpS = 0.2;
 constexpr double kSlopeTolerance = 2e-2;  // central difference of the energy over 0.2 mm
 constexpr const char* kOwnScene = "bench-throughput";
 
@@ -49,38 +50,6 @@ double check_energy_slope(const std::shared_ptr<grpc::Channel>& channel, const s
   });
 }
 
-// The widest range that windows cover without a gap, 8 mm inside.
-LoadOptions load_over(v1::Palpation::Stub& stub, const std::string& scene_id) {
-  v1::Scene scene;
-  const grpc::Status status = client::get_scene(stub, scene_id, v1::SCENE_VIEW_BASIC, scene);
-  if (!status.ok()) throw BenchError("GetScene: " + client::describe(status));
-  constexpr double kInsideM = 0.008;
-  LoadOptions load;
-  load.scene_id = scene_id;
-  for (const client::Extent& extent : client::touchable_extents(scene)) {
-    if (extent.end_x_m - extent.begin_x_m <= load.end_m - load.begin_m + 2 * kInsideM) continue;
-    load.begin_m = extent.begin_x_m + kInsideM;
-    load.end_m = extent.end_x_m - kInsideM;
-  }
-  if (!(load.end_m > load.begin_m))
-    throw BenchError("--scene " + scene_id + ": nothing in it can be touched");
-  return load;
-}
-
-struct ClientFigures {
-  std::uint64_t poses = 0, answers = 0, without_force = 0;
-  double answers_per_s = 0;
-  Quantiles latency_s;
-};
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ClientFigures, poses, answers, without_force, answers_per_s, latency_s)
-struct LoopFigures {
-  double rate_hz_per_client = 0, answers_per_s = 0;
-  std::vector<ClientFigures> clients{};
-  Quantiles latency_s{};
-  std::vector<double> latencies_s{};
-};
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopFigures, rate_hz_per_client, answers_per_s, clients, latency_s,
-                                   latencies_s)
 struct ServiceFigures {
   std::string build, api, device, driver_version, grpc;
 };
@@ -89,51 +58,39 @@ struct Figures {
   ServiceFigures service;
   unsigned clients = 0;
   Checked checked;
-  LoopFigures closed_loop, open_loop;
+  LoadFigures closed_loop, open_loop;
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, service, clients, checked, closed_loop, open_loop)
 
-LoopFigures run_clients(const Arguments& arguments, LoadOptions load, double rate_hz) {
-  load.rate_hz = rate_hz;
-  load.duration_s = arguments.quick ? std::min(1.0, arguments.duration_s) : arguments.duration_s;
-  std::vector<std::future<LoadResult>> clients;
-  for (unsigned k = 0; k < arguments.clients; ++k)
-    clients.push_back(std::async(std::launch::async, [&, k] {
-      return run_load(client::make_channel(arguments.service.address, arguments.service.tls_ca), load, k);
-    }));
-  LoopFigures out{rate_hz};
-  for (auto& running : clients) {
-    const LoadResult r = running.get();
-    const double rate = static_cast<double>(r.answers) / r.elapsed_s;
-    out.answers_per_s += rate;
-    out.latencies_s.insert(out.latencies_s.end(), r.latency_s.begin(), r.latency_s.end());
-    out.clients.push_back({r.poses, r.answers, r.without_force, rate, quantiles(r.latency_s)});
-  }
-  out.latency_s = quantiles(out.latencies_s);
-  return out;
+LoadFigures run_clients(const Arguments& arguments, const LoadOptions& load, double rate_hz) {
+  LoadPlan plan{.address = arguments.service.address,
+                .tls_ca = arguments.service.tls_ca,
+                .scene_id = load.scene_id,
+                .begin_m = load.begin_m,
+                .end_m = load.end_m,
+                .indentation_m = load.indentation_m,
+                .speed_m_s = load.speed_m_s};
+  plan.clients = arguments.clients;
+  plan.closed_loop = rate_hz == 0, plan.rate_hz = plan.end_rate_hz = rate_hz;
+  plan.warm_up_s = kWarmUpS;
+  plan.duration_s = arguments.quick ? std::min(1.0, arguments.duration_s) : arguments.duration_s;
+  LoadFigures figures = measure_load(plan, 1);
+  for (const auto* ended : {&figures.tally.refused, &figures.tally.failed})
+    if (!ended->empty()) throw BenchError("touch streams were not served: " + of_statuses(*ended));
+  return figures;
 }
 
-Curve shares_of(const char* title, std::vector<double> latencies_s) {
-  std::sort(latencies_s.begin(), latencies_s.end());
+Curve shares_of(const char* title, const LoadFigures& loop) {
   Curve curve{.title = title, .style = "lines lw 2"};
-  const std::size_t step = std::max<std::size_t>(1, latencies_s.size() / 2000);
-  for (std::size_t k = 0; k < latencies_s.size(); k += step)
-    curve.add(latencies_s[k] * 1e3, (k + 0.5) / static_cast<double>(latencies_s.size()));
+  for (const auto& [seconds, at_most] : loop.tally.latency.shares()) curve.add(1e3 * seconds, at_most);
   return curve;
 }
 
 void draw(const Figures& figures, const std::filesystem::path& folder) {
   plot(folder / "throughput.png",
-       script_of({shares_of("closed loop", figures.closed_loop.latencies_s),
-                  shares_of("open loop", figures.open_loop.latencies_s)},
+       script_of({shares_of("closed loop", figures.closed_loop), shares_of("open loop", figures.open_loop)},
                  "set logscale x\nset key bottom right\n" +
                      axes("touches of a running service", "latency (ms)", "share of the answers")));
-}
-
-void print(const char* name, const LoopFigures& loop) {
-  const Quantiles& l = loop.latency_s;
-  std::printf("%-12s %8.0f answers/s  latency p50 %.3f ms  p95 %.3f ms  p99 %.3f ms  max %.3f ms\n", name,
-              loop.answers_per_s, 1e3 * l.p50, 1e3 * l.p95, 1e3 * l.p99, 1e3 * l.max);
 }
 
 ServiceFigures describe_service(const std::shared_ptr<grpc::Channel>& channel) {
@@ -148,17 +105,15 @@ Figures measure(const Arguments& arguments, Promises& promises) {
   const bool own = arguments.scene_id.empty();
   if (own)
     figures.checked = make_checked_scene(channel, kOwnScene, own_tissue(), LoadOptions{}.indentation_m);
-  const LoadOptions load = load_over(*v1::Palpation::NewStub(channel), own ? kOwnScene : arguments.scene_id);
+  const LoadOptions load = load_over(channel, own ? kOwnScene : arguments.scene_id);
   if (!own) figures.checked = {"slope of the energy", check_energy_slope(channel, load.scene_id, load)};
   std::printf("answers checked against the %s: off by at most %.2g\n", figures.checked.against.c_str(),
               figures.checked.largest_relative_error);
   figures.closed_loop = run_clients(arguments, load, 0);
-  print("closed loop", figures.closed_loop);
   figures.open_loop = run_clients(arguments, load, arguments.open_loop_hz);
-  print("open loop", figures.open_loop);
   promises = {{"closed_loop_answers", figures.closed_loop.answers_per_s, kTouchesPerS, "1/s", false},
-              {"closed_loop_latency_p99", figures.closed_loop.latency_s.p99, kLatencyS, "s"},
-              {"open_loop_latency_p99", figures.open_loop.latency_s.p99, kLatencyS, "s"}};
+              {"closed_loop_latency_p99", figures.closed_loop.p99_s, kLatencyS, "s"},
+              {"open_loop_latency_p99", figures.open_loop.p99_s, kLatencyS, "s"}};
   return figures;
 }
 

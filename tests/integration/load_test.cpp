@@ -1,0 +1,121 @@
+// The load generator proves itself: a service that stops for two seconds shows in what it says.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tests/integration/process.h"
+
+namespace teletact {
+namespace {
+
+class Load : public testing::Test {
+ protected:
+  void SetUp() override { ASSERT_TRUE(service_.says("serving on", 300)) << service_.output(); }
+  std::vector<std::string> command(std::vector<std::string> more) const {
+    std::vector<std::string> out{test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench",
+                                 "load",
+                                 "--service",
+                                 address_,
+                                 "--json",
+                                 json_};
+    out.insert(out.end(), more.begin(), more.end());
+    return out;
+  }
+  nlohmann::json result() const {
+    std::ifstream file(json_);
+    return nlohmann::json::parse(file);
+  }
+  nlohmann::json tally() const { return result().at("loads").at(0).at("tally"); }
+  // Poses whose latency was above `seconds`, from the buckets as the JSON has them.
+  static double over(const nlohmann::json& histogram, double seconds) {
+    double n = 0;
+    for (const auto& bucket : histogram.at("buckets")) {
+      const auto index = bucket.at(0).get<std::uint32_t>();
+      const double ns = index < 64 ? index : std::ldexp(64.0 + index % 64, static_cast<int>(index / 64) - 1);
+      if (1e-9 * ns > seconds) n += bucket.at(1).get<double>();
+    }
+    return n;
+  }
+  const test::TemporaryFolder folder_;
+  const std::string address_ = "unix:" + (folder_ / "s"), json_ = folder_ / "load.json";
+  test::Process service_{{test::service_binary(), "serve", "--listen", address_}, folder_ / "service.log"};
+};
+
+TEST_F(Load, AStopOfTheServiceShowsAsItIs) {
+  constexpr double kStopS = 2, kRateHz = 50, kClients = 3;
+  test::Process load(command({"--clients", "3", "--processes", "2", "--rate-hz", "50", "--duration-s", "8"}),
+                     folder_ / "load.log");
+  std::this_thread::sleep_for(std::chrono::seconds(5));  // warm-up, and some more
+  service_.kill(SIGSTOP);
+  std::this_thread::sleep_for(std::chrono::duration<double>(kStopS));
+  service_.kill(SIGCONT);
+  ASSERT_EQ(load.wait(120), 0) << load.output();
+  const auto t = tally();
+  EXPECT_NEAR(t.at("intended").get<double>(), 8 * kRateHz * kClients, 0.05 * 8 * kRateHz * kClients);
+  EXPECT_GE(t.at("latency").at("max_s").get<double>(), 0.95 * kStopS);
+  // Of each client, those meant in the stop's first second waited for more than a second.
+  EXPECT_NEAR(over(t.at("latency"), kStopS / 2), kStopS / 2 * kRateHz * kClients,
+              0.3 * kStopS * kRateHz * kClients);
+  EXPECT_GT(t.at("held_back").get<int>(), 0) << "eight in flight were not enough for two seconds";
+  EXPECT_EQ(t.at("opened"), 3);
+  EXPECT_TRUE(t.at("failed").empty()) << t;
+}
+
+TEST_F(Load, StreamsThatGoAndAreDroppedAreCountedAndLeaveNothing) {
+  const auto run = test::run(command({"--clients", "4", "--loop", "poisson", "--rate-hz", "100", "--stay-s",
+                                      "0.3", "--cancel-share", "0.5", "--duration-s", "3"}),
+                             folder_ / "load.log", {}, 120);
+  ASSERT_EQ(run.code, 0) << run.output;
+  const auto t = tally();
+  EXPECT_GT(t.at("opened").get<int>(), 15) << run.output;
+  EXPECT_GT(t.at("cancelled").get<int>(), 3) << run.output;
+  EXPECT_TRUE(t.at("failed").empty()) << t;
+  EXPECT_TRUE(t.at("refused").empty()) << t;
+  EXPECT_EQ(t.at("unanswered"), 0)
+      << "what a stream that goes still waits for is not held against the service";
+  EXPECT_TRUE(service_.running()) << service_.output();
+}
+
+// The service answers a stream every millisecond at most.
+TEST_F(Load, CapacityIsThatOfAnswers) {
+  const auto run =
+      test::run(command({"--clients", "2", "--rate-hz", "500", "--find-capacity", "--latency-limit-s", "10",
+                         "--warm-up-s", "0.2", "--duration-s", "0.6"}),
+                folder_ / "load.log", {}, 120);
+  ASSERT_EQ(run.code, 0) << run.output;
+  EXPECT_GT(result().at("capacity_hz").get<double>(), 0) << run.output;
+  EXPECT_LE(result().at("capacity_hz").get<double>(), 2100) << run.output;
+  EXPECT_GE(result().at("loads").size(), 2u) << run.output;
+}
+
+TEST_F(Load, AClosedLoopHasAnAnswerForEachPose) {
+  const auto run = test::run(command({"--clients", "3", "--loop", "closed", "--laws", "--duration-s", "1"}),
+                             folder_ / "load.log", {}, 120);
+  ASSERT_EQ(run.code, 0) << run.output;
+  const auto t = tally();
+  EXPECT_GT(t.at("intended").get<int>(), 0);
+  EXPECT_EQ(t.at("counted_answers"), t.at("intended"));
+  EXPECT_EQ(t.at("without_force"), 0);
+  EXPECT_GT(t.at("laws").get<int>(), 0);
+}
+
+TEST_F(Load, WhatContradictsItselfIsRefused) {
+  for (const std::vector<std::string>& wrong :
+       {std::vector<std::string>{"--find-capacity"},
+        {"--find-capacity", "--latency-limit-s", "0.01", "--loop", "closed"},
+        {"--loop", "closed", "--ramp-to-hz", "10"},
+        {"--rate-hz", "0"},
+        {"--clients", "0"},
+        {"--cancel-share", "2"},
+        {"--scene", "nobody's"}}) {
+    const auto run = test::run(command(wrong), folder_ / "load.log", {}, 60);
+    EXPECT_NE(run.code, 0) << wrong.front();
+    EXPECT_FALSE(std::filesystem::exists(json_)) << wrong.front();
+  }
+}
+
+}  // namespace
+}  // namespace teletact
