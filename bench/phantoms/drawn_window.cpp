@@ -35,11 +35,13 @@ double centre(const std::vector<double>& coordinates, std::size_t cell) {
 }  // namespace
 
 DrawnWindow::DrawnWindow(const DrawnCase& of, std::uint64_t seed, service::Queue queue)
-    : of_(of), tissue_{kTissueM, kDepthM, (kTissueM - kWindowM) / 2} {
+    : of_(of), tissue_{kTissueM, of.depth_m, (kTissueM - kWindowM) / 2} {
   std::mt19937_64 random(seed);
   const double radius_m = of.diameter_m / 2;
   x_m_ = std::uniform_real_distribution<double>(0.010 + radius_m, kWindowM - 0.010 - radius_m)(random);
-  y_m_ = std::uniform_real_distribution<double>(0.005 + radius_m, 0.020 + radius_m / 2)(random);
+  const double shallowest_m = 0.005 + radius_m,
+               deepest_m = std::min(0.020 + radius_m / 2, of.depth_m - radius_m);
+  y_m_ = std::uniform_real_distribution<double>(shallowest_m, std::max(shallowest_m, deepest_m))(random);
   draw_texture(random());
   measure(queue, press(), random());
 }
@@ -88,10 +90,10 @@ void DrawnWindow::draw_texture(std::uint64_t seed) {
 }
 
 std::vector<double> DrawnWindow::press() {
-  const double left = tissue_.window_x_m, push_m = of_.strain * kDepthM;
+  const double left = tissue_.window_x_m, push_m = of_.strain * of_.depth_m;
   TissueGrid fine;
   fine.x_m = service::graded_coordinates(-left, kTissueM - left, 0, kWindowM, kFineM, 6e-3, 1.3);
-  fine.y_m = service::uniform_coordinates(0, kDepthM, kRows);
+  fine.y_m = service::uniform_coordinates(0, of_.depth_m, kRows);
   service::Material material;
   material.poisson_ratio = tissue_.poisson_ratio;
   constexpr int kWithin = 4;  // an edge runs through an element
@@ -136,7 +138,10 @@ std::vector<double> DrawnWindow::press() {
 
 void DrawnWindow::measure(const service::Queue& queue, std::vector<double> axial, std::uint64_t seed) {
   std::vector<double> lateral(axial.size());
-  measured_ = measured_of(queue, {std::move(axial), std::move(lateral), {}, of_.noise_m}, seed);
+  std::vector<std::uint8_t> in_tissue(axial.size());
+  for (std::size_t n = 0; n < kImage.size(); ++n) in_tissue[n] = kImage.y_m(n) <= of_.depth_m;
+  measured_ =
+      measured_of(queue, {std::move(axial), std::move(lateral), std::move(in_tissue), of_.noise_m}, seed);
 }
 
 service::ModulusInput DrawnWindow::input() const {

@@ -11,18 +11,19 @@
 
 namespace teletact::bench {
 
-// A lump in the middle 40 mm of a probe of 60 mm on tissue 40 mm deep and 160 mm wide.
+// A lump in the middle 40 mm of a probe of 60 mm on tissue 160 mm wide.
 struct DrawnCase {
   double contrast = 3, diameter_m = 0.010;
   double strain = 0.01;     // compression over depth
   double noise_m = 0.5e-6;  // standard deviation of the axial displacement, as tracking states it
   bool texture = true;      // ln E also varies as the iterative method's prior says, given the lump (T3.5)
+  double depth_m = 0.040;   // of the tissue, up to that of the image
   bool operator==(const DrawnCase&) const = default;
 };
 
 class DrawnWindow {
  public:
-  static constexpr double kWindowM = 0.060, kDepthM = 0.040, kTissueM = 0.160, kBackgroundPa = 10e3;
+  static constexpr double kWindowM = 0.060, kTissueM = 0.160, kBackgroundPa = 10e3;
 
   // The lump's place, the texture and the noise are the seed's.
   DrawnWindow(const DrawnCase&, std::uint64_t seed, service::Queue);

@@ -11,6 +11,7 @@
 #include "client/acquire/map_output.h"
 #include "client/clock/clock.h"
 #include "client/link/retry.h"
+#include "client/link/scenes.h"
 
 namespace teletact::client {
 namespace {
@@ -112,7 +113,7 @@ PublishedSlice SliceScene::publish(std::size_t slice, const std::vector<v1::Map>
     PublishedSlice published;
     grpc::Status status = made() ? add(message, published) : create(message, published);
     // An attempt whose answer was lost may have made it.
-    if (again && !made() && status.error_code() == grpc::StatusCode::ALREADY_EXISTS)
+    if (again && !made() && status.error_code() == grpc::StatusCode::ALREADY_EXISTS && holds_only(message))
       status = add(message, published);
     if (status.ok()) {
       planes_[slice] = std::move(plane);
@@ -147,6 +148,17 @@ grpc::Status SliceScene::create(const v1::ModulusSlice& slice, PublishedSlice& p
   const grpc::Status status = stub_->CreateScene(&context, request, &scene);
   published.version = scene.version();
   return status;
+}
+
+// Whether the scene is as this one would be made with that slice, and not somebody else's of the same name.
+bool SliceScene::holds_only(const v1::ModulusSlice& slice) {
+  v1::Scene scene;
+  if (!get_scene(*stub_, scene_id_, v1::SCENE_VIEW_BASIC, scene, kCallDeadline).ok()) return false;
+  constexpr double kSameM = 1e-9;
+  const auto& size_m = scene.geometry().size_m();
+  return size_m.size() >= 2 && std::abs(size_m[0] - grid_.width_m) < kSameM &&
+         std::abs(size_m[1] - grid_.depth_m) < kSameM && scene.slices_z_m_size() == 1 &&
+         std::abs(scene.slices_z_m(0) - slice.pose().origin_m(2)) < kSameM;
 }
 
 grpc::Status SliceScene::add(const v1::ModulusSlice& slice, PublishedSlice& published) {

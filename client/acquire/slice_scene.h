@@ -57,6 +57,7 @@ class SliceScene {
 
  private:
   grpc::Status create(const teletact::v1::ModulusSlice& slice, PublishedSlice& published);
+  bool holds_only(const teletact::v1::ModulusSlice& slice);
   grpc::Status add(const teletact::v1::ModulusSlice& slice, PublishedSlice& published);
 
   std::unique_ptr<teletact::v1::Palpation::Stub> stub_;

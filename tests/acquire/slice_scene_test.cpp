@@ -197,6 +197,30 @@ TEST(AcquireSlices, OutlivesAServiceThatIsNotThereForAWhile) {
   expect_places(server.palpation.slices(), {-0.01, -0.005, 0});
 }
 
+// GIVEN that the answer to the scene's making is lost, THEN its own scene goes on, and another's of the same
+// name is left as it is.
+TEST(AcquireSlices, GoesOnWithItsOwnSceneAndNotWithAnothers) {
+  for (const bool anothers : {false, true}) {
+    test::FakeServer server;
+    if (anothers) server.create_scene("s");
+    server.palpation.lost_scenes = 1;
+    NumberedSlices frames(3, 1);
+    std::atomic<bool> stop{false};
+    AcquireSession session(server.address(), "", frames, options_of(3), {});
+    if (!anothers) {
+      EXPECT_EQ(session.run(stop).windows.size(), 3u);
+      continue;
+    }
+    try {
+      session.run(stop);
+      FAIL() << "slices went into somebody else's scene";
+    } catch (const ServiceError& error) {
+      EXPECT_EQ(error.code, grpc::StatusCode::ALREADY_EXISTS) << error.what();
+    }
+    EXPECT_TRUE(server.palpation.slices().empty());
+  }
+}
+
 TEST(AcquireSlices, AServiceThatForgotTheSceneEndsIt) {
   test::FakeServer server;
   NumberedSlices frames(3, 1);

@@ -141,8 +141,13 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<int> watches{0};                                  // opened so far
   std::atomic<grpc::StatusCode> refusal{grpc::StatusCode::OK};  // ends one watch, once
 
-  grpc::Status CreateScene(grpc::ServerContext*, const v1::CreateSceneRequest* request,
+  std::atomic<int> lost_scenes{0};  // the next n of CreateScene answer UNAVAILABLE, whatever they did
+  grpc::Status CreateScene(grpc::ServerContext* context, const v1::CreateSceneRequest* request,
                            v1::Scene* scene) override {
+    if (lost_scenes > 0 && lost_scenes-- > 0) {
+      CreateScene(context, request, scene);
+      return {grpc::StatusCode::UNAVAILABLE, "the link broke"};
+    }
     const std::lock_guard lock(mutex_);
     const auto [it, fresh] = scenes_.try_emplace(request->scene_id());
     if (!fresh) return {grpc::StatusCode::ALREADY_EXISTS, "scene_id is taken"};
@@ -226,6 +231,7 @@ class FakePalpation final : public v1::Palpation::Service {
  private:
   void take(v1::Scene& scene, const v1::ModulusSlice& slice) {
     slices_.push_back(slice);
+    scene.add_slices_z_m(slice.pose().origin_m(2));
     scene.set_version(scene.version() + 1);
   }
 

@@ -1,5 +1,7 @@
 #include "bench/suites/warnings/cases.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -175,13 +177,19 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   row(ModulusFlag::kDeadline, "no time", true,
       changed([](WarnedWindow& w) { w.seconds_left = [] { return 0.0; }; }));
   row(ModulusFlag::kDeadline, "no limit", false, usual);
-  row(ModulusFlag::kPressure, "plane strain, nu 0.4999", true, [queue](std::uint64_t seed) {
-    WarnedWindow w = of_plane({}, seed, ModulusKind::kIterative, queue);
-    w.tissue.poisson_ratio = 0.4999;
-    return w;
-  });
-  row(ModulusFlag::kPressure, "plane strain, nu 0.49", false,
-      [queue](std::uint64_t seed) { return of_plane({}, seed, ModulusKind::kIterative, queue); });
+  const DrawnCase deep{}, shallow{.contrast = 3,
+                                  .diameter_m = 0.003,
+                                  .strain = 0.01,
+                                  .noise_m = 0.1e-6,
+                                  .texture = true,
+                                  .depth_m = 0.010};
+  for (const auto& [drawn, provoked] : {std::pair(shallow, true), std::pair(deep, false)})
+    row(ModulusFlag::kPressure, fmt::format("plane strain, {:.0f} mm deep, nu 0.4999", 1e3 * drawn.depth_m),
+        provoked, [queue, drawn](std::uint64_t seed) {
+          WarnedWindow w = of_plane(drawn, seed, ModulusKind::kIterative, queue);
+          w.tissue.poisson_ratio = 0.4999;
+          return w;
+        });
   row(ModulusFlag::kStreaks, "direct, plane strain, strain 0.3 %, noise 6 um", true,
       [queue](std::uint64_t seed) {
         DrawnCase drawn;

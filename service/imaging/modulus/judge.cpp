@@ -16,7 +16,7 @@
 namespace teletact::service {
 namespace {
 
-constexpr double kBackgroundLog = 0.4;    // |log(E / background)| of what the ramp is judged by
+constexpr double kBackgroundLog = 0.4;    // of log E, about the ramp: what it is judged by
 constexpr double kGuessLog = 0.69;        // of log E, from which on it is one: a factor of two
 constexpr double kOfExtent = 2;           // of log E, for each part of the window beyond the usual
 constexpr double kSoftLog = 0.1;          // log(background / E) from which on it is soft; fully at twice that
@@ -142,20 +142,25 @@ Eigen::Vector3d place_of(const ModulusInput& in, std::size_t n) {
           (g.y_m(n) - g.origin_y_m) / (static_cast<double>(g.ny - 1) * g.dy_m)};
 }
 
-// A plane through log E of what looks like background: the traction under a flat frictionless probe leaves
-// none.
+// A plane through log E of what looks like background, which is what lies about the plane: the traction under
+// a flat frictionless probe leaves none.
 Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& out) {
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d load = Eigen::Vector3d::Zero();
-  for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
-    if (n % in.measured.grid.nx == 0) look();
-    const double logarithm = std::log(out.youngs_modulus[n] / out.background);
-    if (!(std::abs(logarithm) < kBackgroundLog)) continue;
-    const Eigen::Vector3d f = place_of(in, n);
-    normal += f * f.transpose();
-    load += logarithm * f;
+  constexpr int kPasses = 3;
+  Eigen::Vector3d plane = Eigen::Vector3d::Zero();
+  for (int pass = 0; pass < kPasses; ++pass) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d load = Eigen::Vector3d::Zero();
+    for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
+      if (n % in.measured.grid.nx == 0) look();
+      const double logarithm = std::log(out.youngs_modulus[n] / out.background);
+      const Eigen::Vector3d f = place_of(in, n);
+      if (!(std::abs(logarithm - plane.dot(f)) < kBackgroundLog)) continue;
+      normal += f * f.transpose();
+      load += logarithm * f;
+    }
+    plane = normal.fullPivLu().solve(load);
   }
-  return normal.fullPivLu().solve(load);
+  return plane;
 }
 
 // |log E| from the background, of a solid from its ramp.
@@ -236,19 +241,24 @@ double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) con
     out.log_deviation[n] = static_cast<float>(std::hypot(own, of_model[n], error.floor));
     said.push_back(out.log_deviation[n]);
   }
-  const bool noisy = !said.empty() && median(said) > limits_.deviation;
-  if (noisy)
+  const bool telling = said.empty() || median(said) <= limits_.deviation;
+  const bool solid = out.kind == ModulusKind::kSolid;
+  const bool with_posterior = !posterior.empty() && (telling || solid);
+  if (with_posterior) {
+    // That of a solid also holds what was fitted, and where no strain tells anything.
+    said.clear();
+    for (std::size_t n = 0; n < posterior.size(); ++n) {
+      const float own = std::hypot(posterior[n], of_model[n]);
+      out.log_deviation[n] = telling ? own : std::max(own, out.log_deviation[n]);
+      if (std::isfinite(out.log_deviation[n])) said.push_back(out.log_deviation[n]);
+    }
+  }
+  if (const float typical = said.empty() ? 0 : median(said); typical > limits_.deviation)
     out.warnings.push_back(
         {ModulusFlag::kNoise, text("the modulus is uncertain by %.0f %% (median): the strain is noisy; press "
                                    "further between the frames",
-                                   100 * median(said))});
-  if (posterior.empty() || (noisy && out.kind != ModulusKind::kSolid)) return mean_square(out.log_deviation);
-  // That of a solid also holds what was fitted, and where no strain tells anything.
-  for (std::size_t n = 0; n < posterior.size(); ++n) {
-    const float own = std::hypot(posterior[n], of_model[n]);
-    out.log_deviation[n] = noisy ? std::max(own, out.log_deviation[n]) : own;
-  }
-  return mean_square(noisy ? out.log_deviation : posterior);
+                                   100 * typical)});
+  return mean_square(with_posterior && telling ? posterior : out.log_deviation);
 }
 
 void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const {
