@@ -34,12 +34,13 @@ void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::s
 
 void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& time_limit_s) {
   add_named(command, "--modulus-method", method, modulus_methods(),
-            "reference-stress, direct or iterative (default: the service's choice); a solid has its own");
+            "reference-stress, direct or iterative (default: the service chooses by what the force needs and "
+            "the time leaves); a solid has its own");
   command
       .add_option("--modulus-time-limit-s", time_limit_s,
                   "an iterative modulus begins no step that would end later, and returns its best")
       ->check(CLI::PositiveNumber)
-      ->default_str(time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "0.35");
+      ->default_str(time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "what the finger leaves");
 }
 
 }  // namespace teletact::client

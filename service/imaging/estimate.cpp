@@ -11,6 +11,7 @@
 #include "service/device/look.h"
 #include "service/device/worked.h"
 #include "service/imaging/tracking/input_checks.h"
+#include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
 namespace {
@@ -29,6 +30,24 @@ class StageClock {
  private:
   double start_s_ = worked_s();
 };
+
+// Median over the trusted nodes of the axial strain's deviation over the strain.
+double noise_of(const Measured& m) {
+  std::vector<float> noise;
+  for (std::size_t n = 0; n < m.grid.size(); ++n)
+    if (m.strain_valid[n] && m.axial_strain[n] != 0)
+      noise.push_back(m.axial_strain_std[n] / std::abs(m.axial_strain[n]));
+  return noise.empty() ? 0 : median(noise);
+}
+
+// What is left by now, of a modulus that was begun then.
+ModulusTime time_of(const ModulusChoice& choice, double begun_s) {
+  ModulusTime time = choice.time ? choice.time() : ModulusTime{};
+  if (!choice.time_limit_s) return time;
+  const double left_s = *choice.time_limit_s - (worked_s() - begun_s);
+  if (left_s < time.left_s.value_or(HUGE_VAL)) time.left_s = left_s, time.words = "modulus_time_limit_s";
+  return time;
+}
 
 // Any textured frame; `stretch` moves its samples apart, so that the pair shows strain.
 RfFrame texture(std::size_t samples, std::size_t lines, double stretch) {
@@ -58,6 +77,9 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
               make_direct(queue_, options.direct, strips_),
               make_iterative(queue_, options.iterative, options.direct, strips_),
               make_solid(queue_, options.solid, strips_)};
+  ReferenceStressOptions uncorrected = options.reference_stress;
+  uncorrected.corrections = 0;
+  uncorrected_ = make_reference_stress(queue_, uncorrected, strips_);
   judge_ = std::make_unique<ModulusJudge>(strips_, JudgeLimits{}, options.direct.reach);
   if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
     throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
@@ -87,8 +109,8 @@ HostBytes host_bytes(const EstimateInput& in, const ElastographyOptions& options
   const double nodes = (width_m / o.grid_dx_m + 2) * (depth_m / o.grid_dy_m + 2);
   const double rows = std::min(kMostRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
-  const ModulusKind method = in.modulus.kind.value_or(options.modulus);
-  constexpr double kAcross = 64, kBeside = 2, kOfElement = 2;  // of a solid: E and its copy
+  const ModulusKind method = in.modulus.kind.value_or(ModulusKind::kIterative);  // the most
+  constexpr double kAcross = 64, kBeside = 2, kOfElement = 2;                    // of a solid: E and its copy
   const double direct = in.tissue.plane == Plane::kSolid ? kOfElement * kBeside * columns * rows * kAcross
                         : method == ModulusKind::kReferenceStress ? 0
                                                                   : 4 * columns * rows * rows;
@@ -159,19 +181,31 @@ void Elastography::set_max_strain(double max_strain) {
   options_.displacement.max_strain = max_strain;
 }
 
+ModulusPlan Elastography::plan(const ModulusInput& input, const ModulusChoice& choice,
+                               const ModulusTime& time, std::optional<ModulusEstimate>& reference) {
+  if (input.tissue.plane == Plane::kSolid) return {ModulusKind::kSolid};
+  if (choice.kind) return {*choice.kind};
+  reference = uncorrected_->estimate(input);
+  return plan_modulus(choice.need, noise_of(input.measured),
+                      unevenness(reference->youngs_modulus, reference->background, input.measured.grid),
+                      time);
+}
+
 void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice, Estimate& e) {
-  input.seconds_left = [begun_s = worked_s(),
-                        limit = choice.time_limit_s.value_or(options_.modulus_time_limit_s)] {
-    return limit - (worked_s() - begun_s);
-  };
-  const auto kind = static_cast<std::size_t>(
-      input.tissue.plane == Plane::kSolid ? ModulusKind::kSolid : choice.kind.value_or(options_.modulus));
+  const auto time = [&choice, begun_s = worked_s()] { return time_of(choice, begun_s); };
+  if (time().left_s) input.seconds_left = [&time] { return *time().left_s; };
   try {
-    ModulusEstimate modulus = modulus_.at(kind)->estimate(input);
+    std::optional<ModulusEstimate> reference;
+    const ModulusPlan plan = this->plan(input, choice, time(), reference);
+    input.tolerance = plan.tolerance;
+    if (reference) input.reference = &*reference;
+    e.modulus_why = plan.why;
+    ModulusEstimate modulus = modulus_.at(static_cast<std::size_t>(plan.kind))->estimate(input);
     judge_->judge(input, modulus);
     e.modulus_kind = modulus.kind;
     e.modulus_converged = modulus.converged;
     e.modulus_iterations = modulus.iterations;
+    e.modulus_start_s = modulus.start_s;
     e.modulus_model = std::move(modulus.model);
     e.modulus_warnings = std::move(modulus.warnings);
     e.modulus_log_deviation = std::move(modulus.log_deviation);

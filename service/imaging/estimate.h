@@ -13,6 +13,7 @@
 #include "service/device/device.h"
 #include "service/imaging/modulus/judge.h"
 #include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/modulus_plan.h"
 #include "service/imaging/modulus/strip_model.h"
 #include "service/imaging/modulus/tissue_extent.h"
 #include "service/imaging/tracking/displacement.h"
@@ -31,15 +32,17 @@ struct ElastographyOptions {
   DirectOptions direct;
   IterativeOptions iterative;
   SolidModulusOptions solid;
-  ModulusKind modulus = ModulusKind::kIterative;        // where the caller does not choose
-  double modulus_time_limit_s = choices::kModulusTime;  // the same
   double least_median_correlation = choices::kLeastMedianCorrelation;
 };
 
 // How the modulus is to be found.
 struct ModulusChoice {
-  std::optional<ModulusKind> kind;     // empty: ElastographyOptions::modulus
-  std::optional<double> time_limit_s;  // for the modulus alone, > 0; empty: ElastographyOptions
+  std::optional<ModulusKind> kind = {};     // empty: as it is planned (modulus_plan.h)
+  std::optional<double> time_limit_s = {};  // for the modulus alone, > 0; empty: what `time` leaves
+  ModulusNeed need = {};
+  // Asked when the strain is known and between the steps of an iteration: it may leave less by then. Empty:
+  // nobody waits.
+  std::function<ModulusTime()> time = {};
 };
 
 enum class Stage { kDisplacement, kStrain, kModulus };
@@ -78,12 +81,14 @@ struct Estimate : Measured {
   bool modulus_converged = false;  // of an iterative method, and of the linear system of a direct one
   int modulus_iterations = 0;
   std::string modulus_model;         // ModulusEstimate::model
+  std::string modulus_why;           // how its method was chosen, in words; empty: it was named
   Field modulus_log_deviation;       // standard deviation of log E; NaN where valid = 0
   double modulus_correlation_m = 0;  // its errors correlate by exp(-distance / it)
   std::vector<ModulusWarning> modulus_warnings;
   // Frames that contradict what is stated of them; tracking that failed in part.
   std::vector<std::string> input_warnings;
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
+  double modulus_start_s = 0;          // ModulusEstimate::start_s
   std::shared_ptr<const Charge> held;  // of these maps
 };
 
@@ -108,6 +113,9 @@ class Elastography {
   DisplacementEstimate track(const EstimateInput&, Estimate&);
   void judge_tracking(const EstimateInput&, Estimate&);
   void find_modulus(ModulusInput, const ModulusChoice&, Estimate&);
+  // Which method, where none is named; `reference`: what was found on the way.
+  ModulusPlan plan(const ModulusInput&, const ModulusChoice&, const ModulusTime&,
+                   std::optional<ModulusEstimate>& reference);
 
   Queue queue_;
   std::shared_ptr<StripCache> strips_;
@@ -115,6 +123,7 @@ class Elastography {
   DisplacementEstimator displacement_;
   StrainEstimator strain_;
   std::array<std::unique_ptr<ModulusMethod>, 4> modulus_;  // by ModulusKind
+  std::unique_ptr<ModulusMethod> uncorrected_;             // reference stress, without corrections
   std::unique_ptr<ModulusJudge> judge_;
 };
 

@@ -30,11 +30,11 @@ Nodes mesh_nodes(const EstimateSize& s) {
 }
 
 // Operations of sparse factors, and of the direct method's blocks.
-double modulus_work(const EstimateSize& s) {
+double modulus_work(const EstimateSize& s, ModulusKind kind) {
   const Nodes n = mesh_nodes(s);
   const double sparse = 60 * std::pow(2 * n.columns * n.rows, 1.5);
-  if (s.method == ModulusKind::kReferenceStress) return 4 * sparse;
-  if (s.method == ModulusKind::kSolid) {  // nodes of its block, each in some sixty iterations
+  if (kind == ModulusKind::kReferenceStress) return 4 * sparse;
+  if (kind == ModulusKind::kSolid) {  // nodes of its block, each in some sixty iterations
     constexpr double kAcross = 64, kOfNode = 1500;
     return kOfNode * 2 * n.columns * n.rows * kAcross;
   }
@@ -51,6 +51,7 @@ double publishing_work(const EstimateSize& s) {
 void EstimateCost::Rate::learn(double seconds, double work) {
   if (!(seconds > 0 && work > 0)) return;
   s_per_work += kLearned * (seconds / work - s_per_work);
+  measured = true;
 }
 
 double EstimateCost::believed(Time now) const {
@@ -66,16 +67,44 @@ double EstimateCost::expected_s(const EstimateSize& s, Time now) const {
 }
 
 double EstimateCost::measured_s(const EstimateSize& s) const {
-  const auto rate = [&](ModulusKind kind) { return modulus_[static_cast<std::size_t>(kind)].s_per_work; };
-  double modulus_s = rate(s.method) * modulus_work(s);
+  double modulus_s = this->modulus_s(s, s.method);
   if (s.method == ModulusKind::kIterative) {
     // Its start, the direct method, is always finished; then it stops at its limit.
-    const double direct_s = rate(ModulusKind::kDirect) * modulus_work(s);
+    const double direct_s = this->modulus_s(s, ModulusKind::kDirect);
     modulus_s = std::clamp(modulus_s, std::min(direct_s, s.modulus_time_limit_s),
                            std::max(direct_s, s.modulus_time_limit_s));
   }
-  const double publishing_s = s.published ? publishing_.s_per_work * publishing_work(s) : 0;
-  return tracking_.s_per_work * tracking_work(s) + modulus_s + publishing_s;
+  return tracking_.s_per_work * tracking_work(s) + modulus_s + publishing_s(s);
+}
+
+double EstimateCost::modulus_s(const EstimateSize& s, ModulusKind kind) const {
+  return modulus_[static_cast<std::size_t>(kind)].s_per_work * modulus_work(s, kind);
+}
+
+double EstimateCost::publishing_s(const EstimateSize& s) const {
+  return s.published ? publishing_.s_per_work * publishing_work(s) : 0;
+}
+
+std::array<double, 4> EstimateCost::expected_modulus_s(const EstimateSize& s, Time now) const {
+  const std::lock_guard lock(mutex_);
+  std::array<double, 4> out;
+  for (std::size_t kind = 0; kind < out.size(); ++kind)
+    out[kind] = believed(now) * modulus_s(s, static_cast<ModulusKind>(kind));
+  return out;
+}
+
+double EstimateCost::expected_publishing_s(const EstimateSize& s, Time now) const {
+  const std::lock_guard lock(mutex_);
+  return believed(now) * publishing_s(s);
+}
+
+// What was never tried is as much quicker here as what was.
+void EstimateCost::learn_modulus(ModulusKind kind, double seconds, double work) {
+  Rate& own = modulus_[static_cast<std::size_t>(kind)];
+  const double before = own.s_per_work;
+  own.learn(seconds, work);
+  for (Rate& other : modulus_)
+    if (!other.measured) other.s_per_work *= own.s_per_work / before;
 }
 
 void EstimateCost::refused(const EstimateSize& s, double left_s, Time now) {
@@ -97,7 +126,9 @@ void EstimateCost::took(const EstimateSize& s, const EstimateSeconds& seconds, T
   measured_ = now;
   refused_.reset();
   tracking_.learn(seconds.tracking, tracking_work(s));
-  modulus_[static_cast<std::size_t>(s.method)].learn(seconds.modulus, modulus_work(s));
+  learn_modulus(s.method, seconds.modulus, modulus_work(s, s.method));
+  // An iteration takes what it is given: what it began with says more of how little would do.
+  learn_modulus(ModulusKind::kDirect, seconds.start, modulus_work(s, ModulusKind::kDirect));
   if (s.published) publishing_.learn(seconds.publishing, publishing_work(s));
 }
 

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstddef>
 #include <mutex>
 #include <optional>
@@ -22,12 +23,13 @@ struct EstimateSize {
   double max_strain = choices::kMaxStrain;
   double window_width_m = 0, depth_m = 0;
   ModulusKind method = ModulusKind::kIterative;
-  double modulus_time_limit_s = 0;  // of the iterative method
+  double modulus_time_limit_s = HUGE_VAL;  // of the iterative method
   bool published = false;
 };
 
 struct EstimateSeconds {
   double tracking = 0, modulus = 0, publishing = 0;
+  double start = 0;  // by the direct method, where the iterative one began with it: part of the modulus's
 };
 
 class EstimateCost {
@@ -38,6 +40,10 @@ class EstimateCost {
   static constexpr double kLeastShareRefused = 0.1;  // the same, once estimates were refused for long
 
   double expected_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
+  // The same of its parts: of the modulus by each method (by ModulusKind), and of what is published.
+  std::array<double, 4> expected_modulus_s(const EstimateSize&,
+                                           Time now = std::chrono::steady_clock::now()) const;
+  double expected_publishing_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
   // One was refused that had `left_s` seconds. What could not even by itself be done in the least that is
   // ever expected says nothing of what is expected, and does not count.
   void refused(const EstimateSize&, double left_s, Time now = std::chrono::steady_clock::now());
@@ -49,10 +55,14 @@ class EstimateCost {
  private:
   struct Rate {
     double s_per_work;
+    bool measured = false;
     void learn(double seconds, double work);
   };
-  double measured_s(const EstimateSize&) const;  // under the lock, as believed()
-  double believed(Time now) const;               // share of what was measured
+  double measured_s(const EstimateSize&) const;  // under the lock, as below
+  double modulus_s(const EstimateSize&, ModulusKind) const;
+  double publishing_s(const EstimateSize&) const;
+  void learn_modulus(ModulusKind, double seconds, double work);
+  double believed(Time now) const;  // share of what was measured
   mutable std::mutex mutex_;
   Time measured_ = std::chrono::steady_clock::now();
   struct Refusals {
@@ -62,7 +72,7 @@ class EstimateCost {
   std::optional<Refusals> refused_;  // since then
   // Those of a slow core, until something was measured.
   Rate tracking_{6e-7}, publishing_{1e-10};
-  std::array<Rate, 4> modulus_{{{1e-9}, {1e-9}, {2e-9}, {2e-9}}};  // by ModulusKind
+  std::array<Rate, 4> modulus_{{{1e-9}, {3.6e-10}, {1e-9}, {2e-9}}};  // by ModulusKind
 };
 
 }  // namespace teletact::service

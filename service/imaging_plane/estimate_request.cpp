@@ -12,14 +12,14 @@
 namespace teletact::service {
 
 EstimateSize EstimateRequest::size() const {
-  const ElastographyOptions usual;
+  const bool solid = tissue.plane == Plane::kSolid;
   return {sample_count,
           line_count,
           max_strain,
           window_width_m(),
           tissue.depth_m,
-          modulus.kind.value_or(usual.modulus),
-          modulus.time_limit_s.value_or(usual.modulus_time_limit_s),
+          solid ? ModulusKind::kSolid : modulus.kind.value_or(ModulusKind::kIterative),
+          modulus.time_limit_s.value_or(most_modulus_s),
           scene != nullptr};
 }
 
@@ -28,6 +28,18 @@ namespace {
 double relative_deviation(double stated, double value, double usual) {
   return stated == 0 ? usual : stated / value;
 }
+
+}  // namespace
+
+double EstimateRequest::force_relative_deviation() const {
+  return relative_deviation(force_std_n, force->force_n, choices::kForceDeviation);
+}
+
+double EstimateRequest::area_relative_deviation() const {
+  return relative_deviation(contact_area_std_m2, force->contact_area_m2, choices::kAreaDeviation);
+}
+
+namespace {
 
 void check_frames(const EstimateRequest& r, const Limits& limits) {
   require_between<std::uint64_t>("acquisition.sample_count", r.sample_count, limits.least_samples,
@@ -92,8 +104,8 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
                     "give the length of the probe's face across the image plane, in m");
   if (r.modulus.time_limit_s)
     require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.least_modulus_time_s,
-                    limits.most_modulus_time_s,
-                    fmt::format("leave it out for {}", choices::kModulusTime).c_str());
+                    limits.most_modulus_time_s, "leave it out for what the force needs and the time leaves");
+  r.most_modulus_s = limits.most_modulus_time_s;
   if (r.max_strain == 0) r.max_strain = choices::kMaxStrain;
   require_between("acquisition.max_strain", r.max_strain, limits.least_max_strain, limits.most_max_strain,
                   fmt::format("leave it out for {}", choices::kMaxStrain).c_str());
@@ -182,10 +194,8 @@ WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
   WindowEvidence& evidence = window.evidence;
   evidence.warnings = warnings_of(e);
   evidence.correlation_m = e.modulus_correlation_m;
-  evidence.force_relative_deviation =
-      relative_deviation(request.force_std_n, request.force->force_n, choices::kForceDeviation);
-  evidence.area_relative_deviation = relative_deviation(
-      request.contact_area_std_m2, request.force->contact_area_m2, choices::kAreaDeviation);
+  evidence.force_relative_deviation = request.force_relative_deviation();
+  evidence.area_relative_deviation = request.area_relative_deviation();
   evidence.background_modulus_pa = e.background_modulus;
   evidence.quality = e.quality;
   evidence.taken_in = received;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,13 +24,19 @@ struct EstimateRequest {
   TissueExtent tissue{0, 0, 0, 0};
   double max_strain = 0;
   ModulusChoice modulus;
-  std::shared_ptr<Scene> scene;  // null: nothing is published
+  double most_modulus_s = HUGE_VAL;  // that it may take in any case
+  std::shared_ptr<Scene> scene;      // null: nothing is published
   double window_x_m = 0;
   double finish_within_s = 0;  // of the last byte; 0: whenever
 
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
   std::size_t samples() const { return sample_count * line_count; }
   EstimateSize size() const;
+  // Over the force and over the area, with probe_force: as stated, or as usual.
+  double force_relative_deviation() const;
+  double area_relative_deviation() const;
+  // Whether its modulus is found as it is planned: by a quicker method where time is short.
+  bool planned() const { return !modulus.kind && tissue.plane != Plane::kSolid; }
 };
 
 // Checks what is stated and fills in the rest: by the scene, else by what is usual. Throws

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "service/device/look.h"
 #include "service/device/worked.h"
@@ -15,6 +16,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
+
+// The rest is for its way here, and for a last step that takes longer than those before.
+constexpr double kOfCrossing = 0.9;
 
 }  // namespace
 
@@ -71,8 +75,38 @@ void ImagingPlane::require_in_time(const EstimateRequest& request, const JobTerm
   throw Error(ErrorKind::kDeadline, fmt::format(fmt::runtime(words), done_in_s));
 }
 
+double ImagingPlane::least_s(const EstimateRequest& request) const {
+  EstimateSize size = request.size();
+  if (request.planned()) size.method = ModulusKind::kReferenceStress;
+  return cost_.expected_s(size);
+}
+
+// A window every so often is asked for by a finger that moves on (T1), from when it does; nobody waits for it
+// before, so that others' turns do not count. What is of use until a deadline only leaves less with every one
+// of them.
+ModulusTime ImagingPlane::modulus_time(const ReceivedPair& pair, double begun_s) const {
+  const EstimateRequest& r = pair.request;
+  ModulusTime time{{}, {}, cost_.expected_modulus_s(r.size())};
+  const double publishing_s = cost_.expected_publishing_s(r.size());
+  const auto leave = [&time](double left_s, std::string words) {
+    if (left_s < time.left_s.value_or(HUGE_VAL)) time.left_s = left_s, time.words = std::move(words);
+  };
+  if (r.scene && !r.modulus.time_limit_s) {
+    const auto& v = r.scene->finger().now().velocity_m_s;
+    const double speed = std::max(choices::kSlowFinger, std::hypot(v[0], v[1], v[2])),
+                 window_s = kOfCrossing * r.window_width_m() / speed;
+    leave(window_s - (worked_s() - begun_s) - publishing_s,
+          fmt::format("{:.2f} s, {:.0f} % of what a finger at {:.0f} mm/s takes to cross a window", window_s,
+                      100 * kOfCrossing, 1e3 * speed));
+  }
+  if (pair.deadline != JobTerms::Time::max())
+    leave(Seconds(pair.deadline - Clock::now()).count() - publishing_s, "what it is to be finished within");
+  return time;
+}
+
 void ImagingPlane::refuse_the_hopeless(const EstimateRequest& request, const JobTerms& asked) {
-  const JobTerms terms = this->terms(request, asked);
+  JobTerms terms = this->terms(request, asked);
+  terms.cost_s = least_s(request);
   require_in_time(request, terms, terms.cost_s,
                   "acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
                   "allow more, or send a smaller frame or a smaller modulus_time_limit_s");
@@ -80,6 +114,10 @@ void ImagingPlane::refuse_the_hopeless(const EstimateRequest& request, const Job
 
 JobTerms ImagingPlane::admit(const EstimateRequest& request, const JobTerms& asked) {
   JobTerms terms = this->terms(request, asked);
+  const auto late = [&] {
+    return workers().done_in_s(terms) > Seconds(terms.deadline - Clock::now()).count();
+  };
+  if (request.planned() && late()) terms.cost_s = least_s(request);
   require_in_time(
       request, terms, workers().done_in_s(terms),
       "not to be done in time beside what is being served; it could be done in {:.1f} s: allow so "
@@ -122,17 +160,23 @@ EstimateOutcome ImagingPlane::work(const ReceivedPair& pair, const std::pair<RfF
     const auto engine = engines_.borrow(pair.client);
     engine->charge_to({memory_, pair.client});
     engine->set_max_strain(r.max_strain);
-    outcome.estimate =
-        engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, r.modulus}, {ended});
+    ModulusChoice modulus = r.modulus;
+    modulus.time_limit_s = r.modulus.time_limit_s.value_or(r.most_modulus_s);
+    if (r.force) modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
+    if (r.scene) modulus.need.tolerance = r.scene->finger().tolerance();
+    modulus.time = [&, begun_s = worked_s()] { return modulus_time(pair, begun_s); };
+    outcome.estimate = engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, modulus}, {ended});
   }
   const Estimate& e = outcome.estimate;
-  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0};
+  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus_start_s};
   if (r.scene) {
     const double begun_s = worked_s();
     outcome.published = publisher_.publish(r.scene, window_of(r, e, pair.received), pair.client);
     took.publishing = outcome.publish_s = worked_s() - begun_s;
   }
-  cost_.took(r.size(), took);
+  EstimateSize size = r.size();
+  size.method = e.modulus_kind;
+  cost_.took(size, took);
   return outcome;
 }
 

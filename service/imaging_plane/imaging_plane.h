@@ -24,6 +24,8 @@ struct ReceivedPair {
   std::string client;                                   // in whose name it is worked on
   std::chrono::steady_clock::time_point received;       // its last byte
   std::function<std::pair<RfFrame, RfFrame>()> frames;  // pre and post, asked for once
+  std::chrono::steady_clock::time_point deadline =
+      std::chrono::steady_clock::time_point::max();  // of its job
 };
 
 struct EstimateOutcome {
@@ -68,6 +70,9 @@ class ImagingPlane {
  private:
   void open_again();
   JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
+  // The least that it could work, s: by the quickest method where none is named.
+  double least_s(const EstimateRequest&) const;
+  ModulusTime modulus_time(const ReceivedPair&, double begun_s) const;
   // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.
   void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
   EstimateOutcome work(const ReceivedPair&, const std::pair<RfFrame, RfFrame>& frames,

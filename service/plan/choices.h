@@ -122,9 +122,11 @@ inline constexpr double kMaxStrain = 0.05, kPoissonRatio = 0.49;
 // A window is refused when less than this share of its cells was measured.
 inline constexpr double kLeastMeasuredShare = 0.2;
 
-// The modulus of an estimate, where its client states no limit: no iterative step is begun that would end
-// later.
+// What a finger that explores at 120 mm/s leaves the modulus of a window of 60 mm, beside tracking and
+// publishing (T1). One that is slower than this leaves as much time as at this speed: it may turn at any
+// moment.
 inline constexpr double kModulusTime = 0.35;
+inline constexpr double kSlowFinger = 0.030;
 // Of an estimate's textured nodes: below this median correlation the pair is refused.
 inline constexpr double kLeastMedianCorrelation = 0.6;
 

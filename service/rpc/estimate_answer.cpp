@@ -43,7 +43,7 @@ void estimate_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_youngs_modulus_correlation_m(e.modulus_correlation_m);
   out->set_modulus_method(method_to(e.modulus_kind));
   out->set_modulus_converged(e.modulus_converged);
-  out->set_modulus_model(e.modulus_model);
+  out->set_modulus_model(e.modulus_model.empty() ? e.modulus_why : e.modulus_model);
   out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));
   for (const std::string& warning : warnings_of(e)) out->add_warnings(warning);
 }

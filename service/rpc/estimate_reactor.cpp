@@ -81,6 +81,7 @@ void EstimateReactor::uploaded() {
   upload_->require_whole();
   received_ = Clock::now();
   const JobTerms terms = core_.imaging.admit(call_->request, this->terms());
+  deadline_ = terms.deadline;
   {
     const std::lock_guard lock(mutex_);
     uploading_ = false;
@@ -100,12 +101,14 @@ void EstimateReactor::uploaded() {
 }
 
 void EstimateReactor::work() {
-  const ReceivedPair pair{call_->request, client_of(*context_), received_, [this] {
+  const ReceivedPair pair{call_->request, client_of(*context_), received_,
+                          [this] {
                             auto frames = upload_->finish();
                             upload_.reset();
                             upload_bytes_.shrink(2 * sizeof(float) * call_->request.samples());
                             return frames;
-                          }};
+                          },
+                          deadline_};
   outcome_ = core_.imaging.estimate(pair, [this](Stage stage) { progressed(stage_to(stage)); });
   if (outcome_->published) progressed(v1::ESTIMATE_STAGE_PUBLISHED);
   log_done();

@@ -51,6 +51,7 @@ class EstimateReactor final
   Charge upload_bytes_;
   std::optional<FrameUpload> upload_;
   Clock::time_point received_{};
+  JobTerms::Time deadline_ = JobTerms::Time::max();  // of its job
   std::optional<EstimateOutcome> outcome_;
 
   std::mutex mutex_;  // what follows

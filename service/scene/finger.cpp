@@ -37,9 +37,9 @@ void FingerBoard::settle(Clock::time_point now) {
     steer(nullptr);
 }
 
-FingerBoard::Stream FingerBoard::join(std::string session_id, Clock::time_point now) {
+FingerBoard::Stream FingerBoard::join(std::string session_id, Clock::time_point now, double tolerance) {
   const std::lock_guard lock(mutex_);
-  members_.push_back({++last_, std::move(session_id), now});
+  members_.push_back({++last_, std::move(session_id), now, tolerance});
   settle(now);
   return last_;
 }
@@ -91,6 +91,12 @@ Finger FingerBoard::at(Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   settle(now);
   return finger_;
+}
+
+double FingerBoard::tolerance() const {
+  const std::lock_guard lock(mutex_);
+  const auto least = std::ranges::min_element(members_, {}, &Member::tolerance);
+  return least == members_.end() ? Tolerance{}.relative : least->tolerance;
 }
 
 Finger FingerBoard::now() const {

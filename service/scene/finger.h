@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "service/plan/force_budget.h"
+
 namespace teletact::service {
 
 struct Finger {
@@ -34,7 +36,8 @@ class FingerBoard {
     std::string by;       // session_id of the one that does
   };
 
-  Stream join(std::string session_id, Clock::time_point now);
+  // `tolerance`: over the force, what a model may put it off by; as usual unless it was asked for.
+  Stream join(std::string session_id, Clock::time_point now, double tolerance = Tolerance{}.relative);
   void leave(Stream, Clock::time_point now);  // again: changes nothing
   void arrive(Stream, const std::array<double, 3>& position_m, const std::array<double, 3>& velocity_m_s,
               Clock::time_point now);
@@ -47,12 +50,15 @@ class FingerBoard {
   Finger at(Clock::time_point now);
   // As it was when the board was last used: for who only wants to know about where.
   Finger now() const;
+  // The least that anybody who is here asks for; as usual while nobody is.
+  double tolerance() const;
 
  private:
   struct Member {
     Stream stream;
     std::string session_id;
     Clock::time_point heard;  // joined, brought a pose, or was handed the lease
+    double tolerance;
   };
   std::vector<Member>::iterator find(Stream);
   void settle(Clock::time_point now);

@@ -60,6 +60,8 @@ class TouchSession {
   TouchSession& operator=(const TouchSession&) = delete;
 
   const Layer& layer() const { return layer_; }
+  // What a model may put the force off by, over it: as asked for, or as usual.
+  double tolerance() const { return options_.tolerance.value_or(Tolerance{}).relative; }
   const std::shared_ptr<Scene>& scene() const { return scene_; }
 
   // The device from now on: another one once the former has failed.

@@ -59,7 +59,7 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       session_(scene_, options_of(wishes), device),
       laws_(wishes.laws ? std::make_optional<LawOutbox>() : std::nullopt),
       tactile_(wishes.tactile ? std::make_optional<TactileOutbox>(*wishes.tactile) : std::nullopt),
-      finger_(scene_->finger().join(wishes.session_id, Clock::now())) {
+      finger_(scene_->finger().join(wishes.session_id, Clock::now(), session_.tolerance())) {
 }  // last: one that is refused never was
 
 Region TouchStream::covered() const {

@@ -100,6 +100,28 @@ TEST(Elastography, WithoutForceTheModulusIsRelative) {
   EXPECT_EQ(e.background_modulus, 1);
 }
 
+// GIVEN a window that is begun beside a standing finger, WHEN the finger starts to move, THEN the step under
+// way is the last, and its modulus is said to be unsettled.
+TEST(Elastography, AWindowUnderWayEndsWhenItsTimeDoes) {
+  const RfFrame layered = tissue().frame(
+      [](double, double y) {
+        return std::pair{0.0, kStrain * (y < 0.010 ? y : 0.010 + (y - 0.010) / 3)};
+      },
+      2);
+  EstimateInput in{still(), layered, speckle_geometry(), force(10e3), slab()};
+  in.modulus.kind = ModulusKind::kIterative;
+  const int settled = elastography().estimate(in).modulus_iterations;
+  ASSERT_GE(settled, 2);
+  int asked = 0;
+  in.modulus.time = [&] { return ModulusTime{++asked <= 5 ? 1e3 : 0.0, "", {}}; };
+  const Estimate e = elastography().estimate(in);
+  EXPECT_EQ(e.modulus_iterations, 1);
+  EXPECT_FALSE(e.modulus_converged);
+  EXPECT_EQ(e.modulus_kind, ModulusKind::kIterative);
+  EXPECT_GT(e.modulus_start_s, 0);
+  EXPECT_LT(e.modulus_start_s, e.modulus_s);
+}
+
 TEST(Elastography, StagesEndInOrder) {
   std::vector<Stage> stages;
   elastography().estimate({still(), pressed(), speckle_geometry(), std::nullopt, slab()},

@@ -100,5 +100,29 @@ TEST_F(Cost, OfPartsThatWereNotDoneStaysAsItWas) {
   EXPECT_NEAR(cost.expected_s(size, now), kAll, 1e-3 * kAll);
 }
 
+double of(const std::array<double, 4>& seconds, ModulusKind kind) {
+  return seconds[static_cast<std::size_t>(kind)];
+}
+
+// GIVEN a machine that is ten times as quick as is first assumed, and shows it by one method, THEN no other
+// is expected to be as slow as on that.
+TEST_F(Cost, OfAMethodThatWasNeverTriedFollowsTheOthers) {
+  const auto before = cost.expected_modulus_s(size, now);
+  for (int k = 0; k < 40; ++k) cost.took(size, {0, 0.1 * of(before, ModulusKind::kDirect), 0}, now);
+  for (const ModulusKind kind : {ModulusKind::kReferenceStress, ModulusKind::kIterative, ModulusKind::kSolid})
+    EXPECT_NEAR(of(cost.expected_modulus_s(size, now), kind), 0.1 * of(before, kind),
+                1e-3 * of(before, kind));
+}
+
+// GIVEN windows that the iterative method works on for as long as a finger stands, THEN its start is not
+// expected to take long, and once the finger moves there is time for it.
+TEST_F(Cost, OfAStartIsWhatItTookHoweverLongTheIterationWentOn) {
+  size.method = ModulusKind::kIterative;
+  for (int k = 0; k < 40; ++k) cost.took(size, {kTracking, 2, kPublishing, 0.1}, now);
+  EXPECT_NEAR(of(cost.expected_modulus_s(size, now), ModulusKind::kDirect), 0.1, 1e-3);
+  EXPECT_NEAR(of(cost.expected_modulus_s(size, now), ModulusKind::kIterative), 2, 1e-2);
+  EXPECT_NEAR(cost.expected_publishing_s(size, now), kPublishing, 1e-4);
+}
+
 }  // namespace
 }  // namespace teletact::service

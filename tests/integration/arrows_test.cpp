@@ -82,7 +82,7 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
        {"solid", {"solver", "device", "limits"}},
        {"contact", {"plan", "tissue", "solid", "solver", "device", "limits"}},
        {"tracking", {"solver", "device", "limits"}},
-       {"modulus", {"tracking", "tissue", "solid", "solver", "device", "limits"}},
+       {"modulus", {"plan", "tracking", "tissue", "solid", "solver", "device", "limits"}},
        {"imaging", {"plan", "modulus", "tracking", "tissue", "solid", "solver", "device", "limits"}},
        {"scene",
         {"plan", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device", "limits"}},

@@ -21,6 +21,16 @@ class Lease : public testing::Test {
   FingerBoard board;
 };
 
+TEST_F(Lease, TellsTheLeastToleranceThatAnybodyHereAsksFor) {
+  EXPECT_EQ(board.tolerance(), 0.03);
+  const Stream anna = board.join("anna", at(0), 0.1);
+  EXPECT_EQ(board.tolerance(), 0.1);
+  const Stream berta = board.join("berta", at(0), 0.02);
+  EXPECT_EQ(board.tolerance(), 0.02);
+  board.leave(berta, at(1)), board.leave(anna, at(1));
+  EXPECT_EQ(board.tolerance(), 0.03);
+}
+
 TEST_F(Lease, FirstStreamSteersAndTheOthersPosesAreNotShown) {
   // GIVEN two streams on a scene
   const Stream anna = board.join("anna", at(0)), berta = board.join("berta", at(0.1));

@@ -43,7 +43,7 @@ class Direct : public ModulusMethod {
   }
 
   ModulusEstimate estimate(const ModulusInput& in) override {
-    const ModulusEstimate reference = reference_->estimate(in);
+    const ModulusEstimate reference = in.reference ? *in.reference : reference_->estimate(in);
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
     const WindowNodes nodes(model);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/device/worked.h"
 #include "service/imaging/modulus/displacement_data.h"
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/problem.h"
@@ -34,7 +35,9 @@ class Iterative : public ModulusMethod {
         direct_(make_direct(std::move(queue), as_start(direct), strips_)) {}
 
   ModulusEstimate estimate(const ModulusInput& in) override {
+    const double begun_s = worked_s();
     ModulusEstimate out = direct_->estimate(in);
+    out.start_s = worked_s() - begun_s;
     out.kind = ModulusKind::kIterative;
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
@@ -77,7 +80,8 @@ class Iterative : public ModulusMethod {
       ModulusProblem::Point next = problem.at(best.theta + factor * step);
       ++out.iterations;
       if (next.objective < best.objective) {
-        out.converged = factor * rms_under_probe(model, step) < options_.converged_step;
+        out.converged =
+            factor * rms_under_probe(model, step) < std::max(options_.converged_step, in.tolerance / 3);
         best = std::move(next);
         factor = 1;
       } else {
@@ -90,12 +94,12 @@ class Iterative : public ModulusMethod {
 
   std::string unsettled(int steps) const {
     if (steps == 0)
-      return "modulus_time_limit_s left no time for a step of the iterative method: this is the direct "
-             "method's modulus; allow more time";
+      return "there was no time for a step of the iterative method: this is the direct method's modulus; "
+             "allow more time";
     const std::string best = ", before it had settled: this is the best so far";
     if (steps < options_.most_steps)
-      return "the iterative modulus was stopped by modulus_time_limit_s after " + std::to_string(steps) +
-             " steps" + best + "; allow more time";
+      return "the iterative modulus was stopped in time after " + std::to_string(steps) + " steps" + best +
+             "; allow more time";
     return "the iterative modulus was stopped after " + std::to_string(steps) + " steps, the most" + best;
   }
 

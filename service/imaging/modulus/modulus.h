@@ -26,8 +26,13 @@ struct ModulusInput {
   TissueExtent tissue;
   std::optional<ProbeForce> force;  // absent: relative modulus
   KnownModulus known;               // by other windows; empty: unknown; not used for a relative modulus
-  // Seconds that are left for the modulus, asked between the steps of an iteration; empty: no limit.
+  // Seconds that are left for the modulus, asked between the steps of an iteration; empty: no limit. What a
+  // limit comes nearer meanwhile counts as if the step had taken it.
   std::function<double()> seconds_left = {};
+  // What log E may be off by: an iteration has settled once its steps change a third of it.
+  double tolerance = 0.03;
+  // Of make_reference_stress() without corrections, where it is known: the direct method begins with it.
+  const struct ModulusEstimate* reference = nullptr;
 };
 
 enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };
@@ -60,6 +65,7 @@ struct ModulusEstimate {
   ModulusKind kind = ModulusKind::kReferenceStress;
   bool converged = true;
   int iterations = 0;
+  double start_s = 0;  // of work, that the direct method took where an iteration began with it
   std::vector<ModulusWarning> warnings;
   bool absolute = false;
   double background = 0;                // median over the nodes that say something, Pa or 1
