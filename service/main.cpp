@@ -22,6 +22,7 @@
 #include <thread>
 #include <variant>
 
+#include "service/admin/admin.h"
 #include "service/device/device.h"
 #include "service/rpc/server.h"
 
@@ -32,6 +33,7 @@ using namespace teletact::service;
 struct ServeOptions {
   ServerOptions server;
   DeviceOptions device;
+  std::string admin;
   std::filesystem::path config;
   std::string log_level = "info";
 };
@@ -67,6 +69,7 @@ void read_config(const CLI::App& command, ServeOptions& options) {
   using Path = std::filesystem::path;
   const std::map<std::string, std::variant<std::string*, Path*, bool*>> keys{
       {"listen", &options.server.listen.listen},
+      {"admin", &options.admin},
       {"device", &options.device.select},
       {"state", &options.server.state_directory},
       {"kernel_directory", &options.device.kernel_directory},
@@ -138,18 +141,24 @@ sigset_t block_stop_signals() {
   return signals;
 }
 
-std::unique_ptr<Server> start(ServeOptions options) {
+struct Running {
+  std::unique_ptr<Server> server;
+  std::unique_ptr<Admin> admin;  // where it was asked for; goes first
+};
+
+Running start(ServeOptions options) {
   constexpr int kDeviceNiceness = 5;  // kernels run below touch
   options.device.niceness = kDeviceNiceness;
   options.server.reopen = [device = options.device] { return Device::open(device); };
-  auto server = std::make_unique<Server>(Device::open(options.device), options.server);
-  server->make_ready();
-  return server;
+  Running running{std::make_unique<Server>(Device::open(options.device), options.server), nullptr};
+  if (!options.admin.empty()) running.admin = std::make_unique<Admin>(options.admin, running.server->core());
+  running.server->make_ready();
+  return running;
 }
 
 // Starting compiles kernels and restores scenes, for seconds that nothing can interrupt. A signal meanwhile
 // ends the process on the spot: nobody is served yet, and the state on disk is whole at every moment.
-std::unique_ptr<Server> start_unless_stopped(const ServeOptions& options, const sigset_t& signals) {
+Running start_unless_stopped(const ServeOptions& options, const sigset_t& signals) {
   auto starting = std::async(std::launch::async, [&options] { return start(options); });
   while (starting.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) {
     const timespec now{};
@@ -180,10 +189,11 @@ void serve(const CLI::App& command, ServeOptions options) {
   start_logging(options.log_level);
   std::signal(SIGPIPE, SIG_IGN);
   const sigset_t signals = block_stop_signals();
-  const auto server = start_unless_stopped(options, signals);
+  const auto [server, admin] = start_unless_stopped(options, signals);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
   std::printf("teletact-service: serving on %s, device %s, ready in %.2f s\n", server->address().c_str(),
               server->core().device->info().name.c_str(), took.count());
+  if (admin) std::printf("teletact-service: metrics and health on %s\n", admin->address().c_str());
   std::fflush(stdout);
   int signal = 0;
   sigwait(&signals, &signal);
@@ -218,6 +228,8 @@ void print_devices(bool as_json) {
 void add_serve(CLI::App& app, ServeOptions& o) {
   CLI::App* command = app.add_subcommand("serve", "Serve elastography and palpation until SIGTERM or SIGINT");
   command->add_option("--listen", o.server.listen.listen, "HOST:PORT or unix:/path")->capture_default_str();
+  command->add_option("--admin", o.admin,
+                      "metrics and health over HTTP, for this machine: 127.0.0.1:PORT or unix:/path");
   command->add_option("--device", o.device.select, "index or part of the name of an OpenCL device");
   command->add_option("--state", o.server.state_directory, "folder in which scenes survive the service");
   command->add_option("--config", o.config, "TOML file with these options, '_' for '-'");

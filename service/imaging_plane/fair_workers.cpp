@@ -79,6 +79,12 @@ double FairWorkers::done_in_s(const JobTerms& terms) const {
   return queue_.done_in_s(terms, Clock::now());
 }
 
+double FairWorkers::worked_s() const {
+  const Lock lock(mutex_);
+  const std::chrono::duration<double> going_on = running_ ? Clock::now() - since_ : Clock::duration{};
+  return worked_s_ + going_on.count();
+}
+
 // Gives the turn to whose it is, when nobody has it.
 void FairWorkers::dispatch() {
   if (running_ || stop_) return;
@@ -137,7 +143,9 @@ void FairWorkers::work_on(Id id, Job& job, Lock& lock) {
 
 void FairWorkers::charge(Id id) {
   const auto now = Clock::now();
-  queue_.served(id, std::chrono::duration<double>(now - since_).count(), now);
+  const double s = std::chrono::duration<double>(now - since_).count();
+  queue_.served(id, s, now);
+  worked_s_ += s;
   since_ = now;
 }
 

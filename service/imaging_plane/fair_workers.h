@@ -44,6 +44,8 @@ class FairWorkers {
   void step_aside(Id other);
   // When a job on these terms would be done, if it were posted now.
   double done_in_s(const JobTerms&) const;
+  // That jobs were at work, of the time since the start.
+  double worked_s() const;
 
   // Cancels everything and waits for what runs to look; later jobs are refused.
   void stop();
@@ -105,6 +107,7 @@ class FairWorkers {
   std::map<Id, std::shared_ptr<Job>> jobs_;
   Id running_ = 0, starting_ = 0;  // whose turn it is; the same while no thread has taken it up
   JobTerms::Time since_;           // that it has been charged until
+  double worked_s_ = 0;
   std::size_t idle_ = 0;
   bool stop_ = false;
   std::condition_variable start_;

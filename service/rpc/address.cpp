@@ -19,12 +19,17 @@ namespace {
 
 constexpr std::size_t kLongestSocketPath = sizeof(sockaddr_un::sun_path) - 1;  // 107
 
-[[noreturn]] void refuse(const ListenOptions& o, const std::string& why) {
-  throw std::runtime_error(fmt::format("--listen {}: {}", o.listen, why));
+// As the command line has it.
+struct Given {
+  const char* flag;
+  const std::string& address;
+};
+
+[[noreturn]] void refuse(const Given& given, const std::string& why) {
+  throw std::runtime_error(fmt::format("{} {}: {}", given.flag, given.address, why));
 }
 
-std::string prepare_socket(const ListenOptions& o, const std::string& path) {
-  if (path.empty()) refuse(o, "give the socket's path, unix:/run/teletact.sock");
+void prepare_socket(const Given& o, const std::string& path) {
   if (path.size() > kLongestSocketPath)
     refuse(o, fmt::format("the path has {} bytes, a Unix socket's may have {}; choose a shorter one",
                           path.size(), kLongestSocketPath));
@@ -47,7 +52,6 @@ std::string prepare_socket(const ListenOptions& o, const std::string& path) {
   } else if (!std::filesystem::is_directory(std::filesystem::absolute(path).parent_path(), ignored)) {
     refuse(o, "the socket's folder does not exist");
   }
-  return "unix:" + path;
 }
 
 bool loopback(const std::string& host) {
@@ -60,7 +64,7 @@ bool loopback(const std::string& host) {
 
 // Every address that the name stands for must be free: gRPC is content with one of them, and clients would
 // then find either service. What else is wrong with them, gRPC says.
-void require_free(const ListenOptions& o, const std::string& host, unsigned port) {
+void require_free(const Given& o, const std::string& host, std::uint16_t port) {
   if (port == 0) return;
   addrinfo hints{}, *all = nullptr;
   hints.ai_socktype = SOCK_STREAM;
@@ -92,30 +96,56 @@ bool encrypted(const ListenOptions& o) {
   return !o.tls_certificate.empty();
 }
 
+Address parsed(const Given& given) {
+  const std::string& text = given.address;
+  Address out;
+  if (text.starts_with("unix:")) {
+    out.socket = text.substr(text.starts_with("unix://") ? 7 : 5);  // unix:///run/x.sock
+    if (out.socket.empty()) refuse(given, "give the socket's path, unix:/run/teletact.sock");
+    return out;
+  }
+  const std::size_t colon = text.rfind(':');
+  if (colon == std::string::npos || colon == 0) refuse(given, "give HOST:PORT or unix:/path");
+  out.host = text.substr(0, colon);
+  if (out.host.starts_with('[') && out.host.ends_with(']'))
+    out.host = out.host.substr(1, out.host.size() - 2);
+  const char* const end = text.data() + text.size();
+  const auto port = std::from_chars(text.data() + colon + 1, end, out.port);
+  if (port.ec != std::errc() || port.ptr != end) refuse(given, "the port must be 0 to 65535");
+  return out;
+}
+
 }  // namespace
 
 std::string prepare_address(const ListenOptions& o) {
   if (o.tls_certificate.empty() != o.tls_key.empty())
     throw std::runtime_error("--tls-certificate and --tls-key: give both or none");
-  if (o.listen.starts_with("unix:")) {
-    std::string path = o.listen.substr(5);
-    if (path.starts_with("//")) path.erase(0, 2);  // unix:///run/x.sock
-    return prepare_socket(o, path);
+  const Given given{"--listen", o.listen};
+  const Address address = parsed(given);
+  if (!address.socket.empty()) {
+    prepare_socket(given, address.socket);
+    return "unix:" + address.socket;
   }
-  const std::size_t colon = o.listen.rfind(':');
-  if (colon == std::string::npos || colon == 0) refuse(o, "give HOST:PORT or unix:/path");
-  std::string host = o.listen.substr(0, colon);
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  unsigned port = 0;
-  const char* const end = o.listen.data() + o.listen.size();
-  const auto parsed = std::from_chars(o.listen.data() + colon + 1, end, port);
-  if (parsed.ec != std::errc() || parsed.ptr != end || port > 65535) refuse(o, "the port must be 0 to 65535");
-  if (!loopback(host) && !encrypted(o) && !o.allow_insecure_remote)
-    refuse(o,
+  if (!loopback(address.host) && !encrypted(o) && !o.allow_insecure_remote)
+    refuse(given,
            "reachable from other machines without encryption; give --tls-certificate and --tls-key, or "
            "--allow-insecure-remote if the network is trusted");
-  require_free(o, host, port);
+  require_free(given, address.host, address.port);
   return o.listen;
+}
+
+Address prepare_local_address(const char* flag, const std::string& text) {
+  const Given given{flag, text};
+  Address address = parsed(given);
+  if (!address.socket.empty()) {
+    prepare_socket(given, address.socket);
+    return address;
+  }
+  if (!loopback(address.host))
+    refuse(given, "reachable from other machines; give 127.0.0.1:PORT or unix:/path");
+  if (address.host == "localhost") address.host = "127.0.0.1";
+  require_free(given, address.host, address.port);
+  return address;
 }
 
 std::shared_ptr<grpc::ServerCredentials> credentials_of(const ListenOptions& o) {

@@ -4,6 +4,7 @@
 
 #include <grpcpp/security/server_credentials.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -19,6 +20,16 @@ struct ListenOptions {
 // Checks the address and removes a Unix socket that nobody serves any more. Throws std::runtime_error, one
 // line: malformed, path too long, in use, not a socket, remote without TLS. Returns the address for gRPC.
 std::string prepare_address(const ListenOptions&);
+
+struct Address {
+  std::string socket;  // a Unix socket's path; empty: host and port
+  std::string host;
+  std::uint16_t port = 0;
+};
+// The same for what only this machine may reach, and nothing encrypts: 127.0.0.1:PORT, [::1]:PORT or
+// unix:/path, given by `flag`.
+Address prepare_local_address(const char* flag, const std::string& address);
+
 // Throws std::runtime_error when a PEM file cannot be read.
 std::shared_ptr<grpc::ServerCredentials> credentials_of(const ListenOptions&);
 

@@ -48,12 +48,15 @@ void Calls::open() {
   state_.compare_exchange_strong(starting, State::kOpen);
 }
 
-void Calls::require_open() const {
-  const State state = state_;
+void Calls::require_open(State state) {
   if (state == State::kStarting)
     throw Error(ErrorKind::kUnavailable, "the service is starting; wait until its health is SERVING");
   if (state == State::kDraining)
     throw Error(ErrorKind::kUnavailable, "the service is shutting down; connect again later");
+}
+
+void Calls::require_open() const {
+  require_open(state_);
 }
 
 void Calls::require_first_message(const char* field, Clock::time_point begun, Clock::time_point now) const {
@@ -65,21 +68,28 @@ void Calls::require_first_message(const char* field, Clock::time_point begun, Cl
 std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served> call,
                                             const std::string& client) {
   const std::lock_guard lock(mutex_);
-  if (kind != CallKind::kInfo) require_open();
+  if (const State state = state_; state != State::kOpen && kind != CallKind::kInfo) {
+    ++refused(kind, state == State::kStarting ? Refusal::kStarting : Refusal::kDraining);
+    require_open(state);
+  }
   std::size_t same = 0, own = 0;
   for (const auto& [id, place] : places_) {
     same += place.kind == kind;
     own += place.kind == kind && !client.empty() && place.client == client;
   }
-  if (same >= most(kind))
+  if (same >= most(kind)) {
+    ++refused(kind, Refusal::kFull);
     throw Error(ErrorKind::kExhausted,
                 fmt::format("{} calls of this kind are open, no more are served; try again later", same));
-  if (own > 0 && own >= most(kind) - same)
+  }
+  if (own > 0 && own >= most(kind) - same) {
+    ++refused(kind, Refusal::kClientShare);
     throw Error(
         ErrorKind::kExhausted,
         fmt::format("{} calls of this kind are this client's, as many as are left for others; try again "
                     "when one of them has ended",
                     own));
+  }
   std::unique_ptr<Ticket> ticket(new Ticket(this, next_id_));
   places_.emplace(next_id_++, Place{kind, std::move(call), client});
   entered_.notify_all();
@@ -89,6 +99,18 @@ std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served>
 std::size_t Calls::count() const {
   const std::lock_guard lock(mutex_);
   return places_.size();
+}
+
+void Calls::ended(CallKind kind, grpc::StatusCode code) {
+  const std::lock_guard lock(mutex_);
+  ++counts_[static_cast<std::size_t>(kind)].ended[code];
+}
+
+std::array<Calls::Counts, kCallKinds> Calls::counts() const {
+  const std::lock_guard lock(mutex_);
+  auto counts = counts_;
+  for (const auto& [id, place] : places_) ++counts[static_cast<std::size_t>(place.kind)].open;
+  return counts;
 }
 
 void Calls::wait_until_none(Clock::time_point deadline) {

@@ -2,6 +2,9 @@
 // its time is up, its scene is gone or the service drains. Thread-safe.
 #pragma once
 
+#include <grpcpp/support/status.h>
+
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -18,6 +21,11 @@ namespace teletact::service {
 
 // kInfo: what is answered while the service starts or drains, too.
 enum class CallKind { kTouch, kWatch, kEstimate, kUnary, kFullScene, kInfo };
+inline constexpr std::size_t kCallKinds = 6;
+
+// Why a call was given no place.
+enum class Refusal { kStarting, kDraining, kFull, kClientShare };
+inline constexpr std::size_t kRefusals = 4;
 
 // A call as the thread sees it that looks after all of them.
 class Served {
@@ -62,12 +70,24 @@ class Calls {
   // Calls find out when they are looked at next.
   void drain() { state_ = State::kDraining; }
   std::size_t count() const;
+  // Those that gRPC is done with, whether they had a place or not.
+  void ended(CallKind, grpc::StatusCode);
+  struct Counts {
+    std::uint64_t open = 0;
+    std::array<std::uint64_t, kRefusals> refused{};     // since the start
+    std::map<grpc::StatusCode, std::uint64_t> ended{};  // the same
+  };
+  std::array<Counts, kCallKinds> counts() const;  // by kind
   // Returns once no call is left, or at `deadline`.
   void wait_until_none(Clock::time_point deadline);
 
  private:
   enum class State { kStarting, kOpen, kDraining };
   std::size_t most(CallKind) const;
+  static void require_open(State);
+  std::uint64_t& refused(CallKind kind, Refusal why) {
+    return counts_[static_cast<std::size_t>(kind)].refused[static_cast<std::size_t>(why)];
+  }
   struct Place {
     CallKind kind;
     std::weak_ptr<Served> call;
@@ -79,6 +99,7 @@ class Calls {
   mutable std::mutex mutex_;
   std::condition_variable entered_, left_;
   std::map<std::uint64_t, Place> places_;
+  std::array<Counts, kCallKinds> counts_;  // but `open`
   std::uint64_t next_id_ = 1;
   bool stop_ = false;
   std::thread looking_;

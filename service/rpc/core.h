@@ -11,6 +11,7 @@
 #include "service/limits/memory.h"
 #include "service/limits/seconds.h"
 #include "service/rpc/calls.h"
+#include "service/rpc/metrics.h"
 #include "service/scene/scenes.h"
 
 namespace teletact::service {
@@ -22,6 +23,7 @@ struct Core {
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   const std::shared_ptr<MemoryBudget> memory;
   const std::shared_ptr<const TouchModels> models;
+  Metrics metrics;
   Calls calls;
   Scenes scenes;
   ImagingPlane imaging;  // last: its threads use the rest

@@ -110,6 +110,7 @@ void EstimateReactor::work() {
                           },
                           deadline_};
   outcome_ = core_.imaging.estimate(pair, [this](Stage stage) { progressed(stage_to(stage)); });
+  core_.metrics.estimate(*outcome_);
   if (outcome_->published) progressed(v1::ESTIMATE_STAGE_PUBLISHED);
   log_done();
 }

@@ -46,6 +46,7 @@ class ServedCall : public Reactor, public Served {
   static Call* serve(std::shared_ptr<Call> call, CallKind kind, const std::string& client = "") {
     ServedCall& served = *call;
     served.self_ = call;
+    served.kind_ = kind;
     served.during([&] {
       served.ticket_ = served.calls_.enter(kind, call, client);
       served.begun();
@@ -94,6 +95,7 @@ class ServedCall : public Reactor, public Served {
       const std::lock_guard lock(cutting_);
       done_ = true;
     }
+    calls_.ended(kind_, life_.status().error_code());
     ticket_.reset();
     const auto last = std::move(self_);
   }
@@ -106,6 +108,7 @@ class ServedCall : public Reactor, public Served {
   }
 
   CallLife life_;
+  CallKind kind_{};
   std::unique_ptr<Calls::Ticket> ticket_;
   std::shared_ptr<ServedCall> self_;
   std::mutex cutting_;
@@ -134,11 +137,13 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
     if (waiting_ && messages_.take(now)) read();
   }
   bool writing() const { return writing_.load(); }
-  // The caller leaves `response` alone until writing() is false. Nothing is written once the call has ended.
-  void write(const Response& response) {
-    if (!this->hold()) return;
+  // The caller leaves `response` alone until writing() is false. False: the call has ended, nothing is
+  // written.
+  bool write(const Response& response) {
+    if (!this->hold()) return false;
     writing_ = true;
     this->StartWrite(&response);
+    return true;
   }
 
  private:

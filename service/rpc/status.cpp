@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <array>
 #include <new>
 #include <stdexcept>
 #include <system_error>
@@ -71,6 +72,16 @@ grpc::Status status_of(std::exception_ptr error) noexcept {
   } catch (...) {
     return {grpc::StatusCode::INTERNAL, "unknown failure"};
   }
+}
+
+const char* name_of(grpc::StatusCode code) {
+  constexpr std::array kNames{
+      "OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
+      "NOT_FOUND", "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION",
+      "ABORTED",   "OUT_OF_RANGE",   "UNIMPLEMENTED",     "INTERNAL",           "UNAVAILABLE",
+      "DATA_LOSS", "UNAUTHENTICATED"};
+  const auto at = static_cast<std::size_t>(code);
+  return at < kNames.size() ? kNames[at] : "UNKNOWN";
 }
 
 }  // namespace teletact::service

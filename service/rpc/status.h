@@ -9,6 +9,9 @@ namespace teletact::service {
 
 grpc::Status status_of(std::exception_ptr) noexcept;
 
+// "RESOURCE_EXHAUSTED"
+const char* name_of(grpc::StatusCode);
+
 // Runs `work`, which returns a grpc::Status or throws.
 template <class Work>
 grpc::Status guarded(Work&& work) noexcept {

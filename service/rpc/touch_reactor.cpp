@@ -35,7 +35,7 @@ void TouchReactor::take(const v1::TouchRequest& request) {
   else if (request.has_pose() && !opened_)
     throw std::invalid_argument("open: the first message of a touch stream must be open");
   else if (request.has_pose())
-    stream_->bring(pose_from(request.pose()));
+    core_.metrics.pose(stream_->bring(pose_from(request.pose())));
   else if (request.has_hand_over() && opened_)
     stream_->hand_over(request.hand_over().session_id());
   else
@@ -118,12 +118,12 @@ void TouchReactor::write_answer(const TouchStream::Arrived& pose) {
   answer_to(pose, answered, core_.instance, answer);
   steering_to(answered.steering, answer);
   stamp_to(monotonic_ns(), core_.instance, answer->mutable_answer_stamp());
-  write(response_);
+  if (write(response_)) core_.metrics.answer(answered);
 }
 
 void TouchReactor::write_law(const LawPiece& piece) {
   law_to(piece, response_.mutable_law());  // replaces the answer
-  write(response_);
+  if (write(response_)) core_.metrics.law_piece();
 }
 
 void TouchReactor::closed() {

@@ -70,7 +70,7 @@ FingerBoard::Steering TouchStream::steering() {
   return scene_->finger().steering(finger_, Clock::now());
 }
 
-void TouchStream::bring(const FingerPose& pose) {
+bool TouchStream::bring(const FingerPose& pose) {
   const auto arrived = Clock::now();
   if (pose.sequence <= last_sequence_)
     throw std::invalid_argument(
@@ -94,9 +94,11 @@ void TouchStream::bring(const FingerPose& pose) {
   heard_ = arrived;
   scene_->finger().arrive(finger_, pose.position_m, pose.velocity_m_s, arrived);
   ++poses_;
-  replaced_ += inbox_.put({pose, arrived});
+  const bool replaced = inbox_.put({pose, arrived});
+  replaced_ += replaced;
   // After the pose: what it makes room for is its own answer, not an older one's.
   if (acknowledged_.exchange(pose.acknowledged) != pose.acknowledged) inbox_.wake();
+  return replaced;
 }
 
 void TouchStream::hand_over(const std::string& session_id) {

@@ -76,8 +76,8 @@ class TouchStream {
   FingerBoard::Steering steering();
 
   // By one thread. Throws std::invalid_argument for a pose out of order, Error(kDeadline) for one whose
-  // client does not acknowledge what it was sent.
-  void bring(const FingerPose&);
+  // client does not acknowledge what it was sent. True: in the place of one that was not answered.
+  bool bring(const FingerPose&);
   void hand_over(const std::string& session_id);
 
   // By another. The pose to be answered next, once its time has come and `may_answer`; none when `stopped`,

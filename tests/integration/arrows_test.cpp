@@ -70,7 +70,7 @@ void expect_only(const std::map<std::string, std::set<std::string>>& allowed, co
 }
 
 TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
-  // rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue, solid} -> solver -> device
+  // admin -> rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue, solid} -> solver -> device
   // -> limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
   // others choose.
   expect_only(
@@ -92,7 +92,8 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
        {"touch_plane", {"plan", "scene", "contact", "tissue", "solver", "device", "limits"}},
        {"rpc",
         {"imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking", "contact", "tissue",
-         "solver", "device", "limits"}}},
+         "solver", "device", "limits"}},
+       {"admin", {"rpc", "scene", "limits"}}},
       "service");
 }
 

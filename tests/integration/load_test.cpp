@@ -3,9 +3,12 @@
 
 #include <chrono>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "tests/admin/http_peer.h"
+#include "tests/admin/metrics.h"
 #include "tests/integration/process.h"
 
 namespace teletact {
@@ -28,6 +31,12 @@ class Load : public testing::Test {
     std::ifstream file(json_);
     return nlohmann::json::parse(file);
   }
+  std::map<std::string, double> metrics() const {
+    test::HttpPeer peer(admin_);
+    peer.send("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    const std::string response = peer.rest();
+    return test::metrics_of(response.substr(response.find("\r\n\r\n") + 4));
+  }
   nlohmann::json tally() const { return result().at("loads").at(0).at("tally"); }
   // Poses whose latency was above `seconds`, from the buckets as the JSON has them.
   static double over(const nlohmann::json& histogram, double seconds) {
@@ -41,7 +50,9 @@ class Load : public testing::Test {
   }
   const test::TemporaryFolder folder_;
   const std::string address_ = "unix:" + (folder_ / "s"), json_ = folder_ / "load.json";
-  test::Process service_{{test::service_binary(), "serve", "--listen", address_}, folder_ / "service.log"};
+  const std::string admin_ = folder_ / "a";
+  test::Process service_{{test::service_binary(), "serve", "--listen", address_, "--admin", "unix:" + admin_},
+                         folder_ / "service.log"};
 };
 
 TEST_F(Load, AStopOfTheServiceShowsAsItIs) {
@@ -100,6 +111,34 @@ TEST_F(Load, AClosedLoopHasAnAnswerForEachPose) {
   EXPECT_EQ(t.at("counted_answers"), t.at("intended"));
   EXPECT_EQ(t.at("without_force"), 0);
   EXPECT_GT(t.at("laws").get<int>(), 0);
+}
+
+// What the clients counted is what the service did.
+TEST_F(Load, TheServiceCountsTheSame) {
+  const auto made = test::run(command({"--duration-s", "0.1"}), folder_ / "made.log", {}, 120);
+  ASSERT_EQ(made.code, 0) << made.output;  // the scene, with touches that check it
+  std::filesystem::remove(json_);
+  const auto before = metrics();
+  const auto run = test::run(command({"--scene", "bench-load", "--clients", "70", "--processes", "2",
+                                      "--rate-hz", "10", "--laws", "--duration-s", "3"}),
+                             folder_ / "load.log", {}, 120);
+  ASSERT_EQ(run.code, 0) << run.output;
+  const auto t = tally();
+  const auto after = metrics();
+  const auto rose = [&](const std::string& prefix, const std::string& with = "") {
+    double sum = 0;
+    for (const auto& [series, value] : after)
+      if (series.starts_with(prefix) && series.find(with) != std::string::npos)
+        sum += value - (before.contains(series) ? before.at(series) : 0);
+    return sum;
+  };
+  EXPECT_EQ(t.at("refused").at("RESOURCE_EXHAUSTED"), 6) << "more than 64 were taken";
+  EXPECT_EQ(rose(R"(teletact_calls_refused_total{kind="touch",reason="full"})"), 6);
+  EXPECT_EQ(t.at("opened"), rose(R"(teletact_calls_ended_total{kind="touch",code="OK"})"));
+  EXPECT_EQ(t.at("answers"), rose("teletact_touch_answers_total"));
+  EXPECT_EQ(t.at("laws"), rose("teletact_touch_law_pieces_total"));
+  EXPECT_EQ(t.at("answers"), rose("teletact_touch_poses_total") - rose("teletact_touch_poses_replaced_total"))
+      << run.output;
 }
 
 TEST_F(Load, WhatContradictsItselfIsRefused) {

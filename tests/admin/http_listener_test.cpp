@@ -1,0 +1,136 @@
+// The listener against peers that do as they like: it answers the others, and holds no more than it states.
+#include "service/admin/http_listener.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/admin/http_peer.h"
+
+namespace teletact::service {
+namespace {
+
+using test::HttpPeer;
+
+HttpListener::Answer echo(const std::string& path) {
+  if (path == "/throws") throw std::runtime_error("it broke");
+  if (path == "/long") return {200, std::string(1 << 24, 'x')};
+  return path == "/there" ? HttpListener::Answer{200, "yes\n"} : HttpListener::Answer{404, "no\n"};
+}
+
+struct Listening {
+  HttpListener listener{"--admin", "127.0.0.1:0", echo};
+  unsigned port = test::port_of(listener.address());
+  std::string get(const std::string& target) const { return test::http_get(port, target); }
+};
+
+TEST(HttpListener, AnswersOneGetAConnection) {
+  const Listening l;
+  const std::string yes = l.get("/there?with=query");
+  EXPECT_TRUE(yes.starts_with("HTTP/1.1 200")) << yes;
+  EXPECT_TRUE(yes.ends_with("\r\n\r\nyes\n")) << yes;
+  EXPECT_NE(yes.find("Connection: close"), std::string::npos) << yes;
+  EXPECT_TRUE(l.get("/elsewhere").starts_with("HTTP/1.1 404"));
+  EXPECT_TRUE(l.get("/throws").starts_with("HTTP/1.1 500"));
+  EXPECT_EQ(l.get("/long").size(), (1u << 24) + l.get("/long").find("\r\n\r\n") + 4) << "whole";
+  HttpPeer head(l.port), post(l.port);
+  head.send("HEAD /there HTTP/1.1\r\nHost: a\r\n\r\n");
+  const std::string nothing = head.rest();
+  EXPECT_TRUE(nothing.starts_with("HTTP/1.1 200") && nothing.ends_with("\r\n\r\n")) << nothing;
+  post.send("POST /there HTTP/1.1\r\nHost: a\r\nContent-Length: 0\r\n\r\n");
+  EXPECT_TRUE(post.rest().starts_with("HTTP/1.1 405"));
+}
+
+TEST(HttpListener, OnAUnixSocketToo) {
+  const std::string path = "/tmp/tt-admin-" + std::to_string(getpid());
+  {
+    const HttpListener listener("--admin", "unix:" + path, echo);
+    HttpPeer peer(path);
+    peer.send("GET /there HTTP/1.1\r\nHost: a\r\n\r\n");
+    EXPECT_TRUE(peer.rest().starts_with("HTTP/1.1 200"));
+    EXPECT_THROW(HttpListener("--admin", "unix:" + path, echo), std::runtime_error) << "it is served";
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
+TEST(HttpListener, OnlyThisMachineIsListenedTo) {
+  for (const char* address : {"0.0.0.0:0", "[::]:0", "192.0.2.1:80", "example.org:80", "9090", ":9090",
+                              "127.0.0.1", "127.0.0.1:65536", "127.0.0.1:http", "unix:", ""})
+    try {
+      HttpListener("--admin", address, echo);
+      ADD_FAILURE() << address;
+    } catch (const std::runtime_error& error) {
+      EXPECT_TRUE(std::string(error.what()).starts_with(std::string("--admin ") + address + ": "))
+          << error.what();
+    }
+  const Listening l;
+  EXPECT_THROW(HttpListener("--admin", l.listener.address(), echo), std::runtime_error) << "in use";
+}
+
+TEST(HttpListener, WhatIsNoRequestIsCut) {
+  const Listening l;
+  for (const std::string& nonsense :
+       {std::string("\0\xff\x16\x03\x01", 5) + "\r\n\r\n", std::string("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"),
+        "GET /" + std::string(1 << 16, 'a') + " HTTP/1.1\r\n\r\n",
+        "GET /there HTTP/1.1\r\nX: " + std::string(1 << 16, 'b') + "\r\n\r\n",
+        std::string("GET /there HTTP/1.1\r\nno colon\r\n\r\n"), std::string("\r\n\r\n\r\n")}) {
+    HttpPeer peer(l.port);
+    peer.send(nonsense);
+    peer.close_sending();
+    EXPECT_FALSE(peer.rest().starts_with("HTTP/1.1 200")) << nonsense.substr(0, 30);
+  }
+  EXPECT_TRUE(l.get("/there").starts_with("HTTP/1.1 200"));
+}
+
+// As many as it takes, that send a byte now and then, or nothing, or do not read: none is kept longer than
+// stated, and whoever asks meanwhile waits for that, no longer.
+TEST(HttpListener, PeersThatHoldConnectionsAreCutAndOthersAnswered) {
+  const Listening l;
+  std::vector<HttpPeer> slow;
+  for (std::size_t k = 0; k < HttpListener::kMostConnections; ++k) slow.emplace_back(l.port);
+  slow.back().send("GET /long HTTP/1.1\r\nHost: a\r\n\r\n");  // and never reads it
+  std::atomic<bool> stop{false};
+  std::thread drip([&] {
+    for (const char next : "GET /there HTTP/1.1\r\nX-Long: " + std::string(1000, 'a')) {
+      if (stop) return;
+      for (std::size_t k = 0; k + 2 < slow.size(); ++k) slow[k].send(std::string(1, next));
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  });
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_TRUE(l.get("/there").starts_with("HTTP/1.1 200"));
+  const std::chrono::duration<double> waited = std::chrono::steady_clock::now() - begin;
+  EXPECT_GT(waited.count(), 0.5 * HttpListener::kPatienceS) << "they held nothing";
+  EXPECT_LT(waited.count(), 2 * HttpListener::kPatienceS);
+  stop = true;
+  drip.join();
+}
+
+TEST(HttpListener, ManyConnectionsLeaveNothing) {
+  const auto files = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"),
+                         std::filesystem::directory_iterator());
+  };
+  const auto before = files();
+  {
+    const Listening l;
+    for (int k = 0; k < 500; ++k) {
+      HttpPeer peer(l.port);  // goes without a word
+      if (k % 10 > 0) continue;
+      EXPECT_TRUE(l.get("/there").starts_with("HTTP/1.1 200")) << k;
+    }
+    const HttpPeer still_there(l.port);
+  }
+  EXPECT_EQ(files(), before);
+}
+
+}  // namespace
+}  // namespace teletact::service

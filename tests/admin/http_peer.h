@@ -1,0 +1,70 @@
+// A peer of an HTTP server that sends what it likes.
+#pragma once
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace teletact::test {
+
+class HttpPeer {
+ public:
+  explicit HttpPeer(unsigned port) : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(static_cast<std::uint16_t>(port));
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    connect(to);
+  }
+  explicit HttpPeer(const std::string& path) : socket_(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_un to{};
+    to.sun_family = AF_UNIX;
+    std::strncpy(to.sun_path, path.c_str(), sizeof to.sun_path - 1);
+    connect(to);
+  }
+  HttpPeer(HttpPeer&& other) noexcept : socket_(std::exchange(other.socket_, -1)) {}
+  ~HttpPeer() {
+    if (socket_ >= 0) ::close(socket_);
+  }
+
+  // Whether the other side took it does not matter.
+  void send(const std::string& bytes) { ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL); }
+  void close_sending() { ::shutdown(socket_, SHUT_WR); }
+  // All that comes until the other side closes, or goes away.
+  std::string rest() {
+    std::string text;
+    char buffer[65536];
+    for (ssize_t n = 0; (n = ::recv(socket_, buffer, sizeof buffer, 0)) > 0;)
+      text.append(buffer, static_cast<std::size_t>(n));
+    return text;
+  }
+
+ private:
+  template <class Address>
+  void connect(const Address& to) {
+    if (::connect(socket_, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0)
+      throw std::runtime_error("nobody listens");
+  }
+  int socket_;
+};
+
+// Of HOST:PORT.
+inline unsigned port_of(const std::string& address) {
+  return static_cast<unsigned>(std::stoul(address.substr(address.rfind(':') + 1)));
+}
+
+// The whole response.
+inline std::string http_get(unsigned port, const std::string& target) {
+  HttpPeer peer(port);
+  peer.send("GET " + target + " HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  return peer.rest();
+}
+
+}  // namespace teletact::test
