@@ -47,6 +47,31 @@ TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
   EXPECT_LT(answer.force_n(1), 0);
 }
 
+// Of a solid: what it was taken for is told in words (this one strains evenly, and not to the sides), and the
+// force sets the scale.
+TEST_F(Estimates, OfASolidSayWhatWasAssumed) {
+  v1::Acquisition a = acquisition();
+  a.set_plane(v1::PLANE_CONDITION_SOLID);
+  a.set_tissue_depth_m(0.02);
+  a.set_probe_elevation_m(0.010);
+  const auto background_pa = [&](double force_n) {
+    a.mutable_probe_force()->set_force_n(force_n);
+    const Outcome outcome = estimate(a, pair().pre, pair().post);
+    EXPECT_TRUE(outcome.status.ok()) << outcome.status.error_message();
+    EXPECT_EQ(outcome.stages.size(), 4u);
+    const v1::EstimateSummary& s = outcome.summary;
+    EXPECT_EQ(s.modulus_method(), v1::MODULUS_METHOD_SOLID);
+    EXPECT_TRUE(s.modulus_absolute());
+    EXPECT_NE(s.modulus_model().find("a block as wide as the probe"), std::string::npos) << s.modulus_model();
+    EXPECT_TRUE(std::ranges::any_of(
+        s.warnings(), [](const std::string& warning) { return warning.starts_with("out-of-plane: "); }));
+    return s.background_modulus_pa();
+  };
+  const double one = background_pa(1), two = background_pa(2);
+  EXPECT_GT(one, 0);
+  EXPECT_NEAR(two / one, 2, 0.02);  // each takes the steps that its time allows
+}
+
 // The same tissue twice, the second time with a force that cannot be: the summary names it, and claims less.
 TEST_F(Estimates, AWrongForceIsNamedInTheSummary) {
   const auto named = [](const Outcome& outcome) {
