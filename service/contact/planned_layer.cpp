@@ -130,13 +130,19 @@ ContactAnswer PlannedLayer::touch(const Fingertip& tip, const TouchPose& pose) {
     return choice.closed->answer(choice.path, solid_->in_block(pose));
   try {
     ContactAnswer answer = nodes_->touch(tip, pose);
-    // Not to be trusted while it is corrected.
-    if (const double error = answer.solve.relative_error;
-        answer.solve.improving && error - answer.solve.of_model > choices::kTrustedMeanwhile)
-      if (auto better = meanwhile(tip, pose, error)) return std::move(*better);
+    const SolveReport& solve = answer.solve;
+    if (!solve.converged && solve.relative_error - solve.of_model > choices::kTrustedMeanwhile)
+      if (auto better = meanwhile(tip, pose, solve.relative_error)) {
+        better->solve.improving = solve.improving;
+        if (!solve.improving) better->solve.reason = kFailedReason;
+        return std::move(*better);
+      }
     return answer;
-  } catch (const std::domain_error& none) {
-    return without_nodes(tip, solid_->in_block(pose), none);
+  } catch (const std::domain_error&) {
+    const std::lock_guard lock(mutex_);
+    if (auto answer = in_the_nodes_place(tip, solid_->in_block(pose), kNoContactReason))
+      return std::move(*answer);
+    throw;
   }
 }
 
@@ -145,20 +151,18 @@ std::optional<ContactAnswer> PlannedLayer::meanwhile(const Fingertip& tip, const
   const Vector3 at = solid_->in_block(pose);
   const std::lock_guard lock(mutex_);
   if (nodes_ != solid_ || pressure_ || asked_for_ || !(at[1] > 0)) return {};
-  const auto closed = this->closed(tip);
-  if (!closed || at[1] > closed->most_m() || !(closed->half_width(SolvePath::kShares, at) < error)) return {};
-  return closed->answer(SolvePath::kShares, at);
+  auto answer = in_the_nodes_place(tip, at, kLateReason);
+  if (answer && !(answer->solve.relative_error < error)) return {};
+  return answer;
 }
 
-// A wide interval, and said to be none of a solution: better than a force that is gone.
-ContactAnswer PlannedLayer::without_nodes(const Fingertip& tip, const Vector3& at,
-                                          const std::domain_error& none) {
-  const std::lock_guard lock(mutex_);
+std::optional<ContactAnswer> PlannedLayer::in_the_nodes_place(const Fingertip& tip, const Vector3& at,
+                                                              const char* reason) {
   const auto closed = this->closed(tip);
-  if (!closed || at[1] > closed->most_m()) throw none;
+  if (!closed || at[1] > closed->most_m()) return {};
   ContactAnswer answer = closed->answer(SolvePath::kShares, at);
   answer.solve.converged = false;
-  answer.solve.reason = kNoContactReason;
+  answer.solve.reason = reason;
   answer.solve.relative_error = closed->half_width(SolvePath::kShares, at);
   return answer;
 }

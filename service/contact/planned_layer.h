@@ -25,13 +25,17 @@ Tolerance usual_tolerance(double deviation);
 inline constexpr std::array kClosedForms{SolvePath::kLayer, SolvePath::kLayers, SolvePath::kShares};
 std::array<double, kClosedForms.size()> over_allowed(const ClosedTouch&, const Vector3& pose,
                                                      const Tolerance&, FiniteStrain);
-// Why an answer that shares give in the nodes' place is not to be trusted.
+// Why shares answer where nodes were chosen.
+inline constexpr const char* kLateReason = "the nodes are not corrected yet, shares answer";
+inline constexpr const char* kFailedReason = "the nodes' correction failed, shares answer";
 inline constexpr const char* kNoContactReason = "the nodes have no contact";
 // What answers a touch by that tip, and why, in a sentence.
 std::string plan_of(const Fingertip&, const ClosedTouch&, const Tolerance&);
 
 // A tip without closed form, and one whose shares are not learned yet, is answered by the nodes. Where these
-// have no contact (a hard lump at the surface, deep) shares answer, and say so.
+// are late, or have no contact (a hard lump at the surface, deep), shares answer if they are off by less.
+// Such an answer is of no solution that converged: it says why, and is trusted as far as the nodes' own would
+// be.
 class PlannedLayer final : public TouchedLayer {
  public:
   // way.path: kAuto, or the closed form that is taken as deep as it knows. deviation: as usual_tolerance().
@@ -56,7 +60,8 @@ class PlannedLayer final : public TouchedLayer {
   // By shares, where they are off by less than this, until the nodes are corrected. None of a law, and none
   // where a tolerance was asked for, which they miss.
   std::optional<ContactAnswer> meanwhile(const Fingertip&, const TouchPose&, double error);
-  ContactAnswer without_nodes(const Fingertip&, const Vector3& at, const std::domain_error&);
+  // Shares as deep as they know; null beyond.
+  std::optional<ContactAnswer> in_the_nodes_place(const Fingertip&, const Vector3& at, const char* reason);
   const std::shared_ptr<SolidLayer> solid_;
   const std::shared_ptr<TouchedLayer> nodes_;  // the same, or apart from it
   const SolvePath path_;

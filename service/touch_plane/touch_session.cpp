@@ -86,9 +86,6 @@ TouchOptions canonical(TouchOptions options) {
 
 constexpr double kBesideShare = 0.07;
 
-// More than anybody is allowed who asks for nothing (planned_layer.cpp).
-constexpr Tolerance kMostUsual{0.1, 0.005};
-
 // The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond it
 // is three times as stiff or as soft: the share of the force that is borne there (T9.6) times ln 3.
 struct Beside {
@@ -386,12 +383,9 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
     answer.status = TouchStatus::kDegraded;
     return;
   }
-  const double force_n = std::hypot(c.force_n[0], c.force_n[1], c.force_n[2]),
-               off = ForceBudget::kOf95 * answer.contact.budget.relative(ErrorTerm::kModel);
-  if (options_.path != SolvePath::kAuto && off > Tolerance{}.relative)
+  if (const double off = ForceBudget::kOf95 * answer.contact.budget.relative(ErrorTerm::kModel);
+      options_.path != SolvePath::kAuto && off > Tolerance{}.relative)
     say(fmt::format("the model that was asked for may put the force off by {:.2g} of it", off));
-  else if (!options_.tolerance && off * force_n > kMostUsual.of_n(force_n))
-    say(fmt::format("until the nodes are corrected the force may be off by {:.2g} of it", off));
   if (const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
                                                   scene_->geometry().depth_m - layer_.depth_m);
       beside.share > Tolerance{}.relative)

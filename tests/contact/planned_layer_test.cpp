@@ -168,6 +168,24 @@ TEST(PlannedLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
   EXPECT_STREQ(answer.solve.reason, kNoContactReason);
 }
 
+// GIVEN a lump that shares are off by more at than is allowed, WHEN it is touched before the nodes are
+// corrected, THEN shares answer, and not as a solution that converged: how far they are off is what it is
+// trusted by.
+TEST(PlannedLayer, SharesInThePlaceOfLateNodesSaySo) {
+  const SolidTouchModel lump = model(8);
+  const auto layer = lump.layer({}, way(), {});
+  const ContactAnswer late = layer->touch(kTip, kOver);
+  ASSERT_EQ(late.path, SolvePath::kShares);
+  EXPECT_FALSE(late.solve.converged);
+  EXPECT_TRUE(late.solve.improving);
+  EXPECT_STREQ(late.solve.reason, kLateReason);
+  EXPECT_GT(late.solve.relative_error, choices::kTrustedMeanwhile);
+  EXPECT_NEAR(late.solve.relative_error, ForceBudget::kOf95 * late.budget.relative(ErrorTerm::kModel), 1e-9);
+  const ContactAnswer nodes = touch(*layer);
+  EXPECT_EQ(nodes.path, SolvePath::kAuto);
+  EXPECT_TRUE(nodes.solve.converged);
+}
+
 TEST(PlannedLayer, WhatALawIsSampledByIsPlannedToo) {
   const SolidTouchModel lump = model(4);
   const auto apart = lump.layer({}, way(Tolerance{0.12, 0}), {})->apart(),
