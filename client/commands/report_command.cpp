@@ -31,7 +31,7 @@ nlohmann::json judged(const Arguments& arguments, const TouchRecord& touch, std:
   const ForceError force = force_error(Patient(tissue), touch);
   draw = [=, out = std::filesystem::path(arguments.out)] {
     draw_modulus(out / "modulus.png", tissue, modulus);
-    draw_force(out / "force.png", force);
+    draw_force(out / "force.png", force.samples);
   };
   return summarise(tissue, touch, acquire, force, inclusions, TELETACT_VERSION);
 }
@@ -45,11 +45,11 @@ bool run(const Arguments& arguments) {
   if (touch.malformed_images > 0)
     std::fprintf(stderr, "warning: %llu malformed tactile images of the recording are left out\n",
                  static_cast<unsigned long long>(touch.malformed_images));
-  std::function<void()> draw_judged = [] {};
+  std::function<void()> draw_forces = [&] { draw_force(out / "force.png", felt_force(touch)); };
   const nlohmann::json summary =
-      arguments.tissue.empty() ? summarise(touch, TELETACT_VERSION) : judged(arguments, touch, draw_judged);
+      arguments.tissue.empty() ? summarise(touch, TELETACT_VERSION) : judged(arguments, touch, draw_forces);
   write_file(out / "summary.json", summary.dump(2) + "\n");
-  draw_judged();
+  draw_forces();
   draw_latency(out / "latency.png", touch);
   draw_periods(out / "periods.png", touch);
   draw_tactile(out / "tactile.png", touch);

@@ -14,14 +14,21 @@ constexpr double kEveryS = 0.01;       // the path is sampled so often
 constexpr double kStartRampS = 0.5;    // after force comes on it is ramped: not judged
 constexpr double kLeastForceN = 0.05;  // relative errors are taken where the true force exceeds this
 
-ForceSamplePoint compare(const Patient& patient, const Finger& finger, const TouchTick& tick) {
+ForceSamplePoint felt(const TouchRecord& record, const TouchTick& tick) {
   ForceSamplePoint point;
   point.time_s = tick.time_s;
   point.x_m = tick.x_m;
   point.indentation_m = tick.indentation_m;
   point.felt_n = -tick.force_y_n;
+  if (tick.enabled && tick.indentation_m > 0) point.half_width = stated_half_width(record, tick);
+  return point;
+}
+
+ForceSamplePoint compare(const Patient& patient, const TouchRecord& record, const TouchTick& tick) {
+  ForceSamplePoint point = felt(record, tick);
+  point.true_n = 0;
   if (tick.indentation_m <= 0 || tick.x_m < 0 || tick.x_m > patient.tissue().width_m) return point;
-  const TouchForce truth = patient.touch(finger, tick.x_m, tick.indentation_m);
+  const TouchForce truth = patient.touch(record.finger, tick.x_m, tick.indentation_m);
   point.true_n = -truth.force_n[1];
   const double size = std::hypot(truth.force_n[0], truth.force_n[1]);
   point.judged = tick.enabled && size > kLeastForceN;
@@ -51,6 +58,12 @@ std::vector<TouchTick> felt_path(const std::vector<TouchTick>& ticks) {
   return path;
 }
 
+std::vector<ForceSamplePoint> felt_force(const TouchRecord& record) {
+  std::vector<ForceSamplePoint> points;
+  for (const TouchTick& tick : felt_path(record.ticks)) points.push_back(felt(record, tick));
+  return points;
+}
+
 ForceError force_error(const Patient& patient, const TouchRecord& record) {
   if (!record.untold.empty()) throw std::runtime_error(record.untold);
   if (record.layer_depth_m > patient.mesh().y_m.at(1) / 2)
@@ -58,8 +71,7 @@ ForceError force_error(const Patient& patient, const TouchRecord& record) {
   const std::vector<TouchTick> path = felt_path(record.ticks);
   ForceError result;
   result.samples.resize(path.size());
-  in_parallel(path.size(),
-              [&](std::size_t i) { result.samples[i] = compare(patient, record.finger, path[i]); });
+  in_parallel(path.size(), [&](std::size_t i) { result.samples[i] = compare(patient, record, path[i]); });
   std::vector<double> errors;
   for (const ForceSamplePoint& point : result.samples)
     if (point.judged) errors.push_back(point.relative_error);

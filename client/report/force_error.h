@@ -1,6 +1,8 @@
-// The force that was felt against the force of the true tissue at the same pose of the same fingertip.
+// The force that was felt, with what was stated of it, against the force of the true tissue at the same pose
+// of the same fingertip.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "client/patient/patient.h"
@@ -10,8 +12,10 @@ namespace teletact::client {
 
 struct ForceSamplePoint {
   double time_s = 0, x_m = 0, indentation_m = 0;
-  double felt_n = 0, true_n = 0;  // along the push, > 0 resisting
-  double relative_error = 0;      // |felt - true| / |true|, both as vectors; only where judged
+  double felt_n = 0;                   // along the push, > 0 resisting
+  std::optional<double> half_width{};  // of the interval stated for it, over it; none: nothing was stated
+  std::optional<double> true_n{};      // as felt_n; none: not known
+  double relative_error = 0;           // |felt - true| / |true|, both as vectors; only where judged
   bool judged = false;
 };
 
@@ -25,6 +29,8 @@ struct ForceError {
 // The ticks that are compared with a true force: every 10 ms from the first contact to the last, but none
 // while force is ramped after it came on.
 std::vector<TouchTick> felt_path(const std::vector<TouchTick>&);
+// What was felt there, and what was stated of it.
+std::vector<ForceSamplePoint> felt_force(const TouchRecord&);
 
 // Throws std::runtime_error when nothing of the path can be judged, or when an interior layer was touched, or
 // with a tip under which the true force is not known.

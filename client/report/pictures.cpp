@@ -79,24 +79,47 @@ void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const
   write_png(file, std::vector<Panel>{truth, estimate}, options);
 }
 
-void draw_force(const std::filesystem::path& file, const ForceError& force) {
-  std::string script = "$data << EOD\n";
-  const double begin_s = force.samples.empty() ? 0 : force.samples.front().time_s;
-  for (const ForceSamplePoint& p : force.samples)
-    script +=
-        fmt::format("{:.4f} {:.3f} {:.5f} {:.5f}\n", p.time_s - begin_s, p.x_m * 1e3, p.felt_n, p.true_n);
-  script +=
-      "EOD\n"
-      "set multiplot layout 2,1\n"
-      "set ylabel 'force (N)'\nset yrange [0:*]\n"
-      "set xlabel 'position along the surface (mm)'\n"
-      "plot $data using 2:4 with points pt 7 ps 0.3 lc rgb '#999999' title 'true tissue', "
-      "$data using 2:3 with points pt 7 ps 0.3 lc rgb '#c03020' title 'felt'\n"
-      "set xlabel 'time (s)'\n"
-      "plot $data using 1:4 with lines lw 3 lc rgb '#999999' title 'true tissue', "
-      "$data using 1:3 with lines lc rgb '#c03020' title 'felt'\n"
-      "unset multiplot\n";
-  plot(file, "1100,800", script);
+bool draw_force(const std::filesystem::path& file, const std::vector<ForceSamplePoint>& force) {
+  if (force.empty()) return false;
+  bool stated = false, known = false;
+  // A blank line ends a band: nothing is drawn where nothing is stated.
+  std::string felt = "$felt << EOD\n", band = "$band << EOD\n", truth = "$truth << EOD\n";
+  const double begin_s = force.front().time_s;
+  for (const ForceSamplePoint& p : force) {
+    const std::string at = fmt::format("{:.4f} {:.3f}", p.time_s - begin_s, p.x_m * 1e3);
+    felt += fmt::format("{} {:.5f}\n", at, p.felt_n);
+    if (p.half_width)
+      band += fmt::format("{} {:.5f} {:.5f}\n", at, p.felt_n * (1 - *p.half_width),
+                          p.felt_n * (1 + *p.half_width));
+    else if (!band.ends_with("\n\n"))
+      band += "\n";
+    if (p.true_n) truth += fmt::format("{} {:.5f}\n", at, *p.true_n);
+    stated = stated || p.half_width, known = known || p.true_n;
+  }
+  struct Look {
+    const char *column, *band, *truth, *felt;
+  };
+  const auto panel = [&](const char* axis, const Look& look) {
+    std::string all = fmt::format("set xlabel '{}'\nplot ", axis);
+    if (stated)
+      all +=
+          fmt::format("$band using {} lc rgb '#f0b8a8' title 'stated for what is felt, 95 %', ", look.band);
+    if (known)
+      all += fmt::format("$truth using {}:3 with {} lc rgb '#999999' title 'true tissue', ", look.column,
+                         look.truth);
+    return all +
+           fmt::format("$felt using {}:3 with {} lc rgb '#c03020' title 'felt'\n", look.column, look.felt);
+  };
+  constexpr const char* kPoints = "points pt 7 ps 0.3";
+  // The way goes to and fro: there each sample has a bar of its own.
+  const Look over_way{"2", "2:3:(0):($4-$3) with vectors nohead", kPoints, kPoints},
+      over_time{"1", "1:3:4 with filledcurves", "lines lw 3", "lines"};
+  plot(file, "1100,800",
+       felt + "EOD\n" + (stated ? band + "EOD\n" : "") + (known ? truth + "EOD\n" : "") +
+           "set multiplot layout 2,1\nset ylabel 'force (N)'\nset yrange [0:*]\n" +
+           panel("position along the surface (mm)", over_way) + panel("time (s)", over_time) +
+           "unset multiplot\n");
+  return true;
 }
 
 void draw_latency(const std::filesystem::path& file, const TouchRecord& touch) {

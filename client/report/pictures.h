@@ -1,5 +1,5 @@
-// Pictures of a session: modulus.png (true above estimated), force.png (felt and true along the path),
-// latency.png and periods.png (histograms), tactile.png (a film strip).
+// Pictures of a session: modulus.png (true above estimated), force.png (felt, stated and true along the
+// path), latency.png and periods.png (histograms), tactile.png (a film strip).
 #pragma once
 
 #include <filesystem>
@@ -16,7 +16,9 @@ namespace teletact::client {
 void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const ModulusGrid& estimated);
 
 // Needs gnuplot (package gnuplot-nox). Throws std::runtime_error, naming it, when it is missing or fails.
-void draw_force(const std::filesystem::path& file, const ForceError& force);
+// The force that was felt over its way along x and over time, with the intervals that were stated for it and
+// the true force, where they are known. False, and no file, where nothing was felt.
+bool draw_force(const std::filesystem::path& file, const std::vector<ForceSamplePoint>& force);
 void draw_latency(const std::filesystem::path& file, const TouchRecord& touch);
 void draw_periods(const std::filesystem::path& file, const TouchRecord& touch);
 

@@ -1,6 +1,7 @@
 #include "client/report/session_record.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <stdexcept>
 
@@ -124,6 +125,15 @@ AcquireRecord read_acquire_record(const std::string& path) {
     if (entry->has_info()) record.info = entry->info();
   }
   return record;
+}
+
+std::optional<double> stated_half_width(const TouchRecord& touch, const TouchTick& tick) {
+  constexpr double kSameTouchM = 0.002;  // an answer's place, and where it is felt
+  const auto after = std::ranges::upper_bound(touch.answers, tick.time_s, {}, &TouchAnswerTime::arrived_s);
+  if (after == touch.answers.begin()) return std::nullopt;
+  const TouchAnswerTime& answer = *(after - 1);
+  if (std::hypot(answer.x_m - tick.x_m, answer.z_m - tick.z_m) > kSameTouchM) return std::nullopt;
+  return answer.half_width;
 }
 
 std::string session_mismatch(const TouchRecord& touch, const AcquireRecord& acquire) {

@@ -72,6 +72,10 @@ struct AcquireRecord {
 TouchRecord read_touch_record(const std::string& path);
 AcquireRecord read_acquire_record(const std::string& path);
 
+// Half of the interval that was stated for the force of a tick, over the force: by the newest answer that had
+// come by then, if it is of this touch. None: it states nothing, or is of another place.
+std::optional<double> stated_half_width(const TouchRecord&, const TouchTick&);
+
 // Why the two may not belong to one session, one line; empty when nothing speaks against it. Throws
 // std::runtime_error when they cannot: other scenes, or all windows published after the touch had ended.
 std::string session_mismatch(const TouchRecord& touch, const AcquireRecord& acquire);

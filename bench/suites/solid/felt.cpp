@@ -38,7 +38,6 @@ constexpr double kLeastForceN = 0.05;  // a force that is felt is more
 constexpr double kForceMedian = 0.02, kCoverage = 0.90;
 // From RF: the force, and how much of the path a stated interval of 95 % holds.
 constexpr double kForceMedianFromRf = 0.10, kHeldAtLeast = 0.90;
-constexpr double kSameTouchM = 0.002;  // an answer's place, and where it is felt
 
 struct Options {
   std::string touch_record, out;
@@ -60,7 +59,8 @@ service::Fingertip tip_of(const client::TouchRecord& touch) {
 }
 
 // In the middle of each of so many parts of the path.
-std::vector<Felt> chosen(const std::vector<client::TouchTick>& path, std::size_t count) {
+std::vector<Felt> chosen(const client::TouchRecord& touch, const std::vector<client::TouchTick>& path,
+                         std::size_t count) {
   const auto first = std::find_if(path.begin(), path.end(), pressed);
   const auto last = std::find_if(path.rbegin(), path.rend(), pressed).base();
   if (first >= last) throw BenchError("the finger never pressed the tissue: there is no force to judge");
@@ -73,23 +73,11 @@ std::vector<Felt> chosen(const std::vector<client::TouchTick>& path, std::size_t
     if (!pressed(*tick) || time_s < next_s) continue;
     next_s = part_s > 0 ? (std::floor(time_s / part_s) + 1.5) * part_s : 0;
     Felt& f = out.emplace_back();
-    f.time_s = time_s, f.clock_s = tick->time_s, f.way_m = way_m,
-    f.at = {tick->x_m, tick->indentation_m, tick->z_m};
+    f.time_s = time_s, f.way_m = way_m, f.at = {tick->x_m, tick->indentation_m, tick->z_m};
     f.felt_n = Vector3d(tick->force_x_n, tick->force_y_n, tick->force_z_n);
+    f.half_width = client::stated_half_width(touch, *tick);
   }
   return out;
-}
-
-// Of the answers that had come by then: the newest, if it is of this touch.
-void state_intervals(const client::TouchRecord& touch, std::vector<Felt>& felt) {
-  for (Felt& f : felt) {
-    const auto after =
-        std::ranges::upper_bound(touch.answers, f.clock_s, {}, &client::TouchAnswerTime::arrived_s);
-    if (after == touch.answers.begin()) continue;
-    const client::TouchAnswerTime& answer = *(after - 1);
-    if (std::hypot(answer.x_m - f.at[0], answer.z_m - f.at[2]) <= kSameTouchM)
-      f.half_width = answer.half_width;
-  }
 }
 
 // Of the pressed path: the share that had a force.
@@ -152,8 +140,7 @@ Judged judged(const Options& options) {
   j.path = client::felt_path(j.touch.ticks);
   j.coverage = coverage_of(j.path);
   j.tip = tip_of(j.touch);
-  j.felt = chosen(j.path, options.poses);
-  state_intervals(j.touch, j.felt);
+  j.felt = chosen(j.touch, j.path, options.poses);
   std::fprintf(stderr, "solving the patient's own tissue at %zu poses\n", j.felt.size());
   return j;
 }

@@ -190,11 +190,16 @@ std::string readable(const json& s) {
 
 void draw(const std::vector<Felt>& felt, const std::vector<Shadow>& shadows, bool with_plane,
           const std::filesystem::path& file) {
-  Curve felt_n{.title = "felt", .ours = true, .style = "lines lw 2 lc rgb '#c03020'"},
+  Curve stated{.title = "stated for what is felt, 95 %", .style = "yerrorbars pt 0 lw 5 lc rgb '#f0b8a8'"},
+      felt_n{.title = "felt", .ours = true, .style = "lines lw 2 lc rgb '#c03020'"},
       truth{.title = "the patient, solid", .style = "points pt 6 ps 1 lc rgb 'black'"},
       plane{.title = "plane model through its z", .style = "lines lw 2 dt 2 lc rgb '#3060a0'"},
       way{.title = "", .style = "linespoints pt 7 ps 0.6 lc rgb '#888888'"};
   for (const Felt& f : felt) {
+    if (f.half_width) {
+      stated.add(1e3 * f.way_m, f.felt_n.norm());
+      stated.half_width.push_back(*f.half_width * f.felt_n.norm());
+    }
     felt_n.add(1e3 * f.way_m, f.felt_n.norm());
     truth.add(1e3 * f.way_m, f.true_n.norm());
     if (with_plane) plane.add(1e3 * f.way_m, f.plane_n.norm());
@@ -204,7 +209,9 @@ void draw(const std::vector<Felt>& felt, const std::vector<Shadow>& shadows, boo
   for (const Shadow& l : shadows)
     lumps += fmt::format("set object circle at {},{} size {} fc rgb '#e0b070' fs solid noborder behind\n",
                          1e3 * l.x_m, 1e3 * l.z_m, 1e3 * l.radius_m);
-  std::vector<Curve> curves{felt_n, truth};
+  std::vector<Curve> curves;
+  if (!stated.x.empty()) curves.push_back(stated);
+  curves.insert(curves.end(), {felt_n, truth});
   if (with_plane) curves.push_back(plane);
   plot(file,
        "set multiplot layout 2,1\n" +

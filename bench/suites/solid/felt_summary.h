@@ -20,7 +20,7 @@ bool pressed(const client::TouchTick& tick);
 
 // A pose that was felt.
 struct Felt {
-  double time_s = 0, clock_s = 0, way_m = 0;  // since the first; as recorded
+  double time_s = 0, way_m = 0;  // since the first
   service::Vector3 at{};
   Eigen::Vector3d felt_n, true_n, plane_n;
   double truths_nodes = 1;  // of layered tissue: force on the truth's nodes over that on ever finer ones
