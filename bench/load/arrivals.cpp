@@ -5,16 +5,14 @@
 #include <stdexcept>
 
 namespace teletact::bench {
-namespace {
 
-constexpr double kGoldenRatio = 0.6180339887498949;
-
-}  // namespace
+double phase_of(unsigned client) {
+  constexpr double kGoldenRatio = 0.6180339887498949;
+  return std::fmod(kGoldenRatio * (client + 1), 1.0);
+}
 
 Arrivals::Arrivals(const Rate& rate, unsigned client, std::uint64_t seed)
-    : rate_(rate),
-      random_(seed * 1000003 + client),
-      expected_(rate.poisson ? 0 : std::fmod(kGoldenRatio * (client + 1), 1.0) - 1) {
+    : rate_(rate), random_(seed * 1000003 + client), expected_(rate.poisson ? 0 : phase_of(client) - 1) {
   if (!(rate.begin_hz > 0 && rate.end_hz > 0 && rate.duration_s > 0))
     throw std::invalid_argument("rate and duration of a load must be above 0");
 }

@@ -12,6 +12,9 @@ struct Rate {
   bool poisson = false;  // else evenly spaced
 };
 
+// Where in a period a client begins, 0 .. 1: spread evenly, however many they are.
+double phase_of(unsigned client);
+
 class Arrivals {
  public:
   // Of one client out of several: seeds, and phases of even spacing, differ. Throws std::invalid_argument: a

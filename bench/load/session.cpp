@@ -2,8 +2,6 @@
 
 #include <utility>
 
-#include "bench/load/sweep.h"
-
 namespace teletact::bench {
 namespace {
 
@@ -38,11 +36,9 @@ LoadSession::LoadSession(std::shared_ptr<grpc::Channel> channel, FingerPlan plan
       channel_(std::move(channel)),
       stub_(v1::Palpation::NewStub(channel_)) {
   v1::TouchOpen& open = *request_.mutable_open();
-  open.set_scene_id(plan_.scene_id);
-  open.set_session_id(plan_.session_id);
+  open = plan_.open;
   open.set_credit(plan_.in_flight);
   open.set_period_s(kPeriodS);
-  open.set_laws(plan_.laws);
   stub_->async()->Touch(&context_, this);
   AddHold();  // poses are sent from outside of reactions
   StartWrite(&request_);
@@ -78,9 +74,7 @@ void LoadSession::send_newest() {
   out.mutable_stamp()->set_monotonic_ns(
       std::chrono::duration_cast<std::chrono::nanoseconds>(begin_.time_since_epoch()).count() +
       static_cast<std::int64_t>(pose.due_s * 1e9));
-  const double x_m = sweep_m(plan_.begin_m, plan_.end_m, plan_.speed_m_s, plan_.client, pose.due_s);
-  for (const double coordinate : {x_m, plan_.indentation_m, 0.0}) out.add_position_m(coordinate);
-  for (int axis = 0; axis < 3; ++axis) out.add_velocity_m_s(0);
+  plan_.pose(pose.due_s, out);
   sent_.push_back(pose.sequence);
   writing_ = true;
   StartWrite(&request_);

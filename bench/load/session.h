@@ -7,6 +7,8 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <functional>
+#include <memory>
 #include <mutex>
 #include <optional>
 
@@ -16,12 +18,10 @@
 namespace teletact::bench {
 
 struct FingerPlan {
-  std::string scene_id, session_id;
-  double begin_m = 0, end_m = 0;  // it sweeps to and fro between these
-  double indentation_m = 0.003, speed_m_s = 0.12;
-  unsigned client = 0;                     // which starts elsewhere on the way
+  v1::TouchOpen open;  // but its credit and period
+  // Where the finger is, s since `begin`: position and velocity of a pose.
+  std::function<void(double time_s, v1::ContactPose& to)> pose;
   unsigned in_flight = 8;                  // poses that may be without an answer
-  bool laws = false;                       // contact laws are asked for
   bool closed_loop = false;                // the next pose is meant when the answer is there
   double counted_from_s = 0, until_s = 0;  // until: no pose of a closed loop is meant later
 };

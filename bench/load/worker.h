@@ -11,6 +11,7 @@ namespace teletact::bench {
 struct LoadPlan {
   std::string address, tls_ca, scene_id;
   double begin_m = 0, end_m = 0, indentation_m = 0.003, speed_m_s = 0.12;  // where fingers sweep
+  std::string recording;  // of a touch, that they do in place of that, at its own instants; empty: none
   unsigned first_client = 0, clients = 1, in_flight = 8;
   bool closed_loop = false, poisson = false, laws = false;
   double rate_hz = 100, end_rate_hz = 100;  // of each client; not in the closed loop
@@ -21,9 +22,9 @@ struct LoadPlan {
   std::int64_t begin_ns = 0;  // on the machine's monotonic clock, the same for all processes
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoadPlan, address, tls_ca, scene_id, begin_m, end_m, indentation_m,
-                                   speed_m_s, first_client, clients, in_flight, closed_loop, poisson, laws,
-                                   rate_hz, end_rate_hz, warm_up_s, duration_s, stay_s, cancel_share, seed,
-                                   begin_ns)
+                                   speed_m_s, recording, first_client, clients, in_flight, closed_loop,
+                                   poisson, laws, rate_hz, end_rate_hz, warm_up_s, duration_s, stay_s,
+                                   cancel_share, seed, begin_ns)
 
 // Blocks until all streams have ended. A stream that is refused, or fails, is counted; where streams do not
 // stay, another is opened when its time has come.

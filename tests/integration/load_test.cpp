@@ -7,12 +7,33 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "client/link/recording.h"
 #include "tests/admin/http_peer.h"
 #include "tests/admin/metrics.h"
 #include "tests/integration/process.h"
 
 namespace teletact {
 namespace {
+
+constexpr double kRecordedHz = 50;
+
+// A finger that goes 40 mm along the middle of the suite's own scene, with laws.
+void write_recording(const std::string& path) {
+  v1::RecordHeader header;
+  header.set_kind("touch");
+  header.set_scene_id("bench-load");
+  header.set_version(client::kRecordingVersion);
+  client::RecordWriter writer(path, header);
+  v1::TouchRequest request;
+  request.mutable_open()->set_laws(true);
+  writer.append_waiting(client::recorded(request, 0, 1));
+  for (int k = 0; k < 100; ++k) {
+    request.mutable_pose()->Clear();
+    for (const double x_m : {0.04 + 4e-4 * k, 0.002, 0.0}) request.mutable_pose()->add_position_m(x_m);
+    writer.append_waiting(client::recorded(request, static_cast<std::int64_t>(k * 1e9 / kRecordedHz), 1));
+  }
+  writer.close();
+}
 
 class Load : public testing::Test {
  protected:
@@ -26,6 +47,12 @@ class Load : public testing::Test {
                                  json_};
     out.insert(out.end(), more.begin(), more.end());
     return out;
+  }
+  // The suite's own, with touches that check it.
+  void make_scene() {
+    const auto made = test::run(command({"--duration-s", "0.1"}), folder_ / "made.log", {}, 120);
+    ASSERT_EQ(made.code, 0) << made.output;
+    std::filesystem::remove(json_);
   }
   nlohmann::json result() const {
     std::ifstream file(json_);
@@ -115,9 +142,7 @@ TEST_F(Load, AClosedLoopHasAnAnswerForEachPose) {
 
 // What the clients counted is what the service did.
 TEST_F(Load, TheServiceCountsTheSame) {
-  const auto made = test::run(command({"--duration-s", "0.1"}), folder_ / "made.log", {}, 120);
-  ASSERT_EQ(made.code, 0) << made.output;  // the scene, with touches that check it
-  std::filesystem::remove(json_);
+  make_scene();
   const auto before = metrics();
   const auto run = test::run(command({"--scene", "bench-load", "--clients", "70", "--processes", "2",
                                       "--rate-hz", "10", "--laws", "--duration-s", "3"}),
@@ -141,6 +166,24 @@ TEST_F(Load, TheServiceCountsTheSame) {
       << run.output;
 }
 
+// Beside clients that image: they are said, and their scenes are gone with them.
+TEST_F(Load, ARecordedTouchIsDoneByAllBesideImaging) {
+  make_scene();
+  const std::string recording = folder_ / "touch.rec";
+  write_recording(recording);
+  const auto run = test::run(command({"--recording", recording, "--clients", "3", "--imaging", "1",
+                                      "--image-every-s", "0.5", "--duration-s", "4"}),
+                             folder_ / "load.log", {}, 120);
+  ASSERT_EQ(run.code, 0) << run.output;
+  const auto t = tally();
+  EXPECT_NEAR(t.at("intended").get<double>(), 3 * 4 * kRecordedHz, 0.1 * 3 * 4 * kRecordedHz) << run.output;
+  EXPECT_EQ(t.at("without_force"), 0) << "all of it lies on the scene";
+  EXPECT_GT(t.at("laws").get<int>(), 0) << "as the recorded touch asked for";
+  const auto windows = result().at("imaging").at(0);
+  EXPECT_GT(windows.at("published").get<int>() + windows.at("late").get<int>(), 0) << run.output;
+  EXPECT_EQ(metrics().at("teletact_scenes"), 1) << "but the touched one";
+}
+
 TEST_F(Load, WhatContradictsItselfIsRefused) {
   for (const std::vector<std::string>& wrong :
        {std::vector<std::string>{"--find-capacity"},
@@ -149,6 +192,8 @@ TEST_F(Load, WhatContradictsItselfIsRefused) {
         {"--rate-hz", "0"},
         {"--clients", "0"},
         {"--cancel-share", "2"},
+        {"--recording", "/nowhere"},
+        {"--recording", "/nowhere", "--ramp-to-hz", "10"},
         {"--scene", "nobody's"}}) {
     const auto run = test::run(command(wrong), folder_ / "load.log", {}, 60);
     EXPECT_NE(run.code, 0) << wrong.front();

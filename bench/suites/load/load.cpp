@@ -10,8 +10,10 @@
 
 #include "bench/basics/median.h"
 #include "bench/curves.h"
+#include "bench/imager.h"
 #include "bench/load/figures.h"
 #include "bench/load/processes.h"
+#include "bench/load/recorded_finger.h"
 #include "bench/own_scene.h"
 #include "bench/service.h"
 #include "bench/suite.h"
@@ -29,15 +31,17 @@ struct Arguments : SuiteOptions {
   LoadPlan plan;
   std::string loop = "paced";
   double ramp_to_hz = 0, latency_limit_s = 0;
-  unsigned processes = 1;
+  unsigned processes = 1, imaging = 0;
+  double image_every_s = 2, finish_within_s = 5;
   bool find_capacity = false;
 };
 
 struct Figures {
   std::vector<LoadFigures> loads;
-  double capacity_hz = kNan;  // answers per second to all clients; NaN: not looked for
+  std::vector<WindowFigures> imaging;  // beside them
+  double capacity_hz = kNan;           // answers per second to all clients; NaN: not looked for
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, loads, capacity_hz)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, loads, imaging, capacity_hz)
 
 // Answers per second at the highest rate whose latency keeps the limit, by doubling and halving; 0: none.
 double capacity_hz(LoadPlan plan, const Arguments& arguments, std::vector<LoadFigures>& loads) {
@@ -65,16 +69,59 @@ void check(const Arguments& a) {
     throw BenchError("--find-capacity raises --rate-hz, which --loop closed does not have; leave one out");
   if (a.find_capacity && a.ramp_to_hz > 0)
     throw BenchError("--find-capacity raises the rate itself; leave out --ramp-to-hz");
+  if (!a.plan.recording.empty() && (a.loop == "poisson" || a.ramp_to_hz > 0 || a.find_capacity))
+    throw BenchError(
+        "--recording has its own instants; leave out --loop poisson, --ramp-to-hz, --find-capacity");
   if (a.loop == "closed" && a.ramp_to_hz > 0)
     throw BenchError("--ramp-to-hz: --loop closed has no rate; leave one out");
 }
 
-Figures measure(const Arguments& arguments, Promises& promises) {
-  check(arguments);
-  const auto channel = connect(arguments.service);
+// Clients that image beside the load, each into a scene of its own; it is gone with them.
+class Imaging {
+ public:
+  Imaging(const Arguments& arguments, const std::shared_ptr<grpc::Channel>& channel)
+      : stub_(v1::Palpation::NewStub(channel)) {
+    if (arguments.imaging == 0) return;
+    const client::Tissue tissue = imaged_tissue();
+    pairs_ = imaged_pairs(tissue);
+    for (unsigned k = 0; k < arguments.imaging; ++k) {
+      scenes_.push_back(fmt::format("{}-imaged-{}", kOwnScene, k));
+      create_imaged_scene(*stub_, scenes_.back(), tissue);
+    }
+    for (const std::string& scene : scenes_)
+      imagers_.push_back(std::make_unique<Imager>(arguments.service, scene, scene, pairs_,
+                                                  arguments.image_every_s, arguments.finish_within_s,
+                                                  pause_));
+  }
+  // Once; prints it.
+  std::vector<WindowFigures> stop() {
+    std::vector<WindowFigures> out;
+    for (const auto& imager : imagers_) {
+      imager->stop();
+      fmt::print("{}\n", line_of(out.emplace_back(imager->windows())));
+    }
+    imagers_.clear();
+    for (const std::string& scene : scenes_) remove_scene(*stub_, scene);
+    return out;
+  }
+
+ private:
+  std::unique_ptr<v1::Palpation::Stub> stub_;
+  std::vector<client::FramePair> pairs_;
+  std::vector<std::string> scenes_;
+  const Pause pause_ = false;
+  std::vector<std::unique_ptr<Imager>> imagers_;
+};
+
+// With a scene to touch, which is made where none is named.
+LoadPlan plan_of(const Arguments& arguments, const std::shared_ptr<grpc::Channel>& channel) {
   LoadPlan plan = arguments.plan;
   plan.address = arguments.service.address, plan.tls_ca = arguments.service.tls_ca;
-  if (plan.scene_id.empty()) {
+  if (!plan.recording.empty()) {
+    const auto recorded = read_recorded_touch(plan.recording);
+    if (plan.scene_id.empty()) plan.scene_id = recorded->scene_id;
+    plan.rate_hz = static_cast<double>(recorded->poses.size()) / recorded->length_s;
+  } else if (plan.scene_id.empty()) {
     plan.scene_id = kOwnScene;
     make_checked_scene(channel, kOwnScene, own_tissue(), plan.indentation_m);
   }
@@ -83,19 +130,34 @@ Figures measure(const Arguments& arguments, Promises& promises) {
   plan.closed_loop = arguments.loop == "closed", plan.poisson = arguments.loop == "poisson";
   plan.end_rate_hz = arguments.ramp_to_hz > 0 ? arguments.ramp_to_hz : plan.rate_hz;
   if (arguments.quick) plan.duration_s = std::min(plan.duration_s, 1.0), plan.warm_up_s = 0.2;
+  return plan;
+}
+
+Promises promises_of(const LoadFigures& load, const std::vector<WindowFigures>& imaging,
+                     double latency_limit_s) {
+  double late = 0;
+  for (const WindowFigures& windows : imaging) late += static_cast<double>(windows.late);
+  return {{"latency_p99_bound", load.p99_bound_s, latency_limit_s, "s"},
+          {"poses_answered", answered_share(load), kAnswered, "", false},
+          {"windows_neither_in_time_nor_refused_at_once", late, 0}};
+}
+
+Figures measure(const Arguments& arguments, Promises& promises) {
+  check(arguments);
+  const auto channel = connect(arguments.service);
+  const LoadPlan plan = plan_of(arguments, channel);
+  Imaging imaging(arguments, channel);
   Figures figures;
   if (arguments.find_capacity) {
     figures.capacity_hz = capacity_hz(plan, arguments, figures.loads);
     fmt::print("capacity: {:.0f} answers/s to {} clients with the p99 within {:.3f} ms\n",
                figures.capacity_hz, plan.clients, 1e3 * arguments.latency_limit_s);
-    return figures;
+  } else {
+    figures.loads.push_back(measure_load(plan, arguments.processes));
   }
-  figures.loads.push_back(measure_load(plan, arguments.processes));
-  if (arguments.latency_limit_s > 0) {
-    const LoadFigures& load = figures.loads.back();
-    promises = {{"latency_p99_bound", load.p99_bound_s, arguments.latency_limit_s, "s"},
-                {"poses_answered", answered_share(load), kAnswered, "", false}};
-  }
+  figures.imaging = imaging.stop();
+  if (arguments.latency_limit_s > 0 && !arguments.find_capacity)
+    promises = promises_of(figures.loads.back(), figures.imaging, arguments.latency_limit_s);
   return figures;
 }
 
@@ -167,6 +229,16 @@ void add_load_suite(CLI::App& app, bool& met) {
   add_service_options(command, arguments->service);
   command.add_option("--scene", arguments->plan.scene_id,
                      "a scene to touch; without it the suite makes its own");
+  command.add_option("--recording", arguments->plan.recording,
+                     "of touch --record: what every client does, over and over, at its own instants");
+  command.add_option("--imaging", arguments->imaging, "clients that publish windows beside the load")
+      ->check(CLI::Range(1, 64));
+  command.add_option("--image-every-s", arguments->image_every_s, "a window of each of them")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--finish-within-s", arguments->finish_within_s, "its deadline, after the last RF byte")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   add_rate_options(command, *arguments);
   add_stream_options(command, *arguments);
 }

@@ -25,7 +25,6 @@
 #include "bench/suites/soak/rounds.h"
 #include "bench/touch_client.h"
 #include "client/acquire/estimate_client.h"
-#include "client/acquire/simulated_source.h"
 #include "client/link/channel.h"
 
 namespace teletact::bench {
@@ -42,34 +41,6 @@ struct Arguments : SuiteOptions {
   double duration_s = 3600, every_s = 2, finish_within_s = 5, touch_rate_hz = 20;
   unsigned touch_streams = 60, fair = 3;
 };
-
-// 120 mm with one inclusion, RF of windows of 30 mm.
-std::vector<client::FramePair> simulated_pairs(const client::Tissue& tissue) {
-  const client::Patient patient(tissue);
-  client::SimulatedSource source(patient, 1, 0, {});
-  std::vector<client::FramePair> pairs;
-  for (std::size_t k = 0; k < source.window_count(); ++k) pairs.push_back(source.take(k));
-  return pairs;
-}
-
-client::Tissue soaked_tissue() {
-  client::Tissue tissue;
-  tissue.width_m = 0.12;
-  tissue.probe.width_m = 0.03;
-  tissue.probe.lines = 128;
-  tissue.inclusions.push_back({0.05, 0.012, 0.012, 4});
-  return tissue;
-}
-
-// An empty one to publish into.
-void create_empty_scene(v1::Palpation::Stub& stub, const std::string& id, const client::Tissue& tissue) {
-  v1::CreateSceneRequest request;
-  request.set_scene_id(id);
-  request.mutable_geometry()->add_size_m(tissue.width_m);
-  request.mutable_geometry()->add_size_m(tissue.depth_m);
-  request.mutable_geometry()->set_poisson_ratio(tissue.poisson_ratio);
-  create_scene(stub, request);
-}
 
 // --- touch -------------------------------------------------------------------------------------------------
 
@@ -103,7 +74,7 @@ struct TouchFigures {
   double rate_hz = 0;
   std::uint64_t answers = 0, without_force = 0;
   std::uint64_t ended = 0;  // streams that the service ended or refused
-  soak::Ends ends{};
+  Ends ends{};
   PartFigures imaging{}, idle{}, busy_cores{};
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TouchFigures, streams, rate_hz, answers, without_force, ended, ends,
@@ -218,16 +189,6 @@ double memory_growth_bytes(const std::vector<std::array<double, 2>>& samples) {
 
 // --- the whole ---------------------------------------------------------------------------------------------
 
-// Of one client that publishes windows.
-struct WindowFigures {
-  std::string name;
-  std::size_t published = 0, refused = 0, late = 0;
-  Quantiles published_s{}, refused_s{};  // counts of 0 where there was none
-  std::vector<double> late_s{};
-  soak::Ends ends{};
-};
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowFigures, name, published, refused, late, published_s, refused_s,
-                                   late_s, ends)
 struct MemoryFigures {
   std::string of;
   double growth_bytes = 0;
@@ -238,29 +199,22 @@ struct Figures {
   double duration_s = 0, finish_within_s = 0, window_every_s = 0;
   TouchFigures touch{};
   MemoryFigures memory{};
-  std::map<std::string, soak::Ends> rogues{};
+  std::map<std::string, Ends> rogues{};
   std::vector<WindowFigures> fair{};
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, duration_s, finish_within_s, window_every_s, touch, memory,
                                    rogues, fair)
 
-WindowFigures windows_of(const soak::FairImager& imager) {
-  const auto& w = imager.windows();
-  const auto of = [](const std::vector<double>& s) { return s.empty() ? Quantiles{} : quantiles(s); };
-  return {imager.name(),     w.published_s.size(), w.refused_s.size(), w.late_s.size(),
-          of(w.published_s), of(w.refused_s),      w.late_s,           imager.statuses().counts()};
-}
-
 Figures everything(const Arguments& arguments, const std::vector<client::FramePair>& pairs,
                    const std::shared_ptr<grpc::Channel>& channel) {
   Figures out{arguments.duration_s, arguments.finish_within_s, arguments.every_s};
   MemoryLog memory(arguments, channel);
-  soak::Pause pause = false;
-  std::vector<std::unique_ptr<soak::FairImager>> fair;
+  Pause pause = false;
+  std::vector<std::unique_ptr<Imager>> fair;
   for (unsigned k = 0; k < arguments.fair; ++k)
-    fair.push_back(std::make_unique<soak::FairImager>(arguments.service, fmt::format("soak-fair-{}", k),
-                                                      fmt::format("soak-fair-{}", k), pairs,
-                                                      arguments.every_s, arguments.finish_within_s, pause));
+    fair.push_back(std::make_unique<Imager>(arguments.service, fmt::format("soak-fair-{}", k),
+                                            fmt::format("soak-fair-{}", k), pairs, arguments.every_s,
+                                            arguments.finish_within_s, pause));
   {
     const auto greedy = soak::start_greedy(arguments.service, "soak-greedy", pairs, pause);
     const auto never_reading = soak::start_never_reading(arguments.service, kTouchedScene, pairs.front());
@@ -274,14 +228,8 @@ Figures everything(const Arguments& arguments, const std::vector<client::FramePa
                   {"never_reading", never_reading->statuses.counts()},
                   {"dying", dying->statuses.counts()}};
   }
-  for (const auto& imager : fair) out.fair.push_back(windows_of(*imager));
+  for (const auto& imager : fair) out.fair.push_back(imager->windows());
   return out;
-}
-
-std::string text_of(const soak::Ends& ends) {
-  std::string text;
-  for (const auto& [code, count] : ends) text += fmt::format(" {} {}", code, count);
-  return text;
 }
 
 void print(const Figures& figures) {
@@ -292,9 +240,7 @@ void print(const Figures& figures) {
   };
   part("imaging", figures.touch.imaging), part("idle", figures.touch.idle);
   part("busy cores", figures.touch.busy_cores);
-  for (const WindowFigures& w : figures.fair)
-    std::printf("%s: %zu windows in time, %zu refused at once, %zu late; ends:%s\n", w.name.c_str(),
-                w.published, w.refused, w.late, text_of(w.ends).c_str());
+  for (const WindowFigures& w : figures.fair) std::printf("%s\n", line_of(w).c_str());
   for (const auto& [name, ends] : figures.rogues) std::printf("%s:%s\n", name.c_str(), text_of(ends).c_str());
 }
 
@@ -329,11 +275,11 @@ Figures measure(Arguments arguments, Promises& promises) {
     throw BenchError("the service does not report its memory: give --pid");
   if (arguments.pid != 0) resident_bytes(arguments.pid);
   const auto stub = v1::Palpation::NewStub(channel);
-  const client::Tissue tissue = soaked_tissue();
-  const std::vector<client::FramePair> pairs = simulated_pairs(tissue);
+  const client::Tissue tissue = imaged_tissue();
+  const std::vector<client::FramePair> pairs = imaged_pairs(tissue);
   std::vector<std::string> scenes{"soak-greedy"};
   for (unsigned k = 0; k < arguments.fair; ++k) scenes.push_back(fmt::format("soak-fair-{}", k));
-  for (const std::string& id : scenes) create_empty_scene(*stub, id, tissue);
+  for (const std::string& id : scenes) create_imaged_scene(*stub, id, tissue);
   create_own_scene(*stub, kTouchedScene, own_tissue());
   Figures figures = everything(arguments, pairs, channel);
   scenes.push_back(kTouchedScene);

@@ -69,7 +69,8 @@ LoadFigures run_clients(const Arguments& arguments, const LoadOptions& load, dou
                 .begin_m = load.begin_m,
                 .end_m = load.end_m,
                 .indentation_m = load.indentation_m,
-                .speed_m_s = load.speed_m_s};
+                .speed_m_s = load.speed_m_s,
+                .recording = {}};
   plan.clients = arguments.clients;
   plan.closed_loop = rate_hz == 0, plan.rate_hz = plan.end_rate_hz = rate_hz;
   plan.warm_up_s = kWarmUpS;

@@ -1,0 +1,39 @@
+#include <chrono>
+
+#include "bench/suites/soak/soak.h"
+#include "client/acquire/estimate_client.h"
+#include "client/link/channel.h"
+
+namespace teletact::bench::soak {
+namespace {
+
+constexpr double kLongModulusS = 60;  // the contract's longest
+constexpr int kGreedyCalls = 16;
+constexpr auto kGreedyPause = std::chrono::milliseconds(50), kLookEvery = std::chrono::milliseconds(10);
+
+}  // namespace
+
+std::unique_ptr<Rogue> start_greedy(const Service& service, const std::string& scene_id,
+                                    const std::vector<client::FramePair>& pairs, const Pause& pause) {
+  auto rogue = std::make_unique<Rogue>();
+  const auto channel = client::make_channel(service.address, service.tls_ca, "soak-greedy");
+  for (int k = 0; k < kGreedyCalls; ++k)
+    rogue->threads.emplace_back([&rogue = *rogue, channel, scene_id, k, &pairs, &pause] {
+      client::EstimateClient estimator(channel, 0);
+      const client::FramePair& pair = pairs[static_cast<std::size_t>(k) % pairs.size()];
+      v1::Acquisition acquisition = published(pair, scene_id, 0);
+      acquisition.set_modulus_time_limit_s(kLongModulusS);
+      for (bool wide = k % 2 == 0; !rogue.stop; wide = !wide) try {
+          while (!rogue.stop && pause) std::this_thread::sleep_for(kLookEvery);
+          acquisition.set_max_strain(wide ? 0.08 : 0.04);
+          estimator.estimate(acquisition, pair.pre, pair.post, {}, rogue.stop);
+          rogue.statuses.add("OK");
+        } catch (const client::ServiceError& error) {
+          rogue.statuses.add(code_in(error));
+          std::this_thread::sleep_for(kGreedyPause);
+        }
+    });
+  return rogue;
+}
+
+}  // namespace teletact::bench::soak
