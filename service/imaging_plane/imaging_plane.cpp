@@ -18,7 +18,7 @@ using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
 // The rest is for its way here, and for a last step that takes longer than those before.
-constexpr double kOfCrossing = 0.9;
+constexpr double kOfCrossing = 0.85;
 
 }  // namespace
 

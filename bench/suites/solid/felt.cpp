@@ -59,20 +59,20 @@ service::Fingertip tip_of(const client::TouchRecord& touch) {
 }
 
 // In the middle of each of so many parts of the path.
-std::vector<Felt> chosen(const client::TouchRecord& touch, const std::vector<client::TouchTick>& path,
-                         std::size_t count) {
+std::vector<FeltPose> chosen(const client::TouchRecord& touch, const std::vector<client::TouchTick>& path,
+                             std::size_t count) {
   const auto first = std::find_if(path.begin(), path.end(), pressed);
   const auto last = std::find_if(path.rbegin(), path.rend(), pressed).base();
   if (first >= last) throw BenchError("the finger never pressed the tissue: there is no force to judge");
   const double begin_s = first->time_s, part_s = ((last - 1)->time_s - begin_s) / double(count);
-  std::vector<Felt> out;
+  std::vector<FeltPose> out;
   double way_m = 0, next_s = part_s / 2;
   for (auto tick = first; tick != last && out.size() < count; ++tick) {
     if (tick != first) way_m += std::hypot(tick->x_m - (tick - 1)->x_m, tick->z_m - (tick - 1)->z_m);
     const double time_s = tick->time_s - begin_s;
     if (!pressed(*tick) || time_s < next_s) continue;
     next_s = part_s > 0 ? (std::floor(time_s / part_s) + 1.5) * part_s : 0;
-    Felt& f = out.emplace_back();
+    FeltPose& f = out.emplace_back();
     f.time_s = time_s, f.way_m = way_m, f.at = {tick->x_m, tick->indentation_m, tick->z_m};
     f.felt_n = Vector3d(tick->force_x_n, tick->force_y_n, tick->force_z_n);
     f.half_width = client::stated_half_width(touch, *tick);
@@ -113,12 +113,12 @@ Vector3d plane_force(const std::shared_ptr<service::Device>& device, const Solid
 
 // `plane`: whose plane model is asked, too.
 void solve(const TrueSolid& solid, const SolidPatient* plane, const service::Fingertip& tip,
-           std::vector<Felt>& felt) {
+           std::vector<FeltPose>& felt) {
   const auto device = service::Device::open();
   PatientTruth truth(device->queue(), solid, tip);
   for (std::size_t n = 0; n < felt.size(); ++n) {
     show_progress(fmt::format("pose {} of {}", n + 1, felt.size()));
-    Felt& f = felt[n];
+    FeltPose& f = felt[n];
     const auto [force_n, nodes] = truth.at(f.at);
     f.true_n = force_n, f.truths_nodes = nodes;
     if (plane) f.plane_n = plane_force(device, *plane, tip, f.at);
@@ -131,7 +131,7 @@ struct Judged {
   std::vector<client::TouchTick> path;
   double coverage = 0;
   service::Fingertip tip;
-  std::vector<Felt> felt;
+  std::vector<FeltPose> felt;
 };
 
 Judged judged(const Options& options) {

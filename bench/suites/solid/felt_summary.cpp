@@ -30,14 +30,14 @@ constexpr const char* kOwn =
     "at other places, finer rows, more tissue around, double, each pose solved anew";
 
 template <class Value>
-json quantiles_of(const std::vector<Felt>& felt, const Value& value) {
+json quantiles_of(const std::vector<FeltPose>& felt, const Value& value) {
   std::vector<double> values;
-  for (const Felt& f : felt) values.push_back(value(f));
+  for (const FeltPose& f : felt) values.push_back(value(f));
   const Quantiles q = quantiles(values);
   return {{"median", q.p50}, {"p95", q.p95}, {"min", q.min}, {"max", q.max}};
 }
 
-double off(const Vector3d& force_n, const Felt& f) {
+double off(const Vector3d& force_n, const FeltPose& f) {
   return (force_n - f.true_n).norm() / f.true_n.norm();
 }
 
@@ -57,13 +57,14 @@ bool pressed(const client::TouchTick& tick) {
   return tick.indentation_m >= kPressedM;
 }
 
-json judge(json summary, const std::vector<Felt>& felt, double coverage) {
-  json& error = summary["force_error"] = quantiles_of(felt, [&](const Felt& f) { return off(f.felt_n, f); });
+json judge(json summary, const std::vector<FeltPose>& felt, double coverage) {
+  json& error = summary["force_error"] =
+      quantiles_of(felt, [&](const FeltPose& f) { return off(f.felt_n, f); });
   error["coverage"] = coverage, error["samples"] = felt.size();
   error["excluded"] = "less than 1 mm deep, and while force is ramped";
-  summary["truths_nodes"] = quantiles_of(felt, [](const Felt& f) { return f.truths_nodes - 1; });
+  summary["truths_nodes"] = quantiles_of(felt, [](const FeltPose& f) { return f.truths_nodes - 1; });
   summary["truth"] = {{"shared", kShared}, {"own", kOwn}, {"force_error", PatientTruth::kForceError}};
-  for (const Felt& f : felt)
+  for (const FeltPose& f : felt)
     summary["poses"].push_back({{"time_s", f.time_s},
                                 {"position_m", f.at},
                                 {"felt_n", {f.felt_n[0], f.felt_n[1], f.felt_n[2]}},
@@ -73,18 +74,18 @@ json judge(json summary, const std::vector<Felt>& felt, double coverage) {
   return summary;
 }
 
-void judge_plane(json& summary, const std::vector<Felt>& felt) {
-  summary["plane_error"] = quantiles_of(felt, [](const Felt& f) { return off(f.plane_n, f); });
+void judge_plane(json& summary, const std::vector<FeltPose>& felt) {
+  summary["plane_error"] = quantiles_of(felt, [](const FeltPose& f) { return off(f.plane_n, f); });
   for (std::size_t n = 0; n < felt.size(); ++n)
     summary["poses"][n]["plane_n"] = {felt[n].plane_n[0], felt[n].plane_n[1], felt[n].plane_n[2]};
 }
 
-void judge_intervals(json& summary, const std::vector<Felt>& felt) {
+void judge_intervals(json& summary, const std::vector<FeltPose>& felt) {
   std::vector<double> widths;
-  for (const Felt& f : felt)
+  for (const FeltPose& f : felt)
     if (f.half_width) widths.push_back(*f.half_width);
   json& interval = summary["interval"];
-  interval["held"] = double(std::ranges::count_if(felt, &Felt::held)) / double(felt.size());
+  interval["held"] = double(std::ranges::count_if(felt, &FeltPose::held)) / double(felt.size());
   interval["stated"] = double(widths.size()) / double(felt.size());
   interval["half_width"] = widths.empty() ? json() : json(quantiles(widths).p50);
 }
@@ -188,14 +189,14 @@ std::string readable(const json& s) {
                      range("truths_nodes"), kOwn, kShared);
 }
 
-void draw(const std::vector<Felt>& felt, const std::vector<Shadow>& shadows, bool with_plane,
+void draw(const std::vector<FeltPose>& felt, const std::vector<Shadow>& shadows, bool with_plane,
           const std::filesystem::path& file) {
   Curve stated{.title = "stated for what is felt, 95 %", .style = "yerrorbars pt 0 lw 5 lc rgb '#f0b8a8'"},
       felt_n{.title = "felt", .ours = true, .style = "lines lw 2 lc rgb '#c03020'"},
       truth{.title = "the patient, solid", .style = "points pt 6 ps 1 lc rgb 'black'"},
       plane{.title = "plane model through its z", .style = "lines lw 2 dt 2 lc rgb '#3060a0'"},
       way{.title = "", .style = "linespoints pt 7 ps 0.6 lc rgb '#888888'"};
-  for (const Felt& f : felt) {
+  for (const FeltPose& f : felt) {
     if (f.half_width) {
       stated.add(1e3 * f.way_m, f.felt_n.norm());
       stated.half_width.push_back(*f.half_width * f.felt_n.norm());

@@ -19,7 +19,7 @@ namespace teletact::bench {
 bool pressed(const client::TouchTick& tick);
 
 // A pose that was felt.
-struct Felt {
+struct FeltPose {
   double time_s = 0, way_m = 0;  // since the first
   service::Vector3 at{};
   Eigen::Vector3d felt_n, true_n, plane_n;
@@ -35,11 +35,11 @@ struct Shadow {
 };
 
 // `summary` with the error of the forces, and each pose.
-nlohmann::json judge(nlohmann::json summary, const std::vector<Felt>& felt, double coverage);
+nlohmann::json judge(nlohmann::json summary, const std::vector<FeltPose>& felt, double coverage);
 // What a plane model would have answered. After judge().
-void judge_plane(nlohmann::json& summary, const std::vector<Felt>& felt);
+void judge_plane(nlohmann::json& summary, const std::vector<FeltPose>& felt);
 // How much of the path the stated intervals hold, and how wide they are.
-void judge_intervals(nlohmann::json& summary, const std::vector<Felt>& felt);
+void judge_intervals(nlohmann::json& summary, const std::vector<FeltPose>& felt);
 // What had been imaged where the finger was when it was there.
 void judge_slices(nlohmann::json& summary, const client::AcquireRecord& acquire,
                   const std::vector<client::TouchTick>& path);
@@ -50,7 +50,7 @@ void judge_lumps(nlohmann::json& summary, const client::MetaImage& volume, const
 std::string readable_from_rf(const nlohmann::json& summary);
 std::string readable(const nlohmann::json& summary);
 
-void draw(const std::vector<Felt>& felt, const std::vector<Shadow>& shadows, bool with_plane,
+void draw(const std::vector<FeltPose>& felt, const std::vector<Shadow>& shadows, bool with_plane,
           const std::filesystem::path& file);
 
 }  // namespace teletact::bench
