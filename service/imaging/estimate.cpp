@@ -11,7 +11,6 @@
 #include "service/device/look.h"
 #include "service/device/worked.h"
 #include "service/imaging/tracking/input_checks.h"
-#include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
 namespace {
@@ -30,15 +29,6 @@ class StageClock {
  private:
   double start_s_ = worked_s();
 };
-
-// Median over the trusted nodes of the axial strain's deviation over the strain.
-double noise_of(const Measured& m) {
-  std::vector<float> noise;
-  for (std::size_t n = 0; n < m.grid.size(); ++n)
-    if (m.strain_valid[n] && m.axial_strain[n] != 0)
-      noise.push_back(m.axial_strain_std[n] / std::abs(m.axial_strain[n]));
-  return noise.empty() ? 0 : median(noise);
-}
 
 // What is left by now, of a modulus that was begun then.
 ModulusTime time_of(const ModulusChoice& choice, double begun_s) {

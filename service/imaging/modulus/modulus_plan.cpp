@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
+#include "service/imaging/tracking/median.h"
 #include "service/plan/choices.h"
 
 namespace teletact::service {
@@ -13,14 +15,7 @@ namespace {
 
 constexpr double kSquareM = 0.010;  // about what a finger feels
 constexpr double kMostTolerance = 0.1;
-constexpr double kShownNoise = 0.4;  // of the strain's noise, what the squares that are most off show of it
-
-// 95 % of what a finger feels is within even + min(of_stiff stiff, most_of_stiff) + of_soft soft, and
-// of_noise times the strain's noise beside it.
-struct Expected {
-  double even, of_stiff, most_of_stiff, of_soft, of_noise;
-};
-constexpr Expected kReferenceStress{0.034, 0.4, HUGE_VAL, 0.8, 0.5}, kIterative{0.018, 0.4, 0.08, 0.6, 0.2};
+constexpr double kMostNoise = 0.2;  // of the strain: expected_error() was fitted up to it
 
 std::string percent(double part) {
   return fmt::format("{:.1f} %", 100 * part);
@@ -49,12 +44,19 @@ Unevenness unevenness(const Field& modulus, double background, const ImageGrid& 
   return out;
 }
 
+double noise_of(const Measured& m) {
+  std::vector<float> noise;
+  for (std::size_t n = 0; n < m.grid.size(); ++n)
+    if (m.strain_valid[n] && m.axial_strain[n] != 0)
+      noise.push_back(m.axial_strain_std[n] / std::abs(m.axial_strain[n]));
+  return noise.empty() ? 0 : median(noise);
+}
+
 double expected_error(ModulusKind kind, const Unevenness& uneven, double noise) {
-  const Expected& e = kind == ModulusKind::kReferenceStress ? kReferenceStress : kIterative;
-  const auto beyond_noise = [noise](double off) { return std::max(0.0, off - kShownNoise * noise); };
-  return std::hypot(e.even + std::min(e.of_stiff * beyond_noise(uneven.stiff), e.most_of_stiff) +
-                        e.of_soft * beyond_noise(uneven.soft),
-                    e.of_noise * noise);
+  if (!(noise <= kMostNoise)) return HUGE_VAL;
+  // Noise takes off no more than there is to see.
+  const double both = uneven.soft + std::min(noise, std::max(uneven.stiff, uneven.soft));
+  return kind == ModulusKind::kReferenceStress ? 0.032 + 0.36 * uneven.stiff + both : 0.010 + both;
 }
 
 ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness& uneven,
@@ -69,19 +71,21 @@ ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness
   if (reference <= tolerance)
     return {ModulusKind::kReferenceStress, tolerance,
             fmt::format("reference stress is good enough here ({}); {}", percent(reference), asked)};
-  if (time.left_s && start_s > *time.left_s)
-    return {
-        ModulusKind::kReferenceStress, tolerance,
-        fmt::format("{:.2f} s are left of {}, and the iterative method takes {:.2f} s at least: reference "
-                    "stress, off by about {} instead of {}; {}",
-                    std::max(0.0, *time.left_s), time.words, start_s, percent(reference), percent(iterative),
-                    asked)};
-  return {ModulusKind::kIterative, tolerance,
-          fmt::format("{} ({}); {}",
-                      iterative <= tolerance
-                          ? "iterative, since reference stress is not good enough here"
-                          : "iterative, the best there is, and not good enough everywhere here",
-                      iterative <= tolerance ? percent(reference) : percent(iterative), asked)};
+  const bool known = std::isfinite(iterative);
+  std::string off =
+      fmt::format("; the strain's noise of {} is too much to say by how much it is off", percent(noise));
+  if (time.left_s && start_s > *time.left_s) {
+    if (known) off = fmt::format(", off by about {} instead of {}", percent(reference), percent(iterative));
+    return {ModulusKind::kReferenceStress, tolerance,
+            fmt::format("{:.2f} s are left of {}, and the iterative method takes {:.2f} s at least: "
+                        "reference stress{}; {}",
+                        std::max(0.0, *time.left_s), time.words, start_s, off, asked)};
+  }
+  if (iterative <= tolerance)
+    off = fmt::format(", since reference stress is not good enough here ({})", percent(reference));
+  else if (known)
+    off = fmt::format(", the best there is, and not good enough everywhere here ({})", percent(iterative));
+  return {ModulusKind::kIterative, tolerance, fmt::format("iterative{}; {}", off, asked)};
 }
 
 }  // namespace teletact::service

@@ -30,8 +30,11 @@ struct Unevenness {
 };
 Unevenness unevenness(const Field& youngs_modulus, double background, const ImageGrid&);
 
-// What reference stress and the iterative method put log E off by, of 95 % of what a finger feels. `noise`:
-// median of the strain's deviation over the strain.
+// Median over the trusted nodes of the axial strain's deviation over the strain.
+double noise_of(const Measured&);
+
+// What reference stress and the iterative method put log E off by, of 95 % of what a finger feels; infinite
+// where there is more noise than that is known for.
 double expected_error(ModulusKind, const Unevenness&, double noise);
 
 struct ModulusPlan {
@@ -39,9 +42,9 @@ struct ModulusPlan {
   double tolerance = 0.03;  // that the modulus may take: where an iteration's steps change less, it is over
   std::string why{};        // one sentence for people
 };
-// Reference stress where its error is within the need: the tolerance, or half of what is common, up to 10 %;
-// else the iterative method, which stops in time, with what the direct one found at worst. Where the time
-// does not do for that, reference stress.
+// Reference stress where its error is known to be within the need: the tolerance, or half of what is common,
+// up to 10 %; else the iterative method, which stops in time, with what the direct one found at worst. Where
+// the time does not do for that, reference stress.
 ModulusPlan plan_modulus(const ModulusNeed&, double noise, const Unevenness&, const ModulusTime&);
 
 }  // namespace teletact::service
