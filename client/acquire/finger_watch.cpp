@@ -43,6 +43,11 @@ FingerMotion FingerWatch::motion(std::int64_t now_ns) const {
   return motion;
 }
 
+std::optional<v1::SliceWish> FingerWatch::wish() const {
+  const std::lock_guard lock(mutex_);
+  return wish_;
+}
+
 std::optional<std::int64_t> FingerWatch::gone_since_ns() const {
   const std::lock_guard lock(mutex_);
   return gone_since_ns_;
@@ -104,6 +109,7 @@ void FingerWatch::store(const v1::FingerState& state) {
   newest_.present = state.present();
   if (state.position_m_size() > axis_) newest_.x_m = state.position_m(axis_);
   newest_.velocity_m_s = state.velocity_m_s_size() > axis_ ? state.velocity_m_s(axis_) : 0;
+  wish_ = state.has_wish() ? std::make_optional(state.wish()) : std::nullopt;
   arrived_ns_ = now_ns;
   if (state.stamp().monotonic_ns() != stamp_ns_) news_ns_ = now_ns;
   stamp_ns_ = state.stamp().monotonic_ns();

@@ -32,6 +32,8 @@ class FingerWatch {
   // none).
   FingerMotion motion(std::int64_t now_ns) const;
 
+  // The slice that the newest state asks for, as it came: it may make no sense.
+  std::optional<teletact::v1::SliceWish> wish() const;
   // Since when the finger has been away (CLOCK_MONOTONIC ns); nothing while it is present or was never there.
   std::optional<std::int64_t> gone_since_ns() const;
   // Why the watch ended for good (no such scene, call refused); empty while it runs or reconnects.
@@ -48,6 +50,7 @@ class FingerWatch {
   mutable std::mutex mutex_;  // everything below
   std::condition_variable stopped_;
   FingerMotion newest_;
+  std::optional<teletact::v1::SliceWish> wish_;
   std::int64_t arrived_ns_ = 0;              // of the newest state, or when its stream was opened
   std::int64_t stamp_ns_ = 0, news_ns_ = 0;  // of the newest pose: the service's clock; when it came first
   bool seen_ = false, stopping_ = false;

@@ -1,7 +1,10 @@
 #include "client/acquire/session.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <exception>
 #include <utility>
 
@@ -17,6 +20,26 @@ PlannerOptions planner_for(const FrameSource& source, PlannerOptions options) {
   options.window_count = source.window_count();
   options.window_width_m = source.window_width_m();
   return options;
+}
+
+// Where the first slice's elements begin.
+double begin_m(const SlicePlaces& places) {
+  return places.first_z_m - places.pitch_m / 2;
+}
+
+// Why a wish makes no sense; empty: it does.
+std::string problem_of(const v1::SliceWish& wish, const std::optional<SliceOptions>& slices) {
+  const auto asked = [&] { return fmt::format("a slice is asked for at z = {:.1f} mm", wish.z_m() * 1e3); };
+  if (!slices) return asked() + ", in a plane scene";
+  const SlicePlaces& places = slices->grid.places;
+  const double from_m = begin_m(places), to_m = from_m + places.pitch_m * static_cast<double>(places.count);
+  constexpr double kRoundingM = 1e-9;
+  if (!(wish.z_m() > from_m - kRoundingM && wish.z_m() < to_m + kRoundingM))
+    return fmt::format("{}, but slices are taken from {:.1f} to {:.1f} mm", asked(), from_m * 1e3,
+                       to_m * 1e3);
+  if (!(wish.half_width() >= 0 && std::isfinite(wish.half_width())))
+    return fmt::format("{}, where the force may be off by {} of it", asked(), wish.half_width());
+  return "";
 }
 
 }  // namespace
@@ -57,12 +80,18 @@ AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
   bool was_ready = false;
   while (!stop && !finished(begin_ns)) {
     rethrow_failure();
-    const auto next = planner_.next(finger(), knowledge(), now_s());
+    const FingerMotion motion = finger();
+    const auto next = planner_.next(motion, knowledge(), now_s());
     if (!was_ready && (options_.slices ? ready() : !next && idle())) {
       was_ready = true;
       if (observer_.ready) observer_.ready();
     }
-    if (next) {
+    const bool wished = next && motion.wished_m && *next == planner_.window_at(*motion.wished_m);
+    if (next && room_for(wished)) {
+      if (wished && observer_.note)
+        observer_.note(
+            fmt::format("asked for a slice at z = {:.1f} mm: the force there may be off by {:.0f} %",
+                        wish_->z_m() * 1e3, wish_->half_width() * 1e2));
       acquire(*next, stop);
       continue;
     }
@@ -99,16 +128,17 @@ void AcquireSession::acquire(std::size_t window, const std::atomic<bool>& stop) 
   if (stop) return;
   upload.timing.set_acquired_ns(monotonic_ns());
   upload.timing.set_force_n(upload.pair.acquisition.probe_force().force_n());
-  queue(std::move(upload), stop);
+  {
+    const std::lock_guard lock(mutex_);
+    queue_.push_back(std::move(upload));
+    changed_.notify_all();
+  }
   sleep_until(schedule.lifted_s, stop);
 }
 
-void AcquireSession::queue(Upload upload, const std::atomic<bool>& stop) {
-  std::unique_lock lock(mutex_);
-  while (queue_.size() >= kMaxQueuedUploads && !stop && !failure_)
-    changed_.wait_for(lock, std::chrono::duration<double>(kNapS));
-  queue_.push_back(std::move(upload));
-  changed_.notify_all();
+bool AcquireSession::room_for(bool wished) {
+  const std::lock_guard lock(mutex_);
+  return queue_.size() < kMaxQueuedUploads + (wished ? 1 : 0);
 }
 
 void AcquireSession::upload_loop() {
@@ -116,9 +146,11 @@ void AcquireSession::upload_loop() {
   while (true) {
     changed_.wait(lock, [this] { return closing_ || !queue_.empty(); });
     if (abandon_ || failure_ || queue_.empty()) return;
-    Upload upload = std::move(queue_.front());
-    queue_.pop_front();
-    uploading_ = true;
+    auto next = std::ranges::find_if(queue_, [this](const Upload& u) { return u.window == wished_; });
+    if (next == queue_.end()) next = queue_.begin();
+    Upload upload = std::move(*next);
+    queue_.erase(next);
+    uploading_ = upload.window;
     lock.unlock();
     std::exception_ptr failure;
     try {
@@ -127,7 +159,7 @@ void AcquireSession::upload_loop() {
       failure = std::current_exception();
     }
     lock.lock();
-    uploading_ = false;
+    uploading_.reset();
     failure_ = failure;
     changed_.notify_all();
   }
@@ -193,11 +225,29 @@ FingerMotion AcquireSession::finger() {
   }
   if (!finger_) finger_.emplace(address_, tls_ca_, options_.scene_id, 2);
   FingerMotion motion = finger_->motion(monotonic_ns());
-  if (options_.slices) {
-    const SlicePlaces& places = options_.slices->grid.places;
-    motion.x_m -= places.first_z_m - places.pitch_m / 2;
-  }
+  motion.wished_m = wished_m();
+  if (options_.slices) motion.x_m -= begin_m(options_.slices->grid.places);
   return motion;
+}
+
+// The same of a slice that is asked for, unless it is on its way.
+std::optional<double> AcquireSession::wished_m() {
+  wish_ = finger_->wish();
+  const std::string problem = wish_ ? problem_of(*wish_, options_.slices) : "";
+  if (!problem.empty()) {
+    if (!ignored_ && observer_.note) observer_.note("ignored: " + problem);
+    ignored_ = true;
+    wish_.reset();
+  }
+  const std::lock_guard lock(mutex_);
+  wished_.reset();
+  if (!wish_) return std::nullopt;
+  const double at_m = wish_->z_m() - begin_m(options_.slices->grid.places);
+  wished_ = planner_.window_at(at_m);
+  const bool comes = uploading_ == wished_ || std::ranges::any_of(queue_, [this](const Upload& upload) {
+                       return upload.window == wished_;
+                     });
+  return comes ? std::nullopt : std::make_optional(at_m);
 }
 
 // Those ahead of a finger at the start, or all that can be had.

@@ -1,7 +1,8 @@
 // The patient side at work: follows the finger, plans windows, moves the arm, takes frames and uploads them.
 //
 // Two threads besides the caller's: FingerWatch, and one uploader, so that the arm moves on while the service
-// computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits.
+// computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits. The slice that the
+// service asks for passes them: one more may wait, and it is uploaded next.
 #pragma once
 
 #include <atomic>
@@ -97,7 +98,7 @@ class AcquireSession {
   };
 
   void acquire(std::size_t window, const std::atomic<bool>& stop);
-  void queue(Upload upload, const std::atomic<bool>& stop);
+  bool room_for(bool wished);
   void upload_loop();
   void upload_one(Upload upload);
   bool finished(std::int64_t begin_ns);
@@ -105,6 +106,7 @@ class AcquireSession {
   bool all_slices();
   bool ready();
   FingerMotion finger();
+  std::optional<double> wished_m();
   void publish(Upload& upload, const EstimateOutcome& outcome);
   void rethrow_failure();
   std::vector<WindowKnowledge> knowledge();
@@ -120,6 +122,8 @@ class AcquireSession {
   RobotArm arm_;
   EstimateClient client_;
   std::optional<FingerWatch> finger_;  // of a scene that is there
+  std::optional<teletact::v1::SliceWish> wish_;
+  bool ignored_ = false;  // a wish; it was said
 
   // The uploader's alone.
   std::uint32_t calls_ = 0;
@@ -128,7 +132,8 @@ class AcquireSession {
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   std::deque<Upload> queue_;
-  bool uploading_ = false, closing_ = false, scene_made_ = false;
+  std::optional<std::size_t> uploading_, wished_;  // windows
+  bool closing_ = false, scene_made_ = false;
   std::vector<std::optional<double>> acquired_s_;
   std::vector<std::uint32_t> passes_;
   std::exception_ptr failure_;

@@ -19,6 +19,11 @@ std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
     x_m_ = finger.x_m;
     if (std::abs(finger.velocity_m_s) > options_.still_m_s) direction_ = finger.velocity_m_s < 0 ? -1 : 1;
   }
+  if (finger.wished_m) {
+    const std::size_t wished = window_at(*finger.wished_m);
+    const WindowKnowledge& window = windows.at(wished);
+    if (window.frames_left > 0 && (!window.acquired_s || stale(window, now_s))) return wished;
+  }
   const double soon_m = x_m_ + direction_ * options_.link_s * std::abs(finger.velocity_m_s);
   const auto [near, far] = std::minmax({window_at(x_m_), window_at(soon_m)});
   const std::vector<std::size_t> path = path_ahead(options_.lookahead + far - near);
@@ -32,8 +37,8 @@ std::optional<std::size_t> WindowPlanner::next(const FingerMotion& finger,
     if (!windows[window].acquired_s && windows[window].frames_left > 0) return std::nullopt;
   for (std::size_t i = 1; i < all_ahead.size(); ++i) {
     const WindowKnowledge& window = windows[all_ahead[i]];
-    const bool stale = window.acquired_s && now_s - *window.acquired_s > options_.refresh_after_s;
-    if (stale && window.frames_left > 0 && arrival_s(finger, all_ahead[i]) > options_.renewal_lead_s)
+    if (stale(window, now_s) && window.frames_left > 0 &&
+        arrival_s(finger, all_ahead[i]) > options_.renewal_lead_s)
       return all_ahead[i];
   }
   return std::nullopt;
@@ -54,6 +59,10 @@ std::optional<std::size_t> WindowPlanner::nearest_unknown(const std::vector<Wind
 std::size_t WindowPlanner::window_at(double x_m) const {
   const double index = std::floor(x_m / options_.window_width_m);
   return static_cast<std::size_t>(std::clamp(index, 0.0, static_cast<double>(options_.window_count - 1)));
+}
+
+bool WindowPlanner::stale(const WindowKnowledge& window, double now_s) const {
+  return window.acquired_s && now_s - *window.acquired_s > options_.refresh_after_s;
 }
 
 double WindowPlanner::arrival_s(const FingerMotion& finger, std::size_t window) const {

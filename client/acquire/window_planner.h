@@ -31,6 +31,7 @@ struct FingerMotion {
   bool present = false;
   double x_m = 0;
   double velocity_m_s = 0;
+  std::optional<double> wished_m = {};  // the service asks for the window there, whatever the finger does
 };
 
 // What is known of one window.
@@ -45,9 +46,9 @@ class WindowPlanner {
   // Throws std::invalid_argument on zero windows or a width <= 0.
   WindowPlanner(const PlannerOptions& options, double start_x_m, int direction);
 
-  // The window to acquire now, or nothing when all that the finger needs is known and fresh. Unknown windows
-  // come before stale ones (which wait until all that lies ahead is known), nearer before further. `windows`
-  // has one entry per window.
+  // The window to acquire now, or nothing when all that the finger needs is known and fresh. What is wished
+  // comes first, if it is unknown or stale. Unknown windows come before stale ones (which wait until all that
+  // lies ahead is known), nearer before further. `windows` has one entry per window.
   std::optional<std::size_t> next(const FingerMotion& finger, const std::vector<WindowKnowledge>& windows,
                                   double now_s);
 
@@ -56,6 +57,7 @@ class WindowPlanner {
   const PlannerOptions& options() const { return options_; }
 
  private:
+  bool stale(const WindowKnowledge& window, double now_s) const;
   double arrival_s(const FingerMotion& finger, std::size_t window) const;  // until the finger enters it
   std::optional<std::size_t> nearest_unknown(const std::vector<WindowKnowledge>& windows) const;
   std::vector<std::size_t> path_ahead(std::size_t lookahead) const;  // the finger's own window first

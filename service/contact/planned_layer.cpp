@@ -28,13 +28,6 @@ const char* words_of(SolvePath path) {
 
 }  // namespace
 
-Tolerance usual_tolerance(double deviation) {
-  constexpr double kMost = 0.1;  // a lump that changes the force by more is felt
-  Tolerance usual;
-  usual.relative = std::clamp(deviation / 2, usual.relative, kMost);
-  return usual;
-}
-
 std::array<double, kClosedForms.size()> over_allowed(const ClosedTouch& closed, const Vector3& pose,
                                                      const Tolerance& tolerance, FiniteStrain finite) {
   return {closed.most_over(SolvePath::kLayer, tolerance, finite),

@@ -17,9 +17,6 @@
 
 namespace teletact::service {
 
-// Of whom asks for none: half of what the modulus is known to is enough, up to a tenth. deviation: of ln E,
-// the least in the tissue; 0: not known.
-Tolerance usual_tolerance(double deviation);
 // What closed forms may be off by over what is allowed, the cheapest first: layers at their worst place,
 // shares there. Pose: as ClosedTouch has it.
 inline constexpr std::array kClosedForms{SolvePath::kLayer, SolvePath::kLayers, SolvePath::kShares};

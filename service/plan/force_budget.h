@@ -79,5 +79,13 @@ struct Tolerance {
   }
   bool operator==(const Tolerance&) const = default;
 };
+// Of whom asks for none: half of what the modulus is known to is enough, up to a tenth. deviation: of ln E,
+// the least in the tissue that is meant; 0: not known.
+inline Tolerance usual_tolerance(double deviation) {
+  constexpr double kMost = 0.1;  // a lump that changes the force by more is felt
+  Tolerance usual;
+  usual.relative = std::clamp(deviation / 2, usual.relative, kMost);
+  return usual;
+}
 
 }  // namespace teletact::service

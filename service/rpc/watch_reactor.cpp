@@ -49,6 +49,10 @@ void WatchReactor::tick(Clock::time_point now) {
     for (const double v_m_s : finger.velocity_m_s) state_.add_velocity_m_s(v_m_s);
     stamp_to(finger.stamp_ns, core_.instance, state_.mutable_stamp());
   }
+  if (finger.wish) {
+    state_.mutable_wish()->set_z_m(finger.wish->z_m);
+    state_.mutable_wish()->set_half_width(finger.wish->half_width);
+  }
   write(state_);
 }
 

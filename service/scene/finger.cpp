@@ -15,6 +15,7 @@ void FingerBoard::steer(const Member* member) {
   finger_.present = member != nullptr;
   finger_.session_id = member ? member->session_id : "";
   finger_.velocity_m_s = {};  // another hand's, or nobody's
+  finger_.wish.reset();
   ++finger_.generation;
 }
 
@@ -65,6 +66,13 @@ void FingerBoard::arrive(Stream stream, const std::array<double, 3>& position_m,
   finger_.position_m = position_m;
   finger_.velocity_m_s = velocity_m_s;
   finger_.stamp_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now.time_since_epoch()).count();
+  ++finger_.generation;
+}
+
+void FingerBoard::wish(Stream stream, const std::optional<SliceWish>& wish) {
+  const std::lock_guard lock(mutex_);
+  if (steers_ != stream || finger_.wish == wish) return;
+  finger_.wish = wish;
   ++finger_.generation;
 }
 

@@ -10,10 +10,12 @@
 #include <chrono>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "service/plan/force_budget.h"
+#include "service/scene/slices.h"
 
 namespace teletact::service {
 
@@ -22,6 +24,7 @@ struct Finger {
   std::array<double, 3> position_m{}, velocity_m_s{};  // of the last pose that steered
   std::int64_t stamp_ns = 0;                           // CLOCK_MONOTONIC when that arrived; 0 = no pose yet
   std::string session_id;                              // of the stream that steers
+  std::optional<SliceWish> wish;                       // of the last answer to the one that steers
   std::uint64_t generation = 0;                        // counts changes
 };
 
@@ -41,6 +44,8 @@ class FingerBoard {
   void leave(Stream, Clock::time_point now);  // again: changes nothing
   void arrive(Stream, const std::array<double, 3>& position_m, const std::array<double, 3>& velocity_m_s,
               Clock::time_point now);
+  // The slice that its last answer lacks, if any.
+  void wish(Stream, const std::optional<SliceWish>&);
   // To the stream of that name that has waited longest, which has kLease for its next pose. Changes nothing
   // when `from` does not steer, nobody else has that name, or it is empty: a stream without a name cannot be
   // told from others.

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "service/plan/choices.h"
+#include "service/plan/force_budget.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -77,6 +78,53 @@ double nearest_slice_m(const ExplicitModulus& e, double z_m) {
 
 double squared(double value) {
   return value * value;
+}
+
+double unseen_variance(double from_slice_m) {
+  return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
+}
+
+double spacing_z_m(const ExplicitModulus& e) {
+  return (e.z_m.back() - e.z_m.front()) / static_cast<double>(e.z_m.size() - 1);
+}
+
+// Of ln E, means over the elements that are felt (T8.7).
+struct FeltVariance {
+  double stated = 0;  // by the slices
+  double change = 0;  // they differ, and nobody knows where the tissue changes
+  double unseen = 0;  // of what lies between them and shows in neither
+  double deviation() const { return std::sqrt(stated + change + unseen); }
+};
+FeltVariance felt_variance(const ExplicitModulus& e, double x_m, double depth_m, double z_m) {
+  const auto element = [](const std::vector<double>& nodes_m, double at_m) {
+    const auto above = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
+    return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
+  };
+  const double above_m = std::max(0.0, depth_m - choices::kFeltDepth / 2);
+  const std::size_t first = element(e.x_m, x_m - choices::kWidestReach / 2),
+                    last = element(e.x_m, x_m + choices::kWidestReach / 2),
+                    shallowest = element(e.y_m, above_m),
+                    deepest = element(e.y_m, above_m + choices::kFeltDepth), nx = e.x_m.size() - 1,
+                    plane = nx * (e.y_m.size() - 1);
+  const Between at = between(e, z_m);
+  const double *near = e.youngs_modulus_pa.data() + at.before * plane,
+               *far = e.youngs_modulus_pa.data() + at.after * plane;
+  FeltVariance felt;
+  double area = 0;
+  for (std::size_t j = shallowest; j <= deepest; ++j)
+    for (std::size_t i = first; i <= last; ++i) {
+      const std::size_t n = i + nx * j;
+      const double size = (e.x_m[i + 1] - e.x_m[i]) * (e.y_m[j + 1] - e.y_m[j]);
+      const double differ = at.share > 0 ? std::log(far[n] / near[n]) : 0;
+      felt.change += size * at.share * (1 - at.share) * differ * differ;
+      if (!e.log_deviation.empty())
+        felt.stated += size * ((1 - at.share) * squared(e.log_deviation[at.before * plane + n]) +
+                               at.share * squared(e.log_deviation[at.after * plane + n]));
+      area += size;
+    }
+  felt.change /= area, felt.stated /= area;
+  felt.unseen = unseen_variance(nearest_slice_m(e, z_m));
+  return felt;
 }
 
 void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits& limits) {
@@ -154,41 +202,27 @@ Between between(const ExplicitModulus& e, double z_m) {
 
 std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, double depth_m, double z_m) {
   if (e.slices_m.empty()) return std::nullopt;
-  const auto element = [](const std::vector<double>& nodes_m, double at_m) {
-    const auto above = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
-    return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
-  };
-  const double above_m = std::max(0.0, depth_m - choices::kFeltDepth / 2);
-  const std::size_t first = element(e.x_m, x_m - choices::kWidestReach / 2),
-                    last = element(e.x_m, x_m + choices::kWidestReach / 2),
-                    shallowest = element(e.y_m, above_m),
-                    deepest = element(e.y_m, above_m + choices::kFeltDepth), nx = e.x_m.size() - 1,
-                    plane = nx * (e.y_m.size() - 1);
-  const Between at = between(e, z_m);
-  const double *near = e.youngs_modulus_pa.data() + at.before * plane,
-               *far = e.youngs_modulus_pa.data() + at.after * plane;
-  double variances = 0, area = 0;
-  for (std::size_t j = shallowest; j <= deepest; ++j)
-    for (std::size_t i = first; i <= last; ++i) {
-      const std::size_t n = i + nx * j;
-      const double size = (e.x_m[i + 1] - e.x_m[i]) * (e.y_m[j + 1] - e.y_m[j]);
-      const double differ = at.share > 0 ? std::log(far[n] / near[n]) : 0;
-      double variance = at.share * (1 - at.share) * differ * differ;
-      if (!e.log_deviation.empty())
-        variance += (1 - at.share) * squared(e.log_deviation[at.before * plane + n]) +
-                    at.share * squared(e.log_deviation[at.after * plane + n]);
-      variances += size * variance;
-      area += size;
-    }
-  const double unseen = std::min(1.0, nearest_slice_m(e, z_m) / choices::kSliceReach);
-  return std::sqrt(variances / area + squared(choices::kUnseenDeviation * unseen));
+  return felt_variance(e, x_m, depth_m, z_m).deviation();
 }
 
 double from_slices_m(const ExplicitModulus& e, double z_m) {
   if (e.slices_m.empty()) return 0;
   const double nearest_m = nearest_slice_m(e, z_m);
-  const double spacing_m = (e.z_m.back() - e.z_m.front()) / static_cast<double>(e.z_m.size() - 1);
-  return nearest_m <= spacing_m / 2 ? 0 : nearest_m;
+  return nearest_m <= spacing_z_m(e) / 2 ? 0 : nearest_m;
+}
+
+std::optional<SliceWish> wished_slice(const ExplicitModulus& e, double x_m, double depth_m, double z_m,
+                                      const std::optional<double>& tolerance) {
+  if (from_slices_m(e, z_m) == 0) return std::nullopt;
+  const double spacing_m = spacing_z_m(e), last = static_cast<double>(e.z_m.size() - 2),
+               element = std::clamp(std::floor((z_m - e.z_m.front()) / spacing_m), 0.0, last),
+               middle_m = e.z_m.front() + (element + 0.5) * spacing_m;
+  if (nearest_slice_m(e, middle_m) < kSameSliceM) return std::nullopt;  // z is farther by a rounding
+  const FeltVariance felt = felt_variance(e, x_m, depth_m, z_m);
+  const double with_it = std::sqrt(felt.stated + unseen_variance(std::abs(z_m - middle_m))),
+               less = ForceBudget::kOf95 * (felt.deviation() - with_it);
+  if (less <= tolerance.value_or(usual_tolerance(std::sqrt(felt.stated)).relative)) return std::nullopt;
+  return SliceWish{middle_m, ForceBudget::kOf95 * felt.deviation()};
 }
 
 }  // namespace teletact::service

@@ -56,4 +56,16 @@ std::optional<double> felt_log_deviation(const ExplicitModulus&, double x_m, dou
 // given throughout.
 double from_slices_m(const ExplicitModulus&, double z_m);
 
+// A slice that is not there.
+struct SliceWish {
+  double z_m = 0;
+  double half_width = 0;  // of the 95 % interval that the modulus leaves of a force, over the force
+  bool operator==(const SliceWish&) const = default;
+};
+// The one that would make this half width there smaller by more than `tolerance` (none: as usual, by what the
+// slices state there): in the middle of the elements around z, where none is. None where the slices reach, or
+// are what is not known well.
+std::optional<SliceWish> wished_slice(const ExplicitModulus&, double x_m, double depth_m, double z_m,
+                                      const std::optional<double>& tolerance);
+
 }  // namespace teletact::service

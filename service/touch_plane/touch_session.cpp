@@ -183,6 +183,14 @@ std::string TouchSession::outside(const Vector3& position_m) const {
   return "";
 }
 
+// By the newest slices, whichever answer. Newtons excuse a light touch, and it may be pressed next.
+std::optional<SliceWish> TouchSession::wish(const SceneSnapshot& newest, const Vector3& position_m) const {
+  std::optional<double> tolerance;
+  if (options_.tolerance) tolerance = options_.tolerance->relative;
+  if (!newest.modulus) return std::nullopt;
+  return wished_slice(*newest.modulus, position_m[0], layer_.depth_m, position_m[2], tolerance);
+}
+
 TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_enter) {
   if (!all_finite(position_m))
     throw std::invalid_argument("pose.position_m: not finite; send numbers in metres");
@@ -207,6 +215,7 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
     return answer;
   }
   answer.window_id = window->id;
+  answer.wish = wish(*snapshot, position_m);
   try {
     if (!enter(window, *snapshot, may_enter)) {
       answer.status = TouchStatus::kPreparing;

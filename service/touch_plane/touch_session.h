@@ -47,6 +47,7 @@ struct TouchAnswer {
   std::vector<std::string> window_flags;  // names of what makes the window doubtful
   std::optional<double> log_deviation;    // of ln E where it touches (slices.h), where that is known
   std::optional<ForeseenTouch> foreseen;  // only out of contact, where it can be told and trusted
+  std::optional<SliceWish> wish;          // here, in contact or above
   bool device_failed = false;             // why it is kFailed: warning says how
 };
 
@@ -85,6 +86,7 @@ class TouchSession {
 
  private:
   std::string outside(const Vector3& position_m) const;
+  std::optional<SliceWish> wish(const SceneSnapshot& newest, const Vector3& position_m) const;
   bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const MayEnter&);
   void leave_window();
   bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);

@@ -132,6 +132,7 @@ TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
     answered.tactile = tactile_->take();
   }
   if (!pressure_) answered.answer.contact.pressure.clear();
+  scene_->finger().wish(finger_, answered.answer.wish);
   finger_at_ = arrived.pose;
   pieces_ = 0;
   if (answered.answer.device_failed) device_.failed(device, answered.answer.warning);

@@ -174,6 +174,22 @@ TEST(AcquireSession, SaysWhyWhenTheSceneIsUnknown) {
   }
 }
 
+TEST(AcquireSession, ASliceOfAPlaneSceneIsNotTaken) {
+  test::FakeServer server;
+  server.create_scene("s");
+  server.palpation.set_wish(0, 1);
+  NumberedFrames frames(5, 1);
+  std::atomic<bool> stop{false};
+  std::vector<std::string> said;
+  AcquireObserver observer;
+  observer.ready = [&] { stop = true; };
+  observer.note = [&](const std::string& line) { said.push_back(line); };
+  AcquireSession session(server.address(), "", frames, session_options(), observer);
+  session.run(stop);
+  EXPECT_EQ(said,
+            (std::vector<std::string>{"ignored: a slice is asked for at z = 0.0 mm, in a plane scene"}));
+}
+
 TEST(AcquireSession, TheArmMovesOnWhileTheServiceComputes) {
   test::FakeServer server;
   server.create_scene("s");

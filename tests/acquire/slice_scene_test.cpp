@@ -2,8 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <numbers>
+#include <thread>
 
 #include "client/acquire/session.h"
 #include "client/link/channel.h"
@@ -89,9 +94,14 @@ class NumberedSlices final : public FrameSource {
   std::size_t window_count() const override { return left_.size(); }
   double window_width_m() const override { return 0.005; }
   double compression_m() const override { return 0.0008; }
-  std::size_t frames_left(std::size_t slice) const override { return left_.at(slice); }
+  std::size_t frames_left(std::size_t slice) const override {
+    asked_since = true;
+    return left_.at(slice);
+  }
   FramePair take(std::size_t slice) override {
     --left_.at(slice);
+    asked_since = false;
+    ++taken;
     FramePair pair;
     pair.acquisition.add_maps("valid");
     pair.acquisition.mutable_probe_force()->set_force_n(1);
@@ -99,10 +109,18 @@ class NumberedSlices final : public FrameSource {
     pair.post = pair.pre;
     return pair;
   }
+  std::atomic<int> taken{0};
+  mutable std::atomic<bool> asked_since{false};  // what is left: the last one taken waits to be uploaded
 
  private:
   std::vector<std::size_t> left_;
 };
+
+// Whether it comes true while an observer holds the uploader.
+bool comes(const std::function<bool()>& truth) {
+  for (int k = 0; k < 10000 && !truth(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  return truth();
+}
 
 AcquireOptions options_of(std::size_t slices) {
   AcquireOptions options;
@@ -264,6 +282,67 @@ TEST(AcquireSlices, FollowsAFingerAcrossThePlane) {
   EXPECT_LT(when(0.02), when(0.01)) << "the finger's own first";
   EXPECT_LT(when(0.015), when(0.005)) << "then what it comes to";
   EXPECT_LT(when(0.015), when(0)) << "and before what is nearest to where it was";
+}
+
+// GIVEN a finger that rests on the first slice, and two slices that wait to be uploaded, WHEN the service
+// asks for the last one, THEN that passes them, once, however long it is asked for.
+TEST(AcquireSlices, WhatTheServiceAsksForPassesTheOthers) {
+  test::FakeServer server;
+  NumberedSlices frames(7, 3);
+  AcquireOptions options = options_of(7);
+  options.until_finger_leaves = true;
+  std::atomic<bool> stop{false};
+  std::atomic<int> asked{0};
+  AcquireObserver observer;
+  observer.note = [&](const std::string& line) {
+    EXPECT_EQ(line, "asked for a slice at z = 19.2 mm: the force there may be off by 108 %");
+    ++asked;
+  };
+  observer.slice = [&](std::size_t, std::uint64_t) {
+    const std::size_t published = server.palpation.slices().size();
+    if (published == 7) server.palpation.set_finger(false, 0.01, 0, -0.01, 0);
+    if (published != 2) return;  // it is watched once it is there
+    EXPECT_TRUE(comes([&] { return frames.taken == 4 && frames.asked_since; }));
+    server.palpation.set_finger(true, 0.01, 0, -0.01, 0);
+    server.palpation.set_wish(0.0192, 1.078);
+    EXPECT_TRUE(comes([&] { return frames.taken == 5 && frames.asked_since; }));
+  };
+  AcquireSession session(server.address(), "", frames, options, observer);
+  session.run(stop);
+  const std::vector<double> z_m = places_of(server.palpation.slices());
+  ASSERT_EQ(z_m.size(), 7u);
+  EXPECT_NEAR(z_m[2], 0.02, 1e-9);
+  EXPECT_EQ(asked, 1);
+  EXPECT_EQ(frames.taken, 7);
+}
+
+TEST(AcquireSlices, AWishThatMakesNoSenseIsIgnoredAndSaidOnce) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::pair<double, double>> wishes{{kNone, 1}, {0.0226, 1}, {-0.5, 1}, {0.02, kNone}};
+  for (std::size_t first = 0; first < wishes.size(); ++first) {
+    test::FakeServer server;
+    NumberedSlices frames(7, 1);
+    AcquireOptions options = options_of(7);
+    options.until_finger_leaves = true;
+    std::atomic<bool> stop{false};
+    std::atomic<int> ignored{0};
+    AcquireObserver observer;
+    observer.note = [&](const std::string& line) {
+      EXPECT_TRUE(line.starts_with("ignored: a slice is asked for at z = ")) << line;
+      ++ignored;
+    };
+    observer.slice = [&](std::size_t, std::uint64_t) {
+      const std::size_t published = server.palpation.slices().size();
+      const auto& [z_m, half_width] = wishes[(first + published - 1) % wishes.size()];
+      server.palpation.set_wish(z_m, half_width);
+      server.palpation.set_finger(published < 7, 0.01, 0, -0.01, 0);
+      EXPECT_TRUE(published == 1 || comes([&] { return ignored > 0; }));
+    };
+    AcquireSession session(server.address(), "", frames, options, observer);
+    session.run(stop);
+    expect_places(server.palpation.slices(), {-0.01, -0.005, 0, 0.005, 0.01, 0.015, 0.02});
+    EXPECT_EQ(ignored, 1);
+  }
 }
 
 }  // namespace

@@ -95,6 +95,19 @@ TEST(WindowPlanner, RenewsOnlyWhatIsReadyBeforeTheFingerArrives) {
   EXPECT_EQ(planner.next({true, 0.16, -0.12}, windows, 100.0), 0u);
 }
 
+TEST(WindowPlanner, WhatIsWishedComesFirstIfItIsNotKnownAndFresh) {
+  WindowPlanner planner(five_windows(), 0.03, +1);
+  auto windows = unknown(5);
+  const FingerMotion finger{true, 0.03, 0.12, 0.27};
+  EXPECT_EQ(planner.next(finger, windows, 0.0), 4u);
+  EXPECT_EQ(planner.next({false, 0, 0, 0.27}, windows, 0.0), 4u) << "a finger that is not told";
+  windows[4].acquired_s = 0.0;
+  EXPECT_EQ(planner.next(finger, windows, 0.5), 0u) << "it is there, or under way";
+  EXPECT_EQ(planner.next(finger, windows, 1.5), 4u) << "it is stale";
+  windows[4].frames_left = 0;
+  EXPECT_EQ(planner.next(finger, windows, 1.5), 0u);
+}
+
 TEST(WindowPlanner, AsksForNothingThatTheSourceCannotDeliver) {
   WindowPlanner planner(five_windows(), 0.03, +1);
   auto windows = unknown(5);

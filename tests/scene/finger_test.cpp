@@ -60,6 +60,27 @@ TEST_F(Lease, EveryChangeIsCountedAndNothingElse) {
   EXPECT_GT(generation(), first);
 }
 
+TEST_F(Lease, TheSliceThatItsFingerLacksIsToldUntilAnotherSteers) {
+  const Stream anna = board.join("anna", at(0)), berta = board.join("berta", at(0));
+  const auto generation = [&] { return board.at(at(0.1)).generation; };
+  const auto first = generation();
+  board.wish(berta, SliceWish{0.01, 1});
+  EXPECT_FALSE(board.at(at(0.1)).wish) << "who does not steer wishes nothing";
+  board.wish(anna, std::nullopt);
+  EXPECT_EQ(generation(), first);
+  board.wish(anna, SliceWish{0.01, 1});
+  EXPECT_EQ(board.at(at(0.1)).wish, (SliceWish{0.01, 1}));
+  EXPECT_EQ(generation(), first + 1) << "watchers are told";
+  board.wish(anna, SliceWish{0.01, 1});
+  EXPECT_EQ(generation(), first + 1) << "the same again is no news";
+  board.wish(anna, std::nullopt);
+  EXPECT_FALSE(board.at(at(0.1)).wish);
+  EXPECT_EQ(generation(), first + 2);
+  board.wish(anna, SliceWish{0.01, 1});
+  board.hand_over(anna, "berta", at(0.1));
+  EXPECT_FALSE(board.at(at(0.1)).wish) << "another hand's";
+}
+
 TEST_F(Lease, GoesToWhoWaitsLongestWhenItsStreamEnds) {
   const Stream anna = board.join("anna", at(0));
   board.join("berta", at(0.1)), board.join("carla", at(0.2));

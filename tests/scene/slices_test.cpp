@@ -86,6 +86,44 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   EXPECT_FALSE(felt_log_deviation(throughout, kBallX, 0, 0));
 }
 
+// The middle of the elements there, which are 2 mm along z.
+TEST(Slices, OneMoreIsWishedWhereItTellsEnough) {
+  const auto at = [](const ExplicitModulus& e, double z_m, std::optional<double> tolerance) {
+    return wished_slice(e, kBallX, 0, z_m, tolerance);
+  };
+  const auto of = [](double deviation) {
+    return stacked(grid(), {uniform(-0.005, 1e4, deviation), uniform(0.005, 4e4, deviation)}, {});
+  };
+  const ExplicitModulus known = of(0.1);
+  for (const double z_m : {-0.0059, -0.005, -0.0041, 0.0055})
+    EXPECT_FALSE(at(known, z_m, 0)) << "a slice reaches " << z_m;
+  const auto between = at(known, 0.0004, 0.1), beyond = at(known, 0.0121, 0.1);
+  ASSERT_TRUE(between && beyond);
+  EXPECT_NEAR(between->z_m, 0.001, 1e-12);
+  EXPECT_NEAR(beyond->z_m, 0.013, 1e-12);
+  // By hand: 4.6 mm from the nearest slice, 0.54 of the way; and farther than any reaches.
+  const double differ = 0.54 * 0.46 * std::pow(std::log(4.0), 2);
+  EXPECT_NEAR(between->half_width,
+              1.96 * std::sqrt(0.01 + differ + std::pow(choices::kUnseenDeviation * 0.92, 2)), 1e-9);
+  EXPECT_NEAR(beyond->half_width, 1.96 * std::hypot(0.1, choices::kUnseenDeviation), 1e-9);
+  for (const double end_m : {-0.018, 0.018}) {  // the solid's own ends
+    ASSERT_TRUE(at(known, end_m, 0.1));
+    EXPECT_NEAR(at(known, end_m, 0.1)->z_m, std::copysign(0.017, end_m), 1e-12);
+  }
+  EXPECT_FALSE(at(known, 0.0121, 0.85)) << "less would be gained than is tolerated";
+  EXPECT_TRUE(at(known, 0.0121, 0.8));
+  EXPECT_FALSE(at(of(3), 0.0121, 0.1)) << "it would not be known better than what is there";
+  EXPECT_TRUE(at(of(3), 0.0121, 0.05));
+  EXPECT_TRUE(at(known, 0.00615, 0.03)) << "it gains 4.8 %";
+  EXPECT_FALSE(at(known, 0.00615, {})) << "half of what the slices state is good enough";
+  EXPECT_TRUE(at(known, 0.0062, {}));
+  // Once it is there nothing is wished in its elements.
+  const ExplicitModulus grown = with_slice(known, uniform(0.001, 1e4, 0.1), {}).modulus;
+  for (const double z_m : {0.0001, 0.0004, 0.001, 0.0019}) EXPECT_FALSE(at(grown, z_m, 0)) << z_m;
+  ASSERT_TRUE(at(grown, 0.0028, 0.1));
+  EXPECT_NEAR(at(grown, 0.0028, 0.1)->z_m, 0.003, 1e-12);
+}
+
 // What the finger feels: not what is far from it, at its side or below.
 TEST(Slices, TheirDeviationIsThatUnderTheFinger) {
   ModulusSlice slice = uniform(0, 1e4, 0.1);

@@ -64,6 +64,40 @@ TEST(TouchedSlices, AContactThatLeavesThemIsNotTrusted) {
   EXPECT_EQ(at(0.0185).status, TouchStatus::kNotCovered);
 }
 
+// In contact, above, and where the answer is not trusted; by what this touch tolerates.
+TEST(TouchedSlices, AnAnswerAsksForTheSliceThatItLacks) {
+  const auto scene = scene_of(stack({-0.002, 0.002}));
+  TouchSession session(scene, {}, test_device());
+  const auto wish = [](TouchSession& finger, double y_m, double z_m) {
+    return finger.solve({0.012, y_m, z_m}).wish;
+  };
+  for (const double y_m : {0.001, -0.02, choices::kLightTouch}) {
+    EXPECT_FALSE(wish(session, y_m, 0.0025)) << "over a slice";
+    for (const double z_m : {0.0055, 0.0095}) {
+      ASSERT_TRUE(wish(session, y_m, z_m)) << y_m;
+      EXPECT_NEAR(wish(session, y_m, z_m)->z_m, z_m - 0.0005, 1e-12);
+    }
+    EXPECT_FALSE(wish(session, y_m, 0.0185)) << "beside the solid";
+  }
+  const TouchAnswer answer = session.solve({0.012, 0.001, 0.0055});
+  EXPECT_NEAR(answer.wish->half_width, 1.96 * answer.log_deviation.value(), 1e-12);
+  TouchOptions lenient;
+  lenient.tolerance = Tolerance{0.8, 0};
+  TouchSession other(scene, lenient, test_device());
+  EXPECT_FALSE(wish(other, 0.001, 0.0055));
+  EXPECT_TRUE(wish(other, 0.001, 0.0095));
+  scene->publish(slice_at(0.005));
+  EXPECT_FALSE(wish(session, 0.001, 0.0055));
+  EXPECT_TRUE(wish(session, 0.001, 0.0095));
+  TouchSession throughout(scene_of([] {
+                            ExplicitModulus e = grid();
+                            e.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
+                            return e;
+                          }()),
+                          {}, test_device());
+  EXPECT_FALSE(wish(throughout, 0.001, 0.0095)) << "nothing is missing";
+}
+
 // A lump beyond the end would be felt: by more than a few percent only from near by.
 TEST(TouchedSlices, NearAnEndTheAnswerSaysWhatMayLieBeyond) {
   TouchSession session(scene_of(stack(kPlaces)), {}, test_device());

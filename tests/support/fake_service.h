@@ -129,6 +129,15 @@ class FakePalpation final : public v1::Palpation::Service {
     changed_.notify_all();
   }
 
+  // The same of the slice that it asks for.
+  void set_wish(double z_m, double half_width) {
+    const std::lock_guard lock(mutex_);
+    finger_.mutable_wish()->set_z_m(z_m);
+    finger_.mutable_wish()->set_half_width(half_width);
+    ++changes_;
+    changed_.notify_all();
+  }
+
   // The state once more, as a service does to show that it is there.
   void repeat_finger() {
     const std::lock_guard lock(mutex_);
