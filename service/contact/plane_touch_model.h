@@ -17,6 +17,7 @@ class PlaneTouchModel final : public TouchModel {
   Region region() const override;
   std::vector<Layer> layers() const override;
   TouchCost cost() const override;
+  std::string plan() const override;
   // kCompliance: condensed; kPcg: by conjugate gradients on the way's device. kAuto: condensed.
   std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork&) const override;
 
@@ -24,6 +25,7 @@ class PlaneTouchModel final : public TouchModel {
 
  private:
   const std::shared_ptr<const TissueModel> tissue_;
+  const std::shared_ptr<const std::vector<double>> felt_spreads_;  // of ln E, at each column of nodes
   const std::shared_ptr<PreparedCompliances> compliances_;
 };
 

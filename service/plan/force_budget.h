@@ -15,7 +15,9 @@ enum class ErrorTerm : std::uint8_t {
   kMesh,          // nodes so far apart
   kFiniteStrain,  // a linear model of what is pressed so deep
   kModulus,       // Young's modulus of what is felt
-  kModel          // what a cheaper model than the solid leaves out of the tissue (T9.5)
+  kModel,         // what a cheaper model than the solid leaves out of the tissue (T9.5)
+  kDimension,     // a plane that stands for a solid (T9.7)
+  kContext        // tissue beside what was given (T9.6)
 };
 enum class TermKind : std::uint8_t {
   kBound,     // it is not off by more
@@ -33,7 +35,7 @@ struct ForceError {
 // Terms are taken for independent: deviations and estimates add as squares, bounds on top of that.
 class ForceBudget {
  public:
-  static constexpr std::size_t kMostTerms = 5;  // each once
+  static constexpr std::size_t kMostTerms = 7;  // each once
   static constexpr double kOf95 = 1.96;         // half of the interval over a deviation or an estimate
   void add(const ForceError& error) {
     if (count_ < kMostTerms) terms_[count_++] = error;

@@ -179,6 +179,12 @@ void budget_to(const ForceBudget& in, v1::ForceBudget* out) {
       case ErrorTerm::kModel:
         term->set_term(v1::ForceError::TERM_MODEL);
         break;
+      case ErrorTerm::kDimension:
+        term->set_term(v1::ForceError::TERM_DIMENSION);
+        break;
+      case ErrorTerm::kContext:
+        term->set_term(v1::ForceError::TERM_CONTEXT);
+        break;
     }
     switch (error.kind) {
       case TermKind::kBound:

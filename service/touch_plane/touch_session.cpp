@@ -11,6 +11,7 @@
 
 #include "service/device/device.h"
 #include "service/plan/choices.h"
+#include "service/touch_plane/scene_errors.h"
 
 namespace teletact::service {
 
@@ -84,25 +85,6 @@ TouchOptions canonical(TouchOptions options) {
   return options;
 }
 
-constexpr double kBesideShare = 0.07;
-
-// The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond it
-// is three times as stiff or as soft: the share of the force that is borne there (T9.6) times ln 3.
-struct Beside {
-  double away_m = HUGE_VAL, share = 0;
-};
-Beside beside_what_was_given(const Region& region, const Fingertip& tip, const TouchPose& pose,
-                             double depth_m) {
-  const auto& [x_m, d_m, z_m] = pose.position_m;
-  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
-  if (!std::isfinite(region.begin_z_m) || !round || !(d_m > 0)) return {};
-  const double radius_m = std::sqrt(tip.radius_m * d_m),
-               away_m = std::max(0.0, std::min({x_m - region.begin_x_m, region.end_x_m - x_m,
-                                                z_m - region.begin_z_m, region.end_z_m - z_m}));
-  const double borne = kBesideShare * depth_m * radius_m / (away_m * (away_m + depth_m / 4));
-  return {away_m, std::min(0.5, borne) * std::log(3)};
-}
-
 bool all_finite(std::span<const double> values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
 }
@@ -123,11 +105,6 @@ bool finite(const ContactAnswer& c) {
 
 bool trusted_meanwhile(const SolveReport& solve) {
   return solve.improving && solve.relative_error - solve.of_model <= choices::kTrustedMeanwhile;
-}
-
-void add_modulus(const std::optional<double>& log_deviation, ContactAnswer& contact) {
-  if (log_deviation && !contact.budget.terms().empty())
-    contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *log_deviation});
 }
 
 void check_normal(const Vector3& asked, const Layer& layer) {
@@ -183,14 +160,6 @@ std::string TouchSession::outside(const Vector3& position_m) const {
   return "";
 }
 
-// By the newest slices, whichever answer. Newtons excuse a light touch, and it may be pressed next.
-std::optional<SliceWish> TouchSession::wish(const SceneSnapshot& newest, const Vector3& position_m) const {
-  std::optional<double> tolerance;
-  if (options_.tolerance) tolerance = options_.tolerance->relative;
-  if (!newest.modulus) return std::nullopt;
-  return wished_slice(*newest.modulus, position_m[0], layer_.depth_m, position_m[2], tolerance);
-}
-
 TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_enter) {
   if (!all_finite(position_m))
     throw std::invalid_argument("pose.position_m: not finite; send numbers in metres");
@@ -215,7 +184,11 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
     return answer;
   }
   answer.window_id = window->id;
-  answer.wish = wish(*snapshot, position_m);
+  if (snapshot->modulus) {  // of the newest slices; newtons excuse a light touch, and it may be pressed next
+    const auto& asked = options_.tolerance;
+    answer.wish = wished_slice(*snapshot->modulus, x_m, layer_.depth_m, z_m,
+                               asked ? std::optional(asked->relative) : std::nullopt);
+  }
   try {
     if (!enter(window, *snapshot, may_enter)) {
       answer.status = TouchStatus::kPreparing;
@@ -356,10 +329,10 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
     if (!asked->allows(c.budget, force_n))
       return fmt::format(
           "the model may put the force off by {:.2g} of it (solver {:.2g}, mesh {:.2g}, finite strain "
-          "{:.2g}, "
-          "left out {:.2g}), more than was asked for",
+          "{:.2g}, left out {:.2g}, no plane {:.2g}, tissue beside {:.2g}), more than was asked for",
           c.budget.of_model(), c.budget.relative(ErrorTerm::kSolver), c.budget.relative(ErrorTerm::kMesh),
-          c.budget.relative(ErrorTerm::kFiniteStrain), c.budget.relative(ErrorTerm::kModel));
+          c.budget.relative(ErrorTerm::kFiniteStrain), c.budget.relative(ErrorTerm::kModel),
+          c.budget.relative(ErrorTerm::kDimension), c.budget.relative(ErrorTerm::kContext));
   }
   if (window_->evidence)
     for (const std::string& warning : window_->evidence->warnings)
@@ -380,10 +353,10 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   // These are said, but no reason to fade the force: it is the linear model's on this mesh, and continuous.
   answer.warning = touched_->remark(options_.fingertip, pose);
   if (c.state == ContactState::kNoContact) return;
-  if (snapshot.modulus)
-    answer.log_deviation =
-        felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer_.depth_m, pose.position_m[2]);
-  add_modulus(answer.log_deviation, answer.contact);
+  const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
+                                              scene_->geometry().depth_m - layer_.depth_m);
+  answer.log_deviation = stated_log_deviation(snapshot, *window_, layer_, pose);
+  add_scene_errors(answer.log_deviation, beside, answer.contact);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };
@@ -395,9 +368,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   if (const double off = ForceBudget::kOf95 * answer.contact.budget.relative(ErrorTerm::kModel);
       options_.path != SolvePath::kAuto && off > Tolerance{}.relative)
     say(fmt::format("the model that was asked for may put the force off by {:.2g} of it", off));
-  if (const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
-                                                  scene_->geometry().depth_m - layer_.depth_m);
-      beside.share > Tolerance{}.relative)
+  if (beside.share > Tolerance{}.relative)
     say(fmt::format(
         "{:.0f} mm from here ends the tissue that was given: a lump beyond may change the force by {:.2g}",
         1e3 * beside.away_m, beside.share));
@@ -415,8 +386,7 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   if (!prepare(pose, 0, std::chrono::milliseconds(0))) return std::nullopt;
   const auto& [x_m, y_m, z_m] = pose.position_m;
   ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->touch(options_.fingertip, pose)};
-  if (snapshot.modulus)
-    add_modulus(felt_log_deviation(*snapshot.modulus, x_m, layer_.depth_m, z_m), touch.contact);
+  add_scene_errors(stated_log_deviation(snapshot, *window_, layer_, pose), {}, touch.contact);
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
       !doubt(touch.contact, snapshot, pose).empty())
     return std::nullopt;

@@ -86,7 +86,6 @@ class TouchSession {
 
  private:
   std::string outside(const Vector3& position_m) const;
-  std::optional<SliceWish> wish(const SceneSnapshot& newest, const Vector3& position_m) const;
   bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const MayEnter&);
   void leave_window();
   bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);
