@@ -94,6 +94,7 @@ bool FingerWatch::read_stream() {
   context_.reset();
   // A finger that cannot be seen is not away: the session waits for the service to come back.
   newest_.velocity_m_s = 0;
+  wish_.reset();
   if (stopping_) return false;
   const bool deleted = status.error_code() == grpc::StatusCode::ABORTED;  // the scene
   // The rest, a link, a service that restarts or has too many callers, may pass.

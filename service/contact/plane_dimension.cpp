@@ -9,13 +9,33 @@ namespace {
 
 using std::numbers::pi;
 
-// What lumps and layers change, at most, of what a solid's force is of a plane's, its logarithm: of a spread s it is
-// s / (1 + s) of this; and what the closed forms do themselves (plane_dimension_test).
-constexpr double kOfSpread = 0.6, kOfForms = 0.05;
+// Logarithms of what the ratio of both forces may be off by at most (plane_dimension_test): by the closed
+// forms of narrow contacts; of wide ones, times the square of the plane's half-width over the depth; and by
+// lumps and layers, of a spread s times s / (1 + s).
+constexpr double kOfForms = 0.06, kOfWide = 3, kOfSpread = 0.6;
 
 // Over Young's modulus.
 double plane_strain_modulus(const PressedLayer& layer) {
   return 1 / (1 - layer.poisson_ratio * layer.poisson_ratio);
+}
+
+// Half of the plane's contact, a: F' = pi E* a^2 / (4 R), d = a^2 / (4 R) (2 ln(2 h / a) - nu / (1 - nu)).
+// known_m: the indentation that it is of, no deeper than where d grows no more.
+struct PlaneContact {
+  double a_m, known_m;
+};
+PlaneContact plane_contact(const PressedLayer& layer) {
+  const double of_nu = layer.poisson_ratio / (1 - layer.poisson_ratio);
+  const auto indentation_m = [&](double a) {
+    return a * a / (4 * layer.radius_m) * (2 * std::log(2 * layer.depth_m / a) - of_nu);
+  };
+  double least = 0, most = 2 * layer.depth_m * std::exp(-(1 + of_nu) / 2);
+  const double known_m = std::min(layer.indentation_m, indentation_m(most));
+  for (int halving = 0; halving < 60; ++halving) {
+    const double a = (least + most) / 2;
+    (indentation_m(a) < known_m ? least : most) = a;
+  }
+  return {most, known_m};
 }
 
 }  // namespace
@@ -31,25 +51,15 @@ double solid_force_m2(const PressedLayer& layer) {
   return 4.0 / 3 * plane_strain_modulus(layer) * radius_m * layer.indentation_m * layered;
 }
 
-// The contact is a each side: F' = pi E* a^2 / (4 R), d = a^2 / (4 R) (2 ln(2 h / a) - nu / (1 - nu)).
 double plane_force_m(const PressedLayer& layer) {
-  const double of_nu = layer.poisson_ratio / (1 - layer.poisson_ratio);
-  const auto indentation_m = [&](double a) {
-    return a * a / (4 * layer.radius_m) * (2 * std::log(2 * layer.depth_m / a) - of_nu);
-  };
-  double least = 0, most = 2 * layer.depth_m * std::exp(-(1 + of_nu) / 2);  // where d would grow no more
-  const double known_m = std::min(layer.indentation_m, indentation_m(most));
-  for (int halving = 0; halving < 60; ++halving) {
-    const double a = (least + most) / 2;
-    (indentation_m(a) < known_m ? least : most) = a;
-  }
-  return pi * plane_strain_modulus(layer) * most * most / (4 * layer.radius_m) * layer.indentation_m /
-         known_m;
+  const auto [a, known_m] = plane_contact(layer);
+  return pi * plane_strain_modulus(layer) * a * a / (4 * layer.radius_m) * layer.indentation_m / known_m;
 }
 
 double dimension_half_width(const PressedLayer& layer, double thickness_m, double spread) {
   const double layered = solid_force_m2(layer) / (thickness_m * plane_force_m(layer)),
-               spreads = std::exp(kOfForms + kOfSpread * spread / (1 + spread));
+               wide = plane_contact(layer).a_m / layer.depth_m,
+               spreads = std::exp(kOfForms + kOfWide * wide * wide + kOfSpread * spread / (1 + spread));
   return std::max(std::abs(layered * spreads - 1), std::abs(layered / spreads - 1));
 }
 

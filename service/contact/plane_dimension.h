@@ -11,12 +11,12 @@ struct PressedLayer {
   double indentation_m = 0;  // > 0
 };
 
-// Over Young's modulus, m^2: Dimitriadis et al., Biophys. J. 82, 2002, eq. 12. Off by 0.5 % for contacts
-// narrower than a seventh of the depth, by 10 % for those half as wide as it is deep.
+// Over Young's modulus, m^2: Dimitriadis et al., Biophys. J. 82, 2002, eq. 12. Of nu 0.49 off by 0.5 % where
+// sqrt(R d) is less than a third of the depth, by 10 % where it is half of it.
 double solid_force_m2(const PressedLayer&);
 // In plane strain, for each metre of thickness, over Young's modulus, m (Johnson, Contact Mechanics,
-// 1985, 5.8): off by 5 % for contacts narrower than a seventh of the depth. Deeper than it knows it goes on
-// as it is there.
+// 1985, 5.8): off by 5 % where the contact's half-width is less than a fifth of the depth, 15 % at a third,
+// two times at half. Deeper than it knows it goes on as it is there.
 double plane_force_m(const PressedLayer&);
 
 // Half of an interval that holds the solid's force, over the plane's of a thickness. spread: standard

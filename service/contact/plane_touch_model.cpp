@@ -9,8 +9,6 @@
 
 #include "service/contact/contact.h"
 #include "service/contact/fingertip.h"
-#include "service/contact/plane_dimension.h"
-#include "service/contact/solid_answer.h"
 #include "service/plan/choices.h"
 
 namespace teletact::service {
@@ -22,45 +20,12 @@ double touched_m(const Fingertip& tip, double indentation_m) {
   return reach_m(tip, indentation_m, choices::kCandidateMargin * indentation_m);
 }
 
-// Of the force, of nodes on a round tip that are as far apart as it touches each side, as a share of the
-// square.
-constexpr double kOfMesh = 0.165;
-
-PressedLayer pressed_layer(const TissueProblem& tissue, const Fingertip& tip, double indentation_m) {
-  return {tissue.material.poisson_ratio, tissue.grid.y_m.back(), tip.radius_m, indentation_m};
-}
-
-// Standard deviation of ln E over what a touch feels at x.
-double felt_spread(const TissueProblem& tissue, double x_m) {
-  const TissueGrid& grid = tissue.grid;
-  double area = 0, sum = 0, squares = 0;
-  for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
-    if (grid.x_m[i + 1] <= x_m - choices::kWidestReach || grid.x_m[i] >= x_m + choices::kWidestReach)
-      continue;
-    for (std::size_t j = 0; j + 1 < grid.ny() && grid.y_m[j] < choices::kFeltDepth; ++j) {
-      const double size = (grid.x_m[i + 1] - grid.x_m[i]) * (grid.y_m[j + 1] - grid.y_m[j]),
-                   log_pa = std::log(tissue.material.youngs_modulus_pa[grid.element(i, j)]);
-      area += size, sum += size * log_pa, squares += size * log_pa * log_pa;
-    }
-  }
-  const double mean = sum / area;
-  return std::sqrt(std::max(0.0, squares / area - mean * mean));
-}
-
-// The same at each column of nodes.
-std::vector<double> felt_spreads(const TissueProblem& tissue) {
-  std::vector<double> spreads;
-  for (const double x_m : tissue.grid.x_m) spreads.push_back(felt_spread(tissue, x_m));
-  return spreads;
-}
-
 class PlaneLayer final : public TouchedLayer {
  public:
-  PlaneLayer(std::shared_ptr<const TissueModel> tissue,
-             std::shared_ptr<const std::vector<double>> felt_spreads, std::size_t row,
-             std::shared_ptr<Compliance> compliance, SolvePath path)
+  PlaneLayer(std::shared_ptr<const TissueModel> tissue, std::shared_ptr<const PlaneBudget> budget,
+             std::size_t row, std::shared_ptr<Compliance> compliance, SolvePath path)
       : tissue_(std::move(tissue)),
-        felt_spreads_(std::move(felt_spreads)),
+        budget_(std::move(budget)),
         row_(row),
         compliance_(std::move(compliance)),
         path_(path) {}
@@ -84,22 +49,10 @@ class PlaneLayer final : public TouchedLayer {
   }
 
   ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
-    const TissueProblem& tissue = tissue_->problem();
-    const double d = pose.position_m[1];
-    ContactAnswer answer = solve_contact(tissue, row_, *compliance_, tip, in_plane(pose));
-    // The rules are of a frictionless round tip on the surface.
-    if (answer.state != ContactState::kContact || tip.shape != FingertipShape::kRoundedTip ||
-        tip.friction != Friction::kFrictionless || row_ > 0)
-      return answer;
-    const std::size_t right = column_beyond(pose.position_m[0]);
-    const double spacing_m = tissue.grid.x_m[right] - tissue.grid.x_m[right - 1],
-                 lacks = dimension_half_width(pressed_layer(tissue, tip, d), tissue.thickness_m,
-                                              (*felt_spreads_)[right]);
-    answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
-    answer.budget.add(
-        {ErrorTerm::kMesh, TermKind::kEstimate, kOfMesh * spacing_m * spacing_m / (tip.radius_m * d)});
-    answer.budget.add(finite_strain(tip, d));
-    answer.budget.add({ErrorTerm::kDimension, TermKind::kEstimate, lacks / ForceBudget::kOf95});
+    ContactAnswer answer = solve_contact(tissue_->problem(), row_, *compliance_, tip, in_plane(pose));
+    if (answer.state == ContactState::kContact && tip.shape == FingertipShape::kRoundedTip &&
+        tip.friction == Friction::kFrictionless && row_ == 0)
+      budget_->add(tip, pose.position_m[0], pose.position_m[1], answer);
     return answer;
   }
 
@@ -117,21 +70,15 @@ class PlaneLayer final : public TouchedLayer {
 
   std::array<double, 2> spacing_m(double x_m) const override {
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
-    const std::size_t right = column_beyond(x_m);
-    return {columns_m[right] - columns_m[right - 1], 0};
+    const auto right = std::upper_bound(columns_m.begin() + 1, columns_m.end() - 1, x_m);
+    return {*right - *(right - 1), 0};
   }
 
  private:
-  // Of nodes, from the second to the last.
-  std::size_t column_beyond(double x_m) const {
-    const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
-    const auto right = std::upper_bound(columns_m.begin() + 1, columns_m.end() - 1, x_m);
-    return static_cast<std::size_t>(right - columns_m.begin());
-  }
   static PlanePose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 
   const std::shared_ptr<const TissueModel> tissue_;
-  const std::shared_ptr<const std::vector<double>> felt_spreads_;
+  const std::shared_ptr<const PlaneBudget> budget_;
   const std::size_t row_;
   const std::shared_ptr<Compliance> compliance_;
   const SolvePath path_;
@@ -142,7 +89,7 @@ class PlaneLayer final : public TouchedLayer {
 PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue, MemoryAccount account)
     : TouchModel(std::move(account)),
       tissue_(std::move(tissue)),
-      felt_spreads_(std::make_shared<std::vector<double>>(felt_spreads(tissue_->problem()))),
+      budget_(std::make_shared<PlaneBudget>(tissue_->problem())),
       compliances_(std::make_shared<PreparedCompliances>(tissue_)) {}
 
 Region PlaneTouchModel::region() const {
@@ -160,16 +107,7 @@ TouchCost PlaneTouchModel::cost() const {
 }
 
 std::string PlaneTouchModel::plan() const {
-  const Fingertip usual;
-  constexpr double kUsualM = 0.002;
-  const TissueProblem& tissue = tissue_->problem();
-  const PressedLayer layer = pressed_layer(tissue, usual, kUsualM);
-  return fmt::format(
-      "plane strain, {:.3g} mm thick: homogeneous tissue that is no plane pushes a round tip "
-      "of "
-      "{:.3g} mm back with {:.2f} of this force at {:.0f} mm",
-      1e3 * tissue.thickness_m, 1e3 * usual.radius_m,
-      solid_force_m2(layer) / (tissue.thickness_m * plane_force_m(layer)), 1e3 * kUsualM);
+  return budget_->words();
 }
 
 std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const TouchWay& way,
@@ -182,7 +120,7 @@ std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const T
   const bool by_pcg = way.path == SolvePath::kPcg;
   auto compliance = compliances_->get(row, by_pcg ? way.device : nullptr, work, way.client);
   if (!compliance) return nullptr;
-  return std::make_shared<PlaneLayer>(tissue_, felt_spreads_, row, std::move(compliance),
+  return std::make_shared<PlaneLayer>(tissue_, budget_, row, std::move(compliance),
                                       by_pcg ? SolvePath::kPcg : SolvePath::kCompliance);
 }
 

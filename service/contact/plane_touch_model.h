@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "service/contact/plane_budget.h"
 #include "service/contact/prepared_compliances.h"
 #include "service/contact/touch_model.h"
 #include "service/tissue/tissue_model.h"
@@ -25,7 +26,7 @@ class PlaneTouchModel final : public TouchModel {
 
  private:
   const std::shared_ptr<const TissueModel> tissue_;
-  const std::shared_ptr<const std::vector<double>> felt_spreads_;  // of ln E, at each column of nodes
+  const std::shared_ptr<const PlaneBudget> budget_;
   const std::shared_ptr<PreparedCompliances> compliances_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "service/plan/choices.h"
 #include "service/scene/slices.h"
 
 namespace teletact::service {
@@ -10,9 +11,10 @@ std::optional<double> stated_log_deviation(const SceneSnapshot& snapshot, const 
                                            const Layer& layer, const TouchPose& pose) {
   if (snapshot.modulus)
     return felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer.depth_m, pose.position_m[2]);
-  if (!window.evidence || !(window.evidence->log_deviation > 0)) return std::nullopt;
+  if (!window.evidence) return std::nullopt;  // given
   const WindowEvidence& e = *window.evidence;
-  return std::hypot(e.log_deviation, e.force_relative_deviation, e.area_relative_deviation);
+  return std::hypot(e.log_deviation > 0 ? e.log_deviation : choices::kUnseenDeviation,
+                    e.force_relative_deviation, e.area_relative_deviation);
 }
 
 Beside beside_what_was_given(const Region& region, const Fingertip& tip, const TouchPose& pose,

@@ -11,7 +11,8 @@
 namespace teletact::service {
 
 // Standard deviation of ln E of what is felt there: of a solid's slices; of a plane the median over its
-// window, with the force sensor's and the contact area's. Nothing where it was not stated.
+// window (of tissue nobody measured, where it states none) with the force sensor's and the contact area's.
+// Nothing where the modulus was given.
 std::optional<double> stated_log_deviation(const SceneSnapshot&, const WindowModel&, const Layer&,
                                            const TouchPose&);
 

@@ -14,7 +14,6 @@
 #include "service/touch_plane/scene_errors.h"
 
 namespace teletact::service {
-
 namespace {
 
 void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
@@ -386,7 +385,10 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   if (!prepare(pose, 0, std::chrono::milliseconds(0))) return std::nullopt;
   const auto& [x_m, y_m, z_m] = pose.position_m;
   ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->touch(options_.fingertip, pose)};
-  add_scene_errors(stated_log_deviation(snapshot, *window_, layer_, pose), {}, touch.contact);
+  add_scene_errors(stated_log_deviation(snapshot, *window_, layer_, pose),
+                   beside_what_was_given(window_->region, options_.fingertip, pose,
+                                         scene_->geometry().depth_m - layer_.depth_m),
+                   touch.contact);
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
       !doubt(touch.contact, snapshot, pose).empty())
     return std::nullopt;

@@ -182,8 +182,13 @@ TEST(AcquireSession, ASliceOfAPlaneSceneIsNotTaken) {
   std::atomic<bool> stop{false};
   std::vector<std::string> said;
   AcquireObserver observer;
-  observer.ready = [&] { stop = true; };
-  observer.note = [&](const std::string& line) { said.push_back(line); };
+  std::atomic<int> both{0};  // all is ready, and something was said: whichever comes last
+  const auto one_of_both = [&] { stop = ++both >= 2; };
+  observer.ready = one_of_both;
+  observer.note = [&](const std::string& line) {
+    said.push_back(line);
+    one_of_both();
+  };
   AcquireSession session(server.address(), "", frames, session_options(), observer);
   session.run(stop);
   EXPECT_EQ(said,

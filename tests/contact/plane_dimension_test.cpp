@@ -3,10 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "service/contact/layered_touch.h"
 #include "service/contact/plane_touch_model.h"
@@ -23,11 +26,16 @@ const Fingertip kTip;  // rounded, 8 mm
 
 // The plane z = kMiddleM of 10 kPa times `contrast`, as thick as usual (10 mm), in 100 mm of tissue on each
 // side.
-ContactAnswer in_plane(const Contrast& contrast, double indentation_m, double fine_m = 0.001,
-                       double x_m = kMiddleM) {
-  TissueGrid grid{graded_coordinates(-0.1, 0.164, 0.012, 0.052, fine_m, 0.008, 1.3),
-                  graded_coordinates(0, kDepthM, 0, 0.022, fine_m, 0.002, 1.2)};
+struct Mesh {
+  double column_m = 0.001, row_m = 0.001, depth_m = kDepthM, poisson_ratio = 0.49;
+};
+ContactAnswer in_plane(const Contrast& contrast, double indentation_m, const Mesh& mesh = {},
+                       double x_m = kMiddleM, const Fingertip& tip = kTip) {
+  TissueGrid grid{
+      graded_coordinates(-0.1, 0.164, 0.012, 0.052, mesh.column_m, 0.008, 1.3),
+      graded_coordinates(0, mesh.depth_m, 0, std::min(0.022, mesh.depth_m), mesh.row_m, 0.004, 1.2)};
   Material material;
+  material.poisson_ratio = mesh.poisson_ratio;
   for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
     for (std::size_t i = 0; i + 1 < grid.nx(); ++i)
       material.youngs_modulus_pa.push_back(
@@ -35,7 +43,7 @@ ContactAnswer in_plane(const Contrast& contrast, double indentation_m, double fi
   TissueModelOptions options;
   options.touch_begin_m = 0.012, options.touch_end_m = 0.052;
   const PlaneTouchModel plane(std::make_shared<TissueModel>(grid, material, Supports{}, options));
-  return plane.layer({}, {.path = SolvePath::kCompliance}, {})->touch(kTip, {{x_m, indentation_m, 0}, {}, 0});
+  return plane.layer({}, {.path = SolvePath::kCompliance}, {})->touch(tip, {{x_m, indentation_m, 0}, {}, 0});
 }
 
 double homogeneous(double, double, double) {
@@ -58,7 +66,7 @@ TEST(PlaneDimension, TheSolidsForceIsTheExactLayers) {
 
 TEST(PlaneDimension, ThePlanesForceIsTheContacts) {
   for (const double d : {0.0005, 0.001, 0.002, 0.004}) {
-    const double force_n = -in_plane(homogeneous, d, 0.0005).force_n[1];
+    const double force_n = -in_plane(homogeneous, d, {0.0005, 0.0005}).force_n[1];
     EXPECT_NEAR(1e4 * kThicknessM * plane_force_m(pressed(kDepthM, d)) / force_n, 1, 0.05) << d;
   }
 }
@@ -79,12 +87,12 @@ TEST(PlaneDimension, SolidsAreWithinWhatIsStated) {
       return std::hypot(x - kMiddleM, y - centre_m, round ? z - kMiddleM : 0) < radius_m ? contrast : 1;
     };
   };
-  const Contrast tissues[] = {homogeneous,
-                              lump(0.012, 0.006, 10, true),
-                              lump(0.012, 0.006, 10, false),
-                              lump(0.010, 0.004, 3, true),
-                              lump(0.010, 0.005, 0.3, true),
-                              [](double, double y, double) { return y < 0.006 ? 2 : 1; }};
+  const Contrast tissues[] = {
+      homogeneous, lump(0.012, 0.006, 10, true), lump(0.012, 0.006, 10, false), lump(0.010, 0.004, 3, true),
+      lump(0.010, 0.005, 0.3, true), [](double, double y, double) { return y < 0.006 ? 2 : 1; },
+      // No constant was fitted to these.
+      lump(0.007, 0.0035, 5, true), lump(0.008, 0.004, 30, true), lump(0.018, 0.0075, 3, false),
+      [](double, double y, double) { return y < 0.010 ? 0.5 : 1; }};
   Queue queue = test_device()->queue();
   SolidGrid grid{64, 64, 0.002, 0.002, {}};
   for (std::size_t j = 0; j <= 20; ++j) grid.y_m.push_back(double(j) * 0.002);
@@ -102,25 +110,69 @@ TEST(PlaneDimension, SolidsAreWithinWhatIsStated) {
       std::printf("tissue %ld, %.0f mm: plane %.4f N, solid %+.1f %%, stated %.1f %%, in all %.1f %%\n",
                   &contrast - tissues, 1e3 * d, -plane.force_n[1], 100 * off, 100 * stated,
                   100 * plane.budget.half_width());
-      EXPECT_LE(std::abs(off), plane.budget.half_width());
-      EXPECT_LE(stated, std::abs(off) + 0.6);
+      EXPECT_LE(std::abs(off), stated);
+      EXPECT_GE(plane.budget.half_width(), stated);
+      EXPECT_LE(stated, std::abs(off) + 0.75);
     }
   }
 }
 
+// Rows may be coarser than columns.
 TEST(PlaneDimension, NodesAreOffByNoMoreThanIsStated) {
-  for (const double d : {0.0003, 0.0005, 0.001, 0.002, 0.004}) {
-    double most = 0, stated = 0;
-    for (const double share : {0.0, 0.25, 0.5}) {
-      const double x_m = kMiddleM + share * 0.001;
-      const ContactAnswer coarse = in_plane(homogeneous, d, 0.001, x_m);
-      most =
-          std::max(most, std::abs(coarse.force_n[1] / in_plane(homogeneous, d, 0.00025, x_m).force_n[1] - 1));
-      stated = coarse.budget.relative(ErrorTerm::kMesh);
+  for (const Mesh& mesh : {Mesh{}, Mesh{0.001, 0.004}})
+    for (const double d : {0.0003, 0.0005, 0.001, 0.002, 0.004}) {
+      double most = 0, stated = 0;
+      for (const double share : {0.0, 0.25, 0.5}) {
+        const double x_m = kMiddleM + share * 0.001;
+        const ContactAnswer coarse = in_plane(homogeneous, d, mesh, x_m);
+        most = std::max(
+            most,
+            std::abs(coarse.force_n[1] / in_plane(homogeneous, d, {0.0005, 0.0005}, x_m).force_n[1] - 1));
+        stated = coarse.budget.relative(ErrorTerm::kMesh);
+      }
+      std::printf("%.1f mm, rows of %.0f mm: nodes off by %.2f %%, stated %.2f %%\n", 1e3 * d,
+                  1e3 * mesh.row_m, 100 * most, 100 * stated);
+      EXPECT_LE(most, 2 * stated);
     }
-    std::printf("%.1f mm: nodes off by %.2f %%, stated %.2f %%\n", 1e3 * d, 100 * most, 100 * stated);
-    EXPECT_LE(most, 2 * stated);
-  }
+}
+
+// Thin tissue, wide tips, any thickness: where the closed forms no longer hold it is said.
+TEST(PlaneDimension, OfHomogeneousTissueIsNeverStatedTooSmall) {
+  double most_over = 0;
+  for (const double nu : {0.3, 0.49})
+    for (const double depth_m : {0.005, 0.010, 0.020, 0.030, 0.060})
+      for (const double radius_m : {0.008, 0.014}) {
+        Fingertip tip = kTip;
+        tip.radius_m = radius_m;
+        const LayeredTouch exact({{depth_m}, {1e4}, nu}, tip);
+        for (const double d : {0.0005, 0.001, 0.002, 0.004}) {
+          if (d > depth_m / 4) continue;
+          const double solid_n = exact.at(d).force_n,
+                       plane_n =
+                           -in_plane(homogeneous, d, {0.0005, 0.0005, depth_m, nu}, kMiddleM, tip).force_n[1];
+          for (const double thickness_m : {0.002, 0.005, 0.010, 0.020}) {
+            const double off = solid_n / (plane_n * thickness_m / 0.010) - 1,
+                         stated = dimension_half_width({nu, depth_m, radius_m, d}, thickness_m, 0);
+            EXPECT_LE(std::abs(off), stated) << "nu " << nu << ", " << depth_m << " m, R " << radius_m
+                                             << ", d " << d << ", t " << thickness_m;
+            most_over = std::max(most_over, std::abs(off) / stated);
+          }
+        }
+      }
+  std::printf("off by %.2f of what is stated at most\n", most_over);
+  EXPECT_GT(most_over, 0.5);
+}
+
+// Closed forms are of wide tissue that is held below.
+TEST(PlaneDimension, IsNotKnownOfOtherTissue) {
+  TissueGrid grid{uniform_coordinates(0, 0.040, 40), uniform_coordinates(0, 0.040, 20)};
+  const Material material{std::vector<double>(800, 1e4), 0.49};
+  const PlaneTouchModel narrow(
+      std::make_shared<TissueModel>(grid, material, Supports{}, TissueModelOptions{}));
+  EXPECT_NE(narrow.plan().find("not known"), std::string::npos) << narrow.plan();
+  const ContactAnswer answer =
+      narrow.layer({}, {.path = SolvePath::kCompliance}, {})->touch(kTip, {{0.02, 0.001, 0}, {}, 0});
+  EXPECT_GE(answer.budget.half_width(), 1);
 }
 
 }  // namespace

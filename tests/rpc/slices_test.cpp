@@ -119,7 +119,7 @@ TEST_F(SliceCalls, WhatTheyAreUncertainOfIsStatedWithTheForce) {
   v1::ModulusSlice exact = slice_at(0, 1e4F);
   ASSERT_TRUE(publish(exact, nullptr, "doubtful").ok());
   EXPECT_EQ(stated("doubtful"), 0);
-  EXPECT_EQ(stated("s"), -1) << "a plane scene's windows state theirs";
+  EXPECT_EQ(stated("s"), -1) << "its modulus was given";
 }
 
 // Elements of 2 mm along z: the one around 7 mm has no slice, until it comes.
@@ -138,27 +138,24 @@ TEST_F(SliceCalls, ThatAFingerLacksAreToldToThePatientSide) {
   grpc::ClientContext context;
   set_deadline(context);
   FingerReader watcher(*stub, context, "wishes");
-  // Says what is told once it is told of this z, and of the answer there.
-  const auto told = [&](double z_m, bool wished) {
+  // Touches until it is told of this z, of a finger that is there, and of the answer.
+  const auto told = [&](double y_m, double z_m, bool wished) {
     v1::FingerState state;
     for (bool come = false; !come && !HasFailure();) {
+      touch(y_m, z_m);
       EXPECT_TRUE(watcher.read(&state)) << "not told";
-      EXPECT_TRUE(state.present()) << "told too late";
-      come = state.position_m_size() == 3 && state.position_m(2) == z_m && state.has_wish() == wished;
+      come = state.present() && state.position_m_size() == 3 && state.position_m(2) == z_m &&
+             state.has_wish() == wished;
     }
     return state;
   };
-  touch(0.002, 0.0066);
-  const v1::FingerState lacks = told(0.0066, true);
+  const v1::FingerState lacks = told(0.002, 0.0066, true);
   EXPECT_NEAR(lacks.wish().z_m(), 0.007, 1e-12);
   EXPECT_NEAR(lacks.wish().half_width(), 1.96 * answer.youngs_modulus_log_std(), 1e-12);
-  touch(0.002, 0.0004);
-  told(0.0004, false);
-  touch(-0.005, 0.0066);
-  EXPECT_NEAR(told(0.0066, true).wish().z_m(), 0.007, 1e-12) << "before it touches";
+  told(0.002, 0.0004, false);
+  EXPECT_NEAR(told(-0.005, 0.0066, true).wish().z_m(), 0.007, 1e-12) << "before it touches";
   ASSERT_TRUE(publish(slice_at(0.007, 1e4F), nullptr, "wishes").ok());
-  touch(-0.005, 0.0066);
-  told(0.0066, false);
+  told(-0.005, 0.0066, false);
   context.TryCancel();
 }
 

@@ -28,7 +28,7 @@ Unevenness unevenness(const Field& modulus, double background, const ImageGrid& 
     return std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(kSquareM / spacing_m)));
   };
   const std::size_t wide = std::min(nodes(grid.dx_m), grid.nx), high = std::min(nodes(grid.dy_m), grid.ny);
-  Unevenness out;
+  Unevenness out{NAN, NAN};
   for (std::size_t top = 0;
        top + high <= grid.ny && grid.y_m(grid.nx * (top + high - 1)) < choices::kFeltDepth;
        top += std::max<std::size_t>(1, high / 4))
@@ -39,7 +39,8 @@ Unevenness unevenness(const Field& modulus, double background, const ImageGrid& 
           if (const double e = modulus[i + grid.nx * j]; std::isfinite(e))
             sum += std::log(e / background), ++count;
       if (2 * count < static_cast<double>(wide * high)) continue;
-      out.stiff = std::max(out.stiff, sum / count), out.soft = std::max(out.soft, -sum / count);
+      out.stiff = std::fmax(std::fmax(out.stiff, sum / count), 0);
+      out.soft = std::fmax(std::fmax(out.soft, -sum / count), 0);
     }
   return out;
 }
@@ -49,11 +50,11 @@ double noise_of(const Measured& m) {
   for (std::size_t n = 0; n < m.grid.size(); ++n)
     if (m.strain_valid[n] && m.axial_strain[n] != 0)
       noise.push_back(m.axial_strain_std[n] / std::abs(m.axial_strain[n]));
-  return noise.empty() ? 0 : median(noise);
+  return noise.empty() ? NAN : median(noise);
 }
 
 double expected_error(ModulusKind kind, const Unevenness& uneven, double noise) {
-  if (!(noise <= kMostNoise)) return HUGE_VAL;
+  if (!(noise <= kMostNoise) || std::isnan(uneven.stiff)) return HUGE_VAL;
   // Noise takes off no more than there is to see.
   const double both = uneven.soft + std::min(noise, std::max(uneven.stiff, uneven.soft));
   return kind == ModulusKind::kReferenceStress ? 0.032 + 0.36 * uneven.stiff + both : 0.010 + both;
@@ -73,7 +74,9 @@ ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness
             fmt::format("reference stress is good enough here ({}); {}", percent(reference), asked)};
   const bool known = std::isfinite(iterative);
   std::string off =
-      fmt::format("; the strain's noise of {} is too much to say by how much it is off", percent(noise));
+      noise > kMostNoise
+          ? fmt::format("; the strain's noise of {} is too much to say by how much it is off", percent(noise))
+          : "; too little was measured to say by how much it is off";
   if (time.left_s && start_s > *time.left_s) {
     if (known) off = fmt::format(", off by about {} instead of {}", percent(reference), percent(iterative));
     return {ModulusKind::kReferenceStress, tolerance,

@@ -24,17 +24,18 @@ struct ModulusTime {
 };
 
 // The modulus as reference stress shows it, uncorrected: by how much the mean of log E over a square of 10 mm
-// that a finger on the surface feels is off the background's, at most, to the stiff side and to the soft.
+// that a finger on the surface feels is off the background's, at most, to the stiff side and to the soft; not
+// a number where no square has half of its nodes.
 struct Unevenness {
   double stiff = 0, soft = 0;
 };
 Unevenness unevenness(const Field& youngs_modulus, double background, const ImageGrid&);
 
-// Median over the trusted nodes of the axial strain's deviation over the strain.
+// Median over the trusted nodes of the axial strain's deviation over the strain; not a number without any.
 double noise_of(const Measured&);
 
 // What reference stress and the iterative method put log E off by, of 95 % of what a finger feels; infinite
-// where there is more noise than that is known for.
+// where there is more noise than that is known for, and where nothing was measured.
 double expected_error(ModulusKind, const Unevenness&, double noise);
 
 struct ModulusPlan {
