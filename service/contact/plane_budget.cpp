@@ -11,9 +11,9 @@
 namespace teletact::service {
 namespace {
 
-// Of the force, of nodes on a round tip that are as far apart as it touches each side, as a share of the
-// square.
-constexpr double kOfMesh = 0.165;
+// Of the force: of columns of nodes as far apart as a round tip touches each side, as a share of the square;
+// and of rows (plane_dimension_test).
+constexpr double kOfColumns = 0.165, kOfRows = 0.02;
 // Depths of tissue that must lie on each side for it to be wide.
 constexpr double kWide = 1.5;
 
@@ -77,15 +77,16 @@ void PlaneBudget::add(const Fingertip& tip, double x_m, double indentation_m, Co
   const auto right = static_cast<std::size_t>(beyond - x_m_.begin());
   const double spread = std::max(spreads_[right - 1], spreads_[right]),
                reach_m = std::sqrt(2 * tip.radius_m * indentation_m);
-  double apart_m = first_row_m_;
+  double apart_m = 0;
   for (std::size_t i = 0; i + 1 < x_m_.size(); ++i)
     if (x_m_[i + 1] > x_m - reach_m && x_m_[i] < x_m + reach_m)
       apart_m = std::max(apart_m, x_m_[i + 1] - x_m_[i]);
   double lacks = dimension_half_width(pressed(tip, indentation_m), thickness_m_, spread);
   if (!wide_around(x_m)) lacks = std::max(lacks, 1.0);  // nobody knows
   answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
-  answer.budget.add(
-      {ErrorTerm::kMesh, TermKind::kEstimate, kOfMesh * apart_m * apart_m / (tip.radius_m * indentation_m)});
+  const double touched_m = std::sqrt(tip.radius_m * indentation_m), columns = apart_m / touched_m;
+  answer.budget.add({ErrorTerm::kMesh, TermKind::kEstimate,
+                     kOfColumns * columns * columns + kOfRows * first_row_m_ / touched_m});
   answer.budget.add(finite_strain(tip, indentation_m));
   answer.budget.add({ErrorTerm::kDimension, TermKind::kEstimate, lacks / ForceBudget::kOf95});
 }
