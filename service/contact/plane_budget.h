@@ -23,7 +23,7 @@ class PlaneBudget {
   PressedLayer pressed(const Fingertip&, double indentation_m) const;
   bool wide_around(double x_m) const;  // the closed forms are of wide tissue that is held below
   double thickness_m_, poisson_ratio_, first_row_m_;
-  bool held_below_alone_;
+  bool held_below_;
   std::vector<double> x_m_;  // of the columns of nodes
   double depth_m_;
   std::vector<double> spreads_;  // standard deviation of ln E over what is felt at each column

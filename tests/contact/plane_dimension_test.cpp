@@ -165,14 +165,21 @@ TEST(PlaneDimension, OfHomogeneousTissueIsNeverStatedTooSmall) {
 
 // Closed forms are of wide tissue that is held below.
 TEST(PlaneDimension, IsNotKnownOfOtherTissue) {
-  TissueGrid grid{uniform_coordinates(0, 0.040, 40), uniform_coordinates(0, 0.040, 20)};
-  const Material material{std::vector<double>(800, 1e4), 0.49};
-  const PlaneTouchModel narrow(
-      std::make_shared<TissueModel>(grid, material, Supports{}, TissueModelOptions{}));
-  EXPECT_NE(narrow.plan().find("not known"), std::string::npos) << narrow.plan();
-  const ContactAnswer answer =
-      narrow.layer({}, {.path = SolvePath::kCompliance}, {})->touch(kTip, {{0.02, 0.001, 0}, {}, 0});
-  EXPECT_GE(answer.budget.half_width(), 1);
+  using enum EdgeSupport;
+  const auto half_width = [](double width_m, const Supports& supports, bool known) {
+    const TissueGrid grid{uniform_coordinates(0, width_m, 80), uniform_coordinates(0, 0.040, 20)};
+    const Material material{std::vector<double>(1600, 1e4), 0.49};
+    const PlaneTouchModel plane(
+        std::make_shared<TissueModel>(grid, material, supports, TissueModelOptions{}));
+    EXPECT_EQ(plane.plan().find("not known") == std::string::npos, known) << plane.plan();
+    return plane.layer({}, {.path = SolvePath::kCompliance}, {})
+        ->touch(kTip, {{width_m / 2, 0.002, 0}, {}, 0})
+        .budget.half_width();
+  };
+  EXPECT_LT(half_width(0.160, {}, true), 0.5);
+  EXPECT_LT(half_width(0.160, {kFree, kFixed, kFixed, kFixed}, true), 0.5);
+  EXPECT_GE(half_width(0.040, {}, false), 1);
+  EXPECT_GE(half_width(0.160, {kFree, kFree, kFixed, kFixed}, false), 1);
 }
 
 }  // namespace
