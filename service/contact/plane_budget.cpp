@@ -59,7 +59,8 @@ PlaneBudget::PlaneBudget(const TissueProblem& tissue)
     : thickness_m_(tissue.thickness_m),
       poisson_ratio_(tissue.material.poisson_ratio),
       first_row_m_(tissue.grid.y_m[1]),
-      held_below_(tissue.supports.bottom == EdgeSupport::kFixed),
+      free_on_held_(tissue.supports.top == EdgeSupport::kFree &&
+                    tissue.supports.bottom == EdgeSupport::kFixed),
       x_m_(tissue.grid.x_m),
       depth_m_(tissue.grid.y_m.back()),
       spreads_(felt_spreads(tissue)) {}
@@ -69,7 +70,7 @@ PressedLayer PlaneBudget::pressed(const Fingertip& tip, double indentation_m) co
 }
 
 bool PlaneBudget::wide_around(double x_m) const {
-  return held_below_ && std::min(x_m - x_m_.front(), x_m_.back() - x_m) >= kWide * depth_m_;
+  return free_on_held_ && std::min(x_m - x_m_.front(), x_m_.back() - x_m) >= kWide * depth_m_;
 }
 
 void PlaneBudget::add(const Fingertip& tip, double x_m, double indentation_m, ContactAnswer& answer) const {

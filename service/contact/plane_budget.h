@@ -21,9 +21,9 @@ class PlaneBudget {
 
  private:
   PressedLayer pressed(const Fingertip&, double indentation_m) const;
-  bool wide_around(double x_m) const;  // the closed forms are of wide tissue that is held below
+  bool wide_around(double x_m) const;  // the closed forms are of wide tissue with a free surface, held below
   double thickness_m_, poisson_ratio_, first_row_m_;
-  bool held_below_;
+  bool free_on_held_;        // its surface is free, its bottom held
   std::vector<double> x_m_;  // of the columns of nodes
   double depth_m_;
   std::vector<double> spreads_;  // standard deviation of ln E over what is felt at each column
