@@ -10,6 +10,7 @@
 
 #include "service/contact/fingertip.h"
 #include "service/contact/solid_answer.h"
+#include "service/contact/solid_budget.h"
 #include "service/contact/solid_node.h"
 
 namespace teletact::service {
@@ -31,25 +32,9 @@ constexpr double kFeltM = 0.001;
 template <class T>
 constexpr double kRounding = sizeof(T) == sizeof(double) ? 1e-9 : 4e-5;
 
-// Error of the force that is left to nodes so far apart over the square of their distance over the contact's
-// radius: of a round tip in all; and, where the layered part is exact, over the spread of ln(E / E0) in what
-// is felt and over its size right under the tip (T9.4).
-constexpr double kOfMesh = 0.165, kOfMeshBeyondLayers = 0.045, kOfMeshUnderTip = 0.02, kOfMeshLeast = 0.0015;
-
 // Error of the force over how far the factor's layers have drifted: of the skin, and of what lies beyond the
 // block. Measured: 0.055 (slices_test).
 constexpr double kOfDrift = 0.1;
-
-// Of ln(E / E0), over the elements around a node of the surface.
-double spread_under(const SolidTissue& tissue, double layer_pa, std::size_t node) {
-  const SolidGrid& grid = tissue.grid;
-  const std::size_t x = node % grid.nx, z = node / grid.nx;
-  double squares = 0;
-  for (const std::size_t i : {x, (x + grid.nx - 1) % grid.nx})
-    for (const std::size_t k : {z, (z + grid.nz - 1) % grid.nz})
-      squares += std::pow(std::log(tissue.youngs_modulus_pa[i + grid.nx * k] / layer_pa), 2);
-  return std::sqrt(squares / 4);
-}
 
 void require_touchable(const SolidGrid& grid, std::size_t row, const Fingertip& tip, const Vector3& pose) {
   validate(tip);
@@ -256,8 +241,6 @@ ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& 
   ContactAnswer answer = this->answer(tip, pose, force_error);
   if (!(pose[1] > 0)) return answer;
   const SolidGrid& grid = tissue_.grid;
-  const double spacing_m =
-      std::max({grid.spacing_x_m, grid.spacing_z_m, grid.y_m[row() + 1] - grid.y_m[row()]});
   double of_mesh = kOfMesh;
   if (const auto exact = exact_touches(tip).layers; exact && exact->most_m() > 0) {
     const double known_m = exact->most_m();
@@ -268,16 +251,10 @@ ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& 
     else if (make_layers_exact(answer, answer_by(*layered_, tip, at, force_error), layers, pose[1] - known_m,
                                known_m))
       of_mesh =
-          kOfMeshBeyondLayers * std::sqrt(known(tip)->beyond_layers(nearest_node(grid, pose))) +
-          kOfMeshUnderTip * spread_under(tissue_, modulus_->layers.youngs_modulus_pa.front() / drift_.scale,
-                                         nearest_node(grid, pose));
+          mesh_beyond_layers(tissue_, modulus_->layers.youngs_modulus_pa.front() / drift_.scale,
+                             nearest_node(grid, pose), known(tip)->beyond_layers(nearest_node(grid, pose)));
   }
-  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
-  if (!round || answer.state != ContactState::kContact) return answer;  // under edges no rule is known
-  const double mesh = of_mesh * spacing_m * spacing_m / (tip.radius_m * pose[1]);
-  answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
-  answer.budget.add({ErrorTerm::kMesh, TermKind::kEstimate, mesh + kOfMeshLeast});
-  answer.budget.add(finite_strain(tip, pose[1]));
+  add_solid_budget(grid, row(), tip, pose[1], of_mesh, answer);
   return answer;
 }
 
