@@ -27,8 +27,8 @@ CLI::Option* add_named(CLI::App& command, const std::string& flag, Value& value,
 void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::string& usual) {
   add_named(
       command, "--plane", plane, plane_conditions(),
-      "solid: tissue that goes on around a narrow probe, or a block as wide as the probe, as the strain "
-      "tells; strain: the tissue's neighbours hold it; stress: a thin slice (default: " +
+      "solid: tissue that goes on around a narrow probe, ends beside it, or is as wide as the probe, as the "
+      "strain tells; strain: the tissue's neighbours hold it; stress: a thin slice (default: " +
           usual + ")");
 }
 

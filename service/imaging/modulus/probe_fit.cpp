@@ -25,17 +25,23 @@ constexpr int kReweighted = 12;
 constexpr double kBlockRatio = 0.33;  // of lateral strain: more is not tissue that goes on
 constexpr double kStandoffM = 4e-3;   // of the image without a trusted strain: less is the kernels'
 constexpr double kUsualTilt = 0.3;
-constexpr double kTimeToDoubtS = 2;     // that must be left before a stated depth is doubted
-constexpr double kDeepestBlockM = 0.4;  // of an image
-constexpr double kTrackedFromM = 1e-3;  // depth below the face where tracking begins
+// That must be left for the modulus: with less, neither what is stated nor that tissue goes on is doubted.
+constexpr double kTimeToDoubtS = 2;
+// Where tissue that ends is taken to end beside the probe, in depths of it.
+constexpr double kFarDepths = 0.7, kNearDepths = 0.3;
+constexpr double kCommonLog = 0.04, kCommonLogOfSides = 0.06;  // of tissue that goes on, and that ends
+constexpr double kDeepestBlockM = 0.4;                         // of an image
+constexpr double kTrackedFromM = 1e-3;                         // depth below the face where tracking begins
 constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
 constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image shows
+constexpr double kMostTiltOfSides = 0.2;  // of the push, to an end of the face: with more none are tried
 constexpr double kVary = 0.15, kTiltStep = 0.1;
 constexpr double kLeastElevationM = 3e-3, kMostElevationM = 0.040, kMostDepths = 3;
 constexpr int kGolden = 5, kRounds = 2;
 
 constexpr double kWellExplained = 0.08;  // of the strain, unexplained: nothing else is tried
 constexpr double kBetterBy = 0.7;        // another explanation must leave so much of what is left
+constexpr double kSidesBetterBy = 0.85;  // of a hundred places that differ: ln of the odds is 16
 
 // The depth at which the tissue begins, where what the image shows above it was not tracked.
 double top_of(const Measured& m) {
@@ -56,16 +62,22 @@ double measured_lateral_ratio(const Measured& m) {
   return axial.empty() ? 0 : -median(lateral) / median(axial);
 }
 
-// The least of f over [low, high] by golden sections.
-double least(double low, double high, int steps, const auto& f) {
+// Where f was least over [low, high], by golden sections; `usual` where it was nowhere finite.
+double least(double low, double high, int steps, double usual, const auto& f) {
   constexpr double kSection = 0.618;
-  double a = high - kSection * (high - low), b = low + kSection * (high - low), fa = f(a), fb = f(b);
+  double at = usual, found = HUGE_VAL;
+  const auto value = [&](double x) {
+    const double v = f(x);
+    if (v < found) at = x, found = v;
+    return v;
+  };
+  double a = high - kSection * (high - low), b = low + kSection * (high - low), fa = value(a), fb = value(b);
   for (int k = 0; k < steps; ++k)
     if (fa < fb)
-      high = b, b = a, fb = fa, a = high - kSection * (high - low), fa = f(a);
+      high = b, b = a, fb = fa, a = high - kSection * (high - low), fa = value(a);
     else
-      low = a, a = b, fa = fb, b = low + kSection * (high - low), fb = f(b);
-  return fa < fb ? a : b;
+      low = a, a = b, fa = fb, b = low + kSection * (high - low), fb = value(b);
+  return at;
 }
 
 double squared(double v) {
@@ -91,6 +103,14 @@ VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, boo
                          cells.row_m / kAlikeM2;
   by.array() -= absolute ? of_force : mean;
   return by / std::sqrt(squares / squared(found.rest) + 1 / squared(usual));
+}
+
+std::string words_of_sides(const ProbeFace& face) {
+  if (face.goes_on()) return "";
+  const std::string end = face.beside_m > 0
+                              ? fmt::format("it ends some {:.0f} mm beside the probe", 1e3 * face.beside_m)
+                              : "it is as wide as the probe";
+  return fmt::format("; {}, as the strain shows{}", end, face.slides ? ", and slides on its support" : "");
 }
 
 }  // namespace
@@ -128,26 +148,27 @@ StrainFit fit_strain(const VectorXd& residual, const VectorXd& weight, const Vec
 ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
     : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
 
-const ProbeFitter::Kept& ProbeFitter::kept(const ProbeFace& face, bool block) {
+ProbeFitter::Kept& ProbeFitter::kept(const ProbeFace& face, bool block) {
   if (kept_ && kept_->face == face && kept_->block == block) return *kept_;
   kept_.reset();
   Kept made{face, block, block ? make_probed_block(face, *strips_) : make_probed_solid(queue_, face), {}, {}};
   look();
   made.level = made.tissue->push_homogeneous();
-  made.tilted = made.tissue->push_homogeneous(kTiltStep);
   kept_ = std::move(made);
   return *kept_;
 }
 
-ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block) {
+ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block, const VectorXd* by_tilt) {
   look();
   ProbeFit out;
-  const Kept& kept = this->kept(face, block);
+  Kept& kept = this->kept(face, block);
   out.tissue = kept.tissue, out.face = face, out.top_m = pair.top_m;
   const CellGrid& cells = out.tissue->cells();
   out.measured = cell_strains(pair.measured, cells, pair.top_m, pair.sign);
   out.homogeneous = -as_measured(kept.level.axial_strain, cells, strain_);
-  out.by_tilt = -as_measured(kept.tilted.axial_strain, cells, strain_);
+  const bool alike = by_tilt && by_tilt->size() == out.homogeneous.size();
+  if (!alike && !kept.tilted) kept.tilted = out.tissue->push_homogeneous(kTiltStep);
+  out.by_tilt = alike ? *by_tilt : VectorXd(-as_measured(kept.tilted->axial_strain, cells, strain_));
   std::vector<double> strained, ratios;
   for (Index c = 0; c < out.homogeneous.size(); ++c)
     if (out.homogeneous[c] > 0) strained.push_back(out.homogeneous[c]);
@@ -157,7 +178,8 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block)
     double& told = out.measured.told[c];
     if (cells.y_m(static_cast<std::size_t>(c)) < kNearFieldM || out.homogeneous[c] < kTold * typical)
       told = 0;
-    out.by_tilt[c] = out.homogeneous[c] > 0 ? (out.by_tilt[c] / out.homogeneous[c] - 1) / kTiltStep : 0;
+    if (!alike)
+      out.by_tilt[c] = out.homogeneous[c] > 0 ? (out.by_tilt[c] / out.homogeneous[c] - 1) / kTiltStep : 0;
     if (!(told > 0)) continue;
     residual[c] = std::log(out.homogeneous[c]) - out.measured.log_strain[c];
     ratios.push_back(-kept.level.lateral_strain[c] / kept.level.axial_strain[c]);
@@ -165,7 +187,9 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block)
   if (ratios.empty())
     throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
   out.lateral_ratio = median(ratios), out.force_n = kept.level.force_n;
-  out.rest = fit_strain(residual, out.measured.told, out.by_tilt).rest;
+  out.common_log = block || face.goes_on() ? kCommonLog : kCommonLogOfSides;
+  const StrainFit strain = fit_strain(residual, out.measured.told, out.by_tilt);
+  out.rest = strain.rest, out.tilt = strain.tilt;
   return out;
 }
 
@@ -183,27 +207,89 @@ struct ProbeFitter::Unknown {
 };
 
 // The least of what is left, by golden sections along one unknown and the other.
-bool ProbeFitter::search(const Pair& pair, Unknown& u, const ModulusInput& in) {
+bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double least_left_s,
+                         const ModulusInput& in) {
   const double image_m = u.face.image_depth_m;
   // Half squares of what is left, over as many places of the image as differ, and of what is unusual.
   const double differ = u.face.width_m * image_m / kAlikeM2;
+  bool in_time = true;
+  VectorXd by_tilt;  // of the first: of the others it is nearly the same
   const auto cost = [&](double e, double h) {
-    return differ * std::log(tried(pair, u.at(e, h), false).rest) +
-           squared((e - std::log(kUsualElevationM)) / kLogUsualElevation) / 2 +
-           squared((h - std::log(kUsualDepths * image_m)) / kLogUsualDepth) / 2;
+    in_time = in_time && !(in.seconds_left && in.seconds_left() <= least_left_s);
+    if (!in_time) return HUGE_VAL;
+    try {
+      const ProbeFit at = tried(pair, u.at(e, h), false, &by_tilt);
+      by_tilt = at.by_tilt;
+      return differ * std::log(at.rest) + squared((e - std::log(kUsualElevationM)) / kLogUsualElevation) / 2 +
+             squared((h - std::log(kUsualDepths * image_m)) / kLogUsualDepth) / 2;
+    } catch (const std::invalid_argument&) {
+      return HUGE_VAL;  // beyond what is modelled
+    }
   };
-  const auto late = [&] { return in.seconds_left && in.seconds_left() <= 0; };
-  for (int round = 0; round < kRounds && (u.elevation || u.depth); ++round) {
-    if (late()) return false;
+  if (!(u.elevation && u.depth)) rounds = u.elevation || u.depth;
+  for (int round = 0; round < rounds; ++round) {
     if (u.elevation)
-      u.log_elevation = least(std::log(kLeastElevationM), std::log(kMostElevationM), kGolden,
+      u.log_elevation = least(std::log(kLeastElevationM), std::log(kMostElevationM), kGolden, u.log_elevation,
                               [&](double e) { return cost(e, u.log_depth); });
-    if (u.depth && late()) return false;
     if (u.depth)
-      u.log_depth = least(std::log(image_m), std::log(kMostDepths * image_m), kGolden,
+      u.log_depth = least(std::log(image_m), std::log(kMostDepths * image_m), kGolden, u.log_depth,
                           [&](double h) { return cost(u.log_elevation, h); });
   }
-  return true;
+  return in_time;
+}
+
+ProbeFit ProbeFitter::tried(const Pair& pair, const Unknown& u) {
+  return tried(pair, u.at(u.log_elevation, u.log_depth), false);
+}
+
+// Deeper than stated, a block, or with sides: what explains the strain better.
+void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in) {
+  const auto late = [&] { return in.seconds_left && in.seconds_left() < kTimeToDoubtS; };
+  const Unknown stated = u;
+  // A face that touches in part looks tilted, and sides would explain some of it.
+  const bool tilted = std::abs(out.tilt) > kMostTiltOfSides;
+  if (!u.depth && !late()) {
+    Unknown deeper = u;
+    deeper.depth = true;
+    search(pair, deeper, 1, kTimeToDoubtS, in);
+    ProbeFit other = tried(pair, deeper);
+    if (other.rest < kBetterBy * out.rest) u = deeper, out = std::move(other);
+  }
+  if (stated.face.image_depth_m < kDeepestBlockM) {
+    ProbeFace as_wide = out.face;
+    as_wide.beside_m = 0;
+    const double ratio = measured_lateral_ratio(pair.measured);
+    ProbeFit block = tried(pair, as_wide, true);
+    if (block.rest < (ratio > kBlockRatio ? 1 : kBetterBy) * out.rest) {
+      block.words = fmt::format(
+          "a block as wide as the probe: a uniform strain leaves {:.0f} % of it unexplained, tissue that "
+          "goes on beside the probe {:.0f} %; it spreads sideways by {:.2f} of its axial strain",
+          100 * block.rest, 100 * out.rest, ratio);
+      out = std::move(block);
+    }
+  }
+  if (tilted) return;
+  const ProbeFace usual = stated.at(stated.log_elevation, stated.log_depth);
+  struct Sides {
+    double depths;
+    bool slides;
+  };
+  bool ends = false;
+  for (const Sides& sides : {Sides{kFarDepths, false}, Sides{kFarDepths, true}, Sides{kNearDepths, false},
+                             Sides{kNearDepths, true}, Sides{0, false}}) {
+    if (late()) return;
+    Unknown other = stated;
+    other.face.beside_m = sides.depths * usual.depth_m, other.face.slides = sides.slides;
+    try {
+      ProbeFit found = tried(pair, other);
+      if (!(found.rest < (ends ? 1 : kSidesBetterBy) * out.rest)) continue;
+      ends = true, u = other, out = std::move(found);
+    } catch (const std::invalid_argument&) {  // beyond what is modelled
+    }
+  }
+  if (!ends || !(u.elevation || u.depth)) return;
+  search(pair, u, 1, kTimeToDoubtS, in);
+  out = tried(pair, u);
 }
 
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign) {
@@ -220,40 +306,24 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       std::log(kUsualElevationM),
       std::log(kUsualDepths * image_m),
       {in.window_width_m, elevation_m, in.tissue.depth_m - pair.top_m, image_m, in.tissue.poisson_ratio}};
-  const bool in_time = search(pair, u, in);
-  ProbeFit out = tried(pair, u.at(u.log_elevation, u.log_depth), false);
-  if (!u.depth && out.rest > kWellExplained && (!in.seconds_left || in.seconds_left() > kTimeToDoubtS)) {
-    Unknown deeper = u;  // is it as deep as stated?
-    deeper.depth = true;
-    search(pair, deeper, in);
-    ProbeFit other = tried(pair, deeper.at(deeper.log_elevation, deeper.log_depth), false);
-    if (other.rest < kBetterBy * out.rest) u = deeper, out = std::move(other);
-  }
+  const bool in_time = search(pair, u, kRounds, 0, in);
+  ProbeFit out = tried(pair, u);
+  if (out.rest > kWellExplained) doubt(pair, u, out, in);
   out.hurried = !in_time;
-  const ProbeFace found = u.at(u.log_elevation, u.log_depth);
-  const auto vary = [&](double by_e, double by_h, double usual) {
-    out.changes.push_back(change(out, tried(pair, u.at(u.log_elevation + by_e, u.log_depth + by_h), false),
-                                 usual, in.force.has_value()));
-  };
-  if (u.elevation) vary(kVary, 0, kLogUsualElevation);
-  if (u.depth) vary(0, kVary, kLogUsualDepth);
-  const auto origin = [](bool fitted) { return fitted ? "fitted" : "stated"; };
-  out.words = fmt::format(
-      "solid tissue {:.0f} mm deep ({}) under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the strain "
-      "unexplained where it is homogeneous",
-      1e3 * found.depth_m, origin(u.depth), 1e3 * found.width_m, 1e3 * found.elevation_m, origin(u.elevation),
-      100 * out.rest);
-  if (out.rest > kWellExplained && image_m < kDeepestBlockM) {
-    const double ratio = measured_lateral_ratio(m);
-    ProbeFit block = tried(pair, found, true);
-    if (block.rest < (ratio > kBlockRatio ? 1 : kBetterBy) * out.rest) {
-      block.words = fmt::format(
-          "a block as wide as the probe: a uniform strain leaves {:.0f} % of it unexplained, tissue that "
-          "goes "
-          "on beside the probe {:.0f} %; it spreads sideways by {:.2f} of its axial strain",
-          100 * block.rest, 100 * out.rest, ratio);
-      out = std::move(block);
-    }
+  if (out.words.empty()) {
+    const auto vary = [&](double by_e, double by_h, double usual) {
+      const ProbeFace varied = u.at(u.log_elevation + by_e, u.log_depth + by_h);
+      out.changes.push_back(
+          change(out, tried(pair, varied, false, &out.by_tilt), usual, in.force.has_value()));
+    };
+    if (u.elevation) vary(kVary, 0, kLogUsualElevation);
+    if (u.depth) vary(0, kVary, kLogUsualDepth);
+    const auto origin = [](bool fitted) { return fitted ? "fitted" : "stated"; };
+    out.words = fmt::format(
+        "solid tissue {:.0f} mm deep ({}{}) under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the strain "
+        "unexplained where it is homogeneous",
+        1e3 * out.face.depth_m, origin(u.depth), words_of_sides(out.face), 1e3 * out.face.width_m,
+        1e3 * out.face.elevation_m, origin(u.elevation), 100 * out.rest);
   }
   if (pair.top_m > 0)
     out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * pair.top_m);

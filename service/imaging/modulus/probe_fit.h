@@ -37,10 +37,12 @@ struct ProbeFit {
   double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are told
   // Of ln E of the cells, for each thing that was fitted: what one standard deviation of it changes.
   std::vector<Eigen::VectorXd> changes;
-  double rest = 0;       // of ln(strain): what is unexplained where tissue looks homogeneous
-  double force_n = 0;    // on the face, of homogeneous tissue of 1 Pa, per metre of push
-  bool hurried = false;  // something was left as usual
-  std::string words;     // what was assumed and what was found
+  double common_log = 0;  // of ln E: the mesh, and what the tissue does at its sides
+  double rest = 0;        // of ln(strain): what is unexplained where tissue looks homogeneous
+  double tilt = 0;        // that leaves that
+  double force_n = 0;     // on the face, of homogeneous tissue of 1 Pa, per metre of push
+  bool hurried = false;   // something was left as usual
+  std::string words;      // what was assumed and what was found
 };
 
 class ProbeFitter {
@@ -58,18 +60,22 @@ class ProbeFitter {
     double top_m, sign;
   };
   struct Unknown;
-  // False: there was no time for all of it.
-  bool search(const Pair&, Unknown&, const ModulusInput&);
+  // In so many rounds, while more than that is left. False: there was no time for all of it.
+  bool search(const Pair&, Unknown&, int rounds, double least_left_s, const ModulusInput&);
   // Tissue, and how it answers where it is homogeneous.
   struct Kept {
     ProbeFace face;
     bool block;
     std::shared_ptr<ProbedTissue> tissue;
-    ProbedTissue::Response level, tilted;
+    ProbedTissue::Response level;
+    std::optional<ProbedTissue::Response> tilted;
   };
-  const Kept& kept(const ProbeFace&, bool block);
-  // The tissue under such a face, and how well it explains what was measured.
-  ProbeFit tried(const Pair&, const ProbeFace&, bool block);
+  Kept& kept(const ProbeFace&, bool block);
+  void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&);
+  // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
+  // it, which is used where it has the same cells.
+  ProbeFit tried(const Pair&, const ProbeFace&, bool block, const Eigen::VectorXd* by_tilt = nullptr);
+  ProbeFit tried(const Pair&, const Unknown&);
   Queue queue_;
   StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;

@@ -32,7 +32,14 @@ constexpr std::size_t kMostColumns = 256, kMostRows = 64, kLeastPeriodAcross = 3
 constexpr std::size_t kMostElements = 2'000'000;
 constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
 constexpr double kMirroredM = 0.020;
-constexpr double kAccuracy = 2e-3;  // of the solution, in energy
+constexpr double kAir = 0.01;  // of the tissue's modulus: beyond its end
+// Under tissue that slides: rows of this share of its depth and modulus. They shear 2.5 times as much as the
+// tissue would; nearly incompressible, they take a tenth of the push under the probe.
+constexpr std::size_t kSlidingRows = 3;
+constexpr double kSlidingDepth = 0.05, kSlidingModulus = 0.02;
+// Of the solution, in energy; of tissue that ends what bounds it is some ten times what it is off by, and
+// what rounding may do to it lies beyond.
+constexpr double kAccuracy = 2e-3, kAccuracyOfSides = 2e-2, kLeastAccuracy = 5e-2;
 
 void require_above_zero(double value, const char* field) {
   if (!(value > 0 && std::isfinite(value)))
@@ -51,14 +58,24 @@ std::vector<double> rows_of_nodes(const ProbeFace& face, double image_m, std::si
       steps.push_back(step_m = std::min(step_m * kCoarsen, std::max(kCoarsestM, left_m / 16)));
     for (const double step_m : steps) y.push_back(y.back() + step_m * left_m / reached_m);
   }
+  if (face.slides)
+    for (std::size_t k = 0; k < kSlidingRows; ++k)
+      y.push_back(y.back() + kSlidingDepth * face.depth_m / kSlidingRows);
   return y;
 }
 
-// Nodes pressed along the image.
+double gap_m(const ProbeFace& face) {
+  return kLeastGap * face.depth_m;
+}
+
+// Nodes pressed along the image. Tissue that ends takes more steps than tissue that goes on: for it cells are
+// a little wider where half of the nodes are enough then.
 std::size_t nodes_along(const ProbeFace& face) {
   require_above_zero(face.width_m, "window_width_m");
-  return std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(face.width_m / kCellM)), 8,
-                                 kMostColumns / 2);
+  constexpr double kWidestM = 1.5e-3;
+  const double of_half_m = (face.width_m + gap_m(face)) / static_cast<double>(kMostColumns / 2),
+               cell_m = face.goes_on() || of_half_m > kWidestM ? kCellM : std::max(kCellM, of_half_m);
+  return std::clamp<std::size_t>(static_cast<std::size_t>(face.width_m / cell_m + 0.49), 8, kMostColumns / 2);
 }
 
 double spacing(double length_m, std::size_t nodes) {
@@ -81,11 +98,12 @@ CellGrid cells_under(const ProbeFace& face) {
 // Nodes of the face across the plane.
 std::size_t nodes_across(const ProbeFace& face) {
   std::size_t nodes = kMostAcross;
-  const auto fits = [&] {
-    return static_cast<double>(nodes) + kLeastGap * face.depth_m / spacing(face.elevation_m, nodes) <=
-           static_cast<double>(kMostColumns);
+  const auto fits = [&](std::size_t columns) {
+    return static_cast<double>(nodes) + gap_m(face) / spacing(face.elevation_m, nodes) <=
+           static_cast<double>(columns);
   };
-  while (nodes > kLeastAcross && !fits()) nodes -= 2;
+  if (!face.goes_on() && !fits(kMostColumns / 4)) nodes -= 2;
+  while (nodes > kLeastAcross && !fits(kMostColumns)) nodes -= 2;
   return nodes;
 }
 
@@ -98,17 +116,33 @@ std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
 SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells) {
   require_above_zero(face.elevation_m, "probe_elevation_m");
   SolidTissue tissue;
-  const double gap_m = kLeastGap * face.depth_m;
   const std::size_t across = nodes_across(face);
   tissue.grid.spacing_x_m = cells.spacing_m;
   tissue.grid.spacing_z_m = spacing(face.elevation_m, across);
-  tissue.grid.nx = period(cells.columns + 1, gap_m, tissue.grid.spacing_x_m);
-  tissue.grid.nz = std::max(kLeastPeriodAcross, period(across, gap_m, tissue.grid.spacing_z_m));
+  tissue.grid.nx = period(cells.columns + 1, gap_m(face), tissue.grid.spacing_x_m);
+  tissue.grid.nz = std::max(kLeastPeriodAcross, period(across, gap_m(face), tissue.grid.spacing_z_m));
   tissue.grid.y_m = rows_of_nodes(face, cells.row_m * static_cast<double>(cells.rows), cells.rows);
   while (tissue.grid.elements() > kMostElements && tissue.grid.nz > kLeastPeriodAcross) tissue.grid.nz /= 2;
   tissue.poisson_ratio = face.poisson_ratio;
   tissue.youngs_modulus_pa.assign(tissue.grid.elements(), 1.0);
+  if (face.slides)
+    std::fill_n(tissue.youngs_modulus_pa.rbegin(), kSlidingRows * tissue.grid.columns(), kSlidingModulus);
   return tissue;
+}
+
+// Of elements along a period that begins at the face's first node, `wide` of them under the face: the share
+// that lies within the tissue, of which at most so much of the gap to the next face is left.
+std::vector<double> within(const ProbeFace& face, std::size_t period, std::size_t wide, double spacing_m) {
+  constexpr double kMostOfGap = 0.875;
+  const double beyond = kBeyond / 2, gap = static_cast<double>(period - wide) - kBeyond,
+               beside = std::min(face.beside_m / spacing_m, kMostOfGap * gap / 2);
+  std::vector<double> share(period, 1.0);
+  if (face.goes_on()) return share;
+  for (std::size_t n = wide; n < period; ++n) {
+    const auto nearest = static_cast<double>(std::min(n - wide, period - 1 - n));
+    share[n] = std::clamp(beside - (nearest - beyond), 0.0, 1.0);
+  }
+  return share;
 }
 
 // Nodes (i, k) of the surface, the face's corner at i = 0, its middle at k = 0.
@@ -133,6 +167,8 @@ class ProbedSolid : public ProbedTissue {
   ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells)
       : face_(face),
         tissue_(tissue_under(face, cells)),
+        along_(within(face, tissue_.grid.nx, cells.columns, cells.spacing_m)),
+        across_(within(face, tissue_.grid.nz, nodes_across(face) - 1, tissue_.grid.spacing_z_m)),
         patch_(patch_under(face, tissue_.grid, cells)),
         queue_(queue),
         solver_(queue, tissue_) {
@@ -148,19 +184,25 @@ class ProbedSolid : public ProbedTissue {
     for (Index n = 0; n < w.size(); ++n)
       w[n] = 1 + tilt * (2 * (static_cast<double>(n % nodes) + 0.5) / static_cast<double>(nodes) - 1);
     SolidOptions options;
-    options.relative_error = kAccuracy;
+    options.relative_error = face_.goes_on() ? kAccuracy : kAccuracyOfSides;
     const SolidSolution solution = solver_.push(patch_, w, options);
-    if (solution.reason == StopReason::kNotFinite || solution.reason == StopReason::kIndefinite)
+    const bool stopped =
+        solution.reason == StopReason::kNotFinite || solution.reason == StopReason::kIndefinite;
+    if (stopped && !(solution.bounded_error() <= kLeastAccuracy))
       throw std::invalid_argument(fmt::format(
           "probe_elevation_m, tissue_depth_m: a face of {:.3g} m x {:.3g} m on tissue {:.3g} m deep "
           "is beyond what is modelled ({}); check both",
           face_.width_m, face_.elevation_m, face_.depth_m, to_string(solution.reason)));
     Response out = strains(solver_.displacement());
-    out.force_n = solution.force_n.sum();
+    // The energy is as good as the displacement. Where the sides give way the nodes' forces are not: in
+    // single precision their sum may be anything. A push by w bears w of its force, about.
+    out.force_n = face_.goes_on() ? solution.force_n.sum()
+                                  : 2 * solution.energy_j * static_cast<double>(w.size()) / w.squaredNorm();
     return out;
   }
 
   double force_share() override {
+    if (!face_.goes_on()) return 1;
     if (!force_share_) {
       const SolidGrid& grid = tissue_.grid;
       const LayeredTissue layers{solver_.layers().youngs_modulus_pa};
@@ -197,10 +239,15 @@ class ProbedSolid : public ProbedTissue {
           logarithm = cells[left - 1];
         row[n] = std::exp(logarithm);
       }
-      for (std::size_t k = 0; k < grid.nz; ++k)
-        std::copy(
-            row.begin(), row.end(),
-            tissue_.youngs_modulus_pa.begin() + static_cast<std::ptrdiff_t>(grid.nx * (k + grid.nz * j)));
+      if (face_.slides && j + kSlidingRows >= grid.layers())
+        for (double& modulus : row) modulus *= kSlidingModulus;
+      for (std::size_t k = 0; k < grid.nz; ++k) {
+        const std::size_t middle =
+            (k + (nodes_across(face_) - 1) / 2) % grid.nz;  // across_ begins at its edge
+        double* to = tissue_.youngs_modulus_pa.data() + grid.nx * (k + grid.nz * j);
+        for (std::size_t n = 0; n < grid.nx; ++n)
+          to[n] = row[n] * (kAir + (1 - kAir) * along_[n] * across_[middle]);
+      }
     }
   }
 
@@ -226,6 +273,7 @@ class ProbedSolid : public ProbedTissue {
 
   ProbeFace face_;
   SolidTissue tissue_;
+  std::vector<double> along_, across_;  // of elements: the share that lies within the tissue
   SurfacePatch patch_;
   Queue queue_;
   SolidSolver<float> solver_;

@@ -1,10 +1,11 @@
 // The tissue under a probe as a forward model in three dimensions (T3.6): which strain a modulus would have
-// shown in the image plane. Two kinds: tissue that goes on beside the probe and across the plane, into which
-// the load spreads, so that strain falls with depth; and a block as wide as the probe, whose strain does not.
+// shown in the image plane. Two kinds: a solid, into which the load spreads beside the probe and across the
+// plane, so that strain falls with depth; and a block as wide as the probe, whose strain does not.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <limits>
 #include <memory>
 
 #include "service/device/queue.h"
@@ -17,6 +18,11 @@ namespace teletact::service {
 struct ProbeFace {
   double width_m = 0, elevation_m = 0, depth_m = 0, image_depth_m = 0;
   double poisson_ratio = 0.49;
+  // Of a solid: where it ends, free of stress, from the face's border; and whether it slides on what it lies
+  // on, else it is bonded.
+  double beside_m = std::numeric_limits<double>::infinity();
+  bool slides = false;
+  bool goes_on() const { return beside_m == std::numeric_limits<double>::infinity(); }
   bool operator==(const ProbeFace&) const = default;
 };
 
@@ -54,8 +60,8 @@ class ProbedTissue {
   CellGrid cells_;
 };
 
-// Bonded at its depth (T8's finite elements). Throws std::invalid_argument naming what is unusable,
-// DeviceError.
+// T8's finite elements: what lies beyond a solid's end gives way, and so does a thin layer below one that
+// slides. Throws std::invalid_argument naming what is unusable, DeviceError.
 std::unique_ptr<ProbedTissue> make_probed_solid(const Queue&, const ProbeFace&);
 // Ends where the probe does, free of stress there and across the plane; its far side lies so deep that the
 // image does not show it (StripModel in plane stress).

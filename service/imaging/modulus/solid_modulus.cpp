@@ -30,15 +30,15 @@ constexpr double kGuessLog = 0.6931;  // ln 2: of what no strain tells
 constexpr double kTiltLog = 0.25;     // of the tilt: the tissue's own ramp may look like it
 constexpr double kRangeLog = 3;       // of ln E about the background
 constexpr double kCorrelationM = 5e-3;
-constexpr double kCommonLog = 0.04;  // of the level: the mesh, and what the tissue does at its sides
-constexpr double kMostRest = 0.15;   // of the strain, unexplained
+constexpr double kMostRest = 0.15;  // of the strain, unexplained
 // Of the push, from the middle of the face to an end: more is no tilt. Where an end does not touch, the tilt
 // that is fitted goes to its bound.
 constexpr double kMostUneven = 0.35;
 // Of a lump's ln E: a sphere and a cylinder of contrast 3 differ by 12 % in one slice (5: 14 %), and total
 // variation takes some.
 constexpr double kOneSliceLog = 0.1;
-constexpr double kUnsettledLog = 0.5;  // of the last step, where the time ended before it was small
+constexpr double kOneSliceOfBlockLog = 0.2;  // of tissue as wide as the probe, which a sphere may fill
+constexpr double kUnsettledLog = 0.5;        // of the last step, where the time ended before it was small
 
 TissueGrid mesh_of(const CellGrid& cells) {
   TissueGrid grid;
@@ -212,10 +212,11 @@ class SolidModulusMethod : public ModulusMethod {
                        100 * std::abs(tilt), tilt > 0 ? "left" : "right")});
     if (in.force) found.force_n = force_with(fit, theta, tilt, told);
     found.deviation = denoise.deviation(told, theta);
+    const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
     for (Index c = 0; c < size; ++c) {
-      double squares = kCommonLog * kCommonLog + std::pow(found.deviation[c], 2) +
-                       std::pow(of_tilt * fit.by_tilt[c], 2) + std::pow(kOneSliceLog * theta[c], 2);
+      double squares = fit.common_log * fit.common_log + std::pow(found.deviation[c], 2) +
+                       std::pow(of_tilt * fit.by_tilt[c], 2) + std::pow(one_slice * theta[c], 2);
       if (!out.converged) squares += std::pow(kUnsettledLog * moved[c], 2);
       for (const VectorXd& change : fit.changes) squares += change[c] * change[c];
       found.deviation[c] = std::sqrt(squares);

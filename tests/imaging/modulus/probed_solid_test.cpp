@@ -1,0 +1,197 @@
+// Solid tissue under a probe (T3.6) that ends beside it, slides, or goes on: what the forward model does with
+// each, and what the estimate takes it for. A probe of 30 x 5 mm on 20 mm, which is solved fast.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "service/imaging/modulus/cell_strains.h"
+#include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/probed_tissue.h"
+#include "tests/imaging/imaging_device.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+
+constexpr double kWidthM = 0.030, kElevationM = 0.005, kDepthM = 0.020;
+constexpr double kPushM = 0.4e-3, kModulusPa = 10e3, kNoise = 0.01;
+constexpr double kNowhere = std::numeric_limits<double>::infinity();
+
+ProbeFace face(double beside_m = kNowhere, bool slides = false) {
+  ProbeFace f{kWidthM, kElevationM, kDepthM, kDepthM, 0.49};
+  f.beside_m = beside_m, f.slides = slides;
+  return f;
+}
+
+std::unique_ptr<ProbedTissue> solid(const ProbeFace& f) {
+  return make_probed_solid(imaging_device()->queue(), f);
+}
+
+double mean_of_row(const Eigen::VectorXd& field, const CellGrid& cells, std::size_t row) {
+  const auto columns = static_cast<Index>(cells.columns);
+  return field.segment(static_cast<Index>(row) * columns, columns).mean();
+}
+
+// Its sides bear nothing: all of the force goes down the column, and it widens freely.
+TEST(ProbedSolid, AColumnAsWideAsTheProbeBearsTheForceEvenly) {
+  const auto column = solid(face(0));
+  const auto response = column->push_homogeneous();
+  const CellGrid& cells = column->cells();
+  const double even_n = kWidthM * kElevationM / kDepthM;  // E A / depth, of 1 Pa
+  std::printf("a column: force %.3f of E A / depth\n", response.force_n / even_n);
+  // Bonded at its end it is held there, and what lies beside it has 1 % of its modulus.
+  EXPECT_GE(response.force_n, even_n);
+  EXPECT_LE(response.force_n, 1.2 * even_n);
+  for (const std::size_t row : {4u, 8u, 12u}) {
+    const double axial = -mean_of_row(response.axial_strain, cells, row),
+                 lateral = mean_of_row(response.lateral_strain, cells, row);
+    EXPECT_NEAR(axial * kDepthM, 1, 0.15) << row;
+    EXPECT_NEAR(lateral / axial, 0.45, 0.07) << row;
+  }
+  EXPECT_EQ(column->force_share(), 1);
+}
+
+TEST(ProbedSolid, TissueThatEndsFarAwayIsTissueThatGoesOn) {
+  const auto far = solid(face(1)), on = solid(face()), near = solid(face(0.005));
+  const auto of_far = far->push_homogeneous(), of_on = on->push_homogeneous(),
+             of_near = near->push_homogeneous();
+  ASSERT_EQ(far->cells().size(), on->cells().size());
+  const auto off = [&](const ProbedTissue::Response& of) {
+    double most = 0;
+    for (std::size_t row = 4; row < on->cells().rows; ++row)
+      most = std::max(most, std::abs(std::log(mean_of_row(of.axial_strain, on->cells(), row) /
+                                              mean_of_row(of_on.axial_strain, on->cells(), row))));
+    return most;
+  };
+  std::printf("ends far away: strain off by %.3f, ends 5 mm beside: %.3f\n", off(of_far), off(of_near));
+  EXPECT_LE(off(of_far), 0.1);
+  EXPECT_GE(off(of_near), 2 * off(of_far));
+  EXPECT_LT(of_near.force_n, of_on.force_n);
+}
+
+// Bonded tissue does not widen at its bottom; tissue that slides does, bears less, and is not lifted off.
+TEST(ProbedSolid, TissueThatSlidesWidensAtItsBottom) {
+  const auto bonded = solid(face(0.014)), sliding = solid(face(0.014, true));
+  const auto held = bonded->push_homogeneous(), free = sliding->push_homogeneous();
+  const CellGrid& cells = bonded->cells();
+  ASSERT_EQ(cells.size(), sliding->cells().size());
+  const std::size_t last = cells.rows - 1;
+  const auto ratio = [&](const ProbedTissue::Response& r) {
+    return -mean_of_row(r.lateral_strain, cells, last) / mean_of_row(r.axial_strain, cells, last);
+  };
+  std::printf("lateral over axial strain at the bottom: bonded %.3f, sliding %.3f\n", ratio(held),
+              ratio(free));
+  EXPECT_LE(ratio(held), 0.22);
+  EXPECT_GE(ratio(free), 0.3);
+  EXPECT_LT(free.force_n, held.force_n);
+  // What it slides on is thin and nearly incompressible: it takes little of the push.
+  double carried = 0;
+  for (std::size_t row = 0; row < cells.rows; ++row)
+    carried -= mean_of_row(free.axial_strain, cells, row) * cells.row_m;
+  EXPECT_GE(carried, 0.85);
+}
+
+// What an estimate gets of tissue under such a face, homogeneous, with white noise.
+class Pressed {
+ public:
+  explicit Pressed(const ProbeFace& f) : Pressed(f, [](double, double) { return 1.0; }) {}
+  Pressed(const ProbeFace& f, const std::function<double(double, double)>& strained) {
+    const auto tissue = solid(f);
+    const auto response = tissue->push_homogeneous();
+    force = ProbeForce{kModulusPa * kPushM * response.force_n / tissue->force_share(), kWidthM * kElevationM};
+    const auto axial = as_measured(response.axial_strain, tissue->cells(), {}),
+               lateral = as_measured(response.lateral_strain, tissue->cells(), {});
+    Measured& m = measured;
+    m.grid = {59, 39, 0.5e-3, 0.5e-3, 0.5e-3, 0.5e-3};
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal(0, kNoise);
+    const Field nothing(m.grid.size(), 0.0F);
+    m.axial_displacement = m.lateral_displacement = m.axial_displacement_std = m.lateral_displacement_std =
+        m.shear_strain = m.lateral_strain_std = m.shear_strain_std = nothing;
+    m.correlation.assign(m.grid.size(), 1.0F);
+    m.displacement_valid.assign(m.grid.size(), 1), m.strain_valid = m.displacement_valid;
+    for (std::size_t n = 0; n < m.grid.size(); ++n) {
+      const double as = kPushM * strained(m.grid.x_m(n), m.grid.y_m(n)) * (1 + normal(random)),
+                   strain = as * at_node(axial, tissue->cells(), m.grid, 0, n);
+      m.axial_strain.push_back(static_cast<float>(strain));
+      m.lateral_strain.push_back(static_cast<float>(as * at_node(lateral, tissue->cells(), m.grid, 0, n)));
+      m.axial_strain_std.push_back(static_cast<float>(std::abs(kNoise * strain)));
+    }
+  }
+
+  ModulusEstimate estimate(std::function<double()> seconds_left = {}) const {
+    TissueExtent tissue{0.1, kDepthM, 0.035, 0.49, Plane::kSolid, kElevationM};
+    return make_solid(imaging_device()->queue(), {})
+        ->estimate({measured, kWidthM, tissue, force, {}, std::move(seconds_left)});
+  }
+
+  Measured measured;
+  std::optional<ProbeForce> force;
+};
+
+double background(const ModulusEstimate& e, const Measured& m) {
+  std::vector<float> values;
+  for (std::size_t n = 0; n < m.grid.size(); ++n)
+    if (m.grid.y_m(n) > 0.003 && std::isfinite(e.youngs_modulus[n])) values.push_back(e.youngs_modulus[n]);
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+bool warned(const ModulusEstimate& e, ModulusFlag flag) {
+  return std::any_of(e.warnings.begin(), e.warnings.end(),
+                     [&](const ModulusWarning& w) { return w.flag == flag; });
+}
+
+bool says(const ModulusEstimate& e, const char* words) {
+  return e.model.find(words) != std::string::npos;
+}
+
+TEST(ProbeFit, TellsWhereTissueEndsAndWhetherItSlides) {
+  struct Case {
+    ProbeFace of;
+    bool ends, as_wide, slides;
+  };
+  for (const Case& c : {Case{face(), false, false, false}, Case{face(0.007), true, false, false},
+                        Case{face(0.015, true), true, false, true}, Case{face(0), false, true, false}}) {
+    const Pressed pressed(c.of);
+    const ModulusEstimate e = pressed.estimate();
+    std::printf("background %.2f kPa: %s\n", 1e-3 * background(e, pressed.measured), e.model.c_str());
+    EXPECT_EQ(
+        says(e, c.slides ? "it ends some 14 mm beside the probe" : "it ends some 6 mm beside the probe"),
+        c.ends)
+        << e.model;
+    EXPECT_EQ(says(e, "it is as wide as the probe, as the strain shows"), c.as_wide) << e.model;
+    EXPECT_EQ(says(e, "and slides on its support"), c.slides) << e.model;
+    EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, 0.1) << e.model;
+    EXPECT_FALSE(warned(e, ModulusFlag::kMisfit)) << e.model;
+  }
+}
+
+// Trying takes time: where little is left the tissue goes on, as usual, and what is left over is said.
+TEST(ProbeFit, TriesNoSidesWithoutTheTime) {
+  const Pressed pressed(face(0.014, true));
+  const ModulusEstimate e = pressed.estimate([] { return 1.0; });
+  EXPECT_FALSE(says(e, "beside the probe")) << e.model;
+  EXPECT_TRUE(warned(e, ModulusFlag::kMisfit)) << e.model;
+}
+
+// Strain that no tissue of the model shows.
+TEST(ProbeFit, WhatNothingExplainsIsAMisfit) {
+  const Pressed pressed(face(), [](double x, double) { return 1 + 0.5 * std::sin(x / 0.8e-3); });
+  const ModulusEstimate e = pressed.estimate();
+  EXPECT_TRUE(warned(e, ModulusFlag::kMisfit)) << e.model;
+}
+
+}  // namespace
+}  // namespace teletact::service
