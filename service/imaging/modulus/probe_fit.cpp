@@ -282,7 +282,10 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     other.face.beside_m = sides.depths * usual.depth_m, other.face.slides = sides.slides;
     try {
       ProbeFit found = tried(pair, other);
-      if (!(found.rest < (ends ? 1 : kSidesBetterBy) * out.rest)) continue;
+      double share = ends ? 1 : kSidesBetterBy;
+      // The block's depth is not seen: where it is stated the solid is the likelier of the two.
+      if (!ends && !out.words.empty() && sides.depths == 0 && !stated.depth) share = 1 / kSidesBetterBy;
+      if (!(found.rest < share * out.rest)) continue;
       ends = true, u = other, out = std::move(found);
     } catch (const std::invalid_argument&) {  // beyond what is modelled
     }
