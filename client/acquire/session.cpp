@@ -57,11 +57,13 @@ AcquireSession::AcquireSession(const std::string& address, const std::string& tl
       client_(make_channel(address, tls_ca), options.retry_for_s),
       acquired_s_(source.window_count()),
       passes_(source.window_count(), 0) {
-  if (options.slices)
+  if (options.slices) {
     scene_.emplace(make_channel(address, tls_ca), options.scene_id, options.slices->grid,
                    options.retry_for_s);
-  else
+    corrections_.emplace(source.window_count());
+  } else {
     finger_.emplace(address, tls_ca, options.scene_id);
+  }
   uploader_ = std::thread([this] { upload_loop(); });
 }
 
@@ -113,9 +115,7 @@ AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
 // they travel.
 void AcquireSession::acquire(std::size_t window, const std::atomic<bool>& stop) {
   Upload upload{{}, window, {}};
-  const double z_m = options_.slices ? options_.slices->grid.places.z_m(window) : 0;
-  for (const double origin_m : {options_.slices ? 0 : planner_.window_x_m(window), 0.0, z_m})
-    upload.timing.mutable_window()->add_origin_m(origin_m);
+  *upload.timing.mutable_window() = pose_of(window);
   upload.timing.set_asked_ns(monotonic_ns());
   const ArmSchedule schedule = arm_.acquire(planner_.window_x_m(window), source_.compression_m(), now_s());
   {
@@ -136,6 +136,14 @@ void AcquireSession::acquire(std::size_t window, const std::atomic<bool>& stop) 
   sleep_until(schedule.lifted_s, stop);
 }
 
+v1::SlicePose AcquireSession::pose_of(std::size_t window) const {
+  v1::SlicePose pose;
+  const double z_m = options_.slices ? options_.slices->grid.places.z_m(window) : 0;
+  for (const double origin_m : {options_.slices ? 0 : planner_.window_x_m(window), 0.0, z_m})
+    pose.add_origin_m(origin_m);
+  return pose;
+}
+
 bool AcquireSession::room_for(bool wished) {
   const std::lock_guard lock(mutex_);
   return queue_.size() < kMaxQueuedUploads + (wished ? 1 : 0);
@@ -143,30 +151,39 @@ bool AcquireSession::room_for(bool wished) {
 
 void AcquireSession::upload_loop() {
   std::unique_lock lock(mutex_);
+  const auto due = [this] { return corrections_ ? corrections_->due() : std::nullopt; };
   while (true) {
-    changed_.wait(lock, [this] { return closing_ || !queue_.empty(); });
-    if (abandon_ || failure_ || queue_.empty()) return;
-    auto next = std::ranges::find_if(queue_, [this](const Upload& u) { return u.window == wished_; });
-    if (next == queue_.end()) next = queue_.begin();
-    Upload upload = std::move(*next);
-    queue_.erase(next);
-    uploading_ = upload.window;
+    changed_.wait(lock, [&] { return closing_ || !queue_.empty() || due(); });
+    if (abandon_ || failure_ || (closing_ && queue_.empty())) return;
+    std::function<void()> work;
+    if (queue_.empty()) {
+      correcting_ = true;
+      const std::size_t slice = *due();
+      work = [this, slice, pair = corrections_->take(slice)]() mutable { correct(slice, std::move(pair)); };
+    } else {
+      auto next = std::ranges::find_if(queue_, [this](const Upload& u) { return u.window == wished_; });
+      if (next == queue_.end()) next = queue_.begin();
+      uploading_ = next->window;
+      work = [this, upload = std::move(*next)]() mutable { upload_one(std::move(upload)); };
+      queue_.erase(next);
+    }
     lock.unlock();
     std::exception_ptr failure;
     try {
-      upload_one(std::move(upload));
+      work();
     } catch (...) {
       failure = std::current_exception();
     }
     lock.lock();
     uploading_.reset();
+    correcting_ = false;
     failure_ = failure;
     changed_.notify_all();
   }
 }
 
-void AcquireSession::upload_one(Upload upload) {
-  v1::Acquisition& acquisition = upload.pair.acquisition;
+EstimateOutcome AcquireSession::estimate(const FramePair& pair, std::size_t window) {
+  v1::Acquisition acquisition = pair.acquisition;
   acquisition.set_modulus_method(options_.modulus_method);
   acquisition.set_modulus_time_limit_s(options_.modulus_time_limit_s);
   if (options_.slices) {
@@ -175,9 +192,13 @@ void AcquireSession::upload_one(Upload upload) {
     acquisition.set_poisson_ratio(options_.slices->grid.poisson_ratio);
     acquisition.set_probe_elevation_m(options_.slices->probe_elevation_m);
     for (const char* map : {"youngs_modulus", "youngs_modulus_log_std"}) acquisition.add_maps(map);
+    if (scene_->made()) {
+      acquisition.mutable_slice_of()->set_scene_id(options_.scene_id);
+      *acquisition.mutable_slice_of()->mutable_window() = pose_of(window);
+    }
   } else {
     acquisition.mutable_publish()->set_scene_id(options_.scene_id);
-    acquisition.mutable_publish()->mutable_window()->CopyFrom(upload.timing.window());
+    *acquisition.mutable_publish()->mutable_window() = pose_of(window);
     acquisition.set_plane(options_.plane);
   }
   if (options_.all_maps) acquisition.clear_maps();
@@ -191,16 +212,48 @@ void AcquireSession::upload_one(Upload upload) {
     callbacks.response = [this](const v1::EstimateResponse& response) {
       observer_.response(calls_, response);
     };
+  return client_.estimate(acquisition, pair.pre, pair.post, callbacks, abandon_);
+}
+
+bool AcquireSession::tracked(const std::function<void()>& work) const {
   try {
-    publish(upload, client_.estimate(acquisition, upload.pair.pre, upload.pair.post, callbacks, abandon_));
+    work();
   } catch (const ServiceError& error) {
-    // A pair that cannot be tracked is a fact of ultrasound: the window stays unknown and is acquired again.
     if (error.code != grpc::StatusCode::FAILED_PRECONDITION) throw;
     if (observer_.note) observer_.note(error.what());
-    const std::lock_guard lock(mutex_);
-    acquired_s_[upload.window].reset();
-    ++result_.untracked;
+    return false;
   }
+  return true;
+}
+
+void AcquireSession::upload_one(Upload upload) {
+  const auto neighbours = [&] {
+    const std::lock_guard lock(mutex_);
+    return corrections_ ? corrections_->neighbours(upload.window) : 0;
+  }();
+  if (tracked([&] { publish(upload, estimate(upload.pair, upload.window)); })) {
+    const std::lock_guard lock(mutex_);
+    if (corrections_) corrections_->published(upload.window, std::move(upload.pair), neighbours);
+    return;
+  }
+  // A pair that cannot be tracked is a fact of ultrasound: the window stays unknown and is acquired again.
+  const std::lock_guard lock(mutex_);
+  acquired_s_[upload.window].reset();
+  ++result_.untracked;
+}
+
+void AcquireSession::correct(std::size_t slice, FramePair pair) {
+  const auto neighbours = [&] {
+    const std::lock_guard lock(mutex_);
+    return corrections_->neighbours(slice);
+  }();
+  tracked([&] {
+    const PublishedSlice published = scene_->publish(slice, estimate(pair, slice).maps, abandon_);
+    if (observer_.corrected) observer_.corrected(slice, published.version);
+    say_warnings(published);
+  });
+  const std::lock_guard lock(mutex_);
+  corrections_->published(slice, std::move(pair), neighbours);
 }
 
 void AcquireSession::publish(Upload& upload, const EstimateOutcome& outcome) {
@@ -210,11 +263,15 @@ void AcquireSession::publish(Upload& upload, const EstimateOutcome& outcome) {
   upload.timing.set_published_ns(scene_ ? monotonic_ns() : outcome.published_ns);
   if (observer_.window) observer_.window(calls_, upload.timing, outcome.summary);
   if (scene_ && observer_.slice) observer_.slice(upload.window, slice.version);
-  if (observer_.note)
-    for (const std::string& warning : slice.warnings) observer_.note("warning: " + warning);
+  say_warnings(slice);
   const std::lock_guard lock(mutex_);
   scene_made_ = true;
   result_.windows.push_back(upload.timing);
+}
+
+void AcquireSession::say_warnings(const PublishedSlice& slice) const {
+  if (observer_.note)
+    for (const std::string& warning : slice.warnings) observer_.note("warning: " + warning);
 }
 
 // As the planner counts: from the first window's left border, or half of a pitch before the first slice.
@@ -265,12 +322,18 @@ bool AcquireSession::all_slices() {
   return true;
 }
 
+bool AcquireSession::all_corrected() {
+  const std::lock_guard lock(mutex_);
+  return !correcting_ && !(corrections_ && corrections_->due());
+}
+
 bool AcquireSession::finished(std::int64_t begin_ns) {
   const std::string failure = finger_ ? finger_->failure() : "";
   if (!failure.empty()) throw ServiceError(grpc::StatusCode::ABORTED, failure);
   const std::int64_t now = monotonic_ns();
   if (options_.duration_s > 0 && seconds(now - begin_ns) >= options_.duration_s) return true;
-  if (options_.slices && !options_.until_finger_leaves && options_.duration_s == 0) return all_slices();
+  if (options_.slices && !options_.until_finger_leaves && options_.duration_s == 0)
+    return all_slices() && all_corrected();
   const auto gone = finger_ ? finger_->gone_since_ns() : std::nullopt;
   return options_.until_finger_leaves && gone && seconds(now - *gone) >= options_.finger_gone_s;
 }

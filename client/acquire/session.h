@@ -2,7 +2,8 @@
 //
 // Two threads besides the caller's: FingerWatch, and one uploader, so that the arm moves on while the service
 // computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits. The slice that the
-// service asks for passes them: one more may wait, and it is uploaded next.
+// service asks for passes them: one more may wait, and it is uploaded next. While none waits, slices that a
+// neighbour came to are estimated again, with it.
 #pragma once
 
 #include <atomic>
@@ -22,6 +23,7 @@
 #include "client/acquire/finger_watch.h"
 #include "client/acquire/frame_source.h"
 #include "client/acquire/robot_arm.h"
+#include "client/acquire/slice_corrections.h"
 #include "client/acquire/slice_scene.h"
 #include "client/acquire/window_planner.h"
 #include "client/clock/clock.h"
@@ -63,7 +65,8 @@ struct AcquireObserver {
   std::function<void(std::uint32_t call, const teletact::v1::WindowTiming&,
                      const teletact::v1::EstimateSummary&)>
       window;
-  std::function<void(std::size_t slice, std::uint64_t version)> slice;  // of a solid, after `window`
+  std::function<void(std::size_t slice, std::uint64_t version)> slice;      // of a solid, after `window`
+  std::function<void(std::size_t slice, std::uint64_t version)> corrected;  // by its neighbours
   std::function<void()> ready;                   // what the finger needs first is published
   std::function<void(const std::string&)> note;  // one line for people
 };
@@ -84,7 +87,8 @@ class AcquireSession {
                  const AcquireOptions& options, AcquireObserver observer);
   ~AcquireSession();
 
-  // Works until the finger has left, the duration is over, all slices are there or `stop` is set. Throws
+  // Works until the finger has left, the duration is over, all slices are there and corrected, or `stop` is
+  // set. Throws
   // ServiceError when the service refuses a call or stays unavailable.
   AcquireResult run(const std::atomic<bool>& stop);
   // What was published of slices; once run() has ended, however it did.
@@ -101,13 +105,21 @@ class AcquireSession {
   bool room_for(bool wished);
   void upload_loop();
   void upload_one(Upload upload);
+  void correct(std::size_t slice, FramePair pair);
+  teletact::v1::SlicePose pose_of(std::size_t window) const;
+  // With what the neighbours tell that are there.
+  EstimateOutcome estimate(const FramePair& pair, std::size_t window);
+  // False, and said, where the pair that `work` is done on cannot be tracked.
+  bool tracked(const std::function<void()>& work) const;
   bool finished(std::int64_t begin_ns);
   bool idle();
   bool all_slices();
+  bool all_corrected();
   bool ready();
   FingerMotion finger();
   std::optional<double> wished_m();
   void publish(Upload& upload, const EstimateOutcome& outcome);
+  void say_warnings(const PublishedSlice& slice) const;
   void rethrow_failure();
   std::vector<WindowKnowledge> knowledge();
   double now_s() const { return seconds(monotonic_ns() - epoch_ns_); }
@@ -133,6 +145,8 @@ class AcquireSession {
   std::condition_variable changed_;
   std::deque<Upload> queue_;
   std::optional<std::size_t> uploading_, wished_;  // windows
+  std::optional<SliceCorrections> corrections_;    // of slices
+  bool correcting_ = false;
   bool closing_ = false, scene_made_ = false;
   std::vector<std::optional<double>> acquired_s_;
   std::vector<std::uint32_t> passes_;

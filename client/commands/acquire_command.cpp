@@ -167,6 +167,11 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
                 static_cast<unsigned long long>(version));
     std::fflush(stdout);
   };
+  observer.corrected = [&arguments](std::size_t slice, std::uint64_t version) {
+    std::printf("  slice %zu of %zu is corrected by its neighbours: version %llu\n", slice + 1,
+                *arguments.slices, static_cast<unsigned long long>(version));
+    std::fflush(stdout);
+  };
   observer.note = say;
   observer.ready = [&arguments] {
     if (arguments.ready_path.empty()) return;

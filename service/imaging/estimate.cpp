@@ -236,7 +236,9 @@ Estimate Elastography::estimate(const EstimateInput& in, const EstimateObserver&
   download(queue_, strain_.estimate(displacement, e.grid), e);
   ended(Stage::kStrain, e.strain_s);
   const double window_width_m = static_cast<double>(in.pre.line_count) * in.geometry.line_pitch_m;
-  find_modulus({e, window_width_m, in.tissue, in.force, in.known}, in.modulus, e);
+  ModulusInput input{e, window_width_m, in.tissue, in.force, in.known};
+  input.beside = in.beside;
+  find_modulus(std::move(input), in.modulus, e);
   ended(Stage::kModulus, e.modulus_s);
   return e;
 }

@@ -60,6 +60,7 @@ struct EstimateInput {
   TissueExtent tissue;
   KnownModulus known = {};  // beside the window, from its neighbours, if there are any
   ModulusChoice modulus = {};
+  std::vector<SliceBeside> beside = {};  // ModulusInput::beside
 };
 
 // Who follows an estimate.

@@ -98,6 +98,14 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
   if (!solid && r.tissue.probe_elevation_m != 0)
     throw std::invalid_argument(
         "acquisition.probe_elevation_m: only the plane condition SOLID takes it; leave it out");
+  if (!solid && r.slice_of)
+    throw std::invalid_argument(
+        "acquisition.slice_of: only the plane condition SOLID takes it; leave it out");
+  if (r.slice_of) {
+    const std::shared_ptr<const ExplicitModulus> slices = r.slice_of->scene->solid();
+    require_between("acquisition.slice_of.window.origin_m[2]", r.slice_of->z_m, slices->z_m.front(),
+                    slices->z_m.back(), "give a place in the solid");
+  }
   if (r.tissue.probe_elevation_m != 0)
     require_between("acquisition.probe_elevation_m", r.tissue.probe_elevation_m,
                     limits.least_probe_elevation_m, limits.most_probe_elevation_m,

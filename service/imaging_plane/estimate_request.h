@@ -27,6 +27,12 @@ struct EstimateRequest {
   double most_modulus_s = HUGE_VAL;  // that it may take in any case
   std::shared_ptr<Scene> scene;      // null: nothing is published
   double window_x_m = 0;
+  // Of a solid: whose slices tell how the tissue goes on across the image; where its left border lies there.
+  struct SceneSlice {
+    std::shared_ptr<Scene> scene;
+    double x_m = 0, z_m = 0;
+  };
+  std::optional<SceneSlice> slice_of;
   double finish_within_s = 0;  // of the last byte; 0: whenever
 
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }

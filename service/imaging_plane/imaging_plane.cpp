@@ -156,6 +156,8 @@ EstimateOutcome ImagingPlane::work(const ReceivedPair& pair, const std::pair<RfF
   EstimateOutcome outcome;
   // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
   const KnownModulus known = r.scene ? known_modulus(r.scene->snapshot()->map) : KnownModulus{};
+  std::vector<SliceBeside> beside;
+  if (r.slice_of) beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
   {
     const auto engine = engines_.borrow(pair.client);
     engine->charge_to({memory_, pair.client});
@@ -165,7 +167,8 @@ EstimateOutcome ImagingPlane::work(const ReceivedPair& pair, const std::pair<RfF
     if (r.force) modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
     if (r.scene) modulus.need.tolerance = r.scene->finger().tolerance();
     modulus.time = [&, begun_s = worked_s()] { return modulus_time(pair, begun_s); };
-    outcome.estimate = engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, modulus}, {ended});
+    outcome.estimate =
+        engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, modulus, beside}, {ended});
   }
   const Estimate& e = outcome.estimate;
   EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus_start_s};

@@ -98,24 +98,24 @@ std::vector<std::string> maps_from(const v1::Acquisition& in) {
   return maps.empty() ? known : maps;
 }
 
-// Along x alone a window of a plane scene may lie anywhere.
-double window_x_from(const v1::SlicePose& in) {
-  const auto lies_along = [](const char* field, const auto& stated, const std::array<double, 3>& axis) {
-    if (stated.empty() || vector_from(field, stated, false) == axis) return;
+// Where a window begins: at the scene's surface, along its axes, along x anywhere; across a solid's z, too.
+std::array<double, 3> origin_from(const std::string& field, const v1::SlicePose& in, bool solid) {
+  const auto lies_along = [&](const char* name, const auto& stated, const std::array<double, 3>& axis) {
+    const std::string full = field + "." + name;
+    if (stated.empty() || vector_from(full.c_str(), stated, false) == axis) return;
     throw std::invalid_argument(
-        fmt::format("{}: a plane scene's windows lie along its own axes; leave it out", field));
+        fmt::format("{}: windows lie along the scene's own axes; leave it out", full));
   };
-  lies_along("publish.window.lateral", in.lateral(), {1, 0, 0});
-  lies_along("publish.window.axial", in.axial(), {0, 1, 0});
-  constexpr const char* kOrigin = "publish.window.origin_m";
-  const auto origin_m = vector_from(kOrigin, in.origin_m(), false);
+  lies_along("lateral", in.lateral(), {1, 0, 0});
+  lies_along("axial", in.axial(), {0, 1, 0});
+  const std::string origin = field + ".origin_m";
+  const auto origin_m = vector_from(origin.c_str(), in.origin_m(), false);
   for (const std::size_t axis : {1U, 2U})
-    if (origin_m[axis] != 0)
+    if (origin_m[axis] != 0 && !(solid && axis == 2))
       throw std::invalid_argument(
-          fmt::format("{}[{}]: {}; a plane scene's windows begin at its surface and lie in its plane: give "
-                      "[x, 0, 0]",
-                      kOrigin, axis, origin_m[axis]));
-  return origin_m[0];
+          fmt::format("{}[{}]: {}; windows begin at the scene's surface{}: give [x, 0, {}]", origin, axis,
+                      origin_m[axis], solid ? "" : " and lie in its plane", solid ? "z" : "0"));
+  return origin_m;
 }
 
 EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes) {
@@ -138,7 +138,11 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes) {
   request.finish_within_s = in.finish_within_s();
   if (in.has_publish()) {
     request.scene = scenes.find(in.publish().scene_id());
-    request.window_x_m = window_x_from(in.publish().window());
+    request.window_x_m = origin_from("publish.window", in.publish().window(), false)[0];
+  }
+  if (in.has_slice_of()) {
+    const auto origin_m = origin_from("slice_of.window", in.slice_of().window(), true);
+    request.slice_of = {scenes.find(in.slice_of().scene_id()), origin_m[0], origin_m[2]};
   }
   return request;
 }

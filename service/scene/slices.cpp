@@ -95,11 +95,13 @@ struct FeltVariance {
   double unseen = 0;  // of what lies between them and shows in neither
   double deviation() const { return std::sqrt(stated + change + unseen); }
 };
+// In which it lies, or the nearest.
+std::size_t element(const std::vector<double>& nodes_m, double at_m) {
+  const auto above = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
+  return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
+}
+
 FeltVariance felt_variance(const ExplicitModulus& e, double x_m, double depth_m, double z_m) {
-  const auto element = [](const std::vector<double>& nodes_m, double at_m) {
-    const auto above = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
-    return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
-  };
   const double above_m = std::max(0.0, depth_m - choices::kFeltDepth / 2);
   const std::size_t first = element(e.x_m, x_m - choices::kWidestReach / 2),
                     last = element(e.x_m, x_m + choices::kWidestReach / 2),
@@ -205,6 +207,23 @@ std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, d
   return felt_variance(e, x_m, depth_m, z_m).deviation();
 }
 
+std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>& e, double x_m,
+                                       double z_m) {
+  std::vector<SliceBeside> beside;
+  const auto inside = [](const std::vector<double>& nodes_m, double at_m) {
+    return at_m >= nodes_m.front() && at_m <= nodes_m.back();
+  };
+  for (std::size_t n = 0; n < e->slices(); ++n)
+    if (const double offset_m = e->slice_m(n) - z_m; std::abs(offset_m) > kSameSliceM)
+      beside.push_back(
+          {offset_m, [=](double x, double y) {
+             if (!inside(e->x_m, x + x_m) || !inside(e->y_m, y)) return std::nan("");
+             const std::size_t nx = e->x_m.size() - 1, plane = nx * (e->y_m.size() - 1);
+             return e->youngs_modulus_pa[element(e->x_m, x + x_m) + nx * element(e->y_m, y) + plane * n];
+           }});
+  return beside;
+}
+
 double from_slices_m(const ExplicitModulus& e, double z_m) {
   if (e.slices_m.empty()) return 0;
   const double nearest_m = nearest_slice_m(e, z_m);
@@ -215,8 +234,8 @@ std::optional<SliceWish> wished_slice(const ExplicitModulus& e, double x_m, doub
                                       const std::optional<double>& tolerance) {
   if (from_slices_m(e, z_m) == 0) return std::nullopt;
   const double spacing_m = spacing_z_m(e), last = static_cast<double>(e.z_m.size() - 2),
-               element = std::clamp(std::floor((z_m - e.z_m.front()) / spacing_m), 0.0, last),
-               middle_m = e.z_m.front() + (element + 0.5) * spacing_m;
+               before = std::clamp(std::floor((z_m - e.z_m.front()) / spacing_m), 0.0, last),
+               middle_m = e.z_m.front() + (before + 0.5) * spacing_m;
   if (nearest_slice_m(e, middle_m) < kSameSliceM) return std::nullopt;  // z is farther by a rounding
   const FeltVariance felt = felt_variance(e, x_m, depth_m, z_m);
   const double with_it = std::sqrt(felt.stated + unseen_variance(std::abs(z_m - middle_m))),

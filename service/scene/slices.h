@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "service/imaging/modulus/tissue_extent.h"
 #include "service/limits/limits.h"
 #include "service/scene/scene_record.h"
 
@@ -51,6 +53,9 @@ Between between(const ExplicitModulus&, double z_m);
 // Standard deviation of ln E there, root mean square over the elements around (x, z) that a touch on the
 // surface feels (T8.7); none where the modulus was given throughout.
 std::optional<double> felt_log_deviation(const ExplicitModulus&, double x_m, double depth_m, double z_m);
+
+// The slices of a solid, but for one at z, as one sees them whose window begins at x.
+std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>&, double x_m, double z_m);
 
 // How far z is from the nearest slice; 0 within half a spacing of the solid's nodes, and where the modulus is
 // given throughout.

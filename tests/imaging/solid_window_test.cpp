@@ -50,13 +50,13 @@ struct Asked {
 // Of a tissue, pressed once and estimated as often as asked.
 class Window {
  public:
-  explicit Window(const client::Tissue& t)
+  explicit Window(const client::Tissue& t, double z_m = 0)
       : tissue_(t),
         left_m_((t.width_m - kProbeM) / 2),
-        probe_(client::press_solid(t, left_m_, kPushM, kSpacingM)),
+        probe_(client::press_solid(t, left_m_, kPushM, kSpacingM, z_m)),
         rf_(client::with_noise(client::simulate_rf(t, probe_, client::RfFrame::kProbe, 5), 6)) {}
 
-  Estimate estimate(const Asked& asked = {}) const {
+  Estimate estimate(const Asked& asked = {}, const std::vector<SliceBeside>& beside = {}) const {
     const auto of = [&](const std::vector<std::int16_t>& samples) {
       return RfFrame{rf_.geometry.sample_count, rf_.geometry.line_count, {samples.begin(), samples.end()}};
     };
@@ -70,7 +70,7 @@ class Window {
     if (asked.force) force = ProbeForce{probe_.force_n, probe_.contact_area_m2};
     static Elastography elastography(imaging_device());
     return elastography.estimate(
-        {of(rf_.pre), of(rf_.post), g, force, extent, {}, {std::nullopt, asked.time_limit_s}});
+        {of(rf_.pre), of(rf_.post), g, force, extent, {}, {std::nullopt, asked.time_limit_s}, beside});
   }
 
  private:
@@ -180,6 +180,43 @@ TEST(SolidWindow, SpheresAndCylindersKeepTheirContrast) {
                       }),
               0.85);
   }
+}
+
+// A slice shows a lump that lies beside it, and a lump's own slice shows the tissue beside that: what is
+// known there is put down to it. `e` is as in the tissue's other slice, offset_m from this one.
+SliceBeside beside(const Estimate& e, double offset_m) {
+  return {offset_m, [&e](double x_m, double y_m) {
+            const auto index = [](double at_m, double origin_m, double spacing_m, std::size_t nodes) {
+              const double n = std::round((at_m - origin_m) / spacing_m);
+              return static_cast<std::size_t>(std::clamp(n, 0.0, static_cast<double>(nodes - 1)));
+            };
+            const std::size_t node = index(x_m, e.grid.origin_x_m, e.grid.dx_m, e.grid.nx) +
+                                     e.grid.nx * index(y_m, e.grid.origin_y_m, e.grid.dy_m, e.grid.ny);
+            return e.valid[node] ? static_cast<double>(e.youngs_modulus[node]) : std::nan("");
+          }};
+}
+
+TEST(SolidWindow, SlicesCorrectTheirNeighbours) {
+  constexpr double kPitchM = 0.005;
+  const client::Tissue t = tissue({}, 0.120, Lump{0.015, 3, true});
+  const Window through(t), past(t, kPitchM);
+  const Estimate through_alone = through.estimate(), past_alone = past.estimate();
+  const Estimate through_both =
+      through.estimate({}, {beside(past_alone, -kPitchM), beside(past_alone, kPitchM)});
+  const Estimate past_both = past.estimate({}, {beside(through_alone, -kPitchM)});
+  const auto contrast = [](const Estimate& e) {
+    const auto lump = [](double x, double y) { return std::hypot(x - 0.03, y - 0.015) < 0.0035; };
+    return median_where(e, lump) / background(e);
+  };
+  std::printf("sphere of 3: %.2f, with its neighbours %.2f; 5 mm beside its middle %.2f, %.2f; %s\n",
+              contrast(through_alone), contrast(through_both), contrast(past_alone), contrast(past_both),
+              past_both.modulus_model.c_str());
+  EXPECT_LT(std::abs(std::log(contrast(through_both) / 3)), std::abs(std::log(contrast(through_alone) / 3)));
+  EXPECT_LT(contrast(past_both), contrast(past_alone) - 0.03) << "of it only its rim reaches the slice";
+  EXPECT_NEAR(background(through_both) / kBackgroundPa, 1, 0.1);
+  EXPECT_NE(past_both.modulus_model.find("across the image 1 slices are known, from -5.0 to -5.0 mm"),
+            std::string::npos)
+      << past_both.modulus_model;
 }
 
 TEST(SolidWindow, TiltAndFrictionAreNoModulus) {

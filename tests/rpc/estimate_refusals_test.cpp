@@ -71,6 +71,20 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
       a.set_plane(v1::PLANE_CONDITION_SOLID);
       a.set_probe_elevation_m(elevation_m);
     });
+  // Which slice of a solid: a plane has none, there is no such scene, or it is no solid.
+  const auto slice_of = [](auto& a, const char* scene, double y_m, double z_m) {
+    a.set_plane(v1::PLANE_CONDITION_SOLID);
+    a.mutable_slice_of()->set_scene_id(scene);
+    for (const double o : {0.0, y_m, z_m}) a.mutable_slice_of()->mutable_window()->add_origin_m(o);
+  };
+  refused(INVALID_ARGUMENT, "acquisition.slice_of", [&](auto& a) {
+    slice_of(a, "scene", 0, 0);
+    a.set_plane(v1::PLANE_CONDITION_STRAIN);
+  });
+  refused(NOT_FOUND, "scene_id", [&](auto& a) { slice_of(a, "nowhere", 0, 0); });
+  refused(FAILED_PRECONDITION, "scene_id", [&](auto& a) { slice_of(a, "scene", 0, 0); });
+  refused(INVALID_ARGUMENT, "slice_of.window.origin_m[1]", [&](auto& a) { slice_of(a, "scene", 0.001, 0); });
+  refused(INVALID_ARGUMENT, "slice_of.window.origin_m", [&](auto& a) { slice_of(a, "scene", 0, nan); });
   refused(INVALID_ARGUMENT, "acquisition.maps", [](auto& a) {  // each would be sent
     for (int k = 0; k < 100'000; ++k) a.add_maps("valid");
   });

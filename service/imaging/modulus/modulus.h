@@ -33,6 +33,8 @@ struct ModulusInput {
   double tolerance = 0.03;
   // Of make_reference_stress() without corrections, where it is known: the direct method begins with it.
   const struct ModulusEstimate* reference = nullptr;
+  // Of a solid: what is known across the image plane, by offset_m, none at 0.
+  std::vector<SliceBeside> beside = {};
 };
 
 enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };

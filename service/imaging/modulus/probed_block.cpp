@@ -32,7 +32,7 @@ class ProbedBlock : public ProbedTissue {
   }
 
   // A tilt strains each line of a tall block by its own push.
-  Response push(const VectorXd& log_modulus, double tilt) override {
+  Response push(const VectorXd& log_modulus, double tilt, const Planes&) override {
     Field map(cells_.size());
     for (std::size_t c = 0; c < map.size(); ++c)
       map[c] = static_cast<float>(std::exp(log_modulus[static_cast<Index>(c)]));

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "service/device/look.h"
@@ -175,8 +177,8 @@ class ProbedSolid : public ProbedTissue {
     cells_ = cells;
   }
 
-  Response push(const VectorXd& log_modulus, double tilt) override {
-    fill(log_modulus);
+  Response push(const VectorXd& log_modulus, double tilt, const Planes& planes) override {
+    fill(log_modulus, planes);
     const auto& layers_pa = solver_.layers().youngs_modulus_pa;
     solver_.use(std::make_shared<const SolidModulus<float>>(queue_, tissue_, beside(tissue_, layers_pa)));
     const auto nodes = static_cast<Index>(cells_.columns + 1);
@@ -218,36 +220,81 @@ class ProbedSolid : public ProbedTissue {
   }
 
  private:
-  void fill(const VectorXd& log_modulus) {
+  void fill(const VectorXd& log_modulus, const Planes& planes) {
     const SolidGrid& grid = tissue_.grid;
     const auto columns = static_cast<Index>(cells_.columns);
-    const auto mirrored = std::min(columns, static_cast<Index>(kMirroredM / cells_.spacing_m));
+    const std::vector<Between> places = places_of(log_modulus, planes);
     std::vector<double> row(grid.nx);
     for (std::size_t j = 0; j < grid.layers(); ++j) {
       look();
-      const auto cells =
-          log_modulus.segment(static_cast<Index>(std::min(j, cells_.rows - 1)) * columns, columns);
-      const double mean = cells.mean();
-      for (std::size_t n = 0; n < grid.nx; ++n) {
-        const auto i = static_cast<Index>(n), right = i + 1 - columns, left = static_cast<Index>(grid.nx) - i;
-        double logarithm = mean;
-        if (i < columns)
-          logarithm = cells[i];
-        else if (right <= left && right <= mirrored)
-          logarithm = cells[columns - right];
-        else if (left < right && left <= mirrored)
-          logarithm = cells[left - 1];
-        row[n] = std::exp(logarithm);
-      }
-      if (face_.slides && j + kSlidingRows >= grid.layers())
-        for (double& modulus : row) modulus *= kSlidingModulus;
+      const Index first = static_cast<Index>(std::min(j, cells_.rows - 1)) * columns;
       for (std::size_t k = 0; k < grid.nz; ++k) {
+        const Between& at = places[k];
+        if (k == 0 || at != places[k - 1]) {
+          fill_row((1 - at.share) * at.before->segment(first, columns) +
+                       at.share * at.after->segment(first, columns),
+                   row);
+          if (face_.slides && j + kSlidingRows >= grid.layers())
+            for (double& modulus : row) modulus *= kSlidingModulus;
+        }
         const std::size_t middle =
             (k + (nodes_across(face_) - 1) / 2) % grid.nz;  // across_ begins at its edge
         double* to = tissue_.youngs_modulus_pa.data() + grid.nx * (k + grid.nz * j);
         for (std::size_t n = 0; n < grid.nx; ++n)
           to[n] = row[n] * (kAir + (1 - kAir) * along_[n] * across_[middle]);
       }
+    }
+  }
+
+  // Between which planes an element's middle lies, how far from the one to the other.
+  struct Between {
+    const VectorXd *before, *after;
+    double share;
+    bool operator==(const Between&) const = default;
+  };
+  // Of the elements across the image, the first of which begins in its plane.
+  std::vector<Between> places_of(const VectorXd& log_modulus, const Planes& planes) const {
+    const SolidGrid& grid = tissue_.grid;
+    const auto behind = static_cast<std::ptrdiff_t>(
+        std::ranges::count_if(planes, [](const ImagePlane& plane) { return plane.offset_m < 0; }));
+    std::vector<std::pair<double, const VectorXd*>> all;
+    for (const ImagePlane& plane : planes) all.emplace_back(plane.offset_m, &plane.log_modulus);
+    all.insert(all.begin() + behind, {0.0, &log_modulus});
+    std::vector<Between> places;
+    for (std::size_t k = 0; k < grid.nz; ++k) {
+      const double element = static_cast<double>(k) + 0.5,
+                   at_m = (2 * k < grid.nz ? element : element - static_cast<double>(grid.nz)) *
+                          grid.spacing_z_m;
+      const auto after = std::ranges::find_if(all, [at_m](const auto& plane) { return plane.first > at_m; });
+      if (after == all.begin() || after == all.end()) {
+        const VectorXd* last = after == all.end() ? all.back().second : after->second;
+        places.push_back({last, last, 0});
+      } else {
+        const auto before = std::prev(after);
+        places.push_back(
+            {before->second, after->second, (at_m - before->first) / (after->first - before->first)});
+      }
+    }
+    return places;
+  }
+
+  // Of the elements of a row, from the logarithms of its cells.
+  void fill_row(const VectorXd& cells, std::vector<double>& row) const {
+    const Index columns = cells.size(),
+                mirrored = std::min(columns, static_cast<Index>(kMirroredM / cells_.spacing_m)),
+                all = static_cast<Index>(row.size());
+    const double mean = std::exp(cells.mean());
+    for (Index i = 0; i < all; ++i) {
+      const Index right = i + 1 - columns, left = all - i;
+      double& modulus = row[static_cast<std::size_t>(i)];
+      if (i < columns)
+        modulus = std::exp(cells[i]);
+      else if (right <= left && right <= mirrored)
+        modulus = std::exp(cells[columns - right]);
+      else if (left < right && left <= mirrored)
+        modulus = std::exp(cells[left - 1]);
+      else
+        modulus = mean;
     }
   }
 

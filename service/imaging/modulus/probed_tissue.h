@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <limits>
 #include <memory>
+#include <vector>
 
 #include "service/device/queue.h"
 #include "service/imaging/modulus/strip_model.h"
@@ -46,10 +47,16 @@ class ProbedTissue {
     Eigen::VectorXd axial_strain, lateral_strain;
     double force_n = 0;  // on the face, > 0
   };
+  // ln(E / Pa) of the same cells in another plane, offset_m across the image.
+  struct ImagePlane {
+    double offset_m = 0;
+    Eigen::VectorXd log_modulus;
+  };
+  using Planes = std::vector<ImagePlane>;  // by offset_m, none at 0
   // Under a frictionless face in whole contact, pushed by 1 + tilt (2 x / width - 1). `log_modulus`: ln(E /
-  // Pa) of the cells, the same all across the plane; beside the cells mirrored, then the row's mean; below
-  // them the last row's.
-  virtual Response push(const Eigen::VectorXd& log_modulus, double tilt = 0) = 0;
+  // Pa) of the cells; across the image linear to the planes beside it, beyond the last of them, and without
+  // any, the same; beside the cells mirrored, then the row's mean; below them the last row's.
+  virtual Response push(const Eigen::VectorXd& log_modulus, double tilt = 0, const Planes& beside = {}) = 0;
   Response push_homogeneous(double tilt = 0) {
     return push(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size())), tilt);
   }
@@ -64,7 +71,7 @@ class ProbedTissue {
 // slides. Throws std::invalid_argument naming what is unusable, DeviceError.
 std::unique_ptr<ProbedTissue> make_probed_solid(const Queue&, const ProbeFace&);
 // Ends where the probe does, free of stress there and across the plane; its far side lies so deep that the
-// image does not show it (StripModel in plane stress).
+// image does not show it (StripModel in plane stress). It has no planes beside the image.
 std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace&, StripCache&);
 
 }  // namespace teletact::service

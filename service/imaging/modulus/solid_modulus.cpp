@@ -106,6 +106,10 @@ class SolidModulusMethod : public ModulusMethod {
     const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1);
     out.lateral_ratio = fit.lateral_ratio;
     out.model = fit.words;
+    if (!in.beside.empty())
+      out.model +=
+          fmt::format("; across the image {} slices are known, from {:.1f} to {:.1f} mm", in.beside.size(),
+                      1e3 * in.beside.front().offset_m, 1e3 * in.beside.back().offset_m);
     if (fit.hurried)
       out.warnings.push_back(
           {ModulusFlag::kDeadline,
@@ -165,6 +169,7 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd told = weight, moved = VectorXd::Zero(size);
     const int solves_after = in.force ? 1 : 0;  // that of the force
     out.converged = false;
+    const ProbedTissue::Planes beside = planes_beside(in, fit);
     while (out.iterations < options_.most_steps) {
       const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
       if (out.iterations > 0 && left_s < (1 + solves_after) * took_s) {
@@ -175,7 +180,7 @@ class SolidModulusMethod : public ModulusMethod {
         break;
       }
       look();
-      const auto response = fit.tissue->push(theta, tilt);
+      const auto response = fit.tissue->push(theta, tilt, beside);
       const VectorXd strain = -as_measured(response.axial_strain, cells, options_.strain);
       VectorXd residual = VectorXd::Zero(size);
       told = weight;
@@ -210,7 +215,7 @@ class SolidModulusMethod : public ModulusMethod {
            fmt::format("the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to "
                        "touch in part, and the modulus is off by a factor; press it flat",
                        100 * std::abs(tilt), tilt > 0 ? "left" : "right")});
-    if (in.force) found.force_n = force_with(fit, theta, tilt, told);
+    if (in.force) found.force_n = force_with(fit, theta, tilt, told, beside);
     found.deviation = denoise.deviation(told, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
@@ -226,9 +231,29 @@ class SolidModulusMethod : public ModulusMethod {
   }
   static constexpr double kMostTilt = 0.5;
 
+  // Each about its own background, 0 where it says nothing: their levels differ by their forces' errors.
+  static ProbedTissue::Planes planes_beside(const ModulusInput& in, const ProbeFit& fit) {
+    const CellGrid& cells = fit.tissue->cells();
+    ProbedTissue::Planes planes;
+    for (const SliceBeside& slice : in.beside) {
+      look();
+      VectorXd logarithm = VectorXd::Zero(static_cast<Index>(cells.size())), told = logarithm;
+      for (std::size_t c = 0; c < cells.size(); ++c) {
+        const double modulus_pa = slice.modulus_pa(cells.x_m(c), cells.y_m(c) + fit.top_m);
+        if (!(modulus_pa > 0 && std::isfinite(modulus_pa))) continue;
+        logarithm[static_cast<Index>(c)] = std::log(modulus_pa), told[static_cast<Index>(c)] = 1;
+      }
+      if (!(told.maxCoeff() > 0)) continue;
+      logarithm = ((logarithm.array() - level_of(logarithm, told)) * told.array()).matrix();
+      planes.push_back({slice.offset_m, logarithm.cwiseMax(-kRangeLog).cwiseMin(kRangeLog)});
+    }
+    return planes;
+  }
+
   // On the probe, N: of the push that leaves as much strain as was measured.
-  double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& told) const {
-    const auto response = fit.tissue->push(theta, tilt);
+  double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& told,
+                    const ProbedTissue::Planes& beside) const {
+    const auto response = fit.tissue->push(theta, tilt, beside);
     const VectorXd strain = -as_measured(response.axial_strain, fit.tissue->cells(), options_.strain);
     VectorXd residual = VectorXd::Zero(theta.size());
     for (Index c = 0; c < theta.size(); ++c)

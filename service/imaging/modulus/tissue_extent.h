@@ -40,4 +40,11 @@ struct KnownModulus {
   explicit operator bool() const { return static_cast<bool>(modulus_pa); }
 };
 
+// Young's modulus (Pa) in another image plane of the same solid, offset_m across this one, at x_m of the
+// window and depth y_m below the probe's face; NaN where unknown.
+struct SliceBeside {
+  double offset_m = 0;
+  std::function<double(double x_m, double y_m)> modulus_pa;
+};
+
 }  // namespace teletact::service
