@@ -209,11 +209,16 @@ std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, d
 
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>& e, double x_m,
                                        double z_m) {
+  constexpr std::size_t kMostEachSide = 16;
   std::vector<SliceBeside> beside;
   const auto inside = [](const std::vector<double>& nodes_m, double at_m) {
     return at_m >= nodes_m.front() && at_m <= nodes_m.back();
   };
-  for (std::size_t n = 0; n < e->slices(); ++n)
+  std::size_t first_behind = 0;
+  while (first_behind < e->slices() && e->slice_m(first_behind) < z_m) ++first_behind;
+  const std::size_t begin = first_behind - std::min(first_behind, kMostEachSide),
+                    end = std::min(e->slices(), first_behind + kMostEachSide + 1);
+  for (std::size_t n = begin; n < end; ++n)
     if (const double offset_m = e->slice_m(n) - z_m; std::abs(offset_m) > kSameSliceM)
       beside.push_back(
           {offset_m, [=](double x, double y) {

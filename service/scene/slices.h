@@ -54,7 +54,7 @@ Between between(const ExplicitModulus&, double z_m);
 // surface feels (T8.7); none where the modulus was given throughout.
 std::optional<double> felt_log_deviation(const ExplicitModulus&, double x_m, double depth_m, double z_m);
 
-// The slices of a solid, but for one at z, as one sees them whose window begins at x.
+// The slices of a solid nearest to z, but for one there, as one sees them whose window begins at x.
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>&, double x_m, double z_m);
 
 // How far z is from the nearest slice; 0 within half a spacing of the solid's nodes, and where the modulus is

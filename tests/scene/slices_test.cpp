@@ -149,6 +149,25 @@ TEST(Slices, DeviationsComeOneByOneAsTheyComeTogether) {
   EXPECT_EQ(grown.log_deviation, std::vector<double>(3 * 240)) << "another in its place, which states none";
 }
 
+// As a window 20 mm long sees them whose left border is 14 mm along the solid, in a slice that is there.
+TEST(Slices, AreSeenFromTheImageOfOneAmongThem) {
+  const auto e = std::make_shared<const ExplicitModulus>(stack({-0.005, 0.002, 0.006}));
+  const std::vector<SliceBeside> beside = slices_beside(e, 0.014, 0.002);
+  ASSERT_EQ(beside.size(), 2u);
+  EXPECT_NEAR(beside[0].offset_m, -0.007, 1e-12);
+  EXPECT_NEAR(beside[1].offset_m, 0.004, 1e-12);
+  EXPECT_EQ(beside[0].modulus_pa(0.0095, 0.0095), 1e4) << "beside the ball";
+  EXPECT_EQ(beside[1].modulus_pa(0.0095, 0.0095), 8e4);
+  EXPECT_EQ(beside[1].modulus_pa(0.0015, 0.0095), 1e4);
+  EXPECT_TRUE(std::isnan(beside[1].modulus_pa(0.0350, 0.0095))) << "beside the solid";
+  EXPECT_TRUE(std::isnan(beside[1].modulus_pa(0.0095, 0.0310))) << "below it";
+  ExplicitModulus many = grid();
+  many.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
+  for (int k = 1; k <= 100; ++k) many = with_slice(many, slice_at(0.0175 - 0.0001 * k), Limits{}).modulus;
+  EXPECT_EQ(slices_beside(std::make_shared<const ExplicitModulus>(many), 0, 0.0125).size(), 32u)
+      << "the nearest alone";
+}
+
 // A solid given throughout takes slices too: its own are in the middle of its elements.
 TEST(Slices, AreTakenByASolidThatWasGivenThroughout) {
   ExplicitModulus e = grid();
