@@ -203,6 +203,8 @@ class ProbedSolid : public ProbedTissue {
     return out;
   }
 
+  bool takes_planes() const override { return true; }
+
   double force_share() override {
     if (!face_.goes_on()) return 1;
     if (!force_share_) {

@@ -60,6 +60,8 @@ class ProbedTissue {
   Response push_homogeneous(double tilt = 0) {
     return push(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size())), tilt);
   }
+  // Whether it has planes beside the image.
+  virtual bool takes_planes() const { return false; }
   // What push() has of the force of tissue that goes on for ever, over 1.
   virtual double force_share() { return 1; }
 

@@ -106,10 +106,10 @@ class SolidModulusMethod : public ModulusMethod {
     const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1);
     out.lateral_ratio = fit.lateral_ratio;
     out.model = fit.words;
-    if (!in.beside.empty())
-      out.model +=
-          fmt::format("; across the image {} slices are known, from {:.1f} to {:.1f} mm", in.beside.size(),
-                      1e3 * in.beside.front().offset_m, 1e3 * in.beside.back().offset_m);
+    const ProbedTissue::Planes beside = planes_beside(in, fit);
+    if (!beside.empty())
+      out.model += fmt::format("; slices of it are known from {:.1f} to {:.1f} mm across the image",
+                               1e3 * beside.front().offset_m, 1e3 * beside.back().offset_m);
     if (fit.hurried)
       out.warnings.push_back(
           {ModulusFlag::kDeadline,
@@ -122,7 +122,7 @@ class SolidModulusMethod : public ModulusMethod {
                "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it "
                "looks homogeneous; check the probe's size and the tissue's depth and support",
                100 * fit.rest)});
-    const Found found = find(in, fit, out);
+    const Found found = find(in, fit, beside, out);
     const double log_scale = in.force ? std::log(in.force->force_n / found.force_n) : 0;
     publish(in, fit, found, log_scale, out);
     return out;
@@ -152,7 +152,8 @@ class SolidModulusMethod : public ModulusMethod {
   }
 
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
-  Found find(const ModulusInput& in, const ProbeFit& fit, ModulusEstimate& out) const {
+  Found find(const ModulusInput& in, const ProbeFit& fit, const ProbedTissue::Planes& beside,
+             ModulusEstimate& out) const {
     const CellGrid& cells = fit.tissue->cells();
     const auto size = static_cast<Index>(cells.size());
     // Cells share what the strain's kernel covers.
@@ -169,7 +170,6 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd told = weight, moved = VectorXd::Zero(size);
     const int solves_after = in.force ? 1 : 0;  // that of the force
     out.converged = false;
-    const ProbedTissue::Planes beside = planes_beside(in, fit);
     while (out.iterations < options_.most_steps) {
       const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
       if (out.iterations > 0 && left_s < (1 + solves_after) * took_s) {
@@ -235,6 +235,7 @@ class SolidModulusMethod : public ModulusMethod {
   static ProbedTissue::Planes planes_beside(const ModulusInput& in, const ProbeFit& fit) {
     const CellGrid& cells = fit.tissue->cells();
     ProbedTissue::Planes planes;
+    if (!fit.tissue->takes_planes()) return planes;
     for (const SliceBeside& slice : in.beside) {
       look();
       VectorXd logarithm = VectorXd::Zero(static_cast<Index>(cells.size())), told = logarithm;
