@@ -1,6 +1,8 @@
 // A volume from slices: a probe is pressed into solid tissue at two places, and what its RF says is touched.
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "client/files/metaimage.h"
@@ -50,6 +52,13 @@ TEST(SlicesFromRf, MakeASolidThatGrowsAndIsFelt) {
   EXPECT_NE(acquired.output.find("slice 1 of 2 can be touched: version 1"), std::string::npos)
       << acquired.output;
   EXPECT_NE(acquired.output.find("2 slices published"), std::string::npos) << acquired.output;
+
+  EXPECT_NE(acquired.output.find("slice 1 of 2 is corrected by its neighbours: version 3"), std::string::npos)
+      << acquired.output;
+  std::ifstream record(folder / "acquire.record", std::ios::binary);
+  const std::string recorded{std::istreambuf_iterator<char>(record), {}};
+  for (const char* beside : {"known from -10.0 to -10.0 mm", "known from 10.0 to 10.0 mm"})
+    EXPECT_NE(recorded.find(beside), std::string::npos) << beside;
 
   const client::MetaImage image = client::read_metaimage(folder / "m.mha");
   ASSERT_EQ(image.size, (std::vector<std::size_t>{15, 25, 2}));
