@@ -325,7 +325,7 @@ TEST(AcquireSlices, FollowsAFingerAcrossThePlane) {
   options.planner.lookahead = 1;
   options.until_finger_leaves = true;
   options.finger_gone_s = 0.1;
-  options.arm.settle_s = 0.3;  // time for what is told of the finger
+  options.arm.settle_s = 0.2;  // time for what is told of the finger
   std::atomic<bool> stop{false};
   AcquireObserver observer;
   observer.slice = [&](std::size_t, std::uint64_t) {
@@ -343,7 +343,9 @@ TEST(AcquireSlices, FollowsAFingerAcrossThePlane) {
   };
   EXPECT_LT(when(0.02), when(0.01)) << "the finger's own first";
   EXPECT_LT(when(0.015), when(0.005)) << "then what it comes to";
-  EXPECT_LT(when(0.015), when(0)) << "and before what is nearest to where it was";
+  // The arm has begun a second one, and at most a third, by the time that it is told of the finger.
+  EXPECT_LE(when(0.02), 3);
+  EXPECT_LE(when(0.015), 4) << "before what is nearest to where it was";
 }
 
 // GIVEN a finger that rests on the first slice, and two slices that wait to be uploaded, WHEN the service
