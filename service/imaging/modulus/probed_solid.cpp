@@ -248,7 +248,7 @@ class ProbedSolid : public ProbedTissue {
     }
   }
 
-  // Between which planes an element's middle lies, how far from the one to the other.
+  // Between which planes an element's middle lies, and what share of ln E is the latter's.
   struct Between {
     const VectorXd *before, *after;
     double share;
@@ -273,8 +273,10 @@ class ProbedSolid : public ProbedTissue {
         places.push_back({last, last, 0});
       } else {
         const auto before = std::prev(after);
-        places.push_back(
-            {before->second, after->second, (at_m - before->first) / (after->first - before->first)});
+        double share = (at_m - before->first) / (after->first - before->first);
+        if (before->second == &log_modulus) share = share * share;
+        if (after->second == &log_modulus) share = 1 - (1 - share) * (1 - share);
+        places.push_back({before->second, after->second, share});
       }
     }
     return places;
