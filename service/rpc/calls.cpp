@@ -3,16 +3,57 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "service/scene/errors.h"
 
 namespace teletact::service {
 
+namespace {
+
+const char* words_of(CallKind kind) {
+  switch (kind) {
+    case CallKind::kTouch:
+      return "touch streams";
+    case CallKind::kWatch:
+      return "watchers of fingers";
+    case CallKind::kEstimate:
+      return "estimates";
+    case CallKind::kUnary:
+    case CallKind::kInfo:
+      return "short calls";
+    case CallKind::kFullScene:
+      return "whole scenes that are sent";
+  }
+  return "calls";
+}
+
+}  // namespace
+
 Calls::Ticket::~Ticket() {
-  const std::lock_guard lock(calls_->mutex_);
-  calls_->places_.erase(id_);
-  calls_->left_.notify_all();
+  calls_->leave(id_);
+}
+
+void Calls::leave(std::uint64_t id) {
+  constexpr double kOfNew = 0.125;
+  const std::lock_guard lock(mutex_);
+  const auto place = places_.find(id);
+  const double held_s = std::chrono::duration<double>(Clock::now() - place->second.begun).count();
+  double& mean_s = held_s_[static_cast<std::size_t>(place->second.kind)];
+  mean_s = mean_s > 0 ? mean_s + kOfNew * (held_s - mean_s) : held_s;
+  places_.erase(place);
+  left_.notify_all();
+}
+
+// When one of so many places is free: they are held as long as the last ones were.
+std::string Calls::again(CallKind kind, std::size_t places) const {
+  constexpr double kSoonest = 1, kLatest = 60;
+  const double held_s = held_s_[static_cast<std::size_t>(kind)];
+  if (!(held_s > 0)) return "none has ended since the start: try again in 10 s";
+  const double free_s = held_s / static_cast<double>(places);
+  return fmt::format("one ends every {:.2g} s as of late: try again in {:.0f} s", free_s,
+                     std::clamp(std::ceil(free_s), kSoonest, kLatest));
 }
 
 Calls::Calls(const Limits& limits) : limits_(limits), looking_([this] { look_after_calls(); }) {}
@@ -80,18 +121,18 @@ std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served>
   if (same >= most(kind)) {
     ++refused(kind, Refusal::kFull);
     throw Error(ErrorKind::kExhausted,
-                fmt::format("{} calls of this kind are open, no more are served; try again later", same));
+                fmt::format("all {} places for {} are taken; {}", same, words_of(kind), again(kind, same)));
   }
   if (own > 0 && own >= most(kind) - same) {
     ++refused(kind, Refusal::kClientShare);
     throw Error(
         ErrorKind::kExhausted,
-        fmt::format("{} calls of this kind are this client's, as many as are left for others; try again "
-                    "when one of them has ended",
-                    own));
+        fmt::format("{} of {} {} are this client's, as many as are left for others; try again when one of "
+                    "them has ended",
+                    own, same, words_of(kind)));
   }
   std::unique_ptr<Ticket> ticket(new Ticket(this, next_id_));
-  places_.emplace(next_id_++, Place{kind, std::move(call), client});
+  places_.emplace(next_id_++, Place{kind, std::move(call), client, Clock::now()});
   entered_.notify_all();
   return ticket;
 }

@@ -63,8 +63,9 @@ class Calls {
   void require_open() const;
   // Throws Error(kDeadline) when `field`, a call's first message, was not sent in time.
   void require_first_message(const char* field, Clock::time_point begun, Clock::time_point now) const;
-  // Throws Error(kUnavailable | kExhausted). Places are counted for each kind. A `client` that is named is
-  // given another place only while more are free than it holds: none of them takes what others need.
+  // Throws Error(kUnavailable | kExhausted), the latter with how many are served and when to come again.
+  // Places are counted for each kind. A `client` that is named is given another place only while more are
+  // free than it holds: none of them takes what others need.
   std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>, const std::string& client = "");
   bool draining() const { return state_.load() == State::kDraining; }
   // Calls find out when they are looked at next.
@@ -92,14 +93,18 @@ class Calls {
     CallKind kind;
     std::weak_ptr<Served> call;
     std::string client;
+    Clock::time_point begun;
   };
+  void leave(std::uint64_t id);
+  std::string again(CallKind, std::size_t places) const;
   void look_after_calls();
   const Limits limits_;
   std::atomic<State> state_{State::kStarting};
   mutable std::mutex mutex_;
   std::condition_variable entered_, left_;
   std::map<std::uint64_t, Place> places_;
-  std::array<Counts, kCallKinds> counts_;  // but `open`
+  std::array<Counts, kCallKinds> counts_;    // but `open`
+  std::array<double, kCallKinds> held_s_{};  // mean time that a place was held, late ones most; 0: none was
   std::uint64_t next_id_ = 1;
   bool stop_ = false;
   std::thread looking_;

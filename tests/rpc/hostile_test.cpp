@@ -139,7 +139,7 @@ TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
   while ((*server)->core().calls.count() < Limits{}.most_watchers + Limits{}.most_estimates)
     std::this_thread::yield();
   Elastographer one_too_many(channel, "another client");
-  EXPECT_EQ(one_too_many.finish().status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  expect_refused(one_too_many.finish().status, grpc::StatusCode::RESOURCE_EXHAUSTED, "places for estimates");
   Toucher toucher(channel, "s");
   v1::TouchAnswer answer;
   EXPECT_TRUE(toucher.opened() && toucher.touch(0.05, 0.002, &answer));  // touch has places of its own

@@ -303,7 +303,12 @@ TEST_F(Palpation, ManyStreamsEndWhenTheirClientsDie) {
       ASSERT_TRUE(touchers.back()->opened()) << k;
     }
     Toucher one_too_many(channel, "s");
-    expect_refused(one_too_many.finish(), grpc::StatusCode::RESOURCE_EXHAUSTED, "calls");
+    const grpc::Status refused = one_too_many.finish();
+    const std::string load =
+        "all " + std::to_string(Limits{}.most_touch_streams) + " places for touch streams are taken; ";
+    expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, load.c_str());
+    expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED,
+                   round == 0 ? "try again in " : "s as of late: try again in ");
     touchers.clear();
     server->expect_all_calls_end();
   }
