@@ -233,8 +233,7 @@ class ProbedSolid : public ProbedTissue {
       for (std::size_t k = 0; k < grid.nz; ++k) {
         const Between& at = places[k];
         if (k == 0 || at != places[k - 1]) {
-          fill_row((1 - at.share) * at.before->segment(first, columns) +
-                       at.share * at.after->segment(first, columns),
+          fill_row(between(at.before->segment(first, columns), at.after->segment(first, columns), at.way),
                    row);
           if (face_.slides && j + kSlidingRows >= grid.layers())
             for (double& modulus : row) modulus *= kSlidingModulus;
@@ -248,10 +247,10 @@ class ProbedSolid : public ProbedTissue {
     }
   }
 
-  // Between which planes an element's middle lies, and what share of ln E is the latter's.
+  // Between which planes an element's middle lies, how far on the way from the one to the other.
   struct Between {
     const VectorXd *before, *after;
-    double share;
+    double way;
     bool operator==(const Between&) const = default;
   };
   // Of the elements across the image, the first of which begins in its plane.
@@ -273,13 +272,18 @@ class ProbedSolid : public ProbedTissue {
         places.push_back({last, last, 0});
       } else {
         const auto before = std::prev(after);
-        double share = (at_m - before->first) / (after->first - before->first);
-        if (before->second == &log_modulus) share = share * share;
-        if (after->second == &log_modulus) share = 1 - (1 - share) * (1 - share);
-        places.push_back({before->second, after->second, share});
+        places.push_back(
+            {before->second, after->second, (at_m - before->first) / (after->first - before->first)});
       }
     }
     return places;
+  }
+
+  // What differs more from the background changes to the other with the square of the way from it.
+  static VectorXd between(const VectorXd& before, const VectorXd& after, double way) {
+    const double to_after = way * way, to_before = (1 - way) * (1 - way);
+    return (before.array().abs() > after.array().abs())
+        .select(before + to_after * (after - before), after + to_before * (before - after));
   }
 
   // Of the elements of a row, from the logarithms of its cells.

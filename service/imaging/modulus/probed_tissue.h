@@ -54,9 +54,10 @@ class ProbedTissue {
   };
   using Planes = std::vector<ImagePlane>;  // by offset_m, none at 0
   // Under a frictionless face in whole contact, pushed by 1 + tilt (2 x / width - 1). `log_modulus`: ln(E /
-  // Pa) of the cells; across the image it changes to the planes beside with the square of the way (a lump's
-  // own slice shows it whole, the next its rim), between those linearly, beyond the last, and without any,
-  // not at all; beside the cells mirrored, then the row's mean; below them the last row's.
+  // Pa) of the cells; across the image what differs more from 0, the background, changes to the next plane's
+  // with the square of the way (a lump's own slice shows it whole, the next its rim); beyond the last, and
+  // without any, it does not change; beside the cells mirrored, then the row's mean; below them the last
+  // row's.
   virtual Response push(const Eigen::VectorXd& log_modulus, double tilt = 0, const Planes& beside = {}) = 0;
   Response push_homogeneous(double tilt = 0) {
     return push(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size())), tilt);
