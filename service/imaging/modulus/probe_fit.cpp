@@ -278,6 +278,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
   for (const Sides& sides : {Sides{kFarDepths, false}, Sides{kFarDepths, true}, Sides{kNearDepths, false},
                              Sides{kNearDepths, true}, Sides{0, false}}) {
     if (late()) return;
+    if (stated.depth && sides.depths == kNearDepths) continue;  // a depth that is too large looks like that
     Unknown other = stated;
     other.face.beside_m = sides.depths * usual.depth_m, other.face.slides = sides.slides;
     try {
