@@ -27,6 +27,17 @@ double begin_m(const SlicePlaces& places) {
   return places.first_z_m - places.pitch_m / 2;
 }
 
+bool cannot_be_tracked(grpc::StatusCode code) {
+  return code == grpc::StatusCode::FAILED_PRECONDITION;
+}
+
+// A correction that is refused leaves the slice as it is; without a scene, or a service, nothing goes on.
+bool leaves_the_slice(grpc::StatusCode code) {
+  using enum grpc::StatusCode;
+  return code != NOT_FOUND && code != ABORTED && code != UNAVAILABLE && code != CANCELLED &&
+         code != PERMISSION_DENIED && code != UNAUTHENTICATED;
+}
+
 // Why a wish makes no sense; empty: it does.
 std::string problem_of(const v1::SliceWish& wish, const std::optional<SliceOptions>& slices) {
   const auto asked = [&] { return fmt::format("a slice is asked for at z = {:.1f} mm", wish.z_m() * 1e3); };
@@ -215,11 +226,11 @@ EstimateOutcome AcquireSession::estimate(const FramePair& pair, std::size_t wind
   return client_.estimate(acquisition, pair.pre, pair.post, callbacks, abandon_);
 }
 
-bool AcquireSession::tracked(const std::function<void()>& work) const {
+bool AcquireSession::done(const std::function<void()>& work, bool (*may_fail)(grpc::StatusCode)) const {
   try {
     work();
   } catch (const ServiceError& error) {
-    if (error.code != grpc::StatusCode::FAILED_PRECONDITION) throw;
+    if (!may_fail(error.code)) throw;
     if (observer_.note) observer_.note(error.what());
     return false;
   }
@@ -231,7 +242,7 @@ void AcquireSession::upload_one(Upload upload) {
     const std::lock_guard lock(mutex_);
     return corrections_ ? corrections_->neighbours(upload.window) : 0;
   }();
-  if (tracked([&] { publish(upload, estimate(upload.pair, upload.window)); })) {
+  if (done([&] { publish(upload, estimate(upload.pair, upload.window)); }, cannot_be_tracked)) {
     const std::lock_guard lock(mutex_);
     if (corrections_) corrections_->published(upload.window, std::move(upload.pair), neighbours);
     return;
@@ -247,11 +258,13 @@ void AcquireSession::correct(std::size_t slice, FramePair pair) {
     const std::lock_guard lock(mutex_);
     return corrections_->neighbours(slice);
   }();
-  tracked([&] {
-    const PublishedSlice published = scene_->publish(slice, estimate(pair, slice).maps, abandon_);
-    if (observer_.corrected) observer_.corrected(slice, published.version);
+  const auto again = [&] {
+    const EstimateOutcome outcome = estimate(pair, slice);
+    const PublishedSlice published = scene_->publish(slice, outcome.maps, abandon_);
+    if (observer_.corrected) observer_.corrected(slice, published.version, outcome.summary);
     say_warnings(published);
-  });
+  };
+  done(again, leaves_the_slice);
   const std::lock_guard lock(mutex_);
   corrections_->published(slice, std::move(pair), neighbours);
 }

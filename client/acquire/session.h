@@ -65,8 +65,10 @@ struct AcquireObserver {
   std::function<void(std::uint32_t call, const teletact::v1::WindowTiming&,
                      const teletact::v1::EstimateSummary&)>
       window;
-  std::function<void(std::size_t slice, std::uint64_t version)> slice;      // of a solid, after `window`
-  std::function<void(std::size_t slice, std::uint64_t version)> corrected;  // by its neighbours
+  std::function<void(std::size_t slice, std::uint64_t version)> slice;  // of a solid, after `window`
+  // By its neighbours.
+  std::function<void(std::size_t slice, std::uint64_t version, const teletact::v1::EstimateSummary&)>
+      corrected;
   std::function<void()> ready;                   // what the finger needs first is published
   std::function<void(const std::string&)> note;  // one line for people
 };
@@ -109,8 +111,8 @@ class AcquireSession {
   teletact::v1::SlicePose pose_of(std::size_t window) const;
   // With what the neighbours tell that are there.
   EstimateOutcome estimate(const FramePair& pair, std::size_t window);
-  // False, and said, where the pair that `work` is done on cannot be tracked.
-  bool tracked(const std::function<void()>& work) const;
+  // False, and said, where `work` is refused what `may_fail` names.
+  bool done(const std::function<void()>& work, bool (*may_fail)(grpc::StatusCode)) const;
   bool finished(std::int64_t begin_ns);
   bool idle();
   bool all_slices();

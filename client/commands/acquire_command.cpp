@@ -147,8 +147,11 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
   AcquireObserver observer;
   observer.request = [&recorder](auto call, const auto& request) { recorder.request(call, request); };
   observer.response = [&recorder](auto call, const auto& response) { recorder.response(call, response); };
-  observer.window = [&recorder, &arguments](auto call, const v1::WindowTiming& timing,
-                                            const v1::EstimateSummary& summary) {
+  const auto say_doubts = [](const v1::EstimateSummary& summary) {
+    for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
+  };
+  observer.window = [&recorder, &arguments, say_doubts](auto call, const v1::WindowTiming& timing,
+                                                        const v1::EstimateSummary& summary) {
     recorder.window(call, timing);
     const std::string place = arguments.slices
                                   ? fmt::format("slice z {:5.1f} mm", timing.window().origin_m(2) * 1e3)
@@ -159,7 +162,7 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
     std::printf("%s  pass %u  asked to published %.0f ms, service %.0f ms, background %.2f kPa\n",
                 place.c_str(), timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6,
                 service_s * 1e3, summary.background_modulus_pa() * 1e-3);
-    for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
+    say_doubts(summary);
     std::fflush(stdout);
   };
   observer.slice = [&arguments](std::size_t slice, std::uint64_t version) {
@@ -167,9 +170,11 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
                 static_cast<unsigned long long>(version));
     std::fflush(stdout);
   };
-  observer.corrected = [&arguments](std::size_t slice, std::uint64_t version) {
+  observer.corrected = [&arguments, say_doubts](std::size_t slice, std::uint64_t version,
+                                                const v1::EstimateSummary& summary) {
     std::printf("  slice %zu of %zu is corrected by its neighbours: version %llu\n", slice + 1,
                 *arguments.slices, static_cast<unsigned long long>(version));
+    say_doubts(summary);
     std::fflush(stdout);
   };
   observer.note = say;

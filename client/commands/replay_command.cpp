@@ -14,6 +14,9 @@ void print(const ReplayOptions& options, const ReplayReport& report) {
               options.path.c_str(), report.kind.c_str(), report.calls, report.requests,
               report.kind == "acquire" ? "RF pairs" : "poses", report.compared, report.not_alike,
               report.truncated ? "; the recording was cut short" : "");
+  if (report.alone > 0)
+    std::printf("  %lu slices of a solid were estimated without their neighbours, and are not compared\n",
+                report.alone);
   if (report.kind == "acquire") {
     std::printf("  largest difference %.3g of the map's largest value (%s)\n", report.largest_map_difference,
                 report.largest_map.empty() ? "none" : report.largest_map.c_str());

@@ -283,6 +283,11 @@ void Player::play_estimate(const Call& call) {
     if (request.has_acquisition() && request.acquisition().has_publish() && !options_.scene_id.empty()) {
       request.mutable_acquisition()->mutable_publish()->set_scene_id(options_.scene_id);
     }
+    if (request.has_acquisition() && request.acquisition().has_slice_of()) {  // who knows which were there
+      request.mutable_acquisition()->clear_slice_of();
+      recorded.clear();
+      ++report_.alone;
+    }
     pace_.wait(entry.monotonic_ns());
     keep(request);
     if (!stream->Write(request)) break;

@@ -26,6 +26,7 @@ struct ReplayReport {
   std::uint64_t compared = 0;   // answers, or maps, that have a recorded partner
   std::uint64_t not_alike = 0;  // other status or shape, no number, or none at all
   std::uint64_t forces = 0;     // answers of which both have a force
+  std::uint64_t alone = 0;      // slices of solids, estimated without their neighbours and not compared
   // Touch: |F - F_recorded|, its largest, with the recorded force there and where it was.
   double largest_force_difference_n = 0;
   double recorded_force_n = 0;

@@ -101,6 +101,9 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
   if (!solid && r.slice_of)
     throw std::invalid_argument(
         "acquisition.slice_of: only the plane condition SOLID takes it; leave it out");
+  if (r.slice_of && r.scene)
+    throw std::invalid_argument(
+        "acquisition.slice_of: a pair is published into a plane scene, or is a solid's slice; leave one out");
   if (r.slice_of) {
     const std::shared_ptr<const ExplicitModulus> slices = r.slice_of->scene->solid();
     require_between("acquisition.slice_of.window.origin_m[2]", r.slice_of->z_m, slices->z_m.front(),

@@ -52,8 +52,10 @@ std::string Calls::again(CallKind kind, std::size_t places) const {
   const double held_s = held_s_[static_cast<std::size_t>(kind)];
   if (!(held_s > 0)) return "none has ended since the start: try again in 10 s";
   const double free_s = held_s / static_cast<double>(places);
-  return fmt::format("one ends every {:.2g} s as of late: try again in {:.0f} s", free_s,
-                     std::clamp(std::ceil(free_s), kSoonest, kLatest));
+  const double again_s = std::clamp(std::ceil(free_s), kSoonest, kLatest);
+  if (free_s < kSoonest)
+    return fmt::format("one ends every second or sooner as of late: try again in {:.0f} s", again_s);
+  return fmt::format("one ends every {:.0f} s as of late: try again in {:.0f} s", free_s, again_s);
 }
 
 Calls::Calls(const Limits& limits) : limits_(limits), looking_([this] { look_after_calls(); }) {}

@@ -202,7 +202,9 @@ TEST(AcquireSlices, CorrectThoseBeforeThem) {
   std::atomic<bool> stop{false};
   AcquireObserver observer;
   std::vector<std::size_t> corrected;
-  observer.corrected = [&](std::size_t slice, std::uint64_t) { corrected.push_back(slice); };
+  observer.corrected = [&](std::size_t slice, std::uint64_t, const v1::EstimateSummary&) {
+    corrected.push_back(slice);
+  };
   AcquireSession session(server.address(), "", frames, options_of(5), observer);
   EXPECT_EQ(session.run(stop).windows.size(), 5u) << "a correction is no new slice";
   EXPECT_EQ(corrected, (std::vector<std::size_t>{0, 1, 2, 3}));

@@ -223,6 +223,8 @@ TEST(SolidWindow, SlicesCorrectTheirNeighbours) {
   EXPECT_LT(apart(through_both, along_both), 0.8 * apart(through_alone, along_alone));
   EXPECT_LE(contrast(past_both), contrast(past_alone)) << "of it only its rim reaches the slice";
   EXPECT_NEAR(background(through_both) / kBackgroundPa, 1, 0.1);
+  const Estimate crowded = through.estimate({}, {beside(past_alone, -0.0005), beside(past_alone, 0.0005)});
+  EXPECT_EQ(contrast(crowded), contrast(through_alone)) << "slices that the mesh does not tell apart";
   EXPECT_NE(past_both.modulus_model.find("; slices of it are known from -5.0 to -5.0 mm across the image"),
             std::string::npos)
       << past_both.modulus_model;

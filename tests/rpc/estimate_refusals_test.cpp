@@ -74,12 +74,18 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
   // Which slice of a solid: a plane has none, there is no such scene, or it is no solid.
   const auto slice_of = [](auto& a, const char* scene, double y_m, double z_m) {
     a.set_plane(v1::PLANE_CONDITION_SOLID);
+    a.clear_publish();
     a.mutable_slice_of()->set_scene_id(scene);
     for (const double o : {0.0, y_m, z_m}) a.mutable_slice_of()->mutable_window()->add_origin_m(o);
   };
   refused(INVALID_ARGUMENT, "acquisition.slice_of", [&](auto& a) {
     slice_of(a, "scene", 0, 0);
     a.set_plane(v1::PLANE_CONDITION_STRAIN);
+  });
+  refused(INVALID_ARGUMENT, "acquisition.slice_of", [&](auto& a) {  // and published into a plane
+    const v1::Publish publish = a.publish();
+    slice_of(a, "scene", 0, 0);
+    *a.mutable_publish() = publish;
   });
   refused(NOT_FOUND, "scene_id", [&](auto& a) { slice_of(a, "nowhere", 0, 0); });
   refused(FAILED_PRECONDITION, "scene_id", [&](auto& a) { slice_of(a, "scene", 0, 0); });

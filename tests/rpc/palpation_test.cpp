@@ -308,7 +308,7 @@ TEST_F(Palpation, ManyStreamsEndWhenTheirClientsDie) {
         "all " + std::to_string(Limits{}.most_touch_streams) + " places for touch streams are taken; ";
     expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, load.c_str());
     expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED,
-                   round == 0 ? "try again in " : "s as of late: try again in ");
+                   round == 0 ? "try again in " : " as of late: try again in ");
     touchers.clear();
     server->expect_all_calls_end();
   }

@@ -244,7 +244,17 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const Unknown& u) {
 
 // Deeper than stated, a block, or with sides: what explains the strain better.
 void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in) {
-  const auto late = [&] { return in.seconds_left && in.seconds_left() < kTimeToDoubtS; };
+  bool hurried = false;
+  const auto late = [&] {
+    hurried = hurried || (in.seconds_left && in.seconds_left() < kTimeToDoubtS);
+    return hurried;
+  };
+  doubt(pair, u, out, in, late);
+  out.undoubted = hurried && out.rest > kWellExplained;
+}
+
+void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in,
+                        const std::function<bool()>& late) {
   const Unknown stated = u;
   // A face that touches in part looks tilted, and sides would explain some of it.
   const bool tilted = std::abs(out.tilt) > kMostTiltOfSides;
@@ -292,8 +302,10 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     }
   }
   if (!ends || !(u.elevation || u.depth)) return;
-  search(pair, u, 1, kTimeToDoubtS, in);
-  out = tried(pair, u);
+  Unknown again = u;
+  search(pair, again, 1, kTimeToDoubtS, in);
+  if (late()) return;
+  if (ProbeFit other = tried(pair, again); other.rest < out.rest) u = again, out = std::move(other);
 }
 
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign) {

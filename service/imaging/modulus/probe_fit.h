@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -37,12 +38,13 @@ struct ProbeFit {
   double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are told
   // Of ln E of the cells, for each thing that was fitted: what one standard deviation of it changes.
   std::vector<Eigen::VectorXd> changes;
-  double common_log = 0;  // of ln E: the mesh, and what the tissue does at its sides
-  double rest = 0;        // of ln(strain): what is unexplained where tissue looks homogeneous
-  double tilt = 0;        // that leaves that
-  double force_n = 0;     // on the face, of homogeneous tissue of 1 Pa, per metre of push
-  bool hurried = false;   // something was left as usual
-  std::string words;      // what was assumed and what was found
+  double common_log = 0;   // of ln E: the mesh, and what the tissue does at its sides
+  double rest = 0;         // of ln(strain): what is unexplained where tissue looks homogeneous
+  double tilt = 0;         // that leaves that
+  double force_n = 0;      // on the face, of homogeneous tissue of 1 Pa, per metre of push
+  bool hurried = false;    // something was left as usual
+  bool undoubted = false;  // it leaves much unexplained, and there was no time for all that may explain it
+  std::string words;       // what was assumed and what was found
 };
 
 class ProbeFitter {
@@ -72,6 +74,7 @@ class ProbeFitter {
   };
   Kept& kept(const ProbeFace&, bool block);
   void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&);
+  void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late);
   // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
   // it, which is used where it has the same cells.
   ProbeFit tried(const Pair&, const ProbeFace&, bool block, const Eigen::VectorXd* by_tilt = nullptr);

@@ -34,7 +34,8 @@ constexpr std::size_t kMostColumns = 256, kMostRows = 64, kLeastPeriodAcross = 3
 constexpr std::size_t kMostElements = 2'000'000;
 constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
 constexpr double kMirroredM = 0.020;
-constexpr double kAir = 0.01;  // of the tissue's modulus: beyond its end
+constexpr double kApartElements = 2;  // across the image: slices nearer than that are not told apart
+constexpr double kAir = 0.01;         // of the tissue's modulus: beyond its end
 // Under tissue that slides: rows of this share of its depth and modulus. They shear 2.5 times as much as the
 // tissue would; nearly incompressible, they take a tenth of the push under the probe.
 constexpr std::size_t kSlidingRows = 3;
@@ -203,7 +204,7 @@ class ProbedSolid : public ProbedTissue {
     return out;
   }
 
-  bool takes_planes() const override { return true; }
+  double nearest_plane_m() const override { return kApartElements * tissue_.grid.spacing_z_m; }
 
   double force_share() override {
     if (!face_.goes_on()) return 1;

@@ -52,7 +52,7 @@ class ProbedTissue {
     double offset_m = 0;
     Eigen::VectorXd log_modulus;
   };
-  using Planes = std::vector<ImagePlane>;  // by offset_m, none at 0
+  using Planes = std::vector<ImagePlane>;  // by offset_m, none nearer than nearest_plane_m()
   // Under a frictionless face in whole contact, pushed by 1 + tilt (2 x / width - 1). `log_modulus`: ln(E /
   // Pa) of the cells; across the image what differs more from 0, the background, changes to the next plane's
   // with the square of the way (a lump's own slice shows it whole, the next its rim); beyond the last, and
@@ -62,8 +62,8 @@ class ProbedTissue {
   Response push_homogeneous(double tilt = 0) {
     return push(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size())), tilt);
   }
-  // Whether it has planes beside the image.
-  virtual bool takes_planes() const { return false; }
+  // How far from the image another plane must be at least to be told from it; none ever is: infinity.
+  virtual double nearest_plane_m() const { return std::numeric_limits<double>::infinity(); }
   // What push() has of the force of tissue that goes on for ever, over 1.
   virtual double force_share() { return 1; }
 

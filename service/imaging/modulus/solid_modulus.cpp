@@ -115,6 +115,13 @@ class SolidModulusMethod : public ModulusMethod {
           {ModulusFlag::kDeadline,
            "the probe's elevation or the tissue's depth was not stated, and there was no time "
            "to fit it: it is taken as usual; state it, or give more time"});
+    if (fit.undoubted)
+      out.warnings.push_back(
+          {ModulusFlag::kDeadline,
+           fmt::format(
+               "{:.0f} % of the strain is unexplained, and there was no time to try all of another depth, "
+               "tissue that ends beside the probe, and one that slides; give more time",
+               100 * fit.rest)});
     if (fit.rest > kMostRest)
       out.warnings.push_back(
           {ModulusFlag::kMisfit,
@@ -235,8 +242,8 @@ class SolidModulusMethod : public ModulusMethod {
   static ProbedTissue::Planes planes_beside(const ModulusInput& in, const ProbeFit& fit) {
     const CellGrid& cells = fit.tissue->cells();
     ProbedTissue::Planes planes;
-    if (!fit.tissue->takes_planes()) return planes;
     for (const SliceBeside& slice : in.beside) {
+      if (std::abs(slice.offset_m) < fit.tissue->nearest_plane_m()) continue;
       look();
       VectorXd logarithm = VectorXd::Zero(static_cast<Index>(cells.size())), told = logarithm;
       for (std::size_t c = 0; c < cells.size(); ++c) {
