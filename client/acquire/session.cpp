@@ -95,6 +95,10 @@ AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
     rethrow_failure();
     const FingerMotion motion = finger();
     const auto next = planner_.next(motion, knowledge(), now_s());
+    {
+      const std::lock_guard lock(mutex_);
+      if (resting_ == next.has_value()) resting_ = !next, changed_.notify_all();
+    }
     if (!was_ready && (options_.slices ? ready() : !next && idle())) {
       was_ready = true;
       if (observer_.ready) observer_.ready();
@@ -162,7 +166,7 @@ bool AcquireSession::room_for(bool wished) {
 
 void AcquireSession::upload_loop() {
   std::unique_lock lock(mutex_);
-  const auto due = [this] { return corrections_ ? corrections_->due() : std::nullopt; };
+  const auto due = [this] { return corrections_ && resting_ ? corrections_->due() : std::nullopt; };
   while (true) {
     changed_.wait(lock, [&] { return closing_ || !queue_.empty() || due(); });
     if (abandon_ || failure_ || (closing_ && queue_.empty())) return;
