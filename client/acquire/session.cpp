@@ -96,8 +96,9 @@ AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
     const FingerMotion motion = finger();
     const auto next = planner_.next(motion, knowledge(), now_s());
     {
+      const bool resting = !next && !motion.present;
       const std::lock_guard lock(mutex_);
-      if (resting_ == next.has_value()) resting_ = !next, changed_.notify_all();
+      if (std::exchange(resting_, resting) != resting) changed_.notify_all();
     }
     if (!was_ready && (options_.slices ? ready() : !next && idle())) {
       was_ready = true;

@@ -2,8 +2,9 @@
 //
 // Two threads besides the caller's: FingerWatch, and one uploader, so that the arm moves on while the service
 // computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits. The slice that the
-// service asks for passes them: one more may wait, and it is uploaded next. While none waits, and the arm has
-// none to take, slices that a neighbour came to are estimated again, with it.
+// service asks for passes them: one more may wait, and it is uploaded next. While none waits, the arm has
+// none to take and no finger touches (its force would fade while the model is made anew), slices that a
+// neighbour came to are estimated again, with it.
 #pragma once
 
 #include <atomic>
@@ -148,7 +149,7 @@ class AcquireSession {
   std::deque<Upload> queue_;
   std::optional<std::size_t> uploading_, wished_;  // windows
   std::optional<SliceCorrections> corrections_;    // of slices
-  bool resting_ = false, correcting_ = false;      // the arm has nothing to acquire; the uploader corrects
+  bool resting_ = false, correcting_ = false;      // nothing is asked of the arm, nor of the scene
   bool closing_ = false, scene_made_ = false;
   std::vector<std::optional<double>> acquired_s_;
   std::vector<std::uint32_t> passes_;
