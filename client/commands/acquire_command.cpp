@@ -13,14 +13,13 @@
 #include "client/acquire/session.h"
 #include "client/acquire/simulated_source.h"
 #include "client/acquire/solid_source.h"
-#include "client/clock/clock.h"
+#include "client/commands/acquire_recorder.h"
 #include "client/commands/commands.h"
 #include "client/commands/modulus_options.h"
 #include "client/files/different_files.h"
 #include "client/files/file_io.h"
 #include "client/files/metaimage.h"
 #include "client/link/channel.h"
-#include "client/link/recording.h"
 #include "client/link/scenes.h"
 #include "client/servo/ending.h"
 
@@ -106,52 +105,17 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
                                       "another's, end this, and give another --scene");
 }
 
-// Everything that the recording gets, in one place; calls come from several threads.
-class Recorder {
- public:
-  explicit Recorder(const Arguments& arguments) : with_rf_(arguments.record_rf) {
-    if (arguments.record_path.empty()) return;
-    v1::RecordHeader header;
-    header.set_kind("acquire");
-    header.set_client("teletact-client");
-    header.set_service(arguments.address);
-    header.set_scene_id(arguments.acquire.scene_id);
-    header.set_unix_time_s(std::time(nullptr));
-    writer_.emplace(arguments.record_path, header);
-  }
-  void request(std::uint32_t call, const v1::EstimateRequest& request) {
-    if (with_rf_) append(call, request);
-  }
-  void response(std::uint32_t call, const v1::EstimateResponse& response) {
-    if (response.has_map() && !with_rf_) return;  // maps belong to a recording that can be replayed
-    append(call, response);
-  }
-  void window(std::uint32_t call, const v1::WindowTiming& timing) { append(call, timing); }
-  void info(const v1::GetInfoResponse& info) { append(0, info); }
-  void close(const v1::Scene& scene) {
-    append(0, scene);
-    if (writer_) writer_->close();
-  }
-  bool recording() const { return writer_.has_value(); }
+void say_doubts(const v1::EstimateSummary& summary) {
+  for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
+  std::fflush(stdout);
+}
 
- private:
-  template <class Message>
-  void append(std::uint32_t call, const Message& message) {
-    if (writer_) writer_->append_waiting(recorded(message, monotonic_ns(), call));
-  }
-  std::optional<RecordWriter> writer_;
-  bool with_rf_;
-};
-
-AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
+AcquireObserver observe(const Arguments& arguments, AcquireRecorder& recorder) {
   AcquireObserver observer;
   observer.request = [&recorder](auto call, const auto& request) { recorder.request(call, request); };
   observer.response = [&recorder](auto call, const auto& response) { recorder.response(call, response); };
-  const auto say_doubts = [](const v1::EstimateSummary& summary) {
-    for (const std::string& warning : summary.warnings()) std::printf("  doubtful: %s\n", warning.c_str());
-  };
-  observer.window = [&recorder, &arguments, say_doubts](auto call, const v1::WindowTiming& timing,
-                                                        const v1::EstimateSummary& summary) {
+  observer.window = [&recorder, &arguments](auto call, const v1::WindowTiming& timing,
+                                            const v1::EstimateSummary& summary) {
     recorder.window(call, timing);
     const std::string place = arguments.slices
                                   ? fmt::format("slice z {:5.1f} mm", timing.window().origin_m(2) * 1e3)
@@ -163,19 +127,18 @@ AcquireObserver observe(const Arguments& arguments, Recorder& recorder) {
                 place.c_str(), timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6,
                 service_s * 1e3, summary.background_modulus_pa() * 1e-3);
     say_doubts(summary);
-    std::fflush(stdout);
   };
-  observer.slice = [&arguments](std::size_t slice, std::uint64_t version) {
-    std::printf("  slice %zu of %zu can be touched: version %llu\n", slice + 1, *arguments.slices,
+  const auto say_slice = [&arguments](std::size_t slice, const char* words, std::uint64_t version) {
+    std::printf("  slice %zu of %zu %s: version %llu\n", slice + 1, *arguments.slices, words,
                 static_cast<unsigned long long>(version));
     std::fflush(stdout);
   };
-  observer.corrected = [&arguments, say_doubts](std::size_t slice, std::uint64_t version,
-                                                const v1::EstimateSummary& summary) {
-    std::printf("  slice %zu of %zu is corrected by its neighbours: version %llu\n", slice + 1,
-                *arguments.slices, static_cast<unsigned long long>(version));
+  observer.slice = [=](std::size_t slice, std::uint64_t version) {
+    say_slice(slice, "can be touched", version);
+  };
+  observer.corrected = [=](std::size_t slice, std::uint64_t version, const v1::EstimateSummary& summary) {
+    say_slice(slice, "is corrected by its neighbours", version);
     say_doubts(summary);
-    std::fflush(stdout);
   };
   observer.note = say;
   observer.ready = [&arguments] {
@@ -273,7 +236,8 @@ void run(const Arguments& arguments) {
     require_no_scene(*palpation, arguments.acquire.scene_id);
   else
     open_scene(*palpation, arguments.acquire.scene_id, tissue);
-  Recorder recorder(arguments);
+  AcquireRecorder recorder(arguments.record_path, arguments.address, arguments.acquire.scene_id,
+                           arguments.record_rf);
   recorder.info(get_info(channel));
   const std::unique_ptr<FrameSource> source = prepare(tissue, arguments);
   end_in_order();  // from here on; the simulation before is simply cut off
