@@ -28,10 +28,15 @@ struct WarnedWindow {
   double background_pa = 10e3;
 };
 
-struct WarningRow {
+// What windows of one kind say of a warning.
+struct Claim {
   service::ModulusFlag flag;
-  std::string name;  // with its level
   bool provoked;
+};
+
+struct WarningRow {
+  std::string name;  // with its level
+  std::vector<Claim> claims;
   std::function<WarnedWindow(std::uint64_t seed)> window;
 };
 

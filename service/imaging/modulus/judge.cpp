@@ -82,14 +82,6 @@ double mean_square(const Field& field) {
   return said > 0 ? squares / said : 0;
 }
 
-// Of a sum of errors, variance `own` of correlation length `length_m` and `common`, alike all around: the
-// length with which it correlates as it does at the distance of what a fingertip feels.
-double with_common(double length_m, double own, double common) {
-  constexpr double kFeltM = 5e-3, kMost = 0.99;
-  const double share = (own * std::exp(-kFeltM / length_m) + common) / (own + common);
-  return -kFeltM / std::log(std::min(share, kMost));
-}
-
 // log E against what was known at the same place, and what both claim of it together.
 struct Comparison {
   struct Place {
@@ -201,6 +193,12 @@ const char* name_of(ModulusFlag flag) {
   return "unknown";
 }
 
+double correlation_with_common(double length_m, double own, double common) {
+  constexpr double kFeltM = 5e-3, kMost = 0.99;
+  const double share = (own * std::exp(-kFeltM / length_m) + common) / (own + common);
+  return -kFeltM / std::log(std::min(share, kMost));
+}
+
 ModulusJudge::ModulusJudge(std::shared_ptr<StripCache> strips, JudgeLimits limits, SlopeReach reach)
     : strips_(std::move(strips)), limits_(limits), reach_(reach) {}
 
@@ -214,7 +212,7 @@ void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   look();
   extent(in, out);
   const double common = mean_square(out.log_deviation) - own;
-  if (common > 0) out.correlation_m = with_common(out.correlation_m, own, common);
+  if (common > 0) out.correlation_m = correlation_with_common(out.correlation_m, own, common);
 }
 
 // What the axial strain tells of log E; where that is not measured the modulus is a guess: within a factor of

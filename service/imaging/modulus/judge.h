@@ -19,6 +19,10 @@ struct JudgeLimits {
   double disagreement = 3;
 };
 
+// Of a sum of errors of log E, variance `own` of correlation length `length_m` and `common`, alike all
+// around: the length in m with which it correlates as it does at the distance of what a fingertip feels.
+double correlation_with_common(double length_m, double own, double common);
+
 // Adds to `out`, whatever the method: log_deviation (the method's posterior, else the noise of the axial
 // strain and a floor; what a jump of the modulus is smeared over and what is lost of its contrast), the
 // length that it correlates over, and the flags kNoise, kUntracked, kRamp, kOutOfPlane, kPressure, kScale,

@@ -327,10 +327,17 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   if (out.rest > kWellExplained) doubt(pair, u, out, in);
   out.hurried = !in_time;
   if (out.words.empty()) {
+    // The one way or the other: it may stand at the edge of what is modelled.
     const auto vary = [&](double by_e, double by_h, double usual) {
-      const ProbeFace varied = u.at(u.log_elevation + by_e, u.log_depth + by_h);
-      out.changes.push_back(
-          change(out, tried(pair, varied, false, &out.by_tilt), usual, in.force.has_value()));
+      const auto changed = [&](double way) {
+        const ProbeFace varied = u.at(u.log_elevation + way * by_e, u.log_depth + way * by_h);
+        return change(out, tried(pair, varied, false, &out.by_tilt), usual, in.force.has_value());
+      };
+      try {
+        out.changes.push_back(changed(1));
+      } catch (const std::invalid_argument&) {
+        out.changes.push_back(changed(-1));
+      }
     };
     if (u.elevation) vary(kVary, 0, kLogUsualElevation);
     if (u.depth) vary(0, kVary, kLogUsualDepth);

@@ -189,9 +189,7 @@ class ProbedSolid : public ProbedTissue {
     SolidOptions options;
     options.relative_error = face_.goes_on() ? kAccuracy : kAccuracyOfSides;
     const SolidSolution solution = solver_.push(patch_, w, options);
-    const bool stopped =
-        solution.reason == StopReason::kNotFinite || solution.reason == StopReason::kIndefinite;
-    if (stopped && !(solution.bounded_error() <= kLeastAccuracy))
+    if (solution.reason != StopReason::kConverged && !(solution.bounded_error() <= kLeastAccuracy))
       throw std::invalid_argument(fmt::format(
           "probe_elevation_m, tissue_depth_m: a face of {:.3g} m x {:.3g} m on tissue {:.3g} m deep "
           "is beyond what is modelled ({}); check both",

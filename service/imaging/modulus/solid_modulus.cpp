@@ -9,6 +9,7 @@
 
 #include "service/device/look.h"
 #include "service/imaging/modulus/cell_strains.h"
+#include "service/imaging/modulus/judge.h"
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/probe_fit.h"
 #include "service/imaging/modulus/probed_tissue.h"
@@ -26,11 +27,11 @@ using Eigen::VectorXd;
 constexpr double kModelLog = 0.05;  // of ln(strain) of a cell: what no such model explains
 // A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
 constexpr double kOverstep = 1.4;
-constexpr double kGuessLog = 0.6931;  // ln 2: of what no strain tells
-constexpr double kTiltLog = 0.25;     // of the tilt: the tissue's own ramp may look like it
-constexpr double kRangeLog = 3;       // of ln E about the background
-constexpr double kCorrelationM = 5e-3;
-constexpr double kMostRest = 0.15;  // of the strain, unexplained
+constexpr double kGuessLog = 0.6931;    // ln 2: of what no strain tells
+constexpr double kTiltLog = 0.25;       // of the tilt: the tissue's own ramp may look like it
+constexpr double kRangeLog = 3;         // of ln E about the background
+constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
+constexpr double kMostRest = 0.15;      // of the strain, unexplained
 // Of the push, from the middle of the face to an end: more is no tilt. Where an end does not touch, the tilt
 // that is fitted goes to its bound.
 constexpr double kMostUneven = 0.35;
@@ -99,7 +100,6 @@ class SolidModulusMethod : public ModulusMethod {
     ModulusEstimate out;
     out.kind = ModulusKind::kSolid;
     out.absolute = in.force.has_value();
-    out.correlation_m = kCorrelationM;
     out.mean_axial_strain = mean_strain(in.measured);
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
@@ -226,14 +226,17 @@ class SolidModulusMethod : public ModulusMethod {
     found.deviation = denoise.deviation(told, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
+    double all_own = 0, all_common = 0;
     for (Index c = 0; c < size; ++c) {
-      double squares = fit.common_log * fit.common_log + std::pow(found.deviation[c], 2) +
-                       std::pow(of_tilt * fit.by_tilt[c], 2) + std::pow(one_slice * theta[c], 2);
-      if (!out.converged) squares += std::pow(kUnsettledLog * moved[c], 2);
-      for (const VectorXd& change : fit.changes) squares += change[c] * change[c];
-      found.deviation[c] = std::sqrt(squares);
+      double own = std::pow(found.deviation[c], 2) + std::pow(one_slice * theta[c], 2),
+             common = fit.common_log * fit.common_log + std::pow(of_tilt * fit.by_tilt[c], 2);
+      if (!out.converged) own += std::pow(kUnsettledLog * moved[c], 2);
+      for (const VectorXd& change : fit.changes) common += change[c] * change[c];
+      if (told[c] > 0) all_own += own, all_common += common;
+      found.deviation[c] = std::sqrt(own + common);
       if (!(told[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kGuessLog);
     }
+    out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
     return found;
   }
   static constexpr double kMostTilt = 0.5;
