@@ -16,16 +16,26 @@
 namespace teletact::service {
 namespace {
 
+// By the nodes: shares, once they are learned, state no pressure. On a busy machine a correction may come
+// late.
 TEST(SolidScene, IsTouchedInThreeDimensions) {
   const auto scene = scene_of(with_ball());
-  TouchSession session(scene, {}, test_device());
-  const TouchAnswer over = touched(session, kBallX, 0.002, kBallZ);
+  TouchSession session(scene, {.fingertip = {}, .path = SolvePath::kPcg}, test_device());
+  const auto corrected = [&session](double z_m) {
+    TouchAnswer answer = touched(session, kBallX, 0.002, z_m);
+    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (answer.status != TouchStatus::kOk && std::chrono::steady_clock::now() < until)
+      answer = touched(session, kBallX, 0.002, z_m);
+    return answer;
+  };
+  const TouchAnswer over = corrected(kBallZ);
   ASSERT_EQ(over.status, TouchStatus::kOk) << over.warning;
   EXPECT_LE(over.contact.solve.relative_error, choices::kSolidForceError);
-  const TouchAnswer beside = touched(session, kBallX, 0.002, kBallZ - 0.012);
+  const TouchAnswer beside = corrected(kBallZ - 0.012);
   ASSERT_EQ(beside.status, TouchStatus::kOk) << beside.warning;
   EXPECT_GT(over.contact.force_n[1] / beside.contact.force_n[1], 1.1) << "the ball is felt along z";
-  const TouchAnswer before = touched(session, kBallX, 0.002, kBallZ - 0.004);
+  const TouchAnswer before = corrected(kBallZ - 0.004);
+  ASSERT_EQ(before.status, TouchStatus::kOk) << before.warning;
   EXPECT_GT(std::abs(before.contact.force_n[2]), 0.01 * std::abs(before.contact.force_n[1]));
   EXPECT_LT(before.contact.force_n[2], 0) << "the ball, at larger z, pushes away";
   EXPECT_NE(before.contact.tangent_n_m[8], 0);
