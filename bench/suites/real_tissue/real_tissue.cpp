@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
@@ -113,6 +114,7 @@ struct Figures {
   double off = kNan;                                            // 95 % of the nodes are off by less, |ln|
   double tracking_m = kNan;                                     // median error of the axial displacement
   double seconds = 0, modulus_s = 0;
+  std::vector<service::ModulusFlag> said;
 };
 
 // Median of what the tracked axial displacement is off by, where it is trusted.
@@ -201,11 +203,12 @@ struct RealResult {
   double ramp = kNan, ramp_worst = kNan, off = kNan, coverage = kNan, deviation = kNan;
   std::size_t background_held = 0, lump_held = 0;  // windows whose stated 95 % interval has the truth
   double tracking_m = kNan, seconds = kNan, modulus_s = kNan;
+  std::map<std::string, std::size_t> said = {};  // of warnings: in how many windows
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealResult, name, estimator, contrast_of_lump, seeds, refused, background,
                                    background_worst, contrast, contrast_worst, ramp, ramp_worst, off,
                                    coverage, deviation, background_held, lump_held, tracking_m, seconds,
-                                   modulus_s)
+                                   modulus_s, said)
 struct RealFigures {
   std::vector<RealResult> rows;
 };
@@ -237,6 +240,7 @@ RealResult summary(const RealRow& row, const std::string& estimator, const std::
   for (const Figures& f : seeds) {
     r.background_held += std::abs(f.background_error) <= kQuantile * f.background_deviation;
     r.lump_held += std::abs(f.lump_error) <= kQuantile * f.lump_deviation;
+    for (const service::ModulusFlag flag : f.said) ++r.said[service::name_of(flag)];
   }
   r.tracking_m = median_of(all(&Figures::tracking_m));
   r.seconds = median_of(all(&Figures::seconds)), r.modulus_s = median_of(all(&Figures::modulus_s));
@@ -264,6 +268,8 @@ void print(const RealResult& r) {
              pair(r.ramp, r.ramp_worst), number(r.off, 2), number(r.coverage, 2), number(r.deviation, 2),
              held, number(1e6 * r.tracking_m, 2), number(r.seconds, 1),
              r.refused > 0 ? fmt::format(", {} refused", r.refused) : "");
+  for (const auto& [warning, windows] : r.said)
+    fmt::print("    said in {} of {}: {}\n", windows, r.seeds, warning);
   std::fflush(stdout);
 }
 
@@ -317,6 +323,7 @@ RealFigures measure(const RealOptions& options, Promises& promises) {
               seconds_of([&] { e = estimate(elastography, w, all[k], options.time_limit_s); });
           of[k].push_back(judge(e, w));
           of[k].back().seconds = seconds, of[k].back().modulus_s = e.modulus_s;
+          for (const service::ModulusWarning& w : e.modulus_warnings) of[k].back().said.push_back(w.flag);
         } catch (const std::exception& error) {
           ++refused[k];
           fmt::print("{}, contrast {}, seed {}, {}: {}\n", row.name, row.contrast, seed, all[k].name,

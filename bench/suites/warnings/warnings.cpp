@@ -135,13 +135,19 @@ void print_others(const WarningRow& row, const std::vector<Judged>& all) {
   std::fflush(stdout);
 }
 
+bool wanted(const WarningRow& row, const std::string& word) {
+  return row.name.find(word) != std::string::npos || std::ranges::any_of(row.claims, [&](const Claim& c) {
+           return std::string(service::name_of(c.flag)).find(word) != std::string::npos;
+         });
+}
+
 WarningFigures measure(const WarningOptions& options, Promises& promises) {
   AfterTracking estimate;
   const std::size_t cases = options.quick ? 2 : options.cases;
   WarningFigures figures;
   fmt::print(kLine, "warning", "level", "fired", "refused", "background", "stated", "s");
   for (const WarningRow& row : warning_rows(estimate.queue())) {
-    if (row.name.find(options.only) == std::string::npos) continue;
+    if (!wanted(row, options.only)) continue;
     std::vector<Judged> all;
     for (std::uint64_t seed = 1; seed <= cases; ++seed) {
       show_progress(fmt::format("{}: {} of {}", row.name, seed, cases));
@@ -176,7 +182,7 @@ void add_warnings_suite(CLI::App& app, bool& met) {
   suite.add_option("--cases", options->cases, "of each row")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  suite.add_option("--only", options->only, "rows whose level has this");
+  suite.add_option("--only", options->only, "rows whose level or warning has this");
 }
 
 }  // namespace teletact::bench

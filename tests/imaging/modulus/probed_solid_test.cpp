@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -99,6 +100,25 @@ TEST(ProbedSolid, TissueThatSlidesWidensAtItsBottom) {
   for (std::size_t row = 0; row < cells.rows; ++row)
     carried -= mean_of_row(free.axial_strain, cells, row) * cells.row_m;
   EXPECT_GE(carried, 0.85);
+}
+
+// A column whose cells differ by thousands of times needs more iterations than a solve may take. The next one
+// is not the worse for it.
+TEST(ProbedSolid, ASolutionThatStopsShortIsNoAnswer) {
+  const auto column = solid(face(0));
+  Eigen::VectorXd log_modulus(static_cast<Index>(column->cells().size()));
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal(0, 3);
+  for (double& l : log_modulus) l = normal(random);
+  try {
+    column->push(log_modulus, 0, {});
+    FAIL() << "it answered";
+  } catch (const std::invalid_argument& error) {
+    const std::string said = error.what();
+    EXPECT_NE(said.find("iteration limit"), std::string::npos) << said;
+    EXPECT_NE(said.find("poisson_ratio"), std::string::npos) << said;
+  }
+  EXPECT_GT(column->push_homogeneous().force_n, 0);
 }
 
 // What an estimate gets of tissue under such a face, homogeneous, with white noise.
