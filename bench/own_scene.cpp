@@ -9,6 +9,7 @@
 #include "bench/suite.h"
 #include "bench/touch_client.h"
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 
 namespace teletact::bench {
 namespace {
@@ -45,6 +46,7 @@ void remove_scene(v1::Palpation::Stub& stub, const std::string& scene_id) {
   request.set_scene_id(scene_id);
   v1::DeleteSceneResponse deleted;
   grpc::ClientContext context;
+  client::name_scene(context, scene_id);
   stub.DeleteScene(&context, request, &deleted);  // NOT_FOUND is fine
 }
 
@@ -52,6 +54,7 @@ void create_scene(v1::Palpation::Stub& stub, const v1::CreateSceneRequest& reque
   remove_scene(stub, request.scene_id());
   v1::Scene scene;
   grpc::ClientContext context;
+  client::name_scene(context, request.scene_id());
   const grpc::Status status = stub.CreateScene(&context, request, &scene);
   if (!status.ok()) throw BenchError("CreateScene: " + client::describe(status));
 }

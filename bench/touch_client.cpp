@@ -57,6 +57,7 @@ struct OpenStream {
       : stub(v1::Palpation::NewStub(channel)) {
     context.set_deadline(std::chrono::system_clock::now() +
                          std::chrono::milliseconds(static_cast<std::int64_t>((seconds + kGraceS) * 1e3)));
+    client::name_scene(context, scene_id);
     stream = stub->Touch(&context);
     v1::TouchResponse response;
     if (!stream->Write(open_request(scene_id, client)) || !stream->Read(&response) || !response.has_opened())

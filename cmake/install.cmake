@@ -7,7 +7,8 @@ set(CPACK_COMPONENTS_ALL dev)
 if(TARGET teletact-service)
   list(APPEND CPACK_COMPONENTS_ALL service)
   install(TARGETS teletact-service RUNTIME COMPONENT service)
-  install(FILES service/teletact.service DESTINATION lib/systemd/system COMPONENT service)
+  install(FILES packaging/systemd/teletact.service DESTINATION lib/systemd/system COMPONENT service)
+  install(DIRECTORY packaging/haproxy packaging/prometheus packaging/slurm DESTINATION ${documents}/teletact-service/examples COMPONENT service)
   if(TARGET service_main)
     install(TARGETS service_main LIBRARY DESTINATION lib/teletact COMPONENT service)
     set(CPACK_DEBIAN_SERVICE_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR}/service)
@@ -55,7 +56,7 @@ and answers how they push back on a fingertip, over gRPC.")
 set(CPACK_DEBIAN_SERVICE_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_SERVICE_PACKAGE_DEPENDS "pocl-opencl-icd | opencl-icd")
 set(CPACK_DEBIAN_SERVICE_PACKAGE_CONTROL_EXTRA
-  ${PROJECT_SOURCE_DIR}/cmake/debian/postinst ${PROJECT_SOURCE_DIR}/cmake/debian/prerm)
+  ${PROJECT_SOURCE_DIR}/packaging/debian/postinst ${PROJECT_SOURCE_DIR}/packaging/debian/prerm)
 
 set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME teletact-client)
 set(CPACK_COMPONENT_CLIENT_DESCRIPTION "touch of tissue from afar: patient side and operator side

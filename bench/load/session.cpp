@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "client/link/scenes.h"
+
 namespace teletact::bench {
 namespace {
 
@@ -39,6 +41,7 @@ LoadSession::LoadSession(std::shared_ptr<grpc::Channel> channel, FingerPlan plan
   open = plan_.open;
   open.set_credit(plan_.in_flight);
   open.set_period_s(kPeriodS);
+  client::name_scene(context_, open.scene_id());
   stub_->async()->Touch(&context_, this);
   AddHold();  // poses are sent from outside of reactions
   StartWrite(&request_);

@@ -6,6 +6,7 @@
 #include "client/clock/clock.h"
 #include "client/link/channel.h"
 #include "client/link/retry.h"
+#include "client/link/scenes.h"
 #include "teletact/v1/info.grpc.pb.h"
 
 namespace teletact::client {
@@ -86,6 +87,8 @@ grpc::Status EstimateClient::attempt(const v1::Acquisition& acquisition, const s
                                      const std::string& post, const EstimateCallbacks& callbacks,
                                      EstimateOutcome& outcome) {
   grpc::ClientContext context;
+  if (acquisition.has_publish()) name_scene(context, acquisition.publish().scene_id());
+  if (acquisition.has_slice_of()) name_scene(context, acquisition.slice_of().scene_id());
   context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
   const auto stream = stub_->Estimate(&context);
   v1::EstimateRequest first;

@@ -7,6 +7,7 @@
 #include "client/clock/clock.h"
 #include "client/link/channel.h"
 #include "client/link/retry.h"
+#include "client/link/scenes.h"
 
 namespace teletact::client {
 namespace {
@@ -73,6 +74,7 @@ void FingerWatch::end_dead_streams() {
 
 bool FingerWatch::read_stream() {
   const auto context = std::make_shared<grpc::ClientContext>();
+  name_scene(*context, scene_id_);
   {
     const std::lock_guard lock(mutex_);
     if (stopping_) return false;

@@ -143,6 +143,7 @@ grpc::Status SliceScene::create(const v1::ModulusSlice& slice, PublishedSlice& p
     request.mutable_modulus()->add_z_m(places.z_m(n) - places.pitch_m / 2);
   *request.add_slices() = slice;
   grpc::ClientContext context;
+  name_scene(context, scene_id_);
   context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
   v1::Scene scene;
   const grpc::Status status = stub_->CreateScene(&context, request, &scene);
@@ -166,6 +167,7 @@ grpc::Status SliceScene::add(const v1::ModulusSlice& slice, PublishedSlice& publ
   request.set_scene_id(scene_id_);
   *request.mutable_slice() = slice;
   grpc::ClientContext context;
+  name_scene(context, scene_id_);
   context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
   v1::PublishSliceResponse response;
   const grpc::Status status = stub_->PublishSlice(&context, request, &response);

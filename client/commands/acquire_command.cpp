@@ -87,6 +87,7 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
   geometry.set_thickness_m(tissue.thickness_m);
   v1::Scene scene;
   grpc::ClientContext create;
+  name_scene(create, scene_id);
   const grpc::Status status = palpation.CreateScene(&create, request, &scene);
   if (status.ok()) return;
   if (status.error_code() == grpc::StatusCode::INVALID_ARGUMENT)

@@ -43,6 +43,7 @@ void run(const Arguments& arguments) {
   if (!arguments.remove.empty()) {
     v1::DeleteSceneRequest request;
     request.set_scene_id(arguments.remove);
+    name_scene(context, arguments.remove);
     v1::DeleteSceneResponse response;
     const grpc::Status status = stub->DeleteScene(&context, request, &response);
     if (!status.ok()) throw CommandError("cannot delete: " + describe(status));

@@ -12,6 +12,7 @@
 #include "client/commands/commands.h"
 #include "client/files/metaimage.h"
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 #include "client/patient/solid_patient.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
@@ -73,9 +74,10 @@ class Stack {
 };
 
 template <class Call>
-void call(const std::string& what, Call&& one) {
+void call(const std::string& what, const std::string& scene_id, Call&& one) {
   constexpr std::chrono::seconds kPatience{30};
   grpc::ClientContext context;
+  name_scene(context, scene_id);
   context.set_deadline(std::chrono::system_clock::now() + kPatience);
   const grpc::Status status = one(context);
   if (!status.ok()) throw CommandError("cannot " + what + ": " + describe(status));
@@ -102,7 +104,7 @@ void run(const Arguments& arguments) {
   v1::CreateSceneRequest wanted = stack.scene(arguments);
   *wanted.add_slices() = slice(0);
   v1::Scene scene;
-  call("make scene '" + arguments.scene_id + "'",
+  call("make scene '" + arguments.scene_id + "'", arguments.scene_id,
        [&](grpc::ClientContext& context) { return stub->CreateScene(&context, wanted, &scene); });
   const auto told = [&](std::size_t k, std::uint64_t version) {
     std::printf("slice %zu of %zu at z %.1f mm can be touched: version %llu\n", k + 1, stack.slices(),
@@ -116,7 +118,7 @@ void run(const Arguments& arguments) {
     request.set_scene_id(arguments.scene_id);
     *request.mutable_slice() = slice(k);
     v1::PublishSliceResponse response;
-    call("publish slice " + std::to_string(k + 1),
+    call("publish slice " + std::to_string(k + 1), arguments.scene_id,
          [&](grpc::ClientContext& context) { return stub->PublishSlice(&context, request, &response); });
     told(k, response.version());
     for (const std::string& warning : response.warnings()) say("warning: " + warning);

@@ -4,9 +4,16 @@
 
 namespace teletact::client {
 
+void name_scene(grpc::ClientContext& context, const std::string& scene_id) {
+  const auto plain = [](char c) { return c > ' ' && c <= '~'; };  // gRPC ends the process over others
+  if (!scene_id.empty() && std::ranges::all_of(scene_id, plain))
+    context.AddMetadata("teletact-scene", scene_id);
+}
+
 grpc::Status get_scene(v1::Palpation::Stub& stub, const std::string& scene_id, v1::SceneView view,
                        v1::Scene& scene, std::chrono::seconds within) {
   grpc::ClientContext context;
+  name_scene(context, scene_id);
   if (within.count() > 0) context.set_deadline(std::chrono::system_clock::now() + within);
   v1::GetSceneRequest request;
   request.set_scene_id(scene_id);

@@ -10,6 +10,10 @@
 
 namespace teletact::client {
 
+// Says in the metadata of a call that it is about this scene, for proxies that choose a node by it. Before
+// the call begins; what cannot be a scene's id is left out.
+void name_scene(grpc::ClientContext&, const std::string& scene_id);
+
 // GetScene; `within`: its deadline, 0 s for none.
 grpc::Status get_scene(v1::Palpation::Stub& stub, const std::string& scene_id, v1::SceneView view,
                        v1::Scene& scene, std::chrono::seconds within = {});

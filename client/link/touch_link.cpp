@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "client/link/channel.h"
+#include "client/link/scenes.h"
 #include "client/link/servo_messages.h"
 
 namespace teletact::client {
@@ -159,6 +160,7 @@ std::optional<double> TouchLink::retry_after_s(const grpc::Status& status) {
 
 grpc::Status TouchLink::serve(v1::Palpation::Stub& stub) {
   grpc::ClientContext context;
+  name_scene(context, options_.open.scene_id());
   {
     std::lock_guard lock(mutex_);
     shared_ = Shared();

@@ -108,6 +108,9 @@ class Player {
   void need_scene();
   void make_scene(v1::Palpation::Stub& stub);
   [[noreturn]] void fail_nothing_to_play() const;
+  const std::string& played_into(const std::string& recorded_scene) const {
+    return options_.scene_id.empty() ? recorded_scene : options_.scene_id;
+  }
 
   const ReplayOptions& options_;
   const std::atomic<bool>& stop_;
@@ -167,6 +170,7 @@ void Player::make_scene(v1::Palpation::Stub& stub) {
     create.set_scene_id(scene_id_);
     *create.mutable_geometry() = entry->scene().geometry();
     grpc::ClientContext context;
+    name_scene(context, scene_id_);
     v1::Scene scene;
     const grpc::Status created = stub.CreateScene(&context, create, &scene);
     if (!created.ok()) fail("creating the scene", created);
@@ -212,6 +216,7 @@ void Player::play_touch(const Call& call) {
   }
   const auto stub = v1::Palpation::NewStub(channel_);
   grpc::ClientContext context;
+  name_scene(context, played_into(call.requests.front().touch_request().open().scene_id()));
   const auto stream = stub->Touch(&context);
   std::uint64_t acknowledged = 0;
   v1::TouchResponse response;
@@ -219,12 +224,11 @@ void Player::play_touch(const Call& call) {
   for (const v1::RecordEntry& entry : call.requests) {
     if (stop_) break;
     v1::TouchRequest request = entry.touch_request();
-    if (request.has_open() && !options_.scene_id.empty()) {
-      request.mutable_open()->set_scene_id(options_.scene_id);
-    }
-    if (request.has_open())
+    if (request.has_open()) {
+      request.mutable_open()->set_scene_id(played_into(request.open().scene_id()));
       request.mutable_open()->set_laws(false);  // an answer for each pose, nothing between
-    if (request.has_hand_over()) continue;      // nobody else is there, and no answer follows it
+    }
+    if (request.has_hand_over()) continue;  // nobody else is there, and no answer follows it
     if (request.has_pose()) {
       request.mutable_pose()->set_acknowledged(acknowledged);
       request.mutable_pose()->clear_laws_acknowledged();
@@ -276,12 +280,15 @@ void Player::play_estimate(const Call& call) {
   }
   const auto stub = v1::Elastography::NewStub(channel_);
   grpc::ClientContext context;
+  const v1::Acquisition& first = call.requests.front().estimate_request().acquisition();
+  if (first.has_publish()) name_scene(context, played_into(first.publish().scene_id()));
   const auto stream = stub->Estimate(&context);
   for (const v1::RecordEntry& entry : call.requests) {
     if (stop_) break;
     v1::EstimateRequest request = entry.estimate_request();
-    if (request.has_acquisition() && request.acquisition().has_publish() && !options_.scene_id.empty()) {
-      request.mutable_acquisition()->mutable_publish()->set_scene_id(options_.scene_id);
+    if (request.has_acquisition() && request.acquisition().has_publish()) {
+      v1::Publish& publish = *request.mutable_acquisition()->mutable_publish();
+      publish.set_scene_id(played_into(publish.scene_id()));
     }
     if (request.has_acquisition() && request.acquisition().has_slice_of()) {  // who knows which were there
       request.mutable_acquisition()->clear_slice_of();

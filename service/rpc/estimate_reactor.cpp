@@ -5,6 +5,7 @@
 
 #include "service/rpc/client.h"
 #include "service/rpc/estimate_answer.h"
+#include "service/rpc/named_scene.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -48,6 +49,10 @@ void EstimateReactor::receive() {
   if (!call_) {
     if (!message_.has_acquisition())
       throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
+    if (message_.acquisition().has_publish())
+      require_named(*context_, message_.acquisition().publish().scene_id());
+    if (message_.acquisition().has_slice_of())
+      require_named(*context_, message_.acquisition().slice_of().scene_id());
     core_.imaging.require_device();
     call_ = call_from(message_.acquisition(), core_.scenes, limits);
     core_.imaging.refuse_the_hopeless(call_->request, terms());

@@ -2,6 +2,7 @@
 
 #include "service/rpc/client.h"
 #include "service/rpc/modulus_messages.h"
+#include "service/rpc/named_scene.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_reactor.h"
 #include "service/rpc/unary_call.h"
@@ -14,6 +15,7 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
                                                         const v1::CreateSceneRequest* request,
                                                         v1::Scene* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+    require_named(*context, request->scene_id());
     const std::string client = client_of(*context);
     // The request, and what is read from it: numbers of 4 bytes become such of 8. Slices are then stacked.
     call->hold(core_.account(client).charge(Place::kHost, "uploads",
@@ -34,6 +36,7 @@ grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerCon
                                                          const v1::PublishSliceRequest* request,
                                                          v1::PublishSliceResponse* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+    require_named(*context, request->scene_id());
     const std::string client = client_of(*context);
     call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
     const auto scene = core_.scenes.find(request->scene_id());
@@ -57,6 +60,7 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
                                                      v1::Scene* response) {
   const CallKind kind = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
+    require_named(*context, request->scene_id());
     const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
         const auto scene = core_.scenes.find(request->scene_id());
@@ -91,6 +95,7 @@ grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerCont
                                                         const v1::DeleteSceneRequest* request,
                                                         v1::DeleteSceneResponse* response) {
   return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+    require_named(*context, request->scene_id());
     const auto job = removing_.post(
         [=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });
     call->drop_by([this, job] { removing_.drop(job); });

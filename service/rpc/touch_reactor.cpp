@@ -6,6 +6,7 @@
 
 #include "service/rpc/client.h"
 #include "service/rpc/law_messages.h"
+#include "service/rpc/named_scene.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_messages.h"
 #include "service/scene/errors.h"
@@ -57,6 +58,7 @@ void TouchReactor::tick(Clock::time_point now) {
 
 void TouchReactor::open(const v1::TouchOpen& open) {
   if (opened_) throw std::invalid_argument("open: sent twice; send poses, or open another stream");
+  require_named(*context_, open.scene_id());
   TouchWishes wishes = wishes_from(open);
   wishes.touch.client = client_of(*context_);
   stream_ =

@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 
+#include "service/rpc/named_scene.h"
 #include "service/rpc/palpation_messages.h"
 
 namespace teletact::service {
@@ -17,6 +18,7 @@ WatchReactor* WatchReactor::serve(Core& core, grpc::CallbackServerContext* conte
 
 void WatchReactor::take(const v1::WatchFingerRequest& request) {
   if (!opened_) {
+    require_named(*context_, request.scene_id());
     watch_ = std::make_unique<FingerWatch>(core_.scenes.find(request.scene_id()));
     opened_ = true;
     spdlog::info("event=watch_opened stream={} scene={} peer={}", id(), watch_->scene().id(),
