@@ -98,7 +98,7 @@ void Imager::stop() {
 }
 
 void Imager::run(const Service& service, const std::vector<client::FramePair>& pairs, const Pause& pause) {
-  client::EstimateClient estimator(client::make_channel(service.address, service.tls_ca, name_), 0);
+  client::EstimateClient estimator(client::make_channel(service.address, service.credentials, name_), 0);
   const auto every = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(every_s_));
   auto due = Clock::now();
   for (std::size_t k = 0; !stop_; ++k) {

@@ -10,14 +10,13 @@ namespace teletact::bench {
 
 void add_service_options(CLI::App& command, Service& service) {
   command.add_option("--service", service.address, "HOST:PORT or unix:/path")->check(client::address_problem);
-  command.add_option_function<std::string>(
-      "--tls-ca", [&service](const std::string& path) { service.tls_ca = client::read_tls_ca(path); },
-      "PEM certificate that signed the service's");
+  for (const client::CredentialOption& option : client::credential_options(service.credentials))
+    command.add_option_function<std::string>(option.flag, option.take, option.description);
 }
 
 std::shared_ptr<grpc::Channel> connect(const Service& service) {
   if (service.address.empty()) throw BenchError("give --service: the address of a running service");
-  return client::reach_service(service.address, service.tls_ca,
+  return client::reach_service(service.address, service.credentials,
                                [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); });
 }
 

@@ -6,6 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "client/link/credentials.h"
+
 namespace CLI {
 class App;
 }
@@ -13,10 +15,11 @@ class App;
 namespace teletact::bench {
 
 struct Service {
-  std::string address, tls_ca;  // tls_ca: the certificate itself; empty: in the clear
+  std::string address;
+  client::Credentials credentials;
 };
 
-// Adds --service and --tls-ca; `service` must outlive the parsing.
+// Adds --service and how the two know each other; `service` must outlive the parsing.
 void add_service_options(CLI::App& command, Service& service);
 
 // Throws BenchError where --service was left out, or nobody answers there.

@@ -22,6 +22,7 @@
 #include <thread>
 #include <variant>
 
+#include "service/access/trial_set.h"
 #include "service/admin/admin.h"
 #include "service/device/device.h"
 #include "service/rpc/server.h"
@@ -75,6 +76,8 @@ void read_config(const CLI::App& command, ServeOptions& options) {
       {"kernel_directory", &options.device.kernel_directory},
       {"tls_certificate", &options.server.listen.tls_certificate},
       {"tls_key", &options.server.listen.tls_key},
+      {"tls_client_ca", &options.server.listen.tls_client_ca},
+      {"access", &options.server.listen.access},
       {"log_level", &options.log_level},
       {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
   for (const auto& [key, node] : parse_config(options.config)) {
@@ -239,9 +242,45 @@ void add_serve(CLI::App& app, ServeOptions& o) {
                     "listen beyond this machine without encryption");
   command->add_option("--tls-certificate", o.server.listen.tls_certificate, "PEM certificate chain");
   command->add_option("--tls-key", o.server.listen.tls_key, "PEM private key");
+  command->add_option("--tls-client-ca", o.server.listen.tls_client_ca,
+                      "PEM certificate: only clients with one that it signed are let in");
+  command->add_option(
+      "--access", o.server.listen.access,
+      "TOML file: who may do what, by token or certificate; without it whoever can connect may "
+      "do everything");
   command->add_option("--log-level", o.log_level, "trace, debug, info, warn, error or off")
       ->capture_default_str();
   command->callback([command, &o] { serve(*command, o); });
+}
+
+// Certificates and tokens for a trial.
+void add_credentials(CLI::App& app) {
+  struct Wishes {
+    std::filesystem::path out;
+    std::string host = "localhost";
+    unsigned days = 365;
+  };
+  const auto wishes = std::make_shared<Wishes>();
+  CLI::App* command =
+      app.add_subcommand("credentials", "Make certificates and tokens of each role for a trial installation");
+  command->add_option("--out", wishes->out, "a new folder for them")->required();
+  command->add_option("--host", wishes->host, "name or address that clients connect to, beside localhost")
+      ->capture_default_str();
+  command->add_option("--days", wishes->days, "how long they hold")
+      ->check(CLI::Range(1, 3650))
+      ->capture_default_str();
+  command->callback([wishes] {
+    const auto end = WallClock::now() + std::chrono::hours(24) * wishes->days;
+    make_trial_set(wishes->out, wishes->host, std::chrono::time_point_cast<std::chrono::seconds>(end));
+    const std::string out = wishes->out.string();
+    std::printf(
+        "made in %s, for %u days; to try it:\n"
+        "  teletact-service serve --listen 0.0.0.0:50051 --tls-certificate %s/server.pem --tls-key "
+        "%s/server-key.pem --access %s/access.toml\n"
+        "  teletact-client scenes --service %s:50051 --tls-ca %s/ca.pem --token-file %s/observer.token\n",
+        out.c_str(), wishes->days, out.c_str(), out.c_str(), out.c_str(), wishes->host.c_str(), out.c_str(),
+        out.c_str());
+  });
 }
 
 }  // namespace
@@ -254,6 +293,7 @@ void add_serve(CLI::App& app, ServeOptions& o) {
   app.require_subcommand(1);
   ServeOptions options;
   add_serve(app, options);
+  add_credentials(app);
   bool as_json = false;
   CLI::App* devices = app.add_subcommand("devices", "List the OpenCL devices");
   devices->add_flag("--json", as_json, "as JSON");

@@ -28,7 +28,10 @@ class Process {
   explicit Process(const LoadPlan& plan)
       : file_(std::filesystem::temp_directory_path() /
               fmt::format("teletact-load-{}-{}.json", getpid(), plan.first_client)) {
-    std::ofstream(file_) << nlohmann::json(plan);
+    std::ofstream out(file_);
+    std::filesystem::permissions(file_, std::filesystem::perms::owner_read |
+                                            std::filesystem::perms::owner_write);  // it may hold a token
+    out << nlohmann::json(plan);
     const std::string self = std::filesystem::read_symlink("/proc/self/exe");
     pipe_ = popen((quoted(self) + " " + kLoadWorker + " " + quoted(file_)).c_str(), "r");
     if (pipe_ == nullptr) throw std::runtime_error("a process of the load could not be started");

@@ -90,8 +90,8 @@ class Place {
   }
   void open(double now_s) {
     finger_.open.set_session_id(fmt::format("load-{}-{}", client_, streams_++));
-    session_ =
-        std::make_unique<LoadSession>(client::make_channel(plan_.address, plan_.tls_ca), finger_, begin_);
+    session_ = std::make_unique<LoadSession>(client::make_channel(plan_.address, plan_.credentials), finger_,
+                                             begin_);
     leaves_s_ = plan_.stay_s > 0 ? now_s + std::exponential_distribution<double>(1 / plan_.stay_s)(random_)
                                  : kForever;
   }

@@ -5,11 +5,17 @@
 
 #include "bench/load/arrivals.h"
 #include "bench/load/tally.h"
+#include "client/link/credentials.h"
+
+namespace teletact::client {
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Credentials, tls_ca, tls_certificate, tls_key, token)
+}
 
 namespace teletact::bench {
 
 struct LoadPlan {
-  std::string address, tls_ca, scene_id;
+  std::string address, scene_id;
+  client::Credentials credentials;
   double begin_m = 0, end_m = 0, indentation_m = 0.003, speed_m_s = 0.12;  // where fingers sweep
   std::string recording;  // of a touch, that they do in place of that, at its own instants; empty: none
   unsigned first_client = 0, clients = 1, in_flight = 8;
@@ -21,7 +27,7 @@ struct LoadPlan {
   std::uint64_t seed = 1;
   std::int64_t begin_ns = 0;  // on the machine's monotonic clock, the same for all processes
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoadPlan, address, tls_ca, scene_id, begin_m, end_m, indentation_m,
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoadPlan, address, credentials, scene_id, begin_m, end_m, indentation_m,
                                    speed_m_s, recording, first_client, clients, in_flight, closed_loop,
                                    poisson, laws, rate_hz, end_rate_hz, warm_up_s, duration_s, stay_s,
                                    cancel_share, seed, begin_ns)

@@ -15,10 +15,10 @@ constexpr auto kReconnectAfter = std::chrono::milliseconds(100);
 constexpr double kExtrapolateAtMostS = 0.1;
 }  // namespace
 
-FingerWatch::FingerWatch(std::string address, std::string tls_ca, std::string scene_id, int axis)
+FingerWatch::FingerWatch(std::string address, Credentials credentials, std::string scene_id, int axis)
     : address_(std::move(address)),
-      tls_ca_(std::move(tls_ca)),
       scene_id_(std::move(scene_id)),
+      credentials_(std::move(credentials)),
       axis_(axis),
       thread_([this] { follow(); }),
       guard_([this] { end_dead_streams(); }) {}
@@ -84,7 +84,7 @@ bool FingerWatch::read_stream() {
   v1::WatchFingerRequest request;
   request.set_scene_id(scene_id_);
   // A new connection each time: the old one may be half-open.
-  const auto stub = v1::Palpation::NewStub(make_channel(address_, tls_ca_));
+  const auto stub = v1::Palpation::NewStub(make_channel(address_, credentials_));
   const auto stream = stub->WatchFinger(context.get());
   for (v1::FingerState state; stream->Write(request) && stream->Read(&state);) {
     store(state);

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "client/acquire/window_planner.h"
+#include "client/link/credentials.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
 namespace teletact::client {
@@ -21,8 +22,7 @@ class FingerWatch {
   static constexpr double kDeadS = 2;
 
   // Along the axis that windows lie on: 0 for x, 2 for z.
-  // `tls_ca`: PEM text; empty: not encrypted.
-  FingerWatch(std::string address, std::string tls_ca, std::string scene_id, int axis = 0);
+  FingerWatch(std::string address, Credentials credentials, std::string scene_id, int axis = 0);
   ~FingerWatch();
   FingerWatch(const FingerWatch&) = delete;
   FingerWatch& operator=(const FingerWatch&) = delete;
@@ -45,7 +45,8 @@ class FingerWatch {
   void end_dead_streams();
   void store(const teletact::v1::FingerState& state);
 
-  std::string address_, tls_ca_, scene_id_;
+  std::string address_, scene_id_;
+  Credentials credentials_;
   int axis_;
   mutable std::mutex mutex_;  // everything below
   std::condition_variable stopped_;

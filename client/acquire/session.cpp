@@ -55,25 +55,25 @@ std::string problem_of(const v1::SliceWish& wish, const std::optional<SliceOptio
 
 }  // namespace
 
-AcquireSession::AcquireSession(const std::string& address, const std::string& tls_ca, FrameSource& source,
-                               const AcquireOptions& options, AcquireObserver observer)
+AcquireSession::AcquireSession(const std::string& address, const Credentials& credentials,
+                               FrameSource& source, const AcquireOptions& options, AcquireObserver observer)
     : address_(address),
-      tls_ca_(tls_ca),
+      credentials_(credentials),
       source_(source),
       options_(options),
       observer_(std::move(observer)),
       planner_(planner_for(source, options.planner), options.start_x_m, options.start_direction),
       epoch_ns_(monotonic_ns()),
       arm_(options.arm, planner_.window_x_m(planner_.window_at(options.start_x_m)), 0),
-      client_(make_channel(address, tls_ca), options.retry_for_s),
+      client_(make_channel(address, credentials), options.retry_for_s),
       acquired_s_(source.window_count()),
       passes_(source.window_count(), 0) {
   if (options.slices) {
-    scene_.emplace(make_channel(address, tls_ca), options.scene_id, options.slices->grid,
+    scene_.emplace(make_channel(address, credentials), options.scene_id, options.slices->grid,
                    options.retry_for_s);
     corrections_.emplace(source.window_count());
   } else {
-    finger_.emplace(address, tls_ca, options.scene_id);
+    finger_.emplace(address, credentials, options.scene_id);
   }
   uploader_ = std::thread([this] { upload_loop(); });
 }
@@ -298,7 +298,7 @@ FingerMotion AcquireSession::finger() {
     const std::lock_guard lock(mutex_);
     if (!scene_made_) return {};
   }
-  if (!finger_) finger_.emplace(address_, tls_ca_, options_.scene_id, 2);
+  if (!finger_) finger_.emplace(address_, credentials_, options_.scene_id, 2);
   FingerMotion motion = finger_->motion(monotonic_ns());
   motion.wished_m = wished_m();
   if (options_.slices) motion.x_m -= begin_m(options_.slices->grid.places);

@@ -28,6 +28,7 @@
 #include "client/acquire/slice_scene.h"
 #include "client/acquire/window_planner.h"
 #include "client/clock/clock.h"
+#include "client/link/credentials.h"
 #include "teletact/v1/recording.pb.h"
 
 namespace teletact::client {
@@ -84,9 +85,8 @@ class AcquireSession {
  public:
   static constexpr std::size_t kMaxQueuedUploads = 2;
 
-  // The scene must exist, or, with slices, must not. `tls_ca`: PEM text; empty: not encrypted. `source`
-  // outlives the session.
-  AcquireSession(const std::string& address, const std::string& tls_ca, FrameSource& source,
+  // The scene must exist, or, with slices, must not. `source` outlives the session.
+  AcquireSession(const std::string& address, const Credentials& credentials, FrameSource& source,
                  const AcquireOptions& options, AcquireObserver observer);
   ~AcquireSession();
 
@@ -128,7 +128,8 @@ class AcquireSession {
   double now_s() const { return seconds(monotonic_ns() - epoch_ns_); }
   void sleep_until(double time_s, const std::atomic<bool>& stop) const;
 
-  const std::string address_, tls_ca_;
+  const std::string address_;
+  const Credentials credentials_;
   FrameSource& source_;
   AcquireOptions options_;
   AcquireObserver observer_;

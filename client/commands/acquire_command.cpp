@@ -27,7 +27,8 @@ namespace teletact::client {
 namespace {
 
 struct Arguments {
-  std::string address, tls_ca, tissue_path, save_tissue_path, record_path, ready_path;
+  std::string address, tissue_path, save_tissue_path, record_path, ready_path;
+  Credentials credentials;
   std::optional<std::uint64_t> seed;
   std::size_t passes = 5;
   unsigned threads = 0;
@@ -231,7 +232,7 @@ void run(const Arguments& arguments) {
     throw CommandError(fmt::format("--start-x-m {}: the tissue reaches from 0 to {} m",
                                    arguments.acquire.start_x_m, tissue.width_m));
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
-  const auto channel = reach_service(arguments.address, arguments.tls_ca, say);
+  const auto channel = reach_service(arguments.address, arguments.credentials, say);
   const auto palpation = v1::Palpation::NewStub(channel);
   if (arguments.slices)
     require_no_scene(*palpation, arguments.acquire.scene_id);
@@ -250,7 +251,8 @@ void run(const Arguments& arguments) {
     const double pitch_m = arguments.slice_pitch_m;
     options.start_x_m = options.start_direction > 0 ? 0 : pitch_m * static_cast<double>(*arguments.slices);
   }
-  AcquireSession session(arguments.address, arguments.tls_ca, *source, options, observe(arguments, recorder));
+  AcquireSession session(arguments.address, arguments.credentials, *source, options,
+                         observe(arguments, recorder));
   const AcquireResult result = acquire(session);
   std::printf("%zu %s published, %zu pairs not tracked\n", result.windows.size(),
               arguments.slices ? "slices" : "windows", result.untracked);
@@ -319,7 +321,7 @@ void add_acquire_command(CLI::App& app) {
   AcquireOptions& acquire = arguments->acquire;
   CLI::App& command =
       *app.add_subcommand("acquire", "patient side: probe, arm and RF upload (a simulated patient)");
-  add_service_options(command, arguments->address, arguments->tls_ca);
+  add_service_options(command, arguments->address, arguments->credentials);
   command.add_option("--scene", acquire.scene_id, "scene to publish into; created with the tissue's size")
       ->required();
   command.add_option("--tissue", arguments->tissue_path,

@@ -66,11 +66,10 @@ void say(const std::string& line) {
   std::fprintf(stderr, "%s\n", line.c_str());
 }
 
-void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca) {
+void add_service_options(CLI::App& command, std::string& address, Credentials& credentials) {
   command.add_option("--service", address, "HOST:PORT or unix:/path")->required()->check(address_problem);
-  command.add_option_function<std::string>(
-      "--tls-ca", [&tls_ca](const std::string& path) { tls_ca = read_tls_ca(path); },
-      "PEM certificate that signed the service's; without it nothing is encrypted");
+  for (const CredentialOption& option : credential_options(credentials))
+    command.add_option_function<std::string>(option.flag, option.take, option.description);
 }
 
 void add_force_option(CLI::App& command, bool& force) {

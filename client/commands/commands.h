@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "client/files/different_files.h"
+#include "client/link/credentials.h"
 
 namespace teletact::client {
 
@@ -36,8 +37,8 @@ void require_new_files(const std::vector<NamedFile>& files, bool force);
 void refuse_beside(const CLI::App& command, const std::vector<std::string>& options,
                    const std::string& reason);
 
-// --service and --tls-ca; `tls_ca` becomes the file's text.
-void add_service_options(CLI::App& command, std::string& address, std::string& tls_ca);
+// --service, and the files by which it and this client know each other.
+void add_service_options(CLI::App& command, std::string& address, Credentials& credentials);
 
 // All of the below. Options show their defaults, and take no number that is not finite.
 void add_commands(CLI::App& app);

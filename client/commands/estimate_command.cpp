@@ -18,7 +18,8 @@ namespace teletact::client {
 namespace {
 
 struct Arguments {
-  std::string address, tls_ca, out;
+  std::string address, out;
+  Credentials credentials;
   RecordedSetOptions set;
 };
 
@@ -207,7 +208,7 @@ void run(const Arguments& arguments) {
   require_writable_folder(arguments.out);
   const std::vector<RecordedPlace> set = recorded_places(arguments.set);
   require_one_geometry(set);
-  const auto channel = reach_service(arguments.address, arguments.tls_ca, say);
+  const auto channel = reach_service(arguments.address, arguments.credentials, say);
   EstimateClient client(channel);
   if (set.size() == 1 && set.front().pairs.size() == 1 && !set.front().z_m)
     run_pair(client, channel, set.front().pairs.front(), arguments.out);
@@ -249,7 +250,7 @@ void add_estimate_command(CLI::App& app) {
   RecordedFrameOptions& frames = arguments->set.common;
   CLI::App& command =
       *app.add_subcommand("estimate", "recorded RF frames -> displacement, strain, modulus on disk");
-  add_service_options(command, arguments->address, arguments->tls_ca);
+  add_service_options(command, arguments->address, arguments->credentials);
   add_file_options(command, arguments->set);
   command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
   command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz, "of the RF")->required();

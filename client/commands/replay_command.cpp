@@ -53,7 +53,7 @@ void add_replay_command(CLI::App& app) {
   const auto options = std::make_shared<ReplayOptions>();
   CLI::App& command = *app.add_subcommand("replay", "play a recording of touch or acquire again");
   command.add_option("file", options->path, "written by touch --record or acquire --record")->required();
-  add_service_options(command, options->address, options->tls_ca);
+  add_service_options(command, options->address, options->credentials);
   command.add_option("--scene", options->scene_id, "play into this scene (default: the recorded one)");
   command
       .add_option("--speed", options->speed,

@@ -15,7 +15,8 @@ namespace teletact::client {
 namespace {
 
 struct Arguments {
-  std::string address, tls_ca, remove;
+  std::string address, remove;
+  Credentials credentials;
 };
 
 void give_deadline(grpc::ClientContext& context) {
@@ -37,7 +38,7 @@ void print(const v1::Scene& scene) {
 }
 
 void run(const Arguments& arguments) {
-  const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.tls_ca, say));
+  const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.credentials, say));
   grpc::ClientContext context;
   give_deadline(context);
   if (!arguments.remove.empty()) {
@@ -62,7 +63,7 @@ void run(const Arguments& arguments) {
 void add_scenes_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("scenes", "list the scenes of a service, or delete one");
-  add_service_options(command, arguments->address, arguments->tls_ca);
+  add_service_options(command, arguments->address, arguments->credentials);
   command.add_option("--delete", arguments->remove,
                      "the scene to take away; open touch streams end with it; without it the scenes are "
                      "listed");

@@ -20,7 +20,8 @@ namespace teletact::client {
 namespace {
 
 struct Arguments {
-  std::string address, tls_ca, scene_id, volume, log_std;
+  std::string address, scene_id, volume, log_std;
+  Credentials credentials;
   std::uint64_t seed = 1;
   double poisson_ratio = SolidPatient::kPoissonRatio, every_s = 0;
 };
@@ -100,7 +101,7 @@ void run(const Arguments& arguments) {
     if (deviation) *out.mutable_youngs_modulus_log_std() = deviation->plane(k);
     return out;
   };
-  const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.tls_ca, say));
+  const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.credentials, say));
   v1::CreateSceneRequest wanted = stack.scene(arguments);
   *wanted.add_slices() = slice(0);
   v1::Scene scene;
@@ -131,7 +132,7 @@ void add_slices_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand(
       "slices", "make a solid scene of a stack of plane maps of a known modulus, slice by slice");
-  add_service_options(command, arguments->address, arguments->tls_ca);
+  add_service_options(command, arguments->address, arguments->credentials);
   command.add_option("--scene", arguments->scene_id, "scene to make; one of that name is refused")
       ->required();
   CLI::Option* volume = command.add_option(

@@ -267,7 +267,7 @@ void add_touch_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   OperatorSessionOptions& session = arguments->session;
   CLI::App& command = *app.add_subcommand("touch", "operator side: feel a scene of a running service");
-  add_service_options(command, session.address, session.tls_ca);
+  add_service_options(command, session.address, session.credentials);
   command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
   command.add_option("--device", session.device,
                      "haptic device: simulated, simulated-position, plugin:FILE[,SETTINGS], "

@@ -6,8 +6,6 @@
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <fstream>
-#include <iterator>
 #include <random>
 #include <stdexcept>
 #include <thread>
@@ -26,30 +24,38 @@ constexpr int kKeepaliveMs = 30000;      // a second net only: silence on the st
 constexpr double kConnectWaitS = 3;
 constexpr int kMaxMessageBytes = 256 << 20;
 
-// Adds the client's name to the metadata of a call as it goes out.
+// What a call says of its client, in its metadata.
+struct Said {
+  std::string name, authorization;  // the latter empty: nothing
+};
+
+// Adds it to a call as it goes out.
 class Naming final : public grpc::experimental::Interceptor {
  public:
-  explicit Naming(const std::string& name) : name_(name) {}
+  explicit Naming(const Said& said) : said_(said) {}
   void Intercept(grpc::experimental::InterceptorBatchMethods* call) override {
     using grpc::experimental::InterceptionHookPoints;
-    if (call->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA))
-      call->GetSendInitialMetadata()->emplace("teletact-client", name_);
+    if (call->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA)) {
+      call->GetSendInitialMetadata()->emplace("teletact-client", said_.name);
+      if (!said_.authorization.empty())
+        call->GetSendInitialMetadata()->emplace("authorization", said_.authorization);
+    }
     call->Proceed();
   }
 
  private:
-  const std::string& name_;  // the factory's, which the channel keeps
+  const Said& said_;  // the factory's, which the channel keeps
 };
 
 class NamingFactory final : public grpc::experimental::ClientInterceptorFactoryInterface {
  public:
-  explicit NamingFactory(std::string name) : name_(std::move(name)) {}
+  explicit NamingFactory(Said said) : said_(std::move(said)) {}
   grpc::experimental::Interceptor* CreateClientInterceptor(grpc::experimental::ClientRpcInfo*) override {
-    return new Naming(name_);  // gRPC owns it
+    return new Naming(said_);  // gRPC owns it
   }
 
  private:
-  const std::string name_;
+  const Said said_;
 };
 
 std::string make_client_name() {
@@ -83,25 +89,28 @@ grpc::ChannelArguments channel_arguments() {
   return arguments;
 }
 
-std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca,
+std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const Credentials& given,
                                             const std::string& name) {
-  const auto credentials =
-      tls_ca.empty() ? grpc::InsecureChannelCredentials() : grpc::SslCredentials({tls_ca, "", ""});
+  require_usable(given, address);
+  const auto credentials = given.tls_ca.empty()
+                               ? grpc::InsecureChannelCredentials()
+                               : grpc::SslCredentials({given.tls_ca, given.tls_key, given.tls_certificate});
   std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(std::make_unique<NamingFactory>(name));
+  interceptors.push_back(
+      std::make_unique<NamingFactory>(Said{name, given.token.empty() ? "" : "Bearer " + given.token}));
   return grpc::experimental::CreateCustomChannelWithInterceptors(address, credentials, channel_arguments(),
                                                                  std::move(interceptors));
 }
 
-Connecting::Connecting(std::string address, std::string tls_ca)
-    : address_(std::move(address)), tls_ca_(std::move(tls_ca)) {}
+Connecting::Connecting(std::string address, Credentials credentials)
+    : address_(std::move(address)), credentials_(std::move(credentials)) {}
 
 std::shared_ptr<grpc::Channel> Connecting::wait(double wait_s) {
   const auto now = std::chrono::steady_clock::now();
   // One that was refused tries again by itself, after its backoff.
   const bool hangs = attempts_.empty() || attempts_.back()->GetState(true) == GRPC_CHANNEL_CONNECTING;
   if (hangs && now >= next_attempt_) {
-    attempts_.push_back(make_channel(address_, tls_ca_));
+    attempts_.push_back(make_channel(address_, credentials_));
     if (attempts_.size() > kMostAttempts) attempts_.pop_front();
     next_attempt_ = now + std::chrono::milliseconds(static_cast<int>(1e3 * kAttemptS));
   }
@@ -124,36 +133,34 @@ std::string address_problem(const std::string& address) {
   return parsed.ec == std::errc() && parsed.ptr == end && port > 0 && port <= 65535 ? "" : remedy;
 }
 
-std::string read_tls_ca(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (text.find("-----BEGIN CERTIFICATE") == std::string::npos)
-    throw std::runtime_error(
-        "--tls-ca " + path +
-        ": no PEM certificate can be read there; give the one that signed the service's");
-  return text;
-}
-
-std::string nobody_answers(const std::string& address, const std::string& tls_ca) {
+std::string nobody_answers(const std::string& address, const Credentials& given) {
   return "no service at " + address + ": start one with './teletact serve --listen " + address +
          "' (teletact-service), " +
-         (tls_ca.empty() ? "or give --tls-ca if it serves TLS"
-                         : "with a certificate that --tls-ca signed for that name");
+         (given.tls_ca.empty() ? "or give --tls-ca if it serves TLS"
+          : given.tls_certificate.empty()
+              ? "with a certificate that --tls-ca signed for that name, or give --tls-certificate and "
+                "--tls-key if it asks for them"
+              : "with a certificate that --tls-ca signed for that name, and --tls-client-ca that signed "
+                "--tls-certificate");
 }
 
-std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const std::string& tls_ca,
+std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const Credentials& credentials,
                                              const std::function<void(const std::string&)>& say) {
   using namespace std::chrono_literals;
   constexpr auto kServesWithin = 60s, kCallDeadline = 5s;
-  auto channel = make_channel(address, tls_ca);
+  auto channel = make_channel(address, credentials);
   const auto stub = v1::Palpation::NewStub(channel);
   const auto give_up = std::chrono::steady_clock::now() + kServesWithin;
   for (bool said = false;; said = true) {
-    if (!wait_connected(*channel, kConnectWaitS)) throw std::runtime_error(nobody_answers(address, tls_ca));
+    if (!wait_connected(*channel, kConnectWaitS))
+      throw std::runtime_error(nobody_answers(address, credentials));
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
     v1::ListScenesResponse scenes;
     const grpc::Status status = stub->ListScenes(&context, {}, &scenes);
+    if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED)
+      throw std::runtime_error("the service at " + address + " does not let this client in (" +
+                               describe(status) + ")");
     if (status.error_code() != grpc::StatusCode::UNAVAILABLE) return channel;
     const std::string why = "the service at " + address + " (" + describe(status) + ")";
     if (std::chrono::steady_clock::now() > give_up)

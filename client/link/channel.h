@@ -9,6 +9,8 @@
 #include <memory>
 #include <string>
 
+#include "client/link/credentials.h"
+
 namespace teletact::client {
 
 // By which the service knows this process from other clients: host, process and a number, at most 64 bytes of
@@ -19,10 +21,9 @@ const std::string& client_name();
 grpc::ChannelArguments channel_arguments();
 
 // `address` is "host:port" or "unix:/path". Connects lazily; backoff 50 to 200 ms, 3 s per attempt. A channel
-// shares no subchannel (and so no backoff) with any other. With `tls_ca`, PEM text, the connection is
-// encrypted and the service must show a certificate that these authorities signed for the host's name
-// ("localhost" for a Unix socket); without it nothing is encrypted. `name`: the client's, on every call.
-std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const std::string& tls_ca = "",
+// shares no subchannel (and so no backoff) with any other. `name`: the client's, on every call. Throws as
+// require_usable().
+std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const Credentials& credentials = {},
                                             const std::string& name = client_name());
 
 // Reaches `address` over links that lose packets or say nothing: while an attempt hangs, another is started
@@ -31,13 +32,14 @@ std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const st
 class Connecting {
  public:
   static constexpr double kAttemptS = 0.2;
-  Connecting(std::string address, std::string tls_ca);
+  Connecting(std::string address, Credentials credentials);
   // A connected channel, or null when there is none after `wait_s`; then call again.
   std::shared_ptr<grpc::Channel> wait(double wait_s);
 
  private:
   static constexpr std::size_t kMostAttempts = 15;  // each gets 3 s, enough for slow handshakes
-  std::string address_, tls_ca_;
+  std::string address_;
+  Credentials credentials_;
   std::deque<std::shared_ptr<grpc::Channel>> attempts_;
   std::chrono::steady_clock::time_point next_attempt_{};
 };
@@ -45,16 +47,14 @@ class Connecting {
 // What is wrong with an address that a person gave, with the remedy; empty when it can be one.
 std::string address_problem(const std::string& address);
 
-// The PEM text of --tls-ca FILE. Throws std::runtime_error with one line.
-std::string read_tls_ca(const std::string& path);
-
 // One line for a person: nobody serves at `address`, why that may be and what to do.
-std::string nobody_answers(const std::string& address, const std::string& tls_ca);
+std::string nobody_answers(const std::string& address, const Credentials&);
 
 // A channel to a service that serves. One that is starting (it listens before that, and compiles kernels and
 // restores scenes meanwhile) is waited for, which `say` is told once, in a line. Throws std::runtime_error in
-// one line when nobody answers for 3 s, or when it has not begun to serve after a minute.
-std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const std::string& tls_ca,
+// one line when nobody answers for 3 s, when it has not begun to serve after a minute, or when it does not
+// know who calls.
+std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const Credentials&,
                                              const std::function<void(const std::string&)>& say);
 
 // True once connected, false when `wait_s` has passed first.

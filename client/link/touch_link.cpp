@@ -115,7 +115,7 @@ void TouchLink::run() {
   };
   while (!stopping()) {
     // A new channel each time: an old one may hold on to a half-open connection or a long backoff.
-    Connecting connecting(options_.address, options_.tls_ca);
+    Connecting connecting(options_.address, options_.credentials);
     std::shared_ptr<grpc::Channel> channel;
     while (!stopping() && !channel) channel = connecting.wait(kConnectWaitS);
     if (stopping()) return;

@@ -23,6 +23,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/link/credentials.h"
 #include "client/link/law_book.h"
 #include "client/link/pacing.h"
 #include "client/link/recording.h"
@@ -36,7 +37,7 @@ namespace teletact::client {
 
 struct TouchLinkOptions {
   std::string address;
-  std::string tls_ca;        // PEM text; empty: not encrypted
+  Credentials credentials;
   v1::TouchOpen open;        // session_id is chosen when empty
   double dead_s = 0.6;       // the force is long zero then: nothing is lost by opening a new stream
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first

@@ -28,14 +28,14 @@ using Seconds = std::chrono::duration<double>;
 v1::Scene wait_for_scene(const OperatorSessionOptions& options, const std::atomic<bool>& stop) {
   const double connect_s = std::max(options.wait_s, 2.0);
   const auto deadline = std::chrono::steady_clock::now() + Seconds(connect_s);
-  const auto channel = make_channel(options.address, options.tls_ca);
+  const auto channel = make_channel(options.address, options.credentials);
   constexpr double kTryS = 0.2;
   bool connected = false;
   while (!stop && !connected && std::chrono::steady_clock::now() < deadline) {
     connected = wait_connected(*channel, kTryS);
   }
   if (!connected) {
-    throw std::runtime_error(nobody_answers(options.address, options.tls_ca));
+    throw std::runtime_error(nobody_answers(options.address, options.credentials));
   }
   const auto stub = v1::Palpation::NewStub(channel);
   const auto scene_deadline = std::chrono::steady_clock::now() + Seconds(options.wait_s);
@@ -44,7 +44,9 @@ v1::Scene wait_for_scene(const OperatorSessionOptions& options, const std::atomi
     const grpc::Status status =
         get_scene(*stub, options.open.scene_id(), v1::SCENE_VIEW_BASIC, scene, std::chrono::seconds(5));
     if (status.ok() && touchable_extent(scene)) return scene;
-    if (stop || std::chrono::steady_clock::now() >= scene_deadline) {
+    const bool kept_out = status.error_code() == grpc::StatusCode::UNAUTHENTICATED ||
+                          status.error_code() == grpc::StatusCode::PERMISSION_DENIED;
+    if (stop || kept_out || std::chrono::steady_clock::now() >= scene_deadline) {
       if (status.ok()) {
         throw std::runtime_error("scene '" + options.open.scene_id() +
                                  "' has no window to touch yet; acquire one, or wait for it with --wait-s");
@@ -169,7 +171,7 @@ bool finished(const OperatorSessionOptions& options, const HapticDevice& device,
 TouchLinkOptions link_options_of(const OperatorSessionOptions& options, RecordWriter* recorder) {
   TouchLinkOptions link;
   link.address = options.address;
-  link.tls_ca = options.tls_ca;
+  link.credentials = options.credentials;
   link.open = options.open;
   link.recorder = recorder;
   return link;

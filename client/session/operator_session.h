@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "client/link/credentials.h"
 #include "client/link/touch_link.h"
 #include "client/servo/servo_thread.h"
 #include "client/servo/tick_statistics.h"
@@ -19,7 +20,7 @@ struct OperatorSessionOptions {
   static constexpr double kLostS = 5;
   static constexpr double kTactileS = 0.2;
   std::string address;
-  std::string tls_ca;  // PEM text; empty: not encrypted
+  Credentials credentials;
   v1::TouchOpen open;
   std::string device = "simulated";     // as devices.h reads it
   std::string profile = "premium-1.5";  // of a simulated or replayed device

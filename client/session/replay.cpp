@@ -125,10 +125,10 @@ class Player {
 Player::Player(const ReplayOptions& options, const std::atomic<bool>& stop)
     : options_(options), stop_(stop), calls_(options.path), pace_(options.speed) {
   report_.kind = calls_.reader().header().kind();
-  channel_ = make_channel(options.address, options.tls_ca);
+  channel_ = make_channel(options.address, options.credentials);
   constexpr double kConnectS = 2;
   if (!wait_connected(*channel_, kConnectS)) {
-    throw std::runtime_error(nobody_answers(options.address, options.tls_ca));
+    throw std::runtime_error(nobody_answers(options.address, options.credentials));
   }
   scene_id_ = options.scene_id.empty() ? calls_.reader().header().scene_id() : options.scene_id;
   need_scene();

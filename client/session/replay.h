@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "client/link/credentials.h"
 #include "client/link/recording.h"
 
 namespace teletact::client {
@@ -12,7 +13,7 @@ namespace teletact::client {
 struct ReplayOptions {
   std::string path;
   std::string address;
-  std::string tls_ca;       // PEM text; empty: not encrypted
+  Credentials credentials;
   std::string scene_id;     // empty: the recorded one
   double speed = 1;         // of the recorded timing; 0 = as fast as the service answers
   std::string record_path;  // record the replay; empty: no

@@ -25,7 +25,8 @@ using prometheus::MetricType;
 
 constexpr std::array<const char*, kCallKinds> kKinds{"touch", "watch",      "estimate",
                                                      "unary", "full_scene", "info"};
-constexpr std::array<const char*, kRefusals> kWhy{"starting", "draining", "full", "client_share"};
+constexpr std::array<const char*, kRefusals> kWhy{"starting", "draining", "full", "client_share",
+                                                  "authority"};
 
 // What is read at a scrape, beside what is counted as it happens.
 class Families {
@@ -52,7 +53,8 @@ void add_calls(Core& core, Families& out) {
   out.begin("teletact_calls", "Calls that are served; touch: sessions");
   for (std::size_t k = 0; k < kCallKinds; ++k)
     out.add(static_cast<double>(counts[k].open), {{"kind", kKinds[k]}});
-  out.begin("teletact_calls_refused_total", "Calls that were given no place, by reason", MetricType::Counter);
+  out.begin("teletact_calls_refused_total", "Calls that were given no place or lost it, by reason",
+            MetricType::Counter);
   for (std::size_t k = 0; k < kCallKinds; ++k)
     for (std::size_t why = 0; why < kRefusals; ++why)
       out.add(static_cast<double>(counts[k].refused[why]), {{"kind", kKinds[k]}, {"reason", kWhy[why]}});

@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
-#include <fstream>
+#include <memory>
 #include <stdexcept>
 
 namespace teletact::service {
@@ -81,17 +81,6 @@ void require_free(const Given& o, const std::string& host, std::uint16_t port) {
   }
 }
 
-std::string read_pem(const char* flag, const std::filesystem::path& path) {
-  if (!std::filesystem::exists(path))
-    throw std::runtime_error(
-        fmt::format("{} {}: is missing; give the path of a PEM file", flag, path.string()));
-  std::ifstream in(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (!in || text.find("-----BEGIN") == std::string::npos)
-    throw std::runtime_error(fmt::format("{} {}: cannot be read as PEM", flag, path.string()));
-  return text;
-}
-
 bool encrypted(const ListenOptions& o) {
   return !o.tls_certificate.empty();
 }
@@ -120,16 +109,24 @@ Address parsed(const Given& given) {
 std::string prepare_address(const ListenOptions& o) {
   if (o.tls_certificate.empty() != o.tls_key.empty())
     throw std::runtime_error("--tls-certificate and --tls-key: give both or none");
+  if (!o.tls_client_ca.empty() && !encrypted(o))
+    throw std::runtime_error("--tls-client-ca: it takes TLS; give --tls-certificate and --tls-key, too");
   const Given given{"--listen", o.listen};
   const Address address = parsed(given);
   if (!address.socket.empty()) {
     prepare_socket(given, address.socket);
     return "unix:" + address.socket;
   }
-  if (!loopback(address.host) && !encrypted(o) && !o.allow_insecure_remote)
-    refuse(given,
-           "reachable from other machines without encryption; give --tls-certificate and --tls-key, or "
-           "--allow-insecure-remote if the network is trusted");
+  if (!loopback(address.host) && !encrypted(o)) {
+    if (!o.access.empty())
+      refuse(given,
+             "with --access tokens would pass other machines in the clear, --allow-insecure-remote or not; "
+             "give --tls-certificate and --tls-key");
+    if (!o.allow_insecure_remote)
+      refuse(given,
+             "reachable from other machines without encryption; give --tls-certificate and --tls-key, or "
+             "--allow-insecure-remote if the network is trusted");
+  }
   require_free(given, address.host, address.port);
   return o.listen;
 }
@@ -146,14 +143,6 @@ Address prepare_local_address(const char* flag, const std::string& text) {
   if (address.host == "localhost") address.host = "127.0.0.1";
   require_free(given, address.host, address.port);
   return address;
-}
-
-std::shared_ptr<grpc::ServerCredentials> credentials_of(const ListenOptions& o) {
-  if (!encrypted(o)) return grpc::InsecureServerCredentials();
-  grpc::SslServerCredentialsOptions options;
-  options.pem_key_cert_pairs.push_back(
-      {read_pem("--tls-key", o.tls_key), read_pem("--tls-certificate", o.tls_certificate)});
-  return grpc::SslServerCredentials(options);
 }
 
 }  // namespace teletact::service

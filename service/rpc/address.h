@@ -2,11 +2,8 @@
 // a live Unix socket.
 #pragma once
 
-#include <grpcpp/security/server_credentials.h>
-
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <string>
 
 namespace teletact::service {
@@ -15,10 +12,13 @@ struct ListenOptions {
   std::string listen = "127.0.0.1:50051";  // HOST:PORT, [IPV6]:PORT or unix:/path
   bool allow_insecure_remote = false;
   std::filesystem::path tls_certificate, tls_key;  // PEM; both or none
+  std::filesystem::path tls_client_ca;             // PEM; who shows no certificate of it is not let in
+  std::filesystem::path access;                    // who may do what; empty: whoever can connect may do all
 };
 
 // Checks the address and removes a Unix socket that nobody serves any more. Throws std::runtime_error, one
-// line: malformed, path too long, in use, not a socket, remote without TLS. Returns the address for gRPC.
+// line: malformed, path too long, in use, not a socket, remote without TLS, half of what TLS takes. Returns
+// the address for gRPC.
 std::string prepare_address(const ListenOptions&);
 
 struct Address {
@@ -29,8 +29,5 @@ struct Address {
 // The same for what only this machine may reach, and nothing encrypts: 127.0.0.1:PORT, [::1]:PORT or
 // unix:/path, given by `flag`.
 Address prepare_local_address(const char* flag, const std::string& address);
-
-// Throws std::runtime_error when a PEM file cannot be read.
-std::shared_ptr<grpc::ServerCredentials> credentials_of(const ListenOptions&);
 
 }  // namespace teletact::service

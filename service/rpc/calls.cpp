@@ -144,6 +144,11 @@ std::size_t Calls::count() const {
   return places_.size();
 }
 
+void Calls::refused_authority(CallKind kind) {
+  const std::lock_guard lock(mutex_);
+  ++refused(kind, Refusal::kAuthority);
+}
+
 void Calls::ended(CallKind kind, grpc::StatusCode code) {
   const std::lock_guard lock(mutex_);
   ++counts_[static_cast<std::size_t>(kind)].ended[code];

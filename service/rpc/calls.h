@@ -23,9 +23,9 @@ namespace teletact::service {
 enum class CallKind { kTouch, kWatch, kEstimate, kUnary, kFullScene, kInfo };
 inline constexpr std::size_t kCallKinds = 6;
 
-// Why a call was given no place.
-enum class Refusal { kStarting, kDraining, kFull, kClientShare };
-inline constexpr std::size_t kRefusals = 4;
+// Why a call was given no place, or lost it.
+enum class Refusal { kStarting, kDraining, kFull, kClientShare, kAuthority };
+inline constexpr std::size_t kRefusals = 5;
 
 // A call as the thread sees it that looks after all of them.
 class Served {
@@ -71,6 +71,8 @@ class Calls {
   // Calls find out when they are looked at next.
   void drain() { state_ = State::kDraining; }
   std::size_t count() const;
+  // One whose caller may not make it.
+  void refused_authority(CallKind);
   // Those that gRPC is done with, whether they had a place or not.
   void ended(CallKind, grpc::StatusCode);
   struct Counts {

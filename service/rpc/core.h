@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "service/access/access.h"
 #include "service/device/current_device.h"
 #include "service/imaging_plane/imaging_plane.h"
 #include "service/limits/limits.h"
@@ -23,6 +24,7 @@ struct Core {
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   const std::shared_ptr<MemoryBudget> memory;
   const std::shared_ptr<const TouchModels> models;
+  const std::shared_ptr<const Access> access;  // null: whoever calls may do everything
   Metrics metrics;
   Calls calls;
   Scenes scenes;
@@ -31,12 +33,14 @@ struct Core {
   // `reopen`, `tell`: as ImagingPlane's.
   Core(std::shared_ptr<Device> device_, std::uint64_t instance_, const std::filesystem::path& state_directory,
        const Limits& asked_for, std::shared_ptr<const TouchModels> models_,
-       std::function<std::shared_ptr<Device>()> reopen, std::function<void(bool works)> tell)
+       std::function<std::shared_ptr<Device>()> reopen, std::function<void(bool works)> tell,
+       std::shared_ptr<const Access> access_ = nullptr)
       : device(std::move(device_)),
         limits(resolved(asked_for, host_memory_bytes(), device->info().global_memory_bytes)),
         instance(instance_),
         memory(std::make_shared<MemoryBudget>(limits)),
         models(std::move(models_)),
+        access(std::move(access_)),
         calls(limits),
         scenes(state_directory, limits, machine_files(), memory, models),
         imaging(device, scenes, memory, models, std::move(reopen), std::move(tell)) {}

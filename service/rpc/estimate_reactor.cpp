@@ -24,7 +24,7 @@ JobTerms::Time deadline_of(const grpc::CallbackServerContext& context) {
 }  // namespace
 
 EstimateReactor::EstimateReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedCall(core.calls, context), core_(core), whole_upload_s_(core.limits.least_upload_s) {}
+    : ServedCall(core, context), core_(core), whole_upload_s_(core.limits.least_upload_s) {}
 
 EstimateReactor* EstimateReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<EstimateReactor>(core, context), CallKind::kEstimate,
@@ -49,6 +49,7 @@ void EstimateReactor::receive() {
   if (!call_) {
     if (!message_.has_acquisition())
       throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
+    require_authority(message_.acquisition());
     if (message_.acquisition().has_publish())
       require_named(*context_, message_.acquisition().publish().scene_id());
     if (message_.acquisition().has_slice_of())
@@ -70,6 +71,12 @@ void EstimateReactor::receive() {
   upload_->add(message_.chunk());
   const std::lock_guard lock(mutex_);
   if (!message_.chunk().data().empty()) last_bytes_ = Clock::now();  // an empty one is no progress
+}
+
+// An estimate that is for no scene takes the role for any.
+void EstimateReactor::require_authority(const v1::Acquisition& in) {
+  if (in.has_publish() || !in.has_slice_of()) require({Need::kPublish, in.publish().scene_id()});
+  if (in.has_slice_of()) require({Need::kPublish, in.slice_of().scene_id()});
 }
 
 JobTerms EstimateReactor::terms() const {

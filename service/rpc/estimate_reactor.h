@@ -30,6 +30,7 @@ class EstimateReactor final
   void OnWriteDone(bool ok) override;
 
   void receive();
+  void require_authority(const v1::Acquisition&);
   void uploaded();
   JobTerms terms() const;  // whose call, and by when
 

@@ -8,9 +8,9 @@ namespace teletact::service {
 
 grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
                                                const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
-  return UnaryCall::serve(core_, context, CallKind::kInfo, [=, this](const UnaryCall::Handle& call) {
-    call->answer(*response, [&] { describe(response); });
-  });
+  return UnaryCall::serve(
+      core_, context, CallKind::kInfo, {Need::kKnown, ""},
+      [=, this](const UnaryCall::Handle& call) { call->answer(*response, [&] { describe(response); }); });
 }
 
 void InfoService::describe(v1::GetInfoResponse* response) const {

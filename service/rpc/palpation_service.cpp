@@ -14,7 +14,8 @@ namespace teletact::service {
 grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerContext* context,
                                                         const v1::CreateSceneRequest* request,
                                                         v1::Scene* response) {
-  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+  const Wanted wanted{Need::kPublish, request->scene_id().empty() ? kEveryScene : request->scene_id()};
+  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const std::string client = client_of(*context);
     // The request, and what is read from it: numbers of 4 bytes become such of 8. Slices are then stacked.
@@ -35,7 +36,8 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
 grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerContext* context,
                                                          const v1::PublishSliceRequest* request,
                                                          v1::PublishSliceResponse* response) {
-  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+  const Wanted wanted{Need::kPublish, request->scene_id()};
+  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const std::string client = client_of(*context);
     call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
@@ -59,7 +61,8 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
                                                      const v1::GetSceneRequest* request,
                                                      v1::Scene* response) {
   const CallKind kind = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
-  return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
+  const Wanted wanted{Need::kRead, request->scene_id()};
+  return UnaryCall::serve(core_, context, kind, wanted, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
@@ -76,10 +79,12 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
 grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerContext* context,
                                                        const v1::ListScenesRequest*,
                                                        v1::ListScenesResponse* response) {
-  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+  const Wanted wanted{Need::kRead, ""};
+  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
     const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
-        const auto scenes = core_.scenes.list();
+        auto scenes = core_.scenes.list();
+        std::erase_if(scenes, [&](const auto& scene) { return !call->may({Need::kRead, scene->id()}); });
         std::uint64_t bytes = 0;
         for (const auto& scene : scenes) bytes += scene_bytes(*scene, v1::SCENE_VIEW_BASIC);
         call->hold(core_.account(client).charge(Place::kHost, "answers", bytes));
@@ -94,7 +99,8 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
 grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerContext* context,
                                                         const v1::DeleteSceneRequest* request,
                                                         v1::DeleteSceneResponse* response) {
-  return UnaryCall::serve(core_, context, CallKind::kUnary, [=, this](const UnaryCall::Handle& call) {
+  const Wanted wanted{Need::kDelete, request->scene_id()};
+  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const auto job = removing_.post(
         [=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });

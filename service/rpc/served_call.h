@@ -11,11 +11,14 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <utility>
 
 #include "service/rpc/allowance.h"
 #include "service/rpc/call_life.h"
+#include "service/rpc/caller.h"
 #include "service/rpc/calls.h"
+#include "service/rpc/core.h"
 #include "service/rpc/status.h"
 
 namespace teletact::service {
@@ -33,12 +36,16 @@ class ServedCall : public Reactor, public Served {
     if (const auto ended_at = life_.ended_at()) {
       if (now - *ended_at > patience()) cut();
     } else {
-      during([&] { tick(now); });
+      during([&] {
+        authorised([&] { caller_.look(now); });
+        tick(now);
+      });
     }
   }
 
  protected:
-  ServedCall(Calls& calls, grpc::CallbackServerContext* context) : calls_(calls), context_(context) {}
+  ServedCall(Core& core, grpc::CallbackServerContext* context)
+      : calls_(core.calls), context_(context), caller_(core.access) {}
 
   // The reactor for gRPC. One that is refused its place is told so and runs no further. `client` as
   // enter()'s.
@@ -48,6 +55,7 @@ class ServedCall : public Reactor, public Served {
     served.self_ = call;
     served.kind_ = kind;
     served.during([&] {
+      served.authorised([&] { served.caller_.begin(*served.context_); });
       served.ticket_ = served.calls_.enter(kind, call, client);
       served.begun();
     });
@@ -80,12 +88,18 @@ class ServedCall : public Reactor, public Served {
     ended();
     finish_if(due);
   }
+  // Every call says what it is about, once it is known, before it does any of it. Throws where its caller may
+  // not.
+  void require(const Wanted& wanted) {
+    authorised([&] { caller_.require(wanted); });
+  }
   const CallLife& life() const { return life_; }
   std::shared_ptr<ServedCall> self() const { return self_; }  // within begun(), tick() or during()
   std::uint64_t id() const { return ticket_->id(); }          // of a call that has its place
 
   Calls& calls_;
   grpc::CallbackServerContext* const context_;
+  Caller caller_;
 
  private:
   void OnCancel() final { end(grpc::Status::CANCELLED); }
@@ -98,6 +112,17 @@ class ServedCall : public Reactor, public Served {
     calls_.ended(kind_, life_.status().error_code());
     ticket_.reset();
     const auto last = std::move(self_);
+  }
+  // What it throws of access is counted and logged.
+  template <class Ask>
+  void authorised(Ask&& ask) {
+    try {
+      ask();
+    } catch (const AccessRefused& refused) {
+      calls_.refused_authority(kind_);
+      caller_.log(context_->peer(), refused);
+      throw;
+    }
   }
   void finish_if(bool due) {
     if (due) this->Finish(life_.status());  // here alone; OnDone may follow at once
@@ -123,9 +148,11 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
 
  protected:
   using Clock = CallLife::Clock;
-  ServedStream(Calls& calls, grpc::CallbackServerContext* context, Allowance messages)
-      : Base(calls, context), messages_(messages) {}
+  ServedStream(Core& core, grpc::CallbackServerContext* context, Allowance messages)
+      : Base(core, context), messages_(messages) {}
 
+  // What the stream is about, by the message that opens it; none of another. Asked until it is known.
+  virtual std::optional<Wanted> wanted(const Request&) const = 0;
   virtual void take(const Request&) = 0;  // what it throws ends the call
   virtual void written() {}               // the write is no longer under way
   // Throws what the service has against its going on: it drains, the scene is gone. Thread-safe.
@@ -136,6 +163,8 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
     check();
     if (waiting_ && messages_.take(now)) read();
   }
+  // What wanted() said of the message that opened it.
+  const Wanted& required() const { return *required_; }
   bool writing() const { return writing_.load(); }
   // The caller leaves `response` alone until writing() is false. False: the call has ended, nothing is
   // written.
@@ -157,6 +186,7 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
       return this->end(grpc::Status::OK);
     }
     this->during([this] {
+      if (!required_ && (required_ = wanted(request_))) this->require(*required_);
       take(request_);
       if (messages_.take(Clock::now()))
         read();
@@ -171,7 +201,8 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
     this->release();
   }
   Request request_;
-  Allowance messages_;  // of whoever may read on: OnReadDone, or the tick while waiting_
+  std::optional<Wanted> required_;  // of whoever reads
+  Allowance messages_;              // of whoever may read on: OnReadDone, or the tick while waiting_
   std::atomic<bool> writing_{false}, waiting_{false};
 };
 

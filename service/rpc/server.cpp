@@ -15,6 +15,7 @@
 #include "service/rpc/elastography_service.h"
 #include "service/rpc/info_service.h"
 #include "service/rpc/palpation_service.h"
+#include "service/rpc/tls.h"
 
 namespace teletact::service {
 
@@ -60,9 +61,12 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
 Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
   const std::string address = prepare_address(options.listen);
   const auto credentials = credentials_of(options.listen);
-  core_ =
-      std::make_unique<Core>(std::move(device), random_instance(), options.state_directory, options.limits,
-                             options.models, options.reopen, [this](bool works) { tell_device(works); });
+  auto access = options.listen.access.empty()
+                    ? nullptr
+                    : std::make_shared<const Access>(options.listen.access, options.now);
+  core_ = std::make_unique<Core>(
+      std::move(device), random_instance(), options.state_directory, options.limits, options.models,
+      options.reopen, [this](bool works) { tell_device(works); }, std::move(access));
   elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
@@ -78,8 +82,7 @@ Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
   server_ = builder.BuildAndStart();
   if (!server_)
     throw std::runtime_error(
-        fmt::format("--listen {}: cannot listen there; the address is in use or not this machine's (or the "
-                    "TLS files do not fit)",
+        fmt::format("--listen {}: cannot listen there; the address is in use or not this machine's",
                     options.listen.listen));
   set_health(false);
   address_ = address;

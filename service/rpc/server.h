@@ -24,12 +24,13 @@ struct ServerOptions {
   std::function<std::shared_ptr<Device>()> reopen = {};  // the device, after it failed
   Limits limits;
   std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
+  Access::Now now = WallClock::now;                            // by which access expires
 };
 
 class Server {
  public:
-  // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address or a state folder
-  // that cannot be used.
+  // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address, a file of TLS or
+  // of access, or a state folder that cannot be used.
   Server(std::shared_ptr<Device>, const ServerOptions&);
   ~Server();  // drains
   // Restores the scenes, warms the kernels, then health is SERVING.

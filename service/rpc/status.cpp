@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "service/access/access_table.h"
 #include "service/device/device.h"
 #include "service/imaging/tracking/quality.h"
 #include "service/limits/memory.h"
@@ -45,6 +46,9 @@ grpc::Status status_of(std::exception_ptr error) noexcept {
     std::rethrow_exception(error);
   } catch (const Error& e) {
     return {code_of(e.kind), e.what()};
+  } catch (const AccessRefused& e) {
+    const bool known = e.why == AccessRefused::Why::kDenied;
+    return {known ? grpc::StatusCode::PERMISSION_DENIED : grpc::StatusCode::UNAUTHENTICATED, e.what()};
   } catch (const std::invalid_argument& e) {
     return {grpc::StatusCode::INVALID_ARGUMENT, e.what()};
   } catch (const TrackingError& e) {

@@ -24,10 +24,17 @@ void steering_to(FingerBoard::Steering steering, Message* out) {
 }  // namespace
 
 TouchReactor::TouchReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedStream(core.calls, context, Allowance(2 * core.limits.most_touch_rate_hz)), core_(core) {}
+    : ServedStream(core, context, Allowance(2 * core.limits.most_touch_rate_hz)), core_(core) {}
 
 TouchReactor* TouchReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<TouchReactor>(core, context), CallKind::kTouch);
+}
+
+// Who may steer does so until it may no longer: then the stream ends, and another one observes.
+std::optional<Wanted> TouchReactor::wanted(const v1::TouchRequest& request) const {
+  if (!request.has_open()) return std::nullopt;
+  const Wanted steering{Need::kSteer, request.open().scene_id()};
+  return caller_.may(steering) ? steering : Wanted{Need::kFeel, steering.scene};
 }
 
 void TouchReactor::take(const v1::TouchRequest& request) {
@@ -61,6 +68,7 @@ void TouchReactor::open(const v1::TouchOpen& open) {
   require_named(*context_, open.scene_id());
   TouchWishes wishes = wishes_from(open);
   wishes.touch.client = client_of(*context_);
+  wishes.may_steer = required().need == Need::kSteer;
   stream_ =
       std::make_unique<TouchStream>(core_.scenes.find(open.scene_id()), std::move(wishes), core_.device);
   name_ = shown(open.session_id());

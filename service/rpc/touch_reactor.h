@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -21,6 +22,7 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   static TouchReactor* serve(Core&, grpc::CallbackServerContext*);
 
  private:
+  std::optional<Wanted> wanted(const v1::TouchRequest&) const override;
   void take(const v1::TouchRequest&) override;
   void tick(Clock::time_point now) override;
   void check() const override;

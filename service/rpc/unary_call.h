@@ -23,11 +23,16 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   // Called once the call has its place; what it throws is the answer.
   using Begin = std::function<void(const Handle&)>;
 
-  static UnaryCall* serve(Core& core, grpc::CallbackServerContext* context, CallKind kind, Begin begin) {
-    return ServedCall::serve(std::make_shared<UnaryCall>(core, context, std::move(begin)), kind);
+  // `wanted`: what its caller has to be allowed to.
+  static UnaryCall* serve(Core& core, grpc::CallbackServerContext* context, CallKind kind, Wanted wanted,
+                          Begin begin) {
+    return ServedCall::serve(std::make_shared<UnaryCall>(core, context, std::move(wanted), std::move(begin)),
+                             kind);
   }
-  UnaryCall(Core& core, grpc::CallbackServerContext* context, Begin begin)
-      : ServedCall(core.calls, context), core_(core), begin_(std::move(begin)) {}
+  UnaryCall(Core& core, grpc::CallbackServerContext* context, Wanted wanted, Begin begin)
+      : ServedCall(core, context), core_(core), wanted_(std::move(wanted)), begin_(std::move(begin)) {}
+
+  bool may(const Wanted& wanted) const { return caller_.may(wanted); }
 
   // `work` fills the response; what it throws is the answer. Not run when the call was given up: request and
   // response may be gone then.
@@ -60,6 +65,7 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
       call->end({grpc::StatusCode::UNAVAILABLE, "the service is shutting down; connect again later"});
     });
     const grpc::Status status = guarded([&] {
+      require(wanted_);
       begin_(handle);
       return grpc::Status::OK;
     });
@@ -78,6 +84,7 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   Clock::duration patience() const override { return patience_.load(); }
 
   Core& core_;
+  const Wanted wanted_;
   Charge held_;
   Begin begin_;
   std::atomic<Clock::duration> patience_{kEndTaken};

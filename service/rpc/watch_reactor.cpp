@@ -10,10 +10,14 @@
 namespace teletact::service {
 
 WatchReactor::WatchReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedStream(core.calls, context, Allowance(2 * core.limits.most_finger_rate_hz)), core_(core) {}
+    : ServedStream(core, context, Allowance(2 * core.limits.most_finger_rate_hz)), core_(core) {}
 
 WatchReactor* WatchReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<WatchReactor>(core, context), CallKind::kWatch);
+}
+
+std::optional<Wanted> WatchReactor::wanted(const v1::WatchFingerRequest& request) const {
+  return Wanted{Need::kFollow, request.scene_id()};
 }
 
 void WatchReactor::take(const v1::WatchFingerRequest& request) {

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 
 #include "service/rpc/core.h"
 #include "service/rpc/served_call.h"
@@ -20,6 +21,7 @@ class WatchReactor final : public ServedStream<v1::WatchFingerRequest, v1::Finge
   static WatchReactor* serve(Core&, grpc::CallbackServerContext*);
 
  private:
+  std::optional<Wanted> wanted(const v1::WatchFingerRequest&) const override;
   void take(const v1::WatchFingerRequest&) override;
   void tick(Clock::time_point now) override;
   void check() const override;

@@ -27,10 +27,12 @@ bool FileError::full() const {
 
 namespace {
 
+constexpr mode_t kFileMode = 0600, kFolderMode = 0700;
+
 class Descriptor {
  public:
   Descriptor(const char* what, const fs::path& path, int flags)
-      : descriptor_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {
+      : descriptor_(::open(path.c_str(), flags | O_CLOEXEC, kFileMode)) {
     if (descriptor_ < 0) throw FileError(what, path, errno);
   }
   ~Descriptor() { ::close(descriptor_); }
@@ -71,7 +73,7 @@ class MachineFiles final : public Files {
     return {std::istreambuf_iterator<char>(in), {}};
   }
   void make_folder(const Path& folder) override {
-    if (::mkdir(folder.c_str(), 0755) == 0) return;
+    if (::mkdir(folder.c_str(), kFolderMode) == 0) return;
     const int number = errno;
     if (number != EEXIST || !fs::is_directory(folder)) throw FileError("make", folder, number);
   }
@@ -100,6 +102,20 @@ class MachineFiles final : public Files {
     auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT);
     if (::flock(*file, LOCK_EX | LOCK_NB) == 0) return file;
     return nullptr;
+  }
+  void keep_private(const Path& path) override {
+    struct stat found {};
+    if (::lstat(path.c_str(), &found) != 0) {
+      if (errno == ENOENT) return;
+      throw FileError("look at", path, errno);
+    }
+    const bool folder = S_ISDIR(found.st_mode);
+    const mode_t mode = folder ? kFolderMode : kFileMode;
+    if (!folder && !S_ISREG(found.st_mode)) return;  // a link is not followed
+    if ((found.st_mode & 07777) != mode && ::chmod(path.c_str(), mode) != 0)
+      throw FileError("change the mode of", path, errno);
+    if (!folder) return;
+    for (const std::string& name : list(path)) keep_private(path / name);
   }
 };
 

@@ -19,8 +19,8 @@ struct FileError : std::runtime_error {
   int number;
 };
 
-// All throw FileError. Nothing is on disk for good before sync() of the file, and of the folder that names
-// it.
+// What is made is its owner's alone: files 0600, folders 0700. All throw FileError. Nothing is on disk for
+// good before sync() of the file, and of the folder that names it.
 class Files {
  public:
   using Path = std::filesystem::path;
@@ -36,6 +36,8 @@ class Files {
   virtual void remove(const Path& file_or_folder) = 0;  // with all that is in it; nothing there is no error
   // Held while the result lives; null where another process holds it.
   virtual std::shared_ptr<void> lock(const Path& file) = 0;
+  // Makes what is there its owner's alone, with all that is in it; nothing there is no error.
+  virtual void keep_private(const Path& file_or_folder) = 0;
 };
 
 // Those of this machine.

@@ -26,7 +26,7 @@ void FingerBoard::wait_behind(Stream stream) {
 
 // Who steers by `now`.
 void FingerBoard::settle(Clock::time_point now) {
-  const auto heard = [now](const Member& member) { return now - member.heard <= kLease; };
+  const auto heard = [now](const Member& member) { return member.may_steer && now - member.heard <= kLease; };
   if (steers_ != 0) {
     if (heard(*find(steers_))) return;
     wait_behind(steers_);
@@ -38,9 +38,10 @@ void FingerBoard::settle(Clock::time_point now) {
     steer(nullptr);
 }
 
-FingerBoard::Stream FingerBoard::join(std::string session_id, Clock::time_point now, double tolerance) {
+FingerBoard::Stream FingerBoard::join(std::string session_id, Clock::time_point now, double tolerance,
+                                      bool may_steer) {
   const std::lock_guard lock(mutex_);
-  members_.push_back({++last_, std::move(session_id), now, tolerance});
+  members_.push_back({++last_, std::move(session_id), now, tolerance, may_steer});
   settle(now);
   return last_;
 }
@@ -81,7 +82,7 @@ void FingerBoard::hand_over(Stream from, const std::string& session_id, Clock::t
   settle(now);
   if (steers_ != from || session_id.empty()) return;
   const auto to = std::find_if(members_.begin(), members_.end(), [&](const Member& member) {
-    return member.stream != from && member.session_id == session_id;
+    return member.may_steer && member.stream != from && member.session_id == session_id;
   });
   if (to == members_.end()) return;
   to->heard = now;

@@ -3,7 +3,8 @@
 // One stream steers: its poses alone reach the board, so that the robot arm follows one hand. The first to
 // join takes the lease. It lapses when that stream leaves or brings no pose for kLease, and goes to the one
 // that has waited longest of those that were heard within kLease; where there is none, to the next that is.
-// Who loses the lease waits behind all others. Takes the time as an argument. Thread-safe.
+// Who loses the lease waits behind all others. Who may not steer never has it. Takes the time as an argument.
+// Thread-safe.
 #pragma once
 
 #include <array>
@@ -40,15 +41,16 @@ class FingerBoard {
   };
 
   // `tolerance`: over the force, what a model may put it off by; as usual unless it was asked for.
-  Stream join(std::string session_id, Clock::time_point now, double tolerance = Tolerance{}.relative);
+  Stream join(std::string session_id, Clock::time_point now, double tolerance = Tolerance{}.relative,
+              bool may_steer = true);
   void leave(Stream, Clock::time_point now);  // again: changes nothing
   void arrive(Stream, const std::array<double, 3>& position_m, const std::array<double, 3>& velocity_m_s,
               Clock::time_point now);
   // The slice that its last answer lacks, if any.
   void wish(Stream, const std::optional<SliceWish>&);
   // To the stream of that name that has waited longest, which has kLease for its next pose. Changes nothing
-  // when `from` does not steer, nobody else has that name, or it is empty: a stream without a name cannot be
-  // told from others.
+  // when `from` does not steer, nobody else who may has that name, or it is empty: a stream without a name
+  // cannot be told from others.
   void hand_over(Stream from, const std::string& session_id, Clock::time_point now);
 
   Steering steering(Stream, Clock::time_point now);
@@ -64,6 +66,7 @@ class FingerBoard {
     std::string session_id;
     Clock::time_point heard;  // joined, brought a pose, or was handed the lease
     double tolerance;
+    bool may_steer;
   };
   std::vector<Member>::iterator find(Stream);
   void settle(Clock::time_point now);

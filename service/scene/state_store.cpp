@@ -19,6 +19,7 @@ using nlohmann::json;
 namespace {
 
 const std::string kGone = "deleted-";  // scenes on their way out
+constexpr const char* kAside = "set-aside";
 
 std::uint64_t version_in(const std::string& text) {
   const json first = json::parse(text).at("first_unused");
@@ -41,6 +42,7 @@ StateStore::StateStore(const fs::path& directory, const Limits& limits, std::sha
       throw std::runtime_error(
           fmt::format("--state: {} is in use by another teletact-service; give each its own folder",
                       directory_.string()));
+    keep_private();
     sweep();
     const fs::path versions = directory_ / "versions.json";
     try {
@@ -69,6 +71,16 @@ void StateStore::make_folders() {
     files_->sync(folder->parent_path());
   }
   files_->sync(directory_);  // a process that was killed may have made it and not synced
+}
+
+// The folder itself may be somebody else's, /tmp for one; a folder that was made here is not.
+void StateStore::keep_private() {
+  try {
+    for (const char* name : {"lock", "versions.json", "scenes", kAside})
+      files_->keep_private(directory_ / name);
+  } catch (const FileError& error) {
+    spdlog::warn("event=state_not_private error=\"{}\"", error.what());
+  }
 }
 
 // What a deletion that was cut short has left.
@@ -148,7 +160,7 @@ void StateStore::load(const Take& take, const Left& left, const MemoryAccount& a
 }
 
 void StateStore::set_aside(const std::string& id, const std::string& why) {
-  const fs::path aside = directory_ / "set-aside";
+  const fs::path aside = directory_ / kAside;
   fs::path to = aside / fmt::format("{}-{}", id, static_cast<std::int64_t>(std::time(nullptr)));
   std::string failed;
   try {

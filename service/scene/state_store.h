@@ -1,7 +1,8 @@
 // Scenes on disk, so that they survive the service: DIR/scenes/<id>/scene.json and one raw file of its map.
 // Everything is written beside its place, synced and renamed, and the folders that name it are synced: once a
 // call has returned, what it did outlives a power failure; one in between leaves the old or the new state. An
-// entry that cannot be read is logged and moved to DIR/set-aside; it never stops the service.
+// entry that cannot be read is logged and moved to DIR/set-aside; it never stops the service. All of it is
+// the owner's alone, what an earlier version has left, too.
 #pragma once
 
 #include <cstdint>
@@ -48,6 +49,7 @@ class StateStore {
  private:
   using Path = std::filesystem::path;
   void make_folders();
+  void keep_private();
   void sweep();
   void load(const std::string& id, const Take&, const MemoryAccount&);
   void write_file(const Path&, const std::string& bytes);

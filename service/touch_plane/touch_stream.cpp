@@ -59,8 +59,8 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       session_(scene_, options_of(wishes), device),
       laws_(wishes.laws ? std::make_optional<LawOutbox>() : std::nullopt),
       tactile_(wishes.tactile ? std::make_optional<TactileOutbox>(*wishes.tactile) : std::nullopt),
-      finger_(scene_->finger().join(wishes.session_id, Clock::now(), session_.tolerance())) {
-}  // last: one that is refused never was
+      finger_(scene_->finger().join(wishes.session_id, Clock::now(), session_.tolerance(),
+                                    wishes.may_steer)) {}  // last: one that is refused never was
 
 Region TouchStream::covered() const {
   return scene_->snapshot()->covered_around(scene_->finger().now().position_m[0]);

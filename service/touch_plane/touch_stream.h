@@ -29,6 +29,7 @@ struct TouchWishes {
   bool laws = false;                      // contact laws, too
   bool pressure = false;                  // nodal pressures, too
   std::optional<TaxelGrid> tactile = {};  // tactile images, too
+  bool may_steer = true;
 };
 
 struct FingerPose {

@@ -98,7 +98,7 @@ TEST(AcquireSlices, TakesThemAllAndPublishesEachWhereItWasTaken) {
   std::vector<std::uint64_t> versions;
   observer.slice = [&](std::size_t, std::uint64_t version) { versions.push_back(version); };
   observer.ready = [&] { ready_after = first_slices(server).size(); };
-  AcquireSession session(server.address(), "", frames, options, observer);
+  AcquireSession session(server.address(), {}, frames, options, observer);
   const AcquireResult result = session.run(stop);
   EXPECT_EQ(result.windows.size(), 5u);
   EXPECT_GE(ready_after, 2u);
@@ -135,7 +135,7 @@ TEST(AcquireSlices, CorrectThoseBeforeThem) {
   observer.corrected = [&](std::size_t slice, std::uint64_t, const v1::EstimateSummary&) {
     corrected.push_back(slice);
   };
-  AcquireSession session(server.address(), "", frames, options_of(5), observer);
+  AcquireSession session(server.address(), {}, frames, options_of(5), observer);
   EXPECT_EQ(session.run(stop).windows.size(), 5u) << "a correction is no new slice";
   EXPECT_EQ(corrected, (std::vector<std::size_t>{0, 1, 2, 3}));
   const auto calls = server.elastography.calls();
@@ -175,7 +175,7 @@ TEST(AcquireSlices, AreNotCorrectedUnderAFinger) {
     lifted = true;
     server.palpation.set_finger(false, 0.01, 0, -0.01, 0);
   });
-  AcquireSession session(server.address(), "", frames, options, observer);
+  AcquireSession session(server.address(), {}, frames, options, observer);
   EXPECT_EQ(session.run(stop).windows.size(), 4u);
   lifts.join();
   EXPECT_EQ(corrected, 3);
@@ -192,7 +192,7 @@ TEST(AcquireSlices, ACorrectionThatFailsLeavesTheSlice) {
     if (slice == 1) server.elastography.untracked_calls = 1;
   };
   observer.note = [&](const std::string& line) { said.push_back(line); };
-  AcquireSession session(server.address(), "", frames, options_of(2), observer);
+  AcquireSession session(server.address(), {}, frames, options_of(2), observer);
   const AcquireResult result = session.run(stop);
   EXPECT_EQ(result.windows.size(), 2u);
   EXPECT_EQ(result.untracked, 0u) << "its slice is there";
@@ -209,7 +209,7 @@ TEST(AcquireSlices, OneThatCannotBeEstimatedDoesNotEndTheOthers) {
   std::vector<std::string> said;
   AcquireObserver observer;
   observer.note = [&](const std::string& line) { said.push_back(line); };
-  AcquireSession session(server.address(), "", frames, options_of(3), observer);
+  AcquireSession session(server.address(), {}, frames, options_of(3), observer);
   const AcquireResult result = session.run(stop);
   EXPECT_EQ(result.untracked, 1u);
   expect_places(first_slices(server), {-0.005, 0});
@@ -228,7 +228,7 @@ TEST(AcquireSlices, OutlivesAServiceThatIsNotThereForAWhile) {
   std::vector<std::string> said;
   AcquireObserver observer;
   observer.note = [&](const std::string& line) { said.push_back(line); };
-  AcquireSession session(server.address(), "", frames, options_of(3), observer);
+  AcquireSession session(server.address(), {}, frames, options_of(3), observer);
   EXPECT_EQ(session.run(stop).windows.size(), 3u);
   EXPECT_EQ(std::count(said.begin(), said.end(), "warning: state: not kept"),
             server.palpation.slices().size() - 1)
@@ -245,7 +245,7 @@ TEST(AcquireSlices, GoesOnWithItsOwnSceneAndNotWithAnothers) {
     server.palpation.lost_scenes = 1;
     NumberedSlices frames(3, 1);
     std::atomic<bool> stop{false};
-    AcquireSession session(server.address(), "", frames, options_of(3), {});
+    AcquireSession session(server.address(), {}, frames, options_of(3), {});
     if (!anothers) {
       EXPECT_EQ(session.run(stop).windows.size(), 3u);
       continue;
@@ -266,7 +266,7 @@ TEST(AcquireSlices, AServiceThatForgotTheSceneEndsIt) {
   std::atomic<bool> stop{false};
   AcquireObserver observer;
   observer.slice = [&](std::size_t, std::uint64_t) { server.palpation.forget_scenes(); };
-  AcquireSession session(server.address(), "", frames, options_of(3), observer);
+  AcquireSession session(server.address(), {}, frames, options_of(3), observer);
   try {
     session.run(stop);
     FAIL() << "slices went nowhere";
@@ -292,7 +292,7 @@ TEST(AcquireSlices, FollowsAFingerAcrossThePlane) {
     if (published == 1) server.palpation.set_finger(true, 0.01, 0, 0.0199, -0.011);
     if (published == 7) server.palpation.set_finger(false, 0.01, 0, 0.01, 0);
   };
-  AcquireSession session(server.address(), "", frames, options, observer);
+  AcquireSession session(server.address(), {}, frames, options, observer);
   session.run(stop);
   const std::vector<double> z_m = places_of(first_slices(server));
   ASSERT_EQ(z_m.size(), 7u);
@@ -330,7 +330,7 @@ TEST(AcquireSlices, WhatTheServiceAsksForPassesTheOthers) {
     server.palpation.set_wish(0.0192, 1.078);
     EXPECT_TRUE(comes([&] { return frames.taken == 5 && frames.asked_since; }));
   };
-  AcquireSession session(server.address(), "", frames, options, observer);
+  AcquireSession session(server.address(), {}, frames, options, observer);
   session.run(stop);
   const std::vector<double> z_m = places_of(first_slices(server));
   ASSERT_EQ(z_m.size(), 7u);
@@ -361,7 +361,7 @@ TEST(AcquireSlices, AWishThatMakesNoSenseIsIgnoredAndSaidOnce) {
       server.palpation.set_finger(published < 7, 0.01, 0, -0.01, 0);
       EXPECT_TRUE(published == 1 || comes([&] { return ignored > 0; }));
     };
-    AcquireSession session(server.address(), "", frames, options, observer);
+    AcquireSession session(server.address(), {}, frames, options, observer);
     session.run(stop);
     expect_places(first_slices(server), {-0.01, -0.005, 0, 0.005, 0.01, 0.015, 0.02});
     EXPECT_EQ(ignored, 1);

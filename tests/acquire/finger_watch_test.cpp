@@ -40,7 +40,7 @@ class FingerWatchTest : public ::testing::Test {
 };
 
 TEST_F(FingerWatchTest, GoesOnAfterAnEndThatMayPass) {
-  FingerWatch watch(server.address(), "", "s");
+  FingerWatch watch(server.address(), {}, "s");
   using enum grpc::StatusCode;
   double x_m = 0.03;
   for (const grpc::StatusCode code :
@@ -60,7 +60,7 @@ TEST_F(FingerWatchTest, GoesOnAfterAnEndThatMayPass) {
 // on a new connection.
 TEST_F(FingerWatchTest, AStreamThatSaysNothingIsOpenedAgainElsewhere) {
   test::FaultProxy proxy(server.address());
-  FingerWatch watch(proxy.address(), "", "s");
+  FingerWatch watch(proxy.address(), {}, "s");
   ASSERT_LT(seconds_until([&] { return stands_at(watch, 0.03); }, 5), 5);
   proxy.play({.kind = test::FaultEvent::Kind::kHalfOpen});
   server.palpation.set_finger(true, 0.05, 0);
@@ -71,7 +71,7 @@ TEST_F(FingerWatchTest, AStreamThatSaysNothingIsOpenedAgainElsewhere) {
 
 TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
   server.palpation.set_finger(true, 0.03, 0.5);
-  FingerWatch watch(server.address(), "", "s");
+  FingerWatch watch(server.address(), {}, "s");
   ASSERT_LT(seconds_until([&] { return watch.motion(monotonic_ns()).x_m >= 0.0799; }, 5), 5);
   // What has gone quiet stands: 0.1 s of its speed is as far as it is taken to have gone.
   constexpr std::int64_t kTenSecondsNs = 10'000'000'000;
@@ -92,7 +92,7 @@ TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
 // no more.
 TEST_F(FingerWatchTest, AFingerThatStallsIsNotCarriedOnForLong) {
   server.palpation.set_finger(true, 0.03, 0.5);
-  FingerWatch watch(server.address(), "", "s");
+  FingerWatch watch(server.address(), {}, "s");
   ASSERT_LT(seconds_until([&] { return watch.motion(monotonic_ns()).present; }, 5), 5);
   constexpr std::int64_t kSecondNs = 1'000'000'000;
   for (const std::int64_t later_ns : {kSecondNs / 2, 10 * kSecondNs, 1000 * kSecondNs})

@@ -116,7 +116,7 @@ TEST(AcquireSession, PublishesTheStartThenWhatLiesAheadOfTheFingerAndEndsWhenItL
     server.palpation.set_finger(true, 0.25, 0.0);  // the finger appears elsewhere and goes left
     server.palpation.set_finger(true, 0.25, -0.12);
   };
-  AcquireSession session(server.address(), "", frames, session_options(), observer);
+  AcquireSession session(server.address(), {}, frames, session_options(), observer);
   std::thread operator_side([&] {
     while (published < 5) std::this_thread::yield();
     server.palpation.set_finger(false, 0.25, 0);
@@ -154,7 +154,7 @@ TEST(AcquireSession, AWindowThatCouldNotBeTrackedIsAcquiredAgain) {
   AcquireOptions options = session_options();
   AcquireObserver observer;
   observer.ready = [&] { stop = true; };
-  AcquireSession session(server.address(), "", frames, options, observer);
+  AcquireSession session(server.address(), {}, frames, options, observer);
   const AcquireResult result = session.run(stop);
   EXPECT_EQ(result.untracked, 1u);
   EXPECT_EQ(result.windows.size(), 1u);
@@ -165,7 +165,7 @@ TEST(AcquireSession, SaysWhyWhenTheSceneIsUnknown) {
   test::FakeServer server;
   NumberedFrames frames(1, 1);
   std::atomic<bool> stop{false};
-  AcquireSession session(server.address(), "", frames, session_options(), {});
+  AcquireSession session(server.address(), {}, frames, session_options(), {});
   try {
     session.run(stop);
     FAIL();
@@ -189,7 +189,7 @@ TEST(AcquireSession, ASliceOfAPlaneSceneIsNotTaken) {
     said.push_back(line);
     one_of_both();
   };
-  AcquireSession session(server.address(), "", frames, session_options(), observer);
+  AcquireSession session(server.address(), {}, frames, session_options(), observer);
   session.run(stop);
   EXPECT_EQ(said,
             (std::vector<std::string>{"ignored: a slice is asked for at z = 0.0 mm, in a plane scene"}));
@@ -203,7 +203,7 @@ TEST(AcquireSession, TheArmMovesOnWhileTheServiceComputes) {
   std::atomic<bool> stop{false};
   AcquireObserver observer;
   observer.ready = [&] { stop = true; };
-  AcquireSession session(server.address(), "", frames, session_options(), observer);
+  AcquireSession session(server.address(), {}, frames, session_options(), observer);
   const AcquireResult result = session.run(stop);
   ASSERT_EQ(result.windows.size(), 3u);
   EXPECT_LT(result.windows[1].acquired_ns(), result.windows[0].published_ns());

@@ -72,10 +72,11 @@ void expect_only(const std::map<std::string, std::set<std::string>>& allowed, co
 TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
   // admin -> rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue, solid} -> solver -> device
   // -> limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
-  // others choose.
+  // others choose; access, who may do what, is rpc's.
   expect_only(
       {{"limits", {"plan"}},
        {"plan", {}},
+       {"access", {"limits"}},
        {"device", {"limits"}},
        {"solver", {"device", "limits"}},
        {"tissue", {"plan", "solver", "device", "limits"}},
@@ -91,8 +92,8 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
          "limits"}},
        {"touch_plane", {"plan", "scene", "contact", "tissue", "solver", "device", "limits"}},
        {"rpc",
-        {"imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking", "contact", "tissue",
-         "solver", "device", "limits"}},
+        {"access", "imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking", "contact",
+         "tissue", "solver", "device", "limits"}},
        {"admin", {"rpc", "scene", "limits"}}},
       "service");
 }
@@ -170,13 +171,16 @@ TEST(Arrows, ScenePlanesAndRpcSeeModelsThroughTheSeamAlone) {
   EXPECT_GE(through, 2u);
 }
 
-TEST(Arrows, OnlyDeviceIncludesOpenClAndOnlyRpcTheContract) {
+TEST(Arrows, OnlyDeviceIncludesOpenClOnlyRpcTheContractAndOnlyAccessOpenSsl) {
   for (const Include& i : includes_of("service")) {
     if (i.folder != "service/device") {
       EXPECT_FALSE(starts_with_any(i.target, kOpenClHeaders)) << i.file;
     }
     if (i.folder != "service/rpc" && i.folder != "service") {
       EXPECT_FALSE(starts_with_any(i.target, kRpcHeaders)) << i.file << ": " << i.target;
+    }
+    if (i.folder != "service/access") {
+      EXPECT_FALSE(starts_with_any(i.target, {"openssl/"})) << i.file << ": " << i.target;
     }
   }
 }

@@ -23,7 +23,7 @@ std::string address_in(const std::string& output) {
 }
 
 bool answers(const std::string& address, const std::string& tls_ca) {
-  const auto channel = client::make_channel(address, tls_ca);
+  const auto channel = client::make_channel(address, {.tls_ca = tls_ca});
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(5));
   v1::GetInfoResponse info;

@@ -14,13 +14,13 @@ TEST(ReachService, WaitsForOneThatIsStartingAndSaysSoOnce) {
   test::FakeServer server;
   server.palpation.starting_calls = 3;
   std::vector<std::string> said;
-  const auto channel = reach_service(server.address(), "", [&](const auto& line) { said.push_back(line); });
+  const auto channel = reach_service(server.address(), {}, [&](const auto& line) { said.push_back(line); });
   EXPECT_EQ(channel->GetState(false), GRPC_CHANNEL_READY);
   EXPECT_EQ(server.palpation.starting_calls, 0);
   ASSERT_EQ(said.size(), 1u);
   EXPECT_NE(said[0].find("waiting for the service"), std::string::npos) << said[0];
   EXPECT_NE(said[0].find("starting"), std::string::npos) << said[0];
-  reach_service(server.address(), "", [](const auto& line) { ADD_FAILURE() << "nothing to say: " << line; });
+  reach_service(server.address(), {}, [](const auto& line) { ADD_FAILURE() << "nothing to say: " << line; });
 }
 
 // Work and memory are shared between clients by this name (info.proto).
@@ -52,7 +52,7 @@ TEST(MakeChannel, EveryCallNamesThisProcess) {
 
 TEST(ReachService, SaysWhenNobodyIsThere) {
   try {
-    reach_service("unix:/tmp/teletact-nobody-listens-here", "", [](const auto&) {});
+    reach_service("unix:/tmp/teletact-nobody-listens-here", {}, [](const auto&) {});
     FAIL();
   } catch (const std::runtime_error& error) {
     EXPECT_NE(std::string(error.what()).find("no service at"), std::string::npos) << error.what();

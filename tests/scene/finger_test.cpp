@@ -49,6 +49,22 @@ TEST_F(Lease, FirstStreamSteersAndTheOthersPosesAreNotShown) {
   EXPECT_EQ(board.steering(berta, at(0.3)).by, "anna");
 }
 
+TEST_F(Lease, WhoMayNotSteerNeverDoes) {
+  const auto observe = [&](const char* name, double s) { return board.join(name, at(s), 0.03, false); };
+  const Stream watching = observe("watching", 0);
+  touch(watching, 0.01, 0.1);
+  EXPECT_FALSE(board.at(at(0.1)).present) << "alone in the scene";
+  const Stream anna = board.join("anna", at(0.2));
+  EXPECT_TRUE(steers(anna, 0.2));
+  board.hand_over(anna, "watching", at(0.3));
+  EXPECT_EQ(board.now().session_id, "anna") << "not even by hand";
+  EXPECT_TRUE(steers(anna, 0.3));
+  touch(watching, 0.02, 5);
+  EXPECT_EQ(steered_by(5), "") << "nor when the one who may falls silent";
+  board.leave(anna, at(5));
+  EXPECT_FALSE(steers(watching, 5));
+}
+
 TEST_F(Lease, EveryChangeIsCountedAndNothingElse) {
   const Stream anna = board.join("anna", at(0)), berta = board.join("berta", at(0));
   const auto generation = [&] { return board.at(at(0.1)).generation; };

@@ -112,6 +112,7 @@ class LosingDisk : public Files {
     change({{at("remove", path.parent_path()), path.filename(), nullptr}});
   }
   std::shared_ptr<void> lock(const Path&) override { return std::make_shared<int>(); }
+  void keep_private(const Path&) override {}  // it has no owners
 
  private:
   static constexpr std::size_t kNever = static_cast<std::size_t>(-1);

@@ -313,6 +313,7 @@ class WatchedDisk final : public Files {
   void rename(const Path& a, const Path& b) override { note(), disk_.rename(a, b); }
   void remove(const Path& p) override { note(), disk_.remove(p); }
   std::shared_ptr<void> lock(const Path& p) override { return disk_.lock(p); }
+  void keep_private(const Path& p) override { note(), disk_.keep_private(p); }
   bool touched_by(std::thread::id thread) {
     const std::lock_guard lock(mutex_);
     return threads_.contains(thread);

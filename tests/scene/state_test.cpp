@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -39,6 +40,48 @@ class StateOnDisk : public testing::Test {
   }
   fs::path directory;
 };
+
+// Whatever the process's mask is, and whatever an earlier version has left.
+TEST_F(StateOnDisk, IsItsOwnersAlone) {
+  const auto mode = [](const fs::path& path) {
+    struct stat found {};
+    EXPECT_EQ(::lstat(path.c_str(), &found), 0) << path;
+    return found.st_mode & 07777;
+  };
+  const auto expect_private = [&] {
+    std::size_t files = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(directory)) {
+      EXPECT_EQ(mode(entry.path()), entry.is_directory() ? 0700U : 0600U) << entry.path();
+      files += entry.is_regular_file();
+    }
+    EXPECT_GE(files, 4U) << "lock, versions, a scene and its map";
+  };
+  const mode_t mask = ::umask(0);
+  {
+    Scenes scenes(directory);
+    create_scene(scenes, "a", tissue(0.12, 0.03), std::nullopt);
+    publish(scenes, "a", 0.03, 10e3);
+    expect_private();
+    EXPECT_EQ(mode(directory), 0700U);
+  }
+  ::umask(mask);
+  fs::create_directories(directory / "set-aside" / "b-1");
+  for (const auto& entry : fs::recursive_directory_iterator(directory))
+    ASSERT_EQ(::chmod(entry.path().c_str(), entry.is_directory() ? 0755 : 0644), 0);
+  const fs::path beside = directory.string() + "-beside";
+  std::ofstream(beside) << "somebody's";
+  ASSERT_EQ(::chmod(beside.c_str(), 0644), 0);
+  ASSERT_EQ(::chmod(directory.c_str(), 0755), 0);
+  fs::create_symlink(beside, directory / "scenes" / "a" / "link");
+  {
+    Scenes scenes(directory);
+    fs::remove(directory / "scenes" / "a" / "link");
+    expect_private();
+  }
+  EXPECT_EQ(mode(beside), 0644U) << "a link is not followed";
+  EXPECT_EQ(mode(directory), 0755U) << "the folder that was given is its owner's to say";
+  fs::remove(beside);
+}
 
 TEST_F(StateOnDisk, ScenesSurviveWithTheirForceAndVersionsGoOn) {
   double before_n = 0, explicit_n = 0;

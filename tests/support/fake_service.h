@@ -28,6 +28,13 @@ inline std::string named_in(const grpc::ServerContext& context) {
   return named == metadata.end() ? "" : std::string(named->second.data(), named->second.size());
 }
 
+// What it shows to be let in, "" when nothing.
+inline std::string authorization_in(const grpc::ServerContext& context) {
+  const auto shown = context.client_metadata().find("authorization");
+  return shown == context.client_metadata().end() ? ""
+                                                  : std::string(shown->second.data(), shown->second.size());
+}
+
 class FakeElastography final : public v1::Elastography::Service {
  public:
   std::atomic<int> unavailable_calls{0};  // the next n calls fail so
@@ -194,12 +201,17 @@ class FakePalpation final : public v1::Palpation::Service {
     const std::lock_guard lock(mutex_);
     return clients_;
   }
+  std::vector<std::string> shown() {  // what the same calls showed to be let in
+    const std::lock_guard lock(mutex_);
+    return shown_;
+  }
 
   grpc::Status ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest*,
                           v1::ListScenesResponse*) override {
     {
       const std::lock_guard lock(mutex_);
       clients_.push_back(named_in(*context));
+      shown_.push_back(authorization_in(*context));
     }
     if (starting_calls > 0 && starting_calls-- > 0) return {grpc::StatusCode::UNAVAILABLE, "starting"};
     return grpc::Status::OK;
@@ -220,6 +232,7 @@ class FakePalpation final : public v1::Palpation::Service {
     if (!stream->Read(&request)) return grpc::Status::CANCELLED;
     std::unique_lock lock(mutex_);
     clients_.push_back(named_in(*context));
+    shown_.push_back(authorization_in(*context));
     if (!scenes_.count(request.scene_id())) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
     ++watches;
     for (std::uint64_t seen = 0; !context->IsCancelled();) {
@@ -250,7 +263,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::uint64_t changes_ = 1;  // a watcher hears of the first state at once
   v1::FingerState finger_;
   std::map<std::string, v1::Scene> scenes_;
-  std::vector<std::string> clients_;
+  std::vector<std::string> clients_, shown_;
 };
 
 // Both on a socket of their own, for as long as this lives.

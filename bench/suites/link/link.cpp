@@ -111,7 +111,7 @@ Touched touch(const Arguments& arguments, const Condition& condition, const std:
   proxy.play(schedule_of(condition, seconds));
   client::OperatorSessionOptions session;
   session.address = proxy.address();
-  session.tls_ca = arguments.service.tls_ca;
+  session.credentials = arguments.service.credentials;
   session.open.set_scene_id(kScene);
   session.open.set_period_s(kPeriodS);
   session.open.set_credit(condition.credit);

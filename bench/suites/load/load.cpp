@@ -116,7 +116,7 @@ class Imaging {
 // With a scene to touch, which is made where none is named.
 LoadPlan plan_of(const Arguments& arguments, const std::shared_ptr<grpc::Channel>& channel) {
   LoadPlan plan = arguments.plan;
-  plan.address = arguments.service.address, plan.tls_ca = arguments.service.tls_ca;
+  plan.address = arguments.service.address, plan.credentials = arguments.service.credentials;
   if (!plan.recording.empty()) {
     const auto recorded = read_recorded_touch(plan.recording);
     if (plan.scene_id.empty()) plan.scene_id = recorded->scene_id;

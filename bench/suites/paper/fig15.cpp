@@ -63,7 +63,7 @@ class LocalService {
     options.listen.listen = "127.0.0.1:0";
     server_ = std::make_unique<service::Server>(service::Device::open({}), options);
     server_->make_ready();
-    channel_ = client::make_channel(server_->address(), "");
+    channel_ = client::make_channel(server_->address());
   }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 

@@ -99,7 +99,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, checked, loop)
 LoopFigures touch(const Arguments& arguments) {
   client::OperatorSessionOptions session;
   session.address = arguments.service.address;
-  session.tls_ca = arguments.service.tls_ca;
+  session.credentials = arguments.service.credentials;
   session.open.set_scene_id(kScene);
   session.open.set_period_s(0.002);
   session.open.set_credit(client::Pacing::kMost);

@@ -16,7 +16,7 @@ constexpr auto kGreedyPause = std::chrono::milliseconds(50), kLookEvery = std::c
 std::unique_ptr<Rogue> start_greedy(const Service& service, const std::string& scene_id,
                                     const std::vector<client::FramePair>& pairs, const Pause& pause) {
   auto rogue = std::make_unique<Rogue>();
-  const auto channel = client::make_channel(service.address, service.tls_ca, "soak-greedy");
+  const auto channel = client::make_channel(service.address, service.credentials, "soak-greedy");
   for (int k = 0; k < kGreedyCalls; ++k)
     rogue->threads.emplace_back([&rogue = *rogue, channel, scene_id, k, &pairs, &pause] {
       client::EstimateClient estimator(channel, 0);

@@ -106,7 +106,7 @@ std::unique_ptr<Rogue> start_never_reading(const Service& service, const std::st
                                            const client::FramePair& pair) {
   auto rogue = std::make_unique<Rogue>();
   rogue->threads.emplace_back([&rogue = *rogue, service, scene_id, &pair] {
-    const auto channel = client::make_channel(service.address, service.tls_ca, "soak-never-reading");
+    const auto channel = client::make_channel(service.address, service.credentials, "soak-never-reading");
     while (!rogue.stop) {
       UnreadCalls calls(channel, "", scene_id, pair, 1);
       pose_for(rogue, calls, kUnreadFor);

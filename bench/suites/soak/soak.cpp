@@ -110,7 +110,7 @@ TouchFigures touch(const Arguments& arguments) {
         // Spread over a period: sixty hands do not move in step.
         const double wait_s = k / (load.rate_hz * arguments.touch_streams);
         std::this_thread::sleep_for(std::chrono::duration<double>(wait_s));
-        const auto channel = client::make_channel(arguments.service.address, arguments.service.tls_ca);
+        const auto channel = client::make_channel(arguments.service.address, arguments.service.credentials);
         const LoadResult result = run_load(channel, load, k);
         const std::lock_guard lock(mutex);
         out.without_force += result.without_force;

@@ -1,0 +1,81 @@
+#include "service/access/access.h"
+
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+
+#include <utility>
+
+#include "service/access/access_file.h"
+
+namespace teletact::service {
+
+Access::Access(std::filesystem::path file, Now now)
+    : file_(std::move(file)), now_(std::move(now)), seen_(seen_now()) {
+  table_ = std::make_shared<const AccessTable>(read_access(file_));
+  spdlog::info("event=access_read file=\"{}\" entries={}", file_.string(), table_->size());
+  looking_ = std::thread([this] { keep_looking(); });
+}
+
+Access::~Access() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  stopped_.notify_all();
+  looking_.join();
+}
+
+std::shared_ptr<const AccessTable> Access::table() const {
+  const std::lock_guard lock(mutex_);
+  return table_;
+}
+
+void Access::log_refusal(const std::string& peer, const AccessRefused& refused) const {
+  std::uint64_t more = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    if (said_ != decltype(said_)() && now - said_ < std::chrono::seconds(1)) {
+      ++unsaid_;
+      return;
+    }
+    said_ = now;
+    more = std::exchange(unsaid_, 0);
+  }
+  spdlog::warn("event=access_refused peer={} unsaid={} why=\"{}\"", peer, more, refused.what());
+}
+
+Access::Seen Access::seen_now() const {
+  struct stat found {};
+  if (::stat(file_.c_str(), &found) != 0) return {};
+  return {found.st_dev, found.st_ino, found.st_size, found.st_mtim.tv_sec, found.st_mtim.tv_nsec};
+}
+
+void Access::look() {
+  const Seen seen = seen_now();  // before it is read: what is written meanwhile is seen at the next look
+  if (seen == seen_) return;
+  try {
+    auto table = std::make_shared<const AccessTable>(read_access(file_));
+    spdlog::info("event=access_read file=\"{}\" entries={}", file_.string(), table->size());
+    seen_ = seen;
+    failed_.clear();
+    const std::lock_guard lock(mutex_);
+    table_ = std::move(table);
+    ++version_;
+  } catch (const std::exception& error) {  // tried again at the next look
+    if (failed_ == error.what()) return;
+    failed_ = error.what();
+    spdlog::error("event=access_not_read error=\"{}\" goes_on=\"as it was read before\"", failed_);
+  }
+}
+
+void Access::keep_looking() {
+  std::unique_lock lock(mutex_);
+  while (!stopped_.wait_for(lock, kLook, [this] { return stop_; })) {
+    lock.unlock();
+    look();
+    lock.lock();
+  }
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,62 @@
+// Who may do what, as the file of --access says now: looked at twice a second and taken over as a whole. One
+// that cannot be read, or is wrong, changes nothing and is logged once. Thread-safe.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "service/access/access_table.h"
+
+namespace teletact::service {
+
+class Access {
+ public:
+  using Now = std::function<WallClock::time_point()>;
+  static constexpr std::chrono::milliseconds kLook{500};
+
+  // `now`: the time by which entries expire. Throws std::runtime_error, one line, for a file that cannot be
+  // used.
+  explicit Access(std::filesystem::path file, Now now = WallClock::now);
+  ~Access();
+
+  std::shared_ptr<const AccessTable> table() const;
+  // Changes with the table: what was asked of an older one is to be asked again.
+  std::uint64_t version() const { return version_.load(); }
+  WallClock::time_point now() const { return now_(); }
+  // One line a second at most: `who` was refused.
+  void log_refusal(const std::string& peer, const AccessRefused&) const;
+
+ private:
+  // What a file that has changed differs in; all 0 where there is none.
+  struct Seen {
+    std::uint64_t device = 0, inode = 0;
+    std::int64_t size = 0, changed_s = 0, changed_ns = 0;
+    bool operator==(const Seen&) const = default;
+  };
+  Seen seen_now() const;
+  void look();
+  void keep_looking();
+
+  const std::filesystem::path file_;
+  const Now now_;
+  mutable std::mutex mutex_;
+  std::condition_variable stopped_;
+  std::shared_ptr<const AccessTable> table_;
+  std::atomic<std::uint64_t> version_{1};
+  mutable std::chrono::steady_clock::time_point said_{};
+  mutable std::uint64_t unsaid_ = 0;
+  bool stop_ = false;
+  Seen seen_;           // of who looks: the file that was read
+  std::string failed_;  // and why the one that is there was not
+  std::thread looking_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,112 @@
+#include "service/access/access_table.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "service/limits/shown.h"
+
+namespace teletact::service {
+
+namespace {
+
+constexpr const char* kGive = "give --token-file FILE, or --tls-certificate and --tls-key";
+
+[[noreturn]] void unknown(const std::string& why) {
+  throw AccessRefused(AccessRefused::Why::kUnknown, why);
+}
+
+[[noreturn]] void wrong(const Principal& entry, const char* key, const std::string& why) {
+  throw std::invalid_argument(fmt::format("entry '{}': {}: {}", entry.name, key, why));
+}
+
+std::string text_of(WallClock::time_point at) {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(WallClock::to_time_t(at)));
+}
+
+// The role that counts for a scene: its own, where there is one.
+std::optional<Role> role_for(const Principal& principal, const std::string& scene) {
+  auto found = principal.roles.find(scene);
+  if (found == principal.roles.end()) found = principal.roles.find(kEveryScene);
+  if (found == principal.roles.end()) return std::nullopt;
+  return found->second;
+}
+
+// " (observer there)"
+std::string shown_role(const Principal& principal, const Wanted& wanted) {
+  if (wanted.scene.empty()) return "";
+  const auto role = role_for(principal, wanted.scene);
+  return role ? fmt::format(" ({} there)", name_of(*role)) : std::string(" (no role there)");
+}
+
+std::string shown_scene(const Wanted& wanted) {
+  if (wanted.scene.empty()) return "any scene";
+  if (wanted.scene == kEveryScene) return "scenes without a name of their own in the file of access";
+  return fmt::format("scene '{}'", shown(wanted.scene));
+}
+
+}  // namespace
+
+AccessTable::AccessTable(std::vector<Principal> principals) : principals_(std::move(principals)) {
+  std::set<std::string> names;
+  for (std::size_t k = 0; k < principals_.size(); ++k) {
+    const Principal& entry = principals_[k];
+    if (!names.insert(entry.name).second) wrong(entry, "name", "stands twice; give each entry its own");
+    if (!entry.token && entry.certificate.empty())
+      wrong(entry, "token_sha256", "neither this nor certificate is given; give one");
+    if (entry.roles.empty()) wrong(entry, "roles", "empty; give a role for a scene, or for '*', every scene");
+    if (entry.token && !by_token_.emplace(*entry.token, k).second)
+      wrong(entry, "token_sha256", "another entry has the same token; make one for each");
+    if (!entry.certificate.empty() && !by_certificate_.emplace(entry.certificate, k).second)
+      wrong(entry, "certificate", "another entry has the same; give each its own");
+  }
+}
+
+const Principal& AccessTable::known(const Proof& proof, WallClock::time_point now) const {
+  const Principal* found = nullptr;
+  if (proof.token) {
+    const auto entry = by_token_.find(*proof.token);
+    if (entry == by_token_.end())
+      unknown("the token is not known here, or no longer: ask the administrator for another (--token-file)");
+    found = &principals_[entry->second];
+  } else {
+    if (proof.certificate_names.empty())
+      unknown(fmt::format("the service asks who calls: {} (metadata 'authorization: Bearer TOKEN')", kGive));
+    for (const std::string& name : proof.certificate_names)
+      if (const auto entry = by_certificate_.find(name); entry != by_certificate_.end() && !found)
+        found = &principals_[entry->second];
+    if (!found)
+      unknown(
+          fmt::format("no entry of the file of access is for this certificate, '{}': ask the "
+                      "administrator for one (certificate = ...)",
+                      shown(proof.certificate_names.front())));
+    if (proof.certificate_ends && now >= *proof.certificate_ends)
+      unknown(fmt::format("the certificate of {} ended at {}; ask for another (--tls-certificate)",
+                          found->name, text_of(*proof.certificate_ends)));
+  }
+  if (found->expires && now >= *found->expires)
+    unknown(fmt::format("the entry of {} expired at {}; ask the administrator for a new one", found->name,
+                        text_of(*found->expires)));
+  return *found;
+}
+
+bool AccessTable::may(const Principal& principal, const Wanted& wanted) {
+  if (wanted.scene.empty())
+    return std::any_of(principal.roles.begin(), principal.roles.end(),
+                       [&](const auto& role) { return allows(role.second, wanted.need); });
+  const auto role = role_for(principal, wanted.scene);
+  return role && allows(*role, wanted.need);
+}
+
+void AccessTable::require(const Principal& principal, const Wanted& wanted) {
+  if (may(principal, wanted)) return;
+  throw AccessRefused(
+      AccessRefused::Why::kDenied,
+      fmt::format("{}{} may not {} {}: it takes the role {}", principal.name, shown_role(principal, wanted),
+                  words_of(wanted.need), shown_scene(wanted), roles_for(wanted.need)));
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,121 @@
+// Certificates that change while the service serves.
+#include <thread>
+
+#include "service/rpc/tls.h"
+#include "tests/rpc/guarded_server.h"
+#include "tests/support/finger_reader.h"
+
+namespace teletact::service {
+namespace {
+
+using grpc::StatusCode;
+
+const std::string kEntries = entry_of("root", "administrator");
+
+StatusCode asked(const Shown& who) {
+  grpc::ClientContext context;
+  who.on(context);
+  v1::GetInfoResponse response;
+  return v1::Info::NewStub(who.channel)->GetInfo(&context, {}, &response).error_code();
+}
+
+// Whether new connections come to be served so: files are looked at by gRPC's own clock.
+template <class Channel>
+bool comes(Channel&& channel, StatusCode code, const std::string& token = "") {
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  while (asked({channel(), token}) != code) {
+    if (std::chrono::steady_clock::now() > give_up) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  return true;
+}
+
+// A watcher of the finger, which goes on for as long as its connection is there.
+class Watching {
+ public:
+  explicit Watching(const Shown& who) : stub_(v1::Palpation::NewStub(who.channel)) {
+    v1::Scene scene;
+    grpc::ClientContext context;
+    who.on(context);
+    EXPECT_TRUE(stub_->CreateScene(&context, uniform_scene("s"), &scene).ok());
+    who.on(context_);
+    reader_ = std::make_unique<FingerReader>(*stub_, context_, "s");
+  }
+  ~Watching() { context_.TryCancel(); }
+  bool goes_on() {
+    v1::FingerState state;
+    return reader_->read(&state);
+  }
+
+ private:
+  std::unique_ptr<v1::Palpation::Stub> stub_;
+  grpc::ClientContext context_;
+  std::unique_ptr<FingerReader> reader_;
+};
+
+TEST(NewCertificate, IsShownToWhoComesAndRunningCallsGoOn) {
+  GuardedServer server(Transport::kTls, kEntries);
+  Watching watching({server.channel(), "root-token"});
+  ASSERT_TRUE(watching.goes_on());
+  const Identity other = make_authority("other", GuardedServer::end());
+  const auto by_other = [&] { return server.channel(Identity(), other.certificate); };
+  EXPECT_EQ(asked({by_other(), "root-token"}), StatusCode::UNAVAILABLE) << "nobody has shown that one yet";
+  server.put_certificate(&other);
+  EXPECT_TRUE(comes(by_other, StatusCode::OK, "root-token"));
+  EXPECT_EQ(asked({server.channel(), "root-token"}), StatusCode::UNAVAILABLE) << "the former is gone";
+  for (int k = 0; k < 3; ++k) EXPECT_TRUE(watching.goes_on());
+}
+
+TEST(NewClientAuthority, LetsItsClientsInAndTheFormersOut) {
+  GuardedServer server(Transport::kMutualTls, kEntries);
+  Watching watching(server.as("root"));
+  ASSERT_TRUE(watching.goes_on());
+  const Identity other = make_authority("other", GuardedServer::end());
+  const Identity client = make_client(other, "root", GuardedServer::end());
+  const auto of_other = [&] { return server.channel(client); };
+  EXPECT_EQ(asked({of_other()}), StatusCode::UNAVAILABLE);
+  server.put_client_authority(other);
+  EXPECT_TRUE(comes(of_other, StatusCode::OK));
+  EXPECT_EQ(asked(server.as("root")), StatusCode::UNAVAILABLE);
+  for (int k = 0; k < 3; ++k) EXPECT_TRUE(watching.goes_on());
+}
+
+// A handshake is asked once; a call, once a second.
+TEST(ClientCertificate, EndsTheCallsThatItBegan) {
+  GuardedServer server(Transport::kMutualTls, kEntries);
+  Watching watching(server.as("root"));
+  ASSERT_TRUE(watching.goes_on());
+  server.let_pass(std::chrono::hours(25));
+  while (watching.goes_on()) {
+  }
+}
+
+TEST(TlsFiles, ThatDoNotFitAreRefusedAtTheStart) {
+  AccessFolder folder;
+  const auto end = GuardedServer::end();
+  const Identity authority = make_authority("test", end), server = make_server(authority, {"localhost"}, end);
+  ListenOptions options;
+  options.tls_certificate = folder.put("cert.pem", server.certificate);
+  options.tls_key = folder.put("key.pem", server.key);
+  EXPECT_TRUE(credentials_of(options));
+  const auto refused = [](ListenOptions o, const char* word) {
+    try {
+      credentials_of(o);
+      ADD_FAILURE() << "not refused with " << word;
+    } catch (const std::runtime_error& error) {
+      EXPECT_NE(std::string(error.what()).find(word), std::string::npos) << error.what();
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+    }
+  };
+  options.tls_client_ca = folder / "absent.pem";
+  refused(options, "--tls-client-ca");
+  options.tls_client_ca = options.tls_key;
+  refused(options, "--tls-client-ca");
+  options.tls_client_ca = folder.put("ca.pem", authority.certificate);
+  EXPECT_TRUE(credentials_of(options));
+  options.tls_key = folder.put("other.pem", authority.key);
+  refused(options, "do not fit");
+}
+
+}  // namespace
+}  // namespace teletact::service
