@@ -113,8 +113,9 @@ TEST_F(TrialSet, TokensAloneWillDoOnThisMachine) {
 TEST_F(TrialSet, IsNotWrittenOverAndAccessThatIsWrongIsOneClearLine) {
   expect_end(test::run({test::service_binary(), "credentials", "--out", set}, folder / "log"), 1,
              {"--out", "new one"});
-  const auto refused = [&](const std::vector<std::string>& more, const char* word) {
-    std::vector<std::string> command{test::service_binary(), "serve", "--listen", "127.0.0.1:0"};
+  const auto refused = [&](const std::vector<std::string>& more, const char* word,
+                           const std::string& listen = "127.0.0.1:0") {
+    const std::vector<std::string> command{test::service_binary(), "serve", "--listen", listen};
     const test::Outcome outcome = test::run(joined(command, more), folder / "log", {}, 300);
     expect_end(outcome, 1, {word});
     EXPECT_EQ(std::count(outcome.output.begin(), outcome.output.end(), '\n'), 1) << outcome.output;
@@ -123,7 +124,7 @@ TEST_F(TrialSet, IsNotWrittenOverAndAccessThatIsWrongIsOneClearLine) {
   std::ofstream(folder / "access.toml") << "[[entry]]\nname = \"anna\"\n";
   refused({"--access", folder / "access.toml"}, "anna");
   refused({"--tls-client-ca", set + "/ca.pem"}, "--tls-client-ca");
-  refused({"--listen", "0.0.0.0:0", "--allow-insecure-remote", "--access", set + "/access.toml"}, "--listen");
+  refused({"--allow-insecure-remote", "--access", set + "/access.toml"}, "--tls-certificate", "0.0.0.0:0");
 }
 
 }  // namespace
