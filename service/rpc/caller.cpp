@@ -65,8 +65,12 @@ void Caller::look(Clock::time_point now) {
 
 bool Caller::may(const Wanted& wanted) const {
   if (!access_) return true;
-  const auto table = access_->table();
-  return AccessTable::may(table->known(proof_, access_->now()), wanted);
+  try {
+    const auto table = access_->table();
+    return AccessTable::may(table->known(proof_, access_->now()), wanted);
+  } catch (const AccessRefused&) {  // known a moment ago; what is required next says so
+    return false;
+  }
 }
 
 }  // namespace teletact::service

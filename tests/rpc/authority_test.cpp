@@ -5,6 +5,7 @@
 
 #include "service/rpc/address.h"
 #include "tests/rpc/guarded_server.h"
+#include "tests/rpc/health.h"
 #include "tests/support/finger_reader.h"
 
 namespace teletact::service {
@@ -272,6 +273,13 @@ TEST_P(Authority, AnObserverNeverSteers) {
   EXPECT_FALSE(steers);
   ASSERT_TRUE(touch(server->as("operator"), &steers).ok());
   EXPECT_TRUE(steers);
+}
+
+// A probe has no token; it has a connection, or not.
+TEST_P(Authority, HealthIsToldToWhoCanConnect) {
+  const int told =
+      GetParam() == Transport::kMutualTls ? -static_cast<int>(StatusCode::UNAVAILABLE) : kServing;
+  EXPECT_EQ(health_of(*server, "teletact.v1.Palpation"), told);
 }
 
 INSTANTIATE_TEST_SUITE_P(Everywhere, Authority, testing::ValuesIn(kTransports), [](const auto& info) {

@@ -14,7 +14,8 @@ namespace teletact::service {
 constexpr int kServing = 1, kNotServing = 2;
 
 // grpc.health.v1.Health/Check by hand: HealthCheckRequest{service = 1}, HealthCheckResponse{status = 1}.
-inline int health_of(const RunningServer& server, const std::string& service) {
+template <class Running>
+int health_of(const Running& server, const std::string& service) {
   std::string request;
   if (!service.empty()) request = std::string("\x0a") + static_cast<char>(service.size()) + service;
   grpc::ClientContext context;
