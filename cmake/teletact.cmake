@@ -14,6 +14,11 @@ endif()
 if(TELETACT_SANITIZE)
   target_compile_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE} -fno-omit-frame-pointer)
   target_link_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE})
+  if(TELETACT_SANITIZE MATCHES "fuzzer")
+    # What is found ends the run, undefined behaviour too.
+    target_compile_options(teletact_options INTERFACE -fno-sanitize-recover=all)
+    target_compile_definitions(teletact_options INTERFACE _GLIBCXX_ASSERTIONS)
+  endif()
   if(TELETACT_SANITIZE STREQUAL "thread")
     target_compile_options(teletact_options INTERFACE -Wno-tsan)  # Boost.Asio's fences, which it does not see
   endif()

@@ -4,111 +4,36 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
-#include <toml++/toml.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <future>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 #include <thread>
-#include <variant>
 
 #include "service/access/trial_set.h"
 #include "service/admin/admin.h"
+#include "service/configuration/configuration.h"
 #include "service/device/device.h"
 #include "service/rpc/server.h"
+#include "service/scene/errors.h"
 
 namespace {
 
 using namespace teletact::service;
-
-struct ServeOptions {
-  ServerOptions server;
-  DeviceOptions device;
-  std::string admin;
-  std::filesystem::path config;
-  std::string log_level = "info";
-};
-
-toml::table parse_config(const std::filesystem::path& path) {
-  try {
-    return toml::parse_file(path.string());
-  } catch (const toml::parse_error& error) {
-    throw std::runtime_error("--config " + path.string() + ": " + std::string(error.description()) +
-                             ", line " + std::to_string(error.source().begin.line));
-  }
-}
-
-// [limits]: any limit by its name (service/limits/limits.cpp).
-void read_limits(const std::string& where, const toml::node& node, Limits& limits) {
-  const toml::table* const table = node.as_table();
-  if (!table) throw std::runtime_error(where + "limits must be a table, [limits]");
-  for (const auto& [key, value] : *table) {
-    const std::string name(key.str());
-    if (!value.is_number()) throw std::runtime_error(where + "limits." + name + " must be a number");
-    try {
-      set_limit(limits, name, *value.value<double>());
-    } catch (const std::invalid_argument& error) {
-      throw std::runtime_error(where + "limits." + error.what());
-    }
-  }
-}
-
-// Values of the configuration file, for what the command line leaves out. The keys are the flags' names with
-// '_' for '-', and limits; any other key is an error.
-void read_config(const CLI::App& command, ServeOptions& options) {
-  if (options.config.empty()) return;
-  using Path = std::filesystem::path;
-  const std::map<std::string, std::variant<std::string*, Path*, bool*>> keys{
-      {"listen", &options.server.listen.listen},
-      {"admin", &options.admin},
-      {"device", &options.device.select},
-      {"state", &options.server.state_directory},
-      {"kernel_directory", &options.device.kernel_directory},
-      {"tls_certificate", &options.server.listen.tls_certificate},
-      {"tls_key", &options.server.listen.tls_key},
-      {"tls_client_ca", &options.server.listen.tls_client_ca},
-      {"access", &options.server.listen.access},
-      {"log_level", &options.log_level},
-      {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
-  for (const auto& [key, node] : parse_config(options.config)) {
-    const std::string name(key.str()), where = "--config " + options.config.string() + ": ";
-    if (name == "limits") {
-      read_limits(where, node, options.server.limits);
-      continue;
-    }
-    const auto known = keys.find(name);
-    if (known == keys.end()) throw std::runtime_error(where + "unknown key \"" + name + "\"");
-    std::string flag = "--" + name;
-    std::replace(flag.begin(), flag.end(), '_', '-');
-    bool* const* const yes = std::get_if<bool*>(&known->second);
-    if (yes ? !node.is_boolean() : !node.is_string())
-      throw std::runtime_error(where + name + (yes ? " must be true or false" : " must be a string"));
-    if (command.count(flag) > 0) continue;  // the command line wins
-    if (yes)
-      **yes = *node.value<bool>();
-    else if (Path* const* path = std::get_if<Path*>(&known->second))
-      **path = *node.value<std::string>();
-    else
-      *std::get<std::string*>(known->second) = *node.value<std::string>();
-  }
-}
 
 void start_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_logger_mt("teletact"));
   spdlog::set_pattern("time=%Y-%m-%dT%H:%M:%S.%fZ level=%l %v", spdlog::pattern_time_type::utc);
   const auto parsed = spdlog::level::from_str(level);
   if (parsed == spdlog::level::off && level != "off")
-    throw std::runtime_error("--log-level " + level + ": one of trace, debug, info, warn, error, off");
+    throw std::runtime_error("--log-level " + shown(level) + ": one of trace, debug, info, warn, error, off");
   spdlog::set_level(parsed);
   // gRPC tells every failed bind in several lines; we tell it in one.
   gpr_set_log_function(
@@ -188,7 +113,7 @@ void serve(const CLI::App& command, ServeOptions options) {
   const auto begun = std::chrono::steady_clock::now();
   bound_the_heap();
   raise_open_files();
-  read_config(command, options);
+  read_configuration([&](const std::string& flag) { return command.count(flag) > 0; }, options);
   start_logging(options.log_level);
   std::signal(SIGPIPE, SIG_IGN);
   const sigset_t signals = block_stop_signals();

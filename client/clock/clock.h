@@ -11,6 +11,11 @@ inline double seconds(std::int64_t ns) noexcept {
   return 1e-9 * static_cast<double>(ns);
 }
 
+// Of any two stamps: those of a file or a peer may be further apart than an int64 holds.
+inline double seconds_between(std::int64_t from_ns, std::int64_t to_ns) noexcept {
+  return 1e-9 * static_cast<double>(static_cast<__int128>(to_ns) - from_ns);
+}
+
 class Clock {
  public:
   virtual ~Clock() = default;

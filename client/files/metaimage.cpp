@@ -10,6 +10,8 @@
 #include <sstream>
 #include <string>
 
+#include "client/text/shown.h"
+
 namespace teletact::client {
 
 static_assert(std::endian::native == std::endian::little, "samples are written as they lie in memory");
@@ -59,7 +61,7 @@ Header read_header(const std::filesystem::path& path, std::ifstream& in) {
     if (equals == std::string::npos) break;
     const std::string key = trimmed(line.substr(0, equals));
     if (!header.fields.emplace(key, trimmed(line.substr(equals + 1))).second)
-      throw FileError(path, "header field " + key + " is given twice; keep one");
+      throw FileError(path, "header field " + shown(key) + " is given twice; keep one");
     if (key == "ElementDataFile") return header;  // by definition the last one
   }
   throw FileError(path, "is no MetaImage: its header has no ElementDataFile line; give an .mha file");
@@ -74,7 +76,8 @@ std::vector<double> numbers(const std::filesystem::path& path, const Header& hea
     char* end = nullptr;
     const double value = std::strtod(word.c_str(), &end);
     if (*end != '\0' || !std::isfinite(value))
-      throw FileError(path, "header field " + key + ": '" + word + "' is no number; correct the header");
+      throw FileError(path,
+                      "header field " + key + ": '" + shown(word) + "' is no number; correct the header");
     values.push_back(value);
   }
   if (values.size() != count)
@@ -134,8 +137,8 @@ MetaImage described(const std::filesystem::path& path, const Header& header) {
   const auto type =
       std::find_if(kTypes.begin(), kTypes.end(), [&](const TypeName& t) { return name == t.name; });
   if (type == kTypes.end())
-    throw FileError(
-        path, "ElementType " + name + " is not supported; use MET_SHORT, MET_FLOAT, MET_DOUBLE or MET_UCHAR");
+    throw FileError(path, "ElementType " + shown(name) +
+                              " is not supported; use MET_SHORT, MET_FLOAT, MET_DOUBLE or MET_UCHAR");
   image.type = type->type;
   if (header.fields.contains("ElementSpacing")) {
     image.spacing = numbers(path, header, "ElementSpacing", dimensions);

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/text/shown.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
 namespace teletact::client {
@@ -176,6 +177,7 @@ bool wait_connected(grpc::Channel& channel, double wait_s) {
 }
 
 std::string describe(const grpc::Status& status) {
+  constexpr std::size_t kLongest = 1000;
   static constexpr std::array<const char*, 17> kNames = {
       "OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
       "NOT_FOUND", "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION",
@@ -183,7 +185,7 @@ std::string describe(const grpc::Status& status) {
       "DATA_LOSS", "UNAUTHENTICATED"};
   const auto code = static_cast<std::size_t>(status.error_code());
   const std::string name = code < kNames.size() ? kNames[code] : "UNKNOWN";
-  return status.error_message().empty() ? name : name + ": " + status.error_message();
+  return status.error_message().empty() ? name : name + ": " + shown(status.error_message(), kLongest);
 }
 
 }  // namespace teletact::client

@@ -8,6 +8,7 @@
 
 #include "client/clock/clock.h"
 #include "client/link/servo_messages.h"
+#include "client/text/shown.h"
 
 namespace teletact::client {
 namespace {
@@ -33,7 +34,10 @@ std::string TouchAnswers::take_opened(const v1::TouchOpened& opened, std::int64_
   if (!(std::abs(opened.layer().depth_m()) <= kFarthestM))
     return problem("layer.depth_m", opened.layer().depth_m(), "it must be within 10 m");
   if (!surface)
-    return problem("layer.normal", fmt::format("{}", fmt::join(opened.layer().normal(), ", ")),
+    return problem("layer.normal",
+                   opened.layer().normal_size() > 3
+                       ? fmt::format("of {} values", opened.layer().normal_size())
+                       : fmt::format("{}", fmt::join(opened.layer().normal(), ", ")),
                    "it must be a unit vector");
   const v1::Region& covered = opened.covered();
   for (const double end_m : {covered.begin_x_m(), covered.end_x_m(), covered.begin_z_m(), covered.end_z_m()})
@@ -116,12 +120,13 @@ void TouchAnswers::take_stamps(const v1::TouchAnswer& answer, std::int64_t sent_
 // What is not trusted is said once a second at most; what is only remarkable (status OK) once.
 void TouchAnswers::say_what_it_warns_of(const v1::TouchAnswer& answer, std::int64_t received_ns) {
   constexpr std::int64_t kEveryNs = 1'000'000'000;
+  constexpr std::size_t kLongest = 1000;
   if (answer.warning().empty() || answer.status() == v1::TOUCH_STATUS_PREPARING) return;
   if (answer.status() == v1::TOUCH_STATUS_OK) {
-    if (!remarked_) spdlog::info("the service remarks: {}", answer.warning());
+    if (!remarked_) spdlog::info("the service remarks: {}", shown(answer.warning(), kLongest));
     remarked_ = true;
   } else if (received_ns - warned_ns_ >= kEveryNs) {
-    spdlog::warn("the service warns: {}", answer.warning());
+    spdlog::warn("the service warns: {}", shown(answer.warning(), kLongest));
     warned_ns_ = received_ns;
   }
 }
@@ -150,11 +155,10 @@ void TouchAnswers::say_whether_prepared(const v1::TouchAnswer& answer) {
 }
 
 void TouchAnswers::say_who_steers(bool steers, const std::string& steered_by) {
-  constexpr std::size_t kShown = 64;
   const std::string who = steers               ? "this hand steers the scene's probe"
                           : steered_by.empty() ? ""
-                                               : "touching without steering: session '" +
-                                                     steered_by.substr(0, kShown) + "' steers the probe";
+                                               : "touching without steering: session '" + shown(steered_by) +
+                                                     "' steers the probe";
   if (who == who_steers_) return;
   who_steers_ = who;
   spdlog::info("{}", who.empty() ? "nobody steers the scene's probe" : who);

@@ -8,14 +8,16 @@
 #include "client/clock/clock.h"
 #include "client/link/recording.h"
 #include "client/servo/states.h"
+#include "client/text/shown.h"
 
 namespace teletact::client {
 namespace {
 
 void require_kind(const RecordReader& reader, const std::string& path, const char* kind, const char* option) {
   if (reader.header().kind() != kind)
-    throw std::runtime_error(path + ": a recording of '" + reader.header().kind() + "', not of '" + kind +
-                             "'; give " + option + " the file of teletact-client " + kind + " --record");
+    throw std::runtime_error(path + ": a recording of '" + shown(reader.header().kind()) + "', not of '" +
+                             kind + "'; give " + option + " the file of teletact-client " + kind +
+                             " --record");
 }
 
 Finger finger_of(const v1::Fingertip& tip) {
@@ -59,7 +61,7 @@ void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, Tou
     throw std::runtime_error("the touch recording holds an answer without its pose");
   TouchAnswerTime& last = record.answers.emplace_back();
   last.arrived_s = seconds(entry.monotonic_ns());
-  last.latency_s = seconds(entry.monotonic_ns() - answer.pose_stamp().monotonic_ns());
+  last.latency_s = seconds_between(answer.pose_stamp().monotonic_ns(), entry.monotonic_ns());
   last.x_m = answer.position_m(0), last.y_m = answer.position_m(1);
   if (answer.position_m_size() == 3) last.z_m = answer.position_m(2);
   if (answer.force_n_size() == 3) std::copy_n(answer.force_n().begin(), 3, last.force_n.begin());
@@ -117,9 +119,10 @@ AcquireRecord read_acquire_record(const std::string& path) {
       if (timing.window().origin_m().empty())
         throw std::runtime_error(path + ": holds a window without its place");
       const auto& origin_m = timing.window().origin_m();
-      record.windows.push_back(
-          {origin_m[0], seconds(timing.published_ns()), seconds(timing.published_ns() - timing.asked_ns()),
-           received_to_published_s[entry->call()], origin_m.size() > 2 ? origin_m[2] : 0});
+      record.windows.push_back({origin_m[0], seconds(timing.published_ns()),
+                                seconds_between(timing.asked_ns(), timing.published_ns()),
+                                received_to_published_s[entry->call()],
+                                origin_m.size() > 2 ? origin_m[2] : 0});
     }
     if (entry->has_scene()) record.scene = entry->scene();
     if (entry->has_info()) record.info = entry->info();
@@ -138,8 +141,8 @@ std::optional<double> stated_half_width(const TouchRecord& touch, const TouchTic
 
 std::string session_mismatch(const TouchRecord& touch, const AcquireRecord& acquire) {
   if (touch.scene_id != acquire.scene_id)
-    throw std::runtime_error("the recordings are of different scenes: " + touch.scene_id + " and " +
-                             acquire.scene_id);
+    throw std::runtime_error("the recordings are of different scenes: " + shown(touch.scene_id) + " and " +
+                             shown(acquire.scene_id));
   const double ended_s = touch.ticks.empty() ? 0 : touch.ticks.back().time_s;
   if (!acquire.windows.empty() &&
       std::all_of(acquire.windows.begin(), acquire.windows.end(),

@@ -78,8 +78,9 @@ class Pace {
       started_ = true;
     }
     if (speed_ <= 0) return;
-    const double elapsed_ns = static_cast<double>(recorded_ns - begin_ns_) / speed_;
-    std::this_thread::sleep_until(begin_ + std::chrono::nanoseconds(std::llround(elapsed_ns)));
+    constexpr double kLongestS = 1e6;  // stamps of a damaged recording may lie centuries apart
+    const double elapsed_s = std::clamp(seconds_between(begin_ns_, recorded_ns) / speed_, 0.0, kLongestS);
+    std::this_thread::sleep_until(begin_ + std::chrono::nanoseconds(std::llround(1e9 * elapsed_s)));
   }
 
  private:

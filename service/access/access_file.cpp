@@ -18,7 +18,7 @@ namespace teletact::service {
 
 namespace {
 
-constexpr std::size_t kMostName = 64, kMostCertificateName = 256;
+constexpr std::size_t kMostName = 64, kMostCertificateName = 256, kMostDescription = 500;
 constexpr std::string_view kNames = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
 
 [[noreturn]] void wrong(const std::string& entry, std::string_view key, const std::string& why) {
@@ -133,7 +133,7 @@ AccessTable read_access(const std::filesystem::path& path) {
   try {
     return table_in(toml::parse(text));
   } catch (const toml::parse_error& error) {
-    throw std::runtime_error(where + std::string(error.description()) + ", line " +
+    throw std::runtime_error(where + shown(error.description(), kMostDescription) + ", line " +
                              std::to_string(error.source().begin.line));
   } catch (const std::invalid_argument& error) {
     throw std::runtime_error(where + error.what());

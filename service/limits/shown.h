@@ -1,4 +1,4 @@
-// A peer's text as messages and logs may show it.
+// Text of a client or a file as messages and logs may show it.
 #pragma once
 
 #include <cstddef>
@@ -7,14 +7,13 @@
 
 namespace teletact::service {
 
-// Printable, without quotes, at most 64 bytes. (gRPC drops a status whose message is longer than a few KB; a
-// line of the log must stay one line.)
-inline std::string shown(std::string_view text) {
-  constexpr std::size_t kMost = 64;
-  std::string out(text.substr(0, kMost));
+// Printable, without quotes, at most so many bytes. (gRPC drops a status whose message is longer than a few
+// KB; a line of the log must stay one line.)
+inline std::string shown(std::string_view text, std::size_t most_bytes = 64) {
+  std::string out(text.substr(0, most_bytes));
   for (char& c : out)
     if (c < ' ' || c > '~' || c == '"') c = '?';
-  return text.size() > kMost ? out + "..." : out;
+  return text.size() > most_bytes ? out + "..." : out;
 }
 
 }  // namespace teletact::service

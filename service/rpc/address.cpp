@@ -13,6 +13,8 @@
 #include <memory>
 #include <stdexcept>
 
+#include "service/limits/shown.h"
+
 namespace teletact::service {
 
 namespace {
@@ -26,7 +28,8 @@ struct Given {
 };
 
 [[noreturn]] void refuse(const Given& given, const std::string& why) {
-  throw std::runtime_error(fmt::format("{} {}: {}", given.flag, given.address, why));
+  throw std::runtime_error(
+      fmt::format("{} {}: {}", given.flag, shown(given.address, 2 * kLongestSocketPath), why));
 }
 
 void prepare_socket(const Given& o, const std::string& path) {
@@ -85,8 +88,10 @@ bool encrypted(const ListenOptions& o) {
   return !o.tls_certificate.empty();
 }
 
-Address parsed(const Given& given) {
-  const std::string& text = given.address;
+}  // namespace
+
+Address parse_address(const char* flag, const std::string& text) {
+  const Given given{flag, text};
   Address out;
   if (text.starts_with("unix:")) {
     out.socket = text.substr(text.starts_with("unix://") ? 7 : 5);  // unix:///run/x.sock
@@ -98,13 +103,12 @@ Address parsed(const Given& given) {
   out.host = text.substr(0, colon);
   if (out.host.starts_with('[') && out.host.ends_with(']'))
     out.host = out.host.substr(1, out.host.size() - 2);
+  if (out.host.empty()) refuse(given, "the host is missing; give HOST:PORT or unix:/path");
   const char* const end = text.data() + text.size();
   const auto port = std::from_chars(text.data() + colon + 1, end, out.port);
   if (port.ec != std::errc() || port.ptr != end) refuse(given, "the port must be 0 to 65535");
   return out;
 }
-
-}  // namespace
 
 std::string prepare_address(const ListenOptions& o) {
   if (o.tls_certificate.empty() != o.tls_key.empty())
@@ -112,7 +116,7 @@ std::string prepare_address(const ListenOptions& o) {
   if (!o.tls_client_ca.empty() && !encrypted(o))
     throw std::runtime_error("--tls-client-ca: it takes TLS; give --tls-certificate and --tls-key, too");
   const Given given{"--listen", o.listen};
-  const Address address = parsed(given);
+  const Address address = parse_address(given.flag, given.address);
   if (!address.socket.empty()) {
     prepare_socket(given, address.socket);
     return "unix:" + address.socket;
@@ -133,7 +137,7 @@ std::string prepare_address(const ListenOptions& o) {
 
 Address prepare_local_address(const char* flag, const std::string& text) {
   const Given given{flag, text};
-  Address address = parsed(given);
+  Address address = parse_address(given.flag, given.address);
   if (!address.socket.empty()) {
     prepare_socket(given, address.socket);
     return address;

@@ -26,8 +26,11 @@ struct Address {
   std::string host;
   std::uint16_t port = 0;
 };
-// The same for what only this machine may reach, and nothing encrypts: 127.0.0.1:PORT, [::1]:PORT or
-// unix:/path, given by `flag`.
+// What is written, whether or not it can be listened on. Throws std::runtime_error, one line that names
+// `flag`.
+Address parse_address(const char* flag, const std::string& text);
+// As prepare_address, for what only this machine may reach, and nothing encrypts: 127.0.0.1:PORT, [::1]:PORT
+// or unix:/path, given by `flag`.
 Address prepare_local_address(const char* flag, const std::string& address);
 
 }  // namespace teletact::service

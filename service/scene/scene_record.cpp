@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "service/scene/modulus_checks.h"
+
 namespace teletact::service {
 
 namespace fs = std::filesystem;
@@ -172,6 +174,7 @@ SceneRecord decoded(const std::string& description,
     if (scene.contains("slices")) e.slices_m = take<double>(rest, scene["slices"]);
     e.youngs_modulus_pa = take<double>(rest, (nx - 1) * (ny - 1) * e.slices());
     if (scene.value("log_deviation", false)) e.log_deviation = take<double>(rest, e.youngs_modulus_pa.size());
+    check_modulus(e, record.geometry, limits);
     record.explicit_modulus = std::move(e);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known

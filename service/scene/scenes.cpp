@@ -4,13 +4,13 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <cmath>
 #include <future>
 #include <new>
 #include <random>
 #include <stdexcept>
 
 #include "service/scene/errors.h"
+#include "service/scene/modulus_checks.h"
 
 namespace teletact::service {
 
@@ -31,41 +31,6 @@ void check_id(const std::string& id) {
 std::string random_id() {
   std::random_device device;
   return fmt::format("scene-{:08x}", device());
-}
-
-void check_nodes(const char* field, const std::vector<double>& nodes_m, std::size_t most) {
-  if (nodes_m.size() < 2 || nodes_m.size() > most)
-    throw std::invalid_argument(fmt::format("{}: {} nodes, must be 2 to {}", field, nodes_m.size(), most));
-  for (std::size_t k = 0; k + 1 < nodes_m.size(); ++k)
-    if (!(nodes_m[k + 1] > nodes_m[k]))
-      throw std::invalid_argument(fmt::format("{}[{}]: nodes must be finite and increase", field, k + 1));
-  if (!std::isfinite(nodes_m.back() - nodes_m.front()))
-    throw std::invalid_argument(fmt::format("{}: nodes must be finite and increase", field));
-}
-
-void check_axis(const char* field, const std::vector<double>& nodes_m, double length_m, std::size_t most) {
-  check_nodes(field, nodes_m, most);
-  const double slack_m = 1e-6 * length_m;
-  if (!(std::abs(nodes_m.front()) <= slack_m && std::abs(nodes_m.back() - length_m) <= slack_m))
-    throw std::invalid_argument(
-        fmt::format("{}: runs from {} to {} m, must run from 0 to the scene's size, {} m", field,
-                    nodes_m.front(), nodes_m.back(), length_m));
-}
-
-void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, const Limits& limits) {
-  check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.most_scene_columns);
-  check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.most_scene_elements + 1);
-  if (e.solid()) check_nodes("modulus.z_m", e.z_m, limits.most_scene_columns);
-  const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1) * e.slices();
-  const std::size_t most = e.solid() ? limits.most_solid_elements : limits.most_scene_elements;
-  if (elements > most)
-    throw Error(
-        ErrorKind::kExhausted,
-        fmt::format("modulus: {} elements, at most {} are allowed; use a coarser grid", elements, most));
-  if (e.youngs_modulus_pa.size() != elements)
-    throw std::invalid_argument(fmt::format("modulus.youngs_modulus_pa: {} values for {} elements",
-                                            e.youngs_modulus_pa.size(), elements));
-  check_moduli("modulus.youngs_modulus_pa", e.youngs_modulus_pa);
 }
 
 }  // namespace
@@ -107,7 +72,7 @@ void Scenes::restore(const SceneRecord& record) {
 
 // Nothing is wrong with it: it stays where it is, and nobody writes over it.
 void Scenes::leave_on_disk(const std::string& id, const char* why) {
-  spdlog::error("event=scene_not_restored scene={} error=\"{}\"", id, why);
+  spdlog::error("event=scene_not_restored scene={} error=\"{}\"", shown(id), shown(why, 500));
   const std::lock_guard lock(mutex_);
   left_on_disk_.insert(id);
 }

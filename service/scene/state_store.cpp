@@ -11,6 +11,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "service/scene/errors.h"
+
 namespace teletact::service {
 
 namespace fs = std::filesystem;
@@ -18,6 +20,7 @@ using nlohmann::json;
 
 namespace {
 
+constexpr std::size_t kLongest = 500;  // of what the log says of a file's text
 const std::string kGone = "deleted-";  // scenes on their way out
 constexpr const char* kAside = "set-aside";
 
@@ -51,8 +54,8 @@ StateStore::StateStore(const fs::path& directory, const Limits& limits, std::sha
     } catch (const std::exception& e) {
       // Go on far beyond what any scene can have used.
       first_version_ = static_cast<std::uint64_t>(std::time(nullptr)) * kVersionBlock;
-      spdlog::error("event=state_versions_unreadable error=\"{}\" continuing_at={}", e.what(),
-                    first_version_);
+      spdlog::error("event=state_versions_unreadable error=\"{}\" continuing_at={}",
+                    shown(e.what(), kLongest), first_version_);
     }
     reserve_versions(reserved_versions());
   } catch (const FileError& error) {
@@ -173,8 +176,8 @@ void StateStore::set_aside(const std::string& id, const std::string& why) {
   } catch (const FileError& error) {
     failed = error.what();
   }
-  spdlog::error("event=state_set_aside scene={} error=\"{}\" moved_to=\"{}\" failed=\"{}\"", id, why,
-                to.string(), failed);
+  spdlog::error("event=state_set_aside scene={} error=\"{}\" moved_to=\"{}\" failed=\"{}\"", shown(id),
+                shown(why, kLongest), shown(to.string(), kLongest), shown(failed, kLongest));
 }
 
 void StateStore::remove(const std::string& id) {

@@ -70,7 +70,8 @@ void expect_only(const std::map<std::string, std::set<std::string>>& allowed, co
 }
 
 TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
-  // admin -> rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue, solid} -> solver -> device
+  // {admin, configuration} -> rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue,
+  // solid} -> solver -> device
   // -> limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
   // others choose; access, who may do what, is rpc's.
   expect_only(
@@ -94,14 +95,17 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
        {"rpc",
         {"access", "imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking", "contact",
          "tissue", "solver", "device", "limits"}},
-       {"admin", {"rpc", "scene", "limits"}}},
+       {"admin", {"rpc", "scene", "limits"}},
+       {"configuration", {"rpc", "device", "limits"}}},
       "service");
 }
 
 TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
-  // commands -> {session, recordings, report, experiment}; recordings -> acquire; {session, report} -> link -> servo -> haptic ->
-  // render; acquire -> link; experiment -> servo; {acquire, report} -> patient; files and clock stand alone.
-  expect_only({{"files", {}},
+  // commands -> {session, recordings, report, experiment}; recordings -> acquire; {session, report} -> link
+  // -> servo -> haptic -> render; acquire -> link; experiment -> servo; {acquire, report} -> patient; files
+  // and clock stand alone.
+  expect_only({{"text", {}},
+               {"files", {"text"}},
                {"matlab", {"files"}},
                {"no_matlab", {"files"}},
                {"patient", {"files"}},
@@ -110,14 +114,14 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
                {"haptic", {"render", "clock"}},
                {"servo", {"haptic", "render", "clock"}},
                {"experiment", {"servo", "haptic", "render", "clock"}},
-               {"link", {"servo", "haptic", "render", "clock"}},
+               {"link", {"servo", "haptic", "render", "clock", "text"}},
                {"session", {"link", "servo", "haptic", "render", "clock", "files"}},
                {"acquire", {"link", "clock", "patient", "files"}},
                {"recordings", {"acquire", "files"}},
-               {"report", {"link", "servo", "clock", "patient", "files"}},
+               {"report", {"link", "servo", "clock", "patient", "files", "text"}},
                {"commands",
-                {"session", "acquire", "recordings", "report", "experiment", "link", "servo", "haptic", "render", "clock",
-                 "patient", "files"}}},
+                {"session", "acquire", "recordings", "report", "experiment", "link", "servo", "haptic",
+                 "render", "clock", "patient", "files"}}},
               "client");
 }
 
@@ -137,7 +141,9 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
       {"bench/stability", {}},
       {"bench/phantoms", {"bench/peers", "bench/basics"}},
       {"bench/fuzz", {"bench/stability"}},
-      {"suite", {"bench", "bench/basics", "bench/fuzz", "bench/load", "bench/peers", "bench/phantoms", "bench/stability"}}};
+      {"suite",
+       {"bench", "bench/basics", "bench/fuzz", "bench/load", "bench/peers", "bench/phantoms",
+        "bench/stability"}}};
   std::set<std::string> suites;
   for (const Include& i : includes_of("bench")) {
     if (i.target.rfind("bench/", 0) != 0) continue;

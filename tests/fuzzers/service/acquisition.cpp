@@ -1,0 +1,80 @@
+// Estimate: what a client says of its RF pair, and the pair's chunks.
+#include "service/rpc/acquisition.h"
+
+#include <cmath>
+
+#include "service/scene/errors.h"
+#include "tests/fuzzers/service/fuzzers.h"
+#include "tests/fuzzers/support/delimited.h"
+#include "tests/scene/create_scene.h"
+#include "tests/scene/windows.h"
+
+namespace teletact::fuzzers {
+namespace {
+
+using namespace service;
+
+// An empty scene "s", and a solid "solid".
+struct Known {
+  Scenes scenes{""};
+  Known() {
+    const SceneGeometry geometry = tissue(0.1, 0.02);
+    create_scene(scenes, "s", geometry, std::nullopt);
+    create_scene(
+        scenes, "solid", geometry,
+        ExplicitModulus{{0, 0.05, 0.1}, {0, 0.01, 0.02}, std::vector<double>(8, 1e4), {-0.01, 0, 0.01}});
+  }
+};
+
+void check(const EstimateCall& call, const Limits& limits) {
+  const EstimateRequest& r = call.request;
+  require(call.frame_bytes() > 0 && call.frame_bytes() <= limits.most_frame_bytes,
+          "a frame beyond the limits");
+  require(r.sample_count >= limits.least_samples && r.sample_count <= limits.most_samples &&
+              r.line_count >= limits.least_lines && r.line_count <= limits.most_lines,
+          "samples beyond the limits");
+  require(!call.maps.empty(), "no map is wanted");
+  const AcquisitionGeometry& g = r.geometry;
+  for (const double number :
+       {g.center_frequency_hz, g.sampling_frequency_hz, g.sound_speed_m_s, g.line_pitch_m, r.max_strain,
+        r.tissue.depth_m, r.tissue.width_m, r.window_width_m()})
+    require(number > 0 && std::isfinite(number), "a length, a frequency or a strain that is not positive");
+  require(std::isfinite(r.window_x_m) && std::isfinite(r.tissue.window_x_m), "a window that is nowhere");
+  require(r.tissue.poisson_ratio >= 0 && r.tissue.poisson_ratio < 0.5, "a Poisson ratio that cannot be");
+  if (!r.force) return;
+  require(r.force->force_n > 0 && r.force->contact_area_m2 > 0, "a force or an area that is not positive");
+  for (const double deviation : {r.force_relative_deviation(), r.area_relative_deviation()})
+    require(deviation >= 0 && deviation < 1, "a deviation beyond the value itself");
+}
+
+void check(const RfFrame& frame, const EstimateCall& call) {
+  require(frame.samples.size() == call.request.samples(), "a frame of another size");
+  for (const float sample : frame.samples) require(std::isfinite(sample), "a sample that is not finite");
+}
+
+}  // namespace
+
+bool acquisition(Bytes bytes) {
+  static const Limits limits;
+  static const Known known;
+  Delimited requests(bytes);
+  const auto first = requests.next<v1::EstimateRequest>();
+  if (!first) return false;
+  EstimateCall call;
+  if (!accepted<std::invalid_argument, Error>(
+          [&] { call = call_from(first->acquisition(), known.scenes, limits); }))
+    return false;
+  check(call, limits);
+  FrameUpload upload(call, limits.most_chunk_bytes);
+  std::pair<RfFrame, RfFrame> frames;
+  if (!accepted<std::invalid_argument>([&] {
+        while (const auto next = requests.next<v1::EstimateRequest>()) upload.add(next->chunk());
+        frames = upload.finish();
+      }))
+    return false;
+  check(frames.first, call);
+  check(frames.second, call);
+  return true;
+}
+
+}  // namespace teletact::fuzzers
