@@ -21,8 +21,8 @@
 #include "service/admin/admin.h"
 #include "service/configuration/configuration.h"
 #include "service/device/device.h"
+#include "service/limits/shown.h"
 #include "service/rpc/server.h"
-#include "service/scene/errors.h"
 
 namespace {
 

@@ -21,7 +21,7 @@ namespace {
 
 // 1 had neither evidence nor deviations, 2 no slices, 3 none that state deviations; they are still read. What
 // has no slices is written as 2, what states no deviations of them as 3.
-constexpr int kFormat = 4, kExactSlices = 3, kWithoutSlices = 2, kFirstFormat = 1;
+constexpr std::uint64_t kFormat = 4, kExactSlices = 3, kWithoutSlices = 2, kFirstFormat = 1;
 
 // FNV-1a, 64 bit: tells a damaged file from a whole one.
 std::string checksum(std::string_view bytes) {
@@ -42,6 +42,13 @@ std::vector<T> take(std::string_view& in, std::size_t count) {
   std::memcpy(values.data(), in.data(), count * sizeof(T));
   in.remove_prefix(count * sizeof(T));
   return values;
+}
+
+// A number of json may be any double, which no integer need hold.
+std::uint64_t count_of(const json& number, const char* name) {
+  if (!number.is_number_unsigned())
+    throw std::runtime_error(fmt::format("{}: {} is no count", name, number.dump()));
+  return number.get<std::uint64_t>();
 }
 
 json to_json(const SceneGeometry& g) {
@@ -145,15 +152,16 @@ EncodedScene encoded(const SceneRecord& record) {
 SceneRecord decoded(const std::string& description,
                     const std::function<std::string(const std::string&)>& map_of, const Limits& limits) {
   const json scene = json::parse(description);
-  const int format = scene.at("format");
+  const std::uint64_t format = count_of(scene.at("format"), "format");
   if (format < kFirstFormat || format > kFormat) throw std::runtime_error("unknown format");
   SceneRecord record;
   record.id = scene.at("scene_id");
   record.geometry = geometry_from(scene.at("geometry"), limits);
-  record.version = scene.at("version");
-  record.next_window_id = scene.at("next_window_id");
+  record.version = count_of(scene.at("version"), "version");
+  record.next_window_id = count_of(scene.at("next_window_id"), "next_window_id");
   for (const json& w : scene.at("windows"))
-    record.windows.push_back({w.at("id"), w.at("version"), w.at("begin_m"), w.at("end_m"),
+    record.windows.push_back({count_of(w.at("id"), "windows.id"),
+                              count_of(w.at("version"), "windows.version"), w.at("begin_m"), w.at("end_m"),
                               w.contains("evidence") ? evidence_from(w["evidence"]) : nullptr});
   check(record);
   const fs::path name = scene.at("map").at("file").get<std::string>();
@@ -163,15 +171,18 @@ SceneRecord decoded(const std::string& description,
     throw std::runtime_error("the map file does not match its checksum");
   std::string_view rest = raw;
   if (scene.contains("explicit_nodes")) {
-    const std::size_t nx = scene["explicit_nodes"].at(0), ny = scene["explicit_nodes"].at(1);
+    const auto nodes = [&](std::size_t axis) {
+      return count_of(scene["explicit_nodes"].at(axis), "explicit_nodes");
+    };
+    const std::size_t nx = nodes(0), ny = nodes(1);
     const bool solid = scene["explicit_nodes"].size() > 2;
-    const std::size_t nz = solid ? std::size_t{scene["explicit_nodes"].at(2)} : 2;
+    const std::size_t nz = solid ? nodes(2) : 2;
     if (nx < 2 || ny < 2 || nz < 2) throw std::runtime_error("explicit_nodes: at least 2 each way");
     ExplicitModulus e;
     e.x_m = take<double>(rest, nx);
     e.y_m = take<double>(rest, ny);
     if (solid) e.z_m = take<double>(rest, nz);
-    if (scene.contains("slices")) e.slices_m = take<double>(rest, scene["slices"]);
+    if (scene.contains("slices")) e.slices_m = take<double>(rest, count_of(scene["slices"], "slices"));
     e.youngs_modulus_pa = take<double>(rest, (nx - 1) * (ny - 1) * e.slices());
     if (scene.value("log_deviation", false)) e.log_deviation = take<double>(rest, e.youngs_modulus_pa.size());
     check_modulus(e, record.geometry, limits);
@@ -179,9 +190,10 @@ SceneRecord decoded(const std::string& description,
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known
       if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();
-    record.map_modulus_pa = take<float>(rest, scene.at("cells"));
-    record.map_states = take<CellState>(rest, scene.at("cells"));
-    if (format > kFirstFormat) record.map_log_deviation = take<float>(rest, scene.at("cells"));
+    const std::size_t cells = count_of(scene.at("cells"), "cells");
+    record.map_modulus_pa = take<float>(rest, cells);
+    record.map_states = take<CellState>(rest, cells);
+    if (format > kFirstFormat) record.map_log_deviation = take<float>(rest, cells);
   }
   return record;
 }

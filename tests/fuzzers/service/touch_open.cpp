@@ -34,7 +34,7 @@ void check(const TouchStream& stream, const Limits& limits) {
   require(std::abs(std::hypot(layer.normal[0], layer.normal[1], layer.normal[2]) - 1) < 1e-9,
           "a normal that is no unit vector");
   const Region covered = stream.covered();
-  require(covered.begin_x_m < covered.end_x_m, "nothing is covered");
+  require(covered.begin_x_m <= covered.end_x_m, "a region that ends before it begins");
 }
 
 }  // namespace
