@@ -65,7 +65,7 @@ class ComputeNodes : public testing::Test {
           "front");
     for (std::size_t node = 1; node <= 2; ++node)
       ASSERT_TRUE(services_[node - 1]->says("serving on", 300)) << services_[node - 1]->output();
-    front_ = client::make_channel("unix:" + (folder_ / "front"), test::kCertificate);
+    front_ = client::make_channel("unix:" + (folder_ / "front"), {.tls_ca = test::kCertificate});
     ASSERT_TRUE(within([&] { return answers(front_); })) << said();
   }
 

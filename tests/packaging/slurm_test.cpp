@@ -62,7 +62,8 @@ TEST_F(Slurm, TheJobServesTellsItsAddressAndEndsBySignal) {
     std::getline(std::ifstream(address_file), address);
   EXPECT_EQ(address.substr(address.rfind(':') + 1), std::to_string(port_)) << job.output();
   EXPECT_GT(address.rfind(':'), 0U) << "a host";
-  const auto channel = client::make_channel("localhost:" + std::to_string(port_), test::kCertificate);
+  const auto channel =
+      client::make_channel("localhost:" + std::to_string(port_), {.tls_ca = test::kCertificate});
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
   v1::GetInfoResponse info;
