@@ -279,8 +279,7 @@ Script health(const Case& tried, Random& random) {
 // An unknown field of 100 kB: valid for proto3.
 Script fieldless(const Case& tried) {
   std::string bytes;
-  if (tried.content == Content::kInvalid)
-    bytes = std::string("\xfa\x01\xa0\x8d\x06", 5) + std::string(100'000, 'x');
+  if (tried.content == Content::kInvalid) bytes.assign("\xfa\x01\xa0\x8d\x06", 5).append(100'000, 'x');
   return {{constant(bytes)}, false};
 }
 
