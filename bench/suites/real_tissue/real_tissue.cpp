@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
@@ -114,7 +115,7 @@ struct Figures {
   double off = kNan;                                            // 95 % of the nodes are off by less, |ln|
   double tracking_m = kNan;                                     // median error of the axial displacement
   double seconds = 0, modulus_s = 0;
-  std::vector<service::ModulusFlag> said;
+  std::set<service::ModulusFlag> said;
 };
 
 // Median of what the tracked axial displacement is off by, where it is trusted.
@@ -348,7 +349,7 @@ RealFigures measure(const RealOptions& options, Promises& promises) {
               seconds_of([&] { e = estimate(elastography, w, all[k], options.time_limit_s); });
           of[k].push_back(judge(e, w));
           of[k].back().seconds = seconds, of[k].back().modulus_s = e.modulus_s;
-          for (const service::ModulusWarning& w : e.modulus_warnings) of[k].back().said.push_back(w.flag);
+          for (const service::ModulusWarning& w : e.modulus_warnings) of[k].back().said.insert(w.flag);
         } catch (const std::exception& error) {
           ++refused[k];
           fmt::print("{}, contrast {}, seed {}, {}: {}\n", row.name, row.contrast, seed, all[k].name,
