@@ -45,7 +45,8 @@ void check(Scene& scene) {
   v1::Scene message;
   scene_to(scene, v1::SCENE_VIEW_FULL, 1, &message);
   require(message.ByteSizeLong() > 0, "a scene that cannot be told");
-  for (const auto& window : scene.snapshot()->windows)
+  const auto snapshot = scene.snapshot();
+  for (const auto& window : snapshot->windows)
     require(window->region.begin_x_m < window->region.end_x_m, "a window that ends before it begins");
 }
 

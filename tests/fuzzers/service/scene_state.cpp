@@ -51,7 +51,8 @@ void check(const Scene& scene, const Limits& limits) {
   v1::Scene message;
   scene_to(scene, v1::SCENE_VIEW_FULL, 1, &message);
   require(message.youngs_modulus().values().data().size() > 0, "a scene that cannot be told");
-  for (const auto& window : scene.snapshot()->windows)
+  const auto snapshot = scene.snapshot();
+  for (const auto& window : snapshot->windows)
     require(window->version <= scene.snapshot()->version, "a window newer than its scene");
   if (const auto& e = scene.snapshot()->modulus) {
     for (const auto* nodes_m : {&e->x_m, &e->y_m, &e->z_m, &e->slices_m})
