@@ -27,7 +27,7 @@ namespace teletact::client {
 namespace {
 
 struct Arguments {
-  std::string address, tissue_path, save_tissue_path, record_path, ready_path;
+  std::string address, tissue_path, save_tissue_path, record_path, publish_path, ready_path;
   Credentials credentials;
   std::optional<std::uint64_t> seed;
   std::size_t passes = 5;
@@ -238,8 +238,8 @@ void run(const Arguments& arguments) {
     require_no_scene(*palpation, arguments.acquire.scene_id);
   else
     open_scene(*palpation, arguments.acquire.scene_id, tissue);
-  AcquireRecorder recorder(arguments.record_path, arguments.address, arguments.acquire.scene_id,
-                           arguments.record_rf);
+  AcquireRecorder recorder(arguments.record_path, arguments.publish_path, arguments.address,
+                           arguments.acquire.scene_id, arguments.record_rf);
   recorder.info(get_info(channel));
   const std::unique_ptr<FrameSource> source = prepare(tissue, arguments);
   end_in_order();  // from here on; the simulation before is simply cut off
@@ -338,6 +338,9 @@ void add_acquire_command(CLI::App& app) {
   command.add_option("--record", arguments->record_path,
                      "keep timings, summaries and the final scene in this file; without it nothing is kept");
   add_force_option(command, arguments->force);
+  command.add_option(
+      "--publish", arguments->publish_path,
+      "Unix socket at which what is acquired can be watched (teletact-client watch --acquire)");
   command.add_flag("--record-rf", arguments->record_rf,
                    "keep RF and maps too, so that replay can play them again");
   command.add_option("--ready-file", arguments->ready_path,

@@ -1,12 +1,15 @@
-// Everything that the recording of an acquisition gets, in one place; calls come from several threads.
+// Everything that the recording of an acquisition gets, and whoever watches it, in one place; calls come from
+// several threads.
 #pragma once
 
 #include <cstdint>
 #include <ctime>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "client/clock/clock.h"
+#include "client/link/publisher.h"
 #include "client/link/recording.h"
 #include "teletact/v1/elastography.pb.h"
 #include "teletact/v1/info.pb.h"
@@ -15,21 +18,24 @@ namespace teletact::client {
 
 class AcquireRecorder {
  public:
-  // `path`: empty: nothing is kept. Throws as RecordWriter does.
-  AcquireRecorder(const std::string& path, const std::string& service, const std::string& scene_id,
-                  bool with_rf)
+  // `path`, `publish_path`: empty: nothing is kept, nobody watches. Throws as RecordWriter and Publisher do.
+  AcquireRecorder(const std::string& path, const std::string& publish_path, const std::string& service,
+                  const std::string& scene_id, bool with_rf)
       : with_rf_(with_rf) {
-    if (path.empty()) return;
     v1::RecordHeader header;
     header.set_kind("acquire");
     header.set_client("teletact-client");
     header.set_service(service);
     header.set_scene_id(scene_id);
     header.set_unix_time_s(std::time(nullptr));
-    writer_.emplace(path, header);
+    if (!path.empty()) writer_.emplace(path, header);
+    if (!publish_path.empty()) publisher_.emplace(publish_path, header);
   }
   void request(std::uint32_t call, const v1::EstimateRequest& request) {
-    if (with_rf_) append(call, request);
+    if (with_rf_)
+      append(call, request);
+    else if (publisher_ && request.has_acquisition())
+      publisher_->append(recorded(request, monotonic_ns(), call));
   }
   void response(std::uint32_t call, const v1::EstimateResponse& response) {
     if (response.has_map() && !with_rf_) return;  // maps belong to a recording that can be replayed
@@ -46,9 +52,13 @@ class AcquireRecorder {
  private:
   template <class Message>
   void append(std::uint32_t call, const Message& message) {
-    if (writer_) writer_->append_waiting(recorded(message, monotonic_ns(), call));
+    if (!writer_ && !publisher_) return;
+    v1::RecordEntry entry = recorded(message, monotonic_ns(), call);
+    if (publisher_) publisher_->append(entry);
+    if (writer_) writer_->append_waiting(std::move(entry));
   }
   std::optional<RecordWriter> writer_;
+  std::optional<Publisher> publisher_;
   bool with_rf_;
 };
 

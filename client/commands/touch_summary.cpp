@@ -4,13 +4,10 @@
 
 #include <cstdio>
 
+#include "client/session/figures.h"
+
 namespace teletact::client {
 namespace {
-
-double touch_rate_hz(const TouchLinkStats& link) {
-  const double span_s = link.last_answer_s - link.first_answer_s;
-  return span_s > 0 ? static_cast<double>(link.distinct) / span_s : 0;
-}
 
 nlohmann::json quantiles(const Histogram& values_s) {
   return {
@@ -102,6 +99,7 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
         {"last_version", link.last_version}}},
       {"telemetry_dropped", summary.telemetry_dropped},
       {"record_dropped", summary.record_dropped},
+      {"publish_dropped", summary.publish_dropped},
   };
 }
 

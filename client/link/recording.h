@@ -50,19 +50,26 @@ v1::RecordEntry recorded(const Message& message, std::int64_t time_ns, std::uint
   return entry;
 }
 
+// Where what is sent, heard and felt goes, beside its own way. No call waits.
+class RecordSink {
+ public:
+  virtual ~RecordSink() = default;
+  virtual void append(v1::RecordEntry entry) = 0;
+};
+
 // Writes entries on a thread of its own, so that neither the servo nor the link ever waits for a disk.
-class RecordWriter {
+class RecordWriter : public RecordSink {
  public:
   static constexpr std::size_t kMaxQueuedBytes = std::size_t{256} << 20;
 
   // Creates the file and writes the header. Throws std::runtime_error, naming the file, when it cannot.
   RecordWriter(const std::string& path, const v1::RecordHeader& header);
-  ~RecordWriter();  // as close(), errors swallowed
+  ~RecordWriter() override;  // as close(), errors swallowed
   RecordWriter(const RecordWriter&) = delete;
   RecordWriter& operator=(const RecordWriter&) = delete;
 
   // Takes the entry, or drops and counts it when kMaxQueuedBytes wait for the disk. Never blocks on the disk.
-  void append(v1::RecordEntry entry);
+  void append(v1::RecordEntry entry) override;
   // Takes the entry; waits while kMaxQueuedBytes wait for the disk. For senders that may wait.
   void append_waiting(v1::RecordEntry entry);
   // Writes what is queued and closes. Throws std::runtime_error when anything could not be written.

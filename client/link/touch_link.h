@@ -41,7 +41,7 @@ struct TouchLinkOptions {
   v1::TouchOpen open;        // session_id is chosen when empty
   double dead_s = 0.6;       // the force is long zero then: nothing is lost by opening a new stream
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first
-  RecordWriter* recorder = nullptr;
+  RecordSink* recorder = nullptr;
   LatestSlot<NearLaw>* laws = nullptr;  // where the law around the finger goes; null: none is asked for
 };
 

@@ -12,10 +12,13 @@
 
 #include "client/clock/clock.h"
 #include "client/link/channel.h"
+#include "client/link/publisher.h"
 #include "client/link/scenes.h"
 #include "client/link/servo_messages.h"
 #include "client/render/renderers.h"
 #include "client/session/adapter_watch.h"
+#include "client/session/figures.h"
+#include "client/session/recorded_log.h"
 #include "client/session/tick_log.h"
 #include "client/session/waiting.h"
 
@@ -23,6 +26,9 @@ namespace teletact::client {
 namespace {
 
 using Seconds = std::chrono::duration<double>;
+
+constexpr double kDrainS = 0.02, kWatchedDrainS = 0.01;  // between looks at the servo's ticks
+constexpr double kFiguresS = 0.5;                        // between what is recorded of the figures so far
 
 // The scene with something to touch, waited for up to `wait_s`.
 v1::Scene wait_for_scene(const OperatorSessionOptions& options, const std::atomic<bool>& stop) {
@@ -134,8 +140,7 @@ HandOptions hand_on(const v1::Scene& scene, const OperatorSessionOptions& option
   return hand;
 }
 
-std::unique_ptr<RecordWriter> open_recording(const OperatorSessionOptions& options) {
-  if (options.record_path.empty()) return nullptr;
+v1::RecordHeader header_of(const OperatorSessionOptions& options) {
   v1::RecordHeader header;
   header.set_kind("touch");
   header.set_client("teletact-client");
@@ -145,11 +150,33 @@ std::unique_ptr<RecordWriter> open_recording(const OperatorSessionOptions& optio
       std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch())
           .count());
   for (const std::string& argument : options.arguments) header.add_arguments(argument);
-  return std::make_unique<RecordWriter>(options.record_path, header);
+  return header;
 }
 
+// Where the session goes: into a file, to whoever looks, or nowhere.
+struct Kept {
+  explicit Kept(const OperatorSessionOptions& options) {
+    if (!options.record_path.empty())
+      recorder = std::make_unique<RecordWriter>(options.record_path, header_of(options));
+    if (!options.publish_path.empty())
+      publisher = std::make_unique<Publisher>(options.publish_path, header_of(options));
+    sinks.add(recorder.get());
+    sinks.add(publisher.get());
+    if (!sinks.empty()) log = std::make_unique<RecordedLog>(sinks);
+  }
+  RecordSink* sink() { return sinks.empty() ? nullptr : &sinks; }
+  void append(const TouchSummary& summary, std::int64_t now_ns) {
+    if (!sinks.empty()) sinks.append(to_record(summary, now_ns));
+  }
+
+  std::unique_ptr<RecordWriter> recorder;
+  std::unique_ptr<Publisher> publisher;
+  RecordSinks sinks;
+  std::unique_ptr<RecordedLog> log;
+};
+
 // Empties the servo's telemetry into the statistics, the log and the recording.
-void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordWriter* recorder) {
+void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordSink* recorder) {
   ServoTick tick;
   while (servo.telemetry().pop(tick)) {
     statistics.add(tick);
@@ -168,7 +195,7 @@ bool finished(const OperatorSessionOptions& options, const HapticDevice& device,
   return options.duration_s > 0 && spent_s >= options.duration_s;
 }
 
-TouchLinkOptions link_options_of(const OperatorSessionOptions& options, RecordWriter* recorder) {
+TouchLinkOptions link_options_of(const OperatorSessionOptions& options, RecordSink* recorder) {
   TouchLinkOptions link;
   link.address = options.address;
   link.credentials = options.credentials;
@@ -245,12 +272,12 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   if (is_real(options.device))
     spdlog::info("the device stands at x = {:.3f} m of {:.3f} m, {:.0f} mm above the tissue", hand.start_m,
                  width_of(scene), 1e3 * hand.hover_m);
-  const auto recorder = open_recording(options);
+  Kept kept(options);
   servo_options.chain.limits = device->profile().limits();
   const auto renderer = make_renderer(options.renderer, servo_options.period_s, servo_options.chain.limits);
   MonotonicClock clock;
   const auto servo = std::make_unique<ServoLoop>(*device, *renderer, clock, servo_options);
-  TouchLinkOptions link_options = link_options_of(options, recorder.get());
+  TouchLinkOptions link_options = link_options_of(options, kept.sink());
   if (options.renderer == "law") link_options.laws = &servo->laws();
   TouchLink link(std::move(link_options), servo->poses(), servo->answers(), clock);
   ServoThread servo_thread(*servo, {options.real_time, options.servo_begins, options.servo_ended});
@@ -262,17 +289,22 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   AdapterWatch adapter;
   say_keys(options);
   bool layer_said = false;
-  double tactile_shown_s = 0;
+  double tactile_shown_s = 0, figures_s = 0;
   while (!stop && link.failure().empty() && !servo_thread.over() && !adapter.stuck() &&
          !finished(options, *device, summary.ticks)) {
-    std::this_thread::sleep_for(Seconds(0.02));
-    drain(*servo, summary.ticks, log, recorder.get());
+    std::this_thread::sleep_for(Seconds(options.publish_path.empty() ? kDrainS : kWatchedDrainS));
+    drain(*servo, summary.ticks, log, kept.sink());
     const std::optional<RealTime> granted = servo_thread.real_time();
     if (granted && summary.real_time.text.empty()) spdlog::info("servo: {}", granted->text);
     summary.real_time = granted.value_or(RealTime());
     if (!layer_said && (layer_said = link.stats().streams > 0)) say_layer(options, link.stats());
     obey_keys(options, *servo, link);
     const double now_s = seconds(clock.now_ns());
+    if (now_s - figures_s >= kFiguresS) {
+      figures_s = now_s;
+      finish(summary, link, *servo, *device);
+      kept.append(summary, clock.now_ns());
+    }
     const std::string slow = servo_thread.looping() ? adapter.message(*device, servo->ticks(), now_s) : "";
     if (!slow.empty()) spdlog::warn("{}", slow);
     tactile_shown_s = show_tactile(options, link, *device, tactile_shown_s, now_s);
@@ -283,11 +315,13 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   }
   servo_thread.stop();
   link.stop();
-  drain(*servo, summary.ticks, log, recorder.get());
+  drain(*servo, summary.ticks, log, kept.sink());
   finish(summary, link, *servo, *device);
-  if (recorder) {
-    summary.record_dropped = recorder->dropped();
-    recorder->close();
+  kept.append(summary, clock.now_ns());
+  if (kept.publisher) summary.publish_dropped = kept.publisher->dropped();
+  if (kept.recorder) {
+    summary.record_dropped = kept.recorder->dropped();
+    kept.recorder->close();
   }
   if (adapter.stuck())
     throw std::runtime_error("touching ended: the device's adapter did not return from a call");

@@ -34,7 +34,8 @@ struct OperatorSessionOptions {
   double duration_s =
       0;              // end after so long with force on, or lost for over kLostS at a stretch; 0 = no limit
   double wait_s = 0;  // for the service, the scene and its first window
-  std::string record_path;  // empty: no recording
+  std::string record_path;   // empty: no recording
+  std::string publish_path;  // Unix socket to publish the session at, as it is recorded; empty: nobody looks
   std::vector<std::string> arguments;
   // The key that was pressed, 0 for none: Enter resumes, Space pauses, h hands the lease of the probe over.
   // Empty: there are no keys.
@@ -57,6 +58,7 @@ struct TouchSummary {
   std::uint64_t rejected_answers = 0;
   std::uint64_t telemetry_dropped = 0;
   std::uint64_t record_dropped = 0;
+  std::uint64_t publish_dropped = 0;
   unsigned passes = 0;
 };
 

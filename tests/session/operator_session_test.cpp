@@ -1,5 +1,7 @@
 #include "client/session/operator_session.h"
 
+#include <google/protobuf/io/zero_copy_stream_impl.h>
+#include <google/protobuf/util/delimited_message_util.h>
 #include <gtest/gtest.h>
 #include <spdlog/sinks/base_sink.h>
 #include <spdlog/spdlog.h>
@@ -7,6 +9,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "client/link/unix_socket.h"
 #include "client/session/replay.h"
 #include "tests/link/fake_palpation.h"
 #include "tests/session/kept_log.h"
@@ -65,6 +68,45 @@ TEST(OperatorSession, FeelsASceneFromEndToEnd) {
   EXPECT_EQ(summary.telemetry_dropped, 0u);
   ASSERT_GE(summary.ticks.changes().size(), 2u);
   EXPECT_EQ(summary.ticks.changes()[1].state, ServoState::kEnabled);
+}
+
+// Whoever looks gets what is recorded, and at the end the summary's figures.
+TEST(OperatorSession, IsPublishedAsItIsRecorded) {
+  const std::string path = "/tmp/teletact-watched-" + std::to_string(::getpid());
+  FakePalpation service(test::socket_address("watched"));
+  service.serve();
+  OperatorSessionOptions options = test::session_options(test::socket_address("watched"));
+  options.duration_s = 1;
+  options.publish_path = path;
+  const std::atomic<bool> stop{false};
+  TouchSummary summary;
+  std::thread session([&] { summary = run_operator_session(options, stop); });
+  Descriptor file;
+  for (int n = 0; n < 500 && !file; ++n) {
+    file = connect_to(path);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  google::protobuf::io::FileInputStream stream(file.get());
+  std::size_t ticks = 0, answers = 0, lines = 0;
+  v1::SessionFigures figures;
+  v1::RecordEntry entry;
+  bool clean_end = false;
+  while (google::protobuf::util::ParseDelimitedFromZeroCopyStream(&entry, &stream, &clean_end)) {
+    ticks += entry.has_servo();
+    answers += entry.has_touch_response() && entry.touch_response().has_answer();
+    lines += entry.has_log();
+    if (entry.has_figures()) figures = entry.figures();
+    entry.Clear();
+  }
+  session.join();
+  EXPECT_TRUE(clean_end);
+  EXPECT_GT(ticks, 500u);
+  EXPECT_GT(answers, 100u);
+  EXPECT_GT(lines, 0u);
+  EXPECT_EQ(figures.ticks(), summary.ticks.ticks());
+  EXPECT_EQ(figures.answers(), summary.link.answers);
+  EXPECT_EQ(figures.largest_force_n(), summary.ticks.largest_force_n());
+  EXPECT_EQ(summary.publish_dropped, 0u);
 }
 
 // A scene that is deleted while it is touched may come back, but a duration is an end all the same.
