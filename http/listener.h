@@ -1,0 +1,60 @@
+// Accepts connections of this machine, so many at once, and serves them on one thread; while as many are open
+// others wait in the system's queue. What is said over them is others' matter.
+#pragma once
+
+#include <boost/asio/basic_socket_acceptor.hpp>
+#include <boost/asio/generic/stream_protocol.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+
+namespace teletact {
+
+class Listener {
+ public:
+  using Protocol = boost::asio::generic::stream_protocol;
+  // Whoever holds it keeps a connection's place.
+  using Place = std::shared_ptr<void>;
+  struct Options {
+    Protocol::endpoint endpoint;
+    std::size_t most = 8;  // open at once
+    // On the thread. A connection must hold its place, and nothing of it may outlive this.
+    std::function<void(Protocol::socket, Place)> take;
+    std::function<void()> begins = [] {};  // first
+    std::function<void(const std::exception&)> failed = [](auto&) {
+    };  // where there is no memory: others come
+  };
+
+  // Throws boost::system::system_error when it cannot listen there. Serves from begin() on.
+  explicit Listener(Options options);
+  ~Listener();
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+
+  void begin();
+  void end();                  // joins the thread; connections end with this
+  std::uint16_t port() const;  // in use; of TCP alone
+  boost::asio::io_context& io() { return io_; }
+
+ private:
+  void accept();
+  void accept_later();
+  void closed();
+  void serve();
+
+  Options options_;
+  std::size_t open_ = 0;
+  bool accepting_ = false, stopping_ = false;
+  boost::asio::io_context io_{1};
+  boost::asio::basic_socket_acceptor<Protocol> acceptor_{io_};
+  boost::asio::steady_timer retry_{io_};
+  std::thread thread_;
+};
+
+}  // namespace teletact
