@@ -13,6 +13,7 @@
 #include "client/acquire/session.h"
 #include "client/acquire/simulated_source.h"
 #include "client/acquire/solid_source.h"
+#include "client/acquire/spoiled_source.h"
 #include "client/commands/acquire_recorder.h"
 #include "client/commands/commands.h"
 #include "client/commands/modulus_options.h"
@@ -27,7 +28,7 @@ namespace teletact::client {
 namespace {
 
 struct Arguments {
-  std::string address, tissue_path, save_tissue_path, record_path, publish_path, ready_path;
+  std::string address, tissue_path, save_tissue_path, record_path, publish_path, spoil_path, ready_path;
   Credentials credentials;
   std::optional<std::uint64_t> seed;
   std::size_t passes = 5;
@@ -241,7 +242,9 @@ void run(const Arguments& arguments) {
   AcquireRecorder recorder(arguments.record_path, arguments.publish_path, arguments.address,
                            arguments.acquire.scene_id, arguments.record_rf);
   recorder.info(get_info(channel));
-  const std::unique_ptr<FrameSource> source = prepare(tissue, arguments);
+  std::unique_ptr<FrameSource> source = prepare(tissue, arguments);
+  if (!arguments.spoil_path.empty())
+    source = std::make_unique<SpoiledSource>(std::move(source), arguments.spoil_path);
   end_in_order();  // from here on; the simulation before is simply cut off
   AcquireOptions options = arguments.acquire;
   options.all_maps = arguments.record_rf;
@@ -341,6 +344,8 @@ void add_acquire_command(CLI::App& app) {
   command.add_option(
       "--publish", arguments->publish_path,
       "Unix socket at which what is acquired can be watched (teletact-client watch --acquire)");
+  command.add_option("--spoil", arguments->spoil_path,
+                     "named pipe whose lines, force or decorrelated, each spoil the next pair: for trials");
   command.add_flag("--record-rf", arguments->record_rf,
                    "keep RF and maps too, so that replay can play them again");
   command.add_option("--ready-file", arguments->ready_path,

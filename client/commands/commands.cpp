@@ -101,6 +101,7 @@ void add_commands(CLI::App& app) {
   add_scenes_command(app);
   add_slices_command(app);
   add_touch_command(app);
+  add_watch_command(app);
   refuse_what_is_not_finite(app);
   hide_defaults_that_are_none(app);
 }

@@ -52,5 +52,6 @@ void add_report_command(CLI::App& app);      // recordings + truth -> summary.js
 void add_scenes_command(CLI::App& app);      // list the scenes of a service, delete one
 void add_slices_command(CLI::App& app);      // a stack of plane maps becomes a scene, slice by slice
 void add_touch_command(CLI::App& app);       // operator side: servo, device, link
+void add_watch_command(CLI::App& app);       // a live page of a session, or of a recording
 
 }  // namespace teletact::client

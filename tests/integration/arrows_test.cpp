@@ -115,12 +115,13 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
                {"servo", {"haptic", "render", "clock"}},
                {"experiment", {"servo", "haptic", "render", "clock"}},
                {"link", {"servo", "haptic", "render", "clock", "text"}},
+               {"watch", {"link", "servo", "clock"}},
                {"session", {"link", "servo", "haptic", "render", "clock", "files"}},
                {"acquire", {"link", "clock", "patient", "files"}},
                {"recordings", {"acquire", "files"}},
                {"report", {"link", "servo", "clock", "patient", "files", "text"}},
                {"commands",
-                {"session", "acquire", "recordings", "report", "experiment", "link", "servo", "haptic",
+                {"session", "watch", "acquire", "recordings", "report", "experiment", "link", "servo", "haptic",
                  "render", "clock", "patient", "files"}}},
               "client");
 }

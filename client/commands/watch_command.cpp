@@ -1,0 +1,96 @@
+// teletact-client watch: the live page of an operator's session.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "client/commands/commands.h"
+#include "client/link/channel.h"
+#include "client/link/unix_socket.h"
+#include "client/servo/ending.h"
+#include "client/watch/gateway.h"
+#include "client/watch/player.h"
+#include "client/watch/sources.h"
+
+namespace teletact::client {
+namespace {
+
+struct Arguments {
+  std::string session, acquire, address, scene_id, faults;
+  std::vector<std::string> recordings;
+  Credentials credentials;
+  unsigned port = 0;
+};
+
+constexpr std::array<const char*, 8> kFaults{"stall", "jitter", "far",          "cut",
+                                             "kill",  "force",  "decorrelated", "none"};
+
+// One word a line into a pipe that the demo reads; one that nobody reads takes none.
+bool order_fault(const std::string& pipe, const std::string& fault) {
+  const Descriptor file(::open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC));
+  const std::string line = fault + "\n";
+  return file && ::write(file.get(), line.data(), line.size()) == static_cast<ssize_t>(line.size());
+}
+
+Gateway::Orders orders_of(const Arguments& arguments, std::optional<Player>& player) {
+  if (player) return [&player](const nlohmann::json& order) { player->obey(order); };
+  if (arguments.faults.empty()) return {};
+  return [pipe = arguments.faults](const nlohmann::json& order) {
+    const auto fault = order.find("fault");
+    for (const char* known : kFaults)
+      if (fault != order.end() && *fault == known && !order_fault(pipe, known))
+        say(std::string("fault '") + known + "': nobody takes it");
+  };
+}
+
+void run(const Arguments& arguments) {
+  if (arguments.session.empty() == arguments.recordings.empty())
+    throw CommandError("give --session SOCKET, of a touch --publish, or --recording FILE");
+  if (!arguments.recordings.empty() && !(arguments.acquire + arguments.faults).empty())
+    throw CommandError("--recording: it is over; leave --acquire and --faults out");
+  const std::atomic<bool>& end = end_in_order();
+  View view;
+  view.tell("faults", !arguments.faults.empty());
+  std::optional<PublishedSource> session, acquire;
+  std::optional<SceneSource> scene;
+  std::optional<Player> player;
+  if (!arguments.recordings.empty()) player.emplace(arguments.recordings, view);
+  std::optional<Gateway> gateway;
+  gateway.emplace(arguments.port, view, orders_of(arguments, player));
+  if (!arguments.session.empty()) session.emplace(arguments.session, "session", true, view);
+  if (!arguments.acquire.empty()) acquire.emplace(arguments.acquire, "acquire", false, view);
+  if (!player || !arguments.address.empty())
+    scene.emplace(arguments.address, arguments.credentials, arguments.scene_id, view);
+  std::printf("the page is at %s\n", gateway->url().c_str());
+  std::fflush(stdout);
+  while (!end) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  gateway.reset();
+}
+
+}  // namespace
+
+void add_watch_command(CLI::App& app) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand(
+      "watch", "operator side: a live page of a session, or of a recording, for a browser here");
+  command.add_option("--session", arguments->session, "socket of a session: touch --publish SOCKET");
+  command.add_option("--acquire", arguments->acquire, "socket of its patient side: acquire --publish SOCKET");
+  command.add_option("--recording", arguments->recordings,
+                     "play recordings instead: touch --record, and with it acquire --record");
+  command.add_option("--service", arguments->address, "where maps come from (default: the session's)")
+      ->check(address_problem);
+  for (const CredentialOption& option : credential_options(arguments->credentials))
+    command.add_option_function<std::string>(option.flag, option.take, option.description);
+  command.add_option("--scene", arguments->scene_id, "whose maps (default: the session's)");
+  command.add_option("--port", arguments->port, "of 127.0.0.1; 0: a free one")->check(CLI::Range(0U, 65535U));
+  command.add_option("--faults", arguments->faults,
+                     "named pipe that takes the page's faults, a word a line; without it there are none");
+  command.callback([arguments] { run(*arguments); });
+}
+
+}  // namespace teletact::client

@@ -1,0 +1,392 @@
+// The pictures of the page: what each draws of the model at a time.
+import { coloured, colours, extent, flags, scale, shown } from './layout.js';
+import { pressed, rise, valueAt } from './tissue.js';
+import { band, colourBar, image, legend, Picture, readPalette, rgb, timeAxis, trace, yAxis } from './draw.js';
+
+const table = colours();
+let palette = readPalette();
+export const pictures = Object.fromEntries(['tissue', 'close', 'force', 'ages', 'servo', 'tactile'].map((id) => [id, new Picture(id)]));
+export function repaint() {
+  palette = readPalette();
+  maps = null;
+  for (const picture of Object.values(pictures)) picture.dirty = true;
+}
+
+// Of a row of the series.
+export function row(series, n) {
+  const at = (name) => series.value(n, series.index[name]);
+  const f = [at('force_x_n'), at('force_y_n'), at('force_z_n')];
+  return { at, time: series.time(n), position: [at('x_m'), at('y_m'), at('z_m')], force: f, size: Math.hypot(...f), ...flags(at('flags')) };
+}
+
+// --- maps --------------------------------------------------------------------------------------------------
+
+let maps = null;  // painted: modulus, deviation, B-mode
+function paint(model) {
+  if (maps && maps.of === model.map && maps.log === model.logModulus && maps.images === model.b_mode) return maps;
+  maps = { of: model.map, log: model.logModulus, images: model.b_mode, modulus: null, deviation: null, bMode: [] };
+  const map = model.map;
+  if (map?.modulus_pa) {
+    const [height, width] = map.modulus_pa.shape;
+    const values = map.modulus_pa.values, valid = map.valid?.values, deviations = map.log_std?.values;
+    const known = (n) => values[n] > 0 && (!valid || valid[n] > 0);
+    const unknown = rgb(palette.unknown);
+    const range = extent(values, known);
+    if (range) {
+      const doubt = deviations ? (n) => Math.min(0.85, Math.max(0, ((deviations[n] || 0) - 0.1) / 0.5)) : undefined;
+      maps.range = range;
+      maps.modulus = image(coloured(values, known, range, model.logModulus, table, unknown, doubt), width, height);
+      if (deviations) {
+        maps.deviationRange = [0, Math.max(0.1, extent(deviations, known)?.[1] ?? 0.1)];
+        maps.deviation = image(coloured(deviations, known, maps.deviationRange, false, table, unknown), width, height);
+      }
+    }
+  }
+  for (const part of model.b_mode?.arrays ?? []) {
+    const [height, width] = part.shape;
+    const pixels = new Uint8ClampedArray(4 * width * height);
+    for (let n = 0; n < width * height; ++n) {
+      pixels[4 * n] = pixels[4 * n + 1] = pixels[4 * n + 2] = part.values[n];
+      pixels[4 * n + 3] = 255;
+    }
+    maps.bMode.push({ part, canvas: image(pixels, width, height) });
+  }
+  return maps;
+}
+
+const sizeOf = (model) => {
+  const size = model.scene?.size_m;
+  return size?.length >= 2 ? size : [0.3, 0.05];
+};
+
+function fingertip(model) {
+  const tip = model.status?.open?.fingertip ?? {};
+  const punch = /PUNCH|PAD/.test(tip.shape ?? '');
+  return { radius: tip.radius_m || 0.008, flat: punch ? tip.half_width_m || (/PAD/.test(tip.shape) ? 0.008 : 0.004) : 0 };
+}
+function strip(pen, model, box, name, draw) {
+  pen.fillStyle = palette.unknown;
+  pen.fillRect(box.left, box.top, box.right - box.left, box.bottom - box.top);
+  draw();
+  pen.font = '600 11px system-ui, "DejaVu Sans", sans-serif';
+  pen.fillStyle = palette.soft;
+  pen.textAlign = 'left';
+  pen.textBaseline = 'bottom';
+  pen.fillText(name, box.left, box.top - 4);
+  pen.font = '11px system-ui, "DejaVu Sans", sans-serif';
+}
+
+export function tissue(model, now) {
+  const picture = pictures.tissue;
+  const painted = paint(model);
+  const [width, depth] = sizeOf(model);
+  const left = 44, right = picture.measured - 76, head = 34, gap = 24;
+  const perM = (right - left) / width;
+  const tall = Math.min(240, Math.max(72, depth * perM));
+  const strips = [];
+  if (painted.bMode.length) strips.push('B-mode');
+  strips.push("Young's modulus");
+  if (painted.deviation) strips.push('its standard deviation (of ln E)');
+  const pen = picture.begin(head + strips.length * (tall + gap) + (painted.deviation ? 0 : 16));
+  const x = (m) => left + m * perM;
+  let top = head;
+  let read = 'arrows or pointer read values';
+  for (const name of strips) {
+    const box = { left, right, top, bottom: top + tall };
+    const y = (m) => top + (m / depth) * tall;
+    const map = model.map;
+    const place = (canvas, grid) => {
+      const [nx, ny] = [canvas.width, canvas.height];
+      pen.imageSmoothingEnabled = true;
+      pen.drawImage(canvas, x(grid.origin_m[0] - grid.spacing_m[0] / 2), y(grid.origin_m[1] - grid.spacing_m[1] / 2),
+        nx * grid.spacing_m[0] * perM, ny * grid.spacing_m[1] * (tall / depth));
+    };
+    strip(pen, model, box, name, () => {
+      if (name === 'B-mode') for (const { part, canvas } of painted.bMode) place(canvas, part);
+      else if (name === "Young's modulus" && painted.modulus) place(painted.modulus, map);
+      else if (painted.deviation && name !== "Young's modulus") place(painted.deviation, map);
+    });
+    const bar = { left: right + 10, top, bottom: top + tall };
+    if (name === "Young's modulus" && painted.range)
+      colourBar(pen, bar, scale(model.logModulus, ...painted.range, bar.bottom, bar.top), table, 'Pa');
+    else if (painted.deviation && name.startsWith('its'))
+      colourBar(pen, bar, scale(false, ...painted.deviationRange, bar.bottom, bar.top), table, '');
+    pen.fillStyle = palette.soft;
+    pen.textAlign = 'right';
+    pen.textBaseline = 'middle';
+    pen.fillText('0', left - 6, top + 5);
+    pen.fillText(shown(depth, 'm'), left - 6, top + tall - 5);
+    const cursor = picture.cursor;
+    if (cursor && cursor[0] >= left && cursor[0] <= right && cursor[1] >= top && cursor[1] <= top + tall) {
+      const at = [(cursor[0] - left) / perM, ((cursor[1] - top) / tall) * depth];
+      read = valueAt(map, at);
+      cross(pen, cursor, box);
+    }
+    if (now) finger(pen, model, now, x, y, perM, tall / depth, top);
+    top += tall + gap;
+  }
+  const active = model.windows?.filter((w) => w.stage !== 'published' && w.origin_m) ?? [];
+  pen.lineWidth = 2;
+  for (const w of active) {
+    pen.strokeStyle = palette.orange;
+    pen.setLineDash([5, 4]);
+    pen.strokeRect(x(w.origin_m[0]), head, (w.width_m ?? 0.04) * perM, tall);
+    pen.setLineDash([]);
+  }
+  pen.lineWidth = 1;
+  pen.fillStyle = palette.soft;
+  pen.textAlign = 'center';
+  pen.textBaseline = 'top';
+  const marks = right - left > 420 ? 6 : 3;
+  for (let n = 0; n <= marks; ++n) pen.fillText(`${Math.round((1e3 * width * n) / marks)} mm`, x((width * n) / marks), top - gap + 5);
+  if (!painted.deviation) deviations(pen, model, x, top - gap + 21);
+  picture.say(read);
+  picture.label(`modulus of the tissue, version ${model.map?.version ?? 0}${painted.range ? `, from ${shown(painted.range[0], 'Pa')} to ${shown(painted.range[1], 'Pa')}` : ', none yet'}`);
+}
+
+// What each window states of its modulus, where there is no map of it.
+function deviations(pen, model, x, y) {
+  let free = -Infinity;
+  for (const w of [...(model.scene?.windows ?? [])].sort((a, b) => a.begin_x_m - b.begin_x_m)) {
+    if (!(w.log_std > 0)) continue;
+    const text = `± ${(100 * w.log_std).toFixed(0)} %`, middle = x((w.begin_x_m + w.end_x_m) / 2), half = pen.measureText(text).width / 2 + 3;
+    if (middle - half < free) continue;
+    pen.fillText(text, middle, y);
+    free = middle + half;
+  }
+}
+
+function cross(pen, [x, y], box) {
+  pen.strokeStyle = palette.ink;
+  pen.globalAlpha = 0.6;
+  pen.beginPath();
+  pen.moveTo(box.left, y + 0.5); pen.lineTo(box.right, y + 0.5);
+  pen.moveTo(x + 0.5, box.top); pen.lineTo(x + 0.5, box.bottom);
+  pen.stroke();
+  pen.globalAlpha = 1;
+}
+
+function finger(pen, model, now, x, y, perX, perY) {
+  const tip = fingertip(model), reach = tip.flat + tip.radius;
+  const [fx, fy] = now.position;
+  pen.beginPath();
+  for (let n = -20; n <= 20; ++n) {
+    const off = (n / 20) * reach;
+    const point = [x(fx + off), y(fy - rise(tip, off))];
+    if (n === -20) pen.moveTo(...point); else pen.lineTo(...point);
+  }
+  pen.closePath();
+  pen.fillStyle = palette.ink;
+  pen.globalAlpha = 0.85;
+  pen.fill();
+  pen.globalAlpha = 1;
+  pen.strokeStyle = palette.panel;
+  pen.stroke();
+}
+
+// --- under the finger --------------------------------------------------------------------------------------
+
+export function close(model, now) {
+  const picture = pictures.close;
+  const painted = paint(model);
+  const [width, depth] = sizeOf(model);
+  const across = 0.06, left = 44, right = picture.measured - 12, head = 70;
+  const perM = (right - left) / across;
+  const tall = Math.min(300, depth * perM);
+  const pen = picture.begin(head + tall + 22);
+  if (!now) { picture.say('no finger yet'); return; }
+  const layer = model.status?.open?.layer?.depth_m ?? 0;
+  const [fx, fy] = now.position;
+  const begin = Math.min(Math.max(fx - across / 2, -across / 4), width - (3 * across) / 4);
+  const tip = fingertip(model), indentation = fy - layer;
+  const x = (m) => left + (m - begin) * perM, y = (m) => head + m * perM;
+  const bottom = head + tall, shownDepth = tall / perM;
+  const map = model.map, canvas = painted.modulus;
+  pen.save();
+  pen.beginPath();
+  pen.rect(left, 0, right - left, bottom);
+  pen.clip();
+  const step = 2;
+  for (let px = left; px < right; px += step) {
+    const at = begin + (px - left) / perM;
+    if (at < 0 || at > width) continue;
+    const surface = layer === 0 ? y(pressed(tip, indentation, at - fx)) : y(0);
+    if (canvas) {
+      const column = (at - map.origin_m[0]) / map.spacing_m[0];
+      const rows = Math.min(canvas.height, shownDepth / map.spacing_m[1]);
+      pen.drawImage(canvas, Math.min(canvas.width - 1, Math.max(0, Math.floor(column))), 0, 1, rows, px, surface, step, bottom - surface);
+    } else {
+      pen.fillStyle = palette.unknown;
+      pen.fillRect(px, surface, step, bottom - surface);
+    }
+  }
+  pen.strokeStyle = palette.ink;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  for (let px = left; px <= right; px += 2) {
+    const at = begin + (px - left) / perM;
+    if (at < 0 || at > width) continue;
+    const py = y(layer + pressed(tip, indentation, at - fx));
+    if (px === left) pen.moveTo(px, py); else pen.lineTo(px, py);
+  }
+  pen.stroke();
+  pen.lineWidth = 1;
+  finger(pen, model, now, x, y, perM, perM);
+  const long = 55 * Math.min(1, now.size / Math.max(0.2, model.largestForce || 1));
+  if (now.size > 1e-6) arrow(pen, x(fx), y(fy) - 4, (now.force[0] / now.size) * long, (now.force[1] / now.size) * long);
+  pen.restore();
+  pen.fillStyle = palette.soft;
+  pen.textAlign = 'center';
+  pen.textBaseline = 'top';
+  const every = right - left > 420 ? 10 : 20;
+  for (let mm = Math.ceil((1e3 * begin) / every) * every; mm <= 1e3 * (begin + across); mm += every) pen.fillText(`${mm} mm`, x(mm / 1e3), bottom + 5);
+  const where = `x ${(1e3 * fx).toFixed(1)} mm, z ${(1e3 * now.position[2]).toFixed(1)} mm, `;
+  picture.say(where + (indentation > 0 ? `${(1e3 * indentation).toFixed(2)} mm deep` : `${(-1e3 * indentation).toFixed(1)} mm above`));
+  picture.label(`tissue under the finger: ${indentation > 0 ? 'in contact' : 'not in contact'}`);
+}
+
+function arrow(pen, x, y, dx, dy) {
+  const size = Math.hypot(dx, dy);
+  if (size < 2) return;
+  const [ux, uy] = [dx / size, dy / size];
+  pen.strokeStyle = pen.fillStyle = palette.orange;
+  pen.lineWidth = 3;
+  pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx, y + dy); pen.stroke();
+  pen.beginPath();
+  pen.moveTo(x + dx + 8 * ux, y + dy + 8 * uy);
+  pen.lineTo(x + dx - 5 * uy, y + dy + 5 * ux);
+  pen.lineTo(x + dx + 5 * uy, y + dy - 5 * ux);
+  pen.fill();
+  pen.lineWidth = 1;
+}
+
+// --- over time ---------------------------------------------------------------------------------------------
+
+const stateColour = (f) => (f.state === 'FAULT' ? palette.bad : f.state === 'PAUSED' ? palette.wait : f.state === 'DISABLED' ? palette.grey : f.degraded || f.faded ? palette.orange : palette.good);
+export const stateName = (f) => (f.state === 'ENABLED' && (f.degraded || f.faded) ? 'DEGRADED' : f.state);
+
+function plot(id, model, height, log, low, high, unit, draw, values) {
+  const picture = pictures[id];
+  const { series, from, to, newest } = model;
+  const ribbon = id === 'force' ? 12 : 0;
+  const pen = picture.begin(height + ribbon);
+  const box = { left: 62, right: picture.width - 10, top: 6, bottom: height - 22 };
+  const scaled = scale(log, low, high, box.bottom, box.top);
+  timeAxis(pen, from, to, newest, box);
+  yAxis(pen, scaled, box, unit);
+  pen.save();
+  pen.beginPath();
+  pen.rect(box.left, box.top - 2, box.right - box.left, box.bottom - box.top + 4);
+  pen.clip();
+  draw(pen, box, scaled);
+  const cursor = picture.cursor;
+  if (cursor && cursor[0] >= box.left && series.count) {
+    const time = from + ((cursor[0] - box.left) / (box.right - box.left)) * (to - from);
+    const n = series.at(time);
+    cross(pen, [cursor[0], -10], box);
+    picture.say(n >= 0 ? `${(time - newest).toFixed(2)} s: ${values(row(series, n))}` : '');
+  } else {
+    picture.say(model.row ? values(model.row) : '');
+  }
+  pen.restore();
+  if (ribbon) states(pen, model, { ...box, top: height, bottom: height + ribbon - 2 });
+  picture.label(`${id} over the last ${model.to - model.from} s`);
+}
+
+function states(pen, { series, from, to }, box) {
+  const scaleX = (box.right - box.left) / (to - from);
+  let begin = null, colour = null;
+  const end = (time) => {
+    if (begin === null) return;
+    pen.fillStyle = colour;
+    const x = box.left + Math.max(0, begin - from) * scaleX;
+    pen.fillRect(x, box.top, Math.max(1, box.left + (time - from) * scaleX - x), box.bottom - box.top);
+  };
+  const column = series.index.flags;
+  let last = from;
+  for (let n = series.find(from); n < series.added && series.time(n) <= to; ++n) {
+    const next = stateColour(flags(series.value(n, column)));
+    if (next !== colour) { end(series.time(n)); begin = series.time(n); colour = next; }
+    last = series.time(n);
+  }
+  end(last);
+}
+
+export function force(model) {
+  const { series } = model;
+  let most = 0.2;
+  const ix = series.index;
+  const size = (n) => Math.hypot(series.value(n, ix.force_x_n), series.value(n, ix.force_y_n), series.value(n, ix.force_z_n));
+  for (let n = series.find(model.from); n < series.added && series.time(n) <= model.to; ++n) most = Math.max(most, size(n));
+  model.largestForce = most;
+  plot('force', model, 170, false, -0.15 * most, 1.2 * most, 'N', (pen, box, scaled) => {
+    band(pen, series, (n) => -series.value(n, ix.force_y_n), (n) => series.value(n, ix.half_width), model.from, model.to, box, scaled, palette.blue);
+    trace(pen, { find: (t) => series.find(t), time: (n) => series.time(n), get added() { return series.added; }, value: (n) => -series.value(n, ix.force_y_n), extremes: series.extremes }, 0, model.from, model.to, box, scaled, palette.blue);
+    trace(pen, series, ix.force_x_n, model.from, model.to, box, scaled, palette.orange);
+    legend(pen, box, [['outwards, with its interval of 95 in 100', palette.blue], ['along x', palette.orange]]);
+  }, (r) => `${shown(-r.force[1], 'N')} outwards, ${shown(r.force[0], 'N')} along x${r.at('half_width') >= 0 ? `, ± ${(100 * r.at('half_width')).toFixed(1)} %` : ''}`);
+}
+
+export function ages(model) {
+  const { series, logTimes } = model;
+  const ix = series.index;
+  plot('ages', model, 150, logTimes, logTimes ? 1e-4 : 0, logTimes ? 10 : model.largest(['model_age_s', 'silence_s', 'round_trip_s'], 0.05), 's', (pen, box, scaled) => {
+    trace(pen, series, ix.model_age_s, model.from, model.to, box, scaled, palette.blue);
+    trace(pen, series, ix.silence_s, model.from, model.to, box, scaled, palette.orange);
+    trace(pen, series, ix.round_trip_s, model.from, model.to, box, scaled, palette.green);
+    legend(pen, box, [['age of what is rendered', palette.blue], ['silence', palette.orange], ['round trip', palette.green]]);
+  }, (r) => `age ${shown(r.at('model_age_s'), 's')}, silence ${shown(r.at('silence_s'), 's')}, round trip ${shown(r.at('round_trip_s'), 's')}`);
+}
+
+export function servo(model) {
+  const { series, logTimes } = model;
+  const ix = series.index;
+  plot('servo', model, 130, logTimes, logTimes ? 1e-6 : 0, logTimes ? 0.1 : model.largest(['period_s', 'lateness_s'], 0.002), 's', (pen, box, scaled) => {
+    trace(pen, series, ix.period_s, model.from, model.to, box, scaled, palette.blue);
+    trace(pen, series, ix.lateness_s, model.from, model.to, box, scaled, palette.violet);
+    legend(pen, box, [['longest period in 10 ms', palette.blue], ['largest lateness', palette.violet]]);
+  }, (r) => `period ${shown(r.at('period_s'), 's')}, late by ${shown(r.at('lateness_s'), 's')}`);
+}
+
+export function tactile(model) {
+  const shownImage = model.tactile;
+  document.getElementById('tactile-panel').hidden = !shownImage?.pressure_pa;
+  if (!shownImage?.pressure_pa) return;
+  const picture = pictures.tactile;
+  const parts = [['pressure', shownImage.pressure_pa], ['beyond homogeneous tissue', shownImage.beyond_pa]].filter(([, a]) => a);
+  const [nz, nx] = shownImage.pressure_pa.shape;
+  const side = Math.min(150, (picture.measured - 20) / parts.length / nx * nz);
+  const pen = picture.begin(side + 26);
+  const reads = [];
+  parts.forEach(([name, array], p) => {
+    const size = Math.max(1, ...array.values.map(Math.abs));
+    const pixels = coloured(array.values.map((v) => Math.abs(v)), () => true, [0, size], false, table, rgb(palette.unknown));
+    pen.imageSmoothingEnabled = false;
+    const left = p * (side * nx / nz + 14);
+    pen.drawImage(image(pixels, nx, nz), left, 4, side * nx / nz, side);
+    pen.fillStyle = palette.soft;
+    pen.textAlign = 'left';
+    pen.textBaseline = 'top';
+    pen.fillText(p ? 'beyond layers' : name, left, side + 9);
+    reads.push(shown(size, 'Pa'));
+  });
+  picture.say(`full is ${reads.join(', ')}`);
+  picture.label(`tactile image of ${nx} x ${nz} taxels, full is ${reads.join(', ')}`);
+}
+
+export function timeline(canvas, model) {
+  const { spells, length_s: length } = model.timeline;
+  const width = canvas.clientWidth, height = 18;
+  canvas.width = width;
+  canvas.height = height;
+  canvas.style.height = `${height}px`;
+  const pen = canvas.getContext('2d');
+  spells.forEach((spell, n) => {
+    pen.fillStyle = stateColour(spell);
+    const x = (spell.at_s / length) * width, end = ((spells[n + 1]?.at_s ?? length) / length) * width;
+    pen.fillRect(x, 0, Math.max(1, end - x), height);
+  });
+  const at = ((model.status?.playing?.at_s ?? 0) / length) * width;
+  pen.fillStyle = palette.ink;
+  pen.fillRect(at - 1, 0, 2, height);
+}

@@ -1,0 +1,27 @@
+// What is under a cursor, and how tissue gives way under a tip. Pure; metres.
+import { shown } from './layout.js';
+
+// In words, of a map at [x, y].
+export function valueAt(map, [x, y]) {
+  const place = `x ${(1e3 * x).toFixed(1)} mm, y ${(1e3 * y).toFixed(1)} mm`;
+  if (!map?.modulus_pa) return place;
+  const [height, width] = map.modulus_pa.shape;
+  const i = Math.round((x - map.origin_m[0]) / map.spacing_m[0]), j = Math.round((y - map.origin_m[1]) / map.spacing_m[1]);
+  if (i < 0 || j < 0 || i >= width || j >= height) return place;
+  const n = j * width + i;
+  const measured = !map.valid || map.valid.values[n] > 0;
+  const value = map.modulus_pa.values[n], deviation = map.log_std?.values[n];
+  if (!(value > 0)) return `${place}: not acquired`;
+  return `${place}: ${measured ? '' : 'not measured, continued as '}${shown(value, 'Pa')}${measured && deviation > 0 ? ` ± ${(100 * deviation).toFixed(0)} %` : ''}`;
+}
+
+// How far the tip's skin lies above its foremost point.
+export const rise = (tip, off) => (Math.max(0, Math.abs(off) - tip.flat) ** 2) / (2 * tip.radius);
+
+// How far the surface has given way beside a tip in contact: it follows the tip, and comes back over its reach.
+export function pressed(tip, indentation, off) {
+  if (indentation <= 0) return 0;
+  const half = tip.flat + Math.sqrt(tip.radius * indentation);  // about where a round tip lets go
+  const edge = indentation - rise(tip, half);
+  return Math.abs(off) <= half ? indentation - rise(tip, off) : edge * Math.exp(-(Math.abs(off) - half) / (1.5 * half + 1e-4));
+}

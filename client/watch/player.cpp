@@ -1,0 +1,145 @@
+#include "client/watch/player.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <utility>
+
+#include "client/clock/clock.h"
+#include "client/link/recording.h"
+#include "client/servo/states.h"
+
+namespace teletact::client {
+namespace {
+
+// Several recordings as one, by time.
+class Entries {
+ public:
+  explicit Entries(const std::vector<std::string>& paths) {
+    for (const std::string& path : paths) {
+      readers_.push_back(std::make_unique<RecordReader>(path));
+      v1::RecordEntry header;
+      *header.mutable_header() = readers_.back()->header();
+      next_.push_back(std::move(header));
+    }
+  }
+  std::optional<v1::RecordEntry> next() {
+    std::size_t first = next_.size();
+    for (std::size_t n = 0; n < next_.size(); ++n)
+      if (next_[n] && (first == next_.size() || next_[n]->monotonic_ns() < next_[first]->monotonic_ns()))
+        first = n;
+    if (first == next_.size()) return std::nullopt;
+    std::optional<v1::RecordEntry> out = std::move(next_[first]);
+    next_[first] = readers_[first]->next();
+    return out;
+  }
+
+ private:
+  std::vector<std::unique_ptr<RecordReader>> readers_;
+  std::vector<std::optional<v1::RecordEntry>> next_;
+};
+
+}  // namespace
+
+Player::Player(std::vector<std::string> paths, View& view) : paths_(std::move(paths)), view_(view) {
+  index();
+  thread_ = std::thread([this] { run(); });
+}
+
+Player::~Player() {
+  {
+    const std::lock_guard lock(mutex_);
+    orders_.stop = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void Player::index() {
+  constexpr std::size_t kMostSpells = 2000;
+  nlohmann::json spells = nlohmann::json::array();
+  std::uint32_t last = ~0U;
+  Entries entries(paths_);
+  while (const auto entry = entries.next()) {
+    if (entry->has_header()) continue;
+    if (entry->has_scene()) view_.take_scene(entry->scene());  // as it stood at the end
+    if (!entry->has_servo()) continue;
+    if (begin_ns_ == 0) begin_ns_ = entry->monotonic_ns();
+    end_ns_ = std::max(end_ns_, entry->monotonic_ns());
+    const v1::ServoSample& tick = entry->servo();
+    const std::uint32_t now = (tick.state() & 3U) | (tick.degraded() ? 4U : 0) | (tick.faded() ? 8U : 0);
+    if (now == last || spells.size() >= kMostSpells) continue;
+    last = now;
+    spells.push_back({{"at_s", seconds_between(begin_ns_, entry->monotonic_ns())},
+                      {"state", name(static_cast<ServoState>(tick.state() & 3U))},
+                      {"reason", describe(static_cast<StateReason>(tick.reason()))},
+                      {"degraded", tick.degraded()},
+                      {"faded", tick.faded()}});
+  }
+  if (begin_ns_ == 0)
+    throw std::runtime_error("'" + paths_.front() + "' holds no touch; give one of touch --record");
+  view_.tell_timeline({{"length_s", seconds_between(begin_ns_, end_ns_)}, {"spells", spells}});
+}
+
+void Player::obey(const nlohmann::json& order) {
+  const auto number = [&](const char* name) -> std::optional<double> {
+    const auto found = order.find(name);
+    if (found == order.end() || !found->is_number()) return std::nullopt;
+    const double value = found->get<double>();
+    return std::isfinite(value) ? std::optional(value) : std::nullopt;
+  };
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto speed = number("speed"))
+      orders_.speed = *speed <= 0 ? 0 : std::clamp(*speed, kSlowest, kFastest);
+    if (const auto seek_s = number("seek_s"))
+      orders_.seek_s = std::clamp(*seek_s, 0.0, seconds_between(begin_ns_, end_ns_));
+  }
+  changed_.notify_all();
+}
+
+void Player::say() {
+  view_.tell("playing", {{"at_s", std::round(at_s_ * 20) / 20}, {"speed", orders_.speed}});
+}
+
+bool Player::wait_until(double at_s) {
+  constexpr double kStepS = 0.02;
+  std::unique_lock lock(mutex_);
+  while (true) {
+    if (orders_.stop || orders_.seek_s) return false;
+    const double left_s = at_s - at_s_;
+    if (orders_.speed > 0 && left_s <= 0) return true;
+    const auto before = std::chrono::steady_clock::now();
+    const double wait_s = orders_.speed > 0 ? std::min(left_s / orders_.speed, kStepS) : 1;
+    const double speed = orders_.speed;
+    changed_.wait_for(lock, std::chrono::duration<double>(wait_s));
+    at_s_ += speed * std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
+    say();
+  }
+}
+
+void Player::run() {
+  double from_s = 0;
+  while (true) {
+    view_.restart();
+    at_s_ = from_s;
+    Entries entries(paths_);
+    bool on = true;
+    while (on) {
+      const auto entry = entries.next();
+      const double entry_s = !entry                ? std::numeric_limits<double>::infinity()
+                             : entry->has_header() ? 0
+                                                   : seconds_between(begin_ns_, entry->monotonic_ns());
+      on = entry_s <= at_s_ || wait_until(entry_s);
+      if (on && !entry->has_scene()) view_.take(*entry);
+    }
+    const std::lock_guard lock(mutex_);
+    if (orders_.stop) return;
+    from_s = orders_.seek_s.value_or(0);
+    orders_.seek_s.reset();
+  }
+}
+
+}  // namespace teletact::client

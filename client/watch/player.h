@@ -1,0 +1,50 @@
+// Plays recordings into the view, at any speed and from any place.
+#pragma once
+
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/watch/view.h"
+
+namespace teletact::client {
+
+class Player {
+ public:
+  static constexpr double kSlowest = 0.01, kFastest = 100;
+
+  // Reads them once: which states there were, and when. Throws std::runtime_error, one line, when one cannot
+  // be read.
+  Player(std::vector<std::string> paths, View& view);
+  ~Player();
+  Player(const Player&) = delete;
+  Player& operator=(const Player&) = delete;
+
+  // {"speed": 0 or kSlowest to kFastest}, {"seek_s": since the beginning}; what else it says is nothing here.
+  void obey(const nlohmann::json& order);
+
+ private:
+  struct Orders {
+    double speed = 1;
+    std::optional<double> seek_s;
+    bool stop = false;
+  };
+  void index();
+  void run();
+  bool wait_until(double at_s);  // false: another place, or the end
+  void say();
+
+  const std::vector<std::string> paths_;
+  View& view_;
+  std::int64_t begin_ns_ = 0, end_ns_ = 0;
+  double at_s_ = 0;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  Orders orders_;
+  std::thread thread_;
+};
+
+}  // namespace teletact::client

@@ -1,9 +1,0 @@
-# Writes OUT: teletact::embedded_kernels(), every kernel source as a raw string by file name.
-set(text "#include <string_view>\n#include <utility>\n#include <vector>\n\nnamespace teletact {\nconst std::vector<std::pair<std::string_view, std::string_view>>& embedded_kernels();\nconst std::vector<std::pair<std::string_view, std::string_view>>& embedded_kernels() {\n  static const std::vector<std::pair<std::string_view, std::string_view>> table = {\n")
-foreach(source ${SOURCES})
-  get_filename_component(name ${source} NAME)
-  file(READ ${source} body)
-  string(APPEND text "    {\"${name}\", R\"CLC(${body})CLC\"},\n")
-endforeach()
-string(APPEND text "  };\n  return table;\n}\n}  // namespace teletact\n")
-file(WRITE ${OUT} "${text}")

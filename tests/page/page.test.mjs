@@ -1,0 +1,107 @@
+// The page's pure modules: node --test tests/page
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { decode } from '../../client/watch/page/decode.js';
+import { coloured, colours, extent, scale, shown, ticks } from '../../client/watch/page/layout.js';
+import { Series } from '../../client/watch/page/series.js';
+import { pressed, valueAt } from '../../client/watch/page/tissue.js';
+
+function frameOf(number, slots) {
+  const parts = [], word = (...words) => parts.push(new Uint8Array(new Uint32Array(words).buffer));
+  const pad = (bytes) => { const out = new Uint8Array((bytes.length + 7) & ~7); out.set(bytes); return out; };
+  word(0x544c5454, number, slots.length, 0);
+  for (const [channel, json, data] of slots) {
+    const text = new TextEncoder().encode(JSON.stringify(json));
+    word(channel, text.length, data.length, 0);
+    parts.push(pad(text), pad(data));
+  }
+  return new Uint8Array(Buffer.concat(parts)).buffer;
+}
+const floats = (...values) => new Uint8Array(new Float32Array(values).buffer);
+
+test('a frame comes apart into slots whose arrays look into it', () => {
+  const json = { begin_s: 2, arrays: [{ name: 'rows', type: 'float32', shape: [2, 2], at: 0 }] };
+  const frame = decode(frameOf(7, [[0, json, floats(1, 2, 3, 4)], [99, {}, new Uint8Array(0)]]));
+  assert.equal(frame.number, 7);
+  assert.deepEqual([...frame.slots.trace.rows.values], [1, 2, 3, 4]);
+  assert.equal(Object.keys(frame.slots).length, 1, 'a channel of a later version is left out');
+});
+
+test('what is no whole frame is refused', () => {
+  const json = { arrays: [{ name: 'rows', type: 'float32', shape: [3], at: 0 }] };
+  assert.throws(() => decode(new ArrayBuffer(8)), RangeError);
+  assert.throws(() => decode(new ArrayBuffer(64)), RangeError);
+  assert.throws(() => decode(frameOf(1, [[0, json, floats(1)]])), RangeError);
+  const whole = frameOf(1, [[0, {}, floats(1, 2)]]);
+  for (let size = 16; size < whole.byteLength; ++size) assert.throws(() => decode(whole.slice(0, size)));
+});
+
+test('a series keeps the last rows, in time', () => {
+  const series = new Series(10);
+  series.clear(['t_s', 'v']);
+  for (let n = 0; n < 25; ++n) series.add(100, new Float32Array([n, n * n]));
+  assert.equal(series.count, 10);
+  assert.equal(series.time(series.at(120.5)), 120);
+  assert.equal(series.value(series.at(124), 1), 576);
+  assert.equal(series.at(10), -1, 'before all that is kept');
+  const low = new Float32Array(2), high = new Float32Array(2);
+  series.extremes(1, 120, 124, 2, low, high);
+  assert.deepEqual([...low, ...high], [400, 484, 441, 529]);
+  assert.equal(series.csv(123, 124), 't_s,v\n123.0000,529\n124.0000,576\n');
+});
+
+test('scales go there and back, logarithmic ones too', () => {
+  for (const log of [false, true]) {
+    const s = scale(log, 1e-3, 10, 200, 0);
+    for (const value of [1e-3, 0.02, 1, 10]) assert.ok(Math.abs(s.back(s.to(value)) / value - 1) < 1e-9);
+    assert.ok(Math.abs(s.to(1e-3) - 200) < 1e-9);
+    const at = ticks(s);
+    assert.ok(at.length >= 2 && at.every((v) => v >= 1e-3 - 1e-12 && v <= 10 + 1e-9), String(at));
+  }
+  assert.deepEqual(ticks(scale(false, 0, 1, 0, 1)).map((v) => +v.toFixed(9)), [0, 0.2, 0.4, 0.6, 0.8, 1]);
+});
+
+test('numbers have their units', () => {
+  assert.equal(shown(0.00123, 's'), '1.23 ms');
+  assert.equal(shown(5400, 'Pa'), '5.4 kPa');
+  assert.equal(shown(0, 'N'), '0 N');
+  assert.equal(shown(NaN, 'N'), '–');
+  assert.equal(shown(0.9999, 's', 3), '1 s');
+});
+
+test('lightness of the colours rises throughout: readable without colour', () => {
+  const table = colours();
+  const light = (n) => {
+    const linear = [0, 1, 2].map((c) => { const v = table[3 * n + c] / 255; return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; });
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+  };
+  for (let n = 8; n < 256; n += 8) assert.ok(light(n) > light(n - 8), `at ${n}`);
+});
+
+test('what is not known is grey, what is doubted is greyer', () => {
+  const table = colours();
+  const pixels = coloured(new Float32Array([1, 5, 9, NaN]), (n) => n !== 1, [1, 9], false, table, [100, 100, 100], (n) => (n === 2 ? 0.5 : 0));
+  assert.deepEqual([...pixels.slice(4, 7)], [100, 100, 100]);
+  assert.deepEqual([...pixels.slice(12, 15)], [100, 100, 100]);
+  assert.deepEqual([...pixels.slice(0, 3)], [...table.slice(0, 3)]);
+  assert.ok(Math.abs(pixels[8] - (table[765] + 100) / 2) <= 1);
+  assert.deepEqual(extent(new Float32Array([3, 1, 2, 100]), (n) => n < 3), [1, 2]);
+});
+
+test('the surface follows the tip where they touch, and comes back beside it', () => {
+  const tip = { radius: 0.008, flat: 0 }, deep = 0.004;
+  assert.equal(pressed(tip, deep, 0), deep);
+  assert.equal(pressed(tip, -0.001, 0), 0, 'not in contact');
+  for (const off of [0.001, 0.003, 0.005]) assert.ok(Math.abs(pressed(tip, deep, off) - (deep - off * off / 0.016)) < 1e-12);
+  const edge = Math.sqrt(0.008 * deep);
+  assert.ok(Math.abs(pressed(tip, deep, edge - 1e-9) - pressed(tip, deep, edge + 1e-9)) < 1e-6, 'without a step');
+  assert.ok(pressed(tip, deep, 0.05) < 1e-3 * deep * 40);
+});
+
+test('a cursor reads what is measured, continued or not acquired', () => {
+  const map = { origin_m: [0.5, 0.5], spacing_m: [1, 1], modulus_pa: { shape: [1, 3], values: new Float32Array([5000, 6000, 0]) }, valid: { values: new Uint8Array([1, 0, 0]) } };
+  assert.match(valueAt(map, [0.5, 0.5]), /: 5 kPa$/);
+  assert.match(valueAt(map, [1.5, 0.5]), /not measured, continued as 6 kPa/);
+  assert.match(valueAt(map, [2.5, 0.5]), /not acquired/);
+  assert.match(valueAt(map, [9, 0.5]), /^x 9000.0 mm, y 500.0 mm$/);
+});

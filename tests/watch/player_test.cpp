@@ -1,0 +1,103 @@
+#include "client/watch/player.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include "client/link/recording.h"
+#include "client/servo/states.h"
+#include "tests/watch/web_peer.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr auto kTrace = static_cast<std::uint32_t>(Channel::kTrace);
+constexpr auto kTimeline = static_cast<std::uint32_t>(Channel::kTimeline);
+
+// Twenty seconds, PAUSED from 5 to 8 s.
+class PlayerTest : public ::testing::Test {
+ protected:
+  PlayerTest() : path_("/tmp/teletact-played-" + std::to_string(::getpid())) {
+    v1::RecordHeader header;
+    header.set_kind("touch");
+    header.set_scene_id("s");
+    RecordWriter writer(path_, header);
+    for (int n = 0; n < 20'000; ++n) {
+      v1::RecordEntry entry;
+      entry.set_monotonic_ns(7'000'000'000 + n * std::int64_t{1'000'000});
+      const bool paused = n >= 5000 && n < 8000;
+      entry.mutable_servo()->set_state(
+          static_cast<std::uint32_t>(paused ? ServoState::kPaused : ServoState::kEnabled));
+      entry.mutable_servo()->set_reason(
+          static_cast<std::uint32_t>(paused ? StateReason::kSilence : StateReason::kResumed));
+      writer.append_waiting(std::move(entry));
+    }
+    writer.close();
+  }
+  ~PlayerTest() override { std::remove(path_.c_str()); }
+
+  std::map<std::uint32_t, test::WebSlot> news() {
+    std::string whole = frame(1, view_.news(seen_));
+    return test::decoded(whole).slots;
+  }
+  // Seconds since the beginning that the newest row shows.
+  double shown_s() {
+    const auto slots = news();
+    if (!slots.contains(kTrace)) return shown_s_;
+    const auto& slot = slots.at(kTrace);
+    const std::size_t rows = slot.json["arrays"][0]["shape"][0];
+    if (rows == 0) return shown_s_ = 0;
+    float t_s = 0;
+    std::memcpy(&t_s, slot.data.data() + (rows - 1) * Trace::kColumns * sizeof(float), sizeof(t_s));
+    return shown_s_ = t_s + slot.json["begin_s"].get<double>() - 7;
+  }
+  bool comes(double from_s, double to_s) {
+    for (int n = 0; n < 1000; ++n) {
+      if (const double now_s = shown_s(); now_s >= from_s && now_s <= to_s) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return false;
+  }
+
+  std::string path_;
+  View view_;
+  View::Seen seen_;
+  double shown_s_ = 0;
+};
+
+TEST_F(PlayerTest, KnowsItsStatesAndReasonsFromTheBeginning) {
+  const Player player({path_}, view_);
+  const nlohmann::json timeline = news().at(kTimeline).json;
+  EXPECT_NEAR(timeline["length_s"].get<double>(), 20, 0.01);
+  ASSERT_EQ(timeline["spells"].size(), 3u);
+  EXPECT_EQ(timeline["spells"][1]["state"], "PAUSED");
+  EXPECT_NEAR(timeline["spells"][1]["at_s"].get<double>(), 5, 0.01);
+  EXPECT_EQ(timeline["spells"][1]["reason"], describe(StateReason::kSilence));
+}
+
+TEST_F(PlayerTest, PlaysAtAnySpeedFromAnyPlaceBackwardsToo) {
+  Player player({path_}, view_);
+  player.obey({{"speed", 100}});
+  EXPECT_TRUE(comes(10, 20.1));
+  player.obey({{"speed", 0}, {"seek_s", 3}});
+  EXPECT_TRUE(comes(2.9, 3.01)) << shown_s_;
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_TRUE(comes(2.9, 3.01)) << "it stands still";
+  player.obey({{"seek_s", 12.5}});
+  EXPECT_TRUE(comes(12.4, 12.51)) << shown_s_;
+  player.obey({{"seek_s", "x"}, {"speed", nlohmann::json()}});
+  player.obey({{"seek_s", 1e300}});
+  EXPECT_TRUE(comes(19.9, 20.01)) << shown_s_;
+}
+
+TEST_F(PlayerTest, SaysWhatIsNoRecordingOfATouch) {
+  EXPECT_THROW(Player({"/nonexistent"}, view_), std::runtime_error);
+  { RecordWriter(path_, {}).close(); }
+  EXPECT_THROW(Player({path_}, view_), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace teletact::client
