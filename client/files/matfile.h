@@ -24,9 +24,10 @@ struct MatFrames {
   std::vector<float> samples;
 };
 
-// Reads `variable`: real, numeric, full, 2-D or 3-D (the third dimension counts frames).
-// Throws FileError naming the file and the remedy: not a MATLAB file, damaged, no such variable (lists those
-// that are there), complex, sparse, not numeric, larger than the file can hold.
+// Reads `variable`: real, numeric, full, 2-D or 3-D (the third dimension counts frames). A process of its
+// own, with limits, parses it (matlab/parser_process.h). Throws FileError naming the file and the remedy: not
+// a MATLAB file, damaged, no such variable (lists those that are there), complex, sparse, not numeric, larger
+// than the file can hold; one that crashes its parser, or takes it too much memory or time.
 MatFrames read_mat(const std::filesystem::path& path, const std::string& variable, AxialAxis axial);
 
 }  // namespace teletact::client

@@ -106,7 +106,7 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
   // and clock stand alone.
   expect_only({{"text", {}},
                {"files", {"text"}},
-               {"matlab", {"files"}},
+               {"matlab", {"files", "text"}},
                {"no_matlab", {"files"}},
                {"patient", {"files"}},
                {"render", {}},

@@ -2,10 +2,13 @@
 
 #include <gtest/gtest.h>
 #include <matio.h>
+#include <zlib.h>
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
 
+#include "client/files/matlab/parser_process.h"
 #include "tests/files/temporary_folder.h"
 
 namespace teletact::client {
@@ -147,6 +150,116 @@ TEST(MatFile, RefusesWhatIsNoMatlabFile) {
   EXPECT_NE(message_of(folder / "absent.mat", "rf").find("does not exist"), std::string::npos);
   put_content(folder / "noise.mat", std::string(5000, 'x'));
   EXPECT_NE(message_of(folder / "noise.mat", "rf").find("MATLAB"), std::string::npos);
+}
+
+// What a hostile file can do is an error that names it, and this process goes on.
+
+std::string apart(const fs::path& path, const ParserLimits& limits) {
+  try {
+    parse_mat_apart(path, "rf", AxialAxis::kRows, limits);
+  } catch (const FileError& error) {
+    EXPECT_NE(std::string(error.what()).find(path.string()), std::string::npos);
+    return error.what();
+  }
+  return "no error";
+}
+
+// Of v5: a header, then elements of a type, a size, and as many bytes, up to a multiple of 8.
+std::string v5_of(const std::string& elements) {
+  return std::string(116, ' ') + std::string(8, '\0') + std::string("\x00\x01IM", 4) + elements;
+}
+
+template <class... Words>
+std::string words_of(Words... words) {
+  const std::array<std::uint32_t, sizeof...(Words)> all{static_cast<std::uint32_t>(words)...};
+  return {reinterpret_cast<const char*>(all.data()), sizeof all};
+}
+
+std::string element(std::uint32_t type, const std::string& data) {
+  return words_of(type, data.size()) + data + std::string((8 - data.size() % 8) % 8, '\0');
+}
+
+// 1 x `columns`; what is in it follows.
+std::string array_head(matio_classes kind, std::uint32_t columns, const std::string& name) {
+  return element(MAT_T_UINT32, words_of(kind, 0)) + element(MAT_T_INT32, words_of(1, columns)) +
+         element(MAT_T_INT8, name);
+}
+
+std::string doubles(std::uint32_t columns, const std::string& name, std::size_t there) {
+  return element(MAT_T_MATRIX, array_head(MAT_C_DOUBLE, columns, name) +
+                                   element(MAT_T_DOUBLE, std::string(8 * there, '\0')));
+}
+
+TEST(HostileMatFile, CellsWithinCellsEndTheirParserAlone) {
+  constexpr std::size_t kDeep = 100'000;
+  const std::string innermost = doubles(1, "", 1), head = array_head(MAT_C_CELL, 1, "");
+  const std::size_t cell_bytes = 8 + head.size();
+  std::string cells;
+  for (std::size_t k = 0; k < kDeep; ++k)
+    cells += words_of(MAT_T_MATRIX, (kDeep - k) * cell_bytes - 8 + innermost.size()) + head;
+  const TemporaryFolder folder;
+  put_content(folder / "deep.mat", v5_of(cells + innermost));
+  const std::string message = message_of(folder / "deep.mat", "rf");
+  EXPECT_NE(message.find("its parser ended before it was done"), std::string::npos) << message;
+}
+
+TEST(HostileMatFile, ClaimsOfMoreThanItHoldsAreRefused) {
+  const TemporaryFolder folder;
+  for (const std::uint32_t columns : {1U << 10, 1U << 20, 1U << 30, 0x7fffffffU, 0xffffffffU}) {
+    put_content(folder / "huge.mat", v5_of(doubles(columns, "rf", 8)));
+    const std::string message = message_of(folder / "huge.mat", "rf");
+    EXPECT_NE(message.find("holds another number of values than it claims"), std::string::npos) << message;
+  }
+}
+
+// matio would fill the frame with whatever lay in memory.
+TEST(HostileMatFile, ACompressedVariableThatHoldsLessThanItClaimsIsRefused) {
+  const TemporaryFolder folder;
+  const std::string whole = doubles(64, "rf", 64), less = doubles(64, "rf", 63);
+  for (const std::string& matrix : {whole, less}) {
+    uLongf bytes = compressBound(matrix.size());
+    std::string packed(bytes, '\0');
+    ASSERT_EQ(compress(reinterpret_cast<Bytef*>(packed.data()), &bytes,
+                       reinterpret_cast<const Bytef*>(matrix.data()), matrix.size()),
+              Z_OK);
+    packed.resize(bytes);
+    put_content(folder / "packed.mat", v5_of(words_of(MAT_T_COMPRESSED, packed.size()) + packed));
+    const std::string message = message_of(folder / "packed.mat", "rf");
+    if (matrix == whole)
+      EXPECT_EQ(message, "no error");
+    else
+      EXPECT_NE(message.find("holds another number of values than it claims"), std::string::npos) << message;
+  }
+}
+
+// A bomb: 36 MiB of zeros in 40 kB, of which 144 MiB of floats are made.
+TEST(HostileMatFile, WhatTakesMoreMemoryOrTimeThanAllowedSaysWhatToDo) {
+  const TemporaryFolder folder;
+  mat_t* mat = Mat_CreateVer((folder / "bomb.mat").c_str(), nullptr, MAT_FT_MAT5);
+  ASSERT_NE(mat, nullptr);
+  constexpr std::size_t kSide = 6144;
+  add(mat, "rf", MAT_C_INT8, MAT_T_INT8, {kSide, kSide}, std::vector<std::int8_t>(kSide * kSide),
+      MAT_COMPRESSION_ZLIB);
+  Mat_Close(mat);
+  ASSERT_LT(fs::file_size(folder / "bomb.mat"), std::uintmax_t{1} << 20);
+  ParserLimits limits;
+  limits.silence = std::chrono::seconds(0);
+  EXPECT_NE(apart(folder / "bomb.mat", limits).find("was not read within 0 s"), std::string::npos);
+  limits = {};
+  limits.address_bytes = std::size_t{144} << 20;
+  const std::string message = apart(folder / "bomb.mat", limits);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they bound no addresses
+  EXPECT_NE(message.find("takes more than 144 MiB to read; save fewer frames"), std::string::npos) << message;
+#endif
+  EXPECT_EQ(read_mat(folder / "bomb.mat", "rf", AxialAxis::kRows).samples.size(), kSide * kSide);
+}
+
+TEST(HostileMatFile, NamesInItCannotDrawOnTheTerminal) {
+  const TemporaryFolder folder;
+  put_content(folder / "names.mat", v5_of(doubles(1, "a\x1b[2J\n" + std::string(100, 'b'), 1)));
+  const std::string message = message_of(folder / "names.mat", "rf");
+  EXPECT_NE(message.find("has no variable"), std::string::npos) << message;
+  EXPECT_EQ(message.find_first_of("\x1b\n"), std::string::npos) << message;
 }
 
 }  // namespace

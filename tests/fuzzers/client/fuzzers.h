@@ -6,6 +6,7 @@
 namespace teletact::fuzzers {
 
 bool law_book(Bytes);
+bool matlab(Bytes);
 bool metaimage(Bytes);
 bool recording(Bytes);
 bool touch_answers(Bytes);
