@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "client/commands/commands.h"
+#include "client/commands/workspace_options.h"
 #include "client/experiment/bootstrap.h"
 #include "client/experiment/endable_input.h"
 #include "client/experiment/observer.h"
@@ -123,6 +124,9 @@ bool print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
 void run(const Arguments& arguments, const CLI::App& command) {
   if (is_real(arguments.device.device))
     refuse_beside(command, {"--profile"}, "--device " + arguments.device.device + " states its own limits");
+  else
+    refuse_beside(command, {"--axes", "--rotation-deg", "--clutch-button"}, "there is no real --device");
+  require_workspace(arguments.device.workspace);
   try {
     const std::vector<AnsweredTrial> answers =
         arguments.refit.empty() ? ask(arguments) : read_results_csv(arguments.refit);
@@ -214,6 +218,7 @@ void add_experiment_command(CLI::App& app) {
       "the stated stimulus and the observer) or, by a person at a device, through the whole chain "
       "(--renderer); prints Weibull fits and the Weber fraction");
   add_observer_options(command, *arguments);
+  add_workspace_options(command, arguments->device.workspace);  // no scale: a stimulus is what the hand feels
   command.add_option("--background-n-m", arguments->plan.background_n_m, "felt first in every trial")
       ->capture_default_str();
   command

@@ -13,6 +13,7 @@
 
 #include "client/commands/commands.h"
 #include "client/commands/touch_summary.h"
+#include "client/commands/workspace_options.h"
 #include "client/files/different_files.h"
 #include "client/render/renderers.h"
 #include "client/servo/ending.h"
@@ -115,6 +116,7 @@ void refuse_what_the_device_ignores(const CLI::App& command, const std::string& 
     return;
   }
   alone({"--start-x-m"}, "begins where its motion does");
+  alone(kWorkspaceOptions, "is moved by no hand, and has the scene's own axes and size");
   if (!played_recording(device).empty()) alone(kHandOptions, "moves as it was recorded");
 }
 
@@ -137,6 +139,7 @@ void require_writable(const std::string& json_path) {
 
 void run(Arguments arguments, const CLI::App& command) {
   refuse_what_the_device_ignores(command, arguments.session.device);
+  require_workspace(arguments.session.workspace);
   require_different_files({{"--device replay", played_recording(arguments.session.device)},
                            {"--record", arguments.session.record_path},
                            {"--json", arguments.json_path}});
@@ -290,6 +293,8 @@ void add_touch_command(CLI::App& app) {
                      "Unix socket at which this session can be watched (teletact-client watch --session)");
   command.add_option("--start-x-m", session.start_x_m,
                      "where on the tissue a real device begins (default: amid what is covered)");
+  add_workspace_options(command, session.workspace);
+  add_scale_options(command, session.workspace);
   command.add_option(
       "--session", arguments->session_id,
       "name of this touch for others: one touch of a scene steers its probe (default: random)");
@@ -312,8 +317,9 @@ void add_touch_command(CLI::App& app) {
       "behind it is old or the display generates energy; DEGRADED by the service while that does not trust "
       "its\n"
       "answer: then it is felt as it is.\n"
-      "At a terminal Enter resumes (with the finger lifted), Space pauses, h hands the probe over, Ctrl-C "
-      "ends.");
+      "At a terminal Enter resumes (with the finger lifted), Space pauses, c clutches a real device and "
+      "releases\n"
+      "it, h hands the probe over, Ctrl-C ends.");
   command.callback([arguments, &command] { run(*arguments, command); });
 }
 

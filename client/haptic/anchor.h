@@ -2,6 +2,8 @@
 // is no number is no point.
 #pragma once
 
+#include <optional>
+
 #include "client/render/renderer.h"
 
 namespace teletact::client {
@@ -18,6 +20,12 @@ class Anchor {
       held_ = true;
     }
     return start_m_ + (device_m - first_m_);
+  }
+
+  // Where another point of the device's lies, once its frame does.
+  std::optional<Vector3> place_of(const Vector3& device_m) const noexcept {
+    if (!held_) return std::nullopt;
+    return start_m_ + device_m - first_m_;
   }
 
  private:

@@ -1,10 +1,11 @@
 // The one small interface to a haptic device. read() and write() are called from the servo thread at 1 kHz:
 // they neither allocate nor throw. Axes are the scene's: x lateral, y into the tissue, z elevational; 1:1
-// with the device's travel.
+// with the device's travel, unless a workspace map lies between (workspace.h).
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -16,6 +17,10 @@ namespace teletact::client {
 
 struct DeviceReading {
   ToolPose pose;
+  // Of the hand while it is clutched: the way in all that the pose has not gone with it, and its velocity.
+  ToolPose unseen = {};
+  bool clutched = false;        // the hand moves, the pose stands still
+  std::uint32_t buttons = 0;    // that are down: bit 0 is button 1
   bool resume_pressed = false;  // the operator asks for force (a button)
   bool held_at_border = false;  // the operator waits at the border of what is covered
 };
@@ -56,6 +61,11 @@ class HapticDevice {
   virtual void let_go() noexcept {}
   // The rest from any thread. The longest that a call of an adapter has taken since this was asked last.
   virtual double longest_call_s() noexcept { return 0; }
+  // What a person should know of the device by now, in one line; empty: nothing new. From the thread that
+  // opens and closes.
+  virtual std::string trouble() { return ""; }
+  // The middle of its workspace where read() has its positions, once that is known. From read()'s thread.
+  virtual std::optional<Vector3> workspace_centre_m() const noexcept { return std::nullopt; }
   // Sweeps ended, of a device whose hand is simulated; and no more motion to come.
   virtual unsigned passes() const noexcept { return 0; }
   virtual bool ended() const noexcept { return false; }

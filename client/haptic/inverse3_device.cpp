@@ -137,6 +137,7 @@ bool Inverse3Device::read(std::int64_t, DeviceReading& reading) noexcept {
   reading.pose.position_m = anchor_.to_scene(state_.position_m);
   reading.pose.velocity_m_s = state_.velocity_m_s;
   reading.resume_pressed = state_.pressed;
+  reading.buttons = state_.pressed ? 1 : 0;
   reading.held_at_border = false;
   return true;
 }

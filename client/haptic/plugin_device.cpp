@@ -72,6 +72,9 @@ void PluginDevice::check(const teletact_device_limits& limits) const {
   };
   not_negative(limits.friction_n, "friction_n");
   not_negative(limits.damping_n_s_m, "damping_n_s_m");
+  if (!Vector3::Map(limits.workspace_centre_m).allFinite())
+    throw std::runtime_error("device plugin '" + path_ +
+                             "': limits.workspace_centre_m is not a number; give 0, 0, 0 if unknown");
 }
 
 void PluginDevice::open() {
@@ -92,6 +95,7 @@ void PluginDevice::open() {
   let_go_ = false;
   anchor_.release();
   velocity_.restart();
+  centre_m_ = Vector3::Map(limits.workspace_centre_m);
   profile_ = {plugin_->name,
               limits.largest_force_n,
               limits.largest_stiffness_n_m,
@@ -129,6 +133,7 @@ bool PluginDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   reading.pose.velocity_m_s =
       is_zero(raw.velocity_m_s) ? derived_m_s : Vector3(Vector3::Map(raw.velocity_m_s));
   reading.resume_pressed = raw.resume_pressed != 0;
+  reading.buttons = raw.buttons;
   reading.held_at_border = false;
   return true;
 }
@@ -147,6 +152,18 @@ void PluginDevice::show_taxels(const TaxelView& view) noexcept {
     plugin_->show_taxels(device_, &taxels);
     return 0;
   });
+}
+
+std::string PluginDevice::trouble() {
+  if (device_ == nullptr || plugin_->trouble == nullptr) return "";
+  std::array<char, 256> text{};
+  if (plugin_->trouble(device_, text.data(), text.size() - 1) == 0) return "";
+  return "the device '" + profile_.name + "': " + text.data();
+}
+
+std::optional<Vector3> PluginDevice::workspace_centre_m() const noexcept {
+  if (!(profile_.workspace_radius_m > 0)) return std::nullopt;
+  return anchor_.place_of(centre_m_);
 }
 
 void PluginDevice::let_go() noexcept {

@@ -29,6 +29,8 @@ class PluginDevice final : public HapticDevice {
   void show_taxels(const TaxelView& view) noexcept override;
   void let_go() noexcept override;
   double longest_call_s() noexcept override { return seconds(longest_ns_.exchange(0)); }
+  std::string trouble() override;
+  std::optional<Vector3> workspace_centre_m() const noexcept override;
 
  private:
   template <typename Call>
@@ -44,6 +46,7 @@ class PluginDevice final : public HapticDevice {
   std::atomic<bool> let_go_{false};
   std::atomic<std::int64_t> longest_ns_{0};
   DeviceProfile profile_;
+  Vector3 centre_m_ = Vector3::Zero();  // of its workspace, from the device's own origin
 };
 
 }  // namespace teletact::client

@@ -8,7 +8,7 @@ namespace teletact::client {
 double DeviceProfile::largest_slew_n_s() const {
   constexpr double kFullScalePerS = 12;
   constexpr double kFingerMS = 0.15;
-  return std::max(kFullScalePerS * largest_force_n, kFingerMS * largest_stiffness_n_m);
+  return std::max(kFullScalePerS * largest_force_n, kFingerMS * metres_per_hand_m * largest_stiffness_n_m);
 }
 
 ForceLimits DeviceProfile::limits() const {
@@ -19,6 +19,9 @@ ForceLimits DeviceProfile::limits() const {
   limits.largest_slew_n_s = largest_slew_n_s();
   limits.friction_n = friction_n;
   limits.damping_n_s_m = damping_n_s_m;
+  limits.largest_speed_m_s *= metres_per_hand_m;
+  limits.hand_n_s_m *= joules_per_hand_j / (metres_per_hand_m * metres_per_hand_m);
+  limits.joules_per_hand_j = joules_per_hand_j;
   return limits;
 }
 

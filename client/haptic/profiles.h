@@ -21,6 +21,8 @@ struct DeviceProfile {
   // Viscous, of the mechanism, that is surely there: the passivity controller counts on it. 0 where it is not
   // known: neither (T5.7) nor the makers' data sheets state it, and a simulated device states its own.
   double damping_n_s_m = 0;
+  // Of these figures per metre and joule at the hand: not 1 where a workspace map lies between.
+  double metres_per_hand_m = 1, joules_per_hand_j = 1;
   // Enough for full-scale silence to fade in its 100 ms, and for the stiffest wall under a finger at 150
   // mm/s; no more, since whatever goes wrong reaches the hand at this rate.
   double largest_slew_n_s() const;

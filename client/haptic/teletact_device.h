@@ -11,9 +11,9 @@
  * first read becomes the point above the tissue at which a session begins. In a plane scene the tissue is the
  * same for every z: the model's force along z is zero, and only damping of the safety chain acts there.
  *
- * Threads: open, close and show_taxels are called from one thread, read and write from another, the servo's,
- * 1000 times a second: these two may not wait, allocate, log or throw. A vendor's library that runs a loop of
- * its own leaves its newest position in memory for read() and takes the newest force from there.
+ * Threads: open, close, show_taxels and trouble are called from one thread, read and write from another, the
+ * servo's, 1000 times a second: these two may not wait, allocate, log or throw. A vendor's library that runs
+ * a loop of its own leaves its newest position in memory for read() and takes the newest force from there.
  *
  * No hand is left with a force that nobody renews. The device holds the force of a write() until the next
  * one, but for 10 ms at most: then it lets go by itself, whatever keeps the client, a wait, Ctrl-Z, kill -9.
@@ -30,8 +30,9 @@ extern "C" {
 #endif
 
 /* Goes up with every change that a library and a client of different versions would not survive.
- * 2: limits.damping_n_s_m. 3: let_go. 4: z is passed on, away from the operator. 5: show_taxels. */
-#define TELETACT_DEVICE_ABI 5u
+ * 2: limits.damping_n_s_m. 3: let_go. 4: z is passed on, away from the operator. 5: show_taxels. 6: the
+ * reading's buttons, limits.workspace_centre_m, trouble. */
+#define TELETACT_DEVICE_ABI 6u
 
 /* What the device may be asked for. The first three must be > 0; 0 where the others are not known. */
 typedef struct teletact_device_limits {
@@ -43,12 +44,14 @@ typedef struct teletact_device_limits {
   double friction_n; /* Coulomb friction that is surely there: the passivity controller counts on it */
   double resolution_m;
   double damping_n_s_m; /* viscous, of the mechanism, that is surely there: counted on as friction is */
+  double workspace_centre_m[3]; /* of the ball of workspace_radius_m, in the axes of position_m */
 } teletact_device_limits;
 
 typedef struct teletact_device_reading {
   double position_m[3];   /* all zero before any other: the device has said nothing yet */
   double velocity_m_s[3]; /* all zero: not known, it is derived from the positions */
   int32_t resume_pressed; /* not 0: the button is down; the operator asks for force when it goes down */
+  uint32_t buttons;       /* that are down: bit 0 is button 1; the operator names one of them as the clutch */
 } teletact_device_reading;
 
 /* What a tactile display shows: the pressure under the tip, on a grid of square taxels around its axis. */
@@ -91,6 +94,10 @@ typedef struct teletact_device_plugin {
   /* May be NULL. A new tactile image, at most 50 times a second, where the operator asks for them (touch
    * --tactile). It may not wait: a display that is slower takes the newest one from memory. */
   void (*show_taxels)(void* device, const teletact_taxels* taxels);
+
+  /* May be NULL. What a person should know of the device by now, such as why it does not answer: one line in
+   * `text`, and its length; 0 when there is nothing new. Asked for 50 times a second; it may not wait. */
+  size_t (*trouble)(void* device, char* text, size_t text_bytes);
 } teletact_device_plugin;
 
 /* The one function that the library exports. What it returns lives as long as the library. */

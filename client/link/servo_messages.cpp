@@ -136,6 +136,7 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_service_degraded(tick.service_degraded);
   sample.set_by_law(tick.by_law);
   sample.set_faded(tick.faded);
+  sample.set_clutched(tick.clutched);
   sample.set_stiffness_n_m(tick.stiffness_n_m);
   sample.set_stiffness_variance(tick.stiffness_variance);
   for (const double lateral : tick.lateral_stiffness_n_m) sample.add_lateral_stiffness_n_m(lateral);

@@ -8,7 +8,27 @@ namespace {
 
 // How fast a law fades in silence: 7 % in 10 ms (T5.8).
 constexpr double kLawFade1S = 1 / (kLawSilence.zero_s - kLawSilence.fade_s);
-constexpr double kLargestLedgerJ = 0.02;  // no more is saved up
+constexpr double kLargestLedgerJ = 0.02;  // at the hand: no more is saved up
+
+// Where the hand is: beside the pose while it is clutched, and as far beside it afterwards.
+Vector3 hand_m(const ForceChainInput& input) {
+  return input.pose.position_m + input.unseen.position_m;
+}
+
+Vector3 hand_m_s(const ForceChainInput& input) {
+  return input.pose.velocity_m_s + input.unseen.velocity_m_s;
+}
+
+// Joules at the hand, in the scene's.
+PassivityController::Options passivity_of(const ForceLimits& limits) {
+  PassivityController::Options options{.largest_damping_n_s_m = limits.largest_damping_n_s_m,
+                                       .friction_n = limits.friction_n,
+                                       .mechanism_n_s_m = limits.damping_n_s_m,
+                                       .hand_n_s_m = limits.hand_n_s_m};
+  options.largest_reserve_j *= limits.joules_per_hand_j;
+  options.largest_debt_j *= limits.joules_per_hand_j;
+  return options;
+}
 
 double passed_s(const ForceChainInput& input) {
   return std::isfinite(input.dt_s) ? std::max(input.dt_s, 0.0) : 0;
@@ -17,17 +37,15 @@ double passed_s(const ForceChainInput& input) {
 }  // namespace
 
 ForceChain::ForceChain(const ForceChainOptions& options)
-    : options_(options),
-      passivity_({.largest_damping_n_s_m = options.limits.largest_damping_n_s_m,
-                  .friction_n = options.limits.friction_n,
-                  .mechanism_n_s_m = options.limits.damping_n_s_m}) {}
+    : options_(options), passivity_(passivity_of(options.limits)) {}
 
 // How far the model's age and the energy balance let the rendered force be trusted.
 void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept {
   const AgeLimits ages = age_limits(input.period_s);
   const double aged = age_gain(input.model_age_s, ages);
   const double energy_j = passivity_.energy_j();
-  energy_generated_ = energy_j < (energy_generated_ ? 0 : -options_.debt_limit_j);
+  const double debt_limit_j = options_.debt_limit_j * options_.limits.joules_per_hand_j;
+  energy_generated_ = energy_j < (energy_generated_ ? 0 : -debt_limit_j);
   if (!input.on) {
     age_gain_ = aged;
     debt_gain_ = 1;
@@ -49,22 +67,24 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
 
 // The step made under the last force, in the time that has passed, however late the tick.
 void ForceChain::observe(const ForceChainInput& input) noexcept {
-  const Vector3& position_m = input.pose.position_m;
-  const bool contact = input.surface.depth_m(position_m) > 0;
-  passivity_.observe(position_m, last_force_n_, contact ? share_ * input.rendered.stored_j : 0, contact,
+  const bool contact = input.surface.depth_m(input.pose.position_m) > 0;
+  passivity_.observe(hand_m(input), last_force_n_, contact ? share_ * input.rendered.stored_j : 0, contact,
                      passed_s(input));
 }
 
-// Of silence, age and the ramp together. Where a law ends, in silence or because an older answer is all that
-// is left, they do not step to what that is trusted: they fall no faster than a law fades.
-void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m) noexcept {
+// Of silence, age, the clutch and the ramp together. Where a law ends, in silence or because an older answer
+// is all that is left, they do not step to what that is trusted: they fall no faster than a law fades.
+void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m, double dt_s) noexcept {
   const bool by_law = input.rendered.by_law;
   const double last = gain_, last_silence = silence_gain_, way = kLawFade1S * passed_s(input);
   const double silence = silence_gain(input.silence_s, silence_limits(input.period_s, by_law));
   law_fades_ = by_law || law_fades_;
   silence_gain_ = std::min(law_fades_ ? std::max(silence, last_silence - way) : silence,
                            silence_gain(input.silence_s, kLawSilence));
-  const double wanted = silence_gain_ * age_gain_ * start_gain(input.enabled_s, options_.start_ramp_s);
+  const double clutch_way = input.clutched ? -dt_s / options_.clutch_fade_s : dt_s / options_.start_ramp_s;
+  clutch_gain_ = input.on ? std::clamp(clutch_gain_ + clutch_way, 0.0, 1.0) : input.clutched ? 0.0 : 1.0;
+  const double wanted =
+      silence_gain_ * age_gain_ * clutch_gain_ * start_gain(input.enabled_s, options_.start_ramp_s);
   gain_ = law_fades_ ? std::max(wanted, std::min(last - way, silence_gain_)) : wanted;
   law_fades_ = by_law || (law_fades_ && (silence < last_silence || wanted < last));
   const bool owed = gain_short_ > 0;
@@ -81,7 +101,8 @@ void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m)
   const double paid = last + ledger_j_ / held_j;
   gain_short_ = paid < gain_ ? 1 - paid / gain_ : 0;
   gain_ = std::min(gain_, by_law ? std::min(paid, last + way) : paid);
-  ledger_j_ = std::min(ledger_j_ - (gain_ - last) * held_j, kLargestLedgerJ);
+  ledger_j_ =
+      std::min(ledger_j_ - (gain_ - last) * held_j, kLargestLedgerJ * options_.limits.joules_per_hand_j);
 }
 
 // The force before slew: zero unless enabled, finite and in contact.
@@ -102,7 +123,7 @@ Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
   const double left = soft > 0 ? model_n.stableNorm() / soft : 1;
   share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain_) * left * (2 - left);
   // A debt fades what is rendered, not the damping that pays it; and that never pulls a finger in.
-  Vector3 force_n = debt_gain_ * model_n + passivity_.damping_force(input.pose.velocity_m_s, dt_s);
+  Vector3 force_n = debt_gain_ * model_n + passivity_.damping_force(hand_m_s(input), dt_s);
   const Vector3& normal = input.surface.normal;
   const double most_n = std::max(debt_gain_ * normal.dot(model_n), 0.0);
   force_n -= std::max(normal.dot(force_n) - most_n, 0.0) * normal;
@@ -123,11 +144,10 @@ Vector3 ForceChain::fade(double indentation_m, double silence_gain, double dt_s)
 // A runaway is a fault for the state machine: the force then slews to zero instead of stepping there. A
 // device may state its velocity late or not at all, so a jump of its position is one too.
 bool ForceChain::too_fast(const ForceChainInput& input) const noexcept {
-  const ToolPose& pose = input.pose;
   const double largest_m_s = options_.limits.largest_speed_m_s;
   const double largest_m = largest_m_s * std::max(options_.jump_s, input.dt_s);
-  const bool jumped = last_position_m_ && !((pose.position_m - *last_position_m_).norm() <= largest_m);
-  return jumped || !(pose.velocity_m_s.norm() <= largest_m_s);
+  const bool jumped = last_hand_m_ && !((hand_m(input) - *last_hand_m_).norm() <= largest_m);
+  return jumped || !(hand_m_s(input).norm() <= largest_m_s);
 }
 
 // From this tick to the next: by the slew limit, and as the finger itself presses in.
@@ -155,8 +175,9 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
     if (input.on) observe(input);
   }
   judge(input, dt_s, output);
-  settle_gain(input, indentation_m);
+  settle_gain(input, indentation_m, dt_s);
   output.silence_gain = silence_gain_;
+  output.clutch_gain = clutch_gain_;
   Vector3 wanted_n = Vector3::Zero();
   if (!output.not_finite) wanted_n = wanted(input, indentation_m, dt_s, output);
   if (!wanted_n.allFinite()) output.not_finite = true;  // whatever the way: nothing but numbers goes out
@@ -175,7 +196,9 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   output.force_n = last_force_n_ = force_n;
   last_indentation_m_ = indentation_m;
   last_position_m_.reset();
+  last_hand_m_.reset();
   if (pose.position_m.allFinite()) last_position_m_ = pose.position_m;
+  if (hand_m(input).allFinite()) last_hand_m_ = hand_m(input);
   output.damping_n_s_m = passivity_.damping_n_s_m();
   output.energy_j = passivity_.energy_j();
   output.ledger_j = ledger_j_;

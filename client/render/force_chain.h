@@ -15,7 +15,9 @@
 //   - fades by the slew limit after a fault, a pause or silence, and at least as fast as the finger lifts.
 // In a contact where a law is felt, what silence, age and the ramp have taken from it comes back no further
 // than their falls have earned, or than is paid for by what is dissipated: the ledger of potential_blend.h.
-// So what the display gives back in a lift is no more than what the model held and half a tick's K T/2.
+// A clutched finger stands still in the scene while the hand moves: its force fades, and comes back by the
+// ramp once it is released; what the hand does meanwhile is counted. So what the display gives back in a lift
+// is no more than what the model held and half a tick's K T/2.
 #pragma once
 
 #include <optional>
@@ -28,8 +30,9 @@ namespace teletact::client {
 
 struct ForceChainOptions {
   ForceLimits limits;
-  // More energy generated than this, after the controller: DEGRADED, and faded until the rest is paid for. It
-  // is what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays below.
+  // More energy generated than this, at the hand, after the controller: DEGRADED, and faded until the rest is
+  // paid for. It is what throws a hand of 0.1 kg at 0.3 m/s; a first press into tissue not known yet stays
+  // below.
   double debt_limit_j = 5e-3;
   // More than this of the stiffness withheld for longer than a hand-over takes: DEGRADED.
   double withheld_share = 0.2;
@@ -40,6 +43,7 @@ struct ForceChainOptions {
   // it.
   double recover_1_s = 0.5;
   double start_ramp_s = 0.5;
+  double clutch_fade_s = 0.1;   // in which a clutched finger's force is gone; a law takes 0.15 s
   double longest_dt_s = 0.002;  // a tick that comes later than this slews no further
   double jump_s =
       0.01;  // a position further on than the speed limit gets in this, or since the last tick: too fast
@@ -48,6 +52,8 @@ struct ForceChainOptions {
 struct ForceChainInput {
   Rendered rendered;
   ToolPose pose;
+  ToolPose unseen = {};   // of the hand, clutched: haptic_device.h
+  bool clutched = false;  // the hand moves, the pose stands still
   TouchedSurface surface = {};
   bool on = false;         // state ENABLED: else the force slews to zero
   double enabled_s = 0;    // since the state became ENABLED
@@ -63,6 +69,7 @@ struct ForceChainOutput {
   double energy_j = 0;       // the passivity observer's
   double stored_j = 0;       // held by the model, as far as its force goes out
   double silence_gain = 1;
+  double clutch_gain = 1;         // 0: clutched, no force; between: it goes or comes back
   double ledger_j = 0;            // earned by gains that fell in this contact, and by dissipation; not spent
   bool degraded = false;          // model age or energy generated past its limit, or force withheld
   bool energy_generated = false;  // the second of them
@@ -90,15 +97,17 @@ class ForceChain {
   bool too_fast(const ForceChainInput& input) const noexcept;
   double largest_rise_n(const ForceChainInput& input, double indentation_m, double dt_s) const noexcept;
   void judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;
-  void settle_gain(const ForceChainInput& input, double indentation_m) noexcept;
+  void settle_gain(const ForceChainInput& input, double indentation_m, double dt_s) noexcept;
 
   ForceChainOptions options_;
   PassivityController passivity_;
   double age_gain_ = 1;   // falls with the age, recovers slowly: answers that come in bursts do not shake
   double debt_gain_ = 1;  // 1: no energy is owed
-  double silence_gain_ = 0, gain_ = 0;  // at the last tick; the second: silence, age and ramp together
-  double ledger_j_ = 0;                 // of gain_
-  double gain_short_ = 0;               // share of it that waits to be paid for
+  double clutch_gain_ = 1;
+  // At the last tick; the second: silence, age, clutch and ramp together.
+  double silence_gain_ = 0, gain_ = 0;
+  double ledger_j_ = 0;    // of gain_
+  double gain_short_ = 0;  // share of it that waits to be paid for
   double dissipated_j_ = 0;
   bool law_fades_ = false;    // a law was felt since nothing faded last
   bool law_touched_ = false;  // and in this contact
@@ -107,7 +116,8 @@ class ForceChain {
   double withheld_s_ = 0;  // that much has been withheld for
   Vector3 last_force_n_ = Vector3::Zero();
   double last_indentation_m_ = 0;
-  std::optional<Vector3> last_position_m_;  // of the tick before; none when that was no number
+  // Of the tick before; none when that was no number. The second is the hand's.
+  std::optional<Vector3> last_position_m_, last_hand_m_;
 };
 
 }  // namespace teletact::client

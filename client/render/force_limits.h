@@ -15,6 +15,8 @@ struct ForceLimits {
   double largest_speed_m_s = 1.0;  // faster than any exploring hand: the device runs away
   double friction_n = 0;           // Coulomb friction of the mechanism: dissipates, never generates
   double damping_n_s_m = 0;        // viscous, of the mechanism, as far as it is known
+  double hand_n_s_m = 2;           // the least damping of a hand at the handle (T5.7)
+  double joules_per_hand_j = 1;    // of these forces and ways, per joule at the hand: a workspace map's
 };
 
 // When silence since the last answer starts to fade the force, and when it is zero: past max(50 ms, 2

@@ -27,7 +27,7 @@ class PassivityController {
     double largest_damping_n_s_m = 5;
     double friction_n = 0;
     double mechanism_n_s_m = 0;  // damping of the mechanism
-    // The least of a hand at the handle (T5.7). Of a display that states neither friction nor damping it is
+    // The least of a hand at the handle. Of a display that states neither friction nor damping it is
     // all that surely dissipates; it pays for harder models then, never for energy that the display
     // generates.
     double hand_n_s_m = 2;

@@ -42,7 +42,8 @@ TouchTick tick_of(const v1::ServoSample& sample, double time_s, double layer_dep
   if (sample.position_m_size() == 3) tick.z_m = sample.position_m(2);
   if (sample.force_n_size() == 3) tick.force_z_n = sample.force_n(2);
   tick.lateness_s = sample.lateness_s();
-  tick.enabled = sample.state() == static_cast<std::uint32_t>(ServoState::kEnabled);
+  // Clutched, nothing is meant to be felt; the ramp after it is as after any start.
+  tick.enabled = sample.state() == static_cast<std::uint32_t>(ServoState::kEnabled) && !sample.clutched();
   tick.at_border = sample.at_border();
   if (sample.has_degraded()) tick.degraded = sample.degraded();
   if (sample.has_service_degraded()) tick.service_degraded = sample.service_degraded();

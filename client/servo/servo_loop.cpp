@@ -66,6 +66,7 @@ bool ServoLoop::read_device(std::int64_t now_ns) noexcept {
     resume_pressed_ = button_.asks(fresh.resume_pressed);
   } else {
     reading_.pose.velocity_m_s.setZero();
+    reading_.unseen.velocity_m_s.setZero();
     button_.unseen();
   }
   return answered;
@@ -106,6 +107,8 @@ ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t no
   ForceChainInput input;
   input.rendered = rendered;
   input.pose = reading_.pose;
+  input.unseen = reading_.unseen;
+  input.clutched = reading_.clutched;
   input.surface = answer_.sample.surface;
   input.on = states_.state() == ServoState::kEnabled;
   input.enabled_s = seconds(now_ns - states_.since_ns());
@@ -166,6 +169,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.service_degraded = force_degraded_;
   tick.by_law = by_law_;
   tick.faded = limited.silence_gain < 1;
+  tick.clutched = limited.clutch_gain < 1;
   ticks_.fetch_add(1, std::memory_order_relaxed);
   if (tick.lateness_s > options_.overrun_s) overruns_.fetch_add(1, std::memory_order_relaxed);
   telemetry_.push(tick);

@@ -69,9 +69,10 @@ struct ServoTick {
   bool degraded = false;   // the chain trusts the force no longer and fades it, or much of it is withheld
   bool energy_generated = false;  // of these: for energy generated
   bool service_degraded =
-      false;            // the service does not trust the answer behind the force; rendered all the same
-  bool by_law = false;  // a contact law is rendered, not what answers tell
-  bool faded = false;   // silence takes force away
+      false;              // the service does not trust the answer behind the force; rendered all the same
+  bool by_law = false;    // a contact law is rendered, not what answers tell
+  bool faded = false;     // silence takes force away
+  bool clutched = false;  // the clutch does, or gives it back
 };
 
 struct ServoOptions {

@@ -39,16 +39,13 @@ std::vector<MotionPoint> read_motion(const std::string& path) {
   return motion;
 }
 
-}  // namespace
-
-bool is_real(const std::string& device) {
-  return device.rfind("plugin:", 0) == 0 || device.rfind("inverse3", 0) == 0;
+Vector3 start_of(const DeviceChoice& choice) {
+  return {choice.hand.start_m, -choice.hand.hover_m, choice.hand.across_m};
 }
 
-std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
+std::unique_ptr<HapticDevice> make_unmapped(const DeviceChoice& choice) {
   const std::string kind = choice.device.substr(0, choice.device.find(':'));
   const std::string rest = kind.size() < choice.device.size() ? choice.device.substr(kind.size() + 1) : "";
-  const Vector3 start_m(choice.hand.start_m, -choice.hand.hover_m, choice.hand.across_m);
   if (kind == "simulated" && rest.empty()) {
     SimulatedDeviceOptions options;
     options.profile = device_profile(choice.profile);
@@ -66,17 +63,32 @@ std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
   if (kind == "plugin" && !rest.empty()) {
     const std::size_t comma = rest.find(',');
     const std::string settings = comma == std::string::npos ? "" : rest.substr(comma + 1);
-    return std::make_unique<PluginDevice>(rest.substr(0, comma), settings, start_m);
+    return std::make_unique<PluginDevice>(rest.substr(0, comma), settings, start_of(choice));
   }
   if (kind == "inverse3") {
     Inverse3Options options;
     if (!rest.empty()) options.url = rest;
-    options.start_m = start_m;
+    options.start_m = start_of(choice);
     return std::make_unique<Inverse3Device>(options);
   }
   throw std::invalid_argument(
       "unknown device '" + choice.device +
       "'; known: simulated, plugin:FILE[,SETTINGS], inverse3[:URL], replay:FILE, simulated-position");
+}
+
+}  // namespace
+
+bool is_real(const std::string& device) {
+  return device.rfind("plugin:", 0) == 0 || device.rfind("inverse3", 0) == 0;
+}
+
+std::unique_ptr<WorkspaceDevice> make_real_device(const DeviceChoice& choice) {
+  return std::make_unique<WorkspaceDevice>(make_unmapped(choice), choice.workspace, start_of(choice));
+}
+
+std::unique_ptr<HapticDevice> make_device(const DeviceChoice& choice) {
+  if (is_real(choice.device)) return make_real_device(choice);
+  return make_unmapped(choice);
 }
 
 }  // namespace teletact::client

@@ -18,6 +18,7 @@
 #include "client/render/renderers.h"
 #include "client/session/adapter_watch.h"
 #include "client/session/figures.h"
+#include "client/session/real_device.h"
 #include "client/session/recorded_log.h"
 #include "client/session/tick_log.h"
 #include "client/session/waiting.h"
@@ -243,15 +244,18 @@ void say_layer(const OperatorSessionOptions& options, const TouchLinkStats& link
 
 void say_keys(const OperatorSessionOptions& options) {
   if (!options.key) return;
-  spdlog::info("keys: Enter resumes (with the finger lifted), Space pauses, {}Ctrl-C ends",
+  spdlog::info("keys: Enter resumes (with the finger lifted), Space pauses, {}{}Ctrl-C ends",
+               is_real(options.device) ? "c clutches and releases, " : "",
                options.hand_over_to.empty() ? "" : "h lets '" + options.hand_over_to + "' steer, ");
 }
 
-void obey_keys(const OperatorSessionOptions& options, ServoLoop& servo, TouchLink& link) {
+void obey_keys(const OperatorSessionOptions& options, WorkspaceDevice* real, ServoLoop& servo,
+               TouchLink& link) {
   if (!options.key) return;
   while (const char key = options.key()) {
     if (key == '\n' || key == '\r') servo.request_resume();
     if (key == ' ') servo.request_pause();
+    if (key == 'c' && real != nullptr) real->toggle_clutch();
     if (key != 'h') continue;
     if (options.hand_over_to.empty())
       spdlog::warn("h: whom shall the probe follow? Name another touch's session with --hand-over-to");
@@ -266,12 +270,17 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   ServoOptions servo_options;
   const v1::Scene scene = wait_for_scene(options, stop);
   const HandOptions hand = hand_on(scene, options);
-  const auto device = make_device({options.device, options.profile, hand});
+  const DeviceChoice choice{options.device, options.profile, hand, options.workspace};
+  const auto real = is_real(options.device) ? make_real_device(choice) : nullptr;
+  const auto simulated = real ? nullptr : make_device(choice);
+  HapticDevice* const device = real ? real.get() : simulated.get();
   // Destroyed in the opposite order: the force goes first, while the link still answers; the device last.
   const OpenDevice open(*device);
-  if (is_real(options.device))
+  if (real) {
     spdlog::info("the device stands at x = {:.3f} m of {:.3f} m, {:.0f} mm above the tissue", hand.start_m,
                  width_of(scene), 1e3 * hand.hover_m);
+    say_workspace(options.workspace, real->profile());
+  }
   Kept kept(options);
   servo_options.chain.limits = device->profile().limits();
   const auto renderer = make_renderer(options.renderer, servo_options.period_s, servo_options.chain.limits);
@@ -298,7 +307,8 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
     if (granted && summary.real_time.text.empty()) spdlog::info("servo: {}", granted->text);
     summary.real_time = granted.value_or(RealTime());
     if (!layer_said && (layer_said = link.stats().streams > 0)) say_layer(options, link.stats());
-    obey_keys(options, *servo, link);
+    obey_keys(options, real.get(), *servo, link);
+    if (real) say_news(*real);
     const double now_s = seconds(clock.now_ns());
     if (now_s - figures_s >= kFiguresS) {
       figures_s = now_s;

@@ -25,6 +25,7 @@ struct OperatorSessionOptions {
   std::string device = "simulated";     // as devices.h reads it
   std::string profile = "premium-1.5";  // of a simulated or replayed device
   std::string renderer = "law";         // or kalman, kalman-force, interpolate, hold
+  WorkspaceOptions workspace;           // of a real device
   HandOptions hand;                     // of a simulated device; its places: see below
   std::optional<double> begin_m;        // of the sweep; absent: what is covered at the start, 8 mm inside
   std::optional<double> end_m;
@@ -37,7 +38,8 @@ struct OperatorSessionOptions {
   std::string record_path;   // empty: no recording
   std::string publish_path;  // Unix socket to publish the session at, as it is recorded; empty: nobody looks
   std::vector<std::string> arguments;
-  // The key that was pressed, 0 for none: Enter resumes, Space pauses, h hands the lease of the probe over.
+  // The key that was pressed, 0 for none: Enter resumes, Space pauses, c clutches a real device and releases
+  // it, h hands the lease of the probe over.
   // Empty: there are no keys.
   std::function<char()> key;
   // Where tactile images go, some of them, at most every kTactileS. Empty: nowhere.

@@ -32,10 +32,14 @@ std::string fading(const ServoTick& tick) {
   return fmt::format("fading, no answer for {:.0f} ms", 1e3 * tick.silence_s);
 }
 
+std::string clutched(const ServoTick& tick) {
+  return fmt::format("clutched, the finger stands still at x = {:.3f} m", tick.pose.position_m.x());
+}
+
 }  // namespace
 
 void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what,
-                     std::vector<LogMessage>& messages) {
+                     std::vector<LogMessage>& messages, bool warning) {
   const double time_s = seconds(tick.time_ns);
   if (on && !spell.on) {
     spell.begin_s = time_s;
@@ -43,7 +47,7 @@ void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what,
     if (spell.logged) {
       const std::string more =
           spell.left_out > 0 ? fmt::format("; {} times more since this was said last", spell.left_out) : "";
-      messages.push_back({true, "servo " + what(tick) + more});
+      messages.push_back({warning, "servo " + what(tick) + more});
       spell.logged_s = time_s;
       spell.left_out = 0;
     } else {
@@ -80,6 +84,7 @@ std::vector<LogMessage> TickLog::add(const ServoTick& tick) {
   follow(degraded_, enabled && tick.degraded, tick, degraded, messages);
   follow(service_degraded_, enabled && tick.service_degraded, tick, degraded_by_service, messages);
   follow(faded_, enabled && tick.faded, tick, fading, messages);
+  follow(clutched_, enabled && tick.clutched, tick, clutched, messages, false);
   if (enabled) follow_law(tick, messages);
   started_ = true;
   last_ = tick;

@@ -1,5 +1,5 @@
 // What of the servo's ticks is worth a message to a person: its states, and the beginnings and ends of what
-// takes force away or trust from it, and whether it is a contact law's.
+// takes force away or trust from it, of a clutch, and whether it is a contact law's.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ class TickLog {
   };
   using What = std::string (*)(const ServoTick&);  // its name up to the first comma, then the reason
   static void follow(Spell& spell, bool on, const ServoTick& tick, What what,
-                     std::vector<LogMessage>& messages);
+                     std::vector<LogMessage>& messages, bool warning = true);
 
   void follow_law(const ServoTick& tick, std::vector<LogMessage>& messages);
 
@@ -42,7 +42,7 @@ class TickLog {
   bool by_law_ = false;         // as it was said last
   double by_law_s_ = -kEveryS;  // when
   ServoTick last_;
-  Spell degraded_, service_degraded_, faded_;
+  Spell degraded_, service_degraded_, faded_, clutched_;
 };
 
 }  // namespace teletact::client

@@ -74,6 +74,7 @@ const teletact_device_plugin* another_name(void) {
 const teletact_device_plugin* teletact_device_plugin_get(void) {
 #endif
   static const teletact_device_plugin plugin = {
-      ABI, sizeof(teletact_device_plugin), "faulty", open_it, read_it, write_it, close_it, let_go_of_it, NULL};
+      ABI, sizeof(teletact_device_plugin), "faulty", open_it, read_it, write_it, close_it, let_go_of_it, NULL,
+      NULL};
   return &plugin;
 }

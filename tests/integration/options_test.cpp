@@ -92,6 +92,11 @@ TEST_F(Refusals, WhatADeviceIgnoresIsNotTaken) {
     expect_refused(touch("inverse3", {option, value}), {option, "leave it out"});
   expect_refused(touch("replay:x", {"--speed-m-s", "0.1"}), {"--speed-m-s", "leave it out"});
   expect_refused(touch("simulated", {"--start-x-m", "0.1"}), {"--start-x-m", "leave it out"});
+  for (const char* device : {"simulated", "replay:x"})
+    expect_refused(touch(device, {"--scale", "2"}), {"--scale", "leave it out"});
+  expect_refused(touch("inverse3", {"--scale", "0.5"}), {"--scale: give 1 to 20"});
+  expect_refused(touch("inverse3", {"--force-scale", "2"}), {"--force-scale: give 0.05 to the scale"});
+  expect_refused(touch("inverse3", {"--axes", "x,z,y"}), {"--axes: 'x,z,y' is a mirror image"});
   expect_refused({"experiment", "--person", "--device", "inverse3", "--profile", "omni"},
                  {"--profile", "leave it out"});
 }

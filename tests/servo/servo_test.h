@@ -40,6 +40,7 @@ class ServoTest : public ::testing::Test {
     servo = std::make_unique<ServoLoop>(device, renderer, clock, options);
   }
 
+  virtual Vector3 finger_m() const { return device.reading.pose.position_m; }
   void put_finger(double y_m) { device.reading.pose.position_m = Vector3(0.02, y_m, 0); }
 
   // Ticks for so long; answers every 3 ms unless silent.
@@ -49,7 +50,7 @@ class ServoTest : public ::testing::Test {
       if (!silent && n % 3 == 0) {
         ServoAnswer answer;
         const double now_s = 1e-9 * static_cast<double>(clock.time_ns);
-        answer.sample = tissue.told(device.reading.pose.position_m, now_s, ++sequence);
+        answer.sample = tissue.told(finger_m(), now_s, ++sequence);
         answer.sample.model_version = version;
         answer.received_ns = clock.time_ns;
         answer.covered = true;

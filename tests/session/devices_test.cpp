@@ -189,6 +189,31 @@ TEST(Devices, TheTemplatePressesWhenItIsAskedTo) {
   EXPECT_GE(summary.ticks.enabled_s(), 4.4);
 }
 
+// Through a workspace map: what is within reach is said, and the key clutches.
+TEST(Devices, AScaledDeviceSaysWhatItReachesAndIsClutchedByAKey) {
+  FakePalpation service(test::socket_address("scaled"));
+  service.serve();
+  OperatorSessionOptions options = session_options(test::socket_address("scaled"));
+  options.device = template_device("press=0.0045");
+  options.workspace.scale = 2;
+  options.begin_m = 0.05;
+  const test::KeptLog log;
+  std::atomic<bool> stop{false}, pressed{false};
+  options.key = [&] { return pressed.exchange(false) ? 'c' : '\0'; };
+  TouchSummary summary;
+  std::thread session([&] { summary = run_operator_session(options, stop); });
+  EXPECT_TRUE(log.comes("servo ENABLED"));
+  EXPECT_TRUE(log.has("1 mm of the device is 2 mm of the scene, 1 N of the tissue is 1 N at the hand"));
+  EXPECT_TRUE(log.comes("within reach: x from -0.090 to 0.210 m"));
+  pressed = true;
+  EXPECT_TRUE(log.comes("servo clutched, the finger stands still at x = 0.060 m"));
+  pressed = true;
+  EXPECT_TRUE(log.comes("servo no longer clutched"));
+  stop = true;
+  session.join();
+  EXPECT_EQ(allocations, 0u);
+}
+
 TEST(Devices, AnInverse3FeelsTheTissue) {
   FakePalpation service(test::socket_address("inverse3"));
   service.serve();

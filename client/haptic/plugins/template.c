@@ -202,6 +202,7 @@ static int adapter_open(const char* settings, void** device, teletact_device_lim
   limits->largest_stiffness_n_m = 400;
   limits->largest_damping_n_s_m = 4;
   limits->workspace_radius_m = 0.075;
+  limits->workspace_centre_m[2] = VENDOR_HOME_M;
   limits->damping_n_s_m = VENDOR_DAMPING_N_S_M;
   *device = opened;
   return 0;
@@ -215,6 +216,7 @@ static int adapter_read(void* device, int64_t time_ns, teletact_device_reading* 
   }
   /* A button of yours: here it is pressed and released twice a second. */
   reading->resume_pressed = opened->button && time_ns / 250000000 % 2 != 0;
+  reading->buttons = reading->resume_pressed ? 1u : 0u; /* yours may have more: bit 1 is button 2 */
   return now_ns() - opened->shared->moved_ns > BOX_IS_LOST_NS;
 }
 
@@ -258,6 +260,7 @@ const teletact_device_plugin* teletact_device_plugin_get(void) {
       .close = adapter_close,
       .let_go = adapter_let_go,
       .show_taxels = adapter_show_taxels,
+      .trouble = NULL, /* yours says why the SDK does not answer */
   };
   return &plugin;
 }
