@@ -21,6 +21,10 @@ endfunction()
 
 component_is(service bin/teletact-service lib/systemd/system/teletact.service)
 component_is(client bin/teletact-client)
+file(GLOB devices RELATIVE ${FOLDER}/client/lib/teletact ${FOLDER}/client/lib/teletact/*)
+if(NOT devices STREQUAL "force_dimension.so;openhaptics.so;teletact-device-box")
+  message(FATAL_ERROR "client installs as device plugins: ${devices}")
+endif()
 component_is(dev include/teletact_device.h
   share/teletact/proto/teletact/v1/common.proto share/teletact/proto/teletact/v1/elastography.proto
   share/teletact/proto/teletact/v1/info.proto share/teletact/proto/teletact/v1/palpation.proto

@@ -1,0 +1,203 @@
+// The fault table of makers' devices: what the operator is told, and that the force goes and stays away,
+// through the plugin, the device's process and the whole safety chain, at the pace of a clock.
+#include <cmath>
+#include <cstdio>
+
+#include "client/clock/clock.h"
+#include "client/render/kalman_renderer.h"
+#include "client/servo/servo_loop.h"
+#include "tests/haptic/boxed_device.h"
+#include "tests/render/analytic_tissue.h"
+
+namespace teletact::client {
+namespace {
+
+class BoxedFaults : public test::BoxedTest {
+ protected:
+  void SetUp() override {
+    device = make();
+    device->open();
+    ServoOptions options;
+    options.chain.limits = device->profile().limits();
+    options.chain.start_ramp_s = 0.1;  // a quick test
+    slew_n_s = options.chain.limits.largest_slew_n_s;
+    servo = std::make_unique<ServoLoop>(*device, renderer, clock, options);
+    ASSERT_TRUE(until([&] { return servo->ticks() > 0 && last.device_ok; }));  // where it begins
+  }
+
+  void tick() {
+    clock.sleep_until_ns(clock.now_ns() + 1'000'000);
+    const std::int64_t now_ns = clock.now_ns();
+    ServoAnswer answer;
+    answer.sample = tissue.told(last.pose.position_m, seconds(now_ns), ++sequence);
+    answer.received_ns = now_ns;
+    answer.covered = true;
+    answer.region.end_x_m = 0.1;
+    answer.period_s = 0.005;  // whatever the machine does
+    servo->answers().put(answer);
+    servo->tick(now_ns);
+    ServoTick next;
+    while (servo->telemetry().pop(next)) {
+      const double dt_s = std::min(seconds(next.time_ns - last.time_ns), 0.002);
+      if (next.state == ServoState::kFault && last.state == ServoState::kFault) {
+        EXPECT_LE((next.force_n - last.force_n).norm(), slew_n_s * dt_s + 1e-12);
+        EXPECT_LE(next.force_n.norm(), last.force_n.norm());
+      }
+      last = next;
+    }
+    const std::string news = device->trouble();
+    if (!news.empty()) said += news + "\n";
+  }
+  bool until(const std::function<bool()>& met) {
+    const std::int64_t end_ns = clock.now_ns() + 30'000'000'000;
+    while (!met() && clock.now_ns() < end_ns) tick();
+    return met();
+  }
+  void go_on(double seconds) {
+    const std::int64_t end_ns = clock.now_ns() + std::llround(1e9 * seconds);
+    while (clock.now_ns() < end_ns) tick();
+  }
+  void put_depth(double depth_m) { put_hand(Vector3(0.001, 0.002 + 0.005 + depth_m, 0.003)); }
+  // Of 4 mm, after a resume out of contact. A machine that is too busy may make a fault of its own: once
+  // more.
+  bool resume() {
+    put_depth(-0.002);
+    go_on(0.02);
+    return until([&] {
+      servo->request_resume();
+      return last.state == ServoState::kEnabled;
+    });
+  }
+  void press() {
+    for (int attempt = 0; attempt < 20; ++attempt) {
+      resume();
+      for (double depth_m = -0.002; depth_m < 0.004; depth_m += 2e-4) {
+        put_depth(depth_m);
+        go_on(0.003);
+      }
+      go_on(0.1);
+      if (last.state == ServoState::kEnabled && last.force_n.norm() > 0.3) break;
+    }
+    ASSERT_EQ(last.state, ServoState::kEnabled) << said << describe(last.reason);
+    ASSERT_TRUE(until([&] { return force_n().norm() > 0.3; }));  // not while a busy machine lets it go
+    said.clear();
+  }
+  void expect_fault(StateReason reason) {
+    ASSERT_TRUE(until([&] { return last.state == ServoState::kFault; })) << said;
+    EXPECT_EQ(last.reason, reason) << describe(last.reason);
+    EXPECT_TRUE(until([&] { return last.force_n.norm() == 0; }));
+  }
+  bool told(const std::string& part) {
+    return until([&] { return said.find(part) != std::string::npos; });
+  }
+  // It comes back by itself for nothing, and at once when it is resumed with the finger lifted.
+  void expect_recovery() {
+    fake->mode = FAKE_WELL;
+    put_depth(0.004);
+    EXPECT_TRUE(until([&] { return last.device_ok && force_n().norm() == 0; }));
+    const std::int64_t from = fake->turns;
+    EXPECT_TRUE(until([&] {
+      EXPECT_EQ(force_n().norm(), 0);
+      return fake->turns > from + 50;
+    }));
+    EXPECT_NE(last.state, ServoState::kEnabled);
+    EXPECT_TRUE(resume());
+  }
+
+  std::unique_ptr<PluginDevice> device;
+  KalmanRenderer renderer;
+  MonotonicClock clock;
+  test::AnalyticTissue tissue;
+  std::unique_ptr<ServoLoop> servo;
+  ServoTick last;
+  std::uint64_t sequence = 0;
+  double slew_n_s = 0;
+  std::string said;
+};
+
+TEST_P(BoxedFaults, LostInTheMiddle) {
+  press();
+  fake->mode = FAKE_LOST;
+  expect_fault(StateReason::kDeviceLost);
+  EXPECT_TRUE(told("communication error")) << said;
+  EXPECT_TRUE(told("it cannot be opened again")) << said;
+  const int opened = fake->opened;
+  fake->mode = FAKE_WELL;
+  EXPECT_TRUE(told("it answers again: lift the finger and resume")) << said;
+  EXPECT_GT(fake->opened, opened);
+  expect_recovery();
+}
+
+TEST_P(BoxedFaults, ForcesAreRefused) {
+  press();
+  fake->mode = FAKE_REFUSES;
+  expect_fault(StateReason::kDeviceLost);
+  EXPECT_TRUE(told(GetParam().library == "libdhd" ? "dhdSetForce failed" : "warm motors (0x0200)")) << said;
+  expect_recovery();
+}
+
+TEST_P(BoxedFaults, SlowCallsAreSaidAndSlowerOnesAreALostDevice) {
+  press();
+  fake->slow_ms = 30;
+  fake->mode = FAKE_SLOW;
+  EXPECT_TRUE(told("the maker's library took ")) << said;
+  EXPECT_LE(force_n().norm(), device->profile().largest_force_n);
+  fake->slow_ms = 180;
+  expect_fault(StateReason::kDeviceLost);
+  // The device takes a force between two of its calls: none any more.
+  EXPECT_TRUE(until([&] { return force_n().norm() == 0; }));
+}
+
+TEST_P(BoxedFaults, ACallThatHangsEndsTheProcess) {
+  press();
+  fake->mode = FAKE_HANGS;
+  expect_fault(StateReason::kDeviceLost);
+  EXPECT_TRUE(told("does not return from a call, and its process was ended: see to the device")) << said;
+  const int box = fake->box;
+  ASSERT_TRUE(until([&] { return test::has_ended(box); }));
+  fake->mode = FAKE_WELL;
+  go_on(0.15);
+  EXPECT_EQ(last.state, ServoState::kFault);
+  EXPECT_FALSE(last.device_ok);
+}
+
+TEST_P(BoxedFaults, APositionThatIsNoNumber) {
+  press();
+  fake->mode = FAKE_NO_NUMBER;
+  expect_fault(StateReason::kNotFinite);
+  EXPECT_TRUE(until([&] { return force_n().norm() == 0; }));
+  expect_recovery();
+}
+
+TEST_P(BoxedFaults, APositionThatJumps) {
+  press();
+  fake->mode = FAKE_JUMPS;
+  expect_fault(StateReason::kTooFast);
+  EXPECT_TRUE(until([&] { return force_n().norm() == 0; }));
+  expect_recovery();
+}
+
+// Nothing tells it from a hand that holds still: the force is that of the place that it states, and no more.
+TEST_P(BoxedFaults, APositionThatIsStuckIsNoFaultAndNoMoreForce) {
+  press();
+  double held_n = last.force_n.norm();
+  for (int attempt = 0; attempt < 5; ++attempt) {  // that no fault of a busy machine ends
+    fake->mode = FAKE_STUCK;
+    put_depth(0.008);
+    go_on(0.2);
+    if (last.state == ServoState::kEnabled) break;
+    fake->mode = FAKE_WELL;
+    press();
+    held_n = last.force_n.norm();
+  }
+  EXPECT_NEAR(last.force_n.norm(), held_n, 0.05 * held_n);
+  EXPECT_GT(held_n, 0.3);
+  servo->request_disable();
+  EXPECT_TRUE(until([&] { return force_n().norm() == 0; }));
+}
+
+INSTANTIATE_TEST_SUITE_P(Makers, BoxedFaults, ::testing::ValuesIn(test::makers()),
+                         [](const auto& info) { return info.param.plugin; });
+
+}  // namespace
+}  // namespace teletact::client
