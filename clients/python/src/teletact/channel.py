@@ -1,0 +1,146 @@
+"""How a service is reached: its address, and by which client and service know each other."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import grpc
+import grpc.aio
+
+from teletact.errors import InvalidArgument
+from teletact.v1 import elastography_pb2_grpc, info_pb2_grpc, palpation_pb2_grpc
+
+# Generated without types.
+ElastographyStub: Any = elastography_pb2_grpc.ElastographyStub
+InfoStub: Any = info_pb2_grpc.InfoStub
+PalpationStub: Any = palpation_pb2_grpc.PalpationStub
+
+_MOST_MESSAGE_BYTES = 256 << 20
+_LONGEST_TOKEN = 512
+_OPTIONS = [
+    ("grpc.initial_reconnect_backoff_ms", 50),
+    ("grpc.min_reconnect_backoff_ms", 3000),  # how long one attempt may take: gRPC's name for it
+    ("grpc.max_reconnect_backoff_ms", 200),
+    ("grpc.keepalive_time_ms", 30000),
+    ("grpc.enable_retries", 0),
+    ("grpc.use_local_subchannel_pool", 1),
+    ("grpc.max_receive_message_length", _MOST_MESSAGE_BYTES),
+    ("grpc.max_send_message_length", -1),
+]
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A service, and how to speak to it."""
+
+    address: str
+    tls_ca: bytes | None = None
+    tls_certificate: bytes | None = None
+    tls_key: bytes | None = None
+    token: str | None = None
+    name: str = ""
+
+    def channel(self) -> grpc.aio.Channel:
+        """A new connection, made when it is first used."""
+        if self.tls_ca is None:
+            return grpc.aio.insecure_channel(self.address, options=_OPTIONS)
+        credentials = grpc.ssl_channel_credentials(self.tls_ca, self.tls_key, self.tls_certificate)
+        return grpc.aio.secure_channel(self.address, credentials, options=_OPTIONS)
+
+    def metadata(self, scene_id: str = "") -> list[tuple[str, str]]:
+        """What goes with a call about a scene."""
+        said = [("teletact-client", self.name)]
+        if self.token is not None:
+            said.append(("authorization", f"Bearer {self.token}"))
+        if scene_id and _plain(scene_id):
+            said.append(("teletact-scene", scene_id))
+        return said
+
+    def remedy(self) -> str:
+        """What helps when nobody answers."""
+        start = f"start one with './teletact serve --listen {self.address}' (teletact-service), "
+        if self.tls_ca is None:
+            return start + "or give tls_ca= if it serves TLS"
+        if self.tls_certificate is None:
+            return (start + "with a certificate that tls_ca= signed for that name, or give tls_certificate= and "
+                    "tls_key= if it asks for them")
+        return start + ("with a certificate that tls_ca= signed for that name, and --tls-client-ca that signed "
+                        "tls_certificate=")
+
+
+def peer_of(address: str, tls_ca: str | Path | None, tls_certificate: str | Path | None, tls_key: str | Path | None,
+            token: str | None, token_file: str | Path | None, name: str | None) -> Peer:
+    """Checked: raises InvalidArgument with the argument's name and a remedy."""
+    _require_address(address)
+    ca = _pem("tls_ca", tls_ca, b"-----BEGIN CERTIFICATE")
+    certificate = _pem("tls_certificate", tls_certificate, b"-----BEGIN CERTIFICATE")
+    key = _pem("tls_key", tls_key, b"PRIVATE KEY-----")
+    if (certificate is None) != (key is None):
+        raise InvalidArgument("one of a pair", field="tls_certificate, tls_key", remedy="give both or none")
+    if certificate is not None and ca is None:
+        raise InvalidArgument("it is shown on encrypted connections alone", field="tls_certificate",
+                              remedy="give tls_ca, too")
+    if token_file is not None:
+        if token is not None:
+            raise InvalidArgument("token and token_file", field="token", remedy="give one of them")
+        token = _read("token_file", token_file).decode("utf-8", "replace").strip()
+    if token is not None:
+        if not (0 < len(token) <= _LONGEST_TOKEN and _plain(token)):
+            raise InvalidArgument("no token", field="token" if token_file is None else "token_file",
+                                  remedy=f"give one word of at most {_LONGEST_TOKEN} plain characters")
+        if ca is None and not _on_this_machine(address):
+            raise InvalidArgument(f"{address} is beyond this machine, and without tls_ca others could read it",
+                                  field="token", remedy="give tls_ca")
+    if name is None:
+        name = _usual_name()
+    elif not (0 < len(name) <= 64 and _plain(name)):
+        raise InvalidArgument(f"{name!r}", field="name", remedy="give 1 to 64 plain characters without spaces")
+    return Peer(address, ca, certificate, key, token, name)
+
+
+def _plain(text: str) -> bool:
+    return all(" " < c <= "~" for c in text)
+
+
+def _usual_name() -> str:
+    host = "".join(c if " " < c <= "~" else "-" for c in socket.gethostname()[:40])
+    return f"{host or 'unknown'}:{os.getpid()}:{secrets.randbelow(1 << 32)}"
+
+
+def _require_address(address: str) -> None:
+    if re.match(r"(unix|unix-abstract|dns|ipv4|ipv6):", address):
+        return
+    found = re.fullmatch(r"(.+):(\d{1,5})", address)
+    if address.startswith("http") or not found or not 0 < int(found[2]) < 65536:
+        raise InvalidArgument(f"{address!r}", field="address", remedy="give HOST:PORT or unix:/path")
+
+
+def _on_this_machine(address: str) -> bool:
+    address = re.sub(r"^(dns|ipv4|ipv6):", "", address)
+    if address.startswith(("unix:", "unix-abstract:", "[::1]:", "localhost:")):
+        return True
+    return re.fullmatch(r"127[\d.]*:\d+", address) is not None
+
+
+def _read(field: str, path: str | Path) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InvalidArgument(f"{path} cannot be read ({error.strerror})", field=field,
+                              remedy="give another file") from None
+
+
+def _pem(field: str, path: str | Path | None, kind: bytes) -> bytes | None:
+    if path is None:
+        return None
+    data = _read(field, path)
+    if kind not in data:
+        raise InvalidArgument(f"no PEM {'key' if b'KEY' in kind else 'certificate'} can be read in {path}", field=field,
+                              remedy="give a PEM file")
+    return data

@@ -1,0 +1,35 @@
+"""A service that asks who calls: those with a token, and nobody else."""
+
+import subprocess
+
+import pytest
+from conftest import BUILD, Process, short_folder
+
+import teletact
+
+
+def test_roles_are_let_in_and_others_are_told_why():
+    with short_folder() as folder:
+        made = f"{folder}/set"
+        subprocess.run([BUILD / "service" / "teletact-service", "credentials", "--out", made], check=True,
+                       capture_output=True)
+        process = Process(folder, "--tls-certificate", f"{made}/server.pem", "--tls-key", f"{made}/server-key.pem",
+                          "--access", f"{made}/access.toml")
+        ca = f"{made}/ca.pem"
+        try:
+            with pytest.raises(teletact.NotPermitted, match="UNAUTHENTICATED"):
+                teletact.connect(process.address, tls_ca=ca)
+            with pytest.raises(teletact.Unavailable, match="tls_ca"):
+                teletact.connect(process.address)
+            with teletact.connect(process.address, tls_ca=ca, token_file=f"{made}/administrator.token") as service:
+                service.create_scene("s", [[1e4] * 8] * 4, x_m=[0.01 * k for k in range(9)],
+                                     y_m=[0.01 * k for k in range(5)])
+            with open(f"{made}/operator.token") as file:
+                token = file.read().strip()
+            with teletact.connect(process.address, tls_ca=ca, token=token) as service:
+                with service.touch("s") as touch:
+                    assert touch.at([0.04, 0.002]).force_n[1] < 0
+                with pytest.raises(teletact.NotPermitted, match="DeleteScene: PERMISSION_DENIED: .*operator"):
+                    service.delete_scene("s")
+        finally:
+            process.stop()
