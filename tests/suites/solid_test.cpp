@@ -12,15 +12,21 @@
 namespace teletact {
 namespace {
 
-// `what`: a suite, and a part of it.
-nlohmann::json measured(const test::TemporaryFolder& folder, std::vector<std::string> what) {
-  constexpr double kSuiteS = 600;
-  const std::string name = what.back(), json_file = folder / (name + ".json");
+constexpr double kSuiteS = 600;
+
+auto ran(const std::vector<std::string>& arguments, const std::string& log) {
   std::vector<std::string> command{test::required_environment("TELETACT_BINARY_DIR") +
                                    "/bench/teletact-bench"};
-  command.insert(command.end(), what.begin(), what.end());
-  command.insert(command.end(), {"--quick", "--json", json_file, "--out", folder / name});
-  const auto run = test::run(command, folder / (name + ".log"), {}, kSuiteS);
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  return test::run(command, log, {}, kSuiteS);
+}
+
+// `what`: a suite, and a part of it.
+nlohmann::json measured(const test::TemporaryFolder& folder, std::vector<std::string> what) {
+  const std::string name = what.back(), json_file = folder / (name + ".json");
+  std::vector<std::string> arguments = what;
+  arguments.insert(arguments.end(), {"--quick", "--json", json_file, "--out", folder / name});
+  const auto run = ran(arguments, folder / (name + ".log"));
   EXPECT_EQ(run.code, 0) << run.output;
   std::ifstream file(json_file);
   const auto result = nlohmann::json::parse(file, nullptr, false);
@@ -77,6 +83,18 @@ TEST(RealTissueSuite, EveryRowIsTrackedAndPlaneStrainIsNotEnough) {
       EXPECT_GT(row.at("background"), 1.3);
     }
   }
+  // Runs of some seeds each are joined, and none is counted twice.
+  const std::string first = folder / "real-tissue.json", joined = folder / "joined.json";
+  const auto run = ran({"real-tissue", "--quick", "--seeds", "0", "--windows-of", first, "--json", joined},
+                       folder / "joined.log");
+  EXPECT_EQ(run.code, 0) << run.output;
+  std::ifstream file(joined);
+  EXPECT_EQ(nlohmann::json::parse(file).at("rows"), rows);
+  const auto twice =
+      ran({"real-tissue", "--quick", "--seeds", "0", "--windows-of", first, first}, folder / "twice.log");
+  EXPECT_EQ(twice.code, 1);
+  EXPECT_NE(twice.output.find("seed 1 of \"no lump\" is in another of the files"), std::string::npos)
+      << twice.output;
 }
 
 }  // namespace

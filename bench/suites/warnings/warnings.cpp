@@ -5,8 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <memory>
+#include <set>
+#include <utility>
 
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
@@ -22,6 +25,8 @@ constexpr double kFires = 0.9, kStaysQuiet = 0.05;
 
 struct WarningOptions : SuiteOptions {
   std::size_t cases = 60;
+  std::uint64_t first_seed = 1;
+  std::vector<std::string> cases_of;  // --json of earlier runs
   std::string only;
 };
 
@@ -34,10 +39,20 @@ struct WarningResult {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WarningResult, warning, name, provoked, cases, fired, refused, background,
                                    stated, seconds)
+// One of a row's windows, estimated once for all that is claimed of it.
+struct JudgedCase {
+  std::string name;
+  std::uint64_t seed = 0;
+  bool refused = false;
+  std::vector<std::string> fired = {};
+  double background = kNan, stated = kNan, seconds = kNan;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JudgedCase, name, seed, refused, fired, background, stated, seconds)
 struct WarningFigures {
   std::vector<WarningResult> rows;
+  std::vector<JudgedCase> cases;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WarningFigures, rows)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WarningFigures, rows, cases)
 
 // The part of an estimate that comes after tracking.
 class AfterTracking {
@@ -85,19 +100,14 @@ void print(const WarningResult& r) {
              fmt::format("{:.2f}", r.stated), fmt::format("{:.1f}", r.seconds));
 }
 
-// One of a row's windows, estimated once for all that is claimed of it.
-struct Judged {
-  std::vector<service::ModulusFlag> fired;
-  bool refused = false;
-  double background = kNan, stated = kNan, seconds = kNan;
-};
-
-Judged judged(AfterTracking& estimate, const WarnedWindow& w, std::uint64_t seed) {
-  Judged out;
+JudgedCase judged(AfterTracking& estimate, const WarnedWindow& w, const std::string& name,
+                  std::uint64_t seed) {
+  JudgedCase out{.name = name, .seed = seed};
   try {
     service::ModulusEstimate e;
     out.seconds = seconds_of([&] { e = estimate(w, seed); });
-    for (const service::ModulusWarning& warning : e.warnings) out.fired.push_back(warning.flag);
+    for (const service::ModulusWarning& warning : e.warnings)
+      out.fired.emplace_back(service::name_of(warning.flag));
     out.background = e.background / w.background_pa, out.stated = median_said(e.log_deviation);
   } catch (const service::NoCompression&) {
     out.refused = true;
@@ -105,32 +115,33 @@ Judged judged(AfterTracking& estimate, const WarnedWindow& w, std::uint64_t seed
   return out;
 }
 
-std::vector<double> told(const std::vector<Judged>& all, double Judged::*member) {
+std::vector<double> told(const std::vector<JudgedCase>& all, double JudgedCase::*member) {
   std::vector<double> values;
-  for (const Judged& j : all)
+  for (const JudgedCase& j : all)
     if (!j.refused) values.push_back(j.*member);
   return values;
 }
 
-WarningResult result_of(const WarningRow& row, const Claim& claim, const std::vector<Judged>& all) {
+WarningResult result_of(const WarningRow& row, const Claim& claim, const std::vector<JudgedCase>& all) {
   WarningResult r{.warning = service::name_of(claim.flag), .name = row.name, .provoked = claim.provoked};
   r.cases = all.size();
-  for (const Judged& j : all) {
+  for (const JudgedCase& j : all) {
     r.refused += j.refused;
-    r.fired += std::ranges::count(j.fired, claim.flag) > 0;
+    r.fired += std::ranges::count(j.fired, service::name_of(claim.flag)) > 0;
   }
-  r.background = median_of(told(all, &Judged::background)), r.stated = median_of(told(all, &Judged::stated)),
-  r.seconds = median_of(told(all, &Judged::seconds));
+  r.background = median_of(told(all, &JudgedCase::background)),
+  r.stated = median_of(told(all, &JudgedCase::stated)),
+  r.seconds = median_of(told(all, &JudgedCase::seconds));
   return r;
 }
 
 // What fired that nothing is claimed of.
-void print_others(const WarningRow& row, const std::vector<Judged>& all) {
+void print_others(const WarningRow& row, const std::vector<JudgedCase>& all) {
   std::map<std::string, std::size_t> others;
-  for (const Judged& j : all)
-    for (const service::ModulusFlag flag : j.fired)
-      if (std::ranges::none_of(row.claims, [flag](const Claim& c) { return c.flag == flag; }))
-        ++others[service::name_of(flag)];
+  for (const JudgedCase& j : all)
+    for (const std::string& fired : std::set<std::string>(j.fired.begin(), j.fired.end()))
+      if (std::ranges::none_of(row.claims, [&](const Claim& c) { return service::name_of(c.flag) == fired; }))
+        ++others[fired];
   for (const auto& [other, count] : others) fmt::print("{:>20} as well: {}\n", other, count);
   std::fflush(stdout);
 }
@@ -141,26 +152,48 @@ bool wanted(const WarningRow& row, const std::string& word) {
          });
 }
 
+// Those of earlier runs. Throws BenchError for a case that is there twice.
+std::vector<JudgedCase> earlier_cases(const WarningOptions& options) {
+  std::vector<JudgedCase> all;
+  std::set<std::pair<std::string, std::uint64_t>> known;
+  for (const std::string& file : options.cases_of) {
+    SuiteOptions earlier = options;
+    earlier.replot = file, earlier.out = ".";  // nothing is drawn there
+    for (JudgedCase& j : earlier_figures("warnings", earlier).get<WarningFigures>().cases) {
+      if (!known.emplace(j.name, j.seed).second)
+        throw BenchError(fmt::format("--cases-of {}: seed {} of \"{}\" is in another of the files, too", file,
+                                     j.seed, j.name));
+      all.push_back(std::move(j));
+    }
+  }
+  return all;
+}
+
 WarningFigures measure(const WarningOptions& options, Promises& promises) {
-  AfterTracking estimate;
-  const std::size_t cases = options.quick ? 2 : options.cases;
   WarningFigures figures;
+  figures.cases = earlier_cases(options);
+  AfterTracking estimate;
+  const std::size_t cases = options.quick ? std::min<std::size_t>(2, options.cases) : options.cases;
   fmt::print(kLine, "warning", "level", "fired", "refused", "background", "stated", "s");
   for (const WarningRow& row : warning_rows(estimate.queue())) {
     if (!wanted(row, options.only)) continue;
-    std::vector<Judged> all;
-    for (std::uint64_t seed = 1; seed <= cases; ++seed) {
-      show_progress(fmt::format("{}: {} of {}", row.name, seed, cases));
-      all.push_back(judged(estimate, row.window(seed), seed));
+    for (std::size_t k = 0; k < cases; ++k) {
+      const std::uint64_t seed = options.first_seed + k;
+      show_progress(fmt::format("{}: {} of {}", row.name, k + 1, cases));
+      figures.cases.push_back(judged(estimate, row.window(seed), row.name, seed));
     }
+    std::vector<JudgedCase> all;
+    std::ranges::copy_if(figures.cases, std::back_inserter(all),
+                         [&](const JudgedCase& j) { return j.name == row.name; });
+    if (all.empty()) continue;
     for (const Claim& claim : row.claims) {
       figures.rows.push_back(result_of(row, claim, all));
       print(figures.rows.back());
     }
     print_others(row, all);
   }
-  if (cases < kLeastCases) return figures;
   for (const WarningResult& r : figures.rows) {
+    if (r.cases < kLeastCases) continue;
     const double share = static_cast<double>(r.fired + r.refused) / static_cast<double>(r.cases),
                  fired = static_cast<double>(r.fired) / static_cast<double>(r.cases);
     const std::string name = snake_case(r.warning + " " + r.name);
@@ -180,8 +213,11 @@ void add_warnings_suite(CLI::App& app, bool& met) {
       app, "warnings", "how often warnings of an estimate fire where they are provoked, and where not",
       options, met, measure, [](const WarningFigures&, const std::filesystem::path&) {});
   suite.add_option("--cases", options->cases, "of each row")
-      ->check(CLI::Range(1, 1000))
+      ->check(CLI::Range(0, 1000))
       ->capture_default_str();
+  suite.add_option("--first-seed", options->first_seed, "the others follow it")->capture_default_str();
+  suite.add_option("--cases-of", options->cases_of,
+                   "the --json of earlier runs, whose cases are taken as well; with --cases 0 alone");
   suite.add_option("--only", options->only, "rows whose level or warning has this");
 }
 

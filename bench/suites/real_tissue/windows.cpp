@@ -1,0 +1,183 @@
+#include "bench/suites/real_tissue/windows.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "bench/basics/clock.h"
+#include "bench/basics/median.h"
+#include "bench/suite.h"
+#include "client/patient/solid_press.h"
+#include "client/patient/true_modulus.h"
+
+namespace teletact::bench {
+namespace {
+
+constexpr double kFromFaceM = 0.003, kInside = 0.7, kBeside = 1.3;
+constexpr double kStatedPoissonRatio = 0.49;  // whatever is true
+constexpr std::size_t kMostInMean = 400;      // nodes in the variance of a mean
+
+// What is stated of the tissue: its width where the probe is narrower, the depth that is imaged.
+service::TissueExtent plane_strain(const Window& w) {
+  const client::Tissue& t = w.tissue;
+  return {t.width_m, t.imaged_depth_m(), w.state.window_x_m, kStatedPoissonRatio};
+}
+
+// The depth is stated where its bottom is imaged; the face is fitted.
+service::TissueExtent solid(const Window& w) {
+  service::TissueExtent extent = plane_strain(w);
+  extent.plane = service::Plane::kSolid;
+  extent.depth_stated = w.tissue.imaged_depth_m() == w.tissue.depth_m;
+  return extent;
+}
+
+service::TissueExtent solid_fitted(const Window& w) {
+  service::TissueExtent extent = solid(w);
+  extent.depth_stated = false;
+  return extent;
+}
+
+service::Estimate estimate(service::Elastography& elastography, const Window& w, const Estimator& by,
+                           double time_limit_s) {
+  const auto frame = [&](const std::vector<std::int16_t>& samples) {
+    return service::RfFrame{
+        w.rf.geometry.sample_count, w.rf.geometry.line_count, {samples.begin(), samples.end()}};
+  };
+  service::AcquisitionGeometry g;
+  g.center_frequency_hz = w.tissue.ultrasound.center_frequency_hz;
+  g.sampling_frequency_hz = w.tissue.ultrasound.sampling_frequency_hz;
+  g.sound_speed_m_s = w.tissue.ultrasound.sound_speed_m_s;
+  g.line_pitch_m = w.rf.geometry.line_pitch_m;
+  return elastography.estimate({frame(w.rf.pre),
+                                frame(w.rf.post),
+                                g,
+                                service::ProbeForce{w.sensed_force_n, w.state.contact_area_m2},
+                                by.extent(w),
+                                {},
+                                {std::nullopt, time_limit_s}});
+}
+
+// Median of what the tracked axial displacement is off by, where it is trusted.
+double tracking_error(const service::Estimate& e, const Window& w) {
+  std::vector<double> off_m;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    if (!e.displacement_valid[n]) continue;
+    const double x = w.state.window_x_m + e.grid.x_m(n), y = e.grid.y_m(n);
+    const double truth_m = w.state.field->at(x, y).y - w.state.motion(x, y).y;
+    off_m.push_back(std::abs(e.axial_displacement[n] - truth_m));
+  }
+  return median_of(off_m);
+}
+
+// A mean over nodes of errors that correlate by exp(-distance / length).
+void mean_of(const service::Estimate& e, const std::vector<double>& error, std::vector<std::size_t> nodes,
+             double& mean, double& deviation) {
+  if (nodes.empty()) return;
+  const std::size_t step = 1 + nodes.size() / kMostInMean;
+  std::vector<std::size_t> some;
+  for (std::size_t n = 0; n < nodes.size(); n += step) some.push_back(nodes[n]);
+  double sum = 0, variance = 0;
+  for (const std::size_t a : some) {
+    sum += error[a];
+    for (const std::size_t b : some)
+      variance += e.modulus_log_deviation[a] * e.modulus_log_deviation[b] *
+                  std::exp(-std::hypot(e.grid.x_m(a) - e.grid.x_m(b), e.grid.y_m(a) - e.grid.y_m(b)) /
+                           e.modulus_correlation_m);
+  }
+  mean = sum / static_cast<double>(some.size());
+  deviation = std::sqrt(variance) / static_cast<double>(some.size());
+}
+
+RealWindow judge(const service::Estimate& e, const Window& w) {
+  const client::TrueModulus truth(w.tissue);
+  const double left_m = w.state.window_x_m;
+  std::vector<double> error(e.grid.size(), kNan), beside, inside, above, below, deviations, offs;
+  std::vector<std::size_t> beside_nodes, inside_nodes;
+  double held = 0, judged = 0, deepest_m = 0;
+  std::vector<std::pair<double, double>> by_depth;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) {
+    const double x = left_m + e.grid.x_m(n), y = e.grid.y_m(n), modulus = e.youngs_modulus[n];
+    if (y < kFromFaceM || !std::isfinite(modulus)) continue;
+    error[n] = std::log(modulus / truth(x, y));
+    offs.push_back(std::abs(error[n]));
+    const double stated = e.modulus_log_deviation[n];
+    ++judged, held += std::abs(error[n]) <= kQuantile * stated;
+    deviations.push_back(stated);
+    double radii = std::numeric_limits<double>::infinity();
+    for (const client::Inclusion& i : w.tissue.inclusions)
+      radii = std::min(radii, 2 * std::hypot(x - i.x_m, y - i.y_m) / i.diameter_m);
+    if (radii > kBeside) {
+      beside.push_back(std::exp(error[n]));
+      beside_nodes.push_back(n);
+      by_depth.emplace_back(y, std::exp(error[n]));
+      deepest_m = std::max(deepest_m, y);
+    } else if (radii < kInside) {
+      inside.push_back(std::exp(error[n]));
+      inside_nodes.push_back(n);
+    }
+  }
+  const double third_m = (deepest_m - kFromFaceM) / 3;
+  for (const auto& [y, ratio] : by_depth) {
+    if (y < kFromFaceM + third_m) above.push_back(ratio);
+    if (y > deepest_m - third_m) below.push_back(ratio);
+  }
+  RealWindow f;
+  f.tracking_m = tracking_error(e, w);
+  f.background = median_of(beside);
+  if (!inside.empty()) f.contrast = median_of(inside) / f.background;
+  f.ramp = median_of(below) / median_of(above);
+  f.coverage = held / judged;
+  f.deviation = median_of(deviations);
+  f.off = quantiles(offs).p95;
+  mean_of(e, error, inside_nodes, f.lump_error, f.lump_deviation);
+  mean_of(e, error, beside_nodes, f.background_error, f.background_deviation);
+  return f;
+}
+
+}  // namespace
+
+Window window_of(const RealRow& row, std::uint64_t seed, double spacing_m) {
+  Window w;
+  w.tissue = tissue_of(row, seed);
+  const client::Tissue& t = w.tissue;
+  w.truth_s = seconds_of([&] {
+    w.state = client::press_solid(t, (t.width_m - t.probe.width_m) / 2, t.probe.compression_m, spacing_m);
+  });
+  w.rf = client::with_noise(client::simulate_rf(t, w.state, client::RfFrame::kProbe, seed), seed + 1);
+  w.sensed_force_n = client::sensed_force(t.probe, w.state.force_n, seed + 2);
+  return w;
+}
+
+std::vector<Estimator> estimators() {
+  return {
+      {"solid", solid, true}, {"solid, fitted", solid_fitted, false}, {"plane strain", plane_strain, false}};
+}
+
+RealWindow estimated(service::Elastography& elastography, const RealRow& row, std::uint64_t seed,
+                     const Window& w, const Estimator& by, double time_limit_s) {
+  RealWindow out;
+  service::Estimate e;
+  double seconds = 0;
+  try {
+    const double processor_s = processor_seconds_of(
+        [&] { seconds = seconds_of([&] { e = estimate(elastography, w, by, time_limit_s); }); },
+        CLOCK_PROCESS_CPUTIME_ID);
+    out = judge(e, w);
+    out.seconds = seconds, out.processor_s = processor_s, out.modulus_s = e.modulus_s;
+    std::set<std::string> said;
+    for (const service::ModulusWarning& warning : e.modulus_warnings)
+      said.insert(service::name_of(warning.flag));
+    out.said.assign(said.begin(), said.end());
+  } catch (const std::exception& error) {
+    out.refused = true;
+    fmt::print("{}, contrast {}, seed {}, {}: {}\n", row.name, row.contrast, seed, by.name, error.what());
+  }
+  out.row = row.name, out.estimator = by.name, out.contrast_of_lump = row.contrast, out.seed = seed;
+  out.truth_s = w.truth_s;
+  return out;
+}
+
+}  // namespace teletact::bench

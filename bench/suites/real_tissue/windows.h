@@ -1,0 +1,66 @@
+// A window of `real-tissue`: a solid of which an RF pair is taken, and what an estimator makes of it beside
+// its truth.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "bench/basics/median.h"
+#include "bench/suites/real_tissue/rows.h"
+#include "client/patient/rf.h"
+#include "service/imaging/estimate.h"
+
+namespace teletact::bench {
+
+inline constexpr double kQuantile = 1.96;
+
+// What a solid pressed between two frames gives, and its truth at the nodes.
+struct Window {
+  client::Tissue tissue;
+  client::ProbeState state;
+  client::RfPair rf;
+  double sensed_force_n = 0, truth_s = 0;
+};
+
+// `spacing_m`: of the truth, as of press_solid().
+Window window_of(const RealRow& row, std::uint64_t seed, double spacing_m);
+
+struct Estimator {
+  std::string name;
+  service::TissueExtent (*extent)(const Window&);
+  bool promised;  // what the product is held to; else beside it
+};
+
+std::vector<Estimator> estimators();
+
+// Of one window by one estimator.
+struct RealWindow {
+  std::string row, estimator;
+  double contrast_of_lump = 1;
+  std::uint64_t seed = 0;
+  bool refused = false;
+  double background = kNan;  // over truth: the median where the truth is background
+  double contrast = kNan;    // over truth: median inside over median of the background
+  double ramp = kNan;        // background's lower third over its upper third
+  double coverage = kNan;    // share of nodes whose truth is within 1.96 of what they state
+  double lump_error = kNan, lump_deviation = kNan;              // ln of the mean modulus inside, and stated
+  double background_error = kNan, background_deviation = kNan;  // the same beside it
+  double deviation = kNan;                                      // median stated
+  double off = kNan;                                            // 95 % of the nodes are off by less, |ln|
+  double tracking_m = kNan;                                     // median error of the axial displacement
+  double seconds = kNan, processor_s = kNan, modulus_s = kNan;  // of the estimate; processor: all threads
+  double truth_s = kNan;                                        // until the solid was solved
+  std::vector<std::string> said;                                // warnings, each once
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealWindow, row, estimator, contrast_of_lump, seed, refused, background,
+                                   contrast, ramp, coverage, lump_error, lump_deviation, background_error,
+                                   background_deviation, deviation, off, tracking_m, seconds, processor_s,
+                                   modulus_s, truth_s, said)
+
+// An estimate that fails is said, and refused.
+RealWindow estimated(service::Elastography& elastography, const RealRow& row, std::uint64_t seed,
+                     const Window& w, const Estimator& by, double time_limit_s);
+
+}  // namespace teletact::bench
