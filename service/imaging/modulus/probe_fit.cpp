@@ -238,8 +238,8 @@ bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double least_
   return in_time;
 }
 
-ProbeFit ProbeFitter::tried(const Pair& pair, const Unknown& u) {
-  return tried(pair, u.at(u.log_elevation, u.log_depth), false);
+ProbeFit ProbeFitter::tried(const Pair& pair, const Unknown& u, const VectorXd* by_tilt) {
+  return tried(pair, u.at(u.log_elevation, u.log_depth), false, by_tilt);
 }
 
 // Deeper than stated, a block, or with sides: what explains the strain better.
@@ -285,6 +285,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     bool slides;
   };
   bool ends = false;
+  VectorXd by_tilt;  // of the first: of the others it is nearly the same
   for (const Sides& sides : {Sides{kFarDepths, false}, Sides{kFarDepths, true}, Sides{kNearDepths, false},
                              Sides{kNearDepths, true}, Sides{0, false}}) {
     if (late()) return;
@@ -292,7 +293,8 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     Unknown other = stated;
     other.face.beside_m = sides.depths * usual.depth_m, other.face.slides = sides.slides;
     try {
-      ProbeFit found = tried(pair, other);
+      ProbeFit found = tried(pair, other, &by_tilt);
+      by_tilt = found.by_tilt;
       double share = ends ? 1 : kSidesBetterBy;
       // The block's depth is not seen: where it is stated the solid is the likelier of the two.
       if (!ends && !out.words.empty() && sides.depths == 0 && !stated.depth) share = 1 / kSidesBetterBy;

@@ -78,7 +78,7 @@ class ProbeFitter {
   // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
   // it, which is used where it has the same cells.
   ProbeFit tried(const Pair&, const ProbeFace&, bool block, const Eigen::VectorXd* by_tilt = nullptr);
-  ProbeFit tried(const Pair&, const Unknown&);
+  ProbeFit tried(const Pair&, const Unknown&, const Eigen::VectorXd* by_tilt = nullptr);
   Queue queue_;
   StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;
