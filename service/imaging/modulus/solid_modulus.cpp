@@ -179,7 +179,7 @@ class SolidModulusMethod : public ModulusMethod {
     out.converged = false;
     while (out.iterations < options_.most_steps) {
       const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
-      if (out.iterations > 0 && left_s < (1 + solves_after) * took_s) {
+      if (out.iterations > 0 && left_s <= (1 + solves_after) * took_s) {
         out.warnings.push_back({ModulusFlag::kDeadline,
                                 fmt::format("the modulus of the solid was stopped by its time limit after {} "
                                             "steps, before it had settled",
