@@ -121,8 +121,8 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
                {"recordings", {"acquire", "files"}},
                {"report", {"link", "servo", "clock", "patient", "files", "text"}},
                {"commands",
-                {"session", "watch", "acquire", "recordings", "report", "experiment", "link", "servo", "haptic",
-                 "render", "clock", "patient", "files"}}},
+                {"session", "watch", "acquire", "recordings", "report", "experiment", "link", "servo",
+                 "haptic", "render", "clock", "patient", "files"}}},
               "client");
 }
 
