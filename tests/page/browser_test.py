@@ -54,10 +54,10 @@ def quantile(values, share):
 class Demo:
     """./teletact demo --page, its processes those of a build."""
 
-    def __init__(self, build, out, duration):
+    def __init__(self, build, out, duration, passes):
         environment = dict(os.environ, TELETACT_BUILD_DIR=str(build))
         self.out = Path(out)
-        self.process = subprocess.Popen([str(ROOT / "teletact"), "demo", "--page", "--out", out, "--duration-s", str(duration)],
+        self.process = subprocess.Popen([str(ROOT / "teletact"), "demo", "--page", "--out", out, "--duration-s", str(duration), "--passes", str(passes)],
                                         stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True)
         self.lines = []
         os.set_blocking(self.process.stderr.fileno(), False)
@@ -133,19 +133,22 @@ def shot(driver, folder, name, width, height=None):
         driver.save_screenshot(str(Path(folder) / name))
 
 
-def press_faults(driver, folder):
+def press_faults(driver, folder, out):
+    # Of the patient side: pairs that could not be tracked, and what is doubted of windows.
+    log_of = lambda name: len(re.findall("track|doubtful", (out / "log" / f"{name}.log").read_text()))
     state = lambda: driver.find_element(By.ID, "state-name").text
-    log = lambda: driver.find_element(By.ID, "log").text
     figures = lambda: driver.execute_script("return window.teletact.measured.numbers")
     press = lambda word: driver.find_element(By.CSS_SELECTOR, f"[data-fault={word}]").click()
     windows = lambda: driver.find_element(By.ID, "windows").text
     round_trip = lambda: driver.execute_script("return window.teletact.model.row.at('round_trip_s')")
     enabled = lambda: until("ENABLED", lambda: state() == "ENABLED", 60)
     enabled()
-    for word, seen in [("stall", lambda: state() in ("PAUSED", "DEGRADED")), ("cut", lambda: state() in ("PAUSED", "DEGRADED")),
+    before = {}
+    for word, seen in [("decorrelated", lambda: log_of("acquire") > before["acquire"]), ("force", lambda: "wrong-force" in windows() or "pressure" in windows()),
+                       ("stall", lambda: state() in ("PAUSED", "DEGRADED")), ("cut", lambda: state() in ("PAUSED", "DEGRADED")),
                        ("far", lambda: round_trip() > 0.1), ("jitter", lambda: 0.01 < round_trip() < 0.1), ("none", lambda: round_trip() < 0.01),
-                       ("force", lambda: "doubtful" in windows()), ("decorrelated", lambda: "not tracked" in windows() or "doubtful" in windows()),
                        ("kill", lambda: state() == "PAUSED")]:
+        before["acquire"] = log_of("acquire")
         press(word)
         begin = time.time()
         until(f"the page shows '{word}'", seen, 60)
@@ -166,7 +169,7 @@ def main():
     if a.screenshots:
         os.makedirs(a.screenshots, exist_ok=True)
     folder = tempfile.mkdtemp(prefix="teletact-browser-")
-    demo = Demo(a.build, os.path.join(folder, "out"), 150 if a.faults else a.duration_s)
+    demo = Demo(a.build, os.path.join(folder, "out"), 150 if a.faults else a.duration_s, 16 if a.faults else 13)
     driver = browser(os.path.join(folder, "profile"), dark=True)
     try:
         url = demo.url()
@@ -206,7 +209,7 @@ def main():
         driver.execute_script("document.activeElement.blur()")
         body.send_keys(Keys.SPACE)
         if a.faults:
-            press_faults(driver, a.screenshots)
+            press_faults(driver, a.screenshots, demo.out)
         until("the end", lambda: demo.says("4/4"), 400)
         summary = json.loads((demo.out / "summary.json").read_text())
         until("the last figures", lambda: abs(float(numbers()["numbers"].get("enabled_s", 0)) - summary["enabled_s"]) < 1e-9)
