@@ -29,7 +29,7 @@ if(TARGET teletact-client)
   list(APPEND CPACK_COMPONENTS_ALL client)
   install(TARGETS teletact-client RUNTIME COMPONENT client)
   install(TARGETS teletact_force_dimension teletact_openhaptics teletact-device-box
-    LIBRARY DESTINATION lib/teletact RUNTIME DESTINATION lib/teletact COMPONENT client)
+    LIBRARY DESTINATION lib/teletact COMPONENT client RUNTIME DESTINATION lib/teletact COMPONENT client)
 endif()
 install(FILES client/haptic/teletact_device.h TYPE INCLUDE COMPONENT dev)
 install(FILES client/haptic/plugins/template.c DESTINATION ${documents}/teletact-dev/examples COMPONENT dev)

@@ -184,7 +184,7 @@ def main():
         m = numbers()
         print(f"[ frame ] {m['frames']} frames; script median {statistics.median(m['script_ms']):.2f} ms, p95 {quantile(m['script_ms'], 0.95):.2f} ms; "
               f"pose to pixel median {statistics.median(m['pose_to_pixel_ms']):.1f} ms, p95 {quantile(m['pose_to_pixel_ms'], 0.95):.1f} ms", flush=True)
-        assert m["frames"] > 2
+        assert m["frames"] > 20
         for name in ["tissue", "close", "force", "ages", "servo"]:
             assert not_blank(driver, name) >= 4, f"{name} is blank"
         for dark in (True, False):
