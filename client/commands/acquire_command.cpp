@@ -343,9 +343,10 @@ void add_acquire_command(CLI::App& app) {
   add_force_option(command, arguments->force);
   command.add_option(
       "--publish", arguments->publish_path,
-      "Unix socket at which what is acquired can be watched (teletact-client watch --acquire)");
-  command.add_option("--spoil", arguments->spoil_path,
-                     "named pipe whose lines, force or decorrelated, each spoil the next pair: for trials");
+      "Unix socket at which what is acquired can be watched (watch --acquire); without it nobody looks");
+  command.add_option(
+      "--spoil", arguments->spoil_path,
+      "named pipe whose lines, force or decorrelated, each spoil the next pair; without it none is");
   command.add_flag("--record-rf", arguments->record_rf,
                    "keep RF and maps too, so that replay can play them again");
   command.add_option("--ready-file", arguments->ready_path,

@@ -289,8 +289,9 @@ void add_touch_command(CLI::App& app) {
   command.add_option("--json", arguments->json_path,
                      "write the summary to this file too; without it it is only printed");
   add_force_option(command, arguments->force);
-  command.add_option("--publish", session.publish_path,
-                     "Unix socket at which this session can be watched (teletact-client watch --session)");
+  command.add_option(
+      "--publish", session.publish_path,
+      "Unix socket at which this session can be watched (watch --session); without it nobody looks");
   command.add_option("--start-x-m", session.start_x_m,
                      "where on the tissue a real device begins (default: amid what is covered)");
   add_workspace_options(command, session.workspace);

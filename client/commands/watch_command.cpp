@@ -78,8 +78,10 @@ void add_watch_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand(
       "watch", "operator side: a live page of a session, or of a recording, for a browser here");
-  command.add_option("--session", arguments->session, "socket of a session: touch --publish SOCKET");
-  command.add_option("--acquire", arguments->acquire, "socket of its patient side: acquire --publish SOCKET");
+  command.add_option("--session", arguments->session,
+                     "socket of touch --publish; without it a recording is played");
+  command.add_option("--acquire", arguments->acquire,
+                     "socket of acquire --publish; without it no windows are seen");
   command.add_option("--recording", arguments->recordings,
                      "play recordings instead: touch --record, and with it acquire --record");
   command.add_option("--service", arguments->address, "where maps come from (default: the session's)")
