@@ -23,6 +23,7 @@ struct FingerPlan {
   std::function<void(double time_s, v1::ContactPose& to)> pose;
   unsigned in_flight = 8;                  // poses that may be without an answer
   bool closed_loop = false;                // the next pose is meant when the answer is there
+  bool greedy = false;                     // sends at once, whatever period the service keeps
   double counted_from_s = 0, until_s = 0;  // until: no pose of a closed loop is meant later
 };
 
@@ -74,8 +75,9 @@ class LoadSession final : public grpc::ClientBidiReactor<v1::TouchRequest, v1::T
     std::uint64_t sequence;
     double due_s;
   };
-  std::optional<Pose> newest_;      // meant, not sent
-  std::deque<std::uint64_t> sent_;  // without an answer
+  std::optional<Pose> newest_;           // meant, not sent
+  std::deque<std::uint64_t> sent_;       // without an answer
+  double sent_s_ = -1e9, period_s_ = 0;  // the last pose; between poses, as the service keeps it
   std::uint64_t acknowledged_ = 0, laws_acknowledged_ = 0;
   bool opened_ = false, writing_ = true, ending_ = false, cancelled_ = false, cut_ = false, held_ = true,
        done_ = false;

@@ -39,6 +39,7 @@ class Place {
     finger_.open.set_scene_id(plan.scene_id);
     if (plan.laws) finger_.open.set_laws(true);
     finger_.in_flight = plan.in_flight, finger_.closed_loop = plan.closed_loop;
+    finger_.greedy = plan.greedy;
     finger_.counted_from_s = plan.warm_up_s, finger_.until_s = plan.warm_up_s + plan.duration_s;
     open(0);
     next_due_s_ = next_();

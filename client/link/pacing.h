@@ -41,6 +41,8 @@ class Pacing {
   // A stream with answers every `period_s` at best, of which `credit` may be unacknowledged.
   Pacing(double period_s, unsigned credit) noexcept;
 
+  // The period from now on: the service's, which it makes longer while it has more to do than it can.
+  void keep(double period_s) noexcept { period_s_ = period_s; }
   void sent(std::uint64_t sequence) noexcept { sent_ = sequence; }
   // `round_trip_s`: from this pose's leaving to its answer's arrival, less what the service took.
   void answered(std::uint64_t sequence, double round_trip_s, std::int64_t now_ns) noexcept;

@@ -13,6 +13,8 @@
 namespace teletact::client {
 namespace {
 
+constexpr double kLongestPeriodS = 10;
+
 // A stay or a clock that no service has would overflow the sums.
 bool plausible_stamps(const v1::TouchAnswer& answer) {
   constexpr std::int64_t kLongestStayNs = 3'600'000'000'000, kLatestNs = std::int64_t{1} << 61;
@@ -24,7 +26,7 @@ bool plausible_stamps(const v1::TouchAnswer& answer) {
 }  // namespace
 
 std::string TouchAnswers::take_opened(const v1::TouchOpened& opened, std::int64_t received_ns) {
-  constexpr double kLongestPeriodS = 10, kFarthestM = 10;
+  constexpr double kFarthestM = 10;
   const auto problem = [](const char* field, const auto& value, const char* remedy) {
     return fmt::format("the service opened the stream with {} {}: {}", field, value, remedy);
   };
@@ -70,6 +72,7 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
     ++stats.dropped;
     return std::nullopt;
   }
+  keep_period(answer.period_s());
   arrivals_.add(received_ns);
   converted->period_s = std::max(stats.period_s, arrivals_.expected_s());
   take_stamps(answer, sent_ns, *converted);
@@ -96,6 +99,14 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
   stats.last_answer_s = seconds(received_ns);
   if (stats.first_answer_s == 0) stats.first_answer_s = stats.last_answer_s;
   return converted;
+}
+
+// A busy service answers more seldom than it agreed to: what it is sent sooner costs it time and changes
+// nothing.
+void TouchAnswers::keep_period(double period_s) {
+  if (!(period_s > 0 && period_s <= kLongestPeriodS)) return;  // an older service does not say
+  stats.period_s = period_s;
+  pacing.keep(period_s);
 }
 
 // The pose left at sent_ns, came to the service `queued` and `compute` before its answer left there.

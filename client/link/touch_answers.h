@@ -38,7 +38,7 @@ struct TouchLinkStats {
   double first_answer_s = 0;  // servo clock
   double last_answer_s = 0;
   double layer_depth_m = 0;         // in use
-  double period_s = 0;              // negotiated
+  double period_s = 0;              // that the service keeps: negotiated, longer while it is busy
   Histogram round_trips_s;          // pose sent -> answer received, less what the service took
   double clock_offset_s = 0;        // the service's clock minus ours, by the newest answer
   double clock_offset_error_s = 0;  // at most
@@ -59,6 +59,7 @@ class TouchAnswers {
   double round_trip_s() const { return clock_offset_.round_trip_s(); }
 
  private:
+  void keep_period(double period_s);
   void take_stamps(const v1::TouchAnswer& answer, std::int64_t sent_ns, ServoAnswer& converted);
   void say_what_it_warns_of(const v1::TouchAnswer& answer, std::int64_t received_ns);
   void say_how_far_away();

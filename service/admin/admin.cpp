@@ -25,8 +25,8 @@ using prometheus::MetricType;
 
 constexpr std::array<const char*, kCallKinds> kKinds{"touch", "watch",      "estimate",
                                                      "unary", "full_scene", "info"};
-constexpr std::array<const char*, kRefusals> kWhy{"starting", "draining", "full", "client_share",
-                                                  "authority"};
+constexpr std::array<const char*, kRefusals> kWhy{"starting",     "draining",  "full",
+                                                  "client_share", "authority", "load"};
 
 // What is read at a scrape, beside what is counted as it happens.
 class Families {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <fstream>
 #include <stdexcept>
+#include <thread>
 
 #include "service/plan/choices.h"
 
@@ -75,18 +76,23 @@ const std::vector<LimitRow>& limit_rows() {
       {"most_modulus_time_s", &L::most_modulus_time_s, 60, "s", choices::kModulusTime, 3600,
        "modulus_time_limit_s"},
       {"most_credit", &L::most_credit, 256, "1", 1, 256, "answers of touch that were not acknowledged"},
-      {"most_touch_rate_hz", &L::most_touch_rate_hz, 1000, "Hz", 10, 1000, "answers of a touch stream"},
+      {"most_touch_rate_hz", &L::most_touch_rate_hz, 1000, "Hz", 20, 1000, "answers of a touch stream"},
+      {"least_touch_rate_hz", &L::least_touch_rate_hz, 20, "Hz", 1, 20,
+       "answers that a busy service leaves a touch stream that wants more; where it cannot, one more is "
+       "refused"},
       {"most_touch_period_s", &L::most_touch_period_s, 1, "s", 0.1, 10, "longest period of answers"},
       {"most_finger_rate_hz", &L::most_finger_rate_hz, 100, "Hz", 2, 100,
        "states to a watcher of the finger"},
       {"least_tip_m", &L::least_tip_m, 1e-4, "m", 1e-5, 1e-3, "radius or half width of a fingertip"},
       {"most_tip_m", &L::most_tip_m, 0.014, "m", 1e-3, 0.014,
        "radius or half width of a fingertip; the tissue of a window is fine that far"},
-      {"most_touch_streams", &L::most_touch_streams, 64, "1", 1, 4096, "touch streams at once"},
+      {"most_touch_streams", &L::most_touch_streams, 512, "1", 1, 4096, "touch streams at once"},
       {"most_watchers", &L::most_watchers, 64, "1", 1, 4096, "watchers of fingers at once"},
       {"most_estimates", &L::most_estimates, 8, "1", 1, 256, "uploads and estimates at once"},
       {"most_unary_calls", &L::most_unary_calls, 64, "1", 1, 4096, "other calls at once"},
       {"most_full_scenes", &L::most_full_scenes, 4, "1", 1, 64, "GetScene with maps at once"},
+      {"touch_workers", &L::touch_workers, 0, "1", 0, 256,
+       "threads that answer touches; 0: as many as cores; at least 2"},
       {"most_threads", &L::most_threads, 256, "1", 16, 4096, "threads of calls"},
       {"first_message_s", &L::first_message_s, 10, "s", 0.1, 600,
        "from opening a stream to its first message"},
@@ -135,6 +141,7 @@ void set_limit(Limits& limits, std::string_view name, double value) {
 Limits resolved(Limits limits, std::uint64_t host_bytes, std::uint64_t device_bytes) {
   if (limits.host_memory_bytes == 0) limits.host_memory_bytes = host_bytes / 4;
   if (limits.device_memory_bytes == 0) limits.device_memory_bytes = device_bytes / 2;
+  if (limits.touch_workers == 0) limits.touch_workers = std::max(1U, std::thread::hardware_concurrency());
   return limits;
 }
 

@@ -30,11 +30,11 @@ struct Limits {
   double least_modulus_time_s, most_modulus_time_s;
   // What touch may ask for.
   std::uint64_t most_credit;
-  double most_touch_rate_hz, most_touch_period_s, most_finger_rate_hz;
+  double most_touch_rate_hz, least_touch_rate_hz, most_touch_period_s, most_finger_rate_hz;
   double least_tip_m, most_tip_m;
   // Who is served at once, and for how long.
   std::uint64_t most_touch_streams, most_watchers, most_estimates, most_unary_calls, most_full_scenes;
-  std::uint64_t most_threads;
+  std::uint64_t touch_workers, most_threads;
   double first_message_s, acknowledge_s, answer_taken_s, touch_idle_s, drain_s;
   double upload_idle_s, least_upload_s, least_upload_rate, most_finish_within_s;
 
@@ -58,8 +58,8 @@ const std::vector<LimitRow>& limit_rows();
 // range, not whole where it is a count.
 void set_limit(Limits&, std::string_view name, double value);
 
-// The memory budgets as bytes of this machine: a quarter of the host's memory and half of the device's, where
-// nothing else was set.
+// Where nothing else was set: the memory budgets as bytes of this machine, a quarter of the host's memory and
+// half of the device's; touch workers as many as cores.
 Limits resolved(Limits, std::uint64_t host_bytes, std::uint64_t device_bytes);
 // Of this machine, or of the container where that has less: `of_container` holds its limit (cgroup v2).
 std::uint64_t host_memory_bytes(const char* of_container = "/sys/fs/cgroup/memory.max");

@@ -39,9 +39,11 @@ void Calls::leave(std::uint64_t id) {
   constexpr double kOfNew = 0.125;
   const std::lock_guard lock(mutex_);
   const auto place = places_.find(id);
-  const double held_s = std::chrono::duration<double>(Clock::now() - place->second.begun).count();
-  double& mean_s = held_s_[static_cast<std::size_t>(place->second.kind)];
-  mean_s = mean_s > 0 ? mean_s + kOfNew * (held_s - mean_s) : held_s;
+  if (const auto begun = place->second.begun) {
+    const double held_s = std::chrono::duration<double>(Clock::now() - *begun).count();
+    double& mean_s = held_s_[static_cast<std::size_t>(place->second.kind)];
+    mean_s = mean_s > 0 ? mean_s + kOfNew * (held_s - mean_s) : held_s;
+  }
   places_.erase(place);
   left_.notify_all();
 }
@@ -147,6 +149,19 @@ std::size_t Calls::count() const {
 void Calls::refused_authority(CallKind kind) {
   const std::lock_guard lock(mutex_);
   ++refused(kind, Refusal::kAuthority);
+}
+
+void Calls::refuse_for_load(std::uint64_t id, const std::string& load) {
+  const std::lock_guard lock(mutex_);
+  Place& refused_one = places_.at(id);
+  refused_one.begun.reset();
+  ++refused(refused_one.kind, Refusal::kLoad);
+  const auto same = std::count_if(places_.begin(), places_.end(), [&](const auto& place) {
+    return place.second.kind == refused_one.kind && place.second.begun;
+  });
+  throw Error(
+      ErrorKind::kExhausted,
+      load + "; " + again(refused_one.kind, std::max<std::size_t>(1, static_cast<std::size_t>(same))));
 }
 
 void Calls::ended(CallKind kind, grpc::StatusCode code) {

@@ -12,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -24,8 +25,8 @@ enum class CallKind { kTouch, kWatch, kEstimate, kUnary, kFullScene, kInfo };
 inline constexpr std::size_t kCallKinds = 6;
 
 // Why a call was given no place, or lost it.
-enum class Refusal { kStarting, kDraining, kFull, kClientShare, kAuthority };
-inline constexpr std::size_t kRefusals = 5;
+enum class Refusal { kStarting, kDraining, kFull, kClientShare, kAuthority, kLoad };
+inline constexpr std::size_t kRefusals = 6;
 
 // A call as the thread sees it that looks after all of them.
 class Served {
@@ -73,6 +74,9 @@ class Calls {
   std::size_t count() const;
   // One whose caller may not make it.
   void refused_authority(CallKind);
+  // One that has a place, but nobody has time for: throws Error(kExhausted) with the load and when to come
+  // again. Its place says nothing of how long places are held.
+  [[noreturn]] void refuse_for_load(std::uint64_t id, const std::string& load);
   // Those that gRPC is done with, whether they had a place or not.
   void ended(CallKind, grpc::StatusCode);
   struct Counts {
@@ -95,7 +99,7 @@ class Calls {
     CallKind kind;
     std::weak_ptr<Served> call;
     std::string client;
-    Clock::time_point begun;
+    std::optional<Clock::time_point> begun;  // none of one that was refused
   };
   void leave(std::uint64_t id);
   std::string again(CallKind, std::size_t places) const;

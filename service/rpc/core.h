@@ -14,6 +14,7 @@
 #include "service/rpc/calls.h"
 #include "service/rpc/metrics.h"
 #include "service/scene/scenes.h"
+#include "service/touch_plane/touch_workers.h"
 
 namespace teletact::service {
 
@@ -28,7 +29,8 @@ struct Core {
   Metrics metrics;
   Calls calls;
   Scenes scenes;
-  ImagingPlane imaging;  // last: its threads use the rest
+  ImagingPlane imaging;  // last but one: its threads use the rest
+  TouchWorkers touch;    // last: the same
 
   // `reopen`, `tell`: as ImagingPlane's.
   Core(std::shared_ptr<Device> device_, std::uint64_t instance_, const std::filesystem::path& state_directory,
@@ -43,7 +45,8 @@ struct Core {
         access(std::move(access_)),
         calls(limits),
         scenes(state_directory, limits, machine_files(), memory, models),
-        imaging(device, scenes, memory, models, std::move(reopen), std::move(tell)) {}
+        imaging(device, scenes, memory, models, std::move(reopen), std::move(tell)),
+        touch(limits) {}
 
   // In whose name memory is held.
   MemoryAccount account(std::string client, std::string scene = {}) const {

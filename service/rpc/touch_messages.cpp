@@ -225,16 +225,16 @@ void tactile_to(const SentTactile& in, v1::TactileImage* out) {
 
 }  // namespace
 
-void answer_to(const TouchStream::Arrived& asked, const TouchStream::Answered& answered,
-               std::uint64_t instance, v1::TouchAnswer* out) {
+void answer_to(const TouchStream::Answered& answered, std::uint64_t instance, v1::TouchAnswer* out) {
   const TouchAnswer& in = answered.answer;
-  const FingerPose& pose = asked.pose;
+  const FingerPose& pose = answered.asked.pose;
   out->set_answer(answered.number);
   out->set_sequence(pose.sequence);
   stamp_to(pose.stamp_ns, pose.stamp_instance, out->mutable_pose_stamp());
   for (std::size_t k = 0; k < pose.components; ++k) out->add_position_m(pose.position_m[k]);
   out->set_compute_ns(answered.computing.count());
   out->set_queued_ns(answered.queued.count());
+  out->set_period_s(std::chrono::duration<double>(answered.period).count());
   if (in.taken_in != std::chrono::steady_clock::time_point())
     stamp_to(monotonic_ns(in.taken_in), instance, out->mutable_model_stamp());
   const ContactAnswer& c = in.contact;

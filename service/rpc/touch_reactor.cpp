@@ -3,6 +3,8 @@
 #include <spdlog/spdlog.h>
 
 #include <stdexcept>
+#include <utility>
+#include <variant>
 
 #include "service/rpc/client.h"
 #include "service/rpc/law_messages.h"
@@ -19,6 +21,12 @@ template <class Message>
 void steering_to(FingerBoard::Steering steering, Message* out) {
   out->set_steers(steering.steers);
   out->set_steered_by(std::move(steering.by));
+}
+
+// In whose turn it is answered: who only observes has less of them than who steers.
+TouchQueue::Principal principal_of(const TouchWishes& wishes) {
+  if (wishes.may_steer) return {wishes.touch.client, 1};
+  return {"observer " + wishes.touch.client, TouchQueue::kObserverWeight};
 }
 
 }  // namespace
@@ -43,7 +51,7 @@ void TouchReactor::take(const v1::TouchRequest& request) {
   else if (request.has_pose() && !opened_)
     throw std::invalid_argument("open: the first message of a touch stream must be open");
   else if (request.has_pose())
-    core_.metrics.pose(stream_->bring(pose_from(request.pose())));
+    bring(request.pose());
   else if (request.has_hand_over() && opened_)
     stream_->hand_over(request.hand_over().session_id());
   else
@@ -69,50 +77,68 @@ void TouchReactor::open(const v1::TouchOpen& open) {
   TouchWishes wishes = wishes_from(open);
   wishes.touch.client = client_of(*context_);
   wishes.may_steer = required().need == Need::kSteer;
+  const TouchQueue::Principal principal = principal_of(wishes);
+  if (const auto load = core_.touch.overload(principal)) core_.calls.refuse_for_load(id(), *load);
   stream_ =
       std::make_unique<TouchStream>(core_.scenes.find(open.scene_id()), std::move(wishes), core_.device);
   name_ = shown(open.session_id());
   spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}", id(),
                name_, stream_->scene().id(), context_->peer(), stream_->credit(),
                std::chrono::duration<double>(stream_->period()).count());
-  opened_ = true;
-  if (!hold()) return;
+  if (!hold()) return;  // until left()
   try {
-    thread_ = std::thread([this] { answer_and_write(); });
+    turns_ = core_.touch.join(principal, stream_->period(), *this);
   } catch (...) {
     release();
     throw;
   }
+  opened_ = true;
+  wake();
 }
 
-void TouchReactor::answer_and_write() {
-  const auto stopped = [this] { return life().ended(); };
-  const auto may_answer = [this] { return !writing(); };
-  during([this] { write_opened(); });
-  const auto write_free = [&](const LawPiece& piece) {
-    stream_->wait(may_answer, stopped);
-    if (!stopped()) write_law(piece);
-  };
-  while (!stopped()) {
-    during([&] {
-      if (const auto piece = stream_->next_law()) write_free(*piece);
-    });
-    if (const auto pose = stream_->next(may_answer, stopped))
-      during([&] {
-        while (const auto piece = stream_->law_before(*pose, stopped)) write_free(*piece);
-        stream_->wait(may_answer, stopped);
-        if (stopped()) return;
-        write_answer(*pose);
-        stream_->look_ahead();
-      });
+void TouchReactor::bring(const v1::ContactPose& pose) {
+  core_.metrics.pose(stream_->bring(pose_from(pose)));
+  wake();
+}
+
+void TouchReactor::wake() {
+  if (const auto due = stream_->due(); due < Clock::time_point::max()) core_.touch.wake(turns_, due);
+}
+
+void TouchReactor::written() {
+  if (!opened_) return;
+  stream_->written();
+  wake();
+}
+
+void TouchReactor::ended() {
+  if (!opened_) return;
+  stream_->end();
+  wake();
+}
+
+TouchTurns::Done TouchReactor::turn(Clock::duration period) {
+  TouchStream::Said said;
+  during([&] {
+    said = stream_->turn(period);
+    if (const auto* opened = std::get_if<TouchStream::Opened>(&said)) say(*opened);
+    if (const auto* piece = std::get_if<LawPiece>(&said)) say(*piece);
+    if (const auto* answered = std::get_if<TouchStream::Answered>(&said)) {
+      say(*answered);
+      stream_->look_ahead();
+    }
+  });
+  if (life().ended()) {  // at once: the end itself may wait for the peer
+    stream_->end();
+    said = stream_->turn();
   }
-  stream_->leave();  // here already: the end itself may wait for the peer
-  release();         // last: OnDone may follow at once
+  return {stream_->due(), std::holds_alternative<TouchStream::Answered>(said),
+          std::holds_alternative<TouchStream::Left>(said)};
 }
 
-void TouchReactor::write_opened() {
+void TouchReactor::say(const TouchStream::Opened& said) {
   v1::TouchOpened* opened = response_.mutable_opened();
-  opened->set_period_s(std::chrono::duration<double>(stream_->period()).count());
+  opened->set_period_s(std::chrono::duration<double>(said.period).count());
   opened->set_credit(static_cast<std::uint32_t>(stream_->credit()));
   opened->set_instance(core_.instance);
   layer_to(stream_->layer(), opened->mutable_layer());
@@ -121,24 +147,22 @@ void TouchReactor::write_opened() {
   write(response_);
 }
 
-void TouchReactor::write_answer(const TouchStream::Arrived& pose) {
-  const TouchStream::Answered answered = stream_->answer(pose);
+void TouchReactor::say(const TouchStream::Answered& answered) {
   v1::TouchAnswer* answer = response_.mutable_answer();  // replaces `opened`
   answer->Clear();
-  answer_to(pose, answered, core_.instance, answer);
+  answer_to(answered, core_.instance, answer);
   steering_to(answered.steering, answer);
   stamp_to(monotonic_ns(), core_.instance, answer->mutable_answer_stamp());
   if (write(response_)) core_.metrics.answer(answered);
 }
 
-void TouchReactor::write_law(const LawPiece& piece) {
+void TouchReactor::say(const LawPiece& piece) {
   law_to(piece, response_.mutable_law());  // replaces the answer
   if (write(response_)) core_.metrics.law_piece();
 }
 
 void TouchReactor::closed() {
-  if (thread_.joinable()) thread_.join();
-  if (!opened_) return;
+  if (!stream_) return;
   const auto [poses, replaced, answers] = stream_->counts();
   spdlog::info(
       "event=touch_closed stream={} session=\"{}\" scene={} poses={} poses_replaced={} answers={} code={}",

@@ -1,22 +1,22 @@
-// One touch stream. gRPC's threads bring its poses; a thread of the stream's own answers and writes.
+// One touch stream. gRPC's threads bring its poses; the touch plane's workers answer and write.
 #pragma once
 
 #include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include "service/rpc/core.h"
 #include "service/rpc/served_call.h"
 #include "service/touch_plane/touch_stream.h"
+#include "service/touch_plane/touch_workers.h"
 #include "teletact/v1/palpation.pb.h"
 
 namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
 
-class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchResponse> {
+class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchResponse>, private TouchTurns {
  public:
   TouchReactor(Core&, grpc::CallbackServerContext*);
   static TouchReactor* serve(Core&, grpc::CallbackServerContext*);
@@ -26,18 +26,18 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   void take(const v1::TouchRequest&) override;
   void tick(Clock::time_point now) override;
   void check() const override;
-  void written() override { wake(); }
-  void ended() override { wake(); }
+  void written() override;
+  void ended() override;
   void closed() override;
+  Done turn(Clock::duration period) override;
+  void left() override { release(); }  // OnDone may follow at once
 
-  void wake() {
-    if (opened_) stream_->wake();
-  }
+  void wake();
   void open(const v1::TouchOpen&);
-  void answer_and_write();  // the stream's thread
-  void write_opened();
-  void write_answer(const TouchStream::Arrived&);
-  void write_law(const LawPiece&);
+  void bring(const v1::ContactPose&);
+  void say(const TouchStream::Opened&);
+  void say(const TouchStream::Answered&);
+  void say(const LawPiece&);
 
   Core& core_;
   const Clock::time_point begun_ = Clock::now();
@@ -45,9 +45,8 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   std::unique_ptr<TouchStream> stream_;
   std::atomic<bool> opened_{false};  // stream_ is there
 
-  // The stream's thread.
-  v1::TouchResponse response_;  // not touched while a write is under way
-  std::thread thread_;
+  TouchWorkers::Id turns_ = 0;
+  v1::TouchResponse response_;  // of whose turn it is; not touched while a write is under way
 };
 
 }  // namespace teletact::service

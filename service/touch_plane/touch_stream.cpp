@@ -15,10 +15,6 @@ namespace teletact::service {
 
 namespace {
 
-constexpr std::chrono::minutes kLook{1};  // whoever ends the stream wakes it
-constexpr unsigned kMostPieces = 2;       // of laws, between two answers: they wait for no more
-constexpr std::chrono::milliseconds kLookForLaw{1};
-
 std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
   if (wished > TouchStream::kMostCredit)
     throw std::invalid_argument(
@@ -40,6 +36,11 @@ Along along(const Vector3& vector) {
   return {vector[0], vector[2]};
 }
 
+TouchExchange::Terms terms_from(const TouchWishes& wishes, const Limits& limits) {
+  return {credit_from(wishes.credit, limits), period_from(wishes.period_s, limits), wishes.laws,
+          limits.acknowledge_s, limits.touch_idle_s};
+}
+
 TouchOptions&& options_of(TouchWishes& wishes) {
   if (wishes.session_id.size() > TouchStream::kMostSessionIdBytes)
     throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
@@ -53,8 +54,7 @@ TouchOptions&& options_of(TouchWishes& wishes) {
 TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const CurrentDevice& device)
     : scene_(std::move(scene)),
       device_(device),
-      credit_(credit_from(wishes.credit, scene_->limits())),
-      period_(period_from(wishes.period_s, scene_->limits())),
+      exchange_(terms_from(wishes, scene_->limits()), Clock::now()),
       pressure_(wishes.pressure),
       session_(scene_, options_of(wishes), device),
       laws_(wishes.laws ? std::make_optional<LawOutbox>() : std::nullopt),
@@ -72,32 +72,10 @@ FingerBoard::Steering TouchStream::steering() {
 
 bool TouchStream::bring(const FingerPose& pose) {
   const auto arrived = Clock::now();
-  if (pose.sequence <= last_sequence_)
-    throw std::invalid_argument(
-        fmt::format("pose.sequence: {} after {}; count up from 1", pose.sequence, last_sequence_));
-  if (pose.acknowledged > answered_ || pose.acknowledged < acknowledged_)
-    throw std::invalid_argument(fmt::format(
-        "pose.acknowledged: {}, but {} answers were sent and {} acknowledged; give the number of the "
-        "newest answer received",
-        pose.acknowledged, answered_.load(), acknowledged_.load()));
+  const std::lock_guard lock(mutex_);
   if (laws_) laws_->acknowledge(pose.laws_acknowledged);
-  // Whoever is silent may be idle; whoever sends poses has had the time to read.
-  const double patience_s = scene_->limits().acknowledge_s;
-  if (pose.acknowledged > acknowledged_)
-    owed_ = arrived;
-  else if (acknowledged_ < answered_ && arrived - owed_.load() > seconds(patience_s))
-    throw Error(ErrorKind::kDeadline,
-                fmt::format("pose.acknowledged: still {} after {} s, {} answers were sent; acknowledge the "
-                            "newest answer with each pose, or open a new stream",
-                            acknowledged_.load(), patience_s, answered_.load()));
-  last_sequence_ = pose.sequence;
-  heard_ = arrived;
+  const bool replaced = exchange_.pose(pose, arrived);
   scene_->finger().arrive(finger_, pose.position_m, pose.velocity_m_s, arrived);
-  ++poses_;
-  const bool replaced = inbox_.put({pose, arrived});
-  replaced_ += replaced;
-  // After the pose: what it makes room for is its own answer, not an older one's.
-  if (acknowledged_.exchange(pose.acknowledged) != pose.acknowledged) inbox_.wake();
   return replaced;
 }
 
@@ -105,40 +83,62 @@ void TouchStream::hand_over(const std::string& session_id) {
   scene_->finger().hand_over(finger_, session_id, Clock::now());
 }
 
-std::optional<TouchStream::Arrived> TouchStream::next(const std::function<bool()>& may_answer,
-                                                      const std::function<bool()>& stopped) {
-  inbox_.wait(due_, stopped);  // keep the period; poses that come meanwhile replace each other
-  const auto now = Clock::now();
-  const bool looks_soon = laws_ && pieces_ < kMostPieces && laws_->expects_more(now);
-  auto pose = inbox_.take(
-      now + (looks_soon ? Clock::duration(choices::kLawStep) : kLook),
-      [&] { return may_answer() && answered_ - acknowledged_ < credit_; }, stopped);
-  // A late pose is caught up with over one period, no more.
-  if (pose) due_ = std::max(due_, Clock::now() - period_) + period_;
-  return pose;
+TouchStream::Said TouchStream::turn(Clock::duration period) try {
+  using Work = TouchExchange::Work;
+  Work work = Work::kNothing;
+  {
+    const std::lock_guard lock(mutex_);
+    due_ = Clock::time_point::max();
+    exchange_.keep(period);
+    work = exchange_.begin(Clock::now());
+  }
+  switch (work) {
+    case Work::kNothing:
+      break;
+    case Work::kOpen: {
+      const std::lock_guard lock(mutex_);
+      exchange_.opened();
+      return Opened{exchange_.period()};
+    }
+    case Work::kLawBefore:
+    case Work::kLaw:
+      if (auto piece = law_for(work)) return *std::move(piece);
+      return turn(period);
+    case Work::kAnswer:
+      return answer();
+    case Work::kLeave:
+      leave();
+      return Left{};
+  }
+  return {};
+} catch (...) {
+  const std::lock_guard lock(mutex_);
+  exchange_.failed();
+  throw;
 }
 
-TouchStream::Answered TouchStream::answer(const Arrived& arrived) {
+TouchStream::Answered TouchStream::answer() {
   const auto begun = Clock::now();
+  const Arrived& asked = exchange_.asked();  // nobody changes it before answered()
+  const FingerPose& pose = asked.pose;
   const std::shared_ptr<Device> device = device_;
   session_.use(device);
-  const auto may_enter = [&](const WindowModel& window) {
-    return this->may_enter(window, arrived.pose.position_m);
-  };
-  Answered answered{session_.solve(arrived.pose.position_m, may_enter), 0, begun - arrived.at, {}, {}};
+  const auto may_enter = [&](const WindowModel& window) { return this->may_enter(window, pose.position_m); };
+  Answered answered{asked, {}, session_.solve(pose.position_m, may_enter), 0, begun - asked.at, {}, {}};
   answered.computing = Clock::now() - begun;
   if (tactile_) {
-    session_.show(*tactile_, arrived.pose.sequence, arrived.pose.position_m, answered.answer);
+    session_.show(*tactile_, pose.sequence, pose.position_m, answered.answer);
     answered.tactile = tactile_->take();
   }
   if (!pressure_) answered.answer.contact.pressure.clear();
   scene_->finger().wish(finger_, answered.answer.wish);
-  finger_at_ = arrived.pose;
-  pieces_ = 0;
   if (answered.answer.device_failed) device_.failed(device, answered.answer.warning);
   answered.steering = steering();
-  if (acknowledged_ == answered_) owed_ = Clock::now();
-  answered.number = ++answered_;  // before it is sent: its acknowledgement may be quicker than we are
+  const auto now = Clock::now();
+  const std::lock_guard lock(mutex_);
+  answered.period = exchange_.period();
+  answered.number =
+      exchange_.answered(now, more_laws(now));  // its acknowledgement may be quicker than we are
   return answered;
 }
 
@@ -159,19 +159,13 @@ std::optional<LawPiece> TouchStream::piece_for(const FingerPose& finger, double 
   return laws_->next(*scene_->snapshot(), place_m, along(finger.velocity_m_s), law_of, farthest_m);
 }
 
-std::optional<LawPiece> TouchStream::law_before(const Arrived& arrived,
-                                                const std::function<bool()>& stopped) {
-  while (true) {
-    auto piece = piece_for(arrived.pose, kLawNearM);
-    const bool waits = laws_ && answered_ == 0 && Clock::now() < arrived.at + choices::kLawStep;
-    if (piece || !waits || inbox_.wait(Clock::now() + kLookForLaw, stopped)) return piece;
-  }
-}
-
-std::optional<LawPiece> TouchStream::next_law() {
-  if (!finger_at_ || pieces_ == kMostPieces) return std::nullopt;
-  auto piece = piece_for(*finger_at_, std::numeric_limits<double>::infinity());
-  pieces_ += piece.has_value();
+std::optional<LawPiece> TouchStream::law_for(TouchExchange::Work work) {
+  const bool before = work == TouchExchange::Work::kLawBefore;
+  auto piece = before ? piece_for(exchange_.asked().pose, kLawNearM)
+                      : piece_for(*exchange_.finger(), std::numeric_limits<double>::infinity());
+  const auto now = Clock::now();
+  const std::lock_guard lock(mutex_);
+  exchange_.told_law(now, piece.has_value(), more_laws(now));
   return piece;
 }
 
@@ -188,19 +182,35 @@ bool TouchStream::may_enter(const WindowModel& window, const Vector3& position_m
   return !waits;
 }
 
-void TouchStream::wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped) {
-  while (!inbox_.wait(Clock::now() + kLook, [&] { return stopped() || may_write(); })) {
-  }
-}
-
 void TouchStream::leave() {
   scene_->finger().leave(finger_, Clock::now());
 }
 
+void TouchStream::written() {
+  const std::lock_guard lock(mutex_);
+  exchange_.written();
+}
+
+void TouchStream::end() {
+  const std::lock_guard lock(mutex_);
+  exchange_.end();
+}
+
+TouchStream::Clock::time_point TouchStream::due() {
+  const std::lock_guard lock(mutex_);
+  const auto due = exchange_.next(Clock::now()).due;
+  if (due >= due_) return Clock::time_point::max();
+  return due_ = due;
+}
+
 void TouchStream::require_poses(Clock::time_point now) const {
-  if (now - heard_.load() > seconds(scene_->limits().touch_idle_s))
-    throw Error(ErrorKind::kDeadline,
-                fmt::format("no pose for {} s; open a new stream", scene_->limits().touch_idle_s));
+  const std::lock_guard lock(mutex_);
+  exchange_.require_poses(now);
+}
+
+TouchExchange::Counts TouchStream::counts() const {
+  const std::lock_guard lock(mutex_);
+  return exchange_.counts();
 }
 
 }  // namespace teletact::service

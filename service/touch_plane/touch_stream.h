@@ -1,21 +1,20 @@
-// One stream of touches on one scene: poses are brought, the newest is answered. No sooner than the period
-// after the last answer, and only while fewer than `credit` answers are unacknowledged: a client that does
-// not read is never more than `credit` answers behind, and the service buffers nothing for it.
+// One stream of touches on one scene: what is decided of it (touch_exchange.h) is done here, one turn after
+// the other, on whatever thread has its turn.
 #pragma once
 
-#include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <variant>
 
 #include "service/device/current_device.h"
 #include "service/scene/finger.h"
 #include "service/touch_plane/law_outbox.h"
-#include "service/touch_plane/mailbox.h"
 #include "service/touch_plane/tactile_outbox.h"
+#include "service/touch_plane/touch_exchange.h"
 #include "service/touch_plane/touch_session.h"
 
 namespace teletact::service {
@@ -32,16 +31,6 @@ struct TouchWishes {
   bool may_steer = true;
 };
 
-struct FingerPose {
-  std::uint64_t sequence = 0;      // counts up
-  std::uint64_t acknowledged = 0;  // the newest answer that was received
-  Vector3 position_m{}, velocity_m_s{};
-  std::size_t components = 3;  // of position_m, that were sent
-  std::int64_t stamp_ns = 0;   // of its client's clock
-  std::uint64_t stamp_instance = 0;
-  std::uint64_t laws_acknowledged = 0;  // the newest piece of a law
-};
-
 class TouchStream {
  public:
   using Clock = std::chrono::steady_clock;
@@ -50,17 +39,23 @@ class TouchStream {
   static constexpr std::uint64_t kMostCredit = 256;  // of a wish; kept is what the limits say
   static constexpr double kLawNearM = 0.010;         // columns of laws this near go before the answer
 
-  struct Arrived {
-    FingerPose pose;
-    Clock::time_point at;
+  using Arrived = TouchExchange::Arrived;
+  // What is to be written next: that the stream is open, a piece of a law, or an answer to the pose that was
+  // asked for. The last turn is over: none follows.
+  struct Opened {
+    Clock::duration period;  // that is kept between answers now
   };
+  struct Left {};
   struct Answered {
+    Arrived asked;
+    Clock::duration period;  // as Opened's
     TouchAnswer answer;
     std::uint64_t number = 0;               // counts the answers from 1
     Clock::duration queued{}, computing{};  // the pose, until it was worked on; from then on
     FingerBoard::Steering steering;
     std::optional<SentTactile> tactile = {};  // of this answer or an earlier one
   };
+  using Said = std::variant<std::monostate, Opened, LawPiece, Answered, Left>;
 
   // Throws std::invalid_argument (field named) for wishes that cannot be met.
   TouchStream(std::shared_ptr<Scene>, TouchWishes, const CurrentDevice&);
@@ -70,66 +65,57 @@ class TouchStream {
 
   const Scene& scene() const { return *scene_; }
   const Layer& layer() const { return session_.layer(); }
-  std::uint64_t credit() const { return credit_; }
-  Clock::duration period() const { return period_; }
+  std::uint64_t credit() const { return exchange_.terms().credit; }
+  Clock::duration period() const { return exchange_.terms().period; }  // as agreed
   // Where the tissue is covered, around the finger that steers.
   Region covered() const;
   FingerBoard::Steering steering();
 
-  // By one thread. Throws std::invalid_argument for a pose out of order, Error(kDeadline) for one whose
-  // client does not acknowledge what it was sent. True: in the place of one that was not answered.
+  // By one thread. Throws as TouchExchange::pose(). True: in the place of one that was not answered.
   bool bring(const FingerPose&);
   void hand_over(const std::string& session_id);
 
-  // By another. The pose to be answered next, once its time has come and `may_answer`; none when `stopped`,
-  // or after a while. Both read atomics, nothing more.
-  std::optional<Arrived> next(const std::function<bool()>& may_answer, const std::function<bool()>& stopped);
-  Answered answer(const Arrived&);
+  // By one thread at a time. Does what is to be done now, and says what is to be written; nothing where
+  // nothing is due. `period`: as TouchExchange::keep().
+  Said turn(Clock::duration period = {});
   // After an answer was handed on (TouchSession::look_ahead).
   void look_ahead();
-  // What goes before the answer to this pose: the next piece of a law near its finger, if there is one. The
-  // first answer waits for it a little.
-  std::optional<LawPiece> law_before(const Arrived&, const std::function<bool()>& stopped);
-  // What goes before the next answer: a piece of a law, from the finger that was answered last outwards, if
-  // there is one, and at most two of them.
-  std::optional<LawPiece> next_law();
-  // Waits until `may_write` or `stopped`.
-  void wait(const std::function<bool()>& may_write, const std::function<bool()>& stopped);
-  // From now on another stream steers; again: changes nothing.
-  void leave();
 
-  // By any. Lets next() look at its conditions again.
-  void wake() { inbox_.wake(); }
+  // By any. What was said has been written: nothing is said before.
+  void written();
+  // The last turn is due.
+  void end();
+  // When the next turn is due; Time::max(): not before one of these calls, or not before it was said to be
+  // since the last turn.
+  Clock::time_point due();
   // Throws Error(kDeadline) when no pose has come for too long.
   void require_poses(Clock::time_point now) const;
 
-  struct Counts {
-    std::uint64_t poses, replaced, answers;
-  };
-  Counts counts() const { return {poses_, replaced_, answered_}; }
+  TouchExchange::Counts counts() const;
 
  private:
+  // From now on another stream steers; again: changes nothing.
+  void leave();
+  Answered answer();
+  // What of laws goes before the answer to `asked`, or between two answers.
+  std::optional<LawPiece> law_for(TouchExchange::Work);
+  bool more_laws(Clock::time_point now) const { return laws_ && laws_->expects_more(now); }
   bool may_enter(const WindowModel&, const Vector3& position_m);
   std::optional<LawPiece> piece_for(const FingerPose&, double farthest_m);
 
   const std::shared_ptr<Scene> scene_;
   const CurrentDevice& device_;
-  const std::uint64_t credit_;
-  const Clock::duration period_;
+  mutable std::mutex mutex_;  // of the next two
+  TouchExchange exchange_;
+  Clock::time_point due_ = Clock::time_point::max();  // as was said since the last turn
   const bool pressure_;
-  TouchSession session_;                            // of who answers
+  // Of whose turn it is.
+  TouchSession session_;
   std::optional<LawOutbox> laws_;                   // where they are asked for
   std::optional<TactileOutbox> tactile_;            // the same
-  unsigned pieces_ = 0;                             // of laws, since the last answer
   std::optional<Clock::time_point> awaited_since_;  // the law of a newer version than the one that answers
-  std::optional<FingerPose> finger_at_;             // that was answered last; of who answers
-  const FingerBoard::Stream finger_;                // this stream's at the scene's board
-  std::atomic<Clock::time_point> heard_{Clock::now()};  // since when the next pose is waited for
-  std::atomic<Clock::time_point> owed_{};               // since when an answer waits to be acknowledged
-  std::atomic<std::uint64_t> answered_{0}, acknowledged_{0};
-  Mailbox<Arrived> inbox_;
-  Clock::time_point due_ = Clock::now();                        // of the next answer
-  std::uint64_t last_sequence_ = 0, poses_ = 0, replaced_ = 0;  // of who brings
+
+  const FingerBoard::Stream finger_;  // this stream's at the scene's board
 };
 
 }  // namespace teletact::service

@@ -152,5 +152,13 @@ TEST(Pacing, JitterIsToldFromAQueueInPart) {
   EXPECT_GE(run(Pacing(kPeriodS, 256), 20, jitters).answers_per_s(5, 20), 25);
 }
 
+TEST(Pacing, PosesComeAsSeldomAsABusyServiceAnswers) {
+  Pacing pacing(0.002, 8);
+  pacing.keep(0.05);
+  EXPECT_EQ(pacing.interval_s(), 0.05);
+  pacing.keep(0.002);
+  EXPECT_EQ(pacing.interval_s(), 0.002);
+}
+
 }  // namespace
 }  // namespace teletact::client

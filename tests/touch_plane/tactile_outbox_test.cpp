@@ -5,6 +5,8 @@
 
 #include <numeric>
 #include <stdexcept>
+#include <thread>
+#include <variant>
 #include <vector>
 
 #include "service/plan/choices.h"
@@ -78,8 +80,12 @@ class TactileStream : public testing::Test {
  protected:
   TouchStream::Answered touch(TouchStream& stream, double y_m) {
     stream.bring({++sequence_, stream.counts().answers, {0.03, y_m, 0}, {}});
-    const auto asked = stream.next([] { return true; }, [] { return false; });
-    return stream.answer(asked.value());
+    while (true) {
+      std::this_thread::sleep_until(stream.due());
+      const TouchStream::Said said = stream.turn();
+      stream.written();
+      if (const auto* answered = std::get_if<TouchStream::Answered>(&said)) return *answered;
+    }
   }
   static TouchWishes wishes() {
     TouchWishes wishes{"hand", 8, 0, {}};

@@ -6,8 +6,11 @@
 #include <cmath>
 #include <deque>
 #include <functional>
+#include <optional>
 #include <stdexcept>
 #include <thread>
+#include <variant>
+#include <vector>
 
 #include "service/plan/choices.h"
 #include "service/scene/errors.h"
@@ -17,21 +20,31 @@
 namespace teletact::service {
 namespace {
 
+// The next answer, once it is due, each thing that goes before it given to `before`; none where none is due.
+std::optional<TouchStream::Answered> next_answer(
+    TouchStream& stream, const std::function<void(const LawPiece&)>& before = [](const LawPiece&) {}) {
+  while (true) {
+    const auto due = stream.due();
+    if (due == TouchStream::Clock::time_point::max()) return std::nullopt;
+    std::this_thread::sleep_until(due);
+    const TouchStream::Said said = stream.turn();
+    stream.written();
+    if (const auto* answered = std::get_if<TouchStream::Answered>(&said)) return *answered;
+    if (const auto* piece = std::get_if<LawPiece>(&said)) before(*piece);
+  }
+}
+
+// What is told of a law before the next pose comes, at once.
+std::optional<LawPiece> next_law(TouchStream& stream) {
+  const TouchStream::Said said = stream.turn();
+  stream.written();
+  const auto* piece = std::get_if<LawPiece>(&said);
+  return piece ? std::make_optional(*piece) : std::nullopt;
+}
+
 class Stream : public testing::Test {
  protected:
-  // The pose that is answered next; none when it takes longer than that of a stream that may answer.
-  std::optional<TouchStream::Arrived> next() {
-    std::atomic<bool> stop{false};
-    std::thread later([&] {
-      for (int k = 0; k < 100 && !stop; ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-      stop = true;
-      stream.wake();
-    });
-    auto pose = stream.next([] { return true; }, [&] { return stop.load(); });
-    stop = true;
-    later.join();
-    return pose;
-  }
+  std::optional<TouchStream::Answered> next() { return next_answer(stream); }
   static FingerPose pose(std::uint64_t sequence, std::uint64_t acknowledged, double y_m = 0.002) {
     return {sequence, acknowledged, {0.03, y_m, 0}, {}};
   }
@@ -42,49 +55,72 @@ class Stream : public testing::Test {
 
 TEST_F(Stream, AnswersTheNewestPoseOnceTheLastAnswerIsAcknowledged) {
   stream.bring(pose(1, 0));
-  auto asked = next();
-  ASSERT_TRUE(asked);
-  const TouchStream::Answered first = stream.answer(*asked);
-  EXPECT_EQ(first.number, 1U);
-  EXPECT_EQ(first.answer.status, TouchStatus::kOk);
-  EXPECT_LT(first.answer.contact.force_n[1], 0);
-  EXPECT_TRUE(first.steering.steers);
+  const auto first = next();
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->number, 1U);
+  EXPECT_EQ(first->answer.status, TouchStatus::kOk);
+  EXPECT_LT(first->answer.contact.force_n[1], 0);
+  EXPECT_TRUE(first->steering.steers);
+  EXPECT_EQ(first->period, stream.period());
   stream.bring(pose(2, 0));
   EXPECT_FALSE(next()) << "beyond its credit";
   stream.bring(pose(3, 1, 0.003));
-  asked = next();
-  ASSERT_TRUE(asked);
-  EXPECT_EQ(asked->pose.sequence, 3U);
-  EXPECT_LT(stream.answer(*asked).answer.contact.force_n[1], first.answer.contact.force_n[1]);
+  const auto second = next();
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->asked.pose.sequence, 3U);
+  EXPECT_LT(second->answer.contact.force_n[1], first->answer.contact.force_n[1]);
   EXPECT_EQ(stream.counts().replaced, 1U);
 }
 
-// Who feels a law must not be told of a version that it has none of.
-TEST(StreamWithLaws, AnswersFromTheVersionBeforeUntilTheNewLawIsTold) {
-  const auto scene = std::make_shared<Scene>("s", tissue(0.06, 0.02), versions());
-  const auto publish = [&](double pa) {
-    const auto never = [] { return false; };
-    return scene->publish(window_of(homogeneous(pa), 0, 0.06, 0.02), never).version;
-  };
-  const std::uint64_t first = publish(1e4);
+// A hand that feels laws of a scene, all of whose work beside touch waits until it is let.
+class StreamWithLaws : public testing::Test {
+ protected:
+  static constexpr double kXM = 0.03;
+  StreamWithLaws() {
+    scene->set_touch_work(
+        [this](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); });
+  }
+  std::uint64_t publish(double pa) {
+    const auto published = scene->publish(window_of(homogeneous(pa), 0, 0.06, 0.02), [] { return false; });
+    scene->snapshot()->windows[0]->model->layer({}, {}, {});  // ready to be touched
+    return published.version;
+  }
+  void work() {
+    for (; !jobs.empty(); jobs.pop_front()) jobs.front()();
+  }
+  // The version of the answer to the next pose, and what went before it.
+  std::uint64_t answered_version(double x_m = kXM) {
+    before.clear();
+    stream.bring({++sequence, stream.counts().answers, {x_m, 0.002, 0}, {}, 3, 0, 0, pieces});
+    const auto answered = next_answer(stream, [&](const LawPiece& piece) { keep(piece); });
+    EXPECT_TRUE(answered);
+    return answered ? answered->answer.model_version : 0;
+  }
+  void keep(const LawPiece& piece) {
+    before.push_back(piece);
+    pieces = piece.number;
+  }
+  const std::shared_ptr<Scene> scene = std::make_shared<Scene>("s", tissue(0.06, 0.02), versions());
+  std::deque<std::function<void()>> jobs;
   const CurrentDevice no_device{nullptr};
-  TouchStream stream(scene, {"hand", 8, 0, {}, true}, no_device);
-  std::uint64_t sequence = 0;
-  const auto answered_version = [&] {
-    stream.bring({++sequence, sequence - 1, {0.03, 0.002, 0}, {}});
-    const auto asked = stream.next([] { return true; }, [] { return false; });
-    return asked ? stream.answer(*asked).answer.model_version : 0;
-  };
+  std::uint64_t sequence = 0, pieces = 0;
+  std::vector<LawPiece> before;
+  TouchStream stream{scene, {"hand", 8, 0, {}, true}, no_device};
+};
+
+// Who feels a law must not be told of a version that it has none of.
+TEST_F(StreamWithLaws, AnswersFromTheVersionBeforeUntilTheNewLawIsTold) {
+  const std::uint64_t first = publish(1e4);
   EXPECT_EQ(answered_version(), first);
-  ASSERT_TRUE(stream.next_law());
-  ASSERT_TRUE(stream.next_law());
-  EXPECT_FALSE(stream.next_law()) << "two between answers";
+  work();
+  EXPECT_EQ(answered_version(), first);
+  ASSERT_FALSE(before.empty());
   const std::uint64_t second = publish(2e4);
   EXPECT_EQ(answered_version(), first) << "nothing is told of the newer yet";
-  const auto piece = stream.next_law();
-  ASSERT_TRUE(piece);
-  EXPECT_EQ(piece->version, second);
+  work();
   EXPECT_EQ(answered_version(), second);
+  ASSERT_FALSE(before.empty());
+  EXPECT_EQ(before.back().version, second);
   // A law that never comes is not waited for, however often there is a newer version.
   publish(3e4);
   EXPECT_EQ(answered_version(), second);
@@ -94,66 +130,47 @@ TEST(StreamWithLaws, AnswersFromTheVersionBeforeUntilTheNewLawIsTold) {
 }
 
 // On a narrow link an answer takes as long as the columns around the finger.
-TEST(StreamWithLaws, WhatIsNearTheFingerGoesBeforeItsAnswer) {
-  const auto scene = std::make_shared<Scene>("s", tissue(0.06, 0.02), versions());
-  const auto never = [] { return false; };
-  scene->publish(window_of(homogeneous(1e4), 0, 0.06, 0.02), never);
-  const CurrentDevice no_device{nullptr};
-  TouchStream stream(scene, {"hand", 8, 0, {}, true}, no_device);
-  EXPECT_FALSE(stream.next_law()) << "where is the finger?";
-  const double x_m = 0.03;
-  stream.bring({1, 0, {x_m, 0.002, 0}, {}});
-  const auto asked = stream.next([] { return true; }, never);
-  ASSERT_TRUE(asked);
-  double begin_m = x_m, end_m = x_m;
-  while (const auto piece = stream.law_before(*asked, never)) begin_m = piece->begin_m, end_m = piece->end_m;
-  EXPECT_LE(begin_m, x_m - TouchStream::kLawNearM + choices::kLawPitch);
-  EXPECT_GE(end_m, x_m + TouchStream::kLawNearM - choices::kLawPitch);
-  stream.answer(*asked);
-  const auto far = stream.next_law();
-  ASSERT_TRUE(far);
-  for (const LawColumn& column : far->columns) EXPECT_GT(std::abs(column.x_m - x_m), TouchStream::kLawNearM);
-  stream.bring({2, 1, {std::nan(""), 0.002, 0}, {}});
-  const auto nowhere = stream.next([] { return true; }, never);
-  ASSERT_TRUE(nowhere);
-  EXPECT_FALSE(stream.law_before(*nowhere, never));
+TEST_F(StreamWithLaws, WhatIsNearTheFingerGoesBeforeItsAnswerAndTwoPiecesOfTheRestAfterIt) {
+  publish(1e4);
+  EXPECT_TRUE(std::holds_alternative<TouchStream::Opened>(stream.turn()));
+  stream.written();
+  EXPECT_FALSE(next_law(stream)) << "where is the finger?";
+  answered_version();
+  work();
+  answered_version();
+  double begin_m = kXM, end_m = kXM;
+  for (const LawPiece& piece : before) begin_m = piece.begin_m, end_m = piece.end_m;
+  EXPECT_LE(begin_m, kXM - TouchStream::kLawNearM + choices::kLawPitch);
+  EXPECT_GE(end_m, kXM + TouchStream::kLawNearM - choices::kLawPitch);
+  for (int k = 0; k < 2; ++k) {
+    const auto far = next_law(stream);
+    ASSERT_TRUE(far);
+    for (const LawColumn& column : far->columns)
+      EXPECT_GT(std::abs(column.x_m - kXM), TouchStream::kLawNearM);
+  }
+  EXPECT_FALSE(next_law(stream)) << "two between answers";
+  stream.bring({++sequence, stream.counts().answers, {std::nan(""), 0.002, 0}, {}});
+  const auto near_nowhere = [] { FAIL() << "nothing is near a finger that is nowhere"; };
+  EXPECT_THROW(next_answer(stream, [&](const LawPiece&) { near_nowhere(); }), std::invalid_argument);
 }
 
 // Nothing is felt before the first answer. Later ones must not wait for what is being sampled.
-TEST(StreamWithLaws, OnlyTheFirstAnswerWaitsForALawThatIsBeingSampled) {
-  const auto scene = std::make_shared<Scene>("s", tissue(0.06, 0.02), versions());
-  std::deque<std::function<void()>> jobs;
-  scene->set_touch_work(
-      [&jobs](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); });
-  const auto never = [] { return false; };
-  const auto publish = [&](double pa) {
-    scene->publish(window_of(homogeneous(pa), 0, 0.06, 0.02), never);
-    scene->snapshot()->windows[0]->model->layer({}, {}, {});  // ready to be touched
-  };
+TEST_F(StreamWithLaws, OnlyTheFirstAnswerWaitsForALawThatIsBeingSampled) {
   publish(1e4);
-  const CurrentDevice no_device{nullptr};
-  TouchStream stream(scene, {"hand", 8, 0, {}, true}, no_device);
-  unsigned looks = 0;
-  const auto work = [&] {  // looked at by who waits
-    ++looks;
-    for (; !jobs.empty(); jobs.pop_front()) jobs.front()();
-    return false;
-  };
-  const auto brought = [&](std::uint64_t sequence) {
-    const FingerPose pose{sequence, sequence - 1, {0.03, 0.002, 0}, {}};
-    stream.bring(pose);
-    EXPECT_TRUE(stream.next([] { return true; }, never));
-    return TouchStream::Arrived{pose, TouchStream::Clock::now() + std::chrono::hours(1)};
-  };
-  const auto first = brought(1);
-  EXPECT_TRUE(stream.law_before(first, work));
-  EXPECT_GT(looks, 0U);
-  EXPECT_EQ(stream.answer(first).answer.status, TouchStatus::kOk);
+  stream.bring({++sequence, 0, {kXM, 0.002, 0}, {}});
+  EXPECT_TRUE(std::holds_alternative<TouchStream::Opened>(stream.turn()));
+  stream.written();
+  EXPECT_TRUE(std::holds_alternative<std::monostate>(stream.turn())) << "it is looked for again";
+  work();
+  const auto first = next_answer(stream, [&](const LawPiece& piece) { keep(piece); });
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->answer.status, TouchStatus::kOk);
   publish(2e4);
-  looks = 0;
-  const auto second = brought(2);
-  EXPECT_FALSE(stream.law_before(second, work));
-  EXPECT_EQ(looks, 0U);
+  std::this_thread::sleep_for(first->period);
+  while (next_law(stream)) {
+  }
+  stream.bring({++sequence, 1, {kXM, 0.002, 0}, {}});
+  EXPECT_TRUE(std::holds_alternative<TouchStream::Answered>(stream.turn()));
 }
 
 TEST_F(Stream, RefusesPosesOutOfOrderAndWishesThatCannotBeMet) {
@@ -171,7 +188,8 @@ TEST_F(Stream, RefusesPosesOutOfOrderAndWishesThatCannotBeMet) {
 }
 
 TEST_F(Stream, ThatIsRefusedNeverWasAtTheScene) {
-  stream.leave();
+  stream.end();
+  EXPECT_TRUE(std::holds_alternative<TouchStream::Left>(stream.turn()));
   ASSERT_FALSE(scene->finger().now().present);
   TouchWishes wishes{"ghost", 0, 0, {}};
   wishes.tactile = TaxelGrid{.along_x = TactileOutbox::kMostTaxels + 1};

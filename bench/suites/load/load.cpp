@@ -191,6 +191,8 @@ void add_rate_options(CLI::App& command, Arguments& a) {
                   "poses of a client without an answer; what is meant beyond is held back, and counted")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
+  command.add_flag("--greedy", a.plan.greedy,
+                   "clients send at once, even while the service says that it answers more seldom");
   command.add_flag("--laws", a.plan.laws, "clients ask for contact laws");
   command.add_flag("--find-capacity", a.find_capacity,
                    "double the rate, then halve the step, until --latency-limit-s is met within 5 %");

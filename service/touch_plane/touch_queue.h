@@ -1,0 +1,120 @@
+// Whose turn it is: the touch plane's order of streams, without its threads and without a clock of its own.
+//
+// A stream asks for a turn at a time. Of the turns that are due, those of the principal (a client) go first
+// that has had least of the workers' time for its weight, and within a principal that with the earliest
+// deadline, which is a period after it was due. Principals that have had about the same go by deadlines. One
+// that comes anew starts level with those that are served: nobody saves up.
+//
+// A stream is worked on by one worker at a time. Turns that are expected to be long are given to all workers
+// but one: a short one waits for none of them.
+//
+// When there is more to do than workers can, periods become longer, of whoever has most first
+// (touch_load.h). When they are as long as they may be, another stream has no room.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include "service/touch_plane/touch_load.h"
+
+namespace teletact::service {
+
+class TouchQueue {
+ public:
+  using Clock = std::chrono::steady_clock;
+  using Time = Clock::time_point;
+  using Id = std::uint64_t;                             // never 0
+  static constexpr double kSliceS = 0.001;              // of time served: less is no difference
+  static constexpr std::chrono::milliseconds kLong{2};  // a turn as the last two were
+  static constexpr double kObserverWeight = 0.25;       // who steers no probe slows down first
+
+  struct Terms {
+    std::size_t workers = 2;    // at least
+    double least_rate_hz = 20;  // no period becomes longer than this says
+  };
+  struct Principal {
+    std::string name;
+    double weight = 1;  // that of its first stream counts
+  };
+  struct Turn {
+    Id id = 0;
+    Clock::duration period{};  // that is kept now
+  };
+
+  TouchQueue(const Terms& terms, Time now) : terms_(terms), settled_(now) {}
+
+  // What speaks against one more stream, in words with the load; none: there is room.
+  std::optional<std::string> overload(const Principal&) const;
+  // `period`: between its answers, as agreed.
+  Id join(const Principal&, Clock::duration period);
+  // Not while its turn runs, but by done().
+  void leave(Id);
+  // A turn at `due`, or earlier if that was asked for before. Does nothing for one that has left.
+  void wake(Id, Time due, Time now);
+  // The next turn; none: nothing is due, or what is due must wait.
+  std::optional<Turn> begin(Time now);
+  // A turn is over; `next`: as wake(). `answered`: a pose was answered.
+  void done(Id, Time now, Time next, bool answered);
+  // When begin() may have one that it has not now, as far as is known; Time::max(): not before another call.
+  Time next_due() const { return timers_.empty() ? Time::max() : timers_.begin()->first; }
+  bool any_ready() const { return !order_[0].empty() || (!order_[1].empty() && long_may_run()); }
+
+  Clock::duration period(Id) const;  // that is kept now
+  double level_hz() const { return load_.level_hz(); }
+  std::size_t streams() const { return streams_.size(); }
+
+ private:
+  enum class State { kIdle, kTimed, kReady, kRunning };
+  struct Account;
+  using Order = std::tuple<std::int64_t, Time, std::uint64_t>;  // slice of time served, deadline, account
+  struct Stream {
+    Account* account = nullptr;
+    Clock::duration period{};
+    State state = State::kIdle;
+    Time due = Time::max();  // kTimed: of its turn; kRunning: of the next, as was asked for meanwhile
+    Time deadline{}, begun{};
+    Clock::duration last = Clock::duration::max(), before = Clock::duration::max();  // its turns took
+    Clock::duration charged{};
+    double answers = 0;  // in this window
+    bool is_long() const { return std::min(last, before) > kLong; }
+  };
+  struct Account {
+    std::uint64_t id = 0;
+    double weight = 1, served_s = 0;  // the latter over the weight
+    std::size_t streams = 0, running = 0;
+    double active = 1;  // so many streams, answered alike, would have had the last window's answers
+    double answers = 0, squares = 0;                     // while a window is settled
+    std::array<std::set<std::pair<Time, Id>>, 2> ready;  // short, long: by deadline
+    std::array<std::optional<Order>, 2> order;           // as it stands in order_
+    bool waits() const { return !ready[0].empty() || !ready[1].empty(); }
+  };
+  bool long_may_run() const { return long_running_ + 1 < terms_.workers; }
+  Clock::duration kept(const Stream&) const;
+  void set_due(Id, Stream&, Time due, Time now);
+  void make_ready(Id, Stream&, Time ready);
+  void reorder(Account&, std::size_t kind);
+  void settle(Time now);
+
+  const Terms terms_;
+  TouchLoad load_;
+  Time settled_;  // the last window
+  std::unordered_map<Id, Stream> streams_;
+  std::map<std::string, Account> accounts_;  // by principal; each has a stream
+  std::unordered_map<std::uint64_t, Account*> by_id_;
+  std::set<std::pair<Time, Id>> timers_;      // turns that are not due
+  std::array<std::set<Order>, 2> order_;      // principals with turns that are due: short, long
+  double level_s_ = 0;                        // where a principal that comes anew starts
+  std::size_t long_running_ = 0, fresh_ = 0;  // the latter: joined since the last window
+  double active_ = 0;                         // of all
+  Id last_ = 0;
+};
+
+}  // namespace teletact::service

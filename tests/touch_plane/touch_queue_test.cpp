@@ -1,0 +1,184 @@
+// Whose turn it is, on a clock of the test's.
+#include "service/touch_plane/touch_queue.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <vector>
+
+namespace teletact::service {
+namespace {
+
+using namespace std::chrono_literals;
+using Id = TouchQueue::Id;
+using Time = TouchQueue::Time;
+
+class Turns : public testing::Test {
+ protected:
+  Id join(const char* principal, TouchQueue::Clock::duration period = 2ms, double weight = 1) {
+    return queue.join({principal, weight}, period);
+  }
+  // Whose turn it is; it takes so long. 0: nobody's.
+  Id turn(TouchQueue::Clock::duration takes = 0us, bool wants_more = false) {
+    const auto turn = queue.begin(at);
+    if (!turn) return 0;
+    at += takes;
+    queue.done(turn->id, at, wants_more ? at : Time::max(), true);
+    return turn->id;
+  }
+  // By one worker, all of these always wanting more: the share of time of each.
+  std::map<Id, double> shares(const std::vector<Id>& ids, TouchQueue::Clock::duration takes, int turns) {
+    std::map<Id, double> shares;
+    for (const Id id : ids) queue.wake(id, at, at);
+    for (int k = 0; k < turns; ++k) shares[turn(takes, true)] += 1.0 / turns;
+    return shares;
+  }
+  Time at{1h};
+  TouchQueue queue{{2, 20}, at};
+};
+
+TEST_F(Turns, EarliestDeadlineFirstAndNoneBeforeItIsDue) {
+  const Id slow = join("a", 10ms), fast = join("b", 2ms);
+  queue.wake(slow, at, at), queue.wake(fast, at + 1ms, at);
+  EXPECT_EQ(queue.next_due(), at + 1ms);
+  at += 1ms;
+  EXPECT_EQ(turn(), fast);
+  EXPECT_EQ(turn(), slow);
+  EXPECT_EQ(turn(), 0U);
+  queue.wake(slow, at + 5ms, at), queue.wake(slow, at + 1ms, at), queue.wake(slow, at + 3ms, at);
+  EXPECT_EQ(queue.next_due(), at + 1ms) << "the earliest that was asked for";
+  EXPECT_EQ(turn(), 0U);
+}
+
+TEST_F(Turns, AStreamHasOneWorkerAndIsNotForgottenMeanwhile) {
+  const Id one = join("a");
+  queue.wake(one, at, at);
+  ASSERT_TRUE(queue.begin(at));
+  queue.wake(one, at, at);
+  EXPECT_FALSE(queue.begin(at));
+  queue.done(one, at, Time::max(), false);
+  EXPECT_EQ(turn(), one);
+  EXPECT_EQ(turn(), 0U);
+}
+
+TEST_F(Turns, WhoHasManyStreamsHasNoMoreOfTheWorkers) {
+  std::vector<Id> all{join("alone")};
+  for (int k = 0; k < 99; ++k) all.push_back(join("greedy"));
+  EXPECT_NEAR(shares(all, 50us, 20000)[all[0]], 0.5, 0.01);
+}
+
+TEST_F(Turns, APrincipalHasItsWeight) {
+  const std::vector<Id> all{join("steers"), join("observes", 2ms, 0.25)};
+  EXPECT_NEAR(shares(all, 50us, 20000)[all[1]], 0.2, 0.01);
+}
+
+TEST_F(Turns, NobodySavesUp) {
+  const std::vector<Id> greedy{join("greedy"), join("greedy")};
+  shares(greedy, 50us, 20000);
+  const Id comes_late = join("late");
+  queue.wake(comes_late, at, at);
+  std::map<Id, int> turns;
+  for (int k = 0; k < 1000; ++k) ++turns[turn(50us, true)];
+  EXPECT_NEAR(turns[comes_late], 500, 1000 * TouchQueue::kSliceS / 0.05 + 2);
+}
+
+TEST_F(Turns, LongOnesLeaveAWorkerToShortOnes) {
+  std::vector<Id> slow;
+  for (const char* principal : {"a", "b", "c"}) slow.push_back(join(principal));
+  const Id quick = join("quick");
+  const auto known = [&](Id id, TouchQueue::Clock::duration takes) {
+    queue.wake(id, at, at);
+    EXPECT_EQ(turn(takes), id);
+  };
+  for (const Id id : slow) known(id, 30ms), known(id, 30ms);
+  known(quick, 20us);
+  for (const Id id : slow) queue.wake(id, at, at);
+  EXPECT_TRUE(queue.begin(at));
+  EXPECT_FALSE(queue.begin(at)) << "the other worker is not for long ones";
+  queue.wake(quick, at, at);
+  EXPECT_EQ(turn(20us), quick);
+  // One that was held up once is no long one.
+  known(quick, 30ms);
+  queue.wake(quick, at, at);
+  EXPECT_EQ(turn(20us), quick);
+}
+
+// A worker, streams that want an answer every millisecond each, and more of them than it can do.
+class Overload : public Turns {
+ protected:
+  struct Asks {
+    TouchQueue::Clock::duration period;
+    Time next;
+    int answers = 0;
+  };
+  void add(const char* principal, int streams, TouchQueue::Clock::duration period) {
+    for (int k = 0; k < streams; ++k) {
+      const Id id = join(principal, period);
+      asks[id] = {period, at, 0};
+      queue.wake(id, at, at);
+    }
+  }
+  void run(TouchQueue::Clock::duration length, TouchQueue::Clock::duration takes) {
+    for (auto& [id, ask] : asks) ask.answers = 0;
+    for (const Time until = at + length; at < until;) {
+      const auto turn = queue.begin(at);
+      if (!turn) {
+        at = std::min(queue.next_due(), until);
+        continue;
+      }
+      at += takes;
+      Asks& ask = asks.at(turn->id);
+      ++ask.answers;
+      ask.next = std::max(ask.next, at - turn->period) + turn->period;
+      queue.done(turn->id, at, ask.next, true);
+    }
+  }
+  std::map<Id, Asks> asks;
+};
+
+TEST_F(Overload, LengthensThePeriodsOfWhoAsksForMostUntilNoQueueStands) {
+  add("operator", 1, 2ms);
+  add("greedy", 99, 1ms);
+  run(5s, 100us);
+  const auto [operators, operator_asks] = *asks.begin();
+  EXPECT_EQ(queue.period(operators), 2ms) << "asks for less than its share";
+  run(5s, 100us);
+  int all = 0;
+  for (const auto& [id, ask] : asks) {
+    all += ask.answers;
+    if (id != operators) {
+      EXPECT_NEAR(ask.answers, 5 * 96, 40) << "all alike";
+    }
+  }
+  EXPECT_EQ(asks.begin()->second.answers, 2500);
+  EXPECT_GT(all, 0.9 * 50000) << "and the worker is not idle";
+  EXPECT_GT(std::chrono::duration<double>(queue.period(asks.rbegin()->first)).count(), 0.008);
+}
+
+TEST_F(Overload, EndsWhenItIsOver) {
+  add("greedy", 100, 1ms);
+  run(3s, 100us);
+  EXPECT_GT(queue.period(asks.begin()->first), 8ms);
+  run(10s, 5us);
+  EXPECT_EQ(queue.period(asks.begin()->first), 1ms);
+}
+
+TEST_F(Overload, OneMoreIsRefusedOnlyOncePeriodsAreAsLongAsTheyMayBe) {
+  add("a", 100, 1ms);
+  run(3s, 100us);
+  EXPECT_FALSE(queue.overload({"b"})) << "half of 10 000 answers a second";
+  EXPECT_FALSE(queue.overload({"a"}));
+  add("a", 500, 1ms);
+  run(10s, 100us);
+  const auto load = queue.overload({"a"});
+  ASSERT_TRUE(load) << "16 a second";
+  EXPECT_NE(load->find("600 touch streams"), std::string::npos) << *load;
+  EXPECT_EQ(queue.period(asks.begin()->first), 50ms) << "who was admitted is served";
+  EXPECT_FALSE(queue.overload({"b"})) << "has a share of its own";
+  for (const auto& [id, ask] : asks) queue.leave(id);
+  run(1s, 100us);
+  EXPECT_FALSE(queue.overload({"a"}));
+}
+
+}  // namespace
+}  // namespace teletact::service
