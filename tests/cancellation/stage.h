@@ -17,7 +17,7 @@ namespace teletact::test {
 class Service {
  public:
   static constexpr std::size_t kScenes = 3;  // that make_ready() makes
-  explicit Service(bool ready) : server_("127.0.0.1:0") {
+  explicit Service(bool ready) : server_("127.0.0.1:0", "", limits()) {
     if (ready) make_ready();
   }
   void make_ready() {
@@ -66,6 +66,11 @@ class Service {
   }
 
  private:
+  static service::Limits limits() {
+    service::Limits limits;
+    limits.most_touch_streams = 64;  // fewer than calls of one connection
+    return limits;
+  }
   service::RunningServer server_;
 };
 

@@ -78,7 +78,12 @@ class Load : public testing::Test {
   const test::TemporaryFolder folder_;
   const std::string address_ = "unix:" + (folder_ / "s"), json_ = folder_ / "load.json";
   const std::string admin_ = folder_ / "a";
-  test::Process service_{{test::service_binary(), "serve", "--listen", address_, "--admin", "unix:" + admin_},
+  const std::string config_ = [this] {
+    std::ofstream(folder_ / "limits.toml") << "[limits]\nmost_touch_streams = 64\n";
+    return folder_ / "limits.toml";
+  }();
+  test::Process service_{{test::service_binary(), "serve", "--listen", address_, "--admin", "unix:" + admin_,
+                          "--config", config_},
                          folder_ / "service.log"};
 };
 
@@ -120,8 +125,8 @@ TEST_F(Load, StreamsThatGoAndAreDroppedAreCountedAndLeaveNothing) {
 // The service answers a stream every millisecond at most.
 TEST_F(Load, CapacityIsThatOfAnswers) {
   const auto run =
-      test::run(command({"--clients", "2", "--rate-hz", "500", "--find-capacity", "--latency-limit-s", "10",
-                         "--warm-up-s", "0.2", "--duration-s", "0.6"}),
+      test::run(command({"--clients", "2", "--rate-hz", "250", "--find-capacity", "--latency-limit-s", "10",
+                         "--warm-up-s", "0.2", "--duration-s", "1.2"}),
                 folder_ / "load.log", {}, 120);
   ASSERT_EQ(run.code, 0) << run.output;
   EXPECT_GT(result().at("capacity_hz").get<double>(), 0) << run.output;
