@@ -38,21 +38,23 @@ struct RealResult {
   std::size_t seeds = 0, refused = 0;
   double background = kNan, background_worst = kNan, contrast = kNan, contrast_worst = kNan;
   double ramp = kNan, ramp_worst = kNan, off = kNan, coverage = kNan, deviation = kNan;
+  double skin_held = kNan;                         // of the worst window
   std::size_t background_held = 0, lump_held = 0;  // windows whose stated 95 % interval has the truth
   double tracking_m = kNan, seconds = kNan, processor_s = kNan, modulus_s = kNan;
   std::string said = {};  // warnings, and in how many windows: "misfit 2, ramp 6"
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealResult, name, estimator, contrast_of_lump, seeds, refused, background,
-                                   background_worst, contrast, contrast_worst, ramp, ramp_worst, off,
-                                   coverage, deviation, background_held, lump_held, tracking_m, seconds,
-                                   processor_s, modulus_s, said)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(RealResult, name, estimator, contrast_of_lump, seeds, refused,
+                                                background, background_worst, contrast, contrast_worst, ramp,
+                                                ramp_worst, off, coverage, deviation, skin_held,
+                                                background_held, lump_held, tracking_m, seconds, processor_s,
+                                                modulus_s, said)
 // The same of the promised estimator, for a page that people read.
 struct RealLine {
   std::string row, background, contrast, ramp, held, said;
-  double coverage = kNan, processor_s = kNan;
+  double coverage = kNan, off = kNan, skin_held = kNan, processor_s = kNan;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealLine, row, background, contrast, ramp, held, said, coverage,
-                                   processor_s)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(RealLine, row, background, contrast, ramp, held, said,
+                                                coverage, off, skin_held, processor_s)
 struct RealFigures {
   std::vector<RealResult> rows;
   std::vector<RealLine> without_lump, lump_of_3, lump_of_5;
@@ -87,6 +89,7 @@ RealResult summary(const std::vector<RealWindow>& windows) {
   r.ramp = median_of(all(&RealWindow::ramp)), r.ramp_worst = worst_of(all(&RealWindow::ramp));
   r.off = median_of(all(&RealWindow::off));
   r.coverage = median_of(all(&RealWindow::coverage)), r.deviation = median_of(all(&RealWindow::deviation));
+  for (const double share : all(&RealWindow::skin_held)) r.skin_held = std::fmin(r.skin_held, share);
   std::map<std::string, std::size_t> said;
   for (const RealWindow& w : windows) {
     r.refused += w.refused;
@@ -128,6 +131,8 @@ RealLine line_of(const RealResult& r) {
           held(r),
           r.said,
           r.coverage,
+          r.off,
+          r.skin_held,
           r.processor_s};
 }
 

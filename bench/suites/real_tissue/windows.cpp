@@ -96,15 +96,20 @@ RealWindow judge(const service::Estimate& e, const Window& w) {
   const double left_m = w.state.window_x_m;
   std::vector<double> error(e.grid.size(), kNan), beside, inside, above, below, deviations, offs;
   std::vector<std::size_t> beside_nodes, inside_nodes;
-  double held = 0, judged = 0, deepest_m = 0;
+  double held = 0, judged = 0, skin_held = 0, skin = 0, deepest_m = 0;
   std::vector<std::pair<double, double>> by_depth;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
     const double x = left_m + e.grid.x_m(n), y = e.grid.y_m(n), modulus = e.youngs_modulus[n];
-    if (y < kFromFaceM || !std::isfinite(modulus)) continue;
+    if (!std::isfinite(modulus)) continue;
     error[n] = std::log(modulus / truth(x, y));
-    offs.push_back(std::abs(error[n]));
     const double stated = e.modulus_log_deviation[n];
-    ++judged, held += std::abs(error[n]) <= kQuantile * stated;
+    const bool holds = std::abs(error[n]) <= kQuantile * stated;
+    if (y < kFromFaceM) {
+      ++skin, skin_held += holds;
+      continue;
+    }
+    offs.push_back(std::abs(error[n]));
+    ++judged, held += holds;
     deviations.push_back(stated);
     double radii = std::numeric_limits<double>::infinity();
     for (const client::Inclusion& i : w.tissue.inclusions)
@@ -129,7 +134,7 @@ RealWindow judge(const service::Estimate& e, const Window& w) {
   f.background = median_of(beside);
   if (!inside.empty()) f.contrast = median_of(inside) / f.background;
   f.ramp = median_of(below) / median_of(above);
-  f.coverage = held / judged;
+  f.coverage = held / judged, f.skin_held = skin_held / skin;
   f.deviation = median_of(deviations);
   f.off = quantiles(offs).p95;
   mean_of(e, error, inside_nodes, f.lump_error, f.lump_deviation);

@@ -49,15 +49,17 @@ struct RealWindow {
   double background_error = kNan, background_deviation = kNan;  // the same beside it
   double deviation = kNan;                                      // median stated
   double off = kNan;                                            // 95 % of the nodes are off by less, |ln|
-  double tracking_m = kNan;                                     // median error of the axial displacement
+  double skin_held = kNan;   // share of the nodes at the face, above all others, as `coverage`
+  double tracking_m = kNan;  // median error of the axial displacement
   double seconds = kNan, processor_s = kNan, modulus_s = kNan;  // of the estimate; processor: all threads
   double truth_s = kNan;                                        // until the solid was solved
   std::vector<std::string> said;                                // warnings, each once
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealWindow, row, estimator, contrast_of_lump, seed, refused, background,
-                                   contrast, ramp, coverage, lump_error, lump_deviation, background_error,
-                                   background_deviation, deviation, off, tracking_m, seconds, processor_s,
-                                   modulus_s, truth_s, said)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(RealWindow, row, estimator, contrast_of_lump, seed, refused,
+                                                background, contrast, ramp, coverage, lump_error,
+                                                lump_deviation, background_error, background_deviation,
+                                                deviation, off, skin_held, tracking_m, seconds, processor_s,
+                                                modulus_s, truth_s, said)
 
 // An estimate that fails is said, and refused.
 RealWindow estimated(service::Elastography& elastography, const RealRow& row, std::uint64_t seed,
