@@ -320,14 +320,20 @@ TEST(SolidWindow, TissueThatSlidesOnItsSupportIsTold) {
   EXPECT_GE(std::exp(-0.005 / e.modulus_correlation_m), 0.9 * (own + common) / all);
 }
 
-// Where an end of the face does not touch, the background is off by a factor: no silent wrong number. A face
-// that is pushed in unevenly is another matter.
+// Where an end of the face does not touch, background and lump are off by factors, all alike: no silent wrong
+// number. A face that is pushed in unevenly is another matter.
 TEST(SolidWindow, AFaceThatTouchesInPartIsSaid) {
   client::Solid solid;
   solid.lean_m = 0.0025;
-  const Estimate part = Window(tissue(solid)).estimate();
+  const Estimate part = Window(tissue(solid, 0.120, Lump{0.015, 3, true})).estimate();
   print("in part", part);
   EXPECT_TRUE(warned(part, ModulusFlag::kMisfit));
+  const auto lump = [](double x, double y) { return std::hypot(x - 0.03, y - 0.015) < 0.0035; };
+  const double off = std::log(median_where(part, lump) / kBackgroundPa / 3);
+  std::printf("its lump is off by a factor of %.3f, stated %.2f\n", std::exp(off),
+              deviation_where(part, lump));
+  EXPECT_LE(std::abs(off), 1.96 * deviation_where(part, lump));
+  EXPECT_GE(part.modulus_correlation_m, 0.010) << "what it is off by is alike all over the lump";
   solid.lean_m = 0, solid.uneven = 0.1;
   const Estimate uneven = Window(tissue(solid, 0.120, Lump{0.015, 4, true})).estimate();
   print("uneven", uneven);
