@@ -1,0 +1,1 @@
+"""A ROS 2 arm that speaks CRTK feels the tissue of a teletact service. Guide: docs/guide/ros.md."""
