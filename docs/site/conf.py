@@ -33,7 +33,7 @@ exclude_patterns = [folder.name for folder in ROOT.iterdir() if folder.is_dir() 
 CONTENTS = {
     "README": {
         "Guides": ["/docs/guide/service", "/docs/guide/compute-node", "/docs/guide/patient-side",
-                   "/docs/guide/operator-side", "/docs/guide/page", "/docs/guide/python", "/docs/guide/ros",
+                   "/docs/guide/operator-side", "/docs/guide/page", "/docs/guide/python", "/docs/guide/slicer", "/docs/guide/ros",
                    "/docs/guide/recorded-data", "/docs/guide/recorded-sets", "/docs/guide/experiment"],
         "Reference": ["/docs/glossary", "/docs/reference/contract", "/docs/reference/messages",
                       "/docs/reference/limits", "/docs/reference/safety"],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Any, BinaryIO, Iterator
 
 import numpy as np
 import pandas as pd
@@ -52,54 +52,52 @@ class Recording:
 
 def entries(path: str | Path) -> Iterator[recording.RecordEntry | None]:
     """The messages of a file, its header first; None last where the end is cut short. Raises DamagedFile."""
-    damaged = DamagedFile(f"the recording '{path}' is damaged", remedy="record it anew")
     try:
         file = open(path, "rb")
     except OSError as error:
         raise DamagedFile(f"the recording '{path}' cannot be read ({error.strerror})",
                           remedy="give another file") from None
     with file:
+        yield from entries_of(file, path)
+
+
+def entries_of(file: BinaryIO, path: str | Path) -> Iterator[recording.RecordEntry | None]:
+    """The same of an open file, or of the socket of a session that is published. ``path``: for messages."""
+    damaged = DamagedFile(f"the recording '{path}' is damaged", remedy="record it anew")
+    while True:
+        size = shift = 0
         while True:
-            size = shift = 0
-            while True:
-                byte = file.read(1)
-                if not byte:
-                    if shift:
-                        yield None
-                    return
-                size |= (byte[0] & 0x7F) << shift
-                shift += 7
-                if byte[0] < 0x80:
-                    break
-                if shift > 28:
-                    raise damaged
-            if size > _MOST_ENTRY_BYTES:
-                raise damaged
-            body = file.read(size)
-            if len(body) < size:
-                yield None
+            byte = file.read(1)
+            if not byte:
+                if shift:
+                    yield None
                 return
-            try:
-                yield recording.RecordEntry.FromString(body)
-            except Exception:  # protobuf's own, of a package that differs between its implementations
-                raise damaged from None
+            size |= (byte[0] & 0x7F) << shift
+            shift += 7
+            if byte[0] < 0x80:
+                break
+            if shift > 28:
+                raise damaged
+        if size > _MOST_ENTRY_BYTES:
+            raise damaged
+        body = file.read(size)
+        if len(body) < size:
+            yield None
+            return
+        try:
+            yield recording.RecordEntry.FromString(body)
+        except Exception:  # protobuf's own, of a package that differs between its implementations
+            raise damaged from None
 
 
 def read_recording(path: str | Path) -> Recording:
     """Raises DamagedFile where it is none, of another version, or damaged."""
     messages = entries(path)
-    no_recording = DamagedFile(f"'{path}' is no recording of teletact-client",
-                               remedy="give a file of touch or acquire --record")
     try:
         first = next(messages, None)
     except DamagedFile as error:
-        raise (no_recording if "damaged" in error.problem else error) from None
-    if first is None or not first.HasField("header"):
-        raise no_recording
-    header = first.header
-    if header.version != _VERSION:
-        raise DamagedFile(f"the recording '{path}' is of version {header.version}, and version {_VERSION} is read",
-                          remedy="record it anew")
+        raise (_no_recording(path) if "damaged" in error.problem else error) from None
+    header = check_header(first, path)
     out = Recording(header.kind, header.scene_id, header.service, header.client, header.unix_time_s,
                     tuple(header.arguments))
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in ("servo", "poses", "answers", "windows", "estimates")}
@@ -122,6 +120,21 @@ def read_recording(path: str | Path) -> Recording:
             setattr(out, name, pd.DataFrame(of_table).set_index("time_s"))
     out.laws = {call: book.law() for call, book in books.items() if book.pieces}
     return out
+
+
+def _no_recording(path: str | Path) -> DamagedFile:
+    return DamagedFile(f"'{path}' is no recording of teletact-client",
+                       remedy="give a file of touch or acquire --record")
+
+
+def check_header(first: recording.RecordEntry | None, path: str | Path) -> recording.RecordHeader:
+    """That of the first entry. Raises DamagedFile where it is none, or of another version."""
+    if first is None or not first.HasField("header"):
+        raise _no_recording(path)
+    if first.header.version != _VERSION:
+        raise DamagedFile(f"the recording '{path}' is of version {first.header.version}, and version {_VERSION} is read",
+                          remedy="record it anew")
+    return first.header
 
 
 def _take_law(entry: recording.RecordEntry, books: dict[int, LawBook]) -> None:
