@@ -143,7 +143,10 @@ AcquireObserver observe(const Arguments& arguments, AcquireRecorder& recorder) {
     say_slice(slice, "is corrected by its neighbours", version);
     say_doubts(summary);
   };
-  observer.note = say;
+  observer.note = [&recorder](const std::string& text) {
+    say(text);
+    recorder.note(text);
+  };
   observer.ready = [&arguments] {
     if (arguments.ready_path.empty()) return;
     if (!(std::ofstream(arguments.ready_path) << "ready\n" << std::flush))

@@ -43,6 +43,15 @@ class AcquireRecorder {
   }
   void window(std::uint32_t call, const v1::WindowTiming& timing) { append(call, timing); }
   void info(const v1::GetInfoResponse& info) { append(0, info); }
+  // What is said of the acquisition: to who watches alone.
+  void note(const std::string& text) {
+    if (!publisher_) return;
+    v1::RecordEntry entry;
+    entry.set_monotonic_ns(monotonic_ns());
+    entry.mutable_log()->set_warning(true);
+    entry.mutable_log()->set_text("patient side: " + text);
+    publisher_->append(std::move(entry));
+  }
   void close(const v1::Scene& scene) {
     append(0, scene);
     if (writer_) writer_->close();

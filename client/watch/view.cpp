@@ -215,6 +215,10 @@ void View::take_estimate(const v1::RecordEntry& entry) {
   if (entry.has_estimate_request()) {
     const v1::Acquisition& acquisition = entry.estimate_request().acquisition();
     if (!acquisition.has_publish()) return;
+    // One after the other: what is not there by now does not come any more.
+    for (auto& [call, earlier] : windows_)
+      if (call < entry.call() && earlier.value("stage", "") != "published")
+        earlier["stage"] = "not published";
     window["origin_m"] = numbers(acquisition.publish().window().origin_m());
     window["width_m"] = acquisition.line_count() * acquisition.line_pitch_m();
     window["stage"] = "sent";

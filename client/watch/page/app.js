@@ -71,7 +71,7 @@ const figures = [
 function showStatus(status) {
   model.status = status;
   const live = { live: '' }[status.session] ?? status.session ?? (status.playing ? 'a recording' : 'waiting');
-  set('where', status.scene ? `scene ${status.scene}, version ${model.scene?.version ?? 0}${live ? ` · session ${live}` : ' · live'}${status.service_state && status.service_state !== 'answers' ? ` · service: ${status.service_state}` : ''}` : live);
+  set('where', status.scene ? `scene ${status.scene}, version ${model.scene?.version ?? 0}${live ? ` · session ${live}` : ' · live'}${status.service_state && status.service_state !== 'answers' ? ` · service: ${status.service_state}` : ''}${status.acquire && status.acquire !== 'live' ? ` · patient side: ${status.acquire}` : ''}` : live);
   const numbers = status.figures ?? {};
   measured.numbers = numbers;
   const body = $('figures').tBodies[0];
@@ -93,6 +93,7 @@ function showStatus(status) {
     $('log').dataset.last = last;
     $('log').replaceChildren(...[...lines].reverse().map((line) => {
       const item = document.createElement('li');
+      item.dataset.at = line.t_s;
       if (line.warning) item.className = 'warns';
       item.textContent = (line.warning ? '! ' : '') + line.text;
       return item;
@@ -125,7 +126,7 @@ function showWindows() {
     stages.forEach((_, n) => { const part = document.createElement('i'); part.className = n <= done ? 'done' : n === done + 1 ? 'now' : ''; bar.append(part); });
     const name = document.createElement('span'), said = document.createElement('span');
     name.textContent = solid;
-    said.textContent = w.stage === 'published' ? shown(w.service_s, 's') : `after ${w.stage}`;
+    said.textContent = w.stage === 'published' ? shown(w.service_s, 's') : w.stage === 'not published' ? w.stage : `after ${w.stage}`;
     line.append(name, bar, said);
     for (const warning of w.warnings ?? []) { const small = document.createElement('small'); small.textContent = `doubtful: ${warning}`; line.append(small); }
     return line;
