@@ -11,6 +11,7 @@
 #include "client/commands/commands.h"
 #include "client/commands/modulus_options.h"
 #include "client/link/channel.h"
+#include "client/link/estimate_stages.h"
 #include "client/recordings/recorded_set.h"
 #include "client/recordings/set_output.h"
 
@@ -22,23 +23,6 @@ struct Arguments {
   Credentials credentials;
   RecordedSetOptions set;
 };
-
-const char* stage_name(v1::EstimateStage stage) {
-  switch (stage) {
-    case v1::ESTIMATE_STAGE_RECEIVED:
-      return "received";
-    case v1::ESTIMATE_STAGE_DISPLACEMENT:
-      return "displacement";
-    case v1::ESTIMATE_STAGE_STRAIN:
-      return "strain";
-    case v1::ESTIMATE_STAGE_MODULUS:
-      return "modulus";
-    case v1::ESTIMATE_STAGE_PUBLISHED:
-      return "published";
-    default:
-      return "working";
-  }
-}
 
 // The modulus hangs on how far the probe's stress spreads: an assumed tissue is said, not hidden.
 void warn_of_assumptions(const v1::Acquisition& acquisition) {

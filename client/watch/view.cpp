@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "client/clock/clock.h"
+#include "client/link/estimate_stages.h"
 #include "client/link/scenes.h"
 #include "client/link/tactile_image.h"
 #include "client/servo/states.h"
@@ -60,23 +61,6 @@ bool add_map(Slot& slot, const char* name, const v1::Map& map) {
   if (values.empty()) return false;
   slot.add(name, {ny, nx}, values);
   return true;
-}
-
-std::string stage_name(v1::EstimateStage stage) {
-  switch (stage) {
-    case v1::ESTIMATE_STAGE_RECEIVED:
-      return "received";
-    case v1::ESTIMATE_STAGE_DISPLACEMENT:
-      return "displacement";
-    case v1::ESTIMATE_STAGE_STRAIN:
-      return "strain";
-    case v1::ESTIMATE_STAGE_MODULUS:
-      return "modulus";
-    case v1::ESTIMATE_STAGE_PUBLISHED:
-      return "published";
-    default:
-      return "sent";
-  }
 }
 
 json json_of(const google::protobuf::Message& message) {
