@@ -132,6 +132,28 @@ TEST_P(ClutchTest, InTheTissueTheForceGoesAndComesBackWithoutAStep) {
   EXPECT_LE(given_j, 1.2 * pressed_n.norm() * 0.007 / GetParam().scale / 200);
 }
 
+// A hand that lifts in the very moment takes no force along, and finds the finger pressed when it lets go.
+TEST_P(ClutchTest, AHandThatLiftsAtOnceLeavesTheFingerPressed) {
+  press();
+  const Vector3 pressed_n = device.force, at_m = last.pose.position_m;
+  clutch(true);
+  rest(0.001);
+  move_hand(hand_m + Vector3(0, -0.02, 0), 0.2);  // 0.1 m/s, while the force fades
+  EXPECT_EQ(device.force.norm(), 0);
+  EXPECT_EQ(last.pose.position_m, at_m);
+  EXPECT_LE(given_j, pressed_n.norm() * 0.1 * 0.15) << "more than the whole force until it has faded";
+  clutch(false);
+  rest(0.01);
+  EXPECT_LT(device.force.norm(), 0.3 * pressed_n.norm()) << "it comes back slowly";
+  rest(0.6);
+  EXPECT_EQ(last.pose.position_m, at_m);
+  EXPECT_NEAR((device.force - pressed_n).norm(), 0, 0.01 * pressed_n.norm());
+  EXPECT_LE(hand_rise_n, slew_n());  // it may fall sooner: the hand goes along
+  move_hand(hand_m + Vector3(0, -0.01 / GetParam().scale, 0), 0.2);
+  EXPECT_EQ(device.force.norm(), 0);
+  EXPECT_EQ(last.state, ServoState::kEnabled);
+}
+
 // The hand goes where it is pushed while the force fades, again and again: that would be energy for nothing,
 // were its way not counted. Of that the controller takes the force away sooner; it never steps up.
 TEST_P(ClutchTest, AHandGetsNoEnergyOutOfFadingForces) {

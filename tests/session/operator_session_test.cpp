@@ -7,11 +7,14 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
+#include <filesystem>
 #include <vector>
 
 #include "client/link/unix_socket.h"
 #include "client/session/replay.h"
 #include "tests/link/fake_palpation.h"
+#include "tests/session/full_disk.h"
 #include "tests/session/kept_log.h"
 #include "tests/session/session_options.h"
 
@@ -70,6 +73,35 @@ TEST(OperatorSession, FeelsASceneFromEndToEnd) {
   EXPECT_EQ(summary.ticks.changes()[1].state, ServoState::kEnabled);
 }
 
+struct Watched {
+  std::size_t ticks = 0, answers = 0, lines = 0;
+  double largest_force_n = 0;
+  v1::SessionFigures figures;
+  bool clean_end = false;
+};
+
+// All of a session that is about to be published at `path`.
+Watched watch_to_the_end(const std::string& path) {
+  Descriptor file;
+  for (int n = 0; n < 500 && !file; ++n) {
+    file = connect_to(path);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  google::protobuf::io::FileInputStream stream(file.get());
+  Watched out;
+  v1::RecordEntry entry;
+  while (google::protobuf::util::ParseDelimitedFromZeroCopyStream(&entry, &stream, &out.clean_end)) {
+    out.ticks += entry.has_servo();
+    out.answers += entry.has_touch_response() && entry.touch_response().has_answer();
+    out.lines += entry.has_log();
+    if (entry.has_figures()) out.figures = entry.figures();
+    for (const double force_n : entry.servo().force_n())
+      out.largest_force_n = std::max(out.largest_force_n, std::abs(force_n));
+    entry.Clear();
+  }
+  return out;
+}
+
 // Whoever looks gets what is recorded, and at the end the summary's figures.
 TEST(OperatorSession, IsPublishedAsItIsRecorded) {
   const std::string path = "/tmp/teletact-watched-" + std::to_string(::getpid());
@@ -81,32 +113,46 @@ TEST(OperatorSession, IsPublishedAsItIsRecorded) {
   const std::atomic<bool> stop{false};
   TouchSummary summary;
   std::thread session([&] { summary = run_operator_session(options, stop); });
-  Descriptor file;
-  for (int n = 0; n < 500 && !file; ++n) {
-    file = connect_to(path);
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  google::protobuf::io::FileInputStream stream(file.get());
-  std::size_t ticks = 0, answers = 0, lines = 0;
-  v1::SessionFigures figures;
-  v1::RecordEntry entry;
-  bool clean_end = false;
-  while (google::protobuf::util::ParseDelimitedFromZeroCopyStream(&entry, &stream, &clean_end)) {
-    ticks += entry.has_servo();
-    answers += entry.has_touch_response() && entry.touch_response().has_answer();
-    lines += entry.has_log();
-    if (entry.has_figures()) figures = entry.figures();
-    entry.Clear();
-  }
+  const Watched watched = watch_to_the_end(path);
   session.join();
-  EXPECT_TRUE(clean_end);
-  EXPECT_GT(ticks, 500u);
-  EXPECT_GT(answers, 100u);
-  EXPECT_GT(lines, 0u);
-  EXPECT_EQ(figures.ticks(), summary.ticks.ticks());
-  EXPECT_EQ(figures.answers(), summary.link.answers);
-  EXPECT_EQ(figures.largest_force_n(), summary.ticks.largest_force_n());
+  EXPECT_TRUE(watched.clean_end);
+  EXPECT_GT(watched.ticks, 500u);
+  EXPECT_GT(watched.answers, 100u);
+  EXPECT_GT(watched.lines, 0u);
+  EXPECT_EQ(watched.figures.ticks(), summary.ticks.ticks());
+  EXPECT_EQ(watched.figures.answers(), summary.link.answers);
+  EXPECT_EQ(watched.figures.largest_force_n(), summary.ticks.largest_force_n());
   EXPECT_EQ(summary.publish_dropped, 0u);
+}
+
+// A disk that is full ends the recording, which is said, and neither the force nor who looks.
+TEST(OperatorSession, AFullDiskEndsTheRecordingAlone) {
+  const std::string path = "/tmp/teletact-full-" + std::to_string(::getpid()), record = path + ".record";
+  FakePalpation service(test::socket_address("full"));
+  service.serve();
+  OperatorSessionOptions options = test::session_options(test::socket_address("full"));
+  options.duration_s = 1;
+  options.publish_path = path;
+  options.record_path = record;
+  const std::atomic<bool> stop{false};
+  std::string problem;
+  const test::FullDisk full(16 << 10);
+  std::thread session([&] {
+    try {
+      run_operator_session(options, stop);
+    } catch (const std::runtime_error& error) {
+      problem = error.what();
+    }
+  });
+  const Watched watched = watch_to_the_end(path);
+  session.join();
+  EXPECT_EQ(problem, "the recording '" + record + "' is incomplete: writing failed (disk full?)");
+  EXPECT_LE(std::filesystem::file_size(record), 16u << 10);
+  EXPECT_TRUE(watched.clean_end);
+  EXPECT_GE(watched.figures.enabled_s(), 0.9);
+  EXPECT_GT(watched.largest_force_n, 0.1);
+  EXPECT_GT(watched.ticks, 500u);
+  std::filesystem::remove(record);
 }
 
 // A scene that is deleted while it is touched may come back, but a duration is an end all the same.
