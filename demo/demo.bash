@@ -1,0 +1,314 @@
+# The demos of ./teletact, which reads this file: the processes of the whole system on this machine, their faults, a
+# summary. Uses BUILD, say, die, build and choose_kernel_cache of it.
+
+demo_usage() {
+  cat <<'TEXT'
+usage: ./teletact demo [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T] [--passes N]
+       ./teletact demo --page [--out DIR] [--seed N] [--duration-s S] [--passes N] [--port N]
+       ./teletact demo --solid [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
+       ./teletact demo --solid-given [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
+
+  --out DIR       where summary.json, pictures, recordings and logs go (demo-out); those of an earlier run go away
+  --seed N        which patient: where its hidden inclusions lie (1)
+  --duration-s S  how long the finger explores, above 0 (12; with --page 60, --solid 30, --solid-given 20)
+  --round-trip-ms T
+                  so long a link between the operator and the service, 0 to 9999 (0: none is added)
+  --passes N      acquisitions of each window that are simulated before the clock starts (one per 2 s)
+  --page          a live page shows it, at the address that is printed; its buttons make the link, the service and
+                  the probe fail. The finger explores for 60 s; then the page stays until Ctrl-C
+  --port N        of the page (0: a free one)
+  --solid         instead: a solid patient with three hidden lumps. Nine slices 5 mm apart are imaged while a
+                  finger goes in circles across them at 12 mm/s; its forces beside those of the patient's
+                  own tissue, and the lumps that were found. Minutes on a busy machine
+  --solid-given   instead: a solid patient of three layers and two lumps whose modulus is given slice by slice,
+                  felt in circles by a finger at 20 mm/s; its forces beside those of the patient's own
+                  tissue, and beside a plane model's; tactile images. Minutes on a busy machine
+TEXT
+}
+
+demo() {
+  local out=demo-out seed=1 duration= round_trip=0 passes= solid= port=0
+  while (($#)); do
+    case $1 in
+      --out | --seed | --duration-s | --round-trip-ms | --passes | --port)
+        (($# >= 2)) || die "$1 needs a value"
+        case $1 in
+          --out) out=$2 ;;
+          --seed) seed=$2 ;;
+          --duration-s) duration=$2 ;;
+          --round-trip-ms) round_trip=$2 ;;
+          --passes) passes=$2 ;;
+          --port) port=$2 ;;
+        esac
+        shift 2
+        ;;
+      --page) solid=page; shift ;;
+      --solid) solid=rf; shift ;;
+      --solid-given) solid=given; shift ;;
+      -h | --help) demo_usage; return 0 ;;
+      *) demo_usage >&2; die "unknown argument of demo: $1" ;;
+    esac
+  done
+  if [[ -z $duration ]]; then
+    case $solid in page) duration=60 ;; rf) duration=30 ;; given) duration=20 ;; *) duration=12 ;; esac
+  fi
+  [[ $solid != given || -z $passes ]] || die "--passes: nothing is acquired with --solid-given; leave it out"
+  [[ $solid != rf || -z $passes ]] || die "--passes: each slice is acquired once with --solid; leave it out"
+  [[ $solid != page || $round_trip == 0 ]] || die "--round-trip-ms: the page has a button for it; leave it out"
+  [[ $port =~ ^[0-9]{1,5}$ ]] || die "--port must be 0 to 65535, not '$port'"
+  [[ $seed =~ ^[0-9]+$ ]] || die "--seed must be a whole number, not '$seed'"
+  [[ $duration =~ ^[0-9]+(\.[0-9]+)?$ && $duration =~ [1-9] ]] ||
+    die "--duration-s must be a number above 0, not '$duration'"
+  [[ $round_trip =~ ^[0-9]{1,4}(\.[0-9]+)?$ ]] || die "--round-trip-ms must be 0 to 9999, not '$round_trip'"
+  # A sweep takes 2.4 s and asks for each window once: enough passes that none runs out of fresh ones.
+  [[ -n $passes ]] || passes=$((10#${duration%.*} / 2 + 1))
+  [[ $passes =~ ^[1-9][0-9]*$ ]] || die "--passes must be a whole number above 0, not '$passes'"
+  mkdir -p -- "$out" 2>/dev/null && [[ -w $out ]] || die "cannot write the output folder $out: give another with --out"
+  out=$(cd -- "$out" && pwd)
+  [[ $round_trip =~ [1-9] ]] || round_trip=
+  case $solid in
+    '') build teletact-service teletact-client ${round_trip:+teletact-proxy} ;;
+    page) build teletact-service teletact-client teletact-proxy ;;
+    *) build teletact-service teletact-client teletact-bench ${round_trip:+teletact-proxy} ;;
+  esac
+  choose_kernel_cache
+  begin_demo "$out" "$solid"
+  case $solid in
+    page) run_page_demo "$seed" "$duration" "$passes" "$port" ;;
+    rf) run_slices_demo "$seed" "$duration" "$round_trip" ;;
+    given) run_solid_demo "$seed" "$duration" "$round_trip" ;;
+    *) run_demo "$seed" "$duration" "$passes" "$round_trip" ;;
+  esac
+}
+
+DEMO_PIDS=()
+DEMO_RUN=
+DEMO_OUT=
+DEMO_BEGIN_M=0.01  # the finger sweeps between these: the tip's reach of 8 mm stays on the 300 mm of tissue
+DEMO_END_M=0.29
+
+# Ends what the demo has started, gently first; called on every way out.
+end_demo() {
+  local pid
+  trap - INT TERM EXIT
+  for pid in "${DEMO_PIDS[@]}"; do kill -TERM "$pid" 2>/dev/null || true; done
+  for pid in "${DEMO_PIDS[@]}"; do
+    for _ in {1..50}; do kill -0 "$pid" 2>/dev/null || break; sleep 0.1; done
+    kill -KILL "$pid" 2>/dev/null || true
+    wait "$pid" 2>/dev/null || true
+  done
+  DEMO_PIDS=()
+  if [[ -n $DEMO_RUN ]]; then rm -rf -- "$DEMO_RUN"; fi
+}
+
+fail_demo() {
+  local log
+  printf 'teletact: %s\n' "$1" >&2
+  for log in service acquire slices proxy touch page report; do
+    [[ -s $DEMO_OUT/log/$log.log ]] || continue
+    printf -- '-- the end of %s\n' "$DEMO_OUT/log/$log.log" >&2
+    tail -n 15 "$DEMO_OUT/log/$log.log" >&2
+  done
+  end_demo
+  exit 1
+}
+
+# Waits until `$1...` succeeds while process DEMO_WAIT_PID lives, at most DEMO_WAIT_S seconds; shows each new
+# last line of DEMO_WAIT_LOG meanwhile.
+await() {
+  local line shown=
+  local end=$((SECONDS + DEMO_WAIT_S))
+  until "$@"; do
+    kill -0 "$DEMO_WAIT_PID" 2>/dev/null || fail_demo "$DEMO_WAIT_WHAT ended before it was ready"
+    ((SECONDS < end)) || fail_demo "$DEMO_WAIT_WHAT was not ready within $DEMO_WAIT_S s"
+    line=$(tail -n 1 "$DEMO_WAIT_LOG" 2>/dev/null | tr -d '\r' || true)
+    if [[ -n $line && $line != "$shown" ]]; then
+      shown=$line
+      printf '   %s\n' "$line" >&2
+    fi
+    sleep 0.2
+  done
+}
+
+# Starts a process of the demo in the background: log name, then the command.
+start() {
+  DEMO_WAIT_LOG=$DEMO_OUT/log/$1.log
+  shift
+  "$@" >"$DEMO_WAIT_LOG" 2>&1 &
+  DEMO_WAIT_PID=$!
+  DEMO_PIDS+=("$DEMO_WAIT_PID")
+}
+
+DEMO_CLIENT=$BUILD/client/teletact-client
+DEMO_SERVICE_PID=
+
+# The folder, and a service at unix:$DEMO_RUN/s.
+begin_demo() {
+  DEMO_OUT=$1
+  DEMO_RUN=$(mktemp -d "${TMPDIR:-/tmp}/tt.XXXXXX")  # short: a socket's path may have 107 bytes
+  mkdir -p "$DEMO_OUT/log"
+  # What an earlier run wrote, by name: a run that is interrupted must not leave two patients' files side by side.
+  rm -f -- "$DEMO_OUT"/{summary.json,{modulus,force,latency,periods,tactile}.png,{touch,acquire}.record,patient.toml,modulus.mha,log-std.mha} \
+    "$DEMO_OUT"/log/{service,acquire,slices,proxy,touch,page,report}.log
+  trap 'fail_demo "interrupted"' INT TERM
+  trap 'end_demo' EXIT
+  say "writing into $DEMO_OUT"
+  say "1/4 service (the first start compiles its kernels)"
+  start_service "$2"
+  DEMO_WAIT_WHAT="the service" DEMO_WAIT_S=300
+  await grep -qs "serving on" "$DEMO_OUT/log/service.log"
+}
+
+# One that may be killed (`page`) keeps its scenes.
+start_service() {
+  local state=()
+  [[ $1 != page ]] || state=(--state "$DEMO_RUN/state")
+  start service "$BUILD/service/teletact-service" serve --listen "unix:$DEMO_RUN/s" "${state[@]}"
+  DEMO_SERVICE_PID=$DEMO_WAIT_PID
+}
+
+# Touches the scene `demo` as $1 ms of round trip away ("": here), recorded; then the options of touch.
+touch_demo() {
+  local round_trip=$1 touched_at=unix:$DEMO_RUN/s
+  shift
+  if [[ -n $round_trip ]]; then
+    start proxy "$BUILD/bench/teletact-proxy" --service "$touched_at" --round-trip-ms "$round_trip"
+    DEMO_WAIT_WHAT="the link" DEMO_WAIT_S=10
+    await grep -qs "passing on at" "$DEMO_OUT/log/proxy.log"
+    touched_at=$(sed -n 's/^passing on at //p' "$DEMO_OUT/log/proxy.log")
+  fi
+  start touch "$DEMO_CLIENT" touch --service "$touched_at" --scene demo --device simulated \
+    --record "$DEMO_OUT/touch.record" "$@"
+  wait "$DEMO_WAIT_PID" || fail_demo "the operator side failed"
+  kill -0 "$DEMO_SERVICE_PID" 2>/dev/null || fail_demo "the service died"
+}
+
+# Ends the demo as its report did, with exit status $1.
+report_demo() {
+  end_demo
+  say "summary and pictures are in $DEMO_OUT"
+  case $1 in
+    0) ;;
+    2) die "the demo ran, but missed what is marked NOT MET above" ;;
+    *) fail_demo "the report failed" ;;
+  esac
+}
+
+run_demo() {
+  local seed=$1 duration=$2 passes=$3 round_trip=$4 status=0
+  say "2/4 patient side: simulating RF of patient $seed"
+  start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" \
+    --passes-prepared "$passes" --save-tissue "$DEMO_OUT/patient.toml" --record "$DEMO_OUT/acquire.record" \
+    --ready-file "$DEMO_RUN/acquire.ready" --start-x-m "$DEMO_BEGIN_M" --until-finger-leaves
+  local acquire_pid=$DEMO_WAIT_PID
+  DEMO_WAIT_WHAT="the patient side" DEMO_WAIT_S=600
+  await test -e "$DEMO_RUN/acquire.ready"
+  say "3/4 operator side: a finger explores for $duration s at 120 mm/s${round_trip:+, $round_trip ms of round trip away}"
+  touch_demo "$round_trip" --duration-s "$duration" --begin-m "$DEMO_BEGIN_M" --end-m "$DEMO_END_M"
+  wait "$acquire_pid" || fail_demo "the patient side failed"
+  say "4/4 report"
+  "$DEMO_CLIENT" report --tissue "$DEMO_OUT/patient.toml" --touch-record "$DEMO_OUT/touch.record" \
+    --acquire-record "$DEMO_OUT/acquire.record" --out "$DEMO_OUT" 2>"$DEMO_OUT/log/report.log" || status=$?
+  report_demo "$status"
+}
+
+# What a button of the page asks for.
+fault() {
+  say "the page asks for: $1"
+  case $1 in
+    kill)
+      kill -KILL "$DEMO_SERVICE_PID" 2>/dev/null || true
+      wait "$DEMO_SERVICE_PID" 2>/dev/null || true
+      rm -f -- "$DEMO_RUN/s"
+      start_service page
+      ;;
+    force | decorrelated) printf '%s\n' "$1" >&7 ;;
+    *) printf '%s\n' "$1" >&8 ;;
+  esac
+}
+
+# The operator's link and the probe can be made to fail: through pipes that the proxy and the patient side read.
+run_page_demo() {
+  local seed=$1 duration=$2 passes=$3 port=$4 status=0 word
+  mkfifo -m 600 "$DEMO_RUN"/{probe,link,faults}
+  exec 7<>"$DEMO_RUN/probe" 8<>"$DEMO_RUN/link" 9<>"$DEMO_RUN/faults"
+  start page "$DEMO_CLIENT" watch --session "$DEMO_RUN/touch" --acquire "$DEMO_RUN/acquire" --service "unix:$DEMO_RUN/s" \
+    --scene demo --faults "$DEMO_RUN/faults" --port "$port"
+  DEMO_WAIT_WHAT="the page" DEMO_WAIT_S=20
+  await grep -qs "the page is at" "$DEMO_OUT/log/page.log"
+  say "$(grep "the page is at" "$DEMO_OUT/log/page.log")"
+  say "2/4 patient side: simulating RF of patient $seed"
+  start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" \
+    --passes-prepared "$passes" --save-tissue "$DEMO_OUT/patient.toml" --record "$DEMO_OUT/acquire.record" \
+    --ready-file "$DEMO_RUN/acquire.ready" --start-x-m "$DEMO_BEGIN_M" --publish "$DEMO_RUN/acquire" --spoil "$DEMO_RUN/probe"
+  local acquire_pid=$DEMO_WAIT_PID
+  DEMO_WAIT_WHAT="the patient side" DEMO_WAIT_S=600
+  await test -e "$DEMO_RUN/acquire.ready"
+  start proxy "$BUILD/bench/teletact-proxy" --service "unix:$DEMO_RUN/s" --control "$DEMO_RUN/link"
+  DEMO_WAIT_WHAT="the link" DEMO_WAIT_S=10
+  await grep -qs "passing on at" "$DEMO_OUT/log/proxy.log"
+  say "3/4 operator side: a finger explores for $duration s at 120 mm/s"
+  start touch "$DEMO_CLIENT" touch --service "$(sed -n 's/^passing on at //p' "$DEMO_OUT/log/proxy.log")" --scene demo \
+    --device simulated --record "$DEMO_OUT/touch.record" --json "$DEMO_OUT/summary.json" --force \
+    --publish "$DEMO_RUN/touch" --duration-s "$duration" --begin-m "$DEMO_BEGIN_M" --end-m "$DEMO_END_M"
+  local touch_pid=$DEMO_WAIT_PID
+  while kill -0 "$touch_pid" 2>/dev/null; do
+    if read -r -t 0.2 -u 9 word; then fault "$word"; fi
+  done
+  wait "$touch_pid" || fail_demo "the operator side failed"
+  # Told to end: a finger that a fault takes away for a while has not left.
+  kill -INT "$acquire_pid" 2>/dev/null || true
+  wait "$acquire_pid" || fail_demo "the patient side failed"
+  say "4/4 it is over; what was felt stays on the page until Ctrl-C. Again: teletact-client watch --recording $DEMO_OUT/touch.record"
+  trap 'end_demo; exit 0' INT TERM
+  while sleep 1; do :; done
+}
+
+# Until a solid has been felt once: what touch needs is compiled by then. The options of touch.
+first_touch() {
+  start touch "$DEMO_CLIENT" touch --service "unix:$DEMO_RUN/s" --scene demo --device simulated --tactile "$@"
+  DEMO_WAIT_WHAT="a first touch" DEMO_WAIT_S=300
+  await grep -qs "beyond homogeneous" "$DEMO_OUT/log/touch.log"
+  kill -INT "$DEMO_WAIT_PID"
+  wait "$DEMO_WAIT_PID" || fail_demo "the first touch failed"
+}
+
+run_solid_demo() {
+  local seed=$1 duration=$2 round_trip=$3 status=0
+  local touch=(--indentation-m 0.002 --circle-radius-m 0.008 --begin-m 0.025 --end-m 0.087 --speed-m-s 0.02)
+  say "2/4 patient side: the modulus of solid patient $seed, slice by slice; a first touch compiles what touch needs"
+  start slices "$DEMO_CLIENT" slices --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" --every-s 0.1
+  wait "$DEMO_WAIT_PID" || fail_demo "the patient side failed"
+  tail -n 1 "$DEMO_OUT/log/slices.log" | sed 's/^/   /' >&2
+  first_touch "${touch[@]}"
+  say "3/4 operator side: a finger goes in circles for $duration s at 20 mm/s${round_trip:+, $round_trip ms of round trip away}"
+  touch_demo "$round_trip" --duration-s "$duration" --tactile "${touch[@]}"
+  say "4/4 the patient's own tissue at 48 of the poses that were felt: about a minute"
+  "$BUILD/bench/teletact-bench" solid-felt --touch-record "$DEMO_OUT/touch.record" --seed "$seed" --poses 48 \
+    --out "$DEMO_OUT" 2>"$DEMO_OUT/log/report.log" || status=$?
+  report_demo "$status"
+}
+
+# The slices are taken from z = -20 to 20 mm; fingers begin when three of them are there.
+run_slices_demo() {
+  local seed=$1 duration=$2 round_trip=$3 status=0
+  local touch=(--indentation-m 0.002 --along z --across-m 0.030 --circle-radius-m 0.008 --begin-m -0.012 --end-m 0.012
+    --speed-m-s 0.012)
+  say "2/4 patient side: pressing the probe of solid patient $seed at nine places, and simulating its RF"
+  start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" --slices 9 \
+    --slice-pitch-m 0.005 --lookahead 2 --passes-prepared 2 --save-tissue "$DEMO_OUT/patient.toml" \
+    --save-modulus "$DEMO_OUT/modulus.mha" --save-log-std "$DEMO_OUT/log-std.mha" \
+    --record "$DEMO_OUT/acquire.record" --ready-file "$DEMO_RUN/acquire.ready"
+  local acquire_pid=$DEMO_WAIT_PID
+  DEMO_WAIT_WHAT="the patient side" DEMO_WAIT_S=1200
+  await test -e "$DEMO_RUN/acquire.ready"
+  first_touch "${touch[@]}"
+  say "3/4 operator side: a finger goes in circles across the slices for $duration s at 12 mm/s${round_trip:+, $round_trip ms of round trip away}"
+  touch_demo "$round_trip" --duration-s "$duration" "${touch[@]}"
+  wait "$acquire_pid" || fail_demo "the patient side failed"
+  say "4/4 the patient's own tissue at 60 of the poses that were felt: about a minute"
+  "$BUILD/bench/teletact-bench" solid-felt --touch-record "$DEMO_OUT/touch.record" --poses 60 \
+    --tissue "$DEMO_OUT/patient.toml" --modulus "$DEMO_OUT/modulus.mha" \
+    --acquire-record "$DEMO_OUT/acquire.record" --out "$DEMO_OUT" 2>"$DEMO_OUT/log/report.log" || status=$?
+  report_demo "$status"
+}
