@@ -38,13 +38,13 @@ def browser(folder, dark, width=1440, height=1500):
     return driver
 
 
-def until(what, met, seconds=30):
+def until(what, met, seconds=30, instead=lambda: ""):
     end = time.time() + seconds
     while time.time() < end:
         if met():
             return
         time.sleep(0.1)
-    raise AssertionError(f"within {seconds} s not: {what}")
+    raise AssertionError(f"within {seconds} s not: {what}\n{instead()}")
 
 
 def quantile(values, share):
@@ -57,21 +57,24 @@ class Demo:
     def __init__(self, build, out, duration, passes):
         environment = dict(os.environ, TELETACT_BUILD_DIR=str(build))
         self.out = Path(out)
+        self.log = Path(f"{out}.log")
         self.process = subprocess.Popen([str(ROOT / "teletact"), "demo", "--page", "--out", out, "--duration-s", str(duration), "--passes", str(passes)],
-                                        stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True)
-        self.lines = []
-        os.set_blocking(self.process.stderr.fileno(), False)
+                                        stderr=self.log.open("w"), env=environment, start_new_session=True)
 
     def says(self, words):
-        for line in iter(self.process.stderr.readline, ""):
-            self.lines.append(line)
         if self.process.poll() is not None:
-            raise AssertionError("the demo ended: " + "".join(self.lines[-20:]))
-        return any(words in line for line in self.lines)
+            raise AssertionError("the demo ended:\n" + self.log.read_text()[-2000:])
+        return words in self.log.read_text()
+
+    def end_touch(self):
+        """As Ctrl-C would: the summary is written, and the page stays."""
+        for child in Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split():
+            if b"\0touch\0" in Path(f"/proc/{child}/cmdline").read_bytes():
+                os.kill(int(child), signal.SIGINT)
 
     def url(self):
         until("an address", lambda: self.says("the page is at"), 300)
-        return re.search(r"http://\S+", "".join(self.lines)).group(0)
+        return re.search(r"http://\S+", self.log.read_text()).group(0)
 
     def end(self):
         self.process.send_signal(signal.SIGINT)
@@ -133,30 +136,88 @@ def shot(driver, folder, name, width, height=None):
         driver.save_screenshot(str(Path(folder) / name))
 
 
-def press_faults(driver, folder, out):
-    # Of the patient side: pairs that could not be tracked, and what is doubted of windows.
-    log_of = lambda name: len(re.findall("track|doubtful", (out / "log" / f"{name}.log").read_text()))
+# What the page has shown since: states of its pill, and lines of its log, each once.
+WATCH = """
+window.shown = []; window.said = new Set();
+const look = () => {
+  const state = document.getElementById('state-name').textContent;
+  if (shown.at(-1) !== state) shown.push(state);
+  for (const line of document.querySelectorAll('#log li')) said.add(`${line.textContent} (${line.dataset.at})`);
+  for (const window of document.querySelectorAll('#windows .window')) said.add(`window ${window.textContent}`);
+};
+new MutationObserver(look).observe(document.querySelector('main'), { subtree: true, childList: true, characterData: true });
+"""
+RESET = "window.shown = [document.getElementById('state-name').textContent]; window.old = new Set(said);"
+NEW_LINES = "return [...said].filter((line) => !old.has(line))"
+# The median of the last second's round trips.
+ROUND_TRIP = """
+const s = teletact.model.series, all = [];
+for (let n = s.find(teletact.model.newest - 1); n < s.added; ++n) all.push(s.value(n, s.index.round_trip_s));
+return all.sort((a, b) => a - b)[all.length >> 1] ?? 0;"""
+
+
+def press_faults(driver, demo):
     state = lambda: driver.find_element(By.ID, "state-name").text
-    figures = lambda: driver.execute_script("return window.teletact.measured.numbers")
-    press = lambda word: driver.find_element(By.CSS_SELECTOR, f"[data-fault={word}]").click()
-    windows = lambda: driver.find_element(By.ID, "windows").text
-    round_trip = lambda: driver.execute_script("return window.teletact.model.row.at('round_trip_s')")
-    enabled = lambda: until("ENABLED", lambda: state() == "ENABLED", 60)
-    enabled()
-    before = {}
-    for word, seen in [("decorrelated", lambda: log_of("acquire") > before["acquire"]), ("force", lambda: "wrong-force" in windows() or "pressure" in windows()),
-                       ("stall", lambda: state() in ("PAUSED", "DEGRADED")), ("cut", lambda: state() in ("PAUSED", "DEGRADED")),
-                       ("far", lambda: round_trip() > 0.1), ("jitter", lambda: 0.01 < round_trip() < 0.1), ("none", lambda: round_trip() < 0.01),
-                       ("kill", lambda: state() == "PAUSED")]:
-        before["acquire"] = log_of("acquire")
-        press(word)
+    lines = lambda words: [line for line in driver.execute_script(NEW_LINES) if re.search(words, line)]
+    trip = lambda: driver.execute_script(ROUND_TRIP)
+    paused = lambda: "PAUSED" in driver.execute_script("return shown") and lines("PAUSED: no answer")
+    driver.execute_script(WATCH)
+    for word, seen in [("decorrelated", lambda: lines("patient side: .*FAILED_PRECONDITION") and lines("not published")),
+                       ("force", lambda: lines("doubtful: wrong-force: the modulus is [23]")),
+                       ("stall", paused), ("cut", paused), ("jitter", lambda: 0.015 < trip() < 0.15), ("far", lambda: trip() > 0.19),
+                       ("none", lambda: trip() < 0.015), ("kill", lambda: paused() and lines("the service was restarted"))]:
+        until("ENABLED", lambda: state() == "ENABLED", 60)
+        driver.execute_script(RESET)
+        driver.find_element(By.CSS_SELECTOR, f"[data-fault={word}]").send_keys(Keys.ENTER)
+        until(f"the demo is asked for '{word}'", lambda: demo.says(f"asks for: {word}"), 60, lambda: driver.find_element(By.ID, "where").text)
         begin = time.time()
-        until(f"the page shows '{word}'", seen, 60)
-        print(f"[ fault ] {word}: {state()}, {driver.find_element(By.ID, 'state-reason').text!r} after {time.time() - begin:.1f} s", flush=True)
-        if folder and word in ("cut", "kill"):
-            shot(driver, folder, f"page-{word}.png", 1280, 800)
-        enabled()
-    assert int(figures()["streams"]) >= 3, figures()
+        until(f"the page shows '{word}'", seen, 60, lambda: "\n".join(driver.execute_script(NEW_LINES)))
+        shown_s = time.time() - begin
+        until("force again", lambda: state() == "ENABLED" and driver.execute_script("return teletact.model.row.size") > 0.05, 60)
+        print(f"[ fault ] {word}: shown after {shown_s:.1f} s ({' '.join(driver.execute_script('return shown'))}), force again after {time.time() - begin:.1f} s; "
+              f"round trip {1e3 * trip():.1f} ms", flush=True)
+
+
+def metrics(driver):
+    return {m["name"]: m["value"] for m in driver.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]}
+
+
+def look_at_frames(driver, seconds):
+    """Processor time of the page's script, by its thread's clock: that of who waits for a processor is none."""
+    driver.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
+    frames = lambda: driver.execute_script("return teletact.measured.frames")
+    spans, begin = [], time.time()
+    first = last = (frames(), metrics(driver)["ScriptDuration"])
+    while time.time() < begin + seconds:
+        time.sleep(0.2)
+        now = (frames(), metrics(driver)["ScriptDuration"])
+        if now[0] > last[0]:
+            spans.append(1e3 * (now[1] - last[1]) / (now[0] - last[0]))
+        last = now
+    m = driver.execute_script("return teletact.measured")
+    print(f"[ frame ] {(last[0] - first[0]) / (time.time() - begin):.1f} frames/s; script's processor time median {statistics.median(spans):.2f} ms a frame, p95 {quantile(spans, 0.95):.2f} ms "
+          f"(means of 0.2 s); by the clock median {statistics.median(m['script_ms']):.2f} ms, p95 {quantile(m['script_ms'], 0.95):.2f} ms; "
+          f"pose to pixel median {statistics.median(m['pose_to_pixel_ms']):.1f} ms, p95 {quantile(m['pose_to_pixel_ms'], 0.95):.1f} ms", flush=True)
+
+
+def hide(driver, seconds):
+    """Another tab in front: nothing comes, and afterwards the newest."""
+    heap = lambda: (driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {}), metrics(driver)["JSHeapUsedSize"])[1]
+    driver.execute_script("""window.seen = [];
+document.addEventListener('visibilitychange', () => seen.push([document.visibilityState, teletact.measured.frames, teletact.model.newest]));""")
+    page, before = driver.current_window_handle, heap()
+    driver.switch_to.new_window("tab")
+    time.sleep(seconds)
+    driver.close()
+    driver.switch_to.window(page)
+    driver.execute_cdp_cmd("Page.bringToFront", {})
+    until("seen again", lambda: len(driver.execute_script("return seen")) >= 2)
+    (hidden, hidden_frames, hidden_s), (_, back_frames, _) = driver.execute_script("return seen")[:2]
+    assert hidden == "hidden" and back_frames <= hidden_frames + 1, "a hidden page is sent nothing"
+    until("the newest", lambda: driver.execute_script("return teletact.model.newest") >= hidden_s + seconds)
+    more = (heap() - before) / 1e6
+    print(f"[ hidden ] {seconds:.0f} s: {back_frames - hidden_frames} frames, {more:+.1f} MB of heap, then the newest", flush=True)
+    assert more <= 10
 
 
 def main():
@@ -164,12 +225,13 @@ def main():
     parser.add_argument("--build", required=True)
     parser.add_argument("--screenshots")
     parser.add_argument("--faults", action="store_true", help="press every button: a minute more")
+    parser.add_argument("--hidden-s", type=float, default=0, help="have another tab in front for so long")
     parser.add_argument("--duration-s", type=float, default=20)
     a = parser.parse_args()
     if a.screenshots:
         os.makedirs(a.screenshots, exist_ok=True)
     folder = tempfile.mkdtemp(prefix="teletact-browser-")
-    demo = Demo(a.build, os.path.join(folder, "out"), 150 if a.faults else a.duration_s, 16 if a.faults else 13)
+    demo = Demo(a.build, os.path.join(folder, "out"), 600 if a.faults else a.duration_s, 61 if a.faults else 13)
     driver = browser(os.path.join(folder, "profile"), dark=True)
     try:
         url = demo.url()
@@ -180,10 +242,10 @@ def main():
         until("a picture", lambda: numbers()["first_ms"] is not None)
         print(f"[ first ] a map after {numbers()['first_ms']:.0f} ms", flush=True)
         until("ENABLED", lambda: driver.find_element(By.ID, "state-name").text == "ENABLED", 60)
-        time.sleep(6)
+        if a.faults:
+            press_faults(driver, demo)
+        look_at_frames(driver, 6)
         m = numbers()
-        print(f"[ frame ] {m['frames']} frames; script median {statistics.median(m['script_ms']):.2f} ms, p95 {quantile(m['script_ms'], 0.95):.2f} ms; "
-              f"pose to pixel median {statistics.median(m['pose_to_pixel_ms']):.1f} ms, p95 {quantile(m['pose_to_pixel_ms'], 0.95):.1f} ms", flush=True)
         assert m["frames"] > 20
         for name in ["tissue", "close", "force", "ages", "servo"]:
             assert not_blank(driver, name) >= 4, f"{name} is blank"
@@ -208,8 +270,10 @@ def main():
         assert "x " in driver.find_element(By.ID, "tissue-read").text
         driver.execute_script("document.activeElement.blur()")
         body.send_keys(Keys.SPACE)
+        if a.hidden_s:
+            hide(driver, a.hidden_s)
         if a.faults:
-            press_faults(driver, a.screenshots, demo.out)
+            demo.end_touch()
         until("the end", lambda: demo.says("4/4"), 400)
         summary = json.loads((demo.out / "summary.json").read_text())
         until("the last figures", lambda: abs(float(numbers()["numbers"].get("enabled_s", 0)) - summary["enabled_s"]) < 1e-9)
