@@ -258,7 +258,7 @@ run_page_demo() {
   wait "$touch_pid" || fail_demo "the operator side failed"
   # Told to end: a finger that a fault takes away for a while has not left.
   kill -INT "$acquire_pid" 2>/dev/null || true
-  wait "$acquire_pid" || fail_demo "the patient side failed"
+  wait "$acquire_pid" || say "the patient side had failed: $(tail -n 1 "$DEMO_OUT/log/acquire.log")"
   say "4/4 it is over; what was felt stays on the page until Ctrl-C. Again: teletact-client watch --recording $DEMO_OUT/touch.record"
   trap 'end_demo; exit 0' INT TERM
   while sleep 1; do :; done
