@@ -32,10 +32,10 @@ constexpr double kTiltLog = 0.25;       // of the tilt: the tissue's own ramp ma
 constexpr double kRangeLog = 3;         // of ln E about the background
 constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
 constexpr double kMostRest = 0.15;      // of the strain, unexplained
+constexpr double kMisfitLog = 2.3;      // then, of all cells in common: a factor of ten either way
 // Of the push, from the middle of the face to an end: more is no tilt. Where an end does not touch, the tilt
 // that is fitted goes to its bound.
 constexpr double kMostUneven = 0.35;
-constexpr double kInPartLog = 2.3;  // then, of all cells in common: a factor of ten either way
 // Of a lump's ln E: a sphere and a cylinder of contrast 3 differ by 12 % in one slice (5: 14 %), and total
 // variation takes some.
 constexpr double kOneSliceLog = 0.1;
@@ -228,7 +228,8 @@ class SolidModulusMethod : public ModulusMethod {
     found.deviation = denoise.deviation(told, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
-    const double of_all = std::hypot(fit.common_log, in_part ? kInPartLog : 0);
+    const bool misfit = in_part || fit.rest > kMostRest;
+    const double of_all = std::hypot(fit.common_log, misfit ? kMisfitLog : 0);
     double all_own = 0, all_common = 0;
     for (Index c = 0; c < size; ++c) {
       double own = std::pow(found.deviation[c], 2) + std::pow(one_slice * theta[c], 2),
