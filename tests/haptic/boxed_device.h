@@ -43,7 +43,7 @@ inline bool has_ended(int process) {
 }
 
 struct Maker {
-  std::string plugin, library, name, sdk;
+  std::string plugin, api, name, sdk;
   Matrix3 axes;  // from the scene's to the maker's
   double unit;   // of a metre
 };
@@ -74,7 +74,7 @@ class BoxedTest : public ::testing::TestWithParam<Maker> {
 
   std::string plugin() const { return built("client/" + GetParam().plugin + ".so"); }
   std::string library(const std::string& kind = "fake_") const {
-    return "library=" + built("tests/" + kind + GetParam().library + ".so");
+    return "library=" + built("tests/" + kind + GetParam().api + ".so");
   }
   std::unique_ptr<PluginDevice> make(const std::string& more = "") const {
     return std::make_unique<PluginDevice>(plugin(), library() + more, start_m);

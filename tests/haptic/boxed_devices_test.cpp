@@ -109,16 +109,16 @@ TEST_P(BoxedDevices, SaysWhatIsWrongAndWhatToDo) {
       << none;
   const std::string old = complaint(library("old_"));
   EXPECT_TRUE(has(old, "has no function ") && has(old, "give another with library=PATH")) << old;
-  EXPECT_TRUE(has(old, GetParam().library == "libdhd" ? "dhdSetForce" : "hdCheckCalibrationStyle")) << old;
+  EXPECT_TRUE(has(old, GetParam().api == "libdhd" ? "dhdSetForce" : "hdCheckCalibrationStyle")) << old;
   for (const char* wrong : {"spoon", "library=", "library", ",", "force=3"})
     EXPECT_TRUE(has(complaint(wrong), "give library=PATH of " + GetParam().sdk)) << wrong << complaint(wrong);
   fake->mode = FAKE_ABSENT;
   const std::string absent = complaint(library());
   EXPECT_TRUE(has(absent, "no ") && has(absent, "see to its cable and power")) << absent;
-  EXPECT_TRUE(has(absent, GetParam().library == "libdhd" ? "no device found" : "timer error (0x0304)"))
+  EXPECT_TRUE(has(absent, GetParam().api == "libdhd" ? "no device found" : "timer error (0x0304)"))
       << absent;
   fake->mode = FAKE_WELL;
-  const bool takes_name = GetParam().library == "libhd";
+  const bool takes_name = GetParam().api == "libhd";
   EXPECT_EQ(complaint(library() + ",device=Left Device").empty(), takes_name);
   EXPECT_TRUE(
       has(complaint(library() + ",device=spoon"), takes_name ? "with the name spoon" : "give library=PATH"));
@@ -136,7 +136,7 @@ TEST_P(BoxedDevices, SaysWhatIsWrongAndWhatToDo) {
 
 TEST_P(BoxedDevices, OneThatIsNotCalibratedHasNoPosition) {
   fake->mode = FAKE_UNCALIBRATED;
-  if (GetParam().library == "libdhd") {
+  if (GetParam().api == "libdhd") {
     EXPECT_TRUE(has(complaint(library()), "is not calibrated: put it where it rests"));
     return;
   }

@@ -132,7 +132,7 @@ TEST_P(BoxedFaults, ForcesAreRefused) {
   press();
   fake->mode = FAKE_REFUSES;
   expect_fault(StateReason::kDeviceLost);
-  EXPECT_TRUE(told(GetParam().library == "libdhd" ? "dhdSetForce failed" : "warm motors (0x0200)")) << said;
+  EXPECT_TRUE(told(GetParam().api == "libdhd" ? "dhdSetForce failed" : "warm motors (0x0200)")) << said;
   expect_recovery();
 }
 

@@ -15,6 +15,7 @@ import pytest
 import xarray as xr
 from conftest import short_folder
 from hostile_test import a_map, liar, lied_to  # noqa: F401  # two are fixtures
+from igtl_peer import Client, bitwise, plane, until
 
 import teletact
 from teletact import igtl
@@ -22,45 +23,6 @@ from teletact import igtl_messages as messages
 from teletact.v1 import common_pb2 as common
 from teletact.v1 import palpation_pb2 as palpation
 from teletact.v1 import recording_pb2 as recording
-
-
-def plane(rows=4, columns=3, first=0.0):
-    values = (first + np.arange(rows * columns, dtype=np.float32)).reshape(rows, columns)
-    return xr.DataArray(values, {"y": 0.001 + 0.002 * np.arange(rows), "x": 0.01 + 0.0005 * np.arange(columns)},
-                        ("y", "x"))
-
-
-class Client:
-    """Reads messages with the published header."""
-
-    def __init__(self, port):
-        self.socket = socket.create_connection(("127.0.0.1", port))
-        self.socket.settimeout(30)
-
-    def take(self, size):
-        out = b""
-        while len(out) < size:
-            data = self.socket.recv(size - len(out))
-            assert data, "closed"
-            out += data
-        return out
-
-    def next(self):
-        """(version, type, name, unix_s, body), its CRC checked bit by bit of the polynomial where it is small."""
-        version, type_, name, seconds, fraction, size, crc = struct.unpack(">H12s20sIIQQ", self.take(58))
-        body = self.take(size)
-        self.got_s = time.time()
-        assert crc == (bitwise(body) if size < 2000 else messages.crc64(body))
-        return version, type_.rstrip(b"\0").decode(), name.rstrip(b"\0").decode(), seconds + fraction / 2**32, body
-
-    def until(self, type_, met=lambda body: True, seconds=60):
-        end, seen = time.monotonic() + seconds, []
-        while time.monotonic() < end:
-            message = self.next()
-            if message[1] == type_ and met(message[4]):
-                return message
-            seen.append(message[1:3] + (message[4][:80],))
-        raise AssertionError(f"not among {seen[-5:]}")
 
 
 @pytest.fixture
@@ -75,69 +37,10 @@ def said(caplog):
     return lambda text: any(text in record.getMessage() for record in caplog.records)
 
 
-def until(met, what="", seconds=30):
-    end = time.monotonic() + seconds
-    while not met():
-        assert time.monotonic() < end, what
-        time.sleep(0.005)
-
-
 def connected(server, count=1):
     client = Client(server.port)
     until(lambda: server.peers == count, "nobody connected")
     return client
-
-
-def bitwise(data):
-    crc = 0
-    for byte in data:
-        crc ^= byte << 56
-        for _ in range(8):
-            crc = (crc << 1) ^ (0x42F0E1EBA9EA3693 if crc >> 63 else 0)
-            crc &= 2**64 - 1
-    return crc
-
-
-# --- messages ---------------------------------------------------------------------------------------------------
-
-
-def test_crc():
-    assert messages.crc64(b"123456789") == 0x6C40DF5F0B497347  # of ECMA-182, as it is published
-    for size in (0, 1, 511, 512, 513, 1025, 3000):
-        data = np.random.default_rng(size).integers(0, 256, size, np.uint8).tobytes()
-        assert messages.crc64(data) == bitwise(data)
-    megabyte = bytes(range(256)) * 4096
-    begin = time.process_time()
-    messages.crc64(megabyte)
-    print(f"CRC64 of 1 MiB: {1e3 * (time.process_time() - begin):.1f} ms of a processor")
-
-
-@pytest.mark.parametrize("version", [1, 2])
-def test_what_is_packed_is_read(version):
-    reader = messages.Reader(1 << 20)
-    packed = messages.string("force", "0.5 N, µ", 12.5).packed(version)
-    for k in range(0, len(packed), 7):  # in pieces
-        reader.feed(packed[k:k + 7])
-    read = reader.next()
-    assert (read.version, read.type, read.name) == (version, "STRING", "force")
-    assert read.content[4:].decode() == "0.5 N, µ" and reader.next() is None
-    assert struct.unpack(">II", packed[34:42]) == (12, 2**31)
-
-
-def test_what_cannot_be_sent_is_refused():
-    for values in (plane().T, plane()[:, 0], plane()[:0], xr.DataArray(np.zeros((2, 2)), dims=("a", "b")),
-                   plane().astype("f2"), plane(1, 1).astype(str)):
-        with pytest.raises(teletact.InvalidArgument, match="values"):
-            messages.image("modulus", values, 0)
-    uneven = plane().assign_coords(x=[0, 0.001, 0.003])
-    with pytest.raises(teletact.InvalidArgument, match="evenly"):
-        messages.image("modulus", uneven, 0)
-    for name in ("", "x" * 21, "µ", "a\n"):
-        with pytest.raises(teletact.InvalidArgument, match="name"):
-            messages.string(name, "", 0)
-    for place in ([0, 0], [0, 0, np.nan]):
-        with pytest.raises(teletact.InvalidArgument, match="position_m"):
-            messages.transform("finger", place, 0)
 
 
 def test_peers_get_images_places_and_words(server):

@@ -124,7 +124,7 @@ static int read_settings(const char* text, box_settings* settings, char* error) 
     if (rest == NULL) return 1;
   }
   snprintf(error, BOX_ERROR_BYTES, "settings '%.200s': give library=PATH of %s%s, or nothing", text,
-           vendor->library,
+           vendor->product,
            vendor->takes_device_name ? ", device=NAME as its set-up tool names it, or both" : "");
   return 0;
 }
@@ -140,14 +140,14 @@ static int load(const box_settings* settings, char* error) {
   if (library == NULL) {
     snprintf(error, BOX_ERROR_BYTES,
              "%.180s cannot be loaded (%.120s): install %s, or say where it lies with library=PATH",
-             used[0] ? used : vendor->files[0], dlerror(), vendor->library);
+             used[0] ? used : vendor->files[0], dlerror(), vendor->product);
     return 0;
   }
   const char* missing = vendor->find(library);
   if (missing == NULL) return 1;
   snprintf(error, BOX_ERROR_BYTES,
            "%.160s has no function %s: it is not %s, or another version; give another with library=PATH",
-           used, missing, vendor->library);
+           used, missing, vendor->product);
   return 0;
 }
 

@@ -16,7 +16,7 @@ typedef struct box_settings {
 
 typedef struct box_vendor {
   const char* name;     /* as adapters call it */
-  const char* library;  /* for people: what is to be installed */
+  const char* product;  /* for people: what is to be installed */
   const char* files[4]; /* names of its library, the likeliest first */
   int takes_device_name;
   /* Finds its functions. Returns 0, or else what is missing. */

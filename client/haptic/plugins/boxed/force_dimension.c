@@ -144,7 +144,7 @@ static void close_device(void) {
 
 const box_vendor box_force_dimension = {
     .name = "force-dimension",
-    .library = "the Force Dimension SDK (libdhd)",
+    .product = "the Force Dimension SDK (libdhd)",
     .files = {"libdhd.so.3", "libdhd.so", NULL},
     .find = find,
     .open = open_device,

@@ -180,7 +180,7 @@ static int open_device(const box_settings* settings, char* name, size_t name_byt
 
 const box_vendor box_openhaptics = {
     .name = "openhaptics",
-    .library = "OpenHaptics (libHD) and the device's driver",
+    .product = "OpenHaptics (libHD) and the device's driver",
     .files = {"libHD.so", "libHD.so.3.4", "libHD.so.3.0", NULL},
     .takes_device_name = 1,
     .find = find,
