@@ -328,6 +328,7 @@ TEST(SolidWindow, AFaceThatTouchesInPartIsSaid) {
   const Estimate part = Window(tissue(solid, 0.120, Lump{0.015, 3, true})).estimate();
   print("in part", part);
   EXPECT_TRUE(warned(part, ModulusFlag::kMisfit));
+  EXPECT_TRUE(warned(part, ModulusFlag::kExtent)) << "what misfit states hides no other warning";
   const auto lump = [](double x, double y) { return std::hypot(x - 0.03, y - 0.015) < 0.0035; };
   const double off = std::log(median_where(part, lump) / kBackgroundPa / 3);
   std::printf("its lump is off by a factor of %.3f, stated %.2f\n", std::exp(off),

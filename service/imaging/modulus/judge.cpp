@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kBackgroundLog = 0.4;    // of log E, about the ramp: what it is judged by
 constexpr double kGuessLog = 0.69;        // of log E, from which on it is one: a factor of two
+constexpr double kMisfitLog = 2.3;        // of log E: a factor of ten
 constexpr double kOfExtent = 2;           // of log E, for each part of the window beyond the usual
 constexpr double kSoftLog = 0.1;          // log(background / E) from which on it is soft; fully at twice that
 constexpr double kPoissonError = 0.01;    // how well nu of tissue is known
@@ -211,6 +212,7 @@ void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   scale(in, out);
   look();
   extent(in, out);
+  misfit(out);
   const double common = mean_square(out.log_deviation) - own;
   if (common > 0) out.correlation_m = correlation_with_common(out.correlation_m, own, common);
 }
@@ -365,6 +367,15 @@ void ModulusJudge::extent(const ModulusInput& in, ModulusEstimate& out) const {
          text("%.0f %% of the window differ from its background: what fills so much of it comes back with "
               "too little contrast, and the background is off with it",
               100 * off)});
+}
+
+// A solid that no model explains, or whose face touches in part, may be off by a factor anywhere, and alike
+// all around: lumps below such a face were, by up to e^4.5. Last: the other flags are of what the method
+// itself states.
+void ModulusJudge::misfit(ModulusEstimate& out) const {
+  const bool misfit = std::ranges::any_of(
+      out.warnings, [](const ModulusWarning& w) { return w.flag == ModulusFlag::kMisfit; });
+  if (misfit && out.kind == ModulusKind::kSolid) widen(out.log_deviation, kMisfitLog);
 }
 
 }  // namespace teletact::service

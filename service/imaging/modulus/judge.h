@@ -26,7 +26,8 @@ double correlation_with_common(double length_m, double own, double common);
 // Adds to `out`, whatever the method: log_deviation (the method's posterior, else the noise of the axial
 // strain and a floor; what a jump of the modulus is smeared over and what is lost of its contrast), the
 // length that it correlates over, and the flags kNoise, kUntracked, kRamp, kOutOfPlane, kPressure, kScale,
-// kExtent with their words. The last three widen the deviation by what they found.
+// kExtent with their words. The last three widen the deviation by what they found, and so does a solid's
+// kMisfit.
 class ModulusJudge {
  public:
   explicit ModulusJudge(std::shared_ptr<StripCache>, JudgeLimits = {}, SlopeReach = {});
@@ -41,6 +42,7 @@ class ModulusJudge {
   void pressure(const ModulusInput&, ModulusEstimate&) const;
   void scale(const ModulusInput&, ModulusEstimate&) const;
   void extent(const ModulusInput&, ModulusEstimate&) const;
+  void misfit(ModulusEstimate&) const;
   std::shared_ptr<StripCache> strips_;
   JudgeLimits limits_;
   SlopeReach reach_;

@@ -32,7 +32,6 @@ constexpr double kTiltLog = 0.25;       // of the tilt: the tissue's own ramp ma
 constexpr double kRangeLog = 3;         // of ln E about the background
 constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
 constexpr double kMostRest = 0.15;      // of the strain, unexplained
-constexpr double kMisfitLog = 2.3;      // then, of all cells in common: a factor of ten either way
 // Of the push, from the middle of the face to an end: more is no tilt. Where an end does not touch, the tilt
 // that is fitted goes to its bound.
 constexpr double kMostUneven = 0.35;
@@ -217,8 +216,7 @@ class SolidModulusMethod : public ModulusMethod {
       out.converged = change < options_.converged_step;
       if (out.converged) break;
     }
-    const bool in_part = std::abs(tilt) > kMostUneven;
-    if (in_part)
+    if (std::abs(tilt) > kMostUneven)
       out.warnings.push_back(
           {ModulusFlag::kMisfit,
            fmt::format("the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to "
@@ -228,12 +226,10 @@ class SolidModulusMethod : public ModulusMethod {
     found.deviation = denoise.deviation(told, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
-    const bool misfit = in_part || fit.rest > kMostRest;
-    const double of_all = std::hypot(fit.common_log, misfit ? kMisfitLog : 0);
     double all_own = 0, all_common = 0;
     for (Index c = 0; c < size; ++c) {
       double own = std::pow(found.deviation[c], 2) + std::pow(one_slice * theta[c], 2),
-             common = of_all * of_all + std::pow(of_tilt * fit.by_tilt[c], 2);
+             common = fit.common_log * fit.common_log + std::pow(of_tilt * fit.by_tilt[c], 2);
       if (!out.converged) own += std::pow(kUnsettledLog * moved[c], 2);
       for (const VectorXd& change : fit.changes) common += change[c] * change[c];
       if (told[c] > 0) all_own += own, all_common += common;
