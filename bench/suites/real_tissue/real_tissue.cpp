@@ -43,18 +43,17 @@ struct RealResult {
   double tracking_m = kNan, seconds = kNan, processor_s = kNan, modulus_s = kNan;
   std::string said = {};  // warnings, and in how many windows: "misfit 2, ramp 6"
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(RealResult, name, estimator, contrast_of_lump, seeds, refused,
-                                                background, background_worst, contrast, contrast_worst, ramp,
-                                                ramp_worst, off, coverage, deviation, skin_held,
-                                                background_held, lump_held, tracking_m, seconds, processor_s,
-                                                modulus_s, said)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealResult, name, estimator, contrast_of_lump, seeds, refused, background,
+                                   background_worst, contrast, contrast_worst, ramp, ramp_worst, off,
+                                   coverage, deviation, skin_held, background_held, lump_held, tracking_m,
+                                   seconds, processor_s, modulus_s, said)
 // The same of the promised estimator, for a page that people read.
 struct RealLine {
   std::string row, background, contrast, ramp, held, said;
   double coverage = kNan, off = kNan, skin_held = kNan, processor_s = kNan;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(RealLine, row, background, contrast, ramp, held, said,
-                                                coverage, off, skin_held, processor_s)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealLine, row, background, contrast, ramp, held, said, coverage, off,
+                                   skin_held, processor_s)
 struct RealFigures {
   std::vector<RealResult> rows;
   std::vector<RealLine> without_lump, lump_of_3, lump_of_5;
