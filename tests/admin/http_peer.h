@@ -17,13 +17,13 @@ namespace teletact::test {
 
 class HttpPeer {
  public:
-  explicit HttpPeer(unsigned port, const char* host = "127.0.0.1")
+  // `from`: this peer's own address, of any port.
+  explicit HttpPeer(unsigned port, const char* host = "127.0.0.1", const char* from = "127.0.0.1")
       : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in to{};
-    to.sin_family = AF_INET;
-    to.sin_port = htons(static_cast<std::uint16_t>(port));
-    to.sin_addr.s_addr = inet_addr(host);
-    connect(to);
+    const sockaddr_in own = of(from, 0);
+    if (::bind(socket_, reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0)
+      throw std::runtime_error("cannot have this address");
+    connect(of(host, port));
   }
   explicit HttpPeer(const std::string& path) : socket_(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     sockaddr_un to{};
@@ -55,6 +55,13 @@ class HttpPeer {
   }
 
  private:
+  static sockaddr_in of(const char* host, unsigned port) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = inet_addr(host);
+    return address;
+  }
   template <class Address>
   void connect(const Address& to) {
     if (::connect(socket_, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0)
