@@ -16,6 +16,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "service/access/trial_set.h"
 #include "service/admin/admin.h"
@@ -77,8 +78,12 @@ struct Running {
 Running start(ServeOptions options) {
   constexpr int kDeviceNiceness = 5;  // kernels run below touch
   options.device.niceness = kDeviceNiceness;
-  options.server.reopen = [device = options.device] { return Device::open(device); };
-  Running running{std::make_unique<Server>(Device::open(options.device), options.server), nullptr};
+  if (options.devices.empty()) options.devices = {options.device.select};
+  const std::vector<DeviceOptions> chosen = choose_devices(options.devices, options.device);
+  options.server.reopen = [chosen](std::size_t number) { return Device::open(chosen.at(number)); };
+  std::vector<std::shared_ptr<Device>> devices;
+  for (const DeviceOptions& device : chosen) devices.push_back(Device::open(device));
+  Running running{std::make_unique<Server>(devices, options.server), nullptr};
   if (!options.admin.empty()) running.admin = std::make_unique<Admin>(options.admin, running.server->core());
   running.server->make_ready();
   return running;
@@ -119,8 +124,11 @@ void serve(const CLI::App& command, ServeOptions options) {
   const sigset_t signals = block_stop_signals();
   const auto [server, admin] = start_unless_stopped(options, signals);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
-  std::printf("teletact-service: serving on %s, device %s, ready in %.2f s\n", server->address().c_str(),
-              server->core().device->info().name.c_str(), took.count());
+  std::string devices;
+  for (const CurrentDevice& device : server->core().devices)
+    devices += (devices.empty() ? "device " : ", device ") + device->info().name;
+  std::printf("teletact-service: serving on %s, %s, ready in %.2f s\n", server->address().c_str(),
+              devices.c_str(), took.count());
   if (admin) std::printf("teletact-service: metrics and health on %s\n", admin->address().c_str());
   std::fflush(stdout);
   int signal = 0;
@@ -158,7 +166,10 @@ void add_serve(CLI::App& app, ServeOptions& o) {
   command->add_option("--listen", o.server.listen.listen, "HOST:PORT or unix:/path")->capture_default_str();
   command->add_option("--admin", o.admin,
                       "metrics and health over HTTP, for this machine: 127.0.0.1:PORT or unix:/path");
-  command->add_option("--device", o.device.select, "index or part of the name of an OpenCL device");
+  command->add_option(
+      "--device", o.devices,
+      "index or part of the name of an OpenCL device, /PARTS after it for so many equal parts "
+      "of it; again for a further device");
   command->add_option("--state", o.server.state_directory, "folder in which scenes survive the service");
   command->add_option("--config", o.config, "TOML file with these options, '_' for '-'");
   command->add_option("--kernel-directory", o.device.kernel_directory,

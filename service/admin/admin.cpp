@@ -71,7 +71,24 @@ void add_memory(Core& core, Families& out) {
     out.add(static_cast<double>(use.bytes), {{"place", name_of(use.place)}, {"kind", use.kind}});
   out.begin("teletact_memory_limit_bytes", "What may be held");
   out.add(static_cast<double>(core.limits.host_memory_bytes), {{"place", name_of(Place::kHost)}});
-  out.add(static_cast<double>(core.limits.device_memory_bytes), {{"place", name_of(Place::kDevice)}});
+  for (std::size_t k = 0; k < core.devices.size(); ++k)
+    out.add(static_cast<double>(core.limits.device_memory_bytes), {{"place", name_of(place_of_device(k))}});
+}
+
+// By their numbers, from 0.
+void add_devices(Core& core, Families& out) {
+  const auto add = [&](const auto& value_of) {
+    for (std::size_t k = 0; k < core.imaging.lanes().size(); ++k)
+      out.add(value_of(core.imaging.lanes()[k]), {{"device", std::to_string(k)}});
+  };
+  out.begin("teletact_imaging_busy_seconds_total",
+            "That the imaging plane was at work with a device; one job works at a time with each",
+            MetricType::Counter);
+  add([](const ImagingLane& lane) { return lane.workers().worked_s(); });
+  out.begin("teletact_device_works", "1: estimates are made on it; 0: it failed, or hangs");
+  add([](const ImagingLane& lane) { return lane.works() ? 1.0 : 0.0; });
+  out.begin("teletact_scenes_moved_total", "Scenes that another device took over", MetricType::Counter);
+  out.add(static_cast<double>(core.imaging.scenes_moved()));
 }
 
 std::uint64_t resident_bytes() {
@@ -127,10 +144,7 @@ std::string metrics_text(Core& core) {
   add_memory(core, out);
   out.begin("teletact_scenes", "Scenes");
   out.add(static_cast<double>(core.scenes.list().size()));
-  out.begin("teletact_imaging_busy_seconds_total",
-            "That the imaging plane, and with it the device, was at work; one job works at a time",
-            MetricType::Counter);
-  out.add(core.imaging.workers().worked_s());
+  add_devices(core, out);
   out.begin("teletact_uptime_seconds", "Since the service was started");
   out.add(std::chrono::duration<double>(std::chrono::steady_clock::now() - core.started).count());
   add_process(out);

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <map>
 #include <stdexcept>
+#include <utility>
 #include <variant>
+#include <vector>
 
 #include "service/limits/shown.h"
 
@@ -40,6 +42,21 @@ void read_limits(const std::string& where, const toml::node& node, Limits& limit
   }
 }
 
+// One of them, or a list.
+std::vector<std::string> devices_from(const std::string& where, const toml::node& node) {
+  std::vector<std::string> devices;
+  const auto add = [&](const toml::node& one) {
+    if (!one.is_string()) throw std::runtime_error(where + "device must be a string, or a list of strings");
+    devices.push_back(*one.value<std::string>());
+  };
+  if (const toml::array* const list = node.as_array())
+    for (const toml::node& one : *list) add(one);
+  else
+    add(node);
+  if (devices.empty()) throw std::runtime_error(where + "device is an empty list; name one, or leave it out");
+  return devices;
+}
+
 }  // namespace
 
 void read_configuration(const std::function<bool(const std::string& flag)>& given, ServeOptions& options) {
@@ -48,7 +65,6 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
   const std::map<std::string, std::variant<std::string*, Path*, bool*>> keys{
       {"listen", &options.server.listen.listen},
       {"admin", &options.admin},
-      {"device", &options.device.select},
       {"state", &options.server.state_directory},
       {"kernel_directory", &options.device.kernel_directory},
       {"tls_certificate", &options.server.listen.tls_certificate},
@@ -61,6 +77,11 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
     const std::string name(key.str()), where = "--config " + options.config.string() + ": ";
     if (name == "limits") {
       read_limits(where, node, options.server.limits);
+      continue;
+    }
+    if (name == "device") {
+      std::vector<std::string> devices = devices_from(where, node);
+      if (!given("--device")) options.devices = std::move(devices);
       continue;
     }
     const auto known = keys.find(name);

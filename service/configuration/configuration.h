@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "service/device/device.h"
 #include "service/rpc/server.h"
@@ -12,7 +13,8 @@ namespace teletact::service {
 
 struct ServeOptions {
   ServerOptions server;
-  DeviceOptions device;
+  std::vector<std::string> devices;  // as choose_devices() takes them; empty: the usual one
+  DeviceOptions device;              // of each
   std::string admin;
   std::filesystem::path config;
   std::string log_level = "info";

@@ -5,7 +5,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <exception>
+#include <functional>
+#include <set>
+#include <system_error>
 #include <thread>
 
 #include "service/device/environment.h"
@@ -77,43 +81,99 @@ std::string lower(std::string text) {
   return text;
 }
 
-const Found& choose(const std::vector<Found>& all, const std::string& select) {
+constexpr std::size_t kMostDevices = 64;
+
+// Of those that match, the one that comes after so many.
+const Found& choose(const std::vector<Found>& all, const std::string& select, std::size_t match) {
   if (all.empty()) throw DeviceError("no OpenCL device: install an OpenCL driver (Debian: pocl-opencl-icd)");
-  if (select.empty()) {
+  if (select.empty() && match == 0) {
     const auto gpu = std::find_if(all.begin(), all.end(), [](const Found& f) { return f.gpu; });
     return gpu == all.end() ? all.front() : *gpu;
   }
   const bool number =
       std::all_of(select.begin(), select.end(), [](unsigned char c) { return std::isdigit(c); });
+  const std::size_t before = match;
   for (const Found& found : all) {
-    if (number && select == std::to_string(found.info.index)) return found;
-    if (!number && lower(found.info.name).find(lower(select)) != std::string::npos) return found;
+    const bool matches = number ? select == std::to_string(found.info.index)
+                                : lower(found.info.name).find(lower(select)) != std::string::npos;
+    if (matches && match-- == 0) return found;
   }
   std::string known;
   for (const Found& found : all) known += " [" + std::to_string(found.info.index) + "] " + found.info.name;
-  throw DeviceError("no OpenCL device matches '" + select + "'; there are:" + known);
+  throw DeviceError((before > 0 ? "every OpenCL device that matches '" : "no OpenCL device matches '") +
+                    select + (before > 0 ? "' is chosen already: name another, or leave it out" : "'") +
+                    "; there are:" + known);
+}
+
+// A device of its own, which shares the memory with the other parts. The first ones get the compute units
+// that are left over.
+Found part_of(const Found& whole, std::size_t part, std::size_t parts) {
+  if (parts == 1) return whole;
+  const std::size_t units = whole.info.compute_units;
+  const std::string words = whole.info.name + " (" + std::to_string(units) +
+                            " compute units) cannot be cut into " + std::to_string(parts) + " parts";
+  if (parts > units) throw DeviceError(words + "; ask for fewer");
+  std::vector<cl_device_partition_property> how{CL_DEVICE_PARTITION_BY_COUNTS};
+  for (std::size_t k = 0; k < parts; ++k)
+    how.push_back(static_cast<cl_device_partition_property>(units / parts + (k < units % parts ? 1 : 0)));
+  how.insert(how.end(), {CL_DEVICE_PARTITION_BY_COUNTS_LIST_END, 0});
+  Found found = whole;
+  try {
+    std::vector<cl::Device> made;
+    cl::Device(whole.device).createSubDevices(how.data(), &made);
+    found.device = made.at(part);
+  } catch (const cl::Error&) {  // most GPUs
+    throw DeviceError(words + " by its driver; name it alone");
+  }
+  found.info.name += " " + std::to_string(part + 1) + "/" + std::to_string(parts);
+  found.info.compute_units = found.device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
+  found.info.global_memory_bytes /= parts;
+  found.info.max_allocation_bytes = std::min(found.info.max_allocation_bytes, found.info.global_memory_bytes);
+  return found;
 }
 
 // PoCL starts its worker threads at the first enumeration, and threads inherit the nice value of the one that
 // creates them. Hence the whole opening runs on a thread of its own.
-std::shared_ptr<Context> open_context(const DeviceOptions& options) {
-  std::shared_ptr<Context> context;
+void on_thread_of(int niceness, const std::function<void()>& work) {
   std::exception_ptr failure;
   std::thread([&] {
     try {
-      if (options.niceness > 0) setpriority(PRIO_PROCESS, 0, options.niceness);
-      const std::vector<Found> all = find_devices();
-      Found found = choose(all, options.select);
-      found.info.has_double = found.info.has_double && !options.hide_double;
-      if (options.most_array_bytes > 0)
-        found.info.max_allocation_bytes = std::min(found.info.max_allocation_bytes, options.most_array_bytes);
-      context = std::make_shared<Context>(found.device, found.info, options);
+      if (niceness > 0) setpriority(PRIO_PROCESS, 0, niceness);
+      work();
     } catch (...) {
       failure = std::current_exception();
     }
   }).join();
   if (failure) std::rethrow_exception(failure);
+}
+
+std::shared_ptr<Context> open_context(const DeviceOptions& options) {
+  std::shared_ptr<Context> context;
+  on_thread_of(options.niceness, [&] {
+    const std::vector<Found> all = find_devices();
+    Found found = part_of(choose(all, options.select, options.match), options.part, options.parts);
+    found.info.has_double = found.info.has_double && !options.hide_double;
+    if (options.most_array_bytes > 0)
+      found.info.max_allocation_bytes = std::min(found.info.max_allocation_bytes, options.most_array_bytes);
+    context = std::make_shared<Context>(found.device, found.info, options);
+  });
   return context;
+}
+
+// SELECT/PARTS; a name may have a slash of its own.
+void read_selection(const std::string& selection, DeviceOptions& options) {
+  options.select = selection;
+  const std::size_t slash = selection.rfind('/');
+  if (slash == std::string::npos) return;
+  const std::string parts = selection.substr(slash + 1);
+  std::size_t count = 0;
+  const auto [end, error] = std::from_chars(parts.data(), parts.data() + parts.size(), count);
+  if (parts.empty() || end != parts.data() + parts.size()) return;
+  if (error != std::errc() || count == 0 || count > kMostDevices)
+    throw DeviceError("'" + selection + "': a device is cut into 1 to " + std::to_string(kMostDevices) +
+                      " parts");
+  options.select = selection.substr(0, slash);
+  options.parts = count;
 }
 
 }  // namespace
@@ -122,6 +182,29 @@ std::vector<DeviceInfo> list_devices() {
   std::vector<DeviceInfo> infos;
   for (const Found& found : find_devices()) infos.push_back(found.info);
   return infos;
+}
+
+std::vector<DeviceOptions> choose_devices(const std::vector<std::string>& selections,
+                                          const DeviceOptions& common) {
+  std::vector<DeviceOptions> chosen;
+  on_thread_of(common.niceness, [&] {
+    const std::vector<Found> all = find_devices();
+    std::set<std::size_t> taken;
+    for (const std::string& selection : selections) {
+      DeviceOptions options = common;
+      read_selection(selection, options);
+      while (taken.contains(choose(all, options.select, options.match).info.index)) ++options.match;
+      taken.insert(choose(all, options.select, options.match).info.index);
+      for (options.part = 0; options.part < options.parts; ++options.part) {
+        options.number = chosen.size();
+        chosen.push_back(options);
+      }
+    }
+  });
+  if (chosen.size() > kMostDevices)
+    throw DeviceError(std::to_string(chosen.size()) + " devices are more than the " +
+                      std::to_string(kMostDevices) + " that a service uses; name fewer");
+  return chosen;
 }
 
 std::shared_ptr<Device> Device::open(const DeviceOptions& options) {
@@ -135,6 +218,10 @@ Queue Device::queue(const MemoryAccount& account) const {
   queue.state_ = std::make_shared<Queue::State>(context_);
   queue.state_->account = account;
   return queue;
+}
+
+Place Device::place() const {
+  return place_of_device(context_->options().number);
 }
 
 std::uint64_t Device::held_bytes() const {

@@ -44,6 +44,15 @@ struct DeviceInfo {
   }
 };
 
+struct DeviceOptions;
+
+// The options of each device that `selections` name, in their order: `common` with `number` and what chooses
+// it alone. A selection is DeviceOptions::select, the next device of that name where it comes again, or one
+// of the form SELECT/PARTS: each of so many equal parts of a device. Throws DeviceError, one line: nothing
+// matches, a device is taken twice, or cannot be cut so.
+std::vector<DeviceOptions> choose_devices(const std::vector<std::string>& selections,
+                                          const DeviceOptions& common);
+
 // Every OpenCL device of every platform; empty when there is none. Checks first what PoCL needs to survive
 // (a writable kernel cache folder, /proc and /sys) and throws DeviceError naming it.
 std::vector<DeviceInfo> list_devices();
@@ -169,6 +178,7 @@ class Queue {
   void finish() const;
   std::vector<KernelTime> profile() const;  // empty unless opened with profiling
   const DeviceInfo& info() const;
+  Place place() const;  // as its device's
   bool supports(Precision precision) const;
   // In whose name the arrays are held that are made from now on: their bytes are charged before they are
   // allocated (MemoryRefused).
@@ -197,6 +207,9 @@ class Queue {
 
 struct DeviceOptions {
   std::string select = {};  // "" = first GPU, else first device; a number = index; else part of the name
+  std::size_t match = 0;    // of those whose name has it, which
+  std::size_t part = 0, parts = 1;  // of so many parts that it is cut into, which: a device of its own
+  std::size_t number = 0;  // of the devices that the process uses: whose budget its arrays are charged to
   std::string kernel_directory = {};  // "" = embedded sources; else read .cl files from there (development)
   std::string cache_directory =
       {};  // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
@@ -214,6 +227,7 @@ class Device {
   static std::shared_ptr<Device> open(const DeviceOptions& = {});
   Queue queue(const MemoryAccount& = {}) const;
   const DeviceInfo& info() const;
+  Place place() const;  // whose budget its arrays are charged to
   // Of all arrays that live now.
   std::uint64_t held_bytes() const;
 

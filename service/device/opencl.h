@@ -49,6 +49,7 @@ struct RawKernel {
   std::shared_ptr<LaunchLog> log;
   std::shared_ptr<Pace> pace;
   std::string name;
+  std::size_t device = 0;  // its number
   using Sizes = std::array<std::size_t, 3>;
   struct Measured {
     double s = 0;

@@ -27,7 +27,7 @@ constexpr double kMostGrowth = 4;       // of one slice to the next
 constexpr std::size_t kMostSizes = 64;  // that are remembered for a kernel
 constexpr int kMeasured = 3;            // launches of a size, after which it is known
 
-std::atomic<bool> launches_fail{false};
+std::atomic<std::uint64_t> failing{0};  // a bit for each device, by its number
 
 void check_range(const RawBuffer& buffer, std::size_t bytes, std::size_t offset) {
   if (offset > buffer.bytes || bytes > buffer.bytes - offset)
@@ -37,8 +37,9 @@ void check_range(const RawBuffer& buffer, std::size_t bytes, std::size_t offset)
 
 }  // namespace
 
-void fail_launches(bool fail) {
-  launches_fail = fail;
+void fail_launches(bool fail, std::optional<std::size_t> number) {
+  const std::uint64_t bits = number ? std::uint64_t{1} << *number : ~std::uint64_t{0};
+  fail ? failing |= bits : failing &= ~bits;
 }
 
 void LaunchLog::collect() {
@@ -84,7 +85,7 @@ void Kernel::launch(const Range& range) {
 void RawKernel::enqueue(const Sizes& from, const Sizes& global, const Sizes& local) {
   guarded("launch of kernel " + name, [&] {
     cl::Event event;
-    if (launches_fail) throw cl::Error(CL_DEVICE_NOT_AVAILABLE, "clEnqueueNDRangeKernel");
+    if (failing >> device & 1) throw cl::Error(CL_DEVICE_NOT_AVAILABLE, "clEnqueueNDRangeKernel");
     const bool whole = from == Sizes{};
     queue.enqueueNDRangeKernel(kernel, whole ? cl::NullRange : cl::NDRange(from[0], from[1], from[2]),
                                cl::NDRange(global[0], global[1], global[2]),
@@ -194,6 +195,7 @@ Kernel Queue::kernel(std::string_view source, std::string_view name, Precision p
   kernel.raw_->log = state_->log;
   kernel.raw_->pace = state_->pace;
   kernel.raw_->name = name;
+  kernel.raw_->device = state_->context->options().number;
   return kernel;
 }
 
@@ -204,7 +206,7 @@ std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes, const void* host) 
                             std::to_string(info.max_allocation_bytes) + " that " + info.name +
                             " can hold in one");
   auto raw = std::make_shared<RawBuffer>();
-  raw->charge = state_->account.charge(Place::kDevice, "arrays", bytes);
+  raw->charge = state_->account.charge(place(), "arrays", bytes);
   raw->buffer = guarded("allocating " + std::to_string(bytes) + " bytes on " + info.name, [&] {
     if (!host || bytes == 0)
       return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE, std::max<std::size_t>(bytes, 1));
@@ -287,6 +289,10 @@ std::vector<KernelTime> Queue::profile() const {
 
 const DeviceInfo& Queue::info() const {
   return state_->context->info();
+}
+
+Place Queue::place() const {
+  return place_of_device(state_->context->options().number);
 }
 
 void Queue::charge_to(const MemoryAccount& account) const {

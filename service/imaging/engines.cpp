@@ -63,7 +63,7 @@ void Engines::give_back(const std::string& client, const std::shared_ptr<Device>
   const std::lock_guard lock(mutex_);
   if (device != device_) return;
   idle_.push_front(std::make_shared<Idle>(client, std::move(engine)));
-  account.add(Place::kDevice, idle_.front());
+  account.add(device->place(), idle_.front());
   if (idle_.size() <= kMostIdle) return;
   one_more = std::move(idle_.back());
   idle_.pop_back();

@@ -10,8 +10,9 @@
 
 namespace teletact::service {
 
-DeviceRecovery::DeviceRecovery(std::function<void()> again, std::function<void(bool)> tell)
-    : again_(std::move(again)), tell_(std::move(tell)), thread_([this] { recover(); }) {}
+DeviceRecovery::DeviceRecovery(std::size_t number, std::function<void()> again,
+                               std::function<void(bool)> tell)
+    : number_(number), again_(std::move(again)), tell_(std::move(tell)), thread_([this] { recover(); }) {}
 
 DeviceRecovery::~DeviceRecovery() {
   stop();
@@ -32,7 +33,7 @@ void DeviceRecovery::failed(const std::string& why) {
     if (!why_.empty()) return;
     why_ = why.empty() ? "unknown failure" : why;
   }
-  spdlog::error("event=device_failed error=\"{}\"", why);
+  spdlog::error("event=device_failed device={} error=\"{}\"", number_, why);
   changed_.notify_all();
 }
 
@@ -43,6 +44,11 @@ void DeviceRecovery::require() const {
               fmt::format("the device failed ({}) and is being opened anew; send the pair again once the "
                           "health of teletact.v1.Elastography is SERVING",
                           why_));
+}
+
+bool DeviceRecovery::works() const {
+  const std::lock_guard lock(mutex_);
+  return why_.empty();
 }
 
 void DeviceRecovery::recover() {
@@ -66,13 +72,13 @@ void DeviceRecovery::recover() {
         again_();
       } catch (const std::exception& error) {
         still = error.what();
-        spdlog::error("event=device_still_failed error=\"{}\"", still);
+        spdlog::error("event=device_still_failed device={} error=\"{}\"", number_, still);
       }
       lock.lock();
       why_ = still;
     }
     lock.unlock();
-    spdlog::warn("event=device_works_again");
+    spdlog::warn("event=device_works_again device={}", number_);
     worked_since = Clock::now();
     tell_(true);
     lock.lock();

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
 #include <functional>
 #include <mutex>
 #include <string>
@@ -16,9 +17,9 @@ class DeviceRecovery {
   // Between tries: twice as long each time. The first pause too, when the device worked for less than the
   // longest.
   static constexpr std::chrono::milliseconds kFirstPause{250}, kLongestPause{30'000};
-  // `again` opens the device anew, tries it and puts it into use, or throws. `tell` is told each change of
-  // whether the device works. Both are called on a thread of its own.
-  DeviceRecovery(std::function<void()> again, std::function<void(bool works)> tell);
+  // `number` is said in the log. `again` opens the device anew, tries it and puts it into use, or throws.
+  // `tell` is told each change of whether the device works. Both are called on a thread of its own.
+  DeviceRecovery(std::size_t number, std::function<void()> again, std::function<void(bool works)> tell);
   ~DeviceRecovery();  // stops
   DeviceRecovery(const DeviceRecovery&) = delete;
   DeviceRecovery& operator=(const DeviceRecovery&) = delete;
@@ -28,9 +29,11 @@ class DeviceRecovery {
   void failed(const std::string& why);
   // Throws Error(kUnavailable) with the remedy while the device does not work.
   void require() const;
+  bool works() const;
 
  private:
   void recover();
+  const std::size_t number_;
   const std::function<void()> again_;
   const std::function<void(bool)> tell_;
   mutable std::mutex mutex_;

@@ -21,7 +21,7 @@ constexpr const char* kStopping = "the service is shutting down; connect again l
 constexpr const char* kLate =
     "not done within the time allowed; allow more, or ask again when fewer clients are served";
 
-thread_local const FairWorkers* works_for = nullptr;
+thread_local FairWorkers* works_for = nullptr;
 thread_local FairWorkers::Id works_on = 0;
 
 }  // namespace
@@ -70,8 +70,13 @@ void FairWorkers::cancel(Id id) {
 }
 
 FairWorkers::Id FairWorkers::current() const {
-  if (works_for != this) throw std::logic_error("not on a thread of this imaging plane");
+  if (works_for != this) throw std::logic_error("not on a thread of these workers");
   return works_on;
+}
+
+FairWorkers& FairWorkers::here() {
+  if (!works_for) throw std::logic_error("not on a thread of the imaging plane");
+  return *works_for;
 }
 
 double FairWorkers::done_in_s(const JobTerms& terms) const {
@@ -83,6 +88,11 @@ double FairWorkers::worked_s() const {
   const Lock lock(mutex_);
   const std::chrono::duration<double> going_on = running_ ? Clock::now() - since_ : Clock::duration{};
   return worked_s_ + going_on.count();
+}
+
+double FairWorkers::silent_s() const {
+  const Lock lock(mutex_);
+  return running_ ? std::chrono::duration<double>(Clock::now() - since_).count() : 0;
 }
 
 // Gives the turn to whose it is, when nobody has it.

@@ -1,7 +1,7 @@
-// The threads on which the imaging plane works: estimates, model builds, what is owed. One works at a time,
-// and gives way at a look() (service/device/look.h) when FairQueue says so; a job that gave way keeps its
-// thread and goes on later. They run at a raised nice value, so that touch, at normal priority, never waits
-// for them (T1).
+// The threads on which the imaging plane works with one device: estimates, model builds, what is owed. One
+// works at a time, and gives way at a look() (service/device/look.h) when FairQueue says so; a job that gave
+// way keeps its thread and goes on later. They run at a raised nice value, so that touch, at normal priority,
+// never waits for them (T1).
 #pragma once
 
 #include <condition_variable>
@@ -39,6 +39,8 @@ class FairWorkers {
   void cancel(Id);
   // The job that this thread works on. Throws std::logic_error on a thread that is none of these.
   Id current() const;
+  // Those that this thread is one of. Throws std::logic_error where it is none.
+  static FairWorkers& here();
   // For the job of this thread, which can do nothing before `other` has ended: gives the turn to it, and
   // returns when it has. Throws as a look() does, and as current().
   void step_aside(Id other);
@@ -46,6 +48,8 @@ class FairWorkers {
   double done_in_s(const JobTerms&) const;
   // That jobs were at work, of the time since the start.
   double worked_s() const;
+  // Since whoever works has looked up; 0: nobody works.
+  double silent_s() const;
 
   // Cancels everything and waits for what runs to look; later jobs are refused.
   void stop();

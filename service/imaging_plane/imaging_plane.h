@@ -1,91 +1,73 @@
-// The imaging plane: RF pairs in, estimates out, windows published. Its jobs take turns (fair_workers.h),
-// below touch. Thread-safe.
+// The imaging plane: RF pairs in, estimates out, windows published. Each device has its own turns
+// (imaging_lane.h); a scene is imaged on one of them. Thread-safe.
 #pragma once
 
-#include <chrono>
+#include <cstddef>
+#include <deque>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
-#include <utility>
+#include <vector>
 
-#include "service/device/current_device.h"
-#include "service/imaging/engines.h"
-#include "service/imaging_plane/device_recovery.h"
-#include "service/imaging_plane/estimate_cost.h"
-#include "service/imaging_plane/estimate_request.h"
-#include "service/imaging_plane/publisher.h"
+#include "service/imaging_plane/imaging_lane.h"
+#include "service/imaging_plane/scene_lanes.h"
 
 namespace teletact::service {
 
-// A pair that has come in.
-struct ReceivedPair {
-  const EstimateRequest& request;
-  std::string client;                                   // in whose name it is worked on
-  std::chrono::steady_clock::time_point received;       // its last byte
-  std::function<std::pair<RfFrame, RfFrame>()> frames;  // pre and post, asked for once
-  std::chrono::steady_clock::time_point deadline =
-      std::chrono::steady_clock::time_point::max();  // of its job
-};
-
-struct EstimateOutcome {
-  Estimate estimate;
-  std::optional<Published> published;
-  // waited_s: of the time since the upload, while others had their turn.
-  double publish_s = 0, received_to_published_s = 0, queued_s = 0, waited_s = 0;
+// A job that was posted.
+struct ImagingJob {
+  FairWorkers* workers = nullptr;
+  FairWorkers::Id id = 0;
+  // FairWorkers::cancel; does nothing where there is none.
+  void cancel() const {
+    if (workers) workers->cancel(id);
+  }
 };
 
 class ImagingPlane {
  public:
-  // `reopen` opens the device anew after it failed; `tell` is told whether it works, on another thread.
-  ImagingPlane(CurrentDevice&, Scenes&, std::shared_ptr<MemoryBudget>, std::shared_ptr<const TouchModels>,
-               std::function<std::shared_ptr<Device>()> reopen, std::function<void(bool works)> tell);
+  // `devices`: at least one; touch uses the first, too. `reopen` opens the device of this number anew after
+  // it failed; `tell` is told whether any works, on another thread.
+  ImagingPlane(std::deque<CurrentDevice>& devices, Scenes&, const std::shared_ptr<MemoryBudget>&,
+               const std::shared_ptr<const TouchModels>&,
+               std::function<std::shared_ptr<Device>(std::size_t number)> reopen,
+               std::function<void(bool works)> tell);
 
   // Compiles the kernels.
   void warm();
-  // Gives up what is worked on; nobody is told of the device any more.
+  // Gives up what is worked on; nobody is told of the devices any more.
   void stop();
-  // Throws Error(kUnavailable) with the remedy while the device does not work.
-  void require_device() const { recovery_.require(); }
+  // Throws Error(kUnavailable) with the remedy while no device works.
+  void require_device() const;
 
-  // `asked`, here and below: the client, and the deadline of its call, which the request may bring forward.
-  // Before the upload: throws Error(kDeadline) for an estimate that even alone could not be done in time.
-  void refuse_the_hopeless(const EstimateRequest&, const JobTerms& asked);
-  // After it: the terms on which estimate() is to be posted to the workers. Throws Error(kDeadline) for one
-  // that beside the others could not be done in time.
-  JobTerms admit(const EstimateRequest&, const JobTerms& asked);
-  // On one of the workers. `ended` is told each stage. What it throws, a device that fails among it, is seen
-  // to.
-  EstimateOutcome estimate(const ReceivedPair&, const std::function<void(Stage)>& ended);
-
+  // Where it is to be estimated: with its scene's other windows.
+  ImagingLane& lane_for(const EstimateRequest&, const JobTerms& asked);
   // Makes a scene as Scenes::make. `made` is told with what became of it, once.
-  FairWorkers::Id make_scene(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
-                             const std::string& client, const Scenes::Made& made);
+  ImagingJob make_scene(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
+                        const std::string& client, const Scenes::Made& made);
   // Publishes it. `told` what became of that, once.
   using Told = std::function<void(const Published&, std::exception_ptr)>;
-  FairWorkers::Id publish_slice(const std::shared_ptr<Scene>&, ModulusSlice, const std::string& client,
-                                const Told& told);
-  FairWorkers& workers() { return publisher_.workers(); }
+  ImagingJob publish_slice(const std::shared_ptr<Scene>&, ModulusSlice, const std::string& client,
+                           const Told& told);
+
+  std::deque<ImagingLane>& lanes() { return lanes_; }
+  // Scenes that another device took over.
+  std::uint64_t scenes_moved() const { return places_.moved(); }
 
  private:
-  void open_again();
-  JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
-  // The least that it could work, s: by the quickest method where none is named.
-  double least_s(const EstimateRequest&) const;
-  ModulusTime modulus_time(const ReceivedPair&, double begun_s) const;
-  // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.
-  void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
-  EstimateOutcome work(const ReceivedPair&, const std::pair<RfFrame, RfFrame>& frames,
-                       const std::function<void(Stage)>& ended);
-  CurrentDevice& device_;
+  ImagingLane& lane_for(const std::shared_ptr<const Scene>&,
+                        const std::function<double(const ImagingLane&)>& load_s);
+  ImagingLane& lane_for(const std::shared_ptr<const Scene>&, const JobTerms&);
+  void tell(std::size_t number, bool works);
   Scenes& scenes_;
-  const std::shared_ptr<MemoryBudget> memory_;
-  const std::shared_ptr<const TouchModels> models_;
-  const std::function<std::shared_ptr<Device>()> reopen_;
-  EstimateCost cost_;
-  Engines engines_;
+  std::mutex telling_;
+  std::vector<bool> works_;
+  const std::function<void(bool)> tell_;
+  SceneLanes places_;
   Publisher publisher_;
-  DeviceRecovery recovery_;  // last: its thread uses the rest
+  std::deque<ImagingLane> lanes_;  // last: their threads use the rest
 };
 
 }  // namespace teletact::service

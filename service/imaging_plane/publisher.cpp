@@ -16,13 +16,18 @@ class Publisher::Changing {
   Changing(Publisher& publisher, const Scene& scene) : publisher_(publisher), scene_(scene) {}
   ~Changing() {
     if (!begun_) return;
-    const std::lock_guard lock(publisher_.mutex_);
-    publisher_.changing_.erase(&scene_);
+    {
+      const std::lock_guard lock(publisher_.mutex_);
+      publisher_.changing_.erase(&scene_);
+    }
+    publisher_.changed_.notify_all();
   }
   // Nothing, or the job that changes it now.
-  std::optional<FairWorkers::Id> begin() {
+  std::optional<Changer> begin() {
+    FairWorkers& here = FairWorkers::here();
+    const Changer changer{&here, here.current()};
     const std::lock_guard lock(publisher_.mutex_);
-    const auto [at, first] = publisher_.changing_.emplace(&scene_, publisher_.workers_.current());
+    const auto [at, first] = publisher_.changing_.emplace(&scene_, changer);
     begun_ = first;
     return first ? std::nullopt : std::optional(at->second);
   }
@@ -48,12 +53,36 @@ void log_failure(const std::string& scene, const std::exception_ptr& error) {
 
 }  // namespace
 
+void Publisher::take_turn(const Scene& scene, Changing& changing) {
+  const auto patient_until = FairWorkers::Clock::now() + patience_;
+  while (const auto other = changing.begin()) let_end(scene, *other, patient_until);
+}
+
+// Another device's job, of before the scene was moved from there, goes on beside this one, or hangs.
+void Publisher::let_end(const Scene& scene, const Changer& other,
+                        FairWorkers::Clock::time_point patient_until) {
+  constexpr std::chrono::milliseconds kLook{10};
+  FairWorkers& here = FairWorkers::here();
+  if (other.workers == &here) return here.step_aside(other.job);
+  if (FairWorkers::Clock::now() > patient_until) {
+    spdlog::error("event=scene_held scene={} by=\"a job of its former device\"", scene.id());
+    throw Error(ErrorKind::kUnavailable,
+                "the scene's former device has not ended its change of the scene; send it again, and if that "
+                "does not help, restart the service");
+  }
+  {
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, kLook, [&] { return !changing_.contains(&scene); });
+  }
+  look();
+}
+
 template <class Change>
 Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::string& client,
                             const Change& change) {
   Published published = [&] {
     Changing changing(*this, *scene);
-    while (const auto other = changing.begin()) workers_.step_aside(*other);
+    take_turn(*scene, changing);
     return change();
   }();
   if (scenes_.trouble_with_disk())
@@ -93,15 +122,16 @@ Published Publisher::publish(const std::shared_ptr<Scene>& scene, const ModulusS
 void Publisher::refresh_later(const std::shared_ptr<Scene>& scene, const JobTerms& terms) {
   {
     const std::lock_guard lock(mutex_);
-    if (!refreshing_.insert(scene.get()).second) return;  // the job that waits will see the newest
+    if (!refreshing_.emplace(&FairWorkers::here(), scene.get()).second)
+      return;  // the job that waits will see the newest
   }
   try {
-    workers_.post(
+    FairWorkers::here().post(
         terms,
         [this, scene, terms] {
           {
             const std::lock_guard lock(mutex_);
-            refreshing_.erase(scene.get());
+            refreshing_.erase({&FairWorkers::here(), scene.get()});
           }
           refresh(scene, terms);
         },
@@ -117,7 +147,7 @@ void Publisher::refresh(const std::shared_ptr<Scene>& scene, JobTerms terms) {
   const auto begun = FairWorkers::Clock::now();
   if (const auto renewed = scene->renewed()) {  // while slices come
     Changing changing(*this, *scene);
-    while (const auto other = changing.begin()) workers_.step_aside(*other);
+    take_turn(*scene, changing);
     scene->renew(*renewed);
     return scenes_.keep_later(scene);
   }

@@ -31,7 +31,7 @@ const std::vector<LimitRow>& limit_rows() {
       {"host_memory_bytes", &L::host_memory_bytes, 0, "B", 0, 1024 * kGiB,
        "memory of the host that may be held; 0: a quarter of it"},
       {"device_memory_bytes", &L::device_memory_bytes, 0, "B", 0, 1024 * kGiB,
-       "memory of the device that may be held; 0: half of it"},
+       "memory of each device that may be held; 0: half of the smallest one's"},
       {"client_memory_share", &L::client_memory_share, 0.1, "1", 0.001, 1, "part of either for one client"},
       {"most_scenes", &L::most_scenes, 64, "1", 1, 4096, "scenes at once"},
       {"most_scene_elements", &L::most_scene_elements, 65536, "1", 1, 65536,

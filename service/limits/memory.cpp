@@ -17,8 +17,10 @@ struct Charge::Holder {
   const std::string& client() const { return key[2]; }
 };
 
-const char* name_of(Place place) {
-  return place == Place::kHost ? "host" : "device";
+std::string name_of(Place place) {
+  if (place == Place::kHost) return "host";
+  const std::size_t number = static_cast<std::size_t>(place) - static_cast<std::size_t>(Place::kDevice);
+  return number == 0 ? "device" : fmt::format("device {}", number);
 }
 
 std::uint64_t use_stamp() {
@@ -35,7 +37,7 @@ Charge::~Charge() {
 void Charge::shrink(std::uint64_t bytes) {
   if (!budget_ || bytes >= bytes_) return;
   const std::lock_guard lock(budget_->mutex_);
-  MemoryBudget::Side& side = budget_->sides_[static_cast<std::size_t>(holder_->place)];
+  MemoryBudget::Side& side = budget_->sides_.at(static_cast<std::size_t>(holder_->place));
   const std::uint64_t less = bytes_ - bytes;
   side.held -= less, side.by_client[holder_->client()] -= less, holder_->bytes -= less;
   bytes_ = bytes;
@@ -53,14 +55,14 @@ void MemoryAccount::add(Place place, std::weak_ptr<Reclaimable> reclaimable) con
   if (budget) budget->add(place, *this, std::move(reclaimable));
 }
 
-MemoryBudget::MemoryBudget(const Limits& limits) {
+MemoryBudget::MemoryBudget(const Limits& limits, std::size_t devices) : sides_(1 + devices) {
   const auto set = [&](Place place, std::uint64_t bytes) {
-    Side& side = sides_[static_cast<std::size_t>(place)];
+    Side& side = sides_.at(static_cast<std::size_t>(place));
     side.budget = bytes;
     side.client_budget = static_cast<std::uint64_t>(limits.client_memory_share * static_cast<double>(bytes));
   };
   set(Place::kHost, limits.host_memory_bytes);
-  set(Place::kDevice, limits.device_memory_bytes);
+  for (std::size_t k = 0; k < devices; ++k) set(place_of_device(k), limits.device_memory_bytes);
 }
 
 MemoryBudget::~MemoryBudget() = default;
@@ -95,7 +97,7 @@ bool MemoryBudget::reclaim(Place place, const std::string* client) {
   std::vector<std::pair<std::uint64_t, std::shared_ptr<Reclaimable>>> oldest;
   {
     const std::lock_guard lock(mutex_);
-    auto& all = sides_[static_cast<std::size_t>(place)].reclaimable;
+    auto& all = sides_.at(static_cast<std::size_t>(place)).reclaimable;
     for (const auto& [of, weak] : all)
       if (!client || of == *client)
         if (auto reclaimable = weak.lock()) oldest.emplace_back(0, std::move(reclaimable));
@@ -107,7 +109,7 @@ bool MemoryBudget::reclaim(Place place, const std::string* client) {
 
 void MemoryBudget::fit(std::unique_lock<std::mutex>& lock, Place place, const char* kind,
                        const MemoryAccount& account, std::uint64_t bytes) {
-  const Side& side = sides_[static_cast<std::size_t>(place)];
+  const Side& side = sides_.at(static_cast<std::size_t>(place));
   // More than there can ever be is refused at once, and others keep what they have.
   const bool possible = bytes <= (account.client.empty() ? side.budget : side.client_budget);
   for (;;) {
@@ -154,7 +156,7 @@ Charge MemoryBudget::charge(Place place, const char* kind, const MemoryAccount& 
   std::array<std::string, 4> key{name_of(place), kind, account.client, account.scene};
   auto& holder = holders_[key];
   if (!holder) holder = std::make_unique<Charge::Holder>(Charge::Holder{place, std::move(key)});
-  Side& side = sides_[static_cast<std::size_t>(place)];
+  Side& side = sides_.at(static_cast<std::size_t>(place));
   side.by_client[account.client] += bytes;
   side.held += bytes, holder->bytes += bytes, ++holder->charges;
   charge.budget_ = shared_from_this();
@@ -165,7 +167,7 @@ Charge MemoryBudget::charge(Place place, const char* kind, const MemoryAccount& 
 
 void MemoryBudget::give(Charge::Holder* holder, std::uint64_t bytes) {
   const std::lock_guard lock(mutex_);
-  Side& side = sides_[static_cast<std::size_t>(holder->place)];
+  Side& side = sides_.at(static_cast<std::size_t>(holder->place));
   side.held -= bytes, holder->bytes -= bytes;
   const auto client = side.by_client.find(holder->client());
   client->second -= bytes;
@@ -176,7 +178,7 @@ void MemoryBudget::give(Charge::Holder* holder, std::uint64_t bytes) {
 
 void MemoryBudget::add(Place place, const MemoryAccount& account, std::weak_ptr<Reclaimable> reclaimable) {
   const std::lock_guard lock(mutex_);
-  Side& side = sides_[static_cast<std::size_t>(place)];
+  Side& side = sides_.at(static_cast<std::size_t>(place));
   if (side.reclaimable.size() >= side.prune_at) {
     std::erase_if(side.reclaimable, [](const auto& one) { return one.second.expired(); });
     side.prune_at = 2 * side.reclaimable.size() + 64;
@@ -186,12 +188,12 @@ void MemoryBudget::add(Place place, const MemoryAccount& account, std::weak_ptr<
 
 std::uint64_t MemoryBudget::held(Place place) const {
   const std::lock_guard lock(mutex_);
-  return sides_[static_cast<std::size_t>(place)].held;
+  return sides_.at(static_cast<std::size_t>(place)).held;
 }
 
 std::uint64_t MemoryBudget::held(Place place, const std::string& client) const {
   const std::lock_guard lock(mutex_);
-  const auto& clients = sides_[static_cast<std::size_t>(place)].by_client;
+  const auto& clients = sides_.at(static_cast<std::size_t>(place)).by_client;
   const auto found = clients.find(client);
   return found == clients.end() ? 0 : found->second;
 }

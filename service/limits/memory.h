@@ -1,4 +1,4 @@
-// Who holds how many bytes. There is one budget for the host and one for the device. What may grow with what
+// Who holds how many bytes. There is one budget for the host and one for each device. What may grow with what
 // peers send is charged to the client and the scene that cause it before it is allocated, and returned when
 // it is gone. What can be made again (Reclaimable) is given back in the order of last use when there is no
 // room; what then still does not fit is refused with the sizes.
@@ -7,6 +7,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -20,8 +21,12 @@ namespace teletact::service {
 
 struct Limits;
 
-enum class Place { kHost, kDevice };
-const char* name_of(Place);
+// The host, and each device that the service uses: kDevice is the first.
+enum class Place : std::size_t { kHost, kDevice };
+constexpr Place place_of_device(std::size_t number) {  // from 0
+  return static_cast<Place>(static_cast<std::size_t>(Place::kDevice) + number);
+}
+std::string name_of(Place);  // "host", "device", "device 1" for the second ...
 
 // There is no room. what(): one line with the sizes asked for, held and allowed, and a remedy.
 struct MemoryRefused : std::runtime_error {
@@ -89,8 +94,8 @@ struct MemoryAccount {
 
 class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
  public:
-  // `limits`: resolved().
-  explicit MemoryBudget(const Limits& limits);
+  // `limits`: resolved(); each device has the same budget.
+  explicit MemoryBudget(const Limits& limits, std::size_t devices = 1);
   ~MemoryBudget();
   Charge charge(Place, const char* kind, const MemoryAccount&, std::uint64_t bytes);
   void make_room(Place, const char* kind, const MemoryAccount&, std::uint64_t bytes);
@@ -119,7 +124,7 @@ class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
   mutable std::mutex mutex_;
   std::chrono::steady_clock::time_point said_{};  // the last refusal
   std::uint64_t unsaid_ = 0;                      // refusals since
-  std::array<Side, 2> sides_;
+  std::vector<Side> sides_;                       // by Place
   // By place, kind, client, scene; one that holds nothing is dropped.
   std::map<std::array<std::string, 4>, std::unique_ptr<Charge::Holder>> holders_;
 };

@@ -1,9 +1,12 @@
 // What the services share. Owned by Server.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <memory>
+#include <vector>
 
 #include "service/access/access.h"
 #include "service/device/current_device.h"
@@ -18,8 +21,16 @@
 
 namespace teletact::service {
 
+// Of each device: the smallest one says.
+inline std::uint64_t least_memory_bytes(const std::vector<std::shared_ptr<Device>>& devices) {
+  std::uint64_t least = UINT64_MAX;
+  for (const auto& device : devices) least = std::min(least, device->info().global_memory_bytes);
+  return least;
+}
+
 struct Core {
-  CurrentDevice device;
+  std::deque<CurrentDevice> devices;
+  CurrentDevice& device = devices.front();  // that touch uses
   const Limits limits;
   std::uint64_t instance = 0;  // random per process start
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
@@ -33,19 +44,19 @@ struct Core {
   TouchWorkers touch;    // last: the same
 
   // `reopen`, `tell`: as ImagingPlane's.
-  Core(std::shared_ptr<Device> device_, std::uint64_t instance_, const std::filesystem::path& state_directory,
-       const Limits& asked_for, std::shared_ptr<const TouchModels> models_,
-       std::function<std::shared_ptr<Device>()> reopen, std::function<void(bool works)> tell,
-       std::shared_ptr<const Access> access_ = nullptr)
-      : device(std::move(device_)),
-        limits(resolved(asked_for, host_memory_bytes(), device->info().global_memory_bytes)),
+  Core(const std::vector<std::shared_ptr<Device>>& devices_, std::uint64_t instance_,
+       const std::filesystem::path& state_directory, const Limits& asked_for,
+       std::shared_ptr<const TouchModels> models_, std::function<std::shared_ptr<Device>(std::size_t)> reopen,
+       std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr)
+      : devices(devices_.begin(), devices_.end()),
+        limits(resolved(asked_for, host_memory_bytes(), least_memory_bytes(devices_))),
         instance(instance_),
-        memory(std::make_shared<MemoryBudget>(limits)),
+        memory(std::make_shared<MemoryBudget>(limits, devices.size())),
         models(std::move(models_)),
         access(std::move(access_)),
         calls(limits),
         scenes(state_directory, limits, machine_files(), memory, models),
-        imaging(device, scenes, memory, models, std::move(reopen), std::move(tell)),
+        imaging(devices, scenes, memory, models, std::move(reopen), std::move(tell)),
         touch(limits) {}
 
   // In whose name memory is held.

@@ -56,7 +56,7 @@ void EstimateReactor::receive() {
       require_named(*context_, message_.acquisition().slice_of().scene_id());
     core_.imaging.require_device();
     call_ = call_from(message_.acquisition(), core_.scenes, limits);
-    core_.imaging.refuse_the_hopeless(call_->request, terms());
+    core_.imaging.lane_for(call_->request, terms()).refuse_the_hopeless(call_->request, terms());
     // As it comes, and as samples.
     upload_bytes_ = core_.account(client_of(*context_))
                         .charge(Place::kHost, "uploads",
@@ -92,7 +92,8 @@ void EstimateReactor::uploaded() {
   if (!call_) throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
   upload_->require_whole();
   received_ = Clock::now();
-  const JobTerms terms = core_.imaging.admit(call_->request, this->terms());
+  lane_ = &core_.imaging.lane_for(call_->request, this->terms());
+  const JobTerms terms = lane_->admit(call_->request, this->terms());
   deadline_ = terms.deadline;
   {
     const std::lock_guard lock(mutex_);
@@ -101,10 +102,10 @@ void EstimateReactor::uploaded() {
   progressed(v1::ESTIMATE_STAGE_RECEIVED);
   if (!hold()) return;
   try {
-    const FairWorkers::Id job = core_.imaging.workers().post(
+    const FairWorkers::Id job = lane_->workers().post(
         terms, [this] { work(); }, [this](std::exception_ptr error) { worked(std::move(error)); });
     const std::lock_guard lock(mutex_);
-    job_ = job;
+    job_ = {&lane_->workers(), job};
   } catch (...) {
     release();
     throw;
@@ -121,7 +122,7 @@ void EstimateReactor::work() {
                             return frames;
                           },
                           deadline_};
-  outcome_ = core_.imaging.estimate(pair, [this](Stage stage) { progressed(stage_to(stage)); });
+  outcome_ = lane_->estimate(pair, [this](Stage stage) { progressed(stage_to(stage)); });
   core_.metrics.estimate(*outcome_);
   if (outcome_->published) progressed(v1::ESTIMATE_STAGE_PUBLISHED);
   log_done();
@@ -224,12 +225,12 @@ void EstimateReactor::tick(Clock::time_point now) {
 }
 
 void EstimateReactor::ended() {
-  FairWorkers::Id job = 0;
+  ImagingJob job;
   {
     const std::lock_guard lock(mutex_);
     if (!worked_) job = job_;
   }
-  if (job != 0) core_.imaging.workers().cancel(job);  // worked() comes at its next look, or at once
+  job.cancel();  // worked() comes at its next look, or at once
 }
 
 void EstimateReactor::closed() {

@@ -52,6 +52,7 @@ class EstimateReactor final
   Charge upload_bytes_;
   std::optional<FrameUpload> upload_;
   Clock::time_point received_{};
+  ImagingLane* lane_ = nullptr;                      // where it is worked on
   JobTerms::Time deadline_ = JobTerms::Time::max();  // of its job
   std::optional<EstimateOutcome> outcome_;
 
@@ -59,7 +60,7 @@ class EstimateReactor final
   bool uploading_ = true, worked_ = false;
   double whole_upload_s_;  // at most, by what the acquisition declares
   Clock::time_point last_bytes_ = opened_;
-  FairWorkers::Id job_ = 0;
+  ImagingJob job_;
   std::deque<v1::EstimateProgress> progress_;
   std::size_t written_ = 0;      // messages of the outcome
   v1::EstimateResponse answer_;  // gRPC's, while a write is in flight

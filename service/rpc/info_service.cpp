@@ -6,6 +6,20 @@
 
 namespace teletact::service {
 
+namespace {
+
+void device_to(const DeviceInfo& device, v1::Device* out) {
+  out->set_name(device.name);
+  out->set_vendor(device.vendor);
+  out->set_platform(device.platform);
+  out->set_driver_version(device.driver_version);
+  out->set_has_double(device.has_double);
+  out->set_compute_units(device.compute_units);
+  out->set_global_memory_bytes(device.global_memory_bytes);
+}
+
+}  // namespace
+
 grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
                                                const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
   return UnaryCall::serve(
@@ -17,15 +31,8 @@ void InfoService::describe(v1::GetInfoResponse* response) const {
   response->set_api_version("v1");
   response->set_build(TELETACT_VERSION);
   response->set_instance(core_.instance);
-  const DeviceInfo device = core_.device->info();
-  v1::Device* out = response->mutable_device();
-  out->set_name(device.name);
-  out->set_vendor(device.vendor);
-  out->set_platform(device.platform);
-  out->set_driver_version(device.driver_version);
-  out->set_has_double(device.has_double);
-  out->set_compute_units(device.compute_units);
-  out->set_global_memory_bytes(device.global_memory_bytes);
+  for (const CurrentDevice& device : core_.devices) device_to(device->info(), response->add_devices());
+  *response->mutable_device() = response->devices(0);
   for (const LimitRow& row : limit_rows()) {
     v1::Limit* limit = response->add_limits();
     limit->set_name(row.name);
@@ -34,7 +41,9 @@ void InfoService::describe(v1::GetInfoResponse* response) const {
   }
   std::vector<MemoryUse> uses = core_.memory->uses();
   // A place that holds nothing says so: silence would leave open whether the service tells at all.
-  for (const Place place : {Place::kHost, Place::kDevice})
+  std::vector<Place> places{Place::kHost};
+  for (std::size_t k = 0; k < core_.devices.size(); ++k) places.push_back(place_of_device(k));
+  for (const Place place : places)
     if (std::none_of(uses.begin(), uses.end(), [&](const auto& use) { return use.place == place; }))
       uses.push_back({place, "", 0});
   for (const MemoryUse& use : uses) {

@@ -23,13 +23,13 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
                                             (request->slices().empty() ? 3 : 5) * request->ByteSizeLong()));
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus = modulus_from(*request, core_.limits);
-    const FairWorkers::Id job = core_.imaging.make_scene(
+    const ImagingJob job = core_.imaging.make_scene(
         request->scene_id(), geometry, std::move(modulus), client,
         [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
           if (error) return call->fail(error);
           call->answer(*response, [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
         });
-    call->drop_by([this, job] { core_.imaging.workers().cancel(job); });
+    call->drop_by([job] { job.cancel(); });
   });
 }
 
@@ -42,7 +42,7 @@ grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerCon
     const std::string client = client_of(*context);
     call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
     const auto scene = core_.scenes.find(request->scene_id());
-    const FairWorkers::Id job =
+    const ImagingJob job =
         core_.imaging.publish_slice(scene, slice_from("slice", request->slice(), *scene->solid()), client,
                                     [=](const Published& published, std::exception_ptr error) {
                                       if (error) return call->fail(error);
@@ -53,7 +53,7 @@ grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerCon
                                           response->add_warnings(warning);
                                       });
                                     });
-    call->drop_by([this, job] { core_.imaging.workers().cancel(job); });
+    call->drop_by([job] { job.cancel(); });
   });
 }
 

@@ -58,15 +58,15 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
 
 }  // namespace
 
-Server::Server(std::shared_ptr<Device> device, const ServerOptions& options) {
+Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions& options) {
   const std::string address = prepare_address(options.listen);
   const auto credentials = credentials_of(options.listen);
   auto access = options.listen.access.empty()
                     ? nullptr
                     : std::make_shared<const Access>(options.listen.access, options.now);
   core_ = std::make_unique<Core>(
-      std::move(device), random_instance(), options.state_directory, options.limits, options.models,
-      options.reopen, [this](bool works) { tell_device(works); }, std::move(access));
+      devices, random_instance(), options.state_directory, options.limits, options.models, options.reopen,
+      [this](bool work) { tell_devices(work); }, std::move(access));
   elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
@@ -100,15 +100,14 @@ void Server::set_health(bool serving) {
   health->SetServingStatus("", serving);
 }
 
-// Touch goes on without it, by compliances.
-void Server::tell_device(bool works) {
-  server_->GetHealthCheckService()->SetServingStatus("teletact.v1.Elastography", works);
+// Touch goes on without them, by compliances.
+void Server::tell_devices(bool work) {
+  server_->GetHealthCheckService()->SetServingStatus("teletact.v1.Elastography", work);
 }
 
 void Server::make_ready() {
   core_->scenes.restore();
   core_->imaging.warm();
-  core_->models->warm(core_->device);
   core_->calls.open();
   set_health(true);
 }

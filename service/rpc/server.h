@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "service/rpc/address.h"
 #include "service/rpc/core.h"
@@ -20,8 +21,9 @@ class PalpationService;
 
 struct ServerOptions {
   ListenOptions listen;
-  std::filesystem::path state_directory;                 // empty: scenes end with the process
-  std::function<std::shared_ptr<Device>()> reopen = {};  // the device, after it failed
+  std::filesystem::path state_directory;  // empty: scenes end with the process
+  // The device of this number, after it failed.
+  std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
   Limits limits;
   std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
   Access::Now now = WallClock::now;                            // by which access expires
@@ -30,8 +32,8 @@ struct ServerOptions {
 class Server {
  public:
   // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address, a file of TLS or
-  // of access, or a state folder that cannot be used.
-  Server(std::shared_ptr<Device>, const ServerOptions&);
+  // of access, or a state folder that cannot be used. `devices`: at least one, by their numbers.
+  Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions&);
   ~Server();  // drains
   // Restores the scenes, warms the kernels, then health is SERVING.
   void make_ready();
@@ -43,7 +45,7 @@ class Server {
 
  private:
   void set_health(bool serving);
-  void tell_device(bool works);
+  void tell_devices(bool work);
   std::unique_ptr<Core> core_;
   std::unique_ptr<ElastographyService> elastography_;
   std::unique_ptr<InfoService> info_;

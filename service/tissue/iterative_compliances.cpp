@@ -33,7 +33,7 @@ std::shared_ptr<IterativeCompliance> IterativeCompliances::at(std::size_t row,
     solver = std::make_shared<SharedSolver>(device, problem_->grid, problem_->supports, problem_->material,
                                             iterative_options(*device, problem_->material.poisson_ratio),
                                             account_);
-    account_.add(Place::kDevice, solver);
+    account_.add(device->place(), solver);
   }
   auto made = std::make_shared<IterativeCompliance>(solver, problem_->grid, problem_->material.poisson_ratio,
                                                     row, problem_->touchable, account_);

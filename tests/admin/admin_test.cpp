@@ -11,16 +11,19 @@
 #include <thread>
 #include <vector>
 
+#include "service/device/fault.h"
 #include "tests/admin/http_peer.h"
 #include "tests/admin/metrics.h"
 #include "tests/rpc/estimate_client.h"
+#include "tests/rpc/two_devices.h"
 
 namespace teletact::service {
 namespace {
 
 struct Watched {
-  explicit Watched(const Limits& limits = {}, bool ready = true)
-      : server("", "", limits), admin("127.0.0.1:0", server->core()) {
+  explicit Watched(const Limits& limits = {}, bool ready = true,
+                   const std::vector<DeviceOptions>& devices = {})
+      : server("", "", limits, plane_models(), devices), admin("127.0.0.1:0", server->core()) {
     if (ready) server->make_ready();
   }
   std::string get(const std::string& target) const {
@@ -133,13 +136,53 @@ TEST(Admin, EstimatesAreTimedByStageAndBytesSaidByKind) {
     EXPECT_EQ(m.at(std::string("teletact_estimate_stage_seconds_count{stage=\"") + stage + "\"}"), 1);
     worked_s += m.at(std::string("teletact_estimate_stage_seconds_sum{stage=\"") + stage + "\"}");
   }
-  EXPECT_GE(m.at("teletact_imaging_busy_seconds_total"), 0.9 * worked_s);
+  EXPECT_GE(m.at(R"(teletact_imaging_busy_seconds_total{device="0"})"), 0.9 * worked_s);
   double held = 0;
   for (const auto& [series, value] : m)
     if (series.starts_with("teletact_memory_bytes") && series.find("place=\"host\"") != std::string::npos)
       held += value;
   EXPECT_GT(held, 0);
   EXPECT_LT(held, m.at(R"(teletact_memory_limit_bytes{place="host"})"));
+}
+
+TEST(Admin, EachDeviceHasFiguresOfItsOwn) {
+  Watched w({}, true, two_devices());
+  const auto before = w.metrics();
+  for (const char* id : {"a", "b"}) {
+    v1::CreateSceneRequest empty;
+    empty.set_scene_id(id);
+    for (const double size_m : {0.1, 0.02}) empty.mutable_geometry()->add_size_m(size_m);
+    ASSERT_TRUE(w.server.create(empty).ok());
+    ASSERT_TRUE(estimate(w.server.channel(), acquisition(id)).status.ok());
+  }
+  const auto m = w.metrics();
+  for (const char* busy : {R"(teletact_imaging_busy_seconds_total{device="0"})",
+                           R"(teletact_imaging_busy_seconds_total{device="1"})"})
+    EXPECT_GT(m.at(busy), before.at(busy)) << busy;
+  EXPECT_EQ(m.at(R"(teletact_device_works{device="0"})"), 1);
+  EXPECT_EQ(m.at(R"(teletact_device_works{device="1"})"), 1);
+  EXPECT_EQ(m.at("teletact_scenes_moved_total"), 0);
+  for (const char* place : {"device", "device 1"}) {
+    const std::string of = std::string("{place=\"") + place + "\"";
+    EXPECT_GT(m.at("teletact_memory_bytes" + of + ",kind=\"arrays\"}"), 0);
+    EXPECT_GT(m.at("teletact_memory_limit_bytes" + of + "}"), 0);
+  }
+  fail_launches(true, 1);
+  int refused = 0;
+  for (const char* id : {"a", "b"}) {
+    const grpc::StatusCode code = estimate(w.server.channel(), acquisition(id)).status.error_code();
+    refused += code == grpc::StatusCode::UNAVAILABLE ? 1 : 0;
+  }
+  EXPECT_EQ(refused, 1);
+  w.expect(R"(teletact_device_works{device="1"})", 0);
+  for (const char* id : {"a", "b"})
+    EXPECT_TRUE(estimate(w.server.channel(), acquisition(id)).status.ok()) << id;
+  w.expect("teletact_scenes_moved_total", 1);
+  EXPECT_EQ(w.metrics().at(R"(teletact_device_works{device="0"})"), 1);
+  fail_launches(false);
+  w.expect(R"(teletact_device_works{device="1"})", 1);
+  for (const auto& [series, value] : w.metrics())
+    EXPECT_EQ(series.find("scene=\""), std::string::npos) << series;
 }
 
 TEST(Admin, NoSceneSessionOrClientIsALabel) {

@@ -13,10 +13,11 @@ namespace {
 TEST(DeviceRecovery, ADeviceThatFailsAsSoonAsItIsUsedIsOpenedLessAndLessOften) {
   std::atomic<int> opened{0};
   std::atomic<DeviceRecovery*> used{nullptr};
-  DeviceRecovery recovery([&] { ++opened; },
-                          [&](bool works) {
-                            if (works) used.load()->failed("in use");
-                          });
+  DeviceRecovery recovery(
+      0, [&] { ++opened; },
+      [&](bool works) {
+        if (works) used.load()->failed("in use");
+      });
   used = &recovery;
   recovery.failed("once");
   std::this_thread::sleep_for(std::chrono::seconds(3));

@@ -249,5 +249,23 @@ TEST(FairWorkers, JobsOfManyClientsAllEndAndLeaveNothing) {
   EXPECT_GT(well, 50);
 }
 
+TEST(FairWorkers, SayHowLongWhoeverWorksHasNotLookedUp) {
+  FairWorkers workers;
+  EXPECT_EQ(workers.silent_s(), 0);
+  std::atomic<bool> looks{false}, enough{false};
+  const auto hung = workers.run(of("a"), [&] {
+    while (!enough) {
+      if (looks) look();
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  });
+  while (workers.silent_s() < 0.2) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  looks = true;
+  while (workers.silent_s() > 0.1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  enough = true;
+  hung.future.wait();
+  EXPECT_EQ(workers.silent_s(), 0);
+}
+
 }  // namespace
 }  // namespace teletact::service

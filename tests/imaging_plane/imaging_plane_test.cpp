@@ -38,26 +38,28 @@ class Plane : public testing::Test {
                 FairWorkers::Clock::duration within = std::chrono::minutes(5)) {
     JobTerms terms;
     terms.deadline = FairWorkers::Clock::now() + within;
-    plane.workers()
+    lane.workers()
         .run(terms,
              [&] {
-               plane.estimate({request, "", FairWorkers::Clock::now(), unpack}, ended);
+               lane.estimate({request, "", FairWorkers::Clock::now(), unpack}, ended);
              })
         .future.get();
   }
-  double expected_s() { return plane.admit(request, {}).cost_s; }
+  double expected_s() { return lane.admit(request, {}).cost_s; }
 
   const Limits limits = resolved({}, std::uint64_t{1} << 32, std::uint64_t{1} << 32);
   const EstimateRequest request = settled(limits);
-  CurrentDevice device{imaging_device()};
+  const std::vector<std::shared_ptr<Device>> opened{imaging_device()};
+  std::deque<CurrentDevice> devices{opened.begin(), opened.end()};
   Scenes scenes{""};
   std::atomic<int> told{0};
-  ImagingPlane plane{device,
+  ImagingPlane plane{devices,
                      scenes,
                      std::make_shared<MemoryBudget>(limits),
                      plane_models(),
-                     [] { return Device::open(); },
+                     [](std::size_t) { return Device::open(); },
                      [this](bool) { ++told; }};
+  ImagingLane& lane = plane.lanes().front();
 };
 
 // What is expected of an estimate falls while none is done; one that was tried and is late ends that.
@@ -75,7 +77,7 @@ TEST_F(Plane, OneThatIsLateBeforeItsFramesAreReadWasNotTried) {
 
 TEST_F(Plane, ADeviceThatFailsWhenAnotherIsInUseByThenSaysNothingOfThatOne) {
   const auto replaced = [&](Stage) {
-    device.replace(Device::open());
+    devices.front().replace(Device::open());
     fail_launches(true);
   };
   try {

@@ -5,10 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <future>
 #include <optional>
 #include <thread>
 
 #include "service/device/look.h"
+#include "service/scene/errors.h"
 #include "tests/scene/create_scene.h"
 #include "tests/scene/windows.h"
 
@@ -28,15 +30,85 @@ class Publishing : public testing::Test {
   Scenes scenes{""};
   const std::shared_ptr<Scene> scene = create_scene(scenes, "s", tissue(0.12, 0.03), std::nullopt);
   Publisher publisher{scenes};
+  FairWorkers workers;
 };
 
-TEST_F(Publishing, IsRefusedOnAThreadThatIsNotOneOfItsWorkers) {
+TEST_F(Publishing, IsRefusedOnAThreadThatIsNoWorker) {
   EXPECT_THROW(publish(0.03, "anybody"), std::logic_error);
   EXPECT_TRUE(scene->snapshot()->windows.empty());
-  Publisher another(scenes);
-  auto elsewhere = another.workers().run(of("anybody"), [&] { publish(0.03, "anybody"); });
-  EXPECT_THROW(elsewhere.future.get(), std::logic_error);
-  EXPECT_THROW(publisher.workers().step_aside(1), std::logic_error);
+  EXPECT_THROW(workers.step_aside(1), std::logic_error);
+}
+
+// A scene that was moved to another device while the former one's job was about to publish.
+TEST_F(Publishing, OneOfAnotherDeviceWaitsForTheOneThatChangesTheScene) {
+  std::atomic<bool> in_the_midst{false}, release{false}, second_done{false};
+  FairWorkers of_another_device;
+  auto first = workers.run(of("first"), [&] {
+    const Looking held([&] {
+      in_the_midst = true;
+      while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    });
+    return publish(0.03, "first");
+  });
+  while (!in_the_midst) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  std::atomic<int> looks{0};
+  auto second = of_another_device.run(of("second"), [&] {
+    const Looking counted([&] { ++looks; });
+    const Published published = publish(0.06, "second");
+    second_done = true;
+    return published;
+  });
+  while (looks < 3) std::this_thread::sleep_for(std::chrono::milliseconds(1));  // it waits, and looks up
+  EXPECT_FALSE(second_done);
+  release = true;
+  EXPECT_LT(first.future.get().version, second.future.get().version);
+  EXPECT_EQ(scene->snapshot()->windows.size(), 2U);
+}
+
+TEST_F(Publishing, OneOfAnotherDeviceIsGivenUpWhereTheOneThatChangesTheSceneHangs) {
+  Publisher impatient{scenes, std::chrono::milliseconds(50)};
+  const auto publish_at = [&](double x_m, const char* client) {
+    return impatient.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), client);
+  };
+  std::atomic<bool> in_the_midst{false}, release{false};
+  FairWorkers of_another_device;
+  auto hangs = workers.run(of("first"), [&] {
+    const Looking held([&] {
+      in_the_midst = true;
+      while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    });
+    return publish_at(0.03, "first");
+  });
+  while (!in_the_midst) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  auto given_up = of_another_device.run(of("second"), [&] { return publish_at(0.06, "second"); });
+  try {
+    given_up.future.get();
+    ADD_FAILURE() << "published beside another change";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind, ErrorKind::kUnavailable);
+  }
+  release = true;
+  hangs.future.get();
+  EXPECT_EQ(scene->snapshot()->windows.size(), 1U);
+}
+
+TEST_F(Publishing, NeighboursAreFreshThoughTheFormerDeviceHangs) {
+  std::promise<std::uint64_t> published;
+  std::promise<void> release;
+  auto hangs = workers.run(of("first"), [&] {  // and so does the refresh that it owes
+    const std::uint64_t first = publish(0.0, "first").version;
+    publish(0.03, "first");
+    published.set_value(first);
+    release.get_future().wait();
+  });
+  const std::uint64_t first = published.get_future().get();
+  FairWorkers of_another_device;
+  of_another_device.run(of("second"), [&] { publish(0.06, "second"); }).future.get();
+  const auto fresh = [&] { return scene->snapshot()->windows.front()->version > first; };
+  for (int k = 0; k < 60'000 && !fresh(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_TRUE(fresh());
+  release.set_value();
+  hangs.future.get();
 }
 
 TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinning) {
@@ -44,10 +116,10 @@ TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinnin
   std::atomic<bool> first_published{false};
   std::atomic<int> looks_meanwhile{0};
   std::optional<FairWorkers::Running<Published>> second;
-  auto first = publisher.workers().run(of("first"), [&] {
+  auto first = workers.run(of("first"), [&] {
     const Looking in_the_midst([&] {
       if (second) return;
-      second = publisher.workers().run(of("second"), [&] {
+      second = workers.run(of("second"), [&] {
         const Looking counted([&] {
           if (!first_published) ++looks_meanwhile;
         });
@@ -74,7 +146,7 @@ TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
   std::atomic<std::int64_t> steps{0};
   std::vector<FairWorkers::Running<void>> greedy;
   for (const char* client : {"a", "b"})
-    greedy.push_back(publisher.workers().run(of(client), [&] {
+    greedy.push_back(workers.run(of(client), [&] {
       for (;;) {
         look();
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -82,7 +154,7 @@ TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
       }
     }));
   const auto publish_fairly = [&](double x_m) {
-    return publisher.workers().run(of("fair"), [&] { return publish(x_m, "fair"); }).future.get().version;
+    return workers.run(of("fair"), [&] { return publish(x_m, "fair"); }).future.get().version;
   };
   const std::uint64_t first = publish_fairly(0.0);
   publish_fairly(0.03);
@@ -93,7 +165,7 @@ TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_GT(version_of_first(), first);
   for (auto& running : greedy) {
-    publisher.workers().cancel(running.id);
+    workers.cancel(running.id);
     running.future.wait();  // it counts steps
   }
 }

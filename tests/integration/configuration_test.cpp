@@ -25,7 +25,7 @@ TEST(Configuration, EveryLimitIsSetByItAndReported) {
   };
   {
     std::ofstream file(folder / "c.toml");
-    file << "listen = \"" << address << "\"\n[limits]\n" << std::setprecision(17);
+    file << "listen = \"" << address << "\"\ndevice = [\"0\"]\n[limits]\n" << std::setprecision(17);
     for (const service::LimitRow& row : service::limit_rows())
       file << row.name << " = " << wanted(row) << "\n";
   }
@@ -74,6 +74,9 @@ TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
   refused("[limits]\nmost_max_strain = nan\n", "limits.most_max_strain");
   refused("[limits]\nmost_scenes = \"many\"\n", "limits.most_scenes must be a number");
   refused("limits = 3\n", "limits must be a table");
+  refused("device = [0]\n", "device must be a string, or a list of strings");
+  refused("device = []\n", "device is an empty list");
+  refused("device = [\"0\", \"0\"]\n", "is chosen already");
   refused("most_scenes = 3\n", "unknown key \"most_scenes\"");
 }
 

@@ -167,5 +167,21 @@ TEST(Memory, ManyThreadsLeaveNothingBehind) {
   EXPECT_TRUE(budget->uses().empty());
 }
 
+TEST(Memory, EachDeviceHasABudgetOfItsOwn) {
+  Limits limits;
+  limits.host_memory_bytes = 1000, limits.device_memory_bytes = 100, limits.client_memory_share = 1;
+  const auto budget = std::make_shared<MemoryBudget>(limits, 2);
+  const MemoryAccount anna{budget, "anna", "s"};
+  const Charge first = anna.charge(place_of_device(0), "arrays", 100);
+  const Charge second = anna.charge(place_of_device(1), "arrays", 60);
+  EXPECT_EQ(budget->held(Place::kDevice), 100U);
+  EXPECT_EQ(budget->held(place_of_device(1)), 60U);
+  EXPECT_THROW(anna.charge(place_of_device(0), "arrays", 1), MemoryRefused);
+  EXPECT_THROW(anna.charge(place_of_device(1), "arrays", 41), MemoryRefused);
+  std::vector<std::string> places;
+  for (const MemoryUse& use : budget->uses()) places.push_back(name_of(use.place));
+  EXPECT_EQ(places, (std::vector<std::string>{"device", "device 1"}));
+}
+
 }  // namespace
 }  // namespace teletact::service

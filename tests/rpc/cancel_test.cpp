@@ -115,7 +115,7 @@ TEST(Cancelled, ACallThatWaitsForImagingLeavesTheQueueAtOnceWithAllThatItHolds) 
   std::promise<void> begun;
   JobTerms terms;
   terms.client = "other";
-  const auto busy = server->core().imaging.workers().run(terms, [&] {
+  const auto busy = server->core().imaging.lanes()[0].workers().run(terms, [&] {
     begun.set_value();
     while (!enough) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   });

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "service/access/certificates.h"
 #include "tests/access/access_folder.h"
@@ -62,7 +63,7 @@ class GuardedServer {
     if (transport == Transport::kMutualTls)
       options.listen.tls_client_ca = folder_.put("ca.pem", authority_.certificate);
     options.now = [this] { return WallClock::now() + std::chrono::seconds(later_s_.load()); };
-    server_ = std::make_unique<Server>(rpc_device(), options);
+    server_ = std::make_unique<Server>(std::vector{rpc_device()}, options);
     server_->make_ready();
   }
   Server* operator->() { return server_.get(); }

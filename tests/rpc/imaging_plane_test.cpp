@@ -24,7 +24,7 @@ FairWorkers::Running<void> endless(
   JobTerms terms;
   terms.client = client;
   terms.cost_s = cost_s;
-  return server.core().imaging.workers().run(terms, [begins] {
+  return server.core().imaging.lanes()[0].workers().run(terms, [begins] {
     begins();
     for (;;) {
       look();
@@ -65,7 +65,7 @@ double seconds_of(const Outcome& outcome, const std::string& stage) {
 
 class Plane : public OnOneServer {
  protected:
-  FairWorkers& workers() { return (*server)->core().imaging.workers(); }
+  FairWorkers& workers() { return (*server)->core().imaging.lanes()[0].workers(); }
 };
 
 TEST_F(Plane, EstimatesAreMadeInTimeBesideAClientThatWantsItAll) {

@@ -52,7 +52,8 @@ class RunningServer {
  public:
   explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "",
                          const Limits& limits = {},
-                         std::shared_ptr<const TouchModels> models = plane_models()) {
+                         std::shared_ptr<const TouchModels> models = plane_models(),
+                         const std::vector<DeviceOptions>& devices = {}) {
     static int count = 0;
     folder_ = std::filesystem::temp_directory_path() /
               ("teletact-rpc-" + std::to_string(getpid()) + "-" + std::to_string(count++));
@@ -60,10 +61,12 @@ class RunningServer {
     ServerOptions options;
     options.listen.listen = listen.empty() ? "unix:" + (folder_ / "s").string() : listen;
     options.state_directory = state;
-    options.reopen = [] { return Device::open({}); };
+    options.reopen = [devices](std::size_t number) {
+      return Device::open(devices.empty() ? DeviceOptions{} : devices.at(number));
+    };
     options.limits = limits;
     options.models = std::move(models);
-    server_ = std::make_unique<Server>(rpc_device(), options);
+    server_ = std::make_unique<Server>(opened(devices), options);
     palpation_ = v1::Palpation::NewStub(channel());
   }
   ~RunningServer() {
@@ -102,6 +105,11 @@ class RunningServer {
   }
 
  private:
+  static std::vector<std::shared_ptr<Device>> opened(const std::vector<DeviceOptions>& devices) {
+    std::vector<std::shared_ptr<Device>> all;
+    for (const DeviceOptions& device : devices) all.push_back(Device::open(device));
+    return devices.empty() ? std::vector{rpc_device()} : all;
+  }
   std::filesystem::path folder_;
   std::unique_ptr<Server> server_;
   std::unique_ptr<v1::Palpation::Stub> palpation_;

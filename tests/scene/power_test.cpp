@@ -335,6 +335,7 @@ TEST(KeepingState, IsNeverDoneByWhoMakesScenesAndPublishes) {
   const auto disk = std::make_shared<WatchedDisk>();
   Scenes scenes(kState, {}, disk);
   Publisher publisher(scenes);
+  FairWorkers fair;
   std::set<std::thread::id> workers;
   std::thread imaging([&] {
     workers.insert(std::this_thread::get_id());
@@ -349,8 +350,7 @@ TEST(KeepingState, IsNeverDoneByWhoMakesScenesAndPublishes) {
     const auto scene = kept.get();
     disk->stuck = true;
     for (int k = 0; k < 3; ++k)
-      publisher.workers()
-          .run({},
+      fair.run({},
                [&] {
                  workers.insert(std::this_thread::get_id());
                  publisher.publish(scene, window_of(homogeneous(10e3), 0.03 * k, 0.03, 0.02), {});

@@ -11,12 +11,13 @@ namespace teletact::service {
 inline Published publish_into(Scenes& scenes, const std::shared_ptr<Scene>& scene,
                               const WindowEstimate& window, const std::string& client = {}) {
   Publisher publisher(scenes);
+  FairWorkers workers;
   JobTerms terms;
   terms.client = client;
   Published published =
-      publisher.workers().run(terms, [&] { return publisher.publish(scene, window, client); }).future.get();
+      workers.run(terms, [&] { return publisher.publish(scene, window, client); }).future.get();
   terms.owed = true;  // after all that is owed by a deadline
-  publisher.workers().run(terms, [] {}).future.get();
+  workers.run(terms, [] {}).future.get();
   return published;
 }
 

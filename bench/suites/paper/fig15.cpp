@@ -61,7 +61,7 @@ class LocalService {
     spdlog::set_level(spdlog::level::warn);  // a scene per size is no news
     service::ServerOptions options;
     options.listen.listen = "127.0.0.1:0";
-    server_ = std::make_unique<service::Server>(service::Device::open({}), options);
+    server_ = std::make_unique<service::Server>(std::vector{service::Device::open({})}, options);
     server_->make_ready();
     channel_ = client::make_channel(server_->address());
   }

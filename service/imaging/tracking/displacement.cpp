@@ -88,7 +88,7 @@ DisplacementEstimator::Workspace::Workspace(const RfFrame& frame, const Acquisit
 }
 
 void DisplacementEstimator::Workspace::allocate(const Queue& q, const DisplacementOptions& o) {
-  q.account().make_room(Place::kDevice, "arrays", bytes());
+  q.account().make_room(q.place(), "arrays", bytes());
   for (Array<float>* image :
        {&frames.pre, &frames.post, &mean, &difference, &filtered_frames.pre, &filtered_frames.post}) {
     *image = q.array<float>(pad.total);

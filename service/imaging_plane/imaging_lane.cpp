@@ -1,0 +1,193 @@
+#include "service/imaging_plane/imaging_lane.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "service/device/look.h"
+#include "service/device/worked.h"
+#include "service/limits/seconds.h"
+#include "service/scene/errors.h"
+
+namespace teletact::service {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+
+// The rest is for its way here, and for a last step that takes longer than those before.
+constexpr double kOfCrossing = 0.85;
+
+}  // namespace
+
+ImagingLane::ImagingLane(std::size_t number, CurrentDevice& device, Publisher& publisher,
+                         std::shared_ptr<MemoryBudget> memory, Ways ways)
+    : device_(device),
+      publisher_(publisher),
+      memory_(std::move(memory)),
+      ways_(std::move(ways)),
+      engines_(device),
+      recovery_(
+          number, [this] { open_again(); }, ways_.tell) {
+  device_.on_failure([this](const std::string& why) { recovery_.failed(why); });
+}
+
+FairWorkers::Running<void> ImagingLane::warm() {
+  return workers_.run({}, [this] {
+    engines_.borrow("")->warm();
+    ways_.warm(device_);
+  });
+}
+
+void ImagingLane::stop() {
+  workers_.stop();  // what runs ends at its next look
+  recovery_.stop();
+}
+
+// A new device, tried by an estimate and by touch's kernels; then it is everybody's.
+void ImagingLane::open_again() {
+  const std::shared_ptr<Device> device = ways_.reopen();
+  workers_
+      .run({},
+           [this, device] {
+             engines_.use(device);
+             engines_.borrow("")->warm();
+             ways_.warm(device);
+           })
+      .future.get();
+  device_.replace(device);
+}
+
+JobTerms ImagingLane::terms(const EstimateRequest& request, const JobTerms& asked) const {
+  JobTerms terms = asked;
+  terms.cost_s = cost_.expected_s(request.size());
+  if (request.finish_within_s > 0)
+    terms.deadline = std::min(terms.deadline, Clock::now() + seconds(request.finish_within_s));
+  return terms;
+}
+
+void ImagingLane::require_in_time(const EstimateRequest& request, const JobTerms& terms, double done_in_s,
+                                  const char* words) {
+  const double left_s = Seconds(terms.deadline - Clock::now()).count();
+  if (done_in_s <= left_s) return;
+  cost_.refused(request.size(), left_s);
+  throw Error(ErrorKind::kDeadline, fmt::format(fmt::runtime(words), done_in_s));
+}
+
+double ImagingLane::done_in_s(const EstimateRequest& request, const JobTerms& asked) const {
+  JobTerms terms = this->terms(request, asked);
+  terms.cost_s = FairQueue::kSliceS;  // of devices alike, the one that was measured may look the quicker one
+  return workers_.done_in_s(terms);
+}
+
+double ImagingLane::least_s(const EstimateRequest& request) const {
+  EstimateSize size = request.size();
+  if (request.planned()) size.method = ModulusKind::kReferenceStress;
+  return cost_.expected_s(size);
+}
+
+// A window every so often is asked for by a finger that moves on (T1), from when it does; nobody waits for it
+// before, so that others' turns do not count. What is of use until a deadline only leaves less with every one
+// of them.
+ModulusTime ImagingLane::modulus_time(const ReceivedPair& pair, double begun_s) const {
+  const EstimateRequest& r = pair.request;
+  ModulusTime time{{}, {}, cost_.expected_modulus_s(r.size())};
+  const double publishing_s = cost_.expected_publishing_s(r.size());
+  const auto leave = [&time](double left_s, std::string words) {
+    if (left_s < time.left_s.value_or(HUGE_VAL)) time.left_s = left_s, time.words = std::move(words);
+  };
+  if (r.scene && !r.modulus.time_limit_s) {
+    const auto& v = r.scene->finger().now().velocity_m_s;
+    const double speed = std::max(choices::kSlowFinger, std::hypot(v[0], v[1], v[2])),
+                 window_s = kOfCrossing * r.window_width_m() / speed;
+    leave(window_s - (worked_s() - begun_s) - publishing_s,
+          fmt::format("{:.2f} s, {:.0f} % of what a finger at {:.0f} mm/s takes to cross a window", window_s,
+                      100 * kOfCrossing, 1e3 * speed));
+  }
+  if (pair.deadline != JobTerms::Time::max())
+    leave(Seconds(pair.deadline - Clock::now()).count() - publishing_s, "what it is to be finished within");
+  return time;
+}
+
+void ImagingLane::refuse_the_hopeless(const EstimateRequest& request, const JobTerms& asked) {
+  JobTerms terms = this->terms(request, asked);
+  terms.cost_s = least_s(request);
+  require_in_time(request, terms, terms.cost_s,
+                  "acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
+                  "allow more, or send a smaller frame or a smaller modulus_time_limit_s");
+}
+
+JobTerms ImagingLane::admit(const EstimateRequest& request, const JobTerms& asked) {
+  JobTerms terms = this->terms(request, asked);
+  const auto late = [&] {
+    return workers_.done_in_s(terms) > Seconds(terms.deadline - Clock::now()).count();
+  };
+  if (request.planned() && late()) terms.cost_s = least_s(request);
+  require_in_time(
+      request, terms, workers_.done_in_s(terms),
+      "not to be done in time beside what is being served; it could be done in {:.1f} s: allow so "
+      "much (acquisition.finish_within_s, the call's deadline), or try again later");
+  return terms;
+}
+
+EstimateOutcome ImagingLane::estimate(const ReceivedPair& pair, const std::function<void(Stage)>& ended) {
+  const double queued_s = Seconds(Clock::now() - pair.received).count(), waited_before_s = waited_s();
+  const auto frames = pair.frames();
+  recovery_.require();
+  const std::shared_ptr<Device> device = device_;
+  try {
+    EstimateOutcome outcome = work(pair, frames, ended);
+    outcome.queued_s = queued_s;
+    outcome.waited_s = waited_s() - waited_before_s;
+    outcome.received_to_published_s = Seconds(Clock::now() - pair.received).count();
+    return outcome;
+  } catch (const Error& error) {
+    if (error.kind == ErrorKind::kDeadline) cost_.late();
+    throw;
+  } catch (const DeviceMemoryError&) {  // says nothing of the device
+    throw;
+  } catch (const DeviceError& error) {
+    device_.failed(device, error.what());
+    recovery_.require();
+    throw Error(ErrorKind::kUnavailable,
+                fmt::format("the device failed ({}) and is open anew; send the pair again", error.what()));
+  }
+}
+
+EstimateOutcome ImagingLane::work(const ReceivedPair& pair, const std::pair<RfFrame, RfFrame>& frames,
+                                  const std::function<void(Stage)>& ended) {
+  const EstimateRequest& r = pair.request;
+  const auto& [pre, post] = frames;
+  EstimateOutcome outcome;
+  // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
+  const KnownModulus known = r.scene ? known_modulus(r.scene->snapshot()->map) : KnownModulus{};
+  std::vector<SliceBeside> beside;
+  if (r.slice_of) beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
+  {
+    const auto engine = engines_.borrow(pair.client);
+    engine->charge_to({memory_, pair.client});
+    engine->set_max_strain(r.max_strain);
+    ModulusChoice modulus = r.modulus;
+    modulus.time_limit_s = r.modulus.time_limit_s.value_or(r.most_modulus_s);
+    if (r.force) modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
+    if (r.scene) modulus.need.tolerance = r.scene->finger().tolerance();
+    modulus.time = [&, begun_s = worked_s()] { return modulus_time(pair, begun_s); };
+    outcome.estimate =
+        engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, modulus, beside}, {ended});
+  }
+  const Estimate& e = outcome.estimate;
+  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus_start_s};
+  if (r.scene) {
+    const double begun_s = worked_s();
+    outcome.published = publisher_.publish(r.scene, window_of(r, e, pair.received), pair.client);
+    took.publishing = outcome.publish_s = worked_s() - begun_s;
+  }
+  EstimateSize size = r.size();
+  size.method = e.modulus_kind;
+  cost_.took(size, took);
+  return outcome;
+}
+
+}  // namespace teletact::service

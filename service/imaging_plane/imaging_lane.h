@@ -1,0 +1,96 @@
+// One device of the imaging plane: what is estimated on it and when, how long that takes, and how the device
+// comes back when it fails. Its jobs take turns (fair_workers.h), below touch. Thread-safe.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "service/device/current_device.h"
+#include "service/imaging/engines.h"
+#include "service/imaging_plane/device_recovery.h"
+#include "service/imaging_plane/estimate_cost.h"
+#include "service/imaging_plane/estimate_request.h"
+#include "service/imaging_plane/publisher.h"
+
+namespace teletact::service {
+
+// A pair that has come in.
+struct ReceivedPair {
+  const EstimateRequest& request;
+  std::string client;                                   // in whose name it is worked on
+  std::chrono::steady_clock::time_point received;       // its last byte
+  std::function<std::pair<RfFrame, RfFrame>()> frames;  // pre and post, asked for once
+  std::chrono::steady_clock::time_point deadline =
+      std::chrono::steady_clock::time_point::max();  // of its job
+};
+
+struct EstimateOutcome {
+  Estimate estimate;
+  std::optional<Published> published;
+  // waited_s: of the time since the upload, while others had their turn.
+  double publish_s = 0, received_to_published_s = 0, queued_s = 0, waited_s = 0;
+};
+
+class ImagingLane {
+ public:
+  // Without a look for so long, its device hangs: at most 50 ms of work lie between two (look.h).
+  static constexpr double kStalledS = 10;
+
+  // `device`: its `number`-th. `reopen` opens it anew after it failed; `tell` is told whether it works, on
+  // another thread; `warm` compiles what touch uses of it.
+  struct Ways {
+    std::function<std::shared_ptr<Device>()> reopen;
+    std::function<void(bool works)> tell;
+    std::function<void(const std::shared_ptr<Device>&)> warm;
+  };
+  ImagingLane(std::size_t number, CurrentDevice& device, Publisher&, std::shared_ptr<MemoryBudget>, Ways);
+
+  // Compiles the kernels; `future` is ready when that is done.
+  FairWorkers::Running<void> warm();
+  // Gives up what is worked on; nobody is told of the device any more.
+  void stop();
+  bool works() const { return recovery_.works() && workers_.silent_s() < kStalledS; }
+  // Throws Error(kUnavailable) with the remedy while the device does not work.
+  void require_device() const { recovery_.require(); }
+  bool failed() const { return !recovery_.works(); }
+
+  // `asked`, here and below: the client, and the deadline of its call, which the request may bring forward.
+  // By when one would be done, were it posted now, that takes as long on every device.
+  double done_in_s(const EstimateRequest&, const JobTerms& asked) const;
+  // Before the upload: throws Error(kDeadline) for an estimate that even alone could not be done in time.
+  void refuse_the_hopeless(const EstimateRequest&, const JobTerms& asked);
+  // After it: the terms on which estimate() is to be posted to the workers. Throws Error(kDeadline) for one
+  // that beside the others could not be done in time.
+  JobTerms admit(const EstimateRequest&, const JobTerms& asked);
+  // On one of the workers. `ended` is told each stage. What it throws, a device that fails among it, is seen
+  // to.
+  EstimateOutcome estimate(const ReceivedPair&, const std::function<void(Stage)>& ended);
+
+  FairWorkers& workers() { return workers_; }
+  const FairWorkers& workers() const { return workers_; }
+
+ private:
+  void open_again();
+  JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
+  // The least that it could work, s: by the quickest method where none is named.
+  double least_s(const EstimateRequest&) const;
+  ModulusTime modulus_time(const ReceivedPair&, double begun_s) const;
+  // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.
+  void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
+  EstimateOutcome work(const ReceivedPair&, const std::pair<RfFrame, RfFrame>& frames,
+                       const std::function<void(Stage)>& ended);
+  CurrentDevice& device_;
+  Publisher& publisher_;
+  const std::shared_ptr<MemoryBudget> memory_;
+  const Ways ways_;
+  EstimateCost cost_;
+  Engines engines_;
+  FairWorkers workers_;      // its jobs use all of the above
+  DeviceRecovery recovery_;  // last: its thread uses the rest
+};
+
+}  // namespace teletact::service

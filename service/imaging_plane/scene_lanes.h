@@ -1,0 +1,34 @@
+// Which device images which scene: the one with the fewest when it is first imaged, and that one from then
+// on. A scene whose device does not work goes to another that does, and stays there. Thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+namespace teletact::service {
+
+class Scene;
+
+class SceneLanes {
+ public:
+  struct Lane {
+    bool works = true;
+    double load_s = 0;  // until it would be done there
+  };
+  // The number of the lane. Of lanes with as many scenes it is the least loaded. Where no lane works, it is
+  // the scene's own. `scene` null: the least loaded, and nothing is kept.
+  std::size_t place(const std::shared_ptr<const Scene>& scene, const std::vector<Lane>& lanes);
+  std::uint64_t moved() const;
+
+ private:
+  std::size_t least_loaded(const std::vector<Lane>&) const;
+  mutable std::mutex mutex_;
+  std::map<std::weak_ptr<const Scene>, std::size_t, std::owner_less<>> lanes_;
+  std::uint64_t moved_ = 0;
+};
+
+}  // namespace teletact::service
