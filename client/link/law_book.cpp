@@ -70,6 +70,14 @@ void LawBook::open(double layer_depth_m) {
   changed_ = true;
 }
 
+void LawBook::go_on_from(const LawBook& before) {
+  if (before.layer_depth_m_ != layer_depth_m_) return;
+  const auto pieces = pieces_;
+  *this = before;
+  pieces_ = pieces;
+  changed_ = true;
+}
+
 bool LawBook::take(const v1::LawPiece& piece, double finger_x_m, double finger_z_m) {
   if (piece.piece() != pieces_ + 1) return false;
   ++pieces_;  // whatever it holds, it has come

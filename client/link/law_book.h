@@ -18,6 +18,9 @@ class LawBook {
 
   // Another stream, on the layer at this depth: nothing is known.
   void open(double layer_depth_m);
+  // This stream is another one on the same scene: what `before` knows of the same layer is known here.
+  // Versions tell what is newer, and pieces of this stream have its own numbers.
+  void go_on_from(const LawBook& before);
   // False for a piece that is malformed, or not the next: nothing that is known changes.
   bool take(const v1::LawPiece& piece, double finger_x_m, double finger_z_m = 0);
   std::uint64_t pieces() const { return pieces_; }  // that have come on this stream

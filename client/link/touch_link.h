@@ -10,6 +10,10 @@
 // that was refused for what it asks is tried ever more seldom.
 //
 // Every answer also tells the round trip and the service's clock (servo/clock_offset.h).
+//
+// A service that is about to stop says so in its answers. Then a successor is opened beside the stream in
+// force, by the same address and as the same session, and takes its place with the first answer that can be
+// felt; until then all that is felt is the old stream's. The law that is known stays known.
 #pragma once
 
 #include <array>
@@ -50,8 +54,9 @@ class TouchLink {
   static constexpr double kHeartbeatS = 0.1;
   // Between poses where a law is rendered: answers only check it; and where they bring tactile images.
   static constexpr double kLawPeriodS = 0.05, kTactilePeriodS = 0.02;
-  static constexpr double kRetryS = 0.1;      // from a stream's end to the next
-  static constexpr double kMostRetryS = 5.0;  // when it is refused again and again
+  static constexpr double kRetryS = 0.1;         // from a stream's end to the next
+  static constexpr double kMostRetryS = 5.0;     // when it is refused again and again
+  static constexpr double kTrialPeriodS = 0.01;  // between poses of a successor that is not in force yet
 
   // Poses come from `poses`, answers go to `answers`; this link is the one reader and the one writer.
   TouchLink(TouchLinkOptions options, LatestSlot<ServoPose>& poses, LatestSlot<ServoAnswer>& answers,
@@ -75,35 +80,51 @@ class TouchLink {
 
  private:
   using Stream = grpc::ClientReaderWriter<v1::TouchRequest, v1::TouchResponse>;
-  // What the reader tells the writer of one stream.
-  struct Shared {
+  // One stream, from the search for its service to its end. Guarded by mutex_, but for the thread.
+  struct Attempt {
+    std::uint32_t call = 0;  // for recordings
     bool opened = false;
-    bool ended = false;   // nothing more will be read
-    bool over = false;    // its calls have all returned
-    std::string problem;  // with what the service said, and cannot be worked with
+    bool ended = false;    // nothing more will be read
+    bool over = false;     // its calls have all returned
+    bool gave_up = false;  // for its silence
+    bool left = false;     // it is not wanted any more
+    std::string problem;   // with what the service said, and cannot be worked with
     std::int64_t opened_ns = 0;
     std::int64_t writing_ns = 0;          // since when a write has been under way; 0: none is
     std::uint64_t acknowledged = 0;       // last answer
-    std::uint64_t answered_sequence = 0;  // newest pose that was answered
+    std::uint64_t sent_sequence = 0;      // newest pose that was sent on it
+    std::uint64_t answered_sequence = 0;  // newest of them that was answered
+    std::uint64_t poses_seen = 0;         // of those that the servo gave
     std::int64_t heard_ns = 0;            // last message received
+    LawBook law;
+    v1::TouchOpened opening;                // of a successor, until it is in force; so are these
+    std::vector<v1::RecordEntry> recorded;  // what came and went
+    std::optional<grpc::Status> status;     // once it is done
+    std::thread thread;
   };
 
   void run();
-  grpc::Status serve(v1::Palpation::Stub& stub);
-  void read(Stream& stream);
-  bool write_open(Stream& stream);
-  void write_poses(Stream& stream);
-  bool write(Stream& stream, const v1::TouchRequest& request, std::int64_t now_ns,
+  std::unique_ptr<Attempt> begin(bool in_force);
+  void leave(std::unique_ptr<Attempt> attempt, std::unique_lock<std::mutex>& lock);
+  void open(Attempt& attempt);
+  grpc::Status serve(v1::Palpation::Stub& stub, Attempt& attempt);
+  void read(Stream& stream, Attempt& attempt);
+  bool write_open(Stream& stream, Attempt& attempt);
+  void write_poses(Stream& stream, Attempt& attempt);
+  bool write(Stream& stream, const v1::TouchRequest& request, std::int64_t now_ns, Attempt& attempt,
              std::unique_lock<std::mutex>& lock);
-  void guard(grpc::ClientContext& context);
-  bool wait_to_send(std::unique_lock<std::mutex>& lock, std::int64_t next_ns);
-  void take_opened(const v1::TouchOpened& opened, std::int64_t received_ns);
-  void take_answer(const v1::TouchAnswer& answer, std::int64_t received_ns);
-  void take_law(const v1::LawPiece& piece);
+  void guard(grpc::ClientContext& context, Attempt& attempt);
+  bool wait_to_send(std::unique_lock<std::mutex>& lock, const Attempt& attempt, std::int64_t next_ns);
+  bool has_room(const Attempt& attempt) const;
+  std::int64_t interval_ns(const Attempt& attempt) const;
+  void record(Attempt& attempt, v1::RecordEntry entry);
+  void take_opened(Attempt& attempt, const v1::TouchOpened& opened, std::int64_t received_ns);
+  void take_answer(Attempt& attempt, const v1::TouchAnswer& answer, std::int64_t received_ns);
+  void take_law(Attempt& attempt, const v1::LawPiece& piece);
+  bool come_into_force(Attempt& attempt);
   void keep_tactile(const v1::TactileImage& image);
   void tell_law();
-  std::optional<double> retry_after_s(const grpc::Status& status);
-  void pause(double wait_s);
+  std::optional<double> retry_after_s(const grpc::Status& status, const Attempt& attempt);
 
   TouchLinkOptions options_;
   LatestSlot<ServoPose>& poses_;
@@ -113,9 +134,10 @@ class TouchLink {
 
   mutable std::mutex mutex_;  // everything below
   std::condition_variable changed_;
-  Shared shared_;
+  std::condition_variable turn_;  // of run(): a stream is done, or in force, or its service stops
+  Attempt* in_force_ = nullptr;   // the stream that is felt
+  bool moving_ = false;           // it says that its service stops
   TouchAnswers received_;
-  LawBook law_;
   bool guesses_ = false;                 // of it are felt
   std::optional<TactileImage> tactile_;  // that nobody took yet
   Vector3 finger_m_ = Vector3::Zero();   // of the newest pose sent
@@ -124,10 +146,12 @@ class TouchLink {
   Backoff refused_{kRetryS, kMostRetryS};
   std::string hand_over_to_;  // empty: nobody
   bool stopping_ = false;
-  bool gave_up_ = false;                                   // on the current stream, for its silence
+  ServoPose pose_;                                         // the servo's newest
+  std::uint64_t poses_given_ = 0;                          // by the servo
+  Backoff moves_{kRetryS, kMostRetryS};                    // from one move to the next
   std::array<std::int64_t, 2 * Pacing::kMost> sent_ns_{};  // of the last poses, by sequence modulo its size
   std::uint64_t sequence_ = 0;  // never starts again, so that the servo can tell old from new
-  std::uint32_t call_ = 0;      // stream attempts, for recordings
+  std::uint32_t call_ = 0;      // streams in force, for recordings
   std::thread thread_;
 };
 

@@ -86,6 +86,8 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<bool> silent{false};  // reads, never answers
   std::atomic<bool> scene_known{true};
   std::atomic<bool> doubts{false};    // answers DEGRADED
+  std::atomic<bool> moving{false};    // says so
+  std::atomic<bool> full{false};      // refuses streams for now
   std::atomic<bool> prepares{false};  // answers PREPARING
   std::atomic<bool> deaf{false};      // opens no stream, and reads nothing of it
   std::atomic<bool> refuses{false};   // ends a stream for its first pose
@@ -130,6 +132,7 @@ class FakePalpation final : public v1::Palpation::Service {
     v1::TouchRequest request;
     if (!stream->Read(&request) || !request.has_open()) return {grpc::StatusCode::INVALID_ARGUMENT, "open"};
     if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
+    if (full) return {grpc::StatusCode::UNAVAILABLE, "no place"};
     if (request.open().credit() > refuses_credit_above)
       return {grpc::StatusCode::INVALID_ARGUMENT, "open.credit: ask for fewer answers in flight"};
     begin_stream(request.open());
@@ -277,6 +280,7 @@ class FakePalpation final : public v1::Palpation::Service {
                       : doubts ? v1::TOUCH_STATUS_DEGRADED
                                : v1::TOUCH_STATUS_OK);
     answer.set_steers(steers);
+    answer.set_moving(moving);
     add_force(tissue.answer(at_m), answer);
     const ForceSample told = tissue.told(at_m);
     if (told.foreseen) {

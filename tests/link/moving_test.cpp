@@ -1,0 +1,137 @@
+// A service that is about to stop, and its successor at the same address.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "client/link/recording.h"
+#include "client/link/servo_messages.h"
+#include "tests/link/operator.h"
+
+namespace teletact::client {
+namespace {
+
+using test::answers_at_least;
+using test::FakePalpation;
+using test::Operator;
+
+// A service that serves, and another that the same address leads to as soon as it serves.
+struct Moving : testing::Test {
+  Moving() { before.serve(); }
+  std::string address = test::socket_address("moving");
+  FakePalpation before{address}, after{address};
+};
+
+// Answers as they came to the servo: none is missing, none comes twice, none is older than the one before.
+TEST_F(Moving, TheSuccessorIsOpenedFirstAndAnswersNeverStop) {
+  Operator person(address);
+  ASSERT_TRUE(before.wait_until(answers_at_least(50)));
+  after.serve();
+  before.moving = true;
+  std::uint64_t newest = 0;
+  double longest_s = 0, last_s = 1e-9 * double(person.clock.now_ns());
+  ASSERT_TRUE(test::within(10, [&] {
+    for (ServoAnswer answer; person.answers.take(answer);) {
+      EXPECT_GT(answer.sample.sequence, newest);
+      EXPECT_TRUE(answer.has_force);
+      newest = answer.sample.sequence;
+      const double received_s = 1e-9 * double(answer.received_ns);
+      longest_s = std::max(longest_s, received_s - last_s);
+      last_s = received_s;
+    }
+    return after.account().answers > 100;
+  }));
+  std::printf("longest time without an answer %.1f ms\n", 1e3 * longest_s);
+  EXPECT_EQ(after.account().session, before.account().session);
+  EXPECT_EQ(after.account().streams, 1u);
+  EXPECT_EQ(after.account().disorder + after.account().wrong_acknowledgements, 0u);
+  EXPECT_EQ(person.link->stats().streams, 2u);
+  EXPECT_EQ(person.link->stats().dropped, 0u);
+  EXPECT_EQ(person.link->trouble(), "");
+  // The old stream was ended.
+  const auto poses = before.account().poses;
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  EXPECT_LE(before.account().poses, poses + 2);
+}
+
+TEST_F(Moving, UntilASuccessorAnswersTheOldStreamIsFelt) {
+  Operator person(address);
+  ASSERT_TRUE(before.wait_until(answers_at_least(50)));
+  after.full = true;
+  after.serve();
+  before.moving = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  const auto answers = before.account().answers;
+  ASSERT_TRUE(before.wait_until(answers_at_least(answers + 50)));
+  after.prepares = true;  // it is opened, but says nothing that can be felt
+  after.full = false;
+  ASSERT_TRUE(after.wait_until(answers_at_least(20)));
+  const auto more = before.account().answers;
+  ASSERT_TRUE(before.wait_until(answers_at_least(more + 50)));
+  EXPECT_EQ(person.link->stats().streams, 1u);
+  EXPECT_EQ(person.link->stats().preparing, 0u);
+  after.prepares = false;
+  ASSERT_TRUE(test::within(10, [&] { return person.link->stats().streams == 2; }));
+}
+
+// Killed amid the move: the stream that is open takes its place; where there is none, another is opened.
+TEST_F(Moving, AServiceThatEndsBeforeItsSuccessorAnswersIsFollowedByIt) {
+  Operator person(address);
+  ASSERT_TRUE(before.wait_until(answers_at_least(50)));
+  after.prepares = true;
+  after.serve();
+  before.moving = true;
+  ASSERT_TRUE(after.wait_until(answers_at_least(5)));
+  before.kill();
+  ASSERT_TRUE(test::within(10, [&] { return person.link->stats().preparing > 10; }));
+  EXPECT_EQ(after.account().streams, 1u);
+  after.prepares = false;
+  const auto answers = after.account().answers;
+  ASSERT_TRUE(after.wait_until(answers_at_least(answers + 50)));
+  EXPECT_EQ(person.link->trouble(), "");
+}
+
+// Services that say so without end are moved between ever more seldom.
+TEST_F(Moving, WhoeverMovesAgainAndAgainIsNotFollowedAsOften) {
+  before.moving = true;
+  Operator person(address);
+  ASSERT_TRUE(test::within(20, [&] { return person.link->stats().streams >= 4; }));
+  std::this_thread::sleep_for(std::chrono::seconds(2));
+  EXPECT_LE(person.link->stats().streams, 8u);
+  const auto answers = before.account().answers;
+  EXPECT_TRUE(before.wait_until(answers_at_least(answers + 50)));
+}
+
+// One stream after the other, each whole, as replays read them.
+TEST_F(Moving, ARecordingHasOneStreamAfterTheOther) {
+  const std::string path = testing::TempDir() + "moving.record";
+  {
+    RecordWriter recorder(path, {});
+    Operator person(address, [&](TouchLinkOptions& options) { options.recorder = &recorder; });
+    ASSERT_TRUE(before.wait_until(answers_at_least(20)));
+    after.serve();
+    before.moving = true;
+    ASSERT_TRUE(after.wait_until(answers_at_least(20)));
+    person.link->stop();
+    recorder.close();
+  }
+  RecordReader reader(path);
+  std::vector<std::uint32_t> opens;
+  std::uint32_t call = 0;
+  std::uint64_t answers = 0;
+  while (const auto entry = reader.next()) {
+    EXPECT_GE(entry->call(), call);
+    call = entry->call();
+    if (entry->has_touch_request() && entry->touch_request().has_open()) opens.push_back(call);
+    if (!entry->has_touch_response()) continue;
+    if (entry->touch_response().has_opened()) answers = 0;
+    if (entry->touch_response().has_answer()) {
+      EXPECT_EQ(entry->touch_response().answer().answer(), ++answers);
+    }
+  }
+  EXPECT_EQ(opens, (std::vector<std::uint32_t>{1, 2}));
+  EXPECT_GE(answers, 10u);
+}
+
+}  // namespace
+}  // namespace teletact::client
