@@ -172,6 +172,7 @@ void TouchLink::run() {
       }
       next_ns = *again_ns;
     } else if (moving_ && !successor) {
+      move_ns = std::max(move_ns, may_move_ns_);
       if (now_ns >= move_ns) successor = begin(false);
       if (!successor) next_ns = move_ns;
     }

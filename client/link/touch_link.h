@@ -13,7 +13,8 @@
 //
 // A service that is about to stop says so in its answers. Then a successor is opened beside the stream in
 // force, by the same address and as the same session, and takes its place with the first answer that can be
-// felt; until then all that is felt is the old stream's. The law that is known stays known.
+// felt; until then all that is felt is the old stream's. The law that is known stays known. A hand that does
+// not steer waits a second, so that the one that does is there before it.
 #pragma once
 
 #include <array>
@@ -56,6 +57,7 @@ class TouchLink {
   static constexpr double kLawPeriodS = 0.05, kTactilePeriodS = 0.02;
   static constexpr double kRetryS = 0.1;         // from a stream's end to the next
   static constexpr double kMostRetryS = 5.0;     // when it is refused again and again
+  static constexpr double kYieldS = 1.0;         // that who does not steer moves later
   static constexpr double kTrialPeriodS = 0.01;  // between poses of a successor that is not in force yet
 
   // Poses come from `poses`, answers go to `answers`; this link is the one reader and the one writer.
@@ -137,6 +139,7 @@ class TouchLink {
   std::condition_variable turn_;  // of run(): a stream is done, or in force, or its service stops
   Attempt* in_force_ = nullptr;   // the stream that is felt
   bool moving_ = false;           // it says that its service stops
+  std::int64_t may_move_ns_ = 0;  // from then on
   TouchAnswers received_;
   bool guesses_ = false;                 // of it are felt
   std::optional<TactileImage> tactile_;  // that nobody took yet

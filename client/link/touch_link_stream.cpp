@@ -167,7 +167,10 @@ void TouchLink::take_answer(Attempt& attempt, const v1::TouchAnswer& answer, std
     answers_.put(*converted);
     if (answer.has_tactile()) keep_tactile(answer.tactile());
   }
-  if (std::exchange(moving_, answer.moving()) != answer.moving()) turn_.notify_all();
+  if (std::exchange(moving_, answer.moving()) == answer.moving()) return;
+  const bool yields = !answer.steers() && !answer.steered_by().empty();
+  may_move_ns_ = received_ns + (yields ? to_ns(kYieldS) : 0);
+  turn_.notify_all();
 }
 
 void TouchLink::keep_tactile(const v1::TactileImage& image) {

@@ -92,12 +92,13 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<bool> deaf{false};      // opens no stream, and reads nothing of it
   std::atomic<bool> refuses{false};   // ends a stream for its first pose
   std::atomic<bool> waits_for_acknowledgement{true};
-  std::atomic<double> opened_period_s{0};  // of TouchOpened; 0: as asked for
-  std::atomic<bool> steers{false};         // what every stream is told
-  std::atomic<bool> confuses{false};       // answers another session's poses
-  std::atomic<double> compute_s{0};        // per answer
-  std::atomic<double> way_s{0};            // of each answer, to the client
-  std::atomic<float> tactile_pa{0};        // of one taxel, with each answer: 0: none, < 0: malformed
+  std::atomic<double> opened_period_s{0};   // of TouchOpened; 0: as asked for
+  std::atomic<bool> steers{false};          // what every stream is told
+  std::atomic<bool> another_steers{false};  // the same
+  std::atomic<bool> confuses{false};        // answers another session's poses
+  std::atomic<double> compute_s{0};         // per answer
+  std::atomic<double> way_s{0};             // of each answer, to the client
+  std::atomic<float> tactile_pa{0};         // of one taxel, with each answer: 0: none, < 0: malformed
   std::atomic<unsigned> credit{2};
   std::atomic<unsigned> refuses_credit_above{256};
   static constexpr std::chrono::seconds kModulusAge{7};
@@ -280,6 +281,7 @@ class FakePalpation final : public v1::Palpation::Service {
                       : doubts ? v1::TOUCH_STATUS_DEGRADED
                                : v1::TOUCH_STATUS_OK);
     answer.set_steers(steers);
+    if (another_steers) answer.set_steered_by("another");
     answer.set_moving(moving);
     add_force(tissue.answer(at_m), answer);
     const ForceSample told = tissue.told(at_m);

@@ -74,6 +74,19 @@ TEST_F(Moving, UntilASuccessorAnswersTheOldStreamIsFelt) {
   ASSERT_TRUE(test::within(10, [&] { return person.link->stats().streams == 2; }));
 }
 
+// Whoever comes first steers over there: the one that steers here.
+TEST_F(Moving, WhoDoesNotSteerLetsWhoDoesGoFirst) {
+  before.another_steers = true;
+  Operator person(address);
+  ASSERT_TRUE(before.wait_until(answers_at_least(50)));
+  after.serve();
+  const auto told = std::chrono::steady_clock::now();
+  before.moving = true;
+  ASSERT_TRUE(after.wait_until(answers_at_least(20)));
+  EXPECT_GE(std::chrono::steady_clock::now() - told, std::chrono::duration<double>(TouchLink::kYieldS));
+  EXPECT_EQ(person.link->trouble(), "");
+}
+
 // Killed amid the move: the stream that is open takes its place; where there is none, another is opened.
 TEST_F(Moving, AServiceThatEndsBeforeItsSuccessorAnswersIsFollowedByIt) {
   Operator person(address);
