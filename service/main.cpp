@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <future>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -103,15 +104,37 @@ Running start_unless_stopped(const ServeOptions& options, const sigset_t& signal
   return starting.get();
 }
 
-// The process ends within 5 s of its signal (the limit drain_s as it is), whatever the device's driver or the
+// The process ends within 5 s of its signal (the limits as they are), whatever the device's driver or the
 // disk do: the state on disk is whole at every moment.
-void end_in_time(double drain_s) {
+void end_in_time(const Limits& limits, bool moves) {
   constexpr double kBeyondS = 1.5;
+  const double drain_s = limits.unready_s + (moves ? limits.move_s : 0) + limits.drain_s;
   std::thread([=] {
     std::this_thread::sleep_for(std::chrono::duration<double>(drain_s + kBeyondS));
     spdlog::warn("event=drain_cut");
     std::_Exit(0);
   }).detach();
+}
+
+// So long, or until `over`, or until another signal comes: who sends two is in a hurry.
+void pause(double seconds, const sigset_t& signals, const std::function<bool()>& over) {
+  constexpr timespec kLook{0, 20'000'000};
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (std::chrono::steady_clock::now() < end && !over() && sigtimedwait(&signals, nullptr, &kLook) <= 0)
+    continue;
+}
+
+// `moves`: another service may stand by.
+void stop(Server& server, bool moves, const sigset_t& signals) {
+  Core& core = server.core();
+  end_in_time(core.limits, moves);
+  server.leave();
+  pause(core.limits.unready_s, signals, [] { return false; });
+  if (moves) {
+    server.move();
+    pause(core.limits.move_s, signals, [&] { return core.calls.count(CallKind::kTouch) == 0; });
+  }
+  server.drain();
 }
 
 void serve(const CLI::App& command, ServeOptions options) {
@@ -134,8 +157,7 @@ void serve(const CLI::App& command, ServeOptions options) {
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("event=signal signal={}", signal);
-  end_in_time(server->core().limits.drain_s);
-  server->drain();
+  stop(*server, options.server.standby, signals);
 }
 
 void print_devices(bool as_json) {
@@ -171,6 +193,9 @@ void add_serve(CLI::App& app, ServeOptions& o) {
       "index or part of the name of an OpenCL device, /PARTS after it for so many equal parts "
       "of it; again for a further device");
   command->add_option("--state", o.server.state_directory, "folder in which scenes survive the service");
+  command->add_flag("--standby", o.server.standby,
+                    "where another service has the folder of --state, wait for it; when stopped, give it to "
+                    "one that waits before touches end");
   command->add_option("--config", o.config, "TOML file with these options, '_' for '-'");
   command->add_option("--kernel-directory", o.device.kernel_directory,
                       "read .cl files from there (development)");

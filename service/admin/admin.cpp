@@ -124,7 +124,7 @@ HttpListener::Answer answer(Core& core, const std::string& path) {
   if (path == "/livez") return {200, "alive\n"};
   if (path == "/readyz") {
     try {
-      core.calls.require_open();
+      core.calls.require_ready();
       return {200, "ready\n"};
     } catch (const std::exception& error) {
       return {503, std::string(error.what()) + "\n"};

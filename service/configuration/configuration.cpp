@@ -72,6 +72,7 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
       {"tls_client_ca", &options.server.listen.tls_client_ca},
       {"access", &options.server.listen.access},
       {"log_level", &options.log_level},
+      {"standby", &options.server.standby},
       {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
   for (const auto& [key, node] : parsed(options.config)) {
     const std::string name(key.str()), where = "--config " + options.config.string() + ": ";

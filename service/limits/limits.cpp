@@ -106,6 +106,10 @@ const std::vector<LimitRow>& limit_rows() {
       {"least_upload_s", &L::least_upload_s, 10, "s", 0.1, 3600, "for a whole upload, and beside it"},
       {"least_upload_rate", &L::least_upload_rate, 1e6, "B/s", 1e3, 1e12, "of both frames together"},
       {"most_finish_within_s", &L::most_finish_within_s, 3600, "s", 1, 1e6, "finish_within_s"},
+      {"unready_s", &L::unready_s, 0.25, "s", 0, 300,
+       "from the signal to stop, all is served on, but the service is not ready: proxies notice"},
+      {"move_s", &L::move_s, 10, "s", 0.1, 300,
+       "after that, for touches to go to the service that stood by (--standby)"},
       {"drain_s", &L::drain_s, 3, "s", 0.1, 60, "time to end calls when the service is stopped"},
   };
   return rows;

@@ -35,7 +35,8 @@ struct Limits {
   // Who is served at once, and for how long.
   std::uint64_t most_touch_streams, most_watchers, most_estimates, most_unary_calls, most_full_scenes;
   std::uint64_t touch_workers, most_threads;
-  double first_message_s, acknowledge_s, answer_taken_s, touch_idle_s, drain_s;
+  double first_message_s, acknowledge_s, answer_taken_s, touch_idle_s;
+  double unready_s, move_s, drain_s;
   double upload_idle_s, least_upload_s, least_upload_rate, most_finish_within_s;
 
   Limits();  // the defaults

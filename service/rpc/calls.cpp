@@ -93,15 +93,27 @@ void Calls::open() {
   state_.compare_exchange_strong(starting, State::kOpen);
 }
 
-void Calls::require_open(State state) {
+void Calls::advance(State to) {
+  State from = state_;
+  while (from < to && !state_.compare_exchange_weak(from, to)) continue;
+}
+
+void Calls::require_within(State state, State last) {
   if (state == State::kStarting)
     throw Error(ErrorKind::kUnavailable, "the service is starting; wait until its health is SERVING");
-  if (state == State::kDraining)
-    throw Error(ErrorKind::kUnavailable, "the service is shutting down; connect again later");
+  if (state > last) throw Error(ErrorKind::kUnavailable, "the service is shutting down; connect again later");
 }
 
 void Calls::require_open() const {
-  require_open(state_);
+  require_within(state_, State::kMoving);
+}
+
+void Calls::require_staying() const {
+  require_within(state_, State::kLeaving);
+}
+
+void Calls::require_ready() const {
+  require_within(state_, State::kOpen);
 }
 
 void Calls::require_first_message(const char* field, Clock::time_point begun, Clock::time_point now) const {
@@ -113,9 +125,10 @@ void Calls::require_first_message(const char* field, Clock::time_point begun, Cl
 std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served> call,
                                             const std::string& client) {
   const std::lock_guard lock(mutex_);
-  if (const State state = state_; state != State::kOpen && kind != CallKind::kInfo) {
+  const State state = state_;
+  if (kind != CallKind::kInfo && (state == State::kStarting || state > State::kLeaving)) {
     ++refused(kind, state == State::kStarting ? Refusal::kStarting : Refusal::kDraining);
-    require_open(state);
+    require_within(state, State::kLeaving);
   }
   std::size_t same = 0, own = 0;
   for (const auto& [id, place] : places_) {
@@ -144,6 +157,12 @@ std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served>
 std::size_t Calls::count() const {
   const std::lock_guard lock(mutex_);
   return places_.size();
+}
+
+std::size_t Calls::count(CallKind kind) const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<std::size_t>(
+      std::ranges::count_if(places_, [kind](const auto& place) { return place.second.kind == kind; }));
 }
 
 void Calls::refused_authority(CallKind kind) {

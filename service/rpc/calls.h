@@ -59,19 +59,27 @@ class Calls {
   explicit Calls(const Limits&);
   ~Calls();
 
-  // Calls are refused with Error(kUnavailable) before open() and after drain().
   void open();
+  // Throw Error(kUnavailable) before open(), and from drain() on; from close() on; from leave() on.
   void require_open() const;
+  void require_staying() const;
+  void require_ready() const;
   // Throws Error(kDeadline) when `field`, a call's first message, was not sent in time.
   void require_first_message(const char* field, Clock::time_point begun, Clock::time_point now) const;
   // Throws Error(kUnavailable | kExhausted), the latter with how many are served and when to come again.
   // Places are counted for each kind. A `client` that is named is given another place only while more are
   // free than it holds: none of them takes what others need.
   std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>, const std::string& client = "");
-  bool draining() const { return state_.load() == State::kDraining; }
-  // Calls find out when they are looked at next.
-  void drain() { state_ = State::kDraining; }
+  // The end, step by step; none leads back. leave(): all is served, but the service is not ready. close():
+  // calls that come are refused, and what is no touch ends. move(): touches are told to go to another
+  // service. drain(): all end. Calls find out when they are looked at next.
+  void leave() { advance(State::kLeaving); }
+  void close() { advance(State::kClosed); }
+  void move() { advance(State::kMoving); }
+  void drain() { advance(State::kDraining); }
+  bool moving() const { return state_.load() == State::kMoving; }
   std::size_t count() const;
+  std::size_t count(CallKind) const;
   // One whose caller may not make it.
   void refused_authority(CallKind);
   // One that has a place, but nobody has time for: throws Error(kExhausted) with the load and when to come
@@ -89,9 +97,11 @@ class Calls {
   void wait_until_none(Clock::time_point deadline);
 
  private:
-  enum class State { kStarting, kOpen, kDraining };
+  enum class State { kStarting, kOpen, kLeaving, kClosed, kMoving, kDraining };
   std::size_t most(CallKind) const;
-  static void require_open(State);
+  void advance(State);
+  // Throws Error(kUnavailable) in a state before kOpen or after `last`.
+  static void require_within(State, State last);
   std::uint64_t& refused(CallKind kind, Refusal why) {
     return counts_[static_cast<std::size_t>(kind)].refused[static_cast<std::size_t>(why)];
   }

@@ -47,7 +47,8 @@ struct Core {
   Core(const std::vector<std::shared_ptr<Device>>& devices_, std::uint64_t instance_,
        const std::filesystem::path& state_directory, const Limits& asked_for,
        std::shared_ptr<const TouchModels> models_, std::function<std::shared_ptr<Device>(std::size_t)> reopen,
-       std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr)
+       std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr,
+       bool standby = false)
       : devices(devices_.begin(), devices_.end()),
         limits(resolved(asked_for, host_memory_bytes(), least_memory_bytes(devices_))),
         instance(instance_),
@@ -55,7 +56,7 @@ struct Core {
         models(std::move(models_)),
         access(std::move(access_)),
         calls(limits),
-        scenes(state_directory, limits, machine_files(), memory, models),
+        scenes(state_directory, limits, machine_files(), memory, models, standby),
         imaging(devices, scenes, memory, models, std::move(reopen), std::move(tell)),
         touch(limits) {}
 

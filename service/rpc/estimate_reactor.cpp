@@ -206,7 +206,7 @@ void EstimateReactor::OnWriteDone(bool ok) {
 }
 
 void EstimateReactor::tick(Clock::time_point now) {
-  calls_.require_open();
+  calls_.require_staying();
   const Limits& limits = core_.limits;
   const std::lock_guard lock(mutex_);
   if (uploading_ && now - last_bytes_ > Seconds(limits.upload_idle_s))

@@ -66,7 +66,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
                     : std::make_shared<const Access>(options.listen.access, options.now);
   core_ = std::make_unique<Core>(
       devices, random_instance(), options.state_directory, options.limits, options.models, options.reopen,
-      [this](bool work) { tell_devices(work); }, std::move(access));
+      [this](bool work) { tell_devices(work); }, std::move(access), options.standby);
   elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
@@ -106,10 +106,24 @@ void Server::tell_devices(bool work) {
 }
 
 void Server::make_ready() {
-  core_->scenes.restore();
   core_->imaging.warm();
+  core_->scenes.restore();
   core_->calls.open();
   set_health(true);
+}
+
+void Server::leave() {
+  spdlog::info("event=leave calls={}", core_->calls.count());
+  core_->calls.leave();
+  server_->GetHealthCheckService()->Shutdown();
+}
+
+void Server::move() {
+  core_->calls.close();
+  core_->imaging.stop();
+  core_->scenes.let_go();
+  core_->calls.move();
+  spdlog::info("event=move touches={}", core_->calls.count(CallKind::kTouch));
 }
 
 void Server::drain() {
@@ -120,6 +134,7 @@ void Server::drain() {
   server_->GetHealthCheckService()->Shutdown();
   core_->calls.drain();
   core_->imaging.stop();
+  core_->scenes.let_go();
   // Told streams get this long to end by themselves, then they are cancelled.
   const std::chrono::milliseconds patience(std::llround(1e3 * core_->limits.drain_s));
   server_->Shutdown(std::chrono::system_clock::now() + patience);

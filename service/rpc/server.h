@@ -22,6 +22,7 @@ class PalpationService;
 struct ServerOptions {
   ListenOptions listen;
   std::filesystem::path state_directory;  // empty: scenes end with the process
+  bool standby = false;                   // make_ready() waits while another process has that folder
   // The device of this number, after it failed.
   std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
   Limits limits;
@@ -35,8 +36,14 @@ class Server {
   // of access, or a state folder that cannot be used. `devices`: at least one, by their numbers.
   Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions&);
   ~Server();  // drains
-  // Restores the scenes, warms the kernels, then health is SERVING.
+  // Warms the kernels, restores the scenes, then health is SERVING.
   void make_ready();
+  // Health NOT_SERVING and not ready, so that proxies send nobody else; all is served.
+  void leave();
+  // After leave(): what changes scenes is given up, they are written, and their folder is given to the
+  // service that stands by. Calls that come are told (UNAVAILABLE), touches that they are to move; these are
+  // answered until drain().
+  void move();
   // Health NOT_SERVING, calls told (UNAVAILABLE), what is worked on given up, then closed; returns within
   // twice the limit drain_s and a little, but for a driver that hangs.
   void drain();

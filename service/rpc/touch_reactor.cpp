@@ -152,6 +152,7 @@ void TouchReactor::say(const TouchStream::Answered& answered) {
   answer->Clear();
   answer_to(answered, core_.instance, answer);
   steering_to(answered.steering, answer);
+  answer->set_moving(core_.calls.moving());
   stamp_to(monotonic_ns(), core_.instance, answer->mutable_answer_stamp());
   if (write(response_)) core_.metrics.answer(answered);
 }

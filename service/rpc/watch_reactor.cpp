@@ -35,7 +35,7 @@ void WatchReactor::take(const v1::WatchFingerRequest& request) {
 }
 
 void WatchReactor::check() const {
-  core_.calls.require_open();
+  core_.calls.require_staying();
   if (opened_) watch_->scene().require_exists();
 }
 

@@ -98,10 +98,13 @@ class MachineFiles final : public Files {
     fs::remove_all(path, error);
     if (error) throw FileError("remove", path, error.value());
   }
-  std::shared_ptr<void> lock(const Path& path) override {
+  std::shared_ptr<void> lock(const Path& path, bool wait) override {
     auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT);
-    if (::flock(*file, LOCK_EX | LOCK_NB) == 0) return file;
-    return nullptr;
+    while (::flock(*file, LOCK_EX | (wait ? 0 : LOCK_NB)) != 0) {
+      if (errno == EWOULDBLOCK) return nullptr;
+      if (errno != EINTR) throw FileError("lock", path, errno);
+    }
+    return file;
   }
   void keep_private(const Path& path) override {
     struct stat found {};

@@ -34,8 +34,8 @@ class Files {
   virtual void sync(const Path& file_or_folder) = 0;                      // a file's bytes, a folder's names
   virtual void rename(const Path& from, const Path& to) = 0;
   virtual void remove(const Path& file_or_folder) = 0;  // with all that is in it; nothing there is no error
-  // Held while the result lives; null where another process holds it.
-  virtual std::shared_ptr<void> lock(const Path& file) = 0;
+  // Held while the result lives. Where another process holds it: null, or with `wait` once that lets it go.
+  virtual std::shared_ptr<void> lock(const Path& file, bool wait = false) = 0;
   // Makes what is there its owner's alone, with all that is in it; nothing there is no error.
   virtual void keep_private(const Path& file_or_folder) = 0;
 };

@@ -37,11 +37,11 @@ std::string random_id() {
 
 Scenes::Scenes(const std::filesystem::path& state_directory, const Limits& limits,
                std::shared_ptr<Files> files, std::shared_ptr<MemoryBudget> memory,
-               std::shared_ptr<const TouchModels> models)
+               std::shared_ptr<const TouchModels> models, bool standby)
     : limits_(limits),
       memory_(std::move(memory)),
       models_(std::move(models)),
-      state_(state_directory, limits, std::move(files)) {}
+      state_(state_directory, limits, std::move(files), standby) {}
 
 Scenes::~Scenes() {
   preparer_->stop();

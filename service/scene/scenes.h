@@ -22,11 +22,15 @@ class Scenes {
   // `memory` (may be null): what its scenes are charged to; `models`: what they are touched on.
   explicit Scenes(const std::filesystem::path& state_directory, const Limits& = {},
                   std::shared_ptr<Files> = machine_files(), std::shared_ptr<MemoryBudget> memory = {},
-                  std::shared_ptr<const TouchModels> models = plane_models());
+                  std::shared_ptr<const TouchModels> models = plane_models(), bool standby = false);
   ~Scenes();  // writes what was published
 
-  // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside.
+  // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside. With
+  // `standby` it is here that the directory is taken, as soon as no other process holds it.
   void restore();
+  // Writes what was published, then gives the directory up. Scenes are touched on; nobody may make or publish
+  // any more, and remove() throws Error(kUnavailable).
+  void let_go() { state_.let_go(); }
 
   // With the scene, or with why it cannot be kept: Error(kExhausted | kUnavailable). Must not throw.
   using Made = std::function<void(const std::shared_ptr<Scene>&, std::exception_ptr)>;

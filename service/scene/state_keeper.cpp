@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <future>
+#include <stdexcept>
 #include <utility>
 
 #include "service/scene/errors.h"
@@ -11,8 +12,16 @@
 namespace teletact::service {
 
 StateKeeper::StateKeeper(const std::filesystem::path& directory, const Limits& limits,
-                         std::shared_ptr<Files> files) {
-  if (!directory.empty()) store_ = std::make_unique<StateStore>(directory, limits, std::move(files));
+                         std::shared_ptr<Files> files, bool standby)
+    : directory_(directory), limits_(limits), files_(std::move(files)) {
+  if (standby && directory_.empty())
+    throw std::runtime_error(
+        "--standby: it is for the folder of --state that a service stands by; give that, too");
+  if (!standby) open(false);
+}
+
+void StateKeeper::open(bool wait) {
+  if (!directory_.empty()) store_ = std::make_unique<StateStore>(directory_, limits_, files_, wait);
   versions_ = std::make_shared<VersionCounter>(store_.get());
 }
 
@@ -30,6 +39,13 @@ void StateKeeper::finish() {
   keeper_.finish();
 }
 
+void StateKeeper::let_go() {
+  finish();
+  const std::lock_guard lock(disk_);
+  gone_ = true;
+  if (store_) store_->let_go();
+}
+
 void StateKeeper::wait_until_idle() {
   std::promise<void> done;  // jobs are done in order
   keeper_.post([&done] { done.set_value(); });
@@ -38,6 +54,7 @@ void StateKeeper::wait_until_idle() {
 
 void StateKeeper::load(const StateStore::Take& take, const StateStore::Left& left,
                        const MemoryAccount& account) {
+  if (!versions_) open(true);
   if (store_) store_->load(take, left, account);
 }
 
@@ -124,6 +141,9 @@ void StateKeeper::remove(const std::function<std::shared_ptr<Scene>()>& find,
                          const std::function<void(const std::shared_ptr<Scene>&)>& gone) {
   const std::lock_guard lock(disk_);
   const auto scene = find();
+  if (gone_)
+    throw Error(ErrorKind::kUnavailable,
+                "state: this service stops and has given its folder up; connect again");
   try {
     if (store_) store_->remove(scene->id());
   } catch (const FileError& error) {

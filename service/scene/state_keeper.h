@@ -22,10 +22,12 @@ namespace teletact::service {
 // Thread-safe.
 class StateKeeper {
  public:
-  // `directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used.
-  StateKeeper(const std::filesystem::path& directory, const Limits&, std::shared_ptr<Files>);
+  // `directory` empty: nothing is kept. Throws std::runtime_error with one line when it cannot be used. With
+  // `standby` it is load() that makes and locks it, and waits while another process holds it.
+  StateKeeper(const std::filesystem::path& directory, const Limits&, std::shared_ptr<Files>, bool standby);
   ~StateKeeper();  // as finish()
 
+  // From load() on.
   const std::shared_ptr<VersionCounter>& versions() const { return versions_; }
   // What was kept, for the start, as StateStore reads it.
   void load(const StateStore::Take&, const StateStore::Left&, const MemoryAccount&);
@@ -49,14 +51,22 @@ class StateKeeper {
   void wait_until_idle();
   // The same; what comes later is not written.
   void finish();
+  // The same, then lets the directory go, for another process. Nobody may make or publish scenes any more;
+  // remove() is refused with Error(kUnavailable).
+  void let_go();
 
  private:
+  void open(bool wait);
   void write(const std::shared_ptr<Scene>&);
   void write_or_say(const std::shared_ptr<Scene>&);
   void note(const std::shared_ptr<Scene>&, const std::string& why);  // empty: written
+  const std::filesystem::path directory_;
+  const Limits limits_;
+  const std::shared_ptr<Files> files_;
   std::unique_ptr<StateStore> store_;
   std::shared_ptr<VersionCounter> versions_;
   std::mutex disk_;
+  bool gone_ = false;  // let go; with disk_
   mutable std::mutex mutex_;
   std::set<std::shared_ptr<Scene>> waiting_, unkept_;  // for the keeper; for the disk to take them
   std::string trouble_;

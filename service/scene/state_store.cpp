@@ -33,7 +33,8 @@ std::uint64_t version_in(const std::string& text) {
 
 }  // namespace
 
-StateStore::StateStore(const fs::path& directory, const Limits& limits, std::shared_ptr<Files> files)
+StateStore::StateStore(const fs::path& directory, const Limits& limits, std::shared_ptr<Files> files,
+                       bool wait)
     : files_(std::move(files)),
       directory_(fs::absolute(directory).lexically_normal()),
       scenes_(directory_ / "scenes"),
@@ -41,6 +42,10 @@ StateStore::StateStore(const fs::path& directory, const Limits& limits, std::sha
   try {
     make_folders();
     lock_ = files_->lock(directory_ / "lock");
+    if (!lock_ && wait) {
+      spdlog::info("event=standing_by state=\"{}\"", directory_.string());
+      lock_ = files_->lock(directory_ / "lock", wait);
+    }
     if (!lock_)
       throw std::runtime_error(
           fmt::format("--state: {} is in use by another teletact-service; give each its own folder",

@@ -25,9 +25,9 @@ class StateStore {
   static constexpr std::uint64_t kVersionBlock = 1'000'000'000;
 
   // Makes and locks `directory`. Throws std::runtime_error with one line when it cannot be written or another
-  // process holds it.
+  // process holds it; with `wait` it returns once that one lets it go.
   explicit StateStore(const std::filesystem::path& directory, const Limits& = {},
-                      std::shared_ptr<Files> = machine_files());
+                      std::shared_ptr<Files> = machine_files(), bool wait = false);
 
   // Reads one scene after another: `take` has it before the next is read, and must not throw. What is read is
   // charged to `account` meanwhile. What cannot be read now, though nothing may be wrong with it, stays where
@@ -40,6 +40,8 @@ class StateStore {
   void remove(const std::string& id);
   // Returns once versions below `limit` may be handed out.
   void reserve_versions(std::uint64_t limit);
+  // For another process; nothing may be written from then on.
+  void let_go() { lock_.reset(); }
   // Moves a scene that cannot be used to DIR/set-aside and logs why.
   void set_aside(const std::string& id, const std::string& why);
   // Versions that were never handed out: the first one, and the end of those reserved.

@@ -51,6 +51,10 @@ TEST(Admin, ReadyIsWhoServes) {
   EXPECT_TRUE(w.get("/livez").starts_with("HTTP/1.1 200"));
   w.server->make_ready();
   EXPECT_TRUE(w.get("/readyz").starts_with("HTTP/1.1 200"));
+  w.server->leave();
+  const std::string leaving = w.get("/readyz");
+  EXPECT_TRUE(leaving.starts_with("HTTP/1.1 503")) << leaving;
+  EXPECT_TRUE(w.server.create(uniform_scene("s")).ok()) << "it still serves";
   w.server->drain();
   const std::string drained = w.get("/readyz");
   EXPECT_TRUE(drained.starts_with("HTTP/1.1 503")) << drained;

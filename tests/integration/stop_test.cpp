@@ -1,4 +1,4 @@
-// SIGTERM while the device's driver hangs: the process ends all the same.
+// SIGTERM while the device's driver hangs, and while a hand does not move: the process ends all the same.
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
@@ -48,6 +48,35 @@ TEST(Stop, DriverThatHangsDoesNotHoldTheProcess) {
   process.kill(SIGTERM);
   EXPECT_EQ(process.wait(30), 0) << process.output();  // in 5 s; a machine may be busy
   EXPECT_NE(process.output().find("event=drain_cut"), std::string::npos) << process.output();
+}
+
+// Who sends the signal twice does not wait for hands to move.
+TEST(Stop, SecondSignalEndsTheTimeInWhichHandsMove) {
+  test::TemporaryFolder folder;
+  const std::string address = "unix:" + (folder / "s");
+  std::ofstream(folder / "config.toml") << "[limits]\nmove_s = 300\n";
+  test::Process process({test::service_binary(), "serve", "--listen", address, "--state", folder / "state",
+                         "--standby", "--config", folder / "config.toml"},
+                        folder / "log");
+  ASSERT_TRUE(process.says("serving on", 120)) << process.output();
+  const auto channel = grpc::CreateChannel(address, grpc::InsecureChannelCredentials());
+  grpc::ClientContext context;
+  service::v1::Scene scene;
+  ASSERT_TRUE(service::v1::Palpation::NewStub(channel)
+                  ->CreateScene(&context, service::uniform_scene("s"), &scene)
+                  .ok());
+  service::Toucher hand(channel, "s");
+  service::v1::TouchAnswer answer;
+  ASSERT_TRUE(hand.opened() && hand.touch(0.05, 0.002, &answer));
+  EXPECT_FALSE(answer.moving());
+  process.kill(SIGTERM);
+  ASSERT_TRUE(process.says("event=move touches=1", 60)) << process.output();
+  ASSERT_TRUE(hand.touch(0.05, 0.002, &answer));
+  EXPECT_TRUE(answer.moving());
+  process.kill(SIGTERM);
+  EXPECT_EQ(process.wait(60), 0) << process.output();
+  EXPECT_NE(process.output().find("event=drained"), std::string::npos) << process.output();
+  EXPECT_EQ(hand.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
 }
 
 }  // namespace

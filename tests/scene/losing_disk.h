@@ -111,7 +111,7 @@ class LosingDisk : public Files {
       for (const std::string& name : list(path)) remove(path / name);
     change({{at("remove", path.parent_path()), path.filename(), nullptr}});
   }
-  std::shared_ptr<void> lock(const Path&) override { return std::make_shared<int>(); }
+  std::shared_ptr<void> lock(const Path&, bool) override { return std::make_shared<int>(); }
   void keep_private(const Path&) override {}  // it has no owners
 
  private:

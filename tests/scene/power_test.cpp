@@ -312,7 +312,7 @@ class WatchedDisk final : public Files {
   void sync(const Path& p) override { note(), disk_.sync(p); }
   void rename(const Path& a, const Path& b) override { note(), disk_.rename(a, b); }
   void remove(const Path& p) override { note(), disk_.remove(p); }
-  std::shared_ptr<void> lock(const Path& p) override { return disk_.lock(p); }
+  std::shared_ptr<void> lock(const Path& p, bool wait) override { return disk_.lock(p, wait); }
   void keep_private(const Path& p) override { note(), disk_.keep_private(p); }
   bool touched_by(std::thread::id thread) {
     const std::lock_guard lock(mutex_);

@@ -6,6 +6,7 @@
 
 #include <csignal>
 #include <fstream>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
@@ -265,6 +266,31 @@ TEST_F(StateOnDisk, DirectoryThatCannotBeWrittenOrIsTakenIsOneClearLine) {
     EXPECT_NE(std::string(error.what()).find("in use"), std::string::npos);
     EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
   }
+}
+
+// What was published last is on disk before the other one has the folder.
+TEST_F(StateOnDisk, WhoStandsByHasTheFolderOnceItIsLetGo) {
+  Scenes first(directory);
+  const auto scene = create_scene(first, "s", tissue(0.12, 0.03), std::nullopt);
+  publish(first, "s", 0.03, 10e3);
+  Scenes second(directory, {}, machine_files(), nullptr, plane_models(), true);
+  auto restored = std::async(std::launch::async, [&] { second.restore(); });
+  EXPECT_EQ(restored.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
+  first.let_go();
+  ASSERT_EQ(restored.wait_for(std::chrono::minutes(1)), std::future_status::ready);
+  restored.get();
+  ASSERT_EQ(second.list().size(), 1U);
+  EXPECT_EQ(second.list()[0]->snapshot()->version, scene->snapshot()->version);
+  EXPECT_EQ(second.list()[0]->snapshot()->windows.size(), 1U);
+  EXPECT_EQ(first.find("s"), scene) << "it is touched on";
+  try {
+    first.remove("s");
+    FAIL() << "taken from a disk that is another's";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind, ErrorKind::kUnavailable);
+  }
+  EXPECT_FALSE(scene->deleted());
+  EXPECT_THROW(Scenes({}, {}, machine_files(), nullptr, plane_models(), true), std::runtime_error);
 }
 
 TEST(Scenes, IdsAndLimitsAreChecked) {
