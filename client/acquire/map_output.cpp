@@ -30,7 +30,12 @@ const std::vector<Group> kGroups{
      {"axial_strain", "lateral_strain", "shear_strain", "axial_strain_std", "lateral_strain_std",
       "shear_strain_std"}},
     {"correlation", {"correlation"}},
-    {"modulus", {"youngs_modulus", "youngs_modulus_log_std"}}};
+    {"modulus", {"youngs_modulus", "youngs_modulus_log_std"}},
+    {"b_mode", {"b_mode"}}};
+
+bool on_one_grid(const v1::Map& map, const v1::Map* other) {
+  return other && map.grid().SerializeAsString() == other->grid().SerializeAsString();
+}
 
 // How a map's numbers are shown: in a unit that people read.
 struct Shown {
@@ -92,7 +97,7 @@ Panel panel_of(const v1::Map& map, const std::vector<float>& valid) {
   panel.values = values_of(map);
   panel.unit = how.unit;
   panel.factor = how.factor;
-  if (valid.size() == panel.values.size() && map.name() != "correlation") {
+  if (!valid.empty() && map.name() != "correlation") {
     for (std::size_t i = 0; i < valid.size(); ++i)
       if (valid[i] == 0) panel.values[i] = std::numeric_limits<float>::quiet_NaN();
     if (std::find(valid.begin(), valid.end(), 0) != valid.end()) panel.title += " (grey: not valid)";
@@ -203,23 +208,23 @@ std::vector<std::string> write_estimate(const std::filesystem::path& folder,
   const std::filesystem::path summary = folder / "estimate.json";
   std::filesystem::remove(summary);  // an earlier estimate's; what is cut short from here on has none
   const v1::Map* valid_map = find_map(outcome.maps, "valid");
-  const std::vector<float> valid = valid_map ? values_of(*valid_map) : std::vector<float>{};
+  const std::vector<float> of_window = valid_map ? values_of(*valid_map) : std::vector<float>{};
   std::vector<std::string> written;
   for (const Group& group : kGroups) {
     std::vector<VtiArray> arrays;
     std::vector<Panel> panels;
     std::optional<VtiGrid> grid;
+    std::vector<float> valid;  // where the maps lie on its grid
     for (const char* name : group.maps) {
       const v1::Map* map = find_map(outcome.maps, name);
       if (map == nullptr) continue;
       grid = vti_grid(map->grid());
+      valid = on_one_grid(*map, valid_map) ? of_window : std::vector<float>{};
       arrays.push_back({map->name(), values_of(*map), 1});
       panels.push_back(panel_of(*map, valid));
     }
     if (!grid) continue;
-    if (valid.size() == grid->points()) {
-      arrays.push_back({"valid", std::vector<std::uint8_t>(valid.begin(), valid.end()), 1});
-    }
+    if (!valid.empty()) arrays.push_back({"valid", std::vector<std::uint8_t>(valid.begin(), valid.end()), 1});
     const std::string file = group.file;
     write_vti(folder / (file + ".vti"), *grid, arrays);
     write_png(folder / (file + ".png"), panels);

@@ -62,7 +62,8 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
       strips_(std::make_shared<StripCache>()),
       options_(options),
       displacement_(queue_, options.displacement),
-      strain_(queue_, options.strain) {
+      strain_(queue_, options.strain),
+      b_mode_(queue_) {
   modulus_ = {make_reference_stress(queue_, options.reference_stress, strips_),
               make_direct(queue_, options.direct, strips_),
               make_iterative(queue_, options.iterative, options.direct, strips_),
@@ -104,7 +105,8 @@ HostBytes host_bytes(const EstimateInput& in, const ElastographyOptions& options
   const double direct = in.tissue.plane == Plane::kSolid ? kOfElement * kBeside * columns * rows * kAcross
                         : method == ModulusKind::kReferenceStress ? 0
                                                                   : 4 * columns * rows * rows;
-  return {static_cast<std::uint64_t>(nodes * (kMaps * sizeof(float) + 3)),
+  const std::uint64_t b_mode = in.b_mode ? BMode::kMostRows * in.pre.line_count : 0;
+  return {static_cast<std::uint64_t>(nodes * (kMaps * sizeof(float) + 3)) + b_mode,
           static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
 }
 
@@ -232,6 +234,7 @@ Estimate Elastography::estimate(const EstimateInput& in, const EstimateObserver&
     look();
   };
   const DisplacementEstimate displacement = track(in, e);
+  if (in.b_mode) e.b_mode = b_mode_.image(in.pre, in.geometry);
   ended(Stage::kDisplacement, e.displacement_s);
   download(queue_, strain_.estimate(displacement, e.grid), e);
   ended(Stage::kStrain, e.strain_s);

@@ -16,6 +16,7 @@
 #include "service/imaging/modulus/modulus_plan.h"
 #include "service/imaging/modulus/strip_model.h"
 #include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/tracking/b_mode.h"
 #include "service/imaging/tracking/displacement.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/measured.h"
@@ -61,6 +62,7 @@ struct EstimateInput {
   KnownModulus known = {};  // beside the window, from its neighbours, if there are any
   ModulusChoice modulus = {};
   std::vector<SliceBeside> beside = {};  // ModulusInput::beside
+  bool b_mode = false;                   // Estimate::b_mode is wanted
 };
 
 // Who follows an estimate.
@@ -86,6 +88,7 @@ struct Estimate : Measured {
   Field modulus_log_deviation;       // standard deviation of log E; NaN where valid = 0
   double modulus_correlation_m = 0;  // its errors correlate by exp(-distance / it)
   std::vector<ModulusWarning> modulus_warnings;
+  BMode b_mode;  // of the pre frame, where it was wanted
   // Frames that contradict what is stated of them; tracking that failed in part.
   std::vector<std::string> input_warnings;
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
@@ -123,6 +126,7 @@ class Elastography {
   ElastographyOptions options_;
   DisplacementEstimator displacement_;
   StrainEstimator strain_;
+  BModeImager b_mode_;
   std::array<std::unique_ptr<ModulusMethod>, 4> modulus_;  // by ModulusKind
   std::unique_ptr<ModulusMethod> uncorrected_;             // reference stress, without corrections
   std::unique_ptr<ModulusJudge> judge_;

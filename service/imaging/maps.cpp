@@ -19,7 +19,8 @@ const std::vector<EstimateMap>& estimate_maps() {
       {"correlation", "1", &Estimate::correlation},
       {"valid", "1", nullptr, &Estimate::valid},
       {"youngs_modulus", nullptr, &Estimate::youngs_modulus},
-      {"youngs_modulus_log_std", "1", &Estimate::modulus_log_deviation}};
+      {"youngs_modulus_log_std", "1", &Estimate::modulus_log_deviation},
+      {"b_mode", "1", nullptr, nullptr, &Estimate::b_mode}};
   return maps;
 }
 

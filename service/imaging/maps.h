@@ -12,8 +12,9 @@ namespace teletact::service {
 struct EstimateMap {
   const char* name;
   const char* unit;                // null: that of the modulus, Pa or 1
-  const Field Estimate::*numbers;  // null: `flags` instead
+  const Field Estimate::*numbers;  // null: `flags` or `image` instead
   const std::vector<std::uint8_t> Estimate::*flags = nullptr;
+  const BMode Estimate::*image = nullptr;  // the same, on a grid of its own
 };
 
 const std::vector<EstimateMap>& estimate_maps();

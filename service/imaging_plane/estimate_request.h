@@ -34,6 +34,7 @@ struct EstimateRequest {
   };
   std::optional<SceneSlice> slice_of;
   double finish_within_s = 0;  // of the last byte; 0: whenever
+  bool b_mode = false;         // its image is wanted
 
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
   std::size_t samples() const { return sample_count * line_count; }

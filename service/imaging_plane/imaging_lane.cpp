@@ -174,8 +174,8 @@ EstimateOutcome ImagingLane::work(const ReceivedPair& pair, const std::pair<RfFr
     if (r.force) modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
     if (r.scene) modulus.need.tolerance = r.scene->finger().tolerance();
     modulus.time = [&, begun_s = worked_s()] { return modulus_time(pair, begun_s); };
-    outcome.estimate =
-        engine->estimate({pre, post, r.geometry, r.force, r.tissue, known, modulus, beside}, {ended});
+    outcome.estimate = engine->estimate(
+        {pre, post, r.geometry, r.force, r.tissue, known, modulus, beside, r.b_mode}, {ended});
   }
   const Estimate& e = outcome.estimate;
   EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus_start_s};

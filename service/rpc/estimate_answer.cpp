@@ -15,8 +15,10 @@ void map_to(const Estimate& e, const EstimateMap& map, v1::Map* out) {
   const char* unit = map.unit ? map.unit : e.modulus_absolute ? "Pa" : "1";
   if (map.numbers)
     map_to(map.name, unit, e.grid, e.*map.numbers, out);
-  else
+  else if (map.flags)
     map_to(map.name, unit, e.grid, e.*map.flags, out);
+  else
+    map_to(map.name, unit, (e.*map.image).grid, (e.*map.image).grey, out);
 }
 
 v1::ModulusMethod method_to(ModulusKind kind) {

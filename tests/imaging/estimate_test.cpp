@@ -113,6 +113,7 @@ TEST(Elastography, AWindowUnderWayEndsWhenItsTimeDoes) {
   const int settled = elastography().estimate(in).modulus_iterations;
   ASSERT_GE(settled, 2);
   int asked = 0;
+  in.b_mode = true;
   in.modulus.time = [&] { return ModulusTime{++asked <= 5 ? 1e3 : 0.0, "", {}}; };
   const Estimate e = elastography().estimate(in);
   EXPECT_EQ(e.modulus_iterations, 1);
@@ -120,13 +121,16 @@ TEST(Elastography, AWindowUnderWayEndsWhenItsTimeDoes) {
   EXPECT_EQ(e.modulus_kind, ModulusKind::kIterative);
   EXPECT_GT(e.modulus_start_s, 0);
   EXPECT_LT(e.modulus_start_s, e.modulus_s);
+  EXPECT_EQ(e.b_mode.grey.size(), e.b_mode.grid.size());
+  EXPECT_EQ(e.b_mode.grid.nx, in.pre.line_count);
 }
 
 TEST(Elastography, StagesEndInOrder) {
   std::vector<Stage> stages;
-  elastography().estimate({still(), pressed(), speckle_geometry(), std::nullopt, slab()},
-                          {[&](Stage s) { stages.push_back(s); }});
+  const Estimate e = elastography().estimate({still(), pressed(), speckle_geometry(), std::nullopt, slab()},
+                                             {[&](Stage s) { stages.push_back(s); }});
   EXPECT_EQ(stages, (std::vector{Stage::kDisplacement, Stage::kStrain, Stage::kModulus}));
+  EXPECT_TRUE(e.b_mode.grey.empty()) << "nobody wants it";
 }
 
 TEST(Elastography, CancelledWorkStops) {

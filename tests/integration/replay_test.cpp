@@ -90,7 +90,7 @@ TEST(Replay, RfRebuildsTheSceneAndTheForcesInAFreshService) {
   options.path = folder / "rf.record";
   const client::ReplayReport maps = client::replay(options, stop);
   EXPECT_EQ(maps.calls, 2u) << "one per window";
-  EXPECT_EQ(maps.compared, 2u * 14u + 2u) << "fourteen maps of each pair, and the scene's two";
+  EXPECT_EQ(maps.compared, 2u * 15u + 2u) << "fifteen maps of each pair, and the scene's two";
   EXPECT_EQ(maps.not_alike, 0u);
   EXPECT_LE(maps.largest_map_difference, kMapTolerance) << maps.largest_map;
 

@@ -121,10 +121,10 @@ def test_a_scene_without_size_or_with_an_endless_window(liar, lied_to):
         lied_to.scene("s")
 
 
-def estimate(service):
+def estimate(service, maps=("youngs_modulus",)):
     frame = np.zeros((64, 8), np.int16)
     return service.estimate(frame, frame, center_frequency_hz=5e6, sampling_frequency_hz=4e7, line_pitch_m=3e-4,
-                            frame="probe", maps=["youngs_modulus"])
+                            frame="probe", maps=maps)
 
 
 def answers_of(maps, summaries=1):
@@ -151,6 +151,15 @@ def test_an_estimate_of_too_much_and_too_little(liar, lied_to):
         liar.estimate = answers
         with pytest.raises(teletact.BadAnswer, match=wrong):
             estimate(lied_to)
+
+
+def test_a_b_mode_image_lies_on_a_grid_of_its_own(liar, lied_to):
+    grey = np.arange(30).reshape(5, 6)
+    liar.estimate = answers_of([a_map("b_mode", grey, common.DATA_TYPE_UINT8, "1"), *good_maps()])
+    maps = estimate(lied_to, None)
+    assert maps.b_mode.dims == ("y_b_mode", "x_b_mode") and maps.b_mode.dtype == np.uint8
+    assert (maps.b_mode.values == grey).all()
+    assert maps.youngs_modulus.dims == ("y", "x") and maps.youngs_modulus.shape == (3, 4)
 
 
 def opened(**changes):

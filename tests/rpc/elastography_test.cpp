@@ -20,11 +20,14 @@ TEST_F(Estimates, PairBecomesAWindowThatCanBeTouched) {
             (std::vector<v1::EstimateStage>{v1::ESTIMATE_STAGE_RECEIVED, v1::ESTIMATE_STAGE_DISPLACEMENT,
                                             v1::ESTIMATE_STAGE_STRAIN, v1::ESTIMATE_STAGE_MODULUS,
                                             v1::ESTIMATE_STAGE_PUBLISHED}));
-  ASSERT_EQ(outcome.maps.size(), 14U);
+  ASSERT_EQ(outcome.maps.size(), 15U);
   for (const v1::Map& map : outcome.maps) {
     const std::size_t item = map.values().dtype() == v1::DATA_TYPE_UINT8 ? 1 : 4;
     EXPECT_EQ(map.values().data().size(), item * map.grid().size(0) * map.grid().size(1)) << map.name();
   }
+  EXPECT_EQ(outcome.maps.back().name(), "b_mode");
+  const std::string& grey = outcome.maps.back().values().data();
+  EXPECT_EQ(std::uint8_t(*std::ranges::max_element(grey, {}, [](char c) { return std::uint8_t(c); })), 255);
   const v1::EstimateSummary& s = outcome.summary;
   EXPECT_TRUE(s.modulus_absolute());
   EXPECT_NEAR(s.mean_axial_strain(), kStrain, 0.05 * -kStrain);

@@ -204,7 +204,8 @@ class Service:
         "strain" or "stress"; left out, "strain" of what is published and "solid" of what is not. ``publish`` and
         ``window_x_m``: into which scene, and where the window's left border lies there. ``maps``: names (all).
 
-        Returns maps over y, x of the window: NaN where not ``valid`` (but for ``correlation``), and in ``attrs`` the
+        Returns maps over y, x of the window: NaN where not ``valid`` (but for ``correlation``, and
+        ``b_mode`` over a ``y_b_mode`` and ``x_b_mode`` of its own), and in ``attrs`` the
         ``warnings`` and the rest of the summary. What the options mean: docs/guide/recorded-data.md.
         """
         before, after = estimates.rf_frame(pre, "pre"), estimates.rf_frame(post, "post")

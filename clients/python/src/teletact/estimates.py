@@ -108,7 +108,9 @@ class Answers:
             name = str(map_.name)
             if name in self._maps or (self._asked and name not in self._asked):
                 raise BadAnswer("twice, or not asked for", field=f"map '{name}'", call=self._call)
-            if self._maps and map_.shape != next(iter(self._maps.values())).shape:
+            if name == "b_mode":  # lies on a grid of its own
+                map_ = map_.rename({axis: f"{axis}_b_mode" for axis in map_.dims})
+            elif any(map_.shape != other.shape for key, other in self._maps.items() if key != "b_mode"):
                 raise BadAnswer("not on the grid of the others", field=f"map '{name}'", call=self._call)
             self._maps[name] = map_
 
@@ -123,7 +125,7 @@ class Answers:
         valid = arrays.is_valid(self._maps.pop("valid"), self._call)
         out = xr.Dataset({"valid": valid})
         for name, map_ in self._maps.items():
-            out[name] = map_ if name == "correlation" else arrays.masked(map_, valid, self._call)
+            out[name] = map_ if name in ("correlation", "b_mode") else arrays.masked(map_, valid, self._call)
         out.attrs = {
             "warnings": list(summary.warnings),
             "modulus_absolute": summary.modulus_absolute,
