@@ -56,6 +56,30 @@ class PlaneLayer final : public TouchedLayer {
     return answer;
   }
 
+  std::optional<DeformedLayer> deformed(const Fingertip& tip, const TouchPose& pose, double around_m,
+                                        std::size_t most_nodes) const override {
+    const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
+    const ContactAnswer answer = solve_contact(tissue_->problem(), row_, *compliance_, tip, in_plane(pose));
+    std::vector<std::size_t> loaded;
+    Eigen::Matrix2Xd force_n_m(2, answer.pressure.size());
+    for (const NodalPressure& node : answer.pressure) {
+      const auto b = static_cast<Eigen::Index>(loaded.size());
+      force_n_m.col(b) = node.width_m[0] * Eigen::Vector2d(node.traction_pa[0], node.pressure_pa);
+      const auto at = std::ranges::lower_bound(columns_m, node.position_m[0]);
+      loaded.push_back(static_cast<std::size_t>(at - columns_m.begin()));
+    }
+    const ColumnRange touchable = tissue_->problem().touchable;
+    std::vector<std::size_t> shown;
+    for (std::size_t i = touchable.first; i <= touchable.last; ++i)
+      if (std::abs(columns_m[i] - pose.position_m[0]) <= around_m) shown.push_back(i);
+    shown = every(shown, most_nodes);
+    DeformedLayer out{{}, {pose.position_m[2]}, {}};
+    for (const std::size_t i : shown) out.x_m.push_back(columns_m[i]);
+    const Eigen::VectorXd moved = compliance_->axial_under(shown, loaded, force_n_m);
+    out.displacement_m.assign(moved.begin(), moved.end());
+    return out;
+  }
+
   std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
     const PlanePose at = in_plane(pose);
     if (tip.shape == FingertipShape::kNode) return "";

@@ -42,6 +42,10 @@ class PlannedLayer final : public TouchedLayer {
   ContactAnswer touch(const Fingertip&, const TouchPose&) override;
   std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                              double force_n) const override;
+  std::optional<DeformedLayer> deformed(const Fingertip& tip, const TouchPose& pose, double around_m,
+                                        std::size_t most_nodes) const override {
+    return nodes_->deformed(tip, pose, around_m, most_nodes);
+  }
   std::string remark(const Fingertip&, const TouchPose&) const override;
   std::shared_ptr<TouchedLayer> apart() override;
   std::array<double, 2> spacing_m(double x_m) const override { return nodes_->spacing_m(x_m); }

@@ -347,6 +347,18 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
   return answer;
 }
 
+template <class T>
+VectorXd SolidContact<T>::moved_m(const Fingertip& tip, const Vector3& pose,
+                                  const std::vector<std::size_t>& nodes) const {
+  require_touchable(tissue_.grid, row_->solved->index, tip, pose);
+  const Known compliance = known(tip);
+  std::size_t iterations = 0;
+  const auto touch = pose[1] > 0 ? find_contact(tissue_.grid, *compliance, tip, pose, iterations)
+                                 : std::optional<SolidTouch>();
+  if (!touch) return VectorXd::Zero(static_cast<Index>(nodes.size()));
+  return compliance->moved_m(nodes, touch->contact.patch.unknowns, touch->contact.force_n);
+}
+
 // The force grows about as a power of the depth: a line through the newest two in their logarithms.
 template <class T>
 std::vector<NodalPressure> SolidContact<T>::layered_pressure(const Fingertip& tip, const Vector3& pose,

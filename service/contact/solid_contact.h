@@ -90,6 +90,9 @@ class SolidContact {
   // What bears `force_n` in all (to 1e-6 of it) of the layered tissue alone under the same tip, at the same x
   // and z. By any thread, beside the others. Throws as touch() does, std::domain_error where no depth does.
   std::vector<NodalPressure> layered_pressure(const Fingertip&, const Vector3& pose, double force_n) const;
+  // How far these nodes of the row (i + nx k) move along y under the tip, m, by what is known by now. By any
+  // thread, beside the others. Throws as touch().
+  Eigen::VectorXd moved_m(const Fingertip&, const Vector3& pose, const std::vector<std::size_t>& nodes) const;
   const SolidTissue& tissue() const { return tissue_; }
   std::size_t row() const { return row_->solved->index; }
   const LayersDrift& drift() const { return drift_; }

@@ -206,6 +206,36 @@ std::optional<std::vector<NodalPressure>> SolidLayer::layered_pressure(const Fin
   return pressure;
 }
 
+std::optional<DeformedLayer> SolidLayer::deformed(const Fingertip& tip, const TouchPose& pose,
+                                                  double around_m, std::size_t most_nodes) const {
+  require_covered(tip, pose);
+  const SolidGrid& grid = contact_.tissue().grid;
+  const auto most = static_cast<std::size_t>(std::sqrt(static_cast<double>(most_nodes)));
+  const auto shown = [&](std::size_t count, double origin_m, double spacing_m, double at_m, double begin_m,
+                         double end_m, std::vector<double>& places_m) {
+    std::vector<std::size_t> indices;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double place_m = origin_m + spacing_m * static_cast<double>(i);
+      if (place_m >= begin_m && place_m <= end_m && std::abs(place_m - at_m) <= around_m)
+        indices.push_back(i);
+    }
+    indices = every(indices, most);
+    for (const std::size_t i : indices) places_m.push_back(origin_m + spacing_m * static_cast<double>(i));
+    return indices;
+  };
+  DeformedLayer out;
+  const auto along_x = shown(grid.nx, origin_x_m_, grid.spacing_x_m, pose.position_m[0], region_.begin_x_m,
+                             region_.end_x_m, out.x_m);
+  const auto along_z = shown(grid.nz, origin_z_m_, grid.spacing_z_m, pose.position_m[2], region_.begin_z_m,
+                             region_.end_z_m, out.z_m);
+  std::vector<std::size_t> nodes;
+  for (const std::size_t k : along_z)
+    for (const std::size_t i : along_x) nodes.push_back(i + grid.nx * k);
+  const Eigen::VectorXd moved = contact_.moved_m(tip, in_block(pose), nodes);
+  out.displacement_m.assign(moved.begin(), moved.end());
+  return out;
+}
+
 Vector3 SolidLayer::in_block(const TouchPose& pose) const {
   const auto [x, y, z] = pose.position_m;
   return {x - origin_x_m_, y, z - origin_z_m_};

@@ -1,5 +1,7 @@
 #include "service/contact/touch_model.h"
 
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "service/contact/contact_laws.h"
@@ -12,6 +14,13 @@ double indentation_m(const Layer& layer, const TouchPose& pose) {
   double along_m = 0;
   for (std::size_t k = 0; k < 3; ++k) along_m += layer.normal[k] * pose.position_m[k];
   return along_m;
+}
+
+std::vector<std::size_t> every(const std::vector<std::size_t>& indices, std::size_t most) {
+  const std::size_t step = indices.size() / (most + 1) + 1;
+  std::vector<std::size_t> out;
+  std::ranges::copy_if(indices, std::back_inserter(out), [step](std::size_t i) { return i % step == 0; });
+  return out;
 }
 
 TouchPose at_indentation(const Layer& layer, const TouchPose& pose, double wanted_m) {

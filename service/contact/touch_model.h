@@ -80,6 +80,17 @@ struct NodalPressure {
   std::array<double, 2> width_m{};  // of its share of the layer, along x and z: what the pressure acts on
 };
 
+// How a layer gives way: its nodes in the scene, increasing, and how far each moves along the layer's normal,
+// > 0 into the tissue, [z][x].
+struct DeformedLayer {
+  std::vector<double> x_m, z_m;
+  std::vector<float> displacement_m;
+};
+
+// Of indices along an axis every second, or third ..., so that there are at most so many: the same ones
+// wherever the finger is.
+std::vector<std::size_t> every(const std::vector<std::size_t>& indices, std::size_t most);
+
 enum class ContactState { kNoContact, kContact };
 
 // Of a linear model; beyond, it is said.
@@ -134,6 +145,13 @@ class TouchedLayer {
   // touch().
   virtual std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                                      double /*force_n*/) const {
+    return std::nullopt;
+  }
+  // How it gives way under the tip at this pose, by the nodal forces of its contact: its nodes up to
+  // `around_m` of the tip along x and z, every second or third where more than `most_nodes` would be told;
+  // none where it cannot tell. By any thread, beside the others. Throws as touch().
+  virtual std::optional<DeformedLayer> deformed(const Fingertip&, const TouchPose&, double /*around_m*/,
+                                                std::size_t /*most_nodes*/) const {
     return std::nullopt;
   }
   // What to know of a touch that is answered all the same, such as a mesh too coarse for the tip; empty:

@@ -65,6 +65,11 @@ inline constexpr double kTrustedShare = 0.5;
 
 // Between tactile images, at least.
 inline constexpr std::chrono::milliseconds kTactilePeriod{20};
+// How the touched layer gives way, for those who look on: between two, at least; so far around the finger,
+// and so many nodes.
+inline constexpr std::chrono::microseconds kSurfacePeriod{16667};
+inline constexpr double kSurfaceAround = 0.020;
+inline constexpr std::size_t kMostSurfaceNodes = 1089;
 
 // Contact laws (contact/law_sampler.h): what the force that is interpolated may be off by; columns of samples
 // that every law has, on one lattice of the scene whose pitch is no multiple of a mesh's, so that they do not

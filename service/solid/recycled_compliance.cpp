@@ -140,6 +140,28 @@ Eigen::MatrixXd RecycledCompliance::among(const std::vector<std::size_t>& unknow
   return s + half + half.transpose();
 }
 
+Eigen::VectorXd RecycledCompliance::moved_m(const std::vector<std::size_t>& nodes,
+                                            const std::vector<std::size_t>& unknowns,
+                                            const Eigen::VectorXd& force_n) const {
+  std::vector<std::size_t> along_y;
+  for (const std::size_t node : nodes) along_y.push_back(node + grid_.columns());
+  const auto between = [&](const SurfaceCompliance& s) {
+    return s.between(along_y, unknowns, grid_.nx, grid_.nz);
+  };
+  Eigen::VectorXd moved = between(wide_) * force_n;
+  if (felt_)
+    moved += between(smooth_).cwiseProduct(
+                 ((scale_at(along_y) * scale_at(unknowns).transpose()).array() - 1).matrix()) *
+             force_n;
+  moved *= scale_;
+  if (pairs_.empty()) return moved;
+  const auto at = places(along_y), from = places(unknowns);
+  const Eigen::MatrixXd q_at = columns(&Pair::force, at) * basis_, e_at = columns(&Pair::excess, at) * basis_,
+                        q = columns(&Pair::force, from) * basis_, e = columns(&Pair::excess, from) * basis_;
+  const Eigen::VectorXd share = q.transpose() * force_n;
+  return moved + e_at * share + q_at * (e.transpose() * force_n - core_ * share);
+}
+
 Eigen::VectorXd RecycledCompliance::wider_m(const std::vector<std::size_t>& unknowns,
                                             const Eigen::VectorXd& force_n) const {
   return scale_ *

@@ -36,6 +36,9 @@ class RecycledCompliance {
   double layered(std::size_t component) const { return scale_ * wide_(component, component, 0, 0); }
   // S' among unknowns, m/N.
   Eigen::MatrixXd among(const std::vector<std::size_t>& unknowns) const;
+  // S' f at these nodes of the row, m: how far they move along y under forces of these unknowns.
+  Eigen::VectorXd moved_m(const std::vector<std::size_t>& nodes, const std::vector<std::size_t>& unknowns,
+                          const Eigen::VectorXd& force_n) const;
   // By how much more the wide surface moves than the periodic one, m: what a contact that is solved on the
   // block, which is periodic, must be given.
   Eigen::VectorXd wider_m(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n) const;

@@ -37,6 +37,19 @@ long nearest(std::size_t to, std::size_t from, std::size_t n) {
   return 2 * ahead > size ? ahead - size : ahead;
 }
 
+struct Place {
+  std::size_t component, x, z;
+};
+std::vector<Place> places_of(const std::vector<std::size_t>& unknowns, std::size_t nx, std::size_t nz) {
+  std::vector<Place> places;
+  places.reserve(unknowns.size());
+  for (const std::size_t unknown : unknowns) {
+    const std::size_t node = unknown % (nx * nz);
+    places.push_back({unknown / (nx * nz), node % nx, node / nx});
+  }
+  return places;
+}
+
 }  // namespace
 
 SurfaceCompliance::SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol,
@@ -77,15 +90,7 @@ double SurfaceCompliance::operator()(std::size_t p, std::size_t q, long dx, long
 
 Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknowns, std::size_t nx,
                                          std::size_t nz) const {
-  struct Place {
-    std::size_t component, x, z;
-  };
-  std::vector<Place> places;
-  places.reserve(unknowns.size());
-  for (const std::size_t unknown : unknowns) {
-    const std::size_t node = unknown % (nx * nz);
-    places.push_back({unknown / (nx * nz), node % nx, node / nx});
-  }
+  const std::vector<Place> places = places_of(unknowns, nx, nz);
   const auto n = static_cast<Eigen::Index>(unknowns.size());
   Eigen::MatrixXd s(n, n);
   for (Eigen::Index b = 0; b < n; ++b) {
@@ -96,6 +101,19 @@ Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknown
           (*this)(to.component, from.component, nearest(to.x, from.x, nx), nearest(to.z, from.z, nz));
     }
   }
+  return s;
+}
+
+Eigen::MatrixXd SurfaceCompliance::between(const std::vector<std::size_t>& moved,
+                                           const std::vector<std::size_t>& pushed, std::size_t nx,
+                                           std::size_t nz) const {
+  const std::vector<Place> to = places_of(moved, nx, nz), from = places_of(pushed, nx, nz);
+  Eigen::MatrixXd s(moved.size(), pushed.size());
+  for (std::size_t b = 0; b < from.size(); ++b)
+    for (std::size_t a = 0; a < to.size(); ++a)
+      s(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) =
+          (*this)(to[a].component, from[b].component, nearest(to[a].x, from[b].x, nx),
+                  nearest(to[a].z, from[b].z, nz));
   return s;
 }
 

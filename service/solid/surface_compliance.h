@@ -21,6 +21,9 @@ class SurfaceCompliance {
   // Among unknowns of the surface of an nx x nz block (SurfacePatch), each pair by the nearest of the
   // period's copies.
   Eigen::MatrixXd among(const std::vector<std::size_t>& unknowns, std::size_t nx, std::size_t nz) const;
+  // Of these unknowns under forces of those, the same way.
+  Eigen::MatrixXd between(const std::vector<std::size_t>& moved, const std::vector<std::size_t>& pushed,
+                          std::size_t nx, std::size_t nz) const;
   // Displacement of components first ... first + count - 1 of the whole surface, [component][z][x], under
   // forces of some of its unknowns.
   Eigen::VectorXd times(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n,

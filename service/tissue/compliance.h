@@ -22,7 +22,7 @@ struct SolveReport {
   double relative_error = 0;
   double of_model = 0;  // of that, what no solve makes less: the model is being made anew
   bool converged = true;
-  bool improving = false;  // it is made better meanwhile: trusted up to choices::kTrustedMeanwhile
+  bool improving = false;         // it is made better meanwhile: trusted up to choices::kTrustedMeanwhile
   const char* reason = "direct";  // why it stopped
 };
 
@@ -46,6 +46,9 @@ class Compliance {
   virtual Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
   // Its axial part alone, [u_y of node 0, u_y of node 1, ...], n x n: all that frictionless contact asks for.
   virtual Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) = 0;
+  // Displacement along y (m) of `at` under nodal forces [x, y] (N/m) on `loaded`, both as `nodes` above.
+  virtual Eigen::VectorXd axial_under(std::span<const std::size_t> at, std::span<const std::size_t> loaded,
+                                      const Eigen::Matrix2Xd& force_n_m);
   // Of left^T C right among `unknowns`, 2 column + component of each row. Empty where a provider has no
   // samples of it (condensed); then the bound of `report` is all there is.
   virtual std::optional<FormError> error_between(std::span<const std::size_t> /*unknowns*/,

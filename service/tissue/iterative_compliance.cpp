@@ -97,6 +97,29 @@ MatrixXd IterativeCompliance::axial_among(std::span<const std::size_t> nodes, So
   return between(unknowns, report);
 }
 
+Eigen::VectorXd IterativeCompliance::axial_under(std::span<const std::size_t> at,
+                                                 std::span<const std::size_t> loaded,
+                                                 const Eigen::Matrix2Xd& force_n_m) {
+  std::vector<std::size_t> unknowns;
+  std::vector<double> force;
+  for (std::size_t b = 0; b < loaded.size(); ++b)
+    for (const Index component : {0, 1})
+      if (const double f = force_n_m(component, Index(b)); f != 0) {
+        unknowns.push_back(2 * position_among(loaded[b], touchable_) + std::size_t(component));
+        force.push_back(f);
+      }
+  const Asked asked(*this, unknowns);
+  get_ready(unknowns);
+  const std::lock_guard lock(mutex_);
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(Index(at.size()));
+  for (std::size_t b = 0; b < unknowns.size(); ++b)
+    for (std::size_t a = 0; a < at.size(); ++a)
+      moved[Index(a)] +=
+          force[b] *
+          columns_[unknowns[b]].displacement[Index(grid_dof(2 * position_among(at[a], touchable_) + 1))];
+  return moved;
+}
+
 bool IterativeCompliance::prepare(std::span<const std::size_t> nodes, bool tangential,
                                   std::chrono::steady_clock::time_point until) {
   std::vector<std::size_t> unknowns;

@@ -30,6 +30,9 @@ class IterativeCompliance final : public Compliance, public Reclaimable {
                       ColumnRange touchable, const MemoryAccount& = {});
   Eigen::MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override;
   Eigen::MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override;
+  // By the columns of what is loaded, off by their own error; no other is solved for it.
+  Eigen::VectorXd axial_under(std::span<const std::size_t> at, std::span<const std::size_t> loaded,
+                              const Eigen::Matrix2Xd& force_n_m) override;
   std::optional<FormError> error_between(std::span<const std::size_t> unknowns, const Eigen::MatrixX2d& left,
                                          const Eigen::VectorXd& right) const override;
   bool prepare(std::span<const std::size_t> nodes, bool tangential,
