@@ -12,7 +12,7 @@ enum class Role { kPatient, kOperator, kObserver, kAdministrator };
 // What a call needs of who makes it.
 enum class Need {
   kKnown,    // to be known: GetInfo
-  kRead,     // GetScene, ListScenes
+  kRead,     // GetScene, ListScenes, Observe
   kFeel,     // Touch, without steering
   kSteer,    // Touch that may steer
   kPublish,  // CreateScene, PublishSlice, Estimate

@@ -23,7 +23,7 @@ namespace {
 using prometheus::MetricFamily;
 using prometheus::MetricType;
 
-constexpr std::array<const char*, kCallKinds> kKinds{"touch", "watch",      "estimate",
+constexpr std::array<const char*, kCallKinds> kKinds{"touch", "watch",      "observe", "estimate",
                                                      "unary", "full_scene", "info"};
 constexpr std::array<const char*, kRefusals> kWhy{"starting",     "draining",  "full",
                                                   "client_share", "authority", "load"};

@@ -200,8 +200,13 @@ std::vector<std::string> warnings_of(const Estimate& e) {
 
 WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
                          std::chrono::steady_clock::time_point received) {
-  WindowEstimate window{request.window_x_m,     request.window_width_m(), e.grid, e.youngs_modulus, e.valid,
-                        e.modulus_log_deviation};
+  WindowEstimate window{request.window_x_m,
+                        request.window_width_m(),
+                        e.grid,
+                        e.youngs_modulus,
+                        e.valid,
+                        e.modulus_log_deviation,
+                        e.b_mode};
   WindowEvidence& evidence = window.evidence;
   evidence.warnings = warnings_of(e);
   evidence.correlation_m = e.modulus_correlation_m;

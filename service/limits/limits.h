@@ -30,10 +30,12 @@ struct Limits {
   double least_modulus_time_s, most_modulus_time_s;
   // What touch may ask for.
   std::uint64_t most_credit;
-  double most_touch_rate_hz, least_touch_rate_hz, most_touch_period_s, most_finger_rate_hz;
+  double most_touch_rate_hz, least_touch_rate_hz, most_touch_period_s, most_finger_rate_hz,
+      most_observe_rate_hz;
   double least_tip_m, most_tip_m;
   // Who is served at once, and for how long.
-  std::uint64_t most_touch_streams, most_watchers, most_estimates, most_unary_calls, most_full_scenes;
+  std::uint64_t most_touch_streams, most_watchers, most_observers, most_estimates, most_unary_calls,
+      most_full_scenes;
   std::uint64_t touch_workers, most_threads;
   double first_message_s, acknowledge_s, answer_taken_s, touch_idle_s;
   double unready_s, move_s, drain_s;

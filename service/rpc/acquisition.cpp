@@ -152,7 +152,8 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes) {
 EstimateCall call_from(const v1::Acquisition& in, const Scenes& scenes, const Limits& limits) {
   check_frame_bytes(in, limits);
   EstimateCall call{request_from(in, scenes), in.dtype(), maps_from(in)};
-  call.request.b_mode = std::ranges::find(call.maps, "b_mode") != call.maps.end();
+  // Windows of a scene keep theirs, for who looks on.
+  call.request.b_mode = call.request.scene || std::ranges::find(call.maps, "b_mode") != call.maps.end();
   settle(call.request, limits);
   return call;
 }

@@ -18,6 +18,8 @@ const char* words_of(CallKind kind) {
       return "touch streams";
     case CallKind::kWatch:
       return "watchers of fingers";
+    case CallKind::kObserve:
+      return "observers of scenes";
     case CallKind::kEstimate:
       return "estimates";
     case CallKind::kUnary:
@@ -68,6 +70,8 @@ std::size_t Calls::most(CallKind kind) const {
       return limits_.most_touch_streams;
     case CallKind::kWatch:
       return limits_.most_watchers;
+    case CallKind::kObserve:
+      return limits_.most_observers;
     case CallKind::kEstimate:
       return limits_.most_estimates;
     case CallKind::kUnary:

@@ -21,8 +21,8 @@
 namespace teletact::service {
 
 // kInfo: what is answered while the service starts or drains, too.
-enum class CallKind { kTouch, kWatch, kEstimate, kUnary, kFullScene, kInfo };
-inline constexpr std::size_t kCallKinds = 6;
+enum class CallKind { kTouch, kWatch, kObserve, kEstimate, kUnary, kFullScene, kInfo };
+inline constexpr std::size_t kCallKinds = 7;
 
 // Why a call was given no place, or lost it.
 enum class Refusal { kStarting, kDraining, kFull, kClientShare, kAuthority, kLoad };

@@ -76,6 +76,8 @@ Metrics::Metrics()
       replaced_(counter(counters_, "teletact_touch_poses_replaced_total",
                         "Poses in whose place a newer one was answered")),
       law_pieces_(counter(counters_, "teletact_touch_law_pieces_total", "Pieces of contact laws sent")),
+      observations_(
+          counter(counters_, "teletact_observe_states_total", "States sent to observers of scenes")),
       answers_(answers(counters_)),
       queued_(touch_bounds_s()),
       computed_(touch_bounds_s()),

@@ -36,12 +36,13 @@ class Metrics {
   // An answer was handed to gRPC.
   void answer(const TouchStream::Answered&);
   void law_piece() { law_pieces_.Increment(); }
+  void observation() { observations_.Increment(); }
   void estimate(const EstimateOutcome&);
   std::vector<prometheus::MetricFamily> collect() const;
 
  private:
   prometheus::Registry counters_;
-  prometheus::Counter &poses_, &replaced_, &law_pieces_;
+  prometheus::Counter &poses_, &replaced_, &law_pieces_, &observations_;
   std::array<prometheus::Counter*, 5> answers_;  // by TouchStatus
   SecondsHistogram queued_, computed_, pose_age_;
   std::array<SecondsHistogram, 7> estimate_stages_;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "service/rpc/cell_view.h"
 #include "service/rpc/core.h"
 #include "service/rpc/map_message.h"
 #include "service/scene/errors.h"
@@ -66,52 +67,6 @@ void geometry_to(const SceneGeometry& g, v1::SceneGeometry* out) {
   supports->set_x_max(fixed(g.supports.right));
 }
 
-// The uniform cells on which a scene is shown, by their centres.
-struct CellView {
-  ImageGrid grid;
-  std::vector<float> modulus_pa;
-  std::vector<std::uint8_t> valid;
-};
-
-ImageGrid centres_of(const StitchedMap& map) {
-  return {map.nx(), map.ny(), map.cell_x_m() / 2, map.cell_y_m() / 2, map.cell_x_m(), map.cell_y_m()};
-}
-
-CellView view_of(const StitchedMap& map) {
-  CellView view{centres_of(map), map.youngs_modulus_pa(), {}};
-  for (const CellState state : map.states()) view.valid.push_back(state == CellState::kMeasured);
-  return view;
-}
-
-std::size_t slice_in_the_middle(const ExplicitModulus& e) {
-  if (!e.solid()) return 0;
-  const double middle_m = (e.z_m.front() + e.z_m.back()) / 2;
-  std::size_t nearest = 0;
-  for (std::size_t n = 1; n < e.slices(); ++n)
-    if (std::abs(e.slice_m(n) - middle_m) < std::abs(e.slice_m(nearest) - middle_m)) nearest = n;
-  return nearest;
-}
-
-// Each cell shows the element that its centre lies in; of a solid, in the slice nearest to the middle.
-CellView view_of(const ExplicitModulus& e, const SceneGeometry& g) {
-  CellView view{centres_of(StitchedMap(g)), {}, {}};
-  const std::size_t first = slice_in_the_middle(e) * (e.x_m.size() - 1) * (e.y_m.size() - 1);
-  const auto element_at = [](const std::vector<double>& nodes_m, double at_m) {
-    const auto after = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
-    return static_cast<std::size_t>(after - nodes_m.begin()) - 1;
-  };
-  for (std::size_t j = 0; j < view.grid.ny; ++j) {
-    const std::size_t row = element_at(e.y_m, (static_cast<double>(j) + 0.5) * view.grid.dy_m);
-    for (std::size_t i = 0; i < view.grid.nx; ++i) {
-      const std::size_t column = element_at(e.x_m, (static_cast<double>(i) + 0.5) * view.grid.dx_m);
-      view.modulus_pa.push_back(
-          static_cast<float>(e.youngs_modulus_pa[first + column + (e.x_m.size() - 1) * row]));
-    }
-  }
-  view.valid.assign(view.modulus_pa.size(), 1);
-  return view;
-}
-
 v1::SceneKind kind_of(const SceneSnapshot& snapshot) {
   if (!snapshot.modulus || !snapshot.modulus->solid()) return v1::SCENE_KIND_PLANE;
   return extruded(*snapshot.modulus) ? v1::SCENE_KIND_EXTRUDED : v1::SCENE_KIND_SOLID;
@@ -134,9 +89,8 @@ void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1
 }  // namespace
 
 std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
-  // Messages with their fields and what allocating each adds; of a cell, its values twice and its state.
-  constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 1024, kWarningBytes = 64,
-                          kCellBytes = 2 * (sizeof(float) + 1) + sizeof(CellState);
+  // Messages with their fields and what allocating each adds; of a cell, its values twice.
+  constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 1024, kWarningBytes = 64;
   const auto snapshot = scene.snapshot();
   std::uint64_t bytes = kSceneBytes;
   if (snapshot->modulus) bytes += 2 * sizeof(double) * snapshot->modulus->slices_m.size();
@@ -146,8 +100,10 @@ std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
       for (const std::string& warning : window->evidence->warnings) bytes += kWarningBytes + warning.size();
   }
   if (wanted != v1::SCENE_VIEW_FULL) return bytes;
-  const StitchedMap cells(scene.geometry());
-  return bytes + kCellBytes * cells.nx() * cells.ny();
+  const ImageGrid grid = cells_of(*snapshot, scene.geometry());
+  for (const auto& window : snapshot->windows)
+    if (window->b_mode) bytes += window->b_mode->grey.size();
+  return bytes + 2 * CellView::kCellBytes * grid.size();
 }
 
 void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, v1::Scene* out) {
@@ -169,10 +125,12 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
       evidence_to(*window->evidence, snapshot->lone(*window), instance, w->mutable_evidence());
   }
   if (wanted != v1::SCENE_VIEW_FULL) return;
-  const CellView view =
-      snapshot->modulus ? view_of(*snapshot->modulus, scene.geometry()) : view_of(*snapshot->map);
+  const CellView view = view_of(*snapshot, scene.geometry());
   map_to("youngs_modulus", "Pa", view.grid, view.modulus_pa, out->mutable_youngs_modulus());
+  map_to("youngs_modulus_log_std", "1", view.grid, view.log_deviation, out->mutable_youngs_modulus_log_std());
   map_to("valid", "1", view.grid, view.valid, out->mutable_valid());
+  for (const auto& window : snapshot->windows)
+    if (window->b_mode) map_to("b_mode", "1", window->b_mode->grid, window->b_mode->grey, out->add_b_mode());
 }
 
 void stamp_to(std::int64_t monotonic_ns, std::uint64_t instance, v1::Stamp* out) {

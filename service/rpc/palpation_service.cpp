@@ -3,6 +3,7 @@
 #include "service/rpc/client.h"
 #include "service/rpc/modulus_messages.h"
 #include "service/rpc/named_scene.h"
+#include "service/rpc/observe_reactor.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_reactor.h"
 #include "service/rpc/unary_call.h"
@@ -111,6 +112,11 @@ grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerCont
 grpc::ServerBidiReactor<v1::WatchFingerRequest, v1::FingerState>* PalpationService::WatchFinger(
     grpc::CallbackServerContext* context) {
   return WatchReactor::serve(core_, context);
+}
+
+grpc::ServerBidiReactor<v1::ObserveRequest, v1::Observation>* PalpationService::Observe(
+    grpc::CallbackServerContext* context) {
+  return ObserveReactor::serve(core_, copying_, context);
 }
 
 grpc::ServerBidiReactor<v1::TouchRequest, v1::TouchResponse>* PalpationService::Touch(

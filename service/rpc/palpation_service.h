@@ -26,6 +26,8 @@ class PalpationService final : public v1::Palpation::CallbackService {
   grpc::ServerBidiReactor<v1::WatchFingerRequest, v1::FingerState>* WatchFinger(
       grpc::CallbackServerContext*) override;
   grpc::ServerBidiReactor<v1::TouchRequest, v1::TouchResponse>* Touch(grpc::CallbackServerContext*) override;
+  grpc::ServerBidiReactor<v1::ObserveRequest, v1::Observation>* Observe(
+      grpc::CallbackServerContext*) override;
 
  private:
   Core& core_;

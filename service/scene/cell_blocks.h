@@ -61,6 +61,9 @@ class CellBlocks {
     block.modulus_pa[n] = cell.modulus_pa, block.states[n] = cell.state;
     block.log_deviation[n] = cell.log_deviation;
   }
+  std::size_t blocks() const { return blocks_.size(); }
+  // Of a block: another number whenever it is written to anew in a later copy; 0: there is none.
+  std::uint64_t stamp(std::size_t block) const { return blocks_[block] ? blocks_[block]->stamp : 0; }
   // Blocks of this one that `other` has too.
   std::size_t shared_with(const CellBlocks& other) const {
     std::size_t shared = 0;
@@ -77,6 +80,7 @@ class CellBlocks {
           log_deviation(from ? from->log_deviation
                              : std::vector<float>(kColumns * ny, Cell().log_deviation)) {}
     static constexpr std::size_t kCellBytes = 2 * sizeof(float) + sizeof(CellState);
+    const std::uint64_t stamp = use_stamp();
     Charge charge;
     std::vector<float> modulus_pa;
     std::vector<CellState> states;

@@ -26,6 +26,23 @@ std::shared_ptr<const ExplicitModulus> charged(ExplicitModulus e, const MemoryAc
   return {held, &held->modulus};
 }
 
+// Null of none.
+std::shared_ptr<const BMode> charged(BMode image, const MemoryAccount& account) {
+  struct Charged {
+    Charge charge;
+    BMode image;
+  };
+  if (image.grey.empty()) return nullptr;
+  auto held = std::make_shared<const Charged>(
+      Charged{account.charge(Place::kHost, "maps", image.grey.size()), std::move(image)});
+  return {held, &held->image};
+}
+
+BMode in_scene(BMode image, double window_x_m) {
+  image.grid.origin_x_m += window_x_m;
+  return image;
+}
+
 }  // namespace
 
 Scene::Scene(std::string id, const SceneGeometry& geometry, std::shared_ptr<VersionCounter> versions,
@@ -88,6 +105,7 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
   for (const WindowRecord& kept : record.windows) {
     auto window = std::make_shared<WindowModel>();
     *window = {kept.id, kept.version, {kept.begin_m, kept.end_m}, nullptr, {}, kept.evidence};
+    if (kept.b_mode) window->b_mode = charged(*kept.b_mode, account_);
     const auto& given = snapshot->modulus;
     window->model = given ? models_->of_modulus(geometry_, *given, account_)
                           : build(*snapshot->map, window->region, nullptr);
@@ -203,6 +221,7 @@ Published Scene::publish(const WindowEstimate& estimate, const std::function<boo
   window->region = {std::max(0.0, estimate.window_x_m), std::min(geometry_.width_m, end_of_estimate_m)};
   window->taken_in = estimate.evidence.taken_in;
   window->evidence = evidence_of(estimate, *map, geometry_);
+  window->b_mode = charged(in_scene(estimate.b_mode, estimate.window_x_m), account_);
   auto next = std::make_shared<SceneSnapshot>();
   next->windows = make_room(*old, *window);
   check();
@@ -361,7 +380,8 @@ SceneRecord Scene::record() const {
     record.map_log_deviation = now->map->log_deviation();
   }
   for (const auto& w : now->windows) {
-    record.windows.push_back({w->id, w->version, w->region.begin_x_m, w->region.end_x_m, w->evidence});
+    record.windows.push_back(
+        {w->id, w->version, w->region.begin_x_m, w->region.end_x_m, w->evidence, w->b_mode});
     record.next_window_id = std::max(record.next_window_id, w->id + 1);
   }
   return record;

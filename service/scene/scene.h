@@ -18,6 +18,7 @@
 
 #include "service/scene/finger.h"
 #include "service/scene/geometry.h"
+#include "service/scene/observers.h"
 #include "service/scene/scene_record.h"
 #include "service/scene/slices.h"
 #include "service/scene/stitched_map.h"
@@ -33,6 +34,7 @@ struct WindowModel {
   // When its modulus came in; the epoch where that is not known (read from disk after a restart).
   std::chrono::steady_clock::time_point taken_in{};
   std::shared_ptr<const WindowEvidence> evidence;  // null for an explicit modulus, and where none was kept
+  std::shared_ptr<const BMode> b_mode = {};        // the same; in the scene
 };
 
 // Whether they touch or overlap.
@@ -82,6 +84,8 @@ class Scene {
   const Limits& limits() const { return limits_; }
   std::shared_ptr<const SceneSnapshot> snapshot() const;
   FingerBoard& finger() { return finger_; }
+  // Work that was begun for them may outlive the scene.
+  const std::shared_ptr<Observers>& observers() const { return observers_; }
   // The layer nearest to this depth. Throws std::invalid_argument where a support that holds the tissue is
   // nearer.
   Layer layer_near(double depth_m) const;
@@ -138,6 +142,7 @@ class Scene {
   const std::shared_ptr<VersionCounter> versions_;
   const Limits limits_;
   FingerBoard finger_;
+  const std::shared_ptr<Observers> observers_ = std::make_shared<Observers>();
 
   std::mutex publishing_;  // one publication at a time; guards next_window_id_ and stale_
   std::uint64_t next_window_id_ = 1;

@@ -19,6 +19,8 @@ using nlohmann::json;
 
 namespace {
 
+constexpr std::size_t kMostImageNodes = std::size_t{1} << 14;  // of a B-mode image, a side
+
 // 1 had neither evidence nor deviations, 2 no slices, 3 none that state deviations; they are still read. What
 // has no slices is written as 2, what states no deviations of them as 3.
 constexpr std::uint64_t kFormat = 4, kExactSlices = 3, kWithoutSlices = 2, kFirstFormat = 1;
@@ -89,6 +91,30 @@ json to_json(const WindowEvidence& e) {
           {"measured_share", number(e.measured_share)}};
 }
 
+// Its grey values stand after the map; earlier versions, which know of none, read what is before.
+json to_json(const BMode& image) {
+  const ImageGrid& g = image.grid;
+  return {
+      {"nodes", {g.nx, g.ny}}, {"origin_m", {g.origin_x_m, g.origin_y_m}}, {"spacing_m", {g.dx_m, g.dy_m}}};
+}
+
+std::shared_ptr<const BMode> b_mode_from(const json& j, std::string_view& rest) {
+  auto image = std::make_shared<BMode>();
+  ImageGrid& g = image->grid;
+  g = {count_of(j.at("nodes").at(0), "b_mode.nodes"),
+       count_of(j.at("nodes").at(1), "b_mode.nodes"),
+       j.at("origin_m").at(0),
+       j.at("origin_m").at(1),
+       j.at("spacing_m").at(0),
+       j.at("spacing_m").at(1)};
+  const bool placed = std::isfinite(g.origin_x_m) && std::isfinite(g.origin_y_m) && std::isfinite(g.dx_m) &&
+                      std::isfinite(g.dy_m) && g.dx_m > 0 && g.dy_m > 0;
+  if (g.nx < 2 || g.ny < 2 || g.nx > kMostImageNodes || g.ny > kMostImageNodes || !placed)
+    throw std::runtime_error("b_mode: no grid of an image");
+  image->grey = take<std::uint8_t>(rest, g.size());
+  return image;
+}
+
 std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
   auto e = std::make_shared<WindowEvidence>();
   e->warnings = j.at("warnings").get<std::vector<std::string>>();
@@ -127,6 +153,7 @@ EncodedScene encoded(const SceneRecord& record) {
   for (const WindowRecord& w : record.windows) {
     json window{{"id", w.id}, {"version", w.version}, {"begin_m", w.begin_m}, {"end_m", w.end_m}};
     if (w.evidence) window["evidence"] = to_json(*w.evidence);
+    if (w.b_mode) window["b_mode"] = to_json(*w.b_mode);
     scene["windows"].push_back(std::move(window));
   }
   if (record.explicit_modulus) {
@@ -140,6 +167,8 @@ EncodedScene encoded(const SceneRecord& record) {
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
+    for (const WindowRecord& w : record.windows)
+      if (w.b_mode) append(raw, w.b_mode->grey);
   }
   EncodedScene out;
   out.map_name = fmt::format("map-{}.raw", record.version);
@@ -194,6 +223,9 @@ SceneRecord decoded(const std::string& description,
     record.map_modulus_pa = take<float>(rest, cells);
     record.map_states = take<CellState>(rest, cells);
     if (format > kFirstFormat) record.map_log_deviation = take<float>(rest, cells);
+    for (std::size_t n = 0; n < record.windows.size(); ++n)
+      if (const json& w = scene["windows"][n]; w.contains("b_mode"))
+        record.windows[n].b_mode = b_mode_from(w["b_mode"], rest);
   }
   return record;
 }

@@ -20,7 +20,8 @@ struct WindowRecord {
   std::uint64_t id = 0, version = 0;
   double begin_m = 0, end_m = 0;
   std::shared_ptr<const WindowEvidence> evidence =
-      nullptr;  // null: none was kept, or the modulus is explicit
+      nullptr;                                    // null: none was kept, or the modulus is explicit
+  std::shared_ptr<const BMode> b_mode = nullptr;  // the same
 };
 
 // An explicit modulus with its own grid: nodes x_m, y_m and E per element, x fastest. Of a solid nodes z_m

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/tracking/b_mode_image.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/scene/cell_blocks.h"
 #include "service/scene/evidence.h"
@@ -30,6 +31,7 @@ struct WindowEstimate {
   Field youngs_modulus_pa;
   std::vector<std::uint8_t> valid;
   Field log_deviation = {};      // standard deviation of log E; empty: not known
+  BMode b_mode = {};             // in window coordinates; no nodes: there is none
   WindowEvidence evidence = {};  // measured_share and log_deviation are found when it is published
 };
 

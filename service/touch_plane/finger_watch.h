@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "service/scene/scene.h"
+#include "service/touch_plane/told_states.h"
 
 namespace teletact::service {
 
@@ -36,9 +37,8 @@ class FingerWatch {
  private:
   const std::shared_ptr<Scene> scene_;
   mutable std::mutex mutex_;
-  std::uint64_t count_ = 0, acknowledged_ = 0;
-  Clock::time_point since_{};     // the last state was told
-  std::uint64_t generation_ = 0;  // of its finger
+  ToldStates told_;
+  std::uint64_t generation_ = 0;  // of the last one's finger
 };
 
 }  // namespace teletact::service

@@ -30,13 +30,8 @@ TaxelGrid checked(const TaxelGrid& grid) {
 
 TactileOutbox::TactileOutbox(const TaxelGrid& grid) : grid_(checked(grid)) {}
 
-bool TactileOutbox::due(Clock::time_point now) const {
-  return now >= due_ && slot_.use_count() == 1;  // else the work that makes one has it too
-}
-
 void TactileOutbox::begin(Clock::time_point now, std::uint64_t sequence, std::function<TactileImage()> make,
                           const TouchWork& work, const std::string& client) {
-  due_ = now + choices::kTactilePeriod;
   auto job = [slot = slot_, sequence, make = std::move(make)] {
     const auto begun = Clock::now();
     std::optional<SentTactile> made;
@@ -50,10 +45,7 @@ void TactileOutbox::begin(Clock::time_point now, std::uint64_t sequence, std::fu
     const std::lock_guard lock(slot->mutex);
     slot->ready = std::move(made);
   };
-  if (work)
-    work(client, std::move(job));
-  else
-    job();
+  job_.begin(now, choices::kTactilePeriod, std::move(job), work, client);
 }
 
 std::optional<SentTactile> TactileOutbox::take() {

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "service/contact/tactile_image.h"
+#include "service/touch_plane/paced_job.h"
 
 namespace teletact::service {
 
@@ -23,7 +24,7 @@ struct SentTactile {
 // By one thread; the images are made by another.
 class TactileOutbox {
  public:
-  using Clock = std::chrono::steady_clock;
+  using Clock = PacedJob::Clock;
   static constexpr std::size_t kMostTaxels = 32;  // a side
   static constexpr double kLeastPitchM = 0.0005, kMostPitchM = 0.01;
 
@@ -31,7 +32,7 @@ class TactileOutbox {
   explicit TactileOutbox(const TaxelGrid&);
   const TaxelGrid& grid() const { return grid_; }
   // Whether the next may be begun: none is being made, and the last was begun a period ago.
-  bool due(Clock::time_point now) const;
+  bool due(Clock::time_point now) const { return job_.due(now); }
   // Has it made by `work`, or in place where there is none.
   void begin(Clock::time_point now, std::uint64_t sequence, std::function<TactileImage()> make,
              const TouchWork& work, const std::string& client);
@@ -46,7 +47,7 @@ class TactileOutbox {
   };
   const TaxelGrid grid_;
   const std::shared_ptr<Slot> slot_ = std::make_shared<Slot>();
-  Clock::time_point due_{};
+  PacedJob job_;
 };
 
 }  // namespace teletact::service

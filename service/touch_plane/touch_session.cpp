@@ -102,10 +102,6 @@ bool finite(const ContactAnswer& c) {
          std::all_of(c.pressure.begin(), c.pressure.end(), known);
 }
 
-bool trusted_meanwhile(const SolveReport& solve) {
-  return solve.improving && solve.relative_error - solve.of_model <= choices::kTrustedMeanwhile;
-}
-
 void check_normal(const Vector3& asked, const Layer& layer) {
   constexpr double kRounding = 1e-6;
   for (std::size_t i = 0; i < asked.size(); ++i)
@@ -116,6 +112,10 @@ void check_normal(const Vector3& asked, const Layer& layer) {
 }
 
 }  // namespace
+
+bool trusted_meanwhile(const SolveReport& solve) {
+  return solve.improving && solve.relative_error - solve.of_model <= choices::kTrustedMeanwhile;
+}
 
 TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, std::shared_ptr<Device> device)
     : scene_(std::move(scene)),
@@ -214,24 +214,6 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
     fail(answer, error.what());
   }
   return answer;
-}
-
-void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vector3& position_m,
-                        const TouchAnswer& answer) const {
-  if (answer.status != TouchStatus::kOk && answer.status != TouchStatus::kDegraded) return;
-  const SolveReport& solve = answer.contact.solve;
-  if (!solve.converged && !trusted_meanwhile(solve)) return;  // an image cannot say so
-  const auto now = TactileOutbox::Clock::now();
-  if (!touched_ || !outbox.due(now)) return;
-  const auto [x_m, y_m, z_m] = position_m;
-  // A plane's contact lies about z = 0, wherever the finger is.
-  const bool plane = !std::isfinite(window_->region.begin_z_m);
-  const auto make = [touched = touched_, tip = options_.fingertip, grid = outbox.grid(),
-                     nodes = answer.contact.pressure, pose = TouchPose{{x_m, y_m - layer_.depth_m, z_m}},
-                     centre = Vector3{x_m, layer_.depth_m, plane ? 0 : z_m}] {
-    return tactile_image(*touched, tip, pose, nodes, grid, centre);
-  };
-  outbox.begin(now, sequence, make, scene_->touch_work(), options_.client);
 }
 
 std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, const Vector3& near_m) const

@@ -14,6 +14,7 @@
 #include "service/contact/touch_model.h"
 #include "service/scene/scene.h"
 #include "service/touch_plane/finger_motion.h"
+#include "service/touch_plane/paced_job.h"
 #include "service/touch_plane/tactile_outbox.h"
 
 namespace teletact::service {
@@ -51,6 +52,9 @@ struct TouchAnswer {
   bool device_failed = false;             // why it is kFailed: warning says how
 };
 
+// Whether what is being corrected is trusted until it is.
+bool trusted_meanwhile(const SolveReport&);
+
 // Not thread-safe: one thread solves.
 class TouchSession {
  public:
@@ -77,6 +81,11 @@ class TouchSession {
   // Has the tactile image of this answer to a touch begun, where it says anything of the contact and the next
   // is due.
   void show(TactileOutbox&, std::uint64_t sequence, const Vector3& position_m, const TouchAnswer&) const;
+  // Has it found how the layer gives way under this answer's finger, where the answer says anything of the
+  // contact; `tell` is told, on another thread perhaps. Out of contact it is at rest. Throws nothing.
+  using TellSurface = std::function<void(const std::shared_ptr<const ObservedSurface>&)>;
+  void deform(PacedJob&, std::uint64_t sequence, const Vector3& position_m, const TouchAnswer&,
+              const TellSurface& tell) const;
   // After an answer was handed on: what is likely to be needed for the next, where the finger will be if it
   // moves on as it did between the last two. Nothing is owed: what fails is said by the answer that needs it.
   // Throws DeviceError, though, where the device failed.
@@ -86,6 +95,8 @@ class TouchSession {
 
  private:
   std::string outside(const Vector3& position_m) const;
+  // Whether what the answer says of its contact may be shown without a word.
+  bool shows(const TouchAnswer&) const;
   bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const MayEnter&);
   void leave_window();
   bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);

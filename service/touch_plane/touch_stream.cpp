@@ -10,6 +10,7 @@
 #include "service/limits/seconds.h"
 #include "service/plan/choices.h"
 #include "service/scene/errors.h"
+#include "service/touch_plane/observed_touch.h"
 
 namespace teletact::service {
 
@@ -56,6 +57,7 @@ TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const
       device_(device),
       exchange_(terms_from(wishes, scene_->limits()), Clock::now()),
       pressure_(wishes.pressure),
+      session_id_(wishes.session_id),
       session_(scene_, options_of(wishes), device),
       laws_(wishes.laws ? std::make_optional<LawOutbox>() : std::nullopt),
       tactile_(wishes.tactile ? std::make_optional<TactileOutbox>(*wishes.tactile) : std::nullopt),
@@ -135,11 +137,34 @@ TouchStream::Answered TouchStream::answer() {
   if (answered.answer.device_failed) device_.failed(device, answered.answer.warning);
   answered.steering = steering();
   const auto now = Clock::now();
-  const std::lock_guard lock(mutex_);
-  answered.period = exchange_.period();
-  answered.number =
-      exchange_.answered(now, more_laws(now));  // its acknowledgement may be quicker than we are
+  {
+    const std::lock_guard lock(mutex_);
+    answered.period = exchange_.period();
+    answered.number =
+        exchange_.answered(now, more_laws(now));  // its acknowledgement may be quicker than we are
+  }
+  if (scene_->observers()->any()) tell_observers(answered);
   return answered;
+}
+
+// Beside the answer, which waits for none of it.
+void TouchStream::tell_observers(const Answered& answered) {
+  const auto now = Clock::now();
+  const FingerPose& pose = answered.asked.pose;
+  const Observers::From from{session_id_, answered.steering.steers};
+  const auto due = scene_->observers()->due(from, now);
+  if (due.touch) {
+    auto touch = std::make_shared<ObservedTouch>(ObservedTouch{answered, now});
+    touch->answered.answer.contact.pressure.clear();
+    touch->answered.tactile.reset();
+    scene_->observers()->tell(from, now, touch);
+  }
+  if (due.surface && surface_.due(now))
+    session_.deform(surface_, pose.sequence, pose.position_m, answered.answer,
+                    [observers = scene_->observers(), session = session_id_,
+                     steers = from.steers](const std::shared_ptr<const ObservedSurface>& surface) {
+                      observers->tell({session, steers}, surface);
+                    });
 }
 
 void TouchStream::look_ahead() {

@@ -13,6 +13,7 @@
 #include "service/device/current_device.h"
 #include "service/scene/finger.h"
 #include "service/touch_plane/law_outbox.h"
+#include "service/touch_plane/paced_job.h"
 #include "service/touch_plane/tactile_outbox.h"
 #include "service/touch_plane/touch_exchange.h"
 #include "service/touch_plane/touch_session.h"
@@ -101,6 +102,7 @@ class TouchStream {
   std::optional<LawPiece> law_for(TouchExchange::Work);
   bool more_laws(Clock::time_point now) const { return laws_ && laws_->expects_more(now); }
   bool may_enter(const WindowModel&, const Vector3& position_m);
+  void tell_observers(const Answered&);
   std::optional<LawPiece> piece_for(const FingerPose&, double farthest_m);
 
   const std::shared_ptr<Scene> scene_;
@@ -109,10 +111,12 @@ class TouchStream {
   TouchExchange exchange_;
   Clock::time_point due_ = Clock::time_point::max();  // as was said since the last turn
   const bool pressure_;
+  const std::string session_id_;
   // Of whose turn it is.
   TouchSession session_;
   std::optional<LawOutbox> laws_;                   // where they are asked for
   std::optional<TactileOutbox> tactile_;            // the same
+  PacedJob surface_;                                // how the layer gives way, for those who look on
   std::optional<Clock::time_point> awaited_since_;  // the law of a newer version than the one that answers
 
   const FingerBoard::Stream finger_;  // this stream's at the scene's board

@@ -97,7 +97,8 @@ class Cancellation : public testing::Test {
                                                       {Method::kListScenes, 1},
                                                       {Method::kDeleteScene, 1},
                                                       {Method::kTouch, 4},
-                                                      {Method::kWatchFinger, 3},
+                                                      {Method::kWatchFinger, 2},
+                                                      {Method::kObserve, 2},
                                                       {Method::kHealthCheck, 1},
                                                       {Method::kHealthWatch, 1}})
       : shares(std::move(shares_)) {
@@ -244,7 +245,8 @@ TEST_F(Cancellation, AnyCallEndedAtAnyPointLeavesTheServiceAsItWas) {
 // The streams alone: for the thread sanitizer, and closer together.
 class StreamCancellation : public Cancellation {
  protected:
-  StreamCancellation() : Cancellation({{Method::kTouch, 8}, {Method::kWatchFinger, 4}}) {}
+  StreamCancellation()
+      : Cancellation({{Method::kTouch, 8}, {Method::kWatchFinger, 3}, {Method::kObserve, 3}}) {}
 };
 
 TEST_F(StreamCancellation, TouchAndWatchEndedAtAnyPointLeaveTheServiceAsItWas) {

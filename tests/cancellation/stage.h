@@ -68,7 +68,8 @@ class Service {
  private:
   static service::Limits limits() {
     service::Limits limits;
-    limits.most_touch_streams = 64;  // fewer than calls of one connection
+    limits.most_touch_streams = 64;  // all together fewer than calls of one connection
+    limits.most_observers = 16;
     return limits;
   }
   service::RunningServer server_;
@@ -85,7 +86,7 @@ class Full {
  public:
   static constexpr int kMoreThanAllowed = 1000;
   explicit Full(Service& service) : service_(service), channel_(service.running().channel()) {
-    for (const Method method : {Method::kTouch, Method::kWatchFinger, Method::kEstimate})
+    for (const Method method : {Method::kTouch, Method::kWatchFinger, Method::kObserve, Method::kEstimate})
       for (int k = 0; hold(method); ++k)
         if (k > kMoreThanAllowed) throw std::runtime_error("nothing bounds the calls");
     int made = 0;

@@ -7,6 +7,7 @@
 #include "tests/rpc/guarded_server.h"
 #include "tests/rpc/health.h"
 #include "tests/support/finger_reader.h"
+#include "tests/support/observation_reader.h"
 
 namespace teletact::service {
 namespace {
@@ -93,6 +94,18 @@ grpc::Status watch(const Shown& who) {
   return stream->Finish();
 }
 
+grpc::Status observe(const Shown& who) {
+  grpc::ClientContext context;
+  who.on(context);
+  const auto stub = palpation(who);
+  v1::ObserveOpen open;
+  open.set_scene_id("s");
+  ObservationReader reader(*stub, context, open);
+  v1::Observation state;
+  reader.read(&state);
+  return reader.finish();
+}
+
 // An acquisition without samples, which who is let in is told.
 grpc::Status estimate(const Shown& who, const v1::Acquisition& acquisition) {
   grpc::ClientContext context;
@@ -157,6 +170,7 @@ const std::vector<Call>& calls() {
       {"Estimate beside slices", [](const Shown& who) { return estimate(who, beside_slices()); },
        StatusCode::INVALID_ARGUMENT, "pa"},
       {"WatchFinger", watch, StatusCode::OK, "pa"},
+      {"Observe", observe, StatusCode::OK, "pova"},
       {"Touch", [](const Shown& who) { return touch(who); }, StatusCode::OK, "ova"},
       {"DeleteScene", [](const Shown& who) { return remove(who, "s"); }, StatusCode::OK, "a"},
   };

@@ -111,6 +111,27 @@ TEST_F(StateOnDisk, ScenesSurviveWithTheirForceAndVersionsGoOn) {
   EXPECT_GT(next.window_id, window);
 }
 
+TEST_F(StateOnDisk, ImagesOfWindowsSurviveWhereTheyLie) {
+  BMode image{{4, 3, 0.5e-3, 1e-3, 1e-3, 2e-3}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 255}};
+  {
+    Scenes scenes(directory);
+    create_scene(scenes, "a", tissue(0.2, 0.03), std::nullopt);
+    WindowEstimate window = window_of(homogeneous(1e4), 0.03, 0.03, 0.03);
+    window.b_mode = image;
+    publish_into(scenes, scenes.find("a"), window);
+    publish(scenes, "a", 0.1, 1e4);  // one that has none
+  }
+  Scenes scenes(directory);
+  scenes.restore();
+  const auto windows = scenes.find("a")->snapshot()->windows;
+  ASSERT_EQ(windows.size(), 2U);
+  ASSERT_TRUE(windows[0]->b_mode);
+  image.grid.origin_x_m += 0.03;
+  EXPECT_EQ(windows[0]->b_mode->grid, image.grid);
+  EXPECT_EQ(windows[0]->b_mode->grey, image.grey);
+  EXPECT_FALSE(windows[1]->b_mode);
+}
+
 TEST_F(StateOnDisk, VersionsAreNotReusedAfterDeletionOrLoss) {
   std::uint64_t version = 0;
   {
@@ -180,9 +201,22 @@ TEST_F(StateOnDisk, VersionsNeverGoBackWhateverTheFileSays) {
 }
 
 TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
+  const auto image = [](std::size_t nx, std::size_t ny, double spacing_m) -> nlohmann::json {
+    return {{"nodes", {nx, ny}}, {"origin_m", {0, 0}}, {"spacing_m", {spacing_m, 1e-3}}};
+  };
   const std::vector<std::pair<const char*, nlohmann::json>> changes{
-      {"begin_m", -1.0},  {"end_m", 1e9},       {"begin_m", 0.119},   {"id", 0},
-      {"end_m", nullptr}, {"version", 1000000}, {"version", "latest"}};
+      {"begin_m", -1.0},
+      {"end_m", 1e9},
+      {"begin_m", 0.119},
+      {"id", 0},
+      {"end_m", nullptr},
+      {"version", 1000000},
+      {"version", "latest"},
+      {"b_mode", 7},
+      {"b_mode", image(1, 1, 1e-3)},
+      {"b_mode", image(200, 200, 1e-3)},  // more than the file has
+      {"b_mode", image(std::size_t{1} << 33, std::size_t{1} << 33, 1e-3)},
+      {"b_mode", image(2, 2, -1e-3)}};
   {
     Scenes scenes(directory);
     for (std::size_t k = 0; k < changes.size(); ++k) {

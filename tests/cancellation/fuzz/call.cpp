@@ -103,7 +103,7 @@ void Call::write_more() {
     }
   }
   const bool all_sent = next_ == messages.size() && !repeats;
-  const bool said_all = plan_.tried.method != Method::kTouch && plan_.tried.method != Method::kWatchFinger;
+  const bool said_all = plan_.tried.method == Method::kEstimate || sends_one(plan_.tried.method);
   if (closing_ || (all_sent && said_all && plan_.tried.content != Content::kBroken)) close_side();
 }
 

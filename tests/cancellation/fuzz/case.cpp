@@ -36,6 +36,7 @@ bool is_listed(Method method, StatusCode code) {
       return code == StatusCode::NOT_FOUND;
     case Method::kTouch:
     case Method::kWatchFinger:
+    case Method::kObserve:
       return is_among(code, {StatusCode::NOT_FOUND, StatusCode::INVALID_ARGUMENT, StatusCode::ABORTED,
                              StatusCode::DEADLINE_EXCEEDED});
     case Method::kHealthWatch:
@@ -74,6 +75,8 @@ const char* name_of(Method method) {
       return "Touch";
     case Method::kWatchFinger:
       return "WatchFinger";
+    case Method::kObserve:
+      return "Observe";
     case Method::kHealthCheck:
       return "health Check";
     case Method::kHealthWatch:
@@ -162,6 +165,8 @@ const char* path_of(Method method) {
       return "/teletact.v1.Palpation/Touch";
     case Method::kWatchFinger:
       return "/teletact.v1.Palpation/WatchFinger";
+    case Method::kObserve:
+      return "/teletact.v1.Palpation/Observe";
     case Method::kHealthCheck:
       return "/grpc.health.v1.Health/Check";
     case Method::kHealthWatch:
@@ -171,7 +176,8 @@ const char* path_of(Method method) {
 }
 
 bool sends_one(Method method) {
-  return method != Method::kEstimate && method != Method::kTouch && method != Method::kWatchFinger;
+  return method != Method::kEstimate && method != Method::kTouch && method != Method::kWatchFinger &&
+         method != Method::kObserve;
 }
 
 bool may_end_with(const Case& tried, StatusCode code) {

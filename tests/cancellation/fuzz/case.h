@@ -21,6 +21,7 @@ enum class Method {
   kDeleteScene,
   kTouch,
   kWatchFinger,
+  kObserve,
   kHealthCheck,
   kHealthWatch,
 };
@@ -36,7 +37,7 @@ enum class Content {
 inline constexpr std::array kMethods{Method::kGetInfo,       Method::kEstimate,     Method::kCreateScene,
                                      Method::kGetSceneBasic, Method::kGetSceneFull, Method::kListScenes,
                                      Method::kDeleteScene,   Method::kTouch,        Method::kWatchFinger,
-                                     Method::kHealthCheck,   Method::kHealthWatch};
+                                     Method::kObserve,       Method::kHealthCheck,  Method::kHealthWatch};
 inline constexpr std::array kStates{ServiceState::kStarting, ServiceState::kServing, ServiceState::kFull,
                                     ServiceState::kDeleted, ServiceState::kDraining};
 inline constexpr std::array kEnds{End::kCancel, End::kDeadline, End::kHalfClose, End::kReset, End::kNoRead};

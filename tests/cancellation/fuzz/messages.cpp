@@ -4,25 +4,16 @@
 
 #include "teletact/v1/palpation.pb.h"
 #include "tests/cancellation/fuzz/estimate_messages.h"
+#include "tests/cancellation/fuzz/observe_messages.h"
 
 namespace teletact::test {
 
-namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::size_t kMostMessageBytes = 2 << 20;  // the service's
-
-Message constant(std::string bytes, std::size_t after_answers = 0) {
+Message constant(std::string bytes, std::size_t after_answers) {
   return {[bytes = std::move(bytes)](std::uint64_t) { return bytes; }, after_answers};
 }
 
 Message constant(const google::protobuf::MessageLite& message) {
   return constant(message.SerializeAsString());
-}
-
-double odd_number(Random& random) {
-  return random.one_of(std::array{kNan, kInfinity, -kInfinity, -1.0, 0.0, 1e-300, 1e300});
 }
 
 std::string odd_name(Random& random) {
@@ -36,6 +27,16 @@ std::string odd_name(Random& random) {
     default:
       return std::string("\0\n\"", 3);
   }
+}
+
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kMostMessageBytes = 2 << 20;  // the service's
+
+double odd_number(Random& random) {
+  return random.one_of(std::array{kNan, kInfinity, -kInfinity, -1.0, 0.0, 1e-300, 1e300});
 }
 
 // --- touch -------------------------------------------------------------------------------------------------
@@ -309,6 +310,8 @@ Script whole_script(const Case& tried, const Targets& targets, Random& random) {
       return touch(tried, random.one_of(targets.touched), random);
     case Method::kWatchFinger:
       return watch(tried, random.one_of(targets.touched), random);
+    case Method::kObserve:
+      return observe_script(tried, random.one_of(targets.touched), random);
     case Method::kHealthCheck:
     case Method::kHealthWatch:
       return health(tried, random);
@@ -336,6 +339,7 @@ Script script_of_holder(Method method, const std::string& scene) {
     return script;
   }
   if (method == Method::kWatchFinger) return watch(holder, scene, random);
+  if (method == Method::kObserve) return observe_script(holder, scene, random);
   return {{open_message(touch_open(scene, random))}, false};
 }
 
@@ -347,6 +351,11 @@ std::uint64_t number_in(Method method, const std::string& answer) {
   }
   if (method == Method::kWatchFinger) {
     v1::FingerState state;
+    state.ParseFromString(answer);
+    return state.state();
+  }
+  if (method == Method::kObserve) {
+    v1::Observation state;
     state.ParseFromString(answer);
     return state.state();
   }

@@ -1,6 +1,8 @@
 // What a call of a case sends.
 #pragma once
 
+#include <google/protobuf/message_lite.h>
+
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -20,6 +22,11 @@ struct Script {
   std::vector<Message> messages;
   bool repeats_last = false;  // once per answer, for as long as the call lives
 };
+
+Message constant(std::string bytes, std::size_t after_answers = 0);
+Message constant(const google::protobuf::MessageLite&);
+// A scene or map that there cannot be.
+std::string odd_name(Random&);
 
 // What the calls of a state are about.
 struct Targets {

@@ -1,0 +1,106 @@
+#include "service/rpc/observe_reactor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <stdexcept>
+
+#include "service/rpc/client.h"
+#include "service/rpc/named_scene.h"
+#include "service/rpc/palpation_messages.h"
+#include "service/rpc/touch_messages.h"
+#include "service/touch_plane/observed_touch.h"
+
+namespace teletact::service {
+
+namespace {
+
+void surface_to(const ObservedSurface& in, v1::DeformedSurface* out) {
+  out->set_sequence(in.sequence);
+  out->set_depth_m(in.depth_m);
+  out->mutable_x_m()->Add(in.layer.x_m.begin(), in.layer.x_m.end());
+  out->mutable_z_m()->Add(in.layer.z_m.begin(), in.layer.z_m.end());
+  v1::Array* array = out->mutable_displacement_m();
+  array->set_dtype(v1::DATA_TYPE_FLOAT32);
+  array->add_shape(static_cast<std::uint32_t>(in.layer.z_m.size()));
+  array->add_shape(static_cast<std::uint32_t>(in.layer.x_m.size()));
+  array->set_data(in.layer.displacement_m.data(), in.layer.displacement_m.size() * sizeof(float));
+  out->set_compute_ns(in.took.count());
+}
+
+void touch_to(const ObservedTouch& in, std::uint64_t instance, v1::TouchAnswer* out) {
+  answer_to(in.answered, instance, out);
+  out->set_steers(in.answered.steering.steers);
+  out->set_steered_by(in.answered.steering.by);
+  stamp_to(monotonic_ns(in.at), instance, out->mutable_answer_stamp());
+}
+
+}  // namespace
+
+ObserveReactor::ObserveReactor(Core& core, NicedWorker& copying, grpc::CallbackServerContext* context)
+    : ServedStream(core, context, Allowance(2 * core.limits.most_observe_rate_hz)),
+      core_(core),
+      copying_(copying) {}
+
+ObserveReactor* ObserveReactor::serve(Core& core, NicedWorker& copying,
+                                      grpc::CallbackServerContext* context) {
+  return ServedCall::serve(std::make_shared<ObserveReactor>(core, copying, context), CallKind::kObserve);
+}
+
+std::optional<Wanted> ObserveReactor::wanted(const v1::ObserveRequest& request) const {
+  if (!request.has_open()) return std::nullopt;
+  return Wanted{Need::kRead, request.open().scene_id()};
+}
+
+void ObserveReactor::take(const v1::ObserveRequest& request) {
+  if (request.has_open())
+    open(request.open());
+  else if (!opened_)
+    throw std::invalid_argument("open: the first message of an observer must be open");
+  else if (request.kind_case() == v1::ObserveRequest::kAcknowledged)
+    onlooker_->acknowledge(request.acknowledged());
+  else
+    throw std::invalid_argument("kind: empty request; send open, then acknowledge each state");
+}
+
+void ObserveReactor::open(const v1::ObserveOpen& open) {
+  if (opened_) throw std::invalid_argument("open: sent twice; acknowledge states, or open another stream");
+  require_named(*context_, open.scene_id());
+  const auto scene = core_.scenes.find(open.scene_id());
+  news_ = std::make_unique<SceneNews>(core_, scene, client_of(*context_), open);
+  onlooker_ = std::make_unique<Onlooker>(
+      scene, Onlooker::Wishes{open.answers(), open.surface(), open.session_id(), open.most_rate_hz()});
+  opened_ = true;
+  spdlog::info("event=observe_opened stream={} scene={} peer={}", id(), scene->id(), context_->peer());
+}
+
+void ObserveReactor::check() const {
+  core_.calls.require_open();
+  if (opened_) onlooker_->scene().require_exists();
+}
+
+void ObserveReactor::tick(Clock::time_point now) {
+  ServedStream::tick(now);
+  if (!opened_) return core_.calls.require_first_message("open", begun_, now);
+  news_->look(copying_);
+  const auto state = onlooker_->due(now, !writing(), news_->ready());
+  if (!state) return;
+  state_.Clear();
+  state_.set_state(state->number);
+  stamp_to(monotonic_ns(now), core_.instance, state_.mutable_stamp());
+  state_.set_scene_version(state->scene_version);
+  state_.set_steered(state->finger.present);
+  state_.set_steered_by(state->finger.session_id);
+  news_->take(state_);
+  if (state->news.touch) touch_to(*state->news.touch, core_.instance, state_.mutable_answer());
+  if (state->news.surface) surface_to(*state->news.surface, state_.mutable_surface());
+  if (write(state_)) core_.metrics.observation();
+}
+
+void ObserveReactor::closed() {
+  if (!opened_) return;
+  spdlog::info("event=observe_closed stream={} scene={} states={} code={}", id(), onlooker_->scene().id(),
+               onlooker_->count(), static_cast<int>(life().status().error_code()));
+  onlooker_.reset(), news_.reset();
+}
+
+}  // namespace teletact::service

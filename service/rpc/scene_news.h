@@ -1,0 +1,42 @@
+// What one who looks on has of a scene's windows and maps, and what is new of them. It is made on a worker's
+// thread, a message at a time: whoever looks after the calls copies no maps.
+#pragma once
+
+#include <atomic>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "service/rpc/core.h"
+#include "service/rpc/observed_maps.h"
+#include "service/scene/niced_worker.h"
+#include "teletact/v1/palpation.pb.h"
+
+namespace teletact::service {
+
+namespace v1 = ::teletact::v1;
+
+// By one thread.
+class SceneNews {
+ public:
+  // Throws as ObservedMaps. `client`: in whose name and turn it is made.
+  SceneNews(const Core&, std::shared_ptr<Scene>, std::string client, const v1::ObserveOpen&);
+  // Has the next made, where something is new, and none is being made or waits. Throws what making the last
+  // threw, MemoryRefused among it.
+  void look(NicedWorker&);
+  bool ready() const;
+  // Moves what is ready into the message; what it holds is returned once the next is taken.
+  void take(v1::Observation&);
+
+ private:
+  // Shared with the work, which may outlive the call.
+  struct Work;
+  const std::shared_ptr<Work> work_;
+  std::uint64_t version_ = 0;  // that was asked for last
+  bool first_ = true;
+  Charge sent_;
+};
+
+}  // namespace teletact::service

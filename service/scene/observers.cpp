@@ -1,0 +1,57 @@
+#include "service/scene/observers.h"
+
+#include <utility>
+
+namespace teletact::service {
+
+// A stream without a name is looked at where it steers alone.
+bool Observers::One::looks_at(const From& from) const {
+  return wishes.session_id.empty() ? from.steers : wishes.session_id == from.session_id;
+}
+
+Observers::Id Observers::join(Wishes wishes) {
+  const std::lock_guard lock(mutex_);
+  all_.emplace(++last_, One{std::move(wishes), {}, {}});
+  any_ = true;
+  return last_;
+}
+
+void Observers::leave(Id id) {
+  const std::lock_guard lock(mutex_);
+  all_.erase(id);
+  any_ = !all_.empty();
+}
+
+Observers::News Observers::take(Id id) {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(all_.at(id).news, {});
+}
+
+Observers::Due Observers::due(const From& from, Clock::time_point now) const {
+  Due due;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [id, one] : all_) {
+    if (!one.looks_at(from)) continue;
+    due.touch |= one.wishes.answers && now >= one.due;
+    due.surface |= one.wishes.surface;
+  }
+  return due;
+}
+
+void Observers::tell(const From& from, Clock::time_point now,
+                     const std::shared_ptr<const ObservedTouch>& touch) {
+  const std::lock_guard lock(mutex_);
+  for (auto& [id, one] : all_) {
+    if (!one.looks_at(from) || !one.wishes.answers || now < one.due) continue;
+    one.news.touch = touch;
+    one.due = now + one.wishes.period;
+  }
+}
+
+void Observers::tell(const From& from, const std::shared_ptr<const ObservedSurface>& surface) {
+  const std::lock_guard lock(mutex_);
+  for (auto& [id, one] : all_)
+    if (one.looks_at(from) && one.wishes.surface) one.news.surface = surface;
+}
+
+}  // namespace teletact::service
