@@ -40,6 +40,9 @@ constexpr double kMostUneven = 0.35;
 constexpr double kOneSliceLog = 0.1;
 constexpr double kOneSliceOfBlockLog = 0.2;  // of tissue as wide as the probe, which a sphere may fill
 constexpr double kUnsettledLog = 0.5;        // of the last step, where the time ended before it was small
+// Of ln E about the background: what is stiffer hardly strains, so that how stiff it is nobody knows. As long
+// as it bears little of the force, that does not matter.
+constexpr double kStiffLog = 1.8, kMostOfStiff = 1.3;
 
 TissueGrid mesh_of(const CellGrid& cells) {
   TissueGrid grid;
@@ -175,11 +178,13 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd& theta = found.log_modulus;
     double tilt = 0, tilt_deviation = 0, took_s = 0;
     VectorXd told = weight, moved = VectorXd::Zero(size);
-    const int solves_after = in.force ? 1 : 0;  // that of the force
+    const auto solves_after = [&] {  // those of the force
+      return !in.force ? 0 : theta.maxCoeff() > kStiffLog ? 2 : 1;
+    };
     out.converged = false;
     while (out.iterations < options_.most_steps) {
       const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
-      if (out.iterations > 0 && left_s <= (1 + solves_after) * took_s) {
+      if (out.iterations > 0 && left_s <= (1 + solves_after()) * took_s) {
         out.warnings.push_back({ModulusFlag::kDeadline,
                                 fmt::format("the modulus of the solid was stopped by its time limit after {} "
                                             "steps, before it had settled",
@@ -223,6 +228,19 @@ class SolidModulusMethod : public ModulusMethod {
                        "touch in part, and the modulus is off by a factor; press it flat",
                        100 * std::abs(tilt), tilt > 0 ? "left" : "right")});
     if (in.force) found.force_n = force_with(fit, theta, tilt, told, beside);
+    if (in.force && theta.maxCoeff() > kStiffLog) {
+      const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, told, beside);
+      if (found.force_n > kMostOfStiff * without_n)
+        out.warnings.push_back(
+            {ModulusFlag::kMisfit,
+             fmt::format(
+                 "the force would be {:.1f} times as large for places that hardly strain, over {:.0f} % "
+                 "of the window: there the face seems not to touch, and the modulus is off by a "
+                 "factor; press it flat",
+                 found.force_n / without_n,
+                 100 * static_cast<double>((theta.array() > kStiffLog).count()) /
+                     static_cast<double>(theta.size()))});
+    }
     found.deviation = denoise.deviation(told, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);

@@ -121,13 +121,19 @@ TEST(ProbedSolid, ASolutionThatStopsShortIsNoAnswer) {
   EXPECT_GT(column->push_homogeneous().force_n, 0);
 }
 
-// What an estimate gets of tissue under such a face, homogeneous, with white noise.
+// What an estimate gets of tissue under such a face, with white noise: homogeneous, or with so much of ln E.
 class Pressed {
  public:
-  explicit Pressed(const ProbeFace& f) : Pressed(f, [](double, double) { return 1.0; }) {}
-  Pressed(const ProbeFace& f, const std::function<double(double, double)>& strained) {
+  using Of = std::function<double(double x_m, double y_m)>;
+  explicit Pressed(
+      const ProbeFace& f, const Of& strained = [](double, double) { return 1.0; },
+      const Of& log_modulus = [](double, double) { return 0.0; }) {
     const auto tissue = solid(f);
-    const auto response = tissue->push_homogeneous();
+    const CellGrid& cells = tissue->cells();
+    Eigen::VectorXd theta(static_cast<Index>(cells.size()));
+    for (std::size_t c = 0; c < cells.size(); ++c)
+      theta[static_cast<Index>(c)] = log_modulus(cells.x_m(c), cells.y_m(c));
+    const auto response = tissue->push(theta, 0, {});
     force = ProbeForce{kModulusPa * kPushM * response.force_n / tissue->force_share(), kWidthM * kElevationM};
     const auto axial = as_measured(response.axial_strain, tissue->cells(), {}),
                lateral = as_measured(response.lateral_strain, tissue->cells(), {});
@@ -204,6 +210,21 @@ TEST(ProbeFit, TriesNoSidesWithoutTheTime) {
   const ModulusEstimate e = pressed.estimate([] { return 1.0; });
   EXPECT_FALSE(says(e, "beside the probe")) << e.model;
   EXPECT_TRUE(warned(e, ModulusFlag::kMisfit)) << e.model;
+}
+
+// Where it hardly strains it would bear most of the force, if it were tissue under the face. A stiff
+// inclusion bears little more than its share.
+TEST(ProbeFit, WhatHardlyStrainsAndWouldBearTheForceIsSaid) {
+  const auto said = [](const Pressed& pressed) {
+    const ModulusEstimate e = pressed.estimate();
+    return std::any_of(e.warnings.begin(), e.warnings.end(), [](const ModulusWarning& w) {
+      return w.flag == ModulusFlag::kMisfit && w.text.find("seems not to touch") != std::string::npos;
+    });
+  };
+  EXPECT_TRUE(said(Pressed(face(0), [](double x, double) { return x > 0.024 ? 0.02 : 1; })));
+  const auto even = [](double, double) { return 1.0; };
+  const auto lump = [](double x, double y) { return std::hypot(x - 0.015, y - 0.01) < 0.005 ? 2.3 : 0; };
+  for (const ProbeFace& f : {face(), face(0)}) EXPECT_FALSE(said(Pressed(f, even, lump)));
 }
 
 // Strain that no tissue of the model shows.
