@@ -25,9 +25,10 @@ enum class Channel : std::uint32_t {
   kTactile,
   kWindows,
   kTimeline,
-  kBMode
+  kBMode,
+  kSurface
 };
-inline constexpr std::size_t kChannels = 7;
+inline constexpr std::size_t kChannels = 9;
 
 // The contents of a slot.
 class Slot {
@@ -42,6 +43,8 @@ class Slot {
     data_.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value));
     data_.resize((data_.size() + 7) / 8 * 8);
   }
+  // What else is to be known of the array that was added last.
+  void of_array(const nlohmann::json& more) { json_["arrays"].back().update(more); }
   void set(const char* name, nlohmann::json value) { json_[name] = std::move(value); }
   std::string bytes(Channel) const;
 

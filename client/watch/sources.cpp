@@ -104,34 +104,60 @@ SceneSource::SceneSource(std::string address, Credentials credentials, std::stri
       thread_([this] { run(); }) {}
 
 SceneSource::~SceneSource() {
-  stop_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+    if (context_ != nullptr) context_->TryCancel();
+  }
   thread_.join();
 }
 
+std::string SceneSource::wanted_address() const {
+  return address_.empty() ? view_.header().service() : address_;
+}
+
+std::string SceneSource::wanted_scene() const {
+  return scene_id_.empty() ? view_.header().scene_id() : scene_id_;
+}
+
 void SceneSource::run() {
-  constexpr std::chrono::seconds kDeadline{2};
-  std::string address;
-  std::unique_ptr<v1::Palpation::Stub> stub;
-  std::uint64_t version = 0;
-  for (; !stop_; nap(kEveryS, stop_)) {
-    const v1::RecordHeader header = view_.header();
-    const std::string wanted = address_.empty() ? header.service() : address_;
-    const std::string scene_id = scene_id_.empty() ? header.scene_id() : scene_id_;
-    if (wanted.empty() || scene_id.empty()) continue;
-    if (!stub || wanted != address) {
-      if (!address_problem(wanted).empty()) continue;
-      address = wanted;
-      stub = v1::Palpation::NewStub(make_channel(address, credentials_));
-    }
-    v1::Scene scene;
-    grpc::Status status = get_scene(*stub, scene_id, v1::SCENE_VIEW_BASIC, scene, kDeadline);
-    if (status.ok() && scene.version() != version)
-      status = get_scene(*stub, scene_id, v1::SCENE_VIEW_FULL, scene, kDeadline);
-    view_.tell("service_state", status.ok() ? "answers" : describe(status));
-    if (!status.ok() || scene.version() == version) continue;
-    version = scene.version();
-    view_.take_scene(scene);
+  for (; !stop_; nap(kRetryS, stop_)) {
+    const std::string address = wanted_address(), scene_id = wanted_scene();
+    if (scene_id.empty() || !address_problem(address).empty()) continue;
+    const grpc::Status status = look_on(address, scene_id);
+    view_.look_away();
+    if (!status.ok()) view_.tell("service_state", describe(status));
   }
+}
+
+grpc::Status SceneSource::look_on(const std::string& address, const std::string& scene_id) {
+  // A new connection each time: the old one may be half-open.
+  const auto stub = v1::Palpation::NewStub(make_channel(address, credentials_));
+  grpc::ClientContext context;
+  name_scene(context, scene_id);
+  {
+    const std::lock_guard lock(mutex_);
+    if (stop_) return grpc::Status::OK;
+    context_ = &context;
+  }
+  const auto stream = stub->Observe(&context);
+  v1::ObserveRequest request;
+  v1::ObserveOpen& open = *request.mutable_open();
+  open.set_scene_id(scene_id);
+  open.set_windows(true), open.set_surface(true);
+  for (const char* map : {"youngs_modulus", "youngs_modulus_log_std", "valid", "b_mode"}) open.add_maps(map);
+  bool wanted = true;
+  for (v1::Observation seen; wanted && stream->Write(request) && stream->Read(&seen);) {
+    view_.tell("service_state", "answers");
+    view_.take_observed(seen);
+    request.set_acknowledged(seen.state());
+    wanted = wanted_address() == address && wanted_scene() == scene_id;
+  }
+  if (!wanted) context.TryCancel();
+  const grpc::Status status = stream->Finish();
+  const std::lock_guard lock(mutex_);
+  context_ = nullptr;
+  return wanted && !stop_ ? status : grpc::Status::OK;
 }
 
 }  // namespace teletact::client

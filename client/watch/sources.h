@@ -1,7 +1,10 @@
 // Where what is shown comes from: sessions that are published, and the service that holds their scene.
 #pragma once
 
+#include <grpcpp/grpcpp.h>
+
 #include <atomic>
+#include <mutex>
 #include <string>
 #include <thread>
 
@@ -31,10 +34,10 @@ class PublishedSource {
   std::thread thread_;
 };
 
-// Asks for the scene twice a second, and for its maps when its version is another.
+// Looks on at the scene (Palpation.Observe): its windows, maps, and how the touched layer gives way.
 class SceneSource {
  public:
-  static constexpr double kEveryS = 0.5;
+  static constexpr double kRetryS = 0.2;  // after a stream has ended
 
   // `address`, `scene_id`: empty: as the session says.
   SceneSource(std::string address, Credentials credentials, std::string scene_id, View& view);
@@ -44,12 +47,18 @@ class SceneSource {
 
  private:
   void run();
+  // Until the stream ends, or the session is of another scene or service.
+  grpc::Status look_on(const std::string& address, const std::string& scene_id);
+  std::string wanted_address() const;
+  std::string wanted_scene() const;
 
   const std::string address_;
   const Credentials credentials_;
   const std::string scene_id_;
   View& view_;
   std::atomic<bool> stop_{false};
+  std::mutex mutex_;
+  grpc::ClientContext* context_ = nullptr;  // of the open stream, to cancel it
   std::thread thread_;
 };
 

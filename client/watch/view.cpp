@@ -4,8 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <limits>
+#include <cstring>
 #include <utility>
 
 #include "client/clock/clock.h"
@@ -29,38 +28,6 @@ std::int64_t ns(double seconds) {
 
 json numbers(const google::protobuf::RepeatedField<double>& values) {
   return json(std::vector<double>(values.begin(), values.end()));
-}
-
-// Of values as the contract has them; none where they are not what they should be.
-std::vector<float> floats(const v1::Array& array, std::size_t count) {
-  std::vector<float> out(count, std::numeric_limits<float>::quiet_NaN());
-  const auto convert = [&]<class Value>(Value) {
-    if (array.data().size() != count * sizeof(Value)) return false;
-    for (std::size_t n = 0; n < count; ++n) {
-      Value value{};
-      std::memcpy(&value, array.data().data() + n * sizeof(Value), sizeof(Value));
-      out[n] = static_cast<float>(value);
-    }
-    return true;
-  };
-  bool good = false;
-  if (array.dtype() == v1::DATA_TYPE_FLOAT32) good = convert(float{});
-  if (array.dtype() == v1::DATA_TYPE_FLOAT64) good = convert(double{});
-  if (array.dtype() == v1::DATA_TYPE_UINT8) good = convert(std::uint8_t{});
-  return good ? out : std::vector<float>();
-}
-
-constexpr std::size_t kMostCells = 4 << 20;
-
-// False: it is no plane map, or malformed.
-bool add_map(Slot& slot, const char* name, const v1::Map& map) {
-  if (map.grid().size_size() != 2) return false;
-  const std::size_t nx = map.grid().size(0), ny = map.grid().size(1);
-  if (nx == 0 || ny == 0 || nx * ny > kMostCells) return false;
-  const std::vector<float> values = floats(map.values(), nx * ny);
-  if (values.empty()) return false;
-  slot.add(name, {ny, nx}, values);
-  return true;
 }
 
 json json_of(const google::protobuf::Message& message) {
@@ -103,6 +70,7 @@ void View::restart() {
   status_ns_ = 0;
   ++era_;
   put(Channel::kTactile, Slot());
+  put(Channel::kSurface, Slot());
   put_windows();
 }
 
@@ -242,35 +210,73 @@ void View::put_windows() {
   put(Channel::kWindows, Slot(json{{"windows", windows}}));
 }
 
+void View::put_scene(const v1::Scene& scene) {
+  json out{{"scene_id", scene.scene_id()},
+           {"version", scene.version()},
+           {"kind", kind_of(scene)},
+           {"size_m", numbers(scene.geometry().size_m())}};
+  for (const v1::Window& window : scene.windows())
+    out["windows"].push_back({{"id", window.window_id()},
+                              {"version", window.version()},
+                              {"begin_x_m", window.covers().begin_x_m()},
+                              {"end_x_m", window.covers().end_x_m()},
+                              {"touchable", window.touchable()},
+                              {"plan", window.plan()},
+                              {"quality", window.evidence().quality()},
+                              {"log_std", window.evidence().youngs_modulus_log_std()},
+                              {"warnings", std::vector<std::string>(window.evidence().warnings().begin(),
+                                                                    window.evidence().warnings().end())}});
+  put(Channel::kScene, Slot(std::move(out)));
+  maps_.take(scene);
+}
+
+void View::put_maps() {
+  if (maps_.cells_changed()) put(Channel::kMap, maps_.cells());
+  if (maps_.images_changed()) put(Channel::kBMode, maps_.images());
+}
+
+void View::put_surface(const v1::DeformedSurface& surface) {
+  const std::size_t nx = static_cast<std::size_t>(surface.x_m_size()),
+                    nz = static_cast<std::size_t>(surface.z_m_size());
+  const std::string& data = surface.displacement_m().data();
+  if (surface.displacement_m().dtype() != v1::DATA_TYPE_FLOAT32 || data.size() != nx * nz * sizeof(float))
+    return;
+  std::vector<float> displacement_m(nx * nz);
+  std::memcpy(displacement_m.data(), data.data(), data.size());
+  Slot slot(json{{"depth_m", surface.depth_m()}});
+  slot.add("x_m", {nx}, std::vector<double>(surface.x_m().begin(), surface.x_m().end()));
+  slot.add("z_m", {nz}, std::vector<double>(surface.z_m().begin(), surface.z_m().end()));
+  slot.add("displacement_m", {nz, nx}, displacement_m);
+  put(Channel::kSurface, slot);
+}
+
 void View::take_scene(const v1::Scene& scene) {
   {
     const std::lock_guard lock(mutex_);
-    json out{{"scene_id", scene.scene_id()},
-             {"version", scene.version()},
-             {"kind", kind_of(scene)},
-             {"size_m", numbers(scene.geometry().size_m())}};
-    for (const v1::Window& window : scene.windows())
-      out["windows"].push_back({{"id", window.window_id()},
-                                {"version", window.version()},
-                                {"begin_x_m", window.covers().begin_x_m()},
-                                {"end_x_m", window.covers().end_x_m()},
-                                {"touchable", window.touchable()},
-                                {"plan", window.plan()},
-                                {"quality", window.evidence().quality()},
-                                {"log_std", window.evidence().youngs_modulus_log_std()},
-                                {"warnings", std::vector<std::string>(window.evidence().warnings().begin(),
-                                                                      window.evidence().warnings().end())}});
-    put(Channel::kScene, Slot(std::move(out)));
-    if (scene.has_youngs_modulus()) {
-      const v1::Grid& grid = scene.youngs_modulus().grid();
-      Slot slot({{"version", scene.version()},
-                 {"origin_m", numbers(grid.origin_m())},
-                 {"spacing_m", numbers(grid.spacing_m())}});
-      if (add_map(slot, "modulus_pa", scene.youngs_modulus())) {
-        add_map(slot, "valid", scene.valid());
-        put(Channel::kMap, slot);
-      }
-    }
+    put_scene(scene);
+    put_maps();
+  }
+  notify();
+}
+
+void View::take_observed(const v1::Observation& seen) {
+  if (!seen.has_scene() && seen.maps().empty() && !seen.has_surface()) return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(away_, false)) maps_.clear();
+    if (seen.has_scene()) put_scene(seen.scene());
+    for (const v1::ObservedMap& part : seen.maps()) maps_.take(part);
+    put_maps();
+    if (seen.has_surface()) put_surface(seen.surface());
+  }
+  notify();
+}
+
+void View::look_away() {
+  {
+    const std::lock_guard lock(mutex_);
+    away_ = true;
+    put(Channel::kSurface, Slot());
   }
   notify();
 }

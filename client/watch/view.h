@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "client/watch/frame.h"
+#include "client/watch/scene_maps.h"
 #include "client/watch/trace.h"
 #include "teletact/v1/palpation.pb.h"
 #include "teletact/v1/recording.pb.h"
@@ -38,6 +39,10 @@ class View {
   // An entry of the operator's session, or of the patient's.
   void take(const v1::RecordEntry& entry);
   void take_scene(const v1::Scene& scene);
+  // What Observe says of the scene: its windows, maps, how the touched layer gives way.
+  void take_observed(const v1::Observation& seen);
+  // Who told it has ended: how the layer lies is not known any more, and the next one's maps are others.
+  void look_away();
   // What else the status says, by name: where the entries come from, and whether they still do.
   void tell(const std::string& name, nlohmann::json value);
   void tell_timeline(nlohmann::json timeline);
@@ -56,6 +61,9 @@ class View {
   void take_window(const v1::RecordEntry& entry);
   void put_status(std::int64_t time_ns, bool at_once);
   void put_windows();
+  void put_scene(const v1::Scene& scene);
+  void put_maps();
+  void put_surface(const v1::DeformedSurface& surface);
   void notify();
 
   std::mutex calling_;
@@ -71,6 +79,8 @@ class View {
   std::deque<nlohmann::json> lines_;
   std::int64_t status_ns_ = 0;
   std::map<std::uint32_t, nlohmann::json> windows_;  // by call
+  SceneMaps maps_;
+  bool away_ = false;  // since maps_ were told
 };
 
 }  // namespace teletact::client

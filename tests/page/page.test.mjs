@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { decode } from '../../client/watch/page/decode.js';
 import { coloured, colours, extent, scale, shown, ticks } from '../../client/watch/page/layout.js';
 import { Series } from '../../client/watch/page/series.js';
-import { pressed, valueAt } from '../../client/watch/page/tissue.js';
+import { gaveWay, pressed, valueAt } from '../../client/watch/page/tissue.js';
 
 function frameOf(number, slots) {
   const parts = [], word = (...words) => parts.push(new Uint8Array(new Uint32Array(words).buffer));
@@ -96,6 +96,18 @@ test('the surface follows the tip where they touch, and comes back beside it', (
   const edge = Math.sqrt(0.008 * deep);
   assert.ok(Math.abs(pressed(tip, deep, edge - 1e-9) - pressed(tip, deep, edge + 1e-9)) < 1e-6, 'without a step');
   assert.ok(pressed(tip, deep, 0.05) < 1e-3 * deep * 40);
+});
+
+test('the surface that was solved is read between its nodes, and comes back beyond them', () => {
+  const array = (...values) => ({ values });
+  const surface = { x_m: array(0.01, 0.02, 0.04), z_m: array(-0.001, 0.002), displacement_m: array(1, 3, 5, 10, 30, 50) };
+  assert.equal(gaveWay(surface, 0.02, -0.003), 3);
+  assert.ok(Math.abs(gaveWay(surface, 0.025, -0.003) - 3.5) < 1e-12);
+  assert.equal(gaveWay(surface, 0.02, 0.004), 30, 'the nearest row along z');
+  assert.equal(gaveWay(surface, 0.01, 0), 1);
+  assert.ok(Math.abs(gaveWay(surface, 0.045, 0) - 2.5) < 1e-9);
+  assert.equal(gaveWay(surface, 0.2, 0), 0);
+  assert.equal(gaveWay({ x_m: array(), z_m: array(), displacement_m: array() }, 0.02, 0), 0, 'at rest');
 });
 
 test('a cursor reads what is measured, continued or not acquired', () => {

@@ -65,7 +65,7 @@ v1::Scene scene_of(std::uint64_t version, unsigned nx, unsigned ny) {
   map.mutable_grid()->add_size(nx);
   map.mutable_grid()->add_size(ny);
   for (int axis = 0; axis < 2; ++axis)
-    map.mutable_grid()->add_origin_m(0), map.mutable_grid()->add_spacing_m(0.001);
+    map.mutable_grid()->add_origin_m(0.0005), map.mutable_grid()->add_spacing_m(0.001);
   const std::vector<float> values(std::size_t{nx} * ny, 5e3F);
   map.mutable_values()->set_dtype(v1::DATA_TYPE_FLOAT32);
   map.mutable_values()->set_data(values.data(), values.size() * sizeof(float));

@@ -6,7 +6,7 @@ import * as panels from './panels.js';
 
 const $ = (id) => document.getElementById(id);
 const model = {
-  series: new Series(), status: null, scene: null, map: null, tactile: null, windows: null, timeline: null, b_mode: null,
+  series: new Series(), status: null, scene: null, map: null, tactile: null, windows: null, timeline: null, b_mode: null, surface: null,
   span: 10, back: 0, paused: false, logModulus: true, logTimes: true, from: 0, to: 10, newest: 0, row: null, frozen: 0, largestForce: 1,
   largest(names, least) {
     let most = least;
@@ -45,6 +45,7 @@ function take({ slots }) {
     clock = trace.wall_s - trace.mono_s;
   }
   for (const name of ['scene', 'map', 'tactile', 'timeline', 'b_mode']) if (slots[name]) model[name] = slots[name];
+  if (slots.surface) model.surface = slots.surface.x_m ? { ...slots.surface, came: performance.now() } : null;
   if (slots.map || slots.b_mode || slots.scene) panels.pictures.tissue.dirty = true;
   if (slots.windows) { model.windows = slots.windows.windows; showWindows(); }
   if (slots.status) {

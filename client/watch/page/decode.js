@@ -2,7 +2,7 @@
 
 const kMagic = 0x544c5454;
 const kTypes = { uint8: Uint8Array, float32: Float32Array, float64: Float64Array };
-export const channels = ['trace', 'status', 'scene', 'map', 'tactile', 'windows', 'timeline', 'b_mode'];
+export const channels = ['trace', 'status', 'scene', 'map', 'tactile', 'windows', 'timeline', 'b_mode', 'surface'];
 
 const padded = (bytes) => (bytes + 7) & ~7;
 

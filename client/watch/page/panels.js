@@ -1,6 +1,6 @@
 // The pictures of the page: what each draws of the model at a time.
 import { coloured, colours, extent, flags, scale, shown } from './layout.js';
-import { pressed, rise, valueAt } from './tissue.js';
+import { gaveWay, pressed, rise, valueAt } from './tissue.js';
 import { band, colourBar, image, legend, Picture, readPalette, rgb, timeAxis, trace, yAxis } from './draw.js';
 
 const table = colours();
@@ -22,6 +22,16 @@ export function row(series, n) {
 // --- maps --------------------------------------------------------------------------------------------------
 
 let maps = null;  // painted: modulus, deviation, B-mode
+let images = new Map();
+function greyImage(part) {
+  const [height, width] = part.shape;
+  const pixels = new Uint8ClampedArray(4 * width * height);
+  for (let n = 0; n < width * height; ++n) {
+    pixels[4 * n] = pixels[4 * n + 1] = pixels[4 * n + 2] = part.values[n];
+    pixels[4 * n + 3] = 255;
+  }
+  return image(pixels, width, height);
+}
 function paint(model) {
   if (maps && maps.of === model.map && maps.log === model.logModulus && maps.images === model.b_mode) return maps;
   maps = { of: model.map, log: model.logModulus, images: model.b_mode, modulus: null, deviation: null, bMode: [] };
@@ -42,15 +52,13 @@ function paint(model) {
       }
     }
   }
+  const grey = new Map();  // of windows that are as they were painted
   for (const part of model.b_mode?.arrays ?? []) {
-    const [height, width] = part.shape;
-    const pixels = new Uint8ClampedArray(4 * width * height);
-    for (let n = 0; n < width * height; ++n) {
-      pixels[4 * n] = pixels[4 * n + 1] = pixels[4 * n + 2] = part.values[n];
-      pixels[4 * n + 3] = 255;
-    }
-    maps.bMode.push({ part, canvas: image(pixels, width, height) });
+    const key = `${part.window} ${part.version}`, canvas = images.get(key) ?? greyImage(part);
+    grey.set(key, canvas);
+    maps.bMode.push({ part, canvas });
   }
+  images = grey;
   return maps;
 }
 
@@ -184,6 +192,8 @@ function finger(pen, model, now, x, y, perX, perY) {
   pen.stroke();
 }
 
+const kSurfaceMs = 2000;  // how old it may be
+
 // --- under the finger --------------------------------------------------------------------------------------
 
 export function close(model, now) {
@@ -202,33 +212,34 @@ export function close(model, now) {
   const x = (m) => left + (m - begin) * perM, y = (m) => head + m * perM;
   const bottom = head + tall, shownDepth = tall / perM;
   const map = model.map, canvas = painted.modulus;
+  const solved = !model.paused && model.surface && performance.now() - model.surface.came < kSurfaceMs ? model.surface : null;
+  const gave = (at) => (solved ? gaveWay(solved, at, now.position[2]) : pressed(tip, indentation, at - fx));
+  // A column of what lies between two depths, drawn between two others.
+  const piece = (at, px, from, to, top, end) => {
+    if (!(to > from)) return;
+    if (!canvas) { pen.fillStyle = palette.unknown; pen.fillRect(px, top, step, end - top); return; }
+    const column = Math.min(canvas.width - 1, Math.max(0, Math.floor((at - map.origin_m[0]) / map.spacing_m[0] + 0.5)));
+    const row = (m) => Math.min(canvas.height, m / map.spacing_m[1]);
+    pen.drawImage(canvas, column, row(from), 1, Math.max(1e-3, row(to) - row(from)), px, top, step, end - top);
+  };
   pen.save();
   pen.beginPath();
   pen.rect(left, 0, right - left, bottom);
   pen.clip();
   const step = 2;
+  const line = [];
   for (let px = left; px < right; px += step) {
     const at = begin + (px - left) / perM;
     if (at < 0 || at > width) continue;
-    const surface = layer === 0 ? y(pressed(tip, indentation, at - fx)) : y(0);
-    if (canvas) {
-      const column = (at - map.origin_m[0]) / map.spacing_m[0];
-      const rows = Math.min(canvas.height, shownDepth / map.spacing_m[1]);
-      pen.drawImage(canvas, Math.min(canvas.width - 1, Math.max(0, Math.floor(column))), 0, 1, rows, px, surface, step, bottom - surface);
-    } else {
-      pen.fillStyle = palette.unknown;
-      pen.fillRect(px, surface, step, bottom - surface);
-    }
+    const moved = y(layer + gave(at));
+    piece(at, px, 0, layer, y(0), moved);
+    piece(at, px, layer, shownDepth, moved, bottom);
+    line.push([px, moved]);
   }
   pen.strokeStyle = palette.ink;
   pen.lineWidth = 2;
   pen.beginPath();
-  for (let px = left; px <= right; px += 2) {
-    const at = begin + (px - left) / perM;
-    if (at < 0 || at > width) continue;
-    const py = y(layer + pressed(tip, indentation, at - fx));
-    if (px === left) pen.moveTo(px, py); else pen.lineTo(px, py);
-  }
+  for (const point of line) pen.lineTo(...point);
   pen.stroke();
   pen.lineWidth = 1;
   finger(pen, model, now, x, y, perM, perM);
@@ -241,7 +252,7 @@ export function close(model, now) {
   const every = right - left > 420 ? 10 : 20;
   for (let mm = Math.ceil((1e3 * begin) / every) * every; mm <= 1e3 * (begin + across); mm += every) pen.fillText(`${mm} mm`, x(mm / 1e3), bottom + 5);
   const where = `x ${(1e3 * fx).toFixed(1)} mm, z ${(1e3 * now.position[2]).toFixed(1)} mm, `;
-  picture.say(where + (indentation > 0 ? `${(1e3 * indentation).toFixed(2)} mm deep` : `${(-1e3 * indentation).toFixed(1)} mm above`));
+  picture.say(where + (indentation > 0 ? `${(1e3 * indentation).toFixed(2)} mm deep, surface ${solved ? 'solved' : 'drawn'}` : `${(-1e3 * indentation).toFixed(1)} mm above`));
   picture.label(`tissue under the finger: ${indentation > 0 ? 'in contact' : 'not in contact'}`);
 }
 

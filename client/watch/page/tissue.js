@@ -18,6 +18,22 @@ export function valueAt(map, [x, y]) {
 // How far the tip's skin lies above its foremost point.
 export const rise = (tip, off) => (Math.max(0, Math.abs(off) - tip.flat) ** 2) / (2 * tip.radius);
 
+// How far the touched layer has given way at [x, z], as the service solved it (client/watch/view.cpp): between its nodes along
+// x, in the row of nodes nearest to z. Beyond them it comes back over 10 mm: drawn, not solved.
+export function gaveWay(surface, x, z) {
+  const xs = surface.x_m.values, zs = surface.z_m.values, moved = surface.displacement_m.values;
+  if (!xs.length) return 0;
+  let row = 0;
+  for (let k = 1; k < zs.length; ++k) if (Math.abs(zs[k] - z) < Math.abs(zs[row] - z)) row = k;
+  const at = (n) => moved[row * xs.length + n], last = xs.length - 1;
+  const beyond = Math.max(xs[0] - x, x - xs[last]);
+  if (beyond >= 0) return at(x <= xs[0] ? 0 : last) * Math.max(0, 1 - beyond / 0.01);
+  let n = 1;
+  while (xs[n] < x) ++n;
+  const share = (x - xs[n - 1]) / (xs[n] - xs[n - 1]);
+  return (1 - share) * at(n - 1) + share * at(n);
+}
+
 // How far the surface has given way beside a tip in contact: it follows the tip, and comes back over its reach.
 export function pressed(tip, indentation, off) {
   if (indentation <= 0) return 0;
