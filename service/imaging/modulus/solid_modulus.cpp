@@ -179,7 +179,7 @@ class SolidModulusMethod : public ModulusMethod {
     double tilt = 0, tilt_deviation = 0, took_s = 0;
     VectorXd told = weight, moved = VectorXd::Zero(size);
     const auto solves_after = [&] {  // those of the force
-      return !in.force ? 0 : theta.maxCoeff() > kStiffLog ? 2 : 1;
+      return theta.maxCoeff() > kStiffLog ? 2 : in.force ? 1 : 0;
     };
     out.converged = false;
     while (out.iterations < options_.most_steps) {
@@ -227,8 +227,9 @@ class SolidModulusMethod : public ModulusMethod {
            fmt::format("the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to "
                        "touch in part, and the modulus is off by a factor; press it flat",
                        100 * std::abs(tilt), tilt > 0 ? "left" : "right")});
-    if (in.force) found.force_n = force_with(fit, theta, tilt, told, beside);
-    if (in.force && theta.maxCoeff() > kStiffLog) {
+    const bool stiff = theta.maxCoeff() > kStiffLog;
+    if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, told, beside);
+    if (stiff) {
       const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, told, beside);
       if (found.force_n > kMostOfStiff * without_n)
         out.warnings.push_back(
