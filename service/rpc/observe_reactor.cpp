@@ -66,7 +66,7 @@ void ObserveReactor::open(const v1::ObserveOpen& open) {
   if (opened_) throw std::invalid_argument("open: sent twice; acknowledge states, or open another stream");
   require_named(*context_, open.scene_id());
   const auto scene = core_.scenes.find(open.scene_id());
-  news_ = std::make_unique<SceneNews>(core_, scene, client_of(*context_), open);
+  news_ = std::make_unique<SceneNews>(core_, copying_, scene, client_of(*context_), open);
   onlooker_ = std::make_unique<Onlooker>(
       scene, Onlooker::Wishes{open.answers(), open.surface(), open.session_id(), open.most_rate_hz()});
   opened_ = true;
@@ -81,7 +81,7 @@ void ObserveReactor::check() const {
 void ObserveReactor::tick(Clock::time_point now) {
   ServedStream::tick(now);
   if (!opened_) return core_.calls.require_first_message("open", begun_, now);
-  news_->look(copying_);
+  news_->look();
   const auto state = onlooker_->due(now, !writing(), news_->ready());
   if (!state) return;
   state_.Clear();

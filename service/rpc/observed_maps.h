@@ -23,6 +23,8 @@ class ObservedMaps {
 
   // Throws std::invalid_argument for a name that no map has, or that stands twice.
   explicit ObservedMaps(const google::protobuf::RepeatedPtrField<std::string>& names);
+  // Of a message at most: a block of columns and an image may go beyond kMostBytes.
+  static std::size_t most_bytes(const SceneSnapshot&, const SceneGeometry&);
   // The parts of this snapshot that are new, as many as a message holds. True: there are more.
   bool next(const SceneSnapshot&, const SceneGeometry&,
             google::protobuf::RepeatedPtrField<v1::ObservedMap>* out);

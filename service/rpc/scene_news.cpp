@@ -6,6 +6,12 @@
 
 namespace teletact::service {
 
+namespace {
+
+constexpr const char* kObservers = "observers";  // all of them have one turn beside who asks for scenes
+
+}  // namespace
+
 struct SceneNews::Work {
   Work(const Core& core, std::shared_ptr<Scene> of, std::string name, const v1::ObserveOpen& open)
       : scene(std::move(of)),
@@ -34,9 +40,11 @@ struct SceneNews::Work {
 };
 
 void SceneNews::Work::make() {
+  scene->require_exists();
   const auto snapshot = scene->snapshot();
-  Charge held = account.charge(Place::kHost, "answers",
-                               scene_bytes(*scene, v1::SCENE_VIEW_BASIC) + 2 * ObservedMaps::kMostBytes);
+  Charge held = account.charge(
+      Place::kHost, "answers",
+      scene_bytes(*scene, v1::SCENE_VIEW_BASIC) + 2 * ObservedMaps::most_bytes(*snapshot, scene->geometry()));
   v1::Observation next;
   if (windows && (std::exchange(first, false) || version != snapshot->version))
     scene_to(*scene, v1::SCENE_VIEW_BASIC, instance, next.mutable_scene());
@@ -50,16 +58,20 @@ void SceneNews::Work::make() {
   charge = std::move(held);
 }
 
-SceneNews::SceneNews(const Core& core, std::shared_ptr<Scene> scene, std::string client,
+SceneNews::SceneNews(const Core& core, NicedWorker& worker, std::shared_ptr<Scene> scene, std::string client,
                      const v1::ObserveOpen& open)
-    : work_(std::make_shared<Work>(core, std::move(scene), std::move(client), open)) {}
+    : worker_(worker), work_(std::make_shared<Work>(core, std::move(scene), std::move(client), open)) {}
+
+SceneNews::~SceneNews() {
+  if (posted_ != 0) worker_.drop(posted_);
+}
 
 bool SceneNews::ready() const {
   const std::lock_guard lock(work_->mutex);
   return work_->ready;
 }
 
-void SceneNews::look(NicedWorker& worker) {
+void SceneNews::look() {
   if (work_.use_count() > 1) return;  // it is being made
   bool more = false;
   {
@@ -71,7 +83,7 @@ void SceneNews::look(NicedWorker& worker) {
   const std::uint64_t version = work_->scene->snapshot()->version;
   if (!more && !first_ && version == version_) return;
   version_ = version, first_ = false;
-  worker.post(
+  posted_ = worker_.post(
       [work = work_] {
         try {
           work->make();
@@ -80,7 +92,7 @@ void SceneNews::look(NicedWorker& worker) {
           work->failure = std::current_exception();
         }
       },
-      work_->client);
+      kObservers);
 }
 
 void SceneNews::take(v1::Observation& out) {

@@ -21,11 +21,15 @@ namespace v1 = ::teletact::v1;
 // By one thread.
 class SceneNews {
  public:
-  // Throws as ObservedMaps. `client`: in whose name and turn it is made.
-  SceneNews(const Core&, std::shared_ptr<Scene>, std::string client, const v1::ObserveOpen&);
+  // Throws as ObservedMaps. `client`: to whom it is charged; `worker`: who makes it.
+  SceneNews(const Core&, NicedWorker& worker, std::shared_ptr<Scene>, std::string client,
+            const v1::ObserveOpen&);
+  ~SceneNews();  // what waits to be made is not made any more
+  SceneNews(const SceneNews&) = delete;
+  SceneNews& operator=(const SceneNews&) = delete;
   // Has the next made, where something is new, and none is being made or waits. Throws what making the last
   // threw, MemoryRefused among it.
-  void look(NicedWorker&);
+  void look();
   bool ready() const;
   // Moves what is ready into the message; what it holds is returned once the next is taken.
   void take(v1::Observation&);
@@ -33,7 +37,9 @@ class SceneNews {
  private:
   // Shared with the work, which may outlive the call.
   struct Work;
+  NicedWorker& worker_;
   const std::shared_ptr<Work> work_;
+  NicedWorker::Id posted_ = 0;
   std::uint64_t version_ = 0;  // that was asked for last
   bool first_ = true;
   Charge sent_;

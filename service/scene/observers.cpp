@@ -27,31 +27,30 @@ Observers::News Observers::take(Id id) {
   return std::exchange(all_.at(id).news, {});
 }
 
-Observers::Due Observers::due(const From& from, Clock::time_point now) const {
-  Due due;
+Observers::Wanted Observers::wanted(const From& from) const {
+  Wanted wanted;
   const std::lock_guard lock(mutex_);
   for (const auto& [id, one] : all_) {
     if (!one.looks_at(from)) continue;
-    due.touch |= one.wishes.answers && now >= one.due;
-    due.surface |= one.wishes.surface;
+    wanted.touch |= one.wishes.answers;
+    wanted.surface |= one.wishes.surface;
   }
-  return due;
+  return wanted;
 }
 
-void Observers::tell(const From& from, Clock::time_point now,
-                     const std::shared_ptr<const ObservedTouch>& touch) {
+void Observers::tell(const From& from, const std::shared_ptr<const ObservedTouch>& touch) {
   const std::lock_guard lock(mutex_);
-  for (auto& [id, one] : all_) {
-    if (!one.looks_at(from) || !one.wishes.answers || now < one.due) continue;
-    one.news.touch = touch;
-    one.due = now + one.wishes.period;
-  }
+  for (auto& [id, one] : all_)
+    if (one.looks_at(from) && one.wishes.answers) one.news.touch = touch;
 }
 
 void Observers::tell(const From& from, const std::shared_ptr<const ObservedSurface>& surface) {
   const std::lock_guard lock(mutex_);
-  for (auto& [id, one] : all_)
-    if (one.looks_at(from) && one.wishes.surface) one.news.surface = surface;
+  for (auto& [id, one] : all_) {
+    if (!one.looks_at(from) || !one.wishes.surface || surface->at < one.surface_at) continue;
+    one.news.surface = surface;
+    one.surface_at = surface->at;
+  }
 }
 
 }  // namespace teletact::service

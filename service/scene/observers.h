@@ -1,5 +1,5 @@
-// Who looks on at a scene: touch streams leave here what is looked for, in the place of what was not taken,
-// no more often than is asked for. Whoever answers a finger waits for no observer. Thread-safe.
+// Who looks on at a scene: touch streams leave here what is looked for, in the place of what was not taken.
+// Whoever answers a finger waits for no observer. Thread-safe.
 #pragma once
 
 #include <atomic>
@@ -18,9 +18,10 @@ struct ObservedTouch;  // an answer: touch_plane's, which alone looks into it
 
 // How the touched layer gives way under a finger.
 struct ObservedSurface {
-  std::uint64_t sequence = 0;  // of the pose
-  double depth_m = 0;          // of the undeformed layer
-  DeformedLayer layer;         // empty out of contact
+  std::uint64_t sequence = 0;                  // of the pose
+  std::chrono::steady_clock::time_point at{};  // when that arrived: none replaces a later one
+  double depth_m = 0;                          // of the undeformed layer
+  DeformedLayer layer;                         // empty out of contact
   std::chrono::nanoseconds took{};
 };
 
@@ -31,7 +32,6 @@ class Observers {
   struct Wishes {
     bool answers = false, surface = false;
     std::string session_id = {};  // of the touch stream that is looked at; empty: the one that steers
-    Clock::duration period{};     // between answers, at least
   };
   // The newest of each since the last time; null: none.
   struct News {
@@ -47,20 +47,20 @@ class Observers {
     const std::string& session_id;
     bool steers;
   };
-  struct Due {
+  struct Wanted {
     bool touch = false, surface = false;
   };
   bool any() const { return any_.load(std::memory_order_relaxed); }
-  // What somebody who looks at this stream wants by now.
-  Due due(const From&, Clock::time_point now) const;
-  void tell(const From&, Clock::time_point now, const std::shared_ptr<const ObservedTouch>&);
+  // By somebody who looks at this stream.
+  Wanted wanted(const From&) const;
+  void tell(const From&, const std::shared_ptr<const ObservedTouch>&);
   void tell(const From&, const std::shared_ptr<const ObservedSurface>&);
 
  private:
   struct One {
     Wishes wishes;
-    Clock::time_point due;  // of the next answer
     News news;
+    Clock::time_point surface_at{};  // of the last that was told
     bool looks_at(const From&) const;
   };
   std::atomic<bool> any_{false};

@@ -29,7 +29,7 @@ const std::string& checked(const std::string& session_id) {
 Onlooker::Onlooker(std::shared_ptr<Scene> scene, const Wishes& wishes)
     : scene_(std::move(scene)),
       period_(period_from(wishes.most_rate_hz, scene_->limits())),
-      id_(scene_->observers()->join({wishes.answers, wishes.surface, checked(wishes.session_id), period_})) {}
+      id_(scene_->observers()->join({wishes.answers, wishes.surface, checked(wishes.session_id)})) {}
 
 void Onlooker::acknowledge(std::uint64_t state) {
   const std::lock_guard lock(mutex_);

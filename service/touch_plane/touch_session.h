@@ -82,9 +82,10 @@ class TouchSession {
   // is due.
   void show(TactileOutbox&, std::uint64_t sequence, const Vector3& position_m, const TouchAnswer&) const;
   // Has it found how the layer gives way under this answer's finger, where the answer says anything of the
-  // contact; `tell` is told, on another thread perhaps. Out of contact it is at rest. Throws nothing.
+  // contact, and the job is due; `tell` is told, on another thread perhaps. Out of contact it is told
+  // `at_rest` at once. Throws nothing.
   using TellSurface = std::function<void(const std::shared_ptr<const ObservedSurface>&)>;
-  void deform(PacedJob&, std::uint64_t sequence, const Vector3& position_m, const TouchAnswer&,
+  void deform(PacedJob&, ObservedSurface at_rest, const Vector3& position_m, const TouchAnswer&,
               const TellSurface& tell) const;
   // After an answer was handed on: what is likely to be needed for the next, where the finger will be if it
   // moves on as it did between the last two. Nothing is owed: what fails is said by the answer that needs it.

@@ -29,13 +29,13 @@ void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vec
   outbox.begin(now, sequence, make, scene_->touch_work(), options_.client);
 }
 
-void TouchSession::deform(PacedJob& job, std::uint64_t sequence, const Vector3& position_m,
+void TouchSession::deform(PacedJob& job, ObservedSurface at_rest, const Vector3& position_m,
                           const TouchAnswer& answer, const TellSurface& tell) const try {
   using Clock = PacedJob::Clock;
-  ObservedSurface at_rest{sequence, layer_.depth_m, {}, {}};
-  if (answer.contact.state == ContactState::kNoContact && answer.status != TouchStatus::kFailed)
+  const bool solved = answer.status == TouchStatus::kOk || answer.status == TouchStatus::kDegraded;
+  if (solved && answer.contact.state == ContactState::kNoContact)
     return tell(std::make_shared<const ObservedSurface>(std::move(at_rest)));
-  if (!shows(answer)) return;
+  if (!shows(answer) || !job.due(Clock::now())) return;
   const auto [x_m, y_m, z_m] = position_m;
   const auto find = [touched = touched_, tip = options_.fingertip, surface = std::move(at_rest), tell,
                      pose = TouchPose{{x_m, y_m - layer_.depth_m, z_m}}]() mutable {

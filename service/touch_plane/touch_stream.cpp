@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "service/limits/seconds.h"
 #include "service/plan/choices.h"
@@ -152,15 +153,17 @@ void TouchStream::tell_observers(const Answered& answered) {
   const auto now = Clock::now();
   const FingerPose& pose = answered.asked.pose;
   const Observers::From from{session_id_, answered.steering.steers};
-  const auto due = scene_->observers()->due(from, now);
-  if (due.touch) {
+  const auto wanted = scene_->observers()->wanted(from);
+  if (wanted.touch) {
     auto touch = std::make_shared<ObservedTouch>(ObservedTouch{answered, now});
     touch->answered.answer.contact.pressure.clear();
     touch->answered.tactile.reset();
-    scene_->observers()->tell(from, now, touch);
+    scene_->observers()->tell(from, touch);
   }
-  if (due.surface && surface_.due(now))
-    session_.deform(surface_, pose.sequence, pose.position_m, answered.answer,
+  surface_told_ = surface_told_ || wanted.surface;
+  if (wanted.surface)
+    session_.deform(surface_, {pose.sequence, answered.asked.at, layer().depth_m, {}, {}}, pose.position_m,
+                    answered.answer,
                     [observers = scene_->observers(), session = session_id_,
                      steers = from.steers](const std::shared_ptr<const ObservedSurface>& surface) {
                       observers->tell({session, steers}, surface);
@@ -208,6 +211,11 @@ bool TouchStream::may_enter(const WindowModel& window, const Vector3& position_m
 }
 
 void TouchStream::leave() {
+  // The layer that it pressed in rests for those who look on.
+  if (std::exchange(surface_told_, false))
+    scene_->observers()->tell(
+        {session_id_, steering().steers},
+        std::make_shared<const ObservedSurface>(ObservedSurface{0, Clock::now(), layer().depth_m, {}, {}}));
   scene_->finger().leave(finger_, Clock::now());
 }
 

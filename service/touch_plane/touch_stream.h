@@ -114,9 +114,10 @@ class TouchStream {
   const std::string session_id_;
   // Of whose turn it is.
   TouchSession session_;
-  std::optional<LawOutbox> laws_;                   // where they are asked for
-  std::optional<TactileOutbox> tactile_;            // the same
-  PacedJob surface_;                                // how the layer gives way, for those who look on
+  std::optional<LawOutbox> laws_;         // where they are asked for
+  std::optional<TactileOutbox> tactile_;  // the same
+  PacedJob surface_;                      // how the layer gives way, for those who look on
+  bool surface_told_ = false;
   std::optional<Clock::time_point> awaited_since_;  // the law of a newer version than the one that answers
 
   const FingerBoard::Stream finger_;  // this stream's at the scene's board

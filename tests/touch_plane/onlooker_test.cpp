@@ -9,10 +9,8 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <thread>
 #include <variant>
 
-#include "service/plan/choices.h"
 #include "service/scene/errors.h"
 #include "service/touch_plane/observed_touch.h"
 #include "tests/scene/windows.h"
@@ -89,13 +87,40 @@ TEST_F(LookingOn, TheSurfaceIsToldInContactAndOnceAtRest) {
   ASSERT_FALSE(layer.x_m.empty());
   EXPECT_EQ(layer.displacement_m.size(), layer.x_m.size() * layer.z_m.size());
   EXPECT_NEAR(*std::ranges::max_element(layer.displacement_m), 0.002, 0.0003) << "as deep as the tip";
-  std::this_thread::sleep_for(2 * choices::kSurfacePeriod);
-  touch(-0.002);
+  touch(-0.002);  // at once: no surface in contact would be made yet
   const auto lifted = told(onlooker, begin + milliseconds(200));
   ASSERT_TRUE(lifted && lifted->news.surface);
   EXPECT_TRUE(lifted->news.surface->layer.x_m.empty());
   touch(-0.003);
   EXPECT_FALSE(told(onlooker, begin + milliseconds(300))) << "it still rests";
+}
+
+TEST_F(LookingOn, ALayerWhoseStreamEndsInContactIsToldAtRest) {
+  Onlooker onlooker(scene, {.surface = true});
+  told(onlooker, begin);
+  {
+    TouchStream another{scene, {"another", 0, 1e-9, {}}, no_device};
+    stream.hand_over("another");
+    another.bring({1, 0, {0.03, 0.002, 0}, {}});
+    for (bool answered = false; !answered; another.written())
+      answered = std::holds_alternative<TouchStream::Answered>(another.turn());
+    const auto pressed = told(onlooker, begin + milliseconds(100));
+    ASSERT_TRUE(pressed && pressed->news.surface);
+    EXPECT_FALSE(pressed->news.surface->layer.x_m.empty());
+  }
+  const auto ended = told(onlooker, begin + milliseconds(200));
+  ASSERT_TRUE(ended && ended->news.surface);
+  EXPECT_TRUE(ended->news.surface->layer.x_m.empty());
+}
+
+// However seldom it is told, what it is told is the newest.
+TEST_F(LookingOn, AnAnswerIsTheNewestAtAnyRate) {
+  Onlooker onlooker(scene, {.answers = true, .most_rate_hz = 0.5});
+  told(onlooker, begin);
+  for (const double y_m : {0.001, 0.002, -0.001}) touch(y_m);
+  const auto state = told(onlooker, begin + milliseconds(2001));
+  ASSERT_TRUE(state && state->news.touch);
+  EXPECT_EQ(state->news.touch->answered.asked.pose.sequence, sequence);
 }
 
 TEST_F(LookingOn, WhoAcknowledgesNothingIsEndedAndWhoLiesToo) {
