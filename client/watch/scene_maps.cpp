@@ -46,7 +46,9 @@ std::optional<SceneMaps::Grid> SceneMaps::grid_of(const v1::Map& map) {
 }
 
 void SceneMaps::clear() {
+  const std::uint64_t drawn = drawn_;
   *this = SceneMaps();
+  drawn_ = drawn;
   cells_changed_ = images_changed_ = true;
 }
 
@@ -122,9 +124,21 @@ bool SceneMaps::take_cells(const Grid& part, const v1::Map& map) {
 bool SceneMaps::take_image(const Grid& part, const v1::ObservedMap& image) {
   const std::string& grey = image.map().values().data();
   if (image.map().values().dtype() != v1::DATA_TYPE_UINT8 || grey.size() != part.nx * part.ny) return false;
-  if (images_.size() >= kMostImages && !images_.contains(image.window_id())) return false;
+  if (grey.size() > kMostNodes) return false;
   images_[image.window_id()] = {part, image.version(), ++drawn_, {grey.begin(), grey.end()}};
+  make_room();
   return images_changed_ = true;
+}
+
+void SceneMaps::make_room() {
+  std::size_t bytes = 0;
+  for (const auto& [window, image] : images_) bytes += image.grey.size();
+  while (images_.size() > kMostImages || bytes > kMostImageBytes) {
+    const auto oldest =
+        std::ranges::min_element(images_, {}, [](const auto& one) { return one.second.drawn; });
+    bytes -= oldest->second.grey.size();
+    images_.erase(oldest);
+  }
 }
 
 Slot SceneMaps::cells() const {
@@ -146,6 +160,7 @@ Slot SceneMaps::images() const {
     slot.add("b_mode", {image->grid.ny, image->grid.nx}, image->grey);
     slot.of_array({{"window", window},
                    {"version", image->version},
+                   {"drawn", image->drawn},
                    {"origin_m", two(image->grid.origin_m)},
                    {"spacing_m", two(image->grid.spacing_m)}});
   }

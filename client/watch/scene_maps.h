@@ -15,7 +15,9 @@ namespace teletact::client {
 
 class SceneMaps {
  public:
-  static constexpr std::size_t kMostCells = 4 << 20, kMostImages = 256;
+  static constexpr std::size_t kMostCells = 4 << 20;
+  static constexpr std::size_t kMostImages = 256, kMostNodes = 1 << 20,
+                               kMostImageBytes = 64 << 20;  // of images
 
   void clear();
   // Of this scene from now on, and with its own maps where it has them; images of windows that it has no more
@@ -28,7 +30,8 @@ class SceneMaps {
   bool images_changed() { return std::exchange(images_changed_, false); }
   // "modulus_pa", "log_std", "valid" [ny][nx] and where they lie.
   Slot cells() const;
-  // "b_mode" [ny][nx] of each window, those drawn last behind, and where each lies.
+  // "b_mode" [ny][nx] of each window, those drawn last behind, where each lies, and its number, that no other
+  // image ever has. Where there are too many the one drawn longest ago goes.
   Slot images() const;
 
  private:
@@ -40,6 +43,7 @@ class SceneMaps {
   void take_whole(const v1::Scene& scene);
   bool take_cells(const Grid& part, const v1::Map& map);
   bool take_image(const Grid& part, const v1::ObservedMap& map);
+  void make_room();
 
   struct Image {
     Grid grid;

@@ -10,6 +10,7 @@
 
 #include "client/link/channel.h"
 #include "client/link/recording.h"
+#include "client/link/retry.h"
 #include "client/link/scenes.h"
 #include "client/link/unix_socket.h"
 
@@ -112,29 +113,38 @@ SceneSource::~SceneSource() {
   thread_.join();
 }
 
-std::string SceneSource::wanted_address() const {
-  return address_.empty() ? view_.header().service() : address_;
-}
-
-std::string SceneSource::wanted_scene() const {
-  return scene_id_.empty() ? view_.header().scene_id() : scene_id_;
+SceneSource::Wanted SceneSource::wanted() const {
+  return {address_.empty() ? view_.header().service() : address_,
+          scene_id_.empty() ? view_.header().scene_id() : scene_id_, view_.session_id()};
 }
 
 void SceneSource::run() {
-  for (; !stop_; nap(kRetryS, stop_)) {
-    const std::string address = wanted_address(), scene_id = wanted_scene();
-    if (scene_id.empty() || !address_problem(address).empty()) continue;
-    const grpc::Status status = look_on(address, scene_id);
+  Backoff backoff(kRetryS, kMostRetryS);
+  Wanted before;
+  for (double wait_s = kRetryS; !stop_; nap(wait_s, stop_)) {
+    wait_s = kRetryS;
+    const Wanted now = wanted();
+    if (now.address != before.address || now.scene_id != before.scene_id) view_.look_away(true);
+    if (now != before) backoff.restart();
+    before = now;
+    if (now.scene_id.empty() || !address_problem(now.address).empty()) continue;
+    const grpc::Status status = look_on(now);
     view_.look_away();
-    if (!status.ok()) view_.tell("service_state", describe(status));
+    if (status.ok()) continue;
+    view_.tell("service_state", describe(status));
+    // A service that starts again is looked at soon.
+    if (status.error_code() == grpc::StatusCode::UNAVAILABLE)
+      backoff.restart();
+    else
+      wait_s = backoff.next_s();
   }
 }
 
-grpc::Status SceneSource::look_on(const std::string& address, const std::string& scene_id) {
+grpc::Status SceneSource::look_on(const Wanted& at) {
   // A new connection each time: the old one may be half-open.
-  const auto stub = v1::Palpation::NewStub(make_channel(address, credentials_));
+  const auto stub = v1::Palpation::NewStub(make_channel(at.address, credentials_));
   grpc::ClientContext context;
-  name_scene(context, scene_id);
+  name_scene(context, at.scene_id);
   {
     const std::lock_guard lock(mutex_);
     if (stop_) return grpc::Status::OK;
@@ -143,21 +153,21 @@ grpc::Status SceneSource::look_on(const std::string& address, const std::string&
   const auto stream = stub->Observe(&context);
   v1::ObserveRequest request;
   v1::ObserveOpen& open = *request.mutable_open();
-  open.set_scene_id(scene_id);
+  open.set_scene_id(at.scene_id), open.set_session_id(at.session_id);
   open.set_windows(true), open.set_surface(true);
   for (const char* map : {"youngs_modulus", "youngs_modulus_log_std", "valid", "b_mode"}) open.add_maps(map);
-  bool wanted = true;
-  for (v1::Observation seen; wanted && stream->Write(request) && stream->Read(&seen);) {
+  bool goes_on = true;
+  for (v1::Observation seen; goes_on && stream->Write(request) && stream->Read(&seen);) {
     view_.tell("service_state", "answers");
     view_.take_observed(seen);
     request.set_acknowledged(seen.state());
-    wanted = wanted_address() == address && wanted_scene() == scene_id;
+    goes_on = wanted() == at;
   }
-  if (!wanted) context.TryCancel();
+  if (!goes_on) context.TryCancel();
   const grpc::Status status = stream->Finish();
   const std::lock_guard lock(mutex_);
   context_ = nullptr;
-  return wanted && !stop_ ? status : grpc::Status::OK;
+  return goes_on && !stop_ ? status : grpc::Status::OK;
 }
 
 }  // namespace teletact::client

@@ -37,7 +37,7 @@ class PublishedSource {
 // Looks on at the scene (Palpation.Observe): its windows, maps, and how the touched layer gives way.
 class SceneSource {
  public:
-  static constexpr double kRetryS = 0.2;  // after a stream has ended
+  static constexpr double kRetryS = 0.2, kMostRetryS = 5;  // after a stream has ended, and after refusals
 
   // `address`, `scene_id`: empty: as the session says.
   SceneSource(std::string address, Credentials credentials, std::string scene_id, View& view);
@@ -47,10 +47,14 @@ class SceneSource {
 
  private:
   void run();
-  // Until the stream ends, or the session is of another scene or service.
-  grpc::Status look_on(const std::string& address, const std::string& scene_id);
-  std::string wanted_address() const;
-  std::string wanted_scene() const;
+  // Whose touch at which scene of which service.
+  struct Wanted {
+    std::string address, scene_id, session_id;
+    bool operator==(const Wanted&) const = default;
+  };
+  Wanted wanted() const;
+  // Until the stream ends, or something else is wanted.
+  grpc::Status look_on(const Wanted&);
 
   const std::string address_;
   const Credentials credentials_;

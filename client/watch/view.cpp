@@ -60,6 +60,11 @@ v1::RecordHeader View::header() const {
   return header_;
 }
 
+std::string View::session_id() const {
+  const std::lock_guard lock(mutex_);
+  return opened_.is_object() ? opened_.value("session_id", "") : "";
+}
+
 void View::restart() {
   const std::lock_guard lock(mutex_);
   trace_.clear();
@@ -272,10 +277,15 @@ void View::take_observed(const v1::Observation& seen) {
   notify();
 }
 
-void View::look_away() {
+void View::look_away(bool elsewhere) {
   {
     const std::lock_guard lock(mutex_);
     away_ = true;
+    if (elsewhere) {
+      maps_.clear();
+      put_maps();
+      put(Channel::kScene, Slot());
+    }
     put(Channel::kSurface, Slot());
   }
   notify();

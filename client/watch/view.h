@@ -42,7 +42,8 @@ class View {
   // What Observe says of the scene: its windows, maps, how the touched layer gives way.
   void take_observed(const v1::Observation& seen);
   // Who told it has ended: how the layer lies is not known any more, and the next one's maps are others.
-  void look_away();
+  // `elsewhere`: it looks at another scene from now on, and nothing is known of that one yet.
+  void look_away(bool elsewhere = false);
   // What else the status says, by name: where the entries come from, and whether they still do.
   void tell(const std::string& name, nlohmann::json value);
   void tell_timeline(nlohmann::json timeline);
@@ -52,6 +53,7 @@ class View {
   // All that is newer than what was seen, which becomes so; empty: nothing.
   std::vector<std::shared_ptr<const std::string>> news(Seen& seen);
   v1::RecordHeader header() const;
+  std::string session_id() const;  // of the touch stream that is shown; empty: none was opened
 
  private:
   void put(Channel channel, const Slot& slot);

@@ -129,6 +129,35 @@ TEST(SceneMaps, OfAWholeSceneAreItsOwn) {
   EXPECT_EQ(values<std::uint8_t>(maps.images(), "b_mode").size(), 2U);
 }
 
+// The page knows an image by its number: another service may call another one the same.
+TEST(SceneMaps, NoTwoImagesHaveOneNumberAndTheOldestGiveWay) {
+  SceneMaps maps;
+  const auto drawn = [&] {
+    const std::string bytes =
+        frame(1, {std::make_shared<const std::string>(maps.images().bytes(Channel::kBMode))});
+    const test::WebSlot slot = test::decoded(bytes).slots.begin()->second;
+    std::set<std::uint64_t> out;
+    for (const auto& array : slot.json["arrays"]) out.insert(array["drawn"].get<std::uint64_t>());
+    return out;
+  };
+  const auto put = [&](std::uint64_t window, std::uint32_t nodes) {
+    v1::ObservedMap image = part<std::uint8_t>("b_mode", 0, nodes, 1, std::vector<std::uint8_t>(nodes));
+    image.set_window_id(window);
+    return maps.take(image);
+  };
+  ASSERT_TRUE(put(1, 2));
+  const auto before = drawn();
+  maps.clear();
+  ASSERT_TRUE(put(1, 2));
+  EXPECT_NE(drawn(), before);
+  EXPECT_FALSE(put(2, SceneMaps::kMostNodes + 1));
+  for (std::uint64_t window = 2; window <= SceneMaps::kMostImages + 2; ++window) ASSERT_TRUE(put(window, 2));
+  EXPECT_EQ(drawn().size(), SceneMaps::kMostImages);
+  for (std::uint64_t window = 1; window <= SceneMaps::kMostImageBytes / SceneMaps::kMostNodes + 1; ++window)
+    ASSERT_TRUE(put(window, SceneMaps::kMostNodes));
+  EXPECT_LE(drawn().size(), SceneMaps::kMostImageBytes / SceneMaps::kMostNodes);
+}
+
 // What the page gets of an observation, and of one whose stream has ended.
 TEST(SceneMaps, TheViewPassesOnWhatIsNew) {
   View view;
@@ -163,6 +192,10 @@ TEST(SceneMaps, TheViewPassesOnWhatIsNew) {
   *first.mutable_scene() = scene({1});
   view.take_observed(first);
   EXPECT_EQ(news(), (std::set{number(Channel::kScene), number(Channel::kMap), number(Channel::kBMode)}));
+  view.look_away(true);
+  EXPECT_EQ(news(), (std::set{number(Channel::kScene), number(Channel::kMap), number(Channel::kBMode),
+                              number(Channel::kSurface)}))
+      << "of another scene nothing is known yet";
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // The pictures of the page: what each draws of the model at a time.
 import { coloured, colours, extent, flags, scale, shown } from './layout.js';
-import { gaveWay, pressed, rise, valueAt } from './tissue.js';
+import { gaveWay, pressed, rise, tellsOf, valueAt } from './tissue.js';
 import { band, colourBar, image, legend, Picture, readPalette, rgb, timeAxis, trace, yAxis } from './draw.js';
 
 const table = colours();
@@ -54,8 +54,8 @@ function paint(model) {
   }
   const grey = new Map();  // of windows that are as they were painted
   for (const part of model.b_mode?.arrays ?? []) {
-    const key = `${part.window} ${part.version}`, canvas = images.get(key) ?? greyImage(part);
-    grey.set(key, canvas);
+    const canvas = images.get(part.drawn) ?? greyImage(part);
+    grey.set(part.drawn, canvas);
     maps.bMode.push({ part, canvas });
   }
   images = grey;
@@ -212,7 +212,8 @@ export function close(model, now) {
   const x = (m) => left + (m - begin) * perM, y = (m) => head + m * perM;
   const bottom = head + tall, shownDepth = tall / perM;
   const map = model.map, canvas = painted.modulus;
-  const solved = !model.paused && model.surface && performance.now() - model.surface.came < kSurfaceMs ? model.surface : null;
+  const isSolved = !model.paused && model.surface && performance.now() - model.surface.came < kSurfaceMs && tellsOf(model.surface, layer, fx);
+  const solved = isSolved ? model.surface : null;
   const gave = (at) => (solved ? gaveWay(solved, at, now.position[2]) : pressed(tip, indentation, at - fx));
   // A column of what lies between two depths, drawn between two others.
   const piece = (at, px, from, to, top, end) => {

@@ -18,6 +18,12 @@ export function valueAt(map, [x, y]) {
 // How far the tip's skin lies above its foremost point.
 export const rise = (tip, off) => (Math.max(0, Math.abs(off) - tip.flat) ** 2) / (2 * tip.radius);
 
+// Whether it is of this layer, that the service took the nearest to, and of a finger there: at rest, or with nodes about it.
+export function tellsOf(surface, layer, x) {
+  const xs = surface.x_m.values;
+  return Math.abs(surface.depth_m - layer) < 2e-3 && (!xs.length || (x >= xs[0] && x <= xs[xs.length - 1]));
+}
+
 // How far the touched layer has given way at [x, z], as the service solved it (client/watch/view.cpp): between its nodes along
 // x, in the row of nodes nearest to z. Beyond them it comes back over 10 mm: drawn, not solved.
 export function gaveWay(surface, x, z) {
