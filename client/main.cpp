@@ -1,4 +1,6 @@
 // teletact-client: everything that runs beside a person or a patient.
+#include <grpc/support/log.h>
+
 #include <cstdio>
 #include <exception>
 
@@ -6,6 +8,8 @@
 
 int main(int argc, char** argv) {
   using namespace teletact::client;
+  // What gRPC says of each refused call, we say once, in words.
+  gpr_set_log_function([](gpr_log_func_args*) {});
   CLI::App app("teletact-client: the patient side and the operator side of teletact", "teletact-client");
   app.set_version_flag("--version", "teletact-client " TELETACT_VERSION);
   app.require_subcommand(1);

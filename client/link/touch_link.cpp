@@ -159,7 +159,7 @@ void TouchLink::run() {
       continue;
     }
     if (served->status) {
-      if (successor && come_into_force(*successor)) continue;
+      if (successor && successor->problem.empty() && come_into_force(*successor)) continue;
       if (!again_ns) {
         const std::optional<double> wait_s = retry_after_s(*served->status, *served);
         if (!wait_s) break;
@@ -178,6 +178,7 @@ void TouchLink::run() {
     }
     turn_.wait_for(lock, std::chrono::nanoseconds(next_ns - now_ns));
   }
+  if (successor && in_force_ == successor.get()) std::swap(served, successor);
   leave(std::move(successor), lock);
   leave(std::move(served), lock);
   in_force_ = nullptr;

@@ -14,7 +14,8 @@
 // A service that is about to stop says so in its answers. Then a successor is opened beside the stream in
 // force, by the same address and as the same session, and takes its place with the first answer that can be
 // felt; until then all that is felt is the old stream's. The law that is known stays known. A hand that does
-// not steer waits a second, so that the one that does is there before it.
+// not steer waits a second, and another where it is the first there all the same, so that the one that does
+// is there before it.
 #pragma once
 
 #include <array>
@@ -140,6 +141,7 @@ class TouchLink {
   Attempt* in_force_ = nullptr;   // the stream that is felt
   bool moving_ = false;           // it says that its service stops
   std::int64_t may_move_ns_ = 0;  // from then on
+  bool lets_first_ = false;       // who steers here has yet to be there
   TouchAnswers received_;
   bool guesses_ = false;                 // of it are felt
   std::optional<TactileImage> tactile_;  // that nobody took yet

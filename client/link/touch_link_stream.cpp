@@ -118,10 +118,16 @@ void TouchLink::take_opened(Attempt& attempt, const v1::TouchOpened& opened, std
   attempt.heard_ns = attempt.opened_ns = received_ns;
   attempt.opening = opened;
   attempt.law.open(opened.layer().depth_m());
-  if (&attempt == in_force_)
+  if (&attempt == in_force_) {
     come_into_force(attempt);
-  else
+  } else if (lets_first_ &&
+             opened.steers()) {  // it took a while to serve, and who steers here is not there yet
+    lets_first_ = false;
+    may_move_ns_ = received_ns + to_ns(kYieldS);
+    attempt.problem = "whoever steers here goes first";
+  } else {
     attempt.law.go_on_from(in_force_->law);
+  }
 }
 
 // From now on it is what is felt: as a stream that was opened just now, whenever that was. False where what
@@ -170,6 +176,7 @@ void TouchLink::take_answer(Attempt& attempt, const v1::TouchAnswer& answer, std
   if (std::exchange(moving_, answer.moving()) == answer.moving()) return;
   const bool yields = !answer.steers() && !answer.steered_by().empty();
   may_move_ns_ = received_ns + (yields ? to_ns(kYieldS) : 0);
+  lets_first_ = yields;
   turn_.notify_all();
 }
 

@@ -87,6 +87,23 @@ TEST_F(Moving, WhoDoesNotSteerLetsWhoDoesGoFirst) {
   EXPECT_EQ(person.link->trouble(), "");
 }
 
+// So it is, too, where the other service takes longer to serve than that.
+TEST_F(Moving, WhoDoesNotSteerLetsWhoDoesGoFirstWheneverThatCan) {
+  before.another_steers = true;
+  Operator person(address);
+  ASSERT_TRUE(before.wait_until(answers_at_least(50)));
+  after.full = after.steers = true;
+  after.serve();
+  before.moving = true;
+  std::this_thread::sleep_for(std::chrono::duration<double>(1.5 * TouchLink::kYieldS));
+  const auto serves = std::chrono::steady_clock::now();
+  after.full = false;
+  ASSERT_TRUE(after.wait_until(answers_at_least(20)));
+  EXPECT_GE(std::chrono::steady_clock::now() - serves, std::chrono::duration<double>(TouchLink::kYieldS));
+  EXPECT_EQ(person.link->stats().streams, 2u);
+  EXPECT_EQ(person.link->trouble(), "");
+}
+
 // Killed amid the move: the stream that is open takes its place; where there is none, another is opened.
 TEST_F(Moving, AServiceThatEndsBeforeItsSuccessorAnswersIsFollowedByIt) {
   Operator person(address);
