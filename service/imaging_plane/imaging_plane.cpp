@@ -3,7 +3,9 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <thread>
 #include <utility>
+#include <vector>
 
 namespace teletact::service {
 
@@ -37,8 +39,10 @@ void ImagingPlane::warm() {
   for (auto& one : warming) one.future.get();
 }
 
+// All at once: one whose device hangs holds the others up.
 void ImagingPlane::stop() {
-  for (ImagingLane& lane : lanes_) lane.stop();
+  std::vector<std::jthread> stopping;
+  for (ImagingLane& lane : lanes_) stopping.emplace_back([&lane] { lane.stop(); });
 }
 
 void ImagingPlane::require_device() const {

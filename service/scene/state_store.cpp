@@ -62,7 +62,16 @@ StateStore::StateStore(const fs::path& directory, const Limits& limits, std::sha
       spdlog::error("event=state_versions_unreadable error=\"{}\" continuing_at={}",
                     shown(e.what(), kLongest), first_version_);
     }
-    reserve_versions(reserved_versions());
+    reserved_ = first_version_;
+    try {
+      reserve_versions(first_version_ + kVersionBlock);
+      reserved_ = first_version_ + kVersionBlock;
+    } catch (const FileError& error) {
+      if (!wait) throw;
+      // Whoever served before has gone: what is there can be touched, and publications are refused with the
+      // remedy until there is room.
+      spdlog::error("event=state_not_kept error=\"{}\"", error.what());
+    }
   } catch (const FileError& error) {
     throw std::runtime_error(
         fmt::format("--state: {}; give a folder that can be written, with room on its disk", error.what()));

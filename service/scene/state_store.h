@@ -25,7 +25,8 @@ class StateStore {
   static constexpr std::uint64_t kVersionBlock = 1'000'000'000;
 
   // Makes and locks `directory`. Throws std::runtime_error with one line when it cannot be written or another
-  // process holds it; with `wait` it returns once that one lets it go.
+  // process holds it; with `wait` it returns once that one lets it go, and where the disk is full by then no
+  // versions are reserved.
   explicit StateStore(const std::filesystem::path& directory, const Limits& = {},
                       std::shared_ptr<Files> = machine_files(), bool wait = false);
 
@@ -46,7 +47,7 @@ class StateStore {
   void set_aside(const std::string& id, const std::string& why);
   // Versions that were never handed out: the first one, and the end of those reserved.
   std::uint64_t first_version() const { return first_version_; }
-  std::uint64_t reserved_versions() const { return first_version_ + kVersionBlock; }
+  std::uint64_t reserved_versions() const { return reserved_; }
 
  private:
   using Path = std::filesystem::path;
@@ -59,7 +60,7 @@ class StateStore {
   const Path directory_, scenes_;
   const Limits limits_;  // a scene beyond them is set aside
   std::shared_ptr<void> lock_;
-  std::uint64_t first_version_ = 1;
+  std::uint64_t first_version_ = 1, reserved_ = 1;
 };
 
 }  // namespace teletact::service

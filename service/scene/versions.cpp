@@ -26,7 +26,7 @@ void VersionCounter::used(std::uint64_t version) {
   {
     const std::lock_guard lock(mutex_);
     next_ = std::max(next_, version + 1);
-    if (next_ < reserved_) return;
+    if (version < reserved_) return;
   }
   reserve(version + 1 + StateStore::kVersionBlock);
 }

@@ -40,6 +40,32 @@ TEST_F(Versions, AreReservedAheadWhenHalfABlockIsLeft) {
   EXPECT_GT(next_life(), end + 2);
 }
 
+// A disk that is full by the time that whoever stands by has the folder. Nobody else serves its scenes then.
+class FillsUp : public LosingDisk {
+ public:
+  bool fills_up = false;
+  std::shared_ptr<void> lock(const Path& path, bool wait) override {
+    if (fills_up) fail_from(0, ENOSPC);
+    return LosingDisk::lock(path, wait);
+  }
+};
+
+TEST(VersionsOfAFullDisk, AreNotHandedOutByWhoStoodByUntilThereIsRoom) {
+  const auto disk = std::make_shared<FillsUp>();
+  StateStore first("/state", {}, disk);
+  const std::uint64_t used = VersionCounter(&first).next();
+  disk->fills_up = true;
+  EXPECT_THROW(StateStore("/state", {}, disk), std::runtime_error);
+  disk->work_again();
+  StateStore store("/state", {}, disk, true);
+  VersionCounter versions(&store);
+  versions.used(used);
+  EXPECT_THROW(versions.next(), Error);
+  disk->work_again();
+  versions.reserve_ahead();
+  EXPECT_GT(versions.next(), used);
+}
+
 TEST_F(Versions, OfADiskThatTakesNoReservationEndWithTheBlockAndAreNotUsedTwice) {
   StateStore store("/state", {}, disk);
   VersionCounter versions(&store);
