@@ -105,13 +105,13 @@ Running start_unless_stopped(const ServeOptions& options, const sigset_t& signal
   return starting.get();
 }
 
-// The process ends when so much has passed, and 1.5 s, unless it has come to `over` by then, whatever the
-// device's driver or the disk do: the state on disk is whole at every moment.
-void end_in_time(double seconds, const std::shared_ptr<std::atomic<bool>>& over) {
+// The process ends when so much has passed, and 1.5 s, unless it is `over` by then, whatever the device's
+// driver or the disk do: the state on disk is whole at every moment.
+void end_in_time(double seconds, const std::shared_ptr<const std::atomic<bool>>& over = nullptr) {
   constexpr double kBeyondS = 1.5;
   std::thread([=] {
     std::this_thread::sleep_for(std::chrono::duration<double>(seconds + kBeyondS));
-    if (*over) return;
+    if (over && *over) return;
     spdlog::warn("event=drain_cut");
     std::_Exit(0);
   }).detach();
@@ -128,15 +128,14 @@ void pause(double seconds, const sigset_t& signals, const std::function<bool()>&
 // `moves`: another service may stand by.
 void stop(Server& server, bool moves, const sigset_t& signals) {
   Core& core = server.core();
-  const auto moving = std::make_shared<std::atomic<bool>>(false),
-             never = std::make_shared<std::atomic<bool>>(false);
+  const auto moving = std::make_shared<std::atomic<bool>>(false);
   end_in_time(core.limits.unready_s + core.limits.drain_s, moving);
   server.leave();
   pause(core.limits.unready_s, signals, [] { return false; });
   if (moves) {
     server.move();
     *moving = true;
-    end_in_time(core.limits.move_s + core.limits.drain_s, never);
+    end_in_time(core.limits.move_s + core.limits.drain_s);
     pause(core.limits.move_s, signals, [&] { return core.calls.count(CallKind::kTouch) == 0; });
   }
   server.drain();

@@ -132,6 +132,12 @@ JobTerms ImagingLane::admit(const EstimateRequest& request, const JobTerms& aske
   return terms;
 }
 
+// What another device has published meanwhile is newer.
+void ImagingLane::require_here(const EstimateRequest& request) const {
+  if (request.scene && !ways_.images(request.scene))
+    throw Error(ErrorKind::kUnavailable, "another device has taken the scene over; send the pair again");
+}
+
 EstimateOutcome ImagingLane::estimate(const ReceivedPair& pair, const std::function<void(Stage)>& ended) {
   const double queued_s = Seconds(Clock::now() - pair.received).count(), waited_before_s = waited_s();
   const auto frames = pair.frames();
@@ -161,6 +167,7 @@ EstimateOutcome ImagingLane::work(const ReceivedPair& pair, const std::pair<RfFr
   const EstimateRequest& r = pair.request;
   const auto& [pre, post] = frames;
   EstimateOutcome outcome;
+  require_here(r);
   // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
   const KnownModulus known = r.scene ? known_modulus(r.scene->snapshot()->map) : KnownModulus{};
   std::vector<SliceBeside> beside;
@@ -181,6 +188,7 @@ EstimateOutcome ImagingLane::work(const ReceivedPair& pair, const std::pair<RfFr
   EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus_start_s};
   if (r.scene) {
     const double begun_s = worked_s();
+    require_here(r);
     outcome.published = publisher_.publish(r.scene, window_of(r, e, pair.received), pair.client);
     took.publishing = outcome.publish_s = worked_s() - begun_s;
   }

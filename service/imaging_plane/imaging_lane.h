@@ -41,11 +41,13 @@ class ImagingLane {
   static constexpr double kStalledS = 10;
 
   // `device`: its `number`-th. `reopen` opens it anew after it failed; `tell` is told whether it works, on
-  // another thread; `warm` compiles what touch uses of it.
+  // another thread; `warm` compiles what touch uses of it; `images`: whether a scene is imaged here, and not
+  // on another device meanwhile.
   struct Ways {
     std::function<std::shared_ptr<Device>()> reopen;
     std::function<void(bool works)> tell;
     std::function<void(const std::shared_ptr<Device>&)> warm;
+    std::function<bool(const std::shared_ptr<const Scene>&)> images;
   };
   ImagingLane(std::size_t number, CurrentDevice& device, Publisher&, std::shared_ptr<MemoryBudget>, Ways);
 
@@ -79,6 +81,8 @@ class ImagingLane {
   // The least that it could work, s: by the quickest method where none is named.
   double least_s(const EstimateRequest&) const;
   ModulusTime modulus_time(const ReceivedPair&, double begun_s) const;
+  // Throws Error(kUnavailable) for what would be published in a scene that another device took over.
+  void require_here(const EstimateRequest&) const;
   // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.
   void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
   EstimateOutcome work(const ReceivedPair&, const std::pair<RfFrame, RfFrame>& frames,

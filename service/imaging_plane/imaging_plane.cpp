@@ -21,6 +21,9 @@ ImagingPlane::ImagingPlane(std::deque<CurrentDevice>& devices, Scenes& scenes,
         ImagingLane::Ways{[reopen, k] { return reopen(k); }, [this, k](bool works) { this->tell(k, works); },
                           [models, k](const std::shared_ptr<Device>& device) {
                             if (k == 0) models->warm(device);
+                          },
+                          [this, k](const std::shared_ptr<const Scene>& scene) {
+                            return lanes_.size() == 1 || places_.is_at(scene, k);
                           }});
 }
 

@@ -56,6 +56,12 @@ std::size_t SceneLanes::place(const std::shared_ptr<const Scene>& scene, const s
   return other;
 }
 
+bool SceneLanes::is_at(const std::shared_ptr<const Scene>& scene, std::size_t lane) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = lanes_.find(scene);
+  return found != lanes_.end() && found->second == lane;
+}
+
 std::uint64_t SceneLanes::moved() const {
   const std::lock_guard lock(mutex_);
   return moved_;

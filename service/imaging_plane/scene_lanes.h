@@ -22,6 +22,8 @@ class SceneLanes {
   // The number of the lane. Of lanes with as many scenes it is the least loaded. Where no lane works, it is
   // the scene's own. `scene` null: the least loaded, and nothing is kept.
   std::size_t place(const std::shared_ptr<const Scene>& scene, const std::vector<Lane>& lanes);
+  // Whether it is placed there now.
+  bool is_at(const std::shared_ptr<const Scene>& scene, std::size_t lane) const;
   std::uint64_t moved() const;
 
  private:

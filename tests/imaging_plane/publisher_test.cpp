@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <functional>
 #include <future>
 #include <optional>
 #include <thread>
@@ -27,6 +28,19 @@ class Publishing : public testing::Test {
   Published publish(double x_m, const char* client) {
     return publisher.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), client);
   }
+  // Has a publication begun, which changes the scene until `release`.
+  auto held_in_the_midst(const std::function<Published()>& publication) {
+    auto held = workers.run(of("first"), [this, publication] {
+      const Looking waits([this] {
+        in_the_midst = true;
+        while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      });
+      return publication();
+    });
+    while (!in_the_midst) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return held;
+  }
+  std::atomic<bool> in_the_midst{false}, release{false};
   Scenes scenes{""};
   const std::shared_ptr<Scene> scene = create_scene(scenes, "s", tissue(0.12, 0.03), std::nullopt);
   Publisher publisher{scenes};
@@ -41,16 +55,9 @@ TEST_F(Publishing, IsRefusedOnAThreadThatIsNoWorker) {
 
 // A scene that was moved to another device while the former one's job was about to publish.
 TEST_F(Publishing, OneOfAnotherDeviceWaitsForTheOneThatChangesTheScene) {
-  std::atomic<bool> in_the_midst{false}, release{false}, second_done{false};
+  std::atomic<bool> second_done{false};
   FairWorkers of_another_device;
-  auto first = workers.run(of("first"), [&] {
-    const Looking held([&] {
-      in_the_midst = true;
-      while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    });
-    return publish(0.03, "first");
-  });
-  while (!in_the_midst) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  auto first = held_in_the_midst([&] { return publish(0.03, "first"); });
   std::atomic<int> looks{0};
   auto second = of_another_device.run(of("second"), [&] {
     const Looking counted([&] { ++looks; });
@@ -70,16 +77,8 @@ TEST_F(Publishing, OneOfAnotherDeviceIsGivenUpWhereTheOneThatChangesTheSceneHang
   const auto publish_at = [&](double x_m, const char* client) {
     return impatient.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), client);
   };
-  std::atomic<bool> in_the_midst{false}, release{false};
   FairWorkers of_another_device;
-  auto hangs = workers.run(of("first"), [&] {
-    const Looking held([&] {
-      in_the_midst = true;
-      while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    });
-    return publish_at(0.03, "first");
-  });
-  while (!in_the_midst) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  auto hangs = held_in_the_midst([&] { return publish_at(0.03, "first"); });
   auto given_up = of_another_device.run(of("second"), [&] { return publish_at(0.06, "second"); });
   try {
     given_up.future.get();

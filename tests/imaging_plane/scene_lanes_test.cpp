@@ -39,7 +39,10 @@ TEST_F(Placing, ASceneLeavesADeviceThatDoesNotWorkForOneThatDoesAndStays) {
   EXPECT_EQ(places.place(a, {{true, 0}, {true, 1}, {true, 2}}), 0U);
   EXPECT_EQ(places.place(a, {{false, 0}, {false, 1}, {false, 2}}), 0U) << "it waits for its own";
   EXPECT_EQ(places.moved(), 0U);
+  EXPECT_TRUE(places.is_at(a, 0));
   EXPECT_EQ(places.place(a, {{false, 0}, {false, 1}, {true, 2}}), 2U);
+  EXPECT_FALSE(places.is_at(a, 0));
+  EXPECT_TRUE(places.is_at(a, 2));
   EXPECT_EQ(places.place(a, {{true, 0}, {true, 1}, {true, 2}}), 2U) << "back again, it takes what comes anew";
   EXPECT_EQ(places.moved(), 1U);
 }

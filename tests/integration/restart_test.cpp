@@ -26,28 +26,6 @@ struct Rendering {
   double zero_within_s;
 };
 
-std::vector<std::string> touch_command(const std::string& address, const std::string& record,
-                                       const char* renderer) {
-  return {test::client_binary(),
-          "touch",
-          "--service",
-          address,
-          "--scene",
-          kScene,
-          "--wait-s",
-          "10",
-          "--begin-m",
-          "0.03",
-          "--end-m",
-          "0.09",
-          "--indentation-m",
-          "0.004",
-          "--renderer",
-          renderer,
-          "--record",
-          record};
-}
-
 // What the operator felt before, during and after the service was away.
 struct Felt {
   double before_n = 0, worst_step = 0, zero_since_s = INFINITY, largest_after_n = 0;
@@ -106,7 +84,7 @@ TEST_P(Restart, KilledWhilePressedTheForceFadesSaysWhyAndReturnsOnlyOutOfContact
   auto service = std::make_unique<test::Process>(serve, folder / "service1.log");
   ASSERT_TRUE(service->says("serving on", 300)) << service->output();
   test::create_touched_scene(address, kScene);
-  test::Process touch(touch_command(address, folder / "touch.record", GetParam().renderer),
+  test::Process touch(test::touch_command(address, kScene, folder / "touch.record", GetParam().renderer),
                       folder / "touch.log");
   ASSERT_TRUE(test::finger_presses(address, kScene, kPressedM, 30)) << touch.output();
   std::this_thread::sleep_for(std::chrono::milliseconds(800));  // past the start ramp

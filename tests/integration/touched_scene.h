@@ -16,6 +16,7 @@
 #include "client/link/recording.h"
 #include "client/servo/states.h"
 #include "teletact/v1/palpation.grpc.pb.h"
+#include "tests/integration/process.h"
 #include "tests/support/finger_reader.h"
 
 namespace teletact::test {
@@ -23,6 +24,17 @@ namespace teletact::test {
 // CLOCK_MONOTONIC, as in recordings.
 inline double now_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// A finger that sweeps over most of it, 4 mm deep.
+inline std::vector<std::string> touch_command(const std::string& address, const std::string& scene_id,
+                                              const std::string& record, const std::string& renderer) {
+  std::vector<std::string> command{client_binary(), "touch", "--service", address, "--scene", scene_id};
+  for (const char* word :
+       {"--wait-s", "60", "--begin-m", "0.03", "--end-m", "0.09", "--indentation-m", "0.004"})
+    command.emplace_back(word);
+  command.insert(command.end(), {"--renderer", renderer, "--record", record});
+  return command;
 }
 
 // 120 x 40 mm of 10 kPa, touchable at once.

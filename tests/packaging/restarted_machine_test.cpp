@@ -99,27 +99,10 @@ class RestartedMachine : public testing::Test {
     std::this_thread::sleep_for(1s);
   }
   std::unique_ptr<test::Process> touch(const std::string& renderer) const {
-    return std::make_unique<test::Process>(std::vector<std::string>{test::client_binary(),
-                                                                    "touch",
-                                                                    "--service",
-                                                                    "unix:" + (folder_ / "front"),
-                                                                    "--tls-ca",
-                                                                    folder_ / "ca.pem",
-                                                                    "--scene",
-                                                                    kScene,
-                                                                    "--wait-s",
-                                                                    "60",
-                                                                    "--begin-m",
-                                                                    "0.03",
-                                                                    "--end-m",
-                                                                    "0.09",
-                                                                    "--indentation-m",
-                                                                    "0.004",
-                                                                    "--renderer",
-                                                                    renderer,
-                                                                    "--record",
-                                                                    folder_ / (renderer + ".record")},
-                                           folder_ / (renderer + ".log"));
+    auto command = test::touch_command("unix:" + (folder_ / "front"), kScene,
+                                       folder_ / (renderer + ".record"), renderer);
+    command.insert(command.end(), {"--tls-ca", folder_ / "ca.pem"});
+    return std::make_unique<test::Process>(command, folder_ / (renderer + ".log"));
   }
   // Makes a scene after the other through HAProxy until told to stop: the names of those that were
   // acknowledged.

@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { decode } from '../../client/watch/page/decode.js';
 import { coloured, colours, extent, scale, shown, ticks } from '../../client/watch/page/layout.js';
 import { Series } from '../../client/watch/page/series.js';
-import { gaveWay, pressed, valueAt } from '../../client/watch/page/tissue.js';
+import { gaveWay, pressed, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
 
 function frameOf(number, slots) {
   const parts = [], word = (...words) => parts.push(new Uint8Array(new Uint32Array(words).buffer));
@@ -108,6 +108,15 @@ test('the surface that was solved is read between its nodes, and comes back beyo
   assert.ok(Math.abs(gaveWay(surface, 0.045, 0) - 2.5) < 1e-9);
   assert.equal(gaveWay(surface, 0.2, 0), 0);
   assert.equal(gaveWay({ x_m: array(), z_m: array(), displacement_m: array() }, 0.02, 0), 0, 'at rest');
+});
+
+test('a surface is solved for a finger among its nodes, in its layer', () => {
+  const array = (...values) => ({ values }), surface = { depth_m: 0.01, x_m: array(0.01, 0.03) };
+  assert.ok(tellsOf(surface, 0.01, 0.02));
+  assert.ok(tellsOf(surface, 0.0095, 0.01), 'the service takes the nearest layer');
+  assert.ok(!tellsOf(surface, 0, 0.02));
+  assert.ok(!tellsOf(surface, 0.01, 0.031));
+  assert.ok(tellsOf({ depth_m: 0.01, x_m: array() }, 0.01, 0.5), 'at rest it is so everywhere');
 });
 
 test('a cursor reads what is measured, continued or not acquired', () => {

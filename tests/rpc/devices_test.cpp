@@ -1,9 +1,12 @@
 // Several devices: scenes of their own, one that fails or hangs beside one that goes on.
 #include <array>
+#include <cstring>
 #include <future>
 #include <map>
 
 #include "service/device/fault.h"
+#include "service/rpc/acquisition.h"
+#include "service/scene/errors.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/health.h"
 #include "tests/rpc/two_devices.h"
@@ -113,8 +116,42 @@ TEST_F(TwoDevices, OneThatHangsKeepsNobodyElseWaitingAndItsScenesGoToTheOther) {
   EXPECT_TRUE(image(first).ok()) << "by the other";
   EXPECT_EQ(plane().scenes_moved(), 1U);
   EXPECT_EQ(health_of(server, kElastography), kServing);
+  const std::uint64_t version = server->core().scenes.find(first)->snapshot()->version;
   release.set_value();
-  EXPECT_TRUE(stuck.finish().status.ok()) << "it was waiting there";
+  expect_refused(stuck.finish().status, grpc::StatusCode::UNAVAILABLE, "send the pair again");
+  EXPECT_EQ(server->core().scenes.find(first)->snapshot()->version, version)
+      << "what came meanwhile is newer";
+}
+
+// Its pair was about to be published when the device began to hang.
+TEST_F(TwoDevices, OneThatGoesOnAfterItHungPublishesNothingOverWhatIsNewer) {
+  const auto [first, second] = placed();
+  ImagingLane& hanging = plane().lanes()[0];
+  const EstimateCall call = call_from(acquisition(first), server->core().scenes, server->core().limits);
+  const auto frame = [&](const std::string& bytes) {
+    std::vector<float> samples(call.request.samples());
+    std::memcpy(samples.data(), bytes.data(), bytes.size());
+    return RfFrame{call.request.sample_count, call.request.line_count, samples};
+  };
+  const ReceivedPair received{call.request, "anna", std::chrono::steady_clock::now(),
+                              [&] { return std::pair(frame(pair().pre), frame(pair().post)); }};
+  std::promise<void> release;
+  auto hung = hanging.workers().run({}, [&] {
+    return hanging.estimate(received, [&](Stage stage) {
+      if (stage == Stage::kModulus) release.get_future().wait();
+    });
+  });
+  while (hanging.works()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_TRUE(image(first).ok()) << "by the other";
+  const std::uint64_t version = server->core().scenes.find(first)->snapshot()->version;
+  release.set_value();
+  try {
+    hung.future.get();
+    ADD_FAILURE() << "published over what is newer";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind, ErrorKind::kUnavailable);
+  }
+  EXPECT_EQ(server->core().scenes.find(first)->snapshot()->version, version);
 }
 
 TEST_F(TwoDevices, ASceneThatIsDeletedWhileTheSecondImagesItLeavesNothing) {

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <future>
 #include <limits>
 #include <optional>
 #include <set>
 #include <thread>
 
+#include "service/rpc/scene_news.h"
 #include "tests/rpc/running_server.h"
 #include "tests/scene/windows.h"
 #include "tests/support/observation_reader.h"
@@ -312,6 +314,30 @@ TEST_F(ObservingInTime, WhoSaysNothingEnds) {
   v1::Observation state;
   EXPECT_FALSE(stream->Read(&state));
   expect_refused(stream->Finish(), StatusCode::DEADLINE_EXCEEDED, "open");
+}
+
+// Who comes and goes leaves nothing to do, and nothing that is held.
+TEST_F(Observing, WhatSomebodyWaitedForWhoHasGoneIsNotMade) {
+  ASSERT_TRUE(server->create(uniform_scene("left")).ok());
+  Core& core = (*server)->core();
+  std::weak_ptr<Scene> scene = core.scenes.find("left");
+  std::promise<void> begun, release;
+  NicedWorker busy;
+  busy.post([&] {
+    begun.set_value();
+    release.get_future().wait();
+  });
+  begun.get_future().wait();
+  {
+    SceneNews news(core, busy, scene.lock(), "anna", everything("left"));
+    news.look();
+  }
+  ASSERT_TRUE(server->remove("left").ok());
+  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  while (!scene.expired() && std::chrono::steady_clock::now() < until)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_TRUE(scene.expired()) << "work that waits holds it";
+  release.set_value();
 }
 
 TEST_F(Observing, PlacesAreCountedAndADeletedSceneEndsThem) {

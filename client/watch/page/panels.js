@@ -1,14 +1,14 @@
 // The pictures of the page: what each draws of the model at a time.
-import { coloured, colours, extent, flags, scale, shown } from './layout.js';
+import { coloured, flags, scale, shown } from './layout.js';
+import { paint, paintAnew, table } from './maps.js';
 import { gaveWay, pressed, rise, tellsOf, valueAt } from './tissue.js';
 import { band, colourBar, image, legend, Picture, readPalette, rgb, timeAxis, trace, yAxis } from './draw.js';
 
-const table = colours();
 let palette = readPalette();
 export const pictures = Object.fromEntries(['tissue', 'close', 'force', 'ages', 'servo', 'tactile'].map((id) => [id, new Picture(id)]));
 export function repaint() {
   palette = readPalette();
-  maps = null;
+  paintAnew();
   for (const picture of Object.values(pictures)) picture.dirty = true;
 }
 
@@ -17,49 +17,6 @@ export function row(series, n) {
   const at = (name) => series.value(n, series.index[name]);
   const f = [at('force_x_n'), at('force_y_n'), at('force_z_n')];
   return { at, time: series.time(n), position: [at('x_m'), at('y_m'), at('z_m')], force: f, size: Math.hypot(...f), ...flags(at('flags')) };
-}
-
-// --- maps --------------------------------------------------------------------------------------------------
-
-let maps = null;  // painted: modulus, deviation, B-mode
-let images = new Map();
-function greyImage(part) {
-  const [height, width] = part.shape;
-  const pixels = new Uint8ClampedArray(4 * width * height);
-  for (let n = 0; n < width * height; ++n) {
-    pixels[4 * n] = pixels[4 * n + 1] = pixels[4 * n + 2] = part.values[n];
-    pixels[4 * n + 3] = 255;
-  }
-  return image(pixels, width, height);
-}
-function paint(model) {
-  if (maps && maps.of === model.map && maps.log === model.logModulus && maps.images === model.b_mode) return maps;
-  maps = { of: model.map, log: model.logModulus, images: model.b_mode, modulus: null, deviation: null, bMode: [] };
-  const map = model.map;
-  if (map?.modulus_pa) {
-    const [height, width] = map.modulus_pa.shape;
-    const values = map.modulus_pa.values, valid = map.valid?.values, deviations = map.log_std?.values;
-    const known = (n) => values[n] > 0 && (!valid || valid[n] > 0);
-    const unknown = rgb(palette.unknown);
-    const range = extent(values, known);
-    if (range) {
-      const doubt = deviations ? (n) => Math.min(0.85, Math.max(0, ((deviations[n] || 0) - 0.1) / 0.5)) : undefined;
-      maps.range = range;
-      maps.modulus = image(coloured(values, known, range, model.logModulus, table, unknown, doubt), width, height);
-      if (deviations) {
-        maps.deviationRange = [0, Math.max(0.1, extent(deviations, known)?.[1] ?? 0.1)];
-        maps.deviation = image(coloured(deviations, known, maps.deviationRange, false, table, unknown), width, height);
-      }
-    }
-  }
-  const grey = new Map();  // of windows that are as they were painted
-  for (const part of model.b_mode?.arrays ?? []) {
-    const canvas = images.get(part.drawn) ?? greyImage(part);
-    grey.set(part.drawn, canvas);
-    maps.bMode.push({ part, canvas });
-  }
-  images = grey;
-  return maps;
 }
 
 const sizeOf = (model) => {
@@ -86,7 +43,7 @@ function strip(pen, model, box, name, draw) {
 
 export function tissue(model, now) {
   const picture = pictures.tissue;
-  const painted = paint(model);
+  const painted = paint(model, rgb(palette.unknown));
   const [width, depth] = sizeOf(model);
   const left = 44, right = picture.measured - 76, head = 34, gap = 24;
   const perM = (right - left) / width;
@@ -192,13 +149,13 @@ function finger(pen, model, now, x, y, perX, perY) {
   pen.stroke();
 }
 
-const kSurfaceMs = 2000;  // how old it may be
-
 // --- under the finger --------------------------------------------------------------------------------------
+
+const kSurfaceMs = 2000;  // how old it may be
 
 export function close(model, now) {
   const picture = pictures.close;
-  const painted = paint(model);
+  const painted = paint(model, rgb(palette.unknown));
   const [width, depth] = sizeOf(model);
   const across = 0.06, left = 44, right = picture.measured - 12, head = 70;
   const perM = (right - left) / across;
@@ -212,8 +169,8 @@ export function close(model, now) {
   const x = (m) => left + (m - begin) * perM, y = (m) => head + m * perM;
   const bottom = head + tall, shownDepth = tall / perM;
   const map = model.map, canvas = painted.modulus;
-  const isSolved = !model.paused && model.surface && performance.now() - model.surface.came < kSurfaceMs && tellsOf(model.surface, layer, fx);
-  const solved = isSolved ? model.surface : null;
+  const { surface } = model, young = surface && !model.paused && performance.now() - surface.came < kSurfaceMs;
+  const solved = young && tellsOf(surface, layer, fx) ? surface : null;
   const gave = (at) => (solved ? gaveWay(solved, at, now.position[2]) : pressed(tip, indentation, at - fx));
   // A column of what lies between two depths, drawn between two others.
   const piece = (at, px, from, to, top, end) => {
