@@ -108,6 +108,7 @@ nlohmann::json description_of(const Solid& s) {
           {"lean_m", s.lean_m},
           {"capsule_m", s.capsule_m},
           {"capsule_contrast", s.capsule_contrast},
+          {"bottom_contrast", s.bottom_contrast},
           {"texture", s.texture},
           {"texture_length_m", s.texture_length_m}};
 }

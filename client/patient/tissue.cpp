@@ -42,6 +42,7 @@ void validate_solid(const Tissue& t) {
   in_range("solid.lean_m", s.lean_m, -2 * s.preload_m, 2 * s.preload_m);
   in_range("solid.capsule_m", s.capsule_m, 0, t.depth_m);
   in_range("solid.capsule_contrast", s.capsule_contrast, .01, 1000);
+  in_range("solid.bottom_contrast", s.bottom_contrast, .01, 100);
   in_range("solid.texture", s.texture, 0, 1);
   in_range("solid.texture_length_m", s.texture_length_m, 1e-3, 1);
 }
@@ -85,12 +86,13 @@ void validate_ultrasound(const Tissue& t) {
 }  // namespace
 
 double Tissue::true_modulus(double x_m, double y_m, double z_m) const {
-  double modulus = youngs_modulus_pa;
+  const double background =
+      solid ? youngs_modulus_pa * std::pow(solid->bottom_contrast, y_m / depth_m) : youngs_modulus_pa;
+  double modulus = background;
   if (solid && y_m < solid->capsule_m) modulus *= solid->capsule_contrast;
   for (const Inclusion& i : inclusions) {
     const double across = i.sphere ? z_m - i.z_m : 0;
-    if (std::hypot(x_m - i.x_m, y_m - i.y_m, across) <= i.diameter_m / 2)
-      modulus = youngs_modulus_pa * i.contrast;
+    if (std::hypot(x_m - i.x_m, y_m - i.y_m, across) <= i.diameter_m / 2) modulus = background * i.contrast;
   }
   return modulus;
 }

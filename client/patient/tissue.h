@@ -94,6 +94,8 @@ struct Solid {
   // end by lean_m less: where it then does not touch, it never does.
   double preload_m = 0.0015, lean_m = 0;
   double capsule_m = 0, capsule_contrast = 1;  // a layer at the surface, times the background
+  // The background at depth y is times this to the power y / depth, lumps and capsule with it.
+  double bottom_contrast = 1;
   // Standard deviation of ln E, Gaussian with correlation exp(-d^2 / 2 length^2); the tissue's seed draws it.
   double texture = 0, texture_length_m = 0.004;
   bool operator==(const Solid&) const = default;
@@ -128,7 +130,7 @@ void validate(const Tissue& tissue);
 //                correlation, depth_m, elevation_beam_m, focus_m, beam_growth, attenuation_db_cm_mhz;
 //   [solid] (makes the tissue a solid) elevational_width_m, support = "bonded", "sliding" or "bed",
 //           bed_depth_m, bed_modulus_pa, friction (inf: held), uneven, preload_m, lean_m, capsule_m,
-//           capsule_contrast, texture, texture_length_m
+//           capsule_contrast, bottom_contrast, texture, texture_length_m
 Tissue read_tissue(const std::filesystem::path& path);
 Tissue parse_tissue(const std::string& toml, const std::string& name = "tissue");
 

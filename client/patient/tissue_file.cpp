@@ -146,7 +146,8 @@ void read_ultrasound(const Section& s, Ultrasound& u) {
 
 Solid read_solid(const Section& s) {
   s.only({"elevational_width_m", "support", "bed_depth_m", "bed_modulus_pa", "friction", "uneven",
-          "preload_m", "lean_m", "capsule_m", "capsule_contrast", "texture", "texture_length_m"});
+          "preload_m", "lean_m", "capsule_m", "capsule_contrast", "bottom_contrast", "texture",
+          "texture_length_m"});
   Solid solid;
   s.read("elevational_width_m", solid.elevational_width_m);
   solid.support = static_cast<Support>(
@@ -159,6 +160,7 @@ Solid read_solid(const Section& s) {
   s.read("lean_m", solid.lean_m);
   s.read("capsule_m", solid.capsule_m);
   s.read("capsule_contrast", solid.capsule_contrast);
+  s.read("bottom_contrast", solid.bottom_contrast);
   s.read("texture", solid.texture);
   s.read("texture_length_m", solid.texture_length_m);
   return solid;
@@ -271,6 +273,7 @@ void write_tissue(const std::filesystem::path& path, const Tissue& t) {
     key("lean_m", s.lean_m);
     key("capsule_m", s.capsule_m);
     key("capsule_contrast", s.capsule_contrast);
+    key("bottom_contrast", s.bottom_contrast);
     key("texture", s.texture);
     key("texture_length_m", s.texture_length_m);
   }

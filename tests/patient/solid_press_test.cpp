@@ -264,6 +264,18 @@ TEST(SolidPress, RefusesWhatItCannotPress) {
   EXPECT_THROW(press_solid(t, 0, kPushM), TissueError);
 }
 
+TEST(TrueModulus, ChangesWithDepthAsStatedAndLumpsWithIt) {
+  Tissue t = block(.2, .1, .2);
+  t.inclusions = {{.1, .05, .01, 5, true}};
+  t.solid->capsule_m = .002, t.solid->capsule_contrast = 3;
+  t.solid->bottom_contrast = .25;
+  const TrueModulus graded(t);
+  EXPECT_EQ(graded(.02, 0), 30e3);
+  EXPECT_DOUBLE_EQ(graded(.02, .05), 5e3);
+  EXPECT_DOUBLE_EQ(graded(.02, .1), 2.5e3);
+  EXPECT_DOUBLE_EQ(graded(.1, .05), 25e3);
+}
+
 TEST(TrueModulus, HasTheStatedTextureOverLumpsAndCapsule) {
   Tissue t = block(.2, .1, .2);
   t.inclusions = {{.1, .05, .01, 5, true}};

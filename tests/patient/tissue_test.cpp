@@ -61,7 +61,7 @@ TEST(TissueFile, ReadsBackEverySolid) {
       std::filesystem::temp_directory_path() / ("teletact-solid-" + std::to_string(::getpid()) + ".toml");
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     Tissue t = unlike_model(seed);
-    t.solid->texture_length_m = 1.0 / 301;
+    t.solid->texture_length_m = 1.0 / 301, t.solid->bottom_contrast = 1.0 / 7;
     write_tissue(path, t);
     const Tissue read = read_tissue(path);
     EXPECT_EQ(read.solid, t.solid) << seed;
@@ -106,6 +106,7 @@ TEST(TissueFile, EachErrorNamesItsKey) {
         {"[solid]\nelevational_width_m = 0.001", "solid.elevational_width_m", "must be"},
         {"[solid]\nfriction = nan", "solid.friction", "number"},
         {"[solid]\nlean_m = 0.01", "solid.lean_m", "must be"},
+        {"[solid]\nbottom_contrast = 0", "solid.bottom_contrast", "must be"},
         {"[ultrasound]\ndepth_m = 0.05", "ultrasound.depth_m", "must be"},
         {"[ultrasound]\nattenuation_db_cm_mhz = 2", "ultrasound.attenuation_db_cm_mhz", "centre frequency"},
         {"[[inclusion]]\nposition_m = [1, 0]\ndiameter_m = 0.01\ncontrast = 3", "inclusion[0].position_m[0]",

@@ -80,6 +80,7 @@ std::vector<RealRow> real_rows() {
   row("contact in part, lean 2.5 mm", solid([](auto& s) { s.lean_m = .0025; }));
   row("capsule 1 mm of 3", solid([](auto& s) { s.capsule_m = .001, s.capsule_contrast = 3; }));
   row("capsule 2 mm of 3", solid([](auto& s) { s.capsule_m = .002, s.capsule_contrast = 3; }));
+  row("modulus falls by 1.6 from top to bottom", solid([](auto& s) { s.bottom_contrast = 1 / 1.6; }));
   row("texture 5 %", solid([](auto& s) { s.texture = .05; }));
   row("texture 20 %", solid([](auto& s) { s.texture = .20; }));
   row("beam 1 mm across", [](Tissue& t, const Draw&) { beam(t, .001); });

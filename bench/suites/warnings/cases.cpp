@@ -58,15 +58,6 @@ WarnedWindow pressed(const Tissue& t) {
   return w;
 }
 
-// Of the axial strain, by depth.
-void scale_strain(WarnedWindow& w, const std::function<double(double y_m)>& by) {
-  std::vector<double>& u = w.displacement.axial_m;
-  const std::vector<double> before = u;
-  const std::size_t nx = kGivenImage.nx;
-  for (std::size_t n = nx; n < u.size(); ++n)
-    u[n] = u[n - nx] + (before[n] - before[n - nx]) * by(kGivenImage.y_m(n));
-}
-
 // `share` of the axial strain more to the sides.
 void spread(WarnedWindow& w, double share) {
   const std::vector<double>& u = w.displacement.axial_m;
@@ -158,11 +149,10 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
       changed([](WarnedWindow& w) { lose(w, 0.2); }));
   row("5 % of the image lost", {{ModulusFlag::kUntracked, false}},
       changed([](WarnedWindow& w) { lose(w, 0.05); }));
-  constexpr double kRamp = 1.6;
-  row("modulus falls by 1.6 from top to bottom", {{ModulusFlag::kRamp, true}, {ModulusFlag::kExtent, false}},
-      changed([](WarnedWindow& w) {
-        scale_strain(w, [](double y) { return std::pow(kRamp, y / kDepthM - 0.5); });
-      }));
+  constexpr double kRamp = 2;
+  row(fmt::format("modulus falls by {} from top to bottom", kRamp),
+      {{ModulusFlag::kRamp, true}, {ModulusFlag::kExtent, false}},
+      other([](Tissue& t) { t.solid->bottom_contrast = 1 / kRamp; }));
   row("spreads sideways by 0.4 of the strain more", {{ModulusFlag::kOutOfPlane, true}},
       changed([](WarnedWindow& w) { spread(w, 0.4); }));
   row("lump of 30 mm, contrast 3", {{ModulusFlag::kExtent, true}}, other([](Tissue& t) {

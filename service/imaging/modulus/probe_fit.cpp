@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -10,6 +9,7 @@
 
 #include "service/device/look.h"
 #include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/strain_fit.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -20,11 +20,8 @@ using Eigen::VectorXd;
 
 constexpr double kNearFieldM = 3e-3;  // what the face's condition decides, not the modulus
 constexpr double kTold = 0.4;         // of the median modelled strain: with less a cell tells no modulus
-constexpr double kTextureLog = 0.1;   // of ln E of what still looks homogeneous
-constexpr int kReweighted = 12;
 constexpr double kBlockRatio = 0.33;  // of lateral strain: more is not tissue that goes on
 constexpr double kStandoffM = 4e-3;   // of the image without a trusted strain: less is the kernels'
-constexpr double kUsualTilt = 0.3;
 // That must be left for the modulus: with less, neither what is stated nor that tissue goes on is doubted.
 constexpr double kTimeToDoubtS = 2;
 // Where tissue that ends is taken to end beside the probe, in depths of it.
@@ -42,6 +39,10 @@ constexpr int kGolden = 5, kRounds = 2;
 constexpr double kWellExplained = 0.08;  // of the strain, unexplained: nothing else is tried
 constexpr double kBetterBy = 0.7;        // another explanation must leave so much of what is left
 constexpr double kSidesBetterBy = 0.85;  // of a hundred places that differ: ln of the odds is 16
+constexpr double kGradedBetterBy = 0.85;
+// Of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
+constexpr double kNotedGrading = 0.2, kMostGrading = 1.1;
+constexpr double kNoWorse = 1.25;  // what leaves so much of the strain may as well be true
 
 // The depth at which the tissue begins, where what the image shows above it was not tracked.
 double top_of(const Measured& m) {
@@ -60,6 +61,17 @@ double measured_lateral_ratio(const Measured& m) {
   for (std::size_t n = 0; n < m.grid.size(); ++n)
     if (m.strain_valid[n]) lateral.push_back(m.lateral_strain[n]), axial.push_back(m.axial_strain[n]);
   return axial.empty() ? 0 : -median(lateral) / median(axial);
+}
+
+// What is left of the strain, where the modulus may change with depth as it does in tissue.
+double left(const ProbeFit& fit) {
+  return std::abs(fit.grading) < kMostGrading ? std::min(fit.rest, fit.graded_rest / kGradedBetterBy)
+                                              : fit.rest;
+}
+
+// ln E of homogeneous tissue that bears 1 N so and strains as was measured.
+double log_scale(const ProbeFit& fit) {
+  return fit.level - std::log(fit.force_n / fit.tissue->force_share());
 }
 
 // Where f was least over [low, high], by golden sections; `usual` where it was nowhere finite.
@@ -113,37 +125,15 @@ std::string words_of_sides(const ProbeFace& face) {
   return fmt::format("; {}, as the strain shows{}", end, face.slides ? ", and slides on its support" : "");
 }
 
-}  // namespace
-
-StrainFit fit_strain(const VectorXd& residual, const VectorXd& weight, const VectorXd& by_tilt) {
-  std::vector<double> told;
-  for (Index c = 0; c < residual.size(); ++c)
-    if (weight[c] > 0) told.push_back(residual[c]);
-  StrainFit out;
-  out.level = median(told), out.rest = kTextureLog;
-  Eigen::Matrix2d normal;
-  for (int k = 0; k < kReweighted; ++k) {
-    // Cauchy's weights: lumps are left out.
-    normal.setZero();
-    Eigen::Vector2d load = Eigen::Vector2d::Zero();
-    std::vector<double> sizes;
-    for (Index c = 0; c < residual.size(); ++c) {
-      if (!(weight[c] > 0)) continue;
-      const double left = residual[c] - out.level + out.tilt * by_tilt[c];
-      const double share = 1 / (1 + squared(left / (1.5 * out.rest)));
-      const Eigen::Vector2d f(1, -by_tilt[c]);
-      normal += share * f * f.transpose(), load += share * residual[c] * f;
-      sizes.push_back(std::abs(left));
-    }
-    normal(1, 1) += squared(out.rest / kUsualTilt);
-    const Eigen::Vector2d solution = normal.fullPivLu().solve(load);
-    out.level = solution[0], out.tilt = solution[1];
-    out.rest = std::max(1.48 * median(sizes), 0.02);
-  }
-  const double variance = normal.inverse()(1, 1);
-  out.tilt_deviation = out.rest * std::sqrt(std::max(0.0, variance));
-  return out;
+// Empty where the modulus changes little, or that explains nothing.
+std::string words_of_grading(const ProbeFit& fit) {
+  if (std::abs(fit.grading) < kNotedGrading || !(left(fit) < fit.rest)) return "";
+  return fmt::format(
+      "; its modulus {} by {:.1f} from the face to the bottom of the image, as the strain shows",
+      fit.grading < 0 ? "falls" : "rises", std::exp(std::abs(fit.grading)));
 }
+
+}  // namespace
 
 ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
     : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
@@ -190,6 +180,12 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block,
   out.common_log = block || face.goes_on() ? kCommonLog : kCommonLogOfSides;
   const StrainFit strain = fit_strain(residual, out.measured.told, out.by_tilt);
   out.rest = strain.rest, out.tilt = strain.tilt;
+  VectorXd depth(residual.size());  // in images, from the middle of one
+  for (Index c = 0; c < depth.size(); ++c)
+    depth[c] = cells.y_m(static_cast<std::size_t>(c)) / face.image_depth_m - 0.5;
+  const StrainFit graded = fit_strain(residual, out.measured.told, out.by_tilt, depth);
+  out.grading = graded.grading, out.graded_rest = graded.rest;
+  out.level = strain.level;
   return out;
 }
 
@@ -242,20 +238,32 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const Unknown& u, const VectorXd* 
   return tried(pair, u.at(u.log_elevation, u.log_depth), false, by_tilt);
 }
 
-// Deeper than stated, a block, or with sides: what explains the strain better.
+// Deeper than stated, a block, or with sides: what explains the strain better. What explains it no worse and
+// would bear the force by another modulus widens what is stated.
 void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in) {
   bool hurried = false;
   const auto late = [&] {
     hurried = hurried || (in.seconds_left && in.seconds_left() < kTimeToDoubtS);
     return hurried;
   };
-  doubt(pair, u, out, in, late);
+  std::vector<Rival> rivals{{left(out), log_scale(out)}};
+  doubt(pair, u, out, in, late, rivals);
   out.undoubted = hurried && out.rest > kWellExplained;
+  if (!in.force) return;
+  double apart = 0;
+  for (const Rival& r : rivals)
+    if (r.left < kNoWorse * left(out)) apart = std::max(apart, std::abs(r.log_scale - log_scale(out)));
+  out.common_log = std::hypot(out.common_log, apart);
 }
 
 void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in,
-                        const std::function<bool()>& late) {
+                        const std::function<bool()>& late, std::vector<Rival>& rivals) {
   const Unknown stated = u;
+  const auto to_beat = [&] { return stated.depth ? out.rest : left(out); };
+  const auto considered = [&](const ProbeFit& other) {
+    rivals.push_back({left(other), log_scale(other)});
+    return other.rest;
+  };
   // A face that touches in part looks tilted, and sides would explain some of it.
   const bool tilted = std::abs(out.tilt) > kMostTiltOfSides;
   if (!u.depth && !late()) {
@@ -263,14 +271,14 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     deeper.depth = true;
     search(pair, deeper, 1, kTimeToDoubtS, in);
     ProbeFit other = tried(pair, deeper);
-    if (other.rest < kBetterBy * out.rest) u = deeper, out = std::move(other);
+    if (considered(other) < kBetterBy * to_beat()) u = deeper, out = std::move(other);
   }
   if (stated.face.image_depth_m < kDeepestBlockM) {
     ProbeFace as_wide = out.face;
     as_wide.beside_m = 0;
     const double ratio = measured_lateral_ratio(pair.measured);
     ProbeFit block = tried(pair, as_wide, true);
-    if (block.rest < (ratio > kBlockRatio ? 1 : kBetterBy) * out.rest) {
+    if (considered(block) < (ratio > kBlockRatio ? 1 : kBetterBy) * to_beat()) {
       block.words = fmt::format(
           "a block as wide as the probe: a uniform strain leaves {:.0f} % of it unexplained, tissue that "
           "goes on beside the probe {:.0f} %; it spreads sideways by {:.2f} of its axial strain",
@@ -298,7 +306,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
       double share = ends ? 1 : kSidesBetterBy;
       // The block's depth is not seen: where it is stated the solid is the likelier of the two.
       if (!ends && !out.words.empty() && sides.depths == 0 && !stated.depth) share = 1 / kSidesBetterBy;
-      if (!(found.rest < share * out.rest)) continue;
+      if (!(considered(found) < share * (ends ? out.rest : to_beat()))) continue;
       ends = true, u = other, out = std::move(found);
     } catch (const std::invalid_argument&) {  // beyond what is modelled
     }
@@ -326,7 +334,11 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       {in.window_width_m, elevation_m, in.tissue.depth_m - pair.top_m, image_m, in.tissue.poisson_ratio}};
   const bool in_time = search(pair, u, kRounds, 0, in);
   ProbeFit out = tried(pair, u);
-  if (out.rest > kWellExplained) doubt(pair, u, out, in);
+  const bool doubted = out.rest > kWellExplained;
+  if (doubted) doubt(pair, u, out, in);
+  // Sides may look like it: it counts where all was tried.
+  const std::string grading = doubted && !out.undoubted ? words_of_grading(out) : "";
+  if (!grading.empty()) out.rest = out.graded_rest;
   out.hurried = !in_time;
   if (out.words.empty()) {
     // The one way or the other: it may stand at the edge of what is modelled.
@@ -350,6 +362,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
         1e3 * out.face.depth_m, origin(u.depth), words_of_sides(out.face), 1e3 * out.face.width_m,
         1e3 * out.face.elevation_m, origin(u.elevation), 100 * out.rest);
   }
+  out.words += grading;
   if (pair.top_m > 0)
     out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * pair.top_m);
   return out;

@@ -19,15 +19,6 @@ namespace teletact::service {
 // Over so much of the image tissue and model differ alike.
 inline constexpr double kAlikeM2 = 25e-6;
 
-// ln(modelled / measured) over the cells told, robustly: a level, and so much tilt more that explains it.
-struct StrainFit {
-  double level = 0, tilt = 0, tilt_deviation = 0;
-  double rest = 0;  // typical size of what is left
-};
-// `residual` of the cells, their weights (0: not told), and what ln of the strain gains per unit of tilt.
-StrainFit fit_strain(const Eigen::VectorXd& residual, const Eigen::VectorXd& weight,
-                     const Eigen::VectorXd& by_tilt);
-
 struct ProbeFit {
   std::shared_ptr<ProbedTissue> tissue;
   ProbeFace face;
@@ -38,9 +29,12 @@ struct ProbeFit {
   double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are told
   // Of ln E of the cells, for each thing that was fitted: what one standard deviation of it changes.
   std::vector<Eigen::VectorXd> changes;
-  double common_log = 0;   // of ln E: the mesh, and what the tissue does at its sides
-  double rest = 0;         // of ln(strain): what is unexplained where tissue looks homogeneous
-  double tilt = 0;         // that leaves that
+  double common_log = 0;  // of ln E: the mesh, and what the tissue does at its sides
+  double rest = 0;        // of ln(strain): what is unexplained where tissue looks homogeneous
+  double tilt = 0;        // that leaves that
+  // ln of the modulus at the bottom of the image over that at the face, and what is unexplained with it.
+  double grading = 0, graded_rest = 0;
+  double level = 0;        // ln of a metre over the push that was measured
   double force_n = 0;      // on the face, of homogeneous tissue of 1 Pa, per metre of push
   bool hurried = false;    // something was left as usual
   bool undoubted = false;  // it leaves much unexplained, and there was no time for all that may explain it
@@ -74,7 +68,12 @@ class ProbeFitter {
   };
   Kept& kept(const ProbeFace&, bool block);
   void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&);
-  void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late);
+  // What else was tried, and how well it explains the strain.
+  struct Rival {
+    double left, log_scale;
+  };
+  void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late,
+             std::vector<Rival>&);
   // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
   // it, which is used where it has the same cells.
   ProbeFit tried(const Pair&, const ProbeFace&, bool block, const Eigen::VectorXd* by_tilt = nullptr);

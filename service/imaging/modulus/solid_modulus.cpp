@@ -15,6 +15,7 @@
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/modulus/seed.h"
 #include "service/imaging/modulus/sparse_factor.h"
+#include "service/imaging/modulus/strain_fit.h"
 #include "service/imaging/modulus/total_variation.h"
 #include "service/imaging/tracking/median.h"
 

@@ -204,6 +204,29 @@ TEST(ProbeFit, TellsWhereTissueEndsAndWhetherItSlides) {
   }
 }
 
+// Tissue that softens with depth strains as tissue that ends beside the probe does, nearly. Which of the two
+// it is decides the modulus that goes with the force, so what is stated must hold both.
+TEST(ProbeFit, AModulusThatFallsWithDepthIsNotTakenForSides) {
+  for (const double falls : {1.6, 2.0}) {
+    const auto graded = [&](double, double y) { return -std::log(falls) * (y / kDepthM - 0.5); };
+    const Pressed pressed(
+        face(), [](double, double) { return 1.0; }, graded);
+    const ModulusEstimate e = pressed.estimate();
+    const double found = background(e, pressed.measured) / kModulusPa;
+    std::vector<float> deviations;
+    for (std::size_t n = 0; n < pressed.measured.grid.size(); ++n)
+      if (pressed.measured.grid.y_m(n) > 0.003 && std::isfinite(e.log_deviation[n]))
+        deviations.push_back(e.log_deviation[n]);
+    std::nth_element(deviations.begin(), deviations.begin() + deviations.size() / 2, deviations.end());
+    const double stated = deviations[deviations.size() / 2];
+    std::printf("falls by %.1f: background %.2f, stated %.2f: %s\n", falls, found, stated, e.model.c_str());
+    EXPECT_TRUE(says(e, "its modulus falls by")) << e.model;
+    EXPECT_FALSE(says(e, "beside the probe")) << e.model;
+    EXPECT_NEAR(found, 1, 0.2) << e.model;
+    EXPECT_LE(std::abs(std::log(found)), 2 * stated) << e.model;
+  }
+}
+
 // Trying takes time: where little is left the tissue goes on, as usual, and what is left over is said.
 TEST(ProbeFit, TriesNoSidesWithoutTheTime) {
   const Pressed pressed(face(0.014, true));
