@@ -8,9 +8,12 @@
 #include <charconv>
 #include <exception>
 #include <functional>
+#include <map>
+#include <mutex>
 #include <set>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include "service/device/environment.h"
 #include "service/device/opencl.h"
@@ -105,23 +108,32 @@ const Found& choose(const std::vector<Found>& all, const std::string& select, st
                     "; there are:" + known);
 }
 
-// A device of its own, which shares the memory with the other parts. The first ones get the compute units
-// that are left over.
-Found part_of(const Found& whole, std::size_t part, std::size_t parts) {
-  if (parts == 1) return whole;
+// Devices of their own, which share the memory; the first ones get the compute units that are left over. They
+// are kept for as long as the process lives: PoCL 3.1 looks at the device of a queue after it has released the
+// queue's context, on a thread of its own, when whoever waited for the last command has gone on long since.
+const std::vector<cl::Device>& parts_of(const Found& whole, std::size_t parts) {
+  static std::mutex mutex;
+  static auto& kept = *new std::map<std::pair<cl_device_id, std::size_t>, std::vector<cl::Device>>;
+  const std::lock_guard lock(mutex);
+  std::vector<cl::Device>& made = kept[{whole.device(), parts}];
+  if (!made.empty()) return made;
   const std::size_t units = whole.info.compute_units;
-  const std::string words = whole.info.name + " (" + std::to_string(units) +
-                            " compute units) cannot be cut into " + std::to_string(parts) + " parts";
-  if (parts > units) throw DeviceError(words + "; ask for fewer");
   std::vector<cl_device_partition_property> how{CL_DEVICE_PARTITION_BY_COUNTS};
   for (std::size_t k = 0; k < parts; ++k)
     how.push_back(static_cast<cl_device_partition_property>(units / parts + (k < units % parts ? 1 : 0)));
   how.insert(how.end(), {CL_DEVICE_PARTITION_BY_COUNTS_LIST_END, 0});
+  cl::Device(whole.device).createSubDevices(how.data(), &made);
+  return made;
+}
+
+Found part_of(const Found& whole, std::size_t part, std::size_t parts) {
+  if (parts == 1) return whole;
+  const std::string words = whole.info.name + " (" + std::to_string(whole.info.compute_units) +
+                            " compute units) cannot be cut into " + std::to_string(parts) + " parts";
+  if (parts > whole.info.compute_units) throw DeviceError(words + "; ask for fewer");
   Found found = whole;
   try {
-    std::vector<cl::Device> made;
-    cl::Device(whole.device).createSubDevices(how.data(), &made);
-    found.device = made.at(part);
+    found.device = parts_of(whole, parts).at(part);
   } catch (const cl::Error&) {  // most GPUs
     throw DeviceError(words + " by its driver; name it alone");
   }
