@@ -271,7 +271,9 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     deeper.depth = true;
     search(pair, deeper, 1, kTimeToDoubtS, in);
     ProbeFit other = tried(pair, deeper);
-    if (considered(other) < kBetterBy * to_beat()) u = deeper, out = std::move(other);
+    // Its own modulus may change with depth as well.
+    if (considered(other) < kBetterBy * out.rest && left(other) < kBetterBy * left(out))
+      u = deeper, out = std::move(other);
   }
   if (stated.face.image_depth_m < kDeepestBlockM) {
     ProbeFace as_wide = out.face;
