@@ -25,6 +25,7 @@ class Liar(palpation_grpc.PalpationServicer, elastography_grpc.ElastographyServi
         self.scene = palpation.Scene()
         self.estimate = []
         self.touch = lambda requests, context: iter(())
+        self.observe = lambda requests, context: iter(())
         self.over = threading.Event()  # of the newest touch
 
     def ListScenes(self, request, context):
@@ -37,6 +38,9 @@ class Liar(palpation_grpc.PalpationServicer, elastography_grpc.ElastographyServi
         for _ in requests:
             pass
         yield from self.estimate
+
+    def Observe(self, requests, context):
+        yield from self.observe(requests, context)
 
     def Touch(self, requests, context):
         context.add_callback(self.over.set)

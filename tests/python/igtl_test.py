@@ -172,20 +172,34 @@ def following(follow, *arguments):
 
 
 def test_a_scene_is_sent_when_it_changes(server, liar, lied_to, said):  # noqa: F811
+    def observed(requests, context):
+        next(requests)
+        for state in range(1, 10000):
+            said = palpation.Observation(state=state, scene_version=liar.scene.version)
+            if state == 1:
+                image = a_map("b_mode", np.full((3, 4), 200), common.DATA_TYPE_UINT8, "1")
+                said.maps.add(map=image, version=1, window_id=7)
+            yield said
+            next(requests)
+            time.sleep(0.02)
+
     def publish(version, modulus):
         scene = palpation.Scene(scene_id="s", version=version, youngs_modulus=a_map("youngs_modulus", np.full((3, 4), modulus)),
                                 valid=a_map("valid", np.ones((3, 4)), common.DATA_TYPE_UINT8, "1"))
         scene.geometry.size_m.extend([0.1, 0.04])
         liar.scene = scene
 
+    liar.observe = observed
     publish(1, 1e4)
     client = connected(server)
     with following(igtl.follow_scene, server, lied_to, "s"):
+        *_, name, _, body = client.until("IMAGE")
+        assert name == "b_mode_7" and body[72:] == bytes([200] * 12)
         assert np.frombuffer(client.until("IMAGE")[4][72:], "<f4").tolist() == [1e4] * 12
         publish(2, 2e4)
         assert np.frombuffer(client.until("IMAGE")[4][72:], "<f4").tolist() == [2e4] * 12
-        liar.scene = palpation.Scene(scene_id="s")
-        until(lambda: said("no modulus: "))
+        liar.scene = palpation.Scene(scene_id="s", version=9)
+        until(lambda: said("no maps: "))
         publish(3, 3e4)
         assert np.frombuffer(client.until("IMAGE")[4][72:], "<f4").tolist() == [3e4] * 12
 

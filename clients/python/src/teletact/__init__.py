@@ -18,6 +18,8 @@ import threading
 from pathlib import Path
 from typing import Any, Callable, Concatenate, Coroutine, Iterator, ParamSpec, TypeVar
 
+import xarray as xr
+
 from teletact import aio, errors
 from teletact.answers import Answer, Opened, TactileImage
 from teletact.errors import (Aborted, AlreadyExists, BadAnswer, Cancelled, DamagedFile, DeadlineExceeded,
@@ -25,14 +27,16 @@ from teletact.errors import (Aborted, AlreadyExists, BadAnswer, Cancelled, Damag
                              TeletactError, Unavailable)
 from teletact.files import read_metaimage
 from teletact.law import Law, LawColumn, LawValues
+from teletact.observing import Observation, Surface
 from teletact.recordings import Recording, read_recording
 from teletact.scenes import Info, Region, Scene, Window
 
 __all__ = [
-    "connect", "Service", "Touch", "Answer", "Opened", "TactileImage", "Info", "Region", "Scene", "Window", "Law",
-    "LawColumn", "LawValues", "Recording", "read_recording", "read_metaimage", "aio", "errors", "TeletactError",
-    "Aborted", "AlreadyExists", "BadAnswer", "Cancelled", "DamagedFile", "DeadlineExceeded", "FailedPrecondition",
-    "InvalidArgument", "NotFound", "NotPermitted", "ResourceExhausted", "Unavailable"]
+    "connect", "Service", "Touch", "Observing", "Answer", "Opened", "TactileImage", "Observation", "Surface",
+    "Info", "Region", "Scene", "Window", "Law", "LawColumn", "LawValues", "Recording", "read_recording",
+    "read_metaimage", "aio", "errors", "TeletactError", "Aborted", "AlreadyExists", "BadAnswer", "Cancelled",
+    "DamagedFile", "DeadlineExceeded", "FailedPrecondition", "InvalidArgument", "NotFound", "NotPermitted",
+    "ResourceExhausted", "Unavailable"]
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -114,6 +118,36 @@ class Touch(_Facade):
             yield answer
 
 
+class Observing(_Facade):
+    """``teletact.aio.Observing`` for programs without asyncio. Iterating gives the next state, without end."""
+
+    _core: aio.Observing
+    next = _waits(aio.Observing.next)
+    close = _waits(aio.Observing.close)
+
+    @property
+    def maps(self) -> dict[str, xr.DataArray]:
+        return self._core.maps
+
+    @property
+    def b_mode(self) -> dict[int, xr.DataArray]:
+        return self._core.b_mode
+
+    @property
+    def streams(self) -> int:
+        return self._core.streams
+
+    def __enter__(self) -> Observing:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[Observation]:
+        while True:
+            yield self.next()
+
+
 class Service(_Facade):
     """``teletact.aio.Service`` for programs without asyncio: every method waits."""
 
@@ -140,6 +174,10 @@ class Service(_Facade):
             return await self._core.touch(scene_id, **options).start()
 
         return Touch(_loop().run(opened()))
+
+    def observe(self, scene_id: str, **options: Any) -> Observing:
+        """As ``teletact.aio.Service.observe``. Close it, or use it with ``with``."""
+        return Observing(self._core.observe(scene_id, **options))
 
 
 def connect(address: str, *, tls_ca: str | Path | None = None, tls_certificate: str | Path | None = None,

@@ -22,12 +22,14 @@ from teletact import arrays, estimates, scenes
 from teletact.answers import PATHS, Answer, Opened, TactileImage
 from teletact.channel import ElastographyStub, InfoStub, PalpationStub, Peer, peer_of
 from teletact.errors import InvalidArgument, Unavailable, from_rpc
+from teletact.observing import MAPS, Observation, Observing, Surface
 from teletact.scenes import Info, Region, Scene, Window
 from teletact.touching import Touch
 from teletact.v1 import info_pb2 as info
 from teletact.v1 import palpation_pb2 as palpation
 
-__all__ = ["connect", "Service", "Touch", "Answer", "Opened", "TactileImage", "Info", "Region", "Scene", "Window"]
+__all__ = ["connect", "Service", "Touch", "Answer", "Opened", "TactileImage", "Observing", "Observation", "Surface",
+           "Info", "Region", "Scene", "Window"]
 
 _T = TypeVar("_T")
 _UNARY_S = 60.0
@@ -268,3 +270,22 @@ class Service:
         if tolerance is not None:
             request.tolerance.relative, request.tolerance.force_n = tolerance, tolerance_n
         return Touch(self._peer, request, resume_s, dead_s)
+
+    # --- looking on -------------------------------------------------------------------------------------------
+
+    def observe(self, scene_id: str, *, windows: bool = False, maps: Collection[str] = (), answers: bool = False,
+                surface: bool = False, session_id: str = "", most_rate_hz: float = 60.0,
+                resume_s: float = 30.0) -> Observing:
+        """Looks on at a scene: ``async with service.observe("liver", maps=["youngs_modulus"]) as seen`` and then
+        ``async for state in seen``. Nobody's touch is slowed by it.
+
+        ``windows``: the scene whenever it changed. ``maps``: of youngs_modulus, youngs_modulus_log_std, valid and
+        b_mode. ``answers``: of the touch that steers, or of ``session_id``. ``surface``: how the layer gives way.
+        ``resume_s``: how long an interruption is waited out.
+        """
+        for name in maps:
+            if name not in MAPS:
+                raise InvalidArgument(f"{name!r}", field="maps", remedy=f"give some of {', '.join(MAPS)}")
+        return Observing(self._peer, palpation.ObserveOpen(
+            scene_id=scene_id, windows=windows, maps=maps, answers=answers, surface=surface, session_id=session_id,
+            most_rate_hz=most_rate_hz), resume_s)

@@ -209,20 +209,23 @@ class _Peer(threading.Thread):
 
 
 def follow_scene(server: Server, service: teletact.Service, scene_id: str, over: threading.Event) -> None:
-    """Sends the scene's modulus (Pa) whenever there is another, until ``over`` is set."""
+    """Sends the scene's modulus (Pa) whenever there is another, and each window's B-mode, until ``over`` is set."""
     version, said = None, ""
-    while not over.is_set():
-        try:
-            newest = service.scene(scene_id).version
-            if newest != version and newest > 0:
-                server.image("modulus", service.modulus(scene_id).youngs_modulus)
-                version = newest
-            said = ""
-        except TeletactError as error:
-            if str(error) != said:
-                said = str(error)
-                _LOG.warning("no modulus: %s", said)
-        over.wait(_FOLLOW_S)
+    with service.observe(scene_id, maps=["b_mode"], most_rate_hz=1 / _FOLLOW_S, resume_s=0) as seen:
+        while not over.is_set():
+            try:
+                newest = seen.next()
+                for window in newest.changed:
+                    server.image(f"b_mode_{window}", seen.b_mode[int(window)])
+                if newest.scene_version != version and newest.scene_version > 0:
+                    server.image("modulus", service.modulus(scene_id).youngs_modulus)
+                    version = newest.scene_version
+                said = ""
+            except TeletactError as error:
+                if str(error) != said:
+                    said = str(error)
+                    _LOG.warning("no maps: %s", said)
+                over.wait(_FOLLOW_S)
 
 
 def follow_session(server: Server, path: str, over: threading.Event) -> None:
@@ -274,7 +277,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--listen", default="127.0.0.1:18944", metavar="ADDRESS:PORT", help="127.0.0.1:18944")
     parser.add_argument("--allow-insecure-remote", action="store_true", help="listen beyond this machine")
     parser.add_argument("--service", help="HOST:PORT or unix:/path, for --scene")
-    parser.add_argument("--scene", help="whose modulus is sent, as IMAGE 'modulus'")
+    parser.add_argument("--scene", help="whose modulus is sent, as IMAGE 'modulus', and B-mode, 'b_mode_1' ...")
     parser.add_argument("--session", metavar="SOCKET", help="of touch --publish: TRANSFORM 'finger', STRING 'force'")
     parser.add_argument("--tls-ca")
     parser.add_argument("--token-file")
