@@ -118,6 +118,12 @@ bool PlannedLayer::prepare(const Fingertip& tip, const TouchPose& pose, double a
   throw;  // there is: its correction broke down
 }
 
+// By what answers in any case: nothing is chosen for a finger that is answered elsewhere.
+bool PlannedLayer::welcomes(const Fingertip& tip, const TouchPose& pose) {
+  solid_->require_covered(tip, pose);
+  return meanwhile(tip, pose, choices::kTrustedMeanwhile) || nodes_->welcomes(tip, pose);
+}
+
 ContactAnswer PlannedLayer::touch(const Fingertip& tip, const TouchPose& pose) {
   if (const Choice choice = choose(tip, pose); choice.closed)
     return choice.closed->answer(choice.path, solid_->in_block(pose));

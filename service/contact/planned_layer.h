@@ -39,6 +39,7 @@ class PlannedLayer final : public TouchedLayer {
   PlannedLayer(std::shared_ptr<SolidLayer>, const TouchWay&, double deviation);
   SolvePath path() const override { return nodes_->path(); }
   bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point until) override;
+  bool welcomes(const Fingertip&, const TouchPose&) override;
   ContactAnswer touch(const Fingertip&, const TouchPose&) override;
   std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                              double force_n) const override;

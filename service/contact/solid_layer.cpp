@@ -176,6 +176,17 @@ bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double aro
   }
 }
 
+bool SolidLayer::welcomes(const Fingertip& tip, const TouchPose& pose) {
+  if (pose.position_m[1] <= 0 || corrector_.failure()) return true;  // which touch() says
+  const SolveReport known = answered(tip, pose).solve;
+  if (!good(known)) {
+    corrector_.ask(tip, pose);
+    return false;
+  }
+  if (!settled(known)) follow(pose);
+  return true;
+}
+
 std::string SolidLayer::remark(const Fingertip& tip, const TouchPose& pose) const {
   return coarse_mesh(tip, pose.position_m[1], std::max(spacing_m_[0], spacing_m_[1]));
 }

@@ -30,6 +30,7 @@ class SolidLayer final : public TouchedLayer {
   SolvePath path() const override { return SolvePath::kPcg; }
   // Corrections are made beside; none is waited for by a finger that is followed.
   bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point until) override;
+  bool welcomes(const Fingertip&, const TouchPose&) override;
   ContactAnswer touch(const Fingertip&, const TouchPose&) override;
   std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                              double force_n) const override;

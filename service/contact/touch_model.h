@@ -137,6 +137,9 @@ class TouchedLayer {
   virtual bool prepare(const Fingertip&, const TouchPose&, double /*around_m*/, Clock::time_point /*until*/) {
     return true;
   }
+  // Whether a finger that presses, and was answered by another layer up to now, would be answered well and at
+  // once; if not, what it lacks is made ready beside. Throws as touch().
+  virtual bool welcomes(const Fingertip&, const TouchPose&) { return true; }
   // Throws std::out_of_range where the model cannot be touched, std::invalid_argument (field named) for an
   // unusable fingertip or pose, std::domain_error when no finite answer exists.
   virtual ContactAnswer touch(const Fingertip&, const TouchPose&) = 0;

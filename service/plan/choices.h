@@ -99,6 +99,11 @@ inline constexpr double kLawReach = 0.060, kLawAhead = 0.1;
 inline constexpr std::size_t kLawPieceBytes = 340;
 // A new version's law is expected within this: so long the version before answers who feels a law.
 inline constexpr std::chrono::milliseconds kLawExpected{300};
+// So long the version before answers a finger that would have to wait for a correction of the new one.
+inline constexpr std::chrono::milliseconds kArrives{1000};
+// A finger that pressed so near so short a time before is answered by what is known, where that is anything.
+inline constexpr std::chrono::milliseconds kPressesOn{300};
+inline constexpr double kPressesOnM = 0.008;
 
 // Solid tissue (contact/solid_contact.h). Its surface answers as if the block's copies were this far from
 // each other at least, in depths of the tissue: nearer ones make it stiffer. The contact is corrected on the

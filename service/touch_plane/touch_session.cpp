@@ -16,74 +16,6 @@
 namespace teletact::service {
 namespace {
 
-void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
-  const auto check_length = [&](const char* field, double value_m, double least_m) {
-    if (value_m >= least_m && value_m <= limits.most_tip_m) return;
-    throw std::invalid_argument(
-        fmt::format("{}: {} m is not within [{}, {}]", field, value_m, least_m, limits.most_tip_m));
-  };
-  const auto require_solid = [solid](const char* what) {
-    if (solid) return;
-    throw std::invalid_argument(
-        fmt::format("open.fingertip.shape: {} touches solid tissue (CreateScene with modulus.z_m); touch a "
-                    "plane scene with a flat punch or a rounded tip",
-                    what));
-  };
-  switch (tip.shape) {
-    case FingertipShape::kNode:
-      // A Gaussian is cut at three standard deviations or so.
-      if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= limits.most_tip_m))
-        throw std::invalid_argument(fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]",
-                                                tip.footprint_m, limits.most_tip_m / 3));
-      return;
-    case FingertipShape::kPad:
-      require_solid("a pad");
-      [[fallthrough]];
-    case FingertipShape::kFlatPunch:
-      check_length("open.fingertip.half_width_m", tip.half_width_m, limits.least_tip_m);
-      check_length("open.fingertip.radius_m", tip.radius_m, 0);
-      return;
-    case FingertipShape::kSphere:
-      require_solid("a sphere");
-      [[fallthrough]];
-    case FingertipShape::kRoundedTip:
-      check_length("open.fingertip.radius_m", tip.radius_m, limits.least_tip_m);
-      return;
-  }
-}
-
-// Closed forms are of a solid's surface and round tips.
-bool has_closed_forms(const TouchOptions& options, const Layer& layer, bool solid) {
-  const Fingertip& tip = options.fingertip;
-  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
-  return solid && layer == Layer{} && round && tip.friction == Friction::kFrictionless;
-}
-
-void check_path(const TouchOptions& options, bool closed_forms) {
-  const SolvePath path = options.path;
-  if (path != SolvePath::kLayer && path != SolvePath::kLayers && path != SolvePath::kShares) return;
-  if (closed_forms && !options.pressure) return;
-  throw std::invalid_argument(
-      "open.path: LAYER, LAYERS and SHARES are closed forms of a frictionless ROUNDED_TIP or SPHERE on a "
-      "solid's surface, without pressures or tactile images; leave the path out");
-}
-
-// What its shape does not use is as in every other tip of that shape.
-Fingertip canonical(Fingertip tip) {
-  const Fingertip usual;
-  const bool flat = tip.shape == FingertipShape::kFlatPunch || tip.shape == FingertipShape::kPad;
-  if (!flat) tip.half_width_m = usual.half_width_m;
-  if (tip.shape != FingertipShape::kPad) tip.pad_m_pa = usual.pad_m_pa;
-  if (tip.shape != FingertipShape::kNode) tip.footprint_m = usual.footprint_m;
-  if (tip.shape == FingertipShape::kNode) tip.radius_m = usual.radius_m;
-  return tip;
-}
-
-TouchOptions canonical(TouchOptions options) {
-  options.fingertip = canonical(options.fingertip);
-  return options;
-}
-
 bool all_finite(std::span<const double> values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
 }
@@ -102,15 +34,6 @@ bool finite(const ContactAnswer& c) {
          std::all_of(c.pressure.begin(), c.pressure.end(), known);
 }
 
-void check_normal(const Vector3& asked, const Layer& layer) {
-  constexpr double kRounding = 1e-6;
-  for (std::size_t i = 0; i < asked.size(); ++i)
-    if (!(std::abs(asked[i] - layer.normal[i]) <= kRounding))
-      throw std::invalid_argument(
-          fmt::format("open.layer.normal: [{:.4g}] is not this layer's, which is [{:.4g}]; leave it out",
-                      fmt::join(asked, ", "), fmt::join(layer.normal, ", ")));
-}
-
 }  // namespace
 
 bool trusted_meanwhile(const SolveReport& solve) {
@@ -124,15 +47,13 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       way_{.path = options_.path, .device = std::move(device), .client = options_.client} {
   const auto given = scene_->snapshot()->modulus;
   const bool solid = given && given->solid();
-  check_fingertip(options_.fingertip, solid, scene_->limits());
+  check(options_, layer_, solid, scene_->limits());
   way_.closed_forms = has_closed_forms(options_, layer_, solid);
-  check_path(options_, way_.closed_forms);
   if (way_.closed_forms) {  // laws are of each tolerance
     way_.tolerance = options_.tolerance;
     way_.pressure = options_.pressure;
     way_.planner = std::make_shared<Planner>();
   }
-  if (options_.layer_normal) check_normal(*options_.layer_normal, layer_);
   scene_->use_layer(layer_);
 }
 
@@ -189,7 +110,9 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
                                asked ? std::optional(asked->relative) : std::nullopt);
   }
   try {
-    if (!enter(window, *snapshot, may_enter)) {
+    TouchPose pose{{x_m, position_m[1] - layer_.depth_m, position_m[2]}};
+    motion_.see(pose, FingerMotion::Clock::now());
+    if (!enter(window, *snapshot, pose, may_enter)) {
       answer.status = TouchStatus::kPreparing;
       answer.warning = fmt::format(
           "the touched layer, {:.4f} m deep, is being made ready in this window; hold the finger above",
@@ -200,8 +123,6 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
     answer.taken_in = window_->taken_in;
     if (window == window_) seen_ = snapshot;
     for (const std::string_view flag : seen_->flags_of(*window_)) answer.window_flags.emplace_back(flag);
-    TouchPose pose{{x_m, position_m[1] - layer_.depth_m, position_m[2]}};
-    motion_.see(pose, FingerMotion::Clock::now());
     touch_into(answer, pose);
     judge(answer, *seen_, pose);
     if (answer.contact.state == ContactState::kNoContact) answer.foreseen = foresee(*seen_, pose);
@@ -229,27 +150,37 @@ std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window
 }
 
 void TouchSession::leave_window() {
-  window_.reset(), touched_.reset(), seen_.reset();
+  window_.reset(), touched_.reset(), seen_.reset(), arriving_.reset();
   at_.reset(), before_.reset();
 }
 
-// False while the window's layer is being made ready. Until a newer model of the same window has it, the one
-// before answers.
+// False while the window's layer is being made ready. Until a newer model of the same window has it, and
+// answers without a wait, the one before answers.
 bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot,
-                         const MayEnter& may_enter) {
+                         const TouchPose& pose, const MayEnter& may_enter) {
   if (window == window_) return true;
   const TouchWork& work = scene_->touch_work();
   if (window_ && window_->id != window->id) leave_window();
   auto layer = window->model->layer(layer_, way_, work);
   if (!layer) return window_ != nullptr;
   if (window_ && !may_enter(*window)) return true;
-  window_ = window, touched_ = std::move(layer);
+  if (window_ && work && !arrived(*layer, pose)) return true;
+  window_ = window, touched_ = std::move(layer), arriving_.reset();
   if (way_.path == SolvePath::kPcg || !work) return true;
   for (const auto& next : snapshot.windows)  // where the finger may go from here
     if (next != window && adjoin(*next, *window)) try {
         next->model->layer(layer_, way_, work);
       } catch (const std::exception&) {  // said when the finger is there
       }
+  return true;
+}
+
+// Whether a newer model's layer may answer here from now on: some time after the first was ready it may.
+bool TouchSession::arrived(TouchedLayer& layer, const TouchPose& pose) try {
+  const auto now = TouchedLayer::Clock::now();
+  if (!arriving_) arriving_ = now;
+  return layer.welcomes(options_.fingertip, pose) || now - *arriving_ >= choices::kArrives;
+} catch (const std::exception&) {  // said by the answer
   return true;
 }
 
@@ -270,15 +201,25 @@ void TouchSession::look_ahead() try {
 } catch (const std::exception&) {
 }
 
+// Whether it pressed near by a short time before: a wait would take away the force that is felt.
+bool TouchSession::presses_on(const TouchPose& pose) const {
+  if (!at_ || !(indentation_m(layer_, *at_) > 0)) return false;
+  const auto& [x, y, z] = at_->position_m;
+  const auto& [to_x, to_y, to_z] = pose.position_m;
+  return TouchedLayer::Clock::now() - at_time_ < choices::kPressesOn &&
+         std::hypot(to_x - x, to_y - y, to_z - z) <= choices::kPressesOnM;
+}
+
 void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
   answer.path = touched_->path();
-  if (indentation_m(layer_, pose) > 0 && !prepare(pose, 0, choices::kLongestSolve))
+  const auto ready = [&] { return presses_on(pose) && prepare(pose, 0, std::chrono::milliseconds(0)); };
+  if (indentation_m(layer_, pose) > 0 && !ready() && !prepare(pose, 0, choices::kLongestSolve))
     throw std::runtime_error(
         "columns of the contact are still being solved; hold the finger above, or use "
         "the compliance");
   answer.contact = touched_->touch(options_.fingertip, pose);
   if (answer.contact.path != SolvePath::kAuto) answer.path = answer.contact.path;
-  before_ = std::exchange(at_, pose);
+  before_ = std::exchange(at_, pose), at_time_ = TouchedLayer::Clock::now();
   if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
 }
 

@@ -16,20 +16,11 @@
 #include "service/touch_plane/finger_motion.h"
 #include "service/touch_plane/paced_job.h"
 #include "service/touch_plane/tactile_outbox.h"
+#include "service/touch_plane/touch_options.h"
 
 namespace teletact::service {
 
 enum class TouchStatus { kOk, kNotCovered, kDegraded, kFailed, kPreparing };
-
-struct TouchOptions {
-  Fingertip fingertip;
-  double layer_depth_m = 0;
-  SolvePath path = SolvePath::kAuto;
-  std::string client = {};                   // in whose turn layers are made ready
-  std::optional<Vector3> layer_normal = {};  // as it was asked for; none: as the model says
-  std::optional<Tolerance> tolerance = {};   // answers that may be off by more are not trusted
-  bool pressure = false;                     // answers have to tell pressures
-};
 
 // What waits below a finger out of contact: a light touch of the same place.
 struct ForeseenTouch {
@@ -74,7 +65,8 @@ class TouchSession {
   // Throws std::invalid_argument for a pose that is not finite. Everything else is an answer: NOT_COVERED
   // (beside the tissue or deeper than it, too), FAILED and PREPARING with zero force, DEGRADED with a
   // warning.
-  // Where a newer model of the window may not be entered yet, the one before answers.
+  // Where a newer model of the window may not be entered yet, or is not ready for this finger, the one before
+  // answers.
   using MayEnter = std::function<bool(const WindowModel&)>;
   TouchAnswer solve(
       const Vector3& position_m, const MayEnter& = [](const WindowModel&) { return true; });
@@ -98,9 +90,12 @@ class TouchSession {
   std::string outside(const Vector3& position_m) const;
   // Whether what the answer says of its contact may be shown without a word.
   bool shows(const TouchAnswer&) const;
-  bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const MayEnter&);
+  bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const TouchPose&,
+             const MayEnter&);
+  bool arrived(TouchedLayer&, const TouchPose&);
   void leave_window();
   bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);
+  bool presses_on(const TouchPose&) const;
   void touch_into(TouchAnswer&, const TouchPose&);
   void judge(TouchAnswer&, const SceneSnapshot&, const TouchPose&) const;
   std::string doubt(const ContactAnswer&, const SceneSnapshot&, const TouchPose&) const;
@@ -113,7 +108,9 @@ class TouchSession {
   std::shared_ptr<const WindowModel> window_;  // that answers: the one under the finger, or that before it
   std::shared_ptr<TouchedLayer> touched_;      // layer_ of window_'s model; there whenever window_ is
   std::shared_ptr<const SceneSnapshot> seen_;  // the newest that has window_
-  std::optional<TouchPose> at_, before_;       // the poses that were touched last
+  std::optional<TouchedLayer::Clock::time_point> arriving_;  // since then newer models are ready
+  std::optional<TouchPose> at_, before_;                     // the poses that were touched last
+  TouchedLayer::Clock::time_point at_time_;
   FingerMotion motion_;
 };
 

@@ -144,8 +144,9 @@ TEST_F(FaultyDevice, HoweverSlowItIsSharesInTheNodesPlaceAreDegraded) {
   TouchSession finger(solid(5e4), {}, slow_device(4));
   std::size_t late = 0;
   bool by_nodes = false;
-  for (int tries = 0; tries < 600 && !by_nodes; ++tries) {
+  for (int tries = 0; tries < 20000 && !by_nodes; ++tries) {
     const TouchAnswer answer = finger.solve(at(0));
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
     by_nodes = answer.status == TouchStatus::kOk && answer.contact.path == SolvePath::kAuto;
     const double off = std::abs(answer.contact.force_n[1] / truth - 1);
     if (answer.status == TouchStatus::kOk) {

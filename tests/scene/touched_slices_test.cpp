@@ -14,15 +14,22 @@
 namespace teletact::service {
 namespace {
 
+// Of a finger that rests until corrections make its answer no better.
+TouchAnswer rested(TouchSession& session, const Vector3& position_m) {
+  TouchAnswer answer = session.solve(position_m);
+  for (std::size_t made = 0; answer.contact.solve.improving && made < choices::kMostCorrections;) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    answer = session.solve(position_m);
+    made += answer.contact.solve.iterations > 0;
+  }
+  return answer;
+}
+
 TEST(TouchedSlices, GrowAVolumeUnderTheFinger) {
   const auto scene = scene_of(stack({-0.012}));
   TouchSession session(scene, {}, test_device());
   const auto force = [&](double z_m) {
-    TouchAnswer answer = session.solve({kBallX, 0.002, z_m});
-    for (int rests = 0; rests < 2000 && !answer.contact.solve.converged; ++rests) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-      answer = session.solve({kBallX, 0.002, z_m});
-    }
+    const TouchAnswer answer = rested(session, {kBallX, 0.002, z_m});
     EXPECT_TRUE(answer.contact.solve.converged);
     EXPECT_EQ(answer.status, from_slices_m(*scene->snapshot()->modulus, z_m) > choices::kSliceReach
                                  ? TouchStatus::kDegraded
@@ -44,7 +51,7 @@ TEST(TouchedSlices, GrowAVolumeUnderTheFinger) {
   all.insert(all.end(), kPlaces.begin(), kPlaces.end());
   TouchSession other(scene_of(stack(all)), {}, test_device());
   for (const double z_m : {kBallZ, -0.008, 0.012}) {
-    const double fresh = -other.solve({kBallX, 0.002, z_m}).contact.force_n[1];
+    const double fresh = -rested(other, {kBallX, 0.002, z_m}).contact.force_n[1];
     EXPECT_NEAR(force(z_m), fresh, 2 * choices::kSolidForceError * fresh) << z_m;
   }
 }
@@ -149,6 +156,51 @@ TEST(TouchedSlices, ThatComeWhileTheSolidIsMadeReadyDoNotDelayIt) {
               (answer.contact.solve.relative_error + choices::kSolidForceError) * -truth);
 }
 
+// A slice comes while a finger presses: the version before answers until the new one has been corrected
+// there.
+TEST(TouchedSlices, APressedFingerDoesNotWaitForANewVersion) {
+  const auto scene = scene_of(stack({-0.012, -0.002, 0.012}));
+  scene->set_touch_work([](const std::string&, const std::function<void()>& job) { job(); });
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
+  TouchSession session(scene, by_nodes, test_device());
+  const Vector3 pose{kBallX, 0.002, kBallZ};
+  EXPECT_EQ(session.solve(pose).status, TouchStatus::kPreparing) << "the layer is made beside";
+  const TouchAnswer before = session.solve(pose);
+  ASSERT_EQ(before.status, TouchStatus::kOk) << before.warning;
+  scene->publish(slice_at(kBallZ));
+  const TouchAnswer first = session.solve(pose);
+  EXPECT_EQ(first.model_version, before.model_version) << "not corrected yet";
+  EXPECT_NEAR(first.contact.force_n[1], before.contact.force_n[1],
+              2 * choices::kSolidForceError * -before.contact.force_n[1]);
+  const auto published = std::chrono::steady_clock::now();
+  TouchAnswer answer = first;
+  while (answer.model_version == before.model_version &&
+         std::chrono::steady_clock::now() < published + std::chrono::seconds(20)) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    answer = session.solve(pose);
+    ASSERT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+  }
+  EXPECT_EQ(answer.model_version, before.model_version + 1);
+  EXPECT_LT(answer.contact.force_n[1], 1.05 * before.contact.force_n[1]) << "the slice is stiffer";
+  TouchSession above(scene, by_nodes, test_device());
+  const Vector3 lifted{kBallX, -0.002, kBallZ};
+  above.solve(lifted);
+  scene->publish(slice_at(0.008));
+  EXPECT_EQ(above.solve(lifted).model_version, before.model_version + 2) << "nothing is waited for";
+}
+
+// A wait for a correction takes the force away from a finger that presses; one that is put down has none yet.
+TEST(TouchedSlices, AFingerThatPressesOnWaitsForNoCorrection) {
+  TouchSession session(scene_of(stack({kBallZ})), {}, test_device());
+  const auto told = [&](double x_m) { return session.solve({x_m, 0.002, kBallZ}).contact.solve; };
+  EXPECT_TRUE(told(kBallX).converged) << "put down";
+  const SolveReport on = told(kBallX - 0.004);
+  EXPECT_TRUE(!on.converged && on.improving);
+  std::this_thread::sleep_for(choices::kPressesOn);
+  EXPECT_TRUE(told(kBallX + 0.004).converged) << "put down anew";
+  EXPECT_TRUE(told(kBallX - 0.005).converged) << "put down elsewhere";
+}
+
 // Slices come while a finger presses: each answer is one version's, whole, within what it states.
 TEST(TouchedSlices, APressedFingerFeelsWholeVersions) {
   const auto scene = scene_of(stack({-0.012, -0.002, 0.012}));
@@ -189,11 +241,14 @@ TEST(TouchedSlices, APressedFingerFeelsWholeVersions) {
   EXPECT_GT(most, 1.05 * least) << "the slices differ";
   std::uint64_t last = 0;
   for (const TouchAnswer& answer : answers) {
-    ASSERT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+    const SolveReport& solve = answer.contact.solve;
+    ASSERT_TRUE(answer.status == TouchStatus::kOk || solve.improving) << answer.warning;
     EXPECT_GE(answer.model_version, last);
     last = answer.model_version;
     const double force = alone.at(answer.model_version);
-    EXPECT_NEAR(-answer.contact.force_n[1], force, 2 * choices::kSolidForceError * force) << last;
+    EXPECT_NEAR(-answer.contact.force_n[1], force,
+                (solve.relative_error + 2 * choices::kSolidForceError) * force)
+        << last;
   }
   EXPECT_GT(last, answers.front().model_version);
 }
@@ -228,9 +283,7 @@ TEST(TouchedSlices, AWornFactorIsRenewed) {
   const auto scene = scene_of(stack({-0.01}));
   TouchSession session(scene, {}, test_device());
   const auto touched = [](TouchSession& finger) {
-    const auto solve = [&finger] { return finger.solve({kBallX, 0.002, 0.001}); };
-    TouchAnswer answer = solve();
-    for (int tries = 0; tries < 100 && answer.status == TouchStatus::kFailed; ++tries) answer = solve();
+    const TouchAnswer answer = rested(finger, {kBallX, 0.002, 0.001});
     return std::pair{-answer.contact.force_n[1], answer.contact.solve.relative_error};
   };
   // Within what is stated, and how far that is from what is asked.
@@ -252,7 +305,7 @@ TEST(TouchedSlices, AWornFactorIsRenewed) {
   for (std::size_t n = 24 * 5; n < 24 * 10; ++n) slice.youngs_modulus_pa[n] *= 6;
   scene->publish(slice);
   EXPECT_GT(felt_as_made_anew(), 0.01);
-  const TouchAnswer worn = session.solve({kBallX, 0.002, 0.001});
+  const TouchAnswer worn = rested(session, {kBallX, 0.002, 0.001});
   EXPECT_EQ(worn.status, TouchStatus::kDegraded);
   EXPECT_NE(worn.warning.find("layers changed"), std::string::npos) << worn.warning;
   const auto renewed = scene->renewed();
@@ -264,7 +317,7 @@ TEST(TouchedSlices, AWornFactorIsRenewed) {
   scene->publish(between);
   scene->renew(*renewed);
   EXPECT_EQ(scene->snapshot()->version, 6u);
-  EXPECT_EQ(session.solve({kBallX, 0.002, 0.001}).status, TouchStatus::kOk);
+  EXPECT_EQ(rested(session, {kBallX, 0.002, 0.001}).status, TouchStatus::kOk);
   EXPECT_LE(felt_as_made_anew(), 0.1 * choices::kMostDrift);
   EXPECT_FALSE(scene->renewed());
 }

@@ -1,0 +1,29 @@
+// What a touch is opened with, and whether it can be touched so.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "service/contact/touch_model.h"
+#include "service/limits/limits.h"
+
+namespace teletact::service {
+
+struct TouchOptions {
+  Fingertip fingertip;
+  double layer_depth_m = 0;
+  SolvePath path = SolvePath::kAuto;
+  std::string client = {};                   // in whose turn layers are made ready
+  std::optional<Vector3> layer_normal = {};  // as it was asked for; none: as the model says
+  std::optional<Tolerance> tolerance = {};   // answers that may be off by more are not trusted
+  bool pressure = false;                     // answers have to tell pressures
+};
+
+// With what its tip's shape does not use as in every other tip of that shape.
+TouchOptions canonical(TouchOptions);
+// Closed forms are of a solid's surface and round tips.
+bool has_closed_forms(const TouchOptions&, const Layer&, bool solid);
+// Throws std::invalid_argument (field named) for what this layer of this tissue cannot be touched with.
+void check(const TouchOptions&, const Layer&, bool solid, const Limits&);
+
+}  // namespace teletact::service
