@@ -126,19 +126,20 @@ class Answers:
         out = xr.Dataset({"valid": valid})
         for name, map_ in self._maps.items():
             out[name] = map_ if name in ("correlation", "b_mode") else arrays.masked(map_, valid, self._call)
-        out.attrs = {
+        out.attrs = {  # what NetCDF can hold, so truths are 0 or 1
             "warnings": list(summary.warnings),
-            "modulus_absolute": summary.modulus_absolute,
+            "modulus_absolute": int(summary.modulus_absolute),
             "background_modulus": summary.background_modulus_pa,
             "modulus_method": _METHOD_NAMES.get(summary.modulus_method, ""),
-            "modulus_converged": summary.modulus_converged,
+            "modulus_converged": int(summary.modulus_converged),
             "modulus_iterations": summary.modulus_iterations,
             "modulus_model": summary.modulus_model,
             "median_correlation": summary.median_correlation,
             "valid_fraction": summary.valid_fraction,
             "mean_axial_strain": summary.mean_axial_strain,
             "quality": summary.quality,
-            "stages_s": {stage.stage: stage.seconds for stage in summary.stages},
+            "stages": [stage.stage for stage in summary.stages],
+            "stages_s": [stage.seconds for stage in summary.stages],
         }
         if summary.HasField("youngs_modulus_correlation_m"):
             out.attrs["youngs_modulus_correlation_m"] = summary.youngs_modulus_correlation_m
