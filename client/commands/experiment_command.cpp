@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -30,7 +31,7 @@ struct Arguments {
   SpringChain chain = {.renderer = ""};  // empty: perfect stiffness
   SpringPlace place;
   std::optional<std::uint64_t> seed;  // of --seed
-  std::string csv, refit;
+  std::string csv, refit, resume;
   double lapse_rate_most = 0;
   unsigned resamples = 1000;
 };
@@ -39,7 +40,11 @@ struct Arguments {
 std::uint64_t seed_of(const Arguments& arguments) {
   if (arguments.seed) return *arguments.seed;
   constexpr std::uint64_t kUsual = 1;
-  return arguments.refit.empty() ? kUsual : seed_of_results_csv(arguments.refit).value_or(kUsual);
+  if (arguments.resume.empty())
+    return arguments.refit.empty() ? kUsual : seed_of_results_csv(arguments.refit).value_or(kUsual);
+  if (const auto seed = seed_of_results_csv(arguments.resume)) return *seed;
+  throw CommandError(arguments.resume +
+                     " cannot be read, or states no seed: the order of its trials is not known");
 }
 
 std::string remark_of(const Arguments& arguments) {
@@ -84,9 +89,25 @@ std::vector<AnsweredTrial> ask(const Arguments& arguments) {
           ? keyboard_observer(in, std::cout, hardest_n_m(arguments.plan) * kKeyboardDeepestM)
           : simulated_observer(psychometric_function(arguments.observer, arguments.plan.background_n_m),
                                random.seed());
+  if (!arguments.resume.empty()) {
+    std::vector<AnsweredTrial> earlier = read_results_csv(arguments.resume);
+    ResultsCsv csv = ResultsCsv::going_on(arguments.resume, earlier.size());
+    return run_experiment(
+        trials, observer, [&](const AnsweredTrial& answer) { csv.add(answer); }, std::move(earlier));
+  }
   if (arguments.csv.empty()) return run_experiment(trials, observer);
   ResultsCsv csv(arguments.csv, remark_of(arguments));
   return run_experiment(trials, observer, [&](const AnsweredTrial& answer) { csv.add(answer); });
+}
+
+// Of counterbalanced trials: how much their order made of it.
+void print_orders(const std::vector<AnsweredTrial>& answers) {
+  std::array<unsigned, 2> of{}, harder{};  // with the background first, with the stimulus first
+  for (const AnsweredTrial& answer : answers)
+    ++of[answer.trial.stimulus_first], harder[answer.trial.stimulus_first] += answer.harder;
+  if (of[1] == 0) return;
+  std::printf("\n  stimulus judged harder: %u of %u times felt after the background, %u of %u before it\n",
+              harder[0], of[0], harder[1], of[1]);
 }
 
 void print_counts(const std::vector<StimulusCount>& counts) {
@@ -136,6 +157,7 @@ void run(const Arguments& arguments, const CLI::App& command) {
     std::printf("\n%zu trials, background %g N/m, stiffness as felt: %s\n", answers.size(), background_n_m,
                 answers.front().trial.condition.c_str());
     print_counts(counts);
+    print_orders(answers);
     const BootstrapOptions spread{arguments.resamples, 0.95, seed_of(arguments)};
     bool fitted = print_fit(counts, {FitMethod::kLeastSquares, 0}, background_n_m, spread);
     fitted |=
@@ -174,6 +196,10 @@ void add_observer_options(CLI::App& command, Arguments& arguments) {
               "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the keyboard")
           ->needs(person);
   command.add_option("--profile", arguments.device.profile, "of a simulated device")->needs(person);
+  command
+      .add_flag("--counterbalanced", arguments.plan.counterbalanced,
+                "half of each stimulus's trials have it first; without it the background always is")
+      ->needs(person);
   auto* renderer =
       command
           .add_option("--renderer", arguments.chain.renderer,
@@ -219,24 +245,31 @@ void add_experiment_command(CLI::App& app) {
       "(--renderer); prints Weibull fits and the Weber fraction");
   add_observer_options(command, *arguments);
   add_workspace_options(command, arguments->device.workspace);  // no scale: a stimulus is what the hand feels
-  command.add_option("--background-n-m", arguments->plan.background_n_m, "felt first in every trial")
+  command.add_option("--background-n-m", arguments->plan.background_n_m, "that each stimulus is felt beside")
       ->capture_default_str();
-  command
-      .add_option("--stimuli", arguments->plan.stimuli_n_m,
-                  "N/m, felt second; spread them about the threshold")
+  command.add_option("--stimuli", arguments->plan.stimuli_n_m, "N/m; spread them about the threshold")
       ->capture_default_str();
   command.add_option("--trials", arguments->plan.trials_per_stimulus, "of each stimulus")
       ->capture_default_str();
-  command.add_option(
+  auto* seed = command.add_option(
       "--seed", arguments->seed,
       "of the order, the simulated observer and the bootstrap (default: 1; with --refit that of "
       "the answers)");
   auto* csv = command.add_option("--csv", arguments->csv,
                                  "write every answer to this new file, as it comes; without it none is kept");
+  auto* refit =
+      command
+          .add_option("--refit", arguments->refit,
+                      "ask nobody: fit the answers of an earlier --csv; without it they are asked for")
+          ->excludes(csv);
   command
-      .add_option("--refit", arguments->refit,
-                  "ask nobody: fit the answers of an earlier --csv; without it they are asked for")
-      ->excludes(csv);
+      .add_option("--resume", arguments->resume,
+                  "go on with the person of an earlier --csv where it ended, in its order; the other options "
+                  "as they were. Without it a new one begins")
+      ->excludes(csv)
+      ->excludes(refit)
+      ->excludes(seed)
+      ->needs("--person");
   command
       .add_option("--fit-lapse-rate-most", arguments->lapse_rate_most,
                   "fit a lapse rate too, up to this (maximum likelihood alone); 0 = no lapses")

@@ -7,6 +7,7 @@
 #include <istream>
 #include <ostream>
 #include <string>
+#include <utility>
 
 namespace teletact::client {
 namespace {
@@ -29,16 +30,18 @@ bool ends(const std::string& word) {
 using Feel = std::function<bool(double stiffness_n_m)>;
 
 std::optional<bool> judge(const Trial& trial, const Feel& feel, std::istream& in, std::ostream& out) {
+  double first = trial.background_n_m, second = trial.stimulus_n_m;
+  if (trial.stimulus_first) std::swap(first, second);
   while (true) {
     out << "  the first. ";
-    if (!feel(trial.background_n_m)) return std::nullopt;
+    if (!feel(first)) return std::nullopt;
     out << "  the second. ";
-    if (!feel(trial.stimulus_n_m)) return std::nullopt;
+    if (!feel(second)) return std::nullopt;
     while (true) {
       out << "is the second harder? y/n (a: feel both again, q: end) " << std::flush;
       const std::string word = read_word(in);
-      if (word == "y" || word == "yes") return true;
-      if (word == "n" || word == "no") return false;
+      if (word == "y" || word == "yes") return !trial.stimulus_first;
+      if (word == "n" || word == "no") return trial.stimulus_first;
       if (ends(word)) return std::nullopt;
       if (word == "a") break;
       out << "please answer y or n\n";

@@ -4,12 +4,17 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <string_view>
 
 namespace teletact::client {
 namespace {
 
-const std::string kFormerHeader = "trial,background_n_m,stimulus_n_m,harder";
-const std::string kHeader = kFormerHeader + ",condition";
+const std::string kPerfectHeader = "trial,background_n_m,stimulus_n_m,harder";
+const std::string kBackgroundFirstHeader = kPerfectHeader + ",condition";
+const std::string kHeader = kBackgroundFirstHeader + ",first";
+
+// Which was felt first.
+constexpr std::string_view kStimulus = "stimulus", kBackground = "background";
 
 // Reads one number and what ends it; false when there is none.
 template <typename T>
@@ -29,11 +34,20 @@ bool parse(const std::string& line, const std::string& header, std::size_t numbe
   if (!take(at, end, ',', trial) || !take(at, end, ',', answer.trial.background_n_m) ||
       !take(at, end, ',', answer.trial.stimulus_n_m))
     return false;
-  if (header == kFormerHeader) {
+  if (header == kPerfectHeader) {
     if (!take(at, end, '\0', harder)) return false;
   } else {
     if (!take(at, end, ',', harder)) return false;
-    answer.trial.condition.assign(at, end);
+    std::string_view rest(at, end);
+    if (header == kHeader) {
+      const std::size_t comma = rest.rfind(',');
+      if (comma == std::string_view::npos) return false;
+      const std::string_view first = rest.substr(comma + 1);
+      if (first != kStimulus && first != kBackground) return false;
+      answer.trial.stimulus_first = first == kStimulus;
+      rest = rest.substr(0, comma);
+    }
+    answer.trial.condition = rest;
     if (answer.trial.condition.empty() || answer.trial.condition.find(',') != std::string::npos) return false;
   }
   answer.harder = harder == 1;
@@ -50,6 +64,19 @@ bool holds_no_answer(const std::filesystem::path& path) {
   return line == kHeader && !std::getline(file, line);
 }
 
+bool has_all_columns(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);)
+    if (!line.empty() && line.front() != '#') return line == kHeader || line == kHeader + '\r';
+  return false;
+}
+
+bool ends_a_line(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::ate | std::ios::binary);
+  file.seekg(-1, std::ios::end);
+  return file.get() == '\n';
+}
+
 }  // namespace
 
 ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& remark) : path_(path) {
@@ -61,9 +88,22 @@ ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& rem
   if (!file_) throw std::runtime_error("cannot write " + path.string());
 }
 
+ResultsCsv ResultsCsv::going_on(const std::filesystem::path& path, std::size_t answered) {
+  if (!has_all_columns(path))
+    throw std::runtime_error(path.string() + ": expected the line " + kHeader + "; begin a new file");
+  ResultsCsv csv;
+  csv.path_ = path, csv.trials_ = answered;
+  csv.file_.open(path, std::ios::app);
+  csv.file_.precision(std::numeric_limits<double>::max_digits10);
+  if (!ends_a_line(path)) csv.file_ << '\n';
+  if (!csv.file_) throw std::runtime_error("cannot write " + path.string());
+  return csv;
+}
+
 void ResultsCsv::add(const AnsweredTrial& answer) {
   file_ << ++trials_ << ',' << answer.trial.background_n_m << ',' << answer.trial.stimulus_n_m << ','
-        << answer.harder << ',' << answer.trial.condition << '\n'
+        << answer.harder << ',' << answer.trial.condition << ','
+        << (answer.trial.stimulus_first ? kStimulus : kBackground) << '\n'
         << std::flush;
   if (!file_)
     throw std::runtime_error("cannot write " + path_.string() +
@@ -95,8 +135,9 @@ std::vector<AnsweredTrial> read_results_csv(const std::filesystem::path& path) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
     if (line.empty() || line.front() == '#') continue;
     AnsweredTrial answer;
-    const bool good = header.empty() ? line == kHeader || line == kFormerHeader
-                                     : parse(line, header, answers.size() + 1, answer);
+    const bool good = header.empty()
+                          ? line == kHeader || line == kBackgroundFirstHeader || line == kPerfectHeader
+                          : parse(line, header, answers.size() + 1, answer);
     if (!good)
       throw std::runtime_error(path.string() + ", line " + std::to_string(number) + ": expected " +
                                (header.empty()

@@ -210,6 +210,48 @@ TEST(ResultsCsv, OneThatBrokeOffBeforeTheFirstAnswerMayBeTakenAgain) {
   EXPECT_THROW(ResultsCsv(folder / "note.csv", "again"), std::runtime_error) << "not ours to overwrite";
 }
 
+// A person who was called away goes on where the file ends, in the same order.
+TEST(ResultsCsv, AnExperimentGoesOnWhereItEnded) {
+  const TemporaryFolder folder;
+  const ExperimentPlan plan{25, {20, 30, 40}, 4, "kalman at 100 Hz 5 ms late", true};
+  Random random(7);
+  const std::vector<Trial> trials = random_order(plan, random);
+  const auto ask = [&](std::size_t last, ResultsCsv& csv, std::vector<AnsweredTrial> earlier) {
+    const Observer observer = [last](const Trial& trial, std::size_t number, std::size_t) {
+      return number > last ? std::nullopt : std::optional(trial.stimulus_n_m > 25);
+    };
+    return run_experiment(
+        trials, observer, [&](const AnsweredTrial& answer) { csv.add(answer); }, std::move(earlier));
+  };
+  {
+    ResultsCsv csv(folder / "a.csv", "teletact experiment: seed 7");
+    EXPECT_EQ(ask(5, csv, {}).size(), 5u);
+  }
+  put_content(folder / "b.csv",
+              content_of(folder / "a.csv").substr(0, content_of(folder / "a.csv").size() - 1));
+  for (const char* name : {"a.csv", "b.csv"}) {  // the second without its last end of a line
+    auto earlier = read_results_csv(folder / name);
+    ResultsCsv csv = ResultsCsv::going_on(folder / name, earlier.size());
+    EXPECT_EQ(ask(99, csv, std::move(earlier)).size(), 12u);
+    const auto kept = read_results_csv(folder / name);
+    ASSERT_EQ(kept.size(), 12u);
+    for (std::size_t k = 0; k < 12; ++k) EXPECT_EQ(kept[k].trial, trials[k]);
+    EXPECT_EQ(seed_of_results_csv(folder / name), 7u);
+  }
+  Random other(8);
+  try {
+    run_experiment(random_order(plan, other), {}, {}, read_results_csv(folder / "a.csv"));
+    ADD_FAILURE() << "taken";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("give the options that it was begun with"), std::string::npos);
+  }
+  EXPECT_THROW(run_experiment({trials[0]}, {}, {}, read_results_csv(folder / "a.csv")),
+               std::invalid_argument);
+  put_content(folder / "former.csv", "trial,background_n_m,stimulus_n_m,harder\n1,25,30,1\n");
+  EXPECT_THROW(ResultsCsv::going_on(folder / "former.csv", 1), std::runtime_error);
+  EXPECT_THROW(ResultsCsv::going_on(folder / "absent.csv", 0), std::runtime_error);
+}
+
 TEST(ResultsCsv, TheSeedIsReadBack) {
   const TemporaryFolder folder;
   { ResultsCsv(folder / "a.csv", "teletact experiment: seed 18446744073709551615, 40 trials"); }
@@ -218,25 +260,46 @@ TEST(ResultsCsv, TheSeedIsReadBack) {
   EXPECT_EQ(seed_of_results_csv(folder / "b.csv"), std::nullopt);
 }
 
-TEST(ResultsCsv, TheConditionIsKeptAndAFileWithoutOneIsOfPerfectStiffness) {
+TEST(ResultsCsv, ConditionAndOrderAreKeptAndFormerFilesAreReadAsWhatTheyWere) {
   const TemporaryFolder folder;
   {
     ResultsCsv csv(folder / "a.csv", "seed 7");
-    csv.add({{25, 30, "kalman at 100 Hz 5 ms late"}, true});
+    csv.add({{25, 30, "kalman at 100 Hz 5 ms late", true}, true});
     csv.add({{25, 30}, false});
   }
   const auto kept = read_results_csv(folder / "a.csv");
   ASSERT_EQ(kept.size(), 2u);
   EXPECT_EQ(kept[0].trial.condition, "kalman at 100 Hz 5 ms late");
   EXPECT_EQ(kept[1].trial.condition, "perfect");
+  EXPECT_TRUE(kept[0].trial.stimulus_first);
+  EXPECT_FALSE(kept[1].trial.stimulus_first);
   put_content(folder / "former.csv", "trial,background_n_m,stimulus_n_m,harder\n1,25,30,1\n");
   const auto former = read_results_csv(folder / "former.csv");
   ASSERT_EQ(former.size(), 1u);
   EXPECT_EQ(former[0].trial.condition, "perfect");
-  for (const std::string bad : {"1,25,30,1", "1,25,30,1,", "1,25,30,1,a,b", "1,25,30,2,a"}) {
-    put_content(folder / "bad.csv", "trial,background_n_m,stimulus_n_m,harder,condition\n" + bad + "\n");
+  const std::string header = "trial,background_n_m,stimulus_n_m,harder,condition";
+  put_content(folder / "first.csv", header + "\n1,25,30,1,a\n");
+  EXPECT_EQ(read_results_csv(folder / "first.csv").at(0).trial, (Trial{25, 30, "a", false}));
+  const auto refused = [&](const std::string& columns, const std::string& bad) {
+    put_content(folder / "bad.csv", columns + "\n" + bad + "\n");
     EXPECT_THROW(read_results_csv(folder / "bad.csv"), std::runtime_error) << bad;
-  }
+  };
+  for (const char* bad : {"1,25,30,1", "1,25,30,1,", "1,25,30,1,a,b", "1,25,30,2,a"}) refused(header, bad);
+  for (const char* bad :
+       {"1,25,30,1,a", "1,25,30,1,,stimulus", "1,25,30,1,a,b,stimulus", "1,25,30,1,a,third"})
+    refused(header + ",first", bad);
+}
+
+TEST(Trials, CounterbalancedHalfOfEachStimulusComesFirst) {
+  ExperimentPlan plan = plan_of(6);
+  plan.counterbalanced = true;
+  Random random(1);
+  std::map<double, int> first;
+  for (const Trial& trial : random_order(plan, random)) first[trial.stimulus_n_m] += trial.stimulus_first;
+  EXPECT_EQ(first.size(), plan.stimuli_n_m.size());
+  for (const auto& [stimulus, count] : first) EXPECT_EQ(count, 3) << stimulus;
+  plan.trials_per_stimulus = 5;
+  EXPECT_THROW(validate(plan), std::invalid_argument);
 }
 
 TEST(Trials, AnswersThatWereFeltDifferentlyAreNotCountedTogether) {

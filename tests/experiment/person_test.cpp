@@ -97,18 +97,17 @@ void expect_judged(FeelingDevice& device, SpringDisplay& display) {
     return "";
   });
   std::istream in(&person);
-  const std::vector<Trial> trials{{25, 31}, {25, 19}, {25, 27}};
+  const std::vector<Trial> trials{{25, 31}, {25, 19}, {25, 27}, {25, 29, "", true}, {25, 21, "", true}};
   const auto answers = run_experiment(trials, device_observer(display, in, out));
-  ASSERT_EQ(answers.size(), 3u);
-  EXPECT_TRUE(answers[0].harder);
-  EXPECT_FALSE(answers[1].harder);
-  EXPECT_TRUE(answers[2].harder);
-  ASSERT_EQ(felt_n_m.size(), 6u);
-  for (std::size_t k = 0; k < 3; ++k) {
-    EXPECT_NEAR(felt_n_m[2 * k], 25, 0.05 * 25);
-    EXPECT_NEAR(felt_n_m[2 * k + 1], trials[k].stimulus_n_m, 0.05 * trials[k].stimulus_n_m);
+  ASSERT_EQ(answers.size(), trials.size());
+  ASSERT_EQ(felt_n_m.size(), 2 * trials.size());
+  for (std::size_t k = 0; k < trials.size(); ++k) {
+    const auto& [background, stimulus, condition, first] = trials[k];
+    EXPECT_EQ(answers[k].harder, stimulus > background) << "the stimulus, whichever is felt first";
+    EXPECT_NEAR(felt_n_m[2 * k + (first ? 1 : 0)], background, 0.05 * background);
+    EXPECT_NEAR(felt_n_m[2 * k + (first ? 0 : 1)], stimulus, 0.05 * stimulus);
   }
-  for (const char* stiffness : {"25", "31", "19", "27", "N/m"})
+  for (const char* stiffness : {"25", "31", "19", "27", "29", "21", "N/m"})
     EXPECT_EQ(out.str().find(stiffness), std::string::npos) << out.str();
 }
 
