@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { decode } from '../../client/watch/page/decode.js';
 import { coloured, colours, extent, scale, shown, ticks } from '../../client/watch/page/layout.js';
+import { paint, paintAnew } from '../../client/watch/page/maps.js';
 import { Series } from '../../client/watch/page/series.js';
 import { gaveWay, pressed, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
 
@@ -125,4 +126,36 @@ test('a cursor reads what is measured, continued or not acquired', () => {
   assert.match(valueAt(map, [1.5, 0.5]), /not measured, continued as 6 kPa/);
   assert.match(valueAt(map, [2.5, 0.5]), /not acquired/);
   assert.match(valueAt(map, [9, 0.5]), /^x 9000.0 mm, y 500.0 mm$/);
+});
+
+// Stands in for what a browser has, and counts the images that are made.
+let made = 0;
+globalThis.ImageData = class { constructor(data) { this.data = data; } };
+globalThis.document = { createElement: () => {
+  const canvas = { getContext: () => ({ putImageData: ({ data }) => { ++made; canvas.pixels = data; } }) };
+  return canvas;
+} };
+
+test('maps are painted again when they or the colours change, and of B-mode only what is new', () => {
+  const mapOf = (...values) => ({ modulus_pa: { values: new Float32Array(values), shape: [1, values.length] },
+    valid: { values: new Uint8Array([1, 1, 0]) }, log_std: { values: new Float32Array([0.1, 0.6, 0.1]) } });
+  const echo = (drawn, grey) => ({ drawn, shape: [1, 1], values: new Uint8Array([grey]) });
+  const first = echo(1, 10), model = { map: mapOf(1e4, 4e4, 9e4), logModulus: false, b_mode: { arrays: [first] } };
+  const grey = [128, 128, 128], pixel = (canvas, n) => [...canvas.pixels.slice(4 * n, 4 * n + 3)];
+  const painted = paint(model, grey);
+  assert.equal(made, 3, 'modulus, deviation, B-mode');
+  assert.deepEqual(painted.range, [1e4, 4e4]);
+  assert.deepEqual(pixel(painted.modulus, 2), grey, 'not measured');
+  assert.notDeepEqual(pixel(painted.modulus, 0), pixel(painted.modulus, 1));
+  assert.deepEqual(pixel(painted.bMode[0].canvas, 0), [10, 10, 10]);
+  assert.equal(paint(model, grey), painted);
+  model.b_mode = { arrays: [first, echo(2, 200)] };
+  const more = paint(model, grey);
+  assert.equal(made, 6, 'modulus and deviation again, and the new window');
+  assert.equal(more.bMode[0].canvas, painted.bMode[0].canvas);
+  model.b_mode = { arrays: [echo(3, 90)] };
+  assert.deepEqual(pixel(paint(model, grey).bMode[0].canvas, 0), [90, 90, 90], 'imaged anew');
+  paintAnew();
+  assert.deepEqual(pixel(paint(model, [1, 2, 3]).modulus, 2), [1, 2, 3]);
+  assert.deepEqual(paint({ map: null, logModulus: false, b_mode: null }, grey).bMode, []);
 });
