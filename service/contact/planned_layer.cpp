@@ -83,6 +83,12 @@ std::shared_ptr<const ClosedTouch> PlannedLayer::closed(const Fingertip& tip) {
   return closed_.second;
 }
 
+// What was asked for is judged with finite strain.
+std::array<double, kClosedForms.size()> PlannedLayer::over(const ClosedTouch& closed,
+                                                           const Vector3& at) const {
+  return over_allowed(closed, at, tolerance_, asked_for_ ? FiniteStrain::kCounts : FiniteStrain::kLeftOut);
+}
+
 auto PlannedLayer::choose(const Fingertip& tip, const TouchPose& pose) -> Choice {
   solid_->require_covered(tip, pose);
   const Vector3 at = solid_->in_block(pose);
@@ -91,9 +97,7 @@ auto PlannedLayer::choose(const Fingertip& tip, const TouchPose& pose) -> Choice
   const auto closed = at[1] > 0 && !pressure_ ? this->closed(tip) : nullptr;
   if (closed && at[1] <= closed->most_m()) {
     std::array<double, kClosedForms.size() + 1> over{};  // of the nodes: 0
-    // What was asked for is judged with it.
-    const auto finite = asked_for_ ? FiniteStrain::kCounts : FiniteStrain::kLeftOut;
-    std::ranges::copy(over_allowed(*closed, at, tolerance_, finite), over.begin());
+    std::ranges::copy(this->over(*closed, at), over.begin());
     const auto chosen =
         path_ == SolvePath::kAuto
             ? planner_->choose(over, Planner::Clock::now())
@@ -118,10 +122,18 @@ bool PlannedLayer::prepare(const Fingertip& tip, const TouchPose& pose, double a
   throw;  // there is: its correction broke down
 }
 
-// By what answers in any case: nothing is chosen for a finger that is answered elsewhere.
+// Nothing is chosen for a finger that is answered elsewhere.
 bool PlannedLayer::welcomes(const Fingertip& tip, const TouchPose& pose) {
   solid_->require_covered(tip, pose);
-  return meanwhile(tip, pose, choices::kTrustedMeanwhile) || nodes_->welcomes(tip, pose);
+  return closed_will_do(tip, solid_->in_block(pose)) || meanwhile(tip, pose, choices::kTrustedMeanwhile) ||
+         nodes_->welcomes(tip, pose);
+}
+
+bool PlannedLayer::closed_will_do(const Fingertip& tip, const Vector3& at) {
+  const std::lock_guard lock(mutex_);
+  const auto closed = pressure_ ? nullptr : this->closed(tip);
+  if (!closed || at[1] > closed->most_m()) return false;
+  return path_ != SolvePath::kAuto || std::ranges::any_of(over(*closed, at), [](double o) { return o <= 1; });
 }
 
 ContactAnswer PlannedLayer::touch(const Fingertip& tip, const TouchPose& pose) {

@@ -58,6 +58,9 @@ class PlannedLayer final : public TouchedLayer {
   };
   PlannedLayer(const PlannedLayer& same, std::shared_ptr<TouchedLayer> nodes);
   Choice choose(const Fingertip&, const TouchPose&);
+  std::array<double, kClosedForms.size()> over(const ClosedTouch&, const Vector3& at) const;
+  // Whether one of them answers well enough.
+  bool closed_will_do(const Fingertip&, const Vector3& at);
   std::shared_ptr<const ClosedTouch> closed(const Fingertip&);  // under the mutex
   // By shares, where they are off by less than this, until the nodes are corrected. None of a law, and none
   // where a tolerance was asked for, which they miss.

@@ -1,4 +1,4 @@
-// How a finger moves, from the poses it was answered at.
+// How a finger moves, from its poses.
 #pragma once
 
 #include <array>

@@ -155,16 +155,19 @@ void TouchSession::leave_window() {
 }
 
 // False while the window's layer is being made ready. Until a newer model of the same window has it, and
-// answers without a wait, the one before answers.
+// welcomes the finger, the one before answers.
 bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot,
                          const TouchPose& pose, const MayEnter& may_enter) {
   if (window == window_) return true;
   const TouchWork& work = scene_->touch_work();
   if (window_ && window_->id != window->id) leave_window();
-  auto layer = window->model->layer(layer_, way_, work);
+  auto layer =
+      arriving_ && arriving_->window == window ? arriving_->layer : window->model->layer(layer_, way_, work);
   if (!layer) return window_ != nullptr;
+  arriving_ = {window, layer, arriving_ ? arriving_->since : TouchedLayer::Clock::now()};
+  // This order: may_enter() counts on being heeded.
+  if (window_ && work && !arrived(pose)) return true;
   if (window_ && !may_enter(*window)) return true;
-  if (window_ && work && !arrived(*layer, pose)) return true;
   window_ = window, touched_ = std::move(layer), arriving_.reset();
   if (way_.path == SolvePath::kPcg || !work) return true;
   for (const auto& next : snapshot.windows)  // where the finger may go from here
@@ -175,11 +178,10 @@ bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const
   return true;
 }
 
-// Whether a newer model's layer may answer here from now on: some time after the first was ready it may.
-bool TouchSession::arrived(TouchedLayer& layer, const TouchPose& pose) try {
-  const auto now = TouchedLayer::Clock::now();
-  if (!arriving_) arriving_ = now;
-  return layer.welcomes(options_.fingertip, pose) || now - *arriving_ >= choices::kArrives;
+// Whether a newer model may answer here from now on: some time after the first was ready it may.
+bool TouchSession::arrived(const TouchPose& pose) try {
+  return arriving_->layer->welcomes(options_.fingertip, pose) ||
+         TouchedLayer::Clock::now() - arriving_->since >= choices::kArrives;
 } catch (const std::exception&) {  // said by the answer
   return true;
 }

@@ -92,7 +92,7 @@ class TouchSession {
   bool shows(const TouchAnswer&) const;
   bool enter(const std::shared_ptr<const WindowModel>&, const SceneSnapshot&, const TouchPose&,
              const MayEnter&);
-  bool arrived(TouchedLayer&, const TouchPose&);
+  bool arrived(const TouchPose&);
   void leave_window();
   bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);
   bool presses_on(const TouchPose&) const;
@@ -108,8 +108,13 @@ class TouchSession {
   std::shared_ptr<const WindowModel> window_;  // that answers: the one under the finger, or that before it
   std::shared_ptr<TouchedLayer> touched_;      // layer_ of window_'s model; there whenever window_ is
   std::shared_ptr<const SceneSnapshot> seen_;  // the newest that has window_
-  std::optional<TouchedLayer::Clock::time_point> arriving_;  // since then newer models are ready
-  std::optional<TouchPose> at_, before_;                     // the poses that were touched last
+  struct Arriving {
+    std::shared_ptr<const WindowModel> window;
+    std::shared_ptr<TouchedLayer> layer;
+    TouchedLayer::Clock::time_point since;  // of the first that was ready
+  };
+  std::optional<Arriving> arriving_;      // the newer model that is not entered yet
+  std::optional<TouchPose> at_, before_;  // the poses that were touched last
   TouchedLayer::Clock::time_point at_time_;
   FingerMotion motion_;
 };

@@ -1,6 +1,7 @@
 """Looking on: what a real service shows of a scene that others touch and image, and what is made of lies."""
 
 import asyncio
+import threading
 import time
 
 import numpy as np
@@ -164,6 +165,7 @@ def surface(z_m=(0.0,), x_m=(0.0, 0.001), values=(0.001, 0.002), shape=(1, 2)):
 LIES = {
     "a state that is not the next": (state(2), "state"),
     "a map that nobody has": (state(maps=[part("taste", np.ones((3, 4)))]), "map 'taste'"),
+    "more parts than anybody sends": (state(maps=[valid()] * 5000), "maps"),
     "a B-mode image of floats": (state(maps=[part("b_mode", np.ones((3, 4)))]), "map 'b_mode'"),
     "a modulus of bytes": (state(maps=[part("youngs_modulus", np.ones((3, 4)), common.DATA_TYPE_UINT8)]),
                            "map 'youngs_modulus'"),
@@ -184,7 +186,7 @@ LIES = {
 def test_lies(lie, liar, lied_to):  # noqa: F811
     message, field = LIES[lie]
     liar.observe = lambda requests, context: iter([message])
-    with lied_to.observe("s") as seen:
+    with lied_to.observe("s", maps=MAPS) as seen:
         with pytest.raises(teletact.BadAnswer) as caught:
             seen.next()
         assert caught.value.field == field and caught.value.remedy and not seen.maps, "nothing of it was taken"
@@ -195,9 +197,51 @@ def test_parts_are_drawn_over_each_other(liar, lied_to):  # noqa: F811
              part("youngs_modulus", np.full((1, 1), 7.0), origin_m=(0.002, 0.001)),
              part("youngs_modulus", np.full((1, 2), 9.0), origin_m=(0.0, 0.0))]
     liar.observe = lambda requests, context: iter([state(maps=parts)])
-    with lied_to.observe("s") as seen:
+    with lied_to.observe("s", maps=["youngs_modulus"]) as seen:
         assert seen.next().changed == ("youngs_modulus",)
         nan = np.nan
         np.testing.assert_array_equal(seen.maps["youngs_modulus"],
                                       [[9, 9, nan, nan], [nan, nan, 7, 5], [nan, nan, 5, 5]])
         np.testing.assert_allclose(seen.maps["youngs_modulus"].x, [0, 0.001, 0.002, 0.003], atol=1e-12)
+
+
+def test_a_map_that_was_not_asked_for_is_a_lie(liar, lied_to):  # noqa: F811
+    liar.observe = lambda requests, context: iter([state(maps=[valid()])])
+    with lied_to.observe("s", maps=["b_mode"]) as seen, pytest.raises(teletact.BadAnswer, match="not asked for"):
+        seen.next()
+
+
+def test_b_mode_images_without_end_are_a_lie(liar, lied_to, monkeypatch):  # noqa: F811
+    monkeypatch.setattr("teletact.observing._MOST_B_MODE_BYTES", 20)
+    images = [part("b_mode", np.ones((3, 4)), common.DATA_TYPE_UINT8, window_id=k) for k in range(2)]
+    liar.observe = lambda requests, context: iter([state(1, maps=images[:1]), state(2, maps=images[1:])])
+    with lied_to.observe("s", maps=["b_mode"]) as seen:
+        assert seen.next().changed == (0,)
+        with pytest.raises(teletact.BadAnswer, match="b_mode.*in all"):
+            seen.next()
+
+
+def test_rows_that_come_alone_lie_as_far_apart_as_they_say(liar, lied_to):  # noqa: F811
+    rows = [part("youngs_modulus", np.full((1, 2), 1.0 + k), origin_m=(0.0, 0.001 * k)) for k in (0, 2)]
+    liar.observe = lambda requests, context: iter([state(maps=rows)])
+    with lied_to.observe("s", maps=["youngs_modulus"]) as seen:
+        seen.next()
+        np.testing.assert_array_equal(seen.maps["youngs_modulus"], [[1, 1], [np.nan] * 2, [3, 3]])
+
+
+def test_closed_while_a_state_is_waited_for(liar, lied_to):  # noqa: F811
+    asked = threading.Event()
+
+    def silent(requests, context):
+        asked.set()
+        context.add_callback(liar.over.set)
+        liar.over.wait(20)
+        yield from ()
+
+    liar.observe = silent
+    seen = lied_to.observe("s")
+    closing = threading.Thread(target=lambda: (asked.wait(20), seen.close()))
+    closing.start()
+    with pytest.raises(teletact.Cancelled, match="closed"):
+        seen.next()
+    closing.join()

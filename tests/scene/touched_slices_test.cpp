@@ -189,6 +189,32 @@ TEST(TouchedSlices, APressedFingerDoesNotWaitForANewVersion) {
   EXPECT_EQ(above.solve(lifted).model_version, before.model_version + 2) << "nothing is waited for";
 }
 
+// GIVEN a finger that feels a law, WHEN a new version comes, THEN its law is waited for from when it would
+// answer well, and no longer than whoever waits for it says.
+TEST(TouchedSlices, TheWaitForALawIsHeeded) {
+  const auto scene = scene_of(stack({-0.012, -0.002, 0.012}));
+  scene->set_touch_work([](const std::string&, const std::function<void()>& job) { job(); });
+  TouchSession session(scene, {.fingertip = {}, .path = SolvePath::kPcg}, test_device());
+  double x_m = kBallX - 0.004;
+  int asked = 0;
+  const auto solve = [&] {
+    return session.solve({x_m += 1e-4, 0.002, kBallZ}, [&](const WindowModel&) { return ++asked > 3; });
+  };
+  session.solve({x_m, 0.002, kBallZ});
+  const TouchAnswer before = solve();
+  ASSERT_EQ(before.status, TouchStatus::kOk) << before.warning;
+  scene->publish(slice_at(kBallZ));
+  TouchAnswer answer = before;
+  const auto published = std::chrono::steady_clock::now();
+  while (asked <= 3 && std::chrono::steady_clock::now() < published + std::chrono::seconds(20)) {
+    EXPECT_EQ(answer.model_version, before.model_version);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    answer = solve();
+  }
+  EXPECT_EQ(answer.model_version, before.model_version + 1) << "as soon as it may";
+  EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
+}
+
 // A wait for a correction takes the force away from a finger that presses; one that is put down has none yet.
 TEST(TouchedSlices, AFingerThatPressesOnWaitsForNoCorrection) {
   TouchSession session(scene_of(stack({kBallZ})), {}, test_device());

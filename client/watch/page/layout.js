@@ -67,7 +67,7 @@ export function extent(values, known) {
   for (let n = 0; n < values.length; n += step) if (known(n) && Number.isFinite(values[n])) sorted.push(values[n]);
   if (sorted.length === 0) return null;
   sorted.sort((a, b) => a - b);
-  const low = sorted[Math.floor(0.01 * sorted.length)], high = sorted[Math.ceil(0.99 * (sorted.length - 1))];
+  const low = sorted[Math.floor(0.01 * sorted.length)], high = sorted[Math.floor(0.99 * (sorted.length - 1))];
   return high > low ? [low, high] : [low * 0.9 || -1, low * 1.1 || 1];
 }
 

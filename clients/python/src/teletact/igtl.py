@@ -210,11 +210,13 @@ class _Peer(threading.Thread):
 
 def follow_scene(server: Server, service: teletact.Service, scene_id: str, over: threading.Event) -> None:
     """Sends the scene's modulus (Pa) whenever there is another, and each window's B-mode, until ``over`` is set."""
-    version, said = None, ""
+    version, said, streams = None, "", 0
     with service.observe(scene_id, maps=["b_mode"], most_rate_hz=1 / _FOLLOW_S, resume_s=0) as seen:
         while not over.is_set():
             try:
                 newest = seen.next()
+                if seen.streams != streams:  # another service perhaps, whose versions begin anew
+                    version, streams = None, seen.streams
                 for window in newest.changed:
                     server.image(f"b_mode_{window}", seen.b_mode[int(window)])
                 if newest.scene_version != version and newest.scene_version > 0:

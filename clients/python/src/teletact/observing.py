@@ -8,6 +8,7 @@ who asks rarely gets few states, and always the newest. A stream that ended mean
 from __future__ import annotations
 
 import asyncio
+import copy
 import math
 import time
 from dataclasses import dataclass, field
@@ -32,7 +33,8 @@ _SILENCE_S = 3.0           # of a service that writes a state each second; more 
 _OPEN_WAIT_S = 10.0
 _RETRY_S, _MOST_RETRY_S = 0.1, 2.0
 _MOST_CELLS = 1 << 25      # of a map
-_MOST_WINDOWS = 4096       # of which there is a B-mode image
+_MOST_PARTS = 4096         # of maps in one state
+_MOST_B_MODE_BYTES = 1 << 28
 _ALIGNED = 1e-3            # of a spacing, how far a part may lie beside its map's cells
 
 
@@ -79,6 +81,7 @@ class Observing:
         self._closed = False
         self._asking = asyncio.Lock()
         self.streams = 0    # that were opened: more than one after an interruption
+        self._canvases: dict[str, _Part] = {}
         self.maps: dict[str, xr.DataArray] = {}
         self.b_mode: dict[int, xr.DataArray] = {}
 
@@ -99,7 +102,8 @@ class Observing:
         return await self.next()
 
     async def next(self) -> Observation:
-        """The next state, at once where one is due. Raises a TeletactError, which ends it."""
+        """The next state, at once where one is due. Raises a TeletactError, which ends the stream: the next call opens
+        another."""
         async with self._asking:
             begun_s, retry_s = time.monotonic(), _RETRY_S
             while True:
@@ -111,8 +115,11 @@ class Observing:
                     await self._end()
                     if not self._may_pass(error) or time.monotonic() - begun_s > self._resume_s:
                         raise
-                except BaseException:
+                except BaseException as error:
                     await self._end()
+                    task = asyncio.current_task()
+                    if isinstance(error, asyncio.CancelledError) and self._closed and not (task and task.cancelling()):
+                        raise Cancelled("it was closed", call=_CALL) from None
                     raise
                 await asyncio.sleep(retry_s)
                 retry_s = min(2 * retry_s, _MOST_RETRY_S)
@@ -157,7 +164,7 @@ class Observing:
             raise await self._ended(stream) from None
         if opens:
             self.streams += 1
-            self.maps, self.b_mode = {}, {}  # all of it comes again
+            self._canvases, self.maps, self.b_mode = {}, {}, {}  # all of it comes again
         observed: palpation.Observation = message
         return observed
 
@@ -177,67 +184,89 @@ class Observing:
     def _taken(self, message: palpation.Observation) -> Observation:
         if message.state != self._state + 1:
             raise BadAnswer(f"{message.state} after {self._state}", field="state", call=_CALL)
+        if len(message.maps) > _MOST_PARTS:
+            raise BadAnswer(f"{len(message.maps)} parts", field="maps", call=_CALL)
         scene = scenes.scene_from(message.scene, _CALL) if message.HasField("scene") else None
         answer = answer_from(message.answer, math.nan) if message.HasField("answer") else None
         surface = _surface_from(message.surface) if message.HasField("surface") else None
-        maps, b_mode = dict(self.maps), dict(self.b_mode)
-        changed = dict.fromkeys(_take(part, maps, b_mode) for part in message.maps)
-        self._state, self.maps, self.b_mode = message.state, maps, b_mode
+        parts: dict[str, list[_Part]] = {}
+        b_mode = dict(self.b_mode)
+        changed: dict[str | int, None] = {}
+        for part in message.maps:
+            name = part.map.name
+            if name not in self._open.maps:
+                raise BadAnswer("not asked for", field=f"map '{name[:100]}'", call=_CALL)
+            values = _values_of(part.map)
+            if name == "b_mode":
+                b_mode[part.window_id] = values
+                changed[int(part.window_id)] = None
+            else:
+                parts.setdefault(name, []).append(_Part(values, part.map.grid))
+                changed[name] = None
+        if sum(values.nbytes for values in b_mode.values()) > _MOST_B_MODE_BYTES:
+            raise BadAnswer(f"more than {_MOST_B_MODE_BYTES >> 20} MB in all", field="map 'b_mode'", call=_CALL)
+        canvases = self._canvases | {name: _drawn(name, self._canvases.get(name), of) for name, of in parts.items()}
+        self._state, self._canvases, self.b_mode = message.state, canvases, b_mode
+        self.maps = self.maps | {name: canvases[name].shown(name) for name in parts}
         return Observation(message.state, message.scene_version, message.steered_by if message.steered else "", scene,
                            tuple(changed), answer, surface, message)
 
 
-def _take(part: palpation.ObservedMap, maps: dict[str, xr.DataArray], b_mode: dict[int, xr.DataArray]) -> str | int:
-    """Draws a part over what is known; which map it is of, or which window."""
-    name = part.map.name
-    if name not in MAPS:
-        raise BadAnswer("not asked for", field=f"map '{name[:100]}'", call=_CALL)
-    values = arrays.map_from(part.map, _CALL)
+class _Part:
+    """A rectangle of a map: values over y, x, of which the first is at ``origin_m`` and they are ``step_m`` apart."""
+
+    def __init__(self, values: xr.DataArray, grid: Any) -> None:
+        self.values, self.attrs = values.values, values.attrs
+        self.origin_m = (grid.origin_m[1], grid.origin_m[0])
+        self.step_m = (grid.spacing_m[1], grid.spacing_m[0])
+
+    def shown(self, name: str) -> xr.DataArray:
+        coords = {axis: (axis, origin_m + step_m * np.arange(count), {"units": "m"})
+                  for axis, origin_m, step_m, count in zip(("y", "x"), self.origin_m, self.step_m, self.values.shape)}
+        return xr.DataArray(self.values, coords, ("y", "x"), name=name, attrs=self.attrs)
+
+
+def _values_of(map_: Any) -> xr.DataArray:
+    field = f"map '{map_.name}'"
+    values = arrays.map_from(map_, _CALL)
     if values.ndim != 2 or 0 in values.shape:
-        raise BadAnswer(f"a part of shape {values.shape}", field=f"map '{name}'", call=_CALL)
-    if name == "b_mode":
-        if values.dtype != np.uint8:
-            raise BadAnswer(f"values of type {values.dtype}", field="map 'b_mode'", call=_CALL)
-        if part.window_id not in b_mode and len(b_mode) >= _MOST_WINDOWS:
-            raise BadAnswer(f"of more than {_MOST_WINDOWS} windows", field="map 'b_mode'", call=_CALL)
-        b_mode[part.window_id] = values
-        return int(part.window_id)
-    if name == "valid":
-        values = arrays.is_valid(values, _CALL)
-    elif values.dtype != np.float32:
-        raise BadAnswer(f"values of type {values.dtype}", field=f"map '{name}'", call=_CALL)
-    elif name == "youngs_modulus":
-        values = values.where(values != 0)  # where nothing was published
-    maps[name] = _drawn(maps.get(name), values, np.False_ if name == "valid" else np.float32(np.nan))
-    return name
+        raise BadAnswer(f"a part of shape {values.shape}", field=field, call=_CALL)
+    if map_.name == "valid":
+        return arrays.is_valid(values, _CALL)
+    if values.dtype != (np.uint8 if map_.name == "b_mode" else np.float32):
+        raise BadAnswer(f"values of type {values.dtype}", field=field, call=_CALL)
+    return values.where(values != 0) if map_.name == "youngs_modulus" else values  # 0: where nothing was published
 
 
-def _drawn(map_: xr.DataArray | None, part: xr.DataArray, unknown: Any) -> xr.DataArray:
-    """The map with the part over it, as large as both."""
-    if map_ is None:
-        return part.copy()
-    begins, sizes, place = {}, [], []
-    for axis in ("y", "x"):
-        known, more = map_[axis].values, part[axis].values
-        steps = [places[1] - places[0] for places in (known, more) if len(places) > 1]
-        step = steps[0] if steps else abs(more[0] - known[0]) or 1.0
-        offset = float(more[0] - known[0]) / float(step) if step > 0 else math.inf
-        if not abs(offset) < _MOST_CELLS:
-            raise BadAnswer(f"a part {offset:.3g} cells away along {axis}", field=f"map '{map_.name}'", call=_CALL)
-        if abs(offset - round(offset)) > _ALIGNED or any(abs(s - step) > _ALIGNED * step for s in steps):
-            raise BadAnswer(f"a part that is not on its grid along {axis}", field=f"map '{map_.name}'", call=_CALL)
-        first = min(0, round(offset))
-        begins[axis] = (known[0] + first * step, step)
-        sizes.append(max(len(known), round(offset) + len(more)) - first)
-        place.append((slice(-first, -first + len(known)), slice(round(offset) - first, round(offset) - first + len(more))))
-    if math.prod(sizes) > _MOST_CELLS:
-        raise BadAnswer(f"{sizes[0]} x {sizes[1]} cells", field=f"map '{map_.name}'", call=_CALL)
-    canvas = np.full(sizes, unknown)
-    for which, values in enumerate((map_.values, part.values)):
-        canvas[place[0][which], place[1][which]] = values
-    coords = {axis: (axis, begins[axis][0] + begins[axis][1] * np.arange(size), {"units": "m"})
-              for axis, size in zip(("y", "x"), sizes)}
-    return xr.DataArray(canvas, coords, ("y", "x"), name=map_.name, attrs=map_.attrs)
+def _drawn(name: str, known: _Part | None, parts: list[_Part]) -> _Part:
+    """The map with the parts over it, as large as all of them; what was known is left as it was."""
+    field = f"map '{name}'"
+    first = known or parts[0]
+    offsets = []
+    for part in parts:
+        offset = []
+        for axis, from_m, at_m, step_m, its_m in zip("yx", first.origin_m, part.origin_m, first.step_m, part.step_m):
+            cells = (at_m - from_m) / step_m
+            if not abs(cells) < _MOST_CELLS:
+                raise BadAnswer(f"a part {cells:.3g} cells away along {axis}", field=field, call=_CALL)
+            if abs(cells - round(cells)) > _ALIGNED or abs(its_m - step_m) > _ALIGNED * step_m:
+                raise BadAnswer(f"a part that is not on its grid along {axis}", field=field, call=_CALL)
+            offset.append(round(cells))
+        offsets.append(offset)
+    pieces = [*([(known, [0, 0])] if known else []), *zip(parts, offsets)]
+    begin = np.min([offset for _, offset in pieces], axis=0)
+    end = np.max([np.add(offset, piece.values.shape) for piece, offset in pieces], axis=0)
+    rows, columns = (int(count) for count in end - begin)
+    if rows * columns > _MOST_CELLS:
+        raise BadAnswer(f"{rows} x {columns} cells", field=field, call=_CALL)
+    out = copy.copy(first)
+    out.values = np.full((rows, columns), False if name == "valid" else np.float32(np.nan))
+    out.origin_m = tuple(origin_m + step_m * int(cells)
+                         for origin_m, step_m, cells in zip(first.origin_m, first.step_m, begin))
+    for piece, offset in pieces:
+        y, x = np.subtract(offset, begin)
+        out.values[y:y + piece.values.shape[0], x:x + piece.values.shape[1]] = piece.values
+    return out
 
 
 def _surface_from(message: palpation.DeformedSurface) -> Surface:
