@@ -182,6 +182,11 @@ def test_a_scene_is_sent_when_it_changes(server, liar, lied_to, said):  # noqa: 
             yield said
             next(requests)
             time.sleep(0.02)
+            if ends.is_set():
+                ends.clear()
+                return
+
+    ends = threading.Event()
 
     def publish(version, modulus):
         scene = palpation.Scene(scene_id="s", version=version, youngs_modulus=a_map("youngs_modulus", np.full((3, 4), modulus)),
@@ -202,6 +207,10 @@ def test_a_scene_is_sent_when_it_changes(server, liar, lied_to, said):  # noqa: 
         until(lambda: said("no maps: "))
         publish(3, 3e4)
         assert np.frombuffer(client.until("IMAGE")[4][72:], "<f4").tolist() == [3e4] * 12
+        publish(3, 4e4)  # another service: its versions began anew
+        ends.set()
+        assert client.until("IMAGE")[2] == "b_mode_7"
+        assert np.frombuffer(client.until("IMAGE")[4][72:], "<f4").tolist() == [4e4] * 12
 
 
 def entry(**fields):
