@@ -265,7 +265,7 @@ void add_experiment_command(CLI::App& app) {
   command
       .add_option("--resume", arguments->resume,
                   "go on with the person of an earlier --csv where it ended, in its order; the other options "
-                  "as they were. Without it a new one begins")
+                  "as they were; without it a new one begins")
       ->excludes(csv)
       ->excludes(refit)
       ->excludes(seed)

@@ -11,7 +11,9 @@ namespace {
 
 Tissue validated(Tissue tissue) {
   validate(tissue);
-  if (tissue.solid) throw TissueError("solid: this patient is of plane tissue; take [solid] out, or acquire it with --slices");
+  if (tissue.solid)
+    throw TissueError(
+        "solid: this patient is of plane tissue; take [solid] out, or acquire it with --slices");
   return tissue;
 }
 

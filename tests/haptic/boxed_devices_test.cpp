@@ -115,8 +115,7 @@ TEST_P(BoxedDevices, SaysWhatIsWrongAndWhatToDo) {
   fake->mode = FAKE_ABSENT;
   const std::string absent = complaint(library());
   EXPECT_TRUE(has(absent, "no ") && has(absent, "see to its cable and power")) << absent;
-  EXPECT_TRUE(has(absent, GetParam().api == "libdhd" ? "no device found" : "timer error (0x0304)"))
-      << absent;
+  EXPECT_TRUE(has(absent, GetParam().api == "libdhd" ? "no device found" : "timer error (0x0304)")) << absent;
   fake->mode = FAKE_WELL;
   const bool takes_name = GetParam().api == "libhd";
   EXPECT_EQ(complaint(library() + ",device=Left Device").empty(), takes_name);

@@ -1,5 +1,5 @@
-// A client by the OpenIGTLink library itself: igtl_client PORT. Sends a STATUS, prints the newest IMAGE, TRANSFORM and
-// STRING once it has all three, and fails where one does not unpack with its CRC.
+// A client by the OpenIGTLink library itself: igtl_client PORT. Sends a STATUS, prints the newest IMAGE,
+// TRANSFORM and STRING once it has all three, and fails where one does not unpack with its CRC.
 #include <igtlClientSocket.h>
 #include <igtlImageMessage.h>
 #include <igtlMessageHeader.h>
@@ -54,14 +54,17 @@ int main(int, char** argv) {
       image->GetSpacing(spacing);
       image->GetMatrix(matrix);
       const auto* values = static_cast<const float*>(image->GetScalarPointer());
-      std::printf("IMAGE %s %d %d %d %.4f %.4f %.4f at %.4f %.4f %.4f: %.1f %.1f type %d endian %d axes %d\n", header->GetDeviceName(),
-                  size[0], size[1], size[2], spacing[0], spacing[1], spacing[2], matrix[0][3], matrix[1][3], matrix[2][3],
-                  values[0], values[size[0] * size[1] - 1], image->GetScalarType(), image->GetEndian(), image->GetCoordinateSystem());
+      std::printf("IMAGE %s %d %d %d %.4f %.4f %.4f at %.4f %.4f %.4f: %.1f %.1f type %d endian %d axes %d\n",
+                  header->GetDeviceName(), size[0], size[1], size[2], spacing[0], spacing[1], spacing[2],
+                  matrix[0][3], matrix[1][3], matrix[2][3], values[0], values[size[0] * size[1] - 1],
+                  image->GetScalarType(), image->GetEndian(), image->GetCoordinateSystem());
     } else if (type == "TRANSFORM") {
       body_of<igtl::TransformMessage>(*socket, header)->GetMatrix(matrix);
-      std::printf("TRANSFORM %s %.4f %.4f %.4f %.1f\n", header->GetDeviceName(), matrix[0][3], matrix[1][3], matrix[2][3], matrix[2][2]);
+      std::printf("TRANSFORM %s %.4f %.4f %.4f %.1f\n", header->GetDeviceName(), matrix[0][3], matrix[1][3],
+                  matrix[2][3], matrix[2][2]);
     } else if (type == "STRING") {
-      std::printf("STRING %s %s\n", header->GetDeviceName(), body_of<igtl::StringMessage>(*socket, header)->GetString());
+      std::printf("STRING %s %s\n", header->GetDeviceName(),
+                  body_of<igtl::StringMessage>(*socket, header)->GetString());
     } else {
       std::printf("%s was not expected\n", type.c_str());
       return 4;

@@ -14,7 +14,8 @@ struct VectorField {
 
 struct MedianFiltered {
   VectorField field;
-  std::vector<double> deviation;  // axial distance from the median; 0 where the node stands, infinite without a median
+  std::vector<double>
+      deviation;  // axial distance from the median; 0 where the node stands, infinite without a median
 };
 
 // Median of the trusted neighbours' corrections (field - prediction) in place of those further from it than

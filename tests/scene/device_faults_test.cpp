@@ -161,8 +161,8 @@ TEST_F(FaultyDevice, HoweverSlowItIsSharesInTheNodesPlaceAreDegraded) {
   EXPECT_TRUE(by_nodes);
 }
 
-// On a worn factor (T8.7) corrections do not settle: what is known well enough is told when the time is up. By
-// the nodes: shares, once they are learned, need no factor.
+// On a worn factor (T8.7) corrections do not settle: what is known well enough is told when the time is up.
+// By the nodes: shares, once they are learned, need no factor.
 TEST_F(FaultyDevice, HoweverSlowItIsAWornSolidIsAnswered) {
   const auto scene = scene_of(stack({-0.01}));
   TouchSession finger(scene, {.fingertip = {}, .path = SolvePath::kPcg}, slow_device());

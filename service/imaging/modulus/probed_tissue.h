@@ -34,7 +34,8 @@ struct CellGrid {
   double first_x_m = 0, spacing_m = 0, row_m = 0;
   std::size_t size() const { return columns * rows; }
   double x_m(std::size_t cell) const { return first_x_m + spacing_m * static_cast<double>(cell % columns); }
-  double y_m(std::size_t cell) const { return row_m * (static_cast<double>(cell / columns) + 0.5); }
+  std::size_t row(std::size_t cell) const { return cell / columns; }
+  double y_m(std::size_t cell) const { return row_m * (static_cast<double>(row(cell)) + 0.5); }
 };
 
 // Used by one thread at a time.
