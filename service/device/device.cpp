@@ -109,9 +109,8 @@ const Found& choose(const std::vector<Found>& all, const std::string& select, st
 }
 
 // Devices of their own, which share the memory; the first ones get the compute units that are left over. They
-// are kept for as long as the process lives: PoCL 3.1 looks at the device of a queue after it has released
-// the queue's context, on a thread of its own, when whoever waited for the last command has gone on long
-// since.
+// are kept for as long as the process lives: PoCL 3.1 looks at a queue's device after it has released the
+// queue's context, on a thread of its own, which nobody can wait for.
 const std::vector<cl::Device>& parts_of(const Found& whole, std::size_t parts) {
   static std::mutex mutex;
   static auto& kept = *new std::map<std::pair<cl_device_id, std::size_t>, std::vector<cl::Device>>;

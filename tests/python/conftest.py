@@ -79,6 +79,20 @@ def service(process):
         yield service
 
 
+@pytest.fixture
+def kept():
+    """A service of the test's own that keeps its scenes on disk, and a client of it, with a scene of that name."""
+    with short_folder() as folder:
+        process = Process(folder, "--state", f"{folder}/state")
+        try:
+            with teletact.connect(process.address) as service:
+                service.create_scene("kept", np.full((20, 40), 1e4), x_m=np.linspace(0, 0.08, 41),
+                                     y_m=np.linspace(0, 0.04, 21))
+                yield process, service
+        finally:
+            process.stop()
+
+
 def run_client(*arguments):
     done = subprocess.run([CLIENT, *map(str, arguments)], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

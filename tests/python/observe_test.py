@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 import pytest
-from conftest import Process, short_folder
 from hostile_test import a_map, liar, lied_to  # noqa: F401  # two are fixtures
 
 import teletact
@@ -115,26 +114,19 @@ def test_a_task_that_is_cancelled_leaves_no_stream(process, lump):
     asyncio.run(work())
 
 
-def test_it_outlives_its_service():
-    with short_folder() as folder:
-        process = Process(folder, "--state", f"{folder}/state")
-        try:
-            with teletact.connect(process.address) as service:
-                service.create_scene("kept", np.full((20, 40), 1e4), x_m=np.linspace(0, 0.08, 41),
-                                     y_m=np.linspace(0, 0.04, 21))
-                with service.observe("kept", maps=["youngs_modulus"], resume_s=300) as seen:
-                    until(seen, lambda state: seen.maps)
-                    time.sleep(1)  # the scene is on disk
-                    process.kill()
-                    process.start()
-                    until(seen, lambda state: seen.streams == 2 and seen.maps)
-                    assert float(seen.maps["youngs_modulus"].min()) == pytest.approx(1e4)
-                with service.observe("kept", resume_s=0.3) as seen:
-                    process.kill()
-                    with pytest.raises(teletact.Unavailable, match="start one with"):
-                        seen.next()
-        finally:
-            process.stop()
+def test_it_outlives_its_service(kept):
+    process, service = kept
+    with service.observe("kept", maps=["youngs_modulus"], resume_s=300) as seen:
+        until(seen, lambda state: seen.maps)
+        time.sleep(1)  # the scene is on disk
+        process.kill()
+        process.start()
+        until(seen, lambda state: seen.streams == 2 and seen.maps)
+        assert float(seen.maps["youngs_modulus"].min()) == pytest.approx(1e4)
+    with service.observe("kept", resume_s=0.3) as seen:
+        process.kill()
+        with pytest.raises(teletact.Unavailable, match="start one with"):
+            seen.next()
 
 
 # --- lies ---------------------------------------------------------------------------------------------------------
