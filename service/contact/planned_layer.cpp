@@ -125,6 +125,7 @@ bool PlannedLayer::prepare(const Fingertip& tip, const TouchPose& pose, double a
 // Nothing is chosen for a finger that is answered elsewhere.
 bool PlannedLayer::welcomes(const Fingertip& tip, const TouchPose& pose) {
   solid_->require_covered(tip, pose);
+  if (!(pose.position_m[1] > 0)) return true;
   return closed_will_do(tip, solid_->in_block(pose)) || meanwhile(tip, pose, choices::kTrustedMeanwhile) ||
          nodes_->welcomes(tip, pose);
 }
