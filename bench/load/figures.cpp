@@ -13,9 +13,19 @@ namespace {
 
 constexpr double kLateS = 0.001;  // of the generator: what it then measures is its own
 
+std::string ms(double s) {
+  return std::isfinite(s) ? fmt::format("{:.3f}", 1e3 * s) : "not shown";
+}
+
+// Of streams, from the call on.
+std::string told(const LatencyHistogram& first_word) {
+  if (first_word.count() == 0) return "none was told";
+  return fmt::format("told within {} ms (p50), {} ms (p99)", ms(first_word.quantile(0.5)),
+                     ms(first_word.quantile(0.99)));
+}
+
 void print(const LoadFigures& c) {
   const Tally& t = c.tally;
-  const auto ms = [](double s) { return std::isfinite(s) ? fmt::format("{:.3f}", 1e3 * s) : "not shown"; };
   fmt::print(
       "{:4} clients{}: meant {:.0f}/s, answers {:.0f}/s; latency p50 {} ms, p95 {} ms, p99 {} ms (at most "
       "{}), "
@@ -26,9 +36,9 @@ void print(const LoadFigures& c) {
     fmt::print("     of {} poses {} were held back, {} never answered; {} answers without force\n",
                t.intended, t.held_back, t.unanswered, t.without_force);
   if (t.cancelled + t.opened > c.clients)
-    fmt::print("     {} streams were opened, {} dropped\n", t.opened, t.cancelled);
+    fmt::print("     {} streams were opened, {} dropped; {}\n", t.opened, t.cancelled, told(t.opening));
   if (t.laws > 0) fmt::print("     {} pieces of contact laws\n", t.laws);
-  if (!t.refused.empty()) fmt::print("     refused: {}\n", of_statuses(t.refused));
+  if (!t.refused.empty()) fmt::print("     refused: {}; {}\n", of_statuses(t.refused), told(t.refusing));
   if (!t.failed.empty()) fmt::print("     failed: {}\n", of_statuses(t.failed));
   if (c.lateness_p99_s > kLateS)
     fmt::print(

@@ -37,7 +37,8 @@ LoadSession::LoadSession(std::shared_ptr<grpc::Channel> channel, FingerPlan plan
     : plan_(std::move(plan)),
       begin_(begin),
       channel_(std::move(channel)),
-      stub_(v1::Palpation::NewStub(channel_)) {
+      stub_(v1::Palpation::NewStub(channel_)),
+      called_s_(now_s()) {
   v1::TouchOpen& open = *request_.mutable_open();
   open = plan_.open;
   open.set_credit(plan_.in_flight);
@@ -148,6 +149,7 @@ void LoadSession::OnReadDone(bool ok) {
   const std::lock_guard lock(mutex_);
   if (response_.has_opened()) {
     opened_ = true, ++tally_.opened;
+    tally_.opening.add(now_s() - called_s_);
     period_s_ = response_.opened().period_s();
     intend_next();
   } else if (response_.has_answer()) {
@@ -178,6 +180,7 @@ void LoadSession::OnDone(const grpc::Status& status) {
     ++tally_.cancelled;
   else if (!status.ok())
     ++(opened_ ? tally_.failed : tally_.refused)[name_of(status.error_code())];
+  if (!opened_ && !cut_ && !cancelled_ && !status.ok()) tally_.refusing.add(now_s() - called_s_);
   done_ = true;
   changed_.notify_all();
 }

@@ -75,8 +75,9 @@ class LoadSession final : public grpc::ClientBidiReactor<v1::TouchRequest, v1::T
     std::uint64_t sequence;
     double due_s;
   };
-  std::optional<Pose> newest_;           // meant, not sent
-  std::deque<std::uint64_t> sent_;       // without an answer
+  std::optional<Pose> newest_;      // meant, not sent
+  std::deque<std::uint64_t> sent_;  // without an answer
+  double called_s_;
   double sent_s_ = -1e9, period_s_ = 0;  // the last pose; between poses, as the service keeps it
   std::uint64_t acknowledged_ = 0, laws_acknowledged_ = 0;
   bool opened_ = false, writing_ = true, ending_ = false, cancelled_ = false, cut_ = false, held_ = true,

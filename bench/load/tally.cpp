@@ -10,6 +10,7 @@ void Tally::add(const Tally& other) {
   answers += other.answers, counted_answers += other.counted_answers;
   without_force += other.without_force, laws += other.laws;
   opened += other.opened, cancelled += other.cancelled;
+  opening.add(other.opening), refusing.add(other.refusing);
   for (const auto& [status, times] : other.refused) refused[status] += times;
   for (const auto& [status, times] : other.failed) failed[status] += times;
 }

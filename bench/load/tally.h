@@ -23,13 +23,15 @@ struct Tally {
   std::uint64_t answers = 0, counted_answers = 0, without_force = 0;
   std::uint64_t laws = 0;                   // pieces of contact laws
   std::uint64_t opened = 0, cancelled = 0;  // streams
+  LatencyHistogram opening, refusing;       // from a stream's call, with its connection, to its first word
   // Streams by status: before they were open, and after.
   std::map<std::string, std::uint64_t> refused, failed;
 
   void add(const Tally& other);
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Tally, latency, lateness, intended, held_back, unanswered, answers,
-                                   counted_answers, without_force, laws, opened, cancelled, refused, failed)
+                                   counted_answers, without_force, laws, opened, cancelled, opening, refusing,
+                                   refused, failed)
 
 // Poses of one stream that were meant to be sent and are not answered yet. The service answers the newest
 // pose that it has: an answer to one is an answer to all before it.

@@ -36,7 +36,7 @@ class Place {
     else
       sweep();
     if (plan.closed_loop) next_ = [] { return kForever; };
-    finger_.open.set_scene_id(plan.scene_id);
+    finger_.open.set_scene_id(plan.scene_ids.at(client % plan.scene_ids.size()));
     if (plan.laws) finger_.open.set_laws(true);
     finger_.in_flight = plan.in_flight, finger_.closed_loop = plan.closed_loop;
     finger_.greedy = plan.greedy;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "bench/load/arrivals.h"
 #include "bench/load/tally.h"
@@ -14,7 +15,8 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Credentials, tls_ca, tls_certificate, tls_key
 namespace teletact::bench {
 
 struct LoadPlan {
-  std::string address, scene_id;
+  std::string address;
+  std::vector<std::string> scene_ids;  // clients take turns
   client::Credentials credentials;
   double begin_m = 0, end_m = 0, indentation_m = 0.003, speed_m_s = 0.12;  // where fingers sweep
   std::string recording;  // of a touch, that they do in place of that, at its own instants; empty: none
@@ -27,7 +29,7 @@ struct LoadPlan {
   std::uint64_t seed = 1;
   std::int64_t begin_ns = 0;  // on the machine's monotonic clock, the same for all processes
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoadPlan, address, credentials, scene_id, begin_m, end_m, indentation_m,
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoadPlan, address, credentials, scene_ids, begin_m, end_m, indentation_m,
                                    speed_m_s, recording, first_client, clients, in_flight, closed_loop,
                                    poisson, laws, greedy, rate_hz, end_rate_hz, warm_up_s, duration_s, stay_s,
                                    cancel_share, seed, begin_ns)

@@ -65,7 +65,7 @@ class Load : public testing::Test {
     return test::metrics_of(response.substr(response.find("\r\n\r\n") + 4));
   }
   nlohmann::json tally() const { return result().at("loads").at(0).at("tally"); }
-  // Poses whose latency was above `seconds`, from the buckets as the JSON has them.
+  // Those that took more than `seconds`, from the buckets as the JSON has them.
   static double over(const nlohmann::json& histogram, double seconds) {
     double n = 0;
     for (const auto& bucket : histogram.at("buckets")) {
@@ -163,12 +163,24 @@ TEST_F(Load, TheServiceCountsTheSame) {
     return sum;
   };
   EXPECT_EQ(t.at("refused").at("RESOURCE_EXHAUSTED"), 6) << "more than 64 were taken";
+  EXPECT_EQ(over(t.at("refusing"), -1), 6);
+  EXPECT_EQ(over(t.at("opening"), -1), 64);
   EXPECT_EQ(rose(R"(teletact_calls_refused_total{kind="touch",reason="full"})"), 6);
   EXPECT_EQ(t.at("opened"), rose(R"(teletact_calls_ended_total{kind="touch",code="OK"})"));
   EXPECT_EQ(t.at("answers"), rose("teletact_touch_answers_total"));
   EXPECT_EQ(t.at("laws"), rose("teletact_touch_law_pieces_total"));
   EXPECT_EQ(t.at("answers"), rose("teletact_touch_poses_total") - rose("teletact_touch_poses_replaced_total"))
       << run.output;
+}
+
+TEST_F(Load, ClientsTakeTurnsAmongScenes) {
+  const auto run = test::run(command({"--own-scenes", "3", "--clients", "4", "--duration-s", "1"}),
+                             folder_ / "load.log", {}, 120);
+  ASSERT_EQ(run.code, 0) << run.output;
+  EXPECT_EQ(tally().at("opened"), 4);
+  EXPECT_EQ(metrics().at("teletact_scenes"), 3);
+  for (const char* scene : {"bench-load ", "bench-load-1 ", "bench-load-2 "})
+    EXPECT_NE(service_.output().find(std::string("scene=") + scene + "peer"), std::string::npos) << scene;
 }
 
 // Beside clients that image: they are said, and their scenes are gone with them.

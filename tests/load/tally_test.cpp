@@ -27,11 +27,14 @@ TEST(Tally, OfSeveralProcessesAddsUp) {
   Tally a, b;
   a.intended = 3, a.refused["UNAVAILABLE"] = 1, b.intended = 4, b.refused["UNAVAILABLE"] = 2;
   a.latency.add(0.5), b.latency.add(1.5);
+  a.refusing.add(0.1), b.refusing.add(0.2), b.opening.add(0.3);
   b.held_back = 1, b.unanswered = 2, b.answers = 5, b.opened = 6, b.cancelled = 7, b.without_force = 8;
   a.add(nlohmann::json(b).get<Tally>());
   EXPECT_EQ(a.intended, 7u);
   EXPECT_EQ(a.refused.at("UNAVAILABLE"), 3u);
   EXPECT_EQ(a.latency.count(), 2u);
+  EXPECT_EQ(a.refusing.count(), 2u);
+  EXPECT_EQ(a.opening.count(), 1u);
   EXPECT_EQ(a.held_back + a.unanswered + a.answers + a.opened + a.cancelled + a.without_force, 29u);
 }
 

@@ -1,18 +1,20 @@
 // The suites of solid tissue for seconds, as processes: what they promise of numbers holds on any machine.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "bench/basics/median.h"
 #include "tests/integration/process.h"
 
 namespace teletact {
 namespace {
 
-constexpr double kSuiteS = 600;
+constexpr double kSuiteS = 1500;
 
 auto ran(const std::vector<std::string>& arguments, const std::string& log) {
   std::vector<std::string> command{test::required_environment("TELETACT_BINARY_DIR") +
@@ -71,27 +73,67 @@ TEST(PlanSuite, EveryModelAnswersEveryPair) {
   EXPECT_TRUE(std::filesystem::exists(folder / "plan/plan.png"));
 }
 
-TEST(RealTissueSuite, EveryRowIsTrackedAndPlaneStrainIsNotEnough) {
-  const test::TemporaryFolder folder;
-  const auto rows = measured(folder, {"real-tissue"}).at("rows");
-  ASSERT_GE(rows.size(), 5);
-  for (const auto& row : rows) {
-    EXPECT_EQ(row.at("refused"), 0) << row.at("name");
-    EXPECT_TRUE(row.at("background").is_number()) << row.at("name");
-    if (row.at("name") == "no lump" && row.at("estimator") == "plane strain") {
-      EXPECT_GT(row.at("ramp"), 2) << "else this solid is not unlike the estimator";
-      EXPECT_GT(row.at("background"), 1.3);
-    }
+class RealTissueSuite : public testing::Test {
+ protected:
+  // One seed of each row, each row once. On a busy machine, too, the modulus has the time that it needs.
+  nlohmann::json quick(const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"real-tissue",
+                                       "--quick",
+                                       "--json",
+                                       folder_ / name,
+                                       "--truth-spacing-m",
+                                       "0.002",
+                                       "--modulus-time-limit-s",
+                                       "600"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto run = ran(arguments, folder_ / (name + ".log"));
+    EXPECT_EQ(run.code, 0) << run.output;
+    std::ifstream file(folder_ / name);
+    return nlohmann::json::parse(file).at("rows");
   }
+  const test::TemporaryFolder folder_;
+};
+
+// Whatever the row changes: right within a tenth and a half, or inside what is stated.
+TEST_F(RealTissueSuite, EveryRowIsRightOrSaysHowFarItMayBeOff) {
+  constexpr double kNear = 0.15, kLeastHeldShare = 0.95;
+  const auto rows = quick("rows.json", {"--promised"});
+  ASSERT_GE(rows.size(), 24);
+  std::vector<double> backgrounds;
+  double held = 0, windows = 0;
+  for (const auto& row : rows) {
+    const auto near = [&](const char* what) { return std::abs(row.at(what).get<double>() - 1) <= kNear; };
+    EXPECT_EQ(row.at("refused"), 0) << row;
+    EXPECT_TRUE(near("background") || row.at("background_held") == 1) << row;
+    if (row.at("name").get<std::string>().find("capsule") != std::string::npos) {
+      EXPECT_EQ(row.at("skin_held"), 1) << row;
+    }
+    backgrounds.push_back(row.at("background"));
+    held += row.at("background_held").get<double>(), windows += 1;
+    if (row.at("contrast_of_lump") == 1) continue;
+    EXPECT_TRUE(near("contrast") || row.at("lump_held") == 1) << row;
+    held += row.at("lump_held").get<double>(), windows += 1;
+  }
+  EXPECT_GE(held, kLeastHeldShare * windows);
+  EXPECT_NEAR(bench::median_of(backgrounds), 1, 0.1);
+}
+
+TEST_F(RealTissueSuite, PlaneStrainIsNotEnoughAndRunsAreJoined) {
+  const auto rows = quick("first.json", {"--only", "no lump"});
+  double shown = 0;
+  for (const auto& row : rows) {
+    if (row.at("name") != "no lump" || row.at("estimator") != "plane strain") continue;
+    EXPECT_GT(row.at("ramp"), 2) << "else this solid is not unlike the estimator";
+    EXPECT_GT(row.at("background"), 1.3);
+    ++shown;
+  }
+  EXPECT_EQ(shown, 1);
   // Runs of some seeds each are joined, and none is counted twice.
-  const std::string first = folder / "real-tissue.json", joined = folder / "joined.json";
-  const auto run = ran({"real-tissue", "--quick", "--seeds", "0", "--windows-of", first, "--json", joined},
-                       folder / "joined.log");
-  EXPECT_EQ(run.code, 0) << run.output;
-  std::ifstream file(joined);
-  EXPECT_EQ(nlohmann::json::parse(file).at("rows"), rows);
-  const auto twice =
-      ran({"real-tissue", "--quick", "--seeds", "0", "--windows-of", first, first}, folder / "twice.log");
+  const std::string first = folder_ / "first.json";
+  EXPECT_EQ(quick("joined.json", {"--only", "no lump", "--seeds", "0", "--windows-of", first}), rows);
+  const auto twice = ran(
+      {"real-tissue", "--quick", "--seeds", "0", "--truth-spacing-m", "0.002", "--windows-of", first, first},
+      folder_ / "twice.log");
   EXPECT_EQ(twice.code, 1);
   EXPECT_NE(twice.output.find("seed 1 of \"no lump\" is in another of the files"), std::string::npos)
       << twice.output;

@@ -31,7 +31,7 @@ struct Arguments : SuiteOptions {
   LoadPlan plan;
   std::string loop = "paced";
   double ramp_to_hz = 0, latency_limit_s = 0;
-  unsigned processes = 1, imaging = 0;
+  unsigned processes = 1, imaging = 0, own_scenes = 1;
   double image_every_s = 2, finish_within_s = 5;
   bool find_capacity = false;
 };
@@ -119,13 +119,15 @@ LoadPlan plan_of(const Arguments& arguments, const std::shared_ptr<grpc::Channel
   plan.address = arguments.service.address, plan.credentials = arguments.service.credentials;
   if (!plan.recording.empty()) {
     const auto recorded = read_recorded_touch(plan.recording);
-    if (plan.scene_id.empty()) plan.scene_id = recorded->scene_id;
+    if (plan.scene_ids.empty()) plan.scene_ids = {recorded->scene_id};
     plan.rate_hz = static_cast<double>(recorded->poses.size()) / recorded->length_s;
-  } else if (plan.scene_id.empty()) {
-    plan.scene_id = kOwnScene;
-    make_checked_scene(channel, kOwnScene, own_tissue(), plan.indentation_m);
+  } else if (plan.scene_ids.empty()) {
+    for (unsigned k = 0; k < arguments.own_scenes; ++k) {
+      plan.scene_ids.push_back(k == 0 ? kOwnScene : fmt::format("{}-{}", kOwnScene, k));
+      make_checked_scene(channel, plan.scene_ids.back(), own_tissue(), plan.indentation_m);
+    }
   }
-  const LoadOptions range = load_over(channel, plan.scene_id);
+  const LoadOptions range = load_over(channel, plan.scene_ids.front());
   plan.begin_m = range.begin_m, plan.end_m = range.end_m;
   plan.closed_loop = arguments.loop == "closed", plan.poisson = arguments.loop == "poisson";
   plan.end_rate_hz = arguments.ramp_to_hz > 0 ? arguments.ramp_to_hz : plan.rate_hz;
@@ -229,8 +231,11 @@ void add_load_suite(CLI::App& app, bool& met) {
   CLI::App& command = add_suite(app, "load", "what a running service carries, and how late it then is",
                                 arguments, met, measure, draw);
   add_service_options(command, arguments->service);
-  command.add_option("--scene", arguments->plan.scene_id,
-                     "a scene to touch; without it the suite makes its own");
+  command.add_option("--scene", arguments->plan.scene_ids,
+                     "a scene to touch, or several, in turn; without it the suite makes its own");
+  command.add_option("--own-scenes", arguments->own_scenes, "that the suite makes without --scene")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
   command.add_option("--recording", arguments->plan.recording,
                      "of touch --record: what every client does, over and over, at its own instants");
   command.add_option("--imaging", arguments->imaging, "clients that publish windows beside the load")

@@ -16,7 +16,7 @@ using Draw = std::function<double()>;
 struct RealRow {
   std::string name;     // with its level
   double contrast = 1;  // of the lump of 10 mm, centre 12 to 18 mm deep; 1: no lump
-  bool quick = false;   // one of the few that a quick run has
+  bool quick = false;   // one of those that a quick run has
   std::function<void(client::Tissue&, const Draw&)> set;  // on top of the plain tissue with its lump
 };
 

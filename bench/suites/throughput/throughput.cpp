@@ -64,7 +64,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, service, clients, checked, closed_lo
 
 LoadFigures run_clients(const Arguments& arguments, const LoadOptions& load, double rate_hz) {
   LoadPlan plan{.address = arguments.service.address,
-                .scene_id = load.scene_id,
+                .scene_ids = {load.scene_id},
                 .credentials = arguments.service.credentials,
                 .begin_m = load.begin_m,
                 .end_m = load.end_m,
