@@ -13,6 +13,8 @@ namespace teletact::client {
 struct FramePair {
   teletact::v1::Acquisition acquisition;  // all but `publish`
   std::string pre, post;                  // line after line, axial fastest, of acquisition.dtype()
+  std::string made =
+      {};  // how they were made of recorded data that are no RF, for people; empty: they are RF
 };
 
 template <class T>

@@ -234,6 +234,7 @@ std::vector<std::string> write_estimate(const std::filesystem::path& folder,
   nlohmann::json json = summary_json(acquisition, outcome);
   json["files"] = written;
   json["source"] = {{"pre", source.pre}, {"post", source.post}};
+  if (!source.made.empty()) json["source"]["made"] = source.made;
   json["service"] = {{"build", source.info.build()},
                      {"device", source.info.device().name()},
                      {"driver", source.info.device().driver_version()}};

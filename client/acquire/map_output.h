@@ -23,6 +23,7 @@ const teletact::v1::Map& map_of(const std::vector<teletact::v1::Map>& maps, cons
 // What the maps were made of, and by whom.
 struct EstimateSource {
   std::string pre, post;  // files
+  std::string made;       // FramePair::made
   teletact::v1::GetInfoResponse info;
 };
 

@@ -6,24 +6,39 @@
 #include <cmath>
 #include <cstring>
 
+#include "client/acquire/remodulation.h"
 #include "client/files/matfile.h"
 #include "client/files/metaimage.h"
+#include "client/files/uff.h"
 
 namespace teletact::client {
 namespace {
 
 constexpr double kSpacingTolerance = 0.01;
+constexpr double kUsualSoundSpeed = 1540;  // m/s, of soft tissue
 
 // One frame as its file gives it.
 struct Frame {
   std::size_t sample_count = 0, line_count = 0;
   std::string bytes;
   v1::DataType dtype = v1::DATA_TYPE_FLOAT32;
-  std::optional<double> line_pitch_m, first_sample_depth_m;
+  std::optional<double> line_pitch_m, first_sample_depth_m, sampling_frequency_hz, sound_speed_m_s;
+  std::string made;  // how, where it is not as in the file
 };
 
 bool differ(double a, double b) {
   return !(std::abs(a - b) <= kSpacingTolerance * std::abs(b));
+}
+
+void check_positive(double value, const char* option) {
+  if (!(value > 0) || !std::isfinite(value))
+    throw FrameInputError(fmt::format("give {}: it must be a number above 0", option));
+}
+
+void check_sound_speed(double value, const std::string& stated_by) {
+  if (!(value >= 1000 && value <= 2500))
+    throw FrameInputError(fmt::format("{} {}: give it in m/s, 1000 to 2500; soft tissue has about {}",
+                                      stated_by, value, kUsualSoundSpeed));
 }
 
 // Which of a file's frames.
@@ -62,8 +77,8 @@ Frame read_mha_frame(const std::filesystem::path& path, std::optional<std::size_
   }
   const double unit_m = options.spacing_unit == "mm" ? 1e-3 : 1;
   if (image.spacing.size() >= 2) {
-    check_sample_spacing(image.spacing[0] * unit_m, options.sound_speed_m_s, options.sampling_frequency_hz,
-                         path.string());
+    check_sample_spacing(image.spacing[0] * unit_m, options.sound_speed_m_s.value_or(kUsualSoundSpeed),
+                         options.sampling_frequency_hz, path.string());
     frame.line_pitch_m = image.spacing[1] * unit_m;
   }
   if (!image.origin.empty()) frame.first_sample_depth_m = image.origin[0] * unit_m;
@@ -73,7 +88,8 @@ Frame read_mha_frame(const std::filesystem::path& path, std::optional<std::size_
 Frame read_mat_frame(const std::filesystem::path& path, std::optional<std::size_t> index,
                      const char* index_option, const RecordedFrameOptions& options) {
   if (options.variable.empty())
-    throw FrameInputError("give --variable: which variable of the .mat file holds RF");
+    throw FrameInputError(
+        "give --variable: which variable of the .mat file holds RF (a file of USTB is read as .uff)");
   if (options.axial_axis.empty())
     throw FrameInputError(
         "give --axial-axis rows|columns: a .mat file does not say along which axis depth runs");
@@ -89,14 +105,54 @@ Frame read_mat_frame(const std::filesystem::path& path, std::optional<std::size_
   return frame;
 }
 
-Frame read_frame(const std::filesystem::path& path, std::optional<std::size_t> index,
-                 const char* index_option, const RecordedFrameOptions& options) {
+Frame read_uff_frame(const std::filesystem::path& path, std::optional<std::size_t> index,
+                     const char* index_option, const RecordedFrameOptions& options) {
+  const UffImage image = read_uff(path, options.variable, index.value_or(0));
+  chosen(path, image.frame_count, index, index_option);
+  if (options.sound_speed_m_s && image.sound_speed_m_s &&
+      differ(*options.sound_speed_m_s, *image.sound_speed_m_s))
+    throw FrameInputError(
+        fmt::format("--sound-speed-m-s {:.6g} contradicts {}, beamformed with {:.6g} m/s; leave it out",
+                    *options.sound_speed_m_s, path.string(), *image.sound_speed_m_s));
+  Frame frame;
+  frame.sound_speed_m_s = image.sound_speed_m_s.value_or(options.sound_speed_m_s.value_or(kUsualSoundSpeed));
+  check_sound_speed(*frame.sound_speed_m_s, path.string() + ": sound_speed");
+  RfImage rf =
+      rf_of(image, {options.center_frequency_hz, *frame.sound_speed_m_s, options.modulation_frequency_hz},
+            path.string());
+  if (options.sampling_frequency_hz != 0 && differ(options.sampling_frequency_hz, rf.sampling_frequency_hz))
+    throw FrameInputError(fmt::format(
+        "--sampling-frequency-hz {:.6g} contradicts {}, whose z_axis makes {:.6g} Hz of it; leave it out",
+        options.sampling_frequency_hz, path.string(), rf.sampling_frequency_hz));
+  frame.sampling_frequency_hz = rf.sampling_frequency_hz;
+  frame.sample_count = rf.sample_count;
+  frame.line_count = image.line_count;
+  frame.line_pitch_m = image.line_pitch_m;
+  frame.first_sample_depth_m = image.first_sample_depth_m;
+  frame.bytes = bytes_of(rf.samples);
+  frame.made = rf.made;
+  return frame;
+}
+
+std::string extension_of(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  if (extension == ".mha") return read_mha_frame(path, index, index_option, options);
-  if (extension == ".mat") return read_mat_frame(path, index, index_option, options);
-  throw FrameInputError(path.string() + ": not a .mha or .mat file; convert it to one of them");
+  return extension;
+}
+
+Frame read_frame(const std::filesystem::path& path, std::optional<std::size_t> index,
+                 const char* index_option, const RecordedFrameOptions& options) {
+  const std::string extension = extension_of(path);
+  if (extension == ".uff") return read_uff_frame(path, index, index_option, options);
+  if (extension != ".mha" && extension != ".mat")
+    throw FrameInputError(path.string() + ": not a .mha, .mat or .uff file; convert it to one of them");
+  if (options.modulation_frequency_hz)
+    throw FrameInputError("--modulation-frequency-hz: " + path.string() +
+                          " holds RF; leave it out, it is of complex data in a .uff file");
+  check_positive(options.sampling_frequency_hz, "--sampling-frequency-hz");
+  return extension == ".mha" ? read_mha_frame(path, index, index_option, options)
+                             : read_mat_frame(path, index, index_option, options);
 }
 
 const char* type_name(v1::DataType type) {
@@ -116,17 +172,12 @@ double line_pitch_of(const Frame& pre, const RecordedFrameOptions& options) {
 
 // What must be known before any file is opened.
 void check_options(const RecordedFrameOptions& options) {
-  const auto positive = [](double value, const char* option) {
-    if (!(value > 0) || !std::isfinite(value))
-      throw FrameInputError(fmt::format("give {}: it must be a number above 0", option));
-  };
-  positive(options.center_frequency_hz, "--center-frequency-hz");
-  positive(options.sampling_frequency_hz, "--sampling-frequency-hz");
-  positive(options.sound_speed_m_s, "--sound-speed-m-s");
-  if (options.sound_speed_m_s < 1000 || options.sound_speed_m_s > 2500)
-    throw FrameInputError(
-        fmt::format("--sound-speed-m-s {}: give it in m/s, 1000 to 2500; soft tissue has about 1540",
-                    options.sound_speed_m_s));
+  check_positive(options.center_frequency_hz, "--center-frequency-hz");
+  if (options.modulation_frequency_hz &&
+      !(*options.modulation_frequency_hz >= 0 && std::isfinite(*options.modulation_frequency_hz)))
+    throw FrameInputError(fmt::format("--modulation-frequency-hz {}: give it in Hz, 0 or more",
+                                      *options.modulation_frequency_hz));
+  if (options.sound_speed_m_s) check_sound_speed(*options.sound_speed_m_s, "--sound-speed-m-s");
   if (!(options.poisson_ratio > 0 && options.poisson_ratio <= 0.49999))
     throw FrameInputError(
         fmt::format("--poisson-ratio {}: give it above 0 and at most 0.49999; soft tissue has about 0.49",
@@ -134,7 +185,7 @@ void check_options(const RecordedFrameOptions& options) {
   if (!(options.max_strain >= 0.001 && options.max_strain <= 0.125))
     throw FrameInputError(fmt::format(
         "--max-strain {}: give it from 0.001 to 0.125; 0.05 covers usual compression", options.max_strain));
-  if (options.line_pitch_m) positive(*options.line_pitch_m, "--line-pitch-m");
+  if (options.line_pitch_m) check_positive(*options.line_pitch_m, "--line-pitch-m");
   if (options.frame != "LAB" && options.frame != "PROBE")
     throw FrameInputError(
         "give --frame LAB (the far side rests, displacement largest at the top) or PROBE (the probe face "
@@ -182,14 +233,20 @@ FramePair read_recorded_frames(const RecordedFrameOptions& options) {
                                       type_name(pre.dtype), type_name(post.dtype)));
   if (pre.line_pitch_m && post.line_pitch_m && differ(*post.line_pitch_m, *pre.line_pitch_m))
     throw FrameInputError("--pre and --post state different lateral spacings");
+  if (pre.sampling_frequency_hz.value_or(0) != post.sampling_frequency_hz.value_or(0) ||
+      pre.sound_speed_m_s.value_or(0) != post.sound_speed_m_s.value_or(0) ||
+      pre.first_sample_depth_m.value_or(0) != post.first_sample_depth_m.value_or(0))
+    throw FrameInputError(
+        "--pre and --post state different depths or sound speeds: give frames of one beamforming");
   FramePair pair;
   v1::Acquisition& acquisition = pair.acquisition;
   acquisition.set_sample_count(static_cast<std::uint32_t>(pre.sample_count));
   acquisition.set_line_count(static_cast<std::uint32_t>(pre.line_count));
   acquisition.set_dtype(pre.dtype);
   acquisition.set_center_frequency_hz(options.center_frequency_hz);
-  acquisition.set_sampling_frequency_hz(options.sampling_frequency_hz);
-  acquisition.set_sound_speed_m_s(options.sound_speed_m_s);
+  acquisition.set_sampling_frequency_hz(pre.sampling_frequency_hz.value_or(options.sampling_frequency_hz));
+  acquisition.set_sound_speed_m_s(
+      pre.sound_speed_m_s.value_or(options.sound_speed_m_s.value_or(kUsualSoundSpeed)));
   acquisition.set_line_pitch_m(line_pitch_of(pre, options));
   acquisition.set_first_sample_depth_m(pre.first_sample_depth_m.value_or(0));
   acquisition.set_displacement_frame(options.frame == "LAB" ? v1::DISPLACEMENT_FRAME_LAB
@@ -210,6 +267,7 @@ FramePair read_recorded_frames(const RecordedFrameOptions& options) {
     acquisition.mutable_probe_force()->set_force_n(*options.force_n);
     acquisition.mutable_probe_force()->set_contact_area_m2(*options.contact_area_m2);
   }
+  pair.made = pre.made;
   pair.pre = std::move(pre.bytes);
   pair.post = std::move(post.bytes);
   return pair;

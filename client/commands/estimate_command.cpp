@@ -99,10 +99,11 @@ void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& chan
               const RecordedFrameOptions& frames, const std::string& out) {
   const FramePair pair = read_recorded_frames(frames);
   warn_of_assumptions(pair.acquisition);
+  if (!pair.made.empty()) std::printf("%s\n", pair.made.c_str());
   const EstimateOutcome outcome = estimate(client, pair, progress(), frames);
   let_writing_end();
   const auto files =
-      write_estimate(out, pair.acquisition, outcome, {frames.pre, frames.post, get_info(channel)});
+      write_estimate(out, pair.acquisition, outcome, {frames.pre, frames.post, pair.made, get_info(channel)});
   print(pair.acquisition, outcome.summary);
   for (const std::string& warning : outcome.summary.warnings())
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
@@ -120,7 +121,7 @@ std::string named(const RecordedFrameOptions& frames) {
 // What one pair has against it leaves it out; what the service has, ends all.
 EstimatedPair estimate_one(EstimateClient& client, const RecordedFrameOptions& frames) {
   FramePair pair = read_recorded_frames(frames);
-  EstimatedPair out{frames, pair.acquisition, {}, {}};
+  EstimatedPair out{frames, pair.acquisition, pair.made, {}, {}};
   try {
     out.outcome = client.estimate(pair.acquisition, pair.pre, pair.post, progress(), false);
     warn_if_stretched(out.outcome.summary);
@@ -166,7 +167,9 @@ void print(const EstimatedPlace& place) {
 
 void run_set(EstimateClient& client, const std::shared_ptr<grpc::Channel>& channel,
              const std::vector<RecordedPlace>& set, const std::string& out) {
-  warn_of_assumptions(read_recorded_frames(set.front().pairs.front()).acquisition);
+  const FramePair first = read_recorded_frames(set.front().pairs.front());
+  warn_of_assumptions(first.acquisition);
+  if (!first.made.empty()) std::printf("%s\n", first.made.c_str());
   std::vector<EstimatedPlace> places;
   std::size_t used = 0;
   for (const RecordedPlace& recorded : set) {
@@ -203,8 +206,9 @@ void run(const Arguments& arguments) {
 void add_file_options(CLI::App& command, RecordedSetOptions& set) {
   RecordedFrameOptions& frames = set.common;
   command
-      .add_option("--pre", set.pre,
-                  "frame before compression: .mha or .mat; several: one for each --post, or one for all")
+      .add_option(
+          "--pre", set.pre,
+          "frame before compression: .mha, .mat or .uff; several: one for each --post, or one for all")
       ->required();
   command
       .add_option("--post", set.post,
@@ -213,7 +217,8 @@ void add_file_options(CLI::App& command, RecordedSetOptions& set) {
   command.add_option("--z-m", set.z_m,
                      "where each pair's image plane lies across the image: planes become one volume");
   command.add_option("--variable", frames.variable,
-                     ".mat: name of the RF variable; without it a .mat is refused");
+                     ".mat: name of the RF variable; without it a .mat is refused. .uff: name of the "
+                     "uff.beamformed_data; without it the only one there is");
   command
       .add_option("--axial-axis", frames.axial_axis,
                   ".mat: depth runs along rows or columns; without it a .mat is refused")
@@ -237,9 +242,12 @@ void add_estimate_command(CLI::App& app) {
   add_service_options(command, arguments->address, arguments->credentials);
   add_file_options(command, arguments->set);
   command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
-  command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz, "of the RF")->required();
-  command.add_option("--sound-speed-m-s", frames.sound_speed_m_s, "in the tissue, m/s")
-      ->capture_default_str();
+  command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz,
+                     "of the RF; without it .mha and .mat are refused, a .uff file's z_axis says it");
+  command.add_option("--modulation-frequency-hz", frames.modulation_frequency_hz,
+                     ".uff: of complex data, 0 where they were made of RF (default: the file's)");
+  command.add_option("--sound-speed-m-s", frames.sound_speed_m_s,
+                     "in the tissue, m/s (default: the .uff file's, or 1540)");
   command.add_option("--line-pitch-m", frames.line_pitch_m, "distance of two A-lines (default: the file's)");
   command
       .add_option("--frame", frames.frame,

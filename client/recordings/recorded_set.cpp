@@ -96,9 +96,12 @@ void require_one_geometry(const std::vector<RecordedPlace>& places) {
                         pair.pre.string(), now.sample_count(), now.line_count(), first->sample_count(),
                         first->line_count()));
       if (now.line_pitch_m() != first->line_pitch_m() ||
-          now.first_sample_depth_m() != first->first_sample_depth_m())
-        throw FrameInputError(pair.pre.string() +
-                              " has another line pitch or first depth than the first pair");
+          now.first_sample_depth_m() != first->first_sample_depth_m() ||
+          now.sampling_frequency_hz() != first->sampling_frequency_hz() ||
+          now.sound_speed_m_s() != first->sound_speed_m_s())
+        throw FrameInputError(
+            pair.pre.string() +
+            " has another line pitch, first depth, sampling frequency or sound speed than the first pair");
     }
 }
 

@@ -238,7 +238,7 @@ std::vector<std::string> write_place(const std::filesystem::path& folder, const 
     const std::string own = fmt::format("pair-{}", p + 1);
     require_writable_folder(folder / own);
     for (const std::string& file : write_estimate(folder / own, pair.acquisition, pair.outcome,
-                                                  {pair.frames.pre, pair.frames.post, info}))
+                                                  {pair.frames.pre, pair.frames.post, pair.made, info}))
       written.push_back(own + "/" + file);
   }
   Arrays arrays;

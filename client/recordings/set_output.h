@@ -17,6 +17,7 @@ namespace teletact::client {
 struct EstimatedPair {
   RecordedFrameOptions frames;
   teletact::v1::Acquisition acquisition;
+  std::string made;         // FramePair::made
   EstimateOutcome outcome;  // without maps: refused
   std::string refusal;      // the service's; empty: estimated
 };

@@ -43,7 +43,8 @@ TEST(RecordedFrames, ValuesThatCannotBeAskedForAreRefusedByName) {
   good.center_frequency_hz = 7e6;
   good.sampling_frequency_hz = 40e6;
   good.frame = "LAB";
-  EXPECT_NE(refusal(good).find("not a .mha or .mat file"), std::string::npos) << "all but the files is good";
+  EXPECT_NE(refusal(good).find("not a .mha, .mat or .uff file"), std::string::npos)
+      << "all but the files is good";
   for (const double nu : {0.0, 0.5, -0.1, static_cast<double>(NAN)}) {
     RecordedFrameOptions options = good;
     options.poisson_ratio = nu;
@@ -54,6 +55,22 @@ TEST(RecordedFrames, ValuesThatCannotBeAskedForAreRefusedByName) {
     options.max_strain = strain;
     EXPECT_NE(refusal(options).find("--max-strain"), std::string::npos) << strain;
   }
+}
+
+TEST(RecordedFrames, WhatIsOfAnotherKindOfFileIsRefusedByName) {
+  const TemporaryFolder folder;
+  RecordedFrameOptions options;
+  options.center_frequency_hz = 7e6;
+  options.frame = "LAB";
+  options.pre = options.post = folder / "a.mha";
+  EXPECT_NE(refusal(options).find("--sampling-frequency-hz"), std::string::npos) << refusal(options);
+  options.modulation_frequency_hz = 7e6;
+  EXPECT_NE(refusal(options).find("--modulation-frequency-hz"), std::string::npos) << refusal(options);
+  options.modulation_frequency_hz = -1;
+  EXPECT_NE(refusal(options).find("0 or more"), std::string::npos) << refusal(options);
+  options.modulation_frequency_hz.reset();
+  options.pre = folder / "a.mat";
+  EXPECT_NE(refusal(options).find("--sampling-frequency-hz"), std::string::npos) << refusal(options);
 }
 
 // What is not stated is sent all the same, so that the record of an estimate says what it was made with.

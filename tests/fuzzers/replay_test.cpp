@@ -18,13 +18,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::map<std::string, bool (*)(Bytes)> kFuzzers{
-    {"acquisition", acquisition},     {"address", address},
-    {"configuration", configuration}, {"create_scene", create_scene},
-    {"law_book", law_book},           {"matlab", matlab},
-    {"metaimage", metaimage},         {"publish_slice", publish_slice},
-    {"recording", recording},         {"scene_state", scene_state},
-    {"touch_answers", touch_answers}, {"touch_open", touch_open}};
+const std::map<std::string, bool (*)(Bytes)> kFuzzers{{"acquisition", acquisition},
+                                                      {"address", address},
+                                                      {"configuration", configuration},
+                                                      {"create_scene", create_scene},
+                                                      {"law_book", law_book},
+                                                      {"matlab", matlab},
+                                                      {"metaimage", metaimage},
+                                                      {"publish_slice", publish_slice},
+                                                      {"recording", recording},
+                                                      {"scene_state", scene_state},
+                                                      {"touch_answers", touch_answers},
+                                                      {"touch_open", touch_open},
+                                                      {"uff", uff}};
 
 fs::path corpus() {
   return fs::path(test::required_environment("TELETACT_SOURCE_DIR")) / "tests/fuzzers/corpus";

@@ -11,22 +11,26 @@
 
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <new>
 #include <span>
 #include <utility>
 
 #include "client/files/matlab/mat_parser.h"
+#include "client/files/matlab/uff_parser.h"
 #include "client/text/shown.h"
 
 namespace teletact::client {
 namespace {
 
-constexpr const char* kName = "teletact-mat-parser";  // argv[0]; then variable, axis, bytes, seconds
-constexpr int kArguments = 5;
-constexpr std::size_t kMostWords = 1000;  // of an error
+constexpr const char* kName = "teletact-mat-parser";  // argv[0]; then how, variable, frame, bytes, seconds
+constexpr int kArguments = 6;
+constexpr const char *kRows = "rows", *kColumns = "columns", *kUff = "uff";  // how
+constexpr std::size_t kMostWords = 1000;                                     // of an error
 constexpr const char* kFile = "/proc/self/fd/0";
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -39,8 +43,15 @@ constexpr bool kBoundsAddresses = true;
 
 // Before the samples, or before the words of an error.
 struct Head {
-  enum Kind : std::uint64_t { kFrames = 1, kRefused, kNoMemory } kind;
+  enum Kind : std::uint64_t { kFrames = 1, kImage, kRefused, kNoMemory } kind;
   std::array<std::uint64_t, 3> counts;  // samples, lines, frames; or the words' bytes
+};
+
+// Between the head of an image and its values.
+struct ImageHead {
+  double first_sample_depth_m, sample_pitch_m, line_pitch_m;
+  double modulation_frequency_hz, sound_speed_m_s;  // NaN: not stated
+  std::uint64_t is_complex;                         // 1: the imaginary part follows the real one
 };
 
 // --- in the process of its own
@@ -79,11 +90,38 @@ void say(Head::Kind kind, const std::string& words) {
   write_all(words.data(), words.size());
 }
 
-void parse_and_say(const std::string& variable, AxialAxis axial) try {
+void write_floats(const std::vector<float>& values) {
+  write_all(values.data(), values.size() * sizeof(float));
+}
+
+void parse_frames(const std::string& variable, AxialAxis axial) {
   const MatFrames frames = parse_mat(kFile, variable, axial);
   const Head head{Head::kFrames, {frames.sample_count, frames.line_count, frames.frame_count}};
   write_all(&head, sizeof head);
-  write_all(frames.samples.data(), frames.samples.size() * sizeof(float));
+  write_floats(frames.samples);
+}
+
+void parse_image(const std::string& object, std::size_t frame) {
+  constexpr double kNotStated = std::numeric_limits<double>::quiet_NaN();
+  const UffImage image = parse_uff(kFile, object, frame);
+  const Head head{Head::kImage, {image.sample_count, image.line_count, image.frame_count}};
+  const ImageHead more{image.first_sample_depth_m,
+                       image.sample_pitch_m,
+                       image.line_pitch_m,
+                       image.modulation_frequency_hz.value_or(kNotStated),
+                       image.sound_speed_m_s.value_or(kNotStated),
+                       image.imaginary.empty() ? 0U : 1U};
+  write_all(&head, sizeof head);
+  write_all(&more, sizeof more);
+  write_floats(image.values);
+  write_floats(image.imaginary);
+}
+
+void parse_and_say(const std::string& how, const std::string& variable, std::size_t frame) try {
+  if (how == kUff)
+    parse_image(variable, frame);
+  else
+    parse_frames(variable, how == kRows ? AxialAxis::kRows : AxialAxis::kColumns);
 } catch (const FileError& error) {
   const std::string words = error.what(), named = std::string(kFile) + ": ";
   say(Head::kRefused, words.substr(words.starts_with(named) ? named.size() : 0, kMostWords));
@@ -95,9 +133,9 @@ void parse_and_say(const std::string& variable, AxialAxis axial) try {
 // not be made yet: what it calls uses none.
 [[gnu::constructor]] void be_the_parser(int count, char** arguments, char**) {
   if (count != kArguments || std::strcmp(arguments[0], kName) != 0) return;
-  confine(std::strtoull(arguments[3], nullptr, 10), std::strtoull(arguments[4], nullptr, 10));
-  parse_and_say(arguments[1],
-                std::strcmp(arguments[2], "rows") == 0 ? AxialAxis::kRows : AxialAxis::kColumns);
+  const auto number = [&](int k) { return std::strtoull(arguments[k], nullptr, 10); };
+  confine(number(4), number(5));
+  parse_and_say(arguments[1], arguments[2], number(3));
   ::_exit(EXIT_SUCCESS);
 }
 
@@ -130,7 +168,7 @@ Descriptor beyond_standard(int number) {
 
 class Parser {
  public:
-  Parser(const std::filesystem::path& path, const std::string& variable, AxialAxis axial,
+  Parser(const std::filesystem::path& path, const char* how, const std::string& variable, std::size_t frame,
          const ParserLimits& limits)
       : path_(path), limits_(limits), file_(beyond_standard(::open(path.c_str(), O_RDONLY | O_CLOEXEC))) {
     std::array<int, 2> pipe{};
@@ -138,11 +176,10 @@ class Parser {
       throw FileError(path, std::string("cannot be read: ") + std::strerror(errno));
     answer_ = Descriptor(pipe[0]);
     const Descriptor out = beyond_standard(pipe[1]);
-    const std::string bytes = std::to_string(limits.address_bytes),
+    const std::string which = std::to_string(frame), bytes = std::to_string(limits.address_bytes),
                       seconds = std::to_string(limits.processor.count());
     const char* const arguments[kArguments + 1] = {
-        kName,         variable.c_str(), axial == AxialAxis::kRows ? "rows" : "columns",
-        bytes.c_str(), seconds.c_str(),  nullptr};
+        kName, how, variable.c_str(), which.c_str(), bytes.c_str(), seconds.c_str(), nullptr};
     posix_spawn_file_actions_t actions;
     ::posix_spawn_file_actions_init(&actions);
     ::posix_spawn_file_actions_adddup2(&actions, file_.number(), STDIN_FILENO);
@@ -168,13 +205,41 @@ class Parser {
       at += got, bytes -= got;
     }
   }
+  std::vector<float> floats(std::size_t count) {
+    std::vector<float> out(count);
+    read(out.data(), count * sizeof(float));
+    return out;
+  }
+  // The head of what was asked for, of a file of so many bytes. Throws FileError where the parser refused, or
+  // said what cannot be.
+  Head head(Head::Kind wanted, std::size_t file_bytes) {
+    Head head{};
+    read(&head, sizeof head);
+    if (head.kind == Head::kNoMemory) refuse_memory();
+    if (head.kind == Head::kRefused && head.counts[0] <= kMostWords) {
+      std::string words(head.counts[0], ' ');
+      read(words.data(), words.size());
+      refuse(shown(words, kMostWords));
+    }
+    // Of an image's frames it sends one.
+    const std::uint64_t frames = wanted == Head::kImage ? 1 : head.counts[2];
+    long double values = 1;
+    for (const std::uint64_t count : {head.counts[0], head.counts[1], frames})
+      values *= static_cast<long double>(count);
+    if (head.kind != wanted || values < 1 || head.counts[2] < 1 || !can_hold(file_bytes, values, 1))
+      refuse_answer();
+    return head;
+  }
+  [[noreturn]] void refuse_answer() const {
+    refuse("its parser gave an answer that cannot be; the file is damaged: export it again");
+  }
+
+ private:
   [[noreturn]] void refuse(const std::string& words) const { throw FileError(path_, words); }
   [[noreturn]] void refuse_memory() const {
     refuse("takes more than " + std::to_string(limits_.address_bytes >> 20) +
            " MiB to read; save fewer frames in one file");
   }
-
- private:
   std::size_t some(char* at, std::size_t bytes) {
     pollfd ready{answer_.number(), POLLIN, 0};
     const auto patience = std::chrono::milliseconds(limits_.silence).count();
@@ -201,7 +266,7 @@ class Parser {
     refuse("its parser ended before it was done (" +
            (WIFSIGNALED(status) ? "signal " + std::to_string(WTERMSIG(status))
                                 : "status " + std::to_string(WEXITSTATUS(status))) +
-           "); the file is damaged: export it again with -v7 or -v7.3");
+           "); the file is damaged: export it again");
   }
   void end() {
     if (process_ < 0) return;
@@ -220,25 +285,40 @@ class Parser {
 MatFrames parse_mat_apart(const std::filesystem::path& path, const std::string& variable, AxialAxis axial,
                           const ParserLimits& limits) {
   const std::size_t file_bytes = readable_file_size(path);
-  Parser parser(path, variable, axial, limits);
-  Head head{};
-  parser.read(&head, sizeof head);
-  if (head.kind == Head::kNoMemory) parser.refuse_memory();
-  if (head.kind == Head::kRefused && head.counts[0] <= kMostWords) {
-    std::string words(head.counts[0], ' ');
-    parser.read(words.data(), words.size());
-    parser.refuse(shown(words, kMostWords));
-  }
-  long double values = 1;
-  for (const std::uint64_t count : head.counts) values *= static_cast<long double>(count);
-  if (head.kind != Head::kFrames || values < 1 || !can_hold(file_bytes, values, 1))
-    parser.refuse("its parser gave an answer that cannot be; the file is damaged: export it again");
+  Parser parser(path, axial == AxialAxis::kRows ? kRows : kColumns, variable, 0, limits);
+  const Head head = parser.head(Head::kFrames, file_bytes);
   MatFrames frames;
   frames.sample_count = head.counts[0], frames.line_count = head.counts[1],
   frames.frame_count = head.counts[2];
-  frames.samples.resize(frames.sample_count * frames.line_count * frames.frame_count);
-  parser.read(frames.samples.data(), frames.samples.size() * sizeof(float));
+  frames.samples = parser.floats(frames.sample_count * frames.line_count * frames.frame_count);
   return frames;
+}
+
+UffImage parse_uff_apart(const std::filesystem::path& path, const std::string& object, std::size_t frame,
+                         const ParserLimits& limits) {
+  const std::size_t file_bytes = readable_file_size(path);
+  Parser parser(path, kUff, object, frame, limits);
+  const Head head = parser.head(Head::kImage, file_bytes);
+  ImageHead more{};
+  parser.read(&more, sizeof more);
+  const auto above = [](double value, double least) { return value > least && std::isfinite(value); };
+  const auto stated = [](double value) {
+    return std::isnan(value) ? std::nullopt : std::optional<double>(value);
+  };
+  UffImage image;
+  image.sample_count = head.counts[0], image.line_count = head.counts[1], image.frame_count = head.counts[2];
+  image.first_sample_depth_m = more.first_sample_depth_m;
+  image.sample_pitch_m = more.sample_pitch_m, image.line_pitch_m = more.line_pitch_m;
+  image.modulation_frequency_hz = stated(more.modulation_frequency_hz);
+  image.sound_speed_m_s = stated(more.sound_speed_m_s);
+  if (!above(image.sample_pitch_m, 0) || !above(image.line_pitch_m, 0) ||
+      !(image.first_sample_depth_m >= 0 && std::isfinite(image.first_sample_depth_m)) ||
+      !(image.modulation_frequency_hz.value_or(0) >= 0) || !above(image.sound_speed_m_s.value_or(1), 0))
+    parser.refuse_answer();
+  const std::size_t values = image.sample_count * image.line_count;
+  image.values = parser.floats(values);
+  if (more.is_complex == 1) image.imaginary = parser.floats(values);
+  return image;
 }
 
 }  // namespace teletact::client

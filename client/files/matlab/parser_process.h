@@ -1,7 +1,7 @@
-// The process in which a MATLAB file is parsed: this program once more, which does nothing else. It inherits
-// the file and a pipe for what it finds, and has limits; it writes no file. What it says is checked like any
-// peer's words. No filter of system calls: which ones matio, HDF5 and a sanitizer make changes with their
-// versions, and a good file would be refused after an update.
+// The process in which a file of MATLAB or USTB is parsed: this program once more, which does nothing else.
+// It inherits the file and a pipe for what it finds, and has limits; it writes no file. What it says is
+// checked like any peer's words. No filter of system calls: which ones matio, HDF5 and a sanitizer make
+// changes with their versions, and a good file would be refused after an update.
 #pragma once
 
 #include <chrono>
@@ -10,6 +10,7 @@
 #include <string>
 
 #include "client/files/matfile.h"
+#include "client/files/uff.h"
 
 namespace teletact::client {
 
@@ -19,8 +20,11 @@ struct ParserLimits {
   std::chrono::seconds silence{120};                 // that a part of its answer may take
 };
 
-// As read_mat(); also throws FileError, with the remedy, where the parser crashes or reaches a limit.
+// As read_mat() and read_uff(); also throw FileError, with the remedy, where the parser crashes or reaches a
+// limit.
 MatFrames parse_mat_apart(const std::filesystem::path& path, const std::string& variable, AxialAxis axial,
                           const ParserLimits& limits = {});
+UffImage parse_uff_apart(const std::filesystem::path& path, const std::string& object, std::size_t frame,
+                         const ParserLimits& limits = {});
 
 }  // namespace teletact::client

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "client/files/matfile.h"
+#include "client/files/uff.h"
 
 namespace teletact::client {
 namespace {
@@ -16,6 +17,18 @@ TEST(NoMatfile, AFileIsRefusedByNameWithTheRemedy) {
     EXPECT_NE(said.find("rf.mat"), std::string::npos) << said;
     EXPECT_NE(said.find(".mha"), std::string::npos) << said;
     EXPECT_NE(said.find("TELETACT_MATLAB"), std::string::npos) << said;
+  }
+}
+
+TEST(NoMatfile, SoIsOneOfUstb) {
+  try {
+    read_uff("b.uff", "", 0);
+    FAIL() << "it was read";
+  } catch (const FileError& error) {
+    const std::string said = error.what();
+    EXPECT_EQ(error.path, "b.uff");
+    for (const char* words : {"b.uff", ".mha", "TELETACT_MATLAB"})
+      EXPECT_NE(said.find(words), std::string::npos) << said;
   }
 }
 

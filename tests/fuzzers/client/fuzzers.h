@@ -10,5 +10,6 @@ bool matlab(Bytes);
 bool metaimage(Bytes);
 bool recording(Bytes);
 bool touch_answers(Bytes);
+bool uff(Bytes);
 
 }  // namespace teletact::fuzzers
