@@ -1,6 +1,7 @@
 #include "client/acquire/map_output.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -11,6 +12,7 @@
 
 #include "client/acquire/modulus_names.h"
 #include "client/acquire/recorded_frames.h"
+#include "client/files/netcdf.h"
 #include "client/files/png.h"
 #include "client/files/vti.h"
 
@@ -55,7 +57,9 @@ std::vector<float> values_as(const v1::Map& map) {
   std::size_t points = 1;
   for (const std::uint32_t size : map.grid().size()) points *= size;
   const std::string& bytes = map.values().data();
-  if (map.grid().size_size() < 2 || bytes.size() != points * sizeof(T))
+  const int axes = map.grid().size_size();
+  if (axes < 2 || axes > 3 || map.grid().origin_m_size() != axes || map.grid().spacing_m_size() != axes ||
+      bytes.size() != points * sizeof(T))
     throw std::runtime_error("the service sent map '" + map.name() + "' that does not fill its grid");
   std::vector<float> out(points);
   for (std::size_t i = 0; i < out.size(); ++i) {
@@ -103,6 +107,79 @@ Panel panel_of(const v1::Map& map, const std::vector<float>& valid) {
     if (std::find(valid.begin(), valid.end(), 0) != valid.end()) panel.title += " (grey: not valid)";
   }
   return panel;
+}
+
+// The axes of a map, the slowest first; those of another grid than the window's bear the map's name.
+std::vector<NetcdfAxis> netcdf_axes(const v1::Map& map, const std::string& suffix) {
+  constexpr std::array kNames{"x", "y", "z"};
+  std::vector<NetcdfAxis> axes;
+  for (int axis = map.grid().size_size() - 1; axis >= 0; --axis)
+    axes.push_back({kNames.at(static_cast<std::size_t>(axis)) + suffix, map.grid().origin_m(axis),
+                    map.grid().spacing_m(axis), map.grid().size(axis)});
+  return axes;
+}
+
+NetcdfVariable netcdf_variable(const v1::Map& map, const std::vector<NetcdfAxis>& axes,
+                               const std::vector<float>& valid) {
+  NetcdfVariable out{map.name(), map.unit(), {}, {}};
+  for (const NetcdfAxis& axis : axes) out.axes.push_back(axis.name);
+  std::vector<float> values = values_of(map);
+  if (map.name() == "valid") {
+    std::vector<NetcdfFlag> flags;
+    for (const float value : values) flags.push_back({static_cast<std::uint8_t>(value != 0)});
+    out.values = std::move(flags);
+  } else if (map.values().dtype() == v1::DATA_TYPE_UINT8) {
+    out.values = std::vector<std::uint8_t>(values.begin(), values.end());
+  } else {
+    if (map.name() != "correlation")
+      for (std::size_t i = 0; i < valid.size(); ++i)
+        if (valid[i] == 0) values[i] = std::numeric_limits<float>::quiet_NaN();
+    out.values = std::move(values);
+  }
+  return out;
+}
+
+// As the Python client's estimate() has them.
+std::vector<std::pair<std::string, NetcdfAttribute>> netcdf_attributes(const v1::EstimateSummary& summary) {
+  std::vector<std::string> stages;
+  std::vector<double> seconds;
+  for (const v1::StageTime& stage : summary.stages())
+    stages.push_back(stage.stage()), seconds.push_back(stage.seconds());
+  std::vector<std::pair<std::string, NetcdfAttribute>> out{
+      {"warnings", std::vector<std::string>(summary.warnings().begin(), summary.warnings().end())},
+      {"modulus_absolute", std::int64_t{summary.modulus_absolute()}},
+      {"background_modulus", summary.background_modulus_pa()},
+      {"modulus_method", name_of(summary.modulus_method())},
+      {"modulus_converged", std::int64_t{summary.modulus_converged()}},
+      {"modulus_iterations", std::int64_t{summary.modulus_iterations()}},
+      {"modulus_model", summary.modulus_model()},
+      {"median_correlation", summary.median_correlation()},
+      {"valid_fraction", summary.valid_fraction()},
+      {"mean_axial_strain", summary.mean_axial_strain()},
+      {"quality", summary.quality()},
+      {"stages", stages},
+      {"stages_s", seconds}};
+  if (summary.has_youngs_modulus_correlation_m())
+    out.emplace_back("youngs_modulus_correlation_m", summary.youngs_modulus_correlation_m());
+  return out;
+}
+
+NetcdfContent netcdf_content(const EstimateOutcome& outcome, const std::vector<float>& valid) {
+  NetcdfContent out;
+  std::vector<const char*> names{"valid"};
+  for (const Group& group : kGroups) names.insert(names.end(), group.maps.begin(), group.maps.end());
+  const v1::Map* window = find_map(outcome.maps, "valid");
+  if (window != nullptr) out.axes = netcdf_axes(*window, "");
+  for (const char* name : names) {
+    const v1::Map* map = find_map(outcome.maps, name);
+    if (map == nullptr) continue;
+    const bool of_window = on_one_grid(*map, window);
+    const std::vector<NetcdfAxis> axes = netcdf_axes(*map, of_window ? "" : "_" + map->name());
+    if (!of_window) out.axes.insert(out.axes.end(), axes.begin(), axes.end());
+    out.variables.push_back(netcdf_variable(*map, axes, of_window ? valid : std::vector<float>{}));
+  }
+  out.attributes = netcdf_attributes(outcome.summary);
+  return out;
 }
 
 // What was asked for; the service chose where nothing was.
@@ -218,9 +295,9 @@ std::vector<std::string> write_estimate(const std::filesystem::path& folder,
     for (const char* name : group.maps) {
       const v1::Map* map = find_map(outcome.maps, name);
       if (map == nullptr) continue;
+      arrays.push_back({map->name(), values_of(*map), 1});
       grid = vti_grid(map->grid());
       valid = on_one_grid(*map, valid_map) ? of_window : std::vector<float>{};
-      arrays.push_back({map->name(), values_of(*map), 1});
       panels.push_back(panel_of(*map, valid));
     }
     if (!grid) continue;
@@ -231,6 +308,7 @@ std::vector<std::string> write_estimate(const std::filesystem::path& folder,
     written.push_back(file + ".vti");
     written.push_back(file + ".png");
   }
+  if (write_netcdf(folder / "maps.nc", netcdf_content(outcome, of_window))) written.emplace_back("maps.nc");
   nlohmann::json json = summary_json(acquisition, outcome);
   json["files"] = written;
   json["source"] = {{"pre", source.pre}, {"post", source.post}};

@@ -1,4 +1,5 @@
-// The service's maps on disk: VTI for ParaView, PNG to look at, estimate.json with the figures.
+// The service's maps on disk: VTI for ParaView, PNG to look at, NetCDF with units, estimate.json with the
+// figures.
 #pragma once
 
 #include <filesystem>
@@ -28,7 +29,8 @@ struct EstimateSource {
 };
 
 // Writes displacement, strain, correlation and modulus as .vti and .png (nodes that are not valid are grey in
-// the pictures and keep their value in the files, beside the array `valid`), and estimate.json, which also
+// the pictures and keep their value in the files, beside the array `valid`), all maps as maps.nc (where this
+// client can write it; NaN where not valid, names as in the Python client), and estimate.json, which also
 // says which tissue was assumed. It is written last: where it is, all are of this estimate. Returns the names
 // of the files written. Throws FileError.
 std::vector<std::string> write_estimate(const std::filesystem::path& folder,

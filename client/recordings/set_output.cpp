@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "client/acquire/map_output.h"
+#include "client/files/netcdf.h"
 #include "client/files/png.h"
 #include "client/files/vti.h"
 
@@ -135,6 +136,33 @@ VtiGrid vti_grid(const v1::Grid& grid, std::size_t planes, double first_z_m, dou
           {grid.spacing_m(0), grid.spacing_m(1), pitch_m}};
 }
 
+NetcdfAxis netcdf_axis(const v1::Grid& grid, int axis, const char* name) {
+  return {name, grid.origin_m(axis), grid.spacing_m(axis), grid.size(axis)};
+}
+
+// The modulus of one plane or several, NaN where not valid, as the Python client names it.
+NetcdfContent netcdf_content(const v1::Grid& grid, const std::optional<NetcdfAxis>& planes,
+                             const Arrays& arrays, bool absolute) {
+  NetcdfContent out;
+  if (planes) out.axes.push_back(*planes);
+  out.axes.push_back(netcdf_axis(grid, 1, "y"));
+  out.axes.push_back(netcdf_axis(grid, 0, "x"));
+  std::vector<std::string> axes;
+  for (const NetcdfAxis& axis : out.axes) axes.push_back(axis.name);
+  std::vector<NetcdfFlag> valid;
+  for (const std::uint8_t flag : arrays.valid) valid.push_back({flag});
+  const auto masked = [&](std::vector<float> values) {
+    for (std::size_t i = 0; i < values.size(); ++i)
+      if (arrays.valid[i] == 0) values[i] = std::numeric_limits<float>::quiet_NaN();
+    return values;
+  };
+  out.variables = {{"valid", "1", axes, valid},
+                   {"youngs_modulus", absolute ? "Pa" : "1", axes, masked(arrays.modulus)},
+                   {"youngs_modulus_log_std", "1", axes, masked(arrays.deviation)}};
+  out.attributes = {{"modulus_absolute", std::int64_t{absolute}}};
+  return out;
+}
+
 nlohmann::json pair_json(const EstimatedPlace& place, std::size_t p) {
   const EstimatedPair& pair = place.pairs[p];
   const bool used = place.left_out[p].empty();
@@ -248,6 +276,11 @@ std::vector<std::string> write_place(const std::filesystem::path& folder, const 
                                   panel(grid, "youngs modulus log std", place.joined.log_deviation, false)};
   write_png(folder / "modulus.png", panels);
   written.insert(written.end(), {"modulus.vti", "modulus.png"});
+  NetcdfContent content = netcdf_content(grid, {}, arrays, place.absolute);
+  content.attributes.insert(content.attributes.end(), {{"background_modulus", place.background},
+                                                       {"youngs_modulus_correlation_m", place.correlation_m},
+                                                       {"warnings", place.warnings}});
+  if (write_netcdf(folder / "modulus.nc", content)) written.emplace_back("modulus.nc");
   finish(folder, place_json(place), written, info);
   return written;
 }
@@ -293,6 +326,9 @@ std::vector<std::string> write_volume(const std::filesystem::path& folder,
   options.columns = 3;
   write_png(folder / "volume.png", panels, options);
   written.insert(written.end(), {"volume.vti", "volume.png"});
+  if (write_netcdf(folder / "volume.nc",
+                   netcdf_content(*grid, NetcdfAxis{"z", first, pitch, places.size()}, arrays, absolute)))
+    written.emplace_back("volume.nc");
   std::vector<std::string> assumed{
       "the planes are parallel, at the z stated; nothing is passed from plane to plane: in each the modulus "
       "is "

@@ -38,12 +38,12 @@ struct EstimatedPlace {
 // Throws std::runtime_error where the service sent maps that do not lie on one grid.
 EstimatedPlace join_place(std::optional<double> z_m, std::vector<EstimatedPair> pairs);
 
-// pair-1, pair-2 ... (write_estimate), modulus.vti, modulus.png and estimate.json of all. Returns the files'
+// pair-1, pair-2 ... (write_estimate), modulus.vti, .png, .nc and estimate.json of all. Returns the files'
 // names. Throws FileError.
 std::vector<std::string> write_place(const std::filesystem::path& folder, const EstimatedPlace& place,
                                      const teletact::v1::GetInfoResponse& info);
 
-// slice-1, slice-2 ... (write_place, where a pair was used), volume.vti, volume.png and estimate.json. Of a
+// slice-1, slice-2 ... (write_place, where a pair was used), volume.vti, .png, .nc and estimate.json. Of a
 // plane without a modulus nothing is valid. Throws std::invalid_argument where no plane has one.
 std::vector<std::string> write_volume(const std::filesystem::path& folder,
                                       const std::vector<EstimatedPlace>& places,

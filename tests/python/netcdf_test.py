@@ -1,10 +1,11 @@
-"""What xarray keeps in a file of NetCDF comes back as it was, with its units."""
+"""What xarray keeps in a file of NetCDF comes back as it was, with its units; teletact-client writes the same."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import teletact
+from conftest import run_client
 
 pytest.importorskip("netCDF4")
 
@@ -29,3 +30,30 @@ def test_an_estimate_a_scene_and_a_path_are_kept(service, lump, patient, tmp_pat
         for key, value in given.attrs.items():
             assert np.array_equal(np.atleast_1d(read.attrs[key]), np.atleast_1d(value)), key
     assert maps.youngs_modulus.attrs["units"] == "Pa" and maps.x.attrs["units"] == "m" and maps.attrs["stages"]
+
+
+def test_the_clients_file_is_that_of_python(process, service, patient, tmp_path):
+    folder, truth = patient
+    window = truth["windows"][0]
+    run_client("estimate", "--service", process.address, "--pre", folder / window["pre"], "--post",
+               folder / window["post"], "--center-frequency-hz", truth["center_frequency_hz"],
+               "--sampling-frequency-hz", truth["sampling_frequency_hz"], "--frame", "PROBE", "--plane", "strain",
+               "--modulus-method", "direct", "--tissue-width-m", truth["width_m"], "--tissue-depth-m",
+               truth["depth_m"], "--out", tmp_path / "e")
+    pair = [teletact.read_metaimage(folder / window[name]) for name in ("pre", "post")]
+    probe = {name: truth[name] for name in ("center_frequency_hz", "sampling_frequency_hz", "sound_speed_m_s",
+                                            "line_pitch_m", "first_sample_depth_m")}
+    service.estimate(*pair, frame="probe", plane="strain", method="direct", tissue_width_m=truth["width_m"],
+                     tissue_depth_m=truth["depth_m"], modulus_time_limit_s=20, **probe).to_netcdf(tmp_path / "ours.nc")
+    ours, theirs = xr.load_dataset(tmp_path / "ours.nc"), xr.load_dataset(tmp_path / "e" / "maps.nc")
+    assert set(theirs.variables) == set(ours.variables)
+    for name, variable in ours.variables.items():
+        same = theirs[name]
+        assert (same.dims, same.dtype) == (variable.dims, variable.dtype), name
+        np.testing.assert_allclose(same, variable, rtol=1e-6, atol=0, err_msg=name)
+        assert same.attrs["units"] == variable.attrs["units"], name
+        assert name in same.dims or same.attrs["long_name"] == name.replace("_", " ")
+    assert set(theirs.attrs) - set(ours.attrs) == {"Conventions"}
+    for key, value in ours.attrs.items():
+        if key != "stages_s":
+            assert np.array_equal(np.atleast_1d(theirs.attrs[key]), np.atleast_1d(value)), key

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <new>
 #include <string_view>
-#include <utility>
 
+#include "client/files/matlab/hdf5_id.h"
 #include "client/files/matlab/mat_parser.h"
 #include "client/text/shown.h"
 
@@ -20,56 +20,37 @@ constexpr std::size_t kMostNamed = 500;      // bytes of the names of what is th
 constexpr std::size_t kMostObjects = 1000;   // of a file
 constexpr std::size_t kMostClassName = 256;  // bytes
 constexpr std::size_t kMostOnAxis = std::size_t{1} << 20;
-constexpr double kUneven = 0.01;  // of an axis's step
-constexpr int kMostRank = 4;      // pixels, channels, waves, frames
+constexpr long double kMostPixels = 1L << 24;  // of a frame
+constexpr double kUneven = 0.01;               // of an axis's step
+constexpr int kMostRank = 4;                   // pixels, channels, waves, frames
 constexpr const char* kBeamformed = "uff.beamformed_data";
 constexpr const char* kChannels = "uff.channel_data";
 
-// What HDF5 gave, closed with what it wants.
-class Id {
- public:
-  explicit Id(hid_t id = H5I_INVALID_HID, herr_t (*close)(hid_t) = nullptr) : id_(id), close_(close) {}
-  Id(Id&& other) noexcept : id_(std::exchange(other.id_, H5I_INVALID_HID)), close_(other.close_) {}
-  Id& operator=(Id&& other) noexcept {
-    std::swap(id_, other.id_), std::swap(close_, other.close_);
-    return *this;
-  }
-  ~Id() {
-    if (id_ >= 0) close_(id_);
-  }
-  operator hid_t() const { return id_; }
-  bool there() const { return id_ >= 0; }
-
- private:
-  hid_t id_;
-  herr_t (*close_)(hid_t);
-};
-
 // An object of the file, and how messages name it.
 struct Node {
-  Id id;
+  Hdf5Id id;
   std::string name;
   bool there() const { return id.there(); }
   bool is(H5I_type_t type) const { return there() && H5Iget_type(id) == type; }
 };
 
 Node child(const Node& parent, const std::string& name) {
-  Node out{Id(), parent.name.empty() ? name : parent.name + "/" + name};
+  Node out{Hdf5Id(), parent.name.empty() ? name : parent.name + "/" + name};
   H5L_info_t link{};
   // Soft links need not be followed, and external ones must not be.
   if (!parent.is(H5I_GROUP) || name.empty() || H5Lexists(parent.id, name.c_str(), H5P_DEFAULT) <= 0 ||
       H5Lget_info(parent.id, name.c_str(), &link, H5P_DEFAULT) < 0 || link.type != H5L_TYPE_HARD)
     return out;
-  out.id = Id(H5Oopen(parent.id, name.c_str(), H5P_DEFAULT), H5Oclose);
+  out.id = Hdf5Id(H5Oopen(parent.id, name.c_str(), H5P_DEFAULT), H5Oclose);
   return out;
 }
 
 // "" where there is none that is a short text.
 std::string text_of(const Node& node, const char* attribute) {
   if (H5Aexists(node.id, attribute) <= 0) return "";
-  const Id read(H5Aopen(node.id, attribute, H5P_DEFAULT), H5Aclose);
-  const Id type(read.there() ? H5Aget_type(read) : H5I_INVALID_HID, H5Tclose);
-  const Id space(read.there() ? H5Aget_space(read) : H5I_INVALID_HID, H5Sclose);
+  const Hdf5Id read(H5Aopen(node.id, attribute, H5P_DEFAULT), H5Aclose);
+  const Hdf5Id type(read.there() ? H5Aget_type(read) : H5I_INVALID_HID, H5Tclose);
+  const Hdf5Id space(read.there() ? H5Aget_space(read) : H5I_INVALID_HID, H5Sclose);
   if (!type.there() || H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
     return "";
   if (H5Tis_variable_str(type) > 0) {
@@ -88,8 +69,8 @@ std::string text_of(const Node& node, const char* attribute) {
 
 bool is_array(const Node& node) {
   if (H5Aexists(node.id, "array") <= 0) return false;
-  const Id read(H5Aopen(node.id, "array", H5P_DEFAULT), H5Aclose);
-  const Id space(read.there() ? H5Aget_space(read) : H5I_INVALID_HID, H5Sclose);
+  const Hdf5Id read(H5Aopen(node.id, "array", H5P_DEFAULT), H5Aclose);
+  const Hdf5Id space(read.there() ? H5Aget_space(read) : H5I_INVALID_HID, H5Sclose);
   double value = 0;
   return space.there() && H5Sget_simple_extent_npoints(space) == 1 &&
          H5Aread(read, H5T_NATIVE_DOUBLE, &value) >= 0 && value != 0;
@@ -118,7 +99,7 @@ class UffReader {
         file_bytes_(file_bytes),
         file_(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose) {
     if (!file_.there()) refuse("is no HDF5 file or is damaged; write it with USTB's write()");
-    root_.id = Id(H5Gopen2(file_, "/", H5P_DEFAULT), H5Gclose);
+    root_.id = Hdf5Id(H5Gopen2(file_, "/", H5P_DEFAULT), H5Gclose);
   }
 
   UffImage read(const std::string& object, std::size_t frame) const {
@@ -162,7 +143,7 @@ class UffReader {
   }
 
   Node named(const std::string& object) const {
-    Node at{Id(H5Gopen2(file_, "/", H5P_DEFAULT), H5Gclose), ""};
+    Node at{Hdf5Id(H5Gopen2(file_, "/", H5P_DEFAULT), H5Gclose), ""};
     for (std::size_t begin = 0; begin < object.size();) {
       const std::size_t end = std::min(object.find('/', begin), object.size());
       if (end > begin) at = child(at, object.substr(begin, end - begin));
@@ -195,7 +176,7 @@ class UffReader {
   // Its sizes, the fastest first, as MATLAB has them; those after the last are 1.
   std::array<std::size_t, kMostRank> sizes(const Node& data) const {
     if (!data.is(H5I_DATASET)) refuse_field(data, "is missing, or is no array; write the object again");
-    const Id type(H5Dget_type(data.id), H5Tclose), space(H5Dget_space(data.id), H5Sclose),
+    const Hdf5Id type(H5Dget_type(data.id), H5Tclose), space(H5Dget_space(data.id), H5Sclose),
         made(H5Dget_create_plist(data.id), H5Pclose);
     if (!type.there() || (H5Tget_class(type) != H5T_FLOAT && H5Tget_class(type) != H5T_INTEGER) ||
         H5Tget_size(type) > sizeof(double))
@@ -234,7 +215,7 @@ class UffReader {
   // `values` numbers of it from the `from`-th on, of the slowest dimension.
   template <class T>
   std::vector<T> numbers(const Node& data, std::size_t values, std::size_t frame, hid_t in_memory) const {
-    const Id space(H5Dget_space(data.id), H5Sclose);
+    const Hdf5Id space(H5Dget_space(data.id), H5Sclose);
     if (H5Sget_simple_extent_ndims(space) == kMostRank) {
       const std::array<hsize_t, kMostRank> start{frame, 0, 0, 0};
       std::array<hsize_t, kMostRank> extent{};
@@ -243,7 +224,7 @@ class UffReader {
       H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, extent.data(), nullptr);
     }
     const hsize_t flat = values;
-    const Id memory(H5Screate_simple(1, &flat, nullptr), H5Sclose);
+    const Hdf5Id memory(H5Screate_simple(1, &flat, nullptr), H5Sclose);
     std::vector<T> out(values);
     if (H5Sget_select_npoints(space) != static_cast<hssize_t>(values) ||
         H5Dread(data.id, in_memory, memory, space, H5P_DEFAULT, out.data()) < 0)
@@ -306,6 +287,9 @@ class UffReader {
       refuse_field(across, "has several places; estimate plane by plane: beamform one of them");
     const Axis x = axis(child(scan, "x_axis")), z = axis(child(scan, "z_axis"));
     if (z.first < 0) refuse_field(child(scan, "z_axis"), "begins above the probe; begin it at 0 m or deeper");
+    if (static_cast<long double>(x.count) * static_cast<long double>(z.count) > kMostPixels)
+      refuse_field(scan, "has " + std::to_string(x.count) + " x " + std::to_string(z.count) +
+                             " pixels, more than 16 million; beamform fewer lines or depths");
     image.line_count = x.count, image.line_pitch_m = x.step;
     image.sample_count = z.count, image.sample_pitch_m = z.step, image.first_sample_depth_m = z.first;
     require_in_place(
@@ -358,8 +342,8 @@ class UffReader {
 
   const std::filesystem::path path_;
   const std::size_t file_bytes_;
-  const Id file_;
-  Node root_{Id(), ""};
+  const Hdf5Id file_;
+  Node root_{Hdf5Id(), ""};
 };
 
 }  // namespace

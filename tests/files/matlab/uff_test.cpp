@@ -296,10 +296,16 @@ INSTANTIATE_TEST_SUITE_P(
                     Wrong{"HugeData",
                           [](UffFile& f) {
                             other_axis(f, "z_axis", counted(10'000, 0));
-                            other_axis(f, "x_axis", counted(10'000, 0));
-                            other_data(f, {1, 100'000'000}, false);
+                            other_axis(f, "x_axis", counted(1'000, 0));
+                            other_data(f, {1, 10'000'000}, false);
                           },
                           "claims to be larger than the file can hold"},
+                    Wrong{"HugeImage",
+                          [](UffFile& f) {
+                            other_axis(f, "z_axis", counted(10'000, 0));
+                            other_axis(f, "x_axis", counted(10'000, 0));
+                          },
+                          "'b_data/scan' has 10000 x 10000 pixels"},
                     Wrong{"HugeFrames",
                           [](UffFile& f) {
                             f.remove("b_data/data");
