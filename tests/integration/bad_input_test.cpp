@@ -60,6 +60,8 @@ TEST_F(EstimateInput, CorruptFilesAreNamed) {
   expect_one_clear_line(
       estimate(folder_ / "b.mat", folder_ / "b.mat", usual({"--variable", "rf", "--axial-axis", "rows"})),
       {"b.mat"});
+  write(folder_ / "e.uff", "HDF5, or not");
+  expect_one_clear_line(estimate(folder_ / "e.uff", folder_ / "e.uff", usual()), {"e.uff"});
   expect_one_clear_line(estimate(folder_ / "c.mha", folder_ / "c.mha", usual()), {"c.mha"});
   write(folder_ / "d.png", "x");
   expect_one_clear_line(estimate(folder_ / "d.png", folder_ / "d.png", usual()), {"d.png", ".mha"});
