@@ -73,31 +73,33 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
   // {admin, configuration} -> rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue,
   // solid} -> solver -> device
   // -> limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
-  // others choose; access, who may do what, is rpc's.
-  expect_only(
-      {{"limits", {"plan"}},
-       {"plan", {}},
-       {"access", {"limits"}},
-       {"device", {"limits"}},
-       {"solver", {"device", "limits"}},
-       {"tissue", {"plan", "solver", "device", "limits"}},
-       {"solid", {"solver", "device", "limits"}},
-       {"contact", {"plan", "tissue", "solid", "solver", "device", "limits"}},
-       {"tracking", {"solver", "device", "limits"}},
-       {"modulus", {"plan", "tracking", "tissue", "solid", "solver", "device", "limits"}},
-       {"imaging", {"plan", "modulus", "tracking", "tissue", "solid", "solver", "device", "limits"}},
-       {"scene",
-        {"plan", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device", "limits"}},
-       {"imaging_plane",
-        {"plan", "scene", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device",
-         "limits"}},
-       {"touch_plane", {"plan", "scene", "contact", "tissue", "solver", "device", "limits"}},
-       {"rpc",
-        {"access", "imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking", "contact",
-         "tissue", "solver", "device", "limits"}},
-       {"admin", {"rpc", "scene", "limits"}},
-       {"configuration", {"rpc", "device", "limits"}}},
-      "service");
+  // others choose; access, who may do what, is rpc's; trace, whose call it is, goes with jobs, from rpc down
+  // to scene.
+  expect_only({{"limits", {"plan"}},
+               {"plan", {}},
+               {"access", {"limits"}},
+               {"device", {"limits"}},
+               {"solver", {"device", "limits"}},
+               {"tissue", {"plan", "solver", "device", "limits"}},
+               {"solid", {"solver", "device", "limits"}},
+               {"contact", {"plan", "tissue", "solid", "solver", "device", "limits"}},
+               {"tracking", {"solver", "device", "limits"}},
+               {"modulus", {"plan", "tracking", "tissue", "solid", "solver", "device", "limits"}},
+               {"imaging", {"plan", "modulus", "tracking", "tissue", "solid", "solver", "device", "limits"}},
+               {"scene",
+                {"plan", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device", "trace",
+                 "limits"}},
+               {"imaging_plane",
+                {"plan", "scene", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device",
+                 "trace", "limits"}},
+               {"touch_plane", {"plan", "scene", "contact", "tissue", "solver", "device", "limits"}},
+               {"trace", {"limits"}},
+               {"rpc",
+                {"access", "trace", "imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking",
+                 "contact", "tissue", "solver", "device", "limits"}},
+               {"admin", {"rpc", "scene", "limits"}},
+               {"configuration", {"rpc", "device", "limits"}}},
+              "service");
 }
 
 TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
