@@ -1,4 +1,5 @@
 // teletact-service: the solver service on a compute node.
+#include <fmt/format.h>
 #include <grpc/support/log.h>
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -26,6 +27,7 @@
 #include "service/device/device.h"
 #include "service/limits/shown.h"
 #include "service/rpc/server.h"
+#include "service/trace/log_formatter.h"
 
 namespace {
 
@@ -33,7 +35,7 @@ using namespace teletact::service;
 
 void start_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_logger_mt("teletact"));
-  spdlog::set_pattern("time=%Y-%m-%dT%H:%M:%S.%fZ level=%l %v", spdlog::pattern_time_type::utc);
+  spdlog::set_formatter(log_formatter());
   const auto parsed = spdlog::level::from_str(level);
   if (parsed == spdlog::level::off && level != "off")
     throw std::runtime_error("--log-level " + shown(level) + ": one of trace, debug, info, warn, error, off");
@@ -148,6 +150,7 @@ void serve(const CLI::App& command, ServeOptions options) {
   read_configuration([&](const std::string& flag) { return command.count(flag) > 0; }, options);
   start_logging(options.log_level);
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a write that fails
   const sigset_t signals = block_stop_signals();
   const auto [server, admin] = start_unless_stopped(options, signals);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
@@ -213,6 +216,17 @@ void add_serve(CLI::App& app, ServeOptions& o) {
       "--access", o.server.listen.access,
       "TOML file: who may do what, by token or certificate; without it whoever can connect may "
       "do everything");
+  command->add_option(
+      "--spans-file", o.server.spans.file,
+      "file for what calls and answers that took long did, as OTLP/JSON, one a line; without it none is "
+      "written");
+  command->add_option(
+      "--slow-call-s", o.server.spans.slow_call_s,
+      fmt::format("a call that took longer is written there; default {} s", Spans::kSlowCallS));
+  command->add_option(
+      "--slow-answer-s", o.server.spans.slow_answer_s,
+      fmt::format("so an answer of a touch that was later, beside the period of its stream; default {} s",
+                  Spans::kSlowAnswerS));
   command->add_option("--log-level", o.log_level, "trace, debug, info, warn, error or off")
       ->capture_default_str();
   command->callback([command, &o] { serve(*command, o); });

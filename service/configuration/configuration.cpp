@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <variant>
@@ -25,6 +26,12 @@ toml::table parsed(const std::filesystem::path& path) {
   }
 }
 
+// toml++ gives no double for an integer that is none exactly.
+double number_from(const toml::node& node) {
+  const toml::value<std::int64_t>* const whole = node.as_integer();
+  return whole ? static_cast<double>(whole->get()) : *node.value<double>();
+}
+
 // [limits]: any limit by its name (service/limits/limits.cpp).
 void read_limits(const std::string& where, const toml::node& node, Limits& limits) {
   const toml::table* const table = node.as_table();
@@ -32,10 +39,8 @@ void read_limits(const std::string& where, const toml::node& node, Limits& limit
   for (const auto& [key, value] : *table) {
     if (!value.is_number())
       throw std::runtime_error(where + "limits." + shown(key.str()) + " must be a number");
-    // toml++ gives no double for an integer that is none exactly.
-    const toml::value<std::int64_t>* const whole = value.as_integer();
     try {
-      set_limit(limits, key.str(), whole ? static_cast<double>(whole->get()) : *value.value<double>());
+      set_limit(limits, key.str(), number_from(value));
     } catch (const std::invalid_argument& error) {
       throw std::runtime_error(where + "limits." + shown(error.what(), kLongest));
     }
@@ -57,12 +62,32 @@ std::vector<std::string> devices_from(const std::string& where, const toml::node
   return devices;
 }
 
+// Null, or what the node must be and is not. Sets it where it is to be taken.
+const char* set(bool& option, const toml::node& node, bool take) {
+  if (!node.is_boolean()) return " must be true or false";
+  if (take) option = *node.value<bool>();
+  return nullptr;
+}
+
+const char* set(std::optional<double>& option, const toml::node& node, bool take) {
+  if (!node.is_number()) return " must be a number";
+  if (take) option = number_from(node);
+  return nullptr;
+}
+
+template <class Text>  // std::string, or a path
+const char* set(Text& option, const toml::node& node, bool take) {
+  if (!node.is_string()) return " must be a string";
+  if (take) option = *node.value<std::string>();
+  return nullptr;
+}
+
 }  // namespace
 
 void read_configuration(const std::function<bool(const std::string& flag)>& given, ServeOptions& options) {
   if (options.config.empty()) return;
   using Path = std::filesystem::path;
-  const std::map<std::string, std::variant<std::string*, Path*, bool*>> keys{
+  const std::map<std::string, std::variant<std::string*, Path*, bool*, std::optional<double>*>> keys{
       {"listen", &options.server.listen.listen},
       {"admin", &options.admin},
       {"state", &options.server.state_directory},
@@ -72,6 +97,9 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
       {"tls_client_ca", &options.server.listen.tls_client_ca},
       {"access", &options.server.listen.access},
       {"log_level", &options.log_level},
+      {"spans_file", &options.server.spans.file},
+      {"slow_call_s", &options.server.spans.slow_call_s},
+      {"slow_answer_s", &options.server.spans.slow_answer_s},
       {"standby", &options.server.standby},
       {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
   for (const auto& [key, node] : parsed(options.config)) {
@@ -89,16 +117,10 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
     if (known == keys.end()) throw std::runtime_error(where + "unknown key \"" + shown(name) + "\"");
     std::string flag = "--" + name;
     std::replace(flag.begin(), flag.end(), '_', '-');
-    bool* const* const yes = std::get_if<bool*>(&known->second);
-    if (yes ? !node.is_boolean() : !node.is_string())
-      throw std::runtime_error(where + name + (yes ? " must be true or false" : " must be a string"));
-    if (given(flag)) continue;  // the command line wins
-    if (yes)
-      **yes = *node.value<bool>();
-    else if (Path* const* path = std::get_if<Path*>(&known->second))
-      **path = *node.value<std::string>();
-    else
-      *std::get<std::string*>(known->second) = *node.value<std::string>();
+    const bool take = !given(flag);  // the command line wins
+    if (const char* const must =
+            std::visit([&](auto* option) { return set(*option, node, take); }, known->second))
+      throw std::runtime_error(where + name + must);
   }
 }
 

@@ -9,6 +9,7 @@
 #include "service/device/look.h"
 #include "service/scene/errors.h"
 #include "service/scene/niced_worker.h"
+#include "service/trace/current_trace.h"
 
 namespace teletact::service {
 
@@ -53,7 +54,8 @@ FairWorkers::Id FairWorkers::post(const JobTerms& terms, std::function<void()> w
   if (stop_) throw Error(ErrorKind::kUnavailable, kStopping);
   const Id id = queue_.add(terms, Clock::now());
   auto job = std::make_shared<Job>();
-  job->work = std::move(work), job->done = std::move(done), job->deadline = terms.deadline;
+  job->work = in_current_trace(std::move(work)), job->done = in_current_trace(std::move(done));
+  job->deadline = terms.deadline;
   if (terms.owed) job->deadline = JobTerms::Time::max();  // late is better than never
   jobs_[id] = std::move(job);
   dispatch();

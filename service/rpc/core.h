@@ -18,6 +18,7 @@
 #include "service/rpc/metrics.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_workers.h"
+#include "service/trace/spans.h"
 
 namespace teletact::service {
 
@@ -37,6 +38,7 @@ struct Core {
   const std::shared_ptr<MemoryBudget> memory;
   const std::shared_ptr<const TouchModels> models;
   const std::shared_ptr<const Access> access;  // null: whoever calls may do everything
+  const std::unique_ptr<Spans> spans;          // null: nobody asked for them
   Metrics metrics;
   Calls calls;
   Scenes scenes;
@@ -48,13 +50,14 @@ struct Core {
        const std::filesystem::path& state_directory, const Limits& asked_for,
        std::shared_ptr<const TouchModels> models_, std::function<std::shared_ptr<Device>(std::size_t)> reopen,
        std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr,
-       bool standby = false)
+       bool standby = false, std::unique_ptr<Spans> spans_ = nullptr)
       : devices(devices_.begin(), devices_.end()),
         limits(resolved(asked_for, host_memory_bytes(), least_memory_bytes(devices_))),
         instance(instance_),
         memory(std::make_shared<MemoryBudget>(limits, devices.size())),
         models(std::move(models_)),
         access(std::move(access_)),
+        spans(std::move(spans_)),
         calls(limits),
         scenes(state_directory, limits, machine_files(), memory, models, standby),
         imaging(devices, scenes, memory, models, std::move(reopen), std::move(tell)),

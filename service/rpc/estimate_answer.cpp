@@ -87,6 +87,18 @@ v1::EstimateStage stage_to(Stage stage) {
   return v1::ESTIMATE_STAGE_UNSPECIFIED;
 }
 
+const char* name_of(Stage stage) {
+  switch (stage) {
+    case Stage::kDisplacement:
+      return "displacement";
+    case Stage::kStrain:
+      return "strain";
+    case Stage::kModulus:
+      return "modulus";
+  }
+  return "unknown";
+}
+
 bool answer_to(const EstimateOutcome& outcome, const EstimateCall& call, std::size_t index,
                v1::EstimateResponse* out) {
   out->Clear();

@@ -10,6 +10,7 @@
 namespace teletact::service {
 
 v1::EstimateStage stage_to(Stage);
+const char* name_of(Stage);
 
 // Message `index` of the answer into `out`; false when there is none any more.
 bool answer_to(const EstimateOutcome&, const EstimateCall&, std::size_t index, v1::EstimateResponse* out);

@@ -24,7 +24,9 @@ JobTerms::Time deadline_of(const grpc::CallbackServerContext& context) {
 }  // namespace
 
 EstimateReactor::EstimateReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedCall(core, context), core_(core), whole_upload_s_(core.limits.least_upload_s) {}
+    : ServedCall(core, context, {"teletact.v1.Elastography", "Estimate"}),
+      core_(core),
+      whole_upload_s_(core.limits.least_upload_s) {}
 
 EstimateReactor* EstimateReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<EstimateReactor>(core, context), CallKind::kEstimate,
@@ -92,6 +94,7 @@ void EstimateReactor::uploaded() {
   if (!call_) throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
   upload_->require_whole();
   received_ = Clock::now();
+  over("upload");
   lane_ = &core_.imaging.lane_for(call_->request, this->terms());
   const JobTerms terms = lane_->admit(call_->request, this->terms());
   deadline_ = terms.deadline;
@@ -114,6 +117,7 @@ void EstimateReactor::uploaded() {
 }
 
 void EstimateReactor::work() {
+  over("queued");
   const ReceivedPair pair{call_->request, client_of(*context_), received_,
                           [this] {
                             auto frames = upload_->finish();
@@ -122,9 +126,15 @@ void EstimateReactor::work() {
                             return frames;
                           },
                           deadline_};
-  outcome_ = lane_->estimate(pair, [this](Stage stage) { progressed(stage_to(stage)); });
+  outcome_ = lane_->estimate(pair, [this](Stage stage) {
+    over(name_of(stage));
+    progressed(stage_to(stage));
+  });
   core_.metrics.estimate(*outcome_);
-  if (outcome_->published) progressed(v1::ESTIMATE_STAGE_PUBLISHED);
+  if (outcome_->published) {
+    over("publish");
+    progressed(v1::ESTIMATE_STAGE_PUBLISHED);
+  }
   log_done();
 }
 
@@ -166,6 +176,22 @@ void EstimateReactor::progressed(v1::EstimateStage stage) {
   go_on();
 }
 
+void EstimateReactor::over(const char* stage) {
+  const std::lock_guard lock(mutex_);
+  over_.emplace_back(stage, Clock::now());
+}
+
+std::vector<Span::Stage> EstimateReactor::stages() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<Span::Stage> stages;
+  Clock::time_point begin = opened_;
+  for (const auto& [name, end] : over_) {
+    stages.push_back({name, begin, end});
+    begin = end;
+  }
+  return stages;
+}
+
 // The next message into answer_; false when there is none yet, or none any more.
 bool EstimateReactor::next_message() {
   answer_.Clear();
@@ -190,7 +216,9 @@ void EstimateReactor::go_on() {
     }
     last = worked_;
   }
-  if (last) end(grpc::Status::OK);
+  if (!last) return;
+  over("answer");
+  end(grpc::Status::OK);
 }
 
 void EstimateReactor::OnWriteDone(bool ok) {

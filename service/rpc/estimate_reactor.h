@@ -6,6 +6,8 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "service/limits/memory.h"
 #include "service/rpc/acquisition.h"
@@ -26,6 +28,7 @@ class EstimateReactor final
   void tick(Clock::time_point now) override;
   void ended() override;
   void closed() override;
+  std::vector<Span::Stage> stages() const override;
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
 
@@ -38,6 +41,8 @@ class EstimateReactor final
   void log_done() const;
   void worked(const std::exception_ptr&);
   void progressed(v1::EstimateStage);
+  // The stage of this name is over.
+  void over(const char* stage);
   // Writes what is to be written next, if nothing is in flight; ends the call after the last of it.
   void go_on();
   bool next_message();
@@ -56,7 +61,8 @@ class EstimateReactor final
   JobTerms::Time deadline_ = JobTerms::Time::max();  // of its job
   std::optional<EstimateOutcome> outcome_;
 
-  std::mutex mutex_;  // what follows
+  mutable std::mutex mutex_;                                     // what follows
+  std::vector<std::pair<const char*, Clock::time_point>> over_;  // stages, one after the other
   bool uploading_ = true, worked_ = false;
   double whole_upload_s_;  // at most, by what the acquisition declares
   Clock::time_point last_bytes_ = opened_;

@@ -12,11 +12,22 @@
 
 namespace teletact::service {
 
+namespace {
+
+Method method(const char* name) {
+  return {"teletact.v1.Palpation", name};
+}
+
+}  // namespace
+
 grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerContext* context,
                                                         const v1::CreateSceneRequest* request,
                                                         v1::Scene* response) {
-  const Wanted wanted{Need::kPublish, request->scene_id().empty() ? kEveryScene : request->scene_id()};
-  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
+  const UnaryCall::Kind kind{
+      method("CreateScene"),
+      CallKind::kUnary,
+      {Need::kPublish, request->scene_id().empty() ? kEveryScene : request->scene_id()}};
+  return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const std::string client = client_of(*context);
     // The request, and what is read from it: numbers of 4 bytes become such of 8. Slices are then stacked.
@@ -37,8 +48,8 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
 grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerContext* context,
                                                          const v1::PublishSliceRequest* request,
                                                          v1::PublishSliceResponse* response) {
-  const Wanted wanted{Need::kPublish, request->scene_id()};
-  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
+  const UnaryCall::Kind kind{method("PublishSlice"), CallKind::kUnary, {Need::kPublish, request->scene_id()}};
+  return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const std::string client = client_of(*context);
     call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
@@ -61,9 +72,9 @@ grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerCon
 grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext* context,
                                                      const v1::GetSceneRequest* request,
                                                      v1::Scene* response) {
-  const CallKind kind = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
-  const Wanted wanted{Need::kRead, request->scene_id()};
-  return UnaryCall::serve(core_, context, kind, wanted, [=, this](const UnaryCall::Handle& call) {
+  const CallKind place = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
+  const UnaryCall::Kind kind{method("GetScene"), place, {Need::kRead, request->scene_id()}};
+  return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
@@ -80,8 +91,8 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
 grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerContext* context,
                                                        const v1::ListScenesRequest*,
                                                        v1::ListScenesResponse* response) {
-  const Wanted wanted{Need::kRead, ""};
-  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
+  const UnaryCall::Kind kind{method("ListScenes"), CallKind::kUnary, {Need::kRead, ""}};
+  return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
         auto scenes = core_.scenes.list();
@@ -100,8 +111,8 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
 grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerContext* context,
                                                         const v1::DeleteSceneRequest* request,
                                                         v1::DeleteSceneResponse* response) {
-  const Wanted wanted{Need::kDelete, request->scene_id()};
-  return UnaryCall::serve(core_, context, CallKind::kUnary, wanted, [=, this](const UnaryCall::Handle& call) {
+  const UnaryCall::Kind kind{method("DeleteScene"), CallKind::kUnary, {Need::kDelete, request->scene_id()}};
+  return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const auto job = removing_.post(
         [=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });

@@ -13,6 +13,7 @@
 #include <mutex>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "service/rpc/allowance.h"
 #include "service/rpc/call_life.h"
@@ -20,6 +21,7 @@
 #include "service/rpc/calls.h"
 #include "service/rpc/core.h"
 #include "service/rpc/status.h"
+#include "service/rpc/trace.h"
 
 namespace teletact::service {
 
@@ -44,8 +46,13 @@ class ServedCall : public Reactor, public Served {
   }
 
  protected:
-  ServedCall(Core& core, grpc::CallbackServerContext* context)
-      : calls_(core.calls), context_(context), caller_(core.access) {}
+  ServedCall(Core& core, grpc::CallbackServerContext* context, Method method)
+      : calls_(core.calls),
+        context_(context),
+        caller_(core.access),
+        spans_(core.spans.get()),
+        method_(method),
+        trace_(trace_context_of(traceparent_in(*context))) {}
 
   // The reactor for gRPC. One that is refused its place is told so and runs no further. `client` as
   // enter()'s.
@@ -67,11 +74,15 @@ class ServedCall : public Reactor, public Served {
   virtual void ended() {}                  // at end(), by whom ever; may be called more than once
   virtual void closed() {}                 // gRPC is done; the place is still taken
   virtual Clock::duration patience() const { return kEndTaken; }
+  // gRPC is done with it: whether it took long, and what is known of where.
+  virtual bool slow(Clock::duration lasted) const { return spans_->slow_call(lasted); }
+  virtual std::vector<Span::Stage> stages() const { return {}; }
 
   // Runs `work` unless the call has ended; it is not done before `work` is. What it throws ends the call.
   template <class Work>
   void during(Work&& work) {
     if (!life_.begin()) return;
+    const InTrace here(trace_.trace);
     const grpc::Status worked = guarded([&] {
       work();
       return grpc::Status::OK;
@@ -100,10 +111,15 @@ class ServedCall : public Reactor, public Served {
   Calls& calls_;
   grpc::CallbackServerContext* const context_;
   Caller caller_;
+  Spans* const spans_;  // null: nobody asked for them
+  const Method method_;
+  const TraceContext trace_;
 
  private:
   void OnCancel() final { end(grpc::Status::CANCELLED); }
   void OnDone() final {
+    const InTrace here(trace_.trace);
+    tell_span();
     closed();
     {
       const std::lock_guard lock(cutting_);
@@ -112,6 +128,17 @@ class ServedCall : public Reactor, public Served {
     calls_.ended(kind_, life_.status().error_code());
     ticket_.reset();
     const auto last = std::move(self_);
+  }
+  void tell_span() {
+    const auto now = Clock::now();
+    if (!spans_ || !slow(now - since_)) return;
+    spans_->tell([&] {
+      const grpc::Status status = life_.status();
+      Span span{trace_, "",  Span::Call{method_, status.error_code(), error_of_service(status)},
+                since_, now, stages()};
+      if (const auto ended_at = life_.ended_at()) span.stages.push_back({"taken", *ended_at, now});
+      return span;
+    });
   }
   // What it throws of access is counted and logged.
   template <class Ask>
@@ -132,6 +159,7 @@ class ServedCall : public Reactor, public Served {
     if (!done_) context_->TryCancel();
   }
 
+  const Clock::time_point since_ = Clock::now();
   CallLife life_;
   CallKind kind_{};
   std::unique_ptr<Calls::Ticket> ticket_;
@@ -148,8 +176,10 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
 
  protected:
   using Clock = CallLife::Clock;
-  ServedStream(Core& core, grpc::CallbackServerContext* context, Allowance messages)
-      : Base(core, context), messages_(messages) {}
+  ServedStream(Core& core, grpc::CallbackServerContext* context, Method method, Allowance messages)
+      : Base(core, context, method), messages_(messages) {}
+
+  bool slow(Clock::duration) const override { return false; }  // it lasts as long as its peer wants
 
   // What the stream is about, by the message that opens it; none of another. Asked until it is known.
   virtual std::optional<Wanted> wanted(const Request&) const = 0;

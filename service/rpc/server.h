@@ -12,6 +12,7 @@
 
 #include "service/rpc/address.h"
 #include "service/rpc/core.h"
+#include "service/trace/spans.h"
 
 namespace teletact::service {
 
@@ -27,13 +28,14 @@ struct ServerOptions {
   std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
   Limits limits;
   std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
-  Access::Now now = WallClock::now;                            // by which access expires
+  SpansOptions spans;
+  Access::Now now = WallClock::now;  // by which access expires
 };
 
 class Server {
  public:
-  // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address, a file of TLS or
-  // of access, or a state folder that cannot be used. `devices`: at least one, by their numbers.
+  // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address, a file of TLS,
+  // of access or of spans, or a state folder that cannot be used. `devices`: at least one, by their numbers.
   Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions&);
   ~Server();  // drains
   // Warms the kernels, restores the scenes, then health is SERVING.

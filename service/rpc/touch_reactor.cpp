@@ -32,7 +32,9 @@ TouchQueue::Principal principal_of(const TouchWishes& wishes) {
 }  // namespace
 
 TouchReactor::TouchReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedStream(core, context, Allowance(2 * core.limits.most_touch_rate_hz)), core_(core) {}
+    : ServedStream(core, context, {"teletact.v1.Palpation", "Touch"},
+                   Allowance(2 * core.limits.most_touch_rate_hz)),
+      core_(core) {}
 
 TouchReactor* TouchReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<TouchReactor>(core, context), CallKind::kTouch);
@@ -154,7 +156,21 @@ void TouchReactor::say(const TouchStream::Answered& answered) {
   steering_to(answered.steering, answer);
   answer->set_moving(core_.calls.moving());
   stamp_to(monotonic_ns(), core_.instance, answer->mutable_answer_stamp());
-  if (write(response_)) core_.metrics.answer(answered);
+  if (!write(response_)) return;
+  core_.metrics.answer(answered);
+  tell_if_slow(answered);
+}
+
+// A child of the stream, which is then told of at its end.
+void TouchReactor::tell_if_slow(const TouchStream::Answered& answered) {
+  const auto took = answered.queued + answered.computing;
+  if (!spans_ || !spans_->slow_answer(took - answered.period)) return;
+  told_ = true;
+  spans_->tell([&] {
+    const auto now = Clock::now(), begun = now - took, turn = begun + answered.queued;
+    return Span{{trace_.trace, new_span_id(), trace_.span},        "touch answer", {}, begun, now,
+                {{"queued", begun, turn}, {"computed", turn, now}}};
+  });
 }
 
 void TouchReactor::say(const LawPiece& piece) {

@@ -29,6 +29,7 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   void written() override;
   void ended() override;
   void closed() override;
+  bool slow(Clock::duration) const override { return told_; }
   Done turn(Clock::duration period) override;
   void left() override { release(); }  // OnDone may follow at once
 
@@ -38,6 +39,7 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   void say(const TouchStream::Opened&);
   void say(const TouchStream::Answered&);
   void say(const LawPiece&);
+  void tell_if_slow(const TouchStream::Answered&);
 
   Core& core_;
   const Clock::time_point begun_ = Clock::now();
@@ -46,6 +48,7 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   std::atomic<bool> opened_{false};  // stream_ is there
 
   TouchWorkers::Id turns_ = 0;
+  bool told_ = false;           // of a slow answer; of whose turn it is
   v1::TouchResponse response_;  // of whose turn it is; not touched while a write is under way
 };
 

@@ -8,7 +8,9 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "service/rpc/core.h"
 #include "service/rpc/served_call.h"
@@ -20,17 +22,24 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   // Whoever is to answer holds this. When the last holder lets go of a call that is not answered, it ends
   // with UNAVAILABLE: the work was dropped because the service stops.
   using Handle = std::shared_ptr<UnaryCall>;
+  struct Kind {
+    Method method;
+    CallKind kind;
+    Wanted wanted;  // what its caller has to be allowed to
+  };
   // Called once the call has its place; what it throws is the answer.
   using Begin = std::function<void(const Handle&)>;
 
-  // `wanted`: what its caller has to be allowed to.
-  static UnaryCall* serve(Core& core, grpc::CallbackServerContext* context, CallKind kind, Wanted wanted,
-                          Begin begin) {
-    return ServedCall::serve(std::make_shared<UnaryCall>(core, context, std::move(wanted), std::move(begin)),
-                             kind);
+  static UnaryCall* serve(Core& core, grpc::CallbackServerContext* context, Kind kind, Begin begin) {
+    const CallKind place = kind.kind;
+    return ServedCall::serve(std::make_shared<UnaryCall>(core, context, std::move(kind), std::move(begin)),
+                             place);
   }
-  UnaryCall(Core& core, grpc::CallbackServerContext* context, Wanted wanted, Begin begin)
-      : ServedCall(core, context), core_(core), wanted_(std::move(wanted)), begin_(std::move(begin)) {}
+  UnaryCall(Core& core, grpc::CallbackServerContext* context, Kind kind, Begin begin)
+      : ServedCall(core, context, kind.method),
+        core_(core),
+        wanted_(std::move(kind.wanted)),
+        begin_(std::move(begin)) {}
 
   bool may(const Wanted& wanted) const { return caller_.may(wanted); }
 
@@ -39,7 +48,9 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   template <class Work>
   void answer(const google::protobuf::Message& response, Work&& work) {
     during([&] {
+      const auto begun = Clock::now();
       work();
+      answered_ = Span::Stage{"answer", begun, Clock::now()};
       // A slow link is no reason to cut an answer that is being taken: 1 MiB/s is enough.
       const double more_s = static_cast<double>(response.ByteSizeLong()) / (1 << 20);
       patience_ = seconds(core_.limits.answer_taken_s + more_s);
@@ -82,11 +93,15 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
     if (drop) drop();
   }
   Clock::duration patience() const override { return patience_.load(); }
+  std::vector<Span::Stage> stages() const override {
+    return answered_ ? std::vector{*answered_} : std::vector<Span::Stage>{};
+  }
 
   Core& core_;
   const Wanted wanted_;
   Charge held_;
   Begin begin_;
+  std::optional<Span::Stage> answered_;  // the response was filled
   std::atomic<Clock::duration> patience_{kEndTaken};
   std::mutex dropping_;
   std::function<void()> drop_;

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "service/trace/current_trace.h"
+
 namespace teletact::service {
 
 void be_nice() {
@@ -50,7 +52,7 @@ NicedWorker::Id NicedWorker::post(std::function<void()> job, const std::string& 
     const std::lock_guard lock(mutex_);
     id = ++posted_;
     if (stop_) return id;
-    jobs_[of].push_back({id, std::move(job)});
+    jobs_[of].push_back({id, in_current_trace(std::move(job))});
   }
   changed_.notify_one();
   return id;

@@ -88,13 +88,15 @@ bool Spans::write(const Span& span, std::chrono::nanoseconds to_wall) {
   try {
     file_.append(otlp_line(span, source_, to_wall));
   } catch (const std::exception& error) {
-    if (!std::exchange(failing_, true))
-      spdlog::error("event=spans_not_written error=\"{}\" until=\"the disk takes them: free space\"",
-                    error.what());
+    const auto now = Clock::now();
+    if (said_ || (said_at_ && now - *said_at_ < kSayEvery)) return false;
+    said_ = true, said_at_ = now;
+    spdlog::error("event=spans_not_written error=\"{}\" until=\"the disk takes them: free space\"",
+                  error.what());
     return false;
   }
   ++written_;
-  if (std::exchange(failing_, false)) spdlog::info("event=spans_written_again dropped={}", dropped());
+  if (std::exchange(said_, false)) spdlog::info("event=spans_written_again dropped={}", dropped());
   return true;
 }
 

@@ -32,6 +32,7 @@ class Spans {
   static constexpr std::uint64_t kMostFileBytes = 16 << 20;  // then it becomes FILE.1
   static constexpr std::size_t kMostWaiting = 1024;          // further ones are dropped
   static constexpr std::chrono::milliseconds kWriteEvery{500};
+  static constexpr std::chrono::seconds kSayEvery{60};  // what fails and works by turns
 
   // Null where no file is named. Throws std::runtime_error or std::invalid_argument, one line: a file that
   // cannot be written, a time out of its range, or a time without a file.
@@ -66,7 +67,9 @@ class Spans {
   const Clock::duration slow_call_, slow_answer_;
   const SpanSource source_;
   SpanFile file_;
-  bool failing_ = false;
+  // By the thread that writes.
+  bool said_ = false;  // that the disk does not take them
+  std::optional<Clock::time_point> said_at_;
   std::atomic<std::uint64_t> written_{0}, dropped_{0};
   std::mutex mutex_;
   std::condition_variable stopped_;

@@ -53,7 +53,8 @@ class RunningServer {
   explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "",
                          const Limits& limits = {},
                          std::shared_ptr<const TouchModels> models = plane_models(),
-                         const std::vector<DeviceOptions>& devices = {}, bool standby = false) {
+                         const std::vector<DeviceOptions>& devices = {}, bool standby = false,
+                         const SpansOptions& spans = {}) {
     static int count = 0;
     folder_ = std::filesystem::temp_directory_path() /
               ("teletact-rpc-" + std::to_string(getpid()) + "-" + std::to_string(count++));
@@ -62,6 +63,7 @@ class RunningServer {
     options.listen.listen = listen.empty() ? "unix:" + (folder_ / "s").string() : listen;
     options.state_directory = state;
     options.standby = standby;
+    options.spans = spans;
     options.reopen = [devices](std::size_t number) {
       return Device::open(devices.empty() ? DeviceOptions{} : devices.at(number));
     };

@@ -115,9 +115,15 @@ TEST_F(SpansWritten, AFullDiskIsSaidOnceAndTriedAgain) {
   }
   spans->tell([&] { return call(2); });
   wait_for([&] { return spans->written() == 1; });
+  {
+    const ShortDisk disk(100);  // soon again: not worth another line
+    spans->tell([&] { return call(3); });
+    wait_for([&] { return spans->dropped() == 31; });
+  }
+  spans->tell([&] { return call(4); });
   spans.reset();
   spdlog::set_default_logger(log);
-  EXPECT_EQ(lines().size(), 1U);
+  EXPECT_EQ(lines().size(), 2U);
   const std::string text = said.str();
   const auto count = [&](const std::string& event) {
     std::size_t times = 0;
@@ -125,6 +131,7 @@ TEST_F(SpansWritten, AFullDiskIsSaidOnceAndTriedAgain) {
     return times;
   };
   EXPECT_EQ(count("event=spans_not_written"), 1U) << text;
+  EXPECT_EQ(count("event=spans_written_again"), 1U) << text;
   EXPECT_EQ(count("event=spans_written_again dropped=30"), 1U) << text;
 }
 
