@@ -42,6 +42,14 @@ void hide_defaults_that_are_none(CLI::App& app) {
         option->default_str("");
 }
 
+CLI::Option* add_address(CLI::App& command, std::string& address, Credentials& credentials,
+                         const std::string& help) {
+  CLI::Option* const service = command.add_option("--service", address, help)->check(address_problem);
+  for (const CredentialOption& option : credential_options(credentials))
+    command.add_option_function<std::string>(option.flag, option.take, option.description);
+  return service;
+}
+
 }  // namespace
 
 CLI::Validator zero_or_more() {
@@ -67,9 +75,16 @@ void say(const std::string& line) {
 }
 
 void add_service_options(CLI::App& command, std::string& address, Credentials& credentials) {
-  command.add_option("--service", address, "HOST:PORT or unix:/path")->required()->check(address_problem);
+  add_address(command, address, credentials, "HOST:PORT or unix:/path")->required();
+}
+
+CLI::Option* add_optional_service_options(CLI::App& command, std::string& address, Credentials& credentials,
+                                          const std::string& without_it) {
+  CLI::Option* const service =
+      add_address(command, address, credentials, "HOST:PORT or unix:/path; without it " + without_it);
   for (const CredentialOption& option : credential_options(credentials))
-    command.add_option_function<std::string>(option.flag, option.take, option.description);
+    command.get_option(option.flag)->needs(service);
+  return service;
 }
 
 void add_force_option(CLI::App& command, bool& force) {

@@ -39,6 +39,9 @@ void refuse_beside(const CLI::App& command, const std::vector<std::string>& opti
 
 // --service, and the files by which it and this client know each other.
 void add_service_options(CLI::App& command, std::string& address, Credentials& credentials);
+// The same of a command that needs none; `without_it`: what it does then. Returns --service.
+CLI::Option* add_optional_service_options(CLI::App& command, std::string& address, Credentials& credentials,
+                                          const std::string& without_it);
 
 // All of the below. Options show their defaults, and take no number that is not finite.
 void add_commands(CLI::App& app);

@@ -1,6 +1,8 @@
 // teletact-client experiment: the paper's question, "is the inclusion harder?" (T6.4), put to a simulated
-// observer or to a person, and its fit.
+// observer or to a person, of springs of this machine or of tissue on a service, and its fit.
 #include <fmt/format.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,9 +18,11 @@
 #include "client/experiment/observer.h"
 #include "client/experiment/person.h"
 #include "client/experiment/results_csv.h"
+#include "client/experiment/spring_display.h"
 #include "client/render/renderers.h"
 #include "client/servo/ending.h"
 #include "client/session/devices.h"
+#include "client/stimuli/tissue_display.h"
 
 namespace teletact::client {
 namespace {
@@ -28,9 +32,9 @@ struct Arguments {
   ObserverDescription observer;
   bool person = false;
   DeviceChoice device = {.device = ""};  // empty: the keyboard
-  SpringChain chain = {.renderer = ""};  // empty: perfect stiffness
-  SpringPlace place;
-  std::optional<std::uint64_t> seed;  // of --seed
+  SpringChain chain = {.renderer = ""};  // empty: perfect stiffness, of a service its law
+  TissueOptions tissue;                  // no address: springs, at its place
+  std::optional<std::uint64_t> seed;     // of --seed
   std::string csv, refit, resume;
   double lapse_rate_most = 0;
   unsigned resamples = 1000;
@@ -45,6 +49,14 @@ std::uint64_t seed_of(const Arguments& arguments) {
   if (const auto seed = seed_of_results_csv(arguments.resume)) return *seed;
   throw CommandError(arguments.resume +
                      " cannot be read, or states no seed: the order of its trials is not known");
+}
+
+bool by_service(const Arguments& arguments) {
+  return !arguments.tissue.address.empty();
+}
+
+std::string touch_renderer(const Arguments& arguments) {
+  return arguments.chain.renderer.empty() ? "law" : arguments.chain.renderer;
 }
 
 std::string remark_of(const Arguments& arguments) {
@@ -67,37 +79,118 @@ double hardest_n_m(const ExperimentPlan& plan) {
   return std::max(plan.background_n_m, *std::max_element(plan.stimuli_n_m.begin(), plan.stimuli_n_m.end()));
 }
 
+// What a hand feels: nothing where nobody touches.
+struct Apparatus {
+  std::unique_ptr<StimulusScenes> scenes;
+  std::unique_ptr<HapticDevice> device;
+  std::unique_ptr<StimulusDisplay> display;
+};
+
+Apparatus springs(const Arguments& arguments) {
+  Apparatus out;
+  if (!arguments.person || arguments.device.device.empty()) return out;
+  out.device = make_device(arguments.device);
+  auto display =
+      std::make_unique<SpringDisplay>(*out.device, true, chain_of(arguments), arguments.tissue.place);
+  display->require(hardest_n_m(arguments.plan));  // before anybody is asked
+  out.display = std::move(display);
+  return out;
+}
+
+// A hand that rests on the stimulus, or passes over it and back. It presses once the force is whole.
+HandOptions simulated_hand(const TissueOptions& tissue, const StimulusScenes& scenes) {
+  constexpr double kHoverM = 0.015, kRestM = 0.004;
+  HandOptions hand;
+  hand.indentation_m = tissue.depth_m;
+  hand.hover_m = kHoverM;
+  hand.start_m = hand.begin_m = scenes.start_m().x();
+  const double middle_m = scenes.middle_m().x();
+  hand.end_m = tissue.place.width_m > 0 ? 2 * middle_m - hand.begin_m : hand.begin_m + kRestM;
+  if (tissue.place.width_m <= 0) hand.speed_m_s = 0.02;
+  return hand;
+}
+
+Apparatus tissues(const Arguments& arguments, const std::atomic<bool>& stop) {
+  Apparatus out;
+  // What a link says beside is no news to who judges: of what is lost the observer is told.
+  auto logger = spdlog::get("experiment");
+  if (!logger) logger = spdlog::stderr_color_mt("experiment");
+  logger->set_level(spdlog::level::err);
+  spdlog::set_default_logger(logger);
+  out.scenes = std::make_unique<StimulusScenes>(arguments.tissue, stop, say);
+  DeviceChoice choice = arguments.device;
+  if (choice.device.empty()) choice.device = "simulated";
+  if (is_real(choice.device))
+    choice.hand.start_m = out.scenes->start_m().x();
+  else
+    choice.hand = simulated_hand(arguments.tissue, *out.scenes);
+  out.device = make_device(choice);
+  require_shown(out.device->profile(), hardest_n_m(arguments.plan));
+  say("making the tissues, and touching each");
+  out.scenes->make(arguments.plan.stimuli_n_m, arguments.plan.background_n_m);
+  out.display = std::make_unique<TissueDisplay>(*out.device, *out.scenes, touch_renderer(arguments), true);
+  return out;
+}
+
+// Where answers are kept, and those that are there already.
+struct Kept {
+  std::string path;
+  std::vector<AnsweredTrial> earlier;
+  std::optional<ResultsCsv> csv;
+};
+
+Kept kept_by(const Arguments& arguments, const std::vector<Trial>& trials) {
+  Kept kept;
+  if (!arguments.resume.empty()) {
+    kept.path = arguments.resume;
+    const auto nobody = [](const Trial&, std::size_t, std::size_t) { return std::optional<bool>(); };
+    kept.earlier = run_experiment(trials, nobody, {}, read_results_csv(kept.path));  // they are of these
+    kept.csv = ResultsCsv::going_on(kept.path, kept.earlier.size());
+  } else if (!arguments.csv.empty()) {
+    kept.path = arguments.csv;
+    kept.csv.emplace(kept.path, remark_of(arguments));
+  }
+  return kept;
+}
+
 // The order of the trials and the observer's chance come from one seed, but from generators of their own, so
 // that a person is asked in the same order.
 std::vector<AnsweredTrial> ask(const Arguments& arguments) {
   Random random(seed_of(arguments));
   ExperimentPlan plan = arguments.plan;
-  plan.condition = condition_of(chain_of(arguments), arguments.place);
+  plan.condition = by_service(arguments) ? condition_of(touch_renderer(arguments), arguments.tissue)
+                                         : condition_of(chain_of(arguments), arguments.tissue.place);
   const std::vector<Trial> trials = random_order(plan, random);
-  EndableInput typed(STDIN_FILENO, end_in_order());
+  const auto function = [&] { return psychometric_function(arguments.observer, plan.background_n_m); };
+  if (!arguments.person) function();  // refuses what it must before anything begins
+  Kept kept = kept_by(arguments, trials);
+  std::size_t answered = kept.earlier.size();
+  if (answered == trials.size()) return kept.earlier;
+  const std::atomic<bool>& end = end_in_order();
+  EndableInput typed(STDIN_FILENO, end);
   std::istream in(&typed);
-  std::unique_ptr<HapticDevice> device;
-  std::unique_ptr<SpringDisplay> display;
-  if (arguments.person && !arguments.device.device.empty()) {
-    device = make_device(arguments.device);
-    display = std::make_unique<SpringDisplay>(*device, true, chain_of(arguments), arguments.place);
-    display->require(hardest_n_m(arguments.plan));  // before anybody is asked
+  try {
+    const Apparatus apparatus = by_service(arguments) ? tissues(arguments, end) : springs(arguments);
+    const Observer observer =
+        apparatus.display
+            ? (arguments.person
+                   ? device_observer(*apparatus.display, in, std::cout)
+                   : touching_observer(*apparatus.display, function(), random.seed(), end, std::cout))
+        : arguments.person ? keyboard_observer(in, std::cout, hardest_n_m(plan) * kKeyboardDeepestM)
+                           : simulated_observer(function(), random.seed());
+    const auto record = [&](const AnsweredTrial& answer) {
+      if (kept.csv) kept.csv->add(answer);
+      ++answered;
+    };
+    return run_experiment(trials, observer, record, kept.earlier);
+  } catch (const DisplayLost& lost) {
+    const std::string then =
+        kept.path.empty() ? "with --csv answers would have been kept"
+        : answered == 0   ? "nothing was answered yet: begin again once it is there"
+                          : fmt::format("the answers to trials 1 to {} are in {}: go on with --resume {}",
+                                        answered, kept.path, kept.path);
+    throw CommandError(std::string(lost.what()) + "; " + then);
   }
-  const Observer observer =
-      display ? device_observer(*display, in, std::cout)
-      : arguments.person
-          ? keyboard_observer(in, std::cout, hardest_n_m(arguments.plan) * kKeyboardDeepestM)
-          : simulated_observer(psychometric_function(arguments.observer, arguments.plan.background_n_m),
-                               random.seed());
-  if (!arguments.resume.empty()) {
-    std::vector<AnsweredTrial> earlier = read_results_csv(arguments.resume);
-    ResultsCsv csv = ResultsCsv::going_on(arguments.resume, earlier.size());
-    return run_experiment(
-        trials, observer, [&](const AnsweredTrial& answer) { csv.add(answer); }, std::move(earlier));
-  }
-  if (arguments.csv.empty()) return run_experiment(trials, observer);
-  ResultsCsv csv(arguments.csv, remark_of(arguments));
-  return run_experiment(trials, observer, [&](const AnsweredTrial& answer) { csv.add(answer); });
 }
 
 // Of counterbalanced trials: how much their order made of it.
@@ -142,7 +235,29 @@ bool print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
   return true;
 }
 
+// Options that say nothing here.
+void require_meant(const Arguments& arguments, const CLI::App& command) {
+  const auto needs = [&](const std::vector<std::string>& options, const std::string& what) {
+    for (const std::string& option : options)
+      if (command.count(option) > 0) throw CommandError(option + ": " + what + ", or leave it out");
+  };
+  if (by_service(arguments)) {
+    refuse_beside(command, {"--update-hz", "--age-s"}, "answers come as the --service sends them");
+    if (arguments.person && arguments.device.device.empty())
+      throw CommandError(
+          "--person: tissue on a service is felt by a device; give --device, or leave --person out for a "
+          "simulated observer");
+    return;
+  }
+  if (!arguments.person) needs({"--profile", "--counterbalanced"}, "give --person or --service");
+  if (arguments.device.device.empty())
+    needs({"--renderer", "--inclusion-m"}, "give --person and --device, or --service");
+  if (arguments.chain.renderer == "law")
+    throw CommandError("--renderer law: contact laws come from a service; give --service, or another one");
+}
+
 void run(const Arguments& arguments, const CLI::App& command) {
+  require_meant(arguments, command);
   if (is_real(arguments.device.device))
     refuse_beside(command, {"--profile"}, "--device " + arguments.device.device + " states its own limits");
   else
@@ -179,9 +294,28 @@ void run(const Arguments& arguments, const CLI::App& command) {
                                                  {"resamples", "--resamples"},
                                                  {"update_hz", "--update-hz"},
                                                  {"age_s", "--age-s"},
+                                                 {"depth_m", "--depth-m"},
                                                  {"width_m", "--inclusion-m"},
                                                  {"edge_m", "--edge-m"}}));
   }
+}
+
+void add_service(CLI::App& command, Arguments& arguments) {
+  auto* service = add_optional_service_options(
+      command, arguments.tissue.address, arguments.tissue.credentials,
+      "the stimuli are springs of this machine. With it each is tissue of that stiffness, made as a scene of "
+      "the service and felt through the whole system; the scenes are taken away at the end");
+  command
+      .add_flag("--solid", arguments.tissue.solid,
+                "the tissue is a solid; without it a plane, felt on a line")
+      ->needs(service);
+  command
+      .add_option("--depth-m", arguments.tissue.depth_m,
+                  "indentation at which the tissue of a --service has the stimulus's stiffness, force over "
+                  "indentation")
+      ->check(CLI::Range(0.001, 0.008))
+      ->capture_default_str()
+      ->needs(service);
 }
 
 void add_observer_options(CLI::App& command, Arguments& arguments) {
@@ -189,24 +323,20 @@ void add_observer_options(CLI::App& command, Arguments& arguments) {
       command.add_flag("--person", arguments.person,
                        "ask a person, who feels both at --device (or moves by keys and sees the force as a "
                        "bar) and types y or n; no stiffness is shown");
-  auto* device =
-      command
-          .add_option(
-              "--device", arguments.device.device,
-              "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the keyboard")
-          ->needs(person);
-  command.add_option("--profile", arguments.device.profile, "of a simulated device")->needs(person);
   command
-      .add_flag("--counterbalanced", arguments.plan.counterbalanced,
-                "half of each stimulus's trials have it first; without it the background always is")
+      .add_option("--device", arguments.device.device,
+                  "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the keyboard")
       ->needs(person);
+  command.add_option("--profile", arguments.device.profile, "of a simulated device");
+  command.add_flag("--counterbalanced", arguments.plan.counterbalanced,
+                   "half of each stimulus's trials have it first; without it the background always is");
   auto* renderer =
       command
           .add_option("--renderer", arguments.chain.renderer,
                       "feel through the whole chain: kalman, kalman-force, interpolate or hold, told of the "
-                      "stiffness at --update-hz, --age-s late; without it stiffness is perfect")
-          ->check(CLI::IsMember(renderer_names()))
-          ->needs(device);
+                      "stiffness at --update-hz, --age-s late, or by a --service; without it stiffness is "
+                      "perfect, and that of a --service felt by its contact law (law)")
+          ->check(CLI::IsMember(touch_renderer_names()));
   command.add_option("--update-hz", arguments.chain.update_hz, "answers a second that --renderer is given")
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str()
@@ -216,12 +346,13 @@ void add_observer_options(CLI::App& command, Arguments& arguments) {
       ->capture_default_str()
       ->needs(renderer);
   auto* inclusion = command
-                        .add_option("--inclusion-m", arguments.place.width_m,
+                        .add_option("--inclusion-m", arguments.tissue.place.width_m,
                                     "width of an inclusion, 30 mm to the right, that alone has the stimulus; "
                                     "without it it is felt everywhere")
-                        ->check(CLI::Range(0.01, 0.05))
-                        ->needs(device);
-  command.add_option("--edge-m", arguments.place.edge_m, "of the inclusion; 4.4 times this from 10 to 90 %")
+                        ->check(CLI::Range(0.01, 0.05));
+  command
+      .add_option("--edge-m", arguments.tissue.place.edge_m,
+                  "of the inclusion; 4.4 times this from 10 to 90 %")
       ->check(CLI::Range(0.0005, 0.005))
       ->capture_default_str()
       ->needs(inclusion);
@@ -241,8 +372,9 @@ void add_experiment_command(CLI::App& app) {
   CLI::App& command = *app.add_subcommand(
       "experiment",
       "psychophysics by constant stimuli: \"is the second harder?\", with perfect stiffness (nothing between "
-      "the stated stimulus and the observer) or, by a person at a device, through the whole chain "
-      "(--renderer); prints Weibull fits and the Weber fraction");
+      "the stated stimulus and the observer), by a person at a device through the whole chain (--renderer), "
+      "or of tissue on a service (--service); prints Weibull fits and the Weber fraction");
+  add_service(command, *arguments);
   add_observer_options(command, *arguments);
   add_workspace_options(command, arguments->device.workspace);  // no scale: a stimulus is what the hand feels
   command.add_option("--background-n-m", arguments->plan.background_n_m, "that each stimulus is felt beside")

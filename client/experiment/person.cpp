@@ -26,18 +26,22 @@ bool ends(const std::string& word) {
   return word == "q" || word == "quit";
 }
 
-// Lets the person feel one interval; false when the experiment ends.
-using Feel = std::function<bool(double stiffness_n_m)>;
+enum class Felt { kFelt, kEnds, kLost };
+// Lets the person feel one interval.
+using Feel = std::function<Felt(double stiffness_n_m)>;
 
 std::optional<bool> judge(const Trial& trial, const Feel& feel, std::istream& in, std::ostream& out) {
   double first = trial.background_n_m, second = trial.stimulus_n_m;
   if (trial.stimulus_first) std::swap(first, second);
   while (true) {
     out << "  the first. ";
-    if (!feel(first)) return std::nullopt;
-    out << "  the second. ";
-    if (!feel(second)) return std::nullopt;
-    while (true) {
+    Felt felt = feel(first);
+    if (felt == Felt::kFelt) {
+      out << "  the second. ";
+      felt = feel(second);
+    }
+    if (felt == Felt::kEnds) return std::nullopt;
+    while (felt == Felt::kFelt) {
       out << "is the second harder? y/n (a: feel both again, q: end) " << std::flush;
       const std::string word = read_word(in);
       if (word == "y" || word == "yes") return !trial.stimulus_first;
@@ -49,14 +53,19 @@ std::optional<bool> judge(const Trial& trial, const Feel& feel, std::istream& in
   }
 }
 
-bool feel_on(SpringDisplay& display, double stiffness_n_m, double background_n_m, std::istream& in,
-             std::ostream& out) {
+Felt feel_on(StimulusDisplay& display, double stiffness_n_m, double background_n_m, VoidTrials& voids,
+             std::istream& in, std::ostream& out) {
   display.present(stiffness_n_m, background_n_m);
   const char* how = display.has_inclusion() ? "draw it to the right and back" : "stay for a moment";
   out << "Lift the finger, press it in, " << how << ", Enter when you have felt it: " << std::flush;
   while (true) {
-    if (ends(read_word(in))) return false;
-    if (display.felt()) return true;
+    if (ends(read_word(in))) return Felt::kEnds;
+    if (display.felt()) return Felt::kFelt;
+    if (const std::string why = display.lost(); !why.empty()) {
+      voids.add(why);
+      out << "\n  this trial is void, and begins again: " << why << "\n";
+      return Felt::kLost;
+    }
     const std::string trouble = display.trouble();
     display.ask_for_force();
     out << "  not felt yet" << (trouble.empty() ? "" : " (" + trouble + ")")
@@ -64,7 +73,7 @@ bool feel_on(SpringDisplay& display, double stiffness_n_m, double background_n_m
   }
 }
 
-bool feel_by_keys(double stiffness_n_m, double full_scale_n, std::istream& in, std::ostream& out) {
+Felt feel_by_keys(double stiffness_n_m, double full_scale_n, std::istream& in, std::ostream& out) {
   constexpr double kStepM = 0.0005;
   constexpr int kBar = 60;
   out << "Type + to press deeper and - to lift, as often as you like, then Enter; Enter alone goes on.\n";
@@ -76,8 +85,8 @@ bool feel_by_keys(double stiffness_n_m, double full_scale_n, std::istream& in, s
     out << "  depth " << 1e3 * depth_m << " mm, force |" << std::string(static_cast<std::size_t>(filled), '#')
         << std::string(static_cast<std::size_t>(kBar - filled), ' ') << "| " << std::flush;
     const std::string word = read_word(in);
-    if (ends(word)) return false;
-    if (word.empty() && pressed) return true;
+    if (ends(word)) return Felt::kEnds;
+    if (word.empty() && pressed) return Felt::kFelt;
     const auto steps = std::count(word.begin(), word.end(), '+') - std::count(word.begin(), word.end(), '-');
     depth_m = std::clamp(depth_m + kStepM * static_cast<double>(steps), 0.0, kKeyboardDeepestM);
     pressed = pressed || depth_m > 0;
@@ -87,11 +96,13 @@ bool feel_by_keys(double stiffness_n_m, double full_scale_n, std::istream& in, s
 
 }  // namespace
 
-Observer device_observer(SpringDisplay& display, std::istream& in, std::ostream& out) {
+Observer device_observer(StimulusDisplay& display, std::istream& in, std::ostream& out) {
   return [&](const Trial& trial, std::size_t number, std::size_t of) {
     out << "\ntrial " << number << " of " << of << '\n';
+    VoidTrials voids;
     return judge(
-        trial, [&](double k_n_m) { return feel_on(display, k_n_m, trial.background_n_m, in, out); }, in, out);
+        trial, [&](double k_n_m) { return feel_on(display, k_n_m, trial.background_n_m, voids, in, out); },
+        in, out);
   };
 }
 

@@ -5,14 +5,14 @@
 
 #include <iosfwd>
 
-#include "client/experiment/spring_display.h"
+#include "client/experiment/stimulus_display.h"
 #include "client/experiment/trials.h"
 
 namespace teletact::client {
 
-// Feels both springs of a trial on the display, which outlives the observer. No answer is taken for an
-// interval that was not felt.
-Observer device_observer(SpringDisplay& display, std::istream& in, std::ostream& out);
+// Feels both stiffnesses of a trial on the display, which outlives the observer. No answer is taken for an
+// interval that was not felt, and a trial of which something was lost is asked again.
+Observer device_observer(StimulusDisplay& display, std::istream& in, std::ostream& out);
 
 // Moves a finger by + and - in steps of 0.5 mm and sees the force as a bar, which is full at `full_scale_n`
 // (the same for all trials, or the bar would say nothing).

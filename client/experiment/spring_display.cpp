@@ -70,6 +70,14 @@ void validate(const SpringPlace& place) {
     throw std::invalid_argument("edge_m: give 0.0005 to 0.005 m");
 }
 
+void require_shown(const DeviceProfile& profile, double stiffness_n_m) {
+  const double most_n_m = profile.limits().largest_stiffness_n_m;
+  if (!(stiffness_n_m <= most_n_m))
+    throw std::invalid_argument("stimuli_n_m: the device '" + profile.name + "' shows at most " +
+                                std::to_string(static_cast<int>(most_n_m)) +
+                                " N/m, and a harder stimulus would be felt as that; give softer ones");
+}
+
 Rendered PerfectRenderer::render(const ToolPose& pose, double, double) noexcept {
   Rendered rendered;
   rendered.variance = 0;
@@ -100,14 +108,6 @@ SpringDisplay::~SpringDisplay() {
   answering_.join();
 }
 
-void SpringDisplay::require(double stiffness_n_m) const {
-  const double most_n_m = device_.profile().limits().largest_stiffness_n_m;
-  if (!(stiffness_n_m <= most_n_m))
-    throw std::invalid_argument("stimuli_n_m: the device '" + device_.profile().name + "' shows at most " +
-                                std::to_string(static_cast<int>(most_n_m)) +
-                                " N/m, and a harder stimulus would be felt as that; give softer ones");
-}
-
 void SpringDisplay::present(double stiffness_n_m, double background_n_m) {
   require(stiffness_n_m);
   require(background_n_m);
@@ -121,10 +121,16 @@ void SpringDisplay::present(double stiffness_n_m, double background_n_m) {
   answers_.present(tissue);
   servo_->request_pause();
   felt_ticks_ = 0;
+  felt_sum_n_m_ = 0;
 }
 
 bool SpringDisplay::felt() const noexcept {
   return felt_ticks_ * kServoS >= kFeltS;
+}
+
+double SpringDisplay::felt_n_m() const {
+  const std::lock_guard lock(mutex_);
+  return felt_ticks_ > 0 ? felt_sum_n_m_ / felt_ticks_ : 0;
 }
 
 std::string SpringDisplay::trouble() const {
@@ -164,8 +170,10 @@ void SpringDisplay::drain() {
     const bool there = std::abs(tool_m.x() - tissue.centre_m) <= tissue.half_width_m;
     const bool whole = -tick.force_n.y() >= -kWholeShare * tissue.answer(tool_m).force_n.y();
     if (tick.state == ServoState::kEnabled && tool_m.y() > kPressedM && there && whole &&
-        answers_.is_presented(tick.sequence))
+        answers_.is_presented(tick.sequence)) {
       ++felt_ticks_;
+      felt_sum_n_m_ += -tick.force_n.y() / tool_m.y();
+    }
   }
 }
 

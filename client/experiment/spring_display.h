@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "client/experiment/spring_answers.h"
+#include "client/experiment/stimulus_display.h"
 #include "client/experiment/trials.h"
 #include "client/haptic/haptic_device.h"
 #include "client/haptic/latest_slot.h"
@@ -45,6 +46,10 @@ std::string condition_of(const std::optional<SpringChain>&, const SpringPlace& p
 void validate(const SpringChain&);
 void validate(const SpringPlace&);
 
+// Throws std::invalid_argument when a device of that profile cannot show so much: it would be felt softer
+// than it is.
+void require_shown(const DeviceProfile&, double stiffness_n_m);
+
 // Renders the tissue that it was told of last as it is.
 class PerfectRenderer final : public Renderer {
  public:
@@ -64,31 +69,24 @@ class PerfectRenderer final : public Renderer {
   SpringTissue tissue_;
 };
 
-class SpringDisplay {
+class SpringDisplay final : public StimulusDisplay {
  public:
-  static constexpr double kPressedM = 0.0005;  // pressed: deeper than this
-  static constexpr double kFeltS = 0.3;        // felt: pressed for so long with the whole force on
-
   // Opens the device, which outlives this. Throws as its open() and as validate().
   SpringDisplay(HapticDevice& device, bool real_time, const std::optional<SpringChain>& chain = {},
                 const SpringPlace& place = {});
-  ~SpringDisplay();
+  ~SpringDisplay() override;
   SpringDisplay(const SpringDisplay&) = delete;
   SpringDisplay& operator=(const SpringDisplay&) = delete;
 
-  // Throws std::invalid_argument when the device cannot show so much: it would be felt softer than it is.
-  void require(double stiffness_n_m) const;
-  // Throws as require().
+  // Throws as require_shown().
+  void require(double stiffness_n_m) const { require_shown(device_.profile(), stiffness_n_m); }
   void present(double stiffness_n_m) { present(stiffness_n_m, stiffness_n_m); }
-  // An inclusion's background beside it; without one that is nowhere.
-  void present(double stiffness_n_m, double background_n_m);
-  bool has_inclusion() const noexcept { return place_.width_m > 0; }
-  // What was presented last has been felt, an inclusion in its middle.
-  bool felt() const noexcept;
-  // Why there is no force now; empty while there is.
-  std::string trouble() const;
-  // After a fault force comes back only for this: when the finger is out of contact.
-  void ask_for_force() noexcept { asked_ = true; }
+  void present(double stiffness_n_m, double background_n_m) override;
+  bool has_inclusion() const noexcept override { return place_.width_m > 0; }
+  bool felt() const noexcept override;
+  double felt_n_m() const override;
+  std::string trouble() const override;
+  void ask_for_force() noexcept override { asked_ = true; }
 
  private:
   void answer_poses();
@@ -101,9 +99,10 @@ class SpringDisplay {
   const std::unique_ptr<Renderer> renderer_;  // of the chain; none: perfect
   MonotonicClock clock_;
   std::unique_ptr<ServoLoop> servo_;
-  std::mutex mutex_;  // of the answers, between who presents and who answers
+  mutable std::mutex mutex_;  // of the answers and the sum, between who presents and who answers
   SpringAnswers answers_;
   std::atomic<unsigned> felt_ticks_{0};
+  double felt_sum_n_m_ = 0;  // over these
   std::atomic<ServoState> state_{ServoState::kDisabled};
   std::atomic<StateReason> reason_{StateReason::kStart};
   std::atomic<bool> asked_{false};

@@ -10,6 +10,8 @@
 #include <streambuf>
 #include <thread>
 
+#include "client/experiment/observer.h"
+#include "client/experiment/spring_display.h"
 #include "client/haptic/simulated_device.h"
 
 namespace teletact::client {
@@ -208,6 +210,103 @@ TEST(Person, AStimulusBeyondTheDeviceIsRefused) {
   EXPECT_THROW(display.present(1.01 * device.profile().limits().largest_stiffness_n_m),
                std::invalid_argument);
   EXPECT_THROW(display.present(NAN), std::invalid_argument);
+}
+
+// Stiffness that is felt at once, as it is; now and then one that is lost.
+class ListedDisplay final : public StimulusDisplay {
+ public:
+  void present(double stiffness_n_m, double) override {
+    if (++presented > 1000) throw DisplayLost("gone");
+    presented_n_m = stiffness_n_m;
+  }
+  bool has_inclusion() const noexcept override { return false; }
+  bool felt() const noexcept override { return lost().empty(); }
+  double felt_n_m() const override { return presented_n_m; }
+  std::string trouble() const override { return ""; }
+  void ask_for_force() noexcept override {}
+  std::string lost() const override { return is_lost(presented) ? "the cat is on it" : ""; }
+  unsigned presented = 0;
+  double presented_n_m = 0;
+  std::function<bool(unsigned)> is_lost = [](unsigned) { return false; };
+};
+
+std::vector<Trial> some_trials() {
+  Random random(3);
+  ExperimentPlan plan;
+  plan.counterbalanced = true;
+  plan.trials_per_stimulus = 6;
+  return random_order(plan, random);
+}
+
+std::vector<bool> judgements(const std::vector<AnsweredTrial>& answers) {
+  std::vector<bool> out;
+  for (const AnsweredTrial& answer : answers) out.push_back(answer.harder);
+  return out;
+}
+
+// GIVEN one seed THEN who touches what is as it is said to be judges as who is told, whatever is lost
+// between, and who goes on as who never ended.
+TEST(Observer, WhoTouchesJudgesAsWhoIsTold) {
+  const Weibull function = psychometric_function({}, 25);
+  const std::vector<Trial> trials = some_trials();
+  const auto told = run_experiment(trials, simulated_observer(function, 11));
+  const std::atomic<bool> stop{false};
+  std::ostringstream out;
+  ListedDisplay display;
+  display.is_lost = [](unsigned presented) { return presented % 5 == 3; };
+  const auto touched = run_experiment(trials, touching_observer(display, function, 11, stop, out));
+  EXPECT_EQ(judgements(touched), judgements(told));
+  EXPECT_GT(display.presented, 2 * trials.size());
+  EXPECT_NE(out.str().find("void, and felt again from the first on: the cat is on it"), std::string::npos);
+  for (const bool touches : {false, true}) {
+    std::vector<AnsweredTrial> earlier(told.begin(), told.begin() + 17);
+    const auto going_on = run_experiment(
+        trials,
+        touches ? touching_observer(display, function, 11, stop, out) : simulated_observer(function, 11), {},
+        earlier);
+    EXPECT_EQ(judgements(going_on), judgements(told)) << touches;
+  }
+}
+
+TEST(Observer, EndsWithTheDisplayAndWhenItIsToldTo) {
+  const Weibull function = psychometric_function({}, 25);
+  const std::vector<Trial> trials = some_trials();
+  std::ostringstream out;
+  std::atomic<bool> stop{false};
+  ListedDisplay display;
+  unsigned kept = 0;
+  const auto record = [&](const AnsweredTrial&) { stop = ++kept == 7; };
+  EXPECT_EQ(run_experiment(trials, touching_observer(display, function, 11, stop, out), record).size(), 7u);
+  stop = false;
+  display.is_lost = [](unsigned presented) { return presented > 20; };
+  kept = 0, display.presented = 0;
+  EXPECT_THROW(run_experiment(trials, touching_observer(display, function, 11, stop, out),
+                              [&](const AnsweredTrial&) { ++kept; }),
+               DisplayLost);
+  EXPECT_EQ(kept, 10u) << "three tries of the eleventh";
+}
+
+TEST(Observer, TouchesASpringAsItIs) {
+  FeelingDevice device(simulated());
+  SpringDisplay display(device, false);
+  const std::atomic<bool> stop{false};
+  std::ostringstream out;
+  const auto observer = touching_observer(display, weibull_through(26, 60), 1, stop, out);
+  EXPECT_EQ(judgements(run_experiment({{25, 30}, {25, 20}}, observer)), (std::vector<bool>{true, false}));
+  EXPECT_NEAR(display.felt_n_m(), 20, 0.5);
+}
+
+TEST(Person, IsAskedAgainWhatWasLost) {
+  ListedDisplay display;
+  display.is_lost = [](unsigned presented) { return presented == 2; };
+  std::istringstream in("\n\n\n\ny\n");
+  std::ostringstream out;
+  EXPECT_EQ(judgements(run_experiment({{25, 30}}, device_observer(display, in, out))),
+            std::vector<bool>{true});
+  EXPECT_NE(out.str().find("this trial is void, and begins again: the cat is on it"), std::string::npos);
+  display.is_lost = [](unsigned) { return true; };
+  std::istringstream patient("\n\n\n\n\n\n");
+  EXPECT_THROW(run_experiment({{25, 30}}, device_observer(display, patient, out)), DisplayLost);
 }
 
 // Presses both by 8 mm and counts the bar.

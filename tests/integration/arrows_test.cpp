@@ -103,9 +103,9 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
 }
 
 TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
-  // commands -> {session, recordings, report, experiment}; recordings -> acquire; {session, report} -> link
-  // -> servo -> haptic -> render; acquire -> link; experiment -> servo; {acquire, report} -> patient; files
-  // and clock stand alone.
+  // commands -> {session, recordings, report, stimuli}; recordings -> acquire; {session, report} -> link
+  // -> servo -> haptic -> render; acquire -> link; stimuli -> {experiment, link}; experiment -> servo;
+  // {acquire, report} -> patient; files and clock stand alone.
   expect_only({{"text", {}},
                {"files", {"text"}},
                {"matlab", {"files", "text"}},
@@ -117,14 +117,15 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
                {"servo", {"haptic", "render", "clock"}},
                {"experiment", {"servo", "haptic", "render", "clock"}},
                {"link", {"servo", "haptic", "render", "clock", "text"}},
+               {"stimuli", {"experiment", "link", "servo", "haptic", "render", "clock"}},
                {"watch", {"link", "servo", "clock"}},
                {"session", {"link", "servo", "haptic", "render", "clock", "files"}},
                {"acquire", {"link", "clock", "patient", "files"}},
                {"recordings", {"acquire", "files"}},
                {"report", {"link", "servo", "clock", "patient", "files", "text"}},
                {"commands",
-                {"session", "watch", "acquire", "recordings", "report", "experiment", "link", "servo",
-                 "haptic", "render", "clock", "patient", "files"}}},
+                {"session", "watch", "acquire", "recordings", "report", "stimuli", "experiment", "link",
+                 "servo", "haptic", "render", "clock", "patient", "files"}}},
               "client");
 }
 
