@@ -99,14 +99,14 @@ Apparatus springs(const Arguments& arguments) {
 
 // A hand that rests on the stimulus, or passes over it and back. It presses once the force is whole.
 HandOptions simulated_hand(const TissueOptions& tissue, const StimulusScenes& scenes) {
-  constexpr double kHoverM = 0.015, kRestM = 0.004;
+  constexpr double kHoverM = 0.015, kRestM = 0.004, kPassMS = 0.05, kRestMS = 0.02;
   HandOptions hand;
   hand.indentation_m = tissue.depth_m;
   hand.hover_m = kHoverM;
   hand.start_m = hand.begin_m = scenes.start_m().x();
   const double middle_m = scenes.middle_m().x();
   hand.end_m = tissue.place.width_m > 0 ? 2 * middle_m - hand.begin_m : hand.begin_m + kRestM;
-  if (tissue.place.width_m <= 0) hand.speed_m_s = 0.02;
+  hand.speed_m_s = tissue.place.width_m > 0 ? kPassMS : kRestMS;
   return hand;
 }
 
@@ -393,15 +393,16 @@ void add_experiment_command(CLI::App& app) {
       command
           .add_option("--refit", arguments->refit,
                       "ask nobody: fit the answers of an earlier --csv; without it they are asked for")
-          ->excludes(csv);
+          ->excludes(csv)
+          ->excludes("--service");
   command
-      .add_option("--resume", arguments->resume,
-                  "go on with the person of an earlier --csv where it ended, in its order; the other options "
-                  "as they were; without it a new one begins")
+      .add_option(
+          "--resume", arguments->resume,
+          "go on with the observer of an earlier --csv where it ended, in its order; the other options "
+          "as they were; without it a new one begins")
       ->excludes(csv)
       ->excludes(refit)
-      ->excludes(seed)
-      ->needs("--person");
+      ->excludes(seed);
   command
       .add_option("--fit-lapse-rate-most", arguments->lapse_rate_most,
                   "fit a lapse rate too, up to this (maximum likelihood alone); 0 = no lapses")

@@ -24,7 +24,7 @@ constexpr double kWidthM = 0.12, kTissueDepthM = 0.03, kBreadthM = 0.06;
 constexpr double kPlaneElementM = 0.001, kSolidElementM = 0.002;
 constexpr double kToleratedShare = 0.02, kToleratedN = 0.0005;  // what a model may put a force off by
 constexpr double kFirstGuessPa = 2000;
-constexpr double kMostContrast = 100;
+constexpr double kMostContrast = 20;
 constexpr unsigned kMostTouches = 12;
 constexpr int kCreateS = 60, kLookS = 5, kRemoveS = 3;
 
@@ -203,7 +203,8 @@ bool StimulusScenes::remove(const std::string& scene_id) {
   return true;
 }
 
-// Its stiffness, in N/m: of the first answer after which others say the same; 0 with `stop`.
+// Its stiffness, in N/m: of the first answer after which others say the same; 0 with `stop`, and where the
+// service answers and gives no force.
 double StimulusScenes::touch(const std::string& scene_id) {
   constexpr double kSameS = 0.15, kSame = 1e-3;
   LatestSlot<ServoPose> poses;
@@ -214,13 +215,16 @@ double StimulusScenes::touch(const std::string& scene_id) {
   pose.pose.position_m = middle_m() + Vector3(0, options_.depth_m, 0);
   const std::int64_t begin_ns = clock.now_ns();
   double stiffness_n_m = 0, since_s = 0;
-  std::string why = "it gives no force";
+  bool answered = false;
+  std::string why = "it does not answer";
   pose.time_ns = begin_ns;
   poses.put(pose);
   link.start();
   for (ServoAnswer answer; !stop_;) {
     const double now_s = seconds(clock.now_ns() - begin_ns);
-    if (answers.take(answer) && answer.has_force && answer.sample.contact) {
+    const bool fresh = answers.take(answer);
+    answered = answered || fresh;
+    if (fresh && answer.has_force && answer.sample.contact) {
       const double newest_n_m = -answer.sample.force_n.y() / options_.depth_m;
       if (!(std::abs(newest_n_m - stiffness_n_m) <= kSame * stiffness_n_m))
         stiffness_n_m = newest_n_m, since_s = now_s;
@@ -230,6 +234,7 @@ double StimulusScenes::touch(const std::string& scene_id) {
       throw std::runtime_error("the service at " + options_.address +
                                " lets nobody touch a tissue: " + failure);
     if (const std::string trouble = link.trouble(); !trouble.empty()) why = trouble;
+    if (now_s > kLostS && answered && link.trouble().empty()) return 0;
     if (now_s > kLostS)
       throw DisplayLost(fmt::format("the service at {} was touched for {:g} s in vain ({})", options_.address,
                                     kLostS, why));
@@ -254,6 +259,7 @@ StimulusScenes::Made StimulusScenes::make_one(double stiffness_n_m, double guess
     const double felt_n_m = touch(made.scene_id);
     if (stop_ || std::abs(felt_n_m / stiffness_n_m - 1) <= kOffMost) return made;
     remove(made.scene_id);
+    if (!(felt_n_m > 0)) break;
     const Touched now{std::log(made.modulus_pa), std::log(felt_n_m)};
     const bool tells = before && std::abs(now.log_pa - before->log_pa) > 1e-9;
     const double slope =
@@ -270,7 +276,7 @@ StimulusScenes::Made StimulusScenes::make_one(double stiffness_n_m, double guess
                     "hard or soft it is; give a wider --inclusion-m, or stimuli nearer to the background",
                     1e3 * options_.place.width_m, stiffness_n_m));
   throw std::runtime_error("the service at " + options_.address +
-                           " gives no tissue whose force is proportional to its modulus");
+                           " gives such a tissue no force that is proportional to its modulus; see its log");
 }
 
 void StimulusScenes::make(const std::vector<double>& stimuli_n_m, double background_n_m) {

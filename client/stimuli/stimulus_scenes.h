@@ -40,7 +40,7 @@ std::string condition_of(const std::string& renderer, const TissueOptions&);
 class StimulusScenes {
  public:
   static constexpr double kOffMost = 0.005;  // of a stimulus, what its tissue is felt as
-  static constexpr double kLostS = 15;       // a service that is gone for longer is lost
+  static constexpr double kLostS = 10;       // a service that is gone for longer is lost
 
   // Reaches the service. `say`: one line for a person, and no stiffness. `stop` outlives this: it ends every
   // wait. Throws as validate() and reach_service().

@@ -11,7 +11,7 @@ namespace teletact::client {
 namespace {
 
 constexpr double kServoS = 0.001;
-constexpr double kWithheldMost = 0.1;  // of the force, while it counts as whole
+constexpr double kWithheldMost = 0.02;  // of the force, while it counts as whole
 
 ServoOptions servo_options(const HapticDevice& device) {
   ServoOptions options;
