@@ -325,7 +325,9 @@ void add_observer_options(CLI::App& command, Arguments& arguments) {
                        "bar) and types y or n; no stiffness is shown");
   command
       .add_option("--device", arguments.device.device,
-                  "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the keyboard")
+                  "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the "
+                  "keyboard, by which "
+                  "--service is not felt")
       ->needs(person);
   command.add_option("--profile", arguments.device.profile, "of a simulated device");
   command.add_flag("--counterbalanced", arguments.plan.counterbalanced,
