@@ -27,7 +27,7 @@ TEXT
 }
 
 demo() {
-  local out=demo-out seed=1 duration= round_trip=0 passes= solid= port=0
+  local out=demo-out seed=1 duration= round_trip=0 passes= which= solid= port=0
   while (($#)); do
     case $1 in
       --out | --seed | --duration-s | --round-trip-ms | --passes | --port)
@@ -42,9 +42,12 @@ demo() {
         esac
         shift 2
         ;;
-      --page) solid=page; shift ;;
-      --solid) solid=rf; shift ;;
-      --solid-given) solid=given; shift ;;
+      --page | --solid | --solid-given)
+        [[ -z $which || $which == "$1" ]] || die "$which and $1 are two demos: leave one out"
+        which=$1
+        case $1 in --page) solid=page ;; --solid) solid=rf ;; *) solid=given ;; esac
+        shift
+        ;;
       -h | --help) demo_usage; return 0 ;;
       *) demo_usage >&2; die "unknown argument of demo: $1" ;;
     esac
@@ -259,7 +262,7 @@ run_page_demo() {
   # Told to end: a finger that a fault takes away for a while has not left.
   kill -INT "$acquire_pid" 2>/dev/null || true
   wait "$acquire_pid" || say "the patient side had failed: $(tail -n 1 "$DEMO_OUT/log/acquire.log")"
-  say "4/4 it is over; what was felt stays on the page until Ctrl-C. Again: teletact-client watch --recording $DEMO_OUT/touch.record"
+  say "4/4 it is over; what was felt stays on the page until Ctrl-C. Again: ./teletact watch --recording $DEMO_OUT/touch.record --recording $DEMO_OUT/acquire.record"
   trap 'end_demo; exit 0' INT TERM
   while sleep 1; do :; done
 }
