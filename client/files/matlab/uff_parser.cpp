@@ -165,9 +165,12 @@ class UffReader {
     }
     if (beamformed.size() == 1) return child(root_, beamformed.front());
     if (beamformed.empty() && !channels.empty()) refuse_channels(channels.front());
-    if (beamformed.empty())
-      refuse(std::string("holds no ") + kBeamformed +
-             "; write it with USTB's write(). It holds: " + present());
+    if (beamformed.empty()) {
+      std::string words = "holds no ";
+      words += kBeamformed;
+      words += "; write it with USTB's write(). It holds: ";
+      refuse(words += present());
+    }
     std::string list;
     for (const std::string& name : beamformed) list += (list.empty() ? "" : ", ") + shown(name);
     refuse("holds several images; give one with --variable: " + shown(list, kMostNamed));

@@ -60,9 +60,8 @@ std::string inflated_head(const std::string& compressed) {
   stream.next_out = reinterpret_cast<Bytef*>(out.data());
   stream.avail_out = static_cast<uInt>(out.size());
   inflate(&stream, Z_SYNC_FLUSH);
-  out.resize(out.size() - stream.avail_out);
   inflateEnd(&stream);
-  return out;
+  return out.substr(0, out.size() - stream.avail_out);
 }
 
 // `rest`: of a matrix, as much of it as was read. True where it is the variable and its numbers do not fit.
