@@ -35,6 +35,13 @@ void check_positive(double value, const char* option) {
     throw FrameInputError(fmt::format("give {}: it must be a number above 0", option));
 }
 
+void check_hertz(double value, const char* option) {
+  constexpr double kLeastHz = 1000;
+  check_positive(value, option);
+  if (value < kLeastHz)
+    throw FrameInputError(fmt::format("{} {}: give it in Hz; {} MHz is {}e6", option, value, value, value));
+}
+
 void check_sound_speed(double value, const std::string& stated_by) {
   if (!(value >= 1000 && value <= 2500))
     throw FrameInputError(fmt::format("{} {}: give it in m/s, 1000 to 2500; soft tissue has about {}",
@@ -150,7 +157,7 @@ Frame read_frame(const std::filesystem::path& path, std::optional<std::size_t> i
   if (options.modulation_frequency_hz)
     throw FrameInputError("--modulation-frequency-hz: " + path.string() +
                           " holds RF; leave it out, it is of complex data in a .uff file");
-  check_positive(options.sampling_frequency_hz, "--sampling-frequency-hz");
+  check_hertz(options.sampling_frequency_hz, "--sampling-frequency-hz");
   return extension == ".mha" ? read_mha_frame(path, index, index_option, options)
                              : read_mat_frame(path, index, index_option, options);
 }
@@ -172,7 +179,7 @@ double line_pitch_of(const Frame& pre, const RecordedFrameOptions& options) {
 
 // What must be known before any file is opened.
 void check_options(const RecordedFrameOptions& options) {
-  check_positive(options.center_frequency_hz, "--center-frequency-hz");
+  check_hertz(options.center_frequency_hz, "--center-frequency-hz");
   if (options.modulation_frequency_hz &&
       !(*options.modulation_frequency_hz >= 0 && std::isfinite(*options.modulation_frequency_hz)))
     throw FrameInputError(fmt::format("--modulation-frequency-hz {}: give it in Hz, 0 or more",
@@ -202,11 +209,23 @@ void check_sample_spacing(double stated_m, double sound_speed_m_s, double sampli
                           const std::string& file) {
   const double expected_m = sound_speed_m_s / (2 * sampling_frequency_hz);
   if (!differ(stated_m, expected_m)) return;
-  const bool millimetres = !differ(stated_m * 1e-3, expected_m);
   throw FrameInputError(fmt::format(
       "{}: its axial spacing {:.6g} m contradicts c / (2 fs) = {:.6g} m; {}", file, stated_m, expected_m,
-      millimetres ? "it looks like millimetres: give --spacing-unit mm"
-                  : "correct --sampling-frequency-hz, --sound-speed-m-s or the file"));
+      !differ(stated_m * 1e-3, expected_m)  ? "it looks like millimetres: give --spacing-unit mm"
+      : !differ(stated_m * 1e3, expected_m) ? "it looks like metres: give --spacing-unit m"
+                                            : "correct --sampling-frequency-hz, --sound-speed-m-s, "
+                                              "--spacing-unit or the file"));
+}
+
+std::string modulus_doubt(double background_pa) {
+  constexpr double kSoftestPa = 100, kStiffestPa = 1e6;
+  const bool stiff = background_pa > kStiffestPa;
+  if (!stiff && !(background_pa < kSoftestPa)) return "";
+  return fmt::format(
+      "background {}: no soft tissue is that {}; is --force-n in newtons, and --contact-area-m2 in square "
+      "metres (1 cm^2 is 1e-4)?",
+      stiff ? fmt::format("{:.0f} kPa", 1e-3 * background_pa) : fmt::format("{:.3g} Pa", background_pa),
+      stiff ? "stiff" : "soft");
 }
 
 TissueExtent tissue_extent(const v1::Acquisition& acquisition) {

@@ -85,7 +85,7 @@ void print(const v1::Acquisition& acquisition, const v1::EstimateSummary& summar
   else
     std::printf("modulus relative to its median (no force given)\n");
   std::printf("modulus method: %s%s%s\n", name_of(summary.modulus_method()).c_str(),
-              summary.modulus_model().empty() ? "" : ", ", summary.modulus_model().c_str());
+              summary.modulus_model().empty() ? "" : "; ", summary.modulus_model().c_str());
 }
 
 void warn_if_stretched(const v1::EstimateSummary& summary) {
@@ -93,6 +93,11 @@ void warn_if_stretched(const v1::EstimateSummary& summary) {
     std::fprintf(stderr,
                  "warning: the tissue stretches from pre to post (strain %+.3f %%): are the two swapped?\n",
                  100 * summary.mean_axial_strain());
+}
+
+void warn_of_doubt(double background_pa) {
+  const std::string doubt = modulus_doubt(background_pa);
+  if (!doubt.empty()) std::fprintf(stderr, "warning: %s\n", doubt.c_str());
 }
 
 void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& channel,
@@ -108,6 +113,7 @@ void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& chan
   for (const std::string& warning : outcome.summary.warnings())
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   warn_if_stretched(outcome.summary);
+  if (outcome.summary.modulus_absolute()) warn_of_doubt(outcome.summary.background_modulus_pa());
   std::printf("%zu files in %s\n", files.size(), out.c_str());
 }
 
@@ -163,6 +169,7 @@ void print(const EstimatedPlace& place) {
         joined.of_one, joined.scatter, joined.shared);
   for (const std::string& assumed : place.assumed) std::printf("assumed: %s\n", assumed.c_str());
   for (const std::string& warning : place.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  if (place.absolute) warn_of_doubt(place.background);
 }
 
 void run_set(EstimateClient& client, const std::shared_ptr<grpc::Channel>& channel,

@@ -48,11 +48,14 @@ void check_frames(const EstimateRequest& r, const Limits& limits) {
                                  limits.most_lines, "give the number of A-lines");
   const AcquisitionGeometry& g = r.geometry;
   require_between("acquisition.center_frequency_hz", g.center_frequency_hz, limits.least_center_frequency_hz,
-                  limits.most_center_frequency_hz, "give the transducer's centre frequency");
+                  limits.most_center_frequency_hz,
+                  "give the transducer's centre frequency in Hz (5 MHz is 5e6)");
   if (!(g.sampling_frequency_hz > 2 * g.center_frequency_hz) || !std::isfinite(g.sampling_frequency_hz))
-    throw std::invalid_argument(fmt::format(
-        "acquisition.sampling_frequency_hz: {} is not > 2 x center_frequency_hz; give the digitiser's rate",
-        g.sampling_frequency_hz));
+    throw std::invalid_argument(
+        fmt::format("acquisition.sampling_frequency_hz: {} is not > 2 x center_frequency_hz; give the "
+                    "digitiser's rate in Hz (40 MHz "
+                    "is 40e6)",
+                    g.sampling_frequency_hz));
   require_between("acquisition.sound_speed_m_s", g.sound_speed_m_s, limits.least_sound_speed_m_s,
                   limits.most_sound_speed_m_s, "soft tissue is about 1540");
   require_between("acquisition.line_pitch_m", g.line_pitch_m, limits.least_line_pitch_m,

@@ -57,6 +57,15 @@ TEST(RecordedFrames, ValuesThatCannotBeAskedForAreRefusedByName) {
   }
 }
 
+TEST(ModulusDoubt, AsksForTheUnitWhereNoSoftTissueIsLikeThat) {
+  for (const double background_pa : {101.0, 9812.0, 9e5, static_cast<double>(NAN)})
+    EXPECT_EQ(modulus_doubt(background_pa), "");
+  EXPECT_EQ(modulus_doubt(9812256.0),
+            "background 9812 kPa: no soft tissue is that stiff; is --force-n in newtons, and "
+            "--contact-area-m2 in square metres (1 cm^2 is 1e-4)?");
+  EXPECT_NE(modulus_doubt(9.8).find("background 9.8 Pa: no soft tissue is that soft"), std::string::npos);
+}
+
 TEST(RecordedFrames, WhatIsOfAnotherKindOfFileIsRefusedByName) {
   const TemporaryFolder folder;
   RecordedFrameOptions options;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <tuple>
 
 #include "tests/integration/one_clear_line.h"
 #include "tests/integration/process.h"
@@ -86,11 +87,27 @@ TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
                         {"millimetres", "--spacing-unit mm"});
   write(folder_ / "wrong.mha", mha("2.2e-5 0.000234"));
   expect_one_clear_line(estimate(folder_ / "wrong.mha", folder_ / "wrong.mha", usual()),
-                        {"c / (2 fs)", "--sampling-frequency-hz"});
+                        {"c / (2 fs)", "--sampling-frequency-hz", "--spacing-unit"});
   write(folder_ / "right.mha", mha("1.925e-5 0.000234"));
   expect_one_clear_line(
       estimate(folder_ / "right.mha", folder_ / "right.mha", usual({"--line-pitch-m", "0.0003"})),
       {"--line-pitch-m", "contradicts"});
+  const std::string right = folder_ / "right.mha";
+  expect_one_clear_line(estimate(right, right, usual({"--spacing-unit", "mm"})),
+                        {"metres: give --spacing-unit m\n"});
+}
+
+TEST_F(EstimateInput, FrequenciesInMegahertzAreRefusedWithTheValueInHertz) {
+  write(folder_ / "a.mha", mha("1.925e-5 0.000234"));
+  for (const auto& [center, sampling, words] :
+       {std::tuple{"7.3e6", "40", "--sampling-frequency-hz 40: give it in Hz; 40 MHz is 40e6"},
+        std::tuple{"7.3", "40e6", "--center-frequency-hz 7.3: give it in Hz; 7.3 MHz is 7.3e6"}})
+    expect_one_clear_line(
+        test::run({test::client_binary(), "estimate", "--service", "unix:/tmp/tt-nobody", "--pre",
+                   folder_ / "a.mha", "--post", folder_ / "a.mha", "--center-frequency-hz", center,
+                   "--sampling-frequency-hz", sampling, "--frame", "PROBE", "--out", folder_ / "out"},
+                  folder_ / "log"),
+        {words});
 }
 
 TEST_F(EstimateInput, OfSeveralPairsWhatDoesNotFitIsNamed) {
@@ -289,6 +306,8 @@ TEST(TouchInput, WhatCannotBeIsRefusedInWords) {
   const std::string nobody = "unix:/tmp/tt-nobody";
   for (const char* radius : {"0", "-1", "nan", "x"})
     refused({"--service", nobody, "--tip-radius-m", radius}, {"--tip-radius-m", "number above 0"});
+  for (const char* option : {"--tip-radius-m", "--tip-half-width-m"})
+    refused({"--service", nobody, option, "8"}, {option, "8: give it in metres, at most 0.014"});
   for (const char* duration : {"-1", "nan"})
     refused({"--service", nobody, "--duration-s", duration}, {"--duration-s", "0 or more"});
   for (const char* wait : {"-1", "nan"})

@@ -3,6 +3,7 @@
 import asyncio
 import threading
 import time
+import warnings
 
 import grpc
 import numpy as np
@@ -11,6 +12,7 @@ import xarray as xr
 from conftest import LUMP_X_M, LUMP_Y_M
 
 import teletact
+from teletact import scenes
 
 
 def test_info_names_device_and_limits(service):
@@ -34,6 +36,21 @@ def test_a_scene_is_as_it_was_given(service):
     service.delete_scene("given")
     with pytest.raises(teletact.NotFound, match='GetScene: NOT_FOUND: scene_id: no scene "given" here; ListScenes'):
         service.scene("given")
+
+
+@pytest.mark.parametrize("given_pa, words", [(10.0, "10 Pa, and no soft tissue is that soft; give it in Pa"),
+                                             (1e7, "1e[+]07 Pa, and no soft tissue is that stiff")])
+def test_a_modulus_in_another_unit_is_doubted(given_pa, words):
+    at = {"x_m": [0, 0.02, 0.04], "y_m": [0, 0.01, 0.02], "z_m": [0, 0.01], "size_m": None, "poisson_ratio": None,
+          "thickness_m": None, "held": None}
+    given = np.full((2, 2), given_pa)
+    with pytest.warns(UserWarning, match=words):
+        scenes.create_request("b", given, slices=None, **at)
+    with pytest.warns(UserWarning, match=words):
+        scenes.create_request("b", None, slices={0.0: given}, **at)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scenes.create_request("b", np.full((2, 2), 1e4), slices=None, **at)
 
 
 def test_solids_are_given_whole_and_slice_by_slice(service):
@@ -65,7 +82,7 @@ def test_solids_are_given_whole_and_slice_by_slice(service):
      "modulus.youngs_modulus_pa[0]", "a modulus must be within"),
     (lambda s: s.touch("lump", layer_depth_m=1.0), "open.layer.depth_m", "give a depth within"),
     (lambda s: s.touch("nowhere"), "scene_id", "ListScenes"),
-    (lambda s: s.publish_slice("lump", np.ones((2, 2)), 0.0), "scene_id", "create one with modulus.z_m"),
+    (lambda s: s.publish_slice("lump", np.full((2, 2), 1e4), 0.0), "scene_id", "create one with modulus.z_m"),
     # Found before anything is sent:
     (lambda s: s.create_scene("b"), "size_m", "give (width, depth)"),
     (lambda s: s.create_scene("b", np.ones((2, 2))), "x_m", "give the 3 nodes"),

@@ -27,6 +27,7 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
           [](auto& a) { a.set_sampling_frequency_hz(14e6); });
   refused(INVALID_ARGUMENT, "acquisition.center_frequency_hz",
           [](auto& a) { a.set_center_frequency_hz(-7e6); });
+  refused(INVALID_ARGUMENT, "centre frequency in Hz", [](auto& a) { a.set_center_frequency_hz(7.3); });
   refused(INVALID_ARGUMENT, "acquisition.sound_speed_m_s", [](auto& a) { a.set_sound_speed_m_s(0); });
   refused(INVALID_ARGUMENT, "acquisition.line_pitch_m", [](auto& a) { a.set_line_pitch_m(0); });
   refused(INVALID_ARGUMENT, "acquisition.first_sample_depth_m",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any, Collection, Mapping
 
@@ -149,6 +150,14 @@ def _ordered(values: Any) -> Any:
     return values.transpose(*wanted)
 
 
+def _warn_of_doubt(modulus: Any) -> None:
+    """Where no soft tissue has such a modulus, another unit was meant."""
+    median = float(np.median(modulus))
+    if 0 < median < 100 or median > 1e6:
+        warnings.warn(f"modulus: its median is {median:.4g} Pa, and no soft tissue is that "
+                      f"{'soft' if median < 100 else 'stiff'}; give it in Pa (10 kPa is 1e4)", stacklevel=2)
+
+
 def create_request(scene_id: str, modulus: Any, x_m: Any, y_m: Any, z_m: Any, slices: Mapping[float, Any] | None,
                    size_m: Any, poisson_ratio: float | None, thickness_m: float | None,
                    held: Collection[str] | None) -> palpation.CreateSceneRequest:
@@ -164,6 +173,7 @@ def create_request(scene_id: str, modulus: Any, x_m: Any, y_m: Any, z_m: Any, sl
         map_.y_m.extend(_edges(modulus, y_m, "y", values.shape[-2]))
         if values.ndim == 3:
             map_.z_m.extend(_edges(modulus, z_m, "z", values.shape[0]))
+        _warn_of_doubt(values)
         arrays.array_to(values, map_.youngs_modulus_pa)
     elif slices is not None:
         if not slices:
@@ -202,6 +212,7 @@ def slice_to(message: palpation.ModulusSlice, modulus: Any, z_m: float, log_std:
     """Fills a slice: its modulus over y, x, and the deviation of ln E where it is known."""
     values = arrays.numbers(_ordered(modulus), "modulus", (2,), np.float64)
     message.pose.origin_m.extend([0.0, 0.0, float(z_m)])
+    _warn_of_doubt(values)
     arrays.array_to(values, message.modulus.youngs_modulus_pa)
     if log_std is not None:
         deviation = arrays.numbers(_ordered(log_std), "log_std", (2,), np.float64)
