@@ -85,8 +85,9 @@ std::vector<std::string> assumptions(const EstimatedPlace& place) {
       out.emplace_back("the modulus is relative: the pairs' levels were matched by the median");
   }
   for (std::size_t p = 0; p < place.pairs.size(); ++p) {
-    const std::string& model = place.pairs[p].outcome.summary.modulus_model();
-    if (place.left_out[p].empty() && !model.empty())
+    const v1::EstimateSummary& summary = place.pairs[p].outcome.summary;
+    const std::string& model = summary.modulus_model();  // of a plane it says why the method was taken
+    if (place.left_out[p].empty() && summary.modulus_method() == v1::MODULUS_METHOD_SOLID)
       out.push_back(place.pairs.size() > 1 ? fmt::format("pair {}: {}", p + 1, model) : model);
   }
   return out;

@@ -66,29 +66,33 @@ ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness
   const double reference = expected_error(ModulusKind::kReferenceStress, uneven, noise),
                iterative = expected_error(ModulusKind::kIterative, uneven, noise);
   const double start_s = time.expected_s[static_cast<std::size_t>(ModulusKind::kDirect)];
-  std::string asked = fmt::format("{} of the force may be off by the modulus", percent(tolerance));
+  std::string allowed = fmt::format("{} is allowed", percent(tolerance));
   if (tolerance > need.tolerance)
-    asked += fmt::format(": force sensor and contact area leave {} open", percent(need.common));
+    allowed += fmt::format(": force sensor and contact area leave {} open", percent(need.common));
   if (reference <= tolerance)
     return {ModulusKind::kReferenceStress, tolerance,
-            fmt::format("reference stress is good enough here ({}); {}", percent(reference), asked)};
+            fmt::format("reference stress may put the force that a finger feels off by {} here; {}",
+                        percent(reference), allowed)};
   const bool known = std::isfinite(iterative);
   std::string off =
       noise > kMostNoise
-          ? fmt::format("; the strain's noise of {} is too much to say by how much it is off", percent(noise))
-          : "; too little was measured to say by how much it is off";
+          ? fmt::format("the strain's noise of {} is too much to say by how much it is off", percent(noise))
+          : "too little was measured to say by how much it is off";
   if (time.left_s && start_s > *time.left_s) {
-    if (known) off = fmt::format(", off by about {} instead of {}", percent(reference), percent(iterative));
+    if (known)
+      off = fmt::format(
+          "reference stress may put the force that a finger feels off by {} here, the iterative method by {}",
+          percent(reference), percent(iterative));
     return {ModulusKind::kReferenceStress, tolerance,
-            fmt::format("{:.2f} s are left of {}, and the iterative method takes {:.2f} s at least: "
-                        "reference stress{}; {}",
-                        std::max(0.0, *time.left_s), time.words, start_s, off, asked)};
+            fmt::format("{:.2f} s are left of {}, and the iterative method takes {:.2f} s at least; {}; {}",
+                        std::max(0.0, *time.left_s), time.words, start_s, off, allowed)};
   }
-  if (iterative <= tolerance)
-    off = fmt::format(", since reference stress is not good enough here ({})", percent(reference));
-  else if (known)
-    off = fmt::format(", the best there is, and not good enough everywhere here ({})", percent(iterative));
-  return {ModulusKind::kIterative, tolerance, fmt::format("iterative{}; {}", off, asked)};
+  if (known)
+    off = fmt::format("the iterative method may put the force that a finger feels off by {} here, {}",
+                      percent(iterative),
+                      iterative <= tolerance ? "reference stress by " + percent(reference)
+                                             : "and no other method does better");
+  return {ModulusKind::kIterative, tolerance, fmt::format("{}; {}", off, allowed)};
 }
 
 }  // namespace teletact::service

@@ -31,9 +31,11 @@ TEST(ModulusPlan, IsIterativeWhereThereIsTimeAndLittleNoise) {
       const ModulusPlan plan = plan_modulus(kUsual, kQuiet, uneven, time_of(left_s));
       EXPECT_EQ(plan.kind, ModulusKind::kIterative);
       EXPECT_DOUBLE_EQ(plan.tolerance, 0.03);
-      EXPECT_TRUE(says(plan, "iterative")) << plan.why;
     }
-  EXPECT_TRUE(says(plan_modulus(kUsual, kQuiet, kEven, {}), "3.0 % of the force"))
+  EXPECT_EQ(
+      plan_modulus(kUsual, kQuiet, kEven, {}).why,
+      "the iterative method may put the force that a finger feels off by 1.0 % here, reference stress by "
+      "3.2 %; 3.0 % is allowed")
       << "nothing is known of the time";
 }
 
@@ -52,7 +54,7 @@ TEST(ModulusPlan, IsNotCheaperWhereThereIsNoise) {
   EXPECT_EQ(plan_modulus({0.1, 0}, 0.08, kEven, time_of({})).kind, ModulusKind::kReferenceStress);
   const ModulusPlan noisy = plan_modulus({0.1, 0}, 0.17, {0.15, 0.15}, time_of({}));
   EXPECT_EQ(noisy.kind, ModulusKind::kIterative);
-  EXPECT_TRUE(says(noisy, "not good enough everywhere here")) << noisy.why;
+  EXPECT_TRUE(says(noisy, "and no other method does better")) << noisy.why;
 }
 
 // Whatever is allowed, and in tissue that looks even.
@@ -63,7 +65,7 @@ TEST(ModulusPlan, ClaimsNothingWhereNobodyMeasuredSoMuchNoise) {
       const ModulusPlan plan = plan_modulus({1, 0}, noise, kEven, time_of(left_s));
       EXPECT_EQ(plan.kind, kind) << noise;
       EXPECT_TRUE(says(plan, "to say by how much it is off")) << plan.why;
-      EXPECT_FALSE(says(plan, "good enough")) << plan.why;
+      EXPECT_FALSE(says(plan, "may put")) << plan.why;
       EXPECT_FALSE(says(plan, "inf")) << plan.why;
     }
   EXPECT_FALSE(says(plan_modulus({1, 0}, 0.19, kEven, time_of({})), "too much to say"));
