@@ -1,5 +1,7 @@
 #include "service/imaging/estimate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -133,22 +135,24 @@ void Elastography::warm() {
 void Elastography::judge_tracking(const EstimateInput& in, Estimate& e) {
   e.median_correlation = median_correlation(e.correlation);
   if (e.median_correlation >= options_.least_median_correlation) return;
-  const std::string found = "pre, post: median correlation " + std::to_string(e.median_correlation) +
-                            " is below " + std::to_string(options_.least_median_correlation);
+  const std::string found = fmt::format("pre, post: median correlation {:.2f} is below {:.2f}",
+                                        e.median_correlation, options_.least_median_correlation);
   DisplacementOptions wider = options_.displacement;
   wider.max_strain = std::min(kLargestMaxStrain, kWiderSearch * wider.max_strain);
   const DisplacementEstimate again =
       DisplacementEstimator(queue_, wider).estimate(in.pre, in.post, in.geometry);
   if (median_correlation(queue_.read(again.correlation)) >= options_.least_median_correlation)
     throw TrackingError(TrackingError::Reason::kBeyondSearch,
-                        found + ", but the pair can be tracked with max_strain " +
-                            std::to_string(wider.max_strain) + ": it is strained beyond max_strain " +
-                            std::to_string(options_.displacement.max_strain) +
-                            "; compress less, or raise it");
-  throw TrackingError(TrackingError::Reason::kDecorrelated,
-                      found + "; the frames are unrelated, or moved out of plane, or strained beyond " +
-                          std::to_string(wider.max_strain) + ": take the pair again with less motion" +
-                          (e.input_warnings.empty() ? "" : "; but first: " + e.input_warnings.front()));
+                        fmt::format("{}, but the pair can be tracked with max_strain {:.3g}: it is strained "
+                                    "beyond max_strain {:.3g}; compress less, or raise it",
+                                    found, wider.max_strain, options_.displacement.max_strain));
+  throw TrackingError(
+      TrackingError::Reason::kDecorrelated,
+      fmt::format("{}; the frames are unrelated, or moved out of plane, or strained beyond "
+                  "{:.3g} (searched up to that; max_strain is {:.3g}): take the pair again "
+                  "with less motion{}",
+                  found, wider.max_strain, options_.displacement.max_strain,
+                  e.input_warnings.empty() ? "" : "; but first: " + e.input_warnings.front()));
 }
 
 DisplacementEstimate Elastography::track(const EstimateInput& in, Estimate& e) {

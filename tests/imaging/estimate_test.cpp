@@ -182,10 +182,12 @@ TEST(Elastography, MaxStrainCanBeAnotherFromPairToPair) {
   EXPECT_THROW(one.set_max_strain(0.2), std::invalid_argument);
 }
 
-TrackingError::Reason refusal(const RfFrame& pre, const RfFrame& post) {
+// `words`: that its message has.
+TrackingError::Reason refusal(const RfFrame& pre, const RfFrame& post, const std::string& words = "") {
   try {
     elastography().estimate({pre, post, speckle_geometry(), std::nullopt, slab()});
   } catch (const TrackingError& e) {
+    EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
     return e.reason;
   }
   throw std::logic_error("the pair was not refused");
@@ -197,12 +199,17 @@ TEST(Elastography, UnrelatedFramesAreRefused) {
   options.lines = kLines;
   options.seed = 99;
   const RfFrame other = Speckle(options).frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
-  EXPECT_EQ(refusal(still(), other), TrackingError::Reason::kDecorrelated);
+  EXPECT_EQ(refusal(still(), other,
+                    " is below 0.60; the frames are unrelated, or moved out of plane, or strained beyond 0.1 "
+                    "(searched up to that; max_strain is 0.05): take the pair again"),
+            TrackingError::Reason::kDecorrelated);
 }
 
 TEST(Elastography, CompressionBeyondTheSearchIsRefusedWithTheRemedy) {
   const RfFrame far = tissue().frame([](double, double y) { return std::pair{0.0, -0.09 * y}; }, 2);
-  EXPECT_EQ(refusal(still(), far), TrackingError::Reason::kBeyondSearch);
+  EXPECT_EQ(
+      refusal(still(), far, "with max_strain 0.1: it is strained beyond max_strain 0.05; compress less"),
+      TrackingError::Reason::kBeyondSearch);
   ElastographyOptions wide;
   wide.displacement.max_strain = 0.1;
   const Estimate e =
