@@ -1,6 +1,7 @@
 #include "client/link/channel.h"
 
 #include <grpcpp/support/client_interceptor.h>
+#include <netdb.h>
 #include <unistd.h>
 
 #include <array>
@@ -69,6 +70,19 @@ std::string make_client_name() {
   return name + ":" + std::to_string(getpid()) + ":" + std::to_string(std::random_device()());
 }
 
+// The name in HOST:PORT that stands for no machine; else empty.
+std::string unresolved_host(const std::string& address) {
+  for (const char* scheme : {"unix:", "unix-abstract:", "ipv4:", "ipv6:"})
+    if (address.starts_with(scheme)) return "";
+  std::string host = address.substr(0, address.rfind(':'));
+  host.erase(0, host.find_last_of(":/") + 1);  // of "dns:HOST"
+  addrinfo* found = nullptr;
+  if (host.empty() || host.find(']') != std::string::npos) return "";
+  if (::getaddrinfo(host.c_str(), nullptr, nullptr, &found) != 0) return host;
+  ::freeaddrinfo(found);
+  return "";
+}
+
 }  // namespace
 
 const std::string& client_name() {
@@ -135,6 +149,8 @@ std::string address_problem(const std::string& address) {
 }
 
 std::string nobody_answers(const std::string& address, const Credentials& given) {
+  if (const std::string host = unresolved_host(address); !host.empty())
+    return "no service at " + address + ": the name " + host + " does not resolve; check it";
   return "no service at " + address + ": start one with './teletact serve --listen " + address +
          "' (teletact-service), " +
          (given.tls_ca.empty() ? "or give --tls-ca if it serves TLS"

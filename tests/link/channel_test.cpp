@@ -50,6 +50,15 @@ TEST(MakeChannel, EveryCallNamesThisProcess) {
   EXPECT_NE(name.find(':' + std::to_string(getpid()) + ':'), std::string::npos) << name;
 }
 
+TEST(NobodyAnswers, SaysWhenTheNameDoesNotResolve) {
+  for (const char* address : {"nosuchhost.invalid:50972", "dns:nosuchhost.invalid:50972"})
+    EXPECT_NE(nobody_answers(address, {}).find("the name nosuchhost.invalid does not resolve"),
+              std::string::npos)
+        << address;
+  for (const char* address : {"localhost:1", "127.0.0.1:1", "[::1]:1", "ipv4:127.0.0.1:1", "unix:/tmp/x:1"})
+    EXPECT_NE(nobody_answers(address, {}).find("start one with"), std::string::npos) << address;
+}
+
 TEST(ReachService, SaysWhenNobodyIsThere) {
   try {
     reach_service("unix:/tmp/teletact-nobody-listens-here", {}, [](const auto&) {});

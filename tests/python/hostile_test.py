@@ -298,6 +298,11 @@ def nobody():
         yield f"unix:{folder}/nobody"
 
 
+def test_a_name_that_does_not_resolve_is_said():
+    with pytest.raises(teletact.Unavailable, match="the name nosuchhost.invalid does not resolve"):
+        teletact.connect("nosuchhost.invalid:50972")
+
+
 def test_nobody_answers():
     with nobody() as address, pytest.raises(teletact.Unavailable, match="no service at .*teletact serve --listen"):
         teletact.connect(address)

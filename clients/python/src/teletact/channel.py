@@ -64,6 +64,8 @@ class Peer:
 
     def remedy(self) -> str:
         """What helps when nobody answers."""
+        if host := _unresolved_host(self.address):
+            return f"the name {host} does not resolve; check it"
         start = f"start one with './teletact serve --listen {self.address}' (teletact-service), "
         if self.tls_ca is None:
             return start + "or give tls_ca= if it serves TLS"
@@ -72,6 +74,18 @@ class Peer:
                     "tls_key= if it asks for them")
         return start + ("with a certificate that tls_ca= signed for that name, and --tls-client-ca that signed "
                         "tls_certificate=")
+
+
+def _unresolved_host(address: str) -> str:
+    """The name in HOST:PORT that stands for no machine; else empty."""
+    if address.startswith(("unix:", "unix-abstract:", "ipv4:", "ipv6:")) or "]" in address:
+        return ""
+    host = re.split("[:/]", address.rpartition(":")[0])[-1]
+    try:
+        socket.getaddrinfo(host, None)
+    except OSError:
+        return host
+    return ""
 
 
 def peer_of(address: str, tls_ca: str | Path | None, tls_certificate: str | Path | None, tls_key: str | Path | None,
