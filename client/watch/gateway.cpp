@@ -193,9 +193,13 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const std::size_t slash = path.find('/', 1);
     const std::string host(request[http::field::host]);
     if (!is_loopback(host)) return answer(http::status::forbidden, "Host: this machine's loopback alone\n");
-    if (slash == std::string::npos || !same(std::string_view(path).substr(1, slash - 1), state_.token))
+    if (path.empty() || !same(std::string_view(path).substr(1, slash - 1), state_.token))
       return answer(http::status::forbidden, "open the address that was printed, with its token\n");
     if (request.method() != http::verb::get) return answer(http::status::method_not_allowed, "GET alone\n");
+    if (slash == std::string::npos) {  // the page's own links begin at its last slash
+      response_.set(http::field::location, "/" + state_.token + "/");
+      return answer(http::status::permanent_redirect, "the address ends with a slash\n");
+    }
     const std::string name = path.substr(slash + 1);
     if (name == "live") return look(request, host);
     const auto file = page_file(name.empty() ? "index.html" : name);
@@ -213,7 +217,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     viewer->begin(request);
   }
   void answer(http::status status, std::string text, const char* type = "text/plain; charset=utf-8") {
-    response_ = http::response<http::string_body>(status, 11);
+    response_.result(status);
     response_.set(http::field::content_type, type);
     response_.set(
         "Content-Security-Policy",

@@ -93,6 +93,20 @@ TEST(Gateway, GivesThePageToWhoHasTheTokenAndItsHeadersKeepOthersOut) {
                   .starts_with("HTTP/1.1 405"));
 }
 
+TEST(Gateway, AnAddressWithoutItsLastSlashLeadsToThePage) {
+  const Watched w;
+  const std::string path = w.path(), without = path.substr(0, path.size() - 1);
+  for (const std::string& asked : {without, without + "?x=1"}) {
+    const std::string answer = w.get(asked);
+    EXPECT_TRUE(answer.starts_with("HTTP/1.1 308")) << answer;
+    EXPECT_NE(answer.find("Location: " + path + "\r\n"), std::string::npos) << answer;
+    EXPECT_NE(answer.find("Content-Security-Policy"), std::string::npos) << answer;
+  }
+  for (const std::string& wrong : {without + "0", without.substr(0, without.size() - 1), "/" + without})
+    EXPECT_TRUE(w.get(wrong).starts_with("HTTP/1.1 403")) << wrong;
+  EXPECT_TRUE(w.get(without, "example.org").starts_with("HTTP/1.1 403"));
+}
+
 TEST(Gateway, RefusesAWrongTokenAForeignHostAndAForeignOrigin) {
   const Watched w;
   for (const char* path : {"/", "/x", "/00000000000000000000000000000000/", "//"})
