@@ -137,9 +137,19 @@ void require_writable(const std::string& json_path) {
   if (!writable) throw_not_writable(json_path);
 }
 
+// Before the device moves; the service may allow less.
+void require_tip(const char* option, double length_m) {
+  constexpr double kMostM = 0.014;
+  if (length_m > kMostM)
+    throw CommandError(fmt::format("{} {}: give it in metres, at most {}; a fingertip has about 0.008",
+                                   option, length_m, kMostM));
+}
+
 void run(Arguments arguments, const CLI::App& command) {
   refuse_what_the_device_ignores(command, arguments.session.device);
   require_workspace(arguments.session.workspace);
+  require_tip("--tip-radius-m", arguments.tip_radius_m);
+  require_tip("--tip-half-width-m", arguments.tip_half_width_m);
   require_different_files({{"--device replay", played_recording(arguments.session.device)},
                            {"--record", arguments.session.record_path},
                            {"--json", arguments.json_path}});

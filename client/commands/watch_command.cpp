@@ -48,6 +48,12 @@ Gateway::Orders orders_of(const Arguments& arguments, std::optional<Player>& pla
   };
 }
 
+// `command`: whose --publish makes the socket.
+void say_waiting(const char* command, const std::string& socket) {
+  if (!socket.empty() && !connect_to(socket))
+    say("waiting for " + socket + ": start '" + command + " --publish " + socket + "'");
+}
+
 void run(const Arguments& arguments) {
   if (arguments.session.empty() == arguments.recordings.empty())
     throw CommandError("give --session SOCKET, of a touch --publish, or --recording FILE");
@@ -68,6 +74,8 @@ void run(const Arguments& arguments) {
     scene.emplace(arguments.address, arguments.credentials, arguments.scene_id, view);
   std::printf("the page is at %s\n", gateway->url().c_str());
   std::fflush(stdout);
+  say_waiting("touch", arguments.session);
+  say_waiting("acquire", arguments.acquire);
   while (!end) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   gateway.reset();
 }

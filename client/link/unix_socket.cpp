@@ -71,7 +71,8 @@ Descriptor listen_at(const char* flag, const std::string& path) {
   // Nobody can connect before it listens: by then it is this user's alone.
   if (!file || ::bind(file.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||
       ::chmod(path.c_str(), S_IRUSR | S_IWUSR) != 0 || ::listen(file.get(), kWaiting) != 0)
-    refuse(flag, path, std::strerror(errno));
+    refuse(flag, path,
+           std::strerror(errno) + std::string("; choose an existing folder that you may write to"));
   return file;
 }
 

@@ -12,8 +12,8 @@ namespace {
 void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
   const auto check_length = [&](const char* field, double value_m, double least_m) {
     if (value_m >= least_m && value_m <= limits.most_tip_m) return;
-    throw std::invalid_argument(
-        fmt::format("{}: {} m is not within [{}, {}]", field, value_m, least_m, limits.most_tip_m));
+    throw std::invalid_argument(fmt::format("{}: {} m is not within [{}, {}]; a fingertip has about 0.008 m",
+                                            field, value_m, least_m, limits.most_tip_m));
   };
   const auto require_solid = [solid](const char* what) {
     if (solid) return;
@@ -26,8 +26,10 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
     case FingertipShape::kNode:
       // A Gaussian is cut at three standard deviations or so.
       if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= limits.most_tip_m))
-        throw std::invalid_argument(fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]",
-                                                tip.footprint_m, limits.most_tip_m / 3));
+        throw std::invalid_argument(
+            fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]; "
+                        "0.001 m is smooth between nodes",
+                        tip.footprint_m, limits.most_tip_m / 3));
       return;
     case FingertipShape::kPad:
       require_solid("a pad");

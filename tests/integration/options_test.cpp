@@ -76,6 +76,19 @@ TEST_F(Refusals, AFileThatExistsIsKeptUnlessForced) {
   EXPECT_FALSE(std::filesystem::exists(folder / "new"));
 }
 
+TEST_F(Refusals, AnOptionThatIsNoneIsNamedBeforeOneThatIsMissing) {
+  expect_refused({"scenes", "--server", nowhere}, {"no option '--server'; scenes --help lists them"});
+  expect_refused({"scenes"}, {"--service is required"});
+  expect_refused({"scenes", "--service", nowhere, "--x"}, {"--x"});
+}
+
+TEST_F(Refusals, AWatchSaysForWhichSocketItWaits) {
+  test::Process watch({test::client_binary(), "watch", "--session", folder / "t", "--acquire", folder / "a"},
+                      folder / "log");
+  EXPECT_TRUE(watch.says("waiting for " + (folder / "t") + ": start 'touch --publish " + (folder / "t"), 60));
+  EXPECT_TRUE(watch.says("waiting for " + (folder / "a") + ": start 'acquire --publish", 60));
+}
+
 TEST_F(Refusals, WhatADeviceIgnoresIsNotTaken) {
   const auto touch = [&](const std::string& device, const std::vector<std::string>& more) {
     std::vector<std::string> words = {"touch", "--service", nowhere, "--scene", "s", "--device", device};

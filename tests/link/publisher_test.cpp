@@ -147,6 +147,12 @@ TEST(Publisher, RefusesAPathThatIsInUseAndTakesOverALeftOne) {
   std::filesystem::remove(path);
   EXPECT_THROW(Publisher(std::string(200, 'x'), header()), std::runtime_error);
   EXPECT_THROW(Publisher("", header()), std::runtime_error);
+  try {
+    Publisher nowhere("/nodir/touch", header());
+    ADD_FAILURE();
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("choose an existing folder"), std::string::npos) << error.what();
+  }
   {
     Publisher first(path, header());
     EXPECT_THROW(Publisher(path, header()), std::runtime_error);

@@ -235,7 +235,8 @@ TEST_F(Palpation, OpensThatMakeNoSenseAreNamed) {
   for (const double depth_m : {0.04, kNan})
     refused(INVALID_ARGUMENT, "open.layer.depth_m",
             [&](auto& o) { o.mutable_layer()->set_depth_m(depth_m); });
-  refused(INVALID_ARGUMENT, "open.fingertip.radius_m",
+  refused(INVALID_ARGUMENT,
+          "open.fingertip.radius_m: 0.5 m is not within [0.0001, 0.014]; a fingertip has about 0.008 m",
           [](auto& o) { o.mutable_fingertip()->set_radius_m(0.5); });
   refused(INVALID_ARGUMENT, "open.fingertip.shape",
           [](auto& o) { o.mutable_fingertip()->set_shape(static_cast<v1::FingertipShape>(77)); });
