@@ -12,14 +12,13 @@
 #include <memory>
 
 #include "client/commands/commands.h"
-#include "client/commands/workspace_options.h"
+#include "client/commands/experiment_options.h"
 #include "client/experiment/bootstrap.h"
 #include "client/experiment/endable_input.h"
 #include "client/experiment/observer.h"
 #include "client/experiment/person.h"
 #include "client/experiment/results_csv.h"
 #include "client/experiment/spring_display.h"
-#include "client/render/renderers.h"
 #include "client/servo/ending.h"
 #include "client/session/devices.h"
 #include "client/stimuli/tissue_display.h"
@@ -27,21 +26,8 @@
 namespace teletact::client {
 namespace {
 
-struct Arguments {
-  ExperimentPlan plan;
-  ObserverDescription observer;
-  bool person = false;
-  DeviceChoice device = {.device = ""};  // empty: the keyboard
-  SpringChain chain = {.renderer = ""};  // empty: perfect stiffness, of a service its law
-  TissueOptions tissue;                  // no address: springs, at its place
-  std::optional<std::uint64_t> seed;     // of --seed
-  std::string csv, refit, resume;
-  double lapse_rate_most = 0;
-  unsigned resamples = 1000;
-};
-
 // As given, as the answers were made with, or 1.
-std::uint64_t seed_of(const Arguments& arguments) {
+std::uint64_t seed_of(const ExperimentArguments& arguments) {
   if (arguments.seed) return *arguments.seed;
   constexpr std::uint64_t kUsual = 1;
   if (arguments.resume.empty())
@@ -51,15 +37,11 @@ std::uint64_t seed_of(const Arguments& arguments) {
                      " cannot be read, or states no seed: the order of its trials is not known");
 }
 
-bool by_service(const Arguments& arguments) {
-  return !arguments.tissue.address.empty();
-}
-
-std::string touch_renderer(const Arguments& arguments) {
+std::string touch_renderer(const ExperimentArguments& arguments) {
   return arguments.chain.renderer.empty() ? "law" : arguments.chain.renderer;
 }
 
-std::string remark_of(const Arguments& arguments) {
+std::string remark_of(const ExperimentArguments& arguments) {
   const std::string who =
       arguments.person
           ? "a person at " + (arguments.device.device.empty() ? "the keyboard" : arguments.device.device)
@@ -70,7 +52,7 @@ std::string remark_of(const Arguments& arguments) {
                      seed_of(arguments), arguments.plan.trials_per_stimulus, who);
 }
 
-std::optional<SpringChain> chain_of(const Arguments& arguments) {
+std::optional<SpringChain> chain_of(const ExperimentArguments& arguments) {
   if (arguments.chain.renderer.empty()) return std::nullopt;
   return arguments.chain;
 }
@@ -86,7 +68,7 @@ struct Apparatus {
   std::unique_ptr<StimulusDisplay> display;
 };
 
-Apparatus springs(const Arguments& arguments) {
+Apparatus springs(const ExperimentArguments& arguments) {
   Apparatus out;
   if (!arguments.person || arguments.device.device.empty()) return out;
   out.device = make_device(arguments.device);
@@ -110,7 +92,7 @@ HandOptions simulated_hand(const TissueOptions& tissue, const StimulusScenes& sc
   return hand;
 }
 
-Apparatus tissues(const Arguments& arguments, const std::atomic<bool>& stop) {
+Apparatus tissues(const ExperimentArguments& arguments, const std::atomic<bool>& stop) {
   Apparatus out;
   // What a link says beside is no news to who judges: of what is lost the observer is told.
   auto logger = spdlog::get("experiment");
@@ -139,7 +121,7 @@ struct Kept {
   std::optional<ResultsCsv> csv;
 };
 
-Kept kept_by(const Arguments& arguments, const std::vector<Trial>& trials) {
+Kept kept_by(const ExperimentArguments& arguments, const std::vector<Trial>& trials) {
   Kept kept;
   if (!arguments.resume.empty()) {
     kept.path = arguments.resume;
@@ -155,11 +137,11 @@ Kept kept_by(const Arguments& arguments, const std::vector<Trial>& trials) {
 
 // The order of the trials and the observer's chance come from one seed, but from generators of their own, so
 // that a person is asked in the same order.
-std::vector<AnsweredTrial> ask(const Arguments& arguments) {
+std::vector<AnsweredTrial> ask(const ExperimentArguments& arguments) {
   Random random(seed_of(arguments));
   ExperimentPlan plan = arguments.plan;
-  plan.condition = by_service(arguments) ? condition_of(touch_renderer(arguments), arguments.tissue)
-                                         : condition_of(chain_of(arguments), arguments.tissue.place);
+  plan.condition = arguments.by_service() ? condition_of(touch_renderer(arguments), arguments.tissue)
+                                          : condition_of(chain_of(arguments), arguments.tissue.place);
   const std::vector<Trial> trials = random_order(plan, random);
   const auto function = [&] { return psychometric_function(arguments.observer, plan.background_n_m); };
   if (!arguments.person) function();  // refuses what it must before anything begins
@@ -170,7 +152,7 @@ std::vector<AnsweredTrial> ask(const Arguments& arguments) {
   EndableInput typed(STDIN_FILENO, end);
   std::istream in(&typed);
   try {
-    const Apparatus apparatus = by_service(arguments) ? tissues(arguments, end) : springs(arguments);
+    const Apparatus apparatus = arguments.by_service() ? tissues(arguments, end) : springs(arguments);
     const Observer observer =
         apparatus.display
             ? (arguments.person
@@ -235,34 +217,8 @@ bool print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
   return true;
 }
 
-// Options that say nothing here.
-void require_meant(const Arguments& arguments, const CLI::App& command) {
-  const auto needs = [&](const std::vector<std::string>& options, const std::string& what) {
-    for (const std::string& option : options)
-      if (command.count(option) > 0) throw CommandError(option + ": " + what + ", or leave it out");
-  };
-  if (by_service(arguments)) {
-    refuse_beside(command, {"--update-hz", "--age-s"}, "answers come as the --service sends them");
-    if (arguments.person && arguments.device.device.empty())
-      throw CommandError(
-          "--person: tissue on a service is felt by a device; give --device, or leave --person out for a "
-          "simulated observer");
-    return;
-  }
-  if (!arguments.person) needs({"--profile", "--counterbalanced"}, "give --person or --service");
-  if (arguments.device.device.empty())
-    needs({"--renderer", "--inclusion-m"}, "give --person and --device, or --service");
-  if (arguments.chain.renderer == "law")
-    throw CommandError("--renderer law: contact laws come from a service; give --service, or another one");
-}
-
-void run(const Arguments& arguments, const CLI::App& command) {
+void run(const ExperimentArguments& arguments, const CLI::App& command) {
   require_meant(arguments, command);
-  if (is_real(arguments.device.device))
-    refuse_beside(command, {"--profile"}, "--device " + arguments.device.device + " states its own limits");
-  else
-    refuse_beside(command, {"--axes", "--rotation-deg", "--clutch-button"}, "there is no real --device");
-  require_workspace(arguments.device.workspace);
   try {
     const std::vector<AnsweredTrial> answers =
         arguments.refit.empty() ? ask(arguments) : read_results_csv(arguments.refit);
@@ -300,118 +256,16 @@ void run(const Arguments& arguments, const CLI::App& command) {
   }
 }
 
-void add_service(CLI::App& command, Arguments& arguments) {
-  auto* service = add_optional_service_options(
-      command, arguments.tissue.address, arguments.tissue.credentials,
-      "the stimuli are springs of this machine. With it each is tissue of that stiffness, made as a scene of "
-      "the service and felt through the whole system; the scenes are taken away at the end");
-  command
-      .add_flag("--solid", arguments.tissue.solid,
-                "the tissue is a solid; without it a plane, felt on a line")
-      ->needs(service);
-  command
-      .add_option("--depth-m", arguments.tissue.depth_m,
-                  "indentation at which the tissue of a --service has the stimulus's stiffness, force over "
-                  "indentation")
-      ->check(CLI::Range(0.001, 0.008))
-      ->capture_default_str()
-      ->needs(service);
-}
-
-void add_observer_options(CLI::App& command, Arguments& arguments) {
-  auto* person =
-      command.add_flag("--person", arguments.person,
-                       "ask a person, who feels both at --device (or moves by keys and sees the force as a "
-                       "bar) and types y or n; no stiffness is shown");
-  command
-      .add_option("--device", arguments.device.device,
-                  "of the person: inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the "
-                  "keyboard, by which "
-                  "--service is not felt")
-      ->needs(person);
-  command.add_option("--profile", arguments.device.profile, "of a simulated device");
-  command.add_flag("--counterbalanced", arguments.plan.counterbalanced,
-                   "half of each stimulus's trials have it first; without it the background always is");
-  auto* renderer =
-      command
-          .add_option("--renderer", arguments.chain.renderer,
-                      "feel through the whole chain: kalman, kalman-force, interpolate or hold, told of the "
-                      "stiffness at --update-hz, --age-s late, or by a --service; without it stiffness is "
-                      "perfect, and that of a --service felt by its contact law (law)")
-          ->check(CLI::IsMember(touch_renderer_names()));
-  command.add_option("--update-hz", arguments.chain.update_hz, "answers a second that --renderer is given")
-      ->check(CLI::Range(1.0, 1000.0))
-      ->capture_default_str()
-      ->needs(renderer);
-  command.add_option("--age-s", arguments.chain.age_s, "of an answer as it comes to --renderer")
-      ->check(CLI::Range(0.0, 0.3))
-      ->capture_default_str()
-      ->needs(renderer);
-  auto* inclusion = command
-                        .add_option("--inclusion-m", arguments.tissue.place.width_m,
-                                    "width of an inclusion, 30 mm to the right, that alone has the stimulus; "
-                                    "without it it is felt everywhere")
-                        ->check(CLI::Range(0.01, 0.05));
-  command
-      .add_option("--edge-m", arguments.tissue.place.edge_m,
-                  "of the inclusion; 4.4 times this from 10 to 90 %")
-      ->check(CLI::Range(0.0005, 0.005))
-      ->capture_default_str()
-      ->needs(inclusion);
-  const auto simulated = [&](const char* name, double& value, const char* help) {
-    command.add_option(name, value, help)->capture_default_str()->excludes(person);
-  };
-  simulated("--weber-fraction", arguments.observer.weber_fraction, "of the simulated observer");
-  simulated("--lapse-rate", arguments.observer.lapse_rate, "share of trials that it answers by chance");
-  simulated("--equality-fraction", arguments.observer.equality_fraction,
-            "how far above the background it says harder half the time, as a fraction of it; 0 = no bias");
-}
-
 }  // namespace
 
 void add_experiment_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<ExperimentArguments>();
   CLI::App& command = *app.add_subcommand(
       "experiment",
       "psychophysics by constant stimuli: \"is the second harder?\", with perfect stiffness (nothing between "
       "the stated stimulus and the observer), by a person at a device through the whole chain (--renderer), "
       "or of tissue on a service (--service); prints Weibull fits and the Weber fraction");
-  add_service(command, *arguments);
-  add_observer_options(command, *arguments);
-  add_workspace_options(command, arguments->device.workspace);  // no scale: a stimulus is what the hand feels
-  command.add_option("--background-n-m", arguments->plan.background_n_m, "that each stimulus is felt beside")
-      ->capture_default_str();
-  command.add_option("--stimuli", arguments->plan.stimuli_n_m, "N/m; spread them about the threshold")
-      ->capture_default_str();
-  command.add_option("--trials", arguments->plan.trials_per_stimulus, "of each stimulus")
-      ->capture_default_str();
-  auto* seed = command.add_option(
-      "--seed", arguments->seed,
-      "of the order, the simulated observer and the bootstrap (default: 1; with --refit that of "
-      "the answers)");
-  auto* csv = command.add_option("--csv", arguments->csv,
-                                 "write every answer to this new file, as it comes; without it none is kept");
-  auto* refit =
-      command
-          .add_option("--refit", arguments->refit,
-                      "ask nobody: fit the answers of an earlier --csv; without it they are asked for")
-          ->excludes(csv)
-          ->excludes("--service");
-  command
-      .add_option(
-          "--resume", arguments->resume,
-          "go on with the observer of an earlier --csv where it ended, in its order; the other options "
-          "as they were; without it a new one begins")
-      ->excludes(csv)
-      ->excludes(refit)
-      ->excludes(seed);
-  command
-      .add_option("--fit-lapse-rate-most", arguments->lapse_rate_most,
-                  "fit a lapse rate too, up to this (maximum likelihood alone); 0 = no lapses")
-      ->capture_default_str();
-  command.add_option("--resamples", arguments->resamples, "of the bootstrap")
-      ->check(CLI::Range(20, 100000))
-      ->capture_default_str();
+  add_experiment_options(command, *arguments);
   command.callback([arguments, &command] { run(*arguments, command); });
 }
 
