@@ -66,16 +66,18 @@ TEST_F(SpanFiles, AHalfLineOfAProcessThatWasKilledEndsThere) {
 
 TEST_F(SpanFiles, ADiskThatIsFullLeavesNoHalfLine) {
   SpanFile file(path, 1 << 20);
+  std::string long_line(41, 'x');
+  long_line.back() = '\n';
   file.append("first\n");
   {
     const ShortDisk disk(30);
-    EXPECT_THROW(file.append(std::string(40, 'x') + "\n"), std::runtime_error);
+    EXPECT_THROW(file.append(long_line), std::runtime_error);
     EXPECT_EQ(client::content_of(path), "first\n");
-    EXPECT_THROW(file.append(std::string(40, 'x') + "\n"), std::runtime_error);
+    EXPECT_THROW(file.append(long_line), std::runtime_error);
     file.append("fits\n");
   }
-  file.append(std::string(40, 'y') + "\n");
-  EXPECT_EQ(client::content_of(path), "first\nfits\n" + std::string(40, 'y') + "\n");
+  file.append(long_line);
+  EXPECT_EQ(client::content_of(path), "first\nfits\n" + long_line);
 }
 
 TEST_F(SpanFiles, OneThatWasTakenAwayIsMadeAnewWhenItIsFull) {
