@@ -120,17 +120,17 @@ void SpringDisplay::present(double stiffness_n_m, double background_n_m) {
   const std::lock_guard lock(mutex_);
   answers_.present(tissue);
   servo_->request_pause();
-  felt_ticks_ = 0;
-  felt_sum_n_m_ = 0;
+  felt_ = {};
 }
 
 bool SpringDisplay::felt() const noexcept {
-  return felt_ticks_ * kServoS >= kFeltS;
+  const std::lock_guard lock(mutex_);
+  return felt_.felt(kServoS);
 }
 
 double SpringDisplay::felt_n_m() const {
   const std::lock_guard lock(mutex_);
-  return felt_ticks_ > 0 ? felt_sum_n_m_ / felt_ticks_ : 0;
+  return felt_.mean_n_m();
 }
 
 std::string SpringDisplay::trouble() const {
@@ -170,10 +170,8 @@ void SpringDisplay::drain() {
     const bool there = std::abs(tool_m.x() - tissue.centre_m) <= tissue.half_width_m;
     const bool whole = -tick.force_n.y() >= -kWholeShare * tissue.answer(tool_m).force_n.y();
     if (tick.state == ServoState::kEnabled && tool_m.y() > kPressedM && there && whole &&
-        answers_.is_presented(tick.sequence)) {
-      ++felt_ticks_;
-      felt_sum_n_m_ += -tick.force_n.y() / tool_m.y();
-    }
+        answers_.is_presented(tick.sequence))
+      felt_.add(-tick.force_n.y(), tool_m.y());
   }
 }
 

@@ -99,10 +99,9 @@ class SpringDisplay final : public StimulusDisplay {
   const std::unique_ptr<Renderer> renderer_;  // of the chain; none: perfect
   MonotonicClock clock_;
   std::unique_ptr<ServoLoop> servo_;
-  mutable std::mutex mutex_;  // of the answers and the sum, between who presents and who answers
+  mutable std::mutex mutex_;  // of the answers and what was felt, between who presents and who answers
   SpringAnswers answers_;
-  std::atomic<unsigned> felt_ticks_{0};
-  double felt_sum_n_m_ = 0;  // over these
+  FeltTicks felt_;
   std::atomic<ServoState> state_{ServoState::kDisabled};
   std::atomic<StateReason> reason_{StateReason::kStart};
   std::atomic<bool> asked_{false};

@@ -34,6 +34,18 @@ class StimulusDisplay {
   virtual std::string lost() const { return ""; }
 };
 
+// What was felt of one stimulus, tick by tick, with the whole force on.
+class FeltTicks {
+ public:
+  void add(double force_n, double depth_m) { ++ticks_, sum_n_m_ += force_n / depth_m; }
+  bool felt(double period_s) const { return ticks_ * period_s >= StimulusDisplay::kFeltS; }
+  double mean_n_m() const { return ticks_ > 0 ? sum_n_m_ / ticks_ : 0; }
+
+ private:
+  unsigned ticks_ = 0;
+  double sum_n_m_ = 0;
+};
+
 // Trials that were begun and could not be felt to their end.
 class VoidTrials {
  public:

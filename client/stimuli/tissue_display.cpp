@@ -75,7 +75,7 @@ void TissueDisplay::present(double stiffness_n_m, double) {
     const std::lock_guard lock(mutex_);
     before = std::move(interval_);
     was_lost = !lost_.empty();
-    felt_ticks_ = 0, felt_sum_n_m_ = 0;
+    felt_ = {};
     after_fault_ = after_fault_ || newest_.state == ServoState::kFault;
     newest_ = {};
     answered_ns_ = enabled_ns_ = 0;
@@ -90,12 +90,12 @@ void TissueDisplay::present(double stiffness_n_m, double) {
 
 bool TissueDisplay::felt() const noexcept {
   const std::lock_guard lock(mutex_);
-  return felt_ticks_ * kServoS >= kFeltS;
+  return felt_.felt(kServoS);
 }
 
 double TissueDisplay::felt_n_m() const {
   const std::lock_guard lock(mutex_);
-  return felt_ticks_ > 0 ? felt_sum_n_m_ / felt_ticks_ : 0;
+  return felt_.mean_n_m();
 }
 
 std::string TissueDisplay::trouble() const {
@@ -153,8 +153,7 @@ void TissueDisplay::count(const ServoTick& tick) {
   const double width_m = scenes_.options().place.width_m;
   const bool there = width_m <= 0 || std::hypot(from_middle_m.x(), from_middle_m.z()) <= width_m / 2;
   if (!whole || !there || !lost_.empty() || tool_m.y() <= kPressedM) return;
-  ++felt_ticks_;
-  felt_sum_n_m_ += -tick.force_n.y() / tool_m.y();
+  felt_.add(-tick.force_n.y(), tool_m.y());
 }
 
 // Granted only out of contact: nobody needs a button to feel the next one. After a fault it takes the person.

@@ -58,8 +58,7 @@ class TissueDisplay final : public StimulusDisplay {
   MonotonicClock clock_;
   mutable std::mutex mutex_;            // everything below but the threads and what is atomic
   std::unique_ptr<Interval> interval_;  // what is felt now
-  unsigned felt_ticks_ = 0;
-  double felt_sum_n_m_ = 0;  // over these
+  FeltTicks felt_;
   ServoTick newest_;
   std::int64_t answered_ns_ = 0;  // the first tick with an answer; 0: none yet
   std::int64_t enabled_ns_ = 0;   // since when force has been on; 0: it is not
