@@ -25,12 +25,6 @@ constexpr double kSame = 0.01;          // of two frequencies that are said to b
 constexpr int kHalf = 16;
 constexpr double kShape = 8;
 
-double bessel_i0(double x) {
-  double term = 1, sum = 1;
-  for (int k = 1; term > 1e-12 * sum; ++k) term *= (x / (2 * k)) * (x / (2 * k)), sum += term;
-  return sum;
-}
-
 double sinc(double t) {
   return t == 0 ? 1 : std::sin(std::numbers::pi * t) / (std::numbers::pi * t);
 }
@@ -42,7 +36,8 @@ std::vector<std::vector<double>> weights(std::size_t factor) {
     for (int tap = 0; tap < 2 * kHalf; ++tap) {
       const double t = tap - kHalf + 1 - static_cast<double>(phase) / static_cast<double>(factor);
       const double edge = std::max(0.0, 1 - t * t / (kHalf * kHalf));
-      out[phase].push_back(sinc(t) * bessel_i0(kShape * std::sqrt(edge)) / bessel_i0(kShape));
+      out[phase].push_back(sinc(t) * std::cyl_bessel_i(0, kShape * std::sqrt(edge)) /
+                           std::cyl_bessel_i(0, kShape));
     }
   return out;
 }
