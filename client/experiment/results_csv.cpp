@@ -85,7 +85,9 @@ ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& rem
   file_.open(path);
   file_.precision(std::numeric_limits<double>::max_digits10);
   file_ << "# " << remark << '\n' << kHeader << '\n' << std::flush;
-  if (!file_) throw std::runtime_error("cannot write " + path.string());
+  if (!file_)
+    throw std::runtime_error("cannot write " + path.string() +
+                             ": give one in a folder of yours that has room");
 }
 
 ResultsCsv ResultsCsv::going_on(const std::filesystem::path& path, std::size_t answered) {
@@ -96,7 +98,9 @@ ResultsCsv ResultsCsv::going_on(const std::filesystem::path& path, std::size_t a
   csv.file_.open(path, std::ios::app);
   csv.file_.precision(std::numeric_limits<double>::max_digits10);
   if (!ends_a_line(path)) csv.file_ << '\n';
-  if (!csv.file_) throw std::runtime_error("cannot write " + path.string());
+  if (!csv.file_)
+    throw std::runtime_error("cannot write " + path.string() +
+                             ": give one in a folder of yours that has room");
   return csv;
 }
 
