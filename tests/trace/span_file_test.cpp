@@ -16,6 +16,13 @@
 namespace teletact::service {
 namespace {
 
+// So many of it, and the line's end.
+std::string line_of(std::size_t count, char of) {
+  std::string line(count + 1, of);
+  line.back() = '\n';
+  return line;
+}
+
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kMost = 1000;
@@ -54,7 +61,7 @@ TEST_F(SpanFiles, HoldsSoManyBytesAndAsManyBefore) {
   EXPECT_EQ(fs::file_size(path), 500U);
   EXPECT_EQ(fs::file_size(former), kMost);
   EXPECT_EQ(std::distance(fs::directory_iterator(path.parent_path()), fs::directory_iterator()), 2);
-  file.append(std::string(5000, 'y') + "\n");
+  file.append(line_of(5000, 'y'));
   EXPECT_EQ(fs::file_size(path), 5001U) << "a line is not cut";
 }
 
@@ -66,8 +73,7 @@ TEST_F(SpanFiles, AHalfLineOfAProcessThatWasKilledEndsThere) {
 
 TEST_F(SpanFiles, ADiskThatIsFullLeavesNoHalfLine) {
   SpanFile file(path, 1 << 20);
-  std::string long_line(41, 'x');
-  long_line.back() = '\n';
+  const std::string long_line = line_of(40, 'x');
   file.append("first\n");
   {
     const ShortDisk disk(30);
@@ -82,9 +88,9 @@ TEST_F(SpanFiles, ADiskThatIsFullLeavesNoHalfLine) {
 
 TEST_F(SpanFiles, OneThatWasTakenAwayIsMadeAnewWhenItIsFull) {
   SpanFile file(path, kMost);
-  file.append(std::string(900, 'x') + "\n");
+  file.append(line_of(900, 'x'));
   fs::remove(path);
-  file.append(std::string(900, 'y') + "\n");
+  file.append(line_of(900, 'y'));
   EXPECT_EQ(fs::file_size(path), 901U);
 }
 
@@ -101,12 +107,12 @@ TEST_F(SpanFiles, WhatCannotBeWrittenIsRefused) {
 
 TEST_F(SpanFiles, OneThatCannotBeRenamedKeepsItsBound) {
   SpanFile file(path, kMost);
-  file.append(std::string(900, 'x') + "\n");
+  file.append(line_of(900, 'x'));
   fs::create_directories(former / "in the way");
-  EXPECT_THROW(file.append(std::string(900, 'y') + "\n"), std::runtime_error);
+  EXPECT_THROW(file.append(line_of(900, 'y')), std::runtime_error);
   EXPECT_EQ(fs::file_size(path), 901U);
   fs::remove_all(former);
-  file.append(std::string(900, 'y') + "\n");
+  file.append(line_of(900, 'y'));
   EXPECT_EQ(fs::file_size(former), 901U);
 }
 
