@@ -5,7 +5,7 @@ import { decode } from '../../client/watch/page/decode.js';
 import { coloured, colours, extent, scale, shown, ticks } from '../../client/watch/page/layout.js';
 import { paint, paintAnew } from '../../client/watch/page/maps.js';
 import { Series } from '../../client/watch/page/series.js';
-import { gaveWay, pressed, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
+import { gaveWay, pressed, section, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
 
 function frameOf(number, slots) {
   const parts = [], word = (...words) => parts.push(new Uint8Array(new Uint32Array(words).buffer));
@@ -109,6 +109,21 @@ test('the surface that was solved is read between its nodes, and comes back beyo
   assert.ok(Math.abs(gaveWay(surface, 0.045, 0) - 2.5) < 1e-9);
   assert.equal(gaveWay(surface, 0.2, 0), 0);
   assert.equal(gaveWay({ x_m: array(), z_m: array(), displacement_m: array() }, 0.02, 0), 0, 'at rest');
+});
+
+test('the section shows cells as they are, between where the layer lay and where it has moved', () => {
+  const image = { width: 2, height: 4, values: new Uint32Array([11, 21, 12, 22, 13, 23, 14, 24]) };
+  const drawn = (from, layer, moved, last = 4) => {
+    const out = new Uint32Array(6 * from.length).fill(99);
+    section(out, { image, from, layer, last, surface: 2, moved });
+    return from.map((_, c) => [0, 1, 2, 3, 4, 5].map((y) => out[y * from.length + c]));
+  };
+  assert.deepEqual(drawn([0, 1], 0, [2, 2]), [[0, 0, 11, 12, 13, 14], [0, 0, 21, 22, 23, 24]], 'at rest');
+  assert.deepEqual(drawn([0], 0, [4]), [[0, 0, 0, 0, 12, 14]], 'pressed together below the finger');
+  assert.deepEqual(drawn([0], 0, [1.2]), [[0, 11, 12, 12, 13, 14]], 'risen beside it');
+  assert.deepEqual(drawn([1], 2, [3]), [[0, 0, 22, 23, 24, 24]], 'a layer within: what lies above is pressed too');
+  assert.deepEqual(drawn([-1, 0], 0, [0, 9]), [[0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]], 'beside the tissue, and all of it pushed away');
+  assert.deepEqual(drawn([0], 0, [2], 8), [[0, 0, 12, 14, 14, 14]], 'below the map its last cells go on');
 });
 
 test('a surface is solved for a finger among its nodes, in its layer', () => {

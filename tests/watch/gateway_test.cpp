@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <thread>
 #include <vector>
@@ -141,6 +142,29 @@ TEST(Gateway, SendsTheNextFrameOnceTheLastIsPaintedAndThenTheNewest) {
             first.slots.at(kTrace).json["arrays"][0]["shape"][0].get<std::size_t>())
       << "rows go on where the last frame ended";
   EXPECT_GE(trace["arrays"][0]["shape"][0].get<int>(), 45);
+}
+
+// A frame of several packets waits for no acknowledgement (Nagle's algorithm: 40 ms on Linux).
+TEST(Gateway, AFrameOfManyBytesComesAsSoonAsASmallOne) {
+  Watched w;
+  w.ticks(20);
+  WebPeer viewer(w.gateway.url());
+  std::uint32_t last = viewer.read().number;
+  const auto turn_s = [&](auto&& news) {
+    viewer.painted(last);
+    news();
+    const auto begin = std::chrono::steady_clock::now();
+    last = viewer.read().number;
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  std::vector<double> small_s, large_s;
+  for (std::uint64_t n = 1; n <= 41; ++n) {
+    small_s.push_back(turn_s([&] { w.ticks(20); }));
+    large_s.push_back(turn_s([&] { w.view.take_scene(scene_of(n, 40, 40)); }));
+  }
+  std::ranges::nth_element(small_s, small_s.begin() + 20);
+  std::ranges::nth_element(large_s, large_s.begin() + 20);
+  EXPECT_LT(large_s[20], 30 * small_s[20]) << small_s[20] << " s";
 }
 
 // Hidden for long: what it gets then is bounded.

@@ -46,10 +46,12 @@ export class Picture {
       this.pen = this.canvas.getContext('2d', { alpha: false });
     }
     this.dirty = false;
-    const pen = this.pen;
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    return this.cleared(this.pen);
+  }
+  cleared(pen) {
+    pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     pen.fillStyle = palette.panel;
-    pen.fillRect(0, 0, this.width, height);
+    pen.fillRect(0, 0, this.width, this.height);
     pen.font = '11px system-ui, "DejaVu Sans", sans-serif';
     pen.lineWidth = 1;
     return pen;
@@ -63,6 +65,44 @@ export class Picture {
     if (this.labelled === text) return;
     this.labelled = text;
     this.canvas.setAttribute('aria-label', text);
+  }
+}
+
+// What of a picture stays as it is from frame to frame.
+export class Still {
+  constructor() {
+    this.canvas = document.createElement('canvas');
+    this.key = [];
+  }
+  // Drawn by `paint`, again when one of `key` or the picture's size is another.
+  onto(picture, key, paint) {
+    const now = [picture.canvas.width, picture.canvas.height, ...key];
+    if (now.length !== this.key.length || now.some((value, n) => value !== this.key[n])) {
+      this.key = now;
+      this.canvas.width = picture.canvas.width;
+      this.canvas.height = picture.canvas.height;
+      paint(picture.cleared(this.canvas.getContext('2d', { alpha: false })));
+    }
+    picture.pen.drawImage(this.canvas, 0, 0, picture.canvas.width / picture.ratio, picture.canvas.height / picture.ratio);
+  }
+}
+
+// Pixels that are written one by one, as an image.
+export class Pixels {
+  constructor() {
+    this.at = document.createElement('canvas');
+  }
+  shape(width, height) {
+    if (this.data && this.data.width === width && this.data.height === height) return;
+    this.at.width = width;
+    this.at.height = height;
+    this.pen = this.at.getContext('2d');
+    this.data = this.pen.createImageData(width, height);
+    this.pixels = new Uint32Array(this.data.data.buffer);
+  }
+  canvas() {
+    this.pen.putImageData(this.data, 0, 0);
+    return this.at;
   }
 }
 

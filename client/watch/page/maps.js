@@ -3,7 +3,7 @@ import { image } from './draw.js';
 import { coloured, colours, extent } from './layout.js';
 
 export const table = colours();
-let maps = null;  // painted: modulus, deviation, B-mode
+let maps = null;  // painted: modulus (and its pixels), deviation, B-mode
 let images = new Map();  // B-mode, by the number of each
 function greyImage(part) {
   const [height, width] = part.shape;
@@ -18,7 +18,7 @@ function greyImage(part) {
 // Of the model's maps, once for each: what cannot be told is `unknown`.
 export function paint(model, unknown) {
   if (maps && maps.of === model.map && maps.log === model.logModulus && maps.images === model.b_mode) return maps;
-  maps = { of: model.map, log: model.logModulus, images: model.b_mode, modulus: null, deviation: null, bMode: [] };
+  maps = { of: model.map, log: model.logModulus, images: model.b_mode, modulus: null, pixels: null, deviation: null, bMode: [] };
   const map = model.map;
   if (map?.modulus_pa) {
     const [height, width] = map.modulus_pa.shape;
@@ -28,7 +28,9 @@ export function paint(model, unknown) {
     if (range) {
       const doubt = deviations ? (n) => Math.min(0.85, Math.max(0, ((deviations[n] || 0) - 0.1) / 0.5)) : undefined;
       maps.range = range;
-      maps.modulus = image(coloured(values, known, range, model.logModulus, table, unknown, doubt), width, height);
+      const pixels = coloured(values, known, range, model.logModulus, table, unknown, doubt);
+      maps.modulus = image(pixels, width, height);
+      maps.pixels = { values: new Uint32Array(pixels.buffer), width, height };
       if (deviations) {
         maps.deviationRange = [0, Math.max(0.1, extent(deviations, known)?.[1] ?? 0.1)];
         maps.deviation = image(coloured(deviations, known, maps.deviationRange, false, table, unknown), width, height);

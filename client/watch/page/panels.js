@@ -1,8 +1,8 @@
 // The pictures of the page: what each draws of the model at a time.
 import { coloured, flags, scale, shown } from './layout.js';
 import { paint, paintAnew, table } from './maps.js';
-import { gaveWay, pressed, rise, tellsOf, valueAt } from './tissue.js';
-import { band, colourBar, image, legend, Picture, readPalette, rgb, timeAxis, trace, yAxis } from './draw.js';
+import { gaveWay, pressed, rise, section, tellsOf, valueAt } from './tissue.js';
+import { band, colourBar, image, legend, Picture, Pixels, readPalette, rgb, Still, timeAxis, trace, yAxis } from './draw.js';
 
 let palette = readPalette();
 export const pictures = Object.fromEntries(['tissue', 'close', 'force', 'ages', 'servo', 'tactile'].map((id) => [id, new Picture(id)]));
@@ -29,18 +29,7 @@ function fingertip(model) {
   const punch = /PUNCH|PAD/.test(tip.shape ?? '');
   return { radius: tip.radius_m || 0.008, flat: punch ? tip.half_width_m || (/PAD/.test(tip.shape) ? 0.008 : 0.004) : 0 };
 }
-function strip(pen, model, box, name, draw) {
-  pen.fillStyle = palette.unknown;
-  pen.fillRect(box.left, box.top, box.right - box.left, box.bottom - box.top);
-  draw();
-  pen.font = '600 11px system-ui, "DejaVu Sans", sans-serif';
-  pen.fillStyle = palette.soft;
-  pen.textAlign = 'left';
-  pen.textBaseline = 'bottom';
-  pen.fillText(name, box.left, box.top - 4);
-  pen.font = '11px system-ui, "DejaVu Sans", sans-serif';
-}
-
+const asItStands = new Still();
 export function tissue(model, now) {
   const picture = pictures.tissue;
   const painted = paint(model, rgb(palette.unknown));
@@ -48,47 +37,27 @@ export function tissue(model, now) {
   const left = 44, right = picture.measured - 76, head = 34, gap = 24;
   const perM = (right - left) / width;
   const tall = Math.min(240, Math.max(72, depth * perM));
-  const strips = [];
-  if (painted.bMode.length) strips.push('B-mode');
-  strips.push("Young's modulus");
-  if (painted.deviation) strips.push('its standard deviation (of ln E)');
+  const names = [...(painted.bMode.length ? ['B-mode'] : []), "Young's modulus", ...(painted.deviation ? ['its standard deviation (of ln E)'] : [])];
+  const strips = names.map((name, n) => ({ name, left, right, top: head + n * (tall + gap), bottom: head + n * (tall + gap) + tall }));
   const pen = picture.begin(head + strips.length * (tall + gap) + (painted.deviation ? 0 : 16));
   const x = (m) => left + m * perM;
-  let top = head;
+  asItStands.onto(picture, [painted, model.scene], (still) => {
+    for (const box of strips) strip(still, model, painted, box, x, depth);
+    still.fillStyle = palette.soft;
+    still.textAlign = 'center';
+    still.textBaseline = 'top';
+    const marks = right - left > 420 ? 6 : 3, low = strips.at(-1).bottom;
+    for (let n = 0; n <= marks; ++n) still.fillText(`${Math.round((1e3 * width * n) / marks)} mm`, x((width * n) / marks), low + 5);
+    if (!painted.deviation) deviations(still, model, x, low + 21);
+  });
   let read = 'arrows or pointer read values';
-  for (const name of strips) {
-    const box = { left, right, top, bottom: top + tall };
-    const y = (m) => top + (m / depth) * tall;
-    const map = model.map;
-    const place = (canvas, grid) => {
-      const [nx, ny] = [canvas.width, canvas.height];
-      pen.imageSmoothingEnabled = true;
-      pen.drawImage(canvas, x(grid.origin_m[0] - grid.spacing_m[0] / 2), y(grid.origin_m[1] - grid.spacing_m[1] / 2),
-        nx * grid.spacing_m[0] * perM, ny * grid.spacing_m[1] * (tall / depth));
-    };
-    strip(pen, model, box, name, () => {
-      if (name === 'B-mode') for (const { part, canvas } of painted.bMode) place(canvas, part);
-      else if (name === "Young's modulus" && painted.modulus) place(painted.modulus, map);
-      else if (painted.deviation && name !== "Young's modulus") place(painted.deviation, map);
-    });
-    const bar = { left: right + 10, top, bottom: top + tall };
-    if (name === "Young's modulus" && painted.range)
-      colourBar(pen, bar, scale(model.logModulus, ...painted.range, bar.bottom, bar.top), table, 'Pa');
-    else if (painted.deviation && name.startsWith('its'))
-      colourBar(pen, bar, scale(false, ...painted.deviationRange, bar.bottom, bar.top), table, '');
-    pen.fillStyle = palette.soft;
-    pen.textAlign = 'right';
-    pen.textBaseline = 'middle';
-    pen.fillText('0', left - 6, top + 5);
-    pen.fillText(shown(depth, 'm'), left - 6, top + tall - 5);
+  for (const box of strips) {
     const cursor = picture.cursor;
-    if (cursor && cursor[0] >= left && cursor[0] <= right && cursor[1] >= top && cursor[1] <= top + tall) {
-      const at = [(cursor[0] - left) / perM, ((cursor[1] - top) / tall) * depth];
-      read = valueAt(map, at);
+    if (cursor && cursor[0] >= left && cursor[0] <= right && cursor[1] >= box.top && cursor[1] <= box.bottom) {
+      read = valueAt(model.map, [(cursor[0] - left) / perM, ((cursor[1] - box.top) / tall) * depth]);
       cross(pen, cursor, box);
     }
-    if (now) finger(pen, model, now, x, y, perM, tall / depth, top);
-    top += tall + gap;
+    if (now) finger(pen, model, now, x, (m) => box.top + (m / depth) * tall);
   }
   const active = model.windows?.filter((w) => w.stage !== 'published' && w.origin_m) ?? [];
   pen.lineWidth = 2;
@@ -98,15 +67,37 @@ export function tissue(model, now) {
     pen.strokeRect(x(w.origin_m[0]), head, (w.width_m ?? 0.04) * perM, tall);
     pen.setLineDash([]);
   }
-  pen.lineWidth = 1;
-  pen.fillStyle = palette.soft;
-  pen.textAlign = 'center';
-  pen.textBaseline = 'top';
-  const marks = right - left > 420 ? 6 : 3;
-  for (let n = 0; n <= marks; ++n) pen.fillText(`${Math.round((1e3 * width * n) / marks)} mm`, x((width * n) / marks), top - gap + 5);
-  if (!painted.deviation) deviations(pen, model, x, top - gap + 21);
   picture.say(read);
   picture.label(`modulus of the tissue, version ${model.map?.version ?? 0}${painted.range ? `, from ${shown(painted.range[0], 'Pa')} to ${shown(painted.range[1], 'Pa')}` : ', none yet'}`);
+}
+
+// One of the maps, with its name, its depth and its colours.
+function strip(pen, model, painted, box, x, depth) {
+  const perDepth = (box.bottom - box.top) / depth;
+  pen.fillStyle = palette.unknown;
+  pen.fillRect(box.left, box.top, box.right - box.left, box.bottom - box.top);
+  const place = (canvas, grid) => pen.drawImage(canvas, x(grid.origin_m[0] - grid.spacing_m[0] / 2), box.top + (grid.origin_m[1] - grid.spacing_m[1] / 2) * perDepth,
+    x(canvas.width * grid.spacing_m[0]) - x(0), canvas.height * grid.spacing_m[1] * perDepth);
+  const bar = { left: box.right + 10, top: box.top, bottom: box.bottom };
+  if (box.name === 'B-mode') {
+    for (const { part, canvas } of painted.bMode) place(canvas, part);
+  } else if (box.name !== "Young's modulus") {
+    place(painted.deviation, model.map);
+    colourBar(pen, bar, scale(false, ...painted.deviationRange, bar.bottom, bar.top), table, '');
+  } else if (painted.modulus) {
+    place(painted.modulus, model.map);
+    colourBar(pen, bar, scale(model.logModulus, ...painted.range, bar.bottom, bar.top), table, 'Pa');
+  }
+  pen.font = '600 11px system-ui, "DejaVu Sans", sans-serif';
+  pen.fillStyle = palette.soft;
+  pen.textAlign = 'left';
+  pen.textBaseline = 'bottom';
+  pen.fillText(box.name, box.left, box.top - 4);
+  pen.font = '11px system-ui, "DejaVu Sans", sans-serif';
+  pen.textAlign = 'right';
+  pen.textBaseline = 'middle';
+  pen.fillText('0', box.left - 6, box.top + 5);
+  pen.fillText(shown(depth, 'm'), box.left - 6, box.bottom - 5);
 }
 
 // What each window states of its modulus, where there is no map of it.
@@ -131,7 +122,7 @@ function cross(pen, [x, y], box) {
   pen.globalAlpha = 1;
 }
 
-function finger(pen, model, now, x, y, perX, perY) {
+function finger(pen, model, now, x, y) {
   const tip = fingertip(model), reach = tip.flat + tip.radius;
   const [fx, fy] = now.position;
   pen.beginPath();
@@ -152,6 +143,8 @@ function finger(pen, model, now, x, y, perX, perY) {
 // --- under the finger --------------------------------------------------------------------------------------
 
 const kSurfaceMs = 2000;  // how old it may be
+const drawn = new Pixels();
+const rgba = (hex) => new Uint32Array(new Uint8Array([...rgb(hex), 255]).buffer);
 
 export function close(model, now) {
   const picture = pictures.close;
@@ -168,39 +161,35 @@ export function close(model, now) {
   const tip = fingertip(model), indentation = fy - layer;
   const x = (m) => left + (m - begin) * perM, y = (m) => head + m * perM;
   const bottom = head + tall, shownDepth = tall / perM;
-  const map = model.map, canvas = painted.modulus;
+  const map = model.map;
   const { surface } = model, young = surface && !model.paused && performance.now() - surface.came < kSurfaceMs;
   const solved = young && tellsOf(surface, layer, fx) ? surface : null;
   const gave = (at) => (solved ? gaveWay(solved, at, now.position[2]) : pressed(tip, indentation, at - fx));
-  // A column of what lies between two depths, drawn between two others.
-  const piece = (at, px, from, to, top, end) => {
-    if (!(to > from)) return;
-    if (!canvas) { pen.fillStyle = palette.unknown; pen.fillRect(px, top, step, end - top); return; }
-    const column = Math.min(canvas.width - 1, Math.max(0, Math.floor((at - map.origin_m[0]) / map.spacing_m[0] + 0.5)));
-    const row = (m) => Math.min(canvas.height, m / map.spacing_m[1]);
-    pen.drawImage(canvas, column, row(from), 1, Math.max(1e-3, row(to) - row(from)), px, top, step, end - top);
-  };
   pen.save();
   pen.beginPath();
   pen.rect(left, 0, right - left, bottom);
   pen.clip();
-  const step = 2;
-  const line = [];
+  const step = 2, line = [], from = [], moved = [];
+  const pixels = painted.pixels ?? { values: rgba(palette.unknown), width: 1, height: 1 };
   for (let px = left; px < right; px += step) {
-    const at = begin + (px - left) / perM;
-    if (at < 0 || at > width) continue;
-    const moved = y(layer + gave(at));
-    piece(at, px, 0, layer, y(0), moved);
-    piece(at, px, layer, shownDepth, moved, bottom);
-    line.push([px, moved]);
+    const at = begin + (px - left) / perM, inside = at >= 0 && at <= width;
+    const gone = inside ? y(layer + gave(at)) : 0;
+    from.push(!inside ? -1 : painted.pixels ? Math.min(pixels.width - 1, Math.max(0, Math.floor((at - map.origin_m[0]) / map.spacing_m[0] + 0.5))) : 0);
+    moved.push(gone * picture.ratio);
+    if (inside) line.push([px, gone]);
   }
+  const row = (m) => (painted.pixels ? Math.min(pixels.height, m / map.spacing_m[1]) : m);
+  drawn.shape(from.length, Math.round(bottom * picture.ratio));
+  section(drawn.pixels, { image: pixels, from, layer: row(layer), last: row(shownDepth), surface: y(0) * picture.ratio, moved });
+  pen.imageSmoothingEnabled = false;
+  pen.drawImage(drawn.canvas(), left, 0, step * from.length, bottom);
   pen.strokeStyle = palette.ink;
   pen.lineWidth = 2;
   pen.beginPath();
   for (const point of line) pen.lineTo(...point);
   pen.stroke();
   pen.lineWidth = 1;
-  finger(pen, model, now, x, y, perM, perM);
+  finger(pen, model, now, x, y);
   const long = 55 * Math.min(1, now.size / Math.max(0.2, model.largestForce || 1));
   if (now.size > 1e-6) arrow(pen, x(fx), y(fy) - 4, (now.force[0] / now.size) * long, (now.force[1] / now.size) * long);
   pen.restore();

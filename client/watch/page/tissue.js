@@ -40,6 +40,28 @@ export function gaveWay(surface, x, z) {
   return (1 - share) * at(n - 1) + share * at(n);
 }
 
+// The section under the finger, pixels of `image` to those of `out`, which is cleared: in column c what lies in the rows of image up
+// to `layer` is drawn from `surface` to moved[c], and what lies between `layer` and `last` from there to the end. `from`[c]: the
+// column of image, -1 for none. Nothing is smoothed: cells are seen as they were estimated.
+export function section(out, { image, from, layer, last, surface, moved }) {
+  const columns = moved.length, height = out.length / columns;
+  out.fill(0);
+  const piece = (c, first, end, top, bottom) => {
+    const perPixel = (end - first) / (bottom - top);
+    if (!(perPixel > 0)) return;
+    const until = Math.min(height, Math.round(bottom));
+    for (let y = Math.max(0, Math.round(top)); y < until; ++y) {
+      const row = Math.min(image.height - 1, Math.max(0, Math.floor(first + (y + 0.5 - top) * perPixel)));
+      out[y * columns + c] = image.values[row * image.width + from[c]];
+    }
+  };
+  for (let c = 0; c < columns; ++c) {
+    if (from[c] < 0) continue;
+    piece(c, 0, layer, surface, moved[c]);
+    piece(c, layer, last, moved[c], height);
+  }
+}
+
 // How far the surface has given way beside a tip in contact: it follows the tip, and comes back over its reach.
 export function pressed(tip, indentation, off) {
   if (indentation <= 0) return 0;
