@@ -230,7 +230,7 @@ def main():
     if a.screenshots:
         os.makedirs(a.screenshots, exist_ok=True)
     folder = tempfile.mkdtemp(prefix="teletact-browser-")
-    demo = Demo(a.build, os.path.join(folder, "out"), 600, 61 if a.faults else 13)  # ended when all is seen, however long that takes here
+    demo = Demo(a.build, os.path.join(folder, "out"), 600 + a.hidden_s, 61 if a.faults else 13)  # ended when all is seen, however long that takes here
     driver = browser(os.path.join(folder, "profile"), dark=True)
     try:
         url = demo.url()
