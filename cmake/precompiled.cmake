@@ -1,5 +1,6 @@
 # What most files include, compiled once: headers of libraries, none of ours. The preset `dev` does without, and so
-# proves that each file includes what it uses.
+# proves that each file includes what it uses. Files that speak gRPC are compiled several at a time besides: what they
+# make of its headers is then made once for all of them.
 
 if(TELETACT_PRECOMPILE)
   set(headers <algorithm> <array> <atomic> <chrono> <cmath> <condition_variable> <cstdint> <deque> <filesystem> <fstream>
@@ -20,5 +21,12 @@ endif()
 function(teletact_precompiled target from)
   if(TELETACT_PRECOMPILE)
     target_precompile_headers(${target} REUSE_FROM ${from})
+  endif()
+endfunction()
+
+# The target's files are compiled several at a time.
+function(teletact_together target)
+  if(TELETACT_PRECOMPILE AND TARGET ${target})
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
   endif()
 endfunction()

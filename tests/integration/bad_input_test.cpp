@@ -17,7 +17,7 @@ using test::expect_one_clear_line;
 using test::Outcome;
 using test::TemporaryFolder;
 
-void write(const std::string& path, const std::string& text) {
+void write_file(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
@@ -55,26 +55,26 @@ class EstimateInput : public ::testing::Test {
 };
 
 TEST_F(EstimateInput, CorruptFilesAreNamed) {
-  write(folder_ / "a.mha", "ObjectType = Image\nNDims = 2\nDimSize = 64");
+  write_file(folder_ / "a.mha", "ObjectType = Image\nNDims = 2\nDimSize = 64");
   expect_one_clear_line(estimate(folder_ / "a.mha", folder_ / "a.mha", usual()), {"a.mha"});
-  write(folder_ / "b.mat", "MATLAB 5.0 MAT-file, or not");
+  write_file(folder_ / "b.mat", "MATLAB 5.0 MAT-file, or not");
   expect_one_clear_line(
       estimate(folder_ / "b.mat", folder_ / "b.mat", usual({"--variable", "rf", "--axial-axis", "rows"})),
       {"b.mat"});
-  write(folder_ / "e.uff", "HDF5, or not");
+  write_file(folder_ / "e.uff", "HDF5, or not");
   expect_one_clear_line(estimate(folder_ / "e.uff", folder_ / "e.uff", usual()), {"e.uff"});
   expect_one_clear_line(estimate(folder_ / "c.mha", folder_ / "c.mha", usual()), {"c.mha"});
-  write(folder_ / "d.png", "x");
+  write_file(folder_ / "d.png", "x");
   expect_one_clear_line(estimate(folder_ / "d.png", folder_ / "d.png", usual()), {"d.png", ".mha"});
 }
 
 TEST_F(EstimateInput, WhatIsMissingIsAskedForByName) {
-  write(folder_ / "a.mha", mha(""));
+  write_file(folder_ / "a.mha", mha(""));
   const std::string a = folder_ / "a.mha";
   expect_one_clear_line(estimate(a, a, usual()), {"give --line-pitch-m: the file has no lateral spacing"});
   expect_one_clear_line(estimate(a, a, {"--out", folder_ / "out"}), {"--frame LAB", "PROBE"});
   expect_one_clear_line(estimate(a, a, usual({"--force-n", "3"})), {"--contact-area-m2"});
-  write(folder_ / "b.mat", "x");
+  write_file(folder_ / "b.mat", "x");
   expect_one_clear_line(estimate(a, a, usual({"--sound-speed-m-s", "1.54"})), {"--sound-speed-m-s", "1540"});
   expect_one_clear_line(estimate(folder_ / "b.mat", folder_ / "b.mat", usual()), {"--variable"});
   expect_one_clear_line(estimate(folder_ / "b.mat", folder_ / "b.mat", usual({"--variable", "rf"})),
@@ -82,13 +82,13 @@ TEST_F(EstimateInput, WhatIsMissingIsAskedForByName) {
 }
 
 TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
-  write(folder_ / "mm.mha", mha("0.01925 0.234"));
+  write_file(folder_ / "mm.mha", mha("0.01925 0.234"));
   expect_one_clear_line(estimate(folder_ / "mm.mha", folder_ / "mm.mha", usual()),
                         {"millimetres", "--spacing-unit mm"});
-  write(folder_ / "wrong.mha", mha("2.2e-5 0.000234"));
+  write_file(folder_ / "wrong.mha", mha("2.2e-5 0.000234"));
   expect_one_clear_line(estimate(folder_ / "wrong.mha", folder_ / "wrong.mha", usual()),
                         {"c / (2 fs)", "--sampling-frequency-hz", "--spacing-unit"});
-  write(folder_ / "right.mha", mha("1.925e-5 0.000234"));
+  write_file(folder_ / "right.mha", mha("1.925e-5 0.000234"));
   expect_one_clear_line(
       estimate(folder_ / "right.mha", folder_ / "right.mha", usual({"--line-pitch-m", "0.0003"})),
       {"--line-pitch-m", "contradicts"});
@@ -98,7 +98,7 @@ TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
 }
 
 TEST_F(EstimateInput, FrequenciesInMegahertzAreRefusedWithTheValueInHertz) {
-  write(folder_ / "a.mha", mha("1.925e-5 0.000234"));
+  write_file(folder_ / "a.mha", mha("1.925e-5 0.000234"));
   for (const auto& [center, sampling, words] :
        {std::tuple{"7.3e6", "40", "--sampling-frequency-hz 40: give it in Hz; 40 MHz is 40e6"},
         std::tuple{"7.3", "40e6", "--center-frequency-hz 7.3: give it in Hz; 7.3 MHz is 7.3e6"}})
@@ -111,19 +111,19 @@ TEST_F(EstimateInput, FrequenciesInMegahertzAreRefusedWithTheValueInHertz) {
 }
 
 TEST_F(EstimateInput, OfSeveralPairsWhatDoesNotFitIsNamed) {
-  for (const char* name : {"a.mha", "b.mha", "c.mha"}) write(folder_ / name, mha("1.925e-5 0.000234"));
+  for (const char* name : {"a.mha", "b.mha", "c.mha"}) write_file(folder_ / name, mha("1.925e-5 0.000234"));
   const std::string a = folder_ / "a.mha", b = folder_ / "b.mha", c = folder_ / "c.mha";
   expect_one_clear_line(estimate(a, a, usual({"--pre", b, "--post", b, c})),
                         {"--pre is given 2 times, --post 3", "once for each pair"});
   expect_one_clear_line(estimate(a, a, usual({"--post", b, c, "--z-m", "0", "0.001", "0.005"})),
                         {"--z-m", "evenly"});
-  write(folder_ / "d.mha", mha("1.925e-5 0.000300"));
+  write_file(folder_ / "d.mha", mha("1.925e-5 0.000300"));
   expect_one_clear_line(estimate(a, b, usual({"--pre", folder_ / "d.mha", "--post", folder_ / "d.mha"})),
                         {"d.mha", "another line pitch"});
   std::string frames = mha("1.925e-5 0.000234 1") + std::string(64 * 8 * 2, '\1');
   frames.replace(frames.find("NDims = 2"), 9, "NDims = 3");
   frames.replace(frames.find("DimSize = 64 8"), 14, "DimSize = 64 8 2");
-  write(folder_ / "frames.mha", frames);
+  write_file(folder_ / "frames.mha", frames);
   const std::string all = folder_ / "frames.mha";
   expect_one_clear_line(estimate(all, all, usual()), {"give --pre-frame", "holds 2 frames"});
   expect_one_clear_line(estimate(all, all, usual({"--pre-frame", "0", "--post-frame", "1", "2"})),
@@ -133,21 +133,21 @@ TEST_F(EstimateInput, OfSeveralPairsWhatDoesNotFitIsNamed) {
 }
 
 TEST_F(EstimateInput, AnOutputFolderThatCannotBeWrittenIsSaidBeforeAnythingElse) {
-  write(folder_ / "file", "not a folder");
+  write_file(folder_ / "file", "not a folder");
   expect_one_clear_line(
       estimate("/nonexistent.mha", "/nonexistent.mha", {"--out", folder_ / "file/out", "--frame", "LAB"}),
       {"file/out", "--out"});
 }
 
 TEST_F(EstimateInput, AServiceThatIsNotThereIsSaid) {
-  write(folder_ / "a.mha", mha("1.925e-5 0.000234"));
+  write_file(folder_ / "a.mha", mha("1.925e-5 0.000234"));
   expect_one_clear_line(estimate(folder_ / "a.mha", folder_ / "a.mha", usual()),
                         {"unix:/tmp/tt-nobody", "teletact-service"});
 }
 
 // Names are taken in any case, and what is allowed is listed plainly.
 TEST_F(EstimateInput, NamesAreListedPlainly) {
-  write(folder_ / "a.mha", mha("1.925e-5 0.000234"));
+  write_file(folder_ / "a.mha", mha("1.925e-5 0.000234"));
   const std::string a = folder_ / "a.mha";
   const Outcome method = estimate(a, a, usual({"--modulus-method", "spoon"}));
   EXPECT_NE(method.output.find("{direct,iterative,reference-stress,solid}"), std::string::npos)
@@ -159,7 +159,7 @@ TEST_F(EstimateInput, NamesAreListedPlainly) {
                         {"no service at"});
   std::string as_float = mha("1.925e-5 0.000234") + std::string(64 * 8 * 2, '\1');
   as_float.replace(as_float.find("MET_SHORT"), 9, "MET_FLOAT");
-  write(folder_ / "b.mha", as_float);
+  write_file(folder_ / "b.mha", as_float);
   expect_one_clear_line(estimate(a, folder_ / "b.mha", usual()), {"--pre holds int16", "--post float32"});
 }
 
@@ -169,7 +169,7 @@ TEST(AcquireInput, NeedsATissueAndOneThatCanBeRead) {
   expect_one_clear_line(
       test::run({client, "acquire", "--service", "unix:/tmp/tt-nobody", "--scene", "s"}, folder / "log"),
       {"--tissue", "--seed"});
-  write(folder / "t.toml", "[tissue]\nwidth = 3\n");
+  write_file(folder / "t.toml", "[tissue]\nwidth = 3\n");
   expect_one_clear_line(test::run({client, "acquire", "--service", "unix:/tmp/tt-nobody", "--scene", "s",
                                    "--tissue", folder / "t.toml"},
                                   folder / "log"),
@@ -185,8 +185,8 @@ TEST(AcquireInput, NeedsATissueAndOneThatCanBeRead) {
 
 TEST(AcquireInput, SlicesThatCannotBeTakenAreRefusedInWords) {
   TemporaryFolder folder;
-  write(folder / "plane.toml", "[tissue]\nwidth_m = 0.1\n");
-  write(folder / "thin.toml", "[tissue]\nwidth_m = 0.1\n[solid]\nelevational_width_m = 0.03\n");
+  write_file(folder / "plane.toml", "[tissue]\nwidth_m = 0.1\n");
+  write_file(folder / "thin.toml", "[tissue]\nwidth_m = 0.1\n[solid]\nelevational_width_m = 0.03\n");
   const auto refused = [&](const std::vector<std::string>& more, const std::vector<std::string>& words) {
     std::vector<std::string> command{test::client_binary(), "acquire", "--service",
                                      "unix:/tmp/tt-nobody", "--scene", "s"};
@@ -224,7 +224,7 @@ TEST(AcquireInput, SlicesThatCannotBeTakenAreRefusedInWords) {
 TEST(RecordInput, WhatIsReadIsNeverWrittenOver) {
   TemporaryFolder folder;
   const std::string client = test::client_binary(), record = folder / "x.record", kept = "what was recorded";
-  write(record, kept);
+  write_file(record, kept);
   std::filesystem::create_symlink(record, folder / "link");
   const auto refused = [&](std::vector<std::string> more, const std::vector<std::string>& words) {
     std::vector<std::string> command{client};
@@ -258,16 +258,16 @@ TEST(TouchInput, InterpolationIsTakenAsHelpSays) {
 TEST(BenchInput, AForeignReplotAndUnwritableOutputsAreSaidAtOnce) {
   TemporaryFolder folder;
   const std::string bench = test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench";
-  write(folder / "foreign.json", R"({"suite": "throughput"})");
-  write(folder / "text.json", "not JSON");
-  write(folder / "list.json", R"([1, 2])");
-  write(folder / "number.json", R"({"suite": 3})");
-  write(folder / "empty.json", R"({"suite": "exploration"})");
+  write_file(folder / "foreign.json", R"({"suite": "throughput"})");
+  write_file(folder / "text.json", "not JSON");
+  write_file(folder / "list.json", R"([1, 2])");
+  write_file(folder / "number.json", R"({"suite": 3})");
+  write_file(folder / "empty.json", R"({"suite": "exploration"})");
   for (const char* name : {"foreign.json", "text.json", "list.json", "number.json", "empty.json"})
     expect_one_clear_line(
         test::run({bench, "exploration", "--replot", folder / name, "--out", folder / "out"}, folder / "log"),
         {"--replot", name, "exploration"});
-  write(folder / "file", "not a folder");
+  write_file(folder / "file", "not a folder");
   for (const char* suite : {"exploration", "stability", "contact"}) {
     expect_one_clear_line(test::run({bench, suite, "--json", folder / "file/x.json"}, folder / "log"),
                           {"--json", "file/x.json"});
@@ -275,7 +275,7 @@ TEST(BenchInput, AForeignReplotAndUnwritableOutputsAreSaidAtOnce) {
                           {"--out", "file/out"});
   }
   // What is there is left alone: without --force, and with it by the look alone.
-  write(folder / "kept.json", "kept");
+  write_file(folder / "kept.json", "kept");
   expect_one_clear_line(test::run({bench, "exploration", "--json", folder / "kept.json"}, folder / "log"),
                         {"--json", "kept.json", "--force"});
   test::run({bench, "exploration", "--force", "--json", folder / "kept.json", "--out", folder / "file/out"},
@@ -346,7 +346,7 @@ TEST(ScriptInput, HelpAndVersionBuildNothingAndADemoOfNoTimeIsRefused) {
 
 TEST(ReportInput, RecordingsMustBeWhatTheyAreSaidToBe) {
   TemporaryFolder folder;
-  write(folder / "x.record", "nothing that was recorded");
+  write_file(folder / "x.record", "nothing that was recorded");
   expect_one_clear_line(
       test::run({test::client_binary(), "report", "--tissue", folder / "t.toml", "--touch-record",
                  folder / "x.record", "--acquire-record", folder / "x.record", "--out", folder / "out"},

@@ -13,7 +13,7 @@
 namespace teletact {
 namespace {
 
-constexpr const char* kTissue =
+constexpr const char* kReplayedTissue =
     "seed = 7\n"
     "[tissue]\nwidth_m = 0.12\ndepth_m = 0.03\n"
     "[[inclusion]]\nposition_m = [0.058, 0.011]\ndiameter_m = 0.01\ncontrast = 5.0\n";
@@ -74,7 +74,7 @@ void with_answers(const std::string& from, const std::string& to,
 TEST(Replay, RfRebuildsTheSceneAndTheForcesInAFreshService) {
   test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s");
-  std::ofstream(folder / "t.toml") << kTissue;
+  std::ofstream(folder / "t.toml") << kReplayedTissue;
   auto service = std::make_unique<Service>(address, folder / "service1.log");
   const test::Outcome acquired = acquire(address, "a", folder / "rf.record", folder, {"--record-rf"});
   ASSERT_EQ(acquired.code, 0) << acquired.output;
@@ -104,7 +104,7 @@ TEST(Replay, RfRebuildsTheSceneAndTheForcesInAFreshService) {
 TEST(Replay, ARecordingWithoutRfIsRefusedNotPlayedAsNothing) {
   test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s");
-  std::ofstream(folder / "t.toml") << kTissue;
+  std::ofstream(folder / "t.toml") << kReplayedTissue;
   const Service service(address, folder / "service.log");
   const test::Outcome acquired = acquire(address, "b", folder / "no-rf.record", folder, {});
   ASSERT_EQ(acquired.code, 0) << acquired.output;

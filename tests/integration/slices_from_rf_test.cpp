@@ -12,7 +12,7 @@ namespace teletact {
 namespace {
 
 // A lump in the second slice's plane alone; little tissue under a small probe.
-constexpr const char* kTissue =
+constexpr const char* kSlicedTissue =
     "seed = 5\n"
     "[tissue]\nwidth_m = 0.050\ndepth_m = 0.025\n"
     "[solid]\nelevational_width_m = 0.040\n"
@@ -23,7 +23,7 @@ constexpr const char* kTissue =
 TEST(SlicesFromRf, MakeASolidThatGrowsAndIsFelt) {
   test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s"), client = test::client_binary();
-  std::ofstream(folder / "t.toml") << kTissue;
+  std::ofstream(folder / "t.toml") << kSlicedTissue;
   test::Process service({test::service_binary(), "serve", "--listen", address}, folder / "service.log");
   ASSERT_TRUE(service.says("serving on", 300)) << service.output();
   const std::vector<std::string> acquire{client,

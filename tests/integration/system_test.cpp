@@ -11,7 +11,7 @@
 namespace teletact {
 namespace {
 
-constexpr const char* kTissue =
+constexpr const char* kFeltTissue =
     "seed = 5\n"
     "[tissue]\nwidth_m = 0.12\ndepth_m = 0.04\n"
     "[[inclusion]]\nposition_m = [0.062, 0.013]\ndiameter_m = 0.012\ncontrast = 5.0\n";
@@ -19,7 +19,7 @@ constexpr const char* kTissue =
 TEST(System, AnInclusionInRfIsFoundAndFeltAndTheReportSaysSo) {
   test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s"), client = test::client_binary();
-  std::ofstream(folder / "t.toml") << kTissue;
+  std::ofstream(folder / "t.toml") << kFeltTissue;
   test::Process service({test::service_binary(), "serve", "--listen", address}, folder / "service.log");
   ASSERT_TRUE(service.says("serving on", 300)) << service.output();
   test::Process acquire({client, "acquire", "--service", address, "--scene", "a", "--tissue",

@@ -17,14 +17,10 @@
 #include "client/servo/states.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 #include "tests/integration/process.h"
+#include "tests/support/clock.h"
 #include "tests/support/finger_reader.h"
 
 namespace teletact::test {
-
-// CLOCK_MONOTONIC, as in recordings.
-inline double now_s() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // A finger that sweeps over most of it, 4 mm deep.
 inline std::vector<std::string> touch_command(const std::string& address, const std::string& scene_id,

@@ -16,11 +16,9 @@
 #include <thread>
 #include <vector>
 
-namespace teletact::test {
+#include "tests/support/clock.h"
 
-inline double now_s() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+namespace teletact::test {
 
 // Sends back what it gets, on every connection.
 class Echo {

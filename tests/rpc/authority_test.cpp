@@ -107,7 +107,7 @@ grpc::Status observe(const Shown& who) {
 }
 
 // An acquisition without samples, which who is let in is told.
-grpc::Status estimate(const Shown& who, const v1::Acquisition& acquisition) {
+grpc::Status estimate_by(const Shown& who, const v1::Acquisition& acquisition) {
   grpc::ClientContext context;
   who.on(context);
   const auto stub = v1::Elastography::NewStub(who.channel);
@@ -164,10 +164,10 @@ const std::vector<Call>& calls() {
        StatusCode::OK, "pova"},
       {"CreateScene", [](const Shown& who) { return create(who, "s"); }, StatusCode::ALREADY_EXISTS, "pa"},
       {"PublishSlice", publish_slice, StatusCode::FAILED_PRECONDITION, "pa"},
-      {"Estimate", [](const Shown& who) { return estimate(who, {}); }, StatusCode::INVALID_ARGUMENT, "pa"},
-      {"Estimate for a scene", [](const Shown& who) { return estimate(who, published()); },
+      {"Estimate", [](const Shown& who) { return estimate_by(who, {}); }, StatusCode::INVALID_ARGUMENT, "pa"},
+      {"Estimate for a scene", [](const Shown& who) { return estimate_by(who, published()); },
        StatusCode::INVALID_ARGUMENT, "pa"},
-      {"Estimate beside slices", [](const Shown& who) { return estimate(who, beside_slices()); },
+      {"Estimate beside slices", [](const Shown& who) { return estimate_by(who, beside_slices()); },
        StatusCode::INVALID_ARGUMENT, "pa"},
       {"WatchFinger", watch, StatusCode::OK, "pa"},
       {"Observe", observe, StatusCode::OK, "pova"},

@@ -7,8 +7,6 @@
 namespace teletact::service {
 namespace {
 
-constexpr const char* kElastography = "teletact.v1.Elastography";
-
 grpc::Status status_of_estimate(const RunningServer& server) {
   return estimate(server.channel(), acquisition()).status;
 }

@@ -14,8 +14,6 @@
 namespace teletact::service {
 namespace {
 
-constexpr const char* kElastography = "teletact.v1.Elastography";
-
 class TwoDevices : public testing::Test {
  protected:
   TwoDevices() {

@@ -12,6 +12,7 @@
 namespace teletact::service {
 
 constexpr int kServing = 1, kNotServing = 2;
+constexpr const char* kElastography = "teletact.v1.Elastography";
 
 // grpc.health.v1.Health/Check by hand: HealthCheckRequest{service = 1}, HealthCheckResponse{status = 1}.
 template <class Running>

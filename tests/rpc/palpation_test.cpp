@@ -1,6 +1,5 @@
 // Touch streams: what is answered, what is refused, and what ends them.
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "tests/rpc/estimate_client.h"
@@ -8,8 +7,6 @@
 
 namespace teletact::service {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 using Palpation = OnOneServer;
 

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <functional>
 #include <initializer_list>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -25,6 +26,8 @@
 namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
+
+inline constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // One opened device for all tests: opening and compiling costs more than the tests.
 inline const std::shared_ptr<Device>& rpc_device() {

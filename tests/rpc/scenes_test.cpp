@@ -1,6 +1,5 @@
 // Scenes as a client makes, reads and deletes them.
 #include <cstring>
-#include <limits>
 #include <vector>
 
 #include "tests/rpc/estimate_client.h"
@@ -8,8 +7,6 @@
 
 namespace teletact::service {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class SceneCalls : public OnOneServer {
  protected:
