@@ -89,7 +89,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
   void begin(const Request& request) {
     beast::get_lowest_layer(stream_).expires_never();
-    // One write a frame, that waits for nothing: with Nagle's algorithm the second waits 40 ms for an acknowledgement.
+    // One write a frame, that waits for nothing: with Nagle's algorithm the second waits 40 ms for an
+    // acknowledgement.
     beast::get_lowest_layer(stream_).socket().set_option(asio::ip::tcp::no_delay(true));
     stream_.auto_fragment(false);
     stream_.set_option(websocket::stream_base::timeout{kPatience, kSilence, true});

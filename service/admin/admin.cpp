@@ -1,5 +1,6 @@
 #include "service/admin/admin.h"
 
+#include <malloc.h>
 #include <prometheus/text_serializer.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -122,6 +123,10 @@ void add_process(Families& out) {
   out.add(seconds(used.ru_utime) + seconds(used.ru_stime));
   out.begin("process_resident_memory_bytes", "Resident memory");
   out.add(static_cast<double>(resident_bytes()));
+  const auto heap = mallinfo2();
+  out.begin("process_heap_bytes",
+            "Of it in use by malloc: without code, stacks, and what lies free between blocks");
+  out.add(static_cast<double>(heap.uordblks + heap.hblkhd));
   out.begin("process_open_fds", "Open descriptors");
   out.add(static_cast<double>(entries_of("/proc/self/fd")));
   out.begin("process_threads", "Threads");

@@ -101,6 +101,7 @@ TEST(Admin, TouchesAreCounted) {
               1e-9);
   EXPECT_EQ(m.at("teletact_scenes"), 1);
   EXPECT_GT(m.at("process_resident_memory_bytes"), 1e6);
+  EXPECT_LT(m.at("process_heap_bytes"), m.at("process_resident_memory_bytes"));
   EXPECT_GT(m.at("process_threads"), 1);
 }
 

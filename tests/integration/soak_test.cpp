@@ -13,12 +13,14 @@ namespace {
 TEST(Soak, AMinuteOfEverythingAtOnce) {
   constexpr double kReadyS = 300, kSoakS = 600, kMostGrowthBytes = 64e6;
   const test::TemporaryFolder folder;
-  const std::string address = "unix:" + (folder / "s"), json_file = folder / "soak.json";
-  test::Process service({test::service_binary(), "serve", "--listen", address}, folder / "service.log");
+  const std::string address = "unix:" + (folder / "s"), admin = "unix:" + (folder / "a"),
+                    json_file = folder / "soak.json";
+  test::Process service({test::service_binary(), "serve", "--listen", address, "--admin", admin},
+                        folder / "service.log");
   ASSERT_TRUE(service.says("serving on", kReadyS)) << service.output();
   const auto soak =
       test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench", "soak",
-                 "--service", address, "--pid", std::to_string(service.id()), "--quick", "--json", json_file},
+                 "--service", address, "--admin", admin, "--quick", "--json", json_file},
                 folder / "soak.log", {}, kSoakS);
   ASSERT_TRUE(soak.code == 0 || soak.code == 1) << soak.output;  // 1: an hour's promise, on a busy machine
   std::ifstream file(json_file);
@@ -29,10 +31,10 @@ TEST(Soak, AMinuteOfEverythingAtOnce) {
   EXPECT_EQ(touched.at("without_force"), 0);
   for (const char* phase : {"imaging", "idle", "busy_cores"})
     EXPECT_GT(touched.at(phase).at("latency_s").at("count"), 1000) << phase;
-  const auto& memory = result.at("memory");
+  const auto& memory = result.at("resident");
   EXPECT_LT(memory.at("most").get<double>() - memory.at("least").get<double>(), kMostGrowthBytes);
-  for (const char* held : {"memory", "descriptors", "threads"}) {
-    EXPECT_GT(result.at(held).at("samples").size(), 100) << held;
+  for (const char* held : {"memory", "resident", "descriptors", "threads"}) {
+    EXPECT_GT(result.at(held).at("samples").size(), 50) << held;
     EXPECT_GT(result.at(held).at("least"), 0) << held;
   }
   std::size_t answered = 0;

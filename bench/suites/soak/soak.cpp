@@ -10,7 +10,6 @@
 
 #include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -18,13 +17,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <system_error>
 
 #include "bench/basics/clock.h"
 #include "bench/curves.h"
 #include "bench/load/trend.h"
 #include "bench/own_scene.h"
+#include "bench/process_metrics.h"
 #include "bench/suite.h"
 #include "bench/suites/soak/rounds.h"
 #include "bench/touch_client.h"
@@ -37,11 +36,12 @@ namespace {
 constexpr double kMostP99Growth = 0.20, kMostBytesPerHour = 1e6, kMostPerHour = 1;
 constexpr double kWarmUp = 0.25;  // of the time
 constexpr const char* kTouchedScene = "soak-touched";
-constexpr double kSliceS = 5;  // answers judged together; the first of each part is left out
+constexpr double kSettleS = 3;  // after imaging has paused
+constexpr double kSliceS = 5;   // answers judged together; the first of each part is left out
 
 struct Arguments : SuiteOptions {
   Service service;
-  pid_t pid = 0;
+  std::string admin{};
   double duration_s = 3600, every_s = 2, finish_within_s = 5, touch_rate_hz = 20;
   unsigned touch_streams = 60, fair = 3;
 };
@@ -136,22 +136,6 @@ TouchFigures touch(const Arguments& arguments) {
 
 // --- what it holds ----------------------------------------------------------------------------------------
 
-double resident_bytes(pid_t pid) {
-  std::ifstream file(fmt::format("/proc/{}/statm", pid));
-  double pages = 0, resident = 0;
-  if (!(file >> pages >> resident))
-    throw BenchError(fmt::format("--pid {}: no such process; give that of teletact-service", pid));
-  return resident * static_cast<double>(sysconf(_SC_PAGESIZE));
-}
-
-// `what`: "fd" for open descriptors, "task" for threads.
-double entries_of(pid_t pid, const char* what) {
-  std::error_code error;
-  const std::filesystem::directory_iterator files(fmt::format("/proc/{}/{}", pid, what), error);
-  if (error) throw BenchError(fmt::format("--pid {}: {} of that process: {}", pid, what, error.message()));
-  return static_cast<double>(std::distance(begin(files), end(files)));
-}
-
 double reported_bytes(const std::shared_ptr<grpc::Channel>& channel) {
   double bytes = 0;
   const v1::GetInfoResponse info = client::get_info(channel);
@@ -168,6 +152,7 @@ struct HeldFigures {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(HeldFigures, per_hour, per_hour_upper_95, least, most, samples)
 
 HeldFigures held(std::vector<std::array<double, 2>> samples) {
+  if (samples.empty()) throw BenchError("no sample of what the service holds: give a longer --duration-s");
   std::vector<std::array<double, 2>> warm = samples;
   std::erase_if(warm, [from_s = kWarmUp * samples.back()[0]](const auto& s) { return s[0] < from_s; });
   const Trend trend = trend_of(warm);
@@ -177,21 +162,22 @@ HeldFigures held(std::vector<std::array<double, 2>> samples) {
 }
 
 // What the service holds, now and then until it is stopped or goes out of scope. A sample that cannot be
-// taken ends the log; stop() tells.
+// taken ends the log; stop() tells. Samples are taken while nothing is imaged and no core has other work:
+// what is there for the moment alone is not in them.
 class HeldLog {
  public:
   HeldLog(const Arguments& arguments, std::shared_ptr<grpc::Channel> channel)
-      : thread_(
-            [this, pid = arguments.pid, every_s = arguments.duration_s / 720, channel = std::move(channel)] {
-              try {
-                log(pid, every_s, channel);
-              } catch (const std::exception& e) {
-                error_ = e.what();
-              }
-            }) {}
+      : thread_([this, admin = arguments.admin, every_s = arguments.duration_s / 720,
+                 channel = std::move(channel)] {
+          try {
+            log(admin, every_s, channel);
+          } catch (const std::exception& e) {
+            error_ = e.what();
+          }
+        }) {}
   ~HeldLog() { join(); }
   struct Samples {
-    std::vector<std::array<double, 2>> bytes, descriptors, threads;
+    std::vector<std::array<double, 2>> in_use, resident, descriptors, threads;
   };
   // Throws BenchError for a log that ended early.
   const Samples& stop() {
@@ -201,17 +187,25 @@ class HeldLog {
   }
 
  private:
-  void log(pid_t pid, double every_s, const std::shared_ptr<grpc::Channel>& channel) {
+  void log(const std::string& admin, double every_s, const std::shared_ptr<grpc::Channel>& channel) {
     const auto begin = Clock::now();
+    double next_s = 0;
     while (!stop_) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
       const double at_s = seconds_since(begin);
-      samples_.bytes.push_back({at_s, pid != 0 ? resident_bytes(pid) : reported_bytes(channel)});
-      if (pid != 0) {
-        samples_.descriptors.push_back({at_s, entries_of(pid, "fd")});
-        samples_.threads.push_back({at_s, entries_of(pid, "task")});
+      if (at_s < next_s || soak::part_at(at_s) != soak::Part::kIdle ||
+          soak::part_at(at_s - kSettleS) != soak::Part::kIdle)
+        continue;
+      next_s = at_s + every_s;
+      if (admin.empty()) {
+        samples_.in_use.push_back({at_s, reported_bytes(channel)});
+        continue;
       }
-      while (!stop_ && seconds_since(begin) < at_s + every_s)
-        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      const std::map<std::string, double> now = process_metrics(admin);
+      samples_.in_use.push_back({at_s, now.at("process_heap_bytes")});
+      samples_.resident.push_back({at_s, now.at("process_resident_memory_bytes")});
+      samples_.descriptors.push_back({at_s, now.at("process_open_fds")});
+      samples_.threads.push_back({at_s, now.at("process_threads")});
     }
   }
   void join() {
@@ -229,15 +223,14 @@ class HeldLog {
 struct Figures {
   double duration_s = 0, finish_within_s = 0, window_every_s = 0;
   TouchFigures touch{};
-  std::string memory_of{};    // resident, or reported by the service
-  HeldFigures memory{};       // bytes
-  HeldFigures descriptors{};  // with --pid alone
-  HeldFigures threads{};
+  HeldFigures memory{};    // bytes in use; without --admin what the service reports
+  HeldFigures resident{};  // bytes; this and the rest with --admin alone
+  HeldFigures descriptors{}, threads{};
   std::map<std::string, Ends> rogues{};
   std::vector<WindowFigures> fair{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, duration_s, finish_within_s, window_every_s, touch, memory_of,
-                                   memory, descriptors, threads, rogues, fair)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, duration_s, finish_within_s, window_every_s, touch, memory,
+                                   resident, descriptors, threads, rogues, fair)
 
 Figures everything(const Arguments& arguments, const std::vector<client::FramePair>& pairs,
                    const std::shared_ptr<grpc::Channel>& channel) {
@@ -257,9 +250,10 @@ Figures everything(const Arguments& arguments, const std::vector<client::FramePa
     out.touch = touch(arguments);
     for (const auto& imager : fair) imager->stop();
     const HeldLog::Samples& samples = log.stop();
-    out.memory_of = arguments.pid != 0 ? "resident" : "reported";
-    out.memory = held(samples.bytes);
-    if (arguments.pid != 0) out.descriptors = held(samples.descriptors), out.threads = held(samples.threads);
+    out.memory = held(samples.in_use);
+    if (!arguments.admin.empty())
+      out.resident = held(samples.resident), out.descriptors = held(samples.descriptors),
+      out.threads = held(samples.threads);
     out.rogues = {{"greedy", greedy->statuses.counts()},
                   {"never_reading", never_reading->statuses.counts()},
                   {"dying", dying->statuses.counts()}};
@@ -281,10 +275,13 @@ void print(const Figures& figures) {
 }
 
 void draw(const Figures& figures, const std::filesystem::path& folder) {
-  Curve memory{.title = "", .style = "lines lw 2"};
+  Curve memory{.title = "in use", .style = "lines lw 2"},
+      resident{.title = "resident", .style = "lines lw 2"};
   for (const auto& [time_s, bytes] : figures.memory.samples) memory.add(time_s / 60, bytes * 1e-6);
-  plot(folder / "soak.png", script_of({memory}, "set yrange [0:]\n" + axes("everything at once", "time (min)",
-                                                                           "memory of the service (MB)")));
+  for (const auto& [time_s, bytes] : figures.resident.samples) resident.add(time_s / 60, bytes * 1e-6);
+  plot(folder / "soak.png",
+       script_of({memory, resident}, "set yrange [0:]\n" + axes("everything at once", "time (min)",
+                                                                "memory of the service (MB)")));
 }
 
 void promise(const Figures& figures, Promises& promises) {
@@ -301,6 +298,8 @@ void promise(const Figures& figures, Promises& promises) {
       {"windows_published", published, 1, "", false},
       {"memory_growth_an_hour_95_percent_bound", figures.memory.per_hour_upper_95, kMostBytesPerHour, "B"}};
   if (figures.descriptors.samples.empty()) return;
+  promises.push_back({"resident_memory_growth_an_hour_95_percent_bound", figures.resident.per_hour_upper_95,
+                      kMostBytesPerHour, "B"});
   promises.push_back(
       {"descriptors_more_an_hour_95_percent_bound", figures.descriptors.per_hour_upper_95, kMostPerHour});
   promises.push_back(
@@ -310,9 +309,9 @@ void promise(const Figures& figures, Promises& promises) {
 Figures measure(Arguments arguments, Promises& promises) {
   if (arguments.quick) arguments.duration_s = soak::kRoundS;
   const auto channel = connect(arguments.service);
-  if (arguments.pid == 0 && client::get_info(channel).memory().empty())
-    throw BenchError("the service does not report its memory: give --pid");
-  if (arguments.pid != 0) resident_bytes(arguments.pid);
+  if (arguments.admin.empty() && client::get_info(channel).memory().empty())
+    throw BenchError("the service does not report its memory: give --admin");
+  if (!arguments.admin.empty()) process_metrics(arguments.admin);
   const auto stub = v1::Palpation::NewStub(channel);
   const client::Tissue tissue = imaged_tissue();
   const std::vector<client::FramePair> pairs = imaged_pairs(tissue);
@@ -335,9 +334,10 @@ void add_soak_suite(CLI::App& app, bool& met) {
   CLI::App& command = add_suite(app, "soak", "an hour of touch and imaging beside clients that misbehave",
                                 arguments, met, measure, draw);
   add_service_options(command, arguments->service);
-  command.add_option("--pid", arguments->pid,
-                     "process of the service, on this machine: its resident memory is looked at instead of "
-                     "what it reports");
+  command.add_option("--admin", arguments->admin,
+                     "--admin address of the service: its memory in use, resident memory, descriptors and "
+                     "threads are looked at "
+                     "instead of what it reports");
   command
       .add_option("--duration-s", arguments->duration_s, "how long; imaging pauses for half of each minute")
       ->check(CLI::Range(soak::kRoundS, 1e6))

@@ -176,7 +176,8 @@ function draw() {
   model.row = n >= 0 ? panels.row(series, n) : null;
   if (model.row) showNow(model.row);
   for (const [name, paint] of [['tissue', panels.tissue], ['close', panels.close], ['force', panels.force], ['ages', panels.ages], ['servo', panels.servo], ['tactile', panels.tactile]]) {
-    if (!panels.pictures[name].visible && name !== 'tactile' && panels.pictures[name].width) continue;
+    const { visible, width, measured } = panels.pictures[name];
+    if (name !== 'tactile' && (measured < 100 || (!visible && width))) continue;  // no room, or not seen
     if (series.count || name === 'tissue') paint(model, model.row);
   }
   if (model.timeline) panels.timeline($('timeline'), model);

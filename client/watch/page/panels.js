@@ -29,6 +29,7 @@ function fingertip(model) {
   const punch = /PUNCH|PAD/.test(tip.shape ?? '');
   return { radius: tip.radius_m || 0.008, flat: punch ? tip.half_width_m || (/PAD/.test(tip.shape) ? 0.008 : 0.004) : 0 };
 }
+
 const asItStands = new Still();
 export function tissue(model, now) {
   const picture = pictures.tissue;
