@@ -280,7 +280,7 @@ void add_credentials(CLI::App& app) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error);
+    return app.exit(error) == 0 ? 0 : 2;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "teletact-service: %s\n", error.what());
     return 1;

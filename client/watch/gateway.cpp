@@ -90,8 +90,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void begin(const Request& request) {
     beast::get_lowest_layer(stream_).expires_never();
     // One write a frame, that waits for nothing: with Nagle's algorithm the second waits 40 ms for an
-    // acknowledgement.
-    beast::get_lowest_layer(stream_).socket().set_option(asio::ip::tcp::no_delay(true));
+    // acknowledgement. Of who has gone by now it fails, and reading tells.
+    beast::error_code gone;
+    beast::get_lowest_layer(stream_).socket().set_option(asio::ip::tcp::no_delay(true), gone);
     stream_.auto_fragment(false);
     stream_.set_option(websocket::stream_base::timeout{kPatience, kSilence, true});
     stream_.read_message_max(Gateway::kMostSaidBytes);

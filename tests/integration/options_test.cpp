@@ -82,6 +82,24 @@ TEST_F(Refusals, AnOptionThatIsNoneIsNamedBeforeOneThatIsMissing) {
   expect_refused({"scenes", "--service", nowhere, "--x"}, {"--x"});
 }
 
+TEST_F(Refusals, AMistakeOnTheCommandLineEndsWithTwoAndWhatFailsWithOne) {
+  const std::string bench = test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench";
+  for (const std::string& binary : {test::client_binary(), test::service_binary(), bench}) {
+    EXPECT_EQ(test::run({binary, "--help"}, folder / "log").code, 0) << binary;
+    EXPECT_EQ(test::run({binary, "--version"}, folder / "log").code, 0) << binary;
+    EXPECT_EQ(test::run({binary, "nothing"}, folder / "log").code, 2) << binary;
+    EXPECT_EQ(test::run({binary, "--x"}, folder / "log").code, 2) << binary;
+  }
+  EXPECT_EQ(
+      test::run({test::client_binary(), "touch", "--service", nowhere, "--scene", "s", "--rate-hz", "x"},
+                folder / "log")
+          .code,
+      2);
+  EXPECT_EQ(
+      test::run({test::client_binary(), "touch", "--service", nowhere, "--scene", "s"}, folder / "log").code,
+      1);
+}
+
 TEST_F(Refusals, AWatchSaysForWhichSocketItWaits) {
   test::Process watch({test::client_binary(), "watch", "--session", folder / "t", "--acquire", folder / "a"},
                       folder / "log");

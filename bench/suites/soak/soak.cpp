@@ -16,8 +16,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <system_error>
 
 #include "bench/basics/clock.h"
 #include "bench/curves.h"
@@ -161,9 +159,13 @@ HeldFigures held(std::vector<std::array<double, 2>> samples) {
   return {trend.per_hour, trend.upper_95, least[1], most[1], std::move(samples)};
 }
 
-// What the service holds, now and then until it is stopped or goes out of scope. A sample that cannot be
-// taken ends the log; stop() tells. Samples are taken while nothing is imaged and no core has other work:
-// what is there for the moment alone is not in them.
+// Nothing is imaged, no core has other work, and what there was for the moment alone is given up.
+bool between_windows(double time_s) {
+  return soak::part_at(time_s) == soak::Part::kIdle && soak::part_at(time_s - kSettleS) == soak::Part::kIdle;
+}
+
+// What the service holds, now and then until it is stopped or goes out of scope: memory in use between
+// windows, the rest at all times. A sample that cannot be taken ends the log; stop() tells.
 class HeldLog {
  public:
   HeldLog(const Arguments& arguments, std::shared_ptr<grpc::Channel> channel)
@@ -189,23 +191,19 @@ class HeldLog {
  private:
   void log(const std::string& admin, double every_s, const std::shared_ptr<grpc::Channel>& channel) {
     const auto begin = Clock::now();
-    double next_s = 0;
     while (!stop_) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
       const double at_s = seconds_since(begin);
-      if (at_s < next_s || soak::part_at(at_s) != soak::Part::kIdle ||
-          soak::part_at(at_s - kSettleS) != soak::Part::kIdle)
-        continue;
-      next_s = at_s + every_s;
       if (admin.empty()) {
-        samples_.in_use.push_back({at_s, reported_bytes(channel)});
-        continue;
+        if (between_windows(at_s)) samples_.in_use.push_back({at_s, reported_bytes(channel)});
+      } else {
+        const std::map<std::string, double> now = process_metrics(admin);
+        if (between_windows(at_s)) samples_.in_use.push_back({at_s, now.at("process_heap_bytes")});
+        samples_.resident.push_back({at_s, now.at("process_resident_memory_bytes")});
+        samples_.descriptors.push_back({at_s, now.at("process_open_fds")});
+        samples_.threads.push_back({at_s, now.at("process_threads")});
       }
-      const std::map<std::string, double> now = process_metrics(admin);
-      samples_.in_use.push_back({at_s, now.at("process_heap_bytes")});
-      samples_.resident.push_back({at_s, now.at("process_resident_memory_bytes")});
-      samples_.descriptors.push_back({at_s, now.at("process_open_fds")});
-      samples_.threads.push_back({at_s, now.at("process_threads")});
+      while (!stop_ && seconds_since(begin) < at_s + every_s)
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
   }
   void join() {
@@ -275,13 +273,14 @@ void print(const Figures& figures) {
 }
 
 void draw(const Figures& figures, const std::filesystem::path& folder) {
-  Curve memory{.title = "in use", .style = "lines lw 2"},
-      resident{.title = "resident", .style = "lines lw 2"};
-  for (const auto& [time_s, bytes] : figures.memory.samples) memory.add(time_s / 60, bytes * 1e-6);
-  for (const auto& [time_s, bytes] : figures.resident.samples) resident.add(time_s / 60, bytes * 1e-6);
-  plot(folder / "soak.png",
-       script_of({memory, resident}, "set yrange [0:]\n" + axes("everything at once", "time (min)",
-                                                                "memory of the service (MB)")));
+  std::vector<Curve> curves;
+  for (const auto& [title, held] : {std::pair{"in use", &figures.memory}, {"resident", &figures.resident}}) {
+    if (held->samples.empty()) continue;
+    curves.push_back({.title = title, .style = "lines lw 2"});
+    for (const auto& [time_s, bytes] : held->samples) curves.back().add(time_s / 60, bytes * 1e-6);
+  }
+  plot(folder / "soak.png", script_of(curves, "set yrange [0:]\n" + axes("everything at once", "time (min)",
+                                                                         "memory of the service (MB)")));
 }
 
 void promise(const Figures& figures, Promises& promises) {
@@ -311,7 +310,9 @@ Figures measure(Arguments arguments, Promises& promises) {
   const auto channel = connect(arguments.service);
   if (arguments.admin.empty() && client::get_info(channel).memory().empty())
     throw BenchError("the service does not report its memory: give --admin");
-  if (!arguments.admin.empty()) process_metrics(arguments.admin);
+  if (!arguments.admin.empty() && !process_metrics(arguments.admin).contains("process_heap_bytes"))
+    throw BenchError(
+        fmt::format("--admin {}: no process_heap_bytes; its service is an older one", arguments.admin));
   const auto stub = v1::Palpation::NewStub(channel);
   const client::Tissue tissue = imaged_tissue();
   const std::vector<client::FramePair> pairs = imaged_pairs(tissue);

@@ -20,6 +20,9 @@ const model = {
 const measured = { frames: 0, script_ms: [], pose_to_pixel_ms: [], first_ms: null, numbers: {} };
 window.teletact = { model, measured };
 const keep = (list, value) => { list.push(value); if (list.length > 2000) list.shift(); };
+// What is posted while a frame is drawn comes when the browser has painted it: the screen takes it with its next refresh.
+const painting = new MessageChannel();
+painting.port1.onmessage = ({ data: pose_ms }) => keep(measured.pose_to_pixel_ms, performance.timeOrigin + performance.now() - pose_ms);
 
 // --- what comes --------------------------------------------------------------------------------------------
 
@@ -176,8 +179,8 @@ function draw() {
   model.row = n >= 0 ? panels.row(series, n) : null;
   if (model.row) showNow(model.row);
   for (const [name, paint] of [['tissue', panels.tissue], ['close', panels.close], ['force', panels.force], ['ages', panels.ages], ['servo', panels.servo], ['tactile', panels.tactile]]) {
-    const { visible, width, measured } = panels.pictures[name];
-    if (name !== 'tactile' && (measured < 100 || (!visible && width))) continue;  // no room, or not seen
+    const picture = panels.pictures[name];
+    if (name !== 'tactile' && (picture.measured < 100 || (!picture.visible && picture.width))) continue;  // no room, or not seen
     if (series.count || name === 'tissue') paint(model, model.row);
   }
   if (model.timeline) panels.timeline($('timeline'), model);
@@ -200,7 +203,7 @@ function frame() {
     keep(measured.script_ms, performance.now() - begin);
     if (measured.first_ms === null && model.map) measured.first_ms = performance.now();
     if (model.series.count && !model.paused && clock !== null && model.status?.session === 'live')
-      keep(measured.pose_to_pixel_ms, performance.timeOrigin + performance.now() - 1e3 * (model.newest + clock));
+      painting.port2.postMessage(1e3 * (model.newest + clock));
   }
 }
 
