@@ -1,9 +1,11 @@
 """Whatever a service sends ends in a clear error, at once, and takes nothing else down."""
 
+import asyncio
 import concurrent.futures
 import contextlib
 import struct
 import threading
+import time
 
 import grpc
 import numpy as np
@@ -278,6 +280,104 @@ def test_a_service_that_says_nothing_is_given_up_and_tried_again(liar, lied_to):
         for k in range(20):
             assert touch.at([0.05, 0.002 + 1e-5 * k]).force_n[1] == -0.1
         assert touch.streams == 2
+
+
+def test_who_opens_and_sends_no_pose_yet_keeps_the_stream(liar, lied_to):
+    def touch(requests, context):
+        next(requests)
+        yield opened()
+        for number, request in enumerate(requests, 1):
+            yield answer_to(request, number)
+
+    liar.touch = touch
+    with lied_to.touch("s", dead_s=0.3) as touch:
+        time.sleep(1)
+        assert touch.at([0.05, 0.002]).force_n[1] == -0.1
+        assert touch.streams == 1
+
+
+def handed_over(to):
+    """A touch that answers nothing, and keeps to whom it was handed over."""
+    def touch(requests, context):
+        next(requests)
+        yield opened()
+        to.extend(request.hand_over.session_id for request in requests)
+
+    return touch
+
+
+def test_a_hand_over_arrives_without_a_pose_and_who_leaves_at_once_does_not_lose_it(liar, lied_to):
+    names = [f"hand {k}" for k in range(100)]
+    to = []
+    liar.touch = handed_over(to)
+    for name in names:
+        liar.over.clear()
+        with lied_to.touch("s") as touch:
+            touch.hand_over(name)
+        assert liar.over.wait(20)
+    assert to == names
+
+
+def test_hand_overs_by_asyncio_are_written_one_after_the_other(liar, lied_to):
+    to = []
+    liar.touch = handed_over(to)
+
+    async def work():
+        async with await teletact.aio.connect(liar.address) as service, service.touch("s") as touch:
+            await asyncio.gather(*(touch.hand_over(name) for name in "abc"))
+            cancelled = asyncio.create_task(touch.hand_over("d"))
+            await asyncio.sleep(0)
+            cancelled.cancel()
+            await asyncio.gather(cancelled, return_exceptions=True)
+            with pytest.raises(TypeError):
+                await touch.hand_over(5)
+            await touch.hand_over("e")
+
+    asyncio.run(work())
+    assert liar.over.wait(20) and [name for name in to if name != "d"] == ["a", "b", "c", "e"]
+
+
+def test_a_hand_over_waits_for_the_stream_and_says_when_there_is_none(liar, lied_to):
+    to, called, may_open, read = [], threading.Event(), threading.Event(), threading.Event()
+
+    def again(requests, context):
+        next(requests)
+        called.set()
+        may_open.wait(20)
+        yield opened()
+        for request in requests:
+            to.append(request.hand_over.session_id)
+            read.set()
+
+    def once(requests, context):
+        liar.touch = again
+        next(requests)
+        yield opened()
+
+    liar.touch = once
+    with concurrent.futures.ThreadPoolExecutor(1) as beside, lied_to.touch("s") as touch:
+        assert called.wait(20)
+        written = beside.submit(touch.hand_over, "b")
+        with pytest.raises(concurrent.futures.TimeoutError):
+            written.result(0.3)
+        may_open.set()
+        assert written.result(20) is None and touch.streams == 2
+    assert read.wait(20) and to == ["b"]
+    with pytest.raises(teletact.Cancelled, match="closed"):
+        touch.hand_over("b")
+
+    called.clear()
+    may_open.clear()
+    liar.touch = once
+    with concurrent.futures.ThreadPoolExecutor(1) as beside, lied_to.touch("s") as touch:
+        assert called.wait(20)
+        written = beside.submit(touch.hand_over, "b")
+        with pytest.raises(concurrent.futures.TimeoutError):
+            written.result(0.3)
+        touch.close()
+        may_open.set()
+        with pytest.raises(teletact.Cancelled, match="closed"):
+            written.result(20)
 
 
 def test_what_a_peer_says_is_one_plain_line(liar, lied_to):

@@ -1,6 +1,7 @@
 """Scenes, estimates, touches and errors against a real service: by the synchronous facade, and some by asyncio."""
 
 import asyncio
+import contextlib
 import threading
 import time
 import warnings
@@ -146,6 +147,18 @@ def test_answers_say_what_there_is_no_force_of(service, lump):
         path = touch.along([[0.05, 0.001], [0.5, 0.001]])
         assert list(path.status.values) == ["ok", "not covered"]
         assert path.force.attrs["units"] == "N" and np.isnan(path.force.values[1]).all()
+
+
+def test_who_steers_hands_over_and_leaves(service, lump):
+    with contextlib.ExitStack() as stack:
+        first = stack.enter_context(service.touch(lump, session_id="first"))
+        until(lambda: first.at([0.05, 0.001]).message.steers)
+        stack.enter_context(service.touch(lump, session_id="longest waiting")).at([0.05, 0.001])
+        last = stack.enter_context(service.touch(lump, session_id="last"))
+        last.at([0.05, 0.001])
+        first.hand_over("last")
+        first.close()
+        assert last.at([0.04, 0.001]).message.steered_by == "last"
 
 
 def test_the_force_is_the_slope_of_the_energy(service, lump):

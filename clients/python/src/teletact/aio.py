@@ -250,7 +250,7 @@ class Service:
         the contact law sent, too (``Touch.law``). ``period_s``: between answers, at least. ``credit``: most answers on
         their way; a rate over a link takes rate x round trip. ``tolerance``: the share that a model may put a force
         off by. ``path``: a model by its name. ``session_id``: "" chooses one; it stays over interruptions, which are
-        waited out for ``resume_s``; a stream that says nothing for ``dead_s`` is one.
+        waited out for ``resume_s``; a stream that says nothing to a pose for ``dead_s`` is one.
         """
         request = palpation.TouchOpen(scene_id=scene_id, credit=credit, period_s=period_s, session_id=session_id,
                                       laws=laws, pressure=pressure)

@@ -16,7 +16,8 @@ _LONGEST_HEADER = 1 << 16
 
 def read_metaimage(path: str | Path) -> xr.DataArray:
     """An image of two dimensions with its places in metres, over y (depth) and x (A-lines); with ``channel`` where an
-    element has several. The first axis of these files is depth, the fastest. Raises DamagedFile."""
+    element has several. The first axis of these files is depth, the fastest. Raises DamagedFile, also where the file
+    does not state ElementSpacing, or is turned."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -34,25 +35,33 @@ def read_metaimage(path: str | Path) -> xr.DataArray:
     def refuse(field: str, remedy: str) -> DamagedFile:
         return DamagedFile(f"{path}: {header.get(field, 'missing')}", field=field, remedy=remedy)
 
-    def two(field: str, usual: str) -> list[float]:
+    def numbers(field: str, count: int, usual: str = "") -> list[float]:
         try:
-            numbers = [float(word) for word in header.get(field, usual).split()]
+            out = [float(word) for word in header.get(field, usual).split()]
         except ValueError:
-            numbers = []
-        if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
-            raise refuse(field, "two finite numbers are read")
-        return numbers
+            out = []
+        if len(out) != count or not all(math.isfinite(number) for number in out):
+            raise refuse(field, f"give {count} finite numbers")
+        return out
 
     if header.get("NDims") != "2":
         raise refuse("NDims", "images of two dimensions are read")
     if header["ElementDataFile"] != "LOCAL":
         raise refuse("ElementDataFile", "data in the same file are read (LOCAL)")
-    for field in ("CompressedData", "BinaryDataByteOrderMSB", "ElementByteOrderMSB"):
-        if header.get(field, "False").lower() != "false":
-            raise refuse(field, "uncompressed little-endian data are read")
+    for field, wanted in (("BinaryData", True), ("CompressedData", False), ("BinaryDataByteOrderMSB", False),
+                          ("ElementByteOrderMSB", False)):
+        if field in header and (header[field][:1] in ("T", "t", "1")) != wanted:  # true as MetaIO reads it
+            raise refuse(field, "save it binary, uncompressed and little-endian")
     if header.get("ElementType") not in _TYPES:
         raise refuse("ElementType", f"one of {', '.join(_TYPES)} is read")
-    size, spacing, origin = two("DimSize", ""), two("ElementSpacing", "1 1"), two("Offset", "0 0")
+    for field in ("TransformMatrix", "Rotation", "Orientation"):
+        if field in header and numbers(field, 4) != [1, 0, 0, 1]:
+            raise refuse(field, "resample the image to its own axes: the identity is read")
+    size = numbers("DimSize", 2)
+    origin = numbers(next((name for name in ("Offset", "Position", "Origin") if name in header), "Offset"), 2, "0 0")
+    if "ElementSpacing" not in header:
+        raise refuse("ElementSpacing", "add it: metres along depth, and between A-lines")
+    spacing = numbers("ElementSpacing", 2)
     channels = header.get("ElementNumberOfChannels", "1")
     if not channels.isdigit() or int(channels) < 1 or any(n < 1 or n % 1 for n in size) or min(spacing) <= 0:
         raise refuse("DimSize", "sizes are whole numbers above 0, spacings above 0")

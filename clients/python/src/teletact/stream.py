@@ -23,6 +23,7 @@ from teletact.v1 import palpation_pb2 as palpation
 _CALL = "Touch"
 _HEARTBEAT_S = 0.1
 _OPEN_WAIT_S = 30.0  # the service may have to make the layer's model first
+_END_WAIT_S = 1.0
 
 
 @dataclass(eq=False)
@@ -30,6 +31,12 @@ class Pose:
     position_m: Floats
     velocity_m_s: Floats
     answer: asyncio.Future[Answer] | None = None  # where somebody waits for it
+
+
+@dataclass(eq=False)
+class HandOver:
+    request: palpation.TouchRequest
+    written: asyncio.Future[None]
 
 
 @dataclass
@@ -42,7 +49,7 @@ class Board:
     book: LawBook = field(default_factory=LawBook)
     sequence: int = 0             # of the last pose sent; it never starts again
     streams: int = 0              # that were opened
-    hand_over: str | None = None  # to whom, not sent yet
+    hand_over: HandOver | None = None  # while somebody waits for it
     wake: asyncio.Event = field(default_factory=asyncio.Event)  # there may be something to send
     changed: asyncio.Condition = field(default_factory=asyncio.Condition)
     instance: int = field(default_factory=lambda: secrets.randbits(63) | 1)
@@ -63,6 +70,7 @@ class Stream:
         self._told = 0               # the newest that we have acknowledged
         self._laws_told = 0
         self._answered = 0           # newest pose that was answered
+        self._handed_over = self._ending = False
         self._heard_s = time.monotonic()
         self._sent: deque[tuple[int, float, Pose]] = deque()
 
@@ -82,6 +90,12 @@ class Stream:
                 return await _end_of(call)
             assert error is not None
             raise error
+        except asyncio.CancelledError:
+            if self._handed_over:  # a service may drop what it has not read of a call that is cancelled
+                self._ending = True
+                self._board.wake.set()
+                await asyncio.wait(tasks[:1], timeout=_END_WAIT_S)
+            raise
         finally:
             for task in tasks:
                 task.cancel()
@@ -92,7 +106,12 @@ class Stream:
     async def _guard(self) -> None:
         while True:
             dead_s = max(self._dead_s, 10 * self._period_s) if self._credit else _OPEN_WAIT_S
-            left = self._heard_s + dead_s - time.monotonic()
+            now = since_s = time.monotonic()
+            if self._sent:
+                since_s = max(self._heard_s, self._sent[0][1])
+            elif not self._credit:
+                since_s = self._heard_s
+            left = since_s + dead_s - now  # once it is open nothing is to be heard before the first pose
             if left <= 0:
                 raise Unavailable(f"the service says nothing for {dead_s} s", call=_CALL)
             await asyncio.sleep(min(left, self._dead_s))
@@ -154,8 +173,15 @@ class Stream:
         await call.write(palpation.TouchRequest(open=self._open))
         sent: Pose | None = None
         next_s = 0.0  # before it no pose is sent
-        while True:
+        while not self._ending:
             now = time.monotonic()
+            wish = self._board.hand_over
+            if self._credit and wish is not None and not wish.written.done():
+                await call.write(wish.request)
+                self._handed_over = True
+                if not wish.written.done():
+                    wish.written.set_result(None)
+                continue
             wait_s = self._wait_s(sent, next_s, now)
             if wait_s > 0:
                 self._board.wake.clear()
@@ -165,16 +191,13 @@ class Stream:
                 except TimeoutError:
                     pass
                 continue
-            if self._board.hand_over is not None:
-                request = palpation.TouchRequest()
-                request.hand_over.session_id, self._board.hand_over = self._board.hand_over, None
-                await call.write(request)
             assert self._board.pose is not None
             sent = self._board.pose
             next_s = now + self._period_s
             self._board.sequence += 1
             self._sent.append((self._board.sequence, now, sent))
             await call.write(self._request(sent))
+        await call.done_writing()
 
     def _wait_s(self, sent: Pose | None, next_s: float, now: float) -> float:
         """How long to wait, at most, before a pose may be sent; 0: it may be now."""
@@ -186,7 +209,7 @@ class Stream:
         if self._board.sequence - self._answered >= self._credit:
             return heartbeat_s
         board = self._board
-        news = board.pose is not sent or board.hand_over is not None or board.book.pieces != self._laws_told
+        news = board.pose is not sent or board.book.pieces != self._laws_told
         return 0.0 if news else heartbeat_s
 
     def _request(self, pose: Pose) -> palpation.TouchRequest:

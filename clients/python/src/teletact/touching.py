@@ -23,7 +23,7 @@ from teletact.channel import Peer
 from teletact.errors import (Aborted, BadAnswer, Cancelled, DeadlineExceeded, InvalidArgument, NotFound, NotPermitted,
                              ResourceExhausted, TeletactError, Unavailable)
 from teletact.law import Law
-from teletact.stream import Board, Pose, Stream
+from teletact.stream import Board, HandOver, Pose, Stream
 from teletact.v1 import palpation_pb2 as palpation
 
 _CALL = "Touch"
@@ -43,6 +43,7 @@ class Touch:
         self._error: TeletactError | None = None
         self._closed = False
         self._task: asyncio.Task[None] | None = None
+        self._handing_over = asyncio.Lock()  # one after the other
 
     # --- what a caller does -----------------------------------------------------------------------------------
 
@@ -158,9 +159,18 @@ class Touch:
         return self._board.book.law()
 
     async def hand_over(self, session_id: str) -> None:
-        """Lets the session of this name steer the scene's probe, if this one does."""
-        self._board.hand_over = session_id
-        self._board.wake.set()
+        """Lets the session of this name steer the scene's probe, if this one does. Returns once that is written,
+        after an interruption to the next stream; raises why the touch ended."""
+        request = palpation.TouchRequest(hand_over=palpation.HandOver(session_id=session_id))
+        async with self._handing_over:
+            self._raise()
+            written = asyncio.get_running_loop().create_future()
+            self._board.hand_over = HandOver(request, written)
+            self._board.wake.set()
+            try:
+                await written
+            finally:
+                self._board.hand_over = None
 
     # --- the link ---------------------------------------------------------------------------------------------
 
@@ -200,6 +210,8 @@ class Touch:
         pose = self._board.pose
         if pose is not None and pose.answer is not None and not pose.answer.done():
             pose.answer.set_exception(self._error)
+        if self._board.hand_over is not None and not self._board.hand_over.written.done():
+            self._board.hand_over.written.set_exception(self._error)
 
     async def _run(self) -> None:
         """Streams, one after the other, until one may not be followed by another."""
