@@ -109,6 +109,12 @@ bool Player::wait_until(double at_s) {
   std::unique_lock lock(mutex_);
   while (true) {
     if (orders_.stop || orders_.seek_s) return false;
+    if (std::isinf(at_s)) {
+      at_s_ = seconds_between(begin_ns_, end_ns_);
+      say();
+      changed_.wait(lock);
+      continue;
+    }
     const double left_s = at_s - at_s_;
     if (orders_.speed > 0 && left_s <= 0) return true;
     const auto before = std::chrono::steady_clock::now();
@@ -120,24 +126,37 @@ bool Player::wait_until(double at_s) {
   }
 }
 
+void Player::play(double from_s) {
+  view_.restart();
+  Entries entries(paths_);
+  view_.tell("session", nullptr);
+  {
+    const std::lock_guard lock(mutex_);
+    at_s_ = from_s;
+    say();
+  }
+  while (true) {
+    const auto entry = entries.next();
+    const double entry_s = !entry                ? std::numeric_limits<double>::infinity()
+                           : entry->has_header() ? 0
+                                                 : seconds_between(begin_ns_, entry->monotonic_ns());
+    if (entry_s > at_s_ && !wait_until(entry_s)) return;
+    if (!entry->has_scene()) view_.take(*entry);
+  }
+}
+
 void Player::run() {
   double from_s = 0;
   while (true) {
-    view_.restart();
-    at_s_ = from_s;
-    Entries entries(paths_);
-    bool on = true;
-    while (on) {
-      const auto entry = entries.next();
-      const double entry_s = !entry                ? std::numeric_limits<double>::infinity()
-                             : entry->has_header() ? 0
-                                                   : seconds_between(begin_ns_, entry->monotonic_ns());
-      on = entry_s <= at_s_ || wait_until(entry_s);
-      if (on && !entry->has_scene()) view_.take(*entry);
+    try {
+      play(from_s);
+    } catch (const std::exception& error) {  // a file that was there when it began
+      view_.tell("session", std::string("broken off: ") + error.what());
     }
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return orders_.stop || orders_.seek_s; });
     if (orders_.stop) return;
-    from_s = orders_.seek_s.value_or(0);
+    from_s = *orders_.seek_s;
     orders_.seek_s.reset();
   }
 }

@@ -34,7 +34,8 @@ class Player {
   };
   void index();
   void run();
-  bool wait_until(double at_s);  // false: another place, or the end
+  void play(double from_s);      // until an order comes for another place, or the end
+  bool wait_until(double at_s);  // false: such an order is there. Infinity: until one is
   void say();
 
   const std::vector<std::string> paths_;

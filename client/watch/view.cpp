@@ -85,6 +85,10 @@ void View::take(const v1::RecordEntry& entry) {
     switch (entry.kind_case()) {
       case v1::RecordEntry::kHeader:
         if (entry.header().kind() == "touch") header_ = entry.header();
+        if (entry.header().kind() == "acquire") {  // counts its calls from the beginning
+          windows_.clear();
+          put_windows();
+        }
         break;
       case v1::RecordEntry::kServo:
         take_tick(entry);

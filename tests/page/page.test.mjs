@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { decode } from '../../client/watch/page/decode.js';
-import { coloured, colours, extent, scale, shown, ticks } from '../../client/watch/page/layout.js';
+import { coloured, colours, extent, scale, shown, ticks, whyOld } from '../../client/watch/page/layout.js';
 import { paint, paintAnew } from '../../client/watch/page/maps.js';
 import { Series } from '../../client/watch/page/series.js';
 import { gaveWay, pressed, section, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
@@ -35,6 +35,26 @@ test('what is no whole frame is refused', () => {
   assert.throws(() => decode(frameOf(1, [[0, json, floats(1)]])), RangeError);
   const whole = frameOf(1, [[0, {}, floats(1, 2)]]);
   for (let size = 16; size < whole.byteLength; ++size) assert.throws(() => decode(whole.slice(0, size)));
+});
+
+test('what is not of now is said, and why', () => {
+  const now = { open: true, session: 'live', playing: null, quiet_s: 0.02 };
+  assert.equal(whyOld(now), '');
+  assert.match(whyOld({ ...now, quiet_s: 1.5 }), /no tick/);
+  assert.match(whyOld({ ...now, session: 'ended' }), /ended/);
+  assert.match(whyOld({ ...now, open: false }), /does not answer/);
+  assert.equal(whyOld({ ...now, session: undefined, playing: { at_s: 3 }, quiet_s: 60 }), '', 'a recording may stand');
+});
+
+test('a copy of a series stays as it is', () => {
+  const series = new Series(4);
+  series.clear(['time', 'value']);
+  series.add(10, Float32Array.of(0, 1, 1, 2));
+  const held = series.copy();
+  series.add(12, Float32Array.of(0, 3, 1, 4, 2, 5));
+  assert.deepEqual([held.count, held.time(held.added - 1), held.value(1, 1)], [2, 11, 2]);
+  assert.deepEqual([series.count, series.first, series.time(series.added - 1)], [4, 1, 14]);
+  assert.equal(held.csv(0, 20).split('\n').length, 4);
 });
 
 test('a series keeps the last rows, in time', () => {

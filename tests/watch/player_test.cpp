@@ -14,8 +14,11 @@
 namespace teletact::client {
 namespace {
 
+using namespace nlohmann::literals;
+
 constexpr auto kTrace = static_cast<std::uint32_t>(Channel::kTrace);
 constexpr auto kTimeline = static_cast<std::uint32_t>(Channel::kTimeline);
+constexpr auto kStatus = static_cast<std::uint32_t>(Channel::kStatus);
 
 // Twenty seconds, PAUSED from 5 to 8 s.
 class PlayerTest : public ::testing::Test {
@@ -41,7 +44,9 @@ class PlayerTest : public ::testing::Test {
 
   std::map<std::uint32_t, test::WebSlot> news() {
     std::string whole = frame(1, view_.news(seen_));
-    return test::decoded(whole).slots;
+    auto slots = test::decoded(whole).slots;
+    if (slots.contains(kStatus)) at_s_ = slots.at(kStatus).json.value("/playing/at_s"_json_pointer, at_s_);
+    return slots;
   }
   // Seconds since the beginning that the newest row shows.
   double shown_s() {
@@ -65,7 +70,7 @@ class PlayerTest : public ::testing::Test {
   std::string path_;
   View view_;
   View::Seen seen_;
-  double shown_s_ = 0;
+  double shown_s_ = 0, at_s_ = 0;  // of the newest row, and as the status says
 };
 
 TEST_F(PlayerTest, KnowsItsStatesAndReasonsFromTheBeginning) {
@@ -91,6 +96,42 @@ TEST_F(PlayerTest, PlaysAtAnySpeedFromAnyPlaceBackwardsToo) {
   player.obey({{"seek_s", "x"}, {"speed", nlohmann::json()}});
   player.obey({{"seek_s", 1e300}});
   EXPECT_TRUE(comes(19.9, 20.01)) << shown_s_;
+}
+
+// What the status says: where it plays, and what became of it.
+TEST_F(PlayerTest, StandsAtTheEndUntilItIsToldOtherwise) {
+  Player player({path_}, view_);
+  player.obey({{"speed", 100}});
+  EXPECT_TRUE(comes(19.9, 20.01)) << shown_s_;
+  for (int n = 0; n < 1000 && at_s_ < 20; ++n) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    news();
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  news();
+  EXPECT_EQ(at_s_, 20);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_FALSE(news().contains(kStatus)) << "nothing is new any more";
+  player.obey({{"seek_s", 3}, {"speed", 0}});
+  EXPECT_TRUE(comes(2.9, 3.01)) << shown_s_;
+}
+
+TEST_F(PlayerTest, SaysThatARecordingHasGoneAndPlaysItOnceItIsBack) {
+  Player player({path_}, view_);
+  const std::string aside = path_ + "-aside";
+  ASSERT_EQ(std::rename(path_.c_str(), aside.c_str()), 0);
+  player.obey({{"seek_s", 3}, {"speed", 0}});
+  std::string said;
+  for (int n = 0; n < 1000 && said.empty(); ++n) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    const auto slots = news();
+    if (!slots.contains(kStatus)) continue;
+    if (const auto& session = slots.at(kStatus).json["session"]; session.is_string()) said = session;
+  }
+  EXPECT_NE(said.find("broken off"), std::string::npos) << said;
+  ASSERT_EQ(std::rename(aside.c_str(), path_.c_str()), 0);
+  player.obey({{"seek_s", 4}});
+  EXPECT_TRUE(comes(3.9, 4.01)) << shown_s_;
 }
 
 TEST_F(PlayerTest, SaysWhatIsNoRecordingOfATouch) {

@@ -60,6 +60,22 @@ TEST(View, AWindowThatCameToNothingIsSaid) {
   EXPECT_EQ(windows[2]["stage"], "sent");
 }
 
+// It counts its calls from the beginning, too.
+TEST(View, AnotherAcquisitionHasItsOwnWindows) {
+  View view;
+  view.take(asked(1, 0.0));
+  view.take(published(1));
+  view.take(asked(60, 0.0));
+  v1::RecordEntry begins;
+  begins.mutable_header()->set_kind("acquire");
+  view.take(begins);
+  view.take(asked(1, 0.03));
+  const nlohmann::json windows = newest(view, Channel::kWindows)["windows"];
+  ASSERT_EQ(windows.size(), 1u);
+  EXPECT_EQ(windows[0]["stage"], "sent");
+  EXPECT_FALSE(windows[0].contains("warnings"));
+}
+
 TEST(View, WhatThePatientSideSaysStandsInTheLog) {
   View view;
   v1::RecordEntry entry;

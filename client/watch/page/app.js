@@ -1,13 +1,13 @@
 // The page: what came is kept, drawn once a frame, and then acknowledged.
 import { decode } from './decode.js';
 import { Series } from './series.js';
-import { shown } from './layout.js';
+import { shown, whyOld } from './layout.js';
 import * as panels from './panels.js';
 
 const $ = (id) => document.getElementById(id);
 const model = {
   series: new Series(), status: null, scene: null, map: null, tactile: null, windows: null, timeline: null, b_mode: null, surface: null,
-  span: 10, back: 0, paused: false, logModulus: true, logTimes: true, from: 0, to: 10, newest: 0, row: null, frozen: 0, largestForce: 1,
+  span: 10, back: 0, paused: false, logModulus: true, logTimes: true, from: 0, to: 10, newest: 0, row: null, frozen: 0, largestForce: 1, old: '',
   largest(names, least) {
     let most = least;
     for (const name of names)
@@ -26,7 +26,8 @@ painting.port1.onmessage = ({ data: pose_ms }) => keep(measured.pose_to_pixel_ms
 
 // --- what comes --------------------------------------------------------------------------------------------
 
-let socket = null, waiting = [], dirty = true, era = null, clock = null, statuses = [];
+const live = model.series;  // model.series is another one while the page is paused
+let socket = null, waiting = [], dirty = true, era = null, clock = null, statuses = [], held = [], later = {}, came_ms = 0;
 
 function connect() {
   socket = new WebSocket(new URL('live', location.href.replace(/^http/, 'ws')));
@@ -34,6 +35,7 @@ function connect() {
   socket.onmessage = ({ data }) => { waiting.push(data); };
   socket.onclose = () => {
     waiting = [];
+    era = null;  // what comes next begins anew
     $('where').textContent = 'teletact-client watch does not answer: trying again';
     setTimeout(connect, 500);
   };
@@ -43,20 +45,26 @@ const send = (words) => { if (socket?.readyState === WebSocket.OPEN) socket.send
 function take({ slots }) {
   if (slots.trace) {
     const trace = slots.trace;
-    if (trace.era !== era) { era = trace.era; model.series.clear(trace.columns); statuses = []; }
-    model.series.add(trace.begin_s, trace.rows.values);
+    if (trace.era !== era) { era = trace.era; live.clear(trace.columns); statuses = []; }
+    live.add(trace.begin_s, trace.rows.values);
     clock = trace.wall_s - trace.mono_s;
+    came_ms = performance.now();
   }
-  for (const name of ['scene', 'map', 'tactile', 'timeline', 'b_mode']) if (slots[name]) model[name] = slots[name];
-  if (slots.surface) model.surface = slots.surface.x_m ? { ...slots.surface, came: performance.now() } : null;
-  if (slots.map || slots.b_mode || slots.scene) panels.pictures.tissue.dirty = true;
-  if (slots.windows) { model.windows = slots.windows.windows; showWindows(); }
   if (slots.status) {
+    if (statuses.at(-1)?.t_s === slots.status.t_s) statuses.pop();
     statuses.push(slots.status);
     while (statuses.length > 1 && statuses[0].t_s < slots.status.t_s - 60) statuses.shift();
     if (!model.paused) showStatus(slots.status);
   }
-  if (slots.timeline) { $('player').hidden = false; $('seek').max = slots.timeline.length_s; }
+  if (slots.timeline) { model.timeline = slots.timeline; $('player').hidden = false; $('seek').max = slots.timeline.length_s; }
+  if (model.paused) Object.assign(later, slots);
+  else takePictures(slots);
+}
+function takePictures(slots) {
+  for (const name of ['scene', 'map', 'tactile', 'b_mode']) if (slots[name]) model[name] = slots[name];
+  if (slots.surface) model.surface = slots.surface.x_m ? { ...slots.surface, came: performance.now() } : null;
+  if (slots.map || slots.b_mode || slots.scene) panels.pictures.tissue.dirty = true;
+  if (slots.windows) { model.windows = slots.windows.windows; showWindows(); }
 }
 
 // --- what is shown -----------------------------------------------------------------------------------------
@@ -106,7 +114,7 @@ function showStatus(status) {
   const warning = status.answer?.warning ?? '';
   $('warning').hidden = !warning;
   set('warning', warning);
-  showFaults(status.faults === true);
+  showFaults(status.faults === true && status.session === 'live');
   if (status.playing) {
     set('played', `${status.playing.at_s.toFixed(1)} of ${(model.timeline?.length_s ?? 0).toFixed(1)} s`);
     set('play', status.playing.speed > 0 ? 'Pause' : 'Play');
@@ -114,10 +122,11 @@ function showStatus(status) {
   }
 }
 
+const noWindows = $('windows').firstElementChild;
 const stages = ['received', 'displacement', 'strain', 'modulus', 'published'];
 function showWindows() {
   const shownWindows = [...(model.windows ?? [])].reverse().filter((w) => w.origin_m);
-  if (!shownWindows.length) return;
+  if (!shownWindows.length) return $('windows').replaceChildren(noWindows);
   $('windows').replaceChildren(...shownWindows.map((w) => {
     const line = document.createElement('div');
     line.className = 'window';
@@ -152,14 +161,14 @@ function showFaults(any) {
   }));
 }
 
-const marks = { ENABLED: '●', PAUSED: '❚❚', FAULT: '✕', DISABLED: '○', DEGRADED: '◐' };
+const marks = { OLD: '–', ENABLED: '●', PAUSED: '❚❚', FAULT: '✕', DISABLED: '○', DEGRADED: '◐' };
 function showNow(row) {
-  const state = panels.stateName(row);
-  $('state').dataset.state = state;
+  const state = model.old ? 'OLD' : panels.stateName(row);
+  $('state').dataset.state = $('now').dataset.state = state;
   set('state-mark', marks[state]);
   set('state-name', state);
   const reason = model.status?.reasons?.[row.at('reason')] ?? '';
-  set('state-reason', row.faded ? `no answer for ${shown(row.at('silence_s'), 's')}: the force fades` : row.degraded ? 'the force is not trusted and fades: the log says why' : row.byService ? `${reason}; the service doubts its answer` : reason);
+  set('state-reason', model.old ? `${model.old}; what stands here was the last` : row.faded ? `no answer for ${shown(row.at('silence_s'), 's')}: the force fades` : row.degraded ? 'the force is not trusted and fades: the log says why' : row.byService ? `${reason}; the service doubts its answer` : reason);
   const half = row.at('half_width');
   set('force-now', `${row.size.toFixed(3)} N${half >= 0 && row.size > 0 ? ` ± ${(100 * half).toFixed(0)} %` : ''}`);
   const path = model.status?.answer?.path;
@@ -192,11 +201,18 @@ function frame() {
   const messages = waiting;
   waiting = [];
   let painted = 0;
-  for (const message of messages) { const one = decode(message); take(one); painted = one.number; }
-  const moved = Object.values(panels.pictures).some((p) => p.dirty);
-  if (!messages.length && !dirty && !moved) return;
-  dirty = false;
-  draw();
+  try {
+    for (const message of messages) { const one = decode(message); painted = one.number; take(one); }
+    const old = model.paused ? '' : whyOld({ open: socket.readyState === WebSocket.OPEN, session: model.status?.session, playing: model.status?.playing, quiet_s: (begin - came_ms) / 1e3 });
+    if (old !== model.old) { model.old = old; dirty = true; }
+    const moved = Object.values(panels.pictures).some((p) => p.dirty);
+    if (!messages.length && !dirty && !moved) return;
+    dirty = false;
+    draw();
+  } catch (error) {  // the next frame may do
+    $('where').textContent = `this page failed: ${error.message}`;
+    console.error(error);
+  }
   if (painted) {
     send({ painted });
     ++measured.frames;
@@ -210,7 +226,11 @@ function frame() {
 // --- what a person does ------------------------------------------------------------------------------------
 
 function pause(on) {
+  if (on === model.paused) return;
   model.paused = on;
+  model.series = on ? live.copy() : live;
+  held = statuses.slice();
+  if (!on) { takePictures(later); later = {}; }
   model.frozen = model.newest;
   model.back = 0;
   $('pause').setAttribute('aria-pressed', String(on));
@@ -225,7 +245,7 @@ function scroll(by) {
   $('scroll').value = model.back;
   set('scrolled', model.back === 0 ? 'when paused' : `${model.back.toFixed(1)} s`);
   const then = model.frozen + model.back;
-  if (model.paused) { const status = statuses.findLast((s) => s.t_s <= then); if (status) showStatus(status); }
+  if (model.paused) { const status = held.findLast((s) => s.t_s <= then); if (status) showStatus(status); }
   dirty = true;
 }
 function toggle(id, name) {
@@ -277,8 +297,10 @@ $('png').onclick = png;
 $('csv').onclick = () => save(new Blob([model.series.csv(model.from, model.to)], { type: 'text/csv' }), 'teletact.csv');
 $('play').onclick = () => send({ speed: model.status?.playing?.speed > 0 ? 0 : Number($('speed').value) });
 $('speed').onchange = () => send({ speed: Number($('speed').value) });
-$('seek').onchange = () => { send({ seek_s: Number($('seek').value) }); $('seek').blur(); };
-$('timeline').onclick = (event) => send({ seek_s: (event.offsetX / $('timeline').clientWidth) * model.timeline.length_s });
+const seek = (seek_s) => { pause(false); send({ seek_s }); };
+$('seek').onchange = () => { seek(Number($('seek').value)); $('seek').blur(); };
+$('timeline').onclick = (event) => seek((event.offsetX / $('timeline').clientWidth) * model.timeline.length_s);
+document.addEventListener('visibilitychange', () => { came_ms = performance.now(); });  // hidden, nothing comes
 document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|SELECT/.test(event.target.tagName)) return;
   if (event.key === ' ' && event.target.tagName !== 'BUTTON') { pause(!model.paused); event.preventDefault(); }

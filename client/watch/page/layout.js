@@ -10,6 +10,14 @@ export function shown(value, unit, digits = 3) {
   return `${Number((value / factor).toPrecision(digits))} ${prefix}${unit}`.trim();
 }
 
+// Why what stands on the page is not of now; empty: it is, or a recording plays.
+export function whyOld({ open, session, playing, quiet_s }) {
+  if (!open) return 'teletact-client watch does not answer';
+  if (playing) return '';
+  if (session !== 'live') return `the session: ${session}`;
+  return quiet_s > 1 ? 'no tick comes from the servo loop' : '';
+}
+
 // Values to pixels and back. Logarithmic ones take nothing below `low`.
 export function scale(log, low, high, begin, end) {
   const f = log ? Math.log : (v) => v;

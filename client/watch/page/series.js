@@ -13,6 +13,12 @@ export class Series {
     this.rows = new Float32Array(this.capacity * this.width);
     this.added = 0;
   }
+  copy() {
+    const out = Object.assign(new Series(0), this);
+    out.times = this.times.slice();
+    out.rows = this.rows.slice();
+    return out;
+  }
   get count() { return Math.min(this.added, this.capacity); }
   get first() { return this.added - this.count; }
   // Rows of the gateway: times in their first column, since `begin`.
