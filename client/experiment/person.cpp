@@ -60,12 +60,12 @@ Felt feel_on(StimulusDisplay& display, double stiffness_n_m, double background_n
   out << "Lift the finger, press it in, " << how << ", Enter when you have felt it: " << std::flush;
   while (true) {
     if (ends(read_word(in))) return Felt::kEnds;
-    if (display.felt()) return Felt::kFelt;
     if (const std::string why = display.lost(); !why.empty()) {
       voids.add(why);
       out << "\n  this trial is void, and begins again: " << why << "\n";
       return Felt::kLost;
     }
+    if (display.felt()) return Felt::kFelt;
     const std::string trouble = display.trouble();
     display.ask_for_force();
     out << "  not felt yet" << (trouble.empty() ? "" : " (" + trouble + ")")

@@ -9,6 +9,7 @@
 #include <map>
 #include <sstream>
 #include <string>
+#include <string_view>
 
 #include "client/text/shown.h"
 
@@ -95,28 +96,33 @@ std::size_t whole(const std::filesystem::path& path, const std::string& key, dou
 }
 
 void refuse_unfaithful(const std::filesystem::path& path, const Header& header) {
-  const auto is = [&](const char* key, const char* value) {
+  // As MetaIO reads it: by the first letter.
+  const auto is_true = [&](const char* key, bool where_absent) {
     const auto found = header.fields.find(key);
-    return found != header.fields.end() && found->second == value;
+    if (found == header.fields.end()) return where_absent;
+    return !found->second.empty() &&
+           std::string_view("Tt1").find(found->second.front()) != std::string_view::npos;
   };
-  if (is("CompressedData", "True"))
+  if (is_true("CompressedData", false))
     throw FileError(path, "CompressedData = True is not supported; save it uncompressed");
-  if (is("BinaryData", "False"))
+  if (!is_true("BinaryData", true))
     throw FileError(path, "BinaryData = False is not supported; save it as binary");
-  if (is("BinaryDataByteOrderMSB", "True") || is("ElementByteOrderMSB", "True"))
+  if (is_true("BinaryDataByteOrderMSB", false) || is_true("ElementByteOrderMSB", false))
     throw FileError(path, "big-endian samples are not supported; save it little-endian");
-  if (!is("ElementDataFile", "LOCAL"))
+  if (header.fields.at("ElementDataFile") != "LOCAL")
     throw FileError(path,
                     "ElementDataFile must be LOCAL (samples in the same file); convert it to one .mha file");
 }
 
 // A rotated image would be read with wrong axes: only the identity is accepted.
 void check_transform(const std::filesystem::path& path, const Header& header, std::size_t dimensions) {
-  if (!header.fields.contains("TransformMatrix")) return;
-  const auto matrix = numbers(path, header, "TransformMatrix", dimensions * dimensions);
-  for (std::size_t i = 0; i < matrix.size(); ++i)
-    if (matrix[i] != (i % (dimensions + 1) == 0 ? 1.0 : 0.0))
-      throw FileError(path, "TransformMatrix is not the identity; resample the image to its own axes");
+  for (const std::string key : {"TransformMatrix", "Rotation", "Orientation"}) {  // MetaIO's names for one
+    if (!header.fields.contains(key)) continue;
+    const auto matrix = numbers(path, header, key, dimensions * dimensions);
+    for (std::size_t i = 0; i < matrix.size(); ++i)
+      if (matrix[i] != (i % (dimensions + 1) == 0 ? 1.0 : 0.0))
+        throw FileError(path, key + " is not the identity; resample the image to its own axes");
+  }
 }
 
 MetaImage described(const std::filesystem::path& path, const Header& header) {

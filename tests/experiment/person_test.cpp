@@ -220,7 +220,7 @@ class ListedDisplay final : public StimulusDisplay {
     presented_n_m = stiffness_n_m;
   }
   bool has_inclusion() const noexcept override { return false; }
-  bool felt() const noexcept override { return lost().empty(); }
+  bool felt() const noexcept override { return true; }  // long enough before it was lost
   double felt_n_m() const override { return presented_n_m; }
   std::string trouble() const override { return ""; }
   void ask_for_force() noexcept override {}

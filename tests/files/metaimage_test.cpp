@@ -98,6 +98,10 @@ TEST(MetaImage, RefusesWhatItCannotReadFaithfully) {
   for (const Case& c : std::vector<Case>{
            {"CompressedData", "CompressedData = True", "uncompressed"},
            {"BinaryDataByteOrderMSB", "BinaryDataByteOrderMSB = True", "little-endian"},
+           {"BinaryDataByteOrderMSB", "BinaryDataByteOrderMSB = true", "little-endian"},
+           {"BinaryDataByteOrderMSB", "ElementByteOrderMSB = 1", "little-endian"},
+           {"TransformMatrix", "Orientation = 0 1 1 0", "Orientation"},
+           {"TransformMatrix", "Rotation = 0 1 1 0", "Rotation"},
            {"TransformMatrix", "TransformMatrix = 0 1 1 0", "TransformMatrix"},
            {"ElementSpacing", "ElementSpacing = 1 0", "ElementSpacing"},
            {"ElementSpacing", "ElementSpacing = 1 nan", "ElementSpacing"},
