@@ -116,7 +116,8 @@ void Imager::run(const Service& service, const std::vector<client::FramePair>& p
       statuses_.add("OK");
     } catch (const client::ServiceError& error) {
       const double took_s = seconds_since_ns(last_byte_ns);
-      (took_s <= kAtOnceS ? refused_s_ : late_s_).push_back(took_s);
+      const bool refused = error.code == grpc::StatusCode::RESOURCE_EXHAUSTED && took_s <= kAtOnceS;
+      (refused ? refused_s_ : late_s_).push_back(took_s);
       statuses_.add(code_in(error));
     }
     due = std::max(due + every, Clock::now());

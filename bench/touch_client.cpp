@@ -4,6 +4,7 @@
 #include <chrono>
 #include <thread>
 
+#include "bench/basics/clock.h"
 #include "bench/load/sweep.h"
 #include "bench/suite.h"
 #include "client/link/channel.h"
@@ -75,12 +76,15 @@ struct OpenStream {
   }
 };
 
-void count(const v1::TouchAnswer& answer, double latency_s, Clock::time_point begin, LoadResult& result) {
+void count(const v1::TouchAnswer& answer, LoadResult& result) {
   ++result.answers;
   result.without_force +=
       answer.status() != v1::TOUCH_STATUS_OK && answer.status() != v1::TOUCH_STATUS_DEGRADED;
+}
+
+void add_latency(double latency_s, double answered_s, LoadResult& result) {
   result.latency_s.push_back(latency_s);
-  result.answered_s.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
+  result.answered_s.push_back(answered_s);
 }
 
 LoadResult closed_loop(OpenStream& open, const LoadOptions& options, unsigned client) {
@@ -98,7 +102,8 @@ LoadResult closed_loop(OpenStream& open, const LoadOptions& options, unsigned cl
     do {
       if (!open.stream->Read(&response)) open.fail();
     } while (!response.has_answer() || response.answer().sequence() != result.poses);
-    count(response.answer(), std::chrono::duration<double>(Clock::now() - sent).count(), begin, result);
+    count(response.answer(), result);
+    add_latency(seconds_since(sent), seconds_since(begin), result);
   }
 }
 
@@ -108,11 +113,14 @@ LoadResult open_loop(OpenStream& open, const LoadOptions& options, unsigned clie
   const Clock::time_point begin = Clock::now();
   std::thread reader([&] {
     v1::TouchResponse response;
+    std::uint64_t answered = 0;  // poses
     while (open.stream->Read(&response)) {
       if (!response.has_answer()) continue;
       received = response.answer().answer();
-      count(response.answer(), (ns(Clock::now()) - response.answer().pose_stamp().monotonic_ns()) * 1e-9,
-            begin, result);
+      count(response.answer(), result);
+      const double now_s = seconds_since(begin);
+      for (; answered < response.answer().sequence(); ++answered)
+        add_latency(now_s - static_cast<double>(answered) / options.rate_hz, now_s, result);
     }
   });
   std::uint64_t poses = 0;

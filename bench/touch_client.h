@@ -28,9 +28,10 @@ LoadOptions load_over(const std::shared_ptr<grpc::Channel>& channel, const std::
 struct LoadResult {
   std::uint64_t poses = 0, answers = 0, without_force = 0;
   double elapsed_s = 0;
-  // Closed loop: written to received. Open loop: since the pose was due, so that a stalled sender counts.
+  // Of each pose that it or a later one was answered. Closed loop: written to received. Open loop: since the
+  // pose was due, so that a stalled sender or service counts.
   std::vector<double> latency_s;
-  std::vector<double> answered_s;  // of each: when it came, since the stream's first pose
+  std::vector<double> answered_s;  // of each: when the answer came, since the stream's first pose
 };
 
 // Runs one stream for options.duration_s. Throws BenchError when the service refuses or ends it.

@@ -139,8 +139,12 @@ Promises promises_of(const LoadFigures& load, const std::vector<WindowFigures>& 
                      double latency_limit_s) {
   double late = 0;
   for (const WindowFigures& windows : imaging) late += static_cast<double>(windows.late);
+  double ended = 0;
+  for (const auto* streams : {&load.tally.refused, &load.tally.failed})
+    for (const auto& [status, count] : *streams) ended += static_cast<double>(count);
   return {{"latency_p99_bound", load.p99_bound_s, latency_limit_s, "s"},
           {"poses_answered", answered_share(load), kAnswered, "", false},
+          {"streams_refused_or_failed", ended, 0},
           {"windows_neither_in_time_nor_refused_at_once", late, 0}};
 }
 
