@@ -7,6 +7,7 @@
 #include <cmath>
 #include <fstream>
 #include <stdexcept>
+#include <string>
 #include <thread>
 
 #include "service/plan/choices.h"
@@ -102,7 +103,7 @@ const std::vector<LimitRow>& limit_rows() {
       {"acknowledge_s", &L::acknowledge_s, 10, "s", 0.1, 600,
        "that an answer or a finger's state waits to be acknowledged"},
       {"answer_taken_s", &L::answer_taken_s, 10, "s", 0.1, 600,
-       "that a whole answer waits to be taken, and 1 s more for each MiB"},
+       "that an answer waits to be taken; a unary call's 1 s more for each MiB"},
       {"touch_idle_s", &L::touch_idle_s, 60, "s", 1, 3600, "silence that ends a touch stream"},
       {"upload_idle_s", &L::upload_idle_s, 10, "s", 0.1, 3600,
        "silence, without a byte, that ends an upload"},
@@ -152,13 +153,22 @@ Limits resolved(Limits limits, std::uint64_t host_bytes, std::uint64_t device_by
   return limits;
 }
 
-std::uint64_t host_memory_bytes(const char* of_container) {
+std::uint64_t host_memory_bytes(const std::filesystem::path& own, const std::filesystem::path& groups) {
   const long pages = sysconf(_SC_PHYS_PAGES), page_bytes = sysconf(_SC_PAGESIZE);
   if (pages <= 0 || page_bytes <= 0) return 0;
   std::uint64_t bytes = static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(page_bytes);
-  std::uint64_t most = 0;
-  if (std::ifstream(of_container) >> most && most > 0) bytes = std::min(bytes, most);  // "max" is no number
-  return bytes;
+  constexpr std::string_view kOfVersion2 = "0::/";
+  std::filesystem::path group;
+  std::ifstream file(own);
+  for (std::string line; std::getline(file, line);)
+    if (line.starts_with(kOfVersion2)) group = line.substr(kOfVersion2.size());
+  while (true) {
+    std::uint64_t most = 0;
+    if (std::ifstream(groups / group / "memory.max") >> most && most > 0)  // "max" is no number
+      bytes = std::min(bytes, most);
+    if (group.empty()) return bytes;
+    group = group.parent_path();
+  }
 }
 
 }  // namespace teletact::service

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string_view>
 #include <variant>
 #include <vector>
@@ -64,7 +65,9 @@ void set_limit(Limits&, std::string_view name, double value);
 // Where nothing else was set: the memory budgets as bytes of this machine, a quarter of the host's memory and
 // half of the device's; touch workers as many as cores.
 Limits resolved(Limits, std::uint64_t host_bytes, std::uint64_t device_bytes);
-// Of this machine, or of the container where that has less: `of_container` holds its limit (cgroup v2).
-std::uint64_t host_memory_bytes(const char* of_container = "/sys/fs/cgroup/memory.max");
+// Of this machine, or less where this process may have less: the least of its control group and of those that
+// it is in (cgroup v2; a container, a unit, a job). `own`: says which group that is, in the folder `groups`.
+std::uint64_t host_memory_bytes(const std::filesystem::path& own = "/proc/self/cgroup",
+                                const std::filesystem::path& groups = "/sys/fs/cgroup");
 
 }  // namespace teletact::service

@@ -71,7 +71,7 @@ class Calls {
   // free than it holds: none of them takes what others need.
   std::unique_ptr<Ticket> enter(CallKind, std::weak_ptr<Served>, const std::string& client = "");
   // The end, step by step; none leads back. leave(): all is served, but the service is not ready. close():
-  // calls that come are refused, and what is no touch ends. move(): touches are told to go to another
+  // calls that come are refused, and imaging ends. move(): touches are told to go to another
   // service. drain(): all end. Calls find out when they are looked at next.
   void leave() { advance(State::kLeaving); }
   void close() { advance(State::kClosed); }

@@ -108,9 +108,17 @@ void StateStore::sweep() {
 
 void StateStore::write_file(const fs::path& path, const std::string& bytes) {
   const fs::path temporary = path.string() + ".tmp";
-  files_->write(temporary, std::span(bytes.data(), bytes.size()));
-  files_->sync(temporary);
-  files_->rename(temporary, path);
+  try {
+    files_->write(temporary, std::span(bytes.data(), bytes.size()));
+    files_->sync(temporary);
+    files_->rename(temporary, path);
+  } catch (const FileError&) {
+    try {
+      files_->remove(temporary);  // a full disk needs the room
+    } catch (const FileError&) {
+    }
+    throw;
+  }
   files_->sync(path.parent_path());
 }
 

@@ -84,20 +84,34 @@ TEST(Limits, MemoryIsAQuarterOfTheHostAndHalfOfTheDeviceUnlessSet) {
   EXPECT_GT(host_memory_bytes(), 1U << 20);
 }
 
-TEST(Limits, MemoryOfAContainerIsWhatItMayHave) {
-  const std::string file =
-      (std::filesystem::temp_directory_path() / ("teletact-cgroup-" + std::to_string(getpid()))).string();
-  const auto bytes_with = [&](const char* limit) {
-    std::ofstream(file) << limit << "\n";
-    return host_memory_bytes(file.c_str());
+TEST(Limits, MemoryOfAContainerOrAJobIsWhatItMayHave) {
+  namespace fs = std::filesystem;
+  const fs::path groups = fs::temp_directory_path() / ("teletact-cgroup-" + std::to_string(getpid()));
+  fs::create_directories(groups / "slurm" / "job_1");
+  const auto bytes_in = [&](const char* group) {
+    std::ofstream(groups / "own") << "4:devices:/x\n0::" << group << "\n";
+    return host_memory_bytes(groups / "own", groups);
   };
-  const std::uint64_t machine = host_memory_bytes("/nowhere");
+  const auto limit = [&](const char* group, const char* bytes) {
+    std::ofstream(groups / group / "memory.max") << bytes << "\n";
+  };
+  const std::uint64_t machine = host_memory_bytes("/nowhere", "/nowhere");
   EXPECT_GT(machine, 1U << 20);
-  EXPECT_EQ(bytes_with("1048576"), 1U << 20);
-  EXPECT_EQ(bytes_with("max"), machine);
-  EXPECT_EQ(bytes_with("0"), machine);
-  EXPECT_EQ(bytes_with("9223372036854775807"), machine);
-  std::filesystem::remove(file);
+  EXPECT_EQ(bytes_in("/slurm/job_1"), machine) << "nothing says a limit";
+  // The process in a group of its own, as a container shows it.
+  for (const char* none : {"max", "0", "9223372036854775807"}) {
+    limit("", none);
+    EXPECT_EQ(bytes_in("/"), machine) << none;
+  }
+  limit("", "1048576");
+  EXPECT_EQ(bytes_in("/"), 1U << 20);
+  // A job: the least of those that it is in.
+  limit("", "max"), limit("slurm", "4194304"), limit("slurm/job_1", "2097152");
+  EXPECT_EQ(bytes_in("/slurm/job_1"), 1U << 21);
+  limit("slurm/job_1", "max");
+  EXPECT_EQ(bytes_in("/slurm/job_1"), 1U << 22);
+  EXPECT_EQ(bytes_in("/other"), machine);
+  fs::remove_all(groups);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
 #include <functional>
 #include <future>
 #include <map>
@@ -216,6 +217,20 @@ TEST_F(TroubledDisk, AFullOneStopsKeepingNotPublishingAndIsSaid) {
   ASSERT_EQ(scenes.list().size(), 2U);
   EXPECT_EQ(scenes.find("a")->snapshot()->windows.size(), 3U);
   EXPECT_GT(scenes.find("a")->snapshot()->version, last);
+}
+
+TEST_F(TroubledDisk, AFullOneIsNotFilledFurtherByWhatIsNotKept) {
+  Scenes scenes(kState, {}, disk);
+  create_scene(scenes, "a", tissue(0.09, 0.02), std::nullopt);
+  publish(scenes, 0);
+  for (std::size_t at = 0; at < 6; ++at) {
+    disk->fail_from(at, ENOSPC);
+    publish(scenes, 0.03);
+    EXPECT_TRUE(says_so(publish(scenes, 0.06)));
+    disk->work_again();
+    for (const std::string& name : disk->list(std::filesystem::path(kState) / "scenes" / "a"))
+      EXPECT_FALSE(name.ends_with(".tmp")) << name << " " << at;
+  }
 }
 
 TEST_F(TroubledDisk, AFailureAtAnyOperationRefusesTheSceneAndTheServiceGoesOn) {
