@@ -1,6 +1,8 @@
 // How many answers a second the touch plane gives one principal at most: as many as asked for, until turns
 // that are due wait without end; then fewer to whoever has most, and more again by steps. So whoever asks for
-// little is served as asked, and all that ask for more are served alike. Time passes in windows of kWindow.
+// little is served as asked, and all that ask for more are served alike. A level far below what the busiest
+// has all the same, whose periods are as long as they may be, would slow down others alone: there is none.
+// Time passes in windows of kWindow.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +30,7 @@ class TouchLoad {
     standing_ = stands_ ? standing_ + 1 : 0;
     eases_ = stands_ ? 0 : eases_ + 1;
     if (standing_ >= kStands) {
-      level_hz_ = kLess * std::min(level_hz_, lately_hz_);
+      level_hz_ = kLess * std::max(std::min(level_hz_, lately_hz_), busiest_hz);
       standing_ = 0;
     } else if (!stands_) {
       level_hz_ *= eases_ > kEases ? kMuchMore : kMore;

@@ -18,14 +18,19 @@ double in_seconds(TouchQueue::Clock::duration duration) {
 
 }  // namespace
 
-std::optional<std::string> TouchQueue::overload(const Principal& principal) const {
-  if (!std::isfinite(load_.level_hz())) return std::nullopt;
-  const auto known = accounts_.find(principal.name);
-  const double own = known == accounts_.end() ? 0 : known->second.active;
-  const double weight = known == accounts_.end() ? principal.weight : known->second.weight;
+std::optional<std::string> TouchQueue::overload(const Principal& principal, TurnKind kind, Time now) {
+  look(now);  // there may be nobody left who takes turns
+  double own = 0, weight = principal.weight;
+  if (const auto known = accounts_.find(principal.name); known != accounts_.end()) {
+    const Account& account = known->second;
+    if (mostly_long(account)) kind = kLongTurns;
+    own = std::max(1.0, account.active[kind]);
+    weight = account.weight;
+  }
+  if (streams_.empty() || !std::isfinite(level_hz(kind))) return std::nullopt;
   // Those that have just joined are not seen in the level yet.
-  const double before = std::max(1.0, active_), fresh = static_cast<double>(fresh_);
-  const double level_hz = load_.level_hz() * before / (before + fresh + 1);
+  const double before = std::max(1.0, active_[kind]), fresh = static_cast<double>(fresh_);
+  const double level_hz = load_[kind].level_hz() * before / (before + fresh + 1);
   const double rate_hz = weight * level_hz / (own + 1);
   if (rate_hz >= terms_.least_rate_hz) return std::nullopt;
   return fmt::format(
@@ -33,6 +38,14 @@ std::optional<std::string> TouchQueue::overload(const Principal& principal) cons
       "less "
       "than {:g} (least_touch_rate_hz) serves nobody",
       streams_.size(), rate_hz, terms_.least_rate_hz);
+}
+
+bool TouchQueue::mostly_long(const Account& account) const {
+  int more = 0;
+  for (const auto& [id, stream] : streams_)
+    if (stream.account == &account && stream.last < Clock::duration::max())
+      more += stream.kind() == kLongTurns ? 1 : -1;
+  return more > 0;
 }
 
 TouchQueue::Id TouchQueue::join(const Principal& principal, Clock::duration period) {
@@ -58,7 +71,7 @@ void TouchQueue::leave(Id id) {
   Account& account = *stream.account;
   if (stream.state == State::kTimed) timers_.erase({stream.due, id});
   if (stream.state == State::kReady) {
-    const std::size_t kind = stream.is_long();
+    const TurnKind kind = stream.kind();
     account.ready[kind].erase({stream.deadline, id});
     reorder(account, kind);
   }
@@ -71,7 +84,9 @@ void TouchQueue::leave(Id id) {
 }
 
 TouchQueue::Clock::duration TouchQueue::kept(const Stream& stream) const {
-  const double share_hz = stream.account->weight * load_.level_hz() / stream.account->active;
+  const TurnKind kind = stream.kind();
+  const double share_hz =
+      stream.account->weight * level_hz(kind) / std::max(1.0, stream.account->active[kind]);
   const double longer_s = 1 / std::max(share_hz, terms_.least_rate_hz);
   return std::max(stream.period, seconds(longer_s));
 }
@@ -102,12 +117,12 @@ void TouchQueue::make_ready(Id id, Stream& stream, Time ready) {
   stream.state = State::kReady;
   stream.due = Time::max();
   stream.deadline = ready + kept(stream);
-  const std::size_t kind = stream.is_long();
+  const TurnKind kind = stream.kind();
   account.ready[kind].emplace(stream.deadline, id);
   reorder(account, kind);
 }
 
-void TouchQueue::reorder(Account& account, std::size_t kind) {
+void TouchQueue::reorder(Account& account, TurnKind kind) {
   auto& place = account.order[kind];
   std::optional<Order> now;
   if (!account.ready[kind].empty())
@@ -119,32 +134,38 @@ void TouchQueue::reorder(Account& account, std::size_t kind) {
   place = now;
 }
 
-std::optional<TouchQueue::Turn> TouchQueue::begin(Time now) {
+void TouchQueue::look(Time now) {
   if (now - settled_ >= TouchLoad::kWindow) settle(now);
   while (next_due() <= now) {
     const auto [due, id] = *timers_.begin();
     timers_.erase(timers_.begin());
     make_ready(id, streams_.at(id), due);
   }
-  if (!any_ready()) {
-    load_.caught_up();
-    return std::nullopt;
-  }
-  const bool of_long =
-      order_[0].empty() || (!order_[1].empty() && long_may_run() && *order_[1].begin() < *order_[0].begin());
-  Account& account = *by_id_.at(std::get<2>(*order_[of_long].begin()));
-  const Id id = account.ready[of_long].begin()->second;
-  account.ready[of_long].erase(account.ready[of_long].begin());
+  for (const TurnKind kind : {kShortTurns, kLongTurns})
+    if (order_[kind].empty()) load_[kind].caught_up();
+}
+
+std::optional<TouchQueue::Turn> TouchQueue::begin(Time now) {
+  look(now);
+  if (!any_ready()) return std::nullopt;
+  const std::set<Order>&short_ones = order_[kShortTurns], &long_ones = order_[kLongTurns];
+  const TurnKind kind =
+      short_ones.empty() || (!long_ones.empty() && long_may_run() && *long_ones.begin() < *short_ones.begin())
+          ? kLongTurns
+          : kShortTurns;
+  Account& account = *by_id_.at(std::get<2>(*order_[kind].begin()));
+  const Id id = account.ready[kind].begin()->second;
+  account.ready[kind].erase(account.ready[kind].begin());
   Stream& stream = streams_.at(id);
   stream.state = State::kRunning;
   stream.begun = now;
-  long_running_ += of_long;
+  long_running_ += kind == kLongTurns;
   ++account.running;
   level_s_ = std::max(level_s_, account.served_s);
   // About what it will take is charged at once: the next worker sees it.
   stream.charged = stream.last == Clock::duration::max() ? Clock::duration{} : stream.last;
   account.served_s += in_seconds(stream.charged) / account.weight;
-  for (const std::size_t kind : {0, 1}) reorder(account, kind);
+  for (const TurnKind each : {kShortTurns, kLongTurns}) reorder(account, each);
   return Turn{id, kept(stream)};
 }
 
@@ -152,10 +173,10 @@ void TouchQueue::done(Id id, Time now, Time next, bool answered) {
   Stream& stream = streams_.at(id);
   Account& account = *stream.account;
   const Clock::duration took = now - stream.begun;
-  long_running_ -= stream.is_long();
+  long_running_ -= stream.kind() == kLongTurns;
   --account.running;
   account.served_s += in_seconds(took - stream.charged) / account.weight;
-  for (const std::size_t kind : {0, 1}) reorder(account, kind);
+  for (const TurnKind each : {kShortTurns, kLongTurns}) reorder(account, each);
   if (answered) {
     stream.before = std::exchange(stream.last, took);
     ++stream.answers;
@@ -169,19 +190,24 @@ void TouchQueue::done(Id id, Time now, Time next, bool answered) {
 void TouchQueue::settle(Time now) {
   const double passed_s = in_seconds(now - settled_);
   for (auto& [id, stream] : streams_) {
-    stream.account->answers += stream.answers;
-    stream.account->squares += stream.answers * stream.answers;
+    Account& account = *stream.account;
+    account.answers[stream.kind()] += stream.answers;
+    account.squares[stream.kind()] += stream.answers * stream.answers;
     stream.answers = 0;
   }
-  double busiest_hz = 0;
-  active_ = 0, fresh_ = 0;
-  for (auto& [name, account] : accounts_) {
-    busiest_hz = std::max(busiest_hz, account.answers / (passed_s * account.weight));
-    account.active = account.answers > 0 ? account.answers * account.answers / account.squares : 1;
-    active_ += account.active;
-    account.answers = account.squares = 0;
+  for (const TurnKind kind : {kShortTurns, kLongTurns}) {
+    double busiest_hz = 0;
+    active_[kind] = 0;
+    for (auto& [name, account] : accounts_) {
+      const double answers = std::exchange(account.answers[kind], 0);
+      const double squares = std::exchange(account.squares[kind], 0);
+      busiest_hz = std::max(busiest_hz, answers / (passed_s * account.weight));
+      account.active[kind] = answers > 0 ? answers * answers / squares : 0;
+      active_[kind] += account.active[kind];
+    }
+    load_[kind].settle(busiest_hz);
   }
-  load_.settle(busiest_hz);
+  fresh_ = 0;
   settled_ = now;
 }
 

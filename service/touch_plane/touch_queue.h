@@ -9,7 +9,8 @@
 // but one: a short one waits for none of them.
 //
 // When there is more to do than workers can, periods become longer, of whoever has most first
-// (touch_load.h). When they are as long as they may be, another stream has no room.
+// (touch_load.h). When they are as long as they may be, another stream has no room. Short turns and long ones
+// do not wait for the same workers, so each kind has a load of its own.
 #pragma once
 
 #include <array>
@@ -36,6 +37,8 @@ class TouchQueue {
   static constexpr std::chrono::milliseconds kLong{2};  // a turn as the last two were
   static constexpr double kObserverWeight = 0.25;       // who steers no probe slows down first
 
+  enum TurnKind : std::size_t { kShortTurns, kLongTurns };
+
   struct Terms {
     std::size_t workers = 2;    // at least
     double least_rate_hz = 20;  // no period becomes longer than this says
@@ -51,8 +54,9 @@ class TouchQueue {
 
   TouchQueue(const Terms& terms, Time now) : terms_(terms), settled_(now) {}
 
-  // What speaks against one more stream, in words with the load; none: there is room.
-  std::optional<std::string> overload(const Principal&) const;
+  // What speaks against one more stream, in words with the load; none: there is room. `kind`: what its turns
+  // are expected to be, unless most of the same principal's have been long.
+  std::optional<std::string> overload(const Principal&, TurnKind kind, Time now);
   // `period`: between its answers, as agreed.
   Id join(const Principal&, Clock::duration period);
   // Not while its turn runs, but by done().
@@ -65,14 +69,18 @@ class TouchQueue {
   void done(Id, Time now, Time next, bool answered);
   // When begin() may have one that it has not now, as far as is known; Time::max(): not before another call.
   Time next_due() const { return timers_.empty() ? Time::max() : timers_.begin()->first; }
-  bool any_ready() const { return !order_[0].empty() || (!order_[1].empty() && long_may_run()); }
+  bool any_ready() const {
+    return !order_[kShortTurns].empty() || (!order_[kLongTurns].empty() && long_may_run());
+  }
 
   Clock::duration period(Id) const;  // that is kept now
-  double level_hz() const { return load_.level_hz(); }
+  double level_hz(TurnKind kind) const { return load_[kind].level_hz(); }
   std::size_t streams() const { return streams_.size(); }
 
  private:
   enum class State { kIdle, kTimed, kReady, kRunning };
+  template <class T>
+  using ByKind = std::array<T, 2>;  // of TurnKind
   struct Account;
   using Order = std::tuple<std::int64_t, Time, std::uint64_t>;  // slice of time served, deadline, account
   struct Stream {
@@ -84,36 +92,38 @@ class TouchQueue {
     Clock::duration last = Clock::duration::max(), before = Clock::duration::max();  // its turns took
     Clock::duration charged{};
     double answers = 0;  // in this window
-    bool is_long() const { return std::min(last, before) > kLong; }
+    TurnKind kind() const { return std::min(last, before) > kLong ? kLongTurns : kShortTurns; }
   };
   struct Account {
     std::uint64_t id = 0;
     double weight = 1, served_s = 0;  // the latter over the weight
     std::size_t streams = 0, running = 0;
-    double active = 1;  // so many streams, answered alike, would have had the last window's answers
-    double answers = 0, squares = 0;                     // while a window is settled
-    std::array<std::set<std::pair<Time, Id>>, 2> ready;  // short, long: by deadline
-    std::array<std::optional<Order>, 2> order;           // as it stands in order_
-    bool waits() const { return !ready[0].empty() || !ready[1].empty(); }
+    ByKind<double> active{};  // so many streams, answered alike, would have had the last window's answers
+    ByKind<double> answers{}, squares{};          // while a window is settled
+    ByKind<std::set<std::pair<Time, Id>>> ready;  // by deadline
+    ByKind<std::optional<Order>> order;           // as it stands in order_
+    bool waits() const { return !ready[kShortTurns].empty() || !ready[kLongTurns].empty(); }
   };
   bool long_may_run() const { return long_running_ + 1 < terms_.workers; }
+  bool mostly_long(const Account&) const;
   Clock::duration kept(const Stream&) const;
   void set_due(Id, Stream&, Time due, Time now);
   void make_ready(Id, Stream&, Time ready);
-  void reorder(Account&, std::size_t kind);
+  void reorder(Account&, TurnKind);
+  void look(Time now);  // at what has become due, and at the windows that are over
   void settle(Time now);
 
   const Terms terms_;
-  TouchLoad load_;
+  ByKind<TouchLoad> load_;
   Time settled_;  // the last window
   std::unordered_map<Id, Stream> streams_;
   std::map<std::string, Account> accounts_;  // by principal; each has a stream
   std::unordered_map<std::uint64_t, Account*> by_id_;
   std::set<std::pair<Time, Id>> timers_;      // turns that are not due
-  std::array<std::set<Order>, 2> order_;      // principals with turns that are due: short, long
+  ByKind<std::set<Order>> order_;             // principals with turns that are due
   double level_s_ = 0;                        // where a principal that comes anew starts
   std::size_t long_running_ = 0, fresh_ = 0;  // the latter: joined since the last window
-  double active_ = 0;                         // of all
+  ByKind<double> active_{};                   // of all
   Id last_ = 0;
 };
 

@@ -28,9 +28,10 @@ TouchWorkers::~TouchWorkers() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-std::optional<std::string> TouchWorkers::overload(const TouchQueue::Principal& principal) const {
+std::optional<std::string> TouchWorkers::overload(const TouchQueue::Principal& principal,
+                                                  TouchQueue::TurnKind kind) {
   const std::lock_guard lock(mutex_);
-  return queue_.overload(principal);
+  return queue_.overload(principal, kind, Clock::now());
 }
 
 TouchWorkers::Id TouchWorkers::join(const TouchQueue::Principal& principal, Clock::duration period,

@@ -42,7 +42,7 @@ class TouchWorkers {
   TouchWorkers& operator=(const TouchWorkers&) = delete;
 
   // As TouchQueue's.
-  std::optional<std::string> overload(const TouchQueue::Principal&) const;
+  std::optional<std::string> overload(const TouchQueue::Principal&, TouchQueue::TurnKind);
   void wake(Id, Clock::time_point due);
   // `turns` stays until left(). No turn before the first wake().
   Id join(const TouchQueue::Principal&, Clock::duration period, TouchTurns& turns);
@@ -53,7 +53,7 @@ class TouchWorkers {
   void work();
   void wait(Lock&);
   void take_turn(const TouchQueue::Turn&, Lock&);
-  mutable std::mutex mutex_;
+  std::mutex mutex_;
   std::condition_variable changed_;
   TouchQueue queue_;
   std::unordered_map<Id, TouchTurns*> turns_;

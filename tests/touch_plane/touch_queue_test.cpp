@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <string>
 #include <vector>
 
 namespace teletact::service {
@@ -103,35 +104,56 @@ TEST_F(Turns, LongOnesLeaveAWorkerToShortOnes) {
   EXPECT_EQ(turn(20us), quick);
 }
 
-// A worker, streams that want an answer every millisecond each, and more of them than it can do.
+// Streams that want answers by a clock each, and more of them than the workers can give.
 class Overload : public Turns {
  protected:
+  using Duration = TouchQueue::Clock::duration;
   struct Asks {
-    TouchQueue::Clock::duration period;
+    Duration period;
     Time next;
     int answers = 0;
+    std::optional<Duration> takes{};  // in place of what run() says
   };
-  void add(const char* principal, int streams, TouchQueue::Clock::duration period) {
+  std::vector<Id> add(const char* principal, int streams, Duration period,
+                      std::optional<Duration> takes = {}) {
+    std::vector<Id> added;
     for (int k = 0; k < streams; ++k) {
-      const Id id = join(principal, period);
-      asks[id] = {period, at, 0};
+      const Id id = added.emplace_back(join(principal, period));
+      asks[id] = {period, at, 0, takes};
       queue.wake(id, at, at);
     }
+    return added;
   }
-  void run(TouchQueue::Clock::duration length, TouchQueue::Clock::duration takes) {
+  void run(Duration length, Duration takes, std::size_t workers = 1) {
     for (auto& [id, ask] : asks) ask.answers = 0;
-    for (const Time until = at + length; at < until;) {
-      const auto turn = queue.begin(at);
-      if (!turn) {
-        at = std::min(queue.next_due(), until);
-        continue;
+    const Time until = at + length;
+    std::multimap<Time, TouchQueue::Turn> running;
+    while (at < until || !running.empty()) {
+      while (at < until && running.size() < workers) {
+        const auto turn = queue.begin(at);
+        if (!turn) break;
+        running.emplace(at + asks.at(turn->id).takes.value_or(takes), *turn);
       }
-      at += takes;
-      Asks& ask = asks.at(turn->id);
+      const Time due = running.size() < workers ? std::min(queue.next_due(), until) : Time::max();
+      if (running.empty() || due < running.begin()->first) {
+        at = std::max(at, due);
+        if (running.empty() || at < until) continue;
+      }
+      const auto [over, turn] = *running.begin();
+      running.erase(running.begin());
+      at = std::max(at, over);
+      Asks& ask = asks.at(turn.id);
       ++ask.answers;
-      ask.next = std::max(ask.next, at - turn->period) + turn->period;
-      queue.done(turn->id, at, ask.next, true);
+      ask.next = std::max(ask.next, at - turn.period) + turn.period;
+      queue.done(turn.id, at, ask.next, true);
     }
+  }
+  void expect_refused(const char* principal, TouchQueue::TurnKind kind = TouchQueue::kShortTurns) {
+    EXPECT_TRUE(queue.overload({principal}, kind, at)) << principal;
+  }
+  void expect_room(const char* principal, TouchQueue::TurnKind kind = TouchQueue::kShortTurns) {
+    const auto load = queue.overload({principal}, kind, at);
+    EXPECT_FALSE(load) << principal << ": " << *load;
   }
   std::map<Id, Asks> asks;
 };
@@ -166,18 +188,56 @@ TEST_F(Overload, EndsWhenItIsOver) {
 TEST_F(Overload, OneMoreIsRefusedOnlyOncePeriodsAreAsLongAsTheyMayBe) {
   add("a", 100, 1ms);
   run(3s, 100us);
-  EXPECT_FALSE(queue.overload({"b"})) << "half of 10 000 answers a second";
-  EXPECT_FALSE(queue.overload({"a"}));
+  expect_room("b");  // half of 10 000 answers a second
+  expect_room("a");
   add("a", 500, 1ms);
   run(10s, 100us);
-  const auto load = queue.overload({"a"});
+  const auto load = queue.overload({"a"}, TouchQueue::kShortTurns, at);
   ASSERT_TRUE(load) << "16 a second";
   EXPECT_NE(load->find("600 touch streams"), std::string::npos) << *load;
   EXPECT_EQ(queue.period(asks.begin()->first), 50ms) << "who was admitted is served";
-  EXPECT_FALSE(queue.overload({"b"})) << "has a share of its own";
+  expect_room("b");  // has a share of its own
   for (const auto& [id, ask] : asks) queue.leave(id);
   run(1s, 100us);
-  EXPECT_FALSE(queue.overload({"a"}));
+  expect_room("a");
+}
+
+TEST_F(Overload, WhoCannotBeSlowedDownAnyFurtherSlowsNobodyElse) {
+  add("greedy", 600, 1ms);
+  const Id operators = add("operator", 1, 2ms).front();
+  run(60s, 100us);
+  EXPECT_EQ(queue.period(operators), 2ms);
+  expect_room("newcomer");
+  run(1s, 100us);
+  EXPECT_EQ(asks.at(operators).answers, 500);
+}
+
+TEST_F(Overload, IsOverOnceThoseThatMadeItHaveLeft) {
+  std::vector<std::string> names;
+  for (int k = 0; k < 600; ++k) add(names.emplace_back(std::to_string(k)).c_str(), 1, 1ms);
+  run(10s, 100us);
+  expect_refused("newcomer");
+  join("one that sends nothing");
+  for (const auto& [id, ask] : asks) queue.leave(id);
+  for (int windows = 0; windows < 2; ++windows) {  // and nobody takes a turn
+    at += TouchLoad::kWindow;
+    queue.overload({"newcomer"}, TouchQueue::kShortTurns, at);
+  }
+  expect_room("newcomer");
+}
+
+TEST_F(Overload, OfLongTurnsIsSeenAndSlowsNoShortOnes) {
+  const Id quick = add("quick", 1, 2ms, 20us).front();
+  std::vector<Id> slow;
+  for (const char* principal : {"a", "b", "c", "d", "e", "f", "g", "h", "i", "j"})
+    slow.push_back(add(principal, 1, 2ms, 30ms).front());
+  run(20s, 0us, 2);
+  EXPECT_EQ(queue.period(quick), 2ms);
+  EXPECT_NEAR(asks.at(quick).answers, 10000, 100);
+  for (const Id id : slow) EXPECT_EQ(queue.period(id), 50ms);
+  expect_refused("another", TouchQueue::kLongTurns);
+  expect_refused("a");  // its turns are long
+  expect_room("another");
 }
 
 }  // namespace

@@ -100,9 +100,11 @@ class Simulation {
 
   void come(std::size_t k) {
     Client& c = clients_[k];
-    if (queue_->overload(principal_of(c))) {
+    if (queue_->overload(principal_of(c), TouchQueue::kShortTurns, now_)) {
       ++refused;
-      if (!std::isfinite(queue_->level_hz())) fail("refused before periods were lengthened");
+      if (!std::isfinite(queue_->level_hz(TouchQueue::kShortTurns)) &&
+          !std::isfinite(queue_->level_hz(TouchQueue::kLongTurns)))
+        fail("refused before periods were lengthened");
       return;
     }
     c.exchange = std::make_unique<TouchExchange>(c.terms, now_);
