@@ -284,6 +284,8 @@ def main():
         for name, value in equal.items():
             assert abs(shown[name] - value) <= 1e-9 * max(1, abs(value)), (name, shown[name], value)
         print(f"[ equal ] {len(equal)} figures of the page are the summary's")
+        until("what stands there being called old", lambda: driver.find_element(By.ID, "state-name").text == "OLD", 10)
+        assert "ended" in driver.find_element(By.ID, "state-reason").text
         errors = console_errors(driver)
         assert not errors, errors
         print("[ quiet ] no error in the console")
