@@ -1,7 +1,7 @@
 // How many answers a second the touch plane gives one principal at most: as many as asked for, until turns
 // that are due wait without end; then fewer to whoever has most, and more again by steps. So whoever asks for
-// little is served as asked, and all that ask for more are served alike. A level far below what the busiest
-// has all the same, whose periods are as long as they may be, would slow down others alone: there is none.
+// little is served as asked, and all that ask for more are served alike. The level stays near what the
+// busiest has: where its periods are as long as they may be, a lower one would slow down the others alone.
 // Time passes in windows of kWindow.
 #pragma once
 

@@ -30,8 +30,8 @@ std::optional<std::string> TouchQueue::overload(const Principal& principal, Turn
   if (streams_.empty() || !std::isfinite(level_hz(kind))) return std::nullopt;
   // Those that have just joined are not seen in the level yet.
   const double before = std::max(1.0, active_[kind]), fresh = static_cast<double>(fresh_);
-  const double level_hz = load_[kind].level_hz() * before / (before + fresh + 1);
-  const double rate_hz = weight * level_hz / (own + 1);
+  const double share_hz = level_hz(kind) * before / (before + fresh + 1);
+  const double rate_hz = weight * share_hz / (own + 1);
   if (rate_hz >= terms_.least_rate_hz) return std::nullopt;
   return fmt::format(
       "{} touch streams are answered as often as can be: another one would be {:.1f} times a second, and "

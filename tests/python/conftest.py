@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 import pytest
+from lying_service import Liar
 
 import teletact
 
@@ -91,6 +92,22 @@ def kept():
                 yield process, service
         finally:
             process.stop()
+
+
+@pytest.fixture(scope="module")
+def liar():
+    with short_folder() as folder:
+        liar = Liar()
+        server = liar.serve(f"unix:{folder}/liar")
+        yield liar
+        server.stop(None).wait()
+
+
+@pytest.fixture
+def lied_to(liar):
+    liar.over.clear()
+    with teletact.connect(liar.address) as service:
+        yield service
 
 
 def run_client(*arguments):

@@ -1,7 +1,5 @@
 """Whatever a service sends ends in a clear error, at once, and takes nothing else down."""
 
-import asyncio
-import concurrent.futures
 import contextlib
 import struct
 import threading
@@ -11,63 +9,12 @@ import grpc
 import numpy as np
 import pytest
 from conftest import short_folder
+from lying_service import answer_to, lying, opened
 
 import teletact
 from teletact.v1 import common_pb2 as common
 from teletact.v1 import elastography_pb2 as elastography
-from teletact.v1 import elastography_pb2_grpc as elastography_grpc
 from teletact.v1 import palpation_pb2 as palpation
-from teletact.v1 import palpation_pb2_grpc as palpation_grpc
-
-
-class Liar(palpation_grpc.PalpationServicer, elastography_grpc.ElastographyServicer):
-    """Answers what a test tells it to."""
-
-    def __init__(self):
-        self.scene = palpation.Scene()
-        self.estimate = []
-        self.touch = lambda requests, context: iter(())
-        self.observe = lambda requests, context: iter(())
-        self.over = threading.Event()  # of the newest touch
-
-    def ListScenes(self, request, context):
-        return palpation.ListScenesResponse()
-
-    def GetScene(self, request, context):
-        return self.scene
-
-    def Estimate(self, requests, context):
-        for _ in requests:
-            pass
-        yield from self.estimate
-
-    def Observe(self, requests, context):
-        yield from self.observe(requests, context)
-
-    def Touch(self, requests, context):
-        context.add_callback(self.over.set)
-        yield from self.touch(requests, context)
-
-
-@pytest.fixture(scope="module")
-def liar():
-    with short_folder() as folder:
-        server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
-        servant = Liar()
-        palpation_grpc.add_PalpationServicer_to_server(servant, server)
-        elastography_grpc.add_ElastographyServicer_to_server(servant, server)
-        servant.address = f"unix:{folder}/liar"
-        server.add_insecure_port(servant.address)
-        server.start()
-        yield servant
-        server.stop(None).wait()
-
-
-@pytest.fixture
-def lied_to(liar):
-    liar.over.clear()
-    with teletact.connect(liar.address) as service:
-        yield service
 
 
 def a_map(name, values, dtype=common.DATA_TYPE_FLOAT32, unit="Pa"):
@@ -168,38 +115,6 @@ def test_a_b_mode_image_lies_on_a_grid_of_its_own(liar, lied_to):
     assert maps.youngs_modulus.dims == ("y", "x") and maps.youngs_modulus.shape == (3, 4)
 
 
-def opened(**changes):
-    out = palpation.TouchOpened(period_s=0.002, credit=2, instance=5)
-    out.covered.end_x_m = 0.1
-    for name, value in changes.items():
-        setattr(out, name, value)
-    return palpation.TouchResponse(opened=out)
-
-
-def answer_to(request, number, **changes):
-    out = palpation.TouchAnswer(answer=number, sequence=request.pose.sequence, status=palpation.TOUCH_STATUS_OK,
-                                position_m=request.pose.position_m, force_n=[0.0, -0.1, 0.0], tangent_n_m=[0.0] * 9)
-    out.covered.end_x_m = 0.1
-    for name, value in changes.items():
-        if isinstance(value, list):
-            del getattr(out, name)[:]
-            getattr(out, name).extend(value)
-        else:
-            setattr(out, name, value)
-    return palpation.TouchResponse(answer=out)
-
-
-def lying(*makers):
-    """A touch that is opened well; then each pose is answered by the next of these, the last one again and again."""
-    def touch(requests, context):
-        next(requests)
-        yield opened()
-        for number, request in enumerate(requests, 1):
-            yield from makers[min(number, len(makers)) - 1](request, number)
-
-    return touch
-
-
 def well(request, number):
     yield answer_to(request, number)
 
@@ -283,101 +198,11 @@ def test_a_service_that_says_nothing_is_given_up_and_tried_again(liar, lied_to):
 
 
 def test_who_opens_and_sends_no_pose_yet_keeps_the_stream(liar, lied_to):
-    def touch(requests, context):
-        next(requests)
-        yield opened()
-        for number, request in enumerate(requests, 1):
-            yield answer_to(request, number)
-
-    liar.touch = touch
+    liar.touch = lying(well)
     with lied_to.touch("s", dead_s=0.3) as touch:
         time.sleep(1)
         assert touch.at([0.05, 0.002]).force_n[1] == -0.1
         assert touch.streams == 1
-
-
-def handed_over(to):
-    """A touch that answers nothing, and keeps to whom it was handed over."""
-    def touch(requests, context):
-        next(requests)
-        yield opened()
-        to.extend(request.hand_over.session_id for request in requests)
-
-    return touch
-
-
-def test_a_hand_over_arrives_without_a_pose_and_who_leaves_at_once_does_not_lose_it(liar, lied_to):
-    names = [f"hand {k}" for k in range(100)]
-    to = []
-    liar.touch = handed_over(to)
-    for name in names:
-        liar.over.clear()
-        with lied_to.touch("s") as touch:
-            touch.hand_over(name)
-        assert liar.over.wait(20)
-    assert to == names
-
-
-def test_hand_overs_by_asyncio_are_written_one_after_the_other(liar, lied_to):
-    to = []
-    liar.touch = handed_over(to)
-
-    async def work():
-        async with await teletact.aio.connect(liar.address) as service, service.touch("s") as touch:
-            await asyncio.gather(*(touch.hand_over(name) for name in "abc"))
-            cancelled = asyncio.create_task(touch.hand_over("d"))
-            await asyncio.sleep(0)
-            cancelled.cancel()
-            await asyncio.gather(cancelled, return_exceptions=True)
-            with pytest.raises(TypeError):
-                await touch.hand_over(5)
-            await touch.hand_over("e")
-
-    asyncio.run(work())
-    assert liar.over.wait(20) and [name for name in to if name != "d"] == ["a", "b", "c", "e"]
-
-
-def test_a_hand_over_waits_for_the_stream_and_says_when_there_is_none(liar, lied_to):
-    to, called, may_open, read = [], threading.Event(), threading.Event(), threading.Event()
-
-    def again(requests, context):
-        next(requests)
-        called.set()
-        may_open.wait(20)
-        yield opened()
-        for request in requests:
-            to.append(request.hand_over.session_id)
-            read.set()
-
-    def once(requests, context):
-        liar.touch = again
-        next(requests)
-        yield opened()
-
-    liar.touch = once
-    with concurrent.futures.ThreadPoolExecutor(1) as beside, lied_to.touch("s") as touch:
-        assert called.wait(20)
-        written = beside.submit(touch.hand_over, "b")
-        with pytest.raises(concurrent.futures.TimeoutError):
-            written.result(0.3)
-        may_open.set()
-        assert written.result(20) is None and touch.streams == 2
-    assert read.wait(20) and to == ["b"]
-    with pytest.raises(teletact.Cancelled, match="closed"):
-        touch.hand_over("b")
-
-    called.clear()
-    may_open.clear()
-    liar.touch = once
-    with concurrent.futures.ThreadPoolExecutor(1) as beside, lied_to.touch("s") as touch:
-        assert called.wait(20)
-        written = beside.submit(touch.hand_over, "b")
-        with pytest.raises(concurrent.futures.TimeoutError):
-            written.result(0.3)
-        touch.close()
-        may_open.set()
-        with pytest.raises(teletact.Cancelled, match="closed"):
-            written.result(20)
 
 
 def test_what_a_peer_says_is_one_plain_line(liar, lied_to):

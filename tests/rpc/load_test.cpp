@@ -18,12 +18,14 @@ using namespace std::chrono_literals;
 // Somebody who is always due, and whose turns are long.
 class Endless final : public TouchTurns {
  public:
-  Done turn(TouchQueue::Clock::duration) override {
+  Done turn(TouchQueue::Clock::duration period) override {
+    kept = period;
     std::this_thread::sleep_for(5ms);
     return {leave ? TouchQueue::Time::max() : TouchQueue::Clock::now(), true, leave};
   }
   void left() override { gone = true; }
   std::atomic<bool> leave{false}, gone{false};
+  std::atomic<TouchQueue::Clock::duration> kept{};  // period of its last turn
 };
 
 template <class Condition>
@@ -69,6 +71,9 @@ TEST_F(Load, OneMoreThanCanBeServedIsRefusedAndTheAdmittedAreNot) {
   const grpc::Status refused = opened_by(kBusy);
   expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, "least_touch_rate_hz");
   expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, "try again");
+  // THEN its long turns come as seldom as they may
+  EXPECT_TRUE(soon(
+      [&] { return std::ranges::all_of(endless, [](const Endless& e) { return e.kept.load() == 50ms; }); }));
   // THEN what was admitted is answered as agreed, since its turns are short, and so is another client
   v1::TouchAnswer answer;
   ASSERT_TRUE(admitted.send(0.05, 0.002) && admitted.read(&answer));

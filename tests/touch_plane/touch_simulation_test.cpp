@@ -100,10 +100,15 @@ class Simulation {
 
   void come(std::size_t k) {
     Client& c = clients_[k];
-    if (queue_->overload(principal_of(c), TouchQueue::kShortTurns, now_)) {
+    const auto is_long = [](const Client& one) { return one.takes > TouchQueue::kLong; };
+    const auto lengthened = [&](TouchQueue::TurnKind kind) { return std::isfinite(queue_->level_hz(kind)); };
+    const auto kind = is_long(c) ? TouchQueue::kLongTurns : TouchQueue::kShortTurns;
+    if (queue_->overload(principal_of(c), kind, now_)) {
       ++refused;
-      if (!std::isfinite(queue_->level_hz(TouchQueue::kShortTurns)) &&
-          !std::isfinite(queue_->level_hz(TouchQueue::kLongTurns)))
+      const bool has_long = std::ranges::any_of(clients_, [&](const Client& one) {
+        return one.principal == c.principal && one.id != 0 && is_long(one);
+      });
+      if (!lengthened(kind) && !(has_long && lengthened(TouchQueue::kLongTurns)))
         fail("refused before periods were lengthened");
       return;
     }

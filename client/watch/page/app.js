@@ -27,7 +27,7 @@ painting.port1.onmessage = ({ data: pose_ms }) => keep(measured.pose_to_pixel_ms
 // --- what comes --------------------------------------------------------------------------------------------
 
 const live = model.series;  // model.series is another one while the page is paused
-let socket = null, waiting = [], dirty = true, era = null, clock = null, statuses = [], held = [], later = {}, came_ms = 0;
+let socket = null, waiting = [], dirty = true, era = null, clock = null, statuses = [], held = [], later = {}, came_ms = 0, failed = false;
 
 function connect() {
   socket = new WebSocket(new URL('live', location.href.replace(/^http/, 'ws')));
@@ -210,8 +210,9 @@ function frame() {
     dirty = false;
     draw();
   } catch (error) {  // the next frame may do
-    $('where').textContent = `this page failed: ${error.message}`;
-    console.error(error);
+    if (!failed) console.error(error);  // once: there are 60 frames a second
+    failed = true;
+    set('where', `this page failed: ${error.message}`);
   }
   if (painted) {
     send({ painted });

@@ -1,0 +1,81 @@
+"""A service that answers what a test tells it to."""
+
+import concurrent.futures
+import threading
+
+import grpc
+
+from teletact.v1 import elastography_pb2_grpc as elastography_grpc
+from teletact.v1 import palpation_pb2 as palpation
+from teletact.v1 import palpation_pb2_grpc as palpation_grpc
+
+
+class Liar(palpation_grpc.PalpationServicer, elastography_grpc.ElastographyServicer):
+    """Answers what a test tells it to."""
+
+    def __init__(self):
+        self.scene = palpation.Scene()
+        self.estimate = []
+        self.touch = lambda requests, context: iter(())
+        self.observe = lambda requests, context: iter(())
+        self.over = threading.Event()  # of the newest touch
+
+    def ListScenes(self, request, context):
+        return palpation.ListScenesResponse()
+
+    def GetScene(self, request, context):
+        return self.scene
+
+    def Estimate(self, requests, context):
+        for _ in requests:
+            pass
+        yield from self.estimate
+
+    def Observe(self, requests, context):
+        yield from self.observe(requests, context)
+
+    def Touch(self, requests, context):
+        context.add_callback(self.over.set)
+        yield from self.touch(requests, context)
+
+    def serve(self, address):
+        """A server, which has started; who calls stops it."""
+        server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
+        palpation_grpc.add_PalpationServicer_to_server(self, server)
+        elastography_grpc.add_ElastographyServicer_to_server(self, server)
+        self.address = address
+        server.add_insecure_port(address)
+        server.start()
+        return server
+
+
+def opened(**changes):
+    out = palpation.TouchOpened(period_s=0.002, credit=2, instance=5)
+    out.covered.end_x_m = 0.1
+    for name, value in changes.items():
+        setattr(out, name, value)
+    return palpation.TouchResponse(opened=out)
+
+
+def answer_to(request, number, **changes):
+    out = palpation.TouchAnswer(answer=number, sequence=request.pose.sequence, status=palpation.TOUCH_STATUS_OK,
+                                position_m=request.pose.position_m, force_n=[0.0, -0.1, 0.0], tangent_n_m=[0.0] * 9)
+    out.covered.end_x_m = 0.1
+    for name, value in changes.items():
+        if isinstance(value, list):
+            del getattr(out, name)[:]
+            getattr(out, name).extend(value)
+        else:
+            setattr(out, name, value)
+    return palpation.TouchResponse(answer=out)
+
+
+def lying(*makers):
+    """A touch that is opened well; then each pose is answered by the next of these, the last one again and again."""
+    def touch(requests, context):
+        next(requests)
+        yield opened()
+        for number, request in enumerate(requests, 1):
+            yield from makers[min(number, len(makers)) - 1](request, number)
+
+    return touch
