@@ -29,7 +29,7 @@ class TouchLoad {
     lately_hz_ = std::max(busiest_hz, kForgets * lately_hz_);
     standing_ = stands_ ? standing_ + 1 : 0;
     eases_ = stands_ ? 0 : eases_ + 1;
-    if (standing_ >= kStands) {
+    if (standing_ >= kStands && busiest_hz > 0) {  // without an answer there is nothing to measure it by
       level_hz_ = kLess * std::max(std::min(level_hz_, lately_hz_), busiest_hz);
       standing_ = 0;
     } else if (!stands_) {

@@ -226,6 +226,20 @@ TEST_F(Overload, IsOverOnceThoseThatMadeItHaveLeft) {
   expect_room("newcomer");
 }
 
+// Streams that come together and are not answered yet, as while a scene's first model is made.
+TEST_F(Overload, IsNotSeenInTurnsThatAnswerNothing) {
+  std::vector<Id> fresh;
+  for (int k = 0; k < 100; ++k) queue.wake(fresh.emplace_back(join("fresh", 2ms)), at, at);
+  for (int turns = 0; turns < 100; ++turns) {
+    const auto turn = queue.begin(at);
+    ASSERT_TRUE(turn);
+    at += 10ms;
+    queue.done(turn->id, at, Time::max(), false);
+  }
+  for (const auto kind : {TouchQueue::kShortTurns, TouchQueue::kLongTurns}) expect_room("newcomer", kind);
+  for (const Id id : fresh) EXPECT_EQ(queue.period(id), 2ms);
+}
+
 TEST_F(Overload, OfLongTurnsIsSeenAndSlowsNoShortOnes) {
   const Id quick = add("quick", 1, 2ms, 20us).front();
   std::vector<Id> slow;
