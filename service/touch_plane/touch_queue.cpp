@@ -35,8 +35,7 @@ std::optional<std::string> TouchQueue::overload(const Principal& principal, Turn
   if (rate_hz >= terms_.least_rate_hz) return std::nullopt;
   return fmt::format(
       "{} touch streams are answered as often as can be: another one would be {:.1f} times a second, and "
-      "less "
-      "than {:g} (least_touch_rate_hz) serves nobody",
+      "less than {:g} (least_touch_rate_hz) serves nobody",
       streams_.size(), rate_hz, terms_.least_rate_hz);
 }
 

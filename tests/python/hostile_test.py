@@ -9,24 +9,12 @@ import grpc
 import numpy as np
 import pytest
 from conftest import short_folder
-from lying_service import answer_to, lying, opened
+from lying_service import a_map, answer_to, lying, opened
 
 import teletact
 from teletact.v1 import common_pb2 as common
 from teletact.v1 import elastography_pb2 as elastography
 from teletact.v1 import palpation_pb2 as palpation
-
-
-def a_map(name, values, dtype=common.DATA_TYPE_FLOAT32, unit="Pa"):
-    height, width = np.shape(values)
-    out = common.Map(name=name, unit=unit)
-    out.grid.size.extend([width, height])
-    out.grid.origin_m.extend([0.0, 0.0])
-    out.grid.spacing_m.extend([0.001, 0.001])
-    out.values.dtype = dtype
-    out.values.shape.extend([height, width])
-    out.values.data = np.asarray(values, "u1" if dtype == common.DATA_TYPE_UINT8 else "<f4").tobytes()
-    return out
 
 
 def good_maps():

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import short_folder
-from hostile_test import a_map, liar, lied_to  # noqa: F401  # two are fixtures
 from igtl_peer import Client, bitwise, plane, until
+from lying_service import a_map
 
 import teletact
 from teletact import igtl
@@ -171,7 +171,7 @@ def following(follow, *arguments):
         assert not thread.is_alive()
 
 
-def test_a_scene_is_sent_when_it_changes(server, liar, lied_to, said):  # noqa: F811
+def test_a_scene_is_sent_when_it_changes(server, liar, lied_to, said):
     def observed(requests, context):
         next(requests)
         for state in range(1, 10000):

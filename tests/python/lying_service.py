@@ -4,7 +4,9 @@ import concurrent.futures
 import threading
 
 import grpc
+import numpy as np
 
+from teletact.v1 import common_pb2 as common
 from teletact.v1 import elastography_pb2_grpc as elastography_grpc
 from teletact.v1 import palpation_pb2 as palpation
 from teletact.v1 import palpation_pb2_grpc as palpation_grpc
@@ -47,6 +49,18 @@ class Liar(palpation_grpc.PalpationServicer, elastography_grpc.ElastographyServi
         server.add_insecure_port(address)
         server.start()
         return server
+
+
+def a_map(name, values, dtype=common.DATA_TYPE_FLOAT32, unit="Pa"):
+    height, width = np.shape(values)
+    out = common.Map(name=name, unit=unit)
+    out.grid.size.extend([width, height])
+    out.grid.origin_m.extend([0.0, 0.0])
+    out.grid.spacing_m.extend([0.001, 0.001])
+    out.values.dtype = dtype
+    out.values.shape.extend([height, width])
+    out.values.data = np.asarray(values, "u1" if dtype == common.DATA_TYPE_UINT8 else "<f4").tobytes()
+    return out
 
 
 def opened(**changes):

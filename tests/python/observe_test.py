@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from hostile_test import a_map, liar, lied_to  # noqa: F401  # two are fixtures
+from lying_service import a_map
 
 import teletact
 from teletact.v1 import common_pb2 as common
@@ -175,7 +175,7 @@ LIES = {
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_lies(lie, liar, lied_to):  # noqa: F811
+def test_lies(lie, liar, lied_to):
     message, field = LIES[lie]
     liar.observe = lambda requests, context: iter([message])
     with lied_to.observe("s", maps=MAPS) as seen:
@@ -184,7 +184,7 @@ def test_lies(lie, liar, lied_to):  # noqa: F811
         assert caught.value.field == field and caught.value.remedy and not seen.maps, "nothing of it was taken"
 
 
-def test_parts_are_drawn_over_each_other(liar, lied_to):  # noqa: F811
+def test_parts_are_drawn_over_each_other(liar, lied_to):
     parts = [part("youngs_modulus", np.full((2, 2), 5.0), origin_m=(0.002, 0.001)),
              part("youngs_modulus", np.full((1, 1), 7.0), origin_m=(0.002, 0.001)),
              part("youngs_modulus", np.full((1, 2), 9.0), origin_m=(0.0, 0.0))]
@@ -197,13 +197,13 @@ def test_parts_are_drawn_over_each_other(liar, lied_to):  # noqa: F811
         np.testing.assert_allclose(seen.maps["youngs_modulus"].x, [0, 0.001, 0.002, 0.003], atol=1e-12)
 
 
-def test_a_map_that_was_not_asked_for_is_a_lie(liar, lied_to):  # noqa: F811
+def test_a_map_that_was_not_asked_for_is_a_lie(liar, lied_to):
     liar.observe = lambda requests, context: iter([state(maps=[valid()])])
     with lied_to.observe("s", maps=["b_mode"]) as seen, pytest.raises(teletact.BadAnswer, match="not asked for"):
         seen.next()
 
 
-def test_b_mode_images_without_end_are_a_lie(liar, lied_to, monkeypatch):  # noqa: F811
+def test_b_mode_images_without_end_are_a_lie(liar, lied_to, monkeypatch):
     monkeypatch.setattr("teletact.observing._MOST_B_MODE_BYTES", 20)
     images = [part("b_mode", np.ones((3, 4)), common.DATA_TYPE_UINT8, window_id=k) for k in range(2)]
     liar.observe = lambda requests, context: iter([state(1, maps=images[:1]), state(2, maps=images[1:])])
@@ -213,7 +213,7 @@ def test_b_mode_images_without_end_are_a_lie(liar, lied_to, monkeypatch):  # noq
             seen.next()
 
 
-def test_rows_that_come_alone_lie_as_far_apart_as_they_say(liar, lied_to):  # noqa: F811
+def test_rows_that_come_alone_lie_as_far_apart_as_they_say(liar, lied_to):
     rows = [part("youngs_modulus", np.full((1, 2), 1.0 + k), origin_m=(0.0, 0.001 * k)) for k in (0, 2)]
     liar.observe = lambda requests, context: iter([state(maps=rows)])
     with lied_to.observe("s", maps=["youngs_modulus"]) as seen:
@@ -221,7 +221,7 @@ def test_rows_that_come_alone_lie_as_far_apart_as_they_say(liar, lied_to):  # no
         np.testing.assert_array_equal(seen.maps["youngs_modulus"], [[1, 1], [np.nan] * 2, [3, 3]])
 
 
-def test_closed_while_a_state_is_waited_for(liar, lied_to):  # noqa: F811
+def test_closed_while_a_state_is_waited_for(liar, lied_to):
     asked = threading.Event()
 
     def silent(requests, context):

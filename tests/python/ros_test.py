@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import ros_stubs
 from conftest import SOURCE
-from hostile_test import answer_to, liar, opened  # noqa: F401  # liar is a fixture
+from lying_service import answer_to, opened
 
 import teletact
 from teletact.v1 import palpation_pb2 as palpation
@@ -234,7 +234,7 @@ def said(node):
     return [message.string for message in node.publishers["teletact/warning"].sent]
 
 
-def test_a_touch_through_the_node(liar):  # noqa: F811
+def test_a_touch_through_the_node(liar):
     tissue = Tissue()
     liar.touch = tissue.touch
 
@@ -258,7 +258,7 @@ def test_a_touch_through_the_node(liar):  # noqa: F811
     assert not ros_stubs.Ros.up and not ros_stubs.Ros.nodes
 
 
-def test_a_service_that_lies_or_ends_is_a_fault(liar):  # noqa: F811
+def test_a_service_that_lies_or_ends_is_a_fault(liar):
     tissue = Tissue()
     liar.touch = tissue.touch
 
