@@ -119,7 +119,7 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
     std::replace(flag.begin(), flag.end(), '_', '-');
     const bool take = !given(flag);  // the command line wins
     if (const char* const must =
-            std::visit([&](auto* option) { return set(*option, node, take); }, known->second))
+            std::visit([&, &value = node](auto* option) { return set(*option, value, take); }, known->second))
       throw std::runtime_error(where + name + must);
   }
 }

@@ -11,7 +11,10 @@ namespace teletact {
 namespace {
 
 TEST(Soak, AMinuteOfEverythingAtOnce) {
-  constexpr double kReadyS = 300, kSoakS = 600, kMostGrowthBytes = 64e6;
+  constexpr double kReadyS = 300, kSoakS = 600;
+  // Between windows, where usually 3 MB lie between the least and the most; and at all times, where windows
+  // that a busy machine is late with lie beside each other, and what they needed is given back when it suits.
+  constexpr double kMostInUseBytes = 32e6, kMostResidentBytes = 160e6;
   const test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s"), admin = "unix:" + (folder / "a"),
                     json_file = folder / "soak.json";
@@ -31,14 +34,17 @@ TEST(Soak, AMinuteOfEverythingAtOnce) {
   EXPECT_EQ(touched.at("without_force"), 0);
   for (const char* phase : {"imaging", "idle", "busy_cores"})
     EXPECT_GT(touched.at(phase).at("latency_s").at("count"), 1000) << phase;
-  const auto& memory = result.at("resident");
-  EXPECT_LT(memory.at("most").get<double>() - memory.at("least").get<double>(), kMostGrowthBytes);
+  const auto spread = [&](const char* held) {
+    return result.at(held).at("most").get<double>() - result.at(held).at("least").get<double>();
+  };
+  EXPECT_LT(spread("memory"), kMostInUseBytes);
+  EXPECT_LT(spread("resident"), kMostResidentBytes);
   for (const char* held : {"resident", "descriptors", "threads"}) {
     EXPECT_GT(result.at(held).at("samples").size(), 100) << held;
     EXPECT_GT(result.at(held).at("least"), 0) << held;
   }
   EXPECT_GT(result.at("memory").at("samples").size(), 10);  // memory in use, between windows
-  EXPECT_LT(result.at("memory").at("most"), memory.at("most"));
+  EXPECT_LT(result.at("memory").at("most"), result.at("resident").at("most"));
   std::size_t answered = 0;
   for (const auto& client : result.at("fair"))
     answered += client.at("published").get<std::size_t>() + client.at("refused").get<std::size_t>();

@@ -101,14 +101,14 @@ TEST(ServoThreads, TheEndOfAMotionIsSeenFromAnotherThread) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   EXPECT_TRUE(device.ended());
+  stop = true;  // the tick that saw the end may not have been told yet
+  loop.join();
+  stop_link = true;
+  link.join();
   while (servo->telemetry().pop(tick)) x_m = tick.pose.position_m.x();
   EXPECT_GE(begun_s, 0);
   EXPECT_GE(1e-9 * static_cast<double>(tick.time_ns) - begun_s, 0.19) << "it ended before the motion did";
   EXPECT_NEAR(x_m, 0.03, 1e-9);
-  stop = true;
-  loop.join();
-  stop_link = true;
-  link.join();
 }
 
 // Held out of the tissue until force is on, then pressed; keeps what was written. Read it when the loop is
