@@ -76,7 +76,8 @@ void run(const Arguments& arguments) {
   std::fflush(stdout);
   say_waiting("touch", arguments.session);
   say_waiting("acquire", arguments.acquire);
-  while (!end) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  for (; !end; std::this_thread::sleep_for(std::chrono::milliseconds(50)))
+    if (player && gateway->viewers() > 0) player->begin();
   gateway.reset();
 }
 

@@ -80,7 +80,19 @@ void Player::index() {
   }
   if (begin_ns_ == 0)
     throw std::runtime_error("'" + paths_.front() + "' holds no touch; give one of touch --record");
-  view_.tell_timeline({{"length_s", seconds_between(begin_ns_, end_ns_)}, {"spells", spells}});
+  view_.tell_timeline({{"length_s", length_s()}, {"spells", spells}});
+}
+
+double Player::length_s() const {
+  return seconds_between(begin_ns_, end_ns_);
+}
+
+void Player::begin() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(orders_.begun, true)) return;
+  }
+  changed_.notify_all();
 }
 
 void Player::obey(const nlohmann::json& order) {
@@ -94,14 +106,17 @@ void Player::obey(const nlohmann::json& order) {
     const std::lock_guard lock(mutex_);
     if (const auto speed = number("speed"))
       orders_.speed = *speed <= 0 ? 0 : std::clamp(*speed, kSlowest, kFastest);
-    if (const auto seek_s = number("seek_s"))
-      orders_.seek_s = std::clamp(*seek_s, 0.0, seconds_between(begin_ns_, end_ns_));
+    if (const auto seek_s = number("seek_s")) orders_.seek_s = std::clamp(*seek_s, 0.0, length_s());
+    orders_.begun = true;
   }
   changed_.notify_all();
 }
 
 void Player::say() {
-  view_.tell("playing", {{"at_s", std::round(at_s_ * 20) / 20}, {"speed", orders_.speed}});
+  view_.tell("playing", {{"at_s", std::round(at_s_ * 20) / 20},
+                         {"length_s", length_s()},
+                         {"speed", orders_.speed},
+                         {"over", over_}});
 }
 
 bool Player::wait_until(double at_s) {
@@ -110,8 +125,13 @@ bool Player::wait_until(double at_s) {
   while (true) {
     if (orders_.stop || orders_.seek_s) return false;
     if (std::isinf(at_s)) {
-      at_s_ = seconds_between(begin_ns_, end_ns_);
+      at_s_ = length_s();
+      over_ = true;
       say();
+      changed_.wait(lock);
+      continue;
+    }
+    if (!orders_.begun) {
       changed_.wait(lock);
       continue;
     }
@@ -133,13 +153,17 @@ void Player::play(double from_s) {
   {
     const std::lock_guard lock(mutex_);
     at_s_ = from_s;
+    over_ = false;
     say();
   }
   while (true) {
     const auto entry = entries.next();
-    const double entry_s = !entry                ? std::numeric_limits<double>::infinity()
-                           : entry->has_header() ? 0
-                                                 : seconds_between(begin_ns_, entry->monotonic_ns());
+    if (!entry) view_.complete_row();
+    // What was written after the last tick comes with it.
+    const double entry_s = !entry ? std::numeric_limits<double>::infinity()
+                           : entry->has_header()
+                               ? 0
+                               : std::min(length_s(), seconds_between(begin_ns_, entry->monotonic_ns()));
     if (entry_s > at_s_ && !wait_until(entry_s)) return;
     if (!entry->has_scene()) view_.take(*entry);
   }
@@ -152,6 +176,9 @@ void Player::run() {
       play(from_s);
     } catch (const std::exception& error) {  // a file that was there when it began
       view_.tell("session", std::string("broken off: ") + error.what());
+      const std::lock_guard lock(mutex_);
+      over_ = true;
+      say();
     }
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return orders_.stop || orders_.seek_s; });

@@ -23,6 +23,8 @@ class Player {
   Player(const Player&) = delete;
   Player& operator=(const Player&) = delete;
 
+  // Somebody looks. It stands at its beginning until then.
+  void begin();
   // {"speed": 0 or kSlowest to kFastest}, {"seek_s": since the beginning}; what else it says is nothing here.
   void obey(const nlohmann::json& order);
 
@@ -30,18 +32,20 @@ class Player {
   struct Orders {
     double speed = 1;
     std::optional<double> seek_s;
-    bool stop = false;
+    bool begun = false, stop = false;
   };
   void index();
   void run();
   void play(double from_s);      // until an order comes for another place, or the end
   bool wait_until(double at_s);  // false: such an order is there. Infinity: until one is
   void say();
+  double length_s() const;
 
   const std::vector<std::string> paths_;
   View& view_;
   std::int64_t begin_ns_ = 0, end_ns_ = 0;
   double at_s_ = 0;
+  bool over_ = false;  // all of it has been shown
   std::mutex mutex_;
   std::condition_variable changed_;
   Orders orders_;

@@ -67,6 +67,7 @@ void PublishedSource::run() {
     } catch (const std::exception& error) {
       why = std::string("broken off: ") + error.what();
     }
+    if (first_) view_.complete_row();
     view_.tell(name_, why);
     nap(kRetryS, stop_);
   }

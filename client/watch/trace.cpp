@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "client/clock/clock.h"
 
@@ -60,22 +61,25 @@ void Trace::clear() {
   *this = Trace();
 }
 
+bool Trace::complete() {
+  if (!std::exchange(open_, false)) return false;
+  rows_.push_back(row_);
+  if (rows_.size() > static_cast<std::size_t>(kKeptS / kRowS)) {
+    rows_.pop_front();
+    ++first_;
+  }
+  return true;
+}
+
 bool Trace::add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional<double> half_width) {
   if (!begin_ns_) begin_s_ = seconds(*(begin_ns_ = time_ns));
   const double t_s = seconds_between(*begin_ns_, time_ns);
-  const bool complete = open_ && t_s >= row_s_ + kRowS;
-  if (complete) {
-    rows_.push_back(row_);
-    if (rows_.size() > static_cast<std::size_t>(kKeptS / kRowS)) {
-      rows_.pop_front();
-      ++first_;
-    }
-  }
-  if (complete || !open_) {
+  const bool follows = open_, completes = follows && t_s >= row_s_ + kRowS && complete();
+  if (!open_) {
     row_ = Row{};
     row_s_ = t_s;
   }
-  if (open_) largest(row_[kPeriod], t_s - last_s_);
+  if (follows) largest(row_[kPeriod], t_s - last_s_);
   open_ = true;
   last_s_ = t_s;
   row_[kT] = static_cast<float>(t_s);
@@ -91,7 +95,7 @@ bool Trace::add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional
   row_[kModulus] = static_cast<float>(tick.modulus_age_s());
   row_[kFlags] = flags_of(tick);
   row_[kReason] = static_cast<float>(tick.reason());
-  return complete;
+  return completes;
 }
 
 Slot Trace::slot(std::uint64_t from) const {

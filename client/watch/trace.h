@@ -22,6 +22,8 @@ class Trace {
 
   // True when a row is complete.
   bool add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional<double> half_width);
+  // The row of the last ticks, which waits for no more of them; false: there is none.
+  bool complete();
   void clear();
   std::uint64_t rows() const { return first_ + rows_.size(); }  // so far
   double begin_s() const { return begin_s_; }

@@ -129,6 +129,15 @@ void View::take_tick(const v1::RecordEntry& entry) {
   put_status(entry.monotonic_ns(), false);
 }
 
+void View::complete_row() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!trace_.complete()) return;
+    ++version_[index_of(Channel::kTrace)];
+  }
+  notify();
+}
+
 void View::take_answer(const v1::TouchAnswer& answer) {
   half_width_.reset();
   if (answer.has_budget()) half_width_ = answer.budget().half_width();

@@ -47,6 +47,8 @@ class View {
   // What else the status says, by name: where the entries come from, and whether they still do.
   void tell(const std::string& name, nlohmann::json value);
   void tell_timeline(nlohmann::json timeline);
+  // No tick comes for now: the row of the last ones is shown as it is.
+  void complete_row();
   // Another session, or the same from an earlier place: what came is forgotten.
   void restart();
 

@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { decode } from '../../client/watch/page/decode.js';
-import { coloured, colours, extent, scale, shown, ticks, whyOld } from '../../client/watch/page/layout.js';
+import { coloured, colours, extent, player, scale, shown, ticks, whyOld } from '../../client/watch/page/layout.js';
 import { paint, paintAnew } from '../../client/watch/page/maps.js';
 import { Series } from '../../client/watch/page/series.js';
 import { gaveWay, pressed, section, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
@@ -44,6 +44,16 @@ test('what is not of now is said, and why', () => {
   assert.match(whyOld({ ...now, session: 'ended' }), /ended/);
   assert.match(whyOld({ ...now, open: false }), /does not answer/);
   assert.equal(whyOld({ ...now, session: undefined, playing: { at_s: 3 }, quiet_s: 60 }), '', 'a recording may stand');
+  assert.match(whyOld({ ...now, session: 'broken off: it has gone', playing: { at_s: 3 } }), /^the recording: broken off/);
+  assert.match(whyOld({ ...now, session: undefined }), /nothing is known/);
+  assert.equal(whyOld({ ...now, session: 'ended', past: true }), '', 'who went back in time sees what was then');
+});
+
+test('at the end of a recording Play begins again', () => {
+  const at = { at_s: 1.04, length_s: 3.06, speed: 1, over: false };
+  assert.deepEqual([player(at).text, player(at).button, player(at).order(2)], ['1.0 of 3.1 s', 'Pause', { speed: 0 }]);
+  assert.deepEqual([player({ ...at, speed: 0 }).button, player({ ...at, speed: 0 }).order(2)], ['Play', { speed: 2 }]);
+  assert.deepEqual([player({ ...at, over: true }).button, player({ ...at, over: true }).order(2)], ['Play', { speed: 2, seek_s: 0 }]);
 });
 
 test('a copy of a series stays as it is', () => {

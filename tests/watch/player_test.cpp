@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <thread>
@@ -20,7 +21,7 @@ constexpr auto kTrace = static_cast<std::uint32_t>(Channel::kTrace);
 constexpr auto kTimeline = static_cast<std::uint32_t>(Channel::kTimeline);
 constexpr auto kStatus = static_cast<std::uint32_t>(Channel::kStatus);
 
-// Twenty seconds, PAUSED from 5 to 8 s.
+// Twenty seconds, PAUSED from 5 to 8 s. The last tick is DISABLED, and alone without a force.
 class PlayerTest : public ::testing::Test {
  protected:
   PlayerTest() : path_("/tmp/teletact-played-" + std::to_string(::getpid())) {
@@ -32,8 +33,11 @@ class PlayerTest : public ::testing::Test {
       v1::RecordEntry entry;
       entry.set_monotonic_ns(7'000'000'000 + n * std::int64_t{1'000'000});
       const bool paused = n >= 5000 && n < 8000;
-      entry.mutable_servo()->set_state(
-          static_cast<std::uint32_t>(paused ? ServoState::kPaused : ServoState::kEnabled));
+      const bool last = n == 19'999;
+      entry.mutable_servo()->set_state(static_cast<std::uint32_t>(last     ? ServoState::kDisabled
+                                                                  : paused ? ServoState::kPaused
+                                                                           : ServoState::kEnabled));
+      for (const double force_n : {0.0, last ? 0.0 : -1.0, 0.0}) entry.mutable_servo()->add_force_n(force_n);
       entry.mutable_servo()->set_reason(
           static_cast<std::uint32_t>(paused ? StateReason::kSilence : StateReason::kResumed));
       writer.append_waiting(std::move(entry));
@@ -45,7 +49,10 @@ class PlayerTest : public ::testing::Test {
   std::map<std::uint32_t, test::WebSlot> news() {
     std::string whole = frame(1, view_.news(seen_));
     auto slots = test::decoded(whole).slots;
-    if (slots.contains(kStatus)) at_s_ = slots.at(kStatus).json.value("/playing/at_s"_json_pointer, at_s_);
+    if (slots.contains(kStatus)) {
+      playing_ = slots.at(kStatus).json.value("playing", nlohmann::json());
+      at_s_ = slots.at(kStatus).json.value("/playing/at_s"_json_pointer, at_s_);
+    }
     return slots;
   }
   // Seconds since the beginning that the newest row shows.
@@ -55,9 +62,8 @@ class PlayerTest : public ::testing::Test {
     const auto& slot = slots.at(kTrace);
     const std::size_t rows = slot.json["arrays"][0]["shape"][0];
     if (rows == 0) return shown_s_ = 0;
-    float t_s = 0;
-    std::memcpy(&t_s, slot.data.data() + (rows - 1) * Trace::kColumns * sizeof(float), sizeof(t_s));
-    return shown_s_ = t_s + slot.json["begin_s"].get<double>() - 7;
+    std::memcpy(row_.data(), slot.data.data() + (rows - 1) * sizeof(row_), sizeof(row_));
+    return shown_s_ = row_[0] + slot.json["begin_s"].get<double>() - 7;
   }
   bool comes(double from_s, double to_s) {
     for (int n = 0; n < 1000; ++n) {
@@ -70,14 +76,16 @@ class PlayerTest : public ::testing::Test {
   std::string path_;
   View view_;
   View::Seen seen_;
-  double shown_s_ = 0, at_s_ = 0;  // of the newest row, and as the status says
+  Trace::Row row_{};               // the newest
+  double shown_s_ = 0, at_s_ = 0;  // of it, and as the status says
+  nlohmann::json playing_;         // what the status says
 };
 
 TEST_F(PlayerTest, KnowsItsStatesAndReasonsFromTheBeginning) {
   const Player player({path_}, view_);
   const nlohmann::json timeline = news().at(kTimeline).json;
   EXPECT_NEAR(timeline["length_s"].get<double>(), 20, 0.01);
-  ASSERT_EQ(timeline["spells"].size(), 3u);
+  ASSERT_EQ(timeline["spells"].size(), 4u);
   EXPECT_EQ(timeline["spells"][1]["state"], "PAUSED");
   EXPECT_NEAR(timeline["spells"][1]["at_s"].get<double>(), 5, 0.01);
   EXPECT_EQ(timeline["spells"][1]["reason"], describe(StateReason::kSilence));
@@ -116,6 +124,41 @@ TEST_F(PlayerTest, StandsAtTheEndUntilItIsToldOtherwise) {
   EXPECT_TRUE(comes(2.9, 3.01)) << shown_s_;
 }
 
+TEST_F(PlayerTest, BeginsWhenSomebodyLooks) {
+  Player player({path_}, view_);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(shown_s(), 0);
+  EXPECT_EQ(at_s_, 0);
+  EXPECT_EQ(playing_["speed"], 1) << "it plays once somebody does";
+  player.begin();
+  player.begin();
+  EXPECT_TRUE(comes(0.1, 5)) << shown_s_;
+}
+
+// Nothing comes behind the last ticks that would push them out.
+TEST_F(PlayerTest, AtTheEndItsOwnLastTickIsShownAndPlayBeginsAgain) {
+  Player player({path_}, view_);
+  player.obey({{"speed", 100}});
+  EXPECT_TRUE(comes(19.98, 20.01)) << shown_s_;
+  for (int n = 0; n < 1000 && !playing_.value("over", false); ++n) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    shown_s();
+  }
+  const auto column = [&](const std::string& name) {
+    const auto found = std::ranges::find(Trace::columns(), name);
+    return row_.at(static_cast<std::size_t>(found - Trace::columns().begin()));
+  };
+  EXPECT_EQ(static_cast<unsigned>(column("flags")) & 3U, static_cast<unsigned>(ServoState::kDisabled));
+  EXPECT_EQ(column("force_y_n"), 0);
+  seen_ = {};  // who comes now
+  news();
+  EXPECT_EQ(playing_["over"], true);
+  EXPECT_NEAR(playing_["length_s"].get<double>(), 20, 0.01);
+  player.obey({{"speed", 1}, {"seek_s", 0}});
+  EXPECT_TRUE(comes(0.01, 5)) << shown_s_;
+  EXPECT_EQ(playing_["over"], false);
+}
+
 TEST_F(PlayerTest, SaysThatARecordingHasGoneAndPlaysItOnceItIsBack) {
   Player player({path_}, view_);
   const std::string aside = path_ + "-aside";
@@ -129,6 +172,11 @@ TEST_F(PlayerTest, SaysThatARecordingHasGoneAndPlaysItOnceItIsBack) {
     if (const auto& session = slots.at(kStatus).json["session"]; session.is_string()) said = session;
   }
   EXPECT_NE(said.find("broken off"), std::string::npos) << said;
+  for (int n = 0; n < 1000 && !playing_.value("over", false); ++n) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    news();
+  }
+  EXPECT_EQ(playing_["over"], true) << "it plays no more";
   ASSERT_EQ(std::rename(aside.c_str(), path_.c_str()), 0);
   player.obey({{"seek_s", 4}});
   EXPECT_TRUE(comes(3.9, 4.01)) << shown_s_;

@@ -1,7 +1,7 @@
 // The page: what came is kept, drawn once a frame, and then acknowledged.
 import { decode } from './decode.js';
 import { Series } from './series.js';
-import { shown, whyOld } from './layout.js';
+import { player, shown, whyOld } from './layout.js';
 import * as panels from './panels.js';
 
 const $ = (id) => document.getElementById(id);
@@ -56,7 +56,7 @@ function take({ slots }) {
     while (statuses.length > 1 && statuses[0].t_s < slots.status.t_s - 60) statuses.shift();
     if (!model.paused) showStatus(slots.status);
   }
-  if (slots.timeline) { model.timeline = slots.timeline; $('player').hidden = false; $('seek').max = slots.timeline.length_s; }
+  if (slots.timeline) { model.timeline = slots.timeline; $('player').hidden = false; }
   if (model.paused) Object.assign(later, slots);
   else takePictures(slots);
 }
@@ -116,8 +116,10 @@ function showStatus(status) {
   set('warning', warning);
   showFaults(status.faults === true && status.session === 'live');
   if (status.playing) {
-    set('played', `${status.playing.at_s.toFixed(1)} of ${(model.timeline?.length_s ?? 0).toFixed(1)} s`);
-    set('play', status.playing.speed > 0 ? 'Pause' : 'Play');
+    const { text, button } = player(status.playing);
+    set('played', text);
+    set('play', button);
+    $('seek').max = status.playing.length_s;  // before the value, which must lie within
     if (document.activeElement !== $('seek')) $('seek').value = status.playing.at_s;
   }
 }
@@ -203,7 +205,8 @@ function frame() {
   let painted = 0;
   try {
     for (const message of messages) { const one = decode(message); painted = one.number; take(one); }
-    const old = model.paused ? '' : whyOld({ open: socket.readyState === WebSocket.OPEN, session: model.status?.session, playing: model.status?.playing, quiet_s: (begin - came_ms) / 1e3 });
+    const newest = statuses.at(-1) ?? model.status;  // while the page is paused, too
+    const old = whyOld({ open: socket.readyState === WebSocket.OPEN, session: newest?.session, playing: newest?.playing, quiet_s: (begin - came_ms) / 1e3, past: model.paused && model.back < 0 });
     if (old !== model.old) { model.old = old; dirty = true; }
     const moved = Object.values(panels.pictures).some((p) => p.dirty);
     if (!messages.length && !dirty && !moved) return;
@@ -296,7 +299,7 @@ $('log-times').onclick = () => toggle('log-times', 'logTimes');
 $('theme').onclick = () => theme(document.documentElement.dataset.theme === 'dark' ? 'light' : 'dark');
 $('png').onclick = png;
 $('csv').onclick = () => save(new Blob([model.series.csv(model.from, model.to)], { type: 'text/csv' }), 'teletact.csv');
-$('play').onclick = () => send({ speed: model.status?.playing?.speed > 0 ? 0 : Number($('speed').value) });
+$('play').onclick = () => { if (model.status?.playing) send(player(model.status.playing).order(Number($('speed').value))); };
 $('speed').onchange = () => send({ speed: Number($('speed').value) });
 const seek = (seek_s) => { pause(false); send({ seek_s }); };
 $('seek').onchange = () => { seek(Number($('seek').value)); $('seek').blur(); };

@@ -10,12 +10,19 @@ export function shown(value, unit, digits = 3) {
   return `${Number((value / factor).toPrecision(digits))} ${prefix}${unit}`.trim();
 }
 
-// Why what stands on the page is not of now; empty: it is, or a recording plays.
-export function whyOld({ open, session, playing, quiet_s }) {
+// Why what stands on the page is not of now; empty: it is, a recording plays, or what is looked at is `past`.
+export function whyOld({ open, session, playing, quiet_s, past }) {
+  if (past) return '';
   if (!open) return 'teletact-client watch does not answer';
-  if (playing) return '';
-  if (session !== 'live') return `the session: ${session}`;
+  if (playing) return session ? `the recording: ${session}` : '';  // which says how it broke off, if it did
+  if (session !== 'live') return `the session: ${session ?? 'nothing is known of it yet'}`;
   return quiet_s > 1 ? 'no tick comes from the servo loop' : '';
+}
+
+// Where a recording plays, as the status says, and what its button does: at the end it begins again.
+export function player({ at_s, length_s, speed, over }) {
+  const plays = speed > 0 && !over;
+  return { text: `${at_s.toFixed(1)} of ${length_s.toFixed(1)} s`, button: plays ? 'Pause' : 'Play', order: (chosen) => (plays ? { speed: 0 } : over ? { speed: chosen, seek_s: 0 } : { speed: chosen }) };
 }
 
 // Values to pixels and back. Logarithmic ones take nothing below `low`.
