@@ -30,7 +30,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "teletact-client: %s\n", error.what());
-    return 1;
+    return dynamic_cast<const UsageError*>(&error) != nullptr ? 2 : 1;
   }
   return 0;
 }

@@ -1,5 +1,5 @@
 # The demos of ./teletact, which reads this file: the processes of the whole system on this machine, their faults, a
-# summary. Uses BUILD, say, die, build and choose_kernel_cache of it.
+# summary. Uses BUILD, say, die, die_of_usage, build and choose_kernel_cache of it.
 
 demo_usage() {
   cat <<'TEXT'
@@ -31,7 +31,7 @@ demo() {
   while (($#)); do
     case $1 in
       --out | --seed | --duration-s | --round-trip-ms | --passes | --port)
-        (($# >= 2)) || die "$1 needs a value"
+        (($# >= 2)) || die_of_usage "$1 needs a value"
         case $1 in
           --out) out=$2 ;;
           --seed) seed=$2 ;;
@@ -43,29 +43,29 @@ demo() {
         shift 2
         ;;
       --page | --solid | --solid-given)
-        [[ -z $which || $which == "$1" ]] || die "$which and $1 are two demos: leave one out"
+        [[ -z $which || $which == "$1" ]] || die_of_usage "$which and $1 are two demos: leave one out"
         which=$1
         case $1 in --page) solid=page ;; --solid) solid=rf ;; *) solid=given ;; esac
         shift
         ;;
       -h | --help) demo_usage; return 0 ;;
-      *) demo_usage >&2; die "unknown argument of demo: $1" ;;
+      *) demo_usage >&2; die_of_usage "unknown argument of demo: $1" ;;
     esac
   done
   if [[ -z $duration ]]; then
     case $solid in page) duration=60 ;; rf) duration=30 ;; given) duration=20 ;; *) duration=12 ;; esac
   fi
-  [[ $solid != given || -z $passes ]] || die "--passes: nothing is acquired with --solid-given; leave it out"
-  [[ $solid != rf || -z $passes ]] || die "--passes: each slice is acquired once with --solid; leave it out"
-  [[ $solid != page || $round_trip == 0 ]] || die "--round-trip-ms: the page has a button for it; leave it out"
-  [[ $port =~ ^[0-9]{1,5}$ ]] || die "--port must be 0 to 65535, not '$port'"
-  [[ $seed =~ ^[0-9]+$ ]] || die "--seed must be a whole number, not '$seed'"
+  [[ $solid != given || -z $passes ]] || die_of_usage "--passes: nothing is acquired with --solid-given; leave it out"
+  [[ $solid != rf || -z $passes ]] || die_of_usage "--passes: each slice is acquired once with --solid; leave it out"
+  [[ $solid != page || $round_trip == 0 ]] || die_of_usage "--round-trip-ms: the page has a button for it; leave it out"
+  [[ $port =~ ^[0-9]{1,5}$ ]] || die_of_usage "--port must be 0 to 65535, not '$port'"
+  [[ $seed =~ ^[0-9]+$ ]] || die_of_usage "--seed must be a whole number, not '$seed'"
   [[ $duration =~ ^[0-9]+(\.[0-9]+)?$ && $duration =~ [1-9] ]] ||
-    die "--duration-s must be a number above 0, not '$duration'"
-  [[ $round_trip =~ ^[0-9]{1,4}(\.[0-9]+)?$ ]] || die "--round-trip-ms must be 0 to 9999, not '$round_trip'"
+    die_of_usage "--duration-s must be a number above 0, not '$duration'"
+  [[ $round_trip =~ ^[0-9]{1,4}(\.[0-9]+)?$ ]] || die_of_usage "--round-trip-ms must be 0 to 9999, not '$round_trip'"
   # A sweep takes 2.4 s and asks for each window once: enough passes that none runs out of fresh ones.
   [[ -n $passes ]] || passes=$((10#${duration%.*} / 2 + 1))
-  [[ $passes =~ ^[1-9][0-9]*$ ]] || die "--passes must be a whole number above 0, not '$passes'"
+  [[ $passes =~ ^[1-9][0-9]*$ ]] || die_of_usage "--passes must be a whole number above 0, not '$passes'"
   mkdir -p -- "$out" 2>/dev/null && [[ -w $out ]] || die "cannot write the output folder $out: give another with --out"
   out=$(cd -- "$out" && pwd)
   [[ $round_trip =~ [1-9] ]] || round_trip=
@@ -116,6 +116,13 @@ fail_demo() {
   exit 1
 }
 
+# Ctrl-C is how a demo is stopped: nothing went wrong that logs could tell. $1: the exit status.
+interrupt_demo() {
+  end_demo
+  printf 'teletact: interrupted\n' >&2
+  exit "$1"
+}
+
 # Waits until `$1...` succeeds while process DEMO_WAIT_PID lives, at most DEMO_WAIT_S seconds; shows each new
 # last line of DEMO_WAIT_LOG meanwhile.
 await() {
@@ -153,7 +160,8 @@ begin_demo() {
   # What an earlier run wrote, by name: a run that is interrupted must not leave two patients' files side by side.
   rm -f -- "$DEMO_OUT"/{summary.json,{modulus,force,latency,periods,tactile}.png,{touch,acquire}.record,patient.toml,modulus.mha,log-std.mha} \
     "$DEMO_OUT"/log/{service,acquire,slices,proxy,touch,page,report}.log
-  trap 'fail_demo "interrupted"' INT TERM
+  trap 'interrupt_demo 130' INT
+  trap 'interrupt_demo 143' TERM
   trap 'end_demo' EXIT
   say "writing into $DEMO_OUT"
   say "1/4 service (the first start compiles its kernels)"

@@ -182,9 +182,9 @@ std::unique_ptr<FrameSource> prepare(const Tissue& tissue, const Arguments& argu
 
 void check(const Arguments& arguments) {
   if (arguments.tissue_path.empty() == !arguments.seed)
-    throw CommandError("give either --tissue FILE or --seed N");
+    throw UsageError("give either --tissue FILE or --seed N");
   if (arguments.record_rf && arguments.record_path.empty())
-    throw CommandError("--record-rf keeps RF in the recording: give --record FILE too");
+    throw UsageError("--record-rf keeps RF in the recording: give --record FILE too");
   require_different_files({{"--tissue", arguments.tissue_path},
                            {"--save-tissue", arguments.save_tissue_path},
                            {"--record", arguments.record_path},
@@ -315,7 +315,7 @@ void prefer_slices(const CLI::App& command, Arguments& arguments) {
   refuse_beside(command, {"--start-x-m"}, "--slices begins with the first slice");
   refuse_beside(command, {"--modulus-method"}, "--slices has a method of its own");
   if (command.count("--plane") > 0 && acquire.plane != v1::PLANE_CONDITION_SOLID)
-    throw CommandError("--plane: the tissue of --slices is solid; leave it out");
+    throw UsageError("--plane: the tissue of --slices is solid; leave it out");
   if (command.count("--modulus-time-limit-s") == 0) acquire.modulus_time_limit_s = kTimeLimitS;
   if (command.count("--refresh-after-s") == 0) acquire.planner.refresh_after_s = HUGE_VAL;
 }

@@ -102,7 +102,7 @@ void require_new_files(const std::vector<NamedFile>& files, bool force) {
 void refuse_beside(const CLI::App& command, const std::vector<std::string>& options,
                    const std::string& reason) {
   for (const std::string& option : options)
-    if (command.count(option) > 0) throw CommandError(option + ": " + reason + "; leave it out");
+    if (command.count(option) > 0) throw UsageError(option + ": " + reason + "; leave it out");
 }
 
 void add_commands(CLI::App& app) {

@@ -17,6 +17,11 @@ struct CommandError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// A mistake on the command line: the process ends with 2.
+struct UsageError : CommandError {
+  using CommandError::CommandError;
+};
+
 // Checks of numbers that say in words what is allowed.
 CLI::Validator zero_or_more();
 CLI::Validator above_zero();
@@ -33,7 +38,7 @@ void add_force_option(CLI::App& command, bool& force);
 // pipe) is written to.
 void require_new_files(const std::vector<NamedFile>& files, bool force);
 
-// Throws CommandError when one of these options was given, which `reason` makes meaningless.
+// Throws UsageError when one of these options was given, which `reason` makes meaningless.
 void refuse_beside(const CLI::App& command, const std::vector<std::string>& options,
                    const std::string& reason);
 

@@ -83,12 +83,12 @@ void require_meant(const ExperimentArguments& arguments, const CLI::App& command
   require_workspace(arguments.device.workspace);
   const auto needs = [&](const std::vector<std::string>& options, const std::string& what) {
     for (const std::string& option : options)
-      if (command.count(option) > 0) throw CommandError(option + ": " + what + ", or leave it out");
+      if (command.count(option) > 0) throw UsageError(option + ": " + what + ", or leave it out");
   };
   if (arguments.by_service()) {
     refuse_beside(command, {"--update-hz", "--age-s"}, "answers come as the --service sends them");
     if (arguments.person && arguments.device.device.empty())
-      throw CommandError(
+      throw UsageError(
           "--person: tissue on a service is felt by a device; give --device, or leave --person out for a "
           "simulated observer");
     return;
@@ -97,7 +97,7 @@ void require_meant(const ExperimentArguments& arguments, const CLI::App& command
   if (arguments.device.device.empty())
     needs({"--renderer", "--inclusion-m"}, "give --person and --device, or --service");
   if (arguments.chain.renderer == "law")
-    throw CommandError("--renderer law: contact laws come from a service; give --service, or another one");
+    throw UsageError("--renderer law: contact laws come from a service; give --service, or another one");
 }
 
 void add_experiment_options(CLI::App& command, ExperimentArguments& arguments) {

@@ -5,12 +5,14 @@
 #include <array>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <thread>
 
 #include "client/commands/commands.h"
 #include "client/link/channel.h"
+#include "client/link/recording.h"
 #include "client/link/unix_socket.h"
 #include "client/servo/ending.h"
 #include "client/watch/gateway.h"
@@ -54,11 +56,29 @@ void say_waiting(const char* command, const std::string& socket) {
     say("waiting for " + socket + ": start '" + command + " --publish " + socket + "'");
 }
 
+// A session is waited for where nothing is yet; what is something else never becomes one.
+void require_session(const std::string& option, const std::string& path) {
+  std::error_code ignored;
+  if (path.empty() || !std::filesystem::exists(path, ignored) || std::filesystem::is_socket(path, ignored))
+    return;
+  bool recorded = false;
+  if (std::filesystem::is_regular_file(path, ignored)) try {
+      const RecordReader reader(path);
+      recorded = true;
+    } catch (const std::runtime_error&) {  // no recording, or one of another version
+    }
+  throw UsageError(option + ": " + path +
+                   (recorded ? " is a recording's file: watch it with --recording"
+                             : " is no session: give the socket of touch or acquire --publish"));
+}
+
 void run(const Arguments& arguments) {
   if (arguments.session.empty() == arguments.recordings.empty())
-    throw CommandError("give --session SOCKET, of a touch --publish, or --recording FILE");
+    throw UsageError("give --session SOCKET, of a touch --publish, or --recording FILE");
   if (!arguments.recordings.empty() && !(arguments.acquire + arguments.faults).empty())
-    throw CommandError("--recording: it is over; leave --acquire and --faults out");
+    throw UsageError("--recording: it is over; leave --acquire and --faults out");
+  require_session("--session", arguments.session);
+  require_session("--acquire", arguments.acquire);
   const std::atomic<bool>& end = end_in_order();
   View view;
   view.tell("faults", !arguments.faults.empty());

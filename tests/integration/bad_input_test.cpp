@@ -6,6 +6,7 @@
 #include <memory>
 #include <tuple>
 
+#include "client/link/recording.h"
 #include "tests/integration/one_clear_line.h"
 #include "tests/integration/process.h"
 
@@ -331,10 +332,15 @@ TEST(ScriptInput, HelpAndVersionBuildNothingAndADemoOfNoTimeIsRefused) {
   say({"build", "--help"}, "usage: ./teletact build", 0);
   say({"test", "-h"}, "usage: ./teletact test", 0);
   say({"--version"}, "teletact " TELETACT_VERSION, 0);
-  for (const char* none : {"0", "0.0", "-3"}) say({"demo", "--duration-s", none}, "--duration-s", 1);
+  for (const char* none : {"0", "0.0", "-3"}) say({"demo", "--duration-s", none}, "--duration-s", 2);
   say({"demo", "--help"}, "--solid-given", 0);
-  say({"demo", "--solid", "--passes", "3"}, "acquired once", 1);
-  say({"demo", "--solid-given", "--passes", "3"}, "nothing is acquired", 1);
+  say({"demo", "--solid", "--passes", "3"}, "acquired once", 2);
+  say({"demo", "--solid-given", "--passes", "3"}, "nothing is acquired", 2);
+  say({"demo", "--pages"}, "unknown argument of demo: --pages", 2);
+  say({"demo", "--seed", "abc"}, "--seed must be a whole number", 2);
+  say({"demo", "--seed"}, "--seed needs a value", 2);
+  say({"demo", "--page", "--round-trip-ms", "100"}, "the page has a button for it", 2);
+  say({"wacth"}, "unknown command: wacth", 2);
   EXPECT_FALSE(std::filesystem::exists(folder / "build"));
   for (const char* binary : {"/client/teletact-client", "/service/teletact-service"}) {
     const std::string path = test::required_environment("TELETACT_BINARY_DIR") + binary;
@@ -342,6 +348,23 @@ TEST(ScriptInput, HelpAndVersionBuildNothingAndADemoOfNoTimeIsRefused) {
     EXPECT_EQ(outcome.code, 0);
     EXPECT_NE(outcome.output.find(TELETACT_VERSION), std::string::npos) << outcome.output;
   }
+}
+
+TEST(WatchInput, WhatIsNoSessionIsNotWaitedFor) {
+  TemporaryFolder folder;
+  write_file(folder / "x", "nothing that was recorded");
+  client::RecordWriter(folder / "touch.record", {}).close();
+  const auto refused = [&](std::vector<std::string> words, const std::vector<std::string>& expected) {
+    words.insert(words.begin(), {test::client_binary(), "watch"});
+    const Outcome outcome = test::run(words, folder / "log");
+    expect_one_clear_line(outcome, expected);
+    EXPECT_EQ(outcome.code, 2);
+  };
+  refused({}, {"--session", "--recording"});
+  refused({"--session", folder / "touch.record"},
+          {"touch.record is a recording's file: watch it with --recording"});
+  refused({"--session", folder / "x"}, {"--session", "x is no session"});
+  refused({"--session", folder / "s", "--acquire", folder / ""}, {"--acquire", "is no session"});
 }
 
 TEST(ReportInput, RecordingsMustBeWhatTheyAreSaidToBe) {

@@ -50,6 +50,39 @@ TEST(Stop, DriverThatHangsDoesNotHoldTheProcess) {
   EXPECT_NE(process.output().find("event=drain_cut"), std::string::npos) << process.output();
 }
 
+// Whatever a demo waits for: here for a service, and a patient side, that take their time.
+TEST(Stop, CtrlCEndsADemoWithOneLine) {
+  for (const std::string serves : {"", "serving on nothing\n"})
+    for (const std::string which : {"", "--page", "--solid", "--solid-given"}) {
+      test::TemporaryFolder folder;
+      for (const char* binary :
+           {"service/teletact-service", "client/teletact-client", "bench/teletact-proxy"}) {
+        const fs::path path = folder / binary;
+        fs::create_directories(path.parent_path());
+        std::ofstream(path) << "#!/bin/sh\nprintf 'log of it\\n"
+                            << (serves.empty() ? "" : "serving on nothing\\n")
+                            << "the page is at nothing\\n'\nexec sleep 60\n";
+        fs::permissions(path, fs::perms::owner_all);
+      }
+      const std::string script =
+          "set -euo pipefail; BUILD=$1; say() { printf '== %s\\n' \"$*\" >&2; }; die() { exit 9; }; build() "
+          "{ :; }; "
+          "choose_kernel_cache() { :; }; source \"$2\"; shift 2; demo --out \"$BUILD/out\" \"$@\"";
+      std::vector<std::string> words{
+          "/bin/bash", "-c",        script,
+          "bash",      folder / "", test::required_environment("TELETACT_SOURCE_DIR") + "/demo/demo.bash"};
+      if (!which.empty()) words.push_back(which);
+      test::Process process(words, folder / "log");
+      ASSERT_TRUE(process.says(serves.empty() ? "the page is at nothing" : "2/4", 30)) << process.output();
+      process.kill(SIGINT);
+      EXPECT_EQ(process.wait(30), 130) << which;
+      const std::string output = process.output(),
+                        last = output.substr(output.rfind('\n', output.size() - 2) + 1);
+      EXPECT_EQ(last, "teletact: interrupted\n") << output;
+      EXPECT_EQ(output.find("the end of"), std::string::npos) << output;
+    }
+}
+
 // Who sends the signal twice does not wait for hands to move.
 TEST(Stop, SecondSignalEndsTheTimeInWhichHandsMove) {
   test::TemporaryFolder folder;
