@@ -86,6 +86,8 @@ void run(const Arguments& arguments) {
   std::optional<SceneSource> scene;
   std::optional<Player> player;
   if (!arguments.recordings.empty()) player.emplace(arguments.recordings, view);
+  if (player && !player->has_maps() && arguments.address.empty())
+    view.tell("no_maps", "no maps in this recording: give acquire.record of the same session, or --service");
   std::optional<Gateway> gateway;
   gateway.emplace(arguments.port, view, orders_of(arguments, player));
   if (!arguments.session.empty()) session.emplace(arguments.session, "session", true, view);

@@ -64,7 +64,10 @@ void Player::index() {
   Entries entries(paths_);
   while (const auto entry = entries.next()) {
     if (entry->has_header()) continue;
-    if (entry->has_scene()) view_.take_scene(entry->scene());  // as it stood at the end
+    if (entry->has_scene()) {  // as it stood at the end
+      has_maps_ = has_maps_ || entry->scene().has_youngs_modulus();
+      view_.take_scene(entry->scene());
+    }
     if (!entry->has_servo()) continue;
     if (begin_ns_ == 0) begin_ns_ = entry->monotonic_ns();
     end_ns_ = std::max(end_ns_, entry->monotonic_ns());

@@ -23,6 +23,8 @@ class Player {
   Player(const Player&) = delete;
   Player& operator=(const Player&) = delete;
 
+  // Whether one of them holds its scene's maps.
+  bool has_maps() const { return has_maps_; }
   // Somebody looks. It stands at its beginning until then.
   void begin();
   // {"speed": 0 or kSlowest to kFastest}, {"seek_s": since the beginning}; what else it says is nothing here.
@@ -44,6 +46,7 @@ class Player {
   const std::vector<std::string> paths_;
   View& view_;
   std::int64_t begin_ns_ = 0, end_ns_ = 0;
+  bool has_maps_ = false;
   double at_s_ = 0;
   bool over_ = false;  // all of it has been shown
   std::mutex mutex_;

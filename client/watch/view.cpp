@@ -239,6 +239,7 @@ void View::put_scene(const v1::Scene& scene) {
                               {"begin_x_m", window.covers().begin_x_m()},
                               {"end_x_m", window.covers().end_x_m()},
                               {"touchable", window.touchable()},
+                              {"given", !window.has_evidence()},
                               {"plan", window.plan()},
                               {"quality", window.evidence().quality()},
                               {"log_std", window.evidence().youngs_modulus_log_std()},

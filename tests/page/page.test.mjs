@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { decode } from '../../client/watch/page/decode.js';
 import { coloured, colours, extent, player, scale, shown, ticks, whyOld } from '../../client/watch/page/layout.js';
-import { paint, paintAnew } from '../../client/watch/page/maps.js';
+import { given, paint, paintAnew } from '../../client/watch/page/maps.js';
 import { Series } from '../../client/watch/page/series.js';
 import { gaveWay, pressed, section, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
 
@@ -98,6 +98,7 @@ test('numbers have their units', () => {
   assert.equal(shown(0, 'N'), '0 N');
   assert.equal(shown(NaN, 'N'), '–');
   assert.equal(shown(0.9999, 's', 3), '1 s');
+  assert.deepEqual([0, 0.2, 1.25].map((v) => shown(v, '')), ['0', '0.2', '1.25'], 'no unit, no prefix');
 });
 
 test('lightness of the colours rises throughout: readable without colour', () => {
@@ -202,5 +203,10 @@ test('maps are painted again when they or the colours change, and of B-mode only
   assert.deepEqual(pixel(paint(model, grey).bMode[0].canvas, 0), [90, 90, 90], 'imaged anew');
   paintAnew();
   assert.deepEqual(pixel(paint(model, [1, 2, 3]).modulus, 2), [1, 2, 3]);
+  const zeros = paint({ ...model, map: { ...mapOf(1e4, 4e4, 9e4), log_std: { values: new Float32Array(3) } } }, grey);
+  assert.equal(zeros.states, false);
+  assert.deepEqual(pixel(zeros.deviation, 0), grey, '0 is no deviation that is stated');
+  assert.deepEqual([{ given: true }, { given: false }].map((w) => given({ windows: [{ given: true }, w] })), [true, false]);
+  assert.equal(given(null) || given({ windows: [] }), false);
   assert.deepEqual(paint({ map: null, logModulus: false, b_mode: null }, grey).bMode, []);
 });

@@ -182,6 +182,21 @@ TEST_F(PlayerTest, SaysThatARecordingHasGoneAndPlaysItOnceItIsBack) {
   EXPECT_TRUE(comes(3.9, 4.01)) << shown_s_;
 }
 
+TEST_F(PlayerTest, KnowsWhetherThereAreMaps) {
+  EXPECT_FALSE(Player({path_}, view_).has_maps());
+  const std::string acquired = path_ + "-acquired";
+  v1::RecordHeader header;
+  header.set_kind("acquire");
+  RecordWriter writer(acquired, header);
+  v1::RecordEntry entry;
+  entry.set_monotonic_ns(8'000'000'000);
+  entry.mutable_scene()->mutable_youngs_modulus();
+  writer.append_waiting(std::move(entry));
+  writer.close();
+  EXPECT_TRUE(Player({path_, acquired}, view_).has_maps());
+  std::remove(acquired.c_str());
+}
+
 TEST_F(PlayerTest, SaysWhatIsNoRecordingOfATouch) {
   EXPECT_THROW(Player({"/nonexistent"}, view_), std::runtime_error);
   { RecordWriter(path_, {}).close(); }

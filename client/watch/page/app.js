@@ -27,7 +27,7 @@ painting.port1.onmessage = ({ data: pose_ms }) => keep(measured.pose_to_pixel_ms
 // --- what comes --------------------------------------------------------------------------------------------
 
 const live = model.series;  // model.series is another one while the page is paused
-let socket = null, waiting = [], dirty = true, era = null, clock = null, statuses = [], held = [], later = {}, came_ms = 0, failed = false;
+let socket = null, waiting = [], dirty = true, era = null, clock = null, begin_s = null, statuses = [], held = [], later = {}, came_ms = 0, failed = false;
 
 function connect() {
   socket = new WebSocket(new URL('live', location.href.replace(/^http/, 'ws')));
@@ -45,7 +45,8 @@ const send = (words) => { if (socket?.readyState === WebSocket.OPEN) socket.send
 function take({ slots }) {
   if (slots.trace) {
     const trace = slots.trace;
-    if (trace.era !== era) { era = trace.era; live.clear(trace.columns); statuses = []; }
+    if (trace.era !== era) { era = trace.era; live.clear(trace.columns); begin_s = null; statuses = []; }
+    if (trace.begin_s) begin_s = trace.begin_s;
     live.add(trace.begin_s, trace.rows.values);
     clock = trace.wall_s - trace.mono_s;
     came_ms = performance.now();
@@ -83,7 +84,7 @@ const figures = [
 function showStatus(status) {
   model.status = status;
   const live = { live: '' }[status.session] ?? status.session ?? (status.playing ? 'a recording' : 'waiting');
-  set('where', status.scene ? `scene ${status.scene}, version ${model.scene?.version ?? 0}${live ? ` · session ${live}` : ' · live'}${status.service_state && status.service_state !== 'answers' ? ` · service: ${status.service_state}` : ''}${status.acquire && status.acquire !== 'live' ? ` · patient side: ${status.acquire}` : ''}` : live);
+  set('where', status.scene ? `scene ${status.scene}${model.scene?.version >= 0 ? `, version ${model.scene.version}` : ''}${live ? ` · session ${live}` : ' · live'}${status.service_state && status.service_state !== 'answers' ? ` · service: ${status.service_state}` : ''}${status.acquire && status.acquire !== 'live' ? ` · patient side: ${status.acquire}` : ''}` : live);
   const numbers = status.figures ?? {};
   measured.numbers = numbers;
   const body = $('figures').tBodies[0];
@@ -100,14 +101,14 @@ function showStatus(status) {
     if (row.cells[1].textContent !== text) row.cells[1].textContent = text;
   });
   const lines = status.log ?? [];
-  const last = lines.length ? `${lines.length} ${lines.at(-1).t_s}` : '';
+  const last = lines.length ? `${lines.length} ${lines.at(-1).t_s} ${begin_s}` : '';
   if ($('log').dataset.last !== last) {
     $('log').dataset.last = last;
     $('log').replaceChildren(...[...lines].reverse().map((line) => {
       const item = document.createElement('li');
       item.dataset.at = line.t_s;
       if (line.warning) item.className = 'warns';
-      item.textContent = (line.warning ? '! ' : '') + line.text;
+      item.textContent = `${begin_s === null ? '' : `${Math.max(0, line.t_s - begin_s).toFixed(1)} s  `}${line.warning ? '! ' : ''}${line.text}`;
       return item;
     }));
   }
@@ -249,7 +250,7 @@ function scroll(by) {
   $('scroll').value = model.back;
   set('scrolled', model.back === 0 ? 'when paused' : `${model.back.toFixed(1)} s`);
   const then = model.frozen + model.back;
-  if (model.paused) { const status = held.findLast((s) => s.t_s <= then); if (status) showStatus(status); }
+  if (model.paused) { const status = model.back === 0 ? held.at(-1) : held.findLast((s) => s.t_s <= then); if (status) showStatus(status); }
   dirty = true;
 }
 function toggle(id, name) {

@@ -4,10 +4,11 @@ const prefixes = [[1e9, 'G'], [1e6, 'M'], [1e3, 'k'], [1, ''], [1e-3, 'm'], [1e-
 
 export function shown(value, unit, digits = 3) {
   if (!Number.isFinite(value)) return '–';
-  if (value === 0) return unit ? `0 ${unit}` : '0';
+  if (!unit) return String(Number(value.toPrecision(digits)));  // a prefix stands before a unit alone
+  if (value === 0) return `0 ${unit}`;
   const size = Math.abs(value);
   const [factor, prefix] = prefixes.find(([f]) => size >= 0.9995 * f) ?? prefixes.at(-1);
-  return `${Number((value / factor).toPrecision(digits))} ${prefix}${unit}`.trim();
+  return `${Number((value / factor).toPrecision(digits))} ${prefix}${unit}`;
 }
 
 // Why what stands on the page is not of now; empty: it is, a recording plays, or what is looked at is `past`.

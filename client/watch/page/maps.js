@@ -3,6 +3,8 @@ import { image } from './draw.js';
 import { coloured, colours, extent } from './layout.js';
 
 export const table = colours();
+// Whether all of the tissue was given, and not estimated.
+export const given = (scene) => !!scene?.windows?.length && scene.windows.every((w) => w.given);
 let maps = null;  // painted: modulus (and its pixels), deviation, B-mode
 let images = new Map();  // B-mode, by the number of each
 function greyImage(part) {
@@ -18,7 +20,7 @@ function greyImage(part) {
 // Of the model's maps, once for each: what cannot be told is `unknown`.
 export function paint(model, unknown) {
   if (maps && maps.of === model.map && maps.log === model.logModulus && maps.images === model.b_mode) return maps;
-  maps = { of: model.map, log: model.logModulus, images: model.b_mode, modulus: null, pixels: null, deviation: null, bMode: [] };
+  maps = { of: model.map, log: model.logModulus, images: model.b_mode, modulus: null, pixels: null, deviation: null, states: false, bMode: [] };
   const map = model.map;
   if (map?.modulus_pa) {
     const [height, width] = map.modulus_pa.shape;
@@ -31,9 +33,11 @@ export function paint(model, unknown) {
       const pixels = coloured(values, known, range, model.logModulus, table, unknown, doubt);
       maps.modulus = image(pixels, width, height);
       maps.pixels = { values: new Uint32Array(pixels.buffer), width, height };
+      const stated = (n) => known(n) && deviations[n] > 0;  // 0 is not one
+      maps.states = deviations ? extent(deviations, stated) !== null : false;
       if (deviations) {
-        maps.deviationRange = [0, Math.max(0.1, extent(deviations, known)?.[1] ?? 0.1)];
-        maps.deviation = image(coloured(deviations, known, maps.deviationRange, false, table, unknown), width, height);
+        maps.deviationRange = [0, Math.max(0.1, extent(deviations, stated)?.[1] ?? 0.1)];
+        maps.deviation = image(coloured(deviations, stated, maps.deviationRange, false, table, unknown), width, height);
       }
     }
   }

@@ -1,6 +1,6 @@
 // The pictures of the page: what each draws of the model at a time.
 import { coloured, flags, scale, shown } from './layout.js';
-import { paint, paintAnew, table } from './maps.js';
+import { given, paint, paintAnew, table } from './maps.js';
 import { gaveWay, pressed, rise, section, tellsOf, valueAt } from './tissue.js';
 import { band, colourBar, image, legend, Picture, Pixels, readPalette, rgb, Still, timeAxis, trace, yAxis } from './draw.js';
 
@@ -34,13 +34,14 @@ const asItStands = new Still();
 export function tissue(model, now) {
   const picture = pictures.tissue;
   const painted = paint(model, rgb(palette.unknown));
+  const deviation = painted.deviation && (painted.states || !given(model.scene));
   const [width, depth] = sizeOf(model);
   const left = 44, right = picture.measured - 76, head = 34, gap = 24;
   const perM = (right - left) / width;
   const tall = Math.min(240, Math.max(72, depth * perM));
-  const names = [...(painted.bMode.length ? ['B-mode'] : []), "Young's modulus", ...(painted.deviation ? ['its standard deviation (of ln E)'] : [])];
+  const names = [...(painted.bMode.length ? ['B-mode'] : []), "Young's modulus", ...(deviation ? ['its standard deviation (of ln E)'] : [])];
   const strips = names.map((name, n) => ({ name, left, right, top: head + n * (tall + gap), bottom: head + n * (tall + gap) + tall }));
-  const pen = picture.begin(head + strips.length * (tall + gap) + (painted.deviation ? 0 : 16));
+  const pen = picture.begin(head + strips.length * (tall + gap) + (deviation ? 0 : 16));
   const x = (m) => left + m * perM;
   asItStands.onto(picture, [painted, model.scene], (still) => {
     for (const box of strips) strip(still, model, painted, box, x, depth);
@@ -49,9 +50,9 @@ export function tissue(model, now) {
     still.textBaseline = 'top';
     const marks = right - left > 420 ? 6 : 3, low = strips.at(-1).bottom;
     for (let n = 0; n <= marks; ++n) still.fillText(`${Math.round((1e3 * width * n) / marks)} mm`, x((width * n) / marks), low + 5);
-    if (!painted.deviation) deviations(still, model, x, low + 21);
+    if (!deviation) deviations(still, model, x, low + 21);
   });
-  let read = 'arrows or pointer read values';
+  let read = (!painted.range && model.status?.no_maps) || 'arrows or pointer read values';
   for (const box of strips) {
     const cursor = picture.cursor;
     if (cursor && cursor[0] >= left && cursor[0] <= right && cursor[1] >= box.top && cursor[1] <= box.bottom) {
@@ -103,6 +104,7 @@ function strip(pen, model, painted, box, x, depth) {
 
 // What each window states of its modulus, where there is no map of it.
 function deviations(pen, model, x, y) {
+  if (given(model.scene)) pen.fillText('given: no deviation is stated', x(sizeOf(model)[0] / 2), y);
   let free = -Infinity;
   for (const w of [...(model.scene?.windows ?? [])].sort((a, b) => a.begin_x_m - b.begin_x_m)) {
     if (!(w.log_std > 0)) continue;
