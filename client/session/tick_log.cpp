@@ -65,9 +65,11 @@ void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what,
 // In contact alone: above the tissue nobody feels which it is.
 void TickLog::follow_law(const ServoTick& tick, std::vector<LogMessage>& messages) {
   const double time_s = seconds(tick.time_ns);
-  if (tick.by_law == by_law_ || tick.force_n.isZero(0) || time_s - by_law_s_ < kEveryS) return;
+  if (tick.by_law == by_law_ || tick.force_n.isZero(0) || time_s - by_law_s_[by_law_ ? 1 : 0] < kEveryS ||
+      time_s - by_law_s_[tick.by_law ? 1 : 0] < kLawEveryS)
+    return;
   by_law_ = tick.by_law;
-  by_law_s_ = time_s;
+  by_law_s_[by_law_ ? 1 : 0] = time_s;
   const std::string link = fmt::format("the round trip is {:.0f} ms", 1e3 * tick.round_trip_s);
   messages.push_back({false, by_law_
                                  ? "the force is a contact law's: that of where the finger is; " + link

@@ -21,6 +21,10 @@ class TickLog {
   // second.
   static constexpr double kEveryS = 1;
 
+  // Between the same message about the contact law: a finger that crosses the borders of windows leaves it
+  // and finds it again all the while.
+  static constexpr double kLawEveryS = 5;
+
   // The messages that are due at this tick, with their reason; mostly none.
   std::vector<LogMessage> add(const ServoTick& tick);
 
@@ -39,8 +43,8 @@ class TickLog {
   void follow_law(const ServoTick& tick, std::vector<LogMessage>& messages);
 
   bool started_ = false;
-  bool by_law_ = false;         // as it was said last
-  double by_law_s_ = -kEveryS;  // when
+  bool by_law_ = false;                              // as it was said last
+  double by_law_s_[2] = {-kLawEveryS, -kLawEveryS};  // when each of both was
   ServoTick last_;
   Spell degraded_, service_degraded_, faded_, clutched_;
 };
