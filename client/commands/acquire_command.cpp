@@ -231,10 +231,10 @@ void run(const Arguments& arguments) {
   const Tissue tissue = tissue_of(arguments);
   if (arguments.slices)
     if (const std::string problem = slice_problem(tissue, places_of(arguments)); !problem.empty())
-      throw CommandError("--slices " + std::to_string(*arguments.slices) + ": " + problem);
+      throw UsageError("--slices " + std::to_string(*arguments.slices) + ": " + problem);
   if (!(arguments.acquire.start_x_m >= 0 && arguments.acquire.start_x_m <= tissue.width_m))
-    throw CommandError(fmt::format("--start-x-m {}: the tissue reaches from 0 to {} m",
-                                   arguments.acquire.start_x_m, tissue.width_m));
+    throw UsageError(fmt::format("--start-x-m {}: the tissue reaches from 0 to {} m",
+                                 arguments.acquire.start_x_m, tissue.width_m));
   if (!arguments.save_tissue_path.empty()) write_tissue(arguments.save_tissue_path, tissue);
   const auto channel = reach_service(arguments.address, arguments.credentials, say);
   const auto palpation = v1::Palpation::NewStub(channel);

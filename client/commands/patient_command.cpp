@@ -53,8 +53,8 @@ std::vector<double> windows_of(const PatientOptions& options, const Tissue& tiss
     const double x = std::strtod(word.c_str(), &end);
     if (word.empty() || *end != '\0' || !(x >= 0) ||
         !(x + tissue.probe.width_m <= tissue.width_m * (1 + 1e-9)))
-      throw CommandError("--window-x-m " + word + ": must be 'all' or positions from 0 to " +
-                         std::to_string(tissue.width_m - tissue.probe.width_m) + " m");
+      throw UsageError("--window-x-m " + word + ": must be 'all' or positions from 0 to " +
+                       std::to_string(tissue.width_m - tissue.probe.width_m) + " m");
     out.push_back(x);
   }
   return out;

@@ -141,8 +141,8 @@ void require_writable(const std::string& json_path) {
 void require_tip(const char* option, double length_m) {
   constexpr double kMostM = 0.014;
   if (length_m > kMostM)
-    throw CommandError(fmt::format("{} {}: give it in metres, at most {}; a fingertip has about 0.008",
-                                   option, length_m, kMostM));
+    throw UsageError(fmt::format("{} {}: give it in metres, at most {}; a fingertip has about 0.008", option,
+                                 length_m, kMostM));
 }
 
 void run(Arguments arguments, const CLI::App& command) {

@@ -35,11 +35,11 @@ void require_workspace(const WorkspaceOptions& workspace) {
   try {
     validate(workspace);
   } catch (const std::invalid_argument& error) {
-    throw CommandError(with_flags(error.what(), {{"axes", "--axes"},
-                                                 {"rotation_deg", "--rotation-deg"},
-                                                 {"force_scale", "--force-scale"},
-                                                 {"scale", "--scale"},
-                                                 {"clutch_button", "--clutch-button"}}));
+    throw UsageError(with_flags(error.what(), {{"axes", "--axes"},
+                                               {"rotation_deg", "--rotation-deg"},
+                                               {"force_scale", "--force-scale"},
+                                               {"scale", "--scale"},
+                                               {"clutch_button", "--clutch-button"}}));
   }
 }
 
