@@ -43,7 +43,7 @@ bool TouchQueue::mostly_long(const Account& account) const {
   int more = 0;
   for (const auto& [id, stream] : streams_)
     if (stream.account == &account && stream.last < Clock::duration::max())
-      more += stream.kind() == kLongTurns ? 1 : -1;
+      more += stream.expected_long() ? 1 : -1;
   return more > 0;
 }
 
@@ -70,9 +70,8 @@ void TouchQueue::leave(Id id) {
   Account& account = *stream.account;
   if (stream.state == State::kTimed) timers_.erase({stream.due, id});
   if (stream.state == State::kReady) {
-    const TurnKind kind = stream.kind();
-    account.ready[kind].erase({stream.deadline, id});
-    reorder(account, kind);
+    account.ready[stream.kind].erase({stream.deadline, id});
+    reorder(account, stream.kind);
   }
   streams_.erase(found);
   if (--account.streams > 0) return;
@@ -83,9 +82,8 @@ void TouchQueue::leave(Id id) {
 }
 
 TouchQueue::Clock::duration TouchQueue::kept(const Stream& stream) const {
-  const TurnKind kind = stream.kind();
   const double share_hz =
-      stream.account->weight * level_hz(kind) / std::max(1.0, stream.account->active[kind]);
+      stream.account->weight * level_hz(stream.kind) / std::max(1.0, stream.account->active[stream.kind]);
   const double longer_s = 1 / std::max(share_hz, terms_.least_rate_hz);
   return std::max(stream.period, seconds(longer_s));
 }
@@ -111,26 +109,45 @@ void TouchQueue::set_due(Id id, Stream& stream, Time due, Time now) {
 
 void TouchQueue::make_ready(Id id, Stream& stream, Time ready) {
   Account& account = *stream.account;
-  if (!account.waits() && account.running == 0)
-    account.served_s = std::max(account.served_s, level_s_ - kSliceS);
   stream.state = State::kReady;
   stream.due = Time::max();
+  stream.kind = stream.expected_long() || ready < account.distrusted_until ? kLongTurns : kShortTurns;
   stream.deadline = ready + kept(stream);
-  const TurnKind kind = stream.kind();
-  account.ready[kind].emplace(stream.deadline, id);
-  reorder(account, kind);
+  come(account, stream.kind);
+  account.ready[stream.kind].emplace(stream.deadline, id);
+  reorder(account, stream.kind);
+}
+
+// One that had nothing to do has saved up nothing.
+void TouchQueue::come(Account& account, TurnKind kind) {
+  const auto at_least = [](double& served_s, double level_s) {
+    served_s = std::max(served_s, level_s - kSliceS);
+  };
+  if (account.idle_in(kShortTurns) && account.idle_in(kLongTurns)) at_least(account.served_s, level_s_);
+  if (account.idle_in(kind)) at_least(account.served_in_s[kind], level_in_s_[kind]);
+}
+
+TouchQueue::Order TouchQueue::order(double served_s, Time deadline, const Account& account) {
+  return {std::llround(std::floor(served_s / kSliceS)), deadline, account.id};
 }
 
 void TouchQueue::reorder(Account& account, TurnKind kind) {
   auto& place = account.order[kind];
   std::optional<Order> now;
   if (!account.ready[kind].empty())
-    now = Order(std::llround(std::floor(account.served_s / kSliceS)), account.ready[kind].begin()->first,
-                account.id);
+    now = order(account.served_in_s[kind], account.ready[kind].begin()->first, account);
   if (now == place) return;
   if (place) order_[kind].erase(*place);
   if (now) order_[kind].insert(*now);
   place = now;
+}
+
+void TouchQueue::distrust(Account& account, Time now) {
+  account.distrusted_until = now + kDistrusted;
+  if (account.ready[kShortTurns].empty()) return;
+  come(account, kLongTurns);
+  for (const auto& [deadline, id] : account.ready[kShortTurns]) streams_.at(id).kind = kLongTurns;
+  account.ready[kLongTurns].merge(account.ready[kShortTurns]);
 }
 
 void TouchQueue::look(Time now) {
@@ -144,14 +161,21 @@ void TouchQueue::look(Time now) {
     if (order_[kind].empty()) load_[kind].caught_up();
 }
 
+// Of the first of each kind, whose principal has had less in all; something is ready.
+TouchQueue::TurnKind TouchQueue::next_kind() const {
+  if (order_[kShortTurns].empty()) return kLongTurns;
+  if (order_[kLongTurns].empty() || !long_may_run()) return kShortTurns;
+  const auto in_all = [&](TurnKind kind) {
+    const Account& account = *by_id_.at(std::get<2>(*order_[kind].begin()));
+    return order(account.served_s, account.ready[kind].begin()->first, account);
+  };
+  return in_all(kLongTurns) < in_all(kShortTurns) ? kLongTurns : kShortTurns;
+}
+
 std::optional<TouchQueue::Turn> TouchQueue::begin(Time now) {
   look(now);
   if (!any_ready()) return std::nullopt;
-  const std::set<Order>&short_ones = order_[kShortTurns], &long_ones = order_[kLongTurns];
-  const TurnKind kind =
-      short_ones.empty() || (!long_ones.empty() && long_may_run() && *long_ones.begin() < *short_ones.begin())
-          ? kLongTurns
-          : kShortTurns;
+  const TurnKind kind = next_kind();
   Account& account = *by_id_.at(std::get<2>(*order_[kind].begin()));
   const Id id = account.ready[kind].begin()->second;
   account.ready[kind].erase(account.ready[kind].begin());
@@ -159,12 +183,13 @@ std::optional<TouchQueue::Turn> TouchQueue::begin(Time now) {
   stream.state = State::kRunning;
   stream.begun = now;
   long_running_ += kind == kLongTurns;
-  ++account.running;
+  ++account.running[kind];
   level_s_ = std::max(level_s_, account.served_s);
+  level_in_s_[kind] = std::max(level_in_s_[kind], account.served_in_s[kind]);
   // About what it will take is charged at once: the next worker sees it.
   stream.charged = stream.last == Clock::duration::max() ? Clock::duration{} : stream.last;
-  account.served_s += in_seconds(stream.charged) / account.weight;
-  for (const TurnKind each : {kShortTurns, kLongTurns}) reorder(account, each);
+  account.serve(kind, in_seconds(stream.charged));
+  reorder(account, kind);
   return Turn{id, kept(stream)};
 }
 
@@ -172,12 +197,15 @@ void TouchQueue::done(Id id, Time now, Time next, bool answered) {
   Stream& stream = streams_.at(id);
   Account& account = *stream.account;
   const Clock::duration took = now - stream.begun;
-  long_running_ -= stream.kind() == kLongTurns;
-  --account.running;
-  account.served_s += in_seconds(took - stream.charged) / account.weight;
+  long_running_ -= stream.kind == kLongTurns;
+  --account.running[stream.kind];
+  account.serve(stream.kind, in_seconds(took - stream.charged));
+  if (took > kBlocks && !stream.expected_long()) distrust(account, now);
   for (const TurnKind each : {kShortTurns, kLongTurns}) reorder(account, each);
   if (answered) {
-    stream.before = std::exchange(stream.last, took);
+    const bool first = std::exchange(stream.last, took) == Clock::duration::max();
+    const unsigned was_long = took > kLong ? 1 : 0;
+    stream.long_turns = static_cast<std::uint8_t>((first ? was_long : stream.long_turns) << 1 | was_long);
     ++stream.answers;
   }
   stream.state = State::kIdle;
@@ -190,8 +218,8 @@ void TouchQueue::settle(Time now) {
   const double passed_s = in_seconds(now - settled_);
   for (auto& [id, stream] : streams_) {
     Account& account = *stream.account;
-    account.answers[stream.kind()] += stream.answers;
-    account.squares[stream.kind()] += stream.answers * stream.answers;
+    account.answers[stream.kind] += stream.answers;
+    account.squares[stream.kind] += stream.answers * stream.answers;
     stream.answers = 0;
   }
   for (const TurnKind kind : {kShortTurns, kLongTurns}) {

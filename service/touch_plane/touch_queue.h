@@ -3,10 +3,13 @@
 // A stream asks for a turn at a time. Of the turns that are due, those of the principal (a client) go first
 // that has had least of the workers' time for its weight, and within a principal that with the earliest
 // deadline, which is a period after it was due. Principals that have had about the same go by deadlines. One
-// that comes anew starts level with those that are served: nobody saves up.
+// that comes anew starts level with those that are served: nobody saves up. Among long turns what a principal
+// has had of those decides, since short ones may have had much meanwhile.
 //
 // A stream is worked on by one worker at a time. Turns that are expected to be long are given to all workers
-// but one: a short one waits for none of them.
+// but one: a short one waits for none of them. Expected are they of a stream of which two of the last eight
+// were, so that one that was held up once makes none. And for a while of all streams of a principal that had
+// a turn which others waited for, though it was not expected to be long.
 //
 // When there is more to do than workers can, periods become longer, of whoever has most first
 // (touch_load.h). When they are as long as they may be, another stream has no room. Short turns and long ones
@@ -14,6 +17,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -32,10 +36,12 @@ class TouchQueue {
  public:
   using Clock = std::chrono::steady_clock;
   using Time = Clock::time_point;
-  using Id = std::uint64_t;                             // never 0
-  static constexpr double kSliceS = 0.001;              // of time served: less is no difference
-  static constexpr std::chrono::milliseconds kLong{2};  // a turn as the last two were
-  static constexpr double kObserverWeight = 0.25;       // who steers no probe slows down first
+  using Id = std::uint64_t;                              // never 0
+  static constexpr double kSliceS = 0.001;               // of time served: less is no difference
+  static constexpr std::chrono::milliseconds kLong{2};   // a turn that takes more
+  static constexpr auto kBlocks = 10 * kLong;            // others waited for a turn that took more
+  static constexpr std::chrono::seconds kDistrusted{2};  // so long its principal's count as long
+  static constexpr double kObserverWeight = 0.25;        // who steers no probe slows down first
 
   enum TurnKind : std::size_t { kShortTurns, kLongTurns };
 
@@ -83,33 +89,43 @@ class TouchQueue {
   using ByKind = std::array<T, 2>;  // of TurnKind
   struct Account;
   using Order = std::tuple<std::int64_t, Time, std::uint64_t>;  // slice of time served, deadline, account
+  static Order order(double served_s, Time deadline, const Account&);
   struct Stream {
     Account* account = nullptr;
     Clock::duration period{};
     State state = State::kIdle;
     Time due = Time::max();  // kTimed: of its turn; kRunning: of the next, as was asked for meanwhile
     Time deadline{}, begun{};
-    Clock::duration last = Clock::duration::max(), before = Clock::duration::max();  // its turns took
+    Clock::duration last = Clock::duration::max();  // its turn took; max(): none was answered yet
+    std::uint8_t long_turns = 0;                    // of the last eight, a bit each; the first counts twice
+    TurnKind kind = kLongTurns;                     // as it became ready
     Clock::duration charged{};
     double answers = 0;  // in this window
-    TurnKind kind() const { return std::min(last, before) > kLong ? kLongTurns : kShortTurns; }
+    bool expected_long() const { return last == Clock::duration::max() || std::popcount(long_turns) > 1; }
   };
   struct Account {
     std::uint64_t id = 0;
-    double weight = 1, served_s = 0;  // the latter over the weight
-    std::size_t streams = 0, running = 0;
+    double weight = 1, served_s = 0;  // over the weight
+    ByKind<double> served_in_s{};     // likewise, of turns of a kind
+    std::size_t streams = 0;
+    ByKind<std::size_t> running{};
     ByKind<double> active{};  // so many streams, answered alike, would have had the last window's answers
     ByKind<double> answers{}, squares{};          // while a window is settled
     ByKind<std::set<std::pair<Time, Id>>> ready;  // by deadline
     ByKind<std::optional<Order>> order;           // as it stands in order_
-    bool waits() const { return !ready[kShortTurns].empty() || !ready[kLongTurns].empty(); }
+    Time distrusted_until = Time::min();
+    void serve(TurnKind kind, double s) { served_s += s / weight, served_in_s[kind] += s / weight; }
+    bool idle_in(TurnKind kind) const { return ready[kind].empty() && running[kind] == 0; }
   };
   bool long_may_run() const { return long_running_ + 1 < terms_.workers; }
   bool mostly_long(const Account&) const;
   Clock::duration kept(const Stream&) const;
   void set_due(Id, Stream&, Time due, Time now);
   void make_ready(Id, Stream&, Time ready);
+  void come(Account&, TurnKind);
+  TurnKind next_kind() const;
   void reorder(Account&, TurnKind);
+  void distrust(Account&, Time now);
   void look(Time now);  // at what has become due, and at the windows that are over
   void settle(Time now);
 
@@ -121,7 +137,8 @@ class TouchQueue {
   std::unordered_map<std::uint64_t, Account*> by_id_;
   std::set<std::pair<Time, Id>> timers_;      // turns that are not due
   ByKind<std::set<Order>> order_;             // principals with turns that are due
-  double level_s_ = 0;                        // where a principal that comes anew starts
+  double level_s_ = 0;                        // where a principal that comes anew starts: of all its
+  ByKind<double> level_in_s_{};               // time, and of that of a kind
   std::size_t long_running_ = 0, fresh_ = 0;  // the latter: joined since the last window
   ByKind<double> active_{};                   // of all
   Id last_ = 0;

@@ -5,6 +5,7 @@
 
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace teletact::service {
@@ -99,7 +100,7 @@ TEST_F(Turns, LongOnesLeaveAWorkerToShortOnes) {
   queue.wake(quick, at, at);
   EXPECT_EQ(turn(20us), quick);
   // One that was held up once is no long one.
-  known(quick, 30ms);
+  known(quick, 15ms);
   queue.wake(quick, at, at);
   EXPECT_EQ(turn(20us), quick);
 }
@@ -112,14 +113,15 @@ class Overload : public Turns {
     Duration period;
     Time next;
     int answers = 0;
-    std::optional<Duration> takes{};  // in place of what run() says
+    std::optional<Duration> takes{};  // in place of what run() says, by one turn in `each`
+    int each = 1, turns = 0;
   };
-  std::vector<Id> add(const char* principal, int streams, Duration period,
-                      std::optional<Duration> takes = {}) {
+  std::vector<Id> add(const char* principal, int streams, Duration period, std::optional<Duration> takes = {},
+                      int each = 1) {
     std::vector<Id> added;
     for (int k = 0; k < streams; ++k) {
       const Id id = added.emplace_back(join(principal, period));
-      asks[id] = {period, at, 0, takes};
+      asks[id] = {period, at, 0, takes, each};
       queue.wake(id, at, at);
     }
     return added;
@@ -132,7 +134,8 @@ class Overload : public Turns {
       while (at < until && running.size() < workers) {
         const auto turn = queue.begin(at);
         if (!turn) break;
-        running.emplace(at + asks.at(turn->id).takes.value_or(takes), *turn);
+        Asks& ask = asks.at(turn->id);
+        running.emplace(at + (++ask.turns % ask.each == 0 ? ask.takes.value_or(takes) : takes), *turn);
       }
       const Time due = running.size() < workers ? std::min(queue.next_due(), until) : Time::max();
       if (running.empty() || due < running.begin()->first) {
@@ -252,6 +255,42 @@ TEST_F(Overload, OfLongTurnsIsSeenAndSlowsNoShortOnes) {
   expect_refused("another", TouchQueue::kLongTurns);
   expect_refused("a");  // its turns are long
   expect_room("another");
+}
+
+// Whatever the share of long turns: who hides them among short ones takes no worker from others.
+TEST_F(Overload, OfTurnsThatAreLongNowAndThenSlowsNobodyElse) {
+  for (const int each : {1, 2, 4, 9, 30, 100}) {
+    for (const auto& [id, ask] : std::exchange(asks, {})) queue.leave(id);
+    std::vector<Id> others;
+    for (const char* principal : {"a", "b", "c", "d"}) others.push_back(add(principal, 1, 10ms).front());
+    add("greedy", 8, 5ms, 200ms, each);
+    run(2s, 50us, 2);
+    run(5s, 50us, 2);
+    for (const Id id : others) {
+      EXPECT_GE(asks.at(id).answers, 495) << "one turn in " << each;
+      EXPECT_EQ(queue.period(id), 10ms) << each;
+    }
+  }
+}
+
+TEST_F(Overload, LongTurnsOfWhoHasManyShortOnesAreNotForgotten) {
+  join("observes", 1ms, 0.25);
+  add("observes", 30, 1ms, 50us);  // more than one worker can do
+  const Id own = add("observes", 1, 2ms, 5ms).front();
+  add("steers", 8, 2ms, 5ms);
+  run(2s, 0us, 2);
+  run(5s, 0us, 2);
+  EXPECT_GE(asks.at(own).answers, 50);
+}
+
+TEST_F(Overload, WhoWasHeldUpIsTrustedAgain) {
+  const Id one = add("held up", 1, 2ms).front();
+  run(100ms, 50us, 2);
+  run(30ms, 30ms, 2);
+  run(TouchQueue::kDistrusted, 50us, 2);
+  add("long", 1, 2ms, 30ms);
+  run(5s, 50us, 2);
+  EXPECT_NEAR(asks.at(one).answers, 2500, 100) << "waits for no long one";
 }
 
 }  // namespace
