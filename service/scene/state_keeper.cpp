@@ -22,7 +22,7 @@ StateKeeper::StateKeeper(const std::filesystem::path& directory, const Limits& l
 
 void StateKeeper::open(bool wait) {
   if (!directory_.empty()) store_ = std::make_unique<StateStore>(directory_, limits_, files_, wait);
-  versions_ = std::make_shared<VersionCounter>(store_.get());
+  versions_ = std::make_shared<VersionCounter>(store_.get(), [this] { reserve_later(); });
 }
 
 StateKeeper::~StateKeeper() {
@@ -67,6 +67,18 @@ void StateKeeper::write(const std::shared_ptr<Scene>& scene) {
   if (scene->deleted()) return;
   versions_->reserve_ahead();
   store_->save(scene->record());
+}
+
+// There may be room by now.
+void StateKeeper::reserve_later() {
+  keeper_.post([this] {
+    const std::lock_guard lock(disk_);
+    if (!gone_) try {
+        versions_->reserve_ahead();
+      } catch (const FileError& error) {
+        spdlog::error("event=versions_not_reserved error=\"{}\"", error.what());
+      }
+  });
 }
 
 void StateKeeper::write_or_say(const std::shared_ptr<Scene>& scene) {
@@ -148,6 +160,7 @@ void StateKeeper::remove(const std::function<std::shared_ptr<Scene>()>& find,
     if (store_) store_->remove(scene->id());
   } catch (const FileError& error) {
     spdlog::error("event=scene_not_removed scene={} error=\"{}\"", scene->id(), error.what());
+    keep_later(scene);  // half of it may be gone
     throw Error(ErrorKind::kUnavailable,
                 fmt::format("state: scene {} cannot be taken from disk and stays; the service's log says why",
                             scene->id()));

@@ -58,6 +58,7 @@ class StateKeeper {
  private:
   void open(bool wait);
   void write(const std::shared_ptr<Scene>&);
+  void reserve_later();
   void write_or_say(const std::shared_ptr<Scene>&);
   void note(const std::shared_ptr<Scene>&, const std::string& why);  // empty: written
   const std::filesystem::path directory_;

@@ -106,7 +106,8 @@ void StateStore::sweep() {
     if (name.starts_with(kGone)) files_->remove(directory_ / name);
 }
 
-void StateStore::write_file(const fs::path& path, const std::string& bytes) {
+// Its name is not synced yet.
+void StateStore::place_file(const fs::path& path, const std::string& bytes) {
   const fs::path temporary = path.string() + ".tmp";
   try {
     files_->write(temporary, std::span(bytes.data(), bytes.size()));
@@ -119,27 +120,33 @@ void StateStore::write_file(const fs::path& path, const std::string& bytes) {
     }
     throw;
   }
-  files_->sync(path.parent_path());
 }
 
 void StateStore::reserve_versions(std::uint64_t limit) {
-  write_file(directory_ / "versions.json", json{{"first_unused", limit}}.dump());
+  place_file(directory_ / "versions.json", json{{"first_unused", limit}}.dump());
+  files_->sync(directory_);
 }
 
 void StateStore::save(const SceneRecord& record) {
   const fs::path folder = scenes_ / record.id;
   const EncodedScene scene = encoded(record);
-  const bool made = !files_->exists(folder);
+  const fs::path map = folder / scene.map_name;
+  const bool made = !files_->exists(folder), map_made = !files_->exists(map);
+  bool named = false;  // the map, by scene.json
   try {
     files_->make_folder(folder);
-    write_file(folder / scene.map_name, scene.map);
-    write_file(folder / "scene.json", scene.description);
+    place_file(map, scene.map);
+    files_->sync(folder);
+    place_file(folder / "scene.json", scene.description);
+    named = true;
+    files_->sync(folder);
     files_->sync(scenes_);  // its own name
   } catch (const FileError&) {
-    // Nothing half-made is left of a scene that is refused; if even that fails, it is set aside at the next
-    // start.
-    if (made) try {
-        files_->remove(folder);
+    // Nothing half-made is left of a scene that is refused, nor a map that nothing names: a full disk needs
+    // the room. If even that fails, the scene is set aside at the next start, and the map goes with the next
+    // save.
+    if (made || (map_made && !named)) try {
+        files_->remove(made ? folder : map);
       } catch (const FileError&) {
       }
     throw;
@@ -208,8 +215,16 @@ void StateStore::remove(const std::string& id) {
   files_->remove(gone);
   if (!files_->exists(scenes_ / id)) return;
   files_->rename(scenes_ / id, gone);
-  files_->sync(directory_);
-  files_->sync(scenes_);
+  try {
+    files_->sync(directory_);
+    files_->sync(scenes_);
+  } catch (const FileError&) {
+    try {
+      files_->rename(gone, scenes_ / id);  // it stays
+    } catch (const FileError&) {
+    }
+    throw;
+  }
   try {
     files_->remove(gone);
   } catch (const FileError& error) {  // swept at the next start

@@ -55,7 +55,7 @@ class StateStore {
   void keep_private();
   void sweep();
   void load(const std::string& id, const Take&, const MemoryAccount&);
-  void write_file(const Path&, const std::string& bytes);
+  void place_file(const Path&, const std::string& bytes);
   const std::shared_ptr<Files> files_;
   const Path directory_, scenes_;
   const Limits limits_;  // a scene beyond them is set aside

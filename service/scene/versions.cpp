@@ -1,25 +1,29 @@
 #include "service/scene/versions.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "service/scene/errors.h"
 #include "service/scene/state_store.h"
 
 namespace teletact::service {
 
-VersionCounter::VersionCounter(StateStore* store)
+VersionCounter::VersionCounter(StateStore* store, std::function<void()> used_up)
     : store_(store),
+      used_up_(std::move(used_up)),
       next_(store ? store->first_version() : 1),
       reserved_(store ? store->reserved_versions() : UINT64_MAX) {}
 
 std::uint64_t VersionCounter::next() {
-  const std::lock_guard lock(mutex_);
-  if (next_ >= reserved_)
-    throw Error(
-        ErrorKind::kExhausted,
-        "state: the versions reserved on disk are used up, and it takes no more; free disk space in the "
-        "folder of --state");
-  return next_++;
+  {
+    const std::lock_guard lock(mutex_);
+    if (next_ < reserved_) return next_++;
+  }
+  if (used_up_) used_up_();
+  throw Error(
+      ErrorKind::kExhausted,
+      "state: the versions reserved on disk are used up; free disk space in the folder of --state, and "
+      "send it again");
 }
 
 void VersionCounter::used(std::uint64_t version) {

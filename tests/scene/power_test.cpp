@@ -1,5 +1,6 @@
 // Scenes that were acknowledged survive a power failure at any moment, and a full or failing disk stops
 // keeping, nothing else.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -223,14 +224,78 @@ TEST_F(TroubledDisk, AFullOneIsNotFilledFurtherByWhatIsNotKept) {
   Scenes scenes(kState, {}, disk);
   create_scene(scenes, "a", tissue(0.09, 0.02), std::nullopt);
   publish(scenes, 0);
-  for (std::size_t at = 0; at < 6; ++at) {
+  const std::filesystem::path folder = std::filesystem::path(kState) / "scenes" / "a";
+  for (std::size_t at = 0; at < 12; ++at) {
     disk->fail_from(at, ENOSPC);
     publish(scenes, 0.03);
     EXPECT_TRUE(says_so(publish(scenes, 0.06)));
     disk->work_again();
-    for (const std::string& name : disk->list(std::filesystem::path(kState) / "scenes" / "a"))
+    const std::string description = disk->read(folder / "scene.json");
+    std::uint64_t newest = 0;
+    for (const std::string& name : disk->list(folder)) {
       EXPECT_FALSE(name.ends_with(".tmp")) << name << " " << at;
+      if (name.starts_with("map-")) newest = std::max<std::uint64_t>(newest, std::stoull(name.substr(4)));
+    }
+    EXPECT_NE(description.find(fmt::format("\"map-{}.raw\"", newest)), std::string::npos)
+        << "nothing names version " << newest << " " << at;
   }
+}
+
+TEST_F(TroubledDisk, ADeletionThatIsRefusedLosesNothing) {
+  for (const int number : {ENOSPC, EIO})
+    for (std::size_t at = 0; at < 8; ++at) {
+      const auto own = std::make_shared<LosingDisk>();
+      bool refused = false;
+      {
+        Scenes scenes(kState, {}, own);
+        create_scene(scenes, "a", tissue(0.09, 0.02), std::nullopt);
+        own->fail_from(at, number, number == EIO);
+        try {
+          scenes.remove("a");
+        } catch (const Error& error) {
+          refused = true;
+          EXPECT_EQ(error.kind, ErrorKind::kUnavailable);
+        }
+        EXPECT_EQ(scenes.list().size(), refused ? 1U : 0U);
+        own->work_again();
+      }
+      own->restart(Unsynced::kLost, 0);
+      Scenes scenes(kState, {}, own);
+      scenes.restore();
+      EXPECT_EQ(scenes.list().size(), refused ? 1U : 0U) << number << " " << at;
+    }
+}
+
+// Whose service died as the disk filled up: another one took its folder.
+class FilledUp : public LosingDisk {
+ public:
+  std::shared_ptr<void> lock(const Path& path, bool wait) override {
+    if (fills_up) fail_from(0, ENOSPC);
+    return LosingDisk::lock(path, wait);
+  }
+  bool fills_up = false;
+};
+
+TEST(KeepingState, WhoTookOverAFullDiskPublishesOnceThereIsRoom) {
+  const auto disk = std::make_shared<FilledUp>();
+  {
+    Scenes first(kState, {}, disk);
+    create_scene(first, "a", tissue(0.09, 0.02), std::nullopt);
+  }
+  disk->fills_up = true;
+  Scenes second(kState, {}, disk, nullptr, plane_models(), true);
+  second.restore();
+  const auto publish = [&] {
+    publish_into(second, second.find("a"), window_of(homogeneous(10e3), 0.03, 0.03, 0.02));
+  };
+  EXPECT_THROW(publish(), Error);
+  second.wait_until_kept();
+  EXPECT_THROW(publish(), Error);
+  second.wait_until_kept();
+  disk->work_again();
+  EXPECT_THROW(publish(), Error) << "there was no version before";
+  second.wait_until_kept();
+  publish();
 }
 
 TEST_F(TroubledDisk, AFailureAtAnyOperationRefusesTheSceneAndTheServiceGoesOn) {
