@@ -93,6 +93,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 struct HttpListener::State {
   Answers answers;
   std::string socket;  // the path of a Unix socket, removed at the end
+  std::shared_ptr<void> held;
   std::unique_ptr<Listener> listener;
 };
 
@@ -114,6 +115,7 @@ HttpListener::HttpListener(const char* flag, const std::string& address, Answers
               spdlog::error("event=admin_failed error=\"{}\"", error.what());
             }});
     state_->socket = local.socket;
+    state_->held = local.held;
     if (local.socket.empty())
       address_ = address.substr(0, address.rfind(':') + 1) + std::to_string(state_->listener->port());
   } catch (const boost::system::system_error& error) {

@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "service/limits/shown.h"
+#include "service/scene/files.h"
 
 namespace teletact::service {
 
@@ -32,10 +33,21 @@ struct Given {
       fmt::format("{} {}: {}", given.flag, shown(given.address, 2 * kLongestSocketPath), why));
 }
 
-void prepare_socket(const Given& o, const std::string& path) {
+std::shared_ptr<void> prepare_socket(const Given& o, const std::string& path) {
+  constexpr const char* kInUse = "address in use: another service answers there";
   if (path.size() > kLongestSocketPath)
     refuse(o, fmt::format("the path has {} bytes, a Unix socket's may have {}; choose a shorter one",
                           path.size(), kLongestSocketPath));
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(std::filesystem::absolute(path).parent_path(), ignored))
+    refuse(o, "the socket's folder does not exist");
+  std::shared_ptr<void> held;
+  try {
+    held = machine_files()->lock(path + ".lock", false);
+  } catch (const FileError& error) {
+    refuse(o, error.what());
+  }
+  if (!held) refuse(o, kInUse);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
@@ -44,17 +56,15 @@ void prepare_socket(const Given& o, const std::string& path) {
   const int rc = ::connect(file, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
   const int error = errno;
   ::close(file);
-  if (rc == 0) refuse(o, "address in use: another service answers there");
-  std::error_code ignored;
+  if (rc == 0) refuse(o, kInUse);
   if (error == ECONNREFUSED) {
     if (!std::filesystem::is_socket(path, ignored))
       refuse(o, "exists and is not a socket; choose another path");
     std::filesystem::remove(path, ignored);  // left over by a service that was killed
   } else if (error != ENOENT) {
     refuse(o, std::strerror(error));
-  } else if (!std::filesystem::is_directory(std::filesystem::absolute(path).parent_path(), ignored)) {
-    refuse(o, "the socket's folder does not exist");
   }
+  return held;
 }
 
 bool loopback(const std::string& host) {
@@ -110,17 +120,14 @@ Address parse_address(const char* flag, const std::string& text) {
   return out;
 }
 
-std::string prepare_address(const ListenOptions& o) {
+Listening prepare_address(const ListenOptions& o) {
   if (o.tls_certificate.empty() != o.tls_key.empty())
     throw std::runtime_error("--tls-certificate and --tls-key: give both or none");
   if (!o.tls_client_ca.empty() && !encrypted(o))
     throw std::runtime_error("--tls-client-ca: it takes TLS; give --tls-certificate and --tls-key, too");
   const Given given{"--listen", o.listen};
   const Address address = parse_address(given.flag, given.address);
-  if (!address.socket.empty()) {
-    prepare_socket(given, address.socket);
-    return "unix:" + address.socket;
-  }
+  if (!address.socket.empty()) return {"unix:" + address.socket, prepare_socket(given, address.socket)};
   if (!loopback(address.host) && !encrypted(o)) {
     if (!o.access.empty())
       refuse(given,
@@ -132,14 +139,14 @@ std::string prepare_address(const ListenOptions& o) {
              "--allow-insecure-remote if the network is trusted");
   }
   require_free(given, address.host, address.port);
-  return o.listen;
+  return {o.listen, nullptr};
 }
 
 Address prepare_local_address(const char* flag, const std::string& text) {
   const Given given{flag, text};
   Address address = parse_address(given.flag, given.address);
   if (!address.socket.empty()) {
-    prepare_socket(given, address.socket);
+    address.held = prepare_socket(given, address.socket);
     return address;
   }
   if (!loopback(address.host))

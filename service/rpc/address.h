@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 
 namespace teletact::service {
@@ -16,15 +17,21 @@ struct ListenOptions {
   std::filesystem::path access;                    // who may do what; empty: whoever can connect may do all
 };
 
+struct Listening {
+  std::string address;         // for gRPC
+  std::shared_ptr<void> held;  // as Address has it
+};
 // Checks the address and removes a Unix socket that nobody serves any more. Throws std::runtime_error, one
-// line: malformed, path too long, in use, not a socket, remote without TLS, half of what TLS takes. Returns
-// the address for gRPC.
-std::string prepare_address(const ListenOptions&);
+// line: malformed, path too long, in use, not a socket, remote without TLS, half of what TLS takes.
+Listening prepare_address(const ListenOptions&);
 
 struct Address {
   std::string socket;  // a Unix socket's path; empty: host and port
   std::string host;
   std::uint16_t port = 0;
+  // Of a Unix socket that was prepared, until it is listened on no more: of processes that start at the same
+  // moment one has it. Locks the file PATH.lock, which stays.
+  std::shared_ptr<void> held;
 };
 // What is written, whether or not it can be listened on. Throws std::runtime_error, one line that names
 // `flag`.

@@ -59,7 +59,9 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
 }  // namespace
 
 Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions& options) {
-  const std::string address = prepare_address(options.listen);
+  const Listening listening = prepare_address(options.listen);
+  const std::string& address = listening.address;
+  held_ = listening.held;
   const auto credentials = credentials_of(options.listen);
   auto access = options.listen.access.empty()
                     ? nullptr

@@ -55,6 +55,7 @@ class Server {
  private:
   void set_health(bool serving);
   void tell_devices(bool work);
+  std::shared_ptr<void> held_;  // the socket; first: until nobody listens
   std::unique_ptr<Core> core_;
   std::unique_ptr<ElastographyService> elastography_;
   std::unique_ptr<InfoService> info_;

@@ -50,6 +50,18 @@ TEST(Address, MalformedOnesAreRefused) {
   EXPECT_THROW(prepare_address(half), std::runtime_error);
 }
 
+// Two that start at the same moment: neither listens yet.
+TEST(Address, ASocketIsHeldFromWhenItIsLookedAt) {
+  const std::string path = fs::temp_directory_path() / ("teletact-held-" + std::to_string(getpid()));
+  ListenOptions options;
+  options.listen = "unix:" + path;
+  auto first = prepare_address(options);
+  EXPECT_NE(why_refused(options.listen).find("in use"), std::string::npos);
+  first.held.reset();
+  EXPECT_EQ(why_refused(options.listen), "");
+  fs::remove(path + ".lock");
+}
+
 TEST(Address, LiveSocketIsNotStolenAndADeadOneIsReplaced) {
   RunningServer first;
   const std::string address = first->address(), path = address.substr(5);
