@@ -131,7 +131,8 @@ void pause(double seconds, const sigset_t& signals, const std::function<bool()>&
 void stop(Server& server, bool moves, const sigset_t& signals) {
   Core& core = server.core();
   const auto moving = std::make_shared<std::atomic<bool>>(false);
-  end_in_time(core.limits.unready_s + core.limits.drain_s, moving);
+  // What is not kept yet is written first, for the other one.
+  end_in_time(core.limits.unready_s + (moves ? core.limits.move_s : 0) + core.limits.drain_s, moving);
   server.leave();
   pause(core.limits.unready_s, signals, [] { return false; });
   if (moves) {
