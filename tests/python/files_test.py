@@ -18,7 +18,7 @@ def read(tmp_path):
         fields = {name: value for name, value in (HEADER | changes | {"ElementDataFile": "LOCAL"}).items()
                   if value is not None}
         header = "".join(f"{name} = {value}\n" for name, value in fields.items())
-        (tmp_path / "a.mha").write_bytes(header.encode() + np.arange(6, dtype="<i2").tobytes())
+        (tmp_path / "a.mha").write_bytes(header.encode("latin-1") + np.arange(6, dtype="<i2").tobytes())
         return teletact.read_metaimage(tmp_path / "a.mha")
 
     return written_and_read
@@ -43,12 +43,13 @@ def test_what_is_read(read, changes):
     *(({field: true}, "little-endian") for field in ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
       for true in ("True", "true", "TRUE", "T", "1")),
     ({"CompressedData": "1"}, "uncompressed"), ({"BinaryData": "0"}, "binary"),
+    ({"ElementNumberOfChannels": "\u00b2"}, "1 finite number"), ({"DimSize ": "2 3"}, "keep one"),
     ({"ElementSpacing": None}, "metres"), ({"ElementSpacing": "0.001"}, "2 finite numbers"),
 ], ids=str)
 def test_what_is_refused(read, changes, remedy):
     with pytest.raises(teletact.DamagedFile) as caught:
         read(changes)
-    assert caught.value.field == next(iter(changes)) and remedy in caught.value.remedy, caught.value
+    assert caught.value.field == next(iter(changes)).strip() and remedy in caught.value.remedy, caught.value
 
 
 def test_what_teletact_client_writes_is_read():

@@ -29,6 +29,8 @@ def read_metaimage(path: str | Path) -> xr.DataArray:
         name, mark, value = data[begin:end].decode("latin-1").partition("=")
         if end < 0 or not mark:
             raise DamagedFile(f"{path} is no MetaImage", remedy="give an .mha file")
+        if name.strip() in header:
+            raise DamagedFile(f"{path}: it is given twice", field=name.strip(), remedy="keep one")
         header[name.strip()] = value.strip()
         begin = end + 1
 
@@ -62,11 +64,11 @@ def read_metaimage(path: str | Path) -> xr.DataArray:
     if "ElementSpacing" not in header:
         raise refuse("ElementSpacing", "add it: metres along depth, and between A-lines")
     spacing = numbers("ElementSpacing", 2)
-    channels = header.get("ElementNumberOfChannels", "1")
-    if not channels.isdigit() or int(channels) < 1 or any(n < 1 or n % 1 for n in size) or min(spacing) <= 0:
+    channels = numbers("ElementNumberOfChannels", 1, "1")
+    if any(n < 1 or n % 1 for n in (*size, *channels)) or min(spacing) <= 0:
         raise refuse("DimSize", "sizes are whole numbers above 0, spacings above 0")
     dtype = np.dtype(_TYPES[header["ElementType"]])
-    shape = (int(size[1]), int(size[0]), int(channels))
+    shape = (int(size[1]), int(size[0]), int(channels[0]))
     if math.prod(shape) * dtype.itemsize != len(data) - begin:
         raise refuse("DimSize", "the file must hold exactly the elements that it states")
     values = np.frombuffer(data, dtype, offset=begin).reshape(shape)
