@@ -89,5 +89,34 @@ TEST(View, WhatThePatientSideSaysStandsInTheLog) {
   EXPECT_EQ(lines[0]["warning"], true);
 }
 
+TEST(View, AWindowWithoutEvidenceWasGiven) {
+  View view;
+  v1::Scene scene;
+  scene.add_windows();
+  scene.add_windows()->mutable_evidence()->set_quality(1);
+  view.take_scene(scene);
+  const nlohmann::json windows = newest(view, Channel::kScene)["windows"];
+  ASSERT_EQ(windows.size(), 2u);
+  EXPECT_EQ(windows[0]["given"], true);
+  EXPECT_EQ(windows[1]["given"], false);
+}
+
+// A session that ends brings no tick behind its last, which would else never be shown.
+TEST(View, TheLastTicksAreARowOnceTheyWaitForNoMore) {
+  View view;
+  v1::RecordEntry tick;
+  tick.set_monotonic_ns(2'000'000'000);
+  tick.mutable_servo()->set_state(1);
+  view.take(tick);
+  const auto rows = [&] { return newest(view, Channel::kTrace)["arrays"][0]["shape"][0]; };
+  view.complete_row();
+  EXPECT_EQ(rows(), 1);
+  view.complete_row();
+  EXPECT_EQ(rows(), 1) << "once";
+  tick.set_monotonic_ns(2'001'000'000);
+  view.take(tick);
+  EXPECT_EQ(rows(), 1) << "a row of its own is open";
+}
+
 }  // namespace
 }  // namespace teletact::client
