@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 
+#include "tests/files/matlab/hostile_files.h"
 #include "tests/files/matlab/write_uff.h"
 #include "tests/files/temporary_folder.h"
 
@@ -332,6 +333,17 @@ TEST(Uff, WhatIsNoHdf5OrIsCutAnywhereIsRefused) {
     put_content(folder / "cut.uff", whole.substr(0, bytes));
     EXPECT_NE(message_of(folder / "cut.uff"), "no error") << bytes << " of " << whole.size();
   }
+}
+
+// By fuzzers: what makes HDF5 read beyond what there is. It ends their parser at most.
+TEST(Uff, HostileOnesThatWereFoundAreRefused) {
+  int found = 0;
+  for (const auto& entry : fs::directory_iterator(hostile_files())) {
+    if (entry.path().extension() != ".uff") continue;
+    ++found;
+    EXPECT_NE(message_of(entry.path()), "no error") << entry.path();
+  }
+  EXPECT_EQ(found, 2);
 }
 
 TEST(Uff, NamesInItCannotDrawOnTheTerminal) {
