@@ -193,18 +193,19 @@ std::optional<TouchQueue::Turn> TouchQueue::begin(Time now) {
   return Turn{id, kept(stream)};
 }
 
-void TouchQueue::done(Id id, Time now, Time next, bool answered) {
+void TouchQueue::done(Id id, Time now, Time next, bool answered, Clock::duration own) {
   Stream& stream = streams_.at(id);
   Account& account = *stream.account;
   const Clock::duration took = now - stream.begun;
   long_running_ -= stream.kind == kLongTurns;
   --account.running[stream.kind];
   account.serve(stream.kind, in_seconds(took - stream.charged));
-  if (took > kBlocks && !stream.expected_long()) distrust(account, now);
+  own = std::min(own, took);
+  if (own > kBlocks && !stream.expected_long()) distrust(account, now);
   for (const TurnKind each : {kShortTurns, kLongTurns}) reorder(account, each);
   if (answered) {
     const bool first = std::exchange(stream.last, took) == Clock::duration::max();
-    const unsigned was_long = took > kLong ? 1 : 0;
+    const unsigned was_long = own > kLong ? 1 : 0;
     stream.long_turns = static_cast<std::uint8_t>((first ? was_long : stream.long_turns) << 1 | was_long);
     ++stream.answers;
   }

@@ -38,7 +38,7 @@ class TouchQueue {
   using Time = Clock::time_point;
   using Id = std::uint64_t;                              // never 0
   static constexpr double kSliceS = 0.001;               // of time served: less is no difference
-  static constexpr std::chrono::milliseconds kLong{2};   // a turn that takes more
+  static constexpr std::chrono::milliseconds kLong{2};   // a turn that takes more of its own
   static constexpr auto kBlocks = 10 * kLong;            // others waited for a turn that took more
   static constexpr std::chrono::seconds kDistrusted{2};  // so long its principal's count as long
   static constexpr double kObserverWeight = 0.25;        // who steers no probe slows down first
@@ -71,8 +71,9 @@ class TouchQueue {
   void wake(Id, Time due, Time now);
   // The next turn; none: nothing is due, or what is due must wait.
   std::optional<Turn> begin(Time now);
-  // A turn is over; `next`: as wake(). `answered`: a pose was answered.
-  void done(Id, Time now, Time next, bool answered);
+  // A turn is over; `next`: as wake(). `answered`: a pose was answered. `own`: what the machine's other work
+  // took of its time left out.
+  void done(Id, Time now, Time next, bool answered, Clock::duration own = Clock::duration::max());
   // When begin() may have one that it has not now, as far as is known; Time::max(): not before another call.
   Time next_due() const { return timers_.empty() ? Time::max() : timers_.begin()->first; }
   bool any_ready() const {

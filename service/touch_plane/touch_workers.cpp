@@ -1,5 +1,7 @@
 #include "service/touch_plane/touch_workers.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 
 namespace teletact::service {
@@ -11,6 +13,29 @@ constexpr std::size_t kFewest = 2;  // one is kept from turns that are long
 std::size_t workers_of(const Limits& limits) {
   return std::max(kFewest, static_cast<std::size_t>(limits.touch_workers));
 }
+
+// What this thread did since. Where it waited for something, a device for one, all the time that passed is
+// its own; else what it had of a core is: the rest went to the machine's other work.
+class OwnTime {
+ public:
+  TouchQueue::Clock::duration passed() const {
+    const rusage now = usage();
+    if (now.ru_nvcsw != begun_.ru_nvcsw) return TouchQueue::Clock::duration::max();
+    return had(now) - had(begun_);
+  }
+
+ private:
+  static rusage usage() {
+    rusage out{};
+    getrusage(RUSAGE_THREAD, &out);
+    return out;
+  }
+  static std::chrono::microseconds had(const rusage& of) {
+    return std::chrono::seconds(of.ru_utime.tv_sec + of.ru_stime.tv_sec) +
+           std::chrono::microseconds(of.ru_utime.tv_usec + of.ru_stime.tv_usec);
+  }
+  const rusage begun_ = usage();
+};
 
 }  // namespace
 
@@ -76,9 +101,11 @@ void TouchWorkers::take_turn(const TouchQueue::Turn& turn, Lock& lock) {
   // Who watched what is due next has work; another one does both.
   if (idle_ > 0 && (queue_.any_ready() || queue_.next_due() < watched_)) changed_.notify_one();
   lock.unlock();
+  const OwnTime own;
   const TouchTurns::Done done = turns.turn(turn.period);
+  const auto passed = own.passed();
   lock.lock();
-  queue_.done(turn.id, Clock::now(), done.next, done.answered);
+  queue_.done(turn.id, Clock::now(), done.next, done.answered, passed);
   if (!done.left) return;
   queue_.leave(turn.id);
   turns_.erase(turn.id);

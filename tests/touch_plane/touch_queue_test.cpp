@@ -105,6 +105,22 @@ TEST_F(Turns, LongOnesLeaveAWorkerToShortOnes) {
   EXPECT_EQ(turn(20us), quick);
 }
 
+// On a machine with much other work.
+TEST_F(Turns, WhatOtherWorkTookMakesNoTurnLong) {
+  const Id slow = join("slow"), held_up = join("held up");
+  for (int k = 0; k < 10; ++k)
+    for (const Id id : {slow, held_up}) {
+      queue.wake(id, at, at);
+      ASSERT_EQ(queue.begin(at)->id, id);
+      at += 30ms;
+      queue.done(id, at, Time::max(), true, id == slow ? 30ms : 50us);
+    }
+  queue.wake(slow, at, at);
+  ASSERT_TRUE(queue.begin(at));
+  queue.wake(held_up, at, at);
+  EXPECT_TRUE(queue.begin(at)) << "the worker that long ones leave";
+}
+
 // Streams that want answers by a clock each, and more of them than the workers can give.
 class Overload : public Turns {
  protected:
