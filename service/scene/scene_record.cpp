@@ -41,7 +41,7 @@ template <class T>
 std::vector<T> take(std::string_view& in, std::size_t count) {
   if (count > in.size() / sizeof(T)) throw std::runtime_error("the map file is too short");
   std::vector<T> values(count);
-  std::memcpy(values.data(), in.data(), count * sizeof(T));
+  if (count > 0) std::memcpy(values.data(), in.data(), count * sizeof(T));
   in.remove_prefix(count * sizeof(T));
   return values;
 }
