@@ -32,7 +32,16 @@ using Time = TouchQueue::Time;
 using Duration = TouchQueue::Clock::duration;
 using Work = TouchExchange::Work;
 
-enum class Habit { kHonest, kGreedy, kStopsReading, kCancels, kBursts, kNeverAcknowledges, kOutOfOrder };
+enum class Habit {
+  kHonest,
+  kGreedy,
+  kStopsReading,
+  kCancels,
+  kBursts,
+  kNeverAcknowledges,
+  kOutOfOrder,
+  kHidesLongTurns
+};
 
 struct Client {
   Habit habit = Habit::kHonest;
@@ -70,7 +79,7 @@ class Simulation {
     clients_.resize(static_cast<std::size_t>(busy ? between(12, 30) : between(1, 12)));
     for (std::size_t k = 0; k < clients_.size(); ++k) {
       Client& c = clients_[k];
-      c.habit = static_cast<Habit>(between(0, 6));
+      c.habit = static_cast<Habit>(between(0, 7));
       c.principal = static_cast<std::size_t>(between(0, static_cast<int>(weights_.size()) - 1));
       c.takes =
           long_turns_ && one_in(3) ? Duration(between(5, 30) * 1ms) : between(most_us / 4, most_us) * 1us;
@@ -115,9 +124,11 @@ class Simulation {
 
   void come(std::size_t k) {
     Client& c = clients_[k];
-    const auto is_long = [](const Client& one) { return one.takes > TouchQueue::kLong; };
+    const auto is_long = [](const Client& one) {
+      return one.takes > TouchQueue::kLong || one.habit == Habit::kHidesLongTurns;
+    };
     const auto lengthened = [&](TouchQueue::TurnKind kind) { return std::isfinite(queue_.level_hz(kind)); };
-    const auto kind = is_long(c) ? TouchQueue::kLongTurns : TouchQueue::kShortTurns;
+    const auto kind = c.takes > TouchQueue::kLong ? TouchQueue::kLongTurns : TouchQueue::kShortTurns;
     if (queue_.overload(principal_of(c), kind, now_)) {
       ++refused;
       const bool has_long = std::ranges::any_of(clients_, [&](const Client& one) {
@@ -187,6 +198,13 @@ class Simulation {
     c.wanted = std::min(c.wanted, due);
   }
 
+  // What a turn takes of its own.
+  Duration own_time(const Client& c, Work work) {
+    if (work != Work::kAnswer) return 5us;
+    if (faults() && c.habit == Habit::kHidesLongTurns && one_in(8)) return between(3, 40) * 1ms;
+    return c.takes;
+  }
+
   void dispatch() {
     while (busy_ < workers_) {
       const auto turn = queue_.begin(now_);
@@ -202,10 +220,11 @@ class Simulation {
       ++busy_;
       c.exchange->keep(turn->period);
       const Work work = c.exchange->begin(now_);
-      Duration takes = work == Work::kAnswer ? c.takes : 5us;
+      const Duration own = own_time(c, work);
+      Duration takes = own;
       if (faults() && one_in(500)) takes += between(1, 20) * 1ms;  // the machine's other work
       longest_ = std::max(longest_, takes);
-      at(now_ + takes, [this, k, work, begun = now_] { finish(k, work, begun); });
+      at(now_ + takes, [this, k, work, own, begun = now_] { finish(k, work, own, begun); });
     }
     const Time due = queue_.next_due();
     if (busy_ < workers_ && due < timer_) {
@@ -216,7 +235,7 @@ class Simulation {
     }
   }
 
-  void finish(std::size_t k, Work work, Time begun) {
+  void finish(std::size_t k, Work work, Duration own, Time begun) {
     Client& c = clients_[k];
     c.running = false;
     --busy_;
@@ -235,7 +254,7 @@ class Simulation {
     }
     c.left = work == Work::kLeave;
     const Time next = c.exchange->next(now_).due;
-    queue_.done(c.id, now_, next, work == Work::kAnswer);
+    queue_.done(c.id, now_, next, work == Work::kAnswer, own);
     c.wanted = std::min(c.wanted, next);
     if (c.left) queue_.leave(c.id);
   }
@@ -273,7 +292,7 @@ class Simulation {
   }
 
   // A stream that wants answers gets one within three of its periods, and of what one turn of each stream of
-  // each principal takes, by its weight.
+  // each principal takes, by its weight. Who hid long turns waits for its own.
   void check_waiting() {
     Duration all{};
     double weight = 1;
@@ -283,12 +302,18 @@ class Simulation {
     const auto round =
         std::chrono::duration_cast<Duration>(all * (static_cast<double>(weights_.size()) / weight));
     for (const Client& c : clients_) {
-      if (!c.exchange || c.ended) continue;
+      if (!c.exchange || c.ended || hides(c.principal)) continue;
       const Duration waits = now_ - std::max(c.answered, begin_ + kFaultsEnd);
       if (waits > 3 * (c.exchange->period() + round + 4ms))
         fail(fmt::format("stream {} with a period of {} us waits for {} us", c.id, c.exchange->period() / 1us,
                          waits / 1us));
     }
+  }
+
+  bool hides(std::size_t principal) const {
+    return std::ranges::any_of(clients_, [&](const Client& c) {
+      return c.principal == principal && c.habit == Habit::kHidesLongTurns;
+    });
   }
 
   bool waits(std::size_t principal) const {
