@@ -291,8 +291,8 @@ class Simulation {
     c.answered = now_;
   }
 
-  // A stream that wants answers gets one within three of its periods, and of what one turn of each stream of
-  // each principal takes, by its weight. Who hid long turns waits for its own.
+  // A stream that wants answers gets one within four of its periods, and of what one turn of each stream of
+  // each principal takes, by its weight; some of its turns bring laws. Who hid long turns waits for its own.
   void check_waiting() {
     Duration all{};
     double weight = 1;
@@ -304,7 +304,7 @@ class Simulation {
     for (const Client& c : clients_) {
       if (!c.exchange || c.ended || hides(c.principal)) continue;
       const Duration waits = now_ - std::max(c.answered, begin_ + kFaultsEnd);
-      if (waits > 3 * (c.exchange->period() + round + 4ms))
+      if (waits > 4 * (c.exchange->period() + round + 4ms))
         fail(fmt::format("stream {} with a period of {} us waits for {} us", c.id, c.exchange->period() / 1us,
                          waits / 1us));
     }
