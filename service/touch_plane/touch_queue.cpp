@@ -199,7 +199,10 @@ void TouchQueue::done(Id id, Time now, Time next, bool answered, Clock::duration
   const Clock::duration took = now - stream.begun;
   long_running_ -= stream.kind == kLongTurns;
   --account.running[stream.kind];
-  account.serve(stream.kind, in_seconds(took - stream.charged));
+  const double uncharged_s = in_seconds(took - stream.charged);
+  account.serve(stream.kind, uncharged_s);
+  if (stream.last == Clock::duration::max())  // of which kind they will be is not known yet
+    account.served_in_s[stream.kind == kLongTurns ? kShortTurns : kLongTurns] += uncharged_s / account.weight;
   own = std::min(own, took);
   if (own > kBlocks && !stream.expected_long()) distrust(account, now);
   for (const TurnKind each : {kShortTurns, kLongTurns}) reorder(account, each);
