@@ -111,6 +111,19 @@ TEST_F(StateOnDisk, ScenesSurviveWithTheirForceAndVersionsGoOn) {
   EXPECT_GT(next.window_id, window);
 }
 
+TEST_F(StateOnDisk, NodesThatBeginBelowZeroByRoundingSurvive) {
+  ExplicitModulus e{uniform_coordinates(0, 0.06, 30), uniform_coordinates(0, 0.02, 10),
+                    std::vector<double>(300, 7e3)};
+  e.x_m.front() = -1e-18;
+  {
+    Scenes scenes(directory);
+    create_scene(scenes, "a", tissue(0.06, 0.02), e);
+  }
+  Scenes scenes(directory);
+  scenes.restore();
+  EXPECT_EQ(scenes.list().size(), 1U);
+}
+
 TEST_F(StateOnDisk, ImagesOfWindowsSurviveWhereTheyLie) {
   BMode image{{4, 3, 0.5e-3, 1e-3, 1e-3, 2e-3}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 255}};
   {
