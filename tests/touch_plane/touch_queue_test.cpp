@@ -21,11 +21,12 @@ class Turns : public testing::Test {
     return queue.join({principal, weight}, period);
   }
   // Whose turn it is; it takes so long. 0: nobody's.
-  Id turn(TouchQueue::Clock::duration takes = 0us, bool wants_more = false) {
+  Id turn(TouchQueue::Clock::duration takes = 0us, bool wants_more = false,
+          TouchQueue::Clock::duration own = TouchQueue::Clock::duration::max()) {
     const auto turn = queue.begin(at);
     if (!turn) return 0;
     at += takes;
-    queue.done(turn->id, at, wants_more ? at : Time::max(), true);
+    queue.done(turn->id, at, wants_more ? at : Time::max(), true, own);
     return turn->id;
   }
   // By one worker, all of these always wanting more: the share of time of each.
@@ -99,7 +100,9 @@ TEST_F(Turns, LongOnesLeaveAWorkerToShortOnes) {
   EXPECT_FALSE(queue.begin(at)) << "the other worker is not for long ones";
   queue.wake(quick, at, at);
   EXPECT_EQ(turn(20us), quick);
-  // One that was held up once is no long one.
+  // One that was held up once is no long one, nor is one that was slow itself.
+  queue.wake(quick, at, at);
+  EXPECT_EQ(turn(30ms, false, 20us), quick);
   known(quick, 15ms);
   queue.wake(quick, at, at);
   EXPECT_EQ(turn(20us), quick);
