@@ -23,7 +23,7 @@ void check_nodes(const char* field, const std::vector<double>& nodes_m, std::siz
 
 void check_axis(const char* field, const std::vector<double>& nodes_m, double length_m, std::size_t most) {
   check_nodes(field, nodes_m, most);
-  const double slack_m = 1e-6 * length_m;
+  const double slack_m = kNodesSlack * length_m;
   if (!(std::abs(nodes_m.front()) <= slack_m && std::abs(nodes_m.back() - length_m) <= slack_m))
     throw std::invalid_argument(
         fmt::format("{}: runs from {} to {} m, must run from 0 to the scene's size, {} m", field,

@@ -133,9 +133,9 @@ void check(const SceneRecord& record) {
   if (record.version > kLargestVersion) throw std::runtime_error("version: too large");
   std::set<std::uint64_t> ids;
   for (const WindowRecord& w : record.windows) {
-    // Nodes that were given may begin below 0 by rounding (check_modulus).
     const double width_m = record.geometry.width_m;
-    const bool placed = w.begin_m >= -1e-6 * width_m && w.begin_m < w.end_m && w.end_m <= 1.001 * width_m;
+    const bool placed =
+        w.begin_m >= -kNodesSlack * width_m && w.begin_m < w.end_m && w.end_m <= 1.001 * width_m;
     if (!placed || w.id == 0 || w.version > record.version || !ids.insert(w.id).second)
       throw std::runtime_error(
           fmt::format("windows: {} [{}, {}) m of version {} cannot be", w.id, w.begin_m, w.end_m, w.version));
