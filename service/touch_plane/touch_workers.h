@@ -46,7 +46,6 @@ class TouchWorkers {
   void wake(Id, Clock::time_point due);
   // `turns` stays until left(). No turn before the first wake().
   Id join(const TouchQueue::Principal&, Clock::duration period, TouchTurns& turns);
-  std::size_t count() const { return threads_.size(); }
 
  private:
   using Lock = std::unique_lock<std::mutex>;
