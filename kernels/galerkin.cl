@@ -64,7 +64,7 @@ real4 interior_part(global const real4* restrict rows, const int i, const int j,
 // Coarse stencil = P^T A P with P the interpolation between unconstrained unknowns (fine_free, coarse_free: 1
 // or 0 per unknown), bilinear on the coarse lines and such that the node inside a coarse cell is in
 // equilibrium; constrained coarse unknowns get the identity. Items: (coarse i, coarse j, block k - 4); each
-// sums over up to 49 blocks.
+// sums over up to 49 blocks. NVIDIA's compiler (580.159) must not unroll these loops: it then adds up others.
 kernel void galerkin_product(global const real4* restrict fine, global const real4* restrict rows,
                              global real4* restrict coarse, global const int* restrict lines,
                              global const real* restrict weights, global const real2* restrict fine_free,
@@ -80,12 +80,16 @@ kernel void galerkin_product(global const real4* restrict fine, global const rea
   if (to_i >= 0 && to_i < nx && to_j < ny) {
     const int first_x = max(at_x[to_i] - 1, 0), last_x = min(at_x[to_i] + 1, fine_nx - 1);
     const int first_y = max(at_y[to_j] - 1, 0), last_y = min(at_y[to_j] + 1, fine_ny - 1);
+#pragma unroll 1
     for (int y = max(at_y[j] - 1, 0); y <= min(at_y[j] + 1, fine_ny - 1); ++y)
+#pragma unroll 1
       for (int x = max(at_x[i] - 1, 0); x <= min(at_x[i] + 1, fine_nx - 1); ++x) {
         const real row = line_weight(left_x, weight_x, x, i) * line_weight(left_y, weight_y, y, j);
         const real2 row_free = row * fine_free[x + fine_nx * y];
+#pragma unroll 1
         for (int to_y = max(y - 1, first_y); to_y <= min(y + 1, last_y); ++to_y) {
           const real down = line_weight(left_y, weight_y, to_y, to_j);
+#pragma unroll 1
           for (int to_x = max(x - 1, first_x); to_x <= min(x + 1, last_x); ++to_x) {
             const int b = 3 * (to_y - y + 1) + to_x - x + 1;
             const real2 free =

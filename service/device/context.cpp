@@ -39,7 +39,7 @@ cl::Program from_source(const cl::Context& context, const cl::Device& device, co
   } catch (const cl::Error& e) {
     std::string log;
     if (e.err() == CL_BUILD_PROGRAM_FAILURE) log = program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device);
-    throw DeviceError("kernel program " + name + " does not build (" + std::to_string(e.err()) +
+    throw DeviceError("kernel program " + name + ".cl does not build (" + std::to_string(e.err()) +
                       "): " + first_error(log));
   }
   return program;

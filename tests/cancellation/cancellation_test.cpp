@@ -7,6 +7,7 @@
 //   TELETACT_FUZZ_SEED   what is sent and when it ends follows from it; how the threads meet does not
 #include <malloc.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -48,19 +49,23 @@ std::size_t threads() {
   return static_cast<std::size_t>(std::distance(begin(tasks), end(tasks)));
 }
 
-// What the calls leave: the least that was held over the last third of them against the second third, so that
-// neither caches that fill at first nor what happens to be going on counts.
+// What the calls leave: the median of what was held over the last third of them against the second third, so
+// that neither caches that fill at first nor what happens to be going on, or not to be, counts.
 class Growth {
  public:
   void add(std::size_t calls, std::size_t bytes) { samples_.push_back({calls, bytes}); }
   void expect_none() const {
     if (samples_.size() < 3) return;
-    const auto least = [&](std::size_t third) {
-      const auto begin = samples_.begin() + static_cast<std::ptrdiff_t>(third * samples_.size() / 3),
-                 end = samples_.begin() + static_cast<std::ptrdiff_t>((third + 1) * samples_.size() / 3);
-      return *std::min_element(begin, end, [](auto& a, auto& b) { return a.bytes < b.bytes; });
+    const auto median = [&](std::size_t third) {
+      const auto at = [&](std::size_t k) {
+        return samples_.begin() + static_cast<std::ptrdiff_t>(k * samples_.size() / 3);
+      };
+      std::vector<Sample> part(at(third), at(third + 1));
+      const auto middle = part.begin() + static_cast<std::ptrdiff_t>(part.size() / 2);
+      std::nth_element(part.begin(), middle, part.end(), [](auto& a, auto& b) { return a.bytes < b.bytes; });
+      return *middle;
     };
-    const Sample early = least(1), late = least(2);
+    const Sample early = median(1), late = median(2);
     const std::size_t calls = late.calls - early.calls;
     std::printf("%zu calls left %.2f MB\n", calls,
                 (static_cast<double>(late.bytes) - static_cast<double>(early.bytes)) * 1e-6);

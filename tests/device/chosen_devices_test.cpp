@@ -1,6 +1,7 @@
 // Several devices at once: named one after the other, or parts of one.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -18,14 +19,32 @@ std::string why_refused(const std::vector<std::string>& selections) {
   return "taken";
 }
 
+// The first device in as many parts as can be.
+std::vector<DeviceOptions> cut_finely() {
+  return choose_devices({"0/" + std::to_string(std::min(list_devices().at(0).compute_units, 64U))}, {});
+}
+
+bool can_be_cut() {
+  try {
+    Device::open(cut_finely().back());
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("by its driver; name it alone"), std::string::npos)
+        << error.what();
+    return false;
+  }
+  return true;
+}
+
 TEST(ChosenDevices, PartsOfOneAreDevicesOfTheirOwn) {
+  if (!can_be_cut()) GTEST_SKIP() << "most GPUs' drivers cut none";
   const DeviceInfo whole = list_devices().at(0);
-  const auto chosen = choose_devices({"0/" + std::to_string(whole.compute_units)}, {});
-  ASSERT_EQ(chosen.size(), whole.compute_units);
+  const auto chosen = cut_finely();
+  ASSERT_EQ(chosen.size(), std::min(whole.compute_units, 64U));
   std::uint64_t bytes = 0;
   for (std::size_t k = 0; k < chosen.size(); ++k) {
     const auto device = Device::open(chosen[k]);
-    EXPECT_EQ(device->info().compute_units, 1U);
+    EXPECT_GE(device->info().compute_units, 1U);
+    EXPECT_LE(device->info().compute_units, (whole.compute_units + chosen.size() - 1) / chosen.size());
     EXPECT_EQ(device->place(), place_of_device(k));
     EXPECT_LE(device->info().max_allocation_bytes, device->info().global_memory_bytes);
     bytes += device->info().global_memory_bytes;
@@ -38,7 +57,8 @@ TEST(ChosenDevices, PartsOfOneAreDevicesOfTheirOwn) {
 
 // PoCL 3.1 looks at a part after its last command; one opening in 500 ended the process.
 TEST(ChosenDevices, APartIsOpenedAndClosedManyTimes) {
-  const auto chosen = choose_devices({"0/" + std::to_string(list_devices().at(0).compute_units)}, {});
+  if (!can_be_cut()) GTEST_SKIP() << "most GPUs' drivers cut none";
+  const auto chosen = cut_finely();
   const std::vector<float> items{1, 2, 3};
   for (int k = 0; k < 2000; ++k) {
     const Queue queue = Device::open(chosen.back())->queue();

@@ -1,4 +1,5 @@
-// Two halves of the machine's device stand in for two.
+// Two halves of the machine's device stand in for two; where it cannot be cut (one core, most GPUs), it is
+// opened twice.
 #pragma once
 
 #include <vector>
@@ -10,10 +11,15 @@ namespace teletact::service {
 
 inline std::vector<DeviceOptions> two_devices() {
   rpc_device();  // the first to use OpenCL: its niceness is everybody's
-  if (list_devices().front().compute_units > 1) return choose_devices({"0/2"}, {});
-  std::vector<DeviceOptions> twice(2);  // on one core
-  twice[1].number = 1;
-  return twice;
+  try {
+    const auto halves = choose_devices({"0/2"}, {});
+    for (const DeviceOptions& half : halves) Device::open(half);
+    return halves;
+  } catch (const DeviceError&) {
+    std::vector<DeviceOptions> twice(2);
+    twice[1].number = 1;
+    return twice;
+  }
 }
 
 }  // namespace teletact::service
