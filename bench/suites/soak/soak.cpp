@@ -161,7 +161,8 @@ HeldFigures held(std::vector<std::array<double, 2>> samples) {
   return {trend.per_hour, trend.upper_95, least[1], most[1], std::move(samples)};
 }
 
-// Nothing is imaged, no core has other work, and what there was for the moment alone is given up.
+// Nobody asks for a window, no core has other work, and what there was for the moment alone is given up; on a
+// busy machine the service may still be at work.
 bool between_windows(double time_s) {
   return soak::part_at(time_s) == soak::Part::kIdle && soak::part_at(time_s - kSettleS) == soak::Part::kIdle;
 }
