@@ -83,13 +83,24 @@ EstimateOutcome EstimateClient::estimate(const v1::Acquisition& acquisition, con
   }
 }
 
+void EstimateClient::cancel() {
+  const std::lock_guard lock(mutex_);
+  if (going_on_) going_on_->TryCancel();
+}
+
 grpc::Status EstimateClient::attempt(const v1::Acquisition& acquisition, const std::string& pre,
                                      const std::string& post, const EstimateCallbacks& callbacks,
                                      EstimateOutcome& outcome) {
-  grpc::ClientContext context;
+  // Outlives the call: who cancels may be late.
+  const auto going_on = std::make_shared<grpc::ClientContext>();
+  grpc::ClientContext& context = *going_on;
   if (acquisition.has_publish()) name_scene(context, acquisition.publish().scene_id());
   if (acquisition.has_slice_of()) name_scene(context, acquisition.slice_of().scene_id());
   context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
+  {
+    const std::lock_guard lock(mutex_);
+    going_on_ = going_on;
+  }
   const auto stream = stub_->Estimate(&context);
   v1::EstimateRequest first;
   *first.mutable_acquisition() = acquisition;

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -54,6 +55,8 @@ class EstimateClient {
   EstimateOutcome estimate(const teletact::v1::Acquisition& acquisition, const std::string& pre,
                            const std::string& post, const EstimateCallbacks& callbacks,
                            const std::atomic<bool>& stop);
+  // Ends the attempt that is being made, if any, with CANCELLED. From any thread.
+  void cancel();
 
  private:
   grpc::Status attempt(const teletact::v1::Acquisition& acquisition, const std::string& pre,
@@ -61,6 +64,8 @@ class EstimateClient {
 
   std::unique_ptr<teletact::v1::Elastography::Stub> stub_;
   double retry_for_s_;
+  std::mutex mutex_;
+  std::shared_ptr<grpc::ClientContext> going_on_;  // the latest
 };
 
 }  // namespace teletact::client

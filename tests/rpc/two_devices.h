@@ -1,5 +1,4 @@
-// Two halves of the machine's device stand in for two; where it cannot be cut (one core, most GPUs), it is
-// opened twice.
+// Two halves of the machine's device stand in for two.
 #pragma once
 
 #include <vector>
@@ -11,15 +10,11 @@ namespace teletact::service {
 
 inline std::vector<DeviceOptions> two_devices() {
   rpc_device();  // the first to use OpenCL: its niceness is everybody's
-  try {
-    const auto halves = choose_devices({"0/2"}, {});
-    for (const DeviceOptions& half : halves) Device::open(half);
-    return halves;
-  } catch (const DeviceError&) {
-    std::vector<DeviceOptions> twice(2);
-    twice[1].number = 1;
-    return twice;
-  }
+  const DeviceInfo whole = list_devices().front();
+  if (whole.width<float>() > 1 && whole.compute_units > 1) return choose_devices({"0/2"}, {});
+  std::vector<DeviceOptions> twice(2);  // on one core, or a GPU: most cannot be cut
+  twice[1].number = 1;
+  return twice;
 }
 
 }  // namespace teletact::service

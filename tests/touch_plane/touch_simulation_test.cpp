@@ -1,7 +1,7 @@
 // The touch plane's decisions on a clock that is not the machine's: exchanges, whose turn it is, periods and
 // admission, with workers that take their time and clients that misbehave. One seed is one course of events,
 // always the same. Safety is looked at throughout, liveness once everybody behaves.
-// One file of some 400 lines: both tests play this one simulation.
+// Over 400 lines in one file: both tests play this one simulation.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <malloc.h>

@@ -35,7 +35,7 @@ constexpr double kAnswered = 0.99, kPublished = 0.5;  // of the poses; of the wi
 constexpr double kMostP99Growth = 0.20, kMostBytesPerHour = 1e6, kMostPerHour = 1;
 constexpr double kWarmUp = 0.25;  // of the time
 constexpr const char* kTouchedScene = "soak-touched";
-constexpr double kSettleS = 3;  // after imaging has paused
+constexpr double kSettleS = 6;  // after imaging has paused: longer than a window may take
 constexpr double kSliceS = 5;   // answers judged together; the first of each part is left out
 
 struct Arguments : SuiteOptions {
@@ -161,8 +161,7 @@ HeldFigures held(std::vector<std::array<double, 2>> samples) {
   return {trend.per_hour, trend.upper_95, least[1], most[1], std::move(samples)};
 }
 
-// Nobody asks for a window, no core has other work, and what there was for the moment alone is given up; on a
-// busy machine the service may still be at work.
+// Nothing is imaged, no core has other work, and what there was for the moment alone is given up.
 bool between_windows(double time_s) {
   return soak::part_at(time_s) == soak::Part::kIdle && soak::part_at(time_s - kSettleS) == soak::Part::kIdle;
 }
