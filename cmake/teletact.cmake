@@ -40,44 +40,99 @@ function(teletact_sources sources folder ending)
 endfunction()
 
 # One static library per folder: teletact_module(service/device LIBRARIES ...) -> service_device,
-# made of SOURCES, without their .cpp.
+# made of SOURCES, without their .cpp; TOGETHER: so many files at a time in a unity build, 8 if not given.
 function(teletact_module folder)
-  cmake_parse_arguments(arg "" "" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(arg "" "TOGETHER" "SOURCES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" name ${folder})
   teletact_sources(sources ${folder} .cpp ${arg_SOURCES})
   if(sources)
     add_library(${name} STATIC ${sources})
     target_link_libraries(${name} PUBLIC teletact_options ${arg_LIBRARIES})
-    teletact_precompiled(${name} precompiled)
+    if(NOT arg_TOGETHER)
+      set(arg_TOGETHER 8)
+    endif()
+    teletact_unity(${name} ${arg_TOGETHER})
   else()
     add_library(${name} INTERFACE)
     target_link_libraries(${name} INTERFACE teletact_options ${arg_LIBRARIES})
   endif()
 endfunction()
 
-# One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest
-# entry each, with its own OpenCL kernel cache. LABELS go to ctest. What tests a half of teletact that is not
-# built is left out. SOURCES: without their _test.cpp. UNTIMED: waits for no clock, so that others may run
-# beside it (ctest -j); the rest run alone.
+# What a test program, or one that starts the product's, finds in its environment. All share one cache of kernels.
+set(TELETACT_TEST_ENVIRONMENT "ASAN_OPTIONS=use_sigaltstack=0" "POCL_CACHE_DIR=${PROJECT_BINARY_DIR}/pocl-cache"
+  "LSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tests/support/lsan.supp"
+  "TSAN_OPTIONS=ignore_noninstrumented_modules=1:suppressions=${PROJECT_SOURCE_DIR}/tests/support/tsan.supp"
+  "TELETACT_SOURCE_DIR=${PROJECT_SOURCE_DIR}" "TELETACT_BINARY_DIR=${PROJECT_BINARY_DIR}")
+set(TELETACT_TEST_OPTIONS -O1)  # tests are compiled more often than they run
+
+# A ctest entry: teletact_test(NAME tier COMMAND ...). tier: first, or one of the groups in tests/groups.txt.
+# COST: usual seconds, the longest begin first. TIMED: measures time, so that no other such test runs beside it.
+function(teletact_test name tier)
+  cmake_parse_arguments(arg "TIMED" "COST;TIMEOUT" "COMMAND;ENVIRONMENT;LABELS;NEEDS" ${ARGN})
+  add_test(NAME ${name} COMMAND ${arg_COMMAND})
+  foreach(property COST TIMEOUT)
+    if(arg_${property})
+      set_tests_properties(${name} PROPERTIES ${property} ${arg_${property}})
+    endif()
+  endforeach()
+  if(arg_TIMED)
+    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK clock)
+  endif()
+  set_tests_properties(${name} PROPERTIES LABELS "${tier};${arg_LABELS}"
+    ENVIRONMENT "${TELETACT_TEST_ENVIRONMENT};${arg_ENVIRONMENT}" SKIP_RETURN_CODE 77)
+  if(arg_NEEDS)
+    add_dependencies(tests_${tier} ${arg_NEEDS})
+  endif()
+endfunction()
+
+# One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest entry each.
+# What tests a half of teletact that is not built is left out. SOURCES: without their _test.cpp. TOGETHER: as in
+# teletact_module. GROUP: not of the first tier. LATER group=FILTER ...: nor are these cases, a ctest entry of their own.
+# NEEDS: targets that it starts or loads. The rest: as in teletact_test.
 function(teletact_tests folder)
-  cmake_parse_arguments(arg "UNTIMED" "" "SOURCES;LIBRARIES;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "TIMED" "GROUP;TOGETHER;COST;TIMEOUT" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
   if((NOT TELETACT_SERVICE AND "${arg_LIBRARIES}" MATCHES "service_|bench_")
      OR (NOT TELETACT_CLIENT AND "${arg_LIBRARIES}" MATCHES "client_|bench_"))
     return()
   endif()
   teletact_sources(sources tests/${folder} _test.cpp ${arg_SOURCES})
   string(REPLACE "/" "_" name ${folder})
+  if(TELETACT_UNITY)
+    if(NOT arg_TOGETHER)
+      set(arg_TOGETHER 8)
+    endif()
+    teletact_unity_tests(sources ${name} ${arg_TOGETHER} ${sources})
+  endif()
   add_executable(${name}_test ${sources})
-  target_link_libraries(${name}_test PRIVATE teletact_options tests_support ${arg_LIBRARIES} GTest::gtest GTest::gtest_main)
-  teletact_precompiled(${name}_test precompiled_tests)
-  add_test(NAME ${name} COMMAND ${name}_test)
-  file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/pocl-cache/${name})
+  target_link_libraries(${name}_test PRIVATE teletact_options tests_support ${arg_LIBRARIES} tests_support_main)
+  target_compile_options(${name}_test PRIVATE ${TELETACT_TEST_OPTIONS})
+  if(TELETACT_UNITY)
+    target_precompile_headers(${name}_test REUSE_FROM precompiled_tests)
+  endif()
+  set(more TIMEOUT 900)
+  foreach(property COST TIMEOUT LABELS NEEDS)
+    if(arg_${property})
+      list(APPEND more ${property} ${arg_${property}})
+    endif()
+  endforeach()
+  if(arg_TIMED)
+    list(APPEND more TIMED)
+  endif()
+  set(tier first)
+  if(arg_GROUP)
+    set(tier ${arg_GROUP})
+  endif()
+  set(later)
+  foreach(group_filter IN LISTS arg_LATER)
+    string(REGEX MATCH "^([^=]+)=(.+)$" ignored "${group_filter}")
+    teletact_test(${name}_${CMAKE_MATCH_1} ${CMAKE_MATCH_1} ${more} NEEDS ${name}_test
+      COMMAND ${name}_test --gtest_filter=${CMAKE_MATCH_2} ENVIRONMENT ${arg_ENVIRONMENT})
+    list(APPEND later ${CMAKE_MATCH_2})
+  endforeach()
+  list(JOIN later ":" later)
+  teletact_test(${name} ${tier} ${more} COMMAND ${name}_test ENVIRONMENT "TELETACT_LATER=${later}" ${arg_ENVIRONMENT})
+  add_dependencies(tests_${tier} ${name}_test)
   if("data" IN_LIST arg_LABELS)  # recorded data that may be absent: ctest then says Skipped, not Passed
     set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
   endif()
-  if(NOT arg_UNTIMED)
-    set_tests_properties(${name} PROPERTIES RUN_SERIAL ON)
-  endif()
-  set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "${arg_LABELS}"
-    ENVIRONMENT "ASAN_OPTIONS=use_sigaltstack=0;POCL_CACHE_DIR=${PROJECT_BINARY_DIR}/pocl-cache/${name};LSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tests/support/lsan.supp;TSAN_OPTIONS=ignore_noninstrumented_modules=1:suppressions=${PROJECT_SOURCE_DIR}/tests/support/tsan.supp;TELETACT_SOURCE_DIR=${PROJECT_SOURCE_DIR};TELETACT_BINARY_DIR=${PROJECT_BINARY_DIR}")
 endfunction()

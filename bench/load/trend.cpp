@@ -8,7 +8,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr double kConfidence = 0.95, kHourS = 3600;
+constexpr double kTrendConfidence = 0.95, kHourS = 3600;
 
 }  // namespace
 
@@ -34,7 +34,7 @@ Trend trend_of(const std::vector<std::array<double, 2>>& samples) {
   const double free = n * (1 - correlation) / (1 + correlation) - 2;
   if (!(free >= 1)) return {kHourS * slope, kUnknown};
   const double error = std::sqrt(squares / free / tt);
-  const double t = boost::math::quantile(boost::math::students_t(free), kConfidence);
+  const double t = boost::math::quantile(boost::math::students_t(free), kTrendConfidence);
   return {kHourS * slope, kHourS * (slope + t * error)};
 }
 

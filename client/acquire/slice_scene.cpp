@@ -17,7 +17,7 @@ namespace teletact::client {
 namespace {
 
 constexpr double kColumnM = 0.002, kRowM = 0.001;
-constexpr auto kCallDeadline = std::chrono::seconds(60);
+constexpr auto kSceneDeadline = std::chrono::seconds(60);
 
 std::size_t parts(double whole_m, double part_m) {
   return static_cast<std::size_t>(std::max(2.0, std::round(whole_m / part_m)));
@@ -144,7 +144,7 @@ grpc::Status SliceScene::create(const v1::ModulusSlice& slice, PublishedSlice& p
   *request.add_slices() = slice;
   grpc::ClientContext context;
   name_scene(context, scene_id_);
-  context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
+  context.set_deadline(std::chrono::system_clock::now() + kSceneDeadline);
   v1::Scene scene;
   const grpc::Status status = stub_->CreateScene(&context, request, &scene);
   published.version = scene.version();
@@ -154,7 +154,7 @@ grpc::Status SliceScene::create(const v1::ModulusSlice& slice, PublishedSlice& p
 // Whether the scene is as this one would be made with that slice, and not somebody else's of the same name.
 bool SliceScene::holds_only(const v1::ModulusSlice& slice) {
   v1::Scene scene;
-  if (!get_scene(*stub_, scene_id_, v1::SCENE_VIEW_BASIC, scene, kCallDeadline).ok()) return false;
+  if (!get_scene(*stub_, scene_id_, v1::SCENE_VIEW_BASIC, scene, kSceneDeadline).ok()) return false;
   constexpr double kSameM = 1e-9;
   const auto& size_m = scene.geometry().size_m();
   return size_m.size() >= 2 && std::abs(size_m[0] - grid_.width_m) < kSameM &&
@@ -168,7 +168,7 @@ grpc::Status SliceScene::add(const v1::ModulusSlice& slice, PublishedSlice& publ
   *request.mutable_slice() = slice;
   grpc::ClientContext context;
   name_scene(context, scene_id_);
-  context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
+  context.set_deadline(std::chrono::system_clock::now() + kSceneDeadline);
   v1::PublishSliceResponse response;
   const grpc::Status status = stub_->PublishSlice(&context, request, &response);
   published = {response.version(), {response.warnings().begin(), response.warnings().end()}};

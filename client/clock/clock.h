@@ -1,6 +1,7 @@
 // Time, injected: the servo and its tests differ in nothing else.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 namespace teletact::client {
@@ -9,6 +10,10 @@ std::int64_t monotonic_ns() noexcept;  // CLOCK_MONOTONIC
 
 inline double seconds(std::int64_t ns) noexcept {
   return 1e-9 * static_cast<double>(ns);
+}
+
+inline std::int64_t to_ns(double seconds) noexcept {
+  return std::llround(1e9 * seconds);
 }
 
 // Of any two stamps: those of a file or a peer may be further apart than an int64 holds.

@@ -27,7 +27,7 @@
 namespace teletact::client {
 namespace {
 
-struct Arguments {
+struct AcquireArguments {
   std::string address, tissue_path, save_tissue_path, record_path, publish_path, spoil_path, ready_path;
   Credentials credentials;
   std::optional<std::uint64_t> seed;
@@ -43,20 +43,20 @@ struct Arguments {
   std::string save_modulus_path, save_log_std_path;
 };
 
-Tissue tissue_of(const Arguments& arguments) {
+Tissue tissue_of(const AcquireArguments& arguments) {
   if (!arguments.tissue_path.empty()) return read_tissue(arguments.tissue_path);
   if (arguments.unlike_model) return unlike_model(*arguments.seed);
   return arguments.slices ? random_solid_tissue(*arguments.seed) : random_tissue(*arguments.seed);
 }
 
-SlicePlaces places_of(const Arguments& arguments) {
+SlicePlaces places_of(const AcquireArguments& arguments) {
   const double pitch_m = arguments.slice_pitch_m;
   const auto count = *arguments.slices;
   return {count, arguments.first_slice_z_m.value_or(-pitch_m * static_cast<double>(count - 1) / 2), pitch_m};
 }
 
 // Of the tissue under the probe, which stands on the middle of it.
-SliceOptions slices_of(const Arguments& arguments, const Tissue& tissue) {
+SliceOptions slices_of(const AcquireArguments& arguments, const Tissue& tissue) {
   SliceOptions slices;
   slices.grid = {tissue.probe.width_m, tissue.depth_m, tissue.poisson_ratio, places_of(arguments)};
   slices.probe_elevation_m = tissue.probe.elevation_m;
@@ -113,7 +113,7 @@ void say_doubts(const v1::EstimateSummary& summary) {
   std::fflush(stdout);
 }
 
-AcquireObserver observe(const Arguments& arguments, AcquireRecorder& recorder) {
+AcquireObserver observe(const AcquireArguments& arguments, AcquireRecorder& recorder) {
   AcquireObserver observer;
   observer.request = [&recorder](auto call, const auto& request) { recorder.request(call, request); };
   observer.response = [&recorder](auto call, const auto& response) { recorder.response(call, response); };
@@ -155,7 +155,7 @@ AcquireObserver observe(const Arguments& arguments, AcquireRecorder& recorder) {
   return observer;
 }
 
-std::unique_ptr<FrameSource> prepare_slices(const Tissue& tissue, const Arguments& arguments) {
+std::unique_ptr<FrameSource> prepare_slices(const Tissue& tissue, const AcquireArguments& arguments) {
   std::fprintf(stderr,
                "pressing the probe into the patient's tissue (%.0f x %.0f x %.0f mm, %zu inclusions)\n",
                tissue.width_m * 1e3, tissue.depth_m * 1e3, tissue.solid->elevational_width_m * 1e3,
@@ -168,7 +168,7 @@ std::unique_ptr<FrameSource> prepare_slices(const Tissue& tissue, const Argument
                                        });
 }
 
-std::unique_ptr<FrameSource> prepare(const Tissue& tissue, const Arguments& arguments) {
+std::unique_ptr<FrameSource> prepare(const Tissue& tissue, const AcquireArguments& arguments) {
   if (arguments.slices) return prepare_slices(tissue, arguments);
   std::fprintf(stderr, "solving the patient's tissue (%.0f x %.0f mm, %zu inclusions)\n",
                tissue.width_m * 1e3, tissue.depth_m * 1e3, tissue.inclusions.size());
@@ -180,7 +180,7 @@ std::unique_ptr<FrameSource> prepare(const Tissue& tissue, const Arguments& argu
       });
 }
 
-void check(const Arguments& arguments) {
+void check(const AcquireArguments& arguments) {
   if (arguments.tissue_path.empty() == !arguments.seed)
     throw UsageError("give either --tissue FILE or --seed N");
   if (arguments.record_rf && arguments.record_path.empty())
@@ -212,7 +212,7 @@ AcquireResult acquire(AcquireSession& session) {
   }
 }
 
-void save_slices(const Arguments& arguments, const SliceGrid& grid,
+void save_slices(const AcquireArguments& arguments, const SliceGrid& grid,
                  const std::map<std::size_t, SlicePlane>& planes) {
   const std::size_t missing = *arguments.slices - planes.size();
   if (missing > 0)
@@ -226,7 +226,7 @@ void save_slices(const Arguments& arguments, const SliceGrid& grid,
     write_metaimage(arguments.save_log_std_path, slice_volume(grid, planes, &SlicePlane::log_std));
 }
 
-void run(const Arguments& arguments) {
+void run(const AcquireArguments& arguments) {
   check(arguments);
   const Tissue tissue = tissue_of(arguments);
   if (arguments.slices)
@@ -277,7 +277,7 @@ void run(const Arguments& arguments) {
   recorder.close(scene);
 }
 
-void add_slice_options(CLI::App& command, Arguments& arguments) {
+void add_slice_options(CLI::App& command, AcquireArguments& arguments) {
   CLI::Option* slices =
       command
           .add_option(
@@ -309,7 +309,7 @@ void add_slice_options(CLI::App& command, Arguments& arguments) {
 }
 
 // What is otherwise with slices, unless it is given; what windows alone have is refused.
-void prefer_slices(const CLI::App& command, Arguments& arguments) {
+void prefer_slices(const CLI::App& command, AcquireArguments& arguments) {
   constexpr double kTimeLimitS = 10;
   AcquireOptions& acquire = arguments.acquire;
   refuse_beside(command, {"--start-x-m"}, "--slices begins with the first slice");
@@ -323,7 +323,7 @@ void prefer_slices(const CLI::App& command, Arguments& arguments) {
 }  // namespace
 
 void add_acquire_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<AcquireArguments>();
   AcquireOptions& acquire = arguments->acquire;
   CLI::App& command =
       *app.add_subcommand("acquire", "patient side: probe, arm and RF upload (a simulated patient)");

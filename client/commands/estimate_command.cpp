@@ -18,7 +18,7 @@
 namespace teletact::client {
 namespace {
 
-struct Arguments {
+struct EstimateArguments {
   std::string address, out;
   Credentials credentials;
   RecordedSetOptions set;
@@ -198,7 +198,7 @@ void run_set(EstimateClient& client, const std::shared_ptr<grpc::Channel>& chann
   std::printf("%zu files in %s\n", files.size(), out.c_str());
 }
 
-void run(const Arguments& arguments) {
+void run(const EstimateArguments& arguments) {
   require_writable_folder(arguments.out);
   const std::vector<RecordedPlace> set = recorded_places(arguments.set);
   require_one_geometry(set);
@@ -242,7 +242,7 @@ void add_file_options(CLI::App& command, RecordedSetOptions& set) {
 }  // namespace
 
 void add_estimate_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<EstimateArguments>();
   RecordedFrameOptions& frames = arguments->set.common;
   CLI::App& command =
       *app.add_subcommand("estimate", "recorded RF frames -> displacement, strain, modulus on disk");

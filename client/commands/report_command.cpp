@@ -15,12 +15,13 @@ namespace {
 
 constexpr int kPromisesMissed = 2;  // exit code, beside 1 for a report that could not be made
 
-struct Arguments {
+struct ReportArguments {
   std::string tissue, touch_record, acquire_record, out;
 };
 
 // Beside the true tissue; `draw`: what its own pictures take.
-nlohmann::json judged(const Arguments& arguments, const TouchRecord& touch, std::function<void()>& draw) {
+nlohmann::json judged(const ReportArguments& arguments, const TouchRecord& touch,
+                      std::function<void()>& draw) {
   const AcquireRecord acquire = read_acquire_record(arguments.acquire_record);
   if (const std::string doubt = session_mismatch(touch, acquire); !doubt.empty())
     std::fprintf(stderr, "warning: %s\n", doubt.c_str());
@@ -36,7 +37,7 @@ nlohmann::json judged(const Arguments& arguments, const TouchRecord& touch, std:
   return summarise(tissue, touch, acquire, force, inclusions, TELETACT_VERSION);
 }
 
-bool run(const Arguments& arguments) {
+bool run(const ReportArguments& arguments) {
   const std::filesystem::path out = arguments.out;
   std::error_code error;
   std::filesystem::create_directories(out, error);
@@ -63,7 +64,7 @@ bool run(const Arguments& arguments) {
 }  // namespace
 
 void add_report_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<ReportArguments>();
   CLI::App& command =
       *app.add_subcommand("report", "recordings and the true tissue -> summary.json and pictures");
   CLI::Option* tissue =

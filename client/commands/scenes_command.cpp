@@ -14,7 +14,7 @@
 namespace teletact::client {
 namespace {
 
-struct Arguments {
+struct ScenesArguments {
   std::string address, remove;
   Credentials credentials;
 };
@@ -37,7 +37,7 @@ void print(const v1::Scene& scene) {
                   warning.c_str());
 }
 
-void run(const Arguments& arguments) {
+void run(const ScenesArguments& arguments) {
   const auto stub = v1::Palpation::NewStub(reach_service(arguments.address, arguments.credentials, say));
   grpc::ClientContext context;
   give_deadline(context);
@@ -61,7 +61,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_scenes_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<ScenesArguments>();
   CLI::App& command = *app.add_subcommand("scenes", "list the scenes of a service, or delete one");
   add_service_options(command, arguments->address, arguments->credentials);
   command.add_option("--delete", arguments->remove,

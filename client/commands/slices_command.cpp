@@ -19,7 +19,7 @@
 namespace teletact::client {
 namespace {
 
-struct Arguments {
+struct SlicesArguments {
   std::string address, scene_id, volume, log_std;
   Credentials credentials;
   std::uint64_t seed = 1;
@@ -54,7 +54,7 @@ class Stack {
     return array;
   }
   // Without slices.
-  v1::CreateSceneRequest scene(const Arguments& arguments) const {
+  v1::CreateSceneRequest scene(const SlicesArguments& arguments) const {
     v1::CreateSceneRequest out;
     out.set_scene_id(arguments.scene_id);
     for (const std::size_t axis : {0, 1}) out.mutable_geometry()->add_size_m(size_m(axis));
@@ -84,7 +84,7 @@ void call(const std::string& what, const std::string& scene_id, Call&& one) {
   if (!status.ok()) throw CommandError("cannot " + what + ": " + describe(status));
 }
 
-void run(const Arguments& arguments) {
+void run(const SlicesArguments& arguments) {
   const MetaImage image = arguments.volume.empty() ? modulus_volume(random_solid_patient(arguments.seed))
                                                    : read_metaimage(arguments.volume);
   const Stack stack(image, arguments.volume.empty() ? "--seed" : arguments.volume);
@@ -129,7 +129,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_slices_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<SlicesArguments>();
   CLI::App& command = *app.add_subcommand(
       "slices", "make a solid scene of a stack of plane maps of a known modulus, slice by slice");
   add_service_options(command, arguments->address, arguments->credentials);

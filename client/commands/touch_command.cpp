@@ -24,7 +24,7 @@
 namespace teletact::client {
 namespace {
 
-struct Arguments {
+struct TouchArguments {
   OperatorSessionOptions session;
   std::string tip = "rounded";
   std::string path = "auto";
@@ -58,7 +58,7 @@ const std::map<std::string, v1::SolvePath> kPaths = {
     {"pcg", v1::SOLVE_PATH_PCG},          {"layer", v1::SOLVE_PATH_LAYER},
     {"layers", v1::SOLVE_PATH_LAYERS},    {"shares", v1::SOLVE_PATH_SHARES}};
 
-v1::TouchOpen to_open(const Arguments& arguments) {
+v1::TouchOpen to_open(const TouchArguments& arguments) {
   v1::TouchOpen open;
   open.set_scene_id(arguments.scene_id);
   v1::Fingertip& tip = *open.mutable_fingertip();
@@ -145,7 +145,7 @@ void require_tip(const char* option, double length_m) {
                                  length_m, kMostM));
 }
 
-void run(Arguments arguments, const CLI::App& command) {
+void run(TouchArguments arguments, const CLI::App& command) {
   refuse_what_the_device_ignores(command, arguments.session.device);
   require_workspace(arguments.session.workspace);
   require_tip("--tip-radius-m", arguments.tip_radius_m);
@@ -184,13 +184,13 @@ void run(Arguments arguments, const CLI::App& command) {
                                                  {"open.layer.depth_m", "--layer-depth-m"}}));
   }
   const nlohmann::json json = to_json(arguments.scene_id, arguments.session.renderer, summary);
-  print(json);
+  print_summary(json);
   if (!arguments.json_path.empty() && !(std::ofstream(arguments.json_path) << json.dump(2) << '\n'
                                                                            << std::flush))
     throw_not_writable(arguments.json_path);
 }
 
-void add_tip_options(CLI::App& command, Arguments& arguments) {
+void add_tip_options(CLI::App& command, TouchArguments& arguments) {
   command
       .add_option("--tip", arguments.tip,
                   "fingertip: rounded, punch, node; pad or sphere (solid tissue alone)")
@@ -277,7 +277,7 @@ void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {
 }  // namespace
 
 void add_touch_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<TouchArguments>();
   OperatorSessionOptions& session = arguments->session;
   CLI::App& command = *app.add_subcommand("touch", "operator side: feel a scene of a running service");
   add_service_options(command, session.address, session.credentials);

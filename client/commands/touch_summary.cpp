@@ -103,7 +103,7 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
   };
 }
 
-void print(const nlohmann::json& json) {
+void print_summary(const nlohmann::json& json) {
   const auto ms = [](const nlohmann::json& seconds) { return 1e3 * seconds.get<double>(); };
   const auto& latency = json["touch_latency_s"];
   const auto& servo = json["servo"];

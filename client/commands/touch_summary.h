@@ -10,6 +10,6 @@ namespace teletact::client {
 
 nlohmann::json to_json(const std::string& scene_id, const std::string& renderer, const TouchSummary&);
 // For people, from that.
-void print(const nlohmann::json& touch);
+void print_summary(const nlohmann::json& touch);
 
 }  // namespace teletact::client

@@ -22,7 +22,7 @@
 namespace teletact::client {
 namespace {
 
-struct Arguments {
+struct WatchArguments {
   std::string session, acquire, address, scene_id, faults;
   std::vector<std::string> recordings;
   Credentials credentials;
@@ -39,7 +39,7 @@ bool order_fault(const std::string& pipe, const std::string& fault) {
   return file && ::write(file.get(), line.data(), line.size()) == static_cast<ssize_t>(line.size());
 }
 
-Gateway::Orders orders_of(const Arguments& arguments, std::optional<Player>& player) {
+Gateway::Orders orders_of(const WatchArguments& arguments, std::optional<Player>& player) {
   if (player) return [&player](const nlohmann::json& order) { player->obey(order); };
   if (arguments.faults.empty()) return {};
   return [pipe = arguments.faults](const nlohmann::json& order) {
@@ -72,7 +72,7 @@ void require_session(const std::string& option, const std::string& path) {
                              : " is no session: give the socket of touch or acquire --publish"));
 }
 
-void run(const Arguments& arguments) {
+void run(const WatchArguments& arguments) {
   if (arguments.session.empty() == arguments.recordings.empty())
     throw UsageError("give --session SOCKET, of a touch --publish, or --recording FILE");
   if (!arguments.recordings.empty() && !(arguments.acquire + arguments.faults).empty())
@@ -106,7 +106,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_watch_command(CLI::App& app) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<WatchArguments>();
   CLI::App& command = *app.add_subcommand(
       "watch", "operator side: a live page of a session, or of a recording, for a browser here");
   command.add_option("--session", arguments->session,

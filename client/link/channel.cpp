@@ -23,7 +23,7 @@ constexpr int kFirstBackoffMs = 50;
 constexpr int kLargestBackoffMs = 200;
 constexpr int kConnectTimeoutMs = 3000;  // shorter, and TCP, TLS and HTTP/2 do not get through a slow link
 constexpr int kKeepaliveMs = 30000;      // a second net only: silence on the stream is noticed long before
-constexpr double kConnectWaitS = 3;
+constexpr double kFirstConnectS = 3;
 constexpr int kMaxMessageBytes = 256 << 20;
 
 // What a call says of its client, in its metadata.
@@ -169,7 +169,7 @@ std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const C
   const auto stub = v1::Palpation::NewStub(channel);
   const auto give_up = std::chrono::steady_clock::now() + kServesWithin;
   for (bool said = false;; said = true) {
-    if (!wait_connected(*channel, kConnectWaitS))
+    if (!wait_connected(*channel, kFirstConnectS))
       throw std::runtime_error(nobody_answers(address, credentials));
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);

@@ -22,10 +22,6 @@ std::uint64_t random_number() {
   return (std::uint64_t{random()} << 32) | random();
 }
 
-std::int64_t to_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 // Refused for what there is now.
 bool may_pass_later(grpc::StatusCode code) {
   using enum grpc::StatusCode;

@@ -18,10 +18,6 @@ namespace {
 constexpr double kGuessedFromS = 0.03, kGuessedToS = 0.02;
 constexpr std::size_t kMostTried = 4096;  // messages of a successor that does not come into force
 
-std::int64_t to_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 std::chrono::steady_clock::duration duration(std::int64_t ns) {
   return std::chrono::nanoseconds(ns);
 }

@@ -7,11 +7,11 @@ namespace teletact::client {
 
 namespace {
 
-constexpr double kFineDepth = 0.025, kBelowInclusion = 0.002, kGrowth = 1.15;
+constexpr double kPlaneFineDepth = 0.025, kBelowInclusion = 0.002, kPlaneGrowth = 1.15;
 constexpr double kMostBytes = 4e9;  // of the column solver's factor, nx (2 ny)^2 doubles
 
 std::vector<double> row_depths(const Tissue& tissue, double spacing_m) {
-  double fine = kFineDepth;
+  double fine = kPlaneFineDepth;
   for (const Inclusion& i : tissue.inclusions)
     fine = std::max(fine, i.y_m + i.diameter_m / 2 + kBelowInclusion);
   fine = std::min(fine, tissue.depth_m);
@@ -25,7 +25,7 @@ std::vector<double> row_depths(const Tissue& tissue, double spacing_m) {
   std::vector<double> rows_m;
   for (std::size_t k = 0; k <= count; ++k) rows_m.push_back(spacing_m * static_cast<double>(k));
   for (double step = spacing_m; rows_m.back() < tissue.depth_m;) {
-    step = std::min(step * kGrowth, 2 * spacing_m);
+    step = std::min(step * kPlaneGrowth, 2 * spacing_m);
     rows_m.push_back(rows_m.back() + step);
   }
   // Stretch the coarse part so that it ends at the bottom.

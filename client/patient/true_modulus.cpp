@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kWaves = 200;  // a sum of so many is as good as Gaussian
 
-double uniform(std::mt19937_64& random) {
+double drawn(std::mt19937_64& random) {
   return (static_cast<double>(random() >> 11) + .5) * 0x1p-53;
 }
 
@@ -21,13 +21,13 @@ TrueModulus::TrueModulus(const Tissue& tissue) : tissue_(tissue) {
   if (!tissue.solid || tissue.solid->texture == 0) return;
   std::mt19937_64 random(tissue.seed ^ 0x7E87008E00000000u);
   const auto gaussian = [&] {
-    const double radius = std::sqrt(-2 * std::log(uniform(random)));
-    return radius * std::cos(2 * std::numbers::pi * uniform(random)) / tissue.solid->texture_length_m;
+    const double radius = std::sqrt(-2 * std::log(drawn(random)));
+    return radius * std::cos(2 * std::numbers::pi * drawn(random)) / tissue.solid->texture_length_m;
   };
   for (int n = 0; n < kWaves; ++n) {
     Wave w{};
     w.x = gaussian(), w.y = gaussian(), w.z = gaussian();
-    w.phase = 2 * std::numbers::pi * uniform(random);
+    w.phase = 2 * std::numbers::pi * drawn(random);
     waves_.push_back(w);
   }
 }

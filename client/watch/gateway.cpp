@@ -32,7 +32,7 @@ using Stream = beast::basic_stream<Protocol>;
 using Request = http::request<http::empty_body>;
 
 constexpr auto kPatience = std::chrono::milliseconds(static_cast<int>(1e3 * Gateway::kPatienceS));
-constexpr std::chrono::seconds kSilence{30};  // of a viewer that answers no ping
+constexpr std::chrono::seconds kNoPingFor{30};  // of a viewer that answers no ping
 
 std::string random_token() {
   std::random_device random;
@@ -94,7 +94,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
     beast::error_code gone;
     beast::get_lowest_layer(stream_).socket().set_option(asio::ip::tcp::no_delay(true), gone);
     stream_.auto_fragment(false);
-    stream_.set_option(websocket::stream_base::timeout{kPatience, kSilence, true});
+    stream_.set_option(websocket::stream_base::timeout{kPatience, kNoPingFor, true});
     stream_.read_message_max(Gateway::kMostSaidBytes);
     stream_.binary(true);
     stream_.async_accept(request, [self = shared_from_this()](beast::error_code error) {

@@ -1,14 +1,6 @@
 #include "service/access/roles.h"
 
-#include <array>
-
 namespace teletact::service {
-
-namespace {
-
-constexpr std::array kRoles{Role::kPatient, Role::kOperator, Role::kObserver, Role::kAdministrator};
-
-}  // namespace
 
 bool allows(Role role, Need need) {
   switch (need) {

@@ -1,6 +1,7 @@
 // What each role may do. For people the table stands in docs/guide/service.md (Security).
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -8,6 +9,7 @@
 namespace teletact::service {
 
 enum class Role { kPatient, kOperator, kObserver, kAdministrator };
+inline constexpr std::array kRoles{Role::kPatient, Role::kOperator, Role::kObserver, Role::kAdministrator};
 
 // What a call needs of who makes it.
 enum class Need {

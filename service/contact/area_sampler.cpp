@@ -14,7 +14,7 @@ namespace teletact::service {
 namespace {
 
 // Poses that are tried lie at this share of a cell, from one end or the other, as in law_sampler.cpp.
-constexpr double kTriedAt = 0.3;
+constexpr double kAreaTriedAt = 0.3;
 constexpr std::size_t kTried = 2;  // in each cell
 
 // From begin to just before end, on one lattice of the scene.
@@ -207,8 +207,9 @@ void AreaSampler::try_cell(const Corners& corners) {
   cell[2].lane_before_m = cell[3].lane_before_m = cell[0].z_m;
   double off = rows < 2 ? 1 / choices::kLawShare : 0, known_to = 0;
   for (std::size_t k = 0; k < kTried && rows > 1; ++k) {
-    const double x_m = std::lerp(cell[0].x_m, cell[1].x_m, k % 2 ? kTriedAt : 1 - kTriedAt),
-                 z_m = std::lerp(cell[0].z_m, cell[2].z_m, kTriedAt), row = k % 2 ? kTriedAt : 1 - kTriedAt;
+    const double x_m = std::lerp(cell[0].x_m, cell[1].x_m, k % 2 ? kAreaTriedAt : 1 - kAreaTriedAt),
+                 z_m = std::lerp(cell[0].z_m, cell[2].z_m, kAreaTriedAt),
+                 row = k % 2 ? kAreaTriedAt : 1 - kAreaTriedAt;
     const std::size_t above = rows - 2 - std::min(k, rows - 2);
     const double d =
         std::exp(std::lerp(double(cell[0].log_depth[above]), double(cell[0].log_depth[above + 1]), row));

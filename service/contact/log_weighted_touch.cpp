@@ -11,8 +11,8 @@ namespace {
 // Gauss and Legendre's over [0, 1]; depths are d t^2, as forces grow like d^1.5.
 constexpr std::array<double, 5> kAt{0.046910077030668, 0.230765344947158, 0.5, 0.769234655052842,
                                     0.953089922969332};
-constexpr std::array<double, 5> kWeight{0.118463442528095, 0.239314335249683, 0.284444444444444,
-                                        0.239314335249683, 0.118463442528095};
+constexpr std::array<double, 5> kQuadratureWeight{0.118463442528095, 0.239314335249683, 0.284444444444444,
+                                                  0.239314335249683, 0.118463442528095};
 
 }  // namespace
 
@@ -30,7 +30,7 @@ ContactAnswer LogWeightedTouch::answer(const Vector3& pose) const {
     const double t = kAt[q], at = d * t * t;
     const LayeredTouch::At layer = layered_->at(at).times(1 / softer_);
     const FeltForce::At felt = felt_->at(x, z, layer.radius_m);
-    const double work = 2 * d * t * kWeight[q] * layer.force_n * std::exp(felt.log_mean);
+    const double work = 2 * d * t * kQuadratureWeight[q] * layer.force_n * std::exp(felt.log_mean);
     out.energy_j += work;
     sideways += work * felt.slope;
     bend += work * (felt.slope * felt.slope.transpose() + felt.curvature);

@@ -15,7 +15,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-constexpr double kEdge = 0.48;  // of a contact on a half plane (first_guess)
+constexpr double kHalfPlaneEdge = 0.48;  // of a contact on a half plane (first_guess)
 
 // The unknown nodal forces of a patch: tangential ones of tied nodes first, then the normal ones.
 struct Patch {
@@ -150,7 +150,7 @@ Touch touch_patch(const TissueProblem& problem, Compliance& compliance, const Fi
     const Patch patch = make_patch(compliance, tip, pose, x, columns, report);
     const Index n = Index(patch.nodes.size()), tied = Index(patch.tied.size());
     const PatchSolution s =
-        solve_patch(patch.programme, first_guess(patch.programme, pose.indentation_m, kEdge));
+        solve_patch(patch.programme, first_guess(patch.programme, pose.indentation_m, kHalfPlaneEdge));
     touch.iterations += s.iterations;
     const bool grow_left = s.p[tied] > 0 && columns.first > all.first;
     const bool grow_right = s.p[tied + n - 1] > 0 && columns.last < all.last;

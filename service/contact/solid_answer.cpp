@@ -12,7 +12,7 @@ using Eigen::Index;
 
 // Largest principal strain over (1 + nu) p / E, p the mean pressure: 2/3 of twice the largest shear stress,
 // 0.31 of the largest pressure, which is 1.5 p (Johnson, Contact Mechanics, 1985, 3.4).
-constexpr double kPeakStrain = 0.62;
+constexpr double kSolidPeakStrain = 0.62;
 
 // What presses: f(node, force) of each.
 template <class F>
@@ -68,7 +68,7 @@ double force_of(const SolidGrid& grid, const LinearisedContact& contact) {
 }
 
 double contact_strain(double poisson_ratio, double pressure_pa, double youngs_modulus_pa) {
-  return kPeakStrain * (1 + poisson_ratio) * pressure_pa / youngs_modulus_pa;
+  return kSolidPeakStrain * (1 + poisson_ratio) * pressure_pa / youngs_modulus_pa;
 }
 
 void set_strain(const SolidTissue& tissue, std::size_t row, const LinearisedContact& contact, double depth_m,

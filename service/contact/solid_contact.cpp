@@ -19,7 +19,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kEdge = 0.5;  // of a contact on a half space (first_guess)
+constexpr double kHalfSpaceEdge = 0.5;  // of a contact on a half space (first_guess)
 // A node that touches although it overlaps by less than this share of the margin: there may be others beyond.
 constexpr double kInnerMargin = 0.8;
 // Of the force error that is asked, what a correction is solved to, in energy.
@@ -54,7 +54,8 @@ std::optional<SolidTouch> find_contact(const SolidGrid& grid, const RecycledComp
   for (double margin_m = choices::kCandidateMargin * pose[1];; margin_m *= 2) {
     const SolidPatch patch = patch_under(grid, compliance, tip, pose, margin_m);
     if (patch.nodes.empty()) return {};  // between nodes, above all of them
-    const PatchSolution s = solve_patch(patch.programme, first_guess(patch.programme, pose[1], kEdge));
+    const PatchSolution s =
+        solve_patch(patch.programme, first_guess(patch.programme, pose[1], kHalfSpaceEdge));
     iterations += s.iterations;
     const double least = least_overlap_m(patch, s);
     if (least == HUGE_VAL) return {};

@@ -37,11 +37,12 @@ long nearest(std::size_t to, std::size_t from, std::size_t n) {
   return 2 * ahead > size ? ahead - size : ahead;
 }
 
-struct Place {
+struct SurfacePlace {
   std::size_t component, x, z;
 };
-std::vector<Place> places_of(const std::vector<std::size_t>& unknowns, std::size_t nx, std::size_t nz) {
-  std::vector<Place> places;
+std::vector<SurfacePlace> places_of(const std::vector<std::size_t>& unknowns, std::size_t nx,
+                                    std::size_t nz) {
+  std::vector<SurfacePlace> places;
   places.reserve(unknowns.size());
   for (const std::size_t unknown : unknowns) {
     const std::size_t node = unknown % (nx * nz);
@@ -90,13 +91,13 @@ double SurfaceCompliance::operator()(std::size_t p, std::size_t q, long dx, long
 
 Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknowns, std::size_t nx,
                                          std::size_t nz) const {
-  const std::vector<Place> places = places_of(unknowns, nx, nz);
+  const std::vector<SurfacePlace> places = places_of(unknowns, nx, nz);
   const auto n = static_cast<Eigen::Index>(unknowns.size());
   Eigen::MatrixXd s(n, n);
   for (Eigen::Index b = 0; b < n; ++b) {
-    const Place from = places[static_cast<std::size_t>(b)];
+    const SurfacePlace from = places[static_cast<std::size_t>(b)];
     for (Eigen::Index a = b; a < n; ++a) {
-      const Place to = places[static_cast<std::size_t>(a)];
+      const SurfacePlace to = places[static_cast<std::size_t>(a)];
       s(a, b) = s(b, a) =
           (*this)(to.component, from.component, nearest(to.x, from.x, nx), nearest(to.z, from.z, nz));
     }
@@ -107,7 +108,7 @@ Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknown
 Eigen::MatrixXd SurfaceCompliance::between(const std::vector<std::size_t>& moved,
                                            const std::vector<std::size_t>& pushed, std::size_t nx,
                                            std::size_t nz) const {
-  const std::vector<Place> to = places_of(moved, nx, nz), from = places_of(pushed, nx, nz);
+  const std::vector<SurfacePlace> to = places_of(moved, nx, nz), from = places_of(pushed, nx, nz);
   Eigen::MatrixXd s(moved.size(), pushed.size());
   for (std::size_t b = 0; b < from.size(); ++b)
     for (std::size_t a = 0; a < to.size(); ++a)

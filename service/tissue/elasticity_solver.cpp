@@ -22,7 +22,7 @@
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kBatch = 32;       // right-hand sides solved at once
+constexpr std::size_t kAtOnce = 32;      // right-hand sides solved at once
 constexpr std::size_t kMostPasses = 12;  // of refinement
 constexpr double kPassReduction = 1e-4;  // of the error in one pass of refinement, within float's reach
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -52,10 +52,6 @@ double norm(std::span<const double> v) {
 
 bool finite(std::span<const double> v) {
   return std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
-}
-
-void require(bool condition, const std::string& message) {
-  if (!condition) throw std::invalid_argument(message);
 }
 
 }  // namespace
@@ -303,10 +299,10 @@ std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<c
 std::vector<double> ElasticitySolver::Core::in_batches(std::size_t count, std::span<const double> vectors,
                                                        const Work& work) {
   check(count, {}, {}, vectors);
-  reserve(std::min(count, kBatch));
+  reserve(std::min(count, kAtOnce));
   std::vector<double> all;
-  for (std::size_t begin = 0; begin < count; begin += kBatch) {
-    const std::size_t batch = std::min(kBatch, count - begin);
+  for (std::size_t begin = 0; begin < count; begin += kAtOnce) {
+    const std::size_t batch = std::min(kAtOnce, count - begin);
     const std::vector<double> part = work(batch, vectors.subspan(begin * grid.dofs(), batch * grid.dofs()));
     all.insert(all.end(), part.begin(), part.end());
   }
@@ -366,8 +362,8 @@ SolveReport ElasticitySolver::solve(std::size_t count, std::span<const double> l
   core_->check(count, loads, prescribed, displacement);
   std::vector<Column> all;
   const std::size_t dofs = core_->grid.dofs();
-  for (std::size_t begin = 0; begin < count; begin += kBatch) {
-    const std::size_t batch = std::min(kBatch, count - begin);
+  for (std::size_t begin = 0; begin < count; begin += kAtOnce) {
+    const std::size_t batch = std::min(kAtOnce, count - begin);
     const auto part = [&](std::span<const double> v) {
       return v.empty() ? v : v.subspan(begin * dofs, batch * dofs);
     };

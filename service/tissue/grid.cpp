@@ -8,10 +8,6 @@
 namespace teletact::service {
 namespace {
 
-void require(bool condition, const std::string& message) {
-  if (!condition) throw std::invalid_argument(message);
-}
-
 void validate_coordinates(const std::vector<double>& coordinates, const char* field) {
   const std::string name = std::string("grid.") + field;
   require(coordinates.size() >= 2, name + ": needs at least 2 lines of nodes, has " +
@@ -39,6 +35,10 @@ std::vector<double> growing_steps(double length, double fine, double coarse, dou
 }
 
 }  // namespace
+
+void require(bool condition, const std::string& message) {
+  if (!condition) throw std::invalid_argument(message);
+}
 
 void validate(const TissueGrid& grid) {
   validate_coordinates(grid.x_m, "x_m");
@@ -103,6 +103,12 @@ std::vector<double> graded_coordinates(double begin_m, double end_m, double fine
   for (double step : right) coordinates.push_back(coordinates.back() + step);
   coordinates.back() = end_m;
   return coordinates;
+}
+
+std::size_t cell_of(const std::vector<double>& coordinates, double at) {
+  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
+  return static_cast<std::size_t>(
+      std::clamp<std::ptrdiff_t>(upper - 1, 0, static_cast<std::ptrdiff_t>(coordinates.size()) - 2));
 }
 
 }  // namespace teletact::service

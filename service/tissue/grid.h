@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <vector>
 
 namespace teletact::service {
@@ -44,6 +45,12 @@ struct Material {
   std::vector<double> youngs_modulus_pa;  // one per element, > 0
   double poisson_ratio = 0.49;            // 0 <= nu < 0.5, one value
 };
+
+// Throws std::invalid_argument with the message unless the condition holds.
+void require(bool condition, const std::string& message);
+
+// The cell of increasing coordinates that holds a position; beyond both ends the outermost.
+std::size_t cell_of(const std::vector<double>& coordinates, double at);
 
 // Throws std::invalid_argument naming the field when the grid, the material or their sizes are unusable.
 void validate(const TissueGrid&);

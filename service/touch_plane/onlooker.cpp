@@ -8,7 +8,7 @@ namespace teletact::service {
 
 namespace {
 
-Onlooker::Clock::duration period_from(double wished_hz, const Limits& limits) {
+Onlooker::Clock::duration observation_period(double wished_hz, const Limits& limits) {
   if (wished_hz == 0) wished_hz = limits.most_observe_rate_hz;
   if (!(wished_hz >= Onlooker::kLeastRateHz && wished_hz <= limits.most_observe_rate_hz))
     throw std::invalid_argument(
@@ -28,7 +28,7 @@ const std::string& checked(const std::string& session_id) {
 
 Onlooker::Onlooker(std::shared_ptr<Scene> scene, const Wishes& wishes)
     : scene_(std::move(scene)),
-      period_(period_from(wishes.most_rate_hz, scene_->limits())),
+      period_(observation_period(wishes.most_rate_hz, scene_->limits())),
       id_(scene_->observers()->join({wishes.answers, wishes.surface, checked(wishes.session_id)})) {}
 
 void Onlooker::acknowledge(std::uint64_t state) {

@@ -25,7 +25,7 @@ std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
   return std::clamp<std::uint64_t>(wished, 1, limits.most_credit);
 }
 
-TouchStream::Clock::duration period_from(double wished_s, const Limits& limits) {
+TouchStream::Clock::duration answer_period(double wished_s, const Limits& limits) {
   if (wished_s == 0) wished_s = TouchStream::kUsualPeriodS;
   if (!(wished_s > 0 && wished_s <= limits.most_touch_period_s))
     throw std::invalid_argument(fmt::format("open.period_s: {} is not within (0, {}]; leave it out for {} s",
@@ -39,7 +39,7 @@ Along along(const Vector3& vector) {
 }
 
 TouchExchange::Terms terms_from(const TouchWishes& wishes, const Limits& limits) {
-  return {credit_from(wishes.credit, limits), period_from(wishes.period_s, limits), wishes.laws,
+  return {credit_from(wishes.credit, limits), answer_period(wishes.period_s, limits), wishes.laws,
           limits.acknowledge_s, limits.touch_idle_s};
 }
 

@@ -3,7 +3,7 @@
 //
 // One service runs throughout (serving, full, scenes deleted under the calls); each round makes another that
 // starts and drains. The client and the services share a process, so that the sanitizers see all of it.
-//   TELETACT_FUZZ_CALLS  about how many calls (100000)
+//   TELETACT_FUZZ_CALLS  about how many calls (100000; the first tier makes 10000)
 //   TELETACT_FUZZ_SEED   what is sent and when it ends follows from it; how the threads meet does not
 #include <malloc.h>
 
@@ -27,6 +27,7 @@ namespace {
 using service::Bystander;
 
 constexpr double kUndisturbedPeriodS = 0.01;
+constexpr std::uint64_t kAllCalls = 100'000;
 
 std::uint64_t from_environment(const char* name, std::uint64_t otherwise) {
   const char* text = std::getenv(name);
@@ -128,7 +129,7 @@ class Cancellation : public testing::Test {
   void expect_coverage();
 
   const std::uint64_t seed = from_environment("TELETACT_FUZZ_SEED", 1);
-  const std::size_t wanted = from_environment("TELETACT_FUZZ_CALLS", 100'000);
+  const std::size_t wanted = from_environment("TELETACT_FUZZ_CALLS", kAllCalls);
   const std::vector<Share> shares;
   Random random{seed};
   Tally tally;
@@ -211,12 +212,13 @@ void Cancellation::rounds(std::size_t calls) {
   for (const std::string& line : tally.unlisted()) ADD_FAILURE() << line;
 }
 
-// That the calls went where they were meant to: each case was tried, and each end was met at least once.
+// That the calls went where they were meant to: each case was tried, and of all calls each end was met.
 void Cancellation::expect_coverage() {
   using grpc::StatusCode;
   std::vector<Method> methods;
   for (const Share& share : shares) methods.push_back(share.method);
   for (const std::string& name : tally.untried(methods)) ADD_FAILURE() << name << ": never tried";
+  if (wanted < kAllCalls) return;  // some ends are met once in thousands of calls
   const auto expect = [&](Method method, ServiceState state, std::optional<End> end, StatusCode code) {
     EXPECT_GT(tally.count([&](const Case& c, StatusCode s) {
       return c.method == method && c.state == state && (!end || c.end == *end) && s == code;

@@ -281,6 +281,8 @@ TEST(BenchInput, AForeignReplotAndUnwritableOutputsAreSaidAtOnce) {
                         {"--json", "kept.json", "--force"});
   test::run({bench, "exploration", "--force", "--json", folder / "kept.json", "--out", folder / "file/out"},
             folder / "log");
+  for (const char* word : {"nothing", "--x"})
+    EXPECT_EQ(test::run({bench, word}, folder / "log").code, 2) << word;
   std::ifstream kept(folder / "kept.json");
   EXPECT_EQ(std::string(std::istreambuf_iterator<char>(kept), {}), "kept");
   test::run({bench, "exploration", "--json", folder / "new.json", "--out", folder / "file/out"},

@@ -83,8 +83,7 @@ TEST_F(Refusals, AnOptionThatIsNoneIsNamedBeforeOneThatIsMissing) {
 }
 
 TEST_F(Refusals, AMistakeOnTheCommandLineEndsWithTwoAndWhatFailsWithOne) {
-  const std::string bench = test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench";
-  for (const std::string& binary : {test::client_binary(), test::service_binary(), bench}) {
+  for (const std::string& binary : {test::client_binary(), test::service_binary()}) {
     EXPECT_EQ(test::run({binary, "--help"}, folder / "log").code, 0) << binary;
     EXPECT_EQ(test::run({binary, "--version"}, folder / "log").code, 0) << binary;
     EXPECT_EQ(test::run({binary, "nothing"}, folder / "log").code, 2) << binary;

@@ -7,7 +7,7 @@
 namespace teletact::reference {
 namespace {
 
-using Element = Eigen::Matrix<double, 24, 24>;
+using Hexahedron = Eigen::Matrix<double, 24, 24>;
 
 // Strain [xx, yy, zz, yz, xz, xy], shear as gamma, of the 24 displacements at a point in [0, 1]^3. Corners
 // a_x + 2 a_z + 4 a_y.
@@ -38,13 +38,13 @@ Eigen::Matrix<double, 6, 24> strain_matrix(const Eigen::Vector3d& at, const Eige
   return b;
 }
 
-Element element_matrix(const Eigen::Vector3d& size, double nu) {
+Hexahedron element_matrix(const Eigen::Vector3d& size, double nu) {
   const double mu = 1 / (2 * (1 + nu)), lambda = nu / ((1 + nu) * (1 - 2 * nu)), volume = size.prod();
   Eigen::Matrix<double, 6, 1> shear;
   shear << 2 * mu, 2 * mu, 2 * mu, mu, mu, mu;
   Eigen::Matrix<double, 6, 1> trace;
   trace << 1, 1, 1, 0, 0, 0;
-  Element k = Element::Zero();
+  Hexahedron k = Hexahedron::Zero();
   const double points[2] = {0.5 - std::sqrt(1.0 / 12), 0.5 + std::sqrt(1.0 / 12)};
   for (double r : points)
     for (double s : points)
@@ -69,8 +69,8 @@ Eigen::SparseMatrix<double> assemble(const service::SolidTissue& tissue) {
   std::vector<Eigen::Triplet<double>> entries;
   entries.reserve(576 * grid.elements());
   for (std::size_t j = 0; j < grid.layers(); ++j) {
-    const Element unit = element_matrix({grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j], grid.spacing_z_m},
-                                        tissue.poisson_ratio);
+    const Hexahedron unit = element_matrix(
+        {grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j], grid.spacing_z_m}, tissue.poisson_ratio);
     for (std::size_t k = 0; k < grid.nz; ++k)
       for (std::size_t i = 0; i < grid.nx; ++i) {
         const double modulus = tissue.youngs_modulus_pa[i + grid.nx * (k + grid.nz * j)];

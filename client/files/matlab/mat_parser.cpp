@@ -29,7 +29,8 @@ std::string& matio_complaint() {
   return complaint;
 }
 
-void keep_complaint(int level, char* message) {
+template <class Text>  // char in matio 1.5.23, const char in 1.5.28
+void keep_complaint(int level, Text* message) {
   if (level <= MATIO_LOG_LEVEL_WARNING) matio_complaint() = message;
 }
 
@@ -44,7 +45,7 @@ using Variable = std::unique_ptr<matvar_t, FreeVariable>;
 
 std::string names_in(mat_t* mat) {
   std::size_t count = 0;
-  char** names = Mat_GetDir(mat, &count);
+  char* const* names = Mat_GetDir(mat, &count);
   std::string list;
   for (std::size_t i = 0; names != nullptr && i < count; ++i)
     if (names[i] != nullptr) list += (list.empty() ? "" : ", ") + shown(names[i]);

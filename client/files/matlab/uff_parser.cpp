@@ -16,7 +16,7 @@ namespace teletact::client {
 
 namespace {
 
-constexpr std::size_t kMostNamed = 500;      // bytes of the names of what is there
+constexpr std::size_t kMostListed = 500;     // bytes of the names of what is there
 constexpr std::size_t kMostObjects = 1000;   // of a file
 constexpr std::size_t kMostClassName = 256;  // bytes
 constexpr std::size_t kMostOnAxis = std::size_t{1} << 20;
@@ -139,7 +139,7 @@ class UffReader {
   std::string present() const {
     std::string list;
     for (const std::string& name : names_in(root_)) list += (list.empty() ? "" : ", ") + shown(name);
-    return list.empty() ? "nothing" : shown(list, kMostNamed);
+    return list.empty() ? "nothing" : shown(list, kMostListed);
   }
 
   Node named(const std::string& object) const {
@@ -173,7 +173,7 @@ class UffReader {
     }
     std::string list;
     for (const std::string& name : beamformed) list += (list.empty() ? "" : ", ") + shown(name);
-    refuse("holds several images; give one with --variable: " + shown(list, kMostNamed));
+    refuse("holds several images; give one with --variable: " + shown(list, kMostListed));
   }
 
   // Its sizes, the fastest first, as MATLAB has them; those after the last are 1.

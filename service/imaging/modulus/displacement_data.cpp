@@ -12,12 +12,6 @@ namespace {
 
 constexpr std::size_t kDataAtOnce = 512;  // between two looks
 
-std::size_t cell_of(const std::vector<double>& coordinates, double at) {
-  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
-  return static_cast<std::size_t>(
-      std::clamp<std::ptrdiff_t>(upper - 1, 0, static_cast<std::ptrdiff_t>(coordinates.size()) - 2));
-}
-
 // Weighted sums of the straight line through (modelled, displacement).
 struct Line {
   double w = 0, x = 0, y = 0, xx = 0, xy = 0;

@@ -92,10 +92,6 @@ double least(double low, double high, int steps, double usual, const auto& f) {
   return at;
 }
 
-double squared(double v) {
-  return v * v;
-}
-
 // Of ln E of the cells, what one deviation of an unknown changes that was varied by kVary; `usual`: how well
 // it is known beforehand. An absolute modulus changes as the strain that goes with a force does, a relative
 // one as the strain beside its mean.

@@ -11,7 +11,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kCellM = 1e-3;
+constexpr double kBlockCellM = 1e-3;
 constexpr double kDeeper = 2;  // than the image: what is bonded there is not seen
 
 class ProbedBlock : public ProbedTissue {
@@ -21,7 +21,7 @@ class ProbedBlock : public ProbedTissue {
         strip_(strips.get({face.width_m, kDeeper * face.image_depth_m, 0, face.poisson_ratio, Plane::kStress},
                           face.width_m)) {
     const auto cells = [](double length_m) {
-      return std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(length_m / kCellM)));
+      return std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(length_m / kBlockCellM)));
     };
     cells_.columns = cells(face.width_m), cells_.rows = cells(face.image_depth_m);
     cells_.spacing_m = face.width_m / static_cast<double>(cells_.columns);

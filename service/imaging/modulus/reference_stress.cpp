@@ -14,8 +14,7 @@
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kGroup = 32;  // WORK_GROUP of modulus.cl
-const KnownModulus kNothingKnown;
+constexpr std::size_t kModulusGroup = 32;  // WORK_GROUP of modulus.cl
 
 class ReferenceStress : public ModulusMethod {
  public:
@@ -112,7 +111,7 @@ class ReferenceStress : public ModulusMethod {
     const auto nx = static_cast<int>(grid.nx), ny = static_cast<int>(grid.ny);
     const double rows = (options_.near_field_m - grid.origin_y_m) / grid.dy_m;
     const int first_row = std::max(0, static_cast<int>(std::ceil(rows)));
-    const Range range{{grid.size(), 1, 1}, {kGroup, 1, 1}};
+    const Range range{{grid.size(), 1, 1}, {kModulusGroup, 1, 1}};
     ratio_(range, measured.axial_strain, measured.trusted, reference, raw, nx, ny,
            static_cast<float>(amplitude), static_cast<float>(scale),
            static_cast<float>(options_.least_strain), static_cast<float>(options_.range), first_row);

@@ -11,7 +11,6 @@ namespace {
 
 // Part of the median modelled strain below which a node does not vote on the amplitude (ReferenceStress).
 constexpr double kLeastReached = 0.5;
-const KnownModulus kNothingKnown;
 
 double amplitude(const ModelState& state, const AxialSlopes& slopes) {
   std::vector<double> modelled = state.along, ratios;

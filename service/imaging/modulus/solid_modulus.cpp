@@ -28,7 +28,7 @@ using Eigen::VectorXd;
 constexpr double kModelLog = 0.05;  // of ln(strain) of a cell: what no such model explains
 // A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
 constexpr double kOverstep = 1.4;
-constexpr double kGuessLog = 0.6931;    // ln 2: of what no strain tells
+constexpr double kUntoldLog = 0.6931;   // ln 2: of what no strain tells
 constexpr double kTiltLog = 0.25;       // of the tilt: the tissue's own ramp may look like it
 constexpr double kRangeLog = 3;         // of ln E about the background
 constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
@@ -254,7 +254,7 @@ class SolidModulusMethod : public ModulusMethod {
       for (const VectorXd& change : fit.changes) common += change[c] * change[c];
       if (told[c] > 0) all_own += own, all_common += common;
       found.deviation[c] = std::sqrt(own + common);
-      if (!(told[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kGuessLog);
+      if (!(told[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kUntoldLog);
     }
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
     return found;

@@ -18,10 +18,6 @@ constexpr int kReweighted = 12;
 constexpr double kUsualTilt = 0.3, kUsualGrading = 1;
 constexpr double kLeastRest = 0.02;
 
-double squared(double v) {
-  return v * v;
-}
-
 }  // namespace
 
 StrainFit fit_strain(const VectorXd& residual, const VectorXd& weight, const VectorXd& by_tilt,

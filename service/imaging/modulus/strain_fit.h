@@ -6,6 +6,10 @@
 
 namespace teletact::service {
 
+inline double squared(double v) {
+  return v * v;
+}
+
 // ln(modelled / measured) over the cells told, robustly: a level, and so much tilt and grading more that
 // explain it.
 struct StrainFit {

@@ -10,9 +10,9 @@
 namespace teletact::service {
 namespace {
 
-constexpr double kFineM = 1e-3, kMirrorM = 0.020;
+constexpr double kSampleM = 1e-3, kMirrorM = 0.020;
 constexpr int kMatchCells = 4;  // on each side of a border
-constexpr double kSlackM = 1e-6;
+constexpr double kEdgeSlackM = 1e-6;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Cells without a value take the mean of those beside them that have one, from the rim inwards.
@@ -40,12 +40,6 @@ void spread(std::vector<double>& values, std::vector<int>& counts, std::size_t n
       counts[n] = 1;
     }
   }
-}
-
-std::size_t cell_of(const std::vector<double>& coordinates, double at) {
-  const auto upper = std::upper_bound(coordinates.begin(), coordinates.end(), at) - coordinates.begin();
-  return static_cast<std::size_t>(
-      std::clamp<std::ptrdiff_t>(upper - 1, 0, static_cast<std::ptrdiff_t>(coordinates.size()) - 2));
 }
 
 struct Position {
@@ -89,8 +83,8 @@ Field StripModel::on_image(const std::vector<double>& element_values, const Imag
 // The map's logarithm on the elements under the probe.
 StripModel::WindowMap StripModel::window_map(const Field& youngs_modulus, const ImageGrid& image) const {
   WindowMap map;
-  map.first = cell_of(grid_.x_m, kSlackM);
-  map.last = cell_of(grid_.x_m, window_width_m_ - kSlackM);
+  map.first = cell_of(grid_.x_m, kEdgeSlackM);
+  map.last = cell_of(grid_.x_m, window_width_m_ - kEdgeSlackM);
   const std::size_t nx = map.last - map.first + 1, ny = grid_.ny() - 1;
   map.logarithm.assign(nx * ny, 0.0);
   std::vector<int> counts(nx * ny, 0);
@@ -141,7 +135,7 @@ std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const I
 // NaN where nothing of it is known.
 double StripModel::known_over_element(const KnownModulus& known, std::size_t column, double y_m) const {
   const double begin = grid_.x_m[column], width = grid_.x_m[column + 1] - begin;
-  const int samples = static_cast<int>(std::ceil(width / kFineM));
+  const int samples = static_cast<int>(std::ceil(width / kSampleM));
   double sum = 0;
   int count = 0;
   for (int k = 0; k < samples; ++k) {
@@ -158,7 +152,7 @@ double StripModel::matching_shift(const KnownModulus& known, bool left, const Wi
   std::vector<double> shifts;
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
     for (int k = 0; k < kMatchCells; ++k) {
-      const double distance = (k + 0.5) * kFineM;
+      const double distance = (k + 0.5) * kSampleM;
       const double outside = left ? -distance : window_width_m_ + distance;
       const double inside = left ? distance : window_width_m_ - distance;
       const double told = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));

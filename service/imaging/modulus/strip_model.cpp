@@ -24,11 +24,11 @@ constexpr double kSlackM = 1e-6;  // rounding of a window that ends with its tis
 constexpr int kAtRest = -1, kPushed = -2;
 constexpr std::size_t kElementsAtOnce = 8192;  // between two looks: a millisecond
 
-struct Context {
+struct Surroundings {
   double left_m, right_m;
 };
 
-Context context(const TissueExtent& t, double window_width_m) {
+Surroundings surroundings(const TissueExtent& t, double window_width_m) {
   if (!(t.depth_m > 1e-3 && t.depth_m < 1))
     throw std::invalid_argument("depth_m: must be above 1e-3 m and below 1 m");
   if (!(t.width_m > 0 && t.width_m < 100))
@@ -43,7 +43,7 @@ Context context(const TissueExtent& t, double window_width_m) {
   return {std::clamp(t.window_x_m, 0.0, kContextM), std::clamp(right, 0.0, kContextM)};
 }
 
-TissueGrid strip(const Context& c, double depth_m, double window_width_m) {
+TissueGrid strip(const Surroundings& c, double depth_m, double window_width_m) {
   TissueGrid grid;
   grid.x_m =
       graded_coordinates(-c.left_m, window_width_m + c.right_m, 0, window_width_m, kFineM, kCoarseM, kGrowth);
@@ -76,7 +76,7 @@ InPlaneStrain in_plane_strain(Plane plane, double nu) {
 }  // namespace
 
 StripModel::StripModel(const TissueExtent& tissue, double window_width_m)
-    : grid_(strip(context(tissue, window_width_m), tissue.depth_m, window_width_m)),
+    : grid_(strip(surroundings(tissue, window_width_m), tissue.depth_m, window_width_m)),
       window_x_m_(tissue.window_x_m),
       window_width_m_(window_width_m),
       plane_(tissue.plane),
@@ -345,7 +345,7 @@ ModelBytes bytes_of(const TissueGrid& grid) {
 }  // namespace
 
 std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, double window_width_m) {
-  const Context c = context(tissue, window_width_m);
+  const Surroundings c = surroundings(tissue, window_width_m);
   const Key key{tissue.window_x_m,    c.right_m,      tissue.depth_m,
                 tissue.poisson_ratio, window_width_m, tissue.plane};
   const auto found =

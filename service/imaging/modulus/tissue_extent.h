@@ -39,6 +39,7 @@ struct KnownModulus {
   double operator()(double x_m, double y_m) const { return modulus_pa(x_m, y_m); }
   explicit operator bool() const { return static_cast<bool>(modulus_pa); }
 };
+inline const KnownModulus kNothingKnown;
 
 // Young's modulus (Pa) in another image plane of the same solid, offset_m across this one, at x_m of the
 // window and depth y_m below the probe's face; NaN where unknown.

@@ -8,11 +8,10 @@
 
 #include "service/device/look.h"
 #include "service/imaging/tracking/sample_grid.h"
+#include "service/imaging/tracking/work_group.h"
 
 namespace teletact::service {
 namespace {
-
-constexpr std::size_t kGroup = 32;  // WORK_GROUP of b_mode.cl
 
 // Power over the largest, in dB, as grey.
 std::vector<std::uint8_t> compressed(const std::vector<float>& power) {

@@ -9,11 +9,11 @@
 #include "service/device/look.h"
 #include "service/imaging/tracking/interpolation.h"
 #include "service/imaging/tracking/search.h"
+#include "service/imaging/tracking/work_group.h"
 
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kGroup = 32;                    // WORK_GROUP of displacement.cl
 constexpr int kWarpRun = 16;                          // WARP_RUN of displacement.cl
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
 
@@ -149,10 +149,6 @@ namespace {
 Range over_samples(int samples, int lines) {
   const auto runs = static_cast<std::size_t>((samples + kWarpRun - 1) / kWarpRun);
   return {{runs, static_cast<std::size_t>(lines), 1}, {16, 1, 1}};
-}
-
-Range over(int nodes) {
-  return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
 }
 
 }  // namespace

@@ -6,21 +6,17 @@
 #include <utility>
 
 #include "service/imaging/tracking/median.h"
+#include "service/imaging/tracking/work_group.h"
 
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kGroup = 32;        // WORK_GROUP of refinement.cl
 constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTORS of refinement.cl
 constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
 constexpr int kBiasRadius = 1;            // BIAS_RADIUS of refinement.cl
 constexpr int kMostFootprint = 6;         // nodes to each side over which information is averaged
 constexpr int kMostNoiseLines = 10;       // that the autocorrelations are taken from
 constexpr double kLeastStrain = 1e-4;     // strain below which the prior does not narrow any more
-
-Range over(int nodes) {
-  return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
-}
 
 // Nodes to each side that share a bias, of a smoothing length in node steps. A bias rises and falls over
 // about two smoothing lengths to each side, edge_bias() averages one node and a half of them, and no bias is

@@ -7,12 +7,12 @@
 
 #include "service/device/look.h"
 #include "service/imaging/tracking/path_search.h"
+#include "service/imaging/tracking/work_group.h"
 
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kGroup = 32;  // WORK_GROUP of search.cl
-constexpr int kNccLaterals = 3;     // NCC_LATERALS of search.cl
+constexpr int kNccLaterals = 3;  // NCC_LATERALS of search.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
 constexpr int kMostCoarseColumns = 48, kMostCoarseRows = 128;  // bound the correlation volume
 constexpr int kDecimation = 2;                                 // of the samples of the windows
@@ -27,10 +27,6 @@ constexpr double kLocalStrain = 1.6;
 constexpr int kSpareLags = 8;  // beyond what the largest strain asks for
 constexpr int kFineFirstLag = -4;
 constexpr float kFineReach = 8;  // samples: all of them
-
-Range over(int nodes) {
-  return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
-}
 
 }  // namespace
 

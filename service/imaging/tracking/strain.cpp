@@ -7,12 +7,10 @@
 #include <utility>
 #include <vector>
 
+#include "service/imaging/tracking/work_group.h"
+
 namespace teletact::service {
-namespace {
-
-constexpr std::size_t kGroup = 32;  // WORK_GROUP of strain.cl
-
-}  // namespace
+namespace {}  // namespace
 
 StrainEstimator::StrainEstimator(Queue queue, StrainOptions options)
     : queue_(std::move(queue)),

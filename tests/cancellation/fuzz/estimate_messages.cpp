@@ -66,7 +66,7 @@ v1::Acquisition acquisition_of(const Pair& pair, const std::string& scene, Rando
   return a;
 }
 
-double odd_number(Random& random) {
+double impossible_number(Random& random) {
   using Limits = std::numeric_limits<double>;
   return random.one_of(std::array{Limits::quiet_NaN(), Limits::infinity(), -1.0, 1e300});
 }
@@ -75,7 +75,7 @@ void spoil(v1::SlicePose& window, Random& random) {
   const auto vector =
       random.one_of(std::array{window.mutable_origin_m(), window.mutable_lateral(), window.mutable_axial()});
   vector->Resize(static_cast<int>(random.below(5)), 0.01);
-  vector->Add(odd_number(random));
+  vector->Add(impossible_number(random));
 }
 
 void spoil(v1::Acquisition& a, Random& random) {
@@ -90,17 +90,17 @@ void spoil(v1::Acquisition& a, Random& random) {
     case 3:
       return a.set_dtype(static_cast<v1::DataType>(random.below(9)));
     case 4:
-      return a.set_center_frequency_hz(odd_number(random));
+      return a.set_center_frequency_hz(impossible_number(random));
     case 5:
-      return a.set_sampling_frequency_hz(odd_number(random));
+      return a.set_sampling_frequency_hz(impossible_number(random));
     case 6:
-      return a.set_sound_speed_m_s(odd_number(random));
+      return a.set_sound_speed_m_s(impossible_number(random));
     case 7:
-      return a.set_line_pitch_m(odd_number(random));
+      return a.set_line_pitch_m(impossible_number(random));
     case 8:
       return a.set_displacement_frame(v1::DISPLACEMENT_FRAME_UNSPECIFIED);
     case 9:
-      return a.mutable_probe_force()->set_force_n(odd_number(random));
+      return a.mutable_probe_force()->set_force_n(impossible_number(random));
     case 10:
       return a.mutable_publish()->set_scene_id("no-such-scene");
     case 11:
@@ -109,11 +109,11 @@ void spoil(v1::Acquisition& a, Random& random) {
     case 12:
       return a.add_maps("no_such_map");
     case 13:
-      return a.set_modulus_time_limit_s(odd_number(random));
+      return a.set_modulus_time_limit_s(impossible_number(random));
     case 14:
-      return a.set_finish_within_s(odd_number(random));
+      return a.set_finish_within_s(impossible_number(random));
     default:
-      return a.set_poisson_ratio(odd_number(random));
+      return a.set_poisson_ratio(impossible_number(random));
   }
 }
 

@@ -16,7 +16,7 @@ namespace {
 using namespace service;
 
 // So small that what is kept is restored in milliseconds.
-Limits small() {
+Limits small_limits() {
   Limits limits;
   limits.most_scene_columns = 17;
   limits.most_scene_elements = limits.most_solid_elements = 256;
@@ -71,7 +71,7 @@ void check(const Scene& scene, const Limits& limits) {
 
 bool scene_state(Bytes bytes) {
   require_plain_log();
-  static const Limits limits = small();
+  static const Limits limits = small_limits();
   const auto disk = disk_of(bytes);
   StateStore store("/state", limits, disk);
   std::unique_ptr<Scene> scene;
