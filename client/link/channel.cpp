@@ -1,5 +1,6 @@
 #include "client/link/channel.h"
 
+#include <grpc/grpc.h>
 #include <grpcpp/support/client_interceptor.h>
 #include <netdb.h>
 #include <unistd.h>
@@ -23,7 +24,6 @@ constexpr int kFirstBackoffMs = 50;
 constexpr int kLargestBackoffMs = 200;
 constexpr int kConnectTimeoutMs = 3000;  // shorter, and TCP, TLS and HTTP/2 do not get through a slow link
 constexpr int kKeepaliveMs = 30000;      // a second net only: silence on the stream is noticed long before
-constexpr double kFirstConnectS = 3;
 constexpr int kMaxMessageBytes = 256 << 20;
 
 // What a call says of its client, in its metadata.
@@ -107,6 +107,9 @@ grpc::ChannelArguments channel_arguments() {
 std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const Credentials& given,
                                             const std::string& name) {
   require_usable(given, address);
+  // gRPC ends with its last object, and may wait 10 s for its own poller then (1.51): it is kept to the end
+  // of the process.
+  [[maybe_unused]] static const bool kept = (grpc_init(), true);
   const auto credentials = given.tls_ca.empty()
                                ? grpc::InsecureChannelCredentials()
                                : grpc::SslCredentials({given.tls_ca, given.tls_key, given.tls_certificate});
@@ -162,15 +165,15 @@ std::string nobody_answers(const std::string& address, const Credentials& given)
 }
 
 std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const Credentials& credentials,
-                                             const std::function<void(const std::string&)>& say) {
+                                             const std::function<void(const std::string&)>& say,
+                                             double connect_s) {
   using namespace std::chrono_literals;
   constexpr auto kServesWithin = 60s, kCallDeadline = 5s;
   auto channel = make_channel(address, credentials);
   const auto stub = v1::Palpation::NewStub(channel);
   const auto give_up = std::chrono::steady_clock::now() + kServesWithin;
   for (bool said = false;; said = true) {
-    if (!wait_connected(*channel, kFirstConnectS))
-      throw std::runtime_error(nobody_answers(address, credentials));
+    if (!wait_connected(*channel, connect_s)) throw std::runtime_error(nobody_answers(address, credentials));
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + kCallDeadline);
     v1::ListScenesResponse scenes;

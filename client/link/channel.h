@@ -52,10 +52,11 @@ std::string nobody_answers(const std::string& address, const Credentials&);
 
 // A channel to a service that serves. One that is starting (it listens before that, and compiles kernels and
 // restores scenes meanwhile) is waited for, which `say` is told once, in a line. Throws std::runtime_error in
-// one line when nobody answers for 3 s, when it has not begun to serve after a minute, or when it does not
-// know who calls.
+// one line when nobody answers for `connect_s`, when it has not begun to serve after a minute, or when it
+// does not know who calls.
 std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const Credentials&,
-                                             const std::function<void(const std::string&)>& say);
+                                             const std::function<void(const std::string&)>& say,
+                                             double connect_s = 3);
 
 // True once connected, false when `wait_s` has passed first.
 bool wait_connected(grpc::Channel&, double wait_s);

@@ -47,6 +47,7 @@ struct TouchLinkOptions {
   v1::TouchOpen open;        // session_id is chosen when empty
   double dead_s = 0.6;       // the force is long zero then: nothing is lost by opening a new stream
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first
+  double yield_s = 1.0;      // that who does not steer moves later
   RecordSink* recorder = nullptr;
   LatestSlot<NearLaw>* laws = nullptr;  // where the law around the finger goes; null: none is asked for
 };
@@ -58,7 +59,6 @@ class TouchLink {
   static constexpr double kLawPeriodS = 0.05, kTactilePeriodS = 0.02;
   static constexpr double kRetryS = 0.1;         // from a stream's end to the next
   static constexpr double kMostRetryS = 5.0;     // when it is refused again and again
-  static constexpr double kYieldS = 1.0;         // that who does not steer moves later
   static constexpr double kTrialPeriodS = 0.01;  // between poses of a successor that is not in force yet
 
   // Poses come from `poses`, answers go to `answers`; this link is the one reader and the one writer.

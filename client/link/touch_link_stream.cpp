@@ -119,7 +119,7 @@ void TouchLink::take_opened(Attempt& attempt, const v1::TouchOpened& opened, std
   } else if (lets_first_ &&
              opened.steers()) {  // it took a while to serve, and who steers here is not there yet
     lets_first_ = false;
-    may_move_ns_ = received_ns + to_ns(kYieldS);
+    may_move_ns_ = received_ns + to_ns(options_.yield_s);
     attempt.problem = "whoever steers here goes first";
   } else {
     attempt.law.go_on_from(in_force_->law);
@@ -153,7 +153,8 @@ bool TouchLink::come_into_force(Attempt& attempt) {
 }
 
 void TouchLink::take_answer(Attempt& attempt, const v1::TouchAnswer& answer, std::int64_t received_ns) {
-  if (!attempt.opened || attempt.left) return;  // there is no layer and no period yet, or another one is felt
+  // There is no layer and no period yet, or another one is felt, or this one is being ended.
+  if (!attempt.opened || attempt.left || !attempt.problem.empty()) return;
   attempt.heard_ns = received_ns;
   attempt.acknowledged = answer.answer();
   const bool ours = answer.pose_stamp().instance() == instance_ && answer.sequence() <= sequence_;
@@ -171,7 +172,7 @@ void TouchLink::take_answer(Attempt& attempt, const v1::TouchAnswer& answer, std
   }
   if (std::exchange(moving_, answer.moving()) == answer.moving()) return;
   const bool yields = !answer.steers() && !answer.steered_by().empty();
-  may_move_ns_ = received_ns + (yields ? to_ns(kYieldS) : 0);
+  may_move_ns_ = received_ns + (yields ? to_ns(options_.yield_s) : 0);
   lets_first_ = yields;
   turn_.notify_all();
 }

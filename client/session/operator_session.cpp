@@ -33,7 +33,7 @@ constexpr double kFiguresS = 0.5;                        // between what is reco
 
 // The scene with something to touch, waited for up to `wait_s`.
 v1::Scene wait_for_scene(const OperatorSessionOptions& options, const std::atomic<bool>& stop) {
-  const double connect_s = std::max(options.wait_s, 2.0);
+  const double connect_s = std::max(options.wait_s, options.connect_s);
   const auto deadline = std::chrono::steady_clock::now() + Seconds(connect_s);
   const auto channel = make_channel(options.address, options.credentials);
   constexpr double kTryS = 0.2;
@@ -191,7 +191,7 @@ bool finished(const OperatorSessionOptions& options, const HapticDevice& device,
               const TickStatistics& statistics) {
   if (device.ended() || (options.passes > 0 && device.passes() >= options.passes)) return true;
   // A short outage is made up for; one that does not end must not keep the session from ending.
-  const bool lost = statistics.lost_now_s() >= OperatorSessionOptions::kLostS;
+  const bool lost = statistics.lost_now_s() >= options.lost_s;
   const double spent_s = statistics.enabled_s() + (lost ? statistics.lost_s() : 0);
   return options.duration_s > 0 && spent_s >= options.duration_s;
 }
@@ -294,7 +294,7 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   TouchSummary summary;
   link.start();
   TickLog log;
-  Waiting waiting;
+  Waiting waiting(options.still_s);
   AdapterWatch adapter;
   say_keys(options);
   bool layer_said = false;

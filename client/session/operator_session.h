@@ -17,7 +17,6 @@
 namespace teletact::client {
 
 struct OperatorSessionOptions {
-  static constexpr double kLostS = 5;
   static constexpr double kTactileS = 0.2;
   std::string address;
   Credentials credentials;
@@ -33,8 +32,11 @@ struct OperatorSessionOptions {
   std::optional<double> start_x_m;  // where a real device begins; absent: amid what is covered
   unsigned passes = 0;              // end after so many sweeps; 0 = no limit
   double duration_s =
-      0;              // end after so long with force on, or lost for over kLostS at a stretch; 0 = no limit
-  double wait_s = 0;  // for the service, the scene and its first window
+      0;  // end after so long with force on, or lost for over lost_s at a stretch; 0 = no limit
+  double lost_s = 5;
+  double wait_s = 0;         // for the service, the scene and its first window
+  double connect_s = 2;      // for the service, at least
+  double still_s = 3;        // of standing still before a person is told what is waited for
   std::string record_path;   // empty: no recording
   std::string publish_path;  // Unix socket to publish the session at, as it is recorded; empty: nobody looks
   std::vector<std::string> arguments;

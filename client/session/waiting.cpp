@@ -14,7 +14,7 @@ Waiting::For Waiting::waited_for(const TouchSituation& situation) {
 
 std::string Waiting::message(const TouchSituation& situation, double now_s) {
   const For now = waited_for(situation);
-  if (now != for_) due_s_ = now_s + kFirstS;
+  if (now != for_) due_s_ = now_s + first_s_;
   for_ = now;
   if (now == For::kNothing || now_s < due_s_) return "";
   due_s_ = now_s + (now == For::kStream ? kTroubleS : kRepeatS);

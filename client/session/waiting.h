@@ -20,10 +20,11 @@ struct TouchSituation {
 
 class Waiting {
  public:
-  static constexpr double kFirstS = 3;    // of standing still before the first message
   static constexpr double kTroubleS = 5;  // from message to message without a stream
   static constexpr double kRepeatS = 30;  // from message to message of what a person can change
 
+  // Stands still for `first_s` before the first message.
+  explicit Waiting(double first_s = 3) : first_s_(first_s) {}
   // The message that is due at `now_s` (any clock that only goes forward); mostly empty.
   std::string message(const TouchSituation& situation, double now_s);
 
@@ -31,6 +32,7 @@ class Waiting {
   enum class For { kNothing, kStream, kDevice, kButton, kTissue, kWindow };
   static For waited_for(const TouchSituation& situation);
 
+  const double first_s_;
   For for_ = For::kNothing;
   double due_s_ = 0;
 };

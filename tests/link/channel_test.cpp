@@ -61,7 +61,8 @@ TEST(NobodyAnswers, SaysWhenTheNameDoesNotResolve) {
 
 TEST(ReachService, SaysWhenNobodyIsThere) {
   try {
-    reach_service("unix:/tmp/teletact-nobody-listens-here", {}, [](const auto&) {});
+    reach_service(
+        "unix:/tmp/teletact-nobody-listens-here", {}, [](const auto&) {}, 0.1);
     FAIL();
   } catch (const std::runtime_error& error) {
     EXPECT_NE(std::string(error.what()).find("no service at"), std::string::npos) << error.what();

@@ -12,6 +12,7 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -24,6 +25,7 @@ namespace teletact::client::test {
 
 struct FakeAccount {
   std::uint64_t streams = 0;
+  std::uint64_t refused = 0;  // streams, for now
   std::uint64_t poses = 0;
   std::uint64_t answers = 0;
   std::uint64_t most_unacknowledged = 0;  // answers, as the client's poses acknowledge them
@@ -68,6 +70,10 @@ class FakePalpation final : public v1::Palpation::Service {
     server_.reset();
   }
 
+  v1::ContactPose last_pose() {
+    std::lock_guard lock(mutex_);
+    return last_pose_;
+  }
   FakeAccount account() {
     std::lock_guard lock(mutex_);
     return account_;
@@ -105,7 +111,8 @@ class FakePalpation final : public v1::Palpation::Service {
   std::atomic<std::chrono::steady_clock::duration> clock_ahead{};  // of the client's
   std::atomic<double> layer_depth_m{0};                            // of TouchOpened
   std::vector<std::pair<double, double>> windows_m = {{0, 0.12}};
-  std::pair<double, double> z_m{0, 0};  // of a solid
+  std::pair<double, double> z_m{0, 0};             // of a solid
+  std::optional<v1::ContactPose> answers_unasked;  // a pose that another service was given
   AnalyticTissue tissue;
 
   grpc::Status GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request, v1::Scene* scene) override {
@@ -133,7 +140,7 @@ class FakePalpation final : public v1::Palpation::Service {
     v1::TouchRequest request;
     if (!stream->Read(&request) || !request.has_open()) return {grpc::StatusCode::INVALID_ARGUMENT, "open"};
     if (!scene_known) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};
-    if (full) return {grpc::StatusCode::UNAVAILABLE, "no place"};
+    if (full) return refuse();
     if (request.open().credit() > refuses_credit_above)
       return {grpc::StatusCode::INVALID_ARGUMENT, "open.credit: ask for fewer answers in flight"};
     begin_stream(request.open());
@@ -145,6 +152,12 @@ class FakePalpation final : public v1::Palpation::Service {
     opened.mutable_opened()->set_instance(instance_);
     if (layer_depth_m != 0) opened.mutable_opened()->mutable_layer()->set_depth_m(layer_depth_m);
     stream->Write(opened);
+    if (answers_unasked) {
+      v1::TouchResponse answer;
+      answer.mutable_answer()->set_answer(1);
+      fill(*answers_unasked, *answer.mutable_answer());
+      stream->Write(answer);
+    }
     if (refuses) {
       stream->Read(&request);
       return {grpc::StatusCode::INVALID_ARGUMENT, "position_m: beside the tissue"};
@@ -174,6 +187,13 @@ class FakePalpation final : public v1::Palpation::Service {
     bool closed = false;
     std::uint64_t answers = 0, acknowledged = 0, answered_sequence = 0, first_sequence = 0;
   };
+
+  grpc::Status refuse() {
+    std::lock_guard lock(mutex_);
+    ++account_.refused;
+    changed_.notify_all();
+    return {grpc::StatusCode::UNAVAILABLE, "no place"};
+  }
 
   void begin_stream(const v1::TouchOpen& open) {
     std::lock_guard lock(mutex_);
@@ -206,7 +226,7 @@ class FakePalpation final : public v1::Palpation::Service {
         std::max(account_.most_unanswered, pose.sequence() - mailbox.answered_sequence);
     account_.oldest_pose_s =
         std::max(account_.oldest_pose_s, 1e-9 * double(now_ns - pose.stamp().monotonic_ns()));
-    mailbox.pose = pose;
+    mailbox.pose = last_pose_ = pose;
     mailbox.arrived = std::chrono::steady_clock::now();
     mailbox.fresh = true;
     changed_.notify_all();
@@ -300,6 +320,7 @@ class FakePalpation final : public v1::Palpation::Service {
   std::mutex mutex_;
   std::condition_variable changed_;
   FakeAccount account_;
+  v1::ContactPose last_pose_;
   bool stopping_ = false;
   std::uint64_t last_sequence_ = 0;
   std::atomic<std::uint64_t> instance_{100};

@@ -105,7 +105,7 @@ TEST(FaultProxy, DropsWhatIsIdle) {
   Peer busy(proxy.address());
   Peer idle(proxy.address());
   const double begin_s = now_s();
-  for (int k = 0; k < 12; ++k) {
+  for (int k = 0; k < 9; ++k) {
     busy.say("a");
     EXPECT_EQ(busy.hear(1, 2), "a");
     std::this_thread::sleep_for(std::chrono::milliseconds(30));

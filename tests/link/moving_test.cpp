@@ -24,12 +24,12 @@ struct Moving : testing::Test {
 
 // Of an answer, s: a near service, and one far away.
 struct MovingOver : Moving, testing::WithParamInterface<double> {};
-INSTANTIATE_TEST_SUITE_P(Ways, MovingOver, testing::Values(0.0, 0.2));
+INSTANTIATE_TEST_SUITE_P(Ways, MovingOver, testing::Values(0.0, 1.2 * TouchLink::kHeartbeatS));
 
 // Answers as they came to the servo: none is missing, none comes twice, none is older than the one before.
 TEST_P(MovingOver, TheSuccessorIsOpenedFirstAndAnswersNeverStop) {
   for (FakePalpation* service : {&before, &after}) service->way_s = GetParam();
-  const std::uint64_t enough = GetParam() > 0 ? 10 : 50;  // far away one comes after the other
+  const std::uint64_t enough = GetParam() > 0 ? 5 : 50;  // far away one comes after the other
   Operator person(address);
   ASSERT_TRUE(before.wait_until(answers_at_least(enough)));
   after.serve();
@@ -66,7 +66,7 @@ TEST_F(Moving, UntilASuccessorAnswersTheOldStreamIsFelt) {
   after.full = true;
   after.serve();
   before.moving = true;
-  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  ASSERT_TRUE(after.wait_until([](const auto& account) { return account.refused >= 3; }));
   const auto answers = before.account().answers;
   ASSERT_TRUE(before.wait_until(answers_at_least(answers + 50)));
   after.prepares = true;  // it is opened, but says nothing that can be felt
@@ -80,34 +80,52 @@ TEST_F(Moving, UntilASuccessorAnswersTheOldStreamIsFelt) {
   ASSERT_TRUE(test::within(10, [&] { return person.link->stats().streams == 2; }));
 }
 
+void yields_for_a_while(TouchLinkOptions& options) {
+  options.yield_s = 0.4;
+}
+
 // Whoever comes first steers over there: the one that steers here.
 TEST_F(Moving, WhoDoesNotSteerLetsWhoDoesGoFirst) {
   before.another_steers = true;
-  Operator person(address);
+  Operator person(address, yields_for_a_while);
   ASSERT_TRUE(before.wait_until(answers_at_least(50)));
   after.serve();
   const auto told = std::chrono::steady_clock::now();
   before.moving = true;
   ASSERT_TRUE(after.wait_until(answers_at_least(20)));
-  EXPECT_GE(std::chrono::steady_clock::now() - told, std::chrono::duration<double>(TouchLink::kYieldS));
+  EXPECT_GE(test::seconds_since(told), 0.4);
   EXPECT_EQ(person.link->trouble(), "");
 }
 
 // So it is, too, where the other service takes longer to serve than that.
 TEST_F(Moving, WhoDoesNotSteerLetsWhoDoesGoFirstWheneverThatCan) {
   before.another_steers = true;
-  Operator person(address);
+  Operator person(address, yields_for_a_while);
   ASSERT_TRUE(before.wait_until(answers_at_least(50)));
   after.full = after.steers = true;
   after.serve();
   before.moving = true;
-  std::this_thread::sleep_for(std::chrono::duration<double>(1.5 * TouchLink::kYieldS));
+  ASSERT_TRUE(after.wait_until([](const auto& account) { return account.refused >= 2; }));
   const auto serves = std::chrono::steady_clock::now();
   after.full = false;
   ASSERT_TRUE(after.wait_until(answers_at_least(20)));
-  EXPECT_GE(std::chrono::steady_clock::now() - serves, std::chrono::duration<double>(TouchLink::kYieldS));
+  EXPECT_GE(test::seconds_since(serves), 0.4);
   EXPECT_EQ(person.link->stats().streams, 2u);
   EXPECT_EQ(person.link->trouble(), "");
+}
+
+// ... and where that one answers before the stream there has been ended.
+TEST_F(Moving, WhoGoesLaterDoesNotTakeAnAnswerThatIsThereAlready) {
+  before.another_steers = true;
+  Operator person(address, yields_for_a_while);
+  ASSERT_TRUE(before.wait_until(answers_at_least(50)));
+  after.steers = true;
+  after.answers_unasked = before.last_pose();
+  after.serve();
+  const auto serves = std::chrono::steady_clock::now();
+  before.moving = true;
+  ASSERT_TRUE(test::within(10, [&] { return person.link->stats().streams == 2; }));
+  EXPECT_GE(test::seconds_since(serves), 0.8) << "at first, and where it was the first there all the same";
 }
 
 // Killed amid the move: the stream that is open takes its place; where there is none, another is opened.
@@ -130,10 +148,10 @@ TEST_F(Moving, AServiceThatEndsBeforeItsSuccessorAnswersIsFollowedByIt) {
 // Services that say so without end are moved between ever more seldom.
 TEST_F(Moving, WhoeverMovesAgainAndAgainIsNotFollowedAsOften) {
   before.moving = true;
+  const auto begin = std::chrono::steady_clock::now();
   Operator person(address);
-  ASSERT_TRUE(test::within(20, [&] { return person.link->stats().streams >= 4; }));
-  std::this_thread::sleep_for(std::chrono::seconds(2));
-  EXPECT_LE(person.link->stats().streams, 8u);
+  ASSERT_TRUE(test::within(20, [&] { return person.link->stats().streams >= 5; }));
+  EXPECT_GE(test::seconds_since(begin), 0.7) << "at once, after 0.1, 0.2 and 0.4 s";
   const auto answers = before.account().answers;
   EXPECT_TRUE(before.wait_until(answers_at_least(answers + 50)));
 }

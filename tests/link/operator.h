@@ -54,6 +54,10 @@ class Operator {
   std::thread servo_;
 };
 
+inline double seconds_since(std::chrono::steady_clock::time_point then) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - then).count();
+}
+
 // True as soon as it is `met`, within `seconds`.
 template <typename Met>
 bool within(double seconds, Met&& met) {

@@ -38,7 +38,7 @@ TEST(TouchLink, TheNewestPoseWins) {
   service.serve();
   Operator person(test::socket_address("newest"));
   ASSERT_TRUE(service.wait_until(answers_at_least(10)));
-  EXPECT_LE(service.account().oldest_pose_s, 0.1);
+  EXPECT_LE(service.account().oldest_pose_s, 0.3) << "of those that wait for their turn the last waits 0.4 s";
   EXPECT_LE(service.account().poses, 15u);
 }
 
@@ -82,23 +82,30 @@ TEST(TouchLink, TactileImagesAreTakenOnceAndAMalformedOneIsDroppedAlone) {
   EXPECT_EQ(person.link->stats().dropped, 0u) << "the force it came with counts";
 }
 
+// How long the link takes for so many poses. Later ones make up for one that was late, by half an interval in
+// all: a busy machine makes it longer, not shorter.
+double seconds_for(int poses, const Operator& person) {
+  const auto begin = std::chrono::steady_clock::now();
+  const auto before = person.link->stats().poses;
+  EXPECT_TRUE(test::within(20, [&] { return person.link->stats().poses >= before + std::uint64_t(poses); }));
+  return test::seconds_since(begin);
+}
+double least_s(int poses, double period_s) {
+  return (poses - 1.5) * period_s;
+}
+
 // Whatever the versions of the windows that answer: the servo says whether it follows answers.
 TEST(TouchLink, PosesAreFewWhileAContactLawIsFelt) {
   FakePalpation service(test::socket_address("law"));
   service.serve();
   Operator person(test::socket_address("law"));
-  const auto poses_in_a_second = [&] {
-    const auto before = service.account().poses;
-    std::this_thread::sleep_for(std::chrono::seconds(1));
-    return service.account().poses - before;
-  };
   ASSERT_TRUE(service.wait_until(answers_at_least(10)));
-  EXPECT_GE(poses_in_a_second(), 100u);
+  constexpr int kPoses = 10;
+  const double few_s = least_s(kPoses, TouchLink::kLawPeriodS);
+  EXPECT_TRUE(test::within(20, [&] { return seconds_for(kPoses, person) < few_s / 4; }));
   person.by_law = true;
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
-  const auto few = poses_in_a_second();
-  EXPECT_LE(few, 22u);
-  EXPECT_GE(few, 10u);
+  EXPECT_TRUE(test::within(20, [&] { return seconds_for(kPoses, person) >= few_s; }));
+  EXPECT_GE(seconds_for(kPoses, person), few_s);
 }
 
 // Images come with answers.
@@ -108,13 +115,15 @@ TEST(TouchLink, PosesAreAsManyAsTactileImagesWhileAContactLawIsFelt) {
   Operator person(test::socket_address("law-tactile"),
                   [](TouchLinkOptions& options) { options.open.mutable_tactile(); });
   ASSERT_TRUE(service.wait_until(answers_at_least(10)));
+  constexpr int kPoses = 10;
+  const double few_s = least_s(kPoses, TouchLink::kTactilePeriodS);
   person.by_law = true;
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
-  const auto before = service.account().poses;
-  std::this_thread::sleep_for(std::chrono::seconds(1));
-  const auto poses = service.account().poses - before;
-  EXPECT_LE(poses, 55u);
-  EXPECT_GE(poses, 27u);
+  EXPECT_TRUE(test::within(20, [&] { return seconds_for(kPoses, person) >= few_s; }));
+  EXPECT_TRUE(test::within(20, [&] {
+    const double took_s = seconds_for(kPoses, person);
+    EXPECT_GE(took_s, few_s);
+    return took_s < least_s(kPoses, TouchLink::kLawPeriodS);
+  }));
 }
 
 TEST(TouchLink, AnAnswerToAnotherSessionsPoseIsNotFelt) {

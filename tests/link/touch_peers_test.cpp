@@ -24,11 +24,10 @@ TEST(TouchPeers, AStreamThatIsRefusedAgainAndAgainIsTriedEverMoreSeldom) {
   FakePalpation service(test::socket_address("refused"));
   service.refuses = true;
   service.serve();
+  const auto begin = std::chrono::steady_clock::now();
   Operator finger(test::socket_address("refused"));
-  std::this_thread::sleep_for(std::chrono::seconds(3));
-  const std::uint64_t streams = service.account().streams;
-  EXPECT_GE(streams, 2u);
-  EXPECT_LE(streams, 6u) << "after 0.1, 0.2, 0.4, 0.8 and 1.6 s";
+  ASSERT_TRUE(service.wait_until([](const FakeAccount& account) { return account.streams == 4; }));
+  EXPECT_GE(test::seconds_since(begin), 0.7) << "after 0.1, 0.2 and 0.4 s";
   EXPECT_EQ(finger.link->failure(), "");
   EXPECT_TRUE(within(5, [&] {
     return finger.link->trouble().find("INVALID_ARGUMENT: position_m") != std::string::npos;

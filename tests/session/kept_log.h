@@ -19,11 +19,17 @@ class KeptLog {
   KeptLog(const KeptLog&) = delete;
   KeptLog& operator=(const KeptLog&) = delete;
 
-  bool has(const std::string& words) const { return sink_->text().find(words) != std::string::npos; }
-  // Waits for the words; false when they have not come within 10 s.
-  bool comes(const std::string& words) const {
-    for (int n = 0; n < 1000 && !has(words); ++n) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    return has(words);
+  bool has(const std::string& words, int times = 1) const {
+    const std::string text = sink_->text();
+    std::size_t at = 0;
+    for (; times > 0 && (at = text.find(words, at)) != std::string::npos; --times) at += words.size();
+    return times == 0;
+  }
+  // Waits for the words, until they were said so often; false when they have not come within 20 s.
+  bool comes(const std::string& words, int times = 1) const {
+    for (int n = 0; n < 2000 && !has(words, times); ++n)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return has(words, times);
   }
 
  private:
