@@ -84,7 +84,7 @@ bool asks(const std::ostringstream& out, const std::string& question) {
          said.find(question, said.size() - std::min<std::size_t>(said.size(), 90)) != std::string::npos;
 }
 
-// A person who feels three trials and judges rightly.
+// A person who feels these trials and judges rightly.
 void expect_judged(FeelingDevice& device, SpringDisplay& display) {
   std::ostringstream out;
   double last_n_m = 0, first_n_m = 0;
@@ -99,7 +99,7 @@ void expect_judged(FeelingDevice& device, SpringDisplay& display) {
     return "";
   });
   std::istream in(&person);
-  const std::vector<Trial> trials{{25, 31}, {25, 19}, {25, 27}, {25, 29, "", true}, {25, 21, "", true}};
+  const std::vector<Trial> trials{{25, 31}, {25, 19, "", true}, {25, 21}};
   const auto answers = run_experiment(trials, device_observer(display, in, out));
   ASSERT_EQ(answers.size(), trials.size());
   ASSERT_EQ(felt_n_m.size(), 2 * trials.size());
@@ -109,20 +109,26 @@ void expect_judged(FeelingDevice& device, SpringDisplay& display) {
     EXPECT_NEAR(felt_n_m[2 * k + (first ? 1 : 0)], background, 0.05 * background);
     EXPECT_NEAR(felt_n_m[2 * k + (first ? 0 : 1)], stimulus, 0.05 * stimulus);
   }
-  for (const char* stiffness : {"25", "31", "19", "27", "29", "21", "N/m"})
+  for (const char* stiffness : {"25", "31", "19", "21", "N/m"})
     EXPECT_EQ(out.str().find(stiffness), std::string::npos) << out.str();
 }
 
-TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
-  FeelingDevice device(simulated());
-  SpringDisplay display(device, false);
-  expect_judged(device, display);
+using Chain = std::optional<SpringChain>;
+
+// What is felt takes its time: each by a person of its own, all at once.
+void with_each(const std::vector<Chain>& chains, const std::function<void(const Chain&)>& felt) {
+  std::vector<std::thread> persons;
+  for (const Chain& chain : chains) persons.emplace_back(felt, chain);
+  for (std::thread& person : persons) person.join();
 }
 
-TEST(Person, ThroughTheWholeChainJudgesWhatTheRendererMakesOfIt) {
-  FeelingDevice device(simulated());
-  SpringDisplay display(device, false, SpringChain());
-  expect_judged(device, display);
+TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
+  with_each({Chain(), SpringChain()}, [](const Chain& chain) {
+    SCOPED_TRACE(condition_of(chain));
+    FeelingDevice device(simulated());
+    SpringDisplay display(device, false, chain);
+    expect_judged(device, display);
+  });
 }
 
 bool felt_within(const SpringDisplay& display, double seconds) {
@@ -135,21 +141,21 @@ bool felt_within(const SpringDisplay& display, double seconds) {
 // GIVEN answers every 50 ms that are 100 ms late WHEN the finger arrives THEN a held force is as late, and
 // the model that was told before is there at once, as perfect stiffness is.
 TEST(Person, ThroughTheWholeChainFeelsHowLateItsAnswersAre) {
-  const auto ticks_without_force = [](const std::optional<SpringChain>& chain) {
+  with_each({Chain(), SpringChain{"kalman", 20, 0.1}, SpringChain{"hold", 20, 0.1}}, [](const Chain& chain) {
     FeelingDevice device(simulated());
     SpringDisplay display(device, false, chain);
     display.present(25);
     EXPECT_TRUE(felt_within(display, 15));
-    return device.ticks_without_force.load();
-  };
-  EXPECT_LE(ticks_without_force({}), 20);
-  EXPECT_LE(ticks_without_force(SpringChain{"kalman", 20, 0.1}), 20);
-  EXPECT_GE(ticks_without_force(SpringChain{"hold", 20, 0.1}), 70);
+    const int ticks = device.ticks_without_force;
+    if (chain && chain->renderer == "hold")
+      EXPECT_GE(ticks, 70);
+    else
+      EXPECT_LE(ticks, 20) << condition_of(chain);
+  });
 }
 
 TEST(Person, AnInclusionIsFeltWhereItIsAndTheBackgroundBesideIt) {
-  for (const std::optional<SpringChain>& chain :
-       {std::optional<SpringChain>(), std::optional(SpringChain())}) {
+  with_each({Chain(), SpringChain()}, [](const Chain& chain) {
     FeelingDevice device(simulated());
     SpringDisplay display(device, false, chain, {.width_m = 0.02});
     display.present(37, 25);
@@ -159,7 +165,7 @@ TEST(Person, AnInclusionIsFeltWhereItIsAndTheBackgroundBesideIt) {
     while (std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     EXPECT_NEAR(device.inside_n_m, 37, 0.08 * 37) << condition_of(chain);
     EXPECT_NEAR(device.beside_n_m, 25, 0.08 * 25) << condition_of(chain);
-  }
+  });
 }
 
 TEST(Person, AnImpossibleChainIsRefused) {
@@ -186,7 +192,7 @@ TEST(Person, AfterAFaultForceComesBackOnlyWhenItIsAskedFor) {
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
   device.lost = false;
   display.present(31);
-  EXPECT_FALSE(felt_within(display, 1.5));
+  EXPECT_FALSE(felt_within(display, 1.2));  // longer than it takes otherwise
   EXPECT_NE(display.trouble(), "");
   display.ask_for_force();
   EXPECT_TRUE(felt_within(display, 10));
@@ -287,13 +293,19 @@ TEST(Observer, EndsWithTheDisplayAndWhenItIsToldTo) {
 }
 
 TEST(Observer, TouchesASpringAsItIs) {
-  FeelingDevice device(simulated());
-  SpringDisplay display(device, false);
-  const std::atomic<bool> stop{false};
-  std::ostringstream out;
-  const auto observer = touching_observer(display, weibull_through(26, 60), 1, stop, out);
-  EXPECT_EQ(judgements(run_experiment({{25, 30}, {25, 20}}, observer)), (std::vector<bool>{true, false}));
-  EXPECT_NEAR(display.felt_n_m(), 20, 0.5);
+  const auto touch = [](double stimulus_n_m) {
+    FeelingDevice device(simulated());
+    SpringDisplay display(device, false);
+    const std::atomic<bool> stop{false};
+    std::ostringstream out;
+    const auto observer = touching_observer(display, weibull_through(26, 60), 1, stop, out);
+    EXPECT_EQ(judgements(run_experiment({{25, stimulus_n_m}}, observer)),
+              std::vector<bool>{stimulus_n_m > 25});
+    EXPECT_NEAR(display.felt_n_m(), stimulus_n_m, 0.5);
+  };
+  std::thread harder(touch, 30);
+  touch(20);
+  harder.join();
 }
 
 TEST(Person, IsAskedAgainWhatWasLost) {

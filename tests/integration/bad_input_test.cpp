@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "client/link/recording.h"
+#include "tests/integration/kept_out.h"
 #include "tests/integration/one_clear_line.h"
 #include "tests/integration/process.h"
 
@@ -36,7 +37,7 @@ class EstimateInput : public ::testing::Test {
     std::vector<std::string> command{test::client_binary(),
                                      "estimate",
                                      "--service",
-                                     "unix:/tmp/tt-nobody",
+                                     address,
                                      "--pre",
                                      pre,
                                      "--post",
@@ -48,6 +49,7 @@ class EstimateInput : public ::testing::Test {
     command.insert(command.end(), more.begin(), more.end());
     return test::run(command, folder_ / "log");
   }
+  std::string address = test::address_that_keeps_out();
   std::vector<std::string> usual(std::vector<std::string> more = {}) {
     more.insert(more.end(), {"--out", folder_ / "out", "--frame", "PROBE"});
     return more;
@@ -130,7 +132,7 @@ TEST_F(EstimateInput, OfSeveralPairsWhatDoesNotFitIsNamed) {
   expect_one_clear_line(estimate(all, all, usual({"--pre-frame", "0", "--post-frame", "1", "2"})),
                         {"--post-frame 2", "holds frames 0 to 1"});
   expect_one_clear_line(estimate(all, all, usual({"--pre-frame", "0", "--post-frame", "1"})),
-                        {"no service at"});
+                        {test::kKeptOut});
 }
 
 TEST_F(EstimateInput, AnOutputFolderThatCannotBeWrittenIsSaidBeforeAnythingElse) {
@@ -142,8 +144,13 @@ TEST_F(EstimateInput, AnOutputFolderThatCannotBeWrittenIsSaidBeforeAnythingElse)
 
 TEST_F(EstimateInput, AServiceThatIsNotThereIsSaid) {
   write_file(folder_ / "a.mha", mha("1.925e-5 0.000234"));
+  address = "unix:/tmp/tt-nobody";
+  test::Process touch({test::client_binary(), "touch", "--service", address, "--scene", "s"},
+                      folder_ / "touch.log");  // waits for it beside
   expect_one_clear_line(estimate(folder_ / "a.mha", folder_ / "a.mha", usual()),
                         {"unix:/tmp/tt-nobody", "teletact-service"});
+  const int code = touch.wait(60);
+  expect_one_clear_line({code, touch.output()}, {"no service at unix:/tmp/tt-nobody", "teletact-service"});
 }
 
 // Names are taken in any case, and what is allowed is listed plainly.
@@ -157,7 +164,7 @@ TEST_F(EstimateInput, NamesAreListedPlainly) {
   expect_one_clear_line(estimate(a, a,
                                  {"--out", folder_ / "out", "--frame", "probe", "--modulus-method", "Direct",
                                   "--plane", "STRESS"}),
-                        {"no service at"});
+                        {test::kKeptOut});
   std::string as_float = mha("1.925e-5 0.000234") + std::string(64 * 8 * 2, '\1');
   as_float.replace(as_float.find("MET_SHORT"), 9, "MET_FLOAT");
   write_file(folder_ / "b.mha", as_float);
@@ -250,10 +257,11 @@ TEST(RecordInput, WhatIsReadIsNeverWrittenOver) {
 
 TEST(TouchInput, InterpolationIsTakenAsHelpSays) {
   TemporaryFolder folder;
-  expect_one_clear_line(test::run({test::client_binary(), "touch", "--service", "unix:/tmp/tt-nobody",
-                                   "--scene", "s", "--renderer", "interpolate"},
-                                  folder / "log"),
-                        {"no service at"});
+  expect_one_clear_line(
+      test::run({test::client_binary(), "touch", "--service", test::address_that_keeps_out(), "--scene", "s",
+                 "--renderer", "interpolate"},
+                folder / "log"),
+      {test::kKeptOut});
 }
 
 TEST(BenchInput, AForeignReplotAndUnwritableOutputsAreSaidAtOnce) {

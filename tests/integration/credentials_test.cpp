@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "client/link/channel.h"
 #include "tests/integration/process.h"
@@ -12,14 +13,17 @@ namespace {
 
 class TrialSet : public testing::Test {
  protected:
-  void SetUp() override {
-    const test::Outcome made = test::run(
-        {test::service_binary(), "credentials", "--out", set, "--host", "localhost"}, folder / "log");
+  static void SetUpTestSuite() {
+    shared = new test::TemporaryFolder;
+    const test::Outcome made =
+        test::run({test::service_binary(), "credentials", "--out", *shared / "set", "--host", "localhost"},
+                  *shared / "log");
     ASSERT_EQ(made.code, 0) << made.output;
     for (const char* words :
          {"teletact-service serve", "--access ", "teletact-client scenes", "--token-file "})
       EXPECT_NE(made.output.find(words), std::string::npos) << words << "\n" << made.output;
   }
+  static void TearDownTestSuite() { delete std::exchange(shared, nullptr); }
   std::unique_ptr<test::Process> serve(const std::vector<std::string>& more) {
     std::vector<std::string> command{test::service_binary(), "serve",    "--listen",
                                      "127.0.0.1:0",          "--access", set + "/access.toml"};
@@ -54,8 +58,9 @@ class TrialSet : public testing::Test {
     a.insert(a.end(), b.begin(), b.end());
     return a;
   }
+  static inline test::TemporaryFolder* shared = nullptr;
   test::TemporaryFolder folder;
-  const std::string set = folder / "set";
+  const std::string set = *shared / "set";
 };
 
 TEST_F(TrialSet, TokensLetEachRoleInOverTls) {
@@ -94,12 +99,19 @@ TEST_F(TrialSet, CertificatesLetEachRoleInOverMutualTls) {
                       joined(ca, {"--tls-certificate", set + "/" + role + ".pem", "--tls-key",
                                   set + "/" + role + "-key.pem"})),
                0, {"no scenes"});
-  expect_end(client("scenes", address, ca), 1, {"--tls-certificate"});
-  // The service's own certificate is none of a client, though the same authority signed it.
-  expect_end(
-      client("scenes", address,
-             joined(ca, {"--tls-certificate", set + "/server.pem", "--tls-key", set + "/server-key.pem"})),
-      1, {"no service at"});
+  // Without one, and by the service's own: it is none of a client, though the same authority signed it. Both
+  // are waited for at once.
+  const std::vector<std::string> without =
+      joined({test::client_binary(), "scenes", "--service", address}, ca);
+  test::Process nameless(without, folder / "nameless.log");
+  test::Process server(
+      joined(without, {"--tls-certificate", set + "/server.pem", "--tls-key", set + "/server-key.pem"}),
+      folder / "server.log");
+  for (auto& [process, word] :
+       {std::pair(&nameless, "--tls-certificate"), std::pair(&server, "no service at")}) {
+    const int code = process->wait(60);
+    expect_end({code, process->output()}, 1, {word});
+  }
 }
 
 TEST_F(TrialSet, TokensAloneWillDoOnThisMachine) {

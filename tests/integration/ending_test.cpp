@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 
 #include "client/servo/servo_thread.h"
 #include "tests/integration/process.h"
@@ -133,7 +134,13 @@ TEST_F(Ending, AStdoutThatNobodyReadsEndsNothing) {
   shown.close_end(0);
   shown.close_end(1);
   for (int line = 0; line < 3; ++line) ASSERT_EQ(write(typed.write_end(), "\n", 1), 1);
-  EXPECT_EQ(process.wait(1), -1) << process.output();
+  const auto unread = [this] {
+    int bytes = 0;
+    ioctl(typed.read_end(), FIONREAD, &bytes);
+    return bytes;
+  };
+  EXPECT_TRUE(Box::within(30, [&] { return unread() == 0; })) << process.output();
+  EXPECT_EQ(process.wait(0.2), -1) << process.output();
   EXPECT_TRUE(pushed()) << process.output();
   typed.close_end(1);  // the person has left
   EXPECT_EQ(process.wait(30), 1) << process.output();
@@ -169,18 +176,29 @@ TEST_F(Ending, AnAdapterThatDoesNotReturnKeepsNobody) {
   };
   std::vector<std::string> experiment = command();
   experiment[4] = adapter + "300";
-  int runs = 0;
-  const auto ends = [&](const std::vector<std::string>& blocked, bool interrupted) {
-    test::Process process(blocked, folder / ("log" + std::to_string(++runs)), {}, {typed.read_end()});
-    ASSERT_TRUE(process.says("blocked\n", 60)) << process.output();
-    if (interrupted) process.kill(SIGINT);
-    EXPECT_EQ(process.wait(30), client::ServoThread::kStuckCode) << process.output();
-    for (const char* said : {"the device's adapter did not return from a call", "let go\n"})
-      EXPECT_NE(process.output().find(said), std::string::npos) << process.output();
+  struct Blocked {
+    std::unique_ptr<test::Process> process;
+    bool interrupted;
+  };
+  std::vector<Blocked> all;  // at once: each is waited for a second before it is let go
+  const auto begin = [&](const std::vector<std::string>& blocked, bool interrupted) {
+    const std::string log = folder / ("log" + std::to_string(all.size()));
+    all.push_back(
+        {std::make_unique<test::Process>(blocked, log, test::Environment{}, test::Streams{typed.read_end()}),
+         interrupted});
   };
   for (const char* read : {"1", "300"})
-    for (const bool interrupted : {false, true}) ends(touch(read), interrupted);
-  ends(experiment, true);
+    for (const bool interrupted : {false, true}) begin(touch(read), interrupted);
+  begin(experiment, true);
+  for (const auto& [process, interrupted] : all) {
+    ASSERT_TRUE(process->says("blocked\n", 60)) << process->output();
+    if (interrupted) process->kill(SIGINT);
+  }
+  for (const auto& [process, interrupted] : all) {
+    EXPECT_EQ(process->wait(30), client::ServoThread::kStuckCode) << process->output();
+    for (const char* said : {"the device's adapter did not return from a call", "let go\n"})
+      EXPECT_NE(process->output().find(said), std::string::npos) << process->output();
+  }
 }
 
 // A terminal of its own for a process.
@@ -212,12 +230,21 @@ TEST_F(Ending, KeysResumeAndPauseAndTheTerminalIsGivenBack) {
   service.serve();
   const std::string device =
       "plugin:" + test::required_environment("TELETACT_BINARY_DIR") + "/client/teletact_device_template.so";
-  for (const int signal : {SIGTERM, SIGSEGV}) {
+  struct Touching {
+    int signal;
     Terminal terminal;
+    std::unique_ptr<test::Process> process;
+  };
+  std::array<Touching, 2> both{{{SIGTERM, {}, {}}, {SIGSEGV, {}, {}}}};  // at once: what helps is said late
+  for (auto& [signal, terminal, process] : both) {
     ASSERT_TRUE(terminal.waits_for_lines());
-    test::Process process({test::client_binary(), "touch", "--service", "unix:" + (folder / "s"), "--scene",
-                           "s", "--device", device},
-                          folder / ("log" + std::to_string(signal)), {}, {terminal.theirs()});
+    process = std::make_unique<test::Process>(
+        std::vector<std::string>{test::client_binary(), "touch", "--service", "unix:" + (folder / "s"),
+                                 "--scene", "s", "--device", device},
+        folder / ("log" + std::to_string(signal)), test::Environment{}, test::Streams{terminal.theirs()});
+  }
+  for (auto& [signal, terminal, running] : both) {
+    test::Process& process = *running;
     ASSERT_TRUE(process.says("button, or Enter here", 60)) << process.output();
     EXPECT_FALSE(terminal.waits_for_lines());
     terminal.press('\n');

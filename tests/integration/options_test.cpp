@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "client/commands/commands.h"
+#include "tests/integration/kept_out.h"
 #include "tests/integration/process.h"
 
 namespace teletact {
@@ -47,11 +48,12 @@ class Refusals : public ::testing::Test {
   }
   test::TemporaryFolder folder;
   const std::string nowhere = "unix:" + (folder / "nowhere");
+  const std::string locked = test::address_that_keeps_out();
 };
 
 TEST_F(Refusals, AFileThatExistsIsKeptUnlessForced) {
   const std::string file = kept("file");
-  const std::vector<std::string> touch = {"touch", "--service", nowhere, "--scene", "s"};
+  const std::vector<std::string> touch = {"touch", "--service", locked, "--scene", "s"};
   const auto with = [](std::vector<std::string> words, const std::vector<std::string>& more) {
     words.insert(words.end(), more.begin(), more.end());
     return words;
@@ -67,8 +69,8 @@ TEST_F(Refusals, AFileThatExistsIsKeptUnlessForced) {
         {option, "it exists", "--force"});
   expect_refused({"replay", folder / "other", "--service", nowhere, "--record", file},
                  {"--record", "it exists", "--force"});
-  expect_refused(with(touch, {"--json", file, "--force"}), {"no service at"});
-  expect_refused(with(touch, {"--json", folder / "new"}), {"no service at"});
+  expect_refused(with(touch, {"--json", file, "--force"}), {test::kKeptOut});
+  expect_refused(with(touch, {"--json", folder / "new"}), {test::kKeptOut});
   expect_refused(with(touch, {"--json", folder / "absent/new"}), {"--json", "absent"});
   std::string text;
   std::ifstream(file) >> text;
@@ -95,7 +97,7 @@ TEST_F(Refusals, AMistakeOnTheCommandLineEndsWithTwoAndWhatFailsWithOne) {
           .code,
       2);
   EXPECT_EQ(
-      test::run({test::client_binary(), "touch", "--service", nowhere, "--scene", "s"}, folder / "log").code,
+      test::run({test::client_binary(), "touch", "--service", locked, "--scene", "s"}, folder / "log").code,
       1);
 }
 

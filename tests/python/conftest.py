@@ -45,6 +45,10 @@ class Process:
     def log(self):
         return self._log.read_text()
 
+    def wait_for_state_of(self, scene_id):
+        """Until the scene is on disk, in the folder "state": its description is the last file of it."""
+        until((pathlib.Path(self._folder) / "state" / "scenes" / scene_id / "scene.json").exists)
+
     def kill(self):
         self._process.send_signal(signal.SIGKILL)
         self._process.wait()
@@ -55,6 +59,13 @@ class Process:
             self._process.wait(30)
         except subprocess.TimeoutExpired:
             self.kill()
+
+
+def until(true, seconds=60):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 @contextlib.contextmanager
@@ -72,6 +83,12 @@ def process():
         process = Process(folder)
         yield process
         process.stop()
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    """Who connects does not wait for long."""
+    monkeypatch.setattr("teletact.aio._CONNECT_S", 0.2)
 
 
 @pytest.fixture

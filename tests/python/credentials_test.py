@@ -8,7 +8,7 @@ from conftest import BUILD, Process, short_folder
 import teletact
 
 
-def test_roles_are_let_in_and_others_are_told_why():
+def test_roles_are_let_in_and_others_are_told_why(monkeypatch):
     with short_folder() as folder:
         made = f"{folder}/set"
         subprocess.run([BUILD / "service" / "teletact-service", "credentials", "--out", made], check=True,
@@ -19,7 +19,8 @@ def test_roles_are_let_in_and_others_are_told_why():
         try:
             with pytest.raises(teletact.NotPermitted, match="UNAUTHENTICATED"):
                 teletact.connect(process.address, tls_ca=ca)
-            with pytest.raises(teletact.Unavailable, match="tls_ca"):
+            with monkeypatch.context() as patched, pytest.raises(teletact.Unavailable, match="tls_ca"):
+                patched.setattr("teletact.aio._CONNECT_S", 0.2)
                 teletact.connect(process.address)
             with teletact.connect(process.address, tls_ca=ca, token_file=f"{made}/administrator.token") as service:
                 service.create_scene("s", [[1e4] * 8] * 4, x_m=[0.01 * k for k in range(9)],

@@ -187,8 +187,8 @@ def test_a_service_that_says_nothing_is_given_up_and_tried_again(liar, lied_to):
 
 def test_who_opens_and_sends_no_pose_yet_keeps_the_stream(liar, lied_to):
     liar.touch = lying(well)
-    with lied_to.touch("s", dead_s=0.3) as touch:
-        time.sleep(1)
+    with lied_to.touch("s", dead_s=0.25) as touch:
+        time.sleep(0.3)
         assert touch.at([0.05, 0.002]).force_n[1] == -0.1
         assert touch.streams == 1
 
@@ -211,11 +211,11 @@ def nobody():
         yield f"unix:{folder}/nobody"
 
 
-def test_a_name_that_does_not_resolve_is_said():
+def test_a_name_that_does_not_resolve_is_said(impatient):
     with pytest.raises(teletact.Unavailable, match="the name nosuchhost.invalid does not resolve"):
         teletact.connect("nosuchhost.invalid:50972")
 
 
-def test_nobody_answers():
+def test_nobody_answers(impatient):
     with nobody() as address, pytest.raises(teletact.Unavailable, match="no service at .*teletact serve --listen"):
         teletact.connect(address)

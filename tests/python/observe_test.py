@@ -1,11 +1,14 @@
 """Looking on: what a real service shows of a scene that others touch and image, and what is made of lies."""
 
 import asyncio
+import pathlib
 import threading
 import time
 
+import conftest
 import numpy as np
 import pytest
+from conftest import Process, short_folder
 from lying_service import a_map
 
 import teletact
@@ -73,13 +76,23 @@ def test_windows_are_drawn_as_they_are_published(service, patient):
         service.delete_scene("imaged")
 
 
-def test_who_asks_rarely_gets_the_newest_and_goes_on_where_the_stream_has_ended(service, lump):
-    with service.observe(lump, maps=["valid"]) as seen, service.touch(lump) as touch:
-        until(seen, lambda state: "valid" in seen.maps)
-        time.sleep(11)  # the service waits 10 s for an acknowledgement
-        assert touch.at([0.05, 0.001]).status == "ok"
-        until(seen, lambda state: "valid" in seen.maps)
-        assert seen.streams == 2
+def test_who_asks_rarely_gets_the_newest_and_goes_on_where_the_stream_has_ended():
+    with short_folder() as folder:
+        config = pathlib.Path(folder) / "config.toml"
+        config.write_text("[limits]\nacknowledge_s = 0.3\n")
+        process = Process(folder, "--config", str(config))
+        try:
+            with teletact.connect(process.address) as service:
+                service.create_scene("s", np.full((20, 40), 1e4), x_m=np.linspace(0, 0.08, 41),
+                                     y_m=np.linspace(0, 0.04, 21))
+                with service.observe("s", maps=["valid"]) as seen, service.touch("s") as touch:
+                    until(seen, lambda state: "valid" in seen.maps)
+                    conftest.until(lambda: "event=observe_closed" in process.log())  # nothing was acknowledged
+                    assert touch.at([0.04, 0.001]).status == "ok"
+                    until(seen, lambda state: "valid" in seen.maps)
+                    assert seen.streams == 2
+        finally:
+            process.stop()
 
 
 def test_refused_and_over(service, lump):
@@ -118,7 +131,7 @@ def test_it_outlives_its_service(kept):
     process, service = kept
     with service.observe("kept", maps=["youngs_modulus"], resume_s=300) as seen:
         until(seen, lambda state: seen.maps)
-        time.sleep(1)  # the scene is on disk
+        process.wait_for_state_of("kept")
         process.kill()
         process.start()
         until(seen, lambda state: seen.streams == 2 and seen.maps)

@@ -15,7 +15,7 @@ def test_a_touch_outlives_its_service(kept):
         before, instance = touch.at([0.04, 0.002]), touch.opened.instance
         law = touch.law(wait_s=30)
         again = threading.Thread(target=lambda: (time.sleep(0.3), process.start()))
-        time.sleep(1)  # the scene is on disk
+        process.wait_for_state_of("kept")
         process.kill()
         again.start()
         after = touch.at([0.04, 0.002], timeout_s=300)

@@ -281,6 +281,6 @@ def test_options_that_are_refused(options, why, capsys):
     assert why in capsys.readouterr().err
 
 
-def test_no_service(capsys):
+def test_no_service(capsys, impatient):
     assert program.main(["ros", "--service", "unix:/nowhere", "--scene", "s", "--arm", "MTM"]) == 1
     assert "no service at unix:/nowhere" in capsys.readouterr().err

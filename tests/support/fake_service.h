@@ -152,6 +152,7 @@ class FakePalpation final : public v1::Palpation::Service {
     changed_.notify_all();
   }
 
+  std::atomic<bool> keeps_out{false};                           // whoever asks for scenes, or for one
   std::atomic<int> starting_calls{0};                           // the next n of ListScenes fail so
   std::atomic<int> told{0};                                     // states of the finger so far
   std::atomic<int> watches{0};                                  // opened so far
@@ -213,11 +214,13 @@ class FakePalpation final : public v1::Palpation::Service {
       clients_.push_back(named_in(*context));
       shown_.push_back(authorization_in(*context));
     }
+    if (keeps_out) return {grpc::StatusCode::UNAUTHENTICATED, "who calls?"};
     if (starting_calls > 0 && starting_calls-- > 0) return {grpc::StatusCode::UNAVAILABLE, "starting"};
     return grpc::Status::OK;
   }
 
   grpc::Status GetScene(grpc::ServerContext*, const v1::GetSceneRequest* request, v1::Scene* scene) override {
+    if (keeps_out) return {grpc::StatusCode::UNAUTHENTICATED, "who calls?"};
     const std::lock_guard lock(mutex_);
     const auto it = scenes_.find(request->scene_id());
     if (it == scenes_.end()) return {grpc::StatusCode::NOT_FOUND, "scene is unknown"};

@@ -250,8 +250,10 @@ TEST(Gateway, AThousandConnectionsDisturbNobodyWhoLooks) {
     number = viewer.read().number;
   }
   silent.clear();
-  for (int n = 0; n < 850; ++n) HttpPeer(test::port_of_url(w.gateway.url())).send("GET /");
-  EXPECT_TRUE(within(10, [&] { return w.get(w.path()).starts_with("HTTP/1.1 200"); }));
+  for (int hundred = 0; hundred < 9; ++hundred) {  // more would wait for the system to try again
+    for (int n = 0; n < 100; ++n) HttpPeer(test::port_of_url(w.gateway.url())).send("GET /");
+    EXPECT_TRUE(within(10, [&] { return w.get(w.path()).starts_with("HTTP/1.1 200"); }));
+  }
 }
 
 }  // namespace

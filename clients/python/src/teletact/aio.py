@@ -33,6 +33,7 @@ __all__ = ["connect", "Service", "Touch", "Answer", "Opened", "TactileImage", "O
 
 _T = TypeVar("_T")
 _UNARY_S = 60.0
+_CONNECT_S = 3.0  # for a connection
 _TIPS = {"rounded": palpation.FINGERTIP_SHAPE_ROUNDED_TIP, "punch": palpation.FINGERTIP_SHAPE_FLAT_PUNCH,
          "node": palpation.FINGERTIP_SHAPE_NODE, "pad": palpation.FINGERTIP_SHAPE_PAD,
          "sphere": palpation.FINGERTIP_SHAPE_SPHERE}
@@ -81,10 +82,9 @@ class Service:
         await self._channel.close(grace=None)
 
     async def _reach(self, wait_s: float) -> None:
-        connected_s = 3.0
         end = time.monotonic() + wait_s
         try:
-            async with asyncio.timeout(connected_s):
+            async with asyncio.timeout(_CONNECT_S):
                 await self._channel.channel_ready()
         except TimeoutError:
             raise Unavailable(f"no service at {self._peer.address}", call="connect",
