@@ -15,11 +15,13 @@ constexpr auto kReconnectAfter = std::chrono::milliseconds(100);
 constexpr double kExtrapolateAtMostS = 0.1;
 }  // namespace
 
-FingerWatch::FingerWatch(std::string address, Credentials credentials, std::string scene_id, int axis)
+FingerWatch::FingerWatch(std::string address, Credentials credentials, std::string scene_id, int axis,
+                         double dead_s)
     : address_(std::move(address)),
       scene_id_(std::move(scene_id)),
       credentials_(std::move(credentials)),
       axis_(axis),
+      dead_s_(dead_s),
       thread_([this] { follow(); }),
       guard_([this] { end_dead_streams(); }) {}
 
@@ -68,7 +70,7 @@ void FingerWatch::end_dead_streams() {
   std::unique_lock lock(mutex_);
   while (!stopped_.wait_for(lock, kLookEvery, [this] { return stopping_; })) {
     const double silence_s = seconds(monotonic_ns() - arrived_ns_);
-    if (context_ && silence_s > kDeadS) context_->TryCancel();  // ends the reader
+    if (context_ && silence_s > dead_s_) context_->TryCancel();  // ends the reader
   }
 }
 

@@ -1,5 +1,5 @@
 // Follows Palpation.WatchFinger on a thread of its own and keeps the newest state: latest value wins. The
-// service says at least once a second where the finger is; a stream that says nothing for kDeadS is dead (a
+// service says at least once a second where the finger is; a stream that says nothing for dead_s is dead (a
 // half-open connection says nothing for ever) and is opened again on a new connection.
 #pragma once
 
@@ -19,10 +19,9 @@ namespace teletact::client {
 
 class FingerWatch {
  public:
-  static constexpr double kDeadS = 2;
-
   // Along the axis that windows lie on: 0 for x, 2 for z.
-  FingerWatch(std::string address, Credentials credentials, std::string scene_id, int axis = 0);
+  FingerWatch(std::string address, Credentials credentials, std::string scene_id, int axis = 0,
+              double dead_s = 2);
   ~FingerWatch();
   FingerWatch(const FingerWatch&) = delete;
   FingerWatch& operator=(const FingerWatch&) = delete;
@@ -48,6 +47,7 @@ class FingerWatch {
   std::string address_, scene_id_;
   Credentials credentials_;
   int axis_;
+  double dead_s_;
   mutable std::mutex mutex_;  // everything below
   std::condition_variable stopped_;
   FingerMotion newest_;

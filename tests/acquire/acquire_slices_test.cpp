@@ -314,6 +314,7 @@ TEST(AcquireSlices, WhatTheServiceAsksForPassesTheOthers) {
   NumberedSlices frames(7, 3);
   AcquireOptions options = options_of(7);
   options.until_finger_leaves = true;
+  options.finger_gone_s = 0.1;
   std::atomic<bool> stop{false};
   std::atomic<int> asked{0};
   AcquireObserver observer;
@@ -347,6 +348,7 @@ TEST(AcquireSlices, AWishThatMakesNoSenseIsIgnoredAndSaidOnce) {
     NumberedSlices frames(7, 1);
     AcquireOptions options = options_of(7);
     options.until_finger_leaves = true;
+    options.finger_gone_s = 0.1;
     std::atomic<bool> stop{false};
     std::atomic<int> ignored{0};
     AcquireObserver observer;

@@ -52,19 +52,25 @@ TEST_F(FingerWatchTest, GoesOnAfterAnEndThatMayPass) {
     server.palpation.set_finger(true, x_m += 0.001, 0);
   }
   EXPECT_EQ(watch.failure(), "");
-  server.palpation.refusal = ABORTED;
-  EXPECT_LT(seconds_until([&] { return !watch.failure().empty(); }, 5), 5);
+  // Of a stream whose end comes while something is written, gRPC (1.51) may say CANCELLED instead: then the
+  // next one is refused, too.
+  const auto ended = [&] {
+    if (watch.failure().empty() && server.palpation.refusal == OK) server.palpation.refusal = ABORTED;
+    return !watch.failure().empty();
+  };
+  EXPECT_LT(seconds_until(ended, 10), 10);
+  EXPECT_NE(watch.failure().find("ABORTED"), std::string::npos) << watch.failure();
 }
 
 // GIVEN a connection that goes half-open WHEN the finger moves THEN the watch notices the silence and sees it
 // on a new connection.
 TEST_F(FingerWatchTest, AStreamThatSaysNothingIsOpenedAgainElsewhere) {
   test::FaultProxy proxy(server.address());
-  FingerWatch watch(proxy.address(), {}, "s");
+  FingerWatch watch(proxy.address(), {}, "s", 0, 0.3);
   ASSERT_LT(seconds_until([&] { return stands_at(watch, 0.03); }, 5), 5);
   proxy.play({.kind = test::FaultEvent::Kind::kHalfOpen});
   server.palpation.set_finger(true, 0.05, 0);
-  EXPECT_LT(seconds_until([&] { return stands_at(watch, 0.05); }, 10), FingerWatch::kDeadS + 1);
+  EXPECT_LT(seconds_until([&] { return stands_at(watch, 0.05); }, 20), 20);
   EXPECT_EQ(watch.failure(), "");
   EXPECT_GE(proxy.connections(), 2u);
 }

@@ -107,7 +107,8 @@ TEST(PluginDevice, SaysWhatIsWrong) {
   EXPECT_NE(complaint(built("tests/plugin_no_limits.so")).find("limits.largest_force_n"), std::string::npos);
   EXPECT_NE(complaint(built("tests/plugin_bad_damping.so")).find("limits.damping_n_s_m is -1"),
             std::string::npos);
-  for (const char* wrong : {"stiffness=-3", "spoon", "stiffness=100,press=1", "press=nan"})
+  for (const char* wrong :
+       {"stiffness=-3", "spoon", "stiffness=100,press=1", "press=nan", "press=0.01,period=0"})
     EXPECT_NE(complaint(built(kTemplate), wrong).find("give stiffness=N/m"), std::string::npos) << wrong;
   EXPECT_EQ(complaint(built(kTemplate), "stiffness=100,press=0.01"), "");
 }

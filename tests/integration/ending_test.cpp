@@ -34,7 +34,7 @@ class Box {
   // A hand presses by itself.
   std::string device() const {
     return "plugin:" + test::required_environment("TELETACT_BINARY_DIR") +
-           "/client/teletact_device_template.so,press=0.009,page=" + file_;
+           "/client/teletact_device_template.so,press=0.009,period=1,page=" + file_;
   }
   const volatile Page& page() const { return *page_; }
   double force_n() const { return std::hypot(page_->motor_n[0], page_->motor_n[1]); }

@@ -183,7 +183,7 @@ TEST(Devices, TheTemplatePressesWhenItIsAskedTo) {
   service.serve();
   OperatorSessionOptions options = session_options(test::socket_address("press"));
   const TemporaryFolder folder;
-  options.device = template_device("press=0.009,page=" + (folder / "page").string());
+  options.device = template_device("press=0.009,period=1,page=" + (folder / "page").string());
   options.begin_m = 0.05;
   std::atomic<bool> stop{false};
   TouchSummary summary;
@@ -194,7 +194,7 @@ TEST(Devices, TheTemplatePressesWhenItIsAskedTo) {
     std::ifstream(folder / "page", std::ios::binary).read(reinterpret_cast<char*>(give_n), sizeof give_n);
     return std::hypot(give_n[0], give_n[1]);
   };
-  EXPECT_TRUE(test::within(20, [&] { return motor_n() > 0.05; }));  // a press every 4 s
+  EXPECT_TRUE(test::within(20, [&] { return motor_n() > 0.05; }));  // a press every second
   stop = true;
   session.join();
   EXPECT_GT(summary.ticks.largest_force_n(), 0.05);
@@ -205,7 +205,7 @@ TEST(Devices, AScaledDeviceSaysWhatItReachesAndIsClutchedByAKey) {
   FakePalpation service(test::socket_address("scaled"));
   service.serve();
   OperatorSessionOptions options = session_options(test::socket_address("scaled"));
-  options.device = template_device("press=0.0045");
+  options.device = template_device("press=0.0045,period=1");
   options.workspace.scale = 2;
   options.begin_m = 0.05;
   const test::KeptLog log;

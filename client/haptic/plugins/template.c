@@ -14,7 +14,8 @@
  *   touch --device plugin:teletact_device_template.so,press=0.009 --duration-s 10 ...
  *
  * Settings, in this order: "stiffness=200" (N/m of that spring), "press=0.009" (m, how far it moves),
- * "page=FILE" (the shared page lies in this file, for who wants to look: struct page below). */
+ * "period=4" (s, once down and up), "page=FILE" (the shared page lies in this file, for who wants to look:
+ * struct page below). */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>
@@ -59,18 +60,19 @@ static int64_t now_ns(void) {
 
 typedef struct vendor_device {
   double position_m[3], velocity_m_s[3], force_n[3];
-  double stiffness_n_m, press_m;
+  double stiffness_n_m, press_m, period_s;
   int64_t last_ns;
 } vendor_device;
 
 #define VENDOR_DAMPING_N_S_M 5.0
 #define VENDOR_HOME_M (-0.1) /* where the device rests, from its own origin */
 
-static void vendor_connect(vendor_device* device, double stiffness_n_m, double press_m) {
+static void vendor_connect(vendor_device* device, double stiffness_n_m, double press_m, double period_s) {
   memset(device, 0, sizeof *device);
   device->stiffness_n_m = stiffness_n_m;
   device->position_m[2] = VENDOR_HOME_M;
   device->press_m = press_m;
+  device->period_s = period_s;
 }
 
 static void vendor_set_force(vendor_device* device, const double force_n[3]) {
@@ -83,9 +85,9 @@ static void vendor_update(vendor_device* device, int64_t time_ns) {
   double elapsed_s = device->last_ns == 0 ? 0 : 1e-9 * (double)(time_ns - device->last_ns);
   device->last_ns = time_ns;
   if (elapsed_s > longest_s) elapsed_s = longest_s;
-  const double two_pi = 6.283185307179586, period_s = 4;
-  const double hand_m[3] = {0, device->press_m * (1 - cos(two_pi / period_s * 1e-9 * (double)time_ns)) / 2,
-                            VENDOR_HOME_M};
+  const double two_pi = 6.283185307179586;
+  const double hand_m[3] = {
+      0, device->press_m * (1 - cos(two_pi / device->period_s * 1e-9 * (double)time_ns)) / 2, VENDOR_HOME_M};
   for (; elapsed_s > step_s / 2; elapsed_s -= step_s) {
     for (int axis = 0; axis < 3; ++axis) {
       const double force_n = device->force_n[axis] -
@@ -165,17 +167,21 @@ static int start_box(adapter* opened, vendor_device* vendor) {
 
 static int adapter_open(const char* settings, void** device, teletact_device_limits* limits, char* error,
                         size_t error_bytes) {
-  double stiffness_n_m = 200, press_m = 0;
+  double stiffness_n_m = 200, press_m = 0, period_s = 4;
   char file[256] = "";
   const int stiffness_given = sscanf(settings, "stiffness=%lf", &stiffness_n_m) == 1;
   const char* press = strstr(settings, "press=");
   const int press_given = press != NULL && sscanf(press, "press=%lf", &press_m) == 1;
+  const char* period = strstr(settings, "period=");
+  const int period_given = period != NULL && sscanf(period, "period=%lf", &period_s) == 1;
   const char* page_at = strstr(settings, "page=");
   const int page_given = page_at != NULL && sscanf(page_at, "page=%255s", file) == 1;
-  if ((settings[0] != '\0' && !stiffness_given && !press_given && !page_given) || !(stiffness_n_m > 0) ||
-      !(press_m >= 0 && press_m <= 0.05)) {
+  if ((settings[0] != '\0' && !stiffness_given && !press_given && !period_given && !page_given) ||
+      !(stiffness_n_m > 0) || !(press_m >= 0 && press_m <= 0.05) || !(period_s >= 0.5 && period_s <= 60)) {
     snprintf(error, error_bytes,
-             "settings '%s': give stiffness=N/m, above 0, or press=m, 0 to 0.05, or page=FILE, or several",
+             "settings '%s': give stiffness=N/m, above 0, or press=m, 0 to 0.05, or period=s, 0.5 to 60, or "
+             "page=FILE, "
+             "or several",
              settings);
     return 1;
   }
@@ -191,7 +197,7 @@ static int adapter_open(const char* settings, void** device, teletact_device_lim
   opened->shared = shared;
   opened->button = press_m > 0;
   vendor_device vendor;
-  vendor_connect(&vendor, stiffness_n_m, press_m);
+  vendor_connect(&vendor, stiffness_n_m, press_m, period_s);
   if (!start_box(opened, &vendor)) {
     snprintf(error, error_bytes, "the device cannot be reached: check its cable");
     munmap(shared, sizeof *shared);
