@@ -11,7 +11,9 @@
 #include <filesystem>
 #include <vector>
 
+#include "client/link/arrival_intervals.h"
 #include "client/link/unix_socket.h"
+#include "client/render/force_limits.h"
 #include "client/session/replay.h"
 #include "tests/link/fake_palpation.h"
 #include "tests/session/full_disk.h"
@@ -263,11 +265,17 @@ TEST(OperatorSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume)
   stop = true;
   session.join();
 
-  std::int64_t paused_ns = 0, last_answer_ns = 0, answer_before_ns = 0;
+  std::int64_t paused_ns = 0;
+  ArrivalIntervals arrivals;
+  double answered_s = 0, silent_s = 0, limit_s = 0;  // at the last tick before that
   double last_m = 0, last_x_n = 0, last_y_n = 0, last_s = 0, at_kill_n = 0, worst = 0;
   RecordReader reader(options.record_path);
   while (const auto entry = reader.next()) {
-    if (entry->has_touch_response() && paused_ns == 0) last_answer_ns = entry->monotonic_ns();
+    if (entry->has_touch_response() && paused_ns == 0) {
+      arrivals.add(entry->monotonic_ns());
+      answered_s = 1e-9 * static_cast<double>(entry->monotonic_ns());
+      limit_s = silence_limits(std::max(arrivals.expected_s(), 0.002)).zero_s;
+    }
     if (!entry->has_servo()) continue;
     const v1::ServoSample& servo = entry->servo();
     const double force_n = std::hypot(servo.force_n(0), servo.force_n(1));
@@ -285,15 +293,15 @@ TEST(OperatorSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume)
     last_s = now_s;
     if (servo.state() == 2 && paused_ns == 0) {
       paused_ns = entry->monotonic_ns();
-      answer_before_ns = last_answer_ns;
       EXPECT_EQ(force_n, 0);
     }
+    if (paused_ns == 0) silent_s = now_s - answered_s;
     if (paused_ns == 0) at_kill_n = std::max(at_kill_n, force_n);
   }
   EXPECT_GT(at_kill_n, 0.3);
   ASSERT_GT(paused_ns, 0);
-  EXPECT_LE(1e-9 * static_cast<double>(paused_ns - answer_before_ns),
-            0.18);  // and a late tick of a busy machine
+  EXPECT_LE(silent_s, limit_s);
+  std::printf("[ pause ] %.3f s after the last answer, where %.3f s are allowed\n", silent_s, limit_s);
   EXPECT_LE(worst, 1e-9);
   // PAUSED for silence, then ENABLED again and pressed to the end.
   const auto& changes = summary.ticks.changes();
