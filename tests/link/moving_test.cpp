@@ -26,7 +26,8 @@ struct Moving : testing::Test {
 struct MovingOver : Moving, testing::WithParamInterface<double> {};
 INSTANTIATE_TEST_SUITE_P(Ways, MovingOver, testing::Values(0.0, 1.2 * TouchLink::kHeartbeatS));
 
-// Answers as they came to the servo: none is missing, none comes twice, none is older than the one before.
+// Answers as they came to the servo: none is missing, none comes twice, none is older than the one before
+// but, of two services' that cross, the successor's first, which the servo passes over.
 TEST_P(MovingOver, TheSuccessorIsOpenedFirstAndAnswersNeverStop) {
   for (FakePalpation* service : {&before, &after}) service->way_s = GetParam();
   const std::uint64_t enough = GetParam() > 0 ? 5 : 50;  // far away one comes after the other
@@ -34,12 +35,16 @@ TEST_P(MovingOver, TheSuccessorIsOpenedFirstAndAnswersNeverStop) {
   ASSERT_TRUE(before.wait_until(answers_at_least(enough)));
   after.serve();
   before.moving = true;
-  std::uint64_t newest = 0;
+  std::uint64_t newest = 0, crossed = 0;
   double longest_s = 0, last_s = 1e-9 * double(person.clock.now_ns());
   ASSERT_TRUE(test::within(10, [&] {
     for (ServoAnswer answer; person.answers.take(answer);) {
-      EXPECT_GT(answer.sample.sequence, newest);
+      EXPECT_NE(answer.sample.sequence, newest);
       EXPECT_TRUE(answer.has_force);
+      if (answer.sample.sequence < newest) {
+        ++crossed;
+        continue;
+      }
       newest = answer.sample.sequence;
       const double received_s = 1e-9 * double(answer.received_ns);
       longest_s = std::max(longest_s, received_s - last_s);
@@ -48,6 +53,7 @@ TEST_P(MovingOver, TheSuccessorIsOpenedFirstAndAnswersNeverStop) {
     return after.account().answers > 2 * enough;
   }));
   std::printf("longest time without an answer %.1f ms\n", 1e3 * longest_s);
+  EXPECT_LE(crossed, 1u);
   EXPECT_EQ(after.account().session, before.account().session);
   EXPECT_EQ(after.account().streams, 1u);
   EXPECT_EQ(after.account().disorder + after.account().wrong_acknowledgements, 0u);
