@@ -11,8 +11,10 @@
 namespace teletact::service {
 
 DeviceRecovery::DeviceRecovery(std::size_t number, std::function<void()> again,
-                               std::function<void(bool)> tell)
-    : number_(number), again_(std::move(again)), tell_(std::move(tell)), thread_([this] { recover(); }) {}
+                               std::function<void(bool)> tell, const Pauses& pauses)
+    : number_(number), again_(std::move(again)), tell_(std::move(tell)), pauses_(pauses), thread_([this] {
+        recover();
+      }) {}
 
 DeviceRecovery::~DeviceRecovery() {
   stop();
@@ -54,17 +56,17 @@ bool DeviceRecovery::works() const {
 void DeviceRecovery::recover() {
   using Clock = std::chrono::steady_clock;
   std::unique_lock lock(mutex_);
-  auto first_pause = kFirstPause;
-  auto worked_since = Clock::now() - kLongestPause;
+  auto first_pause = pauses_.first;
+  auto worked_since = Clock::now() - pauses_.longest;
   while (!stop_) {
     changed_.wait(lock, [this] { return stop_ || !why_.empty(); });
     if (stop_) return;
     lock.unlock();
     tell_(false);
     lock.lock();
-    const bool at_once = Clock::now() - worked_since < kLongestPause;
-    first_pause = at_once ? std::min(2 * first_pause, kLongestPause) : kFirstPause;
-    for (auto pause = first_pause; !why_.empty(); pause = std::min(2 * pause, kLongestPause)) {
+    const bool at_once = Clock::now() - worked_since < pauses_.longest;
+    first_pause = at_once ? std::min(2 * first_pause, pauses_.longest) : pauses_.first;
+    for (auto pause = first_pause; !why_.empty(); pause = std::min(2 * pause, pauses_.longest)) {
       if (changed_.wait_for(lock, pause, [this] { return stop_; })) return;
       lock.unlock();
       std::string still;

@@ -65,7 +65,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   const auto credentials = credentials_of(options.listen);
   auto access = options.listen.access.empty()
                     ? nullptr
-                    : std::make_shared<const Access>(options.listen.access, options.now);
+                    : std::make_shared<const Access>(options.listen.access, options.now, options.access_look);
   const std::uint64_t instance = random_instance();
   auto spans = Spans::make(options.spans, {TELETACT_VERSION, hex(instance)});
   core_ = std::make_unique<Core>(

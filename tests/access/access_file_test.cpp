@@ -86,14 +86,21 @@ bool comes(Done&& done) {
   const auto give_up = std::chrono::steady_clock::now() + std::chrono::minutes(1);
   while (!done()) {
     if (std::chrono::steady_clock::now() > give_up) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   return true;
 }
 
+constexpr std::chrono::milliseconds kLook{5};
+
+// What is there by now is looked at: the first of the two may have begun before.
+bool is_looked_at(const Access& access) {
+  return comes([&, before = access.looks()] { return access.looks() >= before + 2; });
+}
+
 TEST_F(AccessFile, IsTakenOverAsItChanges) {
   const auto file = folder.put("access.toml", entry_of("anna", "operator"));
-  const Access access(file);
+  const Access access(file, WallClock::now, kLook);
   const std::uint64_t first = access.version();
   EXPECT_EQ(access.table()->size(), 1U);
   folder.put("access.toml", entry_of("anna", "operator") + entry_of("ben", "patient"));
@@ -103,12 +110,12 @@ TEST_F(AccessFile, IsTakenOverAsItChanges) {
 
 TEST_F(AccessFile, OneThatIsWrongOrGoneChangesNothing) {
   const auto file = folder.put("access.toml", entry_of("anna", "operator"));
-  const Access access(file);
+  const Access access(file, WallClock::now, kLook);
   const std::uint64_t first = access.version();
   folder.put("access.toml", "[[entry]]\n");
-  std::this_thread::sleep_for(3 * Access::kLook);
+  ASSERT_TRUE(is_looked_at(access));
   std::filesystem::remove(file);
-  std::this_thread::sleep_for(3 * Access::kLook);
+  ASSERT_TRUE(is_looked_at(access));
   EXPECT_EQ(access.version(), first);
   EXPECT_EQ(access.table()->known({.token = digest_of("anna-token")}, kNow).name, "anna");
   folder.put("access.toml", entry_of("ben", "patient"));
