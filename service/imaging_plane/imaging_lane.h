@@ -2,6 +2,7 @@
 // comes back when it fails. Its jobs take turns (fair_workers.h), below touch. Thread-safe.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -55,7 +56,9 @@ class ImagingLane {
   FairWorkers::Running<void> warm();
   // Gives up what is worked on; nobody is told of the device any more.
   void stop();
-  bool works() const { return recovery_.works() && workers_.silent_s() < kStalledS; }
+  bool works() const { return recovery_.works() && workers_.silent_s() < stalled_s_; }
+  // From now on it hangs after so long, and not after kStalledS.
+  void hangs_after(double silent_s) { stalled_s_ = silent_s; }
   // Throws Error(kUnavailable) with the remedy while the device does not work.
   void require_device() const { recovery_.require(); }
   bool failed() const { return !recovery_.works(); }
@@ -91,6 +94,7 @@ class ImagingLane {
   Publisher& publisher_;
   const std::shared_ptr<MemoryBudget> memory_;
   const Ways ways_;
+  std::atomic<double> stalled_s_{kStalledS};
   EstimateCost cost_;
   Engines engines_;
   FairWorkers workers_;      // its jobs use all of the above

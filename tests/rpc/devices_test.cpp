@@ -110,6 +110,7 @@ TEST_F(TwoDevices, OneThatHangsKeepsNobodyElseWaitingAndItsScenesGoToTheOther) {
   Elastographer stuck(server.channel());
   upload(stuck, acquisition(first));
   EXPECT_TRUE(image(second).ok());
+  hanging.hangs_after(0.05);
   while (hanging.works()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   EXPECT_TRUE(image(first).ok()) << "by the other";
   EXPECT_EQ(plane().scenes_moved(), 1U);
@@ -133,12 +134,16 @@ TEST_F(TwoDevices, OneThatGoesOnAfterItHungPublishesNothingOverWhatIsNewer) {
   };
   const ReceivedPair received{call.request, "anna", std::chrono::steady_clock::now(),
                               [&] { return std::pair(frame(pair().pre), frame(pair().post)); }};
-  std::promise<void> release;
+  std::promise<void> begun, release;
   auto hung = hanging.workers().run({}, [&] {
     return hanging.estimate(received, [&](Stage stage) {
-      if (stage == Stage::kModulus) release.get_future().wait();
+      if (stage != Stage::kModulus) return;
+      begun.set_value();
+      release.get_future().wait();
     });
   });
+  begun.get_future().wait();
+  hanging.hangs_after(0.05);
   while (hanging.works()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   EXPECT_TRUE(image(first).ok()) << "by the other";
   const std::uint64_t version = server->core().scenes.find(first)->snapshot()->version;

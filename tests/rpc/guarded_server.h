@@ -63,6 +63,7 @@ class GuardedServer {
     if (transport == Transport::kMutualTls)
       options.listen.tls_client_ca = folder_.put("ca.pem", authority_.certificate);
     options.now = [this] { return WallClock::now() + std::chrono::seconds(later_s_.load()); };
+    options.access_look = std::chrono::milliseconds(20);
     server_ = std::make_unique<Server>(std::vector{rpc_device()}, options);
     server_->make_ready();
   }
