@@ -143,24 +143,27 @@ TEST_F(FaultyDevice, HoweverSlowAFollowedFingerWaitsForNoCorrectionOfASolid) {
 TEST_F(FaultyDevice, HoweverSlowItIsSharesInTheNodesPlaceAreDegraded) {
   TouchSession exact(solid(5e4), {.fingertip = {}, .path = SolvePath::kPcg}, Device::open());
   const double truth = put_down(exact).contact.force_n[1];
-  TouchSession finger(solid(5e4), {}, slow_device(4));
   std::size_t late = 0;
-  bool by_nodes = false;
-  for (int tries = 0; tries < 20000 && !by_nodes; ++tries) {
-    const TouchAnswer answer = finger.solve(at(0));
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    by_nodes = answer.status == TouchStatus::kOk && answer.contact.path == SolvePath::kAuto;
-    const double off = std::abs(answer.contact.force_n[1] / truth - 1);
-    if (answer.status == TouchStatus::kOk) {
-      EXPECT_LT(off, choices::kTrustedMeanwhile) << answer.warning;
+  // Slower and slower, until the finger, which a busy machine holds up too, asks before it is corrected.
+  for (int times = 4; late == 0 && times <= 256; times *= 4) {
+    TouchSession finger(solid(5e4), {}, slow_device(times));
+    bool by_nodes = false;
+    for (int tries = 0; tries < 20000 && !by_nodes; ++tries) {
+      const TouchAnswer answer = finger.solve(at(0));
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      by_nodes = answer.status == TouchStatus::kOk && answer.contact.path == SolvePath::kAuto;
+      const double off = std::abs(answer.contact.force_n[1] / truth - 1);
+      if (answer.status == TouchStatus::kOk) {
+        EXPECT_LT(off, choices::kTrustedMeanwhile) << answer.warning;
+      }
+      if (answer.contact.path != SolvePath::kShares) continue;
+      ++late;
+      EXPECT_EQ(answer.status, TouchStatus::kDegraded) << off;
+      EXPECT_NE(answer.warning.find(kLateReason), std::string::npos) << answer.warning;
     }
-    if (answer.contact.path != SolvePath::kShares) continue;
-    ++late;
-    EXPECT_EQ(answer.status, TouchStatus::kDegraded) << off;
-    EXPECT_NE(answer.warning.find(kLateReason), std::string::npos) << answer.warning;
+    ASSERT_TRUE(by_nodes);
   }
   EXPECT_GT(late, 0u);
-  EXPECT_TRUE(by_nodes);
 }
 
 // On a worn factor (T8.7) corrections do not settle: what is known well enough is told when the time is up.
