@@ -89,16 +89,21 @@ TEST(ContactAgainstKkt, InteriorLinesByASparseFactor) {
   printf("largest relative force error on interior lines: %.2e\n", worst);
 }
 
-TEST(ContactAgainstKkt, EverySizeMaterialAndKindByDenseElimination) {
+// Dense elimination costs the cube of the unknowns: of the larger sizes it judges one material, the sparse
+// factor the others.
+TEST(ContactAgainstKkt, EverySizeMaterialAndKind) {
   double worst = 0;
   for (std::size_t rows : {8u, 11u, 16u, 21u}) {
     for (double nu : {0.3, 0.49, 0.495}) {
       for (double contrast : {1.0, 10.0, 100.0}) {
-        worst = std::max(worst, worst_error(rows, nu, contrast, 0, reference::KktMethod::kDense));
+        const bool dense = rows <= 11 || (rows == 21 && nu == 0.495 && contrast == 100.0);
+        worst = std::max(
+            worst, worst_error(rows, nu, contrast, 0,
+                               dense ? reference::KktMethod::kDense : reference::KktMethod::kSparseFactor));
       }
     }
   }
-  printf("largest relative force error against the dense KKT reference: %.2e\n", worst);
+  printf("largest relative force error against the KKT reference: %.2e\n", worst);
 }
 
 // T6.3: 100 x 100 mm, 50 x 10 elements, 5 times stiffer at the bottom centre; one node pressed, free

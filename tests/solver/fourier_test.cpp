@@ -23,8 +23,18 @@ std::vector<Complex> sums(const std::vector<Complex>& values, std::size_t at, st
   std::vector<Complex> roots(count), result(count);
   for (std::size_t k = 0; k < count; ++k)
     roots[k] = std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(count));
-  for (std::size_t k = 0; k < count; ++k)
-    for (std::size_t n = 0; n < count; ++n) result[k] += values[at + n * step] * roots[k * n % count];
+  for (std::size_t k = 0; k < count; ++k) {
+    double real = 0,
+           imaginary = 0;  // a product of two Complex looks for infinities, which takes most of the time
+    for (std::size_t n = 0, turn = 0; n < count; ++n) {
+      const Complex value = values[at + n * step], root = roots[turn];
+      real += value.real() * root.real() - value.imag() * root.imag();
+      imaginary += value.real() * root.imag() + value.imag() * root.real();
+      turn += k;
+      if (turn >= count) turn -= count;
+    }
+    result[k] = {real, imaginary};
+  }
   return result;
 }
 
