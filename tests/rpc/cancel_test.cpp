@@ -160,7 +160,7 @@ TEST(Cancelled, CallsOfAServiceThatDrainsAreFinishedOnce) {
     ASSERT_TRUE(server.create(uniform_scene("s")).ok());
     {
       const Trying clients(server);
-      std::this_thread::sleep_for(std::chrono::milliseconds(100 + 50 * round));
+      std::this_thread::sleep_for(std::chrono::milliseconds(50 + 50 * round));
       server->drain();
     }
     EXPECT_EQ(server->core().calls.count(), 0U);
