@@ -130,6 +130,7 @@ function(teletact_tests folder)
     list(APPEND later ${CMAKE_MATCH_2})
   endforeach()
   list(JOIN later ":" later)
+  set_property(GLOBAL APPEND_STRING PROPERTY TELETACT_LATER "${folder} ${later}\n")
   teletact_test(${name} ${tier} ${more} COMMAND ${name}_test ENVIRONMENT "TELETACT_LATER=${later}" ${arg_ENVIRONMENT})
   add_dependencies(tests_${tier} ${name}_test)
   if("data" IN_LIST arg_LABELS)  # recorded data that may be absent: ctest then says Skipped, not Passed

@@ -70,9 +70,9 @@ demo() {
   out=$(cd -- "$out" && pwd)
   [[ $round_trip =~ [1-9] ]] || round_trip=
   case $solid in
-    '') build teletact-service teletact-client ${round_trip:+teletact-proxy} ;;
-    page) build teletact-service teletact-client teletact-proxy ;;
-    *) build teletact-service teletact-client teletact-bench ${round_trip:+teletact-proxy} ;;
+    '') build teletact-service compiled_kernels teletact-client ${round_trip:+teletact-proxy} ;;
+    page) build teletact-service compiled_kernels teletact-client teletact-proxy ;;
+    *) build teletact-service compiled_kernels teletact-client teletact-bench ${round_trip:+teletact-proxy} ;;
   esac
   choose_kernel_cache
   begin_demo "$out" "$solid"

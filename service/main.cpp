@@ -12,6 +12,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <functional>
 #include <future>
 #include <memory>
@@ -93,11 +94,18 @@ Running start(ServeOptions options) {
   return running;
 }
 
-// Starting compiles kernels and restores scenes, for seconds that nothing can interrupt. A signal meanwhile
-// ends the process on the spot: nobody is served yet, and the state on disk is whole at every moment.
+// Starting compiles kernels, unless an earlier start did, and restores scenes. Nothing can interrupt that, so
+// it says where it is. A signal meanwhile ends the process on the spot: nobody is served yet, and the state
+// on disk is whole at every moment.
 Running start_unless_stopped(const ServeOptions& options, const sigset_t& signals) {
+  constexpr std::chrono::seconds kSaid{2};
   auto starting = std::async(std::launch::async, [&options] { return start(options); });
+  auto say = std::chrono::steady_clock::now() + kSaid;
   while (starting.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) {
+    if (std::chrono::steady_clock::now() > say) {
+      spdlog::info("event=compiling step={} of={}", compile_steps(), Server::kCompileSteps);
+      say += kSaid;
+    }
     const timespec now{};
     const int signal = sigtimedwait(&signals, nullptr, &now);
     if (signal <= 0) continue;
@@ -168,6 +176,20 @@ void serve(const CLI::App& command, ServeOptions options) {
   stop(*server, options.server.standby, signals);
 }
 
+// Starts a service that nobody is told of, and so compiles what the next start would.
+void compile_kernels(ServeOptions options) {
+  const auto begun = std::chrono::steady_clock::now();
+  start_logging(options.log_level);
+  std::string folder = (std::filesystem::temp_directory_path() / "teletact-XXXXXX").string();
+  if (mkdtemp(folder.data()) == nullptr) throw std::runtime_error(folder + ": cannot be made");
+  options.server.listen.listen = "unix:" + folder + "/s";
+  start_unless_stopped(options, block_stop_signals());
+  std::error_code ignored;
+  std::filesystem::remove_all(folder, ignored);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
+  std::printf("teletact-service: kernels are ready, %zu steps in %.1f s\n", compile_steps(), took.count());
+}
+
 void print_devices(bool as_json) {
   const auto devices = list_devices();
   if (devices.empty())
@@ -233,6 +255,14 @@ void add_serve(CLI::App& app, ServeOptions& o) {
   command->callback([command, &o] { serve(*command, o); });
 }
 
+void add_kernels(CLI::App& app, ServeOptions& o) {
+  CLI::App* command = app.add_subcommand(
+      "kernels",
+      "Compile the kernels now, so that the next service starts in seconds; in the same cache folder");
+  command->add_option("--device", o.devices, "as of serve");
+  command->callback([&o] { compile_kernels(o); });
+}
+
 // Certificates and tokens for a trial.
 void add_credentials(CLI::App& app) {
   struct Wishes {
@@ -273,6 +303,7 @@ void add_credentials(CLI::App& app) {
   app.require_subcommand(1);
   ServeOptions options;
   add_serve(app, options);
+  add_kernels(app, options);
   add_credentials(app);
   bool as_json = false;
   CLI::App* devices = app.add_subcommand("devices", "List the OpenCL devices");

@@ -258,10 +258,11 @@ void require_writable_folder(const std::filesystem::path& folder) {
   if (!written) throw FileError(folder, "cannot be written; give another folder with --out");
 }
 
-const v1::Map& map_of(const std::vector<v1::Map>& maps, const std::string& name) {
+const v1::Map& map_of(const std::vector<v1::Map>& maps, std::string_view name) {
   for (const v1::Map& map : maps)
     if (map.name() == name) return map;
-  throw ServiceError(grpc::StatusCode::INTERNAL, "Estimate: the service sent no map '" + name + "'");
+  throw ServiceError(grpc::StatusCode::INTERNAL,
+                     "Estimate: the service sent no map '" + std::string(name) + "'");
 }
 
 std::vector<float> values_of(const v1::Map& map) {

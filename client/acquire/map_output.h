@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/acquire/estimate_client.h"
@@ -19,7 +20,7 @@ void require_writable_folder(const std::filesystem::path& folder);
 std::vector<float> values_of(const teletact::v1::Map& map);
 
 // The map of that name. Throws ServiceError (INTERNAL) where the service sent none.
-const teletact::v1::Map& map_of(const std::vector<teletact::v1::Map>& maps, const std::string& name);
+const teletact::v1::Map& map_of(const std::vector<teletact::v1::Map>& maps, std::string_view name);
 
 // What the maps were made of, and by whom.
 struct EstimateSource {

@@ -36,13 +36,13 @@ const std::vector<DeviceProfile>& device_profiles() {
   return profiles;
 }
 
-const DeviceProfile& device_profile(const std::string& name) {
+const DeviceProfile& device_profile(std::string_view name) {
   std::string known;
   for (const DeviceProfile& profile : device_profiles()) {
     if (profile.name == name) return profile;
     known += (known.empty() ? "" : ", ") + profile.name;
   }
-  throw std::invalid_argument("unknown device profile '" + name + "'; known: " + known);
+  throw std::invalid_argument("unknown device profile '" + std::string(name) + "'; known: " + known);
 }
 
 }  // namespace teletact::client

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/render/force_limits.h"
@@ -31,6 +32,6 @@ struct DeviceProfile {
 
 const std::vector<DeviceProfile>& device_profiles();
 // Throws std::invalid_argument listing the known names.
-const DeviceProfile& device_profile(const std::string& name);
+const DeviceProfile& device_profile(std::string_view name);
 
 }  // namespace teletact::client

@@ -1,4 +1,6 @@
 // Programs of one device: built once, kept in memory and on disk.
+#include <atomic>
+
 #include "service/device/opencl.h"
 #include "service/device/program.h"
 
@@ -45,8 +47,11 @@ cl::Program from_source(const cl::Context& context, const cl::Device& device, co
   return program;
 }
 
+std::atomic<std::size_t> steps{0};
+
 cl::Program build(const cl::Context& context, const cl::Device& device, const DeviceInfo& info,
                   const DeviceOptions& options, const std::string& name, const std::string& flags) {
+  count_compile_step();
   const std::string source = program_source(name, options.kernel_directory);
   const BinaryCache cache(options.cache_directory);
   const std::string key = cache_key(info, flags, source);
@@ -64,6 +69,14 @@ cl::Program build(const cl::Context& context, const cl::Device& device, const De
 }
 
 }  // namespace
+
+std::size_t compile_steps() {
+  return steps;
+}
+
+void count_compile_step() {
+  ++steps;
+}
 
 Context::Context(cl::Device device, DeviceInfo info, DeviceOptions options)
     : device_(std::move(device)),

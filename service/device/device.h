@@ -221,6 +221,10 @@ struct DeviceOptions {
   int niceness = 0;
 };
 
+// Programs that this process has built, and kernels that it has launched: at their first launch PoCL compiles
+// them.
+std::size_t compile_steps();
+
 // One opened device. Thread-safe.
 class Device {
  public:

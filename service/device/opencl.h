@@ -56,7 +56,7 @@ struct RawKernel {
     int launches = 0;  // the first may have compiled it and says little
   };
   std::map<Sizes, Measured> measured;  // launches, by their global size
-  bool cut_before = false;
+  bool cut_before = false, used_before = false;
   struct Cut {
     std::size_t along = 0, groups = 0, most = 0;  // the dimension; its groups, and how many at once
   };
@@ -68,6 +68,8 @@ struct RawKernel {
   void launch_at_pace(const Sizes& global, const Sizes& local);
   void catch_up();
 };
+
+void count_compile_step();
 
 // One device opened by the process: its programs are built at most once each.
 class Context {

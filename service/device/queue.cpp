@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include "service/device/fault.h"
 #include "service/device/look.h"
@@ -83,6 +84,7 @@ void Kernel::launch(const Range& range) {
 }
 
 void RawKernel::enqueue(const Sizes& from, const Sizes& global, const Sizes& local) {
+  if (!std::exchange(used_before, true)) count_compile_step();
   guarded("launch of kernel " + name, [&] {
     cl::Event event;
     if (failing >> device & 1) throw cl::Error(CL_DEVICE_NOT_AVAILABLE, "clEnqueueNDRangeKernel");

@@ -50,6 +50,15 @@ TEST(Address, MalformedOnesAreRefused) {
   EXPECT_THROW(prepare_address(half), std::runtime_error);
 }
 
+// Or a start would say "23 of 151" of another number.
+TEST(Server, SaysHowManyStepsCompilingTakes) {
+  const std::size_t before = compile_steps();
+  RunningServer server("", "", {}, plane_models(), {DeviceOptions{}});
+  server->make_ready();
+  if (!server->core().devices.front()->info().has_double) GTEST_SKIP() << "fewer without double precision";
+  EXPECT_NEAR(static_cast<double>(compile_steps() - before), Server::kCompileSteps, 8);
+}
+
 // Two that start at the same moment: neither listens yet.
 TEST(Address, ASocketIsHeldFromWhenItIsLookedAt) {
   const std::string path = fs::temp_directory_path() / ("teletact-held-" + std::to_string(getpid()));
