@@ -236,6 +236,14 @@ Place Device::place() const {
   return place_of_device(context_->options().number);
 }
 
+bool Device::was_tried() const {
+  return context_->was_tried();
+}
+
+void Device::tried() const {
+  context_->tried();
+}
+
 std::uint64_t Device::held_bytes() const {
   return *context_->held_bytes();
 }

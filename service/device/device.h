@@ -232,6 +232,9 @@ class Device {
   Queue queue(const MemoryAccount& = {}) const;
   const DeviceInfo& info() const;
   Place place() const;  // whose budget its arrays are charged to
+  // Whether all kernels of imaging and touch have been run on it: compiled, that is.
+  bool was_tried() const;
+  void tried() const;
   // Of all arrays that live now.
   std::uint64_t held_bytes() const;
 

@@ -80,6 +80,8 @@ class Context {
   const cl::Context& cl() const { return context_; }
   const cl::Device& device() const { return device_; }
   const std::shared_ptr<std::atomic<std::uint64_t>>& held_bytes() const { return held_bytes_; }
+  bool was_tried() const { return tried_; }
+  void tried() { tried_ = true; }
   // A new cl::Kernel. Thread-safe: OpenCL's kernel creation is not, everywhere.
   cl::Kernel kernel(const std::string& source, const std::string& name, Precision, const Defines&);
 
@@ -90,6 +92,7 @@ class Context {
   cl::Context context_;
   std::shared_ptr<std::atomic<std::uint64_t>> held_bytes_ = std::make_shared<std::atomic<std::uint64_t>>(0);
   std::mutex mutex_;
+  std::atomic<bool> tried_{false};
   std::map<std::string, cl::Program> programs_;  // by source name, precision and defines
 };
 

@@ -36,8 +36,11 @@ ImagingLane::ImagingLane(std::size_t number, CurrentDevice& device, Publisher& p
 
 FairWorkers::Running<void> ImagingLane::warm() {
   return workers_.run({}, [this] {
+    const std::shared_ptr<Device> device = device_;
+    if (device->was_tried()) return;  // by another service of this process
     engines_.borrow("")->warm();
-    ways_.warm(device_);
+    ways_.warm(device);
+    device->tried();
   });
 }
 
