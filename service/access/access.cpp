@@ -9,8 +9,8 @@
 
 namespace teletact::service {
 
-Access::Access(std::filesystem::path file, Now now)
-    : file_(std::move(file)), now_(std::move(now)), seen_(seen_now()) {
+Access::Access(std::filesystem::path file, Now now, std::chrono::milliseconds between)
+    : file_(std::move(file)), now_(std::move(now)), between_(between), seen_(seen_now()) {
   table_ = std::make_shared<const AccessTable>(read_access(file_));
   spdlog::info("event=access_read file=\"{}\" entries={}", file_.string(), table_->size());
   looking_ = std::thread([this] { keep_looking(); });
@@ -71,9 +71,10 @@ void Access::look() {
 
 void Access::keep_looking() {
   std::unique_lock lock(mutex_);
-  while (!stopped_.wait_for(lock, kLook, [this] { return stop_; })) {
+  while (!stopped_.wait_for(lock, between_, [this] { return stop_; })) {
     lock.unlock();
     look();
+    ++looks_;
     lock.lock();
   }
 }

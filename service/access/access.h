@@ -22,14 +22,17 @@ class Access {
   using Now = std::function<WallClock::time_point()>;
   static constexpr std::chrono::milliseconds kLook{500};
 
-  // `now`: the time by which entries expire. Throws std::runtime_error, one line, for a file that cannot be
-  // used.
-  explicit Access(std::filesystem::path file, Now now = WallClock::now);
+  // `now`: the time by which entries expire. `between`: two looks at the file. Throws std::runtime_error, one
+  // line, for a file that cannot be used.
+  explicit Access(std::filesystem::path file, Now now = WallClock::now,
+                  std::chrono::milliseconds between = kLook);
   ~Access();
 
   std::shared_ptr<const AccessTable> table() const;
   // Changes with the table: what was asked of an older one is to be asked again.
   std::uint64_t version() const { return version_.load(); }
+  // How often the file was looked at since.
+  std::uint64_t looks() const { return looks_.load(); }
   WallClock::time_point now() const { return now_(); }
   // One line a second at most: `who` was refused.
   void log_refusal(const std::string& peer, const AccessRefused&) const;
@@ -47,10 +50,11 @@ class Access {
 
   const std::filesystem::path file_;
   const Now now_;
+  const std::chrono::milliseconds between_;
   mutable std::mutex mutex_;
   std::condition_variable stopped_;
   std::shared_ptr<const AccessTable> table_;
-  std::atomic<std::uint64_t> version_{1};
+  std::atomic<std::uint64_t> version_{1}, looks_{0};
   mutable std::chrono::steady_clock::time_point said_{};
   mutable std::uint64_t unsaid_ = 0;
   bool stop_ = false;

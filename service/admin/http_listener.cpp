@@ -26,9 +26,6 @@ namespace http = beast::http;
 using Protocol = Listener::Protocol;
 using Stream = beast::basic_stream<Protocol>;
 
-constexpr auto kPatience = std::chrono::duration_cast<std::chrono::milliseconds>(
-    std::chrono::duration<double>(HttpListener::kPatienceS));
-
 Protocol::endpoint endpoint_of(const Address& address) {
   if (!address.socket.empty()) return asio::local::stream_protocol::endpoint(address.socket);
   return asio::ip::tcp::endpoint(asio::ip::make_address(address.host), address.port);
@@ -57,13 +54,18 @@ http::response<http::string_body> respond(const http::request<http::empty_body>&
 // Ends itself: whatever is under way holds it.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  Connection(Protocol::socket socket, const HttpListener::Answers& answers, Listener::Place place)
-      : place_(std::move(place)), stream_(std::move(socket)), answers_(answers) {
+  Connection(Protocol::socket socket, const HttpListener::Answers& answers, double patience_s,
+             Listener::Place place)
+      : place_(std::move(place)),
+        stream_(std::move(socket)),
+        answers_(answers),
+        patience_(std::chrono::duration_cast<std::chrono::milliseconds>(
+            std::chrono::duration<double>(patience_s))) {
     parser_.header_limit(HttpListener::kMostHeadBytes);
   }
 
   void begin() {
-    stream_.expires_after(kPatience);
+    stream_.expires_after(patience_);
     http::async_read_header(stream_, buffer_, parser_,
                             [self = shared_from_this()](beast::error_code error, std::size_t) {
                               if (!error) self->answer();
@@ -73,7 +75,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
  private:
   void answer() {
     response_ = respond(parser_.get(), answers_);
-    stream_.expires_after(kPatience);
+    stream_.expires_after(patience_);
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code, std::size_t) {
       beast::error_code ignored;
       self->stream_.socket().shutdown(Protocol::socket::shutdown_both, ignored);
@@ -86,34 +88,39 @@ class Connection : public std::enable_shared_from_this<Connection> {
   http::request_parser<http::empty_body> parser_;
   http::response<http::string_body> response_;
   const HttpListener::Answers& answers_;
+  const std::chrono::milliseconds patience_;
 };
 
 }  // namespace
 
 struct HttpListener::State {
   Answers answers;
+  double patience_s;
   std::string socket;  // the path of a Unix socket, removed at the end
   std::shared_ptr<void> held;
   std::unique_ptr<Listener> listener;
 };
 
-HttpListener::HttpListener(const char* flag, const std::string& address, Answers answers)
+HttpListener::HttpListener(const char* flag, const std::string& address, Answers answers, double patience_s)
     : address_(address), state_(std::make_unique<State>()) {
   state_->answers = std::move(answers);
+  state_->patience_s = patience_s;
   const Address local = prepare_local_address(flag, address);
   try {
-    state_->listener = std::make_unique<Listener>(Listener::Options{
-        .endpoint = endpoint_of(local),
-        .most = kMostConnections,
-        .take =
-            [state = state_.get()](Protocol::socket socket, Listener::Place place) {
-              std::make_shared<Connection>(std::move(socket), state->answers, std::move(place))->begin();
-            },
-        .begins = be_nice,
-        .failed =
-            [](const std::exception& error) {
-              spdlog::error("event=admin_failed error=\"{}\"", error.what());
-            }});
+    state_->listener = std::make_unique<Listener>(
+        Listener::Options{.endpoint = endpoint_of(local),
+                          .most = kMostConnections,
+                          .take =
+                              [state = state_.get()](Protocol::socket socket, Listener::Place place) {
+                                std::make_shared<Connection>(std::move(socket), state->answers,
+                                                             state->patience_s, std::move(place))
+                                    ->begin();
+                              },
+                          .begins = be_nice,
+                          .failed =
+                              [](const std::exception& error) {
+                                spdlog::error("event=admin_failed error=\"{}\"", error.what());
+                              }});
     state_->socket = local.socket;
     state_->held = local.held;
     if (local.socket.empty())

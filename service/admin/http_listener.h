@@ -26,7 +26,7 @@ class HttpListener {
 
   // `flag`: what `address` was given by, for what is said of it: HOST:PORT of this machine, or unix:/path.
   // Throws std::runtime_error, one line: any other address, or one that cannot be listened on.
-  HttpListener(const char* flag, const std::string& address, Answers);
+  HttpListener(const char* flag, const std::string& address, Answers, double patience_s = kPatienceS);
   ~HttpListener();
   HttpListener(const HttpListener&) = delete;
   HttpListener& operator=(const HttpListener&) = delete;

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <string>
 
 #include "client/link/recording.h"
 #include "client/servo/states.h"

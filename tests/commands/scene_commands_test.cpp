@@ -1,6 +1,9 @@
 // What acquire, slices, touch and watch make of a scene and of its viewers.
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
 #include "client/files/metaimage.h"
 #include "client/watch/player.h"
 #include "tests/commands/fake_service.h"
