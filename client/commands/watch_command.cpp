@@ -99,7 +99,7 @@ void run(const WatchArguments& arguments) {
   say_waiting("touch", arguments.session);
   say_waiting("acquire", arguments.acquire);
   for (; !end; std::this_thread::sleep_for(std::chrono::milliseconds(50)))
-    if (player && gateway->viewers() > 0) player->begin();
+    if (plays(player.has_value(), gateway->viewers())) player->begin();
   gateway.reset();
 }
 

@@ -133,11 +133,15 @@ RecordReader::~RecordReader() = default;
 std::optional<v1::RecordEntry> RecordReader::next() {
   // A coded stream per entry: its limit counts the bytes of one entry, not those of the file.
   io::CodedInputStream coded(&stream_->file);
+  const void* next_bytes = nullptr;
+  int ready = 0;
+  if (!coded.GetDirectBufferPointer(&next_bytes, &ready)) return std::nullopt;  // the end, after an entry
   std::uint32_t bytes = 0;
-  if (!coded.ReadVarint32(&bytes)) return std::nullopt;
-  if (bytes > kMaxEntryBytes) throw std::runtime_error("the recording '" + path_ + "' is damaged");
   std::string body;
-  if (!coded.ReadString(&body, static_cast<int>(bytes))) {
+  const bool has_length = coded.ReadVarint32(&bytes);
+  if (has_length && bytes > kMaxEntryBytes)
+    throw std::runtime_error("the recording '" + path_ + "' is damaged");
+  if (!has_length || !coded.ReadString(&body, static_cast<int>(bytes))) {
     truncated_ = true;
     return std::nullopt;
   }

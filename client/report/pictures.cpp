@@ -17,9 +17,9 @@ namespace {
 // Runs gnuplot on a script that comes through its standard input.
 void plot(const std::filesystem::path& file, const std::string& size, const std::string& script) {
   const std::string whole = fmt::format(
-      "set terminal pngcairo size {} font 'sans,11'\nset output '{}'\nset grid lc rgb '#dddddd'\nset key top "
+      "set terminal pngcairo size {} font 'sans,11'\nset output {}\nset grid lc rgb '#dddddd'\nset key top "
       "right\n{}",
-      size, file.string(), script);
+      size, gnuplot_string(file.string()), script);
   FILE* pipe = popen("gnuplot", "w");
   if (pipe == nullptr) throw std::runtime_error("gnuplot could not be started; install gnuplot-nox");
   const bool written = std::fwrite(whole.data(), 1, whole.size(), pipe) == whole.size();
@@ -50,6 +50,12 @@ std::vector<double> differences(const std::vector<double>& times_s) {
 }
 
 }  // namespace
+
+std::string gnuplot_string(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) out += c == '\'' ? "''" : std::string(1, c);
+  return out + "'";
+}
 
 void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const ModulusGrid& estimated) {
   Panel truth;

@@ -12,6 +12,9 @@
 
 namespace teletact::client {
 
+// The text between single quotes, as gnuplot reads it: an apostrophe within is doubled.
+std::string gnuplot_string(const std::string& text);
+
 // True and estimated modulus on the same grid and in the same colours. Throws FileError.
 void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const ModulusGrid& estimated);
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstddef>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -11,6 +12,11 @@
 #include "client/watch/view.h"
 
 namespace teletact::client {
+
+// Whether a recording begins, or goes on: not before somebody looks.
+inline bool plays(bool recording, std::size_t viewers) {
+  return recording && viewers > 0;
+}
 
 class Player {
  public:

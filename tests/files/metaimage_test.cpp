@@ -4,10 +4,12 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <limits>
 #include <numeric>
 
 #include "tests/files/temporary_folder.h"
+#include "tests/trace/short_disk.h"
 
 namespace teletact::client {
 namespace {
@@ -150,6 +152,19 @@ TEST(MetaImage, RefusesAFolderThatCannotBeWritten) {
     EXPECT_NE(std::string(error.what()).find("cannot be written"), std::string::npos) << error.what();
   }
   EXPECT_THROW(MetaImage::of<float>({3, 2}, {}, {}, samples), std::invalid_argument);
+}
+
+TEST(MetaImage, FullDiskKeepsTheFileThatWasThere) {
+  const TemporaryFolder folder;
+  const fs::path path = folder / "a.mha";
+  const std::vector<float> former{1, 2, 3, 4}, larger(1 << 14);
+  write_metaimage(path, MetaImage::of<float>({2, 2}, {}, {}, former));
+  {
+    const service::ShortDisk disk(4096);
+    EXPECT_THROW(write_metaimage(path, MetaImage::of<float>({1 << 7, 1 << 7}, {}, {}, larger)), FileError);
+  }
+  EXPECT_EQ(read_metaimage(path).as<float>(), former);
+  EXPECT_EQ(std::distance(fs::directory_iterator(path.parent_path()), {}), 1) << "nothing else is left";
 }
 
 TEST(MetaImage, ReadsRecordingsNobodyHereMade) {

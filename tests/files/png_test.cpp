@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
+#include <vector>
 
 #include "client/files/font.h"
 #include "tests/files/read_png.h"
@@ -79,6 +81,14 @@ TEST(Png, StripsCanBeStackedAndPanelsSitBesideEachOther) {
   const Picture row = draw(panels), column = draw(panels, {.columns = 1, .panel_width = 480});
   EXPECT_EQ(row.width, 3 * column.width);
   EXPECT_EQ(column.height, 3 * row.height);
+}
+
+TEST(Png, LastRowThatIsNotFullIsDrawn) {
+  const std::vector panels(4, example());
+  const PictureOptions rows_of_three{.columns = 3, .panel_width = 480};
+  const Picture one = draw(std::span(panels).first(3), rows_of_three), two = draw(panels, rows_of_three);
+  EXPECT_EQ(two.height, 2 * one.height);
+  EXPECT_EQ(two.width, one.width);
 }
 
 TEST(Png, LettersAndDigitsDiffer) {

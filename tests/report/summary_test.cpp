@@ -205,6 +205,25 @@ TEST(Summary, AFigureThatIsNoNumberIsNotMet) {
   EXPECT_FALSE(figure.met());
 }
 
+TEST(Summary, ModulusThatWasNotMeasuredIsNaN) {
+  AcquireRecord record;
+  v1::Scene& scene = record.scene.emplace();
+  v1::Map& map = *scene.mutable_youngs_modulus();
+  for (const std::uint32_t size : {2U, 1U}) {
+    map.mutable_grid()->add_size(size);
+    map.mutable_grid()->add_origin_m(0);
+    map.mutable_grid()->add_spacing_m(0.001);
+  }
+  const std::vector<float> pa{10e3F, 10e3F};
+  map.mutable_values()->set_dtype(v1::DATA_TYPE_FLOAT32);
+  map.mutable_values()->set_data(pa.data(), pa.size() * sizeof(float));
+  scene.mutable_valid()->mutable_values()->set_data(std::string("\1\0", 2));
+  const ModulusGrid grid = measured_modulus(record);
+  ASSERT_EQ(grid.pa.size(), 2u);
+  EXPECT_EQ(grid.pa[0], 10e3F);
+  EXPECT_TRUE(std::isnan(grid.pa[1]));
+}
+
 // Recordings of different scenes or times are no pair; what only may be none is said.
 TEST(Sessions, RecordingsThatDoNotBelongTogetherAreToldApart) {
   TouchRecord touched = touch();
