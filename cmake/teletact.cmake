@@ -88,9 +88,10 @@ endfunction()
 # One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest entry each.
 # What tests a half of teletact that is not built is left out. SOURCES: without their _test.cpp. TOGETHER: as in
 # teletact_module. GROUP: not of the first tier. LATER group=FILTER ...: nor are these cases, a ctest entry of their own.
-# NEEDS: targets that it starts or loads. The rest: as in teletact_test.
+# NEEDS: targets that it starts or loads. SHARDS: ctest entries among which the cases are dealt out, contact_1 and so on.
+# The rest: as in teletact_test.
 function(teletact_tests folder)
-  cmake_parse_arguments(arg "TIMED" "GROUP;TOGETHER;COST;TIMEOUT" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
+  cmake_parse_arguments(arg "TIMED" "GROUP;TOGETHER;SHARDS;COST;TIMEOUT" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
   if((NOT TELETACT_SERVICE AND "${arg_LIBRARIES}" MATCHES "service_|bench_")
      OR (NOT TELETACT_CLIENT AND "${arg_LIBRARIES}" MATCHES "client_|bench_"))
     return()
@@ -131,7 +132,15 @@ function(teletact_tests folder)
   endforeach()
   list(JOIN later ":" later)
   set_property(GLOBAL APPEND_STRING PROPERTY TELETACT_LATER "${folder} ${later}\n")
-  teletact_test(${name} ${tier} ${more} COMMAND ${name}_test ENVIRONMENT "TELETACT_LATER=${later}" ${arg_ENVIRONMENT})
+  list(APPEND more COMMAND ${name}_test ENVIRONMENT "TELETACT_LATER=${later}" ${arg_ENVIRONMENT})
+  if(arg_SHARDS)
+    foreach(shard RANGE 1 ${arg_SHARDS})
+      math(EXPR index "${shard} - 1")
+      teletact_test(${name}_${shard} ${tier} ${more} GTEST_TOTAL_SHARDS=${arg_SHARDS} GTEST_SHARD_INDEX=${index})
+    endforeach()
+  else()
+    teletact_test(${name} ${tier} ${more})
+  endif()
   add_dependencies(tests_${tier} ${name}_test)
   if("data" IN_LIST arg_LABELS)  # recorded data that may be absent: ctest then says Skipped, not Passed
     set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")

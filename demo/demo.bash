@@ -164,7 +164,7 @@ begin_demo() {
   trap 'interrupt_demo 143' TERM
   trap 'end_demo' EXIT
   say "writing into $DEMO_OUT"
-  say "1/4 service (the first start compiles its kernels)"
+  say "1/4 service"
   start_service "$2"
   DEMO_WAIT_WHAT="the service" DEMO_WAIT_S=300
   await grep -qs "serving on" "$DEMO_OUT/log/service.log"
