@@ -40,18 +40,15 @@ function(teletact_sources sources folder ending)
 endfunction()
 
 # One static library per folder: teletact_module(service/device LIBRARIES ...) -> service_device,
-# made of SOURCES, without their .cpp; TOGETHER: so many files at a time in a unity build, 8 if not given.
+# made of SOURCES, without their .cpp.
 function(teletact_module folder)
-  cmake_parse_arguments(arg "" "TOGETHER" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(arg "" "" "SOURCES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" name ${folder})
   teletact_sources(sources ${folder} .cpp ${arg_SOURCES})
   if(sources)
     add_library(${name} STATIC ${sources})
     target_link_libraries(${name} PUBLIC teletact_options ${arg_LIBRARIES})
-    if(NOT arg_TOGETHER)
-      set(arg_TOGETHER 8)
-    endif()
-    teletact_unity(${name} ${arg_TOGETHER})
+    teletact_unity(${name} 8)
   else()
     add_library(${name} INTERFACE)
     target_link_libraries(${name} INTERFACE teletact_options ${arg_LIBRARIES})
@@ -66,15 +63,13 @@ set(TELETACT_TEST_ENVIRONMENT "ASAN_OPTIONS=use_sigaltstack=0" "POCL_CACHE_DIR=$
 set(TELETACT_TEST_OPTIONS -O1)  # tests are compiled more often than they run
 
 # A ctest entry: teletact_test(NAME tier COMMAND ...). tier: first, or one of the groups in tests/groups.txt.
-# COST: usual seconds, the longest begin first. TIMED: measures time, so that no other such test runs beside it.
+# TIMED: measures time, so that no other such test runs beside it.
 function(teletact_test name tier)
-  cmake_parse_arguments(arg "TIMED" "COST;TIMEOUT" "COMMAND;ENVIRONMENT;LABELS;NEEDS" ${ARGN})
+  cmake_parse_arguments(arg "TIMED" "TIMEOUT" "COMMAND;ENVIRONMENT;LABELS;NEEDS" ${ARGN})
   add_test(NAME ${name} COMMAND ${arg_COMMAND})
-  foreach(property COST TIMEOUT)
-    if(arg_${property})
-      set_tests_properties(${name} PROPERTIES ${property} ${arg_${property}})
-    endif()
-  endforeach()
+  if(arg_TIMEOUT)
+    set_tests_properties(${name} PROPERTIES TIMEOUT ${arg_TIMEOUT})
+  endif()
   if(arg_TIMED)
     set_tests_properties(${name} PROPERTIES RESOURCE_LOCK clock)
   endif()
@@ -86,12 +81,11 @@ function(teletact_test name tier)
 endfunction()
 
 # One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest entry each.
-# What tests a half of teletact that is not built is left out. SOURCES: without their _test.cpp. TOGETHER: as in
-# teletact_module. GROUP: not of the first tier. LATER group=FILTER ...: nor are these cases, a ctest entry of their own.
+# What tests a half of teletact that is not built is left out. SOURCES: without their _test.cpp. GROUP: not of the first tier. LATER group=FILTER ...: nor are these cases, a ctest entry of their own.
 # NEEDS: targets that it starts or loads. SHARDS: ctest entries among which the cases are dealt out, contact_1 and so on.
 # The rest: as in teletact_test.
 function(teletact_tests folder)
-  cmake_parse_arguments(arg "TIMED" "GROUP;TOGETHER;SHARDS;COST;TIMEOUT" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
+  cmake_parse_arguments(arg "TIMED" "GROUP;SHARDS;TIMEOUT" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
   if((NOT TELETACT_SERVICE AND "${arg_LIBRARIES}" MATCHES "service_|bench_")
      OR (NOT TELETACT_CLIENT AND "${arg_LIBRARIES}" MATCHES "client_|bench_"))
     return()
@@ -99,10 +93,7 @@ function(teletact_tests folder)
   teletact_sources(sources tests/${folder} _test.cpp ${arg_SOURCES})
   string(REPLACE "/" "_" name ${folder})
   if(TELETACT_UNITY)
-    if(NOT arg_TOGETHER)
-      set(arg_TOGETHER 8)
-    endif()
-    teletact_unity_tests(sources ${name} ${arg_TOGETHER} ${sources})
+    teletact_unity_tests(sources ${name} 8 ${sources})
   endif()
   add_executable(${name}_test ${sources})
   target_link_libraries(${name}_test PRIVATE teletact_options tests_support ${arg_LIBRARIES} tests_support_main)
@@ -111,7 +102,7 @@ function(teletact_tests folder)
     target_precompile_headers(${name}_test REUSE_FROM precompiled_tests)
   endif()
   set(more TIMEOUT 900)
-  foreach(property COST TIMEOUT LABELS NEEDS)
+  foreach(property TIMEOUT LABELS NEEDS)
     if(arg_${property})
       list(APPEND more ${property} ${arg_${property}})
     endif()
