@@ -1,5 +1,6 @@
 """Whatever a service sends ends in a clear error, at once, and takes nothing else down."""
 
+import asyncio
 import contextlib
 import struct
 import threading
@@ -12,6 +13,8 @@ from conftest import short_folder
 from lying_service import a_map, answer_to, lying, opened
 
 import teletact
+from teletact.channel import Peer
+from teletact.stream import Board, Pose, Stream
 from teletact.v1 import common_pb2 as common
 from teletact.v1 import elastography_pb2 as elastography
 from teletact.v1 import palpation_pb2 as palpation
@@ -191,6 +194,51 @@ def test_who_opens_and_sends_no_pose_yet_keeps_the_stream(liar, lied_to):
         time.sleep(0.3)
         assert touch.at([0.05, 0.002]).force_n[1] == -0.1
         assert touch.streams == 1
+
+
+def test_who_touches_waits_until_the_model_is_made(liar, lied_to):
+    def touch(requests, context):
+        next(requests)
+        yield opened()
+        pose = next(requests)
+        yield answer_to(pose, 1, status=palpation.TOUCH_STATUS_PREPARING, force_n=[], tangent_n_m=[])
+        yield answer_to(pose, 2)
+        for _ in requests:
+            pass
+
+    liar.touch = touch
+    with lied_to.touch("s") as touch:
+        assert touch.at([0.05, 0.002], timeout_s=20).status == "ok"
+
+
+@pytest.mark.parametrize("given, asked", [({}, None), ({"tolerance": 0}, (0.0, 0.0)),
+                                          ({"tolerance": 0.1, "tolerance_n": 0.02}, (0.1, 0.02))])
+def test_the_tolerance_is_asked_for_as_given(given, asked, liar, lied_to):
+    requested = []
+
+    def touch(requests, context):
+        requested.append(next(requests).open)
+        yield opened()
+        for _ in requests:
+            pass
+
+    liar.touch = touch
+    lied_to.touch("s", **given).close()
+    tolerance = requested[0].tolerance if requested[0].HasField("tolerance") else None
+    assert asked == (tolerance and (tolerance.relative, tolerance.force_n))
+
+
+@pytest.mark.parametrize("sent, due", [(0, True), (1, True), (2, False)])
+def test_no_pose_is_due_beyond_the_credit(sent, due):
+    stream = Stream(Peer("unix:/nobody"), palpation.TouchOpen(), Board(), dead_s=3.0)
+
+    async def opened_and_sent():
+        await stream._take_opened(opened(credit=2).opened)
+        stream._board.pose = Pose(np.zeros(3), np.zeros(3))
+        stream._board.sequence += sent
+
+    asyncio.run(opened_and_sent())
+    assert (stream._wait_s(sent=None, next_s=100.0, now=100.01) == 0) == due
 
 
 def test_what_a_peer_says_is_one_plain_line(liar, lied_to):

@@ -49,9 +49,10 @@ def random_piece(rng, number, x_m, z_m=0.0, before_m=None, area=False, version=1
 
 def pieces_of_a_plane(rng):
     yield random_piece(rng, 1, np.linspace(0.01, 0.05, 7))
-    yield random_piece(rng, 2, np.linspace(0.06, 0.09, 5))           # a gap before it
+    yield random_piece(rng, 2, np.linspace(0.06, 0.09, 5))             # a gap before it
     yield random_piece(rng, 3, np.linspace(0.04, 0.07, 6), version=3)  # newer, over both borders
     yield random_piece(rng, 4, np.linspace(0.02, 0.06, 4), version=2)  # older: it stays out of what is newer
+    yield random_piece(rng, 5, np.linspace(0.093, 0.099, 3))           # the gap before it stays
 
 
 def pieces_of_a_solid(rng):

@@ -210,6 +210,26 @@ def test_parts_are_drawn_over_each_other(liar, lied_to):
         np.testing.assert_allclose(seen.maps["youngs_modulus"].x, [0, 0.001, 0.002, 0.003], atol=1e-12)
 
 
+def test_another_stream_begins_with_nothing(liar, lied_to):
+    """As when a service was started again, with another scene of that name."""
+    image = part("b_mode", np.ones((3, 4)), common.DATA_TYPE_UINT8, window_id=3)
+
+    def again(requests, context):
+        yield state(maps=[part("youngs_modulus", np.full((1, 1), 7.0), origin_m=(0.002, 0.001))])
+
+    def once(requests, context):
+        liar.observe = again
+        yield state(maps=[part("youngs_modulus", np.full((2, 2), 5.0)), valid(), image])
+
+    liar.observe = once
+    with lied_to.observe("s", maps=MAPS) as seen:
+        seen.next()
+        assert set(seen.maps) == {"youngs_modulus", "valid"} and set(seen.b_mode) == {3}
+        seen.next()
+        assert seen.streams == 2 and set(seen.maps) == {"youngs_modulus"} and not seen.b_mode
+        np.testing.assert_array_equal(seen.maps["youngs_modulus"], [[7]])
+
+
 def test_a_map_that_was_not_asked_for_is_a_lie(liar, lied_to):
     liar.observe = lambda requests, context: iter([state(maps=[valid()])])
     with lied_to.observe("s", maps=["b_mode"]) as seen, pytest.raises(teletact.BadAnswer, match="not asked for"):

@@ -13,7 +13,7 @@ import xarray as xr
 from conftest import LUMP_X_M, LUMP_Y_M, until
 
 import teletact
-from teletact import scenes
+from teletact import channel, scenes
 
 
 def test_info_names_device_and_limits(service):
@@ -257,8 +257,29 @@ def test_credentials_are_refused_with_the_argument_that_is_wrong(tmp_path):
         with pytest.raises(teletact.InvalidArgument) as caught:
             teletact.connect(**{"address": "127.0.0.1:1", **arguments})
         assert field in (caught.value.field, "tls_certificate, tls_key") and caught.value.remedy
+
+
+@pytest.mark.parametrize("address", ["192.0.2.1:50051", "127.evil.invalid:50051", "127.0.0.1.evil.invalid:50051",
+                                     "localhost.evil.invalid:50051", "ipv6:[::1]:50051,[2001:db8::1]:50051"])
+def test_a_token_does_not_leave_this_machine_in_the_clear(address, impatient):
     with pytest.raises(teletact.InvalidArgument, match="beyond this machine"):
-        teletact.connect("192.0.2.1:50051", token="secret")
+        teletact.connect(address, token="secret")
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:50051", "ipv4:127.0.0.2:50051", "localhost:50051", "[::1]:50051",
+                                     "ipv6:[::1]:50051", "unix:/tmp/s", "unix-abstract:s"])
+def test_a_token_goes_to_this_machine_in_the_clear(address):
+    assert channel.peer_of(address, None, None, None, "secret", None, None).token == "secret"
+
+
+def test_faces_are_held_as_asked_for():
+    def supports_of(held):
+        geometry = scenes.create_request("s", None, None, None, None, None, (0.1, 0.04), None, None, held).geometry
+        return geometry.supports if geometry.HasField("supports") else None
+
+    assert supports_of(None) is None, "the service's usual ones"
+    assert supports_of([]) is not None and not supports_of([]).ListFields()
+    assert [face.name for face, _ in supports_of(["bottom", "x_min"]).ListFields()] == ["bottom", "x_min"]
 
 
 def test_what_was_promised_is_measured(service, lump, capsys):

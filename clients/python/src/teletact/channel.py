@@ -137,9 +137,9 @@ def _require_address(address: str) -> None:
 
 def _on_this_machine(address: str) -> bool:
     address = re.sub(r"^(dns|ipv4|ipv6):", "", address)
-    if address.startswith(("unix:", "unix-abstract:", "[::1]:", "localhost:")):
+    if address.startswith(("unix:", "unix-abstract:")):
         return True
-    return re.fullmatch(r"127[\d.]*:\d+", address) is not None
+    return re.fullmatch(r"(127[\d.]*|\[::1\]|localhost):\d+", address) is not None
 
 
 def _read(field: str, path: str | Path) -> bytes:
