@@ -33,6 +33,7 @@ test('what is no whole frame is refused', () => {
   assert.throws(() => decode(new ArrayBuffer(8)), RangeError);
   assert.throws(() => decode(new ArrayBuffer(64)), RangeError);
   assert.throws(() => decode(frameOf(1, [[0, json, floats(1)]])), RangeError);
+  assert.throws(() => decode(frameOf(1, [[0, json, floats(1)], [1, {}, floats(2, 3, 4, 5)]])), RangeError, 'nor does it reach into the next slot');
   const whole = frameOf(1, [[0, {}, floats(1, 2)]]);
   for (let size = 16; size < whole.byteLength; ++size) assert.throws(() => decode(whole.slice(0, size)));
 });
@@ -89,6 +90,7 @@ test('scales go there and back, logarithmic ones too', () => {
     const at = ticks(s);
     assert.ok(at.length >= 2 && at.every((v) => v >= 1e-3 - 1e-12 && v <= 10 + 1e-9), String(at));
   }
+  assert.equal(scale(true, 1e-3, 10, 200, 0).to(0), 200, 'nothing is as little as can be shown');
   assert.deepEqual(ticks(scale(false, 0, 1, 0, 1)).map((v) => +v.toFixed(9)), [0, 0.2, 0.4, 0.6, 0.8, 1]);
 });
 
@@ -172,6 +174,12 @@ test('a cursor reads what is measured, continued or not acquired', () => {
   assert.match(valueAt(map, [1.5, 0.5]), /not measured, continued as 6 kPa/);
   assert.match(valueAt(map, [2.5, 0.5]), /not acquired/);
   assert.match(valueAt(map, [9, 0.5]), /^x 9000.0 mm, y 500.0 mm$/);
+});
+
+test('a cursor reads the cell that it is over', () => {
+  const map = { origin_m: [0.5, 0.5], spacing_m: [1, 1], modulus_pa: { shape: [2, 3], values: new Float32Array([1, 2, 3, 4, 5, 6]) } };
+  const read = [0.5, 1.5].map((y) => [0.5, 1.5, 2.5].map((x) => valueAt(map, [x, y]).split(': ')[1]));
+  assert.deepEqual(read, [['1 Pa', '2 Pa', '3 Pa'], ['4 Pa', '5 Pa', '6 Pa']]);
 });
 
 // Stands in for what a browser has, and counts the images that are made.
