@@ -5,14 +5,10 @@
 #include <stdexcept>
 
 namespace teletact::client {
-namespace {
 
-// Values at (1 -+ confidence) / 2, interpolated between order statistics.
 Interval percentiles(std::vector<double> values, double confidence) {
   std::sort(values.begin(), values.end());
   const auto at = [&](double share) {
-    // Order statistic k of n lies at k / (n + 1), so that an interval of 39 or 999 resamples is not too
-    // narrow.
     const double place = std::clamp(share * (static_cast<double>(values.size()) + 1) - 1, 0.0,
                                     static_cast<double>(values.size() - 1));
     const auto below = static_cast<std::size_t>(place);
@@ -21,8 +17,6 @@ Interval percentiles(std::vector<double> values, double confidence) {
   };
   return {at((1 - confidence) / 2), at((1 + confidence) / 2)};
 }
-
-}  // namespace
 
 BootstrapResult bootstrap(const std::vector<StimulusCount>& counts, const Fit& fit, const FitOptions& how,
                           double background_n_m, const BootstrapOptions& options) {

@@ -20,6 +20,11 @@ struct Interval {
   bool contains(double value) const { return low <= value && value <= high; }
 };
 
+// Between which `confidence` of the values lie, as many below as above, interpolated between order
+// statistics: number k of n lies at k / (n + 1), so that an interval of few values is not too narrow. Takes
+// at least one.
+Interval percentiles(std::vector<double> values, double confidence);
+
 struct BootstrapResult {
   Interval alpha_n_m, beta, weber_fraction;  // of the percentiles
   unsigned at_limit = 0;                     // resamples whose fit ended at a limit (they count)

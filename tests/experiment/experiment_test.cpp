@@ -121,6 +121,17 @@ TEST(Observer, TheSimulatedOneAnswersAsOftenAsItsFunctionSays) {
   }
 }
 
+TEST(Bootstrap, AnIntervalCutsOffAsMuchBelowAsAbove) {
+  std::vector<double> values(199);
+  for (std::size_t n = 0; n < values.size(); ++n)
+    values[(n * 71) % values.size()] = static_cast<double>(n + 1);
+  const Interval most = percentiles(values, 0.95), half = percentiles(values, 0.5);
+  EXPECT_NEAR(most.low, 5, 1e-9);
+  EXPECT_NEAR(most.high, 195, 1e-9);
+  EXPECT_NEAR(half.low, 50, 1e-9);
+  EXPECT_NEAR(half.high, 150, 1e-9);
+}
+
 // The promise (perfect stiffness): 10 stimuli, 40 trials of each. 400 experiments put 2 sigma = 2 % on a
 // coverage of 95 %; the seed is fixed, and teletact-bench paper psychometric runs more.
 TEST(Bootstrap, IntervalsCoverTheTruthAndTheBiasIsSmall) {

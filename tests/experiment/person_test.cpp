@@ -85,7 +85,7 @@ bool asks(const std::ostringstream& out, const std::string& question) {
 }
 
 // A person who feels these trials and judges rightly.
-void expect_judged(FeelingDevice& device, SpringDisplay& display) {
+void expect_judged(FeelingDevice& device, SpringDisplay& display, const std::vector<Trial>& trials) {
   std::ostringstream out;
   double last_n_m = 0, first_n_m = 0;
   std::vector<double> felt_n_m;
@@ -99,7 +99,6 @@ void expect_judged(FeelingDevice& device, SpringDisplay& display) {
     return "";
   });
   std::istream in(&person);
-  const std::vector<Trial> trials{{25, 31}, {25, 19, "", true}, {25, 21}};
   const auto answers = run_experiment(trials, device_observer(display, in, out));
   ASSERT_EQ(answers.size(), trials.size());
   ASSERT_EQ(felt_n_m.size(), 2 * trials.size());
@@ -109,7 +108,7 @@ void expect_judged(FeelingDevice& device, SpringDisplay& display) {
     EXPECT_NEAR(felt_n_m[2 * k + (first ? 1 : 0)], background, 0.05 * background);
     EXPECT_NEAR(felt_n_m[2 * k + (first ? 0 : 1)], stimulus, 0.05 * stimulus);
   }
-  for (const char* stiffness : {"25", "31", "19", "21", "N/m"})
+  for (const char* stiffness : {"25", "31", "19", "27", "29", "21", "N/m"})
     EXPECT_EQ(out.str().find(stiffness), std::string::npos) << out.str();
 }
 
@@ -123,12 +122,17 @@ void with_each(const std::vector<Chain>& chains, const std::function<void(const 
 }
 
 TEST(Person, AtADeviceJudgesWhatWasFeltAndIsNotTold) {
-  with_each({Chain(), SpringChain()}, [](const Chain& chain) {
-    SCOPED_TRACE(condition_of(chain));
-    FeelingDevice device(simulated());
-    SpringDisplay display(device, false, chain);
-    expect_judged(device, display);
-  });
+  const auto judge = [](const std::vector<Trial>& trials) {
+    with_each({Chain(), SpringChain()}, [&](const Chain& chain) {
+      SCOPED_TRACE(condition_of(chain));
+      FeelingDevice device(simulated());
+      SpringDisplay display(device, false, chain);
+      expect_judged(device, display, trials);
+    });
+  };
+  std::thread meanwhile(judge, std::vector<Trial>{{25, 27}, {25, 21, "", true}});
+  judge({{25, 31}, {25, 19}, {25, 29, "", true}});
+  meanwhile.join();
 }
 
 bool felt_within(const SpringDisplay& display, double seconds) {
@@ -289,7 +293,8 @@ TEST(Observer, EndsWithTheDisplayAndWhenItIsToldTo) {
   EXPECT_THROW(run_experiment(trials, touching_observer(display, function, 11, stop, out),
                               [&](const AnsweredTrial&) { ++kept; }),
                DisplayLost);
-  EXPECT_EQ(kept, 10u) << "three tries of the eleventh";
+  EXPECT_EQ(kept, 10u);
+  EXPECT_EQ(display.presented, 23u) << "three tries of the eleventh";
 }
 
 TEST(Observer, TouchesASpringAsItIs) {
@@ -306,6 +311,19 @@ TEST(Observer, TouchesASpringAsItIs) {
   std::thread harder(touch, 30);
   touch(20);
   harder.join();
+}
+
+// The question is of the second, the answer that is kept of the stimulus.
+TEST(Person, NoMeansTheFirstIsTheHarderOne) {
+  for (const bool stimulus_first : {false, true}) {
+    ListedDisplay display;
+    std::istringstream in("\n\ny\n\n\nn\n\n\nYES\n\n\nno\n");
+    std::ostringstream out;
+    const std::vector<Trial> trials(4, {25, 30, "", stimulus_first});
+    EXPECT_EQ(judgements(run_experiment(trials, device_observer(display, in, out))),
+              stimulus_first ? (std::vector<bool>{false, true, false, true})
+                             : (std::vector<bool>{true, false, true, false}));
+  }
 }
 
 TEST(Person, IsAskedAgainWhatWasLost) {
