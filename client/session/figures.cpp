@@ -2,6 +2,10 @@
 
 namespace teletact::client {
 
+double spent_s(const TickStatistics& ticks, double lost_s) {
+  return ticks.enabled_s() + (ticks.lost_now_s() >= lost_s ? ticks.lost_s() : 0);
+}
+
 double touch_rate_hz(const TouchLinkStats& link) {
   const double span_s = link.last_answer_s - link.first_answer_s;
   return span_s > 0 ? static_cast<double>(link.distinct) / span_s : 0;

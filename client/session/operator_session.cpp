@@ -190,10 +190,7 @@ void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordSin
 bool finished(const OperatorSessionOptions& options, const HapticDevice& device,
               const TickStatistics& statistics) {
   if (device.ended() || (options.passes > 0 && device.passes() >= options.passes)) return true;
-  // A short outage is made up for; one that does not end must not keep the session from ending.
-  const bool lost = statistics.lost_now_s() >= options.lost_s;
-  const double spent_s = statistics.enabled_s() + (lost ? statistics.lost_s() : 0);
-  return options.duration_s > 0 && spent_s >= options.duration_s;
+  return options.duration_s > 0 && spent_s(statistics, options.lost_s) >= options.duration_s;
 }
 
 TouchLinkOptions link_options_of(const OperatorSessionOptions& options, RecordSink* recorder) {

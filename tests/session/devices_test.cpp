@@ -6,6 +6,8 @@
 #include <cmath>
 #include <fstream>
 
+#include "client/link/recording.h"
+#include "client/link/servo_messages.h"
 #include "client/session/operator_session.h"
 #include "tests/files/temporary_folder.h"
 #include "tests/haptic/inverse3_service.h"
@@ -82,6 +84,27 @@ TEST(Devices, ARecordedMotionIsFeltAgainAndEndsTheSession) {
   EXPECT_EQ(allocations, 0u);
   std::remove(options.record_path.c_str());
   EXPECT_NE(complaint(again.device), "");
+}
+
+// Before force is on, a hand may stand about for as long as it likes, somewhere else.
+TEST(Devices, ARecordedMotionBeginsWhereForceCameOn) {
+  const TemporaryFolder folder;
+  v1::RecordHeader header;
+  header.set_kind("touch");
+  RecordWriter writer(folder / "motion", header);
+  for (int n = 0; n < 200; ++n) {
+    ServoTick tick;
+    tick.time_ns = (n + 1) * std::int64_t{1'000'000};
+    tick.state = n < 100 ? ServoState::kDisabled : ServoState::kEnabled;
+    tick.pose.position_m.x() = n < 100 ? 0.01 : 0.05;
+    writer.append_waiting(to_record(tick));
+  }
+  writer.close();
+  const auto device = make_device({.device = "replay:" + (folder / "motion").string()});
+  device->open();
+  DeviceReading reading;
+  ASSERT_TRUE(device->read(1, reading));
+  EXPECT_EQ(reading.pose.position_m.x(), 0.05);
 }
 
 TEST(Devices, ADisplayThatCommandsAPositionFeelsTheTissue) {
