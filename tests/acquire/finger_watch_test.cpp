@@ -94,6 +94,26 @@ TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
   EXPECT_GE(least_m, 0.0799);
 }
 
+// GIVEN a finger that has left WHEN the service goes on saying that nobody is there THEN it left when it did.
+TEST_F(FingerWatchTest, AFingerThatIsAwayLeavesOnce) {
+  server.palpation.set_finger(false, 0.03, 0);
+  FingerWatch watch(server.address(), {}, "s");
+  ASSERT_LT(seconds_until([&] { return stands_at(watch, 0.03); }, 5), 5);
+  EXPECT_FALSE(watch.gone_since_ns()) << "it was never there";
+  const auto leave = [&](double x_m) {
+    server.palpation.set_finger(false, x_m, 0);
+    return seconds_until([&] { return stands_at(watch, x_m); }, 5) < 5;
+  };
+  server.palpation.set_finger(true, 0.04, 0);
+  ASSERT_LT(seconds_until([&] { return stands_at(watch, 0.04); }, 5), 5);
+  EXPECT_FALSE(watch.gone_since_ns());
+  ASSERT_TRUE(leave(0.05));
+  const auto since_ns = watch.gone_since_ns();
+  ASSERT_TRUE(since_ns);
+  ASSERT_TRUE(leave(0.06));
+  EXPECT_EQ(watch.gone_since_ns(), since_ns);
+}
+
 // GIVEN a finger that moves WHEN nothing more is heard of it THEN it is carried on for a tenth of a second,
 // no more.
 TEST_F(FingerWatchTest, AFingerThatStallsIsNotCarriedOnForLong) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "tests/files/temporary_folder.h"
 
@@ -82,20 +83,37 @@ TEST(RecordedFrames, WhatIsOfAnotherKindOfFileIsRefusedByName) {
   EXPECT_NE(refusal(options).find("--sampling-frequency-hz"), std::string::npos) << refusal(options);
 }
 
+// Options for one file of 64 samples x 8 lines, with these lines in its header.
+RecordedFrameOptions one_file(const TemporaryFolder& folder, const std::string& placed) {
+  RecordedFrameOptions options;
+  options.center_frequency_hz = 7e6;
+  options.sampling_frequency_hz = 38.5e6;  // 20 um per sample
+  options.frame = "LAB";
+  options.pre = options.post = folder / "a.mha";
+  put_content(options.pre,
+              "ObjectType = Image\nNDims = 2\nBinaryData = True\nBinaryDataByteOrderMSB = False\n" + placed +
+                  "DimSize = 64 8\nElementType = MET_SHORT\nElementDataFile = LOCAL\n" +
+                  std::string(64 * 8 * 2, '\1'));
+  return options;
+}
+
+TEST(RecordedFrames, LengthsAreInTheUnitStated) {
+  const TemporaryFolder folder;
+  for (const auto& [unit, placed] : {std::pair("m", "ElementSpacing = 2e-5 0.0003\nOffset = 0.0015 0\n"),
+                                     std::pair("mm", "ElementSpacing = 0.02 0.3\nOffset = 1.5 0\n")}) {
+    RecordedFrameOptions options = one_file(folder, placed);
+    options.spacing_unit = unit;
+    const v1::Acquisition acquisition = read_recorded_frames(options).acquisition;
+    EXPECT_NEAR(acquisition.line_pitch_m(), 0.0003, 1e-12) << unit;
+    EXPECT_NEAR(acquisition.first_sample_depth_m(), 0.0015, 1e-12) << unit;
+  }
+}
+
 // What is not stated is sent all the same, so that the record of an estimate says what it was made with.
 TEST(RecordedFrames, DefaultsAreSent) {
   const TemporaryFolder folder;
-  RecordedFrameOptions options;
-  options.center_frequency_hz = 7e6;
-  options.sampling_frequency_hz = 38.5e6;
-  options.frame = "LAB";
-  options.pre = options.post = folder / "a.mha";
-  put_content(
-      options.pre,
-      "ObjectType = Image\nNDims = 2\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
-      "ElementSpacing = 2e-5 0.0003\nDimSize = 64 8\nElementType = MET_SHORT\nElementDataFile = LOCAL\n" +
-          std::string(64 * 8 * 2, '\1'));
-  const v1::Acquisition acquisition = read_recorded_frames(options).acquisition;
+  const v1::Acquisition acquisition =
+      read_recorded_frames(one_file(folder, "ElementSpacing = 2e-5 0.0003\n")).acquisition;
   EXPECT_EQ(acquisition.poisson_ratio(), 0.49);
   EXPECT_EQ(acquisition.max_strain(), 0.05);
   EXPECT_EQ(acquisition.plane(), v1::PLANE_CONDITION_SOLID);

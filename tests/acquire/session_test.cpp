@@ -6,8 +6,10 @@
 #include <map>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "client/link/channel.h"
+#include "tests/files/temporary_folder.h"
 #include "tests/support/fake_service.h"
 
 namespace teletact::client {
@@ -76,6 +78,43 @@ TEST(EstimateClient, TriesAgainWhileTheServiceIsUnavailableAndOnlyThen) {
     EXPECT_EQ(error.code, grpc::StatusCode::FAILED_PRECONDITION);
     EXPECT_NE(std::string(error.what()).find("FAILED_PRECONDITION"), std::string::npos) << error.what();
   }
+}
+
+// Ends its first call in the middle, as one that is restarted does.
+class DiesOnce final : public v1::Elastography::Service {
+ public:
+  grpc::Status Estimate(
+      grpc::ServerContext*,
+      grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>* stream) override {
+    for (v1::EstimateRequest request; stream->Read(&request);) continue;
+    v1::EstimateResponse response;
+    response.mutable_map()->mutable_map()->set_name(died_ ? "whole" : "cut short");
+    stream->Write(response);
+    if (!std::exchange(died_, true)) return {grpc::StatusCode::UNAVAILABLE, "killed"};
+    response.mutable_summary()->set_quality(0.5);
+    stream->Write(response);
+    return grpc::Status::OK;
+  }
+
+ private:
+  bool died_ = false;
+};
+
+TEST(EstimateClient, KeepsNothingOfACallThatWasCutShort) {
+  DiesOnce service;
+  const TemporaryFolder folder;
+  const std::string address = "unix:" + (folder / "s").string();
+  grpc::ServerBuilder builder;
+  builder.AddListeningPort(address, grpc::InsecureServerCredentials());
+  builder.SetSyncServerOption(grpc::ServerBuilder::CQ_TIMEOUT_MSEC, 100);
+  builder.RegisterService(&service);
+  const auto server = builder.BuildAndStart();
+  EstimateClient client(make_channel(address), 5);
+  const EstimateOutcome outcome = client.estimate({}, "pre", "post", {}, false);
+  server->Shutdown(std::chrono::system_clock::now());
+  EXPECT_EQ(outcome.attempts, 2u);
+  ASSERT_EQ(outcome.maps.size(), 1u);
+  EXPECT_EQ(outcome.maps[0].name(), "whole");
 }
 
 TEST(EstimateClient, GivesUpOnAServiceThatNeverComes) {

@@ -41,7 +41,8 @@ TEST(WindowPlanner, FollowsTheDirectionOfMotionAndKeepsItWhileTheFingerRests) {
   auto windows = unknown(5);
   windows[2].acquired_s = 0.0;
   EXPECT_EQ(planner.next({true, 0.15, -0.12}, windows, 0.0), 1u);
-  EXPECT_EQ(planner.next({true, 0.15, 0.0}, windows, 0.0), 1u);
+  for (const double noise_m_s : {0.0, 0.001, -0.001, 0.009})
+    EXPECT_EQ(planner.next({true, 0.15, noise_m_s}, windows, 0.0), 1u) << noise_m_s;
   EXPECT_EQ(planner.next({true, 0.15, 0.12}, windows, 0.0), 3u);
 }
 

@@ -50,6 +50,15 @@ TEST(MakeChannel, EveryCallNamesThisProcess) {
   EXPECT_NE(name.find(':' + std::to_string(getpid()) + ':'), std::string::npos) << name;
 }
 
+TEST(AddressProblem, IsSaidOfWhatCannotBeReached) {
+  for (const char* address :
+       {"localhost:1", "127.0.0.1:65535", "[::1]:50051", "unix:/tmp/s", "dns:here:50051"})
+    EXPECT_EQ(address_problem(address), "") << address;
+  for (const char* address : {"localhost", "localhost:", ":50051", "localhost:0", "localhost:65536",
+                              "localhost:-1", "localhost:1x", "http://localhost:50051"})
+    EXPECT_EQ(address_problem(address), std::string("give HOST:PORT or unix:/path, not ") + address);
+}
+
 TEST(NobodyAnswers, SaysWhenTheNameDoesNotResolve) {
   for (const char* address : {"nosuchhost.invalid:50972", "dns:nosuchhost.invalid:50972"})
     EXPECT_NE(nobody_answers(address, {}).find("the name nosuchhost.invalid does not resolve"),

@@ -71,6 +71,26 @@ TEST(Publisher, ANewcomerGetsTheHeaderAndHowTheStreamWasOpenedThenWhatHappens) {
   EXPECT_EQ(entry.monotonic_ns(), 2);
 }
 
+// As when the tip is changed in the middle of a session.
+TEST(Publisher, ANewcomerGetsTheHeaderAndTheNewestStreamAlone) {
+  Publisher publisher(socket_path("again"), header());
+  v1::RecordEntry open, opened;
+  opened.mutable_touch_response()->mutable_opened()->set_period_s(0.002);
+  for (const char* session : {"first", "second"}) {
+    open.mutable_touch_request()->mutable_open()->set_session_id(session);
+    publisher.append(open);
+    publisher.append(opened);
+  }
+  Watcher watcher(socket_path("again"));
+  v1::RecordEntry entry;
+  ASSERT_TRUE(watcher.next(entry));
+  EXPECT_TRUE(entry.has_header());
+  ASSERT_TRUE(watcher.next(entry));
+  EXPECT_EQ(entry.touch_request().open().session_id(), "second");
+  ASSERT_TRUE(watcher.next(entry));
+  EXPECT_TRUE(entry.touch_response().has_opened());
+}
+
 TEST(Publisher, LeavesOutLawsFramesAndMaps) {
   Publisher publisher(socket_path("laws"), header());
   Watcher watcher(socket_path("laws"));
