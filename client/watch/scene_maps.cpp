@@ -55,7 +55,10 @@ void SceneMaps::clear() {
 void SceneMaps::take(const v1::Scene& scene) {
   if (scene.has_youngs_modulus()) return take_whole(scene);
   const double width_m = scene.geometry().size_m_size() > 0 ? scene.geometry().size_m(0) : 0;
-  if (width_m != width_m_) grid_.reset();
+  if (width_m != width_m_ && grid_) {
+    grid_.reset();
+    cells_changed_ = true;
+  }
   width_m_ = width_m;
   std::set<std::uint64_t> windows;
   for (const v1::Window& window : scene.windows()) windows.insert(window.window_id());
@@ -66,6 +69,7 @@ void SceneMaps::take(const v1::Scene& scene) {
 void SceneMaps::take_whole(const v1::Scene& scene) {
   grid_.reset();
   images_.clear();
+  cells_changed_ = images_changed_ = true;
   const auto grid = grid_of(scene.youngs_modulus());
   if (!grid) return;
   width_m_ = grid->spacing_m[0] * static_cast<double>(grid->nx);
@@ -82,7 +86,6 @@ void SceneMaps::take_whole(const v1::Scene& scene) {
   add(scene.youngs_modulus_log_std(), "youngs_modulus_log_std", 0);
   std::uint64_t window = 0;  // which it is of is not said
   for (const v1::Map& image : scene.b_mode()) add(image, "b_mode", ++window);
-  images_changed_ = true;
 }
 
 bool SceneMaps::take(const v1::ObservedMap& part) {

@@ -42,13 +42,13 @@ v1::Scene scene(std::initializer_list<std::uint64_t> windows) {
   return out;
 }
 
-// An array of a slot.
+// An array of a slot; empty: it has none of that name.
 template <class Value>
 std::vector<Value> values(const Slot& slot, const char* name, std::size_t nth = 0) {
   const std::string bytes = frame(1, {std::make_shared<const std::string>(slot.bytes(Channel::kMap))});
   const test::WebSlot read = test::decoded(bytes).slots.begin()->second;
   std::size_t seen = 0;
-  for (const auto& array : read.json["arrays"]) {
+  for (const auto& array : read.json.value("arrays", nlohmann::json::array())) {
     if (array["name"] != name || seen++ != nth) continue;
     std::vector<Value> out(array["shape"][0].get<std::size_t>() * array["shape"][1].get<std::size_t>());
     std::memcpy(out.data(), read.data.data() + array["at"].get<std::size_t>(), out.size() * sizeof(Value));
@@ -115,6 +115,28 @@ TEST(SceneMaps, WhatIsMalformedChangesNothing) {
   EXPECT_TRUE(refused([](v1::Map& m) { m.mutable_values()->mutable_data()->pop_back(); }));
   EXPECT_TRUE(refused([](v1::Map& m) { m.mutable_grid()->add_size(2); }));
   EXPECT_TRUE(maps.take(good));
+}
+
+TEST(SceneMaps, OfASceneOfAnotherWidthTheFormerAreNotShown) {
+  SceneMaps maps;
+  const auto shown = [&] { return values<float>(maps.cells(), "modulus_pa"); };
+  const v1::ObservedMap cells = part<float>("youngs_modulus", 0, 2, 2, {1, 2, 3, 4});
+  maps.take(scene({1}));
+  ASSERT_TRUE(maps.take(cells) && maps.cells_changed());
+  maps.take(scene({1}));
+  EXPECT_FALSE(maps.cells_changed());
+  EXPECT_FALSE(shown().empty());
+  v1::Scene wider = scene({1});
+  wider.mutable_geometry()->set_size_m(0, 8 * kStepM);
+  maps.take(wider);
+  EXPECT_TRUE(maps.cells_changed()) << "what is shown is gone";
+  EXPECT_TRUE(shown().empty());
+  maps.take(scene({1}));
+  ASSERT_TRUE(maps.take(cells) && maps.cells_changed());
+  wider.mutable_youngs_modulus();  // which is none
+  maps.take(wider);
+  EXPECT_TRUE(maps.cells_changed() && maps.images_changed());
+  EXPECT_TRUE(shown().empty());
 }
 
 TEST(SceneMaps, OfAWholeSceneAreItsOwn) {
