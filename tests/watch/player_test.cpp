@@ -99,6 +99,7 @@ TEST_F(PlayerTest, PlaysAtAnySpeedFromAnyPlaceBackwardsToo) {
   EXPECT_TRUE(comes(2.9, 3.01)) << shown_s_;
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   EXPECT_TRUE(comes(2.9, 3.01)) << "it stands still";
+  EXPECT_EQ(playing_["speed"], 0) << "not the slowest that it can play at";
   player.obey({{"seek_s", 12.5}});
   EXPECT_TRUE(comes(12.4, 12.51)) << shown_s_;
   player.obey({{"seek_s", "x"}, {"speed", nlohmann::json()}});

@@ -3,6 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <string>
+
 #include "tests/watch/web_peer.h"
 
 namespace teletact::client {
@@ -34,9 +40,29 @@ v1::RecordEntry published(std::uint32_t call) {
   return entry;
 }
 
-nlohmann::json newest(View& view, Channel channel) {
+test::WebSlot newest_slot(View& view, Channel channel) {
   View::Seen seen;
-  return test::decoded(frame(1, view.news(seen))).slots.at(static_cast<std::uint32_t>(channel)).json;
+  return test::decoded(frame(1, view.news(seen))).slots.at(static_cast<std::uint32_t>(channel));
+}
+
+nlohmann::json newest(View& view, Channel channel) {
+  return newest_slot(view, channel).json;
+}
+
+v1::RecordEntry tick_at(std::int64_t time_ns) {
+  v1::RecordEntry entry;
+  entry.set_monotonic_ns(time_ns);
+  entry.mutable_servo()->set_state(1);
+  return entry;
+}
+
+// A value of the last row of the trace.
+float last_of(View& view, const std::string& column) {
+  const test::WebSlot slot = newest_slot(view, Channel::kTrace);
+  Trace::Row row;
+  std::memcpy(row.data(), slot.data.data() + slot.data.size() - sizeof(row), sizeof(row));
+  return row.at(
+      static_cast<std::size_t>(std::ranges::find(Trace::columns(), column) - Trace::columns().begin()));
 }
 
 // One whose pair could not be tracked says nothing more: the next one's beginning tells.
@@ -104,18 +130,40 @@ TEST(View, AWindowWithoutEvidenceWasGiven) {
 // A session that ends brings no tick behind its last, which would else never be shown.
 TEST(View, TheLastTicksAreARowOnceTheyWaitForNoMore) {
   View view;
-  v1::RecordEntry tick;
-  tick.set_monotonic_ns(2'000'000'000);
-  tick.mutable_servo()->set_state(1);
-  view.take(tick);
+  view.take(tick_at(2'000'000'000));
   const auto rows = [&] { return newest(view, Channel::kTrace)["arrays"][0]["shape"][0]; };
   view.complete_row();
   EXPECT_EQ(rows(), 1);
   view.complete_row();
   EXPECT_EQ(rows(), 1) << "once";
-  tick.set_monotonic_ns(2'001'000'000);
-  view.take(tick);
+  view.take(tick_at(2'001'000'000));
   EXPECT_EQ(rows(), 1) << "a row of its own is open";
+}
+
+TEST(View, ARowIsAsLateAsTheLatestOfItsTicks) {
+  View view;
+  for (int n = 0; n < 10; ++n) {
+    v1::RecordEntry tick = tick_at(2'000'000'000 + n * std::int64_t{1'000'000});
+    tick.mutable_servo()->set_lateness_s(n == 2 ? 0.005 : 1e-5);
+    view.take(tick);
+  }
+  view.complete_row();
+  EXPECT_EQ(last_of(view, "lateness_s"), 0.005F);
+}
+
+TEST(View, AnAnswerWithoutAnIntervalIsDrawnWithNone) {
+  View view;
+  auto drawn = [&, time_ns = std::int64_t{0}](std::optional<double> half_width) mutable {
+    v1::RecordEntry answer;
+    v1::TouchAnswer& said = *answer.mutable_touch_response()->mutable_answer();
+    if (half_width) said.mutable_budget()->set_half_width(*half_width);
+    view.take(answer);
+    view.take(tick_at(time_ns += 10'000'000));
+    view.complete_row();
+    return last_of(view, "half_width");
+  };
+  EXPECT_EQ(drawn(0.25), 0.25F);
+  EXPECT_TRUE(std::isnan(drawn({})));
 }
 
 }  // namespace
