@@ -13,9 +13,9 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kConnectWaitS = 0.05;              // per look at the attempts, and whether to stop
-constexpr std::int64_t kSettledNs = 5'000'000'000;  // a stream that lived for so long
-constexpr unsigned kOlderCredit = 8;  // at most, of services that refuse a wish instead of keeping less
+constexpr double kConnectWaitS = 0.05;  // per look at the attempts, and whether to stop
+constexpr double kLookS = 5;            // at what there is to do, where nothing is said
+constexpr unsigned kOlderCredit = 8;    // at most, of services that refuse a wish instead of keeping less
 
 std::uint64_t random_number() {
   std::random_device random;
@@ -139,10 +139,9 @@ void TouchLink::run() {
   std::unique_ptr<Attempt> served = begin(true), successor;
   while (!stopping_) {
     const std::int64_t now_ns = clock_.now_ns();
-    std::int64_t next_ns = now_ns + to_ns(kMostRetryS);
+    std::int64_t next_ns = now_ns + to_ns(kLookS);
     if (successor && in_force_ == successor.get()) {
-      if (now_ns - served->opened_ns > kSettledNs) moves_.restart();
-      move_ns = now_ns + to_ns(moves_.next_s());  // who moves again and again gets slower
+      move_ns = now_ns + to_ns(reopening_.after_move_s(seconds_between(served->opened_ns, now_ns)));
       leave(std::exchange(served, std::move(successor)), lock);
       again_ns.reset();
       continue;
@@ -150,7 +149,7 @@ void TouchLink::run() {
     if (successor && successor->status) {
       if (const std::string why = describe(*successor->status); why != std::exchange(said, why))
         spdlog::info("the service stops, and no other has the scene yet ({})", why);
-      move_ns = now_ns + to_ns(kRetryS);
+      move_ns = now_ns + to_ns(Reopening::kRetryS);
       leave(std::move(successor), lock);
       continue;
     }
@@ -180,8 +179,7 @@ void TouchLink::run() {
   in_force_ = nullptr;
 }
 
-// None: never. A link that broke is tried again at once, a refusal ever more seldom, until a stream has lived
-// for a while.
+// None: never.
 std::optional<double> TouchLink::retry_after_s(const grpc::Status& status, const Attempt& attempt) {
   // What was accepted once may be again: a restarted service reads its scenes first. Meanwhile silence takes
   // the force away.
@@ -203,9 +201,8 @@ std::optional<double> TouchLink::retry_after_s(const grpc::Status& status, const
     spdlog::warn("touch stream ended ({}), {}", reason,
                  refused ? "trying again, ever more seldom" : "opening it again");
   last_reason_ = reason;
-  if (!refused) return kRetryS;
-  if (attempt.opened && clock_.now_ns() - attempt.opened_ns > kSettledNs) refused_.restart();
-  return refused_.next_s();
+  const double lived_s = attempt.opened ? seconds_between(attempt.opened_ns, clock_.now_ns()) : 0;
+  return reopening_.after_end_s(refused, lived_s);
 }
 
 }  // namespace teletact::client

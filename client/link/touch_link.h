@@ -32,8 +32,9 @@
 #include "client/link/credentials.h"
 #include "client/link/law_book.h"
 #include "client/link/pacing.h"
+#include "client/link/pose_pace.h"
 #include "client/link/recording.h"
-#include "client/link/retry.h"
+#include "client/link/reopening.h"
 #include "client/link/tactile_image.h"
 #include "client/link/touch_answers.h"
 #include "client/servo/servo_loop.h"
@@ -54,11 +55,7 @@ struct TouchLinkOptions {
 
 class TouchLink {
  public:
-  static constexpr double kHeartbeatS = 0.1;
-  // Between poses where a law is rendered: answers only check it; and where they bring tactile images.
-  static constexpr double kLawPeriodS = 0.05, kTactilePeriodS = 0.02;
-  static constexpr double kRetryS = 0.1;         // from a stream's end to the next
-  static constexpr double kMostRetryS = 5.0;     // when it is refused again and again
+  static constexpr double kHeartbeatS = PosePace::kHeartbeatS;
   static constexpr double kTrialPeriodS = 0.01;  // between poses of a successor that is not in force yet
 
   // Poses come from `poses`, answers go to `answers`; this link is the one reader and the one writer.
@@ -117,9 +114,9 @@ class TouchLink {
   bool write(Stream& stream, const v1::TouchRequest& request, std::int64_t now_ns, Attempt& attempt,
              std::unique_lock<std::mutex>& lock);
   void guard(grpc::ClientContext& context, Attempt& attempt);
-  bool wait_to_send(std::unique_lock<std::mutex>& lock, const Attempt& attempt, std::int64_t next_ns);
+  bool wait_to_send(std::unique_lock<std::mutex>& lock, const Attempt& attempt, const PosePace& pace);
   bool has_room(const Attempt& attempt) const;
-  std::int64_t interval_ns(const Attempt& attempt) const;
+  double interval_s(const Attempt& attempt) const;
   void record(Attempt& attempt, v1::RecordEntry entry);
   void take_opened(Attempt& attempt, const v1::TouchOpened& opened, std::int64_t received_ns);
   void take_answer(Attempt& attempt, const v1::TouchAnswer& answer, std::int64_t received_ns);
@@ -148,12 +145,11 @@ class TouchLink {
   Vector3 finger_m_ = Vector3::Zero();   // of the newest pose sent
   std::string failure_;
   std::string last_reason_;  // why the last stream ended: said once, not with every try
-  Backoff refused_{kRetryS, kMostRetryS};
+  Reopening reopening_;
   std::string hand_over_to_;  // empty: nobody
   bool stopping_ = false;
   ServoPose pose_;                                         // the servo's newest
   std::uint64_t poses_given_ = 0;                          // by the servo
-  Backoff moves_{kRetryS, kMostRetryS};                    // from one move to the next
   std::array<std::int64_t, 2 * Pacing::kMost> sent_ns_{};  // of the last poses, by sequence modulo its size
   std::uint64_t sequence_ = 0;  // never starts again, so that the servo can tell old from new
   std::uint32_t call_ = 0;      // streams in force, for recordings

@@ -209,24 +209,22 @@ bool TouchLink::has_room(const Attempt& attempt) const {
   return attempt.sent_sequence - attempt.answered_sequence < most;
 }
 
-std::int64_t TouchLink::interval_ns(const Attempt& attempt) const {
-  const double by_law_s = options_.open.has_tactile() ? kTactilePeriodS : kLawPeriodS;
-  if (&attempt != in_force_) return to_ns(kTrialPeriodS);
-  return to_ns(std::max({received_.pacing.interval_s(), 0.001, pose_.by_law ? by_law_s : 0.0}));
+double TouchLink::interval_s(const Attempt& attempt) const {
+  if (&attempt != in_force_) return kTrialPeriodS;
+  return PosePace::interval_s(received_.pacing.interval_s(), pose_.by_law, options_.open.has_tactile());
 }
 
 // True when a pose may be sent now; false when the stream is over.
 bool TouchLink::wait_to_send(std::unique_lock<std::mutex>& lock, const Attempt& attempt,
-                             std::int64_t next_ns) {
+                             const PosePace& pace) {
   while (true) {
     if (stopping_ || attempt.ended || attempt.left) return false;
     const std::int64_t now_ns = clock_.now_ns();
-    const double heartbeat_s = std::max(kHeartbeatS, received_.round_trip_s());
-    const std::int64_t send_ns = next_ns + (has_room(attempt) ? 0 : to_ns(heartbeat_s));
+    const std::int64_t due_ns = pace.due_ns(has_room(attempt), received_.round_trip_s());
     if (!attempt.opened) {
       changed_.wait(lock);
-    } else if (now_ns < send_ns) {
-      changed_.wait_for(lock, duration(send_ns - now_ns));
+    } else if (now_ns < due_ns) {
+      changed_.wait_for(lock, duration(due_ns - now_ns));
     } else {
       return true;
     }
@@ -241,11 +239,9 @@ bool TouchLink::write_open(Stream& stream, Attempt& attempt) {
 }
 
 void TouchLink::write_poses(Stream& stream, Attempt& attempt) {
-  constexpr std::int64_t kLookAgainNs = 250'000;  // for the servo's next pose
-  std::int64_t next_ns = clock_.now_ns();
-  std::int64_t sent_ns = 0;
+  PosePace pace(clock_.now_ns());
   std::unique_lock lock(mutex_);
-  while (wait_to_send(lock, attempt, next_ns)) {
+  while (wait_to_send(lock, attempt, pace)) {
     if (!hand_over_to_.empty() && &attempt == in_force_) {
       v1::TouchRequest request;
       request.mutable_hand_over()->set_session_id(std::exchange(hand_over_to_, ""));
@@ -253,18 +249,14 @@ void TouchLink::write_poses(Stream& stream, Attempt& attempt) {
     }
     const std::int64_t now_ns = clock_.now_ns();
     if (poses_.take(pose_)) ++poses_given_;
-    // The same pose twice tells the service nothing, unless as a heartbeat.
-    const bool fresh = attempt.poses_seen != poses_given_;
-    if (poses_given_ == 0 || (!fresh && now_ns - sent_ns < to_ns(kHeartbeatS))) {
-      next_ns = now_ns + kLookAgainNs;
+    if (poses_given_ == 0 || !pace.worth_sending(attempt.poses_seen != poses_given_, now_ns)) {
+      pace.look_again(now_ns);
       continue;
     }
     attempt.poses_seen = poses_given_;
-    // Keeps the average rate when a wake-up is late, without bursts.
     finger_m_ = pose_.pose.position_m;
     tell_law();
-    next_ns = std::max(next_ns + interval_ns(attempt), now_ns + interval_ns(attempt) / 2);
-    sent_ns = now_ns;
+    pace.sent(interval_s(attempt), now_ns);
     ++received_.stats.poses;
     // Poses between, of another stream, are none that this one waits for.
     if (attempt.sent_sequence == attempt.answered_sequence) attempt.answered_sequence = sequence_;

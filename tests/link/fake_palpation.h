@@ -32,8 +32,7 @@ struct FakeAccount {
   std::uint64_t most_unanswered = 0;      // poses in flight, when one came that was no heartbeat
   std::uint64_t disorder = 0;             // poses whose sequence did not increase, over all streams
   std::uint64_t wrong_acknowledgements = 0;
-  double last_x_m = 0;       // of a pose
-  double oldest_pose_s = 0;  // age of a pose when it arrived
+  double last_x_m = 0;  // of a pose
   std::string session;
   bool session_kept = true;
   std::string handed_over_to;
@@ -84,6 +83,12 @@ class FakePalpation final : public v1::Palpation::Service {
     return changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return met(account_); });
   }
 
+  // Answers, or no longer does, what it was sent last.
+  void speak(bool speaks) {
+    std::lock_guard lock(mutex_);
+    silent = !speaks;
+    changed_.notify_all();
+  }
   void harden(double factor) {
     std::lock_guard lock(mutex_);
     tissue.stiffness *= factor;
@@ -210,7 +215,6 @@ class FakePalpation final : public v1::Palpation::Service {
   }
 
   void receive(const v1::ContactPose& pose, Mailbox& mailbox) {
-    const auto now_ns = std::chrono::steady_clock::now().time_since_epoch().count();
     std::lock_guard lock(mutex_);
     ++account_.poses;
     account_.last_x_m = pose.position_m_size() > 0 ? pose.position_m(0) : NAN;
@@ -227,8 +231,6 @@ class FakePalpation final : public v1::Palpation::Service {
     if (pose.stamp().monotonic_ns() - mailbox.pose.stamp().monotonic_ns() < kHeartbeatNs)
       account_.most_unanswered =
           std::max(account_.most_unanswered, pose.sequence() - mailbox.answered_sequence);
-    account_.oldest_pose_s =
-        std::max(account_.oldest_pose_s, 1e-9 * double(now_ns - pose.stamp().monotonic_ns()));
     mailbox.pose = last_pose_ = pose;
     mailbox.arrived = std::chrono::steady_clock::now();
     mailbox.fresh = true;

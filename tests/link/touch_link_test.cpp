@@ -30,18 +30,6 @@ TEST(TouchLink, CreditIsNeverExceededAndPosesAreInOrder) {
   EXPECT_EQ(account.streams, 1u);
 }
 
-TEST(TouchLink, TheNewestPoseWins) {
-  // GIVEN a service that takes 40 poses' time per answer, THEN each pose it gets is still fresh.
-  FakePalpation service(test::socket_address("newest"));
-  service.credit = 1;
-  service.compute_s = 0.04;
-  service.serve();
-  Operator person(test::socket_address("newest"));
-  ASSERT_TRUE(service.wait_until(answers_at_least(10)));
-  EXPECT_LE(service.account().oldest_pose_s, 0.3) << "of those that wait for their turn the last waits 0.4 s";
-  EXPECT_LE(service.account().poses, 15u);
-}
-
 TEST(TouchLink, AnswersCarryTheirOwnPose) {
   FakePalpation service(test::socket_address("pair"));
   service.serve();
@@ -80,50 +68,6 @@ TEST(TouchLink, TactileImagesAreTakenOnceAndAMalformedOneIsDroppedAlone) {
   EXPECT_FALSE(person.link->take_tactile());
   EXPECT_EQ(person.link->stats().tactile_images, before.tactile_images);
   EXPECT_EQ(person.link->stats().dropped, 0u) << "the force it came with counts";
-}
-
-// How long the link takes for so many poses. Later ones make up for one that was late, by half an interval in
-// all: a busy machine makes it longer, not shorter.
-double seconds_for(int poses, const Operator& person) {
-  const auto begin = std::chrono::steady_clock::now();
-  const auto before = person.link->stats().poses;
-  EXPECT_TRUE(test::within(20, [&] { return person.link->stats().poses >= before + std::uint64_t(poses); }));
-  return test::seconds_since(begin);
-}
-double least_s(int poses, double period_s) {
-  return (poses - 1.5) * period_s;
-}
-
-// Whatever the versions of the windows that answer: the servo says whether it follows answers.
-TEST(TouchLink, PosesAreFewWhileAContactLawIsFelt) {
-  FakePalpation service(test::socket_address("law"));
-  service.serve();
-  Operator person(test::socket_address("law"));
-  ASSERT_TRUE(service.wait_until(answers_at_least(10)));
-  constexpr int kPoses = 10;
-  const double few_s = least_s(kPoses, TouchLink::kLawPeriodS);
-  EXPECT_TRUE(test::within(20, [&] { return seconds_for(kPoses, person) < few_s / 4; }));
-  person.by_law = true;
-  EXPECT_TRUE(test::within(20, [&] { return seconds_for(kPoses, person) >= few_s; }));
-  EXPECT_GE(seconds_for(kPoses, person), few_s);
-}
-
-// Images come with answers.
-TEST(TouchLink, PosesAreAsManyAsTactileImagesWhileAContactLawIsFelt) {
-  FakePalpation service(test::socket_address("law-tactile"));
-  service.serve();
-  Operator person(test::socket_address("law-tactile"),
-                  [](TouchLinkOptions& options) { options.open.mutable_tactile(); });
-  ASSERT_TRUE(service.wait_until(answers_at_least(10)));
-  constexpr int kPoses = 10;
-  const double few_s = least_s(kPoses, TouchLink::kTactilePeriodS);
-  person.by_law = true;
-  EXPECT_TRUE(test::within(20, [&] { return seconds_for(kPoses, person) >= few_s; }));
-  EXPECT_TRUE(test::within(20, [&] {
-    const double took_s = seconds_for(kPoses, person);
-    EXPECT_GE(took_s, few_s);
-    return took_s < least_s(kPoses, TouchLink::kLawPeriodS);
-  }));
 }
 
 TEST(TouchLink, AnAnswerToAnotherSessionsPoseIsNotFelt) {
