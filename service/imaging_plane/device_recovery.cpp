@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "service/scene/errors.h"
@@ -11,7 +10,7 @@
 namespace teletact::service {
 
 DeviceRecovery::DeviceRecovery(std::size_t number, std::function<void()> again,
-                               std::function<void(bool)> tell, const Pauses& pauses)
+                               std::function<void(bool)> tell, const RecoveryPauses& pauses)
     : number_(number), again_(std::move(again)), tell_(std::move(tell)), pauses_(pauses), thread_([this] {
         recover();
       }) {}
@@ -54,19 +53,15 @@ bool DeviceRecovery::works() const {
 }
 
 void DeviceRecovery::recover() {
-  using Clock = std::chrono::steady_clock;
+  using Clock = RecoveryPauses::Clock;
   std::unique_lock lock(mutex_);
-  auto first_pause = pauses_.first;
-  auto worked_since = Clock::now() - pauses_.longest;
   while (!stop_) {
     changed_.wait(lock, [this] { return stop_ || !why_.empty(); });
     if (stop_) return;
     lock.unlock();
     tell_(false);
     lock.lock();
-    const bool at_once = Clock::now() - worked_since < pauses_.longest;
-    first_pause = at_once ? std::min(2 * first_pause, pauses_.longest) : pauses_.first;
-    for (auto pause = first_pause; !why_.empty(); pause = std::min(2 * pause, pauses_.longest)) {
+    for (auto pause = pauses_.failed(Clock::now()); !why_.empty(); pause = pauses_.failed_again()) {
       if (changed_.wait_for(lock, pause, [this] { return stop_; })) return;
       lock.unlock();
       std::string still;
@@ -81,7 +76,7 @@ void DeviceRecovery::recover() {
     }
     lock.unlock();
     spdlog::warn("event=device_works_again device={}", number_);
-    worked_since = Clock::now();
+    pauses_.works(Clock::now());
     tell_(true);
     lock.lock();
   }

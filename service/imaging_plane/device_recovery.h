@@ -2,30 +2,23 @@
 // until that works, and then everything new uses the new one. Answers from compliances go on meanwhile.
 #pragma once
 
-#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <functional>
 #include <mutex>
 #include <string>
 #include <thread>
-#include <utility>
+
+#include "service/imaging_plane/recovery_pauses.h"
 
 namespace teletact::service {
 
 class DeviceRecovery {
  public:
-  // Between tries: twice as long each time. The first pause too, when the device worked for less than the
-  // longest.
-  struct Pauses {
-    std::chrono::milliseconds first{250}, longest{30'000};
-  };
   // `number` is said in the log. `again` opens the device anew, tries it and puts it into use, or throws.
   // `tell` is told each change of whether the device works. Both are called on a thread of its own.
-  DeviceRecovery(std::size_t number, std::function<void()> again, std::function<void(bool works)> tell)
-      : DeviceRecovery(number, std::move(again), std::move(tell), Pauses()) {}
   DeviceRecovery(std::size_t number, std::function<void()> again, std::function<void(bool works)> tell,
-                 const Pauses&);
+                 const RecoveryPauses& = RecoveryPauses());
   ~DeviceRecovery();  // stops
   DeviceRecovery(const DeviceRecovery&) = delete;
   DeviceRecovery& operator=(const DeviceRecovery&) = delete;
@@ -42,7 +35,7 @@ class DeviceRecovery {
   const std::size_t number_;
   const std::function<void()> again_;
   const std::function<void(bool)> tell_;
-  const Pauses pauses_;
+  RecoveryPauses pauses_;  // of recover()
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::string why_;  // empty: it works
