@@ -219,8 +219,11 @@ TEST(RestingTouch, GoesOnThoughItsLastAnswerIsUnacknowledged) {
 
 class Floods : public OnOneServer {};
 
+// At once at most what a tenth of a second allows; the others as the rate does, whatever else the machine has
+// to do.
 TEST_F(Floods, PosesAreReadNoFasterThanTwiceTheTouchRate) {
   constexpr int kPoses = 1000;
+  const double rate_hz = 2 * Limits{}.most_touch_rate_hz, at_once = 0.1 * rate_hz;
   Toucher flood(channel, "s");
   ASSERT_TRUE(flood.opened());
   flood.stop_acknowledging();
@@ -233,7 +236,7 @@ TEST_F(Floods, PosesAreReadNoFasterThanTwiceTheTouchRate) {
   }
   EXPECT_TRUE(flood.finish().ok());  // once all of them are read
   const std::chrono::duration<double> took = steady_clock::now() - begun;
-  EXPECT_GT(took.count(), 0.7 * kPoses / (2 * Limits{}.most_touch_rate_hz));
+  EXPECT_GE(took.count(), (kPoses - at_once) / rate_hz);
 }
 
 TEST_F(Slots, OthersAreServedWhileOneFillsAllPlacesOfItsKind) {
