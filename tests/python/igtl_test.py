@@ -171,7 +171,13 @@ def following(follow, *arguments):
         assert not thread.is_alive()
 
 
-def test_a_scene_is_sent_when_it_changes(server, liar, lied_to, said):
+@pytest.fixture
+def looks_often(monkeypatch):
+    """For another version of a scene, and for a session where there is none."""
+    monkeypatch.setattr("teletact.igtl._FOLLOW_S", 0.02)
+
+
+def test_a_scene_is_sent_when_it_changes(looks_often, server, liar, lied_to, said):
     def observed(requests, context):
         next(requests)
         for state in range(1, 10000):
@@ -223,7 +229,7 @@ def tick(depth_m):
     return entry(servo=recording.ServoSample(position_m=[0.05, depth_m, 0.0], force_n=[0.0, -0.25, 0.0], state=1))
 
 
-def test_a_session_is_sent_and_its_silence_is_no_force(server):
+def test_a_session_is_sent_and_its_silence_is_no_force(looks_often, server):
     words = lambda text: lambda body: text.encode() in body  # noqa: E731
     first = entry(header=recording.RecordHeader(kind="touch", version=2))
     says, ends = [], threading.Event()  # what a session says to whoever connects, and whether it ends then

@@ -149,6 +149,11 @@ def state(number=1, **fields):
     return palpation.Observation(state=number, **fields)
 
 
+def each_asked_for(*states):
+    """Who ends a stream before it has read what was written to it may leave the writer waiting: gRPC's, 10 s."""
+    return lambda requests, context: (said for _, said in zip(requests, states))
+
+
 def part(name, values, dtype=common.DATA_TYPE_FLOAT32, origin_m=(0.0, 0.0), **fields):
     out = palpation.ObservedMap(map=a_map(name, values, dtype), **fields)
     out.map.grid.origin_m[:] = origin_m
@@ -214,16 +219,11 @@ def test_another_stream_begins_with_nothing(liar, lied_to):
     """As when a service was started again, with another scene of that name."""
     image = part("b_mode", np.ones((3, 4)), common.DATA_TYPE_UINT8, window_id=3)
 
-    def again(requests, context):
-        yield state(maps=[part("youngs_modulus", np.full((1, 1), 7.0), origin_m=(0.002, 0.001))])
-
-    def once(requests, context):
-        liar.observe = again
-        yield state(maps=[part("youngs_modulus", np.full((2, 2), 5.0)), valid(), image])
-
-    liar.observe = once
+    liar.observe = each_asked_for(state(maps=[part("youngs_modulus", np.full((2, 2), 5.0)), valid(), image]))
     with lied_to.observe("s", maps=MAPS) as seen:
         seen.next()
+        liar.observe = each_asked_for(
+            state(maps=[part("youngs_modulus", np.full((1, 1), 7.0), origin_m=(0.002, 0.001))]))
         assert set(seen.maps) == {"youngs_modulus", "valid"} and set(seen.b_mode) == {3}
         seen.next()
         assert seen.streams == 2 and set(seen.maps) == {"youngs_modulus"} and not seen.b_mode
@@ -239,7 +239,7 @@ def test_a_map_that_was_not_asked_for_is_a_lie(liar, lied_to):
 def test_b_mode_images_without_end_are_a_lie(liar, lied_to, monkeypatch):
     monkeypatch.setattr("teletact.observing._MOST_B_MODE_BYTES", 20)
     images = [part("b_mode", np.ones((3, 4)), common.DATA_TYPE_UINT8, window_id=k) for k in range(2)]
-    liar.observe = lambda requests, context: iter([state(1, maps=images[:1]), state(2, maps=images[1:])])
+    liar.observe = each_asked_for(state(1, maps=images[:1]), state(2, maps=images[1:]))
     with lied_to.observe("s", maps=["b_mode"]) as seen:
         assert seen.next().changed == (0,)
         with pytest.raises(teletact.BadAnswer, match="b_mode.*in all"):

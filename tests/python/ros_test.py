@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -234,14 +235,27 @@ def said(node):
     return [message.string for message in node.publishers["teletact/warning"].sent]
 
 
-def test_a_touch_through_the_node(liar):
+@pytest.fixture
+def clock(monkeypatch):
+    """The node's, which may be put forward."""
+    clock = SimpleNamespace(ahead_s=0.0)
+    clock.monotonic = lambda: time.monotonic() + clock.ahead_s
+    monkeypatch.setattr("teletact_ros.bridge.time", clock)
+    return clock
+
+
+def test_a_touch_through_the_node(liar, clock):
     tissue = Tissue()
     liar.touch = tissue.touch
+
+    def waited():
+        clock.ahead_s += 0.1
+        return True
 
     def act(node):
         touched(node)
         tissue.silent.set()  # the stream is open, and says nothing
-        hold(node, 0.001, lambda: newest(node)[1] == PAUSED)
+        hold(node, 0.001, lambda: waited() and newest(node)[1] == PAUSED)
         assert not newest(node)[0].any() and any("no answer of the service" in text for text in said(node))
         tissue.silent.clear()
         hold(node, 0.001, lambda: node.publishers["teletact/operating_state"].sent[-1].is_homed)
