@@ -55,8 +55,8 @@ LagField on_envelope(const TrackerOptions& options, const RfImage& pre, const Rf
   return field;
 }
 
-Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
-            const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
+Track by_block_matching(const TrackerOptions& options, const service::RfFrame& pre_frame,
+                        const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
   constexpr double kCoarseM = 1.5e-3, kMiddleM = 0.8e-3;  // node spacing of the first two levels
   const Nodes coarse(pre_frame, geometry, kCoarseM, kCoarseM),
       middle(pre_frame, geometry, kMiddleM, kMiddleM),
@@ -79,7 +79,7 @@ Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
 }  // namespace
 
 Tracker make_block_matcher(TrackerOptions options) {
-  return {"multi-level block matching", std::bind_front(track, options)};
+  return {"multi-level block matching", std::bind_front(by_block_matching, options)};
 }
 
 }  // namespace teletact::bench

@@ -138,7 +138,7 @@ std::vector<float> on_nodes(const PatchForward& forward, const service::ImageGri
   return out;
 }
 
-std::vector<float> estimate(const ModulusProblem& p) {
+std::vector<float> by_gauss_newton(const ModulusProblem& p) {
   PatchForward forward(p.tissue, p.window_width_m, p.window_depth_m);
   const Eigen::VectorXd data = data_of(p.track, forward.points());
   const auto count = static_cast<Eigen::Index>(forward.patches());
@@ -165,7 +165,7 @@ std::vector<float> estimate(const ModulusProblem& p) {
 }  // namespace
 
 ModulusPeer make_gauss_newton() {
-  return {"Gauss-Newton, finite-difference Jacobian", estimate};
+  return {"Gauss-Newton, finite-difference Jacobian", by_gauss_newton};
 }
 
 }  // namespace teletact::bench

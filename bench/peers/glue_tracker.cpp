@@ -106,8 +106,9 @@ Track result(const TrackerOptions& options, const RfImage& pre, const Warped& po
   return track_of(nodes, field, options.least_correlation);
 }
 
-Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
-            const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
+Track by_global_regularisation(const TrackerOptions& options, const service::RfFrame& pre_frame,
+                               const service::RfFrame& post_frame,
+                               const service::AcquisitionGeometry& geometry) {
   const Nodes nodes(pre_frame, geometry, options.grid_dx_m, options.grid_dy_m);
   RfImage pre = image_of(pre_frame), post = image_of(post_frame);
   double largest = 1e-30;
@@ -130,7 +131,7 @@ Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
 }  // namespace
 
 Tracker make_glue_tracker(TrackerOptions options) {
-  return {"DP and global regularisation (GLUE)", std::bind_front(track, options)};
+  return {"DP and global regularisation (GLUE)", std::bind_front(by_global_regularisation, options)};
 }
 
 }  // namespace teletact::bench

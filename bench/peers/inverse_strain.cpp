@@ -32,7 +32,7 @@ std::vector<float> median(const std::vector<float>& raw, std::ptrdiff_t nx, std:
   return out;
 }
 
-std::vector<float> estimate(const ModulusProblem& p) {
+std::vector<float> by_inverse_strain(const ModulusProblem& p) {
   const double pressure_pa = p.force.force_n / p.force.contact_area_m2;
   std::vector<float> raw(p.strain.size(), std::numeric_limits<float>::quiet_NaN());
   for (std::size_t n = 0; n < raw.size(); ++n)
@@ -44,7 +44,7 @@ std::vector<float> estimate(const ModulusProblem& p) {
 }  // namespace
 
 ModulusPeer make_inverse_strain() {
-  return {"1/strain", estimate};
+  return {"1/strain", by_inverse_strain};
 }
 
 }  // namespace teletact::bench

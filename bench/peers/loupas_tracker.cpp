@@ -72,8 +72,8 @@ void refine(const Analytic& pre, const Analytic& post, int sample, int line, con
   correlation = std::abs(between) / std::sqrt(pre_energy * post_energy);
 }
 
-Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
-            const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
+Track by_autocorrelation(const TrackerOptions& options, const service::RfFrame& pre_frame,
+                         const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
   const Nodes nodes(pre_frame, geometry, options.grid_dx_m, options.grid_dy_m);
   const double periods = geometry.center_frequency_hz / geometry.sampling_frequency_hz;
   const Analytic pre(image_of(pre_frame), periods), post(image_of(post_frame), periods);
@@ -94,7 +94,7 @@ Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
 }  // namespace
 
 Tracker make_loupas_tracker(TrackerOptions options) {
-  return {"2-D autocorrelation (Loupas)", std::bind_front(track, options)};
+  return {"2-D autocorrelation (Loupas)", std::bind_front(by_autocorrelation, options)};
 }
 
 }  // namespace teletact::bench

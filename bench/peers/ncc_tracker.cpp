@@ -91,8 +91,8 @@ void search(const TrackerOptions& options, const RfImage& pre, const RfImage& po
     }
 }
 
-Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
-            const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
+Track by_cross_correlation(const TrackerOptions& options, const service::RfFrame& pre_frame,
+                           const service::RfFrame& post_frame, const service::AcquisitionGeometry& geometry) {
   const Nodes nodes(pre_frame, geometry, options.grid_dx_m, options.grid_dy_m);
   const RfImage pre = image_of(pre_frame), post = image_of(post_frame);
   const double deepest_m = geometry.first_sample_depth_m + pre.samples * nodes.sample_m;
@@ -108,7 +108,7 @@ Track track(const TrackerOptions& options, const service::RfFrame& pre_frame,
 }  // namespace
 
 Tracker make_ncc_tracker(TrackerOptions options) {
-  return {"plain NCC", std::bind_front(track, options)};
+  return {"plain NCC", std::bind_front(by_cross_correlation, options)};
 }
 
 }  // namespace teletact::bench
