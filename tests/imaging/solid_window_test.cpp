@@ -352,6 +352,10 @@ TEST(SolidWindow, AFaceThatTouchesInPartIsSaid) {
               deviation_where(part, lump));
   EXPECT_LE(std::abs(off), 1.96 * deviation_where(part, lump));
   EXPECT_GE(part.modulus_correlation_m, 0.010) << "what it is off by is alike all over the lump";
+  float least = HUGE_VALF;
+  for (std::size_t n = 0; n < part.grid.size(); ++n)
+    if (part.valid[n]) least = std::min(least, part.modulus_log_deviation[n]);
+  EXPECT_GE(least, 2.3F) << "a factor of ten, wherever it is";
   solid.lean_m = 0, solid.uneven = 0.1;
   const Estimate uneven = Window(tissue(solid, 0.120, Lump{0.015, 4, true}), kFineSpacingM).estimate();
   print("uneven", uneven);
