@@ -15,6 +15,7 @@ struct FramePair {
   std::string pre, post;                  // line after line, axial fastest, of acquisition.dtype()
   std::string made =
       {};  // how they were made of recorded data that are no RF, for people; empty: they are RF
+  std::vector<std::string> doubts = {};  // about recorded data, a line each
 };
 
 template <class T>

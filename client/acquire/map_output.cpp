@@ -45,7 +45,7 @@ struct Shown {
   double factor;
 };
 
-Shown shown(const v1::Map& map) {
+Shown unit_of(const v1::Map& map) {
   if (map.unit() == "Pa") return {"kPa", 1e-3};
   if (map.unit() == "m") return {"um", 1e6};
   if (map.name().find("strain") != std::string::npos) return {"%", 100};
@@ -88,7 +88,7 @@ VtiGrid vti_grid(const v1::Grid& grid) {
 
 Panel panel_of(const v1::Map& map, const std::vector<float>& valid) {
   Panel panel;
-  const Shown how = shown(map);
+  const Shown how = unit_of(map);
   panel.title = map.name();
   for (char& c : panel.title)
     if (c == '_') c = ' ';
@@ -246,17 +246,6 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
 }
 
 }  // namespace
-
-void require_writable_folder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error)
-    throw FileError(folder, "cannot be created (" + error.message() + "); give another folder with --out");
-  const std::filesystem::path probe = folder / ".teletact-writable";
-  const bool written = static_cast<bool>(std::ofstream(probe) << 'x' << std::flush);
-  std::filesystem::remove(probe, error);
-  if (!written) throw FileError(folder, "cannot be written; give another folder with --out");
-}
 
 const v1::Map& map_of(const std::vector<v1::Map>& maps, std::string_view name) {
   for (const v1::Map& map : maps)

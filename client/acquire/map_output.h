@@ -8,12 +8,9 @@
 #include <vector>
 
 #include "client/acquire/estimate_client.h"
+#include "client/files/file_io.h"
 
 namespace teletact::client {
-
-// Creates the folder and proves that it can be written, before anything is computed for it. Throws FileError
-// with one line that says what is wrong.
-void require_writable_folder(const std::filesystem::path& folder);
 
 // The values of a map as float, x fastest, whatever type they travelled in. Throws std::runtime_error when
 // the array does not fill its grid.

@@ -17,7 +17,7 @@ struct FrameInputError : std::runtime_error {
 };
 
 struct RecordedFrameOptions {
-  std::filesystem::path pre, post;  // .mha (MetaImage), .mat (MATLAB v5, v7.3), .uff (USTB)
+  std::filesystem::path pre, post;  // .mha, .mhd (MetaImage), .mat (MATLAB v5, v7.3), .uff (USTB)
   double center_frequency_hz = 0;
   double sampling_frequency_hz = 0;               // 0: not stated; a .uff file states the distance of samples
   std::optional<double> sound_speed_m_s;          // of none, the file's, or 1540
@@ -26,6 +26,7 @@ struct RecordedFrameOptions {
   std::string frame;  // "LAB" or "PROBE"
   std::optional<double> force_n, contact_area_m2;
   std::string variable;                              // .mat: name of the RF variable; .uff: of the object
+  std::string post_variable;                         // of post; empty: the same
   std::string axial_axis;                            // .mat: "rows" or "columns"
   std::optional<std::size_t> pre_frame, post_frame;  // of a file with several frames: which, from 0
   std::string spacing_unit = "m";                    // of the MetaImage header: "m" or "mm"

@@ -18,7 +18,6 @@ constexpr double kSamplesInPeriod =
     5;                              // at least, of the centre frequency: with 4, tracking is 1.4 times off
 constexpr double kLeastRate = 0.5;  // of complex data, over the centre frequency: no pulse has less of a band
 constexpr double kLeastLikeness = 0.5;  // of neighbours in depth: with less, 1 % of the band is folded over
-constexpr double kMeanOfEchoes = 0.2;   // of real data, over their root mean square: an envelope has 0.89
 constexpr double kSame = 0.01;          // of two frequencies that are said to be one
 
 // The window's half width in samples, and its shape: the stop band is 80 dB down.
@@ -48,30 +47,12 @@ double energy(const std::vector<float>& values) {
   return sum;
 }
 
-void refuse_envelope(const UffImage& image, const std::string& file) {
-  double sum = 0;
-  for (const float v : image.values) sum += v;
-  const double n = static_cast<double>(image.values.size());
-  if (std::abs(sum / n) > kMeanOfEchoes * std::sqrt(energy(image.values) / n))
-    throw FrameInputError(
-        file +
-        ": holds an envelope or an image, without the phase of the echoes; give the complex "
-        "data that the beamformer made");
-}
-
-RfImage real_rf(const UffImage& image, const PulseOptions& pulse, const std::string& file) {
-  refuse_envelope(image, file);
+// recorded_frames judges whether they are RF.
+RfImage real_rf(const UffImage& image, const PulseOptions& pulse) {
   RfImage out;
   out.sample_count = image.sample_count;
   out.sampling_frequency_hz = pulse.sound_speed_m_s / (2 * image.sample_pitch_m);
   out.samples = image.values;
-  if (out.sampling_frequency_hz <= 2 * pulse.center_frequency_hz)
-    throw FrameInputError(
-        fmt::format("{}: z_axis: real data {:.3g} m apart are {:.3g} Hz, and more than twice the centre "
-                    "frequency is needed; "
-                    "beamform at most {:.3g} m apart",
-                    file, image.sample_pitch_m, out.sampling_frequency_hz,
-                    pulse.sound_speed_m_s / (2 * kSamplesInPeriod * pulse.center_frequency_hz)));
   return out;
 }
 
@@ -117,7 +98,7 @@ Complex likeness_of_neighbours(const std::vector<Complex>& lines, std::size_t sa
 }  // namespace
 
 RfImage rf_of(const UffImage& image, const PulseOptions& pulse, const std::string& file) {
-  if (energy(image.imaginary) == 0) return real_rf(image, pulse, file);
+  if (energy(image.imaginary) == 0) return real_rf(image, pulse);
   const double f0 = pulse.center_frequency_hz, c = pulse.sound_speed_m_s,
                f_m = modulation_of(image, pulse, file);
   const double rate = c / (2 * image.sample_pitch_m);

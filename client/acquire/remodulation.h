@@ -25,7 +25,7 @@ struct PulseOptions {
 // d exp(2 pi i f t), t = 2 z / sound speed, f the modulation frequency: a whole number of samples for each of
 // d's, at least 5 in a period of the centre frequency. Between d's own depths it is interpolated (a sinc
 // under a Kaiser window of 32 samples, after a shift of the centre frequency to 0). Throws FrameInputError
-// naming `file` and the remedy: an envelope or image; no modulation frequency; depths too far apart for the
+// naming `file` and the remedy: no modulation frequency; depths too far apart for the
 // pulse; echoes that lie elsewhere than at the centre frequency.
 RfImage rf_of(const UffImage& image, const PulseOptions& pulse, const std::string& file);
 

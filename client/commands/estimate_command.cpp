@@ -100,12 +100,18 @@ void warn_of_doubt(double background_pa) {
   if (!doubt.empty()) std::fprintf(stderr, "warning: %s\n", doubt.c_str());
 }
 
+// With what the service doubts: printed, and kept beside the maps.
+void add_doubts(const FramePair& pair, v1::EstimateSummary& summary) {
+  for (const std::string& doubt : pair.doubts) summary.add_warnings(doubt);
+}
+
 void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& channel,
               const RecordedFrameOptions& frames, const std::string& out) {
   const FramePair pair = read_recorded_frames(frames);
   warn_of_assumptions(pair.acquisition);
   if (!pair.made.empty()) std::printf("%s\n", pair.made.c_str());
-  const EstimateOutcome outcome = estimate(client, pair, progress(), frames);
+  EstimateOutcome outcome = estimate(client, pair, progress(), frames);
+  add_doubts(pair, outcome.summary);
   let_writing_end();
   const auto files =
       write_estimate(out, pair.acquisition, outcome, {frames.pre, frames.post, pair.made, get_info(channel)});
@@ -118,10 +124,14 @@ void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& chan
 }
 
 std::string named(const RecordedFrameOptions& frames) {
-  const auto with_frame = [](const std::filesystem::path& file, const std::optional<std::size_t>& frame) {
-    return file.string() + (frame ? "[" + std::to_string(*frame) + "]" : "");
+  const auto with_frame = [](const std::filesystem::path& file, const std::string& variable,
+                             const std::optional<std::size_t>& frame) {
+    return file.string() + (variable.empty() ? "" : ":" + variable) +
+           (frame ? "[" + std::to_string(*frame) + "]" : "");
   };
-  return with_frame(frames.pre, frames.pre_frame) + " -> " + with_frame(frames.post, frames.post_frame);
+  const std::string& post = frames.post_variable;
+  return with_frame(frames.pre, post.empty() ? "" : frames.variable, frames.pre_frame) + " -> " +
+         with_frame(frames.post, post, frames.post_frame);
 }
 
 // What one pair has against it leaves it out; what the service has, ends all.
@@ -130,6 +140,7 @@ EstimatedPair estimate_one(EstimateClient& client, const RecordedFrameOptions& f
   EstimatedPair out{frames, pair.acquisition, pair.made, {}, {}};
   try {
     out.outcome = client.estimate(pair.acquisition, pair.pre, pair.post, progress(), false);
+    add_doubts(pair, out.outcome.summary);
     warn_if_stretched(out.outcome.summary);
   } catch (const ServiceError& error) {
     if (error.code != grpc::StatusCode::INVALID_ARGUMENT &&
@@ -199,7 +210,7 @@ void run_set(EstimateClient& client, const std::shared_ptr<grpc::Channel>& chann
 }
 
 void run(const EstimateArguments& arguments) {
-  require_writable_folder(arguments.out);
+  const HeldFolder held(arguments.out);
   const std::vector<RecordedPlace> set = recorded_places(arguments.set);
   require_one_geometry(set);
   const auto channel = reach_service(arguments.address, arguments.credentials, say);
@@ -215,7 +226,7 @@ void add_file_options(CLI::App& command, RecordedSetOptions& set) {
   command
       .add_option(
           "--pre", set.pre,
-          "frame before compression: .mha, .mat or .uff; several: one for each --post, or one for all")
+          "frame before compression: .mha, .mhd, .mat or .uff; several: one for each --post, or one for all")
       ->required();
   command
       .add_option("--post", set.post,
@@ -226,6 +237,8 @@ void add_file_options(CLI::App& command, RecordedSetOptions& set) {
   command.add_option("--variable", frames.variable,
                      ".mat: name of the RF variable; without it a .mat is refused. .uff: name of the "
                      "uff.beamformed_data; without it the only one there is");
+  command.add_option("--post-variable", set.post_variable,
+                     "of the frame after compression, where it is another (default: as --variable)");
   command
       .add_option("--axial-axis", frames.axial_axis,
                   ".mat: depth runs along rows or columns; without it a .mat is refused")

@@ -203,11 +203,7 @@ void run_patient(const PatientOptions& options) {
   try {
     const Tissue tissue = tissue_for(options);
     const auto windows = windows_of(options, tissue);
-    std::error_code error;
-    fs::create_directories(options.out, error);
-    if (error)
-      throw CommandError("--out " + options.out + ": cannot be created (" + error.message() +
-                         "); choose a folder that you may write to");
+    const HeldFolder held(options.out);
     if (!options.write_tissue_file.empty()) write_tissue(options.write_tissue_file, tissue);
     const Pressed patient(tissue);
     nlohmann::json truth = description(tissue, options.frame);

@@ -39,9 +39,7 @@ nlohmann::json judged(const ReportArguments& arguments, const TouchRecord& touch
 
 bool run(const ReportArguments& arguments) {
   const std::filesystem::path out = arguments.out;
-  std::error_code error;
-  std::filesystem::create_directories(out, error);
-  if (error) throw CommandError("--out " + arguments.out + ": cannot be created (" + error.message() + ")");
+  const HeldFolder held(out);
   const TouchRecord touch = read_touch_record(arguments.touch_record);
   if (touch.malformed_images > 0)
     std::fprintf(stderr, "warning: %llu malformed tactile images of the recording are left out\n",

@@ -1,5 +1,7 @@
 #include "client/files/file_io.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -31,6 +33,31 @@ void write_file(const fs::path& path, std::string_view head, std::span<const std
     throw FileError(path, "could not be written completely (" + reason +
                               "); free some disk space or choose another folder");
   }
+}
+
+void require_writable_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error)
+    throw FileError(folder, "cannot be created (" + error.message() + "); give another folder with --out");
+  const fs::path probe = folder / ".teletact-writable";
+  errno = 0;
+  const bool written = static_cast<bool>(std::ofstream(probe) << 'x' << std::flush);
+  const std::string reason = std::strerror(errno);
+  fs::remove(probe, error);
+  if (!written) throw FileError(folder, "cannot be written (" + reason + "); give another folder with --out");
+}
+
+HeldFolder::HeldFolder(const fs::path& folder) : descriptor_(-1) {
+  require_writable_folder(folder);
+  descriptor_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor_ < 0 || ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  ::close(descriptor_);
+  throw FileError(folder, "another process writes its results there; give another folder with --out");
+}
+
+HeldFolder::~HeldFolder() {
+  if (descriptor_ >= 0) ::close(descriptor_);
 }
 
 std::size_t readable_file_size(const fs::path& path) {

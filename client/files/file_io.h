@@ -1,4 +1,4 @@
-// What every file format here shares: one error type and whole-file writing.
+// What every file format here shares: one error type, whole-file writing, and folders for results.
 #pragma once
 
 #include <cstddef>
@@ -21,6 +21,24 @@ struct FileError : std::runtime_error {
 // Throws FileError (folder missing or not writable, disk full).
 void write_file(const std::filesystem::path& path, std::string_view head,
                 std::span<const std::byte> body = {});
+
+// Creates the folder and proves that it can be written. Throws FileError with one line that says what is
+// wrong.
+void require_writable_folder(const std::filesystem::path& folder);
+
+// A folder for results that no other process writes meanwhile: held until this ends, or the process does, on
+// file systems that can.
+class HeldFolder {
+ public:
+  // As require_writable_folder(); throws FileError, too, where another process holds it.
+  explicit HeldFolder(const std::filesystem::path& folder);
+  ~HeldFolder();
+  HeldFolder(const HeldFolder&) = delete;
+  HeldFolder& operator=(const HeldFolder&) = delete;
+
+ private:
+  int descriptor_;
+};
 
 // Size in bytes of an existing, readable regular file. Throws FileError otherwise.
 std::size_t readable_file_size(const std::filesystem::path& path);

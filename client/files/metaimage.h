@@ -1,14 +1,18 @@
-// MetaImage (.mha): a text header, then raw little-endian samples, uncompressed, in one file.
-// Read: NDims 2 or 3; ElementType MET_UCHAR, MET_SHORT, MET_FLOAT, MET_DOUBLE; any number of channels. What
-// cannot be read faithfully (compression, big endian, a rotated TransformMatrix, data in another file) is
-// refused, and a size that the file does not hold is refused before anything is allocated.
+// MetaImage (.mha, or .mhd with its data in a file beside it), as MetaIO, ITK, PLUS and SUPRA write it: a
+// text header of up to 16 MiB, then samples, packed by zlib or not, of either byte order. ITK's own reader
+// takes 200 packages to install, so this one is tested against files that it wrote. Read: NDims 2 to 4, where
+// the third of 4 is 1; all of MetaIO's numbers of up to 32 bits; any number of channels. What cannot be read
+// faithfully (text samples, a rotated TransformMatrix, data spread over several files) is refused, and a size
+// that the file does not hold is refused before anything is allocated.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <span>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -35,10 +39,12 @@ struct MetaImage {
   std::vector<double> spacing;    // per dimension, > 0 (metres here); empty when the file does not state it
   std::vector<double> origin;     // of the first element (Offset, Position or Origin); empty when not stated
   std::size_t channels = 1;       // interleaved: the channel is faster than every dimension
-  ElementType type = ElementType::kFloat32;
-  std::vector<std::byte> data;  // exactly values() * element_bytes(type)
+  ElementType type = ElementType::kFloat32;   // other integers are read as the least of these that holds them
+  std::vector<std::byte> data;                // exactly values() * element_bytes(type)
+  std::map<std::string, std::string> fields;  // the header's, as they stand: what a writer of its own added
 
-  std::size_t values() const;  // elements times channels
+  std::string field(const std::string& name) const;  // "" where it is not there
+  std::size_t values() const;                        // elements times channels
 
   // The samples as T, converted value by value (double to int16 truncates: ask for what the file holds).
   template <class T>
@@ -90,7 +96,8 @@ std::vector<T> MetaImage::as() const {
 template <class T>
 MetaImage MetaImage::of(std::vector<std::size_t> size, std::vector<double> spacing,
                         std::vector<double> origin, std::span<const T> samples, std::size_t channels) {
-  MetaImage image{std::move(size), std::move(spacing), std::move(origin), channels, element_type_of<T>(), {}};
+  MetaImage image{
+      std::move(size), std::move(spacing), std::move(origin), channels, element_type_of<T>(), {}, {}};
   if (samples.size() != image.values())
     throw std::invalid_argument("MetaImage::of: samples do not fill size x channels");
   image.data.resize(samples.size_bytes());

@@ -51,6 +51,7 @@ std::vector<RecordedPlace> recorded_places(const RecordedSetOptions& options) {
   Count count;
   count.add("--pre", options.pre);
   count.add("--post", options.post);
+  count.add("--post-variable", options.post_variable);
   count.add("--pre-frame", options.pre_frame);
   count.add("--post-frame", options.post_frame);
   count.add("--force-n", options.force_n);
@@ -64,6 +65,7 @@ std::vector<RecordedPlace> recorded_places(const RecordedSetOptions& options) {
     RecordedFrameOptions pair = options.common;
     pair.pre = *of_pair(options.pre, p);
     pair.post = *of_pair(options.post, p);
+    if (const auto* variable = of_pair(options.post_variable, p)) pair.post_variable = *variable;
     if (const auto* frame = of_pair(options.pre_frame, p)) pair.pre_frame = *frame;
     if (const auto* frame = of_pair(options.post_frame, p)) pair.post_frame = *frame;
     if (const auto* force = of_pair(options.force_n, p)) pair.force_n = *force;

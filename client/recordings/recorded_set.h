@@ -13,6 +13,7 @@ namespace teletact::client {
 struct RecordedSetOptions {
   RecordedFrameOptions common;  // all but what follows
   std::vector<std::filesystem::path> pre, post;
+  std::vector<std::string> post_variable;  // empty: as of pre
   std::vector<std::size_t> pre_frame, post_frame;
   std::vector<double> force_n;
   std::vector<double> z_m;  // of each pair's image plane; empty: all are of one place

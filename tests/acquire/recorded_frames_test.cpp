@@ -44,7 +44,7 @@ TEST(RecordedFrames, ValuesThatCannotBeAskedForAreRefusedByName) {
   good.center_frequency_hz = 7e6;
   good.sampling_frequency_hz = 40e6;
   good.frame = "LAB";
-  EXPECT_NE(refusal(good).find("not a .mha, .mat or .uff file"), std::string::npos)
+  EXPECT_NE(refusal(good).find("not a .mha, .mhd, .mat or .uff file"), std::string::npos)
       << "all but the files is good";
   for (const double nu : {0.0, 0.5, -0.1, static_cast<double>(NAN)}) {
     RecordedFrameOptions options = good;

@@ -20,9 +20,9 @@ std::string message_of(const fs::path& path) {
   try {
     read_metaimage(path);
   } catch (const FileError& error) {
-    EXPECT_EQ(error.path, path);
+    EXPECT_EQ(error.path.parent_path(), path.parent_path());
     EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << "one line";
-    EXPECT_NE(std::string(error.what()).find(path.string()), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find(error.path.string()), std::string::npos);
     return error.what();
   }
   return "no error";
@@ -98,10 +98,7 @@ TEST(MetaImage, RefusesWhatItCannotReadFaithfully) {
     const char *key, *line, *expected;
   };
   for (const Case& c : std::vector<Case>{
-           {"CompressedData", "CompressedData = True", "uncompressed"},
-           {"BinaryDataByteOrderMSB", "BinaryDataByteOrderMSB = True", "little-endian"},
-           {"BinaryDataByteOrderMSB", "BinaryDataByteOrderMSB = true", "little-endian"},
-           {"BinaryDataByteOrderMSB", "ElementByteOrderMSB = 1", "little-endian"},
+           {"BinaryData", "BinaryData = False", "save it as binary"},
            {"TransformMatrix", "Orientation = 0 1 1 0", "Orientation"},
            {"TransformMatrix", "Rotation = 0 1 1 0", "Rotation"},
            {"TransformMatrix", "TransformMatrix = 0 1 1 0", "TransformMatrix"},
@@ -121,7 +118,7 @@ TEST(MetaImage, RefusesWhatItCannotReadFaithfully) {
            {"ElementType", "ElementType = MET_ULONG_LONG", "MET_FLOAT"},
            {"ElementNumberOfChannels", "ElementNumberOfChannels = 0", "ElementNumberOfChannels"},
            {"Extra", "DimSize = 3 2", "twice"},
-           {"ElementDataFile", "ElementDataFile = other.raw", "LOCAL"},
+           {"ElementDataFile", "ElementDataFile = other.raw", "does not exist"},
            {"ElementDataFile", "", "ElementDataFile"}}) {
     put_content(path, header_with(c.key, c.line) + samples);
     EXPECT_NE(message_of(path).find(c.expected), std::string::npos) << c.line << " -> " << message_of(path);

@@ -120,12 +120,12 @@ TEST(Arrows, TheClientsFoldersDependOnlyOnThoseToTheirRight) {
                {"stimuli", {"experiment", "link", "servo", "haptic", "render", "clock"}},
                {"watch", {"link", "servo", "clock"}},
                {"session", {"link", "servo", "haptic", "render", "clock", "files"}},
-               {"acquire", {"link", "clock", "patient", "files"}},
+               {"acquire", {"link", "clock", "patient", "files", "text"}},
                {"recordings", {"acquire", "files"}},
                {"report", {"link", "servo", "clock", "patient", "files", "text"}},
                {"commands",
                 {"session", "watch", "acquire", "recordings", "report", "stimuli", "experiment", "link",
-                 "servo", "haptic", "render", "clock", "patient", "files"}}},
+                 "servo", "haptic", "render", "clock", "patient", "files", "text"}}},
               "client");
 }
 

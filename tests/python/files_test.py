@@ -1,4 +1,7 @@
-"""MetaImage files: those of teletact-client are read, and what would be read with wrong numbers or axes is refused."""
+"""MetaImage files: those of teletact-client, ITK, PLUS and SUPRA are read, and what would be read with wrong numbers or
+axes is refused."""
+
+import zlib
 
 import numpy as np
 import pytest
@@ -40,9 +43,8 @@ def test_what_is_read(read, changes):
     ({"TransformMatrix": "0 1 1 0"}, "resample"), ({"Rotation": "1 0 0 -1"}, "resample"),
     ({"Orientation": "0 -1 1 0"}, "resample"), ({"Orientation": "1 0 0 0 1 0 0 0 1"}, "4 finite numbers"),
     ({"TransformMatrix": "1 0 0 nan"}, "4 finite numbers"),
-    *(({field: true}, "little-endian") for field in ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
-      for true in ("True", "true", "TRUE", "T", "1")),
-    ({"CompressedData": "1"}, "uncompressed"), ({"BinaryData": "0"}, "binary"),
+    ({"BinaryData": "0"}, "binary"), ({"ElementType": "MET_LONG_LONG"}, "MET_INT"),
+    ({"NDims": "5"}, "two dimensions"),
     ({"ElementNumberOfChannels": "\u00b2"}, "1 finite number"), ({"DimSize ": "2 3"}, "keep one"),
     ({"ElementSpacing": None}, "metres"), ({"ElementSpacing": "0.001"}, "2 finite numbers"),
 ], ids=str)
@@ -55,3 +57,59 @@ def test_what_is_refused(read, changes, remedy):
 def test_what_teletact_client_writes_is_read():
     image = teletact.read_metaimage(SOURCE / "tests" / "fuzzers" / "corpus" / "metaimage" / "rf_int16.mha")
     assert image.dtype == np.int16 and image.shape == (4, 3) and image.y[1] == 1.9e-5 and image.x[1] == 3e-4
+
+
+def image_of(path, fields, data):
+    path.write_bytes("".join(f"{name} = {value}\n" for name, value in (HEADER | fields).items()).encode() + data)
+    return path
+
+
+COUNTED = np.arange(6).reshape(3, 2).T  # y, x
+
+
+@pytest.mark.parametrize("true", ["True", "true", "T", "1"])
+@pytest.mark.parametrize("field", ["BinaryDataByteOrderMSB", "ElementByteOrderMSB"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_both_byte_orders_packed_or_not(tmp_path, field, true, packed):
+    data = np.arange(6, dtype=">i2").tobytes()
+    fields = {field: true} | ({"CompressedData": "1", "HeaderSize": "-1"} if packed else {})
+    image = teletact.read_metaimage(image_of(tmp_path / "a.mha", fields | {"ElementDataFile": "LOCAL"},
+                                             zlib.compress(data) if packed else data))
+    assert image.dtype == np.int16
+    np.testing.assert_array_equal(image.values, COUNTED)
+
+
+@pytest.mark.parametrize("name", ["char.mha", "uchar.mhd", "short.mha", "short_packed.mha", "ushort_packed.mha",
+                                  "int_packed.mhd", "uint.mha", "float_packed.mha", "double.mha"])
+def test_what_itk_writes_is_read(name):
+    image = teletact.read_metaimage(SOURCE / "tests" / "files" / "itk" / name)
+    np.testing.assert_array_equal(image.values.T.ravel(), 7.0 * np.arange(12) - 30 + 100 * name.startswith("u"))
+    np.testing.assert_allclose(image.x, 0.002 + 3e-4 * np.arange(3))
+
+
+def test_a_sequence_of_plus_has_frames(tmp_path):
+    fields = {f"Seq_Frame{k:04}_Transform{n}": "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1" for k in range(400) for n in range(4)}
+    fields |= {"NDims": "3", "DimSize": "2 3 2", "ElementSpacing": "0.001 0.002 1", "Offset": "0 0.01 0",
+               "UltrasoundImageType": "RF_REAL", "UltrasoundImageOrientation": "FM", "ElementDataFile": "LOCAL"}
+    data = np.arange(12, dtype="<i2").tobytes()
+    image = teletact.read_metaimage(image_of(tmp_path / "a.mha", fields, data))
+    assert image.dims == ("y", "x", "frame") and (tmp_path / "a.mha").stat().st_size > 1 << 16
+    np.testing.assert_array_equal(image.isel(frame=1).values, COUNTED + 6)
+    turned = fields | {"UltrasoundImageOrientation": "MFA", "UltrasoundImageType": "BRIGHTNESS"}
+    with pytest.warns(UserWarning, match="BRIGHTNESS"):
+        image = teletact.read_metaimage(image_of(tmp_path / "a.mha", turned, data))
+    np.testing.assert_array_equal(image.isel(frame=0).values, COUNTED.T)
+    assert image.x[1] == 0.001 and image.y[0] == 0.01
+
+
+@pytest.mark.parametrize("name", ["/etc/passwd", "../a.raw", "..", "LIST", "a%d.raw 1 2 1"])
+def test_data_of_others_are_not_read(tmp_path, name):
+    with pytest.raises(teletact.DamagedFile, match="beside this one"):
+        teletact.read_metaimage(image_of(tmp_path / "a.mhd", {"ElementDataFile": name}, b""))
+
+
+@pytest.mark.parametrize("data", [b"no zlib at all", zlib.compress(b"1234")[:-2], zlib.compress(b"1" * 13), b""])
+def test_damaged_packed_data_are_refused(tmp_path, data):
+    with pytest.raises(teletact.DamagedFile, match="exactly the elements"):
+        teletact.read_metaimage(image_of(tmp_path / "a.mha", {"CompressedData": "True", "ElementDataFile": "LOCAL"},
+                                         data))

@@ -115,20 +115,6 @@ TEST(Remodulation, RealRfIsTakenAsItIs) {
   EXPECT_TRUE(rf.made.empty());
   image.imaginary.assign(image.values.size(), 0);
   EXPECT_EQ(rf_of(image, {kCenterHz, kSoundSpeed, {}}, "a.uff").samples, image.values);
-  image.sample_pitch_m *= 4;
-  EXPECT_NE(refusal(image, {kCenterHz, kSoundSpeed, {}}).find("z_axis: real data"), std::string::npos);
-}
-
-TEST(Remodulation, EnvelopesAndImagesAreRefused) {
-  const ComplexLines lines = iq(6e6, 1);
-  UffImage envelope = image_of({kSamples, lines.real, {}}, 1);
-  for (std::size_t k = 0; k < lines.real.size(); ++k)
-    envelope.values[k] = std::hypot(lines.real[k], lines.imaginary[k]);
-  UffImage decibels = envelope;
-  for (float& v : decibels.values) v = 20 * std::log10(v + 1e-3F) - 60;
-  for (const UffImage& image : {envelope, decibels})
-    EXPECT_NE(refusal(image, {kCenterHz, kSoundSpeed, {}}).find("holds an envelope or an image"),
-              std::string::npos);
 }
 
 // Never a silent wrong number: what was folded over at the sampling, or lies at another frequency, is said.

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "client/files/matlab/v5_elements.h"
+#include "client/files/matlab/v73_parser.h"
 #include "client/text/shown.h"
 
 namespace teletact::client {
@@ -77,9 +78,10 @@ std::vector<std::size_t> checked_dimensions(const std::filesystem::path& path, c
   if (info.class_type == MAT_C_SPARSE) throw FileError(path, prefix + "is sparse; save full(" + name + ")");
   if (!is_numeric(info.class_type))
     throw FileError(
-        path, prefix +
-                  "cannot be read as numbers (a cell, struct or text, or a v7.3 file whose MATLAB_class is "
-                  "not as MATLAB writes it); save its RF array as a numeric variable of its own, v5 or v7.3");
+        path,
+        prefix +
+            "cannot be read as numbers (a cell, struct or text); save its RF array as a numeric variable "
+            "of its own, v5 or v7.3");
   if (info.isComplex != 0) throw FileError(path, prefix + "is complex (IQ?); save real RF samples");
   if (info.rank < 2 || info.rank > 3)
     throw FileError(
@@ -146,6 +148,8 @@ MatFrames parse_mat(const std::filesystem::path& path, const std::string& variab
   const std::size_t file_bytes = readable_file_size(path);
   require_whole_v5(path, file_bytes, variable);
   const std::lock_guard lock(matio_mutex);
+  // matio would read MATLAB's own alone, not those of hdf5storage or h5py.
+  if (is_hdf5(path)) return parse_v73(path, file_bytes, variable, axial);
   Mat_LogInitFunc("teletact", keep_complaint);
   matio_complaint().clear();
   const Mat mat(Mat_Open(path.c_str(), MAT_ACC_RDONLY));

@@ -1,0 +1,150 @@
+#include "client/files/matlab/hdf5_reader.h"
+
+#include <new>
+#include <string_view>
+
+#include "client/files/file_io.h"
+#include "client/files/matlab/mat_parser.h"
+#include "client/text/shown.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr std::size_t kMostPresent = 500;   // bytes of the names of what is there
+constexpr std::size_t kMostObjects = 1000;  // of a file
+constexpr std::size_t kMostText = 256;      // bytes
+
+}  // namespace
+
+Hdf5Node child(const Hdf5Node& parent, const std::string& name) {
+  Hdf5Node out{Hdf5Id(), parent.name.empty() ? name : parent.name + "/" + name};
+  H5L_info_t link{};
+  // Soft links need not be followed, and external ones must not be.
+  if (!parent.is(H5I_GROUP) || name.empty() || H5Lexists(parent.id, name.c_str(), H5P_DEFAULT) <= 0 ||
+      H5Lget_info(parent.id, name.c_str(), &link, H5P_DEFAULT) < 0 || link.type != H5L_TYPE_HARD)
+    return out;
+  out.id = Hdf5Id(H5Oopen(parent.id, name.c_str(), H5P_DEFAULT), H5Oclose);
+  return out;
+}
+
+std::string text_of(const Hdf5Node& node, const char* attribute) {
+  if (H5Aexists(node.id, attribute) <= 0) return "";
+  const Hdf5Id read(H5Aopen(node.id, attribute, H5P_DEFAULT), H5Aclose);
+  const Hdf5Id type(read.there() ? H5Aget_type(read) : H5I_INVALID_HID, H5Tclose);
+  const Hdf5Id space(read.there() ? H5Aget_space(read) : H5I_INVALID_HID, H5Sclose);
+  if (!type.there() || H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
+    return "";
+  if (H5Tis_variable_str(type) > 0) {
+    char* text = nullptr;
+    if (H5Aread(read, type, static_cast<void*>(&text)) < 0 || text == nullptr) return "";
+    std::string out(std::string_view(text).substr(0, kMostText));
+    H5free_memory(text);
+    return out;
+  }
+  const std::size_t bytes = H5Tget_size(type);
+  if (bytes == 0 || bytes > kMostText) return "";
+  std::string out(bytes, '\0');  // with or without a NUL at its end
+  if (H5Aread(read, type, out.data()) < 0) return "";
+  return out.c_str();
+}
+
+std::vector<std::string> names_in(const Hdf5Node& group) {
+  std::vector<std::string> names;
+  const auto add = [](hid_t, const char* name, const H5L_info_t*, void* into) -> herr_t {
+    auto& all = *static_cast<std::vector<std::string>*>(into);
+    if (all.size() == kMostObjects) return 1;
+    try {
+      all.emplace_back(name);
+    } catch (const std::bad_alloc&) {
+      return -1;
+    }
+    return 0;
+  };
+  H5Literate(group.id, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names);
+  return names;
+}
+
+Hdf5Reader::Hdf5Reader(const std::filesystem::path& path, std::size_t file_bytes, const std::string& remedy)
+    : path_(path),
+      file_bytes_(file_bytes),
+      file_((H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr),  // it would print what we say
+             H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)),
+            H5Fclose) {
+  if (!file_.there()) refuse("is no HDF5 file or is damaged; " + remedy);
+  root_.id = Hdf5Id(H5Gopen2(file_, "/", H5P_DEFAULT), H5Gclose);
+}
+
+void Hdf5Reader::refuse(const std::string& words) const {
+  throw FileError(path_, words);
+}
+
+void Hdf5Reader::refuse_field(const Hdf5Node& field, const std::string& words) const {
+  refuse("'" + shown(field.name) + "' " + words);
+}
+
+void Hdf5Reader::refuse_larger(const Hdf5Node& field) const {
+  refuse_field(field, "claims to be larger than the file can hold; the file is damaged: write it again");
+}
+
+std::string Hdf5Reader::present() const {
+  std::string list;
+  for (const std::string& name : names_in(root_)) list += (list.empty() ? "" : ", ") + shown(name);
+  return list.empty() ? "nothing" : shown(list, kMostPresent);
+}
+
+Hdf5Reader::Extent Hdf5Reader::extent_of(const Hdf5Node& data) const {
+  if (!data.is(H5I_DATASET)) refuse_field(data, "is missing, or is no array; write the object again");
+  const Hdf5Id type(H5Dget_type(data.id), H5Tclose), space(H5Dget_space(data.id), H5Sclose),
+      made(H5Dget_create_plist(data.id), H5Pclose);
+  if (!type.there() || (H5Tget_class(type) != H5T_FLOAT && H5Tget_class(type) != H5T_INTEGER) ||
+      H5Tget_size(type) > sizeof(double))
+    refuse_field(data, "holds no real numbers; write the object again");
+  if (H5Pget_layout(made) == H5D_VIRTUAL || H5Pget_external_count(made) != 0)
+    refuse_field(data, "lies in another file; write it into this one");
+  const int rank = H5Sget_simple_extent_ndims(space);
+  if (rank < 0 || rank > static_cast<int>(kMostRank) || H5Sget_simple_extent_type(space) == H5S_NULL)
+    refuse_field(data,
+                 "has " + std::to_string(rank) + " dimensions; at most pixels, channels, waves, frames");
+  Extent out;
+  out.rank = static_cast<std::size_t>(rank);
+  std::array<hsize_t, kMostRank> extent{};
+  H5Sget_simple_extent_dims(space, extent.data(), nullptr);
+  for (std::size_t k = 0; k < out.rank; ++k) out.size[k] = extent[out.rank - 1 - k];
+  long double bytes = static_cast<long double>(H5Tget_size(type));
+  for (const std::size_t n : out.size) bytes *= static_cast<long double>(n);
+  // HDF5 reads what it was not given. What is packed may be larger than the file.
+  if (H5Pget_layout(made) != H5D_CHUNKED && static_cast<long double>(H5Dget_storage_size(data.id)) < bytes)
+    refuse_larger(data);
+  return out;
+}
+
+std::size_t Hdf5Reader::count(const Hdf5Node& data) const {
+  long double values = 1;
+  for (const std::size_t n : extent_of(data).size) values *= static_cast<long double>(n);
+  if (values < 1) refuse_field(data, "is empty; write the object again");
+  require_held(data, values);
+  return static_cast<std::size_t>(values);
+}
+
+void Hdf5Reader::require_held(const Hdf5Node& data, long double values) const {
+  if (!can_hold(file_bytes_, values, 1)) refuse_larger(data);
+}
+
+void Hdf5Reader::read(const Hdf5Node& data, std::size_t values, int along, std::size_t frame, hid_t type,
+                      void* into) const {
+  const Hdf5Id space(H5Dget_space(data.id), H5Sclose);
+  if (along >= 0) {
+    const auto axis = static_cast<std::size_t>(along);
+    std::array<hsize_t, kMostRank> start{}, extent{};
+    H5Sget_simple_extent_dims(space, extent.data(), nullptr);
+    start.at(axis) = frame, extent.at(axis) = 1;
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, extent.data(), nullptr);
+  }
+  const hsize_t flat = values;
+  const Hdf5Id memory(H5Screate_simple(1, &flat, nullptr), H5Sclose);
+  if (H5Sget_select_npoints(space) != static_cast<hssize_t>(values) ||
+      H5Dread(data.id, type, memory, space, H5P_DEFAULT, into) < 0)
+    refuse_field(data, "cannot be read; the file is truncated or damaged: write it again");
+}
+
+}  // namespace teletact::client

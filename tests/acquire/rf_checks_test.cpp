@@ -1,0 +1,259 @@
+// What is no RF is refused, and what is doubtful is said: by what files state, and by how their samples
+// oscillate.
+#include "client/acquire/rf_checks.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <random>
+
+#include "client/acquire/recorded_frames.h"
+#include "client/files/metaimage.h"
+#include "tests/files/temporary_folder.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kCenterHz = 7e6, kSamplingHz = 40e6;
+constexpr std::size_t kSamples = 512, kLines = 140;
+
+using Baseband = std::vector<std::complex<double>>;
+
+// Fully developed speckle without its carrier: noise under a Gaussian of half a microsecond, line after line.
+const Baseband& baseband() {
+  static const Baseband all = [] {
+    constexpr int kHalf = 24;
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal;
+    Baseband out(kSamples * kLines), white(kSamples + 2 * kHalf);
+    for (std::size_t l = 0; l < kLines; ++l) {
+      for (auto& w : white) w = {normal(random), normal(random)};
+      for (std::size_t k = 0; k < kSamples; ++k)
+        for (int t = -kHalf; t <= kHalf; ++t)
+          out[k + kSamples * l] += white[k + static_cast<std::size_t>(t + kHalf)] * std::exp(-t * t / 50.0);
+    }
+    return out;
+  }();
+  return all;
+}
+
+// Each sample by what it is without its carrier, and by its place in the line.
+template <class Value>
+std::vector<float> made(Value value) {
+  std::vector<float> out(kSamples * kLines);
+  for (std::size_t k = 0; k < out.size(); ++k)
+    out[k] = static_cast<float>(value(baseband()[k], k % kSamples));
+  return out;
+}
+
+std::vector<float> rf(double offset = 0, double center_hz = kCenterHz) {
+  return made([=](std::complex<double> value, std::size_t k) {
+    return 100 * (value *
+                  std::polar(1.0, 2 * std::numbers::pi * center_hz / kSamplingHz * static_cast<double>(k)))
+                     .real() +
+           offset;
+  });
+}
+
+std::vector<float> envelope() {
+  return made([](std::complex<double> value, std::size_t) { return 100 * std::abs(value); });
+}
+
+std::vector<float> picture() {
+  return made(
+      [](std::complex<double> value, std::size_t) { return 40 * std::log10(std::abs(value) + 0.01) + 100; });
+}
+
+// I and Q in turn, at half the places.
+std::vector<float> interleaved_iq() {
+  std::vector<float> out(kSamples * kLines);
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const auto value = baseband()[k / 2 * 2];
+    out[k] = static_cast<float>(100 * (k % 2 == 0 ? value.real() : value.imag()));
+  }
+  return out;
+}
+
+std::vector<float> in_phase() {
+  return made([](std::complex<double> value, std::size_t) { return 100 * value.real(); });
+}
+
+constexpr double kPeriod = kSamplingHz / kCenterHz;
+
+TEST(RfAxis, IsWhereTheSamplesOscillate) {
+  EXPECT_EQ(rf_axis(rf(), kSamples, kPeriod), RfAxis::kFastest);
+  EXPECT_EQ(rf_axis(rf(5000), kSamples, kPeriod), RfAxis::kFastest) << "about another value than zero";
+  EXPECT_EQ(rf_axis(turned(rf(), kSamples), kLines, kPeriod), RfAxis::kSlowest);
+  for (const auto& samples : {envelope(), picture(), interleaved_iq(), in_phase()})
+    EXPECT_EQ(rf_axis(samples, kSamples, kPeriod), RfAxis::kNeither);
+  EXPECT_EQ(rf_axis(std::vector<float>(kSamples * kLines), kSamples, kPeriod), RfAxis::kUnclear) << "silence";
+  EXPECT_EQ(rf_axis(std::vector<float>(20 * 20, 1), 20, kPeriod), RfAxis::kUnclear) << "too few";
+}
+
+class RecordedRf : public testing::Test {
+ protected:
+  // Two frames of `samples`, of which the header says this, too.
+  template <class T = float>
+  std::filesystem::path sequence(const std::vector<float>& samples, const std::string& fields,
+                                 bool rows = false, const std::string& spacing = "1.925e-5 0.0003 1") {
+    std::vector<T> both;
+    for (int frame = 0; frame < 2; ++frame) both.insert(both.end(), samples.begin(), samples.end());
+    const char* type = std::is_same_v<T, float>           ? "MET_FLOAT"
+                       : std::is_same_v<T, std::uint16_t> ? "MET_USHORT"
+                                                          : "MET_SHORT";
+    const auto path = folder_ / "a.mha";
+    put_content(path, fmt::format("ObjectType = Image\nNDims = 3\nElementSpacing = {}\n{}DimSize = {} {} 2\n"
+                                  "ElementType = {}\nElementDataFile = LOCAL\n",
+                                  spacing, fields, rows ? kLines : kSamples, rows ? kSamples : kLines, type) +
+                          std::string(reinterpret_cast<const char*>(both.data()), both.size() * sizeof(T)));
+    return path;
+  }
+  FramePair read(const std::filesystem::path& path) {
+    RecordedFrameOptions options = options_;
+    options.pre = options.post = path;
+    options.pre_frame = 0, options.post_frame = 1;
+    return read_recorded_frames(options);
+  }
+  std::string refusal(const std::filesystem::path& path) {
+    try {
+      read(path);
+    } catch (const FrameInputError& error) {
+      return error.what();
+    }
+    return "no error";
+  }
+  std::string doubts(const std::filesystem::path& path) {
+    std::string out;
+    for (const std::string& doubt : read(path).doubts) out += doubt + "\n";
+    return out;
+  }
+  static RecordedFrameOptions usual() {
+    RecordedFrameOptions options;
+    options.center_frequency_hz = kCenterHz;
+    options.sampling_frequency_hz = kSamplingHz;
+    options.frame = "PROBE";
+    return options;
+  }
+  RecordedFrameOptions options_ = usual();
+  const TemporaryFolder folder_;
+};
+
+TEST_F(RecordedRf, ThatIsRfIsTakenWithoutAWord) {
+  EXPECT_EQ(doubts(sequence(rf(), "")), "");
+  EXPECT_EQ(doubts(sequence(rf(), "UltrasoundImageType = RF_REAL\nUltrasoundImageOrientation = FM\n")), "");
+  EXPECT_EQ(read(sequence<std::int16_t>(rf(), "")).acquisition.dtype(), v1::DATA_TYPE_INT16);
+}
+
+TEST_F(RecordedRf, WhatDoesNotOscillateIsRefusedWhateverTheHeaderSays) {
+  for (const auto& samples : {envelope(), picture(), interleaved_iq(), in_phase()})
+    for (const char* kind : {"", "UltrasoundImageType = RF_REAL\n", "UltrasoundImageType = BRIGHTNESS\n"}) {
+      const std::string message = refusal(sequence(samples, kind));
+      EXPECT_NE(message.find("do not oscillate along depth"), std::string::npos) << message;
+      if (std::string(kind).find("BRIGHT") != std::string::npos) {
+        EXPECT_NE(message.find("(UltrasoundImageType = BRIGHTNESS)"), std::string::npos) << message;
+      }
+    }
+  // The turned spacing of a picture is not its first fault.
+  EXPECT_NE(
+      refusal(sequence(picture(), "UltrasoundImageOrientation = MFA\nUltrasoundImageType = BRIGHTNESS\n"))
+          .find("do not oscillate"),
+      std::string::npos);
+}
+
+TEST_F(RecordedRf, OfAnotherKindByItsHeaderIsContradictedAloud) {
+  for (const char* kind : {"RF_IQ_LINE", "BRIGHTNESS"}) {  // SUPRA writes the latter whatever it is
+    const std::string said = doubts(sequence(rf(), fmt::format("UltrasoundImageType = {}\n", kind)));
+    EXPECT_NE(
+        said.find(fmt::format(
+            "says UltrasoundImageType = {}, but its samples oscillate as RF does, around 7.0 MHz", kind)),
+        std::string::npos)
+        << said;
+  }
+}
+
+TEST_F(RecordedRf, AxesAreTakenAsTheHeaderSays) {
+  const FramePair rows =
+      read(sequence(turned(rf(), kSamples), "UltrasoundImageOrientation = MFA\n", true, "0.0003 1.925e-5 1"));
+  EXPECT_EQ(rows.acquisition.sample_count(), kSamples);
+  EXPECT_EQ(rows.acquisition.line_count(), kLines);
+  EXPECT_EQ(rows.acquisition.line_pitch_m(), 0.0003);
+  EXPECT_EQ(rows.pre, bytes_of(rf()));
+  EXPECT_TRUE(rows.doubts.empty());
+  EXPECT_NE(rows.made.find("UltrasoundImageOrientation = MFA"), std::string::npos) << rows.made;
+  std::vector<float> backwards = rf();
+  for (std::size_t l = 0; l < kLines; ++l)
+    std::reverse(backwards.begin() + static_cast<std::ptrdiff_t>(l * kSamples),
+                 backwards.begin() + static_cast<std::ptrdiff_t>((l + 1) * kSamples));
+  EXPECT_EQ(read(sequence(backwards, "UltrasoundImageOrientation = NU\n")).pre, bytes_of(rf()))
+      << "towards the probe";
+  EXPECT_NE(refusal(sequence(rf(), "UltrasoundImageOrientation = MA\n")).find("is no plane of A-lines"),
+            std::string::npos);
+}
+
+TEST_F(RecordedRf, AxesThatTheSamplesContradictAreSaid) {
+  const auto said = sequence(rf(), "UltrasoundImageOrientation = MF\n");
+  EXPECT_EQ(read(said).pre, bytes_of(rf()));
+  EXPECT_NE(doubts(said).find(
+                "UltrasoundImageOrientation = MF contradicts its samples, which oscillate along the first"),
+            std::string::npos)
+      << doubts(said);
+  const auto unsaid = sequence(turned(rf(), kSamples), "", true, "0.0003 1.925e-5 1");
+  EXPECT_EQ(read(unsaid).pre, bytes_of(rf()));
+  EXPECT_NE(doubts(unsaid).find("oscillate along the second dimension: that is taken as depth"),
+            std::string::npos);
+}
+
+TEST_F(RecordedRf, OffsetsOfUnsignedSamplesAreTakenOff) {
+  const FramePair pair = read(sequence<std::uint16_t>(rf(32768), ""));
+  EXPECT_EQ(pair.acquisition.dtype(), v1::DATA_TYPE_FLOAT32);
+  EXPECT_TRUE(pair.doubts.empty());
+  const auto* samples = reinterpret_cast<const float*>(pair.pre.data());
+  double sum = 0;
+  for (std::size_t k = 0; k < kSamples * kLines; ++k) sum += samples[k];
+  EXPECT_NEAR(sum / (kSamples * kLines), 0, 0.01);
+  EXPECT_NEAR(samples[1000] - samples[1001], rf()[1000] - rf()[1001], 1);
+}
+
+TEST_F(RecordedRf, RatesThatTheEchoesContradictAreSaid) {
+  const auto path = sequence(rf(), "", false, "1 1 1");  // states no spacing, as MetaIO writes it
+  options_.line_pitch_m = 0.0003;
+  EXPECT_EQ(doubts(path), "");
+  for (const double hz : {50e6, 32e6}) {  // a quarter too much, a fifth too little
+    options_.sampling_frequency_hz = hz;
+    EXPECT_NE(doubts(path).find(
+                  fmt::format("where 7.0 MHz is stated: is the sampling frequency {:.1f} MHz?", 1e-6 * hz)),
+              std::string::npos)
+        << doubts(path);
+  }
+  options_.sampling_frequency_hz = 13e6;
+  EXPECT_NE(refusal(path).find("more than twice the centre frequency"), std::string::npos);
+}
+
+TEST_F(RecordedRf, NanAndFramesThatAreInvalidAreRefused) {
+  std::vector<float> samples = rf();
+  samples[kSamples + 3] = NAN;
+  EXPECT_NE(refusal(sequence(samples, "")).find("holds NaN or infinity"), std::string::npos);
+  EXPECT_NE(refusal(sequence(rf(), "Seq_Frame0001_ImageStatus = INVALID\n"))
+                .find("frame 1 is INVALID (Seq_Frame0001_ImageStatus); choose another with --post-frame"),
+            std::string::npos);
+  EXPECT_EQ(read(sequence(rf(), "Seq_Frame0000_Timestamp = 0.1\nSeq_Frame0001_Timestamp = 0.133\n")).made,
+            "frames stamped 0.1 and 0.133 s");
+}
+
+TEST_F(RecordedRf, LengthsThatContradictEachOtherAreSaid) {
+  const auto path = sequence(rf(), "", false, "1.925e-5 1.925e-5 1");  // SUPRA has one spacing for all
+  EXPECT_NE(doubts(path).find("A-lines 0.01925 mm apart, exactly as the samples along depth"),
+            std::string::npos);
+  const auto good = sequence(rf(), "");
+  options_.force_n = 1, options_.probe_elevation_m = 0.01;
+  options_.contact_area_m2 = 0.01 * 0.0003 * kLines;
+  EXPECT_EQ(doubts(good), "");
+  *options_.contact_area_m2 *= 2;
+  EXPECT_NE(doubts(good).find("is 2 times --probe-elevation-m"), std::string::npos) << doubts(good);
+}
+
+}  // namespace
+}  // namespace teletact::client

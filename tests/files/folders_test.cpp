@@ -1,0 +1,51 @@
+// Folders for results: nobody else's while they are written.
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "client/files/file_io.h"
+#include "client/text/utf8.h"
+#include "tests/files/temporary_folder.h"
+
+namespace teletact::client {
+namespace {
+
+TEST(HeldFolder, IsOneProcessesAtATime) {
+  const TemporaryFolder folder;
+  std::optional<HeldFolder> first(folder / "out/of/this");
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "out/of/this")) << "nothing is left in it";
+  try {
+    const HeldFolder second(folder / "out/of/../of/this");
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_NE(std::string(error.what()).find("another process writes its results there"), std::string::npos);
+  }
+  const HeldFolder other(folder / "out");
+  first.reset();
+  const HeldFolder again(folder / "out/of/this");
+}
+
+TEST(HeldFolder, SaysWhyItCannotBeWritten) {
+  const TemporaryFolder folder;
+  put_content(folder / "file", "");
+  try {
+    const HeldFolder in_a_file(folder / "file/out");
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_NE(std::string(error.what()).find("cannot be created (Not a directory)"), std::string::npos)
+        << error.what();
+  }
+}
+
+TEST(Utf8, TellsTextFromOtherBytes) {
+  for (const char* text :
+       {"", "plain", "\xc3\xa4", "\xe2\x82\xac", "\xed\x9f\xbf", "\xf0\x90\x80\x80", "\xf4\x8f\xbf\xbf"})
+    EXPECT_TRUE(is_utf8(text)) << text;
+  for (const char* bytes :
+       {"\xe4", "latin\xe4/a", "\xc3", "\xc3\x28", "\x80", "\xc0\xaf", "\xc1\xbf", "\xe0\x80\xaf",
+        "\xed\xa0\x80", "\xf0\x80\x80\xaf", "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xff", "\xe2\x82"})
+    EXPECT_FALSE(is_utf8(bytes)) << testing::PrintToString(std::string(bytes));
+}
+
+}  // namespace
+}  // namespace teletact::client

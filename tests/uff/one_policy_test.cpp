@@ -1,0 +1,127 @@
+// What is no RF, or lies the wrong way round, is refused in a .mat and a .uff file as in an .mha.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <complex>
+#include <numeric>
+#include <random>
+
+#include "client/acquire/recorded_frames.h"
+#include "tests/files/matlab/write_uff.h"
+#include "tests/files/temporary_folder.h"
+
+namespace teletact::client {
+namespace {
+
+constexpr double kCenterHz = 7e6, kSamplingHz = 40e6, kSoundSpeed = 1540;
+constexpr std::size_t kSamples = 300, kLines = 150;
+
+// Echoes of 7 MHz, strong and weak from place to place; or how strong they are.
+std::vector<float> rf(bool envelope = false) {
+  constexpr std::size_t kAlike = 12;
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  std::vector<float> out(kSamples * kLines);
+  std::vector<std::complex<double>> white(kSamples + kAlike);
+  for (std::size_t l = 0; l < kLines; ++l) {
+    for (auto& w : white) w = {normal(random), normal(random)};
+    for (std::size_t k = 0; k < kSamples; ++k) {
+      const auto base = 100.0 * std::accumulate(white.begin() + static_cast<std::ptrdiff_t>(k),
+                                                white.begin() + static_cast<std::ptrdiff_t>(k + kAlike),
+                                                std::complex<double>());
+      const double phase = 2 * M_PI * kCenterHz / kSamplingHz * static_cast<double>(k);
+      out[k + kSamples * l] =
+          static_cast<float>(envelope ? std::abs(base) : (base * std::polar(1.0, phase)).real());
+    }
+  }
+  return out;
+}
+
+std::vector<float> turned(const std::vector<float>& samples) {
+  std::vector<float> out(samples.size());
+  for (std::size_t k = 0; k < out.size(); ++k) out[k % kSamples * kLines + k / kSamples] = samples[k];
+  return out;
+}
+
+class OnePolicy : public testing::Test {
+ protected:
+  RecordedFrameOptions options(const std::string& name) {
+    RecordedFrameOptions out;
+    out.pre = out.post = folder_ / name;
+    out.center_frequency_hz = kCenterHz;
+    out.frame = "PROBE";
+    if (name.ends_with(".mat")) {
+      out.sampling_frequency_hz = kSamplingHz, out.line_pitch_m = 3e-4;
+      out.variable = "pre", out.axial_axis = "rows";
+    }
+    return out;
+  }
+  static std::string refusal(const RecordedFrameOptions& options) {
+    try {
+      read_recorded_frames(options);
+    } catch (const FrameInputError& error) {
+      return error.what();
+    }
+    return "no error";
+  }
+  void mat(const std::vector<float>& pre, const std::vector<float>& post) {
+    UffFile file(folder_ / "a.mat");  // as h5py writes one
+    file.numbers("pre", {kLines, kSamples}, pre);
+    file.numbers("post", {kLines, kSamples}, post);
+  }
+  void uff(const std::vector<float>& values) {
+    UffFile file(folder_ / "a.uff");
+    write_beamformed(file, "b_data", {kLines, kSamples, 3e-4, kSoundSpeed / (2 * kSamplingHz), 0}, values,
+                     {});
+  }
+  const TemporaryFolder folder_;
+};
+
+TEST_F(OnePolicy, EnvelopesAreRefusedAlike) {
+  mat(rf(true), rf(true));
+  uff(rf(true));
+  for (const char* name : {"a.mat", "a.uff"})
+    EXPECT_NE(refusal(options(name)).find("holds an envelope or an image, or IQ, without the phase"),
+              std::string::npos)
+        << refusal(options(name));
+}
+
+TEST_F(OnePolicy, TheOtherAxisIsNamed) {
+  mat(rf(), rf());
+  uff(turned(rf()));
+  EXPECT_EQ(refusal(options("a.mat")), "no error");
+  RecordedFrameOptions columns = options("a.mat");
+  columns.axial_axis = "columns";
+  EXPECT_NE(refusal(columns).find("give --axial-axis rows"), std::string::npos) << refusal(columns);
+  EXPECT_NE(refusal(options("a.uff")).find("oscillate along x, not along z"), std::string::npos)
+      << refusal(options("a.uff"));
+}
+
+TEST_F(OnePolicy, RatesThatTheEchoesContradictAreSaidAlike) {
+  mat(rf(), rf());
+  uff(rf());
+  RecordedFrameOptions of_mat = options("a.mat"), of_uff = options("a.uff");
+  of_mat.sampling_frequency_hz = 50e6;
+  of_uff.center_frequency_hz = 5.6e6;
+  for (const RecordedFrameOptions& o : {of_mat, of_uff}) {
+    const auto doubts = read_recorded_frames(o).doubts;
+    ASSERT_EQ(doubts.size(), 1u);
+    EXPECT_NE(doubts[0].find("its echoes lie around"), std::string::npos) << doubts[0];
+  }
+  EXPECT_TRUE(read_recorded_frames(options("a.mat")).doubts.empty());
+  EXPECT_TRUE(read_recorded_frames(options("a.uff")).doubts.empty());
+}
+
+TEST_F(OnePolicy, FramesMayBeTwoVariablesOfOneFile) {
+  std::vector<float> post = rf();
+  for (float& value : post) value *= 2;
+  mat(rf(), post);
+  RecordedFrameOptions two = options("a.mat");
+  two.post_variable = "post";
+  const FramePair pair = read_recorded_frames(two);
+  EXPECT_EQ(pair.pre, bytes_of(rf()));
+  EXPECT_EQ(pair.post, bytes_of(post));
+}
+
+}  // namespace
+}  // namespace teletact::client
