@@ -68,6 +68,7 @@ demo() {
   [[ $passes =~ ^[1-9][0-9]*$ ]] || die_of_usage "--passes must be a whole number above 0, not '$passes'"
   mkdir -p -- "$out" 2>/dev/null && [[ -w $out ]] || die "cannot write the output folder $out: give another with --out"
   out=$(cd -- "$out" && pwd)
+  hold_folder "$out"
   [[ $round_trip =~ [1-9] ]] || round_trip=
   case $solid in
     '') build teletact-service compiled_kernels teletact-client ${round_trip:+teletact-proxy} ;;
@@ -82,6 +83,18 @@ demo() {
     given) run_solid_demo "$seed" "$duration" "$round_trip" ;;
     *) run_demo "$seed" "$duration" "$passes" "$round_trip" ;;
   esac
+}
+
+# Of two demos in one folder the first would judge its touch against the other's patient: the second ends here. The
+# lock is on log, for the folder itself is held by the report; where there is no flock, or none on that file system,
+# nothing is held.
+hold_folder() {
+  mkdir -p -- "$1/log" 2>/dev/null || die "cannot write the output folder $1: give another with --out"
+  command -v flock >/dev/null || return 0
+  exec {DEMO_LOCK}<"$1/log"
+  local status=0
+  flock --nonblock --conflict-exit-code 75 "$DEMO_LOCK" 2>/dev/null || status=$?
+  ((status != 75)) || die "another demo writes into $1: give another folder with --out"
 }
 
 DEMO_PIDS=()

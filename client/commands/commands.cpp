@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "client/link/channel.h"
+#include "client/text/utf8.h"
 
 namespace teletact::client {
 
@@ -34,6 +35,18 @@ void refuse_what_is_not_finite(CLI::App& app) {
       if (option->get_type_name().rfind("FLOAT", 0) == 0) option->check(problem);
 }
 
+// Names end up in messages and in JSON, which take UTF-8 alone and would refuse others after the work is
+// done.
+void refuse_what_is_no_utf8(CLI::App& app) {
+  const auto problem = [](const std::string& text) {
+    return is_utf8(text) ? ""
+                         : "its bytes are no UTF-8; rename it, or go to its folder and leave the path out";
+  };
+  for (CLI::App* command : app.get_subcommands({}))
+    for (CLI::Option* option : command->get_options())
+      if (option->get_items_expected_max() > 0) option->check(problem);
+}
+
 // What is read from a variable's first value would say 0 where something else is meant.
 void hide_defaults_that_are_none(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands({}))
@@ -45,8 +58,7 @@ void hide_defaults_that_are_none(CLI::App& app) {
 CLI::Option* add_address(CLI::App& command, std::string& address, Credentials& credentials,
                          const std::string& help) {
   CLI::Option* const service = command.add_option("--service", address, help)->check(address_problem);
-  for (const CredentialOption& option : credential_options(credentials))
-    command.add_option_function<std::string>(option.flag, option.take, option.description);
+  add_credential_options(command, credentials);
   return service;
 }
 
@@ -74,6 +86,14 @@ void say(const std::string& line) {
   std::fprintf(stderr, "%s\n", line.c_str());
 }
 
+void add_credential_options(CLI::App& command, Credentials& credentials) {
+  for (const CredentialOption& option : credential_options(credentials))
+    command.add_option_function<std::string>(option.flag, option.take, option.description);
+  command.add_flag(
+      "--proxy", credentials.proxy,
+      "by the proxy that the environment names (grpc_proxy, https_proxy, http_proxy); else past it");
+}
+
 void add_service_options(CLI::App& command, std::string& address, Credentials& credentials) {
   add_address(command, address, credentials, "HOST:PORT or unix:/path")->required();
 }
@@ -84,6 +104,7 @@ CLI::Option* add_optional_service_options(CLI::App& command, std::string& addres
       add_address(command, address, credentials, "HOST:PORT or unix:/path; without it " + without_it);
   for (const CredentialOption& option : credential_options(credentials))
     command.get_option(option.flag)->needs(service);
+  command.get_option("--proxy")->needs(service);
   return service;
 }
 
@@ -118,6 +139,7 @@ void add_commands(CLI::App& app) {
   add_touch_command(app);
   add_watch_command(app);
   refuse_what_is_not_finite(app);
+  refuse_what_is_no_utf8(app);
   hide_defaults_that_are_none(app);
 }
 

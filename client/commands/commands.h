@@ -42,6 +42,8 @@ void require_new_files(const std::vector<NamedFile>& files, bool force);
 void refuse_beside(const CLI::App& command, const std::vector<std::string>& options,
                    const std::string& reason);
 
+// What add_service_options() adds but --service.
+void add_credential_options(CLI::App& command, Credentials& credentials);
 // --service, and the files by which it and this client know each other.
 void add_service_options(CLI::App& command, std::string& address, Credentials& credentials);
 // The same of a command that needs none; `without_it`: what it does then. Returns --service.

@@ -4,7 +4,9 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -121,7 +123,8 @@ void refuse_what_the_device_ignores(const CLI::App& command, const std::string& 
 }
 
 [[noreturn]] void throw_not_writable(const std::string& json_path) {
-  throw CommandError("cannot write '" + json_path + "'; choose another file with --json");
+  throw CommandError("cannot write '" + json_path + "' (" + std::strerror(errno) +
+                     "); choose another file with --json");
 }
 
 // Before a session that would be lost. What is there stays as it is, and what is not there does not appear.
@@ -129,12 +132,12 @@ void require_writable(const std::string& json_path) {
   namespace fs = std::filesystem;
   if (json_path.empty()) return;
   std::error_code ignored;
-  const bool there = fs::exists(json_path, ignored);
-  const bool writable = there
-                            ? !fs::is_directory(json_path, ignored) && ::access(json_path.c_str(), W_OK) == 0
-                            : std::ofstream(json_path).is_open();
-  if (!there) fs::remove(json_path, ignored);
+  const bool there = fs::exists(json_path, ignored), is_folder = fs::is_directory(json_path, ignored);
+  const bool writable =
+      there ? !is_folder && ::access(json_path.c_str(), W_OK) == 0 : std::ofstream(json_path).is_open();
+  if (is_folder) errno = EISDIR;
   if (!writable) throw_not_writable(json_path);
+  if (!there) fs::remove(json_path, ignored);
 }
 
 // Before the device moves; the service may allow less.

@@ -117,8 +117,7 @@ void add_watch_command(CLI::App& app) {
                      "play recordings instead: touch --record, and with it acquire --record");
   command.add_option("--service", arguments->address, "where maps come from (default: the session's)")
       ->check(address_problem);
-  for (const CredentialOption& option : credential_options(arguments->credentials))
-    command.add_option_function<std::string>(option.flag, option.take, option.description);
+  add_credential_options(command, arguments->credentials);
   command.add_option("--scene", arguments->scene_id, "whose maps (default: the session's)");
   command.add_option("--port", arguments->port, "of 127.0.0.1; 0: a free one")->check(CLI::Range(0U, 65535U));
   command.add_option("--faults", arguments->faults,

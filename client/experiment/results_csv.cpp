@@ -1,7 +1,9 @@
 #include "client/experiment/results_csv.h"
 
+#include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 #include <string_view>
@@ -82,12 +84,13 @@ bool ends_a_line(const std::filesystem::path& path) {
 ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& remark) : path_(path) {
   if (std::filesystem::exists(path) && !holds_no_answer(path))
     throw std::runtime_error(path.string() + " exists already; give a new name");
+  errno = 0;
   file_.open(path);
   file_.precision(std::numeric_limits<double>::max_digits10);
   file_ << "# " << remark << '\n' << kHeader << '\n' << std::flush;
   if (!file_)
-    throw std::runtime_error("cannot write " + path.string() +
-                             ": give one in a folder of yours that has room");
+    throw std::runtime_error("cannot write " + path.string() + " (" + std::strerror(errno) +
+                             "): give one in a folder of yours that has room");
 }
 
 ResultsCsv ResultsCsv::going_on(const std::filesystem::path& path, std::size_t answered) {
@@ -95,12 +98,13 @@ ResultsCsv ResultsCsv::going_on(const std::filesystem::path& path, std::size_t a
     throw std::runtime_error(path.string() + ": expected the line " + kHeader + "; begin a new file");
   ResultsCsv csv;
   csv.path_ = path, csv.trials_ = answered;
+  errno = 0;
   csv.file_.open(path, std::ios::app);
   csv.file_.precision(std::numeric_limits<double>::max_digits10);
   if (!ends_a_line(path)) csv.file_ << '\n';
   if (!csv.file_)
-    throw std::runtime_error("cannot write " + path.string() +
-                             ": give one in a folder of yours that has room");
+    throw std::runtime_error("cannot write " + path.string() + " (" + std::strerror(errno) +
+                             "): give one in a folder of yours that has room");
   return csv;
 }
 
@@ -110,9 +114,8 @@ void ResultsCsv::add(const AnsweredTrial& answer) {
         << (answer.trial.stimulus_first ? kStimulus : kBackground) << '\n'
         << std::flush;
   if (!file_)
-    throw std::runtime_error("cannot write " + path_.string() +
-                             ": is the disk full? The answers before trial " + std::to_string(trials_) +
-                             " are kept");
+    throw std::runtime_error("cannot write " + path_.string() + " (" + std::strerror(errno) +
+                             "). The answers before trial " + std::to_string(trials_) + " are kept");
 }
 
 std::optional<std::uint64_t> seed_of_results_csv(const std::filesystem::path& path) {

@@ -90,7 +90,7 @@ const std::string& client_name() {
   return name;
 }
 
-grpc::ChannelArguments channel_arguments() {
+grpc::ChannelArguments channel_arguments(bool proxy) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstBackoffMs);
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectTimeoutMs);  // gRPC's name for it
@@ -100,6 +100,7 @@ grpc::ChannelArguments channel_arguments() {
   // whatever its deadline (gRPC 1.51).
   arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, proxy ? 1 : 0);  // gRPC would take it unasked
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   return arguments;
 }
@@ -116,8 +117,8 @@ std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const Cr
   std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(
       std::make_unique<NamingFactory>(Said{name, given.token.empty() ? "" : "Bearer " + given.token}));
-  return grpc::experimental::CreateCustomChannelWithInterceptors(address, credentials, channel_arguments(),
-                                                                 std::move(interceptors));
+  return grpc::experimental::CreateCustomChannelWithInterceptors(
+      address, credentials, channel_arguments(given.proxy), std::move(interceptors));
 }
 
 Connecting::Connecting(std::string address, Credentials credentials)
@@ -145,6 +146,8 @@ std::string address_problem(const std::string& address) {
   std::string remedy = "give HOST:PORT or unix:/path, not " + address;
   const std::size_t colon = address.rfind(':');
   if (colon == std::string::npos || colon == 0 || begins("http")) return remedy;
+  if (!begins("[") && address.find(':') < colon)
+    return "an IPv6 address stands in brackets: [::1]:50051, not " + address;
   unsigned port = 0;
   const char* const end = address.data() + address.size();
   const auto parsed = std::from_chars(address.data() + colon + 1, end, port);
@@ -154,6 +157,9 @@ std::string address_problem(const std::string& address) {
 std::string nobody_answers(const std::string& address, const Credentials& given) {
   if (const std::string host = unresolved_host(address); !host.empty())
     return "no service at " + address + ": the name " + host + " does not resolve; check it";
+  if (given.proxy)
+    return "no service at " + address + " through the proxy of the environment (grpc_proxy, https_proxy or " +
+           "http_proxy); check it, or leave --proxy out";
   return "no service at " + address + ": start one with './teletact serve --listen " + address +
          "' (teletact-service), " +
          (given.tls_ca.empty() ? "or give --tls-ca if it serves TLS"

@@ -17,8 +17,9 @@ namespace teletact::client {
 // printable ASCII. Every call over a channel of make_channel() carries it, as the metadata "teletact-client".
 const std::string& client_name();
 
-// What every channel is made with: fast reconnects, keepalive, message sizes.
-grpc::ChannelArguments channel_arguments();
+// What every channel is made with: fast reconnects, keepalive, message sizes; `proxy`: that of the
+// environment.
+grpc::ChannelArguments channel_arguments(bool proxy = false);
 
 // `address` is "host:port" or "unix:/path". Connects lazily; backoff 50 to 200 ms, 3 s per attempt. A channel
 // shares no subchannel (and so no backoff) with any other. `name`: the client's, on every call. Throws as

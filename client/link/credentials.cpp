@@ -1,6 +1,8 @@
 #include "client/link/credentials.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -8,14 +10,17 @@
 namespace teletact::client {
 namespace {
 
-std::string text_of(const std::string& path) {
+std::string text_of(const std::string& flag, const std::string& path) {
   std::ifstream in(path, std::ios::binary);
+  if (!in)
+    throw std::runtime_error(flag + " " + path + ": " + std::strerror(errno) +
+                             "; give a file that can be read");
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
 std::string read_pem(const std::string& flag, const std::string& path, const std::string& kind,
                      const std::string& remedy) {
-  std::string text = text_of(path);
+  std::string text = text_of(flag, path);
   if (text.find(kind) == std::string::npos)
     throw std::runtime_error(flag + " " + path + ": no PEM " +
                              (kind.find("KEY") == std::string::npos ? "certificate" : "key") +
@@ -25,7 +30,7 @@ std::string read_pem(const std::string& flag, const std::string& path, const std
 
 std::string read_token(const std::string& path) {
   constexpr std::size_t kMost = 512;
-  std::string text = text_of(path);
+  std::string text = text_of("--token-file", path);
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
   const bool fits = !text.empty() && text.size() <= kMost &&
                     std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c <= '~'; });
@@ -55,6 +60,9 @@ void require_usable(const Credentials& credentials, const std::string& address) 
   if (!credentials.tls_certificate.empty())
     throw std::runtime_error(
         "--tls-certificate: it is shown on encrypted connections alone; give --tls-ca, too");
+  if (!credentials.token.empty() && credentials.proxy)
+    throw std::runtime_error(
+        "--token-file: the proxy of --proxy could read the token without --tls-ca; give --tls-ca");
   if (!credentials.token.empty() && !on_this_machine(address))
     throw std::runtime_error("--token-file: " + address +
                              " is beyond this machine, and without --tls-ca others could read the token; "

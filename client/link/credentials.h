@@ -1,4 +1,4 @@
-// By which a client and a service know each other.
+// By which a client and a service know each other, and reach each other.
 #pragma once
 
 #include <functional>
@@ -14,6 +14,7 @@ struct Credentials {
   std::string tls_ca = {};
   std::string tls_certificate = {}, tls_key = {};  // PEM, the client's own; both or none, with tls_ca
   std::string token = {};                          // goes with every call
+  bool proxy = false;  // by the proxy that the environment names; else past it, which would come between
 };
 
 // Throws std::runtime_error, one line with flag and remedy: half of a pair, a certificate without encryption,

@@ -80,13 +80,18 @@ void require_within(const v1::Scene& scene, const char* option, const std::optio
                                           along_z ? " along z" : ""));
 }
 
-constexpr double kInsideM = 0.008;  // the tip's own reach
+// How far from its middle a tip touches: as it is given, else what the service takes.
+double reach_of(const v1::Fingertip& tip) {
+  constexpr double kUsualM = 0.008;
+  const double given_m = tip.radius_m() + tip.half_width_m();
+  return given_m > 0 ? given_m : kUsualM;
+}
 
 // The place nearest to `wish_m` at which the whole tip is over windows that can be touched.
-double touchable_near(const v1::Scene& scene, double wish_m) {
+double touchable_near(const v1::Scene& scene, double wish_m, double reach_m) {
   double nearest_m = wish_m, distance_m = 1e300;
   for (const Extent& extent : touchable_extents(scene)) {
-    const double inside_m = std::min(kInsideM, (extent.end_x_m - extent.begin_x_m) / 2);
+    const double inside_m = std::min(reach_m, (extent.end_x_m - extent.begin_x_m) / 2);
     const double x_m = std::clamp(wish_m, extent.begin_x_m + inside_m, extent.end_x_m - inside_m);
     if (std::abs(x_m - wish_m) >= distance_m) continue;
     distance_m = std::abs(x_m - wish_m);
@@ -96,26 +101,28 @@ double touchable_near(const v1::Scene& scene, double wish_m) {
 }
 
 // Where a person's hand begins: with tissue to both sides of it.
-double start_of_real_device(const v1::Scene& scene, const std::optional<double>& asked_m) {
+double start_of_real_device(const v1::Scene& scene, const std::optional<double>& asked_m, double reach_m) {
   require_within(scene, "--start-x-m", asked_m);
   const Extent extent = touchable_extent(scene).value();
   const std::vector<Extent> extents = touchable_extents(scene);
   const bool covered = std::any_of(extents.begin(), extents.end(), [&](const Extent& e) {
     return asked_m && *asked_m >= e.begin_x_m && *asked_m <= e.end_x_m;
   });
-  const double start_m = asked_m ? *asked_m : touchable_near(scene, (extent.begin_x_m + extent.end_x_m) / 2);
+  const double start_m =
+      asked_m ? *asked_m : touchable_near(scene, (extent.begin_x_m + extent.end_x_m) / 2, reach_m);
   if (asked_m && !covered)
     spdlog::warn("--start-x-m {}: no window covers it yet, so nothing is felt there; {:.3f} m can be touched",
-                 start_m, touchable_near(scene, start_m));
+                 start_m, touchable_near(scene, start_m, reach_m));
   return start_m;
 }
 
 HandOptions hand_on(const v1::Scene& scene, const OperatorSessionOptions& options) {
   const std::optional<ExtentZ> z = touchable_extent_z(scene);
+  const double reach_m = reach_of(options.open.fingertip());
   const double middle_z_m = z ? (z->begin_z_m + z->end_z_m) / 2 : 0;
   if (is_real(options.device)) {
     HandOptions hand;
-    hand.start_m = start_of_real_device(scene, options.start_x_m);
+    hand.start_m = start_of_real_device(scene, options.start_x_m, reach_m);
     hand.across_m = middle_z_m;
     return hand;
   }
@@ -127,17 +134,20 @@ HandOptions hand_on(const v1::Scene& scene, const OperatorSessionOptions& option
   require_within(scene, "--end-m", options.end_m, hand.along_z);
   require_within(scene, "--across-m", options.across_m, !hand.along_z);
   const Extent extent = touchable_extent(scene).value();
-  const double inside_m = kInsideM + hand.circle_radius_m;
+  const double inside_m = reach_m + hand.circle_radius_m;
   hand.begin_m = options.begin_m.value_or((hand.along_z ? z->begin_z_m : extent.begin_x_m) + inside_m);
   hand.end_m = options.end_m.value_or((hand.along_z ? z->end_z_m : extent.end_x_m) - inside_m);
   hand.across_m =
       options.across_m.value_or(hand.along_z ? (extent.begin_x_m + extent.end_x_m) / 2 : middle_z_m);
   if (!(hand.end_m > hand.begin_m)) {
-    throw std::invalid_argument("the sweep ends (" + std::to_string(hand.end_m) + " m) before it begins (" +
-                                std::to_string(hand.begin_m) + " m); set --begin-m and --end-m");
+    throw std::invalid_argument(
+        fmt::format("the sweep ends ({:.4g} m) before it begins ({:.4g} m), the tip's reach of {:.4g} m "
+                    "within the tissue; "
+                    "set --begin-m and --end-m, or a smaller --tip-radius-m",
+                    hand.end_m, hand.begin_m, reach_m));
   }
   // The first press is where something can be touched already: at the beginning, or as near to it as can be.
-  hand.start_m = hand.along_z ? hand.begin_m : touchable_near(scene, hand.begin_m);
+  hand.start_m = hand.along_z ? hand.begin_m : touchable_near(scene, hand.begin_m, reach_m);
   return hand;
 }
 

@@ -26,7 +26,7 @@ struct OperatorSessionOptions {
   std::string renderer = "law";         // or kalman, kalman-force, interpolate, hold
   WorkspaceOptions workspace;           // of a real device
   HandOptions hand;                     // of a simulated device; its places: see below
-  std::optional<double> begin_m;        // of the sweep; absent: what is covered at the start, 8 mm inside
+  std::optional<double> begin_m;        // of the sweep; absent: the tip's reach within what is covered
   std::optional<double> end_m;
   std::optional<double> across_m;   // where the sweep's line lies; absent: amid the tissue
   std::optional<double> start_x_m;  // where a real device begins; absent: amid what is covered

@@ -61,6 +61,18 @@ TEST(TouchCommand, ToleranceOfZeroIsAskedFor) {
   EXPECT_EQ(opened[1].tolerance().relative(), 0);
 }
 
+TEST(TouchCommand, SmallTipSweepsASmallTissue) {
+  test::CommandService service;
+  service.palpation.scene = scene_of(0.008, 0.004);
+  std::vector<std::string> words{"touch", "--service", service.address(), "--scene", "s"};
+  const std::string usual = test::failure_of(words);
+  EXPECT_NE(usual.find("the tip's reach of 0.008 m"), std::string::npos) << usual;
+  EXPECT_TRUE(service.palpation.opened().empty());
+  words.insert(words.end(), {"--tip-radius-m", "0.0005"});
+  EXPECT_EQ(test::failure_of(words).find("the sweep ends"), std::string::npos);
+  EXPECT_EQ(service.palpation.opened().size(), 1u);
+}
+
 TEST(WatchCommand, RecordingIsNotPlayedToNobody) {
   EXPECT_FALSE(plays(true, 0));
   EXPECT_TRUE(plays(true, 1));

@@ -182,8 +182,8 @@ class Service(_Facade):
 
 def connect(address: str, *, tls_ca: str | Path | None = None, tls_certificate: str | Path | None = None,
             tls_key: str | Path | None = None, token: str | None = None, token_file: str | Path | None = None,
-            name: str | None = None, wait_s: float = 60.0) -> Service:
+            name: str | None = None, wait_s: float = 60.0, proxy: bool = False) -> Service:
     """A service that answers: as ``teletact.aio.connect``."""
     return Service(_loop().run(aio.connect(
         address, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key, token=token, token_file=token_file,
-        name=name, wait_s=wait_s)))
+        name=name, wait_s=wait_s, proxy=proxy)))

@@ -41,16 +41,17 @@ _TIPS = {"rounded": palpation.FINGERTIP_SHAPE_ROUNDED_TIP, "punch": palpation.FI
 
 async def connect(address: str, *, tls_ca: str | Path | None = None, tls_certificate: str | Path | None = None,
                   tls_key: str | Path | None = None, token: str | None = None, token_file: str | Path | None = None,
-                  name: str | None = None, wait_s: float = 60.0) -> Service:
+                  name: str | None = None, wait_s: float = 60.0, proxy: bool = False) -> Service:
     """A service that answers.
 
     ``address``: HOST:PORT or unix:/path. ``tls_ca``, ``tls_certificate``, ``tls_key``: PEM files. ``token`` or
     ``token_file``: by which the service knows who calls. ``name``: this client's, for fair shares. ``wait_s``: how
-    long to wait for one that is still starting; one that nobody runs is not waited for.
+    long to wait for one that is still starting; one that nobody runs is not waited for. ``proxy``: by the proxy that
+    the environment names (grpc_proxy, https_proxy, http_proxy); else past it.
 
     Raises InvalidArgument, Unavailable, NotPermitted.
     """
-    service = Service(peer_of(address, tls_ca, tls_certificate, tls_key, token, token_file, name))
+    service = Service(peer_of(address, tls_ca, tls_certificate, tls_key, token, token_file, name, proxy))
     try:
         await service._reach(wait_s)
     except BaseException:

@@ -45,13 +45,15 @@ class Peer:
     tls_key: bytes | None = None
     token: str | None = None
     name: str = ""
+    proxy: bool = False
 
     def channel(self) -> grpc.aio.Channel:
         """A new connection, made when it is first used."""
+        options = [*_OPTIONS, ("grpc.enable_http_proxy", int(self.proxy))]  # gRPC would take the environment's unasked
         if self.tls_ca is None:
-            return grpc.aio.insecure_channel(self.address, options=_OPTIONS)
+            return grpc.aio.insecure_channel(self.address, options=options)
         credentials = grpc.ssl_channel_credentials(self.tls_ca, self.tls_key, self.tls_certificate)
-        return grpc.aio.secure_channel(self.address, credentials, options=_OPTIONS)
+        return grpc.aio.secure_channel(self.address, credentials, options=options)
 
     def metadata(self, scene_id: str = "") -> list[tuple[str, str]]:
         """What goes with a call about a scene."""
@@ -66,6 +68,8 @@ class Peer:
         """What helps when nobody answers."""
         if host := _unresolved_host(self.address):
             return f"the name {host} does not resolve; check it"
+        if self.proxy:
+            return "check the proxy of the environment (grpc_proxy, https_proxy or http_proxy), or leave proxy= out"
         start = f"start one with './teletact serve --listen {self.address}' (teletact-service), "
         if self.tls_ca is None:
             return start + "or give tls_ca= if it serves TLS"
@@ -89,7 +93,7 @@ def _unresolved_host(address: str) -> str:
 
 
 def peer_of(address: str, tls_ca: str | Path | None, tls_certificate: str | Path | None, tls_key: str | Path | None,
-            token: str | None, token_file: str | Path | None, name: str | None) -> Peer:
+            token: str | None, token_file: str | Path | None, name: str | None, proxy: bool = False) -> Peer:
     """Checked: raises InvalidArgument with the argument's name and a remedy."""
     _require_address(address)
     ca = _pem("tls_ca", tls_ca, b"-----BEGIN CERTIFICATE")
@@ -108,6 +112,8 @@ def peer_of(address: str, tls_ca: str | Path | None, tls_certificate: str | Path
         if not (0 < len(token) <= _LONGEST_TOKEN and _plain(token)):
             raise InvalidArgument("no token", field="token" if token_file is None else "token_file",
                                   remedy=f"give one word of at most {_LONGEST_TOKEN} plain characters")
+        if ca is None and proxy:
+            raise InvalidArgument("the proxy of proxy= could read it", field="token", remedy="give tls_ca")
         if ca is None and not _on_this_machine(address):
             raise InvalidArgument(f"{address} is beyond this machine, and without tls_ca others could read it",
                                   field="token", remedy="give tls_ca")
@@ -115,7 +121,7 @@ def peer_of(address: str, tls_ca: str | Path | None, tls_certificate: str | Path
         name = _usual_name()
     elif not (0 < len(name) <= 64 and _plain(name)):
         raise InvalidArgument(f"{name!r}", field="name", remedy="give 1 to 64 plain characters without spaces")
-    return Peer(address, ca, certificate, key, token, name)
+    return Peer(address, ca, certificate, key, token, name, proxy)
 
 
 def _plain(text: str) -> bool:
@@ -130,6 +136,8 @@ def _usual_name() -> str:
 def _require_address(address: str) -> None:
     if re.match(r"(unix|unix-abstract|dns|ipv4|ipv6):", address):
         return
+    if address.count(":") > 1 and not address.startswith(("[", "http")):
+        raise InvalidArgument(f"{address!r}", field="address", remedy="an IPv6 address stands in brackets: [::1]:50051")
     found = re.fullmatch(r"(.+):(\d{1,5})", address)
     if address.startswith("http") or not found or not 0 < int(found[2]) < 65536:
         raise InvalidArgument(f"{address!r}", field="address", remedy="give HOST:PORT or unix:/path")

@@ -1,0 +1,116 @@
+// What a person's environment and command line may hold that has nothing to do with what is asked: proxies,
+// names that are no text, a folder that another run writes.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "client/files/file_io.h"
+#include "client/link/channel.h"
+#include "tests/commands/fake_service.h"
+
+namespace teletact::client {
+namespace {
+
+// Set while this lives, and then again as it was: not set.
+class Variables {
+ public:
+  explicit Variables(const std::vector<std::string>& names) : names_(names) {
+    for (const std::string& name : names_)
+      ::setenv(name.c_str(), "http://127.0.0.1:9", 1);  // nobody is there
+    ::setenv("no_proxy", "localhost", 1);
+  }
+  ~Variables() {
+    for (const std::string& name : names_) ::unsetenv(name.c_str());
+    ::unsetenv("no_proxy");
+  }
+  Variables(const Variables&) = delete;
+  Variables& operator=(const Variables&) = delete;
+
+ private:
+  const std::vector<std::string> names_;
+};
+
+// On TCP, for gRPC asks no proxy for a Unix socket.
+class TcpService {
+ public:
+  TcpService() {
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+    builder.SetSyncServerOption(grpc::ServerBuilder::CQ_TIMEOUT_MSEC, 100);
+    builder.RegisterService(&palpation_);
+    server_ = builder.BuildAndStart();
+  }
+  ~TcpService() { server_->Shutdown(std::chrono::system_clock::now()); }
+  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  int port_ = 0;
+  test::OneScene palpation_;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+TEST(Environment, ProxiesDoNotComeBetweenUnlessAskedFor) {
+  const TcpService service;
+  for (const char* name : {"http_proxy", "grpc_proxy", "https_proxy"}) {
+    const Variables proxies({name});
+    EXPECT_EQ(test::failure_of({"scenes", "--service", service.address()}), "") << name;
+  }
+  const Variables proxies({"http_proxy"});
+  Credentials asked;
+  asked.proxy = true;
+  EXPECT_FALSE(wait_connected(*make_channel(service.address(), asked), 0.1));
+  EXPECT_NE(nobody_answers(service.address(), asked).find("through the proxy of the environment"),
+            std::string::npos);
+}
+
+TEST(Environment, TokensDoNotPassAProxyInTheClear) {
+  Credentials credentials;
+  credentials.token = "secret";
+  EXPECT_NO_THROW(require_usable(credentials, "127.0.0.1:50051"));
+  credentials.proxy = true;
+  EXPECT_THROW(require_usable(credentials, "127.0.0.1:50051"), std::runtime_error);
+}
+
+TEST(CommandLine, AddressesOfIpv6StandInBrackets) {
+  for (const char* bare : {"::1:50051", "fe80::1:50051", "::1"})
+    EXPECT_NE(address_problem(bare).find("an IPv6 address stands in brackets: [::1]:50051"),
+              std::string::npos)
+        << bare;
+  for (const char* good : {"[::1]:50051", "localhost:50051", "127.0.0.1:50051"})
+    EXPECT_EQ(address_problem(good), "");
+}
+
+// Before anything is done with them: JSON and messages would refuse them at the end.
+TEST(CommandLine, NamesThatAreNoUtf8AreRefusedFirst) {
+  const std::string name = "latin\xe4/pre.mha";
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"estimate", "--service", "unix:/tmp/tt-nobody", "--center-frequency-hz",
+                                 "7e6", "--post", "b.mha", "--out", "/proc/nowhere", "--pre", name},
+        {"touch", "--service", "unix:/tmp/tt-nobody", "--scene", "s", "--session", "latin\xe4"},
+        {"acquire", "--service", "unix:/tmp/tt-nobody", "--seed", "1", "--scene", "latin\xe4"}}) {
+    const std::string failure = test::failure_of(words);
+    EXPECT_NE(failure.find(words[words.size() - 2] + ": its bytes are no UTF-8"), std::string::npos)
+        << failure;
+  }
+}
+
+TEST(CommandLine, FoldersThatAnotherRunWritesAreRefusedFirst) {
+  const TemporaryFolder folder;
+  const std::string out = (folder / "out").string();
+  const HeldFolder other(out);
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"estimate", "--service", "unix:/tmp/tt-nobody", "--center-frequency-hz",
+                                 "7e6", "--pre", "a.mha", "--post", "b.mha"},
+        {"patient", "--seed", "7"},
+        {"report", "--touch-record", "absent"}}) {
+    std::vector<std::string> all = words;
+    all.insert(all.end(), {"--out", out});
+    const std::string failure = test::failure_of(all);
+    EXPECT_NE(failure.find("another process writes its results there"), std::string::npos) << failure;
+  }
+}
+
+}  // namespace
+}  // namespace teletact::client
