@@ -4,7 +4,9 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -129,7 +131,8 @@ AccessTable read_access(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   if (!in.is_open() || in.bad())
-    throw std::runtime_error(where + "cannot be read; give a file that this user may read");
+    throw std::runtime_error(where + "cannot be read (" + std::strerror(errno) +
+                             "); give a file that this user may read");
   try {
     return table_in(toml::parse(text));
   } catch (const toml::parse_error& error) {

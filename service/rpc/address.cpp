@@ -75,23 +75,40 @@ bool loopback(const std::string& host) {
   return inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
 }
 
+std::string words_of(int error, std::uint16_t port) {
+  constexpr std::uint16_t kFirstForAll = 1024;
+  const std::string words = std::strerror(error);
+  if (error == EACCES && port < kFirstForAll)
+    return words + ": ports below 1024 take root or CAP_NET_BIND_SERVICE; choose another port";
+  return words + (error == EADDRNOTAVAIL ? ": it is not this machine's; give one of its own" : "");
+}
+
 // Every address that the name stands for must be free: gRPC is content with one of them, and clients would
-// then find either service. What else is wrong with them, gRPC says.
+// then find either service. One of them at least must be this process's to listen on.
 void require_free(const Given& o, const std::string& host, std::uint16_t port) {
   if (port == 0) return;
   addrinfo hints{}, *all = nullptr;
   hints.ai_socktype = SOCK_STREAM;
-  if (::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &all) != 0) return;
+  if (const int failed = ::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &all); failed != 0)
+    refuse(o, ::gai_strerror(failed));
   const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> found(all, &::freeaddrinfo);
+  int error = 0;
+  bool bound = false;
   for (const addrinfo* a = found.get(); a != nullptr; a = a->ai_next) {
     const int file = ::socket(a->ai_family, a->ai_socktype | SOCK_CLOEXEC, a->ai_protocol);
-    if (file < 0) continue;
+    if (file < 0) {
+      error = errno;
+      continue;
+    }
     const int yes = 1;  // as gRPC does: connections that linger from an earlier service are no hindrance
     ::setsockopt(file, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-    const bool taken = ::bind(file, a->ai_addr, a->ai_addrlen) != 0 && errno == EADDRINUSE;
+    const int failed = ::bind(file, a->ai_addr, a->ai_addrlen) == 0 ? 0 : errno;
     ::close(file);
-    if (taken) refuse(o, "address in use: another process listens there; choose another port");
+    if (failed == EADDRINUSE) refuse(o, "address in use: another process listens there; choose another port");
+    if (failed == 0) bound = true;
+    if (failed != 0) error = failed;
   }
+  if (!bound) refuse(o, words_of(error, port));
 }
 
 bool encrypted(const ListenOptions& o) {
@@ -109,10 +126,12 @@ Address parse_address(const char* flag, const std::string& text) {
     return out;
   }
   const std::size_t colon = text.rfind(':');
-  if (colon == std::string::npos || colon == 0) refuse(given, "give HOST:PORT or unix:/path");
+  if (colon == std::string::npos) refuse(given, "give HOST:PORT or unix:/path");
   out.host = text.substr(0, colon);
   if (out.host.starts_with('[') && out.host.ends_with(']'))
     out.host = out.host.substr(1, out.host.size() - 2);
+  else if (out.host.find(':') != std::string::npos)
+    refuse(given, "an IPv6 address stands in brackets: [::1]:50051");
   if (out.host.empty()) refuse(given, "the host is missing; give HOST:PORT or unix:/path");
   const char* const end = text.data() + text.size();
   const auto port = std::from_chars(text.data() + colon + 1, end, out.port);

@@ -4,6 +4,8 @@
 #include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -23,6 +25,7 @@ std::string read_pem(const char* flag, const std::filesystem::path& path) {
     throw std::runtime_error(
         fmt::format("{} {}: is missing; give the path of a PEM file", flag, path.string()));
   std::ifstream in(path, std::ios::binary);
+  if (!in) throw std::runtime_error(fmt::format("{} {}: {}", flag, path.string(), std::strerror(errno)));
   std::string text{std::istreambuf_iterator<char>(in), {}};
   if (!in || text.find("-----BEGIN") == std::string::npos)
     throw std::runtime_error(fmt::format("{} {}: cannot be read as PEM", flag, path.string()));
