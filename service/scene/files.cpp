@@ -18,7 +18,9 @@ namespace teletact::service {
 namespace fs = std::filesystem;
 
 FileError::FileError(const char* what, const fs::path& path, int number_)
-    : std::runtime_error(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(number_))),
+    : std::runtime_error(fmt::format(
+          "cannot {} {}: {}", what, path.string(),
+          number_ == ELOOP ? "it is a symbolic link, which is not followed" : std::strerror(number_))),
       number(number_) {}
 
 bool FileError::full() const {
@@ -75,10 +77,12 @@ class MachineFiles final : public Files {
   void make_folder(const Path& folder) override {
     if (::mkdir(folder.c_str(), kFolderMode) == 0) return;
     const int number = errno;
-    if (number != EEXIST || !fs::is_directory(folder)) throw FileError("make", folder, number);
+    const fs::file_status there = fs::symlink_status(folder);
+    if (number == EEXIST && fs::is_symlink(there)) throw FileError("make", folder, ELOOP);
+    if (number != EEXIST || !fs::is_directory(there)) throw FileError("make", folder, number);
   }
   void write(const Path& path, std::span<const char> bytes) override {
-    const Descriptor file("write", path, O_WRONLY | O_CREAT | O_TRUNC);
+    const Descriptor file("write", path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW);
     while (!bytes.empty()) {
       const ssize_t wrote = ::write(file, bytes.data(), bytes.size());
       if (wrote < 0 && errno == EINTR) continue;
@@ -99,7 +103,7 @@ class MachineFiles final : public Files {
     if (error) throw FileError("remove", path, error.value());
   }
   std::shared_ptr<void> lock(const Path& path, bool wait) override {
-    auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT);
+    auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT | O_NOFOLLOW);
     while (::flock(*file, LOCK_EX | (wait ? 0 : LOCK_NB)) != 0) {
       if (errno == EWOULDBLOCK) return nullptr;
       if (errno != EINTR) throw FileError("lock", path, errno);

@@ -19,7 +19,8 @@ struct FileError : std::runtime_error {
   int number;
 };
 
-// What is made is its owner's alone: files 0600, folders 0700. All throw FileError. Nothing is on disk for
+// What is made is its owner's alone: files 0600, folders 0700. No link is followed where something is made:
+// in a folder that others may write, it would lead elsewhere. All throw FileError. Nothing is on disk for
 // good before sync() of the file, and of the folder that names it.
 class Files {
  public:

@@ -128,6 +128,16 @@ std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
   return e;
 }
 
+// Files of before have none.
+void require_checksum(json scene) {
+  const auto stated = scene.find("checksum");
+  if (stated == scene.end()) return;
+  const std::string of_rest = stated->get<std::string>();
+  scene.erase(stated);
+  if (checksum(scene.dump()) != of_rest)
+    throw std::runtime_error("the description does not match its checksum");
+}
+
 // What a whole file can still say wrong, after a hand has been at it. NaN fails too.
 void check(const SceneRecord& record) {
   if (record.version > kLargestVersion) throw std::runtime_error("version: too large");
@@ -176,6 +186,7 @@ EncodedScene encoded(const SceneRecord& record) {
   out.map_name = fmt::format("map-{}.raw", record.version);
   scene["map"] = {{"file", out.map_name}, {"checksum", checksum(raw)}};
   out.map = std::move(raw);
+  scene["checksum"] = checksum(scene.dump());
   out.description = scene.dump(1);
   return out;
 }
@@ -229,6 +240,7 @@ SceneRecord decoded(const std::string& description,
       if (const json& w = scene["windows"][n]; w.contains("b_mode"))
         record.windows[n].b_mode = b_mode_from(w["b_mode"], rest);
   }
+  require_checksum(scene);  // last: what is wrong by itself is named
   return record;
 }
 

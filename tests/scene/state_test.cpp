@@ -241,6 +241,7 @@ TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
     const fs::path file = directory / "scenes" / ("s" + std::to_string(k)) / "scene.json";
     nlohmann::json scene = nlohmann::json::parse(std::ifstream(file));
     scene["windows"][0][changes[k].first] = changes[k].second;
+    scene.erase("checksum");  // a hand that knows of it
     std::ofstream(file) << scene;
   }
   Scenes scenes(directory);
