@@ -48,15 +48,46 @@ void Listener::accept() {
     accepting_ = false;
     if (error == boost::asio::error::operation_aborted) return;
     if (error) return accept_later();
-    ++open_;
-    options_.take(std::move(socket), Place(this, [](Listener* from) { from->closed(); }));
-    if (open_ < options_.most && !accepting_) accept();
+    next_ = std::move(socket);
+    go_on();
   });
+}
+
+void Listener::go_on() {
+  if (stopping_) return;
+  if (next_) {
+    if (open_ >= options_.most) {
+      const Place oldest = who_gives_way();
+      if (!oldest) return;  // until one is closed
+      std::exchange(oldest->give_way, {})();
+    }
+    take(*std::exchange(next_, std::nullopt));
+  }
+  if (!accepting_) accept();
+}
+
+void Listener::take(Protocol::socket socket) {
+  ++open_;
+  const Place place(new Seat, [this](Seat* seat) {
+    delete seat;
+    closed();
+  });
+  seats_.push_back(place);
+  options_.take(std::move(socket), place);
+}
+
+Listener::Place Listener::who_gives_way() {
+  for (auto at = seats_.begin(); at != seats_.end();) {
+    const Place place = at->lock();
+    if (place && place->give_way) return place;
+    at = place ? std::next(at) : seats_.erase(at);
+  }
+  return nullptr;
 }
 
 void Listener::closed() {
   --open_;
-  if (!accepting_ && !stopping_) accept();
+  go_on();
 }
 
 void Listener::accept_later() {

@@ -1,5 +1,6 @@
-// Accepts connections of this machine, so many at once, and serves them on one thread; while as many are open
-// others wait in the system's queue. What is said over them is others' matter.
+// Accepts connections of this machine, so many at once, and serves them on one thread. While as many are
+// open, the oldest of those that may give way is closed for the next one; where none may, others wait in the
+// system's queue. What is said over them is others' matter.
 #pragma once
 
 #include <boost/asio/basic_socket_acceptor.hpp>
@@ -10,7 +11,9 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -19,8 +22,12 @@ namespace teletact {
 class Listener {
  public:
   using Protocol = boost::asio::generic::stream_protocol;
-  // Whoever holds it keeps a connection's place.
-  using Place = std::shared_ptr<void>;
+  // Whoever holds it keeps a connection's place. While `give_way` is there, it may be called: it closes the
+  // connection. Whoever has not shown yet that it may be here gives way.
+  struct Seat {
+    std::function<void()> give_way = {};
+  };
+  using Place = std::shared_ptr<Seat>;
   struct Options {
     Protocol::endpoint endpoint;
     std::size_t most = 8;  // open at once
@@ -44,16 +51,21 @@ class Listener {
 
  private:
   void accept();
+  void go_on();
+  void take(Protocol::socket);
+  Place who_gives_way();
   void accept_later();
   void closed();
   void serve();
 
   Options options_;
+  std::list<std::weak_ptr<Seat>> seats_;  // as they came
   std::size_t open_ = 0;
   bool accepting_ = false, stopping_ = false;
   boost::asio::io_context io_{1};
   boost::asio::basic_socket_acceptor<Protocol> acceptor_{io_};
   boost::asio::steady_timer retry_{io_};
+  std::optional<Protocol::socket> next_;  // that came, and has no place yet
   std::thread thread_;
 };
 

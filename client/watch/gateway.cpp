@@ -184,6 +184,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
   void begin() {
     stream_.expires_after(kPatience);
+    place_->give_way = [this] { stream_.close(); };
     http::async_read_header(stream_, buffer_, parser_,
                             [self = shared_from_this()](beast::error_code error, std::size_t) {
                               if (!error) self->serve();
@@ -200,6 +201,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     if (!is_loopback(host)) return answer(http::status::forbidden, "Host: this machine's loopback alone\n");
     if (path.empty() || !same(std::string_view(path).substr(1, slash - 1), state_.token))
       return answer(http::status::forbidden, "open the address that was printed, with its token\n");
+    place_->give_way = {};
     if (request.method() != http::verb::get) return answer(http::status::method_not_allowed, "GET alone\n");
     if (slash == std::string::npos) {  // the page's own links begin at its last slash
       response_.set(http::field::location, "/" + state_.token + "/");

@@ -11,6 +11,7 @@
 #include <exception>
 #include <filesystem>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 #include "http/listener.h"
@@ -31,14 +32,26 @@ Protocol::endpoint endpoint_of(const Address& address) {
   return asio::ip::tcp::endpoint(asio::ip::make_address(address.host), address.port);
 }
 
+// A page of another site that its name server has led here says so. A probe of HTTP/1.0 names nobody.
+bool names_this_machine(std::string_view host) {
+  const std::size_t colon = host.rfind(':');
+  if (colon != std::string_view::npos && host.find(']', colon) == std::string_view::npos)
+    host = host.substr(0, colon);
+  return host.empty() || host == "127.0.0.1" || host == "localhost" || host == "[::1]";
+}
+
 http::response<http::string_body> respond(const http::request<http::empty_body>& request,
                                           const HttpListener::Answers& answers) {
   HttpListener::Answer answer;
   const bool get = request.method() == http::verb::get || request.method() == http::verb::head;
   const std::string target(request.target());
   try {
-    answer = get ? answers(target.substr(0, target.find('?')))
-                 : HttpListener::Answer{405, "GET alone is answered\n"};
+    if (!names_this_machine(std::string(request[http::field::host])))
+      answer = {403, "Host: this machine's loopback alone\n"};
+    else if (get)
+      answer = answers(target.substr(0, target.find('?')));
+    else
+      answer = {405, "GET alone is answered\n"};
   } catch (const std::exception& error) {
     answer = {500, std::string(error.what()) + "\n"};
   }
@@ -66,6 +79,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
   void begin() {
     stream_.expires_after(patience_);
+    place_->give_way = [this] { stream_.close(); };
     http::async_read_header(stream_, buffer_, parser_,
                             [self = shared_from_this()](beast::error_code error, std::size_t) {
                               if (!error) self->answer();
@@ -74,6 +88,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
  private:
   void answer() {
+    place_->give_way = {};
     response_ = respond(parser_.get(), answers_);
     stream_.expires_after(patience_);
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code, std::size_t) {

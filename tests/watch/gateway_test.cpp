@@ -258,5 +258,18 @@ TEST(Gateway, AThousandConnectionsDisturbNobodyWhoLooks) {
   }
 }
 
+// The oldest of those that have not shown the token goes for each that comes; nobody waits until their time
+// is up.
+TEST(Gateway, ConnectionsWithoutTheTokenGiveWay) {
+  constexpr std::size_t kSilent = 100, kStay = Gateway::kMostConnections - 2;
+  Watched w;
+  std::vector<std::unique_ptr<HttpPeer>> silent;
+  for (std::size_t n = 0; n < kSilent; ++n)
+    silent.push_back(std::make_unique<HttpPeer>(test::port_of_url(w.gateway.url())));
+  EXPECT_TRUE(w.get(w.path()).starts_with("HTTP/1.1 200"));
+  EXPECT_TRUE(silent.front()->closed());
+  EXPECT_FALSE(silent[kSilent - kStay]->closed()) << "they were waited for";
+}
+
 }  // namespace
 }  // namespace teletact::client
