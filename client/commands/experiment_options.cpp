@@ -79,7 +79,8 @@ void require_meant(const ExperimentArguments& arguments, const CLI::App& command
   if (is_real(arguments.device.device))
     refuse_beside(command, {"--profile"}, "--device " + arguments.device.device + " states its own limits");
   else
-    refuse_beside(command, {"--axes", "--rotation-deg", "--clutch-button"}, "there is no real --device");
+    refuse_beside(command, {"--axes", "--rotation-deg", "--clutch-button", "--device-without-noise"},
+                  "there is no real --device");
   require_workspace(arguments.device.workspace);
   const auto needs = [&](const std::vector<std::string>& options, const std::string& what) {
     for (const std::string& option : options)

@@ -2,8 +2,8 @@
 
 namespace teletact::client {
 
-const std::vector<std::string> kWorkspaceOptions = {"--axes", "--rotation-deg", "--clutch-button", "--scale",
-                                                    "--force-scale"};
+const std::vector<std::string> kWorkspaceOptions = {
+    "--axes", "--rotation-deg", "--clutch-button", "--device-without-noise", "--scale", "--force-scale"};
 
 void add_workspace_options(CLI::App& command, WorkspaceOptions& workspace) {
   command
@@ -17,6 +17,10 @@ void add_workspace_options(CLI::App& command, WorkspaceOptions& workspace) {
   command.add_option("--clutch-button", workspace.clutch_button,
                      "of a real device: while this one is down the finger stands still and the device moves; "
                      "without it no button does");
+  command.add_flag(
+      "--device-without-noise", workspace.without_noise,
+      "of a real device: its positions come in steps without noise, so that one that stands still "
+      "to the last bit under force for 0.1 s is no FAULT");
 }
 
 void add_scale_options(CLI::App& command, WorkspaceOptions& workspace) {

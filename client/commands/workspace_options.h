@@ -12,7 +12,7 @@ namespace teletact::client {
 // All of the below.
 extern const std::vector<std::string> kWorkspaceOptions;
 
-// --axes, --rotation-deg, --clutch-button.
+// --axes, --rotation-deg, --clutch-button, --device-without-noise.
 void add_workspace_options(CLI::App& command, WorkspaceOptions& workspace);
 // --scale, --force-scale.
 void add_scale_options(CLI::App& command, WorkspaceOptions& workspace);

@@ -19,6 +19,9 @@ struct DeviceReading {
   ToolPose pose;
   // Of the hand while it is clutched: the way in all that the pose has not gone with it, and its velocity.
   ToolPose unseen = {};
+  bool velocity_stated = false;                     // by the device, and not derived from its positions
+  std::optional<Eigen::Vector4d> orientation = {};  // of its tool, a unit quaternion, where it states one
+  bool frozen = false;          // its position is not of now, whatever comes of it (freshness_watch.h)
   bool clutched = false;        // the hand moves, the pose stands still
   std::uint32_t buttons = 0;    // that are down: bit 0 is button 1
   bool resume_pressed = false;  // the operator asks for force (a button)

@@ -136,6 +136,8 @@ bool Inverse3Device::read(std::int64_t, DeviceReading& reading) noexcept {
   if (static_cast<double>(read_ns_ - state_.received_ns) > kStaleS * 1e9) return false;
   reading.pose.position_m = anchor_.to_scene(state_.position_m);
   reading.pose.velocity_m_s = state_.velocity_m_s;
+  reading.velocity_stated = true;
+  reading.orientation = state_.orientation;
   reading.resume_pressed = state_.pressed;
   reading.buttons = state_.pressed ? 1 : 0;
   reading.held_at_border = false;
@@ -197,8 +199,8 @@ void Inverse3Device::exchange(Connection& connection) {
     const bool first_place = !stands && !received.position_m.isZero(0);
     stands = stands || first_place;
     if (stands)
-      states_.put(
-          {to_scene(received.position_m), to_scene(received.velocity_m_s), received.pressed, monotonic_ns()});
+      states_.put({to_scene(received.position_m), to_scene(received.velocity_m_s), received.orientation,
+                   received.pressed, monotonic_ns()});
     else
       tell("it states no position yet; calibrate it");
     if (first_place) {  // open() returns now, and the first read() finds it

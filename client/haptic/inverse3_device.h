@@ -13,6 +13,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -52,6 +53,7 @@ class Inverse3Device final : public HapticDevice {
   struct State {
     Vector3 position_m = Vector3::Zero();  // scene axes, device origin
     Vector3 velocity_m_s = Vector3::Zero();
+    std::optional<Eigen::Vector4d> orientation;  // of the grip
     bool pressed = false;
     std::int64_t received_ns = 0;
   };

@@ -41,6 +41,25 @@ bool any_pressed(const json& message, const char* kind) {
   return false;
 }
 
+// What is no unit quaternion is none: it is only looked at for whether it turns.
+std::optional<Eigen::Vector4d> orientation_of(const json& message, const char* kind) {
+  const auto grips = message.find(kind);
+  if (grips == message.end() || !grips->is_array() || grips->empty()) return std::nullopt;
+  const json::json_pointer where("/state/orientation");
+  if (!grips->front().contains(where)) return std::nullopt;
+  const json& at = grips->front().at(where);
+  Eigen::Vector4d found = Eigen::Vector4d::Zero();
+  const char* const parts[] = {"w", "x", "y", "z"};
+  for (int part = 0; part < 4; ++part) {
+    const auto value = at.find(parts[part]);
+    if (value == at.end() || !value->is_number()) return std::nullopt;
+    found[part] = value->get<double>();
+  }
+  const double size = found.norm();
+  if (!(size > 0.5 && size < 2)) return std::nullopt;
+  return found / size;
+}
+
 }  // namespace
 
 Inverse3State parse_inverse3(const std::string& text) {
@@ -57,6 +76,8 @@ Inverse3State parse_inverse3(const std::string& text) {
   out.device_id = id->get<std::string>();
   out.position_m = vector_of(*state, "cursor_position");
   out.velocity_m_s = vector_of(*state, "cursor_velocity");
+  out.orientation = orientation_of(message, "verse_grip");
+  if (!out.orientation) out.orientation = orientation_of(message, "wireless_verse_grip");
   out.pressed = any_pressed(message, "verse_grip") || any_pressed(message, "wireless_verse_grip");
   return out;
 }

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 
 namespace teletact::client {
@@ -14,7 +15,8 @@ struct Inverse3State {
   std::string device_id;
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
-  bool pressed = false;  // any button of any grip
+  std::optional<Eigen::Vector4d> orientation;  // of the first grip that states one, a unit quaternion
+  bool pressed = false;                        // any button of any grip
 };
 
 // The first Inverse3 of a message. Throws std::runtime_error, saying what is missing: no JSON, no device, no

@@ -130,8 +130,8 @@ bool PluginDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
   if (!anchor_.held() && is_zero(raw.position_m)) return false;
   reading.pose.position_m = anchor_.to_scene(Vector3::Map(raw.position_m));
   const Vector3 derived_m_s = velocity_.at(reading.pose.position_m, now_ns);
-  reading.pose.velocity_m_s =
-      is_zero(raw.velocity_m_s) ? derived_m_s : Vector3(Vector3::Map(raw.velocity_m_s));
+  reading.velocity_stated = !is_zero(raw.velocity_m_s);
+  reading.pose.velocity_m_s = reading.velocity_stated ? Vector3(Vector3::Map(raw.velocity_m_s)) : derived_m_s;
   reading.resume_pressed = raw.resume_pressed != 0;
   reading.buttons = raw.buttons;
   reading.held_at_border = false;

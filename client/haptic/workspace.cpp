@@ -1,11 +1,14 @@
 #include "client/haptic/workspace.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
+
+#include "client/clock/clock.h"
 
 namespace teletact::client {
 namespace {
@@ -119,15 +122,43 @@ DeviceProfile WorkspaceMap::in_scene(DeviceProfile device) const {
   return device;
 }
 
+void FrozenForce::see(std::int64_t now_ns, bool frozen) noexcept {
+  if (frozen_) share_ = std::max(share_ - seconds(now_ns - last_ns_) / kGoesS, 0.0);
+  frozen_ = frozen_ || frozen;
+  last_ns_ = now_ns;
+}
+
+double FrozenForce::share_of(bool any_force) noexcept {
+  if (!any_force) restart();
+  return share_;
+}
+
 WorkspaceDevice::WorkspaceDevice(std::unique_ptr<HapticDevice> device, const WorkspaceOptions& options,
                                  const Vector3& start_m)
-    : device_(std::move(device)), options_(options), map_(options, start_m) {}
+    : device_(std::move(device)), options_(options), map_(options, start_m), watch_(!options.without_noise) {}
 
 void WorkspaceDevice::open() {
   device_->open();
   profile_ = map_.in_scene(device_->profile());
   map_.restart();
+  watch_.restart();
+  frozen_force_.restart();
+  freshness_ = Freshness::kFresh;
+  under_force_ = false;
   reach_due_ = true;
+}
+
+bool WorkspaceDevice::is_frozen(std::int64_t now_ns, const DeviceReading& raw) noexcept {
+  FreshnessSample sample;
+  sample.position_m = raw.pose.position_m;
+  if (raw.velocity_stated) sample.velocity_m_s = raw.pose.velocity_m_s;
+  sample.orientation = raw.orientation;
+  sample.under_force = under_force_;
+  const Freshness freshness = watch_.judge(now_ns, sample);
+  if (freshness != freshness_ && freshness != Freshness::kFresh) found_ = freshness;
+  freshness_ = freshness;
+  frozen_force_.see(now_ns, freshness != Freshness::kFresh);
+  return frozen_force_.frozen();
 }
 
 bool WorkspaceDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
@@ -136,6 +167,7 @@ bool WorkspaceDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept
   const bool by_button =
       options_.clutch_button > 0 && (raw.buttons >> (options_.clutch_button - 1) & 1U) != 0;
   raw.clutched = by_button || by_key_;
+  raw.frozen = is_frozen(now_ns, raw);
   map_.map(raw);
   reading = raw;
   if (raw.clutched) {
@@ -145,6 +177,17 @@ bool WorkspaceDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept
     reach_due_ = false;
   }
   return true;
+}
+
+bool WorkspaceDevice::write(const Vector3& force_n) noexcept {
+  under_force_ = !force_n.isZero(0);
+  return device_->write(frozen_force_.share_of(under_force_) * map_.force_at_hand(force_n));
+}
+
+std::string WorkspaceDevice::trouble() {
+  const Freshness found = found_.exchange(Freshness::kFresh);
+  if (found == Freshness::kFresh) return device_->trouble();
+  return "the device '" + profile_.name + "' is frozen: " + describe(found);
 }
 
 }  // namespace teletact::client

@@ -13,6 +13,7 @@
 #include <memory>
 #include <string>
 
+#include "client/haptic/freshness_watch.h"
 #include "client/haptic/haptic_device.h"
 #include "client/haptic/latest_slot.h"
 
@@ -24,6 +25,7 @@ struct WorkspaceOptions {
   double scale = 1;            // metres of the scene per metre of the device, 1 to 20
   double force_scale = 1;      // newtons at the hand per newton of the scene, 0.05 to `scale`
   unsigned clutch_button = 0;  // that clutches while it is down, 1 to 32; 0: none
+  bool without_noise = false;  // its positions stand still to the last bit in a hand that does
 };
 
 // Throws std::invalid_argument naming the field and what is allowed.
@@ -57,7 +59,24 @@ class WorkspaceMap {
   bool clutched_ = false;
 };
 
-// A device that a person's hand moves, through a workspace map.
+// Takes the force of a frozen device away within kGoesS, and gives none until none was asked for.
+class FrozenForce {
+ public:
+  static constexpr double kGoesS = 0.03;
+  void restart() noexcept { *this = FrozenForce(); }
+  bool frozen() const noexcept { return frozen_; }
+  void see(std::int64_t now_ns, bool frozen) noexcept;
+  // The share of a force that is given.
+  double share_of(bool any_force) noexcept;
+
+ private:
+  bool frozen_ = false;
+  double share_ = 1;
+  std::int64_t last_ns_ = 0;
+};
+
+// A device that a person's hand moves, through a workspace map. All that real devices say passes here, and
+// is watched for positions that are not of now: they are marked, and the force goes at once.
 class WorkspaceDevice final : public HapticDevice {
  public:
   WorkspaceDevice(std::unique_ptr<HapticDevice> device, const WorkspaceOptions& options,
@@ -67,11 +86,11 @@ class WorkspaceDevice final : public HapticDevice {
   void open() override;
   void close() noexcept override { device_->close(); }
   bool read(std::int64_t now_ns, DeviceReading& reading) noexcept override;
-  bool write(const Vector3& force_n) noexcept override { return device_->write(map_.force_at_hand(force_n)); }
+  bool write(const Vector3& force_n) noexcept override;
   void show_taxels(const TaxelView& view) noexcept override { device_->show_taxels(view); }
   void let_go() noexcept override { device_->let_go(); }
   double longest_call_s() noexcept override { return device_->longest_call_s(); }
-  std::string trouble() override { return device_->trouble(); }
+  std::string trouble() override;
 
   // A clutch for devices without buttons, beside the button's. From any thread.
   void toggle_clutch() noexcept { by_key_ = !by_key_; }
@@ -80,9 +99,16 @@ class WorkspaceDevice final : public HapticDevice {
   LatestSlot<Reach>& reach() noexcept { return reach_; }
 
  private:
+  bool is_frozen(std::int64_t now_ns, const DeviceReading& raw) noexcept;
+
   std::unique_ptr<HapticDevice> device_;
   WorkspaceOptions options_;
   WorkspaceMap map_;
+  FreshnessWatch watch_;
+  FrozenForce frozen_force_;
+  Freshness freshness_ = Freshness::kFresh;
+  bool under_force_ = false;
+  std::atomic<Freshness> found_{Freshness::kFresh};  // to be said
   DeviceProfile profile_;
   std::atomic<bool> by_key_{false};
   bool reach_due_ = true;

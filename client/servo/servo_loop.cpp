@@ -126,6 +126,7 @@ StateInputs ServoLoop::state_inputs(const ForceChainOutput& limited, bool device
   inputs.device_ok = device_ok;
   inputs.finite = finite_reading_ && !limited.not_finite;
   inputs.too_fast = limited.too_fast;
+  inputs.frozen = reading_.frozen;
   inputs.link_alive = silence_s_ <= silence_limits(answer_.period_s, by_law_).fade_s;
   inputs.silence_is_zero = limited.silence_gain <= 0;
   inputs.out_of_contact = answer_.sample.surface.depth_m(reading_.pose.position_m) < -options_.clearance_m;

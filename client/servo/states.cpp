@@ -34,6 +34,10 @@ const char* describe(StateReason reason) noexcept {
       return "a force or position was not a number";
     case StateReason::kTooFast:
       return "the device moved faster than its speed limit";
+    case StateReason::kFrozen:
+      return "the device's position is frozen: it stands still, to the last bit, while the hand does not; "
+             "lift "
+             "the finger, see to the device, and resume when it follows the hand again";
   }
   return "?";
 }
@@ -49,6 +53,7 @@ bool StateMachine::become(ServoState state, StateReason reason, std::int64_t now
 bool StateMachine::step(const StateInputs& in, std::int64_t now_ns) noexcept {
   if (!in.device_ok) return become(ServoState::kFault, StateReason::kDeviceLost, now_ns);
   if (!in.finite) return become(ServoState::kFault, StateReason::kNotFinite, now_ns);
+  if (in.frozen) return become(ServoState::kFault, StateReason::kFrozen, now_ns);
   if (state_ == ServoState::kEnabled && in.too_fast) {
     return become(ServoState::kFault, StateReason::kTooFast, now_ns);
   }

@@ -1,7 +1,7 @@
 // States of the servo, named as CRTK names them, and the one place that decides on changes.
 //
 //   DISABLED --resume--> ENABLED --silence, pause--> PAUSED --resume--> ENABLED
-//   any --device lost, runaway, no number--> FAULT --resume--> ENABLED
+//   any --device lost, frozen, runaway, no number--> FAULT --resume--> ENABLED
 //
 // A resume is granted only out of contact, with answers flowing and nothing wrong at that very tick; one that
 // is not granted is forgotten, never kept for later: force may not come back as a surprise.
@@ -22,6 +22,7 @@ enum class StateReason : std::uint32_t {
   kDeviceLost,  // could not be read or written
   kNotFinite,   // the rendered force or the device's position was no number
   kTooFast,     // the device ran away
+  kFrozen,      // its position is not of now
 };
 
 const char* name(ServoState) noexcept;
@@ -32,6 +33,7 @@ struct StateInputs {
   bool device_ok = true;
   bool finite = true;
   bool too_fast = false;
+  bool frozen = false;
   bool link_alive = false;      // the last answer is younger than the silence that starts to fade
   bool silence_is_zero = true;  // silence has faded the force to nothing
   bool out_of_contact = false;

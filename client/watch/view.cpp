@@ -175,7 +175,7 @@ void View::put_status(std::int64_t time_ns, bool at_once) {
   status["open"] = opened_;
   status["log"] = lines_;
   json& reasons = status["reasons"] = json::array();
-  for (std::uint32_t n = 0; n <= static_cast<std::uint32_t>(StateReason::kTooFast); ++n)
+  for (std::uint32_t n = 0; n <= static_cast<std::uint32_t>(StateReason::kFrozen); ++n)
     reasons.push_back(describe(static_cast<StateReason>(n)));
   put(Channel::kStatus, Slot(std::move(status)));
 }

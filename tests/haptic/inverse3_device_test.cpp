@@ -43,11 +43,26 @@ TEST(Inverse3Protocol, ReadsTheFirstDeviceAndItsGrip) {
       R"({"session_id": 7, "inverse3": [{"device_id": "04BA", "state": {
           "cursor_position": {"x": 0.078, "y": -0.148, "z": 0.143},
           "cursor_velocity": {"x": -0.01, "y": 0.001, "z": -1}}, "status": {"ready": true}}],
-          "verse_grip": [{"device_id": "61548", "state": {"button": true, "hall": 0}}]})");
+          "verse_grip": [{"device_id": "61548", "state": {"button": true, "hall": 0,
+          "orientation": {"w": 0.6, "x": 0, "y": -0.8, "z": 0}}}]})");
   EXPECT_EQ(state.device_id, "04BA");
   EXPECT_EQ(state.position_m, Eigen::Vector3d(0.078, -0.148, 0.143));
   EXPECT_EQ(state.velocity_m_s, Eigen::Vector3d(-0.01, 0.001, -1));
   EXPECT_TRUE(state.pressed);
+  ASSERT_TRUE(state.orientation);
+  EXPECT_LE((*state.orientation - Eigen::Vector4d(0.6, 0, -0.8, 0)).norm(), 1e-12);
+}
+
+TEST(Inverse3Protocol, AnOrientationThatIsNoneIsLeftOut) {
+  for (const char* grips :
+       {"[]", "[null]", "3", R"([{"state": 3}])", R"([{"state": {"orientation": [1, 0, 0, 0]}}])",
+        R"([{"state": {"orientation": {"w": 1, "x": 0, "y": 0}}}])",
+        R"([{"state": {"orientation": {"w": 0, "x": 0, "y": 0, "z": 0}}}])"})
+    EXPECT_FALSE(parse_inverse3(std::string(R"({"inverse3": [{"device_id": "a", "state": {"cursor_position":
+        {"x": 1, "y": 0, "z": 0}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}], "verse_grip": )") +
+                                grips + "}")
+                     .orientation)
+        << grips;
 }
 
 TEST(Inverse3Protocol, RefusesWhatIsNoState) {

@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 #include <atomic>
+#include <cmath>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -66,6 +67,8 @@ class Inverse3Service {
   std::atomic<bool> has_device{true};
   std::atomic<bool> garbage{false};  // says what is no JSON
   std::atomic<bool> silent{false};   // takes messages, says nothing
+  std::atomic<double> noise_m{0};    // of the cursor, as no hand holds still to the last bit
+  std::atomic<bool> turns{false};    // the grip, by 0.01 with each message
   std::atomic<unsigned> messages{0};
   std::atomic<unsigned> connections{0};
 
@@ -78,11 +81,12 @@ class Inverse3Service {
   std::string state(bool inventory) {
     const std::lock_guard lock(mutex_);
     if (garbage) return "no json {";
+    const Eigen::Vector3d noise(0, 0, noise_m * std::sin(++states_));
     nlohmann::json message = {{"inverse3", nlohmann::json::array()}};
     if (has_device) {
       nlohmann::json device = {{"device_id", "049D"},
                                {"state",
-                                {{"cursor_position", json_of(position_m_)},
+                                {{"cursor_position", json_of(position_m_ + noise)},
                                  {"cursor_velocity", json_of(velocity_m_s_)},
                                  {"control_mode", "cursor_force"}}},
                                {"status", {{"calibrated", true}, {"ready", true}}}};
@@ -91,7 +95,12 @@ class Inverse3Service {
     }
     message["wireless_verse_grip"] = nlohmann::json::array(
         {{{"device_id", "61548"},
-          {"state", {{"buttons", {{"a", pressed.load()}, {"b", false}, {"c", false}}}, {"hall", 3}}}}});
+          {"state",
+           {{"buttons", {{"a", pressed.load()}, {"b", false}, {"c", false}}},
+            {"hall", 3},
+            {"orientation",
+             {{"w", std::cos(angle_ / 2)}, {"x", 0.0}, {"y", 0.0}, {"z", std::sin(angle_ / 2)}}}}}}});
+    if (turns) angle_ += 0.01;
     return message.dump();
   }
 
@@ -154,6 +163,7 @@ class Inverse3Service {
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();
   nlohmann::json first_command_;
   bool first_of_connection_ = true;
+  double angle_ = 0.3, states_ = 0;
   double largest_first_n_ = 0;
   std::atomic<bool> stop_{false};
   std::thread thread_;

@@ -43,7 +43,8 @@ class ClutchTest : public test::ServoTest, public ::testing::WithParamInterface<
                                .rotation_deg = -90,  // together: x and z change their signs
                                .scale = mapping.scale,
                                .force_scale = mapping.force_scale,
-                               .clutch_button = 2};
+                               .clutch_button = 2,
+                               .without_noise = true};
     workspace = std::make_unique<WorkspaceDevice>(std::make_unique<Borrowed>(device), map, start_m);
     workspace->open();
     options.chain.limits = workspace->profile().limits();

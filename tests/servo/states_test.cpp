@@ -74,6 +74,7 @@ TEST(States, ForceIsGivenOnlyWhenAskedForOutOfContactWithAnswersAndNothingWrong)
     refused([](StateInputs& inputs) { inputs.disable = true; });
     refused([](StateInputs& inputs) { inputs.device_ok = false; });
     refused([](StateInputs& inputs) { inputs.finite = false; });
+    refused([](StateInputs& inputs) { inputs.frozen = true; });
   }
 }
 
@@ -89,6 +90,7 @@ TEST(States, ForceIsTakenForEachReasonAndTheReasonIsSaid) {
            {[](StateInputs& in) { in.disable = true; }, ServoState::kDisabled, StateReason::kDisabledByUser},
            {[](StateInputs& in) { in.device_ok = false; }, ServoState::kFault, StateReason::kDeviceLost},
            {[](StateInputs& in) { in.finite = false; }, ServoState::kFault, StateReason::kNotFinite},
+           {[](StateInputs& in) { in.frozen = true; }, ServoState::kFault, StateReason::kFrozen},
            {[](StateInputs& in) { in.too_fast = true; }, ServoState::kFault, StateReason::kTooFast}}) {
     for (const bool in_contact : {false, true}) {
       StateMachine states = enabled();

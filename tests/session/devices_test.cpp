@@ -252,6 +252,7 @@ TEST(Devices, AnInverse3FeelsTheTissue) {
   FakePalpation service(test::socket_address("inverse3"));
   service.serve();
   test::Inverse3Service inverse3;
+  inverse3.noise_m = 1e-6;
   inverse3.put_cursor({0, 0, 0.15}, {0, 0, 0});
   OperatorSessionOptions options = session_options(test::socket_address("inverse3"));
   options.device = "inverse3:" + inverse3.url();
