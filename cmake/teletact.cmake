@@ -85,10 +85,10 @@ endfunction()
 
 # One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest entry each.
 # What tests a half of teletact that is not built is left out. SOURCES: without their _test.cpp. GROUP: not of the first tier. LATER group=FILTER ...: nor are these cases, a ctest entry of their own.
-# NEEDS: targets that it starts or loads. SHARDS: ctest entries among which the cases are dealt out, contact_1 and so on.
+# NEEDS: targets that it starts or loads. TOGETHER: as in teletact_module, 6 unless said. SHARDS: ctest entries among which the cases are dealt out, contact_1 and so on.
 # The rest: as in teletact_test.
 function(teletact_tests folder)
-  cmake_parse_arguments(arg "TIMED" "GROUP;SHARDS;TIMEOUT" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
+  cmake_parse_arguments(arg "TIMED" "GROUP;SHARDS;TIMEOUT;TOGETHER" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
   if((NOT TELETACT_SERVICE AND "${arg_LIBRARIES}" MATCHES "service_|bench_")
      OR (NOT TELETACT_CLIENT AND "${arg_LIBRARIES}" MATCHES "client_|bench_"))
     return()
@@ -96,7 +96,10 @@ function(teletact_tests folder)
   teletact_sources(sources tests/${folder} _test.cpp ${arg_SOURCES})
   string(REPLACE "/" "_" name ${folder})
   if(TELETACT_UNITY)
-    teletact_unity_tests(sources ${name} 6 ${sources})
+    if(NOT arg_TOGETHER)
+      set(arg_TOGETHER 6)
+    endif()
+    teletact_unity_tests(sources ${name} ${arg_TOGETHER} ${sources})
   endif()
   add_executable(${name}_test ${sources})
   target_link_libraries(${name}_test PRIVATE teletact_options tests_support ${arg_LIBRARIES} tests_support_main)
