@@ -141,7 +141,7 @@ HandOptions hand_on(const v1::Scene& scene, const OperatorSessionOptions& option
       options.across_m.value_or(hand.along_z ? (extent.begin_x_m + extent.end_x_m) / 2 : middle_z_m);
   if (!(hand.end_m > hand.begin_m)) {
     throw std::invalid_argument(
-        fmt::format("the sweep ends ({:.4g} m) before it begins ({:.4g} m), the tip's reach of {:.4g} m "
+        fmt::format("the sweep ends ({:.4f} m) before it begins ({:.4f} m), the tip's reach of {:.4g} m "
                     "within the tissue; "
                     "set --begin-m and --end-m, or a smaller --tip-radius-m",
                     hand.end_m, hand.begin_m, reach_m));
