@@ -15,6 +15,7 @@
 #include "service/limits/memory.h"
 #include "service/limits/seconds.h"
 #include "service/rpc/calls.h"
+#include "service/rpc/connections.h"
 #include "service/rpc/metrics.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_workers.h"
@@ -40,6 +41,7 @@ struct Core {
   const std::shared_ptr<const Access> access;  // null: whoever calls may do everything
   const std::unique_ptr<Spans> spans;          // null: nobody asked for them
   Metrics metrics;
+  Connections connections;  // none of a Unix socket
   Calls calls;
   Scenes scenes;
   ImagingPlane imaging;  // last but one: its threads use the rest

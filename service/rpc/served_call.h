@@ -12,16 +12,19 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "service/rpc/allowance.h"
 #include "service/rpc/call_life.h"
+#include "service/rpc/call_of_connection.h"
 #include "service/rpc/caller.h"
 #include "service/rpc/calls.h"
 #include "service/rpc/core.h"
 #include "service/rpc/status.h"
 #include "service/rpc/trace.h"
+#include "service/scene/errors.h"
 
 namespace teletact::service {
 
@@ -49,6 +52,7 @@ class ServedCall : public Reactor, public Served {
   ServedCall(Core& core, grpc::CallbackServerContext* context, Method method)
       : calls_(core.calls),
         context_(context),
+        connection_(core.connections, *context, !std::is_same_v<Reactor, grpc::ServerUnaryReactor>),
         caller_(core.access),
         spans_(core.spans.get()),
         method_(method),
@@ -62,6 +66,7 @@ class ServedCall : public Reactor, public Served {
     served.self_ = call;
     served.kind_ = kind;
     served.during([&] {
+      require_short_headers(*served.context_);
       served.authorised([&] { served.caller_.begin(*served.context_); });
       served.ticket_ = served.calls_.enter(kind, call, client);
       served.begun();
@@ -103,6 +108,7 @@ class ServedCall : public Reactor, public Served {
   // not.
   void require(const Wanted& wanted) {
     authorised([&] { caller_.require(wanted); });
+    connection_.vouch();
   }
   const CallLife& life() const { return life_; }
   std::shared_ptr<ServedCall> self() const { return self_; }  // within begun(), tick() or during()
@@ -110,6 +116,7 @@ class ServedCall : public Reactor, public Served {
 
   Calls& calls_;
   grpc::CallbackServerContext* const context_;
+  CallOfConnection connection_;
   Caller caller_;
   Spans* const spans_;  // null: nobody asked for them
   const Method method_;
@@ -125,7 +132,11 @@ class ServedCall : public Reactor, public Served {
       const std::lock_guard lock(cutting_);
       done_ = true;
     }
-    calls_.ended(kind_, life_.status().error_code());
+    const grpc::StatusCode code = life_.status().error_code();
+    calls_.ended(kind_, code);
+    if (code == grpc::StatusCode::CANCELLED || code == grpc::StatusCode::UNAUTHENTICATED ||
+        code == grpc::StatusCode::PERMISSION_DENIED)
+      connection_.waste();
     ticket_.reset();
     const auto last = std::move(self_);
   }
@@ -177,7 +188,7 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
  protected:
   using Clock = CallLife::Clock;
   ServedStream(Core& core, grpc::CallbackServerContext* context, Method method, Allowance messages)
-      : Base(core, context, method), messages_(messages) {}
+      : Base(core, context, method), messages_(messages), patience_(seconds(core.limits.acknowledge_s)) {}
 
   bool slow(Clock::duration) const override { return false; }  // it lasts as long as its peer wants
 
@@ -191,6 +202,7 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
   void begun() override { read(); }
   void tick(Clock::time_point now) override {
     check();
+    require_taken(now);
     if (waiting_ && messages_.take(now)) read();
   }
   // What wanted() said of the message that opened it.
@@ -200,12 +212,19 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
   // written.
   bool write(const Response& response) {
     if (!this->hold()) return false;
+    written_at_ = Clock::now();
     writing_ = true;
     this->StartWrite(&response);
     return true;
   }
 
  private:
+  // A peer that reads nothing holds its place by what it sends alone.
+  void require_taken(Clock::time_point now) const {
+    if (writing_ && now - written_at_.load() > patience_)
+      throw Error(ErrorKind::kDeadline,
+                  "the stream's answers: none was taken in time; read what is sent, or open fewer streams");
+  }
   void read() {
     waiting_ = false;
     this->StartRead(&request_);
@@ -233,6 +252,8 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
   Request request_;
   std::optional<Wanted> required_;  // of whoever reads
   Allowance messages_;              // of whoever may read on: OnReadDone, or the tick while waiting_
+  const Clock::duration patience_;
+  std::atomic<Clock::time_point> written_at_{};
   std::atomic<bool> writing_{false}, waiting_{false};
 };
 

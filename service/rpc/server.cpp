@@ -1,8 +1,7 @@
 #include "service/rpc/server.h"
 
 #include <fmt/format.h>
-#include <grpcpp/ext/proto_server_reflection_plugin.h>
-#include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/health_check_service_interface.h>  // that the default one is off
 #include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
 #include <spdlog/spdlog.h>
@@ -14,6 +13,7 @@
 
 #include "service/rpc/elastography_service.h"
 #include "service/rpc/info_service.h"
+#include "service/rpc/open_service.h"
 #include "service/rpc/palpation_service.h"
 #include "service/rpc/tls.h"
 
@@ -23,6 +23,8 @@ namespace {
 
 constexpr int kMostCallsPerConnection = 256;                       // more wait in the client
 constexpr int kHandshakeMs = 10'000, kIdleConnectionMs = 300'000;  // a connection without calls
+constexpr int kMostReadBytes =
+    64 << 10;  // of a connection at once: others take their turns, and it can be cut
 constexpr int kKeepaliveTimeMs = 10'000, kKeepaliveTimeoutMs = 5'000, kLeastPingIntervalMs = 5'000;
 
 const char* const kServices[] = {"teletact.v1.Info", "teletact.v1.Elastography", "teletact.v1.Palpation"};
@@ -39,6 +41,13 @@ int most_message_bytes(const Limits& limits) {
                           std::max(limits.most_chunk_bytes, kPerElement * limits.most_scene_elements));
 }
 
+// A message of a thousandth of its size would be inflated before anything is asked about it.
+void refuse_compressed(grpc::ServerBuilder& builder) {
+  for (const auto algorithm : {GRPC_COMPRESS_DEFLATE, GRPC_COMPRESS_GZIP})
+    builder.SetCompressionAlgorithmSupportStatus(algorithm, false);
+  builder.AddChannelArgument(GRPC_ARG_ENABLE_PER_MESSAGE_DECOMPRESSION, 0);
+}
+
 void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.SetMaxReceiveMessageSize(most_message_bytes(limits));
   builder.SetMaxSendMessageSize(-1);  // maps are as large as the frames that were allowed in
@@ -51,6 +60,9 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMostCallsPerConnection);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeMs);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleConnectionMs);
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, static_cast<int>(kMostHeaderBytes));
+  builder.AddChannelArgument(GRPC_ARG_TCP_MAX_READ_CHUNK_SIZE, kMostReadBytes);
+  refuse_compressed(builder);
   grpc::ResourceQuota quota("teletact");
   quota.SetMaxThreads(static_cast<int>(limits.most_threads));
   builder.SetResourceQuota(quota);
@@ -74,24 +86,50 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
-  grpc::EnableDefaultHealthCheckService(true);
-  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  health_ = std::make_unique<HealthService>();
+  unknown_ = std::make_unique<UnknownMethods>(core_->connections);
+  grpc::EnableDefaultHealthCheckService(false);
   grpc::ServerBuilder builder;
   set_limits(builder, core_->limits);
-  int port = 0;
-  builder.AddListeningPort(address, credentials, &port);
+  address_ = address;
+  if (address.starts_with("unix:"))
+    builder.AddListeningPort(address, credentials);
+  else
+    acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
+        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
   builder.RegisterService(elastography_.get());
   builder.RegisterService(info_.get());
   builder.RegisterService(palpation_.get());
+  builder.RegisterService(health_.get());
+  builder.RegisterCallbackGenericService(unknown_.get());
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(std::make_unique<CountCalls>(core_->connections));
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
+  if (acceptor_) listen(options.listen);
   server_ = builder.BuildAndStart();
   if (!server_)
     throw std::runtime_error(
         fmt::format("--listen {}: cannot listen there; the address is in use or not this machine's",
                     options.listen.listen));
   set_health(false);
-  address_ = address;
-  if (!address.starts_with("unix:"))
-    address_ = address.substr(0, address.rfind(':') + 1) + std::to_string(port);
+  if (!acceptor_) return;
+  core_->connections.begin(
+      [this](int socket, int listener) {
+        grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters taken;
+        taken.listener_fd = listener;
+        taken.fd = socket;
+        acceptor_->HandleNewConnection(&taken);
+      },
+      static_cast<std::size_t>(most_message_bytes(core_->limits)));
+}
+
+// Before gRPC serves: nobody is answered by half of it.
+void Server::listen(const ListenOptions& options) try {
+  const Address at = parse_address("--listen", options.listen);
+  const std::uint16_t port = core_->connections.listen(at.host, at.port);
+  address_ = address_.substr(0, address_.rfind(':') + 1) + std::to_string(port);
+} catch (const std::runtime_error& error) {
+  throw std::runtime_error(fmt::format("--listen {}: cannot listen there: {}", options.listen, error.what()));
 }
 
 Server::~Server() {
@@ -99,14 +137,13 @@ Server::~Server() {
 }
 
 void Server::set_health(bool serving) {
-  auto* health = server_->GetHealthCheckService();
-  for (const char* name : kServices) health->SetServingStatus(name, serving);
-  health->SetServingStatus("", serving);
+  for (const char* name : kServices) health_->set(name, serving);
+  health_->set("", serving);
 }
 
 // Touch goes on without them, by compliances.
 void Server::tell_devices(bool work) {
-  server_->GetHealthCheckService()->SetServingStatus("teletact.v1.Elastography", work);
+  health_->set("teletact.v1.Elastography", work);
 }
 
 void Server::make_ready() {
@@ -119,7 +156,7 @@ void Server::make_ready() {
 void Server::leave() {
   spdlog::info("event=leave calls={}", core_->calls.count());
   core_->calls.leave();
-  server_->GetHealthCheckService()->Shutdown();
+  health_->shut();
 }
 
 void Server::move() {
@@ -135,12 +172,14 @@ void Server::drain() {
   drained_ = true;
   const std::size_t open = core_->calls.count();
   spdlog::info("event=drain calls={}", open);
-  server_->GetHealthCheckService()->Shutdown();
+  health_->shut();
+  health_->end_watches();
   core_->calls.drain();
   core_->imaging.stop();
   core_->scenes.let_go();
   // Told streams get this long to end by themselves, then they are cancelled.
   const std::chrono::milliseconds patience(std::llround(1e3 * core_->limits.drain_s));
+  core_->connections.end();
   server_->Shutdown(std::chrono::system_clock::now() + patience);
   server_->Wait();
   core_->calls.wait_until_none(Calls::Clock::now() + patience);

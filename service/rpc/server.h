@@ -2,6 +2,7 @@
 #pragma once
 
 #include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
 
 #include <chrono>
 #include <filesystem>
@@ -12,13 +13,16 @@
 
 #include "service/rpc/address.h"
 #include "service/rpc/core.h"
+#include "service/rpc/free_memory.h"
 #include "service/trace/spans.h"
 
 namespace teletact::service {
 
 class ElastographyService;
+class HealthService;
 class InfoService;
 class PalpationService;
+class UnknownMethods;
 
 struct ServerOptions {
   ListenOptions listen;
@@ -56,6 +60,7 @@ class Server {
   Core& core() { return *core_; }
 
  private:
+  void listen(const ListenOptions&);
   void set_health(bool serving);
   void tell_devices(bool work);
   std::shared_ptr<void> held_;  // the socket; first: until nobody listens
@@ -63,7 +68,11 @@ class Server {
   std::unique_ptr<ElastographyService> elastography_;
   std::unique_ptr<InfoService> info_;
   std::unique_ptr<PalpationService> palpation_;
+  std::unique_ptr<HealthService> health_;
+  std::unique_ptr<UnknownMethods> unknown_;
+  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
   std::unique_ptr<grpc::Server> server_;
+  FreeMemory free_memory_;
   std::string address_;
   bool drained_ = false;
 };

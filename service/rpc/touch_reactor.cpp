@@ -37,7 +37,8 @@ TouchReactor::TouchReactor(Core& core, grpc::CallbackServerContext* context)
       core_(core) {}
 
 TouchReactor* TouchReactor::serve(Core& core, grpc::CallbackServerContext* context) {
-  return ServedCall::serve(std::make_shared<TouchReactor>(core, context), CallKind::kTouch);
+  return ServedCall::serve(std::make_shared<TouchReactor>(core, context), CallKind::kTouch,
+                           client_of(*context));
 }
 
 // Who may steer does so until it may no longer: then the stream ends, and another one observes.

@@ -113,7 +113,7 @@ TEST(Admin, RefusalsAreCountedByReason) {
   EXPECT_FALSE(early.opened());
   w.server->make_ready();
   ASSERT_TRUE(w.server.create(uniform_scene("s")).ok());
-  Toucher one(w.server.channel(), "s"), two(w.server.channel(), "s");
+  Toucher one(w.server.channel(), "s"), two(w.server.channel(), Toucher::open_on("s"), "another client");
   ASSERT_TRUE(one.opened() && two.opened());
   for (int k = 0; k < 3; ++k) {
     Toucher beyond(w.server.channel(), "s");

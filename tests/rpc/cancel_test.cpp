@@ -88,7 +88,7 @@ TEST(Cancelled, RefusedTouchIsFinishedOnce) {
   const auto channel = server.channel();
   std::vector<std::unique_ptr<Toucher>> held;
   for (std::size_t k = 0; k < limits.most_touch_streams; ++k) {
-    held.push_back(std::make_unique<Toucher>(channel, "s"));
+    held.push_back(std::make_unique<Toucher>(channel, Toucher::open_on("s"), "client-" + std::to_string(k)));
     ASSERT_TRUE(held.back()->opened()) << k;
   }
   // WHEN others try, and give up at once

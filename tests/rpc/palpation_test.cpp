@@ -303,7 +303,8 @@ TEST_F(Palpation, ManyStreamsEndWhenTheirClientsDie) {
   for (int round = 0; round < 3; ++round) {
     std::vector<std::unique_ptr<Toucher>> touchers;
     for (std::size_t k = 0; k < limits.most_touch_streams; ++k) {
-      touchers.push_back(std::make_unique<Toucher>(channel, "s"));
+      touchers.push_back(
+          std::make_unique<Toucher>(channel, Toucher::open_on("s"), "client-" + std::to_string(k)));
       ASSERT_TRUE(touchers.back()->opened()) << k;
     }
     Toucher one_too_many(channel, "s");

@@ -1,0 +1,258 @@
+#include "service/rpc/connections.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <linux/tcp.h>
+#include <netdb.h>
+#include <poll.h>
+#include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+namespace teletact::service {
+
+namespace {
+
+constexpr std::chrono::milliseconds kLook{20}, kLookAtKnown{200};
+constexpr int kWaiting = 1024;             // in the system's queue
+constexpr unsigned kUnansweredMs = 5'000;  // as gRPC sets it up: what is sent and not received
+
+// What gRPC calls a peer, and its host alone.
+struct Peer {
+  std::string name, host;
+};
+
+Peer peer_of(const sockaddr_storage& address) {
+  char text[INET6_ADDRSTRLEN] = {};
+  if (address.ss_family == AF_INET) {
+    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address);
+    inet_ntop(AF_INET, &v4.sin_addr, text, sizeof text);
+    return {fmt::format("ipv4:{}:{}", text, ntohs(v4.sin_port)), text};
+  }
+  const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address);
+  if (IN6_IS_ADDR_V4MAPPED(&v6.sin6_addr)) {
+    inet_ntop(AF_INET, &v6.sin6_addr.s6_addr[12], text, sizeof text);
+    return {fmt::format("ipv4:{}:{}", text, ntohs(v6.sin6_port)), text};
+  }
+  inet_ntop(AF_INET6, &v6.sin6_addr, text, sizeof text);
+  return {fmt::format("ipv6:%5B{}%5D:{}", text, ntohs(v6.sin6_port)), text};
+}
+
+tcp_info info_of(int socket) {
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  getsockopt(socket, IPPROTO_TCP, TCP_INFO, &info, &size);
+  return info;
+}
+
+void set(int socket, int level, int option, int value) {
+  setsockopt(socket, level, option, &value, sizeof value);
+}
+
+// What is set here, connections inherit.
+FileDescriptor listener_at(const addrinfo& at, std::uint16_t port) {
+  FileDescriptor listener(::socket(at.ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!listener) return listener;
+  set(listener.get(), SOL_SOCKET, SO_REUSEADDR, 1);
+  set(listener.get(), IPPROTO_TCP, TCP_NODELAY, 1);
+  set(listener.get(), IPPROTO_TCP, TCP_USER_TIMEOUT, kUnansweredMs);
+  if (at.ai_family == AF_INET6) set(listener.get(), IPPROTO_IPV6, IPV6_V6ONLY, 0);
+  sockaddr_storage address{};
+  std::memcpy(&address, at.ai_addr, at.ai_addrlen);
+  // The port has one place in both.
+  reinterpret_cast<sockaddr_in&>(address).sin_port = htons(port);
+  if (::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), at.ai_addrlen) != 0 ||
+      ::listen(listener.get(), kWaiting) != 0)
+    return FileDescriptor();
+  return listener;
+}
+
+std::uint16_t port_of(int listener) {
+  sockaddr_storage address{};
+  socklen_t size = sizeof address;
+  getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size);
+  return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
+}
+
+// One line a second at most.
+void say_cut(const std::string& peer, bool known, const char* why) {
+  static std::atomic<std::int64_t> said_s{-1}, unsaid{0};
+  const std::int64_t now_s =
+      std::chrono::duration_cast<std::chrono::seconds>(CountedConnection::Clock::now().time_since_epoch())
+          .count();
+  if (said_s.exchange(now_s) == now_s) {
+    ++unsaid;
+    return;
+  }
+  spdlog::warn("event=connection_cut peer={} known={} why=\"{}\" others={}", peer, known, why,
+               unsaid.exchange(0));
+}
+
+}  // namespace
+
+CountedConnection::CountedConnection(FileDescriptor socket, std::string peer, std::string host)
+    : socket_(std::move(socket)), peer_(std::move(peer)), host_(std::move(host)) {}
+
+void CountedConnection::begun() {
+  if (++open_ > kMostOpen) cut("calls that are reset and pile up");
+}
+
+void CountedConnection::wasted() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (may_waste_.take(Clock::now())) return;
+  }
+  cut("calls that come to nothing");
+}
+
+void CountedConnection::cut(const char* why) {
+  if (cut_.exchange(true)) return;
+  // Whoever still sends is told at once.
+  const linger none{1, 0};
+  setsockopt(socket_.get(), SOL_SOCKET, SO_LINGER, &none, sizeof none);
+  ::shutdown(socket_.get(), SHUT_RDWR);
+  // gRPC would read on what has arrived.
+  constexpr std::size_t kBytes = 1 << 20;
+  for (int k = 0; k < 64 && ::recv(socket_.get(), nullptr, kBytes, MSG_TRUNC | MSG_DONTWAIT) > 0; ++k)
+    continue;
+  say_cut(peer_, vouched(), why);
+}
+
+bool CountedConnection::closed() const {
+  constexpr int kEstablished = 1, kSynReceived = 3, kPeerHasClosed = 8;
+  const int state = info_of(socket_.get()).tcpi_state;
+  return state != kEstablished && state != kSynReceived && state != kPeerHasClosed;
+}
+
+std::uint64_t CountedConnection::received_bytes() const {
+  return info_of(socket_.get()).tcpi_bytes_received;
+}
+
+std::uint16_t Connections::listen(const std::string& host, std::uint16_t port) {
+  addrinfo hints{}, *all = nullptr;
+  hints.ai_socktype = SOCK_STREAM;
+  hints.ai_flags = AI_PASSIVE;
+  if (const int rc = ::getaddrinfo(host.c_str(), "0", &hints, &all); rc != 0)
+    throw std::runtime_error(gai_strerror(rc));
+  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> found(all, &::freeaddrinfo);
+  int failed = 0;
+  for (const addrinfo* at = found.get(); at != nullptr; at = at->ai_next)
+    if (FileDescriptor listener = listener_at(*at, port)) {
+      port = port_of(listener.get());
+      listeners_.push_back(std::move(listener));
+    } else {
+      failed = errno;
+    }
+  if (listeners_.empty()) throw std::runtime_error(std::strerror(failed));
+  return port;
+}
+
+void Connections::begin(Hand hand, std::size_t largest_message_bytes) {
+  hand_ = std::move(hand);
+  most_unknown_bytes_ = 2 * largest_message_bytes;
+  woken_ = FileDescriptor(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  thread_ = std::thread([this] { serve(); });
+}
+
+void Connections::end() {
+  if (!thread_.joinable()) return;
+  stop_ = true;
+  eventfd_write(woken_.get(), 1);
+  thread_.join();
+  listeners_.clear();
+}
+
+std::shared_ptr<CountedConnection> Connections::of(const std::string& peer) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = by_peer_.find(peer);
+  return found == by_peer_.end() ? nullptr : found->second;
+}
+
+std::size_t Connections::count() const {
+  const std::lock_guard lock(mutex_);
+  return by_peer_.size();
+}
+
+void Connections::serve() {
+  std::vector<pollfd> waiting{{woken_.get(), POLLIN, 0}};
+  for (const FileDescriptor& listener : listeners_) waiting.push_back({listener.get(), POLLIN, 0});
+  while (!stop_) {
+    const bool room = make_room(Clock::now());
+    const int patience = count() == 0 ? -1 : static_cast<int>((unknown_ > 0 ? kLook : kLookAtKnown).count());
+    const int ready = ::poll(waiting.data(), room ? waiting.size() : 1, patience);
+    const auto now = Clock::now();
+    look(now);
+    if (ready <= 0 || !room) continue;
+    for (std::size_t k = 1; k < waiting.size(); ++k)
+      if (waiting[k].revents != 0) accept(waiting[k].fd, now);
+  }
+}
+
+void Connections::look(Clock::time_point now) {
+  const std::size_t resident_bytes = unknown_ > 0 ? resident_bytes_now() : 0;
+  const std::lock_guard lock(mutex_);
+  for (auto at = by_peer_.begin(); at != by_peer_.end();) {
+    CountedConnection& connection = *at->second;
+    const double age_s = std::chrono::duration<double>(now - connection.since()).count();
+    const bool grown = resident_bytes > connection.resident_bytes_then() + kGrowthBytes;
+    const double at_once = grown ? kUnknownBytesPerSecond : static_cast<double>(most_unknown_bytes_);
+    const double most_bytes = at_once + kUnknownBytesPerSecond * age_s;
+    if (!connection.vouched() && static_cast<double>(connection.received_bytes()) > most_bytes)
+      connection.cut("bytes before it has shown who it is");
+    if (connection.was_cut())
+      after_cut_.try_emplace(connection.host(), AfterCut{}).first->second.until = now + kAfterCut;
+    at = connection.was_cut() || connection.closed() ? by_peer_.erase(at) : std::next(at);
+  }
+  std::erase_if(after_cut_, [&](const auto& host) { return host.second.until < now; });
+}
+
+// The place of one who has had its time, where none is left.
+bool Connections::make_room(Clock::time_point now) {
+  const std::lock_guard lock(mutex_);
+  unknown_ = 0;
+  CountedConnection* oldest = nullptr;
+  for (const auto& [peer, connection] : by_peer_) {
+    if (connection->vouched()) continue;
+    ++unknown_;
+    if (!oldest || connection->since() < oldest->since()) oldest = connection.get();
+  }
+  if (unknown_ < kMostUnknown && by_peer_.size() < kMost) return true;
+  if (!oldest || now - oldest->since() < kLeastForShowing) return false;
+  oldest->cut("others wait, and it has not shown who it is");
+  by_peer_.erase(oldest->peer());
+  return true;
+}
+
+void Connections::accept(int listener, Clock::time_point now) {
+  sockaddr_storage address{};
+  socklen_t size = sizeof address;
+  FileDescriptor socket(
+      ::accept4(listener, reinterpret_cast<sockaddr*>(&address), &size, SOCK_CLOEXEC | SOCK_NONBLOCK));
+  FileDescriptor ours(socket ? ::fcntl(socket.get(), F_DUPFD_CLOEXEC, 0) : -1);
+  if (!ours) {
+    if (errno == EMFILE || errno == ENFILE) std::this_thread::sleep_for(kLook);
+    return;
+  }
+  const Peer peer = peer_of(address);
+  if (!welcome(peer.host, now)) return;
+  {
+    const std::lock_guard lock(mutex_);
+    by_peer_.insert_or_assign(peer.name,
+                              std::make_shared<CountedConnection>(std::move(ours), peer.name, peer.host));
+  }
+  hand_(socket.release(), listener);
+}
+
+bool Connections::welcome(const std::string& host, Clock::time_point now) {
+  const auto found = after_cut_.find(host);
+  return found == after_cut_.end() || found->second.allowance.take(now);
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,41 @@
+#include "service/rpc/free_memory.h"
+
+#include <malloc.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "service/scene/niced_worker.h"
+
+namespace teletact::service {
+
+std::size_t resident_bytes_now() {
+  std::size_t size = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> size >> resident;
+  return resident * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+}
+
+FreeMemory::FreeMemory(std::chrono::milliseconds between)
+    : thread_([this, between] {
+        be_nice();
+        std::unique_lock lock(mutex_);
+        while (!stopped_.wait_for(lock, between, [this] { return stop_; })) look();
+      }) {}
+
+FreeMemory::~FreeMemory() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  stopped_.notify_all();
+  thread_.join();
+}
+
+// What was given back still counts as free: whether there is more, resident memory says.
+void FreeMemory::look() {
+  if (resident_bytes_now() < resident_bytes_ + kLeastBytes || ::mallinfo2().fordblks < kLeastBytes) return;
+  ::malloc_trim(0);
+  resident_bytes_ = resident_bytes_now();
+}
+
+}  // namespace teletact::service

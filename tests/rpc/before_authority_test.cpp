@@ -1,0 +1,268 @@
+// Peers that have not shown who they are: what they cost is bounded, and others feel nothing of it.
+#include <malloc.h>
+#include <sys/socket.h>
+
+#include <chrono>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "service/rpc/free_memory.h"
+#include "tests/access/access_folder.h"
+#include "tests/rpc/estimate_client.h"
+#include "tests/rpc/guarded_server.h"
+#include "tests/rpc/http2_peer.h"
+#include "tests/rpc/running_server.h"
+
+namespace teletact::service {
+namespace {
+
+using std::chrono::steady_clock;
+
+std::size_t heap_bytes() {
+  const auto heap = mallinfo2();
+  return heap.uordblks + heap.hblkhd;
+}
+
+grpc::Status get_info(const std::shared_ptr<grpc::Channel>& channel, bool compressed = false,
+                      const std::string& token = "") {
+  grpc::ClientContext context;
+  set_deadline(context);
+  context.set_wait_for_ready(token.empty());
+  if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
+  if (compressed) context.set_compression_algorithm(GRPC_COMPRESS_GZIP);
+  v1::GetInfoResponse info;
+  return v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
+}
+
+// On TCP: whoever reaches a Unix socket may use this machine.
+class BeforeAuthority : public testing::Test {
+ protected:
+  explicit BeforeAuthority(const Limits& limits = {}) : server("127.0.0.1:0", "", limits) {
+    server->make_ready();
+    EXPECT_TRUE(server.create(uniform_scene("s")).ok());
+  }
+  std::string address() { return server->address(); }
+  RunningServer server;
+};
+
+class Resets : public BeforeAuthority, public testing::WithParamInterface<const char*> {};
+
+TEST_P(Resets, CutTheirConnectionAndLeaveNothing) {
+  constexpr std::uint32_t kMostCalls = 60'000, kAtOnce = 100;
+  Bystander bystander(server.channel(), "s");
+  Http2Peer peer(address());
+  const std::size_t before = heap_bytes();
+  std::size_t most = 0;
+  std::uint32_t calls = 0;
+  for (bool there = true; there && calls < kMostCalls; calls += kAtOnce) {
+    std::string bytes;
+    for (std::uint32_t k = calls; k < calls + kAtOnce; ++k)
+      bytes += Http2Peer::call(2 * k + 1, GetParam()) + Http2Peer::reset(2 * k + 1);
+    there = peer.send(bytes) && peer.receive();
+    most = std::max(most, heap_bytes());
+  }
+  EXPECT_LT(calls, kMostCalls) << "it goes on";
+  EXPECT_LT(most, before + (std::size_t{256} << 20));
+  bystander.stop();
+  EXPECT_EQ(bystander.failures(), 0);
+  server.expect_all_calls_end();
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, Resets,
+                         testing::Values("/teletact.v1.Info/GetInfo", "/teletact.v1.Palpation/Touch",
+                                         "/grpc.health.v1.Health/Watch",
+                                         "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"),
+                         [](const auto& method) {
+                           const std::string path = method.param;
+                           return path.substr(path.rfind('/') + 1);
+                         });
+
+// gRPC holds a peer that confirms no settings to no number of them, and tells nobody before a message has
+// come.
+TEST_F(BeforeAuthority, CallsThatWaitForTheirMessageCutTheConnection) {
+  constexpr std::uint32_t kMostCalls = 60'000, kAtOnce = 100;
+  Http2Peer peer(address());
+  const std::size_t before = heap_bytes();
+  std::size_t most = 0;
+  std::uint32_t calls = 0;
+  for (bool there = true; there && calls < kMostCalls; calls += kAtOnce) {
+    std::string bytes;
+    for (std::uint32_t k = calls; k < calls + kAtOnce; ++k)
+      bytes += Http2Peer::call(2 * k + 1, "/grpc.health.v1.Health/Check");
+    there = peer.send(bytes) && peer.receive();
+    most = std::max(most, heap_bytes());
+  }
+  EXPECT_LT(calls, kMostCalls) << "it goes on";
+  EXPECT_LT(most, before + (std::size_t{350} << 20));
+}
+
+// Frames of a type that there is not: HTTP/2 has them ignored.
+TEST_F(BeforeAuthority, BytesThatAreNoCallsCutTheConnection) {
+  constexpr auto kNoSuchType = static_cast<Http2Peer::Type>(0xf0);
+  const std::string frame = Http2Peer::frame(kNoSuchType, 0, 0, std::string(16384, 'x'));
+  Http2Peer peer(address());
+  int frames = 0;
+  while (frames < 4096 && peer.send(frame) && peer.receive()) ++frames;
+  EXPECT_LT(frames, 4096);
+  EXPECT_TRUE(get_info(server.channel()).ok());
+}
+
+TEST_F(BeforeAuthority, IdleConnectionsGiveWay) {
+  std::vector<Http2Peer> idle;
+  for (std::size_t k = 0; k < 2 * Connections::kMostUnknown; ++k) idle.emplace_back(address());
+  const auto channel = server.channel();
+  EXPECT_TRUE(get_info(channel).ok());
+  EXPECT_LE(server->core().connections.count(), Connections::kMostUnknown + 3);
+  EXPECT_FALSE(idle.front().receive(10'000) && idle.front().receive(10'000)) << "the oldest stays";
+  // One that has shown who it is stays.
+  for (std::size_t k = 0; k < Connections::kMostUnknown; ++k) idle.emplace_back(address());
+  EXPECT_TRUE(get_info(channel).ok());
+}
+
+TEST_F(BeforeAuthority, CompressedMessagesAreRefused) {
+  const auto channel = server.channel();
+  EXPECT_TRUE(get_info(channel).ok());
+  EXPECT_EQ(get_info(channel, true).error_code(), grpc::StatusCode::UNIMPLEMENTED);
+}
+
+// By a peer that has not confirmed what it was told.
+TEST_F(BeforeAuthority, HeadersLongerThanAnnouncedAreRefused) {
+  for (const std::size_t bytes : {std::size_t{100}, std::size_t{1} << 20}) {
+    Http2Peer peer(address());
+    peer.send(Http2Peer::call(1, "/teletact.v1.Info/GetInfo", {{"x-long", std::string(bytes, 'x')}}) +
+              Http2Peer::message(1, "", true));
+    const auto begun = steady_clock::now();
+    while (peer.received().find("grpc-status") == std::string::npos && peer.receive(1000) &&
+           steady_clock::now() - begun < std::chrono::seconds(30))
+      continue;
+    const bool served = peer.received().find("most_frame_bytes") != std::string::npos;
+    EXPECT_EQ(served, bytes < 8192) << bytes;
+  }
+}
+
+class ShortPatience : public BeforeAuthority {
+ protected:
+  ShortPatience() : BeforeAuthority(limits()) {}
+  static Limits limits() {
+    Limits limits;
+    limits.acknowledge_s = 0.1;
+    limits.most_touch_streams = 8;
+    return limits;
+  }
+};
+
+TEST_F(ShortPatience, TouchThatTakesNothingEndsWhateverItSends) {
+  constexpr std::uint16_t kInitialWindow = 4;
+  v1::TouchRequest open, pose;
+  open.mutable_open()->set_scene_id("s");
+  for (const double v : {0.05, 0.002}) pose.mutable_pose()->add_position_m(v);
+  Http2Peer peer(address(), Http2Peer::setting(kInitialWindow, 0));
+  peer.send(Http2Peer::call(1, "/teletact.v1.Palpation/Touch") +
+            Http2Peer::message(1, open.SerializeAsString(), false));
+  while (server->core().calls.count() == 0) std::this_thread::yield();
+  const auto begun = steady_clock::now();
+  for (std::uint64_t k = 1; server->core().calls.count() > 0; ++k) {
+    ASSERT_LT(steady_clock::now() - begun, std::chrono::seconds(60)) << "it holds its place";
+    pose.mutable_pose()->set_sequence(k);
+    peer.send(Http2Peer::message(1, pose.SerializeAsString(), false));
+    peer.receive(20);
+  }
+}
+
+TEST_F(ShortPatience, OneClientDoesNotTakeAllPlacesForTouch) {
+  const auto stub = v1::Palpation::NewStub(server.channel());
+  struct Touch {
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReaderWriter<v1::TouchRequest, v1::TouchResponse>> stream;
+    ~Touch() { context.TryCancel(); }
+  };
+  std::vector<std::unique_ptr<Touch>> touches;
+  const auto open = [&](const char* client) {
+    auto& touch = *touches.emplace_back(std::make_unique<Touch>());
+    set_deadline(touch.context);
+    touch.context.AddMetadata("teletact-client", client);
+    touch.stream = stub->Touch(&touch.context);
+    v1::TouchRequest request;
+    request.mutable_open()->set_scene_id("s");
+    touch.stream->Write(request);
+    v1::TouchResponse opened;
+    return touch.stream->Read(&opened);
+  };
+  for (std::uint64_t k = 0; k < limits().most_touch_streams / 2; ++k) ASSERT_TRUE(open("greedy")) << k;
+  EXPECT_FALSE(open("greedy"));
+  expect_refused(touches.back()->stream->Finish(), grpc::StatusCode::RESOURCE_EXHAUSTED, "this client's");
+  EXPECT_TRUE(open("modest"));
+}
+
+// Who tries one token after the other.
+TEST(UnknownCallers, AreCut) {
+  GuardedServer server(Transport::kTls, entry_of("anna", "operator"));
+  const auto channel = server.channel();
+  grpc::Status status;
+  int calls = 0;
+  for (; calls < 20'000; ++calls) {
+    status = get_info(channel, false, "guess-" + std::to_string(calls));
+    if (status.error_code() != grpc::StatusCode::UNAUTHENTICATED) break;
+  }
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << status.error_message();
+  EXPECT_GE(calls, 100) << "one that mistypes";
+}
+
+// Both ends of a connection, the service's counted.
+struct Pair {
+  Pair() {
+    int ends[2];
+    EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
+    theirs = FileDescriptor(ends[1]);
+    ours = std::make_unique<CountedConnection>(FileDescriptor(ends[0]), "peer", "host");
+  }
+  bool cut() const {
+    char byte = 0;
+    return ::recv(theirs.get(), &byte, 1, MSG_DONTWAIT) == 0;
+  }
+  FileDescriptor theirs;
+  std::unique_ptr<CountedConnection> ours;
+};
+
+TEST(CountedConnection, CallsThatPileUpCutIt) {
+  const Pair pair;
+  for (int k = 0; k < 10 * CountedConnection::kMostOpen; ++k) pair.ours->begun(), pair.ours->ended();
+  for (int k = 0; k < CountedConnection::kMostOpen; ++k) pair.ours->begun();
+  EXPECT_FALSE(pair.cut());
+  pair.ours->begun();
+  EXPECT_TRUE(pair.cut());
+}
+
+TEST(CountedConnection, CallsThatComeToNothingCutIt) {
+  const Pair pair;
+  for (int k = 0; k < 500; ++k) pair.ours->wasted();
+  EXPECT_FALSE(pair.cut());
+  for (int k = 0; k < 1'000'000 && !pair.ours->was_cut(); ++k) pair.ours->wasted();
+  EXPECT_TRUE(pair.cut());
+}
+
+// Where the sanitizer has an allocator of its own, there is nothing to give back.
+#ifndef __SANITIZE_ADDRESS__
+TEST(FreeMemory, IsGivenBack) {
+  constexpr std::size_t kBlocks = 200'000, kBlockBytes = 1024, kKept = 1000;
+  const auto resident = [] {
+    std::size_t pages = 0, held = 0;
+    std::ifstream("/proc/self/statm") >> pages >> held;
+    return held * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  };
+  std::vector<std::unique_ptr<char[]>> blocks(kBlocks);
+  for (auto& block : blocks) block = std::make_unique<char[]>(kBlockBytes);
+  for (std::size_t k = 0; k < kBlocks; ++k)
+    if (k % kKept != 0) blocks[k].reset();
+  const std::size_t held = resident();
+  const FreeMemory keeper(std::chrono::milliseconds(20));
+  for (int k = 0; k < 1000 && resident() > held - kBlocks * kBlockBytes / 2; ++k)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_LE(resident(), held - kBlocks * kBlockBytes / 2);
+}
+#endif
+
+}  // namespace
+}  // namespace teletact::service
