@@ -36,32 +36,54 @@ Wrench = message("Wrench", force=Vector, torque=Vector)
 WrenchStamped = message("WrenchStamped", header=Header, wrench=Wrench)
 OperatingState = message("OperatingState", header=Header, state=str, is_homed=bool, is_busy=bool)
 StringStamped = message("StringStamped", header=Header, string=str)
+Bool = message("Bool", data=bool)
+Twist = message("Twist", linear=Vector, angular=Vector)
+TwistStamped = message("TwistStamped", header=Header, twist=Twist)
+
+
+@dataclasses.dataclass
+class QoSProfile:
+    depth: int
+    durability: str
 
 
 @dataclasses.dataclass
 class Publisher:
     kind: type
+    topic: str
     sent: list = dataclasses.field(default_factory=list)
 
     def publish(self, value):
         assert type(value) is self.kind
         assert Ros.up, "published after the context was shut down"
         self.sent.append(value)
+        for take in Ros.listeners.get(self.topic, []):
+            take(value)
+
+    def get_subscription_count(self):
+        return len(Ros.listeners.get(self.topic, []))
 
 
 class Node:
     def __init__(self, name):
-        self.name, self.publishers, self.heard, self.timers, self.logged = name, {}, {}, [], []
+        self.name, self.publishers, self.heard, self.heard_with, self.timers, self.logged = name, {}, {}, {}, [], []
         Ros.nodes.append(self)
 
     def _name(self, topic):
         return topic.replace("~", self.name)
 
     def create_publisher(self, kind, topic, qos):
-        return self.publishers.setdefault(self._name(topic), Publisher(kind))
+        return self.publishers.setdefault(self._name(topic), Publisher(kind, self._name(topic)))
 
     def create_subscription(self, kind, topic, callback, qos):
         self.heard[self._name(topic)] = (kind, callback)
+        self.heard_with[self._name(topic)] = qos
+
+    def get_topic_names_and_types(self):
+        return [(topic, [kind]) for topic, (kind, _) in Ros.topics.items()]
+
+    def get_publishers_info_by_topic(self, topic):
+        return [types.SimpleNamespace(qos_profile=QoSProfile(0, Ros.topics[topic][1]))]
 
     def create_timer(self, period_s, callback):
         self.timers.append((period_s, callback))
@@ -92,6 +114,8 @@ class Ros:
 
     up = False
     nodes = []
+    listeners = {}  # of other nodes: those that are called with what is published, by topic
+    topics = {}     # of other nodes: type and durability, by name
     spin = staticmethod(lambda node: None)  # a test puts another there
 
     @classmethod
@@ -112,10 +136,12 @@ def install():
 
     module("rclpy", init=Ros.init, try_shutdown=Ros.try_shutdown, spin=lambda node: Ros.spin(node))
     module("rclpy.node", Node=Node)
-    module("rclpy.qos", qos_profile_sensor_data="best effort")
+    module("rclpy.qos", QoSProfile=QoSProfile, qos_profile_sensor_data="best effort")
     module("rclpy.signals", SignalHandlerOptions=types.SimpleNamespace(NO="NO"))
     module("rclpy.utilities", remove_ros_args=lambda args: args[:args.index("--ros-args")] if "--ros-args" in args else args)
     module("geometry_msgs")
-    module("geometry_msgs.msg", PoseStamped=PoseStamped, WrenchStamped=WrenchStamped)
+    module("geometry_msgs.msg", PoseStamped=PoseStamped, TwistStamped=TwistStamped, WrenchStamped=WrenchStamped)
+    module("std_msgs")
+    module("std_msgs.msg", Bool=Bool)
     module("crtk_msgs")
     module("crtk_msgs.msg", OperatingState=OperatingState, StringStamped=StringStamped)

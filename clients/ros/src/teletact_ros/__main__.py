@@ -6,6 +6,7 @@ import argparse
 import math
 import signal
 import sys
+import time
 
 import rclpy
 import teletact
@@ -15,6 +16,12 @@ from rclpy.utilities import remove_ros_args
 from teletact_ros.axes import Axes
 from teletact_ros.bridge import Bridge
 from teletact_ros.felt import Limits
+from teletact_ros.watchdog import Watchdog
+
+
+def ros_arguments(arguments: list[str]) -> list[str]:
+    """Those that are ROS's."""
+    return arguments[arguments.index("--ros-args"):] if "--ros-args" in arguments else []
 
 
 def main(arguments: list[str]) -> int:
@@ -30,6 +37,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--most-force-n", type=float, default=usual.force_n)
     parser.add_argument("--most-stiffness-n-m", type=float, default=usual.stiffness_n_m)
     parser.add_argument("--rate-hz", type=float, default=500.0, help="of servo_cf, 10 to 1000")
+    parser.add_argument("--without-noise", action="store_true", help="the arm's positions stand still to the last bit in"
+                        " a hand that does; that alone is no FAULT then")
     parser.add_argument("--tls-ca")
     parser.add_argument("--token-file")
     given = parser.parse_args(remove_ros_args(arguments)[1:])
@@ -43,9 +52,11 @@ def main(arguments: list[str]) -> int:
     # Signals are ours: rclpy's handler would end the context before the last zero force is out.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    watchdog = Watchdog(given.arm, ros_arguments(arguments), time.monotonic())
     try:
         with teletact.connect(given.service, tls_ca=given.tls_ca, token_file=given.token_file) as service:
-            bridge = Bridge(service.touch(given.scene, resume_s=math.inf), given.arm, axes, limits, given.rate_hz)
+            bridge = Bridge(service.touch(given.scene, resume_s=math.inf), given.arm, axes, limits, given.rate_hz,
+                            watchdog=watchdog, has_noise=not given.without_noise)
             try:
                 rclpy.spin(bridge)
             except KeyboardInterrupt:
@@ -57,6 +68,7 @@ def main(arguments: list[str]) -> int:
         print(f"teletact_ros: {error}", file=sys.stderr)
         return 1
     finally:
+        watchdog.close()
         rclpy.try_shutdown()
     return 0
 

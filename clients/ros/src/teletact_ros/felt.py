@@ -42,6 +42,8 @@ class Felt:
         self._answer: Answer | None = None
         self._pose_s = self._answer_s = -math.inf
         self._force, self._force_s = np.zeros(3), -math.inf
+        self._unusable = ""
+        self.blocked = ""  # why nobody may be given a force, whatever poses and answers say
         self.state, self.why = DISABLED, "not enabled yet"
 
     # --- what comes in ----------------------------------------------------------------------------------------
@@ -50,6 +52,9 @@ class Felt:
         """Where the finger is."""
         if not np.isfinite(position_m).all():
             return self.fail("measured_cp is not finite")
+        if now - self._pose_s > self._limits.silence_s:
+            self.pause(self._missing(now))  # whether or not a tick has seen it
+        self._unusable = ""
         if self._position is not None and now - self._pose_s < self._limits.silence_s:
             moved_m = float(np.linalg.norm(position_m - self._position))
             # Poses that the network has bunched: 10 ms of the speed limit are none.
@@ -57,9 +62,18 @@ class Felt:
                 return self.fail(f"the finger ran away, by {1e3 * moved_m:.1f} mm at once")
         self._position, self._pose_s = position_m, now
 
+    def unusable(self, why: str) -> None:
+        """A message of the arm that says not where it is."""
+        self._unusable = why
+
     def answer(self, now: float, answer: Answer) -> None:
         """The newest force of the service."""
         self._answer, self._answer_s = answer, now
+
+    def pause(self, why: str) -> None:
+        """No force until the operator resumes."""
+        if self.state == ENABLED:
+            self.state, self.why = PAUSED, why
 
     def fail(self, why: str) -> None:
         """No force until the operator disables and enables again."""
@@ -71,8 +85,7 @@ class Felt:
         if word == "disable":
             self.state, self.why = DISABLED, "by the operator"
         elif word == "pause":
-            if self.state == ENABLED:
-                self.state, self.why = PAUSED, "by the operator"
+            self.pause("by the operator")
         elif word in ("enable", "resume"):
             if self.state == FAULT:
                 return f"after a FAULT ({self.why}) disable first"
@@ -94,22 +107,28 @@ class Felt:
         """What is to be said of the newest answer; "" where it is well."""
         return "" if self._answer is None or self._answer.status == "ok" else f"the service's answer: {self._answer.status}"
 
+    def under_force(self) -> bool:
+        """Whether the newest force was one."""
+        return bool(self._force.any())
+
     def indentation_m(self) -> float:
         """How far the finger is beyond the touched layer."""
         return -math.inf if self._position is None else float(self._position @ self._normal) - self._depth_m
 
     def force(self, now: float) -> Floats:
         """What the arm may be given at this moment; zero whenever the state is not ENABLED."""
-        if self.state == ENABLED and (missing := self._missing(now)):
-            self.state, self.why = PAUSED, missing
+        if missing := self._missing(now):
+            self.pause(missing)
         force = self._limited(now) if self.state == ENABLED else np.zeros(3)
         self._force, self._force_s = force, now
         return force
 
     def _missing(self, now: float) -> str:
         limit_s = self._limits.silence_s
+        if self.blocked:
+            return self.blocked
         if now - self._pose_s > limit_s:
-            return f"no measured_cp for {limit_s} s"
+            return f"no measured_cp for {limit_s} s" + (f": {self._unusable}" if self._unusable else "")
         if self._answer is None or now - self._answer_s > limit_s:
             return f"no answer of the service for {limit_s} s"
         age_s = now - self._answer_s + self._answer.round_trip_s

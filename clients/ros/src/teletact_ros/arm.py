@@ -1,0 +1,18 @@
+"""What an arm is sent on each of its topics, so that its tool is pushed by a force."""
+
+from __future__ import annotations
+
+import numpy as np
+from teletact.arrays import Floats
+
+from teletact_ros.measured import Pose
+from teletact_ros.topics import BODY, SPATIAL
+
+
+def wrench_at(topic: int, pose: Pose, force_n: Floats) -> tuple[Floats, Floats]:
+    """The force and torque that push the tool's tip by ``force_n``, which is along the axes that the pose is in."""
+    if topic == BODY:
+        return np.asarray(pose.turn.T @ force_n), np.zeros(3)
+    if topic == SPATIAL:
+        return force_n, np.cross(pose.position_m, force_n)
+    return force_n, np.zeros(3)
