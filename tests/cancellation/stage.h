@@ -18,6 +18,7 @@ class Service {
  public:
   static constexpr std::size_t kScenes = 3;  // that make_ready() makes
   explicit Service(bool ready) : server_("127.0.0.1:0", "", limits()) {
+    server_->core().connections.excuse_all();
     if (ready) make_ready();
   }
   void make_ready() {

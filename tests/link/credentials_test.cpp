@@ -31,8 +31,9 @@ TEST(Credentials, ATokenLeavesThisMachineEncryptedAlone) {
   for (const char* address : {"127.0.0.1:1", "127.9.9.9:1", "localhost:1", "[::1]:1", "unix:/tmp/s",
                               "unix-abstract:s", "ipv4:127.0.0.1:1", "dns:localhost:1", "ipv6:[::1]:1"})
     EXPECT_EQ(why(token, address), "") << address;
-  for (const char* address : {"node7:1", "10.0.0.7:1", "127.0.0.1.evil.org:1", "localhost.evil.org:1",
-                              "[fd00::1]:1", "dns:node7:1", "dns://8.8.8.8/localhost:1", "ipv4:10.0.0.7:1"}) {
+  for (const char* address :
+       {"node7:1", "10.0.0.7:1", "127.0.0.1.evil.org:1", "localhost.evil.org:1", "[fd00::1]:1", "dns:node7:1",
+        "dns://8.8.8.8/localhost:1", "ipv4:10.0.0.7:1", "ipv6:[::1]:1,[2001:db8::1]:1"}) {
     EXPECT_NE(why(token, address).find("--tls-ca"), std::string::npos) << address;
     EXPECT_EQ(why(token, address).find("secret"), std::string::npos) << address;
     EXPECT_EQ(why({.tls_ca = "ca", .token = "secret"}, address), "") << address;

@@ -47,9 +47,7 @@ bool is_listed(Method method, StatusCode code) {
 
 // What gRPC itself answers to bytes that are no message, before the service sees them.
 bool is_of_grpc(Method method, StatusCode code) {
-  if (code == StatusCode::RESOURCE_EXHAUSTED) return true;  // too long
-  if (method == Method::kHealthCheck || method == Method::kHealthWatch)
-    return is_among(code, {StatusCode::INVALID_ARGUMENT, StatusCode::INTERNAL});
+  if (code == StatusCode::RESOURCE_EXHAUSTED) return true;        // too long
   return sends_one(method) && code == StatusCode::UNIMPLEMENTED;  // so says the callback interface
 }
 
