@@ -32,7 +32,7 @@ TEST(Dashboard, AsksForFiguresThatAreThere) {
   while (metrics.find("teletact_calls_ended_total{") == std::string::npos &&
          std::chrono::steady_clock::now() < until) {
     test::HttpPeer peer(folder / "a");
-    peer.send("GET /metrics HTTP/1.1\r\nHost: node\r\n\r\n");
+    peer.send("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
     metrics = peer.rest();
   }
   const auto dashboard = nlohmann::json::parse(test::packaged_file("prometheus/dashboard.json"));
