@@ -77,7 +77,7 @@ class BoxedFaults : public test::BoxedTest {
   }
   void press() {
     for (int attempt = 0; attempt < 20; ++attempt) {
-      resume();
+      if (!resume()) break;
       for (double depth_m = -0.002; depth_m < 0.004; depth_m += 2e-4) {
         put_depth(depth_m);
         go_on(0.003);
