@@ -85,7 +85,11 @@ Header read_header(const std::filesystem::path& path, std::size_t file_bytes) {
     const std::string line = head.substr(header.bytes, end - header.bytes);
     header.bytes = end + 1;
     const auto equals = line.find_first_of("=:");  // MetaIO takes either
-    if (equals == std::string::npos) break;
+    if (equals == std::string::npos) {
+      if (!header.has("ObjectType") && !header.has("NDims")) break;
+      if (trimmed(line).empty()) continue;
+      throw FileError(path, "header line " + shown(trimmed(line)) + " has no '='; delete it");
+    }
     const std::string key = trimmed(line.substr(0, equals));
     if (!header.fields.emplace(key, trimmed(line.substr(equals + 1))).second)
       throw FileError(path, "header field " + shown(key) + " is given twice; keep one");

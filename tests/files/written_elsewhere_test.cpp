@@ -120,8 +120,9 @@ TEST(WrittenElsewhere, HeadersOfAnySizeToSixteenMebibytes) {
 TEST(WrittenElsewhere, WhatMetaIoAllowsInAHeaderIsRead) {
   const TemporaryFolder folder;
   const fs::path path = folder / "a.mha";
-  for (const char* lines : {"HeaderSize = -1\n", "HeaderSize = 0\n", "Comment : with a colon = fine\n",
-                            "TransformMatrix = 1 0 0 1\nCenterOfRotation = 0 0\n"}) {
+  for (const char* lines :
+       {"HeaderSize = -1\n", "HeaderSize = 0\n", "Comment : with a colon = fine\n",
+        "TransformMatrix = 1 0 0 1\nCenterOfRotation = 0 0\n", "\n \r\nComment = after blank lines\n"}) {
     put_content(path, header(lines) + kShorts);
     EXPECT_EQ(read_metaimage(path).as<double>(), kValues) << lines;
   }
@@ -131,6 +132,14 @@ TEST(WrittenElsewhere, WhatMetaIoAllowsInAHeaderIsRead) {
                            std::to_string(packed(kShorts).size()) + "\nHeaderSize = -1\n") +
                         "more" + packed(kShorts));
   EXPECT_EQ(read_metaimage(path).as<double>(), kValues);
+}
+
+TEST(WrittenElsewhere, ALineWithoutItsSignIsNamed) {
+  const TemporaryFolder folder;
+  put_content(folder / "a.mha", header("Comment = a first line\nand a second\n") + kShorts);
+  EXPECT_NE(message_of(folder / "a.mha").find("header line and a second has no '='; delete it"),
+            std::string::npos)
+      << message_of(folder / "a.mha");
 }
 
 TEST(WrittenElsewhere, DataInAFileBesideTheHeaderAreRead) {

@@ -1,5 +1,6 @@
 #include "client/files/matlab/hdf5_reader.h"
 
+#include <fstream>
 #include <new>
 #include <string_view>
 
@@ -13,6 +14,37 @@ namespace {
 constexpr std::size_t kMostPresent = 500;   // bytes of the names of what is there
 constexpr std::size_t kMostObjects = 1000;  // of a file
 constexpr std::size_t kMostText = 256;      // bytes
+
+// Whether its superblock says that a writer has it open: so it stays when that writer crashes.
+bool was_not_closed(const std::filesystem::path& path, std::size_t file_bytes) {
+  constexpr std::size_t kVersionAt = 8, kFlagsAt = 11, kBytes = 12;
+  constexpr int kOpenForWriting = 1, kOpenForSwmr = 4, kFirstWithFlags = 3;
+  std::ifstream in(path, std::ios::binary);
+  for (std::size_t at = 0; at + kBytes <= file_bytes; at = at == 0 ? 512 : 2 * at) {  // where HDF5 looks
+    std::array<char, kBytes> block{};
+    in.seekg(static_cast<std::streamoff>(at));
+    in.read(block.data(), block.size());
+    if (!std::string_view(block.data(), block.size()).starts_with("\x89HDF\r\n\x1a\n")) continue;
+    return block[kVersionAt] >= kFirstWithFlags && (block[kFlagsAt] & (kOpenForWriting | kOpenForSwmr)) != 0;
+  }
+  return false;
+}
+
+// The name of a filter that packed the array and is not here, or "".
+std::string missing_filter(hid_t data) {
+  const Hdf5Id made(H5Dget_create_plist(data), H5Pclose);
+  const int filters = H5Pget_nfilters(made);
+  for (int k = 0; k < filters; ++k) {
+    unsigned flags = 0, settings = 0;
+    std::size_t values = 0;
+    std::array<char, kMostText> name{};
+    const H5Z_filter_t filter = H5Pget_filter2(made, static_cast<unsigned>(k), &flags, &values, nullptr,
+                                               name.size() - 1, name.data(), &settings);
+    if (filter >= 0 && H5Zfilter_avail(filter) <= 0)
+      return name[0] != '\0' ? shown(name.data()) : std::to_string(filter);
+  }
+  return "";
+}
 
 }  // namespace
 
@@ -70,6 +102,8 @@ Hdf5Reader::Hdf5Reader(const std::filesystem::path& path, std::size_t file_bytes
       file_((H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr),  // it would print what we say
              H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)),
             H5Fclose) {
+  if (!file_.there() && was_not_closed(path, file_bytes))
+    refuse("was not closed by the program that wrote it; close it there, or clear its mark: h5clear -s FILE");
   if (!file_.there()) refuse("is no HDF5 file or is damaged; " + remedy);
   root_.id = Hdf5Id(H5Gopen2(file_, "/", H5P_DEFAULT), H5Gclose);
 }
@@ -143,8 +177,12 @@ void Hdf5Reader::read(const Hdf5Node& data, std::size_t values, int along, std::
   const hsize_t flat = values;
   const Hdf5Id memory(H5Screate_simple(1, &flat, nullptr), H5Sclose);
   if (H5Sget_select_npoints(space) != static_cast<hssize_t>(values) ||
-      H5Dread(data.id, type, memory, space, H5P_DEFAULT, into) < 0)
+      H5Dread(data.id, type, memory, space, H5P_DEFAULT, into) < 0) {
+    if (const std::string filter = missing_filter(data.id); !filter.empty())
+      refuse_field(data, "is packed by the filter '" + filter +
+                             "', which is not here; write it with gzip or unpacked");
     refuse_field(data, "cannot be read; the file is truncated or damaged: write it again");
+  }
 }
 
 }  // namespace teletact::client

@@ -93,5 +93,26 @@ TEST(FilesOfOthers, AreReadWithoutTheirLock) {
   }
 }
 
+std::string message_of(const std::string& name) {
+  try {
+    read_mat(written(name), "pre", AxialAxis::kRows);
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(FilesOfOthers, AFilterThatIsNotHereIsNamed) {
+  EXPECT_NE(message_of("h5py_lzf.mat").find("'pre' is packed by the filter 'lzf', which is not here"),
+            std::string::npos)
+      << message_of("h5py_lzf.mat");
+}
+
+TEST(FilesOfOthers, OneThatItsWriterNeverClosedIsNamed) {
+  EXPECT_NE(message_of("h5py_left_open.mat").find("was not closed by the program that wrote it"),
+            std::string::npos)
+      << message_of("h5py_left_open.mat");
+}
+
 }  // namespace
 }  // namespace teletact::client
