@@ -45,6 +45,7 @@ TwistStamped = message("TwistStamped", header=Header, twist=Twist)
 class QoSProfile:
     depth: int
     durability: str
+    reliability: str
 
 
 @dataclasses.dataclass
@@ -80,10 +81,11 @@ class Node:
         self.heard_with[self._name(topic)] = qos
 
     def get_topic_names_and_types(self):
-        return [(topic, [kind]) for topic, (kind, _) in Ros.topics.items()]
+        return [(topic, [kind]) for topic, (kind, *_) in Ros.topics.items()]
 
     def get_publishers_info_by_topic(self, topic):
-        return [types.SimpleNamespace(qos_profile=QoSProfile(0, Ros.topics[topic][1]))]
+        found = [offer for name, (_, *offer) in Ros.topics.items() if name.lstrip("/") == topic.lstrip("/")]
+        return [types.SimpleNamespace(qos_profile=QoSProfile(0, *offer)) for offer in found]
 
     def create_timer(self, period_s, callback):
         self.timers.append((period_s, callback))
@@ -115,7 +117,7 @@ class Ros:
     up = False
     nodes = []
     listeners = {}  # of other nodes: those that are called with what is published, by topic
-    topics = {}     # of other nodes: type and durability, by name
+    topics = {}     # of other nodes: type, durability and reliability, by name
     spin = staticmethod(lambda node: None)  # a test puts another there
 
     @classmethod

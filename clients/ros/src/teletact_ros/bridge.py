@@ -49,6 +49,7 @@ class Bridge(Node):  # type: ignore[misc]
         self._at: Pose | None = None  # the newest
         self._topic, self._pushes = BODY, False
         self._following: dict[str, bool] = {}  # by topic
+        self._hears_arm, self._arm_says = False, ""  # of its own operating_state: why it takes no force
         self._looked_s = self._searched_s = -math.inf
         self._ticked_s = time.monotonic()
         self._pose: Floats | None = None  # not sent yet
@@ -172,15 +173,37 @@ class Bridge(Node):  # type: ignore[misc]
             self._topic = heard[0]
         if now - self._searched_s > _SEARCH_S:
             self._searched_s = now
+            self._look_for_arm_state()
             self._look_for_teleoperation()
         follows = [topic for topic, whether in self._following.items() if whether]
         if self._topic not in heard:
             names = [self._topic] if self._felt.state == ENABLED else list(range(len(TOPICS)))
             self._felt.blocked = "nobody hears " + " or ".join(f"{self._arm}/{TOPICS[k]}" for k in names)
+        elif self._arm_says:
+            self._felt.blocked = self._arm_says
         elif follows:
             self._felt.blocked = f"a teleoperation has the arm: {follows[0]}"
         else:
             self._felt.blocked = self._watchdog.trouble(now, self._topic) if self._watchdog else ""
+
+    def _offered(self, topic: str) -> QoSProfile | None:
+        """As the topic is published; who asks for more hears nothing of it. None where nobody publishes it."""
+        for offer in self.get_publishers_info_by_topic(topic):
+            return QoSProfile(depth=1, durability=offer.qos_profile.durability, reliability=offer.qos_profile.reliability)
+        return None
+
+    def _look_for_arm_state(self) -> None:
+        topic = f"{self._arm}/operating_state"
+        if not self._hears_arm and (offered := self._offered(topic)) is not None:
+            self._hears_arm = True
+            self.create_subscription(OperatingState, topic, self._take_arm_state, offered)
+
+    def _take_arm_state(self, message: Any) -> None:
+        """An arm that is off drops wrenches, and would have the whole force at once when it is back."""
+        with self._lock:
+            ready = message.state == ENABLED and message.is_homed
+            self._arm_says = "" if ready else f"the arm says {message.state}" + ("" if message.is_homed else ", not homed")
+            self._look(time.monotonic())
 
     def _look_for_teleoperation(self) -> None:
         """Topics such as MTMR_PSM1/following, of the arm MTMR."""
@@ -191,12 +214,10 @@ class Bridge(Node):  # type: ignore[misc]
                 continue
             if len(words) < 2 or arm not in words[-2].split("_"):
                 continue
-            offers = self.get_publishers_info_by_topic(topic)
-            if not offers:
+            if (offered := self._offered(topic)) is None:
                 continue
             self._following[topic] = False
-            self.create_subscription(Bool, topic, lambda message, topic=topic: self._take_following(topic, message),
-                                     QoSProfile(depth=1, durability=offers[0].qos_profile.durability))
+            self.create_subscription(Bool, topic, lambda message, topic=topic: self._take_following(topic, message), offered)
 
     def _take_following(self, topic: str, message: Any) -> None:
         with self._lock:
