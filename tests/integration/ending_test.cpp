@@ -66,11 +66,12 @@ class Ending : public ::testing::Test {
     return {test::client_binary(), "experiment", "--person",  "--device", box.device(),
             "--background-n-m",    "300",        "--stimuli", "310",      "320"};
   }
-  // After a fault, which a busy machine may be good for, force comes only for an Enter.
+  // After a fault, which a busy machine may be good for (the box gets no turn for 0.1 s), force comes only
+  // for an Enter.
   bool pushed() {
-    constexpr int kTries = 10;
+    constexpr int kTries = 30;
     for (int n = 0; n < kTries; ++n) {
-      if (box.pushes(6)) return true;
+      if (box.pushes(n == 0 ? 6 : 2)) return true;
       if (write(typed.write_end(), "\n", 1) != 1) return false;
     }
     return false;
