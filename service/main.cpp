@@ -26,6 +26,7 @@
 #include "service/admin/admin.h"
 #include "service/configuration/configuration.h"
 #include "service/device/device.h"
+#include "service/device/environment.h"
 #include "service/limits/shown.h"
 #include "service/rpc/server.h"
 #include "service/trace/log_formatter.h"
@@ -192,8 +193,7 @@ void compile_kernels(ServeOptions options) {
 
 void print_devices(bool as_json) {
   const auto devices = list_devices();
-  if (devices.empty())
-    throw DeviceError("no OpenCL device; install one, for example apt install pocl-opencl-icd");
+  if (devices.empty()) throw DeviceError(no_device());
   nlohmann::json all = nlohmann::json::array();
   for (const DeviceInfo& d : devices) {
     all.push_back({{"index", d.index},

@@ -3,6 +3,7 @@
 #include <grpc/grpc.h>
 #include <grpcpp/support/client_interceptor.h>
 #include <netdb.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <array>
@@ -141,6 +142,10 @@ std::shared_ptr<grpc::Channel> Connecting::wait(double wait_s) {
 
 std::string address_problem(const std::string& address) {
   const auto begins = [&address](const char* with) { return address.rfind(with, 0) == 0; };
+  constexpr std::size_t kScheme = sizeof("unix:") - 1, kLongestPath = sizeof(sockaddr_un::sun_path) - 1;
+  if (begins("unix:/") && address.size() > kScheme + kLongestPath)
+    return "the path has " + std::to_string(address.size() - kScheme) + " bytes, a Unix socket's may have " +
+           std::to_string(kLongestPath) + "; choose a shorter one";
   for (const char* scheme : {"unix:", "unix-abstract:", "dns:", "ipv4:", "ipv6:"})
     if (begins(scheme)) return "";
   std::string remedy = "give HOST:PORT or unix:/path, not " + address;
@@ -162,12 +167,13 @@ std::string nobody_answers(const std::string& address, const Credentials& given)
            "http_proxy); check it, or leave --proxy out";
   return "no service at " + address + ": start one with './teletact serve --listen " + address +
          "' (teletact-service), " +
-         (given.tls_ca.empty() ? "or give --tls-ca if it serves TLS"
-          : given.tls_certificate.empty()
-              ? "with a certificate that --tls-ca signed for that name, or give --tls-certificate and "
-                "--tls-key if it asks for them"
-              : "with a certificate that --tls-ca signed for that name, and --tls-client-ca that signed "
-                "--tls-certificate");
+         (given.tls_ca.empty()            ? "or give --tls-ca if it serves TLS"
+          : given.tls_certificate.empty() ? "with a certificate that --tls-ca signed for that name and that "
+                                            "is valid by this machine's clock, or give "
+                                            "--tls-certificate and --tls-key if it asks for them"
+                                          : "with a certificate that --tls-ca signed for that name and that "
+                                            "is valid by this machine's clock, and "
+                                            "--tls-client-ca that signed --tls-certificate");
 }
 
 std::shared_ptr<grpc::Channel> reach_service(const std::string& address, const Credentials& credentials,

@@ -88,7 +88,7 @@ constexpr std::size_t kMostDevices = 64;
 
 // Of those that match, the one that comes after so many.
 const Found& choose(const std::vector<Found>& all, const std::string& select, std::size_t match) {
-  if (all.empty()) throw DeviceError("no OpenCL device: install an OpenCL driver (Debian: pocl-opencl-icd)");
+  if (all.empty()) throw DeviceError(no_device());
   if (select.empty() && match == 0) {
     const auto gpu = std::find_if(all.begin(), all.end(), [](const Found& f) { return f.gpu; });
     return gpu == all.end() ? all.front() : *gpu;

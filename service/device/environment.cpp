@@ -61,6 +61,15 @@ bool can_write_in(const fs::path& folder) {
 
 }  // namespace
 
+std::string no_device() {
+  std::string set;
+  for (const char* name : {"OCL_ICD_VENDORS", "OCL_ICD_FILENAMES", "POCL_DEVICES"})
+    if (const char* value = std::getenv(name))
+      set += std::string(set.empty() ? "" : ", ") + name + "=" + std::string(value).substr(0, 200);
+  return "no OpenCL device: " + (set.empty() ? "" : "check or unset " + set + "; or ") +
+         "install an OpenCL driver (Debian: pocl-opencl-icd)";
+}
+
 void check_runtime_environment() {
   if (!pocl_is_installed()) return;
   std::error_code error;

@@ -232,6 +232,21 @@ TEST_F(Device_, UnwritableKernelCacheIsNamedWithItsRemedy) {
               testing::ExitedWithCode(42), "");
 }
 
+TEST_F(Device_, AVariableThatKeepsDriversAwayIsNamed) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto check = [this] {
+    setenv("OCL_ICD_VENDORS", folder_.c_str(), 1);  // no driver in it
+    try {
+      Device::open(options_);
+    } catch (const DeviceError& e) {
+      const std::string named = "no OpenCL device: check or unset OCL_ICD_VENDORS=" + folder_.string();
+      if (std::string(e.what()).find(named) != std::string::npos) std::exit(42);
+    }
+    std::exit(1);
+  };
+  EXPECT_EXIT(check(), testing::ExitedWithCode(42), "");
+}
+
 TEST_F(Device_, WorkersInheritTheNiceValueAndTheCallerKeepsItsOwn) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const auto check = [this] {

@@ -57,6 +57,9 @@ TEST(AddressProblem, IsSaidOfWhatCannotBeReached) {
   for (const char* address : {"localhost", "localhost:", ":50051", "localhost:0", "localhost:65536",
                               "localhost:-1", "localhost:1x", "http://localhost:50051"})
     EXPECT_EQ(address_problem(address), std::string("give HOST:PORT or unix:/path, not ") + address);
+  EXPECT_EQ(address_problem("unix:/" + std::string(106, 'd')), "");
+  EXPECT_EQ(address_problem("unix:/" + std::string(107, 'd')),
+            "the path has 108 bytes, a Unix socket's may have 107; choose a shorter one");
 }
 
 TEST(NobodyAnswers, SaysWhenTheNameDoesNotResolve) {
@@ -66,6 +69,15 @@ TEST(NobodyAnswers, SaysWhenTheNameDoesNotResolve) {
         << address;
   for (const char* address : {"localhost:1", "127.0.0.1:1", "[::1]:1", "ipv4:127.0.0.1:1", "unix:/tmp/x:1"})
     EXPECT_NE(nobody_answers(address, {}).find("start one with"), std::string::npos) << address;
+}
+
+TEST(NobodyAnswers, AsksForACertificateThatIsValidNow) {
+  Credentials given;
+  given.tls_ca = "certificate";
+  for (const char* own : {"", "certificate"}) {
+    given.tls_certificate = own;
+    EXPECT_NE(nobody_answers("127.0.0.1:1", given).find("valid by this machine's clock"), std::string::npos);
+  }
 }
 
 TEST(ReachService, SaysWhenNobodyIsThere) {
